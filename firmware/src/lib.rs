@@ -1,0 +1,2 @@
+//! The portable application of the microcontroller.
+#![no_std]

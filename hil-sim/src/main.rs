@@ -1,0 +1,2 @@
+//! `rigident-sim`.
+fn main() {}

@@ -1,0 +1,2 @@
+//! `rigident`.
+fn main() {}

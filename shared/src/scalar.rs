@@ -1,0 +1,178 @@
+use core::fmt::Debug;
+use core::iter::Sum;
+use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
+
+use nalgebra::{ClosedAddAssign, ClosedDivAssign, ClosedMulAssign, ClosedSubAssign};
+
+mod sealed {
+    pub trait Sealed {}
+    impl Sealed for f32 {}
+    impl Sealed for f64 {}
+}
+
+/// The two scalars of the pipeline: `f32` on target, `f64` on the host.
+///
+/// Only operations whose result is fixed by IEEE 754 are offered (+ − × ÷ and the correctly rounded square
+/// root), so that the same source gives the same bits on x86-64 and on a Cortex-M4F.
+pub trait Scalar:
+    sealed::Sealed
+    + nalgebra::Scalar
+    + Copy
+    + Debug
+    + PartialOrd
+    + Default
+    + nalgebra::Field
+    + ClosedAddAssign
+    + ClosedSubAssign
+    + ClosedMulAssign
+    + ClosedDivAssign
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + AddAssign
+    + SubAssign
+    + MulAssign
+    + DivAssign
+    + Sum
+    + Send
+    + Sync
+    + 'static
+{
+    /// Additive identity.
+    const ZERO: Self;
+    /// Multiplicative identity.
+    const ONE: Self;
+    /// Distance from 1 to the next larger number.
+    const EPSILON: Self;
+    /// Squares below this are taken as zero: well above the smallest normal number, so that quotients of
+    /// such squares neither overflow nor become NaN.
+    const TINY_SQUARE: Self;
+
+    /// Correctly rounded square root of a non-negative number.
+    fn sqrt(self) -> Self;
+    /// Nearest value of this type.
+    fn from_f64_const(value: f64) -> Self;
+    /// Nearest value of this type.
+    fn from_f32(value: f32) -> Self;
+    /// Nearest value of this type.
+    fn from_u32(value: u32) -> Self;
+    /// Nearest value of this type.
+    fn from_i32(value: i32) -> Self;
+    /// Neither infinite nor NaN.
+    fn is_finite(self) -> bool;
+    /// Absolute value.
+    fn abs(self) -> Self;
+    /// The larger of two; `self` if either is NaN.
+    fn max(self, other: Self) -> Self {
+        if other > self { other } else { self }
+    }
+}
+
+macro_rules! scalar {
+    ($t:ty, $tiny:expr, $sqrt:path) => {
+        impl Scalar for $t {
+            const ZERO: Self = 0.0;
+            const ONE: Self = 1.0;
+            const EPSILON: Self = <$t>::EPSILON;
+            const TINY_SQUARE: Self = $tiny;
+
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                $sqrt(self)
+            }
+            #[inline(always)]
+            fn from_f64_const(value: f64) -> Self {
+                value as $t
+            }
+            #[inline(always)]
+            fn from_f32(value: f32) -> Self {
+                value as $t
+            }
+            #[inline(always)]
+            fn from_u32(value: u32) -> Self {
+                value as $t
+            }
+            #[inline(always)]
+            fn from_i32(value: i32) -> Self {
+                value as $t
+            }
+            #[inline(always)]
+            fn is_finite(self) -> bool {
+                <$t>::is_finite(self)
+            }
+            #[inline(always)]
+            fn abs(self) -> Self {
+                <$t>::abs(self)
+            }
+        }
+    };
+}
+scalar!(f32, 1e-30, square_root::single);
+scalar!(f64, 1e-280, square_root::double);
+
+/// `core` has no stable square root. Hosts have one in `std`; the Cortex-M4F has one instruction for `f32`,
+/// which no stable intrinsic reaches, so a two-instruction function is given in assembly. `libm::sqrtf`
+/// gives the same bits in eleven times the instructions.
+mod square_root {
+    #[cfg(all(target_arch = "arm", target_os = "none"))]
+    core::arch::global_asm!(
+        ".syntax unified",
+        ".section .text.rigident_vsqrt_f32,\"ax\",%progbits",
+        ".global rigident_vsqrt_f32",
+        ".type rigident_vsqrt_f32,%function",
+        ".thumb_func",
+        "rigident_vsqrt_f32:",
+        "vsqrt.f32 s0, s0",
+        "bx lr",
+        ".size rigident_vsqrt_f32, . - rigident_vsqrt_f32",
+    );
+
+    #[cfg(all(target_arch = "arm", target_os = "none"))]
+    #[inline(always)]
+    pub fn single(x: f32) -> f32 {
+        unsafe extern "C" {
+            fn rigident_vsqrt_f32(x: f32) -> f32;
+        }
+        // SAFETY: the function above takes and returns one float in s0 (hard-float ABI of the target) and
+        // touches nothing else.
+        unsafe { rigident_vsqrt_f32(x) }
+    }
+
+    /// No `f64` arithmetic on target: reaching this is a link-time mistake that the release check finds.
+    #[cfg(all(target_arch = "arm", target_os = "none"))]
+    #[inline(always)]
+    pub fn double(x: f64) -> f64 {
+        f64::from(single(x as f32))
+    }
+
+    #[cfg(not(target_os = "none"))]
+    extern crate std;
+
+    #[cfg(not(target_os = "none"))]
+    #[inline(always)]
+    pub fn single(x: f32) -> f32 {
+        std::primitive::f32::sqrt(x)
+    }
+
+    #[cfg(not(target_os = "none"))]
+    #[inline(always)]
+    pub fn double(x: f64) -> f64 {
+        std::primitive::f64::sqrt(x)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn square_root_is_the_correctly_rounded_one() {
+        // The nearest f32 to √x is the f64 root rounded once: 53 bits are more than twice 24 + 2.
+        for i in 0..100_000_u32 {
+            let x = f32::from_bits(0x0080_0000 + i * 21_001);
+            assert_eq!(Scalar::sqrt(x).to_bits(), (f64::from(x).sqrt() as f32).to_bits());
+        }
+    }
+}
