@@ -1,1 +1,307 @@
-//! (under construction)
+//! The pipeline from an aligned reading to the factor: what firmware and host both run.
+//!
+//! Lives here: the order of the steps, whitening, the counters. May not live here: the steps themselves
+//! ([`crate::screening`], [`crate::calibration`], [`crate::regressor`], [`crate::conditioning`],
+//! [`crate::factor`]), messages, files.
+
+use crate::Scalar;
+use crate::calibration::{ImuMounting, Reading};
+use crate::conditioning::{Conditioner, Kernel, KernelError};
+use crate::factor::{Cascade, InformationFactor};
+use crate::regressor::{self, RegressorBlock};
+use crate::screening::{Limits, Rejection, Screen};
+use crate::spatial::Wrench;
+
+/// Levels of the cascade: 100³ blocks before the last one takes more than a hundred merges.
+const LEVELS: usize = 4;
+
+/// Everything that fixes what the estimator does with a reading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EstimatorConfig<T: Scalar> {
+    /// Rate of the readings, 1/s. Without filter (still rows) it is not used.
+    pub rate_hz: T,
+    /// Width of the FIR, s; zero for still rows, which have no time.
+    pub filter_width_s: T,
+    /// A row block is absorbed every so many readings, with weight √`row_every`.
+    pub row_every: u16,
+    /// 1 σ of the unfiltered wrench per reading: N, N m.
+    pub channel_sigma: [T; 6],
+    /// Wrench offset that is known, on-body sign, taken off first: N, N m.
+    pub known_offset: [T; 6],
+    /// The IMU's scale, bias and mounting.
+    pub mounting: ImuMounting<T>,
+    /// Ranges of the sensors.
+    pub limits: Limits<T>,
+}
+
+/// Why an estimator cannot be made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ConfigError {
+    /// A σ is not positive and finite.
+    Sigma(u8),
+    /// The filter does not fit.
+    Kernel(KernelError),
+}
+
+/// What became of a reading.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// It may not be used; the filter starts anew after it.
+    Rejected(Rejection),
+    /// It is in the filter.
+    Pending,
+    /// It completed a row block, which is now in the factor.
+    Absorbed,
+}
+
+/// What happened so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Readings given.
+    pub readings: u32,
+    /// Readings not used, for whatever reason.
+    pub rejected: u32,
+    /// Of these, per channel.
+    pub rejected_by_channel: [u16; crate::screening::CHANNELS],
+    /// Stretches of missing time.
+    pub gaps: u32,
+    /// Row blocks absorbed.
+    pub blocks: u32,
+    /// The last rejection.
+    pub last_rejection: Option<Rejection>,
+}
+
+/// Sums over the innovations of each wrench channel, unwhitened and filtered: N, N m.
+///
+/// The innovation is the filtered wrench less what the reference parameters predict, so its mean square is
+/// [`Kernel::noise_gain`] times the raw variance if the rows leave nothing unexplained.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ChannelStatistics<T: Scalar> {
+    /// Σ e²
+    pub squares: [T; 6],
+    /// Σ e_k e_(k−1)
+    pub lag_one: [T; 6],
+    /// Number of innovations.
+    pub count: u32,
+    last: [T; 6],
+}
+
+impl<T: Scalar> ChannelStatistics<T> {
+    fn add(&mut self, innovation: [T; 6]) {
+        for (((square, lag), last), e) in
+            self.squares.iter_mut().zip(&mut self.lag_one).zip(&mut self.last).zip(innovation)
+        {
+            *square += e * e;
+            *lag += e * *last;
+            *last = e;
+        }
+        self.count = self.count.saturating_add(1);
+    }
+
+    /// Root mean square per channel; `None` before the first innovation.
+    pub fn rms(&self) -> Option<[T; 6]> {
+        let n = T::from_u32(self.count);
+        (self.count > 0).then(|| self.squares.map(|s| (s / n).sqrt()))
+    }
+}
+
+/// The estimator of `N` parameters: 10, or 16 with the wrench offset. `TAPS` is the room for the filter.
+#[derive(Clone, Copy, Debug)]
+pub struct Estimator<T: Scalar, const N: usize, const TAPS: usize> {
+    config: EstimatorConfig<T>,
+    screen: Screen<T>,
+    conditioner: Conditioner<T, TAPS>,
+    cascade: Cascade<T, N, LEVELS>,
+    /// √row_every / σ per channel.
+    weights: [T; 6],
+    period_ns: u64,
+    last_time_ns: Option<u64>,
+    counters: Counters,
+    reference: Option<[T; N]>,
+    statistics: ChannelStatistics<T>,
+}
+
+impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
+    /// An estimator that has seen nothing.
+    ///
+    /// # Errors
+    /// [`ConfigError`] says which setting is impossible.
+    pub fn new(config: &EstimatorConfig<T>) -> Result<Self, ConfigError> {
+        const { assert!(N == 10 || N == 16, "ten parameters, or sixteen with the offset") }
+        for (channel, sigma) in config.channel_sigma.iter().enumerate() {
+            if !sigma.is_finite() || *sigma <= T::ZERO {
+                return Err(ConfigError::Sigma(channel as u8));
+            }
+        }
+        let kernel = Kernel::new(config.rate_hz, config.filter_width_s).map_err(ConfigError::Kernel)?;
+        let root = T::from_u32(u32::from(config.row_every)).sqrt();
+        Ok(Self {
+            config: *config,
+            screen: Screen::new(config.limits),
+            conditioner: Conditioner::new(kernel, config.row_every).map_err(ConfigError::Kernel)?,
+            cascade: Cascade::new(),
+            weights: config.channel_sigma.map(|sigma| root / sigma),
+            period_ns: period_ns(config.rate_hz, config.filter_width_s),
+            last_time_ns: None,
+            counters: Counters::default(),
+            reference: None,
+            statistics: ChannelStatistics::default(),
+        })
+    }
+
+    /// The configuration.
+    pub fn config(&self) -> &EstimatorConfig<T> {
+        &self.config
+    }
+
+    /// Takes one reading through the whole pipeline.
+    #[inline]
+    pub fn absorb(&mut self, reading: &Reading<T>) -> Outcome {
+        self.counters.readings = self.counters.readings.saturating_add(1);
+        if let Err(rejection) = self.screen.check(reading) {
+            self.reject(rejection);
+            return Outcome::Rejected(rejection);
+        }
+        self.look_for_gap(reading.time_ns);
+        match self.condition(reading) {
+            Some(block) => {
+                self.absorb_block(&block);
+                Outcome::Absorbed
+            }
+            None => Outcome::Pending,
+        }
+    }
+
+    fn reject(&mut self, rejection: Rejection) {
+        let (Rejection::NotFinite(channel) | Rejection::Saturated(channel) | Rejection::Frozen(channel)) =
+            rejection;
+        self.counters.rejected = self.counters.rejected.saturating_add(1);
+        if let Some(count) = self.counters.rejected_by_channel.get_mut(usize::from(channel)) {
+            *count = count.saturating_add(1);
+        }
+        self.counters.last_rejection = Some(rejection);
+        self.conditioner.reset();
+        self.last_time_ns = None;
+    }
+
+    /// The filter knows no time: it starts anew where half a period or more is missing or too much.
+    fn look_for_gap(&mut self, time_ns: u64) {
+        if self.period_ns == 0 {
+            return;
+        }
+        if let Some(last) = self.last_time_ns {
+            let step = time_ns.wrapping_sub(last);
+            if step < self.period_ns / 2 || step > self.period_ns + self.period_ns / 2 {
+                self.counters.gaps = self.counters.gaps.saturating_add(1);
+                self.conditioner.reset();
+            }
+        }
+        self.last_time_ns = Some(time_ns);
+    }
+
+    /// Filters a reading; the unweighted regressor block whenever one is complete.
+    #[inline]
+    pub fn condition(&mut self, reading: &Reading<T>) -> Option<RegressorBlock<T>> {
+        let mut sample = self.config.mounting.sample(reading);
+        let mut wrench = sample.wrench.array();
+        for (w, offset) in wrench.iter_mut().zip(self.config.known_offset) {
+            *w -= offset;
+        }
+        sample.wrench = Wrench::from_array(wrench);
+        let filtered = self.conditioner.push(&regressor::signals(&sample))?;
+        Some(regressor::block(&filtered, &self.config.mounting.position))
+    }
+
+    fn absorb_block(&mut self, block: &RegressorBlock<T>) {
+        if let Some(reference) = &self.reference {
+            self.statistics.add(residual(block, reference));
+        }
+        let mut columns = [[T::ZERO; 6]; N];
+        for (j, column) in columns.iter_mut().enumerate() {
+            if let Some(source) = block.columns.get(j) {
+                for ((c, s), weight) in column.iter_mut().zip(source).zip(self.weights) {
+                    *c = *s * weight;
+                }
+            } else if let Some((c, weight)) = column.get_mut(j - 10).zip(self.weights.get(j - 10)) {
+                *c = *weight;
+            }
+        }
+        let mut rhs = block.wrench;
+        for (y, weight) in rhs.iter_mut().zip(self.weights) {
+            *y *= weight;
+        }
+        self.cascade.absorb(&mut columns, &mut rhs);
+        self.counters.blocks = self.counters.blocks.saturating_add(1);
+    }
+
+    /// One factor of everything absorbed. `(RᵀR)⁻¹` is the covariance for the σ of the configuration.
+    pub fn factor(&self) -> InformationFactor<T, N> {
+        self.cascade.factor()
+    }
+
+    /// What happened so far.
+    pub fn counters(&self) -> &Counters {
+        &self.counters
+    }
+
+    /// Sums over the innovations since a reference was given.
+    pub fn channel_statistics(&self) -> &ChannelStatistics<T> {
+        &self.statistics
+    }
+
+    /// Gives the parameters that innovations are taken against.
+    pub fn set_reference(&mut self, parameters: [T; N]) {
+        self.reference = Some(parameters);
+    }
+
+    /// Variance of the whitened, filtered noise per row: `row_every Σh²`. The residual sum of squares of the
+    /// factor divided by this and by its degrees of freedom estimates how far the σ given are off.
+    pub fn noise_gain(&self) -> T {
+        T::from_u32(u32::from(self.config.row_every)) * self.conditioner.kernel().noise_gain()
+    }
+
+    /// Starts anew with the same configuration.
+    pub fn reset(&mut self) {
+        self.screen = Screen::new(self.config.limits);
+        self.conditioner.reset();
+        self.cascade = Cascade::new();
+        self.last_time_ns = None;
+        self.counters = Counters::default();
+        self.reference = None;
+        self.statistics = ChannelStatistics::default();
+    }
+}
+
+/// The wrench of a block less what `parameters` (10, or 16 with the offset) predict: N, N m.
+pub fn residual<T: Scalar, const N: usize>(block: &RegressorBlock<T>, parameters: &[T; N]) -> [T; 6] {
+    let mut e = block.wrench;
+    for (column, phi) in block.columns.iter().zip(parameters) {
+        for (e, a) in e.iter_mut().zip(column) {
+            *e -= *a * *phi;
+        }
+    }
+    for (e, offset) in e.iter_mut().zip(parameters.iter().skip(10)) {
+        *e -= *offset;
+    }
+    e
+}
+
+/// Nominal time between readings, by bisection on integers: a float-to-u64 conversion is not in `Scalar`.
+fn period_ns<T: Scalar>(rate_hz: T, filter_width_s: T) -> u64 {
+    if filter_width_s <= T::ZERO {
+        return 0;
+    }
+    let (mut low, mut high) = (0_u32, u32::MAX / 2);
+    while low < high {
+        let middle = low + (high - low).div_ceil(2);
+        if T::from_u32(middle) * rate_hz <= T::from_u32(1_000_000_000) {
+            low = middle;
+        } else {
+            high = middle - 1;
+        }
+    }
+    u64::from(low)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,1 +1,117 @@
-//! (under construction)
+//! The wrench regressor `w = A(a, ω, ω̇) φ`.
+//!
+//! Lives here: the signals a sample contributes and the 6×10 block they make. May not live here: time.
+//! Before this: [`crate::calibration`]; after it: [`crate::conditioning`].
+//!
+//! Every entry of A is a linear combination, with constant coefficients, of twelve signals: the specific
+//! force, the six products ωᵢωⱼ and the three ω̇ᵢ; and so are the lever-arm terms
+//! `a = a_U − ω̇×p − ω×(ω×p)`. One FIR over these twelve is therefore the same FIR over every entry of A.
+
+use crate::Scalar;
+use crate::calibration::Sample;
+use crate::spatial::{Position, Sensor};
+
+/// Signals per sample: specific force at U (3), products (6), wrench (6), angular rate (3).
+pub const SIGNALS: usize = 18;
+/// How many of the signals are smoothed; the rest, the angular rate, is differentiated.
+pub const SMOOTHED: usize = 15;
+
+/// The signals of one sample, in the order
+/// `[a_U(3), ωx², ωy², ωz², ωyωz, ωzωx, ωxωy, F(3), M(3), ω(3)]`, all in S.
+pub fn signals<T: Scalar>(sample: &Sample<T>) -> [T; SIGNALS] {
+    let [ax, ay, az] = sample.specific_force_at_imu.array();
+    let [x, y, z] = sample.angular_rate.array();
+    let [fx, fy, fz, mx, my, mz] = sample.wrench.array();
+    [ax, ay, az, x * x, y * y, z * z, y * z, z * x, x * y, fx, fy, fz, mx, my, mz, x, y, z]
+}
+
+/// Columns of the 6×10 regressor, each `[Fx, Fy, Fz, Mx, My, Mz]`, and the wrench they explain.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RegressorBlock<T: Scalar> {
+    /// Column j belongs to parameter j of φ.
+    pub columns: [[T; 6]; 10],
+    /// Wrench on the body in S: N, N m.
+    pub wrench: [T; 6],
+}
+
+/// The regressor block from (conditioned) signals, the last three being ω̇, and the IMU's lever arm p in S.
+///
+/// `F = a m + ([ω̇]× + [ω]×[ω]×) mc`, `M = −[a]× mc + (L(ω̇) + [ω]× L(ω)) I`.
+#[inline]
+pub fn block<T: Scalar>(signals: &[T; SIGNALS], lever_arm: &Position<Sensor, T>) -> RegressorBlock<T> {
+    let [ux, uy, uz, xx, yy, zz, yz, zx, xy, fx, fy, fz, mx, my, mz, ax, ay, az] = *signals;
+    let [px, py, pz] = lever_arm.array();
+    let o = T::ZERO;
+    // [ω]×[ω]× = ω ωᵀ − |ω|² 1
+    let (nx, ny, nz) = (-(yy + zz), -(zz + xx), -(xx + yy));
+    // a = a_U − ([ω̇]× + [ω]×[ω]×) p
+    let sx = ux - (nx * px + (xy - az) * py + (zx + ay) * pz);
+    let sy = uy - ((xy + az) * px + ny * py + (yz - ax) * pz);
+    let sz = uz - ((zx - ay) * px + (yz + ax) * py + nz * pz);
+    RegressorBlock {
+        columns: [
+            [sx, sy, sz, o, o, o],
+            [nx, xy + az, zx - ay, o, -sz, sy],
+            [xy - az, ny, yz + ax, sz, o, -sx],
+            [zx + ay, yz - ax, nz, -sy, sx, o],
+            [o, o, o, ax, zx, -xy],
+            [o, o, o, -yz, ay, xy],
+            [o, o, o, yz, -zx, az],
+            [o, o, o, yy - zz, az - xy, ay + zx],
+            [o, o, o, az + xy, zz - xx, ax - yz],
+            [o, o, o, ay - zx, ax + yz, xx - yy],
+        ],
+        wrench: [fx, fy, fz, mx, my, mz],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Matrix3, Vector3};
+
+    use super::*;
+    use crate::inertia::InertialParameters;
+    use crate::spatial::{AngularRate, SpecificForce, Wrench};
+
+    fn pseudo_random(seed: &mut u64) -> f64 {
+        *seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (*seed >> 11) as f64 / (1_u64 << 53) as f64 * 2.0 - 1.0
+    }
+
+    /// Newton and Euler about the centre of mass, never the regressor's algebra: the oracle.
+    #[test]
+    fn block_times_parameters_is_newton_euler() {
+        let seed = &mut 7_u64;
+        for _ in 0..200 {
+            let mut v = || Vector3::new(pseudo_random(seed), pseudo_random(seed), pseudo_random(seed));
+            let (omega, alpha, lever, c, a_s) = (v(), v(), v(), v(), v() * 10.0);
+            let g = Matrix3::from_columns(&[v(), v(), v()]);
+            let inertia_com = g * g.transpose();
+            let mass = 2.5;
+            let a_imu = a_s + alpha.cross(&lever) + omega.cross(&omega.cross(&lever));
+            let a_com = a_s + alpha.cross(&c) + omega.cross(&omega.cross(&c));
+            let force = a_com * mass;
+            let moment = inertia_com * alpha + omega.cross(&(inertia_com * omega)) + c.cross(&force);
+
+            let sample = Sample {
+                wrench: Wrench::from_array([0.0; 6]),
+                specific_force_at_imu: SpecificForce::new(a_imu.x, a_imu.y, a_imu.z),
+                angular_rate: AngularRate::new(omega.x, omega.y, omega.z),
+            };
+            let mut s = signals(&sample);
+            s[15..].copy_from_slice(alpha.as_slice());
+            let a = block(&s, &Position::from_array(lever.into()));
+            let phi = InertialParameters::<Sensor, f64>::from_centre_of_mass(
+                mass,
+                Position::from_array(c.into()),
+                inertia_com,
+            )
+            .to_vector();
+            for row in 0..6 {
+                let predicted: f64 = (0..10).map(|j| a.columns[j][row] * phi[j]).sum();
+                let expected = if row < 3 { force[row] } else { moment[row - 3] };
+                assert!((predicted - expected).abs() < 1e-12, "row {row}: {predicted} {expected}");
+            }
+        }
+    }
+}

@@ -1,1 +1,216 @@
-//! (under construction)
+//! Which readings may enter the estimate.
+//!
+//! Lives here: not-finite, saturated and frozen channels, and gaps in time. May not live here: repair; a
+//! rejected reading is counted, named and left out. Before this: [`crate::alignment`]; after it:
+//! [`crate::estimator`].
+
+use crate::Scalar;
+use crate::calibration::Reading;
+
+/// Channels of a reading: wrench (6), specific force (3), angular rate (3).
+pub const CHANNELS: usize = 12;
+
+/// Their names, as in a recording.
+pub const CHANNEL_NAMES: [&str; CHANNELS] = [
+    "fx_n",
+    "fy_n",
+    "fz_n",
+    "mx_nm",
+    "my_nm",
+    "mz_nm",
+    "imu_ax_mps2",
+    "imu_ay_mps2",
+    "imu_az_mps2",
+    "imu_gx_radps",
+    "imu_gy_radps",
+    "imu_gz_radps",
+];
+
+/// First and one-past-last channel of the four groups: force, moment, specific force, angular rate.
+const GROUPS: [(usize, usize); 4] = [(0, 3), (3, 6), (6, 9), (9, 12)];
+
+/// What the sensors can show.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits<T: Scalar> {
+    /// Range of each wrench channel, N and N m.
+    pub wrench: [T; 6],
+    /// Range of the accelerometer, m/s².
+    pub specific_force: T,
+    /// Range of the gyro, rad/s.
+    pub angular_rate: T,
+    /// A channel is frozen after this many equal readings while its group moves, a group while another
+    /// moves. Zero: never.
+    pub frozen_after: u16,
+}
+
+impl<T: Scalar> Limits<T> {
+    /// No limits: nothing but not-finite values and gaps is rejected.
+    pub fn none() -> Self {
+        let huge = T::ONE / T::TINY_SQUARE;
+        Self { wrench: [huge; 6], specific_force: huge, angular_rate: huge, frozen_after: 0 }
+    }
+}
+
+/// Why a reading was rejected; the channel is an index into [`CHANNEL_NAMES`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rejection {
+    /// The channel is NaN or infinite.
+    NotFinite(u8),
+    /// The channel is at its range.
+    Saturated(u8),
+    /// The channel repeats itself while others move.
+    Frozen(u8),
+}
+
+/// Looks at readings one after the other.
+#[derive(Clone, Copy, Debug)]
+pub struct Screen<T: Scalar> {
+    limits: Limits<T>,
+    last: Option<[T; CHANNELS]>,
+    /// How many readings in a row each channel has repeated itself.
+    equal: [u16; CHANNELS],
+    /// How many readings in a row some channel of each group has changed.
+    moving: [u16; GROUPS.len()],
+}
+
+impl<T: Scalar> Screen<T> {
+    /// A screen that has seen nothing.
+    pub fn new(limits: Limits<T>) -> Self {
+        Self { limits, last: None, equal: [0; CHANNELS], moving: [0; GROUPS.len()] }
+    }
+
+    /// Why the reading may not be used, if so.
+    ///
+    /// A saturated channel touches its range to within 0.1 %. A channel that is exactly zero is only frozen
+    /// together with its whole group: an axis may well be at rest.
+    #[inline]
+    pub fn check(&mut self, reading: &Reading<T>) -> Result<(), Rejection> {
+        let [fx, fy, fz, mx, my, mz] = reading.wrench.array();
+        let [ax, ay, az] = reading.specific_force.array();
+        let [gx, gy, gz] = reading.angular_rate.array();
+        let values = [fx, fy, fz, mx, my, mz, ax, ay, az, gx, gy, gz];
+        let (a, g) = (self.limits.specific_force, self.limits.angular_rate);
+        let [w0, w1, w2, w3, w4, w5] = self.limits.wrench;
+        let ranges = [w0, w1, w2, w3, w4, w5, a, a, a, g, g, g];
+        let nearly = T::from_f32(0.999);
+        let mut verdict = Ok(());
+        for (channel, (value, range)) in values.iter().zip(ranges).enumerate() {
+            if !value.is_finite() {
+                return Err(Rejection::NotFinite(channel as u8));
+            }
+            if value.abs() >= nearly * range && verdict.is_ok() {
+                verdict = Err(Rejection::Saturated(channel as u8));
+            }
+        }
+        if let Some(last) = self.last.replace(values) {
+            for ((equal, last), value) in self.equal.iter_mut().zip(last).zip(values) {
+                *equal = if last == value { equal.saturating_add(1) } else { 0 };
+            }
+            for (moving, (first, end)) in self.moving.iter_mut().zip(GROUPS) {
+                let moved = self.equal.get(first..end).is_some_and(|group| group.contains(&0));
+                *moving = if moved { moving.saturating_add(1) } else { 0 };
+            }
+        }
+        verdict?;
+        self.frozen(&values).map_or(Ok(()), |channel| Err(Rejection::Frozen(channel)))
+    }
+
+    fn frozen(&self, values: &[T; CHANNELS]) -> Option<u8> {
+        let after = self.limits.frozen_after;
+        if after == 0 || self.equal.iter().all(|e| *e < after) {
+            return None;
+        }
+        let others_move = self.moving.iter().any(|m| *m >= after);
+        for ((first, end), moving) in GROUPS.into_iter().zip(self.moving) {
+            let group = self.equal.get(first..end)?;
+            let together = others_move && group.iter().all(|e| *e >= after);
+            for (offset, (equal, value)) in group.iter().zip(values.get(first..end)?).enumerate() {
+                let alone = moving >= after && *value != T::ZERO;
+                if *equal >= after && (alone || together) {
+                    return Some((first + offset) as u8);
+                }
+            }
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spatial::{AngularRate, SpecificForce, Wrench};
+
+    fn limits() -> Limits<f64> {
+        Limits {
+            wrench: [660.0, 660.0, 1980.0, 60.0, 60.0, 60.0],
+            specific_force: 156.0,
+            angular_rate: 1.309,
+            frozen_after: 20,
+        }
+    }
+
+    fn moving(n: u32) -> [f64; CHANNELS] {
+        core::array::from_fn(|c| 0.5 + 0.01 * f64::from((n * 7 + c as u32 * 13) % 31))
+    }
+
+    fn reading(v: [f64; CHANNELS]) -> Reading<f64> {
+        Reading {
+            time_ns: 0,
+            wrench: Wrench::from_array([v[0], v[1], v[2], v[3], v[4], v[5]]),
+            specific_force: SpecificForce::new(v[6], v[7], v[8]),
+            angular_rate: AngularRate::new(v[9], v[10], v[11]),
+        }
+    }
+
+    #[test]
+    fn moving_and_resting_sensors_pass() {
+        let mut screen = Screen::new(limits());
+        for n in 0..100 {
+            assert_eq!(screen.check(&reading(moving(n))), Ok(()));
+        }
+        // Everything at rest: no evidence of a fault.
+        for _ in 0..100 {
+            assert_eq!(screen.check(&reading(moving(0))), Ok(()));
+        }
+        // An axis exactly at rest while the others turn.
+        for n in 0..100 {
+            let mut v = moving(n);
+            v[11] = 0.0;
+            assert_eq!(screen.check(&reading(v)), Ok(()));
+        }
+    }
+
+    #[test]
+    fn the_channel_at_its_range_is_named() {
+        let mut screen = Screen::new(limits());
+        let mut v = moving(0);
+        v[2] = -1980.0;
+        assert_eq!(screen.check(&reading(v)), Err(Rejection::Saturated(2)));
+        v[2] = 0.0;
+        v[9] = 1.309;
+        assert_eq!(screen.check(&reading(v)), Err(Rejection::Saturated(9)));
+        v[4] = f64::NAN;
+        assert_eq!(screen.check(&reading(v)), Err(Rejection::NotFinite(4)));
+    }
+
+    #[test]
+    fn a_frozen_channel_and_a_dead_sensor_are_named() {
+        for (channels, name) in [(4..5, 4), (9..12, 9)] {
+            let mut screen = Screen::new(limits());
+            let mut rejected = 0;
+            for n in 0..50 {
+                let mut v = moving(n);
+                v[channels.clone()].fill(if name == 9 { 0.0 } else { 3.5 });
+                match screen.check(&reading(v)) {
+                    Ok(()) => assert!(n < 20),
+                    Err(rejection) => {
+                        assert_eq!(rejection, Rejection::Frozen(name));
+                        rejected += 1;
+                    }
+                }
+            }
+            // The first reading repeats nothing; then twenty repeats are needed.
+            assert_eq!(rejected, 50 - 20);
+        }
+    }
+}

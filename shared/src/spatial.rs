@@ -213,9 +213,15 @@ impl<To: Frame, From: Frame, T: Scalar> Rotation<To, From, T> {
         }
         let s = (T::ONE + T::ONE) / n2;
         let matrix = Matrix3::new(
-            T::ONE - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y),
-            s * (x * y + w * z), T::ONE - s * (x * x + z * z), s * (y * z - w * x),
-            s * (x * z - w * y), s * (y * z + w * x), T::ONE - s * (x * x + y * y),
+            T::ONE - s * (y * y + z * z),
+            s * (x * y - w * z),
+            s * (x * z + w * y),
+            s * (x * y + w * z),
+            T::ONE - s * (x * x + z * z),
+            s * (y * z - w * x),
+            s * (x * z - w * y),
+            s * (y * z + w * x),
+            T::ONE - s * (x * x + y * y),
         );
         Some(Self { matrix, frames: PhantomData })
     }

@@ -1,0 +1,198 @@
+use nalgebra::Vector3;
+
+use super::*;
+use crate::inertia::{InertialParameters, tensor_from_elements};
+use crate::spatial::{AngularRate, Imu, Position, Rotation, Sensor, SpecificForce};
+
+const TAPS: usize = 256;
+/// Amplitude, frequency in hertz and phase of three sines per axis.
+const RATE: [[(f64, f64, f64); 2]; 3] = [
+    [(0.5, 0.31, 0.0), (0.4, 0.73, 1.0)],
+    [(0.5, 0.41, 2.0), (0.35, 0.89, 0.5)],
+    [(0.45, 0.23, 1.5), (0.4, 0.61, 3.0)],
+];
+
+/// Value and derivative of a sum of sines.
+fn sines(terms: &[(f64, f64, f64)], t: f64) -> (f64, f64) {
+    terms.iter().fold((0.0, 0.0), |(v, d), (a, f, p)| {
+        let w = core::f64::consts::TAU * f;
+        (v + a * (w * t + p).sin(), d + a * w * (w * t + p).cos())
+    })
+}
+
+fn body() -> InertialParameters<Sensor, f64> {
+    InertialParameters::from_centre_of_mass(
+        20.0,
+        Position::new(0.004, -0.002, 0.053),
+        tensor_from_elements([0.3813, 0.0185, 0.3791, 0.001, -0.002, 0.003]),
+    )
+}
+
+const OFFSET: [f64; 6] = [9.0, -1.0, 10.0, 0.4, -0.7, -0.15];
+
+fn mounting<T: Scalar>() -> ImuMounting<T> {
+    let f = T::from_f64_const;
+    ImuMounting {
+        rotation: Rotation::from_quaternion([f(0.5), f(-0.5), f(0.5), f(0.5)]).unwrap(),
+        position: Position::new(f(0.01), f(-0.02), f(0.05)),
+        accel_scale: [f(1.0), f(0.5), f(1.0)],
+        accel_bias: SpecificForce::new(f(0.0), f(0.1), f(0.0)),
+        gyro_bias: AngularRate::new(f(0.01), f(0.0), f(-0.02)),
+    }
+}
+
+/// A reading at time t by Newton and Euler about the centre of mass; specific force of a platform that sways.
+fn reading(t: f64) -> Reading<f64> {
+    let [wx, wy, wz] = RATE.map(|terms| sines(&terms, t));
+    let omega = Vector3::new(wx.0, wy.0, wz.0);
+    let alpha = Vector3::new(wx.1, wy.1, wz.1);
+    let a = Vector3::new(3.0 * (1.7 * t).sin(), 2.5 * (1.1 * t).cos(), 9.0 + 0.5 * (2.3 * t).sin());
+    let body = body();
+    let c = body.centre_of_mass().vector();
+    let inertia = body.inertia_com();
+    let force = (a + alpha.cross(&c) + omega.cross(&omega.cross(&c))) * body.mass;
+    let moment = inertia * alpha + omega.cross(&(inertia * omega)) + c.cross(&force);
+    let m: ImuMounting<f64> = mounting();
+    let p = m.position.vector();
+    let at_imu = a + alpha.cross(&p) + omega.cross(&omega.cross(&p));
+    let to_imu: Rotation<Imu, Sensor, f64> = m.rotation.inverse();
+    let [ax, ay, az] =
+        (to_imu * SpecificForce::<Sensor, f64>::from_array(at_imu.into()) + m.accel_bias).array();
+    let [sx, sy, sz] = m.accel_scale;
+    Reading {
+        time_ns: (t * 1e9).round() as u64,
+        wrench: Wrench::from_array(core::array::from_fn(|i| {
+            OFFSET[i] + if i < 3 { force[i] } else { moment[i - 3] }
+        })),
+        specific_force: SpecificForce::new(ax / sx, ay / sy, az / sz),
+        angular_rate: to_imu * AngularRate::<Sensor, f64>::from_array(omega.into()) + m.gyro_bias,
+    }
+}
+
+fn narrow(r: &Reading<f64>) -> Reading<f32> {
+    Reading {
+        time_ns: r.time_ns,
+        wrench: Wrench::from_array(r.wrench.array().map(|v| v as f32)),
+        specific_force: SpecificForce::from_array(r.specific_force.array().map(|v| v as f32)),
+        angular_rate: AngularRate::from_array(r.angular_rate.array().map(|v| v as f32)),
+    }
+}
+
+fn config<T: Scalar>(rate_hz: f64, known: bool) -> EstimatorConfig<T> {
+    let f = T::from_f64_const;
+    EstimatorConfig {
+        rate_hz: f(rate_hz),
+        filter_width_s: f(0.1),
+        row_every: (rate_hz / 100.0) as u16,
+        channel_sigma: [f(5.05), f(5.05), f(10.1), f(0.383), f(0.459), f(0.459)],
+        known_offset: if known { OFFSET.map(f) } else { [f(0.0); 6] },
+        mounting: mounting(),
+        limits: Limits::none(),
+    }
+}
+
+/// Relative errors of m, of m·c (against m·|c|) and of I (Frobenius).
+fn errors(phi: &[f64]) -> [f64; 3] {
+    let truth = body();
+    let est = InertialParameters::<Sensor, f64>::from_vector(core::array::from_fn(|j| phi[j]));
+    [
+        (est.mass - truth.mass).abs() / truth.mass,
+        (est.first_moment - truth.first_moment).norm() / truth.first_moment.norm(),
+        (est.inertia - truth.inertia).norm() / truth.inertia.norm(),
+    ]
+}
+
+fn run<const N: usize>(rate_hz: f64) -> ([f64; 3], [f64; 3]) {
+    let known = N == 10;
+    let mut wide = Estimator::<f64, N, TAPS>::new(&config(rate_hz, known)).unwrap();
+    let mut single = Estimator::<f32, N, TAPS>::new(&config(rate_hz, known)).unwrap();
+    for n in 0..(rate_hz * 30.0) as u32 {
+        let r = reading(f64::from(n) / rate_hz);
+        wide.absorb(&r);
+        single.absorb(&narrow(&r));
+    }
+    assert_eq!(wide.counters().gaps, 0);
+    assert!(wide.counters().blocks > 2900);
+    let wide = wide.factor().solve();
+    assert!(wide.determined.iter().all(|d| *d));
+    (errors(&wide.estimate), errors(&single.factor().solve().estimate.map(f64::from)))
+}
+
+/// Noise-free: f64 to 1e-6 and f32 to 1e-4 in mass, first moment and tensor, at both rates, with the offset
+/// known and estimated.
+#[test]
+fn a_body_without_noise_is_recovered() {
+    for (wide, single) in [run::<10>(200.0), run::<16>(200.0), run::<10>(1000.0), run::<16>(1000.0)] {
+        assert!(wide.iter().all(|e| *e < 1e-6), "{wide:?}");
+        assert!(single.iter().all(|e| *e < 1e-4), "{single:?}");
+    }
+}
+
+#[test]
+fn a_rejected_reading_leaves_no_trace_in_the_rows_around_it() {
+    let mut estimator = Estimator::<f64, 16, TAPS>::new(&config(1000.0, false)).unwrap();
+    for n in 0..10_000_u32 {
+        let mut r = reading(f64::from(n) / 1000.0);
+        if n % 997 == 0 {
+            r.wrench = Wrench::from_array([f64::NAN; 6]);
+        } else if n % 1499 == 0 {
+            // Missing altogether.
+            continue;
+        }
+        estimator.absorb(&r);
+    }
+    assert_eq!(estimator.counters().rejected, 11);
+    assert_eq!(estimator.counters().gaps, 6);
+    assert_eq!(estimator.counters().last_rejection, Some(Rejection::NotFinite(0)));
+    let solution = estimator.factor().solve();
+    assert!(errors(&solution.estimate).iter().all(|e| *e < 1e-6));
+}
+
+#[test]
+fn still_rows_give_mass_centre_and_offset_and_no_tensor() {
+    let mut estimator = Estimator::<f64, 16, 1>::new(&EstimatorConfig {
+        filter_width_s: 0.0,
+        row_every: 1,
+        mounting: ImuMounting::default(),
+        ..config(1.0, false)
+    })
+    .unwrap();
+    let body = body();
+    let c = body.centre_of_mass().vector();
+    for k in 0..24 {
+        let (azimuth, tilt) = (f64::from(k) * 0.9, f64::from(k) * 0.13);
+        let a = Vector3::new(tilt.sin() * azimuth.cos(), tilt.sin() * azimuth.sin(), tilt.cos()) * 9.80665;
+        let force = a * body.mass;
+        let moment = c.cross(&force);
+        let outcome = estimator.absorb(&Reading {
+            time_ns: 0,
+            wrench: Wrench::from_array(core::array::from_fn(|i| {
+                OFFSET[i] + if i < 3 { force[i] } else { moment[i - 3] }
+            })),
+            specific_force: SpecificForce::from_array(a.into()),
+            angular_rate: AngularRate::zero(),
+        });
+        assert_eq!(outcome, Outcome::Absorbed);
+    }
+    let solution = estimator.factor().solve();
+    for j in 0..16 {
+        assert_eq!(solution.determined[j], !(4..10).contains(&j), "parameter {j}");
+    }
+    assert!((solution.estimate[0] - 20.0).abs() < 1e-12);
+    assert!((solution.estimate[3] - 20.0 * 0.053).abs() < 1e-13);
+    assert!((solution.estimate[10] - OFFSET[0]).abs() < 1e-12);
+}
+
+#[test]
+fn impossible_settings_are_named() {
+    let good = config::<f32>(1000.0, true);
+    let made = |c: &EstimatorConfig<f32>| Estimator::<f32, 10, TAPS>::new(c).map(|_| ());
+    assert_eq!(made(&good), Ok(()));
+    let mut bad = good;
+    bad.channel_sigma[2] = 0.0;
+    assert_eq!(made(&bad), Err(ConfigError::Sigma(2)));
+    let bad = EstimatorConfig { filter_width_s: 1.0, ..good };
+    assert_eq!(made(&bad), Err(ConfigError::Kernel(KernelError::TooManyTaps(999))));
+    let bad = EstimatorConfig { row_every: 0, ..good };
+    assert_eq!(made(&bad), Err(ConfigError::Kernel(KernelError::Invalid)));
+}
