@@ -37,13 +37,19 @@ pub struct Kernel<T: Scalar, const TAPS: usize> {
     smooth: [T; TAPS],
     derivative: [T; TAPS],
     noise_gain: T,
+    derivative_noise_gain: T,
 }
 
 impl<T: Scalar, const TAPS: usize> Kernel<T, TAPS> {
     /// The kernel of `width_s` seconds at `rate_hz`. Width zero is the identity, for still rows: ω̇ is then 0.
     pub fn new(rate_hz: T, width_s: T) -> Result<Self, KernelError> {
-        let mut kernel =
-            Self { taps: 1, smooth: [T::ZERO; TAPS], derivative: [T::ZERO; TAPS], noise_gain: T::ONE };
+        let mut kernel = Self {
+            taps: 1,
+            smooth: [T::ZERO; TAPS],
+            derivative: [T::ZERO; TAPS],
+            noise_gain: T::ONE,
+            derivative_noise_gain: T::ZERO,
+        };
         let half = rate_hz * width_s / T::from_u32(2);
         if !half.is_finite() || half < T::ZERO || rate_hz <= T::ZERO || TAPS == 0 {
             return Err(KernelError::Invalid);
@@ -78,13 +84,15 @@ impl<T: Scalar, const TAPS: usize> Kernel<T, TAPS> {
         }
         // Σ h = 1 exactly, and Σ d t = 1 exactly: constants and straight lines pass without error.
         let slope_per_second = slope / rate_hz;
-        let mut energy = T::ZERO;
+        let (mut energy, mut derivative_energy) = (T::ZERO, T::ZERO);
         for (h, d) in kernel.smooth.iter_mut().zip(&mut kernel.derivative).take(kernel.taps) {
             *h /= sum;
             *d /= slope_per_second;
             energy += *h * *h;
+            derivative_energy += *d * *d;
         }
         kernel.noise_gain = energy;
+        kernel.derivative_noise_gain = derivative_energy;
         Ok(kernel)
     }
 
@@ -96,6 +104,11 @@ impl<T: Scalar, const TAPS: usize> Kernel<T, TAPS> {
     /// `Σ h²`: the variance of white noise after the filter, relative to before.
     pub fn noise_gain(&self) -> T {
         self.noise_gain
+    }
+
+    /// `Σ ḣ²`, 1/s²: the variance of ω̇ for white noise of unit variance in ω.
+    pub fn derivative_noise_gain(&self) -> T {
+        self.derivative_noise_gain
     }
 }
 

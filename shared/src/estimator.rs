@@ -260,6 +260,11 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
         T::from_u32(u32::from(self.config.row_every)) * self.conditioner.kernel().noise_gain()
     }
 
+    /// The filter's kernel.
+    pub fn kernel(&self) -> &Kernel<T, TAPS> {
+        self.conditioner.kernel()
+    }
+
     /// Starts anew with the same configuration.
     pub fn reset(&mut self) {
         self.screen = Screen::new(self.config.limits);

@@ -165,6 +165,11 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
         self.entries().all(Scalar::is_finite)
     }
 
+    /// Covariance `(RᵀR)⁻¹`; entries of parameters that [`Solution::determined`] denies are meaningless.
+    pub fn covariance(&self) -> [[T; N]; N] {
+        solution::covariance(self)
+    }
+
     /// Estimate, standard deviations, what is determined, and the condition number.
     pub fn solve(&self) -> Solution<T, N> {
         Solution::of(self)

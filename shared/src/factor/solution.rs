@@ -105,6 +105,32 @@ impl<T: Scalar, const N: usize> Solution<T, N> {
     }
 }
 
+/// Covariance `(RᵀR)⁻¹` over the directions that are determined. Rows and columns of parameters that are not
+/// determined (see [`Solution`]) are meaningless.
+pub(super) fn covariance<T: Scalar, const N: usize>(factor: &InformationFactor<T, N>) -> [[T; N]; N] {
+    let jacobi = Jacobi::of(factor, &[true; N]);
+    let mut most = T::ZERO;
+    for s2 in jacobi.squares {
+        most = most.max(s2);
+    }
+    let floor = rank_floor::<T>(N) * rank_floor::<T>(N) * most;
+    let mut covariance = [[T::ZERO; N]; N];
+    for (s2, direction) in jacobi.squares.iter().zip(&jacobi.v) {
+        if *s2 <= floor || *s2 <= T::ZERO {
+            continue;
+        }
+        for i in 0..N {
+            for j in 0..N {
+                let scale = jacobi.scale[i] * jacobi.scale[j];
+                if scale > T::ZERO {
+                    covariance[i][j] += direction[i] * direction[j] / (*s2 * scale);
+                }
+            }
+        }
+    }
+    covariance
+}
+
 /// One-sided Jacobi: `R D⁻¹ V = W` with orthogonal columns W; their squared lengths are the squared singular
 /// values (Hestenes 1958; accurate to relative precision on column-scaled matrices, Demmel and Veselić 1992).
 struct Jacobi<T: Scalar, const N: usize> {

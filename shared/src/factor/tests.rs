@@ -54,7 +54,11 @@ fn solution_covariance_and_residual_are_those_of_the_normal_equations() {
     let factor = factor_of(&blocks);
     let (x, covariance, residual) = normal_equations(&blocks);
     let solution = factor.solve();
+    let full = factor.covariance();
     for j in 0..6 {
+        for k in 0..6 {
+            assert!((full[j][k] - covariance[(j, k)]).abs() < 1e-14);
+        }
         assert!((solution.estimate[j] - x[j]).abs() < 1e-11);
         assert!((solution.standard_deviation[j] - covariance[(j, j)].sqrt()).abs() < 1e-13);
         assert!(solution.determined[j] && factor.r()[j][j] > 0.0);
