@@ -1,1 +1,16 @@
 //! The simulated rig.
+//!
+//! Lives here: a Stewart platform that moves a body bolted to a load cell, the sensors down to the words in
+//! their registers, faults of sensors and of the link, and the runners that let the firmware live on it. May not
+//! live here: anything that estimates. The physics is its own and in f64: no module of it may use the
+//! estimator's regressor, and a test reads the sources to make sure.
+//!
+//! Read in this order: [`platform`] (where the plate is), [`body`] (what force that takes), [`sensors`] (what a
+//! sensor makes of it), [`devices`] (what stands in its registers), [`rig`] (all of it together),
+//! [`experiment`] (motions that are worth running), [`link`] (a serial line that misbehaves).
+
+pub mod body;
+pub mod platform;
+
+/// Standard gravity, m/s².
+pub const STANDARD_GRAVITY_MPS2: f64 = 9.80665;

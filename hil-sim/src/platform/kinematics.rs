@@ -1,0 +1,88 @@
+//! From six coordinates and their derivatives to the plate's rigid motion.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::Pose;
+
+/// The six coordinates x, y, z, roll, pitch, yaw (m, rad) with first and second time derivatives.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Coordinates {
+    /// Values.
+    pub value: [f64; 6],
+    /// First derivatives, 1/s.
+    pub rate: [f64; 6],
+    /// Second derivatives, 1/s².
+    pub acceleration: [f64; 6],
+}
+
+/// Rigid motion of the plate at one instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlateState {
+    /// Roll, pitch, yaw, rad.
+    pub rpy: Vector3<f64>,
+    /// Origin of P in A, m.
+    pub position: Vector3<f64>,
+    /// Its velocity in A, m/s.
+    pub velocity: Vector3<f64>,
+    /// Its acceleration in A, m/s². Gravity is not in it.
+    pub acceleration: Vector3<f64>,
+    /// `R_AP`.
+    pub rotation: Matrix3<f64>,
+    /// Angular rate in the plate's axes, rad/s.
+    pub angular_rate: Vector3<f64>,
+    /// Its time derivative in the plate's axes, rad/s².
+    pub angular_acceleration: Vector3<f64>,
+}
+
+impl PlateState {
+    /// The pose alone.
+    pub fn pose(&self) -> Pose {
+        Pose { position_m: self.position.into(), rpy_rad: self.rpy.into() }
+    }
+}
+
+/// `R = Rz(yaw) Ry(pitch) Rx(roll)`.
+pub(crate) fn rotation_from_rpy([roll, pitch, yaw]: [f64; 3]) -> Matrix3<f64> {
+    let ((sr, cr), (sp, cp), (sy, cy)) = (roll.sin_cos(), pitch.sin_cos(), yaw.sin_cos());
+    rotation_from_sines((sr, cr), (sp, cp), (sy, cy))
+}
+
+fn rotation_from_sines((sr, cr): (f64, f64), (sp, cp): (f64, f64), (sy, cy): (f64, f64)) -> Matrix3<f64> {
+    Matrix3::new(
+        cy * cp,
+        cy * sp * sr - sy * cr,
+        cy * sp * cr + sy * sr,
+        sy * cp,
+        sy * sp * sr + cy * cr,
+        sy * sp * cr - cy * sr,
+        -sp,
+        cp * sr,
+        cp * cr,
+    )
+}
+
+impl Coordinates {
+    /// The rigid motion. With `E(roll, pitch)` of the thesis, `ω_P = E (roll', pitch', yaw')` and
+    /// `ω̇_P = E (roll'', pitch'', yaw'') + Ė (roll', pitch', yaw')`.
+    pub fn plate_state(&self) -> PlateState {
+        let [x, y, z, roll, pitch, yaw] = self.value;
+        let [vx, vy, vz, dr, dp, dy] = self.rate;
+        let [ax, ay, az, ddr, ddp, ddy] = self.acceleration;
+        let ((sr, cr), (sp, cp)) = (roll.sin_cos(), pitch.sin_cos());
+        let angular_rate = Vector3::new(dr - sp * dy, cr * dp + cp * sr * dy, -sr * dp + cp * cr * dy);
+        let angular_acceleration = Vector3::new(
+            ddr - sp * ddy - cp * dp * dy,
+            cr * ddp + cp * sr * ddy - sr * dr * dp + (cp * cr * dr - sp * sr * dp) * dy,
+            -sr * ddp + cp * cr * ddy - cr * dr * dp - (cp * sr * dr + sp * cr * dp) * dy,
+        );
+        PlateState {
+            rpy: Vector3::new(roll, pitch, yaw),
+            position: Vector3::new(x, y, z),
+            velocity: Vector3::new(vx, vy, vz),
+            acceleration: Vector3::new(ax, ay, az),
+            rotation: rotation_from_sines((sr, cr), (sp, cp), yaw.sin_cos()),
+            angular_rate,
+            angular_acceleration,
+        }
+    }
+}
