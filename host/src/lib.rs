@@ -1,1 +1,3 @@
 //! Library of the host command line.
+
+pub mod answer;

@@ -1,0 +1,154 @@
+//! Which parameters the data identify, and what motion the others lack.
+//!
+//! *Identified* means that the data alone determine a parameter at the noise level: its column is independent
+//! of the others, its 95 % uncertainty is small against the body's own scale, never against its own value,
+//! and its information does not come from the noise of the gyro.
+
+use super::Estimate;
+
+/// U95 of an identified parameter is at most this share of the body's scale.
+pub const LARGEST_SHARE: f64 = 0.1;
+
+/// A column whose information is less than this many times what the noise of its own regressor would bring
+/// is not identified: noise in a regressor attenuates the estimate by the inverse of this ratio.
+const LEAST_EXCITATION: f64 = 20.0;
+
+/// Density of the most compact body considered, kg/m³ (steel): the sphere of the estimated mass bounds the
+/// body's size from below when neither its centre of mass nor its tensor does.
+const DENSITY: f64 = 7850.0;
+
+/// Information that the noise of the regressor alone would bring to the tensor's columns, in units of
+/// whitened rows: 1/(kg m²)².
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RegressorNoise {
+    /// Information on a tensor element from the noise of ω̇.
+    pub tensor_information: f64,
+}
+
+/// Whether each parameter of the estimate is identified.
+pub fn identified(estimate: &Estimate, noise: RegressorNoise) -> Vec<bool> {
+    let phi = estimate.body();
+    let mass = phi[0];
+    let small = |j: usize, scale: f64| estimate.u95(j) <= LARGEST_SHARE * scale;
+    // Without mass there is no scale for anything else.
+    if !estimate.determined.first().copied().unwrap_or(false) || mass <= 0.0 || !small(0, mass) {
+        return vec![false; estimate.values.len()];
+    }
+    let sphere = (3.0 * mass / (4.0 * std::f64::consts::PI * DENSITY)).cbrt();
+    let arm = phi[1..4].iter().map(|v| v * v).sum::<f64>().sqrt() / mass;
+    let arm_known = (1..4).all(|j| estimate.u95(j) <= LARGEST_SHARE * mass * arm);
+    let tensor = |j: usize| {
+        let information = 1.0 / estimate.covariance[(j, j)];
+        estimate.determined[j] && information > LEAST_EXCITATION * noise.tensor_information
+    };
+    let tensor_known = (4..10).all(tensor);
+    let largest_moment = if tensor_known {
+        rigident_shared::inertia::tensor_from_elements(std::array::from_fn(|k| phi[4 + k]))
+            .symmetric_eigenvalues()
+            .max()
+    } else {
+        0.0
+    };
+    let gyration = (largest_moment / mass).max(0.0).sqrt();
+    let length = sphere.max(if arm_known { arm } else { 0.0 }).max(gyration);
+    let moment_scale = largest_moment.max(0.4 * mass * sphere * sphere);
+    let weight = mass * 9.80665;
+    (0..estimate.values.len())
+        .map(|j| match j {
+            0 => true,
+            1..4 => small(j, mass * length),
+            4..10 => tensor(j) && small(j, moment_scale),
+            10..13 => small(j, weight),
+            _ => small(j, weight * length),
+        })
+        .collect()
+}
+
+/// What to do so that the parameters that are not identified become so; empty if all are.
+pub fn advice(identified: &[bool]) -> Vec<String> {
+    let lacks = |j: usize| identified.get(j) == Some(&false);
+    let mut advice = Vec::new();
+    if lacks(0) || (10..13).any(lacks) {
+        advice.push(
+            "mass and force offset cannot be told apart: hold the sensor still in at least three attitudes \
+             that differ by 20 degrees or more in roll and in pitch"
+                .to_owned(),
+        );
+    }
+    if (1..4).any(lacks) || (13..16).any(lacks) {
+        advice.push(
+            "the centre of mass needs gravity along different axes of S: add still poses tilted in roll and \
+             in pitch"
+                .to_owned(),
+        );
+    }
+    for (axis, elements) in [("x", [4, 8, 9]), ("y", [5, 7, 9]), ("z", [6, 7, 8])] {
+        let moment = elements[0];
+        if lacks(moment) || elements[1..].iter().filter(|j| lacks(**j)).count() == 2 {
+            advice.push(format!(
+                "no sufficient rotation about S.{axis}: turn the body about S.{axis} to and fro, with two or \
+                 three well-separated frequencies"
+            ));
+        }
+    }
+    if advice.is_empty() && identified.contains(&false) {
+        advice.push("move about more axes at once, longer, or with a quieter sensor".to_owned());
+    }
+    advice
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::DMatrix;
+    use rigident_shared::inertia::{InertialParameters, tensor_from_elements};
+    use rigident_shared::spatial::{Position, Sensor};
+
+    use super::*;
+
+    fn estimate(u95: [f64; 10]) -> Estimate {
+        let body = InertialParameters::<Sensor, f64>::from_centre_of_mass(
+            20.0,
+            Position::new(0.0, 0.0, 0.053),
+            tensor_from_elements([0.38, 0.02, 0.38, 0.0, 0.0, 0.0]),
+        );
+        Estimate {
+            values: body.to_vector().to_vec(),
+            covariance: DMatrix::from_diagonal(&nalgebra::DVector::from_fn(10, |j, _| {
+                (u95[j] / 1.96).powi(2)
+            })),
+            determined: u95.iter().map(|u| u.is_finite()).collect(),
+            condition_number: 1.0,
+            coverage_factor: 1.96,
+        }
+    }
+
+    #[test]
+    fn a_true_zero_is_identified_when_its_interval_is_small_against_the_body() {
+        let e = estimate([0.03, 5e-3, 5e-3, 5e-3, 8e-3, 8e-3, 8e-3, 8e-3, 8e-3, 8e-3]);
+        assert_eq!(identified(&e, RegressorNoise::default()), vec![true; 10]);
+    }
+
+    #[test]
+    fn an_element_within_its_own_interval_of_nothing_is_not() {
+        let mut u95 = [0.03, 5e-3, 5e-3, 5e-3, 8e-3, 8e-3, 8e-3, 8e-3, 8e-3, 8e-3];
+        u95[6] = 0.2;
+        let states = identified(&estimate(u95), RegressorNoise::default());
+        assert!(!states[6] && states[5]);
+        let advice = advice(&states);
+        assert!(advice.len() == 1 && advice[0].contains("S.z"), "{advice:?}");
+    }
+
+    #[test]
+    fn information_that_the_gyro_noise_explains_identifies_nothing() {
+        let e = estimate([0.03, 5e-3, 5e-3, 5e-3, 8e-3, 8e-3, 8e-3, 8e-3, 8e-3, 8e-3]);
+        let own = (1.96 / 8e-3_f64).powi(2);
+        let states = identified(&e, RegressorNoise { tensor_information: own });
+        assert_eq!(states, [vec![true; 4], vec![false; 6]].concat());
+    }
+
+    #[test]
+    fn without_mass_there_is_no_scale() {
+        let e = estimate([f64::INFINITY, 5e-3, 5e-3, 5e-3, 8e-3, 8e-3, 8e-3, 8e-3, 8e-3, 8e-3]);
+        assert_eq!(identified(&e, RegressorNoise::default()), vec![false; 10]);
+    }
+}
