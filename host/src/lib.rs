@@ -1,3 +1,4 @@
 //! Library of the host command line.
 
 pub mod answer;
+pub mod identification;

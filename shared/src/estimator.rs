@@ -119,6 +119,7 @@ pub struct Estimator<T: Scalar, const N: usize, const TAPS: usize> {
     counters: Counters,
     reference: Option<[T; N]>,
     statistics: ChannelStatistics<T>,
+    last_block: Option<RegressorBlock<T>>,
 }
 
 impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
@@ -146,6 +147,7 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
             counters: Counters::default(),
             reference: None,
             statistics: ChannelStatistics::default(),
+            last_block: None,
         })
     }
 
@@ -166,6 +168,7 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
         match self.condition(reading) {
             Some(block) => {
                 self.absorb_block(&block);
+                self.last_block = Some(block);
                 Outcome::Absorbed
             }
             None => Outcome::Pending,
@@ -199,9 +202,9 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
         self.last_time_ns = Some(time_ns);
     }
 
-    /// Filters a reading; the unweighted regressor block whenever one is complete.
+    /// Filters a reading; the regressor block, not whitened, whenever one is complete.
     #[inline]
-    pub fn condition(&mut self, reading: &Reading<T>) -> Option<RegressorBlock<T>> {
+    fn condition(&mut self, reading: &Reading<T>) -> Option<RegressorBlock<T>> {
         let mut sample = self.config.mounting.sample(reading);
         let mut wrench = sample.wrench.array();
         for (w, offset) in wrench.iter_mut().zip(self.config.known_offset) {
@@ -260,6 +263,11 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
         T::from_u32(u32::from(self.config.row_every)) * self.conditioner.kernel().noise_gain()
     }
 
+    /// The row block absorbed last, not whitened.
+    pub fn last_block(&self) -> Option<&RegressorBlock<T>> {
+        self.last_block.as_ref()
+    }
+
     /// The filter's kernel.
     pub fn kernel(&self) -> &Kernel<T, TAPS> {
         self.conditioner.kernel()
@@ -274,6 +282,7 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
         self.counters = Counters::default();
         self.reference = None;
         self.statistics = ChannelStatistics::default();
+        self.last_block = None;
     }
 }
 

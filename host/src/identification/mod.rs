@@ -1,0 +1,297 @@
+//! The batch side of the pipeline: a recording's readings, in f64, through the very functions that the
+//! firmware runs.
+//!
+//! Lives here: two passes where the noise is not given, residuals, what the noise of the gyro could fake,
+//! calibration of the accelerometer on still poses ([`poses`]). May not live here: file formats, printing.
+//! Before this: [`crate::formats`]; after it: [`crate::answer`].
+
+pub mod poses;
+
+use rigident_shared::calibration::{ImuMounting, Reading};
+use rigident_shared::estimator::{ConfigError, Counters, Estimator, EstimatorConfig, Outcome, residual};
+use rigident_shared::factor::InformationFactor;
+use rigident_shared::screening::Limits;
+
+use crate::answer::identifiability::RegressorNoise;
+use crate::answer::{Estimate, Noise};
+
+/// Room for the filter on the host: 0.1 s at 40 kHz.
+const TAPS: usize = 4096;
+/// Width of the FIR unless asked otherwise, s.
+pub const FILTER_WIDTH_S: f64 = 0.1;
+/// Rows are absorbed at about this rate, 1/s: twice the filter's noise bandwidth and more.
+const ROW_RATE_HZ: f64 = 100.0;
+/// Equal readings that make a channel frozen.
+pub const FROZEN_AFTER: u16 = 50;
+/// σ of force and moment to start from where none is given, N and N m: only their ratio matters.
+const NOMINAL_SIGMA: [f64; 6] = [1.0, 1.0, 1.0, 0.1, 0.1, 0.1];
+
+/// How many readings a row block stands for at this rate.
+pub fn row_every(rate_hz: f64) -> u16 {
+    (rate_hz / ROW_RATE_HZ).round().clamp(1.0, 1000.0) as u16
+}
+
+/// What is to be identified, and from what.
+#[derive(Clone, Debug)]
+pub struct Input {
+    /// Readings in the order of their time.
+    pub readings: Vec<Reading<f64>>,
+    /// Each reading is a still pose of its own, without time.
+    pub is_static: bool,
+    /// Rate of the readings, 1/s; not used for still poses.
+    pub rate_hz: f64,
+    /// The IMU on link 0.
+    pub mounting: ImuMounting<f64>,
+    /// 1 σ of the wrench per reading, N and N m; `None`: from the residuals.
+    pub channel_sigma: Option<[f64; 6]>,
+    /// 1 σ of the gyro per reading, rad/s; `None`: from its second differences.
+    pub gyro_sigma: Option<f64>,
+    /// Known wrench offset; `None`: estimated with the body.
+    pub known_offset: Option<[f64; 6]>,
+    /// Ranges of the sensors.
+    pub limits: Limits<f64>,
+}
+
+/// The factor of either model.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Factor {
+    /// The body alone; the wrench offset was known.
+    Ten(InformationFactor<f64, 10>),
+    /// The body and the wrench offset.
+    Sixteen(InformationFactor<f64, 16>),
+}
+
+impl Factor {
+    /// Scalar rows absorbed.
+    pub fn rows(&self) -> u32 {
+        match self {
+            Self::Ten(f) => f.rows(),
+            Self::Sixteen(f) => f.rows(),
+        }
+    }
+
+    /// Sum of squares of the whitened residuals.
+    pub fn residual_sum_of_squares(&self) -> f64 {
+        match self {
+            Self::Ten(f) => f.residual_sum_of_squares(),
+            Self::Sixteen(f) => f.residual_sum_of_squares(),
+        }
+    }
+
+    /// Estimate and covariance; see [`Estimate::new`].
+    pub fn estimate(&self, variance_scale: f64, noise: Noise) -> Estimate {
+        match self {
+            Self::Ten(f) => Estimate::new(f, variance_scale, noise),
+            Self::Sixteen(f) => Estimate::new(f, variance_scale, noise),
+        }
+    }
+}
+
+/// Residual of one row block, N and N m, at its time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BlockResidual {
+    /// Time of the reading that completed the block, s.
+    pub time_s: f64,
+    /// Filtered wrench less the prediction.
+    pub residual: [f64; 6],
+}
+
+/// What the recording says.
+#[derive(Clone, Debug)]
+pub struct Identification {
+    /// The factor of all rows, whitened by `channel_sigma`.
+    pub factor: Factor,
+    /// Solution with its covariance.
+    pub estimate: Estimate,
+    /// σ used, N and N m, per unfiltered reading.
+    pub channel_sigma: [f64; 6],
+    /// Whether σ was given; else it comes from the residuals.
+    pub sigma_given: bool,
+    /// Variance of the whitened, filtered noise per row.
+    pub noise_gain: f64,
+    /// Residual variance relative to what σ lets expect; 1 where σ comes from the residuals.
+    pub variance_ratio: f64,
+    /// Root mean square of the residuals, N and N m.
+    pub residual_rms: [f64; 6],
+    /// Residuals of every row block.
+    pub residuals: Vec<BlockResidual>,
+    /// What the gyro's noise alone would bring.
+    pub regressor_noise: RegressorNoise,
+    /// What happened to the readings.
+    pub counters: Counters,
+}
+
+/// Why there is no identification.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum IdentificationError {
+    /// Nothing was left to absorb.
+    #[error(
+        "no usable rows: of {readings} readings {rejected} were rejected and the rest is shorter than the filter of {width_s} s"
+    )]
+    NoRows {
+        /// Readings given.
+        readings: u32,
+        /// Readings rejected.
+        rejected: u32,
+        /// Width of the filter.
+        width_s: f64,
+    },
+    /// The filter does not fit the rate, or a σ is impossible.
+    #[error("the estimator cannot be set up ({0:?}): check rate_hz and noise_n_nm in the rig file")]
+    Config(ConfigError),
+}
+
+/// Filtered readings are worth this many independent ones each, and dof are counted per channel.
+fn degrees_of_freedom(blocks: u32, noise_gain: f64, determined: usize) -> f64 {
+    (f64::from(blocks) * noise_gain.min(1.0) - determined as f64 / 6.0).max(1.0)
+}
+
+/// Identifies the body in S.
+///
+/// # Errors
+/// [`IdentificationError`] if no row could be absorbed.
+pub fn identify(input: &Input) -> Result<Identification, IdentificationError> {
+    if input.known_offset.is_some() {
+        run::<10>(input, Factor::Ten)
+    } else {
+        run::<16>(input, Factor::Sixteen)
+    }
+}
+
+fn config(input: &Input, channel_sigma: [f64; 6]) -> EstimatorConfig<f64> {
+    EstimatorConfig {
+        rate_hz: if input.is_static { 1.0 } else { input.rate_hz },
+        filter_width_s: if input.is_static { 0.0 } else { FILTER_WIDTH_S },
+        row_every: if input.is_static { 1 } else { row_every(input.rate_hz) },
+        channel_sigma,
+        known_offset: input.known_offset.unwrap_or_default(),
+        mounting: input.mounting,
+        limits: if input.is_static { Limits { frozen_after: 0, ..input.limits } } else { input.limits },
+    }
+}
+
+fn run<const N: usize>(
+    input: &Input,
+    wrap: impl Fn(InformationFactor<f64, N>) -> Factor,
+) -> Result<Identification, IdentificationError> {
+    let mut sigma = input.channel_sigma.unwrap_or(NOMINAL_SIGMA);
+    let mut estimator = absorb::<N>(input, sigma)?;
+    if input.channel_sigma.is_none() {
+        // Weights from the residuals of the unweighted fit, then once more from those of the weighted one.
+        for _ in 0..2 {
+            sigma = sigma_from_residuals(input, &estimator);
+            estimator = absorb::<N>(input, sigma)?;
+        }
+    }
+    let factor = estimator.factor();
+    let determined = factor.solve().determined.iter().filter(|d| **d).count();
+    let counters = *estimator.counters();
+    let noise_gain = estimator.noise_gain();
+    let dof = degrees_of_freedom(counters.blocks, noise_gain, determined);
+    let (noise, variance_ratio) = if input.channel_sigma.is_some() {
+        let rows = (f64::from(factor.rows()) - determined as f64).max(1.0);
+        (Noise::Given, factor.residual_sum_of_squares() / (rows * noise_gain))
+    } else {
+        (Noise::Estimated { degrees_of_freedom: dof }, 1.0)
+    };
+    // Residuals that are larger than stated noise can make them widen the intervals.
+    let surprising = 1.0 + 4.0 * (2.0 / (6.0 * dof)).sqrt();
+    let scale = if variance_ratio > surprising { variance_ratio } else { 1.0 };
+    let factor = wrap(factor);
+    let estimate = factor.estimate(scale, noise);
+    let residuals = residuals::<N>(input, &estimator, &estimate);
+    let gyro = input.gyro_sigma.unwrap_or_else(|| gyro_sigma(&input.readings));
+    let moment_sigma = sigma[3..].iter().copied().fold(f64::INFINITY, f64::min);
+    let weight = f64::from(counters.blocks) * f64::from(estimator.config().row_every);
+    Ok(Identification {
+        factor,
+        estimate,
+        channel_sigma: sigma,
+        sigma_given: input.channel_sigma.is_some(),
+        noise_gain,
+        variance_ratio,
+        residual_rms: rms(&residuals),
+        residuals,
+        regressor_noise: RegressorNoise {
+            tensor_information: weight * estimator.kernel().derivative_noise_gain() * gyro * gyro
+                / (moment_sigma * moment_sigma),
+        },
+        counters,
+    })
+}
+
+type Batch<const N: usize> = Box<Estimator<f64, N, TAPS>>;
+
+fn absorb<const N: usize>(input: &Input, sigma: [f64; 6]) -> Result<Batch<N>, IdentificationError> {
+    let config = config(input, sigma);
+    let mut estimator = Box::new(Estimator::new(&config).map_err(IdentificationError::Config)?);
+    for reading in &input.readings {
+        estimator.absorb(reading);
+    }
+    let counters = estimator.counters();
+    if counters.blocks == 0 {
+        return Err(IdentificationError::NoRows {
+            readings: counters.readings,
+            rejected: counters.rejected,
+            width_s: config.filter_width_s,
+        });
+    }
+    Ok(estimator)
+}
+
+/// Residuals of the row blocks for given parameters, by running the pipeline once more.
+fn residuals<const N: usize>(input: &Input, like: &Batch<N>, estimate: &Estimate) -> Vec<BlockResidual> {
+    let phi: [f64; N] = std::array::from_fn(|j| estimate.values.get(j).copied().unwrap_or(0.0));
+    let mut pipeline = like.clone();
+    pipeline.reset();
+    let mut residuals = Vec::new();
+    for reading in &input.readings {
+        if let Outcome::Absorbed = pipeline.absorb(reading)
+            && let Some(block) = pipeline.last_block()
+        {
+            residuals.push(BlockResidual {
+                time_s: reading.time_ns as f64 * 1e-9,
+                residual: residual(block, &phi),
+            });
+        }
+    }
+    residuals
+}
+
+fn rms(residuals: &[BlockResidual]) -> [f64; 6] {
+    let n = residuals.len().max(1) as f64;
+    std::array::from_fn(|c| (residuals.iter().map(|r| r.residual[c].powi(2)).sum::<f64>() / n).sqrt())
+}
+
+/// Raw σ of each channel: residual variance over `Σh²`, for the degrees of freedom that are left.
+fn sigma_from_residuals<const N: usize>(input: &Input, estimator: &Batch<N>) -> [f64; 6] {
+    let factor = estimator.factor();
+    let estimate = Estimate::new(&factor, 1.0, Noise::Given);
+    let residuals = residuals(input, estimator, &estimate);
+    let determined = estimate.determined.iter().filter(|d| **d).count();
+    let blocks = estimator.counters().blocks;
+    let dof = degrees_of_freedom(blocks, estimator.noise_gain(), determined);
+    let left = dof / (dof + determined as f64 / 6.0);
+    let kernel = estimator.kernel().noise_gain();
+    let raw = rms(&residuals).map(|r| r / (kernel * left).sqrt());
+    // A channel that fits exactly must not outweigh all others.
+    let floor = |group: &[f64]| 1e-6 * group.iter().copied().fold(f64::MIN_POSITIVE, f64::max).max(1e-12);
+    let (force, moment) = (floor(&raw[..3]), floor(&raw[3..]));
+    std::array::from_fn(|c| raw[c].max(if c < 3 { force } else { moment }))
+}
+
+/// σ of the gyro, the largest of its axes, from second differences: motion hardly enters, noise by √6.
+fn gyro_sigma(readings: &[Reading<f64>]) -> f64 {
+    let mut sums = [0.0; 3];
+    let mut count = 0_u32;
+    for triple in readings.windows(3) {
+        let [a, b, c] = triple else { continue };
+        let (a, b, c) = (a.angular_rate.array(), b.angular_rate.array(), c.angular_rate.array());
+        for ((sum, (a, b)), c) in sums.iter_mut().zip(a.iter().zip(b)).zip(c) {
+            *sum += (a - 2.0 * b + c).powi(2);
+        }
+        count += 1;
+    }
+    let largest = sums.iter().copied().fold(0.0, f64::max);
+    if count == 0 || !largest.is_finite() { 0.0 } else { (largest / (6.0 * f64::from(count))).sqrt() }
+}
