@@ -11,6 +11,8 @@
 
 pub mod body;
 pub mod platform;
+pub mod runner;
+pub mod sensors;
 
 /// Standard gravity, m/s².
 pub const STANDARD_GRAVITY_MPS2: f64 = 9.80665;

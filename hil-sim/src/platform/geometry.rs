@@ -100,14 +100,13 @@ impl Geometry {
     pub fn check_state(&self, state: &PlateState, time_s: f64) -> Result<(), MotionError> {
         let [min_m, max_m] = self.leg_length_m;
         for (i, length_m) in self.leg_lengths(&state.pose()).into_iter().enumerate() {
-            // Negated, so that a length that is not a number is refused too.
-            if !(length_m >= min_m && length_m <= max_m) {
+            if !(min_m..=max_m).contains(&length_m) {
                 return Err(MotionError::LegLength { leg: i + 1, time_s, length_m, min_m, max_m });
             }
         }
         let limit_mps = self.leg_rate_mps;
         for (i, rate_mps) in self.leg_rates(state).into_iter().enumerate() {
-            if !(rate_mps.abs() <= limit_mps) {
+            if rate_mps.abs() > limit_mps || rate_mps.is_nan() {
                 return Err(MotionError::LegRate { leg: i + 1, time_s, rate_mps, limit_mps });
             }
         }
