@@ -10,6 +10,7 @@
 //! [`experiment`] (motions that are worth running), [`link`] (a serial line that misbehaves).
 
 pub mod body;
+pub mod devices;
 pub mod platform;
 pub mod runner;
 pub mod sensors;
