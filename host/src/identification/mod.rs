@@ -56,9 +56,9 @@ pub struct Input {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Factor {
     /// The body alone; the wrench offset was known.
-    Ten(InformationFactor<f64, 10>),
+    Ten(Box<InformationFactor<f64, 10>>),
     /// The body and the wrench offset.
-    Sixteen(InformationFactor<f64, 16>),
+    Sixteen(Box<InformationFactor<f64, 16>>),
 }
 
 impl Factor {
@@ -152,9 +152,26 @@ fn degrees_of_freedom(blocks: u32, noise_gain: f64, determined: usize) -> f64 {
 /// [`IdentificationError`] if no row could be absorbed.
 pub fn identify(input: &Input) -> Result<Identification, IdentificationError> {
     if input.known_offset.is_some() {
-        run::<10>(input, Factor::Ten)
+        run::<10>(input, |f| Factor::Ten(Box::new(f)))
     } else {
-        run::<16>(input, Factor::Sixteen)
+        run::<16>(input, |f| Factor::Sixteen(Box::new(f)))
+    }
+}
+
+/// The same conclusions for a factor that the firmware made of these readings, whitened by
+/// `input.channel_sigma`.
+///
+/// # Errors
+/// [`IdentificationError`] if there is no row, or no σ that it was whitened by.
+pub fn conclude_firmware(input: &Input, factor: Factor) -> Result<Identification, IdentificationError> {
+    let sigma = input.channel_sigma.unwrap_or(NOMINAL_SIGMA);
+    match factor {
+        Factor::Ten(f) => {
+            Ok(conclude(input, &f, &*absorb::<10>(input, sigma)?, |f| Factor::Ten(Box::new(f))))
+        }
+        Factor::Sixteen(f) => {
+            Ok(conclude(input, &f, &*absorb::<16>(input, sigma)?, |f| Factor::Sixteen(Box::new(f))))
+        }
     }
 }
 
@@ -183,7 +200,17 @@ fn run<const N: usize>(
             estimator = absorb::<N>(input, sigma)?;
         }
     }
-    let factor = estimator.factor();
+    Ok(conclude(input, &estimator.factor(), &estimator, wrap))
+}
+
+/// `estimator` has absorbed the same readings, whitened by the same σ, as the factor.
+fn conclude<const N: usize>(
+    input: &Input,
+    factor: &InformationFactor<f64, N>,
+    estimator: &Estimator<f64, N, TAPS>,
+    wrap: impl Fn(InformationFactor<f64, N>) -> Factor,
+) -> Identification {
+    let sigma = estimator.config().channel_sigma;
     let determined = factor.solve().determined.iter().filter(|d| **d).count();
     let counters = *estimator.counters();
     let noise_gain = estimator.noise_gain();
@@ -194,16 +221,16 @@ fn run<const N: usize>(
     } else {
         (Noise::Estimated { degrees_of_freedom: dof }, 1.0)
     };
-    // Residuals that are larger than stated noise can make them widen the intervals.
+    // Residuals larger than the stated noise can make them widen the intervals.
     let surprising = 1.0 + 4.0 * (2.0 / (6.0 * dof)).sqrt();
     let scale = if variance_ratio > surprising { variance_ratio } else { 1.0 };
-    let factor = wrap(factor);
+    let factor = wrap(*factor);
     let estimate = factor.estimate(scale, noise);
-    let residuals = residuals::<N>(input, &estimator, &estimate);
+    let residuals = residuals(input, estimator, &estimate);
     let gyro = input.gyro_sigma.unwrap_or_else(|| gyro_sigma(&input.readings));
     let moment_sigma = sigma[3..].iter().copied().fold(f64::INFINITY, f64::min);
     let weight = f64::from(counters.blocks) * f64::from(estimator.config().row_every);
-    Ok(Identification {
+    Identification {
         factor,
         estimate,
         channel_sigma: sigma,
@@ -217,12 +244,13 @@ fn run<const N: usize>(
                 / (moment_sigma * moment_sigma),
         },
         counters,
-    })
+    }
 }
 
-type Batch<const N: usize> = Box<Estimator<f64, N, TAPS>>;
-
-fn absorb<const N: usize>(input: &Input, sigma: [f64; 6]) -> Result<Batch<N>, IdentificationError> {
+fn absorb<const N: usize>(
+    input: &Input,
+    sigma: [f64; 6],
+) -> Result<Box<Estimator<f64, N, TAPS>>, IdentificationError> {
     let config = config(input, sigma);
     let mut estimator = Box::new(Estimator::new(&config).map_err(IdentificationError::Config)?);
     for reading in &input.readings {
@@ -240,9 +268,13 @@ fn absorb<const N: usize>(input: &Input, sigma: [f64; 6]) -> Result<Batch<N>, Id
 }
 
 /// Residuals of the row blocks for given parameters, by running the pipeline once more.
-fn residuals<const N: usize>(input: &Input, like: &Batch<N>, estimate: &Estimate) -> Vec<BlockResidual> {
+fn residuals<const N: usize>(
+    input: &Input,
+    like: &Estimator<f64, N, TAPS>,
+    estimate: &Estimate,
+) -> Vec<BlockResidual> {
     let phi: [f64; N] = std::array::from_fn(|j| estimate.values.get(j).copied().unwrap_or(0.0));
-    let mut pipeline = like.clone();
+    let mut pipeline = Box::new(*like);
     pipeline.reset();
     let mut residuals = Vec::new();
     for reading in &input.readings {
@@ -264,7 +296,7 @@ fn rms(residuals: &[BlockResidual]) -> [f64; 6] {
 }
 
 /// Raw σ of each channel: residual variance over `Σh²`, for the degrees of freedom that are left.
-fn sigma_from_residuals<const N: usize>(input: &Input, estimator: &Batch<N>) -> [f64; 6] {
+fn sigma_from_residuals<const N: usize>(input: &Input, estimator: &Estimator<f64, N, TAPS>) -> [f64; 6] {
     let factor = estimator.factor();
     let estimate = Estimate::new(&factor, 1.0, Noise::Given);
     let residuals = residuals(input, estimator, &estimate);

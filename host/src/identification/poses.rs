@@ -112,43 +112,60 @@ pub fn still_poses(
     tolerance_mps2: f64,
 ) -> Vec<StillPose> {
     let step = (0.1 * rate_hz).round().max(1.0) as usize;
-    let means: Vec<([f64; 3], [f64; 3])> = readings
+    let means: Vec<Mean> = readings
         .chunks_exact(step)
         .map(|chunk| {
-            let mean = |f: &dyn Fn(&Reading<f64>) -> [f64; 3]| {
-                chunk.iter().map(f).fold([0.0; 3], |s, v| std::array::from_fn(|i| s[i] + v[i] / step as f64))
-            };
-            (mean(&|r| r.specific_force.array()), mean(&|r| r.angular_rate.array()))
+            average(chunk.iter().map(|r| Mean {
+                specific_force: r.specific_force.array(),
+                angular_rate: r.angular_rate.array(),
+            }))
         })
         .collect();
-    let near = |a: &([f64; 3], [f64; 3]), b: &([f64; 3], [f64; 3])| {
-        a.0.iter().zip(b.0).all(|(x, y)| (x - y).abs() < tolerance_mps2)
-            && a.1.iter().zip(b.1).all(|(x, y)| (x - y).abs() < tolerance_radps)
+    let near = |a: &Mean, b: &Mean| {
+        let within = |x: &[f64; 3], y: &[f64; 3], tolerance: f64| {
+            x.iter().zip(y).all(|(x, y)| (x - y).abs() < tolerance)
+        };
+        within(&a.specific_force, &b.specific_force, tolerance_mps2)
+            && within(&a.angular_rate, &b.angular_rate, tolerance_radps)
     };
     let mut poses = Vec::new();
     let mut first = 0;
-    while first < means.len() {
-        let mut end = first + 1;
-        while end < means.len() && near(&means[first], &means[end]) {
-            end += 1;
-        }
-        if end - first >= 5 {
-            let count = (end - first) as f64;
-            let sum = |f: &dyn Fn(&([f64; 3], [f64; 3])) -> [f64; 3]| {
-                means[first..end]
-                    .iter()
-                    .map(f)
-                    .fold([0.0; 3], |s, v| std::array::from_fn(|i| s[i] + v[i] / count))
-            };
+    while let Some(start) = means.get(first) {
+        let still = means.iter().skip(first).take_while(|m| near(start, m)).count();
+        let end = first + still.max(1);
+        if still >= 5 {
+            let mean = average(means.iter().skip(first).take(still).copied());
             poses.push(StillPose {
                 range: (first * step, end * step),
-                specific_force: sum(&|m| m.0),
-                angular_rate: sum(&|m| m.1),
+                specific_force: mean.specific_force,
+                angular_rate: mean.angular_rate,
             });
         }
         first = end;
     }
     poses
+}
+
+#[derive(Clone, Copy, Default)]
+struct Mean {
+    specific_force: [f64; 3],
+    angular_rate: [f64; 3],
+}
+
+fn average(values: impl Iterator<Item = Mean>) -> Mean {
+    let mut sum = Mean::default();
+    let mut count = 0.0;
+    for value in values {
+        count += 1.0;
+        for i in 0..3 {
+            sum.specific_force[i] += value.specific_force[i];
+            sum.angular_rate[i] += value.angular_rate[i];
+        }
+    }
+    Mean {
+        specific_force: sum.specific_force.map(|v| v / count),
+        angular_rate: sum.angular_rate.map(|v| v / count),
+    }
 }
 
 #[cfg(test)]
@@ -171,6 +188,28 @@ mod tests {
             assert!((found.scale[i] - scale[i]).abs() < 1e-10);
             assert!((found.bias_mps2[i] - bias[i]).abs() < 1e-9);
         }
+    }
+
+    #[test]
+    fn stretches_without_motion_are_found_with_their_means() {
+        use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
+        let readings: Vec<_> = (0..4000)
+            .map(|n| {
+                let still = n < 1000 || (2000..3200).contains(&n);
+                let rate = if still { 0.02 } else { (f64::from(n) * 0.01).sin() };
+                let tilt = if n < 1000 { 0.0 } else { 2.0 };
+                Reading {
+                    time_ns: n as u64 * 1_000_000,
+                    wrench: Wrench::default(),
+                    specific_force: SpecificForce::new(tilt, 0.0, 9.7),
+                    angular_rate: AngularRate::new(rate, 0.0, 0.0),
+                }
+            })
+            .collect();
+        let poses = still_poses(&readings, 1000.0, 0.01, 0.1);
+        assert_eq!(poses.iter().map(|p| p.range).collect::<Vec<_>>(), [(0, 1000), (2000, 3200)]);
+        assert!((poses[1].angular_rate[0] - 0.02).abs() < 1e-12);
+        assert!((poses[1].specific_force[0] - 2.0).abs() < 1e-12);
     }
 
     #[test]
