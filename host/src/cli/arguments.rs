@@ -1,0 +1,204 @@
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+
+/// Tells the inertial parameters of a body from its wrench and motion: mass, centre of mass, inertia tensor,
+/// each with a 95 % uncertainty, or that the data do not identify it.
+#[derive(Parser, Debug)]
+#[command(
+    name = "rigident",
+    version,
+    after_help = "Without a command: `rigident demo`.\n\nExit status: 0 every asked-for parameter is identified, 1 partly or \
+                  not identified, 2 bad input or usage, 3 link or hardware failure.\n\nExamples:\n  rigident demo\n  \
+                  rigident identify bracket.csv --estimate m,mc\n  rigident run --port /dev/ttyACM0 --rig bracket.rig.toml \
+                  --platform tcp://192.168.1.20:7447"
+)]
+pub struct Arguments {
+    /// What to do
+    #[command(subcommand)]
+    pub command: Option<Command>,
+}
+
+/// The commands.
+#[derive(Subcommand, Debug)]
+pub enum Command {
+    /// Identify a simulated body on a simulated platform, firmware included
+    Demo(Demo),
+    /// Take a recording through the firmware: in-process, emulated, or on a board
+    Replay(Replay),
+    /// Identify the body of a recording, in batch, with the same pipeline in double precision
+    Identify(Identify),
+    /// List the serial ports
+    Ports(Ports),
+    /// Tell what device and firmware are on a port
+    Info(Info),
+    /// Send a rig's settings to the device on a port and read them back
+    Configure(Configure),
+    /// Run an experiment on a rig: warm-up, zero, still poses, motion, drift check
+    Run(Run),
+    /// Convert a recording between CSV and MCAP without loss
+    Convert(Convert),
+}
+
+/// Options of every command that gives an answer.
+#[derive(Args, Debug, Clone)]
+pub struct Output {
+    /// Print the result object on standard output, and nothing else there
+    #[arg(long)]
+    pub json: bool,
+    /// Folder for the files; must be new or empty. Default: a new folder here
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// What must be identified for exit status 0: any of m, mc, I, offset, or single names as Ixx
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub estimate: Vec<String>,
+}
+
+/// The microcontroller that runs the firmware.
+#[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Mcu {
+    /// Compiled into this program, with a virtual clock
+    #[default]
+    Inproc,
+    /// The release binary on an emulated Cortex-M4F
+    Qemu,
+}
+
+/// `rigident demo`
+#[derive(Args, Debug, Clone)]
+#[command(after_help = "Examples:\n  rigident demo\n  rigident demo --mcu qemu --json\n  rigident demo --body vertical --seed 7 --out \
+                        answers/demo7")]
+pub struct Demo {
+    /// Where the firmware runs
+    #[arg(long, value_enum, default_value_t)]
+    pub mcu: Mcu,
+    /// The thesis' test body with plates, in either of its mountings
+    #[arg(long, value_enum, default_value_t)]
+    pub body: DemoBody,
+    /// Length of the experiment, s
+    #[arg(long, default_value_t = 60.0, value_name = "S")]
+    pub duration_s: f64,
+    /// Seed of noise and biases
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Noise, bias and bandwidth off; the converters still quantise
+    #[arg(long)]
+    pub ideal: bool,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub output: Output,
+}
+
+/// The two mountings of the thesis' test body.
+#[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum DemoBody {
+    /// Lying: centre of mass at 53 mm
+    #[default]
+    Horizontal,
+    /// Standing: centre of mass at 247 mm
+    Vertical,
+}
+
+/// `rigident replay`
+#[derive(Args, Debug, Clone)]
+#[command(after_help = "Examples:\n  rigident replay bracket.mcap --mcu inproc\n  rigident replay poses.csv --rig poses.rig.toml --mcu qemu\n  \
+                        rigident replay bracket.csv --mcu /dev/ttyACM0")]
+pub struct Replay {
+    /// The recording, CSV or MCAP
+    pub recording: PathBuf,
+    /// inproc, qemu, or the port of a device
+    #[arg(long, default_value = "inproc", value_name = "inproc|qemu|PORT")]
+    pub mcu: String,
+    /// Rig file. Default: NAME.rig.toml beside the recording
+    #[arg(long, value_name = "FILE")]
+    pub rig: Option<PathBuf>,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub output: Output,
+}
+
+/// `rigident identify`
+#[derive(Args, Debug, Clone)]
+#[command(after_help = "Examples:\n  rigident identify bracket.csv\n  rigident identify poses.csv --rig poses.rig.toml --estimate m,mc,offset \
+                        --json")]
+pub struct Identify {
+    /// The recording, CSV or MCAP
+    pub recording: PathBuf,
+    /// Rig file. Default: NAME.rig.toml beside the recording
+    #[arg(long, value_name = "FILE")]
+    pub rig: Option<PathBuf>,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub output: Output,
+}
+
+/// `rigident ports`
+#[derive(Args, Debug, Clone)]
+#[command(after_help = "Example:\n  rigident ports --json")]
+pub struct Ports {
+    /// Print a JSON array
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `rigident info`
+#[derive(Args, Debug, Clone)]
+#[command(after_help = "Examples:\n  rigident info --port /dev/ttyACM0\n  rigident info --port ./rigident-rig --json")]
+pub struct Info {
+    /// The device's port
+    #[arg(long, value_name = "PORT")]
+    pub port: String,
+    /// Print a JSON object
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `rigident configure`
+#[derive(Args, Debug, Clone)]
+#[command(after_help = "Example:\n  rigident configure --port /dev/ttyACM0 --rig bracket.rig.toml")]
+pub struct Configure {
+    /// The device's port
+    #[arg(long, value_name = "PORT")]
+    pub port: String,
+    /// Rig file
+    #[arg(long, value_name = "FILE")]
+    pub rig: PathBuf,
+}
+
+/// `rigident run`
+#[derive(Args, Debug, Clone)]
+#[command(after_help = "Examples:\n  rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform tcp://192.168.1.20:7447\n  \
+                        rigident run --port ./rigident-rig --rig rig.rig.toml --platform tcp://127.0.0.1:7447 --duration-s 30")]
+pub struct Run {
+    /// The device's port
+    #[arg(long, value_name = "PORT")]
+    pub port: String,
+    /// The platform's controller
+    #[arg(long, value_name = "tcp://HOST:PORT")]
+    pub platform: String,
+    /// Rig file
+    #[arg(long, value_name = "FILE")]
+    pub rig: PathBuf,
+    /// Length of poses and motion together, s
+    #[arg(long, default_value_t = 60.0, value_name = "S")]
+    pub duration_s: f64,
+    /// Longest wait for the load cell to settle, s; 0 skips the warm-up
+    #[arg(long, default_value_t = 120.0, value_name = "S")]
+    pub warm_up_s: f64,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub output: Output,
+}
+
+/// `rigident convert`
+#[derive(Args, Debug, Clone)]
+#[command(after_help = "Examples:\n  rigident convert bracket.csv bracket.mcap\n  rigident convert bracket.mcap bracket.csv")]
+pub struct Convert {
+    /// The recording to read
+    pub input: PathBuf,
+    /// The recording to write; must not exist
+    pub output: PathBuf,
+    /// Rig file. Default: NAME.rig.toml beside the recording
+    #[arg(long, value_name = "FILE")]
+    pub rig: Option<PathBuf>,
+}
