@@ -12,6 +12,7 @@
 pub mod body;
 pub mod devices;
 pub mod platform;
+pub mod rig;
 pub mod runner;
 pub mod sensors;
 

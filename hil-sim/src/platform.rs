@@ -12,6 +12,7 @@ mod program;
 
 pub use geometry::Geometry;
 pub use kinematics::{Coordinates, PlateState};
+pub(crate) use program::quintic_integral;
 pub use program::{Axis, MotionProgram, Segment, SineTerm, Trajectory};
 
 use serde::{Deserialize, Serialize};

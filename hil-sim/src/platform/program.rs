@@ -140,7 +140,7 @@ pub struct Trajectory {
 }
 
 /// The quintic from 0 to 1 with its first and second derivatives; its first two derivatives vanish at both ends.
-pub(crate) fn quintic(s: f64) -> [f64; 3] {
+fn quintic(s: f64) -> [f64; 3] {
     if s <= 0.0 {
         return [0.0; 3];
     }
@@ -149,6 +149,12 @@ pub(crate) fn quintic(s: f64) -> [f64; 3] {
     }
     let r = 1.0 - s;
     [s * s * s * (10.0 + s * (6.0 * s - 15.0)), 30.0 * s * s * r * r, 60.0 * s * r * (1.0 - 2.0 * s)]
+}
+
+/// The integral of the quintic from 0 to `s`, and the quintic itself with its derivatives.
+pub(crate) fn quintic_integral(s: f64) -> (f64, [f64; 3]) {
+    let c = s.clamp(0.0, 1.0);
+    (c * c * c * c * (2.5 + c * (c - 3.0)) + (s - 1.0).max(0.0), quintic(s))
 }
 
 impl Trajectory {
@@ -184,6 +190,11 @@ impl Trajectory {
     /// How long it takes, s.
     pub fn duration_s(&self) -> f64 {
         self.duration_s
+    }
+
+    /// Where it starts.
+    pub fn start_pose(&self) -> Pose {
+        Pose::from_coordinates(self.start)
     }
 
     /// Where it ends.

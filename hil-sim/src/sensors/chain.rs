@@ -98,6 +98,11 @@ impl LoadCellChain {
         }
     }
 
+    /// A fault more.
+    pub fn add_fault(&mut self, fault: Fault) {
+        self.faults.push(fault);
+    }
+
     /// What stands at the converter's input at `time_s` when the wrench is `truth`; N, N m. Call in time order.
     pub fn read(&mut self, time_s: f64, truth: [f64; 6]) -> [f64; 6] {
         let mut w = match &mut self.pole {
@@ -151,6 +156,11 @@ impl ImuChain {
             rng: noisy.then(|| stream(seed, STREAM_IMU)),
             model,
         }
+    }
+
+    /// A fault more.
+    pub fn add_fault(&mut self, fault: Fault) {
+        self.faults.push(fault);
     }
 
     /// What the IMU's own converters see at `time_s`: specific force m/s² and angular rate rad/s along its axes, made

@@ -1,0 +1,292 @@
+//! The whole rig: platform, body, sensors and converters under one clock.
+//!
+//! Lives here: [`RigConfig`] (what the rig is), [`Rig`] (the rig at work, event by event, through the registers) and
+//! [`Readings`] (the same physics as float readings at one rate, for Monte Carlo). May not live here: the firmware,
+//! files. Before this: [`crate::devices`]; next: [`crate::runner`].
+//!
+//! The clock is virtual. In lock-step it moves only while a motion program runs, from one sensor event to the next;
+//! free-running it follows the time it is told. Only what stands in the converters' registers leaves the rig.
+
+mod config;
+mod motion;
+mod readings;
+
+pub use config::{Mounting, RigConfig, RigError};
+pub use motion::MotionState;
+pub use readings::{ReadingRow, ReadingStream, Readings};
+
+use std::sync::{Arc, Mutex};
+
+use config::Mechanics;
+use motion::Platform;
+
+use crate::body::{BodyParameters, FrameMotion};
+use crate::devices::{Ads131m08, Device, Icm42688};
+use crate::platform::{MotionProgram, Pose};
+use crate::sensors::{Experiment, Fault, ImuChain, LoadCellChain};
+
+/// A rig that a runner and a platform controller share.
+pub type SharedRig = Arc<Mutex<Rig>>;
+
+/// What the sensors' data-ready lines say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BusEvent {
+    /// Nothing.
+    Idle,
+    /// The load cell's converter has a conversion, captured at this time, ns.
+    LoadCellReady(u64),
+    /// The IMU has a sample, captured at this time, ns.
+    ImuReady(u64),
+}
+
+/// What is really the case; never given to the firmware.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Truth {
+    /// Inertial parameters in S.
+    pub body: BodyParameters,
+    /// What the experiment drew.
+    pub experiment: Experiment,
+    /// Wrench offset that a perfect estimator finds when it believes the accelerometer's zero: an accelerometer that
+    /// reads `b_a` too much (turned into S) takes `m b_a` off the forces and `mc × b_a` off the moments. N, N m.
+    pub apparent_offset_n_nm: [f64; 6],
+    /// Motion of S, in the earth's axes.
+    pub sensor_motion: FrameMotion,
+}
+
+impl Truth {
+    fn new(mechanics: &Mechanics, experiment: &Experiment, sensor_motion: FrameMotion) -> Self {
+        Self {
+            body: mechanics.body,
+            experiment: *experiment,
+            apparent_offset_n_nm: mechanics.apparent_offset(experiment),
+            sensor_motion,
+        }
+    }
+}
+
+/// Data-ready line of a converter with its own rate.
+#[derive(Clone, Debug)]
+struct Ticker {
+    rate_hz: Option<f64>,
+    origin_ns: f64,
+    phase_ns: f64,
+    ticks: u64,
+}
+
+impl Ticker {
+    fn new(phase_s: f64) -> Self {
+        Self { rate_hz: None, origin_ns: 0.0, phase_ns: phase_s * 1e9, ticks: 0 }
+    }
+
+    /// Starts afresh when the converter's registers have changed the rate.
+    fn follow(&mut self, rate_hz: Option<f64>, now_ns: u64) {
+        if self.rate_hz != rate_hz {
+            (self.rate_hz, self.origin_ns, self.ticks) = (rate_hz, now_ns as f64, 0);
+        }
+    }
+
+    fn next_ns(&self) -> Option<u64> {
+        self.rate_hz.map(|rate| {
+            (self.origin_ns + self.phase_ns + (self.ticks + 1) as f64 * 1e9 / rate).round() as u64
+        })
+    }
+}
+
+/// The rig at work.
+#[derive(Debug)]
+pub struct Rig {
+    config: RigConfig,
+    mechanics: Mechanics,
+    platform: Platform,
+    experiment: Experiment,
+    load_cell: LoadCellChain,
+    imu: ImuChain,
+    adc: Ads131m08,
+    imu_device: Icm42688,
+    adc_ticker: Ticker,
+    imu_ticker: Ticker,
+    now_ns: u64,
+}
+
+impl Rig {
+    /// A rig that has just been switched on, the plate at home, its clock at zero.
+    ///
+    /// # Errors
+    /// A singular gauge calibration, or a mounting whose quaternion is zero.
+    pub fn new(config: RigConfig) -> Result<Self, RigError> {
+        let mechanics = Mechanics::new(&config)?;
+        let experiment = config.sensors.draw(config.seed);
+        Ok(Self {
+            load_cell: LoadCellChain::new(&config.sensors, &experiment, config.seed),
+            imu: ImuChain::new(&config.sensors, &experiment, config.seed),
+            platform: Platform::resting(&config.geometry.home()),
+            adc_ticker: Ticker::new(0.0),
+            imu_ticker: Ticker::new(config.imu_phase_s),
+            adc: Ads131m08::new(),
+            imu_device: Icm42688::new(),
+            now_ns: 0,
+            mechanics,
+            experiment,
+            config,
+        })
+    }
+
+    /// For runners and a platform controller to share.
+    pub fn shared(self) -> SharedRig {
+        Arc::new(Mutex::new(self))
+    }
+
+    /// What the rig is.
+    pub fn config(&self) -> &RigConfig {
+        &self.config
+    }
+
+    /// The rig's clock, ns.
+    pub fn now_ns(&self) -> u64 {
+        self.now_ns
+    }
+
+    /// Where the plate is.
+    pub fn pose(&self) -> Pose {
+        self.platform.coordinates(self.now_ns as f64).plate_state().pose()
+    }
+
+    /// Whether the plate moves.
+    pub fn motion(&self) -> MotionState {
+        self.platform.state()
+    }
+
+    /// Whether a program was started and has come to its end, or was stopped and has come to rest.
+    pub fn is_done(&self) -> bool {
+        self.platform.state() == MotionState::Done
+    }
+
+    /// Time since the start of the program, s; stands still when it is over.
+    pub fn program_time_s(&self) -> f64 {
+        self.platform.elapsed_s(self.now_ns as f64)
+    }
+
+    /// Duration of the loaded program, its approach included, s.
+    pub fn program_duration_s(&self) -> f64 {
+        self.platform.duration_s()
+    }
+
+    /// Takes a motion program and checks it against the legs. If it starts elsewhere than where the plate stands, a move
+    /// to its start is put before it.
+    ///
+    /// # Errors
+    /// While the plate moves; a segment that makes no sense; a leg that would leave its reach or be too fast.
+    pub fn load_program(&mut self, program: MotionProgram) -> Result<(), RigError> {
+        self.platform.load(&program, &self.config.geometry)
+    }
+
+    /// Starts the loaded program.
+    ///
+    /// # Errors
+    /// While the plate moves, or if nothing is loaded.
+    pub fn start(&mut self) -> Result<(), RigError> {
+        self.platform.start(self.now_ns as f64)
+    }
+
+    /// Brings the plate to rest within half a second on the path it is on, and leaves it there.
+    pub fn stop(&mut self) {
+        self.platform.stop(self.now_ns as f64);
+    }
+
+    /// A sensor fault that acts from now on (its times are the rig's).
+    pub fn add_fault(&mut self, fault: Fault) {
+        self.load_cell.add_fault(fault.clone());
+        self.imu.add_fault(fault);
+    }
+
+    /// Inverts one bit of a frame from the load cell's converter; see [`Ads131m08::flip_bit`].
+    pub fn flip_load_cell_bit(&mut self, ahead: u64, bit: usize) {
+        self.adc.flip_bit(ahead, bit);
+    }
+
+    /// The load cell's converter, to look at.
+    pub fn load_cell_converter(&self) -> &Ads131m08 {
+        &self.adc
+    }
+
+    /// The IMU, to look at.
+    pub fn imu_device(&self) -> &Icm42688 {
+        &self.imu_device
+    }
+
+    /// The next data-ready event of the running program: the clock jumps to it. `Idle`, and the clock stands still, while
+    /// no program runs.
+    pub fn next_event(&mut self) -> BusEvent {
+        match self.platform.end_ns() {
+            Some(end_ns) => self.advance(end_ns),
+            None => BusEvent::Idle,
+        }
+    }
+
+    /// The next data-ready event no later than `limit_ns`, whether or not a program runs; if there is none the clock is set
+    /// to `limit_ns` and the answer is `Idle`.
+    pub fn next_event_before(&mut self, limit_ns: u64) -> BusEvent {
+        self.advance(limit_ns.max(self.now_ns))
+    }
+
+    fn advance(&mut self, limit_ns: u64) -> BusEvent {
+        loop {
+            self.adc_ticker.follow(self.adc.rate_hz(), self.now_ns);
+            self.imu_ticker.follow(self.imu_device.rate_hz(), self.now_ns);
+            let (adc, imu) = (self.adc_ticker.next_ns(), self.imu_ticker.next_ns());
+            let adc_first = adc.is_some_and(|a| imu.is_none_or(|i| a <= i));
+            let next_ns = if adc_first { adc } else { imu };
+            let Some(time_ns) = next_ns.filter(|t| *t <= limit_ns) else {
+                self.now_ns = limit_ns;
+                self.platform.settle(self.now_ns as f64);
+                return BusEvent::Idle;
+            };
+            self.now_ns = time_ns;
+            if adc_first {
+                self.adc_ticker.ticks += 1;
+                self.convert(time_ns);
+                return BusEvent::LoadCellReady(time_ns);
+            }
+            self.imu_ticker.ticks += 1;
+            // Without an interrupt enabled the sample is in the FIFO, but nobody is told.
+            if self.sample_imu(time_ns) {
+                return BusEvent::ImuReady(time_ns);
+            }
+        }
+    }
+
+    fn convert(&mut self, time_ns: u64) {
+        let model = &self.config.sensors.load_cell;
+        let delay_s = model.delay_s + model.undeclared_delay_s + self.adc.group_delay_s();
+        let plate = self.platform.coordinates(time_ns as f64 - 1e9 * delay_s).plate_state();
+        let wrench = self.load_cell.read(time_ns as f64 * 1e-9, self.mechanics.wrench(&plate));
+        self.adc.convert(&self.mechanics.gauges_v(&wrench));
+    }
+
+    fn sample_imu(&mut self, time_ns: u64) -> bool {
+        let model = &self.config.sensors.imu;
+        let delay_s = model.delay_s + model.undeclared_delay_s;
+        let plate = self.platform.coordinates(time_ns as f64 - 1e9 * delay_s).plate_state();
+        let (accel, gyro) = self.mechanics.imu(&plate);
+        let (accel, gyro) = self.imu.read(time_ns as f64 * 1e-9, accel, gyro);
+        self.imu_device.sample(time_ns, accel, gyro, 25.0)
+    }
+
+    /// One SPI transaction, chip select low to high, full duplex in place.
+    pub fn transfer(&mut self, device: Device, bytes: &mut [u8]) {
+        match device {
+            Device::LoadCell => self.adc.transfer(bytes),
+            Device::Imu => self.imu_device.transfer(bytes),
+        }
+    }
+
+    /// What is really the case now.
+    pub fn truth(&self) -> Truth {
+        let plate = self.platform.coordinates(self.now_ns as f64).plate_state();
+        Truth::new(&self.mechanics, &self.experiment, self.mechanics.sensor_motion(&plate))
+    }
+}
+
+#[cfg(test)]
+#[path = "rig/rig_tests.rs"]
+mod tests;

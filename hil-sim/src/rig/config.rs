@@ -1,0 +1,300 @@
+//! What a rig is made of, and the fixed frames that follow from it.
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::STANDARD_GRAVITY_MPS2;
+use crate::body::{BodyParameters, FrameMotion};
+use crate::devices::Ads131m08;
+use crate::platform::{Geometry, MotionError, PlateState};
+use crate::sensors::{Experiment, SensorModels};
+
+/// Where a frame sits in another.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mounting {
+    /// Its origin, m.
+    pub position_m: [f64; 3],
+    /// Takes its axes to the other's; Hamilton w, x, y, z, normalised when used.
+    pub rotation_wxyz: [f64; 4],
+}
+
+impl Mounting {
+    /// The same frame.
+    pub const IDENTITY: Self = Self { position_m: [0.0; 3], rotation_wxyz: [1.0, 0.0, 0.0, 0.0] };
+
+    /// The rotation as a matrix; `None` for a quaternion that is zero or not finite.
+    pub fn rotation(&self) -> Option<Matrix3<f64>> {
+        let [w, x, y, z] = self.rotation_wxyz;
+        let n = (w * w + x * x + y * y + z * z).sqrt();
+        if !(n.is_finite() && n > 0.0) {
+            return None;
+        }
+        let (s, v) = (w / n, Vector3::new(x, y, z) / n);
+        // v' = v + 2 s u×v + 2 u×(u×v), column by column.
+        let turn = |e: Vector3<f64>| {
+            let t = 2.0 * v.cross(&e);
+            e + s * t + v.cross(&t)
+        };
+        Some(Matrix3::from_columns(&[turn(Vector3::x()), turn(Vector3::y()), turn(Vector3::z())]))
+    }
+}
+
+/// What cannot be done with the rig.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum RigError {
+    /// The motion program.
+    #[error(transparent)]
+    Motion(#[from] MotionError),
+    /// The gauge calibration has no inverse.
+    #[error("the gauge calibration matrix is singular: no voltages belong to some wrenches")]
+    SingularCalibration,
+    /// A rotation quaternion is zero or not finite.
+    #[error("the rotation_wxyz of {0} is not a rotation")]
+    BadRotation(&'static str),
+    /// The plate moves.
+    #[error("the platform is moving: stop it or wait for the end of its program")]
+    Busy,
+    /// Nothing to start.
+    #[error("no motion program is loaded")]
+    NoProgram,
+    /// A rate for readings that makes no sense.
+    #[error("{0} Hz is not a rate at which readings can be taken")]
+    BadRate(f64),
+}
+
+/// What a rig is. Frames: P plate, S load cell, U IMU.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RigConfig {
+    /// The body, in S.
+    pub body: BodyParameters,
+    /// S on the plate.
+    pub load_cell: Mounting,
+    /// U in S: the lever arm and `R_SU`.
+    pub imu: Mounting,
+    /// The sensors.
+    pub sensors: SensorModels,
+    /// Rate the load cell's converter is meant to be set to, Hz: 250, 500, 1000, …; its registers decide.
+    pub adc_hz: f64,
+    /// Rate the IMU is meant to be set to, Hz: 200, 500, 1000, …; its registers decide.
+    pub imu_hz: f64,
+    /// The IMU's samples come this much after the load cell's, s.
+    pub imu_phase_s: f64,
+    /// `wrench = calibration · gauges`, N/V and N m/V.
+    pub gauge_calibration: [[f64; 6]; 6],
+    /// Gravity, downward positive, m/s².
+    pub gravity_mps2: f64,
+    /// The platform.
+    pub geometry: Geometry,
+    /// Of everything random.
+    pub seed: u64,
+}
+
+impl RigConfig {
+    /// The thesis' rig with its test body lying across the platform.
+    pub fn thesis_horizontal() -> Self {
+        Self {
+            body: BodyParameters::thesis_horizontal(),
+            load_cell: Mounting::IDENTITY,
+            imu: Mounting { position_m: [0.06, -0.04, 0.02], rotation_wxyz: [0.92, 0.20, -0.10, 0.32] },
+            sensors: SensorModels::thesis(),
+            adc_hz: 1000.0,
+            imu_hz: 1000.0,
+            imu_phase_s: 0.37e-3,
+            gauge_calibration: Self::default_calibration(),
+            gravity_mps2: STANDARD_GRAVITY_MPS2,
+            geometry: Geometry::thesis(),
+            seed: 1,
+        }
+    }
+
+    /// The thesis' rig with its test body standing upright.
+    pub fn thesis_vertical() -> Self {
+        Self { body: BodyParameters::thesis_vertical(), ..Self::thesis_horizontal() }
+    }
+
+    /// The same rig with another seed.
+    pub fn with_seed(self, seed: u64) -> Self {
+        Self { seed, ..self }
+    }
+
+    /// The same rig with other sensors.
+    pub fn with_sensors(self, sensors: SensorModels) -> Self {
+        Self { sensors, ..self }
+    }
+
+    /// The same rig with another body.
+    pub fn with_body(self, body: BodyParameters) -> Self {
+        Self { body, ..self }
+    }
+
+    /// The same rig meant to run at other rates, Hz.
+    pub fn with_rates(self, adc_hz: f64, imu_hz: f64) -> Self {
+        Self { adc_hz, imu_hz, ..self }
+    }
+
+    /// Assumed: a gauge gives 6 mV at full range (bridges of 1.2 mV/V on 5 V), with up to 6 % of every other gauge in each
+    /// component.
+    fn default_calibration() -> [[f64; 6]; 6] {
+        let per_volt = [110e3, 110e3, 330e3, 10e3, 10e3, 10e3];
+        let mut matrix = [[0.0; 6]; 6];
+        for (i, (row, scale)) in matrix.iter_mut().zip(per_volt).enumerate() {
+            for (j, entry) in row.iter_mut().enumerate() {
+                let mixed = ((7 * i + 11 * j + 3 * i * j) % 13) as f64 / 100.0 - 0.06;
+                *entry = scale * if i == j { 1.0 } else { mixed };
+            }
+        }
+        matrix
+    }
+
+    /// Group delay of the load cell's chain that a rig file states: amplifiers and the converter's filter at
+    /// [`Self::adc_hz`], s.
+    pub fn load_cell_group_delay_s(&self) -> f64 {
+        self.sensors.load_cell.stated_delay_s() + Ads131m08::group_delay_at_s(self.adc_hz)
+    }
+
+    /// Group delay of the IMU that a rig file states, s.
+    pub fn imu_group_delay_s(&self) -> f64 {
+        self.sensors.imu.stated_delay_s()
+    }
+}
+
+/// The fixed frames and matrices of a rig, ready for use.
+#[derive(Clone, Debug)]
+pub(super) struct Mechanics {
+    pub(super) body: BodyParameters,
+    gravity: Vector3<f64>,
+    sensor_position: Vector3<f64>,
+    sensor_rotation: Matrix3<f64>,
+    imu_position: Vector3<f64>,
+    imu_rotation: Matrix3<f64>,
+    volts_per_wrench: [[f64; 6]; 6],
+}
+
+impl Mechanics {
+    pub(super) fn new(config: &RigConfig) -> Result<Self, RigError> {
+        Ok(Self {
+            body: config.body,
+            gravity: Vector3::new(0.0, 0.0, -config.gravity_mps2),
+            sensor_position: Vector3::from(config.load_cell.position_m),
+            sensor_rotation: config.load_cell.rotation().ok_or(RigError::BadRotation("the load cell"))?,
+            imu_position: Vector3::from(config.imu.position_m),
+            imu_rotation: config.imu.rotation().ok_or(RigError::BadRotation("the IMU"))?,
+            volts_per_wrench: inverse(config.gauge_calibration).ok_or(RigError::SingularCalibration)?,
+        })
+    }
+
+    pub(super) fn sensor_motion(&self, plate: &PlateState) -> FrameMotion {
+        FrameMotion::of_plate(plate).fixed_frame(&self.sensor_position, &self.sensor_rotation)
+    }
+
+    /// True wrench on the body at S's origin, in S.
+    pub(super) fn wrench(&self, plate: &PlateState) -> [f64; 6] {
+        self.body.wrench(&self.sensor_motion(plate), &self.gravity)
+    }
+
+    /// True specific force and angular rate at U's origin, in U.
+    pub(super) fn imu(&self, plate: &PlateState) -> ([f64; 3], [f64; 3]) {
+        let motion = self.sensor_motion(plate).fixed_frame(&self.imu_position, &self.imu_rotation);
+        (motion.specific_force(&self.gravity).into(), motion.body_rate().into())
+    }
+
+    /// Voltages at the converter's eight inputs; the last two are shorted.
+    pub(super) fn gauges_v(&self, wrench: &[f64; 6]) -> [f64; 8] {
+        let mut volts = [0.0; 8];
+        for (v, row) in volts.iter_mut().zip(&self.volts_per_wrench) {
+            *v = row.iter().zip(wrench).map(|(c, w)| c * w).sum();
+        }
+        volts
+    }
+
+    /// See [`super::Truth::apparent_offset_n_nm`].
+    pub(super) fn apparent_offset(&self, experiment: &Experiment) -> [f64; 6] {
+        let bias = self.imu_rotation * Vector3::from(experiment.accel_bias_mps2);
+        let force = self.body.mass_kg * bias;
+        let moment = self.body.mass_kg * Vector3::from(self.body.com_m).cross(&bias);
+        let [fx, fy, fz, mx, my, mz] = experiment.load_cell_offset_n_nm;
+        [fx - force.x, fy - force.y, fz - force.z, mx - moment.x, my - moment.y, mz - moment.z]
+    }
+}
+
+/// Gauss–Jordan with row pivoting; `None` if a pivot vanishes against its row's scale.
+fn inverse(matrix: [[f64; 6]; 6]) -> Option<[[f64; 6]; 6]> {
+    let mut a = matrix;
+    let mut inv = [[0.0; 6]; 6];
+    for (i, row) in inv.iter_mut().enumerate() {
+        row[i] = 1.0;
+    }
+    // Rows are brought to a common scale first, so that newtons and newton metres are alike.
+    for (row, out) in a.iter_mut().zip(&mut inv) {
+        let scale = row.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        if !(scale.is_finite() && scale > 0.0) {
+            return None;
+        }
+        row.iter_mut().chain(out.iter_mut()).for_each(|v| *v /= scale);
+    }
+    for c in 0..6 {
+        let pivot = (c..6).max_by(|&i, &j| a[i][c].abs().total_cmp(&a[j][c].abs()))?;
+        if a[pivot][c].abs() < 1e-12 {
+            return None;
+        }
+        a.swap(c, pivot);
+        inv.swap(c, pivot);
+        let p = a[c][c];
+        a[c].iter_mut().chain(inv[c].iter_mut()).for_each(|v| *v /= p);
+        let (row_a, row_inv) = (a[c], inv[c]);
+        for r in (0..6).filter(|r| *r != c) {
+            let f = a[r][c];
+            for k in 0..6 {
+                a[r][k] -= f * row_a[k];
+                inv[r][k] -= f * row_inv[k];
+            }
+        }
+    }
+    Some(inv)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_calibration_times_the_gauges_is_the_wrench() {
+        let config = RigConfig::thesis_horizontal();
+        let mechanics = Mechanics::new(&config).unwrap();
+        let wrench = [100.0, -200.0, 900.0, 5.0, -20.0, 3.0];
+        let gauges = mechanics.gauges_v(&wrench);
+        for (row, want) in config.gauge_calibration.iter().zip(wrench) {
+            let got: f64 = row.iter().zip(gauges).map(|(c, g)| c * g).sum();
+            assert!((got - want).abs() < 1e-10, "{got} {want}");
+        }
+        assert_eq!(gauges[6..], [0.0, 0.0]);
+    }
+
+    #[test]
+    fn full_range_fits_a_gain_of_64() {
+        let mechanics = Mechanics::new(&RigConfig::thesis_horizontal()).unwrap();
+        for signs in 0..64_u32 {
+            let mut wrench = [660.0, 660.0, 1980.0, 60.0, 60.0, 60.0];
+            for (i, w) in wrench.iter_mut().enumerate() {
+                *w *= if signs >> i & 1 == 1 { -1.0 } else { 1.0 };
+            }
+            assert!(mechanics.gauges_v(&wrench).iter().all(|v| v.abs() < 1.2 / 64.0));
+        }
+    }
+
+    #[test]
+    fn bad_configurations_are_named() {
+        let mut config = RigConfig::thesis_horizontal();
+        config.imu.rotation_wxyz = [0.0; 4];
+        assert_eq!(Mechanics::new(&config).unwrap_err(), RigError::BadRotation("the IMU"));
+        let mut config = RigConfig::thesis_horizontal();
+        config.gauge_calibration[3] = config.gauge_calibration[4];
+        assert_eq!(Mechanics::new(&config).unwrap_err(), RigError::SingularCalibration);
+    }
+
+    #[test]
+    fn a_mounting_turns_like_its_quaternion() {
+        // (0.5, −0.5, 0.5, 0.5): x → −z, y → −x, z → y.
+        let r = Mounting { position_m: [0.0; 3], rotation_wxyz: [0.5, -0.5, 0.5, 0.5] }.rotation().unwrap();
+        assert_eq!(r, Matrix3::new(0.0, -1.0, 0.0, 0.0, 0.0, 1.0, -1.0, 0.0, 0.0));
+    }
+}
