@@ -11,6 +11,8 @@
 
 pub mod body;
 pub mod devices;
+pub mod experiment;
+pub mod link;
 pub mod platform;
 pub mod rig;
 pub mod runner;
