@@ -66,8 +66,10 @@ pub enum Mcu {
 
 /// `rigident demo`
 #[derive(Args, Debug, Clone)]
-#[command(after_help = "Examples:\n  rigident demo\n  rigident demo --mcu qemu --json\n  rigident demo --body vertical --seed 7 --out \
-                        answers/demo7")]
+#[command(
+    after_help = "Examples:\n  rigident demo\n  rigident demo --mcu qemu --json\n  rigident demo --body vertical --seed 7 --out \
+                        answers/demo7"
+)]
 pub struct Demo {
     /// Where the firmware runs
     #[arg(long, value_enum, default_value_t)]
@@ -101,8 +103,10 @@ pub enum DemoBody {
 
 /// `rigident replay`
 #[derive(Args, Debug, Clone)]
-#[command(after_help = "Examples:\n  rigident replay bracket.mcap --mcu inproc\n  rigident replay poses.csv --rig poses.rig.toml --mcu qemu\n  \
-                        rigident replay bracket.csv --mcu /dev/ttyACM0")]
+#[command(
+    after_help = "Examples:\n  rigident replay bracket.mcap --mcu inproc\n  rigident replay poses.csv --rig poses.rig.toml --mcu qemu\n  \
+                        rigident replay bracket.csv --mcu /dev/ttyACM0"
+)]
 pub struct Replay {
     /// The recording, CSV or MCAP
     pub recording: PathBuf,
@@ -119,8 +123,10 @@ pub struct Replay {
 
 /// `rigident identify`
 #[derive(Args, Debug, Clone)]
-#[command(after_help = "Examples:\n  rigident identify bracket.csv\n  rigident identify poses.csv --rig poses.rig.toml --estimate m,mc,offset \
-                        --json")]
+#[command(
+    after_help = "Examples:\n  rigident identify bracket.csv\n  rigident identify poses.csv --rig poses.rig.toml --estimate m,mc,offset \
+                        --json"
+)]
 pub struct Identify {
     /// The recording, CSV or MCAP
     pub recording: PathBuf,
@@ -143,7 +149,9 @@ pub struct Ports {
 
 /// `rigident info`
 #[derive(Args, Debug, Clone)]
-#[command(after_help = "Examples:\n  rigident info --port /dev/ttyACM0\n  rigident info --port ./rigident-rig --json")]
+#[command(
+    after_help = "Examples:\n  rigident info --port /dev/ttyACM0\n  rigident info --port ./rigident-rig --json"
+)]
 pub struct Info {
     /// The device's port
     #[arg(long, value_name = "PORT")]
@@ -167,8 +175,10 @@ pub struct Configure {
 
 /// `rigident run`
 #[derive(Args, Debug, Clone)]
-#[command(after_help = "Examples:\n  rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform tcp://192.168.1.20:7447\n  \
-                        rigident run --port ./rigident-rig --rig rig.rig.toml --platform tcp://127.0.0.1:7447 --duration-s 30")]
+#[command(
+    after_help = "Examples:\n  rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform tcp://192.168.1.20:7447\n  \
+                        rigident run --port ./rigident-rig --rig rig.rig.toml --platform tcp://127.0.0.1:7447 --duration-s 30"
+)]
 pub struct Run {
     /// The device's port
     #[arg(long, value_name = "PORT")]
@@ -192,7 +202,9 @@ pub struct Run {
 
 /// `rigident convert`
 #[derive(Args, Debug, Clone)]
-#[command(after_help = "Examples:\n  rigident convert bracket.csv bracket.mcap\n  rigident convert bracket.mcap bracket.csv")]
+#[command(
+    after_help = "Examples:\n  rigident convert bracket.csv bracket.mcap\n  rigident convert bracket.mcap bracket.csv"
+)]
 pub struct Convert {
     /// The recording to read
     pub input: PathBuf,

@@ -52,7 +52,9 @@ impl SerialTransport {
         port.map(Self).map_err(|error| {
             let text = error.to_string();
             match error.kind() {
-                serialport::ErrorKind::Io(io::ErrorKind::PermissionDenied) => PortError::Permission(path.into()),
+                serialport::ErrorKind::Io(io::ErrorKind::PermissionDenied) => {
+                    PortError::Permission(path.into())
+                }
                 serialport::ErrorKind::Io(io::ErrorKind::NotFound) => PortError::Missing(path.into()),
                 _ if text.contains("Permission denied") => PortError::Permission(path.into()),
                 _ if text.contains("busy") || text.contains("exclusive") => PortError::Busy(path.into()),
