@@ -1,0 +1,21 @@
+//! Writes two reports of made-up experiments into the folder given as argument: `cargo run --example
+//! report_demo -- FOLDER`.
+
+#[path = "../tests/report/synthetic.rs"]
+mod synthetic;
+
+use std::path::PathBuf;
+
+fn main() -> std::io::Result<()> {
+    let folder = PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| ".".to_owned()));
+    std::fs::create_dir_all(&folder)?;
+    for (name, data) in [("identified", synthetic::experiment(1000.0)), ("still-poses", synthetic::still_poses())]
+    {
+        let page = rigident::report::html(&data);
+        let path = folder.join(format!("{name}.html"));
+        std::fs::write(&path, &page)?;
+        println!("{} ({} kB)\n", path.display(), page.len() / 1000);
+        println!("{}", rigident::report::table::plain(&data.results));
+    }
+    Ok(())
+}

@@ -1,0 +1,20 @@
+//! What a person reads of a result: a page and a table.
+//!
+//! Lives here: rounding to the uncertainty ([`text`]), the terminal's table ([`table`]), the self-contained
+//! HTML page with its plots ([`html`]) and the plain data they are made of ([`ReportData`]). May not live here:
+//! estimation, files, the JSON object. Before this: [`crate::answer`].
+
+mod data;
+mod envelope;
+mod figures;
+mod page;
+mod plot;
+pub mod table;
+pub mod text;
+
+pub use data::{
+    Convergence, Drift, FrameResults, Measured, PrincipalAxis, Quantity, ReportData, Residual, Results, Source,
+    Stage, Status, TimePlot,
+};
+pub use envelope::envelope;
+pub use page::html;

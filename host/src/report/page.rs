@@ -1,0 +1,371 @@
+//! The page: headline, tables, figures, provenance. Well-formed XML as well as HTML; no script, nothing loaded.
+
+use super::data::{PrincipalAxis, Quantity, ReportData, Results, Source, Status};
+use super::figures;
+use super::text::{NOT_IDENTIFIED, Rounded, beside, count, duration, significant, unit_symbol};
+
+/// The whole report as one self-contained HTML file.
+pub fn html(data: &ReportData) -> String {
+    let title = if data.source.body_name.trim().is_empty() { "Body without a name" } else { &data.source.body_name };
+    let mut html = format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
+         <title>{} - inertial parameters</title>\n<style>\n{}</style>\n</head>\n<body>\n<main>\n",
+        escape(title),
+        include_str!("style.css")
+    );
+    html.push_str(&format!("<header><h1>{}</h1>\n{}{}</header>\n", escape(title), source(&data.source), status(&data.results)));
+    html.push_str(&cards(&data.results));
+    html.push_str(&notes("Warnings", &data.results.warnings));
+    html.push_str(&notes("What would identify the rest", &data.results.advice));
+    html.push_str(&format!("<h2>Results</h2>\n<div class=\"tables\">\n{}</div>\n", tables(data)));
+    let time = figures::time_axis(data);
+    section(&mut html, "Convergence", CONVERGENCE_NOTE, &figures::convergence(data, &time));
+    section(&mut html, "Residuals", &residual_note(data), &figures::residuals(data, &time));
+    section(&mut html, "Motion", "", &figures::motion(data, &time));
+    if let Some(drift) = &data.drift {
+        let elapsed = escape(&duration(drift.elapsed_s));
+        html.push_str(&format!("<h2>Drift check after {elapsed}</h2>\n{}", figures::drift(drift)));
+    }
+    if !data.provenance.is_empty() {
+        let rows: String = data.provenance.iter().map(|(label, value)| fact(label, &escape(value))).collect();
+        html.push_str(&format!("<h2>Provenance</h2>\n<table class=\"plainrows\"><tbody>{rows}</tbody></table>\n"));
+    }
+    html.push_str(FOOTER);
+    html.push_str("</main>\n</body>\n</html>\n");
+    html
+}
+
+const CONVERGENCE_NOTE: &str = "Estimate and its 95 % band; the scale fits the settled part. Dotted lines \
+    separate the stages of the experiment.";
+
+const FOOTER: &str = "<footer><p>S is the wrench sensor's frame. Products of inertia are tensor elements: \
+    I<sub>xy</sub> = \u{2212}\u{222b} x y dm.</p>\n<p>\u{b1} is the 95 % expanded uncertainty U95; \u{3c3} = U95 / \
+    1.96. The deviation is estimate minus truth. In the small diagrams the bar is the interval, the upright line \
+    the truth.</p></footer>\n";
+
+fn section(html: &mut String, title: &str, note: &str, figures: &str) {
+    if figures.is_empty() {
+        return;
+    }
+    html.push_str(&format!("<h2>{title}</h2>\n"));
+    if !note.is_empty() {
+        html.push_str(&format!("<p class=\"soft\">{}</p>\n", escape(note)));
+    }
+    html.push_str(&format!("<div class=\"grid\">\n{figures}</div>\n"));
+}
+
+fn residual_note(data: &ReportData) -> String {
+    let what = "Measured minus modelled wrench; every drawn interval shows its smallest and largest value.";
+    format!("{what} {}", data.residual_note).trim_end().to_owned()
+}
+
+fn source(source: &Source) -> String {
+    let mut parts = Vec::new();
+    if !source.recording.is_empty() {
+        parts.push(escape(&source.recording));
+    }
+    parts.push(match source.mcu.as_str() {
+        "inproc" => "firmware in process".to_owned(),
+        "qemu" => "firmware on the emulated Cortex-M4F".to_owned(),
+        "host" | "" => "batch on the host".to_owned(),
+        port => format!("firmware at {}", escape(port)),
+    });
+    parts.push(format!("{} rows", count(source.rows)));
+    parts.extend(source.rate_hz.map(|rate| format!("{} Hz", significant(rate, 6))));
+    parts.push(source.duration_s.map_or("still poses".to_owned(), duration));
+    let parts: String = parts.iter().map(|part| format!("<span>{part}</span>")).collect();
+    format!("<p class=\"source\">{parts}</p>\n")
+}
+
+/// The status in words.
+pub(super) fn status_words(results: &Results) -> String {
+    let missing: Vec<&str> =
+        results.parameters.iter().filter(|q| q.known().is_none()).map(|q| q.name.as_str()).collect();
+    match results.status {
+        Status::Identified if missing.is_empty() => "Identified".to_owned(),
+        Status::Identified => format!("Identified what was asked for; not identified: {}", missing.join(", ")),
+        Status::PartlyIdentified if missing.is_empty() => "Partly identified".to_owned(),
+        Status::PartlyIdentified => format!("Partly identified; not identified: {}", missing.join(", ")),
+        Status::NotIdentified => "Not identified".to_owned(),
+        Status::Failed => "Failed: the experiment did not come to its end".to_owned(),
+    }
+}
+
+fn status(results: &Results) -> String {
+    let class = match results.status {
+        Status::Identified => "good",
+        Status::PartlyIdentified => "fair",
+        Status::NotIdentified | Status::Failed => "bad",
+    };
+    format!("<p class=\"status {class}\">{}</p>\n", escape(&status_words(results)))
+}
+
+fn cards(results: &Results) -> String {
+    let mut html = "<div class=\"cards\">\n<section class=\"card\"><h3>Mass</h3>\n".to_owned();
+    match results.parameters.iter().find(|q| q.name == "m").and_then(|q| q.known().map(|m| (q, m))) {
+        Some((quantity, m)) => {
+            let (value, u95) = parts(m.value, m.u95);
+            html.push_str(&format!("<p class=\"big\">{value} <small>± {u95} kg</small></p>\n"));
+            if let (Some(truth), Some(sd)) = (quantity.truth, quantity.deviation_sd()) {
+                let truth = number(&beside(truth, m.u95));
+                html.push_str(&format!("<p class=\"soft\">truth {truth} kg, {} σ off</p>\n", number(&format!("{sd:+.1}"))));
+            }
+        }
+        None => html.push_str(&format!("<p class=\"big none\">{NOT_IDENTIFIED}</p>\n")),
+    }
+    html.push_str("</section>\n<section class=\"card\"><h3>Centre of mass in S, m</h3>\n");
+    let rows: String = results
+        .centre_of_mass
+        .iter()
+        .map(|q| format!("<tr><th scope=\"row\">{}</th>{}</tr>\n", escape(&q.name), value_cells(q)))
+        .collect();
+    html.push_str(&table_or_nothing("xyz", &rows));
+    html.push_str("</section>\n<section class=\"card\"><h3>Inertia about the centre of mass, axes of S, kg m²</h3>\n");
+    let rows = if results.inertia_com.len() == 6 { tensor_rows(&results.inertia_com) } else { String::new() };
+    html.push_str(&table_or_nothing("tensor", &rows));
+    html.push_str("</section>\n</div>\n");
+    html
+}
+
+fn table_or_nothing(class: &str, rows: &str) -> String {
+    if rows.is_empty() {
+        return format!("<p class=\"none\">{NOT_IDENTIFIED}</p>\n");
+    }
+    format!("<table class=\"{class}\"><tbody>\n{rows}</tbody></table>\n")
+}
+
+/// `[xx, yy, zz, yz, zx, xy]` as three rows; the lower triangle is a pale copy.
+fn tensor_rows(elements: &[Quantity]) -> String {
+    let cell = |row: usize, column: usize| {
+        let index = if row == column { row } else { 6 - row - column };
+        let class = if column < row { " class=\"mirror\"" } else { "" };
+        let content = match elements.get(index).and_then(Quantity::known) {
+            Some(m) => {
+                let (value, u95) = parts(m.value, m.u95);
+                format!("{value}<br/><small>± {u95}</small>")
+            }
+            None => format!("<span class=\"none\">{NOT_IDENTIFIED}</span>"),
+        };
+        format!("<td{class}>{content}</td>")
+    };
+    (0..3).map(|row| format!("<tr>{}</tr>\n", (0..3).map(|c| cell(row, c)).collect::<String>())).collect()
+}
+
+fn notes(title: &str, notes: &[String]) -> String {
+    if notes.is_empty() {
+        return String::new();
+    }
+    let items: String = notes.iter().map(|note| format!("<li>{}</li>", escape(note))).collect();
+    format!("<section class=\"box\"><h3>{title}</h3><ul>{items}</ul></section>\n")
+}
+
+fn tables(data: &ReportData) -> String {
+    let results = &data.results;
+    let mut html = table("In S, about the origin of S", &results.parameters);
+    let about_com: Vec<Quantity> = results.centre_of_mass.iter().chain(&results.inertia_com).cloned().collect();
+    html.push_str(&table("About the centre of mass, axes of S", &about_com));
+    if let Some(frame) = &results.body_frame {
+        html.push_str(&table(&format!("In the body's frame, {}", frame.name), &frame.quantities));
+    }
+    html.push_str(&table("Apparent wrench offsets, on the body", &results.offsets));
+    html.push_str(&principal(&results.principal));
+    html.push_str(&quality(data));
+    html
+}
+
+fn table(caption: &str, quantities: &[Quantity]) -> String {
+    if quantities.is_empty() {
+        return String::new();
+    }
+    let with_truth = quantities.iter().any(|q| q.known().is_some() && q.truth.is_some());
+    let truth_head = if with_truth {
+        "<th class=\"right\" scope=\"col\">truth</th><th class=\"right\" scope=\"col\">deviation</th><th></th>"
+    } else {
+        ""
+    };
+    let mut html = format!(
+        "<table><caption>{}</caption>\n<thead><tr><th></th><th class=\"value\" scope=\"col\">estimate</th>\
+         <th scope=\"col\">± U95</th><th scope=\"col\">unit</th>{truth_head}</tr></thead>\n<tbody>\n",
+        escape(caption)
+    );
+    for quantity in quantities {
+        html.push_str(&format!("<tr><th scope=\"row\">{}</th>", symbol(&quantity.name)));
+        match quantity.known() {
+            None => {
+                let columns = if with_truth { 6 } else { 3 };
+                html.push_str(&format!("<td class=\"none\" colspan=\"{columns}\">{NOT_IDENTIFIED}</td>"));
+            }
+            Some(m) => {
+                html.push_str(&value_cells(quantity));
+                html.push_str(&format!("<td>{}</td>", escape(&unit_symbol(&quantity.unit))));
+                if with_truth {
+                    html.push_str(&truth_cells(quantity, m.u95));
+                }
+            }
+        }
+        html.push_str("</tr>\n");
+    }
+    html.push_str("</tbody></table>\n");
+    html
+}
+
+/// Value and uncertainty, or the words in place of both.
+fn value_cells(quantity: &Quantity) -> String {
+    let Some(m) = quantity.known() else {
+        return format!("<td class=\"none\" colspan=\"2\">{NOT_IDENTIFIED}</td>");
+    };
+    let (value, u95) = parts(m.value, m.u95);
+    let tag = if m.prior_dominated { " <span class=\"tag\">prior</span>" } else { "" };
+    format!("<td class=\"value\">{value}</td><td>± {u95}{tag}</td>")
+}
+
+fn truth_cells(quantity: &Quantity, u95: f64) -> String {
+    let Some(truth) = quantity.truth.filter(|t| t.is_finite()) else {
+        return "<td></td><td></td><td></td>".to_owned();
+    };
+    let deviation = quantity.deviation_sd().map_or(String::new(), |sd| format!("{} σ", number(&format!("{sd:+.1}"))));
+    let glyph = quantity.deviation_sd().map_or(String::new(), |sd| glyph(sd / 1.96));
+    format!(
+        "<td class=\"right\">{}</td><td class=\"right\">{deviation}</td><td class=\"glyph\">{glyph}</td>",
+        number(&beside(truth, u95))
+    )
+}
+
+/// Interval and truth, the deviation in units of U95; the scale ends at 2.4.
+fn glyph(deviation: f64) -> String {
+    let x = |v: f64| 46.0 + 19.0 * v.clamp(-2.4, 2.4);
+    let class = if deviation.abs() > 1.0 { " class=\"off\"" } else { "" };
+    let (from, mean, to) = (x(deviation - 1.0), x(deviation), x(deviation + 1.0));
+    format!(
+        "<svg viewBox=\"0 0 92 14\" aria-hidden=\"true\"><line class=\"rail\" x1=\"1\" y1=\"7\" x2=\"91\" y2=\"7\"/>\
+         <rect{class} x=\"{from:.1}\" y=\"4\" width=\"{:.1}\" height=\"6\"/><line class=\"mean\" x1=\"{mean:.1}\" \
+         y1=\"3\" x2=\"{mean:.1}\" y2=\"11\"/><line class=\"at\" x1=\"46\" y1=\"0\" x2=\"46\" y2=\"14\"/></svg>",
+        (to - from).max(0.5)
+    )
+}
+
+fn principal(axes: &[PrincipalAxis]) -> String {
+    if axes.is_empty() {
+        return String::new();
+    }
+    let mut html = "<table><caption>Principal moments about the centre of mass, kg m², and axes in S</caption>\n\
+        <thead><tr><th class=\"value\" scope=\"col\">moment</th><th scope=\"col\">± U95</th><th scope=\"col\">axis\
+        </th><th scope=\"col\">± U95</th></tr></thead>\n<tbody>\n"
+        .to_owned();
+    for axis in axes {
+        html.push_str(&format!("<tr>{}", value_cells(&axis.moment)));
+        if axis.moment.known().is_none() {
+            html.push_str("<td></td><td></td>");
+        } else if axis.direction_u95_rad.is_finite() {
+            let direction = axis.axis.map(|c| number(&format!("{c:+.4}"))).join(", ");
+            let degrees = number(&significant(axis.direction_u95_rad.to_degrees(), 2));
+            html.push_str(&format!("<td>[{direction}]</td><td>{degrees}°</td>"));
+        } else {
+            html.push_str("<td class=\"soft\" colspan=\"2\">free: two moments are equal within U95</td>");
+        }
+        html.push_str("</tr>\n");
+    }
+    html.push_str("</tbody></table>\n");
+    html
+}
+
+fn fact(label: &str, value: &str) -> String {
+    format!("<tr><th scope=\"row\">{}</th><td>{value}</td></tr>\n", escape(label))
+}
+
+fn quality(data: &ReportData) -> String {
+    let results = &data.results;
+    let total: u64 = data.rejected.iter().fold(0, |sum, r| sum.saturating_add(r.1));
+    let mut rejected = count(total);
+    let reasons: Vec<String> = data
+        .rejected
+        .iter()
+        .filter(|r| r.1 > 0)
+        .map(|(reason, number)| format!("{} {}", count(*number), escape(reason)))
+        .collect();
+    if !reasons.is_empty() {
+        rejected.push_str(&format!(": {}", reasons.join(", ")));
+    }
+    let consistent = match results.physically_consistent {
+        Some(true) => "yes: the pseudo-inertia is positive definite",
+        Some(false) => "<span class=\"none\">no: no rigid body has these parameters</span>",
+        None => "unknown: not all ten parameters are identified",
+    };
+    let mut rows = fact("rows", &count(data.source.rows));
+    rows.push_str(&fact("rejected rows", &rejected));
+    if let Some(condition) = results.condition_number.filter(|c| c.is_finite()) {
+        rows.push_str(&fact("condition number", &number(&significant(condition, 3))));
+    }
+    rows.push_str(&fact("physically consistent", consistent));
+    format!("<table class=\"plainrows\"><caption>Quality</caption>\n<tbody>{rows}</tbody></table>\n")
+}
+
+/// Value and uncertainty as markup.
+fn parts(value: f64, u95: f64) -> (String, String) {
+    match Rounded::new(value, u95) {
+        Some(r) => (number(&r.value_alone()), number(&r.u95_alone())),
+        None => (NOT_IDENTIFIED.to_owned(), String::new()),
+    }
+}
+
+/// `20.013 ± 0.021 kg`, or the words.
+pub(super) fn measured_markup(quantity: &Quantity) -> String {
+    quantity.known().map_or(NOT_IDENTIFIED.to_owned(), |m| {
+        let (value, u95) = parts(m.value, m.u95);
+        format!("{value} ± {u95} {}", escape(&unit_symbol(&quantity.unit)))
+    })
+}
+
+/// A printed number with a true minus and its power of ten raised.
+pub(super) fn number(text: &str) -> String {
+    let minus = |t: &str| t.replace('-', "\u{2212}");
+    match text.split_once('e') {
+        Some((mantissa, exponent)) => format!("{}×10<sup>{}</sup>", minus(mantissa), minus(exponent)),
+        None => minus(text),
+    }
+}
+
+/// A parameter's name as markup: `Ixx` with its subscript.
+pub(super) fn symbol(name: &str) -> String {
+    let short = name.strip_prefix("offset_").unwrap_or(name);
+    let split = match short {
+        "mcx" | "mcy" | "mcz" => 2,
+        "Ixx" | "Iyy" | "Izz" | "Iyz" | "Izx" | "Ixy" => 1,
+        "fx" | "fy" | "fz" | "mx" | "my" | "mz" => 1,
+        _ => short.len(),
+    };
+    match short.split_at_checked(split) {
+        Some((stem, index)) if !index.is_empty() => format!("{stem}<sub>{index}</sub>"),
+        _ => escape(short),
+    }
+}
+
+/// What a parameter is, in words.
+pub(super) fn describe(name: &str) -> &'static str {
+    match name {
+        "m" => "mass",
+        "mcx" | "mcy" | "mcz" => "first moment",
+        "Ixx" | "Iyy" | "Izz" => "moment of inertia",
+        "Iyz" | "Izx" | "Ixy" => "product of inertia",
+        _ => "",
+    }
+}
+
+/// Text as content or attribute of HTML and XML; characters that neither allows are replaced.
+pub(super) fn escape(text: &str) -> String {
+    let mut escaped = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => escaped.push_str("&amp;"),
+            '<' => escaped.push_str("&lt;"),
+            '>' => escaped.push_str("&gt;"),
+            '"' => escaped.push_str("&quot;"),
+            '\'' => escaped.push_str("&#39;"),
+            '\t' | '\n' => escaped.push(c),
+            c if c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}') => escaped.push('\u{fffd}'),
+            c => escaped.push(c),
+        }
+    }
+    escaped
+}

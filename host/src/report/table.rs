@@ -1,0 +1,133 @@
+//! The result as a plain table for a terminal.
+
+use super::data::{PrincipalAxis, Quantity, Results};
+use super::page::status_words;
+use super::text::{NOT_IDENTIFIED, Rounded, beside, significant, unit_symbol};
+
+/// The result as lines of text, one group after another, columns aligned, with a final newline.
+pub fn plain(results: &Results) -> String {
+    let mut text = format!("{}\n", status_words(results));
+    group(&mut text, "In S, about the origin of S", &results.parameters);
+    let about_com: Vec<Quantity> = results.centre_of_mass.iter().chain(&results.inertia_com).cloned().collect();
+    group(&mut text, "About the centre of mass, axes of S", &about_com);
+    principal(&mut text, &results.principal);
+    if let Some(frame) = &results.body_frame {
+        group(&mut text, &format!("In the body's frame, {}", frame.name), &frame.quantities);
+    }
+    group(&mut text, "Apparent wrench offsets, on the body", &results.offsets);
+    text.push('\n');
+    if let Some(condition) = results.condition_number.filter(|c| c.is_finite()) {
+        text.push_str(&format!("condition number       {}\n", significant(condition, 3)));
+    }
+    let consistent = match results.physically_consistent {
+        Some(true) => "yes",
+        Some(false) => "NO: no rigid body has these parameters",
+        None => "unknown",
+    };
+    text.push_str(&format!("physically consistent  {consistent}\n"));
+    for warning in &results.warnings {
+        text.push_str(&format!("warning: {}\n", printable(warning)));
+    }
+    for advice in &results.advice {
+        text.push_str(&format!("to identify more: {}\n", printable(advice)));
+    }
+    text
+}
+
+/// Cells of one row; numbers are right-aligned, everything else left.
+type Row = [String; 6];
+
+fn group(text: &mut String, title: &str, quantities: &[Quantity]) {
+    if quantities.is_empty() {
+        return;
+    }
+    let with_truth = quantities.iter().any(|q| q.known().is_some() && q.truth.is_some());
+    let mut rows = vec![head(with_truth)];
+    rows.extend(quantities.iter().map(row));
+    text.push_str(&format!("\n{}\n", printable(title)));
+    text.push_str(&aligned(&rows));
+}
+
+fn head(with_truth: bool) -> Row {
+    let (truth, deviation) = if with_truth { ("truth", "deviation") } else { ("", "") };
+    ["", "estimate", "U95", "", truth, deviation].map(str::to_owned)
+}
+
+fn row(quantity: &Quantity) -> Row {
+    let name = printable(&quantity.name);
+    let known = quantity.known().and_then(|m| Rounded::new(m.value, m.u95).map(|r| (m, r)));
+    let Some((m, rounded)) = known else {
+        return [name, NOT_IDENTIFIED.to_owned(), String::new(), String::new(), String::new(), String::new()];
+    };
+    let prior = if m.prior_dominated { " (prior)" } else { "" };
+    let truth = quantity.truth.map_or(String::new(), |t| beside(t, m.u95));
+    let deviation = quantity.deviation_sd().map_or(String::new(), |sd| format!("{sd:+.2} sd"));
+    [
+        name,
+        rounded.value_alone(),
+        format!("± {}{prior}", rounded.u95_alone()),
+        unit_symbol(&quantity.unit),
+        truth,
+        deviation,
+    ]
+}
+
+/// Columns as wide as their widest cell; names, uncertainties and units start, numbers end together.
+fn aligned(rows: &[Row]) -> String {
+    let width = |column: usize| {
+        rows.iter()
+            .filter_map(|r| r.get(column))
+            .filter(|cell| *cell != NOT_IDENTIFIED)
+            .map(|cell| cell.chars().count())
+            .max()
+            .unwrap_or(0)
+    };
+    let widths: Vec<usize> = (0..6).map(width).collect();
+    let mut text = String::new();
+    for row in rows {
+        let mut line = String::from(" ");
+        for (column, (cell, width)) in row.iter().zip(&widths).enumerate() {
+            let width = *width;
+            match column {
+                0 | 2 | 3 => line.push_str(&format!(" {cell:<width$} ")),
+                _ if cell == NOT_IDENTIFIED => line.push_str(&format!("  {cell}")),
+                _ => line.push_str(&format!(" {cell:>width$}")),
+            }
+        }
+        text.push_str(line.trim_end());
+        text.push('\n');
+    }
+    text
+}
+
+fn principal(text: &mut String, axes: &[PrincipalAxis]) {
+    if axes.is_empty() {
+        return;
+    }
+    text.push_str("\nPrincipal moments about the centre of mass and their axes in S\n");
+    let mut rows = vec![head(axes.iter().any(|a| a.moment.known().is_some() && a.moment.truth.is_some()))];
+    rows.extend(axes.iter().map(|a| row(&a.moment)));
+    let table = aligned(&rows);
+    let width = table.lines().map(|l| l.chars().count()).max().unwrap_or(0);
+    let directions = std::iter::once(String::new()).chain(axes.iter().map(direction));
+    for (line, direction) in table.lines().zip(directions) {
+        text.push_str(format!("{line:<width$}   {direction}").trim_end());
+        text.push('\n');
+    }
+}
+
+fn direction(axis: &PrincipalAxis) -> String {
+    if axis.moment.known().is_none() {
+        return String::new();
+    }
+    if !axis.direction_u95_rad.is_finite() {
+        return "axis free: two moments are equal within U95".to_owned();
+    }
+    let [x, y, z] = axis.axis;
+    format!("[{x:+.4}, {y:+.4}, {z:+.4}] ± {}°", significant(axis.direction_u95_rad.to_degrees(), 2))
+}
+
+/// Without control characters, which would steer the terminal.
+fn printable(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
+}

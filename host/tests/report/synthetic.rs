@@ -1,0 +1,246 @@
+//! A made-up experiment that fills every part of a report; shared by the tests and the example.
+
+use rigident::report::{
+    Convergence, Drift, FrameResults, Measured, PrincipalAxis, Quantity, ReportData, Residual, Results, Source,
+    Stage, Status, TimePlot,
+};
+
+/// Reproducible noise: sums of twelve uniform numbers, variance one.
+pub struct Noise(u64);
+
+impl Noise {
+    pub fn new(seed: u64) -> Self {
+        Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1)
+    }
+
+    fn uniform(&mut self) -> f64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    pub fn normal(&mut self) -> f64 {
+        (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
+    }
+}
+
+pub const PARAMETERS: [(&str, &str, f64, f64); 10] = [
+    ("m", "kg", 20.0, 0.021),
+    ("mcx", "kg m", 0.0, 0.0012),
+    ("mcy", "kg m", 0.0, 0.0011),
+    ("mcz", "kg m", 1.06, 0.0016),
+    ("Ixx", "kg m2", 0.43748, 0.00031),
+    ("Iyy", "kg m2", 0.07468, 0.00028),
+    ("Izz", "kg m2", 0.3791, 0.00045),
+    ("Iyz", "kg m2", 0.0, 0.00021),
+    ("Izx", "kg m2", 0.0, 0.00025),
+    ("Ixy", "kg m2", 0.0, 0.00019),
+];
+
+const OFFSETS: [(&str, &str, f64, f64); 6] = [
+    ("offset_fx", "N", 1.4, 0.11),
+    ("offset_fy", "N", -0.6, 0.10),
+    ("offset_fz", "N", 3.1, 0.22),
+    ("offset_mx", "N m", 0.12, 0.008),
+    ("offset_my", "N m", -0.05, 0.009),
+    ("offset_mz", "N m", 0.01, 0.007),
+];
+
+fn quantity(name: &str, unit: &str, truth: f64, u95: f64, noise: &mut Noise) -> Quantity {
+    let value = truth + u95 / 1.96 * noise.normal();
+    Quantity {
+        name: name.to_owned(),
+        unit: unit.to_owned(),
+        measured: Some(Measured { value, u95, prior_dominated: false }),
+        truth: Some(truth),
+    }
+}
+
+fn convergence(quantity: &Quantity, from_s: f64, times: &[f64], noise: &mut Noise) -> Convergence {
+    let Measured { value, u95, .. } = quantity.measured.unwrap();
+    let end = times.last().copied().unwrap();
+    let mut history = Convergence { name: quantity.name.clone(), ..Convergence::default() };
+    let mut wander = 0.0;
+    for t in times {
+        let u = if *t > from_s { u95 * ((end - from_s) / (t - from_s)).sqrt() } else { f64::INFINITY };
+        wander = 0.97 * wander + 0.24 * noise.normal();
+        history.time_s.push(*t);
+        history.u95.push(u);
+        let left = (1.0 - (t - from_s) / (end - from_s)).max(0.0).sqrt();
+        history.estimate.push(if u.is_finite() { value + 0.4 * u * wander * left } else { 0.0 });
+    }
+    history
+}
+
+/// Five still poses of four seconds, then 40 s of motion, at `rate_hz`.
+pub fn experiment(rate_hz: f64) -> ReportData {
+    let mut noise = Noise::new(7);
+    let rows = (60.0 * rate_hz) as usize;
+    let time_s: Vec<f64> = (0..rows).map(|i| i as f64 / rate_hz).collect();
+    let seldom: Vec<f64> = (1..=1200).map(|i| f64::from(i) * 0.05).collect();
+    let mut many = |list: &[(&str, &str, f64, f64)]| -> Vec<Quantity> {
+        list.iter().map(|(n, u, t, s)| quantity(n, u, *t, *s, &mut noise)).collect()
+    };
+    let parameters = many(&PARAMETERS);
+    let offsets = many(&OFFSETS);
+    let centre_of_mass =
+        many(&[("x", "m", 0.0, 0.000_06), ("y", "m", 0.0, 0.000_055), ("z", "m", 0.053, 0.000_09)]);
+    let inertia_com = many(&[
+        ("Ixx", "kg m2", 0.3813, 0.000_32),
+        ("Iyy", "kg m2", 0.0185, 0.000_29),
+        ("Izz", "kg m2", 0.3791, 0.000_45),
+        ("Iyz", "kg m2", 0.0, 0.000_21),
+        ("Izx", "kg m2", 0.0, 0.000_25),
+        ("Ixy", "kg m2", 0.0, 0.000_19),
+    ]);
+    let frame = many(&[
+        ("x", "m", 0.0, 0.000_06),
+        ("y", "m", 0.0, 0.000_055),
+        ("z", "m", 0.033, 0.000_09),
+        ("Ixx", "kg m2", 0.403_08, 0.000_32),
+        ("Iyy", "kg m2", 0.040_28, 0.000_29),
+        ("Izz", "kg m2", 0.3791, 0.000_45),
+        ("Iyz", "kg m2", 0.0, 0.000_21),
+        ("Izx", "kg m2", 0.0, 0.000_25),
+        ("Ixy", "kg m2", 0.0, 0.000_19),
+    ]);
+    let moments = many(&[
+        ("I1", "kg m2", 0.3813, 0.000_32),
+        ("I2", "kg m2", 0.3791, 0.000_45),
+        ("I3", "kg m2", 0.0185, 0.000_29),
+    ]);
+    let axes = [[1.0, 0.0004, -0.0131], [0.0131, -0.0002, 0.9999], [0.0004, -1.0, 0.0002]];
+    let principal = moments
+        .into_iter()
+        .zip(axes)
+        .zip([0.19, 0.19, 0.0012])
+        .map(|((moment, axis), direction_u95_rad)| PrincipalAxis { moment, axis, direction_u95_rad })
+        .collect();
+    let changes = many(&[
+        ("fx", "N", 0.0, 0.31),
+        ("fy", "N", 0.0, 0.29),
+        ("fz", "N", 0.9, 0.61),
+        ("mx", "N m", 0.0, 0.023),
+        ("my", "N m", 0.0, 0.027),
+        ("mz", "N m", 0.0, 0.026),
+    ]);
+    let histories = parameters
+        .iter()
+        .enumerate()
+        .map(|(j, q)| convergence(q, if j < 4 { 4.0 } else { 20.0 }, &seldom, &mut noise))
+        .collect();
+    let sigmas = [5.05, 5.05, 10.1, 0.383, 0.459, 0.459];
+    let residuals = ["fx", "fy", "fz", "mx", "my", "mz"]
+        .iter()
+        .zip(sigmas)
+        .map(|(channel, sigma)| Residual {
+            channel: (*channel).to_owned(),
+            unit: if channel.starts_with('f') { "N" } else { "N m" }.to_owned(),
+            time_s: time_s.clone(),
+            values: time_s.iter().map(|_| sigma * noise.normal()).collect(),
+            sigma,
+        })
+        .collect();
+    ReportData {
+        source: Source {
+            body_name: "Test body with plates, horizontal".to_owned(),
+            recording: "demo-2026-11-21.mcap".to_owned(),
+            mcu: "inproc".to_owned(),
+            rate_hz: Some(rate_hz),
+            rows: rows as u64,
+            duration_s: Some(60.0),
+        },
+        results: Results {
+            status: Status::Identified,
+            parameters,
+            centre_of_mass,
+            inertia_com,
+            principal,
+            body_frame: Some(FrameResults { name: "bracket 17".to_owned(), quantities: frame }),
+            offsets,
+            condition_number: Some(12.34),
+            physically_consistent: Some(true),
+            warnings: Vec::new(),
+            advice: Vec::new(),
+        },
+        rejected: vec![("saturated".to_owned(), 12), ("frozen".to_owned(), 0), ("gap".to_owned(), 3)],
+        provenance: vec![
+            ("firmware".to_owned(), "rigident 0.1.0, CRC-32 8f3a11c4, protocol 1".to_owned()),
+            ("load cell".to_owned(), "serial 4711, calibrated 2026-03-02".to_owned()),
+            ("IMU".to_owned(), "serial 0815, calibrated 2026-05-19".to_owned()),
+        ],
+        stages: stages(),
+        convergence: histories,
+        residuals,
+        residual_note: "Rows before the filter.".to_owned(),
+        motion: motion(&time_s, &mut noise),
+        drift: Some(Drift { elapsed_s: 56.0, changes }),
+    }
+}
+
+fn stages() -> Vec<Stage> {
+    let mut stages: Vec<Stage> =
+        (0..5).map(|i| Stage { start_s: 4.0 * f64::from(i), name: format!("pose {}", i + 1) }).collect();
+    stages.push(Stage { start_s: 20.0, name: "motion".to_owned() });
+    stages.push(Stage { start_s: 57.0, name: "pose 1 again".to_owned() });
+    stages
+}
+
+fn motion(time_s: &[f64], noise: &mut Noise) -> Vec<TimePlot> {
+    let tilt: [(f64, f64); 5] = [(0.5, -0.27), (-0.05, 0.54), (0.48, -0.28), (-0.33, -0.43), (0.51, 0.27)];
+    let moving = |t: f64| t > 20.0 && t < 57.0;
+    let wave = |t: f64, k: usize| -> f64 {
+        if !moving(t) {
+            return 0.0;
+        }
+        let f = [[0.7, 1.9], [0.9, 2.3], [1.1, 1.7]][k];
+        let fade = ((t - 20.0).min(57.0 - t) / 2.0).min(1.0);
+        fade * f.map(|f| (std::f64::consts::TAU * f * t).sin()).iter().sum::<f64>()
+    };
+    let mut series = |f: &dyn Fn(f64) -> f64, sigma: f64| -> Vec<f64> {
+        time_s.iter().map(|t| f(*t) + sigma * noise.normal()).collect()
+    };
+    let pose = |t: f64| if t < 20.0 { tilt[((t / 4.0) as usize).min(4)] } else { (0.0, 0.0) };
+    let g = 9.80665;
+    vec![
+        TimePlot {
+            title: "Angular rate at the IMU".to_owned(),
+            unit: "rad/s".to_owned(),
+            time_s: time_s.to_vec(),
+            series: (0..3)
+                .map(|k| (["ω x", "ω y", "ω z"][k].to_owned(), series(&|t| 0.6 * wave(t, k), 4.3e-4)))
+                .collect(),
+        },
+        TimePlot {
+            title: "Specific force at the IMU".to_owned(),
+            unit: "m/s2".to_owned(),
+            time_s: time_s.to_vec(),
+            series: vec![
+                ("a x".to_owned(), series(&|t| -g * pose(t).1.sin() + wave(t, 0), 0.02)),
+                ("a y".to_owned(), series(&|t| g * pose(t).1.cos() * pose(t).0.sin() + wave(t, 1), 0.02)),
+                ("a z".to_owned(), series(&|t| g * pose(t).1.cos() * pose(t).0.cos() + wave(t, 2), 0.02)),
+            ],
+        },
+    ]
+}
+
+/// The same after still poses only: no tensor, no drift check.
+pub fn still_poses() -> ReportData {
+    let mut data = experiment(50.0);
+    data.source.body_name = "Tool <flange> & \"adapter\"".to_owned();
+    data.results.status = Status::PartlyIdentified;
+    for quantity in data.results.parameters.iter_mut().skip(4).chain(&mut data.results.inertia_com) {
+        quantity.measured = None;
+    }
+    for quantity in data.results.body_frame.iter_mut().flat_map(|f| f.quantities.iter_mut().skip(3)) {
+        quantity.measured = None;
+    }
+    data.results.principal.clear();
+    data.results.physically_consistent = None;
+    data.results.warnings = vec!["accelerometer gain and bias were calibrated against |g|".to_owned()];
+    data.results.advice =
+        vec!["no sufficient rotation about S.x: turn the body about S.x to and fro".to_owned()];
+    data.drift = None;
+    data
+}
