@@ -1,2 +1,73 @@
-//! Developer jobs.
-fn main() {}
+//! Developer jobs, one verb each, one file each; `.ci/run` calls the same verbs.
+//!
+//! What lives here: installing tools, building the firmware for its target, running every test, and
+//! measuring the linked program. What may not: anything the instrument needs at run time. Start with
+//! `verify` (the verb `test`), which calls nearly all the others.
+
+mod bench_target;
+mod check_elf;
+mod elf;
+mod firmware;
+mod fuzz;
+mod places;
+mod process;
+mod setup;
+mod size;
+mod toolchain;
+mod verify;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use toolchain::Core;
+
+#[derive(Parser)]
+#[command(name = "cargo xtask", about = "Rigident's developer jobs", version)]
+struct Arguments {
+    /// Where the target's `core` comes from; chosen by itself when not given.
+    #[arg(long, global = true, env = "RIGIDENT_CORE", value_enum)]
+    core: Option<Core>,
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Subcommand)]
+enum Verb {
+    /// Install what is missing: emulator, target `core`, C++ compiler, cargo-fuzz, Python readers.
+    Setup,
+    /// Build the firmware for the emulated board and print where the ELF is.
+    Firmware(firmware::Options),
+    /// Install, build and test everything.
+    Test(verify::Options),
+    /// Flash, RAM and worst stack of the firmware, against the golden file.
+    Size(size::Options),
+    /// Instructions and estimated Cortex-M4 cycles for each sample, in the emulator.
+    BenchTarget(bench_target::Options),
+    /// Look for double precision and for panics reachable from the sample path in the firmware.
+    CheckElf(check_elf::Options),
+    /// Fuzz the decoders.
+    Fuzz(fuzz::Options),
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    match run(&arguments.verb, arguments.core) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(verb: &Verb, core: Option<Core>) -> anyhow::Result<()> {
+    match verb {
+        Verb::Setup => setup::run(core),
+        Verb::Firmware(options) => firmware::run(options, core),
+        Verb::Test(options) => verify::run(options, core),
+        Verb::Size(options) => size::run(options, core),
+        Verb::BenchTarget(options) => bench_target::run(options, core),
+        Verb::CheckElf(options) => check_elf::run(options, core),
+        Verb::Fuzz(options) => fuzz::run(options),
+    }
+}

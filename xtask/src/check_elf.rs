@@ -1,0 +1,145 @@
+//! The verb `check-elf`: no double precision in the firmware, no panic within reach of its sample path.
+//!
+//! Each check is also run on a firmware built with a planted offender, which it must find.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, Result, bail};
+
+use crate::elf::graph::{self, Graph};
+use crate::elf::program::{Function, Program};
+use crate::firmware;
+use crate::process::Steps;
+use crate::toolchain::{self, Core};
+
+/// The function that takes one sample from the drivers to the factor.
+pub const SAMPLE_PATH: &str = "rigident_sample_path";
+
+/// What to check.
+#[derive(clap::Args, Clone, Default)]
+pub struct Options {
+    /// Check this ELF alone, without building and without planted offenders.
+    #[arg(long)]
+    pub elf: Option<PathBuf>,
+}
+
+/// Runs both checks on the firmware, then on the planted offenders.
+pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
+    if let Some(elf) = &options.elf {
+        return check(&Program::read(elf)?);
+    }
+    let core = toolchain::choose(core)?;
+    let mut steps = Steps::default();
+    run_steps(&mut steps, core);
+    steps.finish()
+}
+
+/// The checks as named steps.
+pub fn run_steps(steps: &mut Steps, core: Core) {
+    steps.run("check-elf", || check(&Program::read(&firmware::build(core, &[])?)?));
+    steps.run("check-elf finds planted double precision", || {
+        let program = Program::read(&firmware::build(core, &["plant-double"])?)?;
+        expect_found("plant-double", no_double_precision(&program))
+    });
+    steps.run("check-elf finds a planted panic", || {
+        let program = Program::read(&firmware::build(core, &["plant-panic"])?)?;
+        expect_found("plant-panic", no_panic_from_sample_path(&program))
+    });
+}
+
+fn check(program: &Program) -> Result<()> {
+    no_double_precision(program)?;
+    println!("no double-precision helper among {} functions", program.functions.len());
+    let reached = no_panic_from_sample_path(program)?;
+    println!("no panic among the {reached} functions within reach of {SAMPLE_PATH}");
+    Ok(())
+}
+
+fn expect_found<T>(feature: &str, outcome: Result<T>) -> Result<()> {
+    match outcome {
+        Ok(_) => bail!("the offender that feature {feature} plants was not found"),
+        Err(found) => {
+            println!("found, as it should be: {found:#}");
+            Ok(())
+        }
+    }
+}
+
+/// Fails if a helper for double-precision arithmetic is linked, whoever calls it.
+pub fn no_double_precision(program: &Program) -> Result<()> {
+    let mut found: Vec<&str> = program
+        .functions
+        .iter()
+        .filter(|function| function.symbols.iter().any(|symbol| is_double_helper(symbol)))
+        .map(|function| function.name.as_str())
+        .collect();
+    found.sort_unstable();
+    if found.is_empty() { Ok(()) } else { bail!("double precision is linked: {}", found.join(", ")) }
+}
+
+/// Names of the run-time ABI (IHI 0043, 4.1.2) and of compiler-rt: arithmetic on, to or from double.
+fn is_double_helper(symbol: &str) -> bool {
+    let plain = crate::elf::program::readable(symbol);
+    let name = plain.rsplit("::").next().unwrap_or(&plain);
+    if let Some(rest) = name.strip_prefix("__aeabi_") {
+        return rest.starts_with('d') && !rest.starts_with("div")
+            || ["f2d", "i2d", "ui2d", "l2d", "ul2d"].contains(&rest);
+    }
+    let Some(rest) = name.strip_prefix("__") else { return false };
+    // adddf3, ltdf2, fixdfsi, floatsidf, extendsfdf2, truncdfsf2, powidf2, with or without `vfp` behind.
+    [
+        "df2", "df3", "dfsi", "dfdi", "dfti", "sidf", "didf", "tidf", "dfsf2", "df2vfp", "df3vfp", "dfsi4",
+        "df4",
+    ]
+    .iter()
+    .any(|end| rest.ends_with(end))
+}
+
+/// Fails if a panic, an abort or a call whose target is not known is within reach of the sample path.
+///
+/// Gives how many functions are.
+pub fn no_panic_from_sample_path(program: &Program) -> Result<usize> {
+    let root = program
+        .function_of_symbol(SAMPLE_PATH)
+        .with_context(|| format!("{} has no symbol {SAMPLE_PATH}", program.path.display()))?;
+    let graph = Graph::new(program);
+    let reached = graph.reachable(root);
+    let mut found = Vec::new();
+    for &index in reached.keys() {
+        let way = || graph::path(program, &reached, index);
+        if is_panic(&program.functions[index]) {
+            found.push(format!("a panic: {}", way()));
+            continue;
+        }
+        for address in &graph.exits[index].traps {
+            found.push(format!("an abort at {address:#x}: {}", way()));
+        }
+        for address in &graph.exits[index].unknown {
+            found.push(format!("a call through a register at {address:#x}, of unknown target: {}", way()));
+        }
+    }
+    if found.is_empty() {
+        Ok(reached.len())
+    } else {
+        bail!("within reach of {SAMPLE_PATH}:\n    {}", found.join("\n    "))
+    }
+}
+
+/// Whether a function is part of panicking: `core`'s and defmt's, and what they end in.
+pub fn is_panic(function: &Function) -> bool {
+    const PARTS: [&str; 10] = [
+        "core::panicking",
+        "rust_begin_unwind",
+        "rust_panic",
+        "unwrap_failed",
+        "expect_failed",
+        "_fail_rt",
+        "slice_index_fail",
+        "len_mismatch_fail",
+        "defmt::export::panic",
+        "_defmt_panic",
+    ];
+    std::iter::once(&function.name)
+        .chain(&function.symbols)
+        .any(|name| PARTS.iter().any(|part| name.contains(part)))
+}

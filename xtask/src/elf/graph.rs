@@ -1,0 +1,96 @@
+//! Who calls whom, read from the instructions.
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+
+use super::program::Program;
+use super::thumb::{Constant, Flow};
+
+/// How control leaves a function.
+#[derive(Clone, Debug, Default)]
+pub struct Exits {
+    /// Functions called or jumped to.
+    pub to: BTreeSet<usize>,
+    /// Addresses of calls through a register whose value is not known.
+    pub unknown: Vec<u32>,
+    /// Addresses of the compiler's aborts.
+    pub traps: Vec<u32>,
+}
+
+/// The call graph of a program: one entry for each of its functions.
+pub struct Graph {
+    pub exits: Vec<Exits>,
+}
+
+impl Graph {
+    /// Reads every function's instructions.
+    pub fn new(program: &Program) -> Self {
+        let exits = (0..program.functions.len()).map(|index| exits(program, index)).collect();
+        Self { exits }
+    }
+
+    /// Everything that can run once `from` is called, each with the function it was first reached through.
+    pub fn reachable(&self, from: usize) -> BTreeMap<usize, Option<usize>> {
+        let mut reached = BTreeMap::from([(from, None)]);
+        let mut waiting = VecDeque::from([from]);
+        while let Some(function) = waiting.pop_front() {
+            for &next in &self.exits[function].to {
+                reached.entry(next).or_insert_with(|| {
+                    waiting.push_back(next);
+                    Some(function)
+                });
+            }
+        }
+        reached
+    }
+}
+
+/// The way into `to` as names, outermost first.
+pub fn path(program: &Program, reached: &BTreeMap<usize, Option<usize>>, to: usize) -> String {
+    let mut names = vec![program.functions[to].name.clone()];
+    let mut at = to;
+    while let Some(Some(from)) = reached.get(&at) {
+        names.push(program.functions[*from].name.clone());
+        at = *from;
+    }
+    names.reverse();
+    names.join(" → ")
+}
+
+fn exits(program: &Program, index: usize) -> Exits {
+    let function = &program.functions[index];
+    let mut exits = Exits::default();
+    let mut known: [Option<u32>; 16] = [None; 16];
+    let reach = |exits: &mut Exits, at: u32, to: u32| match program.function_at(to & !1) {
+        Some(target) if target == index && to & !1 != function.range.start => {}
+        Some(target) => {
+            exits.to.insert(target);
+        }
+        None => exits.unknown.push(at),
+    };
+    for (address, instruction) in program.instructions(function) {
+        match instruction.flow {
+            Flow::Next | Flow::Table | Flow::Return => {}
+            Flow::Trap => exits.traps.push(address),
+            Flow::Jump { to, .. } if function.range.contains(&to) => {}
+            Flow::Jump { to, .. } | Flow::Call { to } => reach(&mut exits, address, to),
+            Flow::CallRegister(register) | Flow::JumpRegister(register) => {
+                match known[usize::from(register & 15)] {
+                    Some(to) => reach(&mut exits, address, to),
+                    None => exits.unknown.push(address),
+                }
+            }
+        }
+        match instruction.constant {
+            Some((register, Constant::Low(half))) => {
+                known[usize::from(register & 15)] = Some(u32::from(half))
+            }
+            Some((register, Constant::High(half))) => {
+                let register = usize::from(register & 15);
+                known[register] = known[register].map(|low| low & 0xffff | u32::from(half) << 16);
+            }
+            Some((register, Constant::Literal(at))) => known[usize::from(register & 15)] = program.word(at),
+            None => {}
+        }
+    }
+    exits
+}

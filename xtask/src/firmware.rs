@@ -1,0 +1,60 @@
+//! The verb `firmware`: builds the board's release binary.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+
+use crate::places::{self, FIRMWARE, TARGET};
+use crate::process;
+use crate::toolchain::{self, Core};
+
+/// What to build.
+#[derive(clap::Args, Clone, Default)]
+pub struct Options {
+    /// Features of the board crate, separated by commas.
+    #[arg(long, value_delimiter = ',')]
+    pub features: Vec<String>,
+}
+
+/// Builds and prints the path on standard output.
+pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
+    let core = toolchain::choose(core)?;
+    let features: Vec<&str> = options.features.iter().map(String::as_str).collect();
+    println!("{}", build(core, &features)?.display());
+    Ok(())
+}
+
+/// Builds the board's main binary. Without features it also goes where the simulator looks for it.
+pub fn build(core: Core, features: &[&str]) -> Result<PathBuf> {
+    let elf = build_binary(core, FIRMWARE, features)?;
+    if features.is_empty() {
+        copy(&elf, &places::firmware_elf())?;
+    }
+    Ok(elf)
+}
+
+/// Builds one binary of the board crate and keeps its ELF where builds with other features do not replace it.
+pub fn build_binary(core: Core, binary: &str, features: &[&str]) -> Result<PathBuf> {
+    let mut command = toolchain::board_cargo(core, "build", &places::board());
+    command.args(["--release", "--bin", binary]);
+    if !features.is_empty() {
+        command.arg("--features").arg(features.join(","));
+    }
+    process::run(&mut command)?;
+    let built = toolchain::build_folder(core).join(TARGET).join("release").join(binary);
+    let mut name = format!("{binary}-{core}");
+    for feature in features {
+        name = format!("{name}-{feature}");
+    }
+    let kept = places::own().join("elf").join(name).with_extension("elf");
+    copy(&built, &kept)?;
+    Ok(kept)
+}
+
+fn copy(from: &Path, to: &Path) -> Result<()> {
+    if let Some(folder) = to.parent() {
+        std::fs::create_dir_all(folder)?;
+    }
+    std::fs::copy(from, to).with_context(|| format!("cannot copy {} to {}", from.display(), to.display()))?;
+    Ok(())
+}

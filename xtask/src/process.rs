@@ -1,0 +1,128 @@
+//! Running other programs: clean environment, time limits, named and timed steps.
+
+use std::ffi::OsStr;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, bail};
+
+/// A command without what cargo set for this program alone, and without standard input.
+///
+/// Build scripts watch such variables: left in place, they would rebuild crates on every change of caller.
+pub fn command(program: impl AsRef<OsStr>, folder: &Path) -> Command {
+    let mut command = Command::new(program);
+    command.current_dir(folder).stdin(Stdio::null());
+    for (key, _) in std::env::vars_os() {
+        let name = key.to_string_lossy();
+        let of_cargo_run = name.starts_with("CARGO_PKG_")
+            || name.starts_with("CARGO_BIN_")
+            || name.starts_with("CARGO_MANIFEST_")
+            || matches!(name.as_ref(), "CARGO" | "CARGO_CRATE_NAME" | "CARGO_PRIMARY_PACKAGE" | "OUT_DIR");
+        if of_cargo_run {
+            command.env_remove(&key);
+        }
+    }
+    command
+}
+
+/// Cargo as the user calls it, in `folder`.
+pub fn cargo(folder: &Path) -> Command {
+    command("cargo", folder)
+}
+
+/// The command as one would type it.
+pub fn shown(command: &Command) -> String {
+    let mut words: Vec<String> = vec![command.get_program().to_string_lossy().into_owned()];
+    words.extend(command.get_args().map(|word| word.to_string_lossy().into_owned()));
+    words.join(" ")
+}
+
+/// Runs to the end; its output goes where ours goes.
+pub fn run(command: &mut Command) -> Result<()> {
+    eprintln!("$ {}", shown(command));
+    let status = command.status().with_context(|| format!("cannot start `{}`", shown(command)))?;
+    if !status.success() {
+        bail!("`{}` ended with {status}", shown(command));
+    }
+    Ok(())
+}
+
+/// Runs to the end and gives its standard output.
+pub fn output(command: &mut Command) -> Result<String> {
+    let output = command
+        .stderr(Stdio::inherit())
+        .output()
+        .with_context(|| format!("cannot start `{}`", shown(command)))?;
+    if !output.status.success() {
+        bail!("`{}` ended with {}", shown(command), output.status);
+    }
+    String::from_utf8(output.stdout).with_context(|| format!("`{}` did not print text", shown(command)))
+}
+
+/// Runs for at most `limit`; `Ok(false)` when it failed or had to be ended.
+pub fn run_bounded(command: &mut Command, limit: Duration) -> Result<bool> {
+    eprintln!("$ {} (at most {} s)", shown(command), limit.as_secs());
+    let begun = Instant::now();
+    let mut child = command.spawn().with_context(|| format!("cannot start `{}`", shown(command)))?;
+    loop {
+        if let Some(status) = child.try_wait()? {
+            return Ok(status.success());
+        }
+        if begun.elapsed() >= limit {
+            child.kill()?;
+            child.wait()?;
+            return Ok(false);
+        }
+        std::thread::sleep(Duration::from_millis(100));
+    }
+}
+
+/// Whether a program of that name is on the path.
+pub fn is_installed(program: &str) -> bool {
+    std::env::var_os("PATH")
+        .is_some_and(|path| std::env::split_paths(&path).any(|folder| folder.join(program).is_file()))
+}
+
+/// Runs named steps, times each, and keeps going after a failure so that all are reported.
+#[derive(Default)]
+pub struct Steps {
+    done: Vec<(String, Duration, Option<String>)>,
+}
+
+impl Steps {
+    /// Runs one step. A failure is printed and remembered; the value is there only on success.
+    pub fn run<T>(&mut self, name: &str, step: impl FnOnce() -> Result<T>) -> Option<T> {
+        println!("\n=== {name}");
+        let begun = Instant::now();
+        let result = step();
+        let took = begun.elapsed();
+        let (value, failure) = match result {
+            Ok(value) => (Some(value), None),
+            Err(error) => (None, Some(format!("{error:#}"))),
+        };
+        match &failure {
+            None => println!("--- {name}: ok, {:.1} s", took.as_secs_f64()),
+            Some(failure) => println!("--- {name}: FAILED, {:.1} s: {failure}", took.as_secs_f64()),
+        }
+        self.done.push((name.into(), took, failure));
+        value
+    }
+
+    /// Prints what each step took and fails if any did.
+    pub fn finish(self) -> Result<()> {
+        println!("\n=== summary");
+        let total: Duration = self.done.iter().map(|(_, took, _)| *took).sum();
+        for (name, took, failure) in &self.done {
+            let mark = if failure.is_none() { "ok    " } else { "FAILED" };
+            println!("{mark} {:7.1} s  {name}", took.as_secs_f64());
+        }
+        println!("       {:7.1} s  in all", total.as_secs_f64());
+        let failures: Vec<_> =
+            self.done.iter().filter_map(|(name, _, failure)| failure.as_ref().map(|f| (name, f))).collect();
+        for (name, failure) in &failures {
+            println!("\n{name}:\n  {failure}");
+        }
+        if failures.is_empty() { Ok(()) } else { bail!("{} step(s) failed", failures.len()) }
+    }
+}

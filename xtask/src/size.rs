@@ -1,0 +1,128 @@
+//! The verb `size`: flash, RAM and worst stack of the firmware, against a golden file.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, Result, bail};
+use serde::{Deserialize, Serialize};
+
+use crate::check_elf::is_panic;
+use crate::elf::graph::Graph;
+use crate::elf::program::Program;
+use crate::elf::stack::{self, Depth};
+use crate::firmware;
+use crate::places;
+use crate::toolchain::{self, Core};
+
+/// How to compare.
+#[derive(clap::Args, Clone, Default)]
+pub struct Options {
+    /// Write the golden file instead of comparing with it.
+    #[arg(long)]
+    pub overwrite: bool,
+    /// Print JSON on standard output.
+    #[arg(long)]
+    pub json: bool,
+    /// Print the way to the deepest stack.
+    #[arg(long)]
+    pub way: bool,
+}
+
+/// Bytes. The two compilers that can build the firmware differ by a little.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+struct Sizes {
+    flash_bytes: u64,
+    ram_bytes: u64,
+    worst_stack_bytes: u64,
+}
+
+/// How far a size may be from the golden file's: a part, and bytes on top for small ones.
+const TOLERANCE: (f64, u64) = (0.05, 64);
+/// Bytes an exception saves by itself with the floating-point context, and one word to align.
+const EXCEPTION_FRAME: u32 = 26 * 4 + 4;
+
+/// Measures, prints and compares.
+pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
+    let core = toolchain::choose(core)?;
+    let program = Program::read(&firmware::build(core, &[])?)?;
+    let (main, handlers) = depths(&program)?;
+    let worst =
+        u64::from(main.bytes) + handlers.iter().map(|h| u64::from(h.bytes + EXCEPTION_FRAME)).sum::<u64>();
+    let sizes =
+        Sizes { flash_bytes: program.memory.flash, ram_bytes: program.memory.ram, worst_stack_bytes: worst };
+    if options.json {
+        println!("{}", serde_json::to_string(&sizes)?);
+    } else {
+        println!("| | bytes |\n|---|---|");
+        println!("| flash | {} |", sizes.flash_bytes);
+        println!("| RAM, static | {} |", sizes.ram_bytes);
+        println!("| worst stack, bound by the call graph | {} |", sizes.worst_stack_bytes);
+    }
+    if options.way {
+        for depth in std::iter::once(&main).chain(&handlers) {
+            eprintln!("{} bytes:", depth.bytes);
+            depth.way.iter().for_each(|(name, own)| eprintln!("  {own:6}  {name}"));
+        }
+    }
+    compare(sizes, options.overwrite)
+}
+
+fn golden() -> PathBuf {
+    places::root().join("xtask/golden/size.json")
+}
+
+fn compare(sizes: Sizes, overwrite: bool) -> Result<()> {
+    let path = golden();
+    if overwrite {
+        std::fs::create_dir_all(path.parent().unwrap_or(places::root()))?;
+        return Ok(std::fs::write(&path, serde_json::to_string_pretty(&sizes)? + "\n")?);
+    }
+    let text = std::fs::read_to_string(&path)
+        .with_context(|| format!("no {}; make it with `cargo xtask size --overwrite`", path.display()))?;
+    let before: Sizes = serde_json::from_str(&text)?;
+    let pairs = [
+        ("flash", before.flash_bytes, sizes.flash_bytes),
+        ("RAM", before.ram_bytes, sizes.ram_bytes),
+        ("worst stack", before.worst_stack_bytes, sizes.worst_stack_bytes),
+    ];
+    let off: Vec<String> = pairs
+        .into_iter()
+        .filter(|&(_, golden, now)| golden.abs_diff(now) > (golden as f64 * TOLERANCE.0) as u64 + TOLERANCE.1)
+        .map(|(what, golden, now)| format!("{what} was {golden} and is {now}"))
+        .collect();
+    if off.is_empty() {
+        return Ok(());
+    }
+    bail!("{}; if that is meant, `cargo xtask size --overwrite`", off.join(", "))
+}
+
+/// The main program's depth and every exception handler's.
+///
+/// Handlers are summed up, as if each interrupted the one before: a bound for any priorities.
+fn depths(program: &Program) -> Result<(Depth, Vec<Depth>)> {
+    let graph = Graph::new(program);
+    let is_end = |index: usize| is_panic(&program.functions[index]);
+    let root = program.function_of_symbol("Reset").context("there is no Reset handler")?;
+    let main = stack::worst(program, &graph, root, &is_end)?;
+    let handlers = handlers(program)
+        .into_iter()
+        .map(|handler| stack::worst(program, &graph, handler, &is_end))
+        .collect::<Result<_>>()?;
+    Ok((main, handlers))
+}
+
+/// Distinct handlers in the vector table, without Reset and the hard fault, which does not return.
+fn handlers(program: &Program) -> Vec<usize> {
+    const HARD_FAULT: usize = 3;
+    let mut found: Vec<usize> = program
+        .vectors
+        .clone()
+        .step_by(4)
+        .enumerate()
+        .filter(|&(entry, _)| entry >= 2 && entry != HARD_FAULT)
+        .filter_map(|(_, address)| program.word(address))
+        .filter_map(|handler| program.function_at(handler & !1).filter(|_| handler & 1 == 1))
+        .collect();
+    found.sort_unstable();
+    found.dedup();
+    found
+}

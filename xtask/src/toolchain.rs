@@ -1,0 +1,128 @@
+//! The one place that chooses where the target's `core` comes from, and says what it chose and why.
+//!
+//! Either rustup's prebuilt `core`, or Debian's own compiler, which carries the sources and builds it.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Duration;
+
+use anyhow::{Result, bail};
+
+use crate::places::{self, TARGET};
+use crate::process;
+use crate::setup;
+
+/// A way to the target's `core`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Core {
+    /// The prebuilt one that `rustup target add` installs.
+    Rustup,
+    /// Debian's compiler builds it from the sources it carries.
+    Debian,
+}
+
+impl fmt::Display for Core {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(match self {
+            Core::Rustup => "rustup",
+            Core::Debian => "debian",
+        })
+    }
+}
+
+/// Debian's packages for the second way.
+const DEBIAN_PACKAGES: [&str; 4] = ["rustc-web", "cargo-web", "rust-web-src", "lld"];
+const DEBIAN_RUSTC: &str = "/usr/bin/rustc";
+const DEBIAN_CARGO: &str = "/usr/bin/cargo";
+const RUSTUP_LIMIT: Duration = Duration::from_secs(60);
+
+/// Chooses, installs if it must, and prints what was chosen and why.
+///
+/// Order: what was asked for; what is there already; rustup, for at most a minute; Debian's packages.
+pub fn choose(asked: Option<Core>) -> Result<Core> {
+    let (core, why) = match asked {
+        Some(Core::Rustup) => {
+            if !rustup_core_is_installed() && !add_by_rustup()? {
+                bail!("`rustup target add {TARGET}` failed; try without `--core rustup`");
+            }
+            (Core::Rustup, "it was asked for")
+        }
+        Some(Core::Debian) => {
+            install_debian()?;
+            (Core::Debian, "it was asked for")
+        }
+        None if rustup_core_is_installed() => (Core::Rustup, "the compiler has it already"),
+        None if debian_is_installed() => (Core::Debian, "Debian's compiler is already here"),
+        None if process::is_installed("rustup") && add_by_rustup()? => (Core::Rustup, "rustup could add it"),
+        None => {
+            install_debian()?;
+            (Core::Debian, "rustup could not add it within a minute")
+        }
+    };
+    eprintln!("core for {TARGET}: by {core}, because {why}");
+    Ok(core)
+}
+
+/// Cargo for a build in the board's folder, without arguments after the flags that `core` needs.
+///
+/// Each way has its own build folder, so that switching rebuilds nothing.
+pub fn board_cargo(core: Core, verb: &str, folder: &Path) -> Command {
+    let mut command = match core {
+        Core::Rustup => process::cargo(folder),
+        Core::Debian => process::command(DEBIAN_CARGO, folder),
+    };
+    command.arg(verb);
+    command.args(["--target", TARGET]);
+    if core == Core::Debian {
+        command
+            .args(["-Zbuild-std=core,compiler_builtins", "-Zbuild-std-features=compiler-builtins-mem"])
+            .env("RUSTC_BOOTSTRAP", "1")
+            .env("RUSTC", DEBIAN_RUSTC)
+            .env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER", "ld.lld")
+            .env_remove("RUSTUP_TOOLCHAIN")
+            .env_remove("LD_LIBRARY_PATH");
+    }
+    command.env("CARGO_TARGET_DIR", build_folder(core));
+    command
+}
+
+/// Where the board's builds go.
+pub fn build_folder(core: Core) -> PathBuf {
+    places::own().join(format!("board-{core}"))
+}
+
+fn rustup_core_is_installed() -> bool {
+    let sysroot = process::output(process::command("rustc", places::root()).args(["--print", "sysroot"]));
+    sysroot.is_ok_and(|sysroot| {
+        let folder = Path::new(sysroot.trim()).join("lib/rustlib").join(TARGET).join("lib");
+        std::fs::read_dir(folder).is_ok_and(|mut files| {
+            files.any(|file| file.is_ok_and(|f| f.file_name().to_string_lossy().starts_with("libcore-")))
+        })
+    })
+}
+
+fn add_by_rustup() -> Result<bool> {
+    let mut command = process::command("rustup", places::root());
+    command.args(["target", "add", TARGET]);
+    Ok(process::run_bounded(&mut command, RUSTUP_LIMIT)? && rustup_core_is_installed())
+}
+
+fn debian_is_installed() -> bool {
+    let sysroot = Command::new(DEBIAN_RUSTC).args(["--print", "sysroot"]).output();
+    sysroot.is_ok_and(|sysroot| {
+        let folder = String::from_utf8_lossy(&sysroot.stdout);
+        Path::new(folder.trim()).join("lib/rustlib/src/rust/library/core/src/lib.rs").is_file()
+    }) && Path::new(DEBIAN_CARGO).is_file()
+        && process::is_installed("ld.lld")
+}
+
+fn install_debian() -> Result<()> {
+    if !debian_is_installed() {
+        setup::apt_install(&DEBIAN_PACKAGES)?;
+        if !debian_is_installed() {
+            bail!("Debian's compiler was installed, yet it has no sources of `core`");
+        }
+    }
+    Ok(())
+}
