@@ -119,6 +119,7 @@ mod square_root {
     #[cfg(all(target_arch = "arm", target_os = "none"))]
     core::arch::global_asm!(
         ".syntax unified",
+        ".fpu fpv4-sp-d16",
         ".section .text.rigident_vsqrt_f32,\"ax\",%progbits",
         ".global rigident_vsqrt_f32",
         ".type rigident_vsqrt_f32,%function",

@@ -1,0 +1,131 @@
+//! UART0, the link to the host: a CMSDK port, one byte deep, driven by interrupts on both sides.
+
+use core::num::NonZeroU32;
+use core::ptr;
+
+use cortex_m::peripheral::NVIC;
+
+use crate::ring::Ring;
+
+/// Interrupt number of a received byte.
+pub const RECEIVED: i16 = 0;
+/// Interrupt number of a sent byte.
+pub const SENT: i16 = 1;
+
+const BASE: usize = 0x4000_4000;
+const DATA: usize = BASE;
+const STATE: usize = BASE + 0x04;
+const CONTROL: usize = BASE + 0x08;
+const INTERRUPT: usize = BASE + 0x0C;
+const BAUD_DIVIDER: usize = BASE + 0x10;
+
+const TRANSMIT_FULL: u32 = 1;
+const RECEIVE_FULL: u32 = 1 << 1;
+/// Transmitter and receiver on, each with its interrupt.
+const ALL_ON: u32 = 0b1111;
+const TRANSMIT_INTERRUPT: u32 = 1;
+const RECEIVE_INTERRUPT: u32 = 1 << 1;
+
+/// A full frame of the wire and some: a host that sends one command at a time never fills it.
+static FROM_HOST: Ring<2048> = Ring::new();
+static TO_HOST: Ring<4096> = Ring::new();
+
+#[derive(Clone, Copy)]
+struct Line(u16);
+
+// SAFETY: a fixed number below the controller's number of lines.
+unsafe impl cortex_m::interrupt::InterruptNumber for Line {
+    fn number(self) -> u16 {
+        self.0
+    }
+}
+
+fn read(register: usize) -> u32 {
+    // SAFETY: the address of a 32-bit device register of this board.
+    unsafe { ptr::read_volatile(register as *const u32) }
+}
+
+fn write(register: usize, value: u32) {
+    // SAFETY: the address of a 32-bit device register of this board.
+    unsafe { ptr::write_volatile(register as *mut u32, value) }
+}
+
+/// Switches the port on.
+pub fn start() {
+    // The emulator has no baud rate, but refuses to run with a divider under 16.
+    const DIVIDER: NonZeroU32 = NonZeroU32::new(16).unwrap();
+    write(BAUD_DIVIDER, DIVIDER.get());
+    write(CONTROL, ALL_ON);
+    unmask(RECEIVED);
+    unmask(SENT);
+}
+
+fn unmask(line: i16) {
+    // SAFETY: no critical section here relies on a masked line.
+    unsafe { NVIC::unmask(Line(line.unsigned_abs())) }
+}
+
+/// Bytes from the host into `buffer`; how many there were.
+pub fn receive(buffer: &mut [u8]) -> usize {
+    let mut n = 0;
+    for slot in buffer {
+        let Some(byte) = FROM_HOST.pop() else { break };
+        *slot = byte;
+        n += 1;
+    }
+    if n > 0 {
+        // The interrupt masks itself when the ring is full; with room again, let it look once more.
+        unmask(RECEIVED);
+        NVIC::pend(Line(RECEIVED.unsigned_abs()));
+    }
+    n
+}
+
+/// Whether a byte from the host is waiting.
+pub fn has_received() -> bool {
+    !FROM_HOST.is_empty()
+}
+
+/// Bytes that [`send`] takes now.
+pub fn room() -> usize {
+    TO_HOST.room()
+}
+
+/// Queues bytes for the host. What does not fit is the caller's mistake, and lost: ask [`room`] first.
+pub fn send(bytes: &[u8]) {
+    for byte in bytes {
+        TO_HOST.push(*byte);
+    }
+    // The interrupt handler is the only one to take bytes out.
+    NVIC::pend(Line(SENT.unsigned_abs()));
+}
+
+/// Waits until everything queued has left the port.
+pub fn flush() {
+    while !TO_HOST.is_empty() || read(STATE) & TRANSMIT_FULL != 0 {
+        cortex_m::asm::nop();
+    }
+}
+
+/// Interrupt: takes one byte, and masks itself while there is no room for it: the sender is then held up.
+pub fn on_received() {
+    if FROM_HOST.room() == 0 {
+        NVIC::mask(Line(RECEIVED.unsigned_abs()));
+        return;
+    }
+    // Cleared before the byte is read, since reading lets the next one in.
+    write(INTERRUPT, RECEIVE_INTERRUPT);
+    if read(STATE) & RECEIVE_FULL != 0 {
+        // The register is 32 bits wide, its upper 24 read as zero.
+        FROM_HOST.push(read(DATA) as u8);
+    }
+}
+
+/// Interrupt: sends until the port or the queue says stop.
+pub fn on_sent() {
+    write(INTERRUPT, TRANSMIT_INTERRUPT);
+    while read(STATE) & TRANSMIT_FULL == 0 {
+        let Some(byte) = TO_HOST.pop() else { break };
+        write(DATA, u32::from(byte));
+    }
+}

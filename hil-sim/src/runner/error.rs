@@ -1,0 +1,50 @@
+use std::io;
+use std::path::PathBuf;
+
+/// Why a microcontroller could not be started.
+#[derive(Debug, thiserror::Error)]
+pub enum RunnerError {
+    /// The emulator is not installed.
+    #[error(
+        "the emulator {} is not installed; type `apt-get install qemu-system-arm`, or use `--mcu inproc`",
+        program.display()
+    )]
+    EmulatorMissing {
+        /// The program that was looked for.
+        program: PathBuf,
+    },
+    /// There is no firmware to run.
+    #[error(
+        "no firmware at {}; type `cargo xtask firmware` to build it, or name one in RIGIDENT_FIRMWARE_ELF",
+        path.display()
+    )]
+    FirmwareMissing {
+        /// Where it was expected.
+        path: PathBuf,
+    },
+    /// The file is there, but it is not a firmware image with a log table.
+    #[error(
+        "{} is not a firmware image ({reason}); type `cargo xtask firmware` to build one",
+        path.display()
+    )]
+    NotFirmware {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The machine refused something.
+    #[error("{doing}: {source}")]
+    Io {
+        /// What was being done.
+        doing: &'static str,
+        /// What it answered.
+        source: io::Error,
+    },
+}
+
+impl RunnerError {
+    pub(super) fn io(doing: &'static str) -> impl FnOnce(io::Error) -> Self {
+        move |source| Self::Io { doing, source }
+    }
+}

@@ -1,0 +1,119 @@
+//! The sensors as a board without an SPI peripheral reaches them.
+
+use std::fs::File;
+use std::io::{self, Read, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{MutexGuard, PoisonError};
+use std::time::Instant;
+
+use rigident_shared::wire::bus::{
+    Event, MAX_TRANSFER_BYTES, Operation, PollAnswer, REQUEST_HEADER_BYTES, RequestHeader,
+};
+
+use super::Pacing;
+use crate::devices::Device;
+use crate::rig::{BusEvent, Rig, SharedRig};
+
+/// What answers the emulated board's bus. Every method returns at once: the machine that asks stands still.
+pub trait SensorBus: Send {
+    /// The next event, or the time if there is none.
+    fn poll(&mut self) -> PollAnswer;
+    /// One transfer with the load cell's converter selected, in place.
+    fn transfer_load_cell(&mut self, bytes: &mut [u8]);
+    /// One transfer with the IMU selected, in place.
+    fn transfer_imu(&mut self, bytes: &mut [u8]);
+}
+
+/// A rig behind the bus, its clock paced.
+pub(super) struct PacedRig {
+    rig: SharedRig,
+    pacing: Pacing,
+    /// Wall-clock instant and rig time at which the two clocks were set equal.
+    origin: (Instant, u64),
+}
+
+impl PacedRig {
+    pub(super) fn new(rig: SharedRig, pacing: Pacing) -> Self {
+        let now_ns = lock(&rig).now_ns();
+        Self { rig, pacing, origin: (Instant::now(), now_ns) }
+    }
+}
+
+/// The rig, also after a panic of another of its users: its state is whole between calls.
+pub(super) fn lock(rig: &SharedRig) -> MutexGuard<'_, Rig> {
+    rig.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl SensorBus for PacedRig {
+    fn poll(&mut self) -> PollAnswer {
+        let mut rig = lock(&self.rig);
+        let event = match self.pacing {
+            Pacing::LockStep => rig.next_event(),
+            Pacing::RealTime => {
+                let (instant, then_ns) = self.origin;
+                let elapsed_ns = u64::try_from(instant.elapsed().as_nanos()).unwrap_or(u64::MAX);
+                rig.next_event_before(then_ns.saturating_add(elapsed_ns))
+            }
+        };
+        match event {
+            BusEvent::Idle => PollAnswer { event: Event::Idle, time_ns: rig.now_ns() },
+            BusEvent::LoadCellReady(time_ns) => PollAnswer { event: Event::LoadCellReady, time_ns },
+            BusEvent::ImuReady(time_ns) => PollAnswer { event: Event::ImuReady, time_ns },
+        }
+    }
+
+    fn transfer_load_cell(&mut self, bytes: &mut [u8]) {
+        lock(&self.rig).transfer(Device::LoadCell, bytes);
+    }
+
+    fn transfer_imu(&mut self, bytes: &mut [u8]) {
+        lock(&self.rig).transfer(Device::Imu, bytes);
+    }
+}
+
+/// Answers requests until the board closes its pipe. Once `leave` is set a poll is answered with
+/// [`Event::Exit`].
+///
+/// # Errors
+/// `InvalidData` on a request that is none; whatever reading or writing a pipe gives.
+pub(super) fn answer_requests(
+    requests: &mut File,
+    answers: &mut File,
+    bus: &mut dyn SensorBus,
+    leave: &AtomicBool,
+) -> io::Result<()> {
+    let mut buffer = [0; REQUEST_HEADER_BYTES + MAX_TRANSFER_BYTES];
+    let mut held = 0;
+    loop {
+        // The board sends one request and waits, so one read mostly brings exactly one.
+        let n = match requests.read(&mut buffer[held..]) {
+            Ok(0) => return Ok(()),
+            Ok(n) => n,
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => continue,
+            Err(e) => return Err(e),
+        };
+        held += n;
+        let Some((header, payload)) = buffer[..held].split_first_chunk_mut() else { continue };
+        let header = RequestHeader::decode(*header)
+            .map_err(|e| io::Error::new(io::ErrorKind::InvalidData, format!("not a bus request: {e:?}")))?;
+        let Some(payload) = payload.get_mut(..usize::from(header.length)) else { continue };
+        match header.operation {
+            Operation::Poll => {
+                let mut answer = bus.poll();
+                if leave.load(Ordering::Acquire) {
+                    answer.event = Event::Exit;
+                }
+                answers.write_all(&answer.encode())?;
+            }
+            Operation::TransferLoadCell => {
+                bus.transfer_load_cell(payload);
+                answers.write_all(payload)?;
+            }
+            Operation::TransferImu => {
+                bus.transfer_imu(payload);
+                answers.write_all(payload)?;
+            }
+        }
+        held = 0;
+    }
+}
