@@ -1,0 +1,441 @@
+//! The messages. Both sides compile this one file; [`SCHEMA_HASH`] tells whether they compiled the same.
+//!
+//! SI units, the suffix says which; frames and signs as everywhere: wrench on the body in S, IMU values in the
+//! IMU's axes. Numbers on the line are f32, as in the firmware.
+
+use heapless::Vec;
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+/// Version of framing and header; another one is refused by both sides.
+pub const PROTOCOL_VERSION: u8 = 1;
+
+/// Hash of all message types: equal on both sides if they understand each other.
+pub const SCHEMA_HASH: u64 =
+    u64::from_le_bytes(postcard_schema::key::hash::fnv1a64::hash_ty_path::<(Command, Answer, Telemetry)>(
+        "rigident",
+    ));
+
+/// Host to device. Every command is answered once, with its own sequence number; a repeat with the same
+/// number is answered again from memory.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
+#[allow(clippy::large_enum_variant, reason = "no heap")]
+pub enum Command {
+    /// Who is there? Any state.
+    Hello,
+    /// Take these settings: Idle, Configured or Holding → Configured. Nothing changes on an error.
+    Configure(Settings),
+    /// Configured or Holding → Running. From Configured the estimate starts empty, from Holding it goes on.
+    Start,
+    /// Running → Holding; the estimate stays.
+    Hold,
+    /// Any state → Idle; estimate and settings are forgotten.
+    Reset,
+    /// Readings of a recording, while Running with [`Source::Injected`].
+    Inject(InjectBatch),
+    /// The settings in force.
+    ReadSettings,
+    /// What happened so far.
+    ReadCounters,
+    /// The estimate now.
+    ReadEstimate,
+    /// Numbers of the information factor from this one on; 0 takes a new snapshot of it.
+    ReadFactor {
+        /// Index of the first number wanted.
+        offset: u16,
+    },
+    /// The host is there.
+    Heartbeat,
+}
+
+/// Answer to a command.
+pub type Answer = Result<Reply, ErrorCode>;
+
+/// What a command brings.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
+#[allow(clippy::large_enum_variant, reason = "no heap")]
+pub enum Reply {
+    /// Done.
+    Done,
+    /// To `Hello`.
+    Hello(Identity),
+    /// To `ReadSettings`.
+    Settings(Settings),
+    /// To `ReadCounters`.
+    Counters(CounterReport),
+    /// To `ReadEstimate`.
+    Estimate(EstimateReport),
+    /// To `ReadFactor`.
+    Factor(FactorChunk),
+    /// To `Inject`: the index of the reading expected next.
+    Injected {
+        /// Index expected next.
+        next_index: u32,
+    },
+}
+
+/// Why a command was not obeyed. [`ErrorCode::number`] is stable across versions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum ErrorCode {
+    /// 1: the payload is no command of this schema.
+    UnknownCommand,
+    /// 2: the device speaks another protocol version.
+    WrongProtocol {
+        /// The device's version.
+        have: u8,
+        /// The version in the frame.
+        want: u8,
+    },
+    /// 3: not in this state.
+    WrongState(StateName),
+    /// 4: a setting is impossible; nothing was changed.
+    BadSetting(SettingName),
+    /// 5: a batch does not start where the last one ended.
+    OutOfOrder {
+        /// Index of the reading expected.
+        expected: u32,
+    },
+    /// 6: nothing has been estimated yet.
+    NoEstimate,
+    /// 7: the offset is beyond the end.
+    BadOffset {
+        /// How many numbers there are.
+        total: u16,
+    },
+    /// 8: the sensors did not come up; see the state.
+    Sensors,
+}
+
+impl ErrorCode {
+    /// Its number, for people and logs.
+    pub const fn number(self) -> u16 {
+        match self {
+            Self::UnknownCommand => 1,
+            Self::WrongProtocol { .. } => 2,
+            Self::WrongState(_) => 3,
+            Self::BadSetting(_) => 4,
+            Self::OutOfOrder { .. } => 5,
+            Self::NoEstimate => 6,
+            Self::BadOffset { .. } => 7,
+            Self::Sensors => 8,
+        }
+    }
+}
+
+/// The states of the application.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum StateName {
+    /// No settings.
+    Idle,
+    /// Settings taken, nothing absorbed.
+    Configured,
+    /// Readings are absorbed.
+    Running,
+    /// Readings are not absorbed; the estimate stays.
+    Holding,
+    /// Something is broken; only `Hello`, `Reset` and the reads are answered.
+    Fault,
+}
+
+/// Why the state is what it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum Reason {
+    /// Power came on.
+    Boot,
+    /// A command said so.
+    Command,
+    /// The host was not heard for the time set.
+    HostQuiet,
+    /// Every asked-for parameter has its asked-for uncertainty.
+    StopRule,
+    /// The load cell's converter does not answer as it should.
+    LoadCell(SensorFault),
+    /// The IMU does not answer as it should.
+    Imu(SensorFault),
+}
+
+/// What is wrong with a sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum SensorFault {
+    /// The bus failed.
+    Bus,
+    /// Another chip answers.
+    WrongId,
+    /// A register does not hold what was written.
+    Verify,
+    /// Too many check sums in a row did not fit.
+    Check,
+    /// The device restarted by itself.
+    Restarted,
+    /// The rate asked for is not one it has.
+    Rate,
+}
+
+/// A setting that is impossible.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum SettingName {
+    /// `rate_hz`
+    Rate,
+    /// `imu.rotation_wxyz`
+    ImuRotation,
+    /// `imu.position_m`
+    ImuPosition,
+    /// `imu.accel_scale`
+    AccelScale,
+    /// `imu.accel_bias_mps2` or `imu.gyro_bias_radps`
+    ImuBias,
+    /// `imu.rate_hz`
+    ImuRate,
+    /// `imu.range_mps2` or `imu.range_radps`
+    ImuRange,
+    /// `load_cell.calibration`
+    Calibration,
+    /// `load_cell.noise_n_nm`, by channel
+    Noise(u8),
+    /// `load_cell.known_offset_n_nm`
+    KnownOffset,
+    /// `load_cell.range_n_nm`
+    LoadCellRange,
+    /// `filter_width_s` or `row_every`
+    Filter,
+    /// `stop`
+    StopRule,
+    /// `telemetry`
+    Telemetry,
+}
+
+/// Where readings come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum Source {
+    /// The device's sensors.
+    Sensors,
+    /// `Inject` commands.
+    Injected,
+}
+
+/// Everything that fixes what the device does.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct Settings {
+    /// Rate of the load cell and so of the readings, 1/s.
+    pub rate_hz: f32,
+    /// Where readings come from.
+    pub source: Source,
+    /// The IMU.
+    pub imu: ImuSettings,
+    /// The load cell.
+    pub load_cell: LoadCellSettings,
+    /// Width of the FIR, s; zero for still rows without time.
+    pub filter_width_s: f32,
+    /// A row block is absorbed every so many readings.
+    pub row_every: u16,
+    /// When the run ends by itself.
+    pub stop: Option<StopRule>,
+    /// What is sent unasked.
+    pub telemetry: TelemetrySettings,
+    /// A channel is frozen after this many equal readings; 0: never.
+    pub frozen_after: u16,
+    /// Holding after so long without a byte from the host, ms; 0: never.
+    pub host_timeout_ms: u32,
+}
+
+/// The IMU's settings.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct ImuSettings {
+    /// Rate, 1/s.
+    pub rate_hz: f32,
+    /// `R_LU`, Hamilton quaternion.
+    pub rotation_wxyz: [f32; 4],
+    /// Origin of U in the link's frame, m.
+    pub position_m: [f32; 3],
+    /// Factor on each accelerometer axis.
+    pub accel_scale: [f32; 3],
+    /// Bias of the scaled accelerometer, IMU axes, m/s².
+    pub accel_bias_mps2: [f32; 3],
+    /// Bias of the gyro, IMU axes, rad/s.
+    pub gyro_bias_radps: [f32; 3],
+    /// Group delay, ns.
+    pub group_delay_ns: u32,
+    /// Range of the accelerometer, m/s².
+    pub range_mps2: f32,
+    /// Range of the gyro, rad/s.
+    pub range_radps: f32,
+}
+
+/// The load cell's settings.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct LoadCellSettings {
+    /// `wrench = calibration · gauges`, N/V and N m/V, wrench on the body.
+    pub calibration: [[f32; 6]; 6],
+    /// 1 σ per reading, N and N m.
+    pub noise_n_nm: [f32; 6],
+    /// Known offset, on-body sign, N and N m; `None`: estimated along, sixteen parameters.
+    pub known_offset_n_nm: Option<[f32; 6]>,
+    /// Group delay, ns.
+    pub group_delay_ns: u32,
+    /// Range, N and N m.
+    pub range_n_nm: [f32; 6],
+}
+
+/// The run ends when every asked-for parameter has its uncertainty.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct StopRule {
+    /// Bit j: parameter j is asked for.
+    pub asked: u16,
+    /// Largest 95 % uncertainty of each parameter, SI.
+    pub u95: [f32; 16],
+    /// But not before so many row blocks.
+    pub minimum_blocks: u32,
+}
+
+/// What is sent unasked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct TelemetrySettings {
+    /// An estimate every so many row blocks; 0: never.
+    pub estimate_every_blocks: u16,
+    /// Every reading, in batches.
+    pub stream_readings: bool,
+}
+
+/// One reading on the line.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
+pub struct ReadingMessage {
+    /// Time of the load cell's sample, ns.
+    pub time_ns: u64,
+    /// Wrench on the body in S, N and N m.
+    pub wrench: [f32; 6],
+    /// Specific force, IMU axes, uncorrected, m/s².
+    pub specific_force: [f32; 3],
+    /// Angular rate, IMU axes, uncorrected, rad/s.
+    pub angular_rate: [f32; 3],
+}
+
+/// Readings per batch to the device.
+pub const INJECT_BATCH: usize = 16;
+/// Readings per batch from the device.
+pub const STREAM_BATCH: usize = 8;
+/// Numbers of the factor per chunk.
+pub const FACTOR_CHUNK: usize = 64;
+
+/// Readings of a recording, in order.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct InjectBatch {
+    /// Index of the first one, counted from the start of the run.
+    pub first_index: u32,
+    /// The readings.
+    pub readings: Vec<ReadingMessage, INJECT_BATCH>,
+}
+
+/// Who is there.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct Identity {
+    /// [`PROTOCOL_VERSION`] of the device.
+    pub protocol_version: u8,
+    /// [`SCHEMA_HASH`] of the device.
+    pub schema_hash: u64,
+    /// Version of the firmware: major, minor, patch.
+    pub firmware_version: [u8; 3],
+    /// CRC-32 of the firmware's sources.
+    pub firmware_hash: u32,
+    /// The board, in ASCII, padded with zeros.
+    pub board: [u8; 16],
+    /// The state.
+    pub state: StateName,
+    /// Why.
+    pub reason: Reason,
+}
+
+/// What happened since the start of the run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct CounterReport {
+    /// Readings taken.
+    pub readings: u32,
+    /// Readings rejected.
+    pub rejected: u32,
+    /// Rejected per channel, in the order of a reading.
+    pub rejected_by_channel: [u16; 12],
+    /// The last rejection: 0 none, 1 not finite, 2 saturated, 3 frozen.
+    pub last_rejection: u8,
+    /// Its channel.
+    pub last_rejected_channel: u8,
+    /// Stretches of missing time.
+    pub gaps: u32,
+    /// Row blocks absorbed.
+    pub blocks: u32,
+    /// Frames of the converter whose CRC did not fit.
+    pub load_cell_crc_errors: u32,
+    /// Failed transfers with the IMU, and overflows of its FIFO.
+    pub imu_errors: u32,
+    /// Load-cell samples without IMU neighbours.
+    pub unaligned: u32,
+    /// Frames from the host that were damaged.
+    pub bad_frames: u32,
+    /// Telemetry frames dropped for want of room.
+    pub telemetry_dropped: u32,
+}
+
+/// The estimate at some row.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct EstimateReport {
+    /// Readings taken.
+    pub readings: u32,
+    /// Time of the last reading, ns.
+    pub time_ns: u64,
+    /// Row blocks absorbed.
+    pub blocks: u32,
+    /// Ten parameters, or sixteen.
+    pub estimate: Vec<f32, 16>,
+    /// Standard deviation of each, for the σ of the settings.
+    pub standard_deviation: Vec<f32, 16>,
+    /// Bit j: the rows determine parameter j.
+    pub determined: u16,
+    /// Of the column-scaled rows.
+    pub condition_number: f32,
+    /// Root mean square of the innovations since the last but one estimate, N and N m.
+    pub innovation_rms: [f32; 6],
+    /// The last reading.
+    pub last: ReadingMessage,
+}
+
+/// A part of the factor: the triangle row by row, z, the residual sum of squares.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct FactorChunk {
+    /// Parameters: 10 or 16.
+    pub parameters: u8,
+    /// Scalar rows absorbed.
+    pub rows: u32,
+    /// How many numbers there are in all.
+    pub total: u16,
+    /// Index of the first one here.
+    pub offset: u16,
+    /// The numbers.
+    pub entries: Vec<f32, FACTOR_CHUNK>,
+}
+
+/// Device to host, unasked; yields to answers and is dropped, and counted, when there is no room.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
+#[allow(clippy::large_enum_variant, reason = "no heap")]
+pub enum Telemetry {
+    /// After power-on, until the host says hello.
+    Announce(Identity),
+    /// The state has changed.
+    State {
+        /// The new state.
+        state: StateName,
+        /// Why.
+        reason: Reason,
+    },
+    /// The estimate, at the rate set.
+    Estimate(EstimateReport),
+    /// Consecutive readings.
+    Readings {
+        /// Number of the first one, counted from the start of the run.
+        first: u32,
+        /// The readings.
+        readings: Vec<ReadingMessage, STREAM_BATCH>,
+    },
+    /// The device is there.
+    Heartbeat {
+        /// The device's time, ns.
+        time_ns: u64,
+    },
+}
