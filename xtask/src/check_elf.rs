@@ -2,7 +2,7 @@
 //!
 //! Each check is also run on a firmware built with a planted offender, which it must find.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 
@@ -26,7 +26,7 @@ pub struct Options {
 /// Runs both checks on the firmware, then on the planted offenders.
 pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     if let Some(elf) = &options.elf {
-        return check(&Program::read(elf)?);
+        return check_file(elf);
     }
     let core = toolchain::choose(core)?;
     let mut steps = Steps::default();
@@ -36,7 +36,7 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
 
 /// The checks as named steps.
 pub fn run_steps(steps: &mut Steps, core: Core) {
-    steps.run("check-elf", || check(&Program::read(&firmware::build(core, &[])?)?));
+    steps.run("check-elf", || check_file(&firmware::build(core, &[])?));
     steps.run("check-elf finds planted double precision", || {
         let program = Program::read(&firmware::build(core, &["plant-double"])?)?;
         expect_found("plant-double", no_double_precision(&program))
@@ -45,6 +45,11 @@ pub fn run_steps(steps: &mut Steps, core: Core) {
         let program = Program::read(&firmware::build(core, &["plant-panic"])?)?;
         expect_found("plant-panic", no_panic_from_sample_path(&program))
     });
+}
+
+/// Both checks on a firmware that is built.
+pub fn check_file(elf: &Path) -> Result<()> {
+    check(&Program::read(elf)?)
 }
 
 fn check(program: &Program) -> Result<()> {

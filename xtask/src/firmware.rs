@@ -33,6 +33,11 @@ pub fn build(core: Core, features: &[&str]) -> Result<PathBuf> {
     Ok(elf)
 }
 
+/// Builds the board's main binary and leaves the one that the simulator finds as it is.
+pub fn build_apart(core: Core) -> Result<PathBuf> {
+    build_binary(core, FIRMWARE, &[])
+}
+
 /// Builds one binary of the board crate and keeps its ELF where builds with other features do not replace it.
 pub fn build_binary(core: Core, binary: &str, features: &[&str]) -> Result<PathBuf> {
     let mut command = toolchain::board_cargo(core, "build", &places::board());

@@ -1,6 +1,116 @@
-//! The verb `fuzz`.
-#[derive(clap::Args, Clone, Default)]
-pub struct Options {}
-pub fn run(_o: &Options) -> anyhow::Result<()> {
-    Ok(())
+//! The verb `fuzz`: every decoder against hostile bytes, on the stable compiler.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::Mutex;
+
+use anyhow::{Context, Result, bail};
+
+use crate::places;
+use crate::process;
+use crate::setup;
+
+/// What to fuzz and for how long.
+#[derive(clap::Args, Clone)]
+pub struct Options {
+    /// Seconds for each target.
+    #[arg(long, default_value_t = 60)]
+    pub seconds: u32,
+    /// Targets; all when none is named.
+    pub targets: Vec<String>,
+}
+
+/// Builds the targets and runs as many at a time as there are processors.
+pub fn run(options: &Options) -> Result<()> {
+    setup::system_packages()?;
+    let cargo_fuzz = setup::cargo_fuzz()?;
+    let mut waiting = if options.targets.is_empty() { all_targets()? } else { options.targets.clone() };
+    process::run(&mut fuzz_command(&cargo_fuzz, "build"))?;
+    waiting.reverse();
+    let workers = std::thread::available_parallelism().map_or(1, usize::from).min(waiting.len());
+    let waiting = Mutex::new(waiting);
+    let failures = Mutex::new(Vec::new());
+    let next = || waiting.lock().map(|mut names| names.pop()).ok().flatten();
+    std::thread::scope(|scope| {
+        for _ in 0..workers {
+            scope.spawn(|| {
+                while let Some(target) = next() {
+                    if let (Err(error), Ok(mut list)) =
+                        (run_target(&cargo_fuzz, &target, options.seconds), failures.lock())
+                    {
+                        list.push(format!("{target}: {error:#}"));
+                    }
+                }
+            });
+        }
+    });
+    let failures = failures.into_inner().unwrap_or_default();
+    if failures.is_empty() { Ok(()) } else { bail!("{}", failures.join("\n  ")) }
+}
+
+/// Names of the fuzz targets: the files in their folder.
+fn all_targets() -> Result<Vec<String>> {
+    let folder = places::fuzz().join("fuzz_targets");
+    let mut names = Vec::new();
+    for entry in std::fs::read_dir(&folder).with_context(|| format!("cannot read {}", folder.display()))? {
+        let path = entry?.path();
+        if path.extension().is_some_and(|end| end == "rs") {
+            names.extend(path.file_stem().map(|stem| stem.to_string_lossy().into_owned()));
+        }
+    }
+    names.sort();
+    Ok(names)
+}
+
+fn fuzz_command(cargo_fuzz: &Path, verb: &str) -> Command {
+    let mut command = process::command(cargo_fuzz, places::root());
+    command.args(["fuzz", verb, "-s", "none", "--target-dir"]).arg(places::own().join("fuzz-build"));
+    command
+}
+
+/// Runs one target; its report goes to a file of which the end is printed.
+fn run_target(cargo_fuzz: &Path, target: &str, seconds: u32) -> Result<()> {
+    let folder = places::own().join("fuzz").join(target);
+    // New finds go here, before the committed corpus, which stays as it is.
+    let found = folder.join("found");
+    std::fs::create_dir_all(&found)?;
+    let report = folder.join("report.txt");
+    let file = File::create(&report)?;
+    let mut command = fuzz_command(cargo_fuzz, "run");
+    command.arg(target).arg(&found).arg(corpus(target));
+    command.arg("--").arg(format!("-max_total_time={seconds}")).args([
+        "-timeout=10",
+        "-rss_limit_mb=2048",
+        "-print_final_stats=1",
+    ]);
+    command.stdout(Stdio::from(file.try_clone()?)).stderr(Stdio::from(file));
+    let status = command.status().with_context(|| format!("cannot start `{}`", process::shown(&command)))?;
+    let text = String::from_utf8_lossy(&std::fs::read(&report)?).into_owned();
+    if status.success() {
+        let runs = text.lines().find_map(|line| line.strip_prefix("stat::number_of_executed_units:"));
+        println!("fuzz {target}: {} inputs in {seconds} s, none failed", runs.unwrap_or("unknown").trim());
+        return Ok(());
+    }
+    let lines: Vec<&str> = text.lines().collect();
+    let end = lines[lines.len().saturating_sub(30)..].join("\n    ");
+    bail!("failed, see {}:\n    {end}", report.display())
+}
+
+/// The committed inputs of a target.
+fn corpus(target: &str) -> PathBuf {
+    places::fuzz().join("corpus").join(target)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_fuzz_target_has_a_committed_corpus() {
+        for target in all_targets().unwrap() {
+            let inputs = std::fs::read_dir(corpus(&target)).map(Iterator::count).unwrap_or(0);
+            assert!(inputs > 0, "fuzz/corpus/{target} is empty");
+        }
+    }
 }

@@ -32,9 +32,10 @@ impl fmt::Display for Core {
 }
 
 /// Debian's packages for the second way.
-const DEBIAN_PACKAGES: [&str; 4] = ["rustc-web", "cargo-web", "rust-web-src", "lld"];
+const DEBIAN_PACKAGES: [&str; 5] = ["rustc-web", "cargo-web", "rust-web-src", "rust-web-clippy", "lld"];
 const DEBIAN_RUSTC: &str = "/usr/bin/rustc";
 const DEBIAN_CARGO: &str = "/usr/bin/cargo";
+const DEBIAN_CLIPPY: &str = "/usr/bin/cargo-clippy";
 const RUSTUP_LIMIT: Duration = Duration::from_secs(60);
 
 /// Chooses, installs if it must, and prints what was chosen and why.
@@ -70,6 +71,8 @@ pub fn choose(asked: Option<Core>) -> Result<Core> {
 pub fn board_cargo(core: Core, verb: &str, folder: &Path) -> Command {
     let mut command = match core {
         Core::Rustup => process::cargo(folder),
+        // Through cargo, another toolchain's clippy would be found first.
+        Core::Debian if verb == "clippy" => process::command(DEBIAN_CLIPPY, folder),
         Core::Debian => process::command(DEBIAN_CARGO, folder),
     };
     command.arg(verb);
@@ -78,6 +81,7 @@ pub fn board_cargo(core: Core, verb: &str, folder: &Path) -> Command {
         command
             .args(["-Zbuild-std=core,compiler_builtins", "-Zbuild-std-features=compiler-builtins-mem"])
             .env("RUSTC_BOOTSTRAP", "1")
+            .env("CARGO", DEBIAN_CARGO)
             .env("RUSTC", DEBIAN_RUSTC)
             .env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER", "ld.lld")
             .env_remove("RUSTUP_TOOLCHAIN")
@@ -113,7 +117,7 @@ fn debian_is_installed() -> bool {
     sysroot.is_ok_and(|sysroot| {
         let folder = String::from_utf8_lossy(&sysroot.stdout);
         Path::new(folder.trim()).join("lib/rustlib/src/rust/library/core/src/lib.rs").is_file()
-    }) && Path::new(DEBIAN_CARGO).is_file()
+    }) && [DEBIAN_CARGO, DEBIAN_CLIPPY].iter().all(|program| Path::new(program).is_file())
         && process::is_installed("ld.lld")
 }
 

@@ -1,7 +1,144 @@
-//! The verb `bench-target`.
-use crate::toolchain::Core;
-#[derive(clap::Args, Clone, Default)]
-pub struct Options {}
-pub fn run(_o: &Options, _c: Option<Core>) -> anyhow::Result<()> {
-    Ok(())
+//! The verb `test`: installs, builds and tests everything; all failures are told at the end.
+
+use std::path::Path;
+use std::process::Command;
+
+use anyhow::{Context, Result, bail};
+
+use crate::bench_target;
+use crate::check_elf;
+use crate::firmware;
+use crate::fuzz;
+use crate::places;
+use crate::process::{self, Steps};
+use crate::setup;
+use crate::size;
+use crate::toolchain::{self, Core};
+
+/// How long and how far.
+#[derive(clap::Args, Clone)]
+pub struct Options {
+    /// Seconds of fuzzing for each target; 0 leaves it out.
+    #[arg(long, default_value_t = 10)]
+    pub fuzz_seconds: u32,
+    /// Test the firmware built by the other way to `core` too.
+    #[arg(long)]
+    pub both_cores: bool,
+}
+
+/// Runs every step.
+pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
+    let mut steps = Steps::default();
+    steps.run("set-up", || setup::run(core));
+    let chosen = steps.run("choice of core", || toolchain::choose(core));
+    formatting(&mut steps);
+    steps.run("clippy, host", || {
+        clippy_strictly(process::cargo(places::root()).args(["clippy", "--workspace", "--all-targets"]))
+    });
+    if let Some(core) = chosen {
+        steps.run("clippy, board", || {
+            clippy_strictly(toolchain::board_cargo(core, "clippy", &places::board()).arg("--release"))
+        });
+        let elf = steps.run("firmware", || firmware::build(core, &[]));
+        steps.run("tests, on the host and in the emulator", || tests(elf.as_deref()));
+        check_elf::run_steps(&mut steps, core);
+        steps.run("size", || size::run(&size::Options::default(), Some(core)));
+        steps.run("bench-target", || bench_target::run(&bench_target::Options::default(), Some(core)));
+    }
+    steps.run("documentation", || {
+        let mut command = process::cargo(places::root());
+        command.args(["doc", "--workspace", "--no-deps", "--quiet"]).env("RUSTDOCFLAGS", "-D warnings");
+        process::run(&mut command)
+    });
+    if let (Some(core), true) = (chosen, options.both_cores) {
+        other_core(&mut steps, core);
+    }
+    steps.run("oldest compiler", oldest_compiler);
+    if options.fuzz_seconds > 0 {
+        steps
+            .run("fuzz", || fuzz::run(&fuzz::Options { seconds: options.fuzz_seconds, targets: Vec::new() }));
+    }
+    steps.finish()
+}
+
+fn formatting(steps: &mut Steps) {
+    for (name, folder) in
+        [("host", places::root().to_owned()), ("board", places::board()), ("fuzz targets", places::fuzz())]
+    {
+        steps.run(&format!("format, {name}"), || {
+            process::run(process::cargo(&folder).args(["fmt", "--all", "--check"]))
+        });
+    }
+}
+
+fn clippy_strictly(command: &mut Command) -> Result<()> {
+    process::run(command.args(["--quiet", "--", "-D", "warnings"]))
+}
+
+/// Every test of the host workspace, documentation examples and emulated ones included.
+fn tests(elf: Option<&Path>) -> Result<()> {
+    let elf = elf.context("there is no firmware to run them with")?;
+    let mut command = process::cargo(places::root());
+    command.args(["test", "--workspace", "--no-fail-fast"]).env("RIGIDENT_FIRMWARE_ELF", elf);
+    if let Some(python) = setup::python_reader() {
+        command.env("RIGIDENT_PYTHON", python);
+    }
+    process::run(&mut command)
+}
+
+/// The same checks and the same emulated tests on what the other way to `core` builds.
+fn other_core(steps: &mut Steps, core: Core) {
+    let other = match core {
+        Core::Rustup => Core::Debian,
+        Core::Debian => Core::Rustup,
+    };
+    let built = steps.run(&format!("firmware, core by {other}"), || {
+        toolchain::choose(Some(other))?;
+        firmware::build_apart(other)
+    });
+    let Some(elf) = built else { return };
+    steps.run(&format!("check-elf, core by {other}"), || check_elf::check_file(&elf));
+    steps.run(&format!("emulated tests, core by {other}"), || {
+        let mut command = process::cargo(places::root());
+        command.args(["test", "--workspace", "--no-fail-fast", "--tests", "qemu"]);
+        process::run(command.env("RIGIDENT_FIRMWARE_ELF", &elf))
+    });
+}
+
+/// The compiler that `rust-version` promises: this one, an installed one, or clippy's knowledge of the library.
+fn oldest_compiler() -> Result<()> {
+    let promised = promised_version()?;
+    let text = process::output(process::command("rustc", places::root()).arg("--version"))?;
+    let here = text.split_whitespace().nth(1).context("rustc does not tell its version")?;
+    let minor = |version: &str| version.split('.').nth(1).and_then(|part| part.parse::<u32>().ok());
+    match (minor(here), minor(&promised)) {
+        (Some(here), Some(promised)) if here < promised => {
+            bail!("this rustc is 1.{here}, older than the promised 1.{promised}")
+        }
+        (Some(here), Some(promised)) if here == promised => {
+            println!("this rustc is 1.{here}, the promised one: every step above checked it");
+            return Ok(());
+        }
+        _ => {}
+    }
+    let toolchains = process::command("rustup", places::root()).args(["toolchain", "list"]).output();
+    let installed = toolchains.is_ok_and(|list| {
+        String::from_utf8_lossy(&list.stdout).lines().any(|line| line.starts_with(&promised))
+    });
+    if !installed {
+        println!("rustc {here}; {promised} is not installed: checked by clippy's incompatible_msrv alone");
+        return Ok(());
+    }
+    println!("rustc {here}; checking with the installed {promised}");
+    let mut command = process::command("rustup", places::root());
+    command.args(["run", &promised, "cargo", "check", "--workspace", "--all-targets", "--quiet"]);
+    process::run(command.env("CARGO_TARGET_DIR", places::own().join("oldest")))
+}
+
+fn promised_version() -> Result<String> {
+    let mut command = process::cargo(places::root());
+    let text = process::output(command.args(["metadata", "--no-deps", "--format-version", "1"]))?;
+    let metadata: serde_json::Value = serde_json::from_str(&text)?;
+    let version = metadata["packages"][0]["rust_version"].as_str();
+    Ok(version.context("Cargo.toml promises no rust-version")?.to_owned())
 }

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use super::program::Program;
-use super::thumb::{Constant, Flow};
+use super::thumb::Flow;
 
 /// How control leaves a function.
 #[derive(Clone, Debug, Default)]
@@ -59,7 +59,6 @@ pub fn path(program: &Program, reached: &BTreeMap<usize, Option<usize>>, to: usi
 fn exits(program: &Program, index: usize) -> Exits {
     let function = &program.functions[index];
     let mut exits = Exits::default();
-    let mut known: [Option<u32>; 16] = [None; 16];
     let reach = |exits: &mut Exits, at: u32, to: u32| match program.function_at(to & !1) {
         Some(target) if target == index && to & !1 != function.range.start => {}
         Some(target) => {
@@ -73,23 +72,7 @@ fn exits(program: &Program, index: usize) -> Exits {
             Flow::Trap => exits.traps.push(address),
             Flow::Jump { to, .. } if function.range.contains(&to) => {}
             Flow::Jump { to, .. } | Flow::Call { to } => reach(&mut exits, address, to),
-            Flow::CallRegister(register) | Flow::JumpRegister(register) => {
-                match known[usize::from(register & 15)] {
-                    Some(to) => reach(&mut exits, address, to),
-                    None => exits.unknown.push(address),
-                }
-            }
-        }
-        match instruction.constant {
-            Some((register, Constant::Low(half))) => {
-                known[usize::from(register & 15)] = Some(u32::from(half))
-            }
-            Some((register, Constant::High(half))) => {
-                let register = usize::from(register & 15);
-                known[register] = known[register].map(|low| low & 0xffff | u32::from(half) << 16);
-            }
-            Some((register, Constant::Literal(at))) => known[usize::from(register & 15)] = program.word(at),
-            None => {}
+            Flow::CallRegister(_) | Flow::JumpRegister(_) => exits.unknown.push(address),
         }
     }
     exits

@@ -48,17 +48,6 @@ pub enum Class {
     System,
 }
 
-/// A register set to a constant, by which a later call through that register can be resolved.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Constant {
-    /// MOVW: the lower half, upper half zero.
-    Low(u16),
-    /// MOVT: the upper half.
-    High(u16),
-    /// Loaded from this address, a literal pool's.
-    Literal(u32),
-}
-
 /// One decoded instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Instruction {
@@ -70,8 +59,6 @@ pub struct Instruction {
     pub pushed: u32,
     /// It sets the stack pointer in a way that is not a constant.
     pub moves_stack: bool,
-    /// A constant it puts into a register.
-    pub constant: Option<(u8, Constant)>,
     /// Single registers that a float instruction reads and the one that a float computation writes.
     pub float: Option<FloatRegisters>,
 }
@@ -83,12 +70,15 @@ pub struct FloatRegisters {
     pub from: [u8; 3],
 }
 
+/// No register at all.
+pub const NONE: u8 = u8::MAX;
+
 const SP: u16 = 13;
 const LR: u8 = 14;
 const PC: u8 = 15;
 
 fn plain(size: u32, class: Class) -> Instruction {
-    Instruction { size, flow: Flow::Next, class, pushed: 0, moves_stack: false, constant: None, float: None }
+    Instruction { size, flow: Flow::Next, class, pushed: 0, moves_stack: false, float: None }
 }
 
 fn jump(size: u32, flow: Flow) -> Instruction {
@@ -126,11 +116,7 @@ fn decode_narrow(address: u32, word: u16) -> Instruction {
                 (false, LR) => jump(2, Flow::Return),
                 (false, register) => jump(2, Flow::JumpRegister(register)),
             },
-            _ => {
-                let literal = ((address + 4) & !3) + u32::from(word & 0xff) * 4;
-                let register = ((word >> 8) & 7) as u8;
-                Instruction { constant: Some((register, Constant::Literal(literal))), ..class(Class::Load) }
-            }
+            _ => class(Class::Load),
         },
         0x5 => class(if (word >> 9) & 7 <= 2 { Class::Store } else { Class::Load }),
         0x6..=0x9 => class(if word & 0x800 == 0 { Class::Store } else { Class::Load }),
@@ -189,7 +175,7 @@ fn decode_wide(address: u32, first: u16, second: u16) -> Instruction {
         0b10 if second & 0x8000 == 0 => decode_immediate(first, second),
         0b10 => decode_branch(address, first, second),
         _ if first & 0x0400 != 0 => decode_coprocessor(first, second),
-        _ if first & 0x0200 == 0 => decode_single(address, first, second),
+        _ if first & 0x0200 == 0 => decode_single(first, second),
         _ => decode_multiply(first),
     }
 }
@@ -228,11 +214,8 @@ fn decode_dual_or_table(first: u16, second: u16) -> Instruction {
 fn decode_immediate(first: u16, second: u16) -> Instruction {
     let to = (second >> 8) & 0xf;
     let low = (first & 0x0400) << 1 | (second & 0x7000) >> 4 | (second & 0xff);
-    let half = (first & 0xf) << 12 | low;
     let integer = plain(4, Class::Integer);
     match first & 0xfbf0 {
-        0xf240 => Instruction { constant: Some((to as u8, Constant::Low(half))), ..integer },
-        0xf2c0 => Instruction { constant: Some((to as u8, Constant::High(half))), ..integer },
         _ if to != SP => integer,
         0xf2a0 if first & 0xf == SP => Instruction { pushed: u32::from(low), ..integer },
         0xf1a0 | 0xf1b0 if first & 0xf == SP => Instruction { pushed: expand(low), ..integer },
@@ -282,7 +265,7 @@ fn decode_branch(address: u32, first: u16, second: u16) -> Instruction {
     }
 }
 
-fn decode_single(address: u32, first: u16, second: u16) -> Instruction {
+fn decode_single(first: u16, second: u16) -> Instruction {
     let register = (second >> 12) as u8;
     if first & 0x10 == 0 {
         // STR Rt, [SP, #-imm8]!
@@ -301,14 +284,7 @@ fn decode_single(address: u32, first: u16, second: u16) -> Instruction {
             (true, _, _) => Instruction { flow: Flow::JumpRegister(PC), ..plain(4, Class::Load) },
         };
     }
-    let constant = (word && first & 0xf == 0xf).then(|| {
-        let base = (address + 4) & !3;
-        let offset = u32::from(second & 0xfff);
-        let up = first & 0x80 != 0;
-        let literal = if up { base + offset } else { base.wrapping_sub(offset) };
-        (register, Constant::Literal(literal))
-    });
-    Instruction { constant, ..plain(4, Class::Load) }
+    plain(4, Class::Load)
 }
 
 fn decode_multiply(first: u16) -> Instruction {
@@ -355,5 +331,73 @@ fn decode_float(first: u16, second: u16) -> Instruction {
     Instruction { float: Some(FloatRegisters { to, from }), ..plain(4, class) }
 }
 
-/// No register at all.
-pub const NONE: u8 = u8::MAX;
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Encodings as GNU as gives them.
+    fn at(address: u32, first: u16, second: u16) -> Instruction {
+        decode(address, first, second)
+    }
+
+    #[test]
+    fn calls_and_jumps_go_where_the_assembler_put_them() {
+        // 1000: bl 0x1234; 1000: bl 0xf00; 1000: b.w 0x2000; 1000: beq.w 0xff0; 1000: b 0x1000; 1000: cbz r3, 0x1040
+        assert_eq!(at(0x1000, 0xf000, 0xf918).flow, Flow::Call { to: 0x1234 });
+        assert_eq!(at(0x1000, 0xf7ff, 0xff7e).flow, Flow::Call { to: 0xf00 });
+        assert_eq!(at(0x1000, 0xf000, 0xbffe).flow, Flow::Jump { to: 0x2000, conditional: false });
+        assert_eq!(at(0x1000, 0xf43f, 0xaff6).flow, Flow::Jump { to: 0xff0, conditional: true });
+        assert_eq!(at(0x1000, 0xe7fe, 0).flow, Flow::Jump { to: 0x1000, conditional: false });
+        assert_eq!(at(0x1000, 0xb1f3, 0).flow, Flow::Jump { to: 0x1040, conditional: true });
+    }
+
+    #[test]
+    fn returns_and_register_calls_are_told_apart() {
+        assert_eq!(at(0, 0x4770, 0).flow, Flow::Return); // bx lr
+        assert_eq!(at(0, 0xbd80, 0).flow, Flow::Return); // pop {r7, pc}
+        assert_eq!(at(0, 0xe8bd, 0x8ff0).flow, Flow::Return); // pop.w {r4-r11, pc}
+        assert_eq!(at(0, 0xf85d, 0xfb04).flow, Flow::Return); // ldr pc, [sp], #4
+        assert_eq!(at(0, 0x4798, 0).flow, Flow::CallRegister(3)); // blx r3
+        assert_eq!(at(0, 0x4718, 0).flow, Flow::JumpRegister(3)); // bx r3
+        assert_eq!(at(0, 0xe8df, 0xf003).flow, Flow::Table); // tbb [pc, r3]
+        assert_eq!(at(0, 0xdefe, 0).flow, Flow::Trap); // udf #254
+    }
+
+    #[test]
+    fn pushed_bytes_are_those_of_the_manual() {
+        assert_eq!(at(0, 0xb5f0, 0).pushed, 20); // push {r4-r7, lr}
+        assert_eq!(at(0, 0xe92d, 0x4ff0).pushed, 36); // push.w {r4-r11, lr}
+        assert_eq!(at(0, 0xed2d, 0x8b10).pushed, 64); // vpush {d8-d15}
+        assert_eq!(at(0, 0xb082, 0).pushed, 8); // sub sp, #8
+        assert_eq!(at(0, 0xf5ad, 0x5d80).pushed, 4096); // sub.w sp, sp, #4096
+        assert_eq!(at(0, 0xf6ad, 0x7d18).pushed, 0xf18); // subw sp, sp, #3864
+        assert_eq!(at(0, 0xf84d, 0x8d04).pushed, 4); // str r8, [sp, #-4]!
+        assert_eq!(at(0, 0xb002, 0).pushed, 0); // add sp, #8
+        assert!(at(0, 0x46a5, 0).moves_stack); // mov sp, r4
+    }
+
+    #[test]
+    fn float_instructions_are_of_their_class() {
+        let class = |first, second| at(0, first, second).class;
+        assert_eq!(class(0xee30, 0x0a81), Class::Float); // vadd.f32 s0, s1, s2
+        assert_eq!(class(0xee20, 0x0a81), Class::Float); // vmul.f32
+        assert_eq!(class(0xee00, 0x0a81), Class::FloatMultiplyAccumulate); // vmla.f32
+        assert_eq!(class(0xeea0, 0x0a81), Class::FloatMultiplyAccumulate); // vfma.f32
+        assert_eq!(class(0xee80, 0x0a81), Class::FloatDivide); // vdiv.f32
+        assert_eq!(class(0xeeb1, 0x0ac0), Class::FloatRoot); // vsqrt.f32 s0, s0
+        assert_eq!(class(0xeeb4, 0x0a60), Class::Float); // vcmp.f32 s0, s1
+        assert_eq!(class(0xed90, 0x0a01), Class::FloatLoad); // vldr s0, [r0, #4]
+        assert_eq!(class(0xed80, 0x0a01), Class::FloatStore); // vstr s0, [r0, #4]
+        assert_eq!(class(0xecb0, 0x0a04), Class::LoadMany(4)); // vldmia r0!, {s0-s3}
+        assert_eq!(class(0xee10, 0x0a10), Class::FloatMove); // vmov r0, s0
+        assert_eq!(class(0xeef1, 0xfa10), Class::FloatMove); // vmrs APSR_nzcv, fpscr
+        assert_eq!(class(0xfb90, 0xf0f1), Class::IntegerDivide); // sdiv r0, r0, r1
+    }
+
+    #[test]
+    fn a_float_instruction_names_its_registers() {
+        // vmul.f32 s3, s17, s30
+        let registers = FloatRegisters { to: 3, from: [17, 30, 30] };
+        assert_eq!(at(0, 0xee68, 0x1a8f).float, Some(registers));
+    }
+}
