@@ -9,7 +9,8 @@ use std::path::PathBuf;
 fn main() -> std::io::Result<()> {
     let folder = PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| ".".to_owned()));
     std::fs::create_dir_all(&folder)?;
-    for (name, data) in [("identified", synthetic::experiment(1000.0)), ("still-poses", synthetic::still_poses())]
+    for (name, data) in
+        [("identified", synthetic::experiment(1000.0)), ("still-poses", synthetic::still_poses())]
     {
         let page = rigident::report::html(&data);
         let path = folder.join(format!("{name}.html"));

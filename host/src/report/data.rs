@@ -34,7 +34,7 @@ impl Quantity {
     pub fn deviation_sd(&self) -> Option<f64> {
         let m = self.known()?;
         let truth = self.truth.filter(|t| t.is_finite())?;
-        (m.u95 > 0.0).then(|| 1.96 * (m.value - truth) / m.u95)
+        Some(1.96 * (m.value - truth) / m.u95).filter(|sd| sd.is_finite())
     }
 }
 

@@ -4,11 +4,13 @@ use super::data::{Convergence, Drift, Quantity, ReportData, Residual, Stage, Tim
 use super::envelope::{band, envelope, extremes};
 use super::page::{describe, escape, measured_markup, number, symbol};
 use super::plot::axis::Axis;
-use super::plot::{Chart, Layer, WIDTH, line, open_svg, text};
-use super::text::{NOT_IDENTIFIED, Rounded, beside, significant, unit_symbol};
+use super::plot::{Chart, FULL_WIDTH, Layer, WIDTH, line, open_svg, text};
+use super::text::{NOT_IDENTIFIED, Rounded, beside, three_digits, unit_symbol};
 
 /// Buckets of an envelope: about one per user unit of the plot's width.
 const BUCKETS: usize = 450;
+/// The same for the charts that are as wide as the page.
+const FULL_BUCKETS: usize = 900;
 /// Estimates move slowly: fewer will do.
 const CONVERGENCE_BUCKETS: usize = 220;
 
@@ -67,7 +69,8 @@ fn converging(quantity: &Quantity, history: &Convergence, time: &Axis, stages: &
         description: format!("Estimate of {} in {unit} over time with its 95 % band.", quantity.name),
         unit,
         time: time.clone(),
-        values: Axis::covering(low, high, 5),
+        values: Axis::covering(low, high, 7),
+        width: WIDTH,
         height: 178.0,
         stages,
         name_stages: false,
@@ -122,22 +125,22 @@ fn residual(residual: &Residual, time: &Axis, stages: &[Stage]) -> String {
         let rms = (finite().map(|v| v * v).sum::<f64>() / number_of as f64).sqrt();
         caption.push_str(&format!(
             " <span class=\"reading\">RMS {} {}</span>",
-            number(&significant(rms, 3)),
+            number(&three_digits(rms)),
             escape(&unit)
         ));
     }
     if let Some(limit) = limit {
         let inside = finite().filter(|v| v.abs() <= limit).count();
-        caption.push_str(&format!(" expected {} {}", number(&significant(residual.sigma, 3)), escape(&unit)));
+        caption.push_str(&format!(" expected {} {}", number(&three_digits(residual.sigma)), escape(&unit)));
         if number_of > 0 {
             let share = 100.0 * inside as f64 / number_of as f64;
-            caption.push_str(&format!(" <span class=\"key strip\">{share:.1} % within ±1.96 σ</span>"));
+            caption.push_str(&format!(" <span class=\"key limit\">{share:.1} % within ±1.96 σ</span>"));
         }
     }
     let mut layers = vec![Layer::Level("zero", 0.0)];
     layers.push(Layer::Line("dense", envelope(&residual.time_s, &residual.values, BUCKETS)));
     if let Some(limit) = limit {
-        layers.push(Layer::Strip("strip", -limit, limit));
+        layers.extend([Layer::Level("limit", -limit), Layer::Level("limit", limit)]);
     }
     let chart = Chart {
         id: format!("residual-{}", residual.channel),
@@ -149,6 +152,7 @@ fn residual(residual: &Residual, time: &Axis, stages: &[Stage]) -> String {
         unit,
         time: time.clone(),
         values: Axis::covering(-half, half, 5),
+        width: WIDTH,
         height: 168.0,
         stages,
         name_stages: false,
@@ -169,7 +173,7 @@ fn moving(index: usize, plot: &TimePlot, time: &Axis, stages: &[Stage]) -> Strin
     let mut layers = vec![Layer::Level("zero", 0.0)];
     for ((label, values), class) in plot.series.iter().zip(["s0", "s1", "s2"]) {
         caption.push_str(&format!(" <span class=\"key {class}\">{}</span>", escape(label)));
-        layers.push(Layer::Line(class, envelope(&plot.time_s, values, BUCKETS)));
+        layers.push(Layer::Line(class, envelope(&plot.time_s, values, FULL_BUCKETS)));
     }
     let unit = unit_symbol(&plot.unit);
     let chart = Chart {
@@ -179,7 +183,8 @@ fn moving(index: usize, plot: &TimePlot, time: &Axis, stages: &[Stage]) -> Strin
         unit,
         time: time.clone(),
         values: Axis::covering(low - margin, high + margin, 5),
-        height: 190.0,
+        width: FULL_WIDTH,
+        height: 200.0,
         stages,
         name_stages: true,
         layers,
@@ -187,9 +192,13 @@ fn moving(index: usize, plot: &TimePlot, time: &Axis, stages: &[Stage]) -> Strin
     figure("", &caption, &chart.render())
 }
 
+/// Change in units of its U95.
+fn relative(change: &Quantity) -> Option<f64> {
+    change.known().map(|m| m.value / m.u95).filter(|r| r.is_finite())
+}
+
 /// The change of each channel beside its uncertainty, and what it means.
 pub fn drift(drift: &Drift) -> String {
-    let relative = |q: &Quantity| q.known().filter(|m| m.u95 > 0.0).map(|m| m.value / m.u95);
     let moved: Vec<&str> = drift
         .changes
         .iter()
@@ -206,14 +215,16 @@ pub fn drift(drift: &Drift) -> String {
             escape(&moved.join(", "))
         )
     };
-    format!("<p>{verdict}</p>\n<div class=\"grid\">{}</div>\n", figure("", DRIFT_CAPTION, &drift_chart(drift)))
+    format!(
+        "<p>{verdict}</p>\n<div class=\"grid\">{}</div>\n",
+        figure("", DRIFT_CAPTION, &drift_chart(drift))
+    )
 }
 
 const DRIFT_CAPTION: &str =
     "<b>Change between the first pose and its repetition</b> <span class=\"key strip\">±U95</span>";
 
 fn drift_chart(drift: &Drift) -> String {
-    let relative = |q: &Quantity| q.known().filter(|m| m.u95 > 0.0).map(|m| m.value / m.u95);
     let farthest = drift.changes.iter().filter_map(relative).fold(1.0_f64, |a, b| a.max(b.abs()));
     let axis = Axis::covering(-(farthest + 1.4), farthest + 1.4, 6);
     let (left, width, top, row) = (34.0, WIDTH - 34.0 - 150.0, 8.0, 24.0);
@@ -247,7 +258,10 @@ fn drift_chart(drift: &Drift) -> String {
         if let Some(r) = relative(change) {
             let class = if r.abs() > 1.0 { "s1" } else { "s0" };
             svg.push_str(&line(class, x(r - 1.0), y, x(r + 1.0), y));
-            svg.push_str(&format!("<circle class=\"dot {class}\" cx=\"{:.1}\" cy=\"{y}\" r=\"3.6\"/>\n", x(r)));
+            svg.push_str(&format!(
+                "<circle class=\"dot {class}\" cx=\"{:.1}\" cy=\"{y}\" r=\"3.6\"/>\n",
+                x(r)
+            ));
         }
         if let Some(rounded) = Rounded::new(m.value, m.u95) {
             let reading = format!("{rounded} {}", unit_symbol(&change.unit)).replace('-', "\u{2212}");

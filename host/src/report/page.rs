@@ -2,11 +2,12 @@
 
 use super::data::{PrincipalAxis, Quantity, ReportData, Results, Source, Status};
 use super::figures;
-use super::text::{NOT_IDENTIFIED, Rounded, beside, count, duration, significant, unit_symbol};
+use super::text::{NOT_IDENTIFIED, Rounded, beside, count, duration, fixed, significant, unit_symbol};
 
 /// The whole report as one self-contained HTML file.
 pub fn html(data: &ReportData) -> String {
-    let title = if data.source.body_name.trim().is_empty() { "Body without a name" } else { &data.source.body_name };
+    let title =
+        if data.source.body_name.trim().is_empty() { "Body without a name" } else { &data.source.body_name };
     let mut html = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
@@ -14,22 +15,29 @@ pub fn html(data: &ReportData) -> String {
         escape(title),
         include_str!("style.css")
     );
-    html.push_str(&format!("<header><h1>{}</h1>\n{}{}</header>\n", escape(title), source(&data.source), status(&data.results)));
+    html.push_str(&format!(
+        "<header><h1>{}</h1>\n{}{}</header>\n",
+        escape(title),
+        source(&data.source),
+        status(&data.results)
+    ));
     html.push_str(&cards(&data.results));
     html.push_str(&notes("Warnings", &data.results.warnings));
     html.push_str(&notes("What would identify the rest", &data.results.advice));
     html.push_str(&format!("<h2>Results</h2>\n<div class=\"tables\">\n{}</div>\n", tables(data)));
     let time = figures::time_axis(data);
-    section(&mut html, "Convergence", CONVERGENCE_NOTE, &figures::convergence(data, &time));
-    section(&mut html, "Residuals", &residual_note(data), &figures::residuals(data, &time));
-    section(&mut html, "Motion", "", &figures::motion(data, &time));
+    section(&mut html, "grid", "Convergence", CONVERGENCE_NOTE, &figures::convergence(data, &time));
+    section(&mut html, "grid", "Residuals", &residual_note(data), &figures::residuals(data, &time));
+    section(&mut html, "wide", "Motion", "", &figures::motion(data, &time));
     if let Some(drift) = &data.drift {
         let elapsed = escape(&duration(drift.elapsed_s));
         html.push_str(&format!("<h2>Drift check after {elapsed}</h2>\n{}", figures::drift(drift)));
     }
     if !data.provenance.is_empty() {
         let rows: String = data.provenance.iter().map(|(label, value)| fact(label, &escape(value))).collect();
-        html.push_str(&format!("<h2>Provenance</h2>\n<table class=\"plainrows\"><tbody>{rows}</tbody></table>\n"));
+        html.push_str(&format!(
+            "<h2>Provenance</h2>\n<table class=\"plainrows\"><tbody>{rows}</tbody></table>\n"
+        ));
     }
     html.push_str(FOOTER);
     html.push_str("</main>\n</body>\n</html>\n");
@@ -44,7 +52,7 @@ const FOOTER: &str = "<footer><p>S is the wrench sensor's frame. Products of ine
     1.96. The deviation is estimate minus truth. In the small diagrams the bar is the interval, the upright line \
     the truth.</p></footer>\n";
 
-fn section(html: &mut String, title: &str, note: &str, figures: &str) {
+fn section(html: &mut String, class: &str, title: &str, note: &str, figures: &str) {
     if figures.is_empty() {
         return;
     }
@@ -52,7 +60,7 @@ fn section(html: &mut String, title: &str, note: &str, figures: &str) {
     if !note.is_empty() {
         html.push_str(&format!("<p class=\"soft\">{}</p>\n", escape(note)));
     }
-    html.push_str(&format!("<div class=\"grid\">\n{figures}</div>\n"));
+    html.push_str(&format!("<div class=\"{class}\">\n{figures}</div>\n"));
 }
 
 fn residual_note(data: &ReportData) -> String {
@@ -83,10 +91,14 @@ pub(super) fn status_words(results: &Results) -> String {
     let missing: Vec<&str> =
         results.parameters.iter().filter(|q| q.known().is_none()).map(|q| q.name.as_str()).collect();
     match results.status {
-        Status::Identified if missing.is_empty() => "Identified".to_owned(),
-        Status::Identified => format!("Identified what was asked for; not identified: {}", missing.join(", ")),
+        Status::Identified if missing.is_empty() => {
+            "Identified: the data determine every parameter".to_owned()
+        }
+        Status::Identified => {
+            format!("Identified what was asked for. Not identified: {}", missing.join(", "))
+        }
         Status::PartlyIdentified if missing.is_empty() => "Partly identified".to_owned(),
-        Status::PartlyIdentified => format!("Partly identified; not identified: {}", missing.join(", ")),
+        Status::PartlyIdentified => format!("Partly identified. Not identified: {}", missing.join(", ")),
         Status::NotIdentified => "Not identified".to_owned(),
         Status::Failed => "Failed: the experiment did not come to its end".to_owned(),
     }
@@ -107,9 +119,9 @@ fn cards(results: &Results) -> String {
         Some((quantity, m)) => {
             let (value, u95) = parts(m.value, m.u95);
             html.push_str(&format!("<p class=\"big\">{value} <small>± {u95} kg</small></p>\n"));
-            if let (Some(truth), Some(sd)) = (quantity.truth, quantity.deviation_sd()) {
-                let truth = number(&beside(truth, m.u95));
-                html.push_str(&format!("<p class=\"soft\">truth {truth} kg, {} σ off</p>\n", number(&format!("{sd:+.1}"))));
+            let beside = beside_words(quantity, m.u95);
+            if !beside.is_empty() {
+                html.push_str(&format!("<p class=\"soft\">{beside}</p>\n"));
             }
         }
         None => html.push_str(&format!("<p class=\"big none\">{NOT_IDENTIFIED}</p>\n")),
@@ -118,14 +130,37 @@ fn cards(results: &Results) -> String {
     let rows: String = results
         .centre_of_mass
         .iter()
-        .map(|q| format!("<tr><th scope=\"row\">{}</th>{}</tr>\n", escape(&q.name), value_cells(q)))
+        .map(|q| {
+            let beside = q.known().map_or(String::new(), |m| beside_words(q, m.u95));
+            let (name, cells) = (escape(&q.name), value_cells(q));
+            format!("<tr><th scope=\"row\">{name}</th>{cells}<td class=\"soft\">{beside}</td></tr>\n")
+        })
         .collect();
     html.push_str(&table_or_nothing("xyz", &rows));
-    html.push_str("</section>\n<section class=\"card\"><h3>Inertia about the centre of mass, axes of S, kg m²</h3>\n");
-    let rows = if results.inertia_com.len() == 6 { tensor_rows(&results.inertia_com) } else { String::new() };
+    html.push_str("</section>\n<section class=\"card\"><h3>Inertia about the centre of mass, kg m²</h3>\n");
+    let some = results.inertia_com.iter().any(|q| q.known().is_some());
+    let rows = if some && results.inertia_com.len() == 6 {
+        tensor_rows(&results.inertia_com)
+    } else {
+        String::new()
+    };
     html.push_str(&table_or_nothing("tensor", &rows));
     html.push_str("</section>\n</div>\n");
     html
+}
+
+/// The truth and how far the estimate is from it, or nothing.
+fn beside_words(quantity: &Quantity, u95: f64) -> String {
+    match (quantity.truth.filter(|t| t.is_finite()), quantity.deviation_sd()) {
+        (Some(truth), Some(sd)) => format!("truth {}, {}", number(&beside(truth, u95)), deviation(sd)),
+        (Some(truth), None) => format!("truth {}", number(&beside(truth, u95))),
+        (None, _) => String::new(),
+    }
+}
+
+/// `+1.4 σ`.
+fn deviation(sd: f64) -> String {
+    format!("{} σ", number(&if sd.abs() < 1e4 { format!("{sd:+.1}") } else { format!("{sd:+.1e}") }))
 }
 
 fn table_or_nothing(class: &str, rows: &str) -> String {
@@ -163,7 +198,8 @@ fn notes(title: &str, notes: &[String]) -> String {
 fn tables(data: &ReportData) -> String {
     let results = &data.results;
     let mut html = table("In S, about the origin of S", &results.parameters);
-    let about_com: Vec<Quantity> = results.centre_of_mass.iter().chain(&results.inertia_com).cloned().collect();
+    let about_com: Vec<Quantity> =
+        results.centre_of_mass.iter().chain(&results.inertia_com).cloned().collect();
     html.push_str(&table("About the centre of mass, axes of S", &about_com));
     if let Some(frame) = &results.body_frame {
         html.push_str(&table(&format!("In the body's frame, {}", frame.name), &frame.quantities));
@@ -224,7 +260,7 @@ fn truth_cells(quantity: &Quantity, u95: f64) -> String {
     let Some(truth) = quantity.truth.filter(|t| t.is_finite()) else {
         return "<td></td><td></td><td></td>".to_owned();
     };
-    let deviation = quantity.deviation_sd().map_or(String::new(), |sd| format!("{} σ", number(&format!("{sd:+.1}"))));
+    let deviation = quantity.deviation_sd().map_or(String::new(), deviation);
     let glyph = quantity.deviation_sd().map_or(String::new(), |sd| glyph(sd / 1.96));
     format!(
         "<td class=\"right\">{}</td><td class=\"right\">{deviation}</td><td class=\"glyph\">{glyph}</td>",
@@ -249,20 +285,34 @@ fn principal(axes: &[PrincipalAxis]) -> String {
     if axes.is_empty() {
         return String::new();
     }
-    let mut html = "<table><caption>Principal moments about the centre of mass, kg m², and axes in S</caption>\n\
-        <thead><tr><th class=\"value\" scope=\"col\">moment</th><th scope=\"col\">± U95</th><th scope=\"col\">axis\
-        </th><th scope=\"col\">± U95</th></tr></thead>\n<tbody>\n"
-        .to_owned();
+    let with_truth = axes.iter().any(|a| a.moment.known().is_some() && a.moment.truth.is_some());
+    let truth_head = if with_truth {
+        "<th scope=\"col\">truth</th><th class=\"right\" scope=\"col\">deviation</th>"
+    } else {
+        ""
+    };
+    let mut html = format!(
+        "<table class=\"tight\"><caption>Principal moments, kg m², and their axes in S</caption>\n<thead><tr>\
+         <th class=\"value\" scope=\"col\">moment</th><th scope=\"col\">± U95</th>{truth_head}\
+         <th scope=\"col\">axis</th><th scope=\"col\">± U95</th></tr></thead>\n<tbody>\n"
+    );
     for axis in axes {
         html.push_str(&format!("<tr>{}", value_cells(&axis.moment)));
-        if axis.moment.known().is_none() {
+        let known = axis.moment.known();
+        if with_truth {
+            let truth =
+                known.zip(axis.moment.truth).map_or(String::new(), |(m, t)| number(&beside(t, m.u95)));
+            let deviation = axis.moment.deviation_sd().map_or(String::new(), deviation);
+            html.push_str(&format!("<td>{truth}</td><td class=\"right\">{deviation}</td>"));
+        }
+        if known.is_none() {
             html.push_str("<td></td><td></td>");
         } else if axis.direction_u95_rad.is_finite() {
-            let direction = axis.axis.map(|c| number(&format!("{c:+.4}"))).join(", ");
+            let direction = axis.axis.map(|c| number(&fixed(c, 3))).join(", ");
             let degrees = number(&significant(axis.direction_u95_rad.to_degrees(), 2));
             html.push_str(&format!("<td>[{direction}]</td><td>{degrees}°</td>"));
         } else {
-            html.push_str("<td class=\"soft\" colspan=\"2\">free: two moments are equal within U95</td>");
+            html.push_str("<td class=\"soft\" colspan=\"2\">free: moments equal within U95</td>");
         }
         html.push_str("</tr>\n");
     }

@@ -2,13 +2,14 @@
 
 use super::data::{PrincipalAxis, Quantity, Results};
 use super::page::status_words;
-use super::text::{NOT_IDENTIFIED, Rounded, beside, significant, unit_symbol};
+use super::text::{NOT_IDENTIFIED, Rounded, beside, fixed, significant, unit_symbol};
 
 /// The result as lines of text, one group after another, columns aligned, with a final newline.
 pub fn plain(results: &Results) -> String {
     let mut text = format!("{}\n", status_words(results));
     group(&mut text, "In S, about the origin of S", &results.parameters);
-    let about_com: Vec<Quantity> = results.centre_of_mass.iter().chain(&results.inertia_com).cloned().collect();
+    let about_com: Vec<Quantity> =
+        results.centre_of_mass.iter().chain(&results.inertia_com).cloned().collect();
     group(&mut text, "About the centre of mass, axes of S", &about_com);
     principal(&mut text, &results.principal);
     if let Some(frame) = &results.body_frame {
@@ -50,7 +51,7 @@ fn group(text: &mut String, title: &str, quantities: &[Quantity]) {
 
 fn head(with_truth: bool) -> Row {
     let (truth, deviation) = if with_truth { ("truth", "deviation") } else { ("", "") };
-    ["", "estimate", "U95", "", truth, deviation].map(str::to_owned)
+    ["", "estimate", "± U95", "", truth, deviation].map(str::to_owned)
 }
 
 fn row(quantity: &Quantity) -> Row {
@@ -66,7 +67,7 @@ fn row(quantity: &Quantity) -> Row {
         name,
         rounded.value_alone(),
         format!("± {}{prior}", rounded.u95_alone()),
-        unit_symbol(&quantity.unit),
+        printable(&unit_symbol(&quantity.unit)),
         truth,
         deviation,
     ]
@@ -123,8 +124,8 @@ fn direction(axis: &PrincipalAxis) -> String {
     if !axis.direction_u95_rad.is_finite() {
         return "axis free: two moments are equal within U95".to_owned();
     }
-    let [x, y, z] = axis.axis;
-    format!("[{x:+.4}, {y:+.4}, {z:+.4}] ± {}°", significant(axis.direction_u95_rad.to_degrees(), 2))
+    let direction = axis.axis.map(|c| format!("{:>6}", fixed(c, 3))).join(" ");
+    format!("[{direction}] ± {}°", significant(axis.direction_u95_rad.to_degrees(), 2))
 }
 
 /// Without control characters, which would steer the terminal.

@@ -122,8 +122,13 @@ fn exponent_rounded(value: f64, decimals: usize) -> i32 {
     text.split_once('e').and_then(|(_, e)| e.parse().ok()).unwrap_or(0)
 }
 
+/// Three significant digits, trailing zeros kept: `10.0`.
+pub fn three_digits(value: f64) -> String {
+    Rounded::new(value, 0.1 * value.abs()).map_or("unknown".to_owned(), |r| r.value_alone())
+}
+
 /// Fixed-point text; negative `decimals` round to tens, hundreds, … Never a negative zero.
-fn fixed(value: f64, decimals: i32) -> String {
+pub fn fixed(value: f64, decimals: i32) -> String {
     let text = match usize::try_from(decimals) {
         Ok(decimals) => format!("{value:.decimals$}"),
         Err(_) => {
@@ -173,7 +178,7 @@ pub fn count(number: u64) -> String {
     let digits = number.to_string();
     let mut text = String::new();
     for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i) % 3 == 0 {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
             text.push('\u{202f}');
         }
         text.push(digit);
@@ -250,6 +255,10 @@ mod tests {
         assert_eq!(significant(-0.25, 3), "-0.25");
         assert_eq!(significant(6.02e23, 2), "6e23");
         assert_eq!(significant(f64::INFINITY, 2), "unknown");
+        assert_eq!(three_digits(10.04), "10.0");
+        assert_eq!(three_digits(0.46), "0.460");
+        assert_eq!(three_digits(99.97), "100");
+        assert_eq!(three_digits(0.0), "0");
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! A made-up experiment that fills every part of a report; shared by the tests and the example.
 
 use rigident::report::{
-    Convergence, Drift, FrameResults, Measured, PrincipalAxis, Quantity, ReportData, Residual, Results, Source,
-    Stage, Status, TimePlot,
+    Convergence, Drift, FrameResults, Measured, PrincipalAxis, Quantity, ReportData, Residual, Results,
+    Source, Stage, Status, TimePlot,
 };
 
 /// Reproducible noise: sums of twelve uniform numbers, variance one.

@@ -23,7 +23,8 @@ impl Axis {
     /// f64 or a reader cannot resolve is widened.
     pub fn covering(low: f64, high: f64, wanted: usize) -> Self {
         let usable = |v: f64| v.is_finite() && v.abs() < 1e150;
-        let (mut low, mut high) = if usable(low) && usable(high) { (low.min(high), low.max(high)) } else { (0.0, 1.0) };
+        let (mut low, mut high) =
+            if usable(low) && usable(high) { (low.min(high), low.max(high)) } else { (0.0, 1.0) };
         let magnitude = low.abs().max(high.abs());
         let least = if magnitude > 0.0 { (1e-9 * magnitude).max(1e-150) } else { 1.0 };
         if high - low < least {
@@ -35,7 +36,7 @@ impl Axis {
         let (first, last) = ((low / step - 1e-6).ceil(), (high / step + 1e-6).floor());
         let ticks = (0..=(last - first) as usize).map(|i| (first + i as f64) * step).collect();
         let largest = low.abs().max(high.abs()).log10().floor() as i32;
-        let exponent = if (-3..5).contains(&largest) { 0 } else { 3 * largest.div_euclid(3) };
+        let exponent = if (-4..5).contains(&largest) { 0 } else { 3 * largest.div_euclid(3) };
         let place = (step.log10() + 1e-9).floor() as i32 - exponent;
         Self { low, high, ticks, exponent, decimals: usize::try_from(-place).unwrap_or(0) }
     }
@@ -115,7 +116,8 @@ mod tests {
 
     #[test]
     fn any_two_numbers_give_a_usable_axis() {
-        let odd = [0.0, -0.0, 1.0, 1.0 + f64::EPSILON, -1e-308, 1e308, f64::NAN, f64::INFINITY, 5e-324, 1e149];
+        let odd =
+            [0.0, -0.0, 1.0, 1.0 + f64::EPSILON, -1e-308, 1e308, f64::NAN, f64::INFINITY, 5e-324, 1e149];
         for low in odd {
             for high in odd {
                 let axis = Axis::covering(low, high, 6);

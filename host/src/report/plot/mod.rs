@@ -9,8 +9,10 @@ use axis::Axis;
 use super::page::escape;
 use super::{Stage, data};
 
-/// Width of every chart in user units; the page scales it.
+/// Width of a chart in user units, two of them beside each other; the page scales it.
 pub const WIDTH: f64 = 520.0;
+/// Width of a chart that has the page to itself.
+pub const FULL_WIDTH: f64 = 1072.0;
 /// Width of a character of the axis labels.
 const CHARACTER: f64 = 6.1;
 const RIGHT: f64 = 14.0;
@@ -24,8 +26,6 @@ pub enum Layer {
     Band(&'static str, Vec<(f64, f64, f64)>),
     /// A horizontal line.
     Level(&'static str, f64),
-    /// A horizontal area between two values.
-    Strip(&'static str, f64, f64),
 }
 
 /// One chart over time.
@@ -42,6 +42,8 @@ pub struct Chart<'a> {
     pub time: Axis,
     /// Values.
     pub values: Axis,
+    /// Width in user units.
+    pub width: f64,
     /// Height in user units.
     pub height: f64,
     /// Boundaries to mark.
@@ -78,11 +80,11 @@ impl Chart<'_> {
         let left = 14.0 + CHARACTER * self.values.widest_label() as f64;
         let named = self.name_stages && self.stages.iter().any(|s| !s.name.is_empty());
         let top = if named { 36.0 } else { 20.0 };
-        let (width, height) = (WIDTH - left - RIGHT, self.height - top - BOTTOM);
+        let (width, height) = (self.width - left - RIGHT, self.height - top - BOTTOM);
         let x = |t: f64| left + width * self.time.share(t);
         let y = |v: f64| top + height * (1.0 - self.values.share(v));
 
-        let mut svg = open_svg(&self.id, &self.title, &self.description, WIDTH, self.height);
+        let mut svg = open_svg(&self.id, &self.title, &self.description, self.width, self.height);
         svg.push_str(&text("unit", left, 12.0, &unit));
         for tick in &self.values.ticks {
             svg.push_str(&line("grid", left, y(*tick), left + width, y(*tick)));
@@ -92,7 +94,12 @@ impl Chart<'_> {
             svg.push_str(&line("tick", x(*tick), top + height, x(*tick), top + height + 4.0));
             svg.push_str(&text("mid", x(*tick), top + height + 16.0, &self.time.label(*tick)));
         }
-        svg.push_str(&text("end", left + width, top + height + 29.0, &format!("time, {}", self.time.unit("s"))));
+        svg.push_str(&text(
+            "end",
+            left + width,
+            top + height + 29.0,
+            &format!("time, {}", self.time.unit("s")),
+        ));
         svg.push_str(&self.stage_marks(left, width, top, height, named));
         // The data live in tenths of a unit, so that their coordinates are short integers, clipped by the frame.
         let (w, h) = ((10.0 * width).round(), (10.0 * height).round());
@@ -114,7 +121,9 @@ impl Chart<'_> {
     fn stage_marks(&self, left: f64, width: f64, top: f64, height: f64, named: bool) -> String {
         let mut svg = String::new();
         let place = |t: f64| left + width * self.time.share(t).clamp(0.0, 1.0);
-        for (i, Stage { start_s, name }) in self.stages.iter().enumerate().filter(|(_, s)| s.start_s.is_finite()) {
+        for (i, Stage { start_s, name }) in
+            self.stages.iter().enumerate().filter(|(_, s)| s.start_s.is_finite())
+        {
             let from = place(*start_s);
             let to = self.stages.get(i + 1).map_or(left + width, |next| place(next.start_s));
             if (0.001..0.999).contains(&self.time.share(*start_s)) {
@@ -141,7 +150,8 @@ impl Chart<'_> {
             }
             Layer::Band(class, points) => {
                 let mut path = Path::default();
-                for part in points.split(|p| !(p.1.is_finite() && p.2.is_finite())).filter(|p| !p.is_empty()) {
+                for part in points.split(|p| !(p.1.is_finite() && p.2.is_finite())).filter(|p| !p.is_empty())
+                {
                     part.iter().for_each(|p| path.to(x(p.0), y(p.2)));
                     part.iter().rev().for_each(|p| path.to(x(p.0), y(p.1)));
                     path.close();
@@ -151,10 +161,6 @@ impl Chart<'_> {
             Layer::Level(class, v) => {
                 let y = y(*v);
                 format!("<path class=\"{class}\" d=\"M0 {y}H{w}\"/>\n")
-            }
-            Layer::Strip(class, low, high) => {
-                let (bottom, top) = (y(low.min(*high)), y(low.max(*high)));
-                format!("<path class=\"{class}\" d=\"M0 {top}H{w}V{bottom}H0z\"/>\n")
             }
         }
     }

@@ -1,0 +1,203 @@
+//! What the report page promises, checked by an XML parser that knows nothing of how it was written.
+
+#[path = "report/synthetic.rs"]
+mod synthetic;
+
+use std::collections::HashSet;
+
+use rigident::report::{ReportData, html, table};
+use roxmltree::{Document, Node, ParsingOptions};
+
+/// Parses the page strictly; the page is HTML and XML at once.
+fn parse(page: &str) -> Document<'_> {
+    Document::parse_with_options(page, ParsingOptions { allow_dtd: true, ..ParsingOptions::default() })
+        .unwrap_or_else(|error| panic!("not well-formed: {error}"))
+}
+
+fn all_text(node: Node) -> String {
+    node.descendants().filter(|n| n.is_text()).filter_map(|n| n.text()).collect::<Vec<_>>().join(" ")
+}
+
+fn elements<'a>(document: &'a Document, name: &'static str) -> Vec<Node<'a, 'a>> {
+    document.descendants().filter(|n| n.has_tag_name(name)).collect()
+}
+
+fn has_digit(text: &str) -> bool {
+    text.chars().any(char::is_numeric)
+}
+
+#[test]
+fn the_page_is_well_formed_self_contained_and_labelled() {
+    for data in [synthetic::experiment(100.0), synthetic::still_poses(), ReportData::default()] {
+        let page = html(&data);
+        let document = parse(&page);
+        let ids: Vec<&str> = document.descendants().filter_map(|n| n.attribute("id")).collect();
+        let unique: HashSet<&str> = ids.iter().copied().collect();
+        assert_eq!(ids.len(), unique.len(), "an id occurs twice");
+        for plot in elements(&document, "svg").into_iter().filter(|n| n.attribute("role") == Some("img")) {
+            let labels = plot.attribute("aria-labelledby").unwrap();
+            assert!(labels.split(' ').all(|id| unique.contains(id)), "{labels}");
+            assert!(plot.children().any(|n| n.has_tag_name("title") && n.text().is_some()));
+        }
+        for loading in ["script", "link", "img", "iframe", "object", "use", "image"] {
+            assert!(elements(&document, loading).is_empty(), "{loading}");
+        }
+        for attribute in document.descendants().flat_map(|n| n.attributes()) {
+            assert!(
+                !["src", "href", "srcset"].contains(&attribute.name()) && !attribute.name().starts_with("on")
+            );
+        }
+        let style = all_text(elements(&document, "style")[0]);
+        assert!(!style.contains("url(") && !style.contains("@import"));
+    }
+}
+
+#[test]
+fn every_parameter_channel_and_motion_has_its_plot() {
+    let page = html(&synthetic::experiment(100.0));
+    let document = parse(&page);
+    let plots = elements(&document, "svg").into_iter().filter(|n| n.attribute("role") == Some("img"));
+    let titles: Vec<String> =
+        plots.filter_map(|n| n.children().find(|c| c.has_tag_name("title")).map(all_text)).collect();
+    for (name, ..) in synthetic::PARAMETERS {
+        assert!(titles.contains(&format!("Convergence of {name}")), "{name}");
+    }
+    for channel in ["fx", "fy", "fz", "mx", "my", "mz"] {
+        assert!(titles.contains(&format!("Residual of {channel}")));
+    }
+    assert_eq!(titles.len(), 10 + 6 + 2 + 1);
+}
+
+/// Numbers that could only come from parameters that are not identified are planted everywhere they could leak.
+#[test]
+fn what_is_not_identified_shows_no_number() {
+    let mut data = synthetic::still_poses();
+    for history in data.convergence.iter_mut().skip(4) {
+        history.estimate.fill(777.125);
+        history.u95.fill(7.125);
+    }
+    let results = &mut data.results;
+    for quantity in results.parameters.iter_mut().chain(&mut results.inertia_com) {
+        if quantity.measured.is_none() {
+            quantity.truth = Some(777.125);
+        }
+    }
+    // An estimate that is not a number, or as uncertain as can be, is none.
+    let mut measured = results.parameters[0].measured.unwrap();
+    measured.value = 777.125;
+    measured.u95 = f64::INFINITY;
+    results.offsets[0].measured = Some(measured);
+    let page = html(&data);
+    let document = parse(&page);
+    // The paths' coordinates are the plots' own.
+    let shown = document.descendants().filter(|n| n.is_text()).filter_map(|n| n.text());
+    assert_eq!(shown.filter(|t| t.contains("777")).collect::<Vec<_>>(), [""; 0]);
+    let without = |n: &Node| all_text(*n).contains("not identified");
+    let rows: Vec<Node> = elements(&document, "tr").into_iter().filter(without).collect();
+    let figures: Vec<Node> = elements(&document, "figure").into_iter().filter(without).collect();
+    // Six moments in S, about the centre of mass and in the body's frame, and one offset.
+    assert_eq!((rows.len(), figures.len()), (19, 6));
+    assert!(figures.iter().all(|f| !f.descendants().any(|n| n.has_tag_name("svg"))));
+    for node in rows.into_iter().chain(figures) {
+        assert!(!has_digit(&all_text(node).replace('²', "")), "{}", all_text(node));
+    }
+    let text = table::plain(&data.results);
+    let lines: Vec<&str> = text.lines().skip(1).filter(|l| l.contains("not identified")).collect();
+    assert_eq!(lines.len(), 19);
+    assert!(lines.iter().all(|l| !has_digit(l)) && !text.contains("777"), "{text}");
+}
+
+#[test]
+fn an_hour_of_samples_makes_no_larger_page_than_a_minute() {
+    let minute = html(&synthetic::experiment(1000.0)).len();
+    assert!(minute < 300_000, "{minute}");
+    let longer = html(&synthetic::experiment(10_000.0)).len();
+    assert!(longer < minute + minute / 20, "{minute} {longer}");
+}
+
+#[test]
+fn text_from_outside_arrives_as_text() {
+    let name = "<script>alert('1')</script> & \"x\" \u{1b}[31m";
+    let mut data = synthetic::experiment(50.0);
+    data.source.body_name = name.to_owned();
+    data.source.recording = name.to_owned();
+    data.source.mcu = name.to_owned();
+    data.provenance = vec![(name.to_owned(), name.to_owned())];
+    data.rejected = vec![(name.to_owned(), 1)];
+    data.residual_note = name.to_owned();
+    data.results.warnings = vec![name.to_owned()];
+    data.results.advice = vec![name.to_owned()];
+    data.results.parameters[3].name = name.to_owned();
+    data.results.parameters[4].unit = name.to_owned();
+    data.convergence[4].name = name.to_owned();
+    data.residuals[0].channel = name.to_owned();
+    data.motion[0].title = name.to_owned();
+    data.motion[0].series[0].0 = name.to_owned();
+    data.stages[5].name = name.to_owned();
+    data.results.body_frame.as_mut().unwrap().name = name.to_owned();
+    let page = html(&data);
+    let document = parse(&page);
+    assert_eq!(all_text(elements(&document, "h1")[0]), name.replace('\u{1b}', "\u{fffd}"));
+    assert!(elements(&document, "script").is_empty());
+    assert!(!table::plain(&data.results).contains('\u{1b}'));
+}
+
+#[test]
+fn any_data_make_a_page() {
+    let bad = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 0.0, -0.0, 1e300, -1e-300, 5e-324];
+    for (i, a) in bad.into_iter().enumerate() {
+        let b = bad[(i + 3) % bad.len()];
+        let mut data = synthetic::experiment(20.0);
+        data.source.rate_hz = Some(a);
+        data.source.duration_s = Some(b);
+        data.results.condition_number = Some(a);
+        for quantity in &mut data.results.parameters {
+            quantity.truth = Some(b);
+            if let Some(m) = &mut quantity.measured {
+                (m.value, m.u95) = (a, b.abs());
+            }
+        }
+        for history in &mut data.convergence {
+            history.estimate.iter_mut().step_by(2).for_each(|v| *v = b);
+            history.u95.iter_mut().step_by(3).for_each(|v| *v = a);
+            history.time_s[5] = b;
+        }
+        for residual in &mut data.residuals {
+            residual.sigma = a;
+            residual.values.fill(b);
+            residual.values.truncate(100 * i);
+        }
+        for plot in &mut data.motion {
+            plot.time_s.fill(a);
+            plot.series[0].1.clear();
+        }
+        data.stages[1].start_s = a;
+        let drift = data.drift.as_mut().unwrap();
+        drift.elapsed_s = a;
+        drift.changes[2].measured.as_mut().unwrap().value = b;
+        drift.changes[3].measured.as_mut().unwrap().u95 = b.abs();
+        let page = html(&data);
+        parse(&page);
+        for word in ["NaN", "inf ", "inf<", ">inf", "-inf"] {
+            assert!(!page.contains(word), "{a} {b}: {word}");
+        }
+        table::plain(&data.results);
+    }
+}
+
+#[test]
+fn the_terminals_columns_are_aligned_and_say_how_far_the_truth_is() {
+    let mut data = synthetic::experiment(20.0);
+    let mass = &mut data.results.parameters[0];
+    let measured = mass.measured.as_mut().unwrap();
+    (measured.value, measured.u95) = (20.0196, 0.0196);
+    let text = table::plain(&data.results);
+    let mut group = text.lines().skip_while(|l| !l.starts_with("In S")).skip(1).take(11);
+    let at = |line: &str, c: char| line.chars().position(|x| x == c);
+    let plus_minus = at(group.next().unwrap(), '±');
+    let lines: Vec<&str> = group.collect();
+    assert!(lines.iter().all(|l| at(l, '±') == plus_minus), "{text}");
+    // (20.0196 − 20) / (0.0196 / 1.96) = 1.96.
+    let expected = ["m", "20.020", "±", "0.020", "kg", "20", "+1.96", "sd"];
+    assert_eq!(lines[0].split_whitespace().collect::<Vec<_>>(), expected);
+}
