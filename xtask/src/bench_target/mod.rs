@@ -10,7 +10,7 @@ mod trace;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::elf::program::Program;
 use crate::firmware;
@@ -33,13 +33,13 @@ pub struct Options {
     pub json: bool,
 }
 
-/// One case as the bench binary reports it: `case kernel 10 samples 1000 instructions 1234567`.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// One case as the bench binary reports it, a line of JSON each.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 struct Reported {
-    name: String,
+    part: String,
     n: u32,
     samples: u64,
-    instructions: u64,
+    instructions_per_sample: f64,
 }
 
 /// One entry of the JSON.
@@ -66,14 +66,13 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
         bail!("the bench binary reports {} cases, but {} were traced", reported.len(), costs.len());
     }
     for (case, cost) in reported.iter().zip(&costs) {
-        let apart = (cost.instructions() as f64 - case.instructions as f64).abs();
-        if apart > AGREEMENT * case.instructions as f64 + 80.0 {
+        let traced = cost.instructions() as f64 / case.samples as f64;
+        if (traced - case.instructions_per_sample).abs() > AGREEMENT * case.instructions_per_sample {
             bail!(
-                "{} with N = {}: {} instructions by the emulated clock, but {} in the trace",
-                case.name,
+                "{} with N = {}: {} instructions a sample by the emulated clock, but {traced:.1} in the trace",
+                case.part,
                 case.n,
-                case.instructions,
-                cost.instructions()
+                case.instructions_per_sample
             );
         }
     }
@@ -94,16 +93,7 @@ fn reported(bench: &Path) -> Result<Vec<Reported>> {
 }
 
 fn parse_case(line: &str) -> Option<Reported> {
-    let words: Vec<&str> = line.split_whitespace().collect();
-    match words[..] {
-        ["case", name, n, "samples", samples, "instructions", instructions] => Some(Reported {
-            name: name.into(),
-            n: n.parse().ok()?,
-            samples: samples.parse().ok()?,
-            instructions: instructions.parse().ok()?,
-        }),
-        _ => None,
-    }
+    serde_json::from_str(line).ok()
 }
 
 fn entries(reported: &[Reported], costs: &[Cost], firmware: &Program) -> Result<Vec<Entry>> {
@@ -111,7 +101,7 @@ fn entries(reported: &[Reported], costs: &[Cost], firmware: &Program) -> Result<
     sizes.sort_unstable();
     sizes.dedup();
     let find = |name: &str, n: u32| {
-        let index = reported.iter().position(|case| case.name == name && case.n == n);
+        let index = reported.iter().position(|case| case.part == name && case.n == n);
         let index = index.with_context(|| format!("the bench binary has no case {name} {n}"))?;
         let samples = reported[index].samples as f64;
         let rounded = |value: f64| (value / samples * 10.0).round() / 10.0;
@@ -150,7 +140,7 @@ fn print_tables(reported: &[Reported], costs: &[Cost], entries: &[Entry]) {
         );
     }
     println!("\nInstructions per sample, by kind:\n");
-    let heads: Vec<String> = reported.iter().map(|case| format!("{} {}", case.name, case.n)).collect();
+    let heads: Vec<String> = reported.iter().map(|case| format!("{} {}", case.part, case.n)).collect();
     println!("| | {} |", heads.join(" | "));
     println!("|---|{}", "---|".repeat(heads.len()));
     for kind in cycles::KINDS {
@@ -170,9 +160,10 @@ mod tests {
 
     #[test]
     fn a_reported_case_is_read_and_other_output_is_not() {
-        let expected = Reported { name: "kernel".into(), n: 16, samples: 10, instructions: 4200 };
-        assert_eq!(parse_case("case kernel 16 samples 10 instructions 4200"), Some(expected));
+        let line = r#"{"part":"kernel","n":16,"samples":10,"instructions_per_sample":420.5}"#;
+        let expected = Reported { part: "kernel".into(), n: 16, samples: 10, instructions_per_sample: 420.5 };
+        assert_eq!(parse_case(line), Some(expected));
         assert_eq!(parse_case("hello"), None);
-        assert_eq!(parse_case("case kernel x samples 10 instructions 4200"), None);
+        assert_eq!(parse_case(r#"{"part":"kernel"}"#), None);
     }
 }
