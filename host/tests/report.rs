@@ -5,7 +5,7 @@ mod synthetic;
 
 use std::collections::HashSet;
 
-use rigident::report::{ReportData, html, table};
+use rigident::report::{Along, ReportData, html, table};
 use roxmltree::{Document, Node, ParsingOptions};
 
 /// Parses the page strictly; the page is HTML and XML at once.
@@ -183,6 +183,42 @@ fn any_data_make_a_page() {
         }
         table::plain(&data.results);
     }
+}
+
+#[test]
+fn a_drift_beyond_its_uncertainty_is_named_and_a_missing_one_is_not_called_none() {
+    let mut data = synthetic::experiment(20.0);
+    let changes = &mut data.drift.as_mut().unwrap().changes;
+    for (i, change) in changes.iter_mut().enumerate() {
+        let m = change.measured.as_mut().unwrap();
+        m.value = if i == 1 { -1.01 } else { 0.99 } * m.u95;
+    }
+    assert!(html(&data).contains("<b>fy</b> changed by more"));
+    data.drift.as_mut().unwrap().changes[1].measured = None;
+    assert!(html(&data).contains("No channel changed by more"));
+    data.drift.as_mut().unwrap().changes.iter_mut().for_each(|c| c.measured = None);
+    assert!(html(&data).contains("No change could be measured"));
+}
+
+#[test]
+fn still_poses_are_counted_not_timed() {
+    let mut data = synthetic::still_poses();
+    data.along = Along::Poses;
+    let poses: Vec<f64> = (1..=24).map(f64::from).collect();
+    data.motion.clear();
+    data.convergence.clear();
+    for residual in &mut data.residuals {
+        residual.time_s.clone_from(&poses);
+        residual.values.truncate(24);
+    }
+    let page = html(&data);
+    let document = parse(&page);
+    let texts: Vec<String> = elements(&document, "text").into_iter().map(all_text).collect();
+    assert_eq!(texts.iter().filter(|t| *t == "pose").count(), 6);
+    assert!(!texts.iter().any(|t| t.contains("time")));
+    let dots = elements(&document, "path").into_iter().filter(|n| n.attribute("class") == Some("dots"));
+    let drawn: Vec<usize> = dots.map(|n| n.attribute("d").unwrap().matches('M').count()).collect();
+    assert_eq!(drawn, [24; 6]);
 }
 
 #[test]

@@ -175,6 +175,16 @@ pub struct Drift {
     pub changes: Vec<Quantity>,
 }
 
+/// What the plots' horizontal axis counts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Along {
+    /// Seconds.
+    #[default]
+    Time,
+    /// Still poses, one row each: every `time_s` holds the pose's number, from one.
+    Poses,
+}
+
 /// All that the page shows.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReportData {
@@ -186,6 +196,8 @@ pub struct ReportData {
     pub rejected: Vec<(String, u64)>,
     /// Label and value: firmware's hash, serial numbers, calibration dates, …
     pub provenance: Vec<(String, String)>,
+    /// What all the `time_s` below are.
+    pub along: Along,
     /// Stages of the experiment in order of time.
     pub stages: Vec<Stage>,
     /// One per parameter, in any order.

@@ -1,6 +1,6 @@
 //! The page's figures: convergence, residuals, motion, drift.
 
-use super::data::{Convergence, Drift, Quantity, ReportData, Residual, Stage, TimePlot};
+use super::data::{Along, Convergence, Drift, Quantity, ReportData, Residual, TimePlot};
 use super::envelope::{band, envelope, extremes};
 use super::page::{describe, escape, measured_markup, number, symbol};
 use super::plot::axis::Axis;
@@ -11,6 +11,8 @@ use super::text::{NOT_IDENTIFIED, Rounded, beside, three_digits, unit_symbol};
 const BUCKETS: usize = 450;
 /// The same for the charts that are as wide as the page.
 const FULL_BUCKETS: usize = 900;
+/// Up to so many residuals are dots, more are a line.
+const FEW: usize = 150;
 /// Estimates move slowly: fewer will do.
 const CONVERGENCE_BUCKETS: usize = 220;
 
@@ -21,6 +23,10 @@ pub fn time_axis(data: &ReportData) -> Axis {
     let motion = data.motion.iter().map(|m| &m.time_s);
     let range = extremes(convergence.chain(residuals).chain(motion).flatten().copied());
     let (low, high) = range.unwrap_or((0.0, 1.0));
+    if data.along == Along::Poses {
+        // No tick between two poses.
+        return Axis::covering(low - 0.5, high + 0.5, (high - low + 1.0).clamp(1.0, 8.0) as usize);
+    }
     let low = if low >= 0.0 && low < 0.05 * (high - low) { 0.0 } else { low };
     Axis::covering(low, high, 8)
 }
@@ -38,13 +44,13 @@ pub fn convergence(data: &ReportData, time: &Axis) -> String {
             let caption = format!("<b>{}</b> {}", symbol(&quantity.name), describe(&quantity.name));
             html.push_str(&figure("", &caption, &format!("<p class=\"nothing\">{NOT_IDENTIFIED}</p>\n")));
         } else if let Some(history) = history {
-            html.push_str(&converging(quantity, history, time, &data.stages));
+            html.push_str(&converging(quantity, history, time, data));
         }
     }
     html
 }
 
-fn converging(quantity: &Quantity, history: &Convergence, time: &Axis, stages: &[Stage]) -> String {
+fn converging(quantity: &Quantity, history: &Convergence, time: &Axis, data: &ReportData) -> String {
     let unit = unit_symbol(&quantity.unit);
     let (low, high) = settled_range(quantity, history);
     let mut layers = vec![
@@ -69,10 +75,11 @@ fn converging(quantity: &Quantity, history: &Convergence, time: &Axis, stages: &
         description: format!("Estimate of {} in {unit} over time with its 95 % band.", quantity.name),
         unit,
         time: time.clone(),
+        along: data.along,
         values: Axis::covering(low, high, 7),
         width: WIDTH,
         height: 178.0,
-        stages,
+        stages: &data.stages,
         name_stages: false,
         layers,
     };
@@ -110,10 +117,10 @@ fn settled_range(quantity: &Quantity, history: &Convergence) -> (f64, f64) {
 
 /// One figure per channel.
 pub fn residuals(data: &ReportData, time: &Axis) -> String {
-    data.residuals.iter().map(|r| residual(r, time, &data.stages)).collect()
+    data.residuals.iter().map(|r| residual(r, time, data)).collect()
 }
 
-fn residual(residual: &Residual, time: &Axis, stages: &[Stage]) -> String {
+fn residual(residual: &Residual, time: &Axis, data: &ReportData) -> String {
     let unit = unit_symbol(&residual.unit);
     let finite = || residual.values.iter().filter(|v| v.is_finite());
     let number_of = finite().count();
@@ -138,7 +145,8 @@ fn residual(residual: &Residual, time: &Axis, stages: &[Stage]) -> String {
         }
     }
     let mut layers = vec![Layer::Level("zero", 0.0)];
-    layers.push(Layer::Line("dense", envelope(&residual.time_s, &residual.values, BUCKETS)));
+    let points = envelope(&residual.time_s, &residual.values, BUCKETS);
+    layers.push(if points.len() <= FEW { Layer::Dots("dots", points) } else { Layer::Line("dense", points) });
     if let Some(limit) = limit {
         layers.extend([Layer::Level("limit", -limit), Layer::Level("limit", limit)]);
     }
@@ -151,10 +159,11 @@ fn residual(residual: &Residual, time: &Axis, stages: &[Stage]) -> String {
         ),
         unit,
         time: time.clone(),
+        along: data.along,
         values: Axis::covering(-half, half, 5),
         width: WIDTH,
         height: 168.0,
-        stages,
+        stages: &data.stages,
         name_stages: false,
         layers,
     };
@@ -163,10 +172,10 @@ fn residual(residual: &Residual, time: &Axis, stages: &[Stage]) -> String {
 
 /// One figure per group of series.
 pub fn motion(data: &ReportData, time: &Axis) -> String {
-    data.motion.iter().enumerate().map(|(i, m)| moving(i, m, time, &data.stages)).collect()
+    data.motion.iter().enumerate().map(|(i, m)| moving(i, m, time, data)).collect()
 }
 
-fn moving(index: usize, plot: &TimePlot, time: &Axis, stages: &[Stage]) -> String {
+fn moving(index: usize, plot: &TimePlot, time: &Axis, data: &ReportData) -> String {
     let (low, high) = extremes(plot.series.iter().flat_map(|s| s.1.iter().copied())).unwrap_or((-1.0, 1.0));
     let margin = (0.06 * (high - low)).max(1e-12);
     let mut caption = format!("<b>{}</b>", escape(&plot.title));
@@ -182,10 +191,11 @@ fn moving(index: usize, plot: &TimePlot, time: &Axis, stages: &[Stage]) -> Strin
         description: format!("{} in {unit} over time.", plot.title),
         unit,
         time: time.clone(),
+        along: data.along,
         values: Axis::covering(low - margin, high + margin, 5),
         width: FULL_WIDTH,
         height: 200.0,
-        stages,
+        stages: &data.stages,
         name_stages: true,
         layers,
     };
@@ -205,7 +215,9 @@ pub fn drift(drift: &Drift) -> String {
         .filter(|q| relative(q).is_some_and(|r| r.abs() > 1.0))
         .map(|q| q.name.as_str())
         .collect();
-    let verdict = if moved.is_empty() {
+    let verdict = if drift.changes.iter().all(|q| q.known().is_none()) {
+        "No change could be measured.".to_owned()
+    } else if moved.is_empty() {
         "No channel changed by more than its uncertainty.".to_owned()
     } else {
         // 1 − 0.95⁶ = 0.26.
@@ -252,7 +264,7 @@ fn drift_chart(drift: &Drift) -> String {
         let y = top + row * (i as f64 + 0.5);
         svg.push_str(&text("end", left - 8.0, y + 3.8, &change.name));
         let Some(m) = change.known() else {
-            svg.push_str(&text("start", left + width + 12.0, y + 3.8, NOT_IDENTIFIED));
+            svg.push_str(&text("start", left + width + 12.0, y + 3.8, "not measured"));
             continue;
         };
         if let Some(r) = relative(change) {

@@ -26,7 +26,15 @@ pub fn html(data: &ReportData) -> String {
     html.push_str(&notes("What would identify the rest", &data.results.advice));
     html.push_str(&format!("<h2>Results</h2>\n<div class=\"tables\">\n{}</div>\n", tables(data)));
     let time = figures::time_axis(data);
-    section(&mut html, "grid", "Convergence", CONVERGENCE_NOTE, &figures::convergence(data, &time));
+    let dotted =
+        if data.stages.is_empty() { "" } else { " Dotted lines separate the stages of the experiment." };
+    section(
+        &mut html,
+        "grid",
+        "Convergence",
+        &format!("{CONVERGENCE_NOTE}{dotted}"),
+        &figures::convergence(data, &time),
+    );
     section(&mut html, "grid", "Residuals", &residual_note(data), &figures::residuals(data, &time));
     section(&mut html, "wide", "Motion", "", &figures::motion(data, &time));
     if let Some(drift) = &data.drift {
@@ -44,8 +52,7 @@ pub fn html(data: &ReportData) -> String {
     html
 }
 
-const CONVERGENCE_NOTE: &str = "Estimate and its 95 % band; the scale fits the settled part. Dotted lines \
-    separate the stages of the experiment.";
+const CONVERGENCE_NOTE: &str = "Estimate and its 95 % band; the scale fits the settled part.";
 
 const FOOTER: &str = "<footer><p>S is the wrench sensor's frame. Products of inertia are tensor elements: \
     I<sub>xy</sub> = \u{2212}\u{222b} x y dm.</p>\n<p>\u{b1} is the 95 % expanded uncertainty U95; \u{3c3} = U95 / \
@@ -215,13 +222,14 @@ fn table(caption: &str, quantities: &[Quantity]) -> String {
         return String::new();
     }
     let with_truth = quantities.iter().any(|q| q.known().is_some() && q.truth.is_some());
+    let class = if with_truth { "full" } else { "short" };
     let truth_head = if with_truth {
         "<th class=\"right\" scope=\"col\">truth</th><th class=\"right\" scope=\"col\">deviation</th><th></th>"
     } else {
         ""
     };
     let mut html = format!(
-        "<table><caption>{}</caption>\n<thead><tr><th></th><th class=\"value\" scope=\"col\">estimate</th>\
+        "<div class=\"scroll\"><table class=\"{class}\"><caption>{}</caption>\n<thead><tr><th></th><th class=\"value\" scope=\"col\">estimate</th>\
          <th scope=\"col\">± U95</th><th scope=\"col\">unit</th>{truth_head}</tr></thead>\n<tbody>\n",
         escape(caption)
     );
@@ -242,7 +250,7 @@ fn table(caption: &str, quantities: &[Quantity]) -> String {
         }
         html.push_str("</tr>\n");
     }
-    html.push_str("</tbody></table>\n");
+    html.push_str("</tbody></table></div>\n");
     html
 }
 
@@ -292,7 +300,7 @@ fn principal(axes: &[PrincipalAxis]) -> String {
         ""
     };
     let mut html = format!(
-        "<table class=\"tight\"><caption>Principal moments, kg m², and their axes in S</caption>\n<thead><tr>\
+        "<div class=\"scroll\"><table class=\"tight\"><caption>Principal moments, kg m², and their axes in S</caption>\n<thead><tr>\
          <th class=\"value\" scope=\"col\">moment</th><th scope=\"col\">± U95</th>{truth_head}\
          <th scope=\"col\">axis</th><th scope=\"col\">± U95</th></tr></thead>\n<tbody>\n"
     );
@@ -316,7 +324,7 @@ fn principal(axes: &[PrincipalAxis]) -> String {
         }
         html.push_str("</tr>\n");
     }
-    html.push_str("</tbody></table>\n");
+    html.push_str("</tbody></table></div>\n");
     html
 }
 

@@ -36,10 +36,10 @@ impl Rounded {
             let half = exponent / 2;
             v / 10_f64.powi(half) / 10_f64.powi(exponent - half)
         };
-        if places > 12 {
-            // The digits that f64 no longer holds are not worth printing.
+        if places > MOST_DECIMALS {
+            // Far smaller than the value: in a power of ten of its own, and no digits that f64 does not hold.
             let u95 = format!("{:.1e}", scaled(u95));
-            return Some(Self { value: fixed(scaled(value), 12), u95, exponent });
+            return Some(Self { value: fixed(scaled(value), places.min(12)), u95, exponent });
         }
         Some(Self { value: fixed(scaled(value), places), u95: fixed(scaled(u95), places), exponent })
     }
@@ -210,7 +210,7 @@ mod tests {
             (1.2345e12, 3.1e9, "(1.2345 ± 0.0031)e12 kg"),
             (-1.0e300, 2.0e299, "(-1.00 ± 0.20)e300 kg"),
             (20.0, 1.0e-12, "20.000000000000 ± 1.0e-12 kg"),
-            (20.0, 1.25e-9, "20.0000000000 ± 0.0000000013 kg"),
+            (20.0, 1.24e-9, "20.0000000000 ± 1.2e-9 kg"),
             (f64::NAN, 0.1, "not identified"),
             (1.0, f64::INFINITY, "not identified"),
             (1.0, -0.1, "not identified"),

@@ -1,8 +1,8 @@
 //! A made-up experiment that fills every part of a report; shared by the tests and the example.
 
 use rigident::report::{
-    Convergence, Drift, FrameResults, Measured, PrincipalAxis, Quantity, ReportData, Residual, Results,
-    Source, Stage, Status, TimePlot,
+    Along, Convergence, Drift, FrameResults, Measured, PrincipalAxis, Quantity, ReportData, Residual,
+    Results, Source, Stage, Status, TimePlot,
 };
 
 /// Reproducible noise: sums of twelve uniform numbers, variance one.
@@ -170,6 +170,7 @@ pub fn experiment(rate_hz: f64) -> ReportData {
             ("load cell".to_owned(), "serial 4711, calibrated 2026-03-02".to_owned()),
             ("IMU".to_owned(), "serial 0815, calibrated 2026-05-19".to_owned()),
         ],
+        along: Along::Time,
         stages: stages(),
         convergence: histories,
         residuals,

@@ -7,7 +7,7 @@ pub mod axis;
 use axis::Axis;
 
 use super::page::escape;
-use super::{Stage, data};
+use super::{Along, Stage};
 
 /// Width of a chart in user units, two of them beside each other; the page scales it.
 pub const WIDTH: f64 = 520.0;
@@ -20,6 +20,8 @@ const BOTTOM: f64 = 32.0;
 
 /// What a chart draws, in order. Points are (time, value).
 pub enum Layer {
+    /// A dot of the style class at every finite point.
+    Dots(&'static str, Vec<(f64, f64)>),
     /// A line of the style class; points that are not finite break it.
     Line(&'static str, Vec<(f64, f64)>),
     /// An area of the style class between (time, low, high); likewise.
@@ -38,8 +40,10 @@ pub struct Chart<'a> {
     pub description: String,
     /// Unit of the values.
     pub unit: String,
-    /// Time, s.
+    /// Time in s, or the number of the pose.
     pub time: Axis,
+    /// Which of the two.
+    pub along: Along,
     /// Values.
     pub values: Axis,
     /// Width in user units.
@@ -47,7 +51,7 @@ pub struct Chart<'a> {
     /// Height in user units.
     pub height: f64,
     /// Boundaries to mark.
-    pub stages: &'a [data::Stage],
+    pub stages: &'a [Stage],
     /// Whether to write the stages' names above the plot.
     pub name_stages: bool,
     /// What to draw.
@@ -84,6 +88,10 @@ impl Chart<'_> {
         let x = |t: f64| left + width * self.time.share(t);
         let y = |v: f64| top + height * (1.0 - self.values.share(v));
 
+        let along = match self.along {
+            Along::Time => format!("time, {}", self.time.unit("s")),
+            Along::Poses => self.time.unit("pose"),
+        };
         let mut svg = open_svg(&self.id, &self.title, &self.description, self.width, self.height);
         svg.push_str(&text("unit", left, 12.0, &unit));
         for tick in &self.values.ticks {
@@ -94,12 +102,7 @@ impl Chart<'_> {
             svg.push_str(&line("tick", x(*tick), top + height, x(*tick), top + height + 4.0));
             svg.push_str(&text("mid", x(*tick), top + height + 16.0, &self.time.label(*tick)));
         }
-        svg.push_str(&text(
-            "end",
-            left + width,
-            top + height + 29.0,
-            &format!("time, {}", self.time.unit("s")),
-        ));
+        svg.push_str(&text("end", left + width, top + height + 29.0, &along));
         svg.push_str(&self.stage_marks(left, width, top, height, named));
         // The data live in tenths of a unit, so that their coordinates are short integers, clipped by the frame.
         let (w, h) = ((10.0 * width).round(), (10.0 * height).round());
@@ -140,6 +143,11 @@ impl Chart<'_> {
         let x = |t: f64| (w * self.time.share(t)).clamp(-w, 2.0 * w).round() as i64;
         let y = |v: f64| (h * (1.0 - self.values.share(v))).clamp(-h, 2.0 * h).round() as i64;
         match layer {
+            Layer::Dots(class, points) => {
+                let finite = points.iter().filter(|p| p.1.is_finite());
+                let dots: String = finite.map(|(t, v)| format!("M{} {}h0", x(*t), y(*v))).collect();
+                format!("<path class=\"{class}\" d=\"{dots}\"/>\n")
+            }
             Layer::Line(class, points) => {
                 let mut path = Path::default();
                 for (t, v) in points {
