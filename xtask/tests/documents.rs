@@ -8,17 +8,26 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().to_owned()
 }
 
-/// Direct dependencies, from crates.io, of every crate in a workspace.
-fn direct_dependencies(manifest: &Path) -> BTreeSet<String> {
+/// The three workspaces.
+const MANIFESTS: [&str; 3] = ["Cargo.toml", "firmware/boards/mps2-an386/Cargo.toml", "fuzz/Cargo.toml"];
+
+/// The packages of a workspace, its members alone or everything it builds on.
+fn packages(manifest: &str, scope: &[&str]) -> Vec<serde_json::Value> {
     let output = Command::new(env!("CARGO"))
-        .args(["metadata", "--no-deps", "--format-version", "1", "--manifest-path"])
-        .arg(manifest)
+        .args(["metadata", "--locked", "--format-version", "1"])
+        .args(scope)
+        .arg("--manifest-path")
+        .arg(root().join(manifest))
         .output()
         .unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let metadata: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    let packages = metadata["packages"].as_array().unwrap();
-    packages
+    metadata["packages"].as_array().unwrap().clone()
+}
+
+/// Direct dependencies, from crates.io, of every crate in a workspace.
+fn direct_dependencies(manifest: &str) -> BTreeSet<String> {
+    packages(manifest, &["--no-deps"])
         .iter()
         .flat_map(|package| package["dependencies"].as_array().unwrap())
         .filter(|dependency| dependency["path"].is_null())
@@ -28,9 +37,8 @@ fn direct_dependencies(manifest: &Path) -> BTreeSet<String> {
 
 #[test]
 fn every_direct_dependency_is_explained_and_none_is_explained_that_is_gone() {
-    let manifests = ["Cargo.toml", "firmware/boards/mps2-an386/Cargo.toml", "fuzz/Cargo.toml"];
     let used: BTreeSet<String> =
-        manifests.iter().flat_map(|manifest| direct_dependencies(&root().join(manifest))).collect();
+        MANIFESTS.iter().flat_map(|manifest| direct_dependencies(manifest)).collect();
     let text = std::fs::read_to_string(root().join("docs/dependencies.md")).unwrap();
     let explained: BTreeSet<String> = text
         .lines()
@@ -41,6 +49,48 @@ fn every_direct_dependency_is_explained_and_none_is_explained_that_is_gone() {
     assert!(unexplained.is_empty(), "docs/dependencies.md does not name {unexplained:?}");
     let gone: Vec<_> = explained.difference(&used).collect();
     assert!(gone.is_empty(), "docs/dependencies.md names {gone:?}, which nothing uses");
+}
+
+/// Whether we may ship under MIT OR Apache-2.0 what is under this licence: of every part that must hold, one choice.
+fn is_acceptable(licence: &str) -> bool {
+    const ACCEPTED: [&str; 14] = [
+        "0BSD",
+        "Apache-2.0",
+        "Apache-2.0 WITH LLVM-exception",
+        "BSD-2-Clause",
+        "BSD-3-Clause",
+        "BSL-1.0",
+        "CC0-1.0",
+        "ISC",
+        "MIT",
+        "MPL-2.0",
+        "NCSA",
+        "Unicode-3.0",
+        "Unlicense",
+        "Zlib",
+    ];
+    licence.replace('/', " OR ").split(" AND ").all(|part| {
+        part.trim_matches(['(', ')']).split(" OR ").any(|choice| ACCEPTED.contains(&choice.trim()))
+    })
+}
+
+#[test]
+fn licences_are_judged_by_their_expression() {
+    assert!(is_acceptable("MIT/Apache-2.0"));
+    assert!(is_acceptable("(MIT OR Apache-2.0) AND Unicode-3.0"));
+    assert!(is_acceptable("LGPL-2.1-or-later OR MIT"));
+    assert!(!is_acceptable("GPL-3.0-only"));
+    assert!(!is_acceptable("MIT AND GPL-3.0-only"));
+}
+
+#[test]
+fn every_package_is_under_a_licence_we_can_ship() {
+    for manifest in MANIFESTS {
+        for package in packages(manifest, &["--filter-platform", "x86_64-unknown-linux-gnu"]) {
+            let licence = package["license"].as_str().unwrap_or("none");
+            assert!(is_acceptable(licence), "{} is under {licence}", package["name"]);
+        }
+    }
 }
 
 #[test]
