@@ -386,7 +386,7 @@ impl App {
                     self.estimate_due = true;
                 }
             }
-            if stream {
+            if stream && self.state != StateName::Holding {
                 let _ = self.batch.push(self.last_reading);
                 if self.batch.is_full() {
                     let batch = core::mem::take(&mut self.batch);

@@ -1,0 +1,242 @@
+//! ADS131M08: eight simultaneously sampled 24-bit ΔΣ converters; six of them read the gauges.
+//!
+//! Facts relied on (TI data sheet SBAS950): 24-bit words, most significant byte first; a frame is a command or
+//! response word, eight channel words and a CRC word; a response comes one frame after its command; RREG is
+//! `101a aaaa annn nnnn`, WREG `011a aaaa annn nnnn`; CRC-16-CCITT, seed 0xFFFF, over all words before it; with
+//! RX_CRC_EN a command is followed by its own CRC; full scale ±1.2 V / gain; rate = 4.096 MHz / OSR.
+//! The CRC of every frame is checked: a sample with a changed bit is an error, never a value.
+
+use crc::{CRC_16_IBM_3740, Crc};
+use embedded_hal::delay::DelayNs;
+use embedded_hal::spi::SpiDevice;
+
+const WORD: usize = 3;
+const CHANNELS: usize = 8;
+const FRAME: usize = WORD * (1 + CHANNELS + 1);
+
+const CRC16: Crc<u16> = Crc::<u16>::new(&CRC_16_IBM_3740);
+
+const NULL: u16 = 0x0000;
+const RESET: u16 = 0x0011;
+const ID: u8 = 0x00;
+const MODE: u8 = 0x02;
+const CLOCK: u8 = 0x03;
+const GAIN1: u8 = 0x04;
+const GAIN2: u8 = 0x05;
+
+const STATUS_CRC_ERROR: u16 = 1 << 12;
+const STATUS_RESET: u16 = 1 << 10;
+/// Input CRC on, CCITT, 24-bit words, SPI timeout on; writing it clears the RESET flag.
+const MODE_VALUE: u16 = 1 << 12 | 0b01 << 8 | 1 << 4;
+/// All channels, high resolution.
+const CLOCK_BASE: u16 = 0xff << 8 | 0b10;
+
+/// Full scale at gain 1, V.
+const FULL_SCALE_V: f32 = 1.2;
+/// Codes at full scale.
+const FULL_SCALE_CODES: f32 = 8_388_608.0;
+
+/// How the converter is to run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AdcConfig {
+    /// 250, 500, 1000, 2000, 4000, … 32 000 samples per second.
+    pub rate_hz: u32,
+    /// 1, 2, 4, … 128.
+    pub gain: u8,
+}
+
+/// What went wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AdcError<E> {
+    /// The bus failed.
+    Bus(E),
+    /// A frame's CRC does not fit.
+    Crc {
+        /// Computed here.
+        expected: u16,
+        /// In the frame.
+        got: u16,
+    },
+    /// Another chip answers; its ID register.
+    WrongId(u16),
+    /// A register does not hold what was written.
+    Verify {
+        /// Its address.
+        register: u8,
+        /// Written.
+        wrote: u16,
+        /// Read back.
+        read: u16,
+    },
+    /// The converter has restarted by itself: its registers are at their defaults.
+    DeviceReset,
+    /// The converter saw a command with a wrong CRC.
+    InputCrc,
+    /// No such rate or gain.
+    BadRate(u32),
+}
+
+/// One sample of all channels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AdcFrame {
+    /// Signed codes.
+    pub codes: [i32; CHANNELS],
+    /// Bit c: channel c is at its end.
+    pub clipped: u8,
+}
+
+impl AdcFrame {
+    /// The first six channels in volts at the converter's input.
+    pub fn gauges_v(&self, gain: u8) -> [f32; 6] {
+        let volts = FULL_SCALE_V / FULL_SCALE_CODES / f32::from(gain);
+        let [a, b, c, d, e, f, _, _] = self.codes;
+        [a, b, c, d, e, f].map(|code| code as f32 * volts)
+    }
+}
+
+/// The driver.
+#[derive(Debug)]
+pub struct Ads131m08<SPI> {
+    spi: SPI,
+    crc_errors: u32,
+}
+
+impl<SPI: SpiDevice> Ads131m08<SPI> {
+    /// A driver on this bus; nothing is sent yet.
+    pub const fn new(spi: SPI) -> Self {
+        Self { spi, crc_errors: 0 }
+    }
+
+    /// Frames whose CRC did not fit.
+    pub const fn crc_errors(&self) -> u32 {
+        self.crc_errors
+    }
+
+    /// Resets the converter, sets it up, and reads every register back.
+    ///
+    /// # Errors
+    /// No such rate or gain; another chip; a register that does not hold; the bus.
+    pub fn bring_up(
+        &mut self,
+        delay: &mut impl DelayNs,
+        config: &AdcConfig,
+    ) -> Result<(), AdcError<SPI::Error>> {
+        let oversampling = oversampling_code(config.rate_hz).ok_or(AdcError::BadRate(config.rate_hz))?;
+        if !config.gain.is_power_of_two() || config.gain > 128 {
+            return Err(AdcError::BadRate(u32::from(config.gain)));
+        }
+        // A reset is only taken in a whole frame; one with the CRC reaches a converter that has it on too.
+        self.frame(&command(RESET))?;
+        delay.delay_ms(1);
+        // The first frame after a reset announces the chip; what it holds is not a status.
+        self.exchange(&command(NULL))?;
+        let id = self.read_register(ID)?;
+        if id >> 8 & 0x0f != CHANNELS as u16 || id >> 12 != 2 {
+            return Err(AdcError::WrongId(id));
+        }
+        let gain = config.gain.trailing_zeros() as u16;
+        let gains = gain | gain << 4 | gain << 8 | gain << 12;
+        for (register, value) in
+            [(MODE, MODE_VALUE), (CLOCK, CLOCK_BASE | oversampling << 2), (GAIN1, gains), (GAIN2, gains)]
+        {
+            self.write_register(register, value)?;
+        }
+        Ok(())
+    }
+
+    /// Reads the sample that the converter has signalled.
+    ///
+    /// # Errors
+    /// A CRC that does not fit (counted), a restart of the converter, the bus.
+    #[inline]
+    pub fn read_frame(&mut self) -> Result<AdcFrame, AdcError<SPI::Error>> {
+        let bytes = self.frame(&command(NULL))?;
+        let [words @ .., _] = words(&bytes);
+        let [status, channels @ ..] = words;
+        let status = (status >> 8) as u16;
+        if status & STATUS_RESET != 0 {
+            return Err(AdcError::DeviceReset);
+        }
+        if status & STATUS_CRC_ERROR != 0 {
+            return Err(AdcError::InputCrc);
+        }
+        // 24 bits at the top of 32, brought down with their sign.
+        let codes = channels.map(|word| (word << 8).cast_signed() >> 8);
+        let mut clipped = 0;
+        for (channel, code) in codes.iter().enumerate() {
+            if !(-8_388_608 < *code && *code < 8_388_607) {
+                clipped |= 1 << channel;
+            }
+        }
+        Ok(AdcFrame { codes, clipped })
+    }
+
+    fn read_register(&mut self, register: u8) -> Result<u16, AdcError<SPI::Error>> {
+        self.frame(&command(0b101 << 13 | u16::from(register) << 7))?;
+        let bytes = self.frame(&command(NULL))?;
+        let [response, ..] = words(&bytes);
+        Ok((response >> 8) as u16)
+    }
+
+    fn write_register(&mut self, register: u8, value: u16) -> Result<(), AdcError<SPI::Error>> {
+        let mut frame = [0; FRAME];
+        put(&mut frame, 0, 0b011 << 13 | u16::from(register) << 7);
+        put(&mut frame, 1, value);
+        let check = CRC16.checksum(frame.first_chunk::<{ 2 * WORD }>().unwrap_or(&[0; 2 * WORD]));
+        put(&mut frame, 2, check);
+        self.frame(&frame)?;
+        let read = self.read_register(register)?;
+        if read == value { Ok(()) } else { Err(AdcError::Verify { register, wrote: value, read }) }
+    }
+
+    /// Exchanges a frame without looking at what comes back.
+    fn exchange(&mut self, frame: &[u8; FRAME]) -> Result<[u8; FRAME], AdcError<SPI::Error>> {
+        let mut bytes = *frame;
+        self.spi.transfer_in_place(&mut bytes).map_err(AdcError::Bus)?;
+        Ok(bytes)
+    }
+
+    /// Exchanges a frame and checks the CRC of what comes back.
+    fn frame(&mut self, frame: &[u8; FRAME]) -> Result<[u8; FRAME], AdcError<SPI::Error>> {
+        let bytes = self.exchange(frame)?;
+        let [body @ .., high, low, _] = &bytes;
+        let got = u16::from_be_bytes([*high, *low]);
+        let expected = CRC16.checksum(body);
+        if got == expected {
+            Ok(bytes)
+        } else {
+            self.crc_errors = self.crc_errors.saturating_add(1);
+            Err(AdcError::Crc { expected, got })
+        }
+    }
+}
+
+/// 4.096 MHz / (128 · 2^code).
+fn oversampling_code(rate_hz: u32) -> Option<u16> {
+    (0..8).find(|code| 32_000 >> code == rate_hz)
+}
+
+/// A frame with one command word and its CRC.
+fn command(word: u16) -> [u8; FRAME] {
+    let mut frame = [0; FRAME];
+    put(&mut frame, 0, word);
+    let check = CRC16.checksum(frame.first_chunk::<WORD>().unwrap_or(&[0; WORD]));
+    put(&mut frame, 1, check);
+    frame
+}
+
+/// Puts a 16-bit word into the upper bits of a frame's word.
+fn put(frame: &mut [u8; FRAME], index: usize, word: u16) {
+    if let Some([high, low, _]) = frame.as_chunks_mut::<WORD>().0.get_mut(index) {
+        [*high, *low] = word.to_be_bytes();
+    }
+}
+
+/// A frame's ten words.
+fn words(frame: &[u8; FRAME]) -> [u32; CHANNELS + 2] {
+    let mut words = [0; CHANNELS + 2];
+    for (word, [a, b, c]) in words.iter_mut().zip(frame.as_chunks::<WORD>().0) {
+        *word = u32::from_be_bytes([0, *a, *b, *c]);
+    }
+    words
+}
