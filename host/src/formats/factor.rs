@@ -18,10 +18,14 @@ pub enum FactorFileError {
     #[error("not a factor file: it does not start with RIGIDFAC")]
     NotAFactor,
     /// The check sum does not fit, or the file is cut off.
-    #[error("the factor file is damaged or cut off (its check sum does not fit): write it anew from the recording")]
+    #[error(
+        "the factor file is damaged or cut off (its check sum does not fit): write it anew from the recording"
+    )]
     Damaged,
     /// The version is not known here.
-    #[error("the factor file has version {0}, this program reads version {VERSION}: use the program that wrote it")]
+    #[error(
+        "the factor file has version {0}, this program reads version {VERSION}: use the program that wrote it"
+    )]
     Version(u16),
     /// The numbers are not a factor.
     #[error("the factor file holds {got} numbers, not finite or not a triangle of {parameters} parameters")]

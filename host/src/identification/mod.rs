@@ -62,6 +62,15 @@ pub enum Factor {
 }
 
 impl Factor {
+    /// From its numbers; see [`InformationFactor::from_entries`]. `None` if they are not a factor.
+    pub fn from_entries(parameters: usize, entries: Vec<f64>, rows: u32) -> Option<Self> {
+        match parameters {
+            10 => InformationFactor::from_entries(entries, rows).map(|f| Self::Ten(Box::new(f))),
+            16 => InformationFactor::from_entries(entries, rows).map(|f| Self::Sixteen(Box::new(f))),
+            _ => None,
+        }
+    }
+
     /// Scalar rows absorbed.
     pub fn rows(&self) -> u32 {
         match self {

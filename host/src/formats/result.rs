@@ -1,0 +1,184 @@
+//! The result object: what `--json` prints and `result.json` holds.
+
+use serde::Serialize;
+
+/// The schema's name.
+pub const SCHEMA: &str = "rigident/result/1";
+
+/// What became of a parameter. One that is not identified has no number, here or anywhere.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(tag = "state", rename_all = "snake_case")]
+pub enum ParameterState {
+    /// The data alone determine it.
+    Identified {
+        /// Value, SI.
+        value: f64,
+        /// 95 % expanded uncertainty.
+        u95: f64,
+    },
+    /// What was known before determines it.
+    PriorDominated {
+        /// Value, SI.
+        value: f64,
+        /// 95 % expanded uncertainty.
+        u95: f64,
+    },
+    /// The data say nothing about it.
+    NotIdentified,
+}
+
+impl ParameterState {
+    /// Value and 95 % uncertainty, where there are any.
+    pub fn measured(&self) -> Option<(f64, f64)> {
+        match *self {
+            Self::Identified { value, u95 } | Self::PriorDominated { value, u95 } => Some((value, u95)),
+            Self::NotIdentified => None,
+        }
+    }
+}
+
+/// One parameter.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Parameter {
+    /// Its name.
+    pub name: String,
+    /// Its SI unit.
+    pub unit: String,
+    /// State, value, uncertainty.
+    #[serde(flatten)]
+    pub state: ParameterState,
+    /// The frame it is in.
+    pub frame: &'static str,
+}
+
+/// How much is identified.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Status {
+    /// Everything asked for.
+    Identified,
+    /// Some of what was asked for.
+    PartlyIdentified,
+    /// Nothing of what was asked for.
+    NotIdentified,
+    /// The experiment broke off.
+    Failed,
+}
+
+/// Where the answer comes from.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ResultSource {
+    /// The recording.
+    pub recording: String,
+    /// Its readings.
+    pub rows: usize,
+    /// Their rate, 1/s; absent for still poses.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rate_hz: Option<f64>,
+    /// Who estimated: `inproc`, `qemu`, `port` or `host`.
+    pub mcu: String,
+}
+
+/// Principal moments about the centre of mass, largest first.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PrincipalResult {
+    /// Moments, kg m².
+    pub moments_kgm2: [f64; 3],
+    /// Their 95 % uncertainty.
+    pub moments_u95_kgm2: [f64; 3],
+    /// Unit axes in S; `null` where two moments cannot be told apart.
+    pub axes: [Option<[f64; 3]>; 3],
+    /// 95 % uncertainty of their directions, rad.
+    pub axes_u95_rad: [Option<f64>; 3],
+}
+
+/// The body in the customer's frame.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct BodyFrameResult {
+    /// Its name.
+    pub name: String,
+    /// Centre of mass, m.
+    pub com_m: [f64; 3],
+    /// Its 95 % uncertainty.
+    pub com_u95_m: [f64; 3],
+    /// Inertia tensor about the frame's origin, kg m².
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub inertia_origin_kgm2: Option<[f64; 6]>,
+    /// Its 95 % uncertainty.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub inertia_origin_u95_kgm2: Option<[f64; 6]>,
+}
+
+/// The whole object.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ResultObject {
+    /// [`SCHEMA`].
+    pub schema: &'static str,
+    /// How much is identified.
+    pub status: Status,
+    /// Where it comes from.
+    pub source: ResultSource,
+    /// Ten parameters, and the offset where it was estimated.
+    pub parameters: Vec<Parameter>,
+    /// Mass, kg.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mass_kg: Option<f64>,
+    /// Centre of mass in S, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub com_m: Option<[f64; 3]>,
+    /// Its 95 % uncertainty.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub com_u95_m: Option<[f64; 3]>,
+    /// Tensor about the centre of mass, axes of S, kg m².
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub inertia_com_kgm2: Option<[f64; 6]>,
+    /// Its 95 % uncertainty.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub inertia_com_u95_kgm2: Option<[f64; 6]>,
+    /// Tensor about S's origin, kg m².
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub inertia_origin_kgm2: Option<[f64; 6]>,
+    /// Principal moments and axes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub principal: Option<PrincipalResult>,
+    /// In `[body]`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub body_frame: Option<BodyFrameResult>,
+    /// Whether some distribution of mass has these parameters.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub physically_consistent: Option<bool>,
+    /// 2-norm, column-scaled whitened rows, over what the rows determine.
+    pub condition_number: f64,
+    /// Root mean square of the residuals of the filtered rows, N and N m.
+    pub residual_rms: [f64; 6],
+    /// Readings not used.
+    pub rejected_rows: u32,
+    /// What would identify the rest.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub advice: Vec<String>,
+    /// What to know.
+    pub warnings: Vec<String>,
+    /// Time the command took, s.
+    pub elapsed_s: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_parameter_that_is_not_identified_has_no_number() {
+        let parameter = |state| {
+            serde_json::to_string(&Parameter { name: "Ixx".into(), unit: "kg m2".into(), state, frame: "S" })
+                .unwrap()
+        };
+        assert_eq!(
+            parameter(ParameterState::NotIdentified),
+            r#"{"name":"Ixx","unit":"kg m2","state":"not_identified","frame":"S"}"#
+        );
+        assert_eq!(
+            parameter(ParameterState::Identified { value: 0.5, u95: 0.25 }),
+            r#"{"name":"Ixx","unit":"kg m2","state":"identified","value":0.5,"u95":0.25,"frame":"S"}"#
+        );
+    }
+}

@@ -1,0 +1,221 @@
+use std::collections::VecDeque;
+use std::io;
+use std::time::{Duration, Instant};
+
+use rigident_shared::wire::frame::MAX_FRAME;
+use rigident_shared::wire::{
+    Answer, Command, DecodeError, Decoder, ErrorCode, FactorChunk, Identity, Kind, PROTOCOL_VERSION, Reply,
+    SCHEMA_HASH, Telemetry, encode,
+};
+
+use super::Transport;
+use crate::identification::Factor;
+
+/// A command is sent again after so long without an answer.
+const PATIENCE: Duration = Duration::from_millis(700);
+/// And given up after so many times.
+const ATTEMPTS: u32 = 6;
+
+/// Why the device did not do as told.
+#[derive(Debug, thiserror::Error)]
+pub enum LinkError {
+    /// The bytes no longer flow.
+    #[error("the link to the device is gone ({0}): check cable and power; what was received is kept")]
+    Gone(#[from] io::Error),
+    /// No answer.
+    #[error(
+        "the device does not answer `{0}`: is the right port given, the device powered, no other program on the port?"
+    )]
+    Silent(&'static str),
+    /// The device speaks another protocol version.
+    #[error(
+        "the device's firmware speaks protocol {device}, this program {PROTOCOL_VERSION}: flash the firmware that \
+         belongs to this version of rigident"
+    )]
+    OtherProtocol {
+        /// The device's version.
+        device: u8,
+    },
+    /// Same protocol, other messages.
+    #[error(
+        "the device's firmware was built with other messages (schema {device:016x}, here {SCHEMA_HASH:016x}): flash \
+         the firmware that belongs to this version of rigident"
+    )]
+    OtherSchema {
+        /// The device's hash.
+        device: u64,
+    },
+    /// The device refused.
+    #[error("the device refuses `{command}`: {} (error {})", explain(.code), .code.number())]
+    Refused {
+        /// What was asked.
+        command: &'static str,
+        /// Why not.
+        code: ErrorCode,
+    },
+    /// An answer that makes no sense.
+    #[error(
+        "the device answered `{0}` with something else: flash the firmware that belongs to this version of rigident"
+    )]
+    Nonsense(&'static str),
+}
+
+fn explain(code: &ErrorCode) -> String {
+    match code {
+        ErrorCode::UnknownCommand => "it does not know the command".to_owned(),
+        ErrorCode::WrongProtocol { have, .. } => format!("it speaks protocol {have}"),
+        ErrorCode::WrongState(state) => format!("not in state {state:?}"),
+        ErrorCode::BadSetting(name) => format!("the setting {name:?} is impossible; nothing was changed"),
+        ErrorCode::OutOfOrder { expected } => format!("it expects reading {expected}"),
+        ErrorCode::NoEstimate => "nothing has been estimated yet".to_owned(),
+        ErrorCode::BadOffset { total } => format!("the factor has {total} numbers"),
+        ErrorCode::Sensors => "its sensors do not come up: check their supply and wiring".to_owned(),
+    }
+}
+
+/// One device.
+pub struct Client {
+    transport: Box<dyn Transport>,
+    decoder: Decoder,
+    sequence: u16,
+    telemetry: VecDeque<Telemetry>,
+    telemetry_sequence: Option<u16>,
+    /// Frames that came damaged.
+    pub bad_frames: u32,
+    /// Telemetry frames that never came.
+    pub lost_telemetry: u32,
+}
+
+impl Client {
+    /// Over this transport; nothing is sent yet.
+    pub fn new(transport: Box<dyn Transport>) -> Self {
+        Self {
+            transport,
+            decoder: Decoder::new(),
+            sequence: 0,
+            telemetry: VecDeque::new(),
+            telemetry_sequence: None,
+            bad_frames: 0,
+            lost_telemetry: 0,
+        }
+    }
+
+    /// Says hello, until the device answers, and checks that both speak the same.
+    ///
+    /// # Errors
+    /// No answer, or another protocol.
+    pub fn hello(&mut self) -> Result<Identity, LinkError> {
+        // Ends whatever half frame stands in the device's buffer.
+        self.transport.write(&[0])?;
+        let Reply::Hello(identity) = self.ask("hello", &Command::Hello)? else {
+            return Err(LinkError::Nonsense("hello"));
+        };
+        if identity.protocol_version != PROTOCOL_VERSION {
+            return Err(LinkError::OtherProtocol { device: identity.protocol_version });
+        }
+        if identity.schema_hash != SCHEMA_HASH {
+            return Err(LinkError::OtherSchema { device: identity.schema_hash });
+        }
+        Ok(identity)
+    }
+
+    /// Sends a command and waits for its answer, repeating it if need be. `name` is for messages.
+    ///
+    /// # Errors
+    /// The link, the device's refusal, or silence.
+    pub fn ask(&mut self, name: &'static str, command: &Command) -> Result<Reply, LinkError> {
+        self.sequence = self.sequence.wrapping_add(1);
+        let mut frame = [0; MAX_FRAME];
+        let length = encode(Kind::Command, self.sequence, command, &mut frame)
+            .map_err(|_| LinkError::Nonsense(name))?;
+        for _ in 0..ATTEMPTS {
+            self.transport.write(frame.get(..length).unwrap_or_default())?;
+            let deadline = Instant::now() + PATIENCE;
+            while let Some(left) = deadline.checked_duration_since(Instant::now()) {
+                for answer in self.receive(left)? {
+                    match answer {
+                        (sequence, Ok(reply)) if sequence == self.sequence => return Ok(reply),
+                        (_, Err(ErrorCode::WrongProtocol { have, .. })) => {
+                            return Err(LinkError::OtherProtocol { device: have });
+                        }
+                        (sequence, Err(code)) if sequence == self.sequence => {
+                            return Err(LinkError::Refused { command: name, code });
+                        }
+                        // An answer to an earlier, repeated command.
+                        _ => {}
+                    }
+                }
+            }
+        }
+        Err(LinkError::Silent(name))
+    }
+
+    /// Takes what has come, waiting up to `timeout` for the first byte.
+    ///
+    /// # Errors
+    /// The link is gone.
+    pub fn listen(&mut self, timeout: Duration) -> Result<(), LinkError> {
+        self.receive(timeout).map(drop)
+    }
+
+    /// The next telemetry message, oldest first.
+    pub fn next_telemetry(&mut self) -> Option<Telemetry> {
+        self.telemetry.pop_front()
+    }
+
+    fn receive(&mut self, timeout: Duration) -> Result<Vec<(u16, Answer)>, LinkError> {
+        let mut bytes = [0; 4096];
+        let count = self.transport.read(&mut bytes, timeout)?;
+        let mut answers = Vec::new();
+        for byte in bytes.iter().take(count) {
+            match self.decoder.push(*byte) {
+                None => {}
+                Some(Ok(frame)) => match frame.kind {
+                    Kind::Answer => match frame.message() {
+                        Ok(answer) => answers.push((frame.sequence, answer)),
+                        Err(_) => self.bad_frames += 1,
+                    },
+                    Kind::Telemetry => match frame.message() {
+                        Ok(message) => {
+                            if let Some(last) = self.telemetry_sequence.replace(frame.sequence) {
+                                let missing = frame.sequence.wrapping_sub(last).wrapping_sub(1);
+                                self.lost_telemetry += u32::from(missing);
+                            }
+                            self.telemetry.push_back(message);
+                        }
+                        Err(_) => self.bad_frames += 1,
+                    },
+                    Kind::Command => {}
+                },
+                Some(Err(DecodeError::Version(device))) => return Err(LinkError::OtherProtocol { device }),
+                Some(Err(_)) => self.bad_frames += 1,
+            }
+        }
+        Ok(answers)
+    }
+
+    /// Fetches the factor, chunk by chunk.
+    ///
+    /// # Errors
+    /// The link, or nothing absorbed yet.
+    pub fn factor(&mut self) -> Result<Factor, LinkError> {
+        const NAME: &str = "read the factor";
+        let mut entries = Vec::new();
+        loop {
+            let offset = u16::try_from(entries.len()).map_err(|_| LinkError::Nonsense(NAME))?;
+            let reply = self.ask(NAME, &Command::ReadFactor { offset })?;
+            let Reply::Factor(FactorChunk { parameters, rows, total, offset: at, entries: part }) = reply
+            else {
+                return Err(LinkError::Nonsense(NAME));
+            };
+            if at != offset || part.is_empty() {
+                return Err(LinkError::Nonsense(NAME));
+            }
+            entries.extend(part.iter().map(|v| f64::from(*v)));
+            if entries.len() >= usize::from(total) {
+                return Factor::from_entries(usize::from(parameters), entries, rows)
+                    .ok_or(LinkError::Nonsense(NAME));
+            }
+        }
+    }
+}

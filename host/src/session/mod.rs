@@ -1,0 +1,362 @@
+//! One experiment with one device: configure, start, follow, hold, fetch.
+//!
+//! Lives here: the order of commands and motions, what is collected on the way, how an experiment ends early.
+//! May not live here: files and printing (the callbacks of [`Observer`]), the protocol ([`crate::link`]).
+
+mod settings;
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use rigident_shared::calibration::Reading;
+use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
+use rigident_shared::wire::{
+    Command, CounterReport, EstimateReport, GapCounter, Identity, InjectBatch, ReadingMessage, Reason, Reply,
+    Settings, StateName, Telemetry,
+};
+
+pub use settings::{DeviceTiming, SettingsError, settings};
+
+use crate::identification::Factor;
+use crate::link::{Client, LinkError};
+use crate::platform::{Motion, Platform, PlatformError};
+
+/// Set by Ctrl-C; looked at between messages.
+pub static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// Told to the device this often that the host is there.
+const HEARTBEAT_EVERY: Duration = Duration::from_millis(500);
+/// How long to wait for readings that were counted but have not come.
+const STRAGGLERS: Duration = Duration::from_secs(2);
+
+/// Why an experiment ends early.
+#[derive(Debug, thiserror::Error)]
+pub enum SessionError {
+    /// The link.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// The platform.
+    #[error(transparent)]
+    Platform(#[from] PlatformError),
+    /// The device is in a state that it should not be in.
+    #[error("the device went to {state:?} ({reason:?}): {advice}")]
+    Stopped {
+        /// The state.
+        state: StateName,
+        /// Why.
+        reason: Reason,
+        /// What to do.
+        advice: &'static str,
+    },
+    /// The observer could not do its part, such as writing.
+    #[error("{0}")]
+    Observer(String),
+}
+
+/// What wants to know as it happens.
+pub trait Observer {
+    /// A reading, in order, with the time on the device's clock.
+    ///
+    /// # Errors
+    /// The experiment is then stopped.
+    fn reading(&mut self, reading: &ReadingMessage) -> Result<(), String>;
+    /// A new estimate.
+    fn estimate(&mut self, _report: &EstimateReport) {}
+    /// Called often: progress may be shown.
+    fn progress(&mut self, _readings: usize) {}
+}
+
+/// What an experiment brought.
+#[derive(Debug, Clone)]
+pub struct Take {
+    /// Every reading while running, in f64.
+    pub readings: Vec<Reading<f64>>,
+    /// Every estimate sent.
+    pub estimates: Vec<EstimateReport>,
+    /// Readings that never came.
+    pub missing: u32,
+    /// The device's factor.
+    pub factor: Option<Factor>,
+    /// The device's counters at the end.
+    pub counters: CounterReport,
+    /// State changes while it lasted.
+    pub states: Vec<(StateName, Reason)>,
+    /// Ended by Ctrl-C.
+    pub interrupted: bool,
+    /// What broke in the middle, if anything did; what came before is here.
+    pub broken: Option<String>,
+}
+
+/// A reading as the device sent it, in f64 (exactly).
+pub fn widen(message: &ReadingMessage) -> Reading<f64> {
+    Reading {
+        time_ns: message.time_ns,
+        wrench: Wrench::from_array(message.wrench.map(f64::from)),
+        specific_force: SpecificForce::from_array(message.specific_force.map(f64::from)),
+        angular_rate: AngularRate::from_array(message.angular_rate.map(f64::from)),
+    }
+}
+
+/// A reading as it is sent to the device: rounded to f32.
+pub fn narrow(reading: &Reading<f64>) -> ReadingMessage {
+    ReadingMessage {
+        time_ns: reading.time_ns,
+        wrench: reading.wrench.array().map(|v| v as f32),
+        specific_force: reading.specific_force.array().map(|v| v as f32),
+        angular_rate: reading.angular_rate.array().map(|v| v as f32),
+    }
+}
+
+/// A device that has said hello.
+pub struct Session {
+    client: Client,
+    identity: Identity,
+    last_heartbeat: Instant,
+    heartbeats: bool,
+}
+
+impl Session {
+    /// Says hello.
+    ///
+    /// # Errors
+    /// No answer, or firmware of another protocol.
+    pub fn open(mut client: Client) -> Result<Self, LinkError> {
+        let identity = client.hello()?;
+        Ok(Self { client, identity, last_heartbeat: Instant::now(), heartbeats: false })
+    }
+
+    /// Who answered.
+    pub fn identity(&self) -> &Identity {
+        &self.identity
+    }
+
+    /// The link, for single questions.
+    pub fn client(&mut self) -> &mut Client {
+        &mut self.client
+    }
+
+    /// Sends the settings and reads them back.
+    ///
+    /// # Errors
+    /// The device refuses, or does not hold what was sent.
+    pub fn configure(&mut self, settings: &Settings) -> Result<(), LinkError> {
+        if self.identity.state != StateName::Idle {
+            self.client.ask("reset", &Command::Reset)?;
+        }
+        self.client.ask("configure", &Command::Configure(settings.clone()))?;
+        match self.client.ask("read the settings", &Command::ReadSettings)? {
+            Reply::Settings(held) if held == *settings => {}
+            _ => return Err(LinkError::Nonsense("read the settings")),
+        }
+        self.identity.state = StateName::Configured;
+        self.heartbeats = settings.host_timeout_ms > 0;
+        Ok(())
+    }
+
+    /// Starts the device and the loaded program, follows both to the end, and fetches the factor.
+    ///
+    /// # Errors
+    /// What prevents a start. Anything later is told in [`Take::broken`], with what came before.
+    pub fn follow(
+        &mut self,
+        platform: &mut dyn Platform,
+        observer: &mut dyn Observer,
+    ) -> Result<Take, SessionError> {
+        self.start()?;
+        let mut taking = Taking::default();
+        let outcome = platform.start().map_err(SessionError::from).and_then(|()| {
+            loop {
+                self.listen(&mut taking, observer)?;
+                if INTERRUPTED.load(Ordering::Relaxed) {
+                    // The motion first, then the recording.
+                    platform.stop()?;
+                    taking.interrupted = true;
+                    return Ok(());
+                }
+                if taking.held() || platform.motion()? == Motion::Done {
+                    return Ok(());
+                }
+            }
+        });
+        if outcome.is_err() || taking.held() {
+            // Whatever went wrong, the plate must not go on. If the platform is what broke, this fails again.
+            let _ = platform.stop();
+        }
+        Ok(self.conclude(taking, outcome, observer))
+    }
+
+    /// Collects readings for so long without absorbing them, the platform at rest.
+    ///
+    /// # Errors
+    /// The link, or a sensor fault.
+    pub fn watch(
+        &mut self,
+        seconds: f64,
+        observer: &mut dyn Observer,
+    ) -> Result<Vec<Reading<f64>>, SessionError> {
+        let mut taking = Taking::default();
+        let deadline = Instant::now() + Duration::from_secs_f64(seconds);
+        // What was queued before does not count.
+        while self.client.next_telemetry().is_some() {}
+        while Instant::now() < deadline && !INTERRUPTED.load(Ordering::Relaxed) {
+            self.listen(&mut taking, observer)?;
+        }
+        Ok(taking.readings)
+    }
+
+    /// Sends a recording's readings to the device and fetches the factor.
+    ///
+    /// # Errors
+    /// What prevents a start. Anything later is told in [`Take::broken`].
+    pub fn inject(
+        &mut self,
+        readings: &[Reading<f64>],
+        observer: &mut dyn Observer,
+    ) -> Result<Take, SessionError> {
+        self.start()?;
+        let mut taking = Taking::default();
+        let mut sent = 0_u32;
+        let mut outcome = Ok(());
+        for part in readings.chunks(rigident_shared::wire::INJECT_BATCH) {
+            let batch = InjectBatch { first_index: sent, readings: part.iter().map(narrow).collect() };
+            match self.client.ask("inject", &Command::Inject(batch)) {
+                Ok(Reply::Injected { next_index }) => sent = next_index,
+                Ok(_) => outcome = Err(LinkError::Nonsense("inject").into()),
+                Err(error) => outcome = Err(error.into()),
+            }
+            if let Err(error) = self.sort(&mut taking, observer) {
+                outcome = Err(error);
+            }
+            observer.progress(sent as usize);
+            taking.interrupted = INTERRUPTED.load(Ordering::Relaxed);
+            if outcome.is_err() || taking.interrupted || taking.held() {
+                break;
+            }
+        }
+        taking.readings = readings.get(..sent as usize).unwrap_or(readings).to_vec();
+        Ok(self.conclude(taking, outcome, observer))
+    }
+
+    fn start(&mut self) -> Result<(), LinkError> {
+        // What was said before belongs to no run.
+        while self.client.next_telemetry().is_some() {}
+        self.client.ask("start", &Command::Start).map(drop)
+    }
+
+    fn conclude(
+        &mut self,
+        mut taking: Taking,
+        outcome: Result<(), SessionError>,
+        observer: &mut dyn Observer,
+    ) -> Take {
+        let mut factor = None;
+        let outcome = outcome.and_then(|()| {
+            factor = Some(self.fetch(&mut taking, observer)?);
+            Ok(())
+        });
+        Take {
+            readings: taking.readings,
+            estimates: taking.estimates,
+            missing: taking.gaps.missing,
+            factor,
+            counters: taking.counters,
+            states: taking.states,
+            interrupted: taking.interrupted,
+            broken: outcome.err().map(|e| e.to_string()),
+        }
+    }
+
+    fn fetch(&mut self, taking: &mut Taking, observer: &mut dyn Observer) -> Result<Factor, SessionError> {
+        match self.client.ask("hold", &Command::Hold) {
+            // A device in Fault still gives what it has.
+            Ok(_) | Err(LinkError::Refused { .. }) => {}
+            Err(error) => return Err(error.into()),
+        }
+        if let Reply::Counters(counters) = self.client.ask("read the counters", &Command::ReadCounters)? {
+            taking.counters = counters;
+        }
+        let deadline = Instant::now() + STRAGGLERS;
+        self.sort(taking, observer)?;
+        while taking.streamed < taking.counters.readings && Instant::now() < deadline {
+            self.listen(taking, observer)?;
+            if taking.streamed == 0 {
+                break;
+            }
+        }
+        Ok(self.client.factor()?)
+    }
+
+    fn listen(&mut self, taking: &mut Taking, observer: &mut dyn Observer) -> Result<(), SessionError> {
+        self.client.listen(Duration::from_millis(20))?;
+        self.sort(taking, observer)?;
+        observer.progress(taking.readings.len());
+        if self.heartbeats && self.last_heartbeat.elapsed() > HEARTBEAT_EVERY {
+            self.last_heartbeat = Instant::now();
+            self.client.ask("heartbeat", &Command::Heartbeat)?;
+        }
+        Ok(())
+    }
+
+    fn sort(&mut self, taking: &mut Taking, observer: &mut dyn Observer) -> Result<(), SessionError> {
+        while let Some(message) = self.client.next_telemetry() {
+            match message {
+                Telemetry::Readings { first, readings } => {
+                    taking.gaps.note(first, readings.len() as u32);
+                    taking.streamed = first.saturating_add(readings.len() as u32);
+                    for reading in &readings {
+                        observer.reading(reading).map_err(SessionError::Observer)?;
+                        taking.readings.push(widen(reading));
+                    }
+                }
+                Telemetry::Estimate(report) => {
+                    observer.estimate(&report);
+                    taking.estimates.push(report);
+                }
+                Telemetry::State { state, reason } => {
+                    taking.states.push((state, reason));
+                    if state == StateName::Fault {
+                        return Err(SessionError::Stopped { state, reason, advice: advice(reason) });
+                    }
+                }
+                Telemetry::Announce(_) => {
+                    return Err(SessionError::Stopped {
+                        state: StateName::Idle,
+                        reason: Reason::Boot,
+                        advice: "it restarted in the middle of the experiment: check its supply",
+                    });
+                }
+                Telemetry::Heartbeat { .. } => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+fn advice(reason: Reason) -> &'static str {
+    match reason {
+        Reason::LoadCell(_) => "check the cable and supply of the load cell's converter, then run again",
+        Reason::Imu(_) => "check the cable and supply of the IMU, then run again",
+        Reason::HostQuiet => "the host was too busy or the cable was out for longer than the time set",
+        Reason::Boot | Reason::Command | Reason::StopRule => "run again",
+    }
+}
+
+#[derive(Default)]
+struct Taking {
+    readings: Vec<Reading<f64>>,
+    estimates: Vec<EstimateReport>,
+    gaps: GapCounter,
+    streamed: u32,
+    states: Vec<(StateName, Reason)>,
+    counters: CounterReport,
+    interrupted: bool,
+}
+
+impl Taking {
+    /// Whether the device has ended the run by itself.
+    fn held(&self) -> bool {
+        self.states.iter().any(|(state, reason)| {
+            *state == StateName::Holding && matches!(reason, Reason::StopRule | Reason::HostQuiet)
+        })
+    }
+}
