@@ -17,6 +17,7 @@ pub mod platform;
 pub mod rig;
 pub mod runner;
 pub mod sensors;
+pub mod serve;
 
 /// Standard gravity, m/s².
 pub const STANDARD_GRAVITY_MPS2: f64 = 9.80665;

@@ -1,2 +1,86 @@
-//! `rigident-sim`.
-fn main() {}
+//! `rigident-sim`: the simulated rig as a program of its own.
+
+use std::fs::OpenOptions;
+use std::io::{self, Write};
+use std::path::Path;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use clap::{Parser, Subcommand};
+use rigident_sim::link::{ByteLink, FaultyLink};
+use rigident_sim::rig::Rig;
+use rigident_sim::runner::{InProcess, Mcu, Pacing, Qemu, QemuOptions};
+use rigident_sim::serve::{Controller, Firmware, Port, ServeOptions, Where, carry, rig_file};
+
+/// A simulated rig: a body on a Stewart platform, sensors, and the firmware that reads them.
+#[derive(Parser)]
+#[command(name = "rigident-sim", version)]
+struct Arguments {
+    /// What to do
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Offer the rig to other programs: firmware on a serial port, platform controller on a network port
+    Serve(Box<ServeOptions>),
+}
+
+/// What went wrong, and the exit status for it: 2 usage, 3 link or machine.
+struct Failure(u8, String);
+
+fn main() -> ExitCode {
+    let Command::Serve(options) = Arguments::parse().command;
+    match serve(&options) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(Failure(status, message)) => {
+            eprintln!("rigident-sim: {message}");
+            ExitCode::from(status)
+        }
+    }
+}
+
+fn serve(options: &ServeOptions) -> Result<(), Failure> {
+    let leave = Arc::new(AtomicBool::new(false));
+    let told = Arc::clone(&leave);
+    ctrlc::set_handler(move || told.store(true, Ordering::Release))
+        .map_err(|e| Failure(3, format!("Ctrl-C cannot be caught: {e}")))?;
+
+    let config = options.rig();
+    if let Some(path) = &options.write_rig {
+        write_new(path, &rig_file(&config)).map_err(|e| Failure(2, format!("{}: {e}", path.display())))?;
+    }
+    let rig = Rig::new(config).map_err(|e| Failure(2, e.to_string()))?.shared();
+    let controller = Controller::listen(&options.platform, Arc::clone(&rig)).map_err(|e| {
+        Failure(3, format!("no controller at {}: {e}; name another address by --platform", options.platform))
+    })?;
+    let mut port = Port::open(Some(&options.port_link)).map_err(|e| {
+        Failure(3, format!("no port {}: {e}; name another by --port-link", options.port_link.display()))
+    })?;
+    let mcu: Box<dyn Mcu> = match options.mcu {
+        Where::Inproc => Box::new(InProcess::new(rig, Pacing::RealTime)),
+        Where::Qemu => {
+            let qemu = QemuOptions { show_log: options.show_log, ..QemuOptions::default() };
+            Box::new(Qemu::spawn(&qemu, rig, Pacing::RealTime).map_err(|e| Failure(3, e.to_string()))?)
+        }
+    };
+    let name = mcu.name();
+    let mut firmware: Box<dyn ByteLink> = match options.link_faults() {
+        None => Box::new(Firmware(mcu)),
+        Some(faults) => Box::new(FaultyLink::new(Firmware(mcu), faults, options.seed)),
+    };
+    let (shown, address) = (options.port_link.display(), controller.address());
+    eprintln!("firmware  {name}");
+    eprintln!("port      {shown} -> {}", port.terminal().display());
+    eprintln!("platform  tcp://{address}");
+    eprintln!("use it    rigident run --port {shown} --platform tcp://{address}");
+    eprintln!("Ctrl-C ends it.");
+    carry(&mut port, firmware.as_mut(), &leave).map_err(|e| Failure(3, e.to_string()))
+}
+
+/// Writes a file that must not be there yet.
+fn write_new(path: &Path, text: &str) -> io::Result<()> {
+    OpenOptions::new().write(true).create_new(true).open(path)?.write_all(text.as_bytes())
+}

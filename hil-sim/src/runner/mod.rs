@@ -13,13 +13,16 @@ use std::time::Duration;
 
 mod emulator_log;
 mod error;
+mod in_process;
 mod qemu;
 mod sensor_bus;
 
 pub use emulator_log::LogLine;
 pub use error::RunnerError;
+pub use in_process::InProcess;
 pub use qemu::{Qemu, QemuOptions, StackUse, firmware_elf};
 pub use sensor_bus::SensorBus;
+pub(crate) use sensor_bus::lock;
 
 /// A microcontroller at the other end of a serial line.
 ///

@@ -40,7 +40,7 @@ impl PacedRig {
 }
 
 /// The rig, also after a panic of another of its users: its state is whole between calls.
-pub(super) fn lock(rig: &SharedRig) -> MutexGuard<'_, Rig> {
+pub(crate) fn lock(rig: &SharedRig) -> MutexGuard<'_, Rig> {
     rig.lock().unwrap_or_else(PoisonError::into_inner)
 }
 

@@ -6,46 +6,81 @@ use core::cell::RefCell;
 
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m_rt::{entry, exception};
+use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::SpiDevice;
-use mps2_an386::bus::{Pipes, Sensor};
+use mps2_an386::bus::{self, NoWait, Pipes};
 use mps2_an386::{exit, uart};
-use rigident_shared::wire::bus::Event;
+use rigident_firmware::{Event, Instrument, Sensor};
+use rigident_shared::wire::bus::{Event as BusEvent, PollAnswer};
+
+/// Core clock and wake-ups of an idle machine, 1/s.
+const CLOCK_HZ: u32 = 25_000_000;
+const LOOKS_HZ: u32 = 1_000;
 
 #[entry]
 fn main() -> ! {
     let mut core = cortex_m::Peripherals::take().expect("taken once");
-    // Wakes an idle machine a thousand times a second, to look at the bus again.
     core.SYST.set_clock_source(SystClkSource::Core);
-    core.SYST.set_reload(25_000 - 1);
+    core.SYST.set_reload(CLOCK_HZ / LOOKS_HZ - 1);
+    core.SYST.clear_current();
     core.SYST.enable_counter();
     core.SYST.enable_interrupt();
 
     let pipes = RefCell::new(Pipes::open());
+    let (load_cell, imu) = (bus::Sensor::load_cell(&pipes), bus::Sensor::imu(&pipes));
+    let mut instrument = Instrument::new("mps2-an386", load_cell, imu, NoWait);
+    let mut now_ns = 0;
+    let mut chunk = [0; 64];
     uart::start();
-    uart::send(b"hello\n");
-    defmt::info!("up");
-    let mut chunk = [0_u8; 64];
-    let mut adc = Sensor::load_cell(&pipes);
+    defmt::info!("rigident on mps2-an386, firmware {=u32:08x}", rigident_firmware::FIRMWARE_HASH);
     loop {
-        let n = uart::receive(&mut chunk[..uart::room().min(64)]);
-        if n > 0 {
-            uart::send(&chunk[..n]);
+        let n = uart::receive(&mut chunk);
+        instrument.on_bytes(chunk.get(..n).unwrap_or_default(), now_ns);
+        send(&mut instrument, &mut chunk);
+        if instrument.tx_pending() > 0 {
+            // A sample is asked for when its output will find room. On a board with real sensors samples do not
+            // wait; here they can, and none is lost however slow the host reads.
+            wait();
+            continue;
         }
-        if uart::room() > 512 {
-            let answer = pipes.borrow_mut().poll();
-            match answer.event {
-                Event::Exit => exit::success(),
-                Event::Idle => cortex_m::asm::wfi(),
-                Event::ImuReady | Event::LoadCellReady => {
-                    let mut frame = [7; 30];
-                    adc.transfer_in_place(&mut frame).ok();
-                    uart::send(&frame);
-                }
+        let PollAnswer { event, time_ns } = pipes.borrow_mut().poll();
+        now_ns = time_ns;
+        instrument.tick(now_ns);
+        let sensor = match event {
+            BusEvent::LoadCellReady => Sensor::LoadCell,
+            BusEvent::ImuReady => Sensor::Imu,
+            BusEvent::Exit => exit::success(),
+            BusEvent::Idle => {
+                send(&mut instrument, &mut chunk);
+                wait();
+                continue;
             }
-        } else {
+        };
+        instrument.on_event(Event { sensor, capture_time_ns: time_ns });
+    }
+}
+
+/// Moves what the firmware has to say to the serial port, as far as there is room.
+fn send<S: SpiDevice, D: DelayNs>(instrument: &mut Instrument<S, S, D>, chunk: &mut [u8]) {
+    loop {
+        let room = uart::room().min(chunk.len());
+        let Some(free) = chunk.get_mut(..room) else { return };
+        let n = instrument.poll_tx(free);
+        if n == 0 {
+            return;
+        }
+        uart::send(free.get(..n).unwrap_or_default());
+    }
+}
+
+/// Sleeps until an interrupt, unless the host has sent something meanwhile.
+fn wait() {
+    // With interrupts held back an interrupt still ends the sleep: none slips in between look and sleep.
+    cortex_m::interrupt::free(|_| {
+        if !uart::has_received() {
             cortex_m::asm::wfi();
         }
-    }
+    });
 }
 
 #[exception]

@@ -1,0 +1,17 @@
+//! A simulated rig that other programs use as if it stood on the floor: a serial port and a platform controller.
+//!
+//! Lives here: the port ([`Port`]), the controller ([`Controller`]), the loop between port and firmware
+//! ([`carry`]), and the rig file that describes what is served. May not live here: what the bytes mean. Before
+//! this: [`crate::runner`], [`crate::link`]; after it: the binary `rigident-sim`.
+
+mod carry;
+mod controller;
+mod options;
+mod port;
+mod rig_file;
+
+pub use carry::{Firmware, carry};
+pub use controller::Controller;
+pub use options::{Body, SensorFault, Sensors, ServeOptions, Where};
+pub use port::Port;
+pub use rig_file::rig_file;

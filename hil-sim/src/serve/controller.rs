@@ -1,0 +1,203 @@
+//! The platform's controller, as a program on the network meets it: JSON, one object a line.
+//!
+//! | line | what it does |
+//! |---|---|
+//! | `{"cmd":"load","program":…}` | takes a motion program and checks it against the legs |
+//! | `{"cmd":"start"}` | starts it |
+//! | `{"cmd":"stop"}` | brings the plate to rest within half a second |
+//! | `{"cmd":"state"}` | nothing |
+//!
+//! Every line is answered with one: `{"ok":true,"state":"holding|moving|done","time_s":…,"duration_s":…,
+//! "pose":…}` or `{"ok":false,"error":"…"}`. A client that goes away while the plate moves stops it.
+
+use std::io::{self, BufRead, BufReader, Read, Write};
+use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+use crate::platform::{MotionProgram, Pose};
+use crate::rig::{MotionState, Rig, SharedRig};
+use crate::runner::lock;
+
+/// The longest line taken: a program of many segments.
+const LINE_BYTES: u64 = 1 << 20;
+/// How long a wait goes without looking whether to end.
+const LOOK_AGAIN: Duration = Duration::from_millis(50);
+
+/// Not one enum tagged by `cmd`: such an enum cannot hold floats once any crate of the build asks serde_json
+/// for arbitrary precision, and the log decoder does.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Request {
+    cmd: Verb,
+    program: Option<MotionProgram>,
+}
+
+#[derive(Debug, PartialEq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Verb {
+    Load,
+    Start,
+    Stop,
+    State,
+}
+
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "lowercase")]
+enum State {
+    Holding,
+    Moving,
+    Done,
+}
+
+#[derive(Debug, Serialize)]
+#[serde(untagged)]
+enum Answer {
+    Done { ok: bool, state: State, time_s: f64, duration_s: f64, pose: Pose },
+    Refused { ok: bool, error: String },
+}
+
+/// A controller at work. Dropping it closes every connection.
+pub struct Controller {
+    address: SocketAddr,
+    leave: Arc<AtomicBool>,
+    listening: Option<JoinHandle<()>>,
+}
+
+impl Controller {
+    /// Listens at `address`; port 0 takes a free one.
+    ///
+    /// # Errors
+    /// If the address is taken or cannot be had.
+    pub fn listen(address: impl ToSocketAddrs, rig: SharedRig) -> io::Result<Self> {
+        let listener = TcpListener::bind(address)?;
+        let address = listener.local_addr()?;
+        // Accepting without waiting, so that it can be told to leave.
+        listener.set_nonblocking(true)?;
+        let leave = Arc::new(AtomicBool::new(false));
+        let told = Arc::clone(&leave);
+        let listening = thread::spawn(move || accept(&listener, &rig, &told));
+        Ok(Self { address, leave, listening: Some(listening) })
+    }
+
+    /// Where it listens.
+    #[must_use]
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+}
+
+impl Drop for Controller {
+    fn drop(&mut self) {
+        self.leave.store(true, Ordering::Release);
+        if let Some(thread) = self.listening.take() {
+            // A panic there has printed itself.
+            let _ = thread.join();
+        }
+    }
+}
+
+fn accept(listener: &TcpListener, rig: &SharedRig, leave: &AtomicBool) {
+    thread::scope(|scope| {
+        while !leave.load(Ordering::Acquire) {
+            match listener.accept() {
+                Ok((stream, _)) => {
+                    // A client that breaks off has nobody left to be told.
+                    scope.spawn(move || attend(stream, rig, leave));
+                }
+                // Nobody there, or a client that gave up again: look once more in a while.
+                Err(_) => thread::sleep(LOOK_AGAIN),
+            }
+        }
+    });
+}
+
+fn attend(stream: TcpStream, rig: &SharedRig, leave: &AtomicBool) {
+    let started = converse(stream, rig, leave).unwrap_or(true);
+    let mut rig = lock(rig);
+    if started && rig.motion() == MotionState::Moving {
+        rig.stop();
+    }
+}
+
+/// Answers lines until the client hangs up; whether it had started a motion.
+fn converse(stream: TcpStream, rig: &SharedRig, leave: &AtomicBool) -> io::Result<bool> {
+    stream.set_nonblocking(false)?;
+    stream.set_nodelay(true)?;
+    stream.set_read_timeout(Some(LOOK_AGAIN))?;
+    let mut out = stream.try_clone()?;
+    let mut input = BufReader::new(stream);
+    let mut line = Vec::new();
+    let mut started = false;
+    loop {
+        // What a timed-out read has brought stays in `line`.
+        let left = LINE_BYTES.saturating_sub(line.len() as u64);
+        match (&mut input).take(left).read_until(b'\n', &mut line) {
+            Err(e) if matches!(e.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut) => {
+                if leave.load(Ordering::Acquire) {
+                    return Ok(started);
+                }
+                continue;
+            }
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => continue,
+            Err(e) => return if started { Ok(true) } else { Err(e) },
+            Ok(_) if line.ends_with(b"\n") => {}
+            Ok(_) if line.len() as u64 >= LINE_BYTES => {
+                write_line(&mut out, &refused(format!("a line is longer than {LINE_BYTES} bytes")))?;
+                return Ok(started);
+            }
+            Ok(_) => return Ok(started),
+        }
+        let answer = match serde_json::from_slice::<Request>(&line) {
+            Ok(request) => {
+                started |= request.cmd == Verb::Start;
+                obey(&mut lock(rig), request)
+            }
+            Err(e) => refused(format!("not a command: {e}")),
+        };
+        line.clear();
+        write_line(&mut out, &answer)?;
+    }
+}
+
+fn write_line(out: &mut impl Write, answer: &Answer) -> io::Result<()> {
+    let mut line = serde_json::to_vec(answer)?;
+    line.push(b'\n');
+    out.write_all(&line)
+}
+
+fn refused(error: String) -> Answer {
+    Answer::Refused { ok: false, error }
+}
+
+fn obey(rig: &mut Rig, request: Request) -> Answer {
+    let done = match (request.cmd, request.program) {
+        (Verb::Load, Some(program)) => rig.load_program(program),
+        (Verb::Load, None) => return refused("not a command: load comes with a program".to_owned()),
+        (Verb::Start, _) => rig.start(),
+        (Verb::Stop, _) => {
+            rig.stop();
+            Ok(())
+        }
+        (Verb::State, _) => Ok(()),
+    };
+    if let Err(e) = done {
+        return refused(e.to_string());
+    }
+    let state = match rig.motion() {
+        MotionState::Holding => State::Holding,
+        MotionState::Moving => State::Moving,
+        MotionState::Done => State::Done,
+    };
+    Answer::Done {
+        ok: true,
+        state,
+        time_s: rig.program_time_s(),
+        duration_s: rig.program_duration_s(),
+        pose: rig.pose(),
+    }
+}

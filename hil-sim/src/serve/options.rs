@@ -1,0 +1,201 @@
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use crate::body::BodyParameters;
+use crate::link::LinkFaults;
+use crate::rig::RigConfig;
+use crate::sensors::{Channel, Fault, SensorModels};
+
+/// Where the firmware runs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Where {
+    /// In this process
+    #[default]
+    Inproc,
+    /// In an emulated Cortex-M4F
+    Qemu,
+}
+
+/// How the test body is mounted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Body {
+    /// Lying across the platform
+    #[default]
+    Horizontal,
+    /// Standing upright
+    Vertical,
+}
+
+/// How good the sensors are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Sensors {
+    /// Noise, biases and delays of the platform thesis
+    #[default]
+    Thesis,
+    /// Nothing but the converters' steps
+    Ideal,
+}
+
+/// A sensor fault as it is written on the command line: `CHANNEL@START` or `CHANNEL@START+DURATION`, s.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SensorFault {
+    /// The channel.
+    pub channel: Channel,
+    /// When, in rig time, s.
+    pub during: std::ops::Range<f64>,
+}
+
+impl FromStr for SensorFault {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (name, when) =
+            text.split_once('@').ok_or("a fault is written CHANNEL@START or CHANNEL@START+DURATION")?;
+        let seconds = |s: &str| {
+            s.parse().ok().filter(|t: &f64| t.is_finite() && *t >= 0.0).ok_or(format!("{s} is no time in s"))
+        };
+        let (start, duration) = match when.split_once('+') {
+            Some((start, duration)) => (seconds(start)?, seconds(duration)?),
+            None => (seconds(when)?, f64::INFINITY),
+        };
+        Ok(Self { channel: channel(name)?, during: start..start + duration })
+    }
+}
+
+fn channel(name: &str) -> Result<Channel, String> {
+    let axis = |names: [&str; 3]| names.iter().position(|n| *n == name);
+    if let Some(i) = ["fx", "fy", "fz", "mx", "my", "mz"].iter().position(|n| *n == name) {
+        return Ok(Channel::Wrench(i));
+    }
+    if let Some(i) = axis(["ax", "ay", "az"]) {
+        return Ok(Channel::Accelerometer(i));
+    }
+    if let Some(i) = axis(["gx", "gy", "gz"]) {
+        return Ok(Channel::Gyro(i));
+    }
+    match name {
+        "load_cell" => Ok(Channel::LoadCell),
+        "imu" => Ok(Channel::Imu),
+        _ => Err(format!(
+            "{name} is no channel; there are fx fy fz mx my mz, ax ay az, gx gy gz, load_cell and imu"
+        )),
+    }
+}
+
+fn probability(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|p| (0.0..=1.0).contains(p))
+        .ok_or_else(|| format!("{text} is no probability from 0 to 1"))
+}
+
+/// `rigident-sim serve`
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_help = "Examples:\n  \
+    rigident-sim serve --write-rig rig.toml\n  \
+    rigident run --port ./rigident-rig --rig rig.toml --platform tcp://127.0.0.1:7447     (in another terminal)\n  \
+    rigident-sim serve --mcu qemu --flip 1e-4 --drop 0.01\n  \
+    rigident-sim serve --freeze gz@20+5 --saturate fz@40\n\n\
+    Ctrl-C ends it and leaves nothing behind.")]
+pub struct ServeOptions {
+    /// Where the firmware runs
+    #[arg(long, value_enum, default_value_t)]
+    pub mcu: Where,
+    /// Name given to the serial port
+    #[arg(long, value_name = "PATH", default_value = "rigident-rig")]
+    pub port_link: PathBuf,
+    /// Address of the platform's controller; port 0 takes a free one
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7447")]
+    pub platform: String,
+    /// Write the rig file that describes this rig; never over another file
+    #[arg(long, value_name = "FILE")]
+    pub write_rig: Option<PathBuf>,
+    /// The body on the load cell
+    #[arg(long, value_enum, default_value_t)]
+    pub body: Body,
+    /// The sensors
+    #[arg(long, value_enum, default_value_t)]
+    pub sensors: Sensors,
+    /// Seed of noise, biases and link faults
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Show the firmware's log (emulated only)
+    #[arg(long)]
+    pub show_log: bool,
+    /// Probability that a frame on the line vanishes
+    #[arg(long, value_name = "P", default_value = "0", value_parser = probability)]
+    pub drop: f64,
+    /// Probability that a byte on the line has one bit inverted
+    #[arg(long, value_name = "P", default_value = "0", value_parser = probability)]
+    pub flip: f64,
+    /// Probability that a frame on the line comes twice
+    #[arg(long, value_name = "P", default_value = "0", value_parser = probability)]
+    pub duplicate: f64,
+    /// Probability that a frame on the line is overtaken by the next one
+    #[arg(long, value_name = "P", default_value = "0", value_parser = probability)]
+    pub delay: f64,
+    /// A channel that repeats itself from START on (rig time, s); may be given several times
+    #[arg(long, value_name = "CHANNEL@START[+DURATION]")]
+    pub freeze: Vec<SensorFault>,
+    /// A channel stuck at the upper end of its range from START on; may be given several times
+    #[arg(long, value_name = "CHANNEL@START[+DURATION]")]
+    pub saturate: Vec<SensorFault>,
+}
+
+impl ServeOptions {
+    /// The rig asked for.
+    #[must_use]
+    pub fn rig(&self) -> RigConfig {
+        let mut sensors = match self.sensors {
+            Sensors::Thesis => SensorModels::thesis(),
+            Sensors::Ideal => SensorModels::ideal(),
+        };
+        let frozen =
+            self.freeze.iter().cloned().map(|f| Fault::Frozen { channel: f.channel, during: f.during });
+        let saturated =
+            self.saturate.iter().cloned().map(|f| Fault::Saturated { channel: f.channel, during: f.during });
+        sensors.faults.extend(frozen.chain(saturated));
+        let body = match self.body {
+            Body::Horizontal => BodyParameters::thesis_horizontal(),
+            Body::Vertical => BodyParameters::thesis_vertical(),
+        };
+        RigConfig::thesis_horizontal().with_body(body).with_sensors(sensors).with_seed(self.seed)
+    }
+
+    /// The faults of the line asked for; `None` for a good one.
+    #[must_use]
+    pub fn link_faults(&self) -> Option<LinkFaults> {
+        let faults = LinkFaults {
+            drop_frame: self.drop,
+            flip_bit: self.flip,
+            duplicate_frame: self.duplicate,
+            delay_frame: self.delay,
+            ..LinkFaults::default()
+        };
+        (faults != LinkFaults::default()).then_some(faults)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fault_is_a_channel_a_start_and_perhaps_an_end() {
+        let fault: SensorFault = "gz@20+5".parse().unwrap();
+        assert_eq!(fault, SensorFault { channel: Channel::Gyro(2), during: 20.0..25.0 });
+        let lasting: SensorFault = "fx@1.5".parse().unwrap();
+        assert_eq!(lasting, SensorFault { channel: Channel::Wrench(0), during: 1.5..f64::INFINITY });
+        for wrong in ["gz", "gz@", "gz@-1", "gw@1", "gz@1+nan"] {
+            assert!(wrong.parse::<SensorFault>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_probability_lies_between_nothing_and_always() {
+        assert_eq!(probability("0.5"), Ok(0.5));
+        for wrong in ["-0.1", "1.1", "nan", "x"] {
+            assert!(probability(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,153 @@
+//! A plain host for the tests: asks the device, keeps what it sends.
+
+use std::time::{Duration, Instant};
+
+use rigident_shared::wire::{
+    Answer, Command, CounterReport, Decoder, ErrorCode, ImuSettings, Kind, LoadCellSettings, ReadingMessage,
+    Reply, Settings, Source, StateName, Telemetry, TelemetrySettings, encode, frame,
+};
+use rigident_sim::platform::MotionProgram;
+use rigident_sim::rig::{RigConfig, SharedRig};
+use rigident_sim::runner::Mcu;
+
+/// Longer than any machine takes; a wait this long is a failure.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+pub struct Device<'a> {
+    mcu: &'a mut dyn Mcu,
+    decoder: Decoder,
+    sequence: u16,
+    pub readings: Vec<ReadingMessage>,
+    pub states: Vec<StateName>,
+    pub estimates: usize,
+}
+
+impl<'a> Device<'a> {
+    /// Waits until the device announces itself, and says hello.
+    pub fn greet(mcu: &'a mut dyn Mcu) -> Self {
+        let mut device = Self {
+            mcu,
+            decoder: Decoder::new(),
+            sequence: 0,
+            readings: Vec::new(),
+            states: Vec::new(),
+            estimates: 0,
+        };
+        let deadline = Instant::now() + PATIENCE;
+        while !device.listen(Duration::from_millis(20)).1 {
+            assert!(Instant::now() < deadline, "the device does not announce itself");
+        }
+        assert!(matches!(device.ask(&Command::Hello), Ok(Reply::Hello(_))));
+        device
+    }
+
+    /// Asks once: the line of these tests is good.
+    pub fn ask(&mut self, command: &Command) -> Answer {
+        self.sequence += 1;
+        let mut bytes = [0; frame::MAX_FRAME];
+        let n = encode(Kind::Command, self.sequence, command, &mut bytes).unwrap();
+        self.mcu.write(&bytes[..n]).unwrap();
+        let deadline = Instant::now() + PATIENCE;
+        loop {
+            assert!(Instant::now() < deadline, "no answer to {command:?}");
+            for (sequence, answer) in self.listen(Duration::from_millis(20)).0 {
+                if sequence == self.sequence {
+                    return answer;
+                }
+            }
+        }
+    }
+
+    /// Takes what comes; the answers, and whether an announcement was among it.
+    pub fn listen(&mut self, timeout: Duration) -> (Vec<(u16, Answer)>, bool) {
+        let mut bytes = [0; 4096];
+        let n = self.mcu.read(&mut bytes, timeout).unwrap();
+        let (mut answers, mut announced) = (Vec::new(), false);
+        for byte in &bytes[..n] {
+            let Some(frame) = self.decoder.push(*byte) else { continue };
+            let frame = frame.unwrap();
+            if frame.kind == Kind::Answer {
+                answers.push((frame.sequence, frame.message().unwrap()));
+                continue;
+            }
+            match frame.message().unwrap() {
+                Telemetry::Announce(_) => announced = true,
+                Telemetry::State { state, .. } => self.states.push(state),
+                Telemetry::Estimate(_) => self.estimates += 1,
+                Telemetry::Readings { first, readings } => {
+                    assert_eq!(first as usize, self.readings.len(), "a reading is missing");
+                    self.readings.extend(readings);
+                }
+                Telemetry::Heartbeat { .. } => {}
+            }
+        }
+        (answers, announced)
+    }
+
+    /// Runs a whole program: configure, start, move, hold.
+    pub fn run(&mut self, rig: &SharedRig, settings: &Settings, program: &MotionProgram) {
+        assert_eq!(self.ask(&Command::Configure(settings.clone())), Ok(Reply::Done));
+        rig.lock().unwrap().load_program(program.clone()).unwrap();
+        assert_eq!(self.ask(&Command::Start), Ok(Reply::Done));
+        rig.lock().unwrap().start().unwrap();
+        let deadline = Instant::now() + PATIENCE;
+        while !rig.lock().unwrap().is_done() {
+            assert!(Instant::now() < deadline, "the program does not end");
+            self.listen(Duration::from_millis(20));
+        }
+        assert_eq!(self.ask(&Command::Hold), Ok(Reply::Done));
+    }
+
+    /// The factor's numbers.
+    pub fn factor(&mut self) -> Vec<f32> {
+        let mut entries = Vec::new();
+        loop {
+            match self.ask(&Command::ReadFactor { offset: entries.len() as u16 }) {
+                Ok(Reply::Factor(chunk)) => entries.extend(chunk.entries),
+                Err(ErrorCode::BadOffset { total }) if usize::from(total) == entries.len() => return entries,
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+
+    pub fn counters(&mut self) -> CounterReport {
+        match self.ask(&Command::ReadCounters) {
+            Ok(Reply::Counters(counters)) => counters,
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+/// Settings that say of the rig what its rig file would.
+pub fn settings(rig: &RigConfig) -> Settings {
+    let nanoseconds = |s: f64| (1e9 * s).round() as u32;
+    let (cell, unit) = (&rig.sensors.load_cell, &rig.sensors.imu);
+    Settings {
+        rate_hz: rig.adc_hz as f32,
+        source: Source::Sensors,
+        imu: ImuSettings {
+            rate_hz: rig.imu_hz as f32,
+            rotation_wxyz: rig.imu.rotation_wxyz.map(|v| v as f32),
+            position_m: rig.imu.position_m.map(|v| v as f32),
+            accel_scale: [1.0; 3],
+            accel_bias_mps2: [0.0; 3],
+            gyro_bias_radps: [0.0; 3],
+            group_delay_ns: nanoseconds(rig.imu_group_delay_s()),
+            range_mps2: unit.accel_range_mps2 as f32,
+            range_radps: unit.gyro_range_radps as f32,
+        },
+        load_cell: LoadCellSettings {
+            calibration: rig.gauge_calibration.map(|row| row.map(|v| v as f32)),
+            noise_n_nm: cell.noise_n_nm.map(|v| v as f32),
+            known_offset_n_nm: None,
+            group_delay_ns: nanoseconds(rig.load_cell_group_delay_s()),
+            range_n_nm: cell.range_n_nm.map(|v| v as f32),
+        },
+        filter_width_s: 0.06,
+        row_every: 10,
+        stop: None,
+        telemetry: TelemetrySettings { estimate_every_blocks: 25, stream_readings: true },
+        frozen_after: 20,
+        host_timeout_ms: 0,
+    }
+}
