@@ -79,7 +79,8 @@ fn run_target(cargo_fuzz: &Path, target: &str, seconds: u32) -> Result<()> {
     let file = File::create(&report)?;
     let mut command = fuzz_command(cargo_fuzz, "run");
     command.arg(target).arg(&found).arg(corpus(target));
-    command.arg("--").arg(format!("-max_total_time={seconds}")).args([
+    command.arg("--").arg(format!("-artifact_prefix={}/", folder.display()));
+    command.arg(format!("-max_total_time={seconds}")).args([
         "-timeout=10",
         "-rss_limit_mb=2048",
         "-print_final_stats=1",
