@@ -13,6 +13,8 @@ mod app;
 pub mod drivers;
 mod instrument;
 mod link;
+#[cfg(any(feature = "plant-double", feature = "plant-panic"))]
+mod planted;
 pub mod sample_path;
 mod settings;
 

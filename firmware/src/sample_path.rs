@@ -131,6 +131,10 @@ impl SamplePath {
 pub fn sample_path(path: &mut SamplePath, words: Option<&Words>) -> Option<(Reading<f32>, Outcome)> {
     match words {
         Some(Words::Gauges { time_ns, volts }) => {
+            #[cfg(feature = "plant-double")]
+            crate::planted::double(volts[0]);
+            #[cfg(feature = "plant-panic")]
+            crate::planted::panic(volts, *time_ns as usize);
             let wrench = path.gauges.wrench(volts);
             path.aligner.push_wrench(WrenchReading { time_ns: *time_ns, wrench });
         }
