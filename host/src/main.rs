@@ -1,2 +1,5 @@
-//! `rigident`.
-fn main() {}
+//! `rigident`, the command line.
+
+fn main() -> std::process::ExitCode {
+    rigident::cli::main()
+}

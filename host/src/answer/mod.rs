@@ -4,6 +4,7 @@
 //! parameters and their intervals ([`derived`]). May not live here: raw data, files, printing. Before this:
 //! [`crate::identification`] or the firmware's factor; after it: [`crate::formats`] and [`crate::report`].
 
+pub mod assemble;
 pub mod derived;
 pub mod identifiability;
 

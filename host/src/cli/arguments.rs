@@ -214,3 +214,13 @@ pub struct Convert {
     #[arg(long, value_name = "FILE")]
     pub rig: Option<PathBuf>,
 }
+
+impl Arguments {
+    /// What a bare `rigident` does.
+    pub(super) fn default_demo() -> Demo {
+        match Self::parse_from(["rigident", "demo"]).command {
+            Some(Command::Demo(demo)) => demo,
+            _ => unreachable!("the words above are the demonstration"),
+        }
+    }
+}

@@ -71,11 +71,19 @@ impl Folder {
                 path.display()
             ))
         };
-        let mut file = tempfile::NamedTempFile::new_in(&self.path).map_err(|e| failed(&e))?;
+        let mut file = readable_by_others().tempfile_in(&self.path).map_err(|e| failed(&e))?;
         file.write_all(bytes).and_then(|()| file.as_file().sync_all()).map_err(|e| failed(&e))?;
         file.persist_noclobber(&path).map_err(|e| failed(&e.error))?;
         Ok(path)
     }
+}
+
+/// Temporary files are private unless told otherwise; an answer is not.
+fn readable_by_others() -> tempfile::Builder<'static, 'static> {
+    let mut builder = tempfile::Builder::new();
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@
 //! Before this: [`crate::formats`]; after it: [`crate::answer`].
 
 pub mod poses;
+pub mod prepare;
 
 use rigident_shared::calibration::{ImuMounting, Reading};
 use rigident_shared::estimator::{ConfigError, Counters, Estimator, EstimatorConfig, Outcome, residual};
@@ -274,6 +275,46 @@ fn absorb<const N: usize>(
         });
     }
     Ok(estimator)
+}
+
+/// The estimate as rows come in: time (s), values and 95 % uncertainties (infinite where not determined).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Progression {
+    /// Time of the reading that completed the rows, s.
+    pub time_s: f64,
+    /// Estimates.
+    pub values: Vec<f64>,
+    /// 95 % uncertainties.
+    pub u95: Vec<f64>,
+}
+
+/// About `points` intermediate estimates of a batch.
+pub fn progression(input: &Input, channel_sigma: [f64; 6], points: usize) -> Vec<Progression> {
+    if input.known_offset.is_some() {
+        progression_of::<10>(input, channel_sigma, points)
+    } else {
+        progression_of::<16>(input, channel_sigma, points)
+    }
+}
+
+fn progression_of<const N: usize>(input: &Input, sigma: [f64; 6], points: usize) -> Vec<Progression> {
+    let config = config(input, sigma);
+    let Ok(estimator) = Estimator::<f64, N, TAPS>::new(&config) else { return Vec::new() };
+    let mut estimator = Box::new(estimator);
+    let every = (input.readings.len() / usize::from(config.row_every) / points.max(1)).max(1);
+    let mut progression = Vec::new();
+    for reading in &input.readings {
+        if estimator.absorb(reading) == Outcome::Absorbed && (estimator.counters().blocks as usize).is_multiple_of(every)
+        {
+            let estimate = Estimate::new(&estimator.factor(), 1.0, Noise::Given);
+            progression.push(Progression {
+                time_s: reading.time_ns as f64 * 1e-9,
+                u95: (0..N).map(|j| estimate.u95(j)).collect(),
+                values: estimate.values,
+            });
+        }
+    }
+    progression
 }
 
 /// Residuals of the row blocks for given parameters, by running the pipeline once more.

@@ -1,0 +1,82 @@
+use std::process::ExitCode;
+use std::time::Instant;
+
+use rigident_shared::wire::Source;
+use rigident_sim::experiment::{SHORTEST_S, thesis_program};
+use rigident_sim::rig::{Rig, RigConfig};
+use rigident_sim::sensors::SensorModels;
+
+use super::arguments::{Demo, DemoBody};
+use super::experiment::{Experiment, Watcher, device_notes};
+use super::outcome::provenance;
+use super::{Failure, Folder, simulated};
+use crate::answer::assemble::Asked;
+use crate::link::Client;
+use crate::platform::{LocalPlatform, Platform as _};
+use crate::session::{DeviceTiming, Session, settings};
+
+/// Rate of the demonstration, 1/s.
+const RATE_HZ: f64 = 1000.0;
+/// σ that the converter's quantisation stands in for when the noise is switched off, N and N m.
+const QUIET: [f64; 6] = [1e-3, 1e-3, 2e-3, 1e-4, 1e-4, 1e-4];
+
+/// `rigident demo`
+pub(super) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
+    let started = Instant::now();
+    let asked = Asked::parse(&arguments.output.estimate).map_err(Failure::input)?;
+    if !(SHORTEST_S..=3600.0).contains(&arguments.duration_s) {
+        return Err(Failure::input(format!(
+            "--duration-s {}: the five poses and the motion take {SHORTEST_S} s at least, and 3600 s are enough",
+            arguments.duration_s
+        )));
+    }
+    let (config, body_name) = match arguments.body {
+        DemoBody::Horizontal => (RigConfig::thesis_horizontal(), "test body with plates, horizontal"),
+        DemoBody::Vertical => (RigConfig::thesis_vertical(), "test body with plates, vertical"),
+    };
+    let mut config = config.with_seed(arguments.seed).with_rates(RATE_HZ, RATE_HZ);
+    if arguments.ideal {
+        config = config.with_sensors(SensorModels::ideal());
+    }
+    let program = thesis_program(&config.geometry, arguments.duration_s);
+    let (stages, same_pose) = simulated::stages(&program);
+    let rig = Rig::new(config).map_err(Failure::input)?;
+    let mut file = simulated::rig_file(&rig, body_name);
+    if arguments.ideal {
+        file.load_cell.noise_n_nm = Some(QUIET);
+    }
+    let rig = rig.shared();
+
+    let mcu = simulated::name(arguments.mcu);
+    let mut session = Session::open(Client::new(simulated::transport(arguments.mcu, &rig)?))
+        .map_err(|e| Failure::link(e).context("the simulated device"))?;
+    let timing =
+        DeviceTiming { rate_hz: RATE_HZ, is_static: false, source: Source::Sensors, host_timeout_ms: 0 };
+    let settings = settings(&file, &timing, None, None).map_err(Failure::input)?;
+    session.configure(&settings).map_err(Failure::link)?;
+    let mut platform = LocalPlatform(rig);
+    platform.load(&program).map_err(Failure::link)?;
+
+    let folder = Folder::new(arguments.output.out.as_deref(), "demo")?;
+    let recording = "demo".to_owned();
+    let mut comments = device_notes(session.identity());
+    comments.extend(provenance(&file));
+    let expected = (program.duration_s() * RATE_HZ) as usize;
+    let mut watcher = Watcher::recording(folder.file("demo.mcap"), &file, &comments, expected)?;
+    let take = session.follow(&mut platform, &mut watcher).map_err(Failure::link)?;
+    watcher.finish()?;
+    Experiment {
+        started,
+        asked: &asked,
+        rig: &file,
+        recording,
+        mcu,
+        rate_hz: RATE_HZ,
+        is_static: false,
+        stages,
+        same_pose,
+        identity: session.identity(),
+        warnings: Vec::new(),
+    }
+    .conclude(take, &folder, arguments.output.json)
+}

@@ -1,0 +1,248 @@
+//! What `demo`, `run` and `replay` share: watching an experiment, recording it, judging it.
+
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use rigident_shared::wire::{EstimateReport, Identity, ReadingMessage};
+
+use super::outcome::{Ending, provenance};
+use super::{Failure, Folder, Progress};
+use crate::answer::assemble::Asked;
+use crate::formats::mcap::messages::ImuValues;
+use crate::formats::mcap::write::{Head, McapWriter, Row};
+use crate::formats::rig::RigFile;
+use crate::identification::{self, Progression, prepare};
+use crate::report::{Drift, Measured, Quantity, Stage};
+use crate::session::{Observer, Take};
+
+/// Shows progress and writes every reading into the recording.
+pub(super) struct Watcher {
+    progress: Progress,
+    started: Instant,
+    writer: Option<McapWriter<BufWriter<File>>>,
+    path: PathBuf,
+    latest: Option<EstimateReport>,
+    expected: usize,
+}
+
+impl Watcher {
+    /// Without a recording.
+    pub(super) fn new(expected: usize) -> Self {
+        Self {
+            progress: Progress::new(),
+            started: Instant::now(),
+            writer: None,
+            path: PathBuf::new(),
+            latest: None,
+            expected,
+        }
+    }
+
+    /// With a recording at `path`, the rig file inside.
+    pub(super) fn recording(
+        path: PathBuf,
+        rig: &RigFile,
+        comments: &[(String, String)],
+        expected: usize,
+    ) -> Result<Self, Failure> {
+        let text = rig.to_toml();
+        let head = Head { rig: rig.clone(), rig_text: Some(&text), comments, ..Head::default() };
+        let writer = McapWriter::create(&path, &head).map_err(Failure::input)?;
+        Ok(Self { writer: Some(writer), path, ..Self::new(expected) })
+    }
+
+    /// Ends the recording.
+    pub(super) fn finish(&mut self) -> Result<(), Failure> {
+        self.progress.finish();
+        self.writer.take().map_or(Ok(()), |w| w.close().map_err(Failure::input))
+    }
+}
+
+impl Observer for Watcher {
+    fn reading(&mut self, reading: &ReadingMessage) -> Result<(), String> {
+        let Some(writer) = &mut self.writer else { return Ok(()) };
+        let imu = ImuValues {
+            accel: Some(reading.specific_force.map(f64::from)),
+            gyro: Some(reading.angular_rate.map(f64::from)),
+        };
+        writer
+            .append(&Row {
+                time_ns: reading.time_ns,
+                wrench: Some(reading.wrench.map(f64::from)),
+                imus: &[imu],
+                ..Row::default()
+            })
+            .map_err(|e| format!("{}: {e}; what was written until then is readable", self.path.display()))
+    }
+
+    fn estimate(&mut self, report: &EstimateReport) {
+        self.latest = Some(report.clone());
+    }
+
+    fn progress(&mut self, readings: usize) {
+        let (started, expected, latest) = (self.started, self.expected, &self.latest);
+        self.progress.show(|| {
+            let rate = readings as f64 / started.elapsed().as_secs_f64();
+            let share = if expected > 0 { format!(" of {expected}") } else { String::new() };
+            let state = latest.as_ref().map_or_else(String::new, |report| {
+                let worst = report
+                    .estimate
+                    .iter()
+                    .zip(&report.standard_deviation)
+                    .take(10)
+                    .map(|(v, sd)| if *v == 0.0 { 0.0 } else { 100.0 * sd / v.abs() })
+                    .filter(|v| v.is_finite())
+                    .fold(0.0_f32, f32::max);
+                format!(", condition {:.1}, worst relative sd {worst:.1} %", report.condition_number)
+            });
+            format!("{readings}{share} readings, {rate:.0}/s{state}")
+        });
+    }
+}
+
+/// What the device said of itself.
+pub(super) fn device_notes(identity: &Identity) -> Vec<(String, String)> {
+    let [major, minor, patch] = identity.firmware_version;
+    let board: String = identity.board.iter().take_while(|b| **b != 0).map(|b| char::from(*b)).collect();
+    vec![
+        ("Board".to_owned(), board),
+        ("Firmware".to_owned(), format!("{major}.{minor}.{patch}")),
+        ("Firmware, hash of its sources".to_owned(), format!("{:08x}", identity.firmware_hash)),
+    ]
+}
+
+/// An experiment that is over.
+pub(super) struct Experiment<'a> {
+    pub(super) started: Instant,
+    pub(super) asked: &'a Asked,
+    pub(super) rig: &'a RigFile,
+    pub(super) recording: String,
+    pub(super) mcu: &'a str,
+    pub(super) rate_hz: f64,
+    pub(super) is_static: bool,
+    pub(super) stages: Vec<Stage>,
+    /// Spans of the first pose and of the same pose at the end, s from the first reading.
+    pub(super) same_pose: Option<[(f64, f64); 2]>,
+    pub(super) identity: &'a Identity,
+    pub(super) warnings: Vec<String>,
+}
+
+impl Experiment<'_> {
+    /// Judges the device's factor by its readings and concludes the command.
+    pub(super) fn conclude(self, take: Take, folder: &Folder, json: bool) -> Result<ExitCode, Failure> {
+        let mut warnings = self.warnings;
+        let counters = &take.counters;
+        for (count, what) in [
+            (
+                take.missing,
+                "readings were lost between device and host; they are in the estimate, not in the recording",
+            ),
+            (
+                counters.load_cell_crc_errors,
+                "samples of the load cell had a wrong check sum and were left out",
+            ),
+            (counters.imu_errors, "samples of the IMU could not be read"),
+            (counters.gaps, "stretches of time are missing; the filter started anew after each"),
+            (counters.telemetry_dropped, "messages of the device were dropped for want of room on the link"),
+        ] {
+            if count > 0 {
+                warnings.push(format!("{count} {what}"));
+            }
+        }
+        if take.interrupted {
+            warnings.push("stopped by Ctrl-C before the end".to_owned());
+        }
+        let Some(factor) = take.factor else {
+            return Err(Failure::link(format!(
+                "{}\nThe recording so far is in {}; `rigident identify` reads it",
+                take.broken.unwrap_or_else(|| "the device gave no factor".to_owned()),
+                folder.path().display()
+            )));
+        };
+        let input = prepare::input(self.rig, take.readings, self.is_static, self.rate_hz);
+        let identification = identification::conclude_firmware(&input, factor).map_err(Failure::input)?;
+        let k = identification.estimate.coverage_factor;
+        let progression = take
+            .estimates
+            .iter()
+            .map(|report| Progression {
+                time_s: report.time_ns as f64 * 1e-9,
+                values: report.estimate.iter().map(|v| f64::from(*v)).collect(),
+                u95: report
+                    .standard_deviation
+                    .iter()
+                    .enumerate()
+                    .map(
+                        |(j, sd)| {
+                            if report.determined >> j & 1 == 1 { k * f64::from(*sd) } else { f64::INFINITY }
+                        },
+                    )
+                    .collect(),
+            })
+            .collect();
+        let drift = self.same_pose.and_then(|spans| drift(&input, spans, &identification.channel_sigma));
+        let mut notes = device_notes(self.identity);
+        notes.extend(provenance(self.rig));
+        Ending {
+            started: self.started,
+            asked: self.asked,
+            rig: self.rig,
+            recording: self.recording,
+            mcu: self.mcu,
+            input: &input,
+            identification: &identification,
+            progression,
+            stages: self.stages,
+            drift,
+            provenance: notes,
+            warnings,
+            broken: take.broken,
+        }
+        .conclude(folder, json)
+    }
+}
+
+/// Mean wrench of the same pose at the end less that at the beginning.
+fn drift(input: &identification::Input, spans: [(f64, f64); 2], sigma: &[f64; 6]) -> Option<Drift> {
+    let origin_ns = input.readings.first()?.time_ns;
+    // The edges of a pose still shake.
+    const MARGIN_S: f64 = 0.2;
+    let means: Vec<([f64; 6], f64)> = spans
+        .iter()
+        .filter_map(|(from, to)| {
+            let inside: Vec<[f64; 6]> = input
+                .readings
+                .iter()
+                .filter(|r| {
+                    let t = r.time_ns.saturating_sub(origin_ns) as f64 * 1e-9;
+                    t > from + MARGIN_S && t < to - MARGIN_S
+                })
+                .map(|r| r.wrench.array())
+                .collect();
+            let n = inside.len() as f64;
+            (!inside.is_empty())
+                .then(|| (std::array::from_fn(|c| inside.iter().map(|w| w[c]).sum::<f64>() / n), n))
+        })
+        .collect();
+    let [(before, n), (after, m)] = means.as_slice() else { return None };
+    Some(Drift {
+        elapsed_s: spans[1].0 - spans[0].0,
+        changes: ["fx", "fy", "fz", "mx", "my", "mz"]
+            .iter()
+            .enumerate()
+            .map(|(c, channel)| Quantity {
+                name: (*channel).to_owned(),
+                unit: if c < 3 { "N" } else { "N m" }.to_owned(),
+                measured: Some(Measured {
+                    value: after[c] - before[c],
+                    u95: 1.96 * sigma[c] * (1.0 / n + 1.0 / m).sqrt(),
+                    prior_dominated: false,
+                }),
+                truth: None,
+            })
+            .collect(),
+    })
+}

@@ -1,0 +1,40 @@
+use std::process::ExitCode;
+use std::time::Instant;
+
+use super::arguments::Identify;
+use super::outcome::{Ending, provenance};
+use super::{Failure, Folder};
+use crate::answer::assemble::Asked;
+use crate::formats::recording::Recording;
+use crate::identification::{self, prepare::prepare};
+
+/// Points of a convergence plot.
+pub(super) const PLOT_POINTS: usize = 200;
+
+/// `rigident identify`
+pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
+    let started = Instant::now();
+    let asked = Asked::parse(&arguments.output.estimate).map_err(Failure::input)?;
+    let recording =
+        Recording::load(&arguments.recording, arguments.rig.as_deref()).map_err(Failure::input)?;
+    let prepared = prepare(&recording).map_err(Failure::input)?;
+    let identification = identification::identify(&prepared.input).map_err(Failure::input)?;
+    let progression = identification::progression(&prepared.input, identification.channel_sigma, PLOT_POINTS);
+    let folder = Folder::new(arguments.output.out.as_deref(), "identify")?;
+    Ending {
+        started,
+        asked: &asked,
+        rig: &prepared.rig,
+        recording: recording.name.clone(),
+        mcu: "host",
+        input: &prepared.input,
+        identification: &identification,
+        progression,
+        stages: Vec::new(),
+        drift: None,
+        provenance: provenance(&prepared.rig),
+        warnings: recording.warnings.iter().chain(&prepared.notes).cloned().collect(),
+        broken: None,
+    }
+    .conclude(&folder, arguments.output.json)
+}

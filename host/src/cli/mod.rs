@@ -1,0 +1,67 @@
+//! The commands: arguments in, files and an answer out, an exit status.
+//!
+//! Lives here: what a user types and sees. May not live here: anything another program could use; that is in
+//! the rooms beside this one.
+
+mod arguments;
+mod demo;
+mod experiment;
+mod failure;
+mod folder;
+mod identify;
+mod link;
+mod outcome;
+mod progress;
+mod replay;
+mod run;
+mod simulated;
+
+use std::process::ExitCode;
+use std::sync::atomic::Ordering;
+
+use clap::Parser;
+
+pub use arguments::Arguments;
+pub use failure::{Failure, Status};
+pub use folder::Folder;
+pub use progress::Progress;
+
+use arguments::Command;
+
+/// Runs the command line of this process.
+pub fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    // Without a handler Ctrl-C would end the program at once, files half-written: a second one still does.
+    let handler = ctrlc::set_handler(|| {
+        if crate::session::INTERRUPTED.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+        eprintln!("\nstopping: the motion first, then the recording (Ctrl-C again ends at once)");
+    });
+    if let Err(error) = handler {
+        eprintln!("rigident: Ctrl-C will end the program at once: {error}");
+    }
+    match dispatch(arguments) {
+        Ok(code) => code,
+        Err(failure) => {
+            eprintln!("rigident: {failure}");
+            failure.exit_code()
+        }
+    }
+}
+
+fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
+    match arguments.command {
+        None => demo::run(&Arguments::default_demo()),
+        Some(Command::Demo(a)) => demo::run(&a),
+        Some(Command::Identify(a)) => identify::run(&a),
+        Some(Command::Replay(a)) => replay::run(&a),
+        Some(Command::Run(a)) => run::run(&a),
+        Some(Command::Ports(a)) => link::ports(&a),
+        Some(Command::Info(a)) => link::info(&a),
+        Some(Command::Configure(a)) => link::configure(&a),
+        Some(Command::Convert(a)) => crate::formats::convert::convert(&a.input, &a.output, a.rig.as_deref())
+            .map_err(Failure::input)
+            .map(|()| ExitCode::SUCCESS),
+    }
+}

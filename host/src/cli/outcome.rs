@@ -1,0 +1,216 @@
+use std::process::ExitCode;
+use std::time::Instant;
+
+use rigident_shared::screening::CHANNEL_NAMES;
+
+use super::{Failure, Folder};
+use crate::answer::assemble::{Asked, Assembled, Context, assemble};
+use crate::formats::factor::FactorFile;
+use crate::formats::result::ResultSource;
+use crate::formats::rig::RigFile;
+use crate::identification::{Factor, Identification, Input, Progression};
+use crate::report::{self, Along, Convergence, Drift, ReportData, Residual, Source, Stage, TimePlot, table};
+
+/// Everything a command knows at its end.
+pub struct Ending<'a> {
+    /// When the command began.
+    pub started: Instant,
+    /// What was asked for.
+    pub asked: &'a Asked,
+    /// The rig.
+    pub rig: &'a RigFile,
+    /// The recording's name.
+    pub recording: String,
+    /// Who estimated.
+    pub mcu: &'a str,
+    /// The readings and settings.
+    pub input: &'a Input,
+    /// What they say.
+    pub identification: &'a Identification,
+    /// The estimate as it came in.
+    pub progression: Vec<Progression>,
+    /// Parts of the experiment.
+    pub stages: Vec<Stage>,
+    /// First against last pose.
+    pub drift: Option<Drift>,
+    /// Device, serial numbers, dates.
+    pub provenance: Vec<(String, String)>,
+    /// What to know.
+    pub warnings: Vec<String>,
+    /// What broke, if anything.
+    pub broken: Option<String>,
+}
+
+impl Ending<'_> {
+    /// Writes the files, prints the answer, and gives the exit status.
+    ///
+    /// # Errors
+    /// A file cannot be written; the answer is printed nevertheless.
+    pub fn conclude(mut self, folder: &Folder, json: bool) -> Result<ExitCode, Failure> {
+        let counters = &self.identification.counters;
+        for (channel, count) in CHANNEL_NAMES.iter().zip(counters.rejected_by_channel) {
+            if count > 0 {
+                self.warnings.push(format!(
+                    "{count} readings were rejected because of {channel}: saturated, frozen or not finite; check that \
+                     sensor and its range"
+                ));
+            }
+        }
+        let source = ResultSource {
+            recording: self.recording.clone(),
+            rows: self.input.readings.len(),
+            rate_hz: (!self.input.is_static).then_some(self.input.rate_hz),
+            mcu: self.mcu.to_owned(),
+        };
+        let Assembled { results, mut object, success } = assemble(
+            self.identification,
+            Context {
+                rig: self.rig,
+                asked: self.asked,
+                source,
+                broken: self.broken.is_some(),
+                warnings: std::mem::take(&mut self.warnings),
+            },
+        );
+        let factor = self.factor_file();
+        let page = report::html(&self.report(&results));
+        object.elapsed_s = self.started.elapsed().as_secs_f64();
+        let text = serde_json::to_string_pretty(&object)
+            .map_err(|e| Failure::input(format!("the result cannot be put into JSON: {e}")))?;
+        // The answer first: a full disk must not keep it from the user.
+        if json {
+            println!("{text}");
+        } else {
+            print!("{}", table::plain(&results));
+        }
+        folder.write("result.json", text.as_bytes())?;
+        folder.write(&format!("{}.factor", self.recording), &factor.to_bytes())?;
+        let report = folder.write("report.html", page.as_bytes())?;
+        if !json {
+            println!("\nFiles in {}; open {} in a browser.", folder.path().display(), report.display());
+        }
+        if let Some(broken) = self.broken {
+            return Err(Failure::link(format!(
+                "{broken}\nWhat came before is in {}",
+                folder.path().display()
+            )));
+        }
+        Ok(if success { ExitCode::SUCCESS } else { ExitCode::from(1) })
+    }
+
+    fn factor_file(&self) -> FactorFile {
+        let (gain, sigma) = (self.identification.noise_gain, self.identification.channel_sigma);
+        match &self.identification.factor {
+            Factor::Ten(f) => FactorFile::new(f, gain, sigma, self.recording.clone()),
+            Factor::Sixteen(f) => FactorFile::new(f, gain, sigma, self.recording.clone()),
+        }
+    }
+
+    fn report(&self, results: &report::Results) -> ReportData {
+        let input = self.input;
+        let start_ns = input.readings.first().map_or(0, |r| r.time_ns);
+        let origin_s = start_ns as f64 * 1e-9;
+        let time_of = |row: usize, time_ns: u64| {
+            if input.is_static { row as f64 + 1.0 } else { (time_ns - start_ns.min(time_ns)) as f64 * 1e-9 }
+        };
+        let times: Vec<f64> =
+            input.readings.iter().enumerate().map(|(row, r)| time_of(row, r.time_ns)).collect();
+        let names = rigident_shared::inertia::PARAMETER_NAMES;
+        let shift = |t: f64, row: usize| if input.is_static { row as f64 + 1.0 } else { t - origin_s };
+        let convergence = (0..10)
+            .map(|j| Convergence {
+                name: names[j].to_owned(),
+                time_s: self.progression.iter().enumerate().map(|(i, p)| shift(p.time_s, i)).collect(),
+                estimate: self.progression.iter().map(|p| p.values[j]).collect(),
+                u95: self.progression.iter().map(|p| p.u95[j]).collect(),
+            })
+            .collect();
+        let kernel_gain = self.identification.noise_gain / f64::from(self.row_every());
+        let residuals = ["fx", "fy", "fz", "mx", "my", "mz"]
+            .into_iter()
+            .enumerate()
+            .map(|(c, channel)| Residual {
+                channel: channel.to_owned(),
+                unit: if c < 3 { "N" } else { "N m" }.to_owned(),
+                time_s: self
+                    .identification
+                    .residuals
+                    .iter()
+                    .enumerate()
+                    .map(|(i, r)| shift(r.time_s, i))
+                    .collect(),
+                values: self.identification.residuals.iter().map(|r| r.residual[c]).collect(),
+                sigma: self.identification.channel_sigma[c] * kernel_gain.sqrt(),
+            })
+            .collect();
+        let plot =
+            |title: &str,
+             unit: &str,
+             value: &dyn Fn(&rigident_shared::calibration::Reading<f64>) -> [f64; 3]| {
+                let mut series: Vec<(String, Vec<f64>)> = ["x", "y", "z"]
+                    .iter()
+                    .map(|a| ((*a).to_owned(), Vec::with_capacity(times.len())))
+                    .collect();
+                for reading in &input.readings {
+                    for ((_, values), v) in series.iter_mut().zip(value(reading)) {
+                        values.push(v);
+                    }
+                }
+                TimePlot { title: title.to_owned(), unit: unit.to_owned(), time_s: times.clone(), series }
+            };
+        let mut motion = vec![plot("Specific force, IMU axes", "m/s2", &|r| r.specific_force.array())];
+        if !input.is_static {
+            motion.insert(0, plot("Angular rate, IMU axes", "rad/s", &|r| r.angular_rate.array()));
+        }
+        ReportData {
+            source: Source {
+                body_name: self.rig.body.as_ref().map_or_else(String::new, |b| b.name.clone()),
+                recording: self.recording.clone(),
+                mcu: self.mcu.to_owned(),
+                rate_hz: (!input.is_static).then_some(input.rate_hz),
+                rows: input.readings.len() as u64,
+                duration_s: (!input.is_static).then(|| times.last().copied().unwrap_or(0.0)),
+            },
+            results: results.clone(),
+            rejected: CHANNEL_NAMES
+                .iter()
+                .zip(self.identification.counters.rejected_by_channel)
+                .filter(|(_, count)| *count > 0)
+                .map(|(name, count)| ((*name).to_owned(), u64::from(count)))
+                .collect(),
+            provenance: self.provenance.clone(),
+            along: if input.is_static { Along::Poses } else { Along::Time },
+            stages: self.stages.clone(),
+            convergence,
+            residuals,
+            residual_note: if input.is_static {
+                "Measured wrench less what the answer predicts, pose by pose.".to_owned()
+            } else {
+                "Filtered wrench less what the answer predicts.".to_owned()
+            },
+            motion,
+            drift: self.drift.clone(),
+        }
+    }
+
+    fn row_every(&self) -> u16 {
+        if self.input.is_static { 1 } else { crate::identification::row_every(self.input.rate_hz) }
+    }
+}
+
+/// Serial numbers and calibration dates of the rig file.
+pub fn provenance(rig: &RigFile) -> Vec<(String, String)> {
+    let mut notes = Vec::new();
+    let mut add = |what: &str, value: &Option<String>| {
+        if let Some(value) = value {
+            notes.push((what.to_owned(), value.clone()));
+        }
+    };
+    add("Load cell, serial number", &rig.load_cell.serial);
+    add("Load cell, calibrated on", &rig.load_cell.calibrated_on);
+    if let Some(imu) = rig.imu.first() {
+        add("IMU, serial number", &imu.serial);
+        add("IMU, calibrated on", &imu.calibrated_on);
+    }
+    notes
+}

@@ -1,0 +1,67 @@
+use std::process::ExitCode;
+use std::time::Instant;
+
+use rigident_shared::wire::Source;
+
+use super::arguments::{Mcu, Replay};
+use super::experiment::{Experiment, Watcher};
+use super::{Failure, Folder, simulated};
+use crate::answer::assemble::Asked;
+use crate::formats::recording::Recording;
+use crate::identification::{self, prepare::prepare};
+use crate::link::{Client, SerialTransport, Transport};
+use crate::session::{DeviceTiming, Session, narrow, settings, widen};
+
+/// `rigident replay`
+pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
+    let started = Instant::now();
+    let asked = Asked::parse(&arguments.output.estimate).map_err(Failure::input)?;
+    let recording =
+        Recording::load(&arguments.recording, arguments.rig.as_deref()).map_err(Failure::input)?;
+    let mut prepared = prepare(&recording).map_err(Failure::input)?;
+    let mut warnings: Vec<String> = recording.warnings.iter().chain(&prepared.notes).cloned().collect();
+    if prepared.rig.load_cell.noise_n_nm.is_none() {
+        // The device weighs rows by σ from the first one on.
+        let sigma = identification::identify(&prepared.input).map_err(Failure::input)?.channel_sigma;
+        prepared.rig.load_cell.noise_n_nm = Some(sigma);
+        warnings.push(format!(
+            "noise_n_nm is not given: the device was told {} N, N m, from the residuals of a batch",
+            sigma.map(|s| format!("{s:.3}")).join(", ")
+        ));
+    }
+    let (mcu, transport): (&str, Box<dyn Transport>) = match arguments.mcu.as_str() {
+        "inproc" => ("inproc", simulated::transport(Mcu::Inproc, &simulated::idle_rig()?)?),
+        "qemu" => ("qemu", simulated::transport(Mcu::Qemu, &simulated::idle_rig()?)?),
+        port => ("port", Box::new(SerialTransport::open(port).map_err(Failure::link)?)),
+    };
+    let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
+    let rate_hz = prepared.input.rate_hz;
+    let timing = DeviceTiming {
+        rate_hz,
+        is_static: recording.is_static,
+        source: Source::Injected,
+        host_timeout_ms: 0,
+    };
+    let settings = settings(&prepared.rig, &timing, None, None).map_err(Failure::input)?;
+    session.configure(&settings).map_err(Failure::link)?;
+    let folder = Folder::new(arguments.output.out.as_deref(), "replay")?;
+    let mut watcher = Watcher::new(prepared.input.readings.len());
+    let mut take = session.inject(&prepared.input.readings, &mut watcher).map_err(Failure::link)?;
+    watcher.finish()?;
+    // What the device was given, not what the file holds beyond f32.
+    take.readings = take.readings.iter().map(|r| widen(&narrow(r))).collect();
+    Experiment {
+        started,
+        asked: &asked,
+        rig: &prepared.rig,
+        recording: recording.name.clone(),
+        mcu,
+        rate_hz,
+        is_static: recording.is_static,
+        stages: Vec::new(),
+        same_pose: None,
+        identity: session.identity(),
+        warnings,
+    }
+    .conclude(take, &folder, arguments.output.json)
+}

@@ -1,0 +1,171 @@
+use std::process::ExitCode;
+use std::time::Instant;
+
+use rigident_shared::calibration::Reading;
+use rigident_shared::wire::Source;
+use rigident_sim::experiment::{SHORTEST_S, thesis_program};
+use rigident_sim::platform::Geometry;
+
+use super::arguments::Run;
+use super::experiment::{Experiment, Watcher, device_notes};
+use super::link::{HOST_TIMEOUT_MS, open};
+use super::outcome::provenance;
+use super::{Failure, Folder, simulated};
+use crate::answer::assemble::Asked;
+use crate::formats::rig::{Calibrated, RigFile};
+use crate::identification::prepare::mounting;
+use crate::platform::{NetworkPlatform, Platform as _};
+use crate::session::{DeviceTiming, INTERRUPTED, Session, settings};
+
+/// Length of one look at the sensors at rest, s.
+const WINDOW_S: f64 = 2.0;
+
+/// `rigident run`
+pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
+    let started = Instant::now();
+    let asked = Asked::parse(&arguments.output.estimate).map_err(Failure::input)?;
+    if !(SHORTEST_S..=3600.0).contains(&arguments.duration_s) {
+        return Err(Failure::input(format!(
+            "--duration-s {}: the five poses and the motion take {SHORTEST_S} s at least, and 3600 s are enough",
+            arguments.duration_s
+        )));
+    }
+    let mut rig = RigFile::load(&arguments.rig).map_err(Failure::input)?;
+    let rate_hz = rig.recording.rate_hz.unwrap_or(1000.0);
+    let mut platform = NetworkPlatform::connect(&arguments.platform).map_err(Failure::link)?;
+    let mut session = open(&arguments.port)?;
+    let timing =
+        DeviceTiming { rate_hz, is_static: false, source: Source::Sensors, host_timeout_ms: HOST_TIMEOUT_MS };
+    // Any noise does while nothing is absorbed.
+    let standing = settings(&rig, &timing, Some([1.0; 6]), None).map_err(Failure::input)?;
+    session.configure(&standing).map_err(Failure::link)?;
+
+    let mut warnings = Vec::new();
+    warm_up(&mut session, &rig, arguments.warm_up_s, &mut warnings)?;
+    let rest = zero(&mut session, &mut rig, &mut warnings)?;
+    let settings = settings(&rig, &timing, Some(rest.sigma), None).map_err(Failure::input)?;
+    session.configure(&settings).map_err(Failure::link)?;
+
+    let program = thesis_program(&Geometry::thesis(), arguments.duration_s);
+    let (stages, same_pose) = simulated::stages(&program);
+    platform.load(&program).map_err(Failure::link)?;
+    let folder = Folder::new(arguments.output.out.as_deref(), "run")?;
+    let mut comments = device_notes(session.identity());
+    comments.extend(provenance(&rig));
+    comments.push(("zero, mean wrench at rest".to_owned(), format!("{:?} N, N m", rest.wrench)));
+    comments.push(("zero, mean angular rate at rest".to_owned(), format!("{:?} rad/s", rest.angular_rate)));
+    let mut watcher = Watcher::recording(
+        folder.file("run.mcap"),
+        &rig,
+        &comments,
+        (program.duration_s() * rate_hz) as usize,
+    )?;
+    eprintln!("still poses, motion, and the first pose again: {:.0} s", program.duration_s());
+    let take = session.follow(&mut platform, &mut watcher).map_err(Failure::link)?;
+    watcher.finish()?;
+    Experiment {
+        started,
+        asked: &asked,
+        rig: &rig,
+        recording: "run".to_owned(),
+        mcu: "port",
+        rate_hz,
+        is_static: false,
+        stages,
+        same_pose,
+        identity: session.identity(),
+        warnings,
+    }
+    .conclude(take, &folder, arguments.output.json)
+}
+
+/// The sensors at rest.
+struct Rest {
+    wrench: [f64; 6],
+    sigma: [f64; 6],
+    angular_rate: [f64; 3],
+}
+
+fn at_rest(readings: &[Reading<f64>]) -> Option<Rest> {
+    let n = readings.len() as f64;
+    if readings.len() < 10 {
+        return None;
+    }
+    let mean = |f: &dyn Fn(&Reading<f64>) -> f64| readings.iter().map(f).sum::<f64>() / n;
+    let wrench: [f64; 6] = std::array::from_fn(|c| mean(&|r| r.wrench.array()[c]));
+    Some(Rest {
+        wrench,
+        sigma: std::array::from_fn(|c| {
+            (mean(&|r| (r.wrench.array()[c] - wrench[c]).powi(2)) * n / (n - 1.0)).sqrt()
+        }),
+        angular_rate: std::array::from_fn(|c| mean(&|r| r.angular_rate.array()[c])),
+    })
+}
+
+fn look(session: &mut Session) -> Result<Rest, Failure> {
+    let readings = session.watch(WINDOW_S, &mut Watcher::new(0)).map_err(Failure::link)?;
+    if INTERRUPTED.load(std::sync::atomic::Ordering::Relaxed) {
+        return Err(Failure::link("stopped before the experiment began; nothing was moved"));
+    }
+    at_rest(&readings).ok_or_else(|| {
+        Failure::link(
+            "the sensors send nothing: check their supply and wiring (`rigident info` shows the counters)",
+        )
+    })
+}
+
+/// Waits until the mean wrench changes by less than σ from one look to the next, twice in a row.
+fn warm_up(
+    session: &mut Session,
+    rig: &RigFile,
+    longest_s: f64,
+    warnings: &mut Vec<String>,
+) -> Result<(), Failure> {
+    let begun = Instant::now();
+    let mut last: Option<Rest> = None;
+    let mut settled = 0;
+    while begun.elapsed().as_secs_f64() < longest_s {
+        let now = look(session)?;
+        if let Some(last) = &last {
+            let sigma = rig.load_cell.noise_n_nm.unwrap_or(now.sigma);
+            let still = (0..6).all(|c| (now.wrench[c] - last.wrench[c]).abs() < sigma[c]);
+            settled = if still { settled + 1 } else { 0 };
+            if settled == 2 {
+                return Ok(());
+            }
+        }
+        last = Some(now);
+        eprintln!(
+            "warm-up: {:.0} s, the load cell is steady in {settled} of 2 looks",
+            begun.elapsed().as_secs_f64()
+        );
+    }
+    if longest_s > 0.0 {
+        warnings.push(format!(
+            "the load cell still drifted by more than its noise after {longest_s} s of warm-up"
+        ));
+    }
+    Ok(())
+}
+
+/// The sensors at rest: bias of the gyro, and the noise where the rig file states none.
+fn zero(session: &mut Session, rig: &mut RigFile, warnings: &mut Vec<String>) -> Result<Rest, Failure> {
+    let rest = look(session)?;
+    eprintln!("zero: mean wrench {:.2?} N, N m", rest.wrench);
+    if rig.imu.is_empty() {
+        rig.imu.push(Default::default());
+    }
+    if let Some(imu) = rig.imu.first_mut() {
+        let before = mounting(imu).gyro_bias.array();
+        imu.gyro_bias_radps = Calibrated::Numbers(rest.angular_rate);
+        let moved = (0..3).map(|k| (rest.angular_rate[k] - before[k]).abs()).fold(0.0, f64::max);
+        if moved > 0.05 {
+            warnings.push(format!("the gyro showed {moved:.3} rad/s at rest: was the platform moving?"));
+        }
+    }
+    if rig.load_cell.noise_n_nm.is_none() {
+        rig.load_cell.noise_n_nm = Some(rest.sigma);
+        warnings.push(format!("noise_n_nm is not given: measured at rest, {:.3?} N, N m", rest.sigma));
+    }
+    Ok(rest)
+}

@@ -1,0 +1,149 @@
+//! The built-in simulated rig, as a device, a platform and a rig file.
+
+use std::io;
+use std::time::Duration;
+
+use rigident_sim::platform::{MotionProgram, Segment};
+use rigident_sim::rig::{Rig, RigConfig, SharedRig};
+use rigident_sim::runner::{InProcess, Pacing, Qemu, QemuOptions};
+
+use super::Failure;
+use super::arguments::Mcu;
+use crate::formats::rig::{
+    BodyTable, Calibrated, ImuTable, LoadCellTable, RecordingTable, RigFile, TruthTable,
+};
+use crate::link::Transport;
+use crate::report::Stage;
+
+/// A simulated microcontroller at the end of a line.
+struct Simulated(Box<dyn rigident_sim::runner::Mcu>);
+
+impl Transport for Simulated {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.0.write(bytes)
+    }
+
+    fn read(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
+        self.0.read(buffer, timeout)
+    }
+}
+
+/// The firmware on the chosen microcontroller, in lock-step with the rig.
+pub(super) fn transport(mcu: Mcu, rig: &SharedRig) -> Result<Box<dyn Transport>, Failure> {
+    let mcu: Box<dyn rigident_sim::runner::Mcu> = match mcu {
+        Mcu::Inproc => Box::new(InProcess::new(rig.clone(), Pacing::LockStep)),
+        Mcu::Qemu => Box::new(
+            Qemu::spawn(&QemuOptions::default(), rig.clone(), Pacing::LockStep).map_err(Failure::link)?,
+        ),
+    };
+    Ok(Box::new(Simulated(mcu)))
+}
+
+/// What the command line calls it.
+pub(super) fn name(mcu: Mcu) -> &'static str {
+    match mcu {
+        Mcu::Inproc => "inproc",
+        Mcu::Qemu => "qemu",
+    }
+}
+
+/// A rig that nothing is asked of: for a firmware that is fed a recording.
+pub(super) fn idle_rig() -> Result<SharedRig, Failure> {
+    Rig::new(RigConfig::thesis_horizontal()).map(Rig::shared).map_err(Failure::input)
+}
+
+/// What a user would have written into the rig file of this rig.
+pub(super) fn rig_file(rig: &Rig, body_name: &str) -> RigFile {
+    let config = rig.config();
+    let (cell, imu) = (&config.sensors.load_cell, &config.sensors.imu);
+    let truth = rig.truth();
+    let positive = |v: f64| (v > 0.0 && v.is_finite()).then_some(v);
+    // Noise that is switched off still leaves the converter's: without σ it is estimated from the residuals.
+    let noise = cell.noise_n_nm.iter().all(|v| *v > 0.0).then_some(cell.noise_n_nm);
+    RigFile {
+        recording: RecordingTable {
+            rate_hz: Some(config.adc_hz),
+            gravity_mps2: config.gravity_mps2,
+            ..RecordingTable::default()
+        },
+        imu: vec![ImuTable {
+            position_m: config.imu.position_m,
+            rotation_wxyz: normalised(config.imu.rotation_wxyz),
+            accel_scale: Calibrated::Numbers([1.0; 3]),
+            group_delay_s: config.imu_group_delay_s(),
+            rate_hz: Some(config.imu_hz),
+            range_mps2: positive(imu.accel_range_mps2),
+            range_radps: positive(imu.gyro_range_radps),
+            accel_noise_mps2: positive(imu.accel_noise_mps2.iter().copied().fold(0.0, f64::max)),
+            gyro_noise_radps: positive(imu.gyro_noise_radps.iter().copied().fold(0.0, f64::max)),
+            serial: Some("simulated".to_owned()),
+            ..ImuTable::default()
+        }],
+        load_cell: LoadCellTable {
+            noise_n_nm: noise,
+            calibration: Some(config.gauge_calibration),
+            group_delay_s: config.load_cell_group_delay_s(),
+            range_n_nm: cell.range_n_nm.iter().all(|v| v.is_finite()).then_some(cell.range_n_nm),
+            serial: Some("simulated".to_owned()),
+            ..LoadCellTable::default()
+        },
+        // A customer's frame that is not S, so that the difference can be seen.
+        body: Some(BodyTable {
+            name: body_name.to_owned(),
+            position_m: [0.0, 0.0, 0.02],
+            rotation_wxyz: [std::f64::consts::FRAC_1_SQRT_2, 0.0, 0.0, std::f64::consts::FRAC_1_SQRT_2],
+        }),
+        truth: Some(TruthTable {
+            mass_kg: truth.body.mass_kg,
+            com_m: truth.body.com_m,
+            inertia_com_kgm2: truth.body.inertia_com_kgm2,
+            apparent_offset_n_nm: Some(truth.apparent_offset_n_nm),
+        }),
+        ..RigFile::default()
+    }
+}
+
+fn normalised(q: [f64; 4]) -> [f64; 4] {
+    let norm = q.iter().map(|v| v * v).sum::<f64>().sqrt();
+    q.map(|v| v / norm)
+}
+
+/// The parts of a program, and the spans (s) of its first and last pose after a move: the same pose twice.
+pub(super) fn stages(program: &MotionProgram) -> (Vec<Stage>, Option<[(f64, f64); 2]>) {
+    let mut stages = Vec::new();
+    let mut holds = Vec::new();
+    let (mut at, mut poses, mut moved) = (0.0, 0, false);
+    for segment in &program.segments {
+        let duration = segment.duration_s();
+        let name = match segment {
+            Segment::Move { .. } => {
+                moved = true;
+                None
+            }
+            Segment::Hold { .. } => {
+                if moved {
+                    poses += 1;
+                    holds.push((at, at + duration));
+                    Some(format!("pose {poses}"))
+                } else {
+                    Some("home".to_owned())
+                }
+            }
+            Segment::Multisine { .. } => Some("motion".to_owned()),
+        };
+        if let Some(name) = name {
+            stages.push(Stage { start_s: at, name });
+        }
+        at += duration;
+    }
+    if let Some(last) = stages.last_mut()
+        && holds.len() > 1
+    {
+        last.name = "pose 1 again".to_owned();
+    }
+    let ends = match (holds.first(), holds.last()) {
+        (Some(first), Some(last)) if holds.len() > 1 => Some([*first, *last]),
+        _ => None,
+    };
+    (stages, ends)
+}

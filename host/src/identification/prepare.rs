@@ -1,0 +1,230 @@
+//! From a recording and its rig file to what is identified.
+
+use rigident_shared::calibration::{GaugeCalibration, ImuMounting, Reading};
+use rigident_shared::screening::Limits;
+use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce, Wrench};
+
+use super::poses::{PoseError, calibrate_accelerometer, still_poses};
+use super::{FROZEN_AFTER, Input};
+use crate::formats::recording::Recording;
+use crate::formats::rig::{Calibrated, ImuTable, OffsetTable, OffsetWord, RigFile};
+
+/// How far the mean rate of a still pose may be from rest, rad/s, and the specific force from its mean, m/s².
+const STILL: (f64, f64) = (0.02, 0.15);
+
+/// Why a recording cannot be identified.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum PrepareError {
+    /// A group of columns is needed and not there.
+    #[error("{name}: {missing} missing: {advice}")]
+    Missing {
+        /// The recording.
+        name: String,
+        /// The columns.
+        missing: &'static str,
+        /// What to do.
+        advice: &'static str,
+    },
+    /// Calibration on still poses failed.
+    #[error("{name}: {error}")]
+    Poses {
+        /// The recording.
+        name: String,
+        /// Why.
+        error: PoseError,
+    },
+    /// Needs what later versions will do.
+    #[error("{name}: {what}")]
+    Unsupported {
+        /// The recording.
+        name: String,
+        /// What is asked.
+        what: &'static str,
+    },
+}
+
+/// A recording ready to be identified.
+#[derive(Clone, Debug)]
+pub struct Prepared {
+    /// The rig file with every calibration done: numbers only, and the mounting that the readings need.
+    pub rig: RigFile,
+    /// The readings and all settings.
+    pub input: Input,
+    /// What was done, in words.
+    pub notes: Vec<String>,
+}
+
+/// What a rig file says of the IMU on link 0, all calibrations done.
+pub fn mounting(imu: &ImuTable) -> ImuMounting<f64> {
+    let numbers = |c: Calibrated, otherwise| match c {
+        Calibrated::Numbers(v) => v,
+        Calibrated::FromPoses(_) => otherwise,
+    };
+    ImuMounting {
+        // Checked when the rig file was read.
+        rotation: Rotation::from_quaternion(imu.rotation_wxyz).unwrap_or_else(Rotation::identity),
+        position: Position::from_array(imu.position_m),
+        accel_scale: numbers(imu.accel_scale, [1.0; 3]),
+        accel_bias: SpecificForce::from_array(numbers(imu.accel_bias_mps2, [0.0; 3])),
+        gyro_bias: AngularRate::from_array(numbers(imu.gyro_bias_radps, [0.0; 3])),
+    }
+}
+
+/// Everything in a rig file that an identification needs, for given readings.
+pub fn input(rig: &RigFile, readings: Vec<Reading<f64>>, is_static: bool, rate_hz: f64) -> Input {
+    let default = ImuTable::default();
+    let imu = rig.imu.first().unwrap_or(&default);
+    let none = Limits::none();
+    Input {
+        readings,
+        is_static,
+        rate_hz,
+        mounting: mounting(imu),
+        channel_sigma: rig.load_cell.noise_n_nm,
+        gyro_sigma: imu.gyro_noise_radps,
+        known_offset: match rig.load_cell.offset_n_nm {
+            OffsetTable::Known(offset) => Some(offset),
+            OffsetTable::Word(OffsetWord::Zero) => Some([0.0; 6]),
+            OffsetTable::Word(OffsetWord::Estimate) => None,
+        },
+        limits: Limits {
+            wrench: rig.load_cell.range_n_nm.unwrap_or(none.wrench),
+            specific_force: imu.range_mps2.unwrap_or(none.specific_force),
+            angular_rate: imu.range_radps.unwrap_or(none.angular_rate),
+            frozen_after: FROZEN_AFTER,
+        },
+    }
+}
+
+/// Brings a recording into readings: wrench or gauges, gravity or IMU, calibrations from poses.
+///
+/// # Errors
+/// [`PrepareError`] says which columns or keys are missing.
+pub fn prepare(recording: &Recording) -> Result<Prepared, PrepareError> {
+    let name = || recording.name.clone();
+    let missing = |missing, advice| PrepareError::Missing { name: name(), missing, advice };
+    let mut rig = recording.rig.clone();
+    let mut notes = Vec::new();
+    if rig.link.len() > 1 || !rig.stream.is_empty() {
+        return Err(PrepareError::Unsupported {
+            name: name(),
+            what: "several links or several files in one rig file are not supported by this version: give one \
+                   body and one file",
+        });
+    }
+    let wrench = match (&recording.wrench, &recording.gauges, rig.load_cell.calibration) {
+        (Some(wrench), _, _) => wrench.clone(),
+        (None, Some(gauges), Some(matrix)) => {
+            let calibration = GaugeCalibration { matrix };
+            gauges.iter().map(|g| calibration.wrench(g).array()).collect()
+        }
+        (None, Some(_), None) => {
+            return Err(missing(
+                "[load_cell] calibration is",
+                "raw gauges need the 6x6 matrix to N and N m in the rig file",
+            ));
+        }
+        (None, None, _) => {
+            return Err(missing(
+                "the wrench fx_n … mz_nm is",
+                "add the columns, or name foreign ones in [recording] columns of the rig file",
+            ));
+        }
+    };
+    let imu = recording.imus.first();
+    let accel = imu.and_then(|i| i.accel.as_ref());
+    let gyro = imu.and_then(|i| i.gyro.as_ref());
+    let (specific_force, angular_rate) = match (&recording.gravity, accel, gyro) {
+        (Some(gravity), _, _) if recording.is_static => {
+            // A still sensor feels −g, here already in the axes of S.
+            rig.imu = vec![ImuTable::default()];
+            notes.push("still poses by the gravity columns; an IMU, if any, was not used".to_owned());
+            (gravity.iter().map(|g| g.map(|v| -v)).collect(), None)
+        }
+        (_, Some(accel), _) if recording.is_static => (accel.clone(), None),
+        (_, Some(accel), Some(gyro)) => (accel.clone(), Some(gyro)),
+        (_, Some(_), None) => {
+            return Err(missing(
+                "the angular rate imu_gx_radps … is",
+                "a moving body needs a gyro; still poses need static = true in [recording]",
+            ));
+        }
+        (_, None, _) => {
+            return Err(missing(
+                "the specific force imu_ax_mps2 … is",
+                "add an accelerometer, or gravity columns gx_mps2 … for still poses with static = true",
+            ));
+        }
+    };
+    let readings: Vec<Reading<f64>> = specific_force
+        .iter()
+        .zip(&wrench)
+        .enumerate()
+        .map(|(row, (a, w))| Reading {
+            time_ns: recording.time_ns.get(row).copied().unwrap_or(row as u64 * 1_000_000_000),
+            wrench: Wrench::from_array(*w),
+            specific_force: SpecificForce::from_array(*a),
+            angular_rate: gyro
+                .filter(|_| angular_rate.is_some())
+                .and_then(|g| g.get(row))
+                .map_or_else(AngularRate::zero, |g| AngularRate::from_array(*g)),
+        })
+        .collect();
+    if rig.imu.is_empty() {
+        rig.imu.push(ImuTable::default());
+    }
+    let rate_hz = recording.rate_hz.unwrap_or(1.0);
+    calibrate(recording, &mut rig, &readings, rate_hz, &mut notes)
+        .map_err(|error| PrepareError::Poses { name: name(), error })?;
+    let input = input(&rig, readings, recording.is_static, rate_hz);
+    Ok(Prepared { rig, input, notes })
+}
+
+fn calibrate(
+    recording: &Recording,
+    rig: &mut RigFile,
+    readings: &[Reading<f64>],
+    rate_hz: f64,
+    notes: &mut Vec<String>,
+) -> Result<(), PoseError> {
+    let gravity = rig.recording.gravity_mps2;
+    let Some(imu) = rig.imu.first_mut() else { return Ok(()) };
+    let from_poses = |c: Calibrated| matches!(c, Calibrated::FromPoses(_));
+    let accel = from_poses(imu.accel_scale) || from_poses(imu.accel_bias_mps2);
+    let gyro = from_poses(imu.gyro_bias_radps);
+    if !accel && !gyro {
+        return Ok(());
+    }
+    let stills =
+        if recording.is_static { Vec::new() } else { still_poses(readings, rate_hz, STILL.0, STILL.1) };
+    if accel {
+        let poses: Vec<[f64; 3]> = if recording.is_static {
+            readings.iter().map(|r| r.specific_force.array()).collect()
+        } else {
+            stills.iter().map(|p| p.specific_force).collect()
+        };
+        let found = calibrate_accelerometer(&poses, gravity)?;
+        imu.accel_scale = Calibrated::Numbers(found.scale);
+        imu.accel_bias_mps2 = Calibrated::Numbers(found.bias_mps2);
+        notes.push(format!(
+            "accelerometer calibrated against |g| = {gravity} m/s² on {} still poses: scale {:.5?}, bias {:.4?} m/s², \
+             residual {:.4} m/s²",
+            poses.len(),
+            found.scale,
+            found.bias_mps2,
+            found.residual_mps2
+        ));
+    }
+    if gyro {
+        let at_rest: Vec<_> =
+            stills.iter().filter(|p| p.angular_rate.iter().all(|v| v.abs() < 5.0 * STILL.0)).collect();
+        if at_rest.is_empty() && !recording.is_static {
+            return Err(PoseError::TooFew(0));
+        }
+        let count = at_rest.len().max(1) as f64;
+        let bias = std::array::from_fn(|k| at_rest.iter().map(|p| p.angular_rate[k]).sum::<f64>() / count);
+        imu.gyro_bias_radps = Calibrated::Numbers(bias);
+        notes.push(format!("gyro bias {bias:.5?} rad/s from {} still poses", at_rest.len()));
+    }
+    Ok(())
+}
