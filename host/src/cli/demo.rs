@@ -73,6 +73,7 @@ pub(super) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
         mcu,
         rate_hz: RATE_HZ,
         is_static: false,
+        sigma_given: true,
         stages,
         same_pose,
         identity: session.identity(),

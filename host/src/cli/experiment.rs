@@ -88,12 +88,15 @@ impl Observer for Watcher {
             let rate = readings as f64 / started.elapsed().as_secs_f64();
             let share = if expected > 0 { format!(" of {expected}") } else { String::new() };
             let state = latest.as_ref().map_or_else(String::new, |report| {
-                let worst = report
-                    .estimate
-                    .iter()
-                    .zip(&report.standard_deviation)
-                    .take(10)
-                    .map(|(v, sd)| if *v == 0.0 { 0.0 } else { 100.0 * sd / v.abs() })
+                // Against the largest of its kind: a true zero has no relative uncertainty of its own.
+                let worst = [0..1, 1..4, 4..10]
+                    .into_iter()
+                    .filter_map(|kind| {
+                        let values = report.estimate.get(kind.clone())?;
+                        let scale = values.iter().fold(0.0_f32, |s, v| s.max(v.abs()));
+                        let sds = report.standard_deviation.get(kind)?;
+                        Some(100.0 * sds.iter().fold(0.0_f32, |s, v| s.max(*v)) / scale)
+                    })
                     .filter(|v| v.is_finite())
                     .fold(0.0_f32, f32::max);
                 format!(", condition {:.1}, worst relative sd {worst:.1} %", report.condition_number)
@@ -123,6 +126,8 @@ pub(super) struct Experiment<'a> {
     pub(super) mcu: &'a str,
     pub(super) rate_hz: f64,
     pub(super) is_static: bool,
+    /// σ was known before; else it was estimated from these very readings.
+    pub(super) sigma_given: bool,
     pub(super) stages: Vec<Stage>,
     /// Spans of the first pose and of the same pose at the end, s from the first reading.
     pub(super) same_pose: Option<[(f64, f64); 2]>,
@@ -163,7 +168,8 @@ impl Experiment<'_> {
             )));
         };
         let input = prepare::input(self.rig, take.readings, self.is_static, self.rate_hz);
-        let identification = identification::conclude_firmware(&input, factor).map_err(Failure::input)?;
+        let identification =
+            identification::conclude_firmware(&input, factor, self.sigma_given).map_err(Failure::input)?;
         let k = identification.estimate.coverage_factor;
         let progression = take
             .estimates

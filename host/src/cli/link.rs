@@ -6,6 +6,7 @@ use serde_json::json;
 use super::Failure;
 use super::arguments::{Configure, Info, Ports};
 use super::experiment::device_notes;
+use super::outcome::say;
 use crate::formats::rig::RigFile;
 use crate::link::{Client, SerialTransport};
 use crate::session::{DeviceTiming, Session, settings};
@@ -28,12 +29,12 @@ pub(super) fn ports(arguments: &Ports) -> Result<ExitCode, Failure> {
             .iter()
             .map(|p| json!({ "port": p.port_name, "kind": format!("{:?}", p.port_type) }))
             .collect();
-        println!("{}", serde_json::Value::from(list));
+        say(format_args!("{}", serde_json::Value::from(list)));
     } else if ports.is_empty() {
-        println!("no serial ports; a simulated one: `rigident-sim serve`");
+        say(format_args!("no serial ports; a simulated one: `rigident-sim serve`"));
     } else {
         for port in ports {
-            println!("{}  {:?}", port.port_name, port.port_type);
+            say(format_args!("{}  {:?}", port.port_name, port.port_type));
         }
     }
     Ok(ExitCode::SUCCESS)
@@ -54,13 +55,13 @@ pub(super) fn info(arguments: &Info) -> Result<ExitCode, Failure> {
             object[key.to_lowercase().replace([' ', ','], "_")] = value.into();
         }
         object["counters"] = serde_json::to_value(counters).unwrap_or_default();
-        println!("{object}");
+        say(format_args!("{object}"));
     } else {
         for (what, value) in device_notes(&identity) {
-            println!("{what}: {value}");
+            say(format_args!("{what}: {value}"));
         }
-        println!("State: {:?} ({:?})", identity.state, identity.reason);
-        println!("{counters:#?}");
+        say(format_args!("State: {:?} ({:?})", identity.state, identity.reason));
+        say(format_args!("{counters:#?}"));
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -77,6 +78,6 @@ pub(super) fn configure(arguments: &Configure) -> Result<ExitCode, Failure> {
     let settings = settings(&rig, &timing, None, None).map_err(Failure::input)?;
     let mut session = open(&arguments.port)?;
     session.configure(&settings).map_err(Failure::link)?;
-    println!("configured and read back: {settings:#?}");
+    say(format_args!("configured and read back: {settings:#?}"));
     Ok(ExitCode::SUCCESS)
 }

@@ -26,7 +26,7 @@ pub use failure::{Failure, Status};
 pub use folder::Folder;
 pub use progress::Progress;
 
-use arguments::Command;
+use arguments::{Command, Convert};
 
 /// Runs the command line of this process.
 pub fn main() -> ExitCode {
@@ -60,8 +60,18 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
         Some(Command::Ports(a)) => link::ports(&a),
         Some(Command::Info(a)) => link::info(&a),
         Some(Command::Configure(a)) => link::configure(&a),
-        Some(Command::Convert(a)) => crate::formats::convert::convert(&a.input, &a.output, a.rig.as_deref())
-            .map_err(Failure::input)
-            .map(|()| ExitCode::SUCCESS),
+        Some(Command::Convert(a)) => convert(&a),
     }
+}
+
+/// `rigident convert`
+fn convert(arguments: &Convert) -> Result<ExitCode, Failure> {
+    let Convert { input, output, rig } = arguments;
+    let done = crate::formats::convert::convert(input, output, rig.as_deref()).map_err(Failure::input)?;
+    for warning in done.warnings {
+        eprintln!("rigident: {warning}");
+    }
+    let files: Vec<_> = done.files.iter().map(|f| f.display().to_string()).collect();
+    outcome::say(format_args!("{} rows in {}", done.rows, files.join(" and ")));
+    Ok(ExitCode::SUCCESS)
 }

@@ -1,3 +1,4 @@
+use std::io::Write as _;
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -79,15 +80,19 @@ impl Ending<'_> {
             .map_err(|e| Failure::input(format!("the result cannot be put into JSON: {e}")))?;
         // The answer first: a full disk must not keep it from the user.
         if json {
-            println!("{text}");
+            say(text.as_str());
         } else {
-            print!("{}", table::plain(&results));
+            say(table::plain(&results).trim_end());
         }
         folder.write("result.json", text.as_bytes())?;
         folder.write(&format!("{}.factor", self.recording), &factor.to_bytes())?;
         let report = folder.write("report.html", page.as_bytes())?;
         if !json {
-            println!("\nFiles in {}; open {} in a browser.", folder.path().display(), report.display());
+            say(format_args!(
+                "\nFiles in {}; open {} in a browser.",
+                folder.path().display(),
+                report.display()
+            ));
         }
         if let Some(broken) = self.broken {
             return Err(Failure::link(format!(
@@ -196,6 +201,12 @@ impl Ending<'_> {
     fn row_every(&self) -> u16 {
         if self.input.is_static { 1 } else { crate::identification::row_every(self.input.rate_hz) }
     }
+}
+
+/// Prints a line on standard output. A reader that has gone away is no failure: the files have it all.
+pub(super) fn say(text: impl std::fmt::Display) {
+    let mut out = std::io::stdout().lock();
+    let _ = writeln!(out, "{text}").and_then(|()| out.flush());
 }
 
 /// Serial numbers and calibration dates of the rig file.

@@ -20,7 +20,8 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
         Recording::load(&arguments.recording, arguments.rig.as_deref()).map_err(Failure::input)?;
     let mut prepared = prepare(&recording).map_err(Failure::input)?;
     let mut warnings: Vec<String> = recording.warnings.iter().chain(&prepared.notes).cloned().collect();
-    if prepared.rig.load_cell.noise_n_nm.is_none() {
+    let sigma_given = prepared.rig.load_cell.noise_n_nm.is_some();
+    if !sigma_given {
         // The device weighs rows by σ from the first one on.
         let sigma = identification::identify(&prepared.input).map_err(Failure::input)?.channel_sigma;
         prepared.rig.load_cell.noise_n_nm = Some(sigma);
@@ -58,6 +59,7 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
         mcu,
         rate_hz,
         is_static: recording.is_static,
+        sigma_given,
         stages: Vec::new(),
         same_pose: None,
         identity: session.identity(),

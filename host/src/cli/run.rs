@@ -71,6 +71,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         mcu: "port",
         rate_hz,
         is_static: false,
+        sigma_given: true,
         stages,
         same_pose,
         identity: session.identity(),

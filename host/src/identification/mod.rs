@@ -169,18 +169,22 @@ pub fn identify(input: &Input) -> Result<Identification, IdentificationError> {
 }
 
 /// The same conclusions for a factor that the firmware made of these readings, whitened by
-/// `input.channel_sigma`.
+/// `input.channel_sigma`. `sigma_given` is false if that σ was itself estimated from these readings.
 ///
 /// # Errors
 /// [`IdentificationError`] if there is no row, or no σ that it was whitened by.
-pub fn conclude_firmware(input: &Input, factor: Factor) -> Result<Identification, IdentificationError> {
+pub fn conclude_firmware(
+    input: &Input,
+    factor: Factor,
+    sigma_given: bool,
+) -> Result<Identification, IdentificationError> {
     let sigma = input.channel_sigma.unwrap_or(NOMINAL_SIGMA);
     match factor {
         Factor::Ten(f) => {
-            Ok(conclude(input, &f, &*absorb::<10>(input, sigma)?, |f| Factor::Ten(Box::new(f))))
+            Ok(conclude(sigma_given, input, &f, &*absorb::<10>(input, sigma)?, |f| Factor::Ten(Box::new(f))))
         }
         Factor::Sixteen(f) => {
-            Ok(conclude(input, &f, &*absorb::<16>(input, sigma)?, |f| Factor::Sixteen(Box::new(f))))
+            Ok(conclude(sigma_given, input, &f, &*absorb::<16>(input, sigma)?, |f| Factor::Sixteen(Box::new(f))))
         }
     }
 }
@@ -210,11 +214,12 @@ fn run<const N: usize>(
             estimator = absorb::<N>(input, sigma)?;
         }
     }
-    Ok(conclude(input, &estimator.factor(), &estimator, wrap))
+    Ok(conclude(input.channel_sigma.is_some(), input, &estimator.factor(), &estimator, wrap))
 }
 
 /// `estimator` has absorbed the same readings, whitened by the same σ, as the factor.
 fn conclude<const N: usize>(
+    sigma_given: bool,
     input: &Input,
     factor: &InformationFactor<f64, N>,
     estimator: &Estimator<f64, N, TAPS>,
@@ -225,7 +230,7 @@ fn conclude<const N: usize>(
     let counters = *estimator.counters();
     let noise_gain = estimator.noise_gain();
     let dof = degrees_of_freedom(counters.blocks, noise_gain, determined);
-    let (noise, variance_ratio) = if input.channel_sigma.is_some() {
+    let (noise, variance_ratio) = if sigma_given {
         let rows = (f64::from(factor.rows()) - determined as f64).max(1.0);
         (Noise::Given, factor.residual_sum_of_squares() / (rows * noise_gain))
     } else {
@@ -244,7 +249,7 @@ fn conclude<const N: usize>(
         factor,
         estimate,
         channel_sigma: sigma,
-        sigma_given: input.channel_sigma.is_some(),
+        sigma_given,
         noise_gain,
         variance_ratio,
         residual_rms: rms(&residuals),
