@@ -62,12 +62,16 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
 }
 
 fn formatting(steps: &mut Steps) {
-    for (name, folder) in
-        [("host", places::root().to_owned()), ("board", places::board()), ("fuzz targets", places::fuzz())]
-    {
-        steps.run(&format!("format, {name}"), || {
-            process::run(process::cargo(&folder).args(["fmt", "--all", "--check"]))
-        });
+    // With `--all`, cargo would follow paths out of the workspace and do the host's crates again.
+    let host: &[&str] = &["fmt", "--all", "--check"];
+    let one: &[&str] = &["fmt", "--check"];
+    let workspaces = [
+        ("host", places::root().to_owned(), host),
+        ("board", places::board(), one),
+        ("fuzz targets", places::fuzz(), one),
+    ];
+    for (name, folder, arguments) in workspaces {
+        steps.run(&format!("format, {name}"), || process::run(process::cargo(&folder).args(arguments)));
     }
 }
 
