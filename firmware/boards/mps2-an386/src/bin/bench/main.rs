@@ -4,9 +4,13 @@
 //! Prints one JSON object per line:
 //! `{"part":"kernel","n":10,"samples":1000,"instructions_per_sample":1234.5}`.
 //! `kernel`: one aligned reading, without filter, through screening, mounting, regressor and whitening into the
-//! factor as six rows.
+//! factor as six rows. `path`: one frame of the load cell's converter and one packet of the IMU, from the bytes on
+//! the bus through drivers, calibration, alignment and a filter of 0.1 s at 1 kHz into the factor, six rows every
+//! tenth sample; the bus itself is a copy.
 #![no_std]
 #![no_main]
+
+mod sensors;
 
 use core::arch::asm;
 use core::hint::black_box;
@@ -16,10 +20,15 @@ use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m_rt::entry;
 // Start-up, panic handler and interrupts' home.
 use mps2_an386 as _;
+use rigident_firmware::{Event, Instrument, Sensor};
 use rigident_shared::calibration::{ImuMounting, Reading};
 use rigident_shared::estimator::{Estimator, EstimatorConfig};
 use rigident_shared::screening::Limits;
 use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
+use rigident_shared::wire::{
+    Command, ImuSettings, Kind, LoadCellSettings, Settings, Source, StateName, TelemetrySettings, encode,
+    frame,
+};
 use semihosting::println;
 
 const INSTRUCTIONS_PER_TICK: u32 = 40;
@@ -28,6 +37,8 @@ const TICKS: u32 = 0x00FF_FFFF;
 /// Different readings, gone through again and again.
 const READINGS: usize = 64;
 const SAMPLES: u32 = 1000;
+/// Noise of the platform thesis\' load cell, N and N m.
+const CHANNEL_SIGMA: [f32; 6] = [5.05, 5.05, 10.1, 0.383, 0.459, 0.459];
 
 #[entry]
 fn main() -> ! {
@@ -44,6 +55,8 @@ fn main() -> ! {
     let readings = readings();
     kernel::<10>(&readings);
     kernel::<16>(&readings);
+    path(10);
+    path(16);
     semihosting::process::exit(0)
 }
 
@@ -52,7 +65,7 @@ fn kernel<const N: usize>(readings: &[Reading<f32>; READINGS]) {
         rate_hz: 1000.0,
         filter_width_s: 0.0,
         row_every: 1,
-        channel_sigma: [5.05, 5.05, 10.1, 0.383, 0.459, 0.459],
+        channel_sigma: CHANNEL_SIGMA,
         known_offset: [0.0; 6],
         mounting: ImuMounting::default(),
         limits: Limits::none(),
@@ -68,6 +81,60 @@ fn kernel<const N: usize>(readings: &[Reading<f32>; READINGS]) {
         }
         black_box(&estimator);
     });
+}
+
+fn path(n: usize) {
+    let known_offset = (n == 10).then_some([0.0; 6]);
+    let mut instrument = Instrument::new("bench", sensors::Adc::new(), sensors::Imu::new(), sensors::NoWait);
+    let mut bytes = [0; frame::MAX_FRAME];
+    for (sequence, command) in [Command::Configure(settings(known_offset)), Command::Start].iter().enumerate()
+    {
+        let length = encode(Kind::Command, sequence as u16, command, &mut bytes).expect("it fits");
+        instrument.on_bytes(&bytes[..length], 0);
+    }
+    assert_eq!(instrument.app().state().0, StateName::Running, "the firmware does not run");
+    let mut time_ns = 0;
+    let mut sample = || {
+        time_ns += 630_000;
+        instrument.on_event(Event { sensor: Sensor::Imu, capture_time_ns: time_ns });
+        time_ns += 370_000;
+        instrument.on_event(Event { sensor: Sensor::LoadCell, capture_time_ns: time_ns });
+    };
+    // Until the filter is full and the factor no longer empty.
+    (0..200).for_each(|_| sample());
+    report("path", n, || (0..SAMPLES).for_each(|_| sample()));
+    assert_eq!(instrument.app().state().0, StateName::Running, "the firmware has stopped");
+}
+
+fn settings(known_offset_n_nm: Option<[f32; 6]>) -> Settings {
+    Settings {
+        rate_hz: 1000.0,
+        source: Source::Sensors,
+        imu: ImuSettings {
+            rate_hz: 1000.0,
+            rotation_wxyz: [0.92, 0.20, -0.10, 0.32],
+            position_m: [0.06, -0.04, 0.02],
+            accel_scale: [1.0; 3],
+            accel_bias_mps2: [0.0; 3],
+            gyro_bias_radps: [0.0; 3],
+            group_delay_ns: 600_000,
+            range_mps2: 157.0,
+            range_radps: 34.0,
+        },
+        load_cell: LoadCellSettings {
+            calibration: core::array::from_fn(|i| core::array::from_fn(|j| if i == j { 1e5 } else { 3e3 })),
+            noise_n_nm: CHANNEL_SIGMA,
+            known_offset_n_nm,
+            group_delay_ns: 1_500_000,
+            range_n_nm: [1e6; 6],
+        },
+        filter_width_s: 0.1,
+        row_every: 10,
+        stop: None,
+        telemetry: TelemetrySettings { estimate_every_blocks: 0, stream_readings: false },
+        frozen_after: 50,
+        host_timeout_ms: 0,
+    }
 }
 
 fn report(part: &str, n: usize, run: impl FnOnce()) {
