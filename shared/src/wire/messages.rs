@@ -104,6 +104,8 @@ pub enum ErrorCode {
     },
     /// 8: the sensors did not come up; see the state.
     Sensors,
+    /// 9: the command is older than one that was answered: a copy that was late. It was not obeyed.
+    Stale,
 }
 
 impl ErrorCode {
@@ -118,6 +120,7 @@ impl ErrorCode {
             Self::NoEstimate => 6,
             Self::BadOffset { .. } => 7,
             Self::Sensors => 8,
+            Self::Stale => 9,
         }
     }
 }
@@ -169,6 +172,8 @@ pub enum SensorFault {
     Restarted,
     /// The rate asked for is not one it has.
     Rate,
+    /// It gives no new samples.
+    Silent,
 }
 
 /// A setting that is impossible.
@@ -200,8 +205,6 @@ pub enum SettingName {
     Filter,
     /// `stop`
     StopRule,
-    /// `telemetry`
-    Telemetry,
 }
 
 /// Where readings come from.
@@ -279,9 +282,9 @@ pub struct LoadCellSettings {
 /// The run ends when every asked-for parameter has its uncertainty.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct StopRule {
-    /// Bit j: parameter j is asked for.
+    /// Bit j: parameter j is asked for; at least one of those estimated.
     pub asked: u16,
-    /// Largest 95 % uncertainty of each parameter, SI.
+    /// Largest 95 % uncertainty of each parameter asked for, SI.
     pub u95: [f32; 16],
     /// But not before so many row blocks.
     pub minimum_blocks: u32,
@@ -363,7 +366,13 @@ pub struct CounterReport {
     pub blocks: u32,
     /// Frames of the converter whose CRC did not fit.
     pub load_cell_crc_errors: u32,
-    /// Failed transfers with the IMU, and overflows of its FIFO.
+    /// Other frames of the converter that held no sample.
+    pub load_cell_errors: u32,
+    /// Samples left out because a gauge was at the end of the converter's range.
+    pub load_cell_clipped: u32,
+    /// Bit g: gauge g was.
+    pub clipped_gauges: u8,
+    /// Failed transfers with the IMU, overflows of its FIFO, and samples of it that were read too late.
     pub imu_errors: u32,
     /// Load-cell samples without IMU neighbours.
     pub unaligned: u32,
@@ -390,7 +399,7 @@ pub struct EstimateReport {
     pub determined: u16,
     /// Of the column-scaled rows.
     pub condition_number: f32,
-    /// Root mean square of the innovations since the last but one estimate, N and N m.
+    /// Root mean square of the innovations, each against the estimate before it, N and N m.
     pub innovation_rms: [f32; 6],
     /// The last reading.
     pub last: ReadingMessage,
@@ -433,7 +442,7 @@ pub enum Telemetry {
         /// The readings.
         readings: Vec<ReadingMessage, STREAM_BATCH>,
     },
-    /// The device is there.
+    /// The device is there: once a second after the hello.
     Heartbeat {
         /// The device's time, ns.
         time_ns: u64,

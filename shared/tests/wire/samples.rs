@@ -1,0 +1,200 @@
+//! One message of every kind.
+
+use rigident_shared::wire::*;
+
+/// Any message with its direction.
+#[derive(Debug, PartialEq)]
+#[allow(clippy::large_enum_variant, reason = "only a test")]
+pub enum Message {
+    Command(Command),
+    Answer(Answer),
+    Telemetry(Telemetry),
+}
+
+pub fn settings() -> Settings {
+    Settings {
+        rate_hz: 1000.0,
+        source: Source::Sensors,
+        imu: ImuSettings {
+            rate_hz: 500.0,
+            rotation_wxyz: [0.5, -0.5, 0.5, 0.5],
+            position_m: [0.05, 0.0, -0.125],
+            accel_scale: [1.0, 1.01, 0.99],
+            accel_bias_mps2: [0.02, 0.0, -0.03],
+            gyro_bias_radps: [0.001, 0.002, 0.003],
+            group_delay_ns: 1_000_000,
+            range_mps2: 156.9,
+            range_radps: 34.9,
+        },
+        load_cell: LoadCellSettings {
+            calibration: core::array::from_fn(|i| {
+                core::array::from_fn(|j| if i == j { 1e5 } else { (i as f32) - (j as f32) })
+            }),
+            noise_n_nm: [0.1, 0.1, 0.2, 0.005, 0.005, 0.005],
+            known_offset_n_nm: Some([1.0, -2.0, 3.0, 0.1, 0.2, -0.3]),
+            group_delay_ns: 1_500_000,
+            range_n_nm: [660.0, 660.0, 1980.0, 60.0, 60.0, 60.0],
+        },
+        filter_width_s: 0.06,
+        row_every: 10,
+        stop: Some(StopRule {
+            asked: 0x03ff,
+            u95: core::array::from_fn(|j| 0.01 * j as f32),
+            minimum_blocks: 300,
+        }),
+        telemetry: TelemetrySettings { estimate_every_blocks: 25, stream_readings: true },
+        frozen_after: 20,
+        host_timeout_ms: 3000,
+    }
+}
+
+pub fn reading(k: u32) -> ReadingMessage {
+    let x = k as f32;
+    ReadingMessage {
+        time_ns: 1_000_000 * u64::from(k),
+        wrench: [x, -x, 200.0, 0.5, 0.25, -0.125],
+        specific_force: [0.1, 0.2, 9.8],
+        angular_rate: [0.01 * x, -0.02, 0.03],
+    }
+}
+
+fn identity() -> Identity {
+    Identity {
+        protocol_version: PROTOCOL_VERSION,
+        // Not the real one: it has a golden of its own.
+        schema_hash: 0x0123_4567_89ab_cdef,
+        firmware_version: [0, 1, 2],
+        firmware_hash: 0xdead_beef,
+        board: *b"mps2-an386\0\0\0\0\0\0",
+        state: StateName::Idle,
+        reason: Reason::Boot,
+    }
+}
+
+fn counters() -> CounterReport {
+    CounterReport {
+        readings: 20_000,
+        rejected: 12,
+        rejected_by_channel: [0, 0, 7, 0, 0, 0, 0, 0, 0, 5, 0, 0],
+        last_rejection: 2,
+        last_rejected_channel: 9,
+        gaps: 3,
+        blocks: 1_990,
+        load_cell_crc_errors: 1,
+        load_cell_errors: 2,
+        load_cell_clipped: 300,
+        clipped_gauges: 0b10_0001,
+        imu_errors: 4,
+        unaligned: 5,
+        bad_frames: 6,
+        telemetry_dropped: 70_000,
+    }
+}
+
+fn estimate() -> EstimateReport {
+    EstimateReport {
+        readings: 20_000,
+        time_ns: 20_000_000_000,
+        blocks: 1_990,
+        estimate: (0..16).map(|j| j as f32 - 3.5).collect(),
+        standard_deviation: (0..16).map(|j| 0.001 * j as f32).collect(),
+        determined: 0xfffe,
+        condition_number: 37.5,
+        innovation_rms: [0.1, 0.2, 0.3, 0.01, 0.02, 0.03],
+        last: reading(19_999),
+    }
+}
+
+fn factor() -> FactorChunk {
+    FactorChunk {
+        parameters: 10,
+        rows: 11_940,
+        total: 66,
+        offset: 64,
+        entries: [1.5, -2.5].into_iter().collect(),
+    }
+}
+
+/// Every message once.
+pub fn samples() -> Vec<(&'static str, Message)> {
+    let command = Message::Command;
+    let reply = |m| Message::Answer(Ok(m));
+    let refusal = |m| Message::Answer(Err(m));
+    let telemetry = Message::Telemetry;
+    let batch = InjectBatch { first_index: 4096, readings: (0..3).map(reading).collect() };
+    vec![
+        ("command_hello", command(Command::Hello)),
+        ("command_configure", command(Command::Configure(settings()))),
+        ("command_start", command(Command::Start)),
+        ("command_hold", command(Command::Hold)),
+        ("command_reset", command(Command::Reset)),
+        ("command_inject", command(Command::Inject(batch))),
+        ("command_read_settings", command(Command::ReadSettings)),
+        ("command_read_counters", command(Command::ReadCounters)),
+        ("command_read_estimate", command(Command::ReadEstimate)),
+        ("command_read_factor", command(Command::ReadFactor { offset: 64 })),
+        ("command_heartbeat", command(Command::Heartbeat)),
+        ("reply_done", reply(Reply::Done)),
+        ("reply_hello", reply(Reply::Hello(identity()))),
+        ("reply_settings", reply(Reply::Settings(settings()))),
+        ("reply_counters", reply(Reply::Counters(counters()))),
+        ("reply_estimate", reply(Reply::Estimate(estimate()))),
+        ("reply_factor", reply(Reply::Factor(factor()))),
+        ("reply_injected", reply(Reply::Injected { next_index: 4099 })),
+        ("error_unknown_command", refusal(ErrorCode::UnknownCommand)),
+        ("error_wrong_protocol", refusal(ErrorCode::WrongProtocol { have: 1, want: 2 })),
+        ("error_wrong_state", refusal(ErrorCode::WrongState(StateName::Running))),
+        ("error_bad_setting", refusal(ErrorCode::BadSetting(SettingName::Noise(4)))),
+        ("error_out_of_order", refusal(ErrorCode::OutOfOrder { expected: 4096 })),
+        ("error_no_estimate", refusal(ErrorCode::NoEstimate)),
+        ("error_bad_offset", refusal(ErrorCode::BadOffset { total: 66 })),
+        ("error_sensors", refusal(ErrorCode::Sensors)),
+        ("error_stale", refusal(ErrorCode::Stale)),
+        ("telemetry_announce", telemetry(Telemetry::Announce(identity()))),
+        (
+            "telemetry_state",
+            telemetry(Telemetry::State {
+                state: StateName::Fault,
+                reason: Reason::LoadCell(SensorFault::Check),
+            }),
+        ),
+        ("telemetry_estimate", telemetry(Telemetry::Estimate(estimate()))),
+        (
+            "telemetry_readings",
+            telemetry(Telemetry::Readings { first: 4096, readings: (0..2).map(reading).collect() }),
+        ),
+        ("telemetry_heartbeat", telemetry(Telemetry::Heartbeat { time_ns: 1_000_000_000 })),
+    ]
+}
+
+/// The messages with lists at their longest and numbers at their widest: postcard writes up to ten bytes for a
+/// `u64` and five for a `u32`.
+pub fn longest() -> Vec<(&'static str, Message)> {
+    let widest = ReadingMessage { time_ns: u64::MAX, ..reading(1) };
+    let full = EstimateReport {
+        readings: u32::MAX,
+        time_ns: u64::MAX,
+        blocks: u32::MAX,
+        last: widest,
+        ..estimate()
+    };
+    let batch =
+        InjectBatch { first_index: u32::MAX, readings: core::iter::repeat_n(widest, INJECT_BATCH).collect() };
+    let chunk = FactorChunk {
+        parameters: 16,
+        rows: u32::MAX,
+        total: u16::MAX,
+        offset: u16::MAX,
+        entries: core::iter::repeat_n(1.0, FACTOR_CHUNK).collect(),
+    };
+    let stream = Telemetry::Readings {
+        first: u32::MAX,
+        readings: core::iter::repeat_n(widest, STREAM_BATCH).collect(),
+    };
+    vec![
+        ("inject", Message::Command(Command::Inject(batch))),
+        ("estimate", Message::Telemetry(Telemetry::Estimate(full))),
+        ("factor", Message::Answer(Ok(Reply::Factor(chunk)))),
+        ("readings", Message::Telemetry(stream)),
+    ]
+}
