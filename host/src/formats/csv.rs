@@ -1,483 +1,470 @@
 //! Recordings as CSV.
 
-use std::fmt::Write as _;
+use std::collections::{BTreeMap, HashMap};
+use std::io::Write;
 
-use super::recording::{ImuColumns, Recording, RecordingError};
-use super::rig::{RigFile, WrenchSign};
+use super::columns::{Group, Known, TIME, nearest_known, other_unit};
+use super::recording::{Recording, RecordingError, stem};
+use super::rig::{RecordingTable, RigFile, WrenchSign};
+use super::spelling::nearest;
+use super::time::{self, Time};
 
-const WRENCH: [&str; 6] = ["fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm"];
-const ACCEL: [&str; 3] = ["ax_mps2", "ay_mps2", "az_mps2"];
-const GYRO: [&str; 3] = ["gx_radps", "gy_radps", "gz_radps"];
-const GRAVITY: [&str; 3] = ["gx_mps2", "gy_mps2", "gz_mps2"];
-const GAUGES: [&str; 6] = ["g1_v", "g2_v", "g3_v", "g4_v", "g5_v", "g6_v"];
-const PLATFORM: [&str; 7] = ["x_m", "y_m", "z_m", "qw", "qx", "qy", "qz"];
-const ATTITUDE: [&str; 4] = ["w", "x", "y", "z"];
-/// More IMUs or attitudes than this are a slip of the pen.
-const MOST_LINKS: usize = 64;
-
-/// The names of a group of columns, with a prefix.
-fn names<const K: usize>(prefix: &str, group: [&str; K]) -> [String; K] {
-    group.map(|name| format!("{prefix}{name}"))
+/// What becomes of a column's cells.
+enum Sink {
+    /// The time.
+    Time { scale: f64, times: Vec<Time> },
+    /// A known quantity; the cells too where scaling loses their last digit.
+    Number { known: Known, scale: f64, values: Vec<f64>, cells: Option<Vec<String>> },
+    /// Anything else.
+    Text(Vec<String>),
 }
 
-struct Table<'a> {
-    name: &'a str,
-    rig: &'a RigFile,
-    header: Vec<String>,
-    /// Cells by column.
-    cells: Vec<Vec<String>>,
+struct Column {
+    /// Name in the file.
+    header: String,
+    sink: Sink,
+}
+
+/// The parts of a file before its rows.
+struct Reader<'a> {
+    label: &'a str,
+    rig: RigFile,
+    comments: Vec<(String, String)>,
+    columns: Vec<Column>,
     lines: Vec<u64>,
-    used: Vec<bool>,
-}
-
-impl Table<'_> {
-    fn error(&self, reason: impl Into<String>) -> RecordingError {
-        RecordingError::Columns { name: self.name.to_owned(), reason: reason.into() }
-    }
-
-    /// Index and scale of a known column.
-    fn find(&self, known: &str) -> Option<(usize, f64)> {
-        let (name, scale) = self.rig.recording.columns.get(known).map_or((known, 1.0), |c| c.parts());
-        self.header.iter().position(|h| h == name).map(|i| (i, scale))
-    }
-
-    fn number(&self, column: usize, row: usize, scale: f64) -> Result<f64, RecordingError> {
-        let cell = self.cells[column][row].as_str();
-        let at =
-            |reason: String| RecordingError::At { name: self.name.to_owned(), line: self.lines[row], reason };
-        let header = &self.header[column];
-        let value: f64 =
-            cell.trim().parse().map_err(|_| at(format!("column {header} holds {cell:?}, not a number")))?;
-        if !value.is_finite() {
-            return Err(at(format!(
-                "column {header} holds {cell}: remove the row, or the column, or mend the number"
-            )));
-        }
-        // Multiplying by one would change nothing but the sign of a zero.
-        Ok(if scale == 1.0 { value } else { value * scale })
-    }
-
-    /// A group of columns: all of them, or none.
-    fn group<const K: usize>(
-        &mut self,
-        wanted: &[String; K],
-    ) -> Result<Option<Vec<[f64; K]>>, RecordingError> {
-        let found = wanted.each_ref().map(|name| self.find(name));
-        if found.iter().all(Option::is_none) {
-            return Ok(None);
-        }
-        let mut columns = [(0, 1.0); K];
-        for ((slot, found), name) in columns.iter_mut().zip(found).zip(wanted) {
-            *slot = found.ok_or_else(|| {
-                self.error(format!(
-                    "column {name} is missing beside {}: add it, or name it in [recording] columns",
-                    {
-                        let others: Vec<_> =
-                            wanted.iter().filter(|n| self.find(n).is_some()).cloned().collect();
-                        others.join(", ")
-                    }
-                ))
-            })?;
-        }
-        for (column, _) in columns {
-            self.used[column] = true;
-        }
-        (0..self.lines.len())
-            .map(|row| {
-                let mut values = [0.0; K];
-                for (value, (column, scale)) in values.iter_mut().zip(columns) {
-                    *value = self.number(column, row, scale)?;
-                }
-                Ok(values)
-            })
-            .collect::<Result<Vec<_>, _>>()
-            .map(Some)
-    }
-}
-
-/// A known quantity, without its unit: `fx`, `imu0_ax`, …
-fn quantity(known: &str) -> Option<&str> {
-    known.rsplit_once('_').map(|(quantity, _)| quantity)
-}
-
-/// Why a column that is not known is an error: it is a known quantity in another unit.
-fn wrong_unit(header: &str) -> Option<String> {
-    let (stem, _) = header.rsplit_once('_')?;
-    let plain = if let Some(rest) = stem.strip_prefix("imu") {
-        rest.trim_start_matches(|c: char| c.is_ascii_digit()).strip_prefix('_')?
-    } else {
-        stem
-    };
-    let is_imu = plain != stem;
-    let candidates: Vec<&str> = if is_imu {
-        ACCEL.iter().chain(&GYRO).copied().collect()
-    } else {
-        WRENCH.iter().chain(&GRAVITY).chain(&GAUGES).chain(&PLATFORM[..3]).chain(&["t_s"]).copied().collect()
-    };
-    let known = candidates.into_iter().find(|k| quantity(k) == Some(plain))?;
-    let prefix = if is_imu { &stem[..stem.len() - plain.len()] } else { "" };
-    if header == format!("{prefix}{known}") {
-        return None;
-    }
-    Some(format!(
-        "column {header} has an unknown unit: it must be {prefix}{known}, or be named with its scale in \
-         [recording] columns = {{ {prefix}{known} = {{ name = \"{header}\", scale = … }} }}"
-    ))
 }
 
 impl Recording {
-    /// Reads the bytes of a CSV file.
+    /// Reads the bytes of a CSV file. `label` is the file's name, for messages.
     ///
     /// # Errors
     /// [`RecordingError`] with line and column.
-    pub fn from_csv_bytes(name: &str, bytes: &[u8], rig: &RigFile) -> Result<Self, RecordingError> {
-        let not =
-            |reason: &str| RecordingError::NotARecording { name: name.to_owned(), reason: reason.to_owned() };
-        let text = std::str::from_utf8(bytes).map_err(|_| not("it is not text"))?;
-        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    pub fn from_csv_bytes(label: &str, bytes: &[u8], rig: &RigFile) -> Result<Self, RecordingError> {
+        let not = |reason: String| RecordingError::NotARecording { name: label.to_owned(), reason };
+        if bytes.starts_with(&super::mcap::container::MAGIC) {
+            return Err(not("it is an MCAP file: give it the ending .mcap".to_owned()));
+        }
+        let text = std::str::from_utf8(bytes).map_err(|e| {
+            let line = bytes.iter().take(e.valid_up_to()).filter(|b| **b == b'\n').count() + 1;
+            not(format!("it is not text (line {line})"))
+        })?;
+        if text.contains('\0') {
+            return Err(not("it is not text (it holds zero bytes)".to_owned()));
+        }
+        let mut body = text.strip_prefix('\u{feff}').unwrap_or(text);
+        if body.trim().is_empty() {
+            return Err(not("it is empty".to_owned()));
+        }
         let mut comments = Vec::new();
         let mut skipped = 0;
-        let mut body = text;
         while let Some(rest) = body.strip_prefix('#') {
             let (line, after) = rest.split_once('\n').unwrap_or((rest, ""));
-            if let Some((key, value)) = line.split_once('=') {
-                comments.push((key.trim().to_owned(), value.trim().trim_end_matches('\r').to_owned()));
-            }
+            let (key, value) = line.split_once('=').unwrap_or(("", line));
+            comments.push((key.trim().to_owned(), value.trim().to_owned()));
             (body, skipped) = (after, skipped + 1);
         }
-        let mut reader =
-            csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(body.as_bytes());
-        let at = |line: u64, reason: String| RecordingError::At { name: name.to_owned(), line, reason };
-        let header: Vec<String> =
-            reader.headers().map_err(|e| not(&e.to_string()))?.iter().map(str::to_owned).collect();
-        if header.len() < 2 {
-            return Err(not("it has no header row with names separated by commas"));
+        let mut reader = Reader { label, rig: rig.clone(), comments, columns: Vec::new(), lines: Vec::new() };
+        reader.apply_comments()?;
+        reader.read(body, skipped)?;
+        reader.into_recording()
+    }
+
+    /// Writes CSV that holds the recording without loss, in the notation's names, units and signs.
+    ///
+    /// # Errors
+    /// The system refuses to write.
+    pub fn write_csv<W: Write>(&self, mut to: W) -> std::io::Result<W> {
+        for (key, value) in &self.comments {
+            if key.is_empty() { writeln!(to, "# {value}")? } else { writeln!(to, "# {key} = {value}")? }
         }
-        for (i, column) in header.iter().enumerate() {
-            if header[..i].contains(column) {
-                return Err(RecordingError::Columns {
-                    name: name.to_owned(),
-                    reason: format!("column {column} stands there twice: rename one"),
-                });
+        let extra: HashMap<&str, &Vec<String>> =
+            self.extra.iter().map(|(name, cells)| (name.as_str(), cells)).collect();
+        let names = self.column_names();
+        let mut writer = csv::Writer::from_writer(to);
+        writer.write_record(&names)?;
+        for row in 0..self.rows() {
+            for name in &names {
+                match (extra.get(name.as_str()), Known::parse(name)) {
+                    (Some(cells), _) => writer.write_field(cells.get(row).map_or("", String::as_str))?,
+                    (None, Some(Known::Time)) => writer.write_field(self.time_text(row))?,
+                    (None, known) => {
+                        let value = known.and_then(|known| self.number(known, row));
+                        // As many digits as it takes to read the same number back.
+                        writer.write_field(value.map_or_else(String::new, |v| format!("{v:?}")))?;
+                    }
+                }
+            }
+            writer.write_record(None::<&[u8]>)?;
+        }
+        writer.into_inner().map_err(csv::IntoInnerError::into_error)
+    }
+
+    /// The text of [`Recording::write_csv`].
+    pub fn to_csv(&self) -> String {
+        // Writing into memory has no way to fail.
+        self.write_csv(Vec::new()).map(|b| String::from_utf8_lossy(&b).into_owned()).unwrap_or_default()
+    }
+
+    fn time_text(&self, row: usize) -> String {
+        match self.exact_time_s.as_ref().and_then(|t| t.get(row)) {
+            Some(seconds) => format!("{seconds:?}"),
+            None => self.time_ns.get(row).map_or_else(String::new, |ns| time::text(*ns)),
+        }
+    }
+}
+
+impl Reader<'_> {
+    fn columns_error(&self, reason: String) -> RecordingError {
+        RecordingError::Columns { name: self.label.to_owned(), reason }
+    }
+
+    /// A comment that states a key of [recording] counts as if the rig file did.
+    fn apply_comments(&mut self) -> Result<(), RecordingError> {
+        let unset = RecordingTable::default();
+        for (n, (key, value)) in self.comments.iter().enumerate() {
+            if !matches!(key.as_str(), "rate_hz" | "wrench_sign" | "gravity_mps2" | "static") {
+                continue;
+            }
+            let at = |reason: String| RecordingError::At {
+                name: self.label.to_owned(),
+                line: n as u64 + 1,
+                column: None,
+                reason,
+            };
+            let stated = RigFile::parse(&format!("[recording]\n{key} = {value}"))
+                .map_err(|_| at(format!("comment {key} = {value} is not what the rig file's {key} can be")))?
+                .recording;
+            let rig = &mut self.rig.recording;
+            let contradicts = |is_set: bool, differs: bool| {
+                if is_set && differs {
+                    Err(at(format!("comment {key} = {value} contradicts the rig file: mend one of them")))
+                } else {
+                    Ok(())
+                }
+            };
+            match key.as_str() {
+                "rate_hz" => {
+                    contradicts(rig.rate_hz.is_some(), rig.rate_hz != stated.rate_hz)?;
+                    rig.rate_hz = stated.rate_hz;
+                }
+                "wrench_sign" => {
+                    contradicts(rig.wrench_sign != unset.wrench_sign, rig.wrench_sign != stated.wrench_sign)?;
+                    rig.wrench_sign = stated.wrench_sign;
+                }
+                "gravity_mps2" => {
+                    let differs = rig.gravity_mps2 != stated.gravity_mps2;
+                    contradicts(rig.gravity_mps2 != unset.gravity_mps2, differs)?;
+                    rig.gravity_mps2 = stated.gravity_mps2;
+                }
+                _ => {
+                    contradicts(rig.is_static, !stated.is_static)?;
+                    rig.is_static = stated.is_static;
+                }
             }
         }
-        let mut table = Table {
-            name,
-            rig,
-            used: vec![false; header.len()],
-            cells: vec![Vec::new(); header.len()],
-            header,
-            lines: Vec::new(),
-        };
-        for record in reader.records() {
-            let record = record.map_err(|e| {
-                at(e.position().map_or(0, |p| p.line()) + skipped, format!("not a row of a CSV file: {e}"))
+        Ok(())
+    }
+
+    fn read(&mut self, body: &str, skipped: u64) -> Result<(), RecordingError> {
+        let label = self.label.to_owned();
+        let mut reader =
+            csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(body.as_bytes());
+        let header: Vec<String> = reader
+            .headers()
+            .map_err(|e| RecordingError::NotARecording { name: label.clone(), reason: e.to_string() })?
+            .iter()
+            .map(str::to_owned)
+            .collect();
+        self.columns = self.assign(header)?;
+        let mut record = csv::StringRecord::new();
+        loop {
+            let at = |line: u64, column: Option<String>, reason: String| RecordingError::At {
+                name: label.clone(),
+                line,
+                column,
+                reason,
+            };
+            let more = reader.read_record(&mut record).map_err(|e| {
+                let line = e.position().map_or(0, csv::Position::line) + skipped;
+                at(line, None, format!("not a row of a CSV file: {e}"))
             })?;
+            if !more {
+                break;
+            }
             let line = record.position().map_or(0, csv::Position::line) + skipped;
-            if record.len() != table.header.len() {
+            if record.len() != self.columns.len() {
+                let (cells, names) = (record.len(), self.columns.len());
                 return Err(at(
                     line,
+                    None,
                     format!(
-                        "the row has {} values, the header {}: was the file cut off?",
-                        record.len(),
-                        table.header.len()
+                        "the row has {cells} values, the header {names} names: was the file cut off here? remove \
+                         or mend the row"
                     ),
                 ));
             }
-            table.lines.push(line);
-            for (column, cell) in table.cells.iter_mut().zip(&record) {
-                column.push(cell.to_owned());
+            for (column, cell) in self.columns.iter_mut().zip(&record) {
+                column.push(cell).map_err(|reason| at(line, Some(column.header.clone()), reason))?;
             }
+            self.lines.push(line);
         }
-        if table.lines.is_empty() {
-            return Err(not("it has a header and no rows"));
+        if self.lines.is_empty() {
+            return Err(RecordingError::NotARecording {
+                name: label,
+                reason: "it has a header and no rows".to_owned(),
+            });
         }
-        table.into_recording(comments)
+        Ok(())
     }
-}
 
-impl Table<'_> {
-    fn into_recording(mut self, comments: Vec<(String, String)>) -> Result<Recording, RecordingError> {
-        for (known, source) in &self.rig.recording.columns {
-            let (name, _) = source.parts();
-            if !self.header.iter().any(|h| h == name) {
-                return Err(self.error(format!(
-                    "the rig file names column {name:?} for {known}, and there is none: the columns are {}",
-                    self.header.join(", ")
+    /// What each column is, by its name or by the rig file.
+    fn assign(&self, header: Vec<String>) -> Result<Vec<Column>, RecordingError> {
+        let mapping = &self.rig.recording.columns;
+        let mut sources = BTreeMap::new();
+        for (known, source) in mapping {
+            let (name, scale) = source.parts();
+            if !header.iter().any(|h| h == name) {
+                let near = nearest(name, header.iter().map(String::as_str));
+                return Err(self.columns_error(format!(
+                    "the rig file says that {known} is in column {name:?}, and there is none{}; the columns are {}",
+                    near.map_or_else(String::new, |n| format!(" (is it {n:?}?)")),
+                    header.join(", ")
+                )));
+            }
+            if let Some((other, _)) = sources.insert(name, (known.as_str(), scale)) {
+                return Err(self.columns_error(format!(
+                    "the rig file names column {name:?} for {other} and for {known}: it can be one of them"
                 )));
             }
         }
-        let named: Vec<&str> = self.rig.recording.columns.values().map(|c| c.parts().0).collect();
-        let slip = self.header.iter().filter(|h| !named.contains(&h.as_str())).find_map(|h| wrong_unit(h));
-        if let Some(reason) = slip {
-            return Err(self.error(reason));
-        }
-        let is_static = self.rig.recording.is_static;
-        let time_ns = if is_static { Vec::new() } else { self.times()? };
-        let wrench = self.group(&names("", WRENCH))?.map(|rows| match self.rig.recording.wrench_sign {
-            WrenchSign::OnBody => rows,
-            WrenchSign::OnSensor => rows.into_iter().map(|w| w.map(|v| -v)).collect(),
-        });
-        let gravity = self.group(&names("", GRAVITY))?;
-        let gauges = self.group(&names("", GAUGES))?;
-        let platform = self.group(&names("", PLATFORM))?;
-        let commanded = self.group(&names("cmd_", PLATFORM))?;
-        let mut imus = Vec::new();
-        let mut attitudes = Vec::new();
-        for j in 0..MOST_LINKS {
-            let mut prefix = format!("imu{j}_");
-            let mut columns = ImuColumns {
-                accel: self.group(&names(&prefix, ACCEL))?,
-                gyro: self.group(&names(&prefix, GYRO))?,
+        let mut columns: Vec<Column> = Vec::new();
+        let mut known_columns = Vec::new();
+        for name in header {
+            if columns.iter().any(|c| c.header == name) {
+                return Err(self.columns_error(format!("column {name:?} stands there twice: rename one")));
+            }
+            let source = sources.get(name.as_str()).copied();
+            let known = source.map_or_else(|| Known::parse(&name), |(known, _)| Known::parse(known));
+            let scale = source.map_or(1.0, |(_, scale)| scale);
+            let sink = match known {
+                Some(Known::Time) if self.rig.recording.is_static => Sink::Text(Vec::new()),
+                Some(Known::Time) => Sink::Time { scale, times: Vec::new() },
+                Some(known) => {
+                    let cells = (scale != 1.0).then(Vec::new);
+                    Sink::Number { known, scale, values: Vec::new(), cells }
+                }
+                None => {
+                    if let Some(meant) = other_unit(&name) {
+                        return Err(self.columns_error(format!(
+                            "column {name} is a known quantity in an unknown unit: it must be {meant}, or be named \
+                             with its scale in the rig file, [recording] columns = {{ {meant} = {{ name = \"{name}\", \
+                             scale = … }} }}"
+                        )));
+                    }
+                    Sink::Text(Vec::new())
+                }
             };
-            if j == 0 {
-                prefix = "imu_".to_owned();
-                columns.accel = columns.accel.or(self.group(&names(&prefix, ACCEL))?);
-                columns.gyro = columns.gyro.or(self.group(&names(&prefix, GYRO))?);
+            if let Some(known) = known {
+                if known_columns.contains(&known) {
+                    return Err(self.columns_error(format!(
+                        "{} is in two columns, {name:?} and another one: the file or the rig file must name one",
+                        known.name()
+                    )));
+                }
+                known_columns.push(known);
             }
-            if columns != ImuColumns::default() {
-                imus.resize(j, ImuColumns::default());
-                imus.push(columns);
-            }
-            if let Some(rows) = self.group(&names(&format!("q{j}_"), ATTITUDE))? {
-                attitudes.push((j, rows));
-            }
+            columns.push(Column { header: name, sink });
         }
-        let mut extra = Vec::new();
-        for (i, header) in self.header.iter().enumerate() {
-            if self.used[i] || (is_static && header == "t_s") {
-                continue;
-            }
-            extra.push((header.clone(), self.cells[i].clone()));
+        if known_columns.is_empty() {
+            return Err(RecordingError::NotARecording {
+                name: self.label.to_owned(),
+                reason: format!(
+                    "none of its columns is known ({}); name them in [recording] columns of a rig file",
+                    shorten(&columns.iter().map(|c| c.header.as_str()).collect::<Vec<_>>().join(", "))
+                ),
+            });
         }
-        let mut warnings = Vec::new();
-        let rate_hz = (!is_static).then(|| measured_rate(&time_ns)).flatten();
-        if let (Some(measured), Some(stated)) = (rate_hz, self.rig.recording.rate_hz)
-            && (measured / stated - 1.0).abs() > 0.02
-        {
-            return Err(self.error(format!(
-                "the times make {measured:.6} rows per second, the rig file says rate_hz = {stated}: correct \
-                 rate_hz, or the unit of t_s (its scale in [recording] columns)"
-            )));
-        }
-        if let Some(rate) = rate_hz {
-            let period = 1e9 / rate;
-            let gaps = time_ns.windows(2).filter(|w| (w[1] - w[0]) as f64 > 1.5 * period).count();
-            if gaps > 0 {
-                warnings.push(format!("{gaps} gaps in time; the filter starts anew after each"));
-            }
-        }
-        Ok(Recording {
-            name: self.name.to_owned(),
-            rig: self.rig.clone(),
-            is_static,
-            time_ns,
-            rate_hz,
-            wrench,
-            imus,
-            gravity,
-            gauges,
-            platform,
-            commanded,
-            attitudes,
-            extra,
-            comments,
-            warnings,
-        })
+        Ok(columns)
     }
 
-    fn times(&mut self) -> Result<Vec<u64>, RecordingError> {
-        let Some((column, scale)) = self.find("t_s") else {
-            return Err(self.error(
-                "there is no column t_s: name the time column in [recording] columns, or say static = true if \
-                 every row is a still pose",
-            ));
+    fn into_recording(mut self) -> Result<Recording, RecordingError> {
+        let headers: Vec<String> = self.columns.iter().map(|c| c.header.clone()).collect();
+        let mut recording = Recording { name: stem(self.label), ..Recording::default() };
+        let mut groups: BTreeMap<Group, BTreeMap<usize, Vec<f64>>> = BTreeMap::new();
+        let mut times = None;
+        for column in std::mem::take(&mut self.columns) {
+            match column.sink {
+                Sink::Time { times: found, .. } => {
+                    recording.order.push(TIME.to_owned());
+                    times = Some(found);
+                }
+                Sink::Number { known: Known::Member(group, k), values, cells, .. } => {
+                    recording.order.push(Known::Member(group, k).name());
+                    groups.entry(group).or_default().insert(k, values);
+                    if let Some(cells) = cells {
+                        // The number before scaling, so that nothing is lost in a conversion.
+                        recording.extra.push((raw_name(&column.header, &headers), cells));
+                    }
+                }
+                Sink::Number { .. } => {}
+                Sink::Text(cells) => {
+                    recording.order.push(column.header.clone());
+                    recording.extra.push((column.header, cells));
+                }
+            }
+        }
+        for (group, columns) in groups {
+            let names = group.names();
+            let missing: Vec<&str> = (0..names.len())
+                .filter(|k| !columns.contains_key(k))
+                .filter_map(|k| names.get(k).map(String::as_str))
+                .collect();
+            if !missing.is_empty() {
+                return Err(self.missing(&missing, &names, &headers));
+            }
+            recording.set_group(group, &columns.into_values().collect::<Vec<_>>());
+        }
+        match times {
+            Some(times) => self.set_times(&mut recording, &times)?,
+            None if self.rig.recording.is_static => {}
+            None => {
+                let near = headers.iter().find(|h| {
+                    let h = h.to_lowercase();
+                    h == "t" || h.contains("time") || h.contains("stamp")
+                });
+                return Err(self.columns_error(format!(
+                    "column t_s is missing: {}, or say static = true there if every row is a still pose",
+                    near.map_or_else(
+                        || "name the column of the time in [recording] columns of the rig file".to_owned(),
+                        |n| format!(
+                            "is it {n:?}? then say so in the rig file, [recording] columns = {{ t_s = {{ name = {n:?}, \
+                             scale = … }} }}"
+                        )
+                    )
+                )));
+            }
+        }
+        // The sign is applied below; stated again it would be applied again.
+        if self.rig.recording.wrench_sign == WrenchSign::OnSensor {
+            self.comments.retain(|(key, _)| key != "wrench_sign");
+        }
+        recording.comments = self.comments;
+        recording.rig = self.rig;
+        recording.settle(self.label)
+    }
+
+    fn missing(&self, missing: &[&str], names: &[String], headers: &[String]) -> RecordingError {
+        let there: Vec<&str> =
+            names.iter().map(String::as_str).filter(|name| !missing.contains(name)).collect();
+        let strangers = headers.iter().map(String::as_str).filter(|h| Known::parse(h).is_none());
+        let near = missing.first().and_then(|name| nearest(name, strangers));
+        self.columns_error(format!(
+            "{} {} missing beside {}{}: add what is missing, or name it in [recording] columns of the rig file",
+            if missing.len() == 1 { format!("column {}", missing[0]) } else { format!("columns {}", missing.join(", ")) },
+            if missing.len() == 1 { "is" } else { "are" },
+            there.join(", "),
+            near.map_or_else(String::new, |n| format!(" (is it {n:?}?)"))
+        ))
+    }
+
+    /// Checks that times increase and brings them to nanoseconds.
+    fn set_times(&self, recording: &mut Recording, times: &[Time]) -> Result<(), RecordingError> {
+        let line = |row: usize| self.lines.get(row).copied().unwrap_or(0);
+        let at = |row: usize, reason: String| RecordingError::At {
+            name: self.label.to_owned(),
+            line: line(row),
+            column: Some(TIME.to_owned()),
+            reason,
         };
-        self.used[column] = true;
-        let mut times: Vec<u64> = Vec::with_capacity(self.lines.len());
-        for row in 0..self.lines.len() {
-            let seconds = self.number(column, row, scale)?;
-            let at = |reason: String| RecordingError::At {
-                name: self.name.to_owned(),
-                line: self.lines[row],
-                reason,
-            };
-            if !(0.0..1e10).contains(&seconds) {
-                return Err(at(format!(
-                    "time {seconds} s: times are seconds from zero on (see scale in [recording] columns)"
-                )));
+        for (row, pair) in times.windows(2).enumerate() {
+            let (before, after) = (pair[0].seconds(), pair[1].seconds());
+            let increases = pair[1].nanoseconds() > pair[0].nanoseconds();
+            if !increases {
+                return Err(at(
+                    row + 1,
+                    format!(
+                        "time {} from {before:?} s (row {}, line {}) to {after:?} s (row {}): t_s must increase; sort \
+                         the rows, or split the file where the clock starts anew",
+                        if after < before { "runs backwards" } else { "stands still" },
+                        row + 1,
+                        line(row),
+                        row + 2,
+                    ),
+                ));
             }
-            let ns = (seconds * 1e9).round() as u64;
-            if let Some(last) = times.last().filter(|last| **last >= ns) {
-                return Err(at(format!(
-                    "time runs backwards or stands still: {:.9} s after {:.9} s; sort the rows, or split the \
-                     file where the clock restarts",
-                    ns as f64 * 1e-9,
-                    *last as f64 * 1e-9
-                )));
+        }
+        let first = times.first().map_or(0, |t| t.nanoseconds());
+        // Nanoseconds have no sign: a recording that begins before zero counts from its first row.
+        let origin = first.min(0);
+        for (row, t) in times.iter().enumerate() {
+            let ns = t.nanoseconds().saturating_sub(origin);
+            let ns = u64::try_from(ns).ok().filter(|ns| *ns < i64::MAX as u64).ok_or_else(|| {
+                at(row, format!("{:?} s is centuries away: check the scale of the time", t.seconds()))
+            })?;
+            recording.time_ns.push(ns);
+        }
+        if origin < 0 || times.iter().any(|t| matches!(t, Time::Seconds(_))) {
+            recording.exact_time_s = Some(times.iter().map(|t| t.seconds()).collect());
+        }
+        Ok(())
+    }
+}
+
+impl Column {
+    fn push(&mut self, cell: &str) -> Result<(), String> {
+        match &mut self.sink {
+            Sink::Text(cells) => cells.push(cell.to_owned()),
+            Sink::Time { scale, times } => times.push(time::parse(cell, *scale).ok_or_else(|| refuse(cell))?),
+            Sink::Number { scale, values, cells, .. } => {
+                let value: f64 =
+                    cell.parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| refuse(cell))?;
+                // Multiplying by one would change nothing but the sign of a zero.
+                let value = if *scale == 1.0 { value } else { value * *scale };
+                if !value.is_finite() {
+                    return Err(format!("{cell} times {scale} is not a finite number"));
+                }
+                values.push(value);
+                if let Some(cells) = cells {
+                    cells.push(cell.to_owned());
+                }
             }
-            times.push(ns);
         }
-        Ok(times)
+        Ok(())
     }
 }
 
-/// Rows per second: from the median step, refined by the mean of the steps like it.
-pub(super) fn measured_rate(time_ns: &[u64]) -> Option<f64> {
-    let mut steps: Vec<u64> = time_ns.windows(2).map(|w| w[1] - w[0]).collect();
-    steps.sort_unstable();
-    let median = *steps.get(steps.len() / 2)? as f64;
-    let alike: Vec<f64> =
-        steps.iter().map(|s| *s as f64).filter(|s| (s / median - 1.0).abs() < 0.5).collect();
-    Some(1e9 * alike.len() as f64 / alike.iter().sum::<f64>())
-}
-
-impl Recording {
-    /// The text of a CSV file that holds the recording without loss, in SI units, on-body sign, own names.
-    pub fn to_csv(&self) -> String {
-        let mut columns: Vec<(String, Vec<String>)> = Vec::new();
-        if !self.is_static {
-            columns.push(("t_s".to_owned(), self.time_ns.iter().map(|t| seconds(*t)).collect()));
-        }
-        add(&mut columns, "", WRENCH, self.wrench.as_ref());
-        for (j, imu) in self.imus.iter().enumerate() {
-            let prefix = if j == 0 { "imu_".to_owned() } else { format!("imu{j}_") };
-            add(&mut columns, &prefix, ACCEL, imu.accel.as_ref());
-            add(&mut columns, &prefix, GYRO, imu.gyro.as_ref());
-        }
-        add(&mut columns, "", GRAVITY, self.gravity.as_ref());
-        add(&mut columns, "", GAUGES, self.gauges.as_ref());
-        add(&mut columns, "", PLATFORM, self.platform.as_ref());
-        add(&mut columns, "cmd_", PLATFORM, self.commanded.as_ref());
-        for (j, rows) in &self.attitudes {
-            add(&mut columns, &format!("q{j}_"), ATTITUDE, Some(rows));
-        }
-        columns.extend(self.extra.iter().cloned());
-        let mut text = String::new();
-        for (key, value) in &self.comments {
-            let _ = writeln!(text, "# {key} = {value}");
-        }
-        let mut writer = csv::Writer::from_writer(Vec::new());
-        // Writing into memory has no way to fail.
-        let _ = writer.write_record(columns.iter().map(|(name, _)| name.as_str()));
-        for row in 0..self.rows() {
-            let _ = writer
-                .write_record(columns.iter().map(|(_, cells)| cells.get(row).map_or("", String::as_str)));
-        }
-        text + &writer.into_inner().map(|b| String::from_utf8_lossy(&b).into_owned()).unwrap_or_default()
+/// Why a cell of a known column is no use.
+fn refuse(cell: &str) -> String {
+    let cell = shorten(cell);
+    if cell.is_empty() {
+        "the value is missing: fill it in, or remove the row".to_owned()
+    } else if cell.parse::<f64>().is_ok() {
+        format!("{cell} is not a finite number: mend it, or remove the row")
+    } else if nearest_known(&cell).as_deref() == Some(cell.as_str()) {
+        format!("{cell:?} is the name of a column: the header is repeated here; remove the line")
+    } else {
+        format!("{cell:?} is not a number (decimals have a point): mend it, or remove the row")
     }
 }
 
-/// Adds a group's columns, every number with as many digits as it takes to read it back.
-fn add<const K: usize>(
-    columns: &mut Vec<(String, Vec<String>)>,
-    prefix: &str,
-    group: [&str; K],
-    rows: Option<&Vec<[f64; K]>>,
-) {
-    for (k, name) in group.into_iter().enumerate() {
-        if let Some(rows) = rows {
-            columns.push((format!("{prefix}{name}"), rows.iter().map(|r| format!("{:?}", r[k])).collect()));
-        }
+/// A name for the unscaled cells that no other column has.
+fn raw_name(header: &str, headers: &[String]) -> String {
+    let mut name = format!("raw_{header}");
+    while headers.contains(&name) {
+        name.insert_str(0, "raw_");
     }
+    name
 }
 
-/// Nanoseconds as seconds, exactly.
-fn seconds(ns: u64) -> String {
-    format!("{}.{:09}", ns / 1_000_000_000, ns % 1_000_000_000)
+/// Not more of a text than a message can carry.
+fn shorten(text: &str) -> String {
+    const MOST: usize = 120;
+    if text.chars().count() <= MOST {
+        text.to_owned()
+    } else {
+        text.chars().take(MOST).chain("…".chars()).collect()
+    }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const HEADER: &str = "t_s,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm,imu_ax_mps2,imu_ay_mps2,imu_az_mps2,\
-                          imu_gx_radps,imu_gy_radps,imu_gz_radps,lamp\n";
-
-    fn text(rows: usize) -> String {
-        let mut text = String::from("# operator = A. N. Other\n") + HEADER;
-        for n in 0..rows {
-            let _ = writeln!(
-                text,
-                "{:?},1.5,-2,3e2,0.1,{:?},0,0,0.25,9.81,0,1e-5,0,on",
-                n as f64 * 0.005,
-                n as f64 / 3.0
-            );
-        }
-        text
-    }
-
-    fn read(text: &str, rig: &str) -> Result<Recording, RecordingError> {
-        Recording::from_csv_bytes("test", text.as_bytes(), &RigFile::parse(rig).unwrap())
-    }
-
-    #[test]
-    fn what_is_written_is_read_to_the_last_bit() {
-        let recording = read(&text(50), "").unwrap();
-        assert_eq!(recording.rows(), 50);
-        assert!((recording.rate_hz.unwrap() - 200.0).abs() < 1e-6);
-        assert_eq!(recording.extra[0].0, "lamp");
-        assert_eq!(recording.comments, [("operator".to_owned(), "A. N. Other".to_owned())]);
-        assert_eq!(read(&recording.to_csv(), "").unwrap(), recording);
-    }
-
-    #[test]
-    fn foreign_columns_units_and_signs_are_brought_into_the_notation() {
-        let foreign = text(10).replace("fx_n", "Fx").replace("t_s", "time");
-        let rig = "[recording]\nwrench_sign = \"on_sensor\"\ncolumns = { fx_n = \"Fx\", t_s = { name = \"time\", scale = 1e-3 } }";
-        let recording = read(&foreign, rig).unwrap();
-        assert_eq!(recording.wrench.unwrap()[0][..3], [-1.5, 2.0, -300.0]);
-        assert_eq!(recording.time_ns[1], 5_000);
-    }
-
-    /// Each kind of bad input, and the words that its message must hold.
-    #[test]
-    fn bad_input_is_named_with_its_place() {
-        let good = text(10);
-        let line = |n: usize, from: &str, to: &str| {
-            let mut lines: Vec<_> = good.lines().map(str::to_owned).collect();
-            lines[n] = lines[n].replace(from, to);
-            lines.join("\n")
-        };
-        for (text, rig, words) in [
-            (String::new(), "", "not a recording"),
-            ("\u{0}PNG".to_owned(), "", "not a recording"),
-            (HEADER.to_owned(), "", "no rows"),
-            (good.replace("my_nm,", ""), "", "line"),
-            (good.replace("my_nm", "torque"), "", "my_nm is missing"),
-            (good.replace("fx_n", "fx_lbf"), "", "fx_lbf has an unknown unit: it must be fx_n"),
-            (HEADER.replace("lamp", "gx_g") + "0,1,1,1,1,1,1,1,1,1,1,1,1,1\n", "", "unknown unit"),
-            (HEADER.replace("lamp", "imu1_ax_g") + "0,1,1,1,1,1,1,1,1,1,1,1,1,1\n", "", "imu1_ax_mps2"),
-            (good.replace("t_s", "time_h"), "", "no column t_s"),
-            (good.replace("lamp", "fx_n"), "", "twice"),
-            (line(4, "3e2", "NaN"), "", "line 5: column fz_n holds NaN"),
-            (line(4, "3e2", "inf"), "", "line 5: column fz_n holds inf"),
-            (line(4, "3e2", "n/a"), "", "not a number"),
-            (line(4, "0.01,", "0.002,"), "", "line 5: time runs backwards"),
-            (line(6, ",on", ""), "", "line 7: the row has 13 values, the header 14"),
-            (good.clone(), "[recording]\nrate_hz = 100", "rate_hz = 100"),
-            (good.clone(), "[recording]\ncolumns = { fx_n = \"Fx\" }", "\"Fx\""),
-        ] {
-            let error = read(&text, rig).expect_err(words).to_string();
-            assert!(error.contains(words), "{words}: {error}");
-        }
-    }
-
-    #[test]
-    fn mutated_files_never_panic() {
-        let good = text(6).into_bytes();
-        let rig = RigFile::default();
-        let mut state = 88_172_645_463_325_252_u64;
-        for _ in 0..20_000 {
-            let mut bytes = good.clone();
-            for _ in 0..4 {
-                state ^= state << 13;
-                state ^= state >> 7;
-                state ^= state << 17;
-                let position = state as usize % bytes.len();
-                bytes[position] = (state >> 32) as u8;
-            }
-            let _ = Recording::from_csv_bytes("x", &bytes, &rig);
-        }
-    }
-}
+mod tests;

@@ -1,34 +1,17 @@
 //! The rig file: what a recording was taken with.
+//!
+//! Lives here: its tables, one type each, keys as in the file. Reading, checking and complaining about them is in
+//! [`read`]. May not live here: what the numbers are used for.
 
-use std::path::Path;
+mod read;
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-/// Why a rig file cannot be used.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum RigFileError {
-    /// It cannot be read.
-    #[error("rig file {path} cannot be read: {reason}")]
-    Unreadable {
-        /// The file.
-        path: String,
-        /// What the system says.
-        reason: String,
-    },
-    /// Not TOML, an unknown key, a value of the wrong kind.
-    #[error("rig file: {0}")]
-    Syntax(String),
-    /// A value that makes no sense.
-    #[error("rig file: {key} = {value}: {advice}")]
-    Value {
-        /// The key.
-        key: String,
-        /// What stands there.
-        value: String,
-        /// What should.
-        advice: &'static str,
-    },
-}
+pub use read::RigFileError;
 
 /// The whole file. Everything may be absent.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -50,12 +33,12 @@ pub struct RigFile {
     /// What is really the case; printed beside the answer, never used by it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub truth: Option<TruthTable>,
-    /// Several links.
+    /// Several links, the first of them the base.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub link: Vec<toml::Table>,
-    /// Several files.
+    pub link: Vec<LinkTable>,
+    /// Several files, each with a clock of its own.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub stream: Vec<toml::Table>,
+    pub stream: Vec<StreamTable>,
 }
 
 /// `[recording]`
@@ -73,8 +56,11 @@ pub struct RecordingTable {
     #[serde(rename = "static")]
     pub is_static: bool,
     /// Foreign names of the columns.
-    #[serde(skip_serializing_if = "std::collections::BTreeMap::is_empty")]
-    pub columns: std::collections::BTreeMap<String, ColumnSource>,
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub columns: BTreeMap<String, ColumnSource>,
+    /// Topics of a bag recorded elsewhere that holds several of a kind: `wrench`, `imu`.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub topics: BTreeMap<String, String>,
 }
 
 impl Default for RecordingTable {
@@ -84,16 +70,18 @@ impl Default for RecordingTable {
             wrench_sign: WrenchSign::OnBody,
             gravity_mps2: 9.80665,
             is_static: false,
-            columns: Default::default(),
+            columns: BTreeMap::new(),
+            topics: BTreeMap::new(),
         }
     }
 }
 
 /// Whose sign a wrench has.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum WrenchSign {
     /// On the body, by the sensor.
+    #[default]
     OnBody,
     /// On the sensor, by the body: the reaction.
     OnSensor,
@@ -101,7 +89,7 @@ pub enum WrenchSign {
 
 /// Where a column's numbers are.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "must be a column's name, or { name = \"…\", scale = … }")]
 pub enum ColumnSource {
     /// Under another name.
     Name(String),
@@ -131,7 +119,7 @@ impl ColumnSource {
 
 /// Numbers, or calibrated on the recording's still poses.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "must be three numbers, or \"from_poses\"")]
 pub enum Calibrated {
     /// Given.
     Numbers([f64; 3]),
@@ -215,7 +203,7 @@ impl Default for ImuTable {
 
 /// What is known of the wrench's offset.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "must be six numbers, \"estimate\" or \"zero\"")]
 pub enum OffsetTable {
     /// Six numbers, on-body sign.
     Known([f64; 6]),
@@ -344,179 +332,82 @@ pub struct TruthTable {
     pub apparent_offset_n_nm: Option<[f64; 6]>,
 }
 
-fn bad(key: impl Into<String>, value: impl std::fmt::Debug, advice: &'static str) -> RigFileError {
-    RigFileError::Value { key: key.into(), value: format!("{value:?}"), advice }
+/// `[[link]]`: kept for trees of links, which no command identifies yet.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LinkTable {
+    /// Its name.
+    pub name: String,
+    /// Name of the link it hangs on; absent for the base.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub parent: Option<String>,
+    /// How it hangs there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub joint: Option<Joint>,
+    /// Axis of a revolute joint, in the link's frame.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub axis: Option<[f64; 3]>,
+    /// Joint in the parent's frame, m.
+    #[serde(default)]
+    pub position_m: [f64; 3],
+    /// Parent axes ← link axes at zero angle.
+    #[serde(default = "no_rotation")]
+    pub rotation_wxyz: [f64; 4],
+}
+
+fn no_rotation() -> [f64; 4] {
+    [1.0, 0.0, 0.0, 0.0]
+}
+
+/// Kind of a joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Joint {
+    /// Does not move.
+    Fixed,
+    /// Turns about one axis.
+    Revolute,
+    /// Turns about two axes.
+    Universal,
+    /// Turns about any axis.
+    Spherical,
+    /// Moves in any way.
+    Free,
+}
+
+/// `[[stream]]`: one of several files; no command reads several yet.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StreamTable {
+    /// The file, beside the rig file.
+    pub file: String,
+    /// Foreign names of its columns.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub columns: BTreeMap<String, ColumnSource>,
+    /// Attitude as a matrix, row by row.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rotation_matrix: Option<RotationMatrixTable>,
+}
+
+/// Where the elements of a rotation matrix are.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RotationMatrixTable {
+    /// Which frame's attitude in which, `S in A`.
+    pub frame: String,
+    /// Names of the nine columns, row by row.
+    pub columns: [String; 9],
 }
 
 impl RigFile {
-    /// Reads and checks the text of a rig file.
-    ///
-    /// # Errors
-    /// [`RigFileError`] names key or line.
-    pub fn parse(text: &str) -> Result<Self, RigFileError> {
-        let rig: Self =
-            toml::from_str(text).map_err(|e| RigFileError::Syntax(e.to_string().trim().to_owned()))?;
-        rig.check()?;
-        Ok(rig)
-    }
-
-    /// Reads and checks a rig file.
-    ///
-    /// # Errors
-    /// It cannot be read, or [`RigFile::parse`] refuses it.
-    pub fn load(path: &Path) -> Result<Self, RigFileError> {
-        let text = std::fs::read_to_string(path).map_err(|e| RigFileError::Unreadable {
-            path: path.display().to_string(),
-            reason: e.to_string(),
-        })?;
-        Self::parse(&text)
+    /// The IMU on link `j`.
+    pub fn imu_on(&self, j: usize) -> Option<&ImuTable> {
+        self.imu.iter().find(|imu| imu.link == j)
     }
 
     /// The text of the file.
     pub fn to_toml(&self) -> String {
         // Tables, numbers and strings have no way to fail.
         toml::to_string(self).unwrap_or_default()
-    }
-
-    fn check(&self) -> Result<(), RigFileError> {
-        const FINITE: &str = "every number must be finite";
-        const POSITIVE: &str = "must be finite and greater than zero";
-        const DELAY: &str = "must be between 0 and 1 s";
-        let positive = |key: String, values: &[f64]| {
-            if values.iter().all(|v| v.is_finite() && *v > 0.0) {
-                Ok(())
-            } else {
-                Err(bad(key, values, POSITIVE))
-            }
-        };
-        let finite = |key: String, values: &[f64]| {
-            if values.iter().all(|v| v.is_finite()) { Ok(()) } else { Err(bad(key, values, FINITE)) }
-        };
-        let rotation = |key: String, q: &[f64; 4]| {
-            let norm = q.iter().map(|v| v * v).sum::<f64>().sqrt();
-            if (0.9..1.1).contains(&norm) {
-                Ok(())
-            } else {
-                Err(bad(key, q, "must be a unit quaternion w, x, y, z"))
-            }
-        };
-        let delay = |key: String, value: f64| {
-            if (0.0..=1.0).contains(&value) { Ok(()) } else { Err(bad(key, value, DELAY)) }
-        };
-        if let Some(rate) = self.recording.rate_hz {
-            positive("recording.rate_hz".into(), &[rate])?;
-        }
-        positive("recording.gravity_mps2".into(), &[self.recording.gravity_mps2])?;
-        for (name, source) in &self.recording.columns {
-            let (_, scale) = source.parts();
-            if !scale.is_finite() || scale == 0.0 {
-                return Err(bad(
-                    format!("recording.columns.{name}.scale"),
-                    scale,
-                    "must be finite and not zero",
-                ));
-            }
-        }
-        for (i, imu) in self.imu.iter().enumerate() {
-            let key = |name: &str| format!("imu[{i}].{name}");
-            finite(key("position_m"), &imu.position_m)?;
-            rotation(key("rotation_wxyz"), &imu.rotation_wxyz)?;
-            if let Calibrated::Numbers(scale) = &imu.accel_scale {
-                positive(key("accel_scale"), scale)?;
-            }
-            for (name, value) in
-                [("accel_bias_mps2", imu.accel_bias_mps2), ("gyro_bias_radps", imu.gyro_bias_radps)]
-            {
-                if let Calibrated::Numbers(bias) = value {
-                    finite(key(name), &bias)?;
-                }
-            }
-            delay(key("group_delay_s"), imu.group_delay_s)?;
-            for (name, value) in [
-                ("bandwidth_hz", imu.bandwidth_hz),
-                ("rate_hz", imu.rate_hz),
-                ("range_mps2", imu.range_mps2),
-                ("range_radps", imu.range_radps),
-                ("accel_noise_mps2", imu.accel_noise_mps2),
-                ("gyro_noise_radps", imu.gyro_noise_radps),
-            ] {
-                positive(key(name), value.as_slice())?;
-            }
-        }
-        let cell = &self.load_cell;
-        for (name, values) in [
-            ("noise_n_nm", cell.noise_n_nm),
-            ("range_n_nm", cell.range_n_nm),
-            ("gain_uncertainty", cell.gain_uncertainty),
-        ] {
-            positive(format!("load_cell.{name}"), values.as_ref().map_or(&[], |v| v.as_slice()))?;
-        }
-        if let OffsetTable::Known(offset) = &cell.offset_n_nm {
-            finite("load_cell.offset_n_nm".into(), offset)?;
-        }
-        for row in cell.calibration.iter().flatten() {
-            finite("load_cell.calibration".into(), row)?;
-        }
-        delay("load_cell.group_delay_s".into(), cell.group_delay_s)?;
-        if let Some(body) = &self.body {
-            finite("body.position_m".into(), &body.position_m)?;
-            rotation("body.rotation_wxyz".into(), &body.rotation_wxyz)?;
-        }
-        if let Some(truth) = &self.truth {
-            positive("truth.mass_kg".into(), &[truth.mass_kg])?;
-            finite("truth.com_m".into(), &truth.com_m)?;
-            finite("truth.inertia_com_kgm2".into(), &truth.inertia_com_kgm2)?;
-        }
-        Ok(())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_example_of_the_format_is_read() {
-        let rig = RigFile::parse(
-            r#"
-[recording]
-rate_hz = 200.0
-wrench_sign = "on_sensor"
-columns = { fx_n = "Fx", t_s = { name = "time_ms", scale = 1e-3 } }
-[[imu]]
-position_m = [0.01, -0.02, 0.05]
-rotation_wxyz = [1, 0, 0, 0]
-accel_bias_mps2 = "from_poses"
-[load_cell]
-noise_n_nm = [5.05, 5.05, 10.1, 0.383, 0.459, 0.459]
-offset_n_nm = "zero"
-[truth]
-mass_kg = 3.2
-com_m = [0.0, 0.01, 0.053]
-inertia_com_kgm2 = [1, 1, 1, 0, 0, 0]
-"#,
-        )
-        .unwrap();
-        assert_eq!(rig.recording.wrench_sign, WrenchSign::OnSensor);
-        assert_eq!(rig.recording.columns["t_s"].parts(), ("time_ms", 1e-3));
-        assert_eq!(rig.imu[0].accel_bias_mps2, Calibrated::FromPoses(FromPoses::FromPoses));
-        assert_eq!(rig.load_cell.offset_n_nm, OffsetTable::Word(OffsetWord::Zero));
-        assert_eq!(RigFile::parse(&rig.to_toml()).unwrap(), rig);
-    }
-
-    #[test]
-    fn what_makes_no_sense_is_named() {
-        for (text, words) in [
-            ("[load_cell]\nnoise_n_nm = [1,1,1,1,1,0]", "load_cell.noise_n_nm"),
-            ("[load_cell]\nnoise_n_nm = [1,1,1,1,1,nan]", "load_cell.noise_n_nm"),
-            ("[[imu]]\nrotation_wxyz = [0,0,0,0]", "imu[0].rotation_wxyz"),
-            ("[recording]\nrate_hz = -1", "recording.rate_hz"),
-            ("[load_cell]\nnoise_nnm = [1,1,1,1,1,1]", "noise_nnm"),
-            ("[recording]\nrate_hz = ", "line 2"),
-            ("[recording]\ncolumns = { fx_n = { name = \"F\", scale = 0 } }", "scale"),
-        ] {
-            let error = RigFile::parse(text).unwrap_err().to_string();
-            assert!(error.contains(words), "{text}: {error}");
-        }
     }
 }

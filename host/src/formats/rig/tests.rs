@@ -1,0 +1,156 @@
+use super::*;
+
+/// The example of the format, whole.
+const EXAMPLE: &str = r#"
+[recording]
+rate_hz = 200.0
+wrench_sign = "on_sensor"
+gravity_mps2 = 9.80665
+columns = { fx_n = "Fx", t_s = { name = "time_ms", scale = 1e-3 } }
+
+[[imu]]
+link = 0
+position_m = [0.01, -0.02, 0.05]
+rotation_wxyz = [1, 0, 0, 0]
+accel_scale = [1, 1, 1]
+accel_bias_mps2 = "from_poses"
+gyro_bias_radps = [0, 0, 0]
+group_delay_s = 0.0
+bandwidth_hz = 92
+range_mps2 = 78.5
+range_radps = 17.4
+accel_noise_mps2 = 0.02
+gyro_noise_radps = 4.3e-4
+serial = "IMU-7"
+calibrated_on = "2025-03-01"
+
+[load_cell]
+noise_n_nm = [5.05, 5.05, 10.1, 0.383, 0.459, 0.459]
+offset_n_nm = "zero"
+gain_uncertainty = [0.01, 0.01, 0.01, 0.01, 0.01, 0.01]
+calibration = [[1,0,0,0,0,0],[0,1,0,0,0,0],[0,0,1,0,0,0],[0,0,0,1,0,0],[0,0,0,0,1,0],[0,0,0,0,0,1]]
+group_delay_s = 0.0
+bandwidth_hz = 250
+range_n_nm = [500, 500, 1000, 20, 20, 20]
+serial = "A-123"
+calibrated_on = "2025-02-11"
+
+[body]
+name = "bracket 17"
+position_m = [0, 0, 0.02]
+rotation_wxyz = [1, 0, 0, 0]
+
+[platform]
+leg_length_m = [0.5, 0.9]
+leg_rate_mps = 0.5
+leg_force_n = 2000
+cond_max = 30
+load_cell = { position_m = [0, 0, 0.1], rotation_wxyz = [1, 0, 0, 0] }
+
+[truth]
+mass_kg = 3.2
+com_m = [0.0, 0.01, 0.053]
+inertia_com_kgm2 = [1, 1, 1, 0, 0, 0]
+
+[[link]]
+name = "base"
+[[link]]
+name = "arm"
+parent = "base"
+joint = "spherical"
+position_m = [0.03, 0.0, 0.065]
+rotation_wxyz = [1, 0, 0, 0]
+
+[[stream]]
+file = "wrench.csv"
+columns = { t_s = { name = "t", scale = 1e-6 }, fx_n = "fx" }
+[[stream]]
+file = "attitude.csv"
+rotation_matrix = { frame = "S in A", columns = ["r11","r12","r13","r21","r22","r23","r31","r32","r33"] }
+"#;
+
+#[test]
+fn every_key_of_the_format_is_read_and_written() {
+    let rig = RigFile::parse(EXAMPLE).unwrap();
+    assert_eq!(rig.recording.wrench_sign, WrenchSign::OnSensor);
+    assert_eq!(rig.recording.columns["t_s"].parts(), ("time_ms", 1e-3));
+    assert_eq!(rig.imu[0].accel_bias_mps2, Calibrated::FromPoses(FromPoses::FromPoses));
+    assert_eq!(rig.imu_on(0).unwrap().serial.as_deref(), Some("IMU-7"));
+    assert_eq!(rig.load_cell.offset_n_nm, OffsetTable::Word(OffsetWord::Zero));
+    assert_eq!(rig.load_cell.calibrated_on.as_deref(), Some("2025-02-11"));
+    assert_eq!(rig.link[1].joint, Some(Joint::Spherical));
+    assert_eq!(rig.stream[1].rotation_matrix.as_ref().unwrap().columns[8], "r33");
+    assert_eq!(RigFile::parse(&rig.to_toml()).unwrap(), rig);
+    assert_eq!(RigFile::parse("").unwrap(), RigFile::default());
+}
+
+/// What stands in the file, and the words that its message must hold.
+#[test]
+fn what_makes_no_sense_is_named_with_its_line() {
+    for (text, words) in [
+        (
+            "[load_cell]\nnoise_n_nm = [1,1,1,1,1,0]",
+            &["line 2", "load_cell.noise_n_nm", "greater than zero"][..],
+        ),
+        ("[load_cell]\n\nnoise_n_nm = [1,1,1,1,1,nan]", &["line 3", "load_cell.noise_n_nm"]),
+        ("[load_cell]\nnoise_n_nm = [1,1,1,1,1,-2]", &["load_cell.noise_n_nm"]),
+        ("[load_cell]\nnoise_n_nm = [1,1,1]", &["line 2"]),
+        ("[load_cell]\noffset_n_nm = \"none\"", &["line 2", "six numbers, \"estimate\" or \"zero\""]),
+        ("[load_cell]\noffset_n_nm = [1,2,3,4,5,inf]", &["load_cell.offset_n_nm", "finite"]),
+        ("[load_cell]\nnoise_nnm = [1,1,1,1,1,1]", &["line 2", "noise_nnm is not known (is it noise_n_nm?)"]),
+        ("[loadcell]\n", &["line 1", "loadcell is not known (is it load_cell?)"]),
+        (
+            "[[imu]]\n[[imu]]\nlink = 1\nrotation_wxyz = [0,0,0,0]",
+            &["line 4", "imu[1].rotation_wxyz", "norm is 0"],
+        ),
+        ("[[imu]]\naccel_bias_mps2 = \"poses\"", &["line 2", "from_poses"]),
+        ("[[imu]]\ngroup_delay_s = 5", &["imu[0].group_delay_s", "between 0 and 1 s"]),
+        ("[[imu]]\n[[imu]]\n", &["two [[imu]] tables"]),
+        ("[recording]\nrate_hz = -1", &["line 2", "recording.rate_hz"]),
+        ("[recording]\nrate_hz = \"fast\"", &["line 2"]),
+        ("[recording]\nrate_hz = ", &["line 2"]),
+        ("[recording]\nwrench_sign = \"reaction\"", &["line 2", "on_body", "on_sensor"]),
+        ("[recording]\ncolumns = { fx_n = { name = \"F\", scale = 0 } }", &["line 2", "scale"]),
+        ("[recording]\ncolumns = { fx = \"F\" }", &["line 2", "is it fx_n?"]),
+        ("[recording]\ncolumns = { fx_n = 3 }", &["line 2", "a column's name"]),
+        ("[recording]\ncolumns = { fx_n = { name = \"F\", factor = 2 } }", &["line 2", "name", "scale"]),
+        ("[truth]\nmass_kg = 0\ncom_m=[0,0,0]\ninertia_com_kgm2=[1,1,1,0,0,0]", &["line 2", "truth.mass_kg"]),
+        ("[truth]\ncom_m=[0,0,0]", &["mass_kg"]),
+        ("[platform]\nleg_length_m = [2, 1]", &["platform.leg_length_m"]),
+        ("[[link]]\nname = \"a\"\n[[link]]\nname = \"b\"\nparent = \"c\"", &["line 5", "link[1].parent"]),
+    ] {
+        let error = RigFile::parse(text).unwrap_err().to_string();
+        for word in words {
+            assert!(error.contains(word), "{text}\n{word}\n{error}");
+        }
+    }
+}
+
+#[test]
+fn a_file_is_named_in_its_errors() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("thing.rig.toml");
+    let missing = RigFile::load(&path).unwrap_err().to_string();
+    assert!(missing.contains("thing.rig.toml"), "{missing}");
+    std::fs::write(&path, "[recording]\nrate_hz = 0\n").unwrap();
+    let bad = RigFile::load(&path).unwrap_err().to_string();
+    assert!(bad.contains("thing.rig.toml, line 2"), "{bad}");
+}
+
+#[test]
+fn mutated_rig_files_never_panic() {
+    let mut state = 88_172_645_463_325_252_u64;
+    for _ in 0..3_000 {
+        let mut bytes = EXAMPLE.as_bytes().to_vec();
+        for _ in 0..4 {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            let position = state as usize % bytes.len();
+            bytes[position] = (state >> 32) as u8 & 0x7F;
+        }
+        if let Ok(text) = std::str::from_utf8(&bytes) {
+            let _ = RigFile::parse(text);
+        }
+    }
+}
