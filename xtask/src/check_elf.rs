@@ -39,47 +39,44 @@ pub fn run_steps(steps: &mut Steps, core: Core) {
     steps.run("check-elf", || check_file(&firmware::build(core, &[])?));
     steps.run("check-elf finds planted double precision", || {
         let program = Program::read(&firmware::build(core, &["plant-double"])?)?;
-        expect_found("plant-double", no_double_precision(&program))
+        expect_offender("plant-double", &double_precision(&program))
     });
     steps.run("check-elf finds a planted panic", || {
         let program = Program::read(&firmware::build(core, &["plant-panic"])?)?;
-        expect_found("plant-panic", no_panic_from_sample_path(&program))
+        expect_offender("plant-panic", &unwelcome_on_sample_path(&program)?.0)
     });
 }
 
 /// Both checks on a firmware that is built.
 pub fn check_file(elf: &Path) -> Result<()> {
-    check(&Program::read(elf)?)
-}
-
-fn check(program: &Program) -> Result<()> {
-    no_double_precision(program)?;
+    let program = Program::read(elf)?;
+    let mut offenders = double_precision(&program);
+    let (on_path, reached) = unwelcome_on_sample_path(&program)?;
+    offenders.extend(on_path);
+    if !offenders.is_empty() {
+        bail!("\n    {}", offenders.join("\n    "));
+    }
     println!("no double-precision helper among {} functions", program.functions.len());
-    let reached = no_panic_from_sample_path(program)?;
     println!("no panic among the {reached} functions within reach of {SAMPLE_PATH}");
     Ok(())
 }
 
-fn expect_found<T>(feature: &str, outcome: Result<T>) -> Result<()> {
-    match outcome {
-        Ok(_) => bail!("the offender that feature {feature} plants was not found"),
-        Err(found) => {
-            println!("found, as it should be: {found:#}");
-            Ok(())
-        }
+fn expect_offender(feature: &str, offenders: &[String]) -> Result<()> {
+    if offenders.is_empty() {
+        bail!("the offender that feature {feature} plants was not found");
     }
+    println!("found, as it should be:\n    {}", offenders.join("\n    "));
+    Ok(())
 }
 
-/// Fails if a helper for double-precision arithmetic is linked, whoever calls it.
-pub fn no_double_precision(program: &Program) -> Result<()> {
-    let mut found: Vec<&str> = program
+/// Helpers for double-precision arithmetic that are linked, whoever calls them.
+fn double_precision(program: &Program) -> Vec<String> {
+    program
         .functions
         .iter()
         .filter(|function| function.symbols.iter().any(|symbol| is_double_helper(symbol)))
-        .map(|function| function.name.as_str())
-        .collect();
-    found.sort_unstable();
-    if found.is_empty() { Ok(()) } else { bail!("double precision is linked: {}", found.join(", ")) }
+        .map(|function| format!("double precision: {}", function.name))
+        .collect()
 }
 
 /// Names of the run-time ABI (IHI 0043, 4.1.2) and of compiler-rt: arithmetic on, to or from double.
@@ -100,34 +97,28 @@ fn is_double_helper(symbol: &str) -> bool {
     .any(|end| rest.ends_with(end))
 }
 
-/// Fails if a panic, an abort or a call whose target is not known is within reach of the sample path.
-///
-/// Gives how many functions are.
-pub fn no_panic_from_sample_path(program: &Program) -> Result<usize> {
+/// Panics, aborts and calls of unknown target within reach of the sample path; and how many functions are.
+fn unwelcome_on_sample_path(program: &Program) -> Result<(Vec<String>, usize)> {
     let root = program
         .function_of_symbol(SAMPLE_PATH)
         .with_context(|| format!("{} has no symbol {SAMPLE_PATH}", program.path.display()))?;
     let graph = Graph::new(program);
-    let reached = graph.reachable(root);
+    let reached = graph.reachable(root, |index| is_panic(&program.functions[index]));
     let mut found = Vec::new();
     for &index in reached.keys() {
-        let way = || graph::path(program, &reached, index);
+        let way = graph::path(program, &reached, index);
         if is_panic(&program.functions[index]) {
-            found.push(format!("a panic: {}", way()));
+            found.push(format!("a panic: {way}"));
             continue;
         }
         for address in &graph.exits[index].traps {
-            found.push(format!("an abort at {address:#x}: {}", way()));
+            found.push(format!("an abort at {address:#x}: {way}"));
         }
         for address in &graph.exits[index].unknown {
-            found.push(format!("a call through a register at {address:#x}, of unknown target: {}", way()));
+            found.push(format!("a call through a register at {address:#x}, of unknown target: {way}"));
         }
     }
-    if found.is_empty() {
-        Ok(reached.len())
-    } else {
-        bail!("within reach of {SAMPLE_PATH}:\n    {}", found.join("\n    "))
-    }
+    Ok((found, reached.len()))
 }
 
 /// Whether a function is part of panicking: `core`'s and defmt's, and what they end in.

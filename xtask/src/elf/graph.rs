@@ -29,10 +29,14 @@ impl Graph {
     }
 
     /// Everything that can run once `from` is called, each with the function it was first reached through.
-    pub fn reachable(&self, from: usize) -> BTreeMap<usize, Option<usize>> {
+    /// What `is_end` marks is reached, but not followed.
+    pub fn reachable(&self, from: usize, is_end: impl Fn(usize) -> bool) -> BTreeMap<usize, Option<usize>> {
         let mut reached = BTreeMap::from([(from, None)]);
         let mut waiting = VecDeque::from([from]);
         while let Some(function) = waiting.pop_front() {
+            if is_end(function) {
+                continue;
+            }
             for &next in &self.exits[function].to {
                 reached.entry(next).or_insert_with(|| {
                     waiting.push_back(next);
