@@ -160,16 +160,29 @@ impl Experiment<'_> {
         if take.interrupted {
             warnings.push("stopped by Ctrl-C before the end".to_owned());
         }
-        let Some(factor) = take.factor else {
-            return Err(Failure::link(format!(
-                "{}\nThe recording so far is in {}; `rigident identify` reads it",
-                take.broken.unwrap_or_else(|| "the device gave no factor".to_owned()),
-                folder.path().display()
-            )));
-        };
         let input = prepare::input(self.rig, take.readings, self.is_static, self.rate_hz);
-        let identification =
-            identification::conclude_firmware(&input, factor, self.sigma_given).map_err(Failure::input)?;
+        let (identification, mcu) = match take.factor {
+            Some(factor) => (
+                identification::conclude_firmware(&input, factor, self.sigma_given)
+                    .map_err(Failure::input)?,
+                self.mcu,
+            ),
+            None => {
+                // The device is out of reach; what it streamed is here, and the pipeline is the same.
+                let broken = take.broken.as_deref().unwrap_or("the device gave no factor");
+                let identification = identification::identify(&input).map_err(|e| {
+                    Failure::link(format!(
+                        "{broken}\nWhat was recorded is in {}: {e}",
+                        folder.path().display()
+                    ))
+                })?;
+                warnings.push(
+                    "the device's factor could not be fetched: this one was made here, from the readings received"
+                        .to_owned(),
+                );
+                (identification, "host")
+            }
+        };
         let k = identification.estimate.coverage_factor;
         let progression = take
             .estimates
@@ -197,7 +210,7 @@ impl Experiment<'_> {
             asked: self.asked,
             rig: self.rig,
             recording: self.recording,
-            mcu: self.mcu,
+            mcu,
             input: &input,
             identification: &identification,
             progression,
