@@ -69,7 +69,6 @@ fn explain(code: &ErrorCode) -> String {
         ErrorCode::OutOfOrder { expected } => format!("it expects reading {expected}"),
         ErrorCode::NoEstimate => "nothing has been estimated yet".to_owned(),
         ErrorCode::BadOffset { total } => format!("the factor has {total} numbers"),
-        ErrorCode::Stale => "a late copy of an earlier command came in between; try again".to_owned(),
         ErrorCode::Sensors => "its sensors do not come up: check their supply and wiring".to_owned(),
         ErrorCode::Stale => "a late copy of an earlier command came; it was not obeyed".to_owned(),
     }
