@@ -107,7 +107,7 @@ fn adc_fault<E>(error: &AdcError<E>) -> SensorFault {
         AdcError::WrongId(_) => SensorFault::WrongId,
         AdcError::Verify { .. } => SensorFault::Verify,
         AdcError::DeviceReset => SensorFault::Restarted,
-        AdcError::BadRate(_) => SensorFault::Rate,
+        AdcError::BadRate(_) | AdcError::BadGain(_) => SensorFault::Rate,
     }
 }
 

@@ -3,8 +3,13 @@
 //! Facts relied on (TI data sheet SBAS950): 24-bit words, most significant byte first; a frame is a command or
 //! response word, eight channel words and a CRC word; a response comes one frame after its command; RREG is
 //! `101a aaaa annn nnnn`, WREG `011a aaaa annn nnnn`; CRC-16-CCITT, seed 0xFFFF, over all words before it; with
-//! RX_CRC_EN a command is followed by its own CRC; full scale ±1.2 V / gain; rate = 4.096 MHz / OSR.
-//! The CRC of every frame is checked: a sample with a changed bit is an error, never a value.
+//! RX_CRC_EN a command, with the data of a WREG, is followed by its own CRC; 16-bit words stand in the upper bits
+//! above zeros; full scale ±1.2 V / gain; rate = 4.096 MHz / OSR.
+//! The CRC of every frame is checked, and so are the zeros beneath it: a sample with a changed bit is an error,
+//! never a value.
+//!
+//! The converter holds two conversions. [`Ads131m08::bring_up`] empties that buffer; from then on every conversion
+//! has to be read, or each later frame is one conversion older than its signal.
 
 use crc::{CRC_16_IBM_3740, Crc};
 use embedded_hal::delay::DelayNs;
@@ -18,6 +23,10 @@ const CRC16: Crc<u16> = Crc::<u16>::new(&CRC_16_IBM_3740);
 
 const NULL: u16 = 0x0000;
 const RESET: u16 = 0x0011;
+/// Answer to a reset: the last digit is the number of channels.
+const RESET_DONE: u16 = 0xff28;
+/// Conversions that the converter holds.
+const BUFFERED: usize = 2;
 const ID: u8 = 0x00;
 const MODE: u8 = 0x02;
 const CLOCK: u8 = 0x03;
@@ -39,7 +48,7 @@ const FULL_SCALE_CODES: f32 = 8_388_608.0;
 /// How the converter is to run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AdcConfig {
-    /// 250, 500, 1000, 2000, 4000, … 32 000 samples per second.
+    /// 250, 500, 1000, 2000 or 4000 samples per second.
     pub rate_hz: u32,
     /// 1, 2, 4, … 128.
     pub gain: u8,
@@ -50,14 +59,14 @@ pub struct AdcConfig {
 pub enum AdcError<E> {
     /// The bus failed.
     Bus(E),
-    /// A frame's CRC does not fit.
+    /// A frame's CRC does not fit. Both as the frame's last word: the CRC above eight zeros.
     Crc {
         /// Computed here.
-        expected: u16,
+        expected: u32,
         /// In the frame.
-        got: u16,
+        got: u32,
     },
-    /// Another chip answers; its ID register.
+    /// Another chip answers, or none: its answer to a reset, or its ID register.
     WrongId(u16),
     /// A register does not hold what was written.
     Verify {
@@ -70,10 +79,12 @@ pub enum AdcError<E> {
     },
     /// The converter has restarted by itself: its registers are at their defaults.
     DeviceReset,
-    /// The converter saw a command with a wrong CRC.
+    /// The converter refused a command: its CRC had suffered on the way.
     InputCrc,
-    /// No such rate or gain.
+    /// No such rate.
     BadRate(u32),
+    /// No such gain.
+    BadGain(u8),
 }
 
 /// One sample of all channels.
@@ -81,12 +92,14 @@ pub enum AdcError<E> {
 pub struct AdcFrame {
     /// Signed codes.
     pub codes: [i32; CHANNELS],
-    /// Bit c: channel c is at its end.
-    pub clipped: u8,
+    /// The STATUS register.
+    pub status: u16,
+    /// Bit c: channel c stands at an end of its range, so its input may lie beyond.
+    pub saturated: u8,
 }
 
 impl AdcFrame {
-    /// The first six channels in volts at the converter's input.
+    /// The first six channels in volts at the converter's input, amplified by the `gain` of [`AdcConfig`].
     pub fn gauges_v(&self, gain: u8) -> [f32; 6] {
         let volts = FULL_SCALE_V / FULL_SCALE_CODES / f32::from(gain);
         let [a, b, c, d, e, f, _, _] = self.codes;
@@ -107,15 +120,15 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
         Self { spi, crc_errors: 0 }
     }
 
-    /// Frames whose CRC did not fit.
+    /// Frames whose CRC did not fit, since this driver was made.
     pub const fn crc_errors(&self) -> u32 {
         self.crc_errors
     }
 
-    /// Resets the converter, sets it up, and reads every register back.
+    /// Resets the converter, sets it up, reads every register back, and empties its buffer. May be repeated.
     ///
     /// # Errors
-    /// No such rate or gain; another chip; a register that does not hold; the bus.
+    /// No such rate or gain; another chip; a register that does not hold; a CRC either way; the bus.
     pub fn bring_up(
         &mut self,
         delay: &mut impl DelayNs,
@@ -123,13 +136,17 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
     ) -> Result<(), AdcError<SPI::Error>> {
         let oversampling = oversampling_code(config.rate_hz).ok_or(AdcError::BadRate(config.rate_hz))?;
         if !config.gain.is_power_of_two() || config.gain > 128 {
-            return Err(AdcError::BadRate(u32::from(config.gain)));
+            return Err(AdcError::BadGain(config.gain));
         }
         // A reset is only taken in a whole frame; one with the CRC reaches a converter that has it on too.
-        self.frame(&command(RESET))?;
+        // What comes back belongs to what was before.
+        self.exchange(&command(RESET))?;
         delay.delay_ms(1);
-        // The first frame after a reset announces the chip; what it holds is not a status.
-        self.exchange(&command(NULL))?;
+        // A chip with fewer channels has shorter frames: its name comes before the CRC.
+        let answer = response(&self.exchange(&command(NULL))?);
+        if answer != RESET_DONE {
+            return Err(AdcError::WrongId(answer));
+        }
         let id = self.read_register(ID)?;
         if id >> 8 & 0x0f != CHANNELS as u16 || id >> 12 != 2 {
             return Err(AdcError::WrongId(id));
@@ -141,13 +158,16 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
         {
             self.write_register(register, value)?;
         }
+        for _ in 0..BUFFERED {
+            self.read_frame()?;
+        }
         Ok(())
     }
 
     /// Reads the sample that the converter has signalled.
     ///
     /// # Errors
-    /// A CRC that does not fit (counted), a restart of the converter, the bus.
+    /// A CRC that does not fit (counted), a restart of the converter, a command that it refused, the bus.
     #[inline]
     pub fn read_frame(&mut self) -> Result<AdcFrame, AdcError<SPI::Error>> {
         let bytes = self.frame(&command(NULL))?;
@@ -162,30 +182,28 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
         }
         // 24 bits at the top of 32, brought down with their sign.
         let codes = channels.map(|word| (word << 8).cast_signed() >> 8);
-        let mut clipped = 0;
+        let mut saturated = 0;
         for (channel, code) in codes.iter().enumerate() {
             if !(-8_388_608 < *code && *code < 8_388_607) {
-                clipped |= 1 << channel;
+                saturated |= 1 << channel;
             }
         }
-        Ok(AdcFrame { codes, clipped })
+        Ok(AdcFrame { codes, status, saturated })
     }
 
     fn read_register(&mut self, register: u8) -> Result<u16, AdcError<SPI::Error>> {
-        self.frame(&command(0b101 << 13 | u16::from(register) << 7))?;
-        let bytes = self.frame(&command(NULL))?;
-        let [response, ..] = words(&bytes);
-        Ok((response >> 8) as u16)
+        self.frame(&read_command(register))?;
+        Ok(response(&self.frame(&command(NULL))?))
     }
 
     fn write_register(&mut self, register: u8, value: u16) -> Result<(), AdcError<SPI::Error>> {
-        let mut frame = [0; FRAME];
-        put(&mut frame, 0, 0b011 << 13 | u16::from(register) << 7);
-        put(&mut frame, 1, value);
-        let check = CRC16.checksum(frame.first_chunk::<{ 2 * WORD }>().unwrap_or(&[0; 2 * WORD]));
-        put(&mut frame, 2, check);
-        self.frame(&frame)?;
-        let read = self.read_register(register)?;
+        self.frame(&write_command(register, value))?;
+        // A write is carried out even with a wrong CRC, perhaps at another address: only its answer tells.
+        let answer = response(&self.frame(&read_command(register))?);
+        if answer != 0b010 << 13 | u16::from(register) << 7 {
+            return Err(AdcError::InputCrc);
+        }
+        let read = response(&self.frame(&command(NULL))?);
         if read == value { Ok(()) } else { Err(AdcError::Verify { register, wrote: value, read }) }
     }
 
@@ -199,9 +217,9 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
     /// Exchanges a frame and checks the CRC of what comes back.
     fn frame(&mut self, frame: &[u8; FRAME]) -> Result<[u8; FRAME], AdcError<SPI::Error>> {
         let bytes = self.exchange(frame)?;
-        let [body @ .., high, low, _] = &bytes;
-        let got = u16::from_be_bytes([*high, *low]);
-        let expected = CRC16.checksum(body);
+        let [body @ .., high, low, padding] = &bytes;
+        let got = u32::from_be_bytes([0, *high, *low, *padding]);
+        let expected = u32::from(CRC16.checksum(body)) << 8;
         if got == expected {
             Ok(bytes)
         } else {
@@ -211,9 +229,9 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
     }
 }
 
-/// 4.096 MHz / (128 · 2^code).
+/// 4.096 MHz / (128 · 2^code); the faster half of the rates is not used.
 fn oversampling_code(rate_hz: u32) -> Option<u16> {
-    (0..8).find(|code| 32_000 >> code == rate_hz)
+    (3..8).find(|code| 32_000 >> code == rate_hz)
 }
 
 /// A frame with one command word and its CRC.
@@ -223,6 +241,27 @@ fn command(word: u16) -> [u8; FRAME] {
     let check = CRC16.checksum(frame.first_chunk::<WORD>().unwrap_or(&[0; WORD]));
     put(&mut frame, 1, check);
     frame
+}
+
+/// A frame that asks for one register.
+fn read_command(register: u8) -> [u8; FRAME] {
+    command(0b101 << 13 | u16::from(register) << 7)
+}
+
+/// A frame that writes one register, and the CRC over both words.
+fn write_command(register: u8, value: u16) -> [u8; FRAME] {
+    let mut frame = [0; FRAME];
+    put(&mut frame, 0, 0b011 << 13 | u16::from(register) << 7);
+    put(&mut frame, 1, value);
+    let check = CRC16.checksum(frame.first_chunk::<{ 2 * WORD }>().unwrap_or(&[0; 2 * WORD]));
+    put(&mut frame, 2, check);
+    frame
+}
+
+/// What a frame answers to the command in the frame before it.
+fn response(frame: &[u8; FRAME]) -> u16 {
+    let [high, low, ..] = frame;
+    u16::from_be_bytes([*high, *low])
 }
 
 /// Puts a 16-bit word into the upper bits of a frame's word.
@@ -240,3 +279,7 @@ fn words(frame: &[u8; FRAME]) -> [u32; CHANNELS + 2] {
     }
     words
 }
+
+#[cfg(test)]
+#[path = "ads131m08_tests.rs"]
+mod tests;

@@ -1,0 +1,224 @@
+//! The adapter against a chip written for these tests: registers in banks, packets put together by hand.
+
+extern crate std;
+
+use core::cell::RefCell;
+use std::collections::VecDeque;
+use std::rc::Rc;
+use std::vec::Vec;
+
+use embedded_hal::spi::{ErrorKind, ErrorType, Operation};
+
+use super::*;
+
+struct Chip {
+    banks: [[u8; 128]; 5],
+    fifo: VecDeque<[u8; 20]>,
+    full: bool,
+    broken: bool,
+    waited_ns: u64,
+}
+
+impl Chip {
+    fn new() -> Self {
+        let mut banks = [[0; 128]; 5];
+        banks[0][0x75] = 0x47;
+        Self { banks, fifo: VecDeque::new(), full: false, broken: false, waited_ns: 0 }
+    }
+
+    fn write(&mut self, address: u8, value: u8) {
+        let bank = if address == 0x76 { 0 } else { usize::from(self.banks[0][0x76]) };
+        self.banks[bank][usize::from(address)] = value;
+        if bank == 0 && address == 0x4b && value & 2 != 0 {
+            self.fifo.clear();
+        }
+    }
+
+    fn read(&mut self, address: u8, answer: &mut [u8]) {
+        let bank = usize::from(self.banks[0][0x76]);
+        if bank == 0 && address == 0x2d && answer.len() == 23 {
+            let count = 20 * self.fifo.len() as u16;
+            answer[0] = u8::from(core::mem::take(&mut self.full)) << 1;
+            answer[1..3].copy_from_slice(&count.to_be_bytes());
+            answer[3..].copy_from_slice(&self.fifo.pop_front().unwrap_or([0x80; 20]));
+        } else {
+            answer.copy_from_slice(&self.banks[bank][usize::from(address)..][..answer.len()]);
+        }
+    }
+}
+
+#[derive(Clone)]
+struct Bus(Rc<RefCell<Chip>>);
+
+impl ErrorType for Bus {
+    type Error = ErrorKind;
+}
+
+impl SpiDevice for Bus {
+    fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), ErrorKind> {
+        let mut chip = self.0.borrow_mut();
+        if chip.broken {
+            return Err(ErrorKind::Other);
+        }
+        match operations {
+            [Operation::Write([address, value])] => chip.write(*address, *value),
+            [Operation::TransferInPlace([address, answer @ ..])] if *address & 0x80 != 0 => {
+                chip.read(*address & 0x7f, answer);
+            }
+            _ => panic!("neither one read nor one write"),
+        }
+        Ok(())
+    }
+}
+
+struct Clock(Rc<RefCell<Chip>>);
+
+impl DelayNs for Clock {
+    fn delay_ns(&mut self, ns: u32) {
+        self.0.borrow_mut().waited_ns += u64::from(ns);
+    }
+}
+
+/// A packet of 20-bit codes, as the data sheet lays it out.
+fn packet(accel: [i32; 3], gyro: [i32; 3], temperature: i16) -> [u8; 20] {
+    let mut bytes = Vec::from([0x78]);
+    for code in accel.iter().chain(&gyro) {
+        bytes.extend_from_slice(&((code >> 4) as u16).to_be_bytes());
+    }
+    bytes.extend_from_slice(&temperature.to_be_bytes());
+    bytes.extend_from_slice(&[0, 0]);
+    bytes.extend(accel.iter().zip(gyro).map(|(a, g)| ((a & 15) << 4 | g & 15) as u8));
+    bytes.try_into().unwrap()
+}
+
+fn fresh() -> (Imu<Bus>, Rc<RefCell<Chip>>) {
+    let chip = Rc::new(RefCell::new(Chip::new()));
+    (Imu::new(Bus(chip.clone())), chip)
+}
+
+fn running() -> (Imu<Bus>, Rc<RefCell<Chip>>) {
+    let (mut imu, chip) = fresh();
+    imu.bring_up(&mut Clock(chip.clone()), 1000).unwrap();
+    (imu, chip)
+}
+
+#[test]
+fn bring_up_sets_what_the_documentation_says() {
+    for (rate_hz, code) in [(200, 7), (500, 15), (1000, 6), (2000, 5)] {
+        let (mut imu, chip) = fresh();
+        // Old samples must not outlive it.
+        chip.borrow_mut().fifo.push_back([0x78; 20]);
+        imu.bring_up(&mut Clock(chip.clone()), rate_hz).unwrap();
+        let chip = chip.borrow();
+        assert_eq!(chip.banks[0][0x4f], code, "±2000 °/s");
+        assert_eq!(chip.banks[0][0x50], code, "±16 g");
+        assert_eq!(chip.banks[0][0x4e] & 0x0f, 0x0f, "low noise");
+        assert_eq!(chip.banks[0][0x52], 0, "half the rate");
+        assert_eq!(chip.banks[0][0x5f] & 0x1f, 0x17, "20-bit packets of both sensors");
+        assert_eq!(chip.banks[0][0x16] >> 7, 1, "a full FIFO takes no more");
+        assert_eq!((chip.banks[0][0x60], chip.banks[0][0x65] & 4), (20, 4), "a signal per packet");
+        assert!(chip.fifo.is_empty());
+        assert!(chip.waited_ns >= 45_000_000);
+    }
+}
+
+#[test]
+fn anti_alias_filters_are_those_of_the_documentation() {
+    // Data sheet, table of 3 dB bandwidths: DELT, DELTSQR, BITSHIFT for 84, 213, 488 and 997 Hz.
+    for (rate_hz, delt, squared, shift) in
+        [(200, 2, 4, 13), (500, 5, 25, 10), (1000, 11, 122, 8), (2000, 21, 440, 6)]
+    {
+        let (mut imu, chip) = fresh();
+        imu.bring_up(&mut Clock(chip.clone()), rate_hz).unwrap();
+        let banks = chip.borrow().banks;
+        let gyro = (banks[1][0x0c] & 0x3f, banks[1][0x0d], banks[1][0x0e]);
+        let accel = (banks[2][0x03] >> 1 & 0x3f, banks[2][0x04], banks[2][0x05]);
+        assert_eq!(gyro, (delt, squared as u8, shift << 4 | (squared >> 8) as u8));
+        assert_eq!(accel, gyro);
+    }
+}
+
+#[test]
+fn packets_become_si_values_with_their_sign() {
+    let (mut imu, chip) = running();
+    let (accel, gyro) = ([32_768, -4, -524_284], [262_144, -2, 524_286]);
+    for (bits, celsius) in [(0, 25.0), (1325, 25.0 + 1325.0 / 132.48), (-3312, 0.0)] {
+        chip.borrow_mut().fifo.push_back(packet(accel, gyro, bits));
+        let sample = imu.read().unwrap().unwrap();
+        for axis in 0..3 {
+            let force = f64::from(accel[axis]) / 524_288.0 * 16.0 * 9.80665;
+            let rate = f64::from(gyro[axis]) / 524_288.0 * 2000_f64.to_radians();
+            // Codes are exact in f32; the scale carries three roundings, the product one.
+            let bound = 4.0 * f64::from(f32::EPSILON);
+            assert!((f64::from(sample.specific_force_mps2[axis]) / force - 1.0).abs() <= bound);
+            assert!((f64::from(sample.angular_rate_radps[axis]) / rate - 1.0).abs() <= bound);
+        }
+        assert!((sample.temperature_c - celsius).abs() < 1e-5, "{} {celsius}", sample.temperature_c);
+    }
+    assert_eq!(imu.read(), Ok(None));
+    assert_eq!((imu.errors(), imu.overflows(), imu.skipped()), (0, 0, 0));
+}
+
+#[test]
+fn every_temperature_word_survives_the_published_scale() {
+    for bits in i16::MIN..=i16::MAX {
+        let published = f32::from(bits.cast_unsigned()) / 2.07 + 25.0;
+        assert_eq!(temperature_c(published), f32::from(bits) / 132.48 + 25.0);
+    }
+}
+
+#[test]
+fn a_backlog_gives_the_newest_sample_and_is_counted() {
+    let (mut imu, chip) = running();
+    for k in 1..=5 {
+        chip.borrow_mut().fifo.push_back(packet([4 * k; 3], [2 * k; 3], 0));
+    }
+    let newest = imu.read().unwrap().unwrap();
+    chip.borrow_mut().fifo.push_back(packet([20; 3], [10; 3], 0));
+    assert_eq!(imu.read(), Ok(Some(newest)));
+    assert_eq!((imu.skipped(), imu.errors()), (4, 0));
+}
+
+#[test]
+fn an_overflow_is_named_counted_and_leaves_no_old_samples() {
+    let (mut imu, chip) = running();
+    for _ in 0..FIFO_PACKETS {
+        chip.borrow_mut().fifo.push_back(packet([4; 3], [2; 3], 0));
+    }
+    chip.borrow_mut().full = true;
+    assert_eq!(imu.read(), Err(ImuError::Overflow));
+    assert_eq!(imu.read(), Ok(None));
+    chip.borrow_mut().fifo.push_back(packet([8; 3], [2; 3], 0));
+    let next = imu.read().unwrap().unwrap();
+    assert!((next.specific_force_mps2[0] - 8.0 / 524_288.0 * 156.9064).abs() < 1e-9);
+    assert_eq!((imu.errors(), imu.overflows(), imu.skipped()), (1, 1, 0));
+}
+
+#[test]
+fn a_dead_line_is_an_error_and_not_a_missing_sample() {
+    let (mut imu, chip) = running();
+    chip.borrow_mut().fifo.push_back([0; 20]);
+    assert_eq!(imu.read(), Err(ImuError::Packet));
+    chip.borrow_mut().fifo.push_back([0xff; 20]);
+    chip.borrow_mut().full = true;
+    assert_eq!(imu.read(), Err(ImuError::Overflow));
+    chip.borrow_mut().broken = true;
+    assert_eq!(imu.read(), Err(ImuError::Bus(ErrorKind::Other)));
+    assert_eq!((imu.errors(), imu.overflows()), (3, 1));
+}
+
+#[test]
+fn a_chip_that_is_not_there_can_be_tried_again() {
+    let (mut imu, chip) = fresh();
+    let mut clock = Clock(chip.clone());
+    assert_eq!(imu.read(), Err(ImuError::NotReady));
+    assert_eq!(imu.bring_up(&mut clock, 999), Err(ImuError::BadRate(999)));
+    chip.borrow_mut().banks[0][0x75] = 0x68;
+    assert_eq!(imu.bring_up(&mut clock, 1000), Err(ImuError::WrongId));
+    chip.borrow_mut().broken = true;
+    assert_eq!(imu.bring_up(&mut clock, 1000), Err(ImuError::Bus(ErrorKind::Other)));
+    chip.borrow_mut().broken = false;
+    chip.borrow_mut().banks[0][0x75] = 0x47;
+    assert_eq!(imu.bring_up(&mut clock, 1000), Ok(()));
+    assert_eq!(imu.bring_up(&mut clock, 500), Ok(()));
+}
