@@ -48,16 +48,17 @@ fn serve(options: &ServeOptions) -> Result<(), Failure> {
     ctrlc::set_handler(move || told.store(true, Ordering::Release))
         .map_err(|e| Failure(3, format!("Ctrl-C cannot be caught: {e}")))?;
 
-    let config = options.rig();
+    let rig = Rig::new(options.rig()).map_err(|e| Failure(2, e.to_string()))?;
     if let Some(path) = &options.write_rig {
-        write_new(path, &rig_file(&config)).map_err(|e| Failure(2, format!("{}: {e}", path.display())))?;
+        write_new(path, &rig_file(&rig)).map_err(|e| Failure(2, format!("{}: {e}", path.display())))?;
     }
-    let rig = Rig::new(config).map_err(|e| Failure(2, e.to_string()))?.shared();
+    let rig = rig.shared();
     let controller = Controller::listen(&options.platform, Arc::clone(&rig)).map_err(|e| {
         Failure(3, format!("no controller at {}: {e}; name another address by --platform", options.platform))
     })?;
     let mut port = Port::open(Some(&options.port_link)).map_err(|e| {
-        Failure(3, format!("no port {}: {e}; name another by --port-link", options.port_link.display()))
+        let name = options.port_link.display();
+        Failure(3, format!("no port {name}: {e}; remove what has that name, or name another by --port-link"))
     })?;
     let mcu: Box<dyn Mcu> = match options.mcu {
         Where::Inproc => Box::new(InProcess::new(rig, Pacing::RealTime)),
@@ -75,7 +76,8 @@ fn serve(options: &ServeOptions) -> Result<(), Failure> {
     eprintln!("firmware  {name}");
     eprintln!("port      {shown} -> {}", port.terminal().display());
     eprintln!("platform  tcp://{address}");
-    eprintln!("use it    rigident run --port {shown} --platform tcp://{address}");
+    let rig = options.write_rig.as_deref().unwrap_or(Path::new("FILE (see --write-rig)")).display();
+    eprintln!("use it    rigident run --port {shown} --rig {rig} --platform tcp://{address}");
     eprintln!("Ctrl-C ends it.");
     carry(&mut port, firmware.as_mut(), &leave).map_err(|e| Failure(3, e.to_string()))
 }

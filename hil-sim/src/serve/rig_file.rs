@@ -1,61 +1,83 @@
 //! The rig file that an owner of the served rig would have written.
 
-use std::fmt::Write as _;
+use std::fmt::{Debug, Write as _};
 
-use crate::rig::RigConfig;
-use crate::sensors::{ImuModel, LoadCellModel};
+use crate::rig::{Mounting, Rig};
 
-/// TOML of a rig, as the host reads it: data sheets and mountings, and the body's true parameters as `[truth]`.
+/// TOML of a rig, as the host reads it: data sheets and mountings, and what is really the case as `[truth]`.
 #[must_use]
-pub fn rig_file(config: &RigConfig) -> String {
-    let RigConfig { body, load_cell, imu, sensors, geometry, .. } = config;
-    let (cell, unit): (&LoadCellModel, &ImuModel) = (&sensors.load_cell, &sensors.imu);
-    let mut text = String::from("# A simulated rig.\n");
-    let mut line = |key: &str, value: String| {
-        // Writing to a string does not fail.
-        let _ = writeln!(
-            text,
-            "{}",
-            if value.is_empty() { format!("\n{key}") } else { format!("{key} = {value}") }
-        );
-    };
-    let table = String::new;
-    line("[recording]", table());
-    line("rate_hz", format!("{:?}", config.adc_hz));
-    line("gravity_mps2", format!("{:?}", config.gravity_mps2));
-    line("[[imu]]", table());
-    line("link", "0".into());
-    line("position_m", format!("{:?}", imu.position_m));
-    line("rotation_wxyz", format!("{:?}", imu.rotation_wxyz));
-    line("rate_hz", format!("{:?}", config.imu_hz));
-    line("group_delay_s", format!("{:?}", config.imu_group_delay_s()));
-    line("range_mps2", format!("{:?}", unit.accel_range_mps2));
-    line("range_radps", format!("{:?}", unit.gyro_range_radps));
-    line("accel_noise_mps2", format!("{:?}", unit.accel_noise_mps2.into_iter().fold(0.0, f64::max)));
-    line("gyro_noise_radps", format!("{:?}", unit.gyro_noise_radps.into_iter().fold(0.0, f64::max)));
-    line("[load_cell]", table());
+pub fn rig_file(rig: &Rig) -> String {
+    let (config, truth) = (rig.config(), rig.truth());
+    let (cell, unit) = (&config.sensors.load_cell, &config.sensors.imu);
+    let largest = |noise: [f64; 3]| noise.into_iter().fold(0.0, f64::max);
+    let mut file = Toml(String::from("# A simulated rig.\n"));
+    file.table("[recording]");
+    file.key("rate_hz", config.adc_hz);
+    file.key("gravity_mps2", config.gravity_mps2);
+
+    file.table("[[imu]]");
+    file.key("link", 0);
+    file.key("position_m", config.imu.position_m);
+    file.key("rotation_wxyz", unit_quaternion(&config.imu));
+    file.key("rate_hz", config.imu_hz);
+    file.key("group_delay_s", config.imu_group_delay_s());
+    file.key("range_mps2", unit.accel_range_mps2);
+    file.key("range_radps", unit.gyro_range_radps);
+    // Without noise the converters' steps are still there: the host then takes it from the residuals.
+    file.positive("accel_noise_mps2", largest(unit.accel_noise_mps2));
+    file.positive("gyro_noise_radps", largest(unit.gyro_noise_radps));
+
+    file.table("[load_cell]");
     if cell.noise_n_nm.iter().all(|sigma| *sigma > 0.0) {
-        line("noise_n_nm", format!("{:?}", cell.noise_n_nm));
+        file.key("noise_n_nm", cell.noise_n_nm);
     }
-    line("offset_n_nm", "\"estimate\"".into());
-    line("calibration", format!("{:?}", config.gauge_calibration));
-    line("group_delay_s", format!("{:?}", config.load_cell_group_delay_s()));
-    line("range_n_nm", format!("{:?}", cell.range_n_nm));
-    line("[platform]", table());
-    line("base_joints_m", format!("{:?}", geometry.base_joints_m));
-    line("plate_joints_m", format!("{:?}", geometry.plate_joints_m));
-    line("leg_length_m", format!("{:?}", geometry.leg_length_m));
-    line("leg_rate_mps", format!("{:?}", geometry.leg_rate_mps));
-    line(
-        "load_cell",
-        format!(
-            "{{ position_m = {:?}, rotation_wxyz = {:?} }}",
-            load_cell.position_m, load_cell.rotation_wxyz
-        ),
-    );
-    line("[truth]", table());
-    line("mass_kg", format!("{:?}", body.mass_kg));
-    line("com_m", format!("{:?}", body.com_m));
-    line("inertia_com_kgm2", format!("{:?}", body.inertia_com_kgm2));
-    text
+    file.key("offset_n_nm", "estimate");
+    file.key("calibration", config.gauge_calibration);
+    file.key("group_delay_s", config.load_cell_group_delay_s());
+    file.key("range_n_nm", cell.range_n_nm);
+
+    file.table("[platform]");
+    file.key("base_joints_m", config.geometry.base_joints_m);
+    file.key("plate_joints_m", config.geometry.plate_joints_m);
+    file.key("leg_length_m", config.geometry.leg_length_m);
+    file.key("leg_rate_mps", config.geometry.leg_rate_mps);
+    file.table("[platform.load_cell]");
+    file.key("position_m", config.load_cell.position_m);
+    file.key("rotation_wxyz", unit_quaternion(&config.load_cell));
+
+    file.table("[truth]");
+    file.key("mass_kg", truth.body.mass_kg);
+    file.key("com_m", truth.body.com_m);
+    file.key("inertia_com_kgm2", truth.body.inertia_com_kgm2);
+    file.key("apparent_offset_n_nm", truth.apparent_offset_n_nm);
+    file.0
+}
+
+fn unit_quaternion(mounting: &Mounting) -> [f64; 4] {
+    let norm = mounting.rotation_wxyz.iter().map(|q| q * q).sum::<f64>().sqrt();
+    mounting.rotation_wxyz.map(|q| q / norm)
+}
+
+/// Text in TOML. Numbers, strings and arrays of them look the same in Rust's debug format.
+struct Toml(String);
+
+impl Toml {
+    fn table(&mut self, name: &str) {
+        self.line(format_args!("\n{name}"));
+    }
+
+    fn key(&mut self, key: &str, value: impl Debug) {
+        self.line(format_args!("{key} = {value:?}"));
+    }
+
+    fn positive(&mut self, key: &str, value: f64) {
+        if value > 0.0 {
+            self.key(key, value);
+        }
+    }
+
+    fn line(&mut self, text: std::fmt::Arguments<'_>) {
+        // Writing to a string does not fail.
+        let _ = writeln!(self.0, "{text}");
+    }
 }

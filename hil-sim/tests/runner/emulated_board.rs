@@ -1,10 +1,8 @@
 //! The release firmware on the emulated Cortex-M4F, against the same firmware in this process.
 
-mod device;
-
 use std::time::{Duration, Instant};
 
-use device::{Device, settings};
+use crate::device::{Device, settings};
 use rigident_shared::wire::StateName;
 use rigident_sim::experiment::thesis_program;
 use rigident_sim::rig::{Rig, RigConfig, SharedRig};

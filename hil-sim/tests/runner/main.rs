@@ -1,0 +1,5 @@
+//! One firmware, two runners.
+
+mod device;
+mod emulated_board;
+mod in_process;
