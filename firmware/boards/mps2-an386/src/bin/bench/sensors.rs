@@ -45,8 +45,9 @@ impl Adc {
             0b101 => self.answer = Some(self.registers[address]),
             0b011 => {
                 self.registers[address] = u16::from_be_bytes([frame[3], frame[4]]);
-                self.answer = Some(0);
+                self.answer = Some(0b010 << 13 | command & 0x1FFF);
             }
+            _ if command == 0x0011 => self.answer = Some(0xFF28),
             _ => {}
         }
         *frame = match reply {
