@@ -29,16 +29,15 @@ fn command(folder: &Path, arguments: &[&str]) -> Command {
 impl Server {
     fn start(arguments: &[&str]) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let mut child = command(folder.path(), arguments).spawn().unwrap();
-        let mut errors = BufReader::new(child.stderr.take().unwrap()).lines();
-        let mut said = Vec::new();
-        for line in errors.by_ref() {
-            said.push(line.unwrap());
-            if said.last().is_some_and(|line| line.starts_with("Ctrl-C")) {
-                return Self { child, folder, said };
+        let child = command(folder.path(), arguments).spawn().unwrap();
+        let mut server = Self { child, folder, said: Vec::new() };
+        for line in BufReader::new(server.child.stderr.take().unwrap()).lines() {
+            server.said.push(line.unwrap());
+            if server.said.last().is_some_and(|line| line.starts_with("Ctrl-C")) {
+                return server;
             }
         }
-        panic!("it ended by itself: {said:?}");
+        panic!("it ended by itself: {:?}", server.said);
     }
 
     fn hello(&self) {

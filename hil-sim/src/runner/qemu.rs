@@ -6,12 +6,13 @@ use std::os::fd::AsRawFd;
 use std::os::unix::fs::OpenOptionsExt;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
+use defmt_decoder::Table;
 use nix::errno::Errno;
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use nix::poll::{PollFd, PollFlags};
@@ -110,7 +111,7 @@ impl Qemu {
     ///
     /// # Errors
     /// Emulator or firmware missing, or the machine refuses a terminal, a pipe or a process.
-    pub fn spawn_on(options: &QemuOptions, mut bus: Box<dyn SensorBus>) -> Result<Self, RunnerError> {
+    pub fn spawn_on(options: &QemuOptions, bus: Box<dyn SensorBus>) -> Result<Self, RunnerError> {
         let io = RunnerError::io;
         let elf = options
             .elf
@@ -123,37 +124,11 @@ impl Qemu {
             .prefix("rigident-")
             .tempdir()
             .map_err(io("making a folder for pipes"))?;
-        let (requests, answers) = (folder.path().join(REQUESTS), folder.path().join(ANSWERS));
-        for pipe in [&requests, &answers] {
-            nix::unistd::mkfifo(pipe, Mode::S_IRUSR | Mode::S_IWUSR)
-                .map_err(|e| RunnerError::io("making a pipe")(e.into()))?;
-        }
-        // Neither opening waits for the other side: not to block lets a reader in alone, and a pipe opened for
-        // both is its own other side. The emulator's openings then find a partner.
-        let mut requests = OpenOptions::new()
-            .read(true)
-            .custom_flags(OFlag::O_NONBLOCK.bits())
-            .open(requests)
-            .map_err(io("opening a pipe"))?;
-        let mut answers =
-            OpenOptions::new().read(true).write(true).open(answers).map_err(io("opening a pipe"))?;
-
+        let (requests, answers) = pipes(folder.path()).map_err(io("making pipes"))?;
         let (line, device_end) = TTYPort::pair().map_err(|e| io("making a pseudo-terminal")(e.into()))?;
-        let port = device_end.name().unwrap_or_default();
         let errors = File::create(folder.path().join(ERRORS))
             .map_err(io("making a file for the emulator's errors"))?;
-        let mut command = Command::new(&options.program);
-        command
-            .args(["-M", "mps2-an386", "-display", "none", "-monitor", "none", "-serial", port.as_str()])
-            // In one option: a second one would count the arguments of the first again.
-            .args(["-semihosting-config"])
-            .arg(format!("enable=on,target=native,arg=rigident,arg={REQUESTS},arg={ANSWERS}"))
-            .arg("-kernel")
-            .arg(&elf);
-        if let Some(shift) = options.instruction_clock {
-            command.args(["-icount", &format!("shift={shift}")]);
-        }
-        let mut child = command
+        let mut child = command(options, &elf, &device_end.name().unwrap_or_default())
             // The pipes' names are relative: no path has to survive the emulator's option syntax.
             .current_dir(folder.path())
             .stdin(Stdio::null())
@@ -170,27 +145,12 @@ impl Qemu {
         let log = Arc::new(Log::default());
         let leave = Arc::new(AtomicBool::new(false));
         let mut threads = Vec::new();
-        if let Some(mut output) = child.stdout.take() {
+        if let Some(output) = child.stdout.take() {
             let (log, show) = (Arc::clone(&log), options.show_log);
-            threads.push(thread::spawn(move || {
-                let show = |line: &LogLine| {
-                    if show {
-                        eprintln!("firmware {}: {}", line.level, line.message);
-                    }
-                };
-                if let Err(e) = emulator_log::follow(&table, &mut output, &log, show) {
-                    log.error(format!("the log broke off: {e}"));
-                }
-            }));
+            threads.push(thread::spawn(move || follow_log(&table, output, &log, show)));
         }
         let (bus_log, bus_leave) = (Arc::clone(&log), Arc::clone(&leave));
-        threads.push(thread::spawn(move || {
-            let served = wait_for_writer(&requests)
-                .and_then(|()| answer_requests(&mut requests, &mut answers, bus.as_mut(), &bus_leave));
-            if let Err(e) = served {
-                bus_log.error(format!("the sensor bus failed: {e}"));
-            }
-        }));
+        threads.push(thread::spawn(move || serve_bus(requests, answers, bus, &bus_log, &bus_leave)));
         Ok(Self { line, _device_end: device_end, child, ended: None, leave, log, threads, folder })
     }
 
@@ -342,6 +302,60 @@ fn retry(e: &io::Error) -> bool {
     matches!(e.kind(), io::ErrorKind::TimedOut | io::ErrorKind::Interrupted | io::ErrorKind::WouldBlock)
 }
 
+/// The pipe that requests are read from and the one that answers are written to.
+///
+/// Neither opening waits for the other side: not to block lets a reader in alone, and a pipe opened for both is
+/// its own other side. The emulator's openings then find a partner.
+fn pipes(folder: &Path) -> io::Result<(File, File)> {
+    let (requests, answers) = (folder.join(REQUESTS), folder.join(ANSWERS));
+    for pipe in [&requests, &answers] {
+        nix::unistd::mkfifo(pipe, Mode::S_IRUSR | Mode::S_IWUSR)?;
+    }
+    let requests = OpenOptions::new().read(true).custom_flags(OFlag::O_NONBLOCK.bits()).open(requests)?;
+    let answers = OpenOptions::new().read(true).write(true).open(answers)?;
+    Ok((requests, answers))
+}
+
+fn command(options: &QemuOptions, elf: &Path, port: &str) -> Command {
+    let mut command = Command::new(&options.program);
+    command
+        .args(["-M", "mps2-an386", "-display", "none", "-monitor", "none", "-serial", port])
+        // In one option: a second one would count the arguments of the first again.
+        .arg("-semihosting-config")
+        .arg(format!("enable=on,target=native,arg=rigident,arg={REQUESTS},arg={ANSWERS}"))
+        .arg("-kernel")
+        .arg(elf);
+    if let Some(shift) = options.instruction_clock {
+        command.args(["-icount", &format!("shift={shift}")]);
+    }
+    command
+}
+
+fn follow_log(table: &Table, mut output: ChildStdout, log: &Log, show: bool) {
+    let each = |line: &LogLine| {
+        if show {
+            eprintln!("firmware {}: {}", line.level, line.message);
+        }
+    };
+    if let Err(e) = emulator_log::follow(table, &mut output, log, each) {
+        log.error(format!("the log broke off: {e}"));
+    }
+}
+
+fn serve_bus(
+    mut requests: File,
+    mut answers: File,
+    mut bus: Box<dyn SensorBus>,
+    log: &Log,
+    leave: &AtomicBool,
+) {
+    let served = wait_for_writer(&requests)
+        .and_then(|()| answer_requests(&mut requests, &mut answers, bus.as_mut(), leave));
+    if let Err(e) = served {
+        log.error(format!("the sensor bus failed: {e}"));
+    }
+}
+
 /// Waits for the first request, then lets reads wait.
 fn wait_for_writer(requests: &File) -> io::Result<()> {
     let mut poll = [PollFd::new(requests.as_raw_fd(), PollFlags::POLLIN)];
@@ -355,4 +369,18 @@ fn stack_use(line: &LogLine) -> Option<StackUse> {
     let (used, size) =
         line.message.strip_prefix("stack: ")?.strip_suffix(" bytes used")?.split_once(" of ")?;
     Some(StackUse { used: used.parse().ok()?, size: size.parse().ok()? })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_line_with_the_stack_is_told_from_others() {
+        let line = |message: &str| stack_use(&LogLine { level: "info", message: message.to_owned() });
+        assert_eq!(line("stack: 4296 of 124892 bytes used"), Some(StackUse { used: 4296, size: 124_892 }));
+        for other in ["", "stack: many of 3 bytes used", "stack: 1 of 2 bytes", "running: told so"] {
+            assert_eq!(line(other), None);
+        }
+    }
 }
