@@ -1,0 +1,335 @@
+//! The commands as a user types them: answers, files, exit statuses, complaints.
+#![cfg(feature = "simulator")]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+fn rigident(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_rigident")).current_dir(folder).args(arguments).output().unwrap()
+}
+
+fn json(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout)
+        .unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&output.stderr)))
+}
+
+fn status(output: &Output) -> i32 {
+    output.status.code().expect("not ended by a signal")
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Values of the parameters that have one.
+fn values(result: &Value) -> Vec<Option<(f64, f64)>> {
+    let parameters = result["parameters"].as_array().unwrap();
+    parameters.iter().map(|p| Some((p["value"].as_f64()?, p["u95"].as_f64()?))).collect()
+}
+
+/// The thesis' test body, lying, about S's origin: 20 kg at 53 mm.
+const TRUTH: [f64; 10] = [
+    20.0,
+    0.0,
+    0.0,
+    1.06,
+    0.3813 + 20.0 * 0.053 * 0.053,
+    0.0185 + 20.0 * 0.053 * 0.053,
+    0.3791,
+    0.0,
+    0.0,
+    0.0,
+];
+
+/// One demonstration serves several tests' questions: files, truth, replay, conversion.
+#[test]
+fn the_demonstration_finds_the_body_and_its_recording_replays_to_the_same_bits() {
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    let output = rigident(at, &["demo", "--duration-s", "20", "--json", "--out", "d"]);
+    assert_eq!(status(&output), 0, "{}", said(&output));
+    let result = json(&output);
+    assert_eq!(result["schema"], "rigident/result/1");
+    assert_eq!(result["status"], "identified");
+    assert_eq!(result["source"]["mcu"], "inproc");
+    assert_eq!(
+        result,
+        serde_json::from_slice::<Value>(&fs::read(at.join("d/result.json")).unwrap()).unwrap()
+    );
+    for (j, (measured, truth)) in values(&result).iter().zip(TRUTH).enumerate() {
+        let (value, u95) = measured.unwrap();
+        // Five σ: one in a hundred thousand experiments of ten parameters.
+        assert!((value - truth).abs() < 5.0 * u95 / 1.96, "parameter {j}: {value} ± {u95}, truth {truth}");
+    }
+    assert_eq!(result["parameters"].as_array().unwrap().len(), 16);
+    let page = fs::read_to_string(at.join("d/report.html")).unwrap();
+    assert!(page.contains("<svg") && !page.contains("http://") && !page.contains("src="));
+
+    // The recording through the firmware again gives the very factor.
+    let output = rigident(at, &["replay", "d/demo.mcap", "--mcu", "inproc", "--json", "--out", "r"]);
+    assert_eq!(status(&output), 0, "{}", said(&output));
+    assert_eq!(json(&output)["parameters"], result["parameters"]);
+    assert_eq!(fs::read(at.join("r/demo.factor")).unwrap(), fs::read(at.join("d/demo.factor")).unwrap());
+
+    // The batch in f64 agrees within a hundredth of the uncertainty: f32 costs no more.
+    let output = rigident(at, &["identify", "d/demo.mcap", "--json", "--out", "i"]);
+    assert_eq!(status(&output), 0, "{}", said(&output));
+    for (batch, live) in values(&json(&output)).iter().zip(values(&result)) {
+        let ((a, _), (b, u95)) = (batch.unwrap(), live.unwrap());
+        assert!((a - b).abs() < 0.01 * u95, "{a} {b} {u95}");
+    }
+
+    // There and back again, to the byte.
+    for (from, to) in [("d/demo.mcap", "a.csv"), ("a.csv", "b.mcap"), ("b.mcap", "c.csv")] {
+        let output = rigident(at, &["convert", from, to]);
+        assert_eq!(status(&output), 0, "{}", said(&output));
+    }
+    assert_eq!(fs::read(at.join("a.csv")).unwrap(), fs::read(at.join("c.csv")).unwrap());
+    let again = rigident(at, &["convert", "d/demo.mcap", "a.csv"]);
+    assert_eq!(status(&again), 2);
+}
+
+/// Noise, bias and bandwidth off, through the register models with their quantisation: 1e-3.
+#[test]
+fn quantisation_costs_less_than_a_thousandth() {
+    let place = tempfile::tempdir().unwrap();
+    for body in ["horizontal", "vertical"] {
+        let output = rigident(
+            place.path(),
+            &["demo", "--ideal", "--body", body, "--duration-s", "30", "--json", "--out", body],
+        );
+        let result = json(&output);
+        let got: Vec<f64> = values(&result).iter().take(10).map(|v| v.unwrap().0).collect();
+        let (c, ic) = match body {
+            "horizontal" => (0.053, [0.3813, 0.0185, 0.3791]),
+            _ => (0.247, [0.505, 0.505, 0.0162]),
+        };
+        let shift = 20.0 * c * c;
+        let truth = [20.0, 0.0, 0.0, 20.0 * c, ic[0] + shift, ic[1] + shift, ic[2], 0.0, 0.0, 0.0];
+        let distance = |range: std::ops::Range<usize>| {
+            let norm = |v: &dyn Fn(usize) -> f64| {
+                range.clone().map(|j| v(j).powi(2) * if j > 6 { 2.0 } else { 1.0 }).sum::<f64>().sqrt()
+            };
+            norm(&|j| got[j] - truth[j]) / norm(&|j| truth[j])
+        };
+        for part in [0..1, 1..4, 4..10] {
+            assert!(distance(part.clone()) < 1e-3, "{body} {part:?}: {}", distance(part.clone()));
+        }
+    }
+}
+
+/// The emulated Cortex-M4F gives the bits of the firmware in this process.
+#[test]
+fn qemu_demonstration_is_the_in_process_one_bit_for_bit() {
+    let place = tempfile::tempdir().unwrap();
+    let demo = |mcu: &str| {
+        let output =
+            rigident(place.path(), &["demo", "--mcu", mcu, "--duration-s", "20", "--json", "--out", mcu]);
+        assert_eq!(status(&output), 0, "{}; without firmware: cargo xtask firmware", said(&output));
+        let factor = fs::read(place.path().join(mcu).join("demo.factor")).unwrap();
+        (json(&output)["parameters"].clone(), factor)
+    };
+    assert_eq!(demo("inproc"), demo("qemu"));
+}
+
+/// The real load cell's data, where they are; its folder lies beside the project.
+fn end_effector() -> Option<PathBuf> {
+    let data = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../shared/data/endeffector_ati_gamma_imu/0-calibration_fts-accel.csv");
+    if !data.exists() {
+        println!("skipped: {} is not here", data.display());
+        return None;
+    }
+    Some(data)
+}
+
+fn example(name: &str) -> String {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/examples").join(name).display().to_string()
+}
+
+/// 24 poses of a real load cell. Least squares over the poses by another program gives 0.9323 kg, 43.90 mm and the
+/// offsets below, on the sensor; the tensor is not in the data.
+fn check_end_effector(result: &Value) {
+    let v = values(result);
+    let (m, u) = v[0].unwrap();
+    assert!((m - 0.9323).abs() < u && u < 0.005, "{m} ± {u}");
+    let (com, com_u) = (result["com_m"][2].as_f64().unwrap(), result["com_u95_m"][2].as_f64().unwrap());
+    assert!((com - 0.0439).abs() < com_u && com_u < 5e-4, "{com} ± {com_u}");
+    for (measured, on_sensor) in v[10..].iter().zip([9.077, -1.018, 9.985, 0.4325, -0.6916, -0.1570]) {
+        let (offset, u95) = measured.unwrap();
+        assert!((offset + on_sensor).abs() < u95, "{offset} ± {u95}");
+    }
+    assert!(v[4..10].iter().all(Option::is_none));
+    assert!(result.get("inertia_com_kgm2").is_none() && result.get("principal").is_none());
+}
+
+#[test]
+fn the_real_end_effector_is_identified_and_its_tensor_is_not() {
+    let Some(data) = end_effector() else { return };
+    let data = data.display().to_string();
+    let place = tempfile::tempdir().unwrap();
+    for (rig, out) in [("endeffector.rig.toml", "g"), ("endeffector-accelerometer.rig.toml", "a")] {
+        let asked = ["--estimate", "m,mc,offset", "--json", "--out", out];
+        let rig = example(rig);
+        let output = rigident(place.path(), &[&["identify", &data, "--rig", &rig][..], &asked].concat());
+        assert_eq!(status(&output), 0, "{}", said(&output));
+        check_end_effector(&json(&output));
+    }
+    // Asked for everything, the exit status says that something is missing.
+    let output = rigident(
+        place.path(),
+        &["identify", &data, "--rig", &example("endeffector.rig.toml"), "--out", "all"],
+    );
+    assert_eq!(status(&output), 1);
+    let page = fs::read_to_string(place.path().join("all/report.html")).unwrap();
+    assert!(page.contains("not identified"));
+}
+
+#[test]
+fn qemu_replays_the_real_end_effector() {
+    let Some(data) = end_effector() else { return };
+    let data = data.display().to_string();
+    let place = tempfile::tempdir().unwrap();
+    for mcu in ["inproc", "qemu"] {
+        let rig = example("endeffector.rig.toml");
+        let output = rigident(
+            place.path(),
+            &[
+                "replay",
+                &data,
+                "--rig",
+                &rig,
+                "--mcu",
+                mcu,
+                "--estimate",
+                "m,mc,offset",
+                "--json",
+                "--out",
+                mcu,
+            ],
+        );
+        assert_eq!(status(&output), 0, "{}", said(&output));
+        check_end_effector(&json(&output));
+    }
+}
+
+const HEADER: &str = "t_s,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm,imu_ax_mps2,imu_ay_mps2,imu_az_mps2,imu_gx_radps,\
+                      imu_gy_radps,imu_gz_radps\n";
+
+/// A platform that only sways about the vertical: 3 kg, offsets of nothing, a little noise.
+fn yaw_only(rows: u32, frozen_from: u32) -> String {
+    let mut text = HEADER.to_owned();
+    let mut state = 1_u64;
+    let mut noise = |sigma: f64| {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        sigma * ((state >> 33) as f64 / f64::from(1_u32 << 30) - 1.0)
+    };
+    for n in 0..rows {
+        let t = f64::from(n) * 0.005;
+        let rate = 0.8 * (2.0 * t).sin() + noise(1e-3);
+        let gyro = if n >= frozen_from { [0.123, 0.0456, 0.789] } else { [noise(1e-3), noise(1e-3), rate] };
+        let row = [
+            noise(0.05),
+            noise(0.05),
+            3.0 * 9.81 + noise(0.05),
+            noise(0.01),
+            noise(0.01),
+            0.05 * 1.6 * (2.0 * t).cos() + noise(0.01),
+            noise(0.02),
+            noise(0.02),
+            9.81 + noise(0.02),
+            gyro[0],
+            gyro[1],
+            gyro[2],
+        ];
+        let cells: Vec<String> = std::iter::once(t).chain(row).map(|v| format!("{v:?}")).collect();
+        text += &(cells.join(",") + "\n");
+    }
+    text
+}
+
+#[test]
+fn too_little_excitation_gives_no_number_and_says_which_motion_would_help() {
+    let place = tempfile::tempdir().unwrap();
+    fs::write(place.path().join("yaw.csv"), yaw_only(4000, u32::MAX)).unwrap();
+    let output = rigident(place.path(), &["identify", "yaw.csv", "--json", "--out", "o"]);
+    assert_eq!(status(&output), 1, "{}", said(&output));
+    let result = json(&output);
+    assert_eq!(result["status"], "not_identified");
+    for parameter in result["parameters"].as_array().unwrap() {
+        let missing = parameter["state"] == "not_identified";
+        assert_eq!(parameter.get("value").is_none(), missing, "{parameter}");
+    }
+    // Mass and the vertical offset cannot be told apart without tilting.
+    assert_eq!(result["parameters"][0]["state"], "not_identified");
+    let advice = result["advice"].to_string();
+    assert!(advice.contains("attitudes") && advice.contains("S.x"), "{advice}");
+}
+
+#[test]
+fn a_frozen_sensor_is_named_and_its_rows_are_counted() {
+    let place = tempfile::tempdir().unwrap();
+    fs::write(place.path().join("frozen.csv"), yaw_only(4000, 3000)).unwrap();
+    let output = rigident(place.path(), &["identify", "frozen.csv", "--json", "--out", "o"]);
+    let result = json(&output);
+    // Fifty equal readings make it frozen.
+    assert_eq!(result["rejected_rows"], 1000 - 50);
+    assert!(result["warnings"].to_string().contains("imu_gx_radps"), "{}", result["warnings"]);
+}
+
+#[test]
+fn bad_input_ends_with_two_and_words_that_help() {
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    let good = yaw_only(400, u32::MAX);
+    fs::write(at.join("noise.png"), [0_u8, 1, 2, 255]).unwrap();
+    fs::write(at.join("binary.csv"), [0_u8, 159, 146, 150]).unwrap();
+    fs::write(at.join("binary.mcap"), [0_u8, 159, 146, 150]).unwrap();
+    fs::write(at.join("nan.csv"), good.replacen("9.8", "NaN", 1)).unwrap();
+    fs::write(at.join("unit.csv"), good.replace("fx_n", "fx_lbf")).unwrap();
+    fs::write(at.join("short.csv"), good.replace("my_nm,", "my,")).unwrap();
+    fs::write(at.join("rate.csv"), &good).unwrap();
+    fs::write(at.join("rate.rig.toml"), "[recording]\nrate_hz = 100.0\n").unwrap();
+    fs::write(at.join("key.csv"), &good).unwrap();
+    fs::write(at.join("key.rig.toml"), "[load_cell]\nnoise_nm = 1\n").unwrap();
+    let mut lines: Vec<&str> = good.lines().collect();
+    lines.swap(10, 20);
+    fs::write(at.join("time.csv"), lines.join("\n")).unwrap();
+    fs::create_dir(at.join("full")).unwrap();
+    fs::write(at.join("full/mine.txt"), "mine").unwrap();
+    fs::write(at.join("good.csv"), &good).unwrap();
+    for (arguments, words) in [
+        (&["identify", "none.csv"][..], "none.csv"),
+        (&["identify", "noise.png"], ".csv or .mcap"),
+        (&["identify", "binary.csv"], "binary"),
+        (&["identify", "binary.mcap"], "binary"),
+        (&["identify", "nan.csv"], "NaN"),
+        (&["identify", "unit.csv"], "fx_n"),
+        (&["identify", "short.csv"], "my_nm"),
+        (&["identify", "rate.csv"], "rate_hz"),
+        (&["identify", "key.csv"], "noise_nm"),
+        (&["identify", "time.csv"], "line"),
+        (&["identify", "good.csv", "--out", "full"], "not empty"),
+        (&["identify", "good.csv", "--estimate", "m,colour"], "colour"),
+        (&["demo", "--duration-s", "3"], "--duration-s"),
+        (&["demo", "--mcu", "abacus"], "abacus"),
+        (&["replay", "none.mcap"], "none.mcap"),
+    ] {
+        let output = rigident(at, arguments);
+        assert_eq!(status(&output), 2, "{arguments:?}: {}", said(&output));
+        assert!(said(&output).contains(words), "{arguments:?}: {}", said(&output));
+        assert!(output.stdout.is_empty());
+    }
+    assert_eq!(fs::read(at.join("full/mine.txt")).unwrap(), b"mine");
+}
+
+#[test]
+fn a_port_that_is_not_there_ends_with_three() {
+    let place = tempfile::tempdir().unwrap();
+    let output = rigident(place.path(), &["info", "--port", "/dev/no-such-port"]);
+    assert_eq!(status(&output), 3);
+    assert!(said(&output).contains("rigident ports"), "{}", said(&output));
+}
