@@ -13,6 +13,10 @@ pub const MAGIC: [u8; 8] = [0x89, b'M', b'C', b'A', b'P', 0x30, b'\r', b'\n'];
 
 /// A chunk that claims to unpack to more than this is damaged or hostile.
 const LARGEST_CHUNK: u64 = 1 << 28;
+/// All chunks of a file together unpack to no more than this, or to so many times the file's length: sensors are
+/// noisy, and noise does not pack.
+const LARGEST_TOTAL: u64 = 1 << 28;
+const MOST_PACKED: u64 = 64;
 const CRC: crc::Crc<u32, crc::Table<16>> = crc::Crc::<u32, crc::Table<16>>::new(&crc::CRC_32_ISO_HDLC);
 
 /// A chunk says its length twice: a damaged length of its record does not hide what follows.
@@ -146,10 +150,11 @@ impl<'a> Unpacked<'a> {
     pub fn new(file: &'a [u8]) -> Result<Self, NotMcap> {
         let mut rest = Fields(file.strip_prefix(&MAGIC).ok_or(NotMcap)?);
         let mut unpacked = Self::default();
+        let mut room = LARGEST_TOTAL.max((file.len() as u64).saturating_mul(MOST_PACKED));
         loop {
             let before = rest;
             let Some((op, mut fields)) = rest.record() else {
-                let Some((records, after)) = misframed_chunk(before) else { break };
+                let Some((records, after)) = misframed_chunk(before, &mut room) else { break };
                 unpacked.damage.push(MISFRAMED.to_owned());
                 unpacked.sections.push(records);
                 rest = after;
@@ -160,9 +165,9 @@ impl<'a> Unpacked<'a> {
                     unpacked.header =
                         fields.text().zip(fields.text()).map(|(p, l)| (p.to_owned(), l.to_owned()));
                 }
-                opcode::CHUNK => match chunk(fields) {
+                opcode::CHUNK => match chunk(fields, &mut room) {
                     Ok(records) => unpacked.sections.push(records),
-                    Err(reason) => match misframed_chunk(before) {
+                    Err(reason) => match misframed_chunk(before, &mut room) {
                         Some((records, after)) => {
                             unpacked.damage.push(MISFRAMED.to_owned());
                             unpacked.sections.push(records);
@@ -268,18 +273,23 @@ fn attachment(mut fields: Fields<'_>) -> Option<(String, Cow<'_, [u8]>)> {
     (crc == 0 || crc == CRC.checksum(whole.get(..checked)?)).then_some((name, Cow::Borrowed(data)))
 }
 
-/// The records in a chunk, unpacked and checked.
-fn chunk(mut fields: Fields<'_>) -> Result<Cow<'_, [u8]>, String> {
+/// The records in a chunk, unpacked and checked; what it unpacks is taken off the `room`, bytes.
+fn chunk<'a>(mut fields: Fields<'a>, room: &mut u64) -> Result<Cow<'a, [u8]>, String> {
     let damaged = || "a chunk is damaged".to_owned();
     let mut head = || {
         (fields.u64()?, fields.u64()?);
         let (size, crc, compression) = (fields.u64()?, fields.u32()?, fields.text()?);
         let length = fields.u64()?;
-        Some((size, crc, compression, fields.bytes(length)?))
+        let packed = fields.bytes(length)?;
+        // Bytes after it are another record's: the length of this one is wrong.
+        fields.0.is_empty().then_some((size, crc, compression, packed))
     };
     let (size, crc, compression, packed) = head().ok_or_else(damaged)?;
-    if size > LARGEST_CHUNK {
-        return Err(format!("a chunk claims to hold {size} bytes"));
+    if !compression.is_empty() {
+        if size > LARGEST_CHUNK.min(*room) {
+            return Err(format!("a chunk claims to hold {size} bytes"));
+        }
+        *room -= size;
     }
     let records = match compression {
         "" => Cow::Borrowed(packed),
@@ -307,7 +317,7 @@ fn read_all(packed: impl Read, size: u64) -> Result<Vec<u8>, String> {
 }
 
 /// A chunk whose record has no credible length, by the length inside it; and what comes after.
-fn misframed_chunk(rest: Fields<'_>) -> Option<(Cow<'_, [u8]>, Fields<'_>)> {
+fn misframed_chunk<'a>(rest: Fields<'a>, room: &mut u64) -> Option<(Cow<'a, [u8]>, Fields<'a>)> {
     let mut fields = rest;
     if fields.bytes(1)? != [opcode::CHUNK] {
         return None;
@@ -317,7 +327,8 @@ fn misframed_chunk(rest: Fields<'_>) -> Option<(Cow<'_, [u8]>, Fields<'_>)> {
     (fields.u64()?, fields.u64()?, fields.u64()?, fields.u32()?, fields.text()?);
     let length = fields.u64()?;
     fields.bytes(length)?;
-    chunk(content).ok().map(|records| (records, fields))
+    let content = content.0.get(..content.0.len() - fields.0.len())?;
+    chunk(Fields(content), room).ok().map(|records| (records, fields))
 }
 
 #[cfg(test)]
@@ -433,6 +444,20 @@ mod tests {
                 assert_eq!(Unpacked::new(&bytes).unwrap().contents().messages.len(), 2, "{byte} {value}");
             }
         }
+    }
+
+    #[test]
+    fn chunks_that_unpack_to_a_multitude_are_refused_together() {
+        // Each is within the limit of one chunk and hardly takes room in the file.
+        let zeros = vec![0; LARGEST_TOTAL as usize / 4];
+        let packed =
+            ruzstd::encoding::compress_to_vec(&zeros[..], ruzstd::encoding::CompressionLevel::Fastest);
+        assert!(packed.len() < zeros.len() / 1000);
+        let bytes = file(&vec![chunk_record("zstd", &zeros, &packed); 6]);
+        let unpacked = Unpacked::new(&bytes).unwrap();
+        let held: usize = unpacked.sections.iter().map(|s| s.len()).sum();
+        assert!(held <= LARGEST_TOTAL as usize + bytes.len());
+        assert_eq!(unpacked.damage.len(), 2);
     }
 
     #[test]

@@ -18,8 +18,10 @@ use super::{
 use crate::formats::recording::Recording;
 use crate::formats::rig::RigFile;
 
-/// After so many rows they go to the disk as one chunk; a killed program loses no more than these.
+/// After so many rows they go to the disk as one chunk; a killed program loses no more than these,
 const ROWS_PER_CHUNK: usize = 250;
+/// and no more than so much time, ns.
+const TIME_PER_CHUNK_NS: u64 = 1_000_000_000;
 
 /// Why a recording cannot be written on. What was written before stays readable.
 #[derive(Debug, thiserror::Error)]
@@ -28,7 +30,7 @@ pub enum WriteError {
     #[error("{0} is there already, and nothing is overwritten: give another name")]
     Exists(String),
     /// The system refuses.
-    #[error("{0}")]
+    #[error("the recording cannot be written on: {}; what was written before can be read", said(.0))]
     Io(#[from] std::io::Error),
     /// The container refuses.
     #[error("{0}")]
@@ -43,6 +45,15 @@ pub enum WriteError {
         /// Topics of the first.
         expected: usize,
     },
+}
+
+fn said(error: &std::io::Error) -> String {
+    match error.kind() {
+        std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => {
+            format!("the disk is full ({error}): make room, or record elsewhere")
+        }
+        _ => error.to_string(),
+    }
 }
 
 impl From<mcap::McapError> for WriteError {
@@ -103,6 +114,9 @@ pub struct McapWriter<W: Write + Seek> {
     rows: usize,
     /// Topics of the first row.
     topics: usize,
+    /// Time of the chunk's first row; `None` before it.
+    chunk_from_ns: Option<u64>,
+    is_static: bool,
 }
 
 impl<W: Write + Seek> std::fmt::Debug for McapWriter<W> {
@@ -156,6 +170,8 @@ impl<W: Write + Seek> McapWriter<W> {
             schemas: HashMap::new(),
             rows: 0,
             topics: 0,
+            chunk_from_ns: None,
+            is_static: head.is_static,
         };
         let list = |value: &dyn Fn() -> Result<String, serde_json::Error>| {
             value().map_err(|e| WriteError::Container(e.to_string()))
@@ -251,7 +267,10 @@ impl<W: Write + Seek> McapWriter<W> {
             self.message(t, ROW_TOPIC, &schemas::STRING, &write_text(&text))?;
         }
         self.rows += 1;
-        if self.rows.is_multiple_of(ROWS_PER_CHUNK) { self.flush() } else { Ok(()) }
+        // By the rows' own times: the file does not depend on how fast it is written.
+        let from = *self.chunk_from_ns.get_or_insert(t);
+        let is_long = !self.is_static && t.saturating_sub(from) >= TIME_PER_CHUNK_NS;
+        if is_long || self.rows.is_multiple_of(ROWS_PER_CHUNK) { self.flush() } else { Ok(()) }
     }
 
     /// Hands all rows so far to the system.
@@ -259,6 +278,7 @@ impl<W: Write + Seek> McapWriter<W> {
     /// # Errors
     /// [`WriteError`].
     pub fn flush(&mut self) -> Result<(), WriteError> {
+        self.chunk_from_ns = None;
         Ok(self.inner.flush()?)
     }
 
