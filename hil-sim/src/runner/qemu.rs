@@ -262,11 +262,11 @@ impl Mcu for Qemu {
 
     fn read(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
         let deadline = Instant::now() + timeout;
+        let mut ended = false;
         loop {
-            // Asked before reading: bytes that came before the end are found by the read.
-            let ended = self.look()?.is_some();
-            let left = deadline.saturating_duration_since(Instant::now());
-            self.line.set_timeout(if ended { Duration::ZERO } else { left.min(LOOK_AGAIN) })?;
+            let left =
+                if ended { Duration::ZERO } else { deadline.saturating_duration_since(Instant::now()) };
+            self.line.set_timeout(left.min(LOOK_AGAIN))?;
             match self.line.read(buffer) {
                 Ok(n) if n > 0 => return Ok(n),
                 Ok(_) => {}
@@ -276,7 +276,9 @@ impl Mcu for Qemu {
             if ended {
                 return Err(self.obituary());
             }
-            if left.is_zero() {
+            // What came between that read and the end is found by one more.
+            ended = self.look()?.is_some();
+            if left.is_zero() && !ended {
                 return Ok(0);
             }
         }
