@@ -263,7 +263,8 @@ fn message(mut fields: Fields<'_>) -> Option<Message<'_>> {
 
 fn attachment(mut fields: Fields<'_>) -> Option<(String, Cow<'_, [u8]>)> {
     let whole = fields.0;
-    (fields.u64()?, fields.u64()?);
+    fields.u64()?;
+    fields.u64()?;
     let name = fields.text()?.to_owned();
     fields.text()?;
     let length = fields.u64()?;
@@ -277,7 +278,8 @@ fn attachment(mut fields: Fields<'_>) -> Option<(String, Cow<'_, [u8]>)> {
 fn chunk<'a>(mut fields: Fields<'a>, room: &mut u64) -> Result<Cow<'a, [u8]>, String> {
     let damaged = || "a chunk is damaged".to_owned();
     let mut head = || {
-        (fields.u64()?, fields.u64()?);
+        fields.u64()?;
+        fields.u64()?;
         let (size, crc, compression) = (fields.u64()?, fields.u32()?, fields.text()?);
         let length = fields.u64()?;
         let packed = fields.bytes(length)?;
@@ -324,7 +326,11 @@ fn misframed_chunk<'a>(rest: Fields<'a>, room: &mut u64) -> Option<(Cow<'a, [u8]
     }
     fields.u64()?;
     let content = fields;
-    (fields.u64()?, fields.u64()?, fields.u64()?, fields.u32()?, fields.text()?);
+    fields.u64()?;
+    fields.u64()?;
+    fields.u64()?;
+    fields.u32()?;
+    fields.text()?;
     let length = fields.u64()?;
     fields.bytes(length)?;
     let content = content.0.get(..content.0.len() - fields.0.len())?;

@@ -147,7 +147,8 @@ pub fn read_array(bytes: &[u8]) -> Result<[f64; 6], CdrError> {
     let mut reader = CdrReader::new(bytes)?;
     for _ in 0..reader.u32()? {
         reader.string()?;
-        (reader.u32()?, reader.u32()?);
+        reader.u32()?;
+        reader.u32()?;
     }
     reader.u32()?;
     match reader.u32()? {
