@@ -1,4 +1,5 @@
 //! What the estimator promises of its answers, against a simulator that shares none of its algebra.
+#![cfg(feature = "simulator")]
 
 use rigident::answer::{Estimate, Noise};
 use rigident::identification::{self, FROZEN_AFTER, Input};

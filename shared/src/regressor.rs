@@ -78,39 +78,56 @@ mod tests {
         (*seed >> 11) as f64 / (1_u64 << 53) as f64 * 2.0 - 1.0
     }
 
-    /// Newton and Euler about the centre of mass, never the regressor's algebra: the oracle.
+    /// Random kinematics, the block they make, and the wrench by Newton and Euler about the centre of mass, never by
+    /// the regressor's algebra: the oracle.
+    fn case(seed: &mut u64) -> (RegressorBlock<f64>, [f64; 10], [f64; 6]) {
+        let mut v = || Vector3::new(pseudo_random(seed), pseudo_random(seed), pseudo_random(seed));
+        let (omega, alpha, lever, c, a_s) = (v(), v(), v(), v(), v() * 10.0);
+        let g = Matrix3::from_columns(&[v(), v(), v()]);
+        let inertia_com = g * g.transpose();
+        let mass = 2.5;
+        let a_imu = a_s + alpha.cross(&lever) + omega.cross(&omega.cross(&lever));
+        let a_com = a_s + alpha.cross(&c) + omega.cross(&omega.cross(&c));
+        let force = a_com * mass;
+        let moment = inertia_com * alpha + omega.cross(&(inertia_com * omega)) + c.cross(&force);
+        let sample = Sample {
+            wrench: Wrench::from_array([0.0; 6]),
+            specific_force_at_imu: SpecificForce::new(a_imu.x, a_imu.y, a_imu.z),
+            angular_rate: AngularRate::new(omega.x, omega.y, omega.z),
+        };
+        let mut s = signals(&sample);
+        s[15..].copy_from_slice(alpha.as_slice());
+        let phi = InertialParameters::<Sensor, f64>::from_centre_of_mass(
+            mass,
+            Position::from_array(c.into()),
+            inertia_com,
+        );
+        let wrench = core::array::from_fn(|i| if i < 3 { force[i] } else { moment[i - 3] });
+        (block(&s, &Position::from_array(lever.into())), phi.to_vector(), wrench)
+    }
+
+    fn largest_error((block, phi, wrench): &(RegressorBlock<f64>, [f64; 10], [f64; 6])) -> f64 {
+        (0..6)
+            .map(|row| (0..10).map(|j| block.columns[j][row] * phi[j]).sum::<f64>() - wrench[row])
+            .fold(0.0, |largest, e| f64::max(largest, e.abs()))
+    }
+
     #[test]
     fn block_times_parameters_is_newton_euler() {
         let seed = &mut 7_u64;
         for _ in 0..200 {
-            let mut v = || Vector3::new(pseudo_random(seed), pseudo_random(seed), pseudo_random(seed));
-            let (omega, alpha, lever, c, a_s) = (v(), v(), v(), v(), v() * 10.0);
-            let g = Matrix3::from_columns(&[v(), v(), v()]);
-            let inertia_com = g * g.transpose();
-            let mass = 2.5;
-            let a_imu = a_s + alpha.cross(&lever) + omega.cross(&omega.cross(&lever));
-            let a_com = a_s + alpha.cross(&c) + omega.cross(&omega.cross(&c));
-            let force = a_com * mass;
-            let moment = inertia_com * alpha + omega.cross(&(inertia_com * omega)) + c.cross(&force);
+            assert!(largest_error(&case(seed)) < 1e-12);
+        }
+    }
 
-            let sample = Sample {
-                wrench: Wrench::from_array([0.0; 6]),
-                specific_force_at_imu: SpecificForce::new(a_imu.x, a_imu.y, a_imu.z),
-                angular_rate: AngularRate::new(omega.x, omega.y, omega.z),
-            };
-            let mut s = signals(&sample);
-            s[15..].copy_from_slice(alpha.as_slice());
-            let a = block(&s, &Position::from_array(lever.into()));
-            let phi = InertialParameters::<Sensor, f64>::from_centre_of_mass(
-                mass,
-                Position::from_array(c.into()),
-                inertia_com,
-            )
-            .to_vector();
-            for row in 0..6 {
-                let predicted: f64 = (0..10).map(|j| a.columns[j][row] * phi[j]).sum();
-                let expected = if row < 3 { force[row] } else { moment[row - 3] };
-                assert!((predicted - expected).abs() < 1e-12, "row {row}: {predicted} {expected}");
+    #[test]
+    fn one_flipped_sign_anywhere_is_noticed() {
+        let clean = case(&mut 7_u64);
+        for (j, row) in (0..10).flat_map(|j| (0..6).map(move |row| (j, row))) {
+            let mut flipped = clean;
+            if flipped.0.columns[j][row] != 0.0 {
+                flipped.0.columns[j][row] *= -1.0;
+                assert!(largest_error(&flipped) > 1e-3, "column {j}, row {row}");
             }
         }
     }

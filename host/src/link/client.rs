@@ -220,3 +220,57 @@ impl Client {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Gives the same bytes after every write.
+    struct Canned(Vec<u8>, bool);
+
+    impl Transport for Canned {
+        fn write(&mut self, _: &[u8]) -> io::Result<()> {
+            self.1 = true;
+            Ok(())
+        }
+        fn read(&mut self, buffer: &mut [u8], _: Duration) -> io::Result<usize> {
+            if !std::mem::take(&mut self.1) {
+                return Ok(0);
+            }
+            buffer[..self.0.len()].copy_from_slice(&self.0);
+            Ok(self.0.len())
+        }
+    }
+
+    /// A frame as firmware of protocol `version` would send it.
+    fn frame_of_version(version: u8) -> Vec<u8> {
+        let raw = [version, 1, 1, 0, 0];
+        let check = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&raw);
+        let body = [raw.as_slice(), &check.to_le_bytes()].concat();
+        let mut line = vec![0];
+        // COBS by hand: runs between zeros, each with its length in front.
+        for run in body.split(|b| *b == 0) {
+            line.push(run.len() as u8 + 1);
+            line.extend(run);
+        }
+        line.push(0);
+        line
+    }
+
+    #[test]
+    fn firmware_of_another_protocol_is_told_from_silence() {
+        let mut client = Client::new(Box::new(Canned(frame_of_version(PROTOCOL_VERSION + 1), false)));
+        let error = client.hello().unwrap_err();
+        assert!(
+            matches!(error, LinkError::OtherProtocol { device } if device == PROTOCOL_VERSION + 1),
+            "{error}"
+        );
+        assert!(error.to_string().contains("flash"));
+    }
+
+    #[test]
+    fn a_device_that_says_nothing_is_given_up() {
+        let mut client = Client::new(Box::new(Canned(Vec::new(), false)));
+        assert!(matches!(client.hello(), Err(LinkError::Silent("hello"))));
+    }
+}
