@@ -175,6 +175,16 @@ impl Reader<'_> {
             .iter()
             .map(str::to_owned)
             .collect();
+        if let [one] = header.as_slice()
+            && let Some(separator) = [';', '\t', '|'].into_iter().find(|s| one.contains(*s))
+        {
+            return Err(RecordingError::NotARecording {
+                name: label,
+                reason: format!(
+                    "its columns are separated by {separator:?}: they must be separated by commas"
+                ),
+            });
+        }
         self.columns = self.assign(header)?;
         let mut record = csv::StringRecord::new();
         loop {

@@ -1,15 +1,25 @@
 //! The known word that an unknown one was probably meant to be.
 
-/// The candidate with the fewest edits, case aside, if it is near enough to be a slip.
+/// The candidate with the fewest edits, case aside, if it is near enough to be a slip. A unit that is missing or
+/// too much (`Fx` for `fx_n`) counts as one edit.
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let lower = word.to_lowercase();
     let allowed = (lower.chars().count() / 2).clamp(1, 5);
     candidates
         .into_iter()
-        .map(|candidate| (edits(&lower, &candidate.to_lowercase()), candidate))
+        .map(|candidate| {
+            let other = candidate.to_lowercase();
+            let unit_aside = is_stem(&lower, &other) || is_stem(&other, &lower);
+            (if unit_aside { 1 } else { edits(&lower, &other) }, candidate)
+        })
         .filter(|(edits, _)| *edits <= allowed)
         .min_by_key(|(edits, _)| *edits)
         .map(|(_, candidate)| candidate)
+}
+
+/// `fx` of `fx_n`.
+fn is_stem(stem: &str, word: &str) -> bool {
+    !stem.is_empty() && word.strip_prefix(stem).is_some_and(|rest| rest.starts_with('_'))
 }
 
 /// Letters to insert, delete or replace (Levenshtein), row by row.
@@ -49,5 +59,7 @@ mod tests {
         assert_eq!(nearest("noise_nm", keys), Some("noise_n_nm"));
         assert_eq!(nearest("Group_Delay", keys), Some("group_delay_s"));
         assert_eq!(nearest("colour", keys), None);
+        assert_eq!(nearest("My", ["mx_nm", "my_nm"]), Some("my_nm"));
+        assert_eq!(nearest("fx_lbf", ["fz", "fx"]), Some("fx"));
     }
 }
