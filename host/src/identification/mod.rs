@@ -183,9 +183,9 @@ pub fn conclude_firmware(
         Factor::Ten(f) => {
             Ok(conclude(sigma_given, input, &f, &*absorb::<10>(input, sigma)?, |f| Factor::Ten(Box::new(f))))
         }
-        Factor::Sixteen(f) => {
-            Ok(conclude(sigma_given, input, &f, &*absorb::<16>(input, sigma)?, |f| Factor::Sixteen(Box::new(f))))
-        }
+        Factor::Sixteen(f) => Ok(conclude(sigma_given, input, &f, &*absorb::<16>(input, sigma)?, |f| {
+            Factor::Sixteen(Box::new(f))
+        })),
     }
 }
 
@@ -309,7 +309,8 @@ fn progression_of<const N: usize>(input: &Input, sigma: [f64; 6], points: usize)
     let every = (input.readings.len() / usize::from(config.row_every) / points.max(1)).max(1);
     let mut progression = Vec::new();
     for reading in &input.readings {
-        if estimator.absorb(reading) == Outcome::Absorbed && (estimator.counters().blocks as usize).is_multiple_of(every)
+        if estimator.absorb(reading) == Outcome::Absorbed
+            && (estimator.counters().blocks as usize).is_multiple_of(every)
         {
             let estimate = Estimate::new(&estimator.factor(), 1.0, Noise::Given);
             progression.push(Progression {
