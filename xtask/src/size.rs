@@ -47,6 +47,10 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     let (main, handlers) = depths(&program)?;
     let worst =
         u64::from(main.bytes) + handlers.iter().map(|h| u64::from(h.bytes + EXCEPTION_FRAME)).sum::<u64>();
+    let room = stack_room(&program)?;
+    if worst > room {
+        bail!("the worst stack is {worst} bytes, and there is room for {room}");
+    }
     let sizes =
         Sizes { flash_bytes: program.memory.flash, ram_bytes: program.memory.ram, worst_stack_bytes: worst };
     if options.json {
@@ -93,6 +97,14 @@ fn compare(sizes: Sizes, overwrite: bool) -> Result<()> {
         return Ok(());
     }
     bail!("{}; if that is meant, `cargo xtask size --overwrite`", off.join(", "))
+}
+
+/// Bytes between the static variables and the top of the stack.
+fn stack_room(program: &Program) -> Result<u64> {
+    let address = |symbol: &str| {
+        program.symbols.get(symbol).copied().with_context(|| format!("there is no symbol {symbol}"))
+    };
+    Ok(u64::from(address("_stack_start")?.saturating_sub(address("_stack_end")?)))
 }
 
 /// The main program's depth and every exception handler's.

@@ -25,6 +25,10 @@ const BINARY: &str = "bench";
 /// marks themselves cost a few.
 const AGREEMENT: f64 = 0.005;
 
+/// The clock and the rate for which a share of the processor is stated.
+const CLOCK_HZ: f64 = 168e6;
+const RATE_HZ: f64 = 1000.0;
+
 /// How to print.
 #[derive(clap::Args, Clone, Default)]
 pub struct Options {
@@ -137,6 +141,14 @@ fn print_tables(reported: &[Reported], costs: &[Cost], entries: &[Entry]) {
             e.estimated_cycles_m4,
             e.path_instructions_per_sample,
             e.path_estimated_cycles_m4
+        );
+    }
+    for e in entries {
+        let share = e.path_estimated_cycles_m4 * RATE_HZ / CLOCK_HZ;
+        println!(
+            "\nN = {}: {:.1} % of a processor at 168 MHz, for 1000 samples a second",
+            e.n,
+            100.0 * share
         );
     }
     println!("\nInstructions per sample, by kind:\n");
