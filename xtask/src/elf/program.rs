@@ -86,7 +86,7 @@ impl Program {
             let (Ok(name), address) = (symbol.name(), symbol.address() as u32) else { continue };
             if name.starts_with("$t") || name.starts_with("$d") {
                 marks.insert(address, name.starts_with("$d"));
-            } else if symbol.is_definition() && !name.is_empty() {
+            } else if !symbol.is_undefined() && !name.is_empty() {
                 symbols.insert(name.to_owned(), address);
                 let start = address & !1;
                 if symbol.kind() == SymbolKind::Text && code.iter().any(|range| range.contains(&start)) {
