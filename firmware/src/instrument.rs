@@ -10,6 +10,8 @@ use crate::drivers::imu::{Imu, ImuError};
 
 /// Gain of the converter: ±18.75 mV for bridges of a few mV/V.
 const GAIN: u8 = 64;
+/// The converter's channels that are gauges.
+const GAUGES: u8 = 0b11_1111;
 
 /// A sensor has a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,22 +66,36 @@ impl<ADC: SpiDevice, IMU: SpiDevice, D: DelayNs> Instrument<ADC, IMU, D> {
         })
     }
 
-    /// Reads the sample that a sensor has signalled, and everything that follows from it.
+    /// Reads the sample that a sensor has signalled, and does everything that follows from it. While no samples
+    /// are wanted the sensors, which may not be set up, are left alone.
     pub fn on_event(&mut self, event: Event) {
+        if !self.app.listens() {
+            return self.app.tick(event.capture_time_ns);
+        }
         match event.sensor {
             Sensor::LoadCell => match self.adc.read_frame() {
+                Ok(frame) if frame.saturated & GAUGES != 0 => {
+                    self.app.on_clipped(event.capture_time_ns, frame.saturated & GAUGES);
+                }
                 Ok(frame) => self.app.on_gauges(event.capture_time_ns, frame.gauges_v(GAIN)),
                 Err(error) => self.app.on_sensor_error(Sensor::LoadCell, adc_fault(&error)),
             },
-            Sensor::Imu => match self.imu.read() {
-                Ok(Some(sample)) => self.app.on_imu(
-                    event.capture_time_ns,
-                    sample.specific_force_mps2,
-                    sample.angular_rate_radps,
-                ),
-                Ok(None) => {}
-                Err(error) => self.app.on_sensor_error(Sensor::Imu, imu_fault(&error)),
-            },
+            Sensor::Imu => {
+                let skipped = self.imu.skipped();
+                match self.imu.read() {
+                    Ok(Some(sample)) => self.app.on_imu(
+                        event.capture_time_ns,
+                        sample.specific_force_mps2,
+                        sample.angular_rate_radps,
+                    ),
+                    Ok(None) => {}
+                    Err(error) => self.app.on_sensor_error(Sensor::Imu, imu_fault(&error)),
+                }
+                let late = self.imu.skipped().wrapping_sub(skipped);
+                if late > 0 {
+                    self.app.on_late_imu(late as u16);
+                }
+            }
         }
         self.app.work();
     }

@@ -13,6 +13,7 @@ mod app;
 pub mod drivers;
 mod instrument;
 mod link;
+mod log;
 #[cfg(any(feature = "plant-double", feature = "plant-panic"))]
 mod planted;
 pub mod sample_path;
@@ -20,6 +21,3 @@ mod settings;
 
 pub use app::{App, BringUpError, FIRMWARE_HASH, Sensor, SensorRates};
 pub use instrument::{Event, Instrument};
-
-#[cfg(test)]
-mod tests;

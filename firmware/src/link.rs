@@ -3,7 +3,7 @@
 use crc::{CRC_32_ISO_HDLC, Crc};
 use heapless::{Deque, Vec};
 use rigident_shared::wire::frame::MAX_FRAME;
-use rigident_shared::wire::{Answer, Kind, Telemetry, encode};
+use rigident_shared::wire::{Answer, ErrorCode, Kind, Telemetry, encode};
 
 /// Room for answers: two of the longest.
 const ANSWERS: usize = 2 * MAX_FRAME;
@@ -30,6 +30,34 @@ struct Remembered {
     frame: Vec<u8, MAX_FRAME>,
 }
 
+/// What the memory says of a command.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Recall {
+    /// To be obeyed.
+    New,
+    /// It was the last one; its answer is on its way again.
+    AnsweredAgain,
+    /// It is older than the last one.
+    Stale,
+}
+
+/// What a command's payload is remembered by.
+pub(crate) fn check(payload: &[u8]) -> u32 {
+    CRC32.checksum(payload)
+}
+
+/// Queues a whole frame or nothing.
+fn push<const N: usize>(queue: &mut Deque<u8, N>, frame: &[u8]) -> bool {
+    let room = queue.capacity() - queue.len() >= frame.len();
+    if room {
+        for byte in frame {
+            // There is room for all of them.
+            let _ = queue.push_back(*byte);
+        }
+    }
+    room
+}
+
 impl Link {
     pub(crate) const fn new() -> Self {
         Self {
@@ -42,31 +70,37 @@ impl Link {
         }
     }
 
-    /// Sends the remembered answer once more if this very command was the last one answered.
-    pub(crate) fn answer_again(&mut self, sequence: u16, payload: &[u8]) -> bool {
-        let Some(remembered) = &self.remembered else { return false };
-        if remembered.sequence != sequence || remembered.check != CRC32.checksum(payload) {
-            return false;
+    /// Whether a command is new, the one that was answered last (which is answered again from memory), or
+    /// older than that: a copy that was late on a line that overtakes, and must not act a second time.
+    pub(crate) fn recall(&mut self, sequence: u16, check: u32) -> Recall {
+        let Some(remembered) = &self.remembered else { return Recall::New };
+        // Numbers wrap: the half behind is older.
+        if sequence.wrapping_sub(remembered.sequence).cast_signed() < 0 {
+            return Recall::Stale;
         }
-        if self.answers.capacity() - self.answers.len() >= remembered.frame.len() {
-            for byte in &remembered.frame {
-                let _ = self.answers.push_back(*byte);
-            }
+        if remembered.sequence != sequence || remembered.check != check {
+            return Recall::New;
         }
-        true
+        push(&mut self.answers, &remembered.frame);
+        Recall::AnsweredAgain
     }
 
     /// Queues an answer and remembers it. Without room it is not sent; the host will ask again.
-    pub(crate) fn answer(&mut self, sequence: u16, command: &[u8], answer: &Answer) {
+    pub(crate) fn answer(&mut self, sequence: u16, check: u32, answer: &Answer) {
         let mut bytes = [0; MAX_FRAME];
         let Ok(length) = encode(Kind::Answer, sequence, answer, &mut bytes) else { return };
         let Ok(frame) = Vec::from_slice(bytes.get(..length).unwrap_or_default()) else { return };
-        if self.answers.capacity() - self.answers.len() >= length {
-            for byte in &frame {
-                let _ = self.answers.push_back(*byte);
-            }
+        push(&mut self.answers, &frame);
+        self.remembered = Some(Remembered { sequence, check, frame });
+    }
+
+    /// Queues an error that is no command's answer to remember.
+    pub(crate) fn refuse(&mut self, sequence: u16, error: ErrorCode) {
+        let mut bytes = [0; MAX_FRAME];
+        let answer: Answer = Err(error);
+        if let Ok(length) = encode(Kind::Answer, sequence, &answer, &mut bytes) {
+            push(&mut self.answers, bytes.get(..length).unwrap_or_default());
         }
-        self.remembered = Some(Remembered { sequence, check: CRC32.checksum(command), frame });
     }
 
     /// Forgets the last answer: a new host counts anew.
@@ -80,14 +114,9 @@ impl Link {
         let sequence = self.telemetry_sequence;
         let length = encode(Kind::Telemetry, sequence, message, &mut bytes).unwrap_or(usize::MAX);
         self.telemetry_sequence = sequence.wrapping_add(1);
-        if self.telemetry.capacity() - self.telemetry.len() < length {
-            self.telemetry_dropped = self.telemetry_dropped.saturating_add(1);
-            return false;
-        }
-        for byte in bytes.iter().take(length) {
-            let _ = self.telemetry.push_back(*byte);
-        }
-        true
+        let queued = bytes.get(..length).is_some_and(|frame| push(&mut self.telemetry, frame));
+        self.telemetry_dropped = self.telemetry_dropped.saturating_add(u32::from(!queued));
+        queued
     }
 
     pub(crate) fn telemetry_dropped(&self) -> u32 {

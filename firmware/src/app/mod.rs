@@ -1,0 +1,259 @@
+//! The application: its states, its commands, its telemetry. No I/O and no clock of its own.
+//!
+//! ```text
+//!          Configure            Start             Hold, HostQuiet, StopRule
+//!   Idle ────────────▶ Configured ────▶ Running ────────────▶ Holding
+//!    ▲                     ▲               ▲                    │ │
+//!    │ Reset (any state)   └── Configure ──┼────────────────────┘ │
+//!    │                                     └──────── Start ───────┘
+//!   Fault ◀── a sensor that does not answer as it should (any state but Idle)
+//! ```
+//!
+//! Lives here: the object itself, its clock and its states. Next: what it does when told (`commands`), with
+//! samples (`samples`), and what it tells of itself (`reports`).
+
+mod commands;
+mod reports;
+mod samples;
+
+use heapless::Vec;
+use rigident_shared::wire::{
+    Decoder, ReadingMessage, Reason, STREAM_BATCH, SensorFault, SettingName, Settings, Source, StateName,
+    Telemetry,
+};
+
+use crate::answer::FactorSnapshot;
+use crate::link::Link;
+use crate::log;
+use crate::sample_path::SamplePath;
+
+/// Announced this often until the host says hello, ns.
+const ANNOUNCE_EVERY_NS: u64 = 500_000_000;
+/// Sent this often after that, ns.
+const HEARTBEAT_EVERY_NS: u64 = 1_000_000_000;
+/// A sensor that gives no sample for so long while readings are absorbed is broken, ns: six samples at the
+/// slowest rate there is.
+const SILENT_NS: u64 = 250_000_000;
+
+/// CRC-32 of the sources of `firmware` and `shared`.
+pub const FIRMWARE_HASH: u32 = match u32::from_str_radix(env!("RIGIDENT_FIRMWARE_HASH"), 16) {
+    Ok(hash) => hash,
+    Err(_) => 0,
+};
+
+/// Rates at which the sensors are to be brought up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SensorRates {
+    /// Of the load cell's converter, 1/s.
+    pub load_cell_hz: f32,
+    /// Of the IMU, 1/s.
+    pub imu_hz: f32,
+}
+
+/// Why sensors did not come up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BringUpError {
+    /// The rate asked for is not one the sensor has; nothing was changed.
+    Setting(SettingName),
+    /// The sensor is broken.
+    Fault(Reason),
+}
+
+/// Which sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sensor {
+    /// The load cell's converter.
+    LoadCell,
+    /// The IMU.
+    Imu,
+}
+
+impl Sensor {
+    fn reason(self, fault: SensorFault) -> Reason {
+        match self {
+            Self::LoadCell => Reason::LoadCell(fault),
+            Self::Imu => Reason::Imu(fault),
+        }
+    }
+}
+
+/// A command waiting for the sensors to come up.
+struct PendingConfigure {
+    sequence: u16,
+    /// Of the command's payload.
+    check: u32,
+    settings: Settings,
+}
+
+/// What is known of a sensor's well-being.
+#[derive(Clone, Copy, Default)]
+struct Pulse {
+    /// Samples in a row that could not be had.
+    bad_in_a_row: u16,
+    /// Time of the last one that could, ns.
+    last_ns: u64,
+}
+
+/// Numbers that are counted here; the rest of the counters is the sample path's.
+#[derive(Clone, Copy, Default)]
+struct SensorErrors {
+    load_cell_crc: u32,
+    load_cell_other: u32,
+    load_cell_clipped: u32,
+    clipped_gauges: u8,
+    imu: u32,
+    /// Unaligned samples before the run.
+    unaligned_before: u32,
+}
+
+/// What belongs to one run and is forgotten with it.
+#[derive(Default)]
+struct Run {
+    batch: Vec<ReadingMessage, STREAM_BATCH>,
+    batch_first: u32,
+    injected_next: u32,
+    blocks_since_estimate: u16,
+    estimate_due: bool,
+    snapshot: Option<FactorSnapshot>,
+}
+
+/// The application.
+pub struct App {
+    board: [u8; 16],
+    state: StateName,
+    reason: Reason,
+    settings: Option<Settings>,
+    path: Option<SamplePath>,
+    link: Link,
+    decoder: Decoder,
+    pending: Option<PendingConfigure>,
+    greeted: bool,
+    state_unsent: bool,
+    now_ns: u64,
+    last_heard_ns: u64,
+    last_announced_ns: Option<u64>,
+    last_heartbeat_ns: u64,
+    run: Run,
+    last_reading: ReadingMessage,
+    load_cell: Pulse,
+    imu: Pulse,
+    errors: SensorErrors,
+    bad_frames: u32,
+}
+
+impl App {
+    /// An idle application on the named board (ASCII, at most sixteen bytes).
+    #[must_use]
+    pub fn new(board: &str) -> Self {
+        let mut name = [0; 16];
+        for (slot, byte) in name.iter_mut().zip(board.bytes()) {
+            *slot = byte;
+        }
+        Self {
+            board: name,
+            state: StateName::Idle,
+            reason: Reason::Boot,
+            settings: None,
+            path: None,
+            link: Link::new(),
+            decoder: Decoder::new(),
+            pending: None,
+            greeted: false,
+            state_unsent: false,
+            now_ns: 0,
+            last_heard_ns: 0,
+            last_announced_ns: None,
+            last_heartbeat_ns: 0,
+            run: Run::default(),
+            last_reading: ReadingMessage::default(),
+            load_cell: Pulse::default(),
+            imu: Pulse::default(),
+            errors: SensorErrors::default(),
+            bad_frames: 0,
+        }
+    }
+
+    /// The state, and why it is that.
+    pub fn state(&self) -> (StateName, Reason) {
+        (self.state, self.reason)
+    }
+
+    /// Whether samples of the device's sensors are wanted. While they are not, the sensors may not even have
+    /// been set up.
+    pub fn listens(&self) -> bool {
+        !matches!(self.state, StateName::Idle | StateName::Fault)
+            && self.settings.as_ref().is_some_and(|settings| settings.source == Source::Sensors)
+    }
+
+    /// Moves the clock and does what time alone asks for. Time never runs backwards.
+    pub fn tick(&mut self, now_ns: u64) {
+        self.advance(now_ns);
+        if !self.greeted {
+            let due = self
+                .last_announced_ns
+                .is_none_or(|last| self.now_ns.saturating_sub(last) >= ANNOUNCE_EVERY_NS);
+            if due {
+                self.last_announced_ns = Some(self.now_ns);
+                let identity = self.identity();
+                self.link.telemetry(&Telemetry::Announce(identity));
+            }
+        } else if self.now_ns.saturating_sub(self.last_heartbeat_ns) >= HEARTBEAT_EVERY_NS {
+            self.last_heartbeat_ns = self.now_ns;
+            self.link.telemetry(&Telemetry::Heartbeat { time_ns: self.now_ns });
+        }
+        self.work();
+    }
+
+    fn advance(&mut self, now_ns: u64) {
+        self.now_ns = self.now_ns.max(now_ns);
+        if self.state != StateName::Running {
+            return;
+        }
+        if self.listens() {
+            for (sensor, pulse) in [(Sensor::LoadCell, self.load_cell), (Sensor::Imu, self.imu)] {
+                if self.now_ns.saturating_sub(pulse.last_ns) > SILENT_NS {
+                    return self.fail(sensor.reason(SensorFault::Silent));
+                }
+            }
+        }
+        let timeout_ms = self.settings.as_ref().map_or(0, |s| s.host_timeout_ms);
+        let quiet_ns = self.now_ns.saturating_sub(self.last_heard_ns);
+        if timeout_ms > 0 && quiet_ns > u64::from(timeout_ms) * 1_000_000 {
+            self.hold(Reason::HostQuiet);
+        }
+    }
+
+    fn hold(&mut self, reason: Reason) {
+        self.absorb(false);
+        self.flush_readings();
+        self.enter(StateName::Holding, reason);
+    }
+
+    fn fail(&mut self, reason: Reason) {
+        self.absorb(false);
+        self.flush_readings();
+        self.enter(StateName::Fault, reason);
+    }
+
+    fn enter(&mut self, state: StateName, reason: Reason) {
+        (self.state, self.reason) = (state, reason);
+        log::state(state, reason);
+        self.state_unsent = !self.link.telemetry(&Telemetry::State { state, reason });
+    }
+
+    fn absorb(&mut self, absorbing: bool) {
+        if let Some(path) = &mut self.path {
+            path.absorb_from_now_on(absorbing);
+        }
+    }
+
+    /// Bytes waiting to be sent.
+    pub fn tx_pending(&self) -> usize {
+        self.link.pending()
+    }
+
+    /// Takes bytes to send; how many. Answers come before telemetry.
+    pub fn poll_tx(&mut self, out: &mut [u8]) -> usize {
+        self.link.take(out)
+    }
+}

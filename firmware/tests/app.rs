@@ -1,0 +1,384 @@
+//! The application as the host sees it: states, commands, telemetry, and what bad input does to it.
+
+use rigident_firmware::{App, BringUpError, Sensor};
+use rigident_shared::factor::InformationFactor;
+use rigident_shared::wire::frame::MAX_FRAME;
+use rigident_shared::wire::{
+    Answer, Command, Decoder, ErrorCode, ImuSettings, InjectBatch, Kind, LoadCellSettings, ReadingMessage,
+    Reason, Reply, SensorFault, SettingName, Settings, Source, StateName, StopRule, Telemetry,
+    TelemetrySettings, encode,
+};
+
+fn settings(source: Source) -> Settings {
+    Settings {
+        rate_hz: 200.0,
+        source,
+        imu: ImuSettings {
+            rate_hz: 200.0,
+            rotation_wxyz: [1.0, 0.0, 0.0, 0.0],
+            position_m: [0.0; 3],
+            accel_scale: [1.0; 3],
+            accel_bias_mps2: [0.0; 3],
+            gyro_bias_radps: [0.0; 3],
+            group_delay_ns: 0,
+            range_mps2: 160.0,
+            range_radps: 35.0,
+        },
+        load_cell: LoadCellSettings {
+            calibration: std::array::from_fn(|i| std::array::from_fn(|j| f32::from(u8::from(i == j)))),
+            noise_n_nm: [1.0; 6],
+            known_offset_n_nm: None,
+            group_delay_ns: 0,
+            range_n_nm: [1e4; 6],
+        },
+        filter_width_s: 0.1,
+        row_every: 2,
+        stop: None,
+        telemetry: TelemetrySettings { estimate_every_blocks: 25, stream_readings: false },
+        frozen_after: 50,
+        host_timeout_ms: 0,
+    }
+}
+
+/// A 2 kg point mass at (0, 0, 0.1) m whose frame turns and sways.
+fn reading(n: u32) -> ReadingMessage {
+    let t = f64::from(n) / 200.0;
+    let w: [f64; 3] = [(1.9 * t).sin(), 0.8 * (2.7 * t).cos(), 0.7 * (3.3 * t).sin()];
+    let wd: [f64; 3] = [1.9 * (1.9 * t).cos(), -0.8 * 2.7 * (2.7 * t).sin(), 0.7 * 3.3 * (3.3 * t).cos()];
+    let a = [3.0 * (1.1 * t).sin(), 2.0 * (0.7 * t).cos(), 9.0 + (1.3 * t).sin()];
+    let cross = |u: [f64; 3], v: [f64; 3]| {
+        [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
+    };
+    let c = [0.0, 0.0, 0.1];
+    let (x, y) = (cross(wd, c), cross(w, cross(w, c)));
+    let f: [f64; 3] = std::array::from_fn(|k| 2.0 * (a[k] + x[k] + y[k]));
+    let m = cross(c, f);
+    ReadingMessage {
+        time_ns: u64::from(n) * 5_000_000,
+        wrench: std::array::from_fn(|k| if k < 3 { f[k] as f32 } else { m[k - 3] as f32 }),
+        specific_force: a.map(|v| v as f32),
+        angular_rate: w.map(|v| v as f32),
+    }
+}
+
+/// A host with its own decoder at the other end of the line.
+struct Host {
+    app: App,
+    decoder: Decoder,
+    sequence: u16,
+    telemetry: Vec<Telemetry>,
+}
+
+impl Host {
+    fn new() -> Self {
+        Self { app: App::new("test"), decoder: Decoder::new(), sequence: 0, telemetry: Vec::new() }
+    }
+
+    fn send(&mut self, sequence: u16, command: &Command, now_ns: u64) {
+        let mut frame = [0; MAX_FRAME];
+        let length = encode(Kind::Command, sequence, command, &mut frame).unwrap();
+        for byte in &frame[..length] {
+            if self.app.on_byte(*byte, now_ns).is_some() {
+                self.app.sensors_up(Ok(()));
+            }
+        }
+    }
+
+    /// Everything that has been sent; telemetry is kept aside. Every frame must be whole.
+    fn drain(&mut self) -> Vec<(u16, Answer)> {
+        let mut answers = Vec::new();
+        let mut bytes = [0; 512];
+        loop {
+            let count = self.app.poll_tx(&mut bytes);
+            if count == 0 {
+                return answers;
+            }
+            for byte in &bytes[..count] {
+                if let Some(frame) = self.decoder.push(*byte) {
+                    let frame = frame.expect("the device sends whole frames");
+                    match frame.kind {
+                        Kind::Answer => answers.push((frame.sequence, frame.message().unwrap())),
+                        Kind::Telemetry => self.telemetry.push(frame.message().unwrap()),
+                        Kind::Command => panic!("the device commands"),
+                    }
+                }
+            }
+        }
+    }
+
+    fn ask_at(&mut self, command: &Command, now_ns: u64) -> Answer {
+        self.sequence += 1;
+        self.send(self.sequence, command, now_ns);
+        let answers = self.drain();
+        let [(sequence, answer)] = answers.as_slice() else { panic!("{} answers", answers.len()) };
+        assert_eq!(*sequence, self.sequence);
+        answer.clone()
+    }
+
+    fn ask(&mut self, command: &Command) -> Answer {
+        self.ask_at(command, 0)
+    }
+
+    fn inject(&mut self, from: u32, count: u32) -> Answer {
+        let readings = (from..from + count).map(reading).collect();
+        self.ask(&Command::Inject(InjectBatch { first_index: from, readings }))
+    }
+
+    fn run(&mut self, settings: Settings, readings: u32) {
+        assert_eq!(self.ask(&Command::Configure(settings)), Ok(Reply::Done));
+        assert_eq!(self.ask(&Command::Start), Ok(Reply::Done));
+        for from in (0..readings).step_by(16) {
+            let count = 16.min(readings - from);
+            let Ok(Reply::Injected { next_index }) = self.inject(from, count) else { panic!("not injected") };
+            if next_index != from + count {
+                return;
+            }
+        }
+    }
+
+    fn factor(&mut self) -> InformationFactor<f32, 16> {
+        let mut entries = Vec::new();
+        loop {
+            let offset = entries.len() as u16;
+            let Ok(Reply::Factor(chunk)) = self.ask(&Command::ReadFactor { offset }) else {
+                panic!("no factor")
+            };
+            entries.extend(chunk.entries.iter().copied());
+            if entries.len() == usize::from(chunk.total) {
+                return InformationFactor::from_entries(entries, chunk.rows).unwrap();
+            }
+        }
+    }
+}
+
+#[test]
+fn commands_move_the_states_and_are_refused_elsewhere() {
+    let mut host = Host::new();
+    let wrong = |state| Err(ErrorCode::WrongState(state));
+    assert_eq!(host.ask(&Command::Start), wrong(StateName::Idle));
+    assert_eq!(host.ask(&Command::Hold), wrong(StateName::Idle));
+    assert_eq!(host.ask(&Command::ReadSettings), wrong(StateName::Idle));
+    assert_eq!(host.ask(&Command::ReadEstimate), Err(ErrorCode::NoEstimate));
+    assert!(matches!(host.ask(&Command::Hello), Ok(Reply::Hello(_))));
+    let s = settings(Source::Sensors);
+    assert_eq!(host.ask(&Command::Configure(s.clone())), Ok(Reply::Done));
+    assert_eq!(host.ask(&Command::ReadSettings), Ok(Reply::Settings(s.clone())));
+    assert_eq!(host.ask(&Command::Start), Ok(Reply::Done));
+    assert_eq!(host.ask(&Command::Configure(s)), wrong(StateName::Running));
+    assert_eq!(host.ask(&Command::Hold), Ok(Reply::Done));
+    assert_eq!(host.ask(&Command::Start), Ok(Reply::Done));
+    assert_eq!(host.ask(&Command::Reset), Ok(Reply::Done));
+    assert_eq!(host.app.state(), (StateName::Idle, Reason::Command));
+}
+
+#[test]
+fn a_recording_gives_its_body_and_the_factor_crosses_the_wire_whole() {
+    let mut host = Host::new();
+    host.run(settings(Source::Injected), 6000);
+    let Ok(Reply::Estimate(report)) = host.ask(&Command::ReadEstimate) else { panic!("no estimate") };
+    let solution = host.factor().solve();
+    assert_eq!(report.estimate.as_slice(), solution.estimate.as_slice());
+    // 2 kg at 0.1 m: a point has 0.02 kg m² about the two other axes.
+    let truth = [2.0, 0.0, 0.0, 0.2, 0.02, 0.02, 0.0, 0.0, 0.0, 0.0];
+    for (value, truth) in solution.estimate.iter().zip(truth) {
+        assert!((value - truth).abs() < 2e-4, "{value} {truth}");
+    }
+    assert!(host.telemetry.iter().filter(|t| matches!(t, Telemetry::Estimate(_))).count() > 100);
+}
+
+#[test]
+fn a_repeated_command_is_answered_from_memory_and_acts_once() {
+    let mut host = Host::new();
+    host.run(settings(Source::Injected), 0);
+    let batch = Command::Inject(InjectBatch { first_index: 0, readings: (0..16).map(reading).collect() });
+    host.send(500, &batch, 0);
+    let first = host.drain();
+    host.send(500, &batch, 0);
+    assert_eq!(host.drain(), first);
+    assert_eq!(first, [(500, Ok(Reply::Injected { next_index: 16 }))]);
+    // As a command of its own it comes too early for 16 and too late for 0.
+    host.send(501, &batch, 0);
+    assert_eq!(host.drain(), [(501, Err(ErrorCode::OutOfOrder { expected: 16 }))]);
+    // A late copy of an older one does nothing.
+    host.send(499, &Command::Reset, 0);
+    assert_eq!(host.drain(), [(499, Err(ErrorCode::Stale))]);
+    assert_eq!(host.app.state().0, StateName::Running);
+}
+
+#[test]
+fn a_quiet_host_ends_in_holding_and_is_told() {
+    let mut host = Host::new();
+    let s = Settings { host_timeout_ms: 2000, ..settings(Source::Injected) };
+    host.run(s, 0);
+    host.app.tick(1_900_000_000);
+    assert_eq!(host.app.state().0, StateName::Running);
+    host.ask_at(&Command::Heartbeat, 1_900_000_000).unwrap();
+    host.app.tick(3_800_000_000);
+    assert_eq!(host.app.state().0, StateName::Running);
+    host.app.tick(4_000_000_000);
+    assert_eq!(host.app.state(), (StateName::Holding, Reason::HostQuiet));
+    host.drain();
+    let told = Telemetry::State { state: StateName::Holding, reason: Reason::HostQuiet };
+    assert!(host.telemetry.contains(&told));
+}
+
+#[test]
+fn impossible_settings_are_named_and_change_nothing() {
+    let mut host = Host::new();
+    let good = settings(Source::Injected);
+    assert_eq!(host.ask(&Command::Configure(good.clone())), Ok(Reply::Done));
+    type Spoil = fn(&mut Settings);
+    let spoilt: [(Spoil, SettingName); 10] = [
+        (|s| s.rate_hz = 0.0, SettingName::Rate),
+        (|s| s.rate_hz = f32::NAN, SettingName::Rate),
+        (|s| s.imu.rotation_wxyz = [0.0; 4], SettingName::ImuRotation),
+        (|s| s.imu.position_m[1] = f32::INFINITY, SettingName::ImuPosition),
+        (|s| s.imu.accel_scale[2] = -1.0, SettingName::AccelScale),
+        (|s| s.load_cell.noise_n_nm[4] = 0.0, SettingName::Noise(4)),
+        (|s| s.load_cell.calibration[3] = [0.0; 6], SettingName::Calibration),
+        (|s| s.load_cell.known_offset_n_nm = Some([f32::NAN; 6]), SettingName::KnownOffset),
+        (|s| s.filter_width_s = 10.0, SettingName::Filter),
+        (|s| s.row_every = 0, SettingName::Filter),
+    ];
+    for (spoil, name) in spoilt {
+        let mut bad = good.clone();
+        spoil(&mut bad);
+        assert_eq!(host.ask(&Command::Configure(bad)), Err(ErrorCode::BadSetting(name)));
+        assert_eq!(host.ask(&Command::ReadSettings), Ok(Reply::Settings(good.clone())));
+    }
+}
+
+#[test]
+fn the_stop_rule_ends_the_run_at_the_same_reading_whatever_the_batches() {
+    let stop = StopRule { asked: 1, u95: [0.02; 16], minimum_blocks: 10 };
+    let s = Settings { stop: Some(stop), ..settings(Source::Injected) };
+    let mut whole = Host::new();
+    whole.run(s.clone(), 6000);
+    assert_eq!(whole.app.state(), (StateName::Holding, Reason::StopRule));
+    let mut single = Host::new();
+    single.run(s, 0);
+    let mut n = 0;
+    while single.app.state().0 == StateName::Running {
+        single.inject(n, 1).unwrap();
+        n += 1;
+    }
+    assert_eq!(whole.factor(), single.factor());
+    assert!(n < 6000);
+}
+
+#[test]
+fn sensors_that_fail_for_good_are_a_fault_and_passing_errors_are_counted() {
+    let mut host = Host::new();
+    host.run(settings(Source::Sensors), 0);
+    for round in 0..3 {
+        for _ in 0..9 {
+            host.app.on_sensor_error(Sensor::LoadCell, SensorFault::Check);
+        }
+        host.app.on_gauges(round + 1, [0.0; 6]);
+    }
+    assert_eq!(host.app.state().0, StateName::Running);
+    let Ok(Reply::Counters(counters)) = host.ask(&Command::ReadCounters) else { panic!("no counters") };
+    assert_eq!(counters.load_cell_crc_errors, 27);
+    for _ in 0..10 {
+        host.app.on_sensor_error(Sensor::Imu, SensorFault::Bus);
+    }
+    assert_eq!(host.app.state(), (StateName::Fault, Reason::Imu(SensorFault::Bus)));
+    // A sensor that does not come up is a fault, and the command says so.
+    let mut app = App::new("test");
+    let mut frame = [0; MAX_FRAME];
+    let command = Command::Configure(settings(Source::Sensors));
+    let length = encode(Kind::Command, 1, &command, &mut frame).unwrap();
+    let wanted = frame[..length].iter().filter_map(|byte| app.on_byte(*byte, 0)).count();
+    assert_eq!(wanted, 1);
+    app.sensors_up(Err(BringUpError::Fault(Reason::LoadCell(SensorFault::WrongId))));
+    assert_eq!(app.state(), (StateName::Fault, Reason::LoadCell(SensorFault::WrongId)));
+}
+
+#[test]
+fn answers_overtake_telemetry_and_what_has_no_room_is_counted() {
+    let mut host = Host::new();
+    let mut s = settings(Source::Sensors);
+    s.telemetry.stream_readings = true;
+    host.run(s, 0);
+    for n in 0..4000_u64 {
+        host.app.on_imu(n * 5_000_000, [0.0, 0.1 * n as f32, 9.8], [0.0, 0.0, 0.001 * n as f32]);
+        host.app.on_gauges(n * 5_000_000, [n as f32; 6]);
+        host.app.work();
+    }
+    // Nothing was fetched: the queue is full. The answer still comes, and soon.
+    host.send(900, &Command::ReadCounters, 0);
+    let mut head = [0; 2 * MAX_FRAME];
+    let count = host.app.poll_tx(&mut head);
+    let mut early = false;
+    for byte in &head[..count] {
+        if let Some(frame) = host.decoder.push(*byte) {
+            early |= frame.unwrap().kind == Kind::Answer;
+        }
+    }
+    assert!(early);
+    host.drain();
+    let Ok(Reply::Counters(counters)) = host.ask(&Command::ReadCounters) else { panic!("no counters") };
+    assert!(counters.telemetry_dropped > 0);
+}
+
+/// Whatever comes over the line, the application answers in whole frames, and a clean run afterwards gives the
+/// clean answer, bit for bit.
+#[test]
+fn garbage_and_wild_commands_never_corrupt_a_later_run() {
+    let mut clean = Host::new();
+    clean.run(settings(Source::Injected), 800);
+    let expected = clean.factor();
+    let mut host = Host::new();
+    let mut state = 3_u64;
+    let mut random = move || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        state
+    };
+    for _ in 0..3000 {
+        match random() % 4 {
+            0 => {
+                for _ in 0..random() % 300 {
+                    let _ = host.app.on_byte(random() as u8, random() % 1_000_000);
+                }
+            }
+            1 => {
+                let mut s = settings(Source::Injected);
+                s.load_cell.noise_n_nm[(random() % 6) as usize] = f32::from_bits(random() as u32);
+                s.imu.rotation_wxyz[0] = f32::from_bits(random() as u32);
+                s.filter_width_s = f32::from_bits(random() as u32);
+                host.send(random() as u16, &Command::Configure(s), 0);
+            }
+            2 => {
+                let mut wild = reading(random() as u32 % 1000);
+                wild.wrench[(random() % 6) as usize] = f32::from_bits(random() as u32);
+                wild.angular_rate[0] = f32::from_bits(random() as u32);
+                let batch = InjectBatch { first_index: 0, readings: [wild].into_iter().collect() };
+                host.send(random() as u16, &Command::Inject(batch), 0);
+            }
+            _ => {
+                let commands = [
+                    Command::Start,
+                    Command::Hold,
+                    Command::Reset,
+                    Command::ReadEstimate,
+                    Command::ReadCounters,
+                    Command::ReadFactor { offset: random() as u16 },
+                    Command::Hello,
+                ];
+                host.send(random() as u16, &commands[(random() % 7) as usize], 0);
+            }
+        }
+        host.drain();
+    }
+    // Ends whatever half frame is left; hello starts the numbers anew.
+    let _ = host.app.on_byte(0, 0);
+    host.drain();
+    host.send(1, &Command::Hello, 0);
+    host.drain();
+    host.sequence = 1;
+    host.ask(&Command::Reset).unwrap();
+    host.run(settings(Source::Injected), 800);
+    assert_eq!(host.factor(), expected);
+}
