@@ -56,6 +56,11 @@ fn the_emulated_processor_gives_the_same_bits_as_this_one() {
     assert_eq!(counters, emulated_counters);
     let stack = qemu.finish(PATIENCE).unwrap().expect("the firmware reports its stack");
     assert!(stack.used > 0 && stack.used < stack.size, "{stack:?}");
+    // What was used is below what `cargo xtask size` says can be used.
+    let golden = concat!(env!("CARGO_MANIFEST_DIR"), "/../xtask/golden/size.json");
+    let sizes: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(golden).unwrap()).unwrap();
+    let bound = sizes["worst_stack_bytes"].as_u64().unwrap();
+    assert!(stack.used as u64 <= bound, "{stack:?}, bound {bound}");
 }
 
 #[test]
