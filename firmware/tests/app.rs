@@ -317,6 +317,7 @@ fn answers_overtake_telemetry_and_what_has_no_room_is_counted() {
     }
     assert!(early);
     host.drain();
+    host.sequence = 900;
     let Ok(Reply::Counters(counters)) = host.ask(&Command::ReadCounters) else { panic!("no counters") };
     assert!(counters.telemetry_dropped > 0);
 }
