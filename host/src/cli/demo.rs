@@ -63,8 +63,8 @@ pub(super) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
     comments.extend(provenance(&file));
     let expected = (program.duration_s() * RATE_HZ) as usize;
     let mut watcher = Watcher::recording(folder.file("demo.mcap"), &file, &comments, expected)?;
-    let take = session.follow(&mut platform, &mut watcher).map_err(Failure::link)?;
-    watcher.finish()?;
+    let mut take = session.follow(&mut platform, &mut watcher).map_err(Failure::link)?;
+    watcher.end(&mut take);
     Experiment {
         started,
         asked: &asked,

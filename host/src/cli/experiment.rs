@@ -13,6 +13,7 @@ use super::{Failure, Folder, Progress};
 use crate::answer::assemble::Asked;
 use crate::formats::mcap::messages::ImuValues;
 use crate::formats::mcap::write::{Head, McapWriter, Row};
+use crate::formats::recording::comment_in_words;
 use crate::formats::rig::RigFile;
 use crate::identification::{self, Progression, prepare};
 use crate::report::{Drift, Measured, Quantity, Stage};
@@ -49,9 +50,17 @@ impl Watcher {
         expected: usize,
     ) -> Result<Self, Failure> {
         let text = rig.to_toml();
-        let head = Head { rig: rig.clone(), rig_text: Some(&text), comments, ..Head::default() };
+        let comments: Vec<_> = comments.iter().map(|(what, said)| comment_in_words(what, said)).collect();
+        let head = Head { rig: rig.clone(), rig_text: Some(&text), comments: &comments, ..Head::default() };
         let writer = McapWriter::create(&path, &head).map_err(Failure::input)?;
         Ok(Self { writer: Some(writer), path, ..Self::new(expected) })
+    }
+
+    /// Ends the recording. One that cannot be ended is a broken experiment, unless it was broken before.
+    pub(super) fn end(&mut self, take: &mut Take) {
+        if let Err(failure) = self.finish() {
+            take.broken.get_or_insert_with(|| failure.to_string());
+        }
     }
 
     /// Ends the recording.

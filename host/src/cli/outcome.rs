@@ -84,9 +84,15 @@ impl Ending<'_> {
         } else {
             say(table::plain(&results).trim_end());
         }
-        folder.write("result.json", text.as_bytes())?;
-        folder.write(&format!("{}.factor", self.recording), &factor.to_bytes())?;
-        let report = folder.write("report.html", page.as_bytes())?;
+        let written = folder
+            .write("result.json", text.as_bytes())
+            .and_then(|_| folder.write(&format!("{}.factor", self.recording), &factor.to_bytes()))
+            .and_then(|_| folder.write("report.html", page.as_bytes()));
+        let report = match (written, &self.broken) {
+            (Ok(report), _) => report,
+            (Err(failure), None) => return Err(failure),
+            (Err(failure), Some(broken)) => return Err(Failure::link(format!("{broken}\n{failure}"))),
+        };
         if !json {
             say(format_args!(
                 "\nFiles in {}; open {} in a browser.",

@@ -61,8 +61,8 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         (program.duration_s() * rate_hz) as usize,
     )?;
     eprintln!("still poses, motion, and the first pose again: {:.0} s", program.duration_s());
-    let take = session.follow(&mut platform, &mut watcher).map_err(Failure::link)?;
-    watcher.finish()?;
+    let mut take = session.follow(&mut platform, &mut watcher).map_err(Failure::link)?;
+    watcher.end(&mut take);
     Experiment {
         started,
         asked: &asked,
