@@ -10,6 +10,3 @@ pub mod exit;
 pub mod ring;
 pub mod stack;
 pub mod uart;
-
-// The global logger.
-use defmt_semihosting as _;

@@ -6,6 +6,8 @@ use core::cell::RefCell;
 
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m_rt::{entry, exception};
+// The global logger: frames on the emulator's standard output.
+use defmt_semihosting as _;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::SpiDevice;
 use mps2_an386::bus::{self, NoWait, Pipes};
