@@ -1,7 +1,7 @@
 //! The rig file: what a recording was taken with.
 //!
 //! Lives here: its tables, one type each, keys as in the file. Reading, checking and complaining about them is in
-//! [`read`]. May not live here: what the numbers are used for.
+//! `read`. May not live here: what the numbers are used for.
 
 mod read;
 #[cfg(test)]

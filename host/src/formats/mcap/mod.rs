@@ -1,6 +1,6 @@
 //! Recordings as MCAP files with ROS 2 messages.
 //!
-//! Lives here: the container ([`container`] reads it, [`write`] writes it), the messages and their encoding
+//! Lives here: the container ([`container`] reads it, [`mod@write`] writes it), the messages and their encoding
 //! ([`messages`], [`cdr`], [`schemas`]), recordings of our own ([`read`]) and bags recorded elsewhere
 //! ([`bag`]). May not live here: what columns and units mean ([`super::csv`], [`super::recording`]).
 //!
