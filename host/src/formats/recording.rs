@@ -287,6 +287,19 @@ pub fn extension(path: &Path) -> String {
     path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase())
 }
 
+/// A comment that says in words what something was: a key in the manner of TOML, a text in quotes.
+pub fn comment_in_words(what: &str, said: &str) -> (String, String) {
+    let mut key = String::new();
+    for letter in what.chars() {
+        if letter.is_ascii_alphanumeric() {
+            key.push(letter.to_ascii_lowercase());
+        } else if !key.is_empty() && !key.ends_with('_') {
+            key.push('_');
+        }
+    }
+    (key.trim_end_matches('_').to_owned(), toml::Value::String(said.to_owned()).to_string())
+}
+
 /// The rig file beside a recording.
 pub fn rig_path(recording: &Path) -> PathBuf {
     recording.with_extension("rig.toml")
@@ -295,4 +308,35 @@ pub fn rig_path(recording: &Path) -> PathBuf {
 /// A file's name without its ending.
 pub(super) fn stem(label: &str) -> String {
     Path::new(label).file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_become_a_key_and_a_value_of_toml() {
+        for (what, said) in
+            [("Load cell, serial number", "A \"7\""), ("Firmware", "0.1.0"), (" IMU ", "line\nbreak")]
+        {
+            let (key, value) = comment_in_words(what, said);
+            assert!(!value.contains('\n'));
+            let table: toml::Table = toml::from_str(&format!("{key} = {value}")).unwrap();
+            assert_eq!(table.values().next().and_then(toml::Value::as_str), Some(said));
+        }
+        assert_eq!(comment_in_words("Load cell, serial number", "").0, "load_cell_serial_number");
+    }
+
+    #[test]
+    fn the_rate_is_that_of_most_steps() {
+        let even: Vec<u64> = (0..100).map(|n| n * 5_000_000).collect();
+        assert_eq!(measured_rate(&even), Some(200.0));
+        let mut with_gap = even.clone();
+        with_gap.extend((0..50).map(|n| 900_000_000_000 + n * 5_000_000));
+        assert_eq!(measured_rate(&with_gap), Some(200.0));
+        assert_eq!((measured_rate(&[]), measured_rate(&[7])), (None, None));
+        // Times whose last digit was rounded: 400.2 is not taken for 400.
+        let odd: Vec<u64> = (0..1000).map(|n| (f64::from(n) / 400.2 * 1e9).round() as u64).collect();
+        assert!((measured_rate(&odd).unwrap() - 400.2).abs() < 1e-4);
+    }
 }

@@ -147,7 +147,8 @@ pub struct ResultObject {
     /// Whether some distribution of mass has these parameters.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub physically_consistent: Option<bool>,
-    /// 2-norm, column-scaled whitened rows, over what the rows determine.
+    /// 2-norm, column-scaled whitened rows, over what the rows determine; absent if that is nothing.
+    #[serde(skip_serializing_if = "is_not_finite")]
     pub condition_number: f64,
     /// Root mean square of the residuals of the filtered rows, N and N m.
     pub residual_rms: [f64; 6],
@@ -162,9 +163,67 @@ pub struct ResultObject {
     pub elapsed_s: f64,
 }
 
+/// JSON has no word for it.
+fn is_not_finite(value: &f64) -> bool {
+    !value.is_finite()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn nothing_identified() -> ResultObject {
+        ResultObject {
+            schema: SCHEMA,
+            status: Status::NotIdentified,
+            source: ResultSource { recording: "still".into(), rows: 7, rate_hz: None, mcu: "host".into() },
+            parameters: vec![Parameter {
+                name: "m".into(),
+                unit: "kg".into(),
+                state: ParameterState::NotIdentified,
+                frame: "S",
+            }],
+            mass_kg: None,
+            com_m: None,
+            com_u95_m: None,
+            inertia_com_kgm2: None,
+            inertia_com_u95_kgm2: None,
+            inertia_origin_kgm2: None,
+            principal: None,
+            body_frame: None,
+            physically_consistent: None,
+            condition_number: f64::INFINITY,
+            residual_rms: [0.0; 6],
+            rejected_rows: 0,
+            advice: Vec::new(),
+            warnings: Vec::new(),
+            elapsed_s: 0.5,
+        }
+    }
+
+    #[test]
+    fn what_is_not_known_is_absent_and_never_null() {
+        let json = serde_json::to_value(nothing_identified()).unwrap();
+        let keys: Vec<&str> = json.as_object().unwrap().keys().map(String::as_str).collect();
+        assert_eq!(
+            keys,
+            [
+                "elapsed_s",
+                "parameters",
+                "rejected_rows",
+                "residual_rms",
+                "schema",
+                "source",
+                "status",
+                "warnings"
+            ]
+        );
+        assert_eq!(
+            (json["schema"].as_str(), json["status"].as_str()),
+            (Some(SCHEMA), Some("not_identified"))
+        );
+        assert!(!json.to_string().contains("null"));
+    }
 
     #[test]
     fn a_parameter_that_is_not_identified_has_no_number() {

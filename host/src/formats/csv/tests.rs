@@ -56,6 +56,15 @@ fn order_of_columns_and_quoted_texts_are_kept() {
 }
 
 #[test]
+fn a_first_column_that_looks_like_a_comment_stays_a_column() {
+    let text = "\"#\",imu_gx_radps,imu_gy_radps,imu_gz_radps,t_s\n#1,1.0,2.0,3.0,0.0\n#2,1.0,2.0,3.0,0.5\n";
+    let recording = read(text, "").unwrap();
+    assert_eq!(recording.extra, [("#".to_owned(), vec!["#1".to_owned(), "#2".to_owned()])]);
+    assert_eq!(recording.to_csv(), text);
+    assert_eq!(read(&recording.to_csv(), "").unwrap(), recording);
+}
+
+#[test]
 fn a_mark_of_byte_order_and_other_line_ends_do_not_matter() {
     let plain = read(&text(5), "").unwrap();
     let dos = format!("\u{feff}{}", text(5).replace('\n', "\r\n"));
@@ -160,6 +169,8 @@ fn bad_input_is_named_with_its_place() {
         (good.replace("fx_n", "fx_lbf"), "", &["column fx_lbf", "unknown unit: it must be fx_n", "scale"]),
         (HEADER.replace("lamp", "gx_g") + one, "", &["gx_g", "unknown unit", "gx_mps2"]),
         (HEADER.replace("lamp", "imu1_ax_g") + one, "", &["imu1_ax_mps2"]),
+        // An angular rate is not taken for gravity.
+        (HEADER.replace("lamp", "gx_radps") + one, "", &["column gx_radps", "it must be imu_gx_radps"]),
         (good.replace("t_s", "t_ms"), "", &["t_ms", "it must be t_s"]),
         (good.replace("t_s", "Time"), "", &["column t_s is missing", "is it \"Time\"?"]),
         (good.replace("t_s", "lamp2"), "", &["column t_s is missing", "static = true"]),
