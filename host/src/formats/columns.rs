@@ -108,7 +108,7 @@ fn numbered<'a>(name: &'a str, prefix: &str) -> Option<(Option<usize>, &'a str)>
 }
 
 /// The known column that a name means in another unit: `fx_n` for `fx_lbf`. A name that begins with the right
-/// unit (`fx_n_filtered`) is a column of its own.
+/// unit (`fx_n_filtered`) is a column of its own. Gravity and the gyro share letters: `gx_radps` is the gyro's.
 pub fn other_unit(name: &str) -> Option<String> {
     let (prefix, rest) = if let Some((j, rest)) = numbered(name, "imu") {
         (j.map_or_else(|| "imu_".to_owned(), |j| format!("imu{j}_")), rest)
@@ -126,7 +126,9 @@ pub fn other_unit(name: &str) -> Option<String> {
         let (quantity, unit) = known.split_once('_')?;
         let suffix = rest.strip_prefix(quantity)?.strip_prefix('_')?;
         let own = suffix == unit || suffix.strip_prefix(unit).is_some_and(|more| more.starts_with('_'));
-        (!own && !suffix.is_empty()).then(|| format!("{prefix}{known}"))
+        let gyro = prefix.is_empty() && GYRO.contains(&name);
+        let meant = || if gyro { format!("imu_{name}") } else { format!("{prefix}{known}") };
+        (!own && !suffix.is_empty()).then(meant)
     })
 }
 

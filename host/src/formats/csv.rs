@@ -80,8 +80,12 @@ impl Recording {
         let extra: HashMap<&str, &Vec<String>> =
             self.extra.iter().map(|(name, cells)| (name.as_str(), cells)).collect();
         let names = self.column_names();
-        let mut writer = csv::Writer::from_writer(to);
-        writer.write_record(&names)?;
+        // A first name that begins as a comment does is quoted, or the header would be read as one.
+        let mark = names.first().and_then(|name| name.starts_with('#').then_some(b'#'));
+        let mut header = csv::WriterBuilder::new().comment(mark).from_writer(to);
+        header.write_record(&names)?;
+        let mut writer =
+            csv::Writer::from_writer(header.into_inner().map_err(csv::IntoInnerError::into_error)?);
         for row in 0..self.rows() {
             for name in &names {
                 match (extra.get(name.as_str()), Known::parse(name)) {

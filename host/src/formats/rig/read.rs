@@ -22,12 +22,12 @@ pub enum RigFileError {
         reason: String,
     },
     /// Not TOML, an unknown key, a value of the wrong kind.
-    #[error("rig file{}{}: {reason}", named(file), at(line))]
+    #[error("rig file{}{}: {reason}", named(file), at_place(place))]
     Syntax {
         /// The file, if it is one.
         file: Option<String>,
-        /// Line, from 1.
-        line: Option<usize>,
+        /// Line and column, in characters, both from 1.
+        place: Option<(usize, usize)>,
         /// What is wrong.
         reason: String,
     },
@@ -53,6 +53,10 @@ fn named(file: &Option<String>) -> String {
 
 fn at(line: &Option<usize>) -> String {
     line.map_or_else(String::new, |n| format!(", line {n}"))
+}
+
+fn at_place(place: &Option<(usize, usize)>) -> String {
+    place.map_or_else(String::new, |(line, column)| format!(", line {line}, column {column}"))
 }
 
 impl RigFileError {
@@ -105,7 +109,14 @@ fn line_of(text: &str, span: &Range<usize>) -> usize {
     text.bytes().take(span.start).filter(|b| *b == b'\n').count() + 1
 }
 
-/// The parser's words, with the line, and the key that an unknown one was meant to be.
+/// Line and column, in characters, at which a stretch of the text begins.
+fn place_of(text: &str, span: &Range<usize>) -> (usize, usize) {
+    // A stretch that begins inside a character has no column; its line still has.
+    let before = text.get(..span.start).and_then(|before| before.rsplit('\n').next()).unwrap_or_default();
+    (line_of(text, span), before.chars().count() + 1)
+}
+
+/// The parser's words, with the place, and the key that an unknown one was meant to be.
 fn syntax(text: &str, error: &toml::de::Error) -> RigFileError {
     let message = error.message().trim().replace('\n', ", ");
     let reason = match unknown_key(&message) {
@@ -119,7 +130,7 @@ fn syntax(text: &str, error: &toml::de::Error) -> RigFileError {
         }
         None => message,
     };
-    RigFileError::Syntax { file: None, line: error.span().map(|span| line_of(text, &span)), reason }
+    RigFileError::Syntax { file: None, place: error.span().map(|span| place_of(text, &span)), reason }
 }
 
 /// ``unknown field `a`, expected one of `b`, `c` `` → a, [b, c].
