@@ -297,7 +297,8 @@ pub fn comment_in_words(what: &str, said: &str) -> (String, String) {
             key.push('_');
         }
     }
-    (key.trim_end_matches('_').to_owned(), toml::Value::String(said.to_owned()).to_string())
+    // A JSON string is a TOML string too, and always on one line.
+    (key.trim_end_matches('_').to_owned(), serde_json::Value::from(said).to_string())
 }
 
 /// The rig file beside a recording.
