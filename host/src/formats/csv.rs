@@ -59,7 +59,8 @@ impl Recording {
         let mut skipped = 0;
         while let Some(rest) = body.strip_prefix('#') {
             let (line, after) = rest.split_once('\n').unwrap_or((rest, ""));
-            let (key, value) = line.split_once('=').unwrap_or(("", line));
+            let pair = line.split_once('=').filter(|(key, _)| !key.trim().is_empty());
+            let (key, value) = pair.unwrap_or(("", line));
             comments.push((key.trim().to_owned(), value.trim().to_owned()));
             (body, skipped) = (after, skipped + 1);
         }
@@ -75,7 +76,9 @@ impl Recording {
     /// The system refuses to write.
     pub fn write_csv<W: Write>(&self, mut to: W) -> std::io::Result<W> {
         for (key, value) in &self.comments {
-            if key.is_empty() { writeln!(to, "# {value}")? } else { writeln!(to, "# {key} = {value}")? }
+            let comment = if key.is_empty() { value.clone() } else { format!("{key} = {value}") };
+            // A line's end inside would end the comment.
+            writeln!(to, "# {}", comment.replace(['\n', '\r'], " "))?;
         }
         let extra: HashMap<&str, &Vec<String>> =
             self.extra.iter().map(|(name, cells)| (name.as_str(), cells)).collect();
@@ -83,22 +86,23 @@ impl Recording {
         // A first name that begins as a comment does is quoted, or the header would be read as one.
         let mark = names.first().and_then(|name| name.starts_with('#').then_some(b'#'));
         let mut header = csv::WriterBuilder::new().comment(mark).from_writer(to);
-        header.write_record(&names)?;
+        header.write_record(&names).map_err(of_system)?;
         let mut writer =
             csv::Writer::from_writer(header.into_inner().map_err(csv::IntoInnerError::into_error)?);
         for row in 0..self.rows() {
             for name in &names {
-                match (extra.get(name.as_str()), Known::parse(name)) {
-                    (Some(cells), _) => writer.write_field(cells.get(row).map_or("", String::as_str))?,
-                    (None, Some(Known::Time)) => writer.write_field(self.time_text(row))?,
+                let written = match (extra.get(name.as_str()), Known::parse(name)) {
+                    (Some(cells), _) => writer.write_field(cells.get(row).map_or("", String::as_str)),
+                    (None, Some(Known::Time)) => writer.write_field(self.time_text(row)),
                     (None, known) => {
                         let value = known.and_then(|known| self.number(known, row));
                         // As many digits as it takes to read the same number back.
-                        writer.write_field(value.map_or_else(String::new, |v| format!("{v:?}")))?;
+                        writer.write_field(value.map_or_else(String::new, |v| format!("{v:?}")))
                     }
-                }
+                };
+                written.map_err(of_system)?;
             }
-            writer.write_record(None::<&[u8]>)?;
+            writer.write_record(None::<&[u8]>).map_err(of_system)?;
         }
         writer.into_inner().map_err(csv::IntoInnerError::into_error)
     }
@@ -444,6 +448,14 @@ impl Column {
             }
         }
         Ok(())
+    }
+}
+
+/// What the system said, as it said it: a full disk is told from other failures by its kind.
+fn of_system(error: csv::Error) -> std::io::Error {
+    match error.into_kind() {
+        csv::ErrorKind::Io(error) => error,
+        other => std::io::Error::other(format!("{other:?}")),
     }
 }
 

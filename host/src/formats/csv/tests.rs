@@ -120,6 +120,33 @@ fn comments_state_what_the_rig_file_can() {
 }
 
 #[test]
+fn a_comment_stays_on_its_line() {
+    let mut recording = read(&text(3), "").unwrap();
+    recording.comments.push(("note".to_owned(), "one\r\ntwo, three".to_owned()));
+    let again = read(&recording.to_csv(), "").unwrap();
+    assert_eq!((again.comment("note"), again.rows()), (Some("one  two, three"), 3));
+    let words = format!("# = no key\n# = \n{}", text(3));
+    assert_eq!(read(&words, "").unwrap().to_csv(), words.replace("# = \n", "# =\n"));
+}
+
+#[test]
+fn a_full_disk_is_told_from_other_failures() {
+    struct Full;
+    impl Write for Full {
+        fn write(&mut self, _: &[u8]) -> std::io::Result<usize> {
+            Err(std::io::ErrorKind::StorageFull.into())
+        }
+        fn flush(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+    let mut recording = read(&text(3000), "").unwrap();
+    recording.comments.clear();
+    let error = recording.write_csv(Full).err().unwrap();
+    assert_eq!(error.kind(), std::io::ErrorKind::StorageFull);
+}
+
+#[test]
 fn jitter_is_tolerated_and_gaps_are_told() {
     let mut text = String::from("t_s,imu_gx_radps,imu_gy_radps,imu_gz_radps\n");
     // 300 rows per second, stamped in whole milliseconds; a quarter of a second is missing.
