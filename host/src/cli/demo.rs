@@ -2,12 +2,12 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use rigident_shared::wire::Source;
-use rigident_sim::experiment::{SHORTEST_S, thesis_program};
+use rigident_sim::experiment::thesis_program;
 use rigident_sim::rig::{Rig, RigConfig};
 use rigident_sim::sensors::SensorModels;
 
 use super::arguments::{Demo, DemoBody};
-use super::experiment::{Experiment, Watcher, device_notes};
+use super::experiment::{Experiment, Watcher, check_duration, device_notes};
 use super::outcome::provenance;
 use super::{Failure, Folder, simulated};
 use crate::answer::assemble::Asked;
@@ -24,12 +24,7 @@ const QUIET: [f64; 6] = [1e-3, 1e-3, 2e-3, 1e-4, 1e-4, 1e-4];
 pub(super) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
     let started = Instant::now();
     let asked = Asked::parse(&arguments.output.estimate).map_err(Failure::input)?;
-    if !(SHORTEST_S..=3600.0).contains(&arguments.duration_s) {
-        return Err(Failure::input(format!(
-            "--duration-s {}: the five poses and the motion take {SHORTEST_S} s at least, and 3600 s are enough",
-            arguments.duration_s
-        )));
-    }
+    check_duration(arguments.duration_s)?;
     let (config, body_name) = match arguments.body {
         DemoBody::Horizontal => (RigConfig::thesis_horizontal(), "test body with plates, horizontal"),
         DemoBody::Vertical => (RigConfig::thesis_vertical(), "test body with plates, vertical"),

@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use rigident_shared::wire::{EstimateReport, Identity, ReadingMessage};
+use rigident_sim::experiment::SHORTEST_S;
 
 use super::outcome::{Ending, provenance};
 use super::{Failure, Folder, Progress};
@@ -18,6 +19,16 @@ use crate::formats::rig::RigFile;
 use crate::identification::{self, Progression, prepare};
 use crate::report::{Drift, Measured, Quantity, Stage};
 use crate::session::{Observer, Take};
+
+/// Whether poses and motion fit into so long, s.
+pub(super) fn check_duration(duration_s: f64) -> Result<(), Failure> {
+    if (SHORTEST_S..=3600.0).contains(&duration_s) {
+        return Ok(());
+    }
+    Err(Failure::input(format!(
+        "--duration-s {duration_s}: the five poses and the motion take {SHORTEST_S} s at least, and 3600 s are enough"
+    )))
+}
 
 /// Shows progress and writes every reading into the recording.
 pub(super) struct Watcher {

@@ -3,11 +3,11 @@ use std::time::Instant;
 
 use rigident_shared::calibration::Reading;
 use rigident_shared::wire::Source;
-use rigident_sim::experiment::{SHORTEST_S, thesis_program};
+use rigident_sim::experiment::thesis_program;
 use rigident_sim::platform::Geometry;
 
 use super::arguments::Run;
-use super::experiment::{Experiment, Watcher, device_notes};
+use super::experiment::{Experiment, Watcher, check_duration, device_notes};
 use super::link::{HOST_TIMEOUT_MS, open};
 use super::outcome::provenance;
 use super::{Failure, Folder, simulated};
@@ -24,12 +24,7 @@ const WINDOW_S: f64 = 2.0;
 pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let started = Instant::now();
     let asked = Asked::parse(&arguments.output.estimate).map_err(Failure::input)?;
-    if !(SHORTEST_S..=3600.0).contains(&arguments.duration_s) {
-        return Err(Failure::input(format!(
-            "--duration-s {}: the five poses and the motion take {SHORTEST_S} s at least, and 3600 s are enough",
-            arguments.duration_s
-        )));
-    }
+    check_duration(arguments.duration_s)?;
     let mut rig = RigFile::load(&arguments.rig).map_err(Failure::input)?;
     let rate_hz = rig.recording.rate_hz.unwrap_or(1000.0);
     let mut platform = NetworkPlatform::connect(&arguments.platform).map_err(Failure::link)?;
