@@ -9,6 +9,7 @@
 //! with cond(A) and not with its square, and two factors merge by stacking them and reducing again.
 
 mod cascade;
+mod marginal;
 mod solution;
 
 pub use cascade::Cascade;

@@ -179,6 +179,26 @@ fn entries_round_trip_and_damaged_entries_are_refused() {
     }
 }
 
+#[test]
+fn trailing_columns_are_the_marginal_and_a_substitution_is_a_product() {
+    let mut random = Random(31);
+    let blocks: Vec<_> = (0..20).map(|_| block(&mut random, 0.2)).collect();
+    let factor = factor_of(&blocks);
+    let (whole, part) = (factor.solve(), factor.trailing::<4>().solve());
+    for j in 0..4 {
+        assert!((whole.estimate[j + 2] - part.estimate[j]).abs() < 1e-12);
+        assert!((whole.standard_deviation[j + 2] - part.standard_deviation[j]).abs() < 1e-14);
+    }
+    // φ = B ψ with a square B: ψ = B⁻¹ φ, by another program's inverse.
+    let map: [[f64; 6]; 6] = core::array::from_fn(|_| core::array::from_fn(|_| random.normal()));
+    let psi = factor.substitute(&map).solve().estimate;
+    let b = DMatrix::from_fn(6, 6, |i, j| map[i][j]);
+    let expected = b.try_inverse().unwrap() * DVector::from_column_slice(&whole.estimate);
+    for j in 0..6 {
+        assert!((psi[j] - expected[j]).abs() < 1e-9 * expected.amax());
+    }
+}
+
 /// One level drifts, the cascade does not: f32 against f64 on the very same rows after 1e6 blocks, in units
 /// of the standard deviation, within what f32 can hold (20 ε cond ‖φ‖).
 #[test]
