@@ -1,0 +1,38 @@
+use super::InformationFactor;
+use crate::Scalar;
+
+impl<T: Scalar, const N: usize> InformationFactor<T, N> {
+    /// The factor of the last `K` parameters with the others eliminated: what all rows say about those `K` when
+    /// nothing else is known about the rest. Nuisance parameters are therefore absorbed first in order.
+    ///
+    /// The trailing rows of a triangle hold no earlier column, so they are the marginal information themselves.
+    pub fn trailing<const K: usize>(&self) -> InformationFactor<T, K> {
+        const { assert!(K <= N, "no more parameters than there are") }
+        let first = N - K;
+        InformationFactor {
+            r: core::array::from_fn(|i| core::array::from_fn(|j| self.r[first + i][first + j])),
+            z: core::array::from_fn(|i| self.z[first + i]),
+            residual_sum_of_squares: self.residual_sum_of_squares,
+            rows: self.rows,
+        }
+    }
+
+    /// The factor of ψ where `φ = B ψ`: every row `A φ = y` reads `(A B) ψ = y`. `map[i][j]` is B_ij.
+    ///
+    /// Serves a change of order, a tie between parameters, and a body that is the sum of two.
+    pub fn substitute<const M: usize>(&self, map: &[[T; M]; N]) -> InformationFactor<T, M> {
+        let mut factor = InformationFactor::new();
+        for (row, z) in self.r.iter().zip(self.z) {
+            let mut columns: [[T; 1]; M] = [[T::ZERO]; M];
+            for (j, [entry]) in columns.iter_mut().enumerate() {
+                for (r, b) in row.iter().zip(map) {
+                    *entry += *r * b[j];
+                }
+            }
+            factor.absorb::<1>(&mut columns, &mut [z]);
+        }
+        factor.residual_sum_of_squares += self.residual_sum_of_squares;
+        factor.rows = self.rows;
+        factor
+    }
+}
