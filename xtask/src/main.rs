@@ -13,6 +13,7 @@ mod places;
 mod process;
 mod setup;
 mod size;
+mod tables;
 mod toolchain;
 mod verify;
 
@@ -47,6 +48,8 @@ enum Verb {
     CheckElf(check_elf::Options),
     /// Fuzz the decoders.
     Fuzz(fuzz::Options),
+    /// Make the tables of docs/estimation.md anew.
+    Tables(tables::Options),
 }
 
 fn main() -> ExitCode {
@@ -69,5 +72,6 @@ fn run(verb: &Verb, core: Option<Core>) -> anyhow::Result<()> {
         Verb::BenchTarget(options) => bench_target::run(options, core),
         Verb::CheckElf(options) => check_elf::run(options, core),
         Verb::Fuzz(options) => fuzz::run(options),
+        Verb::Tables(options) => tables::run(options),
     }
 }

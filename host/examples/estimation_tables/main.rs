@@ -1,0 +1,94 @@
+//! The tables of `docs/estimation.md`, made anew: `cargo xtask tables`, or
+//! `cargo run -p rigident --example estimation_tables -- [NAME...] [--long] [--write] [--check]`.
+//!
+//! Lives here: one file per study, each a function that gives Markdown and draws everything from fixed seeds;
+//! [`problem`] and [`reference`] are what they share. May not live here: anything that ships. The covariance
+//! forms in [`covariance_forms`] exist only to show how they fail.
+
+mod covariance_forms;
+mod document;
+mod problem;
+mod reference;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+use clap::Parser;
+
+#[derive(Parser)]
+#[command(about = "Makes the tables of docs/estimation.md")]
+struct Arguments {
+    /// Only these tables; all that do not take long, if none is named.
+    names: Vec<String>,
+    /// The ones that take minutes, too.
+    #[arg(long)]
+    long: bool,
+    /// Put them into docs/estimation.md; tables that were not made stay as they are.
+    #[arg(long)]
+    write: bool,
+    /// Make nothing; only see whether the document's tables are those that this command makes.
+    #[arg(long)]
+    check: bool,
+}
+
+fn main() -> ExitCode {
+    match run(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("error: {message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn document_path() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/estimation.md")
+}
+
+fn make(name: &str) -> String {
+    match name {
+        "covariance-forms" => covariance_forms::table(),
+        other => unreachable!("no maker for {other}"),
+    }
+}
+
+fn run(arguments: &Arguments) -> Result<(), String> {
+    let path = document_path();
+    let read = || std::fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()));
+    if arguments.check {
+        return document::complaint(&read()?).map_or(Ok(()), Err);
+    }
+    let known = document::TABLES;
+    if let Some(stranger) = arguments.names.iter().find(|n| !known.contains(&n.as_str())) {
+        return Err(format!("there is no table {stranger}; there are {}", known.join(", ")));
+    }
+    let wanted = known.into_iter().filter(|name| {
+        let by_default = arguments.names.is_empty() && (arguments.long || !name.ends_with("-long"));
+        by_default || arguments.names.iter().any(|n| n == name)
+    });
+    for name in wanted {
+        let begun = Instant::now();
+        let table = make(name);
+        eprintln!("{}: {:.1} s", name, begun.elapsed().as_secs_f64());
+        println!("<!-- table: {} -->\n{}\n", name, table.trim());
+        if arguments.write {
+            let text = document::replaced(&read()?, name, &table)
+                .ok_or_else(|| format!("{} has no place for {}", path.display(), name))?;
+            std::fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))?;
+        }
+    }
+    Ok(())
+}
+
+/// Two significant digits, as one would write them.
+fn short(value: f64) -> String {
+    if !value.is_finite() {
+        return "not finite".to_owned();
+    }
+    if value == 0.0 || (1e-3..999.5).contains(&value.abs()) {
+        let digits = if value == 0.0 { 0.0 } else { 1.0 - value.abs().log10().floor() };
+        return format!("{value:.*}", digits.max(0.0) as usize);
+    }
+    format!("{value:.1e}").replace(".0e", "e")
+}
