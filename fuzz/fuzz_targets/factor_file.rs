@@ -3,6 +3,7 @@
 
 use libfuzzer_sys::fuzz_target;
 use rigident::formats::factor::FactorFile;
+use rigident::identification::pooled::PooledFactor;
 
 fuzz_target!(|bytes: &[u8]| {
     read(bytes);
@@ -14,4 +15,7 @@ fn read(bytes: &[u8]) {
     let Ok(file) = FactorFile::from_bytes(bytes) else { return };
     let _ = file.factor::<10>().map(|factor| factor.solve());
     let _ = file.factor::<16>().map(|factor| factor.solve());
+    let Ok(pooled) = PooledFactor::from_bytes(bytes, "fuzz") else { return };
+    let _ = pooled.identification();
+    let _ = PooledFactor::merged(vec![pooled.clone(), PooledFactor { sources: Vec::new(), ..pooled }], false);
 }

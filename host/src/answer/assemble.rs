@@ -277,7 +277,7 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
         body_frame: body_frame_result,
         physically_consistent: consistent,
         condition_number: estimate.condition_number,
-        residual_rms: identification.residual_rms,
+        residual_rms: (!identification.residuals.is_empty()).then_some(identification.residual_rms),
         rejected_rows: identification.counters.rejected,
         parameters,
         advice: hints,

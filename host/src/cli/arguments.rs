@@ -2,6 +2,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
+pub use super::factor_arguments::{MakeFactor, Merge, Solve, TareFiles};
+
 /// Tells the inertial parameters of a body from its wrench and motion: mass, centre of mass, inertia tensor,
 /// each with a 95 % uncertainty, or that the data do not identify it.
 #[derive(Parser, Debug)]
@@ -28,6 +30,12 @@ pub enum Command {
     Replay(Replay),
     /// Identify the body of a recording, in batch, with the same pipeline in double precision
     Identify(Identify),
+    /// Reduce recordings to an information factor: all they say of the body, in a few hundred numbers
+    Factor(MakeFactor),
+    /// Merge factors of several runs of one body, in any order
+    Merge(Merge),
+    /// Identify the body of a factor
+    Solve(Solve),
     /// List the serial ports
     Ports(Ports),
     /// Tell what device and firmware are on a port
@@ -118,6 +126,9 @@ pub struct Replay {
     pub rig: Option<PathBuf>,
     #[command(flatten)]
     #[allow(missing_docs)]
+    pub tare: TareFiles,
+    #[command(flatten)]
+    #[allow(missing_docs)]
     pub output: Output,
 }
 
@@ -125,7 +136,7 @@ pub struct Replay {
 #[derive(Args, Debug, Clone)]
 #[command(
     after_help = "Examples:\n  rigident identify bracket.csv\n  rigident identify poses.csv --rig poses.rig.toml --estimate m,mc,offset \
-                        --json"
+                        --json\n  rigident identify bracket.csv --tare fixture.csv"
 )]
 pub struct Identify {
     /// The recording, CSV or MCAP
@@ -133,6 +144,9 @@ pub struct Identify {
     /// Rig file. Default: NAME.rig.toml beside the recording
     #[arg(long, value_name = "FILE")]
     pub rig: Option<PathBuf>,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub tare: TareFiles,
     #[command(flatten)]
     #[allow(missing_docs)]
     pub output: Output,

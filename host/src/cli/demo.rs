@@ -72,6 +72,7 @@ pub(super) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
         stages,
         same_pose,
         identity: session.identity(),
+        tare: None,
         warnings: Vec::new(),
     }
     .conclude(take, &folder, arguments.output.json)

@@ -16,6 +16,8 @@ use crate::formats::mcap::messages::ImuValues;
 use crate::formats::mcap::write::{Head, McapWriter, Row};
 use crate::formats::recording::comment_in_words;
 use crate::formats::rig::RigFile;
+use crate::identification::pooled::PooledFactor;
+use crate::identification::tare::Tare;
 use crate::identification::{self, Progression, prepare};
 use crate::report::{Drift, Measured, Quantity, Stage};
 use crate::session::{Observer, Take};
@@ -152,6 +154,7 @@ pub(super) struct Experiment<'a> {
     /// Spans of the first pose and of the same pose at the end, s from the first reading.
     pub(super) same_pose: Option<[(f64, f64); 2]>,
     pub(super) identity: &'a Identity,
+    pub(super) tare: Option<Tare>,
     pub(super) warnings: Vec<String>,
 }
 
@@ -181,7 +184,7 @@ impl Experiment<'_> {
             warnings.push("stopped by Ctrl-C before the end".to_owned());
         }
         let input = prepare::input(self.rig, take.readings, self.is_static, self.rate_hz);
-        let (identification, mcu) = match take.factor {
+        let (mut identification, mcu) = match take.factor {
             Some(factor) => (
                 identification::conclude_firmware(&input, factor, self.sigma_given)
                     .map_err(Failure::input)?,
@@ -204,7 +207,7 @@ impl Experiment<'_> {
             }
         };
         let k = identification.estimate.coverage_factor;
-        let progression = take
+        let mut progression: Vec<Progression> = take
             .estimates
             .iter()
             .map(|report| Progression {
@@ -222,6 +225,10 @@ impl Experiment<'_> {
                     .collect(),
             })
             .collect();
+        let factor = PooledFactor::of(&identification, &input, &self.recording);
+        if let Some(tare) = &self.tare {
+            tare.take_off(&factor, &mut identification, &mut progression).map_err(Failure::input)?;
+        }
         let drift = self.same_pose.and_then(|spans| drift(&input, spans, &identification.channel_sigma));
         let mut notes = device_notes(self.identity);
         notes.extend(provenance(self.rig));
@@ -233,6 +240,7 @@ impl Experiment<'_> {
             mcu,
             input: &input,
             identification: &identification,
+            factor,
             progression,
             stages: self.stages,
             drift,

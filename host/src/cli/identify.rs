@@ -6,6 +6,7 @@ use super::outcome::{Ending, provenance};
 use super::{Failure, Folder};
 use crate::answer::assemble::Asked;
 use crate::formats::recording::Recording;
+use crate::identification::pooled::PooledFactor;
 use crate::identification::{self, prepare::prepare};
 
 /// Points of a convergence plot.
@@ -18,8 +19,15 @@ pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
     let recording =
         Recording::load(&arguments.recording, arguments.rig.as_deref()).map_err(Failure::input)?;
     let prepared = prepare(&recording).map_err(Failure::input)?;
-    let identification = identification::identify(&prepared.input).map_err(Failure::input)?;
-    let progression = identification::progression(&prepared.input, identification.channel_sigma, PLOT_POINTS);
+    let mut warnings: Vec<String> = recording.warnings.iter().chain(&prepared.notes).cloned().collect();
+    let tare = super::factor::tare(&arguments.tare, arguments.rig.as_deref(), &mut warnings)?;
+    let mut identification = identification::identify(&prepared.input).map_err(Failure::input)?;
+    let mut progression =
+        identification::progression(&prepared.input, identification.channel_sigma, PLOT_POINTS);
+    let factor = PooledFactor::of(&identification, &prepared.input, &recording.name);
+    if let Some(tare) = tare {
+        tare.take_off(&factor, &mut identification, &mut progression).map_err(Failure::input)?;
+    }
     let folder = Folder::new(arguments.output.out.as_deref(), "identify")?;
     Ending {
         started,
@@ -29,11 +37,12 @@ pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
         mcu: "host",
         input: &prepared.input,
         identification: &identification,
+        factor,
         progression,
         stages: Vec::new(),
         drift: None,
         provenance: provenance(&prepared.rig),
-        warnings: recording.warnings.iter().chain(&prepared.notes).cloned().collect(),
+        warnings,
         broken: None,
     }
     .conclude(&folder, arguments.output.json)

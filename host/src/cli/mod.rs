@@ -6,6 +6,8 @@
 mod arguments;
 mod demo;
 mod experiment;
+mod factor;
+mod factor_arguments;
 mod failure;
 mod folder;
 mod identify;
@@ -57,6 +59,9 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
         Some(Command::Identify(a)) => identify::run(&a),
         Some(Command::Replay(a)) => replay::run(&a),
         Some(Command::Run(a)) => run::run(&a),
+        Some(Command::Factor(a)) => factor::make(&a),
+        Some(Command::Merge(a)) => factor::merge(&a),
+        Some(Command::Solve(a)) => factor::solve(&a),
         Some(Command::Ports(a)) => link::ports(&a),
         Some(Command::Info(a)) => link::info(&a),
         Some(Command::Configure(a)) => link::configure(&a),

@@ -6,10 +6,10 @@ use rigident_shared::screening::CHANNEL_NAMES;
 
 use super::{Failure, Folder};
 use crate::answer::assemble::{Asked, Assembled, Context, assemble};
-use crate::formats::factor::FactorFile;
 use crate::formats::result::ResultSource;
 use crate::formats::rig::RigFile;
-use crate::identification::{Factor, Identification, Input, Progression};
+use crate::identification::pooled::PooledFactor;
+use crate::identification::{Identification, Input, Progression};
 use crate::report::{self, Along, Convergence, Drift, ReportData, Residual, Source, Stage, TimePlot, table};
 
 /// Everything a command knows at its end.
@@ -26,8 +26,10 @@ pub struct Ending<'a> {
     pub mcu: &'a str,
     /// The readings and settings.
     pub input: &'a Input,
-    /// What they say.
+    /// What they say, a fixture taken off.
     pub identification: &'a Identification,
+    /// What they say with the fixture in it: what is kept.
+    pub factor: PooledFactor,
     /// The estimate as it came in.
     pub progression: Vec<Progression>,
     /// Parts of the experiment.
@@ -73,7 +75,7 @@ impl Ending<'_> {
                 warnings: std::mem::take(&mut self.warnings),
             },
         );
-        let factor = self.factor_file();
+        let factor = self.factor.to_file();
         let page = report::html(&self.report(&results));
         object.elapsed_s = self.started.elapsed().as_secs_f64();
         let text = serde_json::to_string_pretty(&object)
@@ -107,14 +109,6 @@ impl Ending<'_> {
             )));
         }
         Ok(if success { ExitCode::SUCCESS } else { ExitCode::from(1) })
-    }
-
-    fn factor_file(&self) -> FactorFile {
-        let (gain, sigma) = (self.identification.noise_gain, self.identification.channel_sigma);
-        match &self.identification.factor {
-            Factor::Ten(f) => FactorFile::new(f, gain, sigma, self.recording.clone()),
-            Factor::Sixteen(f) => FactorFile::new(f, gain, sigma, self.recording.clone()),
-        }
     }
 
     fn report(&self, results: &report::Results) -> ReportData {

@@ -20,6 +20,7 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
         Recording::load(&arguments.recording, arguments.rig.as_deref()).map_err(Failure::input)?;
     let mut prepared = prepare(&recording).map_err(Failure::input)?;
     let mut warnings: Vec<String> = recording.warnings.iter().chain(&prepared.notes).cloned().collect();
+    let tare = super::factor::tare(&arguments.tare, arguments.rig.as_deref(), &mut warnings)?;
     let sigma_given = prepared.rig.load_cell.noise_n_nm.is_some();
     if !sigma_given {
         // The device weighs rows by σ from the first one on.
@@ -63,6 +64,7 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
         stages: Vec::new(),
         same_pose: None,
         identity: session.identity(),
+        tare,
         warnings,
     }
     .conclude(take, &folder, arguments.output.json)

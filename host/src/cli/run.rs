@@ -70,6 +70,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         stages,
         same_pose,
         identity: session.identity(),
+        tare: None,
         warnings,
     }
     .conclude(take, &folder, arguments.output.json)

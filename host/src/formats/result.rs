@@ -150,8 +150,9 @@ pub struct ResultObject {
     /// 2-norm, column-scaled whitened rows, over what the rows determine; absent if that is nothing.
     #[serde(skip_serializing_if = "is_not_finite")]
     pub condition_number: f64,
-    /// Root mean square of the residuals of the filtered rows, N and N m.
-    pub residual_rms: [f64; 6],
+    /// Root mean square of the residuals of the filtered rows, N and N m; absent without the data.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub residual_rms: Option<[f64; 6]>,
     /// Readings not used.
     pub rejected_rows: u32,
     /// What would identify the rest.
@@ -193,7 +194,7 @@ mod tests {
             body_frame: None,
             physically_consistent: None,
             condition_number: f64::INFINITY,
-            residual_rms: [0.0; 6],
+            residual_rms: Some([0.0; 6]),
             rejected_rows: 0,
             advice: Vec::new(),
             warnings: Vec::new(),

@@ -5,14 +5,17 @@
 //! calibration of the accelerometer on still poses ([`poses`]). May not live here: file formats, printing.
 //! Before this: [`crate::formats`]; after it: [`crate::answer`].
 
+pub mod pooled;
 pub mod poses;
 pub mod prepare;
+pub mod tare;
 
 use rigident_shared::calibration::{ImuMounting, Reading};
 use rigident_shared::estimator::{ConfigError, Counters, Estimator, EstimatorConfig, Outcome, residual};
 use rigident_shared::factor::InformationFactor;
 use rigident_shared::screening::Limits;
 
+use self::pooled::{Judgement, RowSet, judge};
 use crate::answer::identifiability::RegressorNoise;
 use crate::answer::{Estimate, Noise};
 
@@ -229,16 +232,9 @@ fn conclude<const N: usize>(
     let determined = factor.solve().determined.iter().filter(|d| **d).count();
     let counters = *estimator.counters();
     let noise_gain = estimator.noise_gain();
-    let dof = degrees_of_freedom(counters.blocks, noise_gain, determined);
-    let (noise, variance_ratio) = if sigma_given {
-        let rows = (f64::from(factor.rows()) - determined as f64).max(1.0);
-        (Noise::Given, factor.residual_sum_of_squares() / (rows * noise_gain))
-    } else {
-        (Noise::Estimated { degrees_of_freedom: dof }, 1.0)
-    };
-    // Residuals larger than the stated noise can make them widen the intervals.
-    let surprising = 1.0 + 4.0 * (2.0 / (6.0 * dof)).sqrt();
-    let scale = if variance_ratio > surprising { variance_ratio } else { 1.0 };
+    let rows = RowSet { rows: factor.rows(), noise_gain, sigma_given };
+    let Judgement { noise, variance_ratio, variance_scale: scale, .. } =
+        judge(&[rows], factor.residual_sum_of_squares(), determined as f64);
     let factor = wrap(*factor);
     let estimate = factor.estimate(scale, noise);
     let residuals = residuals(input, estimator, &estimate);

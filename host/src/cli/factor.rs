@@ -1,0 +1,179 @@
+use std::io::Write as _;
+use std::path::Path;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use super::arguments::{MakeFactor, Merge, Solve, TareFiles};
+use super::outcome::say;
+use super::{Failure, Folder};
+use crate::answer::assemble::{Asked, Assembled, Context, assemble};
+use crate::formats::error::RecordingError;
+use crate::formats::new_file::write_new;
+use crate::formats::recording::{Recording, extension, rig_path};
+use crate::formats::result::ResultSource;
+use crate::formats::rig::RigFile;
+use crate::identification::pooled::PooledFactor;
+use crate::identification::prepare::prepare;
+use crate::identification::tare::{Tare, disagreement_in_words};
+use crate::identification::{self};
+use crate::report::{self, ReportData, Source, table};
+
+/// `rigident factor`
+pub(super) fn make(arguments: &MakeFactor) -> Result<ExitCode, Failure> {
+    absent(&arguments.output)?;
+    let mut factors = Vec::new();
+    for path in &arguments.recordings {
+        let (factor, notes) = of_recording(path, arguments.rig.as_deref())?;
+        for note in notes {
+            eprintln!("rigident: {}: {note}", path.display());
+        }
+        factors.push(factor);
+    }
+    write(factors, arguments.shared_offset, &arguments.output)
+}
+
+/// `rigident merge`
+pub(super) fn merge(arguments: &Merge) -> Result<ExitCode, Failure> {
+    absent(&arguments.output)?;
+    let factors = arguments.factors.iter().map(|path| read(path)).collect::<Result<Vec<_>, _>>()?;
+    write(factors, arguments.shared_offset, &arguments.output)
+}
+
+/// `rigident solve`
+pub(super) fn solve(arguments: &Solve) -> Result<ExitCode, Failure> {
+    let started = Instant::now();
+    let asked = Asked::parse(&arguments.output.estimate).map_err(Failure::input)?;
+    let rig = arguments.rig.as_deref().map(RigFile::load).transpose().map_err(Failure::input)?;
+    let rig = rig.unwrap_or_default();
+    let pooled = read(&arguments.factor)?;
+    let mut warnings = Vec::new();
+    let mut identification = pooled.identification();
+    let disagreement = pooled.judgement(pooled.factor.determined()).disagreement;
+    warnings.extend(disagreement.map(|ratio| disagreement_in_words("the merged runs", ratio)));
+    if let Some(tare) = tare(&arguments.tare, arguments.rig.as_deref(), &mut warnings)? {
+        tare.take_off(&pooled, &mut identification, &mut []).map_err(Failure::input)?;
+    }
+    let folder = arguments.output.out.as_deref().map(|out| Folder::new(Some(out), "solve")).transpose()?;
+    let rows = identification.counters.readings as usize;
+    let source = ResultSource { recording: pooled.recordings(), rows, rate_hz: None, mcu: "host".to_owned() };
+    let page_source = Source {
+        body_name: rig.body.as_ref().map_or_else(String::new, |b| b.name.clone()),
+        recording: source.recording.clone(),
+        mcu: source.mcu.clone(),
+        rate_hz: None,
+        rows: rows as u64,
+        duration_s: None,
+    };
+    let context = Context { rig: &rig, asked: &asked, source, broken: false, warnings };
+    let Assembled { results, mut object, success } = assemble(&identification, context);
+    object.elapsed_s = started.elapsed().as_secs_f64();
+    let text = serde_json::to_string_pretty(&object)
+        .map_err(|e| Failure::input(format!("the result cannot be put into JSON: {e}")))?;
+    if arguments.output.json {
+        say(text.as_str());
+    } else {
+        say(table::plain(&results).trim_end());
+    }
+    if let Some(folder) = folder {
+        folder.write("result.json", text.as_bytes())?;
+        let page = report::html(&ReportData { source: page_source, results, ..ReportData::default() });
+        let page = folder.write("report.html", page.as_bytes())?;
+        if !arguments.output.json {
+            say(format_args!(
+                "\nFiles in {}; open {} in a browser.",
+                folder.path().display(),
+                page.display()
+            ));
+        }
+    }
+    Ok(if success { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+/// The fixture of `--tare`, if there is one. What is to be known of it goes to the warnings.
+pub(super) fn tare(
+    files: &TareFiles,
+    rig: Option<&Path>,
+    warnings: &mut Vec<String>,
+) -> Result<Option<Tare>, Failure> {
+    let mut factors = Vec::new();
+    for path in &files.tare {
+        let factor = if matches!(extension(path).as_str(), "csv" | "mcap") {
+            // Its own rig file if it has one: the fixture's run may have been taken with another IMU.
+            let own = rig_path(path).exists();
+            let (factor, notes) = of_recording(path, rig.filter(|_| !own))?;
+            warnings.extend(notes.into_iter().map(|note| format!("tare {}: {note}", path.display())));
+            factor
+        } else {
+            read(path)?
+        };
+        factors.push(factor);
+    }
+    if factors.is_empty() {
+        return Ok(None);
+    }
+    let tare = Tare::new(PooledFactor::merged(factors, false).map_err(Failure::input)?);
+    let mass = match tare.estimate() {
+        estimate if estimate.determined.first() == Some(&true) => {
+            report::text::with_u95(estimate.values[0], estimate.u95(0), "kg")
+        }
+        _ => "unknown mass".to_owned(),
+    };
+    warnings.push(format!(
+        "tare: a fixture of {mass} was subtracted with its uncertainty ({})",
+        tare.recordings()
+    ));
+    warnings.extend(tare.warning());
+    Ok(Some(tare))
+}
+
+/// Reads a factor file.
+fn read(path: &Path) -> Result<PooledFactor, Failure> {
+    let name = path.display().to_string();
+    let bytes = std::fs::read(path).map_err(|e| Failure::input(format!("{name} cannot be read: {e}")))?;
+    PooledFactor::from_bytes(&bytes, &name).map_err(|error| match extension(path).as_str() {
+        "csv" | "mcap" => Failure::input(format!(
+            "{error}; it is a recording by its name: `rigident factor {name} -o NEW.factor` makes one of it"
+        )),
+        _ => Failure::input(error),
+    })
+}
+
+/// The factor of a recording, and what was noticed on the way.
+fn of_recording(path: &Path, rig: Option<&Path>) -> Result<(PooledFactor, Vec<String>), Failure> {
+    let recording = Recording::load(path, rig).map_err(Failure::input)?;
+    let prepared = prepare(&recording).map_err(Failure::input)?;
+    let identification =
+        identification::identify(&prepared.input).map_err(|e| Failure::input(e).context(path.display()))?;
+    let factor = PooledFactor::of(&identification, &prepared.input, &recording.name);
+    let notes = recording.warnings.into_iter().chain(prepared.notes).collect();
+    Ok((PooledFactor { name: path.display().to_string(), ..factor }, notes))
+}
+
+/// Found out now rather than after a long job.
+fn absent(path: &Path) -> Result<(), Failure> {
+    if path.symlink_metadata().is_ok() {
+        return Err(Failure::input(RecordingError::Exists(path.display().to_string())));
+    }
+    Ok(())
+}
+
+fn write(factors: Vec<PooledFactor>, shared_offset: bool, output: &Path) -> Result<ExitCode, Failure> {
+    let pooled = PooledFactor::merged(factors, shared_offset).map_err(Failure::input)?;
+    if let Some(ratio) = pooled.judgement(pooled.factor.determined()).disagreement {
+        eprintln!("rigident: {}", disagreement_in_words("the runs", ratio));
+    }
+    let bytes = pooled.to_file().to_bytes();
+    write_new(output, |mut file| {
+        file.write_all(&bytes)?;
+        Ok::<_, std::io::Error>(file)
+    })
+    .map_err(Failure::input)?;
+    say(format_args!(
+        "{} rows of {}, {} parameters, in {}",
+        pooled.factor.rows(),
+        pooled.recordings(),
+        pooled.factor.parameters(),
+        output.display()
+    ));
+    Ok(ExitCode::SUCCESS)
+}

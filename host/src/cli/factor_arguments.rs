@@ -1,0 +1,75 @@
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::arguments::Output;
+
+/// The option `--tare`.
+#[derive(Args, Debug, Clone, Default)]
+pub struct TareFiles {
+    /// Runs with the bare fixture on the same sensor, recordings or factors: it is subtracted with its uncertainty
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    pub tare: Vec<PathBuf>,
+}
+
+/// `rigident factor`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "Each recording's wrench offset is its own (they drift from run to run) unless --shared-offset is given.\n\n\
+                  Examples:\n  rigident factor bracket.csv -o bracket.factor\n  rigident factor run1.mcap run2.mcap run3.mcap \
+                  --rig bracket.rig.toml -o bracket.factor"
+)]
+pub struct MakeFactor {
+    /// The recordings, CSV or MCAP
+    #[arg(required = true, value_name = "REC")]
+    pub recordings: Vec<PathBuf>,
+    /// The file to write; must not exist
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+    /// Rig file of all recordings. Default: NAME.rig.toml beside each
+    #[arg(long, value_name = "FILE")]
+    pub rig: Option<PathBuf>,
+    /// All recordings have one wrench offset between them
+    #[arg(long)]
+    pub shared_offset: bool,
+}
+
+/// `rigident merge`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "The order does not matter. Factors of the same recording, of other models or units are refused.\n\n\
+                  Examples:\n  rigident merge monday.factor tuesday.factor -o bracket.factor\n  rigident merge a.factor b.factor \
+                  --shared-offset -o both.factor"
+)]
+pub struct Merge {
+    /// The factors
+    #[arg(required = true, value_name = "F")]
+    pub factors: Vec<PathBuf>,
+    /// The file to write; must not exist
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+    /// All of them have one wrench offset between them
+    #[arg(long)]
+    pub shared_offset: bool,
+}
+
+/// `rigident solve`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "What needs the data themselves (residuals over time, convergence) is not in the answer.\n\nExamples:\n  rigident \
+                  solve bracket.factor\n  rigident solve total.factor --tare fixture.factor --rig bracket.rig.toml --json"
+)]
+pub struct Solve {
+    /// The factor
+    #[arg(value_name = "F")]
+    pub factor: PathBuf,
+    /// Rig file: its [body] and [truth]; and what recordings of a tare were taken with
+    #[arg(long, value_name = "FILE")]
+    pub rig: Option<PathBuf>,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub tare: TareFiles,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub output: Output,
+}

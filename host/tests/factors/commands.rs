@@ -1,0 +1,199 @@
+use std::fs;
+
+use serde_json::Value;
+
+use crate::simulated::{body, fixture, json, noise, rigident, said, status, together, values, write};
+
+/// Largest difference of values and of uncertainties, in units of the uncertainty.
+fn apart(a: &[(f64, f64)], b: &[(f64, f64)]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(b).map(|((v, u), (w, t))| (v - w).abs().max((u - t).abs()) / u).fold(0.0, f64::max)
+}
+
+#[test]
+fn a_factor_answers_as_its_recording_does_and_runs_merge_in_any_order() {
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    // Two rig files give σ, one leaves it to the residuals.
+    for (name, seed, cell) in [("a", 1, noise()), ("b", 2, noise()), ("c", 3, String::new())] {
+        write(at, name, body(), seed, &cell);
+        let output = rigident(at, &["factor", &format!("{name}.csv"), "-o", &format!("{name}.factor")]);
+        assert_eq!(status(&output), 0, "{}", said(&output));
+        let identified = json(at, &["identify", &format!("{name}.csv"), "--json", "--out", name]);
+        let solved = json(at, &["solve", &format!("{name}.factor"), "--json"]);
+        assert_eq!(identified["parameters"], solved["parameters"], "{name}");
+        assert_eq!(identified["condition_number"], solved["condition_number"]);
+        assert_eq!(solved["source"]["recording"], name);
+        assert!(solved.get("residual_rms").is_none() && identified.get("residual_rms").is_some());
+        // The file that every identification leaves is the very same.
+        let left = fs::read(at.join(format!("{name}/{name}.factor"))).unwrap();
+        assert_eq!(left, fs::read(at.join(format!("{name}.factor"))).unwrap());
+    }
+    let mut answers: Vec<Value> = Vec::new();
+    for (k, order) in [["a", "b", "c"], ["c", "a", "b"], ["b", "c", "a"]].iter().enumerate() {
+        let files = order.map(|name| format!("{name}.factor"));
+        let output = format!("m{k}.factor");
+        let [x, y, z] = &files;
+        let merged = rigident(at, &["merge", x, y, z, "-o", &output]);
+        assert_eq!(status(&merged), 0, "{}", said(&merged));
+        answers.push(json(at, &["solve", &output, "--json", "--out", &format!("out{k}")]));
+        assert_eq!(
+            answers[k],
+            serde_json::from_slice::<Value>(&fs::read(at.join(format!("out{k}/result.json"))).unwrap())
+                .unwrap()
+        );
+    }
+    // In pairs, and from the recordings themselves.
+    for arguments in [
+        &["merge", "a.factor", "b.factor", "-o", "ab.factor"][..],
+        &["merge", "ab.factor", "c.factor", "-o", "m3.factor"],
+        &["factor", "b.csv", "c.csv", "a.csv", "-o", "m4.factor"],
+    ] {
+        let output = rigident(at, arguments);
+        assert_eq!(status(&output), 0, "{}", said(&output));
+    }
+    answers.extend(["m3.factor", "m4.factor"].map(|file| json(at, &["solve", file, "--json"])));
+    let first = values(&answers[0]);
+    assert_eq!(first.len(), 10);
+    for other in &answers[1..] {
+        // Rounding: the condition number, below 1e3, times ε.
+        assert!(apart(&first, &values(other)) < 1e-11, "{}", apart(&first, &values(other)));
+    }
+    // Three alike runs know what one knows, √3 times better.
+    let one = values(&json(at, &["solve", "a.factor", "--json"]));
+    for ((_, alone), (_, merged)) in one.iter().zip(&first) {
+        let gain = alone / merged;
+        // The third's σ is estimated, from about 250 effective readings a channel: 5 % at most.
+        assert!((gain / 3_f64.sqrt() - 1.0).abs() < 0.05, "{gain}");
+    }
+    assert!(answers[0]["warnings"].as_array().unwrap().is_empty(), "{}", answers[0]["warnings"]);
+}
+
+#[test]
+fn a_shared_offset_is_one_and_knows_more() {
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    write(at, "a", body(), 1, &noise());
+    // Each seed draws offsets of its own: two halves of one run have them in common.
+    let text = fs::read_to_string(at.join("a.csv")).unwrap();
+    let mut lines = text.lines();
+    let header = lines.next().unwrap().to_owned();
+    let rows: Vec<&str> = lines.collect();
+    let (early, late) = rows.split_at(rows.len() / 2);
+    for (name, half) in [("early", early), ("late", late)] {
+        fs::write(at.join(format!("{name}.csv")), format!("{header}\n{}\n", half.join("\n"))).unwrap();
+        fs::copy(at.join("a.rig.toml"), at.join(format!("{name}.rig.toml"))).unwrap();
+    }
+    for (extra, file) in [(&["--shared-offset"][..], "shared.factor"), (&[], "own.factor")] {
+        let output = rigident(at, &[&["factor", "early.csv", "late.csv", "-o", file][..], extra].concat());
+        assert_eq!(status(&output), 0, "{}", said(&output));
+    }
+    let whole = values(&json(at, &["identify", "a.csv", "--json", "--out", "o"]));
+    let shared = values(&json(at, &["solve", "shared.factor", "--json"]));
+    let own = values(&json(at, &["solve", "own.factor", "--json"]));
+    assert_eq!((whole.len(), shared.len(), own.len()), (16, 16, 10));
+    for ((w, s), o) in whole.iter().zip(&shared).zip(&own) {
+        // Only the row blocks across the cut are missing: one in a hundred.
+        assert!((s.1 / w.1 - 1.0).abs() < 0.02 && (s.0 - w.0).abs() < 0.3 * w.1, "{w:?} {s:?}");
+        assert!(o.1 > s.1, "{s:?} {o:?}");
+    }
+}
+
+#[test]
+fn the_fixture_is_taken_off_by_every_command_alike() {
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    write(at, "total", together(&body(), &fixture()), 1, &noise());
+    write(at, "fixture", fixture(), 2, &noise());
+    for name in ["total", "fixture"] {
+        let output = rigident(at, &["factor", &format!("{name}.csv"), "-o", &format!("{name}.factor")]);
+        assert_eq!(status(&output), 0, "{}", said(&output));
+    }
+    let untared = values(&json(at, &["solve", "total.factor", "--json"]));
+    let bare = values(&json(at, &["solve", "fixture.factor", "--json"]));
+    let answers = [
+        json(at, &["solve", "total.factor", "--tare", "fixture.factor", "--json"]),
+        json(at, &["identify", "total.csv", "--json", "--out", "i", "--tare", "fixture.csv"]),
+        json(at, &["identify", "total.csv", "--json", "--out", "j", "--tare", "fixture.factor"]),
+        json(at, &["replay", "total.csv", "--json", "--out", "r", "--tare", "fixture.csv"]),
+    ];
+    let truth = body().parameters();
+    for (k, answer) in answers.iter().enumerate() {
+        let tared = values(answer);
+        assert_eq!(tared.len(), 16);
+        // Firmware rounds to f32: a hundredth of the uncertainty.
+        let rounding = if k == 3 { 1e-2 } else { 1e-10 };
+        for j in 0..10 {
+            let (value, u95) = tared[j];
+            assert!((value - (untared[j].0 - bare[j].0)).abs() < rounding * u95, "{k} {j}: {value}");
+            assert!((u95 / untared[j].1.hypot(bare[j].1) - 1.0).abs() < rounding, "{k} {j}: {u95}");
+            assert!((value - truth[j]).abs() < 5.0 * u95 / 1.96, "{k} {j}: {value} ± {u95}");
+        }
+        // The offsets are the run's own.
+        for j in 10..16 {
+            assert!((tared[j].0 - untared[j].0).abs() < rounding * untared[j].1, "{k} {j}");
+            assert!((tared[j].1 / untared[j].1 - 1.0).abs() < rounding, "{k} {j}");
+        }
+        assert!(answer["warnings"].to_string().contains("tare: a fixture of 5.98"), "{}", answer["warnings"]);
+    }
+    // What is left behind is the run as it was.
+    assert_eq!(fs::read(at.join("i/total.factor")).unwrap(), fs::read(at.join("total.factor")).unwrap());
+}
+
+#[test]
+fn a_tare_that_does_not_tell_the_tensor_leaves_it_unknown() {
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    write(at, "total", together(&body(), &fixture()), 1, &noise());
+    // Still poses: the fixture's weight turned about, and an offset.
+    let mut text = "fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm,gx_mps2,gy_mps2,gz_mps2\n".to_owned();
+    let (m, c) = (fixture().mass_kg, nalgebra::Vector3::from(fixture().com_m));
+    for (roll, pitch) in
+        [(0.0, 0.0), (0.4, 0.0), (-0.4, 0.1), (0.0, 0.4), (0.1, -0.4), (0.3, 0.3), (-0.3, 0.3)]
+    {
+        let r = nalgebra::Rotation3::from_euler_angles(roll, pitch, 0.0);
+        let g = r.inverse() * nalgebra::Vector3::new(0.0, 0.0, -9.80665);
+        let force = -m * g;
+        let moment = c.cross(&force);
+        let cells: Vec<String> =
+            (force.iter().map(|v| v + 1.0).chain(moment.iter().copied()).chain(g.iter().copied()))
+                .map(|v: f64| v.to_string())
+                .collect();
+        text.push_str(&format!("{}\n", cells.join(",")));
+    }
+    fs::write(at.join("poses.csv"), text).unwrap();
+    fs::write(
+        at.join("poses.rig.toml"),
+        "[recording]\nstatic = true\n[load_cell]\nnoise_n_nm = [0.1, 0.1, 0.1, 0.01, 0.01, 0.01]\n",
+    )
+    .unwrap();
+    let asked = ["--estimate", "m,mc", "--json", "--out", "o"];
+    let result = json(at, &[&["identify", "total.csv", "--tare", "poses.csv"][..], &asked].concat());
+    let states: Vec<&str> =
+        result["parameters"].as_array().unwrap().iter().map(|p| p["state"].as_str().unwrap()).collect();
+    assert_eq!(states[..4], ["identified"; 4]);
+    assert_eq!(states[4..10], ["not_identified"; 6]);
+    assert_eq!(states[10..], ["identified"; 6]);
+    let truth = body().parameters();
+    for (j, (value, u95)) in values(&result).iter().take(4).enumerate() {
+        assert!((value - truth[j]).abs() < 5.0 * u95 / 1.96, "{j}: {value} ± {u95}, truth {}", truth[j]);
+    }
+    assert!(result["condition_number"].as_f64().unwrap() < 1e3);
+    assert!(result.get("inertia_com_kgm2").is_none() && !result.to_string().contains("null"));
+}
+
+#[test]
+fn runs_of_different_bodies_are_told_apart() {
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    write(at, "a", body(), 1, &noise());
+    write(at, "b", together(&body(), &fixture()), 2, &noise());
+    let output = rigident(at, &["factor", "a.csv", "b.csv", "-o", "ab.factor"]);
+    assert_eq!(status(&output), 0, "{}", said(&output));
+    assert!(said(&output).contains("disagree"), "{}", said(&output));
+    let result = json(at, &["solve", "ab.factor", "--json", "--estimate", "m"]);
+    assert!(result["warnings"].to_string().contains("disagree"), "{}", result["warnings"]);
+    // 20 kg and 26 kg: the interval says so.
+    let (mass, u95) = values(&result)[0];
+    assert!(mass - u95 < 23.0 && mass + u95 > 23.0 && u95 > 0.3, "{mass} ± {u95}");
+}

@@ -1,0 +1,123 @@
+use std::fs;
+
+use crate::simulated::{body, noise, rigident, said, status, write};
+use rigident::formats::factor::FactorFile;
+use rigident_shared::factor::InformationFactor;
+
+/// A factor file whose bytes are changed as a hand could, check sum and all.
+fn changed(bytes: &[u8], change: impl FnOnce(&mut FactorFile)) -> Vec<u8> {
+    let mut file = FactorFile::from_bytes(bytes).unwrap();
+    change(&mut file);
+    file.to_bytes()
+}
+
+#[test]
+fn bad_input_is_named_and_nothing_is_written() {
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    write(at, "a", body(), 1, &noise());
+    write(at, "b", body(), 2, &noise());
+    write(at, "known", body(), 3, &format!("{}\noffset_n_nm = \"zero\"", noise()));
+    write(at, "zero", body(), 4, "noise_n_nm = [1, 1, 1, 1, 1, 0]");
+    for name in ["a", "b", "known"] {
+        let output = rigident(at, &["factor", &format!("{name}.csv"), "-o", &format!("{name}.factor")]);
+        assert_eq!(status(&output), 0, "{}", said(&output));
+    }
+    let good = fs::read(at.join("a.factor")).unwrap();
+    let text = fs::read_to_string(at.join("a.csv")).unwrap();
+    fs::write(at.join("truncated.factor"), &good[..good.len() - 100]).unwrap();
+    fs::write(at.join("text.factor"), "a factor, they said\n").unwrap();
+    let mut old = good.clone();
+    old[8] = 1;
+    let body_end = old.len() - 4;
+    let sum = crc(&old[8..body_end]);
+    old[body_end..].copy_from_slice(&sum.to_le_bytes());
+    fs::write(at.join("old.factor"), old).unwrap();
+    fs::write(at.join("pounds.factor"), changed(&good, |f| f.parameters[0].1 = "lb".into())).unwrap();
+    fs::write(at.join("renamed.factor"), changed(&good, |f| f.parameters[3].0 = "mz".into())).unwrap();
+    fs::write(at.join("hash.factor"), changed(&good, |f| f.model_hash = 1)).unwrap();
+    fs::write(at.join("rows.factor"), changed(&good, |f| f.rows = 0)).unwrap();
+    fs::write(at.join("weights.factor"), changed(&good, |f| f.sources[0].channel_sigma[0] = 0.0)).unwrap();
+    fs::write(at.join("nan.factor"), changed(&good, |f| f.entries[7] = f64::NAN)).unwrap();
+    let nothing = FactorFile::new(&InformationFactor::<f64, 16>::new(), Vec::new());
+    fs::write(at.join("empty.factor"), nothing.to_bytes()).unwrap();
+    fs::copy(at.join("a.factor"), at.join("copy.factor")).unwrap();
+    fs::copy(at.join("a.csv"), at.join("again.csv")).unwrap();
+    fs::copy(at.join("a.rig.toml"), at.join("again.rig.toml")).unwrap();
+    let mut rows: Vec<&str> = text.lines().collect();
+    let broken = format!("{},NaN", rows[30].rsplit_once(',').unwrap().0);
+    rows[30] = &broken;
+    fs::write(at.join("nan.csv"), rows.join("\n")).unwrap();
+    fs::copy(at.join("a.rig.toml"), at.join("nan.rig.toml")).unwrap();
+    fs::write(at.join("short.csv"), text.lines().take(5).collect::<Vec<_>>().join("\n")).unwrap();
+    fs::copy(at.join("a.rig.toml"), at.join("short.rig.toml")).unwrap();
+    let before = listing(at);
+
+    for (arguments, words) in [
+        (&["merge", "a.factor", "none.factor", "-o", "x"][..], &["none.factor"][..]),
+        (&["merge", "a.factor", "text.factor", "-o", "x"], &["text.factor", "not a factor"]),
+        (&["merge", "a.factor", "b.csv", "-o", "x"], &["b.csv", "rigident factor b.csv"]),
+        (&["merge", "a.factor", "truncated.factor", "-o", "x"], &["truncated.factor", "cut off"]),
+        (&["merge", "a.factor", "old.factor", "-o", "x"], &["old.factor", "version 1", "rigident factor"]),
+        (&["merge", "b.factor", "pounds.factor", "-o", "x"], &["pounds.factor", "another model", "m in lb"]),
+        (&["merge", "b.factor", "renamed.factor", "-o", "x"], &["renamed.factor", "mz in kg m"]),
+        (&["merge", "b.factor", "hash.factor", "-o", "x"], &["hash.factor", "another model"]),
+        (&["merge", "b.factor", "rows.factor", "-o", "x"], &["rows.factor", "empty"]),
+        (&["merge", "b.factor", "empty.factor", "-o", "x"], &["empty.factor", "empty"]),
+        (&["merge", "b.factor", "weights.factor", "-o", "x"], &["weights.factor", "header"]),
+        (&["merge", "b.factor", "nan.factor", "-o", "x"], &["nan.factor", "not finite"]),
+        (
+            &["merge", "a.factor", "known.factor", "--shared-offset", "-o", "x"],
+            &["known.factor", "10 parameters"],
+        ),
+        (&["merge", "a.factor", "copy.factor", "-o", "x"], &["a.factor", "copy.factor", "twice", "halve"]),
+        (&["merge", "a.factor", "b.factor", "-o", "b.factor"], &["b.factor is there already"]),
+        (&["merge", "a.factor", "b.factor", "-o", "no/x"], &["no/x"]),
+        (&["merge", "-o", "x"], &["<F>"]),
+        (&["factor", "a.csv", "again.csv", "-o", "x"], &["again.csv", "twice"]),
+        (&["factor", "a.csv", "-o", "a.factor"], &["a.factor is there already"]),
+        (&["factor", "a.factor", "-o", "x"], &["a.factor", ".csv or .mcap"]),
+        (&["factor", "zero.csv", "-o", "x"], &["load_cell.noise_n_nm", "greater than zero"]),
+        (&["factor", "nan.csv", "-o", "x"], &["nan.csv", "line 31", "NaN"]),
+        (&["factor", "a.csv", "short.csv", "-o", "x"], &["short.csv", "no usable rows"]),
+        (&["solve", "empty.factor"], &["empty.factor", "empty"]),
+        (&["solve", "a.csv"], &["a.csv", "rigident factor"]),
+        (&["solve", "a.factor", "--estimate", "colour"], &["colour"]),
+        (&["solve", "a.factor", "--tare", "pounds.factor"], &["pounds.factor", "another model"]),
+        (&["solve", "a.factor", "--tare", "copy.factor"], &["copy.factor", "twice"]),
+        (&["solve", "a.factor", "--tare", "a.csv"], &["a.csv", "twice"]),
+        (&["solve", "a.factor", "--rig", "none.toml"], &["none.toml"]),
+        (&["identify", "a.csv", "--tare", "empty.factor"], &["empty.factor", "empty"]),
+        (&["identify", "a.csv", "--tare", "again.csv"], &["again.csv", "twice"]),
+        (&["identify", "a.csv", "--tare", "zero.csv"], &["load_cell.noise_n_nm"]),
+        (&["replay", "a.csv", "--tare", "truncated.factor"], &["truncated.factor", "cut off"]),
+    ] {
+        let output = rigident(at, arguments);
+        assert_eq!(status(&output), 2, "{arguments:?}: {}", said(&output));
+        for words in words {
+            assert!(said(&output).contains(words), "{arguments:?} lacks {words}: {}", said(&output));
+        }
+        assert!(output.stdout.is_empty(), "{arguments:?}");
+        assert_eq!(listing(at), before, "{arguments:?}");
+    }
+    // Ten and sixteen merge where the offsets are eliminated.
+    let output = rigident(at, &["merge", "a.factor", "known.factor", "-o", "x"]);
+    assert_eq!(status(&output), 0, "{}", said(&output));
+}
+
+fn listing(folder: &std::path::Path) -> Vec<(String, u64)> {
+    let mut names: Vec<_> = fs::read_dir(folder)
+        .unwrap()
+        .map(|e| e.unwrap())
+        .map(|e| (e.file_name().to_string_lossy().into_owned(), e.metadata().unwrap().len()))
+        .collect();
+    names.sort();
+    names
+}
+
+/// CRC-32 bit by bit.
+fn crc(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(!0_u32, |crc, byte| {
+        (0..8).fold(crc ^ u32::from(*byte), |c, _| (c >> 1) ^ (0xEDB8_8320 & (c & 1).wrapping_neg()))
+    })
+}

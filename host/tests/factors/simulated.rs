@@ -1,0 +1,141 @@
+//! Simulated runs of a body, of a fixture, and of both bolted together; as readings and as files.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use nalgebra::{Matrix3, Vector3};
+use rigident::identification::{FROZEN_AFTER, Input};
+use rigident_shared::calibration::{ImuMounting, Reading};
+use rigident_shared::screening::Limits;
+use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce, Wrench};
+use rigident_sim::body::BodyParameters;
+use rigident_sim::experiment::thesis_program;
+use rigident_sim::rig::{ReadingRow, Readings, RigConfig};
+use serde_json::Value;
+
+/// Thesis, Table 1: 95 % figures over 1.96.
+pub const SIGMA: [f64; 6] = [9.9 / 1.96, 9.9 / 1.96, 19.8 / 1.96, 0.75 / 1.96, 0.9 / 1.96, 0.9 / 1.96];
+/// Rate of the simulated recordings, 1/s.
+pub const RATE_HZ: f64 = 200.0;
+
+/// The thesis' body alone.
+pub fn body() -> BodyParameters {
+    BodyParameters::thesis_horizontal()
+}
+
+/// A lopsided plate with a bracket.
+pub fn fixture() -> BodyParameters {
+    BodyParameters {
+        mass_kg: 6.0,
+        com_m: [0.03, -0.02, 0.015],
+        inertia_com_kgm2: [0.05, 0.04, 0.08, 0.004, -0.006, 0.009],
+    }
+}
+
+/// Two bodies bolted together: masses, first moments and tensors about S's origin add.
+pub fn together(a: &BodyParameters, b: &BodyParameters) -> BodyParameters {
+    let mass_kg = a.mass_kg + b.mass_kg;
+    let com = (Vector3::from(a.com_m) * a.mass_kg + Vector3::from(b.com_m) * b.mass_kg) / mass_kg;
+    let origin = |p: &BodyParameters| {
+        let c = Vector3::from(p.com_m);
+        p.inertia_com() + p.mass_kg * (Matrix3::identity() * c.norm_squared() - c * c.transpose())
+    };
+    let i =
+        origin(a) + origin(b) - mass_kg * (Matrix3::identity() * com.norm_squared() - com * com.transpose());
+    BodyParameters {
+        mass_kg,
+        com_m: com.into(),
+        inertia_com_kgm2: [i.m11, i.m22, i.m33, i.m23, i.m31, i.m12],
+    }
+}
+
+/// What `body` makes the sensors read in the thesis' experiment.
+pub fn experiment(body: BodyParameters, seconds: f64) -> (RigConfig, Readings) {
+    let config = RigConfig::thesis_horizontal().with_body(body);
+    let program = thesis_program(&config.geometry, seconds);
+    let readings = Readings::new(&config, &program, RATE_HZ).unwrap();
+    (config, readings)
+}
+
+pub fn reading(row: &ReadingRow) -> Reading<f64> {
+    Reading {
+        time_ns: row.time_ns,
+        wrench: Wrench::from_array(row.wrench),
+        specific_force: SpecificForce::from_array(row.specific_force),
+        angular_rate: AngularRate::from_array(row.angular_rate),
+    }
+}
+
+/// The readings of one seed, ready to be identified.
+pub fn input(config: &RigConfig, readings: &Readings, seed: u64) -> Input {
+    Input {
+        readings: readings.measured(seed).map(|row| reading(&row)).collect(),
+        is_static: false,
+        rate_hz: RATE_HZ,
+        mounting: ImuMounting {
+            rotation: Rotation::from_quaternion(config.imu.rotation_wxyz).unwrap(),
+            position: Position::from_array(config.imu.position_m),
+            ..ImuMounting::default()
+        },
+        channel_sigma: Some(SIGMA),
+        gyro_sigma: Some(4.3e-4),
+        known_offset: None,
+        limits: Limits { frozen_after: FROZEN_AFTER, ..Limits::none() },
+    }
+}
+
+/// Writes `NAME.csv`, and `NAME.rig.toml` with what stands in `load_cell`.
+pub fn write(folder: &Path, name: &str, body: BodyParameters, seed: u64, load_cell: &str) {
+    let (config, readings) = experiment(body, 20.0);
+    let mut text = "t_s,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm,imu_ax_mps2,imu_ay_mps2,imu_az_mps2,imu_gx_radps,\
+                    imu_gy_radps,imu_gz_radps\n"
+        .to_owned();
+    for row in readings.measured(seed) {
+        let _ = write!(text, "{}", row.time_ns as f64 * 1e-9);
+        for v in row.wrench.iter().chain(&row.specific_force).chain(&row.angular_rate) {
+            let _ = write!(text, ",{v}");
+        }
+        text.push('\n');
+    }
+    fs::write(folder.join(format!("{name}.csv")), text).unwrap();
+    let imu = &config.imu;
+    let norm = imu.rotation_wxyz.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let rig = format!(
+        "[[imu]]\nposition_m = {:?}\nrotation_wxyz = {:?}\ngyro_noise_radps = 4.3e-4\n\n[load_cell]\n{load_cell}\n",
+        imu.position_m,
+        imu.rotation_wxyz.map(|v| v / norm),
+    );
+    fs::write(folder.join(format!("{name}.rig.toml")), rig).unwrap();
+}
+
+/// `noise_n_nm` of a rig file.
+pub fn noise() -> String {
+    format!("noise_n_nm = {SIGMA:?}")
+}
+
+pub fn rigident(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_rigident")).current_dir(folder).args(arguments).output().unwrap()
+}
+
+pub fn status(output: &Output) -> i32 {
+    output.status.code().expect("not ended by a signal")
+}
+
+pub fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// The command must succeed; its object.
+pub fn json(folder: &Path, arguments: &[&str]) -> Value {
+    let output = rigident(folder, arguments);
+    assert_eq!(status(&output), 0, "{arguments:?}: {}", said(&output));
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {}", said(&output)))
+}
+
+/// Value and U95 of every parameter that has one.
+pub fn values(result: &Value) -> Vec<(f64, f64)> {
+    let parameters = result["parameters"].as_array().unwrap();
+    parameters.iter().filter_map(|p| Some((p["value"].as_f64()?, p["u95"].as_f64()?))).collect()
+}
