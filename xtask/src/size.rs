@@ -45,8 +45,7 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     let core = toolchain::choose(core)?;
     let program = Program::read(&firmware::build(core, &[])?)?;
     let (main, handlers) = depths(&program)?;
-    let worst =
-        u64::from(main.bytes) + handlers.iter().map(|h| u64::from(h.bytes + EXCEPTION_FRAME)).sum::<u64>();
+    let worst = worst_stack(&main, &handlers);
     let room = stack_room(&program)?;
     if worst > room {
         bail!("the worst stack is {worst} bytes, and there is room for {room}");
@@ -68,6 +67,17 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
         }
     }
     compare(sizes, options.overwrite)
+}
+
+/// The worst stack of a program, bytes.
+pub fn stack_bound(program: &Program) -> Result<u64> {
+    let (main, handlers) = depths(program)?;
+    Ok(worst_stack(&main, &handlers))
+}
+
+/// The main program and every handler on top of it and of each other.
+fn worst_stack(main: &Depth, handlers: &[Depth]) -> u64 {
+    u64::from(main.bytes) + handlers.iter().map(|h| u64::from(h.bytes + EXCEPTION_FRAME)).sum::<u64>()
 }
 
 fn golden() -> PathBuf {

@@ -2,9 +2,10 @@
 //!
 //! The board's `bench` binary runs each case between two marks. It runs twice: once as it is, counting its own
 //! instructions by the emulated clock, and once traced instruction by instruction, which gives the mix and, by
-//! the model of [`cycles`], an estimate of Cortex-M4 cycles. The two counts must agree.
+//! the model of [`cycles`], an estimate of Cortex-M4 cycles. The two counts must agree. What is printed: [`table`].
 
 mod cycles;
+mod table;
 mod trace;
 
 use std::path::Path;
@@ -16,18 +17,15 @@ use crate::elf::program::Program;
 use crate::firmware;
 use crate::process;
 use crate::setup;
+use crate::size;
 use crate::toolchain::{self, Core};
-use cycles::Cost;
+use trace::Stretch;
 
 /// The bench binary of the board crate.
 const BINARY: &str = "bench";
 /// How far the two ways of counting may be apart: the emulated clock ticks once in 40 instructions, and the
 /// marks themselves cost a few.
 const AGREEMENT: f64 = 0.005;
-
-/// The clock and the rate for which a share of the processor is stated.
-const CLOCK_HZ: f64 = 168e6;
-const RATE_HZ: f64 = 1000.0;
 
 /// How to print.
 #[derive(clap::Args, Clone, Default)]
@@ -44,6 +42,51 @@ struct Reported {
     n: u32,
     samples: u64,
     instructions_per_sample: f64,
+    /// Samples of the search for the worst, and what that took: to one tick of the emulated clock.
+    worst_of: u64,
+    worst_instructions: u64,
+}
+
+/// A case by both counts.
+struct Case {
+    reported: Reported,
+    stretch: Stretch,
+}
+
+impl Case {
+    fn name(&self) -> String {
+        format!("{} {}", self.reported.part, self.reported.n)
+    }
+
+    /// Instructions per sample, by the trace.
+    fn instructions(&self) -> f64 {
+        self.per_sample(self.stretch.cost.instructions())
+    }
+
+    /// Estimated cycles per sample.
+    fn cycles(&self) -> f64 {
+        self.per_sample(self.stretch.cost.cycles)
+    }
+
+    /// Instructions of the worst sample of both runs.
+    fn worst_instructions(&self) -> u64 {
+        self.reported.worst_instructions.max(self.stretch.worst.0)
+    }
+
+    fn per_sample(&self, total: u64) -> f64 {
+        (total as f64 / self.reported.samples as f64 * 10.0).round() / 10.0
+    }
+
+    fn check(&self) -> Result<()> {
+        let (traced, clock) = (self.instructions(), self.reported.instructions_per_sample);
+        if (traced - clock).abs() > AGREEMENT * clock {
+            bail!(
+                "{}: {clock} instructions a sample by the emulated clock, but {traced} in the trace",
+                self.name()
+            );
+        }
+        Ok(())
+    }
 }
 
 /// One entry of the JSON.
@@ -52,10 +95,20 @@ struct Entry {
     n: u32,
     instructions_per_sample: f64,
     estimated_cycles_m4: f64,
-    path_instructions_per_sample: f64,
-    path_estimated_cycles_m4: f64,
+    #[serde(flatten)]
+    path: Option<PathEntry>,
     flash_bytes: u64,
     ram_bytes: u64,
+    worst_stack_bytes: u64,
+}
+
+/// The part of an entry that only sizes with a whole path have.
+#[derive(Clone, Debug, Serialize)]
+struct PathEntry {
+    path_instructions_per_sample: f64,
+    path_estimated_cycles_m4: f64,
+    path_worst_instructions: u64,
+    path_worst_estimated_cycles_m4: u64,
 }
 
 /// Builds, runs, compares the two counts and prints.
@@ -65,33 +118,25 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     let firmware = Program::read(&firmware::build(core, &[])?)?;
     let bench = firmware::build_binary(core, BINARY, &[])?;
     let reported = reported(&bench)?;
-    let costs = trace::regions(&Program::read(&bench)?)?;
-    if costs.len() != reported.len() {
-        bail!("the bench binary reports {} cases, but {} were traced", reported.len(), costs.len());
+    let stretches = trace::stretches(&Program::read(&bench)?)?;
+    if stretches.len() != reported.len() {
+        bail!("the bench binary reports {} cases, but {} were traced", reported.len(), stretches.len());
     }
-    for (case, cost) in reported.iter().zip(&costs) {
-        let traced = cost.instructions() as f64 / case.samples as f64;
-        if (traced - case.instructions_per_sample).abs() > AGREEMENT * case.instructions_per_sample {
-            bail!(
-                "{} with N = {}: {} instructions a sample by the emulated clock, but {traced:.1} in the trace",
-                case.part,
-                case.n,
-                case.instructions_per_sample
-            );
-        }
-    }
-    let entries = entries(&reported, &costs, &firmware)?;
+    let cases: Vec<Case> =
+        reported.into_iter().zip(stretches).map(|(reported, stretch)| Case { reported, stretch }).collect();
+    cases.iter().try_for_each(Case::check)?;
+    let entries = entries(&cases, &firmware)?;
     if options.json {
         println!("{}", serde_json::to_string(&entries)?);
     } else {
-        print_tables(&reported, &costs, &entries);
+        table::print(&cases, &entries);
     }
     Ok(())
 }
 
 /// Runs the binary as it is and reads what it says.
 fn reported(bench: &Path) -> Result<Vec<Reported>> {
-    let text = process::output(&mut trace::emulator(bench))?;
+    let text = process::output(trace::emulator(bench).args(trace::semihosting(&["bench"])))?;
     let cases: Vec<Reported> = text.lines().filter_map(parse_case).collect();
     if cases.is_empty() { bail!("the bench binary reported no case") } else { Ok(cases) }
 }
@@ -100,70 +145,35 @@ fn parse_case(line: &str) -> Option<Reported> {
     serde_json::from_str(line).ok()
 }
 
-fn entries(reported: &[Reported], costs: &[Cost], firmware: &Program) -> Result<Vec<Entry>> {
-    let mut sizes: Vec<u32> = reported.iter().map(|case| case.n).collect();
+/// One entry for every size that has a kernel of its own: a body's, or that of given rows.
+fn entries(cases: &[Case], firmware: &Program) -> Result<Vec<Entry>> {
+    let find =
+        |part: &str, n: u32| cases.iter().find(|case| case.reported.part == part && case.reported.n == n);
+    let worst_stack_bytes = size::stack_bound(firmware)?;
+    let mut sizes: Vec<u32> = cases.iter().map(|case| case.reported.n).collect();
     sizes.sort_unstable();
     sizes.dedup();
-    let find = |name: &str, n: u32| {
-        let index = reported.iter().position(|case| case.part == name && case.n == n);
-        let index = index.with_context(|| format!("the bench binary has no case {name} {n}"))?;
-        let samples = reported[index].samples as f64;
-        let rounded = |value: f64| (value / samples * 10.0).round() / 10.0;
-        anyhow::Ok((rounded(costs[index].instructions() as f64), rounded(costs[index].cycles as f64)))
-    };
     sizes
         .into_iter()
         .map(|n| {
-            let (kernel, path) = (find("kernel", n)?, find("path", n)?);
+            let kernel = find("kernel", n).or_else(|| find("dense", n));
+            let kernel = kernel.with_context(|| format!("the bench binary has no kernel for N = {n}"))?;
             Ok(Entry {
                 n,
-                instructions_per_sample: kernel.0,
-                estimated_cycles_m4: kernel.1,
-                path_instructions_per_sample: path.0,
-                path_estimated_cycles_m4: path.1,
+                instructions_per_sample: kernel.instructions(),
+                estimated_cycles_m4: kernel.cycles(),
+                path: find("path", n).map(|path| PathEntry {
+                    path_instructions_per_sample: path.instructions(),
+                    path_estimated_cycles_m4: path.cycles(),
+                    path_worst_instructions: path.worst_instructions(),
+                    path_worst_estimated_cycles_m4: path.stretch.worst.1,
+                }),
                 flash_bytes: firmware.memory.flash,
                 ram_bytes: firmware.memory.ram,
+                worst_stack_bytes,
             })
         })
         .collect()
-}
-
-fn print_tables(reported: &[Reported], costs: &[Cost], entries: &[Entry]) {
-    println!(
-        "| N | kernel: instructions | cycles, estimated | whole path: instructions | cycles, estimated |"
-    );
-    println!("|---|---|---|---|---|");
-    for e in entries {
-        println!(
-            "| {} | {:.0} | {:.0} | {:.0} | {:.0} |",
-            e.n,
-            e.instructions_per_sample,
-            e.estimated_cycles_m4,
-            e.path_instructions_per_sample,
-            e.path_estimated_cycles_m4
-        );
-    }
-    for e in entries {
-        let share = e.path_estimated_cycles_m4 * RATE_HZ / CLOCK_HZ;
-        println!(
-            "\nN = {}: {:.1} % of a processor at 168 MHz, for 1000 samples a second",
-            e.n,
-            100.0 * share
-        );
-    }
-    println!("\nInstructions per sample, by kind:\n");
-    let heads: Vec<String> = reported.iter().map(|case| format!("{} {}", case.part, case.n)).collect();
-    println!("| | {} |", heads.join(" | "));
-    println!("|---|{}", "---|".repeat(heads.len()));
-    for kind in cycles::KINDS {
-        let counts: Vec<String> = reported
-            .iter()
-            .zip(costs)
-            .map(|(case, cost)| format!("{:.1}", cost.count(kind) as f64 / case.samples as f64))
-            .collect();
-        println!("| {kind} | {} |", counts.join(" | "));
-    }
-    println!("\nCycles: {}", cycles::MODEL);
 }
 
 #[cfg(test)]
@@ -172,8 +182,15 @@ mod tests {
 
     #[test]
     fn a_reported_case_is_read_and_other_output_is_not() {
-        let line = r#"{"part":"kernel","n":16,"samples":10,"instructions_per_sample":420.5}"#;
-        let expected = Reported { part: "kernel".into(), n: 16, samples: 10, instructions_per_sample: 420.5 };
+        let line = r#"{"part":"kernel","n":16,"samples":10,"instructions_per_sample":420.5,"worst_of":7,"worst_instructions":640}"#;
+        let expected = Reported {
+            part: "kernel".into(),
+            n: 16,
+            samples: 10,
+            instructions_per_sample: 420.5,
+            worst_of: 7,
+            worst_instructions: 640,
+        };
         assert_eq!(parse_case(line), Some(expected));
         assert_eq!(parse_case("hello"), None);
         assert_eq!(parse_case(r#"{"part":"kernel"}"#), None);

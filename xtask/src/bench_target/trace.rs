@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek};
+use std::ops::Range;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
@@ -16,30 +17,69 @@ use crate::process;
 /// Functions of the bench binary that it calls around each case. What lies between is counted.
 const BEGIN: &str = "bench_begin";
 const END: &str = "bench_end";
+/// It calls this one at the beginning of each sample. Its own instructions are not counted.
+const SAMPLE: &str = "bench_sample";
+
+/// A stretch between the two marks.
+#[derive(Clone, Debug, Default)]
+pub struct Stretch {
+    /// All of it.
+    pub cost: Cost,
+    /// Instructions and estimated cycles of the sample that took the most cycles.
+    pub worst: (u64, u64),
+    /// Instructions and cycles when the sample began that is being counted.
+    begun: Option<(u64, u64)>,
+}
+
+impl Stretch {
+    fn so_far(&self) -> (u64, u64) {
+        (self.cost.instructions(), self.cost.cycles)
+    }
+
+    fn end_sample(&mut self) {
+        let (instructions, cycles) = self.so_far();
+        if let Some((i, c)) = self.begun.take()
+            && cycles - c > self.worst.1
+        {
+            self.worst = (instructions - i, cycles - c);
+        }
+    }
+
+    fn begin_sample(&mut self) {
+        self.end_sample();
+        self.begun = Some(self.so_far());
+    }
+}
 
 /// The emulator with one instruction a nanosecond, running `elf` to its end.
 pub fn emulator(elf: &Path) -> Command {
     let mut command = process::command("qemu-system-arm", places::root());
     command.args(["-M", "mps2-an386", "-display", "none", "-monitor", "none", "-serial", "null"]);
-    command.args(["-icount", "shift=0", "-semihosting-config", "enable=on,target=native"]);
-    command.arg("-kernel").arg(elf);
+    command.args(["-icount", "shift=0", "-kernel"]).arg(elf);
     command
 }
 
+/// Semihosting with the words of a command line, the program's name first.
+pub fn semihosting(words: &[&str]) -> [String; 2] {
+    let words: String = words.iter().map(|word| format!(",arg={word}")).collect();
+    ["-semihosting-config".into(), format!("enable=on,target=native{words}")]
+}
+
 /// What each stretch between the two marks cost, in the order they ran.
-pub fn regions(program: &Program) -> Result<Vec<Cost>> {
+pub fn stretches(program: &Program) -> Result<Vec<Stretch>> {
     let mark = |symbol: &str| {
         let index = program.function_of_symbol(symbol);
         let index = index.with_context(|| format!("{} has no symbol {symbol}", program.path.display()))?;
-        anyhow::Ok(program.functions[index].range.start)
+        anyhow::Ok(program.functions[index].range.clone())
     };
-    let (begin, end) = (mark(BEGIN)?, mark(END)?);
+    let marks = Marks { begin: mark(BEGIN)?.start, end: mark(END)?.start, sample: mark(SAMPLE)? };
     let folder = places::own().join("trace");
     std::fs::create_dir_all(&folder)?;
     let pipe = folder.join(format!("pipe-{}", std::process::id()));
     process::output(process::command("mkfifo", &folder).arg(&pipe))?;
     let log = File::create(folder.join("output.txt"))?;
     let mut child = emulator(&program.path)
+        .args(semihosting(&["bench", "traced"]))
         .args(["-singlestep", "-d", "exec,nochain", "-D"])
         .arg(&pipe)
         .stdout(Stdio::from(log.try_clone()?))
@@ -47,7 +87,7 @@ pub fn regions(program: &Program) -> Result<Vec<Cost>> {
         .spawn()
         .context("cannot start qemu-system-arm")?;
     let counted =
-        File::open(&pipe).map_err(anyhow::Error::from).and_then(|file| count(file, program, begin, end));
+        File::open(&pipe).map_err(anyhow::Error::from).and_then(|file| count(file, program, &marks));
     std::fs::remove_file(&pipe)?;
     if counted.is_err() {
         child.kill()?;
@@ -69,11 +109,18 @@ fn said(folder: &Path) -> Result<String> {
     Ok(text)
 }
 
-fn count(trace: impl Read, program: &Program, begin: u32, end: u32) -> Result<Vec<Cost>> {
+/// Where the marks are.
+struct Marks {
+    begin: u32,
+    end: u32,
+    sample: Range<u32>,
+}
+
+fn count(trace: impl Read, program: &Program, marks: &Marks) -> Result<Vec<Stretch>> {
     let mut lines = BufReader::with_capacity(1 << 20, trace);
     let mut line = Vec::new();
     let mut found = Vec::new();
-    let mut open: Option<Cost> = None;
+    let mut open: Option<Stretch> = None;
     let mut waiting: Option<(u32, Instruction)> = None;
     loop {
         line.clear();
@@ -81,15 +128,22 @@ fn count(trace: impl Read, program: &Program, begin: u32, end: u32) -> Result<Ve
             break;
         }
         let Some(address) = executed(&line) else { continue };
-        if let (Some(cost), Some((at, instruction))) = (&mut open, waiting.take()) {
-            cost.add(instruction, address != at + instruction.size);
+        if let (Some(stretch), Some((at, instruction))) = (&mut open, waiting.take()) {
+            stretch.cost.add(instruction, address != at + instruction.size);
         }
-        if address == begin {
-            open = Some(Cost::default());
-        } else if address == end {
-            found.extend(open.take());
+        if address == marks.begin {
+            open = Some(Stretch::default());
+        } else if address == marks.end {
+            found.extend(open.take().map(|mut stretch| {
+                stretch.end_sample();
+                stretch
+            }));
         }
-        if open.is_some() {
+        let Some(stretch) = &mut open else { continue };
+        if address == marks.sample.start {
+            stretch.begin_sample();
+        }
+        if !marks.sample.contains(&address) {
             let instruction = program.instruction(address);
             let instruction = instruction.with_context(|| format!("no instruction at {address:#x}"))?;
             waiting = Some((address, instruction));

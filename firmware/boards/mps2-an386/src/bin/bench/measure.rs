@@ -1,0 +1,106 @@
+//! Marks, the emulated clock as a counter of instructions, and the line that a case prints.
+
+use core::arch::asm;
+use core::hint::black_box;
+
+use cortex_m::peripheral::SYST;
+use cortex_m::peripheral::syst::SystClkSource;
+use semihosting::experimental::env;
+use semihosting::{eprintln, println};
+
+/// With `-icount shift=0` an instruction takes a nanosecond, and a tick of 25 MHz forty.
+const INSTRUCTIONS_PER_TICK: u32 = 40;
+/// The counter's width.
+const TICKS: u32 = 0x00FF_FFFF;
+
+/// What to run: everything, or no more than the marked stretches.
+pub struct Bench {
+    /// The emulator writes every instruction down; the long search for the worst sample is left to the other run.
+    traced: bool,
+}
+
+impl Bench {
+    /// Starts the counter and makes sure that it counts instructions.
+    pub fn start(mut counter: SYST) -> Self {
+        counter.set_clock_source(SystClkSource::Core);
+        counter.set_reload(TICKS);
+        counter.clear_current();
+        counter.enable_counter();
+        if !clock_counts_instructions() {
+            give_up("this count needs the emulator to run with -icount shift=0");
+        }
+        let arguments = env::args::<64>().expect("semihosting gives a command line");
+        Self { traced: (&arguments).any(|argument| argument == Ok("traced")) }
+    }
+
+    /// Measures `samples` samples between two marks, then, sample by sample, the worst of `search` more. Prints
+    /// `{"part":"kernel","n":10,"samples":1000,"instructions_per_sample":1234.5,"worst_of":20000,"worst_instructions":2560}`.
+    pub fn case(&self, part: &str, n: usize, samples: u32, search: u32, mut sample: impl FnMut()) {
+        let marked = || {
+            bench_begin();
+            for _ in 0..samples {
+                bench_sample();
+                sample();
+            }
+            bench_end();
+        };
+        let tenths = 10 * u64::from(INSTRUCTIONS_PER_TICK) * u64::from(ticks(marked)) / u64::from(samples);
+        let search = if self.traced { 0 } else { search };
+        let worst = (0..search).map(|_| ticks(&mut sample)).max().unwrap_or(0) * INSTRUCTIONS_PER_TICK;
+        println!(
+            "{{\"part\":\"{part}\",\"n\":{n},\"samples\":{samples},\"instructions_per_sample\":{}.{},\"worst_of\":{search},\
+             \"worst_instructions\":{worst}}}",
+            tenths / 10,
+            tenths % 10
+        );
+    }
+}
+
+/// Ends the run with a reason.
+pub fn give_up(reason: &str) -> ! {
+    eprintln!("{reason}");
+    semihosting::process::exit(1)
+}
+
+/// Where `cargo xtask bench-target` starts counting in the emulator's trace.
+#[inline(never)]
+#[unsafe(no_mangle)]
+extern "C" fn bench_begin() {
+    // SAFETY: does nothing; unlike an empty body it is not merged with other functions.
+    unsafe { asm!("nop", options(nomem, nostack)) };
+}
+
+/// Where it stops. The same instructions as `bench_begin` would let the compiler merge the two.
+#[inline(never)]
+#[unsafe(no_mangle)]
+extern "C" fn bench_end() {
+    // SAFETY: does nothing.
+    unsafe { asm!("nop", "nop", options(nomem, nostack)) };
+}
+
+/// Where a sample begins.
+#[inline(never)]
+#[unsafe(no_mangle)]
+extern "C" fn bench_sample() {
+    // SAFETY: does nothing.
+    unsafe { asm!("nop", "nop", "nop", options(nomem, nostack)) };
+}
+
+fn ticks(run: impl FnOnce()) -> u32 {
+    let before = SYST::get_current();
+    black_box(run)();
+    // It counts down, and wraps.
+    before.wrapping_sub(SYST::get_current()) & TICKS
+}
+
+/// Times a loop of a known number of instructions.
+fn clock_counts_instructions() -> bool {
+    const ROUNDS: u32 = 400_000;
+    let measured = ticks(|| {
+        // SAFETY: counts a register down to zero; touches nothing else.
+        unsafe {
+            asm!("2:", "subs {0}, #1", "bne 2b", inout(reg) ROUNDS => _, options(nomem, nostack));
+        }
+    });
+    measured.abs_diff(2 * ROUNDS / INSTRUCTIONS_PER_TICK) <= 4
+}

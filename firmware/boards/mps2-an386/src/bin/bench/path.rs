@@ -1,0 +1,135 @@
+//! The whole path of a sample, in the default configuration at 1 kHz.
+
+use rigident_firmware::{App, Event, Instrument, Sensor};
+use rigident_shared::wire::{
+    Command, ImuSettings, Kind, LoadCellSettings, Settings, Source, StateName, StopRule, TelemetrySettings,
+    encode, frame,
+};
+
+use crate::kernels::CHANNEL_SIGMA;
+use crate::measure::{Bench, give_up};
+use crate::sensors;
+
+/// Until the filter is full and the factor no longer empty.
+const WARM_UP: usize = 200;
+/// Holds a merge of the cascade's first level and two evaluations of the stop rule.
+const SAMPLES: u32 = 1000;
+/// The worst is looked for in so many: at one block in ten samples the cascade's second level is merged once in
+/// 100 000 samples.
+const SEARCH: u32 = 101_000;
+/// Different samples, gone through again and again.
+const WORDS: usize = 64;
+
+/// One IMU reading and one of the load cell, as decoded from the bus, through everything that the application does
+/// with them, its work after each event included.
+#[inline(never)]
+pub fn decoded(bench: &Bench, n: usize) {
+    let mut app = App::new("bench");
+    for (sequence, command) in commands(n).iter().enumerate() {
+        let (bytes, length) = encoded(sequence, command);
+        for byte in &bytes[..length] {
+            if app.on_byte(*byte, 0).is_some() {
+                app.sensors_up(Ok(()));
+            }
+        }
+    }
+    let words: [_; WORDS] = core::array::from_fn(words);
+    let mut next = words.iter().cycle();
+    let mut time_ns = 0;
+    let mut sample = || {
+        let Some((volts, specific_force, angular_rate)) = next.next() else { return };
+        time_ns += 630_000;
+        app.on_imu(time_ns, *specific_force, *angular_rate);
+        app.work();
+        time_ns += 370_000;
+        app.on_gauges(time_ns, *volts);
+        app.work();
+    };
+    (0..WARM_UP).for_each(|_| sample());
+    bench.case("path", n, SAMPLES, SEARCH, sample);
+    check_running(&app);
+}
+
+/// The same from the bytes on the bus: one frame of the converter and one packet of the IMU through the drivers.
+/// The bus itself is a copy.
+#[inline(never)]
+pub fn with_drivers(bench: &Bench, n: usize) {
+    let mut instrument = Instrument::new("bench", sensors::Adc::new(), sensors::Imu::new(), sensors::NoWait);
+    for (sequence, command) in commands(n).iter().enumerate() {
+        let (bytes, length) = encoded(sequence, command);
+        instrument.on_bytes(&bytes[..length], 0);
+    }
+    let mut time_ns = 0;
+    let mut sample = || {
+        time_ns += 630_000;
+        instrument.on_event(Event { sensor: Sensor::Imu, capture_time_ns: time_ns });
+        time_ns += 370_000;
+        instrument.on_event(Event { sensor: Sensor::LoadCell, capture_time_ns: time_ns });
+    };
+    (0..WARM_UP).for_each(|_| sample());
+    bench.case("path with drivers", n, SAMPLES, 0, sample);
+    check_running(instrument.app());
+}
+
+fn check_running(app: &App) {
+    if app.state().0 != StateName::Running {
+        give_up("the firmware does not run, or not any more");
+    }
+}
+
+fn commands(n: usize) -> [Command; 2] {
+    [Command::Configure(settings((n == 10).then_some([0.0; 6]))), Command::Start]
+}
+
+fn encoded(sequence: usize, command: &Command) -> ([u8; frame::MAX_FRAME], usize) {
+    let mut bytes = [0; frame::MAX_FRAME];
+    let length = encode(Kind::Command, sequence as u16, command, &mut bytes).expect("it fits");
+    (bytes, length)
+}
+
+/// Gauges in V, specific force in m/s², angular rate in rad/s: each channel a different triangle wave.
+fn words(k: usize) -> ([f32; 6], [f32; 3], [f32; 3]) {
+    let wave = |period: usize, amplitude: f32| {
+        let phase = (k * 7 + period) % period;
+        amplitude * (phase as f32 * 2.0 / period as f32 - 0.97)
+    };
+    (
+        core::array::from_fn(|g| wave(11 + 2 * g, 8e-4) + if g == 2 { 2e-3 } else { 0.0 }),
+        core::array::from_fn(|axis| wave(31 + 6 * axis, 3.0) + if axis == 2 { 9.8 } else { 0.0 }),
+        core::array::from_fn(|axis| wave(43 + 4 * axis, 1.1)),
+    )
+}
+
+fn settings(known_offset_n_nm: Option<[f32; 6]>) -> Settings {
+    // All ten are looked at each time, and the last one is never good enough.
+    let mut u95 = [f32::MAX; 16];
+    u95[9] = 0.0;
+    Settings {
+        rate_hz: 1000.0,
+        source: Source::Sensors,
+        imu: ImuSettings {
+            rate_hz: 1000.0,
+            rotation_wxyz: [0.92, 0.20, -0.10, 0.32],
+            position_m: [0.06, -0.04, 0.02],
+            accel_scale: [1.0; 3],
+            accel_bias_mps2: [0.0; 3],
+            gyro_bias_radps: [0.0; 3],
+            group_delay_ns: 600_000,
+            range_mps2: 157.0,
+            range_radps: 34.0,
+        },
+        load_cell: LoadCellSettings {
+            calibration: core::array::from_fn(|i| core::array::from_fn(|j| if i == j { 1e5 } else { 3e3 })),
+            noise_n_nm: CHANNEL_SIGMA,
+            known_offset_n_nm,
+            group_delay_ns: 1_500_000,
+            range_n_nm: [1e6; 6],
+        },
+        filter_width_s: 0.1,
+        row_every: 10,
+        stop: Some(StopRule { asked: 0x3FF, u95, minimum_blocks: 1 }),
+        telemetry: TelemetrySettings { estimate_every_blocks: 0, stream_readings: false },
+        frozen_after: 50,
+        host_timeout_ms: 0,
+    }
+}

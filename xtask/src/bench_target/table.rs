@@ -1,0 +1,68 @@
+//! What the verb prints for people.
+
+use super::cycles::{self, KINDS};
+use super::{Case, Entry};
+
+/// The clock and the rate for which a share of the processor is stated.
+const CLOCK_HZ: f64 = 168e6;
+const RATE_HZ: f64 = 1000.0;
+
+/// Prints every table.
+pub fn print(cases: &[Case], entries: &[Entry]) {
+    means(cases);
+    worst(cases);
+    if let Some(e) = entries.first() {
+        println!(
+            "\nFirmware: {} bytes of flash, {} of RAM in variables, stack of at most {} bytes.",
+            e.flash_bytes, e.ram_bytes, e.worst_stack_bytes
+        );
+    }
+    for (n, path) in entries.iter().filter_map(|e| e.path.as_ref().map(|path| (e.n, path))) {
+        let share = path.path_estimated_cycles_m4 * RATE_HZ / CLOCK_HZ;
+        println!("N = {n}: {:.1} % of a processor at 168 MHz, for 1000 samples a second", 100.0 * share);
+    }
+    mix(cases);
+    println!("\nCycles: {}", cycles::MODEL);
+}
+
+fn means(cases: &[Case]) {
+    println!("| case | instructions per sample | cycles, estimated |");
+    println!("|---|---|---|");
+    for case in cases {
+        println!("| {} | {:.0} | {:.0} |", case.name(), case.instructions(), case.cycles());
+    }
+}
+
+fn worst(cases: &[Case]) {
+    println!("\nWorst sample:\n");
+    println!(
+        "| case | searched | instructions, ± 40 | of the mean | traced | instructions | cycles, estimated | of the mean |"
+    );
+    println!("|---|---|---|---|---|---|---|---|");
+    for case in cases.iter().filter(|case| case.reported.worst_of > 0) {
+        let (instructions, cycles) = case.stretch.worst;
+        println!(
+            "| {} | {} | {} | {:.1} | {} | {instructions} | {cycles} | {:.1} |",
+            case.name(),
+            case.reported.worst_of,
+            case.reported.worst_instructions,
+            case.reported.worst_instructions as f64 / case.instructions(),
+            case.reported.samples,
+            cycles as f64 / case.cycles()
+        );
+    }
+}
+
+fn mix(cases: &[Case]) {
+    println!("\nInstructions per sample, by kind:\n");
+    let heads: Vec<String> = cases.iter().map(Case::name).collect();
+    println!("| | {} |", heads.join(" | "));
+    println!("|---|{}", "---|".repeat(heads.len()));
+    for kind in KINDS {
+        let counts: Vec<String> = cases
+            .iter()
+            .map(|case| format!("{:.1}", case.stretch.cost.count(kind) as f64 / case.reported.samples as f64))
+            .collect();
+        println!("| {kind} | {} |", counts.join(" | "));
+    }
+}
