@@ -5,10 +5,14 @@
 //! [`problem`] and [`reference`] are what they share. May not live here: anything that ships. The covariance
 //! forms in [`covariance_forms`] exist only to show how they fail.
 
+mod coloured_noise;
 mod covariance_forms;
 mod document;
+mod f32_accuracy;
+mod honest_covariance;
 mod problem;
 mod reference;
+mod report;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -49,6 +53,10 @@ fn document_path() -> PathBuf {
 fn make(name: &str) -> String {
     match name {
         "covariance-forms" => covariance_forms::table(),
+        "f32-accuracy" => f32_accuracy::table(),
+        "f32-accuracy-long" => f32_accuracy::long_table(),
+        "honest-covariance" => honest_covariance::table(),
+        "coloured-noise" => coloured_noise::table(),
         other => unreachable!("no maker for {other}"),
     }
 }
@@ -79,16 +87,4 @@ fn run(arguments: &Arguments) -> Result<(), String> {
         }
     }
     Ok(())
-}
-
-/// Two significant digits, as one would write them.
-fn short(value: f64) -> String {
-    if !value.is_finite() {
-        return "not finite".to_owned();
-    }
-    if value == 0.0 || (1e-3..999.5).contains(&value.abs()) {
-        let digits = if value == 0.0 { 0.0 } else { 1.0 - value.abs().log10().floor() };
-        return format!("{value:.*}", digits.max(0.0) as usize);
-    }
-    format!("{value:.1e}").replace(".0e", "e")
 }

@@ -143,7 +143,7 @@ fn with_unit_columns<const N: usize>(condition: f64, normal: &mut Normal) -> Vec
         let lengths: Vec<f64> = columns.iter().map(|c| dot(c, c)).collect();
         let least = (0..N).min_by(|a, b| lengths[*a].total_cmp(&lengths[*b])).unwrap_or(0);
         let most = (0..N).max_by(|a, b| lengths[*a].total_cmp(&lengths[*b])).unwrap_or(0);
-        if lengths[most] - lengths[least] < 1e-13 {
+        if lengths[most] - lengths[least] < 1e-9 {
             break;
         }
         // The rotation of two columns after which the first has length one: with t = tan θ,

@@ -11,7 +11,7 @@ use crate::formats::result::{
     BodyFrameResult, Parameter, ParameterState, PrincipalResult, ResultObject, ResultSource, SCHEMA, Status,
 };
 use crate::formats::rig::{BodyTable, RigFile, TruthTable};
-use crate::identification::Identification;
+use crate::identification::{FILTER_WIDTH_S, Identification};
 use crate::report::{self, FrameResults, Measured, PrincipalAxis, Quantity, Results};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -161,6 +161,10 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
             "residuals are {:.1} times smaller than the noise stated in the rig file: the intervals are wider than need be",
             1.0 / ratio.max(1e-12).sqrt()
         ));
+    }
+
+    if let Some(colour) = &identification.colour {
+        warnings.push(colour.warning(FILTER_WIDTH_S));
     }
 
     let frame = rig.body.as_ref().filter(|_| com.is_some());

@@ -9,6 +9,7 @@ pub mod pooled;
 pub mod poses;
 pub mod prepare;
 pub mod tare;
+pub mod whiteness;
 
 use rigident_shared::calibration::{ImuMounting, Reading};
 use rigident_shared::estimator::{ConfigError, Counters, Estimator, EstimatorConfig, Outcome, residual};
@@ -130,6 +131,8 @@ pub struct Identification {
     pub residuals: Vec<BlockResidual>,
     /// What the gyro's noise alone would bring.
     pub regressor_noise: RegressorNoise,
+    /// Noise beyond what the filter explains, if the residuals show any.
+    pub colour: Option<whiteness::Colour>,
     /// What happened to the readings.
     pub counters: Counters,
 }
@@ -249,6 +252,7 @@ fn conclude<const N: usize>(
         noise_gain,
         variance_ratio,
         residual_rms: rms(&residuals),
+        colour: colour(input, estimator.config(), &residuals, scale),
         residuals,
         regressor_noise: RegressorNoise {
             tensor_information: weight * estimator.kernel().derivative_noise_gain() * gyro * gyro
@@ -256,6 +260,21 @@ fn conclude<const N: usize>(
         },
         counters,
     }
+}
+
+fn colour(
+    input: &Input,
+    config: &EstimatorConfig<f64>,
+    residuals: &[BlockResidual],
+    variance_scale: f64,
+) -> Option<whiteness::Colour> {
+    if input.is_static {
+        return None;
+    }
+    let white = whiteness::white_autocovariance(&whiteness::impulse_response(config), config.row_every);
+    let row_period_s = f64::from(config.row_every) / config.rate_hz;
+    let variance = config.channel_sigma.map(|s| s * s * variance_scale);
+    whiteness::colour(residuals, &white, row_period_s, config.row_every, variance)
 }
 
 fn absorb<const N: usize>(

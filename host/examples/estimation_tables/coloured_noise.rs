@@ -1,0 +1,114 @@
+//! What becomes of the intervals when the load cell's noise is not white, and whether the answer says so.
+
+use rigident::identification::{Identification, Input, identify};
+use rigident_shared::calibration::Reading;
+use rigident_shared::spatial::Wrench;
+
+use crate::honest_covariance::{N, Study, batch_meat, sandwich_of};
+use crate::problem::Normal;
+use crate::report::{Job, in_parallel, short};
+
+const RATE_HZ: f64 = 200.0;
+const RUNS: u64 = 200;
+/// Correlation times, s; zero is white.
+const TIMES_S: [f64; 7] = [0.0, 0.002, 0.01, 0.02, 0.05, 0.2, 1.0];
+
+/// One way of knowing σ.
+#[derive(Clone, Copy, Default)]
+struct Told {
+    held: f64,
+    /// Sum of the shipped standard deviations of the mass, the first, and of all over the exact ones.
+    sd: [f64; N],
+    warned: f64,
+    factor: f64,
+}
+
+impl Told {
+    fn add(&mut self, said: &Identification, phi: &[f64; N]) {
+        for j in 0..N {
+            self.sd[j] += said.estimate.covariance[(j, j)].sqrt();
+            let error = (said.estimate.values[j] - phi[j]).abs();
+            self.held += f64::from(u8::from(error <= said.estimate.u95(j))) / N as f64;
+        }
+        if let Some(colour) = &said.colour {
+            self.warned += 1.0;
+            self.factor += colour.factor;
+        }
+    }
+}
+
+struct Line {
+    squares: [f64; N],
+    batch: [f64; N],
+    given: Told,
+    estimated: Told,
+}
+
+/// Noise of unit standard deviation at every reading, in all channels, of this correlation time.
+fn line(study: &Study, time_s: f64, seed: u64) -> Line {
+    let sigma = study.settings().channel_sigma;
+    let rho = if time_s > 0.0 { f64::exp(-1.0 / (RATE_HZ * time_s)) } else { 0.0 };
+    let mut normal = Normal::new(seed);
+    let phi = study.ideal_parameters();
+    let mut line =
+        Line { squares: [0.0; N], batch: [0.0; N], given: Told::default(), estimated: Told::default() };
+    let mut meat = nalgebra::DMatrix::zeros(N, N);
+    for _ in 0..RUNS {
+        let mut noise: [f64; 6] = std::array::from_fn(|_| normal.draw());
+        let readings: Vec<Reading<f64>> = study
+            .ideal()
+            .map(|r| {
+                noise = noise.map(|n| rho * n + (1.0 - rho * rho).sqrt() * normal.draw());
+                let exact = r.wrench.array();
+                Reading {
+                    wrench: Wrench::from_array(std::array::from_fn(|c| exact[c] + sigma[c] * noise[c])),
+                    ..r
+                }
+            })
+            .collect();
+        meat += batch_meat(study.settings(), readings.iter().copied(), &phi).0;
+        let input = Input { readings, ..study.input().clone() };
+        let given = identify(&input).expect("the experiment has rows");
+        for j in 0..N {
+            line.squares[j] += (given.estimate.values[j] - phi[j]).powi(2) / RUNS as f64;
+        }
+        line.given.add(&given, &phi);
+        let estimated = identify(&Input { channel_sigma: None, ..input }).expect("the experiment has rows");
+        line.estimated.add(&estimated, &phi);
+    }
+    line.batch = sandwich_of(study, &(meat / RUNS as f64));
+    line
+}
+
+/// The table.
+pub fn table() -> String {
+    let study: &'static Study = Box::leak(Box::new(Study::new(RATE_HZ)));
+    let jobs = TIMES_S
+        .into_iter()
+        .zip(1..)
+        .map(|(time_s, seed)| -> Job<Line> { Box::new(move || line(study, time_s, 1000 * seed)) });
+    let mut text = "| correlation time, s | σ | batch means / spread | shipped / spread | coverage | warned | factor told, mean | factor needed |\n\
+                    |---|---|---|---|---|---|---|---|\n"
+        .to_owned();
+    let runs = RUNS as f64;
+    for (time_s, line) in TIMES_S.into_iter().zip(in_parallel(jobs.collect())) {
+        // Geometric mean over the parameters.
+        let mean =
+            |ratio: &dyn Fn(usize) -> f64| ((0..N).map(|j| ratio(j).ln()).sum::<f64>() / N as f64).exp();
+        let spread = line.squares.map(f64::sqrt);
+        let batch = mean(&|j| line.batch[j] / spread[j]);
+        for (told, name) in [(line.given, "given"), (line.estimated, "from the data")] {
+            let shipped = mean(&|j| told.sd[j] / runs / spread[j]);
+            let factor = if told.warned > 0.0 { short(told.factor / told.warned) } else { "–".to_owned() };
+            text += &format!(
+                "| {} | {name} | {batch:.2} | {} | {:.1} % | {:.0} % | {factor} | {} |\n",
+                if time_s > 0.0 { time_s.to_string() } else { "0 (white)".to_owned() },
+                short(shipped),
+                100.0 * told.held / runs,
+                100.0 * told.warned / runs,
+                short(1.0 / shipped),
+            );
+        }
+    }
+    text
+}

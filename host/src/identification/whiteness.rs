@@ -1,0 +1,291 @@
+//! Whether the residuals are as coloured as the filter alone makes them, or more.
+//!
+//! Lives here: the autocorrelation that white noise has after the filter, what the residuals have, and by how much
+//! intervals that rest on white noise are too small. May not live here: the estimate.
+//!
+//! `cov = σ² (AᵀA)⁻¹` is right for noise that is white before the filter, because the sum over all lags of the filtered
+//! noise's autocovariance, which is what a slowly varying row averages, is then `σ² (Σh)² = σ²` again. For any noise
+//! that sum is `row_every Σ_m γ(m)` with γ the residuals' autocovariance, so that `√(row_every Σ γ) / σ` is the
+//! factor by which intervals are too small. Colour much faster than the filter raises the residuals as it raises the
+//! intervals' σ and needs no test; slower colour shows at lags where the filter's own correlation has ended.
+
+use rigident_shared::calibration::Reading;
+use rigident_shared::estimator::{Estimator, EstimatorConfig, Outcome};
+use rigident_shared::screening::Limits;
+use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
+
+use super::{BlockResidual, TAPS};
+
+/// A deviation this many standard deviations long is not chance: 6 channels, two tests, one false alarm in 1e4.
+const SIGNIFICANT: f64 = 4.5;
+/// Longest lag that is looked at, rows.
+const LONGEST: usize = 2000;
+
+/// Noise that is more than the filter explains.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Colour {
+    /// The channel that shows it most, 0 to 5 in the order of the wrench.
+    pub channel: usize,
+    /// Mean autocorrelation of its residuals between half a filter's width and one and a half.
+    pub autocorrelation: f64,
+    /// Standard deviation of that mean for white noise, whose own is nearly zero there.
+    pub chance: f64,
+    /// Factor by which intervals of parameters that rest on this channel are too small.
+    pub factor: f64,
+}
+
+/// The filter's impulse response, by asking the pipeline itself: what a unit force at one reading leaves in the rows.
+///
+/// `config` with a filter; empty if the estimator cannot be made of it.
+pub fn impulse_response(config: &EstimatorConfig<f64>) -> Vec<f64> {
+    let config = EstimatorConfig { limits: Limits::none(), known_offset: [0.0; 6], ..*config };
+    let Ok(fresh) = Estimator::<f64, 10, TAPS>::new(&config) else { return Vec::new() };
+    let mut pipeline = Box::new(fresh);
+    let every = usize::from(config.row_every);
+    let first_block = |pipeline: &mut Estimator<f64, 10, TAPS>, unit_at: usize, wanted: usize| {
+        pipeline.reset();
+        let mut rows = Vec::with_capacity(wanted);
+        for k in 0.. {
+            let force = if k == unit_at { 1.0 } else { 0.0 };
+            let reading = Reading {
+                time_ns: (k as f64 * 1e9 / config.rate_hz) as u64,
+                wrench: Wrench::from_array([force, 0.0, 0.0, 0.0, 0.0, 0.0]),
+                specific_force: SpecificForce::zero(),
+                angular_rate: AngularRate::zero(),
+            };
+            if pipeline.absorb(&reading) == Outcome::Absorbed {
+                rows.push(pipeline.last_block().map_or(0.0, |b| b.wrench[0]));
+            }
+            if rows.len() == wanted || k > 4 * TAPS {
+                return (rows, k + 1);
+            }
+        }
+        (rows, 0)
+    };
+    // A window is as long as the first row takes; the row of the window that began `i` windows later holds the
+    // unit at `i every` taps less.
+    let (_, taps) = first_block(&mut pipeline, 0, 1);
+    let windows = taps.div_ceil(every);
+    let mut response = vec![0.0; windows * every];
+    for phase in 0..every {
+        let unit_at = (windows - 1) * every + phase;
+        let (rows, _) = first_block(&mut pipeline, unit_at, windows);
+        for (window, value) in rows.into_iter().enumerate() {
+            if let Some(entry) = response.get_mut(unit_at - window * every) {
+                *entry = value;
+            }
+        }
+    }
+    response.truncate(taps);
+    response
+}
+
+/// Autocovariance of the rows for white noise of unit variance before the filter, at lags of 0, 1, … rows, until the
+/// windows no longer overlap.
+pub fn white_autocovariance(response: &[f64], row_every: u16) -> Vec<f64> {
+    (0..response.len())
+        .step_by(usize::from(row_every).max(1))
+        .map(|lag| response.iter().zip(response.iter().skip(lag)).map(|(a, b)| a * b).sum())
+        .collect()
+}
+
+/// Autocovariance of one channel at a lag, pairs counted only within stretches without gaps.
+fn autocovariance(stretches: &[&[BlockResidual]], channel: usize, lag: usize) -> f64 {
+    let of = |r: &BlockResidual| r.residual.get(channel).copied().unwrap_or(0.0);
+    let count = stretches.iter().map(|s| s.len()).sum::<usize>().max(1) as f64;
+    let pairs = stretches.iter().flat_map(|s| s.iter().zip(s.iter().skip(lag)));
+    pairs.map(|(a, b)| of(a) * of(b)).sum::<f64>() / count
+}
+
+/// Variance, times the number of rows, of the mean autocorrelation over `lags` lags beyond the filter, for white noise
+/// of autocorrelation ρ: the mean over pairs of lags of `Σ_m ρ(m) ρ(m + k − l)` (Bartlett 1946).
+fn chance(white: &[f64], lags: usize) -> f64 {
+    let rho = |lag: isize| white.get(lag.unsigned_abs()).map_or(0.0, |w| w / white[0]);
+    let reach = white.len() as isize;
+    let overlap = |d: isize| (-reach..=reach).map(|m| rho(m) * rho(m + d)).sum::<f64>();
+    let lags = lags as isize;
+    (0..lags).flat_map(|k| (0..lags).map(move |l| overlap(k - l))).sum::<f64>() / (lags * lags) as f64
+}
+
+/// What the residuals show, if they show more than the filter explains.
+///
+/// `white` is [`white_autocovariance`]; `variance` the one that the intervals assume, per channel and reading before the
+/// filter. `None` too where there are too few rows to tell.
+pub fn colour(
+    residuals: &[BlockResidual],
+    white: &[f64],
+    row_period_s: f64,
+    row_every: u16,
+    variance: [f64; 6],
+) -> Option<Colour> {
+    let reach = white.len();
+    let (from, to) = (reach.div_ceil(2).max(1), (3 * reach).div_ceil(2));
+    if reach < 2 || residuals.len() < 20 * to {
+        return None;
+    }
+    let stretches: Vec<&[BlockResidual]> =
+        residuals.chunk_by(|a, b| b.time_s - a.time_s < 1.5 * row_period_s).collect();
+    let count = residuals.len() as f64;
+    let chance = (chance(white, to - from + 1) / count).sqrt();
+    // Sum over lags with triangular weights: its relative variance is 4 M / 3 n (Newey and West 1987), that of a χ² of
+    // ν degrees of freedom 2/ν; the cube root of χ²/ν is nearly normal (Wilson and Hilferty 1931).
+    let ninths = 2.0 / 9.0 * (0.5 * 4.0 * (2 * reach) as f64 / (3.0 * count));
+    let largest_by_chance = (1.0 - ninths + SIGNIFICANT * ninths.sqrt()).powi(3);
+    let weighted = |gamma: &[f64]| {
+        let tail = gamma.iter().enumerate().skip(1).take(2 * reach);
+        gamma[0] + 2.0 * tail.map(|(m, g)| g * (1.0 - m as f64 / (2 * reach) as f64)).sum::<f64>()
+    };
+    let every = f64::from(row_every);
+    let longest = (residuals.len() / 4).min(LONGEST);
+    let found = (0..6).filter_map(|channel| {
+        let gamma: Vec<f64> = (0..=2 * reach).map(|lag| autocovariance(&stretches, channel, lag)).collect();
+        let scale = variance.get(channel).copied().filter(|v| *v > 0.0)?;
+        if gamma[0] <= 0.0 {
+            return None;
+        }
+        let beyond = &gamma[from..=to];
+        let autocorrelation = beyond.iter().sum::<f64>() / (beyond.len() as f64 * gamma[0]);
+        let expected = white[from.min(reach)..].iter().sum::<f64>() / (beyond.len() as f64 * white[0]);
+        let ratio = weighted(&gamma) / (scale * weighted(white));
+        if autocorrelation - expected < SIGNIFICANT * chance && ratio < largest_by_chance {
+            return None;
+        }
+        // The sum ends where two neighbours no longer are positive together (Geyer 1992).
+        let mut tail = 0.0;
+        for lag in (1..longest).step_by(2) {
+            let pair =
+                autocovariance(&stretches, channel, lag) + autocovariance(&stretches, channel, lag + 1);
+            if lag >= reach && pair <= 0.0 {
+                break;
+            }
+            tail += pair;
+        }
+        let factor = (every * (gamma[0] + 2.0 * tail) / scale).max(0.0).sqrt();
+        Some(Colour { channel, autocorrelation, chance, factor })
+    });
+    found.max_by(|a, b| a.factor.total_cmp(&b.factor)).filter(|c| c.factor > 1.1)
+}
+
+impl Colour {
+    /// In words.
+    pub fn warning(&self, width_s: f64) -> String {
+        let channel = ["fx", "fy", "fz", "mx", "my", "mz"].get(self.channel).copied().unwrap_or("?");
+        format!(
+            "residuals of {channel} stay correlated for longer than the filter explains (autocorrelation {:.2} about {width_s} s \
+             apart, where white noise has 0.00 ± {:.2}): intervals may be too small by a factor of up to {:.1}; look for \
+             vibration, drift, a wrong delay or a body that is not rigid, or state the noise that does not average",
+            self.autocorrelation,
+            2.0 * self.chance,
+            self.factor
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rigident_shared::calibration::ImuMounting;
+    use rigident_shared::conditioning::Kernel;
+
+    use super::*;
+
+    fn config(rate_hz: f64) -> EstimatorConfig<f64> {
+        EstimatorConfig {
+            rate_hz,
+            filter_width_s: super::super::FILTER_WIDTH_S,
+            row_every: super::super::row_every(rate_hz),
+            channel_sigma: [1.0; 6],
+            known_offset: [0.0; 6],
+            mounting: ImuMounting::default(),
+            limits: Limits::none(),
+        }
+    }
+
+    /// Rows as the estimator makes them of noise that obeys `n ← ρ n + √(1 − ρ²) g`, of unit variance.
+    fn residuals(config: &EstimatorConfig<f64>, rho: f64, readings: usize, seed: u64) -> Vec<BlockResidual> {
+        let mut normal = rand_distr::Distribution::<f64>::sample_iter(
+            rand_distr::StandardNormal,
+            <rand_chacha::ChaCha8Rng as rand_chacha::rand_core::SeedableRng>::seed_from_u64(seed),
+        );
+        let mut pipeline = Box::new(Estimator::<f64, 10, TAPS>::new(config).unwrap());
+        let mut noise = [0.0; 6];
+        let mut rows = Vec::new();
+        for k in 0..readings {
+            for n in &mut noise {
+                let fresh = normal.next().unwrap();
+                *n = if k == 0 { fresh } else { rho * *n + (1.0 - rho * rho).sqrt() * fresh };
+            }
+            let time_s = k as f64 / config.rate_hz;
+            let reading = Reading {
+                time_ns: (time_s * 1e9) as u64,
+                wrench: Wrench::from_array(noise),
+                specific_force: SpecificForce::zero(),
+                angular_rate: AngularRate::zero(),
+            };
+            if pipeline.absorb(&reading) == Outcome::Absorbed {
+                rows.push(BlockResidual { time_s, residual: pipeline.last_block().unwrap().wrench });
+            }
+        }
+        rows
+    }
+
+    fn found(rate_hz: f64, rho: f64, seconds: f64, seed: u64) -> Option<Colour> {
+        let config = config(rate_hz);
+        let white = white_autocovariance(&impulse_response(&config), config.row_every);
+        let rows = residuals(&config, rho, (seconds * rate_hz) as usize, seed);
+        let period = f64::from(config.row_every) / rate_hz;
+        colour(&rows, &white, period, config.row_every, [1.0; 6])
+    }
+
+    #[test]
+    fn the_pipeline_answers_an_impulse_with_the_kernel() {
+        for rate_hz in [100.0, 200.0, 250.0, 1000.0] {
+            let kernel = Kernel::<f64, TAPS>::new(rate_hz, super::super::FILTER_WIDTH_S).unwrap();
+            let response = impulse_response(&config(rate_hz));
+            assert_eq!(response.len(), kernel.taps());
+            let energy: f64 = response.iter().map(|h| h * h).sum();
+            assert!((energy / kernel.noise_gain() - 1.0).abs() < 1e-12);
+            assert!((response.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+            let half = rate_hz * super::super::FILTER_WIDTH_S / 2.0;
+            let reach = (response.len() / 2) as f64;
+            let shape = |i: f64| (1.0 - ((i - reach) / half).powi(2)).powi(8);
+            for (i, h) in response.iter().enumerate() {
+                assert!((h / response[response.len() / 2] - shape(i as f64)).abs() < 1e-12);
+            }
+        }
+    }
+
+    /// The sum over all lags is one: what makes the shipped covariance right.
+    #[test]
+    fn all_lags_of_the_filtered_noise_together_are_the_noise_before_it() {
+        for rate_hz in [100.0, 200.0, 250.0, 500.0, 1000.0] {
+            let config = config(rate_hz);
+            let white = white_autocovariance(&impulse_response(&config), config.row_every);
+            let sum = white[0] + 2.0 * white[1..].iter().sum::<f64>();
+            assert!((sum * f64::from(config.row_every) - 1.0).abs() < 1e-3, "{rate_hz}: {sum}");
+        }
+    }
+
+    #[test]
+    fn white_noise_gives_no_warning() {
+        for seed in 0..100 {
+            assert_eq!(found(200.0, 0.0, 20.0, seed), None, "seed {seed}");
+        }
+        assert_eq!(found(1000.0, 0.0, 20.0, 1), None);
+    }
+
+    /// Autoregressive noise of correlation time τ: the spectrum at zero frequency is (1 + ρ)/(1 − ρ) times the white one's.
+    #[test]
+    fn coloured_noise_is_named_with_its_factor() {
+        for (tau_s, seconds) in [(0.05, 60.0), (0.2, 240.0)] {
+            let rho = f64::exp(-1.0 / (200.0 * tau_s));
+            let expected = ((1.0 + rho) / (1.0 - rho)).sqrt();
+            for seed in 0..5 {
+                let colour = found(200.0, rho, seconds, seed).expect("a warning");
+                // The largest of six estimates, each good to about √(τ/T) of its variance times a few.
+                let ratio = colour.factor / expected;
+                assert!((0.8..1.5).contains(&ratio), "{tau_s} s, seed {seed}: {ratio}");
+                assert!(colour.warning(0.1).contains("factor"));
+            }
+        }
+    }
+}
