@@ -345,6 +345,8 @@ impl PooledFactor {
             regressor_noise: RegressorNoise {
                 tensor_information: self.sources.iter().map(|s| s.tensor_information).sum(),
             },
+            // There are no residuals to look at, only their sum.
+            colour: None,
             counters: Counters {
                 readings: sum(&|s| s.readings),
                 rejected: sum(&|s| s.rejected),
