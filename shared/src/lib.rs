@@ -11,6 +11,7 @@
 pub mod alignment;
 pub mod calibration;
 pub mod conditioning;
+pub mod consistency;
 pub mod estimator;
 pub mod factor;
 pub mod inertia;
