@@ -23,6 +23,8 @@ use trace::Stretch;
 
 /// The bench binary of the board crate.
 const BINARY: &str = "bench";
+/// Its part that is the baseline.
+const C_PART: &str = "C Householder";
 /// How far the two ways of counting may be apart: the emulated clock ticks once in 40 instructions, and the
 /// marks themselves cost a few.
 const AGREEMENT: f64 = 0.005;
@@ -33,7 +35,14 @@ pub struct Options {
     /// Print the JSON of FORMATS on standard output instead of a table.
     #[arg(long)]
     pub json: bool,
+    /// Compare with a dense Householder in C; needs arm-none-eabi-gcc, which is installed as root.
+    #[arg(long)]
+    pub baseline: bool,
 }
+
+/// The feature that links the C code, and what compiles it.
+const BASELINE: &str = "c-baseline";
+const C_COMPILER: (&str, &str) = ("arm-none-eabi-gcc", "gcc-arm-none-eabi");
 
 /// One case as the bench binary reports it, a line of JSON each.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -97,6 +106,8 @@ struct Entry {
     estimated_cycles_m4: f64,
     #[serde(flatten)]
     path: Option<PathEntry>,
+    #[serde(flatten)]
+    baseline: Option<BaselineEntry>,
     flash_bytes: u64,
     ram_bytes: u64,
     worst_stack_bytes: u64,
@@ -111,12 +122,23 @@ struct PathEntry {
     path_worst_estimated_cycles_m4: u64,
 }
 
+/// The C Householder on given rows.
+#[derive(Clone, Debug, Serialize)]
+struct BaselineEntry {
+    baseline_instructions_per_sample: f64,
+    baseline_estimated_cycles_m4: f64,
+}
+
 /// Builds, runs, compares the two counts and prints.
 pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     setup::system_packages()?;
     let core = toolchain::choose(core)?;
     let firmware = Program::read(&firmware::build(core, &[])?)?;
-    let bench = firmware::build_binary(core, BINARY, &[])?;
+    if options.baseline && !process::is_installed(C_COMPILER.0) {
+        setup::apt_install(&[C_COMPILER.1])?;
+    }
+    let features: &[&str] = if options.baseline { &[BASELINE] } else { &[] };
+    let bench = firmware::build_binary(core, BINARY, features)?;
     let reported = reported(&bench)?;
     let stretches = trace::stretches(&Program::read(&bench)?)?;
     if stretches.len() != reported.len() {
@@ -167,6 +189,10 @@ fn entries(cases: &[Case], firmware: &Program) -> Result<Vec<Entry>> {
                     path_estimated_cycles_m4: path.cycles(),
                     path_worst_instructions: path.worst_instructions(),
                     path_worst_estimated_cycles_m4: path.stretch.worst.1,
+                }),
+                baseline: find(C_PART, n).map(|c| BaselineEntry {
+                    baseline_instructions_per_sample: c.instructions(),
+                    baseline_estimated_cycles_m4: c.cycles(),
                 }),
                 flash_bytes: firmware.memory.flash,
                 ram_bytes: firmware.memory.ram,

@@ -10,6 +10,7 @@ const RATE_HZ: f64 = 1000.0;
 /// Prints every table.
 pub fn print(cases: &[Case], entries: &[Entry]) {
     means(cases);
+    baseline(entries);
     worst(cases);
     if let Some(e) = entries.first() {
         println!(
@@ -30,6 +31,30 @@ fn means(cases: &[Case]) {
     println!("|---|---|---|");
     for case in cases {
         println!("| {} | {:.0} | {:.0} |", case.name(), case.instructions(), case.cycles());
+    }
+}
+
+/// Our kernel against the C Householder: from the raw sample, regressor included, where N is a body's.
+fn baseline(entries: &[Entry]) {
+    let pairs: Vec<_> = entries.iter().filter_map(|e| e.baseline.as_ref().map(|c| (e, c))).collect();
+    if pairs.is_empty() {
+        return;
+    }
+    println!("\nAgainst the dense Householder in C, which gets its rows given:\n");
+    println!(
+        "| N | C: instructions | cycles, estimated | ours: instructions | cycles, estimated | cycles, ours to C |"
+    );
+    println!("|---|---|---|---|---|---|");
+    for (e, c) in pairs {
+        println!(
+            "| {} | {:.0} | {:.0} | {:.0} | {:.0} | {:.2} |",
+            e.n,
+            c.baseline_instructions_per_sample,
+            c.baseline_estimated_cycles_m4,
+            e.instructions_per_sample,
+            e.estimated_cycles_m4,
+            e.estimated_cycles_m4 / c.baseline_estimated_cycles_m4
+        );
     }
 }
 

@@ -67,7 +67,11 @@ fn readings() -> [Reading<f32>; READINGS] {
 }
 
 /// Six given rows of N parameters: columns, and a right-hand side. The factor works in them.
-type Rows<const N: usize> = ([[f32; 6]; N], [f32; 6]);
+#[repr(C)]
+pub struct Rows<const N: usize> {
+    columns: [[f32; 6]; N],
+    rhs: [f32; 6],
+}
 
 /// A factor and all the rows that it will meet, outside of the firmware's RAM.
 struct Dense<const N: usize, const BLOCKS: usize> {
@@ -75,35 +79,54 @@ struct Dense<const N: usize, const BLOCKS: usize> {
     rows: [Rows<N>; BLOCKS],
 }
 
+/// Calls `run` with the factor of no rows and `BLOCKS` times six random rows, the same for each call.
+pub fn with_rows<const N: usize, const BLOCKS: usize>(
+    run: impl FnOnce(&mut InformationFactor<f32, N>, &mut [Rows<N>; BLOCKS]),
+) {
+    let place = PSRAM as *mut Dense<N, BLOCKS>;
+    let mut random = random();
+    // SAFETY: the board has 16 MB of RAM there, aligned for anything; nothing is linked to it and no other
+    // reference into it lives while this function runs. Every field is written before it is referred to. The factor
+    // of no rows is all zeros; made by `new`, copies of it would stand on the stack.
+    let Dense { factor, rows } = unsafe {
+        (&raw mut (*place).factor).write_bytes(0, 1);
+        let values = (&raw mut (*place).rows).cast::<f32>();
+        for k in 0..BLOCKS * size_of::<Rows<N>>() / size_of::<f32>() {
+            values.add(k).write(random());
+        }
+        &mut *place
+    };
+    run(factor, rows);
+}
+
+/// So many blocks of six until a factor of N parameters has its full rank, and one more.
+pub fn until_full_rank(n: usize) -> usize {
+    n / 6 + 2
+}
+
+/// Six rows into a factor.
+#[inline(always)]
+pub fn absorb<const N: usize>(factor: &mut InformationFactor<f32, N>, rows: &mut Rows<N>) {
+    let Rows { columns, rhs } = black_box(rows);
+    factor.absorb::<6>(columns, rhs);
+}
+
 /// Six dense rows into one factor, `BLOCKS` times; counted from where the factor has its full rank, since columns
 /// that find no row left cost nothing. The rows stand where they are absorbed from: nothing is copied within the count.
 #[inline(never)]
 pub fn dense<const N: usize, const BLOCKS: usize>(bench: &Bench) {
-    let place = PSRAM as *mut Dense<N, BLOCKS>;
-    let mut random = random();
-    // SAFETY: the board has 16 MB of RAM there, aligned for anything; nothing is linked to it and no other
-    // reference into it lives while this function runs. Every field is written before it is referred to. The factor of
-    // no rows is all zeros; made by `new`, copies of it would stand on the stack.
-    let Dense { factor, rows } = unsafe {
-        (&raw mut (*place).factor).write_bytes(0, 1);
-        for k in 0..BLOCKS {
-            let rows = (&raw mut (*place).rows).cast::<Rows<N>>().add(k);
-            for value in 0..size_of::<Rows<N>>() / 4 {
-                rows.cast::<f32>().add(value).write(random());
+    with_rows::<N, BLOCKS>(|factor, rows| {
+        let mut blocks = rows.iter_mut();
+        let mut absorb = || {
+            if let Some(rows) = blocks.next() {
+                absorb(factor, rows);
             }
-        }
-        &mut *place
-    };
-    let mut blocks = rows.iter_mut();
-    let mut absorb = || {
-        if let Some((columns, rhs)) = blocks.next() {
-            factor.absorb::<6>(black_box(columns), black_box(rhs));
-        }
-    };
-    let first = N / 6 + 2;
-    (0..first).for_each(|_| absorb());
-    bench.case("dense", N, (BLOCKS - first) as u32, 0, absorb);
-    black_box(factor);
+        };
+        let first = until_full_rank(N);
+        (0..first).for_each(|_| absorb());
+        bench.case("dense", N, (BLOCKS - first) as u32, 0, absorb);
+        black_box(factor);
+    });
 }
 
 /// Numbers in [−1, 1), the same in every run.

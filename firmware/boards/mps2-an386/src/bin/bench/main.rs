@@ -5,12 +5,15 @@
 //! - `dense`: six given rows of N parameters into one factor;
 //! - `path`: what the application does with one reading of each sensor, as decoded from the bus, in the default
 //!   configuration at 1 kHz: a filter of 0.1 s, six rows every tenth reading, the stop rule set, nothing sent;
-//! - `path with drivers`: the same from the bytes on the bus.
+//! - `path with drivers`: the same from the bytes on the bus;
+//! - `C Householder`, with the feature `c-baseline`: given rows as in `dense`, by the textbook's algorithm in C.
 //!
 //! With the argument `traced` the search for the worst sample is left out.
 #![no_std]
 #![no_main]
 
+#[cfg(feature = "c-baseline")]
+mod baseline;
 mod kernels;
 mod measure;
 mod path;
@@ -42,6 +45,8 @@ fn main() -> ! {
     kernels::dense::<19, 69>(&bench);
     kernels::dense::<36, 40>(&bench);
     kernels::dense::<128, 31>(&bench);
+    #[cfg(feature = "c-baseline")]
+    baseline::all(&bench);
     path::decoded(&bench, 10);
     path::decoded(&bench, 16);
     path::with_drivers(&bench, 10);
