@@ -7,6 +7,7 @@
 mod bench_target;
 mod check_elf;
 mod elf;
+mod emulator;
 mod firmware;
 mod fuzz;
 mod places;
@@ -46,6 +47,8 @@ enum Verb {
     BenchTarget(bench_target::Options),
     /// Look for double precision and for panics reachable from the sample path in the firmware.
     CheckElf(check_elf::Options),
+    /// Make the emulated board panic and fault, and look at the exit status.
+    BadEnds,
     /// Fuzz the decoders.
     Fuzz(fuzz::Options),
     /// Make the tables of docs/estimation.md anew.
@@ -71,6 +74,7 @@ fn run(verb: &Verb, core: Option<Core>) -> anyhow::Result<()> {
         Verb::Size(options) => size::run(options, core),
         Verb::BenchTarget(options) => bench_target::run(options, core),
         Verb::CheckElf(options) => check_elf::run(options, core),
+        Verb::BadEnds => emulator::bad_ends(toolchain::choose(core)?),
         Verb::Fuzz(options) => fuzz::run(options),
         Verb::Tables(options) => tables::run(options),
     }

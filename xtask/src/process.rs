@@ -2,7 +2,7 @@
 
 use std::ffi::OsStr;
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::{Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
@@ -62,17 +62,22 @@ pub fn output(command: &mut Command) -> Result<String> {
 
 /// Runs for at most `limit`; `Ok(false)` when it failed or had to be ended.
 pub fn run_bounded(command: &mut Command, limit: Duration) -> Result<bool> {
+    Ok(status_bounded(command, limit)?.is_some_and(|status| status.success()))
+}
+
+/// Runs for at most `limit`; `None` when it had to be ended.
+pub fn status_bounded(command: &mut Command, limit: Duration) -> Result<Option<ExitStatus>> {
     eprintln!("$ {} (at most {} s)", shown(command), limit.as_secs());
     let begun = Instant::now();
     let mut child = command.spawn().with_context(|| format!("cannot start `{}`", shown(command)))?;
     loop {
         if let Some(status) = child.try_wait()? {
-            return Ok(status.success());
+            return Ok(Some(status));
         }
         if begun.elapsed() >= limit {
             child.kill()?;
             child.wait()?;
-            return Ok(false);
+            return Ok(None);
         }
         std::thread::sleep(Duration::from_millis(100));
     }

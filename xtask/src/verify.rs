@@ -7,6 +7,7 @@ use anyhow::{Context, Result, bail};
 
 use crate::bench_target;
 use crate::check_elf;
+use crate::emulator;
 use crate::firmware;
 use crate::fuzz;
 use crate::places;
@@ -41,6 +42,7 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
         });
         let elf = steps.run("firmware", || firmware::build(core, &[]));
         steps.run("tests, on the host and in the emulator", || tests(elf.as_deref()));
+        steps.run("a panic and a fault on the board end with a status", || emulator::bad_ends(core));
         check_elf::run_steps(&mut steps, core);
         steps.run("size", || size::run(&size::Options::default(), Some(core)));
         steps.run("bench-target", || bench_target::run(&bench_target::Options::default(), Some(core)));

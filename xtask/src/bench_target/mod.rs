@@ -14,6 +14,7 @@ use anyhow::{Context, Result, bail};
 use serde::{Deserialize, Serialize};
 
 use crate::elf::program::Program;
+use crate::emulator::{BENCH, emulator};
 use crate::firmware;
 use crate::process;
 use crate::setup;
@@ -21,8 +22,6 @@ use crate::size;
 use crate::toolchain::{self, Core};
 use trace::Stretch;
 
-/// The bench binary of the board crate.
-const BINARY: &str = "bench";
 /// Its part that is the baseline.
 const C_PART: &str = "C Householder";
 /// How far the two ways of counting may be apart: the emulated clock ticks once in 40 instructions, and the
@@ -138,7 +137,7 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
         setup::apt_install(&[C_COMPILER.1])?;
     }
     let features: &[&str] = if options.baseline { &[BASELINE] } else { &[] };
-    let bench = firmware::build_binary(core, BINARY, features)?;
+    let bench = firmware::build_binary(core, BENCH, features)?;
     let reported = reported(&bench)?;
     let stretches = trace::stretches(&Program::read(&bench)?)?;
     if stretches.len() != reported.len() {
@@ -158,7 +157,7 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
 
 /// Runs the binary as it is and reads what it says.
 fn reported(bench: &Path) -> Result<Vec<Reported>> {
-    let text = process::output(trace::emulator(bench).args(trace::semihosting(&["bench"])))?;
+    let text = process::output(&mut emulator(bench, &[BENCH]))?;
     let cases: Vec<Reported> = text.lines().filter_map(parse_case).collect();
     if cases.is_empty() { bail!("the bench binary reported no case") } else { Ok(cases) }
 }

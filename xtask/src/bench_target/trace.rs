@@ -4,13 +4,14 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek};
 use std::ops::Range;
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 
 use anyhow::{Context, Result, bail};
 
 use super::cycles::Cost;
 use crate::elf::program::Program;
 use crate::elf::thumb::Instruction;
+use crate::emulator::{BENCH, emulator};
 use crate::places;
 use crate::process;
 
@@ -51,20 +52,6 @@ impl Stretch {
     }
 }
 
-/// The emulator with one instruction a nanosecond, running `elf` to its end.
-pub fn emulator(elf: &Path) -> Command {
-    let mut command = process::command("qemu-system-arm", places::root());
-    command.args(["-M", "mps2-an386", "-display", "none", "-monitor", "none", "-serial", "null"]);
-    command.args(["-icount", "shift=0", "-kernel"]).arg(elf);
-    command
-}
-
-/// Semihosting with the words of a command line, the program's name first.
-pub fn semihosting(words: &[&str]) -> [String; 2] {
-    let words: String = words.iter().map(|word| format!(",arg={word}")).collect();
-    ["-semihosting-config".into(), format!("enable=on,target=native{words}")]
-}
-
 /// What each stretch between the two marks cost, in the order they ran.
 pub fn stretches(program: &Program) -> Result<Vec<Stretch>> {
     let mark = |symbol: &str| {
@@ -78,8 +65,7 @@ pub fn stretches(program: &Program) -> Result<Vec<Stretch>> {
     let pipe = folder.join(format!("pipe-{}", std::process::id()));
     process::output(process::command("mkfifo", &folder).arg(&pipe))?;
     let log = File::create(folder.join("output.txt"))?;
-    let mut child = emulator(&program.path)
-        .args(semihosting(&["bench", "traced"]))
+    let mut child = emulator(&program.path, &[BENCH, "traced"])
         .args(["-singlestep", "-d", "exec,nochain", "-D"])
         .arg(&pipe)
         .stdout(Stdio::from(log.try_clone()?))

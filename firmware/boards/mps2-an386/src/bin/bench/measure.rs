@@ -5,7 +5,6 @@ use core::hint::black_box;
 
 use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
-use semihosting::experimental::env;
 use semihosting::{eprintln, println};
 
 /// With `-icount shift=0` an instruction takes a nanosecond, and a tick of 25 MHz forty.
@@ -21,7 +20,7 @@ pub struct Bench {
 
 impl Bench {
     /// Starts the counter and makes sure that it counts instructions.
-    pub fn start(mut counter: SYST) -> Self {
+    pub fn start(mut counter: SYST, traced: bool) -> Self {
         counter.set_clock_source(SystClkSource::Core);
         counter.set_reload(TICKS);
         counter.clear_current();
@@ -29,8 +28,7 @@ impl Bench {
         if !clock_counts_instructions() {
             give_up("this count needs the emulator to run with -icount shift=0");
         }
-        let arguments = env::args::<64>().expect("semihosting gives a command line");
-        Self { traced: (&arguments).any(|argument| argument == Ok("traced")) }
+        Self { traced }
     }
 
     /// Measures `samples` samples between two marks, then, sample by sample, the worst of `search` more. Prints
