@@ -5,6 +5,7 @@
 //! calibration of the accelerometer on still poses ([`poses`]). May not live here: file formats, printing.
 //! Before this: [`crate::formats`]; after it: [`crate::answer`].
 
+pub mod absorb;
 pub mod pooled;
 pub mod poses;
 pub mod prepare;
