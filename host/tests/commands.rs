@@ -333,3 +333,29 @@ fn a_port_that_is_not_there_ends_with_three() {
     assert_eq!(status(&output), 3);
     assert!(said(&output).contains("rigident ports"), "{}", said(&output));
 }
+
+#[test]
+fn a_monte_carlo_prints_one_object_that_follows_from_its_seed() {
+    let place = tempfile::tempdir().unwrap();
+    let arguments = ["montecarlo", "--runs", "30", "--seed", "5", "--json"];
+    let output = rigident(place.path(), &arguments);
+    assert_eq!(status(&output), 0, "{}", said(&output));
+    let result = json(&output);
+    assert_eq!(result["runs"], 30);
+    let parameters = result["parameters"].as_array().unwrap();
+    assert_eq!(parameters.len(), 16);
+    assert_eq!((&parameters[0]["name"], &parameters[9]["name"]), (&"m".into(), &"Ixy".into()));
+    for parameter in parameters {
+        let number = |key: &str| parameter[key].as_f64().unwrap();
+        let _ = number("bias");
+        assert!((number("efficiency") - number("crb_std") / number("std")).abs() < 1e-12);
+        assert!((0.0..=1.0).contains(&number("coverage95")));
+    }
+    assert_eq!(rigident(place.path(), &arguments).stdout, output.stdout);
+    // Nothing is written, and bad usage is told as such.
+    assert_eq!(fs::read_dir(place.path()).unwrap().count(), 0);
+    assert_eq!(status(&rigident(place.path(), &["montecarlo", "--runs", "1"])), 2);
+    assert_eq!(status(&rigident(place.path(), &["montecarlo", "--rate-hz", "-1"])), 2);
+    let fast = rigident(place.path(), &["montecarlo", "--rate-hz", "5000", "--mcu", "inproc"]);
+    assert!(status(&fast) == 2 && said(&fast).contains("2500"), "{}", said(&fast));
+}

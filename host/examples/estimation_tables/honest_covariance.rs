@@ -100,6 +100,7 @@ impl Study {
             channel_sigma: Some(sigma),
             gyro_sigma: None,
             known_offset: None,
+            gain_sigma: [0.0; 6],
             limits: Limits::none(),
         };
         let identified = identify(&input).expect("the experiment has rows");

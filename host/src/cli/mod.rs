@@ -12,6 +12,7 @@ mod failure;
 mod folder;
 mod identify;
 mod link;
+mod montecarlo;
 mod outcome;
 mod progress;
 mod replay;
@@ -38,7 +39,7 @@ pub fn main() -> ExitCode {
         if crate::session::INTERRUPTED.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
         }
-        eprintln!("\nstopping: the motion first, then the recording (Ctrl-C again ends at once)");
+        eprintln!("\nstopping, what there is by now is kept (Ctrl-C again ends at once)");
     });
     if let Err(error) = handler {
         eprintln!("rigident: Ctrl-C will end the program at once: {error}");
@@ -66,6 +67,7 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
         Some(Command::Info(a)) => link::info(&a),
         Some(Command::Configure(a)) => link::configure(&a),
         Some(Command::Convert(a)) => convert(&a),
+        Some(Command::Montecarlo(a)) => montecarlo::run(&a),
     }
 }
 

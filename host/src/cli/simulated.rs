@@ -81,6 +81,12 @@ pub(super) fn rig_file(rig: &Rig, body_name: &str) -> RigFile {
         }],
         load_cell: LoadCellTable {
             noise_n_nm: noise,
+            gain_uncertainty: cell
+                .gain_error
+                .spread
+                .iter()
+                .any(|s| *s > 0.0)
+                .then_some(cell.gain_error.spread),
             calibration: Some(config.gauge_calibration),
             group_delay_s: config.load_cell_group_delay_s(),
             range_n_nm: cell.range_n_nm.iter().all(|v| v.is_finite()).then_some(cell.range_n_nm),

@@ -1,11 +1,12 @@
 //! The batch side of the pipeline: a recording's readings, in f64, through the very functions that the
 //! firmware runs.
 //!
-//! Lives here: two passes where the noise is not given, residuals, what the noise of the gyro could fake,
-//! calibration of the accelerometer on still poses ([`poses`]). May not live here: file formats, printing.
-//! Before this: [`crate::formats`]; after it: [`crate::answer`].
+//! Lives here: two passes where the noise is not given, residuals, what the noise of the gyro could fake, gain
+//! errors of the load cell ([`gains`]), calibration of the accelerometer on still poses ([`poses`]). May not
+//! live here: file formats, printing. Before this: [`crate::formats`]; after it: [`crate::answer`].
 
 pub mod absorb;
+pub mod gains;
 pub mod pooled;
 pub mod poses;
 pub mod prepare;
@@ -13,10 +14,11 @@ pub mod tare;
 pub mod whiteness;
 
 use rigident_shared::calibration::{ImuMounting, Reading};
-use rigident_shared::estimator::{ConfigError, Counters, Estimator, EstimatorConfig, Outcome, residual};
+use rigident_shared::estimator::{ConfigError, Counters, Estimator, EstimatorConfig, Outcome};
 use rigident_shared::factor::InformationFactor;
 use rigident_shared::screening::Limits;
 
+use self::gains::{ChannelFactors, GainFit, residual_with_gains};
 use self::pooled::{Judgement, RowSet, judge};
 use crate::answer::identifiability::RegressorNoise;
 use crate::answer::{Estimate, Noise};
@@ -54,6 +56,8 @@ pub struct Input {
     pub gyro_sigma: Option<f64>,
     /// Known wrench offset; `None`: estimated with the body.
     pub known_offset: Option<[f64; 6]>,
+    /// 1 σ of the load cell's relative gain errors, constant over the recording; zero: none.
+    pub gain_sigma: [f64; 6],
     /// Ranges of the sensors.
     pub limits: Limits<f64>,
 }
@@ -114,7 +118,7 @@ pub struct BlockResidual {
 /// What the recording says.
 #[derive(Clone, Debug)]
 pub struct Identification {
-    /// The factor of all rows, whitened by `channel_sigma`.
+    /// The factor of all rows, whitened by `channel_sigma`, gain errors eliminated.
     pub factor: Factor,
     /// Solution with its covariance.
     pub estimate: Estimate,
@@ -130,6 +134,8 @@ pub struct Identification {
     pub residual_rms: [f64; 6],
     /// Residuals of every row block.
     pub residuals: Vec<BlockResidual>,
+    /// Relative gain errors of the load cell as far as they show; zero where they have no σ.
+    pub gains: [f64; 6],
     /// What the gyro's noise alone would bring.
     pub regressor_noise: RegressorNoise,
     /// Noise beyond what the filter explains, if the residuals show any.
@@ -178,6 +184,9 @@ pub fn identify(input: &Input) -> Result<Identification, IdentificationError> {
 /// The same conclusions for a factor that the firmware made of these readings, whitened by
 /// `input.channel_sigma`. `sigma_given` is false if that σ was itself estimated from these readings.
 ///
+/// Gain errors multiply the parameters, so the factor does not hold them: where they have a σ, it is the readings
+/// that are concluded from.
+///
 /// # Errors
 /// [`IdentificationError`] if there is no row, or no σ that it was whitened by.
 pub fn conclude_firmware(
@@ -188,9 +197,9 @@ pub fn conclude_firmware(
     let sigma = input.channel_sigma.unwrap_or(NOMINAL_SIGMA);
     match factor {
         Factor::Ten(f) => {
-            Ok(conclude(sigma_given, input, &f, &*absorb::<10>(input, sigma)?, |f| Factor::Ten(Box::new(f))))
+            Ok(conclude(sigma_given, input, &f, &absorb::<10>(input, sigma)?, |f| Factor::Ten(Box::new(f))))
         }
-        Factor::Sixteen(f) => Ok(conclude(sigma_given, input, &f, &*absorb::<16>(input, sigma)?, |f| {
+        Factor::Sixteen(f) => Ok(conclude(sigma_given, input, &f, &absorb::<16>(input, sigma)?, |f| {
             Factor::Sixteen(Box::new(f))
         })),
     }
@@ -213,35 +222,44 @@ fn run<const N: usize>(
     wrap: impl Fn(InformationFactor<f64, N>) -> Factor,
 ) -> Result<Identification, IdentificationError> {
     let mut sigma = input.channel_sigma.unwrap_or(NOMINAL_SIGMA);
-    let mut estimator = absorb::<N>(input, sigma)?;
+    let mut absorbed = absorb::<N>(input, sigma)?;
     if input.channel_sigma.is_none() {
         // Weights from the residuals of the unweighted fit, then once more from those of the weighted one.
         for _ in 0..2 {
-            sigma = sigma_from_residuals(input, &estimator);
-            estimator = absorb::<N>(input, sigma)?;
+            sigma = sigma_from_residuals(input, &absorbed);
+            absorbed = absorb::<N>(input, sigma)?;
         }
     }
-    Ok(conclude(input.channel_sigma.is_some(), input, &estimator.factor(), &estimator, wrap))
+    Ok(conclude(input.channel_sigma.is_some(), input, &absorbed.estimator.factor(), &absorbed, wrap))
 }
 
-/// `estimator` has absorbed the same readings, whitened by the same σ, as the factor.
+/// `absorbed` are the same readings, whitened by the same σ, as the factor.
 fn conclude<const N: usize>(
     sigma_given: bool,
     input: &Input,
     factor: &InformationFactor<f64, N>,
-    estimator: &Estimator<f64, N, TAPS>,
+    absorbed: &Absorbed<N>,
     wrap: impl Fn(InformationFactor<f64, N>) -> Factor,
 ) -> Identification {
+    let estimator = &*absorbed.estimator;
     let sigma = estimator.config().channel_sigma;
+    // The prior of the gains is not the noise's to scale, so with gains the fit is scaled and not its covariance.
+    let with_gains = |scale: f64| absorbed.fit_gains(&input.gain_sigma, scale);
+    let fit = with_gains(1.0);
+    let (factor, gains) = fit.map_or((*factor, [0.0; 6]), |fit| (fit.factor, fit.gains));
     let determined = factor.solve().determined.iter().filter(|d| **d).count();
     let counters = *estimator.counters();
     let noise_gain = estimator.noise_gain();
     let rows = RowSet { rows: factor.rows(), noise_gain, sigma_given };
     let Judgement { noise, variance_ratio, variance_scale: scale, .. } =
         judge(&[rows], factor.residual_sum_of_squares(), determined as f64);
-    let factor = wrap(*factor);
-    let estimate = factor.estimate(scale, noise);
-    let residuals = residuals(input, estimator, &estimate);
+    let widened = if scale > 1.0 { with_gains(scale) } else { None };
+    let estimate = match widened {
+        Some(fit) => Estimate::new(&fit.factor, 1.0, noise),
+        None => Estimate::new(&factor, scale, noise),
+    };
+    let factor = wrap(factor);
+    let residuals = residuals(input, estimator, &estimate, &gains);
     let gyro = input.gyro_sigma.unwrap_or_else(|| gyro_sigma(&input.readings));
     let moment_sigma = sigma[3..].iter().copied().fold(f64::INFINITY, f64::min);
     let weight = f64::from(counters.blocks) * f64::from(estimator.config().row_every);
@@ -255,6 +273,7 @@ fn conclude<const N: usize>(
         residual_rms: rms(&residuals),
         colour: colour(input, estimator.config(), &residuals, scale),
         residuals,
+        gains,
         regressor_noise: RegressorNoise {
             tensor_information: weight * estimator.kernel().derivative_noise_gain() * gyro * gyro
                 / (moment_sigma * moment_sigma),
@@ -278,24 +297,58 @@ fn colour(
     whiteness::colour(residuals, &white, row_period_s, config.row_every, variance)
 }
 
-fn absorb<const N: usize>(
-    input: &Input,
-    sigma: [f64; 6],
-) -> Result<Box<Estimator<f64, N, TAPS>>, IdentificationError> {
-    let config = config(input, sigma);
-    let mut estimator = Box::new(Estimator::new(&config).map_err(IdentificationError::Config)?);
-    for reading in &input.readings {
-        estimator.absorb(reading);
+/// Readings taken in.
+struct Absorbed<const N: usize> {
+    estimator: Box<Estimator<f64, N, TAPS>>,
+    /// Only where the load cell's gains are uncertain.
+    channels: Option<ChannelFactors>,
+}
+
+impl<const N: usize> Absorbed<N> {
+    fn new(input: &Input, sigma: [f64; 6]) -> Result<Self, IdentificationError> {
+        let estimator = Estimator::new(&config(input, sigma)).map_err(IdentificationError::Config)?;
+        let uncertain = input.gain_sigma.iter().any(|s| *s > 0.0);
+        Ok(Self { estimator: Box::new(estimator), channels: uncertain.then(ChannelFactors::default) })
     }
-    let counters = estimator.counters();
+
+    fn absorb(&mut self, reading: &Reading<f64>) -> Outcome {
+        let outcome = self.estimator.absorb(reading);
+        if let (Outcome::Absorbed, Some(channels), Some(block)) =
+            (outcome, &mut self.channels, self.estimator.last_block())
+        {
+            channels.absorb(block);
+        }
+        outcome
+    }
+
+    /// The fit with gains, the noise's variance taken `scale` times as large; `None` if they are certain.
+    fn fit_gains(&self, gain_sigma: &[f64; 6], scale: f64) -> Option<GainFit<N>> {
+        let config = self.estimator.config();
+        let root = (f64::from(config.row_every) / scale).sqrt();
+        self.channels.as_ref().map(|c| c.fit(&config.channel_sigma.map(|sigma| root / sigma), gain_sigma))
+    }
+
+    /// Factor with the gains eliminated, and the gains; without them the factor as it is.
+    fn factor_and_gains(&self, gain_sigma: &[f64; 6]) -> (InformationFactor<f64, N>, [f64; 6]) {
+        self.fit_gains(gain_sigma, 1.0)
+            .map_or_else(|| (self.estimator.factor(), [0.0; 6]), |fit| (fit.factor, fit.gains))
+    }
+}
+
+fn absorb<const N: usize>(input: &Input, sigma: [f64; 6]) -> Result<Absorbed<N>, IdentificationError> {
+    let mut absorbed = Absorbed::new(input, sigma)?;
+    for reading in &input.readings {
+        absorbed.absorb(reading);
+    }
+    let counters = absorbed.estimator.counters();
     if counters.blocks == 0 {
         return Err(IdentificationError::NoRows {
             readings: counters.readings,
             rejected: counters.rejected,
-            width_s: config.filter_width_s,
+            width_s: absorbed.estimator.config().filter_width_s,
         });
     }
-    Ok(estimator)
+    Ok(absorbed)
 }
 
 /// The estimate as rows come in: time (s), values and 95 % uncertainties (infinite where not determined).
@@ -319,16 +372,16 @@ pub fn progression(input: &Input, channel_sigma: [f64; 6], points: usize) -> Vec
 }
 
 fn progression_of<const N: usize>(input: &Input, sigma: [f64; 6], points: usize) -> Vec<Progression> {
-    let config = config(input, sigma);
-    let Ok(estimator) = Estimator::<f64, N, TAPS>::new(&config) else { return Vec::new() };
-    let mut estimator = Box::new(estimator);
-    let every = (input.readings.len() / usize::from(config.row_every) / points.max(1)).max(1);
+    let Ok(mut absorbed) = Absorbed::<N>::new(input, sigma) else { return Vec::new() };
+    let row_every = absorbed.estimator.config().row_every;
+    let every = (input.readings.len() / usize::from(row_every) / points.max(1)).max(1);
     let mut progression = Vec::new();
     for reading in &input.readings {
-        if estimator.absorb(reading) == Outcome::Absorbed
-            && (estimator.counters().blocks as usize).is_multiple_of(every)
+        if absorbed.absorb(reading) == Outcome::Absorbed
+            && (absorbed.estimator.counters().blocks as usize).is_multiple_of(every)
         {
-            let estimate = Estimate::new(&estimator.factor(), 1.0, Noise::Given);
+            let (factor, _) = absorbed.factor_and_gains(&input.gain_sigma);
+            let estimate = Estimate::new(&factor, 1.0, Noise::Given);
             progression.push(Progression {
                 time_s: reading.time_ns as f64 * 1e-9,
                 u95: (0..N).map(|j| estimate.u95(j)).collect(),
@@ -344,6 +397,7 @@ fn residuals<const N: usize>(
     input: &Input,
     like: &Estimator<f64, N, TAPS>,
     estimate: &Estimate,
+    gains: &[f64; 6],
 ) -> Vec<BlockResidual> {
     let phi: [f64; N] = std::array::from_fn(|j| estimate.values.get(j).copied().unwrap_or(0.0));
     let mut pipeline = Box::new(*like);
@@ -355,7 +409,7 @@ fn residuals<const N: usize>(
         {
             residuals.push(BlockResidual {
                 time_s: reading.time_ns as f64 * 1e-9,
-                residual: residual(block, &phi),
+                residual: residual_with_gains(block, &phi, gains),
             });
         }
     }
@@ -368,10 +422,11 @@ fn rms(residuals: &[BlockResidual]) -> [f64; 6] {
 }
 
 /// Raw σ of each channel: residual variance over `Σh²`, for the degrees of freedom that are left.
-fn sigma_from_residuals<const N: usize>(input: &Input, estimator: &Estimator<f64, N, TAPS>) -> [f64; 6] {
-    let factor = estimator.factor();
+fn sigma_from_residuals<const N: usize>(input: &Input, absorbed: &Absorbed<N>) -> [f64; 6] {
+    let estimator = &*absorbed.estimator;
+    let (factor, gains) = absorbed.factor_and_gains(&input.gain_sigma);
     let estimate = Estimate::new(&factor, 1.0, Noise::Given);
-    let residuals = residuals(input, estimator, &estimate);
+    let residuals = residuals(input, estimator, &estimate, &gains);
     let determined = estimate.determined.iter().filter(|d| **d).count();
     let blocks = estimator.counters().blocks;
     let dof = degrees_of_freedom(blocks, estimator.noise_gain(), determined);

@@ -342,6 +342,7 @@ impl PooledFactor {
             variance_ratio: judgement.variance_ratio,
             residual_rms: [0.0; 6],
             residuals: Vec::new(),
+            gains: [0.0; 6],
             regressor_noise: RegressorNoise {
                 tensor_information: self.sources.iter().map(|s| s.tensor_information).sum(),
             },

@@ -87,6 +87,7 @@ pub fn input(rig: &RigFile, readings: Vec<Reading<f64>>, is_static: bool, rate_h
             OffsetTable::Word(OffsetWord::Zero) => Some([0.0; 6]),
             OffsetTable::Word(OffsetWord::Estimate) => None,
         },
+        gain_sigma: rig.load_cell.gain_uncertainty.unwrap_or_default(),
         limits: Limits {
             wrench: rig.load_cell.range_n_nm.unwrap_or(none.wrench),
             specific_force: imu.range_mps2.unwrap_or(none.specific_force),

@@ -1,0 +1,146 @@
+use std::process::ExitCode;
+use std::time::Instant;
+
+use rigident_shared::inertia::{PARAMETER_NAMES, PARAMETER_UNITS};
+use rigident_sim::rig::RigConfig;
+use serde::Serialize;
+
+use super::arguments::{DemoBody, Estimating, Montecarlo, NoiseReading};
+use super::experiment::check_duration;
+use super::outcome::say;
+use super::{Failure, Progress};
+use crate::montecarlo::{Campaign, CampaignError, Judgement, Limits95, Solver, Verdict, gain_error_sensors};
+use crate::session::INTERRUPTED;
+
+/// The object of `--json`.
+#[derive(Serialize)]
+struct Summary<'a> {
+    runs: u64,
+    parameters: Vec<Parameter<'a>>,
+}
+
+#[derive(Serialize)]
+struct Parameter<'a> {
+    name: &'a str,
+    unit: &'a str,
+    bias: f64,
+    std: f64,
+    crb_std: f64,
+    efficiency: f64,
+    coverage95: f64,
+}
+
+/// `rigident montecarlo`
+pub(super) fn run(arguments: &Montecarlo) -> Result<ExitCode, Failure> {
+    let started = Instant::now();
+    check_duration(arguments.duration_s)?;
+    let mut config = match arguments.body {
+        DemoBody::Horizontal => RigConfig::thesis_horizontal(),
+        DemoBody::Vertical => RigConfig::thesis_vertical(),
+    };
+    if arguments.noise == NoiseReading::Gain {
+        config = config.with_sensors(gain_error_sensors());
+    }
+    let solver = match arguments.mcu {
+        Estimating::Host => Solver::Host,
+        Estimating::Inproc => Solver::Firmware,
+    };
+    let campaign = Campaign {
+        duration_s: arguments.duration_s,
+        rate_hz: arguments.rate_hz,
+        solver,
+        ..Campaign::new(config)
+    };
+    let mut progress = Progress::new();
+    let verdict = campaign
+        .prepare()
+        .and_then(|prepared| {
+            prepared.run(arguments.runs, arguments.seed, &INTERRUPTED, |done| {
+                progress.show(|| {
+                    let rate = done as f64 / started.elapsed().as_secs_f64();
+                    format!("{done} of {} experiments, {rate:.0}/s", arguments.runs)
+                });
+            })
+        })
+        .map_err(|error| match error {
+            CampaignError::TooFew(_) => Failure::input(format!("stopped: {error}")),
+            error => Failure::input(error),
+        })?;
+    progress.finish();
+    let limits = Limits95::of(verdict.runs);
+    let good = verdict.parameters.iter().all(|p| limits.kept_by(p));
+    if arguments.json {
+        let text = serde_json::to_string(&summary(&verdict)).map_err(Failure::input)?;
+        say(text);
+    } else {
+        say(table(&verdict, &limits));
+        say(line(&verdict, &limits, started.elapsed().as_secs_f64()));
+    }
+    if verdict.runs < arguments.runs {
+        eprintln!("rigident: stopped after {} of {} experiments", verdict.runs, arguments.runs);
+        return Ok(ExitCode::from(1));
+    }
+    Ok(if good { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+fn summary(verdict: &Verdict) -> Summary<'static> {
+    let parameters = verdict.parameters.iter().enumerate();
+    Summary {
+        runs: verdict.runs,
+        parameters: parameters
+            .map(|(j, p)| Parameter {
+                name: PARAMETER_NAMES[j],
+                unit: PARAMETER_UNITS[j],
+                bias: p.bias,
+                std: p.std,
+                crb_std: p.crb_std,
+                efficiency: p.efficiency(),
+                coverage95: p.coverage95,
+            })
+            .collect(),
+    }
+}
+
+fn table(verdict: &Verdict, limits: &Limits95) -> String {
+    let mut text = format!(
+        "  {:<10} {:<6} {:>9} {:>10} {:>9} {:>10} {:>10} {:>10} {:>8}",
+        "", "", "truth", "bias", "its se", "std", "bound", "efficiency", "coverage"
+    );
+    for (j, p) in verdict.parameters.iter().enumerate() {
+        let Judgement { truth, bias, std, crb_std, coverage95 } = *p;
+        let errors = bias / (std / (verdict.runs as f64).sqrt());
+        let truth = if j < 10 { format!("{truth:.4}") } else { "drawn".to_owned() };
+        text.push_str(&format!(
+            "\n  {:<10} {:<6} {truth:>9} {bias:>10.2e} {errors:>+9.2} {std:>10.3e} {crb_std:>10.3e} {:>10.3} {:>6.1} %{}",
+            PARAMETER_NAMES[j],
+            PARAMETER_UNITS[j],
+            p.efficiency(),
+            100.0 * coverage95,
+            if limits.kept_by(p) { "" } else { "  <-" },
+        ));
+    }
+    text
+}
+
+fn line(verdict: &Verdict, limits: &Limits95, elapsed_s: f64) -> String {
+    let missed: Vec<&str> = verdict
+        .parameters
+        .iter()
+        .zip(PARAMETER_NAMES)
+        .filter(|(p, _)| !limits.kept_by(p))
+        .map(|(_, n)| n)
+        .collect();
+    let (least, largest) = limits.coverage;
+    let asked = format!(
+        "efficiency of {:.2} or more and coverage within {:.1}-{:.1} % in {} experiments ({elapsed_s:.1} s)",
+        limits.efficiency,
+        100.0 * least,
+        100.0 * largest,
+        verdict.runs
+    );
+    if missed.is_empty() {
+        format!("\nEvery parameter keeps to {asked}.")
+    } else {
+        format!("\nNOT kept to by {}: {asked}.", missed.join(", "))
+    }
+}
