@@ -14,6 +14,7 @@ pub mod conditioning;
 pub mod consistency;
 pub mod estimator;
 pub mod factor;
+pub mod forgetting;
 pub mod inertia;
 pub mod regressor;
 mod scalar;

@@ -1,0 +1,213 @@
+//! Forgetting and windows over information factors, a segment at a time.
+//!
+//! Lives here: exponential forgetting with a guard against wind-up ([`Forgetting`]) and the sliding window
+//! ([`Window`]). May not live here: the rows; a segment is an ordinary factor of some tenths of a second
+//! ([`crate::factor`]).
+//!
+//! # Directional forgetting
+//! Plain exponential forgetting, `M ← λ M + S`, halves what is known about *every* direction whether or not the
+//! segment S says anything about it: when the motion stops, M decays to what noise brings and the estimate
+//! wanders (wind-up). Here only what the segment renews is forgotten (Cao and Schwartz 2000; Lai and Bernstein,
+//! SIFt-RLS, 2024). Let the columns of X span the directions the segment excites. M splits uniquely into
+//! ```text
+//! M = M∥ + M⊥,   M∥ = M X (Xᵀ M X)⁻¹ Xᵀ M,   M⊥ X = 0
+//! ```
+//! and `M ← λ M∥ + M⊥ + S`. M⊥ is what is known about the rest when nothing is known about the excited
+//! directions (the marginal), so no rest is lost; and `Xᵀ M X ← λ Xᵀ M X + Xᵀ S X`, so that X forgets exactly
+//! as with plain forgetting: under constant excitation M tends to `S / (1 − λ)`.
+//!
+//! With `M = RᵀR` and Q an orthonormal basis of the columns of `R X`, `M∥ = Rᵀ Q Qᵀ R`; hence
+//! `R ← (1 − β Q Qᵀ) R`, `z ← (1 − β Q Qᵀ) z` with `β = 1 − √λ`, and one reduction to a triangle: orthogonal
+//! transformations only, no matrix is squared or inverted.
+//!
+//! # What counts as excited
+//! Sensor noise in the regressor fakes information. Let `n_j` be the root mean square of column j of the
+//! whitened rows that noise alone brings ([`Forgetting::new`]). In coordinates `ψ_j = n_j √rows φ_j` a segment
+//! of pure noise has singular values squared of about 1, at most `(1 + √(N / rows))²` (Marchenko and Pastur
+//! 1967). A direction is excited if its squared singular value exceeds [`SIGNIFICANCE`] times that: it then holds
+//! at least three parts of signal to one of noise. What the segment says about other directions is dropped,
+//! or a day of standing still would add up to a motion.
+
+use crate::Scalar;
+use crate::factor::InformationFactor;
+
+mod singular;
+mod window;
+
+use singular::Singular;
+pub use window::Window;
+
+/// How many times the most information that noise alone brings makes a direction an excited one.
+pub const SIGNIFICANCE: u32 = 4;
+
+/// What is kept of the memory per segment, λ, for a time constant: `λ = 1 / (1 + Δt / τ)`.
+///
+/// The memory then holds `1 + τ / Δt` segments, and λ is the exact exponential of a time constant that is
+/// longer by `Δt / 2` to first order. 1 (no forgetting) if the time constant is infinite or not a positive
+/// number, or the segment has no length.
+pub fn retention<T: Scalar>(segment_s: T, time_constant_s: T) -> T {
+    let share = segment_s / time_constant_s;
+    if share.is_finite() && share > T::ZERO { T::ONE / (T::ONE + share) } else { T::ONE }
+}
+
+/// A memory of segments that forgets what newer segments renew.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Forgetting<T: Scalar, const N: usize> {
+    noise: [T; N],
+    memory: InformationFactor<T, N>,
+    rows: T,
+}
+
+impl<T: Scalar, const N: usize> Forgetting<T, N> {
+    /// A memory of nothing. `noise[j]`: root mean square, per whitened row, of what sensor noise alone brings
+    /// to the coefficients of parameter j, in 1 / unit of the parameter. Zero where the coefficients are exact
+    /// (the wrench offset): the rounding level of the column stands in.
+    pub fn new(noise: [T; N]) -> Self {
+        Self { noise, memory: InformationFactor::new(), rows: T::ZERO }
+    }
+
+    /// Everything remembered. Its row count is the effective one.
+    pub fn factor(&self) -> &InformationFactor<T, N> {
+        &self.memory
+    }
+
+    /// Takes in a segment and keeps the share `lambda` (0 to 1) of what it renews. Returns how many directions
+    /// it excites.
+    ///
+    /// With `lambda` 1 nothing is forgotten and nothing dropped: the segment is merged, to the last bit. A
+    /// segment or `lambda` that is not finite is not taken.
+    pub fn take(&mut self, segment: &InformationFactor<T, N>, lambda: T) -> usize {
+        if segment.rows() == 0 || !segment.is_finite() || !lambda.is_finite() {
+            return 0;
+        }
+        if lambda >= T::ONE {
+            self.memory.merge(segment);
+            self.rows = T::from_u32(self.memory.rows());
+            return N;
+        }
+        let lambda = lambda.max(T::ZERO);
+        let count = T::from_u32(segment.rows());
+        let edge = T::ONE + (T::from_u32(N as u32) / count).sqrt();
+        let least = T::from_u32(SIGNIFICANCE) * edge * edge;
+        let scale = core::array::from_fn(|j| {
+            let column2: T = segment.r().iter().map(|row| row[j] * row[j]).sum();
+            let noise = (self.noise[j] * count.sqrt()).max(T::EPSILON * column2.sqrt());
+            if noise > T::ZERO { noise } else { T::ONE }
+        });
+        let singular = Singular::of(segment.r(), &scale);
+        let excited = core::array::from_fn(|k| singular.squares[k] > least);
+        let number = excited.iter().filter(|e| **e).count();
+        if number == 0 {
+            return 0;
+        }
+        self.forget(&singular, &scale, &excited, lambda);
+        let (mut r, mut z) = ([[T::ZERO; N]; N], [T::ZERO; N]);
+        for k in (0..N).filter(|k| excited[*k]) {
+            // One row per direction: s vᵀ (D φ) = uᵀ z
+            let s = singular.squares[k].sqrt();
+            for j in 0..N {
+                r[k][j] = s * singular.v[k][j] * scale[j];
+                z[k] += singular.w[k][j] * segment.z()[j] / s;
+            }
+        }
+        if number == N {
+            self.memory.merge(segment);
+        } else {
+            absorb_all(&mut self.memory, &r, &z);
+        }
+        self.count(segment, number, lambda);
+        number
+    }
+
+    /// `M ← λ M∥ + M⊥`
+    fn forget(&mut self, singular: &Singular<T, N>, scale: &[T; N], excited: &[bool; N], lambda: T) {
+        let root = lambda.sqrt();
+        let beta = (T::ONE - lambda) / (T::ONE + root);
+        let r = self.memory.r();
+        // Columns of R X, made orthonormal; where the memory knows nothing there is nothing to forget.
+        let mut basis = [[T::ZERO; N]; N];
+        for k in (0..N).filter(|k| excited[*k]) {
+            let mut column: [T; N] =
+                core::array::from_fn(|i| (i..N).map(|j| r[i][j] * singular.v[k][j] / scale[j]).sum());
+            let size = dot(&column, &column);
+            // Twice is enough (Giraud, Langou and Rozložník 2005).
+            for _ in 0..2 {
+                for other in basis.iter().take(k) {
+                    let share = dot(other, &column);
+                    for (c, o) in column.iter_mut().zip(other) {
+                        *c -= share * *o;
+                    }
+                }
+            }
+            let left = dot(&column, &column);
+            let rounding = T::EPSILON * T::from_u32(N as u32);
+            if left > rounding * rounding * size && left > T::TINY_SQUARE {
+                let length = left.sqrt();
+                basis[k] = column.map(|c| c / length);
+            }
+        }
+        let (mut r, mut z) = (*r, *self.memory.z());
+        for q in &basis {
+            for j in 0..N {
+                let mut share = T::ZERO;
+                for (a, row) in q.iter().zip(&r) {
+                    share += *a * row[j];
+                }
+                for (a, row) in q.iter().zip(r.iter_mut()) {
+                    row[j] -= beta * share * *a;
+                }
+            }
+            let share = beta * dot(q, &z);
+            for (a, b) in q.iter().zip(z.iter_mut()) {
+                *b -= share * *a;
+            }
+        }
+        let residual = self.memory.residual_sum_of_squares();
+        let mut kept = InformationFactor::new();
+        absorb_all(&mut kept, &r, &z);
+        self.memory = with(&kept, residual, 0);
+    }
+
+    /// Rows and residuals belong to no direction: they are forgotten in proportion to the number of directions.
+    fn count(&mut self, segment: &InformationFactor<T, N>, number: usize, lambda: T) {
+        let share = T::from_u32(number as u32) / T::from_u32(N as u32);
+        let kept = T::ONE - (T::ONE - lambda) * share;
+        self.rows = kept * self.rows + share * T::from_u32(segment.rows());
+        let merged = if number == N { segment.residual_sum_of_squares() } else { T::ZERO };
+        let old = (self.memory.residual_sum_of_squares() - merged).max(T::ZERO);
+        let residual = kept * old + share * segment.residual_sum_of_squares();
+        // Nearest whole number without a conversion to integers: the count saturates.
+        let mut whole = 0_u32;
+        for bit in (0..32).rev() {
+            let candidate = whole | 1 << bit;
+            if T::from_u32(candidate) <= self.rows + T::ONE / T::from_u32(2) {
+                whole = candidate;
+            }
+        }
+        self.memory = with(&self.memory, residual, whole);
+    }
+}
+
+fn dot<T: Scalar, const N: usize>(a: &[T; N], b: &[T; N]) -> T {
+    a.iter().zip(b).map(|(x, y)| *x * *y).sum()
+}
+
+fn absorb_all<T: Scalar, const N: usize>(factor: &mut InformationFactor<T, N>, r: &[[T; N]; N], z: &[T; N]) {
+    for (row, z) in r.iter().zip(z) {
+        factor.absorb::<1>(&mut row.map(|v| [v]), &mut [*z]);
+    }
+}
+
+/// The same triangle with another residual sum and row count.
+fn with<T: Scalar, const N: usize>(
+    factor: &InformationFactor<T, N>,
+    residual: T,
+    rows: u32,
+) -> InformationFactor<T, N> {
+    let numbers = InformationFactor::<T, N>::ENTRIES - 1;
+    let entries = factor.entries().take(numbers).chain(core::iter::once(residual));
+    InformationFactor::from_entries(entries, rows).unwrap_or(*factor)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,47 @@
+use crate::Scalar;
+use crate::factor::InformationFactor;
+
+/// The last `K` segments, each counting fully: a sliding window of `K` times a segment's length.
+///
+/// Holds `K` factors: `K (N² + N + 2)` words (f32: 448 bytes a segment for N = 10, 1 096 for N = 16). Nothing is ever
+/// subtracted, so a window that has slid for a year is as good as a new one.
+#[derive(Clone, Copy, Debug)]
+pub struct Window<T: Scalar, const N: usize, const K: usize> {
+    segments: [InformationFactor<T, N>; K],
+    next: usize,
+}
+
+impl<T: Scalar, const N: usize, const K: usize> Default for Window<T, N, K> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<T: Scalar, const N: usize, const K: usize> Window<T, N, K> {
+    /// The window of no segments.
+    #[must_use]
+    pub fn new() -> Self {
+        const { assert!(K > 0, "a window holds at least one segment") }
+        Self { segments: [InformationFactor::new(); K], next: 0 }
+    }
+
+    /// Takes in a segment; the oldest of more than `K` falls out.
+    pub fn take(&mut self, segment: &InformationFactor<T, N>) {
+        if let Some(slot) = self.segments.get_mut(self.next) {
+            *slot = *segment;
+        }
+        self.next = (self.next + 1) % K;
+    }
+
+    /// The factor of all segments in the window, merged oldest first.
+    #[must_use]
+    pub fn factor(&self) -> InformationFactor<T, N> {
+        let mut whole = InformationFactor::new();
+        for k in 0..K {
+            if let Some(segment) = self.segments.get((self.next + k) % K) {
+                whole.merge(segment);
+            }
+        }
+        whole
+    }
+}
