@@ -1,4 +1,4 @@
-//! How the covariance forms of recursive least squares fail in f32 (PAPERS.md §2.6), beside the information forms.
+//! How the covariance forms of recursive least squares fail in f32, beside the information forms.
 
 use rigident_shared::Scalar;
 use rigident_shared::factor::Cascade;
@@ -131,7 +131,7 @@ fn square_root_information<const N: usize>(blocks: &[Block<N>]) -> Vec<f64> {
     cascade.factor().solve().estimate.iter().map(|v| f64::from(*v)).collect()
 }
 
-/// PAPERS.md's figures for a problem: three priors of each of the four covariance forms (plain, symmetrised, Joseph,
+/// An earlier study's figures for a problem: three priors of each of the four covariance forms (plain, symmetrised, Joseph,
 /// f64), then the information sum and the square root. Empty where there is none.
 struct Printed {
     forms: [[&'static str; 4]; 3],

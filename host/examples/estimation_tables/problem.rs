@@ -25,9 +25,9 @@ impl Normal {
     }
 }
 
-/// 30 s at 200 Hz of the motion that PAPERS.md §2.5 calls the multisine: roll, pitch and yaw of 0.5 rad at 0.23,
-/// 0.31 and 0.41 Hz, in full swing from the first row, or with a second of swelling from rest before that. The
-/// regressor is exact, the wrench noisy; 36 000 rows, whitened by `sigma`. `N` is 10, or 16 with a constant offset.
+/// 30 s at 200 Hz of a body on a platform: roll, pitch and yaw of 0.5 rad at 0.23, 0.31 and 0.41 Hz, in full
+/// swing from the first row, or with a second of swelling from rest before that. The regressor is exact, the wrench
+/// noisy; 36 000 rows, whitened by `sigma`. `N` is 10, or 16 with a constant offset.
 pub fn rigid_body<const N: usize>(sigma: [f64; 6], from_rest: bool, seed: u64) -> Vec<Block<N>> {
     let term = |axis, frequency_hz| SineTerm { axis, amplitude: 0.5, frequency_hz, phase_rad: 0.0 };
     let program = MotionProgram {

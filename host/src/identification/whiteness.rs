@@ -184,7 +184,6 @@ impl Colour {
 #[cfg(test)]
 mod tests {
     use rigident_shared::calibration::ImuMounting;
-    use rigident_shared::conditioning::Kernel;
 
     use super::*;
 
@@ -237,19 +236,16 @@ mod tests {
     }
 
     #[test]
-    fn the_pipeline_answers_an_impulse_with_the_kernel() {
+    fn the_pipeline_answers_an_impulse_with_a_symmetric_kernel_of_the_noise_gain_it_states() {
         for rate_hz in [100.0, 200.0, 250.0, 1000.0] {
-            let kernel = Kernel::<f64, TAPS>::new(rate_hz, super::super::FILTER_WIDTH_S).unwrap();
-            let response = impulse_response(&config(rate_hz));
-            assert_eq!(response.len(), kernel.taps());
+            let config = config(rate_hz);
+            let stated = Estimator::<f64, 10, TAPS>::new(&config).unwrap().noise_gain();
+            let response = impulse_response(&config);
             let energy: f64 = response.iter().map(|h| h * h).sum();
-            assert!((energy / kernel.noise_gain() - 1.0).abs() < 1e-12);
-            assert!((response.iter().sum::<f64>() - 1.0).abs() < 1e-12);
-            let half = rate_hz * super::super::FILTER_WIDTH_S / 2.0;
-            let reach = (response.len() / 2) as f64;
-            let shape = |i: f64| (1.0 - ((i - reach) / half).powi(2)).powi(8);
-            for (i, h) in response.iter().enumerate() {
-                assert!((h / response[response.len() / 2] - shape(i as f64)).abs() < 1e-12);
+            assert!((energy * f64::from(config.row_every) / stated - 1.0).abs() < 1e-12, "{rate_hz}");
+            assert!((response.iter().sum::<f64>() - 1.0).abs() < 1e-12, "{rate_hz}");
+            for (early, late) in response.iter().zip(response.iter().rev()) {
+                assert!((early - late).abs() < 1e-14, "{rate_hz}");
             }
         }
     }
