@@ -1,5 +1,6 @@
 //! Executed instructions, from the emulator's own trace through a named pipe.
 
+use std::collections::HashMap;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek};
 use std::ops::Range;
@@ -66,7 +67,7 @@ pub fn stretches(program: &Program) -> Result<Vec<Stretch>> {
     process::output(process::command("mkfifo", &folder).arg(&pipe))?;
     let log = File::create(folder.join("output.txt"))?;
     let mut child = emulator(&program.path, &[BENCH, "traced"])
-        .args(["-singlestep", "-d", "exec,nochain", "-D"])
+        .args(["-d", "in_asm,exec,nochain", "-D"])
         .arg(&pipe)
         .stdout(Stdio::from(log.try_clone()?))
         .stderr(Stdio::from(log))
@@ -105,44 +106,107 @@ struct Marks {
 fn count(trace: impl Read, program: &Program, marks: &Marks) -> Result<Vec<Stretch>> {
     let mut lines = BufReader::with_capacity(1 << 20, trace);
     let mut line = Vec::new();
-    let mut found = Vec::new();
-    let mut open: Option<Stretch> = None;
-    let mut waiting: Option<(u32, Instruction)> = None;
+    let mut counter = Counter { program, marks, found: Vec::new(), open: None, last: None };
+    // What the emulator translated last; every block by where its translation stands; the block that comes next.
+    let mut translated: Option<Block> = None;
+    let mut blocks: HashMap<u64, Block> = HashMap::new();
+    let mut waiting: Option<Block> = None;
     loop {
         line.clear();
         if lines.read_until(b'\n', &mut line)? == 0 {
             break;
         }
-        let Some(address) = executed(&line) else { continue };
-        if let (Some(stretch), Some((at, instruction))) = (&mut open, waiting.take()) {
-            stretch.cost.add(instruction, address != at + instruction.size);
+        if let Some((place, address)) = executed(&line) {
+            if let Some(block) = translated.take_if(|block| block.address == address) {
+                blocks.insert(place, block);
+            }
+            let block = *blocks.get(&place).context("a block was executed that was not translated")?;
+            if let Some(before) = waiting.replace(block) {
+                counter.block(before)?;
+            }
+        } else if line.starts_with(STOPPED) {
+            waiting = None;
+        } else if line.starts_with(b"IN:") {
+            translated = None;
+        } else if let Some(address) = listed(&line) {
+            translated.get_or_insert(Block { address, instructions: 0 }).instructions += 1;
         }
-        if address == marks.begin {
-            open = Some(Stretch::default());
-        } else if address == marks.end {
-            found.extend(open.take().map(|mut stretch| {
+    }
+    Ok(counter.found)
+}
+
+/// How a line begins that says: the block of the line before was not executed after all.
+const STOPPED: &[u8] = b"Stopped execution of TB chain before";
+
+/// Instructions one behind the other that the emulator executes in one go.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Block {
+    address: u32,
+    instructions: u32,
+}
+
+/// Goes through the instructions of the blocks.
+struct Counter<'a> {
+    program: &'a Program,
+    marks: &'a Marks,
+    found: Vec<Stretch>,
+    open: Option<Stretch>,
+    /// The last instruction, which waits until it is known where it led.
+    last: Option<(u32, Instruction)>,
+}
+
+impl Counter<'_> {
+    fn block(&mut self, block: Block) -> Result<()> {
+        // The marks begin blocks, as they are called.
+        if self.open.is_none() && block.address != self.marks.begin {
+            return Ok(());
+        }
+        let mut address = block.address;
+        for _ in 0..block.instructions {
+            let instruction = self.program.instruction(address);
+            let instruction = instruction.with_context(|| format!("no instruction at {address:#x}"))?;
+            self.instruction(address, instruction);
+            address += instruction.size;
+        }
+        Ok(())
+    }
+
+    fn instruction(&mut self, address: u32, instruction: Instruction) {
+        if let (Some(stretch), Some((at, last))) = (&mut self.open, self.last.take()) {
+            stretch.cost.add(last, address != at + last.size);
+        }
+        if address == self.marks.begin {
+            self.open = Some(Stretch::default());
+        } else if address == self.marks.end {
+            self.found.extend(self.open.take().map(|mut stretch| {
                 stretch.end_sample();
                 stretch
             }));
         }
-        let Some(stretch) = &mut open else { continue };
-        if address == marks.sample.start {
+        let Some(stretch) = &mut self.open else { return };
+        if address == self.marks.sample.start {
             stretch.begin_sample();
         }
-        if !marks.sample.contains(&address) {
-            let instruction = program.instruction(address);
-            let instruction = instruction.with_context(|| format!("no instruction at {address:#x}"))?;
-            waiting = Some((address, instruction));
+        if !self.marks.sample.contains(&address) {
+            self.last = Some((address, instruction));
         }
     }
-    Ok(found)
 }
 
-/// The address in a line of the trace: `Trace 0: 0x7f… [flags/address/flags/flags] name`.
-fn executed(line: &[u8]) -> Option<u32> {
+/// The block in a line of the trace, `Trace 0: 0x7f… [flags/address/flags/flags] name`: where its translation stands,
+/// and its address.
+fn executed(line: &[u8]) -> Option<(u64, u32)> {
     let text = std::str::from_utf8(line).ok()?.strip_prefix("Trace ")?;
-    let (_, inside) = text.split_once('[')?;
-    u32::from_str_radix(inside.split('/').nth(1)?, 16).ok()
+    let (before, inside) = text.split_once('[')?;
+    let place = before.trim_end().rsplit_once("0x")?.1;
+    let address = inside.split('/').nth(1)?;
+    Some((u64::from_str_radix(place, 16).ok()?, u32::from_str_radix(address, 16).ok()?))
+}
+
+/// The address in a line of a translated block's listing: `0x0000d512:  b580       push     {r7, lr}`.
+fn listed(line: &[u8]) -> Option<u32> {
+    let (address, _) = std::str::from_utf8(line).ok()?.strip_prefix("0x")?.split_once(':')?;
+    u32::from_str_radix(address, 16).ok()
 }
 
 #[cfg(test)]
@@ -150,9 +214,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_address_is_read_from_a_trace_line() {
-        let line = b"Trace 0: 0x7fe710000240 [00800408/00000ea8/00000110/ff020201] main\n";
-        assert_eq!(executed(line), Some(0xea8));
-        assert_eq!(executed(b"anything else\n"), None);
+    fn a_block_is_read_from_its_listing_and_from_the_trace() {
+        let line = b"Trace 0: 0x7fe710000240 [00800408/00000ea8/00000110/ff020200] main\n";
+        assert_eq!(executed(line), Some((0x7fe7_1000_0240, 0xea8)));
+        assert_eq!(listed(line), None);
+        let line = b"0x0000d512:  b580       push     {r7, lr}\n";
+        assert_eq!(listed(line), Some(0xd512));
+        assert_eq!(executed(line), None);
     }
 }
