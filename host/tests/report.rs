@@ -237,3 +237,19 @@ fn the_terminals_columns_are_aligned_and_say_how_far_the_truth_is() {
     let expected = ["m", "20.020", "±", "0.020", "kg", "20", "+1.96", "sd"];
     assert_eq!(lines[0].split_whitespace().collect::<Vec<_>>(), expected);
 }
+
+#[test]
+fn an_answer_that_no_body_has_comes_with_the_nearest_one() {
+    let mut data = synthetic::experiment(100.0);
+    data.results.physically_consistent = Some(false);
+    data.results.nearest_body = Some(rigident::report::NearestBody {
+        mass_kg: 2.5,
+        com_m: [0.1, -0.02, 0.0],
+        inertia_com_kgm2: [0.01, 0.2, 0.2, 0.0, 0.0, 0.001],
+        distance_sd: 1.2345,
+    });
+    let words = "1.2 standard deviations away: m 2.5 kg; centre of mass 0.1, -0.02, 0 m; Ixx, Iyy, Izz, Iyz, Izx, Ixy \
+                 about it 0.01, 0.2, 0.2, 0, 0, 0.001 kg m²";
+    assert!(table::plain(&data.results).contains(words), "{}", table::plain(&data.results));
+    assert!(html(&data).contains(words));
+}

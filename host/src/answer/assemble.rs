@@ -5,10 +5,12 @@ use rigident_shared::inertia::{
 };
 use rigident_shared::spatial::{Position, Rotation, Sensor};
 
+use super::consistent::{self, nearest_body};
 use super::derived::{self, BodyFrame, Derived};
 use super::identifiability::{advice, identified};
 use crate::formats::result::{
-    BodyFrameResult, Parameter, ParameterState, PrincipalResult, ResultObject, ResultSource, SCHEMA, Status,
+    BodyFrameResult, ConsistentResult, Parameter, ParameterState, PrincipalResult, ResultObject,
+    ResultSource, SCHEMA, Status,
 };
 use crate::formats::rig::{BodyTable, RigFile, TruthTable};
 use crate::identification::{FILTER_WIDTH_S, Identification};
@@ -142,13 +144,17 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
     let scaled = |d: &Derived<3>| d.sd.map(u95);
     let consistent = all(0..10)
         .then(|| InertialParameters::<Sensor, f64>::from_vector(estimate.body()).is_physically_consistent());
+    let nearest = (consistent == Some(false)).then(|| nearest_body(estimate)).flatten();
     if consistent == Some(false) {
-        warnings.push(
-            "the tensor belongs to no body (a principal moment is negative or breaks the triangle inequality): the \
-             uncertainty allows it, or the rig file is wrong about a sign, a frame or a scale"
-                .to_owned(),
-        );
+        warnings.push(consistent::warning(nearest.as_ref()));
     }
+    let nearest = nearest.map(|n| ConsistentResult {
+        mass_kg: n.body.mass,
+        com_m: n.body.centre_of_mass().vector().into(),
+        inertia_com_kgm2: tensor_elements(&n.body.inertia_com()),
+        inertia_origin_kgm2: tensor_elements(&n.body.inertia),
+        distance_sd: n.distance_sd,
+    });
     let ratio = identification.variance_ratio;
     if identification.sigma_given && ratio > 2.0 {
         warnings.push(format!(
@@ -258,6 +264,12 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
             .collect(),
         condition_number: Some(estimate.condition_number),
         physically_consistent: consistent,
+        nearest_body: nearest.as_ref().map(|n| report::NearestBody {
+            mass_kg: n.mass_kg,
+            com_m: n.com_m,
+            inertia_com_kgm2: n.inertia_com_kgm2,
+            distance_sd: n.distance_sd,
+        }),
         warnings: warnings.clone(),
         advice: hints.clone(),
     };
@@ -280,6 +292,7 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
         }),
         body_frame: body_frame_result,
         physically_consistent: consistent,
+        consistent: nearest,
         condition_number: estimate.condition_number,
         residual_rms: (!identification.residuals.is_empty()).then_some(identification.residual_rms),
         rejected_rows: identification.counters.rejected,

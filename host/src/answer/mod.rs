@@ -5,6 +5,7 @@
 //! [`crate::identification`] or the firmware's factor; after it: [`crate::formats`] and [`crate::report`].
 
 pub mod assemble;
+pub mod consistent;
 pub mod derived;
 pub mod identifiability;
 

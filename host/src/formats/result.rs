@@ -92,6 +92,21 @@ pub struct PrincipalResult {
     pub axes_u95_rad: [Option<f64>; 3],
 }
 
+/// The body nearest to an answer that no body has, in the metric of the answer's covariance.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ConsistentResult {
+    /// Mass, kg.
+    pub mass_kg: f64,
+    /// Centre of mass in S, m.
+    pub com_m: [f64; 3],
+    /// Tensor about the centre of mass, axes of S, kg m².
+    pub inertia_com_kgm2: [f64; 6],
+    /// Tensor about S's origin, kg m².
+    pub inertia_origin_kgm2: [f64; 6],
+    /// How far the answer is from it, standard deviations.
+    pub distance_sd: f64,
+}
+
 /// The body in the customer's frame.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BodyFrameResult {
@@ -147,6 +162,9 @@ pub struct ResultObject {
     /// Whether some distribution of mass has these parameters.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub physically_consistent: Option<bool>,
+    /// The nearest body, where `physically_consistent` is false.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub consistent: Option<ConsistentResult>,
     /// 2-norm, column-scaled whitened rows, over what the rows determine; absent if that is nothing.
     #[serde(skip_serializing_if = "is_not_finite")]
     pub condition_number: f64,
@@ -193,6 +211,7 @@ mod tests {
             principal: None,
             body_frame: None,
             physically_consistent: None,
+            consistent: None,
             condition_number: f64::INFINITY,
             residual_rms: Some([0.0; 6]),
             rejected_rows: 0,

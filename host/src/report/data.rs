@@ -1,5 +1,18 @@
 //! The plain data of a report. SI units throughout; times in seconds on one axis for all plots.
 
+/// The body nearest to an answer that no body has.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NearestBody {
+    /// Mass, kg.
+    pub mass_kg: f64,
+    /// Centre of mass in S, m.
+    pub com_m: [f64; 3],
+    /// Tensor about the centre of mass in the order of the parameters, axes of S, kg m².
+    pub inertia_com_kgm2: [f64; 6],
+    /// How far the answer is from it, standard deviations.
+    pub distance_sd: f64,
+}
+
 /// An estimate with its 95 % expanded uncertainty, in the unit of its [`Quantity`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measured {
@@ -93,6 +106,8 @@ pub struct Results {
     pub condition_number: Option<f64>,
     /// Whether the pseudo-inertia is positive definite; `None` if it is not known.
     pub physically_consistent: Option<bool>,
+    /// The nearest body, where no body has the parameters.
+    pub nearest_body: Option<NearestBody>,
     /// Whatever the reader should know before using the numbers.
     pub warnings: Vec<String>,
     /// Motions that would identify what is not.

@@ -2,7 +2,9 @@
 
 use super::data::{PrincipalAxis, Quantity, ReportData, Results, Source, Status};
 use super::figures;
-use super::text::{NOT_IDENTIFIED, Rounded, beside, count, duration, fixed, significant, unit_symbol};
+use super::text::{
+    NOT_IDENTIFIED, Rounded, beside, count, duration, fixed, nearest_words, significant, unit_symbol,
+};
 
 /// The whole report as one self-contained HTML file.
 pub fn html(data: &ReportData) -> String {
@@ -356,6 +358,9 @@ fn quality(data: &ReportData) -> String {
         rows.push_str(&fact("condition number", &number(&significant(condition, 3))));
     }
     rows.push_str(&fact("physically consistent", consistent));
+    if let Some(nearest) = &results.nearest_body {
+        rows.push_str(&fact("nearest body", &escape(&nearest_words(nearest))));
+    }
     format!("<table class=\"plainrows\"><caption>Quality</caption>\n<tbody>{rows}</tbody></table>\n")
 }
 

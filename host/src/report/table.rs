@@ -2,7 +2,7 @@
 
 use super::data::{PrincipalAxis, Quantity, Results};
 use super::page::status_words;
-use super::text::{NOT_IDENTIFIED, Rounded, beside, fixed, significant, unit_symbol};
+use super::text::{NOT_IDENTIFIED, Rounded, beside, fixed, nearest_words, significant, unit_symbol};
 
 /// The result as lines of text, one group after another, columns aligned, with a final newline.
 pub fn plain(results: &Results) -> String {
@@ -26,6 +26,9 @@ pub fn plain(results: &Results) -> String {
         None => "unknown",
     };
     text.push_str(&format!("physically consistent  {consistent}\n"));
+    if let Some(nearest) = &results.nearest_body {
+        text.push_str(&format!("nearest body           {}\n", nearest_words(nearest)));
+    }
     for warning in &results.warnings {
         text.push_str(&format!("warning: {}\n", printable(warning)));
     }

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use super::data::NearestBody;
+
 /// Plain notation up to this many decimals.
 const MOST_DECIMALS: i32 = 8;
 
@@ -93,6 +95,18 @@ pub fn beside(reference: f64, u95: f64) -> String {
         return significant(reference, 10);
     }
     strip_zeros(fixed(reference, decimals.max(0)))
+}
+
+/// The nearest body in one line.
+pub fn nearest_words(nearest: &NearestBody) -> String {
+    let list = |values: &[f64]| values.iter().map(|v| significant(*v, 4)).collect::<Vec<_>>().join(", ");
+    format!(
+        "{} standard deviations away: m {} kg; centre of mass {} m; Ixx, Iyy, Izz, Iyz, Izx, Ixy about it {} kg m²",
+        significant(nearest.distance_sd, 2),
+        significant(nearest.mass_kg, 6),
+        list(&nearest.com_m),
+        list(&nearest.inertia_com_kgm2)
+    )
 }
 
 /// At most so many significant digits, without trailing zeros; scientific outside 1e-5 … 1e7.

@@ -161,6 +161,7 @@ pub fn experiment(rate_hz: f64) -> ReportData {
             offsets,
             condition_number: Some(12.34),
             physically_consistent: Some(true),
+            nearest_body: None,
             warnings: Vec::new(),
             advice: Vec::new(),
         },
