@@ -2,8 +2,14 @@
 
 /// The names of all tables, on the command line and in the document's markers, in the document's order. Those that
 /// end in `-long` are made only when named or with `--long`.
-pub const TABLES: [&str; 5] =
-    ["f32-accuracy", "f32-accuracy-long", "covariance-forms", "honest-covariance", "coloured-noise"];
+pub const TABLES: [&str; 6] = [
+    "f32-accuracy",
+    "f32-accuracy-long",
+    "covariance-forms",
+    "honest-covariance",
+    "coloured-noise",
+    "montecarlo",
+];
 
 const END: &str = "<!-- end -->";
 

@@ -10,6 +10,7 @@ mod covariance_forms;
 mod document;
 mod f32_accuracy;
 mod honest_covariance;
+mod montecarlo;
 mod problem;
 mod reference;
 mod report;
@@ -57,6 +58,7 @@ fn make(name: &str) -> String {
         "f32-accuracy-long" => f32_accuracy::long_table(),
         "honest-covariance" => honest_covariance::table(),
         "coloured-noise" => coloured_noise::table(),
+        "montecarlo" => montecarlo::table(),
         other => unreachable!("no maker for {other}"),
     }
 }
