@@ -10,6 +10,7 @@
 //! which gives the rejections, the gaps and thereby the phase of the windows; then every part is absorbed from
 //! the first window on that is still open at its beginning.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
 use rigident_shared::calibration::Reading;
@@ -20,19 +21,22 @@ use rigident_shared::spatial::Wrench;
 
 use super::TAPS;
 
-/// Fewer readings than this are not worth a thread.
+/// A part has at least so many readings: what is read twice and set up anew is small against it.
 const LEAST_SHARE: usize = 20_000;
+/// Most parts: enough for the cores there are.
+const MOST_PARTS: usize = 64;
 
-/// Readings cut into parts for as many threads.
+/// Readings cut into parts.
 #[derive(Clone, Debug)]
 pub struct Shares<'a> {
     readings: &'a [Reading<f64>],
     config: EstimatorConfig<f64>,
     parts: Vec<Part>,
+    threads: usize,
     counters: Counters,
 }
 
-/// One thread's share.
+/// What one thread takes at a time.
 #[derive(Clone, Debug)]
 struct Part {
     /// First reading that the filter sees: the opening of a window. No window from here on is complete before
@@ -51,6 +55,8 @@ pub struct Absorbed<const N: usize, A> {
     pub factor: InformationFactor<f64, N>,
     /// What happened, as one pass would have counted it.
     pub counters: Counters,
+    /// The factors of the parts, in order.
+    pub factors: Vec<InformationFactor<f64, N>>,
     /// What each part's accumulator holds, in order.
     pub parts: Vec<A>,
 }
@@ -63,36 +69,57 @@ struct Scouted {
     fresh: Option<usize>,
 }
 
-/// How many threads so many readings are worth here.
-pub fn threads_for(readings: usize) -> usize {
-    let cores = thread::available_parallelism().map_or(1, usize::from);
-    cores.min(readings / LEAST_SHARE).max(1)
+/// How readings are shared out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Split {
+    /// Parts that they are cut into. The answer depends on it in its last digits.
+    pub parts: usize,
+    /// Threads that take the parts in turn. The answer does not depend on it.
+    pub threads: usize,
+}
+
+impl Split {
+    /// Parts by the number of readings alone, so that every machine gives the same bits; threads as there are
+    /// cores.
+    pub fn of(readings: usize) -> Self {
+        Self {
+            parts: (readings / LEAST_SHARE).clamp(1, MOST_PARTS),
+            threads: thread::available_parallelism().map_or(1, usize::from),
+        }
+    }
 }
 
 impl<'a> Shares<'a> {
-    /// Cuts the readings into `parts` of equal length. With one part there is nothing to scout.
+    /// Cuts the readings into parts of equal length. With one part there is nothing to scout.
     ///
     /// # Errors
     /// The estimator cannot be set up like this.
     pub fn new(
         readings: &'a [Reading<f64>],
         config: &EstimatorConfig<f64>,
-        parts: usize,
+        split: Split,
     ) -> Result<Self, ConfigError> {
         let estimator = Box::new(Estimator::<f64, 10, TAPS>::new(config)?);
         let (taps, row_every) = (estimator.kernel().taps(), usize::from(config.row_every));
         // Windows further apart than their width leave readings between them in which the phase is not seen.
-        let parts = if row_every > taps { 1 } else { parts.clamp(1, readings.len().max(1)) };
-        let mut shares = Self { readings, config: *config, parts: Vec::new(), counters: Counters::default() };
+        let parts = if row_every > taps { 1 } else { split.parts.clamp(1, readings.len().max(1)) };
+        let mut shares = Self {
+            readings,
+            config: *config,
+            parts: Vec::new(),
+            threads: split.threads,
+            counters: Counters::default(),
+        };
         if parts == 1 {
             shares.parts.push(Part { from: 0, end: readings.len(), frozen: Vec::new() });
             return Ok(shares);
         }
         shares.config.limits.frozen_after = 0;
         let borders: Vec<usize> = (0..=parts).map(|k| k * readings.len() / parts).collect();
-        let scouted = on_threads(borders.windows(2).map(|b| move || scout(readings, config, b[0]..b[1])))
-            .into_iter()
-            .collect::<Result<Vec<_>, _>>()?;
+        let scouted =
+            on_threads(split.threads, parts, |k| scout(readings, config, borders[k]..borders[k + 1]))
+                .into_iter()
+                .collect::<Result<Vec<_>, _>>()?;
         let mut fresh = 0;
         for (border, scouted) in borders.windows(2).zip(scouted) {
             // The last windows that are complete only inside the part; the oldest opened `taps − 1` before it.
@@ -117,56 +144,68 @@ impl<'a> Shares<'a> {
         each: impl Fn(&mut A, &Reading<f64>, &Estimator<f64, N, TAPS>) + Sync,
     ) -> Result<Absorbed<N, A>, ConfigError> {
         let config = EstimatorConfig { channel_sigma, ..self.config };
-        let (start, each, config) = (&start, &each, &config);
-        let done = on_threads(self.parts.iter().map(|part| {
-            move || {
-                let mut estimator = Box::new(Estimator::<f64, N, TAPS>::new(config)?);
-                let mut accumulator = start();
-                let mut frozen = part.frozen.iter().copied().peekable();
-                for (row, reading) in self.readings.iter().enumerate().take(part.end).skip(part.from) {
-                    let outcome = if frozen.next_if_eq(&row).is_some() {
-                        // Scouting rejected it; to the filter all rejections are one.
-                        estimator.absorb(&Reading { wrench: Wrench::from_array([f64::NAN; 6]), ..*reading })
-                    } else {
-                        estimator.absorb(reading)
-                    };
-                    if outcome == Outcome::Absorbed {
-                        each(&mut accumulator, reading, &estimator);
-                    }
+        let done = on_threads(self.threads, self.parts.len(), |k| {
+            let part = &self.parts[k];
+            let mut estimator = Box::new(Estimator::<f64, N, TAPS>::new(&config)?);
+            let mut accumulator = start();
+            let mut frozen = part.frozen.iter().copied().peekable();
+            for (row, reading) in self.readings.iter().enumerate().take(part.end).skip(part.from) {
+                let outcome = if frozen.next_if_eq(&row).is_some() {
+                    // Scouting rejected it; to the filter all rejections are one.
+                    estimator.absorb(&Reading { wrench: Wrench::from_array([f64::NAN; 6]), ..*reading })
+                } else {
+                    estimator.absorb(reading)
+                };
+                if outcome == Outcome::Absorbed {
+                    each(&mut accumulator, reading, &estimator);
                 }
-                Ok((estimator.factor(), *estimator.counters(), accumulator))
             }
-        }))
+            Ok((estimator.factor(), *estimator.counters(), accumulator))
+        })
         .into_iter()
         .collect::<Result<Vec<_>, _>>()?;
-        let single = done.len() == 1;
-        let mut absorbed =
-            Absorbed { factor: InformationFactor::new(), counters: self.counters, parts: Vec::new() };
+        let mut absorbed = Absorbed {
+            factor: InformationFactor::new(),
+            counters: self.counters,
+            factors: Vec::new(),
+            parts: Vec::new(),
+        };
+        if let [(_, counters, _)] = done.as_slice() {
+            absorbed.counters = Counters { blocks: 0, ..*counters };
+        }
         for (factor, counters, accumulator) in done {
-            if single {
-                (absorbed.factor, absorbed.counters) = (factor, counters);
-            } else {
-                absorbed.factor.merge(&factor);
-                absorbed.counters.blocks = absorbed.counters.blocks.saturating_add(counters.blocks);
-            }
+            absorbed.factor.merge(&factor);
+            absorbed.counters.blocks = absorbed.counters.blocks.saturating_add(counters.blocks);
+            absorbed.factors.push(factor);
             absorbed.parts.push(accumulator);
         }
         Ok(absorbed)
     }
 }
 
-/// Runs the jobs, one thread each, the last one here.
-fn on_threads<R: Send, J: FnOnce() -> R + Send>(jobs: impl Iterator<Item = J>) -> Vec<R> {
-    let mut jobs: Vec<J> = jobs.collect();
-    let Some(last) = jobs.pop() else { return Vec::new() };
-    thread::scope(|scope| {
-        let handles: Vec<_> = jobs.into_iter().map(|job| scope.spawn(job)).collect();
-        let last = last();
-        let joined = handles
-            .into_iter()
-            .map(|handle| handle.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
-        joined.chain(std::iter::once_with(|| last)).collect()
-    })
+/// Does job 0 … `count − 1`, each on whichever thread is free; results in the order of the jobs.
+fn on_threads<R: Send>(threads: usize, count: usize, job: impl Fn(usize) -> R + Sync) -> Vec<R> {
+    let next = AtomicUsize::new(0);
+    let work = || {
+        let mut done = Vec::new();
+        loop {
+            let k = next.fetch_add(1, Ordering::Relaxed);
+            if k >= count {
+                return done;
+            }
+            done.push((k, job(k)));
+        }
+    };
+    let mut results = thread::scope(|scope| {
+        let others: Vec<_> = (1..threads.min(count)).map(|_| scope.spawn(work)).collect();
+        let mut results = work();
+        for other in others {
+            results.extend(other.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
+        }
+        results
+    });
+    results.sort_by_key(|(k, _)| *k);
+    results.into_iter().map(|(_, result)| result).collect()
 }
 
 /// Screening and gaps of a part: the estimator itself, with a filter of one tap that hardly ever gives a row.

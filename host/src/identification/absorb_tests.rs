@@ -90,7 +90,7 @@ fn serial(
 /// Counters and every row block are the same, to the bit; the factor to rounding.
 fn compare(readings: &[Reading<f64>], config: &EstimatorConfig<f64>, parts: usize) -> Counters {
     let (factor, counters, blocks) = serial(readings, config);
-    let shares = Shares::new(readings, config, parts).unwrap();
+    let shares = Shares::new(readings, config, Split { parts, threads: 3 }).unwrap();
     let absorbed = shares
         .absorb::<16, Vec<Block>>(config.channel_sigma, Vec::new, |list, reading, estimator| {
             list.push((reading.time_ns, *estimator.last_block().unwrap()));
@@ -154,7 +154,7 @@ fn parts_shorter_than_the_filter_are_no_trouble() {
         let readings = readings(&mut chance, 400, 1000.0, 2);
         compare(&readings, &config(1000.0, 0.1, 10), 40);
     }
-    let none = Shares::new(&[], &config(1000.0, 0.1, 10), 4).unwrap();
+    let none = Shares::new(&[], &config(1000.0, 0.1, 10), Split { parts: 4, threads: 2 }).unwrap();
     assert_eq!(none.absorb::<16, ()>([1.0; 6], || (), |(), _, _| ()).unwrap().counters, Counters::default());
 }
 
@@ -163,10 +163,74 @@ fn an_impossible_sigma_is_named_whoever_finds_it() {
     let mut chance = Chance(4);
     let readings = readings(&mut chance, 100, 1000.0, 0);
     let mut bad = config(1000.0, 0.1, 10);
-    let shares = Shares::new(&readings, &bad, 3).unwrap();
+    let shares = Shares::new(&readings, &bad, Split { parts: 3, threads: 2 }).unwrap();
     let sigma = [1.0, 1.0, 0.0, 1.0, 1.0, 1.0];
     let refused = shares.absorb::<16, ()>(sigma, || (), |(), _, _| ()).unwrap_err();
     assert_eq!(refused, ConfigError::Sigma(2));
     bad.channel_sigma = sigma;
-    assert_eq!(Shares::new(&readings, &bad, 3).unwrap_err(), ConfigError::Sigma(2));
+    assert_eq!(
+        Shares::new(&readings, &bad, Split { parts: 3, threads: 2 }).unwrap_err(),
+        ConfigError::Sigma(2)
+    );
+}
+
+#[test]
+fn the_number_of_threads_changes_no_bit() {
+    let mut chance = Chance(5);
+    let readings = readings(&mut chance, 3000, 1000.0, 3);
+    let config = config(1000.0, 0.1, 10);
+    let [one, many] = [1, 8].map(|threads| {
+        let shares = Shares::new(&readings, &config, Split { parts: 6, threads }).unwrap();
+        shares.absorb::<16, ()>(config.channel_sigma, || (), |(), _, _| ()).unwrap().factor
+    });
+    assert!(one == many && one.rows() > 0);
+    // Parts by the readings alone.
+    assert_eq!([10, 39_999, 40_000, 10_000_000].map(|n| Split::of(n).parts), [1, 1, 2, 64]);
+}
+
+/// A recording long enough to be cut: what is concluded from it is what one pass concludes.
+#[test]
+fn an_identification_by_parts_is_that_of_one_pass() {
+    let mut chance = Chance(6);
+    let config =
+        EstimatorConfig { row_every: 10, ..config(1000.0, crate::identification::FILTER_WIDTH_S, 10) };
+    let input = crate::identification::Input {
+        readings: readings(&mut chance, 60_000, 1000.0, 12),
+        is_static: false,
+        rate_hz: 1000.0,
+        mounting: config.mounting,
+        channel_sigma: Some(config.channel_sigma),
+        gyro_sigma: Some(1e-3),
+        known_offset: None,
+        gain_sigma: [0.0; 6],
+        limits: config.limits,
+    };
+    assert_eq!(Split::of(input.readings.len()).parts, 3);
+    let (factor, counters, blocks) = serial(&input.readings, &config);
+    let identified = crate::identification::identify(&input).unwrap();
+    assert_eq!(identified.counters, counters);
+    let solution = factor.solve();
+    for j in 0..16 {
+        let error = (identified.estimate.values[j] - solution.estimate[j]).abs();
+        assert!(error < 1e-9 * solution.standard_deviation[j], "{j}: {error}");
+    }
+    let times: Vec<f64> = identified.residuals.iter().map(|r| r.time_s).collect();
+    assert_eq!(times, blocks.iter().map(|b| b.0 as f64 * 1e-9).collect::<Vec<_>>());
+    for (residual, (_, block)) in identified.residuals.iter().zip(&blocks) {
+        let one_pass = rigident_shared::estimator::residual(block, &solution.estimate);
+        assert!(residual.residual.iter().zip(one_pass).all(|(a, b)| (a - b).abs() < 1e-9));
+    }
+    // The course ends where the estimate is, but for the blocks after its last point.
+    let course = crate::identification::progression(&input, config.channel_sigma, 200);
+    // Every thirtieth block, counted anew in each part.
+    let whole = blocks.len() / 30;
+    assert!((whole - 2..=whole).contains(&course.len()), "{} of {whole}", course.len());
+    assert!(course.is_sorted_by(|a, b| a.time_s < b.time_s));
+    let last = course.last().unwrap();
+    for j in 0..16 {
+        let error = (last.values[j] - solution.estimate[j]).abs();
+        // At most one part in two hundred is missing; the wrench is no body's, so σ is what the residuals say.
+        let sd = solution.standard_deviation[j] * identified.variance_ratio.sqrt();
+        assert!(error < 0.3 * sd, "{j}: {error} of {sd}");
+    }
 }

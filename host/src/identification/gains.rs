@@ -56,6 +56,13 @@ impl ChannelFactors {
         }
     }
 
+    /// Takes what another part of the recording says.
+    pub fn merge(&mut self, other: &Self) {
+        for (channel, other) in self.channels.iter_mut().zip(&other.channels) {
+            channel.merge(other);
+        }
+    }
+
     /// Fits `N` parameters, the body's ten or sixteen with the offset, and the gains. `weights` whiten the rows
     /// of each channel: `√row_every / σ`, so that the marginal's `(RᵀR)⁻¹` is a covariance; `gain_sigma` is
     /// relative; a channel of zero σ has no gain error.

@@ -14,10 +14,11 @@ pub mod tare;
 pub mod whiteness;
 
 use rigident_shared::calibration::{ImuMounting, Reading};
-use rigident_shared::estimator::{ConfigError, Counters, Estimator, EstimatorConfig, Outcome};
+use rigident_shared::estimator::{ConfigError, Counters, Estimator, EstimatorConfig};
 use rigident_shared::factor::InformationFactor;
 use rigident_shared::screening::Limits;
 
+use self::absorb::{Shares, Split};
 use self::gains::{ChannelFactors, GainFit, residual_with_gains};
 use self::pooled::{Judgement, RowSet, judge};
 use crate::answer::identifiability::RegressorNoise;
@@ -195,13 +196,16 @@ pub fn conclude_firmware(
     sigma_given: bool,
 ) -> Result<Identification, IdentificationError> {
     let sigma = input.channel_sigma.unwrap_or(NOMINAL_SIGMA);
+    let shares = shares(input, sigma)?;
     match factor {
         Factor::Ten(f) => {
-            Ok(conclude(sigma_given, input, &f, &absorb::<10>(input, sigma)?, |f| Factor::Ten(Box::new(f))))
+            let absorbed = absorb::<10>(input, &shares, sigma)?;
+            Ok(conclude(sigma_given, input, &shares, &f, &absorbed, |f| Factor::Ten(Box::new(f))))
         }
-        Factor::Sixteen(f) => Ok(conclude(sigma_given, input, &f, &absorb::<16>(input, sigma)?, |f| {
-            Factor::Sixteen(Box::new(f))
-        })),
+        Factor::Sixteen(f) => {
+            let absorbed = absorb::<16>(input, &shares, sigma)?;
+            Ok(conclude(sigma_given, input, &shares, &f, &absorbed, |f| Factor::Sixteen(Box::new(f))))
+        }
     }
 }
 
@@ -222,34 +226,42 @@ fn run<const N: usize>(
     wrap: impl Fn(InformationFactor<f64, N>) -> Factor,
 ) -> Result<Identification, IdentificationError> {
     let mut sigma = input.channel_sigma.unwrap_or(NOMINAL_SIGMA);
-    let mut absorbed = absorb::<N>(input, sigma)?;
+    let shares = shares(input, sigma)?;
+    let mut absorbed = absorb::<N>(input, &shares, sigma)?;
     if input.channel_sigma.is_none() {
         // Weights from the residuals of the unweighted fit, then once more from those of the weighted one.
         for _ in 0..2 {
-            sigma = sigma_from_residuals(input, &absorbed);
-            absorbed = absorb::<N>(input, sigma)?;
+            sigma = sigma_from_residuals(input, &shares, &absorbed);
+            absorbed = absorb::<N>(input, &shares, sigma)?;
         }
     }
-    Ok(conclude(input.channel_sigma.is_some(), input, &absorbed.estimator.factor(), &absorbed, wrap))
+    Ok(conclude(input.channel_sigma.is_some(), input, &shares, &absorbed.factor, &absorbed, wrap))
+}
+
+/// How the readings are shared out over the cores.
+fn shares(input: &Input, sigma: [f64; 6]) -> Result<Shares<'_>, IdentificationError> {
+    let split = Split::of(input.readings.len());
+    Shares::new(&input.readings, &config(input, sigma), split).map_err(IdentificationError::Config)
 }
 
 /// `absorbed` are the same readings, whitened by the same σ, as the factor.
 fn conclude<const N: usize>(
     sigma_given: bool,
     input: &Input,
+    shares: &Shares,
     factor: &InformationFactor<f64, N>,
     absorbed: &Absorbed<N>,
     wrap: impl Fn(InformationFactor<f64, N>) -> Factor,
 ) -> Identification {
-    let estimator = &*absorbed.estimator;
-    let sigma = estimator.config().channel_sigma;
+    let settings = &*absorbed.settings;
+    let sigma = settings.config().channel_sigma;
     // The prior of the gains is not the noise's to scale, so with gains the fit is scaled and not its covariance.
     let with_gains = |scale: f64| absorbed.fit_gains(&input.gain_sigma, scale);
     let fit = with_gains(1.0);
     let (factor, gains) = fit.map_or((*factor, [0.0; 6]), |fit| (fit.factor, fit.gains));
     let determined = factor.solve().determined.iter().filter(|d| **d).count();
-    let counters = *estimator.counters();
-    let noise_gain = estimator.noise_gain();
+    let counters = absorbed.counters;
+    let noise_gain = settings.noise_gain();
     let rows = RowSet { rows: factor.rows(), noise_gain, sigma_given };
     let Judgement { noise, variance_ratio, variance_scale: scale, .. } =
         judge(&[rows], factor.residual_sum_of_squares(), determined as f64);
@@ -259,10 +271,10 @@ fn conclude<const N: usize>(
         None => Estimate::new(&factor, scale, noise),
     };
     let factor = wrap(factor);
-    let residuals = residuals(input, estimator, &estimate, &gains);
+    let residuals = residuals::<N>(shares, sigma, &estimate, &gains);
     let gyro = input.gyro_sigma.unwrap_or_else(|| gyro_sigma(&input.readings));
     let moment_sigma = sigma[3..].iter().copied().fold(f64::INFINITY, f64::min);
-    let weight = f64::from(counters.blocks) * f64::from(estimator.config().row_every);
+    let weight = f64::from(counters.blocks) * f64::from(settings.config().row_every);
     Identification {
         factor,
         estimate,
@@ -271,11 +283,11 @@ fn conclude<const N: usize>(
         noise_gain,
         variance_ratio,
         residual_rms: rms(&residuals),
-        colour: colour(input, estimator.config(), &residuals, scale),
+        colour: colour(input, settings.config(), &residuals, scale),
         residuals,
         gains,
         regressor_noise: RegressorNoise {
-            tensor_information: weight * estimator.kernel().derivative_noise_gain() * gyro * gyro
+            tensor_information: weight * settings.kernel().derivative_noise_gain() * gyro * gyro
                 / (moment_sigma * moment_sigma),
         },
         counters,
@@ -299,56 +311,70 @@ fn colour(
 
 /// Readings taken in.
 struct Absorbed<const N: usize> {
-    estimator: Box<Estimator<f64, N, TAPS>>,
+    factor: InformationFactor<f64, N>,
+    counters: Counters,
     /// Only where the load cell's gains are uncertain.
     channels: Option<ChannelFactors>,
+    /// An estimator like those that took them: filter, weights.
+    settings: Box<Estimator<f64, N, TAPS>>,
 }
 
 impl<const N: usize> Absorbed<N> {
-    fn new(input: &Input, sigma: [f64; 6]) -> Result<Self, IdentificationError> {
-        let estimator = Estimator::new(&config(input, sigma)).map_err(IdentificationError::Config)?;
-        let uncertain = input.gain_sigma.iter().any(|s| *s > 0.0);
-        Ok(Self { estimator: Box::new(estimator), channels: uncertain.then(ChannelFactors::default) })
-    }
-
-    fn absorb(&mut self, reading: &Reading<f64>) -> Outcome {
-        let outcome = self.estimator.absorb(reading);
-        if let (Outcome::Absorbed, Some(channels), Some(block)) =
-            (outcome, &mut self.channels, self.estimator.last_block())
-        {
-            channels.absorb(block);
-        }
-        outcome
-    }
-
     /// The fit with gains, the noise's variance taken `scale` times as large; `None` if they are certain.
     fn fit_gains(&self, gain_sigma: &[f64; 6], scale: f64) -> Option<GainFit<N>> {
-        let config = self.estimator.config();
+        let config = self.settings.config();
         let root = (f64::from(config.row_every) / scale).sqrt();
         self.channels.as_ref().map(|c| c.fit(&config.channel_sigma.map(|sigma| root / sigma), gain_sigma))
     }
 
     /// Factor with the gains eliminated, and the gains; without them the factor as it is.
     fn factor_and_gains(&self, gain_sigma: &[f64; 6]) -> (InformationFactor<f64, N>, [f64; 6]) {
-        self.fit_gains(gain_sigma, 1.0)
-            .map_or_else(|| (self.estimator.factor(), [0.0; 6]), |fit| (fit.factor, fit.gains))
+        self.fit_gains(gain_sigma, 1.0).map_or((self.factor, [0.0; 6]), |fit| (fit.factor, fit.gains))
     }
 }
 
-fn absorb<const N: usize>(input: &Input, sigma: [f64; 6]) -> Result<Absorbed<N>, IdentificationError> {
-    let mut absorbed = Absorbed::new(input, sigma)?;
-    for reading in &input.readings {
-        absorbed.absorb(reading);
-    }
-    let counters = absorbed.estimator.counters();
-    if counters.blocks == 0 {
+fn absorb<const N: usize>(
+    input: &Input,
+    shares: &Shares,
+    sigma: [f64; 6],
+) -> Result<Absorbed<N>, IdentificationError> {
+    let config = config(input, sigma);
+    let settings = Box::new(Estimator::new(&config).map_err(IdentificationError::Config)?);
+    let start = || channels(input);
+    let done = shares
+        .absorb::<N, Option<ChannelFactors>>(sigma, start, take_channels)
+        .map_err(IdentificationError::Config)?;
+    if done.counters.blocks == 0 {
         return Err(IdentificationError::NoRows {
-            readings: counters.readings,
-            rejected: counters.rejected,
-            width_s: absorbed.estimator.config().filter_width_s,
+            readings: done.counters.readings,
+            rejected: done.counters.rejected,
+            width_s: config.filter_width_s,
         });
     }
-    Ok(absorbed)
+    let channels = done.parts.into_iter().reduce(merge_channels).flatten();
+    Ok(Absorbed { factor: done.factor, counters: done.counters, channels, settings })
+}
+
+/// Needed only where the load cell's gains are uncertain.
+fn channels(input: &Input) -> Option<ChannelFactors> {
+    input.gain_sigma.iter().any(|s| *s > 0.0).then(ChannelFactors::default)
+}
+
+fn take_channels<const N: usize>(
+    channels: &mut Option<ChannelFactors>,
+    _: &Reading<f64>,
+    estimator: &Estimator<f64, N, TAPS>,
+) {
+    if let (Some(channels), Some(block)) = (channels, estimator.last_block()) {
+        channels.absorb(block);
+    }
+}
+
+fn merge_channels(mut a: Option<ChannelFactors>, b: Option<ChannelFactors>) -> Option<ChannelFactors> {
+    if let (Some(a), Some(b)) = (&mut a, &b) {
+        a.merge(b);
+    }
+    a
 }
 
 /// The estimate as rows come in: time (s), values and 95 % uncertainties (infinite where not determined).
@@ -372,48 +398,67 @@ pub fn progression(input: &Input, channel_sigma: [f64; 6], points: usize) -> Vec
 }
 
 fn progression_of<const N: usize>(input: &Input, sigma: [f64; 6], points: usize) -> Vec<Progression> {
-    let Ok(mut absorbed) = Absorbed::<N>::new(input, sigma) else { return Vec::new() };
-    let row_every = absorbed.estimator.config().row_every;
-    let every = (input.readings.len() / usize::from(row_every) / points.max(1)).max(1);
-    let mut progression = Vec::new();
-    for reading in &input.readings {
-        if absorbed.absorb(reading) == Outcome::Absorbed
-            && (absorbed.estimator.counters().blocks as usize).is_multiple_of(every)
-        {
-            let (factor, _) = absorbed.factor_and_gains(&input.gain_sigma);
-            let estimate = Estimate::new(&factor, 1.0, Noise::Given);
-            progression.push(Progression {
-                time_s: reading.time_ns as f64 * 1e-9,
-                u95: (0..N).map(|j| estimate.u95(j)).collect(),
-                values: estimate.values,
-            });
+    /// What a part has absorbed so far, and had at some of its blocks, s.
+    #[derive(Clone)]
+    struct Course<const N: usize> {
+        channels: Option<ChannelFactors>,
+        blocks: usize,
+        points: Vec<(f64, InformationFactor<f64, N>, Option<ChannelFactors>)>,
+    }
+    let config = config(input, sigma);
+    let every = (input.readings.len() / usize::from(config.row_every) / points.max(1)).max(1);
+    let start = || Course::<N> { channels: channels(input), blocks: 0, points: Vec::new() };
+    let take = |course: &mut Course<N>, reading: &Reading<f64>, estimator: &Estimator<f64, N, TAPS>| {
+        take_channels(&mut course.channels, reading, estimator);
+        course.blocks += 1;
+        if course.blocks.is_multiple_of(every) {
+            let time_s = reading.time_ns as f64 * 1e-9;
+            course.points.push((time_s, estimator.factor(), course.channels.clone()));
         }
+    };
+    let (Ok(shares), Ok(settings)) = (shares(input, sigma), Estimator::new(&config)) else {
+        return Vec::new();
+    };
+    let Ok(done) = shares.absorb(sigma, start, take) else { return Vec::new() };
+    let mut before = Absorbed::<N> {
+        factor: InformationFactor::new(),
+        counters: Counters::default(),
+        channels: channels(input),
+        settings: Box::new(settings),
+    };
+    let mut progression = Vec::new();
+    for (part, whole) in done.parts.into_iter().zip(&done.factors) {
+        for (time_s, factor, channels) in part.points {
+            let (kept, kept_channels) = (before.factor, before.channels.clone());
+            before.factor.merge(&factor);
+            before.channels = merge_channels(before.channels, channels);
+            let estimate = Estimate::new(&before.factor_and_gains(&input.gain_sigma).0, 1.0, Noise::Given);
+            let u95 = (0..N).map(|j| estimate.u95(j)).collect();
+            progression.push(Progression { time_s, values: estimate.values, u95 });
+            (before.factor, before.channels) = (kept, kept_channels);
+        }
+        before.factor.merge(whole);
+        before.channels = merge_channels(before.channels, part.channels);
     }
     progression
 }
 
 /// Residuals of the row blocks for given parameters, by running the pipeline once more.
 fn residuals<const N: usize>(
-    input: &Input,
-    like: &Estimator<f64, N, TAPS>,
+    shares: &Shares,
+    sigma: [f64; 6],
     estimate: &Estimate,
     gains: &[f64; 6],
 ) -> Vec<BlockResidual> {
     let phi: [f64; N] = std::array::from_fn(|j| estimate.values.get(j).copied().unwrap_or(0.0));
-    let mut pipeline = Box::new(*like);
-    pipeline.reset();
-    let mut residuals = Vec::new();
-    for reading in &input.readings {
-        if let Outcome::Absorbed = pipeline.absorb(reading)
-            && let Some(block) = pipeline.last_block()
-        {
-            residuals.push(BlockResidual {
-                time_s: reading.time_ns as f64 * 1e-9,
-                residual: residual_with_gains(block, &phi, gains),
-            });
-        }
-    }
-    residuals
+    let take = |list: &mut Vec<BlockResidual>, reading: &Reading<f64>, pipeline: &Estimator<f64, N, TAPS>| {
+        list.extend(pipeline.last_block().map(|block| BlockResidual {
+            time_s: reading.time_ns as f64 * 1e-9,
+            residual: residual_with_gains(block, &phi, gains),
+        }));
+    };
+    // The σ have been accepted before: there is no other way to fail.
+    shares.absorb(sigma, Vec::new, take).map_or_else(|_| Vec::new(), |done| done.parts.concat())
 }
 
 fn rms(residuals: &[BlockResidual]) -> [f64; 6] {
@@ -422,16 +467,16 @@ fn rms(residuals: &[BlockResidual]) -> [f64; 6] {
 }
 
 /// Raw σ of each channel: residual variance over `Σh²`, for the degrees of freedom that are left.
-fn sigma_from_residuals<const N: usize>(input: &Input, absorbed: &Absorbed<N>) -> [f64; 6] {
-    let estimator = &*absorbed.estimator;
+fn sigma_from_residuals<const N: usize>(input: &Input, shares: &Shares, absorbed: &Absorbed<N>) -> [f64; 6] {
+    let settings = &*absorbed.settings;
     let (factor, gains) = absorbed.factor_and_gains(&input.gain_sigma);
     let estimate = Estimate::new(&factor, 1.0, Noise::Given);
-    let residuals = residuals(input, estimator, &estimate, &gains);
+    let residuals = residuals::<N>(shares, settings.config().channel_sigma, &estimate, &gains);
     let determined = estimate.determined.iter().filter(|d| **d).count();
-    let blocks = estimator.counters().blocks;
-    let dof = degrees_of_freedom(blocks, estimator.noise_gain(), determined);
+    let blocks = absorbed.counters.blocks;
+    let dof = degrees_of_freedom(blocks, settings.noise_gain(), determined);
     let left = dof / (dof + determined as f64 / 6.0);
-    let kernel = estimator.kernel().noise_gain();
+    let kernel = settings.kernel().noise_gain();
     let raw = rms(&residuals).map(|r| r / (kernel * left).sqrt());
     // A channel that fits exactly must not outweigh all others.
     let floor = |group: &[f64]| 1e-6 * group.iter().copied().fold(f64::MIN_POSITIVE, f64::max).max(1e-12);
