@@ -20,6 +20,11 @@
 //! `R ← (1 − β Q Qᵀ) R`, `z ← (1 − β Q Qᵀ) z` with `β = 1 − √λ`, and one reduction to a triangle: orthogonal
 //! transformations only, no matrix is squared or inverted.
 //!
+//! # Single precision
+//! Every segment that excites a part re-triangularises all of R, and z with it; rounding z by its own size, far
+//! above the noise where the body is heavy, would move what is not renewed. The memory is therefore kept about
+//! a reference φ_r, as `z − R φ_r` ([`Forgetting::recentre`]): rounding then scales with the deviation from it.
+//!
 //! # What counts as excited
 //! Sensor noise in the regressor fakes information. Let `n_j` be the root mean square of column j of the
 //! whitened rows that noise alone brings ([`Forgetting::new`]). In coordinates `ψ_j = n_j √rows φ_j` a segment
@@ -54,6 +59,9 @@ pub fn retention<T: Scalar>(segment_s: T, time_constant_s: T) -> T {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Forgetting<T: Scalar, const N: usize> {
     noise: [T; N],
+    /// φ_r
+    reference: [T; N],
+    /// R and `z − R φ_r`.
     memory: InformationFactor<T, N>,
     rows: T,
 }
@@ -63,12 +71,22 @@ impl<T: Scalar, const N: usize> Forgetting<T, N> {
     /// to the coefficients of parameter j, in 1 / unit of the parameter. Zero where the coefficients are exact
     /// (the wrench offset): the rounding level of the column stands in.
     pub fn new(noise: [T; N]) -> Self {
-        Self { noise, memory: InformationFactor::new(), rows: T::ZERO }
+        Self { noise, reference: [T::ZERO; N], memory: InformationFactor::new(), rows: T::ZERO }
     }
 
     /// Everything remembered. Its row count is the effective one.
-    pub fn factor(&self) -> &InformationFactor<T, N> {
-        &self.memory
+    pub fn factor(&self) -> InformationFactor<T, N> {
+        shifted(&self.memory, &self.reference.map(|v| -v))
+    }
+
+    /// Keeps the memory about these parameters from now on, say the estimate after the first seconds: no change
+    /// but of rounding. Not-finite parameters are not taken. Before the first call the reference is zero.
+    pub fn recentre(&mut self, reference: &[T; N]) {
+        if reference.iter().all(|v| v.is_finite()) {
+            let change = core::array::from_fn(|j| reference[j] - self.reference[j]);
+            self.memory = shifted(&self.memory, &change);
+            self.reference = *reference;
+        }
     }
 
     /// Takes in a segment and keeps the share `lambda` (0 to 1) of what it renews. Returns how many directions
@@ -80,6 +98,7 @@ impl<T: Scalar, const N: usize> Forgetting<T, N> {
         if segment.rows() == 0 || !segment.is_finite() || !lambda.is_finite() {
             return 0;
         }
+        let segment = &shifted(segment, &self.reference);
         if lambda >= T::ONE {
             self.memory.merge(segment);
             self.rows = T::from_u32(self.memory.rows());
@@ -196,6 +215,17 @@ fn absorb_all<T: Scalar, const N: usize>(factor: &mut InformationFactor<T, N>, r
     for (row, z) in r.iter().zip(z) {
         factor.absorb::<1>(&mut row.map(|v| [v]), &mut [*z]);
     }
+}
+
+/// The same rows about `reference`: `z − R φ_r`. To the last bit the same for a reference of zero.
+fn shifted<T: Scalar, const N: usize>(
+    factor: &InformationFactor<T, N>,
+    reference: &[T; N],
+) -> InformationFactor<T, N> {
+    let triangle = factor.r().iter().enumerate().flat_map(|(i, row)| row.iter().skip(i)).copied();
+    let z = factor.r().iter().zip(factor.z()).map(|(row, z)| *z - dot(row, reference));
+    let entries = triangle.chain(z).chain(core::iter::once(factor.residual_sum_of_squares()));
+    InformationFactor::from_entries(entries, factor.rows()).unwrap_or(*factor)
 }
 
 /// The same triangle with another residual sum and row count.
