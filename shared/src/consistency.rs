@@ -108,7 +108,7 @@ pub fn free_answer<T: Scalar, const N: usize>(factor: &InformationFactor<T, N>) 
 /// `N` is 10 or 16 (with the wrench offset, which is unconstrained and follows). `free` is the factor's own
 /// least-squares estimate ([`free_answer`] or [`InformationFactor::solve`]); it is judged as it is given, so that
 /// [`Nearest::Free`] speaks of the very numbers that are reported. [`ITERATIONS`] is enough for `max_iterations`;
-/// one costs about 8 000 floating-point operations.
+/// one costs some 28 000 scalar instructions (counted on x86-64).
 #[must_use]
 pub fn nearest<T: Scalar, const N: usize>(
     factor: &InformationFactor<T, N>,
