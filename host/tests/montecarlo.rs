@@ -4,7 +4,9 @@
 use std::sync::atomic::AtomicBool;
 
 use rigident::answer::{Estimate, derived};
-use rigident::montecarlo::{Campaign, PARAMETERS, Solver, Verdict, bound, gain_error_sensors};
+use rigident::montecarlo::{
+    Campaign, Limits95, PARAMETERS, Solver, Verdict, bound, gain_error_sensors, noise_and_gain_error_sensors,
+};
 use rigident_shared::inertia::PARAMETER_NAMES;
 use rigident_sim::platform::{Axis, MotionProgram, Segment, SineTerm};
 use rigident_sim::rig::RigConfig;
@@ -54,7 +56,17 @@ fn gain_errors_are_contained_in_intervals_and_bound() {
     promises(gain_errors(), 1);
 }
 
-/// The bound itself: what this estimator cannot average makes its intervals worthless if it is not told.
+#[test]
+fn noise_and_gain_errors_together_are_contained_with_a_real_imu() {
+    let config = RigConfig::thesis_horizontal().with_sensors(noise_and_gain_error_sensors());
+    let verdict = run(Campaign::new(config), 400, 3);
+    let limits = Limits95::of(verdict.runs);
+    for (name, p) in PARAMETER_NAMES.iter().zip(verdict.parameters) {
+        assert!(limits.kept_by(&p), "{name}: {p:?}");
+    }
+}
+
+/// What no estimator can average makes the intervals worthless if they do not contain it.
 #[test]
 fn intervals_collapse_when_gain_errors_are_kept_from_the_estimator() {
     let verdict = run(Campaign { tell_gain_errors: false, ..gain_errors() }, 200, 1);

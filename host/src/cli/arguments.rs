@@ -274,6 +274,8 @@ pub enum NoiseReading {
     /// Gain errors, constant over an experiment, as the share of the range that they are; resolution/√12 as white
     /// noise; a perfect IMU
     Gain,
+    /// Both at once, with the thesis' IMU
+    Both,
 }
 
 /// Who makes the factor in a Monte Carlo.

@@ -163,11 +163,13 @@ impl Experiment<'_> {
     pub(super) fn conclude(self, take: Take, folder: &Folder, json: bool) -> Result<ExitCode, Failure> {
         let mut warnings = self.warnings;
         let counters = &take.counters;
+        let lost = if self.rig.load_cell.gain_uncertainty.is_some_and(|g| g.iter().any(|s| *s > 0.0)) {
+            "readings were lost between device and host; with gain_uncertainty the estimate is made of the others"
+        } else {
+            "readings were lost between device and host; they are in the estimate, not in the recording"
+        };
         for (count, what) in [
-            (
-                take.missing,
-                "readings were lost between device and host; they are in the estimate, not in the recording",
-            ),
+            (take.missing, lost),
             (
                 counters.load_cell_crc_errors,
                 "samples of the load cell had a wrong check sum and were left out",
@@ -225,6 +227,14 @@ impl Experiment<'_> {
                     .collect(),
             })
             .collect();
+        if input.gain_sigma.iter().any(|s| *s > 0.0) {
+            // The device knows nothing of gain errors; the readings are judged instead of its factor.
+            progression = identification::progression(
+                &input,
+                identification.channel_sigma,
+                super::identify::PLOT_POINTS,
+            );
+        }
         let factor = PooledFactor::of(&identification, &input, &self.recording);
         if let Some(tare) = &self.tare {
             tare.take_off(&factor, &mut identification, &mut progression).map_err(Failure::input)?;

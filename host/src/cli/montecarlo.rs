@@ -9,7 +9,10 @@ use super::arguments::{DemoBody, Estimating, Montecarlo, NoiseReading};
 use super::experiment::check_duration;
 use super::outcome::say;
 use super::{Failure, Progress};
-use crate::montecarlo::{Campaign, CampaignError, Judgement, Limits95, Solver, Verdict, gain_error_sensors};
+use crate::montecarlo::{
+    Campaign, CampaignError, Judgement, Limits95, Solver, Verdict, gain_error_sensors,
+    noise_and_gain_error_sensors,
+};
 use crate::session::INTERRUPTED;
 
 /// The object of `--json`.
@@ -34,13 +37,15 @@ struct Parameter<'a> {
 pub(super) fn run(arguments: &Montecarlo) -> Result<ExitCode, Failure> {
     let started = Instant::now();
     check_duration(arguments.duration_s)?;
-    let mut config = match arguments.body {
+    let config = match arguments.body {
         DemoBody::Horizontal => RigConfig::thesis_horizontal(),
         DemoBody::Vertical => RigConfig::thesis_vertical(),
     };
-    if arguments.noise == NoiseReading::Gain {
-        config = config.with_sensors(gain_error_sensors());
-    }
+    let config = match arguments.noise {
+        NoiseReading::White => config,
+        NoiseReading::Gain => config.with_sensors(gain_error_sensors()),
+        NoiseReading::Both => config.with_sensors(noise_and_gain_error_sensors()),
+    };
     let solver = match arguments.mcu {
         Estimating::Host => Solver::Host,
         Estimating::Inproc => Solver::Firmware,

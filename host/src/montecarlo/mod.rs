@@ -17,7 +17,7 @@ use rigident_shared::screening::Limits;
 use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce, Wrench};
 use rigident_sim::experiment::thesis_program;
 use rigident_sim::rig::{ReadingRow, Readings, RigConfig, RigError, Truth};
-use rigident_sim::sensors::{PerExperiment, SensorModels};
+use rigident_sim::sensors::{LoadCellModel, PerExperiment, SensorModels};
 
 use crate::identification::{self, Factor, Identification, IdentificationError, Input};
 pub use bound::{PARAMETERS, bound};
@@ -53,20 +53,33 @@ pub struct Campaign {
     pub tell_gain_errors: bool,
 }
 
-/// The load cell of the thesis with Table 1's 95 % figure as a gain error, constant over an experiment, drawn for
-/// each anew, as the share of the range that it is; its resolution/√12 is the white noise. The IMU is perfect: at
-/// this noise its own would be the larger part of every residual, and the question is what gains do.
-pub fn gain_error_sensors() -> SensorModels {
+/// Table 1's 95 % figures of the load cell as the share of the range that they are: 1 σ of gain errors that are
+/// constant over an experiment and drawn for each anew.
+fn table_1_as_gain_error() -> PerExperiment<6> {
     let thesis = SensorModels::thesis().load_cell;
     let figure = thesis.noise_n_nm.map(|sigma| sigma * K95);
-    let share = std::array::from_fn(|c| figure[c] / thesis.range_n_nm[c] / K95);
+    PerExperiment::spread(std::array::from_fn(|c| figure[c] / thesis.range_n_nm[c] / K95))
+}
+
+/// The load cell of the thesis with Table 1's figure as a gain error; its resolution/√12 is the white noise. The IMU
+/// is perfect: at so little noise its own would be the larger part of every residual, and the question is what gains
+/// do.
+pub fn gain_error_sensors() -> SensorModels {
+    let thesis = SensorModels::thesis().load_cell;
     let mut sensors = SensorModels::ideal();
-    sensors.load_cell = rigident_sim::sensors::LoadCellModel {
+    sensors.load_cell = LoadCellModel {
         noise_n_nm: thesis.resolution_n_nm.map(|step| step / 12_f64.sqrt()),
-        gain_error: PerExperiment::spread(share),
+        gain_error: table_1_as_gain_error(),
         resolution_n_nm: [0.0; 6],
         ..thesis
     };
+    sensors
+}
+
+/// The thesis' sensors, IMU and all, with Table 1's figure as white noise and once more as a gain error.
+pub fn noise_and_gain_error_sensors() -> SensorModels {
+    let mut sensors = SensorModels::thesis();
+    sensors.load_cell.gain_error = table_1_as_gain_error();
     sensors
 }
 

@@ -2,6 +2,7 @@
 #![cfg(feature = "simulator")]
 
 mod commands;
+mod gains;
 mod refused;
 mod simulated;
 mod tare;
