@@ -50,6 +50,7 @@ pub(super) fn solve(arguments: &Solve) -> Result<ExitCode, Failure> {
     let mut identification = pooled.identification();
     let disagreement = pooled.judgement(pooled.factor.determined()).disagreement;
     warnings.extend(disagreement.map(|ratio| disagreement_in_words("the merged runs", ratio)));
+    warnings.extend(pooled.warning());
     if let Some(tare) = tare(&arguments.tare, arguments.rig.as_deref(), &mut warnings)? {
         tare.take_off(&pooled, &mut identification, &mut []).map_err(Failure::input)?;
     }
@@ -161,6 +162,9 @@ fn write(factors: Vec<PooledFactor>, shared_offset: bool, output: &Path) -> Resu
     let pooled = PooledFactor::merged(factors, shared_offset).map_err(Failure::input)?;
     if let Some(ratio) = pooled.judgement(pooled.factor.determined()).disagreement {
         eprintln!("rigident: {}", disagreement_in_words("the runs", ratio));
+    }
+    if let Some(warning) = pooled.warning() {
+        eprintln!("rigident: {warning}");
     }
     let bytes = pooled.to_file().to_bytes();
     write_new(output, |mut file| {

@@ -75,6 +75,8 @@ pub struct FactorSource {
     pub channel_sigma: [f64; 6],
     /// That σ was given; else it is from the residuals.
     pub sigma_given: bool,
+    /// 1 σ of the relative gain errors of the load cell, already eliminated from the factor; zero: none.
+    pub gain_sigma: [f64; 6],
     /// What the noise of the gyro alone brings to a tensor element: 1/(kg m²)².
     pub tensor_information: f64,
 }
@@ -197,6 +199,7 @@ impl FactorFile {
             && self.sources.iter().all(|s| {
                 positive(s.noise_gain)
                     && s.channel_sigma.iter().all(|v| positive(*v))
+                    && s.gain_sigma.iter().all(|v| v.is_finite() && *v >= 0.0)
                     && s.tensor_information.is_finite()
             });
         if sound { Ok(()) } else { Err(FactorFileError::Header) }
@@ -246,6 +249,7 @@ mod tests {
             noise_gain: 0.3,
             channel_sigma: [1.0; 6],
             sigma_given: true,
+            gain_sigma: [0.0; 6],
             tensor_information: 0.1,
         };
         FactorFile::new(&factor, vec![source])

@@ -211,6 +211,7 @@ impl PooledFactor {
             noise_gain: identification.noise_gain,
             channel_sigma: identification.channel_sigma,
             sigma_given: identification.sigma_given,
+            gain_sigma: input.gain_sigma,
             tensor_information: identification.regressor_noise.tensor_information,
         };
         Self {
@@ -355,6 +356,20 @@ impl PooledFactor {
                 ..Counters::default()
             },
         }
+    }
+
+    /// What merging did not do, in words. Gain errors are eliminated run by run; those of one load cell are the
+    /// same in all of them, and do not average out as noise does.
+    pub fn warning(&self) -> Option<String> {
+        let uncertain = self.sources.iter().filter(|s| s.gain_sigma.iter().any(|g| *g > 0.0)).count();
+        (uncertain > 1).then(|| {
+            format!(
+                "the gain errors of the load cell were taken to differ from run to run: if all {uncertain} runs were \
+                 taken with one load cell, the part of the intervals that comes from its gains is too small by up to \
+                 a factor of {:.1}",
+                (uncertain as f64).sqrt()
+            )
+        })
     }
 
     /// Names of the recordings, joined.

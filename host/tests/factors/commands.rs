@@ -197,3 +197,19 @@ fn runs_of_different_bodies_are_told_apart() {
     let (mass, u95) = values(&result)[0];
     assert!(mass - u95 < 23.0 && mass + u95 > 23.0 && u95 > 0.3, "{mass} ± {u95}");
 }
+
+#[test]
+fn gain_errors_that_runs_have_in_common_are_told() {
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    for (name, seed) in [("a", 1), ("b", 2)] {
+        write(at, name, body(), seed, &format!("{}\ngain_uncertainty = {:?}", noise(), [0.01; 6]));
+    }
+    let output = rigident(at, &["factor", "a.csv", "b.csv", "-o", "ab.factor"]);
+    assert_eq!(status(&output), 0, "{}", said(&output));
+    assert!(said(&output).contains("gain errors"), "{}", said(&output));
+    let result = json(at, &["solve", "ab.factor", "--json"]);
+    assert!(result["warnings"].to_string().contains("gain errors"), "{}", result["warnings"]);
+    let alone = rigident(at, &["factor", "a.csv", "-o", "a.factor"]);
+    assert!(!said(&alone).contains("gain errors"), "{}", said(&alone));
+}
