@@ -97,13 +97,8 @@ fn the_bound_is_the_published_one_of_a_published_motion() {
         }],
     };
     let covariance = bound(&config, &program, 200.0).unwrap().unwrap();
-    let estimate = Estimate {
-        values: config.body.parameters().to_vec(),
-        covariance,
-        determined: vec![true; PARAMETERS],
-        condition_number: 1.0,
-        coverage_factor: 1.0,
-    };
+    let phi = config.body.parameters().to_vec();
+    let estimate = Estimate::from_parts(phi, covariance, vec![true; PARAMETERS]);
     let mut got = vec![1e3 * estimate.covariance[(0, 0)].sqrt()];
     got.extend(derived::centre_of_mass(&estimate).sd.map(|sd| 1e3 * sd));
     got.extend(derived::inertia_com(&estimate).sd.map(|sd| 100.0 * sd / 0.3813));

@@ -7,9 +7,9 @@ use rigident_shared::spatial::{Position, Rotation, Sensor};
 
 use super::consistent::{self, nearest_body};
 use super::derived::{self, BodyFrame, Derived};
-use super::identifiability::{advice, identified};
+use super::identifiability::{advice, states};
 use crate::formats::result::{
-    BodyFrameResult, ConsistentResult, Parameter, ParameterState, PrincipalResult, ResultObject,
+    BodyFrameResult, ConsistentResult, KnownResult, Parameter, ParameterState, PrincipalResult, ResultObject,
     ResultSource, SCHEMA, Status,
 };
 use crate::formats::rig::{BodyTable, RigFile, TruthTable};
@@ -78,25 +78,39 @@ pub struct Assembled {
     pub success: bool,
 }
 
-fn quantity(name: &str, unit: &str, measured: Option<(f64, f64)>, truth: Option<f64>) -> Quantity {
+fn quantity(name: &str, unit: &str, state: ParameterState, truth: Option<f64>) -> Quantity {
     Quantity {
         name: name.to_owned(),
         unit: unit.to_owned(),
-        measured: measured.map(|(value, u95)| Measured { value, u95, prior_dominated: false }),
+        measured: state.measured().map(|(value, u95)| Measured {
+            value,
+            u95,
+            prior_dominated: matches!(state, ParameterState::PriorDominated { .. }),
+        }),
         truth,
+    }
+}
+
+/// The state of a quantity that is derived from others.
+fn state(value: f64, u95: f64, prior: bool) -> ParameterState {
+    if prior {
+        ParameterState::PriorDominated { value, u95 }
+    } else {
+        ParameterState::Identified { value, u95 }
     }
 }
 
 fn quantities<const K: usize>(
     names: &[&str],
     unit: &str,
+    prior: bool,
     derived: Option<(&[f64; K], &[f64; K])>,
     truth: Option<&[f64; K]>,
 ) -> Vec<Quantity> {
     (0..K)
         .map(|k| {
-            let measured = derived.map(|(value, u95)| (value[k], u95[k]));
-            quantity(names.get(k).unwrap_or(&""), unit, measured, truth.map(|t| t[k]))
+            let state = derived.map_or(ParameterState::NotIdentified, |(v, u)| state(v[k], u[k], prior));
+            quantity(names.get(k).unwrap_or(&""), unit, state, truth.map(|t| t[k]))
         })
         .collect()
 }
@@ -121,22 +135,25 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
     let Context { rig, asked, source, broken, mut warnings } = context;
     let estimate = &identification.estimate;
     let k = estimate.coverage_factor;
-    let known = identified(estimate, identification.regressor_noise);
+    let states = states(estimate, identification.regressor_noise);
+    let at = |j: usize| states.get(j).copied().unwrap_or(ParameterState::NotIdentified);
+    let known: Vec<bool> = states.iter().map(|s| matches!(s, ParameterState::Identified { .. })).collect();
     let truth = rig.truth.as_ref();
     let true_phi = truth.map(|t| true_body(t).to_vector());
-    let measured = |j: usize| (known.get(j) == Some(&true)).then(|| (estimate.values[j], estimate.u95(j)));
     let parameters: Vec<Parameter> = (0..estimate.values.len())
         .map(|j| Parameter {
             name: PARAMETER_NAMES[j].to_owned(),
             unit: PARAMETER_UNITS[j].to_owned(),
-            state: measured(j).map_or(ParameterState::NotIdentified, |(value, u95)| {
-                ParameterState::Identified { value, u95 }
-            }),
+            state: at(j),
             frame: "S",
         })
         .collect();
 
-    let all = |mut range: std::ops::Range<usize>| range.all(|j| known.get(j) == Some(&true));
+    let all = |mut range: std::ops::Range<usize>| range.all(|j| at(j).measured().is_some());
+    let prior = |mut range: std::ops::Range<usize>| {
+        range.any(|j| matches!(at(j), ParameterState::PriorDominated { .. }))
+    };
+    let (com_prior, tensor_prior) = (prior(0..4), prior(0..10));
     let u95 = |sd: f64| k * sd;
     let com = (all(0..4)).then(|| derived::centre_of_mass(estimate));
     let inertia = (all(0..10)).then(|| derived::inertia_com(estimate));
@@ -204,17 +221,19 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
             Status::Failed => report::Status::Failed,
         },
         parameters: (0..10)
-            .map(|j| quantity(PARAMETER_NAMES[j], PARAMETER_UNITS[j], measured(j), true_phi.map(|t| t[j])))
+            .map(|j| quantity(PARAMETER_NAMES[j], PARAMETER_UNITS[j], at(j), true_phi.map(|t| t[j])))
             .collect(),
         centre_of_mass: quantities(
             &AXES,
             "m",
+            com_prior,
             com.as_ref().map(|d| (d.value, scaled(d))).as_ref().map(|(v, u)| (v, u)),
             truth.map(|t| &t.com_m),
         ),
         inertia_com: quantities(
             &TENSOR,
             "kg m2",
+            tensor_prior,
             inertia.as_ref().map(|d| (d.value, d.sd.map(u95))).as_ref().map(|(v, u)| (v, u)),
             truth.map(|t| &t.inertia_com_kgm2),
         ),
@@ -229,7 +248,7 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
                     moment: quantity(
                         ["I1", "I2", "I3"][i],
                         "kg m2",
-                        Some((p.moments[i], u95(p.moments_sd[i]))),
+                        state(p.moments[i], u95(p.moments_sd[i]), tensor_prior),
                         true_moments.map(|t| t[i]),
                     ),
                     axis: p.axes[i],
@@ -251,7 +270,13 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
                 quantities: (0..count)
                     .map(|i| {
                         let unit = if i < 3 { "m" } else { "kg m2" };
-                        quantity(names[i], unit, Some((d.value[i], u95(d.sd[i]))), true_values.map(|t| t[i]))
+                        let prior = if i < 3 { com_prior } else { tensor_prior };
+                        quantity(
+                            names[i],
+                            unit,
+                            state(d.value[i], u95(d.sd[i]), prior),
+                            true_values.map(|t| t[i]),
+                        )
                     })
                     .collect(),
             }
@@ -259,7 +284,7 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
         offsets: (10..estimate.values.len())
             .map(|j| {
                 let true_offset = truth.and_then(|t| t.apparent_offset_n_nm).map(|o| o[j - 10]);
-                quantity(PARAMETER_NAMES[j], PARAMETER_UNITS[j], measured(j), true_offset)
+                quantity(PARAMETER_NAMES[j], PARAMETER_UNITS[j], at(j), true_offset)
             })
             .collect(),
         condition_number: Some(estimate.condition_number),
@@ -270,6 +295,7 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
             inertia_com_kgm2: n.inertia_com_kgm2,
             distance_sd: n.distance_sd,
         }),
+        known: estimate.known().iter().map(ToString::to_string).collect(),
         warnings: warnings.clone(),
         advice: hints.clone(),
     };
@@ -278,7 +304,28 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
         schema: SCHEMA,
         status,
         source,
-        mass_kg: measured(0).map(|m| m.0),
+        known: estimate
+            .known()
+            .iter()
+            .map(|k| KnownResult { name: k.name(), value: k.value(), sigma: k.sigma() })
+            .collect(),
+        prior_dominated: [
+            ("mass_kg", prior(0..1)),
+            ("com_m", com_prior && com.is_some()),
+            ("inertia_com_kgm2", tensor_prior && inertia.is_some()),
+            ("inertia_origin_kgm2", prior(4..10) && all(4..10)),
+            ("principal", tensor_prior && inertia.is_some()),
+            (
+                "body_frame",
+                body_frame_result
+                    .as_ref()
+                    .is_some_and(|b| com_prior || (tensor_prior && b.inertia_origin_kgm2.is_some())),
+            ),
+        ]
+        .into_iter()
+        .filter_map(|(field, prior)| prior.then_some(field))
+        .collect(),
+        mass_kg: at(0).measured().map(|m| m.0),
         com_m: com.as_ref().map(|d| d.value),
         com_u95_m: com.as_ref().map(scaled),
         inertia_com_kgm2: inertia.as_ref().map(|d| d.value),

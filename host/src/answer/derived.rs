@@ -144,13 +144,11 @@ mod tests {
         // Any symmetric positive definite covariance will do: a scaled Hilbert-like matrix.
         let base = DMatrix::from_fn(10, 10, |i, j| 1.0 / (1.0 + (i as f64 - j as f64).abs()));
         let scale = [1e-2, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3];
-        Estimate {
-            values: body.to_vector().to_vec(),
-            covariance: DMatrix::from_fn(10, 10, |i, j| base[(i, j)] * scale[i] * scale[j]),
-            determined: vec![true; 10],
-            condition_number: 1.0,
-            coverage_factor: 1.96,
-        }
+        Estimate::from_parts(
+            body.to_vector().to_vec(),
+            DMatrix::from_fn(10, 10, |i, j| base[(i, j)] * scale[i] * scale[j]),
+            vec![true; 10],
+        )
     }
 
     /// Draws from N(φ, C) pushed through the functions are the oracle of the first-order covariances.

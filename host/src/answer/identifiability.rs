@@ -5,6 +5,7 @@
 //! and its information does not come from the noise of the gyro.
 
 use super::Estimate;
+use crate::formats::result::ParameterState;
 
 /// U95 of an identified parameter is at most this share of the body's scale.
 pub const LARGEST_SHARE: f64 = 0.1;
@@ -25,43 +26,89 @@ pub struct RegressorNoise {
     pub tensor_information: f64,
 }
 
-/// Whether each parameter of the estimate is identified.
-pub fn identified(estimate: &Estimate, noise: RegressorNoise) -> Vec<bool> {
-    let phi = estimate.body();
-    let mass = phi[0];
-    let small = |j: usize, scale: f64| estimate.u95(j) <= LARGEST_SHARE * scale;
-    // Without mass there is no scale for anything else.
-    if !estimate.determined.first().copied().unwrap_or(false) || mass <= 0.0 || !small(0, mass) {
-        return vec![false; estimate.values.len()];
+/// The body's own scales, against which uncertainties are judged.
+struct Scale {
+    mass: f64,
+    /// m·ℓ.
+    first_moment: f64,
+    /// The largest principal moment.
+    moment: f64,
+    length: f64,
+}
+
+impl Scale {
+    /// `None` if there is no mass: then there is no scale for anything else.
+    fn of(estimate: &Estimate, noise: RegressorNoise) -> Option<Self> {
+        let phi = estimate.body();
+        let mass = phi[0];
+        if mass.is_nan() || mass <= 0.0 || estimate.u95(0) > LARGEST_SHARE * mass {
+            return None;
+        }
+        let sphere = (3.0 * mass / (4.0 * std::f64::consts::PI * DENSITY)).cbrt();
+        let arm = phi[1..4].iter().map(|v| v * v).sum::<f64>().sqrt() / mass;
+        let arm_known = (1..4).all(|j| estimate.u95(j) <= LARGEST_SHARE * mass * arm);
+        let largest_moment = if (4..10).all(|j| tensor_informed(estimate, noise, j)) {
+            rigident_shared::inertia::tensor_from_elements(std::array::from_fn(|k| phi[4 + k]))
+                .symmetric_eigenvalues()
+                .max()
+        } else {
+            0.0
+        };
+        let gyration = (largest_moment / mass).max(0.0).sqrt();
+        let length = sphere.max(if arm_known { arm } else { 0.0 }).max(gyration);
+        Some(Self {
+            mass,
+            first_moment: mass * length,
+            moment: largest_moment.max(0.4 * mass * sphere * sphere),
+            length,
+        })
     }
-    let sphere = (3.0 * mass / (4.0 * std::f64::consts::PI * DENSITY)).cbrt();
-    let arm = phi[1..4].iter().map(|v| v * v).sum::<f64>().sqrt() / mass;
-    let arm_known = (1..4).all(|j| estimate.u95(j) <= LARGEST_SHARE * mass * arm);
-    let tensor = |j: usize| {
-        let information = 1.0 / estimate.covariance[(j, j)];
-        estimate.determined[j] && information > LEAST_EXCITATION * noise.tensor_information
-    };
-    let tensor_known = (4..10).all(tensor);
-    let largest_moment = if tensor_known {
-        rigident_shared::inertia::tensor_from_elements(std::array::from_fn(|k| phi[4 + k]))
-            .symmetric_eigenvalues()
-            .max()
-    } else {
-        0.0
-    };
-    let gyration = (largest_moment / mass).max(0.0).sqrt();
-    let length = sphere.max(if arm_known { arm } else { 0.0 }).max(gyration);
-    let moment_scale = largest_moment.max(0.4 * mass * sphere * sphere);
-    let weight = mass * 9.80665;
+
+    /// Whether the estimate determines parameter `j` finely enough for a body of this scale.
+    fn resolves(&self, estimate: &Estimate, noise: RegressorNoise, j: usize) -> bool {
+        let weight = self.mass * 9.80665;
+        let (scale, informed) = match j {
+            0 => (self.mass, true),
+            1..4 => (self.first_moment, true),
+            4..10 => (self.moment, tensor_informed(estimate, noise, j)),
+            10..13 => (weight, true),
+            _ => (weight * self.length, true),
+        };
+        informed && estimate.u95(j) <= LARGEST_SHARE * scale
+    }
+}
+
+/// Whether a tensor element has more information than the gyro's noise brings.
+fn tensor_informed(estimate: &Estimate, noise: RegressorNoise, j: usize) -> bool {
+    estimate.determined.get(j) == Some(&true)
+        && 1.0 / estimate.covariance[(j, j)] > LEAST_EXCITATION * noise.tensor_information
+}
+
+/// What became of each parameter.
+///
+/// A parameter is *identified* if the data alone, without what is known beforehand, resolve it; *prior-dominated*
+/// if they do so only together with it; else *not identified*. The body's scale, against which that is judged,
+/// is always that of all that is known: a known mass sets the scale of the first moments, it does not measure them.
+pub fn states(estimate: &Estimate, noise: RegressorNoise) -> Vec<ParameterState> {
+    let scale = Scale::of(estimate, noise);
+    let data = estimate.of_data_alone();
     (0..estimate.values.len())
-        .map(|j| match j {
-            0 => true,
-            1..4 => small(j, mass * length),
-            4..10 => tensor(j) && small(j, moment_scale),
-            10..13 => small(j, weight),
-            _ => small(j, weight * length),
+        .map(|j| {
+            let (value, u95) = (estimate.values[j], estimate.u95(j));
+            match &scale {
+                Some(scale) if scale.resolves(data, noise, j) => ParameterState::Identified { value, u95 },
+                Some(scale) if scale.resolves(estimate, noise, j) => {
+                    ParameterState::PriorDominated { value, u95 }
+                }
+                _ => ParameterState::NotIdentified,
+            }
         })
         .collect()
+}
+
+/// Whether each parameter of the estimate is identified by the data alone.
+pub fn identified(estimate: &Estimate, noise: RegressorNoise) -> Vec<bool> {
+    states(estimate, noise).iter().map(|s| matches!(s, ParameterState::Identified { .. })).collect()
 }
 
 /// What to do so that the parameters that are not identified become so; empty if all are.
@@ -111,15 +158,11 @@ mod tests {
             Position::new(0.0, 0.0, 0.053),
             tensor_from_elements([0.38, 0.02, 0.38, 0.0, 0.0, 0.0]),
         );
-        Estimate {
-            values: body.to_vector().to_vec(),
-            covariance: DMatrix::from_diagonal(&nalgebra::DVector::from_fn(10, |j, _| {
-                (u95[j] / 1.96).powi(2)
-            })),
-            determined: u95.iter().map(|u| u.is_finite()).collect(),
-            condition_number: 1.0,
-            coverage_factor: 1.96,
-        }
+        Estimate::from_parts(
+            body.to_vector().to_vec(),
+            DMatrix::from_diagonal(&nalgebra::DVector::from_fn(10, |j, _| (u95[j] / 1.96).powi(2))),
+            u95.iter().map(|u| u.is_finite()).collect(),
+        )
     }
 
     #[test]

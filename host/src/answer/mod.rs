@@ -13,6 +13,9 @@ use nalgebra::DMatrix;
 use rigident_shared::factor::InformationFactor;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
+use crate::identification::Factor;
+use crate::identification::known::{self, Known, KnownError};
+
 /// How the noise that scales the covariance is known.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Noise {
@@ -38,6 +41,10 @@ pub struct Estimate {
     pub condition_number: f64,
     /// Coverage factor of a 95 % interval.
     pub coverage_factor: f64,
+    /// Rows whitened by their true σ, and how the noise is known; `None` for a model that takes no known quantities.
+    rows: Option<(Factor, Noise)>,
+    /// What was known beforehand, and what the data alone say.
+    beforehand: Option<(Vec<Known>, Box<Estimate>)>,
 }
 
 impl Estimate {
@@ -55,6 +62,53 @@ impl Estimate {
             determined: solution.determined.to_vec(),
             condition_number: solution.condition_number,
             coverage_factor: coverage_factor(noise),
+            rows: Factor::from_entries(
+                N,
+                factor.cast(|v| v / variance_scale.sqrt()).entries().collect(),
+                factor.rows(),
+            )
+            .map(|factor| (factor, noise)),
+            beforehand: None,
+        }
+    }
+
+    /// The estimate from the same data and what is known beforehand. Its intervals keep the coverage factor of
+    /// the data's noise.
+    ///
+    /// # Errors
+    /// [`KnownError`] if a known quantity cannot be used or contradicts the rest.
+    pub fn with_known(&self, known: &[Known]) -> Result<Self, KnownError> {
+        let Some((factor, noise)) = self.rows.as_ref().filter(|_| !known.is_empty()) else {
+            return Ok(self.clone());
+        };
+        let mut factor = factor.clone();
+        known::absorb_into(&mut factor, known, *noise)?;
+        let mut joint = factor.estimate(1.0, *noise);
+        joint.beforehand = Some((known.to_vec(), Box::new(self.clone())));
+        Ok(joint)
+    }
+
+    /// What was known beforehand.
+    pub fn known(&self) -> &[Known] {
+        self.beforehand.as_ref().map_or(&[], |(known, _)| known)
+    }
+
+    /// What the data alone say.
+    pub fn of_data_alone(&self) -> &Self {
+        self.beforehand.as_ref().map_or(self, |(_, data)| data)
+    }
+
+    /// From numbers that no rows stand behind, as a bound or a design gives them; σ is given. Known quantities
+    /// do not change it.
+    pub fn from_parts(values: Vec<f64>, covariance: DMatrix<f64>, determined: Vec<bool>) -> Self {
+        Self {
+            values,
+            covariance,
+            determined,
+            condition_number: 1.0,
+            coverage_factor: coverage_factor(Noise::Given),
+            rows: None,
+            beforehand: None,
         }
     }
 

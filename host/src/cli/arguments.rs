@@ -3,6 +3,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 
 pub use super::factor_arguments::{MakeFactor, Merge, Solve, TareFiles};
+pub use super::known_arguments::KnownQuantities;
 
 /// Tells the inertial parameters of a body from its wrench and motion: mass, centre of mass, inertia tensor,
 /// each with a 95 % uncertainty, or that the data do not identify it.
@@ -98,6 +99,9 @@ pub struct Demo {
     pub ideal: bool,
     #[command(flatten)]
     #[allow(missing_docs)]
+    pub known: KnownQuantities,
+    #[command(flatten)]
+    #[allow(missing_docs)]
     pub output: Output,
 }
 
@@ -131,6 +135,9 @@ pub struct Replay {
     pub tare: TareFiles,
     #[command(flatten)]
     #[allow(missing_docs)]
+    pub known: KnownQuantities,
+    #[command(flatten)]
+    #[allow(missing_docs)]
     pub output: Output,
 }
 
@@ -138,7 +145,8 @@ pub struct Replay {
 #[derive(Args, Debug, Clone)]
 #[command(
     after_help = "Examples:\n  rigident identify bracket.csv\n  rigident identify poses.csv --rig poses.rig.toml --estimate m,mc,offset \
-                        --json\n  rigident identify bracket.csv --tare fixture.csv"
+                        --json\n  rigident identify bracket.csv --tare fixture.csv\n  rigident identify \
+                        bracket.csv --known mass_kg=20.013±0.005 --symmetry y±0.002"
 )]
 pub struct Identify {
     /// The recording, CSV or MCAP
@@ -149,6 +157,9 @@ pub struct Identify {
     #[command(flatten)]
     #[allow(missing_docs)]
     pub tare: TareFiles,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub known: KnownQuantities,
     #[command(flatten)]
     #[allow(missing_docs)]
     pub output: Output,
@@ -211,6 +222,9 @@ pub struct Run {
     /// Longest wait for the load cell to settle, s; 0 skips the warm-up
     #[arg(long, default_value_t = 120.0, value_name = "S")]
     pub warm_up_s: f64,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub known: KnownQuantities,
     #[command(flatten)]
     #[allow(missing_docs)]
     pub output: Output,

@@ -24,6 +24,7 @@ const QUIET: [f64; 6] = [1e-3, 1e-3, 2e-3, 1e-4, 1e-4, 1e-4];
 pub(super) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
     let started = Instant::now();
     let asked = Asked::parse(&arguments.output.estimate).map_err(Failure::input)?;
+    let known = arguments.known.parse()?;
     check_duration(arguments.duration_s)?;
     let (config, body_name) = match arguments.body {
         DemoBody::Horizontal => (RigConfig::thesis_horizontal(), "test body with plates, horizontal"),
@@ -72,6 +73,7 @@ pub(super) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
         stages,
         same_pose,
         identity: session.identity(),
+        known: &known,
         tare: None,
         warnings: Vec::new(),
     }

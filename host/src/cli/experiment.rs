@@ -16,6 +16,7 @@ use crate::formats::mcap::messages::ImuValues;
 use crate::formats::mcap::write::{Head, McapWriter, Row};
 use crate::formats::recording::comment_in_words;
 use crate::formats::rig::RigFile;
+use crate::identification::known::Known;
 use crate::identification::pooled::PooledFactor;
 use crate::identification::tare::Tare;
 use crate::identification::{self, Progression, prepare};
@@ -154,6 +155,8 @@ pub(super) struct Experiment<'a> {
     /// Spans of the first pose and of the same pose at the end, s from the first reading.
     pub(super) same_pose: Option<[(f64, f64); 2]>,
     pub(super) identity: &'a Identity,
+    /// What is known beforehand.
+    pub(super) known: &'a [Known],
     pub(super) tare: Option<Tare>,
     pub(super) warnings: Vec<String>,
 }
@@ -239,6 +242,12 @@ impl Experiment<'_> {
         if let Some(tare) = &self.tare {
             tare.take_off(&factor, &mut identification, &mut progression).map_err(Failure::input)?;
         }
+        identification.estimate = identification.estimate.with_known(self.known).map_err(|error| {
+            Failure::input(format!(
+                "{error}\nFiles written before this was found out are in {}",
+                folder.path().display()
+            ))
+        })?;
         let drift = self.same_pose.and_then(|spans| drift(&input, spans, &identification.channel_sigma));
         let mut notes = device_notes(self.identity);
         notes.extend(provenance(self.rig));

@@ -43,6 +43,7 @@ pub(super) fn merge(arguments: &Merge) -> Result<ExitCode, Failure> {
 pub(super) fn solve(arguments: &Solve) -> Result<ExitCode, Failure> {
     let started = Instant::now();
     let asked = Asked::parse(&arguments.output.estimate).map_err(Failure::input)?;
+    let known = arguments.known.parse()?;
     let rig = arguments.rig.as_deref().map(RigFile::load).transpose().map_err(Failure::input)?;
     let rig = rig.unwrap_or_default();
     let pooled = read(&arguments.factor)?;
@@ -54,6 +55,7 @@ pub(super) fn solve(arguments: &Solve) -> Result<ExitCode, Failure> {
     if let Some(tare) = tare(&arguments.tare, arguments.rig.as_deref(), &mut warnings)? {
         tare.take_off(&pooled, &mut identification, &mut []).map_err(Failure::input)?;
     }
+    identification.estimate = identification.estimate.with_known(&known).map_err(Failure::input)?;
     let folder = arguments.output.out.as_deref().map(|out| Folder::new(Some(out), "solve")).transpose()?;
     let rows = identification.counters.readings as usize;
     let source = ResultSource { recording: pooled.recordings(), rows, rate_hz: None, mcu: "host".to_owned() };

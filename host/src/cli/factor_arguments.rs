@@ -2,7 +2,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::arguments::Output;
+use super::arguments::{KnownQuantities, Output};
 
 /// The option `--tare`.
 #[derive(Args, Debug, Clone, Default)]
@@ -69,6 +69,9 @@ pub struct Solve {
     #[command(flatten)]
     #[allow(missing_docs)]
     pub tare: TareFiles,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub known: KnownQuantities,
     #[command(flatten)]
     #[allow(missing_docs)]
     pub output: Output,

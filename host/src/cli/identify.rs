@@ -7,7 +7,7 @@ use super::{Failure, Folder};
 use crate::answer::assemble::Asked;
 use crate::formats::recording::Recording;
 use crate::identification::pooled::PooledFactor;
-use crate::identification::{self, prepare::prepare};
+use crate::identification::{self, known, prepare::prepare};
 
 /// Points of a convergence plot.
 pub(super) const PLOT_POINTS: usize = 200;
@@ -16,9 +16,11 @@ pub(super) const PLOT_POINTS: usize = 200;
 pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
     let started = Instant::now();
     let asked = Asked::parse(&arguments.output.estimate).map_err(Failure::input)?;
+    let known = arguments.known.parse()?;
     let recording =
         Recording::load(&arguments.recording, arguments.rig.as_deref()).map_err(Failure::input)?;
     let prepared = prepare(&recording).map_err(Failure::input)?;
+    known::check_model(&known, prepared.input.known_offset.is_none()).map_err(Failure::input)?;
     let mut warnings: Vec<String> = recording.warnings.iter().chain(&prepared.notes).cloned().collect();
     let tare = super::factor::tare(&arguments.tare, arguments.rig.as_deref(), &mut warnings)?;
     let mut identification = identification::identify(&prepared.input).map_err(Failure::input)?;
@@ -28,6 +30,7 @@ pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
     if let Some(tare) = tare {
         tare.take_off(&factor, &mut identification, &mut progression).map_err(Failure::input)?;
     }
+    identification.estimate = identification.estimate.with_known(&known).map_err(Failure::input)?;
     let folder = Folder::new(arguments.output.out.as_deref(), "identify")?;
     Ending {
         started,

@@ -11,6 +11,7 @@ mod factor_arguments;
 mod failure;
 mod folder;
 mod identify;
+mod known_arguments;
 mod link;
 mod montecarlo;
 mod outcome;

@@ -8,7 +8,7 @@ use super::experiment::{Experiment, Watcher};
 use super::{Failure, Folder, simulated};
 use crate::answer::assemble::Asked;
 use crate::formats::recording::Recording;
-use crate::identification::{self, prepare::prepare};
+use crate::identification::{self, known, prepare::prepare};
 use crate::link::{Client, SerialTransport, Transport};
 use crate::session::{DeviceTiming, Session, narrow, settings, widen};
 
@@ -16,9 +16,11 @@ use crate::session::{DeviceTiming, Session, narrow, settings, widen};
 pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
     let started = Instant::now();
     let asked = Asked::parse(&arguments.output.estimate).map_err(Failure::input)?;
+    let known = arguments.known.parse()?;
     let recording =
         Recording::load(&arguments.recording, arguments.rig.as_deref()).map_err(Failure::input)?;
     let mut prepared = prepare(&recording).map_err(Failure::input)?;
+    known::check_model(&known, prepared.input.known_offset.is_none()).map_err(Failure::input)?;
     let mut warnings: Vec<String> = recording.warnings.iter().chain(&prepared.notes).cloned().collect();
     let tare = super::factor::tare(&arguments.tare, arguments.rig.as_deref(), &mut warnings)?;
     let sigma_given = prepared.rig.load_cell.noise_n_nm.is_some();
@@ -64,6 +66,7 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
         stages: Vec::new(),
         same_pose: None,
         identity: session.identity(),
+        known: &known,
         tare,
         warnings,
     }

@@ -12,7 +12,8 @@ use super::link::{HOST_TIMEOUT_MS, open};
 use super::outcome::provenance;
 use super::{Failure, Folder, simulated};
 use crate::answer::assemble::Asked;
-use crate::formats::rig::{Calibrated, RigFile};
+use crate::formats::rig::{Calibrated, OffsetTable, OffsetWord, RigFile};
+use crate::identification::known::check_model;
 use crate::identification::prepare::mounting;
 use crate::platform::{NetworkPlatform, Platform as _};
 use crate::session::{DeviceTiming, INTERRUPTED, Session, settings};
@@ -24,8 +25,11 @@ const WINDOW_S: f64 = 2.0;
 pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let started = Instant::now();
     let asked = Asked::parse(&arguments.output.estimate).map_err(Failure::input)?;
+    let known = arguments.known.parse()?;
     check_duration(arguments.duration_s)?;
     let mut rig = RigFile::load(&arguments.rig).map_err(Failure::input)?;
+    let offset_estimated = matches!(rig.load_cell.offset_n_nm, OffsetTable::Word(OffsetWord::Estimate));
+    check_model(&known, offset_estimated).map_err(Failure::input)?;
     let rate_hz = rig.recording.rate_hz.unwrap_or(1000.0);
     let mut platform = NetworkPlatform::connect(&arguments.platform).map_err(Failure::link)?;
     let mut session = open(&arguments.port)?;
@@ -70,6 +74,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         stages,
         same_pose,
         identity: session.identity(),
+        known: &known,
         tare: None,
         warnings,
     }

@@ -124,6 +124,17 @@ pub struct BodyFrameResult {
     pub inertia_origin_u95_kgm2: Option<[f64; 6]>,
 }
 
+/// A quantity known beforehand.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct KnownResult {
+    /// Its name, with the unit.
+    pub name: String,
+    /// Its value, SI.
+    pub value: f64,
+    /// Its standard uncertainty, 1 σ.
+    pub sigma: f64,
+}
+
 /// The whole object.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ResultObject {
@@ -135,6 +146,12 @@ pub struct ResultObject {
     pub source: ResultSource,
     /// Ten parameters, and the offset where it was estimated.
     pub parameters: Vec<Parameter>,
+    /// What was known beforehand.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub known: Vec<KnownResult>,
+    /// Fields below that rest on what was known beforehand: `com_m`, `inertia_com_kgm2`, …
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub prior_dominated: Vec<&'static str>,
     /// Mass, kg.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mass_kg: Option<f64>,
@@ -202,6 +219,8 @@ mod tests {
                 state: ParameterState::NotIdentified,
                 frame: "S",
             }],
+            known: Vec::new(),
+            prior_dominated: Vec::new(),
             mass_kg: None,
             com_m: None,
             com_u95_m: None,

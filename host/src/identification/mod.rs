@@ -7,6 +7,7 @@
 
 pub mod absorb;
 pub mod gains;
+pub mod known;
 pub mod pooled;
 pub mod poses;
 pub mod prepare;

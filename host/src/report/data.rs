@@ -108,6 +108,8 @@ pub struct Results {
     pub physically_consistent: Option<bool>,
     /// The nearest body, where no body has the parameters.
     pub nearest_body: Option<NearestBody>,
+    /// What was known beforehand, in words.
+    pub known: Vec<String>,
     /// Whatever the reader should know before using the numbers.
     pub warnings: Vec<String>,
     /// Motions that would identify what is not.

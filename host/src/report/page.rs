@@ -24,6 +24,7 @@ pub fn html(data: &ReportData) -> String {
         status(&data.results)
     ));
     html.push_str(&cards(&data.results));
+    html.push_str(&notes("Known beforehand", &data.results.known));
     html.push_str(&notes("Warnings", &data.results.warnings));
     html.push_str(&notes("What would identify the rest", &data.results.advice));
     html.push_str(&format!("<h2>Results</h2>\n<div class=\"tables\">\n{}</div>\n", tables(data)));
@@ -99,7 +100,16 @@ fn source(source: &Source) -> String {
 pub(super) fn status_words(results: &Results) -> String {
     let missing: Vec<&str> =
         results.parameters.iter().filter(|q| q.known().is_none()).map(|q| q.name.as_str()).collect();
-    match results.status {
+    let prior: Vec<&str> = results
+        .parameters
+        .iter()
+        .filter(|q| q.known().is_some_and(|m| m.prior_dominated))
+        .map(|q| q.name.as_str())
+        .collect();
+    let words = match results.status {
+        Status::Identified if missing.is_empty() && !prior.is_empty() => {
+            "Identified what was asked for".to_owned()
+        }
         Status::Identified if missing.is_empty() => {
             "Identified: the data determine every parameter".to_owned()
         }
@@ -110,6 +120,11 @@ pub(super) fn status_words(results: &Results) -> String {
         Status::PartlyIdentified => format!("Partly identified. Not identified: {}", missing.join(", ")),
         Status::NotIdentified => "Not identified".to_owned(),
         Status::Failed => "Failed: the experiment did not come to its end".to_owned(),
+    };
+    if prior.is_empty() {
+        words
+    } else {
+        format!("{words}. Only with what was known beforehand: {}", prior.join(", "))
     }
 }
 

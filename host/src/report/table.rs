@@ -29,6 +29,9 @@ pub fn plain(results: &Results) -> String {
     if let Some(nearest) = &results.nearest_body {
         text.push_str(&format!("nearest body           {}\n", nearest_words(nearest)));
     }
+    for known in &results.known {
+        text.push_str(&format!("known beforehand: {}\n", printable(known)));
+    }
     for warning in &results.warnings {
         text.push_str(&format!("warning: {}\n", printable(warning)));
     }
