@@ -7,13 +7,10 @@
 use crate::Scalar;
 use crate::calibration::{ImuMounting, Reading};
 use crate::conditioning::{Conditioner, Kernel, KernelError};
-use crate::factor::{Cascade, InformationFactor};
+use crate::factor::{BodyCascade, InformationFactor};
 use crate::regressor::{self, RegressorBlock};
 use crate::screening::{Limits, Rejection, Screen};
 use crate::spatial::Wrench;
-
-/// Levels of the cascade: 100³ blocks before the last one takes more than a hundred merges.
-const LEVELS: usize = 4;
 
 /// Everything that fixes what the estimator does with a reading.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -111,7 +108,7 @@ pub struct Estimator<T: Scalar, const N: usize, const TAPS: usize> {
     config: EstimatorConfig<T>,
     screen: Screen<T>,
     conditioner: Conditioner<T, TAPS>,
-    cascade: Cascade<T, N, LEVELS>,
+    cascade: BodyCascade<T, N>,
     /// √row_every / σ per channel.
     weights: [T; 6],
     period_ns: u64,
@@ -140,7 +137,7 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
             config: *config,
             screen: Screen::new(config.limits),
             conditioner: Conditioner::new(kernel, config.row_every).map_err(ConfigError::Kernel)?,
-            cascade: Cascade::new(),
+            cascade: BodyCascade::new(),
             weights: config.channel_sigma.map(|sigma| root / sigma),
             period_ns: period_ns(config.rate_hz, config.filter_width_s),
             last_time_ns: None,
@@ -219,21 +216,7 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
         if let Some(reference) = &self.reference {
             self.statistics.add(residual(block, reference));
         }
-        let mut columns = [[T::ZERO; 6]; N];
-        for (j, column) in columns.iter_mut().enumerate() {
-            if let Some(source) = block.columns.get(j) {
-                for ((c, s), weight) in column.iter_mut().zip(source).zip(self.weights) {
-                    *c = *s * weight;
-                }
-            } else if let Some((c, weight)) = column.get_mut(j - 10).zip(self.weights.get(j - 10)) {
-                *c = *weight;
-            }
-        }
-        let mut rhs = block.wrench;
-        for (y, weight) in rhs.iter_mut().zip(self.weights) {
-            *y *= weight;
-        }
-        self.cascade.absorb(&mut columns, &mut rhs);
+        self.cascade.absorb(block, &self.weights);
         self.counters.blocks = self.counters.blocks.saturating_add(1);
     }
 
@@ -277,7 +260,7 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
     pub fn reset(&mut self) {
         self.screen = Screen::new(self.config.limits);
         self.conditioner.reset();
-        self.cascade = Cascade::new();
+        self.cascade = BodyCascade::new();
         self.last_time_ns = None;
         self.counters = Counters::default();
         self.reference = None;

@@ -44,22 +44,25 @@ pub fn block<T: Scalar>(signals: &[T; SIGNALS], lever_arm: &Position<Sensor, T>)
     let o = T::ZERO;
     // [ω]×[ω]× = ω ωᵀ − |ω|² 1
     let (nx, ny, nz) = (-(yy + zz), -(zz + xx), -(xx + yy));
+    let (xy_more, xy_less) = (xy + az, xy - az);
+    let (yz_more, yz_less) = (yz + ax, yz - ax);
+    let (zx_more, zx_less) = (zx + ay, zx - ay);
     // a = a_U − ([ω̇]× + [ω]×[ω]×) p
-    let sx = ux - (nx * px + (xy - az) * py + (zx + ay) * pz);
-    let sy = uy - ((xy + az) * px + ny * py + (yz - ax) * pz);
-    let sz = uz - ((zx - ay) * px + (yz + ax) * py + nz * pz);
+    let sx = ux - (nx * px + xy_less * py + zx_more * pz);
+    let sy = uy - (xy_more * px + ny * py + yz_less * pz);
+    let sz = uz - (zx_less * px + yz_more * py + nz * pz);
     RegressorBlock {
         columns: [
             [sx, sy, sz, o, o, o],
-            [nx, xy + az, zx - ay, o, -sz, sy],
-            [xy - az, ny, yz + ax, sz, o, -sx],
-            [zx + ay, yz - ax, nz, -sy, sx, o],
+            [nx, xy_more, zx_less, o, -sz, sy],
+            [xy_less, ny, yz_more, sz, o, -sx],
+            [zx_more, yz_less, nz, -sy, sx, o],
             [o, o, o, ax, zx, -xy],
             [o, o, o, -yz, ay, xy],
             [o, o, o, yz, -zx, az],
-            [o, o, o, yy - zz, az - xy, ay + zx],
-            [o, o, o, az + xy, zz - xx, ax - yz],
-            [o, o, o, ay - zx, ax + yz, xx - yy],
+            [o, o, o, yy - zz, -xy_less, zx_more],
+            [o, o, o, xy_more, zz - xx, -yz_less],
+            [o, o, o, -zx_less, yz_more, xx - yy],
         ],
         wrench: [fx, fy, fz, mx, my, mz],
     }

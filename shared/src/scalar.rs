@@ -2,6 +2,7 @@ use core::fmt::Debug;
 use core::iter::Sum;
 use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
+use crate::factor::{self, Column};
 use nalgebra::{ClosedAddAssign, ClosedDivAssign, ClosedMulAssign, ClosedSubAssign};
 
 mod sealed {
@@ -64,6 +65,9 @@ pub trait Scalar:
     fn is_finite(self) -> bool;
     /// Absolute value.
     fn abs(self) -> Self;
+    /// Reduces six rows into a triangle; see [`crate::factor`]. The target has a kernel of its own for it.
+    #[doc(hidden)]
+    fn reduce(triangle: &mut [Self], stride: usize, columns: &mut [Column<Self>]) -> Self;
     /// The larger of two; `self` if either is NaN.
     fn max(self, other: Self) -> Self {
         if other > self { other } else { self }
@@ -71,7 +75,7 @@ pub trait Scalar:
 }
 
 macro_rules! scalar {
-    ($t:ty, $tiny:expr, $sqrt:path) => {
+    ($t:ty, $tiny:expr, $sqrt:path, $reduce:path) => {
         impl Scalar for $t {
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
@@ -81,6 +85,10 @@ macro_rules! scalar {
             #[inline(always)]
             fn sqrt(self) -> Self {
                 $sqrt(self)
+            }
+            #[inline(always)]
+            fn reduce(triangle: &mut [Self], stride: usize, columns: &mut [Column<Self>]) -> Self {
+                $reduce(triangle, stride, columns)
             }
             #[inline(always)]
             fn from_f64_const(value: f64) -> Self {
@@ -109,8 +117,11 @@ macro_rules! scalar {
         }
     };
 }
-scalar!(f32, 1e-30, square_root::single);
-scalar!(f64, 1e-280, square_root::double);
+#[cfg(all(target_arch = "arm", target_os = "none"))]
+scalar!(f32, 1e-18, square_root::single, factor::reduce_on_core);
+#[cfg(not(all(target_arch = "arm", target_os = "none")))]
+scalar!(f32, 1e-18, square_root::single, factor::reduce);
+scalar!(f64, 1e-150, square_root::double, factor::reduce);
 
 /// `core` has no stable square root. Hosts have one in `std`; the Cortex-M4F has one instruction for `f32`,
 /// which no stable intrinsic reaches, so a two-instruction function is given in assembly. `libm::sqrtf`

@@ -1,59 +1,121 @@
-use super::InformationFactor;
+use super::{Block, InformationFactor};
 use crate::Scalar;
 
-/// Merges into the next level after this many blocks or merges.
+/// A level is merged into the next after this many blocks or merges.
 const FAN_IN: u16 = 100;
+
+/// The levels above the one that absorbs.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Levels<T: Scalar, const N: usize, const LEVELS: usize> {
+    levels: [InformationFactor<T, N>; LEVELS],
+    merges: [u16; LEVELS],
+}
+
+impl<T: Scalar, const N: usize, const LEVELS: usize> Levels<T, N, LEVELS> {
+    pub(super) const fn new() -> Self {
+        Self { levels: [InformationFactor::EMPTY; LEVELS], merges: [0; LEVELS] }
+    }
+
+    /// The lowest of these levels, which the absorbing one is merged into now.
+    pub(super) fn next(&mut self) -> Option<&mut InformationFactor<T, N>> {
+        if let Some(merges) = self.merges.first_mut() {
+            *merges = merges.saturating_add(1);
+        }
+        self.levels.first_mut()
+    }
+
+    /// Merges one level that is full into the next: with each block one, so that no block waits for all of them.
+    #[inline]
+    pub(super) fn carry(&mut self) {
+        for k in 1..LEVELS {
+            if self.merges[k - 1] >= FAN_IN {
+                return self.merge_level(k);
+            }
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn merge_level(&mut self, k: usize) {
+        let Some((lower, upper)) = self.levels.split_at_mut_checked(k) else { return };
+        if let (Some(level), Some(next)) = (lower.last_mut(), upper.first_mut()) {
+            next.merge(&core::mem::take(level));
+        }
+        if let Some((from, to)) = self.merges.get_mut(k - 1..=k).and_then(<[u16]>::split_first_mut) {
+            *from = 0;
+            for merges in to {
+                *merges = merges.saturating_add(1);
+            }
+        }
+    }
+
+    /// All levels merged, oldest (largest) first.
+    pub(super) fn factor(&self) -> InformationFactor<T, N> {
+        let mut levels = self.levels.iter().rev().filter(|level| level.rows() > 0);
+        let mut whole = levels.next().copied().unwrap_or_default();
+        for level in levels {
+            whole.merge(level);
+        }
+        whole
+    }
+}
 
 /// A factor in levels, so that a new block always meets numbers of its own size.
 ///
 /// In `f32` a single factor stagnates: beyond about 1e7 samples one sample's share of R is less than half a
-/// unit in the last place. Level 0 absorbs the blocks; every hundred of them it is merged into level 1 and
-/// cleared, and so on. The last level takes whatever comes.
+/// unit in the last place. The first level absorbs the blocks; every hundred of them it is merged into the next one
+/// and cleared, and so on. The last of the `1 + UPPER` levels takes whatever comes.
 #[derive(Clone, Copy, Debug)]
-pub struct Cascade<T: Scalar, const N: usize, const LEVELS: usize> {
-    levels: [InformationFactor<T, N>; LEVELS],
-    counts: [u16; LEVELS],
+pub struct Cascade<T: Scalar, const N: usize, const UPPER: usize> {
+    absorbing: InformationFactor<T, N>,
+    blocks: u16,
+    upper: Levels<T, N, UPPER>,
 }
 
-impl<T: Scalar, const N: usize, const LEVELS: usize> Default for Cascade<T, N, LEVELS> {
+impl<T: Scalar, const N: usize, const UPPER: usize> Default for Cascade<T, N, UPPER> {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl<T: Scalar, const N: usize, const LEVELS: usize> Cascade<T, N, LEVELS> {
+impl<T: Scalar, const N: usize, const UPPER: usize> Cascade<T, N, UPPER> {
     /// The cascade of no rows.
     #[must_use]
-    pub fn new() -> Self {
-        const { assert!(LEVELS > 0, "a cascade has at least one level") }
-        Self { levels: [InformationFactor::new(); LEVELS], counts: [0; LEVELS] }
+    pub const fn new() -> Self {
+        Self { absorbing: InformationFactor::EMPTY, blocks: 0, upper: Levels::new() }
+    }
+
+    /// Absorbs twelve whitened rows; see [`InformationFactor::absorb_block`].
+    #[inline]
+    pub fn absorb_block(&mut self, block: &mut Block<T, N>) {
+        self.absorbing.absorb_block(block);
+        self.carry();
     }
 
     /// Absorbs M whitened rows; see [`InformationFactor::absorb`].
-    #[inline]
-    pub fn absorb<const M: usize>(&mut self, columns: &mut [[T; M]; N], rhs: &mut [T; M]) {
-        let mut levels = self.levels.iter_mut().zip(&mut self.counts);
-        let Some((mut level, mut count)) = levels.next() else { return };
-        level.absorb(columns, rhs);
-        for (next, next_count) in levels {
-            *count += 1;
-            if *count < FAN_IN {
-                return;
-            }
-            *count = 0;
-            next.merge(level);
-            *level = InformationFactor::new();
-            (level, count) = (next, next_count);
-        }
+    pub fn absorb<const M: usize>(&mut self, columns: &[[T; M]; N], rhs: &[T; M]) {
+        self.absorbing.absorb(columns, rhs);
+        self.carry();
     }
 
-    /// One factor of everything absorbed: the levels merged, oldest (largest) first.
+    #[inline]
+    fn carry(&mut self) {
+        self.blocks += 1;
+        if self.blocks < FAN_IN {
+            return self.upper.carry();
+        }
+        if let Some(next) = self.upper.next() {
+            next.merge(&self.absorbing);
+            self.absorbing = InformationFactor::EMPTY;
+        }
+        self.blocks = 0;
+    }
+
+    /// One factor of everything absorbed.
     #[must_use]
     pub fn factor(&self) -> InformationFactor<T, N> {
-        let mut whole = InformationFactor::new();
-        for level in self.levels.iter().rev() {
-            whole.merge(level);
-        }
+        let mut whole = self.upper.factor();
+        whole.merge(&self.absorbing);
         whole
     }
 }

@@ -1,4 +1,4 @@
-use super::InformationFactor;
+use super::{InformationFactor, Triangle};
 use crate::Scalar;
 
 impl<T: Scalar, const N: usize> InformationFactor<T, N> {
@@ -9,9 +9,12 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
     pub fn trailing<const K: usize>(&self) -> InformationFactor<T, K> {
         const { assert!(K <= N, "no more parameters than there are") }
         let first = N - K;
+        let Triangle { r, z } = &self.triangle;
         InformationFactor {
-            r: core::array::from_fn(|i| core::array::from_fn(|j| self.r[first + i][first + j])),
-            z: core::array::from_fn(|i| self.z[first + i]),
+            triangle: Triangle {
+                r: core::array::from_fn(|j| core::array::from_fn(|i| r[first + j][first + i])),
+                z: core::array::from_fn(|i| z[first + i]),
+            },
             residual_sum_of_squares: self.residual_sum_of_squares,
             rows: self.rows,
         }
@@ -22,14 +25,14 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
     /// Serves a change of order, a tie between parameters, and a body that is the sum of two.
     pub fn substitute<const M: usize>(&self, map: &[[T; M]; N]) -> InformationFactor<T, M> {
         let mut factor = InformationFactor::new();
-        for (row, z) in self.r.iter().zip(self.z) {
-            let mut columns: [[T; 1]; M] = [[T::ZERO]; M];
+        for i in 0..N {
+            let mut columns = [[T::ZERO; 1]; M];
             for (j, [entry]) in columns.iter_mut().enumerate() {
-                for (r, b) in row.iter().zip(map) {
-                    *entry += *r * b[j];
+                for (column, b) in self.triangle.r.iter().zip(map).skip(i) {
+                    *entry += column[i] * b[j];
                 }
             }
-            factor.absorb::<1>(&mut columns, &mut [z]);
+            factor.absorb(&columns, &[self.triangle.z[i]]);
         }
         factor.residual_sum_of_squares += self.residual_sum_of_squares;
         factor.rows = self.rows;

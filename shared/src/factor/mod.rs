@@ -8,12 +8,20 @@
 //! squares in its square-root information form. It needs no prior, survives rank deficiency, loses digits
 //! with cond(A) and not with its square, and two factors merge by stacking them and reducing again.
 
+mod body;
 mod cascade;
 mod marginal;
+mod reflection;
 mod solution;
 
+pub use body::BodyCascade;
 pub use cascade::Cascade;
+pub use reflection::{BLOCK_ROWS, Column};
 pub use solution::{Solution, condition_number};
+
+pub(crate) use reflection::reduce;
+#[cfg(all(target_arch = "arm", target_os = "none"))]
+pub(crate) use reflection::reduce_on_core;
 
 use crate::Scalar;
 
@@ -23,11 +31,40 @@ use crate::Scalar;
 /// never negative. Columns are stored in the order of the parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InformationFactor<T: Scalar, const N: usize> {
-    /// Upper triangle, row-major; entries below the diagonal are zero.
-    r: [[T; N]; N],
-    z: [T; N],
+    triangle: Triangle<T, N>,
     residual_sum_of_squares: T,
     rows: u32,
+}
+
+/// `[R z]` by columns: `r[j][i]` is R_ij, zero for i > j.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Triangle<T: Scalar, const N: usize> {
+    r: [[T; N]; N],
+    z: [T; N],
+}
+
+/// Rows `A φ = y`, by columns, y being the last.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Block<T: Scalar, const N: usize> {
+    /// `columns[j].rows[i]` is row i's coefficient of parameter j.
+    pub columns: [Column<T>; N],
+    /// `rhs.rows[i]` is row i's right-hand side.
+    pub rhs: Column<T>,
+}
+
+impl<T: Scalar, const N: usize> Block<T, N> {
+    /// Rows of zeros, which say nothing.
+    pub const ZERO: Self = Self { columns: [Column::ZERO; N], rhs: Column::ZERO };
+
+    /// Columns `first..` and the right-hand side.
+    fn columns_from(&mut self, first: usize) -> &mut [Column<T>] {
+        let all: *mut Self = self;
+        // SAFETY: `repr(C)`, N columns and one more of the same type, without padding between them.
+        let all = unsafe { core::slice::from_raw_parts_mut(all.cast::<Column<T>>(), N + 1) };
+        all.get_mut(first..).unwrap_or_default()
+    }
 }
 
 impl<T: Scalar, const N: usize> Default for InformationFactor<T, N> {
@@ -41,19 +78,26 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
     pub const ENTRIES: usize = N * (N + 3) / 2 + 1;
 
     /// The factor of no rows.
+    pub const EMPTY: Self = Self {
+        triangle: Triangle { r: [[T::ZERO; N]; N], z: [T::ZERO; N] },
+        residual_sum_of_squares: T::ZERO,
+        rows: 0,
+    };
+
+    /// The factor of no rows.
     #[must_use]
-    pub fn new() -> Self {
-        Self { r: [[T::ZERO; N]; N], z: [T::ZERO; N], residual_sum_of_squares: T::ZERO, rows: 0 }
+    pub const fn new() -> Self {
+        Self::EMPTY
     }
 
-    /// The triangle R, row-major, zero below the diagonal.
-    pub fn r(&self) -> &[[T; N]; N] {
-        &self.r
+    /// The triangle R, by rows, zero below the diagonal.
+    pub fn r(&self) -> [[T; N]; N] {
+        core::array::from_fn(|i| core::array::from_fn(|j| self.triangle.r[j][i]))
     }
 
     /// The projected right-hand side.
     pub fn z(&self) -> &[T; N] {
-        &self.z
+        &self.triangle.z
     }
 
     /// Sum of squares that no φ can explain.
@@ -66,54 +110,47 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
         self.rows
     }
 
-    /// Absorbs M rows, given by columns: `columns[j][i]` is row i's coefficient of parameter j.
+    /// Absorbs twelve rows. The block is used up.
     ///
-    /// Householder reflections, one per column, `R_jj ← +√(R_jj² + |x|²)`. The reflection that keeps the
-    /// diagonal positive takes a difference for its first component, here as `−|x|²/(r + r′)`, which loses no
-    /// digits; with the textbook sign each absorption would flip R and round every entry anew.
     /// Not-finite rows must be kept out by the caller ([`crate::screening`]).
     #[inline]
-    pub fn absorb<const M: usize>(&mut self, columns: &mut [[T; M]; N], rhs: &mut [T; M]) {
-        self.reduce::<M>(0, columns, rhs);
+    pub fn absorb_block(&mut self, block: &mut Block<T, N>) {
+        self.reduce(0, block);
+        self.rows = self.rows.saturating_add(BLOCK_ROWS as u32);
+    }
+
+    /// Absorbs M rows: `columns[j][i]` is row i's coefficient of parameter j.
+    pub fn absorb<const M: usize>(&mut self, columns: &[[T; M]; N], rhs: &[T; M]) {
+        for first in (0..M).step_by(BLOCK_ROWS) {
+            let part = |rows: &[T; M]| {
+                Column::from(core::array::from_fn(|i| rows.get(first + i).copied().unwrap_or(T::ZERO)))
+            };
+            let mut block = Block { columns: core::array::from_fn(|j| part(&columns[j])), rhs: part(rhs) };
+            self.reduce(0, &mut block);
+        }
         self.rows = self.rows.saturating_add(M as u32);
     }
 
+    /// Reduces rows whose columns before `first` are zero.
     #[inline]
-    fn reduce<const M: usize>(&mut self, first: usize, columns: &mut [[T; M]; N], rhs: &mut [T; M]) {
-        for j in first..N {
-            let (done, rest) = columns.split_at_mut(j + 1);
-            let Some(x) = done.last() else { return };
-            let x = *x;
-            let mut xx = T::ZERO;
-            for v in x {
-                xx += v * v;
-            }
-            // Also keeps a squared underflow from becoming 0/0.
-            if xx <= T::TINY_SQUARE {
-                continue;
-            }
-            let row = &mut self.r[j];
-            let r = row[j];
-            let norm = (r * r + xx).sqrt();
-            let first_component = -(xx / (r + norm));
-            // H = 1 − τ v vᵀ, v = [first_component; x], τ = (r + r′) / (r′ |x|²)
-            let tau = (r + norm) / (norm * xx);
-            row[j] = norm;
-            for (entry, column) in row[j + 1..].iter_mut().zip(rest) {
-                reflect(entry, column, first_component, tau, &x);
-            }
-            reflect(&mut self.z[j], rhs, first_component, tau, &x);
-        }
-        for y in rhs {
-            self.residual_sum_of_squares += *y * *y;
-        }
+    fn reduce(&mut self, first: usize, block: &mut Block<T, N>) {
+        let triangle: *mut Triangle<T, N> = &mut self.triangle;
+        // SAFETY: `repr(C)`, N + 1 arrays of N numbers, without padding between them.
+        let triangle = unsafe { core::slice::from_raw_parts_mut(triangle.cast::<T>(), N * (N + 1)) };
+        let triangle = triangle.get_mut(first * (N + 1)..).unwrap_or_default();
+        self.residual_sum_of_squares += T::reduce(triangle, N, block.columns_from(first));
     }
 
     /// Merges another factor of the same parameters: the factor of both sets of rows.
     pub fn merge(&mut self, other: &Self) {
-        for j in 0..N {
-            let mut columns = other.r[j].map(|v| [v]);
-            self.reduce::<1>(j, &mut columns, &mut [other.z[j]]);
+        for first in (0..N).step_by(BLOCK_ROWS) {
+            let part = |column: &[T; N]| {
+                let rows = column.get(first..).unwrap_or_default();
+                Column::from(core::array::from_fn(|i| rows.get(i).copied().unwrap_or(T::ZERO)))
+            };
+            let Triangle { r, z } = &other.triangle;
+            let mut block = Block { columns: core::array::from_fn(|j| part(&r[j])), rhs: part(z) };
+            self.reduce(first, &mut block);
         }
         self.residual_sum_of_squares += other.residual_sum_of_squares;
         self.rows = self.rows.saturating_add(other.rows);
@@ -121,13 +158,11 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
 
     /// Rows of the upper triangle one after the other, then z, then the residual sum of squares.
     pub fn entries(&self) -> impl Iterator<Item = T> + '_ {
-        self.r
-            .iter()
-            .enumerate()
-            .flat_map(|(j, row)| row.iter().skip(j))
-            .chain(&self.z)
-            .chain(core::iter::once(&self.residual_sum_of_squares))
-            .copied()
+        let Triangle { r, z } = &self.triangle;
+        (0..N)
+            .flat_map(move |i| r.iter().skip(i).map(move |column| column[i]))
+            .chain(z.iter().copied())
+            .chain(core::iter::once(self.residual_sum_of_squares))
     }
 
     /// The inverse of [`Self::entries`]. `None` if there are not [`Self::ENTRIES`] finite numbers, a diagonal
@@ -135,15 +170,12 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
     pub fn from_entries(entries: impl IntoIterator<Item = T>, rows: u32) -> Option<Self> {
         let mut factor = Self::new();
         let mut entries = entries.into_iter();
-        for (j, row) in factor.r.iter_mut().enumerate() {
-            for (k, v) in row.iter_mut().enumerate().skip(j) {
-                *v = entries.next()?;
-                if !v.is_finite() || (k == j && *v < T::ZERO) {
-                    return None;
-                }
+        for i in 0..N {
+            for (j, column) in factor.triangle.r.iter_mut().enumerate().skip(i) {
+                column[i] = entries.next().filter(|v| v.is_finite() && (i != j || *v >= T::ZERO))?;
             }
         }
-        for v in &mut factor.z {
+        for v in &mut factor.triangle.z {
             *v = entries.next().filter(|v| v.is_finite())?;
         }
         factor.residual_sum_of_squares = entries.next().filter(|v| v.is_finite() && *v >= T::ZERO)?;
@@ -154,8 +186,10 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
     /// The same factor in another scalar.
     pub fn cast<U: Scalar>(&self, convert: impl Fn(T) -> U) -> InformationFactor<U, N> {
         InformationFactor {
-            r: self.r.map(|row| row.map(&convert)),
-            z: self.z.map(&convert),
+            triangle: Triangle {
+                r: self.triangle.r.map(|column| column.map(&convert)),
+                z: self.triangle.z.map(&convert),
+            },
             residual_sum_of_squares: convert(self.residual_sum_of_squares),
             rows: self.rows,
         }
@@ -174,20 +208,6 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
     /// Estimate, standard deviations, what is determined, and the condition number.
     pub fn solve(&self) -> Solution<T, N> {
         Solution::of(self)
-    }
-}
-
-/// Applies the reflection `1 − τ v vᵀ`, `v = [v0; x]`, to the stacked `[entry; column]`.
-#[inline(always)]
-fn reflect<T: Scalar, const M: usize>(entry: &mut T, column: &mut [T; M], v0: T, tau: T, x: &[T; M]) {
-    let mut dot = v0 * *entry;
-    for (a, b) in x.iter().zip(column.iter()) {
-        dot += *a * *b;
-    }
-    let scaled = tau * dot;
-    *entry -= scaled * v0;
-    for (a, b) in x.iter().zip(column) {
-        *b -= scaled * *a;
     }
 }
 

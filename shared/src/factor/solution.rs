@@ -81,7 +81,7 @@ impl<T: Scalar, const N: usize> Solution<T, N> {
             }
             least = Some(least.map_or(s2, |l| if s2 < l { s2 } else { l }));
             let mut projection = T::ZERO;
-            for (a, b) in jacobi.w[k].iter().zip(&factor.z) {
+            for (a, b) in jacobi.w[k].iter().zip(factor.z()) {
                 projection += *a * *b;
             }
             projection /= s2;
@@ -160,7 +160,7 @@ impl<T: Scalar, const N: usize> Jacobi<T, N> {
             if !columns[j] {
                 continue;
             }
-            let column: [T; N] = core::array::from_fn(|i| factor.r[i][j]);
+            let column = factor.triangle.r[j];
             let norm2 = dot(&column, &column);
             if norm2 > T::TINY_SQUARE {
                 jacobi.scale[j] = norm2.sqrt();
