@@ -100,7 +100,7 @@ pub fn is_consistent_with_margin<T: Scalar>(phi: &[T; 10]) -> bool {
 /// The free answer `R⁻¹ z` by back-substitution, far cheaper than [`InformationFactor::solve`]. `None` if a
 /// diagonal entry is at the rounding level of its column: the rows do not determine every parameter.
 pub fn free_answer<T: Scalar, const N: usize>(factor: &InformationFactor<T, N>) -> Option<[T; N]> {
-    determined(factor).then(|| back_substitute(factor.r(), factor.z()))?
+    determined(factor).then(|| back_substitute(&factor.r(), factor.z()))?
 }
 
 /// The physically consistent parameters nearest to the free answer `free` in the metric of the factor.
@@ -132,7 +132,7 @@ pub fn nearest<T: Scalar, const N: usize>(
     let mut parameters = *free;
     parameters[..10].copy_from_slice(&found);
     follow(&turned, &change, &mut parameters);
-    let result = Consistent { parameters, distance_sd: norm(&times(body.r(), &change)), iterations };
+    let result = Consistent { parameters, distance_sd: norm(&times(&body.r(), &change)), iterations };
     if !parameters.iter().all(|v| v.is_finite()) || cholesky(&cone(&found, half())).is_none() {
         return Nearest::NotDetermined;
     }
@@ -198,8 +198,8 @@ fn offsets_first<T: Scalar, const N: usize>(factor: &InformationFactor<T, N>) ->
     }
     let mut turned = InformationFactor::new();
     for (row, z) in factor.r().iter().zip(factor.z()) {
-        let mut columns = core::array::from_fn(|j| [row[(j + 10) % N]]);
-        turned.absorb::<1>(&mut columns, &mut [*z]);
+        let columns = core::array::from_fn(|j| [row[(j + 10) % N]]);
+        turned.absorb::<1>(&columns, &[*z]);
     }
     turned
 }

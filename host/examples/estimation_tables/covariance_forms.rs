@@ -126,7 +126,7 @@ fn information_sum<const N: usize>(blocks: &[Block<N>]) -> Option<Vec<f64>> {
 fn square_root_information<const N: usize>(blocks: &[Block<N>]) -> Vec<f64> {
     let mut cascade = Box::new(Cascade::<f32, N, 4>::new());
     for (columns, rhs) in blocks {
-        cascade.absorb(&mut columns.clone(), &mut rhs.clone());
+        cascade.absorb(columns, rhs);
     }
     cascade.factor().solve().estimate.iter().map(|v| f64::from(*v)).collect()
 }

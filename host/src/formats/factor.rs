@@ -237,8 +237,8 @@ mod tests {
     fn file() -> FactorFile {
         let mut factor = InformationFactor::<f64, 16>::new();
         for k in 0..20 {
-            let mut columns = std::array::from_fn(|j| [((k * 16 + j) % 7) as f64 - 3.1]);
-            factor.absorb(&mut columns, &mut [f64::from(k as u8)]);
+            let columns = std::array::from_fn(|j| [((k * 16 + j) % 7) as f64 - 3.1]);
+            factor.absorb(&columns, &[f64::from(k as u8)]);
         }
         let source = FactorSource {
             recording: "bracket 17".into(),

@@ -134,7 +134,7 @@ pub(super) fn interior_point<T: Scalar>(
     max_iterations: u8,
 ) -> ([T; 10], u8, bool) {
     let mut phi = *start;
-    let mut misfit = times(body.r(), &core::array::from_fn(|j| free[j] - phi[j]));
+    let mut misfit = times(&body.r(), &core::array::from_fn(|j| free[j] - phi[j]));
     // Λ = μ K⁻¹ with μ of the size of the squared misfit: in coordinates V = L⁻¹ the pair is (1, μ 1).
     let mu = misfit.iter().map(|v| *v * *v).sum::<T>().max(T::EPSILON) / T::from_u32(4);
     let identity = diagonal(&[T::ONE; 4]);
@@ -153,7 +153,7 @@ pub(super) fn interior_point<T: Scalar>(
             return (phi, iteration, true);
         }
         let columns = scaling.columns();
-        let newton = Newton::of(body.r(), &columns);
+        let newton = Newton::of(&body.r(), &columns);
         // Predictor: straight at the boundary, μ = 0.
         let Some(dx) = newton.step(&columns, &misfit, &[T::ZERO; 10]) else { break };
         let s = diagonal(&scaling.s);
@@ -186,7 +186,7 @@ pub(super) fn interior_point<T: Scalar>(
         scaling = next;
         dual_residual *= T::ONE - alpha;
         phi = scaling.parameters();
-        misfit = times(body.r(), &core::array::from_fn(|j| free[j] - phi[j]));
+        misfit = times(&body.r(), &core::array::from_fn(|j| free[j] - phi[j]));
     }
     (phi, max_iterations, false)
 }

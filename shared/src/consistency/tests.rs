@@ -56,7 +56,7 @@ fn factor<const N: usize>(
             weights[j] * random.normal() / unit[j] / noise / (N as f64 + 20.0).sqrt()
         });
         let y = row.iter().zip(phi).map(|(a, p)| a * p).sum::<f64>() + random.normal();
-        factor.absorb::<1>(&mut row.map(|a| [a]), &mut [y]);
+        factor.absorb::<1>(&row.map(|a| [a]), &[y]);
     }
     factor
 }
@@ -179,7 +179,7 @@ fn the_answer_satisfies_the_conditions_of_optimality() {
             // The promise of the tolerance: ‖R(φ − φ*)‖² ≤ 2 tr(KΛ), with what may be left of the gradient, at
             // most the tolerance, times the body's size in standard deviations.
             let tolerance = f64::EPSILON.sqrt() * 32.0_f64.max(4.0 * found.distance_sd);
-            let left = tolerance * norm(&times(factor.r(), &found.parameters));
+            let left = tolerance * norm(&times(&factor.r(), &found.parameters));
             let gap = (k * multiplier).trace();
             assert!(2.0 * gap.abs() <= tolerance * tolerance + left, "{gap} {left}");
             // Λ ⪰ 0 up to the same, in the units of the body.
@@ -285,7 +285,7 @@ fn another_frame_gives_the_same_body() {
                 let stiffest = moved.r().map(|row| row[4..7].iter().map(|v| v.abs()).fold(0.0, f64::max));
                 1e-6 * here.distance_sd.max(1.0) + 10.0 * edge * norm(&stiffest)
             };
-            let apart = norm(&times(moved.r(), &apart));
+            let apart = norm(&times(&moved.r(), &apart));
             assert!(apart < allowed, "{apart} {allowed} {origin:?}");
             assert!((found.distance_sd - here.distance_sd).abs() < allowed);
         }
@@ -310,9 +310,9 @@ fn single_precision_agrees_within_its_tolerance() {
             };
             most = most.max(found.iterations);
             let phi: [f64; 16] = found.parameters.map(f64::from);
-            let apart = norm(&times(factor.r(), &core::array::from_fn(|j| phi[j] - exact.parameters[j])));
+            let apart = norm(&times(&factor.r(), &core::array::from_fn(|j| phi[j] - exact.parameters[j])));
             // The promised tolerance, √ε·max(32, 4·distance), and what rounding φ and R to f32 is worth: ε ‖R‖ ‖φ‖.
-            let size = norm(&times(factor.r(), &free));
+            let size = norm(&times(&factor.r(), &free));
             let allowed = f64::from(f32::EPSILON).sqrt() * 32.0_f64.max(4.0 * exact.distance_sd)
                 + 20.0 * f64::from(f32::EPSILON) * size;
             assert!(apart < allowed, "{apart} {allowed} noise {noise}");

@@ -52,8 +52,12 @@ fn one<const N: usize, const BLOCKS: usize>(bench: &Bench, householder: Househol
         bench.case("C Householder", N, (BLOCKS - first) as u32, 0, absorb);
     });
     kernels::with_rows::<N, BLOCKS>(|factor, rows| {
-        for rows in rows {
-            kernels::absorb(factor, rows);
+        let (pairs, rest) = rows.as_chunks::<2>();
+        for pair in pairs {
+            factor.absorb_block(&mut kernels::block_of(pair));
+        }
+        for Rows { columns, rhs } in rest {
+            factor.absorb(columns, rhs);
         }
         if !equal_to_rounding(triangle, factor, BLOCKS) {
             give_up("the C Householder and the factor differ by more than rounding");

@@ -2,67 +2,68 @@
 
 use core::hint::black_box;
 
-use rigident_shared::calibration::{ImuMounting, Reading};
-use rigident_shared::estimator::{Estimator, EstimatorConfig};
-use rigident_shared::factor::InformationFactor;
-use rigident_shared::screening::Limits;
-use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
+use rigident_shared::factor::{Block, BodyCascade, InformationFactor};
+use rigident_shared::regressor::{self, SIGNALS};
+use rigident_shared::spatial::Position;
 
 use crate::measure::Bench;
 
 /// Noise of the platform thesis' load cell, N and N m.
 pub const CHANNEL_SIGMA: [f32; 6] = [5.05, 5.05, 10.1, 0.383, 0.459, 0.459];
-/// Different readings, gone through again and again.
-const READINGS: usize = 64;
+/// Different samples, gone through again and again.
+const SAMPLES: usize = 64;
 /// RAM of the board outside of what the firmware is allowed: N = 128 takes 64 KiB for R alone.
 const PSRAM: usize = 0x2100_0000;
+/// Where the blocks stand in it.
+const BLOCKS_AT: usize = 0x2140_0000;
 
-/// One aligned reading at full weight, without filter, into the cascade.
+/// One sample at full weight into the cascade: lever arm, regressor, whitening, reduction, merges of full levels.
 #[inline(never)]
 pub fn body<const N: usize>(bench: &Bench) {
-    let readings = readings();
-    let config = EstimatorConfig {
-        rate_hz: 1000.0,
-        filter_width_s: 0.0,
-        row_every: 1,
-        channel_sigma: CHANNEL_SIGMA,
-        known_offset: [0.0; 6],
-        mounting: ImuMounting::default(),
-        limits: Limits::none(),
-    };
-    let mut estimator = Estimator::<f32, N, 1>::new(&config).expect("a possible configuration");
-    for reading in &readings {
-        estimator.absorb(black_box(reading));
+    let samples = samples();
+    let weights = CHANNEL_SIGMA.map(|sigma| 1.0 / sigma);
+    let lever_arm = Position::new(0.06, -0.04, 0.02);
+    let mut cascade = BodyCascade::<f32, N>::new();
+    for sample in &samples {
+        cascade.absorb(&regressor::block(sample, &lever_arm), &weights);
     }
-    let mut next = readings.iter().cycle();
+    let mut next = samples.iter().cycle();
     bench.case("kernel", N, 1000, 20_000, || {
-        if let Some(reading) = next.next() {
-            estimator.absorb(black_box(reading));
+        if let Some(sample) = next.next() {
+            cascade.absorb(&regressor::block(sample, &lever_arm), &weights);
         }
     });
-    black_box(&estimator);
+    black_box(&cascade);
 }
 
-/// A motion without zeros: each channel a different triangle wave.
-fn readings() -> [Reading<f32>; READINGS] {
+/// Signals of a motion without zeros: each a different triangle wave.
+fn samples() -> [[f32; SIGNALS]; SAMPLES] {
     core::array::from_fn(|k| {
         let wave = |period: usize, amplitude: f32| {
             let phase = (k * 7 + period) % period;
             amplitude * (phase as f32 * 2.0 / period as f32 - 0.97)
         };
-        Reading {
-            time_ns: 1_000_000 * k as u64,
-            wrench: Wrench::from_array([
-                wave(11, 80.0),
-                wave(13, 70.0),
-                wave(17, 60.0) + 196.0,
-                wave(19, 6.0),
-                wave(23, 5.0),
-                wave(29, 4.0),
-            ]),
-            specific_force: SpecificForce::new(wave(31, 3.0), wave(37, 3.0), wave(41, 3.0) + 9.8),
-            angular_rate: AngularRate::new(wave(43, 1.0), wave(47, 1.1), wave(53, 1.2)),
-        }
+        let [x, y, z] = [wave(43, 1.0), wave(47, 1.1), wave(53, 1.2)];
+        [
+            wave(31, 3.0),
+            wave(37, 3.0),
+            wave(41, 3.0) + 9.8,
+            x * x,
+            y * y,
+            z * z,
+            y * z,
+            z * x,
+            x * y,
+            wave(11, 80.0),
+            wave(13, 70.0),
+            wave(17, 60.0) + 196.0,
+            wave(19, 6.0),
+            wave(23, 5.0),
+            wave(29, 4.0),
+            wave(59, 4.0),
+            wave(61, 5.0),
+            wave(67, 3.0),
+        ]
     })
 }
 
@@ -104,36 +105,46 @@ pub fn until_full_rank(n: usize) -> usize {
     n / 6 + 2
 }
 
-/// Six rows into a factor.
-#[inline(always)]
-pub fn absorb<const N: usize>(factor: &mut InformationFactor<f32, N>, rows: &mut Rows<N>) {
-    let Rows { columns, rhs } = black_box(rows);
-    factor.absorb::<6>(columns, rhs);
+/// The same rows, two samples one below the other, as the factor absorbs them.
+pub fn block_of<const N: usize>([first, second]: &[Rows<N>; 2]) -> Block<f32, N> {
+    let stacked =
+        |a: &[f32; 6], b: &[f32; 6]| core::array::from_fn(|i| if i < 6 { a[i] } else { b[i - 6] }).into();
+    Block {
+        columns: core::array::from_fn(|j| stacked(&first.columns[j], &second.columns[j])),
+        rhs: stacked(&first.rhs, &second.rhs),
+    }
 }
 
-/// Six dense rows into one factor, `BLOCKS` times; counted from where the factor has its full rank, since columns
-/// that find no row left cost nothing. The rows stand where they are absorbed from: nothing is copied within the count.
+/// Six dense rows into one factor, `BLOCKS` times, every second time with the six before; counted from where the factor
+/// has its full rank, since columns that find no row left cost nothing. The rows stand where they are absorbed from:
+/// nothing is copied within the count.
 #[inline(never)]
 pub fn dense<const N: usize, const BLOCKS: usize>(bench: &Bench) {
     with_rows::<N, BLOCKS>(|factor, rows| {
-        let mut blocks = rows.iter_mut();
-        let mut absorb = || {
-            if let Some(rows) = blocks.next() {
-                absorb(factor, rows);
+        // SAFETY: RAM behind what `with_rows` uses, for no more blocks than there are rows for; each is written before
+        // it is referred to.
+        let blocks = unsafe {
+            let place = BLOCKS_AT as *mut Block<f32, N>;
+            let (pairs, _) = rows.as_chunks::<2>();
+            for (k, pair) in pairs.iter().enumerate() {
+                place.add(k).write(block_of(pair));
             }
+            core::slice::from_raw_parts_mut(place, pairs.len())
         };
-        let first = until_full_rank(N);
-        (0..first).for_each(|_| absorb());
-        bench.case("dense", N, (BLOCKS - first) as u32, 0, absorb);
+        let first = until_full_rank(N).div_ceil(2);
+        let (before, counted) = blocks.split_at_mut(first);
+        for block in before {
+            factor.absorb_block(block);
+        }
+        let samples = 2 * counted.len() as u32;
+        let mut blocks = counted.iter_mut();
+        let mut waiting = false;
+        bench.case("dense", N, samples, 0, || {
+            if waiting && let Some(block) = blocks.next() {
+                factor.absorb_block(black_box(block));
+            }
+            waiting = !waiting;
+        });
         black_box(factor);
     });
-}
-
-/// Numbers in [−1, 1), the same in every run.
-fn random() -> impl FnMut() -> f32 {
-    let mut state = 7_u32;
-    move || {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (state >> 9) as f32 / 4_194_304.0 - 1.0
-    }
 }
