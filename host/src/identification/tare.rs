@@ -35,7 +35,7 @@ fn subtract<const N: usize, const M: usize>(
     let body = joint.trailing::<N>();
     let norm = |r: &[[f64; N]; N], j: usize| r.iter().map(|row| row[j] * row[j]).sum::<f64>().sqrt();
     let rounding = 4.0 * M as f64 * f64::EPSILON;
-    let lost: [bool; N] = std::array::from_fn(|j| norm(body.r(), j) <= rounding * norm(total.r(), j));
+    let lost: [bool; N] = std::array::from_fn(|j| norm(&body.r(), j) <= rounding * norm(&total.r(), j));
     if !lost.contains(&true) {
         return body;
     }

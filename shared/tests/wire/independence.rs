@@ -9,6 +9,7 @@ const MATHEMATICS: [&str; 9] = [
     "conditioning",
     "estimator",
     "factor",
+    "consistency",
     "inertia",
     "regressor",
     "screening",

@@ -148,3 +148,12 @@ pub fn dense<const N: usize, const BLOCKS: usize>(bench: &Bench) {
         black_box(factor);
     });
 }
+
+/// Numbers in [−1, 1), the same in every run.
+fn random() -> impl FnMut() -> f32 {
+    let mut state = 7_u32;
+    move || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 9) as f32 / 4_194_304.0 - 1.0
+    }
+}
