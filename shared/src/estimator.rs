@@ -8,7 +8,7 @@ use crate::Scalar;
 use crate::calibration::{ImuMounting, Reading};
 use crate::conditioning::{Conditioner, Kernel, KernelError};
 use crate::factor::{BodyCascade, InformationFactor};
-use crate::regressor::{self, RegressorBlock};
+use crate::regressor::{self, RegressorBlock, SIGNALS};
 use crate::screening::{Limits, Rejection, Screen};
 use crate::spatial::Wrench;
 
@@ -116,7 +116,7 @@ pub struct Estimator<T: Scalar, const N: usize, const TAPS: usize> {
     counters: Counters,
     reference: Option<[T; N]>,
     statistics: ChannelStatistics<T>,
-    last_block: Option<RegressorBlock<T>>,
+    last_signals: Option<[T; SIGNALS]>,
 }
 
 impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
@@ -144,7 +144,7 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
             counters: Counters::default(),
             reference: None,
             statistics: ChannelStatistics::default(),
-            last_block: None,
+            last_signals: None,
         })
     }
 
@@ -163,9 +163,8 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
         }
         self.look_for_gap(reading.time_ns);
         match self.condition(reading) {
-            Some(block) => {
-                self.absorb_block(&block);
-                self.last_block = Some(block);
+            Some(signals) => {
+                self.absorb_signals(&signals);
                 Outcome::Absorbed
             }
             None => Outcome::Pending,
@@ -201,22 +200,23 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
 
     /// Filters a reading; the regressor block, not whitened, whenever one is complete.
     #[inline]
-    fn condition(&mut self, reading: &Reading<T>) -> Option<RegressorBlock<T>> {
+    fn condition(&mut self, reading: &Reading<T>) -> Option<[T; SIGNALS]> {
         let mut sample = self.config.mounting.sample(reading);
         let mut wrench = sample.wrench.array();
         for (w, offset) in wrench.iter_mut().zip(self.config.known_offset) {
             *w -= offset;
         }
         sample.wrench = Wrench::from_array(wrench);
-        let filtered = self.conditioner.push(&regressor::signals(&sample))?;
-        Some(regressor::block(&filtered, &self.config.mounting.position))
+        self.conditioner.push(&regressor::signals(&sample))
     }
 
-    fn absorb_block(&mut self, block: &RegressorBlock<T>) {
+    fn absorb_signals(&mut self, signals: &[T; SIGNALS]) {
+        let lever_arm = &self.config.mounting.position;
         if let Some(reference) = &self.reference {
-            self.statistics.add(residual(block, reference));
+            self.statistics.add(residual(&regressor::block(signals, lever_arm), reference));
         }
-        self.cascade.absorb(block, &self.weights);
+        self.cascade.absorb(signals, lever_arm, &self.weights);
+        self.last_signals = Some(*signals);
         self.counters.blocks = self.counters.blocks.saturating_add(1);
     }
 
@@ -247,8 +247,8 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
     }
 
     /// The row block absorbed last, not whitened.
-    pub fn last_block(&self) -> Option<&RegressorBlock<T>> {
-        self.last_block.as_ref()
+    pub fn last_block(&self) -> Option<RegressorBlock<T>> {
+        self.last_signals.map(|signals| regressor::block(&signals, &self.config.mounting.position))
     }
 
     /// The filter's kernel.
@@ -265,7 +265,7 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
         self.counters = Counters::default();
         self.reference = None;
         self.statistics = ChannelStatistics::default();
-        self.last_block = None;
+        self.last_signals = None;
     }
 }
 

@@ -113,7 +113,7 @@ impl<T: Scalar, const N: usize> Forgetting<T, N> {
             let noise = (self.noise[j] * count.sqrt()).max(T::EPSILON * column2.sqrt());
             if noise > T::ZERO { noise } else { T::ONE }
         });
-        let singular = Singular::of(segment.r(), &scale);
+        let singular = Singular::of(&segment.r(), &scale);
         let excited = core::array::from_fn(|k| singular.squares[k] > least);
         let number = excited.iter().filter(|e| **e).count();
         if number == 0 {
@@ -165,7 +165,7 @@ impl<T: Scalar, const N: usize> Forgetting<T, N> {
                 basis[k] = column.map(|c| c / length);
             }
         }
-        let (mut r, mut z) = (*r, *self.memory.z());
+        let (mut r, mut z) = (r, *self.memory.z());
         for q in &basis {
             for j in 0..N {
                 let mut share = T::ZERO;
@@ -213,7 +213,7 @@ fn dot<T: Scalar, const N: usize>(a: &[T; N], b: &[T; N]) -> T {
 
 fn absorb_all<T: Scalar, const N: usize>(factor: &mut InformationFactor<T, N>, r: &[[T; N]; N], z: &[T; N]) {
     for (row, z) in r.iter().zip(z) {
-        factor.absorb::<1>(&mut row.map(|v| [v]), &mut [*z]);
+        factor.absorb::<1>(&row.map(|v| [v]), &[*z]);
     }
 }
 

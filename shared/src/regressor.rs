@@ -37,7 +37,7 @@ pub struct RegressorBlock<T: Scalar> {
 /// The regressor block from (conditioned) signals, the last three being ω̇, and the IMU's lever arm p in S.
 ///
 /// `F = a m + ([ω̇]× + [ω]×[ω]×) mc`, `M = −[a]× mc + (L(ω̇) + [ω]× L(ω)) I`.
-#[inline]
+#[inline(always)]
 pub fn block<T: Scalar>(signals: &[T; SIGNALS], lever_arm: &Position<Sensor, T>) -> RegressorBlock<T> {
     let [ux, uy, uz, xx, yy, zz, yz, zx, xy, fx, fy, fz, mx, my, mz, ax, ay, az] = *signals;
     let [px, py, pz] = lever_arm.array();

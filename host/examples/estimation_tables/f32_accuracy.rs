@@ -59,8 +59,8 @@ pub fn random<const N: usize>(condition: f64, checkpoints: &[u64], seed: u64) ->
             let block = rows.block();
             exact.absorb(&block);
             let (columns, rhs) = block;
-            cascade.absorb(columns, rhs);
-            one_level.absorb(columns, rhs);
+            cascade.absorb(&columns, &rhs);
+            one_level.absorb(&columns, &rhs);
             samples += 1;
         }
         let reference = exact.solve();
@@ -88,7 +88,7 @@ pub fn pieces(condition: f64, count: usize, samples: u64, seed: u64) -> Line {
         for _ in 0..samples {
             let block = rows.block();
             exact.absorb(&block);
-            let (mut columns, mut rhs) = block;
+            let (columns, rhs) = block;
             cascade.absorb(&columns, &rhs);
         }
         let piece = cascade.factor().cast(f64::from);

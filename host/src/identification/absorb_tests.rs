@@ -81,7 +81,7 @@ fn serial(
     let mut blocks = Vec::new();
     for reading in readings {
         if estimator.absorb(reading) == Outcome::Absorbed {
-            blocks.push((reading.time_ns, *estimator.last_block().unwrap()));
+            blocks.push((reading.time_ns, estimator.last_block().unwrap()));
         }
     }
     (estimator.factor(), *estimator.counters(), blocks)
@@ -93,7 +93,7 @@ fn compare(readings: &[Reading<f64>], config: &EstimatorConfig<f64>, parts: usiz
     let shares = Shares::new(readings, config, Split { parts, threads: 3 }).unwrap();
     let absorbed = shares
         .absorb::<16, Vec<Block>>(config.channel_sigma, Vec::new, |list, reading, estimator| {
-            list.push((reading.time_ns, *estimator.last_block().unwrap()));
+            list.push((reading.time_ns, estimator.last_block().unwrap()));
         })
         .unwrap();
     assert_eq!(absorbed.parts.len(), parts);

@@ -51,8 +51,8 @@ impl ChannelFactors {
     /// Takes one row block, not whitened.
     pub fn absorb(&mut self, block: &RegressorBlock<f64>) {
         for (c, (channel, wrench)) in self.channels.iter_mut().zip(block.wrench).enumerate() {
-            let mut row = std::array::from_fn(|j| [block.columns.get(j).map_or(1.0, |column| column[c])]);
-            channel.absorb(&mut row, &mut [wrench]);
+            let row = std::array::from_fn(|j| [block.columns.get(j).map_or(1.0, |column| column[c])]);
+            channel.absorb(&row, &[wrench]);
         }
     }
 
@@ -112,13 +112,13 @@ impl ChannelFactors {
                 if let Some(offset) = columns.get_mut(first + 10 + c) {
                     *offset = [weight * row[10]];
                 }
-                joint.absorb(&mut columns, &mut [weight * (z + gain * predicted)]);
+                joint.absorb(&columns, &[weight * (z + gain * predicted)]);
             }
             // What no φ explains in this channel alone, and what is known of its gain beforehand.
-            joint.absorb(&mut [[0.0]; JOINT], &mut [weight * channel.residual_sum_of_squares().sqrt()]);
+            joint.absorb(&[[0.0]; JOINT], &[weight * channel.residual_sum_of_squares().sqrt()]);
             let mut prior = [[0.0]; JOINT];
             prior[c] = [if gain_sigma[c] > 0.0 { 1.0 / gain_sigma[c] } else { 1.0 }];
-            joint.absorb(&mut prior, &mut [0.0]);
+            joint.absorb(&prior, &[0.0]);
         }
         joint
     }
@@ -229,9 +229,9 @@ mod tests {
         let fit = channels(&blocks).fit::<10>(&WEIGHTS, &[0.0; 6]);
         let mut plain = InformationFactor::<f64, 10>::new();
         for block in &blocks {
-            let mut columns =
+            let columns =
                 block.columns.map(|column| std::array::from_fn::<f64, 6, _>(|c| column[c] * WEIGHTS[c]));
-            plain.absorb(&mut columns, &mut std::array::from_fn(|c| block.wrench[c] * WEIGHTS[c]));
+            plain.absorb(&columns, &std::array::from_fn(|c| block.wrench[c] * WEIGHTS[c]));
         }
         assert_eq!(fit.gains, [0.0; 6]);
         for (got, want) in fit.factor.entries().zip(plain.entries()) {

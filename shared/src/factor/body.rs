@@ -1,7 +1,8 @@
 use super::cascade::Levels;
 use super::{BLOCK_ROWS, Block, Column, InformationFactor};
 use crate::Scalar;
-use crate::regressor::RegressorBlock;
+use crate::regressor::{self, RegressorBlock, SIGNALS};
+use crate::spatial::{Position, Sensor};
 
 /// Parameters that forces see: mcx, mcy, mcz, m, and the offset.
 const FORCE: [usize; 7] = [1, 2, 3, 0, 10, 11, 12];
@@ -170,11 +171,13 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
         }
     }
 
-    /// Absorbs the six rows of a wrench, each multiplied by its weight.
-    #[inline]
-    pub fn absorb(&mut self, rows: &RegressorBlock<T>, weights: &[T; 6]) {
+    /// Absorbs the six rows of a wrench, each multiplied by its weight. `signals` and `lever_arm` as in
+    /// [`regressor::block`].
+    #[inline(always)]
+    pub fn absorb(&mut self, signals: &[T; SIGNALS], lever_arm: &Position<Sensor, T>, weights: &[T; 6]) {
         let offset = N == 16;
-        write(&mut self.columns, usize::from(self.waiting % WRENCHES), rows, weights, offset);
+        let rows = regressor::block(signals, lever_arm);
+        write(&mut self.columns, usize::from(self.waiting % WRENCHES), &rows, weights, offset);
         if self.waiting == WRENCHES - 1 {
             self.level.reduce(&mut self.columns, offset);
         }

@@ -1,4 +1,4 @@
-use super::{Block, InformationFactor};
+use super::{BLOCK_ROWS, Block, InformationFactor};
 use crate::Scalar;
 
 /// A level is merged into the next after this many blocks or merges.
@@ -69,6 +69,9 @@ impl<T: Scalar, const N: usize, const LEVELS: usize> Levels<T, N, LEVELS> {
 pub struct Cascade<T: Scalar, const N: usize, const UPPER: usize> {
     absorbing: InformationFactor<T, N>,
     blocks: u16,
+    /// Rows that wait until they are a block.
+    waiting: Block<T, N>,
+    rows_waiting: usize,
     upper: Levels<T, N, UPPER>,
 }
 
@@ -82,7 +85,13 @@ impl<T: Scalar, const N: usize, const UPPER: usize> Cascade<T, N, UPPER> {
     /// The cascade of no rows.
     #[must_use]
     pub const fn new() -> Self {
-        Self { absorbing: InformationFactor::EMPTY, blocks: 0, upper: Levels::new() }
+        Self {
+            absorbing: InformationFactor::EMPTY,
+            blocks: 0,
+            waiting: Block::ZERO,
+            rows_waiting: 0,
+            upper: Levels::new(),
+        }
     }
 
     /// Absorbs twelve whitened rows; see [`InformationFactor::absorb_block`].
@@ -92,10 +101,22 @@ impl<T: Scalar, const N: usize, const UPPER: usize> Cascade<T, N, UPPER> {
         self.carry();
     }
 
-    /// Absorbs M whitened rows; see [`InformationFactor::absorb`].
+    /// Absorbs M whitened rows, `columns[j][i]` being row i's coefficient of parameter j, twelve at a time.
     pub fn absorb<const M: usize>(&mut self, columns: &[[T; M]; N], rhs: &[T; M]) {
-        self.absorbing.absorb(columns, rhs);
-        self.carry();
+        for i in 0..M {
+            let all = self.waiting.columns.iter_mut().zip(columns);
+            for (target, source) in all.chain([(&mut self.waiting.rhs, rhs)]) {
+                if let Some(slot) = target.rows.get_mut(self.rows_waiting) {
+                    *slot = source[i];
+                }
+            }
+            self.rows_waiting += 1;
+            if self.rows_waiting == BLOCK_ROWS {
+                self.absorbing.absorb_block(&mut self.waiting);
+                (self.waiting, self.rows_waiting) = (Block::ZERO, 0);
+                self.carry();
+            }
+        }
     }
 
     #[inline]
@@ -116,6 +137,10 @@ impl<T: Scalar, const N: usize, const UPPER: usize> Cascade<T, N, UPPER> {
     pub fn factor(&self) -> InformationFactor<T, N> {
         let mut whole = self.upper.factor();
         whole.merge(&self.absorbing);
+        if self.rows_waiting > 0 {
+            whole.reduce(0, &mut self.waiting.clone());
+            whole.rows = whole.rows.saturating_add(self.rows_waiting as u32);
+        }
         whole
     }
 }

@@ -210,8 +210,9 @@ fn the_body_s_cascade_is_the_factor_of_the_full_rows() {
         let mut full = InformationFactor::<f64, N>::new();
         for _ in 0..wrenches {
             let signals = core::array::from_fn(|_| random.normal());
-            let rows = crate::regressor::block(&signals, &crate::spatial::Position::new(0.06, -0.04, 0.02));
-            body.absorb(&rows, &weights);
+            let lever_arm = crate::spatial::Position::new(0.06, -0.04, 0.02);
+            let rows = crate::regressor::block(&signals, &lever_arm);
+            body.absorb(&signals, &lever_arm, &weights);
             let columns: [[f64; 6]; N] = core::array::from_fn(|j| {
                 core::array::from_fn(|i| match rows.columns.get(j) {
                     Some(column) => column[i] * weights[i],

@@ -29,7 +29,7 @@ fn segment(random: &mut Random, truth: &[f64; 4], size: &[f64; 4]) -> Informatio
     for _ in 0..ROWS {
         let row: [f64; 4] = core::array::from_fn(|j| size[j] * random.normal());
         let y = row.iter().zip(truth).map(|(a, p)| a * p).sum::<f64>() + random.normal();
-        factor.absorb::<1>(&mut row.map(|a| [a + NOISE * random.normal()]), &mut [y]);
+        factor.absorb::<1>(&row.map(|a| [a + NOISE * random.normal()]), &[y]);
     }
     factor
 }
@@ -88,7 +88,7 @@ fn one_segment_forgets_what_the_formula_says() {
     let mut s = InformationFactor::new();
     for n in 0..ROWS {
         let row = if n % 2 == 0 { a } else { b };
-        s.absorb::<1>(&mut [[row[0]], [row[1]], [row[2]], [row[3]]], &mut [1.0]);
+        s.absorb::<1>(&[[row[0]], [row[1]], [row[2]], [row[3]]], &[1.0]);
     }
     let x = nalgebra::Matrix4x2::from_columns(&[a, b]);
     let mx = m * x;
@@ -130,7 +130,7 @@ fn a_step_is_followed_with_the_time_constant() {
         let mut s = InformationFactor::new();
         for row in &rows {
             let y = row.iter().zip(truth).map(|(a, p)| a * p).sum();
-            s.absorb::<1>(&mut row.map(|a| [a]), &mut [y]);
+            s.absorb::<1>(&row.map(|a| [a]), &[y]);
         }
         s
     };

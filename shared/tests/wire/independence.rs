@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-const MATHEMATICS: [&str; 9] = [
+const MATHEMATICS: [&str; 10] = [
     "alignment",
     "calibration",
     "conditioning",

@@ -34,17 +34,24 @@ impl Bench {
     /// Measures `samples` samples between two marks, then, sample by sample, the worst of `search` more. Prints
     /// `{"part":"kernel","n":10,"samples":1000,"instructions_per_sample":1234.5,"worst_of":20000,"worst_instructions":2560}`.
     pub fn case(&self, part: &str, n: usize, samples: u32, search: u32, mut sample: impl FnMut()) {
-        let marked = || {
-            bench_begin();
-            for _ in 0..samples {
+        self.case_of(part, n, samples, search, |count| {
+            for _ in 0..count {
                 bench_sample();
                 sample();
             }
+        });
+    }
+
+    /// The same for something that goes through many samples by itself; the trace does not tell them apart.
+    pub fn case_of(&self, part: &str, n: usize, samples: u32, search: u32, mut run: impl FnMut(u32)) {
+        let marked = || {
+            bench_begin();
+            run(samples);
             bench_end();
         };
         let tenths = 10 * u64::from(INSTRUCTIONS_PER_TICK) * u64::from(ticks(marked)) / u64::from(samples);
         let search = if self.traced { 0 } else { search };
-        let worst = (0..search).map(|_| ticks(&mut sample)).max().unwrap_or(0) * INSTRUCTIONS_PER_TICK;
+        let worst = (0..search).map(|_| ticks(|| run(1))).max().unwrap_or(0) * INSTRUCTIONS_PER_TICK;
         println!(
             "{{\"part\":\"{part}\",\"n\":{n},\"samples\":{samples},\"instructions_per_sample\":{}.{},\"worst_of\":{search},\
              \"worst_instructions\":{worst}}}",
