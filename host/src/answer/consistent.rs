@@ -95,7 +95,7 @@ mod tests {
                 wave * if (4..10).contains(&j) { 100.0 } else { 10.0 }
             });
             let y = row.iter().zip(phi).map(|(a, p)| a * p).sum();
-            factor.absorb::<1>(&mut row.map(|a| [a]), &mut [y]);
+            factor.absorb::<1>(&row.map(|a| [a]), &[y]);
         }
         Estimate::new(&factor, 1.0, Noise::Given)
     }

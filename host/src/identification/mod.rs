@@ -367,7 +367,7 @@ fn take_channels<const N: usize>(
     estimator: &Estimator<f64, N, TAPS>,
 ) {
     if let (Some(channels), Some(block)) = (channels, estimator.last_block()) {
-        channels.absorb(block);
+        channels.absorb(&block);
     }
 }
 
@@ -452,31 +452,14 @@ fn residuals<const N: usize>(
     gains: &[f64; 6],
 ) -> Vec<BlockResidual> {
     let phi: [f64; N] = std::array::from_fn(|j| estimate.values.get(j).copied().unwrap_or(0.0));
-<<<<<<< HEAD
     let take = |list: &mut Vec<BlockResidual>, reading: &Reading<f64>, pipeline: &Estimator<f64, N, TAPS>| {
         list.extend(pipeline.last_block().map(|block| BlockResidual {
             time_s: reading.time_ns as f64 * 1e-9,
-            residual: residual_with_gains(block, &phi, gains),
+            residual: residual_with_gains(&block, &phi, gains),
         }));
     };
     // The σ have been accepted before: there is no other way to fail.
     shares.absorb(sigma, Vec::new, take).map_or_else(|_| Vec::new(), |done| done.parts.concat())
-=======
-    let mut pipeline = Box::new(*like);
-    pipeline.reset();
-    let mut residuals = Vec::new();
-    for reading in &input.readings {
-        if let Outcome::Absorbed = pipeline.absorb(reading)
-            && let Some(block) = pipeline.last_block()
-        {
-            residuals.push(BlockResidual {
-                time_s: reading.time_ns as f64 * 1e-9,
-                residual: residual_with_gains(&block, &phi, gains),
-            });
-        }
-    }
-    residuals
->>>>>>> 1cedb1c (wip2)
 }
 
 fn rms(residuals: &[BlockResidual]) -> [f64; 6] {
