@@ -222,8 +222,9 @@ fn shifted<T: Scalar, const N: usize>(
     factor: &InformationFactor<T, N>,
     reference: &[T; N],
 ) -> InformationFactor<T, N> {
-    let triangle = factor.r().iter().enumerate().flat_map(|(i, row)| row.iter().skip(i)).copied();
-    let z = factor.r().iter().zip(factor.z()).map(|(row, z)| *z - dot(row, reference));
+    let r = factor.r();
+    let triangle = r.iter().enumerate().flat_map(|(i, row)| row.iter().skip(i)).copied();
+    let z = r.iter().zip(factor.z()).map(|(row, z)| *z - dot(row, reference));
     let entries = triangle.chain(z).chain(core::iter::once(factor.residual_sum_of_squares()));
     InformationFactor::from_entries(entries, factor.rows()).unwrap_or(*factor)
 }
