@@ -427,8 +427,8 @@ pub fn absorb<const N: usize>(
                         return Err(contradiction(statement, &row, found, found_sigma, deviation));
                     }
                 }
-                let mut columns = row.a.map(|a| [a / row.sigma]);
-                joint.absorb::<1>(&mut columns, &mut [row.y / row.sigma]);
+                let columns = row.a.map(|a| [a / row.sigma]);
+                joint.absorb::<1>(&columns, &[row.y / row.sigma]);
             }
         }
         at = Some(Point::of(&joint));

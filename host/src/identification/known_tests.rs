@@ -22,7 +22,7 @@ fn data(phi: &[f64; 10], sigma: f64) -> InformationFactor<f64, 10> {
     for i in 0..40_u32 {
         let a: [f64; 10] = std::array::from_fn(|j| ((1.7 * f64::from(i) + 1.0) * (j as f64 + 0.6)).sin());
         let y: f64 = a.iter().zip(phi).map(|(a, p)| a * p).sum();
-        factor.absorb::<1>(&mut a.map(|v| [v / sigma]), &mut [y / sigma]);
+        factor.absorb::<1>(&a.map(|v| [v / sigma]), &[y / sigma]);
     }
     factor
 }
@@ -135,7 +135,7 @@ fn five_sigma_of_the_joint_uncertainty_and_no_less_is_a_contradiction() {
 fn known_quantities_that_contradict_each_other_are_refused_and_nothing_is_absorbed() {
     // Data that say nothing of m, mcx.
     let mut factor = InformationFactor::<f64, 10>::new();
-    factor.absorb::<1>(&mut std::array::from_fn(|j| [f64::from(u8::from(j == 3))]), &mut [1.0]);
+    factor.absorb::<1>(&std::array::from_fn(|j| [f64::from(u8::from(j == 3))]), &[1.0]);
     let before = factor;
     let stated = ["mass_kg=20±0.01", "mcx_kgm=0.2±0.001", "com_x_m=0.02±0.0001"].map(known);
     let refused = absorb(&mut factor, &stated, Noise::Given).unwrap_err();

@@ -13,7 +13,7 @@ const UPPER: usize = 3;
 /// Wrenches in a block.
 const WRENCHES: u8 = (BLOCK_ROWS / 3) as u8;
 /// Wrenches in a full absorbing level.
-const FULL: u16 = 1000;
+const FULL: u16 = 1600;
 
 /// The cascade of a rigid body's `N` parameters, ten or sixteen, that knows which entries of its regressor are zero.
 ///

@@ -199,6 +199,27 @@ fn trailing_columns_are_the_marginal_and_a_substitution_is_a_product() {
     }
 }
 
+/// Entries that a long triangularisation leaves near zero square below the smallest number.
+#[test]
+fn a_large_dense_factor_merges_into_an_empty_one() {
+    fn check<const N: usize>() {
+        let mut random = Random(77);
+        let mut factor = std::boxed::Box::new(InformationFactor::<f64, N>::new());
+        for _ in 0..N {
+            let columns = core::array::from_fn(|_| core::array::from_fn::<_, 12, _>(|_| random.normal()));
+            factor.absorb(&columns, &core::array::from_fn(|_| random.normal()));
+        }
+        let mut merged = std::boxed::Box::new(InformationFactor::<f64, N>::new());
+        merged.merge(&factor);
+        let largest = factor.entries().fold(0.0, |m: f64, e| m.max(e.abs()));
+        for (a, b) in factor.entries().zip(merged.entries()) {
+            assert!((a - b).abs() < 1e-12 * largest, "{N}: {a} {b}");
+        }
+    }
+    check::<16>();
+    check::<128>();
+}
+
 /// The kernel that knows the body's zeros against the one that does not: other reflections, the same factor. f64, so that
 /// what is left is rounding.
 #[test]
@@ -228,7 +249,7 @@ fn the_body_s_cascade_is_the_factor_of_the_full_rows() {
         }
     }
     // Blocks that are full and not, levels that are full and not.
-    for wrenches in [1, 2, 3, 4, 7, 1000, 1001, 4003] {
+    for wrenches in [1, 2, 3, 4, 7, 1600, 1601, 6403] {
         check::<10>(wrenches);
         check::<16>(wrenches);
     }

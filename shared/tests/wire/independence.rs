@@ -3,12 +3,13 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-const MATHEMATICS: [&str; 10] = [
+const MATHEMATICS: [&str; 11] = [
     "alignment",
     "calibration",
     "conditioning",
     "estimator",
     "factor",
+    "forgetting",
     "consistency",
     "inertia",
     "regressor",
