@@ -1,8 +1,9 @@
 //! What is read off the factor on the device: outside the sample path, a few times a second.
 
 use heapless::Vec;
+use rigident_shared::consistency::{ITERATIONS, Nearest, nearest};
 use rigident_shared::factor::InformationFactor;
-use rigident_shared::wire::{FACTOR_CHUNK, FactorChunk};
+use rigident_shared::wire::{Consistency, FACTOR_CHUNK, FactorChunk};
 
 use crate::sample_path::BodyFactor;
 
@@ -31,6 +32,42 @@ pub(crate) fn solve(factor: &BodyFactor) -> Solved {
         BodyFactor::Ten(factor) => of(factor),
         BodyFactor::Sixteen(factor) => of(factor),
     }
+}
+
+/// The body that is nearest to the free answer.
+pub(crate) struct Body {
+    /// The free answer where the rows do not determine it.
+    pub(crate) estimate: Vec<f32, 16>,
+    pub(crate) consistency: Consistency,
+    pub(crate) distance_sd: f32,
+}
+
+/// At most [`ITERATIONS`] Newton steps, so that the time it takes is bounded. `solved` is the factor's.
+pub(crate) fn body(factor: &BodyFactor, solved: &Solved) -> Body {
+    fn of<const N: usize>(factor: &InformationFactor<f32, N>, free: &[f32]) -> Option<Body> {
+        let free = free.first_chunk::<N>()?;
+        let nearest = nearest(factor, free, ITERATIONS);
+        let estimate = nearest.parameters(free)?;
+        Some(Body {
+            estimate: Vec::from_slice(&estimate).ok()?,
+            consistency: match nearest {
+                Nearest::Free => Consistency::Free,
+                Nearest::Projected(_) => Consistency::Projected,
+                Nearest::NotConverged(_) => Consistency::NotConverged,
+                Nearest::NotDetermined => Consistency::NotDetermined,
+            },
+            distance_sd: nearest.distance_sd()?,
+        })
+    }
+    let found = match factor {
+        BodyFactor::Ten(factor) => of(factor, &solved.estimate),
+        BodyFactor::Sixteen(factor) => of(factor, &solved.estimate),
+    };
+    found.unwrap_or_else(|| Body {
+        estimate: solved.estimate.clone(),
+        consistency: Consistency::NotDetermined,
+        distance_sd: 0.0,
+    })
 }
 
 /// A factor as numbers, kept while the host fetches them chunk by chunk.

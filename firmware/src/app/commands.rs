@@ -153,8 +153,9 @@ impl App {
                 if path.counters().blocks == 0 {
                     return Err(ErrorCode::NoEstimate);
                 }
-                let solved = solve(&path.factor());
-                self.report(&solved).map(Reply::Estimate).ok_or(ErrorCode::NoEstimate)
+                let factor = path.factor();
+                let solved = solve(&factor);
+                self.report(&factor, &solved).map(Reply::Estimate).ok_or(ErrorCode::NoEstimate)
             }
             Command::ReadFactor { offset } => {
                 if *offset == 0 {

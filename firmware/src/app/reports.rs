@@ -8,7 +8,8 @@ use rigident_shared::wire::{
 };
 
 use super::{App, FIRMWARE_HASH};
-use crate::answer::Solved;
+use crate::answer::{Solved, body};
+use crate::sample_path::BodyFactor;
 
 /// Version of the firmware.
 const VERSION: [u8; 3] = [
@@ -66,13 +67,17 @@ impl App {
         report
     }
 
-    pub(super) fn report(&self, solved: &Solved) -> Option<EstimateReport> {
+    /// `solved` is the factor's.
+    pub(super) fn report(&self, factor: &BodyFactor, solved: &Solved) -> Option<EstimateReport> {
         let path = self.path.as_ref()?;
+        let body = body(factor, solved);
         Some(EstimateReport {
             readings: path.counters().readings,
             time_ns: self.last_reading.time_ns,
             blocks: path.counters().blocks,
-            estimate: solved.estimate.clone(),
+            estimate: body.estimate,
+            consistency: body.consistency,
+            distance_sd: body.distance_sd,
             standard_deviation: solved.standard_deviation.clone(),
             determined: solved
                 .determined

@@ -121,12 +121,13 @@ impl App {
 
     fn estimate(&mut self) {
         let (Some(path), Some(settings)) = (&mut self.path, &self.settings) else { return };
-        let solved = solve(&path.factor());
+        let factor = path.factor();
+        let solved = solve(&factor);
         if solved.determined.iter().all(|d| *d) {
             path.set_reference(&solved.estimate);
         }
         if settings.telemetry.estimate_every_blocks > 0
-            && let Some(report) = self.report(&solved)
+            && let Some(report) = self.report(&factor, &solved)
         {
             self.link.telemetry(&Telemetry::Estimate(report));
         }

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use rigident_shared::wire::{EstimateReport, Identity, ReadingMessage};
+use rigident_shared::wire::{Consistency, EstimateReport, Identity, ReadingMessage};
 use rigident_sim::experiment::SHORTEST_S;
 
 use super::outcome::{Ending, provenance};
@@ -22,6 +22,9 @@ use crate::identification::tare::Tare;
 use crate::identification::{self, Progression, prepare};
 use crate::report::{Drift, Measured, Quantity, Stage};
 use crate::session::{Observer, Take};
+
+/// Noise alone seldom takes an answer so far from what a body can have, standard deviations.
+const DOUBTFUL_SD: f32 = 3.0;
 
 /// Whether poses and motion fit into so long, s.
 pub(super) fn check_duration(duration_s: f64) -> Result<(), Failure> {
@@ -122,7 +125,14 @@ impl Observer for Watcher {
                     })
                     .filter(|v| v.is_finite())
                     .fold(0.0_f32, f32::max);
-                format!(", condition {:.1}, worst relative sd {worst:.1} %", report.condition_number)
+                let apart = match report.consistency {
+                    Consistency::NotDetermined => ", no body determined yet".to_owned(),
+                    _ if report.distance_sd > DOUBTFUL_SD => {
+                        format!(", {:.1} sd from any body", report.distance_sd)
+                    }
+                    _ => String::new(),
+                };
+                format!(", condition {:.1}, worst relative sd {worst:.1} %{apart}", report.condition_number)
             });
             format!("{readings}{share} readings, {rate:.0}/s{state}")
         });

@@ -8,7 +8,7 @@ use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 /// Version of framing and header; another one is refused by both sides.
-pub const PROTOCOL_VERSION: u8 = 1;
+pub const PROTOCOL_VERSION: u8 = 2;
 
 /// Hash of all message types: equal on both sides if they understand each other.
 pub const SCHEMA_HASH: u64 =
@@ -382,6 +382,19 @@ pub struct CounterReport {
     pub telemetry_dropped: u32,
 }
 
+/// What physical consistency leaves of the free answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum Consistency {
+    /// The rows do not determine every parameter, so that no body is nearest.
+    NotDetermined,
+    /// The free answer is a body's.
+    Free,
+    /// It is not; the nearest body is given.
+    Projected,
+    /// It is not; a body is given, but the iteration bound was met before it was the nearest one.
+    NotConverged,
+}
+
 /// The estimate at some row.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct EstimateReport {
@@ -391,9 +404,13 @@ pub struct EstimateReport {
     pub time_ns: u64,
     /// Row blocks absorbed.
     pub blocks: u32,
-    /// Ten parameters, or sixteen.
+    /// Ten parameters, or sixteen: those of a body, unless `consistency` says that none is determined.
     pub estimate: Vec<f32, 16>,
-    /// Standard deviation of each, for the σ of the settings.
+    /// What became of the free answer.
+    pub consistency: Consistency,
+    /// How far the free answer is from any body's, in standard deviations; zero if it is one's.
+    pub distance_sd: f32,
+    /// Standard deviation of each parameter of the free answer, for the σ of the settings.
     pub standard_deviation: Vec<f32, 16>,
     /// Bit j: the rows determine parameter j.
     pub determined: u16,

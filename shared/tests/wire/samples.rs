@@ -97,6 +97,8 @@ fn estimate() -> EstimateReport {
         time_ns: 20_000_000_000,
         blocks: 1_990,
         estimate: (0..16).map(|j| j as f32 - 3.5).collect(),
+        consistency: Consistency::Projected,
+        distance_sd: 1.25,
         standard_deviation: (0..16).map(|j| 0.001 * j as f32).collect(),
         determined: 0xfffe,
         condition_number: 37.5,
