@@ -7,7 +7,8 @@ use rigident_shared::spatial::{Position, Rotation, Sensor};
 
 use super::consistent::{self, nearest_body};
 use super::derived::{self, BodyFrame, Derived};
-use super::identifiability::{advice, states};
+use super::identifiability::states;
+use super::weakest;
 use crate::formats::result::{
     BodyFrameResult, ConsistentResult, KnownResult, Parameter, ParameterState, PrincipalResult, ResultObject,
     ResultSource, SCHEMA, Status,
@@ -211,7 +212,11 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
         m if m == asked.0.len() => Status::NotIdentified,
         _ => Status::PartlyIdentified,
     };
-    let hints: Vec<String> = if known.iter().all(|i| *i) { Vec::new() } else { advice(&known) };
+    let hints = if known.iter().all(|i| *i) {
+        Vec::new()
+    } else {
+        weakest::advice(estimate, identification.regressor_noise)
+    };
 
     let results = Results {
         status: match status {

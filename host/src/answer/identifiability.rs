@@ -1,4 +1,4 @@
-//! Which parameters the data identify, and what motion the others lack.
+//! Which parameters the data identify. What motion the others lack is told by [`super::weakest`].
 //!
 //! *Identified* means that the data alone determine a parameter at the noise level: its column is independent
 //! of the others, its 95 % uncertainty is small against the body's own scale, never against its own value,
@@ -12,7 +12,7 @@ pub const LARGEST_SHARE: f64 = 0.1;
 
 /// A column whose information is less than this many times what the noise of its own regressor would bring
 /// is not identified: noise in a regressor attenuates the estimate by the inverse of this ratio.
-const LEAST_EXCITATION: f64 = 20.0;
+pub(super) const LEAST_EXCITATION: f64 = 20.0;
 
 /// Density of the most compact body considered, kg/m³ (steel): the sphere of the estimated mass bounds the
 /// body's size from below when neither its centre of mass nor its tensor does.
@@ -27,7 +27,7 @@ pub struct RegressorNoise {
 }
 
 /// The body's own scales, against which uncertainties are judged.
-struct Scale {
+pub(super) struct Scale {
     mass: f64,
     /// m·ℓ.
     first_moment: f64,
@@ -44,16 +44,10 @@ impl Scale {
         if mass.is_nan() || mass <= 0.0 || estimate.u95(0) > LARGEST_SHARE * mass {
             return None;
         }
-        let sphere = (3.0 * mass / (4.0 * std::f64::consts::PI * DENSITY)).cbrt();
+        let sphere = sphere_radius(mass);
         let arm = phi[1..4].iter().map(|v| v * v).sum::<f64>().sqrt() / mass;
         let arm_known = (1..4).all(|j| estimate.u95(j) <= LARGEST_SHARE * mass * arm);
-        let largest_moment = if (4..10).all(|j| tensor_informed(estimate, noise, j)) {
-            rigident_shared::inertia::tensor_from_elements(std::array::from_fn(|k| phi[4 + k]))
-                .symmetric_eigenvalues()
-                .max()
-        } else {
-            0.0
-        };
+        let largest_moment = largest_moment(estimate, noise);
         let gyration = (largest_moment / mass).max(0.0).sqrt();
         let length = sphere.max(if arm_known { arm } else { 0.0 }).max(gyration);
         Some(Self {
@@ -66,16 +60,51 @@ impl Scale {
 
     /// Whether the estimate determines parameter `j` finely enough for a body of this scale.
     fn resolves(&self, estimate: &Estimate, noise: RegressorNoise, j: usize) -> bool {
-        let weight = self.mass * 9.80665;
-        let (scale, informed) = match j {
-            0 => (self.mass, true),
-            1..4 => (self.first_moment, true),
-            4..10 => (self.moment, tensor_informed(estimate, noise, j)),
-            10..13 => (weight, true),
-            _ => (weight * self.length, true),
-        };
-        informed && estimate.u95(j) <= LARGEST_SHARE * scale
+        let informed = !(4..10).contains(&j) || tensor_informed(estimate, noise, j);
+        informed && estimate.u95(j) <= LARGEST_SHARE * self.of_parameter(j)
     }
+
+    /// [`Self::of`], or that of a compact body of about the mass where the mass is not known: enough for words.
+    pub(super) fn rough(estimate: &Estimate, noise: RegressorNoise) -> Self {
+        Self::of(estimate, noise).unwrap_or_else(|| {
+            let [mass, ..] = estimate.body();
+            let mass = if mass.is_finite() && mass > 0.0 { mass } else { 1.0 };
+            let sphere = sphere_radius(mass);
+            let moment = largest_moment(estimate, noise).max(0.4 * mass * sphere * sphere);
+            let length = sphere.max((moment / mass).sqrt());
+            Self { mass, first_moment: mass * length, moment, length }
+        })
+    }
+
+    /// What an uncertainty of parameter `j` is judged against, in its unit.
+    pub(super) fn of_parameter(&self, j: usize) -> f64 {
+        let weight = self.mass * 9.80665;
+        match j {
+            0 => self.mass,
+            1..4 => self.first_moment,
+            4..10 => self.moment,
+            10..13 => weight,
+            _ => weight * self.length,
+        }
+    }
+}
+
+/// The largest principal moment; where not all of the tensor is informed, the largest moment about an axis of S that
+/// is, less its uncertainty: the largest principal moment is no smaller. Zero if there is none.
+fn largest_moment(estimate: &Estimate, noise: RegressorNoise) -> f64 {
+    let phi = estimate.body();
+    if (4..10).all(|j| tensor_informed(estimate, noise, j)) {
+        return rigident_shared::inertia::tensor_from_elements(std::array::from_fn(|k| phi[4 + k]))
+            .symmetric_eigenvalues()
+            .max();
+    }
+    let at_least = |j: usize| phi[j] - estimate.u95(j);
+    (4..7).filter(|j| tensor_informed(estimate, noise, *j)).map(at_least).fold(0.0, f64::max)
+}
+
+/// Of the sphere of [`DENSITY`], m.
+fn sphere_radius(mass: f64) -> f64 {
+    (3.0 * mass / (4.0 * std::f64::consts::PI * DENSITY)).cbrt()
 }
 
 /// Whether a tensor element has more information than the gyro's noise brings.
@@ -111,39 +140,6 @@ pub fn identified(estimate: &Estimate, noise: RegressorNoise) -> Vec<bool> {
     states(estimate, noise).iter().map(|s| matches!(s, ParameterState::Identified { .. })).collect()
 }
 
-/// What to do so that the parameters that are not identified become so; empty if all are.
-pub fn advice(identified: &[bool]) -> Vec<String> {
-    let lacks = |j: usize| identified.get(j) == Some(&false);
-    let mut advice = Vec::new();
-    if lacks(0) || (10..13).any(lacks) {
-        advice.push(
-            "mass and force offset cannot be told apart: hold the sensor still in at least three attitudes \
-             that differ by 20 degrees or more in roll and in pitch"
-                .to_owned(),
-        );
-    }
-    if (1..4).any(lacks) || (13..16).any(lacks) {
-        advice.push(
-            "the centre of mass needs gravity along different axes of S: add still poses tilted in roll and \
-             in pitch"
-                .to_owned(),
-        );
-    }
-    for (axis, elements) in [("x", [4, 8, 9]), ("y", [5, 7, 9]), ("z", [6, 7, 8])] {
-        let moment = elements[0];
-        if lacks(moment) || elements[1..].iter().filter(|j| lacks(**j)).count() == 2 {
-            advice.push(format!(
-                "no sufficient rotation about S.{axis}: turn the body about S.{axis} to and fro, with two or \
-                 three well-separated frequencies"
-            ));
-        }
-    }
-    if advice.is_empty() && identified.contains(&false) {
-        advice.push("move about more axes at once, longer, or with a quieter sensor".to_owned());
-    }
-    advice
-}
-
 #[cfg(test)]
 mod tests {
     use nalgebra::DMatrix;
@@ -177,8 +173,6 @@ mod tests {
         u95[6] = 0.2;
         let states = identified(&estimate(u95), RegressorNoise::default());
         assert!(!states[6] && states[5]);
-        let advice = advice(&states);
-        assert!(advice.len() == 1 && advice[0].contains("S.z"), "{advice:?}");
     }
 
     #[test]

@@ -1,13 +1,15 @@
 //! From the information factor to an answer with an uncertainty.
 //!
-//! Lives here: what is identified and what is not ([`identifiability`]), the quantities derived from the ten
-//! parameters and their intervals ([`derived`]). May not live here: raw data, files, printing. Before this:
-//! [`crate::identification`] or the firmware's factor; after it: [`crate::formats`] and [`crate::report`].
+//! Lives here: what is identified and what is not ([`identifiability`]), what the motion lacks ([`weakest`]), the
+//! quantities derived from the ten parameters and their intervals ([`derived`]). May not live here: raw data,
+//! files, printing. Before this: [`crate::identification`] or the firmware's factor; after it:
+//! [`crate::formats`] and [`crate::report`].
 
 pub mod assemble;
 pub mod consistent;
 pub mod derived;
 pub mod identifiability;
+pub mod weakest;
 
 use nalgebra::DMatrix;
 use rigident_shared::factor::InformationFactor;

@@ -1,0 +1,244 @@
+//! Motions that lack something are told so, in words, and those that lack nothing are not.
+#![cfg(feature = "simulator")]
+
+use rigident::answer::identifiability::{RegressorNoise, identified};
+use rigident::answer::{Estimate, Noise, weakest};
+use rigident::identification::{self, FROZEN_AFTER, Input};
+use rigident_shared::calibration::{ImuMounting, Reading};
+use rigident_shared::estimator::{Estimator, EstimatorConfig};
+use rigident_shared::factor::InformationFactor;
+use rigident_shared::screening::Limits;
+use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce, Wrench};
+use rigident_sim::experiment::{THESIS_POSES_DEG, thesis_program};
+use rigident_sim::platform::{Axis, MotionProgram, Pose, Segment, SineTerm};
+use rigident_sim::rig::{ReadingRow, Readings, RigConfig};
+use rigident_sim::sensors::SensorModels;
+
+/// Axis, Hz, phase in rad.
+type Sine = (Axis, f64, f64);
+
+const RATE_HZ: f64 = 200.0;
+/// Thesis, Table 1: 95 % figures over 1.96.
+const SIGMA: [f64; 6] = [9.9 / 1.96, 9.9 / 1.96, 19.8 / 1.96, 0.75 / 1.96, 0.9 / 1.96, 0.9 / 1.96];
+
+fn reading(row: &ReadingRow) -> Reading<f64> {
+    Reading {
+        time_ns: row.time_ns,
+        wrench: Wrench::from_array(row.wrench),
+        specific_force: SpecificForce::from_array(row.specific_force),
+        angular_rate: AngularRate::from_array(row.angular_rate),
+    }
+}
+
+fn ideal_rig() -> RigConfig {
+    RigConfig::thesis_horizontal().with_sensors(SensorModels::ideal())
+}
+
+fn mounting(config: &RigConfig) -> ImuMounting<f64> {
+    ImuMounting {
+        rotation: Rotation::from_quaternion(config.imu.rotation_wxyz).unwrap(),
+        position: Position::from_array(config.imu.position_m),
+        ..ImuMounting::default()
+    }
+}
+
+/// What the rows of a motion say, sensors being perfect; σ are the thesis'.
+fn factor<const N: usize>(config: &RigConfig, program: &MotionProgram) -> InformationFactor<f64, N> {
+    let settings = EstimatorConfig {
+        rate_hz: RATE_HZ,
+        filter_width_s: identification::FILTER_WIDTH_S,
+        row_every: identification::row_every(RATE_HZ),
+        channel_sigma: SIGMA,
+        known_offset: [0.0; 6],
+        mounting: mounting(config),
+        limits: Limits::none(),
+    };
+    let mut estimator = Estimator::<f64, N, 256>::new(&settings).unwrap();
+    for row in Readings::new(config, program, RATE_HZ).unwrap().ideal() {
+        estimator.absorb(&reading(row));
+    }
+    estimator.factor()
+}
+
+fn tilted(geometry_home: Pose, [roll, pitch]: [f64; 2]) -> Pose {
+    Pose { rpy_rad: [roll.to_radians(), pitch.to_radians(), 0.0], ..geometry_home }
+}
+
+/// Still poses of 20 s each, without the moves between them.
+fn still<const N: usize>(poses_deg: &[[f64; 2]]) -> InformationFactor<f64, N> {
+    let config = ideal_rig();
+    let mut all = InformationFactor::new();
+    for pose in poses_deg {
+        let start = tilted(config.geometry.home(), *pose);
+        let program = MotionProgram { start, segments: vec![Segment::Hold { duration_s: 20.0 }] };
+        all.merge(&factor(&config, &program));
+    }
+    all
+}
+
+/// Sines of `(axis, Hz, phase)`, each of 0.36 rad/s, about the level pose.
+fn turning<const N: usize>(duration_s: f64, sines: &[Sine]) -> InformationFactor<f64, N> {
+    let config = ideal_rig();
+    let term = |&(axis, frequency_hz, phase_rad): &Sine| SineTerm {
+        axis,
+        amplitude: 0.36 / (std::f64::consts::TAU * frequency_hz),
+        frequency_hz,
+        phase_rad,
+    };
+    let terms = sines.iter().map(term).collect();
+    let segments = vec![Segment::Multisine { duration_s, ramp_s: 1.0, terms }];
+    factor(&config, &MotionProgram { start: config.geometry.home(), segments })
+}
+
+fn merged<const N: usize>(
+    mut a: InformationFactor<f64, N>,
+    b: InformationFactor<f64, N>,
+) -> InformationFactor<f64, N> {
+    a.merge(&b);
+    a
+}
+
+/// Sentences, and which parameters are identified.
+fn told<const N: usize>(factor: &InformationFactor<f64, N>) -> (Vec<String>, Vec<bool>) {
+    let estimate = Estimate::new(factor, 1.0, Noise::Given);
+    let noise = RegressorNoise::default();
+    (weakest::advice(&estimate, noise), identified(&estimate, noise))
+}
+
+const ROLL: [Sine; 3] = [(Axis::Roll, 0.55, 4.59), (Axis::Roll, 1.15, 5.51), (Axis::Roll, 1.95, 5.92)];
+const PITCH: [Sine; 3] = [(Axis::Pitch, 0.65, 5.11), (Axis::Pitch, 1.35, 0.93), (Axis::Pitch, 2.15, 4.63)];
+const YAW: [Sine; 3] = [(Axis::Yaw, 0.75, 0.69), (Axis::Yaw, 1.55, 0.42), (Axis::Yaw, 2.35, 1.93)];
+/// A cone about the vertical at 0.4 Hz.
+const CONE: [Sine; 2] = [(Axis::Roll, 0.4, 0.0), (Axis::Pitch, 0.4, std::f64::consts::FRAC_PI_2)];
+
+/// Each sentence begins as expected, in this order, and there is no other.
+#[track_caller]
+fn says<const N: usize>(factor: &InformationFactor<f64, N>, expected: &[&str]) {
+    let (sentences, identified) = told(factor);
+    assert!(
+        sentences.len() == expected.len() && sentences.iter().zip(expected).all(|(s, e)| s.starts_with(e)),
+        "{sentences:#?}\nin place of {expected:#?}; identified: {identified:?}"
+    );
+    assert_eq!(identified.iter().all(|i| *i), expected.is_empty(), "{identified:?}");
+}
+
+#[test]
+fn still_poses_lack_rotation_and_too_few_of_them_lack_tilt() {
+    let no_rotation = "no rotation about S.x, S.y or S.z to and fro: turn the body about S.x, S.y and S.z";
+    says(
+        &still::<16>(&[[0.0, 0.0]]),
+        &["one still pose only: hold the body still in three or more attitudes"],
+    );
+    says(&still::<16>(&[[10.0, 5.0]; 3]), &["one still pose only"]);
+    let along_y = "no tilt about S.y: the centre of mass along S.y cannot be told from the wrench offset";
+    says(&still::<16>(&[[20.0, 0.0], [-20.0, 0.0]]), &[along_y, no_rotation]);
+    let along_x = "no tilt about S.x: the centre of mass along S.x cannot be told from the wrench offset";
+    says(&still::<16>(&[[0.0, 20.0], [0.0, -20.0]]), &[along_x, no_rotation]);
+    says(&still::<16>(&THESIS_POSES_DEG[..2]), &["no tilt about (-0.50, 0.87, 0.03) of S", no_rotation]);
+    says(&still::<16>(&THESIS_POSES_DEG), &[no_rotation]);
+}
+
+#[test]
+fn with_a_known_offset_one_attitude_lacks_the_centre_of_mass_along_gravity_and_two_lack_nothing_still() {
+    let no_rotation = "no rotation about S.x, S.y or S.z";
+    let no_tilt = "no tilt about S.x or S.y: gravity says nothing of the centre of mass along S.z";
+    says(&still::<10>(&[[0.0, 0.0]]), &[no_tilt, no_rotation]);
+    says(&still::<10>(&THESIS_POSES_DEG[..2]), &[no_rotation]);
+}
+
+#[test]
+fn the_axes_without_rotation_are_named_and_no_others() {
+    let poses = still::<16>(&THESIS_POSES_DEG);
+    let cases: [(&[Sine], &str); 3] = [
+        (&ROLL, "no rotation about S.y or S.z to and fro"),
+        (&PITCH, "no rotation about S.x or S.z to and fro"),
+        (&YAW, "no rotation about S.x or S.y to and fro"),
+    ];
+    for (sines, expected) in cases {
+        says(&merged(turning(60.0, sines), poses), &[expected]);
+    }
+    let level =
+        "no tilt about S.x or S.y: the mass and the centre of mass cannot be told from the wrench offset";
+    says(&turning::<16>(60.0, &YAW), &[level, "no rotation about S.x or S.y to and fro"]);
+}
+
+#[test]
+fn roll_and_pitch_lack_yaw_until_their_coupling_brings_enough_of_it() {
+    let both = [ROLL, PITCH].concat();
+    let gently = turning(10.0, &[ROLL[1], PITCH[2]]);
+    says(
+        &merged(gently, still::<16>(&THESIS_POSES_DEG)),
+        &["no rotation about S.z to and fro: turn the body about S.z"],
+    );
+    says(&turning::<16>(6.0, &both), &["too little rotation about S.z for this noise: "]);
+    says(&turning::<16>(60.0, &both), &[]);
+}
+
+/// What the sentence promises: 2.9 times as long is enough, and half of that is not.
+#[test]
+fn the_motion_asked_for_is_enough_and_not_far_too_much() {
+    let both = [ROLL, PITCH].concat();
+    let (sentences, _) = told(&turning::<16>(6.0, &both));
+    let words: Vec<&str> = sentences[0].split(' ').collect();
+    let times = words.windows(4).find(|w| w[1..] == ["times", "as", "long,"]).map(|w| w[0]).unwrap();
+    let times: f64 = times.parse().unwrap();
+    // Ramps of 1 s each at either length.
+    let lasting = |times: f64| 2.0 + 4.0 * times;
+    assert!(told(&turning::<16>(lasting(1.3 * times), &both)).0.is_empty());
+    assert!(!told(&turning::<16>(lasting(0.6 * times), &both)).0.is_empty());
+}
+
+#[test]
+fn an_axis_between_those_of_s_is_told_by_its_components() {
+    let both: Vec<_> =
+        ROLL.iter().flat_map(|(_, f, p)| [(Axis::Roll, *f, *p), (Axis::Pitch, *f, *p)]).collect();
+    says(&turning::<16>(20.0, &both), &["no rotation about (-0.71, 0.71, 0.00) of S to and fro"]);
+}
+
+#[test]
+fn rotation_at_one_frequency_is_told_from_missing_rotation() {
+    let one = "all rotation about S.x and S.y is at one frequency: the tensor and the first moment are collinear; \
+               add a second, well-separated frequency";
+    let cone = turning::<16>(40.0, &CONE);
+    says(&cone, &["too little rotation about S.z", one]);
+    // Either remedy that the sentence names.
+    says(&merged(cone, still(&THESIS_POSES_DEG)), &["too little rotation about S.z"]);
+    let second = [&CONE[..], &[(Axis::Roll, 1.3, 0.0), (Axis::Pitch, 1.3, 1.0)]].concat();
+    let (sentences, _) = told(&turning::<16>(40.0, &second));
+    assert!(!sentences.iter().any(|s| s.contains("frequency:")), "{sentences:?}");
+}
+
+/// Noise of all sensors, σ from the rig; the gyro's noise must not pass for rotation.
+#[test]
+fn measured_motions_are_told_the_same_and_the_demonstration_lacks_nothing() {
+    let config = RigConfig::thesis_horizontal();
+    let hints = |program: &MotionProgram| {
+        let input = Input {
+            readings: Readings::new(&config, program, RATE_HZ)
+                .unwrap()
+                .measured(3)
+                .map(|r| reading(&r))
+                .collect(),
+            is_static: false,
+            rate_hz: RATE_HZ,
+            mounting: mounting(&config),
+            channel_sigma: Some(SIGMA),
+            gyro_sigma: None,
+            known_offset: None,
+            gain_sigma: [0.0; 6],
+            limits: Limits { frozen_after: FROZEN_AFTER, ..Limits::none() },
+        };
+        let found = identification::identify(&input).unwrap();
+        weakest::advice(&found.estimate, found.regressor_noise)
+    };
+    assert!(hints(&thesis_program(&config.geometry, 60.0)).is_empty());
+    let hold =
+        MotionProgram { start: config.geometry.home(), segments: vec![Segment::Hold { duration_s: 60.0 }] };
+    let told = hints(&hold);
+    assert!(told.len() == 1 && told[0].starts_with("one still pose only"), "{told:?}");
+    let mut still = thesis_program(&config.geometry, 60.0);
+    still.segments.retain(|s| !matches!(s, Segment::Multisine { .. }));
+    let told = hints(&still);
+    assert!(told.iter().any(|s| s.contains("rotation about S.z")), "{told:?}");
+    assert!(!told.iter().any(|s| s.contains("tilt")), "{told:?}");
+}
