@@ -4,9 +4,10 @@
 
 use rigident_shared::alignment::{Aligner, ImuReading, WrenchReading};
 use rigident_shared::calibration::{GaugeCalibration, Reading};
-use rigident_shared::estimator::{ChannelStatistics, ConfigError, Counters, Estimator, Outcome};
+use rigident_shared::estimator::{ChannelStatistics, ConfigError, Counters, Estimator, Outcome, Reference};
 use rigident_shared::factor::InformationFactor;
 
+use crate::answer::Solved;
 use crate::settings::Configuration;
 
 /// Room for the filter: 0.1 s at 2.5 kHz.
@@ -111,14 +112,20 @@ impl SamplePath {
         }
     }
 
-    /// Gives the parameters that innovations are taken against; surplus ones are ignored.
-    pub(crate) fn set_reference(&mut self, parameters: &[f32]) {
-        fn fixed<const N: usize>(parameters: &[f32]) -> Option<[f32; N]> {
-            parameters.first_chunk::<N>().copied()
+    /// Gives the solution that innovations are taken against, and that knocks beyond `knock_limit` standard deviations
+    /// are known by.
+    pub(crate) fn set_reference(&mut self, solved: &Solved, knock_limit: f32) {
+        fn of<const N: usize>(solved: &Solved, knock_limit: f32) -> Option<Reference<f32, N>> {
+            Some(Reference {
+                parameters: *solved.estimate.first_chunk::<N>()?,
+                standard_deviation: *solved.standard_deviation.first_chunk::<N>()?,
+                noise_scale: 1.0,
+                knock_limit,
+            })
         }
         match &mut self.estimator {
-            BodyEstimator::Ten(e) => fixed(parameters).map(|p| e.set_reference(p)),
-            BodyEstimator::Sixteen(e) => fixed(parameters).map(|p| e.set_reference(p)),
+            BodyEstimator::Ten(e) => of(solved, knock_limit).map(|r| e.set_reference(r)),
+            BodyEstimator::Sixteen(e) => of(solved, knock_limit).map(|r| e.set_reference(r)),
         };
     }
 }

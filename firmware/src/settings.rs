@@ -49,6 +49,8 @@ impl Configuration {
         ensure(positive(&cell.range_n_nm), SettingName::LoadCellRange)?;
         ensure(cell.known_offset_n_nm.is_none_or(|o| all_finite(&o)), SettingName::KnownOffset)?;
         ensure(settings.stop.as_ref().is_none_or(|stop| all_finite(&stop.u95)), SettingName::StopRule)?;
+        let limit = settings.knock_limit_sd;
+        ensure(limit.is_finite() && limit >= 0.0, SettingName::KnockLimit)?;
         let estimator = EstimatorConfig {
             rate_hz: settings.rate_hz,
             filter_width_s: settings.filter_width_s,

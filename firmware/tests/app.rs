@@ -34,6 +34,7 @@ fn settings(source: Source) -> Settings {
         },
         filter_width_s: 0.1,
         row_every: 2,
+        knock_limit_sd: 6.0,
         stop: None,
         telemetry: TelemetrySettings { estimate_every_blocks: 25, stream_readings: false },
         frozen_after: 50,
@@ -233,7 +234,7 @@ fn impossible_settings_are_named_and_change_nothing() {
     let good = settings(Source::Injected);
     assert_eq!(host.ask(&Command::Configure(good.clone())), Ok(Reply::Done));
     type Spoil = fn(&mut Settings);
-    let spoilt: [(Spoil, SettingName); 10] = [
+    let spoilt: [(Spoil, SettingName); 11] = [
         (|s| s.rate_hz = 0.0, SettingName::Rate),
         (|s| s.rate_hz = f32::NAN, SettingName::Rate),
         (|s| s.imu.rotation_wxyz = [0.0; 4], SettingName::ImuRotation),
@@ -244,6 +245,7 @@ fn impossible_settings_are_named_and_change_nothing() {
         (|s| s.load_cell.known_offset_n_nm = Some([f32::NAN; 6]), SettingName::KnownOffset),
         (|s| s.filter_width_s = 10.0, SettingName::Filter),
         (|s| s.row_every = 0, SettingName::Filter),
+        (|s| s.knock_limit_sd = -1.0, SettingName::KnockLimit),
     ];
     for (spoil, name) in spoilt {
         let mut bad = good.clone();

@@ -4,6 +4,10 @@
 //! ([`crate::screening`], [`crate::calibration`], [`crate::regressor`], [`crate::conditioning`],
 //! [`crate::factor`]), messages, files.
 
+mod knocks;
+
+pub use knocks::{LONGEST as LONGEST_KNOCK, Reference};
+
 use crate::Scalar;
 use crate::calibration::{ImuMounting, Reading};
 use crate::conditioning::{Conditioner, Kernel, KernelError};
@@ -11,6 +15,7 @@ use crate::factor::{BodyCascade, InformationFactor};
 use crate::regressor::{self, RegressorBlock, SIGNALS};
 use crate::screening::{Limits, Rejection, Screen};
 use crate::spatial::Wrench;
+use knocks::Watch;
 
 /// Everything that fixes what the estimator does with a reading.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,11 +69,14 @@ pub struct Counters {
     pub gaps: u32,
     /// Row blocks absorbed.
     pub blocks: u32,
+    /// Of these, those in which a channel was given less weight, per channel of the wrench; see [`Reference`].
+    pub knocks: [u16; 6],
     /// The last rejection.
     pub last_rejection: Option<Rejection>,
 }
 
-/// Sums over the innovations of each wrench channel, unwhitened and filtered: N, N m.
+/// Sums over the innovations of each wrench channel, unwhitened and filtered: N, N m. Rows that a knock has spoilt count
+/// as they are weighted.
 ///
 /// The innovation is the filtered wrench less what the reference parameters predict, so its mean square is
 /// [`Kernel::noise_gain`] times the raw variance if the rows leave nothing unexplained.
@@ -114,8 +122,11 @@ pub struct Estimator<T: Scalar, const N: usize, const TAPS: usize> {
     period_ns: u64,
     last_time_ns: Option<u64>,
     counters: Counters,
-    reference: Option<[T; N]>,
+    reference: Option<Reference<T, N>>,
+    watch: Watch<T>,
     statistics: ChannelStatistics<T>,
+    /// The factor on each row of the last block beside its weight.
+    last_factors: [T; 6],
     last_signals: Option<[T; SIGNALS]>,
 }
 
@@ -143,7 +154,9 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
             last_time_ns: None,
             counters: Counters::default(),
             reference: None,
+            watch: Watch::new(&config.channel_sigma, kernel.noise_gain()),
             statistics: ChannelStatistics::default(),
+            last_factors: [T::ONE; 6],
             last_signals: None,
         })
     }
@@ -212,10 +225,23 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
 
     fn absorb_signals(&mut self, signals: &[T; SIGNALS]) {
         let lever_arm = &self.config.mounting.position;
+        let mut weights = self.weights;
         if let Some(reference) = &self.reference {
-            self.statistics.add(residual(&regressor::block(signals, lever_arm), reference));
+            let block = regressor::block(signals, lever_arm);
+            let mut innovation = residual(&block, &reference.parameters);
+            self.last_factors = self.watch.factors(reference, &block, &innovation, &self.statistics);
+            for ((e, weight), (factor, knocks)) in innovation
+                .iter_mut()
+                .zip(&mut weights)
+                .zip(self.last_factors.iter().zip(&mut self.counters.knocks))
+            {
+                *e *= *factor;
+                *weight *= *factor;
+                *knocks = knocks.saturating_add(u16::from(*factor < T::ONE));
+            }
+            self.statistics.add(innovation);
         }
-        self.cascade.absorb(signals, lever_arm, &self.weights);
+        self.cascade.absorb(signals, lever_arm, &weights);
         self.last_signals = Some(*signals);
         self.counters.blocks = self.counters.blocks.saturating_add(1);
     }
@@ -235,9 +261,14 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
         &self.statistics
     }
 
-    /// Gives the parameters that innovations are taken against.
-    pub fn set_reference(&mut self, parameters: [T; N]) {
-        self.reference = Some(parameters);
+    /// Gives the parameters that innovations are taken against, and that knocks are known by.
+    pub fn set_reference(&mut self, reference: Reference<T, N>) {
+        self.reference = Some(reference);
+    }
+
+    /// The factor on each row of the block absorbed last: less than 1 where a knock has spoilt it.
+    pub fn last_factors(&self) -> &[T; 6] {
+        &self.last_factors
     }
 
     /// Variance of the whitened, filtered noise per row: `row_every Σh²`. The residual sum of squares of the
@@ -264,6 +295,8 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
         self.last_time_ns = None;
         self.counters = Counters::default();
         self.reference = None;
+        self.watch.reset();
+        self.last_factors = [T::ONE; 6];
         self.statistics = ChannelStatistics::default();
         self.last_signals = None;
     }

@@ -62,6 +62,7 @@ impl App {
             };
             report.gaps = counters.gaps;
             report.blocks = counters.blocks;
+            report.knocks = counters.knocks;
             report.unaligned = path.unaligned().saturating_sub(self.errors.unaligned_before);
         }
         report

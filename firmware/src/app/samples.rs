@@ -124,7 +124,7 @@ impl App {
         let factor = path.factor();
         let solved = solve(&factor);
         if solved.determined.iter().all(|d| *d) {
-            path.set_reference(&solved.estimate);
+            path.set_reference(&solved, settings.knock_limit_sd);
         }
         if settings.telemetry.estimate_every_blocks > 0
             && let Some(report) = self.report(&factor, &solved)

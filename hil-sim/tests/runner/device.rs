@@ -145,6 +145,7 @@ pub fn settings(rig: &RigConfig) -> Settings {
         },
         filter_width_s: 0.06,
         row_every: 10,
+        knock_limit_sd: 6.0,
         stop: None,
         telemetry: TelemetrySettings { estimate_every_blocks: 25, stream_readings: true },
         frozen_after: 20,

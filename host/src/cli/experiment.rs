@@ -221,6 +221,13 @@ impl Experiment<'_> {
                 (identification, "host")
             }
         };
+        if mcu != "host" && counters.knocks == [0; 6] && identification.counters.knocks != [0; 6] {
+            warnings.push(
+                "the device did not know enough yet to tell knocks and gave them full weight; `rigident identify` of the \
+                 recording gives them less"
+                    .to_owned(),
+            );
+        }
         let k = identification.estimate.coverage_factor;
         let mut progression: Vec<Progression> = take
             .estimates

@@ -8,6 +8,7 @@ use super::{Failure, Folder};
 use crate::answer::assemble::{Asked, Assembled, Context, assemble};
 use crate::formats::result::ResultSource;
 use crate::formats::rig::RigFile;
+use crate::identification::knocks::LIMIT_SD;
 use crate::identification::pooled::PooledFactor;
 use crate::identification::{Identification, Input, Progression};
 use crate::report::{self, Along, Convergence, Drift, ReportData, Residual, Source, Stage, TimePlot, table};
@@ -58,6 +59,13 @@ impl Ending<'_> {
                      sensor and its range"
                 ));
             }
+        }
+        for (channel, count) in CHANNEL_NAMES.iter().zip(counters.knocks).filter(|(_, count)| *count > 0) {
+            self.warnings.push(format!(
+                "{count} of {} filtered rows of {channel} are more than {LIMIT_SD} standard deviations off, as after a knock, \
+                 and count less",
+                counters.blocks
+            ));
         }
         let source = ResultSource {
             recording: self.recording.clone(),

@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
 use rigident_shared::calibration::Reading;
-use rigident_shared::estimator::{ConfigError, Counters, Estimator, EstimatorConfig, Outcome};
+use rigident_shared::estimator::{ConfigError, Counters, Estimator, EstimatorConfig, Outcome, Reference};
 use rigident_shared::factor::InformationFactor;
 use rigident_shared::screening::{Limits, Rejection};
 use rigident_shared::spatial::Wrench;
@@ -34,6 +34,8 @@ pub struct Shares<'a> {
     parts: Vec<Part>,
     threads: usize,
     counters: Counters,
+    /// What rows are compared with, if they are.
+    reference: Option<Reference<f64, 16>>,
 }
 
 /// What one thread takes at a time.
@@ -109,6 +111,7 @@ impl<'a> Shares<'a> {
             parts: Vec::new(),
             threads: split.threads,
             counters: Counters::default(),
+            reference: None,
         };
         if parts == 1 {
             shares.parts.push(Part { from: 0, end: readings.len(), frozen: Vec::new() });
@@ -132,6 +135,12 @@ impl<'a> Shares<'a> {
         Ok(shares)
     }
 
+    /// The same shares, every row compared with a reference; see [`Reference`].
+    #[must_use]
+    pub fn watching(&self, reference: Reference<f64, 16>) -> Self {
+        Self { reference: Some(reference), ..self.clone() }
+    }
+
     /// Takes every part through the pipeline, whitened by `channel_sigma`. `each` is called on the part's
     /// thread after every row block, with the reading that completed it; blocks are in order within a part.
     ///
@@ -147,6 +156,9 @@ impl<'a> Shares<'a> {
         let done = on_threads(self.threads, self.parts.len(), |k| {
             let part = &self.parts[k];
             let mut estimator = Box::new(Estimator::<f64, N, TAPS>::new(&config)?);
+            if let Some(reference) = self.reference.and_then(first) {
+                estimator.set_reference(reference);
+            }
             let mut accumulator = start();
             let mut frozen = part.frozen.iter().copied().peekable();
             for (row, reading) in self.readings.iter().enumerate().take(part.end).skip(part.from) {
@@ -171,16 +183,29 @@ impl<'a> Shares<'a> {
             parts: Vec::new(),
         };
         if let [(_, counters, _)] = done.as_slice() {
-            absorbed.counters = Counters { blocks: 0, ..*counters };
+            absorbed.counters = Counters { blocks: 0, knocks: [0; 6], ..*counters };
         }
         for (factor, counters, accumulator) in done {
             absorbed.factor.merge(&factor);
             absorbed.counters.blocks = absorbed.counters.blocks.saturating_add(counters.blocks);
+            for (sum, part) in absorbed.counters.knocks.iter_mut().zip(counters.knocks) {
+                *sum = sum.saturating_add(part);
+            }
             absorbed.factors.push(factor);
             absorbed.parts.push(accumulator);
         }
         Ok(absorbed)
     }
+}
+
+/// The reference's first parameters, as many as are estimated.
+fn first<const N: usize>(reference: Reference<f64, 16>) -> Option<Reference<f64, N>> {
+    Some(Reference {
+        parameters: *reference.parameters.first_chunk()?,
+        standard_deviation: *reference.standard_deviation.first_chunk()?,
+        noise_scale: reference.noise_scale,
+        knock_limit: reference.knock_limit,
+    })
 }
 
 /// Does job 0 … `count − 1`, each on whichever thread is free; results in the order of the jobs.

@@ -7,6 +7,7 @@
 
 pub mod absorb;
 pub mod gains;
+pub mod knocks;
 pub mod known;
 pub mod pooled;
 pub mod poses;
@@ -115,6 +116,15 @@ pub struct BlockResidual {
     pub time_s: f64,
     /// Filtered wrench less the prediction.
     pub residual: [f64; 6],
+    /// Factor on each row beside its weight: less than 1 where a knock has spoilt it.
+    pub factors: [f64; 6],
+}
+
+impl BlockResidual {
+    /// The residual as the answer counts it.
+    fn weighted(&self) -> [f64; 6] {
+        std::array::from_fn(|c| self.residual[c] * self.factors[c])
+    }
 }
 
 /// What the recording says.
@@ -236,7 +246,24 @@ fn run<const N: usize>(
             absorbed = absorb::<N>(input, &shares, sigma)?;
         }
     }
-    Ok(conclude(input.channel_sigma.is_some(), input, &shares, &absorbed.factor, &absorbed, wrap))
+    let sigma_given = input.channel_sigma.is_some();
+    let mut identification = conclude(sigma_given, input, &shares, &absorbed.factor, &absorbed, &wrap);
+    for _ in 0..knocks::MOST_ROUNDS {
+        let before = identification.counters.knocks;
+        if before == [0; 6] {
+            break;
+        }
+        let scale = identification.variance_ratio.max(1.0);
+        let reference = knocks::reference(&identification.estimate, scale, knocks::limit(input));
+        let shares = shares.watching(reference);
+        absorbed = absorb::<N>(input, &shares, sigma)?;
+        if !sigma_given {
+            sigma = sigma_from_residuals(input, &shares, &absorbed);
+            absorbed = absorb::<N>(input, &shares, sigma)?;
+        }
+        identification = conclude(sigma_given, input, &shares, &absorbed.factor, &absorbed, &wrap);
+    }
+    Ok(identification)
 }
 
 /// How the readings are shared out over the cores.
@@ -272,7 +299,10 @@ fn conclude<const N: usize>(
         None => Estimate::new(&factor, scale, noise),
     };
     let factor = wrap(factor);
-    let residuals = residuals::<N>(shares, sigma, &estimate, &gains);
+    let watching =
+        shares.watching(knocks::reference(&estimate, variance_ratio.max(1.0), knocks::limit(input)));
+    let (residuals, knocks) = residuals::<N>(&watching, sigma, &estimate, &gains);
+    let counters = Counters { knocks, ..counters };
     let gyro = input.gyro_sigma.unwrap_or_else(|| gyro_sigma(&input.readings));
     let moment_sigma = sigma[3..].iter().copied().fold(f64::INFINITY, f64::min);
     let weight = f64::from(counters.blocks) * f64::from(settings.config().row_every);
@@ -366,6 +396,7 @@ fn take_channels<const N: usize>(
     _: &Reading<f64>,
     estimator: &Estimator<f64, N, TAPS>,
 ) {
+    // Where gains are uncertain no row is taken for spoilt.
     if let (Some(channels), Some(block)) = (channels, estimator.last_block()) {
         channels.absorb(&block);
     }
@@ -444,27 +475,31 @@ fn progression_of<const N: usize>(input: &Input, sigma: [f64; 6], points: usize)
     progression
 }
 
-/// Residuals of the row blocks for given parameters, by running the pipeline once more.
+/// Residuals of the row blocks for given parameters, by running the pipeline once more, and how many rows of each
+/// channel a knock has spoilt.
 fn residuals<const N: usize>(
     shares: &Shares,
     sigma: [f64; 6],
     estimate: &Estimate,
     gains: &[f64; 6],
-) -> Vec<BlockResidual> {
+) -> (Vec<BlockResidual>, [u16; 6]) {
     let phi: [f64; N] = std::array::from_fn(|j| estimate.values.get(j).copied().unwrap_or(0.0));
     let take = |list: &mut Vec<BlockResidual>, reading: &Reading<f64>, pipeline: &Estimator<f64, N, TAPS>| {
         list.extend(pipeline.last_block().map(|block| BlockResidual {
             time_s: reading.time_ns as f64 * 1e-9,
             residual: residual_with_gains(&block, &phi, gains),
+            factors: *pipeline.last_factors(),
         }));
     };
     // The σ have been accepted before: there is no other way to fail.
-    shares.absorb(sigma, Vec::new, take).map_or_else(|_| Vec::new(), |done| done.parts.concat())
+    shares
+        .absorb(sigma, Vec::new, take)
+        .map_or_else(|_| (Vec::new(), [0; 6]), |done| (done.parts.concat(), done.counters.knocks))
 }
 
 fn rms(residuals: &[BlockResidual]) -> [f64; 6] {
     let n = residuals.len().max(1) as f64;
-    std::array::from_fn(|c| (residuals.iter().map(|r| r.residual[c].powi(2)).sum::<f64>() / n).sqrt())
+    std::array::from_fn(|c| (residuals.iter().map(|r| r.weighted()[c].powi(2)).sum::<f64>() / n).sqrt())
 }
 
 /// Raw σ of each channel: residual variance over `Σh²`, for the degrees of freedom that are left.
@@ -472,7 +507,7 @@ fn sigma_from_residuals<const N: usize>(input: &Input, shares: &Shares, absorbed
     let settings = &*absorbed.settings;
     let (factor, gains) = absorbed.factor_and_gains(&input.gain_sigma);
     let estimate = Estimate::new(&factor, 1.0, Noise::Given);
-    let residuals = residuals::<N>(shares, settings.config().channel_sigma, &estimate, &gains);
+    let (residuals, _) = residuals::<N>(shares, settings.config().channel_sigma, &estimate, &gains);
     let determined = estimate.determined.iter().filter(|d| **d).count();
     let blocks = absorbed.counters.blocks;
     let dof = degrees_of_freedom(blocks, settings.noise_gain(), determined);

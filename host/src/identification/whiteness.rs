@@ -91,7 +91,7 @@ pub fn white_autocovariance(response: &[f64], row_every: u16) -> Vec<f64> {
 
 /// Autocovariance of one channel at a lag, pairs counted only within stretches without gaps.
 fn autocovariance(stretches: &[&[BlockResidual]], channel: usize, lag: usize) -> f64 {
-    let of = |r: &BlockResidual| r.residual.get(channel).copied().unwrap_or(0.0);
+    let of = |r: &BlockResidual| r.weighted().get(channel).copied().unwrap_or(0.0);
     let count = stretches.iter().map(|s| s.len()).sum::<usize>().max(1) as f64;
     let pairs = stretches.iter().flat_map(|s| s.iter().zip(s.iter().skip(lag)));
     pairs.map(|(a, b)| of(a) * of(b)).sum::<f64>() / count
@@ -221,7 +221,11 @@ mod tests {
                 angular_rate: AngularRate::zero(),
             };
             if pipeline.absorb(&reading) == Outcome::Absorbed {
-                rows.push(BlockResidual { time_s, residual: pipeline.last_block().unwrap().wrench });
+                rows.push(BlockResidual {
+                    time_s,
+                    residual: pipeline.last_block().unwrap().wrench,
+                    factors: [1.0; 6],
+                });
             }
         }
         rows

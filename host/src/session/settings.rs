@@ -1,7 +1,7 @@
 use rigident_shared::wire::{ImuSettings, LoadCellSettings, Settings, Source, StopRule, TelemetrySettings};
 
 use crate::formats::rig::{Calibrated, ImuTable, OffsetTable, OffsetWord, RigFile};
-use crate::identification::{FILTER_WIDTH_S, FROZEN_AFTER, row_every};
+use crate::identification::{FILTER_WIDTH_S, FROZEN_AFTER, knocks, row_every};
 
 /// Estimates are sent at about this rate, 1/s.
 const ESTIMATE_RATE_HZ: f64 = 4.0;
@@ -73,6 +73,7 @@ pub fn settings(
         OffsetTable::Word(OffsetWord::Estimate) => None,
     };
     let every = if timing.is_static { 1 } else { row_every(timing.rate_hz) };
+    let gains_uncertain = cell.gain_uncertainty.is_some_and(|g| g.iter().any(|s| *s > 0.0));
     let delay = |seconds: f64| (seconds * 1e9).round() as u32;
     let blocks_per_s = timing.rate_hz / f64::from(every);
     Ok(Settings {
@@ -98,6 +99,8 @@ pub fn settings(
         },
         filter_width_s: if timing.is_static { 0.0 } else { FILTER_WIDTH_S as f32 },
         row_every: every,
+        // As in a batch: gain errors exceed the noise.
+        knock_limit_sd: if gains_uncertain { 0.0 } else { knocks::LIMIT_SD as f32 },
         stop,
         telemetry: TelemetrySettings {
             estimate_every_blocks: (blocks_per_s / ESTIMATE_RATE_HZ).round().clamp(1.0, 1000.0) as u16,

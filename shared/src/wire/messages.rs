@@ -205,6 +205,8 @@ pub enum SettingName {
     Filter,
     /// `stop`
     StopRule,
+    /// `knock_limit_sd`
+    KnockLimit,
 }
 
 /// Where readings come from.
@@ -231,6 +233,9 @@ pub struct Settings {
     pub filter_width_s: f32,
     /// A row block is absorbed every so many readings.
     pub row_every: u16,
+    /// A row is given less weight if it is further from the estimate so far than so many standard deviations; 0: never.
+    /// Needs estimates: it is what is sent (`telemetry`) that rows are compared with.
+    pub knock_limit_sd: f32,
     /// When the run ends by itself.
     pub stop: Option<StopRule>,
     /// What is sent unasked.
@@ -364,6 +369,8 @@ pub struct CounterReport {
     pub gaps: u32,
     /// Row blocks absorbed.
     pub blocks: u32,
+    /// Of these, those in which a knock gave a channel of the wrench less weight, per channel.
+    pub knocks: [u16; 6],
     /// Frames of the converter whose CRC did not fit.
     pub load_cell_crc_errors: u32,
     /// Other frames of the converter that held no sample.

@@ -37,6 +37,7 @@ pub fn settings() -> Settings {
         },
         filter_width_s: 0.06,
         row_every: 10,
+        knock_limit_sd: 6.0,
         stop: Some(StopRule {
             asked: 0x03ff,
             u95: core::array::from_fn(|j| 0.01 * j as f32),
@@ -80,6 +81,7 @@ fn counters() -> CounterReport {
         last_rejected_channel: 9,
         gaps: 3,
         blocks: 1_990,
+        knocks: [0, 12, 3, 0, 0, 1],
         load_cell_crc_errors: 1,
         load_cell_errors: 2,
         load_cell_clipped: 300,

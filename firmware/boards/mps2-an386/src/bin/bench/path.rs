@@ -127,6 +127,7 @@ fn settings(known_offset_n_nm: Option<[f32; 6]>) -> Settings {
         },
         filter_width_s: 0.1,
         row_every: 10,
+        knock_limit_sd: 6.0,
         stop: Some(StopRule { asked: 0x3FF, u95, minimum_blocks: 1 }),
         telemetry: TelemetrySettings { estimate_every_blocks: 0, stream_readings: false },
         frozen_after: 50,

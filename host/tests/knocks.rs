@@ -1,0 +1,62 @@
+//! A knock in a recording hardly moves the answer.
+#![cfg(feature = "simulator")]
+
+#[allow(dead_code, reason = "the factors use the rest")]
+#[path = "factors/simulated.rs"]
+mod simulated;
+
+use rigident::identification::{Identification, Input, identify};
+use rigident_shared::spatial::Wrench;
+use rigident_sim::experiment::thesis_program;
+use rigident_sim::rig::{Readings, RigConfig};
+use rigident_sim::sensors::SensorModels;
+
+/// A quiet load cell, so that 50 N for 20 ms are no matter of chance.
+fn recording(seed: u64) -> Input {
+    let mut sensors = SensorModels::thesis();
+    sensors.load_cell.noise_n_nm = sensors.load_cell.noise_n_nm.map(|s| 0.1 * s);
+    let config = RigConfig::thesis_horizontal().with_sensors(sensors);
+    let program = thesis_program(&config.geometry, 20.0);
+    let readings = Readings::new(&config, &program, simulated::RATE_HZ).unwrap();
+    let channel_sigma = Some(simulated::SIGMA.map(|s| 0.1 * s));
+    Input { channel_sigma, ..simulated::input(&config, &readings, seed) }
+}
+
+fn knocked(input: &Input) -> Input {
+    let mut input = input.clone();
+    let middle = input.readings.len() / 2;
+    for reading in &mut input.readings[middle..middle + 4] {
+        let mut wrench = reading.wrench.array();
+        wrench[0] += 50.0;
+        wrench[4] += 10.0;
+        reading.wrench = Wrench::from_array(wrench);
+    }
+    input
+}
+
+fn largest_change(a: &Identification, b: &Identification) -> f64 {
+    (0..16)
+        .map(|j| (a.estimate.values[j] - b.estimate.values[j]).abs() / b.estimate.u95(j))
+        .fold(0.0, f64::max)
+}
+
+#[test]
+fn a_knock_in_a_recording_is_found_and_its_rows_count_little() {
+    for seed in 1..=3 {
+        let clean = recording(seed);
+        // With gain errors, however small, no row is taken for spoilt.
+        let plain = Input { gain_sigma: [1e-12; 6], ..knocked(&clean) };
+        for (given, sigma) in [(true, clean.channel_sigma), (false, None)] {
+            let with = |input: &Input| identify(&Input { channel_sigma: sigma, ..input.clone() }).unwrap();
+            let reference = with(&clean);
+            let answer = with(&knocked(&clean));
+            assert!(largest_change(&with(&plain), &reference) > if given { 3.0 } else { 2.0 });
+            assert!(largest_change(&answer, &reference) < 0.5);
+            // The filter of 0.1 s, a hundred blocks a second, sees the 20 ms in twelve blocks, faintly in the first and last.
+            let [fx, _, _, _, my, _] = answer.counters.knocks;
+            assert!((4..=12).contains(&fx) && (4..=12).contains(&my), "{:?}", answer.counters.knocks);
+            assert_eq!(answer.counters.knocks, [fx, 0, 0, 0, my, 0]);
+            assert_eq!(reference.counters.knocks, [0; 6]);
+        }
+    }
+}
