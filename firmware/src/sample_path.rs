@@ -2,7 +2,7 @@
 //!
 //! [`sample_path`] is the one entry; the release check looks for its symbol and walks what it can reach.
 
-use rigident_shared::alignment::{Aligner, ImuReading, WrenchReading};
+use rigident_shared::alignment::{Aligner, ImuReading};
 use rigident_shared::calibration::{GaugeCalibration, Reading};
 use rigident_shared::estimator::{ChannelStatistics, ConfigError, Counters, Estimator, Outcome, Reference};
 use rigident_shared::factor::InformationFactor;
@@ -10,8 +10,10 @@ use rigident_shared::factor::InformationFactor;
 use crate::answer::Solved;
 use crate::settings::Configuration;
 
-/// Room for the filter: 0.1 s at 2.5 kHz.
-const TAPS: usize = 256;
+/// Room for the filter: 0.1 s of averages at up to 640 Hz.
+const TAPS: usize = 64;
+/// Row blocks between two looks at the stop rule.
+const LOOK_EVERY_BLOCKS: u16 = 50;
 
 /// What a sensor said.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,10 +63,23 @@ macro_rules! either {
 pub struct SamplePath {
     gauges: GaugeCalibration<f32>,
     aligner: Aligner<f32>,
-    aligned: Option<Reading<f32>>,
+    reading: Reading<f32>,
     estimator: BodyEstimator,
     /// Whether readings are absorbed; else they are only aligned.
     absorbing: bool,
+    stop: Option<StopLimits>,
+    /// Row blocks until the next look at the stop rule.
+    until_look: u16,
+    stop_rule_met: bool,
+}
+
+/// The stop rule as standard deviations.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StopLimits {
+    /// Largest standard deviation of each parameter asked for.
+    pub(crate) standard_deviation: [Option<f32>; 16],
+    /// Not before so many row blocks.
+    pub(crate) minimum_blocks: u32,
 }
 
 impl SamplePath {
@@ -77,9 +92,12 @@ impl SamplePath {
         Ok(Self {
             gauges: configuration.gauges,
             aligner: Aligner::new(configuration.aligner),
-            aligned: None,
+            reading: Reading::default(),
             estimator,
             absorbing: false,
+            stop: configuration.stop,
+            until_look: LOOK_EVERY_BLOCKS,
+            stop_rule_met: false,
         })
     }
 
@@ -90,6 +108,72 @@ impl SamplePath {
     pub(crate) fn restart(&mut self) {
         either!(&mut self.estimator, e => e.reset());
         self.aligner.reset();
+        (self.until_look, self.stop_rule_met) = (LOOK_EVERY_BLOCKS, false);
+    }
+
+    #[inline(never)]
+    fn push_gauges(&mut self, time_ns: u64, volts: &[f32; 6]) {
+        let wrench = self.gauges.wrench(volts);
+        self.aligner.push_wrench(time_ns, wrench);
+    }
+
+    /// The reading that was taken last.
+    #[inline]
+    pub(crate) fn reading(&self) -> &Reading<f32> {
+        &self.reading
+    }
+
+    /// Whether [`sample_path`] without words has something to do.
+    #[inline]
+    pub(crate) fn has_more(&self) -> bool {
+        self.aligner.is_ready()
+    }
+
+    #[inline(never)]
+    fn take_aligned(&mut self) -> Option<Outcome> {
+        self.reading = self.aligner.pop()?;
+        Some(self.absorb())
+    }
+
+    #[inline(always)]
+    fn absorb(&mut self) -> Outcome {
+        if !self.absorbing {
+            return Outcome::Pending;
+        }
+        let outcome = either!(&mut self.estimator, e => e.absorb(&self.reading));
+        self.look(outcome);
+        outcome
+    }
+
+    /// Whether every asked-for parameter had its asked-for uncertainty at the last look. Looking at it forgets it.
+    pub(crate) fn take_stop_rule_met(&mut self) -> bool {
+        core::mem::take(&mut self.stop_rule_met)
+    }
+
+    /// A row block is followed by readings that only wait in the filter: with each of these one step of a look at the
+    /// stop rule.
+    #[inline]
+    fn look(&mut self, outcome: Outcome) {
+        let Some(stop) = &self.stop else { return };
+        match outcome {
+            Outcome::Absorbed if self.until_look > 0 => self.until_look -= 1,
+            // Where every reading is a row block, none waits.
+            Outcome::Absorbed | Outcome::Pending if self.until_look == 0 => self.step(*stop),
+            _ => {}
+        }
+    }
+
+    #[inline(never)]
+    fn step(&mut self, stop: StopLimits) {
+        let limits = &stop.standard_deviation;
+        let met = match &mut self.estimator {
+            BodyEstimator::Ten(e) => limits.first_chunk::<10>().and_then(|limits| e.step_within(limits)),
+            BodyEstimator::Sixteen(e) => e.step_within(limits),
+        };
+        if let Some(met) = met {
+            self.until_look = LOOK_EVERY_BLOCKS;
+            self.stop_rule_met = met && self.counters().blocks >= stop.minimum_blocks;
+        }
     }
 
     pub(crate) fn counters(&self) -> &Counters {
@@ -130,27 +214,26 @@ impl SamplePath {
     }
 }
 
-/// Takes a sensor's words, if any, and the next reading that they completed through the estimator, if any.
-/// Call it without words until there is none.
+/// Takes a sensor's words, if any, and the next reading that they completed through the estimator, if any: it is then
+/// [`SamplePath::reading`]. Call it without words while there is more.
 // SAFETY: the name is this function's own; no other symbol of the program has it.
 #[unsafe(export_name = "rigident_sample_path")]
 #[inline(never)]
-pub fn sample_path(path: &mut SamplePath, words: Option<&Words>) -> Option<(Reading<f32>, Outcome)> {
+pub fn sample_path(path: &mut SamplePath, words: Option<&Words>) -> Option<Outcome> {
     match words {
         Some(Words::Gauges { time_ns, volts }) => {
             #[cfg(feature = "plant-double")]
             crate::planted::double(volts[0]);
             #[cfg(feature = "plant-panic")]
             crate::planted::panic(volts, *time_ns as usize);
-            let wrench = path.gauges.wrench(volts);
-            path.aligner.push_wrench(WrenchReading { time_ns: *time_ns, wrench });
+            path.push_gauges(*time_ns, volts);
         }
-        Some(Words::Imu(reading)) => path.aligner.push_imu(*reading),
-        Some(Words::Aligned(reading)) => path.aligned = Some(*reading),
+        Some(Words::Imu(reading)) => path.aligner.push_imu(reading),
+        Some(Words::Aligned(reading)) => {
+            path.reading = *reading;
+            return Some(path.absorb());
+        }
         None => {}
     }
-    let reading = path.aligned.take().or_else(|| path.aligner.pop())?;
-    let outcome =
-        if path.absorbing { either!(&mut path.estimator, e => e.absorb(&reading)) } else { Outcome::Pending };
-    Some((reading, outcome))
+    if path.has_more() { path.take_aligned() } else { None }
 }

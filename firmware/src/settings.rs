@@ -7,8 +7,13 @@ use rigident_shared::screening::Limits;
 use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce};
 use rigident_shared::wire::{SettingName, Settings, Source};
 
+use crate::sample_path::StopLimits;
+
 /// Highest rate, 1/s.
 const MAX_RATE_HZ: f32 = 4000.0;
+
+/// Coverage factor of a 95 % uncertainty.
+const COVERAGE: f32 = 1.96;
 
 /// What the settings amount to.
 pub(crate) struct Configuration {
@@ -16,6 +21,7 @@ pub(crate) struct Configuration {
     pub(crate) aligner: AlignerConfig,
     pub(crate) gauges: GaugeCalibration<f32>,
     pub(crate) estimates_offset: bool,
+    pub(crate) stop: Option<StopLimits>,
 }
 
 fn all_finite(values: &[f32]) -> bool {
@@ -80,6 +86,12 @@ impl Configuration {
             },
             gauges: GaugeCalibration { matrix: cell.calibration },
             estimates_offset: cell.known_offset_n_nm.is_none(),
+            stop: settings.stop.as_ref().map(|stop| StopLimits {
+                standard_deviation: core::array::from_fn(|j| {
+                    stop.u95.get(j).filter(|_| stop.asked >> j & 1 == 1).map(|u95| u95 / COVERAGE)
+                }),
+                minimum_blocks: stop.minimum_blocks,
+            }),
         })
     }
 }

@@ -6,8 +6,6 @@
 //! Capture times come from one clock; each sensor's stated group delay is taken off first. IMU values are
 //! interpolated by the cubic through the four readings around the instant: 4e-7 of a 2 Hz signal at 200 Hz.
 
-use heapless::Deque;
-
 use crate::Scalar;
 use crate::calibration::Reading;
 use crate::spatial::{AngularRate, Imu, Sensor, SpecificForce, Wrench};
@@ -50,11 +48,14 @@ const PENDING: usize = 32;
 #[derive(Clone, Debug)]
 pub struct Aligner<T: Scalar> {
     config: AlignerConfig,
-    /// The last four IMU readings, oldest first, delays taken off.
+    /// The last four IMU readings, delays taken off; the oldest stands at `oldest`, the others follow around.
     around: [ImuReading<T>; NEIGHBOURS],
-    filled: usize,
-    pending: Deque<WrenchReading<T>, PENDING>,
-    ready: Deque<Reading<T>, PENDING>,
+    oldest: u8,
+    filled: u8,
+    /// A ring: `waiting` of them from `first` on.
+    pending: [WrenchReading<T>; PENDING],
+    first: u8,
+    waiting: u8,
     dropped: u32,
 }
 
@@ -69,18 +70,18 @@ impl<T: Scalar> Aligner<T> {
         Self {
             config,
             around: [none; NEIGHBOURS],
+            oldest: 0,
             filled: 0,
-            pending: Deque::new(),
-            ready: Deque::new(),
+            pending: [WrenchReading { time_ns: 0, wrench: Wrench::default() }; PENDING],
+            first: 0,
+            waiting: 0,
             dropped: 0,
         }
     }
 
     /// Forgets all readings; the count of dropped ones stays.
     pub fn reset(&mut self) {
-        self.filled = 0;
-        self.pending.clear();
-        self.ready.clear();
+        (self.filled, self.waiting) = (0, 0);
     }
 
     /// Load-cell samples for which no IMU neighbours could be had.
@@ -88,81 +89,120 @@ impl<T: Scalar> Aligner<T> {
         self.dropped
     }
 
-    /// Takes an IMU reading. One that is not later than its predecessor starts anew.
-    pub fn push_imu(&mut self, mut reading: ImuReading<T>) {
-        reading.time_ns = reading.time_ns.saturating_sub(u64::from(self.config.imu_delay_ns));
-        let [_, b, c, d] = self.around;
-        if self.filled > 0 && reading.time_ns <= d.time_ns {
+    /// The k-th oldest of the last IMU readings.
+    #[inline(always)]
+    fn imu(&self, k: u8) -> &ImuReading<T> {
+        &self.around[usize::from((self.oldest + k) % NEIGHBOURS as u8)]
+    }
+
+    /// Takes an IMU reading. One that is not later than its predecessor starts anew. Ask for what it completed
+    /// ([`Self::pop`]) before the next one is given.
+    #[inline]
+    pub fn push_imu(&mut self, reading: &ImuReading<T>) {
+        let time_ns = reading.time_ns.saturating_sub(u64::from(self.config.imu_delay_ns));
+        if self.filled > 0 && time_ns <= self.imu(3).time_ns {
             self.filled = 0;
         }
-        self.around = [b, c, d, reading];
-        self.filled = (self.filled + 1).min(NEIGHBOURS);
-        self.match_pending();
+        self.around[usize::from(self.oldest % NEIGHBOURS as u8)] = ImuReading { time_ns, ..*reading };
+        self.oldest = (self.oldest + 1) % NEIGHBOURS as u8;
+        self.filled = (self.filled + 1).min(NEIGHBOURS as u8);
     }
 
     /// Takes a load-cell reading.
-    pub fn push_wrench(&mut self, mut reading: WrenchReading<T>) {
-        reading.time_ns = reading.time_ns.saturating_sub(u64::from(self.config.wrench_delay_ns));
-        if self.pending.push_back(reading).is_err() {
-            self.pending.pop_front();
+    #[inline]
+    pub fn push_wrench(&mut self, time_ns: u64, wrench: Wrench<Sensor, T>) {
+        let time_ns = time_ns.saturating_sub(u64::from(self.config.wrench_delay_ns));
+        if usize::from(self.waiting) == PENDING {
+            self.drop_first();
             self.dropped = self.dropped.saturating_add(1);
-            // The queue had room for one once its oldest entry was gone.
-            let _ = self.pending.push_back(reading);
         }
-        self.match_pending();
+        let place = (usize::from(self.first) + usize::from(self.waiting)) % PENDING;
+        self.pending[place] = WrenchReading { time_ns, wrench };
+        self.waiting += 1;
+    }
+
+    #[inline(always)]
+    fn drop_first(&mut self) {
+        self.first = (self.first + 1) % PENDING as u8;
+        self.waiting = self.waiting.saturating_sub(1);
+    }
+
+    #[inline(always)]
+    fn front(&self) -> Option<&WrenchReading<T>> {
+        (self.waiting > 0).then(|| &self.pending[usize::from(self.first) % PENDING])
+    }
+
+    /// Whether [`Self::pop`] has something to do.
+    #[inline]
+    pub fn is_ready(&self) -> bool {
+        usize::from(self.filled) == NEIGHBOURS
+            && self.front().is_some_and(|wrench| wrench.time_ns <= self.imu(2).time_ns)
     }
 
     /// The next aligned reading, oldest first.
+    #[inline]
     pub fn pop(&mut self) -> Option<Reading<T>> {
-        self.ready.pop_front()
+        if usize::from(self.filled) < NEIGHBOURS {
+            return None;
+        }
+        let (before_ns, after_ns) = (self.imu(1).time_ns, self.imu(2).time_ns);
+        loop {
+            let wrench = self.front()?;
+            if wrench.time_ns > after_ns {
+                return None;
+            }
+            // Nanoseconds between neighbours fit 32 bits.
+            let wide = after_ns - before_ns > 2 * u64::from(self.config.imu_period_ns)
+                || self.imu(3).time_ns - self.imu(0).time_ns > u64::from(u32::MAX / 2);
+            let reading = (wrench.time_ns >= before_ns && !wide).then(|| self.interpolate(wrench));
+            self.drop_first();
+            if reading.is_some() {
+                return reading;
+            }
+            self.dropped = self.dropped.saturating_add(1);
+        }
     }
 
-    fn match_pending(&mut self) {
-        if self.filled < NEIGHBOURS {
-            return;
-        }
-        let [_, b, c, _] = self.around;
-        while let Some(wrench) = self.pending.front().copied() {
-            if wrench.time_ns > c.time_ns {
-                return;
-            }
-            self.pending.pop_front();
-            let wide = c.time_ns - b.time_ns > 2 * u64::from(self.config.imu_period_ns);
-            if wrench.time_ns < b.time_ns || wide || self.ready.push_back(self.interpolate(&wrench)).is_err()
-            {
-                self.dropped = self.dropped.saturating_add(1);
-            }
-        }
-    }
-
+    #[inline]
     fn interpolate(&self, wrench: &WrenchReading<T>) -> Reading<T> {
-        // Times relative to the wanted instant, in units of the nominal period.
-        let unit = T::from_u32(self.config.imu_period_ns.max(1));
-        let tau = self.around.map(|r| {
-            let ns = r.time_ns.wrapping_sub(wrench.time_ns).cast_signed();
-            T::from_i32(i32::try_from(ns).unwrap_or(if ns < 0 { i32::MIN } else { i32::MAX })) / unit
-        });
-        let (mut force, mut rate) = ([T::ZERO; 3], [T::ZERO; 3]);
-        for (i, (reading, ti)) in self.around.iter().zip(tau).enumerate() {
-            // Lagrange: w_i = Π_{j≠i} τ_j / (τ_j − τ_i)
-            let mut weight = T::ONE;
-            for (j, tj) in tau.iter().enumerate() {
-                if i != j {
-                    weight *= *tj / (*tj - ti);
-                }
-            }
-            for (sum, v) in force.iter_mut().zip(reading.specific_force.array()) {
-                *sum += weight * v;
-            }
-            for (sum, v) in rate.iter_mut().zip(reading.angular_rate.array()) {
-                *sum += weight * v;
-            }
-        }
-        Reading {
+        let around: [&ImuReading<T>; NEIGHBOURS] = core::array::from_fn(|k| self.imu(k as u8));
+        let of = |imu: &ImuReading<T>| Reading {
             time_ns: wrench.time_ns,
             wrench: wrench.wrench,
-            specific_force: SpecificForce::from_array(force),
-            angular_rate: AngularRate::from_array(rate),
+            specific_force: imu.specific_force,
+            angular_rate: imu.angular_rate,
+        };
+        // Times relative to the wanted instant, in units of the nominal period.
+        let unit = T::ONE / T::from_u32(self.config.imu_period_ns.max(1));
+        let [t0, t1, t2, t3] = around.map(|r| {
+            T::from_i32((r.time_ns as u32).wrapping_sub(wrench.time_ns as u32).cast_signed()) * unit
+        });
+        if t1 == T::ZERO {
+            return of(around[1]);
+        }
+        // Lagrange: w_i = Π_{j≠i} τ_j / (τ_j − τ_i), over one denominator.
+        let (h01, h02, h03, h12, h13, h23) = (t1 - t0, t2 - t0, t3 - t0, t2 - t1, t3 - t1, t3 - t2);
+        let (without0, without1, without2, without3) =
+            (h12 * h13 * h23, h02 * h03 * h23, h01 * h03 * h13, h01 * h02 * h12);
+        let (outer, inner) = (t0 * t3, t1 * t2);
+        let inverse = T::ONE / (without0 * (h01 * h02 * h03));
+        let weights = [
+            inner * t3 * without0 * inverse,
+            -(outer * t2 * without1 * inverse),
+            outer * t1 * without2 * inverse,
+            -(inner * t0 * without3 * inverse),
+        ];
+        let combined = |of: fn(&ImuReading<T>) -> [T; 3]| {
+            let values = around.map(of);
+            core::array::from_fn(|axis| {
+                (weights[0] * values[0][axis] + weights[1] * values[1][axis])
+                    + (weights[2] * values[2][axis] + weights[3] * values[3][axis])
+            })
+        };
+        Reading {
+            specific_force: SpecificForce::from_array(combined(|r| r.specific_force.array())),
+            angular_rate: AngularRate::from_array(combined(|r| r.angular_rate.array())),
+            ..of(around[1])
         }
     }
 }
@@ -193,11 +233,11 @@ mod tests {
         let (mut next_imu, mut next_wrench) = (0_u64, 0_u64);
         for _ in 0..400 {
             if next_imu <= next_wrench {
-                aligner.push_imu(imu(next_imu, next_imu + 700_000));
+                aligner.push_imu(&imu(next_imu, next_imu + 700_000));
                 next_imu += 900_000;
             } else {
                 let wrench = Wrench::from_array([next_wrench as f64; 6]);
-                aligner.push_wrench(WrenchReading { time_ns: next_wrench + 1_500_000, wrench });
+                aligner.push_wrench(next_wrench + 1_500_000, wrench);
                 next_wrench += 1_000_000;
             }
             while let Some(r) = aligner.pop() {
@@ -217,8 +257,8 @@ mod tests {
         let config = AlignerConfig { wrench_delay_ns: 0, imu_delay_ns: 0, imu_period_ns: 1_000_000 };
         let mut aligner = Aligner::<f64>::new(config);
         for n in 0..50_u64 {
-            aligner.push_imu(imu(n * 1_000_000, n * 1_000_000));
-            aligner.push_wrench(WrenchReading { time_ns: n * 1_000_000, wrench: Wrench::default() });
+            aligner.push_imu(&imu(n * 1_000_000, n * 1_000_000));
+            aligner.push_wrench(n * 1_000_000, Wrench::default());
             while let Some(r) = aligner.pop() {
                 assert_eq!(r.specific_force, imu(r.time_ns, 0).specific_force);
             }
@@ -231,9 +271,9 @@ mod tests {
         let mut aligner = Aligner::<f64>::new(config);
         for n in 0..30_u64 {
             if !(10..20).contains(&n) {
-                aligner.push_imu(imu(n * 1_000_000, n * 1_000_000));
+                aligner.push_imu(&imu(n * 1_000_000, n * 1_000_000));
             }
-            aligner.push_wrench(WrenchReading { time_ns: n * 1_000_000, wrench: Wrench::default() });
+            aligner.push_wrench(n * 1_000_000, Wrench::default());
         }
         let mut times = std::vec::Vec::new();
         while let Some(r) = aligner.pop() {

@@ -3,7 +3,10 @@
 //! Lives here: gauge matrix, IMU scale, bias and mounting. May not live here: time. Before this: the drivers
 //! of the firmware; after it: [`crate::alignment`].
 
+use nalgebra::Matrix3;
+
 use crate::Scalar;
+use crate::regressor::{self, SIGNALS};
 use crate::spatial::{AngularRate, Imu, Position, Rotation, Sensor, SpecificForce, Wrench};
 
 /// What the two sensors said at one instant of the load cell's clock: one row of a recording.
@@ -17,17 +20,6 @@ pub struct Reading<T: Scalar> {
     pub specific_force: SpecificForce<Imu, T>,
     /// Angular rate in the IMU's axes, uncorrected.
     pub angular_rate: AngularRate<Imu, T>,
-}
-
-/// A reading in the axes of S: what the regressor is made of. The lever arm is not yet taken into account.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sample<T: Scalar> {
-    /// Wrench on the body, in S.
-    pub wrench: Wrench<Sensor, T>,
-    /// Specific force **at the IMU's origin**, in S's axes.
-    pub specific_force_at_imu: SpecificForce<Sensor, T>,
-    /// Angular rate, in S's axes.
-    pub angular_rate: AngularRate<Sensor, T>,
 }
 
 /// Six gauge voltages × 6×6 matrix → wrench on the body in S.
@@ -79,16 +71,61 @@ impl<T: Scalar> Default for ImuMounting<T> {
 }
 
 impl<T: Scalar> ImuMounting<T> {
-    /// A reading brought into the axes of S.
+    /// The signals of a reading, still in the IMU's axes and with the accelerometer as it reads: all that is linear can
+    /// wait until they are conditioned ([`Self::mounted`]), the products of the rates cannot.
     #[inline]
-    pub fn sample(&self, reading: &Reading<T>) -> Sample<T> {
-        let [ax, ay, az] = reading.specific_force.array();
+    pub fn signals(&self, reading: &Reading<T>) -> [T; SIGNALS] {
+        let rate = (reading.angular_rate - self.gyro_bias).array();
+        regressor::signals(reading.specific_force.array(), rate, reading.wrench.array())
+    }
+
+    /// Conditioned signals in the axes of S, the accelerometer's scale and bias taken out. The filter has unit gain at
+    /// zero frequency, so a bias is itself behind it.
+    #[inline]
+    pub fn mounted(&self, signals: &[T; SIGNALS]) -> [T; SIGNALS] {
+        let [ax, ay, az, xx, yy, zz, yz, zx, xy, fx, fy, fz, mx, my, mz, wx, wy, wz] = *signals;
         let [sx, sy, sz] = self.accel_scale;
         let scaled = SpecificForce::<Imu, T>::new(sx * ax, sy * ay, sz * az);
-        Sample {
-            wrench: reading.wrench,
-            specific_force_at_imu: self.rotation * (scaled - self.accel_bias),
-            angular_rate: self.rotation * (reading.angular_rate - self.gyro_bias),
+        let [ax, ay, az] = (self.rotation * (scaled - self.accel_bias)).array();
+        let [wx, wy, wz] = (self.rotation * AngularRate::<Imu, T>::new(wx, wy, wz)).array();
+        // R ωωᵀ Rᵀ
+        let r = self.rotation.matrix();
+        let rows = r * Matrix3::new(xx, xy, zx, xy, yy, yz, zx, yz, zz);
+        let product = |i: usize, j: usize| {
+            rows[(i, 0)] * r[(j, 0)] + rows[(i, 1)] * r[(j, 1)] + rows[(i, 2)] * r[(j, 2)]
+        };
+        let [xx, yy, zz] = [product(0, 0), product(1, 1), product(2, 2)];
+        let [yz, zx, xy] = [product(1, 2), product(2, 0), product(0, 1)];
+        [ax, ay, az, xx, yy, zz, yz, zx, xy, fx, fy, fz, mx, my, mz, wx, wy, wz]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mounting_the_signals_is_taking_the_signals_of_what_is_mounted() {
+        let mounting = ImuMounting::<f64> {
+            rotation: Rotation::from_quaternion([0.8, -0.3, 0.4, 0.2]).unwrap(),
+            accel_scale: [1.01, 0.98, 1.02],
+            accel_bias: SpecificForce::new(0.1, -0.2, 0.3),
+            gyro_bias: AngularRate::new(0.01, 0.02, -0.03),
+            ..ImuMounting::default()
+        };
+        let reading = Reading {
+            time_ns: 0,
+            wrench: Wrench::from_array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]),
+            specific_force: SpecificForce::new(1.0, -2.0, 9.0),
+            angular_rate: AngularRate::new(0.7, -0.5, 1.1),
+        };
+        let [ax, ay, az] = reading.specific_force.array();
+        let scaled = SpecificForce::<Imu, f64>::new(1.01 * ax, 0.98 * ay, 1.02 * az);
+        let a = mounting.rotation * (scaled - mounting.accel_bias);
+        let w = mounting.rotation * (reading.angular_rate - mounting.gyro_bias);
+        let expected = regressor::signals(a.array(), w.array(), reading.wrench.array());
+        for (got, expected) in mounting.mounted(&mounting.signals(&reading)).iter().zip(expected) {
+            assert!((got - expected).abs() < 1e-14);
         }
     }
 }

@@ -9,15 +9,17 @@
 //! differentiable at its ends, made of products only. Its aliasing error at 200 Hz and 0.1 s is below 2e-9 of
 //! a 1 Hz rate's derivative.
 //!
-//! Outputs are wanted only every `row_every` samples. Instead of keeping the samples and convolving in a
-//! burst, each sample is added to every window that is open: the same sums, a constant cost per sample, and
-//! memory for ⌈taps / row_every⌉ windows instead of `taps` samples.
+//! Where rows come much more seldom than samples, neighbouring samples are averaged first and the kernel, sampled more
+//! coarsely, takes the averages. That is one FIR still, on rows and wrench alike, and `h̄ ∗ ω̇ = ḣ̄ ∗ ω` for the
+//! averages as for the samples. Averages of white noise are white, so nothing is lost: the noise gain is that of
+//! the kernel on its own samples, divided by their number. An output is evaluated when it is due, folding the
+//! symmetric halves of the kernel onto each other.
 
 use crate::Scalar;
 use crate::regressor::{SIGNALS, SMOOTHED};
 
-/// Most windows that can be open at once.
-pub const OPEN_WINDOWS: usize = 16;
+/// Averages are taken no more seldom than this, 1/s: the kernel of 0.1 s then still has fifteen samples.
+const LEAST_RATE_HZ: u32 = 150;
 
 /// Why a kernel cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,11 +28,9 @@ pub enum KernelError {
     Invalid,
     /// The width needs this many taps, more than there is room for.
     TooManyTaps(u32),
-    /// This many windows would be open at once, more than [`OPEN_WINDOWS`].
-    TooManyWindows(u32),
 }
 
-/// Samples of the kernel `h` and of its derivative, centred.
+/// Coefficients of the kernel `h` and of its derivative, centred, for sums of neighbouring samples.
 #[derive(Clone, Copy, Debug)]
 pub struct Kernel<T: Scalar, const TAPS: usize> {
     taps: usize,
@@ -41,8 +41,11 @@ pub struct Kernel<T: Scalar, const TAPS: usize> {
 }
 
 impl<T: Scalar, const TAPS: usize> Kernel<T, TAPS> {
-    /// The kernel of `width_s` seconds at `rate_hz`. Width zero is the identity, for still rows: ω̇ is then 0.
-    pub fn new(rate_hz: T, width_s: T) -> Result<Self, KernelError> {
+    /// The kernel of `width_s` seconds for sums of `averaged` samples at `rate_hz`. Width zero is the identity, for
+    /// still rows: ω̇ is then 0.
+    fn new(rate_hz: T, width_s: T, averaged: u16) -> Result<Self, KernelError> {
+        let averaged = T::from_u32(u32::from(averaged));
+        let sum_rate_hz = rate_hz / averaged;
         let mut kernel = Self {
             taps: 1,
             smooth: [T::ZERO; TAPS],
@@ -50,7 +53,7 @@ impl<T: Scalar, const TAPS: usize> Kernel<T, TAPS> {
             noise_gain: T::ONE,
             derivative_noise_gain: T::ZERO,
         };
-        let half = rate_hz * width_s / T::from_u32(2);
+        let half = sum_rate_hz * width_s / T::from_u32(2);
         if !half.is_finite() || half < T::ZERO || rate_hz <= T::ZERO || TAPS == 0 {
             return Err(KernelError::Invalid);
         }
@@ -60,7 +63,7 @@ impl<T: Scalar, const TAPS: usize> Kernel<T, TAPS> {
             reach += 1;
         }
         let taps = 2 * reach + 1;
-        if taps as usize > TAPS {
+        if taps as usize > TAPS || taps > u32::from(u16::MAX) {
             return Err(KernelError::TooManyTaps(taps));
         }
         kernel.taps = taps as usize;
@@ -82,8 +85,8 @@ impl<T: Scalar, const TAPS: usize> Kernel<T, TAPS> {
             sum += *h;
             slope += *d * offset;
         }
-        // Σ h = 1 exactly, and Σ d t = 1 exactly: constants and straight lines pass without error.
-        let slope_per_second = slope / rate_hz;
+        // Σ h = 1 exactly, and Σ d t = 1 exactly, on averages: constants and straight lines pass without error.
+        let (sum, slope_per_second) = (sum * averaged, slope * averaged / sum_rate_hz);
         let (mut energy, mut derivative_energy) = (T::ZERO, T::ZERO);
         for (h, d) in kernel.smooth.iter_mut().zip(&mut kernel.derivative).take(kernel.taps) {
             *h /= sum;
@@ -91,104 +94,143 @@ impl<T: Scalar, const TAPS: usize> Kernel<T, TAPS> {
             energy += *h * *h;
             derivative_energy += *d * *d;
         }
-        kernel.noise_gain = energy;
-        kernel.derivative_noise_gain = derivative_energy;
+        kernel.noise_gain = energy * averaged;
+        kernel.derivative_noise_gain = derivative_energy * averaged;
         Ok(kernel)
     }
 
-    /// Number of samples under the kernel.
-    pub fn taps(&self) -> usize {
-        self.taps
-    }
-
-    /// `Σ h²`: the variance of white noise after the filter, relative to before.
+    /// `Σ h²` over the samples: the variance of white noise after the filter, relative to before.
     pub fn noise_gain(&self) -> T {
         self.noise_gain
     }
 
-    /// `Σ ḣ²`, 1/s²: the variance of ω̇ for white noise of unit variance in ω.
+    /// `Σ ḣ²` over the samples, 1/s²: the variance of ω̇ for white noise of unit variance in ω.
     pub fn derivative_noise_gain(&self) -> T {
         self.derivative_noise_gain
     }
 }
 
-#[derive(Clone, Copy, Debug)]
-struct Window<T: Scalar> {
-    /// Next tap; equal to the number of taps when the window is closed.
-    tap: usize,
-    sums: [T; SIGNALS],
-}
-
-/// The filter with its open windows.
+/// The filter with what it remembers.
 #[derive(Clone, Copy, Debug)]
 pub struct Conditioner<T: Scalar, const TAPS: usize> {
     kernel: Kernel<T, TAPS>,
-    row_every: u16,
-    until_next: u16,
-    windows: [Window<T>; OPEN_WINDOWS],
+    /// Samples in an average, and averages between two outputs.
+    averaged: u16,
+    every: u16,
+    /// Sum of the samples since the last average.
+    sum: [T; SIGNALS],
+    in_sum: u16,
+    /// The last averages; the next one is written at `next`.
+    averages: [[T; SIGNALS]; TAPS],
+    next: usize,
+    /// Averages until the next output.
+    until_output: u16,
 }
 
 impl<T: Scalar, const TAPS: usize> Conditioner<T, TAPS> {
-    /// A filter that gives one output every `row_every` samples.
-    pub fn new(kernel: Kernel<T, TAPS>, row_every: u16) -> Result<Self, KernelError> {
+    /// A filter of `width_s` seconds on samples at `rate_hz`, with an output every `row_every` samples. Width zero is
+    /// the identity, for still rows.
+    ///
+    /// # Errors
+    /// [`KernelError`] if it cannot be, or does not fit.
+    pub fn new(rate_hz: T, width_s: T, row_every: u16) -> Result<Self, KernelError> {
         if row_every == 0 {
             return Err(KernelError::Invalid);
         }
-        let open = kernel.taps.div_ceil(usize::from(row_every));
-        if open > OPEN_WINDOWS {
-            return Err(KernelError::TooManyWindows(open as u32));
-        }
-        let closed = Window { tap: kernel.taps, sums: [T::ZERO; SIGNALS] };
-        Ok(Self { kernel, row_every, until_next: 0, windows: [closed; OPEN_WINDOWS] })
+        let least = T::from_u32(LEAST_RATE_HZ);
+        let fits =
+            |k: u16| row_every.is_multiple_of(k) && (k == 1 || rate_hz >= least * T::from_u32(u32::from(k)));
+        let still = width_s <= T::ZERO;
+        let averaged = (1..=row_every).rev().find(|k| !still && *k < row_every && fits(*k)).unwrap_or(1);
+        let kernel = Kernel::new(rate_hz, width_s, averaged)?;
+        let every = row_every / averaged;
+        let mut conditioner = Self {
+            kernel,
+            averaged,
+            every,
+            sum: [T::ZERO; SIGNALS],
+            in_sum: 0,
+            averages: [[T::ZERO; SIGNALS]; TAPS],
+            next: 0,
+            until_output: 0,
+        };
+        conditioner.reset();
+        Ok(conditioner)
     }
 
-    /// The kernel in use.
+    /// The kernel.
     pub fn kernel(&self) -> &Kernel<T, TAPS> {
         &self.kernel
     }
 
-    /// Forgets every open window: the next sample is the first of a new stretch.
+    /// Forgets all samples.
     pub fn reset(&mut self) {
-        self.until_next = 0;
-        for window in &mut self.windows {
-            window.tap = self.kernel.taps;
-        }
+        (self.in_sum, self.next) = (0, 0);
+        self.until_output = self.kernel.taps as u16;
     }
 
-    /// Adds one sample's signals. The filtered signals (the last three now ω̇, rad/s²) whenever a window
-    /// is complete; their instant is that of the window's middle sample.
+    /// Takes one sample. The last three signals, the angular rate, come out as its derivative.
     #[inline]
     pub fn push(&mut self, signals: &[T; SIGNALS]) -> Option<[T; SIGNALS]> {
-        let taps = self.kernel.taps;
-        let mut open = self.until_next == 0;
-        self.until_next = if open { self.row_every - 1 } else { self.until_next - 1 };
-        let mut complete = None;
-        for window in &mut self.windows {
-            if window.tap >= taps {
-                if !open {
-                    continue;
-                }
-                open = false;
-                *window = Window { tap: 0, sums: [T::ZERO; SIGNALS] };
-            }
-            if let (Some(&h), Some(&d)) =
-                (self.kernel.smooth.get(window.tap), self.kernel.derivative.get(window.tap))
-            {
-                let (smoothed, rates) = window.sums.split_at_mut(SMOOTHED);
-                let (values, rate_values) = signals.split_at(SMOOTHED);
-                for (sum, value) in smoothed.iter_mut().zip(values) {
-                    *sum += h * *value;
-                }
-                for (sum, value) in rates.iter_mut().zip(rate_values) {
-                    *sum += d * *value;
-                }
-            }
-            window.tap += 1;
-            if window.tap >= taps {
-                complete = Some(window.sums);
+        if self.in_sum == 0 {
+            self.sum = *signals;
+        } else {
+            for (sum, value) in self.sum.iter_mut().zip(signals) {
+                *sum += *value;
             }
         }
-        complete
+        self.in_sum += 1;
+        if self.in_sum < self.averaged {
+            return None;
+        }
+        self.in_sum = 0;
+        if let Some(slot) = self.averages.get_mut(self.next) {
+            *slot = self.sum;
+        }
+        self.next += 1;
+        if self.next >= self.kernel.taps {
+            self.next = 0;
+        }
+        self.until_output -= 1;
+        if self.until_output > 0 {
+            return None;
+        }
+        self.until_output = self.every;
+        Some(self.output())
+    }
+
+    /// The kernel's halves lie mirrored, those of its derivative mirrored and negated.
+    #[inline(never)]
+    fn output(&self) -> [T; SIGNALS] {
+        let Kernel { taps, smooth, derivative, .. } = &self.kernel;
+        let all = self.averages.get(..*taps).unwrap_or_default();
+        let (newer, older) = all.split_at(self.next.min(all.len()));
+        let (mut from_start, mut from_end) =
+            (older.iter().chain(newer), newer.iter().rev().chain(older.iter().rev()));
+        let mut y = [T::ZERO; SIGNALS];
+        let half = taps / 2;
+        for ((h, d), (a, b)) in
+            smooth.iter().zip(derivative).take(half).zip((&mut from_start).zip(&mut from_end))
+        {
+            let (smoothed, rates) = y.split_at_mut(SMOOTHED);
+            for (sum, (a, b)) in smoothed.iter_mut().zip(a.iter().zip(b)) {
+                *sum += *h * (*a + *b);
+            }
+            for (sum, (a, b)) in rates.iter_mut().zip(a.iter().zip(b).skip(SMOOTHED)) {
+                *sum += *d * (*a - *b);
+            }
+        }
+        if let (Some(h), Some(middle)) = (smooth.get(half), from_start.next()) {
+            for (sum, value) in y.iter_mut().take(SMOOTHED).zip(middle) {
+                *sum += *h * *value;
+            }
+        }
+        y
+    }
+
+    /// Samples under the filter.
+    pub fn span(&self) -> usize {
+        self.kernel.taps * usize::from(self.averaged)
     }
 }
 
@@ -202,13 +244,13 @@ mod tests {
 
     #[test]
     fn a_straight_line_passes_unchanged_and_its_slope_is_exact() {
-        let kernel = Kernel::<f64, 256>::new(1000.0, 0.1).unwrap();
-        assert_eq!(kernel.taps(), 99);
-        let mut filter = Conditioner::new(kernel, 10).unwrap();
+        let mut filter = Conditioner::<f64, 64>::new(1000.0, 0.1, 10).unwrap();
+        // Averages of five, nineteen of them.
+        assert_eq!(filter.span(), 95);
         let mut outputs = 0;
         for n in 0..1000 {
             if let Some(y) = filter.push(&ramp(n as f64 * 1e-3)) {
-                let middle = (n as f64 - 49.0) * 1e-3;
+                let middle = (n as f64 - 47.0) * 1e-3;
                 for c in 0..SMOOTHED {
                     assert!((y[c] - ramp(middle)[c]).abs() < 1e-12);
                 }
@@ -218,48 +260,79 @@ mod tests {
                 outputs += 1;
             }
         }
-        // The first window is complete at sample 98, then one every ten samples.
-        assert_eq!(outputs, (999 - 98) / 10 + 1);
+        // The first is complete at sample 94, then one every ten samples.
+        assert_eq!(outputs, (999 - 94) / 10 + 1);
     }
 
     #[test]
-    fn polyphase_equals_the_convolution_written_out() {
-        let kernel = Kernel::<f64, 64>::new(250.0, 0.08).unwrap();
-        let x = |n: usize, c: usize| ((n * 37 + c * 11) % 101) as f64 / 50.0 - 1.0;
-        let mut filter = Conditioner::new(kernel, 3).unwrap();
-        let mut first = 0;
-        for n in 0..300 {
-            if let Some(y) = filter.push(&core::array::from_fn(|c| x(n, c))) {
-                for c in 0..SIGNALS {
-                    let table = if c < SMOOTHED { &kernel.smooth } else { &kernel.derivative };
-                    let direct: f64 = (0..kernel.taps()).map(|i| table[i] * x(first + i, c)).sum();
-                    assert_eq!(y[c], direct);
+    fn the_output_is_the_convolution_written_out() {
+        // Rate, samples between outputs, samples averaged.
+        for (rate, row_every, averaged) in
+            [(250.0, 3, 1), (200.0, 2, 1), (600.0, 6, 3), (1000.0, 10, 5), (1200.0, 7, 7)]
+        {
+            let x = |n: usize, c: usize| ((n * 37 + c * 11) % 101) as f64 / 50.0 - 1.0;
+            let mut filter = Conditioner::<f64, 128>::new(rate, 0.08, row_every).unwrap();
+            let averaged = if averaged == usize::from(row_every) { 1 } else { averaged };
+            assert_eq!(usize::from(filter.averaged), averaged);
+            let mut first = 0;
+            for n in 0..600 {
+                if let Some(y) = filter.push(&core::array::from_fn(|c| x(n, c))) {
+                    assert_eq!(n + 1, first + filter.span());
+                    let kernel = &filter.kernel;
+                    for c in 0..SIGNALS {
+                        let table = if c < SMOOTHED { &kernel.smooth } else { &kernel.derivative };
+                        let direct: f64 =
+                            (0..filter.span()).map(|i| table[i / averaged] * x(first + i, c)).sum();
+                        assert!((y[c] - direct).abs() < 1e-13 * table.iter().map(|t| t.abs()).sum::<f64>());
+                    }
+                    first += usize::from(row_every);
                 }
-                first += 3;
+            }
+            assert!(first > 400);
+        }
+    }
+
+    #[test]
+    fn the_noise_gains_are_those_of_the_filter_s_response() {
+        let mut filter = Conditioner::<f64, 64>::new(1000.0, 0.1, 10).unwrap();
+        // Impulses at every phase give all of the response.
+        let (mut gain, mut derivative_gain) = (0.0, 0.0);
+        for phase in 0..10 {
+            filter.reset();
+            for n in 0..400 {
+                let impulse = f64::from(u8::from(n == 200 + phase));
+                if let Some(y) = filter.push(&[impulse; SIGNALS]) {
+                    gain += y[0] * y[0];
+                    derivative_gain += y[17] * y[17];
+                }
             }
         }
-        assert!(first > 250);
+        assert!((gain / filter.kernel().noise_gain() - 1.0).abs() < 1e-12);
+        assert!((derivative_gain / filter.kernel().derivative_noise_gain() - 1.0).abs() < 1e-12);
     }
 
     #[test]
     fn derivative_of_a_sinusoid_is_exact_to_the_aliasing_bound() {
-        // h ∗ ω̇ against ḣ ∗ ω for 1 Hz at 200 Hz and 0.1 s.
-        let kernel = Kernel::<f64, 64>::new(200.0, 0.1).unwrap();
+        // h ∗ ω̇ against ḣ ∗ ω for 1 Hz at 0.1 s: at 200 Hz, and at 1 kHz by averages of five.
         let w = core::f64::consts::TAU;
-        let (mut smoothed_derivative, mut derived) = (0.0, 0.0);
-        for i in 0..kernel.taps() {
-            let t = i as f64 / 200.0 + 0.123;
-            smoothed_derivative += kernel.smooth[i] * w * (w * t).cos();
-            derived += kernel.derivative[i] * (w * t).sin();
+        for (rate, row_every) in [(200.0, 2), (1000.0, 10)] {
+            let mut filter = Conditioner::<f64, 64>::new(rate, 0.1, row_every).unwrap();
+            for n in 0..(rate as usize) {
+                let t = w * n as f64 / rate + 0.123;
+                let mut signals = [0.0; SIGNALS];
+                (signals[0], signals[17]) = (w * t.cos(), t.sin());
+                if let Some(y) = filter.push(&signals) {
+                    assert!((y[17] - y[0]).abs() < 2e-9 * w);
+                }
+            }
         }
-        assert!((derived / smoothed_derivative - 1.0).abs() < 2e-9);
     }
 
     #[test]
     fn widths_that_do_not_fit_are_named() {
-        assert_eq!(Kernel::<f32, 32>::new(1000.0, 0.1).unwrap_err(), KernelError::TooManyTaps(99));
-        assert_eq!(Kernel::<f32, 32>::new(f32::NAN, 0.1).unwrap_err(), KernelError::Invalid);
-        let kernel = Kernel::<f32, 128>::new(1000.0, 0.1).unwrap();
-        assert_eq!(Conditioner::new(kernel, 1).unwrap_err(), KernelError::TooManyWindows(99));
+        let refused = |width, row_every| Conditioner::<f32, 8>::new(1000.0, width, row_every).unwrap_err();
+        assert_eq!(refused(0.1, 10), KernelError::TooManyTaps(19));
+        assert_eq!(refused(f32::NAN, 10), KernelError::Invalid);
+        assert_eq!(refused(0.1, 0), KernelError::Invalid);
     }
 }

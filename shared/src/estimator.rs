@@ -11,10 +11,9 @@ pub use knocks::{LONGEST as LONGEST_KNOCK, Reference};
 use crate::Scalar;
 use crate::calibration::{ImuMounting, Reading};
 use crate::conditioning::{Conditioner, Kernel, KernelError};
-use crate::factor::{BodyCascade, InformationFactor};
+use crate::factor::{BodyCascade, Gathering, InformationFactor};
 use crate::regressor::{self, RegressorBlock, SIGNALS};
 use crate::screening::{Limits, Rejection, Screen};
-use crate::spatial::Wrench;
 use knocks::Watch;
 
 /// Everything that fixes what the estimator does with a reading.
@@ -117,6 +116,7 @@ pub struct Estimator<T: Scalar, const N: usize, const TAPS: usize> {
     screen: Screen<T>,
     conditioner: Conditioner<T, TAPS>,
     cascade: BodyCascade<T, N>,
+    gathering: Gathering<T, N>,
     /// √row_every / σ per channel.
     weights: [T; 6],
     period_ns: u64,
@@ -142,19 +142,21 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
                 return Err(ConfigError::Sigma(channel as u8));
             }
         }
-        let kernel = Kernel::new(config.rate_hz, config.filter_width_s).map_err(ConfigError::Kernel)?;
+        let conditioner = Conditioner::new(config.rate_hz, config.filter_width_s, config.row_every)
+            .map_err(ConfigError::Kernel)?;
         let root = T::from_u32(u32::from(config.row_every)).sqrt();
         Ok(Self {
             config: *config,
             screen: Screen::new(config.limits),
-            conditioner: Conditioner::new(kernel, config.row_every).map_err(ConfigError::Kernel)?,
+            watch: Watch::new(&config.channel_sigma, conditioner.kernel().noise_gain()),
+            conditioner,
             cascade: BodyCascade::new(),
+            gathering: Gathering::default(),
             weights: config.channel_sigma.map(|sigma| root / sigma),
             period_ns: period_ns(config.rate_hz, config.filter_width_s),
             last_time_ns: None,
             counters: Counters::default(),
             reference: None,
-            watch: Watch::new(&config.channel_sigma, kernel.noise_gain()),
             statistics: ChannelStatistics::default(),
             last_factors: [T::ONE; 6],
             last_signals: None,
@@ -214,16 +216,16 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
     /// Filters a reading; the regressor block, not whitened, whenever one is complete.
     #[inline]
     fn condition(&mut self, reading: &Reading<T>) -> Option<[T; SIGNALS]> {
-        let mut sample = self.config.mounting.sample(reading);
-        let mut wrench = sample.wrench.array();
-        for (w, offset) in wrench.iter_mut().zip(self.config.known_offset) {
-            *w -= offset;
-        }
-        sample.wrench = Wrench::from_array(wrench);
-        self.conditioner.push(&regressor::signals(&sample))
+        self.conditioner.push(&self.config.mounting.signals(reading))
     }
 
-    fn absorb_signals(&mut self, signals: &[T; SIGNALS]) {
+    /// Absorbs a row block, made of conditioned signals in the IMU's axes.
+    fn absorb_signals(&mut self, conditioned: &[T; SIGNALS]) {
+        let mut signals = self.config.mounting.mounted(conditioned);
+        for (w, offset) in signals.iter_mut().skip(regressor::WRENCH).zip(self.config.known_offset) {
+            *w -= offset;
+        }
+        let signals = &signals;
         let lever_arm = &self.config.mounting.position;
         let mut weights = self.weights;
         if let Some(reference) = &self.reference {
@@ -249,6 +251,13 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
     /// One factor of everything absorbed. `(RᵀR)⁻¹` is the covariance for the σ of the configuration.
     pub fn factor(&self) -> InformationFactor<T, N> {
         self.cascade.factor()
+    }
+
+    /// Does one step towards the answer whether every parameter with a limit has at most this standard deviation; the
+    /// answer with the last step. Between two calls readings may be absorbed.
+    #[inline(never)]
+    pub fn step_within(&mut self, limits: &[Option<T>; N]) -> Option<bool> {
+        self.cascade.gather(&mut self.gathering).then(|| self.gathering.whole.is_within(limits))
     }
 
     /// What happened so far.
@@ -282,6 +291,11 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
         self.last_signals.map(|signals| regressor::block(&signals, &self.config.mounting.position))
     }
 
+    /// Readings under the filter.
+    pub fn span(&self) -> usize {
+        self.conditioner.span()
+    }
+
     /// The filter's kernel.
     pub fn kernel(&self) -> &Kernel<T, TAPS> {
         self.conditioner.kernel()
@@ -292,6 +306,7 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
         self.screen = Screen::new(self.config.limits);
         self.conditioner.reset();
         self.cascade = BodyCascade::new();
+        self.gathering = Gathering::default();
         self.last_time_ns = None;
         self.counters = Counters::default();
         self.reference = None;

@@ -8,7 +8,6 @@
 //! `a = a_U − ω̇×p − ω×(ω×p)`. One FIR over these twelve is therefore the same FIR over every entry of A.
 
 use crate::Scalar;
-use crate::calibration::Sample;
 use crate::spatial::{Position, Sensor};
 
 /// Signals per sample: specific force at U (3), products (6), wrench (6), angular rate (3).
@@ -16,12 +15,15 @@ pub const SIGNALS: usize = 18;
 /// How many of the signals are smoothed; the rest, the angular rate, is differentiated.
 pub const SMOOTHED: usize = 15;
 
-/// The signals of one sample, in the order
-/// `[a_U(3), ωx², ωy², ωz², ωyωz, ωzωx, ωxωy, F(3), M(3), ω(3)]`, all in S.
-pub fn signals<T: Scalar>(sample: &Sample<T>) -> [T; SIGNALS] {
-    let [ax, ay, az] = sample.specific_force_at_imu.array();
-    let [x, y, z] = sample.angular_rate.array();
-    let [fx, fy, fz, mx, my, mz] = sample.wrench.array();
+/// Where the wrench stands among the signals.
+pub const WRENCH: usize = 9;
+
+/// The signals in the order `[a_U(3), ωx², ωy², ωz², ωyωz, ωzωx, ωxωy, F(3), M(3), ω(3)]`.
+#[inline(always)]
+pub fn signals<T: Scalar>(specific_force: [T; 3], rate: [T; 3], wrench: [T; 6]) -> [T; SIGNALS] {
+    let [ax, ay, az] = specific_force;
+    let [x, y, z] = rate;
+    let [fx, fy, fz, mx, my, mz] = wrench;
     [ax, ay, az, x * x, y * y, z * z, y * z, z * x, x * y, fx, fy, fz, mx, my, mz, x, y, z]
 }
 
@@ -74,7 +76,6 @@ mod tests {
 
     use super::*;
     use crate::inertia::InertialParameters;
-    use crate::spatial::{AngularRate, SpecificForce, Wrench};
 
     fn pseudo_random(seed: &mut u64) -> f64 {
         *seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
@@ -93,12 +94,7 @@ mod tests {
         let a_com = a_s + alpha.cross(&c) + omega.cross(&omega.cross(&c));
         let force = a_com * mass;
         let moment = inertia_com * alpha + omega.cross(&(inertia_com * omega)) + c.cross(&force);
-        let sample = Sample {
-            wrench: Wrench::from_array([0.0; 6]),
-            specific_force_at_imu: SpecificForce::new(a_imu.x, a_imu.y, a_imu.z),
-            angular_rate: AngularRate::new(omega.x, omega.y, omega.z),
-        };
-        let mut s = signals(&sample);
+        let mut s = signals(a_imu.into(), omega.into(), [0.0; 6]);
         s[15..].copy_from_slice(alpha.as_slice());
         let phi = InertialParameters::<Sensor, f64>::from_centre_of_mass(
             mass,

@@ -65,18 +65,36 @@ pub enum Rejection {
 /// Looks at readings one after the other.
 #[derive(Clone, Copy, Debug)]
 pub struct Screen<T: Scalar> {
-    limits: Limits<T>,
-    last: Option<[T; CHANNELS]>,
+    /// At this and beyond a channel is saturated: its range to within 0.1 %.
+    highest: [T; CHANNELS],
+    frozen_after: u16,
+    last: [T; CHANNELS],
+    seen: bool,
     /// How many readings in a row each channel has repeated itself.
     equal: [u16; CHANNELS],
-    /// How many readings in a row some channel of each group has changed.
+    /// Whether all of these are zero.
+    none_equal: bool,
+    /// How many readings in a row some channel of each group has changed, without the last `clean` ones.
     moving: [u16; GROUPS.len()],
+    /// Readings in a row in which every channel has changed, none having repeated itself before.
+    clean: u16,
 }
 
 impl<T: Scalar> Screen<T> {
     /// A screen that has seen nothing.
     pub fn new(limits: Limits<T>) -> Self {
-        Self { limits, last: None, equal: [0; CHANNELS], moving: [0; GROUPS.len()] }
+        let (a, g) = (limits.specific_force, limits.angular_rate);
+        let [w0, w1, w2, w3, w4, w5] = limits.wrench;
+        Self {
+            highest: [w0, w1, w2, w3, w4, w5, a, a, a, g, g, g].map(|range| T::from_f32(0.999) * range),
+            frozen_after: limits.frozen_after,
+            last: [T::ZERO; CHANNELS],
+            seen: false,
+            equal: [0; CHANNELS],
+            none_equal: true,
+            moving: [0; GROUPS.len()],
+            clean: 0,
+        }
     }
 
     /// Why the reading may not be used, if so.
@@ -89,34 +107,57 @@ impl<T: Scalar> Screen<T> {
         let [ax, ay, az] = reading.specific_force.array();
         let [gx, gy, gz] = reading.angular_rate.array();
         let values = [fx, fy, fz, mx, my, mz, ax, ay, az, gx, gy, gz];
-        let (a, g) = (self.limits.specific_force, self.limits.angular_rate);
-        let [w0, w1, w2, w3, w4, w5] = self.limits.wrench;
-        let ranges = [w0, w1, w2, w3, w4, w5, a, a, a, g, g, g];
-        let nearly = T::from_f32(0.999);
+        // Most readings are within all ranges and repeat nothing.
+        let mut ordinary = self.seen && self.none_equal;
+        for ((value, highest), last) in values.iter().zip(&self.highest).zip(&self.last) {
+            // A comparison with NaN is false.
+            if value.abs() < *highest && value != last {
+                continue;
+            }
+            ordinary = false;
+            break;
+        }
+        if !ordinary {
+            return self.judge(&values);
+        }
+        self.last = values;
+        self.clean = self.clean.saturating_add(1);
+        Ok(())
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn judge(&mut self, values: &[T; CHANNELS]) -> Result<(), Rejection> {
         let mut verdict = Ok(());
-        for (channel, (value, range)) in values.iter().zip(ranges).enumerate() {
+        for (channel, (value, highest)) in values.iter().zip(self.highest).enumerate() {
             if !value.is_finite() {
                 return Err(Rejection::NotFinite(channel as u8));
             }
-            if value.abs() >= nearly * range && verdict.is_ok() {
+            if value.abs() >= highest && verdict.is_ok() {
                 verdict = Err(Rejection::Saturated(channel as u8));
             }
         }
-        if let Some(last) = self.last.replace(values) {
+        for moving in &mut self.moving {
+            *moving = moving.saturating_add(self.clean);
+        }
+        self.clean = 0;
+        let last = core::mem::replace(&mut self.last, *values);
+        if core::mem::replace(&mut self.seen, true) {
             for ((equal, last), value) in self.equal.iter_mut().zip(last).zip(values) {
-                *equal = if last == value { equal.saturating_add(1) } else { 0 };
+                *equal = if last == *value { equal.saturating_add(1) } else { 0 };
             }
+            self.none_equal = self.equal.iter().all(|e| *e == 0);
             for (moving, (first, end)) in self.moving.iter_mut().zip(GROUPS) {
                 let moved = self.equal.get(first..end).is_some_and(|group| group.contains(&0));
                 *moving = if moved { moving.saturating_add(1) } else { 0 };
             }
         }
         verdict?;
-        self.frozen(&values).map_or(Ok(()), |channel| Err(Rejection::Frozen(channel)))
+        self.frozen(values).map_or(Ok(()), |channel| Err(Rejection::Frozen(channel)))
     }
 
     fn frozen(&self, values: &[T; CHANNELS]) -> Option<u8> {
-        let after = self.limits.frozen_after;
+        let after = self.frozen_after;
         if after == 0 || self.equal.iter().all(|e| *e < after) {
             return None;
         }

@@ -6,7 +6,7 @@ use rigident_shared::wire::{
 };
 
 use super::reports::reading_of;
-use super::{App, BringUpError, PendingConfigure, Pulse, Run, SensorErrors, SensorRates};
+use super::{App, BringUpError, Duty, PendingConfigure, Pulse, Run, SensorErrors, SensorRates};
 use crate::answer::{FactorSnapshot, solve};
 use crate::link::{self, Recall};
 use crate::log;
@@ -106,6 +106,7 @@ impl App {
 
     fn configure(&mut self, settings: Settings) -> Result<Reply, ErrorCode> {
         self.path = Some(path_of(&settings)?);
+        self.duty = Duty::of(&settings);
         self.settings = Some(settings);
         self.begin();
         (self.load_cell, self.imu) = (Pulse::default(), Pulse::default());

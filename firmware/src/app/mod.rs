@@ -34,6 +34,8 @@ const HEARTBEAT_EVERY_NS: u64 = 1_000_000_000;
 /// A sensor that gives no sample for so long while readings are absorbed is broken, ns: six samples at the
 /// slowest rate there is.
 const SILENT_NS: u64 = 250_000_000;
+/// Silence, of sensors or of the host, is looked for this often, ns.
+const LOOK_EVERY_NS: u64 = 5_000_000;
 
 /// CRC-32 of the sources of `firmware` and `shared`.
 pub const FIRMWARE_HASH: u32 = match u32::from_str_radix(env!("RIGIDENT_FIRMWARE_HASH"), 16) {
@@ -85,6 +87,24 @@ struct PendingConfigure {
     settings: Settings,
 }
 
+/// What the settings say of every sample.
+#[derive(Clone, Copy, Default)]
+struct Duty {
+    from_sensors: bool,
+    stream: bool,
+    estimate_every_blocks: u16,
+}
+
+impl Duty {
+    fn of(settings: &Settings) -> Self {
+        Self {
+            from_sensors: settings.source == Source::Sensors,
+            stream: settings.telemetry.stream_readings,
+            estimate_every_blocks: settings.telemetry.estimate_every_blocks,
+        }
+    }
+}
+
 /// What is known of a sensor's well-being.
 #[derive(Clone, Copy, Default)]
 struct Pulse {
@@ -114,6 +134,7 @@ struct Run {
     injected_next: u32,
     blocks_since_estimate: u16,
     estimate_due: bool,
+    stop_due: bool,
     snapshot: Option<FactorSnapshot>,
 }
 
@@ -124,12 +145,14 @@ pub struct App {
     reason: Reason,
     settings: Option<Settings>,
     path: Option<SamplePath>,
+    duty: Duty,
     link: Link,
     decoder: Decoder,
     pending: Option<PendingConfigure>,
     greeted: bool,
     state_unsent: bool,
     now_ns: u64,
+    next_look_ns: u64,
     last_heard_ns: u64,
     last_announced_ns: Option<u64>,
     last_heartbeat_ns: u64,
@@ -155,12 +178,14 @@ impl App {
             reason: Reason::Boot,
             settings: None,
             path: None,
+            duty: Duty::default(),
             link: Link::new(),
             decoder: Decoder::new(),
             pending: None,
             greeted: false,
             state_unsent: false,
             now_ns: 0,
+            next_look_ns: 0,
             last_heard_ns: 0,
             last_announced_ns: None,
             last_heartbeat_ns: 0,
@@ -204,8 +229,17 @@ impl App {
         self.work();
     }
 
+    #[inline]
     fn advance(&mut self, now_ns: u64) {
         self.now_ns = self.now_ns.max(now_ns);
+        if self.now_ns >= self.next_look_ns {
+            self.next_look_ns = self.now_ns.saturating_add(LOOK_EVERY_NS);
+            self.look_for_silence();
+        }
+    }
+
+    #[inline(never)]
+    fn look_for_silence(&mut self) {
         if self.state != StateName::Running {
             return;
         }

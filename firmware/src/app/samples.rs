@@ -3,17 +3,15 @@
 use rigident_shared::alignment::ImuReading;
 use rigident_shared::estimator::Outcome;
 use rigident_shared::spatial::{AngularRate, SpecificForce};
-use rigident_shared::wire::{Reason, SensorFault, Source, StateName, Telemetry};
+use rigident_shared::wire::{Reason, SensorFault, StateName, Telemetry};
 
 use super::reports::message_of;
 use super::{App, Pulse, Sensor};
-use crate::answer::{Solved, solve};
+use crate::answer::solve;
 use crate::sample_path::{Words, sample_path};
 
 /// So many samples of a sensor in a row that could not be had are a fault.
 const BAD_TO_FAULT: u16 = 10;
-/// Blocks between two looks at the stop rule where no estimates are sent.
-const STOP_RULE_EVERY_BLOCKS: u16 = 50;
 
 impl App {
     /// Takes gauge voltages with their capture time.
@@ -75,43 +73,59 @@ impl App {
     }
 
     pub(super) fn take(&mut self, words: &Words) {
-        let Some(path) = &mut self.path else { return };
-        let Some(settings) = &self.settings else { return };
         let from_sensors = !matches!(words, Words::Aligned(_));
-        if from_sensors != (settings.source == Source::Sensors) || self.state == StateName::Fault {
+        if from_sensors != self.duty.from_sensors || self.state == StateName::Fault {
             return;
         }
-        let stream = settings.telemetry.stream_readings && self.state != StateName::Holding;
-        let every = match settings.telemetry.estimate_every_blocks {
-            0 if settings.stop.is_some() => STOP_RULE_EVERY_BLOCKS,
-            every => every,
-        };
-        let mut next = sample_path(path, Some(words));
-        while let Some((reading, outcome)) = next {
-            self.last_reading = message_of(&reading);
+        let mut words = Some(words);
+        while let Some(path) = &mut self.path {
+            let Some(outcome) = sample_path(path, words.take()) else { return };
             if outcome == Outcome::Absorbed {
+                self.last_reading = message_of(path.reading());
                 self.run.blocks_since_estimate = self.run.blocks_since_estimate.saturating_add(1);
+                let every = self.duty.estimate_every_blocks;
                 if every > 0 && self.run.blocks_since_estimate >= every {
                     self.run.blocks_since_estimate = 0;
                     self.run.estimate_due = true;
                 }
             }
-            if stream {
-                // There is room: a full batch is sent at once.
-                let _ = self.run.batch.push(self.last_reading);
-                if self.run.batch.is_full() {
-                    self.flush_readings();
-                }
+            self.run.stop_due |= path.take_stop_rule_met();
+            let more = path.has_more();
+            if self.duty.stream && self.state != StateName::Holding {
+                self.stream();
             }
-            let Some(path) = &mut self.path else { return };
-            next = sample_path(path, None);
+            if !more {
+                return;
+            }
+        }
+    }
+
+    #[inline(never)]
+    fn stream(&mut self) {
+        let Some(path) = &self.path else { return };
+        self.last_reading = message_of(path.reading());
+        // There is room: a full batch is sent at once.
+        let _ = self.run.batch.push(self.last_reading);
+        if self.run.batch.is_full() {
+            self.flush_readings();
         }
     }
 
     /// What need not be done within a sample: solving, the stop rule, telemetry. Call it after every event.
+    #[inline]
     pub fn work(&mut self) {
+        if self.run.estimate_due || self.run.stop_due || self.state_unsent {
+            self.work_off();
+        }
+    }
+
+    #[inline(never)]
+    fn work_off(&mut self) {
         if core::mem::take(&mut self.run.estimate_due) {
             self.estimate();
+        }
+        if core::mem::take(&mut self.run.stop_due) && self.state == StateName::Running {
+            self.hold(Reason::StopRule);
         }
         if self.state_unsent {
             let (state, reason) = self.state();
@@ -120,29 +134,15 @@ impl App {
     }
 
     fn estimate(&mut self) {
-        let (Some(path), Some(settings)) = (&mut self.path, &self.settings) else { return };
+        let Some(path) = &mut self.path else { return };
         let factor = path.factor();
         let solved = solve(&factor);
         if solved.determined.iter().all(|d| *d) {
             path.set_reference(&solved, settings.knock_limit_sd);
         }
-        if settings.telemetry.estimate_every_blocks > 0
-            && let Some(report) = self.report(&factor, &solved)
-        {
+        if let Some(report) = self.report(&factor, &solved) {
             self.link.telemetry(&Telemetry::Estimate(report));
         }
-        if self.state == StateName::Running && self.stop_rule_met(&solved) {
-            self.hold(Reason::StopRule);
-        }
-    }
-
-    fn stop_rule_met(&self, solved: &Solved) -> bool {
-        let Some(stop) = self.settings.as_ref().and_then(|s| s.stop.as_ref()) else { return false };
-        let blocks = self.path.as_ref().map_or(0, |p| p.counters().blocks);
-        blocks >= stop.minimum_blocks
-            && solved.standard_deviation.iter().zip(&solved.determined).zip(stop.u95).enumerate().all(
-                |(j, ((sd, determined), u95))| stop.asked >> j & 1 == 0 || (*determined && 1.96 * *sd <= u95),
-            )
     }
 
     pub(super) fn flush_readings(&mut self) {

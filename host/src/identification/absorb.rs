@@ -102,7 +102,7 @@ impl<'a> Shares<'a> {
         split: Split,
     ) -> Result<Self, ConfigError> {
         let estimator = Box::new(Estimator::<f64, 10, TAPS>::new(config)?);
-        let (taps, row_every) = (estimator.kernel().taps(), usize::from(config.row_every));
+        let (taps, row_every) = (estimator.span(), usize::from(config.row_every));
         // Windows further apart than their width leave readings between them in which the phase is not seen.
         let parts = if row_every > taps { 1 } else { split.parts.clamp(1, readings.len().max(1)) };
         let mut shares = Self {

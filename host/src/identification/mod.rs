@@ -27,7 +27,7 @@ use crate::answer::identifiability::RegressorNoise;
 use crate::answer::{Estimate, Noise};
 
 /// Room for the filter on the host: 0.1 s at 40 kHz.
-const TAPS: usize = 4096;
+const TAPS: usize = 256;
 /// Width of the FIR unless asked otherwise, s.
 pub const FILTER_WIDTH_S: f64 = 0.1;
 /// Rows are absorbed at about this rate, 1/s: twice the filter's noise bandwidth and more.
@@ -37,9 +37,10 @@ pub const FROZEN_AFTER: u16 = 50;
 /// σ of force and moment to start from where none is given, N and N m: only their ratio matters.
 const NOMINAL_SIGMA: [f64; 6] = [1.0, 1.0, 1.0, 0.1, 0.1, 0.1];
 
-/// How many readings a row block stands for at this rate.
+/// How many readings a row block stands for at this rate: an even number where they are many, so that the filter can
+/// average neighbours ([`rigident_shared::conditioning`]); at least some 75 rows a second, above twice its bandwidth.
 pub fn row_every(rate_hz: f64) -> u16 {
-    (rate_hz / ROW_RATE_HZ).round().clamp(1.0, 1000.0) as u16
+    if rate_hz < 150.0 { 1 } else { 2 * (rate_hz / (2.0 * ROW_RATE_HZ)).floor().clamp(1.0, 500.0) as u16 }
 }
 
 /// What is to be identified, and from what.

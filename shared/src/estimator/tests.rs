@@ -2,7 +2,7 @@ use nalgebra::Vector3;
 
 use super::*;
 use crate::inertia::{InertialParameters, tensor_from_elements};
-use crate::spatial::{AngularRate, Imu, Position, Rotation, Sensor, SpecificForce};
+use crate::spatial::{AngularRate, Imu, Position, Rotation, Sensor, SpecificForce, Wrench};
 
 const TAPS: usize = 256;
 /// Amplitude, frequency in hertz and phase of three sines per axis.
@@ -191,8 +191,8 @@ fn impossible_settings_are_named() {
     let mut bad = good;
     bad.channel_sigma[2] = 0.0;
     assert_eq!(made(&bad), Err(ConfigError::Sigma(2)));
-    let bad = EstimatorConfig { filter_width_s: 1.0, ..good };
-    assert_eq!(made(&bad), Err(ConfigError::Kernel(KernelError::TooManyTaps(999))));
+    let bad = EstimatorConfig { filter_width_s: 10.0, ..good };
+    assert_eq!(made(&bad), Err(ConfigError::Kernel(KernelError::TooManyTaps(1999))));
     let bad = EstimatorConfig { row_every: 0, ..good };
     assert_eq!(made(&bad), Err(ConfigError::Kernel(KernelError::Invalid)));
 }

@@ -27,7 +27,10 @@ pub struct BodyCascade<T: Scalar, const N: usize> {
     columns: Columns<T>,
     /// Wrenches in the columns, three rows each, that wait for a fourth.
     waiting: u8,
+    /// Wrenches in the level and in the columns.
     wrenches: u16,
+    /// Parts of the full level that are in the next one already.
+    parts_merged: u8,
     upper: Levels<T, N, UPPER>,
 }
 
@@ -58,31 +61,35 @@ impl<T: Scalar> Level<T> {
         }
     }
 
+    /// Merges the part `part` of both triangles into a factor of all parameters; false if there is no such part.
     #[inline(never)]
-    /// Merges both triangles into a factor of all parameters.
-    fn merge_into<const N: usize>(&self, wrenches: u16, factor: &mut InformationFactor<T, N>) {
+    fn merge_part<const N: usize>(
+        &self,
+        part: u8,
+        wrenches: u16,
+        factor: &mut InformationFactor<T, N>,
+    ) -> bool {
         let (force, moment) = estimated(N == 16);
-        for first in (0..force + moment).step_by(BLOCK_ROWS) {
-            let mut block = Block::ZERO;
-            for slot in 0..BLOCK_ROWS {
-                // The triangles' rows one below the other.
-                let row = first + slot;
-                if row < force {
-                    place(&mut block, slot, &self.force, row, FORCE.get(..force).unwrap_or_default());
-                } else {
-                    place(
-                        &mut block,
-                        slot,
-                        &self.moment,
-                        row - force,
-                        MOMENT.get(..moment).unwrap_or_default(),
-                    );
-                }
-            }
-            factor.reduce(0, &mut block);
+        let first = usize::from(part) * BLOCK_ROWS;
+        if first >= force + moment {
+            return false;
         }
-        factor.residual_sum_of_squares += self.residual_sum_of_squares;
-        factor.rows = factor.rows.saturating_add(6 * u32::from(wrenches));
+        let mut block = Block::ZERO;
+        for slot in 0..BLOCK_ROWS {
+            // The triangles' rows one below the other.
+            let row = first + slot;
+            if row < force {
+                place(&mut block, slot, &self.force, row, FORCE.get(..force).unwrap_or_default());
+            } else {
+                place(&mut block, slot, &self.moment, row - force, MOMENT.get(..moment).unwrap_or_default());
+            }
+        }
+        factor.reduce(0, &mut block);
+        if part == 0 {
+            factor.residual_sum_of_squares += self.residual_sum_of_squares;
+            factor.rows = factor.rows.saturating_add(6 * u32::from(wrenches));
+        }
+        true
     }
 }
 
@@ -167,6 +174,7 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
             columns: [Column::ZERO; MOMENT.len() + FORCE.len() + 2],
             waiting: 0,
             wrenches: 0,
+            parts_merged: 0,
             upper: Levels::new(),
         }
     }
@@ -178,20 +186,32 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
         let offset = N == 16;
         let rows = regressor::block(signals, lever_arm);
         write(&mut self.columns, usize::from(self.waiting % WRENCHES), &rows, weights, offset);
-        if self.waiting == WRENCHES - 1 {
-            self.level.reduce(&mut self.columns, offset);
-        }
         self.waiting = (self.waiting + 1) % WRENCHES;
         self.wrenches += 1;
-        if self.wrenches < FULL {
+        if self.waiting == 0 {
+            self.level.reduce(&mut self.columns, offset);
+        } else {
+            self.tidy();
+        }
+    }
+
+    /// Between two reductions: a part of what a full level asks for, so that no wrench waits for all of it.
+    #[inline]
+    fn tidy(&mut self) {
+        if self.wrenches <= FULL {
             return self.upper.carry();
         }
-        if let Some(next) = self.upper.next() {
-            const { assert!(FULL.is_multiple_of(WRENCHES as u16), "nothing waits when the level is full") }
-            self.level.merge_into(self.wrenches, next);
-            self.level = Level::EMPTY;
+        // Those that are waiting in the columns are not yet in the level.
+        let in_level = self.wrenches - u16::from(self.waiting);
+        let Some(next) = self.upper.lowest() else { return };
+        if self.level.merge_part(self.parts_merged, in_level, next) {
+            self.parts_merged += 1;
+            return;
         }
-        self.wrenches = 0;
+        self.upper.count();
+        self.level = Level::EMPTY;
+        self.wrenches = u16::from(self.waiting);
+        self.parts_merged = 0;
     }
 
     /// One factor of everything absorbed.
@@ -199,6 +219,11 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
     pub fn factor(&self) -> InformationFactor<T, N> {
         let mut whole = self.upper.factor();
         let mut level = self.level;
+        if self.parts_merged > 0 {
+            // What is left of a level that is being merged; its count went with the first part.
+            self.merge_rest(&level, self.parts_merged, 0, &mut whole);
+            level = Level::EMPTY;
+        }
         if self.waiting > 0 {
             let mut columns = self.columns;
             for column in &mut columns {
@@ -208,7 +233,54 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
             }
             level.reduce(&mut columns, N == 16);
         }
-        level.merge_into(self.wrenches, &mut whole);
+        let wrenches = if self.parts_merged > 0 { u16::from(self.waiting) } else { self.wrenches };
+        self.merge_rest(&level, 0, wrenches, &mut whole);
         whole
+    }
+
+    fn merge_rest(&self, level: &Level<T>, first: u8, wrenches: u16, whole: &mut InformationFactor<T, N>) {
+        for part in first.. {
+            if !level.merge_part(part, wrenches, whole) {
+                return;
+            }
+        }
+    }
+
+    /// Does one step towards a factor of everything absorbed, for where one sample must not pay for all of it. True
+    /// when `gathering` holds it: what was absorbed before the first step, and perhaps some of what came since.
+    pub fn gather(&self, gathering: &mut Gathering<T, N>) -> bool {
+        let Gathering { whole, step } = gathering;
+        let taken = match *step {
+            0 => {
+                *whole = InformationFactor::EMPTY;
+                true
+            }
+            // Highest first: what moves up meanwhile is left out, never counted twice.
+            k if usize::from(k) <= UPPER => {
+                self.upper.merge_into(UPPER - usize::from(k), whole);
+                true
+            }
+            k => {
+                // While the level is being merged its parts are in both places.
+                let part = k - 1 - UPPER as u8;
+                self.parts_merged == 0 && self.level.merge_part(part, self.wrenches, whole)
+            }
+        };
+        *step = if taken { *step + 1 } else { 0 };
+        !taken
+    }
+}
+
+/// A factor that is being put together; see [`BodyCascade::gather`].
+#[derive(Clone, Copy, Debug)]
+pub struct Gathering<T: Scalar, const N: usize> {
+    /// The factor, once complete.
+    pub whole: InformationFactor<T, N>,
+    step: u8,
+}
+
+impl<T: Scalar, const N: usize> Default for Gathering<T, N> {
+    fn default() -> Self {
+        Self { whole: InformationFactor::EMPTY, step: 0 }
     }
 }

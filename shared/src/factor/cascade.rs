@@ -16,12 +16,23 @@ impl<T: Scalar, const N: usize, const LEVELS: usize> Levels<T, N, LEVELS> {
         Self { levels: [InformationFactor::EMPTY; LEVELS], merges: [0; LEVELS] }
     }
 
-    /// The lowest of these levels, which the absorbing one is merged into now.
-    pub(super) fn next(&mut self) -> Option<&mut InformationFactor<T, N>> {
+    /// The lowest of these levels.
+    pub(super) fn lowest(&mut self) -> Option<&mut InformationFactor<T, N>> {
+        self.levels.first_mut()
+    }
+
+    /// Counts that the absorbing level has been merged into the lowest of these.
+    pub(super) fn count(&mut self) {
         if let Some(merges) = self.merges.first_mut() {
             *merges = merges.saturating_add(1);
         }
-        self.levels.first_mut()
+    }
+
+    /// Merges the `k`th of these levels into a factor.
+    pub(super) fn merge_into(&self, k: usize, whole: &mut InformationFactor<T, N>) {
+        if let Some(level) = self.levels.get(k).filter(|level| level.rows() > 0) {
+            whole.merge(level);
+        }
     }
 
     /// Merges one level that is full into the next: with each block one, so that no block waits for all of them.
@@ -125,9 +136,10 @@ impl<T: Scalar, const N: usize, const UPPER: usize> Cascade<T, N, UPPER> {
         if self.blocks < FAN_IN {
             return self.upper.carry();
         }
-        if let Some(next) = self.upper.next() {
+        if let Some(next) = self.upper.lowest() {
             next.merge(&self.absorbing);
             self.absorbing = InformationFactor::EMPTY;
+            self.upper.count();
         }
         self.blocks = 0;
     }

@@ -14,7 +14,7 @@ mod marginal;
 mod reflection;
 mod solution;
 
-pub use body::BodyCascade;
+pub use body::{BodyCascade, Gathering};
 pub use cascade::Cascade;
 pub use reflection::{BLOCK_ROWS, Column};
 pub use solution::{Solution, condition_number};
@@ -203,6 +203,12 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
     /// Covariance `(RᵀR)⁻¹`; entries of parameters that [`Solution::determined`] denies are meaningless.
     pub fn covariance(&self) -> [[T; N]; N] {
         solution::covariance(self)
+    }
+
+    /// Whether `√(RᵀR)⁻¹_jj ≤ limit` for every parameter j with a limit, at the price of a triangular inverse. False where
+    /// R is singular.
+    pub fn is_within(&self, limits: &[Option<T>; N]) -> bool {
+        solution::is_within(&self.triangle.r, limits)
     }
 
     /// Estimate, standard deviations, what is determined, and the condition number.

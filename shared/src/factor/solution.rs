@@ -131,6 +131,30 @@ pub(super) fn covariance<T: Scalar, const N: usize>(factor: &InformationFactor<T
     covariance
 }
 
+/// Row j of R⁻¹ has the length of parameter j's standard deviation. `r` by columns.
+pub(super) fn is_within<T: Scalar, const N: usize>(r: &[[T; N]; N], limits: &[Option<T>; N]) -> bool {
+    for (j, limit) in limits.iter().enumerate() {
+        let Some(limit) = limit else { continue };
+        // x R = e_j, from the diagonal on.
+        let mut x = [T::ZERO; N];
+        let mut square = T::ZERO;
+        let most = *limit * *limit;
+        for k in j..N {
+            let mut rest = if k == j { T::ONE } else { T::ZERO };
+            for (x, r) in x.iter().zip(&r[k]).take(k).skip(j) {
+                rest -= *x * *r;
+            }
+            x[k] = rest / r[k][k];
+            square += x[k] * x[k];
+            // Also ends where the diagonal is zero: infinite or NaN.
+            if square > most || !square.is_finite() {
+                return false;
+            }
+        }
+    }
+    true
+}
+
 /// One-sided Jacobi: `R D⁻¹ V = W` with orthogonal columns W; their squared lengths are the squared singular
 /// values (Hestenes 1958; accurate to relative precision on column-scaled matrices, Demmel and Veselić 1992).
 struct Jacobi<T: Scalar, const N: usize> {

@@ -199,6 +199,43 @@ fn trailing_columns_are_the_marginal_and_a_substitution_is_a_product() {
     }
 }
 
+/// A gathered factor holds whole levels: at least all but the last ones, and nothing twice.
+#[test]
+fn gathering_step_by_step_counts_nothing_twice() {
+    let mut random = Random(8);
+    let mut cascade = BodyCascade::<f64, 10>::new();
+    let mut gathering = Gathering::default();
+    let lever_arm = crate::spatial::Position::zero();
+    let (mut gathered, mut absorbed_at_start) = (0, 0);
+    for n in 1..20_000_u32 {
+        cascade.absorb(&core::array::from_fn(|_| random.normal()), &lever_arm, &[1.0; 6]);
+        if cascade.gather(&mut gathering) {
+            let rows = gathering.whole.rows();
+            // A level of 1600 wrenches may be on its way up meanwhile.
+            assert!(rows <= 6 * n && rows + 6 * 1620 >= absorbed_at_start, "{n}: {rows}");
+            let (a, b) = (gathering.whole.r()[0][0], cascade.factor().r()[0][0]);
+            assert!(a <= b * (1.0 + 1e-12));
+            (gathered, absorbed_at_start) = (gathered + 1, 6 * n);
+        }
+    }
+    assert!(gathered > 2500);
+}
+
+#[test]
+fn uncertainties_within_limits_are_told_from_the_triangle() {
+    let mut random = Random(12);
+    let blocks: Vec<_> = (0..20).map(|_| block(&mut random, 0.2)).collect();
+    let factor = factor_of(&blocks);
+    let sd = factor.solve().standard_deviation;
+    for j in 0..6 {
+        for (share, expected) in [(1.0 + 1e-9, true), (1.0 - 1e-9, false)] {
+            let limits = core::array::from_fn(|k| (k == j).then_some(share * sd[j]));
+            assert_eq!(factor.is_within(&limits), expected);
+        }
+    }
+    assert!(factor.is_within(&[None; 6]) && !InformationFactor::<f64, 6>::EMPTY.is_within(&[Some(1e9); 6]));
+}
+
 /// Entries that a long triangularisation leaves near zero square below the smallest number.
 #[test]
 fn a_large_dense_factor_merges_into_an_empty_one() {
@@ -242,7 +279,11 @@ fn the_body_s_cascade_is_the_factor_of_the_full_rows() {
             });
             full.absorb(&columns, &core::array::from_fn(|i| rows.wrench[i] * weights[i]));
         }
-        let (body, largest) = (body.factor(), full.entries().fold(0.0, |m: f64, e| m.max(e.abs())));
+        let cascade = body;
+        let (body, largest) = (cascade.factor(), full.entries().fold(0.0, |m: f64, e| m.max(e.abs())));
+        let mut gathering = Gathering::default();
+        while !cascade.gather(&mut gathering) {}
+        assert!(gathering.whole.rows() <= full.rows());
         assert_eq!(body.rows(), full.rows());
         for (a, b) in body.entries().zip(full.entries()) {
             assert!((a - b).abs() < 1e-11 * largest, "{N}, {wrenches}: {a} {b}");
