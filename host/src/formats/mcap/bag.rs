@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use rigident_shared::alignment::{Aligner, AlignerConfig, ImuReading, WrenchReading};
+use rigident_shared::alignment::{Aligner, AlignerConfig, ImuReading};
 use rigident_shared::calibration::Reading;
 use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
 
@@ -189,10 +189,10 @@ fn align(
     for (time, values) in imu {
         // One at a time: the aligner's queue is that of a microcontroller.
         while let Some((t, w)) = waiting.next_if(|(t, _)| t <= time) {
-            aligner.push_wrench(WrenchReading { time_ns: local(*t), wrench: Wrench::from_array(*w) });
+            aligner.push_wrench(local(*t), Wrench::from_array(*w));
         }
         let Reading { specific_force, angular_rate, .. } = reading(0, &[0.0; 6], values);
-        aligner.push_imu(ImuReading { time_ns: local(*time), specific_force, angular_rate });
+        aligner.push_imu(&ImuReading { time_ns: local(*time), specific_force, angular_rate });
         while let Some(mut reading) = aligner.pop() {
             reading.time_ns = (reading.time_ns + origin).saturating_sub(shift);
             readings.push(reading);
