@@ -44,6 +44,30 @@ const TRUTH: [f64; 10] = [
     0.0,
 ];
 
+#[test]
+fn a_demonstration_ends_when_the_uncertainties_asked_for_are_reached() {
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    let rows = |extra: &[&str], out: &str| {
+        let mut words = vec!["demo", "--until", "m=0.03,Ixx=0.0015", "--json", "--out", out];
+        words.extend(extra);
+        let output = rigident(at, &words);
+        assert!(status(&output) < 2, "{}", said(&output));
+        assert!(said(&output).contains("the uncertainties asked for were reached"), "{}", said(&output));
+        (json(&output)["source"]["rows"].as_u64().unwrap(), json(&output))
+    };
+    // The demonstration takes a minute, 60 000 rows.
+    let (early, result) = rows(&[], "early");
+    assert!(early < 50_000, "{early}");
+    for (name, u95) in [(0, 0.03), (4, 0.0015)] {
+        let (_, reached) = values(&result)[name].unwrap();
+        // The answer widens its uncertainties where the residuals exceed the noise that was stated: some per cent at most.
+        assert!(reached <= 1.1 * u95, "{reached} {u95}");
+    }
+    let (whole, _) = rows(&["--go-on"], "whole");
+    assert!(whole > 59_000, "{whole}");
+}
+
 /// One demonstration serves several tests' questions: files, truth, replay, conversion.
 #[test]
 fn the_demonstration_finds_the_body_and_its_recording_replays_to_the_same_bits() {

@@ -181,7 +181,7 @@ impl App {
                 }
                 self.begin();
             }
-            StateName::Holding => {}
+            StateName::Holding => self.run.stop_overridden |= self.reason == Reason::StopRule,
             StateName::Running => return Ok(Reply::Done),
             StateName::Idle | StateName::Fault => return Err(ErrorCode::WrongState(self.state)),
         }

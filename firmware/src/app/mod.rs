@@ -87,6 +87,9 @@ struct PendingConfigure {
     settings: Settings,
 }
 
+/// Row blocks between two answers that knocks are known by, where none are sent.
+const REFERENCE_EVERY_BLOCKS: u16 = 100;
+
 /// What the settings say of every sample.
 #[derive(Clone, Copy, Default)]
 struct Duty {
@@ -100,7 +103,10 @@ impl Duty {
         Self {
             from_sensors: settings.source == Source::Sensors,
             stream: settings.telemetry.stream_readings,
-            estimate_every_blocks: settings.telemetry.estimate_every_blocks,
+            estimate_every_blocks: match settings.telemetry.estimate_every_blocks {
+                0 if settings.knock_limit_sd > 0.0 => REFERENCE_EVERY_BLOCKS,
+                every => every,
+            },
         }
     }
 }
@@ -135,6 +141,8 @@ struct Run {
     blocks_since_estimate: u16,
     estimate_due: bool,
     stop_due: bool,
+    /// The host has gone on after the stop rule: it ends this run no more.
+    stop_overridden: bool,
     snapshot: Option<FactorSnapshot>,
 }
 

@@ -124,7 +124,10 @@ impl App {
         if core::mem::take(&mut self.run.estimate_due) {
             self.estimate();
         }
-        if core::mem::take(&mut self.run.stop_due) && self.state == StateName::Running {
+        if core::mem::take(&mut self.run.stop_due)
+            && self.state == StateName::Running
+            && !self.run.stop_overridden
+        {
             self.hold(Reason::StopRule);
         }
         if self.state_unsent {
@@ -134,13 +137,15 @@ impl App {
     }
 
     fn estimate(&mut self) {
-        let Some(path) = &mut self.path else { return };
+        let (Some(path), Some(settings)) = (&mut self.path, &self.settings) else { return };
         let factor = path.factor();
         let solved = solve(&factor);
         if solved.determined.iter().all(|d| *d) {
             path.set_reference(&solved, settings.knock_limit_sd);
         }
-        if let Some(report) = self.report(&factor, &solved) {
+        if settings.telemetry.estimate_every_blocks > 0
+            && let Some(report) = self.report(&factor, &solved)
+        {
             self.link.telemetry(&Telemetry::Estimate(report));
         }
     }

@@ -22,7 +22,7 @@ const TENSOR: [&str; 6] = ["Ixx", "Iyy", "Izz", "Iyz", "Izx", "Ixy"];
 
 /// Which parameters must be identified for success.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Asked(Vec<usize>);
+pub struct Asked(pub(crate) Vec<usize>);
 
 impl Asked {
     /// From `--estimate`: `m`, `mc`, `I`, `offset`, or single names. Empty: the body's ten.

@@ -2,6 +2,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
+pub use super::course_arguments::Course;
 pub use super::factor_arguments::{MakeFactor, Merge, Solve, TareFiles};
 pub use super::known_arguments::KnownQuantities;
 
@@ -79,7 +80,7 @@ pub enum Mcu {
 #[derive(Args, Debug, Clone)]
 #[command(
     after_help = "Examples:\n  rigident demo\n  rigident demo --mcu qemu --json\n  rigident demo --body vertical --seed 7 --out \
-                        answers/demo7"
+                        answers/demo7\n  rigident demo --until m=0.05,Ixx=0.01"
 )]
 pub struct Demo {
     /// Where the firmware runs
@@ -97,6 +98,9 @@ pub struct Demo {
     /// Noise, bias and bandwidth off; the converters still quantise
     #[arg(long)]
     pub ideal: bool,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub course: Course,
     #[command(flatten)]
     #[allow(missing_docs)]
     pub known: KnownQuantities,
@@ -130,6 +134,9 @@ pub struct Replay {
     /// Rig file. Default: NAME.rig.toml beside the recording
     #[arg(long, value_name = "FILE")]
     pub rig: Option<PathBuf>,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub course: Course,
     #[command(flatten)]
     #[allow(missing_docs)]
     pub tare: TareFiles,
@@ -222,6 +229,9 @@ pub struct Run {
     /// Longest wait for the load cell to settle, s; 0 skips the warm-up
     #[arg(long, default_value_t = 120.0, value_name = "S")]
     pub warm_up_s: f64,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub course: Course,
     #[command(flatten)]
     #[allow(missing_docs)]
     pub known: KnownQuantities,

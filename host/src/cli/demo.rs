@@ -48,7 +48,8 @@ pub(super) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
         .map_err(|e| Failure::link(e).context("the simulated device"))?;
     let timing =
         DeviceTiming { rate_hz: RATE_HZ, is_static: false, source: Source::Sensors, host_timeout_ms: 0 };
-    let settings = settings(&file, &timing, None, None).map_err(Failure::input)?;
+    let mut settings = settings(&file, &timing, None, None).map_err(Failure::input)?;
+    arguments.course.put_into(&mut settings)?;
     session.configure(&settings).map_err(Failure::link)?;
     let mut platform = LocalPlatform(rig);
     platform.load(&program).map_err(Failure::link)?;
@@ -59,6 +60,7 @@ pub(super) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
     comments.extend(provenance(&file));
     let expected = (program.duration_s() * RATE_HZ) as usize;
     let mut watcher = Watcher::recording(folder.file("demo.mcap"), &file, &comments, expected)?;
+    session.go_on_after_stop = arguments.course.go_on;
     let mut take = session.follow(&mut platform, &mut watcher).map_err(Failure::link)?;
     watcher.end(&mut take);
     Experiment {

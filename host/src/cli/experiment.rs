@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use rigident_shared::wire::{Consistency, EstimateReport, Identity, ReadingMessage};
+use rigident_shared::wire::{Consistency, EstimateReport, Identity, ReadingMessage, Reason, StateName};
 use rigident_sim::experiment::SHORTEST_S;
 
 use super::outcome::{Ending, provenance};
@@ -194,6 +194,11 @@ impl Experiment<'_> {
             if count > 0 {
                 warnings.push(format!("{count} {what}"));
             }
+        }
+        if take.states.contains(&(StateName::Holding, Reason::StopRule)) {
+            let times = [take.readings.first(), take.readings.last()].map(|r| r.map_or(0, |r| r.time_ns));
+            let seconds = times[1].saturating_sub(times[0]) as f64 * 1e-9;
+            eprintln!("the uncertainties asked for were reached; {seconds:.1} s were taken in");
         }
         if take.interrupted {
             warnings.push("stopped by Ctrl-C before the end".to_owned());

@@ -4,6 +4,7 @@
 //! the rooms beside this one.
 
 mod arguments;
+mod course_arguments;
 mod demo;
 mod experiment;
 mod factor;

@@ -46,10 +46,12 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
         source: Source::Injected,
         host_timeout_ms: 0,
     };
-    let settings = settings(&prepared.rig, &timing, None, None).map_err(Failure::input)?;
+    let mut settings = settings(&prepared.rig, &timing, None, None).map_err(Failure::input)?;
+    arguments.course.put_into(&mut settings)?;
     session.configure(&settings).map_err(Failure::link)?;
     let folder = Folder::new(arguments.output.out.as_deref(), "replay")?;
     let mut watcher = Watcher::new(prepared.input.readings.len());
+    session.go_on_after_stop = arguments.course.go_on;
     let mut take = session.inject(&prepared.input.readings, &mut watcher).map_err(Failure::link)?;
     watcher.finish()?;
     // What the device was given, not what the file holds beyond f32.

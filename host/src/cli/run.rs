@@ -36,13 +36,16 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let timing =
         DeviceTiming { rate_hz, is_static: false, source: Source::Sensors, host_timeout_ms: HOST_TIMEOUT_MS };
     // Any noise does while nothing is absorbed.
-    let standing = settings(&rig, &timing, Some([1.0; 6]), None).map_err(Failure::input)?;
+    let mut standing = settings(&rig, &timing, Some([1.0; 6]), None).map_err(Failure::input)?;
+    // What cannot be asked for is said before anything moves.
+    arguments.course.put_into(&mut standing)?;
     session.configure(&standing).map_err(Failure::link)?;
 
     let mut warnings = Vec::new();
     warm_up(&mut session, &rig, arguments.warm_up_s, &mut warnings)?;
     let rest = zero(&mut session, &mut rig, &mut warnings)?;
-    let settings = settings(&rig, &timing, Some(rest.sigma), None).map_err(Failure::input)?;
+    let mut settings = settings(&rig, &timing, Some(rest.sigma), None).map_err(Failure::input)?;
+    arguments.course.put_into(&mut settings)?;
     session.configure(&settings).map_err(Failure::link)?;
 
     let program = thesis_program(&Geometry::thesis(), arguments.duration_s);
@@ -60,6 +63,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         (program.duration_s() * rate_hz) as usize,
     )?;
     eprintln!("still poses, motion, and the first pose again: {:.0} s", program.duration_s());
+    session.go_on_after_stop = arguments.course.go_on;
     let mut take = session.follow(&mut platform, &mut watcher).map_err(Failure::link)?;
     watcher.end(&mut take);
     Experiment {

@@ -26,6 +26,8 @@ pub static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 /// Told to the device this often that the host is there.
 const HEARTBEAT_EVERY: Duration = Duration::from_millis(500);
+/// What the device says when every asked-for parameter has its uncertainty.
+const STOPPED: (StateName, Reason) = (StateName::Holding, Reason::StopRule);
 /// How long to wait for readings that were counted but have not come.
 const STRAGGLERS: Duration = Duration::from_secs(2);
 
@@ -113,6 +115,8 @@ pub struct Session {
     identity: Identity,
     last_heartbeat: Instant,
     heartbeats: bool,
+    /// Whether a run that the stop rule has ended is started again, without the rule.
+    pub go_on_after_stop: bool,
 }
 
 impl Session {
@@ -122,7 +126,13 @@ impl Session {
     /// No answer, or firmware of another protocol.
     pub fn open(mut client: Client) -> Result<Self, LinkError> {
         let identity = client.hello()?;
-        Ok(Self { client, identity, last_heartbeat: Instant::now(), heartbeats: false })
+        Ok(Self {
+            client,
+            identity,
+            last_heartbeat: Instant::now(),
+            heartbeats: false,
+            go_on_after_stop: false,
+        })
     }
 
     /// Who answered.
@@ -173,6 +183,7 @@ impl Session {
                     taking.interrupted = true;
                     return Ok(());
                 }
+                self.override_stop(&mut taking)?;
                 if taking.held() || platform.motion()? == Motion::Done {
                     return Ok(());
                 }
@@ -224,7 +235,8 @@ impl Session {
                 Ok(_) => outcome = Err(LinkError::Nonsense("inject").into()),
                 Err(error) => outcome = Err(error.into()),
             }
-            if let Err(error) = self.sort(&mut taking, observer) {
+            let sorted = self.sort(&mut taking, observer);
+            if let Err(error) = sorted.and_then(|()| self.override_stop(&mut taking)) {
                 outcome = Err(error);
             }
             observer.progress(sent as usize);
@@ -241,6 +253,15 @@ impl Session {
         // What was said before belongs to no run.
         while self.client.next_telemetry().is_some() {}
         self.client.ask("start", &Command::Start).map(drop)
+    }
+
+    /// Starts again what the stop rule has ended, if that is wanted.
+    fn override_stop(&mut self, taking: &mut Taking) -> Result<(), SessionError> {
+        if self.go_on_after_stop && taking.states.contains(&STOPPED) && !taking.overridden {
+            taking.overridden = true;
+            self.client.ask("go on", &Command::Start)?;
+        }
+        Ok(())
     }
 
     fn conclude(
@@ -350,13 +371,16 @@ struct Taking {
     states: Vec<(StateName, Reason)>,
     counters: CounterReport,
     interrupted: bool,
+    /// The stop rule has been overridden.
+    overridden: bool,
 }
 
 impl Taking {
     /// Whether the device has ended the run by itself.
     fn held(&self) -> bool {
         self.states.iter().any(|(state, reason)| {
-            *state == StateName::Holding && matches!(reason, Reason::StopRule | Reason::HostQuiet)
+            let stopped = (*state, *reason) == STOPPED && !self.overridden;
+            stopped || (*state, *reason) == (StateName::Holding, Reason::HostQuiet)
         })
     }
 }

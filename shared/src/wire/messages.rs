@@ -25,7 +25,8 @@ pub enum Command {
     Hello,
     /// Take these settings: Idle, Configured or Holding → Configured. Nothing changes on an error.
     Configure(Settings),
-    /// Configured or Holding → Running. From Configured the estimate starts empty, from Holding it goes on.
+    /// Configured or Holding → Running. From Configured the estimate starts empty, from Holding it goes on; if
+    /// the stop rule had ended the run, without the rule.
     Start,
     /// Running → Holding; the estimate stays.
     Hold,
