@@ -89,7 +89,9 @@ fn perfect_sensors_give_the_body() {
                     limits: Limits { frozen_after: FROZEN_AFTER, ..Limits::none() },
                 };
                 let batch = identification::identify(&input).unwrap();
-                let e = errors(&batch.estimate.values, &phi);
+                let values: Vec<f64> =
+                    batch.states().iter().map(|state| state.measured().unwrap().value).collect();
+                let e = errors(&values, &phi);
                 assert!(e.iter().all(|e| *e < 1e-6), "f64 {rate_hz} {known}: {e:?}");
 
                 let narrow: Vec<f64> = if known {

@@ -119,6 +119,16 @@ fn what_only_was_known_beforehand_is_prior_dominated_and_does_not_count_as_ident
     assert!(parameter(&result, "Iyz").get("value").is_none());
     assert!(result.get("inertia_com_kgm2").is_none(), "three of its elements are unknown");
 
+    // A plane of symmetry needs the body's size for the products of inertia, and says so.
+    let warned = |more: &[&str], out: &str| {
+        let result = json(&identify(&[&["--symmetry", "y", "--out", out], more].concat()));
+        (parameter(&result, "Iyz")["state"] == "not_identified", result["warnings"].to_string())
+    };
+    let (free, words) = warned(&[], "plane");
+    assert!(free && words.contains("symmetry y: Iyz and Ixy stay free"), "{words}");
+    let (free, words) = warned(&tensor, "plane-and-size");
+    assert!(!free && !words.contains("stay free"), "{words}");
+
     let all = ["iyz_kgm2=0±1e-5", "izx_kgm2=0±1e-5", "ixy_kgm2=0±1e-5"].map(|t| ["--known", t]).concat();
     let output = identify(&[&tensor[..], &all, &["--out", "all"]].concat());
     assert_eq!(output.status.code(), Some(1), "{}", said(&output));

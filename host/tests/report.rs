@@ -5,6 +5,7 @@ mod synthetic;
 
 use std::collections::HashSet;
 
+use rigident::formats::result::{Measured, ParameterState};
 use rigident::report::{Along, ReportData, html, table};
 use roxmltree::{Document, Node, ParsingOptions};
 
@@ -78,15 +79,12 @@ fn what_is_not_identified_shows_no_number() {
     }
     let results = &mut data.results;
     for quantity in results.parameters.iter_mut().chain(&mut results.inertia_com) {
-        if quantity.measured.is_none() {
+        if quantity.state.measured().is_none() {
             quantity.truth = Some(777.125);
         }
     }
     // An estimate that is not a number, or as uncertain as can be, is none.
-    let mut measured = results.parameters[0].measured.unwrap();
-    measured.value = 777.125;
-    measured.u95 = f64::INFINITY;
-    results.offsets[0].measured = Some(measured);
+    results.offsets[0].state = ParameterState::Identified(Measured { value: 777.125, u95: f64::INFINITY });
     let page = html(&data);
     let document = parse(&page);
     // The paths' coordinates are the plots' own.
@@ -153,7 +151,7 @@ fn any_data_make_a_page() {
         data.results.condition_number = Some(a);
         for quantity in &mut data.results.parameters {
             quantity.truth = Some(b);
-            if let Some(m) = &mut quantity.measured {
+            if let Some(m) = quantity.state.measured_mut() {
                 (m.value, m.u95) = (a, b.abs());
             }
         }
@@ -174,8 +172,8 @@ fn any_data_make_a_page() {
         data.stages[1].start_s = a;
         let drift = data.drift.as_mut().unwrap();
         drift.elapsed_s = a;
-        drift.changes[2].measured.as_mut().unwrap().value = b;
-        drift.changes[3].measured.as_mut().unwrap().u95 = b.abs();
+        drift.changes[2].state.measured_mut().unwrap().value = b;
+        drift.changes[3].state.measured_mut().unwrap().u95 = b.abs();
         let page = html(&data);
         parse(&page);
         for word in ["NaN", "inf ", "inf<", ">inf", "-inf"] {
@@ -190,13 +188,13 @@ fn a_drift_beyond_its_uncertainty_is_named_and_a_missing_one_is_not_called_none(
     let mut data = synthetic::experiment(20.0);
     let changes = &mut data.drift.as_mut().unwrap().changes;
     for (i, change) in changes.iter_mut().enumerate() {
-        let m = change.measured.as_mut().unwrap();
+        let m = change.state.measured_mut().unwrap();
         m.value = if i == 1 { -1.01 } else { 0.99 } * m.u95;
     }
     assert!(html(&data).contains("<b>fy</b> changed by more"));
-    data.drift.as_mut().unwrap().changes[1].measured = None;
+    data.drift.as_mut().unwrap().changes[1].state = ParameterState::NotIdentified;
     assert!(html(&data).contains("No channel changed by more"));
-    data.drift.as_mut().unwrap().changes.iter_mut().for_each(|c| c.measured = None);
+    data.drift.as_mut().unwrap().changes.iter_mut().for_each(|c| c.state = ParameterState::NotIdentified);
     assert!(html(&data).contains("No change could be measured"));
 }
 
@@ -225,7 +223,7 @@ fn still_poses_are_counted_not_timed() {
 fn the_terminals_columns_are_aligned_and_say_how_far_the_truth_is() {
     let mut data = synthetic::experiment(20.0);
     let mass = &mut data.results.parameters[0];
-    let measured = mass.measured.as_mut().unwrap();
+    let measured = mass.state.measured_mut().unwrap();
     (measured.value, measured.u95) = (20.0196, 0.0196);
     let text = table::plain(&data.results);
     let mut group = text.lines().skip_while(|l| !l.starts_with("In S")).skip(1).take(11);

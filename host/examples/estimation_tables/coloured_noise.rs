@@ -25,10 +25,12 @@ struct Told {
 
 impl Told {
     fn add(&mut self, said: &Identification, phi: &[f64; N]) {
+        let states = said.states();
         for j in 0..N {
-            self.sd[j] += said.estimate.covariance[(j, j)].sqrt();
-            let error = (said.estimate.values[j] - phi[j]).abs();
-            self.held += f64::from(u8::from(error <= said.estimate.u95(j))) / N as f64;
+            self.sd[j] +=
+                said.estimate.covariance(j, j).expect("the experiment determines everything").sqrt();
+            let m = states[j].measured().expect("the experiment identifies everything");
+            self.held += f64::from(u8::from((m.value - phi[j]).abs() <= m.u95)) / N as f64;
         }
         if let Some(colour) = &said.colour {
             self.warned += 1.0;
@@ -69,8 +71,10 @@ fn line(study: &Study, time_s: f64, seed: u64) -> Line {
         meat += batch_meat(study.settings(), readings.iter().copied(), &phi).0;
         let input = Input { readings, ..study.input().clone() };
         let given = identify(&input).expect("the experiment has rows");
+        let states = given.states();
         for j in 0..N {
-            line.squares[j] += (given.estimate.values[j] - phi[j]).powi(2) / RUNS as f64;
+            let m = states[j].measured().expect("the experiment identifies everything");
+            line.squares[j] += (m.value - phi[j]).powi(2) / RUNS as f64;
         }
         line.given.add(&given, &phi);
         let estimated = identify(&Input { channel_sigma: None, ..input }).expect("the experiment has rows");

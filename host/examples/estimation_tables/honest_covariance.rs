@@ -139,7 +139,9 @@ impl Study {
             readings,
             input,
             settings,
-            shipped: std::array::from_fn(|j| identified.estimate.covariance[(j, j)].sqrt()),
+            shipped: std::array::from_fn(|j| {
+                identified.estimate.covariance(j, j).expect("the experiment determines everything").sqrt()
+            }),
             sandwich: sandwich(&inverse, &meat),
             noise_gain: weight * white[0],
             inverse,

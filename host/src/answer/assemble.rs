@@ -10,12 +10,12 @@ use super::derived::{self, BodyFrame, Derived};
 use super::identifiability::states;
 use super::weakest;
 use crate::formats::result::{
-    BodyFrameResult, ConsistentResult, KnownResult, Parameter, ParameterState, PrincipalResult, ResultObject,
-    ResultSource, SCHEMA, Status,
+    BodyFrameResult, ConsistentResult, KnownResult, Measured, Parameter, ParameterState, PrincipalResult,
+    ResultObject, ResultSource, SCHEMA, Status,
 };
 use crate::formats::rig::{BodyTable, RigFile, TruthTable};
 use crate::identification::{FILTER_WIDTH_S, Identification};
-use crate::report::{self, FrameResults, Measured, PrincipalAxis, Quantity, Results};
+use crate::report::{self, FrameResults, PrincipalAxis, Quantity, Results};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 const TENSOR: [&str; 6] = ["Ixx", "Iyy", "Izz", "Iyz", "Izx", "Ixy"];
@@ -80,25 +80,13 @@ pub struct Assembled {
 }
 
 fn quantity(name: &str, unit: &str, state: ParameterState, truth: Option<f64>) -> Quantity {
-    Quantity {
-        name: name.to_owned(),
-        unit: unit.to_owned(),
-        measured: state.measured().map(|(value, u95)| Measured {
-            value,
-            u95,
-            prior_dominated: matches!(state, ParameterState::PriorDominated { .. }),
-        }),
-        truth,
-    }
+    Quantity { name: name.to_owned(), unit: unit.to_owned(), state, truth }
 }
 
 /// The state of a quantity that is derived from others.
 fn state(value: f64, u95: f64, prior: bool) -> ParameterState {
-    if prior {
-        ParameterState::PriorDominated { value, u95 }
-    } else {
-        ParameterState::Identified { value, u95 }
-    }
+    let measured = Measured { value, u95 };
+    if prior { ParameterState::PriorDominated(measured) } else { ParameterState::Identified(measured) }
 }
 
 fn quantities<const K: usize>(
@@ -187,6 +175,7 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
         ));
     }
 
+    warnings.extend(estimate.known().iter().filter_map(|known| known.warning(estimate)));
     if let Some(colour) = &identification.colour {
         warnings.push(colour.warning(FILTER_WIDTH_S));
     }
@@ -330,7 +319,7 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
         .into_iter()
         .filter_map(|(field, prior)| prior.then_some(field))
         .collect(),
-        mass_kg: at(0).measured().map(|m| m.0),
+        mass_kg: at(0).measured().map(|m| m.value),
         com_m: com.as_ref().map(|d| d.value),
         com_u95_m: com.as_ref().map(scaled),
         inertia_com_kgm2: inertia.as_ref().map(|d| d.value),

@@ -1,4 +1,5 @@
-//! Quantities derived from the ten parameters, with their standard deviations to first order.
+//! Quantities derived from the ten parameters, with their standard deviations to first order. Whether the parameters
+//! are identified is the caller's to ask.
 
 use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};
 use rigident_shared::inertia::{InertialParameters, tensor_elements, tensor_from_elements};
@@ -47,12 +48,12 @@ fn parameters(phi: &[f64; 10]) -> InertialParameters<Sensor, f64> {
 }
 
 /// Centre of mass in S, m.
-pub fn centre_of_mass(estimate: &Estimate) -> Derived<3> {
+pub(crate) fn centre_of_mass(estimate: &Estimate) -> Derived<3> {
     propagate(estimate, |phi| parameters(phi).centre_of_mass().array())
 }
 
 /// Inertia tensor about the centre of mass in the axes of S, `[Ixx, Iyy, Izz, Iyz, Izx, Ixy]`, kg m².
-pub fn inertia_com(estimate: &Estimate) -> Derived<6> {
+pub(crate) fn inertia_com(estimate: &Estimate) -> Derived<6> {
     propagate(estimate, |phi| tensor_elements(&parameters(phi).inertia_com()))
 }
 
@@ -66,7 +67,7 @@ pub struct BodyFrame {
 }
 
 /// Centre of mass (3) and inertia tensor about the frame's origin (6) in the customer's frame: m, kg m².
-pub fn in_body_frame(estimate: &Estimate, frame: &BodyFrame) -> Derived<9> {
+pub(crate) fn in_body_frame(estimate: &Estimate, frame: &BodyFrame) -> Derived<9> {
     propagate(estimate, |phi| {
         let there = parameters(phi).expressed_in(&frame.rotation, frame.origin);
         let [x, y, z] = there.centre_of_mass().array();

@@ -5,7 +5,7 @@
 //! and its information does not come from the noise of the gyro.
 
 use super::Estimate;
-use crate::formats::result::ParameterState;
+use crate::formats::result::{Measured, ParameterState};
 
 /// U95 of an identified parameter is at most this share of the body's scale.
 pub const LARGEST_SHARE: f64 = 0.1;
@@ -123,12 +123,10 @@ pub fn states(estimate: &Estimate, noise: RegressorNoise) -> Vec<ParameterState>
     let data = estimate.of_data_alone();
     (0..estimate.values.len())
         .map(|j| {
-            let (value, u95) = (estimate.values[j], estimate.u95(j));
+            let measured = Measured { value: estimate.values[j], u95: estimate.u95(j) };
             match &scale {
-                Some(scale) if scale.resolves(data, noise, j) => ParameterState::Identified { value, u95 },
-                Some(scale) if scale.resolves(estimate, noise, j) => {
-                    ParameterState::PriorDominated { value, u95 }
-                }
+                Some(scale) if scale.resolves(data, noise, j) => ParameterState::Identified(measured),
+                Some(scale) if scale.resolves(estimate, noise, j) => ParameterState::PriorDominated(measured),
                 _ => ParameterState::NotIdentified,
             }
         })

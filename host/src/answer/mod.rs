@@ -15,6 +15,7 @@ use nalgebra::DMatrix;
 use rigident_shared::factor::InformationFactor;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
+use crate::formats::result::Measured;
 use crate::identification::Factor;
 use crate::identification::known::{self, Known, KnownError};
 
@@ -31,14 +32,17 @@ pub enum Noise {
 }
 
 /// Estimate and covariance of the parameters of a factor, in f64, with what the rows determine.
+///
+/// Its numbers leave the crate as [`ParameterState`](crate::formats::result::ParameterState)s only, see
+/// [`identifiability::states`]: what is not identified has none.
 #[derive(Clone, Debug)]
 pub struct Estimate {
-    /// Ten parameters, or sixteen with the wrench offset; SI, in S.
-    pub values: Vec<f64>,
+    /// Ten parameters, or sixteen with the wrench offset; SI, in S. Of what is not determined, whatever fits.
+    pub(crate) values: Vec<f64>,
     /// Covariance; rows of parameters that are not determined are meaningless.
-    pub covariance: DMatrix<f64>,
+    pub(crate) covariance: DMatrix<f64>,
     /// Whether the rows alone determine the parameter.
-    pub determined: Vec<bool>,
+    pub(crate) determined: Vec<bool>,
     /// 2-norm condition number of the column-scaled, whitened rows over what is determined.
     pub condition_number: f64,
     /// Coverage factor of a 95 % interval.
@@ -102,7 +106,8 @@ impl Estimate {
 
     /// From numbers that no rows stand behind, as a bound or a design gives them; σ is given. Known quantities
     /// do not change it.
-    pub fn from_parts(values: Vec<f64>, covariance: DMatrix<f64>, determined: Vec<bool>) -> Self {
+    #[cfg(test)]
+    pub(crate) fn from_parts(values: Vec<f64>, covariance: DMatrix<f64>, determined: Vec<bool>) -> Self {
         Self {
             values,
             covariance,
@@ -114,8 +119,21 @@ impl Estimate {
         }
     }
 
+    /// Parameter `j` if the rows determine it. Whether they do so finely enough to be worth a number,
+    /// [`identifiability::states`] says.
+    pub(crate) fn measured(&self, j: usize) -> Option<Measured> {
+        let determined = self.determined.get(j) == Some(&true);
+        self.values.get(j).filter(|_| determined).map(|value| Measured { value: *value, u95: self.u95(j) })
+    }
+
+    /// Covariance of parameters `i` and `j`, SI; `None` unless the rows determine both.
+    pub fn covariance(&self, i: usize, j: usize) -> Option<f64> {
+        let determined = |k: usize| self.determined.get(k) == Some(&true);
+        (determined(i) && determined(j)).then(|| self.covariance[(i, j)])
+    }
+
     /// The 95 % expanded uncertainty of parameter `j`; infinite if it is not determined.
-    pub fn u95(&self, j: usize) -> f64 {
+    pub(crate) fn u95(&self, j: usize) -> f64 {
         if self.determined.get(j) == Some(&true) {
             self.coverage_factor * self.covariance[(j, j)].max(0.0).sqrt()
         } else {
@@ -123,8 +141,8 @@ impl Estimate {
         }
     }
 
-    /// The first ten parameters.
-    pub fn body(&self) -> [f64; 10] {
+    /// The first ten parameters, determined or not.
+    pub(crate) fn body(&self) -> [f64; 10] {
         std::array::from_fn(|j| self.values.get(j).copied().unwrap_or(0.0))
     }
 }

@@ -15,12 +15,13 @@ use crate::answer::assemble::Asked;
 use crate::formats::mcap::messages::ImuValues;
 use crate::formats::mcap::write::{Head, McapWriter, Row};
 use crate::formats::recording::comment_in_words;
+use crate::formats::result::{Measured, ParameterState};
 use crate::formats::rig::RigFile;
 use crate::identification::known::Known;
 use crate::identification::pooled::PooledFactor;
 use crate::identification::tare::Tare;
 use crate::identification::{self, Progression, prepare};
-use crate::report::{Drift, Measured, Quantity, Stage};
+use crate::report::{Drift, Quantity, Stage};
 use crate::session::{Observer, Take};
 
 /// Noise alone seldom takes an answer so far from what a body can have, standard deviations.
@@ -239,16 +240,15 @@ impl Experiment<'_> {
             .iter()
             .map(|report| Progression {
                 time_s: report.time_ns as f64 * 1e-9,
-                values: report.estimate.iter().map(|v| f64::from(*v)).collect(),
-                u95: report
-                    .standard_deviation
+                parameters: report
+                    .estimate
                     .iter()
+                    .zip(&report.standard_deviation)
                     .enumerate()
-                    .map(
-                        |(j, sd)| {
-                            if report.determined >> j & 1 == 1 { k * f64::from(*sd) } else { f64::INFINITY }
-                        },
-                    )
+                    .map(|(j, (value, sd))| {
+                        (report.determined >> j & 1 == 1)
+                            .then(|| Measured { value: f64::from(*value), u95: k * f64::from(*sd) })
+                    })
                     .collect(),
             })
             .collect();
@@ -324,10 +324,9 @@ fn drift(input: &identification::Input, spans: [(f64, f64); 2], sigma: &[f64; 6]
             .map(|(c, channel)| Quantity {
                 name: (*channel).to_owned(),
                 unit: if c < 3 { "N" } else { "N m" }.to_owned(),
-                measured: Some(Measured {
+                state: ParameterState::Identified(Measured {
                     value: after[c] - before[c],
                     u95: 1.96 * sigma[c] * (1.0 / n + 1.0 / m).sqrt(),
-                    prior_dominated: false,
                 }),
                 truth: None,
             })

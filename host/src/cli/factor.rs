@@ -115,11 +115,9 @@ pub(super) fn tare(
         return Ok(None);
     }
     let tare = Tare::new(PooledFactor::merged(factors, false).map_err(Failure::input)?);
-    let mass = match tare.estimate() {
-        estimate if estimate.determined.first() == Some(&true) => {
-            report::text::with_u95(estimate.values[0], estimate.u95(0), "kg")
-        }
-        _ => "unknown mass".to_owned(),
+    let mass = match tare.estimate().measured(0) {
+        Some(mass) => report::text::with_u95(mass.value, mass.u95, "kg"),
+        None => "unknown mass".to_owned(),
     };
     warnings.push(format!(
         "tare: a fixture of {mass} was subtracted with its uncertainty ({})",

@@ -130,12 +130,16 @@ impl Ending<'_> {
             input.readings.iter().enumerate().map(|(row, r)| time_of(row, r.time_ns)).collect();
         let names = rigident_shared::inertia::PARAMETER_NAMES;
         let shift = |t: f64, row: usize| if input.is_static { row as f64 + 1.0 } else { t - origin_s };
+        // What is not identified in the end has no course either.
+        let identified = |j: &usize| results.parameters.get(*j).is_some_and(|q| q.known().is_some());
         let convergence = (0..10)
-            .map(|j| Convergence {
+            .filter(identified)
+            .map(|j| (j, move |p: &Progression| p.parameters.get(j).copied().flatten()))
+            .map(|(j, at)| Convergence {
                 name: names[j].to_owned(),
                 time_s: self.progression.iter().enumerate().map(|(i, p)| shift(p.time_s, i)).collect(),
-                estimate: self.progression.iter().map(|p| p.values[j]).collect(),
-                u95: self.progression.iter().map(|p| p.u95[j]).collect(),
+                estimate: self.progression.iter().map(|p| at(p).map_or(f64::NAN, |m| m.value)).collect(),
+                u95: self.progression.iter().map(|p| at(p).map_or(f64::INFINITY, |m| m.u95)).collect(),
             })
             .collect();
         let kernel_gain = self.identification.noise_gain / f64::from(self.row_every());

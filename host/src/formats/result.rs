@@ -5,35 +5,76 @@ use serde::Serialize;
 /// The schema's name.
 pub const SCHEMA: &str = "rigident/result/1";
 
-/// What became of a parameter. One that is not identified has no number, here or anywhere.
+/// An estimate with its 95 % expanded uncertainty, SI.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Measured {
+    /// Value.
+    pub value: f64,
+    /// 95 % expanded uncertainty.
+    pub u95: f64,
+}
+
+/// What became of a parameter. One that is not identified has no number, here or anywhere.
+///
+/// ```
+/// use rigident::formats::result::ParameterState;
+///
+/// fn value(state: ParameterState) -> Option<f64> {
+///     match state {
+///         ParameterState::Identified(m) | ParameterState::PriorDominated(m) => Some(m.value),
+///         ParameterState::NotIdentified => None,
+///     }
+/// }
+/// assert_eq!(value(ParameterState::default()), None);
+/// ```
+/// ```compile_fail,E0532
+/// use rigident::formats::result::ParameterState;
+///
+/// fn value(state: ParameterState) -> Option<f64> {
+///     match state {
+///         ParameterState::Identified(m) | ParameterState::PriorDominated(m) => Some(m.value),
+///         ParameterState::NotIdentified(m) => Some(m.value),
+///     }
+/// }
+/// ```
+/// Nor has the estimate that it was made of, outside of this crate:
+/// ```compile_fail,E0616
+/// fn value(run: &rigident::identification::Identification) -> f64 {
+///     run.estimate.values[9]
+/// }
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 #[serde(tag = "state", rename_all = "snake_case")]
 pub enum ParameterState {
     /// The data alone determine it.
-    Identified {
-        /// Value, SI.
-        value: f64,
-        /// 95 % expanded uncertainty.
-        u95: f64,
-    },
-    /// What was known before determines it.
-    PriorDominated {
-        /// Value, SI.
-        value: f64,
-        /// 95 % expanded uncertainty.
-        u95: f64,
-    },
+    Identified(Measured),
+    /// The data determine it only together with what was known before.
+    PriorDominated(Measured),
     /// The data say nothing about it.
+    #[default]
     NotIdentified,
 }
 
 impl ParameterState {
     /// Value and 95 % uncertainty, where there are any.
-    pub fn measured(&self) -> Option<(f64, f64)> {
+    pub fn measured(&self) -> Option<Measured> {
         match *self {
-            Self::Identified { value, u95 } | Self::PriorDominated { value, u95 } => Some((value, u95)),
+            Self::Identified(measured) | Self::PriorDominated(measured) => Some(measured),
             Self::NotIdentified => None,
         }
+    }
+
+    /// The same, to be changed.
+    pub fn measured_mut(&mut self) -> Option<&mut Measured> {
+        match self {
+            Self::Identified(measured) | Self::PriorDominated(measured) => Some(measured),
+            Self::NotIdentified => None,
+        }
+    }
+
+    /// Whether the value rests on what was known before.
+    pub fn is_prior_dominated(&self) -> bool {
+        matches!(self, Self::PriorDominated(_))
     }
 }
 
@@ -275,7 +316,7 @@ mod tests {
             r#"{"name":"Ixx","unit":"kg m2","state":"not_identified","frame":"S"}"#
         );
         assert_eq!(
-            parameter(ParameterState::Identified { value: 0.5, u95: 0.25 }),
+            parameter(ParameterState::Identified(Measured { value: 0.5, u95: 0.25 })),
             r#"{"name":"Ixx","unit":"kg m2","state":"identified","value":0.5,"u95":0.25,"frame":"S"}"#
         );
     }

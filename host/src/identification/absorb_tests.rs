@@ -228,7 +228,7 @@ fn an_identification_by_parts_is_that_of_one_pass() {
     assert!(course.is_sorted_by(|a, b| a.time_s < b.time_s));
     let last = course.last().unwrap();
     for j in 0..16 {
-        let error = (last.values[j] - solution.estimate[j]).abs();
+        let error = (last.parameters[j].unwrap().value - solution.estimate[j]).abs();
         // At most one part in two hundred is missing; the wrench is no body's, so σ is what the residuals say.
         let sd = solution.standard_deviation[j] * identified.variance_ratio.sqrt();
         assert!(error < 0.3 * sd, "{j}: {error} of {sd}");

@@ -12,10 +12,11 @@
 use std::fmt;
 
 use rigident_shared::factor::InformationFactor;
+use rigident_shared::inertia::PARAMETER_NAMES;
 use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 
 use super::Factor;
-use crate::answer::Noise;
+use crate::answer::{Estimate, Noise};
 
 /// σ of a plane of symmetry's position where none is given, m.
 pub const SYMMETRY_SIGMA_M: f64 = 1e-3;
@@ -272,6 +273,23 @@ impl Known {
         self.sigma
     }
 
+    /// What it did not say, with the estimate made with it: a plane of symmetry where the body has no size.
+    pub fn warning(&self, estimate: &Estimate) -> Option<String> {
+        let Subject::Symmetry(k) = self.subject else { return None };
+        let moment = |j: usize| estimate.measured(j).map(|m| [m.value, m.u95 / estimate.coverage_factor]);
+        if trace([4, 5, 6].map(moment)).is_some() {
+            return None;
+        }
+        let crossing = ELEMENT.iter().zip(&PARAMETER_NAMES[4..]).skip(3).filter(|(e, _)| e.contains(&k));
+        let names: Vec<&str> = crossing.map(|(_, name)| *name).collect();
+        Some(format!(
+            "{}: {} stay free: how far from zero they may be grows with the body's size, which is not known without \
+             Ixx, Iyy and Izz; turn the body about all three axes, or state ixx_kgm2, iyy_kgm2 and izz_kgm2 with --known",
+            self.name(),
+            names.join(" and "),
+        ))
+    }
+
     /// Its rows `(a, y, σ)` at φ; fewer where a plane of symmetry has no scale yet.
     fn rows<const N: usize>(&self, at: &Point<N>) -> Result<Vec<Row<N>>, KnownError> {
         let Self { subject, value, sigma } = *self;
@@ -318,10 +336,12 @@ impl Known {
                 let m = mass()?;
                 let mut rows = vec![unit(1 + k, 0.0, sigma * m)];
                 // Without a tensor there is no size, and a product of inertia no scale of its uncertainty.
-                if (4..7).all(|j| at.determined[j]) {
-                    let gyration = ((at.phi[4] + at.phi[5] + at.phi[6]) / (2.0 * m)).max(0.0).sqrt();
+                let moment =
+                    |j: usize| at.determined[j].then(|| [at.phi[j], at.covariance[j][j].max(0.0).sqrt()]);
+                if let Some(trace) = trace([4, 5, 6].map(moment)) {
+                    let gyration = (trace / (2.0 * m)).sqrt();
                     for (e, [i, j]) in ELEMENT.iter().enumerate().skip(3) {
-                        if (*i == k || *j == k) && gyration > 0.0 {
+                        if *i == k || *j == k {
                             rows.push(unit(4 + e, 0.0, sigma * m * gyration));
                         }
                     }
@@ -330,6 +350,17 @@ impl Known {
             }
         }
     }
+}
+
+/// Sum of the three moments, each with its σ; `None` if it may be anything down to nothing.
+fn trace(moments: [Option<[f64; 2]>; 3]) -> Option<f64> {
+    let (mut sum, mut sigma) = (0.0, 0.0);
+    for moment in moments {
+        let [value, sd] = moment?;
+        sum += value;
+        sigma += sd;
+    }
+    (sum > 2.0 * sigma).then_some(sum)
 }
 
 /// The two sides of `±`, trimmed.

@@ -23,8 +23,9 @@ use rigident_shared::screening::Limits;
 use self::absorb::{Shares, Split};
 use self::gains::{ChannelFactors, GainFit, residual_with_gains};
 use self::pooled::{Judgement, RowSet, judge};
-use crate::answer::identifiability::RegressorNoise;
+use crate::answer::identifiability::{self, RegressorNoise};
 use crate::answer::{Estimate, Noise};
+use crate::formats::result::{Measured, ParameterState};
 
 /// Room for the filter on the host: 0.1 s at 40 kHz.
 const TAPS: usize = 256;
@@ -155,6 +156,13 @@ pub struct Identification {
     pub colour: Option<whiteness::Colour>,
     /// What happened to the readings.
     pub counters: Counters,
+}
+
+impl Identification {
+    /// What became of each parameter: ten, or sixteen with the offset.
+    pub fn states(&self) -> Vec<ParameterState> {
+        identifiability::states(&self.estimate, self.regressor_noise)
+    }
 }
 
 /// Why there is no identification.
@@ -410,15 +418,13 @@ fn merge_channels(mut a: Option<ChannelFactors>, b: Option<ChannelFactors>) -> O
     a
 }
 
-/// The estimate as rows come in: time (s), values and 95 % uncertainties (infinite where not determined).
+/// The estimate as rows come in.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Progression {
     /// Time of the reading that completed the rows, s.
     pub time_s: f64,
-    /// Estimates.
-    pub values: Vec<f64>,
-    /// 95 % uncertainties.
-    pub u95: Vec<f64>,
+    /// Each parameter; `None` while the rows do not determine it.
+    pub parameters: Vec<Option<Measured>>,
 }
 
 /// About `points` intermediate estimates of a batch.
@@ -466,8 +472,8 @@ fn progression_of<const N: usize>(input: &Input, sigma: [f64; 6], points: usize)
             before.factor.merge(&factor);
             before.channels = merge_channels(before.channels, channels);
             let estimate = Estimate::new(&before.factor_and_gains(&input.gain_sigma).0, 1.0, Noise::Given);
-            let u95 = (0..N).map(|j| estimate.u95(j)).collect();
-            progression.push(Progression { time_s, values: estimate.values, u95 });
+            let parameters = (0..N).map(|j| estimate.measured(j)).collect();
+            progression.push(Progression { time_s, parameters });
             (before.factor, before.channels) = (kept, kept_channels);
         }
         before.factor.merge(whole);

@@ -12,6 +12,7 @@ use rigident_shared::factor::InformationFactor;
 use super::pooled::{Judgement, PoolError, PooledFactor};
 use super::{Factor, Identification, Progression};
 use crate::answer::{Estimate, Noise};
+use crate::formats::result::Measured;
 
 /// Parameters of a body.
 const BODY: usize = 10;
@@ -131,9 +132,11 @@ impl Tare {
         // A body's element has no more information than either run's, so this asks it of both.
         identification.regressor_noise.tensor_information += self.tensor_information;
         for point in progression {
-            for (j, (value, u95)) in point.values.iter_mut().zip(&mut point.u95).take(BODY).enumerate() {
-                *value -= self.estimate.values.get(j).copied().unwrap_or(0.0);
-                *u95 = u95.hypot(self.estimate.u95(j));
+            for (j, both) in point.parameters.iter_mut().take(BODY).enumerate() {
+                *both = both.zip(self.estimate.measured(j)).map(|(both, fixture)| Measured {
+                    value: both.value - fixture.value,
+                    u95: both.u95.hypot(fixture.u95),
+                });
             }
         }
         Ok(())

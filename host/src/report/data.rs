@@ -1,5 +1,7 @@
 //! The plain data of a report. SI units throughout; times in seconds on one axis for all plots.
 
+use crate::formats::result::{Measured, ParameterState};
+
 /// The body nearest to an answer that no body has.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearestBody {
@@ -13,17 +15,6 @@ pub struct NearestBody {
     pub distance_sd: f64,
 }
 
-/// An estimate with its 95 % expanded uncertainty, in the unit of its [`Quantity`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Measured {
-    /// Estimate.
-    pub value: f64,
-    /// 95 % expanded uncertainty.
-    pub u95: f64,
-    /// The value owes more to a prior than to the data.
-    pub prior_dominated: bool,
-}
-
 /// One number of the result, or the fact that the data do not identify it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Quantity {
@@ -31,8 +22,8 @@ pub struct Quantity {
     pub name: String,
     /// SI unit as in the result file: `kg`, `kg m2`, …
     pub unit: String,
-    /// The estimate; `None` if it is not identified.
-    pub measured: Option<Measured>,
+    /// The estimate, if it is identified.
+    pub state: ParameterState,
     /// The true value, where it is known.
     pub truth: Option<f64>,
 }
@@ -40,7 +31,7 @@ pub struct Quantity {
 impl Quantity {
     /// The estimate if it is identified and its numbers can be printed.
     pub fn known(&self) -> Option<Measured> {
-        self.measured.filter(|m| m.value.is_finite() && m.u95.is_finite() && m.u95 >= 0.0)
+        self.state.measured().filter(|m| m.value.is_finite() && m.u95.is_finite() && m.u95 >= 0.0)
     }
 
     /// Estimate minus truth in standard deviations, σ = U95 / 1.96; `None` without truth or without σ.

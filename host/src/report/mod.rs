@@ -13,8 +13,8 @@ pub mod table;
 pub mod text;
 
 pub use data::{
-    Along, Convergence, Drift, FrameResults, Measured, NearestBody, PrincipalAxis, Quantity, ReportData,
-    Residual, Results, Source, Stage, Status, TimePlot,
+    Along, Convergence, Drift, FrameResults, NearestBody, PrincipalAxis, Quantity, ReportData, Residual,
+    Results, Source, Stage, Status, TimePlot,
 };
 pub use envelope::envelope;
 pub use page::html;

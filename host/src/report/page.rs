@@ -103,7 +103,7 @@ pub(super) fn status_words(results: &Results) -> String {
     let prior: Vec<&str> = results
         .parameters
         .iter()
-        .filter(|q| q.known().is_some_and(|m| m.prior_dominated))
+        .filter(|q| q.known().is_some() && q.state.is_prior_dominated())
         .map(|q| q.name.as_str())
         .collect();
     let words = match results.status {
@@ -277,7 +277,7 @@ fn value_cells(quantity: &Quantity) -> String {
         return format!("<td class=\"none\" colspan=\"2\">{NOT_IDENTIFIED}</td>");
     };
     let (value, u95) = parts(m.value, m.u95);
-    let tag = if m.prior_dominated { " <span class=\"tag\">prior</span>" } else { "" };
+    let tag = if quantity.state.is_prior_dominated() { " <span class=\"tag\">prior</span>" } else { "" };
     format!("<td class=\"value\">{value}</td><td>± {u95}{tag}</td>")
 }
 

@@ -66,7 +66,7 @@ fn row(quantity: &Quantity) -> Row {
     let Some((m, rounded)) = known else {
         return [name, NOT_IDENTIFIED.to_owned(), String::new(), String::new(), String::new(), String::new()];
     };
-    let prior = if m.prior_dominated { " (prior)" } else { "" };
+    let prior = if quantity.state.is_prior_dominated() { " (prior)" } else { "" };
     let truth = quantity.truth.map_or(String::new(), |t| beside(t, m.u95));
     let deviation = quantity.deviation_sd().map_or(String::new(), |sd| format!("{sd:+.2} sd"));
     [

@@ -1,7 +1,7 @@
 use rigident::answer::{Estimate, Noise};
 use rigident::identification::pooled::PooledFactor;
 use rigident::identification::tare::Tare;
-use rigident::identification::{Factor, identify};
+use rigident::identification::{Factor, Identification, identify};
 
 use crate::simulated::{body, experiment, fixture, input, together};
 
@@ -21,12 +21,14 @@ fn the_uncertainty_of_the_fixture_is_in_that_of_the_body() {
         let bare_input = input(&config, &bare, 2 * seed + 2);
         let tare = Tare::new(PooledFactor::of(&identify(&bare_input).unwrap(), &bare_input, "fixture"));
         let pooled = PooledFactor::of(&run, &run_input, "total");
-        let without = run.estimate.clone();
+        let without = run.states();
         tare.take_off(&pooled, &mut run, &mut []).unwrap();
+        let states = run.states();
         for j in 0..10 {
-            let value = run.estimate.values[j];
-            held[j] += u64::from((value - truth[j]).abs() <= run.estimate.u95(j));
-            held_without[j] += u64::from((value - truth[j]).abs() <= without.u95(j));
+            let tared = states[j].measured().unwrap();
+            let error = (tared.value - truth[j]).abs();
+            held[j] += u64::from(error <= tared.u95);
+            held_without[j] += u64::from(error <= without[j].measured().unwrap().u95);
         }
     }
     // Four standard deviations of a binomial share: 6e-5 each.
@@ -51,14 +53,18 @@ fn covariances_of_run_and_fixture_add() {
     let tare = Tare::new(PooledFactor::of(&fixture, &bare_input, "fixture"));
     let mut tared = run.clone();
     tare.take_off(&PooledFactor::of(&run, &run_input, "total"), &mut tared, &mut []).unwrap();
+    let values = |identification: &Identification| -> Vec<f64> {
+        identification.states().iter().map(|state| state.measured().unwrap().value).collect()
+    };
+    let (with, run, fixture) = (values(&tared), values(&run), values(&fixture));
     for i in 0..16 {
-        let sd = |k: usize| tared.estimate.covariance[(k, k)].sqrt();
+        let sd = |k: usize| tared.estimate.covariance(k, k).unwrap().sqrt();
         for j in 0..16 {
-            let own = if i < 10 && j < 10 { b.covariance[(i, j)] } else { 0.0 };
-            let error = tared.estimate.covariance[(i, j)] - a.covariance[(i, j)] - own;
+            let own = if i < 10 && j < 10 { b.covariance(i, j).unwrap() } else { 0.0 };
+            let error = tared.estimate.covariance(i, j).unwrap() - a.covariance(i, j).unwrap() - own;
             assert!(error.abs() < 1e-10 * sd(i) * sd(j), "{i} {j}: {error}");
         }
-        let value = a.values[i] - if i < 10 { b.values[i] } else { 0.0 };
-        assert!((tared.estimate.values[i] - value).abs() < 1e-9 * sd(i), "{i}");
+        let value = run[i] - if i < 10 { fixture[i] } else { 0.0 };
+        assert!((with[i] - value).abs() < 1e-9 * sd(i), "{i}");
     }
 }

@@ -1,8 +1,9 @@
 //! A made-up experiment that fills every part of a report; shared by the tests and the example.
 
+use rigident::formats::result::{Measured, ParameterState};
 use rigident::report::{
-    Along, Convergence, Drift, FrameResults, Measured, PrincipalAxis, Quantity, ReportData, Residual,
-    Results, Source, Stage, Status, TimePlot,
+    Along, Convergence, Drift, FrameResults, PrincipalAxis, Quantity, ReportData, Residual, Results, Source,
+    Stage, Status, TimePlot,
 };
 
 /// Reproducible noise: sums of twelve uniform numbers, variance one.
@@ -52,13 +53,13 @@ fn quantity(name: &str, unit: &str, truth: f64, u95: f64, noise: &mut Noise) -> 
     Quantity {
         name: name.to_owned(),
         unit: unit.to_owned(),
-        measured: Some(Measured { value, u95, prior_dominated: false }),
+        state: ParameterState::Identified(Measured { value, u95 }),
         truth: Some(truth),
     }
 }
 
 fn convergence(quantity: &Quantity, from_s: f64, times: &[f64], noise: &mut Noise) -> Convergence {
-    let Measured { value, u95, .. } = quantity.measured.unwrap();
+    let Measured { value, u95 } = quantity.state.measured().unwrap();
     let end = times.last().copied().unwrap();
     let mut history = Convergence { name: quantity.name.clone(), ..Convergence::default() };
     let mut wander = 0.0;
@@ -234,16 +235,16 @@ pub fn still_poses() -> ReportData {
     data.source.body_name = "Tool <flange> & \"adapter\"".to_owned();
     data.results.status = Status::PartlyIdentified;
     for quantity in data.results.parameters.iter_mut().skip(4).chain(&mut data.results.inertia_com) {
-        quantity.measured = None;
+        quantity.state = ParameterState::NotIdentified;
     }
     for quantity in data.results.body_frame.iter_mut().flat_map(|f| f.quantities.iter_mut().skip(3)) {
-        quantity.measured = None;
+        quantity.state = ParameterState::NotIdentified;
     }
     data.results.principal.clear();
     data.results.physically_consistent = None;
     data.results.warnings = vec!["accelerometer gain and bias were calibrated against |g|".to_owned()];
     data.results.advice =
-        vec!["no sufficient rotation about S.x: turn the body about S.x to and fro".to_owned()];
+        vec!["no rotation about S.x to and fro: turn the body about S.x, with two or three well-separated frequencies".to_owned()];
     data.drift = None;
     data
 }
