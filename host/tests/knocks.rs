@@ -35,9 +35,9 @@ fn knocked(input: &Input) -> Input {
 }
 
 fn largest_change(a: &Identification, b: &Identification) -> f64 {
-    (0..16)
-        .map(|j| (a.estimate.values[j] - b.estimate.values[j]).abs() / b.estimate.u95(j))
-        .fold(0.0, f64::max)
+    let (a, b) = (a.states(), b.states());
+    let measured = a.iter().zip(&b).map(|(a, b)| (a.measured().unwrap(), b.measured().unwrap()));
+    measured.map(|(a, b)| (a.value - b.value).abs() / b.u95).fold(0.0, f64::max)
 }
 
 #[test]
