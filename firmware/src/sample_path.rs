@@ -4,15 +4,14 @@
 
 use rigident_shared::alignment::{Aligner, ImuReading};
 use rigident_shared::calibration::{GaugeCalibration, Reading};
-use rigident_shared::estimator::{ChannelStatistics, ConfigError, Counters, Estimator, Outcome, Reference};
+use rigident_shared::estimator::{ChannelStatistics, ConfigError, Counters, Estimator, Outcome};
 use rigident_shared::factor::InformationFactor;
 
-use crate::answer::Solved;
 use crate::settings::Configuration;
 
 /// Room for the filter: 0.1 s of averages at up to 640 Hz.
 const TAPS: usize = 64;
-/// Row blocks between two looks at the stop rule.
+/// Row blocks between two looks at the factor, for the stop rule and for what knocks are known by.
 const LOOK_EVERY_BLOCKS: u16 = 50;
 
 /// What a sensor said.
@@ -68,7 +67,8 @@ pub struct SamplePath {
     /// Whether readings are absorbed; else they are only aligned.
     absorbing: bool,
     stop: Option<StopLimits>,
-    /// Row blocks until the next look at the stop rule.
+    knock_limit: f32,
+    /// Row blocks until the next look.
     until_look: u16,
     stop_rule_met: bool,
 }
@@ -96,6 +96,7 @@ impl SamplePath {
             estimator,
             absorbing: false,
             stop: configuration.stop,
+            knock_limit: configuration.knock_limit,
             until_look: LOOK_EVERY_BLOCKS,
             stop_rule_met: false,
         })
@@ -151,28 +152,32 @@ impl SamplePath {
     }
 
     /// A row block is followed by readings that only wait in the filter: with each of these one step of a look at the
-    /// stop rule.
+    /// factor.
     #[inline]
     fn look(&mut self, outcome: Outcome) {
-        let Some(stop) = &self.stop else { return };
         match outcome {
             Outcome::Absorbed if self.until_look > 0 => self.until_look -= 1,
             // Where every reading is a row block, none waits.
-            Outcome::Absorbed | Outcome::Pending if self.until_look == 0 => self.step(*stop),
+            Outcome::Absorbed | Outcome::Pending if self.until_look == 0 => self.step(),
             _ => {}
         }
     }
 
     #[inline(never)]
-    fn step(&mut self, stop: StopLimits) {
-        let limits = &stop.standard_deviation;
+    fn step(&mut self) {
+        let k = self.knock_limit;
+        let within = |deviations: &[f32]| {
+            let limits = self.stop.iter().flat_map(|stop| &stop.standard_deviation);
+            deviations.iter().zip(limits).all(|(sd, limit)| limit.is_none_or(|limit| *sd <= limit))
+        };
         let met = match &mut self.estimator {
-            BodyEstimator::Ten(e) => limits.first_chunk::<10>().and_then(|limits| e.step_within(limits)),
-            BodyEstimator::Sixteen(e) => e.step_within(limits),
+            BodyEstimator::Ten(e) => e.look(k).map(|sd| within(&sd)),
+            BodyEstimator::Sixteen(e) => e.look(k).map(|sd| within(&sd)),
         };
         if let Some(met) = met {
             self.until_look = LOOK_EVERY_BLOCKS;
-            self.stop_rule_met = met && self.counters().blocks >= stop.minimum_blocks;
+            let minimum = self.stop.map(|stop| stop.minimum_blocks);
+            self.stop_rule_met = met && minimum.is_some_and(|minimum| self.counters().blocks >= minimum);
         }
     }
 
@@ -194,23 +199,6 @@ impl SamplePath {
             BodyEstimator::Ten(e) => BodyFactor::Ten(e.factor()),
             BodyEstimator::Sixteen(e) => BodyFactor::Sixteen(e.factor()),
         }
-    }
-
-    /// Gives the solution that innovations are taken against, and that knocks beyond `knock_limit` standard deviations
-    /// are known by.
-    pub(crate) fn set_reference(&mut self, solved: &Solved, knock_limit: f32) {
-        fn of<const N: usize>(solved: &Solved, knock_limit: f32) -> Option<Reference<f32, N>> {
-            Some(Reference {
-                parameters: *solved.estimate.first_chunk::<N>()?,
-                standard_deviation: *solved.standard_deviation.first_chunk::<N>()?,
-                noise_scale: 1.0,
-                knock_limit,
-            })
-        }
-        match &mut self.estimator {
-            BodyEstimator::Ten(e) => of(solved, knock_limit).map(|r| e.set_reference(r)),
-            BodyEstimator::Sixteen(e) => of(solved, knock_limit).map(|r| e.set_reference(r)),
-        };
     }
 }
 

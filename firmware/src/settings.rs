@@ -22,6 +22,7 @@ pub(crate) struct Configuration {
     pub(crate) gauges: GaugeCalibration<f32>,
     pub(crate) estimates_offset: bool,
     pub(crate) stop: Option<StopLimits>,
+    pub(crate) knock_limit: f32,
 }
 
 fn all_finite(values: &[f32]) -> bool {
@@ -92,6 +93,7 @@ impl Configuration {
                 }),
                 minimum_blocks: stop.minimum_blocks,
             }),
+            knock_limit: limit,
         })
     }
 }

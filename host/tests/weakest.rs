@@ -157,8 +157,8 @@ fn the_axes_without_rotation_are_named_and_no_others() {
     for (sines, expected) in cases {
         says(&merged(turning(60.0, sines), poses), &[expected]);
     }
-    let level =
-        "no tilt about S.x or S.y: the mass and the centre of mass cannot be told from the wrench offset";
+    // ω̇ × mc shows the first moments across the axis.
+    let level = "no tilt about S.x or S.y: the mass and the centre of mass along S.z cannot be told from the wrench offset";
     says(&turning::<16>(60.0, &YAW), &[level, "no rotation about S.x or S.y to and fro"]);
 }
 

@@ -253,11 +253,20 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
         self.cascade.factor()
     }
 
-    /// Does one step towards the answer whether every parameter with a limit has at most this standard deviation; the
-    /// answer with the last step. Between two calls readings may be absorbed.
+    /// Does one step of a look at what has been absorbed, between readings; the standard deviation of every parameter
+    /// with the last step. A well-determined answer becomes the [`Reference`], with this `knock_limit`.
     #[inline(never)]
-    pub fn step_within(&mut self, limits: &[Option<T>; N]) -> Option<bool> {
-        self.cascade.gather(&mut self.gathering).then(|| self.gathering.whole.is_within(limits))
+    pub fn look(&mut self, knock_limit: T) -> Option<[T; N]> {
+        if !self.cascade.gather(&mut self.gathering) {
+            return None;
+        }
+        let whole = &self.gathering.whole;
+        let standard_deviation = whole.standard_deviations();
+        if let Some(parameters) = whole.well_determined(&standard_deviation) {
+            self.reference =
+                Some(Reference { parameters, standard_deviation, noise_scale: T::ONE, knock_limit });
+        }
+        Some(standard_deviation)
     }
 
     /// What happened so far.

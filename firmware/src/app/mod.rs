@@ -87,9 +87,6 @@ struct PendingConfigure {
     settings: Settings,
 }
 
-/// Row blocks between two answers that knocks are known by, where none are sent.
-const REFERENCE_EVERY_BLOCKS: u16 = 100;
-
 /// What the settings say of every sample.
 #[derive(Clone, Copy, Default)]
 struct Duty {
@@ -103,10 +100,7 @@ impl Duty {
         Self {
             from_sensors: settings.source == Source::Sensors,
             stream: settings.telemetry.stream_readings,
-            estimate_every_blocks: match settings.telemetry.estimate_every_blocks {
-                0 if settings.knock_limit_sd > 0.0 => REFERENCE_EVERY_BLOCKS,
-                every => every,
-            },
+            estimate_every_blocks: settings.telemetry.estimate_every_blocks,
         }
     }
 }

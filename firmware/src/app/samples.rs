@@ -137,15 +137,10 @@ impl App {
     }
 
     fn estimate(&mut self) {
-        let (Some(path), Some(settings)) = (&mut self.path, &self.settings) else { return };
+        let Some(path) = &self.path else { return };
         let factor = path.factor();
         let solved = solve(&factor);
-        if solved.determined.iter().all(|d| *d) {
-            path.set_reference(&solved, settings.knock_limit_sd);
-        }
-        if settings.telemetry.estimate_every_blocks > 0
-            && let Some(report) = self.report(&factor, &solved)
-        {
+        if let Some(report) = self.report(&factor, &solved) {
             self.link.telemetry(&Telemetry::Estimate(report));
         }
     }

@@ -205,10 +205,16 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
         solution::covariance(self)
     }
 
-    /// Whether `√(RᵀR)⁻¹_jj ≤ limit` for every parameter j with a limit, at the price of a triangular inverse. False where
-    /// R is singular.
-    pub fn is_within(&self, limits: &[Option<T>; N]) -> bool {
-        solution::is_within(&self.triangle.r, limits)
+    /// `√(RᵀR)⁻¹_jj` at the price of a triangular inverse; infinite where R is singular. Without the judgement of
+    /// [`InformationFactor::solve`] about what is determined, and many times cheaper.
+    pub fn standard_deviations(&self) -> [T; N] {
+        solution::standard_deviations(&self.triangle.r)
+    }
+
+    /// The estimate by back substitution, at a price of `N²`; `None` unless every parameter's variance inflation factor
+    /// `(RᵀR)_jj (RᵀR)⁻¹_jj` is below `1/ε`. `deviations` are [`InformationFactor::standard_deviations`].
+    pub fn well_determined(&self, deviations: &[T; N]) -> Option<[T; N]> {
+        solution::well_determined(self, deviations)
     }
 
     /// Estimate, standard deviations, what is determined, and the condition number.

@@ -132,13 +132,12 @@ pub(super) fn covariance<T: Scalar, const N: usize>(factor: &InformationFactor<T
 }
 
 /// Row j of R⁻¹ has the length of parameter j's standard deviation. `r` by columns.
-pub(super) fn is_within<T: Scalar, const N: usize>(r: &[[T; N]; N], limits: &[Option<T>; N]) -> bool {
-    for (j, limit) in limits.iter().enumerate() {
-        let Some(limit) = limit else { continue };
+pub(super) fn standard_deviations<T: Scalar, const N: usize>(r: &[[T; N]; N]) -> [T; N] {
+    let mut deviations = [T::ZERO; N];
+    for (j, deviation) in deviations.iter_mut().enumerate() {
         // x R = e_j, from the diagonal on.
         let mut x = [T::ZERO; N];
         let mut square = T::ZERO;
-        let most = *limit * *limit;
         for k in j..N {
             let mut rest = if k == j { T::ONE } else { T::ZERO };
             for (x, r) in x.iter().zip(&r[k]).take(k).skip(j) {
@@ -146,13 +145,33 @@ pub(super) fn is_within<T: Scalar, const N: usize>(r: &[[T; N]; N], limits: &[Op
             }
             x[k] = rest / r[k][k];
             square += x[k] * x[k];
-            // Also ends where the diagonal is zero: infinite or NaN.
-            if square > most || !square.is_finite() {
-                return false;
-            }
+        }
+        // A zero on the diagonal leaves infinity or NaN.
+        *deviation = if square.is_finite() { square.sqrt() } else { T::ONE / T::ZERO };
+    }
+    deviations
+}
+
+/// `R φ = z` from below, given row lengths of R⁻¹.
+pub(super) fn well_determined<T: Scalar, const N: usize>(
+    factor: &InformationFactor<T, N>,
+    deviations: &[T; N],
+) -> Option<[T; N]> {
+    let mut phi = *factor.z();
+    for j in (0..N).rev() {
+        let column = &factor.triangle.r[j];
+        // The variance inflation factor: 1 for a column that no other resembles.
+        let inflation = dot(column, column) * deviations[j] * deviations[j];
+        if !inflation.is_finite() || inflation >= T::ONE / T::EPSILON {
+            return None;
+        }
+        phi[j] /= column[j];
+        let value = phi[j];
+        for (rest, r) in phi.iter_mut().zip(column).take(j) {
+            *rest -= *r * value;
         }
     }
-    true
+    Some(phi)
 }
 
 /// One-sided Jacobi: `R D⁻¹ V = W` with orthogonal columns W; their squared lengths are the squared singular

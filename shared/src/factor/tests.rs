@@ -222,18 +222,30 @@ fn gathering_step_by_step_counts_nothing_twice() {
 }
 
 #[test]
-fn uncertainties_within_limits_are_told_from_the_triangle() {
+fn the_triangle_alone_gives_the_deviations_and_the_estimate_of_the_singular_values() {
     let mut random = Random(12);
     let blocks: Vec<_> = (0..20).map(|_| block(&mut random, 0.2)).collect();
-    let factor = factor_of(&blocks);
-    let sd = factor.solve().standard_deviation;
+    let mut factor = factor_of(&blocks);
+    let (solution, deviations) = (factor.solve(), factor.standard_deviations());
+    let estimate = factor.well_determined(&deviations).unwrap();
     for j in 0..6 {
-        for (share, expected) in [(1.0 + 1e-9, true), (1.0 - 1e-9, false)] {
-            let limits = core::array::from_fn(|k| (k == j).then_some(share * sd[j]));
-            assert_eq!(factor.is_within(&limits), expected);
-        }
+        assert!((deviations[j] / solution.standard_deviation[j] - 1.0).abs() < 1e-12);
+        assert!((estimate[j] - solution.estimate[j]).abs() < 1e-10 * solution.standard_deviation[j]);
     }
-    assert!(factor.is_within(&[None; 6]) && !InformationFactor::<f64, 6>::EMPTY.is_within(&[Some(1e9); 6]));
+    // Two columns that are all but the same.
+    for relative in [1e-9, 0.0] {
+        factor = InformationFactor::new();
+        for (mut columns, rhs) in blocks.iter().copied() {
+            columns[4] = core::array::from_fn(|i| columns[1][i] * (1.0 + relative * i as f64));
+            factor.absorb(&columns, &rhs);
+        }
+        let deviations = factor.standard_deviations();
+        assert!(deviations[1] > 1e7 && deviations[2] < 10.0, "{deviations:?}");
+        assert_eq!(factor.well_determined(&deviations), None);
+    }
+    let empty = InformationFactor::<f64, 6>::EMPTY;
+    assert_eq!(empty.standard_deviations(), [f64::INFINITY; 6]);
+    assert_eq!(empty.well_determined(&empty.standard_deviations()), None);
 }
 
 /// Entries that a long triangularisation leaves near zero square below the smallest number.
