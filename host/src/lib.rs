@@ -19,3 +19,5 @@ pub mod platform;
 pub mod report;
 #[cfg(feature = "simulator")]
 pub mod session;
+#[cfg(feature = "simulator")]
+pub mod simulated;

@@ -2,36 +2,16 @@
 #![cfg(feature = "simulator")]
 
 use rigident::identification::{self, FROZEN_AFTER, Input};
+use rigident::simulated::{mounting, reading};
 use rigident_shared::Scalar;
-use rigident_shared::calibration::{ImuMounting, Reading};
 use rigident_shared::estimator::{Estimator, EstimatorConfig};
 use rigident_shared::screening::Limits;
-use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce, Wrench};
 use rigident_sim::experiment::thesis_program;
-use rigident_sim::rig::{ReadingRow, Readings, RigConfig};
+use rigident_sim::rig::{Readings, RigConfig};
 use rigident_sim::sensors::SensorModels;
 
 /// Thesis, Table 1: 95 % figures over 1.96.
 const SIGMA: [f64; 6] = [9.9 / 1.96, 9.9 / 1.96, 19.8 / 1.96, 0.75 / 1.96, 0.9 / 1.96, 0.9 / 1.96];
-
-fn reading<T: Scalar>(row: &ReadingRow) -> Reading<T> {
-    let f = T::from_f64_const;
-    Reading {
-        time_ns: row.time_ns,
-        wrench: Wrench::from_array(row.wrench.map(f)),
-        specific_force: SpecificForce::from_array(row.specific_force.map(f)),
-        angular_rate: AngularRate::from_array(row.angular_rate.map(f)),
-    }
-}
-
-fn mounting<T: Scalar>(config: &RigConfig) -> ImuMounting<T> {
-    let f = T::from_f64_const;
-    ImuMounting {
-        rotation: Rotation::from_quaternion(config.imu.rotation_wxyz.map(f)).unwrap(),
-        position: Position::from_array(config.imu.position_m.map(f)),
-        ..ImuMounting::default()
-    }
-}
 
 fn estimator_config<T: Scalar>(
     config: &RigConfig,

@@ -4,14 +4,13 @@
 use rigident::answer::identifiability::{RegressorNoise, identified};
 use rigident::answer::{Estimate, Noise, weakest};
 use rigident::identification::{self, FROZEN_AFTER, Input};
-use rigident_shared::calibration::{ImuMounting, Reading};
+use rigident::simulated::{mounting, reading};
 use rigident_shared::estimator::{Estimator, EstimatorConfig};
 use rigident_shared::factor::InformationFactor;
 use rigident_shared::screening::Limits;
-use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce, Wrench};
 use rigident_sim::experiment::{THESIS_POSES_DEG, thesis_program};
 use rigident_sim::platform::{Axis, MotionProgram, Pose, Segment, SineTerm};
-use rigident_sim::rig::{ReadingRow, Readings, RigConfig};
+use rigident_sim::rig::{Readings, RigConfig};
 use rigident_sim::sensors::SensorModels;
 
 /// Axis, Hz, phase in rad.
@@ -21,25 +20,8 @@ const RATE_HZ: f64 = 200.0;
 /// Thesis, Table 1: 95 % figures over 1.96.
 const SIGMA: [f64; 6] = [9.9 / 1.96, 9.9 / 1.96, 19.8 / 1.96, 0.75 / 1.96, 0.9 / 1.96, 0.9 / 1.96];
 
-fn reading(row: &ReadingRow) -> Reading<f64> {
-    Reading {
-        time_ns: row.time_ns,
-        wrench: Wrench::from_array(row.wrench),
-        specific_force: SpecificForce::from_array(row.specific_force),
-        angular_rate: AngularRate::from_array(row.angular_rate),
-    }
-}
-
 fn ideal_rig() -> RigConfig {
     RigConfig::thesis_horizontal().with_sensors(SensorModels::ideal())
-}
-
-fn mounting(config: &RigConfig) -> ImuMounting<f64> {
-    ImuMounting {
-        rotation: Rotation::from_quaternion(config.imu.rotation_wxyz).unwrap(),
-        position: Position::from_array(config.imu.position_m),
-        ..ImuMounting::default()
-    }
 }
 
 /// What the rows of a motion say, sensors being perfect; σ are the thesis'.

@@ -16,6 +16,8 @@ pub mod estimator;
 pub mod factor;
 pub mod forgetting;
 pub mod inertia;
+#[cfg(test)]
+mod random;
 pub mod regressor;
 mod scalar;
 pub mod screening;

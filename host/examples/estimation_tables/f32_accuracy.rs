@@ -1,11 +1,12 @@
 //! The shipped f32 recursion against least squares in f64 on the very same f32 rows.
 
 use rigident::identification::FILTER_WIDTH_S;
-use rigident_shared::calibration::{ImuMounting, Reading};
+use rigident::simulated::mounting;
+use rigident_shared::calibration::Reading;
 use rigident_shared::estimator::{Estimator, EstimatorConfig, Outcome};
 use rigident_shared::factor::{Cascade, InformationFactor};
 use rigident_shared::screening::Limits;
-use rigident_shared::spatial::{AngularRate, Position, SpecificForce, Wrench};
+use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
 use rigident_sim::experiment::thesis_program;
 use rigident_sim::platform::Segment;
 use rigident_sim::rig::{Mounting, ReadingRow, Readings, RigConfig};
@@ -134,10 +135,7 @@ pub fn body<const N: usize>(checkpoints: &[u64], seed: u64) -> Vec<Line> {
         row_every: 1,
         channel_sigma: sigma.map(|s| s as f32),
         known_offset: [0.0; 6],
-        mounting: ImuMounting {
-            position: Position::from_array(config.imu.position_m.map(|v| v as f32)),
-            ..ImuMounting::default()
-        },
+        mounting: mounting(&config),
         limits: Limits::none(),
     };
     let mut estimator =

@@ -4,13 +4,13 @@
 use nalgebra::DMatrix;
 use rigident::identification::whiteness::{impulse_response, white_autocovariance};
 use rigident::identification::{FILTER_WIDTH_S, Input, identify, row_every};
-use rigident_shared::calibration::{ImuMounting, Reading};
+use rigident::simulated::{mounting, reading};
+use rigident_shared::calibration::Reading;
 use rigident_shared::estimator::{Estimator, EstimatorConfig, Outcome};
 use rigident_shared::inertia::PARAMETER_NAMES;
 use rigident_shared::screening::Limits;
-use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce, Wrench};
 use rigident_sim::experiment::thesis_program;
-use rigident_sim::rig::{ReadingRow, Readings, RigConfig};
+use rigident_sim::rig::{Readings, RigConfig};
 
 use crate::report::{Job, in_parallel, short};
 
@@ -27,15 +27,6 @@ pub struct Study {
     noise_gain: f64,
     /// G⁻¹
     inverse: DMatrix<f64>,
-}
-
-pub fn reading(row: &ReadingRow) -> Reading<f64> {
-    Reading {
-        time_ns: row.time_ns,
-        wrench: Wrench::from_array(row.wrench),
-        specific_force: SpecificForce::from_array(row.specific_force),
-        angular_rate: AngularRate::from_array(row.angular_rate),
-    }
 }
 
 /// Whitened rows of one block, the right-hand side last.
@@ -86,11 +77,7 @@ impl Study {
         let config = RigConfig::thesis_horizontal();
         let program = thesis_program(&config.geometry, 20.0);
         let readings = Readings::new(&config, &program, rate_hz).expect("the program is a fixed one");
-        let mounting = ImuMounting {
-            rotation: Rotation::from_quaternion(config.imu.rotation_wxyz).expect("a rotation"),
-            position: Position::from_array(config.imu.position_m),
-            ..ImuMounting::default()
-        };
+        let mounting = mounting(&config);
         let sigma = config.sensors.load_cell.noise_n_nm;
         let input = Input {
             readings: readings.ideal().iter().map(reading).collect(),

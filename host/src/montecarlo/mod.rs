@@ -10,16 +10,14 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc;
 use std::time::Duration;
 
-use rigident_shared::Scalar;
-use rigident_shared::calibration::{ImuMounting, Reading};
+use rigident_shared::calibration::Reading;
 use rigident_shared::estimator::{Estimator, EstimatorConfig};
-use rigident_shared::screening::Limits;
-use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce, Wrench};
 use rigident_sim::experiment::thesis_program;
 use rigident_sim::rig::{ReadingRow, Readings, RigConfig, RigError, Truth};
 use rigident_sim::sensors::{LoadCellModel, PerExperiment, SensorModels};
 
 use crate::identification::{self, Factor, Identification, IdentificationError, Input};
+use crate::simulated::{limits, mounting, reading};
 pub use bound::{PARAMETERS, bound};
 
 /// Largest filter of the firmware's estimator on this side: 0.1 s at 2.5 kHz.
@@ -347,40 +345,6 @@ impl Prepared {
             gain_sigma: if self.campaign.tell_gain_errors { cell.gain_error.spread } else { [0.0; 6] },
             limits: limits(config),
         }
-    }
-}
-
-fn reading<T: Scalar>(row: &ReadingRow) -> Reading<T> {
-    let f = T::from_f64_const;
-    Reading {
-        time_ns: row.time_ns,
-        wrench: Wrench::from_array(row.wrench.map(f)),
-        specific_force: SpecificForce::from_array(row.specific_force.map(f)),
-        angular_rate: AngularRate::from_array(row.angular_rate.map(f)),
-    }
-}
-
-fn mounting<T: Scalar>(config: &RigConfig) -> ImuMounting<T> {
-    let f = T::from_f64_const;
-    ImuMounting {
-        // The simulator refuses a rig whose rotation is none.
-        rotation: Rotation::from_quaternion(config.imu.rotation_wxyz.map(f))
-            .unwrap_or_else(Rotation::identity),
-        position: Position::from_array(config.imu.position_m.map(f)),
-        ..ImuMounting::default()
-    }
-}
-
-fn limits<T: Scalar>(config: &RigConfig) -> Limits<T> {
-    let f = T::from_f64_const;
-    let (cell, imu) = (&config.sensors.load_cell, &config.sensors.imu);
-    let noisy = imu.accel_noise_mps2.iter().chain(&imu.gyro_noise_radps).all(|sigma| *sigma > 0.0);
-    Limits {
-        wrench: cell.range_n_nm.map(f),
-        specific_force: f(imu.accel_range_mps2),
-        angular_rate: f(imu.gyro_range_radps),
-        // A sensor without noise repeats itself at rest and is not broken.
-        frozen_after: if noisy { identification::FROZEN_AFTER } else { 0 },
     }
 }
 

@@ -7,12 +7,11 @@ use std::process::{Command, Output};
 
 use nalgebra::{Matrix3, Vector3};
 use rigident::identification::{FROZEN_AFTER, Input};
-use rigident_shared::calibration::{ImuMounting, Reading};
+use rigident::simulated::{mounting, reading};
 use rigident_shared::screening::Limits;
-use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce, Wrench};
 use rigident_sim::body::BodyParameters;
 use rigident_sim::experiment::thesis_program;
-use rigident_sim::rig::{ReadingRow, Readings, RigConfig};
+use rigident_sim::rig::{Readings, RigConfig};
 use serde_json::Value;
 
 /// Thesis, Table 1: 95 % figures over 1.96.
@@ -59,26 +58,13 @@ pub fn experiment(body: BodyParameters, seconds: f64) -> (RigConfig, Readings) {
     (config, readings)
 }
 
-pub fn reading(row: &ReadingRow) -> Reading<f64> {
-    Reading {
-        time_ns: row.time_ns,
-        wrench: Wrench::from_array(row.wrench),
-        specific_force: SpecificForce::from_array(row.specific_force),
-        angular_rate: AngularRate::from_array(row.angular_rate),
-    }
-}
-
 /// The readings of one seed, ready to be identified.
 pub fn input(config: &RigConfig, readings: &Readings, seed: u64) -> Input {
     Input {
         readings: readings.measured(seed).map(|row| reading(&row)).collect(),
         is_static: false,
         rate_hz: RATE_HZ,
-        mounting: ImuMounting {
-            rotation: Rotation::from_quaternion(config.imu.rotation_wxyz).unwrap(),
-            position: Position::from_array(config.imu.position_m),
-            ..ImuMounting::default()
-        },
+        mounting: mounting(&config),
         channel_sigma: Some(SIGMA),
         gyro_sigma: Some(4.3e-4),
         known_offset: None,

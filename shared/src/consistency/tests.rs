@@ -5,20 +5,8 @@ use nalgebra::{DMatrix, DVector, Matrix3, Matrix4, Vector3};
 
 use super::*;
 use crate::inertia::{InertialParameters, tensor_elements};
+use crate::random::Random;
 use crate::spatial::{Body, Position, Rotation, Sensor};
-
-struct Random(u64);
-impl Random {
-    fn uniform(&mut self) -> f64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
-    }
-    fn normal(&mut self) -> f64 {
-        (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
-    }
-}
 
 type Parameters = InertialParameters<Sensor, f64>;
 

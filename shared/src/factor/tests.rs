@@ -4,19 +4,7 @@ use std::vec::Vec;
 use nalgebra::{DMatrix, DVector};
 
 use super::*;
-
-struct Random(u64);
-impl Random {
-    fn uniform(&mut self) -> f64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
-    }
-    fn normal(&mut self) -> f64 {
-        (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
-    }
-}
+use crate::random::Random;
 
 const TRUTH: [f64; 6] = [20.0, -1.0, 0.5, 0.06, -3.0, 0.0];
 

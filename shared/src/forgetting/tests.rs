@@ -4,19 +4,7 @@ use std::vec::Vec;
 use nalgebra::{Matrix4, Vector4};
 
 use super::*;
-
-struct Random(u64);
-impl Random {
-    fn uniform(&mut self) -> f64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
-    }
-    fn normal(&mut self) -> f64 {
-        (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
-    }
-}
+use crate::random::Random;
 
 /// Root mean square of the regressor's noise; the wrench's is 1.
 const NOISE: f64 = 0.01;
