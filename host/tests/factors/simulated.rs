@@ -64,7 +64,7 @@ pub fn input(config: &RigConfig, readings: &Readings, seed: u64) -> Input {
         readings: readings.measured(seed).map(|row| reading(&row)).collect(),
         is_static: false,
         rate_hz: RATE_HZ,
-        mounting: mounting(&config),
+        mounting: mounting(config),
         channel_sigma: Some(SIGMA),
         gyro_sigma: Some(4.3e-4),
         known_offset: None,

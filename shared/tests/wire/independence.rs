@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-const MATHEMATICS: [&str; 11] = [
+const MATHEMATICS: [&str; 12] = [
     "alignment",
     "calibration",
     "conditioning",
@@ -12,6 +12,7 @@ const MATHEMATICS: [&str; 11] = [
     "forgetting",
     "consistency",
     "inertia",
+    "random",
     "regressor",
     "screening",
     "spatial",
