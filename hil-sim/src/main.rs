@@ -11,6 +11,7 @@ use clap::{Parser, Subcommand};
 use rigident_sim::link::{ByteLink, FaultyLink};
 use rigident_sim::rig::Rig;
 use rigident_sim::runner::{InProcess, Mcu, Pacing, Qemu, QemuOptions};
+use rigident_sim::serve::gcs::GcsServer;
 use rigident_sim::serve::{Controller, Firmware, Port, ServeOptions, Where, carry, rig_file};
 
 /// A simulated rig: a body on a Stewart platform, sensors, and the firmware that reads them.
@@ -56,6 +57,23 @@ fn serve(options: &ServeOptions) -> Result<(), Failure> {
     let controller = Controller::listen(&options.platform, Arc::clone(&rig)).map_err(|e| {
         Failure(3, format!("no controller at {}: {e}; name another address by --platform", options.platform))
     })?;
+    let hexapod = match &options.gcs {
+        None => None,
+        Some(at) => Some(
+            GcsServer::listen(at, Arc::clone(&rig))
+                .map_err(|e| Failure(3, format!("no hexapod at {at}: {e}; name another address by --gcs")))?,
+        ),
+    };
+    let line = match (&hexapod, &options.gcs_port_link) {
+        (Some(hexapod), Some(name)) => Some(hexapod.open_port(Some(name)).map_err(|e| {
+            let name = name.display();
+            Failure(
+                3,
+                format!("no port {name}: {e}; remove what has that name, or name another by --gcs-port-link"),
+            )
+        })?),
+        _ => None,
+    };
     let mut port = Port::open(Some(&options.port_link)).map_err(|e| {
         let name = options.port_link.display();
         Failure(3, format!("no port {name}: {e}; remove what has that name, or name another by --port-link"))
@@ -76,6 +94,12 @@ fn serve(options: &ServeOptions) -> Result<(), Failure> {
     eprintln!("firmware  {name}");
     eprintln!("port      {shown} -> {}", port.terminal().display());
     eprintln!("platform  tcp://{address}");
+    if let Some(hexapod) = &hexapod {
+        eprintln!("hexapod   gcs://{}", hexapod.address());
+    }
+    if let (Some(line), Some(name)) = (&line, &options.gcs_port_link) {
+        eprintln!("hexapod   {} -> {}", name.display(), line.terminal().display());
+    }
     let rig = options.write_rig.as_deref().unwrap_or(Path::new("FILE (see --write-rig)")).display();
     eprintln!("use it    rigident run --port {shown} --rig {rig} --platform tcp://{address}");
     eprintln!("Ctrl-C ends it.");

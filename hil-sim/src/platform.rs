@@ -34,6 +34,12 @@ impl Pose {
         [x, y, z, roll, pitch, yaw]
     }
 
+    /// `R_AP`, by rows.
+    pub fn rotation(&self) -> [[f64; 3]; 3] {
+        let r = kinematics::rotation_from_rpy(self.rpy_rad);
+        std::array::from_fn(|i| std::array::from_fn(|j| r[(i, j)]))
+    }
+
     pub(crate) fn from_coordinates([x, y, z, roll, pitch, yaw]: [f64; 6]) -> Self {
         Self { position_m: [x, y, z], rpy_rad: [roll, pitch, yaw] }
     }

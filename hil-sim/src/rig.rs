@@ -8,6 +8,7 @@
 //! free-running it follows the time it is told. Only what stands in the converters' registers leaves the rig.
 
 mod config;
+mod follow;
 mod motion;
 mod readings;
 
@@ -191,6 +192,28 @@ impl Rig {
     /// Brings the plate to rest within half a second on the path it is on, and leaves it there.
     pub fn stop(&mut self) {
         self.platform.stop(self.now_ns as f64);
+    }
+
+    /// Goes to a pose in so long, s, from rest or from a motion by set points.
+    ///
+    /// # Errors
+    /// While a program runs; a leg that would leave its reach or be too fast.
+    pub fn move_to(&mut self, to: &Pose, duration_s: f64) -> Result<(), RigError> {
+        self.platform.go(self.now_ns as f64, to, duration_s, &self.config.geometry)
+    }
+
+    /// Is to pass a pose at a time of the rig's clock, ns. Points come in order of time; the plate brakes at the last but one
+    /// if no more come in time.
+    ///
+    /// # Errors
+    /// While a program runs; a leg that would leave its reach or be too fast; a point after its time.
+    pub fn pass_through(&mut self, pose: &Pose, at_ns: u64) -> Result<(), RigError> {
+        self.platform.pass(self.now_ns as f64, at_ns as f64, pose, &self.config.geometry)
+    }
+
+    /// Whether the plate brakes, or has braked, because the points of [`Self::pass_through`] ceased. A stop ends that.
+    pub fn is_starved(&self) -> bool {
+        self.platform.starved(self.now_ns as f64)
     }
 
     /// A sensor fault that acts from now on (its times are the rig's).

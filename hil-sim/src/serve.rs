@@ -1,11 +1,14 @@
 //! A simulated rig that other programs use as if it stood on the floor: a serial port and a platform controller.
 //!
-//! Lives here: the port ([`Port`]), the controller ([`Controller`]), the loop between port and firmware
+//! Lives here: the port ([`Port`]), the controllers ([`Controller`] in JSON, [`gcs`] as PI
+//! hexapods speak), the loop between port and firmware
 //! ([`carry`]), and the rig file that describes what is served. May not live here: what the bytes mean. Before
 //! this: [`crate::runner`], [`crate::link`]; after it: the binary `rigident-sim`.
 
 mod carry;
 mod controller;
+pub mod gcs;
+mod listener;
 mod options;
 mod port;
 mod rig_file;

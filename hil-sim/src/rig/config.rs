@@ -56,6 +56,9 @@ pub enum RigError {
     /// Nothing to start.
     #[error("no motion program is loaded")]
     NoProgram,
+    /// A point of a stream after its time.
+    #[error("a set point came after its time: the stream was interrupted and the platform came to rest")]
+    Late,
     /// A rate for readings that makes no sense.
     #[error("{0} Hz is not a rate at which readings can be taken")]
     BadRate(f64),

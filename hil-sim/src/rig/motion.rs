@@ -1,6 +1,7 @@
 //! The platform's controller: a program is loaded, started, stopped.
 
 use super::config::RigError;
+use super::follow::Follower;
 use crate::platform::{Coordinates, Geometry, MotionProgram, Pose, Segment, Trajectory, quintic_integral};
 
 /// Time to come to rest after a stop, s. The plate covers half of it in the program's time.
@@ -19,9 +20,23 @@ pub enum MotionState {
 
 #[derive(Clone, Debug)]
 enum Phase {
-    Holding { loaded: bool },
-    Moving { start_ns: f64, stop_s: Option<f64> },
-    Done { start_ns: f64, stop_s: Option<f64>, end_ns: f64 },
+    Holding {
+        loaded: bool,
+    },
+    Moving {
+        start_ns: f64,
+        stop_s: Option<f64>,
+    },
+    Done {
+        start_ns: f64,
+        stop_s: Option<f64>,
+        end_ns: f64,
+    },
+    /// By set points; `at_rest` once it has come to the last.
+    Following {
+        follower: Box<Follower>,
+        at_rest: bool,
+    },
 }
 
 /// The platform and its program.
@@ -40,7 +55,8 @@ impl Platform {
         match self.phase {
             Phase::Holding { .. } => MotionState::Holding,
             Phase::Moving { .. } => MotionState::Moving,
-            Phase::Done { .. } => MotionState::Done,
+            Phase::Following { at_rest: false, .. } => MotionState::Moving,
+            Phase::Following { .. } | Phase::Done { .. } => MotionState::Done,
         }
     }
 
@@ -50,8 +66,11 @@ impl Platform {
 
     /// Where it rests; only asked while it rests.
     fn rest(&self) -> Pose {
-        match self.phase {
-            Phase::Done { end_ns, .. } => self.coordinates(end_ns).plate_state().pose(),
+        match &self.phase {
+            Phase::Done { end_ns, .. } => self.coordinates(*end_ns).plate_state().pose(),
+            Phase::Following { follower, .. } => {
+                follower.coordinates(follower.rest_ns()).plate_state().pose()
+            }
             _ => self.trajectory.start_pose(),
         }
     }
@@ -86,25 +105,79 @@ impl Platform {
     }
 
     pub(super) fn stop(&mut self, now_ns: f64) {
-        if let Phase::Moving { start_ns, stop_s } = &mut self.phase {
-            stop_s.get_or_insert((now_ns - *start_ns) * 1e-9);
+        match &mut self.phase {
+            Phase::Moving { start_ns, stop_s } => {
+                stop_s.get_or_insert((now_ns - *start_ns) * 1e-9);
+            }
+            Phase::Following { follower, .. } => follower.stop(now_ns),
+            _ => {}
         }
+    }
+
+    /// Goes to a pose in so long, s; a move by set points that is under way gives way to it.
+    pub(super) fn go(
+        &mut self,
+        now_ns: f64,
+        to: &Pose,
+        duration_s: f64,
+        geometry: &Geometry,
+    ) -> Result<(), RigError> {
+        self.follow(now_ns, |follower| follower.go(now_ns, to, duration_s, geometry))
+    }
+
+    /// Whether the points of a stream ceased.
+    pub(super) fn starved(&self, now_ns: f64) -> bool {
+        matches!(&self.phase, Phase::Following { follower, .. } if follower.starved(now_ns))
+    }
+
+    /// Is to pass a pose at a time.
+    pub(super) fn pass(
+        &mut self,
+        now_ns: f64,
+        at_ns: f64,
+        pose: &Pose,
+        geometry: &Geometry,
+    ) -> Result<(), RigError> {
+        self.follow(now_ns, |follower| follower.pass(now_ns, at_ns, pose, geometry))
+    }
+
+    fn follow(
+        &mut self,
+        now_ns: f64,
+        act: impl FnOnce(&mut Follower) -> Result<(), RigError>,
+    ) -> Result<(), RigError> {
+        if let Phase::Following { follower, at_rest } = &mut self.phase {
+            act(follower)?;
+            *at_rest = false;
+            return Ok(());
+        }
+        if self.state() == MotionState::Moving {
+            return Err(RigError::Busy);
+        }
+        let mut follower = Box::new(Follower::resting(&self.rest(), now_ns));
+        act(&mut follower)?;
+        self.phase = Phase::Following { follower, at_rest: false };
+        Ok(())
     }
 
     /// When the running program is over, to the nanosecond; `None` if none runs.
     pub(super) fn end_ns(&self) -> Option<u64> {
-        match self.phase {
-            Phase::Moving { start_ns, stop_s } => {
+        match &self.phase {
+            &Phase::Moving { start_ns, stop_s } => {
                 let last_s =
                     stop_s.map_or(self.duration_s(), |s| (s + STOP_S).min(self.duration_s() + STOP_S));
                 Some((start_ns + 1e9 * last_s).round() as u64)
             }
+            Phase::Following { follower, at_rest: false } => Some(follower.rest_ns().round() as u64),
             _ => None,
         }
     }
 
     /// Notices that the program is over.
     pub(super) fn settle(&mut self, now_ns: f64) {
+        if let Phase::Following { follower, at_rest } = &mut self.phase {
+            *at_rest |= now_ns >= follower.rest_ns();
+        }
         if let (Phase::Moving { start_ns, stop_s }, Some(end)) = (&self.phase, self.end_ns())
             && now_ns >= end as f64
         {
@@ -114,7 +187,7 @@ impl Platform {
 
     pub(super) fn elapsed_s(&self, now_ns: f64) -> f64 {
         match self.phase {
-            Phase::Holding { .. } => 0.0,
+            Phase::Holding { .. } | Phase::Following { .. } => 0.0,
             Phase::Moving { start_ns, .. } => (now_ns - start_ns) * 1e-9,
             Phase::Done { start_ns, end_ns, .. } => (end_ns - start_ns) * 1e-9,
         }
@@ -125,6 +198,7 @@ impl Platform {
     /// `q̈ = q'' τ'² + q' τ''`.
     pub(super) fn coordinates(&self, time_ns: f64) -> Coordinates {
         let (t, stop_s) = match self.phase {
+            Phase::Following { ref follower, .. } => return follower.coordinates(time_ns),
             Phase::Holding { .. } => return self.trajectory.coordinates(0.0),
             Phase::Done { stop_s, end_ns, .. } if time_ns >= end_ns => (f64::INFINITY, stop_s),
             Phase::Moving { start_ns, stop_s } | Phase::Done { start_ns, stop_s, .. } => {

@@ -8,14 +8,13 @@
 //! | `{"cmd":"state"}` | nothing |
 //!
 //! Every line is answered with one: `{"ok":true,"state":"holding|moving|done","time_s":…,"duration_s":…,
-//! "pose":…}` or `{"ok":false,"error":"…"}`. A client that goes away while the plate moves stops it.
+//! "pose":…}` or `{"ok":false,"error":"…"}`. A client that goes away, or says nothing for two seconds, while the plate moves by its
+//! command stops it.
 
 use std::io::{self, BufRead, BufReader, Read, Write};
-use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
-use std::sync::Arc;
+use std::net::{SocketAddr, TcpStream, ToSocketAddrs};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::{self, JoinHandle};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
@@ -23,10 +22,12 @@ use crate::platform::{MotionProgram, Pose};
 use crate::rig::{MotionState, Rig, SharedRig};
 use crate::runner::lock;
 
+use super::listener::{LOOK_AGAIN, Listener};
+
 /// The longest line taken: a program of many segments.
 const LINE_BYTES: u64 = 1 << 20;
-/// How long a wait goes without looking whether to end.
-const LOOK_AGAIN: Duration = Duration::from_millis(50);
+/// A client that moves the plate and says nothing for so long has hung.
+const QUIET: Duration = Duration::from_secs(2);
 
 /// Not one enum tagged by `cmd`: such an enum cannot hold floats once any crate of the build asks serde_json
 /// for arbitrary precision, and the log decoder does.
@@ -62,11 +63,7 @@ enum Answer {
 }
 
 /// A controller at work. Dropping it closes every connection.
-pub struct Controller {
-    address: SocketAddr,
-    leave: Arc<AtomicBool>,
-    listening: Option<JoinHandle<()>>,
-}
+pub struct Controller(Listener);
 
 impl Controller {
     /// Listens at `address`; port 0 takes a free one.
@@ -74,46 +71,14 @@ impl Controller {
     /// # Errors
     /// If the address is taken or cannot be had.
     pub fn listen(address: impl ToSocketAddrs, rig: SharedRig) -> io::Result<Self> {
-        let listener = TcpListener::bind(address)?;
-        let address = listener.local_addr()?;
-        // Accepting without waiting, so that it can be told to leave.
-        listener.set_nonblocking(true)?;
-        let leave = Arc::new(AtomicBool::new(false));
-        let told = Arc::clone(&leave);
-        let listening = thread::spawn(move || accept(&listener, &rig, &told));
-        Ok(Self { address, leave, listening: Some(listening) })
+        Listener::listen(address, move |stream, leave| attend(stream, &rig, leave)).map(Self)
     }
 
     /// Where it listens.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
-        self.address
+        self.0.address()
     }
-}
-
-impl Drop for Controller {
-    fn drop(&mut self) {
-        self.leave.store(true, Ordering::Release);
-        if let Some(thread) = self.listening.take() {
-            // A panic there has printed itself.
-            let _ = thread.join();
-        }
-    }
-}
-
-fn accept(listener: &TcpListener, rig: &SharedRig, leave: &AtomicBool) {
-    thread::scope(|scope| {
-        while !leave.load(Ordering::Acquire) {
-            match listener.accept() {
-                Ok((stream, _)) => {
-                    // A client that breaks off has nobody left to be told.
-                    scope.spawn(move || attend(stream, rig, leave));
-                }
-                // Nobody there, or a client that gave up again: look once more in a while.
-                Err(_) => thread::sleep(LOOK_AGAIN),
-            }
-        }
-    });
 }
 
 fn attend(stream: TcpStream, rig: &SharedRig, leave: &AtomicBool) {
@@ -133,6 +98,7 @@ fn converse(stream: TcpStream, rig: &SharedRig, leave: &AtomicBool) -> io::Resul
     let mut input = BufReader::new(stream);
     let mut line = Vec::new();
     let mut started = false;
+    let mut heard = Instant::now();
     loop {
         // What a timed-out read has brought stays in `line`.
         let left = LINE_BYTES.saturating_sub(line.len() as u64);
@@ -140,6 +106,9 @@ fn converse(stream: TcpStream, rig: &SharedRig, leave: &AtomicBool) -> io::Resul
             Err(e) if matches!(e.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut) => {
                 if leave.load(Ordering::Acquire) {
                     return Ok(started);
+                }
+                if started && heard.elapsed() > QUIET {
+                    lock(rig).stop();
                 }
                 continue;
             }
@@ -160,6 +129,7 @@ fn converse(stream: TcpStream, rig: &SharedRig, leave: &AtomicBool) -> io::Resul
             Err(e) => refused(format!("not a command: {e}")),
         };
         line.clear();
+        heard = Instant::now();
         write_line(&mut out, &answer)?;
     }
 }

@@ -94,6 +94,7 @@ fn probability(text: &str) -> Result<f64, String> {
 #[command(after_help = "Examples:\n  \
     rigident-sim serve --write-rig rig.toml\n  \
     rigident run --port ./rigident-rig --rig rig.toml --platform tcp://127.0.0.1:7447     (in another terminal)\n  \
+    rigident-sim serve --gcs 127.0.0.1:50000 --gcs-port-link ./hexapod\n  \
     rigident-sim serve --mcu qemu --flip 1e-4 --drop 0.01\n  \
     rigident-sim serve --freeze gz@20+5 --saturate fz@40\n\n\
     Ctrl-C ends it and leaves nothing behind.")]
@@ -107,6 +108,12 @@ pub struct ServeOptions {
     /// Address of the platform's controller; port 0 takes a free one
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7447")]
     pub platform: String,
+    /// Offer the platform as a PI hexapod too, GCS 2.0, at this address; port 0 takes a free one
+    #[arg(long, value_name = "HOST:PORT")]
+    pub gcs: Option<String>,
+    /// The PI hexapod on a serial line too, of this name
+    #[arg(long, value_name = "PATH", requires = "gcs")]
+    pub gcs_port_link: Option<PathBuf>,
     /// Write the rig file that describes this rig; never over another file
     #[arg(long, value_name = "FILE")]
     pub write_rig: Option<PathBuf>,
