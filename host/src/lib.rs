@@ -2,7 +2,7 @@
 //!
 //! Lives here: everything `rigident` does, one room a module. Recordings and rig files come in by [`formats`];
 //! [`identification`] makes the factor in batch, [`session`] has the device make it over [`link`] while
-//! [`platform`] moves; [`answer`] reads it; [`report`] shows it; [`montecarlo`] tries what its intervals are
+//! [`platform`] moves, in what [`planning`] found best; [`answer`] reads it; [`report`] shows it; [`montecarlo`] tries what its intervals are
 //! worth; [`cli`] joins them into commands. May not live
 //! here: the pipeline itself (that is `rigident_shared`), physics (that is `rigident_sim`).
 
@@ -14,6 +14,8 @@ pub mod identification;
 pub mod link;
 #[cfg(feature = "simulator")]
 pub mod montecarlo;
+#[cfg(feature = "simulator")]
+pub mod planning;
 #[cfg(feature = "simulator")]
 pub mod platform;
 pub mod report;

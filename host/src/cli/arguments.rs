@@ -5,6 +5,7 @@ use clap::{Args, Parser, Subcommand};
 pub use super::course_arguments::Course;
 pub use super::factor_arguments::{MakeFactor, Merge, Solve, TareFiles};
 pub use super::known_arguments::KnownQuantities;
+pub use super::plan_arguments::Plan;
 
 /// Tells the inertial parameters of a body from its wrench and motion: mass, centre of mass, inertia tensor,
 /// each with a 95 % uncertainty, or that the data do not identify it.
@@ -50,6 +51,8 @@ pub enum Command {
     Convert(Convert),
     /// Repeat a simulated experiment with fresh noise: bias, spread and coverage, against the Cramér–Rao bound
     Montecarlo(Montecarlo),
+    /// Plan what to do with the platform before it moves
+    Plan(Plan),
 }
 
 /// Options of every command that gives an answer.

@@ -16,6 +16,8 @@ mod known_arguments;
 mod link;
 mod montecarlo;
 mod outcome;
+mod plan_arguments;
+mod plan_poses;
 mod progress;
 mod replay;
 mod run;
@@ -32,6 +34,7 @@ pub use folder::Folder;
 pub use progress::Progress;
 
 use arguments::{Command, Convert};
+use plan_arguments::Planned;
 
 /// Runs the command line of this process.
 pub fn main() -> ExitCode {
@@ -70,6 +73,9 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
         Some(Command::Configure(a)) => link::configure(&a),
         Some(Command::Convert(a)) => convert(&a),
         Some(Command::Montecarlo(a)) => montecarlo::run(&a),
+        Some(Command::Plan(a)) => match a.what {
+            Planned::Poses(a) => plan_poses::run(&a),
+        },
     }
 }
 

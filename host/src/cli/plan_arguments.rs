@@ -1,0 +1,55 @@
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand, ValueEnum};
+
+/// `rigident plan`
+#[derive(Args, Debug, Clone)]
+pub struct Plan {
+    /// What is planned
+    #[command(subcommand)]
+    pub what: Planned,
+}
+
+/// What can be planned.
+#[derive(Subcommand, Debug, Clone)]
+pub enum Planned {
+    /// Still poses that tell the centre of mass best
+    Poses(PlanPoses),
+}
+
+/// `rigident plan poses`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "The condition number is the 2-norm one: of the stacked [F] in the thesis' equation M = [F] r, and of the normal matrix \
+                        [F]ᵀ[F], its square.\n\nExamples:\n  rigident plan poses --n 5\n  rigident plan poses --n 4 --stroke-m 0.20 \
+                        --json\n  rigident plan poses --rig bracket.rig.toml --n 6 --objective worst-uncertainty"
+)]
+pub struct PlanPoses {
+    /// Number of poses
+    #[arg(long, value_name = "K")]
+    pub n: usize,
+    /// Rig file with a [platform]. Default: the built-in platform of the thesis
+    #[arg(long, value_name = "FILE")]
+    pub rig: Option<PathBuf>,
+    /// Use only so much of the legs' stroke, about its middle, m
+    #[arg(long, value_name = "S")]
+    pub stroke_m: Option<f64>,
+    /// What is made best
+    #[arg(long, value_enum, default_value_t)]
+    pub objective: PoseObjective,
+    /// Print one object on standard output, and nothing else there
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What still poses can be best at.
+#[derive(ValueEnum, Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum PoseObjective {
+    /// The least condition number of the normal matrix
+    #[default]
+    Condition,
+    /// The largest determinant of the normal matrix (D-optimality)
+    Determinant,
+    /// The least worst uncertainty of the first moment, offsets unknown, with the rig's noise; 3 poses at least
+    WorstUncertainty,
+}

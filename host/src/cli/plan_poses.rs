@@ -1,0 +1,173 @@
+use std::path::Path;
+use std::process::ExitCode;
+
+use nalgebra::Matrix3;
+use rigident_sim::platform::Geometry;
+use rigident_sim::rig::Mounting;
+use rigident_sim::sensors::SensorModels;
+use serde::Serialize;
+
+use super::outcome::say;
+use super::plan_arguments::{PlanPoses, PoseObjective};
+use super::{Failure, Progress};
+use crate::formats::rig::RigFile;
+use crate::planning::poses::plan::{PosePlan, Task, check_n, plan};
+use crate::planning::poses::reach::{COND_MAX, Reach};
+use crate::planning::poses::{Objective, Region};
+use crate::session::INTERRUPTED;
+
+/// What of a rig the plan depends on.
+struct Rig {
+    geometry: Geometry,
+    cond_max: f64,
+    noise_n_nm: [f64; 6],
+    plate_to_cell: Matrix3<f64>,
+    gravity_mps2: f64,
+}
+
+/// The object of `--json`.
+#[derive(Serialize)]
+struct Object<'a> {
+    n: usize,
+    objective: &'a str,
+    poses_deg: Vec<[f64; 2]>,
+    positions_m: Vec<[f64; 3]>,
+    condition_number: f64,
+    condition_number_normal: f64,
+    /// Absent where the level pose and these leave something open.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    condition_number_normal_relative: Option<f64>,
+    determinant_normal: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    predicted_u95: Option<PredictedU95>,
+}
+
+/// One reading in each pose, offsets unknown.
+#[derive(Serialize)]
+struct PredictedU95 {
+    m: f64,
+    mcx: f64,
+    mcy: f64,
+    mcz: f64,
+}
+
+/// `rigident plan poses`
+pub(super) fn run(arguments: &PlanPoses) -> Result<ExitCode, Failure> {
+    let rig = rig(arguments.rig.as_deref())?;
+    let [_, _, _, mx, my, mz] = rig.noise_n_nm;
+    let (name, objective) = match arguments.objective {
+        PoseObjective::Condition => ("condition", Objective::Condition),
+        PoseObjective::Determinant => ("determinant", Objective::Determinant),
+        PoseObjective::WorstUncertainty => (
+            "worst-uncertainty",
+            Objective::WorstUncertainty { moment_sigma_nm: [mx, my, mz], plate_to_cell: rig.plate_to_cell },
+        ),
+    };
+    check_n(arguments.n, &objective).map_err(Failure::input)?;
+    let mut progress = Progress::new();
+    progress.show(|| "where the platform can tilt to".to_owned());
+    let reach = Reach::new(rig.geometry, arguments.stroke_m, rig.cond_max).map_err(Failure::input)?;
+    let region = Region::of_platform(&reach);
+    let task = Task {
+        n: arguments.n,
+        objective,
+        noise_n_nm: rig.noise_n_nm,
+        plate_to_cell: rig.plate_to_cell,
+        gravity_mps2: rig.gravity_mps2,
+    };
+    let made = plan(&reach, &region, &task, &INTERRUPTED, |doing| progress.show(|| doing.to_owned()))
+        .map_err(Failure::input)?;
+    progress.finish();
+    if arguments.json {
+        say(serde_json::to_string(&object(&made, name)).map_err(Failure::input)?);
+    } else {
+        say(table(&made, &region, &reach));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn object<'a>(plan: &PosePlan, objective: &'a str) -> Object<'a> {
+    let finite = |v: f64| v.is_finite().then_some(v);
+    Object {
+        n: plan.poses.len(),
+        objective,
+        poses_deg: plan.poses_deg(),
+        positions_m: plan.poses.iter().map(|p| p.position_m).collect(),
+        condition_number: plan.condition_number_normal.sqrt(),
+        condition_number_normal: plan.condition_number_normal,
+        condition_number_normal_relative: finite(plan.relative_condition_number_normal),
+        determinant_normal: plan.determinant,
+        predicted_u95: plan.predicted_u95.map(|[m, mcx, mcy, mcz]| PredictedU95 { m, mcx, mcy, mcz }),
+    }
+}
+
+fn table(plan: &PosePlan, region: &Region, reach: &Reach) -> String {
+    let (least, largest) = region.tilt_range_rad();
+    let [low, high] = reach.geometry().leg_length_m;
+    let mut text = format!(
+        "Legs from {low:.4} m to {high:.4} m tilt the plate by {:.1}° to {:.1}°, depending on the direction.\n\n  \
+         pose     roll    pitch     tilt        x        y        z\n          \
+         °        °        °        m        m        m",
+        least.to_degrees(),
+        largest.to_degrees()
+    );
+    for (k, (pose, [roll, pitch])) in plan.poses.iter().zip(plan.poses_deg()).enumerate() {
+        let tilt = (roll.to_radians().cos() * pitch.to_radians().cos()).acos().to_degrees();
+        let [x, y, z] = pose.position_m;
+        text += &format!("\n  {:>4} {roll:>8.2} {pitch:>8.2} {tilt:>8.2} {x:>8.4} {y:>8.4} {z:>8.4}", k + 1);
+    }
+    text += &format!(
+        "\n\nCondition number of the stacked [F] {:.3}, of the normal matrix {:.3}",
+        plan.condition_number_normal.sqrt(),
+        plan.condition_number_normal
+    );
+    if plan.relative_condition_number_normal.is_finite() {
+        text += &format!("; relative to the level pose {:.3}", plan.relative_condition_number_normal);
+    }
+    text += &format!(". Determinant {:.4}.\n", plan.determinant);
+    text += &match plan.predicted_u95 {
+        Some([m, x, y, z]) => format!(
+            "One reading a pose, offsets unknown, predicted U95: mass {m:.2} kg, first moment {x:.3}, {y:.3}, {z:.3} kg m."
+        ),
+        None => "These poses alone leave a part of the first moment open if the offsets are unknown: add the level pose."
+            .to_owned(),
+    };
+    text
+}
+
+fn rig(path: Option<&Path>) -> Result<Rig, Failure> {
+    let thesis = SensorModels::thesis().load_cell.noise_n_nm;
+    let Some(path) = path else {
+        return Ok(Rig {
+            geometry: Geometry::thesis(),
+            cond_max: COND_MAX,
+            noise_n_nm: thesis,
+            plate_to_cell: Matrix3::identity(),
+            gravity_mps2: 9.80665,
+        });
+    };
+    let file = RigFile::load(path).map_err(Failure::input)?;
+    let incomplete = |what: &str| Failure::input(format!("{}: {what}", path.display()));
+    let platform = file.platform.as_ref().ok_or_else(|| {
+        incomplete("there is no [platform] to plan for; leave --rig out for the built-in platform")
+    })?;
+    let missing = |key: &str| incomplete(&format!("[platform] has no {key}"));
+    let cell_to_plate = match &platform.load_cell {
+        Some(place) => Mounting { position_m: place.position_m, rotation_wxyz: place.rotation_wxyz }
+            .rotation()
+            .ok_or_else(|| incomplete("[platform.load_cell] rotation_wxyz is no rotation"))?,
+        None => Matrix3::identity(),
+    };
+    Ok(Rig {
+        geometry: Geometry {
+            base_joints_m: platform.base_joints_m.ok_or_else(|| missing("base_joints_m"))?,
+            plate_joints_m: platform.plate_joints_m.ok_or_else(|| missing("plate_joints_m"))?,
+            leg_length_m: platform.leg_length_m.ok_or_else(|| missing("leg_length_m"))?,
+            leg_rate_mps: platform.leg_rate_mps.unwrap_or(Geometry::thesis().leg_rate_mps),
+        },
+        cond_max: platform.cond_max.unwrap_or(COND_MAX),
+        noise_n_nm: file.load_cell.noise_n_nm.unwrap_or(thesis),
+        plate_to_cell: cell_to_plate.transpose(),
+        gravity_mps2: file.recording.gravity_mps2,
+    })
+}
