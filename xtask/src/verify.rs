@@ -45,7 +45,9 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
         steps.run("a panic and a fault on the board end with a status", || emulator::bad_ends(core));
         check_elf::run_steps(&mut steps, core);
         steps.run("size", || size::run(&size::Options::default(), Some(core)));
-        steps.run("bench-target", || bench_target::run(&bench_target::Options::default(), Some(core)));
+        let bench =
+            bench_target::Options { baseline: bench_target::can_compile_baseline(), ..Default::default() };
+        steps.run("bench-target", || bench_target::run(&bench, Some(core)));
     }
     steps.run("documentation", || {
         let mut command = process::cargo(places::root());

@@ -128,12 +128,17 @@ struct BaselineEntry {
     baseline_estimated_cycles_m4: f64,
 }
 
+/// Whether the C compiler of [`Options::baseline`] is here already.
+pub fn can_compile_baseline() -> bool {
+    process::is_installed(C_COMPILER.0)
+}
+
 /// Builds, runs, compares the two counts and prints.
 pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     setup::system_packages()?;
     let core = toolchain::choose(core)?;
     let firmware = Program::read(&firmware::build(core, &[])?)?;
-    if options.baseline && !process::is_installed(C_COMPILER.0) {
+    if options.baseline && !can_compile_baseline() {
         setup::apt_install(&[C_COMPILER.1])?;
     }
     let features: &[&str] = if options.baseline { &[BASELINE] } else { &[] };

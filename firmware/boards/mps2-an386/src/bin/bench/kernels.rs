@@ -80,8 +80,8 @@ fn samples() -> [Sample; SAMPLES] {
 /// Six given rows of N parameters: columns, and a right-hand side. The factor works in them.
 #[repr(C)]
 pub struct Rows<const N: usize> {
-    columns: [[f32; 6]; N],
-    rhs: [f32; 6],
+    pub columns: [[f32; 6]; N],
+    pub rhs: [f32; 6],
 }
 
 /// A factor and all the rows that it will meet, outside of the firmware's RAM.

@@ -6,6 +6,8 @@
 //! - `path`: what the application does with one reading of each sensor, as decoded from the bus, in the default
 //!   configuration at 1 kHz: a filter of 0.1 s, six rows every tenth reading, the stop rule set, nothing sent;
 //! - `path with drivers`: the same from the bytes on the bus;
+//! - `path with estimates`, `path with all telemetry`: `path` and what the host is told, by default, four times a
+//!   second and of every reading;
 //! - `C Householder`, with the feature `c-baseline`: given rows as in `dense`, by the textbook's algorithm in C.
 //!
 //! With the argument `traced` the search for the worst sample is left out. With `panic` or `fault` nothing is counted:
@@ -59,5 +61,7 @@ fn main() -> ! {
     path::decoded(&bench, 16);
     path::with_drivers(&bench, 10);
     path::with_drivers(&bench, 16);
+    path::with_telemetry(&bench, 10);
+    path::with_telemetry(&bench, 16);
     semihosting::process::exit(0)
 }

@@ -19,13 +19,43 @@ const SAMPLES: u32 = 1000;
 const SEARCH: u32 = 101_000;
 /// Different samples, gone through again and again.
 const WORDS: usize = 64;
+const SILENT: TelemetrySettings = TelemetrySettings { estimate_every_blocks: 0, stream_readings: false };
 
 /// One IMU reading and one of the load cell, as decoded from the bus, through everything that the application does
 /// with them, its work after each event included.
 #[inline(never)]
 pub fn decoded(bench: &Bench, n: usize) {
+    telling(bench, "path", n, SILENT, SEARCH, |_| ());
+}
+
+/// The same with an estimate four times a second, its solution and the nearest body in it, and with all readings, too.
+/// What is sent is taken away at once.
+#[inline(never)]
+pub fn with_telemetry(bench: &Bench, n: usize) {
+    let estimates = TelemetrySettings { estimate_every_blocks: 25, ..SILENT };
+    let everything = TelemetrySettings { stream_readings: true, ..estimates };
+    for (part, telemetry) in [("path with estimates", estimates), ("path with all telemetry", everything)] {
+        telling(bench, part, n, telemetry, 0, |app| {
+            let mut sent = [0; frame::MAX_FRAME];
+            while app.tx_pending() > 0 {
+                app.poll_tx(&mut sent);
+            }
+        });
+    }
+}
+
+/// `after` is called after each sample.
+#[inline(never)]
+fn telling(
+    bench: &Bench,
+    part: &str,
+    n: usize,
+    telemetry: TelemetrySettings,
+    search: u32,
+    mut after: impl FnMut(&mut App),
+) {
     let mut app = App::new("bench");
-    for (sequence, command) in commands(n).iter().enumerate() {
+    for (sequence, command) in commands(n, telemetry).iter().enumerate() {
         let (bytes, length) = encoded(sequence, command);
         for byte in &bytes[..length] {
             if app.on_byte(*byte, 0).is_some() {
@@ -44,9 +74,10 @@ pub fn decoded(bench: &Bench, n: usize) {
         time_ns += 370_000;
         app.on_gauges(time_ns, *volts);
         app.work();
+        after(&mut app);
     };
     (0..WARM_UP).for_each(|_| sample());
-    bench.case("path", n, SAMPLES, SEARCH, sample);
+    bench.case(part, n, SAMPLES, search, sample);
     check_running(&app);
 }
 
@@ -55,7 +86,7 @@ pub fn decoded(bench: &Bench, n: usize) {
 #[inline(never)]
 pub fn with_drivers(bench: &Bench, n: usize) {
     let mut instrument = Instrument::new("bench", sensors::Adc::new(), sensors::Imu::new(), sensors::NoWait);
-    for (sequence, command) in commands(n).iter().enumerate() {
+    for (sequence, command) in commands(n, SILENT).iter().enumerate() {
         let (bytes, length) = encoded(sequence, command);
         instrument.on_bytes(&bytes[..length], 0);
     }
@@ -77,8 +108,8 @@ fn check_running(app: &App) {
     }
 }
 
-fn commands(n: usize) -> [Command; 2] {
-    [Command::Configure(settings((n == 10).then_some([0.0; 6]))), Command::Start]
+fn commands(n: usize, telemetry: TelemetrySettings) -> [Command; 2] {
+    [Command::Configure(settings((n == 10).then_some([0.0; 6]), telemetry)), Command::Start]
 }
 
 fn encoded(sequence: usize, command: &Command) -> ([u8; frame::MAX_FRAME], usize) {
@@ -100,7 +131,7 @@ fn words(k: usize) -> ([f32; 6], [f32; 3], [f32; 3]) {
     )
 }
 
-fn settings(known_offset_n_nm: Option<[f32; 6]>) -> Settings {
+fn settings(known_offset_n_nm: Option<[f32; 6]>, telemetry: TelemetrySettings) -> Settings {
     // All ten are looked at each time, and the last one is never good enough.
     let mut u95 = [f32::MAX; 16];
     u95[9] = 0.0;
@@ -129,7 +160,7 @@ fn settings(known_offset_n_nm: Option<[f32; 6]>) -> Settings {
         row_every: 10,
         knock_limit_sd: 6.0,
         stop: Some(StopRule { asked: 0x3FF, u95, minimum_blocks: 1 }),
-        telemetry: TelemetrySettings { estimate_every_blocks: 0, stream_readings: false },
+        telemetry,
         frozen_after: 50,
         host_timeout_ms: 0,
     }
