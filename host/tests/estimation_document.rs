@@ -1,18 +1,35 @@
 //! The tables of `docs/estimation.md` are those that `cargo xtask tables` makes.
 
+#![cfg(feature = "simulator")]
+
 #[path = "../examples/estimation_tables/document.rs"]
 mod document;
+#[path = "../examples/estimation_tables/filter_response.rs"]
+mod filter_response;
+#[allow(dead_code, reason = "the tables use the rest")]
+#[path = "../examples/estimation_tables/report.rs"]
+mod report;
+
+fn estimation() -> String {
+    std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/estimation.md")).unwrap()
+}
 
 #[test]
 fn the_document_has_a_place_for_every_table_and_no_other() {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/estimation.md");
-    let text = std::fs::read_to_string(path).unwrap();
+    let text = estimation();
     assert_eq!(document::complaint(&text), None);
     // No place is empty.
     for name in document::names(&text) {
         let emptied = document::replaced(&text, name, "").unwrap();
         assert!(emptied.len() + 100 < text.len(), "table {name} has not been made");
     }
+}
+
+/// The others take longer: `cargo xtask tables --check NAME`.
+#[test]
+fn the_filter_in_the_document_is_the_one_that_ships() {
+    let text = estimation();
+    assert_eq!(document::replaced(&text, "filter-response", &filter_response::table()), Some(text));
 }
 
 #[test]

@@ -16,7 +16,8 @@ pub struct Options {
     /// Put them into docs/estimation.md; tables that were not made stay as they are.
     #[arg(long)]
     write: bool,
-    /// Make nothing; only see whether the document's tables are those that this command makes.
+    /// Change nothing: see whether the document has a place for every table and no other, and whether those named are
+    /// what this command makes.
     #[arg(long)]
     check: bool,
 }

@@ -9,6 +9,7 @@ mod coloured_noise;
 mod covariance_forms;
 mod document;
 mod f32_accuracy;
+mod filter_response;
 mod honest_covariance;
 mod montecarlo;
 mod problem;
@@ -32,7 +33,8 @@ struct Arguments {
     /// Put them into docs/estimation.md; tables that were not made stay as they are.
     #[arg(long)]
     write: bool,
-    /// Make nothing; only see whether the document's tables are those that this command makes.
+    /// Change nothing: see whether the document has a place for every table and no other, and whether those named are
+    /// what this command makes.
     #[arg(long)]
     check: bool,
 }
@@ -54,6 +56,7 @@ fn document_path() -> PathBuf {
 fn make(name: &str) -> String {
     match name {
         "covariance-forms" => covariance_forms::table(),
+        "filter-response" => filter_response::table(),
         "f32-accuracy" => f32_accuracy::table(),
         "f32-accuracy-long" => f32_accuracy::long_table(),
         "honest-covariance" => honest_covariance::table(),
@@ -66,12 +69,16 @@ fn make(name: &str) -> String {
 fn run(arguments: &Arguments) -> Result<(), String> {
     let path = document_path();
     let read = || std::fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()));
-    if arguments.check {
-        return document::complaint(&read()?).map_or(Ok(()), Err);
-    }
     let known = document::TABLES;
     if let Some(stranger) = arguments.names.iter().find(|n| !known.contains(&n.as_str())) {
         return Err(format!("there is no table {stranger}; there are {}", known.join(", ")));
+    }
+    if arguments.check {
+        let text = read()?;
+        let differs = |name: &&String| document::replaced(&text, name, &make(name)).as_ref() != Some(&text);
+        let differing = || arguments.names.iter().find(differs);
+        let complaint = || differing().map(|name| format!("table {name} is not what this command makes"));
+        return document::complaint(&text).or_else(complaint).map_or(Ok(()), Err);
     }
     let wanted = known.into_iter().filter(|name| {
         let by_default = arguments.names.is_empty() && (arguments.long || !name.ends_with("-long"));
