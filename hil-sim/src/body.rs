@@ -69,6 +69,18 @@ impl BodyParameters {
         [m, m * x, m * y, m * z, xx, yy, zz, yz, zx, xy]
     }
 
+    /// The same body in another frame: this frame's origin is at `offset_m` there and its axes are the columns of
+    /// `rotation`. From S to P with the load cell's place on the plate.
+    pub fn in_frame(&self, offset_m: &Vector3<f64>, rotation: &Matrix3<f64>) -> Self {
+        let com = offset_m + rotation * Vector3::from(self.com_m);
+        let i = rotation * self.inertia_com() * rotation.transpose();
+        Self {
+            mass_kg: self.mass_kg,
+            com_m: com.into(),
+            inertia_com_kgm2: [i[(0, 0)], i[(1, 1)], i[(2, 2)], i[(1, 2)], i[(2, 0)], i[(0, 1)]],
+        }
+    }
+
     /// Wrench on the body by the sensor side at S's origin, in S, that makes the body follow `motion`; N, N m.
     ///
     /// In the earth's axes: `F = m (p̈_com − g)` and, about the centre of mass, `dL/dt = I_A α + ω × I_A ω` with

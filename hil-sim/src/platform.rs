@@ -1,17 +1,27 @@
 //! The Stewart platform: where the plate is, how it moves, and whether its six legs can follow.
 //!
-//! Lives here: [`Geometry`] (joints and legs), [`MotionProgram`] (what was asked for) and [`Trajectory`] (its exact
-//! kinematics). May not live here: masses and sensors. Next: [`crate::body`].
+//! Lives here: [`Geometry`] (joints, legs, limits), [`Legs`] (vector loop, Jacobian, force transmission at one pose),
+//! [`Geometry::forward`], [`LimitMargins`] (every limited quantity beside its limit), [`Load`] (leg forces),
+//! [`MotionProgram`] (what was asked for) and [`Trajectory`] (its exact kinematics). May not live here: sensors,
+//! planning. The bodies that a load is made of are [`crate::body`]'s, which is next.
 //!
 //! Frames: A is the base's frame, z up; P is the plate's. Attitudes are roll, pitch, yaw about fixed axes,
 //! `R_AP = Rz(yaw) Ry(pitch) Rx(roll)`.
 
+mod forward;
 mod geometry;
 mod kinematics;
+mod legs;
+mod limits;
+mod load;
 mod program;
 
-pub use geometry::Geometry;
-pub use kinematics::{Coordinates, PlateState};
+pub use forward::ForwardError;
+pub use geometry::{Geometry, StrokeError};
+pub use kinematics::{Coordinates, PlateState, rotation_from_rpy};
+pub use legs::Legs;
+pub use limits::{COND_MAX, JointCones, Limit, LimitMargins, Limits, Margin, Violation};
+pub use load::{Bodies, Load};
 pub(crate) use program::quintic_integral;
 pub use program::{Axis, MotionProgram, Segment, SineTerm, Trajectory};
 
@@ -48,37 +58,13 @@ impl Pose {
 /// Why a motion cannot be driven.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MotionError {
-    /// A leg would be too short or too long. Legs are counted from 1.
-    #[error(
-        "leg {leg} would be {length_m:.4} m long at t = {time_s:.3} s, it reaches from {min_m:.4} m to {max_m:.4} m: \
-         use smaller tilts or translations"
-    )]
-    LegLength {
-        /// 1 to 6.
-        leg: usize,
+    /// A limit of the platform is not kept.
+    #[error("{violation} at t = {time_s:.3} s: {}", .violation.advice())]
+    Limit {
+        /// Which limit, which leg, how far.
+        violation: Violation,
         /// Time in the program, s.
         time_s: f64,
-        /// Length asked for, m.
-        length_m: f64,
-        /// Shortest possible, m.
-        min_m: f64,
-        /// Longest possible, m.
-        max_m: f64,
-    },
-    /// A leg would have to move too fast.
-    #[error(
-        "leg {leg} would move at {rate_mps:.3} m/s at t = {time_s:.3} s, its limit is {limit_mps:.3} m/s: give the \
-         motion more time"
-    )]
-    LegRate {
-        /// 1 to 6.
-        leg: usize,
-        /// Time in the program, s.
-        time_s: f64,
-        /// Speed asked for, m/s, positive when the leg extends.
-        rate_mps: f64,
-        /// The limit, m/s.
-        limit_mps: f64,
     },
     /// A segment makes no sense by itself. Segments are counted from 1.
     #[error("segment {segment} of the motion program: {reason}")]
@@ -89,3 +75,6 @@ pub enum MotionError {
         reason: &'static str,
     },
 }
+
+#[cfg(test)]
+mod mechanics_tests;

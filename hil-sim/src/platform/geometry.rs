@@ -1,10 +1,9 @@
 //! Joints, legs and limits of a hexapod.
 
-use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::kinematics::{PlateState, rotation_from_rpy};
-use super::{MotionError, Pose, Trajectory};
+use super::Pose;
+use super::limits::Limits;
 
 /// A hexapod: leg `i` joins `base_joints_m[i]` (in A) to `plate_joints_m[i]` (in P).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -17,6 +16,21 @@ pub struct Geometry {
     pub leg_length_m: [f64; 2],
     /// Highest leg speed, m/s.
     pub leg_rate_mps: f64,
+    /// What else the machine must not do.
+    #[serde(default)]
+    pub limits: Limits,
+}
+
+/// A stroke that the legs do not have.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "a stroke of {asked_m} m was asked for; it must be greater than zero and the legs have {available_m:.4} m"
+)]
+pub struct StrokeError {
+    /// Asked for, m.
+    pub asked_m: f64,
+    /// What the legs have, m.
+    pub available_m: f64,
 }
 
 impl Default for Geometry {
@@ -42,7 +56,24 @@ impl Geometry {
             plate_joints_m: ring(0.25, -0.123, [60.0, 60.0, 180.0, 180.0, 300.0, 300.0]),
             leg_length_m: [0.55, 0.8548],
             leg_rate_mps: 0.8,
+            limits: Limits::default(),
         }
+    }
+
+    /// The same machine with only the middle `stroke_m` of its legs' stroke in use, as in the thesis' experiments
+    /// (0.20 m of 0.3048 m).
+    ///
+    /// # Errors
+    /// A stroke that is not positive or longer than the legs'.
+    pub fn with_stroke(mut self, stroke_m: f64) -> Result<Self, StrokeError> {
+        let [lo, hi] = self.leg_length_m;
+        // Rounding of a stroke read back from the limits is no reason to refuse it.
+        if !(stroke_m > 0.0 && stroke_m <= (hi - lo) * (1.0 + 1e-12)) {
+            return Err(StrokeError { asked_m: stroke_m, available_m: hi - lo });
+        }
+        let middle = 0.5 * (lo + hi);
+        self.leg_length_m = [middle - 0.5 * stroke_m, middle + 0.5 * stroke_m];
+        Ok(self)
     }
 
     /// The level pose above the base's centre at which leg 1 is half-way out.
@@ -54,84 +85,14 @@ impl Geometry {
         let flat = (bx - ax).powi(2) + (by - ay).powi(2);
         Pose { position_m: [0.0, 0.0, az - bz + (middle * middle - flat).max(0.0).sqrt()], rpy_rad: [0.0; 3] }
     }
-
-    /// `l_i = x + R b_i − a_i`, in A, m.
-    fn legs(&self, pose: &Pose) -> [Vector3<f64>; 6] {
-        let rotation = rotation_from_rpy(pose.rpy_rad);
-        let position = Vector3::from(pose.position_m);
-        let mut legs = [Vector3::zeros(); 6];
-        for ((leg, a), b) in legs.iter_mut().zip(&self.base_joints_m).zip(&self.plate_joints_m) {
-            *leg = position + rotation * Vector3::from(*b) - Vector3::from(*a);
-        }
-        legs
-    }
-
-    /// Lengths of the six legs, m.
-    pub fn leg_lengths(&self, pose: &Pose) -> [f64; 6] {
-        self.legs(pose).map(|l| l.dot(&l).sqrt())
-    }
-
-    /// The inverse-kinematics Jacobian: row `i` times the plate's velocity and angular rate, both in A, is the
-    /// speed of leg `i`. Rows are `[n_i, (R b_i) × n_i]` with `n_i` the leg's direction (thesis, `H` transposed).
-    pub fn jacobian(&self, pose: &Pose) -> [[f64; 6]; 6] {
-        let rotation = rotation_from_rpy(pose.rpy_rad);
-        let legs = self.legs(pose);
-        let mut rows = [[0.0; 6]; 6];
-        for ((row, leg), b) in rows.iter_mut().zip(&legs).zip(&self.plate_joints_m) {
-            let n = leg / leg.dot(leg).sqrt();
-            let arm = (rotation * Vector3::from(*b)).cross(&n);
-            *row = [n.x, n.y, n.z, arm.x, arm.y, arm.z];
-        }
-        rows
-    }
-
-    /// Speeds of the six legs, m/s, positive when a leg extends.
-    pub fn leg_rates(&self, state: &PlateState) -> [f64; 6] {
-        let v = state.velocity;
-        let w = state.rotation * state.angular_rate;
-        self.jacobian(&state.pose())
-            .map(|[nx, ny, nz, mx, my, mz]| nx * v.x + ny * v.y + nz * v.z + mx * w.x + my * w.y + mz * w.z)
-    }
-
-    /// Whether the legs can take this state at `time_s`.
-    ///
-    /// # Errors
-    /// The first leg that is too short, too long or too fast.
-    pub fn check_state(&self, state: &PlateState, time_s: f64) -> Result<(), MotionError> {
-        let [min_m, max_m] = self.leg_length_m;
-        for (i, length_m) in self.leg_lengths(&state.pose()).into_iter().enumerate() {
-            if !(min_m..=max_m).contains(&length_m) {
-                return Err(MotionError::LegLength { leg: i + 1, time_s, length_m, min_m, max_m });
-            }
-        }
-        let limit_mps = self.leg_rate_mps;
-        for (i, rate_mps) in self.leg_rates(state).into_iter().enumerate() {
-            if rate_mps.abs() > limit_mps || rate_mps.is_nan() {
-                return Err(MotionError::LegRate { leg: i + 1, time_s, rate_mps, limit_mps });
-            }
-        }
-        Ok(())
-    }
-
-    /// Whether the legs can follow the whole trajectory, looked at every 4 ms.
-    ///
-    /// # Errors
-    /// The first leg that is too short, too long or too fast, with the time at which it is.
-    pub fn check(&self, trajectory: &Trajectory) -> Result<(), MotionError> {
-        const STEP_S: f64 = 0.004;
-        let steps = (trajectory.duration_s() / STEP_S).ceil() as usize;
-        for k in 0..=steps {
-            let time_s = (k as f64 * STEP_S).min(trajectory.duration_s());
-            self.check_state(&trajectory.state(time_s), time_s)?;
-        }
-        Ok(())
-    }
 }
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Vector3;
+
     use super::*;
-    use crate::platform::{MotionProgram, Segment};
+    use crate::platform::{Limit, MotionError, MotionProgram, Segment, Violation, rotation_from_rpy};
 
     fn some_pose() -> Pose {
         let [x, y, z] = Geometry::thesis().home().position_m;
@@ -222,7 +183,10 @@ mod tests {
         let error = g.check(&program.trajectory().unwrap()).unwrap_err();
         let text = error.to_string();
         assert!(text.contains("leg ") && text.contains("t = "), "{text}");
-        assert!(matches!(error, MotionError::LegLength { .. }), "{error:?}");
+        assert!(
+            matches!(error, MotionError::Limit { violation: Violation { limit: Limit::LegLength, .. }, .. }),
+            "{error:?}"
+        );
     }
 
     #[test]
@@ -233,6 +197,9 @@ mod tests {
         let program =
             MotionProgram { start: g.home(), segments: vec![Segment::Move { to: up, duration_s: 0.1 }] };
         let error = g.check(&program.trajectory().unwrap()).unwrap_err();
-        assert!(matches!(error, MotionError::LegRate { .. }), "{error:?}");
+        assert!(
+            matches!(error, MotionError::Limit { violation: Violation { limit: Limit::LegRate, .. }, .. }),
+            "{error:?}"
+        );
     }
 }

@@ -2,7 +2,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use nalgebra::Matrix3;
-use rigident_sim::platform::Geometry;
+use rigident_sim::platform::{Geometry, Limits};
 use rigident_sim::rig::Mounting;
 use rigident_sim::sensors::SensorModels;
 use serde::Serialize;
@@ -164,6 +164,7 @@ fn rig(path: Option<&Path>) -> Result<Rig, Failure> {
             plate_joints_m: platform.plate_joints_m.ok_or_else(|| missing("plate_joints_m"))?,
             leg_length_m: platform.leg_length_m.ok_or_else(|| missing("leg_length_m"))?,
             leg_rate_mps: platform.leg_rate_mps.unwrap_or(Geometry::thesis().leg_rate_mps),
+            limits: Limits::default(),
         },
         cond_max: platform.cond_max.unwrap_or(COND_MAX),
         noise_n_nm: file.load_cell.noise_n_nm.unwrap_or(thesis),

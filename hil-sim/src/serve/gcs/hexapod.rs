@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::axes::{AXES, GcsPosition, limits};
 use super::syntax::{Said, pairs};
 use super::tables::{EXECUTION, HELP, MOST_POINTS, PARAMETERS, SOURCE, THRESHOLD, error};
-use crate::platform::{MotionError, Pose};
+use crate::platform::{Limit, MotionError, Pose};
 use crate::rig::{MotionState, Rig, RigError, SharedRig};
 use crate::runner::lock;
 
@@ -379,7 +379,11 @@ impl Hexapod {
 
 fn code(error: RigError) -> u16 {
     match error {
-        RigError::Motion(MotionError::LegRate { .. }) => error::VELOCITY,
+        RigError::Motion(MotionError::Limit { violation, .. })
+            if matches!(violation.limit, Limit::LegRate | Limit::LegAcceleration) =>
+        {
+            error::VELOCITY
+        }
         RigError::Motion(_) => error::POSITION,
         RigError::Late => error::UNDERRUN,
         _ => error::IN_MOTION,

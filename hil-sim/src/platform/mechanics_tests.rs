@@ -1,0 +1,328 @@
+//! Kinematics, limits and forces against other ways to compute them.
+
+use nalgebra::{Matrix3, Vector3, Vector6};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+use super::*;
+use crate::body::BodyParameters;
+
+/// Uniform numbers from a seed.
+struct Uniform(ChaCha8Rng);
+
+impl Uniform {
+    fn new(seed: u64) -> Self {
+        Self(ChaCha8Rng::seed_from_u64(seed))
+    }
+
+    fn within(&mut self, half: f64) -> f64 {
+        half * (2.0 * (self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64 - 1.0)
+    }
+
+    fn vector(&mut self, half: f64) -> Vector3<f64> {
+        Vector3::from_fn(|_, _| self.within(half))
+    }
+}
+
+/// Poses from all over the workspace: within the legs' lengths and the guard, tilts to 69°, yaw to 80°.
+fn workspace(g: &Geometry, random: &mut Uniform, count: usize) -> Vec<Pose> {
+    let mut poses = Vec::new();
+    while poses.len() < count {
+        let [x, y] = [random.within(0.4), random.within(0.4)];
+        let z = 0.7 + random.within(0.3);
+        let rpy_rad = [random.within(1.2), random.within(1.2), random.within(1.4)];
+        let pose = Pose { position_m: [x, y, z], rpy_rad };
+        let position = Vector3::from(pose.position_m);
+        if g.reaches(&position, &rotation_from_rpy(rpy_rad)) && g.check_pose(&pose).is_ok() {
+            poses.push(pose);
+        }
+    }
+    poses
+}
+
+fn body() -> BodyParameters {
+    BodyParameters {
+        mass_kg: 20.0,
+        com_m: [0.012, -0.02, 0.247],
+        inertia_com_kgm2: [0.505, 0.495, 0.0362, 0.011, -0.007, 0.004],
+    }
+}
+
+fn swing() -> Trajectory {
+    let term =
+        |axis, amplitude, frequency_hz, phase_rad| SineTerm { axis, amplitude, frequency_hz, phase_rad };
+    MotionProgram {
+        start: Geometry::thesis().home(),
+        segments: vec![Segment::Multisine {
+            duration_s: 6.0,
+            ramp_s: 1.5,
+            terms: vec![
+                term(Axis::X, 0.03, 0.7, 0.1),
+                term(Axis::Z, 0.02, 1.3, 1.0),
+                term(Axis::Roll, 0.25, 0.41, 0.3),
+                term(Axis::Pitch, 0.2, 0.53, -1.0),
+                term(Axis::Yaw, 0.3, 0.67, 0.5),
+            ],
+        }],
+    }
+    .trajectory()
+    .unwrap()
+}
+
+#[test]
+fn forward_kinematics_undoes_inverse_kinematics_from_any_start_to_any_target_in_the_workspace() {
+    let g = Geometry::thesis();
+    let poses = workspace(&g, &mut Uniform::new(7), 3_000);
+    for pair in poses.windows(2) {
+        let (start, target) = (&pair[0], &pair[1]);
+        let found = g.forward(&g.leg_lengths(target), start).unwrap();
+        // Newton stops at length errors of 1e-13 m or their rounding, 6e-12 m; legs answer a unit step of the plate
+        // with no less than 1/(40 · √6) (cond(H) ≤ 40, every column of H at least one long).
+        let turned = rotation_from_rpy(found.rpy_rad) - rotation_from_rpy(target.rpy_rad);
+        let moved = Vector3::from(found.position_m) - Vector3::from(target.position_m);
+        assert!(turned.amax() < 1e-9 && moved.amax() < 1e-9, "{start:?} {target:?} {found:?}");
+    }
+}
+
+#[test]
+fn forward_kinematics_names_a_leg_beyond_its_reach_and_lengths_that_fit_no_pose() {
+    let g = Geometry::thesis();
+    let mut lengths = g.leg_lengths(&g.home());
+    lengths[3] = 0.9;
+    let error = g.forward(&lengths, &g.home()).unwrap_err().to_string();
+    assert!(error.contains("leg 4") && error.contains("0.9"), "{error}");
+    // Legs 1 and 2 meet in one plate joint and their base joints are 2 · 0.45 sin 50° = 0.689 m apart: far more stroke
+    // than this machine has would be needed to break that triangle, so give it such legs.
+    let long = Geometry { leg_length_m: [0.05, 2.0], ..g };
+    let error = long.forward(&[0.1, 0.2, 0.7, 0.7, 0.7, 0.7], &long.home()).unwrap_err();
+    assert!(matches!(error, ForwardError::NoPose { error_m, .. } if error_m > 1e-3), "{error:?}");
+}
+
+#[test]
+fn rates_and_accelerations_of_the_legs_are_finite_differences_of_their_lengths() {
+    let (g, path, h) = (Geometry::thesis(), swing(), 1e-4);
+    for k in 1..58 {
+        let t = 0.1 * f64::from(k) + 0.0123;
+        let at = |t: f64| Vector6::from(g.leg_lengths(&path.state(t).pose()));
+        let (before, now, after) = (at(t - h), at(t), at(t + h));
+        let rate = (after - before) / (2.0 * h) - Vector6::from(g.leg_rates(&path.state(t)));
+        let acceleration =
+            (after - 2.0 * now + before) / (h * h) - Vector6::from(g.leg_accelerations(&path.state(t)));
+        // Truncation h²/6 · l''' and h²/12 · l'''' with derivatives below 60 and 600; rounding 2e-16/h² ≈ 2e-8.
+        assert!(rate.amax() < 1e-7, "{t}: {rate}");
+        assert!(acceleration.amax() < 6e-7, "{t}: {acceleration}");
+    }
+}
+
+#[test]
+fn leg_forces_do_the_work_that_the_wrench_does_in_every_virtual_displacement() {
+    // Σ f_i δl_i = w · (δx, δφ), with the δl_i from the vector loop alone.
+    let g = Geometry::thesis();
+    let mut random = Uniform::new(3);
+    for pose in workspace(&g, &mut random, 50) {
+        let (force, moment) = (random.vector(300.0), random.vector(60.0));
+        let wrench = Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z);
+        let forces = Vector6::from(g.legs(&pose).forces(&wrench).unwrap());
+        let (shift, turn, h) = (random.vector(1.0), random.vector(1.0), 1e-5);
+        let at = |s: f64| {
+            let rotation = nalgebra::Rotation3::new(turn * s) * rotation_from_rpy(pose.rpy_rad);
+            Vector6::from(g.legs_at(&(Vector3::from(pose.position_m) + shift * s), &rotation).lengths)
+        };
+        let work = forces.dot(&(at(h) - at(-h))) / (2.0 * h);
+        let want = force.dot(&shift) + moment.dot(&turn);
+        // h² · l''' /6 ≈ 1e-10 and rounding 1e-16/h = 1e-11 per leg, times forces up to 40 · 600 N.
+        assert!((work - want).abs() < 1e-5, "{work} {want}");
+    }
+}
+
+#[test]
+fn power_of_the_legs_is_the_rate_of_change_of_the_bodys_energy() {
+    let (g, path, load, b, h) = (Geometry::thesis(), swing(), Load::body(body()), body(), 1e-3);
+    let energy = |t: f64| {
+        let s = path.state(t);
+        let arm = s.rotation * Vector3::from(b.com_m);
+        let w = s.rotation * s.angular_rate;
+        let v = s.velocity + w.cross(&arm);
+        let spin = s.angular_rate.dot(&(b.inertia_com() * s.angular_rate));
+        0.5 * (b.mass_kg * v.dot(&v) + spin) + b.mass_kg * 9.80665 * (s.position + arm).z
+    };
+    for k in 1..20 {
+        // Never within h of a seam, where the motion's third derivative jumps.
+        let t = 0.3 * f64::from(k) + 0.05;
+        let s = path.state(t);
+        let forces = g.leg_force_ranges(&s, t, &load).unwrap();
+        let power: f64 = forces.iter().zip(g.leg_rates(&s)).map(|([f, _], rate)| f * rate).sum();
+        let pair = |h: f64| (energy(t + h) - energy(t - h)) / (2.0 * h);
+        let slope = (4.0 * pair(h) - pair(2.0 * h)) / 3.0;
+        // Truncation h^4/30 · 4 · fifth derivative, with 30 W at 1.3 Hz 2e-8 W; rounding 150 J · 2e-16 / h = 3e-11 W.
+        assert!((power - slope).abs() < 1e-7, "{t}: {power} {slope}");
+    }
+}
+
+#[test]
+fn a_bounding_body_holds_the_forces_of_every_body_inside_it_and_one_of_them_comes_near() {
+    let g = Geometry::thesis();
+    let (centre, radius, mass) = (Vector3::new(0.02, -0.01, 0.2), 0.15, 20.0);
+    let load = Load::bounded(mass, centre.into(), radius);
+    let mut random = Uniform::new(11);
+    for k in 1..10 {
+        let state = swing().state(0.6 * f64::from(k));
+        let bounds = g.leg_force_ranges(&state, 0.0, &load).unwrap();
+        let mut seen = [[0.0_f64; 2]; 6];
+        for _ in 0..300 {
+            // A point mass anywhere in the ball is the extreme case: any body there is a mixture of them.
+            let mut at = random.vector(1.0);
+            while at.norm() > 1.0 {
+                at = random.vector(1.0);
+            }
+            let on_surface = at.normalize() * radius + centre;
+            let point =
+                BodyParameters { mass_kg: mass, com_m: on_surface.into(), inertia_com_kgm2: [0.0; 6] };
+            let forces = g.leg_force_ranges(&state, 0.0, &Load::body(point)).unwrap();
+            for (leg, [f, _]) in forces.into_iter().enumerate() {
+                let [low, high] = bounds[leg];
+                assert!(low - 1e-9 <= f && f <= high + 1e-9, "leg {}: {f} outside {low}..{high}", leg + 1);
+                seen[leg] = [seen[leg][0].min(f), seen[leg][1].max(f)];
+            }
+        }
+        for ([low, high], [least, most]) in bounds.into_iter().zip(seen) {
+            // 300 directions leave some 7° unvisited, 1 % of the reach; slope and curvature need not point alike.
+            assert!(most - least > 0.8 * (high - low), "{low}..{high} but seen {least}..{most}");
+        }
+    }
+}
+
+#[test]
+fn condition_numbers_are_the_published_ones_and_grow_beyond_every_bound_at_a_yaw_of_ninety_degrees() {
+    let g = Geometry::thesis();
+    let mut pose = g.home();
+    let mut at_yaw = |deg: f64| {
+        pose.rpy_rad[2] = deg.to_radians();
+        (g.condition_number(&pose), pose)
+    };
+    assert!((at_yaw(0.0).0 - 7.1).abs() < 0.05);
+    assert!((at_yaw(70.0).0 - 21.8).abs() < 0.05);
+    assert!(at_yaw(90.0).0 > 1e12);
+    // Fichter's singularity is an isolated zero: the number falls off as the inverse of the distance, on both sides.
+    for near in [0.1, 0.01] {
+        let ratio = at_yaw(90.0 - near / 10.0).0 / at_yaw(90.0 - near).0;
+        assert!((ratio - 10.0).abs() < 0.1, "{ratio}");
+    }
+    // And beyond it the number alone would let a pose pass that cannot be reached.
+    let (condition, beyond) = at_yaw(110.0);
+    assert!(condition < COND_MAX, "{condition}");
+    let wide = Geometry { leg_length_m: [0.3, 1.2], ..g.clone() };
+    let refused = wide.check_pose(&beyond).unwrap_err();
+    assert_eq!(refused.limit, Limit::Conditioning);
+    assert!(refused.to_string().contains("beyond a singular"), "{refused}");
+}
+
+#[test]
+fn the_shortcut_of_the_guard_agrees_with_the_condition_number() {
+    let g = Geometry { limits: Limits { cond_max: 12.0, ..Limits::default() }, ..Geometry::thesis() };
+    let all = Geometry { limits: Limits { cond_max: 1e6, ..Limits::default() }, ..Geometry::thesis() };
+    let mut kept = 0;
+    for pose in workspace(&all, &mut Uniform::new(5), 500) {
+        let legs = g.legs(&pose);
+        assert_eq!(g.is_guarded(&legs), g.guarded_condition(&legs) <= 12.0);
+        kept += usize::from(g.is_guarded(&legs));
+    }
+    assert!((50..450).contains(&kept), "{kept} of 500: the test sees one side only");
+}
+
+#[test]
+fn quick_check_and_margins_agree_on_every_limit() {
+    let mut g = Geometry::thesis();
+    g.limits.leg_acceleration_mps2 = Some(4.0);
+    g.limits.base_joints = Some(g.cones_about_home(0.35));
+    g.limits.plate_joints = Some(g.cones_about_home(0.45));
+    let mut random = Uniform::new(9);
+    let mut kept = 0;
+    for pose in workspace(&Geometry::thesis(), &mut random, 2_000) {
+        let [roll, pitch, yaw] = pose.rpy_rad;
+        let state = PlateState {
+            rpy: Vector3::from(pose.rpy_rad),
+            position: Vector3::from(pose.position_m),
+            velocity: random.vector(0.3),
+            acceleration: random.vector(1.0),
+            rotation: rotation_from_rpy([roll, pitch, yaw]),
+            angular_rate: random.vector(0.5),
+            angular_acceleration: random.vector(2.0),
+        };
+        let margins = g.margins(&state, None);
+        assert_eq!(margins.check().is_ok(), margins.tightest().relative >= 0.0);
+        assert_eq!(g.check_state(&state, 0.0).is_ok(), margins.check().is_ok(), "{:?}", margins.tightest());
+        kept += usize::from(margins.check().is_ok());
+    }
+    assert!((100..1900).contains(&kept), "{kept}");
+}
+
+#[test]
+fn joint_angles_are_zero_at_home_and_follow_the_plate() {
+    let mut g = Geometry::thesis();
+    g.limits.base_joints = Some(g.cones_about_home(0.2));
+    g.limits.plate_joints = Some(g.cones_about_home(0.2));
+    let home = Trajectory::resting(&g.home()).state(0.0);
+    for angle in [g.margins(&home, None).base_joint_rad, g.margins(&home, None).plate_joint_rad] {
+        assert!(angle.unwrap().iter().all(|a| *a < 1e-12));
+    }
+    // Straight up: no joint turns with the plate, so both angles are the change of each leg's direction.
+    let mut up = g.home();
+    up.position_m[2] += 0.05;
+    let margins = g.margins(&Trajectory::resting(&up).state(0.0), None);
+    let (before, after) = (g.legs(&g.home()), g.legs(&up));
+    for i in 0..6 {
+        let want = before.directions[i].dot(&after.directions[i]).acos();
+        assert!((margins.base_joint_rad.unwrap()[i] - want).abs() < 1e-7);
+        assert!((margins.plate_joint_rad.unwrap()[i] - want).abs() < 1e-7);
+    }
+    let mut tilted = g.home();
+    tilted.rpy_rad[0] = 0.35;
+    let refused = g.check_pose(&tilted).unwrap_err();
+    assert_eq!(refused.limit, Limit::PlateJointAngle);
+    assert!(refused.to_string().contains("° at its plate joint, which allows 11.5°"), "{refused}");
+}
+
+#[test]
+fn a_load_that_is_too_heavy_names_the_leg_the_force_and_the_time() {
+    let mut g = Geometry::thesis();
+    g.limits.leg_force_n = Some(40.0);
+    let error = g.check_loaded(&swing(), &Load::body(body())).unwrap_err().to_string();
+    assert!(error.contains("leg ") && error.contains("its limit is 40.0 N at t = "), "{error}");
+    g.limits.leg_force_n = Some(1e4);
+    g.check_loaded(&swing(), &Load::body(body())).unwrap();
+    // The peak is what the limit compares with.
+    let peak =
+        g.peak_leg_forces(&swing(), 0.004, &Load::body(body())).unwrap().into_iter().fold(0.0, f64::max);
+    g.limits.leg_force_n = Some(peak * 1.000_001);
+    g.check_loaded(&swing(), &Load::body(body())).unwrap();
+    g.limits.leg_force_n = Some(peak * 0.999_999);
+    g.check_loaded(&swing(), &Load::body(body())).unwrap_err();
+}
+
+#[test]
+fn a_stroke_is_centred_and_one_that_is_not_there_is_refused() {
+    let g = Geometry::thesis().with_stroke(0.20).unwrap();
+    assert!((g.leg_length_m[1] - g.leg_length_m[0] - 0.20).abs() < 1e-15);
+    assert!((g.leg_length_m[0] + g.leg_length_m[1] - 2.0 * 0.7024).abs() < 1e-15);
+    for stroke in [0.0, -0.1, 0.31, f64::NAN] {
+        Geometry::thesis().with_stroke(stroke).unwrap_err();
+    }
+    let whole = Geometry::thesis().with_stroke(0.3048).unwrap();
+    assert!(whole.check_pose(&whole.home()).is_ok());
+}
+
+#[test]
+fn roll_pitch_and_yaw_read_back_from_a_rotation_are_those_that_made_it() {
+    let mut random = Uniform::new(1);
+    for _ in 0..1_000 {
+        let rpy = [random.within(3.1), random.within(1.57), random.within(3.1)];
+        let back = super::kinematics::rpy_from_rotation(&rotation_from_rpy(rpy));
+        // Roll and yaw are known to rounding over cos(pitch), which is 8e-4 at its least here.
+        assert!(rpy.iter().zip(back).all(|(a, b)| (a - b).abs() < 1e-12), "{rpy:?} {back:?}");
+    }
+    let straight_down = rotation_from_rpy([0.4, std::f64::consts::FRAC_PI_2, 0.1]);
+    let back = super::kinematics::rpy_from_rotation(&straight_down);
+    let gap: Matrix3<f64> = rotation_from_rpy(back) - straight_down;
+    assert!(gap.amax() < 1e-12, "{back:?}");
+}
