@@ -1,6 +1,7 @@
 //! Library of the host command line.
 //!
-//! Lives here: everything `rigident` does, one room a module. Recordings and rig files come in by [`formats`];
+//! Lives here: everything `rigident` does, one room a module. Recordings and rig files come in by [`formats`], several
+//! clocks onto one time base by [`streams`];
 //! [`identification`] makes the factor in batch, [`session`] has the device make it over [`link`] while
 //! [`platform`] moves, in what [`planning`] found best; [`answer`] reads it; [`report`] shows it; [`montecarlo`] tries what its intervals are
 //! worth; [`cli`] joins them into commands. May not live
@@ -23,3 +24,4 @@ pub mod report;
 pub mod session;
 #[cfg(feature = "simulator")]
 pub mod simulated;
+pub mod streams;

@@ -11,7 +11,7 @@ use super::identifiability::states;
 use super::weakest;
 use crate::formats::result::{
     BodyFrameResult, ConsistentResult, KnownResult, Measured, Parameter, ParameterState, PrincipalResult,
-    ResultObject, ResultSource, SCHEMA, Status,
+    ResultObject, ResultSource, SCHEMA, Status, TimeBase,
 };
 use crate::formats::rig::{BodyTable, RigFile, TruthTable};
 use crate::identification::{FILTER_WIDTH_S, Identification};
@@ -63,6 +63,8 @@ pub struct Context<'a> {
     pub asked: &'a Asked,
     /// Where the numbers come from.
     pub source: ResultSource,
+    /// How several files became one recording.
+    pub time_base: Option<TimeBase>,
     /// The experiment broke off.
     pub broken: bool,
     /// What to know, beyond what the data say themselves.
@@ -121,7 +123,7 @@ fn body_frame(table: &BodyTable) -> BodyFrame {
 
 /// Puts the answer together.
 pub fn assemble(identification: &Identification, context: Context) -> Assembled {
-    let Context { rig, asked, source, broken, mut warnings } = context;
+    let Context { rig, asked, source, time_base, broken, mut warnings } = context;
     let estimate = &identification.estimate;
     let k = estimate.coverage_factor;
     let states = states(estimate, identification.regressor_noise);
@@ -290,6 +292,7 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
             distance_sd: n.distance_sd,
         }),
         known: estimate.known().iter().map(ToString::to_string).collect(),
+        time_base: time_base.clone(),
         warnings: warnings.clone(),
         advice: hints.clone(),
     };
@@ -298,6 +301,7 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
         schema: SCHEMA,
         status,
         source,
+        time_base,
         known: estimate
             .known()
             .iter()

@@ -156,10 +156,12 @@ pub struct Replay {
 #[command(
     after_help = "Examples:\n  rigident identify bracket.csv\n  rigident identify poses.csv --rig poses.rig.toml --estimate m,mc,offset \
                         --json\n  rigident identify bracket.csv --tare fixture.csv\n  rigident identify \
-                        bracket.csv --known mass_kg=20.013±0.005 --symmetry y±0.002"
+                        bracket.csv --known mass_kg=20.013±0.005 --symmetry y±0.002\n  rigident identify turn.rig.toml\n  rigident identify \
+                        recordings/ --rig turn.rig.toml"
 )]
 pub struct Identify {
-    /// The recording, CSV or MCAP
+    /// The recording, CSV or MCAP; of several files with clocks of their own the rig file that lists them, or their
+    /// folder
     pub recording: PathBuf,
     /// Rig file. Default: NAME.rig.toml beside the recording
     #[arg(long, value_name = "FILE")]

@@ -285,6 +285,7 @@ impl Experiment<'_> {
             progression,
             stages: self.stages,
             drift,
+            time_base: None,
             provenance: notes,
             warnings,
             broken: take.broken,

@@ -67,7 +67,7 @@ pub(super) fn solve(arguments: &Solve) -> Result<ExitCode, Failure> {
         rows: rows as u64,
         duration_s: None,
     };
-    let context = Context { rig: &rig, asked: &asked, source, broken: false, warnings };
+    let context = Context { rig: &rig, asked: &asked, source, time_base: None, broken: false, warnings };
     let Assembled { results, mut object, success } = assemble(&identification, context);
     object.elapsed_s = started.elapsed().as_secs_f64();
     let text = serde_json::to_string_pretty(&object)

@@ -6,7 +6,7 @@ use rigident_shared::screening::CHANNEL_NAMES;
 
 use super::{Failure, Folder};
 use crate::answer::assemble::{Asked, Assembled, Context, assemble};
-use crate::formats::result::ResultSource;
+use crate::formats::result::{ResultSource, TimeBase};
 use crate::formats::rig::RigFile;
 use crate::identification::knocks::LIMIT_SD;
 use crate::identification::pooled::PooledFactor;
@@ -37,6 +37,8 @@ pub struct Ending<'a> {
     pub stages: Vec<Stage>,
     /// First against last pose.
     pub drift: Option<Drift>,
+    /// How several files became one recording.
+    pub time_base: Option<TimeBase>,
     /// Device, serial numbers, dates.
     pub provenance: Vec<(String, String)>,
     /// What to know.
@@ -79,6 +81,7 @@ impl Ending<'_> {
                 rig: self.rig,
                 asked: self.asked,
                 source,
+                time_base: self.time_base.take(),
                 broken: self.broken.is_some(),
                 warnings: std::mem::take(&mut self.warnings),
             },

@@ -213,7 +213,7 @@ impl Recording {
     }
 
     /// Puts a group's rows in their place.
-    pub(super) fn set_group(&mut self, group: Group, columns: &[Vec<f64>]) {
+    pub(crate) fn set_group(&mut self, group: Group, columns: &[Vec<f64>]) {
         match group {
             Group::Wrench => self.wrench = Some(rows(columns)),
             Group::Accel(j) => self.imu(j).accel = Some(rows(columns)),
@@ -235,7 +235,7 @@ impl Recording {
     }
 
     /// A number of a known column.
-    pub(super) fn number(&self, known: Known, row: usize) -> Option<f64> {
+    pub(crate) fn number(&self, known: Known, row: usize) -> Option<f64> {
         fn get<const K: usize>(rows: Option<&Vec<[f64; K]>>, row: usize, k: usize) -> Option<f64> {
             rows?.get(row)?.get(k).copied()
         }
@@ -270,7 +270,7 @@ fn rows<const K: usize>(columns: &[Vec<f64>]) -> Vec<[f64; K]> {
 
 /// Rows per second: from the median step, refined by the mean of the steps like it. Within 1e-6 of a whole
 /// number it is that number: the difference is the rounding of times to nanoseconds.
-pub(super) fn measured_rate(time_ns: &[u64]) -> Option<f64> {
+pub(crate) fn measured_rate(time_ns: &[u64]) -> Option<f64> {
     let mut steps: Vec<u64> = time_ns.windows(2).map(|w| w[1] - w[0]).collect();
     let middle = steps.len() / 2;
     steps.get(middle)?;

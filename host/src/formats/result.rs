@@ -176,6 +176,35 @@ pub struct KnownResult {
     pub sigma: f64,
 }
 
+/// One of several files, and how it came onto the common time base.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StreamResult {
+    /// The file as listed.
+    pub file: String,
+    /// What was taken from it: `wrench`, `accelerometer`, …
+    pub carries: Vec<String>,
+    /// Its measured rate, 1/s.
+    pub rate_hz: f64,
+    /// Its rows.
+    pub rows: usize,
+    /// Rows not used: frozen or beyond the range.
+    pub discarded: usize,
+    /// How late its stamps are beside those of the wrench, s; absent for that one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub skew_s: Option<ParameterState>,
+}
+
+/// The common time base of several files.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TimeBase {
+    /// Its rate, 1/s.
+    pub rate_hz: f64,
+    /// Whole width of the kernel that every stream went through, s.
+    pub kernel_width_s: f64,
+    /// The streams, in the order of the rig file.
+    pub streams: Vec<StreamResult>,
+}
+
 /// The whole object.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ResultObject {
@@ -185,6 +214,9 @@ pub struct ResultObject {
     pub status: Status,
     /// Where it comes from.
     pub source: ResultSource,
+    /// How several files became one recording.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time_base: Option<TimeBase>,
     /// Ten parameters, and the offset where it was estimated.
     pub parameters: Vec<Parameter>,
     /// What was known beforehand.
@@ -254,6 +286,7 @@ mod tests {
             schema: SCHEMA,
             status: Status::NotIdentified,
             source: ResultSource { recording: "still".into(), rows: 7, rate_hz: None, mcu: "host".into() },
+            time_base: None,
             parameters: vec![Parameter {
                 name: "m".into(),
                 unit: "kg".into(),

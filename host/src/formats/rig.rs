@@ -375,7 +375,7 @@ pub enum Joint {
     Free,
 }
 
-/// `[[stream]]`: one of several files; no command reads several yet.
+/// `[[stream]]`: one of several files.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StreamTable {
@@ -397,6 +397,13 @@ pub struct RotationMatrixTable {
     pub frame: String,
     /// Names of the nine columns, row by row.
     pub columns: [String; 9],
+}
+
+impl RotationMatrixTable {
+    /// Whether it is `R_AS`; else it is `R_SA`.
+    pub fn is_s_in_a(&self) -> bool {
+        self.frame == "S in A"
+    }
 }
 
 impl RigFile {

@@ -28,7 +28,7 @@ use crate::answer::{Estimate, Noise};
 use crate::formats::result::{Measured, ParameterState};
 
 /// Room for the filter on the host: 0.1 s at 40 kHz.
-const TAPS: usize = 256;
+pub(crate) const TAPS: usize = 256;
 /// Width of the FIR unless asked otherwise, s.
 pub const FILTER_WIDTH_S: f64 = 0.1;
 /// Rows are absorbed at about this rate, 1/s: twice the filter's noise bandwidth and more.

@@ -109,8 +109,8 @@ pub fn prepare(recording: &Recording) -> Result<Prepared, PrepareError> {
     if rig.link.len() > 1 || !rig.stream.is_empty() {
         return Err(PrepareError::Unsupported {
             name: name(),
-            what: "several links or several files in one rig file are not supported by this version: give one \
-                   body and one file",
+            what: "its rig file is for several links, which this version does not identify, or for several files: for \
+                   these give the rig file itself as the recording, or the folder of the files and --rig",
         });
     }
     let wrench = match (&recording.wrench, &recording.gauges, rig.load_cell.calibration) {

@@ -1,6 +1,6 @@
 //! The plain data of a report. SI units throughout; times in seconds on one axis for all plots.
 
-use crate::formats::result::{Measured, ParameterState};
+use crate::formats::result::{Measured, ParameterState, TimeBase};
 
 /// The body nearest to an answer that no body has.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -99,6 +99,8 @@ pub struct Results {
     pub physically_consistent: Option<bool>,
     /// The nearest body, where no body has the parameters.
     pub nearest_body: Option<NearestBody>,
+    /// How several files became one recording.
+    pub time_base: Option<TimeBase>,
     /// What was known beforehand, in words.
     pub known: Vec<String>,
     /// Whatever the reader should know before using the numbers.

@@ -3,7 +3,8 @@
 use super::data::{PrincipalAxis, Quantity, ReportData, Results, Source, Status};
 use super::figures;
 use super::text::{
-    NOT_IDENTIFIED, Rounded, beside, count, duration, fixed, nearest_words, significant, unit_symbol,
+    NOT_IDENTIFIED, Rounded, beside, count, duration, fixed, nearest_words, significant, time_base_words,
+    unit_symbol,
 };
 
 /// The whole report as one self-contained HTML file.
@@ -24,6 +25,8 @@ pub fn html(data: &ReportData) -> String {
         status(&data.results)
     ));
     html.push_str(&cards(&data.results));
+    let base = data.results.time_base.as_ref().map(time_base_words).unwrap_or_default();
+    html.push_str(&notes("Common time base", &base));
     html.push_str(&notes("Known beforehand", &data.results.known));
     html.push_str(&notes("Warnings", &data.results.warnings));
     html.push_str(&notes("What would identify the rest", &data.results.advice));

@@ -2,7 +2,9 @@
 
 use super::data::{PrincipalAxis, Quantity, Results};
 use super::page::status_words;
-use super::text::{NOT_IDENTIFIED, Rounded, beside, fixed, nearest_words, significant, unit_symbol};
+use super::text::{
+    NOT_IDENTIFIED, Rounded, beside, fixed, nearest_words, significant, time_base_words, unit_symbol,
+};
 
 /// The result as lines of text, one group after another, columns aligned, with a final newline.
 pub fn plain(results: &Results) -> String {
@@ -28,6 +30,9 @@ pub fn plain(results: &Results) -> String {
     text.push_str(&format!("physically consistent  {consistent}\n"));
     if let Some(nearest) = &results.nearest_body {
         text.push_str(&format!("nearest body           {}\n", nearest_words(nearest)));
+    }
+    for line in results.time_base.iter().flat_map(time_base_words) {
+        text.push_str(&format!("time base: {}\n", printable(&line)));
     }
     for known in &results.known {
         text.push_str(&format!("known beforehand: {}\n", printable(known)));

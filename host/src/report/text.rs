@@ -3,6 +3,7 @@
 use std::fmt;
 
 use super::data::NearestBody;
+use crate::formats::result::TimeBase;
 
 /// Plain notation up to this many decimals.
 const MOST_DECIMALS: i32 = 8;
@@ -107,6 +108,32 @@ pub fn nearest_words(nearest: &NearestBody) -> String {
         list(&nearest.com_m),
         list(&nearest.inertia_com_kgm2)
     )
+}
+
+/// How several files became one recording, line by line.
+pub fn time_base_words(base: &TimeBase) -> Vec<String> {
+    let mut lines = vec![format!(
+        "{} rows per second, every stream through a local cubic {} ms wide",
+        significant(base.rate_hz, 6),
+        significant(1e3 * base.kernel_width_s, 3)
+    )];
+    lines.extend(base.streams.iter().map(|stream| {
+        let clock = match stream.skew_s.map(|skew| skew.measured()) {
+            None => "the clock of all".to_owned(),
+            Some(None) => "skew not identified, taken as zero".to_owned(),
+            Some(Some(skew)) => {
+                format!("stamps late by {}", with_u95(1e3 * skew.value, 1e3 * skew.u95, "ms"))
+            }
+        };
+        format!(
+            "{} ({}): {} rows at {} Hz, {clock}",
+            stream.file,
+            stream.carries.join(", "),
+            stream.rows,
+            significant(stream.rate_hz, 4)
+        )
+    }));
+    lines
 }
 
 /// At most so many significant digits, without trailing zeros; scientific outside 1e-5 … 1e7.

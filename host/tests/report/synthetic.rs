@@ -163,6 +163,7 @@ pub fn experiment(rate_hz: f64) -> ReportData {
             condition_number: Some(12.34),
             physically_consistent: Some(true),
             nearest_body: None,
+            time_base: None,
             known: Vec::new(),
             warnings: Vec::new(),
             advice: Vec::new(),

@@ -265,6 +265,13 @@ impl Check<'_> {
         }
         for (n, stream) in self.rig.stream.iter().enumerate() {
             self.columns(&format!("stream[{n}].columns"), &stream.columns)?;
+            if let Some(matrix) = &stream.rotation_matrix
+                && !matches!(matrix.frame.as_str(), "S in A" | "A in S")
+            {
+                let key = format!("stream[{n}].rotation_matrix.frame");
+                let advice = "must be \"S in A\" (the columns are S's axes in A) or \"A in S\"";
+                return Err(self.refuse(&key, &matrix.frame, advice));
+            }
         }
         Ok(())
     }

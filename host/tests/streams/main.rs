@@ -1,0 +1,6 @@
+//! Several files with clocks of their own as one recording.
+#![cfg(feature = "simulator")]
+
+mod real;
+mod refused;
+mod simulated;
