@@ -5,6 +5,7 @@ use clap::{Args, Parser, Subcommand};
 pub use super::course_arguments::Course;
 pub use super::factor_arguments::{MakeFactor, Merge, Solve, TareFiles};
 pub use super::known_arguments::KnownQuantities;
+pub use super::montecarlo_poses::MontecarloPoses;
 pub use super::plan_arguments::Plan;
 
 /// Tells the inertial parameters of a body from its wrench and motion: mass, centre of mass, inertia tensor,
@@ -263,11 +264,15 @@ pub struct Convert {
 /// `rigident montecarlo`
 #[derive(Args, Debug, Clone)]
 #[command(
+    args_conflicts_with_subcommands = true,
     after_help = "Exit status 1 if a parameter's efficiency is below 0.9 or its coverage outside 93-97 % (with fewer than 2000 runs the \
                         limits allow for chance).\n\nExamples:\n  rigident montecarlo\n  rigident montecarlo --noise gain --runs 500 \
                         --json\n  rigident montecarlo --rate-hz 1000 --mcu inproc --body vertical"
 )]
 pub struct Montecarlo {
+    /// Another experiment than the default one
+    #[command(subcommand)]
+    pub what: Option<Repeated>,
     /// Number of experiments
     #[arg(long, default_value_t = 2000, value_name = "R", value_parser = clap::value_parser!(u64).range(2..=1_000_000))]
     pub runs: u64,
@@ -292,6 +297,13 @@ pub struct Montecarlo {
     /// Print one object on standard output, and nothing else there
     #[arg(long)]
     pub json: bool,
+}
+
+/// What can be repeated instead.
+#[derive(Subcommand, Debug, Clone)]
+pub enum Repeated {
+    /// Still poses only: the centre of mass by the thesis' estimators and ours, bias and precision errors apart
+    Poses(MontecarloPoses),
 }
 
 /// What the 95 % figures of the thesis' Table 1 are taken for.

@@ -15,6 +15,7 @@ mod identify;
 mod known_arguments;
 mod link;
 mod montecarlo;
+mod montecarlo_poses;
 mod outcome;
 mod plan_arguments;
 mod plan_poses;
@@ -33,7 +34,7 @@ pub use failure::{Failure, Status};
 pub use folder::Folder;
 pub use progress::Progress;
 
-use arguments::{Command, Convert};
+use arguments::{Command, Convert, Repeated};
 use plan_arguments::Planned;
 
 /// Runs the command line of this process.
@@ -72,7 +73,10 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
         Some(Command::Info(a)) => link::info(&a),
         Some(Command::Configure(a)) => link::configure(&a),
         Some(Command::Convert(a)) => convert(&a),
-        Some(Command::Montecarlo(a)) => montecarlo::run(&a),
+        Some(Command::Montecarlo(a)) => match &a.what {
+            Some(Repeated::Poses(poses)) => montecarlo_poses::run(poses),
+            None => montecarlo::run(&a),
+        },
         Some(Command::Plan(a)) => match a.what {
             Planned::Poses(a) => plan_poses::run(&a),
         },

@@ -1,11 +1,13 @@
 //! Orientations in which a body is held still, so that its weight tells the centre of mass.
 //!
 //! Lives here: how good a set of orientations is ([`measure`]), where the plate can go ([`reach`], [`region`]), the search
-//! for the best set ([`search`]), its result ([`plan`]), and what to make of the readings ([`estimators`]). May not live here: simulated experiments. After the platform
+//! for the best set ([`search`]), its result ([`plan`]), what to make of the readings ([`estimators`]) and what that is
+//! worth ([`montecarlo`]). May not live here: driving the platform, motions. After the platform
 //! thesis (Barreto Melgarejo, 2010), sections 6.1 and 6.2.
 
 pub mod estimators;
 pub mod measure;
+pub mod montecarlo;
 pub mod plan;
 pub mod reach;
 pub mod region;

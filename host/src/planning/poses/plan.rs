@@ -4,6 +4,7 @@ use std::sync::atomic::AtomicBool;
 
 use nalgebra::{Matrix3, Vector3};
 use rigident_sim::platform::Pose;
+use rigident_sim::sensors::SensorModels;
 
 use super::estimators::{StillReading, modelled};
 use super::measure::{
@@ -56,6 +57,19 @@ pub struct Task {
     pub plate_to_cell: Matrix3<f64>,
     /// m/s².
     pub gravity_mps2: f64,
+}
+
+impl Task {
+    /// The least condition number, on the thesis' rig.
+    pub fn thesis(n: usize) -> Self {
+        Self {
+            n,
+            objective: Objective::Condition,
+            noise_n_nm: SensorModels::thesis().load_cell.noise_n_nm,
+            plate_to_cell: Matrix3::identity(),
+            gravity_mps2: 9.80665,
+        }
+    }
 }
 
 /// Still poses and what they are worth.

@@ -1,0 +1,116 @@
+//! `rigident plan poses` and `rigident montecarlo poses`, as a user types them.
+
+#![cfg(feature = "simulator")]
+
+use std::process::{Command, Output};
+
+fn rigident(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_rigident")).args(arguments).output().unwrap()
+}
+
+fn json(arguments: &[&str]) -> serde_json::Value {
+    let output = rigident(arguments);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// Table 9: 2, 1, 1, 1, 1 with the full stroke, to the digits printed and one more.
+#[test]
+fn the_thesis_table_9_is_reached_and_the_object_is_that_of_the_contract() {
+    for (n, want) in [("2", 2.0), ("3", 1.0), ("4", 1.0), ("5", 1.0), ("6", 1.0)] {
+        let plan = json(&["plan", "poses", "--n", n, "--json"]);
+        let poses = plan["poses_deg"].as_array().unwrap();
+        assert_eq!((plan["n"].to_string(), poses.len().to_string()), (n.to_owned(), n.to_owned()));
+        let (stacked, normal) =
+            (plan["condition_number"].as_f64().unwrap(), plan["condition_number_normal"].as_f64().unwrap());
+        assert!((normal - want).abs() < 0.05, "{n}: {normal}");
+        // From the printed angles: Σ (1 − u uᵀ) by its invariants, for which the eigenvalues are tried.
+        let mut gram = [[0.0; 3]; 3];
+        for pose in poses {
+            let [r, p] = [0, 1].map(|k| pose[k].as_f64().unwrap().to_radians());
+            let u = [-p.sin(), p.cos() * r.sin(), p.cos() * r.cos()];
+            for i in 0..3 {
+                for j in 0..3 {
+                    gram[i][j] += f64::from(u8::from(i == j)) - u[i] * u[j];
+                }
+            }
+        }
+        let eigen = nalgebra::Matrix3::from_fn(|i, j| gram[i][j]).svd(false, false).singular_values;
+        assert!((eigen.max() / eigen.min() / normal - 1.0).abs() < 1e-9);
+        assert!((stacked * stacked / normal - 1.0).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn less_stroke_is_worse_and_the_worst_uncertainty_is_least_when_that_is_asked_for() {
+    let full = json(&["plan", "poses", "--n", "4", "--json"]);
+    let part = json(&["plan", "poses", "--n", "4", "--stroke-m", "0.2", "--json"]);
+    let normal = |plan: &serde_json::Value| plan["condition_number_normal"].as_f64().unwrap();
+    assert!(normal(&part) > 1.5 * normal(&full));
+    let worst = |objective: &str| {
+        let plan =
+            json(&["plan", "poses", "--n", "4", "--stroke-m", "0.2", "--objective", objective, "--json"]);
+        let u95 = &plan["predicted_u95"];
+        ["mcx", "mcy", "mcz"].map(|name| u95[name].as_f64().unwrap()).into_iter().fold(0.0, f64::max)
+    };
+    let least = worst("worst-uncertainty");
+    assert!(least < worst("condition") && least < worst("determinant"));
+}
+
+#[test]
+fn what_cannot_be_planned_is_said_with_status_2_and_nothing_on_standard_output() {
+    let folder = tempfile::tempdir().unwrap();
+    let rig = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let joints = "base_joints_m = [[0.45,0,0],[-0.2,0.4,0],[-0.2,-0.4,0],[0.3,0.3,0],[-0.45,0,0],[0.3,-0.3,0]]\n\
+                  plate_joints_m = [[0.2,0.1,0],[-0.2,0.1,0],[-0.2,-0.1,0],[0.2,0.1,0],[-0.2,0,0],[0.2,-0.1,0]]\n";
+    let without = rig("without.rig.toml", "[recording]\nrate_hz = 200.0\n");
+    let unreachable =
+        rig("unreachable.rig.toml", &format!("[platform]\n{joints}leg_length_m = [0.02, 0.03]\n"));
+    let existing = rig("there.svg", "");
+    for (arguments, part) in [
+        (vec!["plan", "poses", "--n", "1"], "2 orientations at least"),
+        (vec!["plan", "poses", "--n", "2", "--objective", "worst-uncertainty"], "3 orientations at least"),
+        (vec!["plan", "poses", "--n", "500"], "30 at most"),
+        (vec!["plan", "poses", "--n", "3", "--stroke-m", "0.5"], "the legs"),
+        (vec!["plan", "poses", "--n", "3", "--stroke-m", "nan"], "--stroke-m"),
+        (vec!["plan", "poses", "--n", "3", "--rig", &without], "no [platform]"),
+        (vec!["plan", "poses", "--n", "3", "--rig", &unreachable], "leg "),
+        (vec!["montecarlo", "poses", "--from", "1"], "2 orientations at least"),
+        (vec!["montecarlo", "poses", "--from", "5", "--to", "3"], "fewest first"),
+        (vec!["montecarlo", "poses", "--plot", &existing], "there.svg"),
+    ] {
+        let output = rigident(&arguments);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
+        assert!(said.contains(part), "{arguments:?}: {said}");
+        assert!(output.stdout.is_empty(), "{arguments:?}");
+    }
+}
+
+#[test]
+fn the_montecarlo_of_still_poses_predicts_what_it_finds() {
+    let folder = tempfile::tempdir().unwrap();
+    let plot = folder.path().join("plot.svg");
+    let arguments = ["montecarlo", "poses", "--from", "3", "--to", "4", "--json", "--plot"];
+    let object = json(&[&arguments[..], &[plot.to_str().unwrap(), "--plot-n", "4"]].concat());
+    assert_eq!(object["runs"], 2500);
+    let cells = object["experiments"].as_array().unwrap();
+    assert_eq!(cells.len(), 2 * 2 * 3);
+    for cell in cells.iter().filter(|c| c["errors"] != "bias") {
+        for figures in cell["estimators"].as_array().unwrap() {
+            for axis in 0..3 {
+                let [got, want] =
+                    ["u997_mm", "predicted_u997_mm"].map(|key| figures[key][axis].as_f64().unwrap());
+                // Four standard errors of a spread of 2 500 runs, 1.4 % each.
+                assert!((got / want - 1.0).abs() < 0.06, "{cell}");
+            }
+        }
+    }
+    assert!(std::fs::read_to_string(&plot).unwrap().ends_with("</svg>\n"));
+    let normality = object["normality"].as_array().unwrap();
+    assert!(normality.iter().all(|n| n["correlation"][0].as_f64().unwrap() > 0.999));
+}
