@@ -6,6 +6,7 @@ use rigident_shared::alignment::{Aligner, ImuReading};
 use rigident_shared::calibration::{GaugeCalibration, Reading};
 use rigident_shared::estimator::{ChannelStatistics, ConfigError, Counters, Estimator, Outcome};
 use rigident_shared::factor::InformationFactor;
+use rigident_shared::forgetting::MemoryConfig;
 
 use crate::settings::Configuration;
 
@@ -70,6 +71,8 @@ pub struct SamplePath {
     knock_limit: f32,
     /// Row blocks until the next look.
     until_look: u16,
+    /// There is something for [`SamplePath::catch_up`].
+    behind: bool,
     stop_rule_met: bool,
 }
 
@@ -98,8 +101,23 @@ impl SamplePath {
             stop: configuration.stop,
             knock_limit: configuration.knock_limit,
             until_look: LOOK_EVERY_BLOCKS,
+            behind: false,
             stop_rule_met: false,
         })
+    }
+
+    /// Keeps what this memory keeps instead of everything, and starts anew. Done where the path stays: the fewer
+    /// copies of it a stack has to hold the better.
+    #[inline(never)]
+    pub(crate) fn set_memory(&mut self, memory: &MemoryConfig<f32>) -> Result<(), ConfigError> {
+        either!(&mut self.estimator, e => e.set_memory(memory))?;
+        self.until_look = self.look_every();
+        Ok(())
+    }
+
+    /// Row blocks between two looks: a memory is looked at with each of its segments.
+    fn look_every(&self) -> u16 {
+        either!(&self.estimator, e => e.segment_blocks()).unwrap_or(LOOK_EVERY_BLOCKS)
     }
 
     pub(crate) fn absorb_from_now_on(&mut self, absorbing: bool) {
@@ -109,7 +127,7 @@ impl SamplePath {
     pub(crate) fn restart(&mut self) {
         either!(&mut self.estimator, e => e.reset());
         self.aligner.reset();
-        (self.until_look, self.stop_rule_met) = (LOOK_EVERY_BLOCKS, false);
+        (self.until_look, self.behind, self.stop_rule_met) = (self.look_every(), false, false);
     }
 
     #[inline(never)]
@@ -146,9 +164,10 @@ impl SamplePath {
         outcome
     }
 
-    /// Whether every asked-for parameter had its asked-for uncertainty at the last look. Looking at it forgets it.
-    pub(crate) fn take_stop_rule_met(&mut self) -> bool {
-        core::mem::take(&mut self.stop_rule_met)
+    /// Whether there is something for [`Self::catch_up`]. Asking forgets it.
+    #[inline]
+    pub(crate) fn take_behind(&mut self) -> bool {
+        core::mem::take(&mut self.behind)
     }
 
     /// A row block is followed by readings that only wait in the filter: with each of these one step of a look at the
@@ -165,20 +184,37 @@ impl SamplePath {
 
     #[inline(never)]
     fn step(&mut self) {
+        if either!(&self.estimator, e => e.remembers()) {
+            // A segment that the filter's gaps have delayed is waited for.
+            self.behind = either!(&self.estimator, e => e.has_segment());
+            self.until_look = if self.behind { self.look_every() } else { 1 };
+            return;
+        }
         let k = self.knock_limit;
-        let within = |deviations: &[f32]| {
-            let limits = self.stop.iter().flat_map(|stop| &stop.standard_deviation);
-            deviations.iter().zip(limits).all(|(sd, limit)| limit.is_none_or(|limit| *sd <= limit))
-        };
         let met = match &mut self.estimator {
-            BodyEstimator::Ten(e) => e.look(k).map(|sd| within(&sd)),
-            BodyEstimator::Sixteen(e) => e.look(k).map(|sd| within(&sd)),
+            BodyEstimator::Ten(e) => e.look(k).map(|sd| within(&self.stop, &sd)),
+            BodyEstimator::Sixteen(e) => e.look(k).map(|sd| within(&self.stop, &sd)),
         };
         if let Some(met) = met {
             self.until_look = LOOK_EVERY_BLOCKS;
-            let minimum = self.stop.map(|stop| stop.minimum_blocks);
-            self.stop_rule_met = met && minimum.is_some_and(|minimum| self.counters().blocks >= minimum);
+            self.stop_rule_met = met && self.may_stop();
+            self.behind = self.stop_rule_met;
         }
+    }
+
+    fn may_stop(&self) -> bool {
+        self.stop.is_some_and(|stop| self.counters().blocks >= stop.minimum_blocks)
+    }
+
+    /// Puts a complete segment into the memory, if not everything is kept: outside the path, for it takes as long as a
+    /// solution. Whether every asked-for parameter had its asked-for uncertainty at the last look.
+    pub(crate) fn catch_up(&mut self) -> bool {
+        let k = self.knock_limit;
+        let met = match &mut self.estimator {
+            BodyEstimator::Ten(e) => e.remember(k).map(|sd| within(&self.stop, &sd)),
+            BodyEstimator::Sixteen(e) => e.remember(k).map(|sd| within(&self.stop, &sd)),
+        };
+        core::mem::take(&mut self.stop_rule_met) || (met.unwrap_or_default() && self.may_stop())
     }
 
     pub(crate) fn counters(&self) -> &Counters {
@@ -200,6 +236,12 @@ impl SamplePath {
             BodyEstimator::Sixteen(e) => BodyFactor::Sixteen(e.factor()),
         }
     }
+}
+
+/// Whether every asked-for parameter has its asked-for uncertainty.
+fn within(stop: &Option<StopLimits>, deviations: &[f32]) -> bool {
+    let limits = stop.iter().flat_map(|stop| &stop.standard_deviation);
+    deviations.iter().zip(limits).all(|(sd, limit)| limit.is_none_or(|limit| *sd <= limit))
 }
 
 /// Takes a sensor's words, if any, and the next reading that they completed through the estimator, if any: it is then

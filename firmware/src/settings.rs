@@ -3,9 +3,10 @@
 use rigident_shared::alignment::AlignerConfig;
 use rigident_shared::calibration::{GaugeCalibration, ImuMounting};
 use rigident_shared::estimator::{ConfigError, EstimatorConfig};
+use rigident_shared::forgetting::{ImuNoise, MemoryConfig, Span};
 use rigident_shared::screening::Limits;
 use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce};
-use rigident_shared::wire::{SettingName, Settings, Source};
+use rigident_shared::wire::{MemorySettings, SettingName, Settings, Source};
 
 use crate::sample_path::StopLimits;
 
@@ -23,6 +24,8 @@ pub(crate) struct Configuration {
     pub(crate) estimates_offset: bool,
     pub(crate) stop: Option<StopLimits>,
     pub(crate) knock_limit: f32,
+    /// `None`: everything is kept.
+    pub(crate) memory: Option<MemoryConfig<f32>>,
 }
 
 fn all_finite(values: &[f32]) -> bool {
@@ -94,6 +97,19 @@ impl Configuration {
                 minimum_blocks: stop.minimum_blocks,
             }),
             knock_limit: limit,
+            memory: match settings.memory {
+                MemorySettings::Forever => None,
+                MemorySettings::Forgetting { time_constant_s, accel_noise_mps2, gyro_noise_radps } => {
+                    Some(MemoryConfig {
+                        span: Span::TimeConstant(time_constant_s),
+                        imu_noise: ImuNoise { accel: accel_noise_mps2, gyro: gyro_noise_radps },
+                    })
+                }
+                MemorySettings::Window { length_s } => Some(MemoryConfig {
+                    span: Span::Window(length_s),
+                    imu_noise: ImuNoise { accel: 0.0, gyro: 0.0 },
+                }),
+            },
         })
     }
 }
@@ -103,5 +119,6 @@ pub(crate) fn setting_of(error: ConfigError) -> SettingName {
     match error {
         ConfigError::Sigma(channel) => SettingName::Noise(channel),
         ConfigError::Kernel(_) => SettingName::Filter,
+        ConfigError::Memory => SettingName::Memory,
     }
 }

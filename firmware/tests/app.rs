@@ -6,8 +6,8 @@ use rigident_shared::factor::InformationFactor;
 use rigident_shared::wire::frame::MAX_FRAME;
 use rigident_shared::wire::{
     Answer, Command, Consistency, Decoder, ErrorCode, ImuSettings, InjectBatch, Kind, LoadCellSettings,
-    ReadingMessage, Reason, Reply, SensorFault, SettingName, Settings, Source, StateName, StopRule,
-    Telemetry, TelemetrySettings, encode,
+    MemorySettings, ReadingMessage, Reason, Reply, SensorFault, SettingName, Settings, Source, StateName,
+    StopRule, Telemetry, TelemetrySettings, encode,
 };
 
 fn settings(source: Source) -> Settings {
@@ -35,6 +35,7 @@ fn settings(source: Source) -> Settings {
         filter_width_s: 0.1,
         row_every: 2,
         knock_limit_sd: 6.0,
+        memory: MemorySettings::Forever,
         stop: None,
         telemetry: TelemetrySettings { estimate_every_blocks: 25, stream_readings: false },
         frozen_after: 50,

@@ -12,6 +12,7 @@ use crate::Scalar;
 use crate::calibration::{ImuMounting, Reading};
 use crate::conditioning::{Conditioner, Kernel, KernelError};
 use crate::factor::{BodyCascade, Gathering, InformationFactor};
+use crate::forgetting::{MemoryConfig, Plan, Rows, Span};
 use crate::regressor::{self, RegressorBlock, SIGNALS};
 use crate::screening::{Limits, Rejection, Screen};
 use knocks::Watch;
@@ -42,6 +43,8 @@ pub enum ConfigError {
     Sigma(u8),
     /// The filter does not fit.
     Kernel(KernelError),
+    /// The memory's span is impossible.
+    Memory,
 }
 
 /// What became of a reading.
@@ -117,6 +120,9 @@ pub struct Estimator<T: Scalar, const N: usize, const TAPS: usize> {
     conditioner: Conditioner<T, TAPS>,
     cascade: BodyCascade<T, N>,
     gathering: Gathering<T, N>,
+    memory: Option<Plan<T, N>>,
+    /// A segment that is not yet in the memory is in the gathering.
+    segment_waits: bool,
     /// √row_every / σ per channel.
     weights: [T; 6],
     period_ns: u64,
@@ -152,6 +158,8 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
             conditioner,
             cascade: BodyCascade::new(),
             gathering: Gathering::default(),
+            memory: None,
+            segment_waits: false,
             weights: config.channel_sigma.map(|sigma| root / sigma),
             period_ns: period_ns(config.rate_hz, config.filter_width_s),
             last_time_ns: None,
@@ -161,6 +169,38 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
             last_factors: [T::ONE; 6],
             last_signals: None,
         })
+    }
+
+    /// Remembers as this says instead of everything, and starts anew. [`Self::remember`] must then be called after
+    /// every reading, or soon after: it is not done within one, as it takes some hundred thousand operations.
+    ///
+    /// # Errors
+    /// [`ConfigError::Memory`]: a span shorter than the filter or not finite, or rows without time. Nothing changes.
+    #[inline(never)]
+    pub fn set_memory(&mut self, config: &MemoryConfig<T>) -> Result<(), ConfigError> {
+        self.memory = Some(self.plan(config).ok_or(ConfigError::Memory)?);
+        self.reset();
+        Ok(())
+    }
+
+    fn plan(&self, config: &MemoryConfig<T>) -> Option<Plan<T, N>> {
+        let (Span::TimeConstant(span_s) | Span::Window(span_s)) = config.span;
+        let kernel = self.conditioner.kernel();
+        let EstimatorConfig { rate_hz, filter_width_s, row_every, mounting, .. } = &self.config;
+        if *filter_width_s <= T::ZERO || span_s < *filter_width_s {
+            return None;
+        }
+        Plan::new(
+            config,
+            &Rows {
+                block_s: T::from_u32(u32::from(*row_every)) / *rate_hz,
+                weights: self.weights,
+                noise_gain: kernel.noise_gain(),
+                derivative_noise_gain: kernel.derivative_noise_gain(),
+                independence: self.noise_gain(),
+                lever_arm2: mounting.position.array().map(|x| x * x).into_iter().sum(),
+            },
+        )
     }
 
     /// The configuration.
@@ -246,26 +286,84 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
         self.cascade.absorb(signals, lever_arm, &weights);
         self.last_signals = Some(*signals);
         self.counters.blocks = self.counters.blocks.saturating_add(1);
+        if self.cascade.segment_is_complete() {
+            self.close_segment();
+        }
     }
 
-    /// One factor of everything absorbed. `(RᵀR)⁻¹` is the covariance for the σ of the configuration.
+    /// One that is not yet remembered is followed by a longer one.
+    #[cold]
+    #[inline(never)]
+    fn close_segment(&mut self) {
+        if !self.segment_waits {
+            self.cascade.take_segment(&mut self.gathering.whole);
+            self.segment_waits = true;
+        }
+    }
+
+    /// One factor of everything absorbed, or of what is remembered of it. `(RᵀR)⁻¹` is the covariance for the σ of the
+    /// configuration.
     pub fn factor(&self) -> InformationFactor<T, N> {
-        self.cascade.factor()
+        let mut whole = self.cascade.factor();
+        if self.segment_waits {
+            whole.merge(&self.gathering.whole);
+        }
+        whole
+    }
+
+    /// Whether not everything is kept, [`Self::set_memory`].
+    pub fn remembers(&self) -> bool {
+        self.cascade.remembers()
+    }
+
+    /// Row blocks in a segment of the memory, if there is one.
+    pub fn segment_blocks(&self) -> Option<u16> {
+        self.memory.as_ref().map(Plan::segment_blocks)
+    }
+
+    /// Whether [`Self::remember`] has something to do.
+    #[inline]
+    pub fn has_segment(&self) -> bool {
+        self.segment_waits
+    }
+
+    /// Puts a segment that is complete into the memory, and looks at what that now holds as [`Self::look`] does where
+    /// everything is kept. `None` if there is no such segment.
+    #[inline(never)]
+    pub fn remember(&mut self, knock_limit: T) -> Option<[T; N]> {
+        if !core::mem::take(&mut self.segment_waits) {
+            return None;
+        }
+        let memory = self.cascade.memory()?;
+        memory.take(&self.gathering.whole);
+        let whole = memory.factor();
+        let standard_deviation = whole.standard_deviations();
+        let parameters = whole.well_determined(&standard_deviation);
+        if let Some(parameters) = &parameters {
+            memory.recentre(parameters);
+        }
+        self.refer_to(parameters, standard_deviation, knock_limit);
+        Some(standard_deviation)
+    }
+
+    fn refer_to(&mut self, parameters: Option<[T; N]>, standard_deviation: [T; N], knock_limit: T) {
+        if let Some(parameters) = parameters {
+            self.reference =
+                Some(Reference { parameters, standard_deviation, noise_scale: T::ONE, knock_limit });
+        }
     }
 
     /// Does one step of a look at what has been absorbed, between readings; the standard deviation of every parameter
-    /// with the last step. A well-determined answer becomes the [`Reference`], with this `knock_limit`.
+    /// with the last step. A well-determined answer becomes the [`Reference`], with this `knock_limit`. Where not
+    /// everything is kept it is [`Self::remember`] that looks.
     #[inline(never)]
     pub fn look(&mut self, knock_limit: T) -> Option<[T; N]> {
-        if !self.cascade.gather(&mut self.gathering) {
+        if self.remembers() || !self.cascade.gather(&mut self.gathering) {
             return None;
         }
         let whole = &self.gathering.whole;
         let standard_deviation = whole.standard_deviations();
-        if let Some(parameters) = whole.well_determined(&standard_deviation) {
-            self.reference =
-                Some(Reference { parameters, standard_deviation, noise_scale: T::ONE, knock_limit });
-        }
+        self.refer_to(whole.well_determined(&standard_deviation), standard_deviation, knock_limit);
         Some(standard_deviation)
     }
 
@@ -314,7 +412,11 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
     pub fn reset(&mut self) {
         self.screen = Screen::new(self.config.limits);
         self.conditioner.reset();
-        self.cascade = BodyCascade::new();
+        match &self.memory {
+            Some(plan) => self.cascade.set_memory(plan),
+            None => self.cascade = BodyCascade::new(),
+        }
+        self.segment_waits = false;
         self.gathering = Gathering::default();
         self.last_time_ns = None;
         self.counters = Counters::default();

@@ -1,8 +1,8 @@
 //! Forgetting and windows over information factors, a segment at a time.
 //!
 //! Lives here: exponential forgetting with a guard against wind-up ([`Forgetting`]) and the sliding window
-//! ([`Window`]). May not live here: the rows; a segment is an ordinary factor of some tenths of a second
-//! ([`crate::factor`]).
+//! ([`Window`]), and which of them an estimator keeps ([`MemoryConfig`]). May not live here: the rows; a segment is
+//! an ordinary factor of some tenths of a second ([`crate::factor`]).
 //!
 //! # Directional forgetting
 //! Plain exponential forgetting, `M ← λ M + S`, halves what is known about *every* direction whether or not the
@@ -28,18 +28,19 @@
 //! # What counts as excited
 //! Sensor noise in the regressor fakes information. Let `n_j` be the root mean square of column j of the
 //! whitened rows that noise alone brings ([`Forgetting::new`]). In coordinates `ψ_j = n_j √rows φ_j` a segment
-//! of pure noise has singular values squared of about 1, at most `(1 + √(N / rows))²` (Marchenko and Pastur
-//! 1967). A direction is excited if its squared singular value exceeds [`SIGNIFICANCE`] times that: it then holds
+//! of pure noise has singular values squared of about 1, at most `(1 + √(N / rows))²` of independent rows (Marchenko
+//! and Pastur 1967). A direction is excited if its squared singular value exceeds [`SIGNIFICANCE`] times that: it then holds
 //! at least three parts of signal to one of noise. What the segment says about other directions is dropped,
 //! or a day of standing still would add up to a motion.
 
 use crate::Scalar;
-use crate::factor::InformationFactor;
+use crate::factor::{InformationFactor, Jacobi, dot};
 
-mod singular;
+mod memory;
 mod window;
 
-use singular::Singular;
+pub use memory::{ImuNoise, MemoryConfig, Span};
+pub(crate) use memory::{Memory, Plan, Rows};
 pub use window::Window;
 
 /// How many times the most information that noise alone brings makes a direction an excited one.
@@ -59,6 +60,8 @@ pub fn retention<T: Scalar>(segment_s: T, time_constant_s: T) -> T {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Forgetting<T: Scalar, const N: usize> {
     noise: [T; N],
+    /// How many independent rows each row is worth.
+    independence: T,
     /// φ_r
     reference: [T; N],
     /// R and `z − R φ_r`.
@@ -71,12 +74,25 @@ impl<T: Scalar, const N: usize> Forgetting<T, N> {
     /// to the coefficients of parameter j, in 1 / unit of the parameter. Zero where the coefficients are exact
     /// (the wrench offset): the rounding level of the column stands in.
     pub fn new(noise: [T; N]) -> Self {
-        Self { noise, reference: [T::ZERO; N], memory: InformationFactor::new(), rows: T::ZERO }
+        Self {
+            noise,
+            independence: T::ONE,
+            reference: [T::ZERO; N],
+            memory: InformationFactor::new(),
+            rows: T::ZERO,
+        }
+    }
+
+    /// For rows whose noise is correlated, of overlapping filters say: each is worth `independence` (0 to 1)
+    /// independent ones, so that what noise alone brings spreads more.
+    #[must_use]
+    pub fn of_coloured_rows(self, independence: T) -> Self {
+        Self { independence: if independence < T::ONE { independence } else { T::ONE }, ..self }
     }
 
     /// Everything remembered. Its row count is the effective one.
     pub fn factor(&self) -> InformationFactor<T, N> {
-        shifted(&self.memory, &self.reference.map(|v| -v))
+        self.memory.about(&self.reference.map(|v| -v))
     }
 
     /// Keeps the memory about these parameters from now on, say the estimate after the first seconds: no change
@@ -84,7 +100,7 @@ impl<T: Scalar, const N: usize> Forgetting<T, N> {
     pub fn recentre(&mut self, reference: &[T; N]) {
         if reference.iter().all(|v| v.is_finite()) {
             let change = core::array::from_fn(|j| reference[j] - self.reference[j]);
-            self.memory = shifted(&self.memory, &change);
+            self.memory = self.memory.about(&change);
             self.reference = *reference;
         }
     }
@@ -98,7 +114,7 @@ impl<T: Scalar, const N: usize> Forgetting<T, N> {
         if segment.rows() == 0 || !segment.is_finite() || !lambda.is_finite() {
             return 0;
         }
-        let segment = &shifted(segment, &self.reference);
+        let segment = &segment.about(&self.reference);
         if lambda >= T::ONE {
             self.memory.merge(segment);
             self.rows = T::from_u32(self.memory.rows());
@@ -106,14 +122,15 @@ impl<T: Scalar, const N: usize> Forgetting<T, N> {
         }
         let lambda = lambda.max(T::ZERO);
         let count = T::from_u32(segment.rows());
-        let edge = T::ONE + (T::from_u32(N as u32) / count).sqrt();
+        let edge = T::ONE + (T::from_u32(N as u32) / (count * self.independence)).sqrt();
         let least = T::from_u32(SIGNIFICANCE) * edge * edge;
         let scale = core::array::from_fn(|j| {
             let column2: T = segment.r().iter().map(|row| row[j] * row[j]).sum();
             let noise = (self.noise[j] * count.sqrt()).max(T::EPSILON * column2.sqrt());
             if noise > T::ZERO { noise } else { T::ONE }
         });
-        let singular = Singular::of(&segment.r(), &scale);
+        let r = segment.r();
+        let singular = Jacobi::of(core::array::from_fn(|j| core::array::from_fn(|i| r[i][j] / scale[j])));
         let excited = core::array::from_fn(|k| singular.squares[k] > least);
         let number = excited.iter().filter(|e| **e).count();
         if number == 0 {
@@ -139,7 +156,8 @@ impl<T: Scalar, const N: usize> Forgetting<T, N> {
     }
 
     /// `M ← λ M∥ + M⊥`
-    fn forget(&mut self, singular: &Singular<T, N>, scale: &[T; N], excited: &[bool; N], lambda: T) {
+    #[inline(never)]
+    fn forget(&mut self, singular: &Jacobi<T, N>, scale: &[T; N], excited: &[bool; N], lambda: T) {
         let root = lambda.sqrt();
         let beta = (T::ONE - lambda) / (T::ONE + root);
         let r = self.memory.r();
@@ -182,9 +200,9 @@ impl<T: Scalar, const N: usize> Forgetting<T, N> {
             }
         }
         let residual = self.memory.residual_sum_of_squares();
-        let mut kept = InformationFactor::new();
-        absorb_all(&mut kept, &r, &z);
-        self.memory = with(&kept, residual, 0);
+        self.memory = InformationFactor::EMPTY;
+        absorb_all(&mut self.memory, &r, &z);
+        self.memory.set_residual(residual, 0);
     }
 
     /// Rows and residuals belong to no direction: they are forgotten in proportion to the number of directions.
@@ -195,49 +213,27 @@ impl<T: Scalar, const N: usize> Forgetting<T, N> {
         let merged = if number == N { segment.residual_sum_of_squares() } else { T::ZERO };
         let old = (self.memory.residual_sum_of_squares() - merged).max(T::ZERO);
         let residual = kept * old + share * segment.residual_sum_of_squares();
-        // Nearest whole number without a conversion to integers: the count saturates.
-        let mut whole = 0_u32;
-        for bit in (0..32).rev() {
-            let candidate = whole | 1 << bit;
-            if T::from_u32(candidate) <= self.rows + T::ONE / T::from_u32(2) {
-                whole = candidate;
-            }
-        }
-        self.memory = with(&self.memory, residual, whole);
+        self.memory.set_residual(residual, whole(self.rows));
     }
 }
 
-fn dot<T: Scalar, const N: usize>(a: &[T; N], b: &[T; N]) -> T {
-    a.iter().zip(b).map(|(x, y)| *x * *y).sum()
+/// Nearest whole number, without a conversion to integers, which is not in [`Scalar`]: it saturates.
+fn whole<T: Scalar>(number: T) -> u32 {
+    let mut whole = 0_u32;
+    for bit in (0..32).rev() {
+        let candidate = whole | 1 << bit;
+        if T::from_u32(candidate) <= number + T::ONE / T::from_u32(2) {
+            whole = candidate;
+        }
+    }
+    whole
 }
 
+#[inline(never)]
 fn absorb_all<T: Scalar, const N: usize>(factor: &mut InformationFactor<T, N>, r: &[[T; N]; N], z: &[T; N]) {
     for (row, z) in r.iter().zip(z) {
         factor.absorb::<1>(&row.map(|v| [v]), &[*z]);
     }
-}
-
-/// The same rows about `reference`: `z − R φ_r`. To the last bit the same for a reference of zero.
-fn shifted<T: Scalar, const N: usize>(
-    factor: &InformationFactor<T, N>,
-    reference: &[T; N],
-) -> InformationFactor<T, N> {
-    let r = factor.r();
-    let triangle = r.iter().enumerate().flat_map(|(i, row)| row.iter().skip(i)).copied();
-    let z = r.iter().zip(factor.z()).map(|(row, z)| *z - dot(row, reference));
-    let entries = triangle.chain(z).chain(core::iter::once(factor.residual_sum_of_squares()));
-    InformationFactor::from_entries(entries, factor.rows()).unwrap_or(*factor)
-}
-
-/// The same triangle with another residual sum and row count.
-fn with<T: Scalar, const N: usize>(
-    factor: &InformationFactor<T, N>,
-    residual: T,
-    rows: u32,
-) -> InformationFactor<T, N> {
-    let numbers = InformationFactor::<T, N>::ENTRIES - 1;
-    let entries = factor.entries().take(numbers).chain(core::iter::once(residual));
-    InformationFactor::from_entries(entries, rows).unwrap_or(*factor)
 }
 
 #[cfg(test)]

@@ -101,11 +101,11 @@ impl App {
         if !matches!(self.state, StateName::Idle | StateName::Configured | StateName::Holding) {
             return Err(ErrorCode::WrongState(self.state));
         }
-        path_of(settings).map(drop)
+        set_up(settings, &mut None)
     }
 
     fn configure(&mut self, settings: Settings) -> Result<Reply, ErrorCode> {
-        self.path = Some(path_of(&settings)?);
+        set_up(&settings, &mut self.path)?;
         self.duty = Duty::of(&settings);
         self.settings = Some(settings);
         self.begin();
@@ -214,7 +214,11 @@ impl App {
     }
 }
 
-fn path_of(settings: &Settings) -> Result<SamplePath, ErrorCode> {
+/// A new path for these settings. On an error `path` holds none that is of use.
+#[inline(never)]
+fn set_up(settings: &Settings, path: &mut Option<SamplePath>) -> Result<(), ErrorCode> {
     let configuration = Configuration::new(settings).map_err(ErrorCode::BadSetting)?;
-    SamplePath::new(&configuration).map_err(|error| ErrorCode::BadSetting(setting_of(error)))
+    let refused = |error| ErrorCode::BadSetting(setting_of(error));
+    let path = path.insert(SamplePath::new(&configuration).map_err(refused)?);
+    configuration.memory.as_ref().map_or(Ok(()), |memory| path.set_memory(memory)).map_err(refused)
 }

@@ -134,7 +134,8 @@ struct Run {
     injected_next: u32,
     blocks_since_estimate: u16,
     estimate_due: bool,
-    stop_due: bool,
+    /// The sample path has left something to be done outside of it.
+    path_behind: bool,
     /// The host has gone on after the stop rule: it ends this run no more.
     stop_overridden: bool,
     snapshot: Option<FactorSnapshot>,

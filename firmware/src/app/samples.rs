@@ -8,7 +8,7 @@ use rigident_shared::wire::{Reason, SensorFault, StateName, Telemetry};
 use super::reports::message_of;
 use super::{App, Pulse, Sensor};
 use crate::answer::solve;
-use crate::sample_path::{Words, sample_path};
+use crate::sample_path::{SamplePath, Words, sample_path};
 
 /// So many samples of a sensor in a row that could not be had are a fault.
 const BAD_TO_FAULT: u16 = 10;
@@ -89,7 +89,7 @@ impl App {
                     self.run.estimate_due = true;
                 }
             }
-            self.run.stop_due |= path.take_stop_rule_met();
+            self.run.path_behind |= path.take_behind();
             let more = path.has_more();
             if self.duty.stream && self.state != StateName::Holding {
                 self.stream();
@@ -114,20 +114,19 @@ impl App {
     /// What need not be done within a sample: solving, the stop rule, telemetry. Call it after every event.
     #[inline]
     pub fn work(&mut self) {
-        if self.run.estimate_due || self.run.stop_due || self.state_unsent {
+        if self.run.estimate_due || self.run.path_behind || self.state_unsent {
             self.work_off();
         }
     }
 
     #[inline(never)]
     fn work_off(&mut self) {
+        let behind = core::mem::take(&mut self.run.path_behind);
+        let stop_due = behind && self.path.as_mut().is_some_and(SamplePath::catch_up);
         if core::mem::take(&mut self.run.estimate_due) {
             self.estimate();
         }
-        if core::mem::take(&mut self.run.stop_due)
-            && self.state == StateName::Running
-            && !self.run.stop_overridden
-        {
+        if stop_due && self.state == StateName::Running && !self.run.stop_overridden {
             self.hold(Reason::StopRule);
         }
         if self.state_unsent {

@@ -3,3 +3,4 @@
 mod consistency;
 mod host;
 mod knock;
+mod memory;

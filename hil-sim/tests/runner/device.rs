@@ -3,8 +3,8 @@
 use std::time::{Duration, Instant};
 
 use rigident_shared::wire::{
-    Answer, Command, CounterReport, Decoder, ErrorCode, ImuSettings, Kind, LoadCellSettings, ReadingMessage,
-    Reply, Settings, Source, StateName, Telemetry, TelemetrySettings, encode, frame,
+    Answer, Command, CounterReport, Decoder, ErrorCode, ImuSettings, Kind, LoadCellSettings, MemorySettings,
+    ReadingMessage, Reply, Settings, Source, StateName, Telemetry, TelemetrySettings, encode, frame,
 };
 use rigident_sim::platform::MotionProgram;
 use rigident_sim::rig::{RigConfig, SharedRig};
@@ -146,6 +146,7 @@ pub fn settings(rig: &RigConfig) -> Settings {
         filter_width_s: 0.06,
         row_every: 10,
         knock_limit_sd: 6.0,
+        memory: MemorySettings::Forever,
         stop: None,
         telemetry: TelemetrySettings { estimate_every_blocks: 25, stream_readings: true },
         frozen_after: 20,

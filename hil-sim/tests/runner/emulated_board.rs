@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use crate::device::{Device, settings};
-use rigident_shared::wire::StateName;
+use rigident_shared::wire::{MemorySettings, Settings, StateName};
 use rigident_sim::experiment::thesis_program;
 use rigident_sim::rig::{Rig, RigConfig, SharedRig};
 use rigident_sim::runner::{InProcess, Mcu, Pacing, Qemu, QemuOptions, SensorBus};
@@ -21,11 +21,29 @@ fn emulate(rig: &SharedRig) -> Qemu {
 
 #[test]
 fn the_emulated_processor_gives_the_same_bits_as_this_one() {
+    gives_the_same_bits(MemorySettings::Forever);
+}
+
+#[test]
+fn the_emulated_processor_forgets_the_same_bits() {
+    gives_the_same_bits(MemorySettings::Forgetting {
+        time_constant_s: 4.0,
+        accel_noise_mps2: 0.02,
+        gyro_noise_radps: 1.9e-3,
+    });
+}
+
+#[test]
+fn the_emulated_processor_s_window_holds_the_same_bits() {
+    gives_the_same_bits(MemorySettings::Window { length_s: 6.0 });
+}
+
+fn gives_the_same_bits(memory: MemorySettings) {
     let run = |mcu: &mut dyn Mcu, rig: &SharedRig| {
         let config = RigConfig::thesis_horizontal();
         let program = thesis_program(&config.geometry, 20.0);
         let mut device = Device::greet(mcu);
-        device.run(rig, &settings(&config), &program);
+        device.run(rig, &Settings { memory, ..settings(&config) }, &program);
         let factor: Vec<u32> = device.factor().iter().map(|v| v.to_bits()).collect();
         let counters = device.counters();
         assert_eq!((counters.telemetry_dropped, counters.bad_frames), (0, 0));

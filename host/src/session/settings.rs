@@ -1,4 +1,6 @@
-use rigident_shared::wire::{ImuSettings, LoadCellSettings, Settings, Source, StopRule, TelemetrySettings};
+use rigident_shared::wire::{
+    ImuSettings, LoadCellSettings, MemorySettings, Settings, Source, StopRule, TelemetrySettings,
+};
 
 use crate::formats::rig::{Calibrated, ImuTable, OffsetTable, OffsetWord, RigFile};
 use crate::identification::{FILTER_WIDTH_S, FROZEN_AFTER, knocks, row_every};
@@ -101,6 +103,7 @@ pub fn settings(
         row_every: every,
         // As in a batch: gain errors exceed the noise.
         knock_limit_sd: if gains_uncertain { 0.0 } else { knocks::LIMIT_SD as f32 },
+        memory: MemorySettings::Forever,
         stop,
         telemetry: TelemetrySettings {
             estimate_every_blocks: (blocks_per_s / ESTIMATE_RATE_HZ).round().clamp(1.0, 1000.0) as u16,

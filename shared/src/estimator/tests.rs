@@ -1,7 +1,9 @@
 use nalgebra::Vector3;
 
 use super::*;
+use crate::forgetting::ImuNoise;
 use crate::inertia::{InertialParameters, tensor_from_elements};
+use crate::random::Random;
 use crate::spatial::{AngularRate, Imu, Position, Rotation, Sensor, SpecificForce, Wrench};
 
 const TAPS: usize = 256;
@@ -195,4 +197,107 @@ fn impossible_settings_are_named() {
     assert_eq!(made(&bad), Err(ConfigError::Kernel(KernelError::TooManyTaps(1999))));
     let bad = EstimatorConfig { row_every: 0, ..good };
     assert_eq!(made(&bad), Err(ConfigError::Kernel(KernelError::Invalid)));
+}
+
+fn memory<T: Scalar>(span: Span<T>) -> MemoryConfig<T> {
+    MemoryConfig {
+        span,
+        imu_noise: ImuNoise { accel: T::from_f64_const(0.02), gyro: T::from_f64_const(2e-3) },
+    }
+}
+
+#[test]
+fn what_is_never_forgotten_is_what_is_always_kept() {
+    let mut forever = Estimator::<f64, 16, TAPS>::new(&config(200.0, false)).unwrap();
+    let mut endless = forever;
+    endless.set_memory(&memory(Span::TimeConstant(1e30))).unwrap();
+    let mut wide = forever;
+    wide.set_memory(&memory(Span::Window(1e4))).unwrap();
+    // Segments that nobody puts into the memory are not lost.
+    let mut left_alone = endless;
+    for n in 0..4000_u32 {
+        let r = reading(f64::from(n) / 200.0);
+        forever.absorb(&r);
+        left_alone.absorb(&r);
+        for remembering in [&mut endless, &mut wide] {
+            remembering.absorb(&r);
+            remembering.remember(0.0);
+        }
+    }
+    let whole = forever.factor();
+    let scale = whole.r()[0][0];
+    for other in [&endless, &wide, &left_alone] {
+        let kept = other.factor();
+        assert_eq!(kept.rows(), whole.rows());
+        for (a, b) in kept.entries().zip(whole.entries()) {
+            // Merges in another order: some hundred roundings of the largest number.
+            assert!((a - b).abs() < 1e3 * f64::EPSILON * scale, "{a} {b}");
+        }
+    }
+    assert_eq!(endless.counters().blocks, forever.counters().blocks);
+}
+
+#[test]
+fn a_look_is_at_what_is_remembered() {
+    let mut estimator = Estimator::<f64, 16, TAPS>::new(&config(200.0, false)).unwrap();
+    estimator.set_memory(&memory(Span::Window(5.0))).unwrap();
+    let mut looks = 0;
+    for n in 0..6000_u32 {
+        estimator.absorb(&reading(f64::from(n) / 200.0));
+        assert_eq!(estimator.look(6.0), None);
+        let Some(deviations) = estimator.remember(6.0) else { continue };
+        assert_eq!(deviations, estimator.factor().standard_deviations());
+        looks += 1;
+    }
+    // A hundred blocks a second, in segments of fifty.
+    assert!((57..=60).contains(&looks), "{looks}");
+    let seconds = f64::from(estimator.factor().rows()) / 600.0;
+    assert!((4.0..=5.0).contains(&seconds), "{seconds}");
+    estimator.reset();
+    assert!(estimator.remembers() && estimator.factor().rows() == 0);
+}
+
+#[test]
+fn a_memory_that_does_not_fit_is_refused_and_changes_nothing() {
+    let mut estimator = Estimator::<f32, 10, TAPS>::new(&config(200.0, true)).unwrap();
+    for span in
+        [Span::TimeConstant(0.05), Span::Window(0.05), Span::TimeConstant(f32::NAN), Span::Window(-1.0)]
+    {
+        assert_eq!(estimator.set_memory(&memory(span)), Err(ConfigError::Memory));
+    }
+    let deaf =
+        MemoryConfig { imu_noise: ImuNoise { accel: f32::NAN, gyro: 0.0 }, ..memory(Span::Window(5.0)) };
+    assert_eq!(estimator.set_memory(&deaf), Err(ConfigError::Memory));
+    assert!(!estimator.remembers());
+    let still = EstimatorConfig { filter_width_s: 0.0, row_every: 1, ..config(1.0, true) };
+    let mut poses = Estimator::<f32, 10, TAPS>::new(&still).unwrap();
+    assert_eq!(poses.set_memory(&memory(Span::Window(5.0))), Err(ConfigError::Memory));
+}
+
+/// What the IMU's noise alone brings into the rows, by putting noise alone through the pipeline: the reason for what
+/// counts as excited.
+#[test]
+fn noise_at_rest_is_no_excitation() {
+    let noise = ImuNoise { accel: 0.02, gyro: 2e-3 };
+    let mut random = Random(41);
+    let mut estimator = Estimator::<f64, 10, TAPS>::new(&EstimatorConfig {
+        mounting: ImuMounting { position: Position::new(0.06, -0.04, 0.02), ..ImuMounting::default() },
+        ..config(200.0, false)
+    })
+    .unwrap();
+    estimator.set_memory(&MemoryConfig { span: Span::TimeConstant(5.0), imu_noise: noise }).unwrap();
+    for n in 0..40_000_u32 {
+        let mut axes = |sigma: f64| core::array::from_fn(|_| sigma * random.normal());
+        let reading = Reading {
+            time_ns: u64::from(n) * 5_000_000,
+            wrench: Wrench::from_array([0.0; 6]),
+            specific_force: SpecificForce::from_array(axes(noise.accel)),
+            angular_rate: AngularRate::from_array(axes(noise.gyro)),
+        };
+        estimator.absorb(&reading);
+        estimator.remember(0.0);
+        // Four hundred seconds free of gravity and still: no segment says anything.
+        let since = estimator.counters().blocks % u32::from(estimator.segment_blocks().unwrap());
+        assert_eq!(estimator.factor().rows() / 6, since, "{n}");
+    }
 }

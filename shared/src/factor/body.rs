@@ -1,6 +1,7 @@
 use super::cascade::Levels;
 use super::{BLOCK_ROWS, Block, Column, InformationFactor};
 use crate::Scalar;
+use crate::forgetting::{Memory, Plan};
 use crate::regressor::{self, RegressorBlock, SIGNALS};
 use crate::spatial::{Position, Sensor};
 
@@ -8,7 +9,7 @@ use crate::spatial::{Position, Sensor};
 const FORCE: [usize; 7] = [1, 2, 3, 0, 10, 11, 12];
 /// Parameters that moments see: the tensor, mcx, mcy, mcz, and the offset.
 const MOMENT: [usize; 12] = [4, 5, 6, 7, 8, 9, 1, 2, 3, 13, 14, 15];
-/// Levels above the absorbing one: 1600 · 100³ wrenches before the last takes more than a hundred merges.
+/// Levels above the absorbing one: 400 · 100³ wrenches before the last takes more than a hundred merges.
 const UPPER: usize = 3;
 /// Wrenches in a block.
 const WRENCHES: u8 = (BLOCK_ROWS / 3) as u8;
@@ -31,7 +32,19 @@ pub struct BodyCascade<T: Scalar, const N: usize> {
     wrenches: u16,
     /// Parts of the full level that are in the next one already.
     parts_merged: u8,
-    upper: Levels<T, N, UPPER>,
+    /// So many wrenches are a segment; more than there ever are if everything is kept.
+    segment: u16,
+    upper: Upper<T, N>,
+}
+
+/// What is above the absorbing level.
+#[derive(Clone, Copy, Debug)]
+#[allow(clippy::large_enum_variant, reason = "no heap")]
+enum Upper<T: Scalar, const N: usize> {
+    /// Levels that keep everything.
+    Levels(Levels<T, N, UPPER>),
+    /// A memory that does not, in their place.
+    Memory(Memory<T, N>),
 }
 
 /// The absorbing level: `[R z]` of the forces and of the moments, by columns, z being the one after the last that is
@@ -175,7 +188,43 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
             waiting: 0,
             wrenches: 0,
             parts_merged: 0,
-            upper: Levels::new(),
+            segment: u16::MAX,
+            upper: Upper::Levels(Levels::new()),
+        }
+    }
+
+    /// Keeps what this memory keeps, from now on; what was absorbed before is lost. Whoever absorbs must then
+    /// [`Self::take_segment`] when one is complete, and give it to [`Self::memory`].
+    #[inline(never)]
+    pub(crate) fn set_memory(&mut self, plan: &Plan<T, N>) {
+        (self.level, self.waiting, self.wrenches) = (Level::EMPTY, 0, 0);
+        self.segment = plan.segment_blocks();
+        self.upper = Upper::Memory(Memory::new(plan));
+    }
+
+    /// Whether a memory keeps what is absorbed.
+    pub(crate) fn remembers(&self) -> bool {
+        matches!(self.upper, Upper::Memory(_))
+    }
+
+    /// Whether enough has been absorbed for a segment.
+    #[inline]
+    pub(crate) fn segment_is_complete(&self) -> bool {
+        self.wrenches >= self.segment
+    }
+
+    /// Takes out what the absorbing level holds.
+    pub(crate) fn take_segment(&mut self, segment: &mut InformationFactor<T, N>) {
+        *segment = InformationFactor::EMPTY;
+        self.merge_absorbing(segment);
+        (self.level, self.waiting, self.wrenches) = (Level::EMPTY, 0, 0);
+    }
+
+    /// The memory, if there is one.
+    pub(crate) fn memory(&mut self) -> Option<&mut Memory<T, N>> {
+        match &mut self.upper {
+            Upper::Memory(memory) => Some(memory),
+            Upper::Levels(_) => None,
         }
     }
 
@@ -187,7 +236,7 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
         let rows = regressor::block(signals, lever_arm);
         write(&mut self.columns, usize::from(self.waiting % WRENCHES), &rows, weights, offset);
         self.waiting = (self.waiting + 1) % WRENCHES;
-        self.wrenches += 1;
+        self.wrenches = self.wrenches.saturating_add(1);
         if self.waiting == 0 {
             self.level.reduce(&mut self.columns, offset);
         } else {
@@ -198,17 +247,18 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
     /// Between two reductions: a part of what a full level asks for, so that no wrench waits for all of it.
     #[inline]
     fn tidy(&mut self) {
+        let Upper::Levels(upper) = &mut self.upper else { return };
         if self.wrenches <= FULL {
-            return self.upper.carry();
+            return upper.carry();
         }
         // Those that are waiting in the columns are not yet in the level.
         let in_level = self.wrenches - u16::from(self.waiting);
-        let Some(next) = self.upper.lowest() else { return };
+        let Some(next) = upper.lowest() else { return };
         if self.level.merge_part(self.parts_merged, in_level, next) {
             self.parts_merged += 1;
             return;
         }
-        self.upper.count();
+        upper.count();
         self.level = Level::EMPTY;
         self.wrenches = u16::from(self.waiting);
         self.parts_merged = 0;
@@ -217,11 +267,20 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
     /// One factor of everything absorbed.
     #[must_use]
     pub fn factor(&self) -> InformationFactor<T, N> {
-        let mut whole = self.upper.factor();
+        let mut whole = match &self.upper {
+            Upper::Levels(upper) => upper.factor(),
+            Upper::Memory(memory) => memory.factor(),
+        };
+        self.merge_absorbing(&mut whole);
+        whole
+    }
+
+    /// Merges what the absorbing level holds and what waits for it.
+    fn merge_absorbing(&self, whole: &mut InformationFactor<T, N>) {
         let mut level = self.level;
         if self.parts_merged > 0 {
             // What is left of a level that is being merged; its count went with the first part.
-            self.merge_rest(&level, self.parts_merged, 0, &mut whole);
+            self.merge_rest(&level, self.parts_merged, 0, whole);
             level = Level::EMPTY;
         }
         if self.waiting > 0 {
@@ -234,8 +293,7 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
             level.reduce(&mut columns, N == 16);
         }
         let wrenches = if self.parts_merged > 0 { u16::from(self.waiting) } else { self.wrenches };
-        self.merge_rest(&level, 0, wrenches, &mut whole);
-        whole
+        self.merge_rest(&level, 0, wrenches, whole);
     }
 
     fn merge_rest(&self, level: &Level<T>, first: u8, wrenches: u16, whole: &mut InformationFactor<T, N>) {
@@ -257,7 +315,9 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
             }
             // Highest first: what moves up meanwhile is left out, never counted twice.
             k if usize::from(k) <= UPPER => {
-                self.upper.merge_into(UPPER - usize::from(k), whole);
+                if let Upper::Levels(upper) = &self.upper {
+                    upper.merge_into(UPPER - usize::from(k), whole);
+                }
                 true
             }
             k => {

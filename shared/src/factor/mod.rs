@@ -10,6 +10,7 @@
 
 mod body;
 mod cascade;
+mod jacobi;
 mod marginal;
 mod reflection;
 mod solution;
@@ -19,6 +20,7 @@ pub use cascade::Cascade;
 pub use reflection::{BLOCK_ROWS, Column};
 pub use solution::{Solution, condition_number};
 
+pub(crate) use jacobi::{Jacobi, dot};
 pub(crate) use reflection::reduce;
 #[cfg(all(target_arch = "arm", target_os = "none"))]
 pub(crate) use reflection::reduce_on_core;
@@ -181,6 +183,24 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
         factor.residual_sum_of_squares = entries.next().filter(|v| v.is_finite() && *v >= T::ZERO)?;
         factor.rows = rows;
         entries.next().is_none().then_some(factor)
+    }
+
+    /// The same rows about other parameters: `z − R φ_r`. To the last bit the same for a reference of zero, or if the
+    /// numbers would not be finite.
+    #[inline(never)]
+    pub(crate) fn about(&self, reference: &[T; N]) -> Self {
+        let mut shifted = *self;
+        for (column, reference) in self.triangle.r.iter().zip(reference) {
+            for (z, r) in shifted.triangle.z.iter_mut().zip(column) {
+                *z -= *r * *reference;
+            }
+        }
+        if shifted.triangle.z.iter().all(|z| z.is_finite()) { shifted } else { *self }
+    }
+
+    /// The same triangle with another residual sum and row count.
+    pub(crate) fn set_residual(&mut self, residual_sum_of_squares: T, rows: u32) {
+        (self.residual_sum_of_squares, self.rows) = (residual_sum_of_squares, rows);
     }
 
     /// The same factor in another scalar.

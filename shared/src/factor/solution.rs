@@ -1,4 +1,5 @@
 use super::InformationFactor;
+use super::jacobi::{Jacobi, dot};
 use crate::Scalar;
 
 /// What a factor says about φ.
@@ -26,9 +27,9 @@ pub fn condition_number<T: Scalar, const N: usize>(
     factor: &InformationFactor<T, N>,
     columns: &[bool; N],
 ) -> Option<T> {
-    let jacobi = Jacobi::of(factor, columns);
+    let Scaled { scale, jacobi } = Scaled::of(factor, columns);
     let (mut least, mut most) = (None, T::ZERO);
-    for ((s2, chosen), scale) in jacobi.squares.iter().zip(columns).zip(&jacobi.scale) {
+    for ((s2, chosen), scale) in jacobi.squares.iter().zip(columns).zip(&scale) {
         if !chosen {
             continue;
         }
@@ -50,7 +51,7 @@ fn rank_floor<T: Scalar>(n: usize) -> T {
 
 impl<T: Scalar, const N: usize> Solution<T, N> {
     pub(super) fn of(factor: &InformationFactor<T, N>) -> Self {
-        let jacobi = Jacobi::of(factor, &[true; N]);
+        let Scaled { scale, jacobi } = Scaled::of(factor, &[true; N]);
         let mut most = T::ZERO;
         for s2 in jacobi.squares {
             most = most.max(s2);
@@ -91,9 +92,9 @@ impl<T: Scalar, const N: usize> Solution<T, N> {
             }
         }
         for j in 0..N {
-            if jacobi.scale[j] > T::ZERO {
-                solution.estimate[j] /= jacobi.scale[j];
-                solution.standard_deviation[j] = solution.standard_deviation[j].sqrt() / jacobi.scale[j];
+            if scale[j] > T::ZERO {
+                solution.estimate[j] /= scale[j];
+                solution.standard_deviation[j] = solution.standard_deviation[j].sqrt() / scale[j];
             } else {
                 solution.determined[j] = false;
             }
@@ -108,7 +109,7 @@ impl<T: Scalar, const N: usize> Solution<T, N> {
 /// Covariance `(RᵀR)⁻¹` over the directions that are determined. Rows and columns of parameters that are not
 /// determined (see [`Solution`]) are meaningless.
 pub(super) fn covariance<T: Scalar, const N: usize>(factor: &InformationFactor<T, N>) -> [[T; N]; N] {
-    let jacobi = Jacobi::of(factor, &[true; N]);
+    let Scaled { scale, jacobi } = Scaled::of(factor, &[true; N]);
     let mut most = T::ZERO;
     for s2 in jacobi.squares {
         most = most.max(s2);
@@ -121,7 +122,7 @@ pub(super) fn covariance<T: Scalar, const N: usize>(factor: &InformationFactor<T
         }
         for i in 0..N {
             for j in 0..N {
-                let scale = jacobi.scale[i] * jacobi.scale[j];
+                let scale = scale[i] * scale[j];
                 if scale > T::ZERO {
                     covariance[i][j] += direction[i] * direction[j] / (*s2 * scale);
                 }
@@ -174,86 +175,26 @@ pub(super) fn well_determined<T: Scalar, const N: usize>(
     Some(phi)
 }
 
-/// One-sided Jacobi: `R D⁻¹ V = W` with orthogonal columns W; their squared lengths are the squared singular
-/// values (Hestenes 1958; accurate to relative precision on column-scaled matrices, Demmel and Veselić 1992).
-struct Jacobi<T: Scalar, const N: usize> {
+/// The triangle with its columns scaled to unit length, decomposed.
+struct Scaled<T: Scalar, const N: usize> {
     /// Column norms D of R; zero for a column that is empty or left out.
     scale: [T; N],
-    /// Columns of W.
-    w: [[T; N]; N],
-    /// Columns of V.
-    v: [[T; N]; N],
-    squares: [T; N],
+    /// Of `R D⁻¹`.
+    jacobi: Jacobi<T, N>,
 }
 
-fn dot<T: Scalar, const N: usize>(a: &[T; N], b: &[T; N]) -> T {
-    let mut sum = T::ZERO;
-    for (x, y) in a.iter().zip(b) {
-        sum += *x * *y;
-    }
-    sum
-}
-
-impl<T: Scalar, const N: usize> Jacobi<T, N> {
+impl<T: Scalar, const N: usize> Scaled<T, N> {
     fn of(factor: &InformationFactor<T, N>, columns: &[bool; N]) -> Self {
-        let mut jacobi =
-            Self { scale: [T::ZERO; N], w: [[T::ZERO; N]; N], v: [[T::ZERO; N]; N], squares: [T::ZERO; N] };
-        for j in 0..N {
-            jacobi.v[j][j] = T::ONE;
-            if !columns[j] {
-                continue;
-            }
+        let mut scale = [T::ZERO; N];
+        let mut scaled = [[T::ZERO; N]; N];
+        for j in (0..N).filter(|j| columns[*j]) {
             let column = factor.triangle.r[j];
             let norm2 = dot(&column, &column);
             if norm2 > T::TINY_SQUARE {
-                jacobi.scale[j] = norm2.sqrt();
-                jacobi.w[j] = column.map(|x| x / jacobi.scale[j]);
+                scale[j] = norm2.sqrt();
+                scaled[j] = column.map(|x| x / scale[j]);
             }
         }
-        // Quadratic convergence: six to eight sweeps are usual at N = 16; the bound is for bad luck.
-        for _ in 0..30 {
-            if !jacobi.sweep() {
-                break;
-            }
-        }
-        for j in 0..N {
-            jacobi.squares[j] = dot(&jacobi.w[j], &jacobi.w[j]);
-        }
-        jacobi
-    }
-
-    /// Rotates every pair of columns once. Whether any rotation was needed.
-    fn sweep(&mut self) -> bool {
-        let two = T::from_u32(2);
-        let mut rotated = false;
-        for p in 0..N {
-            for q in p + 1..N {
-                let (a, b) = (dot(&self.w[p], &self.w[p]), dot(&self.w[q], &self.w[q]));
-                let c = dot(&self.w[p], &self.w[q]);
-                if c.abs() <= T::EPSILON * (a * b).sqrt() || c * c <= T::TINY_SQUARE {
-                    continue;
-                }
-                rotated = true;
-                let zeta = (b - a) / (two * c);
-                let sign = if zeta < T::ZERO { -T::ONE } else { T::ONE };
-                // Beyond this ζ² would overflow or drown the 1; the root is then |ζ|.
-                let large = T::ONE / (T::EPSILON * T::EPSILON);
-                let root = if zeta.abs() < large { (T::ONE + zeta * zeta).sqrt() } else { zeta.abs() };
-                let tangent = sign / (zeta.abs() + root);
-                let cosine = T::ONE / (T::ONE + tangent * tangent).sqrt();
-                let sine = cosine * tangent;
-                rotate(&mut self.w, p, q, cosine, sine);
-                rotate(&mut self.v, p, q, cosine, sine);
-            }
-        }
-        rotated
-    }
-}
-
-fn rotate<T: Scalar, const N: usize>(columns: &mut [[T; N]; N], p: usize, q: usize, cosine: T, sine: T) {
-    for i in 0..N {
-        let (x, y) = (columns[p][i], columns[q][i]);
-        columns[p][i] = cosine * x - sine * y;
-        columns[q][i] = sine * x + cosine * y;
+        Self { scale, jacobi: Jacobi::of(scaled) }
     }
 }

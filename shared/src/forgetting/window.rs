@@ -33,6 +33,18 @@ impl<T: Scalar, const N: usize, const K: usize> Window<T, N, K> {
         self.next = (self.next + 1) % K;
     }
 
+    /// Adds to the newest segment.
+    pub fn add(&mut self, part: &InformationFactor<T, N>) {
+        if let Some(slot) = self.segments.get_mut((self.next + K - 1) % K) {
+            slot.merge(part);
+        }
+    }
+
+    /// Begins a new segment; the oldest of more than `K` falls out.
+    pub fn advance(&mut self) {
+        self.take(&InformationFactor::EMPTY);
+    }
+
     /// The factor of all segments in the window, merged oldest first.
     #[must_use]
     pub fn factor(&self) -> InformationFactor<T, N> {

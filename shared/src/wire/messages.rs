@@ -8,7 +8,7 @@ use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 /// Version of framing and header; another one is refused by both sides.
-pub const PROTOCOL_VERSION: u8 = 2;
+pub const PROTOCOL_VERSION: u8 = 3;
 
 /// Hash of all message types: equal on both sides if they understand each other.
 pub const SCHEMA_HASH: u64 =
@@ -208,6 +208,8 @@ pub enum SettingName {
     StopRule,
     /// `knock_limit_sd`
     KnockLimit,
+    /// `memory`
+    Memory,
 }
 
 /// Where readings come from.
@@ -235,9 +237,11 @@ pub struct Settings {
     /// A row block is absorbed every so many readings.
     pub row_every: u16,
     /// A row is given less weight if it is further from the estimate so far than so many standard deviations; 0: never.
-    /// The estimate is that of the last look at the factor, every fifty row blocks.
+    /// Needs estimates: it is what is sent (`telemetry`) that rows are compared with.
     pub knock_limit_sd: f32,
-    /// When the run ends by itself.
+    /// What is kept of the rows.
+    pub memory: MemorySettings,
+    /// When the run ends by itself: judged by what is remembered.
     pub stop: Option<StopRule>,
     /// What is sent unasked.
     pub telemetry: TelemetrySettings,
@@ -283,6 +287,28 @@ pub struct LoadCellSettings {
     pub group_delay_ns: u32,
     /// Range, N and N m.
     pub range_n_nm: [f32; 6],
+}
+
+/// What is kept of the rows. Seconds are those of rows taken in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
+pub enum MemorySettings {
+    /// Everything.
+    #[default]
+    Forever,
+    /// What newer rows renew is forgotten with a time constant.
+    Forgetting {
+        /// The time constant, s, at least `filter_width_s`.
+        time_constant_s: f32,
+        /// 1 σ of the accelerometer per reading, m/s²: what it alone brings renews nothing.
+        accel_noise_mps2: f32,
+        /// 1 σ of the gyro per reading, rad/s.
+        gyro_noise_radps: f32,
+    },
+    /// The rows of the last seconds and nothing else.
+    Window {
+        /// At most so many of them, s, at least `filter_width_s`; never less than four fifths of it.
+        length_s: f32,
+    },
 }
 
 /// The run ends when every asked-for parameter has its uncertainty.

@@ -38,6 +38,11 @@ pub fn settings() -> Settings {
         filter_width_s: 0.06,
         row_every: 10,
         knock_limit_sd: 6.0,
+        memory: MemorySettings::Forgetting {
+            time_constant_s: 20.0,
+            accel_noise_mps2: 0.02,
+            gyro_noise_radps: 0.000_5,
+        },
         stop: Some(StopRule {
             asked: 0x03ff,
             u95: core::array::from_fn(|j| 0.01 * j as f32),

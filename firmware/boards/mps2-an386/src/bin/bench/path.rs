@@ -2,7 +2,7 @@
 
 use rigident_firmware::{App, Event, Instrument, Sensor};
 use rigident_shared::wire::{
-    Command, ImuSettings, Kind, LoadCellSettings, Settings, Source, StateName, StopRule, TelemetrySettings,
+    Command, ImuSettings, Kind, LoadCellSettings, MemorySettings, Settings, Source, StateName, StopRule, TelemetrySettings,
     encode, frame,
 };
 
@@ -159,6 +159,7 @@ fn settings(known_offset_n_nm: Option<[f32; 6]>, telemetry: TelemetrySettings) -
         filter_width_s: 0.1,
         row_every: 10,
         knock_limit_sd: 6.0,
+        memory: MemorySettings::Forever,
         stop: Some(StopRule { asked: 0x3FF, u95, minimum_blocks: 1 }),
         telemetry,
         frozen_after: 50,

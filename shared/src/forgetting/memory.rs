@@ -1,0 +1,193 @@
+use super::{Forgetting, Window, retention, whole};
+use crate::Scalar;
+use crate::factor::InformationFactor;
+
+/// Segments that a time constant is divided into.
+const SEGMENTS: u32 = 20;
+/// Row blocks in a segment, at least and at most: half a second at a hundred blocks a second.
+const SEGMENT_BLOCKS: (u32, u32) = (10, 50);
+/// Parts that a window is divided into, of which the newest is being filled: four fifths of it are held at least.
+const PARTS: usize = 5;
+
+/// How long rows are remembered. Seconds are those of rows taken in: they stand still where none are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Span<T> {
+    /// What newer rows renew is forgotten with this time constant, s ([`Forgetting`]).
+    TimeConstant(T),
+    /// The rows of so many seconds at most, of four fifths of it at least, and nothing else ([`Window`]).
+    Window(T),
+}
+
+/// 1 σ of the IMU per reading: what it alone brings into the rows is not excitation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImuNoise<T> {
+    /// Of the accelerometer, m/s².
+    pub accel: T,
+    /// Of the gyro, rad/s.
+    pub gyro: T,
+}
+
+/// What an estimator remembers, if not everything.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MemoryConfig<T> {
+    /// How long.
+    pub span: Span<T>,
+    /// Noise of the IMU. A window does not use it.
+    pub imu_noise: ImuNoise<T>,
+}
+
+/// What is known of the rows that segments are made of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Rows<T> {
+    /// Time from one row block to the next, s.
+    pub(crate) block_s: T,
+    /// Weight of each channel's row: √row_every / σ.
+    pub(crate) weights: [T; 6],
+    /// `Σh²` of the filter and of its derivative, 1/s².
+    pub(crate) noise_gain: T,
+    pub(crate) derivative_noise_gain: T,
+    /// Independent rows that a row is worth.
+    pub(crate) independence: T,
+    /// Square of the lever arm, m².
+    pub(crate) lever_arm2: T,
+}
+
+impl<T: Scalar> Rows<T> {
+    /// Root mean square, per whitened row, of what the IMU's noise brings to the coefficients of each parameter.
+    ///
+    /// Of the products with ω only the derivative's noise counts: that of ω itself is smaller by its bandwidth.
+    fn regressor_noise<const N: usize>(&self, imu: &ImuNoise<T>) -> [T; N] {
+        let turning = imu.gyro * imu.gyro * self.derivative_noise_gain;
+        let specific = imu.accel * imu.accel * self.noise_gain + self.lever_arm2 * turning;
+        let [fx, fy, fz, mx, my, mz] = self.weights.map(|w| w * w);
+        let ten = [
+            (fx + fy + fz) * specific,
+            (fy + fz) * turning + (my + mz) * specific,
+            (fz + fx) * turning + (mz + mx) * specific,
+            (fx + fy) * turning + (mx + my) * specific,
+            mx * turning,
+            my * turning,
+            mz * turning,
+            (my + mz) * turning,
+            (mz + mx) * turning,
+            (mx + my) * turning,
+        ];
+        // The offset's coefficients are exact.
+        core::array::from_fn(|j| ten.get(j).map_or(T::ZERO, |square| (*square / T::from_u32(6)).sqrt()))
+    }
+}
+
+/// What is remembered of all segments so far.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Memory<T: Scalar, const N: usize> {
+    kept: Kept<T, N>,
+    block_s: T,
+}
+
+#[derive(Clone, Copy, Debug)]
+#[allow(clippy::large_enum_variant, reason = "no heap")]
+enum Kept<T: Scalar, const N: usize> {
+    Forgetting { memory: Forgetting<T, N>, time_constant_s: T },
+    Window { window: Window<T, N, PARTS>, part_blocks: u32, filled: u32 },
+}
+
+/// What follows from a configuration.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Plan<T: Scalar, const N: usize> {
+    span: Span<T>,
+    noise: [T; N],
+    independence: T,
+    block_s: T,
+    segment_blocks: u16,
+    /// Of a window.
+    part_blocks: u32,
+}
+
+impl<T: Scalar, const N: usize> Plan<T, N> {
+    /// `None` if the span is no positive number, or a window so short that a part of it holds no row block, or a noise
+    /// is negative or not finite.
+    #[inline(never)]
+    pub(crate) fn new(config: &MemoryConfig<T>, rows: &Rows<T>) -> Option<Self> {
+        let (Span::TimeConstant(span_s) | Span::Window(span_s)) = config.span;
+        let positive = |v: T| v.is_finite() && v > T::ZERO;
+        let ImuNoise { accel, gyro } = config.imu_noise;
+        if ![span_s, rows.block_s].iter().all(|v| positive(*v))
+            || ![accel, gyro].iter().all(|v| v.is_finite() && *v >= T::ZERO)
+        {
+            return None;
+        }
+        let blocks_of = |parts: u32| whole(span_s / (T::from_u32(parts) * rows.block_s));
+        let (segment_blocks, part_blocks) = match config.span {
+            Span::TimeConstant(_) => (blocks_of(SEGMENTS).clamp(SEGMENT_BLOCKS.0, SEGMENT_BLOCKS.1), 0),
+            Span::Window(_) => {
+                let part = blocks_of(PARTS as u32);
+                // As equal as can be, so that a part of the window ends with one of them.
+                (part.div_ceil(part.div_ceil(SEGMENT_BLOCKS.1).max(1)), part)
+            }
+        };
+        (segment_blocks > 0).then(|| Self {
+            span: config.span,
+            noise: rows.regressor_noise(&config.imu_noise),
+            independence: rows.independence,
+            block_s: rows.block_s,
+            segment_blocks: segment_blocks as u16,
+            part_blocks,
+        })
+    }
+
+    /// Row blocks in a segment.
+    pub(crate) fn segment_blocks(&self) -> u16 {
+        self.segment_blocks
+    }
+}
+
+impl<T: Scalar, const N: usize> Memory<T, N> {
+    /// A memory of nothing.
+    pub(crate) fn new(plan: &Plan<T, N>) -> Self {
+        let kept = match plan.span {
+            Span::TimeConstant(time_constant_s) => Kept::Forgetting {
+                memory: Forgetting::new(plan.noise).of_coloured_rows(plan.independence),
+                time_constant_s,
+            },
+            Span::Window(_) => {
+                Kept::Window { window: Window::new(), part_blocks: plan.part_blocks, filled: 0 }
+            }
+        };
+        Self { kept, block_s: plan.block_s }
+    }
+
+    /// Takes in a segment.
+    #[inline(never)]
+    pub(crate) fn take(&mut self, segment: &InformationFactor<T, N>) {
+        let blocks = segment.rows() / 6;
+        match &mut self.kept {
+            Kept::Forgetting { memory, time_constant_s } => {
+                let length_s = T::from_u32(blocks) * self.block_s;
+                memory.take(segment, retention(length_s, *time_constant_s));
+            }
+            Kept::Window { window, part_blocks, filled } => {
+                window.add(segment);
+                *filled = filled.saturating_add(blocks);
+                if *filled >= *part_blocks {
+                    window.advance();
+                    *filled = 0;
+                }
+            }
+        }
+    }
+
+    /// Told the answer, for the digits' sake; see [`Forgetting::recentre`].
+    pub(crate) fn recentre(&mut self, parameters: &[T; N]) {
+        if let Kept::Forgetting { memory, .. } = &mut self.kept {
+            memory.recentre(parameters);
+        }
+    }
+
+    /// Everything remembered.
+    pub(crate) fn factor(&self) -> InformationFactor<T, N> {
+        match &self.kept {
+            Kept::Forgetting { memory, .. } => memory.factor(),
+            Kept::Window { window, .. } => window.factor(),
+        }
+    }
+}
