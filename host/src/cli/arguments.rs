@@ -5,6 +5,7 @@ use clap::{Args, Parser, Subcommand};
 pub use super::course_arguments::Course;
 pub use super::factor_arguments::{MakeFactor, Merge, Solve, TareFiles};
 pub use super::known_arguments::KnownQuantities;
+pub use super::memory_arguments::Remember;
 pub use super::montecarlo_poses::MontecarloPoses;
 pub use super::plan_arguments::Plan;
 
@@ -84,7 +85,7 @@ pub enum Mcu {
 #[derive(Args, Debug, Clone)]
 #[command(
     after_help = "Examples:\n  rigident demo\n  rigident demo --mcu qemu --json\n  rigident demo --body vertical --seed 7 --out \
-                        answers/demo7\n  rigident demo --until m=0.05,Ixx=0.01"
+                        answers/demo7\n  rigident demo --until m=0.05,Ixx=0.01\n  rigident demo --forget 20"
 )]
 pub struct Demo {
     /// Where the firmware runs
@@ -105,6 +106,9 @@ pub struct Demo {
     #[command(flatten)]
     #[allow(missing_docs)]
     pub course: Course,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub remember: Remember,
     #[command(flatten)]
     #[allow(missing_docs)]
     pub known: KnownQuantities,
@@ -143,6 +147,9 @@ pub struct Replay {
     pub course: Course,
     #[command(flatten)]
     #[allow(missing_docs)]
+    pub remember: Remember,
+    #[command(flatten)]
+    #[allow(missing_docs)]
     pub tare: TareFiles,
     #[command(flatten)]
     #[allow(missing_docs)]
@@ -158,7 +165,7 @@ pub struct Replay {
     after_help = "Examples:\n  rigident identify bracket.csv\n  rigident identify poses.csv --rig poses.rig.toml --estimate m,mc,offset \
                         --json\n  rigident identify bracket.csv --tare fixture.csv\n  rigident identify \
                         bracket.csv --known mass_kg=20.013±0.005 --symmetry y±0.002\n  rigident identify turn.rig.toml\n  rigident identify \
-                        recordings/ --rig turn.rig.toml"
+                        recordings/ --rig turn.rig.toml\n  rigident identify tank.mcap --forget 30"
 )]
 pub struct Identify {
     /// The recording, CSV or MCAP; of several files with clocks of their own the rig file that lists them, or their
@@ -167,6 +174,9 @@ pub struct Identify {
     /// Rig file. Default: NAME.rig.toml beside the recording
     #[arg(long, value_name = "FILE")]
     pub rig: Option<PathBuf>,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub remember: Remember,
     #[command(flatten)]
     #[allow(missing_docs)]
     pub tare: TareFiles,
@@ -238,6 +248,9 @@ pub struct Run {
     #[command(flatten)]
     #[allow(missing_docs)]
     pub course: Course,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub remember: Remember,
     #[command(flatten)]
     #[allow(missing_docs)]
     pub known: KnownQuantities,

@@ -1,6 +1,7 @@
 use std::process::ExitCode;
 use std::time::Instant;
 
+use rigident_shared::forgetting::MemoryConfig;
 use rigident_shared::wire::Source;
 use rigident_sim::experiment::thesis_program;
 use rigident_sim::rig::{Rig, RigConfig};
@@ -8,9 +9,11 @@ use rigident_sim::sensors::SensorModels;
 
 use super::arguments::{Demo, DemoBody};
 use super::experiment::{Experiment, Watcher, check_duration, device_notes};
+use super::memory_arguments::{self, RowsOf};
 use super::outcome::provenance;
 use super::{Failure, Folder, simulated};
 use crate::answer::assemble::Asked;
+use crate::identification::remembered::imu_noise;
 use crate::link::Client;
 use crate::platform::{LocalPlatform, Platform as _};
 use crate::session::{DeviceTiming, Session, settings};
@@ -48,8 +51,11 @@ pub(super) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
         .map_err(|e| Failure::link(e).context("the simulated device"))?;
     let timing =
         DeviceTiming { rate_hz: RATE_HZ, is_static: false, source: Source::Sensors, host_timeout_ms: 0 };
+    let span = arguments.remember.span(&RowsOf::rig(&file, RATE_HZ))?;
+    let memory = span.map(|span| MemoryConfig { span, imu_noise: imu_noise(file.imu.first(), &[]) });
     let mut settings = settings(&file, &timing, None, None).map_err(Failure::input)?;
     arguments.course.put_into(&mut settings)?;
+    memory_arguments::put_into(&mut settings, memory.as_ref());
     session.configure(&settings).map_err(Failure::link)?;
     let mut platform = LocalPlatform(rig);
     platform.load(&program).map_err(Failure::link)?;
@@ -77,6 +83,7 @@ pub(super) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
         identity: session.identity(),
         known: &known,
         tare: None,
+        memory,
         warnings: Vec::new(),
     }
     .conclude(take, &folder, arguments.output.json)

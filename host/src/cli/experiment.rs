@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
+use rigident_shared::forgetting::MemoryConfig;
 use rigident_shared::wire::{Consistency, EstimateReport, Identity, ReadingMessage, Reason, StateName};
 use rigident_sim::experiment::SHORTEST_S;
 
@@ -19,6 +20,7 @@ use crate::formats::result::{Measured, ParameterState};
 use crate::formats::rig::RigFile;
 use crate::identification::known::Known;
 use crate::identification::pooled::PooledFactor;
+use crate::identification::remembered::{self, conclude_remembered, identify_remembered};
 use crate::identification::tare::Tare;
 use crate::identification::{self, Progression, prepare};
 use crate::report::{Drift, Quantity, Stage};
@@ -169,6 +171,8 @@ pub(super) struct Experiment<'a> {
     /// What is known beforehand.
     pub(super) known: &'a [Known],
     pub(super) tare: Option<Tare>,
+    /// How long the device remembers, if not for ever.
+    pub(super) memory: Option<MemoryConfig<f64>>,
     pub(super) warnings: Vec<String>,
 }
 
@@ -207,14 +211,23 @@ impl Experiment<'_> {
         let input = prepare::input(self.rig, take.readings, self.is_static, self.rate_hz);
         let (mut identification, mcu) = match take.factor {
             Some(factor) => (
-                identification::conclude_firmware(&input, factor, self.sigma_given)
-                    .map_err(Failure::input)?,
+                match &self.memory {
+                    Some(memory) => {
+                        conclude_remembered(&input, memory, factor, counters.knocks, self.sigma_given)
+                    }
+                    None => identification::conclude_firmware(&input, factor, self.sigma_given),
+                }
+                .map_err(Failure::input)?,
                 self.mcu,
             ),
             None => {
                 // The device is out of reach; what it streamed is here, and the pipeline is the same.
                 let broken = take.broken.as_deref().unwrap_or("the device gave no factor");
-                let identification = identification::identify(&input).map_err(|e| {
+                let identification = match &self.memory {
+                    Some(memory) => identify_remembered(&input, memory, 1).map(|(found, _)| found),
+                    None => identification::identify(&input),
+                }
+                .map_err(|e| {
                     Failure::link(format!(
                         "{broken}\nWhat was recorded is in {}: {e}",
                         folder.path().display()
@@ -283,6 +296,7 @@ impl Experiment<'_> {
             identification: &identification,
             factor,
             progression,
+            memory: self.memory.map(|memory| remembered::result(&input, &memory, &identification.factor)),
             stages: self.stages,
             drift,
             time_base: None,

@@ -58,7 +58,13 @@ pub(super) fn solve(arguments: &Solve) -> Result<ExitCode, Failure> {
     identification.estimate = identification.estimate.with_known(&known).map_err(Failure::input)?;
     let folder = arguments.output.out.as_deref().map(|out| Folder::new(Some(out), "solve")).transpose()?;
     let rows = identification.counters.readings as usize;
-    let source = ResultSource { recording: pooled.recordings(), rows, rate_hz: None, mcu: "host".to_owned() };
+    let source = ResultSource {
+        recording: pooled.recordings(),
+        rows,
+        rate_hz: None,
+        mcu: "host".to_owned(),
+        memory: None,
+    };
     let page_source = Source {
         body_name: rig.body.as_ref().map_or_else(String::new, |b| b.name.clone()),
         recording: source.recording.clone(),

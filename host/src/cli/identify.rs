@@ -2,12 +2,16 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
 
+use rigident_shared::forgetting::MemoryConfig;
+
 use super::arguments::Identify;
+use super::memory_arguments::RowsOf;
 use super::outcome::{Ending, provenance};
 use super::{Failure, Folder};
 use crate::answer::assemble::Asked;
 use crate::formats::recording::Recording;
 use crate::identification::pooled::PooledFactor;
+use crate::identification::remembered::{self, identify_remembered, imu_noise};
 use crate::identification::{self, known, prepare::prepare};
 use crate::streams::{Aligned, StreamSet, align, widen::widen};
 
@@ -33,12 +37,27 @@ pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
     let mut warnings: Vec<String> = recording.warnings.iter().chain(&prepared.notes).cloned().collect();
     warnings.extend(streams.iter().flat_map(|(_, aligned)| aligned.warnings.iter().cloned()));
     let tare = super::factor::tare(&arguments.tare, arguments.rig.as_deref(), &mut warnings)?;
-    let mut identification = identification::identify(&prepared.input).map_err(Failure::input)?;
-    if let Some((set, aligned)) = &streams {
-        widen(set, aligned, &mut identification).map_err(Failure::input)?;
+    let input = &prepared.input;
+    let span = arguments.remember.span(&RowsOf::input(input))?;
+    if span.is_some() && streams.is_some() {
+        return Err(Failure::input(
+            "--forget and --window: not of several files with clocks of their own, as the uncertainty of their skews is \
+             that of a whole run; give one recording",
+        ));
     }
-    let mut progression =
-        identification::progression(&prepared.input, identification.channel_sigma, PLOT_POINTS);
+    let memory = span
+        .map(|span| MemoryConfig { span, imu_noise: imu_noise(prepared.rig.imu.first(), &input.readings) });
+    let (mut identification, mut progression) = match &memory {
+        Some(memory) => identify_remembered(input, memory, PLOT_POINTS).map_err(Failure::input)?,
+        None => {
+            let mut identification = identification::identify(input).map_err(Failure::input)?;
+            if let Some((set, aligned)) = &streams {
+                widen(set, aligned, &mut identification).map_err(Failure::input)?;
+            }
+            let progression = identification::progression(input, identification.channel_sigma, PLOT_POINTS);
+            (identification, progression)
+        }
+    };
     let factor = PooledFactor::of(&identification, &prepared.input, &recording.name);
     if let Some(tare) = tare {
         tare.take_off(&factor, &mut identification, &mut progression).map_err(Failure::input)?;
@@ -55,6 +74,7 @@ pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
         identification: &identification,
         factor,
         progression,
+        memory: memory.map(|memory| remembered::result(input, &memory, &identification.factor)),
         stages: Vec::new(),
         drift: None,
         time_base: streams.map(|(_, aligned)| aligned.time_base),

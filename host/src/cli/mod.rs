@@ -14,6 +14,7 @@ mod folder;
 mod identify;
 mod known_arguments;
 mod link;
+mod memory_arguments;
 mod montecarlo;
 mod montecarlo_poses;
 mod outcome;

@@ -6,7 +6,7 @@ use rigident_shared::screening::CHANNEL_NAMES;
 
 use super::{Failure, Folder};
 use crate::answer::assemble::{Asked, Assembled, Context, assemble};
-use crate::formats::result::{ResultSource, TimeBase};
+use crate::formats::result::{MemoryResult, ResultSource, TimeBase};
 use crate::formats::rig::RigFile;
 use crate::identification::knocks::LIMIT_SD;
 use crate::identification::pooled::PooledFactor;
@@ -33,6 +33,8 @@ pub struct Ending<'a> {
     pub factor: PooledFactor,
     /// The estimate as it came in.
     pub progression: Vec<Progression>,
+    /// What it is a memory of, if not of everything.
+    pub memory: Option<MemoryResult>,
     /// Parts of the experiment.
     pub stages: Vec<Stage>,
     /// First against last pose.
@@ -53,6 +55,9 @@ impl Ending<'_> {
     /// # Errors
     /// A file cannot be written; the answer is printed nevertheless.
     pub fn conclude(mut self, folder: &Folder, json: bool) -> Result<ExitCode, Failure> {
+        if let Some(memory) = &self.memory {
+            self.warnings.insert(0, memory.to_string());
+        }
         let counters = &self.identification.counters;
         for (channel, count) in CHANNEL_NAMES.iter().zip(counters.rejected_by_channel) {
             if count > 0 {
@@ -74,6 +79,7 @@ impl Ending<'_> {
             rows: self.input.readings.len(),
             rate_hz: (!self.input.is_static).then_some(self.input.rate_hz),
             mcu: self.mcu.to_owned(),
+            memory: self.memory,
         };
         let Assembled { results, mut object, success } = assemble(
             self.identification,

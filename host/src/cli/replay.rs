@@ -1,13 +1,16 @@
 use std::process::ExitCode;
 use std::time::Instant;
 
+use rigident_shared::forgetting::MemoryConfig;
 use rigident_shared::wire::Source;
 
 use super::arguments::{Mcu, Replay};
 use super::experiment::{Experiment, Watcher};
+use super::memory_arguments::{self, RowsOf};
 use super::{Failure, Folder, simulated};
 use crate::answer::assemble::Asked;
 use crate::formats::recording::Recording;
+use crate::identification::remembered::{identify_remembered, imu_noise};
 use crate::identification::{self, known, prepare::prepare};
 use crate::link::{Client, SerialTransport, Transport};
 use crate::session::{DeviceTiming, Session, narrow, settings, widen};
@@ -23,10 +26,20 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
     known::check_model(&known, prepared.input.known_offset.is_none()).map_err(Failure::input)?;
     let mut warnings: Vec<String> = recording.warnings.iter().chain(&prepared.notes).cloned().collect();
     let tare = super::factor::tare(&arguments.tare, arguments.rig.as_deref(), &mut warnings)?;
+    let span = arguments.remember.span(&RowsOf::input(&prepared.input))?;
+    let memory = span.map(|span| MemoryConfig {
+        span,
+        imu_noise: imu_noise(prepared.rig.imu.first(), &prepared.input.readings),
+    });
     let sigma_given = prepared.rig.load_cell.noise_n_nm.is_some();
     if !sigma_given {
         // The device weighs rows by σ from the first one on.
-        let sigma = identification::identify(&prepared.input).map_err(Failure::input)?.channel_sigma;
+        let sigma = match &memory {
+            Some(memory) => identify_remembered(&prepared.input, memory, 1).map(|(found, _)| found),
+            None => identification::identify(&prepared.input),
+        }
+        .map_err(Failure::input)?
+        .channel_sigma;
         prepared.rig.load_cell.noise_n_nm = Some(sigma);
         warnings.push(format!(
             "noise_n_nm is not given: the device was told {} N, N m, from the residuals of a batch",
@@ -48,6 +61,7 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
     };
     let mut settings = settings(&prepared.rig, &timing, None, None).map_err(Failure::input)?;
     arguments.course.put_into(&mut settings)?;
+    memory_arguments::put_into(&mut settings, memory.as_ref());
     session.configure(&settings).map_err(Failure::link)?;
     let folder = Folder::new(arguments.output.out.as_deref(), "replay")?;
     let mut watcher = Watcher::new(prepared.input.readings.len());
@@ -70,6 +84,7 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
         identity: session.identity(),
         known: &known,
         tare,
+        memory,
         warnings,
     }
     .conclude(take, &folder, arguments.output.json)

@@ -2,6 +2,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use rigident_shared::calibration::Reading;
+use rigident_shared::forgetting::{ImuNoise, MemoryConfig};
 use rigident_shared::wire::Source;
 use rigident_sim::experiment::thesis_program;
 use rigident_sim::platform::Geometry;
@@ -9,12 +10,14 @@ use rigident_sim::platform::Geometry;
 use super::arguments::Run;
 use super::experiment::{Experiment, Watcher, check_duration, device_notes};
 use super::link::{HOST_TIMEOUT_MS, open};
+use super::memory_arguments::{self, RowsOf};
 use super::outcome::provenance;
 use super::{Failure, Folder, simulated};
 use crate::answer::assemble::Asked;
-use crate::formats::rig::{Calibrated, OffsetTable, OffsetWord, RigFile};
+use crate::formats::rig::{Calibrated, ImuTable, OffsetTable, OffsetWord, RigFile};
 use crate::identification::known::check_model;
 use crate::identification::prepare::mounting;
+use crate::identification::remembered::imu_noise;
 use crate::platform::{NetworkPlatform, Platform as _};
 use crate::session::{DeviceTiming, INTERRUPTED, Session, settings};
 
@@ -39,6 +42,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let mut standing = settings(&rig, &timing, Some([1.0; 6]), None).map_err(Failure::input)?;
     // What cannot be asked for is said before anything moves.
     arguments.course.put_into(&mut standing)?;
+    let span = arguments.remember.span(&RowsOf::rig(&rig, rate_hz))?;
     session.configure(&standing).map_err(Failure::link)?;
 
     let mut warnings = Vec::new();
@@ -46,6 +50,8 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let rest = zero(&mut session, &mut rig, &mut warnings)?;
     let mut settings = settings(&rig, &timing, Some(rest.sigma), None).map_err(Failure::input)?;
     arguments.course.put_into(&mut settings)?;
+    let memory = span.map(|span| MemoryConfig { span, imu_noise: rest.imu_noise });
+    memory_arguments::put_into(&mut settings, memory.as_ref());
     session.configure(&settings).map_err(Failure::link)?;
 
     let program = thesis_program(&Geometry::thesis(), arguments.duration_s);
@@ -80,6 +86,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         identity: session.identity(),
         known: &known,
         tare: None,
+        memory,
         warnings,
     }
     .conclude(take, &folder, arguments.output.json)
@@ -90,9 +97,10 @@ struct Rest {
     wrench: [f64; 6],
     sigma: [f64; 6],
     angular_rate: [f64; 3],
+    imu_noise: ImuNoise<f64>,
 }
 
-fn at_rest(readings: &[Reading<f64>]) -> Option<Rest> {
+fn at_rest(readings: &[Reading<f64>], imu: Option<&ImuTable>) -> Option<Rest> {
     let n = readings.len() as f64;
     if readings.len() < 10 {
         return None;
@@ -105,15 +113,16 @@ fn at_rest(readings: &[Reading<f64>]) -> Option<Rest> {
             (mean(&|r| (r.wrench.array()[c] - wrench[c]).powi(2)) * n / (n - 1.0)).sqrt()
         }),
         angular_rate: std::array::from_fn(|c| mean(&|r| r.angular_rate.array()[c])),
+        imu_noise: imu_noise(imu, readings),
     })
 }
 
-fn look(session: &mut Session) -> Result<Rest, Failure> {
+fn look(session: &mut Session, rig: &RigFile) -> Result<Rest, Failure> {
     let readings = session.watch(WINDOW_S, &mut Watcher::new(0)).map_err(Failure::link)?;
     if INTERRUPTED.load(std::sync::atomic::Ordering::Relaxed) {
         return Err(Failure::link("stopped before the experiment began; nothing was moved"));
     }
-    at_rest(&readings).ok_or_else(|| {
+    at_rest(&readings, rig.imu.first()).ok_or_else(|| {
         Failure::link(
             "the sensors send nothing: check their supply and wiring (`rigident info` shows the counters)",
         )
@@ -131,7 +140,7 @@ fn warm_up(
     let mut last: Option<Rest> = None;
     let mut settled = 0;
     while begun.elapsed().as_secs_f64() < longest_s {
-        let now = look(session)?;
+        let now = look(session, rig)?;
         if let Some(last) = &last {
             let sigma = rig.load_cell.noise_n_nm.unwrap_or(now.sigma);
             let still = (0..6).all(|c| (now.wrench[c] - last.wrench[c]).abs() < sigma[c]);
@@ -156,7 +165,7 @@ fn warm_up(
 
 /// The sensors at rest: bias of the gyro, and the noise where the rig file states none.
 fn zero(session: &mut Session, rig: &mut RigFile, warnings: &mut Vec<String>) -> Result<Rest, Failure> {
-    let rest = look(session)?;
+    let rest = look(session, rig)?;
     eprintln!("zero: mean wrench {:.2?} N, N m", rest.wrench);
     if rig.imu.is_empty() {
         rig.imu.push(Default::default());

@@ -118,6 +118,37 @@ pub struct ResultSource {
     pub rate_hz: Option<f64>,
     /// Who estimated: `inproc`, `qemu`, `port` or `host`.
     pub mcu: String,
+    /// What the answer is a memory of; absent where nothing is forgotten.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub memory: Option<MemoryResult>,
+}
+
+/// What an answer is a memory of.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct MemoryResult {
+    /// `forgetting` or `window`.
+    pub kind: &'static str,
+    /// The time constant, or the window's length, s.
+    pub span_s: f64,
+    /// Seconds of rows that the answer rests on, older ones weighted as they are remembered.
+    pub effective_s: f64,
+}
+
+impl std::fmt::Display for MemoryResult {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { kind, span_s, effective_s } = self;
+        if *kind == "window" {
+            return write!(
+                f,
+                "the answer is that of the last {effective_s:.1} s of rows (--window {span_s}) and of nothing before"
+            );
+        }
+        write!(
+            f,
+            "the answer is a memory of {effective_s:.1} s of rows (--forget {span_s}): what the motion renews is forgotten \
+             with that time constant, what it does not renew is kept as it was last seen"
+        )
+    }
 }
 
 /// Principal moments about the centre of mass, largest first.
@@ -285,7 +316,13 @@ mod tests {
         ResultObject {
             schema: SCHEMA,
             status: Status::NotIdentified,
-            source: ResultSource { recording: "still".into(), rows: 7, rate_hz: None, mcu: "host".into() },
+            source: ResultSource {
+                recording: "still".into(),
+                rows: 7,
+                rate_hz: None,
+                mcu: "host".into(),
+                memory: None,
+            },
             time_base: None,
             parameters: vec![Parameter {
                 name: "m".into(),

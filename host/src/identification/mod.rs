@@ -12,6 +12,7 @@ pub mod known;
 pub mod pooled;
 pub mod poses;
 pub mod prepare;
+pub mod remembered;
 pub mod tare;
 pub mod whiteness;
 
@@ -515,25 +516,39 @@ fn sigma_from_residuals<const N: usize>(input: &Input, shares: &Shares, absorbed
     let (factor, gains) = absorbed.factor_and_gains(&input.gain_sigma);
     let estimate = Estimate::new(&factor, 1.0, Noise::Given);
     let (residuals, _) = residuals::<N>(shares, settings.config().channel_sigma, &estimate, &gains);
+    raw_sigma(settings, &estimate, &residuals, absorbed.counters.blocks)
+}
+
+/// Raw σ of each channel from the residuals of so many blocks, to which the estimate was fitted.
+fn raw_sigma<const N: usize>(
+    settings: &Estimator<f64, N, TAPS>,
+    estimate: &Estimate,
+    residuals: &[BlockResidual],
+    blocks: u32,
+) -> [f64; 6] {
     let determined = estimate.determined.iter().filter(|d| **d).count();
-    let blocks = absorbed.counters.blocks;
     let dof = degrees_of_freedom(blocks, settings.noise_gain(), determined);
     let left = dof / (dof + determined as f64 / 6.0);
     let kernel = settings.kernel().noise_gain();
-    let raw = rms(&residuals).map(|r| r / (kernel * left).sqrt());
+    let raw = rms(residuals).map(|r| r / (kernel * left).sqrt());
     // A channel that fits exactly must not outweigh all others.
     let floor = |group: &[f64]| 1e-6 * group.iter().copied().fold(f64::MIN_POSITIVE, f64::max).max(1e-12);
     let (force, moment) = (floor(&raw[..3]), floor(&raw[3..]));
     std::array::from_fn(|c| raw[c].max(if c < 3 { force } else { moment }))
 }
 
-/// σ of the gyro, the largest of its axes, from second differences: motion hardly enters, noise by √6.
+/// σ of the gyro.
 fn gyro_sigma(readings: &[Reading<f64>]) -> f64 {
+    second_differences(readings, |r| r.angular_rate.array())
+}
+
+/// σ of a sensor, the largest of its axes, from second differences: motion hardly enters, noise by √6.
+fn second_differences(readings: &[Reading<f64>], of: impl Fn(&Reading<f64>) -> [f64; 3]) -> f64 {
     let mut sums = [0.0; 3];
     let mut count = 0_u32;
     for triple in readings.windows(3) {
         let [a, b, c] = triple else { continue };
-        let (a, b, c) = (a.angular_rate.array(), b.angular_rate.array(), c.angular_rate.array());
+        let (a, b, c) = (of(a), of(b), of(c));
         for ((sum, (a, b)), c) in sums.iter_mut().zip(a.iter().zip(b)).zip(c) {
             *sum += (a - 2.0 * b + c).powi(2);
         }

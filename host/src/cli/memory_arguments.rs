@@ -1,0 +1,125 @@
+use clap::Args;
+use rigident_shared::forgetting::{ImuNoise, MemoryConfig, Span};
+use rigident_shared::wire::{MemorySettings, Settings};
+
+use super::Failure;
+use crate::formats::rig::RigFile;
+use crate::identification::{FILTER_WIDTH_S, Input, row_every};
+
+/// Row blocks of which a window holds one at least in each of its parts.
+const LEAST_BLOCKS: f64 = 5.0;
+
+/// How long rows are remembered.
+#[derive(Args, Debug, Clone, Default)]
+pub struct Remember {
+    /// For a body that changes: forget what the motion renews with this time constant, s; what it does not renew is kept.
+    /// The answer is the one at the end, with the uncertainty of S seconds. With --until the run ends when what is
+    /// remembered is that well known, which a short memory may never be
+    #[arg(long, value_name = "S", conflicts_with = "window")]
+    pub forget: Option<f64>,
+    /// The answer of the last S seconds alone (of four fifths of it at least); where these did not move, nothing is
+    /// identified. With --until as --forget
+    #[arg(long, value_name = "S")]
+    pub window: Option<f64>,
+}
+
+/// What rows are remembered of.
+pub(super) struct RowsOf {
+    pub(super) rate_hz: f64,
+    pub(super) is_static: bool,
+    pub(super) gains_uncertain: bool,
+}
+
+impl RowsOf {
+    pub(super) fn input(input: &Input) -> Self {
+        Self {
+            rate_hz: input.rate_hz,
+            is_static: input.is_static,
+            gains_uncertain: input.gain_sigma.iter().any(|s| *s > 0.0),
+        }
+    }
+
+    /// Of a rig that moves.
+    pub(super) fn rig(rig: &RigFile, rate_hz: f64) -> Self {
+        let gains = rig.load_cell.gain_uncertainty;
+        Self { rate_hz, is_static: false, gains_uncertain: gains.is_some_and(|g| g.iter().any(|s| *s > 0.0)) }
+    }
+}
+
+impl Remember {
+    /// The span asked for; `None`: everything is kept, which an infinite one asks for too.
+    ///
+    /// # Errors
+    /// Why it cannot be: bad input.
+    pub(super) fn span(&self, rows: &RowsOf) -> Result<Option<Span<f64>>, Failure> {
+        let (option, seconds, span) = match (self.forget, self.window) {
+            (Some(s), _) => ("--forget", s, Span::TimeConstant(s)),
+            (None, Some(s)) => ("--window", s, Span::Window(s)),
+            (None, None) => return Ok(None),
+        };
+        let refuse = |why: &str| Err(Failure::input(format!("{option} {seconds}: {why}")));
+        if seconds.is_nan() || seconds <= 0.0 {
+            return refuse("a positive number of seconds is wanted");
+        }
+        if rows.is_static {
+            return refuse("still poses have no time that could be forgotten by; leave it out");
+        }
+        if rows.gains_uncertain {
+            return refuse(
+                "the rig file states gain_uncertainty, and a memory of rows does not hold what gain errors are told by; leave \
+                 out one of them",
+            );
+        }
+        let block_s = f64::from(row_every(rows.rate_hz)) / rows.rate_hz;
+        let least_s =
+            if self.forget.is_some() { FILTER_WIDTH_S } else { FILTER_WIDTH_S.max(LEAST_BLOCKS * block_s) };
+        if seconds < least_s {
+            return refuse(&format!("shorter than the filter and its rows; at least {least_s} s are wanted"));
+        }
+        // Beyond the f32 of the wire nothing is forgotten either.
+        Ok((seconds < f64::from(f32::MAX)).then_some(span))
+    }
+}
+
+/// Puts a memory into the device's settings.
+pub(super) fn put_into(settings: &mut Settings, memory: Option<&MemoryConfig<f64>>) {
+    settings.memory = match memory {
+        None => MemorySettings::Forever,
+        Some(MemoryConfig { span: Span::TimeConstant(s), imu_noise: ImuNoise { accel, gyro } }) => {
+            MemorySettings::Forgetting {
+                time_constant_s: *s as f32,
+                accel_noise_mps2: *accel as f32,
+                gyro_noise_radps: *gyro as f32,
+            }
+        }
+        Some(MemoryConfig { span: Span::Window(s), .. }) => MemorySettings::Window { length_s: *s as f32 },
+    };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MOVING: RowsOf = RowsOf { rate_hz: 1000.0, is_static: false, gains_uncertain: false };
+
+    #[test]
+    fn what_makes_no_sense_is_refused_with_its_reason() {
+        let said = |remember: Remember, rows: RowsOf| remember.span(&rows).unwrap_err().to_string();
+        let forget = |s| Remember { forget: Some(s), window: None };
+        let window = |s| Remember { forget: None, window: Some(s) };
+        for s in [0.0, -3.0, f64::NAN] {
+            assert!(said(forget(s), MOVING).contains("positive"));
+            assert!(said(window(s), MOVING).starts_with("--window"));
+        }
+        assert!(said(forget(0.05), MOVING).contains("shorter than the filter"));
+        // At 20 readings a second a block is 50 ms long.
+        assert!(said(window(0.2), RowsOf { rate_hz: 20.0, ..MOVING }).contains("at least 0.25 s"));
+        assert!(said(forget(10.0), RowsOf { is_static: true, ..MOVING }).contains("still poses"));
+        assert!(said(forget(10.0), RowsOf { gains_uncertain: true, ..MOVING }).contains("gain_uncertainty"));
+        assert_eq!(forget(10.0).span(&MOVING).unwrap(), Some(Span::TimeConstant(10.0)));
+        assert_eq!(window(10.0).span(&MOVING).unwrap(), Some(Span::Window(10.0)));
+        for endless in [forget(f64::INFINITY), window(f64::INFINITY), Remember::default()] {
+            assert_eq!(endless.span(&MOVING).unwrap(), None);
+        }
+    }
+}
