@@ -9,7 +9,7 @@ use crate::spatial::{Position, Sensor};
 const FORCE: [usize; 7] = [1, 2, 3, 0, 10, 11, 12];
 /// Parameters that moments see: the tensor, mcx, mcy, mcz, and the offset.
 const MOMENT: [usize; 12] = [4, 5, 6, 7, 8, 9, 1, 2, 3, 13, 14, 15];
-/// Levels above the absorbing one: 400 · 100³ wrenches before the last takes more than a hundred merges.
+/// Levels above the absorbing one: 1600 · 100³ wrenches before the last takes more than a hundred merges.
 const UPPER: usize = 3;
 /// Wrenches in a block.
 const WRENCHES: u8 = (BLOCK_ROWS / 3) as u8;

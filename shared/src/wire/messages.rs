@@ -237,7 +237,7 @@ pub struct Settings {
     /// A row block is absorbed every so many readings.
     pub row_every: u16,
     /// A row is given less weight if it is further from the estimate so far than so many standard deviations; 0: never.
-    /// Needs estimates: it is what is sent (`telemetry`) that rows are compared with.
+    /// The estimate is that of the last look at the factor, every fifty row blocks.
     pub knock_limit_sd: f32,
     /// What is kept of the rows.
     pub memory: MemorySettings,
