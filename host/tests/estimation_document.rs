@@ -1,11 +1,15 @@
-//! The tables of `docs/estimation.md` are those that `cargo xtask tables` makes.
+//! The tables of `docs/estimation.md` and `docs/platform.md` are those that `cargo xtask tables` makes.
 
 #![cfg(feature = "simulator")]
 
-#[path = "../examples/estimation_tables/document.rs"]
+#[path = "../examples/tables/document.rs"]
 mod document;
 #[path = "../examples/estimation_tables/filter_response.rs"]
 mod filter_response;
+#[path = "../examples/estimation_tables/names.rs"]
+mod names;
+#[path = "../examples/platform_tables/names.rs"]
+mod platform_names;
 #[allow(dead_code, reason = "the tables use the rest")]
 #[path = "../examples/estimation_tables/report.rs"]
 mod report;
@@ -17,7 +21,7 @@ fn estimation() -> String {
 #[test]
 fn the_document_has_a_place_for_every_table_and_no_other() {
     let text = estimation();
-    assert_eq!(document::complaint(&text), None);
+    assert_eq!(document::complaint(&text, &names::TABLES), None);
     // No place is empty.
     for name in document::names(&text) {
         let emptied = document::replaced(&text, name, "").unwrap();
@@ -41,4 +45,14 @@ fn a_table_is_replaced_and_nothing_else() {
     assert_eq!(document::names(text), ["x", "y"]);
     let unfinished = "<!-- table: x -->\n<!-- table: y -->\n<!-- end -->\n";
     assert_eq!(document::replaced(unfinished, "x", ""), None);
+}
+
+#[test]
+fn the_platforms_document_has_a_place_for_every_table_and_no_other() {
+    let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/platform.md")).unwrap();
+    assert_eq!(document::complaint(&text, &platform_names::TABLES), None);
+    for name in document::names(&text) {
+        let emptied = document::replaced(&text, name, "").unwrap();
+        assert!(emptied.len() + 100 < text.len(), "table {name} has not been made");
+    }
 }

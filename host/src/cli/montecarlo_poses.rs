@@ -17,8 +17,7 @@ use crate::planning::poses::montecarlo::{
     Errors, Estimator, Experiment, Mounting, Row, Spread, reduction, section_6_3,
 };
 use crate::planning::poses::plan::{Task, check_n, plan};
-use crate::planning::poses::reach::{COND_MAX, Reach};
-use crate::planning::poses::{Objective, Region};
+use crate::planning::poses::{Objective, Reach, Region};
 use crate::report::probability::{Panel, Sample, straightness, svg};
 use crate::session::INTERRUPTED;
 
@@ -158,7 +157,7 @@ pub(super) fn run(arguments: &MontecarloPoses) -> Result<ExitCode, Failure> {
 
 /// The planned poses, one set for each number of them.
 fn sets(arguments: &MontecarloPoses, progress: &mut Progress) -> Result<Vec<Vec<Vector3<f64>>>, Failure> {
-    let reach = Reach::new(Geometry::thesis(), arguments.stroke_m, COND_MAX).map_err(Failure::input)?;
+    let reach = Reach::new(Geometry::thesis(), arguments.stroke_m).map_err(Failure::input)?;
     let region = Region::of_platform(&reach);
     (arguments.from..=arguments.to)
         .map(|n| {

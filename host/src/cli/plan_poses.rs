@@ -2,7 +2,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use nalgebra::Matrix3;
-use rigident_sim::platform::{Geometry, Limits};
+use rigident_sim::platform::{COND_MAX, Geometry, Limits};
 use rigident_sim::rig::Mounting;
 use rigident_sim::sensors::SensorModels;
 use serde::Serialize;
@@ -12,14 +12,12 @@ use super::plan_arguments::{PlanPoses, PoseObjective};
 use super::{Failure, Progress};
 use crate::formats::rig::RigFile;
 use crate::planning::poses::plan::{PosePlan, Task, check_n, plan};
-use crate::planning::poses::reach::{COND_MAX, Reach};
-use crate::planning::poses::{Objective, Region};
+use crate::planning::poses::{Objective, Reach, Region};
 use crate::session::INTERRUPTED;
 
 /// What of a rig the plan depends on.
 struct Rig {
     geometry: Geometry,
-    cond_max: f64,
     noise_n_nm: [f64; 6],
     plate_to_cell: Matrix3<f64>,
     gravity_mps2: f64,
@@ -66,7 +64,7 @@ pub(super) fn run(arguments: &PlanPoses) -> Result<ExitCode, Failure> {
     check_n(arguments.n, &objective).map_err(Failure::input)?;
     let mut progress = Progress::new();
     progress.show(|| "where the platform can tilt to".to_owned());
-    let reach = Reach::new(rig.geometry, arguments.stroke_m, rig.cond_max).map_err(Failure::input)?;
+    let reach = Reach::new(rig.geometry, arguments.stroke_m).map_err(Failure::input)?;
     let region = Region::of_platform(&reach);
     let task = Task {
         n: arguments.n,
@@ -140,7 +138,6 @@ fn rig(path: Option<&Path>) -> Result<Rig, Failure> {
     let Some(path) = path else {
         return Ok(Rig {
             geometry: Geometry::thesis(),
-            cond_max: COND_MAX,
             noise_n_nm: thesis,
             plate_to_cell: Matrix3::identity(),
             gravity_mps2: 9.80665,
@@ -164,9 +161,8 @@ fn rig(path: Option<&Path>) -> Result<Rig, Failure> {
             plate_joints_m: platform.plate_joints_m.ok_or_else(|| missing("plate_joints_m"))?,
             leg_length_m: platform.leg_length_m.ok_or_else(|| missing("leg_length_m"))?,
             leg_rate_mps: platform.leg_rate_mps.unwrap_or(Geometry::thesis().leg_rate_mps),
-            limits: Limits::default(),
+            limits: Limits { cond_max: platform.cond_max.unwrap_or(COND_MAX), ..Limits::default() },
         },
-        cond_max: platform.cond_max.unwrap_or(COND_MAX),
         noise_n_nm: file.load_cell.noise_n_nm.unwrap_or(thesis),
         plate_to_cell: cell_to_plate.transpose(),
         gravity_mps2: file.recording.gravity_mps2,

@@ -1,14 +1,11 @@
 //! Whether the plate can be held in an orientation, and where.
 
-use nalgebra::{Matrix3, Matrix6, Vector3};
-use rigident_sim::platform::{Geometry, Pose};
+use nalgebra::{Matrix3, Vector3};
+use rigident_sim::platform::{Geometry, Limits, Pose};
 
 use super::measure::roll_pitch;
 use super::region::RegionError;
 
-/// Bound on the condition number of the force transmission matrix (metres, moments about the plate's origin): the
-/// thesis' guard against singular poses.
-pub const COND_MAX: f64 = 40.0;
 /// Powers of the mean that stands for the largest of the measures; the later ones only where the first do not hold.
 const POWERS: [i32; 3] = [8, 16, 32];
 /// Newton steps with each.
@@ -20,11 +17,10 @@ const STRIDE_RAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
 /// For the gradient of the guard's measure, m.
 const DIFFERENCE_M: f64 = 1e-6;
 
-/// A platform's legs and the guard.
+/// A platform and where its plate can be brought to from the level pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reach {
     geometry: Geometry,
-    cond_max: f64,
 }
 
 impl Reach {
@@ -32,7 +28,7 @@ impl Reach {
     ///
     /// # Errors
     /// Limits that contradict each other, a stroke the legs do not have, or a level pose out of reach.
-    pub fn new(mut geometry: Geometry, stroke_m: Option<f64>, cond_max: f64) -> Result<Self, RegionError> {
+    pub fn new(mut geometry: Geometry, stroke_m: Option<f64>) -> Result<Self, RegionError> {
         let [shortest, longest] = geometry.leg_length_m;
         if !(shortest.is_finite() && longest.is_finite() && 0.0 < shortest && shortest < longest) {
             return Err(RegionError::Limits(format!(
@@ -40,17 +36,11 @@ impl Reach {
             )));
         }
         if let Some(stroke) = stroke_m {
-            let whole = longest - shortest;
-            if !(stroke > 0.0 && stroke <= whole * (1.0 + 1e-12)) {
-                return Err(RegionError::Limits(format!(
-                    "a stroke of {stroke} m, but the legs, from {shortest} m to {longest} m, have {whole:.4} m: give \
-                     --stroke-m something positive and not more than that"
-                )));
-            }
-            let middle = 0.5 * (shortest + longest);
-            geometry.leg_length_m = [middle - 0.5 * stroke, middle + 0.5 * stroke];
+            geometry = geometry
+                .with_stroke(stroke)
+                .map_err(|error| RegionError::Limits(format!("--stroke-m {stroke}: {error}")))?;
         }
-        let reach = Self { geometry, cond_max };
+        let reach = Self { geometry };
         reach.complaint().map_or(Ok(reach), |why| Err(RegionError::LevelUnreachable(why)))
     }
 
@@ -89,47 +79,15 @@ impl Reach {
         if self.holds(&pose) {
             return None;
         }
-        // Which of the two it is: the legs by themselves.
-        let legs_alone = Self { cond_max: f64::INFINITY, ..self.clone() };
+        // Which limit it is: first the legs by themselves, then what else there is where they are most central.
+        let mut legs_alone = self.clone();
+        legs_alone.geometry.limits = Limits { cond_max: f64::INFINITY, ..Limits::default() };
         let pose = legs_alone.level();
-        let [low, high] = self.geometry.leg_length_m;
-        let outside = |l: f64| (low - l).max(l - high);
-        let lengths = self.geometry.leg_lengths(&pose);
-        let worst = lengths.iter().enumerate().max_by(|a, b| outside(*a.1).total_cmp(&outside(*b.1)));
-        if let Some((leg, length)) = worst.filter(|(_, l)| outside(**l) > 0.0 || l.is_nan()) {
-            return Some(format!(
-                "wherever it is, a leg is out of its range of {low:.4} m to {high:.4} m; at best it is leg {} with \
-                 {length:.4} m",
-                leg + 1
-            ));
-        }
-        Some(format!(
-            "the geometry is singular or nearly so, the condition number of the force transmission is {:.1} and the \
-             limit {:.1}",
-            self.transmission_condition(&pose),
-            self.cond_max
-        ))
+        self.geometry.check_pose(&pose).err().map(|violation| violation.to_string())
     }
 
     fn holds(&self, pose: &Pose) -> bool {
-        let [low, high] = self.geometry.leg_length_m;
-        self.geometry.leg_lengths(pose).iter().all(|l| (low..=high).contains(l))
-            && self.transmission_condition(pose) <= self.cond_max
-            && (self.determinant(pose) > 0.0) == (self.determinant(&self.geometry.home()) > 0.0)
-    }
-
-    fn transmission_condition(&self, pose: &Pose) -> f64 {
-        let singular = self.jacobian(pose).singular_values();
-        singular.max() / singular.min()
-    }
-
-    fn determinant(&self, pose: &Pose) -> f64 {
-        self.jacobian(pose).determinant()
-    }
-
-    fn jacobian(&self, pose: &Pose) -> Matrix6<f64> {
-        let jacobian = self.geometry.jacobian(pose);
-        Matrix6::from_fn(|i, j| jacobian[i][j])
+        self.geometry.check_pose(pose).is_ok()
     }
 
     /// Makes the largest of `|l_i − middle|/half stroke` and `cond/cond_max` small by moving the position: Newton's steps
@@ -151,7 +109,7 @@ impl Reach {
             position_m: std::array::from_fn(|i| pose.position_m[i] + step[i]),
             ..*pose
         };
-        let guard = |pose: &Pose| self.transmission_condition(pose) / self.cond_max;
+        let guard = |pose: &Pose| self.geometry.condition_number(pose) / self.geometry.limits.cond_max;
         for _ in 0..STEPS {
             let lengths = self.geometry.leg_lengths(&pose);
             let rows = self.geometry.jacobian(&pose);
@@ -194,18 +152,20 @@ pub(super) fn tilted(up: &Vector3<f64>, tilt: f64) -> Vector3<f64> {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Matrix6;
+
     use super::*;
     use crate::planning::poses::measure::up_in_plate;
 
     fn thesis(stroke_m: Option<f64>) -> Reach {
-        Reach::new(Geometry::thesis(), stroke_m, COND_MAX).unwrap()
+        Reach::new(Geometry::thesis(), stroke_m).unwrap()
     }
 
     /// The largest of the measures.
     fn tightness(reach: &Reach, pose: &Pose) -> f64 {
         let [low, high] = reach.geometry.leg_length_m;
         let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
-        let cond = reach.transmission_condition(pose) / reach.cond_max;
+        let cond = reach.geometry.condition_number(pose) / reach.geometry.limits.cond_max;
         reach.geometry.leg_lengths(pose).iter().fold(cond, |w, l| w.max((l - middle).abs() / half))
     }
 
@@ -234,21 +194,22 @@ mod tests {
     #[test]
     fn nothing_singular_is_crossed_on_the_way_to_a_pose() {
         let reach = thesis(None);
-        let sign = reach.determinant(&reach.geometry.home()).signum();
+        let determinant = |pose: &Pose| Matrix6::from(reach.geometry.jacobian(pose)).determinant();
+        let sign = determinant(&reach.geometry.home()).signum();
         for azimuth in 0..12 {
             let mut pose = reach.level();
             let (s, c) = (f64::from(azimuth) * 30.0).to_radians().sin_cos();
             for k in 1..700 {
                 let up = tilted(&Vector3::new(c, s, 0.0), (f64::from(k) * 0.1).to_radians());
                 let Some(next) = reach.towards(&pose, &up) else { break };
-                assert!(reach.determinant(&next) * sign > 0.0);
+                assert!(determinant(&next) * sign > 0.0);
                 // Nor on the straight line from the last position to this one.
                 for part in 1..8 {
                     let share = f64::from(part) / 8.0;
                     let between =
                         |i: usize| pose.position_m[i] + share * (next.position_m[i] - pose.position_m[i]);
                     let pose = Pose { position_m: std::array::from_fn(between), ..next };
-                    assert!(reach.determinant(&pose) * sign > 0.0, "{azimuth} {k} {part}");
+                    assert!(determinant(&pose) * sign > 0.0, "{azimuth} {k} {part}");
                 }
                 pose = next;
             }
@@ -269,19 +230,18 @@ mod tests {
     #[test]
     fn limits_that_contradict_each_other_are_named() {
         let crossed = Geometry { leg_length_m: [0.9, 0.6], ..Geometry::thesis() };
-        let long = Geometry { leg_length_m: [2.0, 2.1], ..Geometry::thesis() };
         let short = Geometry { leg_length_m: [0.05, 0.06], ..Geometry::thesis() };
         for (geometry, stroke, part) in [
             (crossed, None, "the shortest length"),
-            (Geometry::thesis(), Some(0.4), "have 0.3048 m"),
-            (Geometry::thesis(), Some(-0.1), "something positive"),
+            (Geometry::thesis(), Some(0.4), "0.3048 m"),
+            (Geometry::thesis(), Some(-0.1), "greater than zero"),
             (short, None, "leg "),
         ] {
-            let error = Reach::new(geometry, stroke, COND_MAX).unwrap_err().to_string();
+            let error = Reach::new(geometry, stroke).unwrap_err().to_string();
             assert!(error.contains(part), "{part}: {error}");
         }
-        // Long legs hold it high: no complaint about lengths, but the higher, the nearer to singular.
-        let error = Reach::new(long, None, 5.0).unwrap_err().to_string();
-        assert!(error.contains("singular"), "{error}");
+        let limits = Limits { cond_max: 5.0, ..Limits::default() };
+        let error = Reach::new(Geometry { limits, ..Geometry::thesis() }, None).unwrap_err().to_string();
+        assert!(error.contains("cond(H)"), "{error}");
     }
 }

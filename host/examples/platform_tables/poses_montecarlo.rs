@@ -1,0 +1,42 @@
+//! Section 6.3, the thesis' estimator: uncertainty over the number of poses in both mountings.
+
+use rigident::planning::poses::montecarlo::{Errors, Mounting, Row, Spread, reduction};
+
+use crate::still_poses::campaign;
+
+/// The row of an experiment.
+pub fn find(n: usize, mounting: Mounting, errors: Errors) -> &'static Row {
+    let found = campaign().iter().find(|r| r.n == n && r.mounting == mounting && r.errors == errors);
+    found.expect("the campaign has every combination")
+}
+
+/// Of the thesis' estimator.
+pub fn thesis(n: usize, mounting: Mounting, errors: Errors) -> Spread {
+    find(n, mounting, errors).spreads[0].expect("two poses determine the centre of mass")
+}
+
+/// 99.7 %, mm.
+fn axes(spread: &Spread) -> String {
+    spread.sd.iter().map(|sd| format!("{:.1}", 3e3 * sd)).collect::<Vec<_>>().join(" ")
+}
+
+/// The table.
+pub fn table() -> String {
+    let mut text = "| n | standing, precision | bias | both | lying, precision | bias | both | reduction of the worst axis: precision | bias | \
+                    both |\n|---|---|---|---|---|---|---|---|---|---|\n"
+        .to_owned();
+    for n in 2..=10 {
+        text += &format!("| {n} |");
+        for mounting in Mounting::ALL {
+            for errors in Errors::ALL {
+                text += &format!(" {} |", axes(&thesis(n, mounting, errors)));
+            }
+        }
+        for errors in Errors::ALL {
+            let [v, h] = Mounting::ALL.map(|mounting| thesis(n, mounting, errors));
+            text += &format!(" {:.0} % |", 100.0 * reduction(&v, &h));
+        }
+        text += "\n";
+    }
+    text
+}
