@@ -76,14 +76,29 @@ impl Geometry {
         Ok(self)
     }
 
-    /// The level pose above the base's centre at which leg 1 is half-way out.
+    /// A level pose in the middle of the stroke: the plate's joints over the base's joints in the mean and, where all
+    /// legs are alike, every leg half-way out; else the root mean square of their lengths is half-way.
     pub fn home(&self) -> Pose {
         let [lo, hi] = self.leg_length_m;
         let middle = 0.5 * (lo + hi);
-        let [[ax, ay, az], ..] = self.base_joints_m;
-        let [[bx, by, bz], ..] = self.plate_joints_m;
-        let flat = (bx - ax).powi(2) + (by - ay).powi(2);
-        Pose { position_m: [0.0, 0.0, az - bz + (middle * middle - flat).max(0.0).sqrt()], rpy_rad: [0.0; 3] }
+        let pairs = || self.base_joints_m.iter().zip(&self.plate_joints_m);
+        let offset = |k: usize| {
+            let mean = pairs().map(|(a, b)| a[k] - b[k]).sum::<f64>() / 6.0;
+            // Rounding of a sum that vanishes.
+            if mean.abs() < 1e-12 * middle { 0.0 } else { mean }
+        };
+        let (x, y) = (offset(0), offset(1));
+        // Mean over the legs of |flat|² + (z − h)², h = a_z − b_z, set to middle².
+        let height = offset(2);
+        let rest = pairs()
+            .map(|(a, b)| {
+                let h = a[2] - b[2] - height;
+                (x + b[0] - a[0]).powi(2) + (y + b[1] - a[1]).powi(2) + h * h
+            })
+            .sum::<f64>()
+            / 6.0;
+        let z = height + (middle * middle - rest).max(0.0).sqrt();
+        Pose { position_m: [x, y, z], rpy_rad: [0.0; 3] }
     }
 }
 

@@ -41,6 +41,21 @@ pub fn rig_file(rig: &Rig) -> String {
     file.key("plate_joints_m", config.geometry.plate_joints_m);
     file.key("leg_length_m", config.geometry.leg_length_m);
     file.key("leg_rate_mps", config.geometry.leg_rate_mps);
+    let limits = &config.geometry.limits;
+    for (key, limit) in
+        [("leg_acceleration_mps2", limits.leg_acceleration_mps2), ("leg_force_n", limits.leg_force_n)]
+    {
+        if let Some(limit) = limit {
+            file.key(key, limit);
+        }
+    }
+    for (joint, cones) in [("base", &limits.base_joints), ("plate", &limits.plate_joints)] {
+        if let Some(cones) = cones {
+            file.key(&format!("{joint}_joint_angle_rad"), cones.half_angle_rad);
+            file.key(&format!("{joint}_joint_axes"), cones.axes);
+        }
+    }
+    file.key("cond_max", limits.cond_max);
     file.table("[platform.load_cell]");
     file.key("position_m", config.load_cell.position_m);
     file.key("rotation_wxyz", unit_quaternion(&config.load_cell));

@@ -2,8 +2,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use nalgebra::Matrix3;
-use rigident_sim::platform::{COND_MAX, Geometry, Limits};
-use rigident_sim::rig::Mounting;
+use rigident_sim::platform::Geometry;
 use rigident_sim::sensors::SensorModels;
 use serde::Serialize;
 
@@ -11,6 +10,7 @@ use super::outcome::say;
 use super::plan_arguments::{PlanPoses, PoseObjective};
 use super::{Failure, Progress};
 use crate::formats::rig::RigFile;
+use crate::planning::machine;
 use crate::planning::poses::plan::{PosePlan, Task, check_n, plan};
 use crate::planning::poses::{Objective, Reach, Region};
 use crate::session::INTERRUPTED;
@@ -144,25 +144,11 @@ fn rig(path: Option<&Path>) -> Result<Rig, Failure> {
         });
     };
     let file = RigFile::load(path).map_err(Failure::input)?;
-    let incomplete = |what: &str| Failure::input(format!("{}: {what}", path.display()));
-    let platform = file.platform.as_ref().ok_or_else(|| {
-        incomplete("there is no [platform] to plan for; leave --rig out for the built-in platform")
-    })?;
-    let missing = |key: &str| incomplete(&format!("[platform] has no {key}"));
-    let cell_to_plate = match &platform.load_cell {
-        Some(place) => Mounting { position_m: place.position_m, rotation_wxyz: place.rotation_wxyz }
-            .rotation()
-            .ok_or_else(|| incomplete("[platform.load_cell] rotation_wxyz is no rotation"))?,
-        None => Matrix3::identity(),
-    };
+    let incomplete = |error| Failure::input(format!("{}: {error}", path.display()));
+    let geometry = machine::geometry(&file).map_err(incomplete)?;
+    let cell_to_plate = machine::load_cell(&file).map_err(incomplete)?.1;
     Ok(Rig {
-        geometry: Geometry {
-            base_joints_m: platform.base_joints_m.ok_or_else(|| missing("base_joints_m"))?,
-            plate_joints_m: platform.plate_joints_m.ok_or_else(|| missing("plate_joints_m"))?,
-            leg_length_m: platform.leg_length_m.ok_or_else(|| missing("leg_length_m"))?,
-            leg_rate_mps: platform.leg_rate_mps.unwrap_or(Geometry::thesis().leg_rate_mps),
-            limits: Limits { cond_max: platform.cond_max.unwrap_or(COND_MAX), ..Limits::default() },
-        },
+        geometry,
         noise_n_nm: file.load_cell.noise_n_nm.unwrap_or(thesis),
         plate_to_cell: cell_to_plate.transpose(),
         gravity_mps2: file.recording.gravity_mps2,

@@ -5,7 +5,6 @@ use rigident_shared::calibration::Reading;
 use rigident_shared::forgetting::{ImuNoise, MemoryConfig};
 use rigident_shared::wire::Source;
 use rigident_sim::experiment::thesis_program;
-use rigident_sim::platform::Geometry;
 
 use super::arguments::Run;
 use super::experiment::{Experiment, Watcher, check_duration, device_notes};
@@ -18,6 +17,7 @@ use crate::formats::rig::{Calibrated, ImuTable, OffsetTable, OffsetWord, RigFile
 use crate::identification::known::check_model;
 use crate::identification::prepare::mounting;
 use crate::identification::remembered::imu_noise;
+use crate::planning::machine;
 use crate::platform::{NetworkPlatform, Platform as _};
 use crate::session::{DeviceTiming, INTERRUPTED, Session, settings};
 
@@ -34,6 +34,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let offset_estimated = matches!(rig.load_cell.offset_n_nm, OffsetTable::Word(OffsetWord::Estimate));
     check_model(&known, offset_estimated).map_err(Failure::input)?;
     let rate_hz = rig.recording.rate_hz.unwrap_or(1000.0);
+    let geometry = machine::geometry_or_thesis(&rig).map_err(Failure::input)?;
     let mut platform = NetworkPlatform::connect(&arguments.platform).map_err(Failure::link)?;
     let mut session = open(&arguments.port)?;
     let timing =
@@ -54,7 +55,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     memory_arguments::put_into(&mut settings, memory.as_ref());
     session.configure(&settings).map_err(Failure::link)?;
 
-    let program = thesis_program(&Geometry::thesis(), arguments.duration_s);
+    let program = thesis_program(&geometry, arguments.duration_s);
     let (stages, same_pose) = simulated::stages(&program);
     platform.load(&program).map_err(Failure::link)?;
     let folder = Folder::new(arguments.output.out.as_deref(), "run")?;

@@ -300,7 +300,17 @@ pub struct PlatformTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub leg_rate_mps: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    pub leg_acceleration_mps2: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub leg_force_n: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub base_joint_angle_rad: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub base_joint_axes: Option<[[f64; 3]; 6]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plate_joint_angle_rad: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plate_joint_axes: Option<[[f64; 3]; 6]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cond_max: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]

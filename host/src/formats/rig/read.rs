@@ -344,9 +344,12 @@ impl Check<'_> {
             self.rotation("body.rotation_wxyz", &body.rotation_wxyz)?;
         }
         if let Some(platform) = &self.rig.platform {
-            for (name, joints) in
-                [("base_joints_m", platform.base_joints_m), ("plate_joints_m", platform.plate_joints_m)]
-            {
+            for (name, joints) in [
+                ("base_joints_m", platform.base_joints_m),
+                ("plate_joints_m", platform.plate_joints_m),
+                ("base_joint_axes", platform.base_joint_axes),
+                ("plate_joint_axes", platform.plate_joint_axes),
+            ] {
                 for joint in joints.iter().flatten() {
                     self.finite(&format!("platform.{name}"), joint)?;
                 }
@@ -359,7 +362,10 @@ impl Check<'_> {
             }
             for (name, value) in [
                 ("leg_rate_mps", platform.leg_rate_mps),
+                ("leg_acceleration_mps2", platform.leg_acceleration_mps2),
                 ("leg_force_n", platform.leg_force_n),
+                ("base_joint_angle_rad", platform.base_joint_angle_rad),
+                ("plate_joint_angle_rad", platform.plate_joint_angle_rad),
                 ("cond_max", platform.cond_max),
             ] {
                 self.positive(&format!("platform.{name}"), value.as_slice())?;

@@ -43,7 +43,12 @@ rotation_wxyz = [1, 0, 0, 0]
 [platform]
 leg_length_m = [0.5, 0.9]
 leg_rate_mps = 0.5
+leg_acceleration_mps2 = 8
 leg_force_n = 2000
+base_joint_angle_rad = 0.6
+base_joint_axes = [[0,0,1],[0,0,1],[0,0,1],[0,0,1],[0,0,1],[0,0,1]]
+plate_joint_angle_rad = 0.7
+plate_joint_axes = [[0,0,1],[0,0,1],[0,0,1],[0,0,1],[0,0,1],[0,0,1]]
 cond_max = 30
 load_cell = { position_m = [0, 0, 0.1], rotation_wxyz = [1, 0, 0, 0] }
 
@@ -118,6 +123,11 @@ fn what_makes_no_sense_is_named_with_its_line() {
         ("[truth]\nmass_kg = 0\ncom_m=[0,0,0]\ninertia_com_kgm2=[1,1,1,0,0,0]", &["line 2", "truth.mass_kg"]),
         ("[truth]\ncom_m=[0,0,0]", &["mass_kg"]),
         ("[platform]\nleg_length_m = [2, 1]", &["platform.leg_length_m"]),
+        ("[platform]\nbase_joints_m = [[0,0,0],[1,0,0]]", &["line 2"]),
+        (
+            "[platform]\nleg_rate_mps = 1\nbase_joint_angle_rad = -1",
+            &["line 3", "platform.base_joint_angle_rad"],
+        ),
         ("[[link]]\nname = \"a\"\n[[link]]\nname = \"b\"\nparent = \"c\"", &["line 5", "link[1].parent"]),
     ] {
         let error = RigFile::parse(text).unwrap_err().to_string();

@@ -1,0 +1,204 @@
+//! The platform that a rig file describes.
+
+use nalgebra::{Matrix3, Vector3};
+use rigident_sim::platform::{COND_MAX, Geometry, JointCones, Limits, Violation};
+use rigident_sim::rig::Mounting;
+
+use super::workspace;
+use crate::formats::rig::{PlatformTable, RigFile};
+
+/// What a `[platform]` table lacks or gets wrong beyond single numbers.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum MachineError {
+    /// No table.
+    #[error("there is no [platform] to plan for: add one, or leave --rig out for the built-in platform")]
+    NoPlatform,
+    /// A key without which nothing can be said.
+    #[error("[platform] has no {0}")]
+    Missing(&'static str),
+    /// Axes of joints that are not limited, or of length zero.
+    #[error("[platform] {0}")]
+    Axes(String),
+    /// A rotation that is none.
+    #[error("[platform.load_cell] rotation_wxyz is no rotation")]
+    LoadCell,
+    /// Limits that contradict each other: no level pose keeps them.
+    #[error(
+        "[platform]: the limits contradict each other, the plate cannot stand level anywhere; best is x = {x:.3} m, \
+         y = {y:.3} m, z = {z:.3} m, where {violation}"
+    )]
+    NoLevelPose {
+        /// m.
+        x: f64,
+        /// m.
+        y: f64,
+        /// m.
+        z: f64,
+        /// What is in the way there.
+        violation: Violation,
+    },
+}
+
+/// The platform of a rig file. Limits that the file does not give do not bind, but for `cond_max`, which is 40 then.
+///
+/// # Errors
+/// What the table lacks, or limits that no level pose keeps.
+pub fn geometry(rig: &RigFile) -> Result<Geometry, MachineError> {
+    let table = rig.platform.as_ref().ok_or(MachineError::NoPlatform)?;
+    let geometry = unchecked(table)?;
+    check(&geometry)?;
+    Ok(geometry)
+}
+
+/// The same where a rig file need not name its platform: the thesis' one then.
+///
+/// # Errors
+/// As [`geometry`], of a table that is there and says anything of joints or legs.
+pub fn geometry_or_thesis(rig: &RigFile) -> Result<Geometry, MachineError> {
+    match &rig.platform {
+        Some(t) if *t != (PlatformTable { load_cell: t.load_cell.clone(), ..PlatformTable::default() }) => {
+            geometry(rig)
+        }
+        _ => Ok(Geometry::thesis()),
+    }
+}
+
+/// Where the load cell is on the plate: its origin in P, m, and its axes to the plate's.
+///
+/// # Errors
+/// A rotation that is none.
+pub fn load_cell(rig: &RigFile) -> Result<(Vector3<f64>, Matrix3<f64>), MachineError> {
+    match rig.platform.as_ref().and_then(|p| p.load_cell.as_ref()) {
+        None => Ok((Vector3::zeros(), Matrix3::identity())),
+        Some(place) => {
+            let mounting = Mounting { position_m: place.position_m, rotation_wxyz: place.rotation_wxyz };
+            let rotation = mounting.rotation().ok_or(MachineError::LoadCell)?;
+            Ok((Vector3::from(place.position_m), rotation))
+        }
+    }
+}
+
+/// Whether the limits leave a level pose.
+///
+/// # Errors
+/// What is in the way at the best of them.
+pub fn check(geometry: &Geometry) -> Result<(), MachineError> {
+    workspace::level(geometry).map(|_| ()).map_err(|(pose, violation)| {
+        let [x, y, z] = pose.position_m;
+        MachineError::NoLevelPose { x, y, z, violation }
+    })
+}
+
+fn unchecked(table: &PlatformTable) -> Result<Geometry, MachineError> {
+    let mut geometry = Geometry {
+        base_joints_m: table.base_joints_m.ok_or(MachineError::Missing("base_joints_m"))?,
+        plate_joints_m: table.plate_joints_m.ok_or(MachineError::Missing("plate_joints_m"))?,
+        leg_length_m: table.leg_length_m.ok_or(MachineError::Missing("leg_length_m"))?,
+        leg_rate_mps: table.leg_rate_mps.unwrap_or(f64::INFINITY),
+        limits: Limits {
+            leg_acceleration_mps2: table.leg_acceleration_mps2,
+            leg_force_n: table.leg_force_n,
+            base_joints: None,
+            plate_joints: None,
+            cond_max: table.cond_max.unwrap_or(COND_MAX),
+        },
+    };
+    let base = cones(&geometry, "base", table.base_joint_angle_rad, table.base_joint_axes)?;
+    let plate = cones(&geometry, "plate", table.plate_joint_angle_rad, table.plate_joint_axes)?;
+    geometry.limits.base_joints = base;
+    geometry.limits.plate_joints = plate;
+    Ok(geometry)
+}
+
+/// Without axes they are the legs' directions at home.
+fn cones(
+    geometry: &Geometry,
+    joint: &str,
+    half_angle_rad: Option<f64>,
+    axes: Option<[[f64; 3]; 6]>,
+) -> Result<Option<JointCones>, MachineError> {
+    match (half_angle_rad, axes) {
+        (None, None) => Ok(None),
+        (None, Some(_)) => Err(MachineError::Axes(format!(
+            "{joint}_joint_axes says about which axes the joints turn, but {joint}_joint_angle_rad, how far, is missing"
+        ))),
+        (Some(half_angle), None) => Ok(Some(geometry.cones_about_home(half_angle))),
+        (Some(half_angle_rad), Some(axes)) => {
+            match axes.iter().position(|a| Vector3::from(*a).norm() < 1e-9) {
+                Some(i) => Err(MachineError::Axes(format!(
+                    "{joint}_joint_axes: the axis of joint {} is zero",
+                    i + 1
+                ))),
+                None => Ok(Some(JointCones { axes, half_angle_rad })),
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The thesis' platform as a table, and what is added to it.
+    fn file(more: &str) -> RigFile {
+        let g = Geometry::thesis();
+        let text = format!(
+            "[platform]\nbase_joints_m = {:?}\nplate_joints_m = {:?}\n{more}",
+            g.base_joints_m, g.plate_joints_m
+        );
+        RigFile::parse(&text).unwrap()
+    }
+
+    #[test]
+    fn a_table_with_every_key_becomes_the_same_platform() {
+        let mut want = Geometry::thesis();
+        want.limits = Limits {
+            leg_acceleration_mps2: Some(8.0),
+            leg_force_n: Some(2000.0),
+            base_joints: Some(JointCones { axes: [[0.0, 0.0, 1.0]; 6], half_angle_rad: 0.9 }),
+            plate_joints: Some(want.cones_about_home(0.8)),
+            cond_max: 30.0,
+        };
+        let read = file(
+            "leg_length_m = [0.55, 0.8548]\nleg_rate_mps = 0.8\nleg_acceleration_mps2 = 8\nleg_force_n = 2000\n\
+             base_joint_angle_rad = 0.9\nbase_joint_axes = [[0,0,1],[0,0,1],[0,0,1],[0,0,1],[0,0,1],[0,0,1]]\n\
+             plate_joint_angle_rad = 0.8\ncond_max = 30",
+        );
+        assert_eq!(geometry(&read).unwrap(), want);
+        assert_eq!(geometry_or_thesis(&read).unwrap(), want);
+    }
+
+    #[test]
+    fn limits_that_no_level_pose_keeps_name_the_leg_or_the_guard() {
+        for (more, words) in [
+            (
+                "leg_length_m = [0.1, 0.2]",
+                &["contradict", "leg ", "it reaches from 0.1000 m to 0.2000 m"][..],
+            ),
+            ("leg_length_m = [0.55, 0.8548]\ncond_max = 5", &["contradict", "cond(H)", "its limit is 5.000"]),
+            (
+                "leg_length_m = [0.55, 0.8548]\nbase_joint_angle_rad = 0.1\n\
+                 base_joint_axes = [[1,0,0],[0,0,1],[0,0,1],[0,0,1],[0,0,1],[0,0,1]]",
+                &["contradict", "leg 1 "],
+            ),
+        ] {
+            let error = geometry(&file(more)).unwrap_err().to_string();
+            for word in words {
+                assert!(error.contains(word), "{more}\n{word}\n{error}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_missing_is_named() {
+        assert_eq!(geometry(&RigFile::default()).unwrap_err(), MachineError::NoPlatform);
+        assert_eq!(geometry(&file("")).unwrap_err(), MachineError::Missing("leg_length_m"));
+        let axes = "base_joint_axes = [[0,0,1],[0,0,1],[0,0,1],[0,0,1],[0,0,1],[0,0,1]]";
+        let error = geometry(&file(&format!("leg_length_m = [0.55, 0.8548]\n{axes}"))).unwrap_err();
+        assert!(error.to_string().contains("base_joint_angle_rad"), "{error}");
+        let only_cell = "[platform]\nload_cell = { position_m = [0, 0, 0.1], rotation_wxyz = [1, 0, 0, 0] }";
+        let rig = RigFile::parse(only_cell).unwrap();
+        assert_eq!(geometry_or_thesis(&rig).unwrap(), Geometry::thesis());
+        assert_eq!(load_cell(&rig).unwrap().0, Vector3::new(0.0, 0.0, 0.1));
+    }
+}
