@@ -114,3 +114,27 @@ fn the_montecarlo_of_still_poses_predicts_what_it_finds() {
     let normality = object["normality"].as_array().unwrap();
     assert!(normality.iter().all(|n| n["correlation"][0].as_f64().unwrap() > 0.999));
 }
+
+/// The firmware takes a thousand readings a second and identifies what still poses can tell.
+#[test]
+fn a_plan_on_disk_is_driven_by_the_demonstration_and_by_no_other_machine() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let plan = path("poses.json");
+    json(&["plan", "poses", "--n", "4", "--hold-s", "1", "--json", "--out", &plan]);
+    let result = json(&["demo", "--plan", &plan, "--estimate", "m,mc", "--json", "--out", &path("answer")]);
+    let (com, mass) = (&result["com_m"], result["mass_kg"].as_f64().unwrap());
+    // 4 s of 1 kHz: the prediction of one reading, 0.65 kg and 0.08 kg m, over √4000, and the offset of a minute's poses.
+    assert!((mass - 20.0).abs() < 0.1, "{mass}");
+    assert!((com[2].as_f64().unwrap() - 0.053).abs() < 1e-3, "{com}");
+    let again = rigident(&["plan", "poses", "--n", "4", "--out", &plan]);
+    assert_eq!(again.status.code(), Some(2));
+    let text = std::fs::read_to_string(&plan).unwrap();
+    std::fs::write(path("other.json"), text.replacen("0.4", "0.5", 1)).unwrap();
+    let other = rigident(&["demo", "--plan", &path("other.json"), "--out", &path("nothing")]);
+    let said = String::from_utf8_lossy(&other.stderr).into_owned();
+    assert_eq!(other.status.code(), Some(2), "{said}");
+    assert!(said.contains("another rig: base joint 1"), "{said}");
+    let both = rigident(&["demo", "--plan", &plan, "--duration-s", "30"]);
+    assert_eq!(both.status.code(), Some(2));
+}

@@ -8,6 +8,7 @@ pub use super::known_arguments::KnownQuantities;
 pub use super::memory_arguments::Remember;
 pub use super::montecarlo_poses::MontecarloPoses;
 pub use super::plan_arguments::Plan;
+pub use super::programme::Programme;
 
 /// Tells the inertial parameters of a body from its wrench and motion: mass, centre of mass, inertia tensor,
 /// each with a 95 % uncertainty, or that the data do not identify it.
@@ -94,9 +95,9 @@ pub struct Demo {
     /// The thesis' test body with plates, in either of its mountings
     #[arg(long, value_enum, default_value_t)]
     pub body: DemoBody,
-    /// Length of the experiment, s
-    #[arg(long, default_value_t = 60.0, value_name = "S")]
-    pub duration_s: f64,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub programme: Programme,
     /// Seed of noise and biases
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -239,9 +240,9 @@ pub struct Run {
     /// Rig file
     #[arg(long, value_name = "FILE")]
     pub rig: PathBuf,
-    /// Length of poses and motion together, s
-    #[arg(long, default_value_t = 60.0, value_name = "S")]
-    pub duration_s: f64,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub programme: Programme,
     /// Longest wait for the load cell to settle, s; 0 skips the warm-up
     #[arg(long, default_value_t = 120.0, value_name = "S")]
     pub warm_up_s: f64,

@@ -3,12 +3,11 @@ use std::time::Instant;
 
 use rigident_shared::forgetting::MemoryConfig;
 use rigident_shared::wire::Source;
-use rigident_sim::experiment::thesis_program;
 use rigident_sim::rig::{Rig, RigConfig};
 use rigident_sim::sensors::SensorModels;
 
 use super::arguments::{Demo, DemoBody};
-use super::experiment::{Experiment, Watcher, check_duration, device_notes};
+use super::experiment::{Experiment, Watcher, device_notes};
 use super::memory_arguments::{self, RowsOf};
 use super::outcome::provenance;
 use super::{Failure, Folder, simulated};
@@ -28,7 +27,6 @@ pub(super) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
     let started = Instant::now();
     let asked = Asked::parse(&arguments.output.estimate).map_err(Failure::input)?;
     let known = arguments.known.parse()?;
-    check_duration(arguments.duration_s)?;
     let (config, body_name) = match arguments.body {
         DemoBody::Horizontal => (RigConfig::thesis_horizontal(), "test body with plates, horizontal"),
         DemoBody::Vertical => (RigConfig::thesis_vertical(), "test body with plates, vertical"),
@@ -37,7 +35,7 @@ pub(super) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
     if arguments.ideal {
         config = config.with_sensors(SensorModels::ideal());
     }
-    let program = thesis_program(&config.geometry, arguments.duration_s);
+    let program = arguments.programme.program(&config.geometry)?;
     let (stages, same_pose) = simulated::stages(&program);
     let rig = Rig::new(config).map_err(Failure::input)?;
     let mut file = simulated::rig_file(&rig, body_name);

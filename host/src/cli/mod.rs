@@ -20,6 +20,7 @@ mod montecarlo_poses;
 mod outcome;
 mod plan_arguments;
 mod plan_poses;
+mod programme;
 mod progress;
 mod replay;
 mod run;

@@ -22,7 +22,7 @@ pub enum Planned {
 #[command(
     after_help = "The condition number is the 2-norm one: of the stacked [F] in the thesis' equation M = [F] r, and of the normal matrix \
                         [F]ᵀ[F], its square.\n\nExamples:\n  rigident plan poses --n 5\n  rigident plan poses --n 4 --stroke-m 0.20 \
-                        --json\n  rigident plan poses --rig bracket.rig.toml --n 6 --objective worst-uncertainty"
+                        --json\n  rigident plan poses --rig bracket.rig.toml --n 6 --objective worst-uncertainty --out poses.json"
 )]
 pub struct PlanPoses {
     /// Number of poses
@@ -37,6 +37,12 @@ pub struct PlanPoses {
     /// What is made best
     #[arg(long, value_enum, default_value_t)]
     pub objective: PoseObjective,
+    /// Write a plan for `rigident demo --plan` and `rigident run --plan` here, JSON; must not exist
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// How long the plan holds each pose, s
+    #[arg(long, value_name = "S", default_value_t = 3.0, requires = "out")]
+    pub hold_s: f64,
     /// Print one object on standard output, and nothing else there
     #[arg(long)]
     pub json: bool,

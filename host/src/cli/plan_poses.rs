@@ -9,9 +9,12 @@ use serde::Serialize;
 use super::outcome::say;
 use super::plan_arguments::{PlanPoses, PoseObjective};
 use super::{Failure, Progress};
+use crate::formats::error::RecordingError;
 use crate::formats::rig::RigFile;
 use crate::planning::machine;
+use crate::planning::plan_file::PlanFile;
 use crate::planning::poses::plan::{PosePlan, Task, check_n, plan};
+use crate::planning::poses::program::program;
 use crate::planning::poses::{Objective, Reach, Region};
 use crate::session::INTERRUPTED;
 
@@ -62,6 +65,7 @@ pub(super) fn run(arguments: &PlanPoses) -> Result<ExitCode, Failure> {
         ),
     };
     check_n(arguments.n, &objective).map_err(Failure::input)?;
+    check_out(arguments)?;
     let mut progress = Progress::new();
     progress.show(|| "where the platform can tilt to".to_owned());
     let reach = Reach::new(rig.geometry, arguments.stroke_m).map_err(Failure::input)?;
@@ -76,12 +80,34 @@ pub(super) fn run(arguments: &PlanPoses) -> Result<ExitCode, Failure> {
     let made = plan(&reach, &region, &task, &INTERRUPTED, |doing| progress.show(|| doing.to_owned()))
         .map_err(Failure::input)?;
     progress.finish();
+    if let Some(path) = &arguments.out {
+        let program = program(&reach, &made.poses, arguments.hold_s).map_err(Failure::input)?;
+        let title = format!("{} still poses, best {name}, {:.0} s", arguments.n, program.duration_s());
+        PlanFile::new(title, reach.geometry(), program).write(path).map_err(Failure::input)?;
+        eprintln!("{}", path.display());
+    }
     if arguments.json {
         say(serde_json::to_string(&object(&made, name)).map_err(Failure::input)?);
     } else {
         say(table(&made, &region, &reach));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Said now rather than after the work.
+fn check_out(arguments: &PlanPoses) -> Result<(), Failure> {
+    if !(arguments.hold_s > 0.0 && arguments.hold_s <= 600.0) {
+        return Err(Failure::input(format!(
+            "--hold-s {}: more than 0 s, and 600 s at most",
+            arguments.hold_s
+        )));
+    }
+    match &arguments.out {
+        Some(path) if path.symlink_metadata().is_ok() => {
+            Err(Failure::input(RecordingError::Exists(path.display().to_string())))
+        }
+        _ => Ok(()),
+    }
 }
 
 fn object<'a>(plan: &PosePlan, objective: &'a str) -> Object<'a> {

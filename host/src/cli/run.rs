@@ -4,10 +4,9 @@ use std::time::Instant;
 use rigident_shared::calibration::Reading;
 use rigident_shared::forgetting::{ImuNoise, MemoryConfig};
 use rigident_shared::wire::Source;
-use rigident_sim::experiment::thesis_program;
 
 use super::arguments::Run;
-use super::experiment::{Experiment, Watcher, check_duration, device_notes};
+use super::experiment::{Experiment, Watcher, device_notes};
 use super::link::{HOST_TIMEOUT_MS, open};
 use super::memory_arguments::{self, RowsOf};
 use super::outcome::provenance;
@@ -29,12 +28,12 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let started = Instant::now();
     let asked = Asked::parse(&arguments.output.estimate).map_err(Failure::input)?;
     let known = arguments.known.parse()?;
-    check_duration(arguments.duration_s)?;
     let mut rig = RigFile::load(&arguments.rig).map_err(Failure::input)?;
     let offset_estimated = matches!(rig.load_cell.offset_n_nm, OffsetTable::Word(OffsetWord::Estimate));
     check_model(&known, offset_estimated).map_err(Failure::input)?;
     let rate_hz = rig.recording.rate_hz.unwrap_or(1000.0);
     let geometry = machine::geometry_or_thesis(&rig).map_err(Failure::input)?;
+    let program = arguments.programme.program(&geometry)?;
     let mut platform = NetworkPlatform::connect(&arguments.platform).map_err(Failure::link)?;
     let mut session = open(&arguments.port)?;
     let timing =
@@ -55,7 +54,6 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     memory_arguments::put_into(&mut settings, memory.as_ref());
     session.configure(&settings).map_err(Failure::link)?;
 
-    let program = thesis_program(&geometry, arguments.duration_s);
     let (stages, same_pose) = simulated::stages(&program);
     platform.load(&program).map_err(Failure::link)?;
     let folder = Folder::new(arguments.output.out.as_deref(), "run")?;
@@ -69,7 +67,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         &comments,
         (program.duration_s() * rate_hz) as usize,
     )?;
-    eprintln!("still poses, motion, and the first pose again: {:.0} s", program.duration_s());
+    eprintln!("the experiment takes {:.0} s", program.duration_s());
     session.go_on_after_stop = arguments.course.go_on;
     let mut take = session.follow(&mut platform, &mut watcher).map_err(Failure::link)?;
     watcher.end(&mut take);

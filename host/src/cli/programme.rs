@@ -1,0 +1,36 @@
+use std::path::PathBuf;
+
+use clap::Args;
+use rigident_sim::experiment::thesis_program;
+use rigident_sim::platform::{Geometry, MotionProgram};
+
+use super::Failure;
+use super::experiment::check_duration;
+use crate::planning::plan_file::PlanFile;
+
+/// What the platform does.
+#[derive(Args, Debug, Clone)]
+pub struct Programme {
+    /// Length of the default experiment, poses and motion together, s
+    #[arg(long, default_value_t = 60.0, value_name = "S")]
+    pub duration_s: f64,
+    /// Do this instead: a plan that `rigident plan … --out` wrote for this rig
+    #[arg(long, value_name = "FILE", conflicts_with = "duration_s")]
+    pub plan: Option<PathBuf>,
+}
+
+impl Programme {
+    /// For this machine.
+    ///
+    /// # Errors
+    /// A duration that is too short or too long, or a plan that is not for this machine: bad input.
+    pub(super) fn program(&self, geometry: &Geometry) -> Result<MotionProgram, Failure> {
+        if let Some(path) = &self.plan {
+            let plan = PlanFile::load(path, geometry).map_err(Failure::input)?;
+            eprintln!("plan: {}", plan.title);
+            return Ok(plan.program);
+        }
+        check_duration(self.duration_s)?;
+        Ok(thesis_program(geometry, self.duration_s))
+    }
+}
