@@ -7,8 +7,8 @@ pub use super::factor_arguments::{MakeFactor, Merge, Solve, TareFiles};
 pub use super::known_arguments::KnownQuantities;
 pub use super::memory_arguments::Remember;
 pub use super::montecarlo_poses::MontecarloPoses;
-pub use super::plan_arguments::Plan;
 pub use super::programme::Programme;
+pub use super::plan_arguments::{Plan, Workspace};
 
 /// Tells the inertial parameters of a body from its wrench and motion: mass, centre of mass, inertia tensor,
 /// each with a 95 % uncertainty, or that the data do not identify it.
@@ -54,6 +54,8 @@ pub enum Command {
     Convert(Convert),
     /// Repeat a simulated experiment with fresh noise: bias, spread and coverage, against the Cramér–Rao bound
     Montecarlo(Montecarlo),
+    /// Map where the platform can be tilted to
+    Workspace(Workspace),
     /// Plan what to do with the platform before it moves
     Plan(Plan),
 }

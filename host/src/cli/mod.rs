@@ -25,6 +25,7 @@ mod progress;
 mod replay;
 mod run;
 mod simulated;
+mod workspace;
 
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
@@ -79,6 +80,7 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
             Some(Repeated::Poses(poses)) => montecarlo_poses::run(poses),
             None => montecarlo::run(&a),
         },
+        Some(Command::Workspace(a)) => workspace::run(&a),
         Some(Command::Plan(a)) => match a.what {
             Planned::Poses(a) => plan_poses::run(&a),
         },

@@ -59,3 +59,35 @@ pub enum PoseObjective {
     /// The least worst uncertainty of the first moment, offsets unknown, with the rig's noise; 3 poses at least
     WorstUncertainty,
 }
+
+/// `rigident workspace`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "For every roll and pitch: is there a position of the plate with all legs and joints inside their limits, and one \
+                        where cond(H), metres, is below the guard too, no singular pose lying between it and home? With --json nothing is \
+                        written unless --out is given.\n\nExamples:\n  rigident workspace\n  rigident workspace --stroke-m 0.20 --yaw-deg \
+                        30\n  rigident workspace --rig bracket.rig.toml --json"
+)]
+pub struct Workspace {
+    /// Rig file with a [platform]. Default: the built-in platform of the thesis
+    #[arg(long, value_name = "FILE")]
+    pub rig: Option<PathBuf>,
+    /// Use only so much of the legs' stroke, about its middle, m
+    #[arg(long, value_name = "S")]
+    pub stroke_m: Option<f64>,
+    /// Yaw of every orientation, °
+    #[arg(long, value_name = "Y", default_value_t = 0.0, allow_negative_numbers = true)]
+    pub yaw_deg: f64,
+    /// Between neighbouring orientations, °
+    #[arg(long, value_name = "D", default_value_t = 1.0)]
+    pub step_deg: f64,
+    /// Roll and pitch from minus this to this, °
+    #[arg(long, value_name = "D", default_value_t = 90.0)]
+    pub range_deg: f64,
+    /// Print one object on standard output, and nothing else there
+    #[arg(long)]
+    pub json: bool,
+    /// Folder for picture and object; must be new or empty. Default: a new folder here
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+}
