@@ -7,8 +7,8 @@ pub use super::factor_arguments::{MakeFactor, Merge, Solve, TareFiles};
 pub use super::known_arguments::KnownQuantities;
 pub use super::memory_arguments::Remember;
 pub use super::montecarlo_poses::MontecarloPoses;
-pub use super::programme::Programme;
 pub use super::plan_arguments::{Plan, Workspace};
+pub use super::programme::Programme;
 
 /// Tells the inertial parameters of a body from its wrench and motion: mass, centre of mass, inertia tensor,
 /// each with a 95 % uncertainty, or that the data do not identify it.

@@ -160,9 +160,8 @@ mod tests {
     #[test]
     fn the_figure_is_well_formed_and_covers_as_many_cells_as_the_map_holds() {
         let degrees = [-20.0, -10.0, 0.0, 10.0, 20.0];
-        let held: Vec<Vec<bool>> = (0..5)
-            .map(|i| (0..5).map(|j| (i - 2_i32).abs() + (j - 2_i32).abs() < 3).collect())
-            .collect();
+        let held: Vec<Vec<bool>> =
+            (0..5).map(|i| (0..5).map(|j| (i - 2_i32).abs() + (j - 2_i32).abs() < 3).collect()).collect();
         let free: Vec<Vec<bool>> = (0..5).map(|i| (0..5).map(|j| i == 2 && j != 2).collect()).collect();
         let figure = Workspace {
             title: "A & B",
