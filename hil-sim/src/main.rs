@@ -12,7 +12,7 @@ use rigident_sim::link::{ByteLink, FaultyLink};
 use rigident_sim::rig::Rig;
 use rigident_sim::runner::{InProcess, Mcu, Pacing, Qemu, QemuOptions};
 use rigident_sim::serve::gcs::GcsServer;
-use rigident_sim::serve::{Controller, Firmware, Port, ServeOptions, Where, carry, rig_file};
+use rigident_sim::serve::{Controller, Firmware, Port, ServeOptions, StreamServer, Where, carry, rig_file};
 
 /// A simulated rig: a body on a Stewart platform, sensors, and the firmware that reads them.
 #[derive(Parser)]
@@ -74,6 +74,19 @@ fn serve(options: &ServeOptions) -> Result<(), Failure> {
         })?),
         _ => None,
     };
+    let lines = match &options.stream {
+        None => None,
+        Some(at) => {
+            let told = |said: &str| eprintln!("rigident-sim: the stream is not followed: {said}");
+            let mut lines = StreamServer::listen(at, Arc::clone(&rig), told).map_err(|e| {
+                Failure(3, format!("no lines at {at}: {e}; name another address by --stream"))
+            })?;
+            if let Some(name) = &options.stream_port_link {
+                lines.open_port(name).map_err(|e| Failure(3, format!("no port {}: {e}", name.display())))?;
+            }
+            Some(lines)
+        }
+    };
     let mut port = Port::open(Some(&options.port_link)).map_err(|e| {
         let name = options.port_link.display();
         Failure(3, format!("no port {name}: {e}; remove what has that name, or name another by --port-link"))
@@ -99,6 +112,12 @@ fn serve(options: &ServeOptions) -> Result<(), Failure> {
     }
     if let (Some(line), Some(name)) = (&line, &options.gcs_port_link) {
         eprintln!("hexapod   {} -> {}", name.display(), line.terminal().display());
+    }
+    if let Some(lines) = &lines {
+        eprintln!(
+            "lines     pose+tcp://{0}, pose+udp://{0}, legs+tcp://{0}, legs+udp://{0}",
+            lines.address()
+        );
     }
     let rig = options.write_rig.as_deref().unwrap_or(Path::new("FILE (see --write-rig)")).display();
     eprintln!("use it    rigident run --port {shown} --rig {rig} --platform tcp://{address}");

@@ -12,9 +12,11 @@ mod listener;
 mod options;
 mod port;
 mod rig_file;
+mod stream;
 
 pub use carry::{Firmware, carry};
 pub use controller::Controller;
 pub use options::{Body, SensorFault, Sensors, ServeOptions, Where};
 pub use port::Port;
 pub use rig_file::rig_file;
+pub use stream::StreamServer;

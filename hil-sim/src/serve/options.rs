@@ -114,6 +114,12 @@ pub struct ServeOptions {
     /// The PI hexapod on a serial line too, of this name
     #[arg(long, value_name = "PATH", requires = "gcs")]
     pub gcs_port_link: Option<PathBuf>,
+    /// Take lines of poses or leg lengths at this address, by TCP and UDP; port 0 takes a free one
+    #[arg(long, value_name = "HOST:PORT")]
+    pub stream: Option<String>,
+    /// Take such lines from a serial line of this name too
+    #[arg(long, value_name = "PATH", requires = "stream")]
+    pub stream_port_link: Option<PathBuf>,
     /// Write the rig file that describes this rig; never over another file
     #[arg(long, value_name = "FILE")]
     pub write_rig: Option<PathBuf>,

@@ -298,6 +298,7 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
     };
 
     let object = ResultObject {
+        tracking: None,
         schema: SCHEMA,
         status,
         source,

@@ -230,15 +230,24 @@ pub struct Configure {
 #[derive(Args, Debug, Clone)]
 #[command(
     after_help = "Examples:\n  rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform tcp://192.168.1.20:7447\n  \
-                        rigident run --port ./rigident-rig --rig rig.rig.toml --platform tcp://127.0.0.1:7447 --duration-s 30"
+                        rigident run --port ./rigident-rig --rig rig.rig.toml --platform tcp://127.0.0.1:7447 --duration-s 30 --yes\n  \
+                        rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform 'gcs://192.168.0.1:50000?rate_hz=100'\n\n\
+                        Ctrl-C stops the platform, sees it at rest, and keeps what was recorded."
 )]
 pub struct Run {
     /// The device's port
     #[arg(long, value_name = "PORT")]
     pub port: String,
     /// The platform's controller
-    #[arg(long, value_name = "tcp://HOST:PORT")]
+    ///
+    /// tcp://HOST:PORT: as `rigident-sim serve` offers it. gcs://HOST:PORT or gcs:///dev/ttyUSB0: a PI hexapod (GCS 2.0).
+    /// pose+tcp://HOST:PORT, pose+udp://…, pose+serial:///dev/…, legs+…: CSV lines of poses or leg lengths. Behind it
+    /// ?rate_hz=100 and &baud=115200 where they apply
+    #[arg(long, value_name = "ADDRESS")]
     pub platform: String,
+    /// Move without asking: the limits were checked, and nobody stands in the platform's way
+    #[arg(long)]
+    pub yes: bool,
     /// Rig file
     #[arg(long, value_name = "FILE")]
     pub rig: PathBuf,

@@ -68,6 +68,7 @@ pub(super) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
     let mut take = session.follow(&mut platform, &mut watcher).map_err(Failure::link)?;
     watcher.end(&mut take);
     Experiment {
+        followed: None,
         started,
         asked: &asked,
         rig: &file,

@@ -10,6 +10,7 @@ use rigident_shared::forgetting::MemoryConfig;
 use rigident_shared::wire::{Consistency, EstimateReport, Identity, ReadingMessage, Reason, StateName};
 use rigident_sim::experiment::SHORTEST_S;
 
+use super::followed::{Followed, MotionLog};
 use super::outcome::{Ending, provenance};
 use super::{Failure, Folder, Progress};
 use crate::answer::assemble::Asked;
@@ -23,6 +24,7 @@ use crate::identification::pooled::PooledFactor;
 use crate::identification::remembered::{self, conclude_remembered, identify_remembered};
 use crate::identification::tare::Tare;
 use crate::identification::{self, Progression, prepare};
+use crate::platform::MotionSample;
 use crate::report::{Drift, Quantity, Stage};
 use crate::session::{Observer, Take};
 
@@ -47,6 +49,8 @@ pub(super) struct Watcher {
     path: PathBuf,
     latest: Option<EstimateReport>,
     expected: usize,
+    /// Where the platform's motion goes.
+    pub(super) motion: Option<MotionLog>,
 }
 
 impl Watcher {
@@ -59,6 +63,7 @@ impl Watcher {
             path: PathBuf::new(),
             latest: None,
             expected,
+            motion: None,
         }
     }
 
@@ -109,6 +114,10 @@ impl Observer for Watcher {
 
     fn estimate(&mut self, report: &EstimateReport) {
         self.latest = Some(report.clone());
+    }
+
+    fn motion(&mut self, sample: &MotionSample) -> Result<(), String> {
+        self.motion.as_mut().map_or(Ok(()), |log| log.append(sample))
     }
 
     fn progress(&mut self, readings: usize) {
@@ -173,6 +182,8 @@ pub(super) struct Experiment<'a> {
     pub(super) tare: Option<Tare>,
     /// How long the device remembers, if not for ever.
     pub(super) memory: Option<MemoryConfig<f64>>,
+    /// How the platform followed.
+    pub(super) followed: Option<Followed>,
     pub(super) warnings: Vec<String>,
 }
 
@@ -287,6 +298,7 @@ impl Experiment<'_> {
         let mut notes = device_notes(self.identity);
         notes.extend(provenance(self.rig));
         Ending {
+            followed: self.followed,
             started: self.started,
             asked: self.asked,
             rig: self.rig,

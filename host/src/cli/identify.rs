@@ -65,6 +65,7 @@ pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
     identification.estimate = identification.estimate.with_known(&known).map_err(Failure::input)?;
     let folder = Folder::new(arguments.output.out.as_deref(), "identify")?;
     Ending {
+        followed: None,
         started,
         asked: &asked,
         rig: &prepared.rig,

@@ -4,6 +4,7 @@
 //! the rooms beside this one.
 
 mod arguments;
+mod confirm;
 mod course_arguments;
 mod demo;
 mod experiment;
@@ -11,6 +12,7 @@ mod factor;
 mod factor_arguments;
 mod failure;
 mod folder;
+mod followed;
 mod identify;
 mod known_arguments;
 mod link;

@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use rigident_shared::screening::CHANNEL_NAMES;
 
+use super::followed::Followed;
 use super::{Failure, Folder};
 use crate::answer::assemble::{Asked, Assembled, Context, assemble};
 use crate::formats::result::{MemoryResult, ResultSource, TimeBase};
@@ -45,6 +46,8 @@ pub struct Ending<'a> {
     pub provenance: Vec<(String, String)>,
     /// What to know.
     pub warnings: Vec<String>,
+    /// How the platform followed.
+    pub followed: Option<Followed>,
     /// What broke, if anything.
     pub broken: Option<String>,
 }
@@ -94,6 +97,7 @@ impl Ending<'_> {
         );
         let factor = self.factor.to_file();
         let page = report::html(&self.report(&results));
+        object.tracking = self.followed.as_ref().and_then(Followed::to_json);
         object.elapsed_s = self.started.elapsed().as_secs_f64();
         let text = serde_json::to_string_pretty(&object)
             .map_err(|e| Failure::input(format!("the result cannot be put into JSON: {e}")))?;
@@ -102,6 +106,9 @@ impl Ending<'_> {
             say(text.as_str());
         } else {
             say(table::plain(&results).trim_end());
+            if let Some(followed) = &self.followed {
+                say(format_args!("\n{followed}"));
+            }
         }
         let written = folder
             .write("result.json", text.as_bytes())
@@ -187,6 +194,9 @@ impl Ending<'_> {
         let mut motion = vec![plot("Specific force, IMU axes", "m/s2", &|r| r.specific_force.array())];
         if !input.is_static {
             motion.insert(0, plot("Angular rate, IMU axes", "rad/s", &|r| r.angular_rate.array()));
+        }
+        if let Some(followed) = &self.followed {
+            motion.extend(followed.plots());
         }
         ReportData {
             source: Source {

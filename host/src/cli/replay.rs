@@ -71,6 +71,7 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
     // What the device was given, not what the file holds beyond f32.
     take.readings = take.readings.iter().map(|r| widen(&narrow(r))).collect();
     Experiment {
+        followed: None,
         started,
         asked: &asked,
         rig: &prepared.rig,

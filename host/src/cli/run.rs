@@ -1,12 +1,15 @@
 use std::process::ExitCode;
-use std::time::Instant;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
 
 use rigident_shared::calibration::Reading;
 use rigident_shared::forgetting::{ImuNoise, MemoryConfig};
 use rigident_shared::wire::Source;
 
 use super::arguments::Run;
+use super::confirm::confirm;
 use super::experiment::{Experiment, Watcher, device_notes};
+use super::followed::{Followed, MotionLog};
 use super::link::{HOST_TIMEOUT_MS, open};
 use super::memory_arguments::{self, RowsOf};
 use super::outcome::provenance;
@@ -17,7 +20,7 @@ use crate::identification::known::check_model;
 use crate::identification::prepare::mounting;
 use crate::identification::remembered::imu_noise;
 use crate::planning::machine;
-use crate::platform::{NetworkPlatform, Platform as _};
+use crate::platform::{self, Platform, PlatformError, check};
 use crate::session::{DeviceTiming, INTERRUPTED, Session, settings};
 
 /// Length of one look at the sensors at rest, s.
@@ -34,7 +37,8 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let rate_hz = rig.recording.rate_hz.unwrap_or(1000.0);
     let geometry = machine::geometry_or_thesis(&rig).map_err(Failure::input)?;
     let program = arguments.programme.program(&geometry)?;
-    let mut platform = NetworkPlatform::connect(&arguments.platform).map_err(Failure::link)?;
+    let summary = check::check(&program, &geometry).map_err(Failure::input)?;
+    let mut platform = platform::connect(&arguments.platform, &geometry).map_err(unmoved)?;
     let mut session = open(&arguments.port)?;
     let timing =
         DeviceTiming { rate_hz, is_static: false, source: Source::Sensors, host_timeout_ms: HOST_TIMEOUT_MS };
@@ -44,6 +48,8 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     arguments.course.put_into(&mut standing)?;
     let span = arguments.remember.span(&RowsOf::rig(&rig, rate_hz))?;
     session.configure(&standing).map_err(Failure::link)?;
+    platform.load(&program).map_err(unmoved)?;
+    confirm(&summary, &arguments.platform, arguments.yes)?;
 
     let mut warnings = Vec::new();
     warm_up(&mut session, &rig, arguments.warm_up_s, &mut warnings)?;
@@ -55,7 +61,8 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     session.configure(&settings).map_err(Failure::link)?;
 
     let (stages, same_pose) = simulated::stages(&program);
-    platform.load(&program).map_err(Failure::link)?;
+    eprintln!("to the first pose");
+    approach(platform.as_mut(), &mut session)?;
     let folder = Folder::new(arguments.output.out.as_deref(), "run")?;
     let mut comments = device_notes(session.identity());
     comments.extend(provenance(&rig));
@@ -67,10 +74,13 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         &comments,
         (program.duration_s() * rate_hz) as usize,
     )?;
+    watcher.motion = Some(MotionLog::create(folder.file("motion.csv"), &arguments.platform)?);
     eprintln!("the experiment takes {:.0} s", program.duration_s());
     session.go_on_after_stop = arguments.course.go_on;
-    let mut take = session.follow(&mut platform, &mut watcher).map_err(Failure::link)?;
+    let mut take = session.follow(platform.as_mut(), &mut watcher).map_err(Failure::link)?;
     watcher.end(&mut take);
+    let trajectory = program.trajectory().map_err(Failure::input)?;
+    let followed = watcher.motion.take().and_then(|log| Followed::of(&trajectory, log.samples()));
     Experiment {
         started,
         asked: &asked,
@@ -86,9 +96,40 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         known: &known,
         tare: None,
         memory,
+        followed,
         warnings,
     }
     .conclude(take, &folder, arguments.output.json)
+}
+
+/// Brings the plate to the first pose. The device is heard meanwhile: nobody may keep it waiting.
+fn approach(platform: &mut dyn Platform, session: &mut Session) -> Result<(), Failure> {
+    std::thread::scope(|scope| {
+        let moving = scope.spawn(|| platform.approach(&|| !INTERRUPTED.load(Ordering::Relaxed)));
+        while !moving.is_finished() {
+            // What is wrong with the device is found out by the experiment itself.
+            if session.watch(0.1, &mut Watcher::new(0)).is_err() || INTERRUPTED.load(Ordering::Relaxed) {
+                std::thread::sleep(Duration::from_millis(20));
+            }
+        }
+        match moving.join() {
+            Ok(Ok(())) => Ok(()),
+            Ok(Err(PlatformError::Interrupted)) => {
+                Err(Failure::link("stopped on the way to the first pose; nothing was recorded"))
+            }
+            Ok(Err(other)) => Err(Failure::link(format!("{other}\nNothing was recorded."))),
+            Err(panic) => std::panic::resume_unwind(panic),
+        }
+    })
+}
+
+/// A platform that was asked for nothing yet.
+fn unmoved(error: PlatformError) -> Failure {
+    let said = format!("{error}\nNothing was moved.");
+    match error {
+        PlatformError::Address { .. } | PlatformError::Motion(_) => Failure::input(said),
+        _ => Failure::link(said),
+    }
 }
 
 /// The sensors at rest.
@@ -118,7 +159,7 @@ fn at_rest(readings: &[Reading<f64>], imu: Option<&ImuTable>) -> Option<Rest> {
 
 fn look(session: &mut Session, rig: &RigFile) -> Result<Rest, Failure> {
     let readings = session.watch(WINDOW_S, &mut Watcher::new(0)).map_err(Failure::link)?;
-    if INTERRUPTED.load(std::sync::atomic::Ordering::Relaxed) {
+    if INTERRUPTED.load(Ordering::Relaxed) {
         return Err(Failure::link("stopped before the experiment began; nothing was moved"));
     }
     at_rest(&readings, rig.imu.first()).ok_or_else(|| {

@@ -294,6 +294,9 @@ pub struct ResultObject {
     pub residual_rms: Option<[f64; 6]>,
     /// Readings not used.
     pub rejected_rows: u32,
+    /// How the platform followed its program, where that was measured.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tracking: Option<serde_json::Value>,
     /// What would identify the rest.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub advice: Vec<String>,
@@ -314,6 +317,7 @@ mod tests {
 
     fn nothing_identified() -> ResultObject {
         ResultObject {
+            tracking: None,
             schema: SCHEMA,
             status: Status::NotIdentified,
             source: ResultSource {

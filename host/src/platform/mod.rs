@@ -1,13 +1,25 @@
 //! What moves the rig's plate.
 //!
-//! Lives here: the [`Platform`] trait and its drivers. May not live here: planning of motions, sensors.
-//! A motion program is uploaded whole and started; the controller follows it in its own time.
+//! Lives here: the [`Platform`] trait and its drivers ([`connect`] chooses by the address): the simulated rig in this
+//! process ([`LocalPlatform`]) or as served ([`NetworkPlatform`]), PI hexapods ([`gcs`]), lines of set points ([`stream`]);
+//! what is checked before ([`check`]) and compared after ([`tracking`]). May not live here: planning of motions, sensors.
+//!
+//! A motion program is loaded whole and checked, approached, and started; the platform follows it in its own time.
 
+mod address;
+pub mod check;
+mod error;
+pub mod gcs;
 mod network;
+mod pace;
+pub mod stream;
+pub mod tracking;
 
+pub use address::connect;
+pub use error::PlatformError;
 pub use network::NetworkPlatform;
 
-use rigident_sim::platform::MotionProgram;
+use rigident_sim::platform::{MotionProgram, Pose};
 use rigident_sim::rig::{MotionState, Rig, RigError, SharedRig};
 
 /// What the platform is doing.
@@ -21,20 +33,15 @@ pub enum Motion {
     Done,
 }
 
-/// Why the platform does not do as told.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum PlatformError {
-    /// Nobody answers.
-    #[error("the platform at {address} does not answer ({reason}): is its controller on, the address right?")]
-    Unreachable {
-        /// Where it should be.
-        address: String,
-        /// What the network said.
-        reason: String,
-    },
-    /// The controller refused.
-    #[error("the platform refuses: {0}")]
-    Refused(String),
+/// Where the plate should be and is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotionSample {
+    /// Time since the program's beginning, s, on the host's clock.
+    pub time_s: f64,
+    /// What the program says for that time.
+    pub commanded: Pose,
+    /// What the controller said then, if it says anything.
+    pub measured: Option<Pose>,
 }
 
 /// A platform that follows programs.
@@ -44,6 +51,14 @@ pub trait Platform: Send {
     /// # Errors
     /// Out of reach, too fast, or no answer.
     fn load(&mut self, program: &MotionProgram) -> Result<(), PlatformError>;
+    /// Makes the platform ready and brings the plate to the program's start, where the program itself does not.
+    /// The plate may move; it stops when `go_on` says no.
+    ///
+    /// # Errors
+    /// The controller refuses, no answer, or told to stop.
+    fn approach(&mut self, _go_on: &dyn Fn() -> bool) -> Result<(), PlatformError> {
+        Ok(())
+    }
     /// Starts the loaded program.
     ///
     /// # Errors
@@ -54,11 +69,26 @@ pub trait Platform: Send {
     /// # Errors
     /// No answer.
     fn stop(&mut self) -> Result<(), PlatformError>;
-    /// What it is doing.
+    /// What it is doing. Whoever started a motion must ask often: a platform that nobody watches is stopped.
     ///
     /// # Errors
-    /// No answer.
+    /// No answer; what broke the motion, once.
     fn motion(&mut self) -> Result<Motion, PlatformError>;
+    /// What was commanded and measured since the last time.
+    fn samples(&mut self) -> Vec<MotionSample> {
+        Vec::new()
+    }
+}
+
+/// The attitude as a unit quaternion w, x, y, z: the product of the half-angle ones of yaw, pitch and roll.
+pub fn quaternion(pose: &Pose) -> [f64; 4] {
+    let [(sr, cr), (sp, cp), (sy, cy)] = pose.rpy_rad.map(|a| (0.5 * a).sin_cos());
+    [
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    ]
 }
 
 /// The simulated rig in this very process.

@@ -1,19 +1,24 @@
 use std::io::{BufRead, BufReader, Write};
 use std::net::{TcpStream, ToSocketAddrs};
-use std::time::Duration;
 
-use rigident_sim::platform::MotionProgram;
+use rigident_sim::platform::{MotionProgram, Pose, Trajectory};
 use serde::{Deserialize, Serialize};
 
-use super::{Motion, Platform, PlatformError};
+use super::address::PATIENCE;
+use super::{Motion, MotionSample, Platform, PlatformError};
 
-/// How long a controller may take to answer.
-const PATIENCE: Duration = Duration::from_secs(3);
+/// Samples are taken no more often than so, s.
+const SAMPLE_S: f64 = 0.05;
 
 /// A controller that speaks one JSON object per line over TCP: `load`, `start`, `stop`, `state`.
 pub struct NetworkPlatform {
     address: String,
     stream: BufReader<TcpStream>,
+    trajectory: Option<Trajectory>,
+    samples: Vec<MotionSample>,
+    sampled_s: f64,
+    /// Whether it has answered before.
+    known: bool,
 }
 
 #[derive(Serialize)]
@@ -32,6 +37,11 @@ struct Answer {
     state: String,
     #[serde(default)]
     error: String,
+    #[serde(default)]
+    time_s: f64,
+    #[serde(default)]
+    duration_s: f64,
+    pose: Option<Pose>,
 }
 
 impl NetworkPlatform {
@@ -53,7 +63,14 @@ impl NetworkPlatform {
                         .and_then(|()| stream.set_write_timeout(Some(PATIENCE)))
                         .and_then(|()| stream.set_nodelay(true))
                         .map_err(|e| unreachable(e.to_string()))?;
-                    return Ok(Self { address: address.to_owned(), stream: BufReader::new(stream) });
+                    return Ok(Self {
+                        address: address.to_owned(),
+                        stream: BufReader::new(stream),
+                        trajectory: None,
+                        samples: Vec::new(),
+                        sampled_s: f64::NEG_INFINITY,
+                        known: false,
+                    });
                 }
                 Err(error) => last = error.to_string(),
             }
@@ -62,8 +79,21 @@ impl NetworkPlatform {
     }
 
     fn ask(&mut self, request: &Request) -> Result<Answer, PlatformError> {
-        let unreachable =
-            |reason: String| PlatformError::Unreachable { address: self.address.clone(), reason };
+        let (known, address) = (self.known, self.address.clone());
+        let command = match request {
+            Request::Load { .. } => "load",
+            Request::Start => "start",
+            Request::Stop => "stop",
+            Request::State => "state",
+        };
+        let unreachable = |reason: String| {
+            let address = address.clone();
+            if known {
+                PlatformError::Lost { address, command: command.to_owned(), reason }
+            } else {
+                PlatformError::Unreachable { address, reason }
+            }
+        };
         let mut line = serde_json::to_string(request).map_err(|e| unreachable(e.to_string()))?;
         line.push('\n');
         self.stream.get_mut().write_all(line.as_bytes()).map_err(|e| unreachable(e.to_string()))?;
@@ -73,6 +103,7 @@ impl NetworkPlatform {
             Ok(_) => {
                 let answer: Answer = serde_json::from_str(&reply)
                     .map_err(|e| unreachable(format!("its answer is not understood: {e}")))?;
+                self.known = true;
                 if answer.ok { Ok(answer) } else { Err(PlatformError::Refused(answer.error)) }
             }
             Err(error) => Err(unreachable(error.to_string())),
@@ -82,10 +113,13 @@ impl NetworkPlatform {
 
 impl Platform for NetworkPlatform {
     fn load(&mut self, program: &MotionProgram) -> Result<(), PlatformError> {
-        self.ask(&Request::Load { program }).map(drop)
+        self.ask(&Request::Load { program })?;
+        self.trajectory = Some(program.trajectory()?);
+        Ok(())
     }
 
     fn start(&mut self) -> Result<(), PlatformError> {
+        self.sampled_s = f64::NEG_INFINITY;
         self.ask(&Request::Start).map(drop)
     }
 
@@ -94,11 +128,26 @@ impl Platform for NetworkPlatform {
     }
 
     fn motion(&mut self) -> Result<Motion, PlatformError> {
-        match self.ask(&Request::State)?.state.as_str() {
+        let answer = self.ask(&Request::State)?;
+        if let (Some(trajectory), Some(pose), "moving") =
+            (&self.trajectory, answer.pose, answer.state.as_str())
+            && answer.time_s >= self.sampled_s + SAMPLE_S
+        {
+            self.sampled_s = answer.time_s;
+            // The controller has put the way to the start before the program.
+            let time_s = answer.time_s - (answer.duration_s - trajectory.duration_s());
+            let commanded = trajectory.state(time_s).pose();
+            self.samples.push(MotionSample { time_s, commanded, measured: Some(pose) });
+        }
+        match answer.state.as_str() {
             "holding" => Ok(Motion::Holding),
             "moving" => Ok(Motion::Moving),
             "done" => Ok(Motion::Done),
             other => Err(PlatformError::Refused(format!("it reports an unknown state, {other:?}"))),
         }
+    }
+
+    fn samples(&mut self) -> Vec<MotionSample> {
+        std::mem::take(&mut self.samples)
     }
 }

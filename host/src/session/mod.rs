@@ -19,7 +19,7 @@ pub use settings::{DeviceTiming, SettingsError, settings};
 
 use crate::identification::Factor;
 use crate::link::{Client, LinkError};
-use crate::platform::{Motion, Platform, PlatformError};
+use crate::platform::{Motion, MotionSample, Platform, PlatformError};
 
 /// Set by Ctrl-C; looked at between messages.
 pub static INTERRUPTED: AtomicBool = AtomicBool::new(false);
@@ -28,6 +28,8 @@ pub static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 const HEARTBEAT_EVERY: Duration = Duration::from_millis(500);
 /// What the device says when every asked-for parameter has its uncertainty.
 const STOPPED: (StateName, Reason) = (StateName::Holding, Reason::StopRule);
+/// How long a platform may take to come to rest.
+const REST: Duration = Duration::from_secs(4);
 /// How long to wait for readings that were counted but have not come.
 const STRAGGLERS: Duration = Duration::from_secs(2);
 
@@ -64,6 +66,13 @@ pub trait Observer {
     fn reading(&mut self, reading: &ReadingMessage) -> Result<(), String>;
     /// A new estimate.
     fn estimate(&mut self, _report: &EstimateReport) {}
+    /// Where the plate should be and is.
+    ///
+    /// # Errors
+    /// The experiment is then stopped.
+    fn motion(&mut self, _sample: &MotionSample) -> Result<(), String> {
+        Ok(())
+    }
     /// Called often: progress may be shown.
     fn progress(&mut self, _readings: usize) {}
 }
@@ -177,23 +186,59 @@ impl Session {
         let outcome = platform.start().map_err(SessionError::from).and_then(|()| {
             loop {
                 self.listen(&mut taking, observer)?;
+                tell(platform, observer)?;
                 if INTERRUPTED.load(Ordering::Relaxed) {
-                    // The motion first, then the recording.
-                    platform.stop()?;
                     taking.interrupted = true;
                     return Ok(());
                 }
                 self.override_stop(&mut taking)?;
                 if taking.held() || platform.motion()? == Motion::Done {
-                    return Ok(());
+                    return tell(platform, observer);
                 }
             }
         });
-        if outcome.is_err() || taking.held() {
-            // Whatever went wrong, the plate must not go on. If the platform is what broke, this fails again.
-            let _ = platform.stop();
+        // The motion first, then the recording. Whatever went wrong, the plate must not go on.
+        let at_rest = if outcome.is_err() || taking.held() || taking.interrupted {
+            self.bring_to_rest(platform, &mut taking, observer)
+        } else {
+            Ok(())
+        };
+        let mut take = self.conclude(taking, outcome, observer);
+        match (at_rest, &mut take.broken) {
+            (Ok(()), Some(broken)) => broken.push_str("\nThe platform is at rest."),
+            (Ok(()), None) => {}
+            (Err(unknown), broken) => {
+                let said = format!(
+                    "The platform could not be seen at rest ({unknown}): use its own emergency stop."
+                );
+                *broken = Some(broken.take().map_or(said.clone(), |b| format!("{b}\n{said}")));
+            }
         }
-        Ok(self.conclude(taking, outcome, observer))
+        Ok(take)
+    }
+
+    /// Stops the platform and sees it at rest, taking in what comes meanwhile. Why it could not be, otherwise.
+    fn bring_to_rest(
+        &mut self,
+        platform: &mut dyn Platform,
+        taking: &mut Taking,
+        observer: &mut dyn Observer,
+    ) -> Result<(), String> {
+        let told = platform.stop();
+        let deadline = Instant::now() + REST;
+        loop {
+            // In lock-step the plate moves only while the device is heard. What is broken there has been told.
+            let heard = self.listen(taking, observer);
+            match platform.motion() {
+                Ok(Motion::Holding | Motion::Done) => return told.map_err(|e| e.to_string()),
+                Ok(Motion::Moving) if Instant::now() < deadline => {}
+                Ok(Motion::Moving) => return Err(format!("it still moves after {} s", REST.as_secs())),
+                Err(error) => return Err(error.to_string()),
+            }
+            if heard.is_err() {
+                std::thread::sleep(Duration::from_millis(20));
+            }
+        }
     }
 
     /// Collects readings for so long without absorbing them, the platform at rest.
@@ -351,6 +396,11 @@ impl Session {
         }
         Ok(())
     }
+}
+
+/// Hands on where the plate should be and is.
+fn tell(platform: &mut dyn Platform, observer: &mut dyn Observer) -> Result<(), SessionError> {
+    platform.samples().iter().try_for_each(|s| observer.motion(s).map_err(SessionError::Observer))
 }
 
 fn advice(reason: Reason) -> &'static str {

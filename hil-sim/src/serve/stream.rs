@@ -1,0 +1,241 @@
+//! A platform that takes lines of set points: over TCP, over UDP, over a serial line; nothing is answered.
+//!
+//! A line is `t_s,x_m,y_m,z_m,qw,qx,qy,qz` (the plate in A) or `t_s,l1_m,…,l6_m` (the legs); time goes from the
+//! beginning of the stream. The first line must be where the plate stands, within 5 mm and 20 mrad. A line that
+//! cannot be followed, and lines that cease, bring the plate to rest; a stream is then over.
+
+use std::io::{self, Read};
+use std::net::{SocketAddr, TcpStream, ToSocketAddrs, UdpSocket};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{self, JoinHandle};
+
+use super::listener::{LOOK_AGAIN, Listener};
+use super::port::Port;
+use crate::platform::{Geometry, Pose};
+use crate::rig::{MotionState, Rig, SharedRig};
+use crate::runner::lock;
+
+/// The plate is at a line's pose so long after the line's time at the earliest, ns.
+const BEHIND_NS: f64 = 5e7;
+/// The longest line.
+const LINE_BYTES: usize = 512;
+/// How far the first line may be from where the plate stands, m and rad.
+const NEAR: [f64; 2] = [0.005, 0.02];
+
+/// Told what was wrong with a stream.
+type Tell = Arc<dyn Fn(&str) + Send + Sync>;
+
+/// The receiving end. Dropping it closes every connection.
+pub struct StreamServer {
+    listener: Listener,
+    leave: Arc<AtomicBool>,
+    others: Vec<JoinHandle<()>>,
+    rig: SharedRig,
+    tell: Tell,
+}
+
+impl StreamServer {
+    /// Listens at `address` for connections and for datagrams (port 0 takes a free one); `tell` is told why a stream
+    /// was refused.
+    ///
+    /// # Errors
+    /// If the address is taken or cannot be had.
+    pub fn listen(
+        address: impl ToSocketAddrs,
+        rig: SharedRig,
+        tell: impl Fn(&str) + Send + Sync + 'static,
+    ) -> io::Result<Self> {
+        let tell: Tell = Arc::new(tell);
+        let (shared, told) = (Arc::clone(&rig), Arc::clone(&tell));
+        let listener = Listener::listen(address, move |stream, leave| {
+            let mut receiver = Receiver::new(Arc::clone(&shared), Arc::clone(&told));
+            // A client that breaks off has nobody left to be told.
+            let _ = connection(stream, &mut receiver, leave);
+        })?;
+        let datagrams = UdpSocket::bind(listener.address())?;
+        datagrams.set_read_timeout(Some(LOOK_AGAIN))?;
+        let leave = Arc::new(AtomicBool::new(false));
+        let mut server = Self { listener, leave, others: Vec::new(), rig, tell };
+        server.also(move |receiver, leave| {
+            let mut buffer = [0; 2048];
+            while !leave.load(Ordering::Acquire) {
+                // Nothing came, or what came was broken: look again.
+                if let Ok(n) = datagrams.recv(&mut buffer) {
+                    receiver.feed(buffer.get(..n).unwrap_or_default());
+                }
+            }
+        });
+        Ok(server)
+    }
+
+    /// Takes lines from a serial line of this name too.
+    ///
+    /// # Errors
+    /// As [`Port::open`].
+    pub fn open_port(&mut self, name: &Path) -> io::Result<()> {
+        let mut port = Port::open(Some(name))?;
+        self.also(move |receiver, leave| {
+            let mut buffer = [0; 2048];
+            while !leave.load(Ordering::Acquire) {
+                match port.read(&mut buffer, LOOK_AGAIN) {
+                    Ok(n) => receiver.feed(buffer.get(..n).unwrap_or_default()),
+                    Err(_) => return,
+                }
+            }
+        });
+        Ok(())
+    }
+
+    fn also(&mut self, serve: impl FnOnce(&mut Receiver, &AtomicBool) + Send + 'static) {
+        let mut receiver = Receiver::new(Arc::clone(&self.rig), Arc::clone(&self.tell));
+        let leave = Arc::clone(&self.leave);
+        self.others.push(thread::spawn(move || serve(&mut receiver, &leave)));
+    }
+
+    /// Where it listens.
+    #[must_use]
+    pub fn address(&self) -> SocketAddr {
+        self.listener.address()
+    }
+}
+
+impl Drop for StreamServer {
+    fn drop(&mut self) {
+        self.leave.store(true, Ordering::Release);
+        for thread in self.others.drain(..) {
+            // A panic there has printed itself.
+            let _ = thread.join();
+        }
+    }
+}
+
+fn connection(mut stream: TcpStream, receiver: &mut Receiver, leave: &AtomicBool) -> io::Result<()> {
+    stream.set_nonblocking(false)?;
+    stream.set_read_timeout(Some(LOOK_AGAIN))?;
+    let mut buffer = [0; 2048];
+    while !leave.load(Ordering::Acquire) {
+        match stream.read(&mut buffer) {
+            Ok(0) => return Ok(()),
+            Ok(n) => receiver.feed(buffer.get(..n).unwrap_or_default()),
+            Err(e) if matches!(e.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut) => {}
+            Err(e) => return Err(e),
+        }
+    }
+    Ok(())
+}
+
+/// A stream under way.
+struct Course {
+    /// The rig's clock at the stream's zero, ns.
+    origin_ns: f64,
+    last_s: f64,
+    pose: Pose,
+    /// Nothing more of it is followed.
+    over: bool,
+}
+
+struct Receiver {
+    rig: SharedRig,
+    geometry: Geometry,
+    tell: Tell,
+    line: Vec<u8>,
+    course: Option<Course>,
+}
+
+impl Receiver {
+    fn new(rig: SharedRig, tell: Tell) -> Self {
+        let geometry = lock(&rig).config().geometry.clone();
+        Self { rig, geometry, tell, line: Vec::new(), course: None }
+    }
+
+    fn feed(&mut self, bytes: &[u8]) {
+        for byte in bytes {
+            if *byte != b'\n' {
+                // What is longer is no line; its end is not understood either.
+                if self.line.len() < LINE_BYTES {
+                    self.line.push(*byte);
+                }
+                continue;
+            }
+            let line = std::mem::take(&mut self.line);
+            let text = String::from_utf8_lossy(&line);
+            if let Err(said) = self.follow(text.trim()) {
+                let shared = Arc::clone(&self.rig);
+                lock(&shared).stop();
+                if let Some(course) = &mut self.course {
+                    course.over = true;
+                }
+                (self.tell)(&format!("{text:?}: {said}"));
+            }
+        }
+    }
+
+    fn follow(&mut self, line: &str) -> Result<(), String> {
+        let numbers = line.split(',').map(|n| n.trim().parse::<f64>().ok().filter(|n| n.is_finite()));
+        let numbers: Vec<f64> = numbers.collect::<Option<_>>().ok_or("not numbers between commas")?;
+        let Some((time_s, rest)) = numbers.split_first() else { return Ok(()) };
+        let shared = Arc::clone(&self.rig);
+        let rig = &mut *lock(&shared);
+        // Time that does not go on, and a plate at rest: another stream.
+        let idle = rig.motion() != MotionState::Moving;
+        if self.course.as_ref().is_none_or(|c| *time_s <= c.last_s && idle) {
+            self.begin(rig, *time_s, rest)?;
+        }
+        let Some(course) = &mut self.course else { return Ok(()) };
+        if course.over {
+            return Ok(());
+        }
+        course.pose = pose(rest, &self.geometry, &course.pose)?;
+        course.last_s = *time_s;
+        let at_ns = course.origin_ns + 1e9 * time_s;
+        rig.pass_through(&course.pose, at_ns as u64).map_err(|e| e.to_string())
+    }
+
+    fn begin(&mut self, rig: &mut Rig, time_s: f64, numbers: &[f64]) -> Result<(), String> {
+        let here = rig.pose();
+        let first = pose(numbers, &self.geometry, &here)?;
+        let far = |a: [f64; 3], b: [f64; 3]| (0..3).fold(0.0_f64, |m, i| m.max((a[i] - b[i]).abs()));
+        let away = [far(first.position_m, here.position_m), far(first.rpy_rad, here.rpy_rad)];
+        if rig.motion() == MotionState::Moving {
+            return Err("the plate is moving already".to_owned());
+        }
+        if away[0] > NEAR[0] || away[1] > NEAR[1] {
+            return Err(format!(
+                "the stream begins {:.1} mm and {:.1} mrad from where the plate stands: begin there",
+                1e3 * away[0],
+                1e3 * away[1]
+            ));
+        }
+        // What is left of a stream before is forgotten.
+        rig.stop();
+        let origin_ns = rig.now_ns() as f64 + BEHIND_NS - 1e9 * time_s;
+        self.course = Some(Course { origin_ns, last_s: time_s, pose: here, over: false });
+        Ok(())
+    }
+}
+
+fn pose(numbers: &[f64], geometry: &Geometry, near: &Pose) -> Result<Pose, String> {
+    match *numbers {
+        [x, y, z, w, a, b, c] => {
+            let norm = (w * w + a * a + b * b + c * c).sqrt();
+            if (norm - 1.0).abs() > 0.01 {
+                return Err(format!("a quaternion of length {norm} is no attitude"));
+            }
+            let [w, a, b, c] = [w, a, b, c].map(|q| q / norm);
+            Ok(Pose {
+                position_m: [x, y, z],
+                rpy_rad: [
+                    (2.0 * (b * c + w * a)).atan2(1.0 - 2.0 * (a * a + b * b)),
+                    (2.0 * (w * b - a * c)).clamp(-1.0, 1.0).asin(),
+                    (2.0 * (a * b + w * c)).atan2(1.0 - 2.0 * (b * b + c * c)),
+                ],
+            })
+        }
+        [l1, l2, l3, l4, l5, l6] => {
+            geometry.forward(&[l1, l2, l3, l4, l5, l6], near).map_err(|e| e.to_string())
+        }
+        _ => Err(format!("{} numbers behind the time: a pose has 7, the legs have 6", numbers.len())),
+    }
+}

@@ -1,0 +1,154 @@
+//! The platform's motion: kept as it happens, compared at the end.
+
+use std::fmt;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::PathBuf;
+
+use rigident_sim::platform::Trajectory;
+
+use super::Failure;
+use crate::platform::tracking::{Tracking, compare, difference};
+use crate::platform::{MotionSample, quaternion};
+use crate::report::TimePlot;
+
+/// Writes commanded and measured poses as a recording in CSV, line by line.
+pub(super) struct MotionLog {
+    file: BufWriter<File>,
+    path: PathBuf,
+    /// Whether the rows have measured poses, once there is one.
+    measured: Option<bool>,
+    samples: Vec<MotionSample>,
+    last_s: f64,
+}
+
+const POSE: [&str; 7] = ["x_m", "y_m", "z_m", "qw", "qx", "qy", "qz"];
+
+impl MotionLog {
+    /// A new file.
+    pub(super) fn create(path: PathBuf, address: &str) -> Result<Self, Failure> {
+        let said = |e: std::io::Error| Failure::input(format!("{}: {e}", path.display()));
+        let mut file = BufWriter::new(File::create_new(&path).map_err(said)?);
+        writeln!(file, "# platform = {address:?}").map_err(said)?;
+        Ok(Self { file, path, measured: None, samples: Vec::new(), last_s: f64::NEG_INFINITY })
+    }
+
+    /// Writes one row; a killed program keeps the rows before.
+    pub(super) fn append(&mut self, sample: &MotionSample) -> Result<(), String> {
+        // Time goes on from row to row.
+        if sample.time_s <= self.last_s {
+            return Ok(());
+        }
+        self.last_s = sample.time_s;
+        self.row(sample).map_err(|e| format!("{}: {e}", self.path.display()))?;
+        self.samples.push(*sample);
+        Ok(())
+    }
+
+    fn row(&mut self, sample: &MotionSample) -> std::io::Result<()> {
+        let measured = match self.measured {
+            Some(measured) => measured,
+            None => {
+                let names = POSE.iter().map(|name| format!(",cmd_{name}")).collect::<String>();
+                let seen = POSE.iter().map(|name| format!(",{name}")).collect::<String>();
+                let has = sample.measured.is_some();
+                writeln!(self.file, "t_s{names}{}", if has { &seen } else { "" })?;
+                *self.measured.insert(has)
+            }
+        };
+        let mut line = format!("{:.6}", sample.time_s);
+        for pose in [Some(sample.commanded), sample.measured.filter(|_| measured)].into_iter().flatten() {
+            for value in pose.position_m.into_iter().chain(quaternion(&pose)) {
+                line.push_str(&format!(",{value:.9}"));
+            }
+        }
+        writeln!(self.file, "{line}")?;
+        self.file.flush()
+    }
+
+    pub(super) fn samples(&self) -> &[MotionSample] {
+        &self.samples
+    }
+}
+
+/// How the platform followed.
+pub struct Followed {
+    tracking: Tracking,
+    time_s: Vec<f64>,
+    differences: Vec<[f64; 6]>,
+    commanded: Vec<[f64; 6]>,
+    measured: Vec<[f64; 6]>,
+}
+
+impl Followed {
+    /// `None` if nothing was measured.
+    pub(super) fn of(trajectory: &Trajectory, samples: &[MotionSample]) -> Option<Self> {
+        let tracking = compare(trajectory, samples)?;
+        let both: Vec<_> =
+            samples.iter().filter_map(|s| s.measured.map(|m| (s.time_s, s.commanded, m))).collect();
+        let six = |p: &rigident_sim::platform::Pose| {
+            let ([x, y, z], [roll, pitch, yaw]) = (p.position_m, p.rpy_rad);
+            [x, y, z, roll, pitch, yaw]
+        };
+        Some(Self {
+            tracking,
+            time_s: both.iter().map(|b| b.0).collect(),
+            differences: both.iter().map(|(_, c, m)| difference(c, m)).collect(),
+            commanded: both.iter().map(|(_, c, _)| six(c)).collect(),
+            measured: both.iter().map(|(_, _, m)| six(m)).collect(),
+        })
+    }
+
+    pub(super) fn to_json(&self) -> Option<serde_json::Value> {
+        serde_json::to_value(&self.tracking).ok()
+    }
+
+    /// Commanded and measured coordinates, where they change, and what is between them.
+    pub(super) fn plots(&self) -> Vec<TimePlot> {
+        let line = |values: &[[f64; 6]], i: usize, scale: f64| values.iter().map(|v| scale * v[i]).collect();
+        let mut plots = Vec::new();
+        for (i, name) in ["x", "y", "z", "roll", "pitch", "yaw"].into_iter().enumerate() {
+            let (low, high) = self
+                .commanded
+                .iter()
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v[i]), hi.max(v[i])));
+            if high - low > 1e-6 {
+                plots.push(TimePlot {
+                    title: format!("Platform's {name}"),
+                    unit: if i < 3 { "m" } else { "rad" }.to_owned(),
+                    time_s: self.time_s.clone(),
+                    series: vec![
+                        ("commanded".to_owned(), line(&self.commanded, i, 1.0)),
+                        ("measured".to_owned(), line(&self.measured, i, 1.0)),
+                    ],
+                });
+            }
+        }
+        for (what, unit, first, scale) in [("position", "mm", 0, 1e3), ("attitude", "mrad", 3, 1e3)] {
+            plots.push(TimePlot {
+                title: format!("Platform's {what}, measured less commanded"),
+                unit: unit.to_owned(),
+                time_s: self.time_s.clone(),
+                series: ["x", "y", "z"]
+                    .iter()
+                    .enumerate()
+                    .map(|(k, axis)| ((*axis).to_owned(), line(&self.differences, first + k, scale)))
+                    .collect(),
+            });
+        }
+        plots
+    }
+}
+
+impl fmt::Display for Followed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let t = &self.tracking;
+        let mm = |v: [f64; 3]| v.map(|v| 1e3 * v);
+        let ([x, y, z], [rx, ry, rz]) = (mm(t.rms_m), mm(t.rms_rad));
+        writeln!(f, "Platform, measured less commanded, RMS of {} samples:", t.samples)?;
+        writeln!(f, "  x {x:.3}, y {y:.3}, z {z:.3} mm; about x {rx:.3}, y {ry:.3}, z {rz:.3} mrad")?;
+        let ([x, y, z], [rx, ry, rz]) = (mm(t.rms_without_delay_m), mm(t.rms_without_delay_rad));
+        writeln!(f, "  it came {:.1} ms late; without that:", 1e3 * t.delay_s)?;
+        write!(f, "  x {x:.3}, y {y:.3}, z {z:.3} mm; about x {rx:.3}, y {ry:.3}, z {rz:.3} mrad")
+    }
+}

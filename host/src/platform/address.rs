@@ -1,0 +1,174 @@
+//! Where a platform is and how it is spoken to.
+
+use std::fmt::Display;
+use std::io::{self, Read, Write};
+use std::net::{TcpStream, ToSocketAddrs, UdpSocket};
+use std::time::Duration;
+
+use rigident_sim::platform::Geometry;
+
+use super::gcs::GcsPlatform;
+use super::stream::{Lines, StreamPlatform};
+use super::{NetworkPlatform, Platform, PlatformError};
+
+/// How long a controller may take to answer.
+pub(super) const PATIENCE: Duration = Duration::from_secs(3);
+/// Set points per second where the address does not say.
+const RATE_HZ: f64 = 100.0;
+/// Rates that make sense, 1/s.
+const RATES_HZ: std::ops::RangeInclusive<f64> = 10.0..=500.0;
+/// Baud where the address does not say.
+const BAUD: u32 = 115_200;
+
+/// A line to a controller, either way.
+pub(super) trait Wire: Read + Write + Send {}
+impl<T: Read + Write + Send> Wire for T {}
+
+/// Datagrams, one a write.
+struct Datagrams(UdpSocket);
+
+impl Read for Datagrams {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        self.0.recv(buffer)
+    }
+}
+
+impl Write for Datagrams {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.send(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// An address taken apart.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Address {
+    /// As it was given.
+    pub text: String,
+    scheme: String,
+    place: String,
+    /// Set points per second.
+    pub rate_hz: f64,
+    baud: u32,
+}
+
+impl Address {
+    pub(super) fn parse(text: &str) -> Result<Self, PlatformError> {
+        let wrong = |reason: String| PlatformError::Address { address: text.to_owned(), reason };
+        let (scheme, rest) =
+            text.split_once("://").ok_or_else(|| wrong("there is no :// in it".to_owned()))?;
+        let (place, settings) = rest.split_once('?').unwrap_or((rest, ""));
+        let mut address = Self {
+            text: text.to_owned(),
+            scheme: scheme.to_owned(),
+            place: place.to_owned(),
+            rate_hz: RATE_HZ,
+            baud: BAUD,
+        };
+        if place.is_empty() {
+            return Err(wrong("nothing stands behind ://".to_owned()));
+        }
+        for setting in settings.split('&').filter(|s| !s.is_empty()) {
+            let bad = |e: &dyn Display| wrong(format!("{setting}: {e}"));
+            match setting.split_once('=') {
+                Some(("rate_hz", value)) => address.rate_hz = value.parse().map_err(|e| bad(&e))?,
+                Some(("baud", value)) => address.baud = value.parse().map_err(|e| bad(&e))?,
+                _ => return Err(bad(&"there are rate_hz and baud")),
+            }
+        }
+        if !RATES_HZ.contains(&address.rate_hz) {
+            return Err(wrong(format!("rate_hz goes from {} to {}", RATES_HZ.start(), RATES_HZ.end())));
+        }
+        Ok(address)
+    }
+
+    fn unreachable(&self, reason: impl Display) -> PlatformError {
+        PlatformError::Unreachable { address: self.text.clone(), reason: reason.to_string() }
+    }
+
+    fn tcp(&self) -> Result<Box<dyn Wire>, PlatformError> {
+        let mut last = "the name has no address".to_owned();
+        for socket in self.place.to_socket_addrs().map_err(|e| self.unreachable(e))? {
+            match TcpStream::connect_timeout(&socket, PATIENCE) {
+                Ok(stream) => {
+                    stream
+                        .set_read_timeout(Some(Duration::from_millis(20)))
+                        .and_then(|()| stream.set_write_timeout(Some(PATIENCE)))
+                        .and_then(|()| stream.set_nodelay(true))
+                        .map_err(|e| self.unreachable(e))?;
+                    return Ok(Box::new(stream));
+                }
+                Err(error) => last = error.to_string(),
+            }
+        }
+        Err(self.unreachable(last))
+    }
+
+    fn udp(&self) -> Result<Box<dyn Wire>, PlatformError> {
+        let socket = UdpSocket::bind("0.0.0.0:0").map_err(|e| self.unreachable(e))?;
+        socket.connect(self.place.as_str()).map_err(|e| self.unreachable(e))?;
+        Ok(Box::new(Datagrams(socket)))
+    }
+
+    fn serial(&self) -> Result<Box<dyn Wire>, PlatformError> {
+        let port = serialport::new(&self.place, self.baud).timeout(Duration::from_millis(20)).open();
+        port.map(|port| Box::new(port) as Box<dyn Wire>).map_err(|e| self.unreachable(e))
+    }
+}
+
+/// Connects to the platform at an address; nothing moves. `geometry` says where the plate is at home, and the legs' lengths.
+///
+/// # Errors
+/// The address is not one, or nobody is there.
+pub fn connect(address: &str, geometry: &Geometry) -> Result<Box<dyn Platform>, PlatformError> {
+    let parsed = Address::parse(address)?;
+    let streamed = |lines, wire| {
+        Box::new(StreamPlatform::new(&parsed, lines, wire, geometry.clone())) as Box<dyn Platform>
+    };
+    match parsed.scheme.as_str() {
+        "tcp" => Ok(Box::new(NetworkPlatform::connect(address)?)),
+        "gcs" if parsed.place.starts_with('/') => {
+            Ok(Box::new(GcsPlatform::connect(&parsed, parsed.serial()?, geometry)?))
+        }
+        "gcs" => Ok(Box::new(GcsPlatform::connect(&parsed, parsed.tcp()?, geometry)?)),
+        "pose+tcp" => Ok(streamed(Lines::Poses, parsed.tcp()?)),
+        "pose+udp" => Ok(streamed(Lines::Poses, parsed.udp()?)),
+        "pose+serial" => Ok(streamed(Lines::Poses, parsed.serial()?)),
+        "legs+tcp" => Ok(streamed(Lines::Legs, parsed.tcp()?)),
+        "legs+udp" => Ok(streamed(Lines::Legs, parsed.udp()?)),
+        "legs+serial" => Ok(streamed(Lines::Legs, parsed.serial()?)),
+        other => Err(PlatformError::Address {
+            address: address.to_owned(),
+            reason: format!("nothing is known of {other}://"),
+        }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_address_says_how_where_and_how_fast() {
+        let address = Address::parse("gcs:///dev/ttyUSB0?rate_hz=50&baud=57600").unwrap();
+        assert_eq!((address.scheme.as_str(), address.place.as_str()), ("gcs", "/dev/ttyUSB0"));
+        assert_eq!((address.rate_hz, address.baud), (50.0, 57_600));
+        for wrong in ["here", "gcs://", "gcs://h:1?rate_hz=0", "gcs://h:1?rate_hz=nan", "gcs://h:1?speed=2"] {
+            let said = Address::parse(wrong).unwrap_err().to_string();
+            assert!(said.starts_with(wrong) && said.contains("an address looks like"), "{said}");
+        }
+    }
+
+    #[test]
+    fn what_is_not_known_or_not_there_is_said_so() {
+        let geometry = Geometry::thesis();
+        let said =
+            |address: &str| connect(address, &geometry).err().map(|e| e.to_string()).unwrap_or_default();
+        assert!(said("ftp://127.0.0.1:1").contains("nothing is known of ftp://"));
+        assert!(said("gcs:///dev/no-such-line").contains("does not answer"));
+        assert!(said("gcs://127.0.0.1:1").contains("does not answer"));
+    }
+}

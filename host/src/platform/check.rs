@@ -1,0 +1,96 @@
+//! A program held against the platform's limits before anything moves.
+
+use std::fmt;
+
+use rigident_sim::platform::{Geometry, MotionProgram};
+
+use super::PlatformError;
+use crate::formats::rig::RigFile;
+
+/// Steps in which a program is looked at, s.
+const STEP_S: f64 = 0.004;
+
+/// How near a program comes to the limits.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Summary {
+    /// How long it takes, s.
+    pub duration_s: f64,
+    /// Shortest and longest leg on the way, m.
+    pub leg_length_m: [f64; 2],
+    /// The legs' limits, m.
+    pub leg_limits_m: [f64; 2],
+    /// Fastest leg, m/s.
+    pub leg_rate_mps: f64,
+    /// The legs' limit, m/s.
+    pub leg_rate_limit_mps: f64,
+    /// Greatest distance from home, m.
+    pub travel_m: f64,
+    /// Greatest tilt against the vertical, rad.
+    pub tilt_rad: f64,
+    /// Highest velocity, m/s, and angular rate, rad/s.
+    pub velocity_mps: f64,
+    /// Highest angular rate, rad/s.
+    pub angular_rate_radps: f64,
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [shortest, longest] = self.leg_length_m;
+        let [least, most] = self.leg_limits_m;
+        writeln!(f, "the platform is about to move for {:.0} s:", self.duration_s)?;
+        writeln!(f, "  legs      {shortest:.4} to {longest:.4} m of {least:.4} to {most:.4} m")?;
+        writeln!(f, "  leg rate  up to {:.3} of {:.3} m/s", self.leg_rate_mps, self.leg_rate_limit_mps)?;
+        writeln!(
+            f,
+            "  plate     up to {:.1} mm from home and {:.1} degrees of tilt, {:.3} m/s and {:.2} rad/s",
+            1e3 * self.travel_m,
+            self.tilt_rad.to_degrees(),
+            self.velocity_mps,
+            self.angular_rate_radps
+        )
+    }
+}
+
+/// The platform of a rig file; what it does not say is the built-in platform's.
+pub fn geometry(rig: &RigFile) -> Geometry {
+    let mut geometry = Geometry::thesis();
+    let Some(table) = &rig.platform else { return geometry };
+    geometry.base_joints_m = table.base_joints_m.unwrap_or(geometry.base_joints_m);
+    geometry.plate_joints_m = table.plate_joints_m.unwrap_or(geometry.plate_joints_m);
+    geometry.leg_length_m = table.leg_length_m.unwrap_or(geometry.leg_length_m);
+    geometry.leg_rate_mps = table.leg_rate_mps.unwrap_or(geometry.leg_rate_mps);
+    geometry
+}
+
+/// Holds a whole program against the legs' limits.
+///
+/// # Errors
+/// A segment that makes no sense; the first leg that is too short, too long or too fast, with the time.
+pub fn check(program: &MotionProgram, geometry: &Geometry) -> Result<Summary, PlatformError> {
+    let trajectory = program.trajectory()?;
+    geometry.check(&trajectory)?;
+    let home = geometry.home();
+    let mut summary = Summary {
+        duration_s: trajectory.duration_s(),
+        leg_length_m: [f64::INFINITY, 0.0],
+        leg_limits_m: geometry.leg_length_m,
+        leg_rate_limit_mps: geometry.leg_rate_mps,
+        ..Summary::default()
+    };
+    let length = |v: [f64; 3]| v.iter().map(|c| c * c).sum::<f64>().sqrt();
+    for k in 0..=(trajectory.duration_s() / STEP_S).ceil() as usize {
+        let state = trajectory.state((k as f64 * STEP_S).min(trajectory.duration_s()));
+        let pose = state.pose();
+        for leg in geometry.leg_lengths(&pose) {
+            summary.leg_length_m = [summary.leg_length_m[0].min(leg), summary.leg_length_m[1].max(leg)];
+        }
+        let fastest = geometry.leg_rates(&state).into_iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+        let away = std::array::from_fn(|i| pose.position_m[i] - home.position_m[i]);
+        summary.leg_rate_mps = summary.leg_rate_mps.max(fastest);
+        summary.travel_m = summary.travel_m.max(length(away));
+        summary.tilt_rad = summary.tilt_rad.max(pose.rotation()[2][2].clamp(-1.0, 1.0).acos());
+        summary.velocity_mps = summary.velocity_mps.max(length(state.velocity.into()));
+        summary.angular_rate_radps = summary.angular_rate_radps.max(length(state.angular_rate.into()));
+    }
+    Ok(summary)
+}

@@ -1,0 +1,63 @@
+//! Why the platform does not do as told.
+
+use rigident_sim::platform::MotionError;
+
+use super::gcs::words;
+
+/// Why the platform does not do as told.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum PlatformError {
+    /// An address that names no platform.
+    #[error("{address} names no platform ({reason}): {HOW}")]
+    Address {
+        /// What was given.
+        address: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// Nobody answers.
+    #[error("the platform at {address} does not answer ({reason}): is its controller on, the address right?")]
+    Unreachable {
+        /// Where it should be.
+        address: String,
+        /// What the network said.
+        reason: String,
+    },
+    /// It answered before and does so no more.
+    #[error(
+        "the platform at {address} was lost at the command {command} ({reason}): check its cable and supply"
+    )]
+    Lost {
+        /// Where it was.
+        address: String,
+        /// What was said to it.
+        command: String,
+        /// What the network said.
+        reason: String,
+    },
+    /// The controller refused.
+    #[error("the platform refuses: {0}")]
+    Refused(String),
+    /// The controller refused by a number.
+    #[error("the platform's controller refuses the command {command}: error {code}, {}", words(*.code))]
+    Controller {
+        /// What was said to it.
+        command: String,
+        /// Its number of the error.
+        code: i32,
+    },
+    /// The program itself.
+    #[error("the motion program is beyond the platform: {0}")]
+    Motion(#[from] MotionError),
+    /// Whoever should watch the motion does not.
+    #[error("the platform was stopped because the program that watches it said nothing for {0} s")]
+    Unwatched(f64),
+    /// Ended by the user.
+    #[error("stopped by Ctrl-C")]
+    Interrupted,
+}
+
+/// What addresses look like.
+const HOW: &str = "an address looks like tcp://HOST:PORT (rigident-sim), gcs://HOST:PORT or gcs:///dev/ttyUSB0 (PI hexapods), \
+                   pose+tcp://HOST:PORT, legs+udp://HOST:PORT or pose+serial:///dev/ttyUSB0 (CSV lines), with ?rate_hz=100 \
+                   and &baud=115200 where they apply";

@@ -1,0 +1,281 @@
+//! PI hexapods: General Command Set 2.0 over TCP or a serial line.
+//!
+//! Lives here: the questions and answers ([`Line`]), the driver ([`GcsPlatform`]), the errors in words. May not live
+//! here: when set points are due ([`super::pace`]). What is known of the protocol, with its sources, stands in
+//! [`rigident_sim::serve::gcs`].
+//!
+//! A program is driven as a path of consecutive `MOV`, one every `1/rate_hz`, buffered by 0.2 s. Before, every hundredth of
+//! a second of it is held against the controller's limits (`TMN?`, `TMX?`), and poses all along it against `VMO?`.
+//! The built-in description of the platform must have its home where the hexapod has its zero.
+
+mod errors;
+mod line;
+
+pub use errors::words;
+
+use std::time::{Duration, Instant};
+
+use rigident_sim::platform::{Geometry, MotionProgram, Pose, Trajectory};
+use rigident_sim::serve::gcs::GcsPosition;
+
+use super::address::{Address, Wire};
+use super::pace::{LEAD_S, Pace, Sink};
+use super::{Motion, MotionSample, Platform, PlatformError};
+use line::Line;
+
+const AXES: [&str; 6] = ["X", "Y", "Z", "U", "V", "W"];
+/// Poses of a program that `VMO?` is asked about, at most.
+const ASKED: usize = 200;
+/// Steps in which positions are held against the limits, s.
+const STEP_S: f64 = 0.01;
+/// The plate is looked at so many times a second.
+const LOOKS_HZ: f64 = 20.0;
+/// The longest reference move, and the longest way to a program's start, s.
+const LONGEST_S: f64 = 120.0;
+
+/// A PI hexapod.
+pub struct GcsPlatform {
+    reference: Pose,
+    rate_hz: f64,
+    trajectory: Option<Trajectory>,
+    state: State,
+}
+
+enum State {
+    Resting(Hexapod),
+    Moving(Pace<Hexapod>),
+    Gone,
+}
+
+/// The hexapod as set points see it.
+struct Hexapod {
+    line: Line,
+    reference: Pose,
+    last: String,
+}
+
+fn mov(position: &GcsPosition) -> String {
+    AXES.iter()
+        .zip(position.0)
+        .fold("MOV".to_owned(), |line, (axis, value)| format!("{line} {axis} {value:.6}"))
+}
+
+impl GcsPlatform {
+    /// Says hello; nothing moves.
+    pub(super) fn connect(
+        address: &Address,
+        wire: Box<dyn Wire>,
+        geometry: &Geometry,
+    ) -> Result<Self, PlatformError> {
+        let mut line = Line::new(wire, address.text.clone());
+        let identity = line.ask("*IDN?")?;
+        let version = line.ask("CSV?")?;
+        if !version.trim().starts_with('2') {
+            return Err(PlatformError::Refused(format!(
+                "{} speaks GCS {}, and 2.0 is needed",
+                identity.trim(),
+                version.trim()
+            )));
+        }
+        let axes = line.ask("SAI?")?;
+        let has = |axis: &str| axes.lines().any(|l| l.trim() == axis);
+        if let Some(missing) = AXES.iter().find(|axis| !has(axis)) {
+            return Err(PlatformError::Refused(format!(
+                "{} has no axis {missing}: it is no hexapod",
+                identity.trim()
+            )));
+        }
+        // Errors of whoever was here before.
+        line.ask("ERR?")?;
+        let reference = geometry.home();
+        Ok(Self {
+            reference,
+            rate_hz: address.rate_hz,
+            trajectory: None,
+            state: State::Resting(Hexapod { line, reference, last: String::new() }),
+        })
+    }
+
+    fn resting(&mut self) -> Result<&mut Hexapod, PlatformError> {
+        if let State::Moving(pace) = &self.state {
+            if pace.motion()? == Motion::Moving {
+                return Err(PlatformError::Refused("it is moving: stop it or wait".to_owned()));
+            }
+            if let State::Moving(pace) = std::mem::replace(&mut self.state, State::Gone) {
+                self.state = pace.end().map_or(State::Gone, State::Resting);
+            }
+        }
+        match &mut self.state {
+            State::Resting(hexapod) => Ok(hexapod),
+            _ => Err(PlatformError::Refused("its connection is gone".to_owned())),
+        }
+    }
+}
+
+impl Platform for GcsPlatform {
+    fn load(&mut self, program: &MotionProgram) -> Result<(), PlatformError> {
+        let trajectory = program.trajectory()?;
+        let reference = self.reference;
+        let hexapod = self.resting()?;
+        let [low, high] = [hexapod.line.six("TMN?")?, hexapod.line.six("TMX?")?];
+        let steps = (trajectory.duration_s() / STEP_S).ceil() as usize;
+        let at = |k: usize| (k as f64 * STEP_S).min(trajectory.duration_s());
+        for k in 0..=steps {
+            let position = GcsPosition::of(&trajectory.state(at(k)).pose(), &reference);
+            for (i, value) in position.0.into_iter().enumerate() {
+                if !(low[i]..=high[i]).contains(&value) {
+                    let unit = if i < 3 { "mm" } else { "degrees" };
+                    return Err(PlatformError::Refused(format!(
+                        "the program goes to {} = {value:.3} {unit} at t = {:.2} s, and the axis from {:.3} to {:.3} {unit}: use \
+                         smaller tilts or translations",
+                        AXES[i],
+                        at(k),
+                        low[i],
+                        high[i]
+                    )));
+                }
+            }
+        }
+        for k in (0..=steps).step_by(steps.div_ceil(ASKED).max(1)) {
+            let position = GcsPosition::of(&trajectory.state(at(k)).pose(), &reference);
+            let question = mov(&position).replacen("MOV", "VMO?", 1);
+            let answer = hexapod.line.ask(&question)?;
+            match answer.trim() {
+                "1" => {}
+                "0" => {
+                    return Err(PlatformError::Refused(format!(
+                        "it cannot reach the program's pose at t = {:.2} s ({question}): use smaller tilts or translations",
+                        at(k)
+                    )));
+                }
+                _ => return Err(hexapod.line.nonsense(&question, &answer)),
+            }
+        }
+        self.trajectory = Some(trajectory);
+        Ok(())
+    }
+
+    fn approach(&mut self, go_on: &dyn Fn() -> bool) -> Result<(), PlatformError> {
+        let Some(trajectory) = self.trajectory.clone() else {
+            return Err(PlatformError::Refused("no motion program is loaded".to_owned()));
+        };
+        let reference = self.reference;
+        let hexapod = self.resting()?;
+        if hexapod.line.six("SVO?")?.contains(&0.0) {
+            hexapod.line.order("SVO X 1 Y 1 Z 1 U 1 V 1 W 1")?;
+        }
+        if hexapod.line.six("FRF?")?.contains(&0.0) {
+            hexapod.line.order("FRF")?;
+            hexapod.wait("FRF", go_on, |line| {
+                Ok(line.ask_byte(7)?.first() == Some(&0xb1) && !line.six("FRF?")?.contains(&0.0))
+            })?;
+        }
+        hexapod.line.order("SPA X 0x19001900 0")?;
+        let command = mov(&GcsPosition::of(&trajectory.start_pose(), &reference));
+        hexapod.line.order(&command)?;
+        hexapod.wait(&command, go_on, |line| Ok(!line.six("ONT?")?.contains(&0.0)))
+    }
+
+    fn start(&mut self) -> Result<(), PlatformError> {
+        let Some(trajectory) = self.trajectory.clone() else {
+            return Err(PlatformError::Refused("no motion program is loaded".to_owned()));
+        };
+        let rate_hz = self.rate_hz;
+        let hexapod = self.resting()?;
+        // The source last: it begins a path.
+        let buffered = (LEAD_S * rate_hz).floor().max(2.0);
+        hexapod.line.order("SPA X 0x19001901 1")?;
+        hexapod.line.order(&format!("SPA X 0x19001903 {buffered}"))?;
+        hexapod.line.order(&format!("SCT T {}", 1e3 / rate_hz))?;
+        hexapod.line.order("SPA X 0x19001900 1")?;
+        if let State::Resting(hexapod) = std::mem::replace(&mut self.state, State::Gone) {
+            self.state = State::Moving(Pace::begin(hexapod, trajectory, rate_hz, LOOKS_HZ));
+        }
+        Ok(())
+    }
+
+    fn stop(&mut self) -> Result<(), PlatformError> {
+        match &mut self.state {
+            State::Moving(pace) => {
+                pace.stop();
+                Ok(())
+            }
+            State::Resting(hexapod) => hexapod.halt().map(drop),
+            State::Gone => Err(PlatformError::Refused("its connection is gone".to_owned())),
+        }
+    }
+
+    fn motion(&mut self) -> Result<Motion, PlatformError> {
+        match &mut self.state {
+            State::Moving(pace) => pace.motion(),
+            State::Resting(hexapod) => Ok(if hexapod.moving()? { Motion::Moving } else { Motion::Holding }),
+            State::Gone => Err(PlatformError::Refused("its connection is gone".to_owned())),
+        }
+    }
+
+    fn samples(&mut self) -> Vec<MotionSample> {
+        if let State::Moving(pace) = &self.state { pace.samples() } else { Vec::new() }
+    }
+}
+
+impl Hexapod {
+    fn moving(&mut self) -> Result<bool, PlatformError> {
+        let answer = String::from_utf8_lossy(&self.line.ask_byte(5)?).into_owned();
+        let bits = answer.trim();
+        let digits = bits.strip_prefix("0x").unwrap_or(bits);
+        u32::from_str_radix(digits, 16).map(|m| m != 0).map_err(|_| self.line.nonsense("#5", &answer))
+    }
+
+    /// Waits for what a command should bring about; stops if told to, or if it does not come.
+    fn wait(
+        &mut self,
+        command: &str,
+        go_on: &dyn Fn() -> bool,
+        there: impl Fn(&mut Line) -> Result<bool, PlatformError>,
+    ) -> Result<(), PlatformError> {
+        let begun = Instant::now();
+        loop {
+            self.line.check(command)?;
+            if there(&mut self.line)? {
+                return Ok(());
+            }
+            let late = begun.elapsed().as_secs_f64() > LONGEST_S;
+            if late || !go_on() {
+                self.halt()?;
+                return Err(if late {
+                    PlatformError::Refused(format!("{command} did not come to its end within {LONGEST_S} s"))
+                } else {
+                    PlatformError::Interrupted
+                });
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+}
+
+impl Sink for Hexapod {
+    fn send(&mut self, _: f64, pose: &Pose) -> Result<(), PlatformError> {
+        self.last = mov(&GcsPosition::of(pose, &self.reference));
+        self.line.tell(&self.last)
+    }
+
+    fn look(&mut self) -> Result<Option<Pose>, PlatformError> {
+        let last = std::mem::take(&mut self.last);
+        self.line.check(&last)?;
+        self.last = last;
+        Ok(Some(GcsPosition(self.line.six("POS?")?).pose(&self.reference)))
+    }
+
+    fn halt(&mut self) -> Result<bool, PlatformError> {
+        self.line.stop()?;
+        match self.line.check("#24 (stop)") {
+            // That is what a stop is answered by.
+            Ok(()) | Err(PlatformError::Controller { .. }) => Ok(true),
+            Err(error) => Err(error),
+        }
+    }
+
+    fn at_rest(&mut self) -> Result<Option<bool>, PlatformError> {
+        self.moving().map(|moving| Some(!moving))
+    }
+}

@@ -1,0 +1,279 @@
+//! The drivers by themselves.
+
+use std::time::{Duration, Instant};
+
+use rigident::platform::tracking::compare;
+use rigident::platform::{Motion, MotionSample, Platform, PlatformError, connect};
+use rigident_sim::platform::{Axis, Geometry, MotionProgram, Segment, SineTerm};
+use rigident_sim::rig::MotionState;
+use rigident_sim::serve::StreamServer;
+
+use super::{PATIENCE, Served};
+
+fn swing(seconds: f64) -> MotionProgram {
+    let mut start = Geometry::thesis().home();
+    start.position_m[0] += 0.01;
+    let term = |axis, amplitude, frequency_hz| SineTerm { axis, amplitude, frequency_hz, phase_rad: 0.4 };
+    MotionProgram {
+        start,
+        segments: vec![Segment::Multisine {
+            duration_s: seconds,
+            ramp_s: 1.0,
+            terms: vec![
+                term(Axis::Z, 0.02, 0.8),
+                term(Axis::Roll, 0.12, 0.6),
+                term(Axis::Pitch, 0.1, 0.9),
+                term(Axis::Yaw, 0.1, 0.5),
+            ],
+        }],
+    }
+}
+
+fn ready(served: &Served, address: &str, program: &MotionProgram) -> Box<dyn Platform> {
+    let mut platform = connect(address, &Geometry::thesis()).unwrap();
+    platform.load(program).unwrap();
+    assert_ne!(served.rig.lock().unwrap().motion(), MotionState::Moving, "loading moves nothing");
+    platform.approach(&|| true).unwrap();
+    platform
+}
+
+fn watch(platform: &mut dyn Platform, samples: &mut Vec<MotionSample>, mut until: impl FnMut() -> bool) {
+    let deadline = Instant::now() + PATIENCE;
+    while platform.motion().unwrap() == Motion::Moving && !until() {
+        assert!(Instant::now() < deadline);
+        samples.extend(platform.samples());
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    samples.extend(platform.samples());
+}
+
+#[test]
+fn a_hexapod_follows_a_program_within_its_resolution_and_delay_over_network_and_line() {
+    let served = Served::new();
+    let name = served.path("hexapod");
+    let line = served.hexapod.as_ref().unwrap().open_port(Some(&name)).unwrap();
+    for address in [served.address(), format!("gcs://{}", name.display())] {
+        let program = swing(4.0);
+        let mut platform = ready(&served, &address, &program);
+        platform.start().unwrap();
+        let mut samples = Vec::new();
+        watch(platform.as_mut(), &mut samples, || false);
+        assert_eq!(platform.motion().unwrap(), Motion::Done);
+        let tracking = compare(&program.trajectory().unwrap(), &samples).unwrap();
+        assert!(tracking.samples > 40, "{tracking:?}");
+        // Two intervals of 10 ms until the first point, and what the machine takes.
+        assert!((0.0..0.15).contains(&tracking.delay_s), "{tracking:?}");
+        // What remains is the jitter of asking: some ms at up to 0.1 m/s and 0.6 rad/s.
+        assert!(tracking.rms_without_delay_m.iter().all(|v| *v < 1e-3), "{tracking:?}");
+        assert!(tracking.rms_without_delay_rad.iter().all(|v| *v < 6e-3), "{tracking:?}");
+        let rest = served.rig.lock().unwrap().pose();
+        let end = program.trajectory().unwrap().end_pose();
+        for i in 0..3 {
+            assert!((rest.position_m[i] - end.position_m[i]).abs() < 1e-8);
+            assert!((rest.rpy_rad[i] - end.rpy_rad[i]).abs() < 1e-7);
+        }
+    }
+    drop(line);
+}
+
+#[test]
+fn a_stop_in_the_middle_brings_it_to_rest_and_the_next_program_can_be_driven() {
+    let served = Served::new();
+    let mut platform = ready(&served, &served.address(), &swing(30.0));
+    platform.start().unwrap();
+    let begun = Instant::now();
+    watch(platform.as_mut(), &mut Vec::new(), || begun.elapsed() > Duration::from_secs(2));
+    platform.stop().unwrap();
+    let told = Instant::now();
+    watch(platform.as_mut(), &mut Vec::new(), || false);
+    assert!(told.elapsed() < Duration::from_millis(1000), "{:?}", told.elapsed());
+    assert_eq!(served.rig.lock().unwrap().motion(), MotionState::Done);
+    platform.load(&swing(2.0)).unwrap();
+    platform.approach(&|| true).unwrap();
+    platform.start().unwrap();
+    watch(platform.as_mut(), &mut Vec::new(), || false);
+}
+
+#[test]
+fn what_the_hexapod_cannot_reach_is_refused_before_anything_moves_and_names_the_axis() {
+    let served = Served::new();
+    let mut platform = connect(&served.address(), &Geometry::thesis()).unwrap();
+    let mut far = Geometry::thesis().home();
+    far.position_m[2] += 0.4;
+    let program = MotionProgram {
+        start: Geometry::thesis().home(),
+        segments: vec![Segment::Move { to: far, duration_s: 9.0 }],
+    };
+    let said = platform.load(&program).unwrap_err().to_string();
+    assert!(said.contains("Z = ") && said.contains("t = ") && said.contains("mm"), "{said}");
+    // Inside each axis' travel, and out of reach together.
+    let mut corner = Geometry::thesis().home();
+    (corner.position_m[0], corner.position_m[2], corner.rpy_rad[0]) = (0.2, corner.position_m[2] + 0.08, 0.3);
+    let program = MotionProgram {
+        start: Geometry::thesis().home(),
+        segments: vec![Segment::Move { to: corner, duration_s: 9.0 }],
+    };
+    let said = platform.load(&program).unwrap_err().to_string();
+    assert!(said.contains("VMO?") && said.contains("t = "), "{said}");
+    assert_eq!(served.rig.lock().unwrap().motion(), MotionState::Holding);
+}
+
+#[test]
+fn the_users_stop_on_the_way_to_the_start_is_heeded() {
+    let served = Served::new();
+    let mut platform = connect(&served.address(), &Geometry::thesis()).unwrap();
+    platform.load(&swing(2.0)).unwrap();
+    assert_eq!(platform.approach(&|| false), Err(PlatformError::Interrupted));
+    let deadline = Instant::now() + PATIENCE;
+    while platform.motion().unwrap() != Motion::Holding {
+        assert!(Instant::now() < deadline);
+    }
+}
+
+#[test]
+fn a_platform_that_nobody_watches_is_stopped() {
+    let served = Served::new();
+    let mut platform = ready(&served, &served.address(), &swing(30.0));
+    platform.start().unwrap();
+    std::thread::sleep(Duration::from_millis(2900));
+    assert_ne!(served.rig.lock().unwrap().motion(), MotionState::Moving);
+    assert!(matches!(platform.motion(), Err(PlatformError::Unwatched(_))));
+    assert_eq!(platform.motion(), Ok(Motion::Done));
+}
+
+#[test]
+fn a_controller_lost_in_mid_motion_is_named_with_the_command_and_the_plate_stops() {
+    let mut served = Served::new();
+    let mut platform = ready(&served, &served.address(), &swing(30.0));
+    platform.start().unwrap();
+    let begun = Instant::now();
+    watch(platform.as_mut(), &mut Vec::new(), || begun.elapsed() > Duration::from_millis(1500));
+    drop(served.hexapod.take());
+    let deadline = Instant::now() + PATIENCE;
+    let said = loop {
+        match platform.motion() {
+            Err(error) => break error.to_string(),
+            Ok(_) => assert!(Instant::now() < deadline),
+        }
+    };
+    assert!(said.contains("was lost at the command "), "{said}");
+    while served.rig.lock().unwrap().motion() == MotionState::Moving {
+        assert!(Instant::now() < deadline);
+    }
+}
+
+#[test]
+fn a_refusal_in_mid_motion_is_told_in_words_and_the_plate_is_seen_at_rest() {
+    let served = Served::new();
+    let mut platform = ready(&served, &served.address(), &swing(30.0));
+    platform.start().unwrap();
+    let begun = Instant::now();
+    watch(platform.as_mut(), &mut Vec::new(), || begun.elapsed() > Duration::from_millis(1500));
+    // Somebody else stops it at the controller.
+    let mut other = std::net::TcpStream::connect(served.hexapod.as_ref().unwrap().address()).unwrap();
+    std::io::Write::write_all(&mut other, b"STP\n").unwrap();
+    let deadline = Instant::now() + PATIENCE;
+    let error = loop {
+        match platform.motion() {
+            Err(error) => break error,
+            Ok(_) => assert!(Instant::now() < deadline),
+        }
+    };
+    let said = error.to_string();
+    assert!(
+        said.contains("error 10, the controller was stopped") || said.contains("error 220, the set points"),
+        "{said}"
+    );
+    assert!(said.contains("MOV X "), "{said}");
+    while platform.motion() == Ok(Motion::Moving) {
+        assert!(Instant::now() < deadline);
+    }
+    assert_eq!(platform.motion(), Ok(Motion::Done));
+    assert_eq!(served.rig.lock().unwrap().motion(), MotionState::Done);
+}
+
+#[test]
+fn lines_of_poses_and_legs_are_followed_by_connection_datagram_and_serial_line() {
+    let served = Served::new();
+    let said = std::sync::Arc::new(std::sync::Mutex::new(Vec::new()));
+    let heard = std::sync::Arc::clone(&said);
+    let mut lines = StreamServer::listen("127.0.0.1:0", std::sync::Arc::clone(&served.rig), move |s| {
+        heard.lock().unwrap().push(s.to_owned());
+    })
+    .unwrap();
+    let serial = served.path("lines");
+    lines.open_port(&serial).unwrap();
+    let at = lines.address();
+    // There and back: each stream begins with the plate at home.
+    let home = Geometry::thesis().home();
+    let mut program = swing(2.0);
+    program.start = home;
+    let mut up = home;
+    up.position_m[2] += 0.02;
+    program.segments.insert(0, Segment::Move { to: up, duration_s: 1.0 });
+    program.segments.push(Segment::Move { to: home, duration_s: 1.0 });
+    let trajectory = program.trajectory().unwrap();
+    for address in [
+        format!("pose+tcp://{at}"),
+        format!("legs+udp://{at}"),
+        format!("pose+serial://{}", serial.display()),
+        format!("legs+tcp://{at}?rate_hz=200"),
+    ] {
+        let mut platform = ready(&served, &address, &program);
+        platform.start().unwrap();
+        let mut farthest: f64 = 0.0;
+        let mut samples = Vec::new();
+        watch(platform.as_mut(), &mut samples, || {
+            let pose = served.rig.lock().unwrap().pose();
+            farthest = farthest.max(pose.rpy_rad[0].abs());
+            false
+        });
+        let deadline = Instant::now() + PATIENCE;
+        while served.rig.lock().unwrap().motion() == MotionState::Moving {
+            assert!(Instant::now() < deadline);
+        }
+        assert_eq!(*said.lock().unwrap(), [""; 0], "{address}");
+        assert!(farthest > 0.05, "{address}: {farthest}");
+        assert!(samples.iter().all(|s| s.measured.is_none()) && samples.len() > 40);
+        let (rest, end) = (served.rig.lock().unwrap().pose(), trajectory.end_pose());
+        for i in 0..3 {
+            // Nine decimals of a metre, through the legs' geometry.
+            assert!((rest.position_m[i] - end.position_m[i]).abs() < 1e-7, "{address}: {rest:?}");
+            assert!((rest.rpy_rad[i] - end.rpy_rad[i]).abs() < 1e-6, "{address}: {rest:?}");
+        }
+    }
+}
+
+#[test]
+fn a_stream_is_led_to_rest_on_its_path_and_one_that_begins_elsewhere_or_is_garbage_moves_nothing() {
+    let served = Served::new();
+    let said = std::sync::Arc::new(std::sync::Mutex::new(Vec::new()));
+    let heard = std::sync::Arc::clone(&said);
+    let lines = StreamServer::listen("127.0.0.1:0", std::sync::Arc::clone(&served.rig), move |s| {
+        heard.lock().unwrap().push(s.to_owned());
+    })
+    .unwrap();
+    let home = served.rig.lock().unwrap().pose();
+    let mut line = std::net::TcpStream::connect(lines.address()).unwrap();
+    let garbage = b"0.01,0.3,0,0.734,1,0,0,0\n\xff\xfe,1\nnan,1,2\n0.1,1,2,3\n0.2,9,9,9,9,9,9\n,,,,\n0.3,0,0,0.7,3,0,0,0\n";
+    std::io::Write::write_all(&mut line, garbage).unwrap();
+    let deadline = Instant::now() + PATIENCE;
+    while said.lock().unwrap().len() < 7 {
+        assert!(Instant::now() < deadline, "{:?}", said.lock().unwrap());
+    }
+    assert!(said.lock().unwrap()[0].contains("from where the plate stands"));
+    assert_eq!(served.rig.lock().unwrap().pose(), home);
+
+    let mut platform = ready(&served, &format!("pose+tcp://{}", lines.address()), &swing(30.0));
+    platform.start().unwrap();
+    let begun = Instant::now();
+    watch(platform.as_mut(), &mut Vec::new(), || begun.elapsed() > Duration::from_secs(3));
+    platform.stop().unwrap();
+    let told = Instant::now();
+    watch(platform.as_mut(), &mut Vec::new(), || false);
+    while served.rig.lock().unwrap().motion() == MotionState::Moving {
+        assert!(Instant::now() < deadline);
+    }
+    assert!(told.elapsed() < Duration::from_secs(2), "{:?}", told.elapsed());
+    assert_eq!(said.lock().unwrap().len(), 7, "{:?}", said.lock().unwrap());
+}
