@@ -59,6 +59,8 @@ pub fn geometry(rig: &RigFile) -> Geometry {
     geometry.plate_joints_m = table.plate_joints_m.unwrap_or(geometry.plate_joints_m);
     geometry.leg_length_m = table.leg_length_m.unwrap_or(geometry.leg_length_m);
     geometry.leg_rate_mps = table.leg_rate_mps.unwrap_or(geometry.leg_rate_mps);
+    geometry.limits.leg_force_n = table.leg_force_n.or(geometry.limits.leg_force_n);
+    geometry.limits.cond_max = table.cond_max.unwrap_or(geometry.limits.cond_max);
     geometry
 }
 
