@@ -5,7 +5,6 @@ use std::fmt;
 use rigident_sim::platform::{Geometry, MotionProgram};
 
 use super::PlatformError;
-use crate::formats::rig::RigFile;
 
 /// Steps in which a program is looked at, s.
 const STEP_S: f64 = 0.004;
@@ -49,19 +48,6 @@ impl fmt::Display for Summary {
             self.angular_rate_radps
         )
     }
-}
-
-/// The platform of a rig file; what it does not say is the built-in platform's.
-pub fn geometry(rig: &RigFile) -> Geometry {
-    let mut geometry = Geometry::thesis();
-    let Some(table) = &rig.platform else { return geometry };
-    geometry.base_joints_m = table.base_joints_m.unwrap_or(geometry.base_joints_m);
-    geometry.plate_joints_m = table.plate_joints_m.unwrap_or(geometry.plate_joints_m);
-    geometry.leg_length_m = table.leg_length_m.unwrap_or(geometry.leg_length_m);
-    geometry.leg_rate_mps = table.leg_rate_mps.unwrap_or(geometry.leg_rate_mps);
-    geometry.limits.leg_force_n = table.leg_force_n.or(geometry.limits.leg_force_n);
-    geometry.limits.cond_max = table.cond_max.unwrap_or(geometry.limits.cond_max);
-    geometry
 }
 
 /// Holds a whole program against the legs' limits.

@@ -70,7 +70,7 @@ fn ctrl_c_stops_the_platform_and_keeps_what_was_recorded() {
     let mut child = run(&served, &["--duration-s", "60", "--yes"]).spawn().unwrap();
     let mut heard = BufReader::new(child.stderr.take().unwrap()).lines();
     for line in heard.by_ref() {
-        if line.unwrap().starts_with("still poses") {
+        if line.unwrap().starts_with("the experiment takes") {
             break;
         }
     }
@@ -94,7 +94,7 @@ fn a_controller_lost_in_mid_run_ends_it_with_the_command_named_and_the_recording
     let mut child = run(&served, &["--duration-s", "60", "--yes"]).spawn().unwrap();
     let mut heard = BufReader::new(child.stderr.take().unwrap()).lines();
     for line in heard.by_ref() {
-        if line.unwrap().starts_with("still poses") {
+        if line.unwrap().starts_with("the experiment takes") {
             break;
         }
     }
