@@ -8,4 +8,4 @@ mod settle;
 pub mod shells;
 
 pub use map::{Map, MapError, Reach, Span};
-pub use settle::{Spot, level};
+pub use settle::{Spot, level, settled};

@@ -209,11 +209,19 @@ fn descent(measures: &Measures, power: i32) -> Option<Vector3<f64>> {
 /// # Errors
 /// The best level pose, and what is in the way there.
 pub fn level(geometry: &Geometry) -> Result<Pose, (Pose, Violation)> {
-    let home = geometry.home();
-    let start = Vector3::from(home.position_m);
+    settled(geometry, geometry.home(), true)
+}
+
+/// The same orientation at the nearest position that keeps every limit, or, with `fully`, is furthest inside all of them;
+/// nothing singular is crossed on the way.
+///
+/// # Errors
+/// The best position found, and what is in the way there.
+pub fn settled(geometry: &Geometry, from: Pose, fully: bool) -> Result<Pose, (Pose, Violation)> {
+    let start = Vector3::from(from.position_m);
     let side = side_at_home(geometry);
-    let spot = Orientation::new(geometry, rotation_from_rpy(home.rpy_rad), Some(side)).settle(start, true);
-    let pose = Pose { position_m: spot.position.into(), ..home };
+    let spot = Orientation::new(geometry, rotation_from_rpy(from.rpy_rad), Some(side)).settle(start, fully);
+    let pose = Pose { position_m: spot.position.into(), ..from };
     geometry.check_pose(&pose).map(|()| pose).map_err(|violation| (pose, violation))
 }
 
