@@ -1,7 +1,7 @@
 //! The Stewart platform: where the plate is, how it moves, and whether its six legs can follow.
 //!
 //! Lives here: [`Geometry`] (joints, legs, limits), [`Legs`] (vector loop, Jacobian, force transmission at one pose),
-//! [`Geometry::forward`], [`LimitMargins`] (every limited quantity beside its limit), [`Load`] (leg forces),
+//! [`Geometry::forward`], [`LimitMargins`] (every limited quantity beside its limit), [`Guarantee`] (the same of a whole motion), [`Load`] (leg forces),
 //! [`MotionProgram`] (what was asked for) and [`Trajectory`] (its exact kinematics). May not live here: sensors,
 //! planning. The bodies that a load is made of are [`crate::body`]'s, which is next.
 //!
@@ -10,20 +10,24 @@
 
 mod forward;
 mod geometry;
+mod guarantee;
 mod kinematics;
 mod legs;
 mod limits;
 mod load;
 mod program;
+mod sphere;
 
 pub use forward::ForwardError;
 pub use geometry::{Geometry, StrokeError};
+pub use guarantee::{Guarantee, Peak};
 pub use kinematics::{Coordinates, PlateState, rotation_from_rpy};
 pub use legs::Legs;
 pub use limits::{COND_MAX, JointCones, Limit, LimitMargins, Limits, Margin, Violation};
 pub use load::{Bodies, Load};
 pub(crate) use program::quintic_integral;
 pub use program::{Axis, MotionProgram, Segment, SineTerm, Trajectory};
+pub use sphere::Sphere;
 
 use serde::{Deserialize, Serialize};
 

@@ -73,6 +73,31 @@ fn rotation_from_sines((sr, cr): (f64, f64), (sp, cp): (f64, f64), (sy, cy): (f6
 }
 
 impl Coordinates {
+    /// The coordinates of a rigid motion, pitch within ±π/2: `(roll', pitch', yaw') = E⁻¹ ω_P`, and the second
+    /// derivatives from `ω̇_P − Ė (roll', pitch', yaw')`.
+    pub(super) fn of_state(state: &PlateState) -> Self {
+        let [roll, pitch, _] = state.rpy.into();
+        let ((sr, cr), (sp, cp)) = (roll.sin_cos(), pitch.sin_cos());
+        let inverse = |v: &Vector3<f64>| {
+            let turn = sr * v.y + cr * v.z;
+            Vector3::new(v.x + sp / cp * turn, cr * v.y - sr * v.z, turn / cp)
+        };
+        let rates = inverse(&state.angular_rate);
+        let [dr, dp, dy] = rates.into();
+        let drift = Vector3::new(
+            -cp * dp * dy,
+            -sr * dr * dp + (cp * cr * dr - sp * sr * dp) * dy,
+            -cr * dr * dp - (cp * sr * dr + sp * cr * dp) * dy,
+        );
+        let second = inverse(&(state.angular_acceleration - drift));
+        let six = |a: &Vector3<f64>, b: &Vector3<f64>| [a.x, a.y, a.z, b.x, b.y, b.z];
+        Self {
+            value: six(&state.position, &state.rpy),
+            rate: six(&state.velocity, &rates),
+            acceleration: six(&state.acceleration, &second),
+        }
+    }
+
     /// The rigid motion. With `E(roll, pitch)` of the thesis, `ω_P = E (roll', pitch', yaw')` and
     /// `ω̇_P = E (roll'', pitch'', yaw'') + Ė (roll', pitch', yaw')`.
     pub fn plate_state(&self) -> PlateState {

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::kinematics::{Coordinates, PlateState};
+use super::sphere::Sphere;
 use super::{MotionError, Pose};
 
 /// One of the six coordinates of the plate.
@@ -62,6 +63,8 @@ pub enum Segment {
         /// The sines.
         terms: Vec<SineTerm>,
     },
+    /// Turns about every axis while one point stays still; returns to the pose it began at.
+    Sphere(Sphere),
 }
 
 impl Segment {
@@ -70,7 +73,8 @@ impl Segment {
         match self {
             Self::Hold { duration_s }
             | Self::Move { duration_s, .. }
-            | Self::Multisine { duration_s, .. } => *duration_s,
+            | Self::Multisine { duration_s, .. }
+            | Self::Sphere(Sphere { duration_s, .. }) => *duration_s,
         }
     }
 
@@ -94,6 +98,15 @@ impl Segment {
                 Err("a term has an amplitude, frequency or phase that is not a finite number")
             }
             Self::Multisine { .. } => Ok(()),
+            Self::Sphere(sphere) => sphere.check(),
+        }
+    }
+
+    /// Ramp at both ends, s.
+    fn ramp_s(&self) -> Option<f64> {
+        match self {
+            Self::Hold { .. } | Self::Move { .. } => None,
+            Self::Multisine { ramp_s, .. } | Self::Sphere(Sphere { ramp_s, .. }) => Some(*ramp_s),
         }
     }
 }
@@ -218,6 +231,30 @@ impl Trajectory {
         }
     }
 
+    /// Times, s, between which every derivative is continuous: the beginning and the end of each segment and of its
+    /// ramps, in order.
+    pub fn seams_s(&self) -> Vec<f64> {
+        let mut seams = vec![0.0];
+        for piece in &self.pieces {
+            let end_s = piece.begin_s + piece.segment.duration_s();
+            if let Some(ramp_s) = piece.segment.ramp_s() {
+                seams.extend([piece.begin_s + ramp_s, end_s - ramp_s]);
+            }
+            seams.push(end_s);
+        }
+        seams.dedup();
+        seams
+    }
+
+    /// Bounds of `|x'''|`, m/s³, and of `|d²ω/dt²|`, rad/s³, both in A, between the two seams around `time_s`.
+    pub(super) fn third_derivatives(&self, time_s: f64) -> [f64; 2] {
+        let next = self.pieces.partition_point(|p| p.begin_s <= time_s);
+        match next.checked_sub(1).and_then(|i| self.pieces.get(i)) {
+            Some(piece) => piece.third_derivatives(time_s - piece.begin_s),
+            None => [0.0; 2],
+        }
+    }
+
     /// The plate's rigid motion at `time_s`.
     pub fn state(&self, time_s: f64) -> PlateState {
         self.coordinates(time_s).plate_state()
@@ -256,13 +293,59 @@ impl Piece {
                     c.acceleration[i] = e2 * sum[i] + 2.0 * e1 * sum1[i] + e0 * sum2[i];
                 }
             }
+            Segment::Sphere(sphere) => c = sphere.coordinates(&self.from, t),
         }
         c
     }
+
+    fn third_derivatives(&self, t: f64) -> [f64; 2] {
+        let ramping = |ramp_s: f64| t < ramp_s || self.segment.duration_s() - t < ramp_s;
+        let mut peaks = [[0.0_f64; 3]; 6];
+        match &self.segment {
+            Segment::Hold { .. } => {}
+            Segment::Move { to, duration_s } => {
+                for ((peaks, goal), from) in peaks.iter_mut().zip(to.coordinates()).zip(self.from) {
+                    *peaks = envelope_peaks(*duration_s).map(|p| p * (goal - from).abs());
+                }
+            }
+            Segment::Multisine { ramp_s, terms, .. } => {
+                let [e1, e2, e3] = if ramping(*ramp_s) { envelope_peaks(*ramp_s) } else { [0.0; 3] };
+                for term in terms {
+                    let (a, w) = (term.amplitude.abs(), std::f64::consts::TAU * term.frequency_hz.abs());
+                    let [d1, d2, d3] = &mut peaks[term.axis as usize];
+                    *d1 += a * (e1 + w);
+                    *d2 += a * (e2 + 2.0 * e1 * w + w * w);
+                    *d3 += a * (e3 + 3.0 * e2 * w + 3.0 * e1 * w * w + w * w * w);
+                }
+            }
+            Segment::Sphere(sphere) => return sphere.third_derivatives(ramping(sphere.ramp_s)),
+        }
+        let [x, y, z, roll, pitch, yaw] = peaks;
+        let jerk = (x[2] * x[2] + y[2] * y[2] + z[2] * z[2]).sqrt();
+        // In A, ω = roll' u + pitch' v + yaw' z with unit vectors u, turned by pitch and yaw, and v, turned by yaw:
+        // |u'| ≤ |pitch'| + |yaw'|, |u''| ≤ |pitch''| + |yaw''| + (|pitch'| + |yaw'|)², |v''| ≤ |yaw''| + yaw'².
+        let u1 = pitch[0] + yaw[0];
+        let u2 = pitch[1] + yaw[1] + u1 * u1;
+        let (v1, v2) = (yaw[0], yaw[1] + yaw[0] * yaw[0]);
+        let second = roll[2]
+            + 2.0 * roll[1] * u1
+            + roll[0] * u2
+            + pitch[2]
+            + 2.0 * pitch[1] * v1
+            + pitch[0] * v2
+            + yaw[2];
+        [jerk, second]
+    }
+}
+
+/// Largest first, second and third derivatives of the quintic over `ramp` seconds: `15/8`, `10/√3` and 60, by the powers of
+/// the ramp.
+pub(super) fn envelope_peaks(ramp: f64) -> [f64; 3] {
+    [1.875 / ramp, 10.0 / (3.0_f64.sqrt() * ramp * ramp), 60.0 / (ramp * ramp * ramp)]
 }
 
 /// Up over `ramp`, one, down over `ramp`: value and derivatives in seconds.
-fn envelope(t: f64, duration: f64, ramp: f64) -> [f64; 3] {
+pub(super) fn envelope(t: f64, duration: f64, ramp: f64) -> [f64; 3] {
     let down = duration - t;
     if t < ramp {
         let [a, b, c] = quintic(t / ramp);
@@ -301,6 +384,14 @@ mod tests {
                         term(Axis::Yaw, 0.2, 0.67, 0.5),
                     ],
                 },
+                Segment::Sphere(Sphere {
+                    duration_s: 5.0,
+                    ramp_s: 1.2,
+                    amplitude_rad: 0.45,
+                    frequency_hz: 0.6,
+                    turns: 1.5,
+                    still_point_m: [0.02, -0.03, 0.2],
+                }),
             ],
         }
     }
@@ -320,7 +411,7 @@ mod tests {
         let trajectory = program().trajectory().unwrap();
         let h = 1e-4;
         // Times inside each segment and inside each ramp, none within h of a seam (the jerk jumps there).
-        for t in [0.15, 0.5, 1.1, 1.9, 2.2, 3.1, 4.0, 5.7, 6.9, 7.8] {
+        for t in [0.15, 0.5, 1.1, 1.9, 2.2, 3.1, 4.0, 5.7, 6.9, 7.8, 8.6, 9.9, 11.3, 12.7] {
             let (before, now, after) =
                 (trajectory.state(t - h), trajectory.state(t), trajectory.state(t + h));
             check("v", t, (after.position - before.position) / (2.0 * h), now.velocity, 2e-6);
@@ -355,7 +446,7 @@ mod tests {
             seam += s.duration_s();
             seams.push(seam);
         }
-        seams.extend([2.0 + 1.5, 8.0 - 1.5]);
+        seams.extend([2.0 + 1.5, 8.0 - 1.5, 8.0 + 1.2, 13.0 - 1.2]);
         for t in seams {
             let (a, b) = (trajectory.coordinates(t - 1e-9), trajectory.coordinates(t + 1e-9));
             for i in 0..6 {
@@ -363,6 +454,44 @@ mod tests {
                 assert!((a.rate[i] - b.rate[i]).abs() < 1e-7, "rate {i} at {t}");
                 assert!((a.acceleration[i] - b.acceleration[i]).abs() < 1e-6, "acceleration {i} at {t}");
             }
+        }
+    }
+
+    #[test]
+    fn a_sphere_leaves_its_point_where_it_is_and_returns_to_its_pose() {
+        let trajectory = program().trajectory().unwrap();
+        let point = Vector3::new(0.02, -0.03, 0.2);
+        let at = |t: f64| {
+            let s = trajectory.state(t);
+            s.position + s.rotation * point
+        };
+        for t in [8.4, 9.3, 10.0, 11.7, 12.9] {
+            check("still point", t, at(t), at(8.0), 1e-14);
+            assert!((trajectory.state(t).rotation - trajectory.state(8.0).rotation).norm() > 1e-4);
+        }
+    }
+
+    /// Differences of exact second derivatives over 0.1 ms never exceed the bound, and the bound is not idle: within a factor
+    /// of ten of the largest of them.
+    #[test]
+    fn third_derivatives_stay_below_their_bounds() {
+        let trajectory = program().trajectory().unwrap();
+        let seams = trajectory.seams_s();
+        assert_eq!(seams.len(), 9);
+        for pair in seams.windows(2) {
+            let [jerk, second] = trajectory.third_derivatives(0.5 * (pair[0] + pair[1]));
+            let (mut most, mut most_turning) = (0.0_f64, 0.0_f64);
+            let (steps, h) = (400, 1e-4);
+            for k in 0..steps {
+                let t = pair[0] + (pair[1] - pair[0] - h) * f64::from(k) / f64::from(steps - 1);
+                let (a, b) = (trajectory.state(t), trajectory.state(t + h));
+                let turning = b.rotation * b.angular_acceleration - a.rotation * a.angular_acceleration;
+                most = most.max((b.acceleration - a.acceleration).norm() / h);
+                most_turning = most_turning.max(turning.norm() / h);
+            }
+            assert!(most <= jerk * (1.0 + 1e-9) + 1e-9, "{pair:?}: {most} {jerk}");
+            assert!(most_turning <= second * (1.0 + 1e-9) + 1e-9, "{pair:?}: {most_turning} {second}");
+            assert!(second < 10.0 * most_turning + 1e-6, "{pair:?}: {most_turning} {second}");
         }
     }
 
@@ -380,9 +509,9 @@ mod tests {
     fn nonsense_segments_are_refused_by_number() {
         let mut p = program();
         p.segments.push(Segment::Hold { duration_s: f64::NAN });
-        assert!(matches!(p.trajectory(), Err(MotionError::BadSegment { segment: 4, .. })));
-        p.segments[3] = Segment::Multisine { duration_s: 1.0, ramp_s: 0.6, terms: vec![] };
-        assert!(matches!(p.trajectory(), Err(MotionError::BadSegment { segment: 4, .. })));
+        assert!(matches!(p.trajectory(), Err(MotionError::BadSegment { segment: 5, .. })));
+        p.segments[4] = Segment::Multisine { duration_s: 1.0, ramp_s: 0.6, terms: vec![] };
+        assert!(matches!(p.trajectory(), Err(MotionError::BadSegment { segment: 5, .. })));
     }
 
     #[test]

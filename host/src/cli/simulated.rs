@@ -135,7 +135,7 @@ pub(super) fn stages(program: &MotionProgram) -> (Vec<Stage>, Option<[(f64, f64)
                     Some("home".to_owned())
                 }
             }
-            Segment::Multisine { .. } => Some("motion".to_owned()),
+            Segment::Multisine { .. } | Segment::Sphere(_) => Some("motion".to_owned()),
         };
         if let Some(name) = name {
             stages.push(Stage { start_s: at, name });

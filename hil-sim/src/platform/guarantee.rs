@@ -1,0 +1,297 @@
+//! Limits that are kept at every instant of a motion, not only where it was looked at.
+//!
+//! Between two seams a motion has a bounded third derivative (`x'''`, and `d²ω/dt²`). From the exact state in the middle
+//! of an interval that bounds every lower derivative of the plate over it (Taylor), hence speeds, accelerations and jerks
+//! of its joints, hence lengths, rates, accelerations, angles and forces of the legs and the singular values of H (Weyl).
+//! An interval whose bound lies more than a per cent above the largest value seen anywhere is cut in two.
+
+use nalgebra::Vector3;
+
+use super::limits::Violation;
+use super::load::{Bodies, Load};
+use super::{Geometry, Limit, Trajectory};
+
+/// The largest value of one limited quantity over a motion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Peak {
+    /// Which limit; `None` for the plate's angular rate, which is the gyro's concern.
+    pub limit: Option<Limit>,
+    /// 1 to 6, of the largest value seen; absent for `cond(H)` and the angular rate.
+    pub leg: Option<usize>,
+    /// Time of the largest value seen, s.
+    pub time_s: f64,
+    /// Largest value seen. Of a length its distance from the middle of the stroke, m; else a magnitude in the
+    /// [`Limit`]'s unit, rad/s of the angular rate.
+    pub seen: f64,
+    /// What it stays below at every instant.
+    pub bound: f64,
+    /// What it may be: half the stroke, or the limit; infinite if there is none.
+    pub allowed: f64,
+}
+
+impl Peak {
+    /// The guaranteed margin as a share of what is allowed, as [`super::Margin::relative`].
+    pub fn margin(&self) -> f64 {
+        if self.allowed.is_infinite() { 1.0 } else { 1.0 - self.bound / self.allowed }
+    }
+}
+
+/// What is guaranteed of a whole motion.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Guarantee {
+    /// In the order of [`Limit`], the angular rate last. Joint angles and forces are there if they are limited.
+    pub peaks: Vec<Peak>,
+}
+
+impl Guarantee {
+    /// The limit that is nearest.
+    pub fn tightest(&self) -> Option<&Peak> {
+        self.peaks.iter().min_by(|a, b| a.margin().total_cmp(&b.margin()))
+    }
+
+    /// Whether every limit is kept.
+    pub fn is_kept(&self) -> bool {
+        self.peaks.iter().all(|p| p.bound <= p.allowed)
+    }
+
+    /// The first limit that is not known to be kept, with its value and time, if it is the platform's.
+    pub fn violation(&self, geometry: &Geometry) -> Option<(Violation, f64)> {
+        let [lo, hi] = geometry.leg_length_m;
+        self.peaks.iter().filter(|p| p.bound > p.allowed).find_map(|p| {
+            let limit = p.limit?;
+            let (value, allowed) = match limit {
+                Limit::LegLength => (0.5 * (lo + hi) + p.bound, [lo, hi]),
+                _ => (p.bound, [-p.allowed, p.allowed]),
+            };
+            Some((Violation { limit, leg: p.leg, value, allowed }, p.time_s))
+        })
+    }
+}
+
+/// Quantities in the order of [`Limit`], and the angular rate.
+const QUANTITIES: usize = 8;
+const FORCE: usize = 3;
+const BASE: usize = 4;
+const PLATE: usize = 5;
+const CONDITIONING: usize = 6;
+const LIMITS: [Option<Limit>; QUANTITIES] = [
+    Some(Limit::LegLength),
+    Some(Limit::LegRate),
+    Some(Limit::LegAcceleration),
+    Some(Limit::LegForce),
+    Some(Limit::BaseJointAngle),
+    Some(Limit::PlateJointAngle),
+    Some(Limit::Conditioning),
+    None,
+];
+/// Bounds need not be nearer to the largest value seen than this share of it.
+const TOLERANCE: f64 = 0.01;
+/// Intervals to begin with, s, and how often one is cut in two at most.
+const FIRST_STEP_S: f64 = 0.016;
+const CUTS: u32 = 16;
+
+/// Values in the middle of an interval and bounds over it.
+struct Look {
+    seen: [(f64, Option<usize>); QUANTITIES],
+    bound: [f64; QUANTITIES],
+}
+
+/// Mass (kg), first (kg m) and second (kg m²) moment of all points' distances from the plate's origin.
+fn moments(load: &Load) -> [f64; 3] {
+    let (known, ball) = match &load.bodies {
+        Bodies::Known(known) => (known, [0.0; 3]),
+        Bodies::Bounded { known, mass_kg, centre_m, radius_m } => {
+            let reach = Vector3::from(*centre_m).norm() + radius_m;
+            (known, [*mass_kg, mass_kg * reach, mass_kg * reach * reach])
+        }
+    };
+    known.iter().fold(ball, |[m, first, second], body| {
+        let [xx, yy, zz, ..] = body.inertia_origin_kgm2();
+        let square = 0.5 * (xx + yy + zz);
+        // Cauchy and Schwarz.
+        [m + body.mass_kg, first + (body.mass_kg * square).sqrt(), second + square]
+    })
+}
+
+impl Geometry {
+    /// Bounds of every limited quantity over the whole of `trajectory`, at most about 1 % above the largest value seen;
+    /// leg forces with `load`, the angular rate against `rate_limit_radps`.
+    pub fn guarantee(
+        &self,
+        trajectory: &Trajectory,
+        load: Option<&Load>,
+        rate_limit_radps: f64,
+    ) -> Guarantee {
+        let moments = load.map(moments);
+        let present = [
+            true,
+            true,
+            true,
+            load.is_some(),
+            self.limits.base_joints.is_some(),
+            self.limits.plate_joints.is_some(),
+            true,
+            true,
+        ];
+        let mut queue = Vec::new();
+        for pair in trajectory.seams_s().windows(2) {
+            let (from, length) = (pair[0], pair[1] - pair[0]);
+            let count = (length / FIRST_STEP_S).ceil().max(1.0);
+            let half = 0.5 * length / count;
+            queue.extend((0..count as u64).map(|k| (from + (2 * k + 1) as f64 * half, half, 0)));
+        }
+        if queue.is_empty() {
+            queue.push((0.0, 0.0, 0));
+        }
+        let mut seen = [(0.0, None, 0.0); QUANTITIES];
+        let mut note = |look: &Look, time_s: f64| {
+            for (best, (value, leg)) in seen.iter_mut().zip(look.seen) {
+                if value > best.0 {
+                    *best = (value, leg, time_s);
+                }
+            }
+            seen
+        };
+        // A first round of all intervals, so that most are seen to be small the first time.
+        let looks: Vec<Look> = queue
+            .iter()
+            .map(|&(time_s, half, _)| {
+                let look = self.look(trajectory, time_s, half, load, moments);
+                note(&look, time_s);
+                look
+            })
+            .collect();
+        let mut stack: Vec<_> = queue.into_iter().zip(looks).collect();
+        let mut bound = [0.0_f64; QUANTITIES];
+        while let Some(((time_s, half, cuts), look)) = stack.pop() {
+            let best = note(&look, time_s);
+            let near = (0..QUANTITIES).all(|q| {
+                let most = best[q].0;
+                !present[q] || look.bound[q] <= most * (1.0 + TOLERANCE) || most.is_infinite()
+            });
+            if near || cuts == CUTS || half == 0.0 {
+                for (sum, b) in bound.iter_mut().zip(look.bound) {
+                    *sum = sum.max(b);
+                }
+                continue;
+            }
+            for middle in [time_s - 0.5 * half, time_s + 0.5 * half] {
+                let look = self.look(trajectory, middle, 0.5 * half, load, moments);
+                stack.push(((middle, 0.5 * half, cuts + 1), look));
+            }
+        }
+        let allowed = self.allowed(rate_limit_radps);
+        let peaks = (0..QUANTITIES).filter(|q| present[*q]).map(|q| {
+            let (value, leg, time_s) = seen[q];
+            Peak {
+                limit: LIMITS[q],
+                leg,
+                time_s,
+                seen: value,
+                bound: bound[q].max(value),
+                allowed: allowed[q],
+            }
+        });
+        Guarantee { peaks: peaks.collect() }
+    }
+
+    fn allowed(&self, rate_limit_radps: f64) -> [f64; QUANTITIES] {
+        let [lo, hi] = self.leg_length_m;
+        let limits = &self.limits;
+        let most = |limit: Option<f64>| limit.unwrap_or(f64::INFINITY);
+        [
+            0.5 * (hi - lo),
+            self.leg_rate_mps,
+            most(limits.leg_acceleration_mps2),
+            most(limits.leg_force_n),
+            most(limits.base_joints.as_ref().map(|c| c.half_angle_rad)),
+            most(limits.plate_joints.as_ref().map(|c| c.half_angle_rad)),
+            limits.cond_max,
+            rate_limit_radps,
+        ]
+    }
+
+    /// One interval of `2 half` about `time_s`, between two seams.
+    fn look(
+        &self,
+        trajectory: &Trajectory,
+        time_s: f64,
+        half: f64,
+        load: Option<&Load>,
+        moments: Option<[f64; 3]>,
+    ) -> Look {
+        let state = trajectory.state(time_s);
+        let [jerk, turning] = trajectory.third_derivatives(time_s);
+        let margins = self.margins(&state, load);
+        let legs = self.legs_at(&state.position, &state.rotation);
+        let d = half;
+        // Over the interval: |x''|, |ω̇|, |ω|.
+        let a = state.acceleration.norm() + jerk * d;
+        let dw = state.angular_acceleration.norm() + turning * d;
+        let w = state.angular_rate.norm() + (state.angular_acceleration.norm() + 0.5 * turning * d) * d;
+        let whirl = turning + 3.0 * w * dw + w * w * w;
+        let [lo, hi] = self.leg_length_m;
+        let middle = 0.5 * (lo + hi);
+        let omega = state.rotation * state.angular_rate;
+        let mut look = Look { seen: [(0.0, None); QUANTITIES], bound: [0.0; QUANTITIES] };
+        let mut put = |q: usize, leg: Option<usize>, value: f64, more: f64| {
+            if value >= look.seen[q].0 {
+                look.seen[q] = (value, leg);
+            }
+            look.bound[q] = look.bound[q].max(value + more);
+        };
+        // ‖H'‖ by columns.
+        let mut h_rate = 0.0;
+        for i in 0..6 {
+            let leg = Some(i + 1);
+            let arm = legs.arms[i].norm();
+            let (rate, acceleration) = (margins.leg_rate_mps[i], margins.leg_acceleration_mps2[i]);
+            let joint_a = a + (dw + w * w) * arm;
+            let joint_jerk = jerk + whirl * arm;
+            let u = (state.velocity + omega.cross(&legs.arms[i])).norm() + joint_a * d;
+            let length = (legs.lengths[i] - u * d).max(f64::MIN_POSITIVE);
+            // l'' = n·p'' + |u⊥|²/l and l''' = n·p''' + 3 u⊥·p''/l − 3 l' |u⊥|²/l², |l'| |u⊥|² ≤ 2|u|³/√27.
+            let second = joint_a + u * u / length;
+            let third =
+                joint_jerk + 3.0 * u * joint_a / length + 6.0 / 27.0_f64.sqrt() * u.powi(3) / length.powi(2);
+            put(0, leg, (legs.lengths[i] - middle).abs(), (rate.abs() + 0.5 * second * d) * d);
+            put(1, leg, rate.abs(), (acceleration.abs() + 0.5 * third * d) * d);
+            put(2, leg, acceleration.abs(), third * d);
+            let lean = u / length;
+            for (q, angles, turn) in
+                [(BASE, margins.base_joint_rad, 0.0), (PLATE, margins.plate_joint_rad, w)]
+            {
+                if let Some(angles) = angles {
+                    put(q, leg, angles[i], (lean + turn) * d);
+                }
+            }
+            h_rate += lean * lean + (arm * (w + lean)).powi(2);
+        }
+        let h_rate = h_rate.sqrt();
+        let singular = legs.force_transmission().singular_values();
+        let (most, least) = (singular.max(), singular.min());
+        let floor = least - h_rate * d;
+        let cond = margins.condition_number;
+        let worst = if floor > 0.0 { (most + h_rate * d) / floor } else { f64::INFINITY };
+        put(CONDITIONING, None, cond, if cond.is_finite() { (worst - cond).max(0.0) } else { 0.0 });
+        put(7, None, omega.norm(), (state.angular_acceleration.norm() + 0.5 * turning * d) * d);
+        if let (Some(forces), Some([m, first, second]), Some(load)) = (margins.leg_force_n, moments, load) {
+            // Of points at distance r: specific force at most `felt + spin r`, its derivative at most `jerk + whirl r`.
+            let felt = a + Vector3::from(load.gravity_mps2).norm();
+            let spin = dw + w * w;
+            let wrench = (m * felt + spin * first).hypot(first * felt + spin * second);
+            let change =
+                (m * jerk + whirl * first).hypot(first * (w * felt + jerk) + second * (w * spin + whirl));
+            // H f' = w' − H' f.
+            let rate = if floor > 0.0 { (change + h_rate * wrench / floor) / floor } else { f64::INFINITY };
+            for (i, [low, high]) in forces.into_iter().enumerate() {
+                put(FORCE, Some(i + 1), high.max(-low), rate * d);
+            }
+        }
+        look
+    }
+}
+
+#[cfg(test)]
+#[path = "guarantee_tests.rs"]
+mod tests;

@@ -1,0 +1,124 @@
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+use super::super::*;
+use super::*;
+use crate::body::BodyParameters;
+
+fn machine() -> Geometry {
+    let mut g = Geometry::thesis();
+    g.limits.leg_acceleration_mps2 = Some(8.0);
+    g.limits.leg_force_n = Some(400.0);
+    g.limits.base_joints = Some(g.cones_about_home(0.9));
+    g.limits.plate_joints = Some(g.cones_about_home(1.1));
+    g
+}
+
+/// A random program of a move, a multisine and a sphere that stays well away from singular poses.
+fn program(g: &Geometry, seed: u64) -> MotionProgram {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut unit = move || (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
+    let home = g.home();
+    let mut to = home;
+    for k in 0..3 {
+        to.position_m[k] += 0.06 * (unit() - 0.5);
+        to.rpy_rad[k] += 0.4 * (unit() - 0.5);
+    }
+    let axes = [Axis::X, Axis::Y, Axis::Z, Axis::Roll, Axis::Pitch, Axis::Yaw];
+    let terms = (0..12).map(|k| {
+        let frequency_hz = 0.2 + 1.6 * unit();
+        let scale = if k % 6 < 3 { 0.012 } else { 0.08 };
+        let amplitude = scale * unit() / frequency_hz.max(0.5);
+        SineTerm { axis: axes[k % 6], amplitude, frequency_hz, phase_rad: 6.3 * unit() }
+    });
+    let terms = terms.collect();
+    let sphere = Sphere {
+        duration_s: 1.5,
+        ramp_s: 0.5,
+        amplitude_rad: 0.1 + 0.2 * unit(),
+        frequency_hz: 0.4 + unit(),
+        turns: 2.0 * unit(),
+        still_point_m: [0.05 * unit(), 0.0, 0.25 * unit()],
+    };
+    MotionProgram {
+        start: home,
+        segments: vec![
+            Segment::Move { to, duration_s: 1.0 },
+            Segment::Multisine { duration_s: 2.5, ramp_s: 0.7, terms },
+            Segment::Sphere(sphere),
+        ],
+    }
+}
+
+/// Largest values at `rate` Hz, by [`Geometry::margins`]: in the order of the guarantee.
+fn sampled(g: &Geometry, trajectory: &Trajectory, load: &Load, rate: f64) -> [f64; QUANTITIES] {
+    let mut most = [0.0_f64; QUANTITIES];
+    let [lo, hi] = g.leg_length_m;
+    for k in 0..=(trajectory.duration_s() * rate) as usize {
+        let state = trajectory.state(k as f64 / rate);
+        let m = g.margins(&state, Some(load));
+        let forces = m.leg_force_n.unwrap().map(|[a, b]| b.max(-a));
+        let six = [
+            m.leg_length_m.map(|l| l - 0.5 * (lo + hi)),
+            m.leg_rate_mps,
+            m.leg_acceleration_mps2,
+            forces,
+            m.base_joint_rad.unwrap(),
+            m.plate_joint_rad.unwrap(),
+        ];
+        for (most, values) in most.iter_mut().zip(six) {
+            *most = values.iter().fold(*most, |m, v| m.max(v.abs()));
+        }
+        most[6] = most[6].max(m.condition_number);
+        most[7] = most[7].max(state.angular_rate.norm());
+    }
+    most
+}
+
+/// Against the motion looked at every 0.5 ms, the bound is never below and at most 2 % above.
+#[test]
+fn bounds_hold_at_every_instant_and_are_not_far_above() {
+    let g = machine();
+    let ball = Load::bounded(20.0, [0.0, 0.0, 0.15], 0.2);
+    for (seed, load) in [
+        (1, Load::body(BodyParameters::thesis_horizontal())),
+        (2, Load::body(BodyParameters::thesis_vertical())),
+        (3, ball),
+        (4, Load::body(BodyParameters::thesis_vertical())),
+    ] {
+        let trajectory = program(&g, seed).trajectory().unwrap();
+        let guarantee = g.guarantee(&trajectory, Some(&load), 1.2);
+        let most = sampled(&g, &trajectory, &load, 2000.0);
+        assert_eq!(guarantee.peaks.len(), QUANTITIES);
+        for (peak, most) in guarantee.peaks.iter().zip(most) {
+            assert!(peak.bound >= most && peak.seen <= peak.bound, "{seed}: {peak:?} {most}");
+            assert!(peak.bound <= 1.02 * most, "{seed}: {peak:?} {most}");
+        }
+    }
+}
+
+/// At 100 kHz around the largest leg rate.
+#[test]
+fn nothing_hides_between_samples() {
+    let g = machine();
+    let trajectory = program(&g, 5).trajectory().unwrap();
+    let guarantee = g.guarantee(&trajectory, None, 1.2);
+    for peak in guarantee.peaks.iter().filter(|p| p.limit == Some(Limit::LegRate)) {
+        let most = (-5000..5000)
+            .flat_map(|k| g.leg_rates(&trajectory.state(peak.time_s + f64::from(k) * 1e-5)))
+            .fold(0.0_f64, |m, v| m.max(v.abs()));
+        assert!(peak.bound >= most && peak.bound < 1.011 * most, "{peak:?} {most}");
+    }
+}
+
+#[test]
+fn an_overstepped_limit_is_named_with_leg_and_time() {
+    let mut g = machine();
+    g.leg_rate_mps = 0.01;
+    let trajectory = program(&g, 1).trajectory().unwrap();
+    let guarantee = g.guarantee(&trajectory, None, 9.0);
+    let (violation, _) = guarantee.violation(&g).unwrap();
+    assert_eq!(violation.limit, Limit::LegRate);
+    assert!(violation.leg.is_some() && !guarantee.is_kept());
+    assert_eq!(guarantee.tightest().unwrap().limit, Some(Limit::LegRate));
+}
