@@ -382,4 +382,11 @@ fn a_monte_carlo_prints_one_object_that_follows_from_its_seed() {
     assert_eq!(status(&rigident(place.path(), &["montecarlo", "--rate-hz", "-1"])), 2);
     let fast = rigident(place.path(), &["montecarlo", "--rate-hz", "5000", "--mcu", "inproc"]);
     assert!(status(&fast) == 2 && said(&fast).contains("2500"), "{}", said(&fast));
+    for many in
+        [&["--rate-hz", "1e9"][..], &["--rate-hz", "inf"], &["--rate-hz", "1e6", "--duration-s", "3600"]]
+    {
+        let output = rigident(place.path(), &[&["montecarlo", "--runs", "2"], many].concat());
+        assert_eq!(status(&output), 2, "{many:?}: {}", said(&output));
+        assert!(said(&output).contains("1000000 readings"), "{}", said(&output));
+    }
 }

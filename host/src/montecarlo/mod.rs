@@ -24,6 +24,8 @@ pub use bound::{PARAMETERS, bound};
 const FIRMWARE_TAPS: usize = 256;
 /// Of the firmware's readings.
 const FIRMWARE_FASTEST_HZ: f64 = 2500.0;
+/// Readings of one experiment: some GB with the motion's physics and a copy on every core.
+const MOST_READINGS: f64 = 1e6;
 /// 1 σ of a 95 % figure.
 const K95: f64 = 1.96;
 
@@ -100,6 +102,17 @@ pub enum CampaignError {
         "{0} Hz: the firmware's filter has room for {FIRMWARE_FASTEST_HZ} Hz; take a lower rate, or the host"
     )]
     TooFast(f64),
+    /// More readings than fit into memory.
+    #[error(
+        "{rate_hz} Hz for {duration_s} s: an experiment of a campaign has {MOST_READINGS} readings at most; take a lower rate or \
+         a shorter time"
+    )]
+    TooMany {
+        /// Rate of the readings, 1/s.
+        rate_hz: f64,
+        /// Length of the experiment, s.
+        duration_s: f64,
+    },
     /// The motion leaves a parameter undetermined.
     #[error(
         "the motion determines not all of the {PARAMETERS} parameters: there is no bound to compare with"
@@ -201,6 +214,10 @@ impl Campaign {
     pub fn prepare(self) -> Result<Prepared, CampaignError> {
         if self.solver == Solver::Firmware && self.rate_hz > FIRMWARE_FASTEST_HZ {
             return Err(CampaignError::TooFast(self.rate_hz));
+        }
+        if self.rate_hz * self.duration_s > MOST_READINGS {
+            let Self { rate_hz, duration_s, .. } = self;
+            return Err(CampaignError::TooMany { rate_hz, duration_s });
         }
         let program = thesis_program(&self.config.geometry, self.duration_s);
         let readings = Readings::new(&self.config, &program, self.rate_hz)?;
