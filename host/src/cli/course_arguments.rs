@@ -43,7 +43,7 @@ fn stop_rule(words: &[String]) -> Result<Option<StopRule>, String> {
     if words.is_empty() {
         return Ok(None);
     }
-    let mut stop = StopRule { asked: 0, u95: [0.0; 16], minimum_blocks: MINIMUM_BLOCKS };
+    let mut limits: Vec<(&str, Vec<usize>, f32)> = Vec::new();
     for word in words {
         let (name, number) = word.split_once('=').ok_or_else(|| {
             format!("--until {word}: a name and its largest 95 % uncertainty in SI units, as Ixx=0.002")
@@ -53,6 +53,16 @@ fn stop_rule(words: &[String]) -> Result<Option<StopRule>, String> {
         })?;
         let Asked(parameters) = Asked::parse(&[name.to_owned()])
             .map_err(|error| format!("--until {word}: {}", error.trim_start_matches("--estimate ")))?;
+        let name = name.trim();
+        if limits.iter().any(|(other, ..)| *other == name) {
+            return Err(format!("--until {word}: {name} has a limit already; give each name once"));
+        }
+        limits.push((name, parameters, u95));
+    }
+    // A single name refines its group, wherever it stands.
+    limits.sort_by_key(|(_, parameters, _)| std::cmp::Reverse(parameters.len()));
+    let mut stop = StopRule { asked: 0, u95: [0.0; 16], minimum_blocks: MINIMUM_BLOCKS };
+    for (_, parameters, u95) in limits {
         for j in parameters {
             stop.asked |= 1 << j;
             if let Some(limit) = stop.u95.get_mut(j) {
@@ -74,7 +84,9 @@ mod tests {
         assert_eq!(stop.asked, 0b11_1111_0001);
         assert_eq!(stop.u95[..5], [0.01, 0.0, 0.0, 0.0, 0.001]);
         assert_eq!(stop.u95[5..10], [0.002; 5]);
+        assert_eq!(rule("Ixx=0.001,m=0.01,I=0.002"), rule("I=0.002,m=0.01,Ixx=0.001"));
         for (text, part) in [
+            ("m=1,m=2", "m has a limit already"),
             ("Ixx", "as Ixx=0.002"),
             ("m=-1", "no positive number"),
             ("m=1%", "relative"),

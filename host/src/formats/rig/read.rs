@@ -168,6 +168,8 @@ const POSITIVE: &str = "must be finite and greater than zero";
 const NOT_NEGATIVE: &str = "must be finite and not negative";
 const NOISE: &str =
     "1 σ must be finite and greater than zero; leave the key out to have it estimated from the residuals";
+const IMU_NOISE: &str =
+    "1 σ must be finite and greater than zero; leave the key out to have it taken from the readings";
 
 struct Check<'a> {
     text: &'a str,
@@ -315,7 +317,7 @@ impl Check<'_> {
             for (name, value) in
                 [("accel_noise_mps2", imu.accel_noise_mps2), ("gyro_noise_radps", imu.gyro_noise_radps)]
             {
-                self.all(&key(name), value.as_slice(), |v| v >= 0.0, NOT_NEGATIVE)?;
+                self.all(&key(name), value.as_slice(), |v| v > 0.0, IMU_NOISE)?;
             }
         }
         Ok(())

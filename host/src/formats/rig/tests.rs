@@ -110,6 +110,8 @@ fn what_makes_no_sense_is_named_with_its_line() {
         ),
         ("[[imu]]\naccel_bias_mps2 = \"poses\"", &["line 2", "from_poses"]),
         ("[[imu]]\ngroup_delay_s = 5", &["imu[0].group_delay_s", "between 0 and 1 s"]),
+        ("[[imu]]\naccel_noise_mps2 = 0.0", &["line 2", "imu[0].accel_noise_mps2", "greater than zero"]),
+        ("[[imu]]\ngyro_noise_radps = 0", &["line 2", "imu[0].gyro_noise_radps", "leave the key out"]),
         ("[[imu]]\n[[imu]]\n", &["two [[imu]] tables"]),
         ("[recording]\nrate_hz = -1", &["line 2", "recording.rate_hz"]),
         ("[recording]\nrate_hz = \"fast\"", &["line 2, column 11:"]),
