@@ -7,7 +7,7 @@ use rigident_shared::spatial::{Position, Rotation, Sensor};
 
 use super::consistent::{self, nearest_body};
 use super::derived::{self, BodyFrame, Derived};
-use super::identifiability::states;
+use super::identifiability::{is_reversed, states};
 use super::weakest;
 use crate::formats::result::{
     BodyFrameResult, ConsistentResult, KnownResult, Measured, Parameter, ParameterState, PrincipalResult,
@@ -19,6 +19,10 @@ use crate::report::{self, FrameResults, PrincipalAxis, Quantity, Results};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 const TENSOR: [&str; 6] = ["Ixx", "Iyy", "Izz", "Iyz", "Izx", "Ixy"];
+
+const REVERSED: &str = "the mass comes out negative: is wrench_sign right? It says in [recording] of the rig file whether the \
+                        load cell reports the wrench \"on_body\" or \"on_sensor\"; reversed axes of the IMU, reversed gravity \
+                        columns, or a --tare that is heavier than what it is taken off look the same";
 
 /// Which parameters must be identified for success.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -203,7 +207,11 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
         m if m == asked.0.len() => Status::NotIdentified,
         _ => Status::PartlyIdentified,
     };
-    let hints = if known.iter().all(|i| *i) {
+    let reversed = is_reversed(estimate);
+    if reversed {
+        warnings.push(REVERSED.to_owned());
+    }
+    let hints = if reversed || known.iter().all(|i| *i) {
         Vec::new()
     } else {
         weakest::advice(estimate, identification.regressor_noise)

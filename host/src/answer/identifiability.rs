@@ -113,13 +113,20 @@ fn tensor_informed(estimate: &Estimate, noise: RegressorNoise, j: usize) -> bool
         && 1.0 / estimate.covariance[(j, j)] > LEAST_EXCITATION * noise.tensor_information
 }
 
-/// What became of each parameter.
+/// Whether the data alone determine a mass, and it is negative: a sign or an axis is wrong, and no motion would help.
+pub fn is_reversed(estimate: &Estimate) -> bool {
+    let data = estimate.of_data_alone();
+    let [mass, ..] = data.body();
+    mass < 0.0 && data.u95(0) <= LARGEST_SHARE * -mass
+}
+
+/// What became of each parameter. Nothing is identified if the mass comes out negative.
 ///
 /// A parameter is *identified* if the data alone, without what is known beforehand, resolve it; *prior-dominated*
 /// if they do so only together with it; else *not identified*. The body's scale, against which that is judged,
 /// is always that of all that is known: a known mass sets the scale of the first moments, it does not measure them.
 pub fn states(estimate: &Estimate, noise: RegressorNoise) -> Vec<ParameterState> {
-    let scale = Scale::of(estimate, noise);
+    let scale = Scale::of(estimate, noise).filter(|_| !is_reversed(estimate));
     let data = estimate.of_data_alone();
     (0..estimate.values.len())
         .map(|j| {
@@ -179,6 +186,21 @@ mod tests {
         let own = (1.96 / 8e-3_f64).powi(2);
         let states = identified(&e, RegressorNoise { tensor_information: own });
         assert_eq!(states, [vec![true; 4], vec![false; 6]].concat());
+    }
+
+    #[test]
+    fn a_negative_mass_is_reversed_only_if_the_data_determine_it() {
+        let mut e = estimate([0.03, 5e-3, 5e-3, 5e-3, 8e-3, 8e-3, 8e-3, 8e-3, 8e-3, 8e-3]);
+        assert!(!is_reversed(&e));
+        e.values[0] = -20.0;
+        assert!(is_reversed(&e));
+        assert_eq!(identified(&e, RegressorNoise::default()), vec![false; 10]);
+        // Within half of its own size of nothing it may be the noise.
+        e.values[0] = -0.06;
+        assert!(!is_reversed(&e));
+        e.determined[0] = false;
+        e.values[0] = -20.0;
+        assert!(!is_reversed(&e));
     }
 
     #[test]

@@ -1,0 +1,53 @@
+//! Recordings with one gross fault each, as a user makes them: each is named for what it is.
+#![cfg(feature = "simulator")]
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+fn rigident(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_rigident")).args(arguments).current_dir(folder).output().unwrap()
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn json(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {}", said(output)))
+}
+
+/// The demonstration's recording as CSV, and the text of its rig file.
+fn recording(at: &Path) -> String {
+    let demo = rigident(at, &["demo", "--duration-s", "20", "--json", "--out", "d"]);
+    assert_eq!(demo.status.code(), Some(0), "{}", said(&demo));
+    let converted = rigident(at, &["convert", "d/demo.mcap", "a.csv"]);
+    assert_eq!(converted.status.code(), Some(0), "{}", said(&converted));
+    fs::read_to_string(at.join("a.rig.toml")).unwrap()
+}
+
+#[test]
+fn one_wrong_line_in_the_rig_file_is_named_and_nothing_gets_a_number() {
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    let rig = recording(at);
+    let identify = |name: &str, text: &str| {
+        assert_ne!(text, rig);
+        fs::write(at.join(name), text).unwrap();
+        rigident(at, &["identify", "a.csv", "--rig", name, "--json", "--out", &format!("{name}.out")])
+    };
+
+    let sign = identify("sign.toml", &rig.replace("\"on_body\"", "\"on_sensor\""));
+    assert_eq!(sign.status.code(), Some(1), "{}", said(&sign));
+    let result = json(&sign);
+    assert!(result["parameters"].as_array().unwrap().iter().all(|p| p["state"] == "not_identified"));
+    assert!(result["warnings"].to_string().contains("the mass comes out negative: is wrench_sign right?"));
+    // It was turned about every axis: there is nothing to advise.
+    assert!(
+        result.get("advice").is_none_or(|a| a.as_array().is_some_and(Vec::is_empty)),
+        "{}",
+        result["advice"]
+    );
+}
