@@ -50,4 +50,18 @@ fn one_wrong_line_in_the_rig_file_is_named_and_nothing_gets_a_number() {
         "{}",
         result["advice"]
     );
+
+    let scaled = |scale: f64| {
+        let column = |k| format!("imu_a{k}_mps2 = {{ name = \"imu_a{k}_mps2\", scale = {scale:?} }}");
+        let columns = format!("[recording]\ncolumns = {{ {} }}", ["x", "y", "z"].map(column).join(", "));
+        rig.replace("[recording]", &columns)
+    };
+    for (name, text, words) in [
+        ("g.toml", scaled(1.0 / 9.80665), "looks like g"),
+        ("still.toml", rig.replace("static = false", "static = true"), "the gyro is more than"),
+    ] {
+        let output = identify(name, &text);
+        assert_eq!(output.status.code(), Some(2), "{name}: {}", said(&output));
+        assert!(said(&output).contains(words) && output.stdout.is_empty(), "{name}: {}", said(&output));
+    }
 }

@@ -9,6 +9,7 @@ pub mod absorb;
 pub mod gains;
 pub mod knocks;
 pub mod known;
+pub mod plausible;
 pub mod pooled;
 pub mod poses;
 pub mod prepare;

@@ -4,8 +4,10 @@ use rigident_shared::calibration::{GaugeCalibration, ImuMounting, Reading};
 use rigident_shared::screening::Limits;
 use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce, Wrench};
 
+use super::plausible::{self, Implausible};
 use super::poses::{PoseError, calibrate_accelerometer, still_poses};
 use super::{FROZEN_AFTER, Input};
+use crate::formats::columns::TIME;
 use crate::formats::recording::Recording;
 use crate::formats::rig::{Calibrated, ImuTable, OffsetTable, OffsetWord, RigFile};
 
@@ -33,6 +35,14 @@ pub enum PrepareError {
         /// Why.
         error: PoseError,
     },
+    /// It cannot be what the rig file says.
+    #[error("{name}: {error}")]
+    Implausible {
+        /// The recording.
+        name: String,
+        /// Why.
+        error: Implausible,
+    },
     /// Needs what later versions will do.
     #[error("{name}: {what}")]
     Unsupported {
@@ -50,6 +60,8 @@ pub struct Prepared {
     pub rig: RigFile,
     /// The readings and all settings.
     pub input: Input,
+    /// The specific force is that of gravity columns, in the axes of S; an IMU was not used.
+    pub gravity_columns: bool,
     /// What was done, in words.
     pub notes: Vec<String>,
 }
@@ -135,6 +147,20 @@ pub fn prepare(recording: &Recording) -> Result<Prepared, PrepareError> {
     let imu = recording.imus.first();
     let accel = imu.and_then(|i| i.accel.as_ref());
     let gyro = imu.and_then(|i| i.gyro.as_ref());
+    let implausible = |error| PrepareError::Implausible { name: name(), error };
+    if recording.is_static {
+        let times = recording.extra.iter().find(|(column, _)| column == TIME);
+        let times: Vec<f64> =
+            times.iter().flat_map(|(_, cells)| cells).flat_map(|c| c.trim().parse()).collect();
+        notes.extend(plausible::hurried_poses(&times));
+        if let Some(gyro) = gyro {
+            match plausible::check_still(gyro) {
+                // Where gravity is given, the IMU is not trusted.
+                Err(error) if recording.gravity.is_some() => notes.push(error.to_string()),
+                checked => checked.map_err(implausible)?,
+            }
+        }
+    }
     let (specific_force, angular_rate) = match (&recording.gravity, accel, gyro) {
         (Some(gravity), _, _) if recording.is_static => {
             // A still sensor feels −g, here already in the axes of S.
@@ -178,7 +204,9 @@ pub fn prepare(recording: &Recording) -> Result<Prepared, PrepareError> {
     calibrate(recording, &mut rig, &readings, rate_hz, &mut notes)
         .map_err(|error| PrepareError::Poses { name: name(), error })?;
     let input = input(&rig, readings, recording.is_static, rate_hz);
-    Ok(Prepared { rig, input, notes })
+    let gravity_columns = recording.is_static && recording.gravity.is_some();
+    plausible::check(&input, rig.recording.gravity_mps2, gravity_columns).map_err(implausible)?;
+    Ok(Prepared { rig, input, gravity_columns, notes })
 }
 
 fn calibrate(

@@ -1,0 +1,190 @@
+//! Whether a recording can be what its rig file says it is, before it is believed.
+//!
+//! Lives here: gross errors of units and of kind that the fit itself would take for a body: an accelerometer in g, a
+//! load cell that says nothing, a moving body taken for still poses. May not live here: single bad readings
+//! ([`rigident_shared::screening`]), what the residuals tell afterwards.
+
+use rigident_shared::calibration::Reading;
+
+use super::{FROZEN_AFTER, Input};
+
+/// The specific force at rest is within this factor of gravity, either way.
+const FACTOR: f64 = 2.0;
+/// Length of the stretches that are compared for their quiet, s.
+const STRETCH_S: f64 = 1.0;
+/// The quietest tenth of the stretches is the nearest to rest that there is.
+const QUIETEST: usize = 10;
+/// Steady rotation may press the IMU outwards with ω² times this lever, m, without a unit being wrong.
+const LEVER_M: f64 = 1.0;
+/// A unit is named if it explains the reading to within this share.
+const UNIT_TOLERANCE: f64 = 0.1;
+/// One g of an accelerometer in g, m/s².
+const STANDARD_GRAVITY: f64 = 9.80665;
+/// What turns faster is no still pose, rad/s.
+const TURNING_RADPS: f64 = 0.1;
+/// Poses held for less than this are hardly still poses, s.
+const SHORTEST_POSE_S: f64 = 0.05;
+
+/// Why a recording is not what it is said to be.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Implausible {
+    /// Wrong unit or scale.
+    #[error(
+        "at rest |a| is {measured:.3}, while gravity_mps2 is {gravity}: {what} must be in m/s²{}",
+        unit.map_or_else(
+            || "; check its unit and scale, and gravity_mps2 in [recording]".to_owned(),
+            |(name, scale)| format!(
+                ", and this looks like {name}: give scale = {scale} in [recording] columns of the rig file, or \
+                 accel_scale in [[imu]]"
+            )
+        )
+    )]
+    NotGravity {
+        /// |a| where it is quietest, in the unit it has.
+        measured: f64,
+        /// Gravity, m/s².
+        gravity: f64,
+        /// Which columns.
+        what: &'static str,
+        /// The unit it seems to be in, and the factor from it to m/s².
+        unit: Option<(&'static str, f64)>,
+    },
+    /// The load cell gives one value for ever.
+    #[error(
+        "the wrench is the same in all {0} rows, to the last digit: the load cell is frozen or not connected; check its \
+         cable, its supply and the program that recorded it"
+    )]
+    FrozenWrench(usize),
+    /// The IMU gives one value for ever.
+    #[error(
+        "the IMU's readings are the same in all {0} rows, to the last digit: it is frozen or not connected; check its \
+         cable, its supply and the program that recorded it"
+    )]
+    FrozenImu(usize),
+    /// Not still poses.
+    #[error(
+        "static = true says that every row is a still pose, but in {turning} of {rows} rows the gyro is more than \
+         {TURNING_RADPS} rad/s off its median, up to {fastest:.2} rad/s: take static = true out of the rig file, or keep \
+         only the rows at rest"
+    )]
+    Turning {
+        /// Rows in which it turns.
+        turning: usize,
+        /// All rows.
+        rows: usize,
+        /// The fastest, rad/s.
+        fastest: f64,
+    },
+}
+
+/// Checks the readings with the mounting that they will be identified with; `gravity_columns` if they hold gravity
+/// in place of what an accelerometer read.
+///
+/// # Errors
+/// [`Implausible`], in the order in which one fault would show as the next.
+pub fn check(input: &Input, gravity_mps2: f64, gravity_columns: bool) -> Result<(), Implausible> {
+    let readings = &input.readings;
+    if !input.is_static && readings.len() >= usize::from(FROZEN_AFTER) {
+        let alike = |of: &dyn Fn(&Reading<f64>) -> [f64; 6]| {
+            readings.windows(2).all(|pair| matches!(pair, [a, b] if of(a) == of(b)))
+        };
+        if alike(&|r| r.wrench.array()) {
+            return Err(Implausible::FrozenWrench(readings.len()));
+        }
+        if alike(&|r| {
+            let ([a, b, c], [d, e, f]) = (r.specific_force.array(), r.angular_rate.array());
+            [a, b, c, d, e, f]
+        }) {
+            return Err(Implausible::FrozenImu(readings.len()));
+        }
+    }
+    let Some((measured, rate)) = at_rest(input) else { return Ok(()) };
+    let outwards = rate * rate * LEVER_M;
+    if (gravity_mps2 / FACTOR - outwards..=gravity_mps2 * FACTOR + outwards).contains(&measured) {
+        return Ok(());
+    }
+    let scales = [("g", STANDARD_GRAVITY), ("mg", 1e-3 * STANDARD_GRAVITY)];
+    let unit = scales.into_iter().find(|(_, s)| (measured * s / gravity_mps2 - 1.0).abs() < UNIT_TOLERANCE);
+    let what = if gravity_columns { "the gravity columns" } else { "the accelerometer" };
+    Err(Implausible::NotGravity { measured, gravity: gravity_mps2, what, unit })
+}
+
+/// Median |a| of the quietest stretches, calibrated, and the median rate of rotation in them, rad/s. `None` without
+/// finite readings.
+fn at_rest(input: &Input) -> Option<(f64, f64)> {
+    let mounting = &input.mounting;
+    let bias = mounting.accel_bias.array();
+    let force = |r: &Reading<f64>| -> [f64; 3] {
+        let a = r.specific_force.array();
+        std::array::from_fn(|k| mounting.accel_scale[k] * a[k] - bias[k])
+    };
+    let length = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let gyro_bias = mounting.gyro_bias.array();
+    let rows = if input.is_static { 1 } else { (STRETCH_S * input.rate_hz).round().clamp(1.0, 1e6) as usize };
+    // Spread, |mean specific force|, |mean rate| of each stretch.
+    let mut stretches: Vec<(f64, f64, f64)> = input
+        .readings
+        .chunks(rows)
+        .filter(|part| part.len() == rows || part.len() == input.readings.len())
+        .map(|part| {
+            let n = part.len() as f64;
+            let mean = |of: &dyn Fn(&Reading<f64>) -> [f64; 3]| -> [f64; 3] {
+                let sum = part.iter().map(of).fold([0.0; 3], |s, v| std::array::from_fn(|k| s[k] + v[k]));
+                sum.map(|v| v / n)
+            };
+            let middle = mean(&force);
+            let square =
+                |r: &Reading<f64>| force(r).iter().zip(middle).map(|(a, m)| (a - m).powi(2)).sum::<f64>();
+            let rate = mean(&|r| {
+                let w = r.angular_rate.array();
+                std::array::from_fn(|k| w[k] - gyro_bias[k])
+            });
+            (part.iter().map(square).sum::<f64>() / n, length(middle), length(rate))
+        })
+        .filter(|(spread, force, rate)| (spread + force + rate).is_finite())
+        .collect();
+    stretches.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let quiet = if input.is_static { stretches.len() } else { stretches.len().div_ceil(QUIETEST) };
+    stretches.truncate(quiet);
+    let force = median(stretches.iter().map(|s| s.1).collect())?;
+    Some((force, median(stretches.iter().map(|s| s.2).collect())?))
+}
+
+/// Checks that rows said to be still poses are: a gyro, if there is one, must not turn in a tenth of them or more.
+///
+/// # Errors
+/// [`Implausible::Turning`].
+pub fn check_still(gyro: &[[f64; 3]]) -> Result<(), Implausible> {
+    let middle: [f64; 3] =
+        std::array::from_fn(|k| median(gyro.iter().map(|w| w[k]).collect()).unwrap_or(0.0));
+    let rates = gyro.iter().map(|w| w.iter().zip(middle).map(|(w, m)| (w - m).powi(2)).sum::<f64>().sqrt());
+    let (mut turning, mut fastest) = (0, 0.0_f64);
+    for rate in rates {
+        turning += usize::from(rate > TURNING_RADPS);
+        fastest = fastest.max(rate);
+    }
+    if 10 * turning > gyro.len() {
+        return Err(Implausible::Turning { turning, rows: gyro.len(), fastest });
+    }
+    Ok(())
+}
+
+/// What to know if rows said to be still poses have times, s, that follow each other too closely for that.
+pub fn hurried_poses(time_s: &[f64]) -> Option<String> {
+    let steps = time_s.windows(2).filter_map(|w| Some(w.last()? - w.first()?)).collect();
+    let step = median(steps).filter(|step| *step > 0.0 && *step < SHORTEST_POSE_S)?;
+    Some(format!(
+        "static = true says that every row is a still pose, but by t_s one comes every {:.3} ms: if the body moved, take \
+         static = true out of the rig file; of a pose held for many rows give their mean",
+        1e3 * step
+    ))
+}
+
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+#[cfg(test)]
+#[path = "plausible_tests.rs"]
+mod tests;
