@@ -65,3 +65,29 @@ fn one_wrong_line_in_the_rig_file_is_named_and_nothing_gets_a_number() {
         assert!(said(&output).contains(words) && output.stdout.is_empty(), "{name}: {}", said(&output));
     }
 }
+
+const HEADER: &str = "t_s,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm,imu_ax_mps2,imu_ay_mps2,imu_az_mps2,imu_gx_radps,\
+                      imu_gy_radps,imu_gz_radps\n";
+
+#[test]
+fn a_recording_that_never_changes_is_a_frozen_sensor_and_one_row_is_too_few() {
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    let rows = |count: u32, row: &str| -> String {
+        let lines: String = (0..count).map(|n| format!("{:.3},{row}\n", f64::from(n) * 1e-3)).collect();
+        format!("{HEADER}{lines}")
+    };
+    fs::write(at.join("zero.csv"), rows(2000, "0,0,0,0,0,0,0,0,0,0,0,0")).unwrap();
+    fs::write(at.join("same.csv"), rows(2000, "1,2,30,0.1,0.2,0.3,0.1,0.2,9.8,0,0,0.01")).unwrap();
+    fs::write(at.join("one.csv"), rows(1, "1,2,30,0.1,0.2,0.3,0.1,0.2,9.8,0,0,0.01")).unwrap();
+    fs::write(at.join("one.rig.toml"), "[load_cell]\nnoise_n_nm = [1, 1, 1, 0.1, 0.1, 0.1]\n").unwrap();
+    for name in ["zero.csv", "same.csv"] {
+        let output = rigident(at, &["identify", name, "--json"]);
+        assert_eq!(output.status.code(), Some(2), "{name}: {}", said(&output));
+        assert!(said(&output).contains("the load cell is frozen"), "{name}: {}", said(&output));
+    }
+    let warnings =
+        json(&rigident(at, &["identify", "one.csv", "--json", "--out", "o"]))["warnings"].to_string();
+    assert!(warnings.contains("too few rows: 6 equations for 16 unknowns"), "{warnings}");
+    assert!(!warnings.contains("times smaller"), "{warnings}");
+}

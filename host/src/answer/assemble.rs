@@ -23,6 +23,8 @@ const TENSOR: [&str; 6] = ["Ixx", "Iyy", "Izz", "Iyz", "Izx", "Ixy"];
 const REVERSED: &str = "the mass comes out negative: is wrench_sign right? It says in [recording] of the rig file whether the \
                         load cell reports the wrench \"on_body\" or \"on_sensor\"; reversed axes of the IMU, reversed gravity \
                         columns, or a --tare that is heavier than what it is taken off look the same";
+/// Rows beyond the unknowns from which on residuals that are half as large as stated are no chance: 0.5 % of them.
+const ENOUGH_SPARE_ROWS: usize = 12;
 
 /// Which parameters must be identified for success.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -168,13 +170,22 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
         distance_sd: n.distance_sd,
     });
     let ratio = identification.variance_ratio;
-    if identification.sigma_given && ratio > 2.0 {
+    let small = identification.sigma_given && ratio < 0.25;
+    let rows = identification.factor.rows() as usize;
+    let fitted = estimate.determined.iter().filter(|d| **d).count();
+    if rows <= fitted || (small && rows < fitted + ENOUGH_SPARE_ROWS) {
+        warnings.push(format!(
+            "too few rows: {rows} equations for {} unknowns, which leaves nothing to check the noise by; record for longer, \
+             or more poses",
+            estimate.values.len()
+        ));
+    } else if identification.sigma_given && ratio > 2.0 {
         warnings.push(format!(
             "residuals are {:.1} times larger than the noise stated in the rig file: the intervals were widened; look for \
              a wrong sign, frame, delay or scale, or a body that is not rigid",
             ratio.sqrt()
         ));
-    } else if identification.sigma_given && ratio < 0.25 {
+    } else if small {
         warnings.push(format!(
             "residuals are {:.1} times smaller than the noise stated in the rig file: the intervals are wider than need be",
             1.0 / ratio.max(1e-12).sqrt()
