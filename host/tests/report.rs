@@ -6,7 +6,7 @@ mod synthetic;
 use std::collections::HashSet;
 
 use rigident::formats::result::{Measured, ParameterState};
-use rigident::report::{Along, ReportData, html, table};
+use rigident::report::{Along, ReportData, TimePlot, html, table};
 use roxmltree::{Document, Node, ParsingOptions};
 
 /// Parses the page strictly; the page is HTML and XML at once.
@@ -250,4 +250,36 @@ fn an_answer_that_no_body_has_comes_with_the_nearest_one() {
                  about it 0.01, 0.2, 0.2, 0, 0, 0.001 kg m²";
     assert!(table::plain(&data.results).contains(words), "{}", table::plain(&data.results));
     assert!(html(&data).contains(words));
+}
+
+/// Nothing is known of what lies between two poses.
+#[test]
+fn still_poses_are_points_and_a_note_is_no_warning() {
+    let mut data = synthetic::still_poses();
+    data.along = Along::Poses;
+    data.results.notes = vec!["the answer is that of the last 5 s".to_owned()];
+    data.results.warnings = Vec::new();
+    data.motion = vec![TimePlot {
+        title: "Gravity from its columns, axes of S".to_owned(),
+        unit: "m/s2".to_owned(),
+        time_s: vec![1.0, 2.0, 3.0],
+        series: vec![("x".to_owned(), vec![1.0, 5.0, 9.0])],
+    }];
+    let page = html(&data);
+    let document = parse(&page);
+    let svg = elements(&document, "svg")
+        .into_iter()
+        .find(|n| n.attribute("aria-labelledby").is_some_and(|ids| ids.starts_with("motion-0")));
+    let drawn: Vec<Node> = svg.unwrap().descendants().filter(|n| n.has_tag_name("path")).collect();
+    let points: Vec<_> = drawn.iter().filter(|n| n.attribute("class") == Some("s0 points")).collect();
+    assert_eq!(points.len(), 1);
+    let path = points[0].attribute("d").unwrap();
+    assert!(path.matches('M').count() == 3 && !path.contains('l'), "{path}");
+    assert!(drawn.iter().all(|n| n.attribute("class") != Some("s0")));
+
+    let boxes = elements(&document, "section").into_iter().filter(|n| n.attribute("class") == Some("box"));
+    assert!(
+        boxes.clone().all(|n| !all_text(n).contains("of the last 5 s")) && page.contains("of the last 5 s")
+    );
+    assert!(table::plain(&data.results).contains("\nnote: the answer is that of the last 5 s\n"));
 }

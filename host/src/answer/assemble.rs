@@ -312,6 +312,7 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
         }),
         known: estimate.known().iter().map(ToString::to_string).collect(),
         time_base: time_base.clone(),
+        notes: source.memory.iter().map(ToString::to_string).collect(),
         warnings: warnings.clone(),
         advice: hints.clone(),
     };

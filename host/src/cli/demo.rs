@@ -76,6 +76,7 @@ pub(super) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
         mcu,
         rate_hz: RATE_HZ,
         is_static: false,
+        gravity_columns: false,
         sigma_given: true,
         stages,
         same_pose,

@@ -171,6 +171,8 @@ pub(super) struct Experiment<'a> {
     pub(super) mcu: &'a str,
     pub(super) rate_hz: f64,
     pub(super) is_static: bool,
+    /// See [`Ending::gravity_columns`].
+    pub(super) gravity_columns: bool,
     /// σ was known before; else it was estimated from these very readings.
     pub(super) sigma_given: bool,
     pub(super) stages: Vec<Stage>,
@@ -307,6 +309,7 @@ impl Experiment<'_> {
             input: &input,
             identification: &identification,
             factor,
+            gravity_columns: self.gravity_columns,
             progression,
             memory: self.memory.map(|memory| remembered::result(&input, &memory, &identification.factor)),
             stages: self.stages,

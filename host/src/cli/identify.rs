@@ -74,6 +74,7 @@ pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
         input: &prepared.input,
         identification: &identification,
         factor,
+        gravity_columns: prepared.gravity_columns,
         progression,
         memory: memory.map(|memory| remembered::result(input, &memory, &identification.factor)),
         stages: Vec::new(),

@@ -32,6 +32,8 @@ pub struct Ending<'a> {
     pub identification: &'a Identification,
     /// What they say with the fixture in it: what is kept.
     pub factor: PooledFactor,
+    /// The readings are still poses with gravity from columns of its own; no IMU was used.
+    pub gravity_columns: bool,
     /// The estimate as it came in.
     pub progression: Vec<Progression>,
     /// What it is a memory of, if not of everything.
@@ -58,9 +60,6 @@ impl Ending<'_> {
     /// # Errors
     /// A file cannot be written; the answer is printed nevertheless.
     pub fn conclude(mut self, folder: &Folder, json: bool) -> Result<ExitCode, Failure> {
-        if let Some(memory) = &self.memory {
-            self.warnings.insert(0, memory.to_string());
-        }
         let counters = &self.identification.counters;
         for (channel, count) in CHANNEL_NAMES.iter().zip(counters.rejected_by_channel) {
             if count > 0 {
@@ -191,7 +190,12 @@ impl Ending<'_> {
                 }
                 TimePlot { title: title.to_owned(), unit: unit.to_owned(), time_s: times.clone(), series }
             };
-        let mut motion = vec![plot("Specific force, IMU axes", "m/s2", &|r| r.specific_force.array())];
+        let mut motion = vec![if self.gravity_columns {
+            // As it stands in the columns: what a sensor at rest would feel is its reverse.
+            plot("Gravity from its columns, axes of S", "m/s2", &|r| r.specific_force.array().map(|a| -a))
+        } else {
+            plot("Specific force, IMU axes", "m/s2", &|r| r.specific_force.array())
+        }];
         if !input.is_static {
             motion.insert(0, plot("Angular rate, IMU axes", "rad/s", &|r| r.angular_rate.array()));
         }

@@ -79,6 +79,7 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
         mcu,
         rate_hz,
         is_static: recording.is_static,
+        gravity_columns: prepared.gravity_columns,
         sigma_given,
         stages: Vec::new(),
         same_pose: None,

@@ -89,6 +89,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         mcu: "port",
         rate_hz,
         is_static: false,
+        gravity_columns: false,
         sigma_given: true,
         stages,
         same_pose,

@@ -103,6 +103,8 @@ pub struct Results {
     pub time_base: Option<TimeBase>,
     /// What was known beforehand, in words.
     pub known: Vec<String>,
+    /// What the answer is, where that was asked for: a memory of the last seconds. No warnings.
+    pub notes: Vec<String>,
     /// Whatever the reader should know before using the numbers.
     pub warnings: Vec<String>,
     /// Motions that would identify what is not.

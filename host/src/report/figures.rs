@@ -180,15 +180,22 @@ fn moving(index: usize, plot: &TimePlot, time: &Axis, data: &ReportData) -> Stri
     let margin = (0.06 * (high - low)).max(1e-12);
     let mut caption = format!("<b>{}</b>", escape(&plot.title));
     let mut layers = vec![Layer::Level("zero", 0.0)];
-    for ((label, values), class) in plot.series.iter().zip(["s0", "s1", "s2"]) {
+    let classes = [("s0", "s0 points"), ("s1", "s1 points"), ("s2", "s2 points")];
+    for ((label, values), (class, points)) in plot.series.iter().zip(classes) {
         caption.push_str(&format!(" <span class=\"key {class}\">{}</span>", escape(label)));
-        layers.push(Layer::Line(class, envelope(&plot.time_s, values, FULL_BUCKETS)));
+        let envelope = envelope(&plot.time_s, values, FULL_BUCKETS);
+        layers.push(match data.along {
+            Along::Time => Layer::Line(class, envelope),
+            // Nothing is known of what lies between two poses.
+            Along::Poses => Layer::Dots(points, envelope),
+        });
     }
+    let along = if data.along == Along::Poses { "of each still pose" } else { "over time" };
     let unit = unit_symbol(&plot.unit);
     let chart = Chart {
         id: format!("motion-{index}"),
         title: plot.title.clone(),
-        description: format!("{} in {unit} over time.", plot.title),
+        description: format!("{} in {unit} {along}.", plot.title),
         unit,
         time: time.clone(),
         along: data.along,

@@ -1,6 +1,6 @@
 //! The page: headline, tables, figures, provenance. Well-formed XML as well as HTML; no script, nothing loaded.
 
-use super::data::{PrincipalAxis, Quantity, ReportData, Results, Source, Status};
+use super::data::{Along, PrincipalAxis, Quantity, ReportData, Results, Source, Status};
 use super::figures;
 use super::text::{
     NOT_IDENTIFIED, Rounded, beside, count, duration, fixed, nearest_words, significant, time_base_words,
@@ -19,10 +19,11 @@ pub fn html(data: &ReportData) -> String {
         include_str!("style.css")
     );
     html.push_str(&format!(
-        "<header><h1>{}</h1>\n{}{}</header>\n",
+        "<header><h1>{}</h1>\n{}{}{}</header>\n",
         escape(title),
         source(&data.source),
-        status(&data.results)
+        status(&data.results),
+        plain_notes(&data.results.notes)
     ));
     html.push_str(&cards(&data.results));
     let base = data.results.time_base.as_ref().map(time_base_words).unwrap_or_default();
@@ -42,7 +43,8 @@ pub fn html(data: &ReportData) -> String {
         &figures::convergence(data, &time),
     );
     section(&mut html, "grid", "Residuals", &residual_note(data), &figures::residuals(data, &time));
-    section(&mut html, "wide", "Motion", "", &figures::motion(data, &time));
+    let motion = if data.along == Along::Poses { "Still poses" } else { "Motion" };
+    section(&mut html, "wide", motion, "", &figures::motion(data, &time));
     if let Some(drift) = &data.drift {
         let elapsed = escape(&duration(drift.elapsed_s));
         html.push_str(&format!("<h2>Drift check after {elapsed}</h2>\n{}", figures::drift(drift)));
@@ -212,6 +214,11 @@ fn tensor_rows(elements: &[Quantity]) -> String {
         format!("<td{class}>{content}</td>")
     };
     (0..3).map(|row| format!("<tr>{}</tr>\n", (0..3).map(|c| cell(row, c)).collect::<String>())).collect()
+}
+
+/// Notes without a box.
+fn plain_notes(notes: &[String]) -> String {
+    notes.iter().map(|note| format!("<p class=\"soft\">{}</p>\n", escape(note))).collect()
 }
 
 fn notes(title: &str, notes: &[String]) -> String {

@@ -37,6 +37,9 @@ pub fn plain(results: &Results) -> String {
     for known in &results.known {
         text.push_str(&format!("known beforehand: {}\n", printable(known)));
     }
+    for note in &results.notes {
+        text.push_str(&format!("note: {}\n", printable(note)));
+    }
     for warning in &results.warnings {
         text.push_str(&format!("warning: {}\n", printable(warning)));
     }

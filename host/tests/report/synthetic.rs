@@ -165,6 +165,7 @@ pub fn experiment(rate_hz: f64) -> ReportData {
             nearest_body: None,
             time_base: None,
             known: Vec::new(),
+            notes: Vec::new(),
             warnings: Vec::new(),
             advice: Vec::new(),
         },
