@@ -351,6 +351,37 @@ fn bad_input_ends_with_two_and_words_that_help() {
 }
 
 #[test]
+fn a_failure_is_one_object_too_where_one_was_asked_for() {
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    fs::write(at.join("binary.csv"), [0_u8, 159, 146, 150]).unwrap();
+    fs::write(at.join("binary.factor"), [0_u8, 159, 146, 150]).unwrap();
+    for (arguments, status_is, words) in [
+        (&["identify", "none.csv"][..], 2, "none.csv"),
+        (&["identify", "binary.csv"], 2, "binary"),
+        (&["identify", "binary.csv", "--estimate", "colour"], 2, "colour"),
+        (&["replay", "none.mcap"], 2, "none.mcap"),
+        (&["solve", "binary.factor"], 2, "binary"),
+        (&["demo", "--mcu", "abacus"], 2, "abacus"),
+        (&["montecarlo", "--runs", "1"], 2, "--runs"),
+        (&["plan", "poses", "--n", "4", "--rig", "none.rig.toml"], 2, "none.rig.toml"),
+        (&["workspace", "--rig", "none.rig.toml"], 2, "none.rig.toml"),
+        (&["info", "--port", "/dev/no-such-port"], 3, "rigident ports"),
+        (&["frobnicate"], 2, "frobnicate"),
+    ] {
+        let output = rigident(at, &[arguments, &["--json"]].concat());
+        assert_eq!(status(&output), status_is, "{arguments:?}: {}", said(&output));
+        let object = json(&output);
+        assert_eq!(object["status"], "failed", "{arguments:?}");
+        assert!(object["error"].as_str().unwrap().contains(words), "{arguments:?}: {object}");
+        // People read it beside the object.
+        assert!(said(&output).contains(words), "{arguments:?}: {}", said(&output));
+    }
+    let help = rigident(at, &["identify", "--json", "--help"]);
+    assert!(status(&help) == 0 && String::from_utf8_lossy(&help.stdout).contains("Usage"));
+}
+
+#[test]
 fn a_port_that_is_not_there_ends_with_three() {
     let place = tempfile::tempdir().unwrap();
     let output = rigident(place.path(), &["info", "--port", "/dev/no-such-port"]);

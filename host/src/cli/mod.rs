@@ -44,7 +44,17 @@ use plan_arguments::Planned;
 
 /// Runs the command line of this process.
 pub fn main() -> ExitCode {
-    let arguments = Arguments::parse();
+    let json = std::env::args_os().skip(1).take_while(|a| a != "--").any(|a| a == "--json");
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => {
+            // Help and the version are no failures.
+            if json && error.use_stderr() {
+                outcome::say_failed(&error.to_string());
+            }
+            error.exit()
+        }
+    };
     // Without a handler Ctrl-C would end the program at once, files half-written: a second one still does.
     let handler = ctrlc::set_handler(|| {
         if crate::session::INTERRUPTED.swap(true, Ordering::Relaxed) {
@@ -59,6 +69,9 @@ pub fn main() -> ExitCode {
         Ok(code) => code,
         Err(failure) => {
             eprintln!("rigident: {failure}");
+            if json {
+                outcome::say_failed(&failure.to_string());
+            }
             failure.exit_code()
         }
     }

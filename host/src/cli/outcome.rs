@@ -1,5 +1,6 @@
 use std::io::Write as _;
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use rigident_shared::screening::CHANNEL_NAMES;
@@ -238,8 +239,19 @@ impl Ending<'_> {
     }
 }
 
+/// Whether anything has been printed on standard output.
+static SAID: AtomicBool = AtomicBool::new(false);
+
+/// What `--json` prints of a command that ends without an answer; an object that is out already stays the only one.
+pub(super) fn say_failed(error: &str) {
+    if !SAID.load(Ordering::Relaxed) {
+        say(serde_json::json!({ "status": "failed", "error": error.trim_end() }));
+    }
+}
+
 /// Prints a line on standard output. A reader that has gone away is no failure: the files have it all.
 pub(super) fn say(text: impl std::fmt::Display) {
+    SAID.store(true, Ordering::Relaxed);
     let mut out = std::io::stdout().lock();
     let _ = writeln!(out, "{text}").and_then(|()| out.flush());
 }
