@@ -106,7 +106,7 @@ fn says<const N: usize>(factor: &InformationFactor<f64, N>, expected: &[&str]) {
 
 #[test]
 fn still_poses_lack_rotation_and_too_few_of_them_lack_tilt() {
-    let no_rotation = "no rotation about S.x, S.y or S.z to and fro: turn the body about S.x, S.y and S.z";
+    let no_rotation = "no rotation to and fro about S.x, S.y or S.z that is fast enough: turn the body about S.x, S.y and S.z";
     says(
         &still::<16>(&[[0.0, 0.0]]),
         &["one still pose only: hold the body still in three or more attitudes"],
@@ -122,7 +122,7 @@ fn still_poses_lack_rotation_and_too_few_of_them_lack_tilt() {
 
 #[test]
 fn with_a_known_offset_one_attitude_lacks_the_centre_of_mass_along_gravity_and_two_lack_nothing_still() {
-    let no_rotation = "no rotation about S.x, S.y or S.z";
+    let no_rotation = "no rotation to and fro about S.x, S.y or S.z";
     let no_tilt = "no tilt about S.x or S.y: gravity says nothing of the centre of mass along S.z";
     says(&still::<10>(&[[0.0, 0.0]]), &[no_tilt, no_rotation]);
     says(&still::<10>(&THESIS_POSES_DEG[..2]), &[no_rotation]);
@@ -132,16 +132,16 @@ fn with_a_known_offset_one_attitude_lacks_the_centre_of_mass_along_gravity_and_t
 fn the_axes_without_rotation_are_named_and_no_others() {
     let poses = still::<16>(&THESIS_POSES_DEG);
     let cases: [(&[Sine], &str); 3] = [
-        (&ROLL, "no rotation about S.y or S.z to and fro"),
-        (&PITCH, "no rotation about S.x or S.z to and fro"),
-        (&YAW, "no rotation about S.x or S.y to and fro"),
+        (&ROLL, "no rotation to and fro about S.y or S.z"),
+        (&PITCH, "no rotation to and fro about S.x or S.z"),
+        (&YAW, "no rotation to and fro about S.x or S.y"),
     ];
     for (sines, expected) in cases {
         says(&merged(turning(60.0, sines), poses), &[expected]);
     }
     // ω̇ × mc shows the first moments across the axis.
     let level = "no tilt about S.x or S.y: the mass and the centre of mass along S.z cannot be told from the wrench offset";
-    says(&turning::<16>(60.0, &YAW), &[level, "no rotation about S.x or S.y to and fro"]);
+    says(&turning::<16>(60.0, &YAW), &[level, "no rotation to and fro about S.x or S.y"]);
 }
 
 #[test]
@@ -150,7 +150,7 @@ fn roll_and_pitch_lack_yaw_until_their_coupling_brings_enough_of_it() {
     let gently = turning(10.0, &[ROLL[1], PITCH[2]]);
     says(
         &merged(gently, still::<16>(&THESIS_POSES_DEG)),
-        &["no rotation about S.z to and fro: turn the body about S.z"],
+        &["no rotation to and fro about S.z that is fast enough: turn the body about S.z"],
     );
     says(&turning::<16>(6.0, &both), &["too little rotation about S.z for this noise: "]);
     says(&turning::<16>(60.0, &both), &[]);
@@ -174,7 +174,7 @@ fn the_motion_asked_for_is_enough_and_not_far_too_much() {
 fn an_axis_between_those_of_s_is_told_by_its_components() {
     let both: Vec<_> =
         ROLL.iter().flat_map(|(_, f, p)| [(Axis::Roll, *f, *p), (Axis::Pitch, *f, *p)]).collect();
-    says(&turning::<16>(20.0, &both), &["no rotation about (-0.71, 0.71, 0.00) of S to and fro"]);
+    says(&turning::<16>(20.0, &both), &["no rotation to and fro about (-0.71, 0.71, 0.00) of S"]);
 }
 
 #[test]

@@ -315,7 +315,7 @@ fn rotation(lacking: &[(Vector3<f64>, f64)]) -> Vec<String> {
     if !none.is_empty() {
         let names: Vec<String> = none.iter().map(|(n, _)| name(n)).collect();
         sentences.push(format!(
-            "no rotation about {} to and fro: turn the body about {}, with two or three well-separated frequencies{}",
+            "no rotation to and fro about {} that is fast enough: turn the body about {}, with two or three well-separated frequencies{}",
             listed(&names, "or"),
             listed(&names, "and"),
             if names.len() > 1 { " about each" } else { "" }

@@ -246,7 +246,7 @@ pub fn still_poses() -> ReportData {
     data.results.physically_consistent = None;
     data.results.warnings = vec!["accelerometer gain and bias were calibrated against |g|".to_owned()];
     data.results.advice =
-        vec!["no rotation about S.x to and fro: turn the body about S.x, with two or three well-separated frequencies".to_owned()];
+        vec!["no rotation to and fro about S.x that is fast enough: turn the body about S.x, with two or three well-separated frequencies".to_owned()];
     data.drift = None;
     data
 }
