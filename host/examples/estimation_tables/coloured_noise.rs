@@ -32,7 +32,7 @@ impl Told {
             let m = states[j].measured().expect("the experiment identifies everything");
             self.held += f64::from(u8::from((m.value - phi[j]).abs() <= m.u95)) / N as f64;
         }
-        if let Some(colour) = &said.colour {
+        if let Some(colour) = said.colour.first() {
             self.warned += 1.0;
             self.factor += colour.factor;
         }

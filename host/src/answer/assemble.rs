@@ -10,11 +10,11 @@ use super::derived::{self, BodyFrame, Derived};
 use super::identifiability::{is_reversed, states};
 use super::weakest;
 use crate::formats::result::{
-    BodyFrameResult, ConsistentResult, KnownResult, Measured, Parameter, ParameterState, PrincipalResult,
+    BodyFrameResult, ColourResult, ConsistentResult, KnownResult, Measured, Parameter, ParameterState, PrincipalResult,
     ResultObject, ResultSource, SCHEMA, Status, TimeBase,
 };
 use crate::formats::rig::{BodyTable, RigFile, TruthTable};
-use crate::identification::{FILTER_WIDTH_S, Identification};
+use crate::identification::{FILTER_WIDTH_S, Identification, whiteness};
 use crate::report::{self, FrameResults, PrincipalAxis, Quantity, Results};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -193,9 +193,7 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
     }
 
     warnings.extend(estimate.known().iter().filter_map(|known| known.warning(estimate)));
-    if let Some(colour) = &identification.colour {
-        warnings.push(colour.warning(FILTER_WIDTH_S));
-    }
+    warnings.extend(whiteness::warning(&identification.colour, FILTER_WIDTH_S));
 
     let frame = rig.body.as_ref().filter(|_| com.is_some());
     let in_body = frame.map(|table| (table, derived::in_body_frame(estimate, &body_frame(table))));
@@ -360,6 +358,11 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
         physically_consistent: consistent,
         consistent: nearest,
         condition_number: estimate.condition_number,
+        coloured_residuals: identification
+            .colour
+            .iter()
+            .map(|c| ColourResult { channel: c.name(), factor: c.factor })
+            .collect(),
         residual_rms: (!identification.residuals.is_empty()).then_some(identification.residual_rms),
         rejected_rows: identification.counters.rejected,
         parameters,

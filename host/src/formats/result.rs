@@ -292,6 +292,9 @@ pub struct ResultObject {
     /// Root mean square of the residuals of the filtered rows, N and N m; absent without the data.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub residual_rms: Option<[f64; 6]>,
+    /// Channels whose residuals are more coloured than the filter explains, the worst first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub coloured_residuals: Vec<ColourResult>,
     /// Readings not used.
     pub rejected_rows: u32,
     /// How the platform followed its program, where that was measured.
@@ -304,6 +307,15 @@ pub struct ResultObject {
     pub warnings: Vec<String>,
     /// Time the command took, s.
     pub elapsed_s: f64,
+}
+
+/// A channel with coloured residuals.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ColourResult {
+    /// `fx` to `mz`.
+    pub channel: &'static str,
+    /// Factor by which intervals that rest on it alone may be too narrow.
+    pub factor: f64,
 }
 
 /// JSON has no word for it.
@@ -347,6 +359,7 @@ mod tests {
             physically_consistent: None,
             consistent: None,
             condition_number: f64::INFINITY,
+            coloured_residuals: Vec::new(),
             residual_rms: Some([0.0; 6]),
             rejected_rows: 0,
             advice: Vec::new(),

@@ -154,8 +154,8 @@ pub struct Identification {
     pub gains: [f64; 6],
     /// What the gyro's noise alone would bring.
     pub regressor_noise: RegressorNoise,
-    /// Noise beyond what the filter explains, if the residuals show any.
-    pub colour: Option<whiteness::Colour>,
+    /// Channels whose residuals show noise beyond what the filter explains, the worst first.
+    pub colour: Vec<whiteness::Colour>,
     /// What happened to the readings.
     pub counters: Counters,
 }
@@ -341,9 +341,9 @@ fn colour(
     config: &EstimatorConfig<f64>,
     residuals: &[BlockResidual],
     variance_scale: f64,
-) -> Option<whiteness::Colour> {
+) -> Vec<whiteness::Colour> {
     if input.is_static {
-        return None;
+        return Vec::new();
     }
     let white = whiteness::white_autocovariance(&whiteness::impulse_response(config), config.row_every);
     let row_period_s = f64::from(config.row_every) / config.rate_hz;

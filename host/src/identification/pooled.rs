@@ -348,7 +348,7 @@ impl PooledFactor {
                 tensor_information: self.sources.iter().map(|s| s.tensor_information).sum(),
             },
             // There are no residuals to look at, only their sum.
-            colour: None,
+            colour: Vec::new(),
             counters: Counters {
                 readings: sum(&|s| s.readings),
                 rejected: sum(&|s| s.rejected),

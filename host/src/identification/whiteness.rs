@@ -24,7 +24,7 @@ const LONGEST: usize = 2000;
 /// Noise that is more than the filter explains.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Colour {
-    /// The channel that shows it most, 0 to 5 in the order of the wrench.
+    /// The channel that shows it, 0 to 5 in the order of the wrench.
     pub channel: usize,
     /// Mean autocorrelation of its residuals between half a filter's width and one and a half.
     pub autocorrelation: f64,
@@ -107,21 +107,21 @@ fn chance(white: &[f64], lags: usize) -> f64 {
     (0..lags).flat_map(|k| (0..lags).map(move |l| overlap(k - l))).sum::<f64>() / (lags * lags) as f64
 }
 
-/// What the residuals show, if they show more than the filter explains.
+/// The channels whose residuals show more than the filter explains, the worst first.
 ///
 /// `white` is [`white_autocovariance`]; `variance` the one that the intervals assume, per channel and reading before the
-/// filter. `None` too where there are too few rows to tell.
+/// filter. Empty too where there are too few rows to tell.
 pub fn colour(
     residuals: &[BlockResidual],
     white: &[f64],
     row_period_s: f64,
     row_every: u16,
     variance: [f64; 6],
-) -> Option<Colour> {
+) -> Vec<Colour> {
     let reach = white.len();
     let (from, to) = (reach.div_ceil(2).max(1), (3 * reach).div_ceil(2));
     if reach < 2 || residuals.len() < 20 * to {
-        return None;
+        return Vec::new();
     }
     let stretches: Vec<&[BlockResidual]> =
         residuals.chunk_by(|a, b| b.time_s - a.time_s < 1.5 * row_period_s).collect();
@@ -163,22 +163,33 @@ pub fn colour(
         let factor = (every * (gamma[0] + 2.0 * tail) / scale).max(0.0).sqrt();
         Some(Colour { channel, autocorrelation, chance, factor })
     });
-    found.max_by(|a, b| a.factor.total_cmp(&b.factor)).filter(|c| c.factor > 1.1)
+    let mut found: Vec<Colour> = found.filter(|c| c.factor > 1.1).collect();
+    found.sort_by(|a, b| b.factor.total_cmp(&a.factor));
+    found
 }
 
 impl Colour {
-    /// In words.
-    pub fn warning(&self, width_s: f64) -> String {
-        let channel = ["fx", "fy", "fz", "mx", "my", "mz"].get(self.channel).copied().unwrap_or("?");
-        format!(
-            "residuals of {channel} stay correlated for longer than the filter explains (autocorrelation {:.2} about {width_s} s \
-             apart, where white noise has 0.00 ± {:.2}): intervals may be too small by a factor of up to {:.1}; look for \
-             vibration, drift, a wrong delay or a body that is not rigid, or state the noise that does not average",
-            self.autocorrelation,
-            2.0 * self.chance,
-            self.factor
-        )
+    /// Name of the channel.
+    pub fn name(&self) -> &'static str {
+        ["fx", "fy", "fz", "mx", "my", "mz"].get(self.channel).copied().unwrap_or("?")
     }
+}
+
+/// In words; `None` where there is no colour.
+pub fn warning(colours: &[Colour], width_s: f64) -> Option<String> {
+    let worst = colours.first()?;
+    let factors: Vec<String> = colours.iter().map(|c| format!("{:.1} ({})", c.factor, c.name())).collect();
+    Some(format!(
+        "residuals of {} stay correlated for longer than the filter explains (of {}: autocorrelation {:.2} about {width_s} s \
+         apart, where white noise has 0.00 ± {:.2}). Intervals do not count this and may be too narrow, by factors up to {}, \
+         as far as they rest on these channels; look for vibration, drift, a wrong delay or a body that is not rigid, or \
+         state the noise that does not average",
+        colours.iter().map(Colour::name).collect::<Vec<_>>().join(", "),
+        worst.name(),
+        worst.autocorrelation,
+        2.0 * worst.chance,
+        factors.join(", ")
+    ))
 }
 
 #[cfg(test)]
@@ -231,7 +242,7 @@ mod tests {
         rows
     }
 
-    fn found(rate_hz: f64, rho: f64, seconds: f64, seed: u64) -> Option<Colour> {
+    fn found(rate_hz: f64, rho: f64, seconds: f64, seed: u64) -> Vec<Colour> {
         let config = config(rate_hz);
         let white = white_autocovariance(&impulse_response(&config), config.row_every);
         let rows = residuals(&config, rho, (seconds * rate_hz) as usize, seed);
@@ -268,9 +279,9 @@ mod tests {
     #[test]
     fn white_noise_gives_no_warning() {
         for seed in 0..100 {
-            assert_eq!(found(200.0, 0.0, 20.0, seed), None, "seed {seed}");
+            assert_eq!(found(200.0, 0.0, 20.0, seed), [], "seed {seed}");
         }
-        assert_eq!(found(1000.0, 0.0, 20.0, 1), None);
+        assert_eq!(found(1000.0, 0.0, 20.0, 1), []);
     }
 
     /// Autoregressive noise of correlation time τ: the spectrum at zero frequency is (1 + ρ)/(1 − ρ) times the white one's.
@@ -280,11 +291,19 @@ mod tests {
             let rho = f64::exp(-1.0 / (200.0 * tau_s));
             let expected = ((1.0 + rho) / (1.0 - rho)).sqrt();
             for seed in 0..5 {
-                let colour = found(200.0, rho, seconds, seed).expect("a warning");
+                let colours = found(200.0, rho, seconds, seed);
+                let colour = colours.first().expect("a warning");
                 // The largest of six estimates, each good to about √(τ/T) of its variance times a few.
                 let ratio = colour.factor / expected;
                 assert!((0.8..1.5).contains(&ratio), "{tau_s} s, seed {seed}: {ratio}");
-                assert!(colour.warning(0.1).contains("factor"));
+                // All six channels have that noise, and each is named with its own factor.
+                let words = warning(&colours, 0.1).unwrap();
+                assert_eq!(colours.len(), 6, "{tau_s} s, seed {seed}: {words}");
+                for c in &colours {
+                    let ratio = c.factor / expected;
+                    assert!((0.5..1.5).contains(&ratio), "{tau_s} s, seed {seed}, {}: {ratio}", c.name());
+                    assert!(words.contains(&format!("{:.1} ({})", c.factor, c.name())), "{words}");
+                }
             }
         }
     }

@@ -52,6 +52,14 @@ fn a_slow_turn_recorded_by_three_clocks_gives_the_mass_of_the_still_poses_and_no
     assert_eq!(skew["state"], "identified");
     let (late, u95) = (skew["value"].as_f64().unwrap(), skew["u95"].as_f64().unwrap());
     assert!((late - 6.5e-3).abs() < 1.5e-3 && u95 < 2e-3, "{skew}");
+    // Offsets and first moments are some of the stated uncertainties off: every channel that wanders is named, by how much too.
+    let coloured = result["coloured_residuals"].as_array().unwrap();
+    let warnings = result["warnings"].to_string();
+    for channel in ["fy", "fz", "mx", "mz"] {
+        let found = coloured.iter().find(|c| c["channel"] == channel).expect(channel);
+        let factor = found["factor"].as_f64().unwrap();
+        assert!(factor > 1.1 && warnings.contains(&format!("{factor:.1} ({channel})")), "{warnings}");
+    }
     let page = std::fs::read_to_string(place.path().join("out/report.html")).unwrap();
     assert!(page.contains("Common time base") && page.contains("1-baseline_accel.csv"));
 }
