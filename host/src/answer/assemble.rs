@@ -10,8 +10,8 @@ use super::derived::{self, BodyFrame, Derived};
 use super::identifiability::{is_reversed, states};
 use super::weakest;
 use crate::formats::result::{
-    BodyFrameResult, ColourResult, ConsistentResult, KnownResult, Measured, Parameter, ParameterState, PrincipalResult,
-    ResultObject, ResultSource, SCHEMA, Status, TimeBase,
+    BodyFrameResult, ColourResult, ConsistentResult, KnownResult, Measured, Parameter, ParameterState,
+    PrincipalResult, ResultObject, ResultSource, SCHEMA, Status, TimeBase,
 };
 use crate::formats::rig::{BodyTable, RigFile, TruthTable};
 use crate::identification::{FILTER_WIDTH_S, Identification, whiteness};

@@ -5,17 +5,16 @@ use std::time::Instant;
 
 use super::arguments::{MakeFactor, Merge, Solve, TareFiles};
 use super::outcome::say;
+use super::recorded::{Recorded, is_recording, is_rig_file};
 use super::{Failure, Folder};
 use crate::answer::assemble::{Asked, Assembled, Context, assemble};
 use crate::formats::error::RecordingError;
 use crate::formats::new_file::write_new;
-use crate::formats::recording::{Recording, extension, rig_path};
+use crate::formats::recording::{extension, rig_path};
 use crate::formats::result::ResultSource;
 use crate::formats::rig::RigFile;
 use crate::identification::pooled::PooledFactor;
-use crate::identification::prepare::prepare;
 use crate::identification::tare::{Tare, disagreement_in_words};
-use crate::identification::{self};
 use crate::report::{self, ReportData, Source, table};
 
 /// `rigident factor`
@@ -23,7 +22,9 @@ pub(super) fn make(arguments: &MakeFactor) -> Result<ExitCode, Failure> {
     absent(&arguments.output)?;
     let mut factors = Vec::new();
     for path in &arguments.recordings {
-        let (factor, notes) = of_recording(path, arguments.rig.as_deref())?;
+        // A rig file that lists a recording's files needs no other.
+        let rig = arguments.rig.as_deref().filter(|_| !is_rig_file(path));
+        let (factor, notes) = of_recording(path, rig)?;
         for note in notes {
             eprintln!("rigident: {}: {note}", path.display());
         }
@@ -106,9 +107,9 @@ pub(super) fn tare(
 ) -> Result<Option<Tare>, Failure> {
     let mut factors = Vec::new();
     for path in &files.tare {
-        let factor = if matches!(extension(path).as_str(), "csv" | "mcap") {
+        let factor = if is_recording(path) {
             // Its own rig file if it has one: the fixture's run may have been taken with another IMU.
-            let own = rig_path(path).exists();
+            let own = is_rig_file(path) || rig_path(path).exists();
             let (factor, notes) = of_recording(path, rig.filter(|_| !own))?;
             warnings.extend(notes.into_iter().map(|note| format!("tare {}: {note}", path.display())));
             factor
@@ -147,13 +148,10 @@ fn read(path: &Path) -> Result<PooledFactor, Failure> {
 
 /// The factor of a recording, and what was noticed on the way.
 fn of_recording(path: &Path, rig: Option<&Path>) -> Result<(PooledFactor, Vec<String>), Failure> {
-    let recording = Recording::load(path, rig).map_err(Failure::input)?;
-    let prepared = prepare(&recording).map_err(Failure::input)?;
-    let identification =
-        identification::identify(&prepared.input).map_err(|e| Failure::input(e).context(path.display()))?;
-    let factor = PooledFactor::of(&identification, &prepared.input, &recording.name);
-    let notes = recording.warnings.into_iter().chain(prepared.notes).collect();
-    Ok((PooledFactor { name: path.display().to_string(), ..factor }, notes))
+    let recorded = Recorded::load(path, rig)?;
+    let identification = recorded.identify().map_err(|e| e.context(path.display()))?;
+    let factor = recorded.factor(&identification);
+    Ok((PooledFactor { name: path.display().to_string(), ..factor }, recorded.warnings()))
 }
 
 /// Found out now rather than after a long job.

@@ -7,7 +7,8 @@ use super::arguments::{KnownQuantities, Output};
 /// The option `--tare`.
 #[derive(Args, Debug, Clone, Default)]
 pub struct TareFiles {
-    /// Runs with the bare fixture on the same sensor, recordings or factors: it is subtracted with its uncertainty
+    /// Runs with the bare fixture on the same sensor, recordings (of several files the rig file that lists them) or
+    /// factors: it is subtracted with its uncertainty
     #[arg(long, value_name = "FILE", num_args = 1..)]
     pub tare: Vec<PathBuf>,
 }
@@ -20,7 +21,8 @@ pub struct TareFiles {
                   --rig bracket.rig.toml -o bracket.factor"
 )]
 pub struct MakeFactor {
-    /// The recordings, CSV or MCAP
+    /// The recordings, CSV or MCAP; of several files with clocks of their own the rig file that lists them, or their
+    /// folder
     #[arg(required = true, value_name = "REC")]
     pub recordings: Vec<PathBuf>,
     /// The file to write; must not exist

@@ -24,6 +24,7 @@ mod plan_arguments;
 mod plan_poses;
 mod programme;
 mod progress;
+mod recorded;
 mod replay;
 mod run;
 mod simulated;
@@ -105,6 +106,7 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
 /// `rigident convert`
 fn convert(arguments: &Convert) -> Result<ExitCode, Failure> {
     let Convert { input, output, rig } = arguments;
+    recorded::refuse_streams(input, rig.as_deref(), "convert")?;
     let done = crate::formats::convert::convert(input, output, rig.as_deref()).map_err(Failure::input)?;
     for warning in done.warnings {
         eprintln!("rigident: {warning}");

@@ -20,6 +20,7 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
     let started = Instant::now();
     let asked = Asked::parse(&arguments.output.estimate).map_err(Failure::input)?;
     let known = arguments.known.parse()?;
+    super::recorded::refuse_streams(&arguments.recording, arguments.rig.as_deref(), "replay")?;
     let recording =
         Recording::load(&arguments.recording, arguments.rig.as_deref()).map_err(Failure::input)?;
     let mut prepared = prepare(&recording).map_err(Failure::input)?;

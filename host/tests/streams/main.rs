@@ -1,6 +1,7 @@
 //! Several files with clocks of their own as one recording.
 #![cfg(feature = "simulator")]
 
+mod commands;
 mod real;
 mod refused;
 mod simulated;

@@ -1,6 +1,8 @@
 //! The simulator's readings at three odd rates with known skews.
 
 use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
 use std::sync::OnceLock;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -51,8 +53,13 @@ impl Simulated {
         Self { wrench: readings(RATES_HZ[0]), imu: readings(RATES_HZ[1]), config, program }
     }
 
-    /// The three files of an experiment; attitudes with this noise, rad.
     fn set(&self, seed: u64, attitude_noise_rad: f64) -> StreamSet {
+        let (rig, files) = self.files(seed, attitude_noise_rad);
+        StreamSet::from_bytes("simulated", &RigFile::parse(&rig).unwrap(), &files).unwrap()
+    }
+
+    /// The rig file and the three files of an experiment; attitudes with this noise, rad.
+    fn files(&self, seed: u64, attitude_noise_rad: f64) -> (String, [Vec<u8>; 3]) {
         let text = |header: &str, rows: &mut dyn Iterator<Item = (f64, Vec<f64>)>| {
             let mut text = format!("t_s,{header}\n");
             for (t, values) in rows {
@@ -89,7 +96,17 @@ impl Simulated {
         let rig = RIG
             .replace("POSITION", &format!("{:?}", self.config.imu.position_m))
             .replace("ROTATION", &format!("{:?}", unit(self.config.imu.rotation_wxyz)));
-        StreamSet::from_bytes("simulated", &RigFile::parse(&rig).unwrap(), &files).unwrap()
+        (rig, files)
+    }
+}
+
+/// The thesis' experiment in a new folder, the rig file called `run.rig.toml`.
+pub fn write_thesis(folder: &Path, seed: u64) {
+    let (rig, files) = thesis().files(seed, 5e-5);
+    fs::create_dir(folder).unwrap();
+    fs::write(folder.join("run.rig.toml"), rig).unwrap();
+    for (name, bytes) in ["wrench.csv", "accelerometer.csv", "attitude.csv"].iter().zip(files) {
+        fs::write(folder.join(name), bytes).unwrap();
     }
 }
 

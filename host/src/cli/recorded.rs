@@ -1,0 +1,132 @@
+//! What the commands identify: one recording, or several files with clocks of their own as one.
+
+use std::path::Path;
+
+use super::Failure;
+use crate::formats::recording::{Recording, extension, rig_path};
+use crate::formats::result::TimeBase;
+use crate::formats::rig::RigFile;
+use crate::identification::pooled::PooledFactor;
+use crate::identification::prepare::{Prepared, prepare};
+use crate::identification::{self, Identification};
+use crate::streams::{Aligned, StreamSet, align, widen::widen};
+
+/// A recording ready to be identified.
+pub(super) struct Recorded {
+    /// The recording; of several files what they are on the common time base.
+    pub recording: Recording,
+    /// What an identification needs of it.
+    pub prepared: Prepared,
+    streams: Option<(StreamSet, Aligned)>,
+}
+
+impl Recorded {
+    /// A CSV or MCAP file; a rig file that lists `[[stream]]` files; or their folder, `rig` listing them.
+    ///
+    /// # Errors
+    /// Bad input: what cannot be read, or is no recording of a body.
+    pub(super) fn load(path: &Path, rig: Option<&Path>) -> Result<Self, Failure> {
+        let set = match rig {
+            None if is_rig_file(path) => StreamSet::load(path, None),
+            Some(_) if is_rig_file(path) => {
+                return Err(Failure::input(format!(
+                    "{} is a rig file itself, whose [[stream]] files are the recording: give it without --rig",
+                    path.display()
+                )));
+            }
+            Some(rig) if path.is_dir() => StreamSet::load(rig, Some(path)),
+            None if path.is_dir() => {
+                return Err(Failure::input(format!(
+                    "{} is a folder: give the rig file that lists its [[stream]] files by --rig",
+                    path.display()
+                )));
+            }
+            _ => {
+                if let Some(listing) = listing(path, rig) {
+                    let listing = listing.display();
+                    return Err(Failure::input(format!(
+                        "{listing} lists several files as one recording: give the rig file itself, {listing}, in place of \
+                         {}",
+                        path.display()
+                    )));
+                }
+                let recording = Recording::load(path, rig).map_err(Failure::input)?;
+                let prepared = prepare(&recording).map_err(Failure::input)?;
+                return Ok(Self { recording, prepared, streams: None });
+            }
+        };
+        let set = set.map_err(Failure::input)?;
+        let aligned = align(&set).map_err(Failure::input)?;
+        let (recording, prepared) = (aligned.recording.clone(), aligned.prepared.clone());
+        Ok(Self { recording, prepared, streams: Some((set, aligned)) })
+    }
+
+    /// Whether it is of several files.
+    pub(super) fn is_of_streams(&self) -> bool {
+        self.streams.is_some()
+    }
+
+    /// What was noticed so far.
+    pub(super) fn warnings(&self) -> Vec<String> {
+        let streams = self.streams.iter().flat_map(|(_, aligned)| &aligned.warnings);
+        self.recording.warnings.iter().chain(&self.prepared.notes).chain(streams).cloned().collect()
+    }
+
+    /// The body, the uncertainty of the skews counted.
+    ///
+    /// # Errors
+    /// Bad input: no usable rows.
+    pub(super) fn identify(&self) -> Result<Identification, Failure> {
+        let mut identification = identification::identify(&self.prepared.input).map_err(Failure::input)?;
+        if let Some((set, aligned)) = &self.streams {
+            widen(set, aligned, &mut identification).map_err(Failure::input)?;
+        }
+        Ok(identification)
+    }
+
+    /// The factor of [`Self::identify`].
+    pub(super) fn factor(&self, identification: &Identification) -> PooledFactor {
+        PooledFactor::of(identification, &self.prepared.input, &self.recording.name)
+    }
+
+    /// How several files became one recording.
+    pub(super) fn time_base(&self) -> Option<TimeBase> {
+        self.streams.as_ref().map(|(_, aligned)| aligned.time_base.clone())
+    }
+}
+
+/// Whether a file holds a recording, or lists the files of one; by its name.
+pub(super) fn is_recording(path: &Path) -> bool {
+    is_rig_file(path) || path.is_dir() || matches!(extension(path).as_str(), "csv" | "mcap")
+}
+
+/// Whether a path is a rig file's, by its name.
+pub(super) fn is_rig_file(path: &Path) -> bool {
+    path.to_string_lossy().ends_with(".rig.toml")
+}
+
+/// Refuses several files with clocks of their own where one recording is needed.
+///
+/// # Errors
+/// Bad input.
+pub(super) fn refuse_streams(path: &Path, rig: Option<&Path>, command: &str) -> Result<(), Failure> {
+    let given = (is_rig_file(path) || path.is_dir()).then(|| rig.filter(|_| path.is_dir()).unwrap_or(path));
+    let Some(listing) = given.map(Path::to_owned).or_else(|| listing(path, rig)) else { return Ok(()) };
+    Err(Failure::input(format!(
+        "{} is no single recording: `rigident {command}` takes one CSV or MCAP file of one clock; several files with clocks \
+         of their own, which a rig file lists as [[stream]], are for `rigident identify`, `factor` and `--tare`: `rigident \
+         identify {}`",
+        path.display(),
+        if listing.is_dir() {
+            format!("{} --rig RIG", path.display())
+        } else {
+            listing.display().to_string()
+        }
+    )))
+}
+
+/// The rig file of a recording if it lists `[[stream]]` files. One that cannot be read is another's to complain of.
+fn listing(path: &Path, rig: Option<&Path>) -> Option<std::path::PathBuf> {
+    let rig = rig.map_or_else(|| rig_path(path), Path::to_owned);
+    RigFile::load(&rig).is_ok_and(|file| !file.stream.is_empty()).then_some(rig)
+}
