@@ -1,8 +1,8 @@
 //! Several files, each with a clock and a rate of its own, as one recording.
 //!
 //! Lives here: reading the files that a rig file lists ([`files`]), the one local polynomial that every stream goes
-//! through ([`kernel`]), the common time base ([`grid`]), how late the stamps of each stream are ([`skew`]) and what
-//! that uncertainty does to the answer ([`widen`]). May not live here: the estimate itself. Before this:
+//! through ([`kernel`]), the common time base ([`grid`]), how late the stamps of each stream are ([`skew`]), what
+//! that uncertainty does to the answer ([`widen`]) and whether attitudes and accelerometer agree on gravity. May not live here: the estimate itself. Before this:
 //! [`crate::formats`]; after it: [`crate::identification`], which sees an ordinary recording.
 //!
 //! Every stream is brought to a uniform grid by the local cubic of one width in seconds, that of the slowest stream, so
@@ -11,6 +11,7 @@
 //! the slope of the same cubic through the logarithm of the rotation.
 
 pub mod files;
+mod gravity;
 pub mod grid;
 pub mod kernel;
 pub mod skew;
@@ -178,6 +179,10 @@ pub fn align(set: &StreamSet) -> Result<Aligned, StreamError> {
                 stream.file
             ));
         }
+    }
+    if let Some(attitude) = set.streams.iter().find(|s| s.attitude.is_some()) {
+        let found = gravity::Disagreement::of(&skew::rows(set, &grid, &skews.late_ns)?);
+        warnings.extend(found.and_then(|found| found.warning(&attitude.file)));
     }
     let streams = set
         .streams

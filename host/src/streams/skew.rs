@@ -137,6 +137,10 @@ pub fn estimate(set: &StreamSet, grid: &Grid) -> Result<Skews, StreamError> {
         let goes = |k: &usize| *k == stream || (tied && accelerometer && set.streams[*k].attitude.is_some());
         for k in skews.identified.iter().copied().filter(|k| goes(k)) {
             skews.late_ns[k] = 0;
+            if !found.converged {
+                // Of an iteration that went astray the width means nothing.
+                skews.u95_s[k] = f64::INFINITY;
+            }
         }
         skews.identified.retain(|k| !goes(k));
         tied &= skews.identified.iter().any(attitude_of(set));
@@ -159,18 +163,20 @@ struct Found {
 
 /// Rows of one instant.
 #[derive(Clone, Copy)]
-struct Instant {
+pub(super) struct Instant {
     block: RegressorBlock<f64>,
     /// Filtered −g in S by the attitude.
-    up: Option<Vector3<f64>>,
+    pub(super) up: Option<Vector3<f64>>,
 }
 
 impl Instant {
-    fn force(&self) -> Vector3<f64> {
+    /// Specific force in S, filtered.
+    pub(super) fn force(&self) -> Vector3<f64> {
         column(&self.block.columns[0], 0)
     }
 
-    fn turning(&self, d: &Vector3<f64>) -> Vector3<f64> {
+    /// What turning adds to it at d of S.
+    pub(super) fn turning(&self, d: &Vector3<f64>) -> Vector3<f64> {
         (0..3).map(|k| column(&self.block.columns[1 + k], 0) * d[k]).sum()
     }
 
@@ -244,6 +250,18 @@ impl Pipeline<'_> {
             })
             .collect()
     }
+}
+
+/// Both equations' rows at the skews that were taken.
+///
+/// # Errors
+/// As [`super::align`].
+pub(super) fn rows(set: &StreamSet, grid: &Grid, late_ns: &[i64]) -> Result<Vec<Instant>, StreamError> {
+    let instants = grid.instants(set, late_ns, 0)?;
+    let streams = grid.all(set, &instants, late_ns);
+    let input = prepare(&grid.recording(set, &instants, &streams))?.input;
+    let pipeline = Pipeline { set, grid, config: configuration(&input), instants, tied: true };
+    pipeline.rows(&streams.iter().collect::<Vec<_>>())
 }
 
 fn iterate(set: &StreamSet, grid: &Grid, skews: &mut Skews, tied: bool) -> Result<Found, StreamError> {

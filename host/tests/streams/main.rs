@@ -2,6 +2,7 @@
 #![cfg(feature = "simulator")]
 
 mod commands;
+mod gravity;
 mod real;
 mod refused;
 mod simulated;

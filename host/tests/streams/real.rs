@@ -55,6 +55,7 @@ fn a_slow_turn_recorded_by_three_clocks_gives_the_mass_of_the_still_poses_and_no
     // Offsets and first moments are some of the stated uncertainties off: every channel that wanders is named, by how much too.
     let coloured = result["coloured_residuals"].as_array().unwrap();
     let warnings = result["warnings"].to_string();
+    assert!(!warnings.contains("gravity by the attitudes"), "{warnings}");
     for channel in ["fy", "fz", "mx", "mz"] {
         let found = coloured.iter().find(|c| c["channel"] == channel).expect(channel);
         let factor = found["factor"].as_f64().unwrap();
@@ -62,4 +63,28 @@ fn a_slow_turn_recorded_by_three_clocks_gives_the_mass_of_the_still_poses_and_no
     }
     let page = std::fs::read_to_string(place.path().join("out/report.html")).unwrap();
     assert!(page.contains("Common time base") && page.contains("1-baseline_accel.csv"));
+}
+
+/// The mass hardly moves where the matrices are transposed, so that nothing else tells.
+#[test]
+fn transposed_attitudes_are_told_by_gravity() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let data = root.join("../../shared/data/endeffector_ati_gamma_imu");
+    if !data.exists() {
+        eprintln!("skipped: {} is not here", data.display());
+        return;
+    }
+    let place = tempfile::tempdir().unwrap();
+    let rig = std::fs::read_to_string(root.join("../docs/examples/endeffector-turn.rig.toml")).unwrap();
+    std::fs::write(place.path().join("turn.rig.toml"), rig.replace("S in A", "A in S")).unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_rigident"))
+        .current_dir(place.path())
+        .arg("identify")
+        .arg(&data)
+        .args(["--rig", "turn.rig.toml", "--json", "--out", "out"])
+        .output()
+        .unwrap();
+    let result: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let warnings = result["warnings"].to_string();
+    assert!(warnings.contains("gravity by the attitudes of 1-baseline_orientations.csv"), "{warnings}");
 }

@@ -40,7 +40,7 @@ position_m = POSITION
 rotation_wxyz = ROTATION
 "#;
 
-struct Simulated {
+pub struct Simulated {
     config: RigConfig,
     program: MotionProgram,
     wrench: Readings,
@@ -59,7 +59,7 @@ impl Simulated {
     }
 
     /// The rig file and the three files of an experiment; attitudes with this noise, rad.
-    fn files(&self, seed: u64, attitude_noise_rad: f64) -> (String, [Vec<u8>; 3]) {
+    pub fn files(&self, seed: u64, attitude_noise_rad: f64) -> (String, [Vec<u8>; 3]) {
         let text = |header: &str, rows: &mut dyn Iterator<Item = (f64, Vec<f64>)>| {
             let mut text = format!("t_s,{header}\n");
             for (t, values) in rows {
@@ -132,7 +132,7 @@ fn outcome(set: &StreamSet) -> Outcome {
     }
 }
 
-fn thesis() -> &'static Simulated {
+pub fn thesis() -> &'static Simulated {
     static ONCE: OnceLock<Simulated> = OnceLock::new();
     ONCE.get_or_init(|| {
         let config = RigConfig::thesis_horizontal();
@@ -169,20 +169,27 @@ fn skews_are_recovered_within_their_uncertainty_and_so_is_the_body() {
 }
 
 /// A turn of one second and a half between two rests: nothing of it shows in the wrench but gravity.
+pub fn slow_turn() -> &'static Simulated {
+    static ONCE: OnceLock<Simulated> = OnceLock::new();
+    ONCE.get_or_init(|| {
+        let config = RigConfig::thesis_horizontal();
+        let home = config.geometry.home();
+        let tilted = Pose { rpy_rad: [0.45, 0.0, 0.0], ..home };
+        let back = Pose { rpy_rad: [-0.45, 0.0, 0.0], ..home };
+        let segments = vec![
+            Segment::Hold { duration_s: 1.0 },
+            Segment::Move { to: tilted, duration_s: 1.5 },
+            Segment::Hold { duration_s: 1.0 },
+            Segment::Move { to: back, duration_s: 2.5 },
+            Segment::Hold { duration_s: 1.0 },
+        ];
+        Simulated::new(config, MotionProgram { start: home, segments })
+    })
+}
+
 #[test]
 fn attitudes_of_a_slow_turn_are_set_by_the_gravity_that_the_accelerometer_feels() {
-    let config = RigConfig::thesis_horizontal();
-    let home = config.geometry.home();
-    let tilted = Pose { rpy_rad: [0.45, 0.0, 0.0], ..home };
-    let back = Pose { rpy_rad: [-0.45, 0.0, 0.0], ..home };
-    let segments = vec![
-        Segment::Hold { duration_s: 1.0 },
-        Segment::Move { to: tilted, duration_s: 1.5 },
-        Segment::Hold { duration_s: 1.0 },
-        Segment::Move { to: back, duration_s: 2.5 },
-        Segment::Hold { duration_s: 1.0 },
-    ];
-    let simulated = Simulated::new(config, MotionProgram { start: home, segments });
+    let simulated = slow_turn();
     let skews: Vec<_> = (1..=SLOW).map(|seed| outcome(&simulated.set(seed, 5e-5)).skews).collect();
     for (k, late) in LATE_S.iter().enumerate() {
         let found: Vec<Measured> = skews.iter().filter_map(|s| s[k]).collect();
