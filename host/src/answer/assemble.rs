@@ -59,6 +59,11 @@ impl Asked {
         }
         Ok(Self(asked))
     }
+
+    /// Whether an offset is among them.
+    pub(crate) fn offset(&self) -> bool {
+        self.0.iter().any(|j| *j >= 10)
+    }
 }
 
 /// What the answer is about.

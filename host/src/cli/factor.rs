@@ -53,6 +53,9 @@ pub(super) fn solve(arguments: &Solve) -> Result<ExitCode, Failure> {
     let disagreement = pooled.judgement(pooled.factor.determined()).disagreement;
     warnings.extend(disagreement.map(|ratio| disagreement_in_words("the merged runs", ratio)));
     warnings.extend(pooled.warning());
+    if asked.offset() {
+        warnings.extend(pooled.without_offset_in_words());
+    }
     if let Some(tare) = tare(&arguments.tare, arguments.rig.as_deref(), &mut warnings)? {
         tare.take_off(&pooled, &mut identification, &mut []).map_err(Failure::input)?;
     }

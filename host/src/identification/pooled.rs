@@ -372,6 +372,19 @@ impl PooledFactor {
         })
     }
 
+    /// Why the wrench offset is no parameter of it; `None` if it is one.
+    pub fn without_offset_in_words(&self) -> Option<String> {
+        (self.factor.parameters() == 10).then(|| {
+            if self.sources.len() > 1 {
+                "the factor has no wrench offsets: each run has its own, and merging eliminated them; solve the factors of \
+                 the single runs for theirs, or merge with --shared-offset if they have one between them"
+                    .to_owned()
+            } else {
+                "the factor has no wrench offset: it was known by the rig file (offset_n_nm) and not estimated".to_owned()
+            }
+        })
+    }
+
     /// Names of the recordings, joined.
     pub fn recordings(&self) -> String {
         let names: Vec<_> = self.sources.iter().map(|s| s.recording.as_str()).collect();

@@ -123,6 +123,10 @@ pub(super) fn status_words(results: &Results) -> String {
         }
         Status::PartlyIdentified if missing.is_empty() => "Partly identified".to_owned(),
         Status::PartlyIdentified => format!("Partly identified. Not identified: {}", missing.join(", ")),
+        // The body is there, and was not what was asked for.
+        Status::NotIdentified if missing.len() < results.parameters.len() => {
+            "What was asked for is not identified".to_owned()
+        }
         Status::NotIdentified => "Not identified".to_owned(),
         Status::Failed => "Failed: the experiment did not come to its end".to_owned(),
     };

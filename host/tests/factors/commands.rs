@@ -199,6 +199,24 @@ fn runs_of_different_bodies_are_told_apart() {
 }
 
 #[test]
+fn offsets_asked_of_merged_runs_are_told_to_be_eliminated() {
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    for (name, seed) in [("a", 1), ("b", 2)] {
+        write(at, name, body(), seed, &noise());
+    }
+    let output = rigident(at, &["factor", "a.csv", "b.csv", "-o", "both.factor"]);
+    assert_eq!(status(&output), 0, "{}", said(&output));
+    let solved = rigident(at, &["solve", "both.factor", "--estimate", "offset"]);
+    let table = String::from_utf8_lossy(&solved.stdout).into_owned();
+    assert_eq!(status(&solved), 1, "{table}");
+    assert!(table.starts_with("What was asked for is not identified\n"), "{table}");
+    assert!(table.contains("each run has its own") && table.contains("--shared-offset"), "{table}");
+    let body_only = json(at, &["solve", "both.factor", "--json"]);
+    assert!(!body_only["warnings"].to_string().contains("offset"), "{}", body_only["warnings"]);
+}
+
+#[test]
 fn gain_errors_that_runs_have_in_common_are_told() {
     let place = tempfile::tempdir().unwrap();
     let at = place.path();
