@@ -17,6 +17,10 @@ use crate::identification::pooled::PooledFactor;
 use crate::identification::tare::{Tare, disagreement_in_words};
 use crate::report::{self, ReportData, Source, table};
 
+/// Runs that disagree by more than this many times their noise are of different bodies or rigs. What drifts from run to run
+/// of one body, offsets apart, stays below.
+const FOREIGN: f64 = 10.0;
+
 /// `rigident factor`
 pub(super) fn make(arguments: &MakeFactor) -> Result<ExitCode, Failure> {
     absent(&arguments.output)?;
@@ -30,14 +34,14 @@ pub(super) fn make(arguments: &MakeFactor) -> Result<ExitCode, Failure> {
         }
         factors.push(factor);
     }
-    write(factors, arguments.shared_offset, &arguments.output)
+    write(factors, arguments.shared_offset, arguments.force, &arguments.output)
 }
 
 /// `rigident merge`
 pub(super) fn merge(arguments: &Merge) -> Result<ExitCode, Failure> {
     absent(&arguments.output)?;
     let factors = arguments.factors.iter().map(|path| read(path)).collect::<Result<Vec<_>, _>>()?;
-    write(factors, arguments.shared_offset, &arguments.output)
+    write(factors, arguments.shared_offset, arguments.force, &arguments.output)
 }
 
 /// `rigident solve`
@@ -165,9 +169,24 @@ fn absent(path: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-fn write(factors: Vec<PooledFactor>, shared_offset: bool, output: &Path) -> Result<ExitCode, Failure> {
+fn write(
+    factors: Vec<PooledFactor>,
+    shared_offset: bool,
+    force: bool,
+    output: &Path,
+) -> Result<ExitCode, Failure> {
     let pooled = PooledFactor::merged(factors, shared_offset).map_err(Failure::input)?;
     if let Some(ratio) = pooled.judgement(pooled.factor.determined()).disagreement {
+        if ratio.sqrt() > FOREIGN && !force {
+            return Err(Failure::input(format!(
+                "{} disagree {:.1} times as much as their noise explains: they are not runs of one body, mounted alike, with \
+                 one sensor{}; `rigident solve` of each tells which does not belong. --force merges them all the same, the \
+                 intervals widened as much",
+                pooled.recordings(),
+                ratio.sqrt(),
+                if shared_offset { ", or its offset is not one between them" } else { "" }
+            )));
+        }
         eprintln!("rigident: {}", disagreement_in_words("the runs", ratio));
     }
     if let Some(warning) = pooled.warning() {

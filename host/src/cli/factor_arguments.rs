@@ -34,12 +34,15 @@ pub struct MakeFactor {
     /// All recordings have one wrench offset between them
     #[arg(long)]
     pub shared_offset: bool,
+    /// Also recordings that disagree more than ten times as much as their noise explains
+    #[arg(long)]
+    pub force: bool,
 }
 
 /// `rigident merge`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "The order does not matter. Factors of the same recording, of other models or units are refused.\n\n\
+    after_help = "The order does not matter. Factors of the same recording, of other models or units, and of other bodies are refused.\n\n\
                   Examples:\n  rigident merge monday.factor tuesday.factor -o bracket.factor\n  rigident merge a.factor b.factor \
                   --shared-offset -o both.factor"
 )]
@@ -53,6 +56,9 @@ pub struct Merge {
     /// All of them have one wrench offset between them
     #[arg(long)]
     pub shared_offset: bool,
+    /// Also factors that disagree more than ten times as much as their noise explains
+    #[arg(long)]
+    pub force: bool,
 }
 
 /// `rigident solve`

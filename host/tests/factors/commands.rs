@@ -183,12 +183,23 @@ fn a_tare_that_does_not_tell_the_tensor_leaves_it_unknown() {
 }
 
 #[test]
-fn runs_of_different_bodies_are_told_apart() {
+fn runs_of_different_bodies_are_refused_unless_forced_and_then_told_apart() {
     let place = tempfile::tempdir().unwrap();
     let at = place.path();
     write(at, "a", body(), 1, &noise());
     write(at, "b", together(&body(), &fixture()), 2, &noise());
-    let output = rigident(at, &["factor", "a.csv", "b.csv", "-o", "ab.factor"]);
+    let refused = rigident(at, &["factor", "a.csv", "b.csv", "-o", "ab.factor"]);
+    assert_eq!(status(&refused), 2, "{}", said(&refused));
+    assert!(said(&refused).contains("disagree") && said(&refused).contains("--force"), "{}", said(&refused));
+    for name in ["a", "b"] {
+        let output = rigident(at, &["factor", &format!("{name}.csv"), "-o", &format!("{name}.factor")]);
+        assert_eq!(status(&output), 0, "{}", said(&output));
+    }
+    let refused = rigident(at, &["merge", "a.factor", "b.factor", "-o", "ab.factor"]);
+    assert_eq!(status(&refused), 2, "{}", said(&refused));
+    assert!(said(&refused).contains("a + b disagree"), "{}", said(&refused));
+    assert!(!at.join("ab.factor").exists());
+    let output = rigident(at, &["merge", "a.factor", "b.factor", "--force", "-o", "ab.factor"]);
     assert_eq!(status(&output), 0, "{}", said(&output));
     assert!(said(&output).contains("disagree"), "{}", said(&output));
     let result = json(at, &["solve", "ab.factor", "--json", "--estimate", "m"]);
