@@ -4,6 +4,7 @@
 //! Lives here: one file per study, each a function that gives Markdown, beside the paper's figures where it has some. May
 //! not live here: anything that ships.
 
+mod experiment;
 mod names;
 mod poses_estimators;
 mod poses_montecarlo;
@@ -31,6 +32,7 @@ fn make(name: &str) -> String {
         "poses-montecarlo" => poses_montecarlo::table(),
         "poses-reduction" => poses_reduction::table(),
         "poses-estimators" => poses_estimators::table(),
+        "experiment" => experiment::table(),
         other => unreachable!("no maker for {other}"),
     }
 }

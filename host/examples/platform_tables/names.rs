@@ -2,7 +2,7 @@
 
 /// On the command line and in the document's markers, in the document's order. Those that end in `-long` are made only
 /// when named or with `--long`.
-pub const TABLES: [&str; 7] = [
+pub const TABLES: [&str; 8] = [
     "poses-search",
     "poses-table-12",
     "poses-stroke",
@@ -10,4 +10,5 @@ pub const TABLES: [&str; 7] = [
     "poses-montecarlo",
     "poses-reduction",
     "poses-estimators",
+    "experiment",
 ];

@@ -106,7 +106,7 @@ impl Estimate {
 
     /// From numbers that no rows stand behind, as a bound or a design gives them; σ is given. Known quantities
     /// do not change it.
-    #[cfg(test)]
+    #[cfg(any(test, feature = "simulator"))]
     pub(crate) fn from_parts(values: Vec<f64>, covariance: DMatrix<f64>, determined: Vec<bool>) -> Self {
         Self {
             values,

@@ -10,7 +10,7 @@ use super::experiment::check_duration;
 use super::outcome::say;
 use super::{Failure, Progress};
 use crate::montecarlo::{
-    Campaign, CampaignError, Judgement, Limits95, Solver, Verdict, gain_error_sensors,
+    Campaign, CampaignError, DERIVED, Judgement, Limits95, Solver, Verdict, gain_error_sensors,
     noise_and_gain_error_sensors,
 };
 use crate::session::INTERRUPTED;
@@ -20,6 +20,7 @@ use crate::session::INTERRUPTED;
 struct Summary<'a> {
     runs: u64,
     parameters: Vec<Parameter<'a>>,
+    derived: Vec<Parameter<'a>>,
 }
 
 #[derive(Serialize)]
@@ -29,6 +30,7 @@ struct Parameter<'a> {
     bias: f64,
     std: f64,
     crb_std: f64,
+    predicted_std: f64,
     efficiency: f64,
     coverage95: f64,
 }
@@ -73,7 +75,7 @@ pub(super) fn run(arguments: &Montecarlo) -> Result<ExitCode, Failure> {
         })?;
     progress.finish();
     let limits = Limits95::of(verdict.runs);
-    let good = verdict.parameters.iter().all(|p| limits.kept_by(p));
+    let good = quantities(&verdict).all(|q| limits.kept_by(&q.judgement));
     if arguments.json {
         let text = serde_json::to_string(&summary(&verdict)).map_err(Failure::input)?;
         say(text);
@@ -88,22 +90,46 @@ pub(super) fn run(arguments: &Montecarlo) -> Result<ExitCode, Failure> {
     Ok(if good { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
-fn summary(verdict: &Verdict) -> Summary<'static> {
-    let parameters = verdict.parameters.iter().enumerate();
-    Summary {
-        runs: verdict.runs,
-        parameters: parameters
-            .map(|(j, p)| Parameter {
-                name: PARAMETER_NAMES[j],
-                unit: PARAMETER_UNITS[j],
-                bias: p.bias,
-                std: p.std,
-                crb_std: p.crb_std,
-                efficiency: p.efficiency(),
-                coverage95: p.coverage95,
-            })
-            .collect(),
+/// A judgement with what it is of.
+struct Quantity {
+    name: &'static str,
+    unit: &'static str,
+    judgement: Judgement,
+}
+
+impl Quantity {
+    fn in_json(self) -> Parameter<'static> {
+        let Self { name, unit, judgement: p } = self;
+        Parameter {
+            name,
+            unit,
+            bias: p.bias,
+            std: p.std,
+            crb_std: p.crb_std,
+            predicted_std: p.predicted_std,
+            efficiency: p.efficiency(),
+            coverage95: p.coverage95,
+        }
     }
+}
+
+/// What is derived: in S, about the centre of mass.
+const DERIVED_NAMES: [&str; DERIVED] =
+    ["com_x", "com_y", "com_z", "Ixx_com", "Iyy_com", "Izz_com", "Iyz_com", "Izx_com", "Ixy_com"];
+
+/// The parameters, and what is derived from them.
+fn quantities(verdict: &Verdict) -> impl Iterator<Item = Quantity> {
+    let derived_units = ["m"; 3].into_iter().chain(["kg m²"; 6]);
+    let names =
+        PARAMETER_NAMES.into_iter().zip(PARAMETER_UNITS).chain(DERIVED_NAMES.into_iter().zip(derived_units));
+    let judgements = verdict.parameters.into_iter().chain(verdict.derived);
+    names.zip(judgements).map(|((name, unit), judgement)| Quantity { name, unit, judgement })
+}
+
+fn summary(verdict: &Verdict) -> Summary<'static> {
+    let mut parameters: Vec<_> = quantities(verdict).map(Quantity::in_json).collect();
+    let derived = parameters.split_off(PARAMETER_NAMES.len());
+    Summary { runs: verdict.runs, parameters, derived }
 }
 
 fn table(verdict: &Verdict, limits: &Limits95) -> String {
@@ -111,30 +137,25 @@ fn table(verdict: &Verdict, limits: &Limits95) -> String {
         "  {:<10} {:<6} {:>9} {:>10} {:>9} {:>10} {:>10} {:>10} {:>8}",
         "", "", "truth", "bias", "its se", "std", "bound", "efficiency", "coverage"
     );
-    for (j, p) in verdict.parameters.iter().enumerate() {
-        let Judgement { truth, bias, std, crb_std, coverage95 } = *p;
+    for (j, Quantity { name, unit, judgement }) in quantities(verdict).enumerate() {
+        let Judgement { truth, bias, std, crb_std, coverage95, .. } = judgement;
         let errors = bias / (std / (verdict.runs as f64).sqrt());
-        let truth = if j < 10 { format!("{truth:.4}") } else { "drawn".to_owned() };
+        let truth = if !(10..16).contains(&j) { format!("{truth:.4}") } else { "drawn".to_owned() };
         text.push_str(&format!(
             "\n  {:<10} {:<6} {truth:>9} {bias:>10.2e} {errors:>+9.2} {std:>10.3e} {crb_std:>10.3e} {:>10.3} {:>6.1} %{}",
-            PARAMETER_NAMES[j],
-            PARAMETER_UNITS[j],
-            p.efficiency(),
+            name,
+            unit,
+            judgement.efficiency(),
             100.0 * coverage95,
-            if limits.kept_by(p) { "" } else { "  <-" },
+            if limits.kept_by(&judgement) { "" } else { "  <-" },
         ));
     }
     text
 }
 
 fn line(verdict: &Verdict, limits: &Limits95, elapsed_s: f64) -> String {
-    let missed: Vec<&str> = verdict
-        .parameters
-        .iter()
-        .zip(PARAMETER_NAMES)
-        .filter(|(p, _)| !limits.kept_by(p))
-        .map(|(_, n)| n)
-        .collect();
+    let missed: Vec<&str> =
+        quantities(verdict).filter(|q| !limits.kept_by(&q.judgement)).map(|q| q.name).collect();
     let (least, largest) = limits.coverage;
     let asked = format!(
         "efficiency of {:.2} or more and coverage within {:.1}-{:.1} % in {} experiments ({elapsed_s:.1} s)",

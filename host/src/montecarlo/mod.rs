@@ -16,6 +16,8 @@ use rigident_sim::experiment::thesis_program;
 use rigident_sim::rig::{ReadingRow, Readings, RigConfig, RigError, Truth};
 use rigident_sim::sensors::{LoadCellModel, PerExperiment, SensorModels};
 
+use crate::answer::Estimate;
+use crate::answer::derived::{centre_of_mass, inertia_com};
 use crate::identification::{self, Factor, Identification, IdentificationError, Input};
 use crate::simulated::{limits, mounting, reading};
 pub use bound::{PARAMETERS, bound};
@@ -134,6 +136,8 @@ pub struct Judgement {
     pub std: f64,
     /// Cramér–Rao bound of the standard deviation.
     pub crb_std: f64,
+    /// What the estimates themselves said it was: root mean square.
+    pub predicted_std: f64,
     /// Share of the 95 % intervals that hold the truth.
     pub coverage95: f64,
 }
@@ -184,13 +188,39 @@ pub struct Verdict {
     pub runs: u64,
     /// In the order of the parameters, offsets last.
     pub parameters: [Judgement; PARAMETERS],
+    /// Centre of mass in S, m, and inertia tensor about it, `[Ixx, Iyy, Izz, Iyz, Izx, Ixy]`, kg m².
+    pub derived: [Judgement; DERIVED],
 }
 
-/// Error and whether the interval held the truth, of each parameter.
+/// Coordinates of the centre of mass, elements of the tensor about it.
+pub const DERIVED: usize = 9;
+
+/// What is derived, to first order, and its standard deviations.
+fn derived(estimate: &Estimate) -> ([f64; DERIVED], [f64; DERIVED]) {
+    let (com, inertia) = (centre_of_mass(estimate), inertia_com(estimate));
+    let joined = |com: [f64; 3], inertia: [f64; 6]| {
+        let [x, y, z] = com;
+        let [xx, yy, zz, yz, zx, xy] = inertia;
+        [x, y, z, xx, yy, zz, yz, zx, xy]
+    };
+    (joined(com.value, inertia.value), joined(com.sd, inertia.sd))
+}
+
+/// Parameters, then what is derived from them.
+const QUANTITIES: usize = PARAMETERS + DERIVED;
+
+fn joined(parameters: impl IntoIterator<Item = f64>, derived: [f64; DERIVED]) -> [f64; QUANTITIES] {
+    let mut all = [0.0; QUANTITIES];
+    all.iter_mut().zip(parameters.into_iter().chain(derived)).for_each(|(to, value)| *to = value);
+    all
+}
+
+/// Error of each quantity, and the standard deviation that the estimate gave it.
 #[derive(Clone, Copy, Debug)]
 struct Outcome {
-    error: [f64; PARAMETERS],
-    held: [bool; PARAMETERS],
+    error: [f64; QUANTITIES],
+    sd: [f64; QUANTITIES],
+    coverage_factor: f64,
 }
 
 /// A campaign ready to run: the motion's physics is computed once.
@@ -198,7 +228,7 @@ struct Outcome {
 pub struct Prepared {
     campaign: Campaign,
     readings: Readings,
-    crb_std: [f64; PARAMETERS],
+    crb_std: [f64; QUANTITIES],
 }
 
 impl Campaign {
@@ -222,15 +252,17 @@ impl Campaign {
         let program = thesis_program(&self.config.geometry, self.duration_s);
         let readings = Readings::new(&self.config, &program, self.rate_hz)?;
         let bound = bound(&self.config, &program, self.rate_hz)?.ok_or(CampaignError::Undetermined)?;
-        let crb_std = std::array::from_fn(|j| bound[(j, j)].sqrt());
-        Ok(Prepared { campaign: self, readings, crb_std })
+        let own: [f64; PARAMETERS] = std::array::from_fn(|j| bound[(j, j)].sqrt());
+        let body = self.config.body.parameters().into_iter().chain([0.0; 6]).collect();
+        let (_, of_derived) = derived(&Estimate::from_parts(body, bound, vec![true; PARAMETERS]));
+        Ok(Prepared { campaign: self, readings, crb_std: joined(own, of_derived) })
     }
 }
 
 impl Prepared {
     /// The Cramér–Rao bound, 1 σ.
-    pub fn crb_std(&self) -> &[f64; PARAMETERS] {
-        &self.crb_std
+    pub fn crb_std(&self) -> [f64; PARAMETERS] {
+        std::array::from_fn(|j| self.crb_std[j])
     }
 
     /// Runs `runs` experiments on every core. Their seeds follow from `seed` alone, and so do the figures, whatever
@@ -298,19 +330,26 @@ impl Prepared {
         }
         let n = runs as f64;
         let mean = |f: &dyn Fn(&Outcome) -> f64| outcomes.iter().map(|(_, o)| f(o)).sum::<f64>() / n;
-        let phi = self.campaign.config.body.parameters();
-        let parameters = std::array::from_fn(|j| {
+        let truth =
+            joined(self.campaign.config.body.parameters().into_iter().chain([0.0; 6]), self.true_derived());
+        let judgement = |j: usize| {
             let bias = mean(&|o| o.error[j]);
             let variance = mean(&|o| (o.error[j] - bias).powi(2)) * n / (n - 1.0);
+            let held = |o: &Outcome| o.error[j].abs() <= o.coverage_factor * o.sd[j];
             Judgement {
-                truth: phi.get(j).copied().unwrap_or(0.0),
+                truth: truth[j],
                 bias,
                 std: variance.sqrt(),
                 crb_std: self.crb_std[j],
-                coverage95: mean(&|o| f64::from(u8::from(o.held[j]))),
+                predicted_std: mean(&|o| o.sd[j] * o.sd[j]).sqrt(),
+                coverage95: mean(&|o| f64::from(u8::from(held(o)))),
             }
-        });
-        Ok(Verdict { runs, parameters })
+        };
+        Ok(Verdict {
+            runs,
+            parameters: std::array::from_fn(judgement),
+            derived: std::array::from_fn(|j| judgement(PARAMETERS + j)),
+        })
     }
 
     fn experiment(&self, seed: u64) -> Result<Outcome, IdentificationError> {
@@ -322,8 +361,22 @@ impl Prepared {
         };
         let truth = true_parameters(&self.readings.truth(seed));
         let estimate = &identification.estimate;
-        let error = std::array::from_fn(|j| estimate.values[j] - truth[j]);
-        Ok(Outcome { error, held: std::array::from_fn(|j| error[j].abs() <= estimate.u95(j)) })
+        let (values, of_derived) = derived(estimate);
+        let (values, truth) =
+            (joined(estimate.values.iter().copied(), values), joined(truth, self.true_derived()));
+        let own: [f64; PARAMETERS] = std::array::from_fn(|j| estimate.covariance[(j, j)].max(0.0).sqrt());
+        Ok(Outcome {
+            error: std::array::from_fn(|j| values[j] - truth[j]),
+            sd: joined(own, of_derived),
+            coverage_factor: estimate.coverage_factor,
+        })
+    }
+
+    fn true_derived(&self) -> [f64; DERIVED] {
+        let body = &self.campaign.config.body;
+        let [x, y, z] = body.com_m;
+        let [xx, yy, zz, yz, zx, xy] = body.inertia_com_kgm2;
+        [x, y, z, xx, yy, zz, yz, zx, xy]
     }
 
     fn by_firmware(&self, rows: &[ReadingRow], input: &Input) -> Result<Identification, IdentificationError> {

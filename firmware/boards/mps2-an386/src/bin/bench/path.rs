@@ -2,8 +2,8 @@
 
 use rigident_firmware::{App, Event, Instrument, Sensor};
 use rigident_shared::wire::{
-    Command, ImuSettings, Kind, LoadCellSettings, MemorySettings, Settings, Source, StateName, StopRule, TelemetrySettings,
-    encode, frame,
+    Command, ImuSettings, Kind, LoadCellSettings, MemorySettings, Settings, Source, StateName, StopRule,
+    TelemetrySettings, encode, frame,
 };
 
 use crate::kernels::CHANNEL_SIGMA;
