@@ -68,6 +68,44 @@ fn a_demonstration_ends_when_the_uncertainties_asked_for_are_reached() {
     assert!(whole > 59_000, "{whole}");
 }
 
+#[test]
+fn a_demonstration_that_decides_for_itself_is_over_soon_and_says_what_it_decided() {
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    let output = rigident(at, &["demo", "--adaptive", "--json", "--out", "a"]);
+    assert_eq!(status(&output), 0, "{}", said(&output));
+    let result = json(&output);
+    // A minute in the fixed experiment.
+    let rows = result["source"]["rows"].as_u64().unwrap();
+    assert!(rows < 10_000, "{rows}");
+    for (j, (measured, truth)) in values(&result).iter().zip(TRUTH).enumerate() {
+        let (value, u95) = measured.unwrap();
+        assert!((value - truth).abs() < 5.0 * u95 / 1.96, "parameter {j}: {value} ± {u95}, truth {truth}");
+        // A hundredth of the largest principal moment, 0.381 kg m², as estimated.
+        assert!(!(4..10).contains(&j) || u95 < 1.1 * 0.00381, "parameter {j}: {u95}");
+    }
+    let page = fs::read_to_string(at.join("a/report.html")).unwrap();
+    assert!(page.contains("Segment 1, from 0.0 s") && page.contains("was expected"));
+
+    // What nothing can reach is said, and what there is by then is kept.
+    let output =
+        rigident(at, &["demo", "--adaptive", "--until", "Ixx=1e-5", "--at-most-s", "5", "--out", "b"]);
+    assert!(status(&output) < 2, "{}", said(&output));
+    assert!(said(&output).contains("was expected"), "{}", said(&output));
+    assert!(at.join("b/demo.mcap").exists());
+    for (words, why) in [
+        (&["demo", "--adaptive", "--until-relative", "0"][..], "a share of the largest principal moment"),
+        (&["demo", "--adaptive", "--at-most-s", "0"], "--at-most-s 0"),
+        (&["demo", "--until-relative", "0.01"], "--adaptive"),
+        (&["demo", "--adaptive", "--forget", "5"], "cannot be used with"),
+        (&["demo", "--adaptive", "--plan", "p.json"], "cannot be used with"),
+    ] {
+        let output = rigident(at, words);
+        assert_eq!(status(&output), 2, "{words:?}");
+        assert!(said(&output).contains(why), "{words:?}: {}", said(&output));
+    }
+}
+
 /// One demonstration serves several tests' questions: files, truth, replay, conversion.
 #[test]
 fn the_demonstration_finds_the_body_and_its_recording_replays_to_the_same_bits() {

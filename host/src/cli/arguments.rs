@@ -2,6 +2,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
+pub use super::adaptive::Adaptive;
 pub use super::course_arguments::Course;
 pub use super::factor_arguments::{MakeFactor, Merge, Solve, TareFiles};
 pub use super::known_arguments::KnownQuantities;
@@ -88,7 +89,7 @@ pub enum Mcu {
 #[derive(Args, Debug, Clone)]
 #[command(
     after_help = "Examples:\n  rigident demo\n  rigident demo --mcu qemu --json\n  rigident demo --body vertical --seed 7 --out \
-                        answers/demo7\n  rigident demo --until m=0.05,Ixx=0.01\n  rigident demo --forget 20"
+                        answers/demo7\n  rigident demo --until m=0.05,Ixx=0.01\n  rigident demo --adaptive --until-relative 0.01\n  rigident demo --forget 20"
 )]
 pub struct Demo {
     /// Where the firmware runs
@@ -106,6 +107,9 @@ pub struct Demo {
     /// Noise, bias and bandwidth off; the converters still quantise
     #[arg(long)]
     pub ideal: bool,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub adaptive: Adaptive,
     #[command(flatten)]
     #[allow(missing_docs)]
     pub course: Course,
@@ -231,7 +235,8 @@ pub struct Configure {
 #[command(
     after_help = "Examples:\n  rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform tcp://192.168.1.20:7447\n  \
                         rigident run --port ./rigident-rig --rig rig.rig.toml --platform tcp://127.0.0.1:7447 --duration-s 30 --yes\n  \
-                        rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform 'gcs://192.168.0.1:50000?rate_hz=100'\n\n\
+                        rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform 'gcs://192.168.0.1:50000?rate_hz=100'\n  \
+                        rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform tcp://192.168.1.20:7447 --adaptive\n\n\
                         Ctrl-C stops the platform, sees it at rest, and keeps what was recorded."
 )]
 pub struct Run {
@@ -257,6 +262,9 @@ pub struct Run {
     /// Longest wait for the load cell to settle, s; 0 skips the warm-up
     #[arg(long, default_value_t = 120.0, value_name = "S")]
     pub warm_up_s: f64,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub adaptive: Adaptive,
     #[command(flatten)]
     #[allow(missing_docs)]
     pub course: Course,

@@ -35,8 +35,7 @@ pub(super) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
     if arguments.ideal {
         config = config.with_sensors(SensorModels::ideal());
     }
-    let program = arguments.programme.program(&config.geometry)?;
-    let (stages, same_pose) = simulated::stages(&program);
+    let geometry = config.geometry.clone();
     let rig = Rig::new(config).map_err(Failure::input)?;
     let mut file = simulated::rig_file(&rig, body_name);
     if arguments.ideal {
@@ -56,17 +55,32 @@ pub(super) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
     memory_arguments::put_into(&mut settings, memory.as_ref());
     session.configure(&settings).map_err(Failure::link)?;
     let mut platform = LocalPlatform(rig);
-    platform.load(&program).map_err(Failure::link)?;
+    let mut directing = arguments.adaptive.directing(&file, &geometry, &settings)?;
+    let (mut stages, mut same_pose, mut duration_s) = (Vec::new(), None, 0.0);
+    if directing.is_none() {
+        let program = arguments.programme.program(&geometry)?;
+        (stages, same_pose) = simulated::stages(&program);
+        platform.load(&program).map_err(Failure::link)?;
+        duration_s = program.duration_s();
+    }
 
     let folder = Folder::new(arguments.output.out.as_deref(), "demo")?;
     let recording = "demo".to_owned();
     let mut comments = device_notes(session.identity());
     comments.extend(provenance(&file));
-    let expected = (program.duration_s() * RATE_HZ) as usize;
+    let expected = (duration_s * RATE_HZ) as usize;
     let mut watcher = Watcher::recording(folder.file("demo.mcap"), &file, &comments, expected)?;
     session.go_on_after_stop = arguments.course.go_on;
-    let mut take = session.follow(&mut platform, &mut watcher).map_err(Failure::link)?;
+    let mut take = match &mut directing {
+        Some(directing) => session.follow_decided(&mut platform, directing, &mut watcher),
+        None => session.follow(&mut platform, &mut watcher),
+    }
+    .map_err(Failure::link)?;
     watcher.end(&mut take);
+    let (mut decisions, mut warnings) = (Vec::new(), Vec::new());
+    if let Some(directing) = directing {
+        (stages, decisions, warnings) = directing.concluded();
+    }
     Experiment {
         followed: None,
         started,
@@ -84,7 +98,8 @@ pub(super) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
         known: &known,
         tare: None,
         memory,
-        warnings: Vec::new(),
+        decisions,
+        warnings,
     }
     .conclude(take, &folder, arguments.output.json)
 }

@@ -186,6 +186,8 @@ pub(super) struct Experiment<'a> {
     pub(super) memory: Option<MemoryConfig<f64>>,
     /// How the platform followed.
     pub(super) followed: Option<Followed>,
+    /// Segments that were decided on, and what came of them.
+    pub(super) decisions: Vec<(String, String)>,
     pub(super) warnings: Vec<String>,
 }
 
@@ -299,6 +301,7 @@ impl Experiment<'_> {
         let drift = self.same_pose.and_then(|spans| drift(&input, spans, &identification.channel_sigma));
         let mut notes = device_notes(self.identity);
         notes.extend(provenance(self.rig));
+        notes.extend(self.decisions);
         Ending {
             followed: self.followed,
             started: self.started,

@@ -3,6 +3,7 @@
 //! Lives here: what a user types and sees. May not live here: anything another program could use; that is in
 //! the rooms beside this one.
 
+mod adaptive;
 mod arguments;
 mod confirm;
 mod course_arguments;

@@ -73,6 +73,7 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
     take.readings = take.readings.iter().map(|r| widen(&narrow(r))).collect();
     Experiment {
         followed: None,
+        decisions: Vec::new(),
         started,
         asked: &asked,
         rig: &prepared.rig,

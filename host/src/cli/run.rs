@@ -5,7 +5,9 @@ use std::time::{Duration, Instant};
 use rigident_shared::calibration::Reading;
 use rigident_shared::forgetting::{ImuNoise, MemoryConfig};
 use rigident_shared::wire::Source;
+use rigident_sim::platform::MotionProgram;
 
+use super::adaptive::Directing;
 use super::arguments::Run;
 use super::confirm::confirm;
 use super::experiment::{Experiment, Watcher, device_notes};
@@ -36,8 +38,9 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     check_model(&known, offset_estimated).map_err(Failure::input)?;
     let rate_hz = rig.recording.rate_hz.unwrap_or(1000.0);
     let geometry = machine::geometry_or_thesis(&rig).map_err(Failure::input)?;
-    let program = arguments.programme.program(&geometry)?;
-    let summary = check::check(&program, &geometry).map_err(Failure::input)?;
+    let fixed =
+        if arguments.adaptive.adaptive { None } else { Some(arguments.programme.program(&geometry)?) };
+    arguments.adaptive.check()?;
     let mut platform = platform::connect(&arguments.platform, &geometry).map_err(unmoved)?;
     let mut session = open(&arguments.port)?;
     let timing =
@@ -48,7 +51,17 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     arguments.course.put_into(&mut standing)?;
     let span = arguments.remember.span(&RowsOf::rig(&rig, rate_hz))?;
     session.configure(&standing).map_err(Failure::link)?;
-    platform.load(&program).map_err(unmoved)?;
+    // Until the noise is known, to see whether anything can be done at all.
+    let directing = arguments.adaptive.directing(&rig, &geometry, &standing)?;
+    let everything = fixed.clone().or_else(|| directing.as_ref().map(Directing::everything));
+    let summary = everything.as_ref().map(|program| check::check(program, &geometry)).transpose();
+    let mut summary = summary.map_err(Failure::input)?.unwrap_or_default();
+    if let Some(directing) = &directing {
+        summary.duration_s = directing.at_most_s();
+    }
+    if let Some(program) = &fixed {
+        platform.load(program).map_err(unmoved)?;
+    }
     confirm(&summary, &arguments.platform, arguments.yes)?;
 
     let mut warnings = Vec::new();
@@ -60,9 +73,14 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     memory_arguments::put_into(&mut settings, memory.as_ref());
     session.configure(&settings).map_err(Failure::link)?;
 
-    let (stages, same_pose) = simulated::stages(&program);
-    eprintln!("to the first pose");
-    approach(platform.as_mut(), &mut session)?;
+    let mut directing = arguments.adaptive.directing(&rig, &geometry, &settings)?;
+    let (mut stages, mut same_pose) = (Vec::new(), None);
+    if let Some(program) = &fixed {
+        (stages, same_pose) = simulated::stages(program);
+        eprintln!("to the first pose");
+        approach(platform.as_mut(), &mut session)?;
+    }
+    let longest_s = fixed.as_ref().map_or(arguments.adaptive.at_most_s, MotionProgram::duration_s);
     let folder = Folder::new(arguments.output.out.as_deref(), "run")?;
     let mut comments = device_notes(session.identity());
     comments.extend(provenance(&rig));
@@ -72,15 +90,27 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         folder.file("run.mcap"),
         &rig,
         &comments,
-        (program.duration_s() * rate_hz) as usize,
+        (fixed.as_ref().map_or(0.0, MotionProgram::duration_s) * rate_hz) as usize,
     )?;
     watcher.motion = Some(MotionLog::create(folder.file("motion.csv"), &arguments.platform)?);
-    eprintln!("the experiment takes {:.0} s", program.duration_s());
+    eprintln!("the experiment takes {}{longest_s:.0} s", if directing.is_some() { "at most " } else { "" });
     session.go_on_after_stop = arguments.course.go_on;
-    let mut take = session.follow(platform.as_mut(), &mut watcher).map_err(Failure::link)?;
+    let mut take = match &mut directing {
+        Some(directing) => session.follow_decided(platform.as_mut(), directing, &mut watcher),
+        None => session.follow(platform.as_mut(), &mut watcher),
+    }
+    .map_err(Failure::link)?;
     watcher.end(&mut take);
-    let trajectory = program.trajectory().map_err(Failure::input)?;
-    let followed = watcher.motion.take().and_then(|log| Followed::of(&trajectory, log.samples()));
+    let log = watcher.motion.take();
+    let trajectory = fixed.map(|program| program.trajectory()).transpose().map_err(Failure::input)?;
+    // What was decided on the way is compared in the file only.
+    let followed = trajectory.zip(log).and_then(|(trajectory, log)| Followed::of(&trajectory, log.samples()));
+    let mut decisions = Vec::new();
+    if let Some(directing) = directing {
+        let (segments, made, said) = directing.concluded();
+        (stages, decisions) = (segments, made);
+        warnings.extend(said);
+    }
     Experiment {
         started,
         asked: &asked,
@@ -98,6 +128,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         tare: None,
         memory,
         followed,
+        decisions,
         warnings,
     }
     .conclude(take, &folder, arguments.output.json)

@@ -5,6 +5,7 @@
 //! `rigident_sim::platform`), driving it ([`crate::platform`]), what a user types and sees ([`crate::cli`]). Next:
 //! [`crate::session`], which follows a plan.
 
+pub mod adaptive;
 pub mod machine;
 pub mod plan_file;
 pub mod poses;

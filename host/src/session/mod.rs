@@ -3,6 +3,7 @@
 //! Lives here: the order of commands and motions, what is collected on the way, how an experiment ends early.
 //! May not live here: files and printing (the callbacks of [`Observer`]), the protocol ([`crate::link`]).
 
+mod adaptive;
 mod settings;
 
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,6 +16,7 @@ use rigident_shared::wire::{
     Settings, StateName, Telemetry,
 };
 
+pub use adaptive::Director;
 pub use settings::{DeviceTiming, SettingsError, settings};
 
 use crate::identification::Factor;
@@ -186,19 +188,30 @@ impl Session {
         let outcome = platform.start().map_err(SessionError::from).and_then(|()| {
             loop {
                 self.listen(&mut taking, observer)?;
-                tell(platform, observer)?;
+                tell(platform, 0.0, observer)?;
                 if INTERRUPTED.load(Ordering::Relaxed) {
                     taking.interrupted = true;
                     return Ok(());
                 }
                 self.override_stop(&mut taking)?;
                 if taking.held() || platform.motion()? == Motion::Done {
-                    return tell(platform, observer);
+                    return tell(platform, 0.0, observer);
                 }
             }
         });
-        // The motion first, then the recording. Whatever went wrong, the plate must not go on.
-        let at_rest = if outcome.is_err() || taking.held() || taking.interrupted {
+        Ok(self.finish(platform, taking, outcome, observer))
+    }
+
+    /// The motion first, then the recording.
+    fn finish(
+        &mut self,
+        platform: &mut dyn Platform,
+        mut taking: Taking,
+        outcome: Result<(), SessionError>,
+        observer: &mut dyn Observer,
+    ) -> Take {
+        // Whatever went wrong, the plate must not go on.
+        let at_rest = if outcome.is_err() || taking.held() || taking.interrupted || taking.ended {
             self.bring_to_rest(platform, &mut taking, observer)
         } else {
             Ok(())
@@ -214,7 +227,7 @@ impl Session {
                 *broken = Some(broken.take().map_or(said.clone(), |b| format!("{b}\n{said}")));
             }
         }
-        Ok(take)
+        take
     }
 
     /// Stops the platform and sees it at rest, taking in what comes meanwhile. Why it could not be, otherwise.
@@ -398,9 +411,12 @@ impl Session {
     }
 }
 
-/// Hands on where the plate should be and is.
-fn tell(platform: &mut dyn Platform, observer: &mut dyn Observer) -> Result<(), SessionError> {
-    platform.samples().iter().try_for_each(|s| observer.motion(s).map_err(SessionError::Observer))
+/// Hands on where the plate should be and is, for a program that began so long after the first, s.
+fn tell(platform: &mut dyn Platform, begun_s: f64, observer: &mut dyn Observer) -> Result<(), SessionError> {
+    platform.samples().into_iter().try_for_each(|sample| {
+        let sample = MotionSample { time_s: sample.time_s + begun_s, ..sample };
+        observer.motion(&sample).map_err(SessionError::Observer)
+    })
 }
 
 fn advice(reason: Reason) -> &'static str {
@@ -421,6 +437,8 @@ struct Taking {
     states: Vec<(StateName, Reason)>,
     counters: CounterReport,
     interrupted: bool,
+    /// Whoever decides has ended it before the program's end.
+    ended: bool,
     /// The stop rule has been overridden.
     overridden: bool,
 }

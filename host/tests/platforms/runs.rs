@@ -65,6 +65,23 @@ fn a_run_on_a_hexapod_identifies_the_body_and_tells_how_the_platform_followed() 
 }
 
 #[test]
+fn a_run_that_decides_for_itself_ends_when_the_tensor_is_known() {
+    let served = Served::new();
+    let output = run(&served, &["--adaptive", "--yes", "--json"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    let result: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(result["status"], "identified");
+    let u95 = |j: usize| result["parameters"][j]["u95"].as_f64().unwrap();
+    // A hundredth of 0.381 kg m², and the answer's own allowance for noise beyond that stated.
+    assert!((4..10).all(|j| u95(j) < 1.15 * 0.00381), "{}", result["parameters"]);
+    // The default experiment takes a minute.
+    let rows = result["source"]["rows"].as_u64().unwrap();
+    assert!(rows < 20_000, "{rows}");
+    assert!(text(&served.path("out/report.html")).contains("Segment 1, from"));
+    assert_ne!(served.rig.lock().unwrap().motion(), MotionState::Moving);
+}
+
+#[test]
 fn ctrl_c_stops_the_platform_and_keeps_what_was_recorded() {
     let served = Served::new();
     let mut child = run(&served, &["--duration-s", "60", "--yes"]).spawn().unwrap();

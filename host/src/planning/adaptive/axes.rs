@@ -1,0 +1,62 @@
+//! Axes that were told to move and did not.
+//!
+//! What a segment told is compared with what it would have told had this axis or that one stood still. The columns of the
+//! moments and products of inertia see nothing but rotation, so standing still in between does not disturb them.
+
+use rigident_sim::platform::MotionProgram;
+
+use super::information::{Information, RigModel};
+
+/// An explanation must leave less than this share of the discrepancy, and the discrepancy must be larger than [`LEAST`].
+const SHARE: f64 = 0.5;
+/// Sum over the six columns of |ln(told / expected)|: together twice as much, or a sixth of one column.
+const LEAST: f64 = 1.8;
+
+/// The coordinates that stood still: the smallest set, of those that should have moved, that explains what was told.
+pub fn stood_still(
+    rig: &RigModel,
+    program: &MotionProgram,
+    moves: &[bool; 6],
+    told: &Information,
+) -> [bool; 6] {
+    let none = [false; 6];
+    let Ok(whole) = rig.information(program, &none) else { return none };
+    let floor = 0.01 * (4..10).map(|j| whole[(j, j)]).fold(0.0, f64::max);
+    if floor <= 0.0 {
+        return none;
+    }
+    let distance = |lost: &[bool; 6]| {
+        rig.information(program, lost).map_or(f64::INFINITY, |expected| discrepancy(&expected, told, floor))
+    };
+    let as_told = distance(&none);
+    if as_told < LEAST {
+        return none;
+    }
+    let mut best = (SHARE * as_told, none);
+    // Fewer axes first.
+    let mut sets: Vec<u8> = (1..8).collect();
+    sets.sort_by_key(|set| set.count_ones());
+    for set in sets {
+        let lost: [bool; 6] = std::array::from_fn(|k| k >= 3 && set >> (k - 3) & 1 == 1);
+        if (0..6).any(|k| lost[k] && !moves[k]) {
+            continue;
+        }
+        let left = distance(&lost);
+        if left < best.0 - 0.1 {
+            best = (left, lost);
+        }
+    }
+    best.1
+}
+
+/// `floor` is what counts as nothing.
+fn discrepancy(expected: &Information, told: &Information, floor: f64) -> f64 {
+    (4..10).map(|j| ((told[(j, j)].max(0.0) + floor) / (expected[(j, j)] + floor)).ln().abs()).sum()
+}
+
+/// Which share of the expected information on rotation came; at most 1.
+pub fn share(expected: &Information, told: &Information) -> f64 {
+    let sum = |m: &Information| (4..10).map(|j| m[(j, j)].max(0.0)).sum::<f64>();
+    let whole = sum(expected);
+    if whole > 0.0 { (sum(told) / whole).min(1.0) } else { 1.0 }
+}

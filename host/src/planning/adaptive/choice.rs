@@ -1,0 +1,134 @@
+//! Which segment next: the first of the sequence that reaches what is asked for in the shortest time.
+//!
+//! For a sequence S that tells ΔM in t seconds, k is the number with which `M + kΔM` just reaches the goal, and `k t` is
+//! the time it is believed to take. Singles, then the best of them continued, then those once more: a segment that is
+//! poor alone, because it shows half of what is needed, is found in company.
+
+use super::goal::Goal;
+use super::information::Information;
+
+/// Sequences continued at each length.
+const BEAM: usize = 6;
+/// A sequence that must be repeated more often leads nowhere.
+const MOST_TIMES: f64 = 1e6;
+/// Segments in a sequence.
+const LONGEST: usize = 3;
+
+/// What a candidate costs and tells, from where it is begun.
+#[derive(Clone, Debug)]
+pub struct Step {
+    /// Seconds, the way there included.
+    pub seconds: f64,
+    /// What it tells.
+    pub tells: Information,
+}
+
+/// A choice.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Choice {
+    /// Which candidates, in order; the first is what to do now.
+    pub sequence: Vec<usize>,
+    /// Until the goal is reached, s.
+    pub seconds: f64,
+}
+
+/// The best sequence; `None` if none reaches the goal. `step(from, to)` is candidate `to` after candidate `from`
+/// (`None`: from where the plate is); `None` where that cannot be.
+pub fn choose(
+    candidates: usize,
+    step: &dyn Fn(Option<usize>, usize) -> Option<Step>,
+    goal: &Goal,
+    now: &Information,
+    variance_scale: f64,
+) -> Option<Choice> {
+    struct Path {
+        sequence: Vec<usize>,
+        tells: Information,
+        seconds: f64,
+        total_s: f64,
+    }
+    let mut best: Option<Choice> = None;
+    let root =
+        Path { sequence: Vec::new(), tells: Information::zeros(), seconds: 0.0, total_s: f64::INFINITY };
+    let mut beam = vec![root];
+    for _ in 0..LONGEST {
+        let mut longer: Vec<Path> = Vec::new();
+        for path in &beam {
+            for c in 0..candidates {
+                let Some(next) = step(path.sequence.last().copied(), c) else { continue };
+                let tells = path.tells + next.tells;
+                let seconds = path.seconds + next.seconds;
+                let total_s = seconds * times(goal, now, &tells, variance_scale);
+                let sequence = path.sequence.iter().copied().chain([c]).collect();
+                longer.push(Path { sequence, tells, seconds, total_s });
+            }
+        }
+        longer.sort_by(|a, b| a.total_s.total_cmp(&b.total_s));
+        if let Some(first) = longer.first()
+            && first.total_s.is_finite()
+            && best.as_ref().is_none_or(|b| first.total_s < b.seconds * (1.0 - 1e-6))
+        {
+            best = Some(Choice { sequence: first.sequence.clone(), seconds: first.total_s });
+        }
+        let determined = longer.iter().take_while(|path| path.total_s.is_finite()).count();
+        if determined > 0 {
+            longer.truncate(determined.min(BEAM));
+        } else if longer.len() > 2 * BEAM {
+            // What alone determines nothing may do so in company: the most telling by volume go on.
+            let volumes: Vec<f64> = longer.iter().map(|path| volume(&(now + path.tells))).collect();
+            let mut order: Vec<usize> = (0..longer.len()).collect();
+            order.sort_by(|a, b| volumes[*b].total_cmp(&volumes[*a]));
+            let kept = order.get(2 * BEAM - 1).map_or(f64::NEG_INFINITY, |last| volumes[*last]);
+            let mut volumes = volumes.into_iter();
+            longer.retain(|_| volumes.next().is_some_and(|v| v >= kept));
+        }
+        beam = longer;
+    }
+    best
+}
+
+/// Sum of the logarithms of the eigenvalues that are not next to zero, columns scaled to one.
+fn volume(information: &Information) -> f64 {
+    let scale: [f64; 16] = std::array::from_fn(|j| {
+        let d = information[(j, j)];
+        if d > 0.0 { d.sqrt().recip() } else { 0.0 }
+    });
+    let scaled = Information::from_fn(|i, j| information[(i, j)] * scale[i] * scale[j]);
+    scaled.symmetric_eigenvalues().iter().map(|v| v.max(1e-9).ln()).sum()
+}
+
+/// How often `tells` must be added until the goal is reached; infinite if it never is.
+fn times(goal: &Goal, now: &Information, tells: &Information, variance_scale: f64) -> f64 {
+    let worst = |k: f64| goal.worst(&(now + tells * k), variance_scale);
+    let (mut low, mut high) = (0.0, 1.0);
+    let at_one = worst(1.0);
+    if !at_one.is_finite() {
+        return f64::INFINITY;
+    }
+    if at_one > 1.0 {
+        // Information grows at most with k, so that is the least it takes.
+        high = at_one * at_one;
+        if high > MOST_TIMES {
+            return f64::INFINITY;
+        }
+        while worst(high) > 1.0 {
+            low = high;
+            high *= 2.0;
+            if high > MOST_TIMES {
+                return f64::INFINITY;
+            }
+        }
+    }
+    for _ in 0..10 {
+        let middle = 0.5 * (low + high);
+        if worst(middle) > 1.0 {
+            low = middle;
+        } else {
+            high = middle;
+        }
+        if high - low < 5e-3 * high {
+            break;
+        }
+    }
+    high
+}

@@ -1,0 +1,165 @@
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use rigident_shared::wire::{Command, EstimateReport};
+use rigident_sim::platform::MotionProgram;
+
+use super::{INTERRUPTED, Observer, STOPPED, Session, SessionError, Take, Taking, tell};
+use crate::identification::Factor;
+use crate::platform::{Motion, Platform, PlatformError};
+
+/// Who decides between segments.
+pub trait Director {
+    /// What comes next, starting where the last one ended; `None` ends the experiment.
+    ///
+    /// # Errors
+    /// The factor cannot be used.
+    fn next(&mut self, factor: &Factor) -> Result<Option<MotionProgram>, String>;
+    /// The platform does not take what was decided; another decision is asked for.
+    fn refused(&mut self, error: &PlatformError);
+    /// The segment begins, so long after the first reading, s.
+    fn begins(&mut self, time_s: f64);
+    /// Whether it looks, by a new estimate, as if everything asked for were reached: a factor is then worth its reading.
+    fn may_be_reached(&mut self, report: &EstimateReport) -> bool;
+    /// Whether everything asked for is reached.
+    fn is_reached(&mut self, factor: &Factor) -> bool;
+}
+
+/// How a segment ended.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Ended {
+    /// At its end.
+    Whole,
+    /// Before: the stop rule, the device or the user.
+    Early,
+}
+
+impl Session {
+    /// As [`Session::follow`], with programs decided one after the other. The device runs all the while; its factor is
+    /// read between segments.
+    ///
+    /// # Errors
+    /// What prevents a start. Anything later is told in [`Take::broken`], with what came before.
+    pub fn follow_decided(
+        &mut self,
+        platform: &mut dyn Platform,
+        director: &mut dyn Director,
+        observer: &mut dyn Observer,
+    ) -> Result<Take, SessionError> {
+        self.start()?;
+        let mut taking = Taking::default();
+        let outcome = self.segments(platform, director, &mut taking, observer);
+        Ok(self.finish(platform, taking, outcome, observer))
+    }
+
+    fn segments(
+        &mut self,
+        platform: &mut dyn Platform,
+        director: &mut dyn Director,
+        taking: &mut Taking,
+        observer: &mut dyn Observer,
+    ) -> Result<(), SessionError> {
+        loop {
+            let factor = self.client.factor()?;
+            let Some(program) = director.next(&factor).map_err(SessionError::Observer)? else {
+                return Ok(());
+            };
+            match platform.load(&program) {
+                Ok(()) => {}
+                Err(
+                    error @ (PlatformError::Refused(_)
+                    | PlatformError::Controller { .. }
+                    | PlatformError::Motion(_)),
+                ) => {
+                    director.refused(&error);
+                    // Refusals can be many, and nobody may keep the device waiting.
+                    self.listen(taking, observer)?;
+                    continue;
+                }
+                Err(other) => return Err(other.into()),
+            }
+            self.approach(platform, taking, observer)?;
+            if taking.interrupted {
+                return Ok(());
+            }
+            let times = [taking.readings.first(), taking.readings.last()];
+            let [first, last] = times.map(|r| r.map_or(0, |r| r.time_ns));
+            let begun_s = last.saturating_sub(first) as f64 * 1e-9;
+            director.begins(begun_s);
+            platform.start()?;
+            match self.segment(begun_s, platform, director, taking, observer)? {
+                Ended::Early => return Ok(()),
+                Ended::Whole => {}
+            }
+        }
+    }
+
+    /// Makes the platform ready. The device is heard meanwhile.
+    fn approach(
+        &mut self,
+        platform: &mut dyn Platform,
+        taking: &mut Taking,
+        observer: &mut dyn Observer,
+    ) -> Result<(), SessionError> {
+        std::thread::scope(|scope| {
+            let moving = scope.spawn(|| platform.approach(&|| !INTERRUPTED.load(Ordering::Relaxed)));
+            let mut heard = Ok(());
+            while !moving.is_finished() {
+                if heard.is_ok() {
+                    heard = self.listen(taking, observer);
+                } else {
+                    std::thread::sleep(Duration::from_millis(5));
+                }
+            }
+            match moving.join() {
+                Ok(Err(PlatformError::Interrupted)) => {
+                    taking.interrupted = true;
+                    heard
+                }
+                Ok(Err(other)) => Err(other.into()),
+                Ok(Ok(())) => heard,
+                Err(panic) => std::panic::resume_unwind(panic),
+            }
+        })
+    }
+
+    fn segment(
+        &mut self,
+        begun_s: f64,
+        platform: &mut dyn Platform,
+        director: &mut dyn Director,
+        taking: &mut Taking,
+        observer: &mut dyn Observer,
+    ) -> Result<Ended, SessionError> {
+        let mut judged = taking.estimates.len();
+        loop {
+            self.listen(taking, observer)?;
+            tell(platform, begun_s, observer)?;
+            if INTERRUPTED.load(Ordering::Relaxed) {
+                taking.interrupted = true;
+                return Ok(Ended::Early);
+            }
+            let fresh = taking.estimates.get(judged..).unwrap_or_default();
+            let looks_so = fresh.iter().any(|report| director.may_be_reached(report));
+            judged = taking.estimates.len();
+            if looks_so && director.is_reached(&self.client.factor()?) {
+                taking.ended = true;
+                return Ok(Ended::Early);
+            }
+            if taking.states.contains(&STOPPED) && !taking.overridden {
+                // The device believes the noise that it was told; whoever decides knows the noise there is.
+                if !director.is_reached(&self.client.factor()?) {
+                    taking.overridden = true;
+                    self.client.ask("go on", &Command::Start)?;
+                }
+            }
+            if taking.held() {
+                return Ok(Ended::Early);
+            }
+            if platform.motion()? == Motion::Done {
+                tell(platform, begun_s, observer)?;
+                return Ok(Ended::Whole);
+            }
+        }
+    }
+}
