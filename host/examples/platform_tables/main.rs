@@ -5,6 +5,7 @@
 //! not live here: anything that ships.
 
 mod experiment;
+mod motions;
 mod names;
 mod poses_estimators;
 mod poses_montecarlo;
@@ -33,6 +34,8 @@ fn make(name: &str) -> String {
         "poses-reduction" => poses_reduction::table(),
         "poses-estimators" => poses_estimators::table(),
         "experiment" => experiment::table(),
+        "motions-compared" => motions::comparison(),
+        "motions-montecarlo" => motions::montecarlo(),
         other => unreachable!("no maker for {other}"),
     }
 }

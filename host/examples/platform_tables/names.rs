@@ -2,7 +2,7 @@
 
 /// On the command line and in the document's markers, in the document's order. Those that end in `-long` are made only
 /// when named or with `--long`.
-pub const TABLES: [&str; 8] = [
+pub const TABLES: [&str; 10] = [
     "poses-search",
     "poses-table-12",
     "poses-stroke",
@@ -11,4 +11,6 @@ pub const TABLES: [&str; 8] = [
     "poses-reduction",
     "poses-estimators",
     "experiment",
+    "motions-compared",
+    "motions-montecarlo",
 ];

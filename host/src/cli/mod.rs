@@ -22,6 +22,7 @@ mod montecarlo;
 mod montecarlo_poses;
 mod outcome;
 mod plan_arguments;
+mod plan_motion;
 mod plan_poses;
 mod programme;
 mod progress;
@@ -100,6 +101,8 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
         Some(Command::Workspace(a)) => workspace::run(&a),
         Some(Command::Plan(a)) => match a.what {
             Planned::Poses(a) => plan_poses::run(&a),
+            Planned::Motion(a) => plan_motion::run(&a),
+            Planned::Compare(a) => plan_motion::compare(&a),
         },
     }
 }

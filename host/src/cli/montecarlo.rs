@@ -53,6 +53,7 @@ pub(super) fn run(arguments: &Montecarlo) -> Result<ExitCode, Failure> {
         Estimating::Inproc => Solver::Firmware,
     };
     let campaign = Campaign {
+        program: None,
         duration_s: arguments.duration_s,
         rate_hz: arguments.rate_hz,
         solver,

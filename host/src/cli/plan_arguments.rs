@@ -2,6 +2,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
 
+use super::arguments::DemoBody;
+
 /// `rigident plan`
 #[derive(Args, Debug, Clone)]
 pub struct Plan {
@@ -15,6 +17,10 @@ pub struct Plan {
 pub enum Planned {
     /// Still poses that tell the centre of mass best
     Poses(PlanPoses),
+    /// A motion that tells the most, inside all limits at every instant
+    Motion(PlanMotion),
+    /// The motions of every objective side by side, for the thesis' test body in both mountings
+    Compare(PlanCompare),
 }
 
 /// `rigident plan poses`
@@ -90,4 +96,76 @@ pub struct Workspace {
     /// Folder for picture and object; must be new or empty. Default: a new folder here
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+}
+
+/// `rigident plan motion`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "Limits are those of the rig's [platform], and 0.9 of the gyro's range; they are kept at every instant, not only at samples. Ctrl-C keeps \
+                        the best motion so far.\n\nExamples:\n  rigident plan motion\n  rigident plan motion --objective spheres --body vertical \
+                        --json\n  rigident plan motion --duration-s 40 --stroke-m 0.20 --out motion.json\n  rigident demo --plan motion.json"
+)]
+pub struct PlanMotion {
+    /// Rig file with a [platform]. Default: the built-in platform of the thesis
+    #[arg(long, value_name = "FILE")]
+    pub rig: Option<PathBuf>,
+    /// What the motion is made for
+    #[arg(long, value_enum, default_value_t)]
+    pub objective: MotionObjective,
+    /// Length of the whole experiment, s
+    #[arg(long, default_value_t = 60.0, value_name = "S")]
+    pub duration_s: f64,
+    /// The thesis' test body with plates, in either of its mountings: what the legs carry and what is predicted
+    #[arg(long, value_enum, default_value_t)]
+    pub body: DemoBody,
+    /// The motion alone, without the static step
+    #[arg(long)]
+    pub no_poses: bool,
+    /// Highest frequency of a D-optimal motion, Hz
+    #[arg(long, default_value_t = crate::planning::motion::plan::HIGHEST_HZ, value_name = "HZ")]
+    pub highest_hz: f64,
+    /// Use only so much of the legs' stroke, about its middle, m
+    #[arg(long, value_name = "S")]
+    pub stroke_m: Option<f64>,
+    /// Write a plan for `rigident demo --plan` and `rigident run --plan` here, JSON; must not exist
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Print one object on standard output, and nothing else there
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What a motion can be made for.
+#[derive(ValueEnum, Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum MotionObjective {
+    /// The largest determinant of the information on all ten parameters, offsets unknown
+    #[default]
+    DOptimal,
+    /// The thesis' spheres: turns about every axis while the centre of mass stays still
+    Spheres,
+    /// Roll, pitch and yaw, one frequency each
+    Rpy,
+    /// The default experiment's multisine
+    Multisine,
+}
+
+/// `rigident plan compare`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "Predicted 95 % uncertainties from the factor that the pipeline makes of each experiment, static step included, offsets unknown.\n\nExamples:\n  \
+                        rigident plan compare\n  rigident plan compare --stroke-m 0.20 --duration-s 40 --json"
+)]
+pub struct PlanCompare {
+    /// Rig file with a [platform]. Default: the built-in platform of the thesis
+    #[arg(long, value_name = "FILE")]
+    pub rig: Option<PathBuf>,
+    /// Length of each experiment, s
+    #[arg(long, default_value_t = 60.0, value_name = "S")]
+    pub duration_s: f64,
+    /// Use only so much of the legs' stroke, about its middle, m
+    #[arg(long, value_name = "S")]
+    pub stroke_m: Option<f64>,
+    /// Print one object on standard output, and nothing else there
+    #[arg(long)]
+    pub json: bool,
 }

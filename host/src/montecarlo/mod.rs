@@ -13,6 +13,7 @@ use std::time::Duration;
 use rigident_shared::calibration::Reading;
 use rigident_shared::estimator::{Estimator, EstimatorConfig};
 use rigident_sim::experiment::thesis_program;
+use rigident_sim::platform::MotionProgram;
 use rigident_sim::rig::{ReadingRow, Readings, RigConfig, RigError, Truth};
 use rigident_sim::sensors::{LoadCellModel, PerExperiment, SensorModels};
 
@@ -45,7 +46,9 @@ pub enum Solver {
 pub struct Campaign {
     /// The rig; what its sensors draw is stated to the estimator as σ.
     pub config: RigConfig,
-    /// Length of the experiment, s.
+    /// What the platform does; the default experiment of `duration_s`, if none is given.
+    pub program: Option<MotionProgram>,
+    /// Length of the default experiment, s.
     pub duration_s: f64,
     /// Rate of the readings, 1/s.
     pub rate_hz: f64,
@@ -234,7 +237,14 @@ pub struct Prepared {
 impl Campaign {
     /// 20 s at 200 Hz of the default experiment on this rig, by the host's pipeline.
     pub fn new(config: RigConfig) -> Self {
-        Self { config, duration_s: 20.0, rate_hz: 200.0, solver: Solver::Host, tell_gain_errors: true }
+        Self {
+            config,
+            program: None,
+            duration_s: 20.0,
+            rate_hz: 200.0,
+            solver: Solver::Host,
+            tell_gain_errors: true,
+        }
     }
 
     /// Computes motion, wrenches and bound.
@@ -245,11 +255,13 @@ impl Campaign {
         if self.solver == Solver::Firmware && self.rate_hz > FIRMWARE_FASTEST_HZ {
             return Err(CampaignError::TooFast(self.rate_hz));
         }
-        if self.rate_hz * self.duration_s > MOST_READINGS {
-            let Self { rate_hz, duration_s, .. } = self;
+        let rate_hz = self.rate_hz;
+        let duration_s = self.program.as_ref().map_or(self.duration_s, MotionProgram::duration_s);
+        if rate_hz * duration_s > MOST_READINGS {
             return Err(CampaignError::TooMany { rate_hz, duration_s });
         }
-        let program = thesis_program(&self.config.geometry, self.duration_s);
+        let default = || thesis_program(&self.config.geometry, self.duration_s);
+        let program = self.program.clone().unwrap_or_else(default);
         let readings = Readings::new(&self.config, &program, self.rate_hz)?;
         let bound = bound(&self.config, &program, self.rate_hz)?.ok_or(CampaignError::Undetermined)?;
         let own: [f64; PARAMETERS] = std::array::from_fn(|j| bound[(j, j)].sqrt());

@@ -7,6 +7,7 @@
 
 pub mod adaptive;
 pub mod machine;
+pub mod motion;
 pub mod plan_file;
 pub mod poses;
 pub mod workspace;

@@ -1,0 +1,256 @@
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::ExitCode;
+
+use rigident_shared::inertia::PARAMETER_NAMES;
+use rigident_sim::platform::{Limit, Peak};
+use rigident_sim::rig::{Mounting, RigConfig};
+use serde::Serialize;
+
+use super::arguments::DemoBody;
+use super::outcome::say;
+use super::plan_arguments::{MotionObjective, PlanCompare, PlanMotion};
+use super::{Failure, Progress};
+use crate::formats::error::RecordingError;
+use crate::formats::rig::RigFile;
+use crate::planning::machine;
+use crate::planning::motion::{self, MotionPlan, Objective, Task, compare, coverage};
+use crate::planning::plan_file::PlanFile;
+use crate::session::INTERRUPTED;
+
+/// The object of `--json`.
+#[derive(Serialize)]
+struct Object<'a> {
+    objective: &'a str,
+    duration_s: f64,
+    motion_s: [f64; 2],
+    condition_number: f64,
+    /// Of the information on the body, offsets eliminated, SI.
+    log_determinant: f64,
+    /// Of the body's parameters about S's origin.
+    predicted_u95: BTreeMap<&'a str, f64>,
+    predicted_com_u95_m: [f64; 3],
+    predicted_inertia_com_u95_kgm2: [f64; 6],
+    /// Guaranteed margins, as shares of what is allowed.
+    limits: BTreeMap<&'a str, f64>,
+    peaks: BTreeMap<&'a str, PeakObject>,
+    /// Directions of angular velocity and acceleration visited by the motion, of 96.
+    coverage: [f64; 2],
+}
+
+#[derive(Serialize)]
+struct PeakObject {
+    seen: f64,
+    bound: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    allowed: Option<f64>,
+}
+
+/// `rigident plan motion`
+pub(super) fn run(arguments: &PlanMotion) -> Result<ExitCode, Failure> {
+    if let Some(path) = &arguments.out
+        && path.symlink_metadata().is_ok()
+    {
+        return Err(Failure::input(RecordingError::Exists(path.display().to_string())));
+    }
+    let task = task(arguments)?;
+    let (name, words) = match arguments.objective {
+        MotionObjective::DOptimal => ("d-optimal", "D-optimal motion"),
+        MotionObjective::Spheres => ("spheres", "spheres about the centre of mass"),
+        MotionObjective::Rpy => ("rpy", "roll, pitch and yaw"),
+        MotionObjective::Multisine => ("multisine", "the default multisine"),
+    };
+    let mut progress = Progress::new();
+    let plan = motion::plan(&task, &INTERRUPTED, |text| progress.show(|| text)).map_err(Failure::input)?;
+    progress.finish();
+    if let Some(path) = &arguments.out {
+        let title = format!("{words}, {:.0} s", plan.program.duration_s());
+        PlanFile::new(title, &task.config.geometry, plan.program.clone())
+            .write(path)
+            .map_err(Failure::input)?;
+        eprintln!("{}", path.display());
+    }
+    let trajectory = plan.program.trajectory().map_err(Failure::input)?;
+    let [from, to] = plan.motion_s;
+    let covered = coverage::of_motion(&trajectory, from, to);
+    if arguments.json {
+        say(serde_json::to_string(&object(&plan, name, covered)).map_err(Failure::input)?);
+    } else {
+        say(text(&plan, words, covered, &task));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// One motion of `rigident plan compare --json`.
+#[derive(Serialize)]
+struct Compared<'a> {
+    body: &'a str,
+    worst_inertia_u95_share: f64,
+    condition_number_alone: f64,
+    #[serde(flatten)]
+    motion: Object<'a>,
+}
+
+/// `rigident plan compare`
+pub(super) fn compare(arguments: &PlanCompare) -> Result<ExitCode, Failure> {
+    let (config, rate_hz) = rig(arguments.rig.as_deref(), arguments.stroke_m)?;
+    let task = Task { duration_s: arguments.duration_s, rate_hz, ..Task::new(config) };
+    let mut progress = Progress::new();
+    let rows =
+        compare::compare(&task, &INTERRUPTED, |text| progress.show(|| text)).map_err(Failure::input)?;
+    progress.finish();
+    if arguments.json {
+        let all: Vec<_> = rows
+            .iter()
+            .map(|row| Compared {
+                body: row.body,
+                worst_inertia_u95_share: row.worst(),
+                condition_number_alone: row.condition_alone,
+                motion: object(&row.plan, row.objective, row.coverage),
+            })
+            .collect();
+        say(serde_json::to_string(&serde_json::json!({ "motions": all })).map_err(Failure::input)?);
+    } else {
+        say(format!(
+            "Predicted U95, experiments of {:.0} s at {rate_hz:.0} readings/s, offsets unknown.\n\n{}",
+            arguments.duration_s,
+            compare::table(&rows).trim_end()
+        ));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// What of a rig a motion depends on, and the rate of its readings, 1/s.
+fn rig(path: Option<&Path>, stroke_m: Option<f64>) -> Result<(RigConfig, f64), Failure> {
+    let mut config = RigConfig::thesis_horizontal();
+    let mut rate_hz = 1000.0;
+    if let Some(path) = path {
+        let file = RigFile::load(path).map_err(Failure::input)?;
+        let named = |e: machine::MachineError| Failure::input(format!("{}: {e}", path.display()));
+        config.geometry = machine::geometry(&file).map_err(named)?;
+        machine::load_cell(&file).map_err(named)?;
+        if let Some(place) = file.platform.as_ref().and_then(|p| p.load_cell.as_ref()) {
+            config.load_cell = Mounting { position_m: place.position_m, rotation_wxyz: place.rotation_wxyz };
+        }
+        if let Some(imu) = file.imu.first() {
+            config.imu = Mounting { position_m: imu.position_m, rotation_wxyz: imu.rotation_wxyz };
+            if let Some(range) = imu.range_radps {
+                config.sensors.imu.gyro_range_radps = range;
+            }
+            if let Some(range) = imu.range_mps2 {
+                config.sensors.imu.accel_range_mps2 = range;
+            }
+        }
+        if let Some(noise) = file.load_cell.noise_n_nm {
+            config.sensors.load_cell.noise_n_nm = noise;
+        }
+        if let Some(range) = file.load_cell.range_n_nm {
+            config.sensors.load_cell.range_n_nm = range;
+        }
+        config.gravity_mps2 = file.recording.gravity_mps2;
+        rate_hz = file.recording.rate_hz.unwrap_or(rate_hz);
+    }
+    if let Some(stroke_m) = stroke_m {
+        config.geometry = config.geometry.with_stroke(stroke_m).map_err(Failure::input)?;
+    }
+    Ok((config, rate_hz))
+}
+
+fn task(arguments: &PlanMotion) -> Result<Task, Failure> {
+    let (config, rate_hz) = rig(arguments.rig.as_deref(), arguments.stroke_m)?;
+    let config = match arguments.body {
+        DemoBody::Horizontal => config,
+        DemoBody::Vertical => config.with_body(RigConfig::thesis_vertical().body),
+    };
+    let objective = match arguments.objective {
+        MotionObjective::DOptimal => Objective::DOptimal,
+        MotionObjective::Spheres => Objective::Spheres,
+        MotionObjective::Rpy => Objective::RollPitchYaw,
+        MotionObjective::Multisine => Objective::Multisine,
+    };
+    Ok(Task {
+        objective,
+        duration_s: arguments.duration_s,
+        poses: !arguments.no_poses,
+        highest_hz: arguments.highest_hz,
+        rate_hz,
+        ..Task::new(config)
+    })
+}
+
+fn key(peak: &Peak) -> &'static str {
+    match peak.limit {
+        Some(Limit::LegLength) => "leg_length",
+        Some(Limit::LegRate) => "leg_rate",
+        Some(Limit::LegAcceleration) => "leg_acceleration",
+        Some(Limit::LegForce) => "leg_force",
+        Some(Limit::BaseJointAngle) => "base_joint_angle",
+        Some(Limit::PlateJointAngle) => "plate_joint_angle",
+        Some(Limit::Conditioning) => "conditioning",
+        None => "angular_rate",
+    }
+}
+
+fn object<'a>(plan: &MotionPlan, objective: &'a str, coverage: [f64; 2]) -> Object<'a> {
+    let peaks = &plan.guarantee.peaks;
+    let finite = |v: f64| v.is_finite().then_some(v);
+    Object {
+        objective,
+        duration_s: plan.program.duration_s(),
+        motion_s: plan.motion_s,
+        condition_number: plan.prediction.condition_number,
+        log_determinant: plan.prediction.log_determinant,
+        predicted_u95: PARAMETER_NAMES.iter().copied().zip(plan.prediction.parameters).collect(),
+        predicted_com_u95_m: plan.prediction.com_m,
+        predicted_inertia_com_u95_kgm2: plan.prediction.inertia_com_kgm2,
+        limits: peaks.iter().map(|p| (key(p), p.margin())).collect(),
+        peaks: peaks
+            .iter()
+            .map(|p| (key(p), PeakObject { seen: p.seen, bound: p.bound, allowed: finite(p.allowed) }))
+            .collect(),
+        coverage,
+    }
+}
+
+fn text(plan: &MotionPlan, words: &str, [rate, acceleration]: [f64; 2], task: &Task) -> String {
+    let [from, to] = plan.motion_s;
+    let mut text = format!(
+        "{words}: {:.1} s, the motion from {from:.1} s to {to:.1} s; it turns into {:.0} % of all directions, its angular \
+         acceleration points into {:.0} %.\n\n  guaranteed at every instant        seen       below     allowed   margin",
+        plan.program.duration_s(),
+        100.0 * rate,
+        100.0 * acceleration
+    );
+    for peak in &plan.guarantee.peaks {
+        let name = match key(peak) {
+            "leg_length" => "leg length from the middle, m",
+            "leg_rate" => "leg speed, m/s",
+            "leg_acceleration" => "leg acceleration, m/s²",
+            "leg_force" => "leg force, N",
+            "base_joint_angle" => "base joint, rad",
+            "plate_joint_angle" => "plate joint, rad",
+            "conditioning" => "cond(H)",
+            _ => "angular rate, rad/s",
+        };
+        let allowed = if peak.allowed.is_finite() {
+            format!("{:>11.4} {:>6.1} %", peak.allowed, 100.0 * peak.margin())
+        } else {
+            format!("{:>11} {:>8}", "–", "–")
+        };
+        text += &format!("\n  {name:<30} {:>10.4}  {:>10.4} {allowed}", peak.seen, peak.bound);
+    }
+    let p = &plan.prediction;
+    let [x, y, z] = p.com_m.map(|v| 1e3 * v);
+    text += &format!(
+        "\n\nPredicted U95 at {:.0} readings/s, offsets unknown: mass {:.4} kg; centre of mass {x:.3}, {y:.3}, {z:.3} mm;\n\
+         tensor about it (Ixx, Iyy, Izz, Iyz, Izx, Ixy) {}, 1e-3 kg m².\nCondition number of the columns, scaled: {:.2}.",
+        task.rate_hz,
+        p.parameters[0],
+        p.inertia_com_kgm2.map(|v| format!("{:.3}", 1e3 * v)).join(", "),
+        p.condition_number
+    );
+    if !p.determined {
+        text += "\nThis motion leaves a part of the body undetermined.";
+    }
+    text
+}

@@ -1,0 +1,123 @@
+//! Motions as Fourier series on all six coordinates, with a soft beginning and end.
+
+use std::f64::consts::TAU;
+
+use rigident_sim::platform::{Axis, Coordinates, Pose, Segment, SineTerm};
+
+/// The coordinates in their order.
+pub const AXES: [Axis; 6] = [Axis::X, Axis::Y, Axis::Z, Axis::Roll, Axis::Pitch, Axis::Yaw];
+/// Angular rate, rad/s, and acceleration, m/s², that a coefficient of one stands for: all of a like size then.
+const RATE_RADPS: f64 = 0.3;
+const ACCELERATION_MPS2: f64 = 0.5;
+
+/// The sine and cosine of one frequency on the grid, the envelope in them: value and two derivatives.
+type Wave = Vec<[f64; 3]>;
+
+/// `q_i(t) = centre_i + e(t) Σ_k s_ik (z_2k sin ω_k t + z_2k+1 cos ω_k t)`; e swells and fades over the ramp.
+#[derive(Clone, Debug)]
+pub struct Family {
+    centre: [f64; 6],
+    duration_s: f64,
+    ramp_s: f64,
+    frequencies_hz: Vec<f64>,
+    /// By frequency, sine before cosine.
+    waves: Vec<Wave>,
+}
+
+impl Family {
+    /// About `centre`, looked at every `step_s`.
+    pub fn new(centre: &Pose, duration_s: f64, ramp_s: f64, frequencies_hz: &[f64], step_s: f64) -> Self {
+        let count = (duration_s / step_s).floor() as usize + 1;
+        let waves = frequencies_hz
+            .iter()
+            .flat_map(|f| [(*f, 0.0), (*f, 0.25 * TAU)])
+            .map(|(frequency_hz, phase_rad)| {
+                // The platform's own series, so that what is planned is what is driven.
+                let term = SineTerm { axis: Axis::X, amplitude: 1.0, frequency_hz, phase_rad };
+                let segments = vec![Segment::Multisine { duration_s, ramp_s, terms: vec![term] }];
+                let program = rigident_sim::platform::MotionProgram { start: Pose::default(), segments };
+                let trajectory = program.trajectory();
+                (0..count)
+                    .map(|k| {
+                        let c =
+                            trajectory.as_ref().map(|t| t.coordinates(k as f64 * step_s)).unwrap_or_default();
+                        [c.value[0], c.rate[0], c.acceleration[0]]
+                    })
+                    .collect()
+            })
+            .collect();
+        let [x, y, z] = centre.position_m;
+        let [roll, pitch, yaw] = centre.rpy_rad;
+        Self {
+            centre: [x, y, z, roll, pitch, yaw],
+            duration_s,
+            ramp_s,
+            frequencies_hz: frequencies_hz.to_vec(),
+            waves,
+        }
+    }
+
+    /// Number of coefficients.
+    pub fn len(&self) -> usize {
+        6 * self.waves.len()
+    }
+
+    /// Whether there is no frequency.
+    pub fn is_empty(&self) -> bool {
+        self.waves.is_empty()
+    }
+
+    /// Instants of the grid.
+    pub fn instants(&self) -> usize {
+        self.waves.first().map_or(0, Vec::len)
+    }
+
+    fn scale(&self, axis: usize, wave: usize) -> f64 {
+        let w = TAU * self.frequencies_hz[wave / 2];
+        if axis < 3 { ACCELERATION_MPS2 / (w * w) } else { RATE_RADPS / w }
+    }
+
+    /// The coordinates at the instant `k` of the grid.
+    pub fn coordinates(&self, coefficients: &[f64], k: usize) -> Coordinates {
+        let mut c = Coordinates { value: self.centre, ..Coordinates::default() };
+        for (j, wave) in self.waves.iter().enumerate() {
+            let [w0, w1, w2] = wave[k];
+            for i in 0..6 {
+                let z = coefficients[i * self.waves.len() + j] * self.scale(i, j);
+                c.value[i] += z * w0;
+                c.rate[i] += z * w1;
+                c.acceleration[i] += z * w2;
+            }
+        }
+        c
+    }
+
+    /// Adds to `gradient` what a change of the coordinates at the instant `k` is worth.
+    pub fn pull_back(&self, worth: &Coordinates, k: usize, gradient: &mut [f64]) {
+        for (j, wave) in self.waves.iter().enumerate() {
+            let [w0, w1, w2] = wave[k];
+            for i in 0..6 {
+                gradient[i * self.waves.len() + j] += self.scale(i, j)
+                    * (worth.value[i] * w0 + worth.rate[i] * w1 + worth.acceleration[i] * w2);
+            }
+        }
+    }
+
+    /// The motion for the platform; `size` makes it smaller.
+    pub fn segment(&self, coefficients: &[f64], size: f64) -> Segment {
+        let mut terms = Vec::new();
+        for (i, axis) in AXES.into_iter().enumerate() {
+            for (f, frequency_hz) in self.frequencies_hz.iter().enumerate() {
+                let at = i * self.waves.len() + 2 * f;
+                let (a, b) = (coefficients[at], coefficients[at + 1]);
+                terms.push(SineTerm {
+                    axis,
+                    amplitude: size * self.scale(i, 2 * f) * a.hypot(b),
+                    frequency_hz: *frequency_hz,
+                    phase_rad: b.atan2(a),
+                });
+            }
+        }
+        Segment::Multisine { duration_s: self.duration_s, ramp_s: self.ramp_s, terms }
+    }
+}

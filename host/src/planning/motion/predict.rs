@@ -1,0 +1,101 @@
+//! What an experiment will tell: the factor that the pipeline makes of it without noise, and its uncertainties.
+
+use rigident_shared::estimator::{ConfigError, Estimator, EstimatorConfig};
+use rigident_shared::factor::InformationFactor;
+use rigident_sim::platform::MotionProgram;
+use rigident_sim::rig::{Readings, RigConfig, RigError};
+
+use crate::answer::{Noise, derived};
+use crate::identification::{self, Factor, TAPS};
+use crate::simulated::{limits, mounting, reading};
+
+/// 95 % expanded uncertainties, and the conditioning.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Prediction {
+    /// Of `[m, mcx, mcy, mcz, Ixx, Iyy, Izz, Iyz, Izx, Ixy]` about S's origin, SI.
+    pub parameters: [f64; 10],
+    /// Of the centre of mass, m.
+    pub com_m: [f64; 3],
+    /// Of the tensor about the centre of mass, kg m².
+    pub inertia_com_kgm2: [f64; 6],
+    /// 2-norm condition number of the triangular factor, columns scaled to unit length, offsets included.
+    pub condition_number: f64,
+    /// `ln det` of the information on the ten parameters, offsets eliminated, SI: what D-optimality makes large.
+    pub log_determinant: f64,
+    /// Whether every parameter of the body is determined.
+    pub determined: bool,
+}
+
+/// Why nothing can be predicted.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PredictError {
+    /// The rig cannot make the experiment.
+    #[error(transparent)]
+    Rig(#[from] RigError),
+    /// The pipeline cannot be set up for this rate.
+    #[error("the pipeline cannot be set up for {rate_hz} Hz: {error:?}")]
+    Config {
+        /// 1/s.
+        rate_hz: f64,
+        /// Why.
+        error: ConfigError,
+    },
+}
+
+/// The factor of what perfect sensors read, with the noise of the rig's load cell in its weights.
+///
+/// # Errors
+/// A program that the platform cannot follow, or a rate that cannot be.
+pub fn predict(
+    config: &RigConfig,
+    program: &MotionProgram,
+    rate_hz: f64,
+) -> Result<Prediction, PredictError> {
+    const K95: f64 = 1.959_963_984_540_054;
+    let readings = Readings::new(config, program, rate_hz)?;
+    let mut estimator = Box::new(
+        Estimator::<f64, 16, TAPS>::new(&EstimatorConfig {
+            rate_hz,
+            filter_width_s: identification::FILTER_WIDTH_S,
+            row_every: identification::row_every(rate_hz),
+            channel_sigma: config.sensors.load_cell.noise_n_nm,
+            known_offset: [0.0; 6],
+            mounting: mounting(config),
+            // Without noise a still sensor repeats itself.
+            limits: rigident_shared::screening::Limits { frozen_after: 0, ..limits(config) },
+        })
+        .map_err(|error| PredictError::Config { rate_hz, error })?,
+    );
+    for row in readings.ideal() {
+        estimator.absorb(&reading(row));
+    }
+    let factor = estimator.factor();
+    let solution = factor.solve();
+    let estimate = Factor::Sixteen(Box::new(factor)).estimate(1.0, Noise::Given);
+    let sd: [f64; 10] = std::array::from_fn(|j| solution.standard_deviation[j]);
+    Ok(Prediction {
+        parameters: sd.map(|s| K95 * s),
+        com_m: derived::centre_of_mass(&estimate).sd.map(|s| K95 * s),
+        inertia_com_kgm2: derived::inertia_com(&estimate).sd.map(|s| K95 * s),
+        condition_number: solution.condition_number,
+        log_determinant: log_determinant(&factor),
+        determined: solution.determined.iter().all(|d| *d),
+    })
+}
+
+/// With the offsets put first, the body's part of the triangle is the information that they leave.
+fn log_determinant(factor: &InformationFactor<f64, 16>) -> f64 {
+    let order: [[f64; 16]; 16] =
+        std::array::from_fn(|i| std::array::from_fn(|j| if i == (j + 10) % 16 { 1.0 } else { 0.0 }));
+    let body = factor.substitute(&order).trailing::<10>();
+    let mut entries = body.entries();
+    let mut sum = 0.0;
+    for width in (1..=10).rev() {
+        sum += 2.0 * entries.next().map_or(0.0, f64::ln);
+        // The rest of the row.
+        for _ in 1..width {
+            entries.next();
+        }
+    }
+    sum
+}

@@ -1,0 +1,129 @@
+use std::sync::atomic::AtomicBool;
+
+use super::*;
+
+fn task(objective: Objective) -> Task {
+    Task { objective, duration_s: 24.0, starts: 2, rate_hz: 200.0, ..Task::new(RigConfig::thesis_vertical()) }
+}
+
+fn made(task: &Task) -> MotionPlan {
+    plan(task, &AtomicBool::new(false), |_| ()).unwrap()
+}
+
+/// Coefficients of a lively motion.
+fn some(problem: &Problem) -> Vec<f64> {
+    (0..problem.family.len()).map(|k| 0.35 * (2.3 * k as f64 + 0.7).sin()).collect()
+}
+
+/// Central differences of fourth order; both parts of the cost by themselves.
+#[test]
+fn the_gradient_is_that_of_finite_differences() {
+    let mut task = task(Objective::DOptimal);
+    task.config.load_cell.position_m = [0.02, -0.03, 0.05];
+    task.config.load_cell.rotation_wxyz = [0.9, 0.1, -0.3, 0.2];
+    task.config.geometry.limits.leg_acceleration_mps2 = Some(30.0);
+    task.config.geometry.leg_rate_mps = 3.0;
+    task.rate_radps = 9.0;
+    task.config.sensors.load_cell.range_n_nm = [3000.0, 3000.0, 3000.0, 900.0, 900.0, 900.0];
+    let frame = Frame::bare(&task.config.geometry, 10.0).unwrap();
+    let problem = problem(&task, &frame, 1.0);
+    let z = some(&problem);
+    for weight in [0.0, 10.0] {
+        let (_, gradient, log) = problem.cost(&z, weight).unwrap();
+        assert!(log.is_finite());
+        let largest = gradient.iter().fold(0.0_f64, |m, g| m.max(g.abs()));
+        for k in (0..z.len()).step_by(5) {
+            let at = |by: f64| {
+                let mut z = z.clone();
+                z[k] += by;
+                problem.cost(&z, weight).unwrap().0
+            };
+            let h = 1e-3;
+            let slope = (8.0 * (at(h) - at(-h)) - at(2.0 * h) + at(-2.0 * h)) / (12.0 * h);
+            assert!((slope - gradient[k]).abs() < 1e-6 * largest, "{weight} {k}: {slope} {}", gradient[k]);
+        }
+    }
+}
+
+/// Another way to the information: wrenches of unit bodies by the simulator's mechanics, every reading.
+#[test]
+fn the_information_is_the_inverse_of_the_bound() {
+    let task = task(Objective::Multisine);
+    let frame = Frame::bare(&task.config.geometry, 12.0).unwrap();
+    let problem = problem(&task, &frame, 1.0);
+    let z: Vec<f64> = some(&problem).iter().map(|v| 0.3 * v).collect();
+    let mut information = problem.beforehand;
+    for k in 0..problem.family.instants() {
+        let state = problem.family.coordinates(&z, k).plate_state();
+        problem.instrument.add(&state, &mut information);
+    }
+    let (_, covariance) = super::super::information::log_determinant(&information).unwrap();
+    let program = frame.around(problem.family.segment(&z, 1.0));
+    let bound = crate::montecarlo::bound(&task.config, &program, 200.0).unwrap().unwrap();
+    for j in 0..10 {
+        // The grid and the readings differ by an instant at either end: 1 in 500.
+        let ratio = covariance[(j, j)] / bound[(j, j)];
+        assert!((ratio - 1.0).abs() < 0.01, "{j}: {ratio}");
+    }
+}
+
+#[test]
+fn every_objective_keeps_every_limit_and_the_search_beats_them_all() {
+    let worst = |objective| {
+        let plan = made(&task(objective));
+        assert!(plan.guarantee.is_kept(), "{objective:?}: {:?}", plan.guarantee);
+        let trajectory = plan.program.trajectory().unwrap();
+        assert!((trajectory.duration_s() - 24.0).abs() < 1e-9);
+        RigConfig::thesis_vertical().geometry.check(&trajectory).unwrap();
+        plan.prediction.inertia_com_kgm2.into_iter().fold(0.0, f64::max)
+    };
+    let best = worst(Objective::DOptimal);
+    for other in [Objective::Spheres, Objective::RollPitchYaw, Objective::Multisine] {
+        let other_worst = worst(other);
+        assert!(best < 0.9 * other_worst, "{other:?}: {best} {other_worst}");
+    }
+}
+
+#[test]
+fn the_same_task_gives_the_same_plan() {
+    let task = Task { starts: 2, duration_s: 10.0, poses: false, ..task(Objective::DOptimal) };
+    assert_eq!(made(&task).program, made(&task).program);
+}
+
+/// The centre of mass of a sphere's load feels gravity and nothing else, so that the force on the cell is the weight.
+#[test]
+fn spheres_keep_the_inertial_forces_off_the_load_cell() {
+    let mut task = task(Objective::Spheres);
+    task.poses = false;
+    task.config.load_cell.position_m = [0.02, -0.03, 0.05];
+    let plan = made(&task);
+    let trajectory = plan.program.trajectory().unwrap();
+    let [from, to] = plan.motion_s;
+    let weight = task.config.body.mass_kg * task.config.gravity_mps2;
+    let body = load(&task.config);
+    for k in 0..200 {
+        let state = trajectory.state(from + (to - from) * f64::from(k) / 200.0);
+        let [x, y, z, ..] = body.wrench(&state);
+        assert!(x.abs() < 1e-9 * weight && y.abs() < 1e-9 * weight, "{x} {y}");
+        assert!((z / weight - 1.0).abs() < 1e-9, "{z}");
+    }
+    let [rate, acceleration] = super::super::coverage::of_motion(&trajectory, from, to);
+    assert!(rate > 0.9 && acceleration > 0.7, "{rate} {acceleration}");
+}
+
+#[test]
+fn what_cannot_be_planned_is_said() {
+    let error = |task: &Task| plan(task, &AtomicBool::new(false), |_| ()).unwrap_err();
+    let short = Task { duration_s: 8.0, ..task(Objective::RollPitchYaw) };
+    assert!(matches!(error(&short), PlanError::Frame(FrameError::TooShort { .. })));
+    let mut slow = task(Objective::Multisine);
+    slow.rate_radps = 0.2;
+    assert!(matches!(error(&slow), PlanError::Rate(_)));
+    let mut heavy = task(Objective::RollPitchYaw);
+    heavy.config.body.mass_kg = 2000.0;
+    assert!(matches!(error(&heavy), PlanError::Sensors(_)));
+    let mut weak = Task { poses: false, ..task(Objective::RollPitchYaw) };
+    weak.config.geometry.limits.leg_force_n = Some(10.0);
+    let text = error(&weak).to_string();
+    assert!(text.contains("would carry") && text.contains("its limit is 10.0 N"), "{text}");
+}
