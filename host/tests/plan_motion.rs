@@ -1,0 +1,86 @@
+//! `rigident plan motion` and `rigident plan compare`, as a user types them, and what their predictions are worth.
+
+#![cfg(feature = "simulator")]
+
+use std::process::{Command, Output};
+use std::sync::atomic::AtomicBool;
+
+use rigident::montecarlo::Campaign;
+use rigident::planning::motion::{Objective, Task, plan};
+use rigident_sim::rig::RigConfig;
+
+fn rigident(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_rigident")).args(arguments).output().unwrap()
+}
+
+fn refused(arguments: &[&str]) -> String {
+    let output = rigident(arguments);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(output.stdout.is_empty());
+    String::from_utf8(output.stderr).unwrap()
+}
+
+#[test]
+fn the_object_is_that_of_the_contract_and_the_plan_is_for_this_machine_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("motion.json");
+    let path = path.to_str().unwrap();
+    let words =
+        ["plan", "motion", "--duration-s", "25", "--objective", "spheres", "--stroke-m", "0.2", "--json"];
+    let output = rigident(&[&words[..], &["--out", path]].concat());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let object: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!((object["duration_s"].as_f64().unwrap() - 25.0).abs() < 1e-9);
+    assert!(object["condition_number"].as_f64().unwrap() > 1.0);
+    for name in ["m", "mcx", "Ixx", "Ixy"] {
+        assert!(object["predicted_u95"][name].as_f64().unwrap() > 0.0, "{name}");
+    }
+    let limits = object["limits"].as_object().unwrap();
+    for name in ["leg_length", "leg_rate", "conditioning", "angular_rate"] {
+        assert!((0.0..1.0).contains(&limits[name].as_f64().unwrap()), "{name}");
+    }
+    let refusal = refused(&[&words[..], &["--out", path]].concat());
+    assert!(refusal.contains("motion.json"), "{refusal}");
+    // A machine whose first plate joint is elsewhere.
+    let text = std::fs::read_to_string(path).unwrap();
+    let mut other: serde_json::Value = serde_json::from_str(&text).unwrap();
+    other["plate_joints_m"][0][0] = 0.2.into();
+    let other_path = folder.path().join("other.json");
+    std::fs::write(&other_path, other.to_string()).unwrap();
+    let refusal = refused(&["demo", "--plan", other_path.to_str().unwrap()]);
+    assert!(refusal.contains("another rig") && refusal.contains("plate joint 1"), "{refusal}");
+}
+
+#[test]
+fn a_duration_that_is_too_short_says_how_much_is_needed() {
+    let refusal = refused(&["plan", "motion", "--duration-s", "12", "--objective", "rpy"]);
+    assert!(refusal.contains("too short") && refusal.contains("--duration-s"), "{refusal}");
+}
+
+/// The standard error of a standard deviation from n runs is its `1/√(2n)`: 4 % here. All ten together within 10 %, each
+/// within 10 % and two and a half of its standard errors.
+#[test]
+fn what_is_predicted_is_what_many_runs_find() {
+    const RUNS: u64 = 300;
+    let config = RigConfig::thesis_vertical();
+    let task = Task {
+        objective: Objective::Multisine,
+        duration_s: 22.0,
+        rate_hz: 200.0,
+        ..Task::new(config.clone())
+    };
+    let stop = AtomicBool::new(false);
+    let made = plan(&task, &stop, |_| ()).unwrap();
+    let campaign = Campaign { program: Some(made.program), ..Campaign::new(config) };
+    let verdict = campaign.prepare().unwrap().run(RUNS, 3, &stop, |_| ()).unwrap();
+    let ratios: Vec<f64> = made
+        .prediction
+        .parameters
+        .iter()
+        .zip(&verdict.parameters)
+        .map(|(u95, found)| 1.96 * found.std / u95)
+        .collect();
+    let rms = (ratios.iter().map(|r| r * r).sum::<f64>() / 10.0).sqrt();
+    assert!((rms - 1.0).abs() < 0.1, "{ratios:?}");
+    assert!(ratios.iter().all(|r| (r - 1.0).abs() < 0.1 + 2.5 / (2.0 * RUNS as f64).sqrt()), "{ratios:?}");
+}
