@@ -5,7 +5,7 @@
 #[path = "factors/simulated.rs"]
 mod simulated;
 
-use rigident::identification::{Identification, Input, identify};
+use rigident::identification::{Identification, Input, identify, progression};
 use rigident_shared::spatial::Wrench;
 use rigident_sim::experiment::thesis_program;
 use rigident_sim::rig::{Readings, RigConfig};
@@ -58,5 +58,21 @@ fn a_knock_in_a_recording_is_found_and_its_rows_count_little() {
             assert_eq!(answer.counters.knocks, [fx, 0, 0, 0, my, 0]);
             assert_eq!(reference.counters.knocks, [0; 6]);
         }
+    }
+}
+
+#[test]
+fn the_course_of_a_run_with_a_knock_ends_at_its_answer() {
+    let input = knocked(&recording(1));
+    let answer = identify(&input).unwrap();
+    let course = progression(&input, &answer, 200);
+    let [.., before, last] = course.as_slice() else { panic!("{} points", course.len()) };
+    for (j, state) in answer.states().iter().enumerate() {
+        let end = state.measured().unwrap();
+        let (point, last) = (before.parameters[j].unwrap(), last.parameters[j].unwrap());
+        assert_eq!((last.value, last.u95), (end.value, end.u95));
+        // Half a per cent of the rows are between the two.
+        assert!((point.value - end.value).abs() < 0.2 * end.u95, "{j}: {} {}", point.value, end.value);
+        assert!((point.u95 / end.u95 - 1.0).abs() < 0.05, "{j}: {} {}", point.u95, end.u95);
     }
 }

@@ -147,9 +147,12 @@ impl Estimate {
     }
 }
 
+/// Two-sided 95 % coverage factor of a normal deviate.
+pub(crate) const NORMAL_COVERAGE: f64 = 1.959_963_984_540_054;
+
 /// Two-sided 95 % coverage factor: 1.96, or Student's t.
 fn coverage_factor(noise: Noise) -> f64 {
-    const NORMAL: f64 = 1.959_963_984_540_054;
+    const NORMAL: f64 = NORMAL_COVERAGE;
     match noise {
         Noise::Given => NORMAL,
         // t − z ≈ z (z² + 1) / 4ν: 2e-4 here, and statrs' inverse loses its digits far above.

@@ -282,11 +282,7 @@ impl Experiment<'_> {
             .collect();
         if input.gain_sigma.iter().any(|s| *s > 0.0) {
             // The device knows nothing of gain errors; the readings are judged instead of its factor.
-            progression = identification::progression(
-                &input,
-                identification.channel_sigma,
-                super::identify::PLOT_POINTS,
-            );
+            progression = identification::progression(&input, &identification, super::identify::PLOT_POINTS);
         }
         let factor = PooledFactor::of(&identification, &input, &self.recording);
         if let Some(tare) = &self.tare {

@@ -39,7 +39,7 @@ pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
         Some(memory) => identify_remembered(input, memory, PLOT_POINTS).map_err(Failure::input)?,
         None => {
             let identification = recorded.identify()?;
-            let progression = identification::progression(input, identification.channel_sigma, PLOT_POINTS);
+            let progression = identification::progression(input, &identification, PLOT_POINTS);
             (identification, progression)
         }
     };

@@ -165,6 +165,14 @@ impl Identification {
     pub fn states(&self) -> Vec<ParameterState> {
         identifiability::states(&self.estimate, self.regressor_noise)
     }
+
+    /// How its intervals were scaled.
+    fn judgement(&self) -> Judgement {
+        let rows =
+            RowSet { rows: self.factor.rows(), noise_gain: self.noise_gain, sigma_given: self.sigma_given };
+        let determined = self.estimate.determined.iter().filter(|d| **d).count();
+        judge(&[rows], self.factor.residual_sum_of_squares(), determined as f64)
+    }
 }
 
 /// Why there is no identification.
@@ -429,16 +437,30 @@ pub struct Progression {
     pub parameters: Vec<Option<Measured>>,
 }
 
-/// About `points` intermediate estimates of a batch.
-pub fn progression(input: &Input, channel_sigma: [f64; 6], points: usize) -> Vec<Progression> {
-    if input.known_offset.is_some() {
-        progression_of::<10>(input, channel_sigma, points)
+/// About `points` estimates on the way to the one that a batch ends at: rows weighted and intervals widened as they
+/// are there.
+pub fn progression(input: &Input, end: &Identification, points: usize) -> Vec<Progression> {
+    let mut course = if input.known_offset.is_some() {
+        progression_of::<10>(input, end, points)
     } else {
-        progression_of::<16>(input, channel_sigma, points)
-    }
+        progression_of::<16>(input, end, points)
+    };
+    end_at(&mut course, end);
+    course
 }
 
-fn progression_of<const N: usize>(input: &Input, sigma: [f64; 6], points: usize) -> Vec<Progression> {
+/// The last point is the answer itself.
+fn end_at(course: &mut Vec<Progression>, end: &Identification) {
+    let (Some(last), Some(point)) = (end.residuals.last(), course.last()) else { return };
+    let time_s = last.time_s.max(point.time_s);
+    if point.time_s >= last.time_s {
+        course.pop();
+    }
+    let parameters = (0..end.estimate.values.len()).map(|j| end.estimate.measured(j)).collect();
+    course.push(Progression { time_s, parameters });
+}
+
+fn progression_of<const N: usize>(input: &Input, end: &Identification, points: usize) -> Vec<Progression> {
     /// What a part has absorbed so far, and had at some of its blocks, s.
     #[derive(Clone)]
     struct Course<const N: usize> {
@@ -446,7 +468,9 @@ fn progression_of<const N: usize>(input: &Input, sigma: [f64; 6], points: usize)
         blocks: usize,
         points: Vec<(f64, InformationFactor<f64, N>, Option<ChannelFactors>)>,
     }
+    let sigma = end.channel_sigma;
     let config = config(input, sigma);
+    let Judgement { noise, variance_scale: scale, .. } = end.judgement();
     let every = (input.readings.len() / usize::from(config.row_every) / points.max(1)).max(1);
     let start = || Course::<N> { channels: channels(input), blocks: 0, points: Vec::new() };
     let take = |course: &mut Course<N>, reading: &Reading<f64>, estimator: &Estimator<f64, N, TAPS>| {
@@ -459,6 +483,14 @@ fn progression_of<const N: usize>(input: &Input, sigma: [f64; 6], points: usize)
     };
     let (Ok(shares), Ok(settings)) = (shares(input, sigma), Estimator::new(&config)) else {
         return Vec::new();
+    };
+    let shares = match end.counters.knocks {
+        [0, 0, 0, 0, 0, 0] => shares,
+        _ => shares.watching(knocks::reference(
+            &end.estimate,
+            end.variance_ratio.max(1.0),
+            knocks::limit(input),
+        )),
     };
     let Ok(done) = shares.absorb(sigma, start, take) else { return Vec::new() };
     let mut before = Absorbed::<N> {
@@ -473,7 +505,11 @@ fn progression_of<const N: usize>(input: &Input, sigma: [f64; 6], points: usize)
             let (kept, kept_channels) = (before.factor, before.channels.clone());
             before.factor.merge(&factor);
             before.channels = merge_channels(before.channels, channels);
-            let estimate = Estimate::new(&before.factor_and_gains(&input.gain_sigma).0, 1.0, Noise::Given);
+            // As in the conclusion: the prior of the gains is not the noise's to scale.
+            let estimate = match before.fit_gains(&input.gain_sigma, scale) {
+                Some(fit) => Estimate::new(&fit.factor, 1.0, noise),
+                None => Estimate::new(&before.factor, scale, noise),
+            };
             let parameters = (0..N).map(|j| estimate.measured(j)).collect();
             progression.push(Progression { time_s, parameters });
             (before.factor, before.channels) = (kept, kept_channels);

@@ -9,12 +9,12 @@ use rigident_shared::estimator::{Counters, Estimator, Outcome};
 use rigident_shared::factor::InformationFactor;
 use rigident_shared::forgetting::{ImuNoise, MemoryConfig, Span};
 
-use super::pooled::{RowSet, judge};
+use super::pooled::Judgement;
 use super::{
     Absorbed, BlockResidual, Factor, Identification, IdentificationError, Input, NOMINAL_SIGMA, Progression,
-    TAPS, colour, conclude, config, knocks, raw_sigma, residuals, rms, second_differences, shares,
+    TAPS, colour, conclude, config, end_at, knocks, raw_sigma, residuals, rms, second_differences, shares,
 };
-use crate::answer::{Estimate, Noise};
+use crate::answer::{Estimate, NORMAL_COVERAGE, Noise};
 use crate::formats::result::MemoryResult;
 use crate::formats::rig::ImuTable;
 
@@ -117,6 +117,13 @@ fn run<const N: usize>(
         }
     }
     let identification = conclusion(input, memory, &absorbed, input.channel_sigma.is_some(), wrap)?;
+    // Intervals as wide as the answer's, which is known only now.
+    let Judgement { variance_scale, .. } = identification.judgement();
+    let wider = variance_scale.sqrt() * identification.estimate.coverage_factor / NORMAL_COVERAGE;
+    for measured in course.iter_mut().flat_map(|point| point.parameters.iter_mut().flatten()) {
+        measured.u95 *= wider;
+    }
+    end_at(&mut course, &identification);
     Ok((identification, course))
 }
 
@@ -173,10 +180,8 @@ fn conclusion<const N: usize>(
     identification.regressor_noise.tensor_information *= f64::from(absorbed.factor.rows()) / 6.0 / blocks;
     let recent = reached(&identification.residuals, memory);
     identification.residual_rms = rms(recent);
-    let rows = RowSet { rows: absorbed.factor.rows(), noise_gain: identification.noise_gain, sigma_given };
-    let determined = identification.estimate.determined.iter().filter(|d| **d).count() as f64;
-    let judgement = judge(&[rows], absorbed.factor.residual_sum_of_squares(), determined);
-    identification.colour = colour(input, absorbed.settings.config(), recent, judgement.variance_scale);
+    let scale = identification.judgement().variance_scale;
+    identification.colour = colour(input, absorbed.settings.config(), recent, scale);
     Ok(identification)
 }
 
