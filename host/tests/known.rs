@@ -61,6 +61,7 @@ fn a_known_mass_narrows_a_recording_s_answer_and_bad_statements_write_nothing() 
     for (statements, complaint) in [
         (&["--known", "mass_kg=25±0.01"][..], "contradicts"),
         (&["--known", "mass_kg=20±0"], "standard uncertainty of 0"),
+        (&["--known", "mass_kg=20±1e-16"], "the smallest usable is"),
         (&["--known", "mass_kg=20±-1"], "standard uncertainty of -1"),
         (&["--known", "mass_kg=20±NaN"], "standard uncertainty of NaN"),
         (&["--known", "mass_kg=20"], "NAME=VALUE±SIGMA"),
@@ -118,6 +119,11 @@ fn what_only_was_known_beforehand_is_prior_dominated_and_does_not_count_as_ident
     assert!((1.95e-5..2.2e-5).contains(&number(ixx, "u95")), "{ixx}");
     assert!(parameter(&result, "Iyz").get("value").is_none());
     assert!(result.get("inertia_com_kgm2").is_none(), "three of its elements are unknown");
+
+    let output = identify(&["--known", "ixx_kgm2=0.003±0.0005", "--out", "loose"]);
+    let result = json(&output);
+    assert_eq!(parameter(&result, "Ixx")["state"], "not_identified");
+    assert!(result["warnings"].to_string().contains("too loose to identify Ixx"), "{}", result["warnings"]);
 
     // A plane of symmetry needs the body's size for the products of inertia, and says so.
     let warned = |more: &[&str], out: &str| {

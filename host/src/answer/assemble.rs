@@ -7,7 +7,7 @@ use rigident_shared::spatial::{Position, Rotation, Sensor};
 
 use super::consistent::{self, nearest_body};
 use super::derived::{self, BodyFrame, Derived};
-use super::identifiability::{is_reversed, states};
+use super::identifiability::{is_reversed, states, too_loose};
 use super::weakest;
 use crate::formats::result::{
     BodyFrameResult, ColourResult, ConsistentResult, KnownResult, Measured, Parameter, ParameterState,
@@ -198,6 +198,7 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
     }
 
     warnings.extend(estimate.known().iter().filter_map(|known| known.warning(estimate)));
+    warnings.extend(too_loose(estimate, identification.regressor_noise));
     warnings.extend(whiteness::warning(&identification.colour, FILTER_WIDTH_S));
 
     let frame = rig.body.as_ref().filter(|_| com.is_some());

@@ -4,8 +4,12 @@
 //! of the others, its 95 % uncertainty is small against the body's own scale, never against its own value,
 //! and its information does not come from the noise of the gyro.
 
+use rigident_shared::inertia::PARAMETER_NAMES;
+
 use super::Estimate;
 use crate::formats::result::{Measured, ParameterState};
+use crate::identification::known::Known;
+use crate::report::text::significant;
 
 /// U95 of an identified parameter is at most this share of the body's scale.
 pub const LARGEST_SHARE: f64 = 0.1;
@@ -138,6 +142,50 @@ pub fn states(estimate: &Estimate, noise: RegressorNoise) -> Vec<ParameterState>
             }
         })
         .collect()
+}
+
+/// Known quantities, in words, whose parameter is not identified with them either because their σ is too large. Planes
+/// of symmetry speak for themselves ([`Known::warning`](crate::identification::known::Known::warning)).
+pub(super) fn too_loose(estimate: &Estimate, noise: RegressorNoise) -> Vec<String> {
+    let states = states(estimate, noise);
+    let scale = Scale::of(estimate, noise);
+    let loose = |known: &Known| {
+        let j = known.parameter();
+        let (state, u95) = (states.get(j)?, estimate.u95(j));
+        if known.is_symmetry() || *state != ParameterState::NotIdentified || !u95.is_finite() {
+            return None;
+        }
+        let (name, unit) = (PARAMETER_NAMES.get(j).copied().unwrap_or("the offset"), unit_of(j));
+        let Some(scale) = &scale else {
+            return Some(format!(
+                "{known} is in the answer, but {name} is not identified: the mass, against which that is judged, is not \
+                 known to {} %; state mass_kg with --known",
+                100.0 * LARGEST_SHARE
+            ));
+        };
+        let mut least = LARGEST_SHARE * scale.of_parameter(j);
+        if (4..10).contains(&j) && noise.tensor_information > 0.0 {
+            let informed = (LEAST_EXCITATION * noise.tensor_information).sqrt().recip();
+            least = least.min(estimate.coverage_factor * informed);
+        }
+        Some(format!(
+            "{known} is too loose to identify {name}: with it the U95 is {}, and at most {} {unit} would do; state it with a \
+             smaller σ if it is known that well",
+            significant(u95, 2),
+            significant(least, 2),
+        ))
+    };
+    estimate.known().iter().filter_map(loose).collect()
+}
+
+fn unit_of(j: usize) -> &'static str {
+    match j {
+        0 => "kg",
+        1..4 => "kg m",
+        4..10 => "kg m²",
+        10..13 => "N",
+        _ => "N m",
+    }
 }
 
 /// Whether each parameter of the estimate is identified by the data alone.

@@ -17,6 +17,7 @@ use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 
 use super::Factor;
 use crate::answer::{Estimate, Noise};
+use crate::report::text::{significant, with_u95};
 
 /// σ of a plane of symmetry's position where none is given, m.
 pub const SYMMETRY_SIGMA_M: f64 = 1e-3;
@@ -27,6 +28,10 @@ const REFUSED_PROBABILITY: f64 = 5.733e-7;
 
 /// The linearisation is renewed so often; the change is quadratic, and of second order in σ/m to begin with.
 const ROUNDS: usize = 4;
+
+/// A row `a φ = y ± σ` rounds the others by about `ε |a φ| / σ` of their standard deviations, as all share one
+/// triangle: σ is at least so many times `ε |a| (|φ| + sd)`, which leaves 1e-4 of a standard deviation.
+const LEAST_SIGMA_OVER_ROUNDING: f64 = 1e4;
 
 const PARAMETERS: [&str; 16] = [
     "mass_kg",
@@ -102,8 +107,20 @@ pub enum KnownError {
         /// What was given.
         sigma: f64,
     },
+    /// Rounding would spoil what else is known.
+    #[error(
+        "{name}: a standard uncertainty of {sigma:e} is below what double precision can hold beside the data; the smallest usable is {least:.1e}, and nothing is known that well: state that or a larger one"
+    )]
+    TooTight {
+        /// The quantity.
+        name: String,
+        /// What was given.
+        sigma: f64,
+        /// The smallest usable, rounded up.
+        least: f64,
+    },
     /// The value is not finite, or a mass or a moment is not positive.
-    #[error("{name}: no body has {value}")]
+    #[error("{name}: no body has {}", plain(*.value))]
     Value {
         /// The quantity.
         name: String,
@@ -120,7 +137,7 @@ pub enum KnownError {
     },
     /// Stated twice, and the two disagree.
     #[error(
-        "{name} is stated twice, as {first} and as {second}: {deviation:.1} σ apart; keep the one that is true"
+        "{name} is stated twice, as {} and as {}: {} σ apart; keep the one that is true", plain(*.first), plain(*.second), significant(*.deviation, 4)
     )]
     Disagree {
         /// The quantity.
@@ -152,7 +169,8 @@ pub enum KnownError {
     },
     /// The data, or the other known quantities, say otherwise.
     #[error(
-        "{name} = {value} ± {sigma} contradicts the data and what else is known: they give {found:.6} ± {found_sigma:.2} (1 σ), {deviation:.1} σ away; check its unit and frame, the sensors' scales, or state a larger σ"
+        "{name} = {} ± {} contradicts the data and what else is known: they give {} (1 σ), {} σ away; check its unit and frame, the sensors' scales, or state a larger σ",
+        plain(*.value), plain(*.sigma), with_u95(*.found, *.found_sigma, ""), significant(*.deviation, 4)
     )]
     Contradiction {
         /// The quantity.
@@ -170,6 +188,11 @@ pub enum KnownError {
     },
 }
 
+/// All its digits, with an exponent where there would be too many of them.
+fn plain(value: f64) -> String {
+    if value == 0.0 || (1e-6..1e7).contains(&value.abs()) { value.to_string() } else { format!("{value:e}") }
+}
+
 fn all_names() -> String {
     [&PARAMETERS[..], &CENTRE, &CENTRAL].concat().join(", ")
 }
@@ -178,9 +201,9 @@ impl fmt::Display for Known {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.subject {
             Subject::Symmetry(_) => {
-                write!(f, "{} through the origin of S ± {} m (1 σ)", self.name(), self.sigma)
+                write!(f, "{} through the origin of S ± {} m (1 σ)", self.name(), plain(self.sigma))
             }
-            _ => write!(f, "{} = {} ± {} (1 σ)", self.name(), self.value, self.sigma),
+            _ => write!(f, "{} = {} ± {} (1 σ)", self.name(), plain(self.value), plain(self.sigma)),
         }
     }
 }
@@ -260,6 +283,20 @@ impl Known {
             Subject::Centre(k) => CENTRE[k].to_owned(),
             Subject::Central(k) => CENTRAL[k].to_owned(),
             Subject::Symmetry(k) => format!("symmetry {}", ["x", "y", "z"][k]),
+        }
+    }
+
+    /// Whether it is a plane of symmetry.
+    pub(crate) fn is_symmetry(&self) -> bool {
+        matches!(self.subject, Subject::Symmetry(_))
+    }
+
+    /// The parameter that it is first about.
+    pub(crate) fn parameter(&self) -> usize {
+        match self.subject {
+            Subject::Parameter(j) => j,
+            Subject::Centre(k) | Subject::Symmetry(k) => 1 + k,
+            Subject::Central(k) => 4 + k,
         }
     }
 
@@ -388,6 +425,16 @@ impl<const N: usize> Point<N> {
         Self { phi: solution.estimate, determined: solution.determined, covariance: factor.covariance() }
     }
 
+    /// What is rounded where the row is absorbed: `Σ |a_j| (|φ_j| + sd_j)` over what is determined, or y if that is
+    /// larger.
+    fn size(&self, row: &Row<N>) -> f64 {
+        let mut size = 0.0;
+        for (j, a) in row.a.iter().enumerate().filter(|(j, _)| self.determined[*j]) {
+            size += a.abs() * (self.phi[j].abs() + self.covariance[j][j].max(0.0).sqrt());
+        }
+        size.max(row.y.abs())
+    }
+
     /// `aᵀφ` and its standard deviation; `None` if it depends on what is not determined.
     fn along(&self, a: &[f64; N]) -> Option<(f64, f64)> {
         if a.iter().zip(&self.determined).any(|(a, determined)| *a != 0.0 && !determined) {
@@ -452,6 +499,16 @@ pub fn absorb<const N: usize>(
         for statement in &ordered {
             let so_far = Point::of(&joint);
             for row in statement.rows(at.as_ref().unwrap_or(&so_far))? {
+                let least = LEAST_SIGMA_OVER_ROUNDING * f64::EPSILON * so_far.size(&row);
+                if row.sigma < least {
+                    // One digit more than is told, rounded up.
+                    let least = 1.05 * least * statement.sigma / row.sigma;
+                    return Err(KnownError::TooTight {
+                        name: statement.name(),
+                        sigma: statement.sigma,
+                        least,
+                    });
+                }
                 if let Some((found, found_sigma)) = so_far.along(&row.a) {
                     let deviation = (row.y - found).abs() / row.sigma.hypot(found_sigma);
                     if two_sided(deviation, noise) < REFUSED_PROBABILITY {

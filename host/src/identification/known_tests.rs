@@ -176,3 +176,49 @@ fn what_cannot_be_used_is_named() {
     assert!(matches!(check_model(&[known("offset_mz_nm=1±1")], false), Err(KnownError::NoOffset { .. })));
     assert_eq!(check_model(&[known("offset_mz_nm=1±1"), known("mass_kg=1±1")], true), Ok(()));
 }
+
+/// Until a row of a known quantity is refused, what it does to the others is exact: a row a thousand times as loose, itself
+/// far tighter than the data, gives the same.
+#[test]
+fn a_sigma_too_small_to_be_held_is_refused_and_the_smallest_that_is_told_spoils_nothing() {
+    let factor = data(&truth(), 0.05);
+    let with = |text: String| {
+        let mut joint = factor;
+        absorb(&mut joint, &[known(&text)], Noise::Given).map(|()| joint.solve())
+    };
+    for (name, value) in [("mass_kg", 20.01), ("com_x_m", 0.0101), ("iyy_com_kgm2", 0.05), ("mcx_kgm", 0.2)] {
+        for sigma in ["1e-16", "1e-30", "1e-300"] {
+            let refused = with(format!("{name}={value}±{sigma}")).unwrap_err();
+            let KnownError::TooTight { least, .. } = refused else { panic!("{refused}") };
+            assert!(refused.to_string().contains(&format!("{least:.1e}")), "{refused}");
+            let tight = with(format!("{name}={value}±{least:.1e}")).unwrap();
+            let loose = with(format!("{name}={value}±{:e}", 1e3 * least)).unwrap();
+            for j in 0..10 {
+                let change = (tight.estimate[j] - loose.estimate[j]).abs();
+                assert!(change < 2e-3 * loose.standard_deviation[j] + 4e3 * least, "{name} {j}: {change}");
+                let ratio = tight.standard_deviation[j] / loose.standard_deviation[j];
+                assert!(tight.determined[j] && (ratio < 1.0 + 1e-3), "{name} {j}: {ratio}");
+            }
+        }
+    }
+}
+
+#[test]
+fn numbers_in_refusals_have_the_digits_that_they_need() {
+    let error = KnownError::Contradiction {
+        name: "mass_kg".to_owned(),
+        value: 25.0,
+        sigma: 0.01,
+        found: 0.936_098_4,
+        found_sigma: 0.000_123,
+        deviation: 551.84,
+    };
+    let words = error.to_string();
+    assert!(words.contains("25 ± 0.01") && words.contains("0.93610 ± 0.00012 (1 σ), 551.8 σ"), "{words}");
+    let error = with_value(1e300);
+    assert!(error.len() < 200 && error.contains("1e300"), "{error}");
+}
+
+fn with_value(value: f64) -> String {
+    Known::parse(&format!("mass_kg={value}±1")).unwrap().to_string()
+}
