@@ -13,6 +13,7 @@ use crate::formats::rig::RigFile;
 use crate::identification::knocks::LIMIT_SD;
 use crate::identification::pooled::PooledFactor;
 use crate::identification::{Identification, Input, Progression};
+use crate::report::text::counted;
 use crate::report::{self, Along, Convergence, Drift, ReportData, Residual, Source, Stage, TimePlot, table};
 
 /// Everything a command knows at its end.
@@ -65,16 +66,18 @@ impl Ending<'_> {
         for (channel, count) in CHANNEL_NAMES.iter().zip(counters.rejected_by_channel) {
             if count > 0 {
                 self.warnings.push(format!(
-                    "{count} readings were rejected because of {channel}: saturated, frozen or not finite; check that \
-                     sensor and its range"
+                    "{} rejected because of {channel}: saturated, frozen or not finite; check that sensor and its range",
+                    counted(count.into(), "reading was", "readings were")
                 ));
             }
         }
         for (channel, count) in CHANNEL_NAMES.iter().zip(counters.knocks).filter(|(_, count)| *count > 0) {
             self.warnings.push(format!(
-                "{count} of {} filtered rows of {channel} are more than {LIMIT_SD} standard deviations off, as after a knock, \
-                 and count less",
-                counters.blocks
+                "{count} of {} filtered rows of {channel} {} more than {LIMIT_SD} standard deviations off, as after a knock, \
+                 and {} less",
+                counters.blocks,
+                if count == 1 { "is" } else { "are" },
+                if count == 1 { "counts" } else { "count" },
             ));
         }
         let source = ResultSource {

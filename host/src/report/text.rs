@@ -121,9 +121,7 @@ pub fn time_base_words(base: &TimeBase) -> Vec<String> {
         let clock = match stream.skew_s.map(|skew| skew.measured()) {
             None => "the clock of all".to_owned(),
             Some(None) => "skew not identified, taken as zero".to_owned(),
-            Some(Some(skew)) => {
-                format!("stamps late by {}", with_u95(1e3 * skew.value, 1e3 * skew.u95, "ms"))
-            }
+            Some(Some(skew)) => skew_words(skew.value, skew.u95),
         };
         format!(
             "{} ({}): {} rows at {} Hz, {clock}",
@@ -134,6 +132,17 @@ pub fn time_base_words(base: &TimeBase) -> Vec<String> {
         )
     }));
     lines
+}
+
+/// How late stamps are, s, in ms.
+fn skew_words(late_s: f64, u95_s: f64) -> String {
+    let late = if late_s < 0.0 { "early" } else { "late" };
+    format!("stamps {late} by {}", with_u95(1e3 * late_s.abs(), 1e3 * u95_s, "ms"))
+}
+
+/// `1 row`, `2 rows`.
+pub fn counted(number: usize, one: &str, many: &str) -> String {
+    format!("{number} {}", if number == 1 { one } else { many })
 }
 
 /// At most so many significant digits, without trailing zeros; scientific outside 1e-5 … 1e7.
@@ -314,5 +323,13 @@ mod tests {
         assert_eq!(duration(200.2), "3 min 20 s");
         assert_eq!(duration(3599.6), "1 h 00 min");
         assert_eq!(duration(f64::NAN), "unknown");
+    }
+
+    #[test]
+    fn one_of_a_kind_is_told_in_the_singular_and_early_is_not_negatively_late() {
+        assert_eq!(counted(1, "reading was", "readings were"), "1 reading was");
+        assert_eq!(counted(0, "sample", "samples"), "0 samples");
+        assert_eq!(skew_words(-2.46e-3, 0.12e-3), "stamps early by 2.46 ± 0.12 ms");
+        assert_eq!(skew_words(2.46e-3, 0.12e-3), "stamps late by 2.46 ± 0.12 ms");
     }
 }

@@ -21,6 +21,7 @@ use crate::formats::recording::{Recording, RecordingError};
 use crate::formats::result::{ParameterState, StreamResult, TimeBase};
 use crate::formats::rig::RigFileError;
 use crate::identification::prepare::{PrepareError, Prepared, prepare};
+use crate::report::text::{counted, significant};
 
 pub use files::{Stream, StreamSet};
 pub use grid::Grid;
@@ -70,7 +71,7 @@ pub enum StreamError {
     #[error("[recording] static = true and [[stream]] exclude each other: still poses have no clocks")]
     Static,
     /// Too short for the kernel.
-    #[error("{file} has {samples} samples: a local cubic needs at least {needed}")]
+    #[error("{file} has {}: a local cubic needs at least {needed}", counted(*.samples, "sample", "samples"))]
     TooFew {
         /// The stream.
         file: String,
@@ -172,7 +173,11 @@ pub fn align(set: &StreamSet) -> Result<Aligned, StreamError> {
     let states = skews.states(set.reference);
     for (stream, (state, u95)) in set.streams.iter().zip(states.iter().zip(&skews.u95_s)) {
         if *state == Some(ParameterState::NotIdentified) {
-            let by = if u95.is_finite() { format!(" (95 %: ± {u95:.2} s)") } else { String::new() };
+            let by = if u95.is_finite() {
+                format!(" (95 %: ± {} ms)", significant(1e3 * u95, 2))
+            } else {
+                String::new()
+            };
             warnings.push(format!(
                 "how late the stamps of {} are is not identified from this motion{by}: taken as zero; a livelier turn \
                  with rests before and after it would tell",
