@@ -10,8 +10,8 @@ use super::skew::Instant;
 
 /// Angles below this are mounting and bias, rad.
 const SMALL_RAD: f64 = 0.03;
-/// Across gravity there is this many times more than what is along it explains.
-const BEYOND: f64 = 4.0;
+/// Across gravity there is this many times more than what is along it explains: the vibration of a real robot leaves 0.5.
+const BEYOND: f64 = 2.5;
 /// An accelerometer farther than this from a point that does not move is not taken for explained, m.
 const FARTHEST_M: f64 = 0.5;
 
