@@ -245,7 +245,7 @@ fn within(stop: &Option<StopLimits>, deviations: &[f32]) -> bool {
 }
 
 /// Takes a sensor's words, if any, and the next reading that they completed through the estimator, if any: it is then
-/// [`SamplePath::reading`]. Call it without words while there is more.
+/// `SamplePath::reading`. Call it without words while there is more.
 // SAFETY: the name is this function's own; no other symbol of the program has it.
 #[unsafe(export_name = "rigident_sample_path")]
 #[inline(never)]

@@ -1,6 +1,6 @@
 //! The platform's controller as PI hexapods speak: General Command Set 2.0, in ASCII over TCP or a serial line.
 //!
-//! Lives here: the commands' syntax ([`syntax`]), the controller that obeys them ([`Hexapod`]), and the servers. May
+//! Lives here: the commands' syntax (`syntax`), the controller that obeys them ([`Hexapod`]), and the servers. May
 //! not live here: how the plate moves ([`crate::rig`]).
 //!
 //! What it knows is what a C-887 hexapod controller needs to be driven; `HLP?` lists it. Facts are from the vendor's manual of

@@ -1,7 +1,7 @@
 //! PI hexapods: General Command Set 2.0 over TCP or a serial line.
 //!
-//! Lives here: the questions and answers ([`Line`]), the driver ([`GcsPlatform`]), the errors in words. May not live
-//! here: when set points are due ([`super::pace`]). What is known of the protocol, with its sources, stands in
+//! Lives here: the questions and answers (`Line`), the driver ([`GcsPlatform`]), the errors in words. May not live
+//! here: when set points are due (`platform::pace`). What is known of the protocol, with its sources, stands in
 //! [`rigident_sim::serve::gcs`].
 //!
 //! A program is driven as a path of consecutive `MOV`, one every `1/rate_hz`, buffered by 0.2 s. Before, every hundredth of
