@@ -5,7 +5,9 @@
 #[path = "factors/simulated.rs"]
 mod simulated;
 
+use rigident::identification::remembered::identify_remembered;
 use rigident::identification::{Identification, Input, identify, progression};
+use rigident_shared::forgetting::{ImuNoise, MemoryConfig, Span};
 use rigident_shared::spatial::Wrench;
 use rigident_sim::experiment::thesis_program;
 use rigident_sim::rig::{Readings, RigConfig};
@@ -57,6 +59,25 @@ fn a_knock_in_a_recording_is_found_and_its_rows_count_little() {
             assert!((4..=12).contains(&fx) && (4..=12).contains(&my), "{:?}", answer.counters.knocks);
             assert_eq!(answer.counters.knocks, [fx, 0, 0, 0, my, 0]);
             assert_eq!(reference.counters.knocks, [0; 6]);
+        }
+    }
+}
+
+/// The run begins with rests, after which next to nothing is known of the tensor.
+#[test]
+fn a_memory_weights_a_knock_and_counts_it_and_a_long_one_agrees_with_none() {
+    let clean = recording(1);
+    let imu_noise = ImuNoise { accel: 0.02, gyro: 3.7e-3 / 1.96 };
+    let whole = identify(&knocked(&clean)).unwrap();
+    for span in [Span::TimeConstant(1e6), Span::TimeConstant(10.0), Span::Window(10.0)] {
+        let memory = MemoryConfig { span, imu_noise };
+        let with = |input: &Input| identify_remembered(input, &memory, 1).unwrap().0;
+        let answer = with(&knocked(&clean));
+        let [fx, _, _, _, my, _] = answer.counters.knocks;
+        assert!((4..=12).contains(&fx) && (4..=12).contains(&my), "{span:?}: {:?}", answer.counters.knocks);
+        assert!(largest_change(&answer, &with(&clean)) < 0.5, "{span:?}");
+        if span == Span::TimeConstant(1e6) {
+            assert!(largest_change(&answer, &whole) < 0.5);
         }
     }
 }

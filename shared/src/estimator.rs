@@ -348,6 +348,11 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
 
     fn refer_to(&mut self, parameters: Option<[T; N]>, standard_deviation: [T; N], knock_limit: T) {
         if let Some(parameters) = parameters {
+            // One that a single look makes twice as good was no measure of the noise: with it goes what it left.
+            let before = self.reference.iter().flat_map(|r| &r.standard_deviation);
+            if before.zip(&standard_deviation).any(|(before, now)| *now + *now < *before) {
+                self.statistics = ChannelStatistics::default();
+            }
             self.reference =
                 Some(Reference { parameters, standard_deviation, noise_scale: T::ONE, knock_limit });
         }
@@ -372,7 +377,7 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
         &self.counters
     }
 
-    /// Sums over the innovations since a reference was given.
+    /// Sums over the innovations since a reference was given, or since a look last halved one of its standard deviations.
     pub fn channel_statistics(&self) -> &ChannelStatistics<T> {
         &self.statistics
     }

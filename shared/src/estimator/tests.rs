@@ -301,3 +301,47 @@ fn noise_at_rest_is_no_excitation() {
         assert_eq!(estimator.factor().rows() / 6, since, "{n}");
     }
 }
+
+/// At rest next to nothing is known of the body. What such a reference leaves unexplained must not pass for noise later on,
+/// or no knock is ever large against it.
+#[test]
+fn a_knock_is_told_after_a_run_that_began_at_rest() {
+    for span in [Span::TimeConstant(1e6), Span::TimeConstant(10.0), Span::Window(10.0)] {
+        let mut estimator = Estimator::<f64, 16, TAPS>::new(&config(200.0, false)).unwrap();
+        estimator.set_memory(&memory(span)).unwrap();
+        let sigma = estimator.config().channel_sigma;
+        let mut random = Random(3);
+        let mut noisy = |values: [f64; 6], sd: [f64; 6]| -> [f64; 6] {
+            core::array::from_fn(|c| values[c] + sd[c] * random.normal())
+        };
+        for n in 0..6000_u32 {
+            // Two seconds at rest, in steps as the platform sways.
+            let mut r = reading((f64::from(n) / 200.0 - 2.0).max(0.0));
+            r.time_ns = u64::from(n) * 5_000_000;
+            if n < 400 {
+                r.angular_rate = mounting().gyro_bias;
+            }
+            let [ax, ay, az] = r.specific_force.array();
+            let [gx, gy, gz] = r.angular_rate.array();
+            let imu = noisy([ax, ay, az, gx, gy, gz], [0.02, 0.02, 0.02, 2e-3, 2e-3, 2e-3]);
+            r.specific_force = SpecificForce::new(imu[0], imu[1], imu[2]);
+            r.angular_rate = AngularRate::new(imu[3], imu[4], imu[5]);
+            let mut wrench = noisy(r.wrench.array(), sigma);
+            if (4000..4020).contains(&n) {
+                wrench[0] += 200.0;
+            }
+            r.wrench = Wrench::from_array(wrench);
+            estimator.absorb(&r);
+            estimator.remember(6.0);
+            assert!(n >= 4000 || n < 2000 || estimator.counters().knocks == [0; 6], "{span:?} {n}");
+        }
+        // 0.1 s under a filter of 0.1 s, a hundred blocks a second.
+        let [fx, others @ ..] = estimator.counters().knocks;
+        assert!((10..=22).contains(&fx) && others == [0; 5], "{span:?}: {:?}", estimator.counters().knocks);
+        let rms = estimator.channel_statistics().rms().unwrap();
+        let kernel = estimator.kernel().noise_gain();
+        for (rms, sigma) in rms.into_iter().zip(sigma) {
+            assert!(rms < 2.0 * sigma * kernel.sqrt(), "{span:?}: {rms}");
+        }
+    }
+}
