@@ -247,7 +247,7 @@ pub struct Run {
     ///
     /// tcp://HOST:PORT: as `rigident-sim serve` offers it. gcs://HOST:PORT or gcs:///dev/ttyUSB0: a PI hexapod (GCS 2.0).
     /// pose+tcp://HOST:PORT, pose+udp://…, pose+serial:///dev/…, legs+…: CSV lines of poses or leg lengths. Behind it
-    /// ?rate_hz=100 and &baud=115200 where they apply
+    /// ?rate_hz=100, &lead_s=0.2 (set points are sent so long before their time) and &baud=115200 where they apply
     #[arg(long, value_name = "ADDRESS")]
     pub platform: String,
     /// Move without asking: the limits were checked, and nobody stands in the platform's way

@@ -8,6 +8,7 @@ use std::time::Duration;
 use rigident_sim::platform::Geometry;
 
 use super::gcs::GcsPlatform;
+use super::pace::Timing;
 use super::stream::{Lines, StreamPlatform};
 use super::{NetworkPlatform, Platform, PlatformError};
 
@@ -17,6 +18,10 @@ pub(super) const PATIENCE: Duration = Duration::from_secs(3);
 const RATE_HZ: f64 = 100.0;
 /// Rates that make sense, 1/s.
 const RATES_HZ: std::ops::RangeInclusive<f64> = 10.0..=500.0;
+/// How long before their time they are sent where the address does not say, s.
+const LEAD_S: f64 = 0.2;
+/// Leads that make sense, s.
+const LEADS_S: std::ops::RangeInclusive<f64> = 0.02..=2.0;
 /// Baud where the address does not say.
 const BAUD: u32 = 115_200;
 
@@ -50,8 +55,8 @@ pub(super) struct Address {
     pub text: String,
     scheme: String,
     place: String,
-    /// Set points per second.
-    pub rate_hz: f64,
+    /// When set points are sent.
+    pub timing: Timing,
     baud: u32,
 }
 
@@ -65,7 +70,7 @@ impl Address {
             text: text.to_owned(),
             scheme: scheme.to_owned(),
             place: place.to_owned(),
-            rate_hz: RATE_HZ,
+            timing: Timing { rate_hz: RATE_HZ, lead_s: LEAD_S },
             baud: BAUD,
         };
         if place.is_empty() {
@@ -74,13 +79,17 @@ impl Address {
         for setting in settings.split('&').filter(|s| !s.is_empty()) {
             let bad = |e: &dyn Display| wrong(format!("{setting}: {e}"));
             match setting.split_once('=') {
-                Some(("rate_hz", value)) => address.rate_hz = value.parse().map_err(|e| bad(&e))?,
+                Some(("rate_hz", value)) => address.timing.rate_hz = value.parse().map_err(|e| bad(&e))?,
+                Some(("lead_s", value)) => address.timing.lead_s = value.parse().map_err(|e| bad(&e))?,
                 Some(("baud", value)) => address.baud = value.parse().map_err(|e| bad(&e))?,
-                _ => return Err(bad(&"there are rate_hz and baud")),
+                _ => return Err(bad(&"there are rate_hz, lead_s and baud")),
             }
         }
-        if !RATES_HZ.contains(&address.rate_hz) {
+        if !RATES_HZ.contains(&address.timing.rate_hz) {
             return Err(wrong(format!("rate_hz goes from {} to {}", RATES_HZ.start(), RATES_HZ.end())));
+        }
+        if !LEADS_S.contains(&address.timing.lead_s) {
+            return Err(wrong(format!("lead_s goes from {} to {}", LEADS_S.start(), LEADS_S.end())));
         }
         Ok(address)
     }
@@ -153,10 +162,17 @@ mod tests {
 
     #[test]
     fn an_address_says_how_where_and_how_fast() {
-        let address = Address::parse("gcs:///dev/ttyUSB0?rate_hz=50&baud=57600").unwrap();
+        let address = Address::parse("gcs:///dev/ttyUSB0?rate_hz=50&lead_s=0.5&baud=57600").unwrap();
         assert_eq!((address.scheme.as_str(), address.place.as_str()), ("gcs", "/dev/ttyUSB0"));
-        assert_eq!((address.rate_hz, address.baud), (50.0, 57_600));
-        for wrong in ["here", "gcs://", "gcs://h:1?rate_hz=0", "gcs://h:1?rate_hz=nan", "gcs://h:1?speed=2"] {
+        assert_eq!((address.timing, address.baud), (Timing { rate_hz: 50.0, lead_s: 0.5 }, 57_600));
+        for wrong in [
+            "here",
+            "gcs://",
+            "gcs://h:1?rate_hz=0",
+            "gcs://h:1?rate_hz=nan",
+            "gcs://h:1?lead_s=9",
+            "gcs://h:1?speed=2",
+        ] {
             let said = Address::parse(wrong).unwrap_err().to_string();
             assert!(said.starts_with(wrong) && said.contains("an address looks like"), "{said}");
         }

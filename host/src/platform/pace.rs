@@ -9,8 +9,6 @@ use rigident_sim::platform::{Pose, Trajectory};
 
 use super::{Motion, MotionSample, PlatformError};
 
-/// Points are sent so long before their time, s: what the network delays by less does not show.
-pub(super) const LEAD_S: f64 = 0.2;
 /// Whoever watches the motion asks often; after so long without, s, the platform is stopped.
 const UNWATCHED_S: f64 = 2.0;
 /// A controller without a stop of its own is led to rest on the path within, s.
@@ -21,6 +19,16 @@ const TAIL_S: f64 = 0.2;
 const REST_S: f64 = 3.0;
 /// A gap after which missed points are no longer caught up, s.
 const GAP_S: f64 = 0.5;
+
+/// When set points are sent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Timing {
+    /// Points per second.
+    pub rate_hz: f64,
+    /// Points are sent so long before their time, s: what the network or this machine delays by less does not show. A stop
+    /// comes so much later where the controller has none of its own.
+    pub lead_s: f64,
+}
 
 /// What set points go to.
 pub(super) trait Sink: Send {
@@ -56,12 +64,12 @@ fn lock(shared: &Mutex<Shared>) -> MutexGuard<'_, Shared> {
 }
 
 impl<S: Sink + 'static> Pace<S> {
-    /// Begins to send `trajectory` at `rate_hz`, looking `looks_hz` times per second.
-    pub(super) fn begin(sink: S, trajectory: Trajectory, rate_hz: f64, looks_hz: f64) -> Self {
+    /// Begins to send `trajectory`, looking `looks_hz` times per second.
+    pub(super) fn begin(sink: S, trajectory: Trajectory, timing: Timing, looks_hz: f64) -> Self {
         let shared = Arc::new(Mutex::new(Shared { watched: Some(Instant::now()), ..Shared::default() }));
         let stop = Arc::new(AtomicBool::new(false));
         let run =
-            Run { sink, trajectory, rate_hz, looks_hz, shared: Arc::clone(&shared), stop: Arc::clone(&stop) };
+            Run { sink, trajectory, timing, looks_hz, shared: Arc::clone(&shared), stop: Arc::clone(&stop) };
         Self { shared, stop, thread: Some(thread::spawn(move || run.run())) }
     }
 
@@ -107,7 +115,7 @@ impl<S> Drop for Pace<S> {
 struct Run<S> {
     sink: S,
     trajectory: Trajectory,
-    rate_hz: f64,
+    timing: Timing,
     looks_hz: f64,
     shared: Arc<Mutex<Shared>>,
     stop: Arc<AtomicBool>,
@@ -129,14 +137,15 @@ impl<S: Sink> Run<S> {
 
     /// Sends every point in time, to the end or a stop.
     fn follow(&mut self) -> Result<(), PlatformError> {
-        let step_s = 1.0 / self.rate_hz;
+        let step_s = 1.0 / self.timing.rate_hz;
         let begun = Instant::now();
         // The program's own time: it goes slower once the plate is led to rest.
         let (mut program_s, mut slowing) = (0.0_f64, None);
         let mut next_look_s = 0.0;
         for k in 1_u64.. {
             let time_s = k as f64 * step_s;
-            let wait = Duration::from_secs_f64((time_s - LEAD_S).max(0.0)).saturating_sub(begun.elapsed());
+            let wait = Duration::from_secs_f64((time_s - self.timing.lead_s).max(0.0))
+                .saturating_sub(begun.elapsed());
             thread::sleep(wait);
             if begun.elapsed().as_secs_f64() > time_s + GAP_S {
                 return Err(PlatformError::Unwatched(GAP_S));

@@ -5,14 +5,14 @@
 //! | `pose+tcp://`, `pose+udp://`, `pose+serial://` | `t_s,x_m,y_m,z_m,qw,qx,qy,qz`: the plate in A |
 //! | `legs+tcp://`, `legs+udp://`, `legs+serial://` | `t_s,l1_m,l2_m,l3_m,l4_m,l5_m,l6_m` |
 //!
-//! Time goes from the beginning of the stream in steps of `1/rate_hz`; a line is sent 0.2 s before its time. The stream begins
+//! Time goes from the beginning of the stream in steps of `1/rate_hz`; a line is sent `lead_s` before its time. The stream begins
 //! with the plate at home, goes to the program's start, and ends with the last pose repeated. A stop leads the plate to
-//! rest on its path within half a second. Where the plate really is, nobody says: nothing is measured.
+//! rest on its path within half a second after the lines sent already. Where the plate really is, nobody says: nothing is measured.
 
 use rigident_sim::platform::{Geometry, MotionProgram, Pose, Segment, Trajectory};
 
 use super::address::{Address, Wire};
-use super::pace::{Pace, Sink};
+use super::pace::{Pace, Sink, Timing};
 use super::{Motion, MotionSample, Platform, PlatformError, check, quaternion};
 
 /// How long the way from home to the program's start takes at most at 0.1 m/s or 0.4 rad/s.
@@ -34,7 +34,7 @@ pub(super) enum Lines {
 /// A controller that takes lines.
 pub struct StreamPlatform {
     geometry: Geometry,
-    rate_hz: f64,
+    timing: Timing,
     trajectory: Option<Trajectory>,
     /// Until its program is started.
     sink: Option<Writer>,
@@ -54,7 +54,7 @@ impl StreamPlatform {
         let sink = Writer { wire, lines, geometry: geometry.clone(), address: address.text.clone() };
         Self {
             geometry,
-            rate_hz: address.rate_hz,
+            timing: address.timing,
             trajectory: None,
             sink: Some(sink),
             pace: None,
@@ -87,7 +87,7 @@ impl Platform for StreamPlatform {
             .sink
             .take()
             .ok_or_else(|| PlatformError::Refused("its stream was sent; connect again".to_owned()))?;
-        self.pace = Some(Pace::begin(sink, trajectory, self.rate_hz, 20.0));
+        self.pace = Some(Pace::begin(sink, trajectory, self.timing, 20.0));
         Ok(())
     }
 

@@ -214,10 +214,10 @@ fn lines_of_poses_and_legs_are_followed_by_connection_datagram_and_serial_line()
     program.segments.push(Segment::Move { to: home, duration_s: 1.0 });
     let trajectory = program.trajectory().unwrap();
     for address in [
-        format!("pose+tcp://{at}"),
-        format!("legs+udp://{at}"),
-        format!("pose+serial://{}", serial.display()),
-        format!("legs+tcp://{at}?rate_hz=200"),
+        format!("pose+tcp://{at}?lead_s=1"),
+        format!("legs+udp://{at}?lead_s=1"),
+        format!("pose+serial://{}?lead_s=1", serial.display()),
+        format!("legs+tcp://{at}?rate_hz=200&lead_s=1"),
     ] {
         let mut platform = ready(&served, &address, &program);
         platform.start().unwrap();

@@ -40,7 +40,7 @@ pub fn words(code: i32) -> &'static str {
         73 => "the wave generator runs: switch it off (WGO)",
         76 => "the interface's buffer ran over: lower rate_hz or raise the baud rate",
         220 => {
-            "the set points ceased and the platform came to rest: the connection or this machine is too slow, lower rate_hz"
+            "the set points ceased and the platform came to rest: the connection or this machine is too slow, raise lead_s or lower rate_hz"
         }
         221 => "set points came faster than they were driven",
         301 => "the send buffer ran over",

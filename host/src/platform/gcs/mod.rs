@@ -4,7 +4,7 @@
 //! here: when set points are due (`platform::pace`). What is known of the protocol, with its sources, stands in
 //! [`rigident_sim::serve::gcs`].
 //!
-//! A program is driven as a path of consecutive `MOV`, one every `1/rate_hz`, buffered by 0.2 s. Before, every hundredth of
+//! A program is driven as a path of consecutive `MOV`, one every `1/rate_hz`, buffered by `lead_s`. Before, every hundredth of
 //! a second of it is held against the controller's limits (`TMN?`, `TMX?`), and poses all along it against `VMO?`.
 //! The built-in description of the platform must have its home where the hexapod has its zero.
 
@@ -19,7 +19,7 @@ use rigident_sim::platform::{Geometry, MotionProgram, Pose, Trajectory};
 use rigident_sim::serve::gcs::GcsPosition;
 
 use super::address::{Address, Wire};
-use super::pace::{LEAD_S, Pace, Sink};
+use super::pace::{Pace, Sink, Timing};
 use super::{Motion, MotionSample, Platform, PlatformError};
 use line::Line;
 
@@ -36,7 +36,7 @@ const LONGEST_S: f64 = 120.0;
 /// A PI hexapod.
 pub struct GcsPlatform {
     reference: Pose,
-    rate_hz: f64,
+    timing: Timing,
     trajectory: Option<Trajectory>,
     state: State,
 }
@@ -90,7 +90,7 @@ impl GcsPlatform {
         let reference = geometry.home();
         Ok(Self {
             reference,
-            rate_hz: address.rate_hz,
+            timing: address.timing,
             trajectory: None,
             state: State::Resting(Hexapod { line, reference, last: String::new() }),
         })
@@ -180,16 +180,16 @@ impl Platform for GcsPlatform {
         let Some(trajectory) = self.trajectory.clone() else {
             return Err(PlatformError::Refused("no motion program is loaded".to_owned()));
         };
-        let rate_hz = self.rate_hz;
+        let timing = self.timing;
         let hexapod = self.resting()?;
         // The source last: it begins a path.
-        let buffered = (LEAD_S * rate_hz).floor().max(2.0);
+        let buffered = (timing.lead_s * timing.rate_hz).floor().max(2.0);
         hexapod.line.order("SPA X 0x19001901 1")?;
         hexapod.line.order(&format!("SPA X 0x19001903 {buffered}"))?;
-        hexapod.line.order(&format!("SCT T {}", 1e3 / rate_hz))?;
+        hexapod.line.order(&format!("SCT T {}", 1e3 / timing.rate_hz))?;
         hexapod.line.order("SPA X 0x19001900 1")?;
         if let State::Resting(hexapod) = std::mem::replace(&mut self.state, State::Gone) {
-            self.state = State::Moving(Pace::begin(hexapod, trajectory, rate_hz, LOOKS_HZ));
+            self.state = State::Moving(Pace::begin(hexapod, trajectory, timing, LOOKS_HZ));
         }
         Ok(())
     }
