@@ -17,6 +17,7 @@ mod poses_table_12;
 mod still_poses;
 #[path = "../tables/mod.rs"]
 mod tables;
+mod workspace;
 
 use std::process::ExitCode;
 
@@ -26,6 +27,7 @@ fn main() -> ExitCode {
 
 fn make(name: &str) -> String {
     match name {
+        "workspace" => workspace::table(),
         "poses-search" => poses_search::table(),
         "poses-table-12" => poses_table_12::table(),
         "poses-stroke" => poses_stroke::table(),

@@ -2,7 +2,8 @@
 
 /// On the command line and in the document's markers, in the document's order. Those that end in `-long` are made only
 /// when named or with `--long`.
-pub const TABLES: [&str; 10] = [
+pub const TABLES: [&str; 11] = [
+    "workspace",
     "poses-search",
     "poses-table-12",
     "poses-stroke",
