@@ -17,6 +17,7 @@ mod limits;
 mod load;
 mod program;
 mod sphere;
+mod trajectory;
 
 pub use forward::ForwardError;
 pub use geometry::{Geometry, StrokeError};
@@ -25,9 +26,10 @@ pub use kinematics::{Coordinates, PlateState, rotation_from_rpy};
 pub use legs::Legs;
 pub use limits::{COND_MAX, JointCones, Limit, LimitMargins, Limits, Margin, Violation};
 pub use load::{Bodies, Load};
-pub(crate) use program::quintic_integral;
-pub use program::{Axis, MotionProgram, Segment, SineTerm, Trajectory};
+pub use program::{Axis, MotionProgram, Segment, SineTerm};
 pub use sphere::Sphere;
+pub use trajectory::Trajectory;
+pub(crate) use trajectory::quintic_integral;
 
 use serde::{Deserialize, Serialize};
 

@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::kinematics::{Coordinates, PlateState, rotation_from_rpy, rpy_from_rotation};
-use super::program::{envelope, envelope_peaks};
+use super::trajectory::{envelope, envelope_peaks};
 
 /// What a [`super::Segment::Sphere`] does.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

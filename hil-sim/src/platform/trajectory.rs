@@ -1,0 +1,232 @@
+//! Exact kinematics of a motion program.
+
+use super::kinematics::{Coordinates, PlateState};
+use super::program::{MotionProgram, Segment};
+use super::{MotionError, Pose};
+
+/// One segment at its place in time, begun from a known pose.
+#[derive(Clone, Debug)]
+struct Piece {
+    begin_s: f64,
+    from: [f64; 6],
+    segment: Segment,
+}
+
+/// A program ready to be evaluated at any time. Before its beginning and after its end the plate stands still.
+#[derive(Clone, Debug)]
+pub struct Trajectory {
+    start: [f64; 6],
+    end: [f64; 6],
+    duration_s: f64,
+    pieces: Vec<Piece>,
+}
+
+/// The quintic from 0 to 1 with its first and second derivatives; its first two derivatives vanish at both ends.
+fn quintic(s: f64) -> [f64; 3] {
+    if s <= 0.0 {
+        return [0.0; 3];
+    }
+    if s >= 1.0 {
+        return [1.0, 0.0, 0.0];
+    }
+    let r = 1.0 - s;
+    [s * s * s * (10.0 + s * (6.0 * s - 15.0)), 30.0 * s * s * r * r, 60.0 * s * r * (1.0 - 2.0 * s)]
+}
+
+/// The integral of the quintic from 0 to `s`, and the quintic itself with its derivatives.
+pub(crate) fn quintic_integral(s: f64) -> (f64, [f64; 3]) {
+    let c = s.clamp(0.0, 1.0);
+    (c * c * c * c * (2.5 + c * (c - 3.0)) + (s - 1.0).max(0.0), quintic(s))
+}
+
+impl Trajectory {
+    /// Places the segments of `program` in time.
+    ///
+    /// # Errors
+    /// The first segment that makes no sense.
+    pub fn new(program: &MotionProgram) -> Result<Self, MotionError> {
+        let start = program.start.coordinates();
+        if !start.iter().all(|c| c.is_finite()) {
+            let reason = "the start pose has a coordinate that is not a finite number";
+            return Err(MotionError::BadSegment { segment: 0, reason });
+        }
+        let (mut at, mut begin_s) = (start, 0.0);
+        let mut pieces = Vec::with_capacity(program.segments.len());
+        for (i, segment) in program.segments.iter().enumerate() {
+            segment.check().map_err(|reason| MotionError::BadSegment { segment: i + 1, reason })?;
+            pieces.push(Piece { begin_s, from: at, segment: segment.clone() });
+            begin_s += segment.duration_s();
+            if let Segment::Move { to, .. } = segment {
+                at = to.coordinates();
+            }
+        }
+        Ok(Self { start, end: at, duration_s: begin_s, pieces })
+    }
+
+    /// A plate that stands still.
+    pub fn resting(pose: &Pose) -> Self {
+        let at = pose.coordinates();
+        Self { start: at, end: at, duration_s: 0.0, pieces: Vec::new() }
+    }
+
+    /// How long it takes, s.
+    pub fn duration_s(&self) -> f64 {
+        self.duration_s
+    }
+
+    /// Where it starts.
+    pub fn start_pose(&self) -> Pose {
+        Pose::from_coordinates(self.start)
+    }
+
+    /// Where it ends.
+    pub fn end_pose(&self) -> Pose {
+        Pose::from_coordinates(self.end)
+    }
+
+    /// Coordinates with exact derivatives at `time_s`.
+    pub fn coordinates(&self, time_s: f64) -> Coordinates {
+        let still = |value| Coordinates { value, ..Coordinates::default() };
+        if time_s <= 0.0 {
+            return still(self.start);
+        }
+        if time_s >= self.duration_s {
+            return still(self.end);
+        }
+        let next = self.pieces.partition_point(|p| p.begin_s <= time_s);
+        match next.checked_sub(1).and_then(|i| self.pieces.get(i)) {
+            Some(piece) => piece.coordinates(time_s - piece.begin_s),
+            None => still(self.start),
+        }
+    }
+
+    /// Times, s, between which every derivative is continuous: the beginning and the end of each segment and of its
+    /// ramps, in order.
+    pub fn seams_s(&self) -> Vec<f64> {
+        let mut seams = vec![0.0];
+        for piece in &self.pieces {
+            let end_s = piece.begin_s + piece.segment.duration_s();
+            if let Some(ramp_s) = piece.segment.ramp_s() {
+                seams.extend([piece.begin_s + ramp_s, end_s - ramp_s]);
+            }
+            seams.push(end_s);
+        }
+        seams.dedup();
+        seams
+    }
+
+    /// Bounds of `|x'''|`, m/s³, and of `|d²ω/dt²|`, rad/s³, both in A, between the two seams around `time_s`.
+    pub(super) fn third_derivatives(&self, time_s: f64) -> [f64; 2] {
+        let next = self.pieces.partition_point(|p| p.begin_s <= time_s);
+        match next.checked_sub(1).and_then(|i| self.pieces.get(i)) {
+            Some(piece) => piece.third_derivatives(time_s - piece.begin_s),
+            None => [0.0; 2],
+        }
+    }
+
+    /// The plate's rigid motion at `time_s`.
+    pub fn state(&self, time_s: f64) -> PlateState {
+        self.coordinates(time_s).plate_state()
+    }
+}
+
+impl Piece {
+    fn coordinates(&self, t: f64) -> Coordinates {
+        let mut c = Coordinates { value: self.from, ..Coordinates::default() };
+        match &self.segment {
+            Segment::Hold { .. } => {}
+            Segment::Move { to, duration_s } => {
+                let [s0, s1, s2] = quintic(t / duration_s);
+                let (d1, d2) = (s1 / duration_s, s2 / (duration_s * duration_s));
+                for (i, goal) in to.coordinates().into_iter().enumerate() {
+                    let step = goal - self.from[i];
+                    c.value[i] += step * s0;
+                    c.rate[i] = step * d1;
+                    c.acceleration[i] = step * d2;
+                }
+            }
+            Segment::Multisine { duration_s, ramp_s, terms } => {
+                let [e0, e1, e2] = envelope(t, *duration_s, *ramp_s);
+                let (mut sum, mut sum1, mut sum2) = ([0.0; 6], [0.0; 6], [0.0; 6]);
+                for term in terms {
+                    let w = std::f64::consts::TAU * term.frequency_hz;
+                    let (sin, cos) = (w * t + term.phase_rad).sin_cos();
+                    let i = term.axis as usize;
+                    sum[i] += term.amplitude * sin;
+                    sum1[i] += term.amplitude * w * cos;
+                    sum2[i] -= term.amplitude * w * w * sin;
+                }
+                for i in 0..6 {
+                    c.value[i] += e0 * sum[i];
+                    c.rate[i] = e1 * sum[i] + e0 * sum1[i];
+                    c.acceleration[i] = e2 * sum[i] + 2.0 * e1 * sum1[i] + e0 * sum2[i];
+                }
+            }
+            Segment::Sphere(sphere) => c = sphere.coordinates(&self.from, t),
+        }
+        c
+    }
+
+    fn third_derivatives(&self, t: f64) -> [f64; 2] {
+        let ramping = |ramp_s: f64| t < ramp_s || self.segment.duration_s() - t < ramp_s;
+        let mut peaks = [[0.0_f64; 3]; 6];
+        match &self.segment {
+            Segment::Hold { .. } => {}
+            Segment::Move { to, duration_s } => {
+                for ((peaks, goal), from) in peaks.iter_mut().zip(to.coordinates()).zip(self.from) {
+                    *peaks = envelope_peaks(*duration_s).map(|p| p * (goal - from).abs());
+                }
+            }
+            Segment::Multisine { ramp_s, terms, .. } => {
+                let [e1, e2, e3] = if ramping(*ramp_s) { envelope_peaks(*ramp_s) } else { [0.0; 3] };
+                for term in terms {
+                    let (a, w) = (term.amplitude.abs(), std::f64::consts::TAU * term.frequency_hz.abs());
+                    let [d1, d2, d3] = &mut peaks[term.axis as usize];
+                    *d1 += a * (e1 + w);
+                    *d2 += a * (e2 + 2.0 * e1 * w + w * w);
+                    *d3 += a * (e3 + 3.0 * e2 * w + 3.0 * e1 * w * w + w * w * w);
+                }
+            }
+            Segment::Sphere(sphere) => return sphere.third_derivatives(ramping(sphere.ramp_s)),
+        }
+        let [x, y, z, roll, pitch, yaw] = peaks;
+        let jerk = (x[2] * x[2] + y[2] * y[2] + z[2] * z[2]).sqrt();
+        // In A, ω = roll' u + pitch' v + yaw' z with unit vectors u, turned by pitch and yaw, and v, turned by yaw:
+        // |u'| ≤ |pitch'| + |yaw'|, |u''| ≤ |pitch''| + |yaw''| + (|pitch'| + |yaw'|)², |v''| ≤ |yaw''| + yaw'².
+        let u1 = pitch[0] + yaw[0];
+        let u2 = pitch[1] + yaw[1] + u1 * u1;
+        let (v1, v2) = (yaw[0], yaw[1] + yaw[0] * yaw[0]);
+        let second = roll[2]
+            + 2.0 * roll[1] * u1
+            + roll[0] * u2
+            + pitch[2]
+            + 2.0 * pitch[1] * v1
+            + pitch[0] * v2
+            + yaw[2];
+        [jerk, second]
+    }
+}
+
+/// Largest first, second and third derivatives of the quintic over `ramp` seconds: `15/8`, `10/√3` and 60, by the powers of
+/// the ramp.
+pub(super) fn envelope_peaks(ramp: f64) -> [f64; 3] {
+    [1.875 / ramp, 10.0 / (3.0_f64.sqrt() * ramp * ramp), 60.0 / (ramp * ramp * ramp)]
+}
+
+/// Up over `ramp`, one, down over `ramp`: value and derivatives in seconds.
+pub(super) fn envelope(t: f64, duration: f64, ramp: f64) -> [f64; 3] {
+    let down = duration - t;
+    if t < ramp {
+        let [a, b, c] = quintic(t / ramp);
+        [a, b / ramp, c / (ramp * ramp)]
+    } else if down < ramp {
+        let [a, b, c] = quintic(down / ramp);
+        [a, -b / ramp, c / (ramp * ramp)]
+    } else {
+        [1.0, 0.0, 0.0]
+    }
+}
+
+#[cfg(test)]
+#[path = "trajectory_tests.rs"]
+mod tests;
