@@ -1,11 +1,13 @@
 //! The batch side of the pipeline: a recording's readings, in f64, through the very functions that the
 //! firmware runs.
 //!
-//! Lives here: two passes where the noise is not given, residuals, what the noise of the gyro could fake, gain
-//! errors of the load cell ([`gains`]), calibration of the accelerometer on still poses ([`poses`]). May not
+//! Lives here: two passes where the noise is not given, what they leave and what noise that tells ([`residuals`]), the way
+//! to the answer ([`course`]), gain errors of the load cell ([`gains`]), calibration of the accelerometer on still poses
+//! ([`poses`]). May not
 //! live here: file formats, printing. Before this: [`crate::formats`]; after it: [`crate::answer`].
 
 pub mod absorb;
+pub mod course;
 pub mod gains;
 pub mod knocks;
 pub mod known;
@@ -14,6 +16,7 @@ pub mod pooled;
 pub mod poses;
 pub mod prepare;
 pub mod remembered;
+pub mod residuals;
 pub mod tare;
 pub mod whiteness;
 
@@ -23,11 +26,14 @@ use rigident_shared::factor::InformationFactor;
 use rigident_shared::screening::Limits;
 
 use self::absorb::{Shares, Split};
-use self::gains::{ChannelFactors, GainFit, residual_with_gains};
+pub use self::course::{Progression, progression};
+use self::gains::{ChannelFactors, GainFit};
 use self::pooled::{Judgement, RowSet, judge};
+pub use self::residuals::BlockResidual;
+use self::residuals::{gyro_sigma, residuals, rms, sigma_from_residuals};
 use crate::answer::identifiability::{self, RegressorNoise};
 use crate::answer::{Estimate, Noise};
-use crate::formats::result::{Measured, ParameterState};
+use crate::formats::result::ParameterState;
 
 /// Room for the filter on the host: 0.1 s at 40 kHz.
 pub(crate) const TAPS: usize = 256;
@@ -113,24 +119,6 @@ impl Factor {
     }
 }
 
-/// Residual of one row block, N and N m, at its time.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BlockResidual {
-    /// Time of the reading that completed the block, s.
-    pub time_s: f64,
-    /// Filtered wrench less the prediction.
-    pub residual: [f64; 6],
-    /// Factor on each row beside its weight: less than 1 where a knock has spoilt it.
-    pub factors: [f64; 6],
-}
-
-impl BlockResidual {
-    /// The residual as the answer counts it.
-    fn weighted(&self) -> [f64; 6] {
-        std::array::from_fn(|c| self.residual[c] * self.factors[c])
-    }
-}
-
 /// What the recording says.
 #[derive(Clone, Debug)]
 pub struct Identification {
@@ -193,11 +181,6 @@ pub enum IdentificationError {
     /// The filter does not fit the rate, or a σ is impossible.
     #[error("the estimator cannot be set up ({0:?}): check rate_hz and noise_n_nm in the rig file")]
     Config(ConfigError),
-}
-
-/// Filtered readings are worth this many independent ones each, and dof are counted per channel.
-fn degrees_of_freedom(blocks: u32, noise_gain: f64, determined: usize) -> f64 {
-    (f64::from(blocks) * noise_gain.min(1.0) - determined as f64 / 6.0).max(1.0)
 }
 
 /// Identifies the body in S.
@@ -426,171 +409,4 @@ fn merge_channels(mut a: Option<ChannelFactors>, b: Option<ChannelFactors>) -> O
         a.merge(b);
     }
     a
-}
-
-/// The estimate as rows come in.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Progression {
-    /// Time of the reading that completed the rows, s.
-    pub time_s: f64,
-    /// Each parameter; `None` while the rows do not determine it.
-    pub parameters: Vec<Option<Measured>>,
-}
-
-/// About `points` estimates on the way to the one that a batch ends at: rows weighted and intervals widened as they
-/// are there.
-pub fn progression(input: &Input, end: &Identification, points: usize) -> Vec<Progression> {
-    let mut course = if input.known_offset.is_some() {
-        progression_of::<10>(input, end, points)
-    } else {
-        progression_of::<16>(input, end, points)
-    };
-    end_at(&mut course, end);
-    course
-}
-
-/// The last point is the answer itself.
-fn end_at(course: &mut Vec<Progression>, end: &Identification) {
-    let (Some(last), Some(point)) = (end.residuals.last(), course.last()) else { return };
-    let time_s = last.time_s.max(point.time_s);
-    if point.time_s >= last.time_s {
-        course.pop();
-    }
-    let parameters = (0..end.estimate.values.len()).map(|j| end.estimate.measured(j)).collect();
-    course.push(Progression { time_s, parameters });
-}
-
-fn progression_of<const N: usize>(input: &Input, end: &Identification, points: usize) -> Vec<Progression> {
-    /// What a part has absorbed so far, and had at some of its blocks, s.
-    #[derive(Clone)]
-    struct Course<const N: usize> {
-        channels: Option<ChannelFactors>,
-        blocks: usize,
-        points: Vec<(f64, InformationFactor<f64, N>, Option<ChannelFactors>)>,
-    }
-    let sigma = end.channel_sigma;
-    let config = config(input, sigma);
-    let Judgement { noise, variance_scale: scale, .. } = end.judgement();
-    let every = (input.readings.len() / usize::from(config.row_every) / points.max(1)).max(1);
-    let start = || Course::<N> { channels: channels(input), blocks: 0, points: Vec::new() };
-    let take = |course: &mut Course<N>, reading: &Reading<f64>, estimator: &Estimator<f64, N, TAPS>| {
-        take_channels(&mut course.channels, reading, estimator);
-        course.blocks += 1;
-        if course.blocks.is_multiple_of(every) {
-            let time_s = reading.time_ns as f64 * 1e-9;
-            course.points.push((time_s, estimator.factor(), course.channels.clone()));
-        }
-    };
-    let (Ok(shares), Ok(settings)) = (shares(input, sigma), Estimator::new(&config)) else {
-        return Vec::new();
-    };
-    let shares = match end.counters.knocks {
-        [0, 0, 0, 0, 0, 0] => shares,
-        _ => shares.watching(knocks::reference(
-            &end.estimate,
-            end.variance_ratio.max(1.0),
-            knocks::limit(input),
-        )),
-    };
-    let Ok(done) = shares.absorb(sigma, start, take) else { return Vec::new() };
-    let mut before = Absorbed::<N> {
-        factor: InformationFactor::new(),
-        counters: Counters::default(),
-        channels: channels(input),
-        settings: Box::new(settings),
-    };
-    let mut progression = Vec::new();
-    for (part, whole) in done.parts.into_iter().zip(&done.factors) {
-        for (time_s, factor, channels) in part.points {
-            let (kept, kept_channels) = (before.factor, before.channels.clone());
-            before.factor.merge(&factor);
-            before.channels = merge_channels(before.channels, channels);
-            // As in the conclusion: the prior of the gains is not the noise's to scale.
-            let estimate = match before.fit_gains(&input.gain_sigma, scale) {
-                Some(fit) => Estimate::new(&fit.factor, 1.0, noise),
-                None => Estimate::new(&before.factor, scale, noise),
-            };
-            let parameters = (0..N).map(|j| estimate.measured(j)).collect();
-            progression.push(Progression { time_s, parameters });
-            (before.factor, before.channels) = (kept, kept_channels);
-        }
-        before.factor.merge(whole);
-        before.channels = merge_channels(before.channels, part.channels);
-    }
-    progression
-}
-
-/// Residuals of the row blocks for given parameters, by running the pipeline once more, and how many rows of each
-/// channel a knock has spoilt.
-fn residuals<const N: usize>(
-    shares: &Shares,
-    sigma: [f64; 6],
-    estimate: &Estimate,
-    gains: &[f64; 6],
-) -> (Vec<BlockResidual>, [u16; 6]) {
-    let phi: [f64; N] = std::array::from_fn(|j| estimate.values.get(j).copied().unwrap_or(0.0));
-    let take = |list: &mut Vec<BlockResidual>, reading: &Reading<f64>, pipeline: &Estimator<f64, N, TAPS>| {
-        list.extend(pipeline.last_block().map(|block| BlockResidual {
-            time_s: reading.time_ns as f64 * 1e-9,
-            residual: residual_with_gains(&block, &phi, gains),
-            factors: *pipeline.last_factors(),
-        }));
-    };
-    // The σ have been accepted before: there is no other way to fail.
-    shares
-        .absorb(sigma, Vec::new, take)
-        .map_or_else(|_| (Vec::new(), [0; 6]), |done| (done.parts.concat(), done.counters.knocks))
-}
-
-fn rms(residuals: &[BlockResidual]) -> [f64; 6] {
-    let n = residuals.len().max(1) as f64;
-    std::array::from_fn(|c| (residuals.iter().map(|r| r.weighted()[c].powi(2)).sum::<f64>() / n).sqrt())
-}
-
-/// Raw σ of each channel: residual variance over `Σh²`, for the degrees of freedom that are left.
-fn sigma_from_residuals<const N: usize>(input: &Input, shares: &Shares, absorbed: &Absorbed<N>) -> [f64; 6] {
-    let settings = &*absorbed.settings;
-    let (factor, gains) = absorbed.factor_and_gains(&input.gain_sigma);
-    let estimate = Estimate::new(&factor, 1.0, Noise::Given);
-    let (residuals, _) = residuals::<N>(shares, settings.config().channel_sigma, &estimate, &gains);
-    raw_sigma(settings, &estimate, &residuals, absorbed.counters.blocks)
-}
-
-/// Raw σ of each channel from the residuals of so many blocks, to which the estimate was fitted.
-fn raw_sigma<const N: usize>(
-    settings: &Estimator<f64, N, TAPS>,
-    estimate: &Estimate,
-    residuals: &[BlockResidual],
-    blocks: u32,
-) -> [f64; 6] {
-    let determined = estimate.determined.iter().filter(|d| **d).count();
-    let dof = degrees_of_freedom(blocks, settings.noise_gain(), determined);
-    let left = dof / (dof + determined as f64 / 6.0);
-    let kernel = settings.kernel().noise_gain();
-    let raw = rms(residuals).map(|r| r / (kernel * left).sqrt());
-    // A channel that fits exactly must not outweigh all others.
-    let floor = |group: &[f64]| 1e-6 * group.iter().copied().fold(f64::MIN_POSITIVE, f64::max).max(1e-12);
-    let (force, moment) = (floor(&raw[..3]), floor(&raw[3..]));
-    std::array::from_fn(|c| raw[c].max(if c < 3 { force } else { moment }))
-}
-
-/// σ of the gyro.
-fn gyro_sigma(readings: &[Reading<f64>]) -> f64 {
-    second_differences(readings, |r| r.angular_rate.array())
-}
-
-/// σ of a sensor, the largest of its axes, from second differences: motion hardly enters, noise by √6.
-fn second_differences(readings: &[Reading<f64>], of: impl Fn(&Reading<f64>) -> [f64; 3]) -> f64 {
-    let mut sums = [0.0; 3];
-    let mut count = 0_u32;
-    for triple in readings.windows(3) {
-        let [a, b, c] = triple else { continue };
-        let (a, b, c) = (of(a), of(b), of(c));
-        for ((sum, (a, b)), c) in sums.iter_mut().zip(a.iter().zip(b)).zip(c) {
-            *sum += (a - 2.0 * b + c).powi(2);
-        }
-        count += 1;
-    }
-    let largest = sums.iter().copied().fold(0.0, f64::max);
-    if count == 0 || !largest.is_finite() { 0.0 } else { (largest / (6.0 * f64::from(count))).sqrt() }
 }

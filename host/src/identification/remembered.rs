@@ -9,10 +9,12 @@ use rigident_shared::estimator::{Counters, Estimator, Outcome};
 use rigident_shared::factor::InformationFactor;
 use rigident_shared::forgetting::{ImuNoise, MemoryConfig, Span};
 
+use super::course::end_at;
 use super::pooled::Judgement;
+use super::residuals::{raw_sigma, residuals, rms, second_differences};
 use super::{
     Absorbed, BlockResidual, Factor, Identification, IdentificationError, Input, NOMINAL_SIGMA, Progression,
-    TAPS, colour, conclude, config, end_at, knocks, raw_sigma, residuals, rms, second_differences, shares,
+    TAPS, colour, conclude, config, knocks, shares,
 };
 use crate::answer::{Estimate, NORMAL_COVERAGE, Noise};
 use crate::formats::result::MemoryResult;
