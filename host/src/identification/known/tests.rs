@@ -1,4 +1,5 @@
 use nalgebra::{SMatrix, SVector};
+use rigident_shared::factor::InformationFactor;
 use rigident_shared::inertia::{InertialParameters, tensor_elements, tensor_from_elements};
 use rigident_shared::spatial::{Position, Sensor};
 
