@@ -199,7 +199,7 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
 
     warnings.extend(estimate.known().iter().filter_map(|known| known.warning(estimate)));
     warnings.extend(too_loose(estimate, identification.regressor_noise));
-    warnings.extend(whiteness::warning(&identification.colour, FILTER_WIDTH_S));
+    warnings.extend(whiteness::warning(&identification.colour, identification.widened(), FILTER_WIDTH_S));
 
     let frame = rig.body.as_ref().filter(|_| com.is_some());
     let in_body = frame.map(|table| (table, derived::in_body_frame(estimate, &body_frame(table))));

@@ -94,6 +94,13 @@ impl Estimate {
         Ok(joint)
     }
 
+    /// The same estimate with standard deviations so many times as large.
+    pub(crate) fn stretched(&self, by: &[f64]) -> Self {
+        let Some((factor, noise)) = &self.rows else { return self.clone() };
+        let stretched = factor.stretched(&self.values, by).estimate(1.0, *noise);
+        Self { coverage_factor: self.coverage_factor, ..stretched }
+    }
+
     /// What was known beforehand.
     pub fn known(&self) -> &[Known] {
         self.beforehand.as_ref().map_or(&[], |(known, _)| known)

@@ -314,7 +314,7 @@ pub struct ResultObject {
 pub struct ColourResult {
     /// `fx` to `mz`.
     pub channel: &'static str,
-    /// Factor by which intervals that rest on it alone may be too narrow.
+    /// Factor by which white noise's intervals are too narrow where they rest on its slowest part alone.
     pub factor: f64,
 }
 

@@ -135,6 +135,11 @@ impl<'a> Shares<'a> {
         Ok(shares)
     }
 
+    /// How many.
+    pub fn parts(&self) -> usize {
+        self.parts.len()
+    }
+
     /// The same shares, every row compared with a reference; see [`Reference`].
     #[must_use]
     pub fn watching(&self, reference: Reference<f64, 16>) -> Self {

@@ -7,6 +7,7 @@
 //! live here: file formats, printing. Before this: [`crate::formats`]; after it: [`crate::answer`].
 
 pub mod absorb;
+mod coloured;
 pub mod course;
 pub mod gains;
 pub mod knocks;
@@ -110,6 +111,17 @@ impl Factor {
         }
     }
 
+    /// The same estimate with standard deviations so many times as large; see [`InformationFactor::stretched`].
+    pub(crate) fn stretched(&self, estimate: &[f64], by: &[f64]) -> Self {
+        fn array<const N: usize>(values: &[f64], otherwise: f64) -> [f64; N] {
+            std::array::from_fn(|j| values.get(j).copied().unwrap_or(otherwise))
+        }
+        match self {
+            Self::Ten(f) => Self::Ten(Box::new(f.stretched(&array(estimate, 0.0), &array(by, 1.0)))),
+            Self::Sixteen(f) => Self::Sixteen(Box::new(f.stretched(&array(estimate, 0.0), &array(by, 1.0)))),
+        }
+    }
+
     /// Estimate and covariance; see [`Estimate::new`].
     pub fn estimate(&self, variance_scale: f64, noise: Noise) -> Estimate {
         match self {
@@ -130,6 +142,8 @@ pub struct Identification {
     pub channel_sigma: [f64; 6],
     /// Whether σ was given; else it comes from the residuals.
     pub sigma_given: bool,
+    /// Factor on the standard deviation of each parameter for coloured noise, in the factor and the estimate; empty: none.
+    pub widening: Vec<f64>,
     /// Variance of the whitened, filtered noise per row.
     pub noise_gain: f64,
     /// Residual variance relative to what σ lets expect; 1 where σ comes from the residuals.
@@ -152,6 +166,11 @@ impl Identification {
     /// What became of each parameter: ten, or sixteen with the offset.
     pub fn states(&self) -> Vec<ParameterState> {
         identifiability::states(&self.estimate, self.regressor_noise)
+    }
+
+    /// The largest factor on an interval for coloured noise, if they count it.
+    pub fn widened(&self) -> Option<f64> {
+        self.widening.iter().copied().reduce(f64::max)
     }
 
     /// How its intervals were scaled.
@@ -213,11 +232,13 @@ pub fn conclude_firmware(
     match factor {
         Factor::Ten(f) => {
             let absorbed = absorb::<10>(input, &shares, sigma)?;
-            Ok(conclude(sigma_given, input, &shares, &f, &absorbed, |f| Factor::Ten(Box::new(f))))
+            let told = conclude(sigma_given, input, &shares, &f, &absorbed, |f| Factor::Ten(Box::new(f)));
+            Ok(with_colour(told, input, &shares, &absorbed))
         }
         Factor::Sixteen(f) => {
             let absorbed = absorb::<16>(input, &shares, sigma)?;
-            Ok(conclude(sigma_given, input, &shares, &f, &absorbed, |f| Factor::Sixteen(Box::new(f))))
+            let told = conclude(sigma_given, input, &shares, &f, &absorbed, |f| Factor::Sixteen(Box::new(f)));
+            Ok(with_colour(told, input, &shares, &absorbed))
         }
     }
 }
@@ -265,7 +286,48 @@ fn run<const N: usize>(
         }
         identification = conclude(sigma_given, input, &shares, &absorbed.factor, &absorbed, &wrap);
     }
-    Ok(identification)
+    Ok(with_colour(identification, input, &shares, &absorbed))
+}
+
+/// Where residuals are coloured, the same estimate with the intervals that they leave.
+fn with_colour<const N: usize>(
+    white: Identification,
+    input: &Input,
+    shares: &Shares,
+    absorbed: &Absorbed<N>,
+) -> Identification {
+    if white.colour.is_empty() {
+        return white;
+    }
+    let config = absorbed.settings.config();
+    let scale = white.judgement().variance_scale;
+    let noise = coloured::Noise {
+        white: &white_rows(config),
+        variance: config.channel_sigma.map(|s| s * s * scale),
+        colour: &white.colour,
+        row_period_s: row_period_s(config),
+    };
+    let watching = shares.watching(knocks::reference(
+        &white.estimate,
+        white.variance_ratio.max(1.0),
+        knocks::limit(input),
+    ));
+    let widening = coloured::widening::<N>(&watching, config.channel_sigma, &white.estimate, &noise);
+    Identification {
+        factor: white.factor.stretched(&white.estimate.values, &widening),
+        estimate: white.estimate.stretched(&widening),
+        widening: widening.to_vec(),
+        ..white
+    }
+}
+
+/// Autocovariance of the rows for white noise of unit variance before the filter.
+fn white_rows(config: &EstimatorConfig<f64>) -> Vec<f64> {
+    whiteness::white_autocovariance(&whiteness::impulse_response(config), config.row_every)
+}
+
+fn row_period_s(config: &EstimatorConfig<f64>) -> f64 {
+    f64::from(config.row_every) / config.rate_hz
 }
 
 /// How the readings are shared out over the cores.
@@ -313,6 +375,7 @@ fn conclude<const N: usize>(
         estimate,
         channel_sigma: sigma,
         sigma_given,
+        widening: Vec::new(),
         noise_gain,
         variance_ratio,
         residual_rms: rms(&residuals),
@@ -336,10 +399,8 @@ fn colour(
     if input.is_static {
         return Vec::new();
     }
-    let white = whiteness::white_autocovariance(&whiteness::impulse_response(config), config.row_every);
-    let row_period_s = f64::from(config.row_every) / config.rate_hz;
     let variance = config.channel_sigma.map(|s| s * s * variance_scale);
-    whiteness::colour(residuals, &white, row_period_s, config.row_every, variance)
+    whiteness::colour(residuals, &white_rows(config), row_period_s(config), config.row_every, variance)
 }
 
 /// Readings taken in.

@@ -341,6 +341,7 @@ impl PooledFactor {
             sigma_given: self.sources.iter().any(|s| s.sigma_given),
             noise_gain: expected / rows.max(1.0),
             variance_ratio: judgement.variance_ratio,
+            widening: Vec::new(),
             residual_rms: [0.0; 6],
             residuals: Vec::new(),
             gains: [0.0; 6],

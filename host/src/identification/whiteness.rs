@@ -22,7 +22,7 @@ const SIGNIFICANT: f64 = 4.5;
 const LONGEST: usize = 2000;
 
 /// Noise that is more than the filter explains.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Colour {
     /// The channel that shows it, 0 to 5 in the order of the wrench.
     pub channel: usize,
@@ -30,8 +30,11 @@ pub struct Colour {
     pub autocorrelation: f64,
     /// Standard deviation of that mean for white noise, whose own is nearly zero there.
     pub chance: f64,
-    /// Factor by which intervals of parameters that rest on this channel are too small.
+    /// Factor by which intervals on white noise are too small for a parameter that rests on this channel's slowest part: the
+    /// largest for any parameter.
     pub factor: f64,
+    /// Of its residuals at lags of 0, 1, … rows, N² or N² m², as far as it is told from chance.
+    pub autocovariance: Vec<f64>,
 }
 
 /// The filter's impulse response, by asking the pipeline itself: what a unit force at one reading leaves in the rows.
@@ -151,17 +154,18 @@ pub fn colour(
             return None;
         }
         // The sum ends where two neighbours no longer are positive together (Geyer 1992).
-        let mut tail = 0.0;
+        let (mut tail, mut told) = (0.0, vec![gamma[0]]);
         for lag in (1..longest).step_by(2) {
-            let pair =
-                autocovariance(&stretches, channel, lag) + autocovariance(&stretches, channel, lag + 1);
-            if lag >= reach && pair <= 0.0 {
+            let pair = [lag, lag + 1].map(|lag| autocovariance(&stretches, channel, lag));
+            let sum = pair[0] + pair[1];
+            if lag >= reach && sum <= 0.0 {
                 break;
             }
-            tail += pair;
+            tail += sum;
+            told.extend(pair);
         }
         let factor = (every * (gamma[0] + 2.0 * tail) / scale).max(0.0).sqrt();
-        Some(Colour { channel, autocorrelation, chance, factor })
+        Some(Colour { channel, autocorrelation, chance, factor, autocovariance: told })
     });
     let mut found: Vec<Colour> = found.filter(|c| c.factor > 1.1).collect();
     found.sort_by(|a, b| b.factor.total_cmp(&a.factor));
@@ -175,15 +179,21 @@ impl Colour {
     }
 }
 
-/// In words; `None` where there is no colour.
-pub fn warning(colours: &[Colour], width_s: f64) -> Option<String> {
+/// In words; `None` where there is no colour. `widened`: the largest factor on an interval, where they count it.
+pub fn warning(colours: &[Colour], widened: Option<f64>, width_s: f64) -> Option<String> {
     let worst = colours.first()?;
     let factors: Vec<String> = colours.iter().map(|c| format!("{:.1} ({})", c.factor, c.name())).collect();
+    let consequence = match widened {
+        Some(largest) => format!(
+            "Intervals count this and are wider for it by up to {largest:.1}; one that rested on the slowest part alone would be \
+             wider by factors of"
+        ),
+        None => "Intervals do not count this and may be too narrow, as far as they rest on these channels, by factors up to"
+            .to_owned(),
+    };
     Some(format!(
         "residuals of {} stay correlated for longer than the filter explains (of {}: autocorrelation {:.2} about {width_s} s \
-         apart, where white noise has 0.00 ± {:.2}). Intervals do not count this and may be too narrow, by factors up to {}, \
-         as far as they rest on these channels; look for vibration, drift, a wrong delay or a body that is not rigid, or \
-         state the noise that does not average",
+         apart, where white noise has 0.00 ± {:.2}). {consequence} {}; look for vibration, drift, a wrong delay or a body that is not rigid",
         colours.iter().map(Colour::name).collect::<Vec<_>>().join(", "),
         worst.name(),
         worst.autocorrelation,
@@ -297,7 +307,7 @@ mod tests {
                 let ratio = colour.factor / expected;
                 assert!((0.8..1.5).contains(&ratio), "{tau_s} s, seed {seed}: {ratio}");
                 // All six channels have that noise, and each is named with its own factor.
-                let words = warning(&colours, 0.1).unwrap();
+                let words = warning(&colours, None, 0.1).unwrap();
                 assert_eq!(colours.len(), 6, "{tau_s} s, seed {seed}: {words}");
                 for c in &colours {
                     let ratio = c.factor / expected;

@@ -52,7 +52,13 @@ fn a_slow_turn_recorded_by_three_clocks_gives_the_mass_of_the_still_poses_and_no
     assert_eq!(skew["state"], "identified");
     let (late, u95) = (skew["value"].as_f64().unwrap(), skew["u95"].as_f64().unwrap());
     assert!((late - 6.5e-3).abs() < 1.5e-3 && u95 < 2e-3, "{skew}");
-    // Offsets and first moments are some of the stated uncertainties off: every channel that wanders is named, by how much too.
+    // The 24 still poses give 0.9328 ± 0.0027 kg.
+    let u95 = |name: &str| {
+        let all = result["parameters"].as_array().unwrap();
+        all.iter().find(|p| p["name"] == name).unwrap()["u95"].as_f64().unwrap()
+    };
+    assert!((number("m").unwrap() - 0.9328).abs() < u95("m").hypot(0.0027), "{result:#}");
+    // Every channel that wanders is named, by how much too.
     let coloured = result["coloured_residuals"].as_array().unwrap();
     let warnings = result["warnings"].to_string();
     assert!(!warnings.contains("gravity by the attitudes"), "{warnings}");

@@ -198,6 +198,15 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
         if shifted.triangle.z.iter().all(|z| z.is_finite()) { shifted } else { *self }
     }
 
+    /// The same rows, solution `estimate`, with standard deviations `by` times as large and correlations as they are.
+    pub fn stretched(&self, estimate: &[T; N], by: &[T; N]) -> Self {
+        let mut stretched = self.about(estimate);
+        for (column, by) in stretched.triangle.r.iter_mut().zip(by) {
+            *column = column.map(|r| r / *by);
+        }
+        stretched.about(&estimate.map(|v| -v))
+    }
+
     /// The same triangle with another residual sum and row count.
     pub(crate) fn set_residual(&mut self, residual_sum_of_squares: T, rows: u32) {
         (self.residual_sum_of_squares, self.rows) = (residual_sum_of_squares, rows);

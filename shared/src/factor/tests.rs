@@ -56,6 +56,23 @@ fn solution_covariance_and_residual_are_those_of_the_normal_equations() {
 }
 
 #[test]
+fn stretching_widens_the_covariance_and_leaves_solution_correlations_and_residual() {
+    let mut random = Random(12);
+    let factor = factor_of(&(0..40).map(|_| block(&mut random, 0.3)).collect::<Vec<_>>());
+    let estimate = factor.solve().estimate;
+    let by = [1.0, 2.0, 1.5, 7.0, 1.0, 3.0];
+    let stretched = factor.stretched(&estimate, &by);
+    let (before, after) = (factor.covariance(), stretched.covariance());
+    for j in 0..6 {
+        assert!((stretched.solve().estimate[j] - estimate[j]).abs() < 1e-12);
+        for k in 0..6 {
+            assert!((after[j][k] - by[j] * by[k] * before[j][k]).abs() < 1e-13);
+        }
+    }
+    assert_eq!(stretched.residual_sum_of_squares(), factor.residual_sum_of_squares());
+}
+
+#[test]
 fn condition_number_is_that_of_the_column_scaled_rows() {
     let mut random = Random(5);
     let blocks: Vec<_> = (0..10).map(|_| block(&mut random, 0.0)).collect();
