@@ -85,7 +85,15 @@ fn a_demonstration_that_decides_for_itself_is_over_soon_and_says_what_it_decided
         assert!(!(4..10).contains(&j) || u95 < 1.1 * 0.00381, "parameter {j}: {u95}");
     }
     let page = fs::read_to_string(at.join("a/report.html")).unwrap();
-    assert!(page.contains("Segment 1, from 0.0 s") && page.contains("was expected"));
+    assert!(page.contains("<h2>Decisions</h2>") && page.contains("made for it, about home"));
+
+    // A fixed programme, ended when its time is up.
+    let output = rigident(at, &["demo", "--at-most-s", "8", "--json", "--out", "c"]);
+    assert!(status(&output) < 2, "{}", said(&output));
+    let result = json(&output);
+    let rows = result["source"]["rows"].as_u64().unwrap();
+    assert!((8_000..9_000).contains(&rows), "{rows}");
+    assert!(result["warnings"].to_string().contains("--at-most-s"), "{result}");
 
     // What nothing can reach is said, and what there is by then is kept.
     let output =
@@ -96,6 +104,7 @@ fn a_demonstration_that_decides_for_itself_is_over_soon_and_says_what_it_decided
     for (words, why) in [
         (&["demo", "--adaptive", "--until-relative", "0"][..], "a share of the largest principal moment"),
         (&["demo", "--adaptive", "--at-most-s", "0"], "--at-most-s 0"),
+        (&["demo", "--at-most-s", "nan"], "--at-most-s NaN"),
         (&["demo", "--until-relative", "0.01"], "--adaptive"),
         (&["demo", "--adaptive", "--forget", "5"], "cannot be used with"),
         (&["demo", "--adaptive", "--plan", "p.json"], "cannot be used with"),

@@ -50,6 +50,71 @@ fn the_object_is_that_of_the_contract_and_the_plan_is_for_this_machine_only() {
     assert!(refusal.contains("another rig") && refusal.contains("plate joint 1"), "{refusal}");
 }
 
+/// The body of a rig file is what the legs carry: twice the mass, twice the forces and the same uncertainties.
+#[test]
+fn the_body_is_the_rig_files_and_its_name_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = RigConfig::thesis_horizontal();
+    let plan = |times: f64| {
+        let (g, b) = (&config.geometry, config.body);
+        let path = folder.path().join(format!("{times}.rig.toml"));
+        let text = format!(
+            "[platform]\nbase_joints_m = {:?}\nplate_joints_m = {:?}\nleg_length_m = {:?}\nleg_rate_mps = {}\n\
+             [truth]\nmass_kg = {:?}\ncom_m = {:?}\ninertia_com_kgm2 = {:?}\n",
+            g.base_joints_m,
+            g.plate_joints_m,
+            g.leg_length_m,
+            g.leg_rate_mps,
+            times * b.mass_kg,
+            b.com_m,
+            b.inertia_com_kgm2.map(|i| times * i)
+        );
+        std::fs::write(&path, text).unwrap();
+        let words = ["plan", "motion", "--objective", "rpy", "--duration-s", "25", "--no-poses", "--json"];
+        let output = rigident(&[&words[..], &["--rig", path.to_str().unwrap()]].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()
+    };
+    let (once, twice) = (plan(1.0), plan(2.0));
+    assert!(once["body"].to_string().contains("[truth]"), "{once}");
+    let force = |plan: &serde_json::Value| plan["peaks"]["leg_force"]["seen"].as_f64().unwrap();
+    assert!((force(&twice) / force(&once) - 2.0).abs() < 1e-3, "{} {}", force(&once), force(&twice));
+    let u95 = |plan: &serde_json::Value| plan["predicted_u95"]["Ixx"].as_f64().unwrap();
+    assert!((u95(&twice) / u95(&once) - 1.0).abs() < 1e-2);
+}
+
+/// Ten minutes of motion would be searched for during minutes.
+#[cfg(unix)]
+#[test]
+fn ctrl_c_ends_a_search_soon_with_the_best_by_then() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("motion.json");
+    let motion = ["plan", "motion", "--duration-s", "600", "--json", "--out", out.to_str().unwrap()];
+    for (words, key) in
+        [(&motion[..], "motion_s"), (&["plan", "compare", "--duration-s", "600", "--json"], "motions")]
+    {
+        let child = Command::new(env!("CARGO_BIN_EXE_rigident"))
+            .args(words)
+            .stdout(std::process::Stdio::piped())
+            .stderr(std::process::Stdio::piped())
+            .spawn()
+            .unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(1500));
+        let told = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+        assert!(told.success());
+        let begun = std::time::Instant::now();
+        let output = child.wait_with_output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert!(said.contains("stopped by Ctrl-C"), "{said}");
+        // One step of the search and the guarantee of ten minutes; seconds, on a machine that others use too.
+        assert!(begun.elapsed().as_secs() < 60, "{:?}", begun.elapsed());
+        let object: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert!(!object[key].is_null(), "{object}");
+    }
+    assert!(out.exists());
+}
+
 #[test]
 fn a_duration_that_is_too_short_says_how_much_is_needed() {
     let refusal = refused(&["plan", "motion", "--duration-s", "12", "--objective", "rpy"]);

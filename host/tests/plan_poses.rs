@@ -41,6 +41,38 @@ fn the_thesis_table_9_is_reached_and_the_object_is_that_of_the_contract() {
     }
 }
 
+/// Whenever it comes, but before the program listens.
+#[cfg(unix)]
+#[test]
+fn ctrl_c_ends_a_search_soon_with_the_best_by_then() {
+    let mut interrupted = 0;
+    for delay_ms in [200, 400, 600, 900, 1300, 2000] {
+        let child = Command::new(env!("CARGO_BIN_EXE_rigident"))
+            .args(["plan", "poses", "--n", "30", "--objective", "worst-uncertainty", "--json"])
+            .stdout(std::process::Stdio::piped())
+            .stderr(std::process::Stdio::piped())
+            .spawn()
+            .unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(delay_ms));
+        let told = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+        let begun = std::time::Instant::now();
+        let output = child.wait_with_output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(begun.elapsed().as_secs() < 30);
+        match output.status.code() {
+            Some(1) => {
+                assert!(told.success() && said.contains("stopped by Ctrl-C"), "{said}");
+                let plan: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+                assert_eq!(plan["poses_deg"].as_array().unwrap().len(), 30);
+                interrupted += 1;
+            }
+            // Over before, or told before the program listened.
+            other => assert!(matches!(other, Some(0) | None), "{other:?}: {said}"),
+        }
+    }
+    assert!(interrupted > 0);
+}
+
 #[test]
 fn less_stroke_is_worse_and_the_worst_uncertainty_is_least_when_that_is_asked_for() {
     let full = json(&["plan", "poses", "--n", "4", "--json"]);

@@ -4,6 +4,7 @@
 //! Lives here: one file per study, each a function that gives Markdown, beside the paper's figures where it has some. May
 //! not live here: anything that ships.
 
+mod adaptive;
 mod experiment;
 mod motions;
 mod names;
@@ -28,6 +29,7 @@ fn main() -> ExitCode {
 fn make(name: &str) -> String {
     match name {
         "workspace" => workspace::table(),
+        "adaptive" => adaptive::table(),
         "poses-search" => poses_search::table(),
         "poses-table-12" => poses_table_12::table(),
         "poses-stroke" => poses_stroke::table(),

@@ -2,7 +2,7 @@
 
 /// On the command line and in the document's markers, in the document's order. Those that end in `-long` are made only
 /// when named or with `--long`.
-pub const TABLES: [&str; 11] = [
+pub const TABLES: [&str; 12] = [
     "workspace",
     "poses-search",
     "poses-table-12",
@@ -14,4 +14,5 @@ pub const TABLES: [&str; 11] = [
     "experiment",
     "motions-compared",
     "motions-montecarlo",
+    "adaptive",
 ];

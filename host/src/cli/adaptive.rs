@@ -2,7 +2,7 @@
 
 use clap::Args;
 use rigident_shared::wire::{EstimateReport, Settings};
-use rigident_sim::platform::{Axis, Geometry, MotionProgram};
+use rigident_sim::platform::{Axis, Geometry, MotionProgram, Segment};
 
 use super::Failure;
 use crate::formats::rig::RigFile;
@@ -12,11 +12,14 @@ use crate::planning::adaptive::library::word;
 use crate::planning::adaptive::planner::Known;
 use crate::planning::adaptive::{Asked, Decision, Information, Next, Planner, RigModel};
 use crate::platform::PlatformError;
-use crate::report::Stage;
-use crate::session::Director;
+use crate::report::{Decided, Stage};
+use crate::session::{Director, Proposal};
 
 /// Share of the largest principal moment unless asked otherwise.
 const TENSOR_SHARE: f64 = 0.01;
+
+/// After so long no further segment begins unless asked otherwise, s.
+const AT_MOST_S: f64 = 300.0;
 
 /// Whether somebody decides, and how far.
 #[derive(Args, Debug, Clone)]
@@ -30,9 +33,9 @@ pub struct Adaptive {
     /// [default: 0.01]
     #[arg(long, value_name = "SHARE", requires = "adaptive", conflicts_with = "until")]
     pub until_relative: Option<f64>,
-    /// With --adaptive: begin no further segment after so long, s
-    #[arg(long, value_name = "S", default_value_t = 300.0)]
-    pub at_most_s: f64,
+    /// End after so long, s, wherever the programme is; with --adaptive begin no further segment then [default there: 300]
+    #[arg(long, value_name = "S")]
+    pub at_most_s: Option<f64>,
 }
 
 impl Adaptive {
@@ -47,11 +50,8 @@ impl Adaptive {
                 "--until-relative {share}: a share of the largest principal moment, between 0 and 1, as 0.01"
             )));
         }
-        if !positive(self.at_most_s) {
-            return Err(Failure::input(format!(
-                "--at-most-s {}: a positive number of seconds",
-                self.at_most_s
-            )));
+        if let Some(seconds) = self.at_most_s.filter(|s| !positive(*s)) {
+            return Err(Failure::input(format!("--at-most-s {seconds}: a positive number of seconds")));
         }
         Ok(())
     }
@@ -69,7 +69,6 @@ impl Adaptive {
         if !self.adaptive {
             return Ok(None);
         }
-        self.check()?;
         let asked = match &settings.stop {
             Some(stop) => Asked::Absolute(std::array::from_fn(|j| {
                 if stop.asked >> j & 1 == 1 { f64::from(stop.u95[j]) } else { f64::INFINITY }
@@ -86,7 +85,7 @@ impl Adaptive {
             ));
         }
         Ok(Some(Directing {
-            at_most_s: self.at_most_s,
+            at_most_s: self.at_most_s.unwrap_or(AT_MOST_S),
             planner,
             model,
             decision: None,
@@ -94,7 +93,10 @@ impl Adaptive {
             variance_scale: 1.0,
             spent_s: 0.0,
             begun_s: 0.0,
+            worst_before: (f64::INFINITY, String::new()),
+            last_expected: f64::INFINITY,
             stages: Vec::new(),
+            driven: Vec::new(),
             decisions: Vec::new(),
             warnings: Vec::new(),
         }))
@@ -111,9 +113,26 @@ pub(super) struct Directing {
     variance_scale: f64,
     spent_s: f64,
     begun_s: f64,
+    /// Of the worst uncertainty over what is asked for, before the segment, and of which parameter.
+    worst_before: (f64, String),
+    last_expected: f64,
     stages: Vec<Stage>,
-    decisions: Vec<(String, String)>,
+    /// When the segments began, and what they were.
+    driven: Vec<(f64, MotionProgram)>,
+    decisions: Vec<Decided>,
     warnings: Vec<String>,
+}
+
+/// What an experiment that decides for itself leaves beside the answer.
+pub(super) struct Concluded {
+    /// Segments by their beginnings.
+    pub(super) stages: Vec<Stage>,
+    /// What was decided and what came of it.
+    pub(super) decisions: Vec<Decided>,
+    /// What did not go as it should.
+    pub(super) warnings: Vec<String>,
+    /// All that was commanded, rests between segments included; `None` if nothing was.
+    pub(super) program: Option<MotionProgram>,
 }
 
 /// What a factor says.
@@ -124,9 +143,32 @@ struct Told {
 }
 
 impl Directing {
-    /// Segments by their beginnings; what was decided and what came of it; what did not go as it should.
-    pub(super) fn concluded(self) -> (Vec<Stage>, Vec<(String, String)>, Vec<String>) {
-        (self.stages, self.decisions, self.warnings)
+    /// At the end.
+    pub(super) fn concluded(mut self) -> Concluded {
+        if let Some(decision) = self.decision.take().filter(|_| self.stages.len() > self.decisions.len()) {
+            let decided = self.decided(&decision, self.last_expected);
+            self.decisions.push(decided);
+        }
+        Concluded {
+            program: commanded(&self.driven),
+            stages: self.stages,
+            decisions: self.decisions,
+            warnings: self.warnings,
+        }
+    }
+
+    fn decided(&self, decision: &Decision, expected: f64) -> Decided {
+        let (before, purpose) = self.worst_before.clone();
+        Decided {
+            begun_s: self.begun_s,
+            name: decision.name.clone(),
+            purpose,
+            before,
+            expected,
+            got: None,
+            lasted_s: None,
+            whole: false,
+        }
     }
 
     /// Everything that may be decided on, one after the other.
@@ -160,7 +202,8 @@ impl Directing {
     }
 
     /// What came of the last decision.
-    fn account(&mut self, told: &Told, whole: bool) {
+    fn account(&mut self, told: &Told, ended_s: Option<f64>) {
+        let whole = ended_s.is_none();
         let Some(decision) = self.decision.take() else { return };
         let known = known(told);
         let goal = self.planner.goal(&known);
@@ -173,15 +216,25 @@ impl Directing {
             words(expected)
         );
         eprintln!("  {said}");
-        let number = self.decisions.len() + 1;
-        self.decisions.push((
-            format!("Segment {number}, from {:.1} s", self.begun_s),
-            format!("{}: {said}", decision.name),
-        ));
+        let lasted_s = ended_s.map_or(decision.program.duration_s(), |s| s - self.begun_s);
+        let decided = self.decided(&decision, expected);
+        self.decisions.push(Decided { got: Some(got), lasted_s: Some(lasted_s), whole, ..decided });
         if whole {
             let newly = self.planner.carried_out(&decision, &(told.information - self.before));
             self.lost(&newly, "was told to move and did not");
         }
+    }
+
+    /// What the segment is for.
+    fn judge_before(&mut self, told: &Told, decision: &Decision) {
+        let goal = self.planner.goal(&known(told));
+        let worst = goal.worst(&told.information, told.variance_scale);
+        let purpose = match told.estimate {
+            Some(_) if worst.is_finite() => goal.furthest(&told.information),
+            _ => "everything",
+        };
+        self.worst_before = (worst, purpose.to_owned());
+        self.last_expected = goal.worst(&(told.information + decision.tells()), told.variance_scale);
     }
 
     fn lost(&mut self, newly: &[bool; 6], what: &str) {
@@ -192,6 +245,20 @@ impl Directing {
             self.warnings.push(said);
         }
     }
+}
+
+/// One program of several, with rests between them.
+fn commanded(driven: &[(f64, MotionProgram)]) -> Option<MotionProgram> {
+    let (_, first) = driven.first()?;
+    let mut whole = MotionProgram { start: first.start, segments: Vec::new() };
+    for (begun_s, program) in driven {
+        let rest_s = begun_s - whole.duration_s();
+        if rest_s > 0.0 {
+            whole.segments.push(Segment::Hold { duration_s: rest_s });
+        }
+        whole.segments.extend(program.segments.iter().cloned());
+    }
+    Some(whole)
 }
 
 fn known(told: &Told) -> Known<'_> {
@@ -207,10 +274,10 @@ fn words(ratio: f64) -> String {
 }
 
 impl Director for Directing {
-    fn next(&mut self, factor: &Factor) -> Result<Option<MotionProgram>, String> {
+    fn next(&mut self, factor: &Factor) -> Result<Option<Proposal>, String> {
         let told = self.told(factor);
         self.variance_scale = told.variance_scale;
-        self.account(&told, true);
+        self.account(&told, None);
         if self.spent_s >= self.at_most_s {
             self.warnings.push(format!(
                 "what was asked for was not reached within {} s (--at-most-s)",
@@ -220,6 +287,7 @@ impl Director for Directing {
         }
         match self.planner.next(&known(&told)) {
             Next::Reached => Ok(None),
+            Next::Question(program) => Ok(Some(Proposal { program, drive: false })),
             Next::Hopeless(parameter) => {
                 let said = format!(
                     "{parameter} cannot become as certain as asked for by anything this platform does within its limits"
@@ -230,26 +298,38 @@ impl Director for Directing {
             }
             Next::Segment(decision) => {
                 eprintln!("{}: {:.1} s", decision.name, decision.program.duration_s());
+                self.judge_before(&told, &decision);
                 self.before = told.information;
                 let program = decision.program.clone();
                 self.decision = Some(decision);
-                Ok(Some(program))
+                Ok(Some(Proposal { program, drive: true }))
             }
         }
     }
 
     fn refused(&mut self, error: &PlatformError) {
-        let Some(decision) = self.decision.take() else { return };
-        eprintln!("  {error}");
-        let newly = self.planner.refused(&decision);
-        self.lost(&newly, "is refused by the platform");
+        match self.decision.take() {
+            Some(decision) => {
+                eprintln!("  {error}");
+                self.planner.refused(&decision);
+            }
+            None => {
+                let newly = self.planner.answered(false);
+                self.lost(&newly, "is refused by the platform");
+            }
+        }
+    }
+
+    fn taken(&mut self) {
+        self.planner.answered(true);
     }
 
     fn begins(&mut self, time_s: f64) {
         let Some(decision) = &self.decision else { return };
         self.begun_s = time_s;
         self.spent_s += decision.program.duration_s();
-        self.stages.push(Stage { start_s: time_s, name: decision.name.clone() });
+        self.stages.push(Stage { start_s: time_s, name: format!("{}", self.stages.len() + 1) });
+        self.driven.push((time_s, decision.program.clone()));
     }
 
     fn may_be_reached(&mut self, report: &EstimateReport) -> bool {
@@ -267,14 +347,14 @@ impl Director for Directing {
         report.standard_deviation.iter().zip(goal.u95).all(|(sd, u95)| k * f64::from(*sd) <= u95)
     }
 
-    fn is_reached(&mut self, factor: &Factor) -> bool {
+    fn is_reached(&mut self, factor: &Factor, time_s: f64) -> bool {
         let told = self.told(factor);
         self.variance_scale = told.variance_scale;
         let known = known(&told);
         let goal = self.planner.goal(&known);
         let reached = told.estimate.is_some() && goal.worst(&told.information, told.variance_scale) <= 1.0;
         if reached {
-            self.account(&told, false);
+            self.account(&told, Some(time_s));
         }
         reached
     }

@@ -36,6 +36,7 @@ pub(super) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
         config = config.with_sensors(SensorModels::ideal());
     }
     let geometry = config.geometry.clone();
+    arguments.adaptive.check()?;
     let rig = Rig::new(config).map_err(Failure::input)?;
     let mut file = simulated::rig_file(&rig, body_name);
     if arguments.ideal {
@@ -71,6 +72,7 @@ pub(super) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
     let expected = (duration_s * RATE_HZ) as usize;
     let mut watcher = Watcher::recording(folder.file("demo.mcap"), &file, &comments, expected)?;
     session.go_on_after_stop = arguments.course.go_on;
+    session.at_most_s = arguments.adaptive.at_most_s;
     let mut take = match &mut directing {
         Some(directing) => session.follow_decided(&mut platform, directing, &mut watcher),
         None => session.follow(&mut platform, &mut watcher),
@@ -79,7 +81,8 @@ pub(super) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
     watcher.end(&mut take);
     let (mut decisions, mut warnings) = (Vec::new(), Vec::new());
     if let Some(directing) = directing {
-        (stages, decisions, warnings) = directing.concluded();
+        let concluded = directing.concluded();
+        (stages, decisions, warnings) = (concluded.stages, concluded.decisions, concluded.warnings);
     }
     Experiment {
         followed: None,

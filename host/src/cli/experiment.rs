@@ -25,7 +25,7 @@ use crate::identification::remembered::{self, conclude_remembered, identify_reme
 use crate::identification::tare::Tare;
 use crate::identification::{self, Progression, prepare};
 use crate::platform::MotionSample;
-use crate::report::{Drift, Quantity, Stage};
+use crate::report::{Decided, Drift, Quantity, Stage};
 use crate::session::{Observer, Take};
 
 /// Noise alone seldom takes an answer so far from what a body can have, standard deviations.
@@ -187,7 +187,7 @@ pub(super) struct Experiment<'a> {
     /// How the platform followed.
     pub(super) followed: Option<Followed>,
     /// Segments that were decided on, and what came of them.
-    pub(super) decisions: Vec<(String, String)>,
+    pub(super) decisions: Vec<Decided>,
     pub(super) warnings: Vec<String>,
 }
 
@@ -219,6 +219,9 @@ impl Experiment<'_> {
             let times = [take.readings.first(), take.readings.last()].map(|r| r.map_or(0, |r| r.time_ns));
             let seconds = times[1].saturating_sub(times[0]) as f64 * 1e-9;
             eprintln!("the uncertainties asked for were reached; {seconds:.1} s were taken in");
+        }
+        if take.cut_short {
+            warnings.push("ended before the programme's end, after the time of --at-most-s".to_owned());
         }
         if take.interrupted {
             warnings.push("stopped by Ctrl-C before the end".to_owned());
@@ -297,9 +300,9 @@ impl Experiment<'_> {
         let drift = self.same_pose.and_then(|spans| drift(&input, spans, &identification.channel_sigma));
         let mut notes = device_notes(self.identity);
         notes.extend(provenance(self.rig));
-        notes.extend(self.decisions);
         Ending {
             followed: self.followed,
+            decisions: self.decisions,
             started: self.started,
             asked: self.asked,
             rig: self.rig,

@@ -51,6 +51,7 @@ pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
     let folder = Folder::new(arguments.output.out.as_deref(), "identify")?;
     Ending {
         followed: None,
+        decisions: Vec::new(),
         started,
         asked: &asked,
         rig: &prepared.rig,

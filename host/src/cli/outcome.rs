@@ -14,7 +14,9 @@ use crate::identification::knocks::LIMIT_SD;
 use crate::identification::pooled::PooledFactor;
 use crate::identification::{Identification, Input, Progression};
 use crate::report::text::counted;
-use crate::report::{self, Along, Convergence, Drift, ReportData, Residual, Source, Stage, TimePlot, table};
+use crate::report::{
+    self, Along, Convergence, Decided, Drift, ReportData, Residual, Source, Stage, TimePlot, table,
+};
 
 /// Everything a command knows at its end.
 pub struct Ending<'a> {
@@ -48,6 +50,8 @@ pub struct Ending<'a> {
     pub time_base: Option<TimeBase>,
     /// Device, serial numbers, dates.
     pub provenance: Vec<(String, String)>,
+    /// Segments that were decided on.
+    pub decisions: Vec<Decided>,
     /// What to know.
     pub warnings: Vec<String>,
     /// How the platform followed.
@@ -234,6 +238,7 @@ impl Ending<'_> {
             },
             motion,
             drift: self.drift.clone(),
+            decisions: self.decisions.clone(),
         }
     }
 

@@ -1,8 +1,10 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::ExitCode;
+use std::sync::atomic::Ordering;
 
 use rigident_shared::inertia::PARAMETER_NAMES;
+use rigident_sim::body::BodyParameters;
 use rigident_sim::platform::{Limit, Peak};
 use rigident_sim::rig::{Mounting, RigConfig};
 use serde::Serialize;
@@ -22,6 +24,8 @@ use crate::session::INTERRUPTED;
 #[derive(Serialize)]
 struct Object<'a> {
     objective: &'a str,
+    /// Which body the forces and the uncertainties are of.
+    body: &'a str,
     duration_s: f64,
     motion_s: [f64; 2],
     condition_number: f64,
@@ -53,7 +57,7 @@ pub(super) fn run(arguments: &PlanMotion) -> Result<ExitCode, Failure> {
     {
         return Err(Failure::input(RecordingError::Exists(path.display().to_string())));
     }
-    let task = task(arguments)?;
+    let (task, body) = task(arguments)?;
     let (name, words) = match arguments.objective {
         MotionObjective::DOptimal => ("d-optimal", "D-optimal motion"),
         MotionObjective::Spheres => ("spheres", "spheres about the centre of mass"),
@@ -63,6 +67,7 @@ pub(super) fn run(arguments: &PlanMotion) -> Result<ExitCode, Failure> {
     let mut progress = Progress::new();
     let plan = motion::plan(&task, &INTERRUPTED, |text| progress.show(|| text)).map_err(Failure::input)?;
     progress.finish();
+    let stopped = INTERRUPTED.load(Ordering::Relaxed);
     if let Some(path) = &arguments.out {
         let title = format!("{words}, {:.0} s", plan.program.duration_s());
         PlanFile::new(title, &task.config.geometry, plan.program.clone())
@@ -74,17 +79,25 @@ pub(super) fn run(arguments: &PlanMotion) -> Result<ExitCode, Failure> {
     let [from, to] = plan.motion_s;
     let covered = coverage::of_motion(&trajectory, from, to);
     if arguments.json {
-        say(serde_json::to_string(&object(&plan, name, covered)).map_err(Failure::input)?);
+        say(serde_json::to_string(&object(&plan, name, &body, covered)).map_err(Failure::input)?);
     } else {
-        say(text(&plan, words, covered, &task));
+        say(text(&plan, words, covered, &task, &body));
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(ended(stopped, "motion"))
+}
+
+/// Exit status of a search; one that Ctrl-C has ended is partly done.
+pub(super) fn ended(stopped: bool, what: &str) -> ExitCode {
+    if stopped {
+        eprintln!("rigident: stopped by Ctrl-C: the best {what} found by then, there may be better ones");
+        return ExitCode::from(1);
+    }
+    ExitCode::SUCCESS
 }
 
 /// One motion of `rigident plan compare --json`.
 #[derive(Serialize)]
 struct Compared<'a> {
-    body: &'a str,
     worst_inertia_u95_share: f64,
     condition_number_alone: f64,
     #[serde(flatten)]
@@ -93,7 +106,7 @@ struct Compared<'a> {
 
 /// `rigident plan compare`
 pub(super) fn compare(arguments: &PlanCompare) -> Result<ExitCode, Failure> {
-    let (config, rate_hz) = rig(arguments.rig.as_deref(), arguments.stroke_m)?;
+    let (config, rate_hz, _) = rig(arguments.rig.as_deref(), arguments.stroke_m)?;
     let task = Task { duration_s: arguments.duration_s, rate_hz, ..Task::new(config) };
     let mut progress = Progress::new();
     let rows =
@@ -103,10 +116,9 @@ pub(super) fn compare(arguments: &PlanCompare) -> Result<ExitCode, Failure> {
         let all: Vec<_> = rows
             .iter()
             .map(|row| Compared {
-                body: row.body,
                 worst_inertia_u95_share: row.worst(),
                 condition_number_alone: row.condition_alone,
-                motion: object(&row.plan, row.objective, row.coverage),
+                motion: object(&row.plan, row.objective, row.body, row.coverage),
             })
             .collect();
         say(serde_json::to_string(&serde_json::json!({ "motions": all })).map_err(Failure::input)?);
@@ -117,13 +129,17 @@ pub(super) fn compare(arguments: &PlanCompare) -> Result<ExitCode, Failure> {
             compare::table(&rows).trim_end()
         ));
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(ended(INTERRUPTED.load(Ordering::Relaxed), "motions"))
 }
 
-/// What of a rig a motion depends on, and the rate of its readings, 1/s.
-fn rig(path: Option<&Path>, stroke_m: Option<f64>) -> Result<(RigConfig, f64), Failure> {
+/// A rig's configuration, the rate of its readings, 1/s, and its body.
+type Planned = (RigConfig, f64, Option<BodyParameters>);
+
+/// What of a rig a motion depends on; the body if the file tells of it.
+fn rig(path: Option<&Path>, stroke_m: Option<f64>) -> Result<Planned, Failure> {
     let mut config = RigConfig::thesis_horizontal();
     let mut rate_hz = 1000.0;
+    let mut body = None;
     if let Some(path) = path {
         let file = RigFile::load(path).map_err(Failure::input)?;
         let named = |e: machine::MachineError| Failure::input(format!("{}: {e}", path.display()));
@@ -149,33 +165,42 @@ fn rig(path: Option<&Path>, stroke_m: Option<f64>) -> Result<(RigConfig, f64), F
         }
         config.gravity_mps2 = file.recording.gravity_mps2;
         rate_hz = file.recording.rate_hz.unwrap_or(rate_hz);
+        body = machine::body(&file);
     }
     if let Some(stroke_m) = stroke_m {
         config.geometry = config.geometry.with_stroke(stroke_m).map_err(Failure::input)?;
     }
-    Ok((config, rate_hz))
+    Ok((config, rate_hz, body))
 }
 
-fn task(arguments: &PlanMotion) -> Result<Task, Failure> {
-    let (config, rate_hz) = rig(arguments.rig.as_deref(), arguments.stroke_m)?;
-    let config = match arguments.body {
-        DemoBody::Horizontal => config,
-        DemoBody::Vertical => config.with_body(RigConfig::thesis_vertical().body),
+/// The task, and in words which body it is for.
+fn task(arguments: &PlanMotion) -> Result<(Task, String), Failure> {
+    let (config, rate_hz, truth) = rig(arguments.rig.as_deref(), arguments.stroke_m)?;
+    let (body, words) = match (arguments.body, truth) {
+        (None, Some(body)) => (body, "as [truth] in the rig file says"),
+        (Some(DemoBody::Vertical), _) => {
+            (RigConfig::thesis_vertical().body, "the thesis' test body with plates, vertical")
+        }
+        (Some(DemoBody::Horizontal) | None, _) => {
+            (RigConfig::thesis_horizontal().body, "the thesis' test body with plates, horizontal")
+        }
     };
+    let config = config.with_body(body);
     let objective = match arguments.objective {
         MotionObjective::DOptimal => Objective::DOptimal,
         MotionObjective::Spheres => Objective::Spheres,
         MotionObjective::Rpy => Objective::RollPitchYaw,
         MotionObjective::Multisine => Objective::Multisine,
     };
-    Ok(Task {
+    let task = Task {
         objective,
         duration_s: arguments.duration_s,
         poses: !arguments.no_poses,
         highest_hz: arguments.highest_hz,
         rate_hz,
         ..Task::new(config)
-    })
+    };
+    Ok((task, words.to_owned()))
 }
 
 fn key(peak: &Peak) -> &'static str {
@@ -191,11 +216,12 @@ fn key(peak: &Peak) -> &'static str {
     }
 }
 
-fn object<'a>(plan: &MotionPlan, objective: &'a str, coverage: [f64; 2]) -> Object<'a> {
+fn object<'a>(plan: &MotionPlan, objective: &'a str, body: &'a str, coverage: [f64; 2]) -> Object<'a> {
     let peaks = &plan.guarantee.peaks;
     let finite = |v: f64| v.is_finite().then_some(v);
     Object {
         objective,
+        body,
         duration_s: plan.program.duration_s(),
         motion_s: plan.motion_s,
         condition_number: plan.prediction.condition_number,
@@ -212,7 +238,7 @@ fn object<'a>(plan: &MotionPlan, objective: &'a str, coverage: [f64; 2]) -> Obje
     }
 }
 
-fn text(plan: &MotionPlan, words: &str, [rate, acceleration]: [f64; 2], task: &Task) -> String {
+fn text(plan: &MotionPlan, words: &str, [rate, acceleration]: [f64; 2], task: &Task, body: &str) -> String {
     let [from, to] = plan.motion_s;
     let mut text = format!(
         "{words}: {:.1} s, the motion from {from:.1} s to {to:.1} s; it turns into {:.0} % of all directions, its angular \
@@ -242,8 +268,9 @@ fn text(plan: &MotionPlan, words: &str, [rate, acceleration]: [f64; 2], task: &T
     let p = &plan.prediction;
     let [x, y, z] = p.com_m.map(|v| 1e3 * v);
     text += &format!(
-        "\n\nPredicted U95 at {:.0} readings/s, offsets unknown: mass {:.4} kg; centre of mass {x:.3}, {y:.3}, {z:.3} mm;\n\
+        "\n\nThe body: {body}, {:.3} kg.\nPredicted U95 at {:.0} readings/s, offsets unknown: mass {:.4} kg; centre of mass {x:.3}, {y:.3}, {z:.3} mm;\n\
          tensor about it (Ixx, Iyy, Izz, Iyz, Izx, Ixy) {}, 1e-3 kg m².\nCondition number of the columns, scaled: {:.2}.",
+        task.config.body.mass_kg,
         task.rate_hz,
         p.parameters[0],
         p.inertia_com_kgm2.map(|v| format!("{:.3}", 1e3 * v)).join(", "),

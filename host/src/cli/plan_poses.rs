@@ -1,5 +1,6 @@
 use std::path::Path;
 use std::process::ExitCode;
+use std::sync::atomic::Ordering;
 
 use nalgebra::Matrix3;
 use rigident_sim::platform::Geometry;
@@ -8,6 +9,7 @@ use serde::Serialize;
 
 use super::outcome::say;
 use super::plan_arguments::{PlanPoses, PoseObjective};
+use super::plan_motion::ended;
 use super::{Failure, Progress};
 use crate::formats::error::RecordingError;
 use crate::formats::rig::RigFile;
@@ -80,6 +82,7 @@ pub(super) fn run(arguments: &PlanPoses) -> Result<ExitCode, Failure> {
     let made = plan(&reach, &region, &task, &INTERRUPTED, |doing| progress.show(|| doing.to_owned()))
         .map_err(Failure::input)?;
     progress.finish();
+    let stopped = INTERRUPTED.load(Ordering::Relaxed);
     if let Some(path) = &arguments.out {
         let program = program(&reach, &made.poses, arguments.hold_s).map_err(Failure::input)?;
         let title = format!("{} still poses, best {name}, {:.0} s", arguments.n, program.duration_s());
@@ -91,7 +94,7 @@ pub(super) fn run(arguments: &PlanPoses) -> Result<ExitCode, Failure> {
     } else {
         say(table(&made, &region, &reach));
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(ended(stopped, "poses"))
 }
 
 /// Said now rather than after the work.

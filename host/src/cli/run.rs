@@ -80,7 +80,13 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         eprintln!("to the first pose");
         approach(platform.as_mut(), &mut session)?;
     }
-    let longest_s = fixed.as_ref().map_or(arguments.adaptive.at_most_s, MotionProgram::duration_s);
+    let longest_s = match (&directing, &fixed) {
+        (Some(directing), _) => directing.at_most_s(),
+        (None, program) => program
+            .as_ref()
+            .map_or(0.0, MotionProgram::duration_s)
+            .min(arguments.adaptive.at_most_s.unwrap_or(f64::INFINITY)),
+    };
     let folder = Folder::new(arguments.output.out.as_deref(), "run")?;
     let mut comments = device_notes(session.identity());
     comments.extend(provenance(&rig));
@@ -90,11 +96,12 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         folder.file("run.mcap"),
         &rig,
         &comments,
-        (fixed.as_ref().map_or(0.0, MotionProgram::duration_s) * rate_hz) as usize,
+        if directing.is_some() { 0 } else { (longest_s * rate_hz) as usize },
     )?;
     watcher.motion = Some(MotionLog::create(folder.file("motion.csv"), &arguments.platform)?);
     eprintln!("the experiment takes {}{longest_s:.0} s", if directing.is_some() { "at most " } else { "" });
     session.go_on_after_stop = arguments.course.go_on;
+    session.at_most_s = arguments.adaptive.at_most_s;
     let mut take = match &mut directing {
         Some(directing) => session.follow_decided(platform.as_mut(), directing, &mut watcher),
         None => session.follow(platform.as_mut(), &mut watcher),
@@ -102,15 +109,14 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     .map_err(Failure::link)?;
     watcher.end(&mut take);
     let log = watcher.motion.take();
-    let trajectory = fixed.map(|program| program.trajectory()).transpose().map_err(Failure::input)?;
-    // What was decided on the way is compared in the file only.
-    let followed = trajectory.zip(log).and_then(|(trajectory, log)| Followed::of(&trajectory, log.samples()));
-    let mut decisions = Vec::new();
+    let (mut decisions, mut commanded) = (Vec::new(), fixed);
     if let Some(directing) = directing {
-        let (segments, made, said) = directing.concluded();
-        (stages, decisions) = (segments, made);
-        warnings.extend(said);
+        let concluded = directing.concluded();
+        (stages, decisions, commanded) = (concluded.stages, concluded.decisions, concluded.program);
+        warnings.extend(concluded.warnings);
     }
+    let trajectory = commanded.map(|program| program.trajectory()).transpose().map_err(Failure::input)?;
+    let followed = trajectory.zip(log).and_then(|(trajectory, log)| Followed::of(&trajectory, log.samples()));
     Experiment {
         started,
         asked: &asked,

@@ -1,6 +1,7 @@
 //! The platform that a rig file describes.
 
 use nalgebra::{Matrix3, Vector3};
+use rigident_sim::body::BodyParameters;
 use rigident_sim::platform::{COND_MAX, Geometry, JointCones, Limits, Violation};
 use rigident_sim::rig::Mounting;
 
@@ -75,6 +76,26 @@ pub fn load_cell(rig: &RigFile) -> Result<(Vector3<f64>, Matrix3<f64>), MachineE
             let rotation = mounting.rotation().ok_or(MachineError::LoadCell)?;
             Ok((Vector3::from(place.position_m), rotation))
         }
+    }
+}
+
+/// The body that a rig file tells of in `[truth]`, in S.
+pub fn body(rig: &RigFile) -> Option<BodyParameters> {
+    rig.truth.as_ref().map(|truth| BodyParameters {
+        mass_kg: truth.mass_kg,
+        com_m: truth.com_m,
+        inertia_com_kgm2: truth.inertia_com_kgm2,
+    })
+}
+
+/// A body of the load cell's frame in P: the cell's origin in P, m, and its axes to the plate's.
+pub fn on_plate(body: &BodyParameters, at: &Vector3<f64>, rotation: &Matrix3<f64>) -> BodyParameters {
+    let com = at + rotation * Vector3::from(body.com_m);
+    let inertia = rotation * body.inertia_com() * rotation.transpose();
+    BodyParameters {
+        com_m: com.into(),
+        inertia_com_kgm2: [(0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1)].map(|at| inertia[at]),
+        ..*body
     }
 }
 

@@ -222,4 +222,28 @@ pub struct ReportData {
     pub motion: Vec<TimePlot>,
     /// The drift check, if one was made.
     pub drift: Option<Drift>,
+    /// Segments that were decided on while it lasted, in order.
+    pub decisions: Vec<Decided>,
+}
+
+/// A segment that was decided on while the experiment lasted. Ratios are of the worst 95 % uncertainty over what is asked
+/// for; infinite while something is not determined.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Decided {
+    /// When it began, s.
+    pub begun_s: f64,
+    /// What was done.
+    pub name: String,
+    /// What was furthest off.
+    pub purpose: String,
+    /// Before it.
+    pub before: f64,
+    /// Expected of the whole segment.
+    pub expected: f64,
+    /// At its end; `None` if it was not seen.
+    pub got: Option<f64>,
+    /// How long it lasted, s; `None` if its end was not seen.
+    pub lasted_s: Option<f64>,
+    /// Whether it came to its end.
+    pub whole: bool,
 }

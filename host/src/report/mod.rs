@@ -15,8 +15,8 @@ pub mod text;
 pub mod workspace;
 
 pub use data::{
-    Along, Convergence, Drift, FrameResults, NearestBody, PrincipalAxis, Quantity, ReportData, Residual,
-    Results, Source, Stage, Status, TimePlot,
+    Along, Convergence, Decided, Drift, FrameResults, NearestBody, PrincipalAxis, Quantity, ReportData,
+    Residual, Results, Source, Stage, Status, TimePlot,
 };
 pub use envelope::envelope;
 pub use page::html;

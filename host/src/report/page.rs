@@ -1,6 +1,6 @@
 //! The page: headline, tables, figures, provenance. Well-formed XML as well as HTML; no script, nothing loaded.
 
-use super::data::{Along, PrincipalAxis, Quantity, ReportData, Results, Source, Status};
+use super::data::{Along, Decided, PrincipalAxis, Quantity, ReportData, Results, Source, Status};
 use super::figures;
 use super::text::{
     NOT_IDENTIFIED, Rounded, beside, count, duration, fixed, nearest_words, significant, time_base_words,
@@ -49,6 +49,7 @@ pub fn html(data: &ReportData) -> String {
         let elapsed = escape(&duration(drift.elapsed_s));
         html.push_str(&format!("<h2>Drift check after {elapsed}</h2>\n{}", figures::drift(drift)));
     }
+    html.push_str(&decisions(&data.decisions));
     if !data.provenance.is_empty() {
         let rows: String = data.provenance.iter().map(|(label, value)| fact(label, &escape(value))).collect();
         html.push_str(&format!(
@@ -58,6 +59,39 @@ pub fn html(data: &ReportData) -> String {
     html.push_str(FOOTER);
     html.push_str("</main>\n</body>\n</html>\n");
     html
+}
+
+/// What was decided, and what came of it.
+fn decisions(decided: &[Decided]) -> String {
+    if decided.is_empty() {
+        return String::new();
+    }
+    let ratio = |v: f64| if v.is_finite() { format!("{v:.2}") } else { "not determined".to_owned() };
+    let rows: String = decided
+        .iter()
+        .map(|d| {
+            let got = d.got.map_or("–".to_owned(), ratio);
+            let lasted = d.lasted_s.map_or("–".to_owned(), |s| format!("{s:.1}"));
+            let ended = if d.whole { "" } else { ", ended early" };
+            format!(
+                "<tr><td class=\"right\">{:.1}</td><td>{}{ended}</td><td>{}</td><td class=\"right\">{}</td>\
+                 <td class=\"right\">{}</td><td class=\"right\">{got}</td><td class=\"right\">{lasted}</td></tr>\n",
+                d.begun_s,
+                escape(&d.name),
+                escape(&d.purpose),
+                ratio(d.before),
+                ratio(d.expected)
+            )
+        })
+        .collect();
+    format!(
+        "<h2>Decisions</h2>\n<p class=\"soft\">Worst 95 % uncertainty over what is asked for: before a segment, expected at its \
+         end, and got. All is reached at 1.</p>\n<div class=\"scroll\"><table class=\"tight\"><thead><tr>\
+         <th class=\"right\" scope=\"col\">from, s</th><th scope=\"col\">segment</th><th scope=\"col\">furthest off</th>\
+         <th class=\"right\" scope=\"col\">before</th><th class=\"right\" scope=\"col\">expected</th>\
+         <th class=\"right\" scope=\"col\">got</th><th class=\"right\" scope=\"col\">lasted, s</th></tr></thead>\n\
+         <tbody>{rows}</tbody></table></div>\n"
+    )
 }
 
 const CONVERGENCE_NOTE: &str = "Estimate and its 95 % band; the scale fits the settled part.";

@@ -8,21 +8,32 @@ use super::{INTERRUPTED, Observer, STOPPED, Session, SessionError, Take, Taking,
 use crate::identification::Factor;
 use crate::platform::{Motion, Platform, PlatformError};
 
+/// What a platform is asked for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Proposal {
+    /// Starting where the last one ended.
+    pub program: MotionProgram,
+    /// Or only whether the platform would take it.
+    pub drive: bool,
+}
+
 /// Who decides between segments.
-pub trait Director {
-    /// What comes next, starting where the last one ended; `None` ends the experiment.
+pub trait Director: Send {
+    /// What comes next; `None` ends the experiment. The plate is at rest meanwhile.
     ///
     /// # Errors
     /// The factor cannot be used.
-    fn next(&mut self, factor: &Factor) -> Result<Option<MotionProgram>, String>;
-    /// The platform does not take what was decided; another decision is asked for.
+    fn next(&mut self, factor: &Factor) -> Result<Option<Proposal>, String>;
+    /// The platform does not take what was proposed; another proposal is asked for.
     fn refused(&mut self, error: &PlatformError);
+    /// The platform would take what is not to be driven; another proposal is asked for.
+    fn taken(&mut self);
     /// The segment begins, so long after the first reading, s.
     fn begins(&mut self, time_s: f64);
     /// Whether it looks, by a new estimate, as if everything asked for were reached: a factor is then worth its reading.
     fn may_be_reached(&mut self, report: &EstimateReport) -> bool;
-    /// Whether everything asked for is reached.
-    fn is_reached(&mut self, factor: &Factor) -> bool;
+    /// Whether everything asked for is reached, so long after the first reading, s.
+    fn is_reached(&mut self, factor: &Factor, time_s: f64) -> bool;
 }
 
 /// How a segment ended.
@@ -61,11 +72,21 @@ impl Session {
     ) -> Result<(), SessionError> {
         loop {
             let factor = self.client.factor()?;
-            let Some(program) = director.next(&factor).map_err(SessionError::Observer)? else {
+            let next = self.meanwhile(taking, observer, || director.next(&factor))?;
+            let Some(Proposal { program, drive }) = next.map_err(SessionError::Observer)? else {
                 return Ok(());
             };
+            if INTERRUPTED.load(Ordering::Relaxed) {
+                taking.interrupted = true;
+                return Ok(());
+            }
             match platform.load(&program) {
-                Ok(()) => {}
+                Ok(()) if drive => {}
+                Ok(()) => {
+                    director.taken();
+                    self.listen(taking, observer)?;
+                    continue;
+                }
                 Err(
                     error @ (PlatformError::Refused(_)
                     | PlatformError::Controller { .. }
@@ -82,9 +103,7 @@ impl Session {
             if taking.interrupted {
                 return Ok(());
             }
-            let times = [taking.readings.first(), taking.readings.last()];
-            let [first, last] = times.map(|r| r.map_or(0, |r| r.time_ns));
-            let begun_s = last.saturating_sub(first) as f64 * 1e-9;
+            let begun_s = taking.span_s();
             director.begins(begun_s);
             platform.start()?;
             match self.segment(begun_s, platform, director, taking, observer)? {
@@ -101,23 +120,49 @@ impl Session {
         taking: &mut Taking,
         observer: &mut dyn Observer,
     ) -> Result<(), SessionError> {
+        let go_on = || !INTERRUPTED.load(Ordering::Relaxed);
+        match self.heard(taking, observer, || platform.approach(&go_on)) {
+            (Err(PlatformError::Interrupted), heard) => {
+                taking.interrupted = true;
+                heard
+            }
+            (Err(other), _) => Err(other.into()),
+            (Ok(()), heard) => heard,
+        }
+    }
+
+    /// Does something that takes its time. A device that waits for nobody is heard meanwhile; one in lock-step waits.
+    fn meanwhile<T: Send>(
+        &mut self,
+        taking: &mut Taking,
+        observer: &mut dyn Observer,
+        work: impl FnOnce() -> T + Send,
+    ) -> Result<T, SessionError> {
+        if !self.heartbeats {
+            return Ok(work());
+        }
+        let (done, heard) = self.heard(taking, observer, work);
+        heard.map(|()| done)
+    }
+
+    fn heard<T: Send>(
+        &mut self,
+        taking: &mut Taking,
+        observer: &mut dyn Observer,
+        work: impl FnOnce() -> T + Send,
+    ) -> (T, Result<(), SessionError>) {
         std::thread::scope(|scope| {
-            let moving = scope.spawn(|| platform.approach(&|| !INTERRUPTED.load(Ordering::Relaxed)));
+            let working = scope.spawn(work);
             let mut heard = Ok(());
-            while !moving.is_finished() {
+            while !working.is_finished() {
                 if heard.is_ok() {
                     heard = self.listen(taking, observer);
                 } else {
                     std::thread::sleep(Duration::from_millis(5));
                 }
             }
-            match moving.join() {
-                Ok(Err(PlatformError::Interrupted)) => {
-                    taking.interrupted = true;
-                    heard
-                }
-                Ok(Err(other)) => Err(other.into()),
-                Ok(Ok(())) => heard,
+            match working.join() {
+                Ok(done) => (done, heard),
                 Err(panic) => std::panic::resume_unwind(panic),
             }
         })
@@ -142,13 +187,13 @@ impl Session {
             let fresh = taking.estimates.get(judged..).unwrap_or_default();
             let looks_so = fresh.iter().any(|report| director.may_be_reached(report));
             judged = taking.estimates.len();
-            if looks_so && director.is_reached(&self.client.factor()?) {
+            if looks_so && director.is_reached(&self.client.factor()?, taking.span_s()) {
                 taking.ended = true;
                 return Ok(Ended::Early);
             }
             if taking.states.contains(&STOPPED) && !taking.overridden {
                 // The device believes the noise that it was told; whoever decides knows the noise there is.
-                if !director.is_reached(&self.client.factor()?) {
+                if !director.is_reached(&self.client.factor()?, taking.span_s()) {
                     taking.overridden = true;
                     self.client.ask("go on", &Command::Start)?;
                 }

@@ -16,7 +16,7 @@ use rigident_shared::wire::{
     Settings, StateName, Telemetry,
 };
 
-pub use adaptive::Director;
+pub use adaptive::{Director, Proposal};
 pub use settings::{DeviceTiming, SettingsError, settings};
 
 use crate::identification::Factor;
@@ -96,6 +96,8 @@ pub struct Take {
     pub states: Vec<(StateName, Reason)>,
     /// Ended by Ctrl-C.
     pub interrupted: bool,
+    /// Ended before the program's end, because it was to last no longer.
+    pub cut_short: bool,
     /// What broke in the middle, if anything did; what came before is here.
     pub broken: Option<String>,
 }
@@ -128,6 +130,8 @@ pub struct Session {
     heartbeats: bool,
     /// Whether a run that the stop rule has ended is started again, without the rule.
     pub go_on_after_stop: bool,
+    /// [`Session::follow`] ends a program after so long, s of the device's clock.
+    pub at_most_s: Option<f64>,
 }
 
 impl Session {
@@ -143,6 +147,7 @@ impl Session {
             last_heartbeat: Instant::now(),
             heartbeats: false,
             go_on_after_stop: false,
+            at_most_s: None,
         })
     }
 
@@ -194,6 +199,10 @@ impl Session {
                     return Ok(());
                 }
                 self.override_stop(&mut taking)?;
+                if self.at_most_s.is_some_and(|most_s| taking.span_s() >= most_s) {
+                    (taking.ended, taking.cut_short) = (true, true);
+                    return tell(platform, 0.0, observer);
+                }
                 if taking.held() || platform.motion()? == Motion::Done {
                     return tell(platform, 0.0, observer);
                 }
@@ -341,6 +350,7 @@ impl Session {
             counters: taking.counters,
             states: taking.states,
             interrupted: taking.interrupted,
+            cut_short: taking.cut_short,
             broken: outcome.err().map(|e| e.to_string()),
         }
     }
@@ -439,11 +449,19 @@ struct Taking {
     interrupted: bool,
     /// Whoever decides has ended it before the program's end.
     ended: bool,
+    /// It was to last no longer.
+    cut_short: bool,
     /// The stop rule has been overridden.
     overridden: bool,
 }
 
 impl Taking {
+    /// From the first reading to the last, s.
+    fn span_s(&self) -> f64 {
+        let [first, last] = [self.readings.first(), self.readings.last()].map(|r| r.map_or(0, |r| r.time_ns));
+        last.saturating_sub(first) as f64 * 1e-9
+    }
+
     /// Whether the device has ended the run by itself.
     fn held(&self) -> bool {
         self.states.iter().any(|(state, reason)| {

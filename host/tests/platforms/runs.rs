@@ -77,7 +77,13 @@ fn a_run_that_decides_for_itself_ends_when_the_tensor_is_known() {
     // The default experiment takes a minute.
     let rows = result["source"]["rows"].as_u64().unwrap();
     assert!(rows < 20_000, "{rows}");
-    assert!(text(&served.path("out/report.html")).contains("Segment 1, from"));
+    let page = text(&served.path("out/report.html"));
+    assert!(page.contains("<h2>Decisions</h2>") && page.contains("measured less commanded"));
+    let tracking = &result["tracking"];
+    assert!(tracking["samples"].as_u64().unwrap() > 20, "{tracking}");
+    for axis in 0..3 {
+        assert!(tracking["rms_without_delay_m"][axis].as_f64().unwrap() < 2e-3, "{tracking}");
+    }
     assert_ne!(served.rig.lock().unwrap().motion(), MotionState::Moving);
 }
 

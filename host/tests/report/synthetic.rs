@@ -182,6 +182,7 @@ pub fn experiment(rate_hz: f64) -> ReportData {
         residual_note: "Rows before the filter.".to_owned(),
         motion: motion(&time_s, &mut noise),
         drift: Some(Drift { elapsed_s: 56.0, changes }),
+        decisions: Vec::new(),
     }
 }
 

@@ -8,6 +8,9 @@ use super::information::{Information, InverseRoot, deviations};
 /// 95 % of a normal distribution, standard deviations.
 const COVERAGE: f64 = 1.96;
 
+/// Distance of the centre of mass from S that is reckoned with before anything is known of it, m.
+const AWAY_M: f64 = 0.3;
+
 /// What is asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Asked {
@@ -29,7 +32,8 @@ pub struct Goal {
 
 impl Asked {
     /// In SI, for the present estimate of the ten parameters. Without one a relative goal is taken of 1 kg m²: which
-    /// segment is best first does not depend on it.
+    /// segment is best first does not depend on it. Mass and first moment are asked for as well then, so that they would do
+    /// for the tensor about a centre of mass [`AWAY_M`] from S.
     pub fn goal(&self, estimate: Option<&[f64]>) -> Goal {
         match self {
             Self::Absolute(u95) => Goal { u95: *u95, about_com: None },
@@ -38,6 +42,10 @@ impl Asked {
                 let least = share * principal.unwrap_or(1.0);
                 let mut u95 = [f64::INFINITY; 16];
                 u95[4..10].fill(least);
+                if principal.is_none() {
+                    u95[0] = least / (AWAY_M * AWAY_M);
+                    u95[1..4].fill(least / (2.0 * AWAY_M));
+                }
                 let slopes = estimate.filter(|_| principal.is_some()).and_then(about_com_slopes);
                 Goal { u95, about_com: slopes.map(|slopes| (least, slopes)) }
             }

@@ -7,17 +7,24 @@ use rigident_shared::regressor::{block, signals};
 use rigident_shared::screening::Limits;
 use rigident_shared::spatial::{Position, Sensor};
 use rigident_sim::STANDARD_GRAVITY_MPS2;
-use rigident_sim::platform::{Geometry, MotionError, MotionProgram, Trajectory};
+use rigident_sim::body::BodyParameters;
+use rigident_sim::platform::{Geometry, Load, MotionError, MotionProgram, Trajectory};
 
 use crate::formats::rig::{OffsetTable, OffsetWord, RigFile};
 use crate::identification::{FILTER_WIDTH_S, Factor, TAPS, row_every};
 use crate::planning::machine::{self, MachineError};
+use crate::planning::motion::information::Instrument;
+use crate::planning::motion::plan::SENSOR_SHARE;
 
 /// `AᵀΣ⁻¹A` of the ten parameters and the six offsets, SI.
 pub type Information = SMatrix<f64, 16, 16>;
 
 /// Rows per second from which information is summed. Motions up to 2.5 Hz make rows up to 5 Hz.
 const ROWS_HZ: f64 = 50.0;
+/// Share of the gyro's range that is used.
+const RANGE_SHARE: f64 = 0.9;
+/// Highest angular rate where the gyro has no range, rad/s.
+pub const HIGHEST_RATE_RADPS: f64 = 1.2;
 /// Information on a known offset: that of a standard deviation of 1e-6 N or N m.
 const KNOWN: f64 = 1e12;
 
@@ -39,6 +46,12 @@ pub struct RigModel {
     pub rate_hz: f64,
     /// Range of the gyro, rad/s.
     pub rate_range_radps: f64,
+    /// Range of the accelerometer, m/s².
+    pub felt_range_mps2: f64,
+    /// Ranges of the load cell, N and N m.
+    pub wrench_range_n_nm: [f64; 6],
+    /// The body as far as it is known, in S: what the legs and the load cell carry.
+    pub body: Option<BodyParameters>,
     /// Ten parameters are estimated, not sixteen.
     pub offset_known: bool,
 }
@@ -55,7 +68,8 @@ impl RigModel {
         sigma: [f64; 6],
     ) -> Result<Self, MachineError> {
         let (load_cell_m, load_cell_rotation) = machine::load_cell(rig)?;
-        let range = rig.imu.first().and_then(|imu| imu.range_radps);
+        let imu = rig.imu.first();
+        let range = imu.and_then(|imu| imu.range_radps);
         Ok(Self {
             geometry,
             load_cell_m,
@@ -63,8 +77,59 @@ impl RigModel {
             channel_sigma: rig.load_cell.noise_n_nm.unwrap_or(sigma),
             rate_hz,
             rate_range_radps: range.unwrap_or(f64::INFINITY),
+            felt_range_mps2: imu.and_then(|imu| imu.range_mps2).unwrap_or(f64::INFINITY),
+            wrench_range_n_nm: rig.load_cell.range_n_nm.unwrap_or([f64::INFINITY; 6]),
+            body: machine::body(rig),
             offset_known: !matches!(rig.load_cell.offset_n_nm, OffsetTable::Word(OffsetWord::Estimate)),
         })
+    }
+
+    /// How fast the plate may turn, rad/s.
+    pub fn highest_rate_radps(&self) -> f64 {
+        (RANGE_SHARE * self.rate_range_radps).min(HIGHEST_RATE_RADPS)
+    }
+
+    /// Whether the body matters to any limit.
+    pub fn limits_forces(&self) -> bool {
+        self.geometry.limits.leg_force_n.is_some() || self.wrench_range_n_nm.iter().any(|r| r.is_finite())
+    }
+
+    /// The largest share of what is allowed that a program may take at any instant: the machine's limits and the gyro's
+    /// range as bounds between samples, the ranges of load cell and accelerometer where they are looked at, every 10 ms.
+    /// Above one if it is not known to keep them all; infinite for a program without sense.
+    pub fn overstepped(&self, program: &MotionProgram) -> f64 {
+        const LOOK_S: f64 = 0.01;
+        let Ok(trajectory) = program.trajectory() else { return f64::INFINITY };
+        let load = self.load();
+        let guarantee = self.geometry.guarantee(&trajectory, load.as_ref(), self.highest_rate_radps());
+        let bounds = guarantee.peaks.iter().map(|p| p.bound / p.allowed);
+        let instrument = self.instrument(1.0);
+        let looks = (trajectory.duration_s() / LOOK_S).ceil() as usize;
+        let shares = (0..=looks).map(|k| instrument.load_share(&trajectory.state(k as f64 * LOOK_S)));
+        // What is no number is not known to be kept.
+        bounds.chain(shares).fold(0.0, |most, v| if v.is_nan() { f64::INFINITY } else { most.max(v) })
+    }
+
+    /// The load cell with its range and the accelerometer's, so many readings at each instant.
+    pub(super) fn instrument(&self, readings: f64) -> Instrument {
+        Instrument::new(
+            &self.load_cell_m,
+            &self.load_cell_rotation,
+            STANDARD_GRAVITY_MPS2,
+            &self.channel_sigma,
+            readings,
+        )
+        .within(
+            self.body.map_or([0.0; 10], |body| body.parameters()),
+            self.wrench_range_n_nm.map(|range| SENSOR_SHARE * range),
+            SENSOR_SHARE * self.felt_range_mps2,
+        )
+    }
+
+    /// The body in P, as far as it is known.
+    fn load(&self) -> Option<Load> {
+        self.body
+            .map(|body| Load::body(machine::on_plate(&body, &self.load_cell_m, &self.load_cell_rotation)))
     }
 
     /// Variance of the whitened, filtered noise per row of the device's factor.

@@ -19,10 +19,6 @@ const SLOW_SHARE: f64 = 0.35;
 const TILT_DEG: f64 = 20.0;
 /// Tilt of the still poses, degrees.
 const STILL_TILT_DEG: f64 = 28.0;
-/// Share of the gyro's range that is used.
-const RANGE_SHARE: f64 = 0.9;
-/// Highest angular rate where the gyro has no range, rad/s.
-const HIGHEST_RATE_RADPS: f64 = 1.2;
 /// Peak rate of the moves between poses, rad/s on the path of the angles, and their shortest time, s.
 const MOVE_RATE_RADPS: f64 = 1.0;
 const SHORTEST_MOVE_S: f64 = 0.5;
@@ -92,7 +88,7 @@ pub(super) fn way(from: &Pose, to: &Pose, slower: f64, geometry: &Geometry) -> O
     None
 }
 
-fn keeps(program: &MotionProgram, geometry: &Geometry) -> bool {
+pub(super) fn keeps(program: &MotionProgram, geometry: &Geometry) -> bool {
     program.trajectory().is_ok_and(|trajectory| geometry.check(&trajectory).is_ok())
 }
 
@@ -198,7 +194,7 @@ pub fn fitted(candidate: &Candidate, rig: &RigModel) -> Option<Candidate> {
     if !matches!(candidate.segment, Segment::Multisine { .. }) {
         return keeps(&alone(candidate), &rig.geometry).then(|| candidate.clone());
     }
-    let allowed = (RANGE_SHARE * rig.rate_range_radps).min(HIGHEST_RATE_RADPS);
+    let allowed = rig.highest_rate_radps();
     let mut now = candidate.clone();
     let turns = now.moves()[3..].contains(&true);
     // Angles add up almost linearly, so two rounds are enough; the second is never larger.

@@ -11,6 +11,7 @@
 
 pub mod axes;
 pub mod choice;
+pub mod design;
 pub mod goal;
 pub mod information;
 pub mod library;

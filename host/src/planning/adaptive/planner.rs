@@ -1,21 +1,46 @@
 //! The planner: what is known of rig and machine from one segment to the next.
 
-use rigident_sim::platform::{MotionProgram, Pose, Segment};
+use std::sync::atomic::AtomicBool;
+
+use rigident_sim::body::BodyParameters;
+use rigident_sim::platform::{Axis, Limit, MotionProgram, Pose, Segment, SineTerm};
 
 use super::axes::{share, stood_still};
 use super::choice::{Choice, Step, choose};
+use super::design::{Design, design};
 use super::goal::{Asked, Goal};
-use super::information::{Information, RigModel};
-use super::library::{Candidate, library, way};
+use super::information::{HIGHEST_RATE_RADPS, Information, RigModel};
+use super::library::{Candidate, keeps, library, way};
 
 /// By which a motion that the platform refuses becomes smaller, and what is too small to be worth a try.
-const SMALLER: f64 = 0.75;
-const SMALLEST: f64 = 0.25;
-/// By which moves become slower where they may be what is refused, and how much at most.
-const SLOWER: f64 = 1.6;
+const SMALLER: f64 = 0.85;
+const SMALLEST: f64 = 0.2;
+/// By which moves become slower where they are what is refused, and how much at most.
+const SLOWER: f64 = 1.4;
 const SLOWEST: f64 = 4.0;
 /// Share of the expected information below which a segment's worth is corrected.
 const AS_EXPECTED: f64 = 0.85;
+/// Length of the motions that are made for what is asked for, and of their ramps, s.
+const DESIGNED_S: f64 = 4.0;
+const RAMP_S: f64 = 0.5;
+/// Shorter where the machine can do less, so that one way of turning follows another soon.
+const DESIGNED_WITHOUT_S: f64 = 3.0;
+/// Before the body is known its wrench cannot be foreseen: a short look, with this share of the rates, as often at most.
+const LOOK_S: f64 = 1.5;
+const LOOK_SHARE: f64 = 0.35;
+const MOST_LOOKS: u32 = 3;
+/// By which a motion is stretched in time to see whether it is too fast or too large for the platform; how closely its
+/// largest size is then found, in halvings, and how often limits are found to be tighter.
+const STRETCH: f64 = 4.0;
+const HALVINGS: u32 = 6;
+const MOST_TIGHTENED: u32 = 4;
+/// Tilts about which motions are made where an axis is lost, degrees: about a tilted axis the others make up for it.
+const TILTS_DEG: [f64; 2] = [25.0, 35.0];
+/// Where less than this is left to do, no new motion is worth its planning, s.
+const WORTH_DESIGNING_S: f64 = 4.0;
+/// How far a platform is asked to move an axis that it may have lost, rad or ten times this in m, and at which frequency.
+const ASKED_RAD: f64 = 0.01;
+const ASKED_HZ: f64 = 0.5;
 
 /// A segment that has been decided on.
 #[derive(Clone, Debug)]
@@ -43,6 +68,8 @@ impl Decision {
 pub enum Next {
     /// This.
     Segment(Box<Decision>),
+    /// Ask the platform whether it would take this, without driving it, and tell by [`Planner::answered`].
+    Question(MotionProgram),
     /// Everything asked for is reached.
     Reached,
     /// Nothing that the machine does leads there. The parameter that stays furthest off.
@@ -60,6 +87,16 @@ pub struct Known<'a> {
     pub variance_scale: f64,
 }
 
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    /// Of the library.
+    Stock,
+    /// Made for what is asked for.
+    Made,
+    /// The same, small: to see what the body is like.
+    Look,
+}
+
 struct Entry {
     candidate: Candidate,
     /// Index of its centre.
@@ -68,6 +105,28 @@ struct Entry {
     scale: f64,
     /// What came of what was expected.
     worth: f64,
+    kind: Kind,
+    /// Every limit is guaranteed at every instant.
+    guaranteed: bool,
+}
+
+/// What a platform can be asked without moving.
+enum Question {
+    /// A small motion of one coordinate.
+    Coordinate(usize),
+    /// A refused motion, slower.
+    Slower(Segment),
+    /// A refused motion, smaller: its largest size lies between these.
+    Smaller { motion: Segment, limit: Limit, taken: f64, refused: f64, left: u32 },
+}
+
+/// A way between places.
+#[derive(Clone)]
+struct Way {
+    /// `None` from a place to itself.
+    segment: Option<Segment>,
+    step: Step,
+    guaranteed: bool,
 }
 
 /// Decides between segments.
@@ -76,13 +135,24 @@ pub struct Planner {
     asked: Asked,
     entries: Vec<Entry>,
     places: Vec<Pose>,
-    /// Ways between places: from, to.
-    ways: Vec<Vec<Option<Step>>>,
+    /// From, to.
+    ways: Vec<Vec<Option<Way>>>,
     at: usize,
     lost: [bool; 6],
-    driven: [bool; 6],
-    /// Sets of coordinates whose motion was refused at any size.
-    barred: Vec<[bool; 6]>,
+    /// Coordinates of which the platform has taken some motion.
+    taken: [bool; 6],
+    /// What the platform is to be asked, the last first.
+    questions: Vec<Question>,
+    /// How often a limit was found to be tighter than believed.
+    tightened: u32,
+    /// How many more looks there may be while the body is not known.
+    looks: u32,
+    /// The body is that of the rig file, not of the estimate.
+    body_given: bool,
+    /// Motions made for what is asked for are those of the present machine, and whether with an estimate.
+    designs: Option<bool>,
+    /// How many have been made since the last look at it.
+    made: usize,
     /// By which moves between places take longer than thought right.
     slower: f64,
 }
@@ -90,7 +160,9 @@ pub struct Planner {
 impl Planner {
     /// Looks what the machine can do. The plate is at home.
     pub fn new(rig: RigModel, asked: Asked) -> Self {
+        let rig_needs_look = rig.body.is_none() && rig.limits_forces();
         let mut planner = Self {
+            body_given: rig.body.is_some(),
             rig,
             asked,
             entries: Vec::new(),
@@ -98,12 +170,19 @@ impl Planner {
             ways: Vec::new(),
             at: 0,
             lost: [false; 6],
-            driven: [false; 6],
-            barred: Vec::new(),
+            taken: [false; 6],
+            questions: Vec::new(),
+            tightened: 0,
+            looks: if rig_needs_look { MOST_LOOKS } else { 0 },
+            designs: None,
+            made: 0,
             slower: 1.0,
         };
         let home = planner.rig.geometry.home();
         planner.take_stock(home);
+        let prior = planner.rig.prior();
+        planner.design(&Known { information: &prior, estimate: None, variance_scale: 1.0 }, 1.0);
+        planner.made = 0;
         planner
     }
 
@@ -117,12 +196,19 @@ impl Planner {
         self.entries.len()
     }
 
+    /// How many motions have been made since this was asked last: each takes about half a second, the plate at rest.
+    pub fn motions_made(&mut self) -> usize {
+        std::mem::take(&mut self.made)
+    }
+
     /// All of them, one after the other.
     pub fn everything(&self) -> MotionProgram {
         let start = self.rig.geometry.home();
         let (mut at, mut segments) = (start, Vec::new());
         for entry in &self.entries {
-            if let Some(program) = entry.candidate.program(&at, self.slower, &self.rig.geometry) {
+            // What is too large as it is is made smaller before it is decided on.
+            let program = entry.candidate.program(&at, self.slower, &self.rig.geometry);
+            if let Some(program) = program.filter(|program| keeps(program, &self.rig.geometry)) {
                 segments.extend(program.segments);
                 at = entry.candidate.centre;
             }
@@ -137,24 +223,22 @@ impl Planner {
 
     fn take_stock(&mut self, at: Pose) {
         self.places = vec![at];
-        let candidates = library(&self.rig, &self.lost);
-        self.entries = Vec::with_capacity(candidates.len());
-        for candidate in candidates {
-            let place = self.places.iter().position(|p| *p == candidate.centre).unwrap_or_else(|| {
-                self.places.push(candidate.centre);
-                self.places.len() - 1
-            });
-            if let Some(tells) = self.tells(&candidate) {
-                let moves = candidate.moves();
-                let barred = |set: &[bool; 6]| (0..6).all(|k| moves[k] || !set[k]);
-                if self.barred.iter().any(barred) {
-                    continue;
-                }
-                self.entries.push(Entry { candidate, place, tells, scale: 1.0, worth: 1.0 });
-            }
-        }
+        self.entries = Vec::new();
+        self.designs = None;
         self.at = 0;
-        self.ways = self.places.iter().map(|from| self.ways_from(from)).collect();
+        for candidate in library(&self.rig, &self.lost) {
+            self.add(candidate, Kind::Stock);
+        }
+        self.find_ways();
+    }
+
+    fn add(&mut self, candidate: Candidate, kind: Kind) {
+        let Some(tells) = self.tells(&candidate) else { return };
+        let place = self.places.iter().position(|p| *p == candidate.centre).unwrap_or_else(|| {
+            self.places.push(candidate.centre);
+            self.places.len() - 1
+        });
+        self.entries.push(Entry { candidate, place, tells, scale: 1.0, worth: 1.0, kind, guaranteed: false });
     }
 
     fn tells(&self, candidate: &Candidate) -> Option<Information> {
@@ -162,61 +246,243 @@ impl Planner {
         self.rig.information(&alone, &[false; 6]).ok()
     }
 
-    fn ways_from(&self, from: &Pose) -> Vec<Option<Step>> {
-        self.places
+    fn find_ways(&mut self) {
+        self.ways = self
+            .places
             .iter()
-            .map(|to| {
-                if from == to {
-                    return Some(Step { seconds: 0.0, tells: Information::zeros() });
-                }
-                let way = self.way(from, to)?;
-                let seconds = way.duration_s();
-                let program = MotionProgram { start: *from, segments: vec![way] };
-                Some(Step { seconds, tells: self.rig.information(&program, &[false; 6]).ok()? })
-            })
-            .collect()
+            .map(|from| self.places.iter().map(|to| self.way(from, to, self.slower)).collect())
+            .collect();
     }
 
-    fn way(&self, from: &Pose, to: &Pose) -> Option<Segment> {
-        way(from, to, self.slower, &self.rig.geometry)
+    fn way(&self, from: &Pose, to: &Pose, slower: f64) -> Option<Way> {
+        if from == to {
+            let step = Step { seconds: 0.0, tells: Information::zeros() };
+            return Some(Way { segment: None, step, guaranteed: true });
+        }
+        let segment = way(from, to, slower, &self.rig.geometry)?;
+        let seconds = segment.duration_s();
+        let program = MotionProgram { start: *from, segments: vec![segment.clone()] };
+        let tells = self.rig.information(&program, &[false; 6]).ok()?;
+        Some(Way { segment: Some(segment), step: Step { seconds, tells }, guaranteed: false })
     }
 
     fn step(&self, from: usize, to: usize) -> Option<Step> {
-        let entry = self.entries.get(to)?;
-        let way = self.ways.get(from)?.get(entry.place)?.as_ref()?;
+        let entry = self.entries.get(to).filter(|entry| entry.kind != Kind::Look)?;
+        let way = &self.ways.get(from)?.get(entry.place)?.as_ref()?.step;
         Some(Step {
             seconds: way.seconds + entry.candidate.segment.duration_s(),
             tells: way.tells + entry.tells * entry.worth,
         })
     }
 
+    /// Motions made for what is asked for, for the machine as it now is. They are believed to be needed so many times.
+    fn design(&mut self, known: &Known, times: f64) {
+        self.designs = Some(known.estimate.is_some());
+        self.entries.retain(|entry| entry.kind == Kind::Stock);
+        let goal = self.goal(known);
+        let beforehand = *known.information / times.max(1.0);
+        let home = self.rig.geometry.home();
+        let here = self.places.get(self.at).copied().unwrap_or(home);
+        let mut centres = vec![(home, String::from("home"))];
+        let whole = self.lost == [false; 6];
+        if !whole {
+            for (k, name) in [(0, "roll"), (1, "pitch")].into_iter().filter(|(k, _)| !self.lost[k + 3]) {
+                for tilt_deg in TILTS_DEG {
+                    let mut centre = home;
+                    centre.rpy_rad[k] = tilt_deg.to_radians();
+                    if self.rig.geometry.check_pose(&centre).is_ok() {
+                        centres.push((centre, format!("a {name} of {tilt_deg:.0}°")));
+                    }
+                }
+            }
+        }
+        // A coordinate in which the plate has stopped somewhere stays there.
+        for (centre, _) in &mut centres {
+            for k in (0..3).filter(|k| self.lost[k + 3]) {
+                centre.rpy_rad[k] = here.rpy_rad[k];
+            }
+            for k in (0..3).filter(|k| self.lost[*k]) {
+                centre.position_m[k] = here.position_m[k];
+            }
+        }
+        let stop = AtomicBool::new(false);
+        for (centre, place) in centres {
+            let task = Design {
+                rig: &self.rig,
+                centre: &centre,
+                duration_s: if whole { DESIGNED_S } else { DESIGNED_WITHOUT_S },
+                ramp_s: RAMP_S,
+                still: self.lost,
+                goal: &goal,
+                beforehand: &beforehand,
+            };
+            self.made += 1;
+            if let Some(segment) = design(&task, &stop) {
+                self.add(
+                    Candidate { name: format!("made for it, about {place}"), centre, segment },
+                    Kind::Made,
+                );
+            }
+        }
+        if self.looks > 0 && known.estimate.is_none() {
+            self.design_look(&goal, &beforehand, here);
+        }
+        self.find_ways();
+    }
+
+    fn design_look(&mut self, goal: &Goal, beforehand: &Information, centre: Pose) {
+        let mut careful = self.rig.clone();
+        careful.geometry.leg_rate_mps *= LOOK_SHARE;
+        careful.rate_range_radps = LOOK_SHARE * self.rig.rate_range_radps.min(HIGHEST_RATE_RADPS);
+        let task = Design {
+            rig: &careful,
+            centre: &centre,
+            duration_s: LOOK_S,
+            ramp_s: RAMP_S,
+            still: self.lost,
+            goal,
+            beforehand,
+        };
+        self.made += 1;
+        if let Some(segment) = design(&task, &AtomicBool::new(false)) {
+            self.add(Candidate { name: "a first look".to_owned(), centre, segment }, Kind::Look);
+        }
+    }
+
     /// What to do now.
-    pub fn next(&self, known: &Known) -> Next {
+    pub fn next(&mut self, known: &Known) -> Next {
         let goal = self.goal(known);
         if goal.worst(known.information, known.variance_scale) <= 1.0 && known.estimate.is_some() {
             return Next::Reached;
         }
+        if let Some(question) = self.question() {
+            return Next::Question(question);
+        }
+        self.learn(known);
+        if self.designs.is_none() {
+            self.design(known, 1.0);
+        }
+        if let Some(decision) = self.look() {
+            return Next::Segment(Box::new(decision));
+        }
+        let mut choice = self.guaranteed_choice(&goal, known);
+        let seconds = choice.as_ref().map_or(f64::INFINITY, |c| c.seconds);
+        if seconds > WORTH_DESIGNING_S && self.designs == Some(false) && known.estimate.is_some() {
+            self.design(known, if seconds.is_finite() { seconds / DESIGNED_S } else { 1.0 });
+            choice = self.guaranteed_choice(&goal, known);
+        }
+        choice
+            .and_then(|chosen| self.decide(&chosen))
+            .map_or_else(|| Next::Hopeless(self.furthest(&goal, known)), |d| Next::Segment(Box::new(d)))
+    }
+
+    /// A careful motion while the body is not known.
+    fn look(&mut self) -> Option<Decision> {
+        if self.rig.body.is_some() || self.looks == 0 {
+            return None;
+        }
+        while let Some(index) = self.entries.iter().position(|entry| entry.kind == Kind::Look) {
+            let choice = Choice { sequence: vec![index], seconds: f64::INFINITY };
+            if self.guarantee(&choice) {
+                return self.decide(&choice);
+            }
+        }
+        None
+    }
+
+    fn guaranteed_choice(&mut self, goal: &Goal, known: &Known) -> Option<Choice> {
+        let mut choice = self.choose(goal, known)?;
+        while !self.guarantee(&choice) {
+            choice = self.choose(goal, known)?;
+        }
+        Some(choice)
+    }
+
+    fn choose(&self, goal: &Goal, known: &Known) -> Option<Choice> {
         let step = |from: Option<usize>, to: usize| {
             let from = from.map_or(Some(self.at), |c| self.entries.get(c).map(|e| e.place))?;
             self.step(from, to)
         };
-        let choice = choose(self.entries.len(), &step, &goal, known.information, known.variance_scale);
-        choice
-            .and_then(|choice| self.decide(&choice))
-            .map_or_else(|| Next::Hopeless(self.furthest(&goal, known)), |d| Next::Segment(Box::new(d)))
+        choose(self.entries.len(), &step, goal, known.information, known.variance_scale)
+    }
+
+    /// What the legs and the load cell carry, as it becomes known.
+    fn learn(&mut self, known: &Known) {
+        let Some(body) = known.estimate.filter(|_| !self.body_given).and_then(body_of) else { return };
+        self.rig.body = Some(body);
+        if self.rig.limits_forces() {
+            self.entries.iter_mut().for_each(|entry| entry.guaranteed = false);
+            self.ways.iter_mut().flatten().flatten().for_each(|way| way.guaranteed = way.segment.is_none());
+        }
+    }
+
+    /// Whether what would be done now keeps every limit at every instant; if not, it is changed and the choice is another
+    /// one.
+    fn guarantee(&mut self, choice: &Choice) -> bool {
+        let Some(index) = choice.sequence.first().copied() else { return false };
+        let Some(entry) = self.entries.get(index) else { return false };
+        let (place, centre) = (entry.place, entry.candidate.centre);
+        if !entry.guaranteed {
+            let alone = MotionProgram { start: centre, segments: vec![entry.candidate.segment.clone()] };
+            let over = self.rig.overstepped(&alone);
+            if over > 1.0 {
+                // The bounds are a per cent above what is seen.
+                self.shrink(index, if over.is_finite() { 0.999 - (over - 1.0).min(0.2) } else { 0.8 });
+                return false;
+            }
+            if let Some(entry) = self.entries.get_mut(index) {
+                entry.guaranteed = true;
+            }
+        }
+        let Some(from) = self.places.get(self.at).copied() else { return false };
+        let Some(Some(way)) = self.ways.get(self.at).and_then(|row| row.get(place)) else { return false };
+        if way.guaranteed {
+            return true;
+        }
+        let mut slower = self.slower;
+        let mut found = None;
+        let mut tried = Some(way.clone());
+        while let Some(way) = tried.take() {
+            let alone = MotionProgram { start: from, segments: way.segment.clone().into_iter().collect() };
+            if self.rig.overstepped(&alone) <= 1.0 {
+                found = Some(Way { guaranteed: true, ..way });
+            } else if slower < SLOWEST * self.slower {
+                slower *= SLOWER;
+                tried = self.way(&from, &centre, slower);
+            }
+        }
+        let same = found.is_some() && slower == self.slower;
+        if let Some(slot) = self.ways.get_mut(self.at).and_then(|row| row.get_mut(place)) {
+            *slot = found;
+        }
+        same
+    }
+
+    /// Makes a motion smaller, or leaves it out.
+    fn shrink(&mut self, index: usize, by: f64) {
+        let Some(entry) = self.entries.get_mut(index) else { return };
+        entry.scale *= by;
+        let smaller = if entry.scale < SMALLEST { None } else { entry.candidate.smaller(by) };
+        let told = smaller.and_then(|candidate| self.tells(&candidate).map(|tells| (candidate, tells)));
+        match (told, self.entries.get_mut(index)) {
+            (Some((candidate, tells)), Some(entry)) => {
+                (entry.candidate, entry.tells, entry.guaranteed) = (candidate, tells, false);
+            }
+            _ => drop(self.entries.remove(index)),
+        }
     }
 
     fn decide(&self, choice: &Choice) -> Option<Decision> {
         let index = *choice.sequence.first()?;
         let entry = self.entries.get(index)?;
-        let program = entry.candidate.program(self.places.get(self.at)?, self.slower, &self.rig.geometry)?;
-        let tells = self.step(self.at, index)?.tells;
+        let way = self.ways.get(self.at)?.get(entry.place)?.as_ref()?;
+        let segments = way.segment.iter().chain([&entry.candidate.segment]).cloned().collect();
         Some(Decision {
             index,
             moves: entry.candidate.moves(),
-            tells,
+            tells: way.step.tells + entry.tells * entry.worth,
             name: entry.candidate.name.clone(),
-            program,
+            program: MotionProgram { start: *self.places.get(self.at)?, segments },
             expected_s: choice.seconds,
         })
     }
@@ -227,53 +493,102 @@ impl Planner {
         goal.furthest(&all)
     }
 
-    /// The platform refuses a decision: it is made smaller, or left out where that does not help. What was concluded
-    /// from it, if anything: coordinates that count as lost.
-    pub fn refused(&mut self, decision: &Decision) -> [bool; 6] {
-        let none = [false; 6];
-        let moved_there = decision.program.segments.len() > 1;
-        if moved_there && self.slower < SLOWEST {
-            self.slower *= SLOWER;
-            self.ways = self.places.iter().map(|from| self.ways_from(from)).collect();
-            return none;
+    /// The platform refuses a decision. It is asked which coordinate it does not move, then whether the motion is too fast
+    /// or too large for it and by how much: that limit is the tighter one from then on. Where that does not help, the
+    /// motion is made smaller and the way to it slower.
+    pub fn refused(&mut self, decision: &Decision) {
+        let moves = moved(&decision.program);
+        let unknown = (0..6).filter(|k| moves[*k] && !self.taken[*k]).map(Question::Coordinate);
+        self.questions = unknown.collect();
+        if !self.questions.is_empty() {
+            return;
         }
-        let Some(entry) = self.entries.get_mut(decision.index) else { return none };
-        entry.scale *= SMALLER;
-        let smaller = if entry.scale < SMALLEST { None } else { entry.candidate.smaller(SMALLER) };
-        if let Some(candidate) = smaller
-            && let Some(tells) = self.tells(&candidate)
-            && let Some(entry) = self.entries.get_mut(decision.index)
+        let still = decision.moves == [false; 6];
+        let on_the_way = decision.program.segments.len() > 1;
+        if let ([motion], false) = (decision.program.segments.as_slice(), still)
+            && self.tightened < MOST_TIGHTENED
         {
-            (entry.candidate, entry.tells) = (candidate, tells);
-            return none;
+            self.tightened += 1;
+            self.questions = vec![Question::Slower(motion.clone())];
+            return;
         }
-        // Where there was a move before it, that may be what is refused.
-        if decision.moves == none || moved_there {
+        if on_the_way && self.slower < SLOWEST {
+            self.slower *= SLOWER;
+            self.find_ways();
+        } else if still {
             self.entries.remove(decision.index);
-            return none;
         }
-        // What moves these and more is not taken either.
-        self.barred.push(decision.moves);
-        let barred = |moves: [bool; 6]| (0..6).all(|k| moves[k] || !decision.moves[k]);
-        self.entries.retain(|entry| !barred(entry.candidate.moves()));
-        self.suspect()
+        if !still {
+            self.shrink(decision.index, SMALLER);
+        }
     }
 
-    /// An axis is lost if it alone, of those that were refused together, was never driven.
-    fn suspect(&mut self) -> [bool; 6] {
-        let mut newly = [false; 6];
-        for set in &self.barred {
-            let mut undriven = (0..6).filter(|k| set[*k] && !self.driven[*k] && !self.lost[*k]);
-            if let (Some(axis), None) = (undriven.next(), undriven.next()) {
-                newly[axis] = true;
+    /// The last of the questions, from where the plate is.
+    fn question(&self) -> Option<MotionProgram> {
+        const AXES: [Axis; 6] = [Axis::X, Axis::Y, Axis::Z, Axis::Roll, Axis::Pitch, Axis::Yaw];
+        let segment = match self.questions.last()? {
+            Question::Coordinate(k) => {
+                let amplitude = if *k < 3 { 0.1 * ASKED_RAD } else { ASKED_RAD };
+                let term = SineTerm { axis: AXES[*k], amplitude, frequency_hz: ASKED_HZ, phase_rad: 0.0 };
+                Segment::Multisine { duration_s: DESIGNED_S, ramp_s: RAMP_S, terms: vec![term] }
             }
-        }
-        if newly.contains(&true) {
-            // What was barred for its sake is there again without it.
-            self.barred.retain(|set| !(0..6).any(|k| set[k] && newly[k]));
-            self.lose(&newly);
+            Question::Slower(motion) => stretched(motion),
+            Question::Smaller { motion, taken, refused, .. } => sized(motion, 0.5 * (taken + refused)),
+        };
+        Some(MotionProgram { start: *self.places.get(self.at)?, segments: vec![segment] })
+    }
+
+    /// What the platform says to a question. Coordinates that count as lost now.
+    pub fn answered(&mut self, yes: bool) -> [bool; 6] {
+        let mut newly = [false; 6];
+        match self.questions.pop() {
+            Some(Question::Coordinate(k)) if yes => self.taken[k] = true,
+            Some(Question::Coordinate(k)) => {
+                newly[k] = true;
+                self.lose(&newly);
+            }
+            Some(Question::Slower(motion)) => {
+                let limit = if yes { Limit::LegRate } else { Limit::LegLength };
+                self.questions.push(Question::Smaller {
+                    motion,
+                    limit,
+                    taken: 0.0,
+                    refused: 1.0,
+                    left: HALVINGS,
+                });
+            }
+            Some(Question::Smaller { motion, limit, taken, refused, left }) => {
+                let size = 0.5 * (taken + refused);
+                let (taken, refused) = if yes { (size, refused) } else { (taken, size) };
+                if left > 1 {
+                    let left = left - 1;
+                    self.questions.push(Question::Smaller { motion, limit, taken, refused, left });
+                } else {
+                    self.tighten(limit, &sized(&motion, taken));
+                }
+            }
+            None => {}
         }
         newly
+    }
+
+    /// The largest motion that the platform takes shows how tight a limit is.
+    fn tighten(&mut self, limit: Limit, motion: &Segment) {
+        let Some(at) = self.places.get(self.at).copied() else { return };
+        let program = MotionProgram { start: at, segments: vec![motion.clone()] };
+        let Ok(trajectory) = program.trajectory() else { return };
+        let geometry = &mut self.rig.geometry;
+        let guarantee = geometry.guarantee(&trajectory, None, f64::INFINITY);
+        let Some(peak) = guarantee.peaks.iter().find(|p| p.limit == Some(limit)) else { return };
+        match limit {
+            Limit::LegLength => {
+                let [low, high] = geometry.leg_length_m;
+                let middle = 0.5 * (low + high);
+                geometry.leg_length_m = [middle - peak.seen, middle + peak.seen];
+            }
+            _ => geometry.leg_rate_mps = peak.seen,
+        }
+        self.take_stock(at);
     }
 
     fn lose(&mut self, newly: &[bool; 6]) {
@@ -289,18 +604,17 @@ impl Planner {
     pub fn carried_out(&mut self, decision: &Decision, told: &Information) -> [bool; 6] {
         if let Some(entry) = self.entries.get(decision.index) {
             self.at = entry.place;
+            if entry.kind == Kind::Look {
+                self.looks = self.looks.saturating_sub(1);
+            }
+        }
+        for (taken, moved) in self.taken.iter_mut().zip(moved(&decision.program)) {
+            *taken |= moved;
         }
         let newly = stood_still(&self.rig, &decision.program, &decision.moves, told);
-        for k in 0..6 {
-            self.driven[k] |= decision.moves[k] && !newly[k];
-        }
         if newly.contains(&true) {
             self.lose(&newly);
             return newly;
-        }
-        let suspected = self.suspect();
-        if suspected.contains(&true) {
-            return suspected;
         }
         let came = share(&decision.tells, told);
         if came < AS_EXPECTED
@@ -311,4 +625,56 @@ impl Planner {
         }
         newly
     }
+}
+
+/// Coordinates that a program moves, ways included.
+fn moved(program: &MotionProgram) -> [bool; 6] {
+    let mut moved = [false; 6];
+    let mut at = program.start;
+    for segment in &program.segments {
+        match segment {
+            Segment::Move { to, .. } => {
+                for k in 0..3 {
+                    moved[k] |= to.position_m[k] != at.position_m[k];
+                    moved[k + 3] |= to.rpy_rad[k] != at.rpy_rad[k];
+                }
+                at = *to;
+            }
+            Segment::Multisine { terms, .. } => {
+                terms.iter().filter(|t| t.amplitude != 0.0).for_each(|t| moved[t.axis as usize] = true);
+            }
+            Segment::Hold { .. } | Segment::Sphere(_) => {}
+        }
+    }
+    moved
+}
+
+/// The same way in more time.
+fn stretched(motion: &Segment) -> Segment {
+    let Segment::Multisine { duration_s, ramp_s, terms } = motion else { return motion.clone() };
+    let terms = terms.iter().map(|t| SineTerm { frequency_hz: t.frequency_hz / STRETCH, ..*t }).collect();
+    Segment::Multisine { duration_s: STRETCH * duration_s, ramp_s: STRETCH * ramp_s, terms }
+}
+
+/// The same, of another size.
+fn sized(motion: &Segment, size: f64) -> Segment {
+    let Segment::Multisine { duration_s, ramp_s, terms } = motion else { return motion.clone() };
+    let terms = terms.iter().map(|t| SineTerm { amplitude: size * t.amplitude, ..*t }).collect();
+    Segment::Multisine { duration_s: *duration_s, ramp_s: *ramp_s, terms }
+}
+
+/// Of `[m, mc, I about S]`; `None` where no body is like that.
+fn body_of(phi: &[f64]) -> Option<BodyParameters> {
+    let [m, x, y, z, xx, yy, zz, yz, zx, xy] = *phi.first_chunk::<10>()?;
+    super::goal::largest_principal(phi)?;
+    let [x, y, z] = [x / m, y / m, z / m];
+    let about_com = [
+        xx - m * (y * y + z * z),
+        yy - m * (z * z + x * x),
+        zz - m * (x * x + y * y),
+        yz + m * y * z,
+        zx + m * z * x,
+        xy + m * x * y,
+    ];
+    Some(BodyParameters { mass_kg: m, com_m: [x, y, z], inertia_com_kgm2: about_com })
 }

@@ -2,8 +2,8 @@
 //! refused, tighter limits, other noise.
 
 use rigident_shared::estimator::{Estimator, EstimatorConfig};
-use rigident_shared::screening::Limits;
-use rigident_sim::platform::{MotionProgram, Pose, Segment};
+use rigident_shared::screening;
+use rigident_sim::platform::{Limits, MotionProgram, Pose, Segment};
 use rigident_sim::rig::{Readings, RigConfig, RigError};
 
 use super::goal::{Asked, largest_principal};
@@ -15,6 +15,8 @@ use crate::simulated::{mounting, reading};
 
 /// The factor is looked at this often, s.
 const LOOK_S: f64 = 0.25;
+/// What a motion that is made between segments takes, s: twice what was measured on two cores.
+const MAKING_S: f64 = 0.75;
 
 /// A rig and what is wrong with it.
 #[derive(Clone, Debug)]
@@ -62,7 +64,7 @@ impl Device {
             channel_sigma: rehearsal.believed.channel_sigma,
             known_offset: [0.0; 6],
             mounting: mounting(&rehearsal.config),
-            limits: Limits::none(),
+            limits: screening::Limits::none(),
         };
         let estimator = Estimator::new(&config).expect("a simulated rig's settings are possible");
         Self { estimator: Box::new(estimator), absorbed: 0 }
@@ -128,7 +130,14 @@ impl Rehearsal {
         seed: u64,
     ) -> Result<Option<f64>, RigError> {
         let rate_hz = self.believed.rate_hz;
-        let readings = Readings::new(&self.config, &self.as_followed(program), rate_hz)?;
+        let mut config = self.config.clone();
+        if self.stuck.contains(&true) {
+            // The legs go where the controller that sees nothing wrong takes them: what is asked for was checked.
+            config.geometry.leg_length_m = [0.0, f64::INFINITY];
+            config.geometry.leg_rate_mps = f64::INFINITY;
+            config.geometry.limits = Limits { cond_max: f64::INFINITY, ..Limits::default() };
+        }
+        let readings = Readings::new(&config, &self.as_followed(program), rate_hz)?;
         let every = ((LOOK_S * rate_hz) as usize).max(1);
         for (k, row) in readings.measured(seed).enumerate().skip(device.absorbed) {
             device.estimator.absorb(&reading(&row));
@@ -191,9 +200,22 @@ impl Rehearsal {
             let (before, estimate, variance_scale) = device.known(&self.believed);
             let estimate = estimate.as_ref().map(<[f64; 16]>::as_slice);
             let known = Known { information: &before, estimate, variance_scale };
-            let Next::Segment(decision) = planner.next(&known) else {
-                let outcome = self.outcome(&device, asked, None, segments);
-                return Ok(Outcome { lost: planner.lost(), ..outcome });
+            let next = planner.next(&known);
+            // The plate waits for what is made anew.
+            let waited_s = MAKING_S * planner.motions_made() as f64;
+            if waited_s > 0.0 {
+                whole.segments.push(Segment::Hold { duration_s: waited_s });
+            }
+            let decision = match next {
+                Next::Segment(decision) => decision,
+                Next::Question(program) => {
+                    planner.answered(self.takes(&program));
+                    continue;
+                }
+                Next::Reached | Next::Hopeless(_) => {
+                    let outcome = self.outcome(&device, asked, None, segments);
+                    return Ok(Outcome { lost: planner.lost(), ..outcome });
+                }
             };
             if !self.takes(&decision.program) {
                 planner.refused(&decision);

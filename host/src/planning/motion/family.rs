@@ -17,6 +17,8 @@ type Wave = Vec<[f64; 3]>;
 #[derive(Clone, Debug)]
 pub struct Family {
     centre: [f64; 6],
+    /// Coordinates that keep their place.
+    still: [bool; 6],
     duration_s: f64,
     ramp_s: f64,
     frequencies_hz: Vec<f64>,
@@ -50,11 +52,22 @@ impl Family {
         let [roll, pitch, yaw] = centre.rpy_rad;
         Self {
             centre: [x, y, z, roll, pitch, yaw],
+            still: [false; 6],
             duration_s,
             ramp_s,
             frequencies_hz: frequencies_hz.to_vec(),
             waves,
         }
+    }
+
+    /// Without these coordinates: their coefficients mean nothing.
+    #[must_use]
+    pub fn without(self, still: [bool; 6]) -> Self {
+        Self { still, ..self }
+    }
+
+    fn moving(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..6).filter(|i| !self.still[*i])
     }
 
     /// Number of coefficients.
@@ -82,7 +95,7 @@ impl Family {
         let mut c = Coordinates { value: self.centre, ..Coordinates::default() };
         for (j, wave) in self.waves.iter().enumerate() {
             let [w0, w1, w2] = wave[k];
-            for i in 0..6 {
+            for i in self.moving() {
                 let z = coefficients[i * self.waves.len() + j] * self.scale(i, j);
                 c.value[i] += z * w0;
                 c.rate[i] += z * w1;
@@ -96,7 +109,7 @@ impl Family {
     pub fn pull_back(&self, worth: &Coordinates, k: usize, gradient: &mut [f64]) {
         for (j, wave) in self.waves.iter().enumerate() {
             let [w0, w1, w2] = wave[k];
-            for i in 0..6 {
+            for i in self.moving() {
                 gradient[i * self.waves.len() + j] += self.scale(i, j)
                     * (worth.value[i] * w0 + worth.rate[i] * w1 + worth.acceleration[i] * w2);
             }
@@ -106,7 +119,7 @@ impl Family {
     /// The motion for the platform; `size` makes it smaller.
     pub fn segment(&self, coefficients: &[f64], size: f64) -> Segment {
         let mut terms = Vec::new();
-        for (i, axis) in AXES.into_iter().enumerate() {
+        for (i, axis) in AXES.into_iter().enumerate().filter(|(i, _)| !self.still[*i]) {
             for (f, frequency_hz) in self.frequencies_hz.iter().enumerate() {
                 let at = i * self.waves.len() + 2 * f;
                 let (a, b) = (coefficients[at], coefficients[at + 1]);

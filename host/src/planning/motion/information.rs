@@ -146,8 +146,9 @@ impl Instrument {
         }
     }
 
-    /// What a change of the coordinates at one instant is worth in `log det M`, `inverse` being `M⁻¹`.
-    pub fn worth(&self, state: &PlateState, inverse: &Information) -> Variation {
+    /// What a change of the coordinates at one instant is worth where a change of the information is worth `tr(Q dM)`, Q
+    /// symmetric: `M⁻¹` for `log det M`.
+    pub fn worth(&self, state: &PlateState, slope: &Information) -> Variation {
         let columns = self.columns(state);
         let mut worth = [0.0; 12];
         for c in 0..6 {
@@ -156,7 +157,7 @@ impl Instrument {
                 _ if j == 10 + c => 1.0,
                 _ => 0.0,
             });
-            let g = inverse * row * (2.0 * self.weights[c]);
+            let g = slope * row * (2.0 * self.weights[c]);
             for (worth, unit) in worth.iter_mut().zip(&self.units) {
                 *worth += (0..10).map(|j| g[j] * unit[j][c]).sum::<f64>();
             }

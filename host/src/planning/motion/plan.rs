@@ -13,7 +13,8 @@ use super::family::Family;
 use super::information::{Information, Instrument};
 use super::predict::{PredictError, Prediction, predict};
 use super::program::{Frame, FrameError};
-use super::search::Problem;
+use super::search::{Problem, Volume};
+use crate::planning::machine::on_plate;
 
 /// What a motion is made for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -105,15 +106,15 @@ pub enum PlanError {
 }
 
 /// Share of the sensors' ranges that a motion may use.
-const SENSOR_SHARE: f64 = 0.85;
+pub const SENSOR_SHARE: f64 = 0.85;
 
 /// Grid of the search, s; a twentieth of the shortest period.
-fn step_s(highest_hz: f64) -> f64 {
+pub fn step_s(highest_hz: f64) -> f64 {
     (0.05 / highest_hz).min(0.04)
 }
 
 /// Six frequencies, well separated, none a multiple of another.
-fn frequencies_hz(highest_hz: f64) -> [f64; 6] {
+pub fn frequencies_hz(highest_hz: f64) -> [f64; 6] {
     [0.17, 0.29, 0.43, 0.61, 0.79, 1.0].map(|share| share * highest_hz)
 }
 
@@ -150,11 +151,7 @@ pub fn plan(task: &Task, stop: &AtomicBool, note: impl FnMut(String)) -> Result<
 fn load(config: &RigConfig) -> Load {
     let cell = &config.load_cell;
     let rotation = cell.rotation().unwrap_or_else(nalgebra::Matrix3::identity);
-    let mut body = config.body;
-    let com = Vector3::from(cell.position_m) + rotation * Vector3::from(body.com_m);
-    let inertia = rotation * body.inertia_com() * rotation.transpose();
-    body.com_m = com.into();
-    body.inertia_com_kgm2 = [(0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1)].map(|at| inertia[at]);
+    let body = on_plate(&config.body, &Vector3::from(cell.position_m), &rotation);
     let mut load = Load::body(body);
     load.gravity_mps2 = [0.0, 0.0, -config.gravity_mps2];
     load
@@ -253,6 +250,7 @@ pub(super) fn problem(task: &Task, frame: &Frame, ramp_s: f64) -> Problem {
         barrier: Barrier::new(&config.geometry, task.rate_radps),
         instrument,
         beforehand,
+        merit: Volume,
     }
 }
 

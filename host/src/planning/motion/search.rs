@@ -1,4 +1,4 @@
-//! The search for the motion with the largest `log det M` inside the limits: an interior-point method, a quasi-Newton step
+//! The search for the motion of the greatest merit (the largest `log det M`) inside the limits: an interior-point method, a quasi-Newton step
 //! (limited-memory BFGS, two-loop recursion of Nocedal) at a time, from several random beginnings on all cores.
 
 use std::collections::VecDeque;
@@ -15,9 +15,26 @@ const WEIGHTS: [(f64, usize); 3] = [(0.1, 60), (0.01, 120), (0.001, 200)];
 /// Pairs that the quasi-Newton method remembers.
 const MEMORY: usize = 15;
 
+/// What is made large.
+pub trait Merit: Sync {
+    /// A figure of merit of the information and its derivative Q by it, `d merit = tr(Q dM)`; `None` where something is
+    /// left undetermined.
+    fn of(&self, information: &Information) -> Option<(f64, Information)>;
+}
+
+/// `log det M`: D-optimality.
+#[derive(Clone, Copy, Debug)]
+pub struct Volume;
+
+impl Merit for Volume {
+    fn of(&self, information: &Information) -> Option<(f64, Information)> {
+        log_determinant(information)
+    }
+}
+
 /// What is sought.
 #[derive(Clone, Debug)]
-pub struct Problem {
+pub struct Problem<M = Volume> {
     /// The motions.
     pub family: Family,
     /// The limits.
@@ -26,6 +43,8 @@ pub struct Problem {
     pub instrument: Instrument,
     /// What the rest of the experiment tells.
     pub beforehand: Information,
+    /// What is made large.
+    pub merit: M,
 }
 
 /// A motion under way.
@@ -33,12 +52,12 @@ pub struct Problem {
 pub struct Found {
     /// Of the family.
     pub coefficients: Vec<f64>,
-    /// `log det M`.
-    pub log_determinant: f64,
+    /// `log det M`, or whatever else is made large.
+    pub merit: f64,
 }
 
-impl Problem {
-    /// `weight Σ barrier − log det M`, its gradient, and `log det M`; `None` outside the limits.
+impl<M: Merit> Problem<M> {
+    /// `weight Σ barrier − merit`, its gradient, and the merit; `None` outside the limits.
     pub fn cost(&self, z: &[f64], weight: f64) -> Option<(f64, Vec<f64>, f64)> {
         let mut information = self.beforehand;
         let mut walls = Vec::with_capacity(self.family.instants());
@@ -52,10 +71,10 @@ impl Problem {
             self.instrument.add(&state, &mut information);
             walls.push((c, state, variation));
         }
-        let (log, inverse) = log_determinant(&information)?;
+        let (merit, slope) = self.merit.of(&information)?;
         let mut gradient = vec![0.0; self.family.len()];
         for (k, (c, state, wall)) in walls.iter().enumerate() {
-            let worth = self.instrument.worth(state, &inverse);
+            let worth = self.instrument.worth(state, &slope);
             let total = Variation {
                 place: wall.place - worth.place,
                 velocity: wall.velocity - worth.velocity,
@@ -64,7 +83,7 @@ impl Problem {
             };
             self.family.pull_back(&total.coordinates(c), k, &mut gradient);
         }
-        Some((weight * sum - log, gradient, log))
+        Some((weight * sum - merit, gradient, merit))
     }
 
     fn begin(&self, seed: u64) -> Option<Vec<f64>> {
@@ -90,14 +109,14 @@ impl Problem {
     /// From one random beginning. `None` if not even a tiny motion is inside the limits.
     pub fn descend(&self, seed: u64, stop: &AtomicBool) -> Option<Found> {
         let mut z = self.begin(seed)?;
-        let mut log_determinant = f64::NEG_INFINITY;
+        let mut merit = f64::NEG_INFINITY;
         for (weight, steps) in WEIGHTS {
-            let (mut cost, mut gradient, log) = self.cost(&z, weight)?;
-            log_determinant = log;
+            let (mut cost, mut gradient, reached) = self.cost(&z, weight)?;
+            merit = reached;
             let mut pairs: VecDeque<(Vec<f64>, Vec<f64>)> = VecDeque::new();
             for _ in 0..steps {
                 if stop.load(Ordering::Relaxed) {
-                    return Some(Found { coefficients: z, log_determinant });
+                    return Some(Found { coefficients: z, merit });
                 }
                 let direction = direction(&gradient, &pairs);
                 let slope = dot(&direction, &gradient);
@@ -110,7 +129,7 @@ impl Problem {
                         _ => length *= 0.4,
                     }
                 };
-                let Some((trial, (lower, new_gradient, log))) = next else { break };
+                let Some((trial, (lower, new_gradient, reached))) = next else { break };
                 let step: Vec<f64> = trial.iter().zip(&z).map(|(a, b)| a - b).collect();
                 let change: Vec<f64> = new_gradient.iter().zip(&gradient).map(|(a, b)| a - b).collect();
                 if dot(&step, &change) > 1e-12 * dot(&change, &change) {
@@ -120,13 +139,13 @@ impl Problem {
                     }
                 }
                 let gain = cost - lower;
-                (z, cost, gradient, log_determinant) = (trial, lower, new_gradient, log);
+                (z, cost, gradient, merit) = (trial, lower, new_gradient, reached);
                 if gain < 1e-5 {
                     break;
                 }
             }
         }
-        Some(Found { coefficients: z, log_determinant })
+        Some(Found { coefficients: z, merit })
     }
 
     /// From so many random beginnings, on every core; the best first. `done` is told how many have ended.
@@ -162,11 +181,11 @@ impl Problem {
                     Err(mpsc::RecvTimeoutError::Timeout) => {}
                     Err(mpsc::RecvTimeoutError::Disconnected) => break,
                 }
-                done(ended, found.iter().map(|(_, f)| f.log_determinant).fold(f64::NEG_INFINITY, f64::max));
+                done(ended, found.iter().map(|(_, f)| f.merit).fold(f64::NEG_INFINITY, f64::max));
             }
         });
         // By value, then by beginning: the same answer on any number of cores.
-        found.sort_by(|(i, a), (j, b)| b.log_determinant.total_cmp(&a.log_determinant).then(i.cmp(j)));
+        found.sort_by(|(i, a), (j, b)| b.merit.total_cmp(&a.merit).then(i.cmp(j)));
         found.into_iter().map(|(_, f)| f).collect()
     }
 }
