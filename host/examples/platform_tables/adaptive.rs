@@ -85,8 +85,12 @@ fn cases(nominal: &Rehearsal) -> [(&'static str, Rehearsal); 5] {
 }
 
 /// Median over the seeds, and how many got there.
-fn cell(run: impl Fn(u64) -> Option<Outcome>) -> String {
-    let outcomes: Option<Vec<Outcome>> = (1..=SEEDS).map(run).collect();
+fn cell(run: impl Fn(u64) -> Option<Outcome> + Sync) -> String {
+    let outcomes: Option<Vec<Outcome>> = std::thread::scope(|scope| {
+        let run = &run;
+        let running: Vec<_> = (1..=SEEDS).map(|seed| scope.spawn(move || run(seed))).collect();
+        running.into_iter().map(|r| r.join().expect("a rehearsal that ends")).collect()
+    });
     let Some(outcomes) = outcomes else { return " | refused".to_owned() };
     let mut seconds: Vec<f64> = outcomes.iter().filter_map(|o| o.seconds).collect();
     seconds.sort_by(f64::total_cmp);
@@ -139,8 +143,7 @@ fn motion_alone(nominal: &Rehearsal) -> MotionProgram {
 }
 
 fn d_optimal(nominal: &Rehearsal) -> MotionProgram {
-    let lengths_s = if nominal.believed.rate_hz > 500.0 { [8.0, 10.0] } else { [12.0, 16.0] };
-    shortest(nominal, lengths_s.into_iter(), |duration_s| {
+    shortest(nominal, [8.0, 10.0, 12.0, 16.0].into_iter(), |duration_s| {
         let task = Task {
             duration_s,
             poses: false,
