@@ -1,19 +1,22 @@
 //! The planner: what is known of rig and machine from one segment to the next.
+//!
+//! Lives here: the segments with what came of them, the ways between them, what is next. In [`made`]: motions for what is
+//! asked for. In [`refusals`]: what a platform that does not take a segment is asked.
 
-use std::sync::atomic::AtomicBool;
+mod made;
+mod refusals;
 
 use rigident_sim::body::BodyParameters;
-use rigident_sim::platform::{Axis, Limit, MotionProgram, Pose, Segment, SineTerm};
+use rigident_sim::platform::{MotionProgram, Pose, Segment};
 
+use self::refusals::Question;
 use super::axes::{share, stood_still};
 use super::choice::{Choice, Step, choose};
-use super::design::{Design, design};
 use super::goal::{Asked, Goal};
-use super::information::{HIGHEST_RATE_RADPS, Information, RigModel};
+use super::information::{Information, RigModel};
 use super::library::{Candidate, keeps, library, way};
 
-/// By which a motion that the platform refuses becomes smaller, and what is too small to be worth a try.
-const SMALLER: f64 = 0.85;
+/// What share of its size is too small to be worth a try.
 const SMALLEST: f64 = 0.2;
 /// By which moves become slower where they are what is refused, and how much at most.
 const SLOWER: f64 = 1.4;
@@ -23,24 +26,10 @@ const AS_EXPECTED: f64 = 0.85;
 /// Length of the motions that are made for what is asked for, and of their ramps, s.
 const DESIGNED_S: f64 = 4.0;
 const RAMP_S: f64 = 0.5;
-/// Shorter where the machine can do less, so that one way of turning follows another soon.
-const DESIGNED_WITHOUT_S: f64 = 3.0;
-/// Before the body is known its wrench cannot be foreseen: a short look, with this share of the rates, as often at most.
-const LOOK_S: f64 = 1.5;
-const LOOK_SHARE: f64 = 0.35;
+/// Looks at a body that is not known, at most.
 const MOST_LOOKS: u32 = 3;
-/// By which a motion is stretched in time to see whether it is too fast or too large for the platform; how closely its
-/// largest size is then found, in halvings, and how often limits are found to be tighter.
-const STRETCH: f64 = 4.0;
-const HALVINGS: u32 = 6;
-const MOST_TIGHTENED: u32 = 4;
-/// Tilts about which motions are made where an axis is lost, degrees: about a tilted axis the others make up for it.
-const TILTS_DEG: [f64; 2] = [25.0, 35.0];
 /// Where less than this is left to do, no new motion is worth its planning, s.
 const WORTH_DESIGNING_S: f64 = 4.0;
-/// How far a platform is asked to move an axis that it may have lost, rad or ten times this in m, and at which frequency.
-const ASKED_RAD: f64 = 0.01;
-const ASKED_HZ: f64 = 0.5;
 
 /// A segment that has been decided on.
 #[derive(Clone, Debug)]
@@ -108,16 +97,6 @@ struct Entry {
     kind: Kind,
     /// Every limit is guaranteed at every instant.
     guaranteed: bool,
-}
-
-/// What a platform can be asked without moving.
-enum Question {
-    /// A small motion of one coordinate.
-    Coordinate(usize),
-    /// A refused motion, slower.
-    Slower(Segment),
-    /// A refused motion, smaller: its largest size lies between these.
-    Smaller { motion: Segment, limit: Limit, taken: f64, refused: f64, left: u32 },
 }
 
 /// A way between places.
@@ -275,80 +254,6 @@ impl Planner {
         })
     }
 
-    /// Motions made for what is asked for, for the machine as it now is. They are believed to be needed so many times.
-    fn design(&mut self, known: &Known, times: f64) {
-        self.designs = Some(known.estimate.is_some());
-        self.entries.retain(|entry| entry.kind == Kind::Stock);
-        let goal = self.goal(known);
-        let beforehand = *known.information / times.max(1.0);
-        let home = self.rig.geometry.home();
-        let here = self.places.get(self.at).copied().unwrap_or(home);
-        let mut centres = vec![(home, String::from("home"))];
-        let whole = self.lost == [false; 6];
-        if !whole {
-            for (k, name) in [(0, "roll"), (1, "pitch")].into_iter().filter(|(k, _)| !self.lost[k + 3]) {
-                for tilt_deg in TILTS_DEG {
-                    let mut centre = home;
-                    centre.rpy_rad[k] = tilt_deg.to_radians();
-                    if self.rig.geometry.check_pose(&centre).is_ok() {
-                        centres.push((centre, format!("a {name} of {tilt_deg:.0}°")));
-                    }
-                }
-            }
-        }
-        // A coordinate in which the plate has stopped somewhere stays there.
-        for (centre, _) in &mut centres {
-            for k in (0..3).filter(|k| self.lost[k + 3]) {
-                centre.rpy_rad[k] = here.rpy_rad[k];
-            }
-            for k in (0..3).filter(|k| self.lost[*k]) {
-                centre.position_m[k] = here.position_m[k];
-            }
-        }
-        let stop = AtomicBool::new(false);
-        for (centre, place) in centres {
-            let task = Design {
-                rig: &self.rig,
-                centre: &centre,
-                duration_s: if whole { DESIGNED_S } else { DESIGNED_WITHOUT_S },
-                ramp_s: RAMP_S,
-                still: self.lost,
-                goal: &goal,
-                beforehand: &beforehand,
-            };
-            self.made += 1;
-            if let Some(segment) = design(&task, &stop) {
-                self.add(
-                    Candidate { name: format!("made for it, about {place}"), centre, segment },
-                    Kind::Made,
-                );
-            }
-        }
-        if self.looks > 0 && known.estimate.is_none() {
-            self.design_look(&goal, &beforehand, here);
-        }
-        self.find_ways();
-    }
-
-    fn design_look(&mut self, goal: &Goal, beforehand: &Information, centre: Pose) {
-        let mut careful = self.rig.clone();
-        careful.geometry.leg_rate_mps *= LOOK_SHARE;
-        careful.rate_range_radps = LOOK_SHARE * self.rig.rate_range_radps.min(HIGHEST_RATE_RADPS);
-        let task = Design {
-            rig: &careful,
-            centre: &centre,
-            duration_s: LOOK_S,
-            ramp_s: RAMP_S,
-            still: self.lost,
-            goal,
-            beforehand,
-        };
-        self.made += 1;
-        if let Some(segment) = design(&task, &AtomicBool::new(false)) {
-            self.add(Candidate { name: "a first look".to_owned(), centre, segment }, Kind::Look);
-        }
-    }
-
     /// What to do now.
     pub fn next(&mut self, known: &Known) -> Next {
         let goal = self.goal(known);
@@ -493,113 +398,6 @@ impl Planner {
         goal.furthest(&all)
     }
 
-    /// The platform refuses a decision. It is asked which coordinate it does not move, then whether the motion is too fast
-    /// or too large for it and by how much: that limit is the tighter one from then on. Where that does not help, the
-    /// motion is made smaller and the way to it slower.
-    pub fn refused(&mut self, decision: &Decision) {
-        let moves = moved(&decision.program);
-        let unknown = (0..6).filter(|k| moves[*k] && !self.taken[*k]).map(Question::Coordinate);
-        self.questions = unknown.collect();
-        if !self.questions.is_empty() {
-            return;
-        }
-        let still = decision.moves == [false; 6];
-        let on_the_way = decision.program.segments.len() > 1;
-        if let ([motion], false) = (decision.program.segments.as_slice(), still)
-            && self.tightened < MOST_TIGHTENED
-        {
-            self.tightened += 1;
-            self.questions = vec![Question::Slower(motion.clone())];
-            return;
-        }
-        if on_the_way && self.slower < SLOWEST {
-            self.slower *= SLOWER;
-            self.find_ways();
-        } else if still {
-            self.entries.remove(decision.index);
-        }
-        if !still {
-            self.shrink(decision.index, SMALLER);
-        }
-    }
-
-    /// The last of the questions, from where the plate is.
-    fn question(&self) -> Option<MotionProgram> {
-        const AXES: [Axis; 6] = [Axis::X, Axis::Y, Axis::Z, Axis::Roll, Axis::Pitch, Axis::Yaw];
-        let segment = match self.questions.last()? {
-            Question::Coordinate(k) => {
-                let amplitude = if *k < 3 { 0.1 * ASKED_RAD } else { ASKED_RAD };
-                let term = SineTerm { axis: AXES[*k], amplitude, frequency_hz: ASKED_HZ, phase_rad: 0.0 };
-                Segment::Multisine { duration_s: DESIGNED_S, ramp_s: RAMP_S, terms: vec![term] }
-            }
-            Question::Slower(motion) => stretched(motion),
-            Question::Smaller { motion, taken, refused, .. } => sized(motion, 0.5 * (taken + refused)),
-        };
-        Some(MotionProgram { start: *self.places.get(self.at)?, segments: vec![segment] })
-    }
-
-    /// What the platform says to a question. Coordinates that count as lost now.
-    pub fn answered(&mut self, yes: bool) -> [bool; 6] {
-        let mut newly = [false; 6];
-        match self.questions.pop() {
-            Some(Question::Coordinate(k)) if yes => self.taken[k] = true,
-            Some(Question::Coordinate(k)) => {
-                newly[k] = true;
-                self.lose(&newly);
-            }
-            Some(Question::Slower(motion)) => {
-                let limit = if yes { Limit::LegRate } else { Limit::LegLength };
-                self.questions.push(Question::Smaller {
-                    motion,
-                    limit,
-                    taken: 0.0,
-                    refused: 1.0,
-                    left: HALVINGS,
-                });
-            }
-            Some(Question::Smaller { motion, limit, taken, refused, left }) => {
-                let size = 0.5 * (taken + refused);
-                let (taken, refused) = if yes { (size, refused) } else { (taken, size) };
-                if left > 1 {
-                    let left = left - 1;
-                    self.questions.push(Question::Smaller { motion, limit, taken, refused, left });
-                } else {
-                    self.tighten(limit, &sized(&motion, taken));
-                }
-            }
-            None => {}
-        }
-        newly
-    }
-
-    /// The largest motion that the platform takes shows how tight a limit is.
-    fn tighten(&mut self, limit: Limit, motion: &Segment) {
-        let Some(at) = self.places.get(self.at).copied() else { return };
-        let program = MotionProgram { start: at, segments: vec![motion.clone()] };
-        let Ok(trajectory) = program.trajectory() else { return };
-        let geometry = &mut self.rig.geometry;
-        let guarantee = geometry.guarantee(&trajectory, None, f64::INFINITY);
-        let Some(peak) = guarantee.peaks.iter().find(|p| p.limit == Some(limit)) else { return };
-        match limit {
-            Limit::LegLength => {
-                let [low, high] = geometry.leg_length_m;
-                let middle = 0.5 * (low + high);
-                geometry.leg_length_m = [middle - peak.seen, middle + peak.seen];
-            }
-            _ => geometry.leg_rate_mps = peak.seen,
-        }
-        self.take_stock(at);
-    }
-
-    fn lose(&mut self, newly: &[bool; 6]) {
-        for (lost, newly) in self.lost.iter_mut().zip(newly) {
-            *lost |= newly;
-        }
-        if let Some(at) = self.places.get(self.at).copied() {
-            self.take_stock(at);
-        }
-    }
-
     /// The decision was carried out to its end and told this. Coordinates that turn out not to follow.
     pub fn carried_out(&mut self, decision: &Decision, told: &Information) -> [bool; 6] {
         if let Some(entry) = self.entries.get(decision.index) {
@@ -647,20 +445,6 @@ fn moved(program: &MotionProgram) -> [bool; 6] {
         }
     }
     moved
-}
-
-/// The same way in more time.
-fn stretched(motion: &Segment) -> Segment {
-    let Segment::Multisine { duration_s, ramp_s, terms } = motion else { return motion.clone() };
-    let terms = terms.iter().map(|t| SineTerm { frequency_hz: t.frequency_hz / STRETCH, ..*t }).collect();
-    Segment::Multisine { duration_s: STRETCH * duration_s, ramp_s: STRETCH * ramp_s, terms }
-}
-
-/// The same, of another size.
-fn sized(motion: &Segment, size: f64) -> Segment {
-    let Segment::Multisine { duration_s, ramp_s, terms } = motion else { return motion.clone() };
-    let terms = terms.iter().map(|t| SineTerm { amplitude: size * t.amplitude, ..*t }).collect();
-    Segment::Multisine { duration_s: *duration_s, ramp_s: *ramp_s, terms }
 }
 
 /// Of `[m, mc, I about S]`; `None` where no body is like that.
