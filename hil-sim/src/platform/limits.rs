@@ -113,31 +113,70 @@ impl fmt::Display for Violation {
         let leg = self.leg.unwrap_or(0);
         match self.limit {
             Limit::LegLength => {
-                write!(f, "leg {leg} would be {value:.4} m long, it reaches from {min:.4} m to {max:.4} m")
+                let nearer = if value < min { min } else { max };
+                let (value, digits) = apart(*value, *nearer, 4);
+                let [min, max] = [min, max].map(|v| number(*v, digits));
+                write!(f, "leg {leg} would be {value} m long, it reaches from {min} m to {max} m")
             }
-            Limit::LegRate => write!(f, "leg {leg} would move at {value:.3} m/s, its limit is {max:.3} m/s"),
+            Limit::LegRate => {
+                let (value, digits) = apart(value.abs(), *max, 3);
+                write!(f, "leg {leg} would move at {value} m/s, its limit is {} m/s", number(*max, digits))
+            }
             Limit::LegAcceleration => {
-                write!(f, "leg {leg} would accelerate at {value:.3} m/s², its limit is {max:.3} m/s²")
+                let (value, digits) = apart(value.abs(), *max, 3);
+                write!(
+                    f,
+                    "leg {leg} would accelerate at {value} m/s², its limit is {} m/s²",
+                    number(*max, digits)
+                )
             }
-            Limit::LegForce => write!(f, "leg {leg} would carry {value:.1} N, its limit is {max:.1} N"),
-            Limit::BaseJointAngle | Limit::PlateJointAngle => write!(
-                f,
-                "leg {leg} would lean {:.1}° at its {} joint, which allows {:.1}°",
-                value.to_degrees(),
-                if self.limit == Limit::BaseJointAngle { "base" } else { "plate" },
-                max.to_degrees()
-            ),
+            Limit::LegForce => {
+                let (value, digits) = apart(value.abs(), *max, 1);
+                write!(f, "leg {leg} would carry {value} N, its limit is {} N", number(*max, digits))
+            }
+            Limit::BaseJointAngle | Limit::PlateJointAngle => {
+                let (value, digits) = apart(value.to_degrees(), max.to_degrees(), 1);
+                write!(
+                    f,
+                    "leg {leg} would lean {value}° at its {} joint, which allows {}°",
+                    if self.limit == Limit::BaseJointAngle { "base" } else { "plate" },
+                    number(max.to_degrees(), digits)
+                )
+            }
             Limit::Conditioning if value.is_infinite() => {
                 write!(f, "the pose is singular, or lies beyond a singular one as seen from home")
             }
             Limit::Conditioning => {
+                let (value, digits) = apart(*value, *max, 3);
                 write!(
                     f,
-                    "the pose is too near a singular one: cond(H) would be {value:.3}, its limit is {max:.3}"
+                    "the pose is too near a singular one: cond(H) would be {value}, its limit is {}",
+                    number(*max, digits)
                 )
             }
         }
     }
+}
+
+/// With so many decimals, or in powers of ten where those would show nothing, or nothing but digits.
+fn number(value: f64, digits: usize) -> String {
+    let magnitude = value.abs();
+    if value != 0.0
+        && magnitude.is_finite()
+        && (magnitude >= 1e9 || magnitude < 0.5 * 0.1_f64.powi(digits as i32))
+    {
+        format!("{value:.2e}")
+    } else {
+        format!("{value:.digits$}")
+    }
+}
+
+/// A value beyond a limit with as many decimals, `digits` or more, as show that it is; and how many those are.
+fn apart(value: f64, limit: f64, digits: usize) -> (String, usize) {
+    const MOST: usize = 9;
+    let enough = |d: &usize| number(value, *d) != number(limit, *d);
+    let digits = (digits..=MOST).find(enough).unwrap_or(MOST);
+    (number(value, digits), digits)
 }
 
 /// What every limited quantity is at one state, beside its limit. Quantities without a limit are given too, with an

@@ -301,6 +301,31 @@ fn a_load_that_is_too_heavy_names_the_leg_the_force_and_the_time() {
 }
 
 #[test]
+fn a_limit_that_is_hardly_overstepped_is_told_with_as_many_digits_as_show_it() {
+    use super::{Limit, Violation};
+    let said = |limit, value, allowed| Violation { limit, leg: Some(2), value, allowed }.to_string();
+    for (got, words) in [
+        (
+            said(Limit::LegLength, 0.549_96, [0.55, 0.8548]),
+            "would be 0.54996 m long, it reaches from 0.55000 m",
+        ),
+        (
+            said(Limit::LegLength, 0.5, [0.55, 0.8548]),
+            "would be 0.5000 m long, it reaches from 0.5500 m to 0.8548 m",
+        ),
+        (said(Limit::LegLength, 0.5, [0.55, 1e300]), "from 0.5500 m to 1.00e300 m"),
+        (said(Limit::LegRate, -4e-5, [-3e-5, 3e-5]), "would move at 4.00e-5 m/s, its limit is 3.00e-5 m/s"),
+        (
+            said(Limit::LegRate, -0.020_04, [-0.02, 0.02]),
+            "would move at 0.02004 m/s, its limit is 0.02000 m/s",
+        ),
+        (said(Limit::Conditioning, 40.000_02, [1.0, 40.0]), "would be 40.00002, its limit is 40.00000"),
+    ] {
+        assert!(got.contains(words), "{got}\n{words}");
+    }
+}
+
+#[test]
 fn a_stroke_is_centred_and_one_that_is_not_there_is_refused() {
     let g = Geometry::thesis().with_stroke(0.20).unwrap();
     assert!((g.leg_length_m[1] - g.leg_length_m[0] - 0.20).abs() < 1e-15);

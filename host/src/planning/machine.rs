@@ -25,8 +25,8 @@ pub enum MachineError {
     LoadCell,
     /// Limits that contradict each other: no level pose keeps them.
     #[error(
-        "[platform]: the limits contradict each other, the plate cannot stand level anywhere; best is x = {x:.3} m, \
-         y = {y:.3} m, z = {z:.3} m, where {violation}"
+        "[platform]: the limits contradict each other, the plate cannot stand level anywhere; best is x = {:.3} m, \
+         y = {:.3} m, z = {:.3} m, where {violation}", unsigned(*x), unsigned(*y), unsigned(*z)
     )]
     NoLevelPose {
         /// m.
@@ -38,6 +38,11 @@ pub enum MachineError {
         /// What is in the way there.
         violation: Violation,
     },
+}
+
+/// To a tenth of a millimetre, m: what rounds to zero is zero, without a sign.
+fn unsigned(value: f64) -> f64 {
+    (1e4 * value).round() / 1e4 + 0.0
 }
 
 /// The platform of a rig file. Limits that the file does not give do not bind, but for `cond_max`, which is 40 then.
@@ -56,12 +61,14 @@ pub fn geometry(rig: &RigFile) -> Result<Geometry, MachineError> {
 /// # Errors
 /// As [`geometry`], of a table that is there and says anything of joints or legs.
 pub fn geometry_or_thesis(rig: &RigFile) -> Result<Geometry, MachineError> {
-    match &rig.platform {
-        Some(t) if *t != (PlatformTable { load_cell: t.load_cell.clone(), ..PlatformTable::default() }) => {
-            geometry(rig)
-        }
-        _ => Ok(Geometry::thesis()),
-    }
+    if is_described(rig) { geometry(rig) } else { Ok(Geometry::thesis()) }
+}
+
+/// Whether the rig file says anything of joints or legs.
+pub fn is_described(rig: &RigFile) -> bool {
+    rig.platform
+        .as_ref()
+        .is_some_and(|t| *t != PlatformTable { load_cell: t.load_cell.clone(), ..PlatformTable::default() })
 }
 
 /// Where the load cell is on the plate: its origin in P, m, and its axes to the plate's.
