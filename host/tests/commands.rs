@@ -468,3 +468,32 @@ fn a_monte_carlo_prints_one_object_that_follows_from_its_seed() {
         assert!(said(&output).contains("1000000 readings"), "{}", said(&output));
     }
 }
+
+#[cfg(unix)]
+#[test]
+fn a_second_ctrl_c_ends_at_once_and_still_leaves_an_object() {
+    let place = tempfile::tempdir().unwrap();
+    // A recording that never comes.
+    assert!(Command::new("mkfifo").arg(place.path().join("f.csv")).status().unwrap().success());
+    let mut child = Command::new(env!("CARGO_BIN_EXE_rigident"))
+        .current_dir(place.path())
+        .args(["identify", "f.csv", "--json"])
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    let stop = |pid: u32| Command::new("kill").args(["-INT", &pid.to_string()]).status().unwrap();
+    let mut heard = std::io::BufReader::new(child.stderr.take().unwrap());
+    let mut line = String::new();
+    // Until there is a handler the first would end it by the signal.
+    std::thread::sleep(std::time::Duration::from_millis(1000));
+    assert!(stop(child.id()).success());
+    while !line.contains("Ctrl-C again") {
+        line.clear();
+        assert!(std::io::BufRead::read_line(&mut heard, &mut line).unwrap() > 0, "it ended by the first");
+    }
+    assert!(stop(child.id()).success());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(status(&output), 130);
+    assert_eq!(json(&output)["status"], "failed");
+}

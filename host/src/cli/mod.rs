@@ -5,6 +5,7 @@
 
 mod adaptive;
 mod arguments;
+mod at_rest;
 mod confirm;
 mod course_arguments;
 mod demo;
@@ -59,8 +60,11 @@ pub fn main() -> ExitCode {
         }
     };
     // Without a handler Ctrl-C would end the program at once, files half-written: a second one still does.
-    let handler = ctrlc::set_handler(|| {
+    let handler = ctrlc::set_handler(move || {
         if crate::session::INTERRUPTED.swap(true, Ordering::Relaxed) {
+            if json {
+                outcome::say_failed("ended by a second Ctrl-C; files may be incomplete");
+            }
             std::process::exit(130);
         }
         eprintln!("\nstopping, what there is by now is kept (Ctrl-C again ends at once)");
