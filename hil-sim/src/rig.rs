@@ -157,6 +157,11 @@ impl Rig {
         self.platform.state()
     }
 
+    /// How many motions have begun since the rig was switched on: programs, moves, and streams of points from rest.
+    pub fn motions_begun(&self) -> u64 {
+        self.platform.begun()
+    }
+
     /// Whether a program was started and has come to its end, or was stopped and has come to rest.
     pub fn is_done(&self) -> bool {
         self.platform.state() == MotionState::Done

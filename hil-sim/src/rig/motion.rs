@@ -44,11 +44,18 @@ enum Phase {
 pub(super) struct Platform {
     trajectory: Trajectory,
     phase: Phase,
+    /// Motions that have begun.
+    begun: u64,
 }
 
 impl Platform {
     pub(super) fn resting(pose: &Pose) -> Self {
-        Self { trajectory: Trajectory::resting(pose), phase: Phase::Holding { loaded: false } }
+        Self { trajectory: Trajectory::resting(pose), phase: Phase::Holding { loaded: false }, begun: 0 }
+    }
+
+    /// How many motions have begun: programs, moves, and streams from rest.
+    pub(super) fn begun(&self) -> u64 {
+        self.begun
     }
 
     pub(super) fn state(&self) -> MotionState {
@@ -98,6 +105,7 @@ impl Platform {
             Phase::Moving { .. } => Err(RigError::Busy),
             Phase::Holding { loaded: true } => {
                 self.phase = Phase::Moving { start_ns: now_ns, stop_s: None };
+                self.begun += 1;
                 Ok(())
             }
             _ => Err(RigError::NoProgram),
@@ -148,6 +156,7 @@ impl Platform {
     ) -> Result<(), RigError> {
         if let Phase::Following { follower, at_rest } = &mut self.phase {
             act(follower)?;
+            self.begun += u64::from(*at_rest);
             *at_rest = false;
             return Ok(());
         }
@@ -157,6 +166,7 @@ impl Platform {
         let mut follower = Box::new(Follower::resting(&self.rest(), now_ns));
         act(&mut follower)?;
         self.phase = Phase::Following { follower, at_rest: false };
+        self.begun += 1;
         Ok(())
     }
 

@@ -2,8 +2,10 @@
 //!
 //! A line is `t_s,x_m,y_m,z_m,qw,qx,qy,qz` (the plate in A) or `t_s,l1_m,…,l6_m` (the legs); time goes from the
 //! beginning of the stream. The first line must be where the plate stands, within 5 mm and 20 mrad. A line that
-//! cannot be followed, and lines that cease, bring the plate to rest; a stream is then over.
+//! cannot be followed, and lines that cease, bring the plate to rest; a stream is then over. Every connection and every
+//! sender of datagrams has a stream of its own, and none touches what another client moves.
 
+use std::collections::HashMap;
 use std::io::{self, Read};
 use std::net::{SocketAddr, TcpStream, ToSocketAddrs, UdpSocket};
 use std::path::Path;
@@ -21,6 +23,8 @@ use crate::runner::lock;
 const BEHIND_NS: f64 = 5e7;
 /// The longest line.
 const LINE_BYTES: usize = 512;
+/// So many senders of datagrams are told apart before those that move nothing are forgotten.
+const SENDERS: usize = 64;
 /// How far the first line may be from where the plate stands, m and rad.
 const NEAR: [f64; 2] = [0.005, 0.02];
 
@@ -58,11 +62,19 @@ impl StreamServer {
         datagrams.set_read_timeout(Some(LOOK_AGAIN))?;
         let leave = Arc::new(AtomicBool::new(false));
         let mut server = Self { listener, leave, others: Vec::new(), rig, tell };
-        server.also(move |receiver, leave| {
+        let (shared, told) = (Arc::clone(&server.rig), Arc::clone(&server.tell));
+        server.also(move |leave| {
+            let mut senders: HashMap<SocketAddr, Receiver> = HashMap::new();
             let mut buffer = [0; 2048];
             while !leave.load(Ordering::Acquire) {
                 // Nothing came, or what came was broken: look again.
-                if let Ok(n) = datagrams.recv(&mut buffer) {
+                if let Ok((n, sender)) = datagrams.recv_from(&mut buffer) {
+                    if senders.len() >= SENDERS {
+                        senders.retain(|_, receiver| receiver.moves());
+                    }
+                    let receiver = senders
+                        .entry(sender)
+                        .or_insert_with(|| Receiver::new(Arc::clone(&shared), Arc::clone(&told)));
                     receiver.feed(buffer.get(..n).unwrap_or_default());
                 }
             }
@@ -76,7 +88,8 @@ impl StreamServer {
     /// As [`Port::open`].
     pub fn open_port(&mut self, name: &Path) -> io::Result<()> {
         let mut port = Port::open(Some(name))?;
-        self.also(move |receiver, leave| {
+        let mut receiver = Receiver::new(Arc::clone(&self.rig), Arc::clone(&self.tell));
+        self.also(move |leave| {
             let mut buffer = [0; 2048];
             while !leave.load(Ordering::Acquire) {
                 match port.read(&mut buffer, LOOK_AGAIN) {
@@ -88,10 +101,9 @@ impl StreamServer {
         Ok(())
     }
 
-    fn also(&mut self, serve: impl FnOnce(&mut Receiver, &AtomicBool) + Send + 'static) {
-        let mut receiver = Receiver::new(Arc::clone(&self.rig), Arc::clone(&self.tell));
+    fn also(&mut self, serve: impl FnOnce(&AtomicBool) + Send + 'static) {
         let leave = Arc::clone(&self.leave);
-        self.others.push(thread::spawn(move || serve(&mut receiver, &leave)));
+        self.others.push(thread::spawn(move || serve(&leave)));
     }
 
     /// Where it listens.
@@ -134,6 +146,8 @@ struct Course {
     pose: Pose,
     /// Nothing more of it is followed.
     over: bool,
+    /// Which of the rig's motions it is.
+    motion: u64,
 }
 
 struct Receiver {
@@ -162,14 +176,20 @@ impl Receiver {
             let line = std::mem::take(&mut self.line);
             let text = String::from_utf8_lossy(&line);
             if let Err(said) = self.follow(text.trim()) {
-                let shared = Arc::clone(&self.rig);
-                lock(&shared).stop();
+                if self.moves() {
+                    lock(&self.rig).stop();
+                }
                 if let Some(course) = &mut self.course {
                     course.over = true;
                 }
                 (self.tell)(&format!("{text:?}: {said}"));
             }
         }
+    }
+
+    /// Whether the plate moves, or moved last, by this stream.
+    fn moves(&self) -> bool {
+        self.course.as_ref().is_some_and(|c| !c.over && c.motion == lock(&self.rig).motions_begun())
     }
 
     fn follow(&mut self, line: &str) -> Result<(), String> {
@@ -190,7 +210,12 @@ impl Receiver {
         course.pose = pose(rest, &self.geometry, &course.pose)?;
         course.last_s = *time_s;
         let at_ns = course.origin_ns + 1e9 * time_s;
-        rig.pass_through(&course.pose, at_ns as u64).map_err(|e| e.to_string())
+        if course.motion != rig.motions_begun() {
+            return Err("another client moves the plate".to_owned());
+        }
+        rig.pass_through(&course.pose, at_ns as u64).map_err(|e| e.to_string())?;
+        course.motion = rig.motions_begun();
+        Ok(())
     }
 
     fn begin(&mut self, rig: &mut Rig, time_s: f64, numbers: &[f64]) -> Result<(), String> {
@@ -211,7 +236,8 @@ impl Receiver {
         // What is left of a stream before is forgotten.
         rig.stop();
         let origin_ns = rig.now_ns() as f64 + BEHIND_NS - 1e9 * time_s;
-        self.course = Some(Course { origin_ns, last_s: time_s, pose: here, over: false });
+        self.course =
+            Some(Course { origin_ns, last_s: time_s, pose: here, over: false, motion: rig.motions_begun() });
         Ok(())
     }
 }

@@ -246,7 +246,8 @@ pub struct Run {
     /// The platform's controller
     ///
     /// tcp://HOST:PORT: as `rigident-sim serve` offers it. gcs://HOST:PORT or gcs:///dev/ttyUSB0: a PI hexapod (GCS 2.0).
-    /// pose+tcp://HOST:PORT, pose+udp://…, pose+serial:///dev/…, legs+…: CSV lines of poses or leg lengths. Behind it
+    /// pose+tcp://HOST:PORT, pose+udp://…, pose+serial:///dev/…, legs+…: CSV lines of poses or leg lengths; the plate must
+    /// stand at home when it begins, and is led back there after the experiment. Behind it
     /// ?rate_hz=100, &lead_s=0.2 (set points are sent so long before their time) and &baud=115200 where they apply
     #[arg(long, value_name = "ADDRESS")]
     pub platform: String,

@@ -2,13 +2,13 @@ use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use rigident_shared::calibration::Reading;
-use rigident_shared::forgetting::{ImuNoise, MemoryConfig};
+use rigident_shared::forgetting::MemoryConfig;
 use rigident_shared::wire::Source;
 use rigident_sim::platform::MotionProgram;
 
 use super::adaptive::Directing;
 use super::arguments::Run;
+use super::at_rest::{self, warm_up, zero};
 use super::confirm::confirm;
 use super::experiment::{Experiment, Watcher, device_notes};
 use super::followed::{Followed, MotionLog};
@@ -17,16 +17,11 @@ use super::memory_arguments::{self, RowsOf};
 use super::outcome::provenance;
 use super::{Failure, Folder, simulated};
 use crate::answer::assemble::Asked;
-use crate::formats::rig::{Calibrated, ImuTable, OffsetTable, OffsetWord, RigFile};
+use crate::formats::rig::{OffsetTable, OffsetWord, RigFile};
 use crate::identification::known::check_model;
-use crate::identification::prepare::mounting;
-use crate::identification::remembered::imu_noise;
 use crate::planning::machine;
 use crate::platform::{self, Platform, PlatformError, check};
 use crate::session::{DeviceTiming, INTERRUPTED, Session, settings};
-
-/// Length of one look at the sensors at rest, s.
-const WINDOW_S: f64 = 2.0;
 
 /// `rigident run`
 pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
@@ -38,6 +33,15 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     check_model(&known, offset_estimated).map_err(Failure::input)?;
     let rate_hz = rig.recording.rate_hz.unwrap_or(1000.0);
     let geometry = machine::geometry_or_thesis(&rig).map_err(Failure::input)?;
+    let described = machine::is_described(&rig);
+    if !described && !platform::checks_itself(&arguments.platform) {
+        return Err(Failure::input(format!(
+            "{} does not say which machine is at {}: its [platform] must give base_joints_m, plate_joints_m and leg_length_m \
+             at least, so that its limits can be checked before anything moves.\nNothing was moved.",
+            arguments.rig.display(),
+            arguments.platform
+        )));
+    }
     let fixed =
         if arguments.adaptive.adaptive { None } else { Some(arguments.programme.program(&geometry)?) };
     arguments.adaptive.check()?;
@@ -59,6 +63,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     if let Some(directing) = &directing {
         summary.duration_s = directing.at_most_s();
     }
+    (summary.from, summary.assumed) = (platform.expects(), !described);
     if let Some(program) = &fixed {
         platform.load(program).map_err(unmoved)?;
     }
@@ -66,7 +71,11 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
 
     let mut warnings = Vec::new();
     warm_up(&mut session, &rig, arguments.warm_up_s, &mut warnings)?;
+    let from = platform.expects();
     let rest = zero(&mut session, &mut rig, &mut warnings)?;
+    if let Some(home) = &from {
+        at_rest::check_level(&rest, &rig, home)?;
+    }
     let mut settings = settings(&rig, &timing, Some(rest.sigma), None).map_err(Failure::input)?;
     arguments.course.put_into(&mut settings)?;
     let memory = span.map(|span| MemoryConfig { span, imu_noise: rest.imu_noise });
@@ -108,6 +117,15 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     }
     .map_err(Failure::link)?;
     watcher.end(&mut take);
+    if let (Some(home), Some(at)) = (&from, platform.expects())
+        && (take.broken.is_some() || take.interrupted)
+        && check::words(&at) != check::words(home)
+    {
+        warnings.push(format!(
+            "the plate was left at {}; the next run over this address begins at home: bring it there first",
+            check::words(&at)
+        ));
+    }
     let log = watcher.motion.take();
     let (mut decisions, mut commanded) = (Vec::new(), fixed);
     if let Some(directing) = directing {
@@ -165,100 +183,9 @@ fn approach(platform: &mut dyn Platform, session: &mut Session) -> Result<(), Fa
 fn unmoved(error: PlatformError) -> Failure {
     let said = format!("{error}\nNothing was moved.");
     match error {
-        PlatformError::Address { .. } | PlatformError::Motion(_) => Failure::input(said),
+        PlatformError::Address { .. } | PlatformError::Motion(_) | PlatformError::TooLong { .. } => {
+            Failure::input(said)
+        }
         _ => Failure::link(said),
     }
-}
-
-/// The sensors at rest.
-struct Rest {
-    wrench: [f64; 6],
-    sigma: [f64; 6],
-    angular_rate: [f64; 3],
-    imu_noise: ImuNoise<f64>,
-}
-
-fn at_rest(readings: &[Reading<f64>], imu: Option<&ImuTable>) -> Option<Rest> {
-    let n = readings.len() as f64;
-    if readings.len() < 10 {
-        return None;
-    }
-    let mean = |f: &dyn Fn(&Reading<f64>) -> f64| readings.iter().map(f).sum::<f64>() / n;
-    let wrench: [f64; 6] = std::array::from_fn(|c| mean(&|r| r.wrench.array()[c]));
-    Some(Rest {
-        wrench,
-        sigma: std::array::from_fn(|c| {
-            (mean(&|r| (r.wrench.array()[c] - wrench[c]).powi(2)) * n / (n - 1.0)).sqrt()
-        }),
-        angular_rate: std::array::from_fn(|c| mean(&|r| r.angular_rate.array()[c])),
-        imu_noise: imu_noise(imu, readings),
-    })
-}
-
-fn look(session: &mut Session, rig: &RigFile) -> Result<Rest, Failure> {
-    let readings = session.watch(WINDOW_S, &mut Watcher::new(0)).map_err(Failure::link)?;
-    if INTERRUPTED.load(Ordering::Relaxed) {
-        return Err(Failure::link("stopped before the experiment began; nothing was moved"));
-    }
-    at_rest(&readings, rig.imu.first()).ok_or_else(|| {
-        Failure::link(
-            "the sensors send nothing: check their supply and wiring (`rigident info` shows the counters)",
-        )
-    })
-}
-
-/// Waits until the mean wrench changes by less than σ from one look to the next, twice in a row.
-fn warm_up(
-    session: &mut Session,
-    rig: &RigFile,
-    longest_s: f64,
-    warnings: &mut Vec<String>,
-) -> Result<(), Failure> {
-    let begun = Instant::now();
-    let mut last: Option<Rest> = None;
-    let mut settled = 0;
-    while begun.elapsed().as_secs_f64() < longest_s {
-        let now = look(session, rig)?;
-        if let Some(last) = &last {
-            let sigma = rig.load_cell.noise_n_nm.unwrap_or(now.sigma);
-            let still = (0..6).all(|c| (now.wrench[c] - last.wrench[c]).abs() < sigma[c]);
-            settled = if still { settled + 1 } else { 0 };
-            if settled == 2 {
-                return Ok(());
-            }
-        }
-        last = Some(now);
-        eprintln!(
-            "warm-up: {:.0} s, the load cell is steady in {settled} of 2 looks",
-            begun.elapsed().as_secs_f64()
-        );
-    }
-    if longest_s > 0.0 {
-        warnings.push(format!(
-            "the load cell still drifted by more than its noise after {longest_s} s of warm-up"
-        ));
-    }
-    Ok(())
-}
-
-/// The sensors at rest: bias of the gyro, and the noise where the rig file states none.
-fn zero(session: &mut Session, rig: &mut RigFile, warnings: &mut Vec<String>) -> Result<Rest, Failure> {
-    let rest = look(session, rig)?;
-    eprintln!("zero: mean wrench {:.2?} N, N m", rest.wrench);
-    if rig.imu.is_empty() {
-        rig.imu.push(Default::default());
-    }
-    if let Some(imu) = rig.imu.first_mut() {
-        let before = mounting(imu).gyro_bias.array();
-        imu.gyro_bias_radps = Calibrated::Numbers(rest.angular_rate);
-        let moved = (0..3).map(|k| (rest.angular_rate[k] - before[k]).abs()).fold(0.0, f64::max);
-        if moved > 0.05 {
-            warnings.push(format!("the gyro showed {moved:.3} rad/s at rest: was the platform moving?"));
-        }
-    }
-    if rig.load_cell.noise_n_nm.is_none() {
-        rig.load_cell.noise_n_nm = Some(rest.sigma);
-        warnings.push(format!("noise_n_nm is not given: measured at rest, {:.3?} N, N m", rest.sigma));
-    }
-    Ok(rest)
 }

@@ -81,6 +81,7 @@ pub struct Client {
     sequence: u16,
     telemetry: VecDeque<Telemetry>,
     telemetry_sequence: Option<u16>,
+    heard: Instant,
     /// Frames that came damaged.
     pub bad_frames: u32,
     /// Telemetry frames that never came.
@@ -96,6 +97,7 @@ impl Client {
             sequence: 0,
             telemetry: VecDeque::new(),
             telemetry_sequence: None,
+            heard: Instant::now(),
             bad_frames: 0,
             lost_telemetry: 0,
         }
@@ -151,6 +153,28 @@ impl Client {
         Err(LinkError::Silent(name))
     }
 
+    /// Sends a command whose answer nobody waits for.
+    ///
+    /// # Errors
+    /// The link is gone.
+    pub fn tell(&mut self, name: &'static str, command: &Command) -> Result<(), LinkError> {
+        self.sequence = self.sequence.wrapping_add(1);
+        let mut frame = [0; MAX_FRAME];
+        let length = encode(Kind::Command, self.sequence, command, &mut frame)
+            .map_err(|_| LinkError::Nonsense(name))?;
+        Ok(self.transport.write(frame.get(..length).unwrap_or_default())?)
+    }
+
+    /// Counts silence from now on: nobody has listened until now.
+    pub fn listen_anew(&mut self) {
+        self.heard = Instant::now();
+    }
+
+    /// How long the device has said nothing.
+    pub fn silence(&self) -> Duration {
+        self.heard.elapsed()
+    }
+
     /// Takes what has come, waiting up to `timeout` for the first byte.
     ///
     /// # Errors
@@ -167,6 +191,9 @@ impl Client {
     fn receive(&mut self, timeout: Duration) -> Result<Vec<(u16, Answer)>, LinkError> {
         let mut bytes = [0; 4096];
         let count = self.transport.read(&mut bytes, timeout)?;
+        if count > 0 {
+            self.heard = Instant::now();
+        }
         let mut answers = Vec::new();
         for byte in bytes.iter().take(count) {
             match self.decoder.push(*byte) {

@@ -128,6 +128,11 @@ impl Address {
     }
 }
 
+/// Whether what is at an address holds programs against its own limits, so that the host need not know them.
+pub fn checks_itself(address: &str) -> bool {
+    address.starts_with("tcp://")
+}
+
 /// Connects to the platform at an address; nothing moves. `geometry` says where the plate is at home, and the legs' lengths.
 ///
 /// # Errors

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use rigident_sim::platform::{Geometry, MotionProgram};
+use rigident_sim::platform::{Geometry, MotionProgram, Pose};
 
 use super::PlatformError;
 
@@ -14,6 +14,10 @@ const STEP_S: f64 = 0.004;
 pub struct Summary {
     /// How long it takes, s.
     pub duration_s: f64,
+    /// Where the plate must stand before, where the platform goes by that.
+    pub from: Option<Pose>,
+    /// Nothing is said of the machine: the limits are the built-in platform's.
+    pub assumed: bool,
     /// Shortest and longest leg on the way, m.
     pub leg_length_m: [f64; 2],
     /// The legs' limits, m.
@@ -37,8 +41,19 @@ impl fmt::Display for Summary {
         let [shortest, longest] = self.leg_length_m;
         let [least, most] = self.leg_limits_m;
         writeln!(f, "the platform is about to move for {:.0} s:", self.duration_s)?;
+        if let Some(pose) = &self.from {
+            writeln!(f, "  it begins at home: the plate must stand there now, {}", words(pose))?;
+        }
+        if self.assumed {
+            writeln!(f, "  the rig file has no [platform]: the limits are the built-in platform's")?;
+        }
         writeln!(f, "  legs      {shortest:.4} to {longest:.4} m of {least:.4} to {most:.4} m")?;
-        writeln!(f, "  leg rate  up to {:.3} of {:.3} m/s", self.leg_rate_mps, self.leg_rate_limit_mps)?;
+        write!(f, "  leg rate  up to {:.3} ", self.leg_rate_mps)?;
+        if self.leg_rate_limit_mps.is_finite() {
+            writeln!(f, "of {:.3} m/s", self.leg_rate_limit_mps)?;
+        } else {
+            writeln!(f, "m/s; the rig file gives no leg_rate_mps to hold it against")?;
+        }
         writeln!(
             f,
             "  plate     up to {:.1} mm from home and {:.1} degrees of tilt, {:.3} m/s and {:.2} rad/s",
@@ -48,6 +63,14 @@ impl fmt::Display for Summary {
             self.angular_rate_radps
         )
     }
+}
+
+/// A pose in words: mm in A, degrees.
+pub fn words(pose: &Pose) -> String {
+    // A negative zero is a zero.
+    let [x, y, z] = pose.position_m.map(|v| (1e4 * v).round() / 10.0 + 0.0);
+    let [roll, pitch, yaw] = pose.rpy_rad.map(|v| (10.0 * v.to_degrees()).round() / 10.0 + 0.0);
+    format!("x {x:.1}, y {y:.1}, z {z:.1} mm, roll {roll:.1}, pitch {pitch:.1}, yaw {yaw:.1} degrees")
 }
 
 /// Holds a whole program against the legs' limits.

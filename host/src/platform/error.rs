@@ -52,6 +52,37 @@ pub enum PlatformError {
     /// Whoever should watch the motion does not.
     #[error("the platform was stopped because the program that watches it said nothing for {0} s")]
     Unwatched(f64),
+    /// Set points could not be sent in time.
+    #[error(
+        "a set point came {:.0} ms after its time, so the motion was ended: this machine or the line to the platform was too busy, \
+         or asleep; use a larger lead_s",
+        1e3 * .0
+    )]
+    Late(f64),
+    /// Nobody knows where the plate is.
+    #[error("{0}")]
+    Unseen(String),
+    /// It stopped before the end, and not by this program's command.
+    #[error(
+        "the platform stopped after {at_s:.1} of {of_s:.1} s, and not by a command from here: is another program connected \
+         to it, or was it not heard from here for two seconds?"
+    )]
+    Cut {
+        /// When, s since the start.
+        at_s: f64,
+        /// How long the program takes, s.
+        of_s: f64,
+    },
+    /// More than the controller takes.
+    #[error(
+        "the plan is {bytes} bytes as the platform's controller gets it, and it takes {most}: make a plan of fewer segments"
+    )]
+    TooLong {
+        /// Of the command.
+        bytes: usize,
+        /// That are taken.
+        most: usize,
+    },
     /// Ended by the user.
     #[error("stopped by Ctrl-C")]
     Interrupted,

@@ -15,7 +15,7 @@ mod pace;
 pub mod stream;
 pub mod tracking;
 
-pub use address::connect;
+pub use address::{checks_itself, connect};
 pub use error::PlatformError;
 pub use network::NetworkPlatform;
 
@@ -74,6 +74,17 @@ pub trait Platform: Send {
     /// # Errors
     /// No answer; what broke the motion, once.
     fn motion(&mut self) -> Result<Motion, PlatformError>;
+    /// Where the plate must stand before anything is sent, if the platform goes by that; after a motion, where it was left.
+    fn expects(&self) -> Option<Pose> {
+        None
+    }
+    /// Starts the way to where the next connection expects the plate; false if it stands there, or may be anywhere.
+    ///
+    /// # Errors
+    /// It moves, its end is not known, or there is no way.
+    fn go_home(&mut self) -> Result<bool, PlatformError> {
+        Ok(false)
+    }
     /// What was commanded and measured since the last time.
     fn samples(&mut self) -> Vec<MotionSample> {
         Vec::new()

@@ -7,6 +7,8 @@ use serde::{Deserialize, Serialize};
 use super::address::PATIENCE;
 use super::{Motion, MotionSample, Platform, PlatformError};
 
+/// A program whose clock stood still so much before its end was cut short, s.
+const END_S: f64 = 1e-3;
 /// Samples are taken no more often than so, s.
 const SAMPLE_S: f64 = 0.05;
 
@@ -17,6 +19,8 @@ pub struct NetworkPlatform {
     trajectory: Option<Trajectory>,
     samples: Vec<MotionSample>,
     sampled_s: f64,
+    /// Duration of the program that was started, s, until it has ended or was stopped from here.
+    started_s: Option<f64>,
     /// Whether it has answered before.
     known: bool,
 }
@@ -69,6 +73,7 @@ impl NetworkPlatform {
                         trajectory: None,
                         samples: Vec::new(),
                         sampled_s: f64::NEG_INFINITY,
+                        started_s: None,
                         known: false,
                     });
                 }
@@ -96,6 +101,10 @@ impl NetworkPlatform {
         };
         let mut line = serde_json::to_string(request).map_err(|e| unreachable(e.to_string()))?;
         line.push('\n');
+        let most = rigident_sim::serve::LINE_BYTES;
+        if line.len() > most {
+            return Err(PlatformError::TooLong { bytes: line.len(), most });
+        }
         self.stream.get_mut().write_all(line.as_bytes()).map_err(|e| unreachable(e.to_string()))?;
         let mut reply = String::new();
         match self.stream.read_line(&mut reply) {
@@ -120,10 +129,12 @@ impl Platform for NetworkPlatform {
 
     fn start(&mut self) -> Result<(), PlatformError> {
         self.sampled_s = f64::NEG_INFINITY;
-        self.ask(&Request::Start).map(drop)
+        self.started_s = Some(self.ask(&Request::Start)?.duration_s);
+        Ok(())
     }
 
     fn stop(&mut self) -> Result<(), PlatformError> {
+        self.started_s = None;
         self.ask(&Request::Stop).map(drop)
     }
 
@@ -138,6 +149,21 @@ impl Platform for NetworkPlatform {
             let time_s = answer.time_s - (answer.duration_s - trajectory.duration_s());
             let commanded = trajectory.state(time_s).pose();
             self.samples.push(MotionSample { time_s, commanded, measured: Some(pose) });
+        }
+        if let Some(of_s) = self.started_s {
+            let own = answer.duration_s == of_s;
+            let (goes_on, ended) = match answer.state.as_str() {
+                "moving" => (own, false),
+                "done" => (false, own && answer.time_s >= of_s - END_S),
+                _ => (false, false),
+            };
+            if !goes_on {
+                self.started_s = None;
+                if !ended {
+                    // Another has stopped it, or given it another program.
+                    return Err(PlatformError::Cut { at_s: answer.time_s, of_s });
+                }
+            }
         }
         match answer.state.as_str() {
             "holding" => Ok(Motion::Holding),

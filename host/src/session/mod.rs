@@ -28,6 +28,8 @@ pub static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 /// Told to the device this often that the host is there.
 const HEARTBEAT_EVERY: Duration = Duration::from_millis(500);
+/// A device that streams nothing and answers no heartbeat for so long has hung.
+const SILENT: Duration = Duration::from_secs(4);
 /// What the device says when every asked-for parameter has its uncertainty.
 const STOPPED: (StateName, Reason) = (StateName::Holding, Reason::StopRule);
 /// How long a platform may take to come to rest.
@@ -226,6 +228,9 @@ impl Session {
             Ok(())
         };
         let mut take = self.conclude(taking, outcome, observer);
+        if at_rest.is_ok() && take.broken.is_none() && !take.interrupted {
+            take.broken = self.go_home(platform, observer).err();
+        }
         match (at_rest, &mut take.broken) {
             (Ok(()), Some(broken)) => broken.push_str("\nThe platform is at rest."),
             (Ok(()), None) => {}
@@ -237,6 +242,26 @@ impl Session {
             }
         }
         take
+    }
+
+    /// Leaves the plate where the next connection expects it. What went wrong, otherwise.
+    fn go_home(&mut self, platform: &mut dyn Platform, observer: &mut dyn Observer) -> Result<(), String> {
+        let failed = |e: PlatformError| format!("on the way home after the experiment: {e}");
+        if !platform.go_home().map_err(failed)? {
+            return Ok(());
+        }
+        let mut taking = Taking::default();
+        while platform.motion().map_err(failed)? == Motion::Moving {
+            if INTERRUPTED.load(Ordering::Relaxed) {
+                self.bring_to_rest(platform, &mut taking, observer)?;
+                return Err("stopped by Ctrl-C on the way home after the experiment".to_owned());
+            }
+            // The experiment is over: what the device still says, or that it is gone, no longer matters.
+            if self.listen(&mut taking, observer).is_err() {
+                std::thread::sleep(Duration::from_millis(20));
+            }
+        }
+        Ok(())
     }
 
     /// Stops the platform and sees it at rest, taking in what comes meanwhile. Why it could not be, otherwise.
@@ -380,8 +405,15 @@ impl Session {
         self.sort(taking, observer)?;
         observer.progress(taking.readings.len());
         if self.heartbeats && self.last_heartbeat.elapsed() > HEARTBEAT_EVERY {
+            if self.last_heartbeat.elapsed() > SILENT {
+                self.client.listen_anew();
+            }
             self.last_heartbeat = Instant::now();
-            self.client.ask("heartbeat", &Command::Heartbeat)?;
+            // Nobody waits for the answer: while one is waited for the platform is not watched.
+            self.client.tell("heartbeat", &Command::Heartbeat)?;
+        }
+        if self.heartbeats && self.client.silence() > SILENT {
+            return Err(LinkError::Silent("heartbeat").into());
         }
         Ok(())
     }

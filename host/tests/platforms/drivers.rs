@@ -10,7 +10,7 @@ use rigident_sim::serve::StreamServer;
 
 use super::{PATIENCE, Served};
 
-fn swing(seconds: f64) -> MotionProgram {
+pub fn swing(seconds: f64) -> MotionProgram {
     let mut start = Geometry::thesis().home();
     start.position_m[0] += 0.01;
     let term = |axis, amplitude, frequency_hz| SineTerm { axis, amplitude, frequency_hz, phase_rad: 0.4 };
@@ -29,7 +29,7 @@ fn swing(seconds: f64) -> MotionProgram {
     }
 }
 
-fn ready(served: &Served, address: &str, program: &MotionProgram) -> Box<dyn Platform> {
+pub fn ready(served: &Served, address: &str, program: &MotionProgram) -> Box<dyn Platform> {
     let mut platform = connect(address, &Geometry::thesis()).unwrap();
     platform.load(program).unwrap();
     assert_ne!(served.rig.lock().unwrap().motion(), MotionState::Moving, "loading moves nothing");
@@ -37,7 +37,7 @@ fn ready(served: &Served, address: &str, program: &MotionProgram) -> Box<dyn Pla
     platform
 }
 
-fn watch(platform: &mut dyn Platform, samples: &mut Vec<MotionSample>, mut until: impl FnMut() -> bool) {
+pub fn watch(platform: &mut dyn Platform, samples: &mut Vec<MotionSample>, mut until: impl FnMut() -> bool) {
     let deadline = Instant::now() + PATIENCE;
     while platform.motion().unwrap() == Motion::Moving && !until() {
         assert!(Instant::now() < deadline);

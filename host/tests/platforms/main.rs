@@ -3,6 +3,7 @@
 
 mod drivers;
 mod runs;
+mod streams;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

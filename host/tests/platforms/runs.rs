@@ -1,20 +1,28 @@
-//! `rigident run` with a hexapod.
+//! `rigident run` with a hexapod and with lines of set points.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Output, Stdio};
+use std::sync::Arc;
 
+use rigident::planning::plan_file::PlanFile;
+use rigident_sim::platform::{Geometry, MotionProgram, Segment};
 use rigident_sim::rig::MotionState;
+use rigident_sim::serve::StreamServer;
 
 use super::{Served, text};
 
 fn run(served: &Served, more: &[&str]) -> Command {
+    run_at(served, &served.address(), "out", more)
+}
+
+fn run_at(served: &Served, address: &str, out: &str, more: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_rigident"));
     command
         .arg("run")
         .args(["--port".as_ref(), served.path("port").as_os_str()])
         .args(["--rig".as_ref(), served.path("rig.toml").as_os_str()])
-        .args(["--out".as_ref(), served.path("out").as_os_str()])
-        .args(["--platform", &served.address(), "--warm-up-s", "0"])
+        .args(["--out".as_ref(), served.path(out).as_os_str()])
+        .args(["--platform", address, "--warm-up-s", "0"])
         .args(more)
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
@@ -131,4 +139,53 @@ fn a_controller_lost_in_mid_run_ends_it_with_the_command_named_and_the_recording
     assert!(served.path("out/run.mcap").metadata().unwrap().len() > 10_000);
     assert!(text(&served.path("out/motion.csv")).lines().count() > 50);
     assert!(served.path("out/report.html").exists());
+}
+
+#[test]
+fn a_stream_begins_at_home_ends_there_and_is_not_begun_from_elsewhere() {
+    let served = Served::new();
+    let server = StreamServer::listen("127.0.0.1:0", Arc::clone(&served.rig), |_| {}).unwrap();
+    let geometry = Geometry::thesis();
+    let mut leaning = geometry.home();
+    leaning.rpy_rad[0] = 0.4;
+    let segments = vec![Segment::Move { to: leaning, duration_s: 3.0 }, Segment::Hold { duration_s: 1.0 }];
+    let program = MotionProgram { start: geometry.home(), segments };
+    let plan = served.path("plan.json");
+    PlanFile::new("leaning".to_owned(), &geometry, program).write(&plan).unwrap();
+    let address = format!("pose+tcp://{}?lead_s=1", server.address());
+    let more = ["--yes", "--plan", plan.to_str().unwrap()];
+    let output = run_at(&served, &address, "out", &more).output().unwrap();
+    // A lean says something of the body, if not everything.
+    assert!(matches!(output.status.code(), Some(0 | 1)), "{}", said(&output));
+    assert!(
+        said(&output).contains("it begins at home: the plate must stand there now, x 0.0"),
+        "{}",
+        said(&output)
+    );
+    let rest = served.rig.lock().unwrap().pose();
+    assert!(rest.rpy_rad[0].abs() < 1e-6, "{rest:?}");
+
+    served.rig.lock().unwrap().move_to(&leaning, 1.0).unwrap();
+    std::thread::sleep(std::time::Duration::from_millis(1500));
+    let output = run_at(&served, &address, "other", &more).output().unwrap();
+    assert_eq!(output.status.code(), Some(3), "{}", said(&output));
+    assert!(said(&output).contains("tilted by 23 degrees"), "{}", said(&output));
+    assert_eq!(served.rig.lock().unwrap().pose().rpy_rad[0], 0.4);
+    assert!(!served.path("other").exists());
+}
+
+#[test]
+fn a_machine_that_the_rig_file_does_not_describe_is_not_taken_for_the_built_in_one() {
+    let served = Served::new();
+    let rig = text(&served.path("rig.toml"));
+    let (before, rest) = rig.split_once("[platform]").unwrap();
+    let (_, cell) = rest.split_once("[platform.load_cell]").unwrap();
+    std::fs::write(served.path("rig.toml"), format!("{before}[platform.load_cell]{cell}")).unwrap();
+    let output = run(&served, &["--yes"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+    assert!(
+        said(&output).contains("base_joints_m") && said(&output).contains("Nothing was moved"),
+        "{}",
+        said(&output)
+    );
 }

@@ -19,7 +19,7 @@ use rigident_sim::platform::{Geometry, MotionProgram, Pose, Trajectory};
 use rigident_sim::serve::gcs::GcsPosition;
 
 use super::address::{Address, Wire};
-use super::pace::{Pace, Sink, Timing};
+use super::pace::{GAP_S, Pace, Sink, Timing};
 use super::{Motion, MotionSample, Platform, PlatformError};
 use line::Line;
 
@@ -264,6 +264,11 @@ impl Sink for Hexapod {
         self.line.check(&last)?;
         self.last = last;
         Ok(Some(GcsPosition(self.line.six("POS?")?).pose(&self.reference)))
+    }
+
+    fn patience_s(&self) -> f64 {
+        // Set points go without a time; the controller says when they ceased.
+        GAP_S
     }
 
     fn halt(&mut self) -> Result<bool, PlatformError> {
