@@ -33,7 +33,7 @@ pub struct Goal {
 impl Asked {
     /// In SI, for the present estimate of the ten parameters. Without one a relative goal is taken of 1 kg m²: which
     /// segment is best first does not depend on it. Mass and first moment are asked for as well then, so that they would do
-    /// for the tensor about a centre of mass [`AWAY_M`] from S.
+    /// for the tensor about a centre of mass 0.3 m from S.
     pub fn goal(&self, estimate: Option<&[f64]>) -> Goal {
         match self {
             Self::Absolute(u95) => Goal { u95: *u95, about_com: None },
