@@ -19,6 +19,8 @@ pub struct NetworkPlatform {
     trajectory: Option<Trajectory>,
     samples: Vec<MotionSample>,
     sampled_s: f64,
+    /// Duration of the program that was loaded, the way to its start included, s.
+    loaded_s: f64,
     /// Duration of the program that was started, s, until it has ended or was stopped from here.
     started_s: Option<f64>,
     /// Whether it has answered before.
@@ -73,6 +75,7 @@ impl NetworkPlatform {
                         trajectory: None,
                         samples: Vec::new(),
                         sampled_s: f64::NEG_INFINITY,
+                        loaded_s: 0.0,
                         started_s: None,
                         known: false,
                     });
@@ -122,14 +125,22 @@ impl NetworkPlatform {
 
 impl Platform for NetworkPlatform {
     fn load(&mut self, program: &MotionProgram) -> Result<(), PlatformError> {
-        self.ask(&Request::Load { program })?;
+        self.loaded_s = self.ask(&Request::Load { program })?.duration_s;
         self.trajectory = Some(program.trajectory()?);
         Ok(())
     }
 
     fn start(&mut self) -> Result<(), PlatformError> {
         self.sampled_s = f64::NEG_INFINITY;
-        self.started_s = Some(self.ask(&Request::Start)?.duration_s);
+        let started_s = self.ask(&Request::Start)?.duration_s;
+        if started_s != self.loaded_s {
+            self.stop()?;
+            return Err(PlatformError::Refused(
+                "another program has loaded another motion meanwhile; it was stopped: let one program at a time have the platform"
+                    .to_owned(),
+            ));
+        }
+        self.started_s = Some(started_s);
         Ok(())
     }
 

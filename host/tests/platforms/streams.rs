@@ -94,6 +94,22 @@ fn a_motion_that_someone_else_ends_is_no_end() {
 }
 
 #[test]
+fn what_another_client_has_loaded_meanwhile_is_not_driven() {
+    let served = Served::new();
+    let controller = Controller::listen("127.0.0.1:0", Arc::clone(&served.rig)).unwrap();
+    let address = format!("tcp://{}", controller.address());
+    let mut platform = ready(&served, &address, &swing(20.0));
+    connect(&address, &Geometry::thesis()).unwrap().load(&swing(30.0)).unwrap();
+    let said = platform.start().unwrap_err().to_string();
+    assert!(said.contains("another motion"), "{said}");
+    let deadline = Instant::now() + PATIENCE;
+    while platform.motion() != Ok(Motion::Done) {
+        assert!(Instant::now() < deadline);
+    }
+    assert!(served.rig.lock().unwrap().program_time_s() < 5.0);
+}
+
+#[test]
 fn stray_lines_do_not_stop_what_another_client_moves() {
     let served = Served::new();
     let server = StreamServer::listen("127.0.0.1:0", Arc::clone(&served.rig), |_| {}).unwrap();
