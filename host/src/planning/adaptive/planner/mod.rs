@@ -1,7 +1,7 @@
 //! The planner: what is known of rig and machine from one segment to the next.
 //!
-//! Lives here: the segments with what came of them, the ways between them, what is next. In [`made`]: motions for what is
-//! asked for. In [`refusals`]: what a platform that does not take a segment is asked.
+//! Lives here: the segments with what came of them, the ways between them, what is next. In `made`: motions for what is
+//! asked for. In `refusals`: what a platform that does not take a segment is asked.
 
 mod made;
 mod refusals;
