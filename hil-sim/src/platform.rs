@@ -8,6 +8,7 @@
 //! Frames: A is the base's frame, z up; P is the plate's. Attitudes are roll, pitch, yaw about fixed axes,
 //! `R_AP = Rz(yaw) Ry(pitch) Rx(roll)`.
 
+mod check;
 mod forward;
 mod geometry;
 mod guarantee;
@@ -28,8 +29,8 @@ pub use limits::{COND_MAX, JointCones, Limit, LimitMargins, Limits, Margin, Viol
 pub use load::{Bodies, Load};
 pub use program::{Axis, MotionProgram, Segment, SineTerm};
 pub use sphere::Sphere;
-pub use trajectory::Trajectory;
 pub(crate) use trajectory::quintic_integral;
+pub use trajectory::{LONGEST_S, Trajectory};
 
 use serde::{Deserialize, Serialize};
 
@@ -71,6 +72,21 @@ pub enum MotionError {
         violation: Violation,
         /// Time in the program, s.
         time_s: f64,
+    },
+    /// It cannot be shown in reasonable time that the limits are kept.
+    #[error(
+        "the motion is too quick for its limits to be checked over its whole length, at t = {time_s:.3} s: use lower \
+         frequencies or a shorter motion"
+    )]
+    TooQuickToCheck {
+        /// How far the check came, s.
+        time_s: f64,
+    },
+    /// Longer than a day.
+    #[error("the motion program takes {duration_s:.0} s, {LONGEST_S} s are the most")]
+    TooLong {
+        /// s.
+        duration_s: f64,
     },
     /// A segment makes no sense by itself. Segments are counted from 1.
     #[error("segment {segment} of the motion program: {reason}")]

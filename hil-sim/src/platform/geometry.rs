@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Pose;
-use super::limits::Limits;
+use super::limits::{JointCones, Limits};
 
 /// A hexapod: leg `i` joins `base_joints_m[i]` (in A) to `plate_joints_m[i]` (in P).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -74,6 +74,32 @@ impl Geometry {
         let middle = 0.5 * (lo + hi);
         self.leg_length_m = [middle - 0.5 * stroke_m, middle + 0.5 * stroke_m];
         Ok(self)
+    }
+
+    /// The same machine with every limit brought in to a share of what it allows: of the stroke about its middle, of speeds,
+    /// accelerations, forces and angles, and of `cond(H)`.
+    #[must_use]
+    pub fn within(&self, share: f64) -> Self {
+        let [lo, hi] = self.leg_length_m;
+        let (middle, half) = (0.5 * (lo + hi), 0.5 * (hi - lo) * share);
+        let less = |limit: Option<f64>| limit.map(|v| v * share);
+        let cones = |cones: &Option<JointCones>| {
+            let narrower =
+                |c: &JointCones| JointCones { half_angle_rad: c.half_angle_rad * share, ..c.clone() };
+            cones.as_ref().map(narrower)
+        };
+        Self {
+            leg_length_m: [middle - half, middle + half],
+            leg_rate_mps: self.leg_rate_mps * share,
+            limits: Limits {
+                leg_acceleration_mps2: less(self.limits.leg_acceleration_mps2),
+                leg_force_n: less(self.limits.leg_force_n),
+                base_joints: cones(&self.limits.base_joints),
+                plate_joints: cones(&self.limits.plate_joints),
+                cond_max: self.limits.cond_max * share,
+            },
+            ..self.clone()
+        }
     }
 
     /// A level pose in the middle of the stroke: the plate's joints over the base's joints in the mean and, where all

@@ -56,15 +56,10 @@ impl Guarantee {
 
     /// The first limit that is not known to be kept, with its value and time, if it is the platform's.
     pub fn violation(&self, geometry: &Geometry) -> Option<(Violation, f64)> {
-        let [lo, hi] = geometry.leg_length_m;
-        self.peaks.iter().filter(|p| p.bound > p.allowed).find_map(|p| {
-            let limit = p.limit?;
-            let (value, allowed) = match limit {
-                Limit::LegLength => (0.5 * (lo + hi) + p.bound, [lo, hi]),
-                _ => (p.bound, [-p.allowed, p.allowed]),
-            };
-            Some((Violation { limit, leg: p.leg, value, allowed }, p.time_s))
-        })
+        self.peaks
+            .iter()
+            .filter(|p| p.bound > p.allowed)
+            .find_map(|p| Some((geometry.overstepped(p.limit?, p.leg, p.bound, p.allowed), p.time_s)))
     }
 }
 
@@ -111,6 +106,48 @@ fn moments(load: &Load) -> [f64; 3] {
         // Cauchy and Schwarz.
         [m + body.mass_kg, first + (body.mass_kg * square).sqrt(), second + square]
     })
+}
+
+/// A machine, its load and its limits.
+pub(super) struct Bounds<'a> {
+    geometry: &'a Geometry,
+    load: Option<&'a Load>,
+    moments: Option<[f64; 3]>,
+    allowed: [f64; QUANTITIES],
+}
+
+impl Bounds<'_> {
+    /// The first limit that is not known to be kept in the interval of `2 half` about `time_s`, between two seams; a bound
+    /// may lie above its limit by the share `touch`.
+    pub(super) fn beyond(
+        &self,
+        trajectory: &Trajectory,
+        time_s: f64,
+        half: f64,
+        touch: f64,
+    ) -> Option<Violation> {
+        let look = self.geometry.look(trajectory, time_s, half, self.load, self.moments);
+        (0..QUANTITIES).find_map(|q| {
+            let (value, max) = (look.bound[q], self.allowed[q]);
+            if value <= max * (1.0 + touch) {
+                return None;
+            }
+            let leg = look.seen[q].1;
+            LIMITS[q].map(|limit| self.geometry.overstepped(limit, leg, value, max))
+        })
+    }
+}
+
+impl Geometry {
+    /// A bound that lies above what is allowed.
+    fn overstepped(&self, limit: Limit, leg: Option<usize>, bound: f64, max: f64) -> Violation {
+        let [lo, hi] = self.leg_length_m;
+        let (value, allowed) = match limit {
+            Limit::LegLength => (0.5 * (lo + hi) + bound, [lo, hi]),
+            _ => (bound, [-max, max]),
+        };
+        Violation { limit, leg, value, allowed }
+    }
 }
 
 impl Geometry {
@@ -195,6 +232,11 @@ impl Geometry {
         Guarantee { peaks: peaks.collect() }
     }
 
+    /// To ask of intervals of any length, as [`Geometry::check`] does.
+    pub(super) fn bounds_of<'a>(&'a self, load: Option<&'a Load>) -> Bounds<'a> {
+        Bounds { geometry: self, load, moments: load.map(moments), allowed: self.allowed(f64::INFINITY) }
+    }
+
     fn allowed(&self, rate_limit_radps: f64) -> [f64; QUANTITIES] {
         let [lo, hi] = self.leg_length_m;
         let limits = &self.limits;
@@ -238,7 +280,9 @@ impl Geometry {
             if value >= look.seen[q].0 {
                 look.seen[q] = (value, leg);
             }
-            look.bound[q] = look.bound[q].max(value + more);
+            // What is not a number bounds nothing.
+            let sum = if (value + more).is_nan() { f64::INFINITY } else { value + more };
+            look.bound[q] = look.bound[q].max(sum);
         };
         // ‖H'‖ by columns.
         let mut h_rate = 0.0;

@@ -5,10 +5,10 @@ use std::fmt;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+use super::Geometry;
 use super::kinematics::PlateState;
 use super::legs::Legs;
 use super::load::Load;
-use super::{Geometry, MotionError, Pose, Trajectory};
 
 /// Guard against singular poses: highest `cond(H)`, thesis.
 pub const COND_MAX: f64 = 40.0;
@@ -101,7 +101,7 @@ impl Violation {
                 "use smaller tilts or translations"
             }
             Limit::LegRate | Limit::LegAcceleration => "give the motion more time",
-            Limit::LegForce => "give the motion more time, or keep away from singular poses",
+            Limit::LegForce => "use smaller tilts, more time where it moves, or a lighter body",
             Limit::Conditioning => "use less yaw or smaller tilts",
         }
     }
@@ -340,7 +340,7 @@ impl Geometry {
             && legs.force_transmission().determinant() * self.home_determinant() > 0.0
     }
 
-    fn joint_angles(&self, legs: &Legs, state: &PlateState) -> [Option<[f64; 6]>; 2] {
+    pub(super) fn joint_angles(&self, legs: &Legs, state: &PlateState) -> [Option<[f64; 6]>; 2] {
         let base = self.limits.base_joints.as_ref().map(|cones| cones.angles(&legs.directions));
         let plate = self.limits.plate_joints.as_ref().map(|cones| {
             let back = state.rotation.transpose();
@@ -348,78 +348,4 @@ impl Geometry {
         });
         [base, plate]
     }
-
-    /// Whether the plate can stand at `pose`: lengths, joint angles, `cond(H)`.
-    ///
-    /// # Errors
-    /// The limit, the leg and the value.
-    pub fn check_pose(&self, pose: &Pose) -> Result<(), Violation> {
-        self.check_motion(&Trajectory::resting(pose).state(0.0))
-    }
-
-    /// Everything but forces; quick where nothing is wrong.
-    fn check_motion(&self, state: &PlateState) -> Result<(), Violation> {
-        let legs = self.legs_at(&state.position, &state.rotation);
-        let (w, dw) = (state.rotation * state.angular_rate, state.rotation * state.angular_acceleration);
-        let [min, max] = self.leg_length_m;
-        let within = |values: [f64; 6], limit: Option<f64>| {
-            limit.is_none_or(|limit| values.iter().all(|value| value.abs() <= limit))
-        };
-        let cones = |angles: Option<[f64; 6]>, cones: &Option<JointCones>| {
-            angles.is_none_or(|a| within(a, cones.as_ref().map(|c| c.half_angle_rad)))
-        };
-        let limits = &self.limits;
-        let [base, plate] = self.joint_angles(&legs, state);
-        let kept = legs.lengths.iter().all(|l| (min..=max).contains(l))
-            && within(legs.rates(&state.velocity, &w), Some(self.leg_rate_mps))
-            && (limits.leg_acceleration_mps2.is_none()
-                || within(
-                    legs.accelerations(&state.velocity, &w, &state.acceleration, &dw),
-                    limits.leg_acceleration_mps2,
-                ))
-            && cones(base, &limits.base_joints)
-            && cones(plate, &limits.plate_joints)
-            && self.is_guarded(&legs);
-        if kept { Ok(()) } else { self.margins(state, None).check() }
-    }
-
-    /// Whether the legs can take this state at `time_s`. Forces are left out: see [`Geometry::check_loaded`].
-    ///
-    /// # Errors
-    /// The first limit that is not kept, with leg and time.
-    pub fn check_state(&self, state: &PlateState, time_s: f64) -> Result<(), MotionError> {
-        self.check_motion(state).map_err(|violation| MotionError::Limit { violation, time_s })
-    }
-
-    /// Whether the legs can follow the whole trajectory, looked at every 4 ms. Forces are left out.
-    ///
-    /// # Errors
-    /// The first limit that is not kept, with leg and time.
-    pub fn check(&self, trajectory: &Trajectory) -> Result<(), MotionError> {
-        every_4_ms(trajectory, |time_s| self.check_state(&trajectory.state(time_s), time_s))
-    }
-
-    /// As [`Geometry::check`], with the forces that moving `load` takes.
-    ///
-    /// # Errors
-    /// The first limit that is not kept, with leg and time.
-    pub fn check_loaded(&self, trajectory: &Trajectory, load: &Load) -> Result<(), MotionError> {
-        every_4_ms(trajectory, |time_s| {
-            self.margins(&trajectory.state(time_s), Some(load))
-                .check()
-                .map_err(|violation| MotionError::Limit { violation, time_s })
-        })
-    }
-}
-
-fn every_4_ms(
-    trajectory: &Trajectory,
-    mut look: impl FnMut(f64) -> Result<(), MotionError>,
-) -> Result<(), MotionError> {
-    const STEP_S: f64 = 0.004;
-    let steps = (trajectory.duration_s() / STEP_S).ceil() as usize;
-    for k in 0..=steps {
-        look((k as f64 * STEP_S).min(trajectory.duration_s()))?;
-    }
-    Ok(())
 }

@@ -4,6 +4,9 @@ use super::kinematics::{Coordinates, PlateState};
 use super::program::{MotionProgram, Segment};
 use super::{MotionError, Pose};
 
+/// The longest program, s: a day.
+pub const LONGEST_S: f64 = 86_400.0;
+
 /// One segment at its place in time, begun from a known pose.
 #[derive(Clone, Debug)]
 struct Piece {
@@ -43,7 +46,7 @@ impl Trajectory {
     /// Places the segments of `program` in time.
     ///
     /// # Errors
-    /// The first segment that makes no sense.
+    /// The first segment that makes no sense, or a program of more than [`LONGEST_S`].
     pub fn new(program: &MotionProgram) -> Result<Self, MotionError> {
         let start = program.start.coordinates();
         if !start.iter().all(|c| c.is_finite()) {
@@ -59,6 +62,9 @@ impl Trajectory {
             if let Segment::Move { to, .. } = segment {
                 at = to.coordinates();
             }
+        }
+        if begin_s > LONGEST_S {
+            return Err(MotionError::TooLong { duration_s: begin_s });
         }
         Ok(Self { start, end: at, duration_s: begin_s, pieces })
     }

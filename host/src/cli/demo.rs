@@ -59,7 +59,7 @@ pub(super) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
     let mut directing = arguments.adaptive.directing(&file, &geometry, &settings)?;
     let (mut stages, mut same_pose, mut duration_s) = (Vec::new(), None, 0.0);
     if directing.is_none() {
-        let program = arguments.programme.program(&geometry)?;
+        let (program, _) = arguments.programme.program(&geometry, file.recording.gravity_mps2)?;
         (stages, same_pose) = simulated::stages(&program);
         platform.load(&program).map_err(Failure::link)?;
         duration_s = program.duration_s();

@@ -40,14 +40,17 @@ pub struct PlanPoses {
     /// Use only so much of the legs' stroke, about its middle, m
     #[arg(long, value_name = "S")]
     pub stroke_m: Option<f64>,
+    /// How far the poses stay away from every limit: a share of half the stroke, of cond_max, joint angles and forces
+    #[arg(long, value_name = "SHARE", default_value_t = 0.01)]
+    pub margin: f64,
     /// What is made best
     #[arg(long, value_enum, default_value_t)]
     pub objective: PoseObjective,
     /// Write a plan for `rigident demo --plan` and `rigident run --plan` here, JSON; must not exist
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
-    /// How long the plan holds each pose, s
-    #[arg(long, value_name = "S", default_value_t = 3.0, requires = "out")]
+    /// How long the plan that --out writes holds each pose, s
+    #[arg(long, value_name = "S", default_value_t = 3.0)]
     pub hold_s: f64,
     /// Print one object on standard output, and nothing else there
     #[arg(long)]

@@ -71,6 +71,7 @@ pub(super) fn run(arguments: &PlanMotion) -> Result<ExitCode, Failure> {
     if let Some(path) = &arguments.out {
         let title = format!("{words}, {:.0} s", plan.program.duration_s());
         PlanFile::new(title, &task.config.geometry, plan.program.clone())
+            .carrying(motion::plan::carried(&task.config))
             .write(path)
             .map_err(Failure::input)?;
         eprintln!("{}", path.display());

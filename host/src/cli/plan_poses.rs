@@ -3,7 +3,7 @@ use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
 use nalgebra::Matrix3;
-use rigident_sim::platform::Geometry;
+use rigident_sim::platform::{Geometry, Load};
 use rigident_sim::sensors::SensorModels;
 use serde::Serialize;
 
@@ -23,6 +23,7 @@ use crate::session::INTERRUPTED;
 /// What of a rig the plan depends on.
 struct Rig {
     geometry: Geometry,
+    load: Option<Load>,
     noise_n_nm: [f64; 6],
     plate_to_cell: Matrix3<f64>,
     gravity_mps2: f64,
@@ -70,7 +71,15 @@ pub(super) fn run(arguments: &PlanPoses) -> Result<ExitCode, Failure> {
     check_out(arguments)?;
     let mut progress = Progress::new();
     progress.show(|| "where the platform can tilt to".to_owned());
-    let reach = Reach::new(rig.geometry, arguments.stroke_m).map_err(Failure::input)?;
+    if rig.geometry.limits.leg_force_n.is_some() && rig.load.is_none() {
+        eprintln!(
+            "rigident: the forces of the legs are not checked: the rig file has no [truth] that says what they carry"
+        );
+    }
+    let reach = Reach::new(rig.geometry, arguments.stroke_m)
+        .and_then(|reach| reach.with_margin(arguments.margin))
+        .and_then(|reach| reach.carrying(rig.load))
+        .map_err(Failure::input)?;
     let region = Region::of_platform(&reach);
     let task = Task {
         n: arguments.n,
@@ -167,6 +176,7 @@ fn rig(path: Option<&Path>) -> Result<Rig, Failure> {
     let Some(path) = path else {
         return Ok(Rig {
             geometry: Geometry::thesis(),
+            load: None,
             noise_n_nm: thesis,
             plate_to_cell: Matrix3::identity(),
             gravity_mps2: 9.80665,
@@ -178,6 +188,7 @@ fn rig(path: Option<&Path>) -> Result<Rig, Failure> {
     let cell_to_plate = machine::load_cell(&file).map_err(incomplete)?.1;
     Ok(Rig {
         geometry,
+        load: machine::load(&file).map_err(incomplete)?,
         noise_n_nm: file.load_cell.noise_n_nm.unwrap_or(thesis),
         plate_to_cell: cell_to_plate.transpose(),
         gravity_mps2: file.recording.gravity_mps2,

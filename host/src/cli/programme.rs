@@ -2,7 +2,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use rigident_sim::experiment::thesis_program;
-use rigident_sim::platform::{Geometry, MotionProgram};
+use rigident_sim::platform::{Geometry, Load, MotionProgram};
 
 use super::Failure;
 use super::experiment::check_duration;
@@ -20,17 +20,22 @@ pub struct Programme {
 }
 
 impl Programme {
-    /// For this machine.
+    /// For this machine, with what the plan says the legs carry.
     ///
     /// # Errors
     /// A duration that is too short or too long, or a plan that is not for this machine: bad input.
-    pub(super) fn program(&self, geometry: &Geometry) -> Result<MotionProgram, Failure> {
+    pub(super) fn program(
+        &self,
+        geometry: &Geometry,
+        gravity_mps2: f64,
+    ) -> Result<(MotionProgram, Option<Load>), Failure> {
         if let Some(path) = &self.plan {
-            let plan = PlanFile::load(path, geometry).map_err(Failure::input)?;
+            let plan = PlanFile::read(path, geometry).map_err(Failure::input)?;
             eprintln!("plan: {}", plan.title);
-            return Ok(plan.program);
+            let load = plan.load(gravity_mps2);
+            return Ok((plan.program, load));
         }
         check_duration(self.duration_s)?;
-        Ok(thesis_program(geometry, self.duration_s))
+        Ok((thesis_program(geometry, self.duration_s), None))
     }
 }

@@ -42,8 +42,15 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
             arguments.platform
         )));
     }
-    let fixed =
-        if arguments.adaptive.adaptive { None } else { Some(arguments.programme.program(&geometry)?) };
+    // What the rig file says of the body goes before what a plan was made for.
+    let mut load = machine::load(&rig).map_err(Failure::input)?;
+    let fixed = if arguments.adaptive.adaptive {
+        None
+    } else {
+        let (program, carried) = arguments.programme.program(&geometry, rig.recording.gravity_mps2)?;
+        load = load.or(carried);
+        Some(program)
+    };
     arguments.adaptive.check()?;
     let mut platform = platform::connect(&arguments.platform, &geometry).map_err(unmoved)?;
     let mut session = open(&arguments.port)?;
@@ -58,7 +65,8 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     // Until the noise is known, to see whether anything can be done at all.
     let directing = arguments.adaptive.directing(&rig, &geometry, &standing)?;
     let everything = fixed.clone().or_else(|| directing.as_ref().map(Directing::everything));
-    let summary = everything.as_ref().map(|program| check::check(program, &geometry)).transpose();
+    let summary =
+        everything.as_ref().map(|program| check::check(program, &geometry, load.as_ref())).transpose();
     let mut summary = summary.map_err(Failure::input)?.unwrap_or_default();
     if let Some(directing) = &directing {
         summary.duration_s = directing.at_most_s();

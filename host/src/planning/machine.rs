@@ -1,8 +1,10 @@
 //! The platform that a rig file describes.
 
+use std::fmt;
+
 use nalgebra::{Matrix3, Vector3};
 use rigident_sim::body::BodyParameters;
-use rigident_sim::platform::{COND_MAX, Geometry, JointCones, Limits, Violation};
+use rigident_sim::platform::{Bodies, COND_MAX, Geometry, JointCones, Limit, Limits, Load, Pose, Violation};
 use rigident_sim::rig::Mounting;
 
 use super::workspace;
@@ -25,24 +27,17 @@ pub enum MachineError {
     LoadCell,
     /// Limits that contradict each other: no level pose keeps them.
     #[error(
-        "[platform]: the limits contradict each other, the plate cannot stand level anywhere; best is x = {:.3} m, \
-         y = {:.3} m, z = {:.3} m, where {violation}", unsigned(*x), unsigned(*y), unsigned(*z)
+        "[platform]: the limits contradict each other, the plate cannot stand level anywhere; best is {at}, where \
+         {violation}{advice}"
     )]
     NoLevelPose {
-        /// m.
-        x: f64,
-        /// m.
-        y: f64,
-        /// m.
-        z: f64,
+        /// The best level pose.
+        at: Metres,
         /// What is in the way there.
         violation: Violation,
+        /// What to do about it.
+        advice: &'static str,
     },
-}
-
-/// To a tenth of a millimetre, m: what rounds to zero is zero, without a sign.
-fn unsigned(value: f64) -> f64 {
-    (1e4 * value).round() / 1e4 + 0.0
 }
 
 /// The platform of a rig file. Limits that the file does not give do not bind, but for `cond_max`, which is 40 then.
@@ -52,7 +47,12 @@ fn unsigned(value: f64) -> f64 {
 pub fn geometry(rig: &RigFile) -> Result<Geometry, MachineError> {
     let table = rig.platform.as_ref().ok_or(MachineError::NoPlatform)?;
     let geometry = unchecked(table)?;
-    check(&geometry)?;
+    let level = workspace::level(&geometry).map_err(no_level_pose(table.cond_max.is_some()))?;
+    if let Some(load) = load(rig)? {
+        geometry
+            .check_pose_loaded(&level, &load)
+            .map_err(|violation| no_level_pose(table.cond_max.is_some())((level, violation)))?;
+    }
     Ok(geometry)
 }
 
@@ -106,15 +106,50 @@ pub fn on_plate(body: &BodyParameters, at: &Vector3<f64>, rotation: &Matrix3<f64
     }
 }
 
+/// What the legs carry as far as the rig file knows: the body of `[truth]` on the load cell. `None` without it.
+///
+/// # Errors
+/// A rotation of the load cell that is none.
+pub fn load(rig: &RigFile) -> Result<Option<Load>, MachineError> {
+    let Some(body) = body(rig) else { return Ok(None) };
+    let (at, rotation) = load_cell(rig)?;
+    let bodies = Bodies::Known(vec![on_plate(&body, &at, &rotation)]);
+    Ok(Some(Load { bodies, gravity_mps2: [0.0, 0.0, -rig.recording.gravity_mps2] }))
+}
+
 /// Whether the limits leave a level pose.
 ///
 /// # Errors
 /// What is in the way at the best of them.
 pub fn check(geometry: &Geometry) -> Result<(), MachineError> {
-    workspace::level(geometry).map(|_| ()).map_err(|(pose, violation)| {
-        let [x, y, z] = pose.position_m;
-        MachineError::NoLevelPose { x, y, z, violation }
-    })
+    workspace::level(geometry).map(|_| ()).map_err(no_level_pose(true))
+}
+
+/// What to do about it depends on what it is, and on whether the file gives the guard.
+fn no_level_pose(guard_is_given: bool) -> impl Fn((Pose, Violation)) -> MachineError {
+    move |(pose, violation)| {
+        let advice = match violation.limit {
+            Limit::Conditioning if !guard_is_given => {
+                "; no cond_max is given and 40 is taken, which suits a machine of the size of the thesis' (plate joints 0.25 m \
+                 from its middle): cond(H), in metres, grows as a machine gets smaller, give cond_max"
+            }
+            Limit::LegForce => ": leg_force_n is too small for the weight of the body of [truth]",
+            _ => "",
+        };
+        MachineError::NoLevelPose { at: Metres(pose.position_m), violation, advice }
+    }
+}
+
+/// A place, to the tenth of a millimetre.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Metres(pub [f64; 3]);
+
+impl fmt::Display for Metres {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // Rounding leaves no negative zero.
+        let [x, y, z] = self.0.map(|v| (v * 1e4).round() / 1e4 + 0.0);
+        write!(f, "x = {x:.4} m, y = {y:.4} m, z = {z:.4} m")
+    }
 }
 
 fn unchecked(table: &PlatformTable) -> Result<Geometry, MachineError> {
@@ -215,6 +250,44 @@ mod tests {
                 assert!(error.contains(word), "{more}\n{word}\n{error}");
             }
         }
+    }
+
+    #[test]
+    fn a_weight_that_the_legs_cannot_carry_at_rest_is_a_contradiction() {
+        let truth =
+            "[truth]\nmass_kg = 20\ncom_m = [0, 0, 0.05]\ninertia_com_kgm2 = [0.4, 0.1, 0.4, 0, 0, 0]";
+        let with =
+            |force: f64| file(&format!("leg_length_m = [0.55, 0.8548]\nleg_force_n = {force}\n{truth}"));
+        let error = geometry(&with(10.0)).unwrap_err().to_string();
+        // 20 kg on six legs alike: m g / (6 n_z).
+        let g = Geometry::thesis();
+        let level = workspace::level(&g).unwrap();
+        let want = 20.0 * 9.80665 / (6.0 * g.legs(&level).directions[0].z);
+        for word in
+            [&format!("would carry {want:.1} N")[..], "its limit is 10.0 N", "too small for the weight"]
+        {
+            assert!(error.contains(word), "{word}: {error}");
+        }
+        geometry(&with(want * 1.05)).unwrap();
+    }
+
+    #[test]
+    fn a_small_machine_is_told_that_the_guard_is_a_default() {
+        let g = Geometry::thesis();
+        let scaled = |joints: [[f64; 3]; 6]| joints.map(|j| j.map(|v| v / 8.0));
+        let text = |more: &str| {
+            let joints = (scaled(g.base_joints_m), scaled(g.plate_joints_m));
+            RigFile::parse(&format!(
+                "[platform]\nbase_joints_m = {:?}\nplate_joints_m = {:?}\nleg_length_m = [0.06875, 0.10685]\n{more}",
+                joints.0, joints.1
+            ))
+            .unwrap()
+        };
+        let error = geometry(&text("")).unwrap_err().to_string();
+        assert!(error.contains("give cond_max") && error.contains("no cond_max is given"), "{error}");
+        let error = geometry(&text("cond_max = 40")).unwrap_err().to_string();
+        assert!(!error.contains("no cond_max is given"), "{error}");
+        geometry(&text("cond_max = 100")).unwrap();
     }
 
     #[test]

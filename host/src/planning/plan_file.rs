@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use rigident_sim::platform::{Geometry, MotionError, MotionProgram, Trajectory};
+use rigident_sim::body::BodyParameters;
+use rigident_sim::platform::{Bodies, Geometry, Load, MotionError, MotionProgram, Trajectory};
 use serde::{Deserialize, Serialize};
 
 use crate::formats::error::RecordingError;
@@ -12,6 +13,8 @@ use crate::formats::new_file::write_new_text;
 const SCHEMA: &str = "rigident/plan/1";
 /// Joints that are closer than this are the same, m.
 const SAME_JOINT_M: f64 = 1e-4;
+/// Shortest and longest plan, s: from less than a second nothing is told; an hour is what `--duration-s` takes.
+const DURATION_S: [f64; 2] = [1.0, 3600.0];
 
 /// The file's object.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -23,6 +26,9 @@ pub struct PlanFile {
     /// Joints of the machine, m.
     base_joints_m: [[f64; 3]; 6],
     plate_joints_m: [[f64; 3]; 6],
+    /// What the legs carry, in P, if the plan was made for that: their forces are known then.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    carries: Option<BodyParameters>,
     /// What to do.
     pub program: MotionProgram,
 }
@@ -39,14 +45,23 @@ pub enum PlanFileError {
         reason: String,
     },
     /// Another format, or a later one.
-    #[error(
-        "plan {path}: its schema is {found:?}; this program reads {SCHEMA:?}: make the plan anew with `rigident plan`"
-    )]
+    #[error("plan {path}: {found}; this program reads {SCHEMA:?}: make the plan anew with `rigident plan`")]
     Schema {
         /// Which.
         path: String,
         /// What it says.
         found: String,
+    },
+    /// Nothing to do, or more than a day's work.
+    #[error(
+        "plan {path}: it takes {duration_s} s; from {least} s to {most} s make an experiment",
+        least = DURATION_S[0], most = DURATION_S[1]
+    )]
+    Duration {
+        /// Which.
+        path: String,
+        /// s.
+        duration_s: f64,
     },
     /// Another machine.
     #[error(
@@ -83,8 +98,22 @@ impl PlanFile {
             title,
             base_joints_m: geometry.base_joints_m,
             plate_joints_m: geometry.plate_joints_m,
+            carries: None,
             program,
         }
+    }
+
+    /// The same with what it was made to carry, in P.
+    #[must_use]
+    pub fn carrying(mut self, body: BodyParameters) -> Self {
+        self.carries = Some(body);
+        self
+    }
+
+    /// What the legs carry, if the plan was made for that.
+    pub fn load(&self, gravity_mps2: f64) -> Option<Load> {
+        let bodies = Bodies::Known(vec![self.carries?]);
+        Some(Load { bodies, gravity_mps2: [0.0, 0.0, -gravity_mps2] })
     }
 
     /// Writes a new file.
@@ -96,18 +125,29 @@ impl PlanFile {
         write_new_text(path, &(text + "\n"))
     }
 
-    /// Reads a plan for this machine and checks that it can do it.
+    /// Reads a plan for this machine and checks that it can do it, at every instant. What its legs can carry is
+    /// [`crate::platform::check`]'s concern.
     ///
     /// # Errors
     /// [`PlanFileError`].
-    pub fn load(path: &Path, geometry: &Geometry) -> Result<Self, PlanFileError> {
+    pub fn read(path: &Path, geometry: &Geometry) -> Result<Self, PlanFileError> {
         let name = || path.display().to_string();
         let unreadable = |reason: String| PlanFileError::Unreadable { path: name(), reason };
         let text = std::fs::read_to_string(path).map_err(|e| unreadable(e.to_string()))?;
         let object: serde_json::Value = serde_json::from_str(&text).map_err(|e| unreadable(e.to_string()))?;
-        let schema = object.get("schema").and_then(serde_json::Value::as_str).unwrap_or("none");
-        if schema != SCHEMA {
-            return Err(PlanFileError::Schema { path: name(), found: schema.to_owned() });
+        match (&object, object.get("schema")) {
+            (_, Some(serde_json::Value::String(schema))) if schema == SCHEMA => {}
+            (_, Some(schema)) => {
+                return Err(PlanFileError::Schema { path: name(), found: format!("its schema is {schema}") });
+            }
+            (serde_json::Value::Object(_), None) => {
+                let found = "it is no plan, no key \"schema\" says of which format it is".to_owned();
+                return Err(PlanFileError::Schema { path: name(), found });
+            }
+            _ => {
+                let found = "it is no plan, which is a JSON object".to_owned();
+                return Err(PlanFileError::Schema { path: name(), found });
+            }
         }
         let plan: Self = serde_json::from_value(object).map_err(|e| unreadable(e.to_string()))?;
         let machines = [
@@ -131,6 +171,10 @@ impl PlanFile {
         }
         let motion = |error| PlanFileError::Motion { path: name(), error };
         let trajectory = Trajectory::new(&plan.program).map_err(motion)?;
+        let duration_s = trajectory.duration_s();
+        if !(DURATION_S[0]..=DURATION_S[1]).contains(&duration_s) {
+            return Err(PlanFileError::Duration { path: name(), duration_s });
+        }
         geometry.check(&trajectory).map_err(motion)?;
         Ok(plan)
     }
@@ -155,7 +199,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("plan.json");
         plan().write(&path).unwrap();
-        assert_eq!(PlanFile::load(&path, &Geometry::thesis()).unwrap(), plan());
+        assert_eq!(PlanFile::read(&path, &Geometry::thesis()).unwrap(), plan());
         assert!(plan().write(&path).is_err());
     }
 
@@ -165,7 +209,7 @@ mod tests {
         let path = folder.path().join("plan.json");
         let complaint = |text: &str, geometry: &Geometry| {
             std::fs::write(&path, text).unwrap();
-            PlanFile::load(&path, geometry).unwrap_err().to_string()
+            PlanFile::read(&path, geometry).unwrap_err().to_string()
         };
         let thesis = Geometry::thesis();
         let good = serde_json::to_string(&plan()).unwrap();
@@ -176,8 +220,25 @@ mod tests {
         let said = complaint(&good, &short);
         assert!(said.contains("leg ") && said.contains("t = "), "{said}");
         assert!(complaint("{\"schema\": \"rigident/plan/9\"}", &thesis).contains("rigident/plan/9"));
-        assert!(complaint("[]", &thesis).contains("none"));
+        for (text, words) in [
+            ("[]", "which is a JSON object"),
+            ("null", "which is a JSON object"),
+            ("{}", "no key \"schema\""),
+            ("{\"schema\": 3}", "its schema is 3"),
+        ] {
+            assert!(complaint(text, &thesis).contains(words), "{text}");
+        }
         assert!(complaint("{", &thesis).contains("line 1"));
+        let of = |segments| {
+            let program = MotionProgram { start: thesis.home(), segments };
+            serde_json::to_string(&PlanFile::new(String::new(), &thesis, program)).unwrap()
+        };
+        assert!(complaint(&of(Vec::new()), &thesis).contains("it takes 0 s"));
+        for (duration_s, said) in
+            [(0.001, "it takes 0.001 s"), (4000.0, "it takes 4000 s"), (1e300, "86400 s")]
+        {
+            assert!(complaint(&of(vec![Segment::Hold { duration_s }]), &thesis).contains(said), "{said}");
+        }
         assert!(complaint(&good.replace("\"title\"", "\"name\""), &thesis).contains("name"));
     }
 }

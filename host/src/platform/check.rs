@@ -2,12 +2,14 @@
 
 use std::fmt;
 
-use rigident_sim::platform::{Geometry, MotionProgram, Pose};
+use rigident_sim::platform::{Geometry, Load, MotionProgram, Pose};
 
 use super::PlatformError;
 
-/// Steps in which a program is looked at, s.
+/// Steps in which what is shown of a program is looked at, s, and how many they are at most. The limits themselves are
+/// checked at every instant.
 const STEP_S: f64 = 0.004;
+const MOST_STEPS: f64 = 50_000.0;
 
 /// How near a program comes to the limits.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -26,6 +28,8 @@ pub struct Summary {
     pub leg_rate_mps: f64,
     /// The legs' limit, m/s.
     pub leg_rate_limit_mps: f64,
+    /// The legs' limit of force, N, if there is one, and the greatest force, N, if it is known what they carry.
+    pub leg_force_n: Option<(f64, Option<f64>)>,
     /// Greatest distance from home, m.
     pub travel_m: f64,
     /// Greatest tilt against the vertical, rad.
@@ -54,6 +58,19 @@ impl fmt::Display for Summary {
         } else {
             writeln!(f, "m/s; the rig file gives no leg_rate_mps to hold it against")?;
         }
+        match self.leg_force_n {
+            None => {}
+            Some((limit, Some(most))) => {
+                writeln!(
+                    f,
+                    "  leg force up to {most:.1} of {limit:.1} N, for the body of the plan or of [truth]"
+                )?;
+            }
+            Some((limit, None)) => writeln!(
+                f,
+                "  leg force NOT checked against {limit:.1} N: no plan and no [truth] in the rig file says what the legs carry"
+            )?,
+        }
         writeln!(
             f,
             "  plate     up to {:.1} mm from home and {:.1} degrees of tilt, {:.3} m/s and {:.2} rad/s",
@@ -73,24 +90,39 @@ pub fn words(pose: &Pose) -> String {
     format!("x {x:.1}, y {y:.1}, z {z:.1} mm, roll {roll:.1}, pitch {pitch:.1}, yaw {yaw:.1} degrees")
 }
 
-/// Holds a whole program against the legs' limits.
+/// Holds a whole program against the legs' limits, at every instant; with what they carry, `load`, their forces too.
 ///
 /// # Errors
-/// A segment that makes no sense; the first leg that is too short, too long or too fast, with the time.
-pub fn check(program: &MotionProgram, geometry: &Geometry) -> Result<Summary, PlatformError> {
+/// A segment that makes no sense; a leg that is too short, too long, too fast or too much loaded, with the time.
+pub fn check(
+    program: &MotionProgram,
+    geometry: &Geometry,
+    load: Option<&Load>,
+) -> Result<Summary, PlatformError> {
     let trajectory = program.trajectory()?;
-    geometry.check(&trajectory)?;
+    match load {
+        Some(load) => geometry.check_loaded(&trajectory, load)?,
+        None => geometry.check(&trajectory)?,
+    }
+    let step_s = (trajectory.duration_s() / MOST_STEPS).max(STEP_S);
+    let force =
+        |load| geometry.peak_leg_forces(&trajectory, step_s, load).map(|f| f.into_iter().fold(0.0, f64::max));
+    let leg_force_n = match geometry.limits.leg_force_n {
+        Some(limit) => Some((limit, load.map(force).transpose()?)),
+        None => None,
+    };
     let home = geometry.home();
     let mut summary = Summary {
         duration_s: trajectory.duration_s(),
         leg_length_m: [f64::INFINITY, 0.0],
         leg_limits_m: geometry.leg_length_m,
         leg_rate_limit_mps: geometry.leg_rate_mps,
+        leg_force_n,
         ..Summary::default()
     };
     let length = |v: [f64; 3]| v.iter().map(|c| c * c).sum::<f64>().sqrt();
-    for k in 0..=(trajectory.duration_s() / STEP_S).ceil() as usize {
-        let state = trajectory.state((k as f64 * STEP_S).min(trajectory.duration_s()));
+    for k in 0..=(trajectory.duration_s() / step_s).ceil() as usize {
+        let state = trajectory.state((k as f64 * step_s).min(trajectory.duration_s()));
         let pose = state.pose();
         for leg in geometry.leg_lengths(&pose) {
             summary.leg_length_m = [summary.leg_length_m[0].min(leg), summary.leg_length_m[1].max(leg)];
@@ -104,4 +136,31 @@ pub fn check(program: &MotionProgram, geometry: &Geometry) -> Result<Summary, Pl
         summary.angular_rate_radps = summary.angular_rate_radps.max(length(state.angular_rate.into()));
     }
     Ok(summary)
+}
+
+#[cfg(test)]
+mod tests {
+    use rigident_sim::body::BodyParameters;
+    use rigident_sim::platform::Segment;
+
+    use super::*;
+
+    #[test]
+    fn a_limit_of_force_is_checked_or_said_not_to_be() {
+        let mut geometry = Geometry::thesis();
+        let program =
+            MotionProgram { start: geometry.home(), segments: vec![Segment::Hold { duration_s: 2.0 }] };
+        let load = Load::body(BodyParameters::thesis_horizontal());
+        let said = |geometry: &Geometry, load: Option<&Load>| {
+            check(&program, geometry, load).map(|s| s.to_string()).map_err(|e| e.to_string())
+        };
+        assert!(!said(&geometry, Some(&load)).unwrap().contains("force"));
+        geometry.limits.leg_force_n = Some(60.0);
+        assert!(said(&geometry, None).unwrap().contains("leg force NOT checked against 60.0 N"));
+        // 20 kg on six legs alike.
+        assert!(said(&geometry, Some(&load)).unwrap().contains("leg force up to 37.6 of 60.0 N"));
+        geometry.limits.leg_force_n = Some(30.0);
+        let error = said(&geometry, Some(&load)).unwrap_err();
+        assert!(error.contains("would carry 37.6 N, its limit is 30.0 N at t = 0.000 s"), "{error}");
+    }
 }

@@ -95,7 +95,7 @@ impl StreamPlatform {
         loop {
             let segments = vec![Segment::Move { to: *to, duration_s }];
             let way = MotionProgram { start: self.at, segments };
-            match check::check(&way, &self.geometry) {
+            match check::check(&way, &self.geometry, None) {
                 Ok(_) => return Ok(way),
                 Err(PlatformError::Motion(MotionError::Limit { violation, .. }))
                     if matches!(violation.limit, Limit::LegRate | Limit::LegAcceleration)
@@ -133,7 +133,7 @@ impl Platform for StreamPlatform {
         let approach_s = way.duration_s();
         let segments = way.segments.into_iter().chain(program.segments.iter().cloned()).collect();
         let whole = MotionProgram { start: way.start, segments };
-        check::check(&whole, &self.geometry)?;
+        check::check(&whole, &self.geometry, None)?;
         (self.trajectory, self.approach_s) = (Some(whole.trajectory()?), approach_s);
         Ok(())
     }

@@ -3,6 +3,7 @@
 use std::sync::atomic::AtomicBool;
 
 use nalgebra::Vector3;
+use rigident_sim::body::BodyParameters;
 use rigident_sim::platform::{
     Axis, Guarantee, Load, MotionProgram, Segment, SineTerm, Sphere, Trajectory, Violation,
 };
@@ -12,7 +13,7 @@ use super::barrier::Barrier;
 use super::family::Family;
 use super::information::{Information, Instrument};
 use super::predict::{PredictError, Prediction, predict};
-use super::program::{Frame, FrameError};
+use super::program::{Frame, FrameError, stands};
 use super::search::{Problem, Volume};
 use crate::planning::machine::on_plate;
 
@@ -134,25 +135,30 @@ pub fn plan(task: &Task, stop: &AtomicBool, note: impl FnMut(String)) -> Result<
     positive("--highest-hz", task.highest_hz, 5.0)?;
     positive("--rate-hz", task.rate_hz, 20_000.0)?;
     let geometry = &task.config.geometry;
+    let load = load(&task.config);
+    stands(geometry, &load)?;
     let frame = if task.poses {
-        Frame::with_poses(geometry, task.duration_s)?
+        Frame::with_poses(geometry, &load, task.duration_s)?
     } else {
         Frame::bare(geometry, task.duration_s)?
     };
     let shape = shape(task, &frame, stop, note)?;
-    let load = load(&task.config);
     let (size, program, guarantee) = guaranteed(task, &frame, &load, &*shape)?;
     let prediction = predict(&task.config, &program, task.rate_hz)?;
     let motion_s = [frame.begin_s, frame.begin_s + frame.motion_s];
     Ok(MotionPlan { program, motion_s, guarantee, prediction, size })
 }
 
-/// What the legs carry: the body, in P.
-fn load(config: &RigConfig) -> Load {
+/// The body that the legs carry, in P.
+pub fn carried(config: &RigConfig) -> BodyParameters {
     let cell = &config.load_cell;
     let rotation = cell.rotation().unwrap_or_else(nalgebra::Matrix3::identity);
-    let body = on_plate(&config.body, &Vector3::from(cell.position_m), &rotation);
-    let mut load = Load::body(body);
+    on_plate(&config.body, &Vector3::from(cell.position_m), &rotation)
+}
+
+/// What the legs carry.
+pub fn load(config: &RigConfig) -> Load {
+    let mut load = Load::body(carried(config));
     load.gravity_mps2 = [0.0, 0.0, -config.gravity_mps2];
     load
 }
@@ -175,10 +181,7 @@ fn shape(
             Segment::Multisine { duration_s, ramp_s, terms }
         })),
         Objective::Spheres => {
-            let still_point_m = match load(&task.config).bodies {
-                rigident_sim::platform::Bodies::Known(bodies) => bodies.first().map_or([0.0; 3], |b| b.com_m),
-                rigident_sim::platform::Bodies::Bounded { centre_m, .. } => centre_m,
-            };
+            let still_point_m = carried(&task.config).com_m;
             let sphere = Sphere {
                 duration_s,
                 ramp_s,

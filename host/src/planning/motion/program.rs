@@ -1,15 +1,16 @@
 //! The experiment around a motion: the static step first, as in the thesis, and its first pose again at the end.
 
 use rigident_sim::experiment::THESIS_POSES_DEG;
-use rigident_sim::platform::{Geometry, MotionError, MotionProgram, Pose, Segment};
+use rigident_sim::platform::{Geometry, Load, MotionError, MotionProgram, Pose, Segment, Violation};
 
-/// Peak rate on the way from pose to pose, rad/s.
-const RATE_RADPS: f64 = 1.1;
+use crate::planning::ways::{self, Pace};
+
+/// Moves from pose to pose.
+const PACE: Pace = Pace { rate_radps: 1.1, shortest_s: 0.0 };
 /// Shortest motion worth planning, s.
 pub const SHORTEST_MOTION_S: f64 = 6.0;
-/// Shares of the thesis' tilts that are tried, and by how much moves take longer each time.
+/// Shares of the thesis' tilts that are tried.
 const TILTS: [f64; 8] = [1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3];
-const PACES: [f64; 6] = [1.0, 1.5, 2.0, 3.0, 5.0, 8.0];
 
 /// The experiment with a place for a motion about home.
 #[derive(Clone, Debug)]
@@ -39,36 +40,40 @@ pub enum FrameError {
         static_s: f64,
     },
     /// Not even small tilts.
-    #[error("the platform can do no static step: {0}")]
+    #[error("the platform can do no static step, leave it out by --no-poses: {0}")]
     Poses(MotionError),
+    /// Not even home.
+    #[error(
+        "the platform cannot stand level at home: {0}; that is no matter of time or tilts, look at [platform] and the body"
+    )]
+    Home(Violation),
+}
+
+/// Whether the plate can stand at home.
+///
+/// # Errors
+/// What is in the way.
+pub fn stands(geometry: &Geometry, load: &Load) -> Result<(), FrameError> {
+    geometry.check_pose_loaded(&geometry.home(), load).map_err(FrameError::Home)
 }
 
 impl Frame {
     /// The static step of the thesis: home, the five orientations of Table 11 (less tilted where the legs do not reach that
-    /// far, more slowly where they are slow), home; the motion; the first pose again.
+    /// far, are too weak for `load` or too slow for the time there is), home; the motion; the first pose again.
     ///
     /// # Errors
     /// A duration that is too short, or a platform that can hardly tilt.
-    pub fn with_poses(geometry: &Geometry, duration_s: f64) -> Result<Self, FrameError> {
+    pub fn with_poses(geometry: &Geometry, load: &Load, duration_s: f64) -> Result<Self, FrameError> {
         let mut error = None;
         let mut shortest: Option<f64> = None;
         for tilt in TILTS {
-            for pace in PACES {
-                let frame = Self::tilted(geometry, duration_s, tilt, pace);
-                let whole = MotionProgram {
-                    start: frame.home,
-                    segments: frame.before.iter().chain(&frame.after).cloned().collect(),
-                };
-                let checked = whole.trajectory().and_then(|t| geometry.check(&t));
-                match checked {
-                    Ok(()) if frame.motion_s >= SHORTEST_MOTION_S => return Ok(frame),
-                    Ok(()) => {
-                        let static_s = duration_s - frame.motion_s;
-                        shortest = Some(shortest.map_or(static_s, |s| s.min(static_s)));
-                        break;
-                    }
-                    Err(e) => error = Some(e),
+            match Self::tilted(geometry, load, duration_s, tilt) {
+                Ok(frame) if frame.motion_s >= SHORTEST_MOTION_S => return Ok(frame),
+                Ok(frame) => {
+                    let static_s = duration_s - frame.motion_s;
+                    shortest = Some(shortest.map_or(static_s, |s| s.min(static_s)));
                 }
+                Err(e) => error = Some(e),
             }
         }
         Err(match (shortest, error) {
@@ -92,29 +97,26 @@ impl Frame {
         Ok(Self { home: geometry.home(), before: rest.clone(), after: rest, motion_s, begin_s: 1.0 })
     }
 
-    fn tilted(geometry: &Geometry, duration_s: f64, tilt: f64, pace: f64) -> Self {
+    fn tilted(geometry: &Geometry, load: &Load, duration_s: f64, tilt: f64) -> Result<Self, MotionError> {
         let home = geometry.home();
         let poses = THESIS_POSES_DEG.map(|[roll, pitch]| Pose {
             rpy_rad: [tilt * roll.to_radians(), tilt * pitch.to_radians(), 0.0],
             ..home
         });
         let hold_s = (0.03 * duration_s).clamp(0.6, 3.0);
-        let way = |from: &Pose, to: &Pose| {
-            let square: f64 = from.rpy_rad.iter().zip(to.rpy_rad).map(|(a, b)| (a - b).powi(2)).sum();
-            Segment::Move { to: *to, duration_s: 1.875 * pace * square.sqrt() / RATE_RADPS }
-        };
+        let way = |from: &Pose, to: &Pose| ways::straight(geometry, Some(load), from, to, PACE);
         let mut before = vec![Segment::Hold { duration_s: 0.5 * hold_s }];
         let mut at = home;
         for to in poses.iter().chain([&home]) {
-            before.push(way(&at, to));
+            before.push(way(&at, to)?);
             before.push(Segment::Hold { duration_s: if *to == home { 0.25 * hold_s } else { hold_s } });
             at = *to;
         }
         let [first, ..] = poses;
-        let after = vec![way(&home, &first), Segment::Hold { duration_s: hold_s }];
+        let after = vec![way(&home, &first)?, Segment::Hold { duration_s: hold_s }];
         let begin_s = before.iter().map(Segment::duration_s).sum();
         let motion_s = duration_s - begin_s - after.iter().map(Segment::duration_s).sum::<f64>();
-        Self { home, before, after, motion_s, begin_s }
+        Ok(Self { home, before, after, motion_s, begin_s })
     }
 
     /// Where the motion begins and ends.

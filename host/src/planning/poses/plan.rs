@@ -145,7 +145,7 @@ pub fn plan(
 
 /// The orientation rounded to what is printed, and towards the level pose until it can be held: the border is a line
 /// between the azimuths at which it was looked for.
-fn held(reach: &Reach, up: &Vector3<f64>) -> Option<Pose> {
+pub(super) fn held(reach: &Reach, up: &Vector3<f64>) -> Option<Pose> {
     let tilt = up.z.clamp(-1.0, 1.0).acos();
     (0..100).find_map(|hundredths| {
         let less = (tilt - (f64::from(hundredths) / PARTS_OF_A_DEGREE).to_radians()).max(0.0);

@@ -1,20 +1,18 @@
 //! From still poses to a motion program: home, every pose held, the first once more as a check for drift.
 
-use rigident_sim::platform::{Geometry, Limit, MotionError, MotionProgram, Pose, Segment};
+use rigident_sim::platform::{MotionError, MotionProgram, Pose, Segment};
 
 use super::measure::up_in_plate;
-use super::reach::{Reach, tilted};
+use super::reach::Reach;
+use crate::planning::ways::{self, Pace};
 
-/// Peak of the angular rate on the way, rad/s, where the legs allow it.
-const RATE_RADPS: f64 = 0.5;
-/// Shortest move, s.
-const SHORTEST_S: f64 = 1.0;
-/// By which a move takes longer where a leg would be too fast.
-const LONGER: f64 = 1.25;
-/// Moves that take so long are given up, s.
-const LONGEST_S: f64 = 120.0;
-/// Stops on the way back to the level pose and out again, where the straight line between two poses is barred.
-const STOPS: i32 = 6;
+/// Moves from pose to pose.
+const PACE: Pace = Pace { rate_radps: 0.5, shortest_s: 1.0 };
+/// Of the way out from the level pose in small strides every such one is a stop where the straight line between two poses is
+/// barred: the fewer the quicker.
+const EVERY: [usize; 2] = [5, 1];
+/// So often a step is halved where it is barred itself.
+const HALVINGS: u32 = 6;
 
 /// The program, within what `reach` may use of the machine. Home is the same whatever part of the stroke that is.
 ///
@@ -35,61 +33,96 @@ pub fn program(reach: &Reach, poses: &[Pose], hold_s: f64) -> Result<MotionProgr
 
 /// Straight, or by way of the level pose.
 fn way(reach: &Reach, from: &Pose, to: &Pose) -> Result<Vec<Segment>, MotionError> {
-    let geometry = reach.geometry();
-    straight(geometry, from, to).map(|segment| vec![segment]).or_else(|_| {
-        let mut stops: Vec<Pose> = stops(reach, from);
+    if let Ok(segment) = ways::straight(reach.geometry(), reach.load(), from, to, PACE) {
+        return Ok(vec![segment]);
+    }
+    let mut result = Ok(Vec::new());
+    for every in EVERY {
+        let mut stops = stops(reach, from, every);
         stops.reverse();
         stops.push(reach.level());
-        stops.extend(self::stops(reach, to));
+        stops.extend(self::stops(reach, to, every));
         stops.push(*to);
         let mut at = *from;
-        stops
+        let legs: Result<Vec<_>, _> = stops
             .into_iter()
-            .map(|stop| {
-                let segment = straight(geometry, &at, &stop)?;
-                at = stop;
-                Ok(segment)
-            })
-            .collect()
-    })
-}
-
-/// On the way out from the level pose, both ends left out.
-fn stops(reach: &Reach, to: &Pose) -> Vec<Pose> {
-    let [roll, pitch, _] = to.rpy_rad;
-    let up = up_in_plate([roll, pitch]);
-    let tilt = up.z.clamp(-1.0, 1.0).acos();
-    (1..STOPS).filter_map(|k| reach.pose(&tilted(&up, tilt * f64::from(k) / f64::from(STOPS)))).collect()
-}
-
-/// One move, as fast as the legs allow but not faster than [`RATE_RADPS`].
-fn straight(geometry: &Geometry, from: &Pose, to: &Pose) -> Result<Segment, MotionError> {
-    let angle = from.rpy_rad.iter().zip(to.rpy_rad).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
-    // The quintic's peak rate is 15/8 of its mean.
-    let mut duration_s = (1.875 * angle / RATE_RADPS).max(SHORTEST_S);
-    loop {
-        let segment = Segment::Move { to: *to, duration_s };
-        let program = MotionProgram { start: *from, segments: vec![segment.clone()] };
-        match geometry.check(&program.trajectory()?) {
-            Ok(()) => return Ok(segment),
-            Err(MotionError::Limit { violation, .. })
-                if matches!(violation.limit, Limit::LegRate | Limit::LegAcceleration)
-                    && duration_s < LONGEST_S =>
-            {
-                duration_s *= LONGER;
-            }
-            Err(error) => return Err(error),
+            .map(|stop| bent(reach, &std::mem::replace(&mut at, stop), &stop, HALVINGS))
+            .collect();
+        result = legs.map(|legs| legs.concat());
+        if result.is_ok() {
+            break;
         }
     }
+    result
+}
+
+/// Straight, or by way of a pose half-way that is away from the limits.
+fn bent(reach: &Reach, from: &Pose, to: &Pose, halvings: u32) -> Result<Vec<Segment>, MotionError> {
+    let barred = match ways::straight(reach.geometry(), reach.load(), from, to, PACE) {
+        Ok(segment) => return Ok(vec![segment]),
+        Err(error) => error,
+    };
+    let middle = if halvings > 0 { reach.between(from, to) } else { None };
+    let Some(middle) = middle else { return Err(barred) };
+    let mut segments = bent(reach, from, &middle, halvings - 1)?;
+    segments.extend(bent(reach, &middle, to, halvings - 1)?);
+    Ok(segments)
+}
+
+/// On the way out from the level pose to `to`'s orientation.
+fn stops(reach: &Reach, to: &Pose, every: usize) -> Vec<Pose> {
+    let [roll, pitch, _] = to.rpy_rad;
+    let strides = reach.strides(&up_in_plate([roll, pitch])).unwrap_or_default();
+    let last = strides.len().saturating_sub(1);
+    let kept = |k: usize| k == last || (k + 1).is_multiple_of(every);
+    strides.into_iter().enumerate().filter(|(k, _)| kept(*k)).map(|(_, pose)| pose).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use std::sync::atomic::AtomicBool;
 
+    use rigident_sim::platform::Geometry;
+
     use super::*;
     use crate::planning::poses::Region;
     use crate::planning::poses::plan::{Task, plan};
+
+    /// Whatever two poses a search may choose on the border, with and without a margin and half-way in.
+    #[test]
+    fn there_is_a_way_between_any_two_poses_of_the_border() {
+        for (stroke_m, margin) in [(None, 0.01), (None, 0.0), (Some(0.20), 0.01), (Some(0.10), 0.0)] {
+            let reach = Reach::new(Geometry::thesis(), stroke_m).unwrap().with_margin(margin).unwrap();
+            let region = Region::of_platform(&reach);
+            let border: Vec<Pose> = (0..14)
+                .map(|k| {
+                    let share = if k % 3 == 2 { 0.6 } else { 1.0 };
+                    crate::planning::poses::plan::held(
+                        &reach,
+                        &region.direction([(0.01 + f64::from(k)) / 14.0, share]),
+                    )
+                    .unwrap()
+                })
+                .collect();
+            let (mut bent, mut barred) = (0, Vec::new());
+            for (k, from) in border.iter().enumerate() {
+                for to in &border[k + 1..] {
+                    let segments = match way(&reach, from, to) {
+                        Ok(segments) => segments,
+                        Err(error) => {
+                            barred.push(format!("{:?} {:?}: {error}", from.rpy_rad, to.rpy_rad));
+                            continue;
+                        }
+                    };
+                    bent += usize::from(segments.len() > 1);
+                    let program = MotionProgram { start: *from, segments };
+                    reach.geometry().check(&program.trajectory().unwrap()).unwrap();
+                }
+            }
+            assert!(barred.is_empty(), "{stroke_m:?} {margin}: {barred:#?}");
+            assert!(bent > 5, "{bent}");
+        }
+    }
 
     #[test]
     fn every_plan_can_be_driven_from_home_through_all_poses_and_back_to_the_first() {
@@ -120,18 +153,5 @@ mod tests {
                 assert!((0..3).all(|k| (at.rpy[k] - pose.rpy_rad[k]).abs() < 1e-12));
             }
         }
-    }
-
-    #[test]
-    fn slow_legs_get_more_time() {
-        let mut slow = Geometry::thesis();
-        slow.leg_rate_mps = 0.02;
-        let (mut there, home) = (slow.home(), slow.home());
-        there.rpy_rad[0] = 0.3;
-        let fast = straight(&Geometry::thesis(), &home, &there).unwrap().duration_s();
-        let segment = straight(&slow, &home, &there).unwrap();
-        assert!(segment.duration_s() > 3.0 * fast);
-        slow.leg_rate_mps = 0.0;
-        assert!(straight(&slow, &home, &there).is_err());
     }
 }

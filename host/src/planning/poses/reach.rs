@@ -1,7 +1,7 @@
 //! Whether the plate can be held in an orientation, and where.
 
 use nalgebra::Vector3;
-use rigident_sim::platform::{Geometry, Pose};
+use rigident_sim::platform::{Geometry, Load, MotionProgram, Pose, Segment};
 
 use super::measure::roll_pitch;
 use super::region::RegionError;
@@ -10,10 +10,17 @@ use crate::planning::workspace;
 /// Tilts on the way from level, rad: two degrees.
 const STRIDE_RAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
 
+/// By which a straight line between two poses on a limit may overstep it, as a share of what is allowed; a way around
+/// begins with it.
+const TRIFLE: f64 = 0.005;
+
 /// A platform and where its plate can be brought to from the level pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reach {
     geometry: Geometry,
+    /// The limits that poses keep.
+    inner: Geometry,
+    load: Option<Load>,
     level: Pose,
 }
 
@@ -36,12 +43,53 @@ impl Reach {
         }
         let level = workspace::level(&geometry)
             .map_err(|(_, violation)| RegionError::LevelUnreachable(violation.to_string()))?;
-        Ok(Self { geometry, level })
+        Ok(Self { inner: geometry.clone(), geometry, load: None, level })
+    }
+
+    /// The same with poses that stay away from every limit by a share of what it allows, as [`Margin::relative`] has it;
+    /// moves between them may use that share.
+    ///
+    /// # Errors
+    /// A share that makes no sense or leaves no level pose.
+    ///
+    /// [`Margin::relative`]: rigident_sim::platform::Margin::relative
+    pub fn with_margin(mut self, share: f64) -> Result<Self, RegionError> {
+        if !(0.0..1.0).contains(&share) {
+            return Err(RegionError::Limits(format!("--margin {share}: a share from 0 to less than 1")));
+        }
+        self.inner = self.geometry.within(1.0 - share);
+        self.level = workspace::level(&self.inner).map_err(|(_, violation)| {
+            RegionError::Limits(format!("--margin {share} leaves no level pose: {violation}"))
+        })?;
+        Ok(self)
+    }
+
+    /// The same with legs that carry something: poses in which it is too heavy for them are out of reach.
+    ///
+    /// # Errors
+    /// It is too heavy in the level pose.
+    pub fn carrying(mut self, load: Option<Load>) -> Result<Self, RegionError> {
+        self.load = load;
+        if self.is_too_heavy(&self.level) {
+            return Err(RegionError::LevelUnreachable("the body is too heavy for leg_force_n".to_owned()));
+        }
+        Ok(self)
+    }
+
+    fn is_too_heavy(&self, pose: &Pose) -> bool {
+        self.load.as_ref().is_some_and(|load| {
+            self.inner.limits.leg_force_n.is_some() && self.inner.check_pose_loaded(pose, load).is_err()
+        })
     }
 
     /// The legs.
     pub fn geometry(&self) -> &Geometry {
         &self.geometry
+    }
+
+    /// What they carry, if that is known.
+    pub fn load(&self) -> Option<&Load> {
+        self.load.as_ref()
     }
 
     /// The pose above which the plate starts: level, its legs as central as can be.
@@ -52,20 +100,51 @@ impl Reach {
     /// A pose with "up" there in the plate's axes, at a yaw of zero, if the plate can be tilted to it from the level pose
     /// straight on: legs inside their limits and the guard kept all the way, no singular pose crossed.
     pub fn pose(&self, up: &Vector3<f64>) -> Option<Pose> {
+        let held = self.strides(up)?.pop()?;
+        let central =
+            workspace::settled(&self.inner, held, true).ok().filter(|pose| !self.is_too_heavy(pose));
+        Some(central.filter(|central| self.is_free(&held, central)).unwrap_or(held))
+    }
+
+    /// Poses on the way there from the level pose, two degrees or less apart, each as near as can be to the one before it.
+    pub(super) fn strides(&self, up: &Vector3<f64>) -> Option<Vec<Pose>> {
         let tilt = up.z.clamp(-1.0, 1.0).acos();
         let strides = (tilt / STRIDE_RAD).ceil().max(1.0);
         let mut pose = self.level;
-        for k in 1..=strides as usize {
-            pose = self.towards(&pose, &tilted(up, tilt * k as f64 / strides))?;
-        }
-        workspace::settled(&self.geometry, pose, true).ok()
+        (1..=strides as usize)
+            .map(|k| {
+                pose = self.towards(&pose, &tilted(up, tilt * k as f64 / strides))?;
+                Some(pose)
+            })
+            .collect()
+    }
+
+    /// Whether the plate can go straight from one pose to another, but for a trifle: descent may leap over what is barred.
+    fn is_free(&self, from: &Pose, to: &Pose) -> bool {
+        let program =
+            MotionProgram { start: *from, segments: vec![Segment::Move { to: *to, duration_s: 1e3 }] };
+        program.trajectory().is_ok_and(|t| self.geometry.within(1.0 + TRIFLE).check(&t).is_ok())
+    }
+
+    /// Half-way between two poses, aside to where the limits are kept, with something to spare if that can be.
+    pub(super) fn between(&self, from: &Pose, to: &Pose) -> Option<Pose> {
+        let mean = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|k| 0.5 * (a[k] + b[k]));
+        let middle = Pose {
+            position_m: mean(from.position_m, to.position_m),
+            rpy_rad: mean(from.rpy_rad, to.rpy_rad),
+        };
+        [0.9, 0.95, 0.98, 0.99, 1.0].into_iter().find_map(|share| {
+            let settled = workspace::settled(&self.geometry.within(share), middle, false).ok();
+            settled.filter(|pose| !self.is_too_heavy(pose))
+        })
     }
 
     /// A pose for the next direction on the way, as near as can be to one that is held.
     pub fn towards(&self, from: &Pose, up: &Vector3<f64>) -> Option<Pose> {
         let [roll, pitch] = roll_pitch(up);
         let turned = Pose { rpy_rad: [roll, pitch, 0.0], ..*from };
-        workspace::settled(&self.geometry, turned, false).ok()
+        let held = workspace::settled(&self.inner, turned, false).ok()?;
+        (!self.is_too_heavy(&held) && self.is_free(from, &held)).then_some(held)
     }
 }
 
