@@ -36,7 +36,7 @@ mod workspace;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
-use clap::Parser;
+use clap::{CommandFactory, FromArgMatches};
 
 pub use arguments::Arguments;
 pub use failure::{Failure, Status};
@@ -49,12 +49,13 @@ use plan_arguments::Planned;
 /// Runs the command line of this process.
 pub fn main() -> ExitCode {
     let json = std::env::args_os().skip(1).take_while(|a| a != "--").any(|a| a == "--json");
-    let arguments = match Arguments::try_parse() {
+    let parsed = command().try_get_matches().and_then(|mut matches| Arguments::from_arg_matches_mut(&mut matches));
+    let arguments = match parsed {
         Ok(arguments) => arguments,
         Err(error) => {
             // Help and the version are no failures.
             if json && error.use_stderr() {
-                outcome::say_failed(&error.to_string());
+                outcome::say_failed(&in_one_line(&error.to_string()));
             }
             error.exit()
         }
@@ -82,6 +83,25 @@ pub fn main() -> ExitCode {
             failure.exit_code()
         }
     }
+}
+
+/// The whole command line. A negative number is a value, which each command refuses in its own words, not an unknown option.
+fn command() -> clap::Command {
+    fn with_numbers(command: clap::Command) -> clap::Command {
+        command
+            .mut_args(|argument| {
+                let takes_a_value = argument.get_action().takes_values() && !argument.is_positional();
+                if takes_a_value { argument.allow_negative_numbers(true) } else { argument }
+            })
+            .mut_subcommands(with_numbers)
+    }
+    with_numbers(Arguments::command())
+}
+
+/// What the parser says, without its hints on usage.
+fn in_one_line(said: &str) -> String {
+    let first = said.split("\n\n").next().unwrap_or(said);
+    first.trim_start_matches("error: ").split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
@@ -122,4 +142,27 @@ fn convert(arguments: &Convert) -> Result<ExitCode, Failure> {
     let files: Vec<_> = done.files.iter().map(|f| f.display().to_string()).collect();
     outcome::say(format_args!("{} rows in {}", done.rows, files.join(" and ")));
     Ok(ExitCode::SUCCESS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_negative_number_is_a_value_and_a_parsers_complaint_is_one_line() {
+        for line in [
+            "rigident plan poses --n 3 --stroke-m -1 --hold-s -2",
+            "rigident plan motion --duration-s -5",
+            "rigident demo --duration-s -5",
+            "rigident workspace --yaw-deg -30 --step-deg -1",
+        ] {
+            command().try_get_matches_from(line.split(' ')).unwrap();
+        }
+        let error = command().try_get_matches_from("rigident plan poses --n -1".split(' ')).unwrap_err();
+        let said = in_one_line(&error.to_string());
+        assert!(said.contains("'-1' for '--n <K>'") && !said.contains('\n') && !said.contains("--help"), "{said}");
+        // Nothing that was refused is taken now.
+        assert!(command().try_get_matches_from("rigident plan poses --n 3 -x".split(' ')).is_err());
+        command().debug_assert();
+    }
 }
