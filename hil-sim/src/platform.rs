@@ -83,7 +83,7 @@ pub enum MotionError {
         time_s: f64,
     },
     /// Longer than a day.
-    #[error("the motion program takes {duration_s:.0} s, {LONGEST_S} s are the most")]
+    #[error("the motion program takes {duration_s:e} s, {LONGEST_S} s are the most")]
     TooLong {
         /// s.
         duration_s: f64,

@@ -89,7 +89,8 @@ pub enum Mcu {
 #[derive(Args, Debug, Clone)]
 #[command(
     after_help = "Examples:\n  rigident demo\n  rigident demo --mcu qemu --json\n  rigident demo --body vertical --seed 7 --out \
-                        answers/demo7\n  rigident demo --until m=0.05,Ixx=0.01\n  rigident demo --adaptive --until-relative 0.01\n  rigident demo --forget 20"
+                        answers/demo7\n  rigident demo --until m=0.05,Ixx=0.01\n  rigident demo --adaptive --until-relative 0.01\n  rigident demo --forget 20\n  \
+                        rigident demo --plan motion.json"
 )]
 pub struct Demo {
     /// Where the firmware runs
@@ -236,7 +237,8 @@ pub struct Configure {
     after_help = "Examples:\n  rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform tcp://192.168.1.20:7447\n  \
                         rigident run --port ./rigident-rig --rig rig.rig.toml --platform tcp://127.0.0.1:7447 --duration-s 30 --yes\n  \
                         rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform 'gcs://192.168.0.1:50000?rate_hz=100'\n  \
-                        rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform tcp://192.168.1.20:7447 --adaptive\n\n\
+                        rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform tcp://192.168.1.20:7447 --adaptive\n  \
+                        rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform 'pose+udp://192.168.1.30:5000' --plan motion.json\n\n\
                         Ctrl-C stops the platform, sees it at rest, and keeps what was recorded."
 )]
 pub struct Run {

@@ -49,7 +49,8 @@ use plan_arguments::Planned;
 /// Runs the command line of this process.
 pub fn main() -> ExitCode {
     let json = std::env::args_os().skip(1).take_while(|a| a != "--").any(|a| a == "--json");
-    let parsed = command().try_get_matches().and_then(|mut matches| Arguments::from_arg_matches_mut(&mut matches));
+    let parsed =
+        command().try_get_matches().and_then(|mut matches| Arguments::from_arg_matches_mut(&mut matches));
     let arguments = match parsed {
         Ok(arguments) => arguments,
         Err(error) => {
@@ -160,7 +161,10 @@ mod tests {
         }
         let error = command().try_get_matches_from("rigident plan poses --n -1".split(' ')).unwrap_err();
         let said = in_one_line(&error.to_string());
-        assert!(said.contains("'-1' for '--n <K>'") && !said.contains('\n') && !said.contains("--help"), "{said}");
+        assert!(
+            said.contains("'-1' for '--n <K>'") && !said.contains('\n') && !said.contains("--help"),
+            "{said}"
+        );
         // Nothing that was refused is taken now.
         assert!(command().try_get_matches_from("rigident plan poses --n 3 -x".split(' ')).is_err());
         command().debug_assert();

@@ -6,6 +6,10 @@ use super::arguments::DemoBody;
 
 /// `rigident plan`
 #[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "Examples:\n  rigident plan poses --n 5 --out poses.json\n  rigident plan motion --out motion.json\n  \
+                        rigident plan compare\n  rigident demo --plan motion.json"
+)]
 pub struct Plan {
     /// What is planned
     #[command(subcommand)]

@@ -359,7 +359,15 @@ impl Check<'_> {
             if let Some([least, most]) = platform.leg_length_m
                 && !(least > 0.0 && most > least && most.is_finite())
             {
-                let advice = "must be the least and the greatest length, both greater than zero";
+                let advice = if !(least.is_finite() && most.is_finite()) {
+                    "must be two finite numbers, the least and the greatest length"
+                } else if least <= 0.0 || most <= 0.0 {
+                    "must be the least and the greatest length, both greater than zero"
+                } else if least == most {
+                    "leaves the legs no stroke: the greatest length must be more than the least"
+                } else {
+                    "is the wrong way round: the least length comes first, then the greatest"
+                };
                 return Err(self.refuse("platform.leg_length_m", [least, most], advice));
             }
             for (name, value) in [

@@ -124,7 +124,10 @@ fn what_makes_no_sense_is_named_with_its_line() {
         ("[recording]\ncolumns = { fx_n = { name = \"F\", factor = 2 } }", &["line 2", "name", "scale"]),
         ("[truth]\nmass_kg = 0\ncom_m=[0,0,0]\ninertia_com_kgm2=[1,1,1,0,0,0]", &["line 2", "truth.mass_kg"]),
         ("[truth]\ncom_m=[0,0,0]", &["mass_kg"]),
-        ("[platform]\nleg_length_m = [2, 1]", &["platform.leg_length_m"]),
+        ("[platform]\nleg_length_m = [2, 1]", &["platform.leg_length_m", "wrong way round"]),
+        ("[platform]\nleg_length_m = [0.7, 0.7]", &["platform.leg_length_m", "no stroke"]),
+        ("[platform]\nleg_length_m = [nan, 0.8]", &["platform.leg_length_m", "finite"]),
+        ("[platform]\nleg_length_m = [0.0, 0.8]", &["platform.leg_length_m", "greater than zero"]),
         ("[platform]\nbase_joints_m = [[0,0,0],[1,0,0]]", &["line 2"]),
         (
             "[platform]\nleg_rate_mps = 1\nbase_joint_angle_rad = -1",

@@ -127,3 +127,23 @@ fn what_cannot_be_planned_is_said() {
     let text = error(&weak).to_string();
     assert!(text.contains("would carry") && text.contains("its limit is 10.0 N"), "{text}");
 }
+
+/// A speed gives the moves more time, a weight smaller tilts; with neither there is no plan.
+#[test]
+fn weak_and_slow_legs_get_a_static_step_that_suits_them() {
+    let limited = |force: Option<f64>, rate: f64| {
+        let objective = Objective::RollPitchYaw;
+        let mut task = Task { duration_s: 600.0, objective, ..Task::new(RigConfig::thesis_horizontal()) };
+        task.config.geometry.limits.leg_force_n = force;
+        task.config.geometry.leg_rate_mps = rate;
+        plan(&task, &AtomicBool::new(false), |_| ())
+    };
+    for (force, rate) in
+        [(Some(60.0), 0.8), (Some(90.0), 0.8), (None, 0.02), (None, 0.005), (Some(60.0), 0.01)]
+    {
+        let plan = limited(force, rate).unwrap_or_else(|e| panic!("{force:?} {rate}: {e}"));
+        assert!(plan.guarantee.is_kept() && (plan.program.duration_s() - 600.0).abs() < 1e-6);
+    }
+    let error = limited(Some(10.0), 0.8).unwrap_err().to_string();
+    assert!(error.contains("cannot stand level at home") && error.contains("37.6 N"), "{error}");
+}
