@@ -129,9 +129,9 @@ pub struct PlanMotion {
     /// The motion alone, without the static step
     #[arg(long)]
     pub no_poses: bool,
-    /// Highest frequency of a D-optimal motion, Hz
-    #[arg(long, default_value_t = crate::planning::motion::plan::HIGHEST_HZ, value_name = "HZ")]
-    pub highest_hz: f64,
+    /// Highest frequency of a D-optimal motion, Hz. Default: 2.35
+    #[arg(long, value_name = "HZ")]
+    pub highest_hz: Option<f64>,
     /// Use only so much of the legs' stroke, about its middle, m
     #[arg(long, value_name = "S")]
     pub stroke_m: Option<f64>,

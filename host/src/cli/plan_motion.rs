@@ -193,11 +193,16 @@ fn task(arguments: &PlanMotion) -> Result<(Task, String), Failure> {
         MotionObjective::Rpy => Objective::RollPitchYaw,
         MotionObjective::Multisine => Objective::Multisine,
     };
+    if arguments.highest_hz.is_some() && objective != Objective::DOptimal {
+        return Err(Failure::input(
+            "--highest-hz goes with --objective d-optimal: the other motions have frequencies of their own",
+        ));
+    }
     let task = Task {
         objective,
         duration_s: arguments.duration_s,
         poses: !arguments.no_poses,
-        highest_hz: arguments.highest_hz,
+        highest_hz: arguments.highest_hz.unwrap_or(motion::plan::HIGHEST_HZ),
         rate_hz,
         ..Task::new(config)
     };

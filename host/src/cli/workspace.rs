@@ -42,6 +42,8 @@ pub(super) fn run(arguments: &Workspace) -> Result<ExitCode, Failure> {
     let geometry = platform(arguments.rig.as_deref(), arguments.stroke_m)?;
     let span =
         Span { most_deg: arguments.range_deg, step_deg: arguments.step_deg, yaw_deg: arguments.yaw_deg };
+    // One that cannot be written to is told before anything is computed.
+    let asked_for = arguments.out.as_deref().map(|out| Folder::new(Some(out), "workspace")).transpose()?;
     let mut progress = Progress::new();
     let map = Map::make(&geometry, &span, &INTERRUPTED, |share| {
         progress.show(|| format!("orientations: {:.0} %", 100.0 * share));
@@ -78,7 +80,7 @@ pub(super) fn run(arguments: &Workspace) -> Result<ExitCode, Failure> {
     if arguments.json && arguments.out.is_none() {
         return Ok(ExitCode::SUCCESS);
     }
-    let folder = Folder::new(arguments.out.as_deref(), "workspace")?;
+    let folder = asked_for.map_or_else(|| Folder::new(None, "workspace"), Ok)?;
     folder.write("workspace.json", json.as_bytes())?;
     let file = folder.write("workspace.svg", picture(&geometry, &span, &map).as_bytes())?;
     if !arguments.json {

@@ -123,7 +123,7 @@ pub fn frequencies_hz(highest_hz: f64) -> [f64; 6] {
 ///
 /// # Errors
 /// Limits that cannot be kept, a duration that is too short, numbers without sense.
-pub fn plan(task: &Task, stop: &AtomicBool, note: impl FnMut(String)) -> Result<MotionPlan, PlanError> {
+pub fn plan(task: &Task, stop: &AtomicBool, mut note: impl FnMut(String)) -> Result<MotionPlan, PlanError> {
     let positive = |name: &str, v: f64, most: f64| {
         if v > 0.0 && v <= most {
             Ok(())
@@ -134,6 +134,12 @@ pub fn plan(task: &Task, stop: &AtomicBool, note: impl FnMut(String)) -> Result<
     positive("--duration-s", task.duration_s, 3600.0)?;
     positive("--highest-hz", task.highest_hz, 5.0)?;
     positive("--rate-hz", task.rate_hz, 20_000.0)?;
+    if task.highest_hz * task.duration_s < 1.0 {
+        let (highest_hz, duration_s) = (task.highest_hz, task.duration_s);
+        return Err(PlanError::Number(format!(
+            "--highest-hz {highest_hz}: not one period in {duration_s} s"
+        )));
+    }
     let geometry = &task.config.geometry;
     let load = load(&task.config);
     stands(geometry, &load)?;
@@ -142,8 +148,10 @@ pub fn plan(task: &Task, stop: &AtomicBool, note: impl FnMut(String)) -> Result<
     } else {
         Frame::bare(geometry, task.duration_s)?
     };
-    let shape = shape(task, &frame, stop, note)?;
+    let shape = shape(task, &frame, stop, &mut note)?;
+    note("limits at every instant".to_owned());
     let (size, program, guarantee) = guaranteed(task, &frame, &load, &*shape)?;
+    note("prediction".to_owned());
     let prediction = predict(&task.config, &program, task.rate_hz)?;
     let motion_s = [frame.begin_s, frame.begin_s + frame.motion_s];
     Ok(MotionPlan { program, motion_s, guarantee, prediction, size })
