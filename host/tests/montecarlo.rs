@@ -64,13 +64,13 @@ fn noise_and_gain_errors_together_are_contained_with_a_real_imu() {
     }
 }
 
-/// What no estimator can average makes the intervals worthless if they do not contain it.
+/// What no estimator can average makes the intervals worthless if they do not contain it; what shows of it in the residuals,
+/// and widens them as colour, is little.
 #[test]
 fn intervals_collapse_when_gain_errors_are_kept_from_the_estimator() {
     let verdict = run(Campaign { tell_gain_errors: false, ..gain_errors() }, 200, 1);
     for j in [0, 3, 4, 5, 6] {
         let p = &verdict.parameters[j];
-        assert!(p.coverage95 < 0.8, "{}: coverage {}", PARAMETER_NAMES[j], p.coverage95);
+        assert!(p.coverage95 < 0.4, "{}: coverage {}", PARAMETER_NAMES[j], p.coverage95);
     }
-    assert!(verdict.parameters[0].coverage95 < 0.2);
 }
