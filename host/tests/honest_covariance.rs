@@ -15,6 +15,8 @@ mod problem;
 mod report;
 
 use honest_covariance::Study;
+use problem::Normal;
+use rigident::identification::{Input, identify, progression};
 
 /// Within 5 % for every one of the sixteen parameters, at the rates that ship, and not by being the same computation.
 #[test]
@@ -35,5 +37,21 @@ fn intervals_count_noise_that_is_not_white() {
         let [counted, as_white] = [told.held, told.held_as_white].map(|held| held / 60.0);
         assert!((0.90..=0.99).contains(&counted), "{time_s} s: {counted}");
         assert!(as_white < 0.82, "{time_s} s: {as_white}");
+    }
+}
+
+/// Of a hundred points the last before the end rests on all but a hundredth of the rows.
+#[test]
+fn the_course_to_an_answer_counts_colour_as_the_answer_does() {
+    let study = Study::new(coloured_noise::RATE_HZ);
+    let readings = coloured_noise::readings(&study, 0.2, &mut Normal::new(9));
+    let input = Input { readings, ..study.input().clone() };
+    let answer = identify(&input).unwrap();
+    assert!(answer.widened().unwrap() > 2.0);
+    let course = progression(&input, &answer, 100);
+    let [.., before, end] = course.as_slice() else { panic!("{} points", course.len()) };
+    for (before, end) in before.parameters.iter().zip(&end.parameters) {
+        let ratio = before.unwrap().u95 / end.unwrap().u95;
+        assert!((0.95..1.1).contains(&ratio), "{ratio}");
     }
 }

@@ -52,28 +52,28 @@ pub struct Line {
     estimated: Told,
 }
 
-/// Noise of unit standard deviation at every reading, in all channels, of this correlation time.
-pub fn line(study: &Study, time_s: f64, seed: u64, runs: u64) -> Line {
+/// The experiment with noise of the channels' standard deviation and of this correlation time.
+pub fn readings(study: &Study, time_s: f64, normal: &mut Normal) -> Vec<Reading<f64>> {
     let sigma = study.settings().channel_sigma;
     let rho = if time_s > 0.0 { f64::exp(-1.0 / (RATE_HZ * time_s)) } else { 0.0 };
+    let mut noise: [f64; 6] = std::array::from_fn(|_| normal.draw());
+    let noisy = study.ideal().map(|r| {
+        noise = noise.map(|n| rho * n + (1.0 - rho * rho).sqrt() * normal.draw());
+        let exact = r.wrench.array();
+        Reading { wrench: Wrench::from_array(std::array::from_fn(|c| exact[c] + sigma[c] * noise[c])), ..r }
+    });
+    noisy.collect()
+}
+
+/// Experiments with such noise.
+pub fn line(study: &Study, time_s: f64, seed: u64, runs: u64) -> Line {
     let mut normal = Normal::new(seed);
     let phi = study.ideal_parameters();
     let mut line =
         Line { squares: [0.0; N], batch: [0.0; N], given: Told::default(), estimated: Told::default() };
     let mut meat = nalgebra::DMatrix::zeros(N, N);
     for _ in 0..runs {
-        let mut noise: [f64; 6] = std::array::from_fn(|_| normal.draw());
-        let readings: Vec<Reading<f64>> = study
-            .ideal()
-            .map(|r| {
-                noise = noise.map(|n| rho * n + (1.0 - rho * rho).sqrt() * normal.draw());
-                let exact = r.wrench.array();
-                Reading {
-                    wrench: Wrench::from_array(std::array::from_fn(|c| exact[c] + sigma[c] * noise[c])),
-                    ..r
-                }
-            })
-            .collect();
+        let readings = readings(study, time_s, &mut normal);
         meat += batch_meat(study.settings(), readings.iter().copied(), &phi).0;
         let input = Input { readings, ..study.input().clone() };
         let given = identify(&input).expect("the experiment has rows");

@@ -6,9 +6,7 @@ use rigident_shared::factor::InformationFactor;
 
 use super::gains::ChannelFactors;
 use super::pooled::Judgement;
-use super::{
-    Absorbed, Identification, Input, TAPS, channels, config, knocks, merge_channels, shares, take_channels,
-};
+use super::{Absorbed, Identification, Input, TAPS, channels, config, merge_channels, shares, take_channels};
 use crate::answer::Estimate;
 use crate::formats::result::Measured;
 
@@ -70,11 +68,7 @@ fn progression_of<const N: usize>(input: &Input, end: &Identification, points: u
     };
     let shares = match end.counters.knocks {
         [0, 0, 0, 0, 0, 0] => shares,
-        _ => shares.watching(knocks::reference(
-            &end.estimate,
-            end.variance_ratio.max(1.0),
-            knocks::limit(input),
-        )),
+        _ => shares.watching(end.reference(input)),
     };
     let Ok(done) = shares.absorb(sigma, start, take) else { return Vec::new() };
     let mut before = Absorbed::<N> {
@@ -94,7 +88,11 @@ fn progression_of<const N: usize>(input: &Input, end: &Identification, points: u
                 Some(fit) => Estimate::new(&fit.factor, 1.0, noise),
                 None => Estimate::new(&before.factor, scale, noise),
             };
-            let parameters = (0..N).map(|j| estimate.measured(j)).collect();
+            let widened = |j: usize, m: Measured| Measured {
+                u95: m.u95 * end.widening.get(j).copied().unwrap_or(1.0),
+                ..m
+            };
+            let parameters = (0..N).map(|j| estimate.measured(j).map(|m| widened(j, m))).collect();
             progression.push(Progression { time_s, parameters });
             (before.factor, before.channels) = (kept, kept_channels);
         }

@@ -20,8 +20,9 @@ pub fn limit(input: &Input) -> f64 {
 }
 
 /// What the pipeline compares rows with. A parameter that the rows do not determine has no uncertainty that matters to
-/// them: its value explains them as well as any other.
-pub(super) fn reference(estimate: &Estimate, noise_scale: f64, limit: f64) -> Reference<f64, 16> {
+/// them: its value explains them as well as any other. Residuals larger than σ explains make the noise so much larger, smaller
+/// ones do not make it smaller.
+pub(super) fn reference(input: &Input, estimate: &Estimate, variance_ratio: f64) -> Reference<f64, 16> {
     let sd = |j: usize| match estimate.determined.get(j) {
         Some(true) => estimate.covariance.get((j, j)).map_or(0.0, |v| v.max(0.0).sqrt()),
         _ => 0.0,
@@ -29,7 +30,7 @@ pub(super) fn reference(estimate: &Estimate, noise_scale: f64, limit: f64) -> Re
     Reference {
         parameters: std::array::from_fn(|j| estimate.values.get(j).copied().unwrap_or(0.0)),
         standard_deviation: std::array::from_fn(sd),
-        noise_scale,
-        knock_limit: limit,
+        noise_scale: variance_ratio.max(1.0),
+        knock_limit: limit(input),
     }
 }

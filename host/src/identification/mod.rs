@@ -22,7 +22,7 @@ pub mod tare;
 pub mod whiteness;
 
 use rigident_shared::calibration::{ImuMounting, Reading};
-use rigident_shared::estimator::{ConfigError, Counters, Estimator, EstimatorConfig};
+use rigident_shared::estimator::{ConfigError, Counters, Estimator, EstimatorConfig, Reference};
 use rigident_shared::factor::InformationFactor;
 use rigident_shared::screening::Limits;
 
@@ -173,6 +173,11 @@ impl Identification {
         self.widening.iter().copied().reduce(f64::max)
     }
 
+    /// What knocks are told by.
+    fn reference(&self, input: &Input) -> Reference<f64, 16> {
+        knocks::reference(input, &self.estimate, self.variance_ratio)
+    }
+
     /// How its intervals were scaled.
     fn judgement(&self) -> Judgement {
         let rows =
@@ -276,9 +281,7 @@ fn run<const N: usize>(
         if before == [0; 6] {
             break;
         }
-        let scale = identification.variance_ratio.max(1.0);
-        let reference = knocks::reference(&identification.estimate, scale, knocks::limit(input));
-        let shares = shares.watching(reference);
+        let shares = shares.watching(identification.reference(input));
         absorbed = absorb::<N>(input, &shares, sigma)?;
         if !sigma_given {
             sigma = sigma_from_residuals(input, &shares, &absorbed);
@@ -307,11 +310,7 @@ fn with_colour<const N: usize>(
         colour: &white.colour,
         row_period_s: row_period_s(config),
     };
-    let watching = shares.watching(knocks::reference(
-        &white.estimate,
-        white.variance_ratio.max(1.0),
-        knocks::limit(input),
-    ));
+    let watching = shares.watching(white.reference(input));
     let widening = coloured::widening::<N>(&watching, config.channel_sigma, &white.estimate, &noise);
     Identification {
         factor: white.factor.stretched(&white.estimate.values, &widening),
@@ -363,8 +362,7 @@ fn conclude<const N: usize>(
         None => Estimate::new(&factor, scale, noise),
     };
     let factor = wrap(factor);
-    let watching =
-        shares.watching(knocks::reference(&estimate, variance_ratio.max(1.0), knocks::limit(input)));
+    let watching = shares.watching(knocks::reference(input, &estimate, variance_ratio));
     let (residuals, knocks) = residuals::<N>(&watching, sigma, &estimate, &gains);
     let counters = Counters { knocks, ..counters };
     let gyro = input.gyro_sigma.unwrap_or_else(|| gyro_sigma(&input.readings));

@@ -203,7 +203,7 @@ fn sigma_of_the_remembered<const N: usize>(
     let settings = &*absorbed.settings;
     let sigma = settings.config().channel_sigma;
     let estimate = Estimate::new(&absorbed.factor, 1.0, Noise::Given);
-    let watching = shares(input, sigma)?.watching(knocks::reference(&estimate, 1.0, knocks::limit(input)));
+    let watching = shares(input, sigma)?.watching(knocks::reference(input, &estimate, 1.0));
     let (residuals, _) = residuals::<N>(&watching, sigma, &estimate, &[0.0; 6]);
     let recent = reached(&residuals, memory);
     Ok(raw_sigma(settings, &estimate, recent, recent.len() as u32))
