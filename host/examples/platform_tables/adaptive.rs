@@ -2,8 +2,8 @@
 
 use std::sync::atomic::AtomicBool;
 
+use rigident::planning::adaptive::Asked;
 use rigident::planning::adaptive::rehearsal::{Outcome, Rehearsal};
-use rigident::planning::adaptive::{Asked, RigModel};
 use rigident::planning::motion::{Objective, Task, plan};
 use rigident_sim::experiment::thesis_program;
 use rigident_sim::platform::{MotionProgram, Segment};
@@ -28,7 +28,7 @@ pub fn table() -> String {
         ("horizontal, 1000 Hz", RigConfig::thesis_horizontal(), 1000.0),
         ("vertical, 1000 Hz", RigConfig::thesis_vertical(), 1000.0),
     ] {
-        let nominal = as_believed(config, rate_hz);
+        let nominal = Rehearsal::as_believed(config, rate_hz).expect("a rig");
         let programs = [
             thesis_program(&nominal.config.geometry, DEFAULT_S),
             shortest(&nominal, [20.0, 24.0, 28.0, 32.0, 36.0, 40.0].into_iter(), |s| {
@@ -50,22 +50,6 @@ pub fn table() -> String {
         }
     }
     text
-}
-
-fn as_believed(config: RigConfig, rate_hz: f64) -> Rehearsal {
-    let believed = RigModel {
-        geometry: config.geometry.clone(),
-        load_cell_m: config.load_cell.position_m.into(),
-        load_cell_rotation: config.load_cell.rotation().expect("a rotation"),
-        channel_sigma: config.sensors.load_cell.noise_n_nm,
-        rate_hz,
-        rate_range_radps: config.sensors.imu.gyro_range_radps,
-        felt_range_mps2: config.sensors.imu.accel_range_mps2,
-        wrench_range_n_nm: config.sensors.load_cell.range_n_nm,
-        body: None,
-        offset_known: false,
-    };
-    Rehearsal { config, believed, stuck: [false; 6], refused: [false; 6] }
 }
 
 fn cases(nominal: &Rehearsal) -> [(&'static str, Rehearsal); 5] {

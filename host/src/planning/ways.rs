@@ -2,7 +2,7 @@
 
 use rigident_sim::platform::{Geometry, Limit, Load, MotionError, MotionProgram, Pose, Segment, Violation};
 
-/// By which a move takes longer where a leg would be too fast, and, in smaller steps, back again.
+/// By which a move takes longer where a leg would be too fast.
 const LONGER: f64 = 1.25;
 /// Moves that take so long are given up, s.
 const LONGEST_S: f64 = 1200.0;

@@ -35,18 +35,27 @@ pub(super) struct Timing {
     pub lead_s: f64,
 }
 
-/// What set points go to.
+/// What set points go to: by default a controller that says nothing.
 pub(super) trait Sink: Send {
     /// Sends the set point for a time since the beginning, s.
     fn send(&mut self, time_s: f64, pose: &Pose) -> Result<(), PlatformError>;
     /// Whether all is well; where the plate is, if the controller says.
-    fn look(&mut self) -> Result<Option<Pose>, PlatformError>;
-    /// A set point that comes so long after its time ends the motion, s.
-    fn patience_s(&self) -> f64;
+    fn look(&mut self) -> Result<Option<Pose>, PlatformError> {
+        Ok(None)
+    }
+    /// A set point that comes so long after its time ends the motion, s. Whether a controller that says nothing goes by a
+    /// line's time or follows as it comes, nobody knows: one that goes by it stands by then.
+    fn patience_s(&self) -> f64 {
+        0.0
+    }
     /// Stops at once; false if the controller has no such command.
-    fn halt(&mut self) -> Result<bool, PlatformError>;
+    fn halt(&mut self) -> Result<bool, PlatformError> {
+        Ok(false)
+    }
     /// Whether the plate is at rest; `None` if the controller does not say.
-    fn at_rest(&mut self) -> Result<Option<bool>, PlatformError>;
+    fn at_rest(&mut self) -> Result<Option<bool>, PlatformError> {
+        Ok(None)
+    }
 }
 
 /// What is known of the plate once nothing more is sent.
@@ -298,18 +307,6 @@ mod tests {
                 thread::sleep(self.delay);
             }
             Ok(())
-        }
-        fn look(&mut self) -> Result<Option<Pose>, PlatformError> {
-            Ok(None)
-        }
-        fn patience_s(&self) -> f64 {
-            0.0
-        }
-        fn halt(&mut self) -> Result<bool, PlatformError> {
-            Ok(false)
-        }
-        fn at_rest(&mut self) -> Result<Option<bool>, PlatformError> {
-            Ok(None)
         }
     }
 

@@ -213,21 +213,4 @@ impl Sink for Writer {
             }
         })
     }
-
-    fn look(&mut self) -> Result<Option<Pose>, PlatformError> {
-        Ok(None)
-    }
-
-    fn patience_s(&self) -> f64 {
-        // Whether a controller goes by a line's time or follows as it comes, nobody says: one that goes by it stands by now.
-        0.0
-    }
-
-    fn halt(&mut self) -> Result<bool, PlatformError> {
-        Ok(false)
-    }
-
-    fn at_rest(&mut self) -> Result<Option<bool>, PlatformError> {
-        Ok(None)
-    }
 }

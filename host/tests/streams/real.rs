@@ -1,31 +1,44 @@
 //! The slow turn of a real end effector: load cell, accelerometer and attitude at 698, 254 and 99 Hz, no gyro.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::Value;
 
-#[test]
-fn a_slow_turn_recorded_by_three_clocks_gives_the_mass_of_the_still_poses_and_no_tensor() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let data = root.join("../../shared/data/endeffector_ati_gamma_imu");
+const RIG: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/examples/endeffector-turn.rig.toml");
+
+/// The recordings, where they are at hand.
+fn data() -> Option<PathBuf> {
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/endeffector_ati_gamma_imu");
     if !data.exists() {
         eprintln!("skipped: {} is not here", data.display());
-        return;
+        return None;
     }
-    let rig = root.join("../docs/examples/endeffector-turn.rig.toml");
-    let place = tempfile::tempdir().unwrap();
+    Some(data)
+}
+
+/// The object that `identify` prints, its folder being `out` in `place`.
+fn identify(place: &Path, data: &Path, rig: &Path, more: &[&str]) -> (Option<i32>, Value) {
     let output = Command::new(env!("CARGO_BIN_EXE_rigident"))
-        .current_dir(place.path())
+        .current_dir(place)
         .arg("identify")
-        .arg(&data)
+        .arg(data)
         .arg("--rig")
-        .arg(&rig)
-        .args(["--estimate", "m,mc,offset", "--json", "--out", "out"])
+        .arg(rig)
+        .args(["--json", "--out", "out"])
+        .args(more)
         .output()
         .unwrap();
-    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
-    let result: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    (output.status.code(), serde_json::from_slice(&output.stdout).expect(&said))
+}
+
+#[test]
+fn a_slow_turn_recorded_by_three_clocks_gives_the_mass_of_the_still_poses_and_no_tensor() {
+    let Some(data) = data() else { return };
+    let place = tempfile::tempdir().unwrap();
+    let (status, result) = identify(place.path(), &data, Path::new(RIG), &["--estimate", "m,mc,offset"]);
+    assert_eq!(status, Some(0), "{result:#}");
     // Nothing was weighed. Least squares over 24 still poses: 0.9323 kg, centre of mass at 43.90 mm of z. Vibration is no white
     // noise, and where the accelerometer sits is not known: 1 %, a twentieth of gravity's share being unmodelled.
     let number = |name: &str| {
@@ -74,23 +87,11 @@ fn a_slow_turn_recorded_by_three_clocks_gives_the_mass_of_the_still_poses_and_no
 /// The mass hardly moves where the matrices are transposed, so that nothing else tells.
 #[test]
 fn transposed_attitudes_are_told_by_gravity() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let data = root.join("../../shared/data/endeffector_ati_gamma_imu");
-    if !data.exists() {
-        eprintln!("skipped: {} is not here", data.display());
-        return;
-    }
+    let Some(data) = data() else { return };
     let place = tempfile::tempdir().unwrap();
-    let rig = std::fs::read_to_string(root.join("../docs/examples/endeffector-turn.rig.toml")).unwrap();
+    let rig = std::fs::read_to_string(RIG).unwrap();
     std::fs::write(place.path().join("turn.rig.toml"), rig.replace("S in A", "A in S")).unwrap();
-    let output = Command::new(env!("CARGO_BIN_EXE_rigident"))
-        .current_dir(place.path())
-        .arg("identify")
-        .arg(&data)
-        .args(["--rig", "turn.rig.toml", "--json", "--out", "out"])
-        .output()
-        .unwrap();
-    let result: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let (_, result) = identify(place.path(), &data, Path::new("turn.rig.toml"), &[]);
     let warnings = result["warnings"].to_string();
     assert!(warnings.contains("gravity by the attitudes of 1-baseline_orientations.csv"), "{warnings}");
 }
@@ -98,12 +99,7 @@ fn transposed_attitudes_are_told_by_gravity() {
 /// 300 ms of half a turn in 6.3 s are 8.6 degrees on the average; the skew's search does not find them.
 #[test]
 fn attitudes_whose_clock_is_far_off_are_told_by_gravity() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let data = root.join("../../shared/data/endeffector_ati_gamma_imu");
-    if !data.exists() {
-        eprintln!("skipped: {} is not here", data.display());
-        return;
-    }
+    let Some(data) = data() else { return };
     let place = tempfile::tempdir().unwrap();
     for file in ["1-baseline_wrench.csv", "1-baseline_accel.csv"] {
         std::fs::copy(data.join(file), place.path().join(file)).unwrap();
@@ -116,13 +112,7 @@ fn attitudes_whose_clock_is_far_off_are_told_by_gravity() {
     });
     let shifted = format!("{header}{}", shifted.collect::<String>());
     std::fs::write(place.path().join("1-baseline_orientations.csv"), shifted).unwrap();
-    let output = Command::new(env!("CARGO_BIN_EXE_rigident"))
-        .current_dir(place.path())
-        .args(["identify", ".", "--json", "--out", "out", "--rig"])
-        .arg(root.join("../docs/examples/endeffector-turn.rig.toml"))
-        .output()
-        .unwrap();
-    let result: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let (_, result) = identify(place.path(), Path::new("."), Path::new(RIG), &[]);
     let warnings = result["warnings"].to_string();
     assert!(warnings.contains("gravity by the attitudes of 1-baseline_orientations.csv"), "{warnings}");
     assert!(!warnings.contains("± 0.00 s"), "{warnings}");

@@ -82,6 +82,12 @@ impl Device {
 }
 
 impl Rehearsal {
+    /// A rig that is what it is believed to be; `None` if its load cell's axes are no rotation.
+    pub fn as_believed(config: RigConfig, rate_hz: f64) -> Option<Self> {
+        let believed = RigModel::of_simulated(&config, rate_hz)?;
+        Some(Self { config, believed, stuck: [false; 6], refused: [false; 6] })
+    }
+
     /// What becomes of a program: the moves that do not happen left out.
     fn as_followed(&self, program: &MotionProgram) -> MotionProgram {
         let held = |to: &Pose| {

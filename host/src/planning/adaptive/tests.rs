@@ -15,22 +15,11 @@ const ASKED: Asked = Asked::Tensor(0.01);
 const RATE_HZ: f64 = 200.0;
 
 fn model(config: &RigConfig, rate_hz: f64) -> RigModel {
-    RigModel {
-        geometry: config.geometry.clone(),
-        load_cell_m: config.load_cell.position_m.into(),
-        load_cell_rotation: config.load_cell.rotation().unwrap(),
-        channel_sigma: config.sensors.load_cell.noise_n_nm,
-        rate_hz,
-        rate_range_radps: config.sensors.imu.gyro_range_radps,
-        felt_range_mps2: config.sensors.imu.accel_range_mps2,
-        wrench_range_n_nm: config.sensors.load_cell.range_n_nm,
-        body: None,
-        offset_known: false,
-    }
+    RigModel::of_simulated(config, rate_hz).unwrap()
 }
 
 fn as_believed(config: RigConfig) -> Rehearsal {
-    Rehearsal { believed: model(&config, RATE_HZ), config, stuck: [false; 6], refused: [false; 6] }
+    Rehearsal::as_believed(config, RATE_HZ).unwrap()
 }
 
 fn adaptive(rehearsal: &Rehearsal) -> Outcome {
