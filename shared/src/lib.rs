@@ -22,6 +22,7 @@ pub mod regressor;
 mod scalar;
 pub mod screening;
 pub mod spatial;
+pub mod tree;
 pub mod wire;
 
 pub use scalar::Scalar;

@@ -1,0 +1,415 @@
+//! The rows against d'Alembert's principle on the motion of the links' centres of mass, which comes from twice
+//! differentiated homogeneous transformations: another formula from the first line to the last.
+
+extern crate std;
+use std::vec;
+use std::vec::Vec;
+
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix4, Quaternion, Vector3};
+
+use super::joint::turn;
+use super::motion::states;
+use super::rows::Workspace;
+use super::*;
+use crate::random::Random;
+
+/// A transformation with its first two derivatives in time.
+#[derive(Clone, Copy)]
+struct Jet([Matrix4<f64>; 3]);
+
+impl Jet {
+    fn then(&self, next: &Self) -> Self {
+        let ([a, da, dda], [b, db, ddb]) = (self.0, next.0);
+        Self([a * b, da * b + a * db, dda * b + da * db * 2.0 + a * ddb])
+    }
+}
+
+fn homogeneous(r: Matrix3<f64>, p: Vector3<f64>, one: f64) -> Matrix4<f64> {
+    let mut t = r.to_homogeneous();
+    t.fixed_view_mut::<3, 1>(0, 3).copy_from(&p);
+    t[(3, 3)] = one;
+    t
+}
+
+/// Rotation about an axis by an angle with derivatives: d/dt R = q̇ [a]× R.
+fn turning(axis: Vector3<f64>, q: [f64; 3]) -> Jet {
+    let k = axis.cross_matrix();
+    let r = Matrix3::identity() + k * q[0].sin() + k * k * (1.0 - q[0].cos());
+    let dr = k * r * q[1];
+    let ddr = k * r * q[2] + k * k * r * (q[1] * q[1]);
+    let o = Vector3::zeros();
+    Jet([homogeneous(r, o, 1.0), homogeneous(dr, o, 0.0), homogeneous(ddr, o, 0.0)])
+}
+
+/// Attitude by the quaternion's own derivatives: q̇ = ½ q ω.
+fn attitude(q: Quaternion<f64>, rate: Vector3<f64>, change: Vector3<f64>) -> [Matrix3<f64>; 3] {
+    let pure = |v: Vector3<f64>| Quaternion::from_imag(v);
+    let dq = q * pure(rate) * 0.5;
+    let ddq = (dq * pure(rate) + q * pure(change)) * 0.5;
+    // R is quadratic in q: R = sandwich(q, q).
+    let sandwich = |a: Quaternion<f64>, b: Quaternion<f64>| {
+        let column = |v: Vector3<f64>| (a * pure(v) * b.conjugate()).imag();
+        Matrix3::from_columns(&[column(Vector3::x()), column(Vector3::y()), column(Vector3::z())])
+    };
+    [
+        sandwich(q, q),
+        sandwich(dq, q) + sandwich(q, dq),
+        sandwich(ddq, q) + sandwich(dq, dq) * 2.0 + sandwich(q, ddq),
+    ]
+}
+
+/// A joint's state: positions, rates, changes of rates; quaternions w, x, y, z.
+#[derive(Clone)]
+struct Drive {
+    q: Vec<f64>,
+    v: Vec<f64>,
+    dv: Vec<f64>,
+}
+
+fn three(v: &[f64]) -> Vector3<f64> {
+    Vector3::new(v[0], v[1], v[2])
+}
+
+fn quaternion(q: &[f64]) -> Quaternion<f64> {
+    Quaternion::new(q[0], q[1], q[2], q[3]).normalize()
+}
+
+fn jet(link: &Link<f64>, s: &Drive) -> Jet {
+    let o = Vector3::zeros();
+    let zero = Matrix4::zeros();
+    let fixed = Jet([homogeneous(link.rotation, link.position, 1.0), zero, zero]);
+    let moved = match link.joint {
+        Joint::Fixed => Jet([Matrix4::identity(), zero, zero]),
+        Joint::Revolute(a) => turning(a, [s.q[0], s.v[0], s.dv[0]]),
+        Joint::Prismatic(a) => {
+            let slid = |x: f64, one| homogeneous(Matrix3::identity() * one, a * x, one);
+            Jet([slid(s.q[0], 1.0), slid(s.v[0], 0.0), slid(s.dv[0], 0.0)])
+        }
+        Joint::Universal(a, b) => {
+            turning(a, [s.q[0], s.v[0], s.dv[0]]).then(&turning(b, [s.q[1], s.v[1], s.dv[1]]))
+        }
+        Joint::Spherical => {
+            let r = attitude(quaternion(&s.q), three(&s.v), three(&s.dv));
+            Jet([homogeneous(r[0], o, 1.0), homogeneous(r[1], o, 0.0), homogeneous(r[2], o, 0.0)])
+        }
+        Joint::Free => {
+            let r = attitude(quaternion(&s.q[3..]), three(&s.v[3..]), three(&s.dv[3..]));
+            let (v, dv) = (three(&s.v), three(&s.dv));
+            Jet([
+                homogeneous(r[0], three(&s.q), 1.0),
+                homogeneous(r[1], r[0] * v, 0.0),
+                homogeneous(r[2], r[1] * v + r[0] * dv, 0.0),
+            ])
+        }
+    };
+    fixed.then(&moved)
+}
+
+fn world(links: &[Link<f64>], drives: &[Drive]) -> Vec<Jet> {
+    let mut jets: Vec<Jet> = Vec::new();
+    for (i, link) in links.iter().enumerate() {
+        let own = jet(link, &drives[i]);
+        jets.push(if i == 0 { own } else { jets[link.parent].then(&own) });
+    }
+    jets
+}
+
+/// Angular rate and acceleration in A from Ṙ Rᵀ = [ω]×.
+fn angular(jet: &Jet) -> [Vector3<f64>; 2] {
+    let r = |k: usize| jet.0[k].fixed_view::<3, 3>(0, 0).into_owned();
+    let vee = |m: Matrix3<f64>| Vector3::new(m[(2, 1)] - m[(1, 2)], m[(0, 2)] - m[(2, 0)], m[(1, 0)] - m[(0, 1)]) * 0.5;
+    [vee(r(1) * r(0).transpose()), vee(r(2) * r(0).transpose() + r(1) * r(1).transpose())]
+}
+
+/// Mass, centre of mass, inertia about it, link axes.
+type Body = (f64, Vector3<f64>, Matrix3<f64>);
+
+fn point(jet: &Jet, c: Vector3<f64>, k: usize) -> Vector3<f64> {
+    (jet.0[k] * c.push(1.0)).xyz()
+}
+
+/// Generalised forces of all freedoms, the free base's six first, as the sum of (m(p̈ − g), İω + …) on virtual motions.
+fn inverse_dynamics(links: &[Link<f64>], drives: &[Drive], bodies: &[Body], g: Vector3<f64>) -> Vec<f64> {
+    let jets = world(links, drives);
+    let mut forces = Vec::new();
+    for i in 0..links.len() {
+        for k in 0..links[i].joint.freedoms() {
+            let virtual_drives: Vec<Drive> = drives
+                .iter()
+                .enumerate()
+                .map(|(j, d)| Drive {
+                    q: d.q.clone(),
+                    v: (0..d.v.len()).map(|n| f64::from(u8::from(j == i && n == k))).collect(),
+                    dv: vec![0.0; d.dv.len()],
+                })
+                .collect();
+            let moved = world(links, &virtual_drives);
+            let mut sum = 0.0;
+            for ((jet, moved), (m, c, inertia)) in jets.iter().zip(&moved).zip(bodies) {
+                let r = jet.0[0].fixed_view::<3, 3>(0, 0).into_owned();
+                let [w, dw] = angular(jet);
+                let tensor = r * inertia * r.transpose();
+                let force = (point(jet, *c, 2) - g) * *m;
+                let moment = tensor * dw + w.cross(&(tensor * w));
+                sum += force.dot(&point(moved, *c, 1)) + moment.dot(&angular(moved)[0]);
+            }
+            forces.push(sum);
+        }
+    }
+    forces
+}
+
+/// A tree with every kind of joint in the middle and at the end, branches included.
+fn zoo(random: &mut Random) -> Vec<Link<f64>> {
+    let mut v = || Vector3::new(random.uniform() - 0.5, random.uniform() - 0.5, random.uniform() - 0.5);
+    let kinds = |a: Vector3<f64>, b: Vector3<f64>| {
+        [
+            Joint::Revolute(a),
+            Joint::Prismatic(a),
+            Joint::Universal(a, b),
+            Joint::Spherical,
+            Joint::Free,
+            Joint::Fixed,
+        ]
+    };
+    let mut links = vec![Link { parent: 0, joint: Joint::Free, rotation: Matrix3::identity(), position: Vector3::zeros() }];
+    for round in 0..2 {
+        for kind in 0..6 {
+            let joint = kinds(v().normalize(), v().normalize())[kind];
+            let rotation = turn(&v().normalize(), 0.6, 0.8);
+            // First round a chain; second, a leaf of every kind on each link of the chain.
+            let parent = if round == 0 { kind } else { (kind * 5) % 6 + 1 };
+            links.push(Link { parent, joint, rotation, position: v() });
+        }
+    }
+    links
+}
+
+fn drives(links: &[Link<f64>], random: &mut Random) -> Vec<Drive> {
+    links
+        .iter()
+        .map(|l| {
+            let mut some = |n: usize| -> Vec<f64> { (0..n).map(|_| 4.0 * random.uniform() - 2.0).collect() };
+            Drive {
+                q: some(l.joint.coordinates()),
+                v: some(l.joint.freedoms()),
+                dv: some(l.joint.freedoms()),
+            }
+        })
+        .collect()
+}
+
+fn joint_motion(link: &Link<f64>, s: &Drive) -> JointMotion<f64> {
+    let a3 = |v: &[f64]| [v[0], v[1], v[2]];
+    let matrix = |q: &[f64]| attitude(quaternion(q), Vector3::zeros(), Vector3::zeros())[0];
+    match &link.joint {
+        Joint::Fixed => JointMotion::rest(link),
+        Joint::Revolute(a) => JointMotion::revolute(link, a, s.q[0].sin_cos(), s.v[0], s.dv[0]),
+        Joint::Prismatic(a) => JointMotion::prismatic(link, a, s.q[0], s.v[0], s.dv[0]),
+        Joint::Universal(a, b) => JointMotion::universal(
+            link,
+            [a, b],
+            [s.q[0].sin_cos(), s.q[1].sin_cos()],
+            [s.v[0], s.v[1]],
+            [s.dv[0], s.dv[1]],
+        ),
+        Joint::Spherical => JointMotion::spherical(link, &matrix(&s.q), a3(&s.v), a3(&s.dv)),
+        Joint::Free => JointMotion::free(
+            link,
+            a3(&s.q),
+            &matrix(&s.q[3..]),
+            [a3(&s.v), a3(&s.v[3..])],
+            [a3(&s.dv), a3(&s.dv[3..])],
+        ),
+    }
+}
+
+struct Case {
+    links: Vec<Link<f64>>,
+    drives: Vec<Drive>,
+    states: Vec<LinkState<f64>>,
+    base: BaseMotion<f64>,
+    phi: DVector<f64>,
+    forces: Vec<f64>,
+}
+
+fn case(random: &mut Random) -> Case {
+    let links = zoo(random);
+    let drives = drives(&links, random);
+    let mut v = || Vector3::new(random.uniform() - 0.5, random.uniform() - 0.5, random.uniform() - 0.5);
+    let bodies: Vec<Body> = links
+        .iter()
+        .map(|_| {
+            let g = Matrix3::from_columns(&[v(), v(), v()]);
+            (1.5 + v().x, v(), g * g.transpose())
+        })
+        .collect();
+    let g = v() * 20.0;
+    let forces = inverse_dynamics(&links, &drives, &bodies, g);
+    let jets = world(&links, &drives);
+    let r = jets[0].0[0].fixed_view::<3, 3>(0, 0).into_owned();
+    let [w, dw] = angular(&jets[0]);
+    let base = BaseMotion {
+        specific_force: r.transpose() * (point(&jets[0], Vector3::zeros(), 2) - g),
+        rate: r.transpose() * w,
+        angular_acceleration: r.transpose() * dw,
+    };
+    let motions: Vec<_> = links.iter().zip(&drives).map(|(l, d)| joint_motion(l, d)).collect();
+    let mut out = vec![LinkState::zero(); links.len()];
+    states(&links, &motions, &base, &mut out).unwrap();
+    let phi = DVector::from_iterator(
+        10 * links.len(),
+        bodies.iter().flat_map(|(m, c, i)| {
+            let s = (Matrix3::identity() * c.dot(c) - c * c.transpose()) * *m + i;
+            let mc = c * *m;
+            [*m, mc.x, mc.y, mc.z, s.m11, s.m22, s.m33, s.m23, s.m31, s.m12]
+        }),
+    );
+    Case { links, drives, states: out, base, phi, forces }
+}
+
+fn freedoms(links: &[Link<f64>]) -> usize {
+    links.iter().skip(1).map(|l| l.joint.freedoms()).sum()
+}
+
+fn joint_rows(case: &Case) -> DMatrix<f64> {
+    let (rows, n) = (freedoms(&case.links), 10 * case.links.len());
+    let mut screws = vec![Screw { weights: [0.0; 6], changes: [0.0; 6] }; rows];
+    let mut first = vec![0; case.links.len() + 1];
+    let mut out = vec![0.0; rows * n];
+    let mut room = Workspace { screws: &mut screws, first: &mut first };
+    super::rows::joint_rows(&case.links, &case.states, &mut room, &mut out).unwrap();
+    DMatrix::from_row_slice(rows, n, &out)
+}
+
+#[test]
+fn rows_of_every_kind_of_joint_are_d_alembert_s_forces() {
+    let mut random = Random(0x9e37_79b9_7f4a_7c15);
+    for _ in 0..20 {
+        let case = case(&mut random);
+        let n = 10 * case.links.len();
+        let mut base = vec![0.0; 6 * n];
+        super::rows::base_rows(&case.states, &mut base).unwrap();
+        let wrench = DMatrix::from_row_slice(6, n, &base) * &case.phi;
+        let torques = joint_rows(&case) * &case.phi;
+        let scale = case.forces.iter().fold(1.0_f64, |m, f| m.max(f.abs()));
+        // The base's freedoms are velocity and rate in its own axes: force and moment there.
+        for (got, wanted) in wrench.iter().chain(torques.iter()).zip(&case.forces) {
+            assert!((got - wanted).abs() < 1e-11 * scale, "{got} {wanted}");
+        }
+        assert_eq!(case.forces.len(), 6 + freedoms(&case.links));
+    }
+}
+
+/// `∂` of the momentum by Richardson's central differences of the drives' motion, against the rows with accelerations.
+#[test]
+fn rows_without_accelerations_are_the_same_rows() {
+    let mut random = Random(0xd1b5_4a32_d192_ed03);
+    for _ in 0..5 {
+        let case = case(&mut random);
+        let (rows, n) = (freedoms(&case.links), 10 * case.links.len());
+        let at = |t: f64| {
+            let drives: Vec<Drive> =
+                case.links.iter().zip(&case.drives).map(|(l, d)| later(l, d, t)).collect();
+            let motions: Vec<_> = case.links.iter().zip(&drives).map(|(l, d)| joint_motion(l, d)).collect();
+            let base = BaseMotion {
+                rate: case.base.rate + case.base.angular_acceleration * t,
+                angular_acceleration: Vector3::repeat(f64::NAN),
+                ..case.base
+            };
+            // Accelerations must not matter.
+            let mut states_at = vec![LinkState::zero(); case.links.len()];
+            states(&case.links, &motions, &base, &mut states_at).unwrap();
+            let mut screws = vec![Screw { weights: [0.0; 6], changes: [0.0; 6] }; rows];
+            let mut first = vec![0; case.links.len() + 1];
+            let mut room = Workspace { screws: &mut screws, first: &mut first };
+            let (mut s, mut d) = (vec![0.0; (6 + rows) * n], vec![0.0; (6 + rows) * n]);
+            momentum::base_rows(&states_at, &base, &mut s[..6 * n], &mut d[..6 * n]).unwrap();
+            let (s_joints, d_joints) = (&mut s[6 * n..], &mut d[6 * n..]);
+            momentum::joint_rows(&case.links, &states_at, &base, &mut room, s_joints, d_joints).unwrap();
+            (DMatrix::from_row_slice(6 + rows, n, &s), DMatrix::from_row_slice(6 + rows, n, &d))
+        };
+        let difference = |h: f64| (at(h).1 - at(-h).1) / (2.0 * h);
+        let h = 1e-3;
+        let derivative = (difference(h) * 64.0 - difference(2.0 * h) * 20.0 + difference(4.0 * h)) / 45.0;
+        let got = at(0.0).0 + derivative;
+        let mut base = vec![0.0; 6 * n];
+        super::rows::base_rows(&case.states, &mut base).unwrap();
+        let mut wanted = DMatrix::zeros(6 + rows, n);
+        wanted.rows_mut(0, 6).copy_from(&DMatrix::from_row_slice(6, n, &base));
+        wanted.rows_mut(6, rows).copy_from(&joint_rows(&case));
+        // Truncation is of order h⁶ times the seventh power of the rates, cancellation of ε / h.
+        let error = (got - &wanted).abs().max();
+        assert!(error < 1e-8 * wanted.abs().max(), "{error}");
+    }
+}
+
+/// The drive after a short time: constant accelerations, the attitude to the sixth order by small steps of a quaternion.
+fn later(link: &Link<f64>, s: &Drive, t: f64) -> Drive {
+    let v: Vec<f64> = s.v.iter().zip(&s.dv).map(|(v, dv)| v + dv * t).collect();
+    let mut q = s.q.clone();
+    let rotating = |q: &[f64], w: &[f64], dw: &[f64]| -> Quaternion<f64> {
+        // Runge–Kutta of fourth order in 32 steps.
+        let (steps, mut x) = (32, quaternion(q));
+        let h = t / f64::from(steps);
+        let slope = |x: Quaternion<f64>, at: f64| x * Quaternion::from_imag(three(w) + three(dw) * at) * 0.5;
+        for k in 0..steps {
+            let at = h * f64::from(k);
+            let a = slope(x, at);
+            let b = slope(x + a * (h / 2.0), at + h / 2.0);
+            let c = slope(x + b * (h / 2.0), at + h / 2.0);
+            let d = slope(x + c * h, at + h);
+            x += (a + b * 2.0 + c * 2.0 + d) * (h / 6.0);
+        }
+        x
+    };
+    match link.joint {
+        Joint::Spherical => {
+            let x = rotating(&s.q, &s.v, &s.dv);
+            q = vec![x.w, x.i, x.j, x.k];
+        }
+        Joint::Free => {
+            let x = rotating(&s.q[3..], &s.v[3..], &s.dv[3..]);
+            // ṗ = R v by Simpson's rule on eight panels.
+            let panels = 8;
+            let mut sum = Vector3::zeros();
+            for k in 0..=2 * panels {
+                let at = t * f64::from(k) / f64::from(2 * panels);
+                let part = Drive { q: s.q[3..].to_vec(), v: s.v[3..].to_vec(), dv: s.dv[3..].to_vec() };
+                let turned = if k == 0 {
+                    quaternion(&part.q)
+                } else {
+                    let d = later(&Link { joint: Joint::Spherical, ..*link }, &part, at).q;
+                    quaternion(&d)
+                };
+                let r = attitude(turned, Vector3::zeros(), Vector3::zeros())[0];
+                let weight = if k == 0 || k == 2 * panels { 1.0 } else if k % 2 == 1 { 4.0 } else { 2.0 };
+                sum += r * (three(&s.v) + three(&s.dv) * at) * weight;
+            }
+            let p = three(&s.q) + sum * (t / f64::from(6 * panels));
+            q = vec![p.x, p.y, p.z, x.w, x.i, x.j, x.k];
+        }
+        _ => {
+            for k in 0..q.len() {
+                q[k] += s.v[k] * t + s.dv[k] * t * t / 2.0;
+            }
+        }
+    }
+    Drive { q, v, dv: vec![f64::NAN; s.dv.len()] }
+}
+
+#[test]
+fn trees_out_of_order_are_refused() {
+    let link = Link {
+        parent: 3,
+        joint: Joint::<f32>::Spherical,
+        rotation: Matrix3::identity(),
+        position: Vector3::zeros(),
+    };
+    assert_eq!(joint::check(&[link, link]), Err(TreeError::Order(1)));
+    assert_eq!(joint::check::<f32>(&[]), Err(TreeError::Empty));
+    let rest = JointMotion::rest(&link);
+    let still = BaseMotion::still([0.0, 0.0, -9.8]);
+    let mut one = [LinkState::zero()];
+    assert_eq!(states(&[link], &[rest, rest], &still, &mut one), Err(TreeError::Lengths));
+}
