@@ -4,7 +4,7 @@
 //! clocks onto one time base by [`streams`];
 //! [`identification`] makes the factor in batch, [`session`] has the device make it over [`link`] while
 //! [`platform`] moves, in what [`planning`] found best; [`answer`] reads it; [`report`] shows it; [`montecarlo`] tries what its intervals are
-//! worth; [`cli`] joins them into commands. May not live
+//! worth; [`models`] are trees of links; [`cli`] joins them into commands. May not live
 //! here: the pipeline itself (that is `rigident_shared`), physics (that is `rigident_sim`).
 
 pub mod answer;
@@ -13,6 +13,7 @@ pub mod cli;
 pub mod formats;
 pub mod identification;
 pub mod link;
+pub mod models;
 #[cfg(feature = "simulator")]
 pub mod montecarlo;
 #[cfg(feature = "simulator")]

@@ -10,6 +10,7 @@ pub use super::memory_arguments::Remember;
 pub use super::montecarlo_poses::MontecarloPoses;
 pub use super::plan_arguments::{Plan, Workspace};
 pub use super::programme::Programme;
+pub use super::model_arguments::ModelCommand;
 
 /// Tells the inertial parameters of a body from its wrench and motion: mass, centre of mass, inertia tensor,
 /// each with a 95 % uncertainty, or that the data do not identify it.
@@ -59,6 +60,8 @@ pub enum Command {
     Workspace(Workspace),
     /// Plan what to do with the platform before it moves
     Plan(Plan),
+    /// Look at a tree of links: robot description, rig file or person
+    Model(ModelCommand),
 }
 
 /// Options of every command that gives an answer.

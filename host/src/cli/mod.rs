@@ -19,6 +19,8 @@ mod identify;
 mod known_arguments;
 mod link;
 mod memory_arguments;
+mod model;
+mod model_arguments;
 mod montecarlo;
 mod montecarlo_poses;
 mod outcome;
@@ -129,6 +131,7 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
             Planned::Motion(a) => plan_motion::run(&a),
             Planned::Compare(a) => plan_motion::compare(&a),
         },
+        Some(Command::Model(a)) => model::run(&a),
     }
 }
 

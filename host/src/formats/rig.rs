@@ -342,7 +342,7 @@ pub struct TruthTable {
     pub apparent_offset_n_nm: Option<[f64; 6]>,
 }
 
-/// `[[link]]`: kept for trees of links, which no command identifies yet.
+/// `[[link]]`
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LinkTable {
@@ -354,9 +354,12 @@ pub struct LinkTable {
     /// How it hangs there.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub joint: Option<Joint>,
-    /// Axis of a revolute joint, in the link's frame.
+    /// Axis of a revolute, continuous or prismatic joint, in the link's frame; first axis of a universal one, x if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub axis: Option<[f64; 3]>,
+    /// Second axis of a universal joint, y if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub second_axis: Option<[f64; 3]>,
     /// Joint in the parent's frame, m.
     #[serde(default)]
     pub position_m: [f64; 3],
@@ -377,6 +380,10 @@ pub enum Joint {
     Fixed,
     /// Turns about one axis.
     Revolute,
+    /// Turns about one axis without end.
+    Continuous,
+    /// Slides along one axis.
+    Prismatic,
     /// Turns about two axes.
     Universal,
     /// Turns about any axis.

@@ -416,10 +416,13 @@ impl Check<'_> {
             names.push(&link.name);
             self.finite(&key("position_m"), &link.position_m)?;
             self.rotation(&key("rotation_wxyz"), &link.rotation_wxyz)?;
-            if link.joint == Some(Joint::Revolute) && link.axis.is_none() {
-                return Err(self.refuse(&key("joint"), "revolute", "needs its axis = [x, y, z]"));
+            let has_axis = matches!(link.joint, Some(Joint::Revolute | Joint::Continuous | Joint::Prismatic));
+            if let (true, None, Some(joint)) = (has_axis, link.axis, link.joint) {
+                return Err(self.refuse(&key("joint"), joint, "needs its axis = [x, y, z]"));
             }
-            self.finite(&key("axis"), link.axis.as_ref().map_or(&[], |a| a.as_slice()))?;
+            for (name, axis) in [("axis", link.axis), ("second_axis", link.second_axis)] {
+                self.finite(&key(name), axis.as_ref().map_or(&[], |a| a.as_slice()))?;
+            }
         }
         Ok(())
     }

@@ -1,0 +1,125 @@
+use std::process::ExitCode;
+
+use serde_json::json;
+
+use super::Failure;
+use super::model_arguments::{BaseParams, ModelCommand, ModelOptions, ModelVerb, RowsWord, SexWord};
+use super::outcome::say;
+use crate::models::base::{BaseParameters, Rows, Situation, base_parameters};
+use crate::models::human::{Person, Sex};
+use crate::models::{self, Model};
+
+/// `rigident model`
+pub(super) fn run(command: &ModelCommand) -> Result<ExitCode, Failure> {
+    match &command.verb {
+        ModelVerb::BaseParams(arguments) => base_params(arguments),
+    }
+}
+
+/// The model that the options describe, and whether it is one of the people.
+pub(super) fn open(options: &ModelOptions) -> Result<(Model, bool), Failure> {
+    let lengths_m = options
+        .segment
+        .iter()
+        .map(|words| {
+            let (name, value) = words.split_once('=')?;
+            Some((name.to_owned(), value.trim().parse().ok()?))
+        })
+        .collect::<Option<Vec<_>>>()
+        .ok_or_else(|| Failure::input("--segment stands as NAME=METRES, for example thigh=0.44"))?;
+    let sex = match options.sex {
+        SexWord::Female => Sex::Female,
+        SexWord::Male => Sex::Male,
+    };
+    let person = Person { height_m: options.height_m, mass_kg: options.mass_kg, sex, lengths_m };
+    let (mut model, is_person) = models::open(&options.model, &person).map_err(Failure::input)?;
+    model.lock(&options.lock).map_err(Failure::input)?;
+    for words in &options.spherical {
+        let joints: Vec<String> = words.split(',').map(|j| j.trim().to_owned()).collect();
+        let joints: [String; 3] = joints
+            .try_into()
+            .map_err(|_| Failure::input(format!("--spherical {words}: names three joints, J1,J2,J3")))?;
+        model.declare_spherical(&joints).map_err(Failure::input)?;
+    }
+    for words in &options.tool {
+        model.hold_tool(words).map_err(Failure::input)?;
+    }
+    Ok((model, is_person))
+}
+
+fn base_params(arguments: &BaseParams) -> Result<ExitCode, Failure> {
+    let (model, is_person) = open(&arguments.model)?;
+    for finding in &model.findings {
+        eprintln!("rigident: {finding}");
+    }
+    let floating = arguments.floating || is_person;
+    let rows = match arguments.rows {
+        Some(RowsWord::Base) => Rows::Base,
+        Some(RowsWord::Joint) => Rows::Joint,
+        Some(RowsWord::Both) => Rows::Both,
+        None if floating => Rows::Base,
+        None => Rows::Joint,
+    };
+    let situation = Situation { floating, rows, mimic: arguments.mimic };
+    let found = base_parameters(&model, &situation).map_err(Failure::input)?;
+    if arguments.json {
+        say(object(&model, &situation, &found));
+    } else {
+        say(text(&model, &situation, &found));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn object(model: &Model, situation: &Situation, found: &BaseParameters) -> serde_json::Value {
+    let parameters: Vec<_> = found
+        .parameters
+        .iter()
+        .map(|p| {
+            let terms: Vec<_> = p.terms.iter().map(|(c, w)| json!([found.standard[*c], w])).collect();
+            json!({"name": p.name, "terms": terms})
+        })
+        .collect();
+    json!({
+        "model": model.name,
+        "situation": situation.sentence(),
+        "standard": found.standard.len(),
+        "count": found.parameters.len(),
+        "parameters": parameters,
+        "singular_values": {"smallest_kept": found.gap.kept, "largest_dropped": found.gap.dropped},
+        "disagreement": found.disagreement,
+        "findings": model.findings.iter().map(ToString::to_string).collect::<Vec<_>>(),
+    })
+}
+
+fn text(model: &Model, situation: &Situation, found: &BaseParameters) -> String {
+    let bodies = model.welded();
+    let kinds: Vec<String> = bodies.kinds().iter().map(|(kind, n)| format!("{n} {kind}")).collect();
+    let mut out = format!(
+        "{}: {} bodies, {} degrees of freedom in joints ({}); {}\n{} base parameters of {} standard ones\nsingular values, \
+         of random motions over the largest column: smallest kept {:.1e}, dropped ones below {:.1e}; rules and random \
+         motions agree to {:.0e}\n",
+        model.name,
+        bodies.links.len(),
+        bodies.freedoms(),
+        if kinds.is_empty() { "none".to_owned() } else { kinds.join(", ") },
+        situation.sentence(),
+        found.parameters.len(),
+        found.standard.len(),
+        found.gap.kept,
+        found.gap.dropped,
+        found.disagreement
+    );
+    for link in bodies.links.iter().filter(|l| !l.welded.is_empty()) {
+        out += &format!("{} is one body with {}\n", link.name, link.welded.join(", "));
+    }
+    for parameter in &found.parameters {
+        out += &format!("\n{} =", parameter.name);
+        for (k, (column, weight)) in parameter.terms.iter().enumerate() {
+            let sign = if *weight < 0.0 { "- " } else if k > 0 { "+ " } else { "" };
+            let size = weight.abs();
+            let factor = if (size - 1.0).abs() < 1e-12 { String::new() } else { format!("{size:.6} ") };
+            out += &format!(" {sign}{factor}{}", found.standard[*column]);
+        }
+    }
+    out
+}

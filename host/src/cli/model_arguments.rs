@@ -1,0 +1,92 @@
+use clap::{Args, Subcommand};
+
+/// `rigident model`
+#[derive(Args, Debug, Clone)]
+pub struct ModelCommand {
+    /// What to do
+    #[command(subcommand)]
+    pub verb: ModelVerb,
+}
+
+/// What can be asked of a model.
+#[derive(Subcommand, Debug, Clone)]
+pub enum ModelVerb {
+    /// Count and name the base parameters, and say what each is made of
+    BaseParams(BaseParams),
+}
+
+/// `rigident model base-params`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "A file has a fixed base, held still, and joint rows unless --floating is given, then base rows; people have no fixed \
+                        base. Links on fixed joints are one with what they hang on.\n\nExamples:\n  rigident model base-params \
+                        robot.urdf\n  rigident model base-params robot.urdf --floating --json\n  rigident model base-params \
+                        panda.urdf --lock panda_finger_joint1,panda_finger_joint2\n  rigident model base-params human34 \
+                        --height-m 1.65 --tool r_hand@0,0,-0.08\n  rigident model base-params two_links.rig.toml --floating"
+)]
+pub struct BaseParams {
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub model: ModelOptions,
+    /// The base moves
+    #[arg(long)]
+    pub floating: bool,
+    /// Which rows are measured. Default: base with --floating, joint without
+    #[arg(long, value_enum)]
+    pub rows: Option<RowsWord>,
+    /// Mimic joints follow their leaders; otherwise each counts as a joint of its own
+    #[arg(long)]
+    pub mimic: bool,
+    /// Print one object on standard output, and nothing else there
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Which model, and what is changed about it.
+#[derive(Args, Debug, Clone)]
+pub struct ModelOptions {
+    /// human34, human58, a URDF, or a rig file with [[link]] tables
+    pub model: String,
+    /// Joints that do not move
+    #[arg(long, value_name = "JOINT", value_delimiter = ',')]
+    pub lock: Vec<String>,
+    /// Three revolute joints in a row, nearest to the base first, that are one spherical joint
+    #[arg(long, value_name = "J1,J2,J3")]
+    pub spherical: Vec<String>,
+    /// A body held rigidly by a link; its frame in the link's in m and degrees
+    #[arg(long, value_name = "LINK[@x,y,z[,roll,pitch,yaw]]", allow_hyphen_values = true)]
+    pub tool: Vec<String>,
+    /// Stature of the person, m
+    #[arg(long, default_value_t = 1.741, value_name = "M")]
+    pub height_m: f64,
+    /// Mass of the person, kg
+    #[arg(long, default_value_t = 73.0, value_name = "KG")]
+    pub mass_kg: f64,
+    /// Whose means the nominal guess is scaled from
+    #[arg(long, value_enum, default_value_t)]
+    pub sex: SexWord,
+    /// A length of the person's that is known, as thigh=0.44 (m)
+    #[arg(long, value_name = "SEGMENT=M")]
+    pub segment: Vec<String>,
+}
+
+/// Which rows are measured.
+#[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RowsWord {
+    /// The wrench on the base link
+    Base,
+    /// Joint torques and forces
+    Joint,
+    /// Both
+    Both,
+}
+
+/// Whose means.
+#[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum SexWord {
+    /// Women's
+    Female,
+    /// Men's
+    #[default]
+    Male,
+}

@@ -1,0 +1,153 @@
+//! Changes to a model by option: joints locked, three revolutes declared spherical, a tool held.
+
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use rigident_shared::tree::{Joint, Link};
+
+use super::finding::ModelError;
+use super::model::{Model, ModelLink};
+
+/// Axes pass through one point if they miss it by less, m: below any tolerance a joint is made to.
+const COINCIDENCE_M: f64 = 1e-6;
+
+impl Model {
+    /// Makes joints fixed, at zero position.
+    ///
+    /// # Errors
+    /// [`ModelError::Option`] if there is no such joint.
+    pub fn lock(&mut self, joints: &[String]) -> Result<(), ModelError> {
+        for name in joints {
+            let i = self.joint(name).ok_or_else(|| self.no_joint("--lock", name))?;
+            let link = &mut self.links[i];
+            (link.link.joint, link.mimic) = (Joint::Fixed, None);
+            let place = format!("joint {name}");
+            self.findings.retain(|finding| finding.place != place);
+            // Who follows a joint that is locked is locked with it.
+            let followers: Vec<String> = self
+                .links
+                .iter()
+                .filter(|l| l.mimic.as_ref().is_some_and(|m| m.leader == *name))
+                .map(|l| l.joint_name.clone())
+                .collect();
+            self.lock(&followers)?;
+        }
+        Ok(())
+    }
+
+    fn no_joint(&self, option: &str, name: &str) -> ModelError {
+        let names: Vec<&str> =
+            self.links.iter().skip(1).map(|l| l.joint_name.as_str()).filter(|n| !n.is_empty()).collect();
+        ModelError::Option(format!(
+            "{option}: {} has no joint {name}; its joints are {}",
+            self.name,
+            names.join(", ")
+        ))
+    }
+
+    /// Replaces three revolute joints in a row, whose axes pass through one point and whose two links in between have
+    /// no mass, by one spherical joint. The last link keeps its name and frame, the joint the last one's name.
+    ///
+    /// # Errors
+    /// [`ModelError::Option`] that says what speaks against it.
+    pub fn declare_spherical(&mut self, joints: &[String; 3]) -> Result<(), ModelError> {
+        let refuse = |why: String| ModelError::Option(format!("--spherical {}: {why}", joints.join(",")));
+        let mut at = [0; 3];
+        for (place, name) in at.iter_mut().zip(joints) {
+            *place = self.joint(name).ok_or_else(|| self.no_joint("--spherical", name))?;
+        }
+        let [a, b, c] = at;
+        if self.links[b].link.parent != a || self.links[c].link.parent != b {
+            return Err(refuse("the three do not follow each other, nearest to the base first".to_owned()));
+        }
+        let axis = |i: usize| match self.links[i].link.joint {
+            Joint::Revolute(axis) if self.links[i].mimic.is_none() => Ok(axis),
+            _ => Err(refuse(format!("{} is not a revolute joint of its own", self.links[i].joint_name))),
+        };
+        let axes = [axis(a)?, axis(b)?, axis(c)?];
+        for i in [a, b] {
+            let link = &self.links[i];
+            if link.nominal.is_some() {
+                return Err(refuse(format!("link {} between them has mass", link.name)));
+            }
+            let below = self.links.iter().filter(|l| !l.joint_name.is_empty() && l.link.parent == i).count();
+            if below > 1 {
+                return Err(refuse(format!("more than one link hangs on link {} between them", link.name)));
+            }
+        }
+        let (first, second, third) = (self.links[a].link, self.links[b].link, self.links[c].link);
+        // Places of b and c in a's frame at zero.
+        let rb = second.rotation;
+        let pc = second.position + rb * third.position;
+        let rc = rb * third.rotation;
+        let miss = |through: Vector3<f64>, axis: Vector3<f64>| (pc - through).cross(&axis).norm();
+        let (second_axis, third_axis) = (rb * axes[1], rc * axes[2]);
+        let misses = [miss(Vector3::zeros(), axes[0]), miss(second.position, second_axis)];
+        if let Some((k, far)) = misses.iter().enumerate().find(|(_, m)| **m > COINCIDENCE_M) {
+            return Err(refuse(format!(
+                "the axis of {} misses the origin of link {} by {:.4} mm",
+                joints[k],
+                self.links[c].name,
+                far * 1e3
+            )));
+        }
+        let parallel = |u: Vector3<f64>, v: Vector3<f64>| u.cross(&v).norm() < f64::EPSILON.sqrt();
+        if parallel(axes[0], second_axis) || parallel(second_axis, third_axis) {
+            return Err(refuse("two axes next to each other are parallel: they make no spherical joint".to_owned()));
+        }
+        let position = first.position + first.rotation * pc;
+        self.links[c].link =
+            Link { parent: first.parent, joint: Joint::Spherical, rotation: first.rotation * rc, position };
+        self.remove(&[a, b]);
+        Ok(())
+    }
+
+    /// Takes links out on which nothing hangs any more.
+    fn remove(&mut self, gone: &[usize]) {
+        let kept: Vec<usize> = (0..self.links.len()).filter(|i| !gone.contains(i)).collect();
+        let places: Vec<String> = gone.iter().map(|i| format!("link {}", self.links[*i].name)).collect();
+        self.findings.retain(|finding| !places.contains(&finding.place));
+        self.links = kept
+            .iter()
+            .map(|i| {
+                let mut link = self.links[*i].clone();
+                link.link.parent = kept.iter().position(|k| *k == link.link.parent).unwrap_or(0);
+                link
+            })
+            .collect();
+    }
+
+    /// A body held rigidly by a link: `LINK`, `LINK@x,y,z` or `LINK@x,y,z,roll,pitch,yaw` (m and degrees, of the tool's
+    /// frame in the link's).
+    ///
+    /// # Errors
+    /// [`ModelError::Option`] if there is no such link, or numbers that cannot be read.
+    pub fn hold_tool(&mut self, words: &str) -> Result<(), ModelError> {
+        let refuse = |why: String| ModelError::Option(format!("--tool {words}: {why}"));
+        let (name, place) = words.split_once('@').unwrap_or((words, "0,0,0"));
+        let holder = self.link(name).ok_or_else(|| {
+            let names: Vec<&str> = self.links.iter().map(|l| l.name.as_str()).collect();
+            refuse(format!("there is no link {name}; the links are {}", names.join(", ")))
+        })?;
+        let numbers = place
+            .split(',')
+            .map(|n| n.trim().parse::<f64>().ok().filter(|v| v.is_finite()))
+            .collect::<Option<Vec<f64>>>()
+            .filter(|n| n.len() == 3 || n.len() == 6)
+            .ok_or_else(|| refuse("the place is x,y,z in m, or x,y,z,roll,pitch,yaw in m and degrees".to_owned()))?;
+        let angle = |k: usize| numbers.get(k).copied().unwrap_or(0.0).to_radians();
+        let rotation: Matrix3<f64> = Rotation3::from_euler_angles(angle(3), angle(4), angle(5)).into_inner();
+        let position = Vector3::new(numbers[0], numbers[1], numbers[2]);
+        let tool = format!("{name}_tool");
+        if self.link(&tool).is_some() {
+            return Err(refuse(format!("there is a link {tool} already")));
+        }
+        self.links.push(ModelLink {
+            name: tool.clone(),
+            joint_name: tool,
+            link: Link { parent: holder, joint: Joint::Fixed, rotation, position },
+            nominal: None,
+            welded: Vec::new(),
+            mimic: None,
+        });
+        Ok(())
+    }
+}

@@ -1,0 +1,57 @@
+//! What is wrong with a model, and what is only strange.
+
+use std::fmt;
+use std::path::PathBuf;
+
+/// Why there is no model: what, where, and what to do.
+#[derive(Debug, thiserror::Error)]
+pub enum ModelError {
+    /// The file cannot be read.
+    #[error("{}: cannot be read: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The text is no description of a robot.
+    #[error("{what} is not a URDF that can be read: {reason}")]
+    Syntax {
+        /// The file's name.
+        what: String,
+        /// What the reader says.
+        reason: String,
+    },
+    /// There is no model of this name.
+    #[error("{0}: neither a file nor a built-in model; the built-in ones are human34 and human58")]
+    Unknown(String),
+    /// A rig file that cannot be read or used.
+    #[error("{0}")]
+    RigFile(String),
+    /// The links make no tree.
+    #[error("{what}: {problem}")]
+    Structure {
+        /// The model's name.
+        what: String,
+        /// What, where, and what to do.
+        problem: String,
+    },
+    /// An option that does not fit the model.
+    #[error("{0}")]
+    Option(String),
+}
+
+/// Something strange that does not keep the model from being used.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Finding {
+    /// The link or joint.
+    pub place: String,
+    /// What is strange, and what it means.
+    pub text: String,
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.place, self.text)
+    }
+}

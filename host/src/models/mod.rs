@@ -1,0 +1,43 @@
+//! Models of trees of links: where they come from, and what of them can be identified.
+//!
+//! Lives here: the model itself ([`model`]) and its findings, readers (URDF in [`urdf`], a rig file's `[[link]]`
+//! tables in [`rig_links`]), the built-in people ([`human`]), changes by option ([`edit`]), the base parameters
+//! ([`base`]) and the rows of a model in motion ([`rows`]). May not live here: the formulas of the rows, which
+//! firmware and host share (`rigident_shared::tree`), and recordings. Next: [`model`], then [`base`].
+
+pub mod base;
+pub mod edit;
+pub mod finding;
+pub mod human;
+mod human_segments;
+pub mod inertial;
+pub mod model;
+pub mod rig_links;
+pub mod rows;
+pub mod urdf;
+
+use std::path::Path;
+
+pub use finding::{Finding, ModelError};
+pub use model::{Mimic, Model, ModelLink};
+
+/// The model of a name: `human34`, `human58`, a rig file (`.toml`) or a URDF. Whether it is one of the people, who have
+/// no fixed base.
+///
+/// # Errors
+/// [`ModelError`] if there is none, or it cannot be used.
+pub fn open(name: &str, person: &human::Person) -> Result<(Model, bool), ModelError> {
+    match name {
+        "human34" => return Ok((person.human34()?, true)),
+        "human58" => return Ok((person.human58()?, true)),
+        _ => {}
+    }
+    let path = Path::new(name);
+    if !path.exists() {
+        return Err(ModelError::Unknown(name.to_owned()));
+    }
+    if path.extension().is_some_and(|e| e == "toml") {
+        return Ok((rig_links::read(path)?, false));
+    }
+    Ok((urdf::read(path)?, false))
+}

@@ -1,0 +1,331 @@
+//! A tree of links, base first, parents before children.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use nalgebra::{Matrix3, Vector3};
+use rigident_shared::tree::{Joint, Link};
+
+use super::finding::{Finding, ModelError};
+use super::inertial::{Parameters, impossibility, in_parent};
+
+/// A joint that follows another: `q = multiplier · q_leader + offset`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mimic {
+    /// Name of the leading joint.
+    pub leader: String,
+    /// Factor.
+    pub multiplier: f64,
+    /// Offset, rad or m.
+    pub offset: f64,
+}
+
+/// A link and the joint it hangs on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ModelLink {
+    /// Its name.
+    pub name: String,
+    /// Name of its joint; empty for the base.
+    pub joint_name: String,
+    /// Parent and joint. The first link is the base; its own joint is not looked at.
+    pub link: Link<f64>,
+    /// What the model says of its inertia, link axes, about the link's origin. `None` if it has no mass.
+    pub nominal: Option<Parameters>,
+    /// Names of links that are rigidly one with it.
+    pub welded: Vec<String>,
+    /// The joint it follows.
+    pub mimic: Option<Mimic>,
+}
+
+/// A model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Model {
+    /// Its name.
+    pub name: String,
+    /// The links, base first.
+    pub links: Vec<ModelLink>,
+    /// What is strange about it.
+    pub findings: Vec<Finding>,
+}
+
+/// A link as a file gives it, its parent by name.
+#[derive(Clone, Debug)]
+pub struct RawLink {
+    /// The link; its parent's index is still meaningless.
+    pub link: ModelLink,
+    /// The parent's name; `None` where no joint holds it.
+    pub parent: Option<String>,
+}
+
+impl Model {
+    /// Brings links into order.
+    ///
+    /// # Errors
+    /// [`ModelError::Structure`] where they make no tree: no base or several, a loop, a parent that is not there, a
+    /// name given twice, an axis without direction.
+    pub fn assemble(name: &str, raw: Vec<RawLink>, findings: Vec<Finding>) -> Result<Self, ModelError> {
+        let refuse = |problem: String| ModelError::Structure { what: name.to_owned(), problem };
+        let mut names = BTreeSet::new();
+        let mut joints = BTreeSet::new();
+        for r in &raw {
+            if r.link.name.trim().is_empty() {
+                return Err(refuse("a link has no name; every link needs one of its own".to_owned()));
+            }
+            if !names.insert(r.link.name.clone()) {
+                return Err(refuse(format!("two links are named {}", r.link.name)));
+            }
+            if r.parent.is_some() && r.link.joint_name.trim().is_empty() {
+                return Err(refuse(format!(
+                    "the joint that holds link {} has no name; every joint needs one of its own",
+                    r.link.name
+                )));
+            }
+            if r.parent.is_some() && !joints.insert(r.link.joint_name.clone()) {
+                return Err(refuse(format!("two joints are named {}", r.link.joint_name)));
+            }
+        }
+        let mut children: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+        let mut roots = Vec::new();
+        for (i, r) in raw.iter().enumerate() {
+            match &r.parent {
+                None => roots.push(i),
+                Some(parent) if names.contains(parent) => children.entry(parent).or_default().push(i),
+                Some(parent) => {
+                    return Err(refuse(format!(
+                        "joint {} hangs link {} on {parent}, which is not there",
+                        r.link.joint_name, r.link.name
+                    )));
+                }
+            }
+        }
+        let root = match roots.as_slice() {
+            [root] => *root,
+            [] => return Err(refuse(format!("{}: there is no base", in_a_loop(&raw)))),
+            several => {
+                let all: Vec<&str> = several.iter().map(|i| raw[*i].link.name.as_str()).collect();
+                return Err(refuse(format!(
+                    "{} links hang on nothing: {}; a model has one base, join the others to it (a fixed joint will do)",
+                    all.len(),
+                    all.join(", ")
+                )));
+            }
+        };
+        // Depth first, in the file's order.
+        let mut stack = vec![(root, 0)];
+        let mut links: Vec<ModelLink> = Vec::with_capacity(raw.len());
+        while let Some((i, parent)) = stack.pop() {
+            let mut link = raw[i].link.clone();
+            link.link.parent = parent;
+            let at = links.len();
+            let below = children.get(link.name.as_str()).map_or(&[][..], Vec::as_slice);
+            stack.extend(below.iter().rev().map(|child| (*child, at)));
+            links.push(link);
+        }
+        if links.len() < raw.len() {
+            return Err(refuse(in_a_loop(&raw)));
+        }
+        let mut model = Self { name: name.to_owned(), links, findings };
+        model.normalise_axes()?;
+        model.check_mimics()?;
+        model.look_at_inertias();
+        Ok(model)
+    }
+
+    fn refuse(&self, problem: String) -> ModelError {
+        ModelError::Structure { what: self.name.clone(), problem }
+    }
+
+    fn normalise_axes(&mut self) -> Result<(), ModelError> {
+        for i in 1..self.links.len() {
+            let link = &self.links[i];
+            let finite = link.link.position.iter().chain(link.link.rotation.iter()).all(|v| v.is_finite());
+            if !finite {
+                return Err(self.refuse(format!(
+                    "joint {}: its place holds a number that is not finite",
+                    link.joint_name
+                )));
+            }
+            let unit = |axis: Vector3<f64>| {
+                let norm = axis.norm();
+                if norm.is_finite() && norm > 0.0 {
+                    Ok(axis / norm)
+                } else {
+                    Err(self.refuse(format!(
+                        "joint {}: its axis {:?} has no direction",
+                        link.joint_name,
+                        axis.as_slice()
+                    )))
+                }
+            };
+            let joint = match link.link.joint {
+                Joint::Revolute(a) => Joint::Revolute(unit(a)?),
+                Joint::Prismatic(a) => Joint::Prismatic(unit(a)?),
+                Joint::Universal(a, b) => {
+                    let (a, b) = (unit(a)?, unit(b)?);
+                    if a.cross(&b).norm() < f64::EPSILON.sqrt() {
+                        return Err(self.refuse(format!(
+                            "joint {}: the two axes of a universal joint must not be parallel",
+                            link.joint_name
+                        )));
+                    }
+                    Joint::Universal(a, b)
+                }
+                other => other,
+            };
+            self.links[i].link.joint = joint;
+        }
+        Ok(())
+    }
+
+    fn check_mimics(&self) -> Result<(), ModelError> {
+        for link in &self.links {
+            let Some(mimic) = &link.mimic else { continue };
+            let Some(leader) = self.joint(&mimic.leader) else {
+                return Err(self.refuse(format!(
+                    "joint {} mimics {}, which is not there",
+                    link.joint_name, mimic.leader
+                )));
+            };
+            let leads = |l: &ModelLink| l.link.joint.freedoms() == 1;
+            if !leads(link) || !leads(&self.links[leader]) {
+                return Err(self.refuse(format!(
+                    "joint {} mimics {}: both must be revolute, continuous or prismatic",
+                    link.joint_name, mimic.leader
+                )));
+            }
+            // Followers of followers end at a leader, or run in a circle.
+            let (mut at, mut steps) = (leader, 0);
+            while let Some(next) = self.links[at].mimic.as_ref().and_then(|m| self.joint(&m.leader)) {
+                (at, steps) = (next, steps + 1);
+                if steps > self.links.len() {
+                    return Err(self.refuse(format!("joint {} mimics itself in the end", link.joint_name)));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn look_at_inertias(&mut self) {
+        let moving = self.welded();
+        let bodies = moving.links.iter().enumerate();
+        let mut found: Vec<Finding> = bodies
+            .clone()
+            .filter(|(i, body)| *i > 0 && body.nominal.is_none())
+            .map(|(_, body)| Finding {
+                place: format!("link {}", body.name),
+                text: "has no mass (no <inertial>, or a mass of zero) though it moves on its own: its parameters are \
+                       taken as unknown, not as zero"
+                    .to_owned(),
+            })
+            .collect();
+        found.extend(self.links.iter().filter_map(|link| {
+            let text = impossibility(link.nominal.as_ref()?)?;
+            Some(Finding { place: format!("link {}", link.name), text })
+        }));
+        self.findings.extend(found);
+    }
+
+    /// Index of the link of this name.
+    pub fn link(&self, name: &str) -> Option<usize> {
+        self.links.iter().position(|l| l.name == name)
+    }
+
+    /// Index of the link that hangs on the joint of this name.
+    pub fn joint(&self, name: &str) -> Option<usize> {
+        self.links.iter().position(|l| !l.joint_name.is_empty() && l.joint_name == name)
+    }
+
+    /// The same motion with fewer links: those on fixed joints are made one with what they hang on.
+    #[must_use]
+    pub fn welded(&self) -> Self {
+        let mut links: Vec<ModelLink> = Vec::new();
+        // For every link of ours: its body there, and its place in that body's frame.
+        let mut places: Vec<(usize, Matrix3<f64>, Vector3<f64>)> = Vec::new();
+        for (i, own) in self.links.iter().enumerate() {
+            if i == 0 {
+                places.push((0, Matrix3::identity(), Vector3::zeros()));
+                links.push(own.clone());
+                continue;
+            }
+            let (body, r, p) = places[own.link.parent];
+            let rotation = r * own.link.rotation;
+            let position = p + r * own.link.position;
+            if own.link.joint == Joint::Fixed {
+                let target = &mut links[body];
+                target.welded.push(own.name.clone());
+                target.welded.extend(own.welded.iter().cloned());
+                if let Some(phi) = &own.nominal {
+                    let there = in_parent(phi, &rotation, &position);
+                    let sum = target.nominal.get_or_insert([0.0; 10]);
+                    for (a, b) in sum.iter_mut().zip(there) {
+                        *a += b;
+                    }
+                }
+                places.push((body, rotation, position));
+            } else {
+                places.push((links.len(), Matrix3::identity(), Vector3::zeros()));
+                let link = Link { parent: body, rotation, position, ..own.link };
+                links.push(ModelLink { link, ..own.clone() });
+            }
+        }
+        Self { name: self.name.clone(), links, findings: self.findings.clone() }
+    }
+
+    /// Degrees of freedom of the joints.
+    pub fn freedoms(&self) -> usize {
+        self.links.iter().skip(1).map(|l| l.link.joint.freedoms()).sum()
+    }
+
+    /// Links and joints without names.
+    pub fn tree(&self) -> Vec<Link<f64>> {
+        self.links.iter().map(|l| l.link).collect()
+    }
+
+    /// Nominal parameters of all links, zero where there are none.
+    pub fn nominal(&self) -> Vec<f64> {
+        self.links.iter().flat_map(|l| l.nominal.unwrap_or([0.0; 10])).collect()
+    }
+
+    /// How many joints move, of each kind.
+    pub fn kinds(&self) -> Vec<(&'static str, usize)> {
+        let mut kinds = Vec::new();
+        let kind = |j: &Joint<f64>| match j {
+            Joint::Fixed => "fixed",
+            Joint::Revolute(_) => "revolute",
+            Joint::Prismatic(_) => "prismatic",
+            Joint::Universal(..) => "universal",
+            Joint::Spherical => "spherical",
+            Joint::Free => "free",
+        };
+        for name in ["revolute", "prismatic", "universal", "spherical", "free"] {
+            let count = self.links.iter().skip(1).filter(|l| kind(&l.link.joint) == name).count();
+            if count > 0 {
+                kinds.push((name, count));
+            }
+        }
+        kinds
+    }
+}
+
+/// Names the links of a loop.
+fn in_a_loop(raw: &[RawLink]) -> String {
+    let parents: BTreeMap<&str, &str> =
+        raw.iter().filter_map(|r| Some((r.link.name.as_str(), r.parent.as_deref()?))).collect();
+    for start in parents.keys() {
+        let mut path = vec![*start];
+        while let Some(next) = path.last().and_then(|last| parents.get(last)) {
+            if next == start {
+                path.push(next);
+                path.reverse();
+                return format!(
+                    "links {} make a loop; only trees can be identified, cut it at one joint",
+                    path.join(" → ")
+                );
+            }
+            if path.contains(next) {
+                break;
+            }
+            path.push(next);
+        }
+    }
+    "its links hang on nothing".to_owned()
+}
