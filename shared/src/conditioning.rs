@@ -43,7 +43,10 @@ pub struct Kernel<T: Scalar, const TAPS: usize> {
 impl<T: Scalar, const TAPS: usize> Kernel<T, TAPS> {
     /// The kernel of `width_s` seconds for sums of `averaged` samples at `rate_hz`. Width zero is the identity, for
     /// still rows: ω̇ is then 0.
-    fn new(rate_hz: T, width_s: T, averaged: u16) -> Result<Self, KernelError> {
+    ///
+    /// # Errors
+    /// [`KernelError`] if it cannot be, or does not fit.
+    pub fn new(rate_hz: T, width_s: T, averaged: u16) -> Result<Self, KernelError> {
         let averaged = T::from_u32(u32::from(averaged));
         let sum_rate_hz = rate_hz / averaged;
         let mut kernel = Self {
@@ -97,6 +100,16 @@ impl<T: Scalar, const TAPS: usize> Kernel<T, TAPS> {
         kernel.noise_gain = energy * averaged;
         kernel.derivative_noise_gain = derivative_energy * averaged;
         Ok(kernel)
+    }
+
+    /// Weights of the samples, oldest first; they sum to one over `averaged`.
+    pub fn smooth(&self) -> &[T] {
+        self.smooth.get(..self.taps).unwrap_or_default()
+    }
+
+    /// Weights of the samples for the derivative, oldest first, 1/s.
+    pub fn derivative(&self) -> &[T] {
+        self.derivative.get(..self.taps).unwrap_or_default()
     }
 
     /// `Σ h²` over the samples: the variance of white noise after the filter, relative to before.

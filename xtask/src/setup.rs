@@ -1,6 +1,6 @@
 //! The verb `setup`: installs what is missing, as root only; otherwise says what to type.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 
@@ -11,6 +11,8 @@ use crate::toolchain::{self, Core};
 const CARGO_FUZZ: &str = "0.13.2";
 /// An MCAP reader that shares no code with ours, for the test that reads our recordings with it.
 const PYTHON_READER: [&str; 2] = ["mcap==1.6.0", "mcap-ros2-support==0.6.0"];
+/// Rigid-body dynamics that share no code with ours.
+const PINOCCHIO: &str = "pin==4.1.0";
 
 /// Installs everything that any other verb may need.
 pub fn run(core: Option<Core>) -> Result<()> {
@@ -19,6 +21,9 @@ pub fn run(core: Option<Core>) -> Result<()> {
     cargo_fuzz()?;
     if let Some(python) = python_reader() {
         println!("independent MCAP reader: {}", python.display());
+        if let Err(error) = pinocchio(&python) {
+            eprintln!("no Pinocchio to compare with: {error:#}");
+        }
     }
     Ok(())
 }
@@ -67,6 +72,23 @@ pub fn cargo_fuzz() -> Result<PathBuf> {
         )?;
     }
     Ok(program)
+}
+
+/// Pinocchio in that Python, for the test that compares rows and base parameters of trees with its own; the test says
+/// that it was skipped where it is not.
+fn pinocchio(python: &Path) -> Result<()> {
+    let has = process::command(python, places::root()).args(["-c", "import pinocchio"]).output();
+    if has.is_ok_and(|output| output.status.success()) {
+        return Ok(());
+    }
+    process::run(process::command(python, places::root()).args([
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--disable-pip-version-check",
+        PINOCCHIO,
+    ]))
 }
 
 /// A Python that has the independent reader, or `None` where one cannot be made; the test then says it was skipped.

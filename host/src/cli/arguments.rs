@@ -7,10 +7,10 @@ pub use super::course_arguments::Course;
 pub use super::factor_arguments::{MakeFactor, Merge, Solve, TareFiles};
 pub use super::known_arguments::KnownQuantities;
 pub use super::memory_arguments::Remember;
+pub use super::model_arguments::{BenchCommand, ModelCommand};
 pub use super::montecarlo_poses::MontecarloPoses;
 pub use super::plan_arguments::{Plan, Workspace};
 pub use super::programme::Programme;
-pub use super::model_arguments::ModelCommand;
 
 /// Tells the inertial parameters of a body from its wrench and motion: mass, centre of mass, inertia tensor,
 /// each with a 95 % uncertainty, or that the data do not identify it.
@@ -62,6 +62,8 @@ pub enum Command {
     Plan(Plan),
     /// Look at a tree of links: robot description, rig file or person
     Model(ModelCommand),
+    /// Time what is computed, beside other libraries
+    Bench(BenchCommand),
 }
 
 /// Options of every command that gives an answer.

@@ -6,6 +6,7 @@
 mod adaptive;
 mod arguments;
 mod at_rest;
+mod bench;
 mod confirm;
 mod course_arguments;
 mod demo;
@@ -132,6 +133,7 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
             Planned::Compare(a) => plan_motion::compare(&a),
         },
         Some(Command::Model(a)) => model::run(&a),
+        Some(Command::Bench(a)) => bench::run(&a),
     }
 }
 

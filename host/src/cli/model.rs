@@ -115,7 +115,13 @@ fn text(model: &Model, situation: &Situation, found: &BaseParameters) -> String 
     for parameter in &found.parameters {
         out += &format!("\n{} =", parameter.name);
         for (k, (column, weight)) in parameter.terms.iter().enumerate() {
-            let sign = if *weight < 0.0 { "- " } else if k > 0 { "+ " } else { "" };
+            let sign = if *weight < 0.0 {
+                "- "
+            } else if k > 0 {
+                "+ "
+            } else {
+                ""
+            };
             let size = weight.abs();
             let factor = if (size - 1.0).abs() < 1e-12 { String::new() } else { format!("{size:.6} ") };
             out += &format!(" {sign}{factor}{}", found.standard[*column]);

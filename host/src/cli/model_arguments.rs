@@ -90,3 +90,37 @@ pub enum SexWord {
     #[default]
     Male,
 }
+
+/// `rigident bench`
+#[derive(Args, Debug, Clone)]
+pub struct BenchCommand {
+    /// What to time
+    #[command(subcommand)]
+    pub verb: BenchVerb,
+}
+
+/// What can be timed.
+#[derive(Subcommand, Debug, Clone)]
+pub enum BenchVerb {
+    /// Rows of trees of links, against Pinocchio's of the same models in the same run
+    Regressors(BenchRegressors),
+}
+
+/// `rigident bench regressors`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "Examples:\n  rigident bench regressors\n  rigident bench regressors ur5_robot.urdf jvrc1.urdf:floating \
+                        --python .venv/bin/python"
+)]
+pub struct BenchRegressors {
+    /// URDFs; :floating after one gives it a moving base. Default: an arm of six and one of seven axes, a quadruped of 18
+    /// and a humanoid of 38 degrees of freedom
+    #[arg(value_name = "URDF[:floating]")]
+    pub models: Vec<String>,
+    /// The Python that has the wheel `pin`
+    #[arg(long, env = "RIGIDENT_PYTHON", value_name = "PYTHON")]
+    pub python: Option<String>,
+    /// Print one object on standard output, and nothing else there
+    #[arg(long)]
+    pub json: bool,
+}

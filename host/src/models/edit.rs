@@ -91,7 +91,9 @@ impl Model {
         }
         let parallel = |u: Vector3<f64>, v: Vector3<f64>| u.cross(&v).norm() < f64::EPSILON.sqrt();
         if parallel(axes[0], second_axis) || parallel(second_axis, third_axis) {
-            return Err(refuse("two axes next to each other are parallel: they make no spherical joint".to_owned()));
+            return Err(refuse(
+                "two axes next to each other are parallel: they make no spherical joint".to_owned(),
+            ));
         }
         let position = first.position + first.rotation * pc;
         self.links[c].link =
@@ -132,7 +134,9 @@ impl Model {
             .map(|n| n.trim().parse::<f64>().ok().filter(|v| v.is_finite()))
             .collect::<Option<Vec<f64>>>()
             .filter(|n| n.len() == 3 || n.len() == 6)
-            .ok_or_else(|| refuse("the place is x,y,z in m, or x,y,z,roll,pitch,yaw in m and degrees".to_owned()))?;
+            .ok_or_else(|| {
+                refuse("the place is x,y,z in m, or x,y,z,roll,pitch,yaw in m and degrees".to_owned())
+            })?;
         let angle = |k: usize| numbers.get(k).copied().unwrap_or(0.0).to_radians();
         let rotation: Matrix3<f64> = Rotation3::from_euler_angles(angle(3), angle(4), angle(5)).into_inner();
         let position = Vector3::new(numbers[0], numbers[1], numbers[2]);

@@ -15,8 +15,8 @@ use rigident_shared::spatial::{Body, Position};
 use rigident_shared::tree::{Joint, Link};
 
 use super::finding::ModelError;
-use super::human_segments::{ANKLE, HIP, Part, SHOULDER, segment};
 pub use super::human_segments::Sex;
+use super::human_segments::{ANKLE, HIP, Part, SHOULDER, segment};
 use super::inertial::{Parameters, in_parent};
 use super::model::{Model, ModelLink};
 
@@ -306,13 +306,8 @@ impl Builder {
         let (down, o) = (-Vector3::z(), Vector3::zeros());
         let hip = Vector3::y() * (left * self.lengths[11] / 2.0);
         let (thigh_m, shank_m) = (self.length(Part::Thigh), self.length(Part::Shank));
-        let thigh = self.add(
-            &format!("{side}_thigh"),
-            pelvis,
-            Joint::Spherical,
-            hip,
-            &[(Part::Thigh, 1.0, o, down)],
-        );
+        let thigh =
+            self.add(&format!("{side}_thigh"), pelvis, Joint::Spherical, hip, &[(Part::Thigh, 1.0, o, down)]);
         let shank =
             self.add(&format!("{side}_shank"), thigh, knee, down * thigh_m, &[(Part::Shank, 1.0, o, down)]);
         // The heel is a quarter of the foot behind the ankle, the foot's axis halfway down to the sole.

@@ -2,11 +2,12 @@
 //!
 //! Lives here: the model itself ([`model`]) and its findings, readers (URDF in [`urdf`], a rig file's `[[link]]`
 //! tables in [`rig_links`]), the built-in people ([`human`]), changes by option ([`edit`]), the base parameters
-//! ([`base`]) and the rows of a model in motion ([`rows`]). May not live here: the formulas of the rows, which
+//! ([`base`]) the rows of a model in motion ([`rows`], [`filter`]) and how fast they come ([`speed`]). May not live here: the formulas of the rows, which
 //! firmware and host share (`rigident_shared::tree`), and recordings. Next: [`model`], then [`base`].
 
 pub mod base;
 pub mod edit;
+pub mod filter;
 pub mod finding;
 pub mod human;
 mod human_segments;
@@ -14,6 +15,9 @@ pub mod inertial;
 pub mod model;
 pub mod rig_links;
 pub mod rows;
+pub mod speed;
+#[cfg(test)]
+mod tests;
 pub mod urdf;
 
 use std::path::Path;

@@ -64,7 +64,10 @@ pub fn from_tables(tables: &[LinkTable], what: &str) -> Result<Model, ModelError
 
 fn kind(joint: rig::Joint, table: &LinkTable) -> Result<Joint<f64>, String> {
     let axis = || {
-        table.axis.map(Vector3::from).ok_or_else(|| format!("[[link]] {}: needs its axis = [x, y, z]", table.name))
+        table
+            .axis
+            .map(Vector3::from)
+            .ok_or_else(|| format!("[[link]] {}: needs its axis = [x, y, z]", table.name))
     };
     Ok(match joint {
         rig::Joint::Fixed => Joint::Fixed,

@@ -21,6 +21,7 @@ pub struct Moving {
     base: BaseMotion<f64>,
     base_rows: Vec<f64>,
     joint_rows: Vec<f64>,
+    all_rows: Vec<f64>,
 }
 
 /// Rows in two parts: what is smoothed, and what is differentiated, by the same filter.
@@ -50,6 +51,7 @@ impl Moving {
             base: BaseMotion::still([0.0; 3]),
             base_rows: vec![0.0; 6 * columns],
             joint_rows: vec![0.0; freedoms * columns],
+            all_rows: vec![0.0; (6 + freedoms) * columns],
             links,
         })
     }
@@ -120,6 +122,16 @@ impl Moving {
         let mut room = Workspace { screws: &mut self.screws, first: &mut self.first };
         rows::joint_rows(&self.links, &self.states, &mut room, &mut self.joint_rows)?;
         Ok(&self.joint_rows)
+    }
+
+    /// The six base rows and then the joints', row by row: what a floating base's generalised forces depend on.
+    ///
+    /// # Errors
+    /// [`TreeError`] if the links are in no order.
+    pub fn all_rows(&mut self) -> Result<&[f64], TreeError> {
+        let mut room = Workspace { screws: &mut self.screws, first: &mut self.first };
+        rows::all_rows(&self.links, &self.states, &mut room, &mut self.all_rows)?;
+        Ok(&self.all_rows)
     }
 
     /// Base and joint rows without accelerations.

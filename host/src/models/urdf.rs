@@ -18,8 +18,8 @@ use super::model::{Mimic, Model, ModelLink, RawLink};
 /// # Errors
 /// [`ModelError`] that says what is wrong and where.
 pub fn read(path: &Path) -> Result<Model, ModelError> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|source| ModelError::Read { path: path.to_owned(), source })?;
+    let text =
+        std::fs::read_to_string(path).map_err(|source| ModelError::Read { path: path.to_owned(), source })?;
     parse(&text, &path.display().to_string())
 }
 
@@ -53,7 +53,8 @@ pub fn parse(text: &str, what: &str) -> Result<Model, ModelError> {
         let limit = &joint.limit;
         if matches!(joint.joint_type, JointType::Revolute | JointType::Prismatic)
             && limit.lower == limit.upper
-            && text.contains("<limit")
+            // Without a <limit> there is nothing to go by.
+            && *limit != urdf_rs::JointLimit::default()
         {
             findings.push(Finding {
                 place: format!("joint {}", joint.name),

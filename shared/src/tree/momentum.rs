@@ -37,8 +37,7 @@ pub fn parts<T: Scalar>(state: &LinkState<T>, base: &BaseMotion<T>) -> Parts<T> 
     }
     let w = turn.tr_mul(rate);
     let o = T::ZERO;
-    let columns =
-        [[w.x, o, o], [o, w.y, o], [o, o, w.z], [o, w.z, w.y], [w.z, o, w.x], [w.y, w.x, o]];
+    let columns = [[w.x, o, o], [o, w.y, o], [o, o, w.z], [o, w.z, w.y], [w.z, o, w.x], [w.y, w.x, o]];
     for (k, column) in columns.into_iter().enumerate() {
         let moment = turn * Vector3::from(column);
         for axis in 0..3 {

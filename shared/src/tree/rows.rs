@@ -129,6 +129,35 @@ pub fn joint_rows<T: Scalar>(
     Ok(())
 }
 
+/// Base rows and joint rows together: six, then those of all joints, row by row. Each link's block is made once.
+///
+/// # Errors
+/// [`TreeError::Lengths`] if workspace or rows do not fit the tree.
+pub fn all_rows<T: Scalar>(
+    links: &[Link<T>],
+    states: &[LinkState<T>],
+    workspace: &mut Workspace<'_, T>,
+    rows: &mut [T],
+) -> Result<(), TreeError> {
+    let stride = 10 * links.len();
+    workspace.fill(links, states)?;
+    if rows.len() != (6 + workspace.screws.len()) * stride {
+        return Err(TreeError::Lengths);
+    }
+    let (base, joints) = rows.split_at_mut(6 * stride);
+    for (i, state) in states.iter().enumerate() {
+        let block = block(state);
+        for (line, row) in block.iter().zip(base.chunks_exact_mut(stride)) {
+            row[10 * i..10 * i + 10].copy_from_slice(line);
+        }
+        workspace.each_above(links, i, |row, screw| {
+            let place = row * stride + 10 * i;
+            joints[place..place + 10].copy_from_slice(&project(&screw.weights, &block));
+        });
+    }
+    Ok(())
+}
+
 /// Room for the screws of all freedoms, and where each link's first one stands.
 #[derive(Debug)]
 pub struct Workspace<'a, T: Scalar> {

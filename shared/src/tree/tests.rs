@@ -117,7 +117,9 @@ fn world(links: &[Link<f64>], drives: &[Drive]) -> Vec<Jet> {
 /// Angular rate and acceleration in A from Ṙ Rᵀ = [ω]×.
 fn angular(jet: &Jet) -> [Vector3<f64>; 2] {
     let r = |k: usize| jet.0[k].fixed_view::<3, 3>(0, 0).into_owned();
-    let vee = |m: Matrix3<f64>| Vector3::new(m[(2, 1)] - m[(1, 2)], m[(0, 2)] - m[(2, 0)], m[(1, 0)] - m[(0, 1)]) * 0.5;
+    let vee = |m: Matrix3<f64>| {
+        Vector3::new(m[(2, 1)] - m[(1, 2)], m[(0, 2)] - m[(2, 0)], m[(1, 0)] - m[(0, 1)]) * 0.5
+    };
     [vee(r(1) * r(0).transpose()), vee(r(2) * r(0).transpose() + r(1) * r(1).transpose())]
 }
 
@@ -172,7 +174,12 @@ fn zoo(random: &mut Random) -> Vec<Link<f64>> {
             Joint::Fixed,
         ]
     };
-    let mut links = vec![Link { parent: 0, joint: Joint::Free, rotation: Matrix3::identity(), position: Vector3::zeros() }];
+    let mut links = vec![Link {
+        parent: 0,
+        joint: Joint::Free,
+        rotation: Matrix3::identity(),
+        position: Vector3::zeros(),
+    }];
     for round in 0..2 {
         for kind in 0..6 {
             let joint = kinds(v().normalize(), v().normalize())[kind];
@@ -383,7 +390,13 @@ fn later(link: &Link<f64>, s: &Drive, t: f64) -> Drive {
                     quaternion(&d)
                 };
                 let r = attitude(turned, Vector3::zeros(), Vector3::zeros())[0];
-                let weight = if k == 0 || k == 2 * panels { 1.0 } else if k % 2 == 1 { 4.0 } else { 2.0 };
+                let weight = if k == 0 || k == 2 * panels {
+                    1.0
+                } else if k % 2 == 1 {
+                    4.0
+                } else {
+                    2.0
+                };
                 sum += r * (three(&s.v) + three(&s.dv) * at) * weight;
             }
             let p = three(&s.q) + sum * (t / f64::from(6 * panels));

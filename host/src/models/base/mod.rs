@@ -93,7 +93,9 @@ pub fn base_parameters(model: &Model, situation: &Situation) -> Result<BaseParam
     // A base held still takes no part in the joints' rows.
     let skip = if situation.rows == Rows::Joint && !situation.floating { 10 } else { 0 };
     if 10 * model.links.len() <= skip {
-        return Err(refuse("no joint moves: there are no joint rows; say --floating for a moving base".to_owned()));
+        return Err(refuse(
+            "no joint moves: there are no joint rows; say --floating for a moving base".to_owned(),
+        ));
     }
     let rules = recursive::rules(&model);
     let sampled = numerical::sample(&model, situation).map_err(|error| refuse(format!("{error:?}")))?;
@@ -114,7 +116,12 @@ pub fn base_parameters(model: &Model, situation: &Situation) -> Result<BaseParam
     if free.rank() < rules.len() {
         // The rules hold for every motion; this situation allows fewer, and so more is regrouped.
         let columns: Vec<usize> = rules.iter().map(|rule| rule.column).collect();
-        let rest = Reduction::of(&sampled, &columns);
+        let rest = if rules.iter().any(|rule| rule.primed) {
+            Reduction::of_combinations(&sampled, &map, &columns)
+                .ok_or_else(|| refuse("the rules' combinations are not independent".to_owned()))?
+        } else {
+            Reduction::of(&sampled, &columns)
+        };
         stand_for = rest.independent.clone();
         stand_for.sort_unstable();
         let order: Vec<usize> =
@@ -132,6 +139,12 @@ pub fn base_parameters(model: &Model, situation: &Situation) -> Result<BaseParam
         )));
     }
     let disagreement = disagreement(&map, &free);
+    // Half the digits: rounding has far more to go by, a wrong weight far less.
+    if disagreement > f64::EPSILON.sqrt() {
+        return Err(refuse(format!(
+            "rules and random motions disagree by {disagreement:.1e}: the model is at the edge of being degenerate"
+        )));
+    }
     // The rules' weights are products of a frame's numbers; those of the QR carry its condition.
     let by_rules = stand_for.len() == rules.len();
     let noise = 4.0 * f64::EPSILON * if by_rules { 1.0 } else { 1e2 / free.gap.kept };
@@ -153,7 +166,8 @@ pub fn base_parameters(model: &Model, situation: &Situation) -> Result<BaseParam
 /// With Y = Y_i N = Y_j B both rows spaces are one: B = B_i N, B_i the columns of B that the other way keeps.
 fn disagreement(map: &DMatrix<f64>, free: &Reduction) -> f64 {
     let mut restored = DMatrix::zeros(map.nrows(), map.ncols());
-    let kept = DMatrix::from_fn(map.nrows(), free.rank(), |row, k| map[(row, free.columns[free.independent[k]])]);
+    let kept =
+        DMatrix::from_fn(map.nrows(), free.rank(), |row, k| map[(row, free.columns[free.independent[k]])]);
     let product = kept * &free.map;
     for (k, column) in free.columns.iter().enumerate() {
         restored.set_column(*column, &product.column(k));

@@ -194,9 +194,27 @@ pub fn sample(model: &Model, situation: &Situation) -> Result<Sampled, TreeError
 impl Reduction {
     /// The reduction of some of the columns.
     pub fn of(sampled: &Sampled, columns: &[usize]) -> Self {
-        let rows = sampled.matrix.rows;
         let data = columns.iter().flat_map(|c| sampled.matrix.column(*c).iter().copied()).collect();
-        let pivoted = Columns { rows, data }.pivot();
+        Self::reduce(Columns { rows: sampled.matrix.rows, data }, columns, sampled.reach)
+    }
+
+    /// The reduction of the columns of combinations `map · φ` of full row rank, of which `Y = Y_combined · map` is known;
+    /// `columns[k]` has the unit of the k-th.
+    pub fn of_combinations(sampled: &Sampled, map: &DMatrix<f64>, columns: &[usize]) -> Option<Self> {
+        let natural = DMatrix::from_fn(map.nrows(), map.ncols(), |row, column| {
+            map[(row, column)] * sampled.reach.powi(power(column) - power(columns[row]))
+        });
+        // Y_combined = Y mapᵀ (map mapᵀ)⁻¹
+        let gram = &natural * natural.transpose();
+        let all = DMatrix::from_column_slice(sampled.matrix.rows, sampled.columns(), &sampled.matrix.data);
+        let combined = gram.cholesky()?.solve(&(natural * all.transpose())).transpose();
+        let data = Columns { rows: sampled.matrix.rows, data: combined.as_slice().to_vec() };
+        Some(Self::reduce(data, columns, sampled.reach))
+    }
+
+    fn reduce(data: Columns, columns: &[usize], reach: f64) -> Self {
+        let rows = data.rows;
+        let pivoted = data.pivot();
         let rank = rank(&pivoted.diagonal, pivoted.floor, columns.len().min(rows));
         let scale = pivoted.diagonal.first().copied().unwrap_or(1.0);
         let gap = Gap {
@@ -204,12 +222,7 @@ impl Reduction {
             dropped: pivoted.dropped(rank) / scale,
         };
         let mut map = DMatrix::zeros(rank, columns.len());
-        // Natural units: m' = m, mc' = mc/ℓ, I' = I/ℓ²; so w_SI = w' ℓ^(power of the independent − of the dependent).
-        let power = |k: usize| match columns[k] % 10 {
-            0 => 0,
-            1..=3 => 1,
-            _ => 2,
-        };
+        // So w_SI = w' ℓ^(power of the independent − of the dependent).
         for (place, k) in pivoted.order.iter().enumerate() {
             if place < rank {
                 map[(place, *k)] = 1.0;
@@ -218,8 +231,8 @@ impl Reduction {
             let mut weights = pivoted.triangle.column(place)[..rank].to_vec();
             pivoted.solve(&mut weights);
             for (row, weight) in weights.into_iter().enumerate() {
-                let powers = power(pivoted.order[row]) - power(*k);
-                map[(row, *k)] = weight * sampled.reach.powi(powers);
+                let powers = power(columns[pivoted.order[row]]) - power(columns[*k]);
+                map[(row, *k)] = weight * reach.powi(powers);
             }
         }
         Self { columns: columns.to_vec(), independent: pivoted.order[..rank].to_vec(), map, gap }
@@ -228,6 +241,15 @@ impl Reduction {
     /// How many columns are independent.
     pub fn rank(&self) -> usize {
         self.independent.len()
+    }
+}
+
+/// Power of length in the unit of a column's parameter. Natural units: `m' = m, mc' = mc/ℓ, I' = I/ℓ²`.
+fn power(column: usize) -> i32 {
+    match column % 10 {
+        0 => 0,
+        1..=3 => 1,
+        _ => 2,
     }
 }
 
@@ -243,7 +265,6 @@ fn rank(diagonal: &[f64], floor: f64, most: usize) -> usize {
 pub(super) fn residual(sampled: &Sampled, columns: &[usize], reduction: &Reduction) -> f64 {
     let largest = columns.iter().map(|c| dot(sampled.matrix.column(*c), sampled.matrix.column(*c)).sqrt());
     let scale = largest.fold(0.0, f64::max);
-    let power = |c: usize| [0, 1, 1, 1, 2, 2, 2, 2, 2, 2][c % 10];
     let mut worst: f64 = 0.0;
     for (k, column) in columns.iter().enumerate() {
         let mut rest = sampled.matrix.column(*column).to_vec();

@@ -152,7 +152,9 @@ impl Pivoted {
     pub fn dropped(&self, rank: usize) -> f64 {
         let deep = self.diagonal.len();
         let inside: f64 = (rank..self.order.len())
-            .map(|c| self.triangle.column(c)[rank.min(deep)..deep.max(rank)].iter().map(|v| v * v).sum::<f64>())
+            .map(|c| {
+                self.triangle.column(c)[rank.min(deep)..deep.max(rank)].iter().map(|v| v * v).sum::<f64>()
+            })
             .sum();
         (inside + self.left.iter().map(|v| v * v).sum::<f64>()).sqrt()
     }

@@ -26,16 +26,21 @@ use crate::models::model::Model;
 pub struct Rule {
     /// Its name.
     pub name: String,
-    /// The standard column that stands for it: with weight not zero in no rule before it.
+    /// The standard column that stands for it: it has weight 1 there, and none in other rules, unless its name is primed.
     pub column: usize,
+    /// Its name is primed: axes are the joint's, not the link's.
+    pub primed: bool,
     /// Columns and weights.
     pub terms: Vec<(usize, f64)>,
 }
 
+/// What stays with a link: its name, the column that stands for it, and two of the link's ten rows with their weights.
+type Stays = (String, usize, [(usize, f64); 2]);
+
 const M: usize = 0;
 const NAMES: [&str; 10] = ["M", "MSx", "MSy", "MSz", "Jxx", "Jyy", "Jzz", "Jyz", "Jzx", "Jxy"];
 
-/// Where elements stand in φ: of the tensor's element (i, k), and of the first moment's i.
+/// Where the tensor's element (i, k) stands in φ.
 fn tensor(i: usize, k: usize) -> usize {
     if i == k { 4 + i } else { 10 - i - k }
 }
@@ -54,7 +59,7 @@ pub fn rules(model: &Model) -> Vec<Rule> {
     let mut kept: Vec<Vec<Rule>> = vec![Vec::new(); links.len()];
     for i in (0..links.len()).rev() {
         let name = &links[i].name;
-        let keep = |rows: &[(String, usize, [(usize, f64); 2])], from: &DMatrix<f64>| -> Vec<Rule> {
+        let keep = |rows: &[Stays], from: &DMatrix<f64>| -> Vec<Rule> {
             rows.iter()
                 .map(|(quantity, column, parts)| {
                     let row = from.row(parts[0].0) * parts[0].1 + from.row(parts[1].0) * parts[1].1;
@@ -62,6 +67,7 @@ pub fn rules(model: &Model) -> Vec<Rule> {
                     Rule {
                         name: format!("{name}.{quantity}"),
                         column: 10 * i + column,
+                        primed: quantity.contains('\''),
                         terms: terms.collect(),
                     }
                 })
@@ -122,12 +128,12 @@ fn joint_frame(axis: &Vector3<f64>) -> (Matrix3<f64>, bool) {
         let unit = |k: usize| Vector3::ith(k % 3, 1.0);
         return (Matrix3::from_columns(&[unit(along + 1), unit(along + 2), unit(along)]), false);
     }
-    let side = axis.cross(&Vector3::ith((along + 1) % 3, 1.0)).normalize();
-    (Matrix3::from_columns(&[side, axis.cross(&side), *axis]), true)
+    let y = axis.cross(&Vector3::ith((along + 1) % 3, 1.0)).normalize();
+    (Matrix3::from_columns(&[y.cross(axis), y, *axis]), true)
 }
 
 /// Names, columns that stand for them, and rows in the joint's frame of the seven that stay.
-fn revolute_names(frame: &Matrix3<f64>, primed: bool) -> [(String, usize, [(usize, f64); 2]); 7] {
+fn revolute_names(frame: &Matrix3<f64>, primed: bool) -> [Stays; 7] {
     // Which of the link's axes is nearest to each of the frame's; where the frame is the link's, exactly it.
     let near: [usize; 3] = {
         let z = frame.column(2).iamax();

@@ -1,0 +1,145 @@
+//! Rows and base parameters against Pinocchio, another library from the kinematics up.
+//!
+//! `pinocchio/vectors.json` holds what it said of a tree with every kind of joint, `pinocchio/record.py` how it was
+//! asked. Counts of base parameters are checked against its regressors live, where `RIGIDENT_PYTHON` (or `python3`) has
+//! the wheel `pin` (`cargo xtask setup` installs it); otherwise the test says that it was skipped.
+#![cfg(feature = "simulator")]
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use rigident::models::rows::Moving;
+use rigident_shared::tree::{BaseMotion, Joint, Link};
+use serde_json::Value;
+
+fn numbers(value: &Value) -> Vec<f64> {
+    match value {
+        Value::Array(items) => items.iter().flat_map(numbers).collect(),
+        other => vec![other.as_f64().unwrap()],
+    }
+}
+
+fn vector(value: &Value) -> Vector3<f64> {
+    Vector3::from_column_slice(&numbers(value))
+}
+
+fn here(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/pinocchio").join(name)
+}
+
+#[test]
+fn rows_of_every_kind_of_joint_are_pinocchio_s() {
+    let recorded: Value =
+        serde_json::from_str(&std::fs::read_to_string(here("vectors.json")).unwrap()).unwrap();
+    let tables = recorded["links"].as_array().unwrap();
+    let links: Vec<Link<f64>> = tables
+        .iter()
+        .map(|table| {
+            let axis = |k: usize| vector(&table["axes"][k]);
+            Link {
+                parent: table["parent"].as_u64().unwrap() as usize,
+                joint: match table["kind"].as_str().unwrap() {
+                    "revolute" => Joint::Revolute(axis(0)),
+                    "prismatic" => Joint::Prismatic(axis(0)),
+                    "universal" => Joint::Universal(axis(0), axis(1)),
+                    "spherical" => Joint::Spherical,
+                    _ => Joint::Free,
+                },
+                rotation: Matrix3::from_row_slice(&numbers(&table["rotation"])),
+                position: vector(&table["position"]),
+            }
+        })
+        .collect();
+    let kinds: std::collections::BTreeSet<&str> =
+        tables.iter().filter_map(|table| table["kind"].as_str()).collect();
+    assert_eq!(kinds.len(), 5, "every kind is in the recorded tree");
+    let phi = DVector::from_vec(tables.iter().flat_map(|table| numbers(&table["phi"])).collect());
+    let mut moving = Moving::new(links).unwrap();
+    for case in recorded["cases"].as_array().unwrap() {
+        let base = BaseMotion {
+            specific_force: vector(&case["base"]["specific_force"]),
+            rate: vector(&case["base"]["rate"]),
+            angular_acceleration: vector(&case["base"]["change"]),
+        };
+        moving.set(&numbers(&case["q"]), &numbers(&case["v"]), &numbers(&case["dv"]), &base).unwrap();
+        let (rows, columns) = (6 + moving.freedoms(), moving.columns());
+        let all = DMatrix::from_row_slice(rows, columns, moving.all_rows().unwrap());
+        let wanted = DMatrix::from_row_slice(rows, columns, &numbers(&case["regressor"]));
+        // Chains of six links in double precision: some hundred roundings.
+        let scale = wanted.abs().max();
+        assert!((&all - &wanted).abs().max() < 1e-13 * scale, "{}", (&all - &wanted).abs().max() / scale);
+        let forces = DVector::from_vec(numbers(&case["forces"]));
+        assert!((&all * &phi - &forces).abs().max() < 1e-12 * forces.abs().max());
+        // Base and joint rows alone are the same rows.
+        let base_rows = DMatrix::from_row_slice(6, columns, moving.base_rows().unwrap());
+        let joint_rows = DMatrix::from_row_slice(rows - 6, columns, moving.joint_rows().unwrap());
+        assert_eq!(base_rows, all.rows(0, 6));
+        assert_eq!(joint_rows, all.rows(6, rows - 6));
+    }
+}
+
+/// The interpreter, if it has Pinocchio.
+fn pinocchio() -> Option<String> {
+    let interpreter = std::env::var("RIGIDENT_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let has = Command::new(&interpreter).args(["-c", "import pinocchio, numpy"]).output();
+    if has.is_ok_and(|output| output.status.success()) {
+        return Some(interpreter);
+    }
+    eprintln!(
+        "SKIPPED: {interpreter} has no Pinocchio (wheel pin); `cargo xtask setup` installs one, or name one in RIGIDENT_PYTHON"
+    );
+    None
+}
+
+/// Model, options, count that must come out.
+const COUNTS: [(&str, &[&str], usize); 9] = [
+    ("solo12.urdf", &["--floating"], 94),
+    ("g1_29dof_rev_1_0.urdf", &["--floating"], 213),
+    ("jvrc1.urdf", &["--floating"], 318),
+    ("panda.urdf", &["--floating"], 67),
+    ("ur5_robot.urdf", &[], 36),
+    ("panda.urdf", &["--lock", "panda_finger_joint1,panda_finger_joint2"], 43),
+    ("ur5_robot.urdf", &["--rows", "base"], 43),
+    ("human.urdf", &["--floating"], 262),
+    ("double_pendulum.urdf", &[], 6),
+];
+
+#[test]
+fn base_parameters_of_robots_are_those_of_pinocchio_s_regressors() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/urdf");
+    if !folder.exists() {
+        return eprintln!("SKIPPED: no robot descriptions at {}", folder.display());
+    }
+    let python = pinocchio();
+    for (file, options, count) in COUNTS {
+        let path = folder.join(file);
+        let output = Command::new(env!("CARGO_BIN_EXE_rigident"))
+            .args(["model", "base-params"])
+            .arg(&path)
+            .args(options)
+            .arg("--json")
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{file}: {}", String::from_utf8_lossy(&output.stderr));
+        let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(found["count"], count, "{file} {options:?}");
+        let Some(python) = &python else { continue };
+        // Rank, and that every row is a combination of ours, by its regressor and numpy's singular values.
+        let place = tempfile::tempdir().unwrap();
+        let answer = place.path().join("answer.json");
+        std::fs::write(&answer, &output.stdout).unwrap();
+        let output = Command::new(python)
+            .arg(here("check_base.py"))
+            .args([&path, &answer])
+            .args(options)
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{file}: {}", String::from_utf8_lossy(&output.stderr));
+        let judged: Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(judged["rank"], count, "{file} {options:?}");
+        // Regrouping loses nothing: what its rows have outside the span of ours is rounding.
+        let outside = judged["outside"].as_f64().unwrap();
+        assert!(outside < 1e-11, "{file} {options:?}: {outside}");
+    }
+}
