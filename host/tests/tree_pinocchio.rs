@@ -97,11 +97,11 @@ const COUNTS: [(&str, &[&str], usize); 9] = [
     ("solo12.urdf", &["--floating"], 94),
     ("g1_29dof_rev_1_0.urdf", &["--floating"], 213),
     ("jvrc1.urdf", &["--floating"], 318),
+    ("jvrc1.urdf", &["--floating", "--mimic"], 284),
     ("panda.urdf", &["--floating"], 67),
     ("ur5_robot.urdf", &[], 36),
     ("panda.urdf", &["--lock", "panda_finger_joint1,panda_finger_joint2"], 43),
     ("ur5_robot.urdf", &["--rows", "base"], 43),
-    ("human.urdf", &["--floating"], 262),
     ("double_pendulum.urdf", &[], 6),
 ];
 

@@ -94,14 +94,21 @@ fn object(model: &Model, situation: &Situation, found: &BaseParameters) -> serde
 fn text(model: &Model, situation: &Situation, found: &BaseParameters) -> String {
     let bodies = model.welded();
     let kinds: Vec<String> = bodies.kinds().iter().map(|(kind, n)| format!("{n} {kind}")).collect();
+    let followers = bodies.links.iter().filter(|l| l.mimic.is_some()).count();
     let mut out = format!(
-        "{}: {} bodies, {} degrees of freedom in joints ({}); {}\n{} base parameters of {} standard ones\nsingular values, \
+        "{}: {} bodies, {} degrees of freedom in joints ({}){}; {}\n{} base parameters of {} standard ones\nsingular values, \
          of random motions over the largest column: smallest kept {:.1e}, dropped ones below {:.1e}; rules and random \
          motions agree to {:.0e}\n",
         model.name,
         bodies.links.len(),
         bodies.freedoms(),
         if kinds.is_empty() { "none".to_owned() } else { kinds.join(", ") },
+        match (followers, situation.mimic) {
+            (0, _) => String::new(),
+            (n, true) => format!(", {n} of which follow another"),
+            (n, false) =>
+                format!(", {n} of which mimic another and are counted as their own (--mimic ties them)"),
+        },
         situation.sentence(),
         found.parameters.len(),
         found.standard.len(),

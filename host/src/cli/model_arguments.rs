@@ -57,10 +57,10 @@ pub struct ModelOptions {
     #[arg(long, value_name = "LINK[@x,y,z[,roll,pitch,yaw]]", allow_hyphen_values = true)]
     pub tool: Vec<String>,
     /// Stature of the person, m
-    #[arg(long, default_value_t = 1.741, value_name = "M")]
+    #[arg(long, default_value_t = 1.741, value_name = "M", allow_negative_numbers = true)]
     pub height_m: f64,
     /// Mass of the person, kg
-    #[arg(long, default_value_t = 73.0, value_name = "KG")]
+    #[arg(long, default_value_t = 73.0, value_name = "KG", allow_negative_numbers = true)]
     pub mass_kg: f64,
     /// Whose means the nominal guess is scaled from
     #[arg(long, value_enum, default_value_t)]

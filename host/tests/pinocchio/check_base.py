@@ -5,6 +5,7 @@ outside the span of the answer's combinations.
 
 import argparse
 import json
+from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
@@ -17,6 +18,7 @@ parser.add_argument("answer")
 parser.add_argument("--floating", action="store_true")
 parser.add_argument("--rows", default=None)
 parser.add_argument("--lock", default="")
+parser.add_argument("--mimic", action="store_true")
 options = parser.parse_args()
 rng = np.random.default_rng(7)
 
@@ -59,11 +61,26 @@ def rows(q, v, a):
     return np.hstack([own] + blocks)
 
 
+# Joints that follow: index of velocity, leader's, factor, offset. Only base rows, where torques need no summing.
+ties = []
+if options.mimic:
+    assert options.floating
+    for joint in ElementTree.parse(options.urdf).getroot().findall("joint"):
+        mimic = joint.find("mimic")
+        if mimic is not None:
+            own, leader = (model.joints[model.getJointId(n)] for n in (joint.get("name"), mimic.get("joint")))
+            assert own.nq == leader.nq == 1
+            ties.append((own, leader, float(mimic.get("multiplier", 1)), float(mimic.get("offset", 0))))
+
 width = base_columns + 10 * (model.njoints - 1)
 stack = []
-while sum(r.shape[0] for r in stack) < 3 * width + 60:
+while sum(r.shape[0] for r in stack) < 1.3 * width + 30:
     q = pin.integrate(model, pin.neutral(model), rng.uniform(-2.0, 2.0, model.nv))
-    stack.append(rows(q, rng.uniform(-3.0, 3.0, model.nv), rng.uniform(-9.0, 9.0, model.nv)))
+    v, a = rng.uniform(-3.0, 3.0, model.nv), rng.uniform(-9.0, 9.0, model.nv)
+    for own, leader, factor, offset in ties:
+        q[own.idx_q] = factor * q[leader.idx_q] + offset
+        v[own.idx_v], a[own.idx_v] = factor * v[leader.idx_v], factor * a[leader.idx_v]
+    stack.append(rows(q, v, a))
 stack = np.vstack(stack)
 
 combinations = np.zeros((answer["count"], width))

@@ -13,6 +13,8 @@
 pub mod joint;
 pub mod momentum;
 pub mod motion;
+#[cfg(test)]
+mod oracle;
 pub mod rows;
 #[cfg(test)]
 mod tests;

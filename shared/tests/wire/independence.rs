@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-const MATHEMATICS: [&str; 12] = [
+const MATHEMATICS: [&str; 13] = [
     "alignment",
     "calibration",
     "conditioning",
@@ -16,6 +16,7 @@ const MATHEMATICS: [&str; 12] = [
     "regressor",
     "screening",
     "spatial",
+    "tree",
 ];
 /// Words that only the wire may use.
 const SERIALISATION: [&str; 6] = ["serde", "Serialize", "postcard", "cobs", "wire", "Schema"];

@@ -95,6 +95,14 @@ fn people_have_the_counts_of_the_papers_whatever_their_size() {
     }
 }
 
+#[test]
+fn a_person_whose_pelvis_is_held_still_loses_the_seven_that_only_its_turning_shows() {
+    let still = Situation { floating: false, rows: Rows::Base, mimic: false };
+    let found = base_parameters(&Person::default().human34().unwrap(), &still).unwrap();
+    // The pelvis' six moments of inertia, and the first moment along gravity.
+    assert_eq!(found.parameters.len(), 128 - 7);
+}
+
 /// The table of a base held still, by hand: gravity along z, joint torques.
 #[test]
 fn a_base_held_still_regroups_more_and_gravity_counts() {
