@@ -4,7 +4,7 @@
 //! clocks onto one time base by [`streams`];
 //! [`identification`] makes the factor in batch, [`session`] has the device make it over [`link`] while
 //! [`platform`] moves, in what [`planning`] found best; [`answer`] reads it; [`report`] shows it; [`montecarlo`] tries what its intervals are
-//! worth; [`models`] are trees of links; [`cli`] joins them into commands. May not live
+//! worth; [`models`] are trees of links, which [`trees`] identifies; [`cli`] joins them into commands. May not live
 //! here: the pipeline itself (that is `rigident_shared`), physics (that is `rigident_sim`).
 
 pub mod answer;
@@ -26,3 +26,4 @@ pub mod session;
 #[cfg(feature = "simulator")]
 pub mod simulated;
 pub mod streams;
+pub mod trees;

@@ -16,7 +16,7 @@ pub const LARGEST_SHARE: f64 = 0.1;
 
 /// A column whose information is less than this many times what the noise of its own regressor would bring
 /// is not identified: noise in a regressor attenuates the estimate by the inverse of this ratio.
-pub(super) const LEAST_EXCITATION: f64 = 20.0;
+pub(crate) const LEAST_EXCITATION: f64 = 20.0;
 
 /// Density of the most compact body considered, kg/m³ (steel): the sphere of the estimated mass bounds the
 /// body's size from below when neither its centre of mass nor its tensor does.

@@ -101,6 +101,25 @@ impl Estimate {
         Self { coverage_factor: self.coverage_factor, ..stretched }
     }
 
+    /// From numbers of a factor whose size is not one of [`Factor`]'s; it takes no known quantities.
+    pub(crate) fn of_numbers(
+        values: Vec<f64>,
+        covariance: DMatrix<f64>,
+        determined: Vec<bool>,
+        condition_number: f64,
+        noise: Noise,
+    ) -> Self {
+        Self {
+            values,
+            covariance,
+            determined,
+            condition_number,
+            coverage_factor: coverage_factor(noise),
+            rows: None,
+            beforehand: None,
+        }
+    }
+
     /// What was known beforehand.
     pub fn known(&self) -> &[Known] {
         self.beforehand.as_ref().map_or(&[], |(known, _)| known)

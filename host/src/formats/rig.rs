@@ -36,6 +36,9 @@ pub struct RigFile {
     /// Several links, the first of them the base.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub link: Vec<LinkTable>,
+    /// Joints with columns of their own, where these differ from the joints' names.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub joint: Vec<JointTable>,
     /// Several files, each with a clock of its own.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub stream: Vec<StreamTable>,
@@ -366,6 +369,36 @@ pub struct LinkTable {
     /// Parent axes ← link axes at zero angle.
     #[serde(default = "no_rotation")]
     pub rotation_wxyz: [f64; 4],
+    /// What is assumed of it beforehand: mass, kg; given with the two below or not at all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nominal_mass_kg: Option<f64>,
+    /// Centre of mass in the link's frame, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nominal_com_m: Option<[f64; 3]>,
+    /// Tensor about the centre of mass, axes of the link, Ixx, Iyy, Izz, Iyz, Izx, Ixy, kg m².
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nominal_inertia_com_kgm2: Option<[f64; 6]>,
+}
+
+/// `[[joint]]`: the columns of a joint. Without it, and for keys that are left out, they are named for the joint:
+/// `NAME_rad`, `NAME_radps`, `NAME_nm`, or `NAME_m`, `NAME_mps`, `NAME_n` of one that slides.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct JointTable {
+    /// The joint's name in the model; in `[[link]]` tables that of its link.
+    pub name: String,
+    /// Its angle, rad, or length, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub position: Option<ColumnSource>,
+    /// Its rate, rad/s or m/s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rate: Option<ColumnSource>,
+    /// Torque, N m, or force, N, of its drive.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub effort: Option<ColumnSource>,
+    /// 1 σ of the effort per sample.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub effort_noise: Option<f64>,
 }
 
 fn no_rotation() -> [f64; 4] {

@@ -47,6 +47,22 @@ impl MomentumFilter {
         Ok(Self { samples: VecDeque::with_capacity(until), weights, every, until })
     }
 
+    /// Forgets all samples.
+    pub fn reset(&mut self) {
+        self.samples.clear();
+        self.until = self.weights.len();
+    }
+
+    /// `Σ h²`: the variance of white noise after the filter, relative to before.
+    pub fn noise_gain(&self) -> f64 {
+        self.weights.iter().map(|(h, _)| h * h).sum()
+    }
+
+    /// `Σ ḣ²`, 1/s².
+    pub fn derivative_noise_gain(&self) -> f64 {
+        self.weights.iter().map(|(_, d)| d * d).sum()
+    }
+
     /// Samples under the filter.
     pub fn span(&self) -> usize {
         self.weights.len()

@@ -6,6 +6,7 @@
 //! firmware and host share (`rigident_shared::tree`), and recordings. Next: [`model`], then [`base`].
 
 pub mod base;
+pub mod dynamics;
 pub mod edit;
 pub mod filter;
 pub mod finding;

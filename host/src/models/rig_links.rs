@@ -3,9 +3,12 @@
 use std::path::Path;
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use rigident_shared::inertia::{InertialParameters, tensor_from_elements};
+use rigident_shared::spatial::{Body, Position};
 use rigident_shared::tree::{Joint, Link};
 
 use super::finding::ModelError;
+use super::inertial::Parameters;
 use super::model::{Model, ModelLink, RawLink};
 use crate::formats::rig::{self, LinkTable, RigFile};
 
@@ -49,7 +52,7 @@ pub fn from_tables(tables: &[LinkTable], what: &str) -> Result<Model, ModelError
                 name: table.name.clone(),
                 joint_name: if n == 0 { String::new() } else { table.name.clone() },
                 link: Link { parent: 0, joint: kind, rotation, position },
-                nominal: None,
+                nominal: nominal(table),
                 welded: Vec::new(),
                 mimic: None,
             },
@@ -57,9 +60,17 @@ pub fn from_tables(tables: &[LinkTable], what: &str) -> Result<Model, ModelError
         });
     }
     let mut model = Model::assemble(what, raw, Vec::new())?;
-    // A rig file says nothing of masses: that is not strange.
-    model.findings.clear();
+    // A rig file need not say anything of masses: that is not strange.
+    model.findings.retain(|finding| !finding.text.starts_with("has no mass"));
     Ok(model)
+}
+
+/// About the link's origin.
+fn nominal(table: &LinkTable) -> Option<Parameters> {
+    let (mass, com) = (table.nominal_mass_kg?, table.nominal_com_m?);
+    let tensor = tensor_from_elements(table.nominal_inertia_com_kgm2?);
+    let body = InertialParameters::<Body, f64>::from_centre_of_mass(mass, Position::from_array(com), tensor);
+    Some(body.to_vector())
 }
 
 fn kind(joint: rig::Joint, table: &LinkTable) -> Result<Joint<f64>, String> {

@@ -251,7 +251,8 @@ impl Check<'_> {
         self.imus()?;
         self.load_cell()?;
         self.places()?;
-        self.links()
+        self.links()?;
+        self.joints()
     }
 
     fn recording(&self) -> Result<(), RigFileError> {
@@ -422,6 +423,48 @@ impl Check<'_> {
             }
             for (name, axis) in [("axis", link.axis), ("second_axis", link.second_axis)] {
                 self.finite(&key(name), axis.as_ref().map_or(&[], |a| a.as_slice()))?;
+            }
+            let nominal = [
+                link.nominal_mass_kg.is_some(),
+                link.nominal_com_m.is_some(),
+                link.nominal_inertia_com_kgm2.is_some(),
+            ];
+            if nominal.contains(&true) && nominal.contains(&false) {
+                return Err(self.refuse(
+                    &key("name"),
+                    &link.name,
+                    "nominal_mass_kg, nominal_com_m and nominal_inertia_com_kgm2 are given together or not at all",
+                ));
+            }
+            self.positive(&key("nominal_mass_kg"), link.nominal_mass_kg.as_slice())?;
+            self.finite(&key("nominal_com_m"), link.nominal_com_m.as_ref().map_or(&[], |v| v.as_slice()))?;
+            let tensor = link.nominal_inertia_com_kgm2.as_ref();
+            self.finite(&key("nominal_inertia_com_kgm2"), tensor.map_or(&[], |v| v.as_slice()))?;
+        }
+        Ok(())
+    }
+
+    fn joints(&self) -> Result<(), RigFileError> {
+        let mut names: Vec<&str> = Vec::new();
+        for (n, joint) in self.rig.joint.iter().enumerate() {
+            let key = |name: &str| format!("joint[{n}].{name}");
+            if names.contains(&joint.name.as_str()) {
+                return Err(self.refuse(&key("name"), &joint.name, "two [[joint]] tables have this name"));
+            }
+            names.push(&joint.name);
+            self.all(&key("effort_noise"), joint.effort_noise.as_slice(), |v| v > 0.0, NOISE)?;
+            for (name, source) in
+                [("position", &joint.position), ("rate", &joint.rate), ("effort", &joint.effort)]
+            {
+                let Some(source) = source else { continue };
+                let (column, scale) = source.parts();
+                if column.trim() != column || column.is_empty() {
+                    let advice = "must be the column's name, without blanks around it";
+                    return Err(self.refuse(&key(name), column, advice));
+                }
+                if !scale.is_finite() || scale == 0.0 {
+                    return Err(self.refuse(&key(name), scale, "its scale must be finite and not zero"));
+                }
             }
         }
         Ok(())

@@ -1,0 +1,262 @@
+//! Identification of trees of links: base parameters with their intervals, and the full parameters nearest to a nominal
+//! model.
+//!
+//! Lives here: recordings brought to frames of joints and base ([`prepare`]), their rows ([`rows`]), friction ([`drive`]),
+//! a factor whose size the model decides ([`factor`]), the identification itself (this file), what of it is identified
+//! and why not ([`answer`]), full parameters ([`nearest`]). May not live here: the formulas of the rows
+//! (`rigident_shared::tree`), which parameters there are ([`crate::models::base`]), intervals and the judgement of
+//! residuals, which are those of a single body ([`crate::answer`], [`crate::identification::pooled`]). Next: [`prepare`].
+
+pub mod answer;
+pub mod drive;
+pub mod factor;
+pub mod joints;
+pub mod nearest;
+#[cfg(test)]
+mod nearest_tests;
+pub mod polynomial;
+pub mod prepare;
+pub mod rows;
+pub mod symmetry;
+#[cfg(test)]
+mod tests;
+
+use rigident_shared::tree::{BaseMotion, TreeError};
+
+use self::drive::Drive;
+use self::factor::TallFactor;
+use self::rows::{Filtered, RowMaker};
+use crate::answer::Estimate;
+use crate::answer::identifiability::RegressorNoise;
+use crate::identification::pooled::{Judgement, RowSet, judge};
+use crate::identification::{FILTER_WIDTH_S, row_every};
+use crate::models::base::{BaseParameters, Rows, Situation, base_parameters};
+use crate::models::{Model, ModelError};
+
+/// One instant.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// Its time, ns.
+    pub time_ns: u64,
+    /// Of all joints, as [`crate::models::rows::Moving::set`] takes them.
+    pub positions: Vec<f64>,
+    /// Likewise, rad/s and m/s.
+    pub rates: Vec<f64>,
+    /// Specific force at the base's IMU and the base's rate, axes of the base; angular acceleration is not looked at.
+    pub base: BaseMotion<f64>,
+    /// Wrench on the base link about its origin, N and N m; unused if it is not among the rows.
+    pub wrench: [f64; 6],
+    /// Force or torque of every freedom's drive, N or N m; empty if they are not among the rows.
+    pub efforts: Vec<f64>,
+}
+
+/// What is to be identified, and from what.
+#[derive(Clone, Debug)]
+pub struct Input {
+    /// The tree, without fixed joints.
+    pub model: Model,
+    /// Instants in the order of their times.
+    pub frames: Vec<Frame>,
+    /// Each is a still pose of its own, without time.
+    pub is_static: bool,
+    /// Frames per second; not used for still poses.
+    pub rate_hz: f64,
+    /// Where the base's IMU sits, in the base's frame, m.
+    pub imu_position: [f64; 3],
+    /// What is measured, on what kind of base.
+    pub situation: Situation,
+    /// 1 σ per reading: wrench, then efforts, as far as they are among the rows; `None`: from the residuals.
+    pub channel_sigma: Option<Vec<f64>>,
+    /// The wrench's offset if known; `None`: estimated.
+    pub known_offset: Option<[f64; 6]>,
+    /// What turns with the joints and rubs.
+    pub drives: Vec<Drive>,
+    /// 1 σ of the rates of the links, rad/s: what their noise alone would bring is no information.
+    pub rate_sigma: f64,
+}
+
+impl Input {
+    /// The wrench is among the rows.
+    pub fn has_wrench(&self) -> bool {
+        self.situation.rows != Rows::Joint
+    }
+
+    /// The joints' drives are among the rows.
+    pub fn has_efforts(&self) -> bool {
+        self.situation.rows != Rows::Base
+    }
+
+    /// Names of the channels: `fx` … `mz`, then the joints'.
+    pub fn channels(&self) -> Vec<String> {
+        let mut names: Vec<String> = Vec::new();
+        if self.has_wrench() {
+            names.extend(["fx", "fy", "fz", "mx", "my", "mz"].map(str::to_owned));
+        }
+        if self.has_efforts() {
+            names.extend(self.freedom_names());
+        }
+        names
+    }
+
+    /// A name for every freedom: the joint's, numbered where it has several.
+    pub fn freedom_names(&self) -> Vec<String> {
+        let links = self.model.links.iter().skip(1);
+        links
+            .flat_map(|l| {
+                let several = l.link.joint.freedoms();
+                (0..several).map(move |k| match several {
+                    1 => l.joint_name.clone(),
+                    _ => format!("{}[{k}]", l.joint_name),
+                })
+            })
+            .collect()
+    }
+}
+
+/// Why there is no identification.
+#[derive(Debug, thiserror::Error)]
+pub enum TreeIdentificationError {
+    /// The model has no base parameters.
+    #[error("{0}")]
+    Model(#[from] ModelError),
+    /// Frames that do not fit the tree: a mistake of the program's.
+    #[error("the frames do not fit the model ({0:?})")]
+    Tree(TreeError),
+    /// Nothing was left to absorb.
+    #[error(
+        "no usable rows: {frames} frames, and no stretch of them without a gap is as long as the filter of {width_s} s"
+    )]
+    NoRows {
+        /// Frames given.
+        frames: usize,
+        /// Width of the filter.
+        width_s: f64,
+    },
+    /// The filter does not fit the rate.
+    #[error("at {rate_hz} frames per second there is no filter of {width_s} s: {why}")]
+    Rate {
+        /// The rate.
+        rate_hz: f64,
+        /// Width of the filter.
+        width_s: f64,
+        /// What to do.
+        why: &'static str,
+    },
+}
+
+/// What the recording says.
+#[derive(Clone, Debug)]
+pub struct TreeIdentification {
+    /// The base parameters that were estimated, in the order of the estimate.
+    pub base: BaseParameters,
+    /// Names of all parameters: base parameters, then offsets, then those of the drives.
+    pub names: Vec<String>,
+    /// Their units.
+    pub units: Vec<&'static str>,
+    /// All rows, whitened by `channel_sigma`.
+    pub factor: TallFactor,
+    /// Solution with its covariance.
+    pub estimate: Estimate,
+    /// Combinations that the rows say nothing of: shares of the column-scaled parameters.
+    pub lost: Vec<Vec<(usize, f64)>>,
+    /// σ used per reading, N and N m, channel by channel.
+    pub channel_sigma: Vec<f64>,
+    /// Whether σ was given.
+    pub sigma_given: bool,
+    /// Variance of the whitened, filtered noise per row.
+    pub noise_gain: f64,
+    /// Residual variance relative to what σ lets expect.
+    pub variance_ratio: f64,
+    /// What the covariance was multiplied by.
+    pub variance_scale: f64,
+    /// Root mean square of the filtered residuals, channel by channel.
+    pub residual_rms: Vec<f64>,
+    /// Root mean square of the filtered measurements.
+    pub measured_rms: Vec<f64>,
+    /// What the noise of the rates would bring to the columns of moments of inertia.
+    pub regressor_noise: RegressorNoise,
+    /// Filtered row blocks.
+    pub blocks: usize,
+}
+
+/// σ of force and moment to start from where none is given: only ratios matter.
+const NOMINAL_SIGMA: (f64, f64) = (1.0, 0.1);
+
+/// Identifies a tree.
+///
+/// # Errors
+/// [`TreeIdentificationError`] if there are no rows.
+pub fn identify(input: &Input) -> Result<TreeIdentification, TreeIdentificationError> {
+    let base = base_parameters(&input.model, &input.situation)?;
+    let maker = RowMaker::new(input, &base).map_err(TreeIdentificationError::Tree)?;
+    let filtered = filter(input, maker)?;
+    let force = |c: usize| input.has_wrench() && c < 3;
+    let start = (0..input.channels().len()).map(|c| if force(c) { NOMINAL_SIGMA.0 } else { NOMINAL_SIGMA.1 });
+    let mut sigma = input.channel_sigma.clone().unwrap_or_else(|| start.collect());
+    let mut factor = filtered.absorb(&sigma);
+    if input.channel_sigma.is_none() {
+        // Weights from the residuals of the unweighted fit, then once more from those of the weighted one.
+        for _ in 0..2 {
+            sigma = filtered.raw_sigma(&factor);
+            factor = filtered.absorb(&sigma);
+        }
+    }
+    Ok(conclude(input, base, &filtered, factor, sigma))
+}
+
+/// The filtered rows of a recording.
+fn filter(input: &Input, maker: RowMaker) -> Result<Filtered, TreeIdentificationError> {
+    let every = if input.is_static { 1 } else { row_every(input.rate_hz) };
+    let filtered = rows::filter(input, maker, FILTER_WIDTH_S, every)?;
+    if filtered.blocks.is_empty() {
+        return Err(TreeIdentificationError::NoRows { frames: input.frames.len(), width_s: FILTER_WIDTH_S });
+    }
+    Ok(filtered)
+}
+
+fn conclude(
+    input: &Input,
+    base: BaseParameters,
+    filtered: &Filtered,
+    factor: TallFactor,
+    sigma: Vec<f64>,
+) -> TreeIdentification {
+    let solution = factor.solve();
+    let determined = solution.determined.iter().filter(|d| **d).count();
+    let sigma_given = input.channel_sigma.is_some();
+    let rows = RowSet { rows: factor.rows(), noise_gain: filtered.noise_gain, sigma_given };
+    let Judgement { noise, variance_ratio, variance_scale, .. } =
+        judge(&[rows], factor.residual_sum_of_squares(), determined as f64);
+    let estimate = Estimate::of_numbers(
+        solution.estimate.clone(),
+        solution.covariance.clone() * variance_scale,
+        solution.determined.clone(),
+        solution.condition_number,
+        noise,
+    );
+    let (residual_rms, measured_rms) = filtered.rms(&solution.estimate);
+    let from = if input.has_wrench() { 3.min(sigma.len()) } else { 0 };
+    let moment_sigma = sigma[from..].iter().copied().fold(f64::INFINITY, f64::min);
+    let weight = filtered.blocks.len() as f64 * f64::from(filtered.every);
+    let (names, units) = rows::names_and_units(input, &base);
+    TreeIdentification {
+        names,
+        units,
+        base,
+        lost: solution.lost,
+        estimate,
+        sigma_given,
+        noise_gain: filtered.noise_gain,
+        variance_ratio,
+        variance_scale,
+        residual_rms,
+        measured_rms,
+        regressor_noise: RegressorNoise {
+            tensor_information: weight * filtered.derivative_noise_gain * input.rate_sigma.powi(2)
+                / (moment_sigma * moment_sigma),
+        },
+        blocks: filtered.blocks.len(),
+        channel_sigma: sigma,
+        factor,
+    }
+}
