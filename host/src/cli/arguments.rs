@@ -7,7 +7,7 @@ pub use super::course_arguments::Course;
 pub use super::factor_arguments::{MakeFactor, Merge, Solve, TareFiles};
 pub use super::known_arguments::KnownQuantities;
 pub use super::memory_arguments::Remember;
-pub use super::model_arguments::{BenchCommand, ModelCommand};
+pub use super::model_arguments::{BenchCommand, ModelCommand, TreeOptions};
 pub use super::montecarlo_poses::MontecarloPoses;
 pub use super::plan_arguments::{Plan, Workspace};
 pub use super::programme::Programme;
@@ -178,7 +178,9 @@ pub struct Replay {
     after_help = "Examples:\n  rigident identify bracket.csv\n  rigident identify poses.csv --rig poses.rig.toml --estimate m,mc,offset \
                         --json\n  rigident identify bracket.csv --tare fixture.csv\n  rigident identify \
                         bracket.csv --known mass_kg=20.013±0.005 --symmetry y±0.002\n  rigident identify turn.rig.toml\n  rigident identify \
-                        recordings/ --rig turn.rig.toml\n  rigident identify tank.mcap --forget 30"
+                        recordings/ --rig turn.rig.toml\n  rigident identify tank.mcap --forget 30\n\nTrees of links:\n  rigident identify two_links.csv\n  rigident identify \
+                        arm.csv --model arm.urdf --friction viscous,coulomb,offset --write-model identified.urdf\n  rigident identify \
+                        walk.csv --model human34 --height-m 1.65 --mass-kg 60 --symmetric-sides"
 )]
 pub struct Identify {
     /// The recording, CSV or MCAP; of several files with clocks of their own the rig file that lists them, or their
@@ -199,6 +201,9 @@ pub struct Identify {
     #[command(flatten)]
     #[allow(missing_docs)]
     pub output: Output,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub tree: TreeOptions,
 }
 
 /// `rigident ports`

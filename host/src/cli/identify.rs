@@ -7,7 +7,7 @@ use super::arguments::Identify;
 use super::memory_arguments::RowsOf;
 use super::outcome::{Ending, provenance};
 use super::recorded::Recorded;
-use super::{Failure, Folder};
+use super::{Failure, Folder, identify_tree};
 use crate::answer::assemble::Asked;
 use crate::identification::remembered::{self, identify_remembered, imu_noise};
 use crate::identification::{self, known};
@@ -18,6 +18,9 @@ pub(super) const PLOT_POINTS: usize = 200;
 /// `rigident identify`
 pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
     let started = Instant::now();
+    if let Some(ended) = identify_tree::run(arguments, started)? {
+        return Ok(ended);
+    }
     let asked = Asked::parse(&arguments.output.estimate).map_err(Failure::input)?;
     let known = arguments.known.parse()?;
     let recorded = Recorded::load(&arguments.recording, arguments.rig.as_deref())?;

@@ -17,6 +17,7 @@ mod failure;
 mod folder;
 mod followed;
 mod identify;
+mod identify_tree;
 mod known_arguments;
 mod link;
 mod memory_arguments;

@@ -3,7 +3,9 @@ use std::process::ExitCode;
 use serde_json::json;
 
 use super::Failure;
-use super::model_arguments::{BaseParams, ModelCommand, ModelOptions, ModelVerb, RowsWord, SexWord};
+use super::model_arguments::{
+    BaseParams, ModelChanges, ModelCheck, ModelCommand, ModelVerb, RowsWord, SexWord,
+};
 use super::outcome::say;
 use crate::models::base::{BaseParameters, Rows, Situation, base_parameters};
 use crate::models::human::{Person, Sex};
@@ -13,11 +15,12 @@ use crate::models::{self, Model};
 pub(super) fn run(command: &ModelCommand) -> Result<ExitCode, Failure> {
     match &command.verb {
         ModelVerb::BaseParams(arguments) => base_params(arguments),
+        ModelVerb::Check(arguments) => check(arguments),
     }
 }
 
 /// The model that the options describe, and whether it is one of the people.
-pub(super) fn open(options: &ModelOptions) -> Result<(Model, bool), Failure> {
+pub(super) fn open(name: &str, options: &ModelChanges) -> Result<(Model, bool), Failure> {
     let lengths_m = options
         .segment
         .iter()
@@ -32,7 +35,13 @@ pub(super) fn open(options: &ModelOptions) -> Result<(Model, bool), Failure> {
         SexWord::Male => Sex::Male,
     };
     let person = Person { height_m: options.height_m, mass_kg: options.mass_kg, sex, lengths_m };
-    let (mut model, is_person) = models::open(&options.model, &person).map_err(Failure::input)?;
+    let (mut model, is_person) = models::open(name, &person).map_err(Failure::input)?;
+    change(&mut model, options)?;
+    Ok((model, is_person))
+}
+
+/// Applies the options that change a model.
+pub(super) fn change(model: &mut Model, options: &ModelChanges) -> Result<(), Failure> {
     model.lock(&options.lock).map_err(Failure::input)?;
     for words in &options.spherical {
         let joints: Vec<String> = words.split(',').map(|j| j.trim().to_owned()).collect();
@@ -44,11 +53,41 @@ pub(super) fn open(options: &ModelOptions) -> Result<(Model, bool), Failure> {
     for words in &options.tool {
         model.hold_tool(words).map_err(Failure::input)?;
     }
-    Ok((model, is_person))
+    Ok(())
+}
+
+fn check(arguments: &ModelCheck) -> Result<ExitCode, Failure> {
+    let checked = models::check::check(&arguments.file).map_err(Failure::input)?;
+    if arguments.json {
+        let findings: Vec<_> =
+            checked.findings.iter().map(|f| json!({"place": f.place, "text": f.text})).collect();
+        say(json!({
+            "model": checked.name,
+            "links": checked.links,
+            "mass_kg": checked.mass_kg,
+            "findings": findings,
+        }));
+    } else {
+        for finding in &checked.findings {
+            say(finding);
+        }
+        say(format_args!(
+            "{}: {} links, {:.4} kg; {}",
+            checked.name,
+            checked.links,
+            checked.mass_kg,
+            match checked.findings.len() {
+                0 => "nothing strange found".to_owned(),
+                1 => "1 finding".to_owned(),
+                n => format!("{n} findings"),
+            }
+        ));
+    }
+    Ok(if checked.findings.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
 fn base_params(arguments: &BaseParams) -> Result<ExitCode, Failure> {
-    let (model, is_person) = open(&arguments.model)?;
+    let (model, is_person) = open(&arguments.model.model, &arguments.model.changes)?;
     for finding in &model.findings {
         eprintln!("rigident: {finding}");
     }

@@ -13,6 +13,50 @@ pub struct ModelCommand {
 pub enum ModelVerb {
     /// Count and name the base parameters, and say what each is made of
     BaseParams(BaseParams),
+    /// Look for inertias that no body has, and for ones that are in another frame, unit or place than they should be
+    Check(ModelCheck),
+}
+
+/// `rigident model check`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "Exit status 0 if nothing was found, 1 if something was, 2 if the file cannot be read as a tree.\n\nExamples:\n  \
+                        rigident model check robot.urdf\n  rigident model check robot.xml --json\n  rigident model check robot.sdf"
+)]
+pub struct ModelCheck {
+    /// A URDF, MJCF (.xml, .mjcf) or SDF
+    pub file: std::path::PathBuf,
+    /// Print one object on standard output, and nothing else there
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Options of `rigident identify` for trees of links.
+#[derive(Args, Debug, Clone)]
+#[command(next_help_heading = "Trees of links")]
+pub struct TreeOptions {
+    /// The tree: human34, human58, a URDF, MJCF or SDF. Default: the [[link]] tables of the rig file, if there are several
+    #[arg(long, value_name = "MODEL")]
+    pub model: Option<String>,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub changes: ModelChanges,
+    /// Friction columns of every joint: any of viscous, coulomb, offset, rotor
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub friction: Vec<String>,
+    /// A drive that turns with several joints, with the same columns: m6=joint_5+joint_6. Repeatable
+    #[arg(long, value_name = "NAME=JOINT+JOINT")]
+    pub drive: Vec<String>,
+    /// How well the nominal model is trusted where the data leave something open: 1 σ, relative
+    #[arg(long, default_value_t = 1.0, value_name = "SHARE")]
+    pub nominal_sigma: f64,
+    /// In the full parameters the links of the right side mirror those of the left, about y = 0 of the base's frame
+    #[arg(long)]
+    pub symmetric_sides: bool,
+    /// Write the model with the full parameters: .urdf, .xml (MJCF) or .sdf; must not exist. A file of the same kind given
+    /// by --model is kept but for its inertias
+    #[arg(long, value_name = "FILE")]
+    pub write_model: Option<std::path::PathBuf>,
 }
 
 /// `rigident model base-params`
@@ -45,8 +89,16 @@ pub struct BaseParams {
 /// Which model, and what is changed about it.
 #[derive(Args, Debug, Clone)]
 pub struct ModelOptions {
-    /// human34, human58, a URDF, or a rig file with [[link]] tables
+    /// human34, human58, a URDF, MJCF or SDF, or a rig file with [[link]] tables
     pub model: String,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub changes: ModelChanges,
+}
+
+/// What is changed about a model, and whose body a person's is.
+#[derive(Args, Debug, Clone)]
+pub struct ModelChanges {
     /// Joints that do not move
     #[arg(long, value_name = "JOINT", value_delimiter = ',')]
     pub lock: Vec<String>,

@@ -15,7 +15,7 @@ pub enum ModelError {
         source: std::io::Error,
     },
     /// The text is no description of a robot.
-    #[error("{what} is not a URDF that can be read: {reason}")]
+    #[error("{what} is no robot description that can be read: {reason}")]
     Syntax {
         /// The file's name.
         what: String,

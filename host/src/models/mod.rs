@@ -1,11 +1,12 @@
 //! Models of trees of links: where they come from, and what of them can be identified.
 //!
-//! Lives here: the model itself ([`model`]) and its findings, readers (URDF in [`urdf`], a rig file's `[[link]]`
-//! tables in [`rig_links`]), the built-in people ([`human`]), changes by option ([`edit`]), what a motion leaves out ([`idle`]), the base parameters
+//! Lives here: the model itself ([`model`]) and its findings, readers ([`urdf`], [`mjcf`], [`sdf`], a rig file's `[[link]]`
+//! tables in [`rig_links`]) and the writer ([`write`]), what is strange in other people's files ([`check`]), the built-in people ([`human`]), changes by option ([`edit`]), what a motion leaves out ([`idle`]), the base parameters
 //! ([`base`]) the rows of a model in motion ([`rows`], [`filter`]) and how fast they come ([`speed`]). May not live here: the formulas of the rows, which
 //! firmware and host share (`rigident_shared::tree`), and recordings. Next: [`model`], then [`base`].
 
 pub mod base;
+pub mod check;
 pub mod dynamics;
 pub mod edit;
 pub mod filter;
@@ -14,20 +15,26 @@ pub mod human;
 mod human_segments;
 pub mod idle;
 pub mod inertial;
+pub mod mjcf;
 pub mod model;
 pub mod rig_links;
 pub mod rows;
+pub mod sdf;
 pub mod speed;
 #[cfg(test)]
 mod tests;
 pub mod urdf;
+pub mod write;
+#[cfg(test)]
+mod write_tests;
+pub mod xml;
 
 use std::path::Path;
 
 pub use finding::{Finding, ModelError};
 pub use model::{Mimic, Model, ModelLink};
 
-/// The model of a name: `human34`, `human58`, a rig file (`.toml`) or a URDF. Whether it is one of the people, who have
+/// The model of a name: `human34`, `human58`, a rig file (`.toml`), a URDF, MJCF or SDF. Whether it is one of the people, who have
 /// no fixed base.
 ///
 /// # Errors
@@ -45,5 +52,7 @@ pub fn open(name: &str, person: &human::Person) -> Result<(Model, bool), ModelEr
     if path.extension().is_some_and(|e| e == "toml") {
         return Ok((rig_links::read(path)?, false));
     }
-    Ok((urdf::read(path)?, false))
+    let text =
+        std::fs::read_to_string(path).map_err(|source| ModelError::Read { path: path.to_owned(), source })?;
+    Ok((write::parse(&text, &path.display().to_string())?.model, false))
 }

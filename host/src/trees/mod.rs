@@ -16,6 +16,7 @@ pub mod nearest;
 mod nearest_tests;
 pub mod polynomial;
 pub mod prepare;
+pub mod result;
 pub mod rows;
 pub mod symmetry;
 #[cfg(test)]

@@ -1,0 +1,282 @@
+//! The answer about a tree, for people and for programs.
+
+use rigident_shared::inertia::{InertialParameters, tensor_elements};
+use rigident_shared::spatial::Body;
+use serde_json::{Value, json};
+
+use super::nearest::{Full, FullLink};
+use super::{Input, TreeIdentification};
+use crate::formats::result::{ParameterState, ResultSource, SCHEMA, Status};
+use crate::report::text::{NOT_IDENTIFIED, significant, unit_symbol, with_u95};
+
+/// All that is told.
+pub struct Answer<'a> {
+    /// What was identified from.
+    pub input: &'a Input,
+    /// What was found.
+    pub found: &'a TreeIdentification,
+    /// What became of each parameter.
+    pub states: Vec<ParameterState>,
+    /// Why what is not identified is not.
+    pub reasons: Vec<String>,
+    /// Full parameters, where there is a nominal model.
+    pub full: Option<&'a Full>,
+    /// 1 σ that it was trusted with.
+    pub trust: f64,
+    /// Its sides mirror each other.
+    pub symmetric: bool,
+    /// How much is identified.
+    pub status: Status,
+    /// Where it comes from.
+    pub source: ResultSource,
+    /// What to know.
+    pub warnings: Vec<String>,
+}
+
+/// Indices of what must be identified for success, from `--estimate`: parameters by name, links or drives (all of theirs),
+/// `offset`. Without words all but the offset.
+///
+/// # Errors
+/// The word that is none of them.
+pub fn asked(names: &[String], words: &[String]) -> Result<Vec<usize>, String> {
+    let is_offset = |name: &str| name.starts_with("offset_") && !name.contains('.');
+    let select = |good: &dyn Fn(&str) -> bool| -> Vec<usize> {
+        names.iter().enumerate().filter(|(_, n)| good(n)).map(|(j, _)| j).collect()
+    };
+    if words.is_empty() {
+        return Ok(select(&|name| !is_offset(name)));
+    }
+    let mut all = Vec::new();
+    for word in words.iter().map(|w| w.trim()) {
+        let found = if word == "offset" {
+            select(&is_offset)
+        } else {
+            select(&|name| name == word || name.rsplit_once('.').is_some_and(|(owner, _)| owner == word))
+        };
+        if found.is_empty() {
+            return Err(format!(
+                "--estimate {word}: no parameter, link or drive of that name; there are {}",
+                names.join(", ")
+            ));
+        }
+        all.extend(found);
+    }
+    all.sort_unstable();
+    all.dedup();
+    Ok(all)
+}
+
+/// What residuals say of the noise.
+pub fn warnings(input: &Input, found: &TreeIdentification) -> Vec<String> {
+    let mut said = Vec::new();
+    let rows = found.factor.rows() as usize;
+    if rows <= found.names.len() {
+        said.push(format!(
+            "too few rows: {rows} equations for {} unknowns; record for longer",
+            found.names.len()
+        ));
+    } else if found.sigma_given && found.variance_scale > 1.0 {
+        said.push(format!(
+            "residuals are {:.1} times larger than the noise stated in the rig file: the intervals were widened; look for a \
+             wrong sign, frame, delay or scale, links that are not rigid, friction that is left out",
+            found.variance_ratio.sqrt()
+        ));
+    }
+    let poor: Vec<String> = input
+        .channels()
+        .iter()
+        .zip(found.residual_rms.iter().zip(&found.measured_rms))
+        .filter(|(_, (residual, measured))| **residual > 0.5 * **measured)
+        .map(|(name, (residual, measured))| format!("{name} {:.0} %", 100.0 * residual / measured))
+        .collect();
+    if !poor.is_empty() {
+        said.push(format!(
+            "the model explains little of some channels (residual over measurement, rms): {}; are their signs, units and \
+             joints those of the model?",
+            poor.join(", ")
+        ));
+    }
+    said
+}
+
+fn words_of(status: Status) -> &'static str {
+    match status {
+        Status::Identified => "identified",
+        Status::PartlyIdentified => "partly identified",
+        Status::NotIdentified => "not identified",
+        Status::Failed => "failed",
+    }
+}
+
+const SENTENCE: &str = "full parameters of every link: nearest to the nominal model among those the data allow; only the base \
+                        parameters above are identified, the rest is the nominal model's";
+
+fn body_of(link: &FullLink) -> (f64, [f64; 3], [f64; 6]) {
+    let body = InertialParameters::<Body, f64>::from_vector(link.parameters);
+    (body.mass, body.centre_of_mass().array(), tensor_elements(&body.inertia_com()))
+}
+
+impl Answer<'_> {
+    /// The object of `result.json`.
+    pub fn object(&self, elapsed_s: f64) -> Value {
+        let found = self.found;
+        let count = found.base.parameters.len();
+        let parameters: Vec<Value> = (0..found.names.len())
+            .map(|j| {
+                let mut value = json!({"name": found.names[j], "unit": found.units[j]});
+                let state = serde_json::to_value(self.states[j]).unwrap_or_default();
+                if let (Some(out), Value::Object(state)) = (value.as_object_mut(), state) {
+                    out.extend(state);
+                    if j < count {
+                        let base = &found.base;
+                        let terms: Vec<Value> = base.parameters[j]
+                            .terms
+                            .iter()
+                            .map(|(c, w)| json!([base.standard[*c], w]))
+                            .collect();
+                        let link = found.names[j].rsplit_once('.').map_or("S", |(link, _)| link);
+                        out.insert("frame".to_owned(), json!(link));
+                        out.insert("terms".to_owned(), json!(terms));
+                    }
+                }
+                value
+            })
+            .collect();
+        let channels: Vec<Value> = self
+            .input
+            .channels()
+            .iter()
+            .enumerate()
+            .map(|(c, name)| {
+                json!({"name": name, "residual_rms": found.residual_rms[c], "measured_rms": found.measured_rms[c],
+                       "sigma": found.channel_sigma[c]})
+            })
+            .collect();
+        let mut object = json!({
+            "schema": SCHEMA,
+            "status": self.status,
+            "source": self.source,
+            "model": self.input.model.name,
+            "situation": self.input.situation.sentence(),
+            "parameters": parameters,
+            "channels": channels,
+            "rejected_rows": self.source.rows.saturating_sub(self.input.frames.len()),
+            "not_identified_because": self.reasons,
+            "warnings": self.warnings,
+            "elapsed_s": elapsed_s,
+        });
+        if let Some(out) = object.as_object_mut() {
+            if found.estimate.condition_number.is_finite() {
+                out.insert("condition_number".to_owned(), json!(found.estimate.condition_number));
+            }
+            if let Some(full) = self.full {
+                out.insert("nearest_to_nominal".to_owned(), self.full_object(full));
+            }
+        }
+        object
+    }
+
+    fn full_object(&self, full: &Full) -> Value {
+        let links: Vec<Value> = full
+            .links
+            .iter()
+            .map(|link| {
+                let (mass, com, inertia) = body_of(link);
+                json!({"name": link.name, "mass_kg": mass, "com_m": com, "inertia_com_kgm2": inertia,
+                       "distance_from_nominal": link.distance})
+            })
+            .collect();
+        json!({
+            "note": SENTENCE,
+            "nominal_sigma": self.trust,
+            "symmetric_sides": self.symmetric,
+            "distance_sd": full.distance_sd,
+            "largest_parameter_sd": full.largest_sd,
+            "converged": full.converged,
+            "links": links,
+        })
+    }
+
+    /// The same as text.
+    pub fn text(&self) -> String {
+        let found = self.found;
+        let identified = self.states.iter().filter(|s| matches!(s, ParameterState::Identified(_))).count();
+        let mut out = format!(
+            "{}: {identified} of {} parameters identified\n{}: {}; {} base parameters of {} standard ones\n",
+            words_of(self.status),
+            self.states.len(),
+            self.input.model.name,
+            self.input.situation.sentence(),
+            found.base.parameters.len(),
+            found.base.standard.len(),
+        );
+        let width = found.names.iter().map(|n| n.chars().count()).max().unwrap_or(0);
+        let mut owner = None;
+        for (j, name) in found.names.iter().enumerate() {
+            let own = name.rsplit_once('.').map_or("", |(own, _)| own);
+            if owner != Some(own) {
+                out.push('\n');
+                owner = Some(own);
+            }
+            let value = match self.states[j].measured() {
+                Some(m) => with_u95(m.value, m.u95, found.units[j]),
+                None => NOT_IDENTIFIED.to_owned(),
+            };
+            let made_of =
+                found.base.parameters.get(j).filter(|p| p.terms.len() > 1).map_or_else(String::new, |p| {
+                    let others: Vec<&str> =
+                        p.terms.iter().skip(1).map(|(c, _)| found.base.standard[*c].as_str()).collect();
+                    format!("   (with {})", shortened(&others))
+                });
+            out += &format!("  {name:<width$}  {value}{made_of}\n");
+        }
+        if let Some(full) = self.full {
+            out += &format!("\n{SENTENCE}\n");
+            let width = full.links.iter().map(|l| l.name.chars().count()).max().unwrap_or(0);
+            for link in &full.links {
+                let (mass, com, inertia) = body_of(link);
+                let list = |v: &[f64]| v.iter().map(|x| significant(*x, 4)).collect::<Vec<_>>().join(" ");
+                out += &format!(
+                    "  {:<width$}  {} kg, centre of mass [{}] m, tensor about it [{}] {}\n",
+                    link.name,
+                    significant(mass, 4),
+                    list(&com),
+                    list(&inertia),
+                    unit_symbol("kg m2")
+                );
+            }
+            out += &format!(
+                "  their base parameters are {:.2} standard deviations from those identified\n",
+                full.distance_sd
+            );
+        }
+        out.push('\n');
+        if found.estimate.condition_number.is_finite() {
+            out += &format!("condition number  {}\n", significant(found.estimate.condition_number, 3));
+        }
+        for (c, name) in self.input.channels().iter().enumerate() {
+            out += &format!(
+                "residual {name}: {} of {} rms\n",
+                significant(found.residual_rms[c], 3),
+                significant(found.measured_rms[c], 3)
+            );
+        }
+        for warning in &self.warnings {
+            out += &format!("warning: {warning}\n");
+        }
+        for reason in &self.reasons {
+            out += &format!("to identify more: {reason}\n");
+        }
+        out
+    }
+}
+
+/// The first few of a list.
+fn shortened(names: &[&str]) -> String {
+    const SHOWN: usize = 4;
+    let mut text = names.iter().take(SHOWN).copied().collect::<Vec<_>>().join(", ");
+    if names.len() > SHOWN {
+        text += &format!(" and {} more", names.len() - SHOWN);
+    }
+    text
+}
