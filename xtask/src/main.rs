@@ -51,7 +51,7 @@ enum Verb {
     BadEnds,
     /// Fuzz the decoders.
     Fuzz(fuzz::Options),
-    /// Make the tables of docs/estimation.md and docs/platform.md anew.
+    /// Make the tables of docs/estimation.md, docs/platform.md and docs/trees.md anew.
     Tables(tables::Options),
 }
 

@@ -1,4 +1,4 @@
-//! The verb `tables`: makes the tables of `docs/estimation.md` and `docs/platform.md` anew.
+//! The verb `tables`: makes the tables of `docs/estimation.md`, `docs/platform.md` and `docs/trees.md` anew.
 
 use anyhow::{Context as _, Result, ensure};
 
@@ -23,8 +23,11 @@ pub struct Options {
 }
 
 /// The documents with tables, each with the example of the host's crate that makes them.
-const DOCUMENTS: [(&str, &str); 2] =
-    [("docs/estimation.md", "estimation_tables"), ("docs/platform.md", "platform_tables")];
+const DOCUMENTS: [(&str, &str); 3] = [
+    ("docs/estimation.md", "estimation_tables"),
+    ("docs/platform.md", "platform_tables"),
+    ("docs/trees.md", "tree_tables"),
+];
 
 /// Runs the studies.
 pub fn run(options: &Options) -> Result<()> {

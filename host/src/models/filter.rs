@@ -53,6 +53,11 @@ impl MomentumFilter {
         self.until = self.weights.len();
     }
 
+    /// Weights of the smoothed part, oldest sample first.
+    pub fn response(&self) -> Vec<f64> {
+        self.weights.iter().map(|(h, _)| *h).collect()
+    }
+
     /// `Σ h²`: the variance of white noise after the filter, relative to before.
     pub fn noise_gain(&self) -> f64 {
         self.weights.iter().map(|(h, _)| h * h).sum()

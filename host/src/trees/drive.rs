@@ -116,7 +116,9 @@ impl Drive {
         if name.trim().is_empty() || rates.is_empty() {
             return Err(refuse("stands as NAME=JOINT+JOINT, for example m6=joint_5+joint_6".to_owned()));
         }
-        Ok(Self { name: name.trim().to_owned(), rates, terms: terms.to_vec(), slides: false })
+        // A constant that acts on several joints is the sum of theirs.
+        let terms = terms.iter().copied().filter(|term| rates.len() == 1 || *term != Term::Offset).collect();
+        Ok(Self { name: name.trim().to_owned(), rates, terms, slides: false })
     }
 
     /// Its rate.
@@ -132,8 +134,9 @@ mod tests {
     #[test]
     fn drives_are_sums_of_joints_by_name() {
         let names = ["j-1", "j", "joint_5", "joint_6"].map(str::to_owned);
-        let drive = Drive::parse("m6=joint_5+joint_6", &names, &[Term::Viscous]).unwrap();
+        let drive = Drive::parse("m6=joint_5+joint_6", &names, &[Term::Viscous, Term::Offset]).unwrap();
         assert_eq!(drive.rates, [(2, 1.0), (3, 1.0)]);
+        assert_eq!(drive.terms, [Term::Viscous]);
         let drive = Drive::parse("d=j-1-j", &names, &[]).unwrap();
         assert_eq!(drive.rates, [(0, 1.0), (1, -1.0)]);
         assert_eq!(drive.rate(&[3.0, 1.0, 0.0, 0.0]), 2.0);

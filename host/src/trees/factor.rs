@@ -1,11 +1,16 @@
 //! The information factor of as many parameters as a model has.
 //!
 //! The numbers are those of `rigident_shared::factor`, whose kernel reduces the rows; only the size is not known when
-//! the program is compiled. What is determined is decided by the same rules.
+//! the program is compiled. What is determined is decided by the same rules, but for the rounding
+//! that robot descriptions bring.
 
 use nalgebra::DMatrix;
 use rigident_shared::Scalar;
 use rigident_shared::factor::{BLOCK_ROWS, Column};
+
+/// What shows less than this, in columns of unit length, is not told apart: robot descriptions round angles to some 1e-11
+/// (π/2 as 1.57079632679), and by that alone columns that are one seem to be two.
+const ROUNDED: f64 = 1e-10;
 
 /// `[R z]`, the residual sum of squares and the row count of all rows seen. Rows come whitened.
 #[derive(Clone, Debug, PartialEq)]
@@ -141,9 +146,9 @@ impl TallFactor {
         let svd = r.svd(true, true);
         let (Some(u), Some(v_t)) = (&svd.u, &svd.v_t) else { return solution };
         let most = svd.singular_values.max();
-        let floor = f64::EPSILON * n as f64 * most;
+        let floor = ROUNDED * most;
         // A share of a lost direction larger than rounding can explain.
-        let share = 3.0 * f64::EPSILON.sqrt();
+        let share = 3.0 * ROUNDED.sqrt();
         let mut least = most;
         for (k, s) in svd.singular_values.iter().enumerate() {
             let direction = v_t.row(k);
@@ -232,6 +237,16 @@ mod tests {
                 assert!((all.covariance[(i, j)] - part.covariance[(i, j)]).abs() < 1e-13);
             }
         }
+    }
+
+    #[test]
+    fn columns_that_differ_by_a_rounded_angle_are_one() {
+        let (mut a, y) = problem(60, 4);
+        let nearly = a.column(1) + a.column(2) * (std::f64::consts::FRAC_PI_2 - 1.570_796_326_79);
+        a.set_column(3, &nearly);
+        let solution = factor_of(&a, &y).solve();
+        assert_eq!(solution.determined, [true, false, true, false]);
+        assert!(solution.condition_number < 10.0);
     }
 
     #[test]

@@ -176,6 +176,9 @@ pub struct TreeIdentification {
     pub measured_rms: Vec<f64>,
     /// What the noise of the rates would bring to the columns of moments of inertia.
     pub regressor_noise: RegressorNoise,
+    /// Channels whose residuals are more coloured than the filter explains, the worst first, with the factor by which
+    /// intervals that rest on them may be too narrow.
+    pub colour: Vec<(usize, f64)>,
     /// Filtered row blocks.
     pub blocks: usize,
 }
@@ -203,6 +206,26 @@ pub fn identify(input: &Input) -> Result<TreeIdentification, TreeIdentificationE
         }
     }
     Ok(conclude(input, base, &filtered, factor, sigma))
+}
+
+/// How well what was found explains another recording.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Prediction {
+    /// Root mean square of what is left of the filtered measurements, channel by channel.
+    pub residual_rms: Vec<f64>,
+    /// Standard deviation of the filtered measurements.
+    pub measured_sd: Vec<f64>,
+}
+
+/// Predicts a recording of the same tree with the same columns by what was found in another one.
+///
+/// # Errors
+/// [`TreeIdentificationError`] if there are no rows.
+pub fn predict(input: &Input, found: &TreeIdentification) -> Result<Prediction, TreeIdentificationError> {
+    let maker = RowMaker::new(input, &found.base).map_err(TreeIdentificationError::Tree)?;
+    let filtered = filter(input, maker)?;
+    let (residual_rms, _) = filtered.rms(&found.estimate.values);
+    Ok(Prediction { residual_rms, measured_sd: filtered.measured_sd() })
 }
 
 /// The filtered rows of a recording.
@@ -255,6 +278,10 @@ fn conclude(
         regressor_noise: RegressorNoise {
             tensor_information: weight * filtered.derivative_noise_gain * input.rate_sigma.powi(2)
                 / (moment_sigma * moment_sigma),
+        },
+        colour: {
+            let variance: Vec<f64> = sigma.iter().map(|s| s * s * variance_scale).collect();
+            filtered.colour(&solution.estimate, input.rate_hz, &variance)
         },
         blocks: filtered.blocks.len(),
         channel_sigma: sigma,

@@ -82,6 +82,16 @@ pub fn warnings(input: &Input, found: &TreeIdentification) -> Vec<String> {
             found.variance_ratio.sqrt()
         ));
     }
+    if !found.colour.is_empty() {
+        let channels = input.channels();
+        let worst: Vec<String> =
+            found.colour.iter().map(|(c, factor)| format!("{} {factor:.1}", channels[*c])).collect();
+        said.push(format!(
+            "residuals stay correlated for longer than the filter explains: what the model leaves out is no noise that averages. \
+             Intervals do not count this and may be too narrow, as far as they rest on these channels by factors up to: {}",
+            worst.join(", ")
+        ));
+    }
     let poor: Vec<String> = input
         .channels()
         .iter()

@@ -7,6 +7,7 @@ use rigident_shared::tree::{Joint, Link, TreeError};
 use super::drive::Term;
 use super::factor::TallFactor;
 use super::{Frame, Input, TreeIdentificationError};
+use crate::identification::{BlockResidual, whiteness};
 use crate::models::base::{BaseParameters, Rows};
 use crate::models::filter::MomentumFilter;
 use crate::models::rows::{MomentumRows, Moving};
@@ -189,6 +190,7 @@ impl RowMaker {
 /// One filtered instant.
 #[derive(Clone, Debug)]
 pub struct BlockRows {
+    time_s: f64,
     rows: Vec<f64>,
     measured: Vec<f64>,
 }
@@ -207,6 +209,8 @@ pub struct Filtered {
     /// `Σ ḣ²`, 1/s².
     pub derivative_noise_gain: f64,
     kernel_gain: f64,
+    /// Weights of the samples; empty for still poses.
+    response: Vec<f64>,
 }
 
 /// The rows of a recording, filtered by the kernel of `width_s`; a gap in time starts it anew.
@@ -233,7 +237,7 @@ pub fn filter(
     if input.is_static {
         for frame in &input.frames {
             let rows = maker.rows(frame).map_err(TreeIdentificationError::Tree)?.smoothed;
-            blocks.push(BlockRows { rows, measured: measured(frame) });
+            blocks.push(BlockRows { time_s: 0.0, rows, measured: measured(frame) });
         }
         return Ok(Filtered {
             blocks,
@@ -242,6 +246,7 @@ pub fn filter(
             noise_gain: 1.0,
             derivative_noise_gain: 0.0,
             kernel_gain: 1.0,
+            response: Vec::new(),
         });
     }
     let make = || {
@@ -270,7 +275,8 @@ pub fn filter(
         before = Some(frame.time_ns);
         let rows = maker.rows(frame).map_err(TreeIdentificationError::Tree)?;
         if let Some(out) = filter.push(rows, measured(frame)) {
-            blocks.push(BlockRows { rows: out.rows, measured: out.measured });
+            let time_s = frame.time_ns as f64 * 1e-9;
+            blocks.push(BlockRows { time_s, rows: out.rows, measured: out.measured });
         }
     }
     let kernel_gain = filter.noise_gain();
@@ -281,6 +287,7 @@ pub fn filter(
         noise_gain: f64::from(every) * kernel_gain,
         derivative_noise_gain: filter.derivative_noise_gain(),
         kernel_gain,
+        response: filter.response(),
     })
 }
 
@@ -311,6 +318,31 @@ impl Filtered {
         })
     }
 
+    /// Channels whose residuals stay correlated for longer than the filter explains, and by how much intervals that rest on
+    /// them may be too narrow. `variance` is the one that the intervals assume, per reading before the filter.
+    pub fn colour(&self, parameters: &[f64], rate_hz: f64, variance: &[f64]) -> Vec<(usize, f64)> {
+        if self.response.is_empty() {
+            return Vec::new();
+        }
+        let white = whiteness::white_autocovariance(&self.response, self.every);
+        let residuals: Vec<Vec<f64>> = self.residuals(parameters).collect();
+        let mut found = Vec::new();
+        // That test takes six channels at a time.
+        for first in (0..variance.len()).step_by(6) {
+            let six = |values: &[f64]| std::array::from_fn(|k| values.get(first + k).copied().unwrap_or(0.0));
+            let blocks: Vec<BlockResidual> = residuals
+                .iter()
+                .zip(&self.blocks)
+                .map(|(r, b)| BlockResidual { time_s: b.time_s, residual: six(r), factors: [1.0; 6] })
+                .collect();
+            let period_s = f64::from(self.every) / rate_hz;
+            let colours = whiteness::colour(&blocks, &white, period_s, self.every, six(variance));
+            found.extend(colours.iter().map(|c| (first + c.channel, c.factor)));
+        }
+        found.sort_by(|a, b| b.1.total_cmp(&a.1));
+        found
+    }
+
     /// Root mean squares of residuals and measurements, channel by channel.
     pub fn rms(&self, parameters: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let channels = self.blocks.first().map_or(0, |b| b.measured.len());
@@ -324,6 +356,19 @@ impl Filtered {
         let n = self.blocks.len().max(1) as f64;
         let root = |sums: Vec<f64>| sums.into_iter().map(|s: f64| (s / n).sqrt()).collect();
         (root(sums.0), root(sums.1))
+    }
+
+    /// Standard deviations of the measurements about their means, channel by channel.
+    pub fn measured_sd(&self) -> Vec<f64> {
+        let channels = self.blocks.first().map_or(0, |b| b.measured.len());
+        let n = self.blocks.len().max(1) as f64;
+        (0..channels)
+            .map(|k| {
+                let values = || self.blocks.iter().map(|b| b.measured[k]);
+                let mean = values().sum::<f64>() / n;
+                (values().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt()
+            })
+            .collect()
     }
 
     /// Raw σ of each channel: residual variance over `Σh²`, for the degrees of freedom that are left.

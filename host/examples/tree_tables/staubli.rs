@@ -1,0 +1,243 @@
+//! A real arm, Stäubli TX40: one part of its recording predicts the other.
+//!
+//! Plain least squares, for comparison, as it is usually done: positions and torques through a zero-phase Butterworth
+//! filter of 40 Hz, rates and accelerations by central differences, every 25th sample, no weights.
+
+use std::path::{Path, PathBuf};
+
+use nalgebra::{DMatrix, DVector};
+use rigident::formats::recording::Recording;
+use rigident::models::base::{BaseParameters, base_parameters};
+use rigident::models::human::Person;
+use rigident::models::rows::Moving;
+use rigident::models::{self, Model};
+use rigident::trees::drive::{Drive, Term};
+use rigident::trees::prepare::{PreparedTree, Wishes, prepare};
+use rigident::trees::rows::{Filtered, RowMaker, filter};
+use rigident::trees::{Input, identify};
+use rigident_shared::tree::BaseMotion;
+
+const RATE_HZ: f64 = 5000.0;
+const CUT_HZ: f64 = 40.0;
+const EVERY: usize = 25;
+
+fn data() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/robot_staubli_tx40")
+}
+
+fn columns(file: &str) -> [Vec<f64>; 6] {
+    let path = data().join(file);
+    let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    let mut out: [Vec<f64>; 6] = Default::default();
+    for line in text.lines().skip(1) {
+        for (column, cell) in out.iter_mut().zip(line.split(',')) {
+            column.push(cell.trim().parse().expect("a number"));
+        }
+    }
+    out
+}
+
+/// Joint angles and torques from motor angles and motor torques: the wrist's last motor turns with two joints.
+fn joints() -> ([Vec<f64>; 6], [Vec<f64>; 6]) {
+    let ratio = [32.0, 32.0, 45.0, -48.0, 45.0, 32.0];
+    let (motor, current) = (columns("pos_read_data_rows0_29999.csv"), columns("curr_data_rows0_29999.csv"));
+    let mut q: [Vec<f64>; 6] = std::array::from_fn(|k| motor[k].iter().map(|v| v / ratio[k]).collect());
+    let mut tau: [Vec<f64>; 6] = std::array::from_fn(|k| current[k].iter().map(|v| v * ratio[k]).collect());
+    for row in 0..q[0].len() {
+        q[5][row] -= q[4][row];
+        q[1][row] -= std::f64::consts::FRAC_PI_2;
+        q[2][row] += std::f64::consts::FRAC_PI_2;
+        tau[4][row] += 32.0 * current[5][row];
+    }
+    (q, tau)
+}
+
+fn model() -> Model {
+    let path = data().join("tx40_mdh_modified.urdf");
+    models::open(path.to_str().expect("a path"), &Person::default()).expect("the arm's file").0
+}
+
+/// A part of the recording.
+fn part(model: &Model, q: &[Vec<f64>; 6], tau: &[Vec<f64>; 6], rows: std::ops::Range<usize>) -> Input {
+    let mut recording = Recording { name: "tx40".to_owned(), rate_hz: Some(RATE_HZ), ..Recording::default() };
+    recording.time_ns = rows.clone().map(|row| row as u64 * 200_000).collect();
+    for (unit, values) in [("rad", q), ("nm", tau)] {
+        for (k, column) in values.iter().enumerate() {
+            let cells = column[rows.clone()].iter().map(|v| format!("{v:e}")).collect();
+            recording.extra.push((format!("joint_{}_{unit}", k + 1), cells));
+        }
+    }
+    let terms = vec![Term::Viscous, Term::Coulomb, Term::Offset, Term::Rotor];
+    let wishes = Wishes { friction: terms, drives: vec!["m6=joint_5+joint_6".to_owned()] };
+    let PreparedTree { mut input, .. } = prepare(&recording, model, &wishes).expect("frames");
+    // A rotor on the first axis is nothing but inertia of the first link about it, and one on the second, which crosses the
+    // first at a right angle, nothing but inertia of the second.
+    for drive in input.drives.iter_mut().filter(|d| d.name == "joint_1" || d.name == "joint_2") {
+        drive.terms.retain(|t| *t != Term::Rotor);
+    }
+    input
+}
+
+/// Second-order Butterworth low-pass, forward and backward, from rest at the first value.
+fn zero_phase(values: &[f64]) -> Vec<f64> {
+    let w = (std::f64::consts::PI * CUT_HZ / RATE_HZ).tan();
+    let norm = 1.0 + std::f64::consts::SQRT_2 * w + w * w;
+    let (b, a1, a2) =
+        (w * w / norm, 2.0 * (w * w - 1.0) / norm, (1.0 - std::f64::consts::SQRT_2 * w + w * w) / norm);
+    let pass = |values: &[f64]| -> Vec<f64> {
+        let first = values[0];
+        let (mut x, mut y) = ([first; 2], [first; 2]);
+        values
+            .iter()
+            .map(|v| {
+                let out = b * (v + 2.0 * x[0] + x[1]) - a1 * y[0] - a2 * y[1];
+                (x, y) = ([*v, x[0]], [out, y[0]]);
+                out
+            })
+            .collect()
+    };
+    let mut back = pass(values);
+    back.reverse();
+    let mut out = pass(&back);
+    out.reverse();
+    out
+}
+
+/// Rows of the usual way: coefficients, measurements, joint by joint.
+struct Usual {
+    rows: DMatrix<f64>,
+    measured: DVector<f64>,
+}
+
+fn usual(
+    model: &Model,
+    base: &BaseParameters,
+    drives: &[Drive],
+    q: &[Vec<f64>; 6],
+    tau: &[Vec<f64>; 6],
+    range: std::ops::Range<usize>,
+) -> Usual {
+    let cut = |all: &[Vec<f64>; 6]| -> [Vec<f64>; 6] {
+        std::array::from_fn(|k| zero_phase(&all[k][range.clone()]))
+    };
+    let (q, tau) = (cut(q), cut(tau));
+    let links = model.welded();
+    let mut moving = Moving::new(links.tree()).expect("a tree");
+    let stride = moving.columns();
+    let skip = stride - base.standard.len();
+    let leads: Vec<usize> = base.parameters.iter().map(|p| p.terms[0].0 + skip).collect();
+    let extra: usize = drives.iter().map(|d| d.terms.len()).sum();
+    let samples: Vec<usize> = (200..q[0].len() - 200).step_by(EVERY).collect();
+    let mut rows = DMatrix::zeros(6 * samples.len(), leads.len() + extra);
+    let mut measured = DVector::zeros(6 * samples.len());
+    for (n, row) in samples.into_iter().enumerate() {
+        let at = |k: usize, i: usize| q[k][i];
+        let angle: Vec<f64> = (0..6).map(|k| at(k, row)).collect();
+        let rate: Vec<f64> = (0..6).map(|k| (at(k, row + 1) - at(k, row - 1)) * RATE_HZ / 2.0).collect();
+        let change: Vec<f64> = (0..6)
+            .map(|k| (at(k, row + 1) - 2.0 * at(k, row) + at(k, row - 1)) * RATE_HZ * RATE_HZ)
+            .collect();
+        moving.set(&angle, &rate, &change, &BaseMotion::still([0.0, 0.0, -9.80665])).expect("six joints");
+        let all = moving.joint_rows().expect("rows");
+        for k in 0..6 {
+            for (place, lead) in leads.iter().enumerate() {
+                rows[(6 * n + k, place)] = all[k * stride + lead];
+            }
+            let mut place = leads.len();
+            for drive in drives {
+                let factor = drive.rates.iter().find(|(j, _)| *j == k).map_or(0.0, |r| r.1);
+                for term in &drive.terms {
+                    rows[(6 * n + k, place)] = factor
+                        * match term {
+                            Term::Viscous => drive.rate(&rate),
+                            Term::Coulomb => drive.rate(&rate).signum(),
+                            Term::Offset => 1.0,
+                            Term::Rotor => drive.rate(&change),
+                        };
+                    place += 1;
+                }
+            }
+            measured[6 * n + k] = tau[k][row];
+        }
+    }
+    Usual { rows, measured }
+}
+
+/// Residual over the measurement's standard deviation, joint by joint.
+fn shares(residual: &[f64], measured: &[f64]) -> Vec<f64> {
+    (0..6)
+        .map(|k| {
+            let own = |v: &[f64]| v.iter().skip(k).step_by(6).copied().collect::<Vec<f64>>();
+            let (r, m) = (own(residual), own(measured));
+            let mean = m.iter().sum::<f64>() / m.len() as f64;
+            let variance = m.iter().map(|v| (v - mean).powi(2)).sum::<f64>();
+            (r.iter().map(|v| v * v).sum::<f64>() / variance).sqrt()
+        })
+        .collect()
+}
+
+fn cells(shares: &[f64]) -> String {
+    shares.iter().map(|s| format!("{:.1}", 100.0 * s)).collect::<Vec<_>>().join(" | ")
+}
+
+fn filtered(input: &Input, base: &BaseParameters) -> Filtered {
+    let maker = RowMaker::new(input, base).expect("a tree");
+    filter(
+        input,
+        maker,
+        rigident::identification::FILTER_WIDTH_S,
+        rigident::identification::row_every(RATE_HZ),
+    )
+    .expect("rows")
+}
+
+pub fn table() -> String {
+    let model = model();
+    let (q, tau) = joints();
+    let half = q[0].len() / 2;
+    let ranges = [0..half, half..q[0].len()];
+    let mut out = "| fitted to | predicts | by | joint 1 | 2 | 3 | 4 | 5 | 6 |\n|---|---|---|---|---|---|---|---|---|\n".to_owned();
+    let names = ["first half", "second half"];
+    let mut counts = String::new();
+    for (from, to) in [(0, 1), (1, 0)] {
+        let input = part(&model, &q, &tau, ranges[from].clone());
+        let other = part(&model, &q, &tau, ranges[to].clone());
+        let found = identify(&input).expect("an identification");
+        let base = base_parameters(&input.model, &input.situation).expect("base parameters");
+        let states = rigident::trees::answer::states(&input, &found);
+        let identified = states.iter().filter(|s| s.measured().is_some()).count();
+        counts += &format!(
+            "{}: {identified} of {} parameters identified ({} base parameters, {} of drives), condition number {:.0}. ",
+            names[from],
+            states.len(),
+            base.parameters.len(),
+            states.len() - base.parameters.len(),
+            found.estimate.condition_number
+        );
+        let ours = rigident::trees::predict(&other, &found).expect("a prediction");
+        let ours: Vec<f64> = ours.residual_rms.iter().zip(&ours.measured_sd).map(|(r, m)| r / m).collect();
+        // The usual way, judged on the same rows and on its own.
+        let own = usual(&model, &base, &input.drives, &q, &tau, ranges[from].clone());
+        let plain = own.rows.clone().svd(true, true).solve(&own.measured, 1e-12).expect("a solution");
+        let rows = filtered(&other, &base);
+        let sd = rows.measured_sd();
+        let on_ours: Vec<f64> = rows.rms(plain.as_slice()).0.iter().zip(&sd).map(|(r, m)| r / m).collect();
+        let theirs = usual(&model, &base, &input.drives, &q, &tau, ranges[to].clone());
+        let plain_residual = &theirs.measured - &theirs.rows * &plain;
+        let on_theirs = shares(plain_residual.as_slice(), theirs.measured.as_slice());
+        let ours_on_theirs = {
+            let values = rigident::trees::answer::all_values(&found);
+            let residual = &theirs.measured - &theirs.rows * DVector::from_vec(values);
+            shares(residual.as_slice(), theirs.measured.as_slice())
+        };
+        for (by, shares) in [
+            ("`identify`, on its rows", &ours),
+            ("plain least squares, on the same rows", &on_ours),
+            ("`identify`, on rows at 40 Hz with accelerations", &ours_on_theirs),
+            ("plain least squares, on the same rows", &on_theirs),
+        ] {
+            out += &format!("| {} | {} | {by} | {} |\n", names[from], names[to], cells(shares));
+        }
+    }
+    out + "\n" + counts.trim()
+}
