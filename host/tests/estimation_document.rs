@@ -1,4 +1,4 @@
-//! The tables of `docs/estimation.md` and `docs/platform.md` are those that `cargo xtask tables` makes.
+//! The tables of `docs/estimation.md`, `docs/platform.md` and `docs/trees.md` are those that `cargo xtask tables` makes.
 
 #![cfg(feature = "simulator")]
 
@@ -13,6 +13,8 @@ mod platform_names;
 #[allow(dead_code, reason = "the tables use the rest")]
 #[path = "../examples/estimation_tables/report.rs"]
 mod report;
+#[path = "../examples/tree_tables/names.rs"]
+mod tree_names;
 
 fn estimation() -> String {
     std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/estimation.md")).unwrap()
@@ -51,6 +53,16 @@ fn a_table_is_replaced_and_nothing_else() {
 fn the_platforms_document_has_a_place_for_every_table_and_no_other() {
     let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/platform.md")).unwrap();
     assert_eq!(document::complaint(&text, &platform_names::TABLES), None);
+    for name in document::names(&text) {
+        let emptied = document::replaced(&text, name, "").unwrap();
+        assert!(emptied.len() + 100 < text.len(), "table {name} has not been made");
+    }
+}
+
+#[test]
+fn the_document_on_trees_has_a_place_for_every_table_and_no_other() {
+    let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/trees.md")).unwrap();
+    assert_eq!(document::complaint(&text, &tree_names::TABLES), None);
     for name in document::names(&text) {
         let emptied = document::replaced(&text, name, "").unwrap();
         assert!(emptied.len() + 100 < text.len(), "table {name} has not been made");

@@ -143,3 +143,64 @@ fn base_parameters_of_robots_are_those_of_pinocchio_s_regressors() {
         assert!(outside < 1e-11, "{file} {options:?}: {outside}");
     }
 }
+
+/// A chain with every kind of joint that URDF and MJCF and Pinocchio's readers of both share.
+const CHAIN: &str = r#"<robot name="chain">
+<link name="base"><inertial><mass value="3"/><inertia ixx="0.02" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.02"/></inertial></link>
+<link name="a"><inertial><origin xyz="0.01 0.02 0.15" rpy="0.1 0.2 0.3"/><mass value="4"/><inertia ixx="0.05" ixy="0.001" ixz="0.002" iyy="0.05" iyz="0.003" izz="0.01"/></inertial></link>
+<link name="b"><inertial><origin xyz="0.02 -0.01 0.1"/><mass value="2"/><inertia ixx="0.02" ixy="0" ixz="0.001" iyy="0.02" iyz="0" izz="0.004"/></inertial></link>
+<link name="plate"><inertial><origin xyz="0 0.1 0"/><mass value="0.5"/><inertia ixx="2e-3" ixy="0" ixz="0" iyy="2e-3" iyz="0" izz="1e-3"/></inertial></link>
+<link name="c"><inertial><origin xyz="0.02 0 0"/><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0.001" iyy="0.01" iyz="0" izz="0.004"/></inertial></link>
+<joint name="ja" type="continuous"><origin xyz="0 0 0.2" rpy="0.3 -0.1 0.2"/><parent link="base"/><child link="a"/><axis xyz="0.6 0 0.8"/></joint>
+<joint name="jb" type="prismatic"><origin xyz="0 0 0.3" rpy="0 0 0.4"/><parent link="a"/><child link="b"/><axis xyz="0 0.6 0.8"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+<joint name="jp" type="fixed"><origin xyz="0.1 0 0.05" rpy="0 1 0"/><parent link="b"/><child link="plate"/></joint>
+<joint name="jc" type="continuous"><origin xyz="0 0.1 0.25"/><parent link="b"/><child link="c"/><axis xyz="1 0 0"/></joint>
+</robot>"#;
+
+const ASK: &str = r#"
+import json, sys
+import numpy as np
+import pinocchio as pin
+path, q, v, a = sys.argv[1], *json.loads(sys.argv[2])
+model = pin.buildModelFromMJCF(path) if path.endswith(".xml") else pin.buildModelFromUrdf(path)
+model.gravity.linear[:] = [0, 0, -9.80665]
+full = []
+for joint, angle in zip(list(model.joints)[1:], q):
+    full += [np.cos(angle), np.sin(angle)] if joint.nq == 2 else [angle]
+print(json.dumps(list(pin.rnea(model, model.createData(), np.array(full), np.array(v), np.array(a)))))
+"#;
+
+#[test]
+fn what_is_written_has_pinocchio_s_inverse_dynamics() {
+    use rigident::models::dynamics::inverse_dynamics;
+    use rigident::models::{write, xml::Language};
+    let Some(python) = pinocchio() else { return };
+    let given = write::parse(CHAIN, "chain").unwrap().model;
+    // Other parameters than the file's, written into it and into new files.
+    let changed = given.links.iter().map(|l| (l.name.as_str(), l.nominal.unwrap().map(|v| 1.25 * v)));
+    let model = write::with_parameters(&given, changed);
+    let place = tempfile::tempdir().unwrap();
+    let (q, v, a) = ([0.5, -0.3, 1.2], [0.7, 0.4, -1.1], [2.0, -1.5, 0.8]);
+    let wanted = inverse_dynamics(&model, &BaseMotion::still([0.0, 0.0, -9.80665]), &q, &v, &a).unwrap();
+    let texts = [
+        ("edited.urdf", write::edited(&model, CHAIN, "chain").unwrap()),
+        ("new.urdf", write::generated(&model, Language::Urdf).unwrap()),
+        ("new.xml", write::generated(&model, Language::Mjcf).unwrap()),
+    ];
+    for (name, text) in texts {
+        let path = place.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        let output = Command::new(&python)
+            .args(["-c", ASK])
+            .arg(&path)
+            .arg(serde_json::json!([q, v, a]).to_string())
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
+        let got = numbers(&serde_json::from_slice(&output.stdout).unwrap());
+        assert_eq!(got.len(), 3);
+        for (a, b) in got.iter().zip(&wanted[6..]) {
+            assert!((a - b).abs() < 1e-9 * b.abs().max(1.0), "{name}: {got:?} {wanted:?}");
+        }
+    }
+}

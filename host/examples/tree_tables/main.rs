@@ -17,7 +17,7 @@ fn main() -> ExitCode {
 
 fn make(name: &str) -> String {
     match name {
-        "simulated" => simulated::table(),
+        "simulated-long" => simulated::table(),
         "nearest" => simulated::nearest_table(),
         "staubli" => staubli::table(),
         other => unreachable!("no maker for {other}"),

@@ -1,4 +1,4 @@
 //! Names of the tables.
 
 /// In the order of `docs/trees.md`.
-pub const TABLES: [&str; 3] = ["simulated", "nearest", "staubli"];
+pub const TABLES: [&str; 3] = ["simulated-long", "nearest", "staubli"];

@@ -207,12 +207,14 @@ pub fn table() -> String {
         let states = rigident::trees::answer::states(&input, &found);
         let identified = states.iter().filter(|s| s.measured().is_some()).count();
         counts += &format!(
-            "{}: {identified} of {} parameters identified ({} base parameters, {} of drives), condition number {:.0}. ",
+            "{}: {identified} of {} parameters identified ({} base parameters, {} of drives), condition number {:.0}, intervals too narrow \
+             by up to {:.1}. ",
             names[from],
             states.len(),
             base.parameters.len(),
             states.len() - base.parameters.len(),
-            found.estimate.condition_number
+            found.estimate.condition_number,
+            found.colour.first().map_or(1.0, |c| c.1)
         );
         let ours = rigident::trees::predict(&other, &found).expect("a prediction");
         let ours: Vec<f64> = ours.residual_rms.iter().zip(&ours.measured_sd).map(|(r, m)| r / m).collect();

@@ -242,7 +242,9 @@ mod tests {
     #[test]
     fn columns_that_differ_by_a_rounded_angle_are_one() {
         let (mut a, y) = problem(60, 4);
-        let nearly = a.column(1) + a.column(2) * (std::f64::consts::FRAC_PI_2 - 1.570_796_326_79);
+        let nearly = a.column(1)
+            + a.column(2)
+                * (std::f64::consts::FRAC_PI_2 - (1e11 * std::f64::consts::FRAC_PI_2).trunc() * 1e-11);
         a.set_column(3, &nearly);
         let solution = factor_of(&a, &y).solve();
         assert_eq!(solution.determined, [true, false, true, false]);

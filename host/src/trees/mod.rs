@@ -3,7 +3,8 @@
 //!
 //! Lives here: recordings brought to frames of joints and base ([`prepare`]), their rows ([`rows`]), friction ([`drive`]),
 //! a factor whose size the model decides ([`factor`]), the identification itself (this file), what of it is identified
-//! and why not ([`answer`]), full parameters ([`nearest`]). May not live here: the formulas of the rows
+//! and why not ([`answer`]), full parameters ([`nearest`]), trees and recordings to try
+//! it on ([`simulated`]). May not live here: the formulas of the rows
 //! (`rigident_shared::tree`), which parameters there are ([`crate::models::base`]), intervals and the judgement of
 //! residuals, which are those of a single body ([`crate::answer`], [`crate::identification::pooled`]). Next: [`prepare`].
 
@@ -18,6 +19,7 @@ pub mod polynomial;
 pub mod prepare;
 pub mod result;
 pub mod rows;
+pub mod simulated;
 pub mod symmetry;
 #[cfg(test)]
 mod tests;

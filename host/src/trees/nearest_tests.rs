@@ -4,7 +4,7 @@ use nalgebra::{DVector, Matrix4, Rotation3, Vector3};
 
 use super::nearest::{divergence, nearest};
 use super::prepare::{Wishes, prepare};
-use super::tests::{two_link_recording, two_links};
+use super::simulated::{two_link_recording, two_links};
 use nalgebra::DMatrix;
 
 use super::*;

@@ -1,0 +1,323 @@
+//! Recordings of trees whose parameters are known, by inverse dynamics that share nothing with the rows.
+//!
+//! Lives here: two links with an IMU each on a load cell, seven axes with torques, and how far an identification is from
+//! them. For tests and for the tables of `docs/trees.md`.
+#![allow(clippy::missing_panics_doc, reason = "of trees that are made here")]
+
+use nalgebra::{DVector, Matrix3, Rotation3, Vector3};
+use rigident_shared::inertia::InertialParameters;
+use rigident_shared::spatial::{Body, Position};
+use rigident_shared::tree::{BaseMotion, Joint, Link};
+
+use super::TreeIdentification;
+use crate::formats::recording::{ImuColumns, Recording};
+use crate::formats::rig::ImuTable;
+use crate::models::dynamics::inverse_dynamics;
+use crate::models::{Model, ModelLink};
+
+/// Steele's splitmix64 and Box and Muller's transformation: the same noise for a seed on every machine.
+struct Noise(Option<u64>);
+
+impl Noise {
+    fn uniform(&mut self) -> f64 {
+        let state = self.0.get_or_insert(0);
+        *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = *state;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// Zero without a seed.
+    fn normal(&mut self, sigma: f64) -> f64 {
+        if self.0.is_none() || sigma == 0.0 {
+            return 0.0;
+        }
+        let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
+        sigma * radius * (std::f64::consts::TAU * self.uniform()).cos()
+    }
+}
+
+fn body(mass: f64, com: [f64; 3], radii: [f64; 3], turn: [f64; 3]) -> Option<[f64; 10]> {
+    let turned = Rotation3::from_euler_angles(turn[0], turn[1], turn[2]).into_inner();
+    // Moments of an ellipsoid-like body of these radii of gyration: they obey the triangle inequality.
+    let [a, b, c] = radii.map(|r| mass * r * r);
+    let tensor = turned * Matrix3::from_diagonal(&Vector3::new(b + c, c + a, a + b)) * turned.transpose();
+    let body = InertialParameters::<Body, f64>::from_centre_of_mass(mass, Position::from_array(com), tensor);
+    Some(body.to_vector())
+}
+
+fn link(
+    name: &str,
+    parent: usize,
+    joint: Joint<f64>,
+    position: [f64; 3],
+    nominal: Option<[f64; 10]>,
+) -> ModelLink {
+    ModelLink {
+        name: name.to_owned(),
+        joint_name: if name == "base" { String::new() } else { format!("{name}_joint") },
+        link: Link { parent, joint, rotation: Matrix3::identity(), position: position.into() },
+        nominal,
+        welded: Vec::new(),
+        mimic: None,
+    }
+}
+
+/// Two links: a base and an arm on a ball.
+pub fn two_links() -> Model {
+    Model {
+        name: "two".to_owned(),
+        links: vec![
+            link(
+                "base",
+                0,
+                Joint::Free,
+                [0.0; 3],
+                body(3.0, [0.01, -0.02, 0.03], [0.08, 0.06, 0.05], [0.2, 0.1, 0.4]),
+            ),
+            link(
+                "arm",
+                0,
+                Joint::Spherical,
+                [0.03, 0.0, 0.065],
+                body(1.2, [0.02, 0.01, 0.12], [0.03, 0.04, 0.09], [0.1, -0.3, 0.2]),
+            ),
+        ],
+        findings: Vec::new(),
+    }
+}
+
+/// Seven axes on a base held still, like an arm's.
+pub fn seven_axes() -> Model {
+    let mut links =
+        vec![link("base", 0, Joint::Free, [0.0; 3], body(4.0, [0.0, 0.0, 0.06], [0.1; 3], [0.0; 3]))];
+    let axes = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]];
+    let lengths = [0.33, 0.0, 0.32, 0.08, 0.38, 0.02, 0.09];
+    for (k, length) in lengths.into_iter().enumerate() {
+        let mass = 5.0 / (1.0 + 0.6 * k as f64);
+        let size = 0.1 / (1.0 + 0.15 * k as f64);
+        let turn = [0.1 * k as f64, -0.2, 0.3];
+        let com = [0.2 * size, -0.3 * size, 0.9 * size];
+        links.push(link(
+            &format!("l{}", k + 1),
+            k,
+            Joint::Revolute(axes[k % 2].into()),
+            [0.01 * (k % 3) as f64, 0.0, length],
+            body(mass, com, [0.4 * size, 0.5 * size, 0.8 * size], turn),
+        ));
+    }
+    Model { name: "seven".to_owned(), links, findings: Vec::new() }
+}
+
+/// A sum of swings: value, rate, acceleration.
+fn swing(t: f64, k: usize, size: f64) -> [f64; 3] {
+    let mut sum = [0.0; 3];
+    for n in 0..4 {
+        let w = std::f64::consts::TAU * (0.11 + 0.23 * f64::from(n) + 0.013 * k as f64);
+        let phase = ((k * 7 + n as usize * 3) as f64).sin() * 3.0;
+        let share = size / (1.0 + 0.5 * f64::from(n));
+        let a = w * t + phase;
+        sum[0] += share * a.sin();
+        sum[1] += share * w * a.cos();
+        sum[2] -= share * w * w * a.sin();
+    }
+    sum
+}
+
+/// Attitude by three swings (roll, pitch, yaw) and its rate in its own axes.
+fn attitude(t: f64, k: usize, size: f64) -> (Matrix3<f64>, Vector3<f64>) {
+    let [x, y, z] = [0, 1, 2].map(|i| swing(t, k + i, size));
+    let r = Rotation3::from_euler_angles(x[0], y[0], z[0]).into_inner();
+    let rx = Rotation3::from_axis_angle(&Vector3::x_axis(), x[0]).into_inner();
+    let ry = Rotation3::from_axis_angle(&Vector3::y_axis(), y[0]).into_inner();
+    let rate =
+        rx.transpose() * (ry.transpose() * Vector3::z() * z[1] + Vector3::y() * y[1]) + Vector3::x() * x[1];
+    (r, rate)
+}
+
+/// Its derivative: central differences of order four, here in the truth only.
+fn change(t: f64, k: usize, size: f64) -> Vector3<f64> {
+    let h = 1e-3;
+    let w = |n: f64| attitude(t + n * h, k, size).1;
+    ((w(1.0) - w(-1.0)) * 8.0 - (w(2.0) - w(-2.0))) / (12.0 * h)
+}
+
+const IMU: [f64; 3] = [0.04, -0.02, 0.03];
+
+/// Two links in motion: one IMU each, the arm's attitude, a load cell at the base.
+pub fn two_link_recording(model: &Model, rate_hz: f64, seconds: f64, noise: Option<u64>) -> Recording {
+    let mut noise = Noise(noise.map(|seed| seed.wrapping_mul(0x2545_f491_4f6c_dd1d)));
+    let mut normal = |sigma: f64| noise.normal(sigma);
+    let mut recording = Recording { name: "two".to_owned(), rate_hz: Some(rate_hz), ..Recording::default() };
+    let mounting = [0.5, 0.5, -0.5, 0.5];
+    let to_imu = super::joints::attitude(&mounting).unwrap().transpose();
+    recording.rig.imu = vec![
+        ImuTable { position_m: IMU, rotation_wxyz: mounting, ..ImuTable::default() },
+        ImuTable { link: 1, rotation_wxyz: mounting, ..ImuTable::default() },
+    ];
+    let offset = [1.0, -2.0, 3.0, 0.1, 0.2, -0.3];
+    let rows = (seconds * rate_hz) as usize;
+    let (mut accel, mut gyros, mut wrench, mut turned) =
+        (Vec::new(), [Vec::new(), Vec::new()], Vec::new(), Vec::new());
+    for row in 0..rows {
+        let t = row as f64 / rate_hz;
+        let (r, rate) = attitude(t, 0, 0.35);
+        let dw = change(t, 0, 0.35);
+        let p = Vector3::new(swing(t, 11, 0.05)[2], swing(t, 12, 0.05)[2], swing(t, 13, 0.05)[2]);
+        let force = r.transpose() * (p + Vector3::z() * 9.80665);
+        let base = BaseMotion { specific_force: force, rate, angular_acceleration: dw };
+        let (joint, spin) = attitude(t, 5, 0.6);
+        let q = nalgebra::UnitQuaternion::from_matrix(&joint);
+        let positions = [q.w, q.i, q.j, q.k];
+        let truth = inverse_dynamics(model, &base, &positions, spin.as_slice(), change(t, 5, 0.6).as_slice())
+            .unwrap();
+        let lever = Vector3::from(IMU);
+        let felt = force + dw.cross(&lever) + rate.cross(&rate.cross(&lever));
+        let noisy = |v: Vector3<f64>, n: [f64; 3]| -> [f64; 3] { (to_imu * v + Vector3::from(n)).into() };
+        let mut three = |s: f64| [normal(s), normal(s), normal(s)];
+        accel.push(noisy(felt, three(0.0)));
+        gyros[0].push(noisy(rate, three(1e-4)));
+        gyros[1].push(noisy(joint.transpose() * rate + spin, three(1e-4)));
+        turned.push(positions);
+        wrench.push(std::array::from_fn(|c| truth[c] + offset[c] + normal(if c < 3 { 0.5 } else { 0.03 })));
+        recording.time_ns.push((row as f64 * 1e9 / rate_hz).round() as u64);
+    }
+    let [gyro0, gyro1] = gyros;
+    recording.imus = vec![
+        ImuColumns { accel: Some(accel), gyro: Some(gyro0) },
+        ImuColumns { accel: None, gyro: Some(gyro1) },
+    ];
+    recording.attitudes = vec![(1, turned)];
+    recording.wrench = Some(wrench);
+    recording
+}
+
+/// Seven axes in motion: positions, rates if wished, torques; noise of these torques; `rubs` times a friction of 0.7 N m s,
+/// 1.5 N m and 0.2 N m.
+pub fn seven_axis_recording(
+    model: &Model,
+    rate_hz: f64,
+    seconds: f64,
+    rates: bool,
+    noise: Option<u64>,
+    rubs: f64,
+) -> Recording {
+    let mut noise = Noise(noise.map(|seed| seed.wrapping_mul(0x2545_f491_4f6c_dd1d)));
+    let mut normal = |sigma: f64| noise.normal(sigma);
+    let mut recording =
+        Recording { name: "seven".to_owned(), rate_hz: Some(rate_hz), ..Recording::default() };
+    let mut columns: Vec<Vec<String>> = vec![Vec::new(); 21];
+    let base = BaseMotion::still([0.0, 0.0, -9.80665]);
+    for row in 0..(seconds * rate_hz) as usize {
+        let t = row as f64 / rate_hz;
+        let swings: Vec<[f64; 3]> = (0..7).map(|k| swing(t, 3 * k + 1, 0.8)).collect();
+        let part = |n: usize| swings.iter().map(|s| s[n]).collect::<Vec<f64>>();
+        let truth = inverse_dynamics(model, &base, &part(0), &part(1), &part(2)).unwrap();
+        for k in 0..7 {
+            columns[k].push(format!("{:e}", swings[k][0]));
+            columns[7 + k].push(format!("{:e}", swings[k][1]));
+            let friction = rubs * (0.7 * swings[k][1] + 1.5 * swings[k][1].signum() + 0.2);
+            columns[14 + k].push(format!("{:e}", truth[6 + k] + friction + normal(0.3)));
+        }
+        recording.time_ns.push((row as f64 * 1e9 / rate_hz).round() as u64);
+    }
+    for (n, cells) in columns.into_iter().enumerate() {
+        let unit = ["rad", "radps", "nm"][n / 7];
+        if unit != "radps" || rates {
+            recording.extra.push((format!("l{}_joint_{unit}", n % 7 + 1), cells));
+        }
+    }
+    recording
+}
+
+/// A tree of spherical and revolute joints on a base that moves: an IMU on every link, attitudes of all links, the wrench on
+/// the base, its offset zero. For people; without noise.
+pub fn person_recording(model: &Model, rate_hz: f64, seconds: f64) -> Recording {
+    let mut recording =
+        Recording { name: "person".to_owned(), rate_hz: Some(rate_hz), ..Recording::default() };
+    let links = model.links.len();
+    let mut gyros = vec![Vec::new(); links];
+    let mut turned = vec![Vec::new(); links];
+    let (mut accel, mut wrench) = (Vec::new(), Vec::new());
+    for row in 0..(seconds * rate_hz) as usize {
+        let t = row as f64 / rate_hz;
+        let (r, rate) = attitude(t, 0, 0.3);
+        let force = r.transpose() * Vector3::z() * 9.80665;
+        let base = BaseMotion { specific_force: force, rate, angular_acceleration: change(t, 0, 0.3) };
+        let mut at = vec![(Matrix3::identity(), rate)];
+        let (mut q, mut v, mut dv) = (Vec::new(), Vec::new(), Vec::new());
+        for (i, link) in model.links.iter().enumerate().skip(1) {
+            let k = 3 * i + 1;
+            let (own, spin) = match &link.link.joint {
+                Joint::Spherical => {
+                    let (own, spin) = attitude(t, k, 0.4);
+                    let turn = nalgebra::UnitQuaternion::from_matrix(&own);
+                    q.extend([turn.w, turn.i, turn.j, turn.k]);
+                    v.extend(spin.iter());
+                    dv.extend(change(t, k, 0.4).iter());
+                    (own, spin)
+                }
+                Joint::Revolute(axis) => {
+                    let [angle, speed, acceleration] = swing(t, k, 0.5);
+                    q.push(angle);
+                    v.push(speed);
+                    dv.push(acceleration);
+                    let axis = nalgebra::Unit::new_normalize(*axis);
+                    (Rotation3::from_axis_angle(&axis, angle).into_inner(), axis.into_inner() * speed)
+                }
+                _ => (Matrix3::identity(), Vector3::zeros()),
+            };
+            let relative = link.link.rotation * own;
+            let (before, carried) = at[link.link.parent];
+            at.push((before * relative, relative.transpose() * carried + spin));
+        }
+        for (i, (attitude, rate)) in at.into_iter().enumerate() {
+            let turn = nalgebra::UnitQuaternion::from_matrix(&attitude);
+            turned[i].push([turn.w, turn.i, turn.j, turn.k]);
+            gyros[i].push(rate.into());
+        }
+        accel.push(force.into());
+        let truth = inverse_dynamics(model, &base, &q, &v, &dv).unwrap_or_default();
+        wrench.push(std::array::from_fn(|c| truth.get(c).copied().unwrap_or(f64::NAN)));
+        recording.time_ns.push((row as f64 * 1e9 / rate_hz).round() as u64);
+    }
+    recording.imus = gyros.into_iter().map(|gyro| ImuColumns { accel: None, gyro: Some(gyro) }).collect();
+    recording.imus[0].accel = Some(accel);
+    recording.attitudes = turned.into_iter().enumerate().skip(1).collect();
+    recording.wrench = Some(wrench);
+    recording
+}
+
+/// Base parameters of the truth, in the order of the estimate.
+pub fn truth(model: &Model, found: &TreeIdentification) -> Vec<f64> {
+    let nominal = model.nominal();
+    let skip = nominal.len() - found.base.standard.len();
+    (found.base.map() * DVector::from_column_slice(&nominal[skip..])).as_slice().to_vec()
+}
+
+/// Largest error over the largest parameter of the same unit.
+pub fn worst(model: &Model, found: &TreeIdentification) -> f64 {
+    let truth = truth(model, found);
+    let mut worst: f64 = 0.0;
+    for (j, wanted) in truth.iter().enumerate() {
+        let alike = truth.iter().zip(&found.units).filter(|(_, u)| **u == found.units[j]);
+        let scale = alike.map(|(v, _)| v.abs()).fold(0.0, f64::max);
+        worst = worst.max((found.estimate.values[j] - wanted).abs() / scale);
+    }
+    worst
+}
+
+/// Share of parameters inside their intervals.
+pub fn coverage(runs: u64, run: impl Fn(u64) -> (Vec<f64>, TreeIdentification)) -> f64 {
+    let (mut inside, mut all) = (0.0, 0.0);
+    for seed in 1..=runs {
+        let (truth, found) = run(seed);
+        for (j, wanted) in truth.iter().enumerate() {
+            let Some(m) = found.estimate.measured(j) else { continue };
+            all += 1.0;
+            inside += f64::from(u8::from((m.value - wanted).abs() <= m.u95));
+        }
+    }
+    inside / all
+}
