@@ -16,11 +16,6 @@ use crate::answer::identifiability::{LARGEST_SHARE, LEAST_EXCITATION};
 use crate::formats::result::{Measured, ParameterState};
 use crate::models::Finding;
 
-/// All values that fit, identified or not: for predictions and studies, never for an answer.
-pub fn all_values(found: &TreeIdentification) -> Vec<f64> {
-    found.estimate.values.clone()
-}
-
 /// Base parameters' kinds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Kind {

@@ -24,6 +24,7 @@ pub mod symmetry;
 #[cfg(test)]
 mod tests;
 
+use nalgebra::{DMatrix, DVector};
 use rigident_shared::tree::{BaseMotion, TreeError};
 
 use self::drive::Drive;
@@ -228,6 +229,11 @@ pub fn predict(input: &Input, found: &TreeIdentification) -> Result<Prediction, 
     let filtered = filter(input, maker)?;
     let (residual_rms, _) = filtered.rms(&found.estimate.values);
     Ok(Prediction { residual_rms, measured_sd: filtered.measured_sd() })
+}
+
+/// What is left of measurements whose rows were made otherwise, columns in the order of the names.
+pub fn residual(found: &TreeIdentification, rows: &DMatrix<f64>, measured: &DVector<f64>) -> DVector<f64> {
+    measured - rows * DVector::from_column_slice(&found.estimate.values)
 }
 
 /// The filtered rows of a recording.

@@ -1,12 +1,10 @@
 //! Full parameters: what the data say is kept, the rest is the nominal model's, and every link is a body.
 
-use nalgebra::{DVector, Matrix4, Rotation3, Vector3};
+use nalgebra::{Matrix4, Rotation3, Vector3};
 
 use super::nearest::{divergence, nearest};
 use super::prepare::{Wishes, prepare};
 use super::simulated::{two_link_recording, two_links};
-use nalgebra::DMatrix;
-
 use super::*;
 use crate::models::human::Person;
 use crate::models::inertial::{Parameters, impossibility, in_parent};
