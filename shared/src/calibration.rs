@@ -60,17 +60,20 @@ pub struct ImuMounting<T: Scalar> {
 
 impl<T: Scalar> Default for ImuMounting<T> {
     fn default() -> Self {
-        Self {
-            rotation: Rotation::identity(),
-            position: Position::zero(),
-            accel_scale: [T::ONE; 3],
-            accel_bias: SpecificForce::zero(),
-            gyro_bias: AngularRate::zero(),
-        }
+        Self::PERFECT
     }
 }
 
 impl<T: Scalar> ImuMounting<T> {
+    /// At the link's origin and along its axes, without errors.
+    pub const PERFECT: Self = Self {
+        rotation: Rotation::identity(),
+        position: Position::zero(),
+        accel_scale: [T::ONE; 3],
+        accel_bias: SpecificForce::zero(),
+        gyro_bias: AngularRate::zero(),
+    };
+
     /// The signals of a reading, still in the IMU's axes and with the accelerometer as it reads: all that is linear can
     /// wait until they are conditioned ([`Self::mounted`]), the products of the rates cannot.
     #[inline]

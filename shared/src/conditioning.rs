@@ -16,7 +16,6 @@
 //! symmetric halves of the kernel onto each other.
 
 use crate::Scalar;
-use crate::regressor::{SIGNALS, SMOOTHED};
 
 /// Averages are taken no more seldom than this, 1/s: the kernel of 0.1 s then still has fifteen samples.
 const LEAST_RATE_HZ: u32 = 150;
@@ -41,6 +40,14 @@ pub struct Kernel<T: Scalar, const TAPS: usize> {
 }
 
 impl<T: Scalar, const TAPS: usize> Kernel<T, TAPS> {
+    const NONE: Self = Self {
+        taps: 1,
+        smooth: [T::ZERO; TAPS],
+        derivative: [T::ZERO; TAPS],
+        noise_gain: T::ONE,
+        derivative_noise_gain: T::ZERO,
+    };
+
     /// The kernel of `width_s` seconds for sums of `averaged` samples at `rate_hz`. Width zero is the identity, for
     /// still rows: ω̇ is then 0.
     ///
@@ -49,13 +56,7 @@ impl<T: Scalar, const TAPS: usize> Kernel<T, TAPS> {
     pub fn new(rate_hz: T, width_s: T, averaged: u16) -> Result<Self, KernelError> {
         let averaged = T::from_u32(u32::from(averaged));
         let sum_rate_hz = rate_hz / averaged;
-        let mut kernel = Self {
-            taps: 1,
-            smooth: [T::ZERO; TAPS],
-            derivative: [T::ZERO; TAPS],
-            noise_gain: T::ONE,
-            derivative_noise_gain: T::ZERO,
-        };
+        let mut kernel = Self::NONE;
         let half = sum_rate_hz * width_s / T::from_u32(2);
         if !half.is_finite() || half < T::ZERO || rate_hz <= T::ZERO || TAPS == 0 {
             return Err(KernelError::Invalid);
@@ -123,30 +124,53 @@ impl<T: Scalar, const TAPS: usize> Kernel<T, TAPS> {
     }
 }
 
-/// The filter with what it remembers.
+/// The filter of `S` signals, the last `D` of which come out as their derivatives, with what it remembers.
 #[derive(Clone, Copy, Debug)]
-pub struct Conditioner<T: Scalar, const TAPS: usize> {
+pub struct Conditioner<T: Scalar, const S: usize, const D: usize, const TAPS: usize> {
     kernel: Kernel<T, TAPS>,
     /// Samples in an average, and averages between two outputs.
     averaged: u16,
     every: u16,
     /// Sum of the samples since the last average.
-    sum: [T; SIGNALS],
+    sum: [T; S],
     in_sum: u16,
     /// The last averages; the next one is written at `next`.
-    averages: [[T; SIGNALS]; TAPS],
+    averages: [[T; S]; TAPS],
     next: usize,
     /// Averages until the next output.
     until_output: u16,
 }
 
-impl<T: Scalar, const TAPS: usize> Conditioner<T, TAPS> {
+impl<T: Scalar, const S: usize, const D: usize, const TAPS: usize> Conditioner<T, S, D, TAPS> {
+    /// Not yet set up: [`Self::set_up`] must follow.
+    pub const UNUSED: Self = Self {
+        kernel: Kernel::NONE,
+        averaged: 1,
+        every: 1,
+        sum: [T::ZERO; S],
+        in_sum: 0,
+        averages: [[T::ZERO; S]; TAPS],
+        next: 0,
+        until_output: 1,
+    };
+
     /// A filter of `width_s` seconds on samples at `rate_hz`, with an output every `row_every` samples. Width zero is
     /// the identity, for still rows.
     ///
     /// # Errors
     /// [`KernelError`] if it cannot be, or does not fit.
     pub fn new(rate_hz: T, width_s: T, row_every: u16) -> Result<Self, KernelError> {
+        let mut conditioner = Self::UNUSED;
+        conditioner.set_up(rate_hz, width_s, row_every)?;
+        Ok(conditioner)
+    }
+
+    /// Makes it such a filter where it stands. On an error nothing is changed.
+    ///
+    /// # Errors
+    /// See [`Self::new`].
+    pub fn set_up(&mut self, rate_hz: T, width_s: T, row_every: u16) -> Result<(), KernelError> {
+        const { assert!(D <= S) }
         if row_every == 0 {
             return Err(KernelError::Invalid);
         }
@@ -155,20 +179,10 @@ impl<T: Scalar, const TAPS: usize> Conditioner<T, TAPS> {
             |k: u16| row_every.is_multiple_of(k) && (k == 1 || rate_hz >= least * T::from_u32(u32::from(k)));
         let still = width_s <= T::ZERO;
         let averaged = (1..=row_every).rev().find(|k| !still && *k < row_every && fits(*k)).unwrap_or(1);
-        let kernel = Kernel::new(rate_hz, width_s, averaged)?;
-        let every = row_every / averaged;
-        let mut conditioner = Self {
-            kernel,
-            averaged,
-            every,
-            sum: [T::ZERO; SIGNALS],
-            in_sum: 0,
-            averages: [[T::ZERO; SIGNALS]; TAPS],
-            next: 0,
-            until_output: 0,
-        };
-        conditioner.reset();
-        Ok(conditioner)
+        self.kernel = Kernel::new(rate_hz, width_s, averaged)?;
+        (self.averaged, self.every) = (averaged, row_every / averaged);
+        self.reset();
+        Ok(())
     }
 
     /// The kernel.
@@ -182,9 +196,9 @@ impl<T: Scalar, const TAPS: usize> Conditioner<T, TAPS> {
         self.until_output = self.kernel.taps as u16;
     }
 
-    /// Takes one sample. The last three signals, the angular rate, come out as its derivative.
+    /// Takes one sample. The last `D` signals come out as their derivatives.
     #[inline]
-    pub fn push(&mut self, signals: &[T; SIGNALS]) -> Option<[T; SIGNALS]> {
+    pub fn push(&mut self, signals: &[T; S]) -> Option<[T; S]> {
         if self.in_sum == 0 {
             self.sum = *signals;
         } else {
@@ -214,27 +228,27 @@ impl<T: Scalar, const TAPS: usize> Conditioner<T, TAPS> {
 
     /// The kernel's halves lie mirrored, those of its derivative mirrored and negated.
     #[inline(never)]
-    fn output(&self) -> [T; SIGNALS] {
+    fn output(&self) -> [T; S] {
         let Kernel { taps, smooth, derivative, .. } = &self.kernel;
         let all = self.averages.get(..*taps).unwrap_or_default();
         let (newer, older) = all.split_at(self.next.min(all.len()));
         let (mut from_start, mut from_end) =
             (older.iter().chain(newer), newer.iter().rev().chain(older.iter().rev()));
-        let mut y = [T::ZERO; SIGNALS];
+        let mut y = [T::ZERO; S];
         let half = taps / 2;
         for ((h, d), (a, b)) in
             smooth.iter().zip(derivative).take(half).zip((&mut from_start).zip(&mut from_end))
         {
-            let (smoothed, rates) = y.split_at_mut(SMOOTHED);
+            let (smoothed, rates) = y.split_at_mut(S - D);
             for (sum, (a, b)) in smoothed.iter_mut().zip(a.iter().zip(b)) {
                 *sum += *h * (*a + *b);
             }
-            for (sum, (a, b)) in rates.iter_mut().zip(a.iter().zip(b).skip(SMOOTHED)) {
+            for (sum, (a, b)) in rates.iter_mut().zip(a.iter().zip(b).skip(S - D)) {
                 *sum += *d * (*a - *b);
             }
         }
         if let (Some(h), Some(middle)) = (smooth.get(half), from_start.next()) {
-            for (sum, value) in y.iter_mut().take(SMOOTHED).zip(middle) {
+            for (sum, value) in y.iter_mut().take(S - D).zip(middle) {
                 *sum += *h * *value;
             }
         }
@@ -250,6 +264,7 @@ impl<T: Scalar, const TAPS: usize> Conditioner<T, TAPS> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::regressor::{SIGNALS, SMOOTHED};
 
     fn ramp(t: f64) -> [f64; SIGNALS] {
         core::array::from_fn(|c| 3.0 + 0.5 * t * (c as f64 + 1.0))
@@ -257,7 +272,7 @@ mod tests {
 
     #[test]
     fn a_straight_line_passes_unchanged_and_its_slope_is_exact() {
-        let mut filter = Conditioner::<f64, 64>::new(1000.0, 0.1, 10).unwrap();
+        let mut filter = Conditioner::<f64, SIGNALS, 3, 64>::new(1000.0, 0.1, 10).unwrap();
         // Averages of five, nineteen of them.
         assert_eq!(filter.span(), 95);
         let mut outputs = 0;
@@ -284,7 +299,7 @@ mod tests {
             [(250.0, 3, 1), (200.0, 2, 1), (600.0, 6, 3), (1000.0, 10, 5), (1200.0, 7, 7)]
         {
             let x = |n: usize, c: usize| ((n * 37 + c * 11) % 101) as f64 / 50.0 - 1.0;
-            let mut filter = Conditioner::<f64, 128>::new(rate, 0.08, row_every).unwrap();
+            let mut filter = Conditioner::<f64, SIGNALS, 3, 128>::new(rate, 0.08, row_every).unwrap();
             let averaged = if averaged == usize::from(row_every) { 1 } else { averaged };
             assert_eq!(usize::from(filter.averaged), averaged);
             let mut first = 0;
@@ -307,7 +322,7 @@ mod tests {
 
     #[test]
     fn the_noise_gains_are_those_of_the_filter_s_response() {
-        let mut filter = Conditioner::<f64, 64>::new(1000.0, 0.1, 10).unwrap();
+        let mut filter = Conditioner::<f64, SIGNALS, 3, 64>::new(1000.0, 0.1, 10).unwrap();
         // Impulses at every phase give all of the response.
         let (mut gain, mut derivative_gain) = (0.0, 0.0);
         for phase in 0..10 {
@@ -329,7 +344,7 @@ mod tests {
         // h ∗ ω̇ against ḣ ∗ ω for 1 Hz at 0.1 s: at 200 Hz, and at 1 kHz by averages of five.
         let w = core::f64::consts::TAU;
         for (rate, row_every) in [(200.0, 2), (1000.0, 10)] {
-            let mut filter = Conditioner::<f64, 64>::new(rate, 0.1, row_every).unwrap();
+            let mut filter = Conditioner::<f64, SIGNALS, 3, 64>::new(rate, 0.1, row_every).unwrap();
             for n in 0..(rate as usize) {
                 let t = w * n as f64 / rate + 0.123;
                 let mut signals = [0.0; SIGNALS];
@@ -343,7 +358,8 @@ mod tests {
 
     #[test]
     fn widths_that_do_not_fit_are_named() {
-        let refused = |width, row_every| Conditioner::<f32, 8>::new(1000.0, width, row_every).unwrap_err();
+        let refused =
+            |width, row_every| Conditioner::<f32, SIGNALS, 3, 8>::new(1000.0, width, row_every).unwrap_err();
         assert_eq!(refused(0.1, 10), KernelError::TooManyTaps(19));
         assert_eq!(refused(f32::NAN, 10), KernelError::Invalid);
         assert_eq!(refused(0.1, 0), KernelError::Invalid);

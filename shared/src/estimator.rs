@@ -1,20 +1,26 @@
 //! The pipeline from an aligned reading to the factor: what firmware and host both run.
 //!
-//! Lives here: the order of the steps, whitening, the counters. May not live here: the steps themselves
-//! ([`crate::screening`], [`crate::calibration`], [`crate::regressor`], [`crate::conditioning`],
+//! Lives here: the order of the steps, whitening, the counters ([`Pipeline`]); and what makes rows of readings
+//! ([`Model`]): one body ([`Estimator`]) or two links ([`TwoLinkEstimator`]). May not live here: the steps themselves
+//! ([`crate::screening`], [`crate::calibration`], [`crate::regressor`], [`crate::tree`], [`crate::conditioning`],
 //! [`crate::factor`]), messages, files.
 
+pub mod frames;
 mod knocks;
+mod model;
+pub mod two_links;
 
 pub use knocks::{LONGEST as LONGEST_KNOCK, Reference};
+pub use model::{Model, OneBody, Store};
+pub use two_links::{JointAttitude, TwoLinkReading, TwoLinks};
 
 use crate::Scalar;
-use crate::calibration::{ImuMounting, Reading};
+use crate::calibration::ImuMounting;
 use crate::conditioning::{Conditioner, Kernel, KernelError};
-use crate::factor::{BodyCascade, Gathering, InformationFactor};
+use crate::factor::{Gathering, InformationFactor};
 use crate::forgetting::{MemoryConfig, Plan, Rows, Span};
-use crate::regressor::{self, RegressorBlock, SIGNALS};
-use crate::screening::{Limits, Rejection, Screen};
+use crate::regressor::{self, RegressorBlock, SIGNALS, SMOOTHED};
+use crate::screening::{Limits, Rejection};
 use knocks::Watch;
 
 /// Everything that fixes what the estimator does with a reading.
@@ -59,14 +65,14 @@ pub enum Outcome {
 }
 
 /// What happened so far.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Counters {
     /// Readings given.
     pub readings: u32,
     /// Readings not used, for whatever reason.
     pub rejected: u32,
     /// Of these, per channel.
-    pub rejected_by_channel: [u16; crate::screening::CHANNELS],
+    pub rejected_by_channel: [u16; crate::screening::ALL_CHANNELS],
     /// Stretches of missing time.
     pub gaps: u32,
     /// Row blocks absorbed.
@@ -75,6 +81,25 @@ pub struct Counters {
     pub knocks: [u16; 6],
     /// The last rejection.
     pub last_rejection: Option<Rejection>,
+}
+
+impl Counters {
+    /// Nothing.
+    pub const NONE: Self = Self {
+        readings: 0,
+        rejected: 0,
+        rejected_by_channel: [0; crate::screening::ALL_CHANNELS],
+        gaps: 0,
+        blocks: 0,
+        knocks: [0; 6],
+        last_rejection: None,
+    };
+}
+
+impl Default for Counters {
+    fn default() -> Self {
+        Self::NONE
+    }
 }
 
 /// Sums over the innovations of each wrench channel, unwhitened and filtered: N, N m. Rows that a knock has spoilt count
@@ -94,6 +119,8 @@ pub struct ChannelStatistics<T: Scalar> {
 }
 
 impl<T: Scalar> ChannelStatistics<T> {
+    const NONE: Self = Self { squares: [T::ZERO; 6], lag_one: [T::ZERO; 6], count: 0, last: [T::ZERO; 6] };
+
     fn add(&mut self, innovation: [T; 6]) {
         for (((square, lag), last), e) in
             self.squares.iter_mut().zip(&mut self.lag_one).zip(&mut self.last).zip(innovation)
@@ -112,13 +139,29 @@ impl<T: Scalar> ChannelStatistics<T> {
     }
 }
 
-/// The estimator of `N` parameters: 10, or 16 with the wrench offset. `TAPS` is the room for the filter.
+/// The estimator of one body's `N` parameters: 10, or 16 with the wrench offset. `TAPS` is the room for the filter.
+pub type Estimator<T, const N: usize, const TAPS: usize> =
+    Pipeline<T, OneBody<T>, N, SIGNALS, { SIGNALS - SMOOTHED }, TAPS>;
+
+/// The estimator of two links' `N` parameters: 19, or 25 with the wrench offset.
+pub type TwoLinkEstimator<T, const N: usize, const TAPS: usize> =
+    Pipeline<T, TwoLinks<T>, N, { two_links::SIGNALS }, { two_links::DIFFERENTIATED }, TAPS>;
+
+/// The estimator of `N` parameters from the rows that `M` makes of readings, by way of `S` signals of which the last `D`
+/// are differentiated. `TAPS` is the room for the filter.
 #[derive(Clone, Copy, Debug)]
-pub struct Estimator<T: Scalar, const N: usize, const TAPS: usize> {
+pub struct Pipeline<
+    T: Scalar,
+    M: Model<T, N, S>,
+    const N: usize,
+    const S: usize,
+    const D: usize,
+    const TAPS: usize,
+> {
     config: EstimatorConfig<T>,
-    screen: Screen<T>,
-    conditioner: Conditioner<T, TAPS>,
-    cascade: BodyCascade<T, N>,
+    model: M,
+    conditioner: Conditioner<T, S, D, TAPS>,
+    store: M::Store,
     gathering: Gathering<T, N>,
     memory: Option<Plan<T, N>>,
     /// A segment that is not yet in the memory is in the gathering.
@@ -133,7 +176,7 @@ pub struct Estimator<T: Scalar, const N: usize, const TAPS: usize> {
     statistics: ChannelStatistics<T>,
     /// The factor on each row of the last block beside its weight.
     last_factors: [T; 6],
-    last_signals: Option<[T; SIGNALS]>,
+    last_signals: Option<[T; S]>,
 }
 
 impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
@@ -143,41 +186,84 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
     /// [`ConfigError`] says which setting is impossible.
     pub fn new(config: &EstimatorConfig<T>) -> Result<Self, ConfigError> {
         const { assert!(N == 10 || N == 16, "ten parameters, or sixteen with the offset") }
+        let mut estimator = Self::UNUSED;
+        estimator.set_up(config, &OneBody::NEW)?;
+        Ok(estimator)
+    }
+
+    /// The row block absorbed last, not whitened.
+    pub fn last_block(&self) -> Option<RegressorBlock<T>> {
+        self.last_signals.map(|signals| regressor::block(&signals, &self.config.mounting.position))
+    }
+}
+
+impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usize, const TAPS: usize>
+    Pipeline<T, M, N, S, D, TAPS>
+{
+    /// Not yet set up: [`Self::set_up`] must follow.
+    pub const UNUSED: Self = Self {
+        config: EstimatorConfig {
+            rate_hz: T::ZERO,
+            filter_width_s: T::ZERO,
+            row_every: 1,
+            channel_sigma: [T::ONE; 6],
+            known_offset: [T::ZERO; 6],
+            mounting: ImuMounting::PERFECT,
+            limits: Limits::ZERO,
+        },
+        model: M::UNUSED,
+        conditioner: Conditioner::UNUSED,
+        store: M::Store::EMPTY,
+        gathering: Gathering::EMPTY,
+        memory: None,
+        segment_waits: false,
+        weights: [T::ZERO; 6],
+        period_ns: 0,
+        last_time_ns: None,
+        counters: Counters::NONE,
+        reference: None,
+        watch: Watch::UNUSED,
+        statistics: ChannelStatistics::NONE,
+        last_factors: [T::ONE; 6],
+        last_signals: None,
+    };
+
+    /// Makes it an estimator that has seen nothing, where it stands: the fewer copies of it a stack has to hold the
+    /// better. On an error it is of no use.
+    ///
+    /// # Errors
+    /// [`ConfigError`] says which setting is impossible.
+    pub fn set_up(&mut self, config: &EstimatorConfig<T>, model: &M) -> Result<(), ConfigError> {
         for (channel, sigma) in config.channel_sigma.iter().enumerate() {
             if !sigma.is_finite() || *sigma <= T::ZERO {
                 return Err(ConfigError::Sigma(channel as u8));
             }
         }
-        let conditioner = Conditioner::new(config.rate_hz, config.filter_width_s, config.row_every)
+        self.conditioner
+            .set_up(config.rate_hz, config.filter_width_s, config.row_every)
             .map_err(ConfigError::Kernel)?;
         let root = T::from_u32(u32::from(config.row_every)).sqrt();
-        Ok(Self {
-            config: *config,
-            screen: Screen::new(config.limits),
-            watch: Watch::new(&config.channel_sigma, conditioner.kernel().noise_gain()),
-            conditioner,
-            cascade: BodyCascade::new(),
-            gathering: Gathering::default(),
-            memory: None,
-            segment_waits: false,
-            weights: config.channel_sigma.map(|sigma| root / sigma),
-            period_ns: period_ns(config.rate_hz, config.filter_width_s),
-            last_time_ns: None,
-            counters: Counters::default(),
-            reference: None,
-            statistics: ChannelStatistics::default(),
-            last_factors: [T::ONE; 6],
-            last_signals: None,
-        })
+        self.config = *config;
+        self.model = *model;
+        self.watch = Watch::new(&config.channel_sigma, self.conditioner.kernel().noise_gain());
+        self.weights = config.channel_sigma.map(|sigma| root / sigma);
+        self.period_ns = period_ns(config.rate_hz, config.filter_width_s);
+        self.memory = None;
+        self.reset();
+        Ok(())
     }
 
     /// Remembers as this says instead of everything, and starts anew. [`Self::remember`] must then be called after
     /// every reading, or soon after: it is not done within one, as it takes some hundred thousand operations.
     ///
     /// # Errors
-    /// [`ConfigError::Memory`]: a span shorter than the filter or not finite, or rows without time. Nothing changes.
+    /// [`ConfigError::Memory`]: a span shorter than the filter or not finite, rows without time, or rows that only a
+    /// store of everything takes. Nothing changes.
     #[inline(never)]
     pub fn set_memory(&mut self, config: &MemoryConfig<T>) -> Result<(), ConfigError> {
+        if !M::Store::FORGETS {
+            return Err(ConfigError::Memory);
+        }
         self.memory = Some(self.plan(config).ok_or(ConfigError::Memory)?);
         self.reset();
         Ok(())
@@ -203,6 +289,11 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
         )
     }
 
+    /// What makes the rows.
+    pub fn model(&self) -> &M {
+        &self.model
+    }
+
     /// The configuration.
     pub fn config(&self) -> &EstimatorConfig<T> {
         &self.config
@@ -210,14 +301,16 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
 
     /// Takes one reading through the whole pipeline.
     #[inline]
-    pub fn absorb(&mut self, reading: &Reading<T>) -> Outcome {
+    pub fn absorb(&mut self, reading: &M::Reading) -> Outcome {
         self.counters.readings = self.counters.readings.saturating_add(1);
-        if let Err(rejection) = self.screen.check(reading) {
+        if let Err(rejection) = self.model.screen(reading) {
             self.reject(rejection);
             return Outcome::Rejected(rejection);
         }
-        self.look_for_gap(reading.time_ns);
-        match self.condition(reading) {
+        self.look_for_gap(M::time_ns(reading));
+        let signals = self.model.signals(&self.config, reading);
+        let rows = self.conditioner.push(&signals).and_then(|y| self.model.rows(&self.config, &y));
+        match rows {
             Some(signals) => {
                 self.absorb_signals(&signals);
                 Outcome::Absorbed
@@ -253,25 +346,14 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
         self.last_time_ns = Some(time_ns);
     }
 
-    /// Filters a reading; the regressor block, not whitened, whenever one is complete.
-    #[inline]
-    fn condition(&mut self, reading: &Reading<T>) -> Option<[T; SIGNALS]> {
-        self.conditioner.push(&self.config.mounting.signals(reading))
-    }
-
-    /// Absorbs a row block, made of conditioned signals in the IMU's axes.
-    fn absorb_signals(&mut self, conditioned: &[T; SIGNALS]) {
-        let mut signals = self.config.mounting.mounted(conditioned);
-        for (w, offset) in signals.iter_mut().skip(regressor::WRENCH).zip(self.config.known_offset) {
-            *w -= offset;
-        }
-        let signals = &signals;
-        let lever_arm = &self.config.mounting.position;
+    /// Absorbs a row block, made of conditioned signals in the axes of S.
+    fn absorb_signals(&mut self, signals: &[T; S]) {
         let mut weights = self.weights;
         if let Some(reference) = &self.reference {
-            let block = regressor::block(signals, lever_arm);
-            let mut innovation = residual(&block, &reference.parameters);
-            self.last_factors = self.watch.factors(reference, &block, &innovation, &self.statistics);
+            let mut innovation = M::residual(&self.config, &self.model, signals, &reference.parameters);
+            let sd = &reference.standard_deviation;
+            let spread = |c: usize| M::spread(&self.config, &self.model, signals, sd, c);
+            self.last_factors = self.watch.factors(reference, spread, &innovation, &self.statistics);
             for ((e, weight), (factor, knocks)) in innovation
                 .iter_mut()
                 .zip(&mut weights)
@@ -283,10 +365,10 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
             }
             self.statistics.add(innovation);
         }
-        self.cascade.absorb(signals, lever_arm, &weights);
+        M::absorb(&self.config, &self.model, signals, &weights, &mut self.store);
         self.last_signals = Some(*signals);
         self.counters.blocks = self.counters.blocks.saturating_add(1);
-        if self.cascade.segment_is_complete() {
+        if self.store.segment_is_complete() {
             self.close_segment();
         }
     }
@@ -296,7 +378,7 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
     #[inline(never)]
     fn close_segment(&mut self) {
         if !self.segment_waits {
-            self.cascade.take_segment(&mut self.gathering.whole);
+            self.store.take_segment(&mut self.gathering.whole);
             self.segment_waits = true;
         }
     }
@@ -304,7 +386,7 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
     /// One factor of everything absorbed, or of what is remembered of it. `(RᵀR)⁻¹` is the covariance for the σ of the
     /// configuration.
     pub fn factor(&self) -> InformationFactor<T, N> {
-        let mut whole = self.cascade.factor();
+        let mut whole = self.store.factor();
         if self.segment_waits {
             whole.merge(&self.gathering.whole);
         }
@@ -313,7 +395,7 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
 
     /// Whether not everything is kept, [`Self::set_memory`].
     pub fn remembers(&self) -> bool {
-        self.cascade.remembers()
+        self.store.remembers()
     }
 
     /// Row blocks in a segment of the memory, if there is one.
@@ -334,7 +416,7 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
         if !core::mem::take(&mut self.segment_waits) {
             return None;
         }
-        let memory = self.cascade.memory()?;
+        let memory = self.store.memory()?;
         memory.take(&self.gathering.whole);
         let whole = memory.factor();
         let standard_deviation = whole.standard_deviations();
@@ -363,7 +445,7 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
     /// everything is kept it is [`Self::remember`] that looks.
     #[inline(never)]
     pub fn look(&mut self, knock_limit: T) -> Option<[T; N]> {
-        if self.remembers() || !self.cascade.gather(&mut self.gathering) {
+        if self.remembers() || !self.store.gather(&mut self.gathering) {
             return None;
         }
         let whole = &self.gathering.whole;
@@ -398,11 +480,6 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
         T::from_u32(u32::from(self.config.row_every)) * self.conditioner.kernel().noise_gain()
     }
 
-    /// The row block absorbed last, not whitened.
-    pub fn last_block(&self) -> Option<RegressorBlock<T>> {
-        self.last_signals.map(|signals| regressor::block(&signals, &self.config.mounting.position))
-    }
-
     /// Readings under the filter.
     pub fn span(&self) -> usize {
         self.conditioner.span()
@@ -415,20 +492,20 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
 
     /// Starts anew with the same configuration.
     pub fn reset(&mut self) {
-        self.screen = Screen::new(self.config.limits);
+        self.model.restart(&self.config);
         self.conditioner.reset();
-        match &self.memory {
-            Some(plan) => self.cascade.set_memory(plan),
-            None => self.cascade = BodyCascade::new(),
+        self.store = M::Store::EMPTY;
+        if let Some(plan) = &self.memory {
+            self.store.set_memory(plan);
         }
         self.segment_waits = false;
-        self.gathering = Gathering::default();
+        self.gathering = Gathering::EMPTY;
         self.last_time_ns = None;
-        self.counters = Counters::default();
+        self.counters = Counters::NONE;
         self.reference = None;
         self.watch.reset();
         self.last_factors = [T::ONE; 6];
-        self.statistics = ChannelStatistics::default();
+        self.statistics = ChannelStatistics::NONE;
         self.last_signals = None;
     }
 }

@@ -65,9 +65,15 @@ pub trait Scalar:
     fn is_finite(self) -> bool;
     /// Absolute value.
     fn abs(self) -> Self;
+    /// 32 bits that are others whenever the number is another single.
+    #[doc(hidden)]
+    fn trace_bits(self) -> u32;
     /// Reduces six rows into a triangle; see [`crate::factor`]. The target has a kernel of its own for it.
     #[doc(hidden)]
     fn reduce(triangle: &mut [Self], stride: usize, columns: &mut [Column<Self>]) -> Self;
+    /// Reduces rows into a packed triangle; see [`crate::factor::PackedFactor`].
+    #[doc(hidden)]
+    fn reduce_packed(triangle: &mut [Self], columns: &mut [Column<Self>]) -> Self;
     /// The larger of two; `self` if either is NaN.
     fn max(self, other: Self) -> Self {
         if other > self { other } else { self }
@@ -75,7 +81,7 @@ pub trait Scalar:
 }
 
 macro_rules! scalar {
-    ($t:ty, $tiny:expr, $sqrt:path, $reduce:path) => {
+    ($t:ty, $tiny:expr, $sqrt:path, $reduce:path, $reduce_packed:path) => {
         impl Scalar for $t {
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
@@ -89,6 +95,10 @@ macro_rules! scalar {
             #[inline(always)]
             fn reduce(triangle: &mut [Self], stride: usize, columns: &mut [Column<Self>]) -> Self {
                 $reduce(triangle, stride, columns)
+            }
+            #[inline(always)]
+            fn reduce_packed(triangle: &mut [Self], columns: &mut [Column<Self>]) -> Self {
+                $reduce_packed(triangle, columns)
             }
             #[inline(always)]
             fn from_f64_const(value: f64) -> Self {
@@ -114,14 +124,18 @@ macro_rules! scalar {
             fn abs(self) -> Self {
                 <$t>::abs(self)
             }
+            #[inline(always)]
+            fn trace_bits(self) -> u32 {
+                (self as f32).to_bits()
+            }
         }
     };
 }
 #[cfg(all(target_arch = "arm", target_os = "none"))]
-scalar!(f32, 1e-18, square_root::single, factor::reduce_on_core);
+scalar!(f32, 1e-18, square_root::single, factor::reduce_on_core, factor::reduce_packed_on_core);
 #[cfg(not(all(target_arch = "arm", target_os = "none")))]
-scalar!(f32, 1e-18, square_root::single, factor::reduce);
-scalar!(f64, 1e-150, square_root::double, factor::reduce);
+scalar!(f32, 1e-18, square_root::single, factor::reduce, factor::reduce_packed);
+scalar!(f64, 1e-150, square_root::double, factor::reduce, factor::reduce_packed);
 
 /// `core` has no stable square root. Hosts have one in `std`; the Cortex-M4F has one instruction for `f32`,
 /// which no stable intrinsic reaches, so a two-instruction function is given in assembly. `libm::sqrtf`

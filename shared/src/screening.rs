@@ -7,11 +7,17 @@
 use crate::Scalar;
 use crate::calibration::Reading;
 
-/// Channels of a reading: wrench (6), specific force (3), angular rate (3).
+/// Channels of one body's reading: wrench (6), specific force (3), angular rate (3).
 pub const CHANNELS: usize = 12;
+/// Those of two links' reading: a second IMU's specific force and rate come after them.
+pub const TWO_LINK_CHANNELS: usize = 18;
+/// The attitude of a joint, which is looked at as a whole.
+pub const ATTITUDE_CHANNEL: u8 = 18;
+/// All there are.
+pub const ALL_CHANNELS: usize = 19;
 
-/// Their names, as in a recording.
-pub const CHANNEL_NAMES: [&str; CHANNELS] = [
+/// Their names, as in a recording; an attitude's is its first component's.
+pub const CHANNEL_NAMES: [&str; ALL_CHANNELS] = [
     "fx_n",
     "fy_n",
     "fz_n",
@@ -24,10 +30,17 @@ pub const CHANNEL_NAMES: [&str; CHANNELS] = [
     "imu_gx_radps",
     "imu_gy_radps",
     "imu_gz_radps",
+    "imu1_ax_mps2",
+    "imu1_ay_mps2",
+    "imu1_az_mps2",
+    "imu1_gx_radps",
+    "imu1_gy_radps",
+    "imu1_gz_radps",
+    "q1_w",
 ];
 
-/// First and one-past-last channel of the four groups: force, moment, specific force, angular rate.
-const GROUPS: [(usize, usize); 4] = [(0, 3), (3, 6), (6, 9), (9, 12)];
+/// Channels come in groups: force, moment, specific force, angular rate, and so on.
+const GROUP: usize = 3;
 
 /// What the sensors can show.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,6 +62,10 @@ impl<T: Scalar> Limits<T> {
         let huge = T::ONE / T::TINY_SQUARE;
         Self { wrench: [huge; 6], specific_force: huge, angular_rate: huge, frozen_after: 0 }
     }
+
+    /// Of nothing.
+    pub(crate) const ZERO: Self =
+        Self { wrench: [T::ZERO; 6], specific_force: T::ZERO, angular_rate: T::ZERO, frozen_after: 0 };
 }
 
 /// Why a reading was rejected; the channel is an index into [`CHANNEL_NAMES`].
@@ -62,20 +79,21 @@ pub enum Rejection {
     Frozen(u8),
 }
 
-/// Looks at readings one after the other.
+/// Looks at readings of `C` channels one after the other.
 #[derive(Clone, Copy, Debug)]
-pub struct Screen<T: Scalar> {
+pub struct Screen<T: Scalar, const C: usize = CHANNELS> {
     /// At this and beyond a channel is saturated: its range to within 0.1 %.
-    highest: [T; CHANNELS],
+    highest: [T; C],
     frozen_after: u16,
-    last: [T; CHANNELS],
+    last: [T; C],
     seen: bool,
     /// How many readings in a row each channel has repeated itself.
-    equal: [u16; CHANNELS],
+    equal: [u16; C],
     /// Whether all of these are zero.
     none_equal: bool,
     /// How many readings in a row some channel of each group has changed, without the last `clean` ones.
-    moving: [u16; GROUPS.len()],
+    /// There are fewer groups than channels.
+    moving: [u16; C],
     /// Readings in a row in which every channel has changed, none having repeated itself before.
     clean: u16,
 }
@@ -85,28 +103,43 @@ impl<T: Scalar> Screen<T> {
     pub fn new(limits: Limits<T>) -> Self {
         let (a, g) = (limits.specific_force, limits.angular_rate);
         let [w0, w1, w2, w3, w4, w5] = limits.wrench;
-        Self {
-            highest: [w0, w1, w2, w3, w4, w5, a, a, a, g, g, g].map(|range| T::from_f32(0.999) * range),
-            frozen_after: limits.frozen_after,
-            last: [T::ZERO; CHANNELS],
-            seen: false,
-            equal: [0; CHANNELS],
-            none_equal: true,
-            moving: [0; GROUPS.len()],
-            clean: 0,
-        }
+        Self::of_ranges(&[w0, w1, w2, w3, w4, w5, a, a, a, g, g, g], limits.frozen_after)
     }
 
-    /// Why the reading may not be used, if so.
-    ///
-    /// A saturated channel touches its range to within 0.1 %. A channel that is exactly zero is only frozen
-    /// together with its whole group: an axis may well be at rest.
+    /// Why the reading may not be used, if so; see [`Screen::check_values`].
     #[inline]
     pub fn check(&mut self, reading: &Reading<T>) -> Result<(), Rejection> {
         let [fx, fy, fz, mx, my, mz] = reading.wrench.array();
         let [ax, ay, az] = reading.specific_force.array();
         let [gx, gy, gz] = reading.angular_rate.array();
-        let values = [fx, fy, fz, mx, my, mz, ax, ay, az, gx, gy, gz];
+        self.check_values([fx, fy, fz, mx, my, mz, ax, ay, az, gx, gy, gz])
+    }
+}
+
+impl<T: Scalar, const C: usize> Screen<T, C> {
+    /// Lets nothing pass that is not zero: [`Self::of_ranges`] must take its place.
+    pub const UNUSED: Self = Self {
+        highest: [T::ZERO; C],
+        frozen_after: 0,
+        last: [T::ZERO; C],
+        seen: false,
+        equal: [0; C],
+        none_equal: true,
+        moving: [0; C],
+        clean: 0,
+    };
+
+    /// A screen that has seen nothing, of channels with these ranges.
+    pub fn of_ranges(ranges: &[T; C], frozen_after: u16) -> Self {
+        Self { highest: ranges.map(|range| T::from_f32(0.999) * range), frozen_after, ..Self::UNUSED }
+    }
+
+    /// Why the values may not be used, if so.
+    ///
+    /// A saturated channel touches its range to within 0.1 %. A channel that is exactly zero is only frozen
+    /// together with its whole group: an axis may well be at rest.
+    #[inline]
+    pub fn check_values(&mut self, values: [T; C]) -> Result<(), Rejection> {
         // Most readings are within all ranges and repeat nothing.
         let mut ordinary = self.seen && self.none_equal;
         for ((value, highest), last) in values.iter().zip(&self.highest).zip(&self.last) {
@@ -127,7 +160,7 @@ impl<T: Scalar> Screen<T> {
 
     #[cold]
     #[inline(never)]
-    fn judge(&mut self, values: &[T; CHANNELS]) -> Result<(), Rejection> {
+    fn judge(&mut self, values: &[T; C]) -> Result<(), Rejection> {
         let mut verdict = Ok(());
         for (channel, (value, highest)) in values.iter().zip(self.highest).enumerate() {
             if !value.is_finite() {
@@ -137,7 +170,7 @@ impl<T: Scalar> Screen<T> {
                 verdict = Err(Rejection::Saturated(channel as u8));
             }
         }
-        for moving in &mut self.moving {
+        for moving in self.moving.iter_mut().take(C.div_ceil(GROUP)) {
             *moving = moving.saturating_add(self.clean);
         }
         self.clean = 0;
@@ -147,8 +180,8 @@ impl<T: Scalar> Screen<T> {
                 *equal = if last == *value { equal.saturating_add(1) } else { 0 };
             }
             self.none_equal = self.equal.iter().all(|e| *e == 0);
-            for (moving, (first, end)) in self.moving.iter_mut().zip(GROUPS) {
-                let moved = self.equal.get(first..end).is_some_and(|group| group.contains(&0));
+            for (moving, group) in self.moving.iter_mut().zip(self.equal.chunks(GROUP)) {
+                let moved = group.contains(&0);
                 *moving = if moved { moving.saturating_add(1) } else { 0 };
             }
         }
@@ -156,19 +189,19 @@ impl<T: Scalar> Screen<T> {
         self.frozen(values).map_or(Ok(()), |channel| Err(Rejection::Frozen(channel)))
     }
 
-    fn frozen(&self, values: &[T; CHANNELS]) -> Option<u8> {
+    fn frozen(&self, values: &[T; C]) -> Option<u8> {
         let after = self.frozen_after;
         if after == 0 || self.equal.iter().all(|e| *e < after) {
             return None;
         }
         let others_move = self.moving.iter().any(|m| *m >= after);
-        for ((first, end), moving) in GROUPS.into_iter().zip(self.moving) {
-            let group = self.equal.get(first..end)?;
+        let groups = self.equal.chunks(GROUP).zip(values.chunks(GROUP));
+        for (k, ((group, values), moving)) in groups.zip(self.moving).enumerate() {
             let together = others_move && group.iter().all(|e| *e >= after);
-            for (offset, (equal, value)) in group.iter().zip(values.get(first..end)?).enumerate() {
+            for (offset, (equal, value)) in group.iter().zip(values).enumerate() {
                 let alone = moving >= after && *value != T::ZERO;
                 if *equal >= after && (alone || together) {
-                    return Some((first + offset) as u8);
+                    return Some((GROUP * k + offset) as u8);
                 }
             }
         }

@@ -69,7 +69,7 @@ macro_rules! quantity {
         impl<F: Frame, T: Scalar> $name<F, T> {
             /// From components along the frame's axes.
             #[inline(always)]
-            pub fn new(x: T, y: T, z: T) -> Self {
+            pub const fn new(x: T, y: T, z: T) -> Self {
                 Self(Vector3::new(x, y, z), PhantomData)
             }
             /// From components along the frame's axes. The caller vouches for the frame.
@@ -80,7 +80,7 @@ macro_rules! quantity {
             }
             /// The zero vector.
             #[inline(always)]
-            pub fn zero() -> Self {
+            pub const fn zero() -> Self {
                 Self::new(T::ZERO, T::ZERO, T::ZERO)
             }
             /// Components along the frame's axes.
@@ -199,7 +199,7 @@ pub struct Rotation<To: Frame, From: Frame, T: Scalar> {
 impl<To: Frame, From: Frame, T: Scalar> Rotation<To, From, T> {
     /// The rotation of two frames with the same axes.
     #[inline(always)]
-    pub fn identity() -> Self {
+    pub const fn identity() -> Self {
         let (o, l) = (T::ZERO, T::ONE);
         Self { matrix: Matrix3::new(l, o, o, o, l, o, o, o, l), frames: PhantomData }
     }

@@ -11,7 +11,6 @@
 
 use super::ChannelStatistics;
 use crate::Scalar;
-use crate::regressor::RegressorBlock;
 
 /// Row blocks that a knock lasts at most: half a second at a hundred blocks a second.
 pub const LONGEST: u16 = 50;
@@ -29,17 +28,6 @@ pub struct Reference<T: Scalar, const N: usize> {
     pub knock_limit: T,
 }
 
-impl<T: Scalar, const N: usize> Reference<T, N> {
-    /// `Σ_j |a_j| sd_j` of channel c.
-    fn spread(&self, block: &RegressorBlock<T>, c: usize) -> T {
-        let mut sum = T::ZERO;
-        for (column, sd) in block.columns.iter().zip(&self.standard_deviation) {
-            sum += column.get(c).map_or(T::ZERO, |a| a.abs()) * *sd;
-        }
-        sum + self.standard_deviation.get(10 + c).copied().unwrap_or(T::ZERO)
-    }
-}
-
 /// Watches every channel.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Watch<T: Scalar> {
@@ -50,6 +38,8 @@ pub(super) struct Watch<T: Scalar> {
 }
 
 impl<T: Scalar> Watch<T> {
+    pub(super) const UNUSED: Self = Self { variance: [T::ZERO; 6], lasting: [0; 6] };
+
     pub(super) fn new(channel_sigma: &[T; 6], noise_gain: T) -> Self {
         Self { variance: channel_sigma.map(|sigma| sigma * sigma * noise_gain), lasting: [0; 6] }
     }
@@ -58,11 +48,12 @@ impl<T: Scalar> Watch<T> {
         self.lasting = [0; 6];
     }
 
-    /// The factor on each row of the block, 1 for all but those that a knock has spoilt.
+    /// The factor on each row of the block, 1 for all but those that a knock has spoilt. `spread` gives
+    /// `Σ_j |a_j| sd_j` of a channel.
     pub(super) fn factors<const N: usize>(
         &mut self,
         reference: &Reference<T, N>,
-        block: &RegressorBlock<T>,
+        spread: impl Fn(usize) -> T,
         innovation: &[T; 6],
         before: &ChannelStatistics<T>,
     ) -> [T; 6] {
@@ -80,7 +71,7 @@ impl<T: Scalar> Watch<T> {
             let size = e.abs();
             // Most rows need neither root nor bound.
             let beyond = size * size > k * k * variance && {
-                let limit = k * (reference.spread(block, c) + variance.sqrt());
+                let limit = k * (spread(c) + variance.sqrt());
                 let beyond = size > limit;
                 if beyond && *lasting < LONGEST {
                     *factor = limit / size;

@@ -1,6 +1,7 @@
 use nalgebra::Vector3;
 
 use super::*;
+use crate::calibration::Reading;
 use crate::forgetting::ImuNoise;
 use crate::inertia::{InertialParameters, tensor_from_elements};
 use crate::random::Random;

@@ -336,11 +336,16 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
 pub struct Gathering<T: Scalar, const N: usize> {
     /// The factor, once complete.
     pub whole: InformationFactor<T, N>,
-    step: u8,
+    pub(super) step: u8,
+}
+
+impl<T: Scalar, const N: usize> Gathering<T, N> {
+    /// Of nothing.
+    pub const EMPTY: Self = Self { whole: InformationFactor::EMPTY, step: 0 };
 }
 
 impl<T: Scalar, const N: usize> Default for Gathering<T, N> {
     fn default() -> Self {
-        Self { whole: InformationFactor::EMPTY, step: 0 }
+        Self::EMPTY
     }
 }

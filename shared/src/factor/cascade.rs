@@ -1,4 +1,4 @@
-use super::{BLOCK_ROWS, Block, InformationFactor};
+use super::{BLOCK_ROWS, Block, Gathering, InformationFactor};
 use crate::Scalar;
 
 /// A level is merged into the next after this many blocks or merges.
@@ -154,5 +154,23 @@ impl<T: Scalar, const N: usize, const UPPER: usize> Cascade<T, N, UPPER> {
             whole.rows = whole.rows.saturating_add(self.rows_waiting as u32);
         }
         whole
+    }
+
+    /// Does one step towards a factor of everything absorbed; see [`super::BodyCascade::gather`]. Rows that wait for a block
+    /// are left out.
+    pub fn gather(&self, gathering: &mut Gathering<T, N>) -> bool {
+        let Gathering { whole, step } = gathering;
+        let k = usize::from(*step);
+        if k == 0 {
+            *whole = InformationFactor::EMPTY;
+        } else if k <= UPPER {
+            // Highest first: what moves up meanwhile is left out, never counted twice.
+            self.upper.merge_into(UPPER - k, whole);
+        } else if k == UPPER + 1 {
+            whole.merge(&self.absorbing);
+        }
+        let done = k > UPPER;
+        *step = if done { 0 } else { *step + 1 };
+        done
     }
 }

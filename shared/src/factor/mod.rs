@@ -12,18 +12,20 @@ mod body;
 mod cascade;
 mod jacobi;
 mod marginal;
+mod packed;
 mod reflection;
 mod solution;
 
 pub use body::{BodyCascade, Gathering};
 pub use cascade::Cascade;
+pub use packed::{PackedFactor, packed_entries};
 pub use reflection::{BLOCK_ROWS, Column};
 pub use solution::{Solution, condition_number};
 
 pub(crate) use jacobi::{Jacobi, dot};
-pub(crate) use reflection::reduce;
+pub(crate) use reflection::{reduce, reduce_packed};
 #[cfg(all(target_arch = "arm", target_os = "none"))]
-pub(crate) use reflection::reduce_on_core;
+pub(crate) use reflection::{reduce_on_core, reduce_packed_on_core};
 
 use crate::Scalar;
 

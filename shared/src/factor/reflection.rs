@@ -62,25 +62,46 @@ fn dot<T: Scalar>(a: &[T; BLOCK_ROWS], b: &[T; BLOCK_ROWS], from: T) -> T {
 /// what is left in the right-hand side. The columns are used up.
 #[inline]
 pub(crate) fn reduce<T: Scalar>(triangle: &mut [T], stride: usize, columns: &mut [Column<T>]) -> T {
-    let pivots = columns.len().saturating_sub(1);
     for (j, entries) in triangle.chunks_mut(stride.max(1)).enumerate().take(columns.len()) {
-        let Some((earlier, rest)) = columns.split_at_mut_checked(j) else { break };
-        let Some(column) = rest.first_mut() else { break };
-        let mut c = column.rows;
-        let mut entries = entries.iter_mut();
-        for (Column { rows: y, k }, entry) in earlier.iter().zip(&mut entries) {
-            let u = dot(y, &c, *entry) * *k;
-            *entry += u;
-            for (c, y) in c.iter_mut().zip(y) {
-                *c -= *y * u;
-            }
-        }
-        *column = match entries.next() {
-            Some(r) if j < pivots => reflection(&c, r),
-            _ => Column { rows: c, k: T::ZERO },
-        };
+        reduce_column(entries, j, columns);
     }
     columns.last().map_or(T::ZERO, |Column { rows, .. }| dot(rows, rows, T::ZERO))
+}
+
+/// The same into a packed triangle: column j of `[R z]` starts at `j (j + 1) / 2`.
+#[inline]
+pub(crate) fn reduce_packed<T: Scalar>(triangle: &mut [T], columns: &mut [Column<T>]) -> T {
+    let mut rest = triangle;
+    for j in 0..columns.len() {
+        // The right-hand side has no diagonal, so it may be one shorter.
+        let end = rest.len().min(j + 1);
+        let Some((entries, later)) = core::mem::take(&mut rest).split_at_mut_checked(end) else { break };
+        reduce_column(entries, j, columns);
+        rest = later;
+    }
+    columns.last().map_or(T::ZERO, |Column { rows, .. }| dot(rows, rows, T::ZERO))
+}
+
+/// Applies the reflections of the earlier columns to column j and its entries, and makes its own, unless it is the
+/// last.
+#[inline(always)]
+fn reduce_column<T: Scalar>(entries: &mut [T], j: usize, columns: &mut [Column<T>]) {
+    let pivots = columns.len().saturating_sub(1);
+    let Some((earlier, rest)) = columns.split_at_mut_checked(j) else { return };
+    let Some(column) = rest.first_mut() else { return };
+    let mut c = column.rows;
+    let mut entries = entries.iter_mut();
+    for (Column { rows: y, k }, entry) in earlier.iter().zip(&mut entries) {
+        let u = dot(y, &c, *entry) * *k;
+        *entry += u;
+        for (c, y) in c.iter_mut().zip(y) {
+            *c -= *y * u;
+        }
+    }
+    *column = match entries.next() {
+        Some(r) if j < pivots => reflection(&c, r),
+        _ => Column { rows: c, k: T::ZERO },
+    };
 }
 
 /// y and k of the column `x`; `r` becomes r′. A column of (near) zeros reflects nothing. With one division: the
@@ -133,6 +154,26 @@ pub(crate) fn reduce_on_core(triangle: &mut [f32], stride: usize, columns: &mut 
             rigident_reduce(r_z, 4 * stride, pivots, columns)
         }
     }
+}
+
+/// [`reduce_packed`] by the kernel of the reference core.
+#[cfg(all(target_arch = "arm", target_os = "none"))]
+pub(crate) fn reduce_packed_on_core(triangle: &mut [f32], columns: &mut [Column<f32>]) -> f32 {
+    unsafe extern "C" {
+        fn rigident_reduce_packed(
+            r_z: *mut f32,
+            first_stride_bytes: usize,
+            pivots: usize,
+            columns: *mut Column<f32>,
+        ) -> f32;
+    }
+    let pivots = columns.len().saturating_sub(1);
+    if pivots == 0 || triangle.len() < pivots * (pivots + 1) / 2 + pivots {
+        return 0.0;
+    }
+    // SAFETY: as above; column j starts at j (j + 1) / 2, the right-hand side's after all others, and the slice holds
+    // its `pivots` numbers, as was just checked.
+    unsafe { rigident_reduce_packed(triangle.as_mut_ptr(), 4, pivots, columns.as_mut_ptr()) }
 }
 
 #[cfg(all(target_arch = "arm", target_os = "none"))]

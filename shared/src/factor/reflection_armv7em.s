@@ -75,7 +75,7 @@
     vsub.f32 s27, s27, s29
 .endm
 
-.macro reduction name, short
+.macro reduction name, short, packed
 .section .text.\name,"ax",%progbits
 .global \name
 .type \name,%function
@@ -107,6 +107,9 @@
     vmul.f32 s29, s30, s30
     vadd.f32 s28, s14, s15
     add r0, r1
+.if \packed
+    adds r1, #4             @ the next column is one longer
+.endif
     vmov r6, s28
     vadd.f32 s29, s29, s28
     cmp r6, r9
@@ -163,5 +166,6 @@
 .size \name, . - \name
 .endm
 
-reduction rigident_reduce, 0
-reduction rigident_reduce_large, 1
+reduction rigident_reduce, 0, 0
+reduction rigident_reduce_large, 1, 0
+reduction rigident_reduce_packed, 1, 1

@@ -79,7 +79,7 @@ impl<T: Scalar> Rows<T> {
 
 /// What is remembered of all segments so far.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Memory<T: Scalar, const N: usize> {
+pub struct Memory<T: Scalar, const N: usize> {
     kept: Kept<T, N>,
     block_s: T,
 }
@@ -93,7 +93,7 @@ enum Kept<T: Scalar, const N: usize> {
 
 /// What follows from a configuration.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Plan<T: Scalar, const N: usize> {
+pub struct Plan<T: Scalar, const N: usize> {
     span: Span<T>,
     noise: [T; N],
     independence: T,

@@ -10,6 +10,7 @@
 //! parameter k of φ of link i, in that link's own frame. Only the base's specific force, rate and angular acceleration
 //! enter, all of them what an ideal IMU at S reads: gravity is in the first, no attitude is needed.
 
+pub mod base;
 pub mod joint;
 pub mod momentum;
 pub mod motion;

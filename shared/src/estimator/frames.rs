@@ -1,0 +1,453 @@
+//! Trees of links from streamed frames: who streams knows how every link moves, and the wrench on the base.
+//!
+//! A frame brings attitude, rate and angular acceleration of every link, so nothing is filtered here; two frames are a
+//! block of twelve rows. There is room for one level of a factor of up to 128 parameters, so it is handed to the host
+//! row by row ([`PackedFactor`]) and merged there; at the latest after [`LEVEL_FRAMES`] nothing more is taken in.
+
+use nalgebra::Vector3;
+
+use crate::Scalar;
+use crate::factor::{BLOCK_ROWS, Column, PackedFactor, packed_entries};
+use crate::screening::{Rejection, Screen};
+use crate::spatial::{Imu, Rotation};
+use crate::tree::base::{FIRST_LINK, TurningJoint, kept_columns};
+use crate::tree::{LinkState, rows};
+
+/// Links at most.
+pub const LINKS: usize = 16;
+/// Base parameters at most.
+pub const PARAMETERS: usize = 128;
+const ENTRIES: usize = packed_entries(PARAMETERS);
+/// Beyond so many frames single precision loses digits of one level.
+pub const LEVEL_FRAMES: u32 = 100_000;
+
+/// A level of the factor of a tree.
+pub type TreeFactor<T> = PackedFactor<T, PARAMETERS, ENTRIES>;
+
+/// One link of the tree. The first is the base link, of which nothing is looked at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameLink<T> {
+    /// Index of the parent, smaller than the link's own.
+    pub parent: u8,
+    /// The joint above it.
+    pub joint: TurningJoint,
+    /// The joint in the parent's frame, m.
+    pub position: [T; 3],
+}
+
+/// Everything that fixes what is done with a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FramesConfig<T> {
+    /// 1 σ of the wrench per frame: N, N m.
+    pub channel_sigma: [T; 6],
+    /// Wrench offset that is known, taken off first: N, N m.
+    pub known_offset: [T; 6],
+    /// Range of each wrench channel: N, N m.
+    pub range: [T; 6],
+    /// So many frames in a row whose motion repeats itself to the last bit while the wrench does not have none. Zero: never.
+    pub still_after: u16,
+}
+
+/// Why a tree cannot be estimated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FramesError {
+    /// No links, or too many.
+    Links(usize),
+    /// The parent of this link does not stand before it, or its joint has no such axis or no finite place.
+    Link(usize),
+    /// More base parameters than there is room for.
+    Parameters(usize),
+    /// A σ is not positive and finite.
+    Sigma(u8),
+}
+
+/// How one link moves.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LinkMotion<T> {
+    /// `R_SL`: axes of S ← link axes, as a quaternion w, x, y, z.
+    pub attitude: [T; 4],
+    /// Angular rate relative to the earth, link axes, rad/s.
+    pub rate: [T; 3],
+    /// Its derivative, link axes, rad/s².
+    pub angular_acceleration: [T; 3],
+}
+
+/// One frame: the base link in the axes of S, then every other link.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Frame<'a, T> {
+    /// Wrench on the base at S's origin: N, N m.
+    pub wrench: [T; 6],
+    /// Specific force at S's origin, m/s².
+    pub specific_force: [T; 3],
+    /// Angular rate of S, rad/s.
+    pub rate: [T; 3],
+    /// Its derivative, rad/s².
+    pub angular_acceleration: [T; 3],
+    /// The links after the first.
+    pub links: &'a [LinkMotion<T>],
+}
+
+/// Why a frame was not taken in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FrameRejection {
+    /// It has so many links, not those of the tree.
+    Links(u8),
+    /// A number of this link's motion is NaN or infinite; 0 is the base.
+    NotFinite(u8),
+    /// The attitude of this link is no rotation.
+    NoAttitude(u8),
+    /// A channel of the wrench: not finite, or at its range.
+    Wrench(Rejection),
+    /// The motion repeats itself while the wrench changes: whoever streams has lost the body.
+    WithoutMotion,
+    /// The level is full and has not been handed over.
+    Full,
+}
+
+/// What happened to frames so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FrameCounters {
+    /// Given.
+    pub frames: u32,
+    /// Absorbed.
+    pub absorbed: u32,
+    /// Not those of the tree.
+    pub wrong_links: u32,
+    /// With a number that is none.
+    pub not_finite: u32,
+    /// With an attitude that is none.
+    pub no_attitude: u32,
+    /// With a wrench at its range.
+    pub saturated: u32,
+    /// Whose motion repeats itself.
+    pub without_motion: u32,
+    /// After the level was full.
+    pub full: u32,
+    /// The link of the last rejection that was about one, or how many links a frame had.
+    pub last_link: u8,
+}
+
+impl FrameCounters {
+    fn reject(&mut self, rejection: FrameRejection) {
+        let count = match rejection {
+            FrameRejection::Links(n) => {
+                self.last_link = n;
+                &mut self.wrong_links
+            }
+            FrameRejection::NotFinite(link) => {
+                self.last_link = link;
+                &mut self.not_finite
+            }
+            FrameRejection::NoAttitude(link) => {
+                self.last_link = link;
+                &mut self.no_attitude
+            }
+            FrameRejection::Wrench(Rejection::NotFinite(_)) => &mut self.not_finite,
+            FrameRejection::Wrench(_) => &mut self.saturated,
+            FrameRejection::WithoutMotion => &mut self.without_motion,
+            FrameRejection::Full => &mut self.full,
+        };
+        *count = count.saturating_add(1);
+    }
+}
+
+/// The estimator of a tree from frames.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameEstimator<T: Scalar> {
+    factor: TreeFactor<T>,
+    /// A column for every parameter, and the right-hand side.
+    block: [Column<T>; PARAMETERS + 1],
+    /// Frames in the block.
+    waiting: u8,
+    links: [FrameLink<T>; LINKS],
+    /// Columns that stay.
+    kept: [u16; LINKS],
+    count: u8,
+    weights: [T; 6],
+    known_offset: [T; 6],
+    screen: Screen<T, 6>,
+    still_after: u16,
+    still: u16,
+    /// A sum over the last frame's motion that any change of it changes, but for chance.
+    last_motion: u32,
+    last_wrench: [T; 6],
+    /// Frames since the level was last begun to be handed over.
+    in_level: u32,
+    counters: FrameCounters,
+}
+
+impl<T: Scalar> FrameEstimator<T> {
+    /// Not yet set up: [`Self::set_up`] must follow. All bits are zero.
+    pub const UNUSED: Self = Self {
+        factor: TreeFactor::EMPTY,
+        block: [Column::ZERO; PARAMETERS + 1],
+        waiting: 0,
+        links: [FrameLink { parent: 0, joint: TurningJoint::Fixed, position: [T::ZERO; 3] }; LINKS],
+        kept: [0; LINKS],
+        count: 0,
+        weights: [T::ZERO; 6],
+        known_offset: [T::ZERO; 6],
+        screen: Screen::UNUSED,
+        still_after: 0,
+        still: 0,
+        last_motion: 0,
+        last_wrench: [T::ZERO; 6],
+        in_level: 0,
+        counters: FrameCounters {
+            frames: 0,
+            absorbed: 0,
+            wrong_links: 0,
+            not_finite: 0,
+            no_attitude: 0,
+            saturated: 0,
+            without_motion: 0,
+            full: 0,
+            last_link: 0,
+        },
+    };
+
+    /// How many base parameters a tree has.
+    ///
+    /// # Errors
+    /// [`FramesError`] says what is wrong with it.
+    pub fn check(links: &[FrameLink<T>], config: &FramesConfig<T>) -> Result<usize, FramesError> {
+        if links.is_empty() || links.len() > LINKS {
+            return Err(FramesError::Links(links.len()));
+        }
+        for (channel, sigma) in config.channel_sigma.iter().enumerate() {
+            if !sigma.is_finite() || *sigma <= T::ZERO {
+                return Err(FramesError::Sigma(channel as u8));
+            }
+        }
+        let mut parameters = FIRST_LINK.count_ones() as usize;
+        for (i, link) in links.iter().enumerate().skip(1) {
+            let kept = kept_columns(link.joint).ok_or(FramesError::Link(i))?;
+            if usize::from(link.parent) >= i || !link.position.iter().all(|v| v.is_finite()) {
+                return Err(FramesError::Link(i));
+            }
+            parameters += kept.count_ones() as usize;
+        }
+        if parameters > PARAMETERS { Err(FramesError::Parameters(parameters)) } else { Ok(parameters) }
+    }
+
+    /// Makes it an estimator that has seen nothing, where it stands.
+    ///
+    /// # Errors
+    /// See [`Self::check`]; nothing is changed then.
+    pub fn set_up(&mut self, links: &[FrameLink<T>], config: &FramesConfig<T>) -> Result<(), FramesError> {
+        let parameters = Self::check(links, config)?;
+        for (i, ((slot, kept), link)) in self.links.iter_mut().zip(&mut self.kept).zip(links).enumerate() {
+            *slot = *link;
+            *kept = if i == 0 { FIRST_LINK } else { kept_columns(link.joint).unwrap_or(0) };
+        }
+        self.count = links.len() as u8;
+        self.weights = config.channel_sigma.map(|sigma| T::ONE / sigma);
+        self.known_offset = config.known_offset;
+        self.screen = Screen::of_ranges(&config.range, 0);
+        self.still_after = config.still_after;
+        self.factor.clear(parameters);
+        self.reset();
+        Ok(())
+    }
+
+    /// Starts anew with the same tree.
+    pub fn reset(&mut self) {
+        self.factor.clear(self.factor.parameters());
+        self.waiting = 0;
+        (self.still, self.last_motion, self.last_wrench) = (0, 0, [T::ZERO; 6]);
+        self.in_level = 0;
+        self.counters = FrameCounters::default();
+    }
+
+    /// Base parameters.
+    pub fn parameters(&self) -> usize {
+        self.factor.parameters()
+    }
+
+    /// Links, the base included.
+    pub fn links(&self) -> usize {
+        usize::from(self.count)
+    }
+
+    /// What happened so far.
+    pub fn counters(&self) -> &FrameCounters {
+        &self.counters
+    }
+
+    /// Whether nothing more is taken in until the level is handed over.
+    pub fn is_full(&self) -> bool {
+        self.in_level >= LEVEL_FRAMES
+    }
+
+    /// Takes in one frame.
+    ///
+    /// # Errors
+    /// Why it was left out; nothing of it is absorbed then.
+    pub fn absorb(&mut self, frame: &Frame<'_, T>) -> Result<(), FrameRejection> {
+        self.counters.frames = self.counters.frames.saturating_add(1);
+        let judged = self.judge(frame).and_then(|()| self.states(frame));
+        match judged {
+            Ok(states) => {
+                self.write(&states, frame);
+                Ok(())
+            }
+            Err(rejection) => {
+                self.counters.reject(rejection);
+                Err(rejection)
+            }
+        }
+    }
+
+    /// Counts a frame whose header already says that it is of another tree.
+    pub fn reject_links(&mut self, links: u8) {
+        self.counters.frames = self.counters.frames.saturating_add(1);
+        self.counters.reject(FrameRejection::Links(links));
+    }
+
+    fn judge(&mut self, frame: &Frame<'_, T>) -> Result<(), FrameRejection> {
+        if self.is_full() {
+            return Err(FrameRejection::Full);
+        }
+        if frame.links.len() + 1 != self.links() {
+            return Err(FrameRejection::Links((frame.links.len() + 1).min(255) as u8));
+        }
+        self.screen.check_values(frame.wrench).map_err(FrameRejection::Wrench)?;
+        let own = [&frame.specific_force, &frame.rate, &frame.angular_acceleration];
+        if !own.iter().all(|v| v.iter().all(|x| x.is_finite())) {
+            return Err(FrameRejection::NotFinite(0));
+        }
+        let mut motion = Trace(0);
+        own.iter().for_each(|v| motion.add(*v));
+        for (i, link) in frame.links.iter().enumerate() {
+            let mut numbers = link.rate.iter().chain(&link.angular_acceleration).chain(&link.attitude);
+            if !numbers.all(|x| x.is_finite()) {
+                return Err(FrameRejection::NotFinite(1 + i as u8));
+            }
+            motion.add(&link.attitude);
+            motion.add(&link.rate);
+            motion.add(&link.angular_acceleration);
+        }
+        let repeats = motion.0 == self.last_motion && frame.wrench != self.last_wrench;
+        self.still = if repeats { self.still.saturating_add(1) } else { 0 };
+        (self.last_motion, self.last_wrench) = (motion.0, frame.wrench);
+        if self.still_after > 0 && self.still >= self.still_after {
+            return Err(FrameRejection::WithoutMotion);
+        }
+        Ok(())
+    }
+
+    /// Every link's motion in the axes of S.
+    fn states(&self, frame: &Frame<'_, T>) -> Result<[LinkState<T>; LINKS], FrameRejection> {
+        let mut states = [LinkState::zero(); LINKS];
+        if let Some(base) = states.first_mut() {
+            base.rate = frame.rate.into();
+            base.angular_acceleration = frame.angular_acceleration.into();
+            base.specific_force = frame.specific_force.into();
+        }
+        for (i, (link, motion)) in self.links.iter().skip(1).zip(frame.links).enumerate() {
+            let no_attitude = FrameRejection::NoAttitude(1 + i as u8);
+            let n2 = motion.attitude.iter().map(|v| *v * *v).sum::<T>();
+            // A hundredth off a unit quaternion is none.
+            let near = (n2 - T::ONE).abs() < T::from_f32(0.02);
+            let rotation = Rotation::<Imu, Imu, T>::from_quaternion(motion.attitude)
+                .filter(|_| near)
+                .ok_or(no_attitude)?
+                .matrix();
+            let Some(parent) = states.get(usize::from(link.parent)).copied() else {
+                return Err(no_attitude);
+            };
+            let arm = parent.rotation * Vector3::from(link.position);
+            let (w, c) = (&parent.rate, &parent.angular_acceleration);
+            if let Some(state) = states.get_mut(1 + i) {
+                *state = LinkState {
+                    rotation,
+                    position: parent.position + arm,
+                    rate: rotation * Vector3::from(motion.rate),
+                    angular_acceleration: rotation * Vector3::from(motion.angular_acceleration),
+                    specific_force: parent.specific_force + c.cross(&arm) + w.cross(&w.cross(&arm)),
+                    ..LinkState::zero()
+                };
+            }
+        }
+        Ok(states)
+    }
+
+    /// Writes the whitened rows of the columns that stay.
+    fn write(&mut self, states: &[LinkState<T>; LINKS], frame: &Frame<'_, T>) {
+        let half = usize::from(self.waiting) * 6;
+        let weights = self.weights;
+        let set = |column: &mut Column<T>, values: [T; 6]| {
+            let slots = column.rows.iter_mut().skip(half);
+            for ((slot, value), weight) in slots.zip(values).zip(weights) {
+                *slot = value * weight;
+            }
+        };
+        let mut columns = self.block.iter_mut();
+        for (state, kept) in states.iter().zip(self.kept).take(usize::from(self.count)) {
+            let block = rows::block(state);
+            for k in (0..10).filter(|k| kept >> k & 1 == 1) {
+                if let Some(column) = columns.next() {
+                    set(column, block.map(|row| row[k]));
+                }
+            }
+        }
+        if let Some(column) = columns.next() {
+            set(column, core::array::from_fn(|i| frame.wrench[i] - self.known_offset[i]));
+        }
+        self.waiting += 1;
+        self.in_level = self.in_level.saturating_add(1);
+        self.counters.absorbed = self.counters.absorbed.saturating_add(1);
+        if usize::from(self.waiting) * 6 >= BLOCK_ROWS {
+            self.reduce();
+        }
+    }
+
+    #[inline(never)]
+    fn reduce(&mut self) {
+        let used = usize::from(self.waiting) * 6;
+        let columns = self.factor.parameters() + 1;
+        if let Some(columns) = self.block.get_mut(..columns) {
+            self.factor.absorb(columns, used);
+        }
+        self.waiting = 0;
+    }
+
+    /// Begins to hand the level over: what waits for a block is absorbed, and frames are counted anew.
+    pub fn begin_hand_over(&mut self) {
+        if self.waiting > 0 {
+            let used = usize::from(self.waiting) * 6;
+            for column in &mut self.block {
+                for row in column.rows.iter_mut().skip(used) {
+                    *row = T::ZERO;
+                }
+            }
+            self.reduce();
+        }
+        self.in_level = 0;
+    }
+
+    /// The level.
+    pub fn factor(&self) -> &TreeFactor<T> {
+        &self.factor
+    }
+
+    /// The level, to take rows out of.
+    pub fn factor_mut(&mut self) -> &mut TreeFactor<T> {
+        &mut self.factor
+    }
+}
+
+/// A polynomial of numbers' bits (FNV-1a by words).
+struct Trace(u32);
+
+impl Trace {
+    fn add<T: Scalar>(&mut self, values: &[T]) {
+        for value in values {
+            self.0 = (self.0 ^ value.trace_bits()).wrapping_mul(0x0100_0193);
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "frames_tests.rs"]
+mod tests;

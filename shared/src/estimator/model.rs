@@ -1,0 +1,204 @@
+//! What makes rows, and where they go: the two things in which the estimators of different bodies differ.
+
+use super::EstimatorConfig;
+use crate::Scalar;
+use crate::calibration::Reading;
+use crate::factor::{BodyCascade, Cascade, Gathering, InformationFactor};
+use crate::forgetting::{Memory, Plan};
+use crate::regressor::{self, RegressorBlock, SIGNALS, WRENCH};
+use crate::screening::{Rejection, Screen};
+
+/// What makes rows: six rows of `N` columns from a reading, by way of `S` signals that are filtered alike.
+///
+/// Every coefficient and the wrench must be linear, with constant coefficients, in the signals; then one FIR over the
+/// signals is the same FIR over the rows.
+pub trait Model<T: Scalar, const N: usize, const S: usize>: Copy {
+    /// What the sensors said at one instant.
+    type Reading;
+    /// What absorbs the rows.
+    type Store: Store<T, N>;
+    /// Not yet set up.
+    const UNUSED: Self;
+
+    /// Starts anew with this configuration.
+    fn restart(&mut self, config: &EstimatorConfig<T>);
+    /// When it was.
+    fn time_ns(reading: &Self::Reading) -> u64;
+    /// Why the reading may not be used, if so.
+    ///
+    /// # Errors
+    /// The reason, with the channel.
+    fn screen(&mut self, reading: &Self::Reading) -> Result<(), Rejection>;
+    /// The signals of a reading. Those that are differentiated are the last.
+    fn signals(&mut self, config: &EstimatorConfig<T>, reading: &Self::Reading) -> [T; S];
+    /// What remains linear of calibration, done once per row block: conditioned signals in the axes of S, the known offset
+    /// taken off. `None` while the rows are not yet to be trusted.
+    fn rows(&mut self, config: &EstimatorConfig<T>, conditioned: &[T; S]) -> Option<[T; S]>;
+    /// The measured wrench less what the parameters predict: N, N m.
+    fn residual(config: &EstimatorConfig<T>, model: &Self, signals: &[T; S], parameters: &[T; N]) -> [T; 6];
+    /// `Σ_j |a_j| sd_j` of channel c.
+    fn spread(config: &EstimatorConfig<T>, model: &Self, signals: &[T; S], sd: &[T; N], c: usize) -> T;
+    /// Absorbs the six rows, each multiplied by its weight.
+    fn absorb(
+        config: &EstimatorConfig<T>,
+        model: &Self,
+        signals: &[T; S],
+        weights: &[T; 6],
+        store: &mut Self::Store,
+    );
+}
+
+/// What absorbs rows of `N` parameters and keeps `f32` from stagnating.
+pub trait Store<T: Scalar, const N: usize>: Copy {
+    /// Of no rows.
+    const EMPTY: Self;
+    /// Whether it can keep a memory in place of everything.
+    const FORGETS: bool;
+
+    /// One factor of everything absorbed.
+    fn factor(&self) -> InformationFactor<T, N>;
+    /// Does one step towards it; true when `gathering` holds it.
+    fn gather(&self, gathering: &mut Gathering<T, N>) -> bool;
+    /// Keeps what this memory keeps, from now on.
+    fn set_memory(&mut self, _plan: &Plan<T, N>) {}
+    /// The memory, if there is one.
+    fn memory(&mut self) -> Option<&mut Memory<T, N>> {
+        None
+    }
+    /// Whether a memory keeps what is absorbed.
+    fn remembers(&self) -> bool {
+        false
+    }
+    /// Whether enough has been absorbed for a segment of it.
+    fn segment_is_complete(&self) -> bool {
+        false
+    }
+    /// Takes that out.
+    fn take_segment(&mut self, _segment: &mut InformationFactor<T, N>) {}
+}
+
+impl<T: Scalar, const N: usize> Store<T, N> for BodyCascade<T, N> {
+    const EMPTY: Self = Self::new();
+    const FORGETS: bool = true;
+
+    #[inline]
+    fn factor(&self) -> InformationFactor<T, N> {
+        Self::factor(self)
+    }
+    #[inline]
+    fn gather(&self, gathering: &mut Gathering<T, N>) -> bool {
+        Self::gather(self, gathering)
+    }
+    #[inline]
+    fn set_memory(&mut self, plan: &Plan<T, N>) {
+        Self::set_memory(self, plan);
+    }
+    #[inline]
+    fn memory(&mut self) -> Option<&mut Memory<T, N>> {
+        Self::memory(self)
+    }
+    #[inline]
+    fn remembers(&self) -> bool {
+        Self::remembers(self)
+    }
+    #[inline]
+    fn segment_is_complete(&self) -> bool {
+        Self::segment_is_complete(self)
+    }
+    #[inline]
+    fn take_segment(&mut self, segment: &mut InformationFactor<T, N>) {
+        Self::take_segment(self, segment);
+    }
+}
+
+impl<T: Scalar, const N: usize, const UPPER: usize> Store<T, N> for Cascade<T, N, UPPER> {
+    const EMPTY: Self = Self::new();
+    const FORGETS: bool = false;
+
+    #[inline]
+    fn factor(&self) -> InformationFactor<T, N> {
+        Self::factor(self)
+    }
+    #[inline]
+    fn gather(&self, gathering: &mut Gathering<T, N>) -> bool {
+        Self::gather(self, gathering)
+    }
+}
+
+/// One body on the load cell, with one IMU: ten parameters, or sixteen with the wrench offset.
+#[derive(Clone, Copy, Debug)]
+pub struct OneBody<T: Scalar> {
+    screen: Screen<T>,
+}
+
+impl<T: Scalar> OneBody<T> {
+    /// To set an estimator up with.
+    pub const NEW: Self = Self { screen: Screen::UNUSED };
+
+    /// The filtered rows in the axes of S.
+    fn block(config: &EstimatorConfig<T>, signals: &[T; SIGNALS]) -> RegressorBlock<T> {
+        regressor::block(signals, &config.mounting.position)
+    }
+}
+
+impl<T: Scalar, const N: usize> Model<T, N, SIGNALS> for OneBody<T> {
+    type Reading = Reading<T>;
+    type Store = BodyCascade<T, N>;
+    const UNUSED: Self = Self::NEW;
+
+    fn restart(&mut self, config: &EstimatorConfig<T>) {
+        self.screen = Screen::new(config.limits);
+    }
+
+    #[inline(always)]
+    fn time_ns(reading: &Reading<T>) -> u64 {
+        reading.time_ns
+    }
+
+    #[inline]
+    fn screen(&mut self, reading: &Reading<T>) -> Result<(), Rejection> {
+        self.screen.check(reading)
+    }
+
+    #[inline]
+    fn signals(&mut self, config: &EstimatorConfig<T>, reading: &Reading<T>) -> [T; SIGNALS] {
+        config.mounting.signals(reading)
+    }
+
+    #[inline]
+    fn rows(&mut self, config: &EstimatorConfig<T>, conditioned: &[T; SIGNALS]) -> Option<[T; SIGNALS]> {
+        let mut signals = config.mounting.mounted(conditioned);
+        for (w, offset) in signals.iter_mut().skip(WRENCH).zip(config.known_offset) {
+            *w -= offset;
+        }
+        Some(signals)
+    }
+
+    fn residual(
+        config: &EstimatorConfig<T>,
+        _: &Self,
+        signals: &[T; SIGNALS],
+        parameters: &[T; N],
+    ) -> [T; 6] {
+        super::residual(&Self::block(config, signals), parameters)
+    }
+
+    fn spread(config: &EstimatorConfig<T>, _: &Self, signals: &[T; SIGNALS], sd: &[T; N], c: usize) -> T {
+        let mut sum = T::ZERO;
+        for (column, sd) in Self::block(config, signals).columns.iter().zip(sd) {
+            sum += column.get(c).map_or(T::ZERO, |a| a.abs()) * *sd;
+        }
+        sum + sd.get(10 + c).copied().unwrap_or(T::ZERO)
+    }
+
+    #[inline(always)]
+    fn absorb(
+        config: &EstimatorConfig<T>,
+        _: &Self,
+        signals: &[T; SIGNALS],
+        weights: &[T; 6],
+        store: &mut Self::Store,
+    ) {
+        store.absorb(signals, &config.mounting.position, weights);
+    }
+}

@@ -1,0 +1,111 @@
+//! One level of a factor, in half the room, that is handed over row by row.
+//!
+//! Every row of `[R z]` is a whitened equation of its own. A row may therefore be taken out at any time
+//! ([`PackedFactor::forget_row`]) and absorbed elsewhere; what is left is the factor of what is left. So a device without
+//! room for a second copy gives its level away while it goes on absorbing, and no row is counted twice or lost.
+
+use super::{BLOCK_ROWS, Column};
+use crate::Scalar;
+
+/// Numbers of a packed `[R z]` of N parameters: N (N + 1) / 2 and N.
+pub const fn packed_entries(n: usize) -> usize {
+    n * (n + 1) / 2 + n
+}
+
+/// `[R z]` of up to `N` parameters by columns, only what is not zero by construction: column j has j + 1 numbers and
+/// starts at j (j + 1) / 2. `E` must be [`packed_entries`] of N. One level: in `f32` it is to be handed over at
+/// least every 1e5 samples.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PackedFactor<T: Scalar, const N: usize, const E: usize> {
+    entries: [T; E],
+    parameters: u16,
+    residual_sum_of_squares: T,
+    rows: u32,
+}
+
+impl<T: Scalar, const N: usize, const E: usize> PackedFactor<T, N, E> {
+    /// Of no parameters. All bits are zero.
+    pub const EMPTY: Self =
+        Self { entries: [T::ZERO; E], parameters: 0, residual_sum_of_squares: T::ZERO, rows: 0 };
+
+    /// Forgets everything; from now on of so many parameters, at most N.
+    pub fn clear(&mut self, parameters: usize) {
+        const { assert!(E == packed_entries(N) && N <= u16::MAX as usize) }
+        self.entries.fill(T::ZERO);
+        self.parameters = parameters.min(N) as u16;
+        (self.residual_sum_of_squares, self.rows) = (T::ZERO, 0);
+    }
+
+    /// Parameters.
+    pub fn parameters(&self) -> usize {
+        usize::from(self.parameters)
+    }
+
+    /// Scalar rows absorbed since it was last empty.
+    pub fn rows(&self) -> u32 {
+        self.rows
+    }
+
+    /// Sum of squares that no φ can explain.
+    pub fn residual_sum_of_squares(&self) -> T {
+        self.residual_sum_of_squares
+    }
+
+    /// Absorbs `rows` of the rows of a block: a column for every parameter, then the right-hand side; the others are
+    /// zero. The columns are used up. Not-finite rows must be kept out by the caller. Nothing is done if the columns are
+    /// not those of the parameters.
+    #[inline]
+    pub fn absorb(&mut self, columns: &mut [Column<T>], rows: usize) {
+        if columns.len() != self.parameters() + 1 || rows > BLOCK_ROWS {
+            return;
+        }
+        self.residual_sum_of_squares += T::reduce_packed(&mut self.entries, columns);
+        self.rows = self.rows.saturating_add(rows as u32);
+    }
+
+    /// Row `i` from the diagonal on, then its z. Empty if there is no such row.
+    pub fn row(&self, i: usize) -> impl Iterator<Item = T> + '_ {
+        let columns = if i < self.parameters() { i..self.parameters() + 1 } else { 0..0 };
+        columns.map(move |j| self.entries.get(j * (j + 1) / 2 + i).copied().unwrap_or(T::ZERO))
+    }
+
+    /// Makes row `i` zero, when it has been handed over.
+    pub fn forget_row(&mut self, i: usize) {
+        if i >= self.parameters() {
+            return;
+        }
+        for j in i..=self.parameters() {
+            if let Some(entry) = self.entries.get_mut(j * (j + 1) / 2 + i) {
+                *entry = T::ZERO;
+            }
+        }
+    }
+
+    /// Takes out the sum of squares that no φ can explain and the count of the rows absorbed.
+    pub fn take_residual(&mut self) -> (T, u32) {
+        (core::mem::take(&mut self.residual_sum_of_squares), core::mem::take(&mut self.rows))
+    }
+
+    /// Absorbs a row that was handed over: its coefficients from parameter `first` on, then its right-hand side. Nothing is
+    /// done if it is not that long.
+    pub fn merge_row(&mut self, first: usize, row: &[T]) {
+        if first + row.len() != self.parameters() + 1 {
+            return;
+        }
+        let mut columns = [Column::ZERO; MERGED];
+        let Some(columns) = columns.get_mut(..=self.parameters()) else { return };
+        for (column, value) in columns.iter_mut().skip(first).zip(row) {
+            column.rows[0] = *value;
+        }
+        self.absorb(columns, 0);
+    }
+
+    /// Adds what was taken out with [`Self::take_residual`].
+    pub fn merge_residual(&mut self, residual_sum_of_squares: T, rows: u32) {
+        self.residual_sum_of_squares += residual_sum_of_squares;
+        self.rows = self.rows.saturating_add(rows);
+    }
+}
+
+/// Columns of the longest row that is merged.
+const MERGED: usize = 129;
