@@ -3,22 +3,22 @@
 use heapless::Vec;
 use rigident_shared::consistency::{ITERATIONS, Nearest, nearest};
 use rigident_shared::factor::InformationFactor;
-use rigident_shared::wire::{Consistency, FACTOR_CHUNK, FactorChunk};
+use rigident_shared::wire::{Consistency, FACTOR_CHUNK, FactorChunk, MAX_PARAMETERS};
 
-use crate::sample_path::BodyFactor;
+use crate::sample_path::{ModelFactor, of_factor};
 
 /// Numbers of the largest factor.
-const MAX_ENTRIES: usize = InformationFactor::<f32, 16>::ENTRIES;
+const MAX_ENTRIES: usize = InformationFactor::<f32, MAX_PARAMETERS>::ENTRIES;
 
-/// A solution of either model.
+/// A solution of any model.
 pub(crate) struct Solved {
-    pub(crate) estimate: Vec<f32, 16>,
-    pub(crate) standard_deviation: Vec<f32, 16>,
-    pub(crate) determined: Vec<bool, 16>,
+    pub(crate) estimate: Vec<f32, MAX_PARAMETERS>,
+    pub(crate) standard_deviation: Vec<f32, MAX_PARAMETERS>,
+    pub(crate) determined: Vec<bool, MAX_PARAMETERS>,
     pub(crate) condition_number: f32,
 }
 
-pub(crate) fn solve(factor: &BodyFactor) -> Solved {
+pub(crate) fn solve(factor: &ModelFactor) -> Solved {
     fn of<const N: usize>(factor: &InformationFactor<f32, N>) -> Solved {
         let solution = factor.solve();
         Solved {
@@ -28,22 +28,19 @@ pub(crate) fn solve(factor: &BodyFactor) -> Solved {
             condition_number: solution.condition_number,
         }
     }
-    match factor {
-        BodyFactor::Ten(factor) => of(factor),
-        BodyFactor::Sixteen(factor) => of(factor),
-    }
+    of_factor!(factor, factor => of(factor))
 }
 
 /// The body that is nearest to the free answer.
 pub(crate) struct Body {
     /// The free answer where the rows do not determine it.
-    pub(crate) estimate: Vec<f32, 16>,
+    pub(crate) estimate: Vec<f32, MAX_PARAMETERS>,
     pub(crate) consistency: Consistency,
     pub(crate) distance_sd: f32,
 }
 
 /// At most [`ITERATIONS`] Newton steps, so that the time it takes is bounded. `solved` is the factor's.
-pub(crate) fn body(factor: &BodyFactor, solved: &Solved) -> Body {
+pub(crate) fn body(factor: &ModelFactor, solved: &Solved) -> Body {
     fn of<const N: usize>(factor: &InformationFactor<f32, N>, free: &[f32]) -> Option<Body> {
         let free = free.first_chunk::<N>()?;
         let nearest = nearest(factor, free, ITERATIONS);
@@ -60,8 +57,10 @@ pub(crate) fn body(factor: &BodyFactor, solved: &Solved) -> Body {
         })
     }
     let found = match factor {
-        BodyFactor::Ten(factor) => of(factor, &solved.estimate),
-        BodyFactor::Sixteen(factor) => of(factor, &solved.estimate),
+        ModelFactor::Ten(factor) => of(factor, &solved.estimate),
+        ModelFactor::Sixteen(factor) => of(factor, &solved.estimate),
+        // Base parameters of several links may be those of bodies in many ways.
+        ModelFactor::Nineteen(_) | ModelFactor::TwentyFive(_) => None,
     };
     found.unwrap_or_else(|| Body {
         estimate: solved.estimate.clone(),
@@ -78,15 +77,12 @@ pub(crate) struct FactorSnapshot {
 }
 
 impl FactorSnapshot {
-    pub(crate) fn new(factor: &BodyFactor) -> Self {
+    pub(crate) fn new(factor: &ModelFactor) -> Self {
         fn of<const N: usize>(factor: &InformationFactor<f32, N>) -> FactorSnapshot {
             let entries = factor.entries().take(MAX_ENTRIES).collect();
             FactorSnapshot { parameters: N as u8, rows: factor.rows(), entries }
         }
-        match factor {
-            BodyFactor::Ten(factor) => of(factor),
-            BodyFactor::Sixteen(factor) => of(factor),
-        }
+        of_factor!(factor, factor => of(factor))
     }
 
     pub(crate) fn total(&self) -> u16 {

@@ -1,11 +1,15 @@
 //! Drivers and application as one: what a board owns.
 
+use core::ops::DerefMut;
+
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::SpiDevice;
 use rigident_shared::wire::{Reason, SensorFault, SettingName};
 
+use crate::Path;
 use crate::app::{App, BringUpError, Sensor, SensorRates};
 use crate::drivers::ads131m08::{AdcConfig, AdcError, Ads131m08};
+use crate::drivers::frames::{FrameError, FrameSource};
 use crate::drivers::imu::{Imu, ImuError};
 
 /// Gain of the converter: ±18.75 mV for bridges of a few mV/V.
@@ -26,21 +30,44 @@ pub struct Event {
 ///
 /// A board calls [`Instrument::on_event`] when a sensor signals a sample, [`Instrument::on_bytes`] with what
 /// the host sent, [`Instrument::tick`] now and then, and sends what [`Instrument::poll_tx`] gives.
-pub struct Instrument<ADC, IMU, D> {
-    app: App,
+pub struct Instrument<P, ADC, IMU, FRAMES, D> {
+    app: App<P>,
     adc: Ads131m08<ADC>,
     imu: Imu<IMU>,
+    second: Imu<IMU>,
+    frames: FrameSource<FRAMES>,
     delay: D,
 }
 
-impl<ADC: SpiDevice, IMU: SpiDevice, D: DelayNs> Instrument<ADC, IMU, D> {
-    /// On the named board, with the two sensors and something that waits. Nothing is sent to the sensors yet.
-    pub fn new(board: &str, adc: ADC, imu: IMU, delay: D) -> Self {
-        Self { app: App::new(board), adc: Ads131m08::new(adc), imu: Imu::new(imu), delay }
+/// Where the sensors are. Those that are not configured are left alone.
+pub struct Buses<ADC, IMU, FRAMES> {
+    /// The load cell's converter.
+    pub load_cell: ADC,
+    /// The IMU, and the second link's.
+    pub imus: [IMU; 2],
+    /// The source of frames.
+    pub frames: FRAMES,
+}
+
+impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevice, D: DelayNs>
+    Instrument<P, ADC, IMU, FRAMES, D>
+{
+    /// On the named board, with room for the estimator, the sensors and something that waits. Nothing is sent to the
+    /// sensors yet.
+    pub fn new(board: &str, path: P, buses: Buses<ADC, IMU, FRAMES>, delay: D) -> Self {
+        let Buses { load_cell, imus: [imu, second], frames } = buses;
+        Self {
+            app: App::new(board, path),
+            adc: Ads131m08::new(load_cell),
+            imu: Imu::new(imu),
+            second: Imu::new(second),
+            frames: FrameSource::new(frames),
+            delay,
+        }
     }
 
     /// The application.
-    pub fn app(&self) -> &App {
+    pub fn app(&self) -> &App<P> {
         &self.app
     }
 
@@ -63,6 +90,11 @@ impl<ADC: SpiDevice, IMU: SpiDevice, D: DelayNs> Instrument<ADC, IMU, D> {
         self.imu.bring_up(&mut self.delay, rates.imu_hz as u32).map_err(|error| match error {
             ImuError::BadRate(_) => BringUpError::Setting(SettingName::ImuRate),
             other => BringUpError::Fault(Reason::Imu(imu_fault(&other))),
+        })?;
+        let Some(rate_hz) = rates.second_imu_hz else { return Ok(()) };
+        self.second.bring_up(&mut self.delay, rate_hz as u32).map_err(|error| match error {
+            ImuError::BadRate(_) => BringUpError::Setting(SettingName::SecondImu),
+            other => BringUpError::Fault(Reason::SecondImu(imu_fault(&other))),
         })
     }
 
@@ -80,24 +112,44 @@ impl<ADC: SpiDevice, IMU: SpiDevice, D: DelayNs> Instrument<ADC, IMU, D> {
                 Ok(frame) => self.app.on_gauges(event.capture_time_ns, frame.gauges_v(GAIN)),
                 Err(error) => self.app.on_sensor_error(Sensor::LoadCell, adc_fault(&error)),
             },
-            Sensor::Imu => {
-                let skipped = self.imu.skipped();
-                match self.imu.read() {
-                    Ok(Some(sample)) => self.app.on_imu(
-                        event.capture_time_ns,
-                        sample.specific_force_mps2,
-                        sample.angular_rate_radps,
-                    ),
-                    Ok(None) => {}
-                    Err(error) => self.app.on_sensor_error(Sensor::Imu, imu_fault(&error)),
-                }
-                let late = self.imu.skipped().wrapping_sub(skipped);
-                if late > 0 {
-                    self.app.on_late_imu(late as u16);
+            sensor @ (Sensor::Imu | Sensor::SecondImu) => self.read_imu(sensor, event.capture_time_ns),
+            Sensor::Frames => {
+                let Some(links) = self.app.frame_links() else { return };
+                match self.frames.read(links) {
+                    Ok(frame) => self.app.on_frame(event.capture_time_ns, &frame),
+                    Err(FrameError::Links(links)) => {
+                        self.app.on_frame_of_links(event.capture_time_ns, links);
+                    }
+                    Err(FrameError::Damaged) => {
+                        self.app.on_sensor_error(Sensor::Frames, SensorFault::Check);
+                    }
+                    Err(FrameError::Bus) => self.app.on_sensor_error(Sensor::Frames, SensorFault::Bus),
                 }
             }
         }
         self.app.work();
+    }
+
+    fn read_imu(&mut self, sensor: Sensor, time_ns: u64) {
+        let imu = if sensor == Sensor::Imu { &mut self.imu } else { &mut self.second };
+        let skipped = imu.skipped();
+        let read = imu.read();
+        let late = imu.skipped().wrapping_sub(skipped);
+        match read {
+            Ok(Some(sample)) => {
+                let (force, rate) = (sample.specific_force_mps2, sample.angular_rate_radps);
+                if sensor == Sensor::Imu {
+                    self.app.on_imu(time_ns, force, rate);
+                } else {
+                    self.app.on_second_imu(time_ns, force, rate);
+                }
+            }
+            Ok(None) => {}
+            Err(error) => self.app.on_sensor_error(sensor, imu_fault(&error)),
+        }
+        if late > 0 {
+            self.app.on_late_imu(sensor, late as u16);
+        }
     }
 
     /// Moves the application's clock.

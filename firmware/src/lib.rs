@@ -1,6 +1,6 @@
 //! The portable application of the microcontroller.
 //!
-//! Lives here: the states and commands ([`App`]), what happens to every sample ([`sample_path`]), the
+//! Lives here: the states and commands ([`App`]), what happens to every sample ([`sample_path`]) and frame ([`frame_path`]), the
 //! device's end of the line, the sensor drivers, and the [`Instrument`] that joins them. May not live here:
 //! pins, clocks, interrupts, anything of one board (that is `firmware/boards`), or mathematics that the host
 //! needs too (that is `rigident_shared`).
@@ -11,6 +11,7 @@
 mod answer;
 mod app;
 pub mod drivers;
+pub mod frame_path;
 mod instrument;
 mod link;
 mod log;
@@ -20,4 +21,51 @@ pub mod sample_path;
 mod settings;
 
 pub use app::{App, BringUpError, FIRMWARE_HASH, Sensor, SensorRates};
-pub use instrument::{Event, Instrument};
+pub use instrument::{Buses, Event, Instrument};
+
+/// Room for the estimator of whatever is configured. A board keeps it where it likes, away from its stack: it is by far the
+/// largest thing the application has.
+#[derive(Clone, Default)]
+#[allow(clippy::large_enum_variant, reason = "no heap")]
+pub enum Path {
+    /// Nothing is configured.
+    #[default]
+    Empty,
+    /// One body, or two links.
+    Samples(sample_path::SamplePath),
+    /// A tree of links, from frames.
+    Frames(frame_path::FramePath),
+}
+
+impl Path {
+    /// Nothing is configured.
+    pub const EMPTY: Self = Self::Empty;
+
+    fn samples(&self) -> Option<&sample_path::SamplePath> {
+        match self {
+            Self::Samples(path) => Some(path),
+            _ => None,
+        }
+    }
+
+    fn samples_mut(&mut self) -> Option<&mut sample_path::SamplePath> {
+        match self {
+            Self::Samples(path) => Some(path),
+            _ => None,
+        }
+    }
+
+    fn frames(&self) -> Option<&frame_path::FramePath> {
+        match self {
+            Self::Frames(path) => Some(path),
+            _ => None,
+        }
+    }
+
+    fn frames_mut(&mut self) -> Option<&mut frame_path::FramePath> {
+        match self {
+            Self::Frames(path) => Some(path),
+            _ => None,
+        }
+    }
+}

@@ -26,6 +26,9 @@ pub(crate) fn state(state: StateName, reason: Reason) {
         Reason::StopRule => defmt::info!("{=str}: the uncertainty asked for is reached", name),
         Reason::LoadCell(fault) => defmt::error!("{=str}: load cell, {=str}", name, fault_name(fault)),
         Reason::Imu(fault) => defmt::error!("{=str}: IMU, {=str}", name, fault_name(fault)),
+        Reason::SecondImu(fault) => defmt::error!("{=str}: second IMU, {=str}", name, fault_name(fault)),
+        Reason::Frames(fault) => defmt::error!("{=str}: frames, {=str}", name, fault_name(fault)),
+        Reason::LevelFull => defmt::warn!("{=str}: the level is full", name),
     }
 }
 

@@ -1,19 +1,29 @@
 //! What happens to every sample: calibration, alignment, estimator. No I/O, no panic, no heap, no f64.
 //!
-//! [`sample_path`] is the one entry; the release check looks for its symbol and walks what it can reach.
+//! [`sample_path`] is the one entry; the release check looks for its symbol and walks what it can reach. That of frames
+//! is [`crate::frame_path`]'s.
 
-use rigident_shared::alignment::{Aligner, ImuReading};
+use rigident_shared::alignment::{Aligner, AlignerConfig, ImuReading};
 use rigident_shared::calibration::{GaugeCalibration, Reading};
-use rigident_shared::estimator::{ChannelStatistics, ConfigError, Counters, Estimator, Outcome};
+use rigident_shared::estimator::two_links::PARAMETERS;
+use rigident_shared::estimator::{
+    ChannelStatistics, ConfigError, Counters, Estimator, Outcome, TwoLinkEstimator, TwoLinkReading,
+};
 use rigident_shared::factor::InformationFactor;
 use rigident_shared::forgetting::MemoryConfig;
+use rigident_shared::spatial::{AngularRate, SpecificForce};
+use rigident_shared::wire::MAX_PARAMETERS;
 
-use crate::settings::Configuration;
+use crate::settings::SampleConfiguration;
 
 /// Room for the filter: 0.1 s of averages at up to 640 Hz.
 const TAPS: usize = 64;
+/// Room for that of two links' signals, five times as many: 0.1 s at up to 320 Hz.
+const LINK_TAPS: usize = 32;
 /// Row blocks between two looks at the factor, for the stop rule and for what knocks are known by.
 const LOOK_EVERY_BLOCKS: u16 = 50;
+/// Two links with the wrench offset.
+const WITH_OFFSET: usize = PARAMETERS + 6;
 
 /// What a sensor said.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,33 +37,63 @@ pub enum Words {
     },
     /// An IMU reading.
     Imu(ImuReading<f32>),
-    /// A reading that needs no alignment: of a recording.
-    Aligned(Reading<f32>),
+    /// A reading of the second link's IMU.
+    SecondImu(ImuReading<f32>),
+    /// A reading that needs no alignment: of a recording. Of one body only its base is looked at.
+    Aligned(TwoLinkReading<f32>),
 }
 
-/// A factor of either model.
+impl Words {
+    /// Whether they are of a recording.
+    pub(crate) fn are_injected(&self) -> bool {
+        matches!(self, Self::Aligned(_))
+    }
+}
+
+/// A factor of any of the models.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(clippy::large_enum_variant, reason = "no heap")]
-pub enum BodyFactor {
-    /// The offset is known.
+pub enum ModelFactor {
+    /// One body; the offset is known.
     Ten(InformationFactor<f32, 10>),
-    /// The offset is estimated along.
+    /// One body; the offset is estimated along.
     Sixteen(InformationFactor<f32, 16>),
+    /// Two links; the offset is known.
+    Nineteen(InformationFactor<f32, PARAMETERS>),
+    /// Two links; the offset is estimated along.
+    TwentyFive(InformationFactor<f32, WITH_OFFSET>),
 }
+
+/// Runs `$body` for the factor of any model.
+macro_rules! of_factor {
+    ($factor:expr, $name:ident => $body:expr) => {
+        match $factor {
+            $crate::sample_path::ModelFactor::Ten($name) => $body,
+            $crate::sample_path::ModelFactor::Sixteen($name) => $body,
+            $crate::sample_path::ModelFactor::Nineteen($name) => $body,
+            $crate::sample_path::ModelFactor::TwentyFive($name) => $body,
+        }
+    };
+}
+pub(crate) use of_factor;
 
 #[derive(Clone)]
 #[allow(clippy::large_enum_variant, reason = "no heap")]
-enum BodyEstimator {
+enum ModelEstimator {
     Ten(Estimator<f32, 10, TAPS>),
     Sixteen(Estimator<f32, 16, TAPS>),
+    Nineteen(TwoLinkEstimator<f32, PARAMETERS, LINK_TAPS>),
+    TwentyFive(TwoLinkEstimator<f32, WITH_OFFSET, LINK_TAPS>),
 }
 
-/// Runs `$body` for the estimator of either model.
-macro_rules! either {
+/// Runs `$body` for the estimator of any model.
+macro_rules! any {
     ($estimator:expr, $name:ident => $body:expr) => {
         match $estimator {
-            BodyEstimator::Ten($name) => $body,
-            BodyEstimator::Sixteen($name) => $body,
+            ModelEstimator::Ten($name) => $body,
+            ModelEstimator::Sixteen($name) => $body,
+            ModelEstimator::Nineteen($name) => $body,
+            ModelEstimator::TwentyFive($name) => $body,
         }
     };
 }
@@ -63,8 +103,14 @@ macro_rules! either {
 pub struct SamplePath {
     gauges: GaugeCalibration<f32>,
     aligner: Aligner<f32>,
-    reading: Reading<f32>,
-    estimator: BodyEstimator,
+    /// Of the second link's IMU, if there is one.
+    second: Option<Aligner<f32>>,
+    /// Readings of the two aligners, each waiting for the other's of the same instant.
+    halves: [Option<Reading<f32>>; 2],
+    /// Halves that waited in vain.
+    unmatched: u32,
+    reading: TwoLinkReading<f32>,
+    estimator: ModelEstimator,
     /// Whether readings are absorbed; else they are only aligned.
     absorbing: bool,
     stop: Option<StopLimits>,
@@ -80,44 +126,94 @@ pub struct SamplePath {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StopLimits {
     /// Largest standard deviation of each parameter asked for.
-    pub(crate) standard_deviation: [Option<f32>; 16],
+    pub(crate) standard_deviation: [Option<f32>; MAX_PARAMETERS],
     /// Not before so many row blocks.
     pub(crate) minimum_blocks: u32,
 }
 
 impl SamplePath {
-    pub(crate) fn new(configuration: &Configuration) -> Result<Self, ConfigError> {
-        let estimator = if configuration.estimates_offset {
-            BodyEstimator::Sixteen(Estimator::new(&configuration.estimator)?)
-        } else {
-            BodyEstimator::Ten(Estimator::new(&configuration.estimator)?)
-        };
-        Ok(Self {
-            gauges: configuration.gauges,
-            aligner: Aligner::new(configuration.aligner),
-            reading: Reading::default(),
-            estimator,
-            absorbing: false,
-            stop: configuration.stop,
-            knock_limit: configuration.knock_limit,
-            until_look: LOOK_EVERY_BLOCKS,
-            behind: false,
-            stop_rule_met: false,
-        })
+    /// Whether a path can be made of this.
+    ///
+    /// # Errors
+    /// [`ConfigError`] says why not.
+    pub(crate) fn check(configuration: &SampleConfiguration) -> Result<(), ConfigError> {
+        let SampleConfiguration { estimator, memory, .. } = configuration;
+        let memory = memory.as_ref();
+        match (&configuration.second, configuration.estimates_offset) {
+            // What can be wrong does not depend on the offset.
+            (None, _) => Estimator::<f32, 10, TAPS>::check(estimator, memory),
+            (Some(_), _) => TwoLinkEstimator::<f32, PARAMETERS, LINK_TAPS>::check(estimator, memory),
+        }
     }
 
-    /// Keeps what this memory keeps instead of everything, and starts anew. Done where the path stays: the fewer
-    /// copies of it a stack has to hold the better.
+    /// A path that still has to be [`Self::set_up`]. Its estimator is written where it stands, for the fewer copies of it a stack
+    /// has to hold the better.
+    pub(crate) fn place(path: &mut crate::Path) -> Option<&mut Self> {
+        if !matches!(path, crate::Path::Samples(_)) {
+            *path = crate::Path::Samples(Self::UNUSED);
+        }
+        match path {
+            crate::Path::Samples(samples) => Some(samples),
+            _ => None,
+        }
+    }
+
+    const UNUSED: Self = Self {
+        gauges: GaugeCalibration { matrix: [[0.0; 6]; 6] },
+        aligner: Aligner::UNUSED,
+        second: None,
+        halves: [None; 2],
+        unmatched: 0,
+        reading: TwoLinkReading::ZERO,
+        estimator: ModelEstimator::Ten(Estimator::UNUSED),
+        absorbing: false,
+        stop: None,
+        knock_limit: 0.0,
+        until_look: LOOK_EVERY_BLOCKS,
+        behind: false,
+        stop_rule_met: false,
+    };
+
     #[inline(never)]
-    pub(crate) fn set_memory(&mut self, memory: &MemoryConfig<f32>) -> Result<(), ConfigError> {
-        either!(&mut self.estimator, e => e.set_memory(memory))?;
+    pub(crate) fn set_up(&mut self, configuration: &SampleConfiguration) -> Result<(), ConfigError> {
+        self.gauges = configuration.gauges;
+        self.aligner.set_up(configuration.aligner);
+        let second = configuration.second.as_ref();
+        self.second = second.map(|(_, aligner)| Aligner::new(*aligner));
+        (self.halves, self.unmatched) = ([None; 2], 0);
+        (self.reading, self.absorbing) = (TwoLinkReading::ZERO, false);
+        (self.stop, self.knock_limit) = (configuration.stop, configuration.knock_limit);
+        (self.behind, self.stop_rule_met) = (false, false);
+        let SampleConfiguration { estimator: config, memory, .. } = configuration;
+        match (second, configuration.estimates_offset) {
+            (None, false) => self.estimator = ModelEstimator::Ten(Estimator::UNUSED),
+            (None, true) => self.estimator = ModelEstimator::Sixteen(Estimator::UNUSED),
+            (Some(_), false) => self.estimator = ModelEstimator::Nineteen(TwoLinkEstimator::UNUSED),
+            (Some(_), true) => self.estimator = ModelEstimator::TwentyFive(TwoLinkEstimator::UNUSED),
+        }
+        match (&mut self.estimator, second) {
+            (ModelEstimator::Ten(e), _) => e.begin(config)?,
+            (ModelEstimator::Sixteen(e), _) => e.begin(config)?,
+            (ModelEstimator::Nineteen(e), Some((model, _))) => e.set_up(config, model)?,
+            (ModelEstimator::TwentyFive(e), Some((model, _))) => e.set_up(config, model)?,
+            _ => {}
+        }
+        if let Some(memory) = memory {
+            self.set_memory(memory)?;
+        }
         self.until_look = self.look_every();
         Ok(())
     }
 
+    /// Keeps what this memory keeps instead of everything.
+    #[inline(never)]
+    fn set_memory(&mut self, memory: &MemoryConfig<f32>) -> Result<(), ConfigError> {
+        any!(&mut self.estimator, e => e.set_memory(memory))
+    }
+
     /// Row blocks between two looks: a memory is looked at with each of its segments.
     fn look_every(&self) -> u16 {
-        either!(&self.estimator, e => e.segment_blocks()).unwrap_or(LOOK_EVERY_BLOCKS)
+        any!(&self.estimator, e => e.segment_blocks()).unwrap_or(LOOK_EVERY_BLOCKS)
     }
 
     pub(crate) fn absorb_from_now_on(&mut self, absorbing: bool) {
@@ -125,8 +221,12 @@ impl SamplePath {
     }
 
     pub(crate) fn restart(&mut self) {
-        either!(&mut self.estimator, e => e.reset());
+        any!(&mut self.estimator, e => e.reset());
         self.aligner.reset();
+        if let Some(second) = &mut self.second {
+            second.reset();
+        }
+        self.halves = [None; 2];
         (self.until_look, self.behind, self.stop_rule_met) = (self.look_every(), false, false);
     }
 
@@ -134,32 +234,96 @@ impl SamplePath {
     fn push_gauges(&mut self, time_ns: u64, volts: &[f32; 6]) {
         let wrench = self.gauges.wrench(volts);
         self.aligner.push_wrench(time_ns, wrench);
+        if let Some(second) = &mut self.second {
+            second.push_wrench(time_ns, wrench);
+        }
+    }
+
+    /// Whether readings are those of two links.
+    pub(crate) fn has_two_links(&self) -> bool {
+        matches!(self.estimator, ModelEstimator::Nineteen(_) | ModelEstimator::TwentyFive(_))
     }
 
     /// The reading that was taken last.
     #[inline]
-    pub(crate) fn reading(&self) -> &Reading<f32> {
+    pub(crate) fn reading(&self) -> &TwoLinkReading<f32> {
         &self.reading
     }
 
     /// Whether [`sample_path`] without words has something to do.
     #[inline]
     pub(crate) fn has_more(&self) -> bool {
-        self.aligner.is_ready()
+        let [first, other] = &self.halves;
+        match &self.second {
+            None => self.aligner.is_ready(),
+            Some(second) => {
+                (first.is_some() || self.aligner.is_ready()) && (other.is_some() || second.is_ready())
+            }
+        }
     }
 
     #[inline(never)]
     fn take_aligned(&mut self) -> Option<Outcome> {
-        self.reading = self.aligner.pop()?;
+        self.reading = match &self.second {
+            None => TwoLinkReading { base: self.aligner.pop()?, ..TwoLinkReading::ZERO },
+            Some(_) => self.join()?,
+        };
         Some(self.absorb())
+    }
+
+    /// Two aligners' readings of the same load-cell sample.
+    fn join(&mut self) -> Option<TwoLinkReading<f32>> {
+        let second = self.second.as_mut()?;
+        loop {
+            let [first, other] = &mut self.halves;
+            let base = match first {
+                Some(base) => *base,
+                None => *first.insert(self.aligner.pop()?),
+            };
+            let reading = match other {
+                Some(reading) => *reading,
+                None => *other.insert(second.pop()?),
+            };
+            if base.time_ns <= reading.time_ns {
+                *first = None;
+            }
+            if reading.time_ns <= base.time_ns {
+                *other = None;
+            }
+            if base.time_ns == reading.time_ns {
+                let Reading { specific_force, angular_rate, .. } = reading;
+                return Some(TwoLinkReading { base, specific_force, angular_rate, ..TwoLinkReading::ZERO });
+            }
+            self.unmatched = self.unmatched.saturating_add(1);
+        }
     }
 
     #[inline(always)]
     fn absorb(&mut self) -> Outcome {
+        let reading = &mut self.reading;
         if !self.absorbing {
+            // The joint's attitude goes on all the same.
+            match &mut self.estimator {
+                ModelEstimator::Ten(_) | ModelEstimator::Sixteen(_) => {}
+                ModelEstimator::Nineteen(e) => e.follow(reading),
+                ModelEstimator::TwentyFive(e) => e.follow(reading),
+            }
             return Outcome::Pending;
         }
-        let outcome = either!(&mut self.estimator, e => e.absorb(&self.reading));
+        let outcome = match &mut self.estimator {
+            ModelEstimator::Ten(e) => e.absorb(&reading.base),
+            ModelEstimator::Sixteen(e) => e.absorb(&reading.base),
+            ModelEstimator::Nineteen(e) => {
+                let outcome = e.absorb(reading);
+                reading.attitude = e.model().attitude();
+                outcome
+            }
+            ModelEstimator::TwentyFive(e) => {
+                let outcome = e.absorb(reading);
+                reading.attitude = e.model().attitude();
+                outcome
+            }
+        };
         self.look(outcome);
         outcome
     }
@@ -184,17 +348,14 @@ impl SamplePath {
 
     #[inline(never)]
     fn step(&mut self) {
-        if either!(&self.estimator, e => e.remembers()) {
+        if any!(&self.estimator, e => e.remembers()) {
             // A segment that the filter's gaps have delayed is waited for.
-            self.behind = either!(&self.estimator, e => e.has_segment());
+            self.behind = any!(&self.estimator, e => e.has_segment());
             self.until_look = if self.behind { self.look_every() } else { 1 };
             return;
         }
         let k = self.knock_limit;
-        let met = match &mut self.estimator {
-            BodyEstimator::Ten(e) => e.look(k).map(|sd| within(&self.stop, &sd)),
-            BodyEstimator::Sixteen(e) => e.look(k).map(|sd| within(&self.stop, &sd)),
-        };
+        let met = any!(&mut self.estimator, e => e.look(k).map(|sd| within(&self.stop, &sd)));
         if let Some(met) = met {
             self.until_look = LOOK_EVERY_BLOCKS;
             self.stop_rule_met = met && self.may_stop();
@@ -210,31 +371,47 @@ impl SamplePath {
     /// solution. Whether every asked-for parameter had its asked-for uncertainty at the last look.
     pub(crate) fn catch_up(&mut self) -> bool {
         let k = self.knock_limit;
-        let met = match &mut self.estimator {
-            BodyEstimator::Ten(e) => e.remember(k).map(|sd| within(&self.stop, &sd)),
-            BodyEstimator::Sixteen(e) => e.remember(k).map(|sd| within(&self.stop, &sd)),
-        };
+        let met = any!(&mut self.estimator, e => e.remember(k).map(|sd| within(&self.stop, &sd)));
         core::mem::take(&mut self.stop_rule_met) || (met.unwrap_or_default() && self.may_stop())
     }
 
     pub(crate) fn counters(&self) -> &Counters {
-        either!(&self.estimator, e => e.counters())
+        any!(&self.estimator, e => e.counters())
     }
 
     pub(crate) fn statistics(&self) -> &ChannelStatistics<f32> {
-        either!(&self.estimator, e => e.channel_statistics())
+        any!(&self.estimator, e => e.channel_statistics())
     }
 
+    /// Load-cell samples without neighbours of an IMU.
     pub(crate) fn unaligned(&self) -> u32 {
-        self.aligner.dropped()
+        let second = self.second.as_ref().map_or(0, Aligner::dropped);
+        // What one aligner drops the other's half waits for in vain.
+        self.aligner.dropped().max(second).max(self.unmatched)
     }
 
     /// One factor of everything absorbed.
-    pub(crate) fn factor(&self) -> BodyFactor {
+    pub(crate) fn factor(&self) -> ModelFactor {
         match &self.estimator {
-            BodyEstimator::Ten(e) => BodyFactor::Ten(e.factor()),
-            BodyEstimator::Sixteen(e) => BodyFactor::Sixteen(e.factor()),
+            ModelEstimator::Ten(e) => ModelFactor::Ten(e.factor()),
+            ModelEstimator::Sixteen(e) => ModelFactor::Sixteen(e.factor()),
+            ModelEstimator::Nineteen(e) => ModelFactor::Nineteen(e.factor()),
+            ModelEstimator::TwentyFive(e) => ModelFactor::TwentyFive(e.factor()),
         }
+    }
+}
+
+/// The settings of an aligner of the second IMU, from the first's.
+pub(crate) fn second_aligner(first: &AlignerConfig, delay_ns: u32, period_ns: u32) -> AlignerConfig {
+    AlignerConfig { imu_delay_ns: delay_ns, imu_period_ns: period_ns, ..*first }
+}
+
+/// An IMU's words.
+pub(crate) fn imu_reading(time_ns: u64, specific_force: [f32; 3], angular_rate: [f32; 3]) -> ImuReading<f32> {
+    ImuReading {
+        time_ns,
+        specific_force: SpecificForce::from_array(specific_force),
+        angular_rate: AngularRate::from_array(angular_rate),
     }
 }
 
@@ -259,6 +436,11 @@ pub fn sample_path(path: &mut SamplePath, words: Option<&Words>) -> Option<Outco
             path.push_gauges(*time_ns, volts);
         }
         Some(Words::Imu(reading)) => path.aligner.push_imu(reading),
+        Some(Words::SecondImu(reading)) => {
+            if let Some(second) = &mut path.second {
+                second.push_imu(reading);
+            }
+        }
         Some(Words::Aligned(reading)) => {
             path.reading = *reading;
             return Some(path.absorb());

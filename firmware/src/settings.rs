@@ -1,14 +1,20 @@
 //! From the host's settings to the estimator's configuration, every field checked.
 
+use heapless::Vec;
 use rigident_shared::alignment::AlignerConfig;
 use rigident_shared::calibration::{GaugeCalibration, ImuMounting};
-use rigident_shared::estimator::{ConfigError, EstimatorConfig};
+use rigident_shared::estimator::frames::{FrameLink, FramesConfig, FramesError};
+use rigident_shared::estimator::{ConfigError, EstimatorConfig, JointAttitude, TwoLinks};
 use rigident_shared::forgetting::{ImuNoise, MemoryConfig, Span};
 use rigident_shared::screening::Limits;
 use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce};
-use rigident_shared::wire::{MemorySettings, SettingName, Settings, Source};
+use rigident_shared::tree::base::TurningJoint;
+use rigident_shared::wire::{
+    AttitudeSource, ImuSettings, LinkJoint, LinkSettings, MAX_LINKS, MemorySettings, ModelSettings,
+    SettingName, Settings, Source, TwoLinkSettings,
+};
 
-use crate::sample_path::StopLimits;
+use crate::sample_path::{StopLimits, second_aligner};
 
 /// Highest rate, 1/s.
 const MAX_RATE_HZ: f32 = 4000.0;
@@ -17,10 +23,21 @@ const MAX_RATE_HZ: f32 = 4000.0;
 const COVERAGE: f32 = 1.96;
 
 /// What the settings amount to.
-pub(crate) struct Configuration {
+#[allow(clippy::large_enum_variant, reason = "no heap")]
+pub(crate) enum Configuration {
+    /// Of sensors or a recording.
+    Samples(SampleConfiguration),
+    /// Of frames.
+    Tree(Vec<FrameLink<f32>, MAX_LINKS>, FramesConfig<f32>),
+}
+
+/// What the settings of one body or of two links amount to.
+pub(crate) struct SampleConfiguration {
     pub(crate) estimator: EstimatorConfig<f32>,
     pub(crate) aligner: AlignerConfig,
     pub(crate) gauges: GaugeCalibration<f32>,
+    /// The second link and the aligner of its IMU.
+    pub(crate) second: Option<(TwoLinks<f32>, AlignerConfig)>,
     pub(crate) estimates_offset: bool,
     pub(crate) stop: Option<StopLimits>,
     pub(crate) knock_limit: f32,
@@ -36,21 +53,101 @@ fn positive(values: &[f32]) -> bool {
     values.iter().all(|v| v.is_finite() && *v > 0.0)
 }
 
+fn ensure(ok: bool, name: SettingName) -> Result<(), SettingName> {
+    if ok { Ok(()) } else { Err(name) }
+}
+
 impl Configuration {
     /// Checks every field; the first that is impossible is named.
     pub(crate) fn new(settings: &Settings) -> Result<Self, SettingName> {
+        match &settings.model {
+            ModelSettings::Body => SampleConfiguration::new(settings, None).map(Self::Samples),
+            ModelSettings::TwoLinks(links) => {
+                SampleConfiguration::new(settings, Some(links)).map(Self::Samples)
+            }
+            ModelSettings::Tree(links) => tree(settings, links),
+        }
+    }
+}
+
+/// A tree absorbs frames as they come: no filter, no stop rule, nothing forgotten, the offset known.
+fn tree(settings: &Settings, links: &[LinkSettings]) -> Result<Configuration, SettingName> {
+    let cell = &settings.load_cell;
+    ensure(settings.source == Source::Sensors && settings.stop.is_none(), SettingName::Model)?;
+    ensure(settings.memory == MemorySettings::Forever, SettingName::Memory)?;
+    let known_offset = cell.known_offset_n_nm.filter(|o| all_finite(o)).ok_or(SettingName::KnownOffset)?;
+    ensure(positive(&cell.range_n_nm), SettingName::LoadCellRange)?;
+    let links = links
+        .iter()
+        .map(|link| FrameLink {
+            parent: link.parent,
+            joint: match link.joint {
+                LinkJoint::Fixed => TurningJoint::Fixed,
+                LinkJoint::Revolute(axis) => TurningJoint::Revolute(axis),
+                LinkJoint::Spherical => TurningJoint::Spherical,
+            },
+            position: link.position_m,
+        })
+        .collect();
+    let config = FramesConfig {
+        channel_sigma: cell.noise_n_nm,
+        known_offset,
+        range: cell.range_n_nm,
+        still_after: settings.frozen_after,
+    };
+    Ok(Configuration::Tree(links, config))
+}
+
+/// The second link and its IMU.
+fn second_link(
+    links: &TwoLinkSettings,
+    first: &AlignerConfig,
+    source: Source,
+) -> Result<(TwoLinks<f32>, AlignerConfig), SettingName> {
+    let imu = &links.imu;
+    let from_sensors = source == Source::Sensors;
+    let rate = !from_sensors || (positive(&[imu.rate_hz]) && imu.rate_hz <= MAX_RATE_HZ);
+    let ranges = [imu.range_mps2, imu.range_radps];
+    ensure(rate && positive(&ranges), SettingName::SecondImu)?;
+    let mounting = mounting(imu).map_err(|_| SettingName::SecondImu)?;
+    let attitude = match links.attitude {
+        // Only with readings that bring it.
+        AttitudeSource::Streamed if !from_sensors => JointAttitude::Streamed,
+        AttitudeSource::Streamed => return Err(SettingName::Joint),
+        AttitudeSource::FromImus { initial_wxyz, time_constant_s } => {
+            JointAttitude::FromImus { initial: initial_wxyz, time_constant_s }
+        }
+    };
+    let model =
+        TwoLinks::new(mounting, ranges, links.joint_position_m, attitude).ok_or(SettingName::Joint)?;
+    let period_ns = if from_sensors { (1e9 / imu.rate_hz) as u32 } else { 0 };
+    Ok((model, second_aligner(first, imu.group_delay_ns, period_ns)))
+}
+
+fn mounting(imu: &ImuSettings) -> Result<ImuMounting<f32>, SettingName> {
+    let rotation = Rotation::from_quaternion(imu.rotation_wxyz).ok_or(SettingName::ImuRotation)?;
+    ensure(all_finite(&imu.position_m), SettingName::ImuPosition)?;
+    ensure(positive(&imu.accel_scale), SettingName::AccelScale)?;
+    ensure(all_finite(&imu.accel_bias_mps2) && all_finite(&imu.gyro_bias_radps), SettingName::ImuBias)?;
+    Ok(ImuMounting {
+        rotation,
+        position: Position::from_array(imu.position_m),
+        accel_scale: imu.accel_scale,
+        accel_bias: SpecificForce::from_array(imu.accel_bias_mps2),
+        gyro_bias: AngularRate::from_array(imu.gyro_bias_radps),
+    })
+}
+
+impl SampleConfiguration {
+    fn new(settings: &Settings, links: Option<&TwoLinkSettings>) -> Result<Self, SettingName> {
         let (imu, cell) = (&settings.imu, &settings.load_cell);
         let from_sensors = settings.source == Source::Sensors;
-        let ensure = |ok: bool, name: SettingName| if ok { Ok(()) } else { Err(name) };
         ensure(positive(&[settings.rate_hz]) && settings.rate_hz <= MAX_RATE_HZ, SettingName::Rate)?;
         ensure(
             !from_sensors || (positive(&[imu.rate_hz]) && imu.rate_hz <= MAX_RATE_HZ),
             SettingName::ImuRate,
         )?;
-        let rotation = Rotation::from_quaternion(imu.rotation_wxyz).ok_or(SettingName::ImuRotation)?;
-        ensure(all_finite(&imu.position_m), SettingName::ImuPosition)?;
-        ensure(positive(&imu.accel_scale), SettingName::AccelScale)?;
-        ensure(all_finite(&imu.accel_bias_mps2) && all_finite(&imu.gyro_bias_radps), SettingName::ImuBias)?;
+        let mounting = mounting(imu)?;
         ensure(positive(&[imu.range_mps2, imu.range_radps]), SettingName::ImuRange)?;
         ensure(
             cell.calibration.iter().all(|row| all_finite(row) && row.iter().any(|v| *v != 0.0)),
@@ -67,13 +164,7 @@ impl Configuration {
             row_every: settings.row_every,
             channel_sigma: cell.noise_n_nm,
             known_offset: cell.known_offset_n_nm.unwrap_or_default(),
-            mounting: ImuMounting {
-                rotation,
-                position: Position::from_array(imu.position_m),
-                accel_scale: imu.accel_scale,
-                accel_bias: SpecificForce::from_array(imu.accel_bias_mps2),
-                gyro_bias: AngularRate::from_array(imu.gyro_bias_radps),
-            },
+            mounting,
             limits: Limits {
                 wrench: cell.range_n_nm,
                 specific_force: imu.range_mps2,
@@ -81,13 +172,15 @@ impl Configuration {
                 frozen_after: settings.frozen_after,
             },
         };
+        let aligner = AlignerConfig {
+            wrench_delay_ns: cell.group_delay_ns,
+            imu_delay_ns: imu.group_delay_ns,
+            imu_period_ns: if from_sensors { (1e9 / imu.rate_hz) as u32 } else { 0 },
+        };
         Ok(Self {
             estimator,
-            aligner: AlignerConfig {
-                wrench_delay_ns: cell.group_delay_ns,
-                imu_delay_ns: imu.group_delay_ns,
-                imu_period_ns: if from_sensors { (1e9 / imu.rate_hz) as u32 } else { 0 },
-            },
+            second: links.map(|links| second_link(links, &aligner, settings.source)).transpose()?,
+            aligner,
             gauges: GaugeCalibration { matrix: cell.calibration },
             estimates_offset: cell.known_offset_n_nm.is_none(),
             stop: settings.stop.as_ref().map(|stop| StopLimits {
@@ -120,5 +213,14 @@ pub(crate) fn setting_of(error: ConfigError) -> SettingName {
         ConfigError::Sigma(channel) => SettingName::Noise(channel),
         ConfigError::Kernel(_) => SettingName::Filter,
         ConfigError::Memory => SettingName::Memory,
+    }
+}
+
+/// The setting that a tree's refusal is about.
+pub(crate) fn setting_of_tree(error: FramesError) -> SettingName {
+    match error {
+        FramesError::Links(_) | FramesError::Parameters(_) => SettingName::Links,
+        FramesError::Link(link) => SettingName::Link(link as u8),
+        FramesError::Sigma(channel) => SettingName::Noise(channel),
     }
 }

@@ -1,19 +1,20 @@
 //! The application as the host sees it: states, commands, telemetry, and what bad input does to it.
 
-use rigident_firmware::{App, BringUpError, Sensor};
+use rigident_firmware::{App, BringUpError, Path, Sensor};
 use rigident_shared::consistency::{ITERATIONS, nearest};
 use rigident_shared::factor::InformationFactor;
 use rigident_shared::wire::frame::MAX_FRAME;
 use rigident_shared::wire::{
     Answer, Command, Consistency, Decoder, ErrorCode, ImuSettings, InjectBatch, Kind, LoadCellSettings,
-    MemorySettings, ReadingMessage, Reason, Reply, SensorFault, SettingName, Settings, Source, StateName,
-    StopRule, Telemetry, TelemetrySettings, encode,
+    MemorySettings, ModelSettings, ReadingMessage, Reason, Reply, SensorFault, SettingName, Settings, Source,
+    StateName, StopRule, Telemetry, TelemetrySettings, encode,
 };
 
 fn settings(source: Source) -> Settings {
     Settings {
         rate_hz: 200.0,
         source,
+        model: ModelSettings::Body,
         imu: ImuSettings {
             rate_hz: 200.0,
             rotation_wxyz: [1.0, 0.0, 0.0, 0.0],
@@ -66,7 +67,7 @@ fn reading(n: u32) -> ReadingMessage {
 
 /// A host with its own decoder at the other end of the line.
 struct Host {
-    app: App,
+    app: App<Box<Path>>,
     decoder: Decoder,
     sequence: u16,
     telemetry: Vec<Telemetry>,
@@ -74,7 +75,12 @@ struct Host {
 
 impl Host {
     fn new() -> Self {
-        Self { app: App::new("test"), decoder: Decoder::new(), sequence: 0, telemetry: Vec::new() }
+        Self {
+            app: App::new("test", Box::default()),
+            decoder: Decoder::new(),
+            sequence: 0,
+            telemetry: Vec::new(),
+        }
     }
 
     fn send(&mut self, sequence: u16, command: &Command, now_ns: u64) {
@@ -258,7 +264,7 @@ fn impossible_settings_are_named_and_change_nothing() {
 
 #[test]
 fn the_stop_rule_ends_the_run_at_the_same_reading_whatever_the_batches() {
-    let stop = StopRule { asked: 1, u95: [0.02; 16], minimum_blocks: 10 };
+    let stop = StopRule { asked: 1, u95: [0.02; 25], minimum_blocks: 10 };
     let s = Settings { stop: Some(stop), ..settings(Source::Injected) };
     let mut whole = Host::new();
     whole.run(s.clone(), 6000);
@@ -292,7 +298,7 @@ fn sensors_that_fail_for_good_are_a_fault_and_passing_errors_are_counted() {
     }
     assert_eq!(host.app.state(), (StateName::Fault, Reason::Imu(SensorFault::Bus)));
     // A sensor that does not come up is a fault, and the command says so.
-    let mut app = App::new("test");
+    let mut app = App::new("test", Box::default());
     let mut frame = [0; MAX_FRAME];
     let command = Command::Configure(settings(Source::Sensors));
     let length = encode(Kind::Command, 1, &command, &mut frame).unwrap();

@@ -5,7 +5,8 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use rigident_firmware::{App, BringUpError, Sensor};
+use rigident_firmware::{App, BringUpError, Path, Sensor};
+use rigident_shared::wire::tree_frame::TreeFrame;
 use rigident_shared::wire::{Answer, Decoder, Kind, SensorFault, SettingName, Telemetry, encode};
 use serde::ser::{Serialize, SerializeTuple, Serializer};
 
@@ -23,7 +24,7 @@ impl Serialize for Payload<'_> {
 }
 
 fuzz_target!(|bytes: &[u8]| {
-    let mut app = App::new("fuzz");
+    let mut app = App::new("fuzz", Box::<Path>::default());
     let mut host = Decoder::new();
     let mut rest = bytes;
     let mut now_ns = 0_u64;
@@ -39,13 +40,25 @@ fuzz_target!(|bytes: &[u8]| {
                 let used = encode(Kind::Command, sequence, &Payload(taken), &mut line).expect("it is short");
                 receive(&mut app, &line[..used], now_ns, step & 64 == 0);
             }
+            3 if step & 128 != 0 => {
+                let links = app.frame_links().unwrap_or(1);
+                match TreeFrame::decode(taken, links) {
+                    Ok(frame) => app.on_frame(now_ns, &frame),
+                    Err(_) => app.on_frame_of_links(now_ns, *low),
+                }
+            }
             3 => {
                 let mut values = floats(taken);
                 app.on_gauges(now_ns, core::array::from_fn(|_| values()));
             }
             4 => {
                 let mut values = floats(taken);
-                app.on_imu(now_ns, core::array::from_fn(|_| values()), core::array::from_fn(|_| values()));
+                let words = [core::array::from_fn(|_| values()), core::array::from_fn(|_| values())];
+                if step & 128 == 0 {
+                    app.on_imu(now_ns, words[0], words[1]);
+                } else {
+                    app.on_second_imu(now_ns, words[0], words[1]);
+                }
             }
             _ => {
                 now_ns = now_ns.saturating_add(u64::from(length) << (step / 6));
@@ -61,7 +74,7 @@ fuzz_target!(|bytes: &[u8]| {
     drain(&mut app, &mut host, usize::MAX);
 });
 
-fn receive(app: &mut App, bytes: &[u8], now_ns: u64, sensors_come_up: bool) {
+fn receive(app: &mut App<Box<Path>>, bytes: &[u8], now_ns: u64, sensors_come_up: bool) {
     for &byte in bytes {
         if app.on_byte(byte, now_ns).is_some() {
             let fault = BringUpError::Setting(SettingName::Rate);
@@ -76,7 +89,7 @@ fn floats(bytes: &[u8]) -> impl FnMut() -> f32 {
 }
 
 /// Whatever the firmware says is whole and well-formed.
-fn drain(app: &mut App, host: &mut Decoder, at_most: usize) {
+fn drain(app: &mut App<Box<Path>>, host: &mut Decoder, at_most: usize) {
     let mut chunk = [0; 64];
     let mut taken = 0;
     while taken < at_most && app.tx_pending() > 0 {

@@ -16,4 +16,6 @@ pub enum Device {
     LoadCell,
     /// The ICM-42688-P.
     Imu,
+    /// Another one, on the second link.
+    SecondImu,
 }

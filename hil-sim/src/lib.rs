@@ -5,7 +5,7 @@
 //! live here: anything that estimates. The physics is its own and in f64: no module of it may use the
 //! estimator's regressor, and a test reads the sources to make sure.
 //!
-//! Read in this order: [`platform`] (where the plate is), [`body`] (what force that takes), [`sensors`] (what a
+//! Read in this order: [`platform`] (where the plate is), [`body`] (what force that takes), [`links`] (and if more bodies hang on it), [`sensors`] (what a
 //! sensor makes of it), [`devices`] (what stands in its registers), [`rig`] (all of it together),
 //! [`experiment`] (motions that are worth running), [`link`] (a serial line that misbehaves).
 
@@ -13,6 +13,7 @@ pub mod body;
 pub mod devices;
 pub mod experiment;
 pub mod link;
+pub mod links;
 pub mod platform;
 pub mod rig;
 pub mod runner;

@@ -38,6 +38,8 @@ pub enum BusEvent {
     LoadCellReady(u64),
     /// The IMU has a sample, captured at this time, ns.
     ImuReady(u64),
+    /// The second link's IMU has one.
+    SecondImuReady(u64),
 }
 
 /// What is really the case; never given to the firmware.
@@ -102,10 +104,13 @@ pub struct Rig {
     experiment: Experiment,
     load_cell: LoadCellChain,
     imu: ImuChain,
+    second_imu: ImuChain,
     adc: Ads131m08,
     imu_device: Icm42688,
+    second_device: Icm42688,
     adc_ticker: Ticker,
     imu_ticker: Ticker,
+    second_ticker: Ticker,
     now_ns: u64,
 }
 
@@ -120,11 +125,15 @@ impl Rig {
         Ok(Self {
             load_cell: LoadCellChain::new(&config.sensors, &experiment, config.seed),
             imu: ImuChain::new(&config.sensors, &experiment, config.seed),
+            second_imu: ImuChain::second(&config.sensors, config.seed),
             platform: Platform::resting(&config.geometry.home()),
             adc_ticker: Ticker::new(0.0),
             imu_ticker: Ticker::new(config.imu_phase_s),
+            // Neither with the load cell nor with the other IMU.
+            second_ticker: Ticker::new(0.5 * config.imu_phase_s),
             adc: Ads131m08::new(),
             imu_device: Icm42688::new(),
+            second_device: Icm42688::new(),
             now_ns: 0,
             mechanics,
             experiment,
@@ -261,9 +270,11 @@ impl Rig {
         loop {
             self.adc_ticker.follow(self.adc.rate_hz(), self.now_ns);
             self.imu_ticker.follow(self.imu_device.rate_hz(), self.now_ns);
+            self.second_ticker.follow(self.second_device.rate_hz(), self.now_ns);
             let (adc, imu) = (self.adc_ticker.next_ns(), self.imu_ticker.next_ns());
-            let adc_first = adc.is_some_and(|a| imu.is_none_or(|i| a <= i));
-            let next_ns = if adc_first { adc } else { imu };
+            let second = self.second_ticker.next_ns();
+            let next_ns = [adc, imu, second].into_iter().flatten().min();
+            let (adc_first, second_first) = (adc == next_ns, imu != next_ns);
             let Some(time_ns) = next_ns.filter(|t| *t <= limit_ns) else {
                 self.now_ns = limit_ns;
                 self.platform.settle(self.now_ns as f64);
@@ -274,6 +285,13 @@ impl Rig {
                 self.adc_ticker.ticks += 1;
                 self.convert(time_ns);
                 return BusEvent::LoadCellReady(time_ns);
+            }
+            if second_first {
+                self.second_ticker.ticks += 1;
+                if self.sample_second_imu(time_ns) {
+                    return BusEvent::SecondImuReady(time_ns);
+                }
+                continue;
             }
             self.imu_ticker.ticks += 1;
             // Without an interrupt enabled the sample is in the FIFO, but nobody is told.
@@ -287,7 +305,10 @@ impl Rig {
         let model = &self.config.sensors.load_cell;
         let delay_s = model.delay_s + model.undeclared_delay_s + self.adc.group_delay_s();
         let plate = self.platform.coordinates(time_ns as f64 - 1e9 * delay_s).plate_state();
-        let wrench = self.load_cell.read(time_ns as f64 * 1e-9, self.mechanics.wrench(&plate));
+        let mut truth = self.mechanics.wrench(&plate);
+        let second = self.mechanics.second_wrench(&plate, time_ns as f64 * 1e-9 - delay_s);
+        truth.iter_mut().zip(second).for_each(|(w, more)| *w += more);
+        let wrench = self.load_cell.read(time_ns as f64 * 1e-9, truth);
         self.adc.convert(&self.mechanics.gauges_v(&wrench));
     }
 
@@ -300,11 +321,25 @@ impl Rig {
         self.imu_device.sample(time_ns, accel, gyro, 25.0)
     }
 
+    fn sample_second_imu(&mut self, time_ns: u64) -> bool {
+        let model = &self.config.sensors.imu;
+        let delay_s = model.delay_s + model.undeclared_delay_s;
+        let plate = self.platform.coordinates(time_ns as f64 - 1e9 * delay_s).plate_state();
+        let Some((accel, gyro)) = self.mechanics.second_imu(&plate, time_ns as f64 * 1e-9 - delay_s) else {
+            return false;
+        };
+        let (accel, gyro) = self.second_imu.read(time_ns as f64 * 1e-9, accel, gyro);
+        self.second_device.sample(time_ns, accel, gyro, 25.0)
+    }
+
     /// One SPI transaction, chip select low to high, full duplex in place.
     pub fn transfer(&mut self, device: Device, bytes: &mut [u8]) {
         match device {
             Device::LoadCell => self.adc.transfer(bytes),
             Device::Imu => self.imu_device.transfer(bytes),
+            // Without a second link there is none: its line stays low.
+            Device::SecondImu if self.config.second.is_none() => bytes.fill(0),
+            Device::SecondImu => self.second_device.transfer(bytes),
         }
     }
 

@@ -177,6 +177,8 @@ pub struct Experiment {
 pub(crate) const STREAM_EXPERIMENT: u64 = 0;
 pub(crate) const STREAM_LOAD_CELL: u64 = 1;
 pub(crate) const STREAM_IMU: u64 = 2;
+pub(crate) const STREAM_SECOND_EXPERIMENT: u64 = 3;
+pub(crate) const STREAM_SECOND_IMU: u64 = 4;
 
 pub(crate) fn stream(seed: u64, stream: u64) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -248,7 +250,15 @@ impl SensorModels {
 
     /// What one experiment with this seed draws.
     pub fn draw(&self, seed: u64) -> Experiment {
-        let rng = &mut stream(seed, STREAM_EXPERIMENT);
+        self.draw_from(&mut stream(seed, STREAM_EXPERIMENT))
+    }
+
+    /// What it draws for a second IMU; the load cell's are not used.
+    fn draw_second(&self, seed: u64) -> Experiment {
+        self.draw_from(&mut stream(seed, STREAM_SECOND_EXPERIMENT))
+    }
+
+    fn draw_from(&self, rng: &mut ChaCha8Rng) -> Experiment {
         Experiment {
             load_cell_offset_n_nm: self.load_cell.offset_n_nm.draw(rng),
             load_cell_gain_error: self.load_cell.gain_error.draw(rng),

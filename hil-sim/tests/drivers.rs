@@ -139,7 +139,7 @@ fn next_imu_event(rig: &SharedRig) -> u64 {
     loop {
         match next_event(rig) {
             BusEvent::ImuReady(time_ns) => return time_ns,
-            BusEvent::LoadCellReady(_) => {}
+            BusEvent::LoadCellReady(_) | BusEvent::SecondImuReady(_) => {}
             BusEvent::Idle => panic!("the program is over"),
         }
     }
@@ -166,6 +166,7 @@ fn every_sample_is_the_simulated_value_to_half_a_step() {
         let (mut frames, mut samples) = (0, 0);
         loop {
             match next_event(&rig) {
+                BusEvent::SecondImuReady(_) => panic!("there is no second IMU"),
                 BusEvent::Idle => break,
                 BusEvent::LoadCellReady(time_ns) => {
                     let frame = adc.read_frame().unwrap();

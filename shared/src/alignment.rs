@@ -60,23 +60,35 @@ pub struct Aligner<T: Scalar> {
 }
 
 impl<T: Scalar> Aligner<T> {
-    /// An aligner without readings.
-    pub fn new(config: AlignerConfig) -> Self {
+    /// Not yet set up: [`Self::set_up`] must follow.
+    pub const UNUSED: Self = {
         let none = ImuReading {
             time_ns: 0,
             specific_force: SpecificForce::zero(),
             angular_rate: AngularRate::zero(),
         };
         Self {
-            config,
+            config: AlignerConfig { wrench_delay_ns: 0, imu_delay_ns: 0, imu_period_ns: 0 },
             around: [none; NEIGHBOURS],
             oldest: 0,
             filled: 0,
-            pending: [WrenchReading { time_ns: 0, wrench: Wrench::default() }; PENDING],
+            pending: [WrenchReading { time_ns: 0, wrench: Wrench::zero() }; PENDING],
             first: 0,
             waiting: 0,
             dropped: 0,
         }
+    };
+
+    /// An aligner without readings.
+    pub fn new(config: AlignerConfig) -> Self {
+        Self { config, ..Self::UNUSED }
+    }
+
+    /// Makes it an aligner without readings that has dropped none.
+    pub fn set_up(&mut self, config: AlignerConfig) {
+        self.config = config;
+        self.dropped = 0;
+        self.reset();
     }
 
     /// Forgets all readings; the count of dropped ones stays.

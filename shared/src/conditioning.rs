@@ -103,6 +103,22 @@ impl<T: Scalar, const TAPS: usize> Kernel<T, TAPS> {
         Ok(kernel)
     }
 
+    /// The kernel where an output is wanted every `row_every` samples, and how many of them are averaged first.
+    ///
+    /// # Errors
+    /// [`KernelError`] if it cannot be, or does not fit.
+    pub fn for_rows(rate_hz: T, width_s: T, row_every: u16) -> Result<(Self, u16), KernelError> {
+        if row_every == 0 {
+            return Err(KernelError::Invalid);
+        }
+        let least = T::from_u32(LEAST_RATE_HZ);
+        let fits =
+            |k: u16| row_every.is_multiple_of(k) && (k == 1 || rate_hz >= least * T::from_u32(u32::from(k)));
+        let still = width_s <= T::ZERO;
+        let averaged = (1..=row_every).rev().find(|k| !still && *k < row_every && fits(*k)).unwrap_or(1);
+        Ok((Self::new(rate_hz, width_s, averaged)?, averaged))
+    }
+
     /// Weights of the samples, oldest first; they sum to one over `averaged`.
     pub fn smooth(&self) -> &[T] {
         self.smooth.get(..self.taps).unwrap_or_default()
@@ -171,15 +187,8 @@ impl<T: Scalar, const S: usize, const D: usize, const TAPS: usize> Conditioner<T
     /// See [`Self::new`].
     pub fn set_up(&mut self, rate_hz: T, width_s: T, row_every: u16) -> Result<(), KernelError> {
         const { assert!(D <= S) }
-        if row_every == 0 {
-            return Err(KernelError::Invalid);
-        }
-        let least = T::from_u32(LEAST_RATE_HZ);
-        let fits =
-            |k: u16| row_every.is_multiple_of(k) && (k == 1 || rate_hz >= least * T::from_u32(u32::from(k)));
-        let still = width_s <= T::ZERO;
-        let averaged = (1..=row_every).rev().find(|k| !still && *k < row_every && fits(*k)).unwrap_or(1);
-        self.kernel = Kernel::new(rate_hz, width_s, averaged)?;
+        let (kernel, averaged) = Kernel::for_rows(rate_hz, width_s, row_every)?;
+        self.kernel = kernel;
         (self.averaged, self.every) = (averaged, row_every / averaged);
         self.reset();
         Ok(())

@@ -187,8 +187,16 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
     pub fn new(config: &EstimatorConfig<T>) -> Result<Self, ConfigError> {
         const { assert!(N == 10 || N == 16, "ten parameters, or sixteen with the offset") }
         let mut estimator = Self::UNUSED;
-        estimator.set_up(config, &OneBody::NEW)?;
+        estimator.begin(config)?;
         Ok(estimator)
+    }
+
+    /// Makes it such an estimator where it stands; see [`Self::set_up`].
+    ///
+    /// # Errors
+    /// See [`Self::new`].
+    pub fn begin(&mut self, config: &EstimatorConfig<T>) -> Result<(), ConfigError> {
+        self.set_up(config, &OneBody::NEW)
     }
 
     /// The row block absorbed last, not whitened.
@@ -234,19 +242,14 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
     /// # Errors
     /// [`ConfigError`] says which setting is impossible.
     pub fn set_up(&mut self, config: &EstimatorConfig<T>, model: &M) -> Result<(), ConfigError> {
-        for (channel, sigma) in config.channel_sigma.iter().enumerate() {
-            if !sigma.is_finite() || *sigma <= T::ZERO {
-                return Err(ConfigError::Sigma(channel as u8));
-            }
-        }
+        check_sigma(config)?;
         self.conditioner
             .set_up(config.rate_hz, config.filter_width_s, config.row_every)
             .map_err(ConfigError::Kernel)?;
-        let root = T::from_u32(u32::from(config.row_every)).sqrt();
         self.config = *config;
         self.model = *model;
         self.watch = Watch::new(&config.channel_sigma, self.conditioner.kernel().noise_gain());
-        self.weights = config.channel_sigma.map(|sigma| root / sigma);
+        self.weights = weights(config);
         self.period_ns = period_ns(config.rate_hz, config.filter_width_s);
         self.memory = None;
         self.reset();
@@ -269,24 +272,34 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         Ok(())
     }
 
-    fn plan(&self, config: &MemoryConfig<T>) -> Option<Plan<T, N>> {
-        let (Span::TimeConstant(span_s) | Span::Window(span_s)) = config.span;
-        let kernel = self.conditioner.kernel();
-        let EstimatorConfig { rate_hz, filter_width_s, row_every, mounting, .. } = &self.config;
-        if *filter_width_s <= T::ZERO || span_s < *filter_width_s {
-            return None;
+    fn plan(&self, memory: &MemoryConfig<T>) -> Option<Plan<T, N>> {
+        plan(&self.config, self.conditioner.kernel(), memory)
+    }
+
+    /// Whether [`Self::set_up`] and, if something is to be forgotten, [`Self::set_memory`] would succeed.
+    ///
+    /// # Errors
+    /// What they would give.
+    #[inline(never)]
+    pub fn check(config: &EstimatorConfig<T>, memory: Option<&MemoryConfig<T>>) -> Result<(), ConfigError> {
+        check_sigma(config)?;
+        let (kernel, _) =
+            Kernel::<T, TAPS>::for_rows(config.rate_hz, config.filter_width_s, config.row_every)
+                .map_err(ConfigError::Kernel)?;
+        match memory {
+            Some(memory) if !M::Store::FORGETS || plan::<T, N, TAPS>(config, &kernel, memory).is_none() => {
+                Err(ConfigError::Memory)
+            }
+            _ => Ok(()),
         }
-        Plan::new(
-            config,
-            &Rows {
-                block_s: T::from_u32(u32::from(*row_every)) / *rate_hz,
-                weights: self.weights,
-                noise_gain: kernel.noise_gain(),
-                derivative_noise_gain: kernel.derivative_noise_gain(),
-                independence: self.noise_gain(),
-                lever_arm2: mounting.position.array().map(|x| x * x).into_iter().sum(),
-            },
-        )
+    }
+
+    /// Lets the model follow a reading without absorbing anything of it.
+    #[inline(never)]
+    pub fn follow(&mut self, reading: &M::Reading) {
+        if self.model.screen(reading).is_ok() {
+            self.model.signals(&self.config, reading);
+        }
     }
 
     /// What makes the rows.
@@ -508,6 +521,45 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         self.statistics = ChannelStatistics::NONE;
         self.last_signals = None;
     }
+}
+
+fn check_sigma<T: Scalar>(config: &EstimatorConfig<T>) -> Result<(), ConfigError> {
+    for (channel, sigma) in config.channel_sigma.iter().enumerate() {
+        if !sigma.is_finite() || *sigma <= T::ZERO {
+            return Err(ConfigError::Sigma(channel as u8));
+        }
+    }
+    Ok(())
+}
+
+/// √row_every / σ per channel.
+fn weights<T: Scalar>(config: &EstimatorConfig<T>) -> [T; 6] {
+    let root = T::from_u32(u32::from(config.row_every)).sqrt();
+    config.channel_sigma.map(|sigma| root / sigma)
+}
+
+fn plan<T: Scalar, const N: usize, const TAPS: usize>(
+    config: &EstimatorConfig<T>,
+    kernel: &Kernel<T, TAPS>,
+    memory: &MemoryConfig<T>,
+) -> Option<Plan<T, N>> {
+    let (Span::TimeConstant(span_s) | Span::Window(span_s)) = memory.span;
+    let EstimatorConfig { rate_hz, filter_width_s, row_every, mounting, .. } = config;
+    if *filter_width_s <= T::ZERO || span_s < *filter_width_s {
+        return None;
+    }
+    let every = T::from_u32(u32::from(*row_every));
+    Plan::new(
+        memory,
+        &Rows {
+            block_s: every / *rate_hz,
+            weights: weights(config),
+            noise_gain: kernel.noise_gain(),
+            derivative_noise_gain: kernel.derivative_noise_gain(),
+            independence: every * kernel.noise_gain(),
+            lever_arm2: mounting.position.array().map(|x| x * x).into_iter().sum(),
+        },
+    )
 }
 
 /// The wrench of a block less what `parameters` (10, or 16 with the offset) predict: N, N m.

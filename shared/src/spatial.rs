@@ -158,6 +158,11 @@ pub struct Wrench<F: Frame, T: Scalar> {
 }
 
 impl<F: Frame, T: Scalar> Wrench<F, T> {
+    /// No wrench.
+    #[inline(always)]
+    pub const fn zero() -> Self {
+        Self { force: Force::zero(), moment: Moment::zero() }
+    }
     /// From force and moment.
     #[inline(always)]
     pub fn new(force: Force<F, T>, moment: Moment<F, T>) -> Self {

@@ -12,8 +12,8 @@ use crate::firmware;
 use crate::process::Steps;
 use crate::toolchain::{self, Core};
 
-/// The function that takes one sample from the drivers to the factor.
-pub const SAMPLE_PATH: &str = "rigident_sample_path";
+/// The functions that take one sample, or one frame of a tree, from the drivers to the factor.
+pub const PATHS: [&str; 2] = ["rigident_sample_path", "rigident_frame_path"];
 
 /// What to check.
 #[derive(clap::Args, Clone, Default)]
@@ -43,7 +43,7 @@ pub fn run_steps(steps: &mut Steps, core: Core) {
     });
     steps.run("check-elf finds a planted panic", || {
         let program = Program::read(&firmware::build(core, &["plant-panic"])?)?;
-        expect_offender("plant-panic", &unwelcome_on_sample_path(&program)?.0)
+        expect_offender("plant-panic", &unwelcome_within_reach(&program, PATHS[0])?.0)
     });
 }
 
@@ -51,13 +51,17 @@ pub fn run_steps(steps: &mut Steps, core: Core) {
 pub fn check_file(elf: &Path) -> Result<()> {
     let program = Program::read(elf)?;
     let mut offenders = double_precision(&program);
-    let (on_path, reached) = unwelcome_on_sample_path(&program)?;
-    offenders.extend(on_path);
+    let mut clean = Vec::new();
+    for root in PATHS {
+        let (on_path, reached) = unwelcome_within_reach(&program, root)?;
+        offenders.extend(on_path);
+        clean.push(format!("no panic among the {reached} functions within reach of {root}"));
+    }
     if !offenders.is_empty() {
         bail!("\n    {}", offenders.join("\n    "));
     }
     println!("no double-precision helper among {} functions", program.functions.len());
-    println!("no panic among the {reached} functions within reach of {SAMPLE_PATH}");
+    println!("{}", clean.join("\n"));
     Ok(())
 }
 
@@ -97,11 +101,11 @@ fn is_double_helper(symbol: &str) -> bool {
     .any(|end| rest.ends_with(end))
 }
 
-/// Panics, aborts and calls of unknown target within reach of the sample path; and how many functions are.
-fn unwelcome_on_sample_path(program: &Program) -> Result<(Vec<String>, usize)> {
+/// Panics, aborts and calls of unknown target within reach of a function; and how many functions are.
+fn unwelcome_within_reach(program: &Program, root: &str) -> Result<(Vec<String>, usize)> {
     let root = program
-        .function_of_symbol(SAMPLE_PATH)
-        .with_context(|| format!("{} has no symbol {SAMPLE_PATH}", program.path.display()))?;
+        .function_of_symbol(root)
+        .with_context(|| format!("{} has no symbol {root}", program.path.display()))?;
     let graph = Graph::new(program);
     let reached = graph.reachable(root, |index| is_panic(&program.functions[index]));
     let mut found = Vec::new();

@@ -1,19 +1,25 @@
 //! What the application does when told.
 
+use core::ops::DerefMut;
+
+use rigident_shared::estimator::TwoLinkReading;
+use rigident_shared::estimator::frames::FrameEstimator;
 use rigident_shared::wire::{
-    Command, DecodeError, ErrorCode, InjectBatch, Kind, PROTOCOL_VERSION, Reason, Reply, Settings, Source,
-    StateName,
+    Command, DecodeError, ErrorCode, Kind, ModelSettings, PROTOCOL_VERSION, Reason, Reply, SettingName,
+    Settings, Source, StateName,
 };
 
-use super::reports::reading_of;
-use super::{App, BringUpError, Duty, PendingConfigure, Pulse, Run, SensorErrors, SensorRates};
+use super::reports::{link_reading_of, reading_of};
+use super::{App, BringUpError, Duty, PendingConfigure, Pulse, Run, SENSORS, SensorErrors, SensorRates};
+use crate::Path;
 use crate::answer::{FactorSnapshot, solve};
+use crate::frame_path::FramePath;
 use crate::link::{self, Recall};
 use crate::log;
 use crate::sample_path::{SamplePath, Words};
-use crate::settings::{Configuration, setting_of};
+use crate::settings::{Configuration, setting_of, setting_of_tree};
 
-impl App {
+impl<P: DerefMut<Target = Path>> App<P> {
     /// Takes a byte from the host. If it completes a `Configure` for real sensors, the rates to bring them
     /// up with; [`App::sensors_up`] must follow before the next byte.
     pub fn on_byte(&mut self, byte: u8, now_ns: u64) -> Option<SensorRates> {
@@ -62,8 +68,15 @@ impl App {
         let answer = match command {
             Err(_) => Err(ErrorCode::UnknownCommand),
             Ok(Command::Configure(settings)) => match self.may_configure(&settings) {
-                Ok(()) if settings.source == Source::Sensors => {
-                    let rates = SensorRates { load_cell_hz: settings.rate_hz, imu_hz: settings.imu.rate_hz };
+                Ok(()) if settings.source == Source::Sensors && !is_tree(&settings) => {
+                    let rates = SensorRates {
+                        load_cell_hz: settings.rate_hz,
+                        imu_hz: settings.imu.rate_hz,
+                        second_imu_hz: match &settings.model {
+                            ModelSettings::TwoLinks(links) => Some(links.imu.rate_hz),
+                            _ => None,
+                        },
+                    };
                     self.pending = Some(PendingConfigure { sequence, check, settings });
                     return Some(rates);
                 }
@@ -101,7 +114,7 @@ impl App {
         if !matches!(self.state, StateName::Idle | StateName::Configured | StateName::Holding) {
             return Err(ErrorCode::WrongState(self.state));
         }
-        set_up(settings, &mut None)
+        check(settings)
     }
 
     fn configure(&mut self, settings: Settings) -> Result<Reply, ErrorCode> {
@@ -109,7 +122,7 @@ impl App {
         self.duty = Duty::of(&settings);
         self.settings = Some(settings);
         self.begin();
-        (self.load_cell, self.imu) = (Pulse::default(), Pulse::default());
+        self.pulses = [Pulse::default(); SENSORS];
         self.enter(StateName::Configured, Reason::Command);
         Ok(Reply::Done)
     }
@@ -117,7 +130,7 @@ impl App {
     /// Everything counted is counted from here on.
     fn begin(&mut self) {
         self.run = Run::default();
-        let unaligned_before = self.path.as_ref().map_or(0, SamplePath::unaligned);
+        let unaligned_before = self.path.samples().map_or(0, SamplePath::unaligned);
         self.errors = SensorErrors { unaligned_before, ..SensorErrors::default() };
     }
 
@@ -140,17 +153,27 @@ impl App {
                 _ => wrong_state,
             },
             Command::Reset => {
-                self.path = None;
+                *self.path = Path::Empty;
                 self.settings = None;
                 self.begin();
                 self.enter(StateName::Idle, Reason::Command);
                 Ok(Reply::Done)
             }
-            Command::Inject(batch) => self.inject(batch),
+            Command::Inject(batch) => {
+                let readings = batch
+                    .readings
+                    .iter()
+                    .map(|message| TwoLinkReading { base: reading_of(message), ..TwoLinkReading::ZERO });
+                self.inject(batch.first_index, false, readings)
+            }
+            Command::InjectLinks(batch) => {
+                self.inject(batch.first_index, true, batch.readings.iter().map(link_reading_of))
+            }
+            Command::TakeRow { row } => self.take_row(*row).map(Reply::Row).ok_or(ErrorCode::NoEstimate),
             Command::ReadSettings => self.settings.clone().map(Reply::Settings).map_or(wrong_state, Ok),
             Command::ReadCounters => Ok(Reply::Counters(self.counters())),
             Command::ReadEstimate => {
-                let path = self.path.as_ref().ok_or(ErrorCode::NoEstimate)?;
+                let path = self.path.samples().ok_or(ErrorCode::NoEstimate)?;
                 if path.counters().blocks == 0 {
                     return Err(ErrorCode::NoEstimate);
                 }
@@ -160,7 +183,7 @@ impl App {
             }
             Command::ReadFactor { offset } => {
                 if *offset == 0 {
-                    self.run.snapshot = self.path.as_ref().map(|path| FactorSnapshot::new(&path.factor()));
+                    self.run.snapshot = self.path.samples().map(|path| FactorSnapshot::new(&path.factor()));
                 }
                 let snapshot = self.run.snapshot.as_ref().ok_or(ErrorCode::NoEstimate)?;
                 snapshot
@@ -176,8 +199,10 @@ impl App {
         match self.state {
             StateName::Configured => {
                 self.flush_readings();
-                if let Some(path) = &mut self.path {
-                    path.restart();
+                match &mut *self.path {
+                    Path::Empty => {}
+                    Path::Samples(path) => path.restart(),
+                    Path::Frames(path) => path.restart(),
                 }
                 self.begin();
             }
@@ -187,22 +212,28 @@ impl App {
         }
         // What happened before the run is not held against the sensors.
         let pulse = Pulse { bad_in_a_row: 0, last_ns: self.now_ns };
-        (self.load_cell, self.imu) = (pulse, pulse);
+        self.pulses = [pulse; SENSORS];
         self.absorb(true);
         self.enter(StateName::Running, Reason::Command);
         Ok(Reply::Done)
     }
 
-    fn inject(&mut self, batch: &InjectBatch) -> Result<Reply, ErrorCode> {
-        let injecting = self.settings.as_ref().is_some_and(|s| s.source == Source::Injected);
+    fn inject(
+        &mut self,
+        first_index: u32,
+        two_links: bool,
+        readings: impl Iterator<Item = TwoLinkReading<f32>>,
+    ) -> Result<Reply, ErrorCode> {
+        let injecting = self.settings.as_ref().is_some_and(|s| s.source == Source::Injected)
+            && self.path.samples().is_some_and(|path| path.has_two_links() == two_links);
         if self.state != StateName::Running || !injecting {
             return Err(ErrorCode::WrongState(self.state));
         }
-        if batch.first_index != self.run.injected_next {
+        if first_index != self.run.injected_next {
             return Err(ErrorCode::OutOfOrder { expected: self.run.injected_next });
         }
-        for message in &batch.readings {
-            self.take(&Words::Aligned(reading_of(message)));
+        for reading in readings {
+            self.take(&Words::Aligned(reading));
             self.run.injected_next = self.run.injected_next.wrapping_add(1);
             // The stop rule must see every estimate, whatever the size of the batches.
             self.work();
@@ -214,11 +245,35 @@ impl App {
     }
 }
 
-/// A new path for these settings. On an error `path` holds none that is of use.
+/// Frames come by themselves: there is nothing to bring up.
+fn is_tree(settings: &Settings) -> bool {
+    matches!(settings.model, ModelSettings::Tree(_))
+}
+
+/// Whether a path can be made of these settings.
 #[inline(never)]
-fn set_up(settings: &Settings, path: &mut Option<SamplePath>) -> Result<(), ErrorCode> {
-    let configuration = Configuration::new(settings).map_err(ErrorCode::BadSetting)?;
-    let refused = |error| ErrorCode::BadSetting(setting_of(error));
-    let path = path.insert(SamplePath::new(&configuration).map_err(refused)?);
-    configuration.memory.as_ref().map_or(Ok(()), |memory| path.set_memory(memory)).map_err(refused)
+fn check(settings: &Settings) -> Result<(), ErrorCode> {
+    match Configuration::new(settings).map_err(ErrorCode::BadSetting)? {
+        Configuration::Samples(configuration) => {
+            SamplePath::check(&configuration).map_err(|error| ErrorCode::BadSetting(setting_of(error)))
+        }
+        Configuration::Tree(links, config) => FrameEstimator::check(&links, &config)
+            .map(drop)
+            .map_err(|error| ErrorCode::BadSetting(setting_of_tree(error))),
+    }
+}
+
+/// A new path for these settings, which have been checked.
+#[inline(never)]
+fn set_up(settings: &Settings, path: &mut Path) -> Result<(), ErrorCode> {
+    match Configuration::new(settings).map_err(ErrorCode::BadSetting)? {
+        Configuration::Samples(configuration) => match SamplePath::place(path) {
+            Some(path) => {
+                path.set_up(&configuration).map_err(|error| ErrorCode::BadSetting(setting_of(error)))
+            }
+            None => Err(ErrorCode::BadSetting(SettingName::Model)),
+        },
+        Configuration::Tree(links, config) => FramePath::set_up(path, &links, &config)
+            .map_err(|error| ErrorCode::BadSetting(setting_of_tree(error))),
+    }
 }

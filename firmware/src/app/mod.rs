@@ -16,16 +16,18 @@ mod commands;
 mod reports;
 mod samples;
 
+use core::ops::DerefMut;
+
 use heapless::Vec;
 use rigident_shared::wire::{
-    Decoder, ReadingMessage, Reason, STREAM_BATCH, SensorFault, SettingName, Settings, Source, StateName,
-    Telemetry,
+    Decoder, LINK_BATCH, LinkReadingMessage, ModelSettings, ReadingMessage, Reason, STREAM_BATCH,
+    SensorFault, SettingName, Settings, Source, StateName, Telemetry,
 };
 
+use crate::Path;
 use crate::answer::FactorSnapshot;
 use crate::link::Link;
 use crate::log;
-use crate::sample_path::SamplePath;
 
 /// Announced this often until the host says hello, ns.
 const ANNOUNCE_EVERY_NS: u64 = 500_000_000;
@@ -50,6 +52,8 @@ pub struct SensorRates {
     pub load_cell_hz: f32,
     /// Of the IMU, 1/s.
     pub imu_hz: f32,
+    /// Of the second link's IMU, 1/s, if it is wanted.
+    pub second_imu_hz: Option<f32>,
 }
 
 /// Why sensors did not come up.
@@ -68,13 +72,24 @@ pub enum Sensor {
     LoadCell,
     /// The IMU.
     Imu,
+    /// The second link's IMU.
+    SecondImu,
+    /// The source of frames.
+    Frames,
 }
 
+/// How many there are.
+const SENSORS: usize = 4;
+
 impl Sensor {
+    const ALL: [Self; SENSORS] = [Self::LoadCell, Self::Imu, Self::SecondImu, Self::Frames];
+
     fn reason(self, fault: SensorFault) -> Reason {
         match self {
             Self::LoadCell => Reason::LoadCell(fault),
             Self::Imu => Reason::Imu(fault),
+            Self::SecondImu => Reason::SecondImu(fault),
+            Self::Frames => Reason::Frames(fault),
         }
     }
 }
@@ -91,14 +106,23 @@ struct PendingConfigure {
 #[derive(Clone, Copy, Default)]
 struct Duty {
     from_sensors: bool,
+    /// Which sensors are listened to, in the order of [`Sensor::ALL`].
+    sensors: [bool; SENSORS],
     stream: bool,
     estimate_every_blocks: u16,
 }
 
 impl Duty {
     fn of(settings: &Settings) -> Self {
+        let from_sensors = settings.source == Source::Sensors;
+        let sensors = match settings.model {
+            ModelSettings::Body => [true, true, false, false],
+            ModelSettings::TwoLinks(_) => [true, true, true, false],
+            ModelSettings::Tree(_) => [false, false, false, true],
+        };
         Self {
-            from_sensors: settings.source == Source::Sensors,
+            from_sensors,
+            sensors: sensors.map(|used| used && from_sensors),
             stream: settings.telemetry.stream_readings,
             estimate_every_blocks: settings.telemetry.estimate_every_blocks,
         }
@@ -122,6 +146,11 @@ struct SensorErrors {
     load_cell_clipped: u32,
     clipped_gauges: u8,
     imu: u32,
+    second_imu: u32,
+    frames_damaged: u32,
+    frames_missing: u32,
+    /// Number of the frame expected next.
+    next_frame: Option<u32>,
     /// Unaligned samples before the run.
     unaligned_before: u32,
 }
@@ -131,6 +160,7 @@ struct SensorErrors {
 struct Run {
     batch: Vec<ReadingMessage, STREAM_BATCH>,
     batch_first: u32,
+    link_batch: Vec<LinkReadingMessage, LINK_BATCH>,
     injected_next: u32,
     blocks_since_estimate: u16,
     estimate_due: bool,
@@ -141,13 +171,13 @@ struct Run {
     snapshot: Option<FactorSnapshot>,
 }
 
-/// The application.
-pub struct App {
+/// The application. `P` says where its estimator stands: a `&'static mut Path`, say, or a `Box<Path>`.
+pub struct App<P> {
     board: [u8; 16],
     state: StateName,
     reason: Reason,
     settings: Option<Settings>,
-    path: Option<SamplePath>,
+    path: P,
     duty: Duty,
     link: Link,
     decoder: Decoder,
@@ -161,16 +191,15 @@ pub struct App {
     last_heartbeat_ns: u64,
     run: Run,
     last_reading: ReadingMessage,
-    load_cell: Pulse,
-    imu: Pulse,
+    pulses: [Pulse; SENSORS],
     errors: SensorErrors,
     bad_frames: u32,
 }
 
-impl App {
-    /// An idle application on the named board (ASCII, at most sixteen bytes).
+impl<P: DerefMut<Target = Path>> App<P> {
+    /// An idle application on the named board (ASCII, at most sixteen bytes), with room for its estimator.
     #[must_use]
-    pub fn new(board: &str) -> Self {
+    pub fn new(board: &str, path: P) -> Self {
         let mut name = [0; 16];
         for (slot, byte) in name.iter_mut().zip(board.bytes()) {
             *slot = byte;
@@ -180,7 +209,7 @@ impl App {
             state: StateName::Idle,
             reason: Reason::Boot,
             settings: None,
-            path: None,
+            path,
             duty: Duty::default(),
             link: Link::new(),
             decoder: Decoder::new(),
@@ -194,8 +223,7 @@ impl App {
             last_heartbeat_ns: 0,
             run: Run::default(),
             last_reading: ReadingMessage::default(),
-            load_cell: Pulse::default(),
-            imu: Pulse::default(),
+            pulses: [Pulse::default(); SENSORS],
             errors: SensorErrors::default(),
             bad_frames: 0,
         }
@@ -247,8 +275,8 @@ impl App {
             return;
         }
         if self.listens() {
-            for (sensor, pulse) in [(Sensor::LoadCell, self.load_cell), (Sensor::Imu, self.imu)] {
-                if self.now_ns.saturating_sub(pulse.last_ns) > SILENT_NS {
+            for ((sensor, pulse), used) in Sensor::ALL.into_iter().zip(self.pulses).zip(self.duty.sensors) {
+                if used && self.now_ns.saturating_sub(pulse.last_ns) > SILENT_NS {
                     return self.fail(sensor.reason(SensorFault::Silent));
                 }
             }
@@ -279,8 +307,10 @@ impl App {
     }
 
     fn absorb(&mut self, absorbing: bool) {
-        if let Some(path) = &mut self.path {
-            path.absorb_from_now_on(absorbing);
+        match &mut *self.path {
+            Path::Empty => {}
+            Path::Samples(path) => path.absorb_from_now_on(absorbing),
+            Path::Frames(path) => path.absorb_from_now_on(absorbing),
         }
     }
 

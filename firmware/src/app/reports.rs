@@ -1,15 +1,21 @@
 //! What the application tells of itself.
 
+use core::ops::DerefMut;
+
 use rigident_shared::calibration::Reading;
+use rigident_shared::estimator::TwoLinkReading;
+use rigident_shared::estimator::frames::FrameCounters;
 use rigident_shared::screening::Rejection;
 use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
 use rigident_shared::wire::{
-    CounterReport, EstimateReport, Identity, PROTOCOL_VERSION, ReadingMessage, SCHEMA_HASH,
+    CounterReport, EstimateReport, FactorRow, FrameReport, Identity, LinkReadingMessage, PROTOCOL_VERSION,
+    ReadingMessage, SCHEMA_HASH,
 };
 
 use super::{App, FIRMWARE_HASH};
+use crate::Path;
 use crate::answer::{Solved, body};
-use crate::sample_path::BodyFactor;
+use crate::sample_path::ModelFactor;
 
 /// Version of the firmware.
 const VERSION: [u8; 3] = [
@@ -25,7 +31,7 @@ const fn decimal(text: &str) -> u8 {
     }
 }
 
-impl App {
+impl<P: DerefMut<Target = Path>> App<P> {
     pub(super) fn identity(&self) -> Identity {
         Identity {
             protocol_version: PROTOCOL_VERSION,
@@ -45,11 +51,12 @@ impl App {
             load_cell_clipped: self.errors.load_cell_clipped,
             clipped_gauges: self.errors.clipped_gauges,
             imu_errors: self.errors.imu,
+            second_imu_errors: self.errors.second_imu,
             bad_frames: self.bad_frames,
             telemetry_dropped: self.link.telemetry_dropped(),
             ..CounterReport::default()
         };
-        if let Some(path) = &self.path {
+        if let Some(path) = self.path.samples() {
             let counters = path.counters();
             report.readings = counters.readings;
             report.rejected = counters.rejected;
@@ -65,12 +72,40 @@ impl App {
             report.knocks = counters.knocks;
             report.unaligned = path.unaligned().saturating_sub(self.errors.unaligned_before);
         }
+        if let Some(path) = self.path.frames() {
+            let counters = path.estimator().counters();
+            report.frames = FrameReport {
+                missing: self.errors.frames_missing,
+                damaged: self.errors.frames_damaged,
+                ..frame_report(counters)
+            };
+            (report.readings, report.blocks) = (counters.frames, counters.absorbed);
+            report.rejected = counters.frames.saturating_sub(counters.absorbed);
+        }
         report
     }
 
+    /// Takes a row out of a tree's factor. `None` if there is no such row, or no tree.
+    pub(super) fn take_row(&mut self, row: u8) -> Option<FactorRow> {
+        let estimator = self.path.frames_mut()?.estimator_mut();
+        if usize::from(row) >= estimator.parameters() {
+            return None;
+        }
+        let (residual_sum_of_squares, rows) = if row == 0 {
+            estimator.begin_hand_over();
+            estimator.factor_mut().take_residual()
+        } else {
+            (0.0, 0)
+        };
+        let entries = estimator.factor().row(usize::from(row)).collect();
+        estimator.factor_mut().forget_row(usize::from(row));
+        let parameters = estimator.parameters() as u8;
+        Some(FactorRow { row, parameters, entries, residual_sum_of_squares, rows })
+    }
+
     /// `solved` is the factor's.
-    pub(super) fn report(&self, factor: &BodyFactor, solved: &Solved) -> Option<EstimateReport> {
-        let path = self.path.as_ref()?;
+    pub(super) fn report(&self, factor: &ModelFactor, solved: &Solved) -> Option<EstimateReport> {
+        let path = self.path.samples()?;
         let body = body(factor, solved);
         Some(EstimateReport {
             readings: path.counters().readings,
@@ -84,7 +119,7 @@ impl App {
                 .determined
                 .iter()
                 .enumerate()
-                .fold(0, |bits, (j, d)| bits | u16::from(*d) << j),
+                .fold(0, |bits, (j, d)| bits | u32::from(*d) << j),
             condition_number: solved.condition_number,
             innovation_rms: path.statistics().rms().unwrap_or_default(),
             last: self.last_reading,
@@ -98,6 +133,40 @@ pub(super) fn message_of(reading: &Reading<f32>) -> ReadingMessage {
         wrench: reading.wrench.array(),
         specific_force: reading.specific_force.array(),
         angular_rate: reading.angular_rate.array(),
+    }
+}
+
+fn frame_report(counters: &FrameCounters) -> FrameReport {
+    FrameReport {
+        frames: counters.frames,
+        absorbed: counters.absorbed,
+        missing: 0,
+        damaged: 0,
+        wrong_links: counters.wrong_links,
+        not_finite: counters.not_finite,
+        no_attitude: counters.no_attitude,
+        saturated: counters.saturated,
+        without_motion: counters.without_motion,
+        full: counters.full,
+        last_link: counters.last_link,
+    }
+}
+
+pub(super) fn link_message_of(reading: &TwoLinkReading<f32>) -> LinkReadingMessage {
+    LinkReadingMessage {
+        base: message_of(&reading.base),
+        specific_force: reading.specific_force.array(),
+        angular_rate: reading.angular_rate.array(),
+        attitude_wxyz: reading.attitude,
+    }
+}
+
+pub(super) fn link_reading_of(message: &LinkReadingMessage) -> TwoLinkReading<f32> {
+    TwoLinkReading {
+        base: reading_of(&message.base),
+        specific_force: SpecificForce::from_array(message.specific_force),
+        angular_rate: AngularRate::from_array(message.angular_rate),
+        attitude: message.attitude_wxyz,
     }
 }
 

@@ -1,19 +1,23 @@
 //! What the application does with samples, and what it makes of them outside the sample path.
 
-use rigident_shared::alignment::ImuReading;
+use core::ops::DerefMut;
+
 use rigident_shared::estimator::Outcome;
-use rigident_shared::spatial::{AngularRate, SpecificForce};
+use rigident_shared::estimator::frames::FrameRejection;
+use rigident_shared::wire::tree_frame::TreeFrame;
 use rigident_shared::wire::{Reason, SensorFault, StateName, Telemetry};
 
-use super::reports::message_of;
+use super::reports::{link_message_of, message_of};
 use super::{App, Pulse, Sensor};
+use crate::Path;
 use crate::answer::solve;
-use crate::sample_path::{SamplePath, Words, sample_path};
+use crate::frame_path::frame_path;
+use crate::sample_path::{SamplePath, Words, imu_reading, sample_path};
 
 /// So many samples of a sensor in a row that could not be had are a fault.
 const BAD_TO_FAULT: u16 = 10;
 
-impl App {
+impl<P: DerefMut<Target = Path>> App<P> {
     /// Takes gauge voltages with their capture time.
     pub fn on_gauges(&mut self, time_ns: u64, volts: [f32; 6]) {
         self.alive(Sensor::LoadCell, time_ns);
@@ -23,11 +27,44 @@ impl App {
     /// Takes an IMU sample: specific force (m/s²) and angular rate (rad/s) in the IMU's axes.
     pub fn on_imu(&mut self, time_ns: u64, specific_force: [f32; 3], angular_rate: [f32; 3]) {
         self.alive(Sensor::Imu, time_ns);
-        self.take(&Words::Imu(ImuReading {
-            time_ns,
-            specific_force: SpecificForce::from_array(specific_force),
-            angular_rate: AngularRate::from_array(angular_rate),
-        }));
+        self.take(&Words::Imu(imu_reading(time_ns, specific_force, angular_rate)));
+    }
+
+    /// Takes a sample of the second link's IMU: specific force (m/s²) and angular rate (rad/s) in its axes.
+    pub fn on_second_imu(&mut self, time_ns: u64, specific_force: [f32; 3], angular_rate: [f32; 3]) {
+        self.alive(Sensor::SecondImu, time_ns);
+        self.take(&Words::SecondImu(imu_reading(time_ns, specific_force, angular_rate)));
+    }
+
+    /// How many links a frame is to have; none if no frames are wanted.
+    pub fn frame_links(&self) -> Option<usize> {
+        self.path.frames().map(|path| path.estimator().links())
+    }
+
+    /// Takes a frame of a tree in motion, captured at this time.
+    pub fn on_frame(&mut self, time_ns: u64, frame: &TreeFrame<'_>) {
+        self.alive(Sensor::Frames, time_ns);
+        let expected = self.errors.next_frame.replace(frame.number.wrapping_add(1));
+        let missing = expected.map_or(0, |expected| frame.number.wrapping_sub(expected));
+        // Half the range back is a source that started again.
+        if missing < u32::MAX / 2 {
+            self.errors.frames_missing = self.errors.frames_missing.saturating_add(missing);
+        }
+        if self.state == StateName::Fault {
+            return;
+        }
+        let Some(path) = self.path.frames_mut() else { return };
+        if frame_path(path, frame) == Some(Err(FrameRejection::Full)) {
+            self.hold(Reason::LevelFull);
+        }
+    }
+
+    /// Notes a frame of a tree with so many links, which is not the one configured.
+    pub fn on_frame_of_links(&mut self, time_ns: u64, links: u8) {
+        self.alive(Sensor::Frames, time_ns);
+        if let Some(path) = self.path.frames_mut() {
+            path.estimator_mut().reject_links(links);
+        }
     }
 
     /// Leaves out a sample in which some gauges (bit g: gauge g) were at the end of the converter's range.
@@ -39,10 +76,14 @@ impl App {
         }
     }
 
-    /// Counts IMU samples that were read too late to know when they were captured.
-    pub fn on_late_imu(&mut self, count: u16) {
+    /// Counts samples of an IMU that were read too late to know when they were captured.
+    pub fn on_late_imu(&mut self, sensor: Sensor, count: u16) {
         if self.listens() {
-            self.errors.imu = self.errors.imu.saturating_add(u32::from(count));
+            let errors = match sensor {
+                Sensor::SecondImu => &mut self.errors.second_imu,
+                _ => &mut self.errors.imu,
+            };
+            *errors = errors.saturating_add(u32::from(count));
         }
     }
 
@@ -51,11 +92,14 @@ impl App {
         if !self.listens() {
             return;
         }
-        let (count, pulse) = match (sensor, fault) {
-            (Sensor::LoadCell, SensorFault::Check) => (&mut self.errors.load_cell_crc, &mut self.load_cell),
-            (Sensor::LoadCell, _) => (&mut self.errors.load_cell_other, &mut self.load_cell),
-            (Sensor::Imu, _) => (&mut self.errors.imu, &mut self.imu),
+        let count = match (sensor, fault) {
+            (Sensor::LoadCell, SensorFault::Check) => &mut self.errors.load_cell_crc,
+            (Sensor::LoadCell, _) => &mut self.errors.load_cell_other,
+            (Sensor::Imu, _) => &mut self.errors.imu,
+            (Sensor::SecondImu, _) => &mut self.errors.second_imu,
+            (Sensor::Frames, _) => &mut self.errors.frames_damaged,
         };
+        let Some(pulse) = self.pulses.get_mut(sensor as usize) else { return };
         *count = count.saturating_add(1);
         pulse.bad_in_a_row = pulse.bad_in_a_row.saturating_add(1);
         if fault == SensorFault::Restarted || pulse.bad_in_a_row >= BAD_TO_FAULT {
@@ -66,22 +110,21 @@ impl App {
     fn alive(&mut self, sensor: Sensor, time_ns: u64) {
         self.advance(time_ns);
         let pulse = Pulse { bad_in_a_row: 0, last_ns: self.now_ns };
-        match sensor {
-            Sensor::LoadCell => self.load_cell = pulse,
-            Sensor::Imu => self.imu = pulse,
+        if let Some(slot) = self.pulses.get_mut(sensor as usize) {
+            *slot = pulse;
         }
     }
 
     pub(super) fn take(&mut self, words: &Words) {
-        let from_sensors = !matches!(words, Words::Aligned(_));
+        let from_sensors = !words.are_injected();
         if from_sensors != self.duty.from_sensors || self.state == StateName::Fault {
             return;
         }
         let mut words = Some(words);
-        while let Some(path) = &mut self.path {
+        while let Some(path) = self.path.samples_mut() {
             let Some(outcome) = sample_path(path, words.take()) else { return };
             if outcome == Outcome::Absorbed {
-                self.last_reading = message_of(path.reading());
+                self.last_reading = message_of(&path.reading().base);
                 self.run.blocks_since_estimate = self.run.blocks_since_estimate.saturating_add(1);
                 let every = self.duty.estimate_every_blocks;
                 if every > 0 && self.run.blocks_since_estimate >= every {
@@ -102,8 +145,15 @@ impl App {
 
     #[inline(never)]
     fn stream(&mut self) {
-        let Some(path) = &self.path else { return };
-        self.last_reading = message_of(path.reading());
+        let Some(path) = self.path.samples() else { return };
+        self.last_reading = message_of(&path.reading().base);
+        if path.has_two_links() {
+            let _ = self.run.link_batch.push(link_message_of(path.reading()));
+            if self.run.link_batch.is_full() {
+                self.flush_readings();
+            }
+            return;
+        }
         // There is room: a full batch is sent at once.
         let _ = self.run.batch.push(self.last_reading);
         if self.run.batch.is_full() {
@@ -122,7 +172,7 @@ impl App {
     #[inline(never)]
     fn work_off(&mut self) {
         let behind = core::mem::take(&mut self.run.path_behind);
-        let stop_due = behind && self.path.as_mut().is_some_and(SamplePath::catch_up);
+        let stop_due = behind && self.path.samples_mut().is_some_and(SamplePath::catch_up);
         if core::mem::take(&mut self.run.estimate_due) {
             self.estimate();
         }
@@ -136,7 +186,7 @@ impl App {
     }
 
     fn estimate(&mut self) {
-        let Some(path) = &self.path else { return };
+        let Some(path) = self.path.samples() else { return };
         let factor = path.factor();
         let solved = solve(&factor);
         if let Some(report) = self.report(&factor, &solved) {
@@ -150,6 +200,12 @@ impl App {
             let first = self.run.batch_first;
             self.run.batch_first = first.wrapping_add(batch.len() as u32);
             self.link.telemetry(&Telemetry::Readings { first, readings: batch });
+        }
+        if !self.run.link_batch.is_empty() {
+            let readings = core::mem::take(&mut self.run.link_batch);
+            let first = self.run.batch_first;
+            self.run.batch_first = first.wrapping_add(readings.len() as u32);
+            self.link.telemetry(&Telemetry::LinkReadings { first, readings });
         }
     }
 }

@@ -4,4 +4,5 @@
 //! ([`crate::App`]), pins and buses (the boards).
 
 pub mod ads131m08;
+pub mod frames;
 pub mod imu;

@@ -5,6 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use crate::STANDARD_GRAVITY_MPS2;
 use crate::body::{BodyParameters, FrameMotion};
 use crate::devices::Ads131m08;
+use crate::links::SecondLink;
 use crate::platform::{Geometry, MotionError, PlateState};
 use crate::sensors::{Experiment, SensorModels};
 
@@ -73,6 +74,8 @@ pub struct RigConfig {
     pub load_cell: Mounting,
     /// U in S: the lever arm and `R_SU`.
     pub imu: Mounting,
+    /// What hangs on the body, with an IMU of its own like the first.
+    pub second: Option<SecondLink>,
     /// The sensors.
     pub sensors: SensorModels,
     /// Rate the load cell's converter is meant to be set to, Hz: 250, 500, 1000, …; its registers decide.
@@ -98,6 +101,7 @@ impl RigConfig {
             body: BodyParameters::thesis_horizontal(),
             load_cell: Mounting::IDENTITY,
             imu: Mounting { position_m: [0.06, -0.04, 0.02], rotation_wxyz: [0.92, 0.20, -0.10, 0.32] },
+            second: None,
             sensors: SensorModels::thesis(),
             adc_hz: 1000.0,
             imu_hz: 1000.0,
@@ -127,6 +131,11 @@ impl RigConfig {
     /// The same rig with another body.
     pub fn with_body(self, body: BodyParameters) -> Self {
         Self { body, ..self }
+    }
+
+    /// The same rig with a second link.
+    pub fn with_second(self, second: SecondLink) -> Self {
+        Self { second: Some(second), ..self }
     }
 
     /// The same rig meant to run at other rates, Hz.
@@ -164,6 +173,8 @@ impl RigConfig {
 #[derive(Clone, Debug)]
 pub(super) struct Mechanics {
     pub(super) body: BodyParameters,
+    /// With `R` of its IMU's mounting.
+    second: Option<(SecondLink, Matrix3<f64>)>,
     gravity: Vector3<f64>,
     sensor_position: Vector3<f64>,
     sensor_rotation: Matrix3<f64>,
@@ -176,6 +187,12 @@ impl Mechanics {
     pub(super) fn new(config: &RigConfig) -> Result<Self, RigError> {
         Ok(Self {
             body: config.body,
+            second: match config.second {
+                Some(link) => {
+                    Some((link, link.imu.rotation().ok_or(RigError::BadRotation("the second IMU"))?))
+                }
+                None => None,
+            },
             gravity: Vector3::new(0.0, 0.0, -config.gravity_mps2),
             sensor_position: Vector3::from(config.load_cell.position_m),
             sensor_rotation: config.load_cell.rotation().ok_or(RigError::BadRotation("the load cell"))?,
@@ -192,6 +209,21 @@ impl Mechanics {
     /// True wrench on the body at S's origin, in S.
     pub(super) fn wrench(&self, plate: &PlateState) -> [f64; 6] {
         self.body.wrench(&self.sensor_motion(plate), &self.gravity)
+    }
+
+    /// What a second link adds to it, by the rig's clock.
+    pub(super) fn second_wrench(&self, plate: &PlateState, time_s: f64) -> [f64; 6] {
+        self.second
+            .map_or([0.0; 6], |(link, _)| link.wrench(&self.sensor_motion(plate), time_s, &self.gravity))
+    }
+
+    /// True specific force and angular rate at the second IMU's origin, in its axes; none without a second link.
+    pub(super) fn second_imu(&self, plate: &PlateState, time_s: f64) -> Option<([f64; 3], [f64; 3])> {
+        let (link, rotation) = self.second?;
+        let motion = link
+            .motion(&self.sensor_motion(plate), time_s)
+            .fixed_frame(&Vector3::from(link.imu.position_m), &rotation);
+        Some((motion.specific_force(&self.gravity).into(), motion.body_rate().into()))
     }
 
     /// True specific force and angular rate at U's origin, in U.

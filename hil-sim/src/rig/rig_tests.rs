@@ -82,6 +82,7 @@ fn registers_hold_the_physics_of_the_instant_less_the_stated_delays() {
     loop {
         match rig.next_event() {
             BusEvent::Idle => break,
+            BusEvent::SecondImuReady(_) => panic!("there is no second IMU"),
             BusEvent::LoadCellReady(t) => {
                 let want = mechanics.wrench(&trajectory.state(t as f64 * 1e-9 - cell_delay));
                 let got = read_wrench(&mut rig);

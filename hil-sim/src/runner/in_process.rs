@@ -1,15 +1,16 @@
 //! The firmware compiled into this process.
 
 use std::io;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
-use rigident_firmware::{Event, Instrument, Sensor};
+use rigident_firmware::{Buses, Event, Instrument, Path, Sensor};
 use rigident_shared::wire::bus::{self, PollAnswer};
 
-use super::sensor_bus::{PacedRig, SensorBus, lock};
+use super::sensor_bus::{PacedRig, SensorBus};
 use super::{Mcu, Pacing};
 use crate::devices::Device;
 use crate::rig::SharedRig;
@@ -19,29 +20,51 @@ const NAP: Duration = Duration::from_micros(200);
 
 /// A microcontroller that is part of this process. It works while its owner reads, and only then.
 pub struct InProcess {
-    instrument: Instrument<RigSpi, RigSpi, NoWait>,
-    sensors: PacedRig,
+    instrument: Instrument<Box<Path>, BusSpi, BusSpi, BusSpi, NoWait>,
+    sensors: SharedBus,
     now_ns: u64,
+}
+
+/// A bus that the drivers and the poll share.
+type SharedBus = Arc<Mutex<Box<dyn SensorBus>>>;
+
+/// The bus, also after a panic of another of its users: its state is whole between calls.
+fn lock(bus: &SharedBus) -> MutexGuard<'_, Box<dyn SensorBus>> {
+    bus.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl InProcess {
     /// Boots the firmware with the rig's sensors behind its drivers.
     #[must_use]
     pub fn new(rig: SharedRig, pacing: Pacing) -> Self {
-        let spi = |device| RigSpi { rig: rig.clone(), device, bytes: Vec::new() };
-        let instrument = Instrument::new("in-process", spi(Device::LoadCell), spi(Device::Imu), NoWait);
-        let now_ns = lock(&rig).now_ns();
-        Self { instrument, sensors: PacedRig::new(rig, pacing), now_ns }
+        let now_ns = super::lock(&rig).now_ns();
+        Self { now_ns, ..Self::on(Box::new(PacedRig::new(rig, pacing))) }
+    }
+
+    /// Boots the firmware with `bus` behind its sensor drivers.
+    #[must_use]
+    pub fn on(bus: Box<dyn SensorBus>) -> Self {
+        let sensors: SharedBus = Arc::new(Mutex::new(bus));
+        let spi = |device| BusSpi { bus: Arc::clone(&sensors), device, bytes: Vec::new() };
+        let buses = Buses {
+            load_cell: spi(On::Sensor(Device::LoadCell)),
+            imus: [spi(On::Sensor(Device::Imu)), spi(On::Sensor(Device::SecondImu))],
+            frames: spi(On::Frames),
+        };
+        let instrument = Instrument::new("in-process", Box::new(Path::EMPTY), buses, NoWait);
+        Self { instrument, sensors, now_ns: 0 }
     }
 
     /// What a board does between two looks at its queues; whether there was an event.
     fn step(&mut self) -> bool {
-        let PollAnswer { event, time_ns } = self.sensors.poll();
+        let PollAnswer { event, time_ns } = lock(&self.sensors).poll();
         self.now_ns = time_ns;
         self.instrument.tick(time_ns);
         let sensor = match event {
             bus::Event::LoadCellReady => Sensor::LoadCell,
             bus::Event::ImuReady => Sensor::Imu,
+            bus::Event::SecondImuReady => Sensor::SecondImu,
+            bus::Event::FrameReady => Sensor::Frames,
             bus::Event::Idle | bus::Event::Exit => return false,
         };
         self.instrument.on_event(Event { sensor, capture_time_ns: time_ns });
@@ -82,18 +105,25 @@ impl Mcu for InProcess {
     }
 }
 
-/// A sensor of the rig as its driver sees it.
-struct RigSpi {
-    rig: SharedRig,
-    device: Device,
+/// What a transfer is with.
+#[derive(Clone, Copy)]
+enum On {
+    Sensor(Device),
+    Frames,
+}
+
+/// A sensor on the bus as its driver sees it.
+struct BusSpi {
+    bus: SharedBus,
+    device: On,
     bytes: Vec<u8>,
 }
 
-impl ErrorType for RigSpi {
+impl ErrorType for BusSpi {
     type Error = std::convert::Infallible;
 }
 
-impl SpiDevice for RigSpi {
+impl SpiDevice for BusSpi {
     fn transaction(&mut self, parts: &mut [Operation<'_, u8>]) -> Result<(), Self::Error> {
         self.bytes.clear();
         for part in parts.iter() {
@@ -116,7 +146,14 @@ impl SpiDevice for RigSpi {
             };
             self.bytes.resize(from + clocked, 0);
         }
-        lock(&self.rig).transfer(self.device, &mut self.bytes);
+        let mut bus = lock(&self.bus);
+        match self.device {
+            On::Sensor(Device::LoadCell) => bus.transfer_load_cell(&mut self.bytes),
+            On::Sensor(Device::Imu) => bus.transfer_imu(&mut self.bytes),
+            On::Sensor(Device::SecondImu) => bus.transfer_second_imu(&mut self.bytes),
+            On::Frames => bus.transfer_frame(&mut self.bytes),
+        }
+        drop(bus);
         let mut answer = self.bytes.iter();
         for part in parts {
             let (input, clocked): (&mut [u8], usize) = match part {

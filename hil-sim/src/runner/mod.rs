@@ -13,12 +13,14 @@ use std::time::Duration;
 
 mod emulator_log;
 mod error;
+mod frame_bus;
 mod in_process;
 mod qemu;
 mod sensor_bus;
 
 pub use emulator_log::LogLine;
 pub use error::RunnerError;
+pub use frame_bus::{FrameBus, FrameGate, frames_of};
 pub use in_process::InProcess;
 pub use qemu::{Qemu, QemuOptions, StackUse, firmware_elf};
 pub use sensor_bus::SensorBus;

@@ -22,6 +22,14 @@ pub trait SensorBus: Send {
     fn transfer_load_cell(&mut self, bytes: &mut [u8]);
     /// One transfer with the IMU selected, in place.
     fn transfer_imu(&mut self, bytes: &mut [u8]);
+    /// One transfer with the second link's IMU selected, in place. Where there is none the line stays low.
+    fn transfer_second_imu(&mut self, bytes: &mut [u8]) {
+        bytes.fill(0);
+    }
+    /// One transfer with the source of frames selected, in place. Where there is none the line stays low.
+    fn transfer_frame(&mut self, bytes: &mut [u8]) {
+        bytes.fill(0);
+    }
 }
 
 /// A rig behind the bus, its clock paced.
@@ -59,6 +67,7 @@ impl SensorBus for PacedRig {
             BusEvent::Idle => PollAnswer { event: Event::Idle, time_ns: rig.now_ns() },
             BusEvent::LoadCellReady(time_ns) => PollAnswer { event: Event::LoadCellReady, time_ns },
             BusEvent::ImuReady(time_ns) => PollAnswer { event: Event::ImuReady, time_ns },
+            BusEvent::SecondImuReady(time_ns) => PollAnswer { event: Event::SecondImuReady, time_ns },
         }
     }
 
@@ -68,6 +77,10 @@ impl SensorBus for PacedRig {
 
     fn transfer_imu(&mut self, bytes: &mut [u8]) {
         lock(&self.rig).transfer(Device::Imu, bytes);
+    }
+
+    fn transfer_second_imu(&mut self, bytes: &mut [u8]) {
+        lock(&self.rig).transfer(Device::SecondImu, bytes);
     }
 }
 
@@ -111,6 +124,14 @@ pub(super) fn answer_requests(
             }
             Operation::TransferImu => {
                 bus.transfer_imu(payload);
+                answers.write_all(payload)?;
+            }
+            Operation::TransferSecondImu => {
+                bus.transfer_second_imu(payload);
+                answers.write_all(payload)?;
+            }
+            Operation::TransferFrame => {
+                bus.transfer_frame(payload);
                 answers.write_all(payload)?;
             }
         }

@@ -7,7 +7,8 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::{
-    Channel, Experiment, Fault, ImuModel, LoadCellModel, STREAM_IMU, STREAM_LOAD_CELL, SensorModels, stream,
+    Channel, Experiment, Fault, ImuModel, LoadCellModel, STREAM_IMU, STREAM_LOAD_CELL, STREAM_SECOND_IMU,
+    SensorModels, stream,
 };
 
 /// A single pole, exact for inputs that are straight lines between samples.
@@ -145,6 +146,17 @@ pub struct ImuChain {
 impl ImuChain {
     /// The IMU of the experiment that `seed` draws.
     pub fn new(models: &SensorModels, experiment: &Experiment, seed: u64) -> Self {
+        Self::with_stream(models, experiment, seed, STREAM_IMU)
+    }
+
+    /// Another IMU of the same model: its biases and its noise are its own.
+    pub fn second(models: &SensorModels, seed: u64) -> Self {
+        let chain = Self::with_stream(models, &models.draw_second(seed), seed, STREAM_SECOND_IMU);
+        // Faults are the first one's.
+        Self { faults: Vec::new(), ..chain }
+    }
+
+    fn with_stream(models: &SensorModels, experiment: &Experiment, seed: u64, noise: u64) -> Self {
         let model = models.imu.clone();
         let noisy = model.accel_noise_mps2.iter().chain(&model.gyro_noise_radps).any(|s| *s != 0.0);
         Self {
@@ -153,7 +165,7 @@ impl ImuChain {
             pole: Pole::new(model.bandwidth_hz),
             accel_freezer: Freezer { held: [None; 3] },
             gyro_freezer: Freezer { held: [None; 3] },
-            rng: noisy.then(|| stream(seed, STREAM_IMU)),
+            rng: noisy.then(|| stream(seed, noise)),
             model,
         }
     }

@@ -1,6 +1,6 @@
 //! A host that gives the application readings and keeps the estimates that it sends.
 
-use rigident_firmware::App;
+use rigident_firmware::{App, Path};
 use rigident_shared::factor::InformationFactor;
 use rigident_shared::wire::{
     Answer, Command, CounterReport, Decoder, EstimateReport, InjectBatch, Kind, ReadingMessage, Reply,
@@ -36,6 +36,7 @@ pub fn settings(config: &RigConfig) -> Settings {
     Settings {
         rate_hz: RATE_HZ as f32,
         source: Source::Injected,
+        model: rigident_shared::wire::ModelSettings::Body,
         row_every: 5,
         telemetry: TelemetrySettings { estimate_every_blocks: 25, stream_readings: false },
         ..device::settings(config)
@@ -44,7 +45,7 @@ pub fn settings(config: &RigConfig) -> Settings {
 
 /// The application at the other end of a line that loses nothing.
 pub struct Host {
-    pub app: App,
+    pub app: App<Box<Path>>,
     decoder: Decoder,
     sequence: u16,
     /// Estimates sent unasked.
@@ -54,8 +55,12 @@ pub struct Host {
 impl Host {
     /// Configured and started.
     pub fn start(settings: &Settings) -> Self {
-        let mut host =
-            Self { app: App::new("test"), decoder: Decoder::new(), sequence: 0, estimates: Vec::new() };
+        let mut host = Self {
+            app: App::new("test", Box::default()),
+            decoder: Decoder::new(),
+            sequence: 0,
+            estimates: Vec::new(),
+        };
         host.ask(&Command::Configure(settings.clone())).unwrap();
         host.ask(&Command::Start).unwrap();
         host

@@ -95,7 +95,7 @@ fn the_stop_rule_judges_what_is_remembered() {
     let config = RigConfig::thesis_horizontal();
     let rows = rows(&config, 60.0);
     let run = |memory, mass_u95| {
-        let mut u95 = [0.0; 16];
+        let mut u95 = [0.0; 25];
         u95[0] = mass_u95;
         let stop = StopRule { asked: 1, u95, minimum_blocks: 100 };
         let settings = Settings { memory, stop: Some(stop), ..settings(&config) };

@@ -3,8 +3,9 @@
 use std::time::{Duration, Instant};
 
 use rigident_shared::wire::{
-    Answer, Command, CounterReport, Decoder, ErrorCode, ImuSettings, Kind, LoadCellSettings, MemorySettings,
-    ReadingMessage, Reply, Settings, Source, StateName, Telemetry, TelemetrySettings, encode, frame,
+    Answer, Command, CounterReport, Decoder, ErrorCode, ImuSettings, Kind, LinkReadingMessage,
+    LoadCellSettings, MemorySettings, ModelSettings, ReadingMessage, Reason, Reply, Settings, Source,
+    StateName, Telemetry, TelemetrySettings, encode, frame,
 };
 use rigident_sim::platform::MotionProgram;
 use rigident_sim::rig::{RigConfig, SharedRig};
@@ -18,7 +19,9 @@ pub struct Device<'a> {
     decoder: Decoder,
     sequence: u16,
     pub readings: Vec<ReadingMessage>,
+    pub link_readings: Vec<LinkReadingMessage>,
     pub states: Vec<StateName>,
+    pub reasons: Vec<Reason>,
     pub estimates: usize,
 }
 
@@ -30,7 +33,9 @@ impl<'a> Device<'a> {
             decoder: Decoder::new(),
             sequence: 0,
             readings: Vec::new(),
+            link_readings: Vec::new(),
             states: Vec::new(),
+            reasons: Vec::new(),
             estimates: 0,
         };
         let deadline = Instant::now() + PATIENCE;
@@ -72,11 +77,18 @@ impl<'a> Device<'a> {
             }
             match frame.message().unwrap() {
                 Telemetry::Announce(_) => announced = true,
-                Telemetry::State { state, .. } => self.states.push(state),
+                Telemetry::State { state, reason } => {
+                    self.states.push(state);
+                    self.reasons.push(reason);
+                }
                 Telemetry::Estimate(_) => self.estimates += 1,
                 Telemetry::Readings { first, readings } => {
                     assert_eq!(first as usize, self.readings.len(), "a reading is missing");
                     self.readings.extend(readings);
+                }
+                Telemetry::LinkReadings { first, readings } => {
+                    assert_eq!(first as usize, self.link_readings.len(), "a reading is missing");
+                    self.link_readings.extend(readings);
                 }
                 Telemetry::Heartbeat { .. } => {}
             }
@@ -125,6 +137,7 @@ pub fn settings(rig: &RigConfig) -> Settings {
     Settings {
         rate_hz: rig.adc_hz as f32,
         source: Source::Sensors,
+        model: ModelSettings::Body,
         imu: ImuSettings {
             rate_hz: rig.imu_hz as f32,
             rotation_wxyz: rig.imu.rotation_wxyz.map(|v| v as f32),

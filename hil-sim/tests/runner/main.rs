@@ -3,3 +3,5 @@
 mod device;
 mod emulated_board;
 mod in_process;
+mod tree;
+mod two_links;

@@ -334,7 +334,7 @@ impl Director for Directing {
 
     fn may_be_reached(&mut self, report: &EstimateReport) -> bool {
         let all = (1_u32 << report.estimate.len().min(16)) - 1;
-        if u32::from(report.determined) & all != all {
+        if report.determined & all != all {
             return false;
         }
         let estimate: Vec<f64> = report.estimate.iter().map(|v| f64::from(*v)).collect();

@@ -1,6 +1,6 @@
 use clap::Args;
 use rigident_shared::inertia::PARAMETER_NAMES;
-use rigident_shared::wire::{Settings, StopRule};
+use rigident_shared::wire::{MAX_PARAMETERS, Settings, StopRule};
 
 use super::Failure;
 use crate::answer::assemble::Asked;
@@ -61,7 +61,7 @@ fn stop_rule(words: &[String]) -> Result<Option<StopRule>, String> {
     }
     // A single name refines its group, wherever it stands.
     limits.sort_by_key(|(_, parameters, _)| std::cmp::Reverse(parameters.len()));
-    let mut stop = StopRule { asked: 0, u95: [0.0; 16], minimum_blocks: MINIMUM_BLOCKS };
+    let mut stop = StopRule { asked: 0, u95: [0.0; MAX_PARAMETERS], minimum_blocks: MINIMUM_BLOCKS };
     for (_, parameters, u95) in limits {
         for j in parameters {
             stop.asked |= 1 << j;

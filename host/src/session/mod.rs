@@ -5,6 +5,7 @@
 
 mod adaptive;
 mod settings;
+pub mod tree;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -446,7 +447,8 @@ impl Session {
                         advice: "it restarted in the middle of the experiment: check its supply",
                     });
                 }
-                Telemetry::Heartbeat { .. } => {}
+                // Of two links, which this session does not configure.
+                Telemetry::LinkReadings { .. } | Telemetry::Heartbeat { .. } => {}
             }
         }
         Ok(())
@@ -465,6 +467,11 @@ fn advice(reason: Reason) -> &'static str {
     match reason {
         Reason::LoadCell(_) => "check the cable and supply of the load cell's converter, then run again",
         Reason::Imu(_) => "check the cable and supply of the IMU, then run again",
+        Reason::SecondImu(_) => "check the cable and supply of the second link's IMU, then run again",
+        Reason::Frames(_) => {
+            "no frames come, or damaged ones only: check their source and its cable, then run again"
+        }
+        Reason::LevelFull => "take the factor's rows, then start again: nothing of it is lost",
         Reason::HostQuiet => "the host was too busy or the cable was out for longer than the time set",
         Reason::Boot | Reason::Command | Reason::StopRule => "run again",
     }

@@ -1,5 +1,6 @@
 use rigident_shared::wire::{
-    ImuSettings, LoadCellSettings, MemorySettings, Settings, Source, StopRule, TelemetrySettings,
+    ImuSettings, LoadCellSettings, MemorySettings, ModelSettings, Settings, Source, StopRule,
+    TelemetrySettings,
 };
 
 use crate::formats::rig::{Calibrated, ImuTable, OffsetTable, OffsetWord, RigFile};
@@ -81,6 +82,7 @@ pub fn settings(
     Ok(Settings {
         rate_hz: timing.rate_hz as f32,
         source: timing.source,
+        model: ModelSettings::Body,
         imu: ImuSettings {
             rate_hz: imu.rate_hz.unwrap_or(timing.rate_hz) as f32,
             rotation_wxyz: imu.rotation_wxyz.map(|v| v as f32),

@@ -387,7 +387,7 @@ impl<T: Scalar> FrameEstimator<T> {
             let block = rows::block(state);
             for k in (0..10).filter(|k| kept >> k & 1 == 1) {
                 if let Some(column) = columns.next() {
-                    set(column, block.map(|row| row[k]));
+                    set(column, block.map(|row| row.get(k).copied().unwrap_or_default()));
                 }
             }
         }

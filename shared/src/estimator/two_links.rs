@@ -20,7 +20,7 @@ use crate::calibration::{ImuMounting, Reading};
 use crate::factor::Cascade;
 use crate::regressor::{self, WRENCH};
 use crate::screening::{ATTITUDE_CHANNEL, Rejection, Screen, TWO_LINK_CHANNELS};
-use crate::spatial::{AngularRate, Imu, Rotation, SpecificForce};
+use crate::spatial::{AngularRate, Imu, Rotation, SpecificForce, Wrench};
 use crate::tree::momentum::{Parts, parts};
 use crate::tree::{BaseMotion, LinkState};
 
@@ -61,6 +61,21 @@ pub struct TwoLinkReading<T: Scalar> {
     pub angular_rate: AngularRate<Imu, T>,
     /// Attitude of the second link, `R_SL` as a quaternion w, x, y, z; not looked at if it is found from the IMUs.
     pub attitude: [T; 4],
+}
+
+impl<T: Scalar> TwoLinkReading<T> {
+    /// All zero.
+    pub const ZERO: Self = Self {
+        base: Reading {
+            time_ns: 0,
+            wrench: Wrench::zero(),
+            specific_force: SpecificForce::zero(),
+            angular_rate: AngularRate::zero(),
+        },
+        specific_force: SpecificForce::zero(),
+        angular_rate: AngularRate::zero(),
+        attitude: [T::ZERO; 4],
+    };
 }
 
 /// Where the joint's attitude comes from.

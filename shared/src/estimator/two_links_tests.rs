@@ -9,7 +9,7 @@ use super::*;
 use crate::estimator::{Outcome, TwoLinkEstimator};
 use crate::random::Random;
 use crate::screening::Limits;
-use crate::spatial::{Position, Wrench};
+use crate::spatial::Position;
 use crate::tree::{Joint, JointMotion, Link, motion::states, rows};
 
 const TAPS: usize = 32;

@@ -31,8 +31,8 @@ pub fn parts<T: Scalar>(state: &LinkState<T>, base: &BaseMotion<T>) -> Parts<T> 
     let zero = Vector3::zeros();
     // H' = m r×u + r×(ω×mc) + mc×u + I ω
     set(&mut momentum, 0, arm, u, &zero);
-    for k in 0..3 {
-        let axis: Vector3<T> = turn.column(k).into();
+    for (k, axis) in turn.data.0.iter().enumerate() {
+        let axis = Vector3::from(*axis);
         set(&mut momentum, 1 + k, arm, &rate.cross(&axis), &axis.cross(u));
     }
     let w = turn.tr_mul(rate);

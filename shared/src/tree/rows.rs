@@ -44,8 +44,8 @@ pub fn block<T: Scalar>(state: &LinkState<T>) -> Block<T> {
     set(&mut block, 0, arm, a, &Vector3::zeros());
     let spin = hat(rate);
     let omega = hat(change) + spin * spin;
-    for k in 0..3 {
-        let axis: Vector3<T> = turn.column(k).into();
+    for (k, axis) in turn.data.0.iter().enumerate() {
+        let axis = Vector3::from(*axis);
         set(&mut block, 1 + k, arm, &(omega * axis), &axis.cross(a));
     }
     // The inertia's columns in link axes, where the parameters are, and then turned.

@@ -11,6 +11,8 @@
 //! | `[0][0 u16 LE]` poll | `[event u8][time_ns u64 LE]`: what happened, and the capture time of the sample or the time now |
 //! | `[1][len u16 LE][len bytes]` load-cell chip selected, `len` bytes clocked | the `len` bytes clocked back |
 //! | `[2][len u16 LE][len bytes]` IMU selected, `len` bytes clocked | the `len` bytes clocked back |
+//! | `[3][len u16 LE][len bytes]` second link's IMU selected, `len` bytes clocked | the `len` bytes clocked back |
+//! | `[4][len u16 LE][len bytes]` source of frames selected, `len` bytes clocked | the `len` bytes clocked back ([`super::tree_frame`]) |
 //!
 //! The simulator answers at once, always: the machine that waits for an answer stands still. With nothing to
 //! report it says [`Event::Idle`].
@@ -31,6 +33,10 @@ pub enum Operation {
     TransferLoadCell,
     /// One transfer with the IMU selected.
     TransferImu,
+    /// One transfer with the second link's IMU selected.
+    TransferSecondImu,
+    /// One transfer with the source of frames selected.
+    TransferFrame,
 }
 
 /// A request's first bytes.
@@ -62,6 +68,8 @@ impl RequestHeader {
             Operation::Poll => 0,
             Operation::TransferLoadCell => 1,
             Operation::TransferImu => 2,
+            Operation::TransferSecondImu => 3,
+            Operation::TransferFrame => 4,
         };
         [operation, low, high]
     }
@@ -74,6 +82,8 @@ impl RequestHeader {
             0 => Operation::Poll,
             1 => Operation::TransferLoadCell,
             2 => Operation::TransferImu,
+            3 => Operation::TransferSecondImu,
+            4 => Operation::TransferFrame,
             unknown => return Err(RequestError::UnknownOperation(unknown)),
         };
         let too_long = match operation {
@@ -95,6 +105,10 @@ pub enum Event {
     ImuReady,
     /// The simulation is over: say what is left to say and leave.
     Exit,
+    /// The second link's IMU has a packet, captured at the time given.
+    SecondImuReady,
+    /// There is a frame, captured at the time given.
+    FrameReady,
 }
 
 /// The answer to a poll.
@@ -114,6 +128,8 @@ impl PollAnswer {
             Event::LoadCellReady => 1,
             Event::ImuReady => 2,
             Event::Exit => 3,
+            Event::SecondImuReady => 4,
+            Event::FrameReady => 5,
         };
         let [a, b, c, d, e, f, g, h] = self.time_ns.to_le_bytes();
         [event, a, b, c, d, e, f, g, h]
@@ -127,6 +143,8 @@ impl PollAnswer {
             1 => Event::LoadCellReady,
             2 => Event::ImuReady,
             3 => Event::Exit,
+            4 => Event::SecondImuReady,
+            5 => Event::FrameReady,
             _ => return None,
         };
         Some(Self { event, time_ns: u64::from_le_bytes([a, b, c, d, e, f, g, h]) })
@@ -154,7 +172,7 @@ mod tests {
                 let bytes = [operation, low, high];
                 match RequestHeader::decode(bytes) {
                     Ok(header) => assert_eq!(header.encode(), bytes),
-                    Err(RequestError::UnknownOperation(n)) => assert!(n == operation && n > 2),
+                    Err(RequestError::UnknownOperation(n)) => assert!(n == operation && n > 4),
                     Err(RequestError::Length(n)) => {
                         assert!(n == length && (usize::from(n) > MAX_TRANSFER_BYTES || operation == 0));
                     }
@@ -167,10 +185,12 @@ mod tests {
     fn poll_answers_are_these_bytes() {
         let answer = PollAnswer { event: Event::ImuReady, time_ns: 0x0102_0304_0506_0708 };
         assert_eq!(answer.encode(), [2, 8, 7, 6, 5, 4, 3, 2, 1]);
-        for event in [Event::Idle, Event::LoadCellReady, Event::ImuReady, Event::Exit] {
+        let more = [Event::SecondImuReady, Event::FrameReady];
+        for event in [Event::Idle, Event::LoadCellReady, Event::ImuReady, Event::Exit].into_iter().chain(more)
+        {
             let answer = PollAnswer { event, time_ns: u64::MAX - 5 };
             assert_eq!(PollAnswer::decode(answer.encode()), Some(answer));
         }
-        assert_eq!(PollAnswer::decode([4, 0, 0, 0, 0, 0, 0, 0, 0]), None);
+        assert_eq!(PollAnswer::decode([6, 0, 0, 0, 0, 0, 0, 0, 0]), None);
     }
 }

@@ -16,6 +16,13 @@ pub const SCHEMA_HASH: u64 =
         "rigident",
     ));
 
+/// Most parameters of a model that the device solves: two links' and the wrench offset.
+pub const MAX_PARAMETERS: usize = 25;
+/// Most links of a tree from frames.
+pub const MAX_LINKS: usize = 16;
+/// Most base parameters of a tree from frames.
+pub const MAX_TREE_PARAMETERS: usize = 128;
+
 /// Host to device. Every command is answered once, with its own sequence number; a repeat with the same
 /// number is answered again from memory.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
@@ -34,6 +41,8 @@ pub enum Command {
     Reset,
     /// Readings of a recording, while Running with [`Source::Injected`].
     Inject(InjectBatch),
+    /// Readings of two links, while Running with [`Source::Injected`].
+    InjectLinks(LinkBatch),
     /// The settings in force.
     ReadSettings,
     /// What happened so far.
@@ -44,6 +53,12 @@ pub enum Command {
     ReadFactor {
         /// Index of the first number wanted.
         offset: u16,
+    },
+    /// Hand over a row of a tree's factor: it is taken out of the device, and a repeat of the command is answered from
+    /// memory as every other. Row 0 begins: what waits is absorbed first, and the level's frames are counted anew.
+    TakeRow {
+        /// The row, and so the first parameter with a coefficient in it.
+        row: u8,
     },
     /// The host is there.
     Heartbeat,
@@ -68,6 +83,8 @@ pub enum Reply {
     Estimate(EstimateReport),
     /// To `ReadFactor`.
     Factor(FactorChunk),
+    /// To `TakeRow`.
+    Row(FactorRow),
     /// To `Inject`: the index of the reading expected next.
     Injected {
         /// Index expected next.
@@ -156,6 +173,12 @@ pub enum Reason {
     LoadCell(SensorFault),
     /// The IMU does not answer as it should.
     Imu(SensorFault),
+    /// The second link's IMU does not answer as it should.
+    SecondImu(SensorFault),
+    /// No frames come, or none that are whole.
+    Frames(SensorFault),
+    /// The level of a tree's factor holds as many frames as single precision bears: take its rows, then start again.
+    LevelFull,
 }
 
 /// What is wrong with a sensor.
@@ -210,6 +233,16 @@ pub enum SettingName {
     KnockLimit,
     /// `memory`
     Memory,
+    /// `model`: what the other settings ask for is not what it can do.
+    Model,
+    /// The second link's IMU, in `model`
+    SecondImu,
+    /// `joint_position_m` or `attitude`, in `model`
+    Joint,
+    /// A link of a tree, in `model`: its parent, axis or place
+    Link(u8),
+    /// The links of a tree, in `model`: none, too many, or too many parameters
+    Links,
 }
 
 /// Where readings come from.
@@ -221,6 +254,67 @@ pub enum Source {
     Injected,
 }
 
+/// What is identified.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
+#[allow(clippy::large_enum_variant, reason = "no heap")]
+pub enum ModelSettings {
+    /// One body, ten parameters, or sixteen with the offset.
+    #[default]
+    Body,
+    /// Two links that a spherical joint holds together: 19 parameters, or 25 with the offset.
+    TwoLinks(TwoLinkSettings),
+    /// A tree of links from frames that are streamed to the device: up to 128 parameters, the offset known. The first link
+    /// is the base.
+    Tree(Vec<LinkSettings, MAX_LINKS>),
+}
+
+/// The second link.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct TwoLinkSettings {
+    /// Its IMU; in its frame, whose origin is the joint.
+    pub imu: ImuSettings,
+    /// The joint in S, m.
+    pub joint_position_m: [f32; 3],
+    /// Where the joint's attitude comes from.
+    pub attitude: AttitudeSource,
+}
+
+/// Where a joint's attitude comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub enum AttitudeSource {
+    /// With every reading that is injected.
+    Streamed,
+    /// From both IMUs.
+    FromImus {
+        /// `R_SL` at the start of the run, Hamilton quaternion.
+        initial_wxyz: [f32; 4],
+        /// Of the correction by the accelerometers, s; zero: none.
+        time_constant_s: f32,
+    },
+}
+
+/// A link of a tree.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct LinkSettings {
+    /// Index of its parent, smaller than its own.
+    pub parent: u8,
+    /// The joint above it.
+    pub joint: LinkJoint,
+    /// The joint in the parent's frame, m.
+    pub position_m: [f32; 3],
+}
+
+/// How a link of a tree turns against its parent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum LinkJoint {
+    /// Not at all.
+    Fixed,
+    /// About an axis of its own: 0 x, 1 y, 2 z.
+    Revolute(u8),
+    /// In any way, or about two axes.
+    Spherical,
+}
+
 /// Everything that fixes what the device does.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Settings {
@@ -228,6 +322,8 @@ pub struct Settings {
     pub rate_hz: f32,
     /// Where readings come from.
     pub source: Source,
+    /// What is identified.
+    pub model: ModelSettings,
     /// The IMU.
     pub imu: ImuSettings,
     /// The load cell.
@@ -315,9 +411,9 @@ pub enum MemorySettings {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct StopRule {
     /// Bit j: parameter j is asked for; at least one of those estimated.
-    pub asked: u16,
+    pub asked: u32,
     /// Largest 95 % uncertainty of each parameter asked for, SI.
-    pub u95: [f32; 16],
+    pub u95: [f32; MAX_PARAMETERS],
     /// But not before so many row blocks.
     pub minimum_blocks: u32,
 }
@@ -344,6 +440,21 @@ pub struct ReadingMessage {
     pub angular_rate: [f32; 3],
 }
 
+/// One reading of two links on the line.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
+pub struct LinkReadingMessage {
+    /// Load cell and the base's IMU.
+    pub base: ReadingMessage,
+    /// Specific force, second IMU's axes, uncorrected, m/s².
+    pub specific_force: [f32; 3],
+    /// Angular rate, second IMU's axes, uncorrected, rad/s.
+    pub angular_rate: [f32; 3],
+    /// The second link's attitude `R_SL`, w, x, y, z: from the device the one it has used.
+    pub attitude_wxyz: [f32; 4],
+}
+
+/// Readings of two links per batch, either way.
+pub const LINK_BATCH: usize = 8;
 /// Readings per batch to the device.
 pub const INJECT_BATCH: usize = 16;
 /// Readings per batch from the device.
@@ -358,6 +469,15 @@ pub struct InjectBatch {
     pub first_index: u32,
     /// The readings.
     pub readings: Vec<ReadingMessage, INJECT_BATCH>,
+}
+
+/// Readings of a recording of two links, in order.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct LinkBatch {
+    /// Index of the first one, counted from the start of the run.
+    pub first_index: u32,
+    /// The readings.
+    pub readings: Vec<LinkReadingMessage, LINK_BATCH>,
 }
 
 /// Who is there.
@@ -386,8 +506,8 @@ pub struct CounterReport {
     pub readings: u32,
     /// Readings rejected.
     pub rejected: u32,
-    /// Rejected per channel, in the order of a reading.
-    pub rejected_by_channel: [u16; 12],
+    /// Rejected per channel, in the order of a reading; then the second IMU's, then the joint's attitude.
+    pub rejected_by_channel: [u16; 19],
     /// The last rejection: 0 none, 1 not finite, 2 saturated, 3 frozen.
     pub last_rejection: u8,
     /// Its channel.
@@ -408,6 +528,10 @@ pub struct CounterReport {
     pub clipped_gauges: u8,
     /// Failed transfers with the IMU, overflows of its FIFO, and samples of it that were read too late.
     pub imu_errors: u32,
+    /// The same of the second link's IMU.
+    pub second_imu_errors: u32,
+    /// What became of frames.
+    pub frames: FrameReport,
     /// Load-cell samples without IMU neighbours.
     pub unaligned: u32,
     /// Frames from the host that were damaged.
@@ -416,10 +540,38 @@ pub struct CounterReport {
     pub telemetry_dropped: u32,
 }
 
+/// What became of frames. Of those that were left out nothing was absorbed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct FrameReport {
+    /// That came whole.
+    pub frames: u32,
+    /// That were absorbed.
+    pub absorbed: u32,
+    /// That did not come: numbers of their series that are missing.
+    pub missing: u32,
+    /// That were damaged on the way, or could not be had.
+    pub damaged: u32,
+    /// Of a tree with another number of links.
+    pub wrong_links: u32,
+    /// With a number that is NaN or infinite.
+    pub not_finite: u32,
+    /// With an attitude that is no rotation.
+    pub no_attitude: u32,
+    /// With a wrench at its range.
+    pub saturated: u32,
+    /// Whose motion repeats itself while the wrench changes.
+    pub without_motion: u32,
+    /// After the level was full.
+    pub full: u32,
+    /// The link that the last rejected frame was rejected for, or the links that it had.
+    pub last_link: u8,
+}
+
 /// What physical consistency leaves of the free answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Consistency {
-    /// The rows do not determine every parameter, so that no body is nearest.
+    /// The rows do not determine every parameter, so that no body is nearest; or base parameters of several links, which
+    /// may be those of bodies in many ways.
     NotDetermined,
     /// The free answer is a body's.
     Free,
@@ -438,16 +590,16 @@ pub struct EstimateReport {
     pub time_ns: u64,
     /// Row blocks absorbed.
     pub blocks: u32,
-    /// Ten parameters, or sixteen: those of a body, unless `consistency` says that none is determined.
-    pub estimate: Vec<f32, 16>,
+    /// Ten parameters, or sixteen: those of a body, unless `consistency` says that none is determined. Of two links 19, or 25.
+    pub estimate: Vec<f32, MAX_PARAMETERS>,
     /// What became of the free answer.
     pub consistency: Consistency,
     /// How far the free answer is from any body's, in standard deviations; zero if it is one's.
     pub distance_sd: f32,
     /// Standard deviation of each parameter of the free answer, for the σ of the settings.
-    pub standard_deviation: Vec<f32, 16>,
+    pub standard_deviation: Vec<f32, MAX_PARAMETERS>,
     /// Bit j: the rows determine parameter j.
-    pub determined: u16,
+    pub determined: u32,
     /// Of the column-scaled rows.
     pub condition_number: f32,
     /// Root mean square of the innovations, each against the estimate before it, N and N m.
@@ -459,7 +611,7 @@ pub struct EstimateReport {
 /// A part of the factor: the triangle row by row, z, the residual sum of squares.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct FactorChunk {
-    /// Parameters: 10 or 16.
+    /// Parameters: 10 or 16, 19 or 25.
     pub parameters: u8,
     /// Scalar rows absorbed.
     pub rows: u32,
@@ -469,6 +621,21 @@ pub struct FactorChunk {
     pub offset: u16,
     /// The numbers.
     pub entries: Vec<f32, FACTOR_CHUNK>,
+}
+
+/// A row of a tree's factor that is no longer on the device.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct FactorRow {
+    /// The row.
+    pub row: u8,
+    /// Parameters.
+    pub parameters: u8,
+    /// From the diagonal on, then the right-hand side.
+    pub entries: Vec<f32, { MAX_TREE_PARAMETERS + 1 }>,
+    /// With row 0: the sum of squares that no parameters explain, of all rows since it was last taken.
+    pub residual_sum_of_squares: f32,
+    /// With row 0: how many these were.
+    pub rows: u32,
 }
 
 /// Device to host, unasked; yields to answers and is dropped, and counted, when there is no room.
@@ -492,6 +659,13 @@ pub enum Telemetry {
         first: u32,
         /// The readings.
         readings: Vec<ReadingMessage, STREAM_BATCH>,
+    },
+    /// Consecutive readings of two links.
+    LinkReadings {
+        /// Number of the first one, counted from the start of the run.
+        first: u32,
+        /// The readings.
+        readings: Vec<LinkReadingMessage, LINK_BATCH>,
     },
     /// The device is there: once a second after the hello.
     Heartbeat {

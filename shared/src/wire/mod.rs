@@ -1,7 +1,7 @@
 //! The messages between host and device, and how they travel.
 //!
 //! Lives here: framing and checks ([`frame`]), the messages ([`messages`]), the sensor bus of emulated boards
-//! ([`bus`]). May not live here: mathematics, I/O, a clock. Next: the firmware's `link` and the host's.
+//! ([`bus`]), frames of a tree in motion ([`tree_frame`]). May not live here: mathematics, I/O, a clock. Next: the firmware's `link` and the host's.
 //!
 //! One frame on the line:
 //!
@@ -21,6 +21,7 @@
 pub mod bus;
 pub mod frame;
 pub mod messages;
+pub mod tree_frame;
 
 pub use frame::{DecodeError, Decoder, Frame, Kind, encode};
 pub use messages::*;

@@ -15,6 +15,7 @@ pub fn settings() -> Settings {
     Settings {
         rate_hz: 1000.0,
         source: Source::Sensors,
+        model: ModelSettings::Body,
         imu: ImuSettings {
             rate_hz: 500.0,
             rotation_wxyz: [0.5, -0.5, 0.5, 0.5],
@@ -81,7 +82,7 @@ fn counters() -> CounterReport {
     CounterReport {
         readings: 20_000,
         rejected: 12,
-        rejected_by_channel: [0, 0, 7, 0, 0, 0, 0, 0, 0, 5, 0, 0],
+        rejected_by_channel: [0, 0, 7, 0, 0, 0, 0, 0, 0, 5, 0, 0, 0, 0, 0, 0, 0, 0, 0],
         last_rejection: 2,
         last_rejected_channel: 9,
         gaps: 3,
@@ -92,6 +93,20 @@ fn counters() -> CounterReport {
         load_cell_clipped: 300,
         clipped_gauges: 0b10_0001,
         imu_errors: 4,
+        second_imu_errors: 8,
+        frames: FrameReport {
+            frames: 3000,
+            absorbed: 2900,
+            missing: 3,
+            damaged: 4,
+            wrong_links: 10,
+            not_finite: 20,
+            no_attitude: 30,
+            saturated: 15,
+            without_motion: 25,
+            full: 1,
+            last_link: 7,
+        },
         unaligned: 5,
         bad_frames: 6,
         telemetry_dropped: 70_000,
@@ -111,6 +126,42 @@ fn estimate() -> EstimateReport {
         condition_number: 37.5,
         innovation_rms: [0.1, 0.2, 0.3, 0.01, 0.02, 0.03],
         last: reading(19_999),
+    }
+}
+
+fn two_links() -> Settings {
+    let one = settings();
+    let model = ModelSettings::TwoLinks(TwoLinkSettings {
+        imu: one.imu,
+        joint_position_m: [0.1, 0.0, 0.25],
+        attitude: AttitudeSource::FromImus { initial_wxyz: [1.0, 0.0, 0.0, 0.0], time_constant_s: 5.0 },
+    });
+    Settings { model, stop: None, memory: MemorySettings::Forever, ..one }
+}
+
+fn tree() -> Settings {
+    let link = |parent, joint| LinkSettings { parent, joint, position_m: [0.0, 0.125, -0.5] };
+    let links = [(0, LinkJoint::Fixed), (0, LinkJoint::Spherical), (1, LinkJoint::Revolute(1))];
+    let model = ModelSettings::Tree(links.into_iter().map(|(p, j)| link(p, j)).collect());
+    Settings { model, ..settings() }
+}
+
+fn link_reading(k: u32) -> LinkReadingMessage {
+    LinkReadingMessage {
+        base: reading(k),
+        specific_force: [0.5, -0.5, 9.5],
+        angular_rate: [1.0, 2.0, -3.0],
+        attitude_wxyz: [0.5, -0.5, 0.5, 0.5],
+    }
+}
+
+fn row() -> FactorRow {
+    FactorRow {
+        row: 126,
+        parameters: 128,
+        entries: [1.5, -2.5, 4.0].into_iter().collect(),
+        residual_sum_of_squares: 0.25,
+        rows: 6000,
     }
 }
 
@@ -134,10 +185,20 @@ pub fn samples() -> Vec<(&'static str, Message)> {
     vec![
         ("command_hello", command(Command::Hello)),
         ("command_configure", command(Command::Configure(settings()))),
+        ("command_configure_two_links", command(Command::Configure(two_links()))),
+        ("command_configure_tree", command(Command::Configure(tree()))),
         ("command_start", command(Command::Start)),
         ("command_hold", command(Command::Hold)),
         ("command_reset", command(Command::Reset)),
         ("command_inject", command(Command::Inject(batch))),
+        (
+            "command_inject_links",
+            command(Command::InjectLinks(LinkBatch {
+                first_index: 4096,
+                readings: (0..2).map(link_reading).collect(),
+            })),
+        ),
+        ("command_take_row", command(Command::TakeRow { row: 126 })),
         ("command_read_settings", command(Command::ReadSettings)),
         ("command_read_counters", command(Command::ReadCounters)),
         ("command_read_estimate", command(Command::ReadEstimate)),
@@ -149,6 +210,7 @@ pub fn samples() -> Vec<(&'static str, Message)> {
         ("reply_counters", reply(Reply::Counters(counters()))),
         ("reply_estimate", reply(Reply::Estimate(estimate()))),
         ("reply_factor", reply(Reply::Factor(factor()))),
+        ("reply_row", reply(Reply::Row(row()))),
         ("reply_injected", reply(Reply::Injected { next_index: 4099 })),
         ("error_unknown_command", refusal(ErrorCode::UnknownCommand)),
         ("error_wrong_protocol", refusal(ErrorCode::WrongProtocol { have: 1, want: 2 })),
@@ -172,6 +234,10 @@ pub fn samples() -> Vec<(&'static str, Message)> {
             "telemetry_readings",
             telemetry(Telemetry::Readings { first: 4096, readings: (0..2).map(reading).collect() }),
         ),
+        (
+            "telemetry_link_readings",
+            telemetry(Telemetry::LinkReadings { first: 4096, readings: (0..2).map(link_reading).collect() }),
+        ),
         ("telemetry_heartbeat", telemetry(Telemetry::Heartbeat { time_ns: 1_000_000_000 })),
     ]
 }
@@ -185,7 +251,25 @@ pub fn longest() -> Vec<(&'static str, Message)> {
         time_ns: u64::MAX,
         blocks: u32::MAX,
         last: widest,
+        estimate: core::iter::repeat_n(1.0, MAX_PARAMETERS).collect(),
+        standard_deviation: core::iter::repeat_n(1.0, MAX_PARAMETERS).collect(),
+        determined: u32::MAX,
         ..estimate()
+    };
+    let widest_pair = LinkReadingMessage { base: widest, ..link_reading(1) };
+    let pairs = core::iter::repeat_n(widest_pair, LINK_BATCH);
+    let link_batch = LinkBatch { first_index: u32::MAX, readings: pairs.clone().collect() };
+    let links = core::iter::repeat_n(
+        LinkSettings { parent: 15, joint: LinkJoint::Revolute(2), position_m: [1.0; 3] },
+        MAX_LINKS,
+    );
+    let tree = Settings { model: ModelSettings::Tree(links.collect()), ..settings() };
+    let widest_row = FactorRow {
+        row: u8::MAX,
+        parameters: u8::MAX,
+        entries: core::iter::repeat_n(1.0, MAX_TREE_PARAMETERS + 1).collect(),
+        residual_sum_of_squares: 1.0,
+        rows: u32::MAX,
     };
     let batch =
         InjectBatch { first_index: u32::MAX, readings: core::iter::repeat_n(widest, INJECT_BATCH).collect() };
@@ -203,6 +287,13 @@ pub fn longest() -> Vec<(&'static str, Message)> {
     vec![
         ("inject", Message::Command(Command::Inject(batch))),
         ("estimate", Message::Telemetry(Telemetry::Estimate(full))),
+        ("inject_links", Message::Command(Command::InjectLinks(link_batch))),
+        ("configure_tree", Message::Command(Command::Configure(tree))),
+        ("row", Message::Answer(Ok(Reply::Row(widest_row)))),
+        (
+            "link_readings",
+            Message::Telemetry(Telemetry::LinkReadings { first: u32::MAX, readings: pairs.collect() }),
+        ),
         ("factor", Message::Answer(Ok(Reply::Factor(chunk)))),
         ("readings", Message::Telemetry(stream)),
     ]

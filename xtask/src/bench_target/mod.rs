@@ -24,6 +24,8 @@ use trace::Stretch;
 
 /// Its part that is the baseline.
 const C_PART: &str = "C Householder";
+/// Parts that are a whole path, and how often one is gone.
+const PATHS: [(&str, f64); 2] = [("path", 1000.0), ("frame path", 100.0)];
 /// How far the two ways of counting may be apart: the emulated clock ticks once in 40 instructions, and the
 /// marks themselves cost a few.
 const AGREEMENT: f64 = 0.005;
@@ -112,9 +114,10 @@ struct Entry {
     worst_stack_bytes: u64,
 }
 
-/// The part of an entry that only sizes with a whole path have.
+/// The part of an entry that only sizes with a whole path have: that of a sample, or of a frame of a tree.
 #[derive(Clone, Debug, Serialize)]
 struct PathEntry {
+    path_rate_hz: f64,
     path_instructions_per_sample: f64,
     path_estimated_cycles_m4: f64,
     path_worst_instructions: u64,
@@ -188,12 +191,15 @@ fn entries(cases: &[Case], firmware: &Program) -> Result<Vec<Entry>> {
                 n,
                 instructions_per_sample: kernel.instructions(),
                 estimated_cycles_m4: kernel.cycles(),
-                path: find("path", n).map(|path| PathEntry {
-                    path_instructions_per_sample: path.instructions(),
-                    path_estimated_cycles_m4: path.cycles(),
-                    path_worst_instructions: path.worst_instructions(),
-                    path_worst_estimated_cycles_m4: path.stretch.worst.1,
-                }),
+                path: PATHS.iter().find_map(|(part, rate)| Some((find(part, n)?, *rate))).map(
+                    |(path, rate)| PathEntry {
+                        path_rate_hz: rate,
+                        path_instructions_per_sample: path.instructions(),
+                        path_estimated_cycles_m4: path.cycles(),
+                        path_worst_instructions: path.worst_instructions(),
+                        path_worst_estimated_cycles_m4: path.stretch.worst.1,
+                    },
+                ),
                 baseline: find(C_PART, n).map(|c| BaselineEntry {
                     baseline_instructions_per_sample: c.instructions(),
                     baseline_estimated_cycles_m4: c.cycles(),

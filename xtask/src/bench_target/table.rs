@@ -3,9 +3,8 @@
 use super::cycles::{self, KINDS};
 use super::{Case, Entry};
 
-/// The clock and the rate for which a share of the processor is stated.
+/// The clock for which a share of the processor is stated.
 const CLOCK_HZ: f64 = 168e6;
-const RATE_HZ: f64 = 1000.0;
 
 /// Prints every table.
 pub fn print(cases: &[Case], entries: &[Entry]) {
@@ -19,8 +18,10 @@ pub fn print(cases: &[Case], entries: &[Entry]) {
         );
     }
     for (n, path) in entries.iter().filter_map(|e| e.path.as_ref().map(|path| (e.n, path))) {
-        let share = path.path_estimated_cycles_m4 * RATE_HZ / CLOCK_HZ;
-        println!("N = {n}: {:.1} % of a processor at 168 MHz, for 1000 samples a second", 100.0 * share);
+        let rate_hz = path.path_rate_hz;
+        let share = path.path_estimated_cycles_m4 * rate_hz / CLOCK_HZ;
+        let what = if rate_hz < 1000.0 { "frames" } else { "samples" };
+        println!("N = {n}: {:.1} % of a processor at 168 MHz, for {rate_hz} {what} a second", 100.0 * share);
     }
     mix(cases);
     println!("\nCycles: {}", cycles::MODEL);

@@ -70,8 +70,19 @@ fn exits(program: &Program, index: usize) -> Exits {
         }
         None => exits.unknown.push(at),
     };
-    for (address, instruction) in program.instructions(function) {
+    let instructions = program.instructions(function);
+    for (k, (address, instruction)) in instructions.iter().enumerate() {
+        let address = *address;
+        // The compiler's table of far jumps: what follows are nothing else, and they are read like all others.
+        let is_table = || {
+            let mut next = instructions.iter().skip(k + 1).map(|(_, next)| next);
+            let inside =
+                |flow| matches!(flow, Flow::Jump { to, conditional: false } if function.range.contains(&to));
+            next.by_ref().take(2).filter(|next| next.size == 4 && inside(next.flow)).count() == 2
+        };
         match instruction.flow {
+            Flow::MoveToCounter(_) if is_table() => {}
+            Flow::MoveToCounter(_) => exits.unknown.push(address),
             Flow::Next | Flow::Table | Flow::Return => {}
             Flow::Trap => exits.traps.push(address),
             Flow::Jump { to, .. } if function.range.contains(&to) => {}

@@ -14,6 +14,8 @@ pub enum Flow {
     CallRegister(u8),
     /// A jump through a register: a tail call.
     JumpRegister(u8),
+    /// A jump by a move into the program counter: into a table of jumps, if such follow it.
+    MoveToCounter(u8),
     /// Into a table of offsets that follows the instruction, within the function.
     Table,
     /// Back to the caller.
@@ -106,7 +108,7 @@ fn decode_narrow(address: u32, word: u16) -> Instruction {
                 let to = (word & 7) | ((word >> 4) & 8);
                 match to {
                     SP => Instruction { moves_stack: true, ..class(Class::Integer) },
-                    15 => jump(2, Flow::JumpRegister(((word >> 3) & 0xf) as u8)),
+                    15 => jump(2, Flow::MoveToCounter(((word >> 3) & 0xf) as u8)),
                     _ => class(Class::Integer),
                 }
             }
@@ -360,6 +362,7 @@ mod tests {
         assert_eq!(at(0, 0x4798, 0).flow, Flow::CallRegister(3)); // blx r3
         assert_eq!(at(0, 0x4718, 0).flow, Flow::JumpRegister(3)); // bx r3
         assert_eq!(at(0, 0xe8df, 0xf003).flow, Flow::Table); // tbb [pc, r3]
+        assert_eq!(at(0, 0x46b7, 0).flow, Flow::MoveToCounter(6)); // mov pc, r6
         assert_eq!(at(0, 0xdefe, 0).flow, Flow::Trap); // udf #254
     }
 

@@ -149,6 +149,16 @@ impl<'a> Sensor<'a> {
     pub fn imu(pipes: &'a RefCell<Pipes>) -> Self {
         Self { pipes, select: Operation::TransferImu }
     }
+
+    /// The second link's IMU.
+    pub fn second_imu(pipes: &'a RefCell<Pipes>) -> Self {
+        Self { pipes, select: Operation::TransferSecondImu }
+    }
+
+    /// The source of frames.
+    pub fn frames(pipes: &'a RefCell<Pipes>) -> Self {
+        Self { pipes, select: Operation::TransferFrame }
+    }
 }
 
 impl ErrorType for Sensor<'_> {

@@ -3,6 +3,7 @@
 #![no_main]
 
 use core::cell::RefCell;
+use core::ops::DerefMut;
 
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m_rt::{entry, exception};
@@ -12,7 +13,7 @@ use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::SpiDevice;
 use mps2_an386::bus::{self, NoWait, Pipes};
 use mps2_an386::{exit, uart};
-use rigident_firmware::{Event, Instrument, Sensor};
+use rigident_firmware::{Buses, Event, Instrument, Path, Sensor};
 use rigident_shared::wire::bus::{Event as BusEvent, PollAnswer};
 
 /// Core clock and wake-ups of an idle machine, 1/s.
@@ -29,8 +30,13 @@ fn main() -> ! {
     core.SYST.enable_interrupt();
 
     let pipes = RefCell::new(Pipes::open());
-    let (load_cell, imu) = (bus::Sensor::load_cell(&pipes), bus::Sensor::imu(&pipes));
-    let mut instrument = Instrument::new("mps2-an386", load_cell, imu, NoWait);
+    let buses = Buses {
+        load_cell: bus::Sensor::load_cell(&pipes),
+        imus: [bus::Sensor::imu(&pipes), bus::Sensor::second_imu(&pipes)],
+        frames: bus::Sensor::frames(&pipes),
+    };
+    let path = cortex_m::singleton!(: Path = Path::EMPTY).expect("taken once");
+    let mut instrument = Instrument::new("mps2-an386", path, buses, NoWait);
     let mut now_ns = 0;
     let mut chunk = [0; 64];
     uart::start();
@@ -51,6 +57,8 @@ fn main() -> ! {
         let sensor = match event {
             BusEvent::LoadCellReady => Sensor::LoadCell,
             BusEvent::ImuReady => Sensor::Imu,
+            BusEvent::SecondImuReady => Sensor::SecondImu,
+            BusEvent::FrameReady => Sensor::Frames,
             BusEvent::Exit => exit::success(),
             BusEvent::Idle => {
                 send(&mut instrument, &mut chunk);
@@ -63,7 +71,10 @@ fn main() -> ! {
 }
 
 /// Moves what the firmware has to say to the serial port, as far as there is room.
-fn send<S: SpiDevice, D: DelayNs>(instrument: &mut Instrument<S, S, D>, chunk: &mut [u8]) {
+fn send<P: DerefMut<Target = Path>, S: SpiDevice, D: DelayNs>(
+    instrument: &mut Instrument<P, S, S, S, D>,
+    chunk: &mut [u8],
+) {
     loop {
         let room = uart::room().min(chunk.len());
         let Some(free) = chunk.get_mut(..room) else { return };

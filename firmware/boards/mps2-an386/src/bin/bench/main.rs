@@ -8,6 +8,7 @@
 //! - `path with drivers`: the same from the bytes on the bus;
 //! - `path with estimates`, `path with all telemetry`: `path` and what the host is told, by default, four times a
 //!   second and of every reading;
+//! - `frame path`: a frame of the 34-DOF human from the bytes on the bus to the factor of 128 parameters;
 //! - `C Householder`, with the feature `c-baseline`: given rows as in `dense`, by the textbook's algorithm in C.
 //!
 //! With the argument `traced` the search for the worst sample is left out. With `panic` or `fault` nothing is counted:
@@ -24,6 +25,7 @@ mod sensors;
 
 use cortex_m_rt::entry;
 use measure::Bench;
+use rigident_firmware::Path;
 // Start-up, panic handler and interrupts' home.
 use mps2_an386 as _;
 use semihosting::experimental::env;
@@ -53,15 +55,21 @@ fn main() -> ! {
     kernels::body::<10>(&bench);
     kernels::body::<16>(&bench);
     kernels::dense::<19, 69>(&bench);
+    kernels::dense::<25, 60>(&bench);
     kernels::dense::<36, 40>(&bench);
     kernels::dense::<128, 31>(&bench);
     #[cfg(feature = "c-baseline")]
     baseline::all(&bench);
-    path::decoded(&bench, 10);
-    path::decoded(&bench, 16);
-    path::with_drivers(&bench, 10);
-    path::with_drivers(&bench, 16);
-    path::with_telemetry(&bench, 10);
-    path::with_telemetry(&bench, 16);
+    let path = cortex_m::singleton!(: Path = Path::EMPTY).expect("taken once");
+    for n in [10, 16, 19, 25] {
+        path::decoded(&bench, path, n);
+    }
+    for n in [10, 16, 19, 25] {
+        path::with_drivers(&bench, path, n);
+    }
+    for n in [10, 16, 19, 25] {
+        path::with_telemetry(&bench, path, n);
+    }
+    path::frames(&bench, path);
     semihosting::process::exit(0)
 }

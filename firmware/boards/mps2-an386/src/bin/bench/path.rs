@@ -1,9 +1,9 @@
 //! The whole path of a sample, in the default configuration at 1 kHz.
 
-use rigident_firmware::{App, Event, Instrument, Sensor};
+use rigident_firmware::{App, Buses, Event, Instrument, Path, Sensor};
 use rigident_shared::wire::{
-    Command, ImuSettings, Kind, LoadCellSettings, MemorySettings, Settings, Source, StateName, StopRule,
-    TelemetrySettings, encode, frame,
+    AttitudeSource, Command, ImuSettings, Kind, LinkJoint, LinkSettings, LoadCellSettings, MemorySettings,
+    ModelSettings, Settings, Source, StateName, StopRule, TelemetrySettings, TwoLinkSettings, encode, frame,
 };
 
 use crate::kernels::CHANNEL_SIGMA;
@@ -19,23 +19,25 @@ const SAMPLES: u32 = 1000;
 const SEARCH: u32 = 101_000;
 /// Different samples, gone through again and again.
 const WORDS: usize = 64;
+/// From so many parameters on it is two links.
+const TWO_LINKS: usize = 19;
 const SILENT: TelemetrySettings = TelemetrySettings { estimate_every_blocks: 0, stream_readings: false };
 
 /// One IMU reading and one of the load cell, as decoded from the bus, through everything that the application does
 /// with them, its work after each event included.
 #[inline(never)]
-pub fn decoded(bench: &Bench, n: usize) {
-    telling(bench, "path", n, SILENT, SEARCH, |_| ());
+pub fn decoded(bench: &Bench, path: &mut Path, n: usize) {
+    telling(bench, path, "path", n, SILENT, SEARCH, |_| ());
 }
 
 /// The same with an estimate four times a second, its solution and the nearest body in it, and with all readings, too.
 /// What is sent is taken away at once.
 #[inline(never)]
-pub fn with_telemetry(bench: &Bench, n: usize) {
+pub fn with_telemetry(bench: &Bench, path: &mut Path, n: usize) {
     let estimates = TelemetrySettings { estimate_every_blocks: 25, ..SILENT };
     let everything = TelemetrySettings { stream_readings: true, ..estimates };
     for (part, telemetry) in [("path with estimates", estimates), ("path with all telemetry", everything)] {
-        telling(bench, part, n, telemetry, 0, |app| {
+        telling(bench, path, part, n, telemetry, 0, |app| {
             let mut sent = [0; frame::MAX_FRAME];
             while app.tx_pending() > 0 {
                 app.poll_tx(&mut sent);
@@ -48,13 +50,14 @@ pub fn with_telemetry(bench: &Bench, n: usize) {
 #[inline(never)]
 fn telling(
     bench: &Bench,
+    path: &mut Path,
     part: &str,
     n: usize,
     telemetry: TelemetrySettings,
     search: u32,
-    mut after: impl FnMut(&mut App),
+    mut after: impl FnMut(&mut App<&mut Path>),
 ) {
-    let mut app = App::new("bench");
+    let mut app = App::new("bench", path);
     for (sequence, command) in commands(n, telemetry).iter().enumerate() {
         let (bytes, length) = encoded(sequence, command);
         for byte in &bytes[..length] {
@@ -71,6 +74,12 @@ fn telling(
         time_ns += 630_000;
         app.on_imu(time_ns, *specific_force, *angular_rate);
         app.work();
+        if n >= TWO_LINKS {
+            // Another motion of the same size.
+            let [[ax, ay, az], [gx, gy, gz]] = [*specific_force, *angular_rate];
+            app.on_second_imu(time_ns, [ay, az, ax], [0.5 * gz, gx, -gy]);
+            app.work();
+        }
         time_ns += 370_000;
         app.on_gauges(time_ns, *volts);
         app.work();
@@ -84,8 +93,8 @@ fn telling(
 /// The same from the bytes on the bus: one frame of the converter and one packet of the IMU through the drivers.
 /// The bus itself is a copy.
 #[inline(never)]
-pub fn with_drivers(bench: &Bench, n: usize) {
-    let mut instrument = Instrument::new("bench", sensors::Adc::new(), sensors::Imu::new(), sensors::NoWait);
+pub fn with_drivers(bench: &Bench, path: &mut Path, n: usize) {
+    let mut instrument = instrument(path);
     for (sequence, command) in commands(n, SILENT).iter().enumerate() {
         let (bytes, length) = encoded(sequence, command);
         instrument.on_bytes(&bytes[..length], 0);
@@ -94,6 +103,9 @@ pub fn with_drivers(bench: &Bench, n: usize) {
     let mut sample = || {
         time_ns += 630_000;
         instrument.on_event(Event { sensor: Sensor::Imu, capture_time_ns: time_ns });
+        if n >= TWO_LINKS {
+            instrument.on_event(Event { sensor: Sensor::SecondImu, capture_time_ns: time_ns });
+        }
         time_ns += 370_000;
         instrument.on_event(Event { sensor: Sensor::LoadCell, capture_time_ns: time_ns });
     };
@@ -102,14 +114,59 @@ pub fn with_drivers(bench: &Bench, n: usize) {
     check_running(instrument.app());
 }
 
-fn check_running(app: &App) {
+/// Drivers and application on sensors that cost next to nothing.
+fn instrument(
+    path: &mut Path,
+) -> Instrument<&mut Path, sensors::Adc, sensors::Imu, sensors::Frames, sensors::NoWait> {
+    let buses = Buses {
+        load_cell: sensors::Adc::new(),
+        imus: [sensors::Imu::new(), sensors::Imu::new()],
+        frames: sensors::Frames::new(),
+    };
+    Instrument::new("bench", path, buses, sensors::NoWait)
+}
+
+/// One frame of the 34-DOF human from the bytes on the bus through the driver to the factor of 128 parameters: every second
+/// frame reduces twelve rows.
+#[inline(never)]
+pub fn frames(bench: &Bench, path: &mut Path) {
+    let mut instrument = instrument(path);
+    let commands = [Command::Configure(tree()), Command::Start];
+    for (sequence, command) in commands.iter().enumerate() {
+        let (bytes, length) = encoded(sequence, command);
+        instrument.on_bytes(&bytes[..length], 0);
+    }
+    let mut time_ns = 0;
+    let mut frame = || {
+        time_ns += 10_000_000;
+        instrument.on_event(Event { sensor: Sensor::Frames, capture_time_ns: time_ns });
+    };
+    // Columns that meet no row cost nothing: until the factor has its full rank.
+    (0..2 * sensors::FRAMES).for_each(|_| frame());
+    bench.case("frame path", 128, 20, 20, frame);
+    check_running(instrument.app());
+}
+
+/// The 34-DOF human: ten spherical joints, knees and elbows about y.
+fn tree() -> Settings {
+    const PARENTS: [u8; sensors::TREE_LINKS] = [0, 0, 1, 2, 2, 4, 5, 2, 7, 8, 0, 10, 11, 0, 13];
+    let links = PARENTS.iter().enumerate().map(|(i, parent)| LinkSettings {
+        parent: *parent,
+        joint: if [5, 8, 11, 14].contains(&i) { LinkJoint::Revolute(1) } else { LinkJoint::Spherical },
+        position_m: [0.02 * i as f32, 0.1, -0.3],
+    });
+    let settings = settings(10, SILENT);
+    Settings { model: ModelSettings::Tree(links.collect()), stop: None, ..settings }
+}
+
+fn check_running(app: &App<&mut Path>) {
     if app.state().0 != StateName::Running {
         give_up("the firmware does not run, or not any more");
     }
 }
 
 fn commands(n: usize, telemetry: TelemetrySettings) -> [Command; 2] {
-    [Command::Configure(settings((n == 10).then_some([0.0; 6]), telemetry)), Command::Start]
+    [Command::Configure(settings(n, telemetry)), Command::Start]
 }
 
 fn encoded(sequence: usize, command: &Command) -> ([u8; frame::MAX_FRAME], usize) {
@@ -131,24 +188,38 @@ fn words(k: usize) -> ([f32; 6], [f32; 3], [f32; 3]) {
     )
 }
 
-fn settings(known_offset_n_nm: Option<[f32; 6]>, telemetry: TelemetrySettings) -> Settings {
+fn settings(n: usize, telemetry: TelemetrySettings) -> Settings {
     // All ten are looked at each time, and the last one is never good enough.
-    let mut u95 = [f32::MAX; 16];
+    let mut u95 = [f32::MAX; 25];
     u95[9] = 0.0;
+    let imu = ImuSettings {
+        rate_hz: 1000.0,
+        rotation_wxyz: [0.92, 0.20, -0.10, 0.32],
+        position_m: [0.06, -0.04, 0.02],
+        accel_scale: [1.0; 3],
+        accel_bias_mps2: [0.0; 3],
+        gyro_bias_radps: [0.0; 3],
+        group_delay_ns: 600_000,
+        range_mps2: 157.0,
+        range_radps: 34.0,
+    };
+    let known_offset_n_nm = (n == 10 || n == TWO_LINKS).then_some([0.0; 6]);
     Settings {
         rate_hz: 1000.0,
         source: Source::Sensors,
-        imu: ImuSettings {
-            rate_hz: 1000.0,
-            rotation_wxyz: [0.92, 0.20, -0.10, 0.32],
-            position_m: [0.06, -0.04, 0.02],
-            accel_scale: [1.0; 3],
-            accel_bias_mps2: [0.0; 3],
-            gyro_bias_radps: [0.0; 3],
-            group_delay_ns: 600_000,
-            range_mps2: 157.0,
-            range_radps: 34.0,
+        model: if n < TWO_LINKS {
+            ModelSettings::Body
+        } else {
+            ModelSettings::TwoLinks(TwoLinkSettings {
+                imu,
+                joint_position_m: [0.05, 0.02, 0.2],
+                attitude: AttitudeSource::FromImus {
+                    initial_wxyz: [1.0, 0.0, 0.0, 0.0],
+                    time_constant_s: 5.0,
+                },
+            })
         },
+        imu,
         load_cell: LoadCellSettings {
             calibration: core::array::from_fn(|i| core::array::from_fn(|j| if i == j { 1e5 } else { 3e3 })),
             noise_n_nm: CHANNEL_SIGMA,

@@ -4,6 +4,7 @@ use core::convert::Infallible;
 
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
+use rigident_shared::wire::tree_frame::{LINK_NUMBERS, MAX_TREE_FRAME, TreeFrame};
 
 /// Different samples, gone through again and again.
 const SAMPLES: usize = 64;
@@ -162,6 +163,71 @@ impl Imu {
             *register = *byte;
         }
         *at = *at & 0x80 | (*at + 1) & 0x7F;
+    }
+}
+
+/// Different frames, gone through again and again.
+pub const FRAMES: usize = 24;
+/// Links of the human.
+pub const TREE_LINKS: usize = 15;
+/// RAM of the board outside of what the firmware is allowed: a real source of frames has its own.
+const FRAMES_AT: usize = 0x2180_0000;
+
+/// A source of frames of a human in motion.
+pub struct Frames {
+    frames: &'static [[u8; MAX_TREE_FRAME]; FRAMES],
+    next: usize,
+}
+
+impl Frames {
+    pub fn new() -> Self {
+        let place = FRAMES_AT as *mut [[u8; MAX_TREE_FRAME]; FRAMES];
+        // SAFETY: the board has RAM there, nothing is linked to it, bytes need no alignment, and no other reference into it
+        // is ever made. It is written before it is referred to.
+        let frames = unsafe {
+            place.write_bytes(0, 1);
+            &mut *place
+        };
+        let mut state = 11_u32;
+        // In [−1, 1).
+        let mut random = move || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 9) as f32 / 4_194_304.0 - 1.0
+        };
+        for (number, frame) in frames.iter_mut().enumerate() {
+            let base = core::array::from_fn(|k| random() * if k < 6 { 100.0 } else { 4.0 });
+            let links: [[f32; LINK_NUMBERS]; TREE_LINKS - 1] = core::array::from_fn(|_| {
+                // A rotation from its half tangents.
+                let [x, y, z] = [random(), random(), random()];
+                let n2 = 1.0 + x * x + y * y + z * z;
+                // Heron's root from above.
+                let mut root = 0.5 * (1.0 + n2);
+                for _ in 0..6 {
+                    root = 0.5 * (root + n2 / root);
+                }
+                let mut link = [0.0; LINK_NUMBERS];
+                link[..4].copy_from_slice(&[1.0 / root, x / root, y / root, z / root]);
+                link[4..].fill_with(|| 3.0 * random());
+                link
+            });
+            let _ = TreeFrame::encode(number as u32, &base, &links, frame);
+        }
+        Self { frames, next: 0 }
+    }
+}
+
+impl ErrorType for Frames {
+    type Error = Infallible;
+}
+
+impl SpiDevice for Frames {
+    fn transaction(&mut self, parts: &mut [Operation<'_, u8>]) -> Result<(), Infallible> {
+        if let [Operation::TransferInPlace(bytes)] = parts {
+            self.next = (self.next + 1) % FRAMES;
+            let length = bytes.len();
+            bytes.copy_from_slice(&self.frames[self.next][..length]);
+        }
+        Ok(())
     }
 }
 

@@ -1,0 +1,77 @@
+//! What happens to every frame of a tree in motion. No I/O, no panic, no heap, no f64.
+//!
+//! [`frame_path`] is the one entry; the release check looks for its symbol and walks what it can reach.
+
+use rigident_shared::estimator::frames::{
+    Frame, FrameEstimator, FrameLink, FrameRejection, FramesConfig, FramesError, LINKS, LinkMotion,
+};
+use rigident_shared::wire::tree_frame::TreeFrame;
+
+use crate::Path;
+
+/// The estimator, and whether it absorbs.
+#[derive(Clone)]
+pub struct FramePath {
+    estimator: FrameEstimator<f32>,
+    absorbing: bool,
+}
+
+impl FramePath {
+    const UNUSED: Self = Self { estimator: FrameEstimator::UNUSED, absorbing: false };
+
+    /// The path of this tree, made where it stands.
+    #[inline(never)]
+    pub(crate) fn set_up(
+        path: &mut Path,
+        links: &[FrameLink<f32>],
+        config: &FramesConfig<f32>,
+    ) -> Result<(), FramesError> {
+        if !matches!(path, Path::Frames(_)) {
+            *path = Path::Frames(Self::UNUSED);
+        }
+        let Path::Frames(frames) = path else { return Ok(()) };
+        frames.absorbing = false;
+        frames.estimator.set_up(links, config)
+    }
+
+    pub(crate) fn absorb_from_now_on(&mut self, absorbing: bool) {
+        self.absorbing = absorbing;
+    }
+
+    pub(crate) fn restart(&mut self) {
+        self.estimator.reset();
+    }
+
+    pub(crate) fn estimator(&self) -> &FrameEstimator<f32> {
+        &self.estimator
+    }
+
+    pub(crate) fn estimator_mut(&mut self) -> &mut FrameEstimator<f32> {
+        &mut self.estimator
+    }
+}
+
+/// Takes a frame into the estimator. `None` while none is absorbed.
+// SAFETY: the name is this function's own; no other symbol of the program has it.
+#[unsafe(export_name = "rigident_frame_path")]
+#[inline(never)]
+pub fn frame_path(path: &mut FramePath, frame: &TreeFrame<'_>) -> Option<Result<(), FrameRejection>> {
+    if !path.absorbing {
+        return None;
+    }
+    let mut links = [LinkMotion::default(); LINKS];
+    let mut count = 0;
+    for (slot, [qw, qx, qy, qz, wx, wy, wz, cx, cy, cz]) in links.iter_mut().zip(frame.links()) {
+        *slot =
+            LinkMotion { attitude: [qw, qx, qy, qz], rate: [wx, wy, wz], angular_acceleration: [cx, cy, cz] };
+        count += 1;
+    }
+    let [fx, fy, fz, mx, my, mz, ax, ay, az, wx, wy, wz, cx, cy, cz] = frame.base;
+    Some(path.estimator.absorb(&Frame {
+        wrench: [fx, fy, fz, mx, my, mz],
+        specific_force: [ax, ay, az],
+        rate: [wx, wy, wz],
+        angular_acceleration: [cx, cy, cz],
+        links: links.get(..count).unwrap_or_default(),
+    }))
+}
