@@ -15,6 +15,8 @@ use crate::identification::Factor;
 const PATIENCE: Duration = Duration::from_millis(700);
 /// And given up after so many times.
 const ATTEMPTS: u32 = 6;
+/// For messages.
+const FACTOR: &str = "read the factor";
 
 /// Why the device did not do as told.
 #[derive(Debug, thiserror::Error)]
@@ -227,22 +229,29 @@ impl Client {
     /// # Errors
     /// The link, or nothing absorbed yet.
     pub fn factor(&mut self) -> Result<Factor, LinkError> {
-        const NAME: &str = "read the factor";
+        let (parameters, entries, rows) = self.factor_numbers()?;
+        Factor::from_entries(parameters, entries, rows).ok_or(LinkError::Nonsense(FACTOR))
+    }
+
+    /// The same as numbers, of whatever model: parameters, the triangle by rows with z and the residual sum, scalar rows.
+    ///
+    /// # Errors
+    /// The link, or nothing absorbed yet.
+    pub fn factor_numbers(&mut self) -> Result<(usize, Vec<f64>, u32), LinkError> {
         let mut entries = Vec::new();
         loop {
-            let offset = u16::try_from(entries.len()).map_err(|_| LinkError::Nonsense(NAME))?;
-            let reply = self.ask(NAME, &Command::ReadFactor { offset })?;
+            let offset = u16::try_from(entries.len()).map_err(|_| LinkError::Nonsense(FACTOR))?;
+            let reply = self.ask(FACTOR, &Command::ReadFactor { offset })?;
             let Reply::Factor(FactorChunk { parameters, rows, total, offset: at, entries: part }) = reply
             else {
-                return Err(LinkError::Nonsense(NAME));
+                return Err(LinkError::Nonsense(FACTOR));
             };
             if at != offset || part.is_empty() {
-                return Err(LinkError::Nonsense(NAME));
+                return Err(LinkError::Nonsense(FACTOR));
             }
             entries.extend(part.iter().map(|v| f64::from(*v)));
             if entries.len() >= usize::from(total) {
-                return Factor::from_entries(usize::from(parameters), entries, rows)
-                    .ok_or(LinkError::Nonsense(NAME));
+                return Ok((usize::from(parameters), entries, rows));
             }
         }
     }

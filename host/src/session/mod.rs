@@ -6,6 +6,7 @@
 mod adaptive;
 mod settings;
 pub mod tree;
+pub mod two_links;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};

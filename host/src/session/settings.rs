@@ -49,6 +49,25 @@ fn numbers(value: Calibrated, key: &'static str) -> Result<[f32; 3], SettingsErr
     }
 }
 
+fn delay(seconds: f64) -> u32 {
+    (seconds * 1e9).round() as u32
+}
+
+/// An IMU's.
+pub(super) fn imu_settings(imu: &ImuTable, timing: &DeviceTiming) -> Result<ImuSettings, SettingsError> {
+    Ok(ImuSettings {
+        rate_hz: imu.rate_hz.unwrap_or(timing.rate_hz) as f32,
+        rotation_wxyz: imu.rotation_wxyz.map(|v| v as f32),
+        position_m: imu.position_m.map(|v| v as f32),
+        accel_scale: numbers(imu.accel_scale, "accel_scale")?,
+        accel_bias_mps2: numbers(imu.accel_bias_mps2, "accel_bias_mps2")?,
+        gyro_bias_radps: numbers(imu.gyro_bias_radps, "gyro_bias_radps")?,
+        group_delay_ns: delay(imu.group_delay_s),
+        range_mps2: imu.range_mps2.unwrap_or(NO_RANGE) as f32,
+        range_radps: imu.range_radps.unwrap_or(NO_RANGE) as f32,
+    })
+}
+
 /// The device's settings from a rig file, and σ where the rig file has none.
 ///
 /// # Errors
@@ -60,7 +79,7 @@ pub fn settings(
     stop: Option<StopRule>,
 ) -> Result<Settings, SettingsError> {
     let default = ImuTable::default();
-    let imu = rig.imu.first().unwrap_or(&default);
+    let imu = rig.imu_on(0).unwrap_or(&default);
     let cell = &rig.load_cell;
     let noise = cell.noise_n_nm.or(noise).ok_or(SettingsError::NoNoise)?;
     let calibration = match (cell.calibration, timing.source) {
@@ -77,23 +96,12 @@ pub fn settings(
     };
     let every = if timing.is_static { 1 } else { row_every(timing.rate_hz) };
     let gains_uncertain = cell.gain_uncertainty.is_some_and(|g| g.iter().any(|s| *s > 0.0));
-    let delay = |seconds: f64| (seconds * 1e9).round() as u32;
     let blocks_per_s = timing.rate_hz / f64::from(every);
     Ok(Settings {
         rate_hz: timing.rate_hz as f32,
         source: timing.source,
         model: ModelSettings::Body,
-        imu: ImuSettings {
-            rate_hz: imu.rate_hz.unwrap_or(timing.rate_hz) as f32,
-            rotation_wxyz: imu.rotation_wxyz.map(|v| v as f32),
-            position_m: imu.position_m.map(|v| v as f32),
-            accel_scale: numbers(imu.accel_scale, "accel_scale")?,
-            accel_bias_mps2: numbers(imu.accel_bias_mps2, "accel_bias_mps2")?,
-            gyro_bias_radps: numbers(imu.gyro_bias_radps, "gyro_bias_radps")?,
-            group_delay_ns: delay(imu.group_delay_s),
-            range_mps2: imu.range_mps2.unwrap_or(NO_RANGE) as f32,
-            range_radps: imu.range_radps.unwrap_or(NO_RANGE) as f32,
-        },
+        imu: imu_settings(imu, timing)?,
         load_cell: LoadCellSettings {
             calibration: calibration.map(|row| row.map(|v| v as f32)),
             noise_n_nm: noise.map(|v| v as f32),
