@@ -144,7 +144,7 @@ mod tests {
             two_link_settings(&rig, &TIMING, None, AttitudeSource::Streamed).unwrap_err().to_string()
         };
         let second = "[[imu]]\nlink = 1";
-        assert!(refused(&text("revolute", second)).contains("another joint above link arm"));
+        assert!(refused(&text("fixed", second)).contains("another joint above link arm"));
         assert!(refused(&text("spherical", "")).contains("link arm has no [[imu]] table (link = 1)"));
         let third = text("spherical", second)
             + "[[link]]\nname = \"hand\"\nparent = \"arm\"\njoint = \"spherical\"\n";
