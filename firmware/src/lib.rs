@@ -37,6 +37,9 @@ pub enum Path {
     Frames(frame_path::FramePath),
 }
 
+// One level of 128 parameters, its block, and what else a tree takes.
+const _: () = assert!(size_of::<Path>() <= 64 * 1024);
+
 impl Path {
     /// Nothing is configured.
     pub const EMPTY: Self = Self::Empty;

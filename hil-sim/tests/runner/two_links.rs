@@ -11,8 +11,9 @@ use rigident_shared::factor::InformationFactor;
 use rigident_shared::screening::Limits;
 use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce, Wrench};
 use rigident_shared::wire::{
-    AttitudeSource, Command, ErrorCode, ImuSettings, LinkReadingMessage, MemorySettings, ModelSettings,
-    Reason, SettingName, Settings, StateName, TwoLinkSettings,
+    AttitudeSource, Command, ErrorCode, ImuSettings, InjectBatch, LINK_BATCH, LinkBatch, LinkReadingMessage,
+    MemorySettings, ModelSettings, Reason, Reply, SettingName, Settings, Source, StateName, StopRule,
+    TwoLinkSettings,
 };
 use rigident_sim::body::BodyParameters;
 use rigident_sim::experiment::thesis_program;
@@ -230,6 +231,61 @@ fn single_precision_is_as_good_as_a_batch_of_the_same_rows_in_double() {
         let error = (found.estimate[j] - exact[j]).abs();
         assert!(error < limit.max(0.05 * found.standard_deviation[j]), "{j}: {error} {limit}");
     }
+}
+
+#[test]
+fn a_recording_with_its_attitudes_streamed_gives_the_bits_of_the_run() {
+    let config = config(noisy());
+    let settings = two_links(&config, 0.0);
+    let run = in_process(&config, &settings, 12.0);
+    let ModelSettings::TwoLinks(links) = settings.model else { panic!("two links") };
+    let links = TwoLinkSettings { attitude: AttitudeSource::Streamed, ..links };
+    let streamed =
+        Settings { source: Source::Injected, model: ModelSettings::TwoLinks(links), ..settings.clone() };
+    let rig = Rig::new(config).unwrap().shared();
+    let mut mcu = InProcess::new(rig, Pacing::LockStep);
+    let mut device = Device::greet(&mut mcu);
+    assert_eq!(device.ask(&Command::Configure(streamed)), Ok(Reply::Done));
+    assert_eq!(device.ask(&Command::Start), Ok(Reply::Done));
+    // Those of one body are refused, and a batch out of order.
+    let one = InjectBatch { first_index: 0, readings: [run.readings[0].base].into_iter().collect() };
+    assert_eq!(device.ask(&Command::Inject(one)), Err(ErrorCode::WrongState(StateName::Running)));
+    let mut first_index = 0;
+    for part in run.readings.chunks(LINK_BATCH) {
+        let batch = LinkBatch { first_index, readings: part.iter().copied().collect() };
+        first_index += part.len() as u32;
+        let answer = device.ask(&Command::InjectLinks(batch));
+        assert_eq!(answer, Ok(Reply::Injected { next_index: first_index }));
+    }
+    let bits = |factor: &[f32]| factor.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+    assert_eq!(bits(&device.factor()), bits(&run.factor));
+}
+
+#[test]
+fn the_stop_rule_looks_at_the_second_link_s_parameters_too() {
+    let config = config(noisy());
+    let mut u95 = [0.0; 25];
+    // The second link's Iyy, which the base's motion alone would not tell for long.
+    u95[14] = 0.008;
+    let stop = Some(StopRule { asked: 1 << 14, u95, minimum_blocks: 100 });
+    let settings = Settings { stop, ..two_links(&config, 5.0) };
+    let rig = Rig::new(config.clone()).unwrap().shared();
+    let mut mcu = InProcess::new(rig.clone(), Pacing::LockStep);
+    let mut device = Device::greet(&mut mcu);
+    assert_eq!(device.ask(&Command::Configure(settings)), Ok(Reply::Done));
+    rig.lock().unwrap().load_program(thesis_program(&config.geometry, 40.0)).unwrap();
+    assert_eq!(device.ask(&Command::Start), Ok(Reply::Done));
+    rig.lock().unwrap().start().unwrap();
+    while !rig.lock().unwrap().is_done() && !device.reasons.contains(&Reason::StopRule) {
+        device.listen(Duration::from_millis(20));
+    }
+    assert!(device.reasons.contains(&Reason::StopRule));
+    assert!(rig.lock().unwrap().now_ns() < 30_000_000_000);
+    let factor = device.factor();
+    let blocks = device.counters().blocks;
+    let run = Run { readings: Vec::new(), factor, rows: 6 * blocks };
+    let sd = solved::<25>(&run).standard_deviation[14];
+    assert!(sd * 1.96 <= 0.008 && sd * 1.96 > 0.006, "{sd}");
 }
 
 #[test]
