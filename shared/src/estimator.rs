@@ -5,53 +5,28 @@
 //! ([`crate::screening`], [`crate::calibration`], [`crate::regressor`], [`crate::tree`], [`crate::conditioning`],
 //! [`crate::factor`]), messages, files.
 
+mod config;
+mod counters;
 pub mod frames;
 mod knocks;
 mod model;
 pub mod two_links;
 
+pub use config::{ConfigError, EstimatorConfig};
+pub use counters::{ChannelStatistics, Counters};
 pub use knocks::{LONGEST as LONGEST_KNOCK, Reference};
 pub use model::{Model, OneBody, Store};
 pub use two_links::{JointAttitude, TwoLinkReading, TwoLinks};
 
 use crate::Scalar;
 use crate::calibration::ImuMounting;
-use crate::conditioning::{Conditioner, Kernel, KernelError};
+use crate::conditioning::{Conditioner, Kernel};
 use crate::factor::{Gathering, InformationFactor};
-use crate::forgetting::{MemoryConfig, Plan, Rows, Span};
+use crate::forgetting::{MemoryConfig, Plan};
 use crate::regressor::{self, RegressorBlock, SIGNALS, SMOOTHED};
 use crate::screening::{Limits, Rejection};
+use config::{check_sigma, period_ns, plan, weights};
 use knocks::Watch;
-
-/// Everything that fixes what the estimator does with a reading.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct EstimatorConfig<T: Scalar> {
-    /// Rate of the readings, 1/s. Without filter (still rows) it is not used.
-    pub rate_hz: T,
-    /// Width of the FIR, s; zero for still rows, which have no time.
-    pub filter_width_s: T,
-    /// A row block is absorbed every so many readings, with weight √`row_every`.
-    pub row_every: u16,
-    /// 1 σ of the unfiltered wrench per reading: N, N m.
-    pub channel_sigma: [T; 6],
-    /// Wrench offset that is known, on-body sign, taken off first: N, N m.
-    pub known_offset: [T; 6],
-    /// The IMU's scale, bias and mounting.
-    pub mounting: ImuMounting<T>,
-    /// Ranges of the sensors.
-    pub limits: Limits<T>,
-}
-
-/// Why an estimator cannot be made.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ConfigError {
-    /// A σ is not positive and finite.
-    Sigma(u8),
-    /// The filter does not fit.
-    Kernel(KernelError),
-    /// The memory's span is impossible.
-    Memory,
-}
 
 /// What became of a reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,81 +37,6 @@ pub enum Outcome {
     Pending,
     /// It completed a row block, which is now in the factor.
     Absorbed,
-}
-
-/// What happened so far.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Counters {
-    /// Readings given.
-    pub readings: u32,
-    /// Readings not used, for whatever reason.
-    pub rejected: u32,
-    /// Of these, per channel.
-    pub rejected_by_channel: [u16; crate::screening::ALL_CHANNELS],
-    /// Stretches of missing time.
-    pub gaps: u32,
-    /// Row blocks absorbed.
-    pub blocks: u32,
-    /// Of these, those in which a channel was given less weight, per channel of the wrench; see [`Reference`].
-    pub knocks: [u16; 6],
-    /// The last rejection.
-    pub last_rejection: Option<Rejection>,
-}
-
-impl Counters {
-    /// Nothing.
-    pub const NONE: Self = Self {
-        readings: 0,
-        rejected: 0,
-        rejected_by_channel: [0; crate::screening::ALL_CHANNELS],
-        gaps: 0,
-        blocks: 0,
-        knocks: [0; 6],
-        last_rejection: None,
-    };
-}
-
-impl Default for Counters {
-    fn default() -> Self {
-        Self::NONE
-    }
-}
-
-/// Sums over the innovations of each wrench channel, unwhitened and filtered: N, N m. Rows that a knock has spoilt count
-/// as they are weighted.
-///
-/// The innovation is the filtered wrench less what the reference parameters predict, so its mean square is
-/// [`Kernel::noise_gain`] times the raw variance if the rows leave nothing unexplained.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct ChannelStatistics<T: Scalar> {
-    /// Σ e²
-    pub squares: [T; 6],
-    /// Σ e_k e_(k−1)
-    pub lag_one: [T; 6],
-    /// Number of innovations.
-    pub count: u32,
-    last: [T; 6],
-}
-
-impl<T: Scalar> ChannelStatistics<T> {
-    const NONE: Self = Self { squares: [T::ZERO; 6], lag_one: [T::ZERO; 6], count: 0, last: [T::ZERO; 6] };
-
-    fn add(&mut self, innovation: [T; 6]) {
-        for (((square, lag), last), e) in
-            self.squares.iter_mut().zip(&mut self.lag_one).zip(&mut self.last).zip(innovation)
-        {
-            *square += e * e;
-            *lag += e * *last;
-            *last = e;
-        }
-        self.count = self.count.saturating_add(1);
-    }
-
-    /// Root mean square per channel; `None` before the first innovation.
-    pub fn rms(&self) -> Option<[T; 6]> {
-        let n = T::from_u32(self.count);
-        (self.count > 0).then(|| self.squares.map(|s| (s / n).sqrt()))
-    }
 }
 
 /// The estimator of one body's `N` parameters: 10, or 16 with the wrench offset. `TAPS` is the room for the filter.
@@ -523,45 +423,6 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
     }
 }
 
-fn check_sigma<T: Scalar>(config: &EstimatorConfig<T>) -> Result<(), ConfigError> {
-    for (channel, sigma) in config.channel_sigma.iter().enumerate() {
-        if !sigma.is_finite() || *sigma <= T::ZERO {
-            return Err(ConfigError::Sigma(channel as u8));
-        }
-    }
-    Ok(())
-}
-
-/// √row_every / σ per channel.
-fn weights<T: Scalar>(config: &EstimatorConfig<T>) -> [T; 6] {
-    let root = T::from_u32(u32::from(config.row_every)).sqrt();
-    config.channel_sigma.map(|sigma| root / sigma)
-}
-
-fn plan<T: Scalar, const N: usize, const TAPS: usize>(
-    config: &EstimatorConfig<T>,
-    kernel: &Kernel<T, TAPS>,
-    memory: &MemoryConfig<T>,
-) -> Option<Plan<T, N>> {
-    let (Span::TimeConstant(span_s) | Span::Window(span_s)) = memory.span;
-    let EstimatorConfig { rate_hz, filter_width_s, row_every, mounting, .. } = config;
-    if *filter_width_s <= T::ZERO || span_s < *filter_width_s {
-        return None;
-    }
-    let every = T::from_u32(u32::from(*row_every));
-    Plan::new(
-        memory,
-        &Rows {
-            block_s: every / *rate_hz,
-            weights: weights(config),
-            noise_gain: kernel.noise_gain(),
-            derivative_noise_gain: kernel.derivative_noise_gain(),
-            independence: every * kernel.noise_gain(),
-            lever_arm2: mounting.position.array().map(|x| x * x).into_iter().sum(),
-        },
-    )
-}
-
 /// The wrench of a block less what `parameters` (10, or 16 with the offset) predict: N, N m.
 pub fn residual<T: Scalar, const N: usize>(block: &RegressorBlock<T>, parameters: &[T; N]) -> [T; 6] {
     let mut e = block.wrench;
@@ -574,23 +435,6 @@ pub fn residual<T: Scalar, const N: usize>(block: &RegressorBlock<T>, parameters
         *e -= *offset;
     }
     e
-}
-
-/// Nominal time between readings, by bisection on integers: a float-to-u64 conversion is not in `Scalar`.
-fn period_ns<T: Scalar>(rate_hz: T, filter_width_s: T) -> u64 {
-    if filter_width_s <= T::ZERO {
-        return 0;
-    }
-    let (mut low, mut high) = (0_u32, u32::MAX / 2);
-    while low < high {
-        let middle = low + (high - low).div_ceil(2);
-        if T::from_u32(middle) * rate_hz <= T::from_u32(1_000_000_000) {
-            low = middle;
-        } else {
-            high = middle - 1;
-        }
-    }
-    u64::from(low)
 }
 
 #[cfg(test)]

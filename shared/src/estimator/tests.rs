@@ -2,7 +2,8 @@ use nalgebra::Vector3;
 
 use super::*;
 use crate::calibration::Reading;
-use crate::forgetting::ImuNoise;
+use crate::conditioning::KernelError;
+use crate::forgetting::{ImuNoise, Span};
 use crate::inertia::{InertialParameters, tensor_from_elements};
 use crate::random::Random;
 use crate::spatial::{AngularRate, Imu, Position, Rotation, Sensor, SpecificForce, Wrench};

@@ -7,6 +7,8 @@ use heapless::Vec;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
+use super::links::{FactorRow, FrameReport, LINK_BATCH, LinkBatch, LinkReadingMessage, ModelSettings};
+
 /// Version of framing and header; another one is refused by both sides.
 pub const PROTOCOL_VERSION: u8 = 3;
 
@@ -18,10 +20,6 @@ pub const SCHEMA_HASH: u64 =
 
 /// Most parameters of a model that the device solves: two links' and the wrench offset.
 pub const MAX_PARAMETERS: usize = 25;
-/// Most links of a tree from frames.
-pub const MAX_LINKS: usize = 16;
-/// Most base parameters of a tree from frames.
-pub const MAX_TREE_PARAMETERS: usize = 128;
 
 /// Host to device. Every command is answered once, with its own sequence number; a repeat with the same
 /// number is answered again from memory.
@@ -254,67 +252,6 @@ pub enum Source {
     Injected,
 }
 
-/// What is identified.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
-#[allow(clippy::large_enum_variant, reason = "no heap")]
-pub enum ModelSettings {
-    /// One body, ten parameters, or sixteen with the offset.
-    #[default]
-    Body,
-    /// Two links that a spherical joint holds together: 19 parameters, or 25 with the offset.
-    TwoLinks(TwoLinkSettings),
-    /// A tree of links from frames that are streamed to the device: up to 128 parameters, the offset known. The first link
-    /// is the base.
-    Tree(Vec<LinkSettings, MAX_LINKS>),
-}
-
-/// The second link.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
-pub struct TwoLinkSettings {
-    /// Its IMU; in its frame, whose origin is the joint.
-    pub imu: ImuSettings,
-    /// The joint in S, m.
-    pub joint_position_m: [f32; 3],
-    /// Where the joint's attitude comes from.
-    pub attitude: AttitudeSource,
-}
-
-/// Where a joint's attitude comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
-pub enum AttitudeSource {
-    /// With every reading that is injected.
-    Streamed,
-    /// From both IMUs.
-    FromImus {
-        /// `R_SL` at the start of the run, Hamilton quaternion.
-        initial_wxyz: [f32; 4],
-        /// Of the correction by the accelerometers, s; zero: none.
-        time_constant_s: f32,
-    },
-}
-
-/// A link of a tree.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
-pub struct LinkSettings {
-    /// Index of its parent, smaller than its own.
-    pub parent: u8,
-    /// The joint above it.
-    pub joint: LinkJoint,
-    /// The joint in the parent's frame, m.
-    pub position_m: [f32; 3],
-}
-
-/// How a link of a tree turns against its parent.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
-pub enum LinkJoint {
-    /// Not at all.
-    Fixed,
-    /// About an axis of its own: 0 x, 1 y, 2 z.
-    Revolute(u8),
-    /// In any way, or about two axes.
-    Spherical,
-}
-
 /// Everything that fixes what the device does.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Settings {
@@ -440,21 +377,6 @@ pub struct ReadingMessage {
     pub angular_rate: [f32; 3],
 }
 
-/// One reading of two links on the line.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
-pub struct LinkReadingMessage {
-    /// Load cell and the base's IMU.
-    pub base: ReadingMessage,
-    /// Specific force, second IMU's axes, uncorrected, m/s².
-    pub specific_force: [f32; 3],
-    /// Angular rate, second IMU's axes, uncorrected, rad/s.
-    pub angular_rate: [f32; 3],
-    /// The second link's attitude `R_SL`, w, x, y, z: from the device the one it has used.
-    pub attitude_wxyz: [f32; 4],
-}
-
-/// Readings of two links per batch, either way.
-pub const LINK_BATCH: usize = 8;
 /// Readings per batch to the device.
 pub const INJECT_BATCH: usize = 16;
 /// Readings per batch from the device.
@@ -469,15 +391,6 @@ pub struct InjectBatch {
     pub first_index: u32,
     /// The readings.
     pub readings: Vec<ReadingMessage, INJECT_BATCH>,
-}
-
-/// Readings of a recording of two links, in order.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
-pub struct LinkBatch {
-    /// Index of the first one, counted from the start of the run.
-    pub first_index: u32,
-    /// The readings.
-    pub readings: Vec<LinkReadingMessage, LINK_BATCH>,
 }
 
 /// Who is there.
@@ -540,33 +453,6 @@ pub struct CounterReport {
     pub telemetry_dropped: u32,
 }
 
-/// What became of frames. Of those that were left out nothing was absorbed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
-pub struct FrameReport {
-    /// That came whole.
-    pub frames: u32,
-    /// That were absorbed.
-    pub absorbed: u32,
-    /// That did not come: numbers of their series that are missing.
-    pub missing: u32,
-    /// That were damaged on the way, or could not be had.
-    pub damaged: u32,
-    /// Of a tree with another number of links.
-    pub wrong_links: u32,
-    /// With a number that is NaN or infinite.
-    pub not_finite: u32,
-    /// With an attitude that is no rotation.
-    pub no_attitude: u32,
-    /// With a wrench at its range.
-    pub saturated: u32,
-    /// Whose motion repeats itself while the wrench changes.
-    pub without_motion: u32,
-    /// After the level was full.
-    pub full: u32,
-    /// The link that the last rejected frame was rejected for, or the links that it had.
-    pub last_link: u8,
-}
-
 /// What physical consistency leaves of the free answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Consistency {
@@ -621,21 +507,6 @@ pub struct FactorChunk {
     pub offset: u16,
     /// The numbers.
     pub entries: Vec<f32, FACTOR_CHUNK>,
-}
-
-/// A row of a tree's factor that is no longer on the device.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
-pub struct FactorRow {
-    /// The row.
-    pub row: u8,
-    /// Parameters.
-    pub parameters: u8,
-    /// From the diagonal on, then the right-hand side.
-    pub entries: Vec<f32, { MAX_TREE_PARAMETERS + 1 }>,
-    /// With row 0: the sum of squares that no parameters explain, of all rows since it was last taken.
-    pub residual_sum_of_squares: f32,
-    /// With row 0: how many these were.
-    pub rows: u32,
 }
 
 /// Device to host, unasked; yields to answers and is dropped, and counted, when there is no room.

@@ -20,10 +20,12 @@
 
 pub mod bus;
 pub mod frame;
+pub mod links;
 pub mod messages;
 pub mod tree_frame;
 
 pub use frame::{DecodeError, Decoder, Frame, Kind, encode};
+pub use links::*;
 pub use messages::*;
 
 /// Counts what is missing from a numbered series.

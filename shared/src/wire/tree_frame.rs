@@ -14,7 +14,7 @@
 
 use crc::{CRC_32_ISO_HDLC, Crc};
 
-use super::messages::MAX_LINKS;
+use super::links::MAX_LINKS;
 
 const MARK: [u8; 2] = [0xF7, 0x3E];
 const VERSION: u8 = 1;
