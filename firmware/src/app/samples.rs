@@ -3,7 +3,6 @@
 use core::ops::DerefMut;
 
 use rigident_shared::estimator::Outcome;
-use rigident_shared::estimator::frames::FrameRejection;
 use rigident_shared::wire::tree_frame::TreeFrame;
 use rigident_shared::wire::{Reason, SensorFault, StateName, Telemetry};
 
@@ -54,7 +53,8 @@ impl<P: DerefMut<Target = Path>> App<P> {
             return;
         }
         let Some(path) = self.path.frames_mut() else { return };
-        if frame_path(path, frame) == Some(Err(FrameRejection::Full)) {
+        // With the last frame that the level bears, so that none is turned away.
+        if frame_path(path, frame).is_some() && path.estimator().is_full() {
             self.hold(Reason::LevelFull);
         }
     }

@@ -9,8 +9,8 @@ use rigident_shared::estimator::frames::{
 use rigident_shared::tree::base::TurningJoint;
 use rigident_shared::wire::tree_frame::TreeFrame;
 use rigident_shared::wire::{
-    Command, ErrorCode, FactorRow, LinkJoint, LinkSettings, ModelSettings, Reply, SettingName, Settings,
-    StateName,
+    Command, ErrorCode, FactorRow, LinkJoint, LinkSettings, ModelSettings, Reason, Reply, SettingName,
+    Settings, StateName,
 };
 use rigident_sim::body::BodyParameters;
 use rigident_sim::links::{Swing, Tree, TreeLink};
@@ -341,6 +341,34 @@ fn bad_frames_are_counted_by_reason_and_nothing_of_them_is_absorbed() {
     let (bus, gate) = FrameBus::new(left, RATE_HZ);
     let mut clean = InProcess::on(Box::new(bus));
     assert_eq!(bits(&run(&mut clean, &gate, &settings).0), bits(&rows));
+}
+
+#[test]
+fn a_full_level_holds_until_it_is_taken() {
+    let human = human();
+    let base = Tree { links: human.links[..1].to_vec(), ..human };
+    let few = frames_of(&base, 500, RATE_HZ, NOISE, 5);
+    let frames = (0..100_010).map(|k| few[k % 500].clone()).collect();
+    let (bus, gate) = FrameBus::new(frames, RATE_HZ);
+    let mut mcu = InProcess::on(Box::new(bus));
+    let mut device = Device::greet(&mut mcu);
+    assert_eq!(device.ask(&Command::Configure(tree_settings(&base))), Ok(Reply::Done));
+    assert_eq!(device.ask(&Command::Start), Ok(Reply::Done));
+    gate.set_open(true);
+    while !gate.is_done() {
+        device.listen(Duration::from_millis(20));
+    }
+    assert_eq!(device.states.last(), Some(&StateName::Holding));
+    assert_eq!(device.reasons.last(), Some(&Reason::LevelFull));
+    let frames = device.counters().frames;
+    assert_eq!((frames.frames, frames.absorbed, frames.full), (100_000, 100_000, 0));
+    let mut rows = 0;
+    for row in 0..10 {
+        let Ok(Reply::Row(taken)) = device.ask(&Command::TakeRow { row }) else { panic!("no row") };
+        rows += taken.rows;
+    }
+    assert_eq!(rows, 600_000);
+    assert_eq!(device.ask(&Command::Start), Ok(Reply::Done));
 }
 
 #[test]
