@@ -105,8 +105,10 @@ pub struct SamplePath {
     aligner: Aligner<f32>,
     /// Of the second link's IMU, if there is one.
     second: Option<Aligner<f32>>,
-    /// Readings of the two aligners, each waiting for the other's of the same instant.
-    halves: [Option<Reading<f32>>; 2],
+    /// The second aligner's last reading; that of the first stands in `reading` from the beginning.
+    other: Reading<f32>,
+    /// Which of these two waits for the other's of the same instant.
+    waits: [bool; 2],
     /// Halves that waited in vain.
     unmatched: u32,
     reading: TwoLinkReading<f32>,
@@ -162,7 +164,8 @@ impl SamplePath {
         gauges: GaugeCalibration { matrix: [[0.0; 6]; 6] },
         aligner: Aligner::UNUSED,
         second: None,
-        halves: [None; 2],
+        other: TwoLinkReading::ZERO.base,
+        waits: [false; 2],
         unmatched: 0,
         reading: TwoLinkReading::ZERO,
         estimator: ModelEstimator::Ten(Estimator::UNUSED),
@@ -180,7 +183,7 @@ impl SamplePath {
         self.aligner.set_up(configuration.aligner);
         let second = configuration.second.as_ref();
         self.second = second.map(|(_, aligner)| Aligner::new(*aligner));
-        (self.halves, self.unmatched) = ([None; 2], 0);
+        (self.waits, self.unmatched) = ([false; 2], 0);
         (self.reading, self.absorbing) = (TwoLinkReading::ZERO, false);
         (self.stop, self.knock_limit) = (configuration.stop, configuration.knock_limit);
         (self.behind, self.stop_rule_met) = (false, false);
@@ -226,7 +229,7 @@ impl SamplePath {
         if let Some(second) = &mut self.second {
             second.reset();
         }
-        self.halves = [None; 2];
+        self.waits = [false; 2];
         (self.until_look, self.behind, self.stop_rule_met) = (self.look_every(), false, false);
     }
 
@@ -253,46 +256,60 @@ impl SamplePath {
     /// Whether [`sample_path`] without words has something to do.
     #[inline]
     pub(crate) fn has_more(&self) -> bool {
-        let [first, other] = &self.halves;
         match &self.second {
             None => self.aligner.is_ready(),
-            Some(second) => {
-                (first.is_some() || self.aligner.is_ready()) && (other.is_some() || second.is_ready())
-            }
+            Some(second) => self.may_join(second),
         }
     }
 
     #[inline(never)]
+    fn may_join(&self, second: &Aligner<f32>) -> bool {
+        let [base, other] = self.waits;
+        (base || self.aligner.is_ready()) && (other || second.is_ready())
+    }
+
+    #[inline(never)]
+    fn push_second(&mut self, reading: &ImuReading<f32>) {
+        if let Some(second) = &mut self.second {
+            second.push_imu(reading);
+        }
+    }
+
+    #[inline(never)]
+    fn take_joined(&mut self) -> Option<Outcome> {
+        (self.has_more() && self.join()).then(|| self.absorb())
+    }
+
+    /// One body's reading is made where it stays.
+    #[inline(always)]
     fn take_aligned(&mut self) -> Option<Outcome> {
-        self.reading = match &self.second {
-            None => TwoLinkReading { base: self.aligner.pop()?, ..TwoLinkReading::ZERO },
-            Some(_) => self.join()?,
-        };
-        Some(self.absorb())
+        self.aligner.pop_into(&mut self.reading.base).then(|| self.absorb())
+    }
+
+    #[inline(never)]
+    fn take(&mut self, reading: &TwoLinkReading<f32>) -> Outcome {
+        self.reading = *reading;
+        self.absorb()
     }
 
     /// Two aligners' readings of the same load-cell sample.
-    fn join(&mut self) -> Option<TwoLinkReading<f32>> {
-        let second = self.second.as_mut()?;
+    fn join(&mut self) -> bool {
+        let Some(second) = &mut self.second else { return false };
+        let TwoLinkReading { base, specific_force, angular_rate, attitude } = &mut self.reading;
         loop {
-            let [first, other] = &mut self.halves;
-            let base = match first {
-                Some(base) => *base,
-                None => *first.insert(self.aligner.pop()?),
-            };
-            let reading = match other {
-                Some(reading) => *reading,
-                None => *other.insert(second.pop()?),
-            };
-            if base.time_ns <= reading.time_ns {
-                *first = None;
+            let [base_waits, other_waits] = self.waits;
+            let base_is_there = base_waits || pop(&mut self.aligner, base);
+            let both_are = base_is_there && (other_waits || pop(second, &mut self.other));
+            if !both_are {
+                self.waits = [base_is_there, other_waits];
+                return false;
             }
-            if reading.time_ns <= base.time_ns {
-                *other = None;
-            }
-            if base.time_ns == reading.time_ns {
-                let Reading { specific_force, angular_rate, .. } = reading;
-                return Some(TwoLinkReading { base, specific_force, angular_rate, ..TwoLinkReading::ZERO });
+            let (base_ns, other_ns) = (base.time_ns, self.other.time_ns);
+            self.waits = [base_ns > other_ns, other_ns > base_ns];
+            if base_ns == other_ns {
+                (*specific_force, *angular_rate) = (self.other.specific_force, self.other.angular_rate);
+                *attitude = TwoLinkReading::ZERO.attitude;
+                return true;
             }
             self.unmatched = self.unmatched.saturating_add(1);
         }
@@ -401,6 +418,12 @@ impl SamplePath {
     }
 }
 
+/// [`Aligner::pop_into`], once for both aligners of two links.
+#[inline(never)]
+fn pop(aligner: &mut Aligner<f32>, reading: &mut Reading<f32>) -> bool {
+    aligner.pop_into(reading)
+}
+
 /// The settings of an aligner of the second IMU, from the first's.
 pub(crate) fn second_aligner(first: &AlignerConfig, delay_ns: u32, period_ns: u32) -> AlignerConfig {
     AlignerConfig { imu_delay_ns: delay_ns, imu_period_ns: period_ns, ..*first }
@@ -436,16 +459,9 @@ pub fn sample_path(path: &mut SamplePath, words: Option<&Words>) -> Option<Outco
             path.push_gauges(*time_ns, volts);
         }
         Some(Words::Imu(reading)) => path.aligner.push_imu(reading),
-        Some(Words::SecondImu(reading)) => {
-            if let Some(second) = &mut path.second {
-                second.push_imu(reading);
-            }
-        }
-        Some(Words::Aligned(reading)) => {
-            path.reading = *reading;
-            return Some(path.absorb());
-        }
+        Some(Words::SecondImu(reading)) => path.push_second(reading),
+        Some(Words::Aligned(reading)) => return Some(path.take(reading)),
         None => {}
     }
-    if path.has_more() { path.take_aligned() } else { None }
+    if path.second.is_some() { path.take_joined() } else { path.take_aligned() }
 }

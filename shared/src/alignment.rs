@@ -152,45 +152,61 @@ impl<T: Scalar> Aligner<T> {
     }
 
     /// The next aligned reading, oldest first.
-    #[inline]
     pub fn pop(&mut self) -> Option<Reading<T>> {
-        if usize::from(self.filled) < NEIGHBOURS {
-            return None;
-        }
-        let (before_ns, after_ns) = (self.imu(1).time_ns, self.imu(2).time_ns);
-        loop {
-            let wrench = self.front()?;
-            if wrench.time_ns > after_ns {
-                return None;
-            }
-            // Nanoseconds between neighbours fit 32 bits.
-            let wide = after_ns - before_ns > 2 * u64::from(self.config.imu_period_ns)
-                || self.imu(3).time_ns - self.imu(0).time_ns > u64::from(u32::MAX / 2);
-            let reading = (wrench.time_ns >= before_ns && !wide).then(|| self.interpolate(wrench));
-            self.drop_first();
-            if reading.is_some() {
-                return reading;
-            }
-            self.dropped = self.dropped.saturating_add(1);
-        }
+        let mut reading = Reading::default();
+        self.pop_into(&mut reading).then_some(reading)
     }
 
-    #[inline]
-    fn interpolate(&self, wrench: &WrenchReading<T>) -> Reading<T> {
+    /// Puts the next aligned reading, oldest first, where it is to stay, and says whether there was one; what stands there is
+    /// else left alone.
+    #[inline(always)]
+    pub fn pop_into(&mut self, reading: &mut Reading<T>) -> bool {
+        let found = self.is_ready() && (self.has_neighbours() || self.drop_without_neighbours());
+        if let (true, Some(wrench)) = (found, self.front()) {
+            self.interpolate(wrench, reading);
+            self.drop_first();
+        }
+        found
+    }
+
+    /// Whether the first that waits, which is not later than the readings around, is not before them either, and these are
+    /// near each other.
+    #[inline(always)]
+    fn has_neighbours(&self) -> bool {
+        let (before_ns, after_ns) = (self.imu(1).time_ns, self.imu(2).time_ns);
+        self.front().is_some_and(|wrench| wrench.time_ns >= before_ns)
+            && after_ns - before_ns <= 2 * u64::from(self.config.imu_period_ns)
+            // Nanoseconds between neighbours fit 32 bits.
+            && self.imu(3).time_ns - self.imu(0).time_ns <= u64::from(u32::MAX / 2)
+    }
+
+    /// Drops what waits until something has neighbours; false if nothing does.
+    #[cold]
+    #[inline(never)]
+    fn drop_without_neighbours(&mut self) -> bool {
+        while self.is_ready() {
+            if self.has_neighbours() {
+                return true;
+            }
+            self.drop_first();
+            self.dropped = self.dropped.saturating_add(1);
+        }
+        false
+    }
+
+    #[inline(always)]
+    fn interpolate(&self, wrench: &WrenchReading<T>, reading: &mut Reading<T>) {
         let around: [&ImuReading<T>; NEIGHBOURS] = core::array::from_fn(|k| self.imu(k as u8));
-        let of = |imu: &ImuReading<T>| Reading {
-            time_ns: wrench.time_ns,
-            wrench: wrench.wrench,
-            specific_force: imu.specific_force,
-            angular_rate: imu.angular_rate,
-        };
+        (reading.time_ns, reading.wrench) = (wrench.time_ns, wrench.wrench);
         // Times relative to the wanted instant, in units of the nominal period.
         let unit = T::ONE / T::from_u32(self.config.imu_period_ns.max(1));
         let [t0, t1, t2, t3] = around.map(|r| {
             T::from_i32((r.time_ns as u32).wrapping_sub(wrench.time_ns as u32).cast_signed()) * unit
         });
         if t1 == T::ZERO {
-            return of(around[1]);
+            (reading.specific_force, reading.angular_rate) =
+                (around[1].specific_force, around[1].angular_rate);
+            return;
         }
         // Lagrange: w_i = Π_{j≠i} τ_j / (τ_j − τ_i), over one denominator.
         let (h01, h02, h03, h12, h13, h23) = (t1 - t0, t2 - t0, t3 - t0, t2 - t1, t3 - t1, t3 - t2);
@@ -211,11 +227,8 @@ impl<T: Scalar> Aligner<T> {
                     + (weights[2] * values[2][axis] + weights[3] * values[3][axis])
             })
         };
-        Reading {
-            specific_force: SpecificForce::from_array(combined(|r| r.specific_force.array())),
-            angular_rate: AngularRate::from_array(combined(|r| r.angular_rate.array())),
-            ..of(around[1])
-        }
+        reading.specific_force = SpecificForce::from_array(combined(|r| r.specific_force.array()));
+        reading.angular_rate = AngularRate::from_array(combined(|r| r.angular_rate.array()));
     }
 }
 

@@ -275,8 +275,8 @@ impl<P: DerefMut<Target = Path>> App<P> {
             return;
         }
         if self.listens() {
-            for ((sensor, pulse), used) in Sensor::ALL.into_iter().zip(self.pulses).zip(self.duty.sensors) {
-                if used && self.now_ns.saturating_sub(pulse.last_ns) > SILENT_NS {
+            for ((sensor, pulse), used) in Sensor::ALL.iter().zip(&self.pulses).zip(&self.duty.sensors) {
+                if *used && self.now_ns.saturating_sub(pulse.last_ns) > SILENT_NS {
                     return self.fail(sensor.reason(SensorFault::Silent));
                 }
             }

@@ -140,10 +140,12 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
         }
         // A reset is only taken in a whole frame; one with the CRC reaches a converter that has it on too.
         // What comes back belongs to what was before.
-        self.exchange(&command(RESET))?;
+        self.exchange(&mut command(RESET))?;
         delay.delay_ms(1);
         // A chip with fewer channels has shorter frames: its name comes before the CRC.
-        let answer = response(&self.exchange(&command(NULL))?);
+        let mut answer = command(NULL);
+        self.exchange(&mut answer)?;
+        let answer = response(&answer);
         if answer != RESET_DONE {
             return Err(AdcError::WrongId(answer));
         }
@@ -170,7 +172,8 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
     /// A CRC that does not fit (counted), a restart of the converter, a command that it refused, the bus.
     #[inline]
     pub fn read_frame(&mut self) -> Result<AdcFrame, AdcError<SPI::Error>> {
-        let bytes = self.frame(&command(NULL))?;
+        let mut bytes = command(NULL);
+        self.frame(&mut bytes)?;
         let [words @ .., _] = words(&bytes);
         let [status, channels @ ..] = words;
         let status = (status >> 8) as u16;
@@ -192,40 +195,44 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
     }
 
     fn read_register(&mut self, register: u8) -> Result<u16, AdcError<SPI::Error>> {
-        self.frame(&read_command(register))?;
-        Ok(response(&self.frame(&command(NULL))?))
+        self.answer(read_command(register))?;
+        self.answer(command(NULL))
     }
 
     fn write_register(&mut self, register: u8, value: u16) -> Result<(), AdcError<SPI::Error>> {
-        self.frame(&write_command(register, value))?;
+        self.answer(write_command(register, value))?;
         // A write is carried out even with a wrong CRC, perhaps at another address: only its answer tells.
-        let answer = response(&self.frame(&read_command(register))?);
+        let answer = self.answer(read_command(register))?;
         if answer != 0b010 << 13 | u16::from(register) << 7 {
             return Err(AdcError::InputCrc);
         }
-        let read = response(&self.frame(&command(NULL))?);
+        let read = self.answer(command(NULL))?;
         if read == value { Ok(()) } else { Err(AdcError::Verify { register, wrote: value, read }) }
     }
 
-    /// Exchanges a frame without looking at what comes back.
-    fn exchange(&mut self, frame: &[u8; FRAME]) -> Result<[u8; FRAME], AdcError<SPI::Error>> {
-        let mut bytes = *frame;
-        self.spi.transfer_in_place(&mut bytes).map_err(AdcError::Bus)?;
-        Ok(bytes)
+    /// Exchanges a frame, in its place, without looking at what comes back.
+    fn exchange(&mut self, bytes: &mut [u8; FRAME]) -> Result<(), AdcError<SPI::Error>> {
+        self.spi.transfer_in_place(bytes).map_err(AdcError::Bus)
     }
 
-    /// Exchanges a frame and checks the CRC of what comes back.
-    fn frame(&mut self, frame: &[u8; FRAME]) -> Result<[u8; FRAME], AdcError<SPI::Error>> {
-        let bytes = self.exchange(frame)?;
-        let [body @ .., high, low, padding] = &bytes;
+    /// Exchanges a frame, in its place, and checks the CRC of what comes back.
+    fn frame(&mut self, bytes: &mut [u8; FRAME]) -> Result<(), AdcError<SPI::Error>> {
+        self.exchange(bytes)?;
+        let [body @ .., high, low, padding] = bytes;
         let got = u32::from_be_bytes([0, *high, *low, *padding]);
         let expected = u32::from(CRC16.checksum(body)) << 8;
         if got == expected {
-            Ok(bytes)
+            Ok(())
         } else {
             self.crc_errors = self.crc_errors.saturating_add(1);
             Err(AdcError::Crc { expected, got })
         }
+    }
+
+    /// What a frame with this command gets back.
+    fn answer(&mut self, mut bytes: [u8; FRAME]) -> Result<u16, AdcError<SPI::Error>> {
+        self.frame(&mut bytes)?;
+        Ok(response(&bytes))
     }
 }
 
