@@ -18,6 +18,7 @@ fn main() -> ExitCode {
 fn make(name: &str) -> String {
     match name {
         "simulated-long" => simulated::table(),
+        "coloured" => simulated::coloured_table(),
         "nearest" => simulated::nearest_table(),
         "staubli" => staubli::table(),
         other => unreachable!("no maker for {other}"),

@@ -1,4 +1,4 @@
 //! Names of the tables.
 
 /// In the order of `docs/trees.md`.
-pub const TABLES: [&str; 3] = ["simulated-long", "nearest", "staubli"];
+pub const TABLES: [&str; 4] = ["simulated-long", "coloured", "nearest", "staubli"];

@@ -7,7 +7,8 @@ use rigident::trees::drive::Term;
 use rigident::trees::nearest::nearest;
 use rigident::trees::prepare::{Wishes, prepare};
 use rigident::trees::simulated::{
-    coverage, seven_axes, seven_axis_recording, truth, two_link_recording, two_links, worst,
+    Covered, coverage, covered, seven_axes, seven_axis_recording, truth, two_link_recording, two_links,
+    with_remembered_noise, worst,
 };
 use rigident::trees::{TreeIdentification, identify};
 
@@ -59,6 +60,44 @@ pub fn table() -> String {
         + &row("two links, an IMU each, load cell at the base", &exact[0], worst[0], Some(covered[0]))
         + &row("seven axes, angles, rates and torques (with noise: and friction)", &exact[1], worst[1], Some(covered[1]))
         + &row("seven axes, angles and torques alone", &exact[2], worst[2], None)
+}
+
+/// Correlation times, s; zero is white.
+const TIMES_S: [f64; 6] = [0.0, 0.01, 0.02, 0.05, 0.2, 1.0];
+
+pub fn coloured_table() -> String {
+    let (two, seven) = (two_links(), seven_axes());
+    let bodies = [
+        ("two links", two_link_recording(&two, 200.0, 20.0, None), two, Wishes::default()),
+        (
+            "seven axes and friction",
+            seven_axis_recording(&seven, 200.0, 20.0, true, None, 1.0),
+            seven,
+            friction(),
+        ),
+    ];
+    let mut out = "| tree | correlation time, s | inside U95 | had colour not counted | told |\n|---|---|---|---|---|\n".to_owned();
+    for (name, exact, model, wishes) in &bodies {
+        let lines = TIMES_S.map(|time_s| {
+            let run = move |seed: u64| {
+                let recording = with_remembered_noise(exact, time_s, seed);
+                let found = identified(&recording, model, wishes);
+                (truth(model, &found), found)
+            };
+            move || covered(RUNS, run)
+        });
+        let done: Vec<Covered> = std::thread::scope(|scope| {
+            let threads: Vec<_> = lines.into_iter().map(|line| scope.spawn(line)).collect();
+            threads.into_iter().map(|t| t.join().expect("a study")).collect()
+        });
+        for (time_s, covered) in TIMES_S.into_iter().zip(done) {
+            let [inside, as_white, told] =
+                [covered.inside, covered.inside_as_white, covered.told].map(|share| 100.0 * share);
+            let time = if time_s > 0.0 { time_s.to_string() } else { "0 (white)".to_owned() };
+            out += &format!("| {name} | {time} | {inside:.1} % | {as_white:.1} % | {told:.0} % |\n");
+        }
+    }
+    out
 }
 
 /// A nominal model that is off by some share.

@@ -199,7 +199,12 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
 
     warnings.extend(estimate.known().iter().filter_map(|known| known.warning(estimate)));
     warnings.extend(too_loose(estimate, identification.regressor_noise));
-    warnings.extend(whiteness::warning(&identification.colour, identification.widened(), FILTER_WIDTH_S));
+    warnings.extend(whiteness::warning(
+        &identification.colour,
+        &whiteness::WRENCH,
+        identification.widened(),
+        FILTER_WIDTH_S,
+    ));
 
     let frame = rig.body.as_ref().filter(|_| com.is_some());
     let in_body = frame.map(|table| (table, derived::in_body_frame(estimate, &body_frame(table))));
@@ -367,7 +372,10 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
         coloured_residuals: identification
             .colour
             .iter()
-            .map(|c| ColourResult { channel: c.name(), factor: c.factor })
+            .map(|c| ColourResult {
+                channel: whiteness::WRENCH.get(c.channel).copied().unwrap_or("?"),
+                factor: c.factor,
+            })
             .collect(),
         residual_rms: (!identification.residuals.is_empty()).then_some(identification.residual_rms),
         rejected_rows: identification.counters.rejected,

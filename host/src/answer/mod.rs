@@ -96,7 +96,14 @@ impl Estimate {
 
     /// The same estimate with standard deviations so many times as large.
     pub(crate) fn stretched(&self, by: &[f64]) -> Self {
-        let Some((factor, noise)) = &self.rows else { return self.clone() };
+        let Some((factor, noise)) = &self.rows else {
+            let factor = |j: usize| by.get(j).copied().unwrap_or(1.0);
+            let covariance = &self.covariance;
+            let covariance = DMatrix::from_fn(covariance.nrows(), covariance.ncols(), |i, j| {
+                covariance[(i, j)] * factor(i) * factor(j)
+            });
+            return Self { covariance, ..self.clone() };
+        };
         let stretched = factor.stretched(&self.values, by).estimate(1.0, *noise);
         Self { coverage_factor: self.coverage_factor, ..stretched }
     }

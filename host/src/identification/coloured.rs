@@ -15,85 +15,100 @@ use crate::answer::Estimate;
 
 /// Lags that products are made for; where noise is remembered for more rows, so many are summed first.
 const MOST_LAGS: usize = 250;
-/// Row blocks looked at, shared out evenly over the recording.
-const MOST_BLOCKS: usize = 60_000;
+/// Numbers that are looked at, shared out evenly over the recording: 60 000 row blocks of a body with its offset.
+const MOST_NUMBERS: usize = 60_000 * 6 * 16;
 
 /// Noise of the rows of each channel.
-pub(super) struct Noise<'a> {
+pub(crate) struct Noise<'a> {
     /// Autocovariance of filtered white noise of unit variance at lags of 0, 1, … rows.
     pub white: &'a [f64],
-    /// Variance of each channel before the filter that the factor assumes, N² and N² m².
-    pub variance: [f64; 6],
+    /// Variance of each channel before the filter that the factor assumes, its unit squared.
+    pub variance: &'a [f64],
     /// The channels that show more.
     pub colour: &'a [Colour],
     /// Between row blocks, s.
     pub row_period_s: f64,
 }
 
-/// Influence of the rows of a stretch without gaps, `[block][channel][parameter]`, summed over several rows.
+impl Noise<'_> {
+    /// The longest memory of any channel, rows.
+    fn longest(&self) -> usize {
+        self.colour.iter().map(|c| c.autocovariance.len()).fold(self.white.len(), usize::max)
+    }
+
+    /// Rows that are summed before products are made.
+    fn several(&self) -> usize {
+        self.longest().div_ceil(MOST_LAGS).max(1)
+    }
+
+    /// Row blocks that are looked at, in each of so many parts.
+    pub(crate) fn most_blocks(&self, parameters: usize, parts: usize) -> usize {
+        let block = (self.variance.len() * parameters).max(1);
+        (MOST_NUMBERS / block / parts.max(1)).max(4 * self.longest())
+    }
+}
+
+/// Influence of rows on parameters, summed over several rows: stretches without gaps of `[sum][channel][parameter]`.
 #[derive(Clone)]
-struct Stretches<const N: usize> {
-    done: Vec<Vec<[[f64; N]; 6]>>,
-    sum: [[f64; N]; 6],
+pub(crate) struct Influences {
+    done: Vec<Vec<f64>>,
+    sum: Vec<f64>,
     summed: usize,
-    blocks: usize,
+    several: usize,
+    gap_s: f64,
+    left: usize,
     last_s: f64,
 }
 
+impl Influences {
+    /// Of so many parameters, room for so many blocks.
+    pub(crate) fn new(noise: &Noise, parameters: usize, most: usize) -> Self {
+        Self {
+            done: Vec::new(),
+            sum: vec![0.0; noise.variance.len() * parameters],
+            summed: 0,
+            several: noise.several(),
+            gap_s: 1.5 * noise.row_period_s,
+            left: most,
+            last_s: f64::NEG_INFINITY,
+        }
+    }
+
+    /// Takes a row block: `add` adds its influence, `[channel][parameter]`.
+    pub(crate) fn take(&mut self, time_s: f64, add: impl FnOnce(&mut [f64])) {
+        if self.left == 0 {
+            return;
+        }
+        self.left -= 1;
+        if time_s - self.last_s > self.gap_s {
+            self.start_anew();
+            self.done.push(Vec::new());
+        }
+        self.last_s = time_s;
+        add(&mut self.sum);
+        self.summed += 1;
+        if self.summed == self.several {
+            if let Some(stretch) = self.done.last_mut() {
+                stretch.extend_from_slice(&self.sum);
+            }
+            self.start_anew();
+        }
+    }
+
+    fn start_anew(&mut self) {
+        self.sum.fill(0.0);
+        self.summed = 0;
+    }
+}
+
 /// Factor on the standard deviation of each parameter, 1 or more; 1 where nothing is determined.
-///
-/// `sigma` are those that the rows are whitened by.
-pub(super) fn widening<const N: usize>(
-    shares: &Shares,
-    sigma: [f64; 6],
-    estimate: &Estimate,
-    noise: &Noise,
-) -> [f64; N] {
-    let longest = noise.colour.iter().map(|c| c.autocovariance.len()).fold(noise.white.len(), usize::max);
-    let several = longest.div_ceil(MOST_LAGS).max(1);
-    let lags = longest.div_ceil(several) + 1;
-    let most = (MOST_BLOCKS / shares.parts().max(1)).max(4 * longest);
-    let gain: [[f64; N]; N] =
-        std::array::from_fn(|j| std::array::from_fn(|k| estimate.covariance(j, k).unwrap_or(0.0)));
-
-    let start = || Stretches::<N> {
-        done: Vec::new(),
-        sum: [[0.0; N]; 6],
-        summed: 0,
-        blocks: 0,
-        last_s: f64::NEG_INFINITY,
-    };
-    let take = |s: &mut Stretches<N>, reading: &Reading<f64>, pipeline: &Estimator<f64, N, TAPS>| {
-        let Some(block) = pipeline.last_block().filter(|_| s.blocks < most) else { return };
-        s.blocks += 1;
-        let time_s = reading.time_ns as f64 * 1e-9;
-        if time_s - s.last_s > 1.5 * noise.row_period_s {
-            (s.sum, s.summed) = ([[0.0; N]; 6], 0);
-            s.done.push(Vec::new());
-        }
-        s.last_s = time_s;
-        for (c, (influence, factor)) in s.sum.iter_mut().zip(pipeline.last_factors()).enumerate() {
-            let weight = factor / (sigma[c] * sigma[c]);
-            for (p, gain) in influence.iter_mut().zip(&gain) {
-                let body: f64 = block.columns.iter().zip(gain).map(|(column, g)| column[c] * g).sum();
-                *p += weight * (body + gain.get(10 + c).copied().unwrap_or(0.0));
-            }
-        }
-        s.summed += 1;
-        if s.summed == several {
-            if let Some(stretch) = s.done.last_mut() {
-                stretch.push(s.sum);
-            }
-            (s.sum, s.summed) = ([[0.0; N]; 6], 0);
-        }
-    };
-    // The σ have been accepted before: there is no other way to fail.
-    let Ok(done) = shares.absorb(sigma, start, take) else { return [1.0; N] };
-    let stretches: Vec<Vec<[[f64; N]; 6]>> = done.parts.into_iter().flat_map(|part| part.done).collect();
-
-    let (mut white, mut found) = ([0.0; N], [0.0; N]);
-    for c in 0..6 {
-        let flat: Vec<f64> = noise.white.iter().map(|w| w * noise.variance[c]).collect();
+pub(crate) fn widening(parts: &[Influences], parameters: usize, noise: &Noise) -> Vec<f64> {
+    let several = noise.several();
+    let lags = noise.longest().div_ceil(several) + 1;
+    let stretches: Vec<&[f64]> = parts.iter().flat_map(|part| part.done.iter().map(Vec::as_slice)).collect();
+    let (mut white, mut found) = (vec![0.0; parameters], vec![0.0; parameters]);
+    for (c, variance) in noise.variance.iter().enumerate() {
+        let flat: Vec<f64> = noise.white.iter().map(|w| w * variance).collect();
         let told = noise.colour.iter().find(|colour| colour.channel == c);
         let (flat_sums, told_sums) =
             (of_sums(&flat, several, lags), told.map(|t| of_sums(&t.autocovariance, several, lags)));
@@ -103,18 +118,49 @@ pub(super) fn widening<const N: usize>(
             if g == 0.0 && t == 0.0 {
                 continue;
             }
-            let products = products(&stretches, c, m);
+            let products = products(&stretches, noise.variance.len(), parameters, c, m);
             for ((white, found), product) in white.iter_mut().zip(&mut found).zip(products) {
                 *white += g * product;
                 *found += t * product;
             }
         }
     }
-    std::array::from_fn(|j| {
-        let ratio = (found[j] / white[j]).sqrt();
-        // Zero over zero where nothing is determined.
-        if ratio.is_finite() { ratio.max(1.0) } else { 1.0 }
-    })
+    found
+        .iter()
+        .zip(&white)
+        .map(|(found, white)| {
+            let ratio = (found / white).sqrt();
+            // Zero over zero where nothing is determined.
+            if ratio.is_finite() { ratio.max(1.0) } else { 1.0 }
+        })
+        .collect()
+}
+
+/// The same of the readings of one body; `sigma` are those that the rows are whitened by.
+pub(super) fn widening_of_body<const N: usize>(
+    shares: &Shares,
+    sigma: [f64; 6],
+    estimate: &Estimate,
+    noise: &Noise,
+) -> Vec<f64> {
+    let gain: [[f64; N]; N] =
+        std::array::from_fn(|j| std::array::from_fn(|k| estimate.covariance(j, k).unwrap_or(0.0)));
+    let start = || Influences::new(noise, N, noise.most_blocks(N, shares.parts()));
+    let take = |s: &mut Influences, reading: &Reading<f64>, pipeline: &Estimator<f64, N, TAPS>| {
+        let Some(block) = pipeline.last_block() else { return };
+        s.take(reading.time_ns as f64 * 1e-9, |sum| {
+            for (c, (influence, factor)) in sum.chunks_exact_mut(N).zip(pipeline.last_factors()).enumerate() {
+                let weight = factor / (sigma[c] * sigma[c]);
+                for (p, gain) in influence.iter_mut().zip(&gain) {
+                    let body: f64 = block.columns.iter().zip(gain).map(|(column, g)| column[c] * g).sum();
+                    *p += weight * (body + gain.get(10 + c).copied().unwrap_or(0.0));
+                }
+            }
+        });
+    };
+    // The σ have been accepted before: there is no other way to fail.
+    let Ok(done) = shares.absorb(sigma, start, take) else { return vec![1.0; N] };
+    widening(&done.parts, N, noise)
 }
 
 /// Mean autocovariance between a row of one sum of `several` rows and a row of the sum `m` later, m = 0, 1, ….
@@ -126,13 +172,18 @@ fn of_sums(gamma: &[f64], several: usize, lags: usize) -> Vec<f64> {
         .collect()
 }
 
-/// `Σ_i p_ij p_(i+m)j` of one channel, pairs within stretches.
-fn products<const N: usize>(stretches: &[Vec<[[f64; N]; 6]>], channel: usize, m: usize) -> [f64; N] {
-    let mut sums = [0.0; N];
+/// `Σ_i p_ij p_(i+m)j` of one of several channels, pairs within stretches.
+fn products(stretches: &[&[f64]], channels: usize, parameters: usize, channel: usize, m: usize) -> Vec<f64> {
+    let mut sums = vec![0.0; parameters];
+    let of_channel = |sum: &'_ [f64]| -> std::ops::Range<usize> {
+        let from = (channel * parameters).min(sum.len());
+        from..(from + parameters).min(sum.len())
+    };
     for stretch in stretches {
-        for (a, b) in stretch.iter().zip(stretch.iter().skip(m)) {
-            let (Some(a), Some(b)) = (a.get(channel), b.get(channel)) else { continue };
-            for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
+        let all = stretch.chunks_exact((channels * parameters).max(1));
+        for (a, b) in all.clone().zip(all.skip(m)) {
+            let own = of_channel(a);
+            for ((sum, a), b) in sums.iter_mut().zip(&a[own.clone()]).zip(&b[own]) {
                 *sum += a * b;
             }
         }

@@ -7,7 +7,7 @@
 //! live here: file formats, printing. Before this: [`crate::formats`]; after it: [`crate::answer`].
 
 pub mod absorb;
-mod coloured;
+pub(crate) mod coloured;
 pub mod course;
 pub mod gains;
 pub mod knocks;
@@ -306,16 +306,16 @@ fn with_colour<const N: usize>(
     let scale = white.judgement().variance_scale;
     let noise = coloured::Noise {
         white: &white_rows(config),
-        variance: config.channel_sigma.map(|s| s * s * scale),
+        variance: &config.channel_sigma.map(|s| s * s * scale),
         colour: &white.colour,
         row_period_s: row_period_s(config),
     };
     let watching = shares.watching(white.reference(input));
-    let widening = coloured::widening::<N>(&watching, config.channel_sigma, &white.estimate, &noise);
+    let widening = coloured::widening_of_body::<N>(&watching, config.channel_sigma, &white.estimate, &noise);
     Identification {
         factor: white.factor.stretched(&white.estimate.values, &widening),
         estimate: white.estimate.stretched(&widening),
-        widening: widening.to_vec(),
+        widening,
         ..white
     }
 }
@@ -398,7 +398,7 @@ fn colour(
         return Vec::new();
     }
     let variance = config.channel_sigma.map(|s| s * s * variance_scale);
-    whiteness::colour(residuals, &white_rows(config), row_period_s(config), config.row_every, variance)
+    whiteness::colour(residuals, &white_rows(config), row_period_s(config), config.row_every, &variance)
 }
 
 /// Readings taken in.

@@ -5,6 +5,7 @@ use rigident_shared::estimator::Estimator;
 
 use super::absorb::Shares;
 use super::gains::residual_with_gains;
+use super::whiteness::Leftover;
 use super::{Absorbed, Input, TAPS};
 use crate::answer::{Estimate, Noise};
 
@@ -23,6 +24,17 @@ impl BlockResidual {
     /// The residual as the answer counts it.
     pub(super) fn weighted(&self) -> [f64; 6] {
         std::array::from_fn(|c| self.residual[c] * self.factors[c])
+    }
+}
+
+impl Leftover for BlockResidual {
+    fn time_s(&self) -> f64 {
+        self.time_s
+    }
+
+    fn of(&self, channel: usize) -> f64 {
+        let both = self.residual.get(channel).zip(self.factors.get(channel));
+        both.map_or(0.0, |(residual, factor)| residual * factor)
     }
 }
 

@@ -14,17 +14,28 @@ use rigident_shared::estimator::{Estimator, EstimatorConfig, Outcome};
 use rigident_shared::screening::Limits;
 use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
 
-use super::{BlockResidual, TAPS};
+use super::TAPS;
 
 /// A deviation this many standard deviations long is not chance: 6 channels, two tests, one false alarm in 1e4.
 const SIGNIFICANT: f64 = 4.5;
+/// Rows over the longest lag of the tests. With so few, 0.8 s at 200 Hz, white noise is still taken for coloured in less than one
+/// channel of 1e4, and noise that is remembered for 0.05 s is named in most.
+const LEAST: usize = 5;
 /// Longest lag that is looked at, rows.
 const LONGEST: usize = 2000;
+
+/// What an answer leaves of a row block, channel by channel.
+pub trait Leftover {
+    /// Time of the reading that completed the block, s.
+    fn time_s(&self) -> f64;
+    /// The filtered measurement less the prediction, as the answer counts it.
+    fn of(&self, channel: usize) -> f64;
+}
 
 /// Noise that is more than the filter explains.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Colour {
-    /// The channel that shows it, 0 to 5 in the order of the wrench.
+    /// The channel that shows it; 0 to 5 are those of the wrench, where there is one.
     pub channel: usize,
     /// Mean autocorrelation of its residuals between half a filter's width and one and a half.
     pub autocorrelation: f64,
@@ -33,7 +44,7 @@ pub struct Colour {
     /// Factor by which intervals on white noise are too small for a parameter that rests on this channel's slowest part: the
     /// largest for any parameter.
     pub factor: f64,
-    /// Of its residuals at lags of 0, 1, … rows, N² or N² m², as far as it is told from chance.
+    /// Of its residuals at lags of 0, 1, … rows, their unit squared, as far as it is told from chance.
     pub autocovariance: Vec<f64>,
 }
 
@@ -93,11 +104,10 @@ pub fn white_autocovariance(response: &[f64], row_every: u16) -> Vec<f64> {
 }
 
 /// Autocovariance of one channel at a lag, pairs counted only within stretches without gaps.
-fn autocovariance(stretches: &[&[BlockResidual]], channel: usize, lag: usize) -> f64 {
-    let of = |r: &BlockResidual| r.weighted().get(channel).copied().unwrap_or(0.0);
+fn autocovariance(stretches: &[&[impl Leftover]], channel: usize, lag: usize) -> f64 {
     let count = stretches.iter().map(|s| s.len()).sum::<usize>().max(1) as f64;
     let pairs = stretches.iter().flat_map(|s| s.iter().zip(s.iter().skip(lag)));
-    pairs.map(|(a, b)| of(a) * of(b)).sum::<f64>() / count
+    pairs.map(|(a, b)| a.of(channel) * b.of(channel)).sum::<f64>() / count
 }
 
 /// Variance, times the number of rows, of the mean autocorrelation over `lags` lags beyond the filter, for white noise
@@ -114,20 +124,20 @@ fn chance(white: &[f64], lags: usize) -> f64 {
 ///
 /// `white` is [`white_autocovariance`]; `variance` the one that the intervals assume, per channel and reading before the
 /// filter. Empty too where there are too few rows to tell.
-pub fn colour(
-    residuals: &[BlockResidual],
+pub fn colour<L: Leftover>(
+    residuals: &[L],
     white: &[f64],
     row_period_s: f64,
     row_every: u16,
-    variance: [f64; 6],
+    variance: &[f64],
 ) -> Vec<Colour> {
     let reach = white.len();
     let (from, to) = (reach.div_ceil(2).max(1), (3 * reach).div_ceil(2));
-    if reach < 2 || residuals.len() < 20 * to {
+    if reach < 2 || residuals.len() < LEAST * to {
         return Vec::new();
     }
-    let stretches: Vec<&[BlockResidual]> =
-        residuals.chunk_by(|a, b| b.time_s - a.time_s < 1.5 * row_period_s).collect();
+    let stretches: Vec<&[L]> =
+        residuals.chunk_by(|a, b| b.time_s() - a.time_s() < 1.5 * row_period_s).collect();
     let count = residuals.len() as f64;
     let chance = (chance(white, to - from + 1) / count).sqrt();
     // Sum over lags with triangular weights: its relative variance is 4 M / 3 n (Newey and West 1987), that of a χ² of
@@ -140,10 +150,9 @@ pub fn colour(
     };
     let every = f64::from(row_every);
     let longest = (residuals.len() / 4).min(LONGEST);
-    let found = (0..6).filter_map(|channel| {
+    let found = variance.iter().enumerate().filter_map(|(channel, scale)| {
         let gamma: Vec<f64> = (0..=2 * reach).map(|lag| autocovariance(&stretches, channel, lag)).collect();
-        let scale = variance.get(channel).copied().filter(|v| *v > 0.0)?;
-        if gamma[0] <= 0.0 {
+        if *scale <= 0.0 || gamma[0] <= 0.0 {
             return None;
         }
         let beyond = &gamma[from..=to];
@@ -172,17 +181,20 @@ pub fn colour(
     found
 }
 
-impl Colour {
-    /// Name of the channel.
-    pub fn name(&self) -> &'static str {
-        ["fx", "fy", "fz", "mx", "my", "mz"].get(self.channel).copied().unwrap_or("?")
-    }
-}
+/// Names of the wrench's channels.
+pub const WRENCH: [&str; 6] = ["fx", "fy", "fz", "mx", "my", "mz"];
 
-/// In words; `None` where there is no colour. `widened`: the largest factor on an interval, where they count it.
-pub fn warning(colours: &[Colour], widened: Option<f64>, width_s: f64) -> Option<String> {
+/// In words, with the channels' names; `None` where there is no colour. `widened`: the largest factor on an interval, where
+/// they count it.
+pub fn warning(
+    colours: &[Colour],
+    names: &[impl AsRef<str>],
+    widened: Option<f64>,
+    width_s: f64,
+) -> Option<String> {
+    let name = |c: &Colour| names.get(c.channel).map_or("?", AsRef::as_ref);
     let worst = colours.first()?;
-    let factors: Vec<String> = colours.iter().map(|c| format!("{:.1} ({})", c.factor, c.name())).collect();
+    let factors: Vec<String> = colours.iter().map(|c| format!("{:.1} ({})", c.factor, name(c))).collect();
     let consequence = match widened {
         Some(largest) => format!(
             "Intervals count this and are wider for it by up to {largest:.1}; one that rested on the slowest part alone would be \
@@ -194,8 +206,8 @@ pub fn warning(colours: &[Colour], widened: Option<f64>, width_s: f64) -> Option
     Some(format!(
         "residuals of {} stay correlated for longer than the filter explains (of {}: autocorrelation {:.2} about {width_s} s \
          apart, where white noise has 0.00 ± {:.2}). {consequence} {}; look for vibration, drift, a wrong delay or a body that is not rigid",
-        colours.iter().map(Colour::name).collect::<Vec<_>>().join(", "),
-        worst.name(),
+        colours.iter().map(name).collect::<Vec<_>>().join(", "),
+        name(worst),
         worst.autocorrelation,
         2.0 * worst.chance,
         factors.join(", ")
@@ -206,6 +218,7 @@ pub fn warning(colours: &[Colour], widened: Option<f64>, width_s: f64) -> Option
 mod tests {
     use rigident_shared::calibration::ImuMounting;
 
+    use super::super::BlockResidual;
     use super::*;
 
     fn config(rate_hz: f64) -> EstimatorConfig<f64> {
@@ -257,7 +270,7 @@ mod tests {
         let white = white_autocovariance(&impulse_response(&config), config.row_every);
         let rows = residuals(&config, rho, (seconds * rate_hz) as usize, seed);
         let period = f64::from(config.row_every) / rate_hz;
-        colour(&rows, &white, period, config.row_every, [1.0; 6])
+        colour(&rows, &white, period, config.row_every, &[1.0; 6])
     }
 
     #[test]
@@ -291,7 +304,19 @@ mod tests {
         for seed in 0..100 {
             assert_eq!(found(200.0, 0.0, 20.0, seed), [], "seed {seed}");
         }
+        // As few rows as are looked at.
+        for seed in 0..1000 {
+            assert_eq!(found(200.0, 0.0, 0.9, seed), [], "seed {seed}");
+        }
         assert_eq!(found(1000.0, 0.0, 20.0, 1), []);
+    }
+
+    #[test]
+    fn coloured_noise_is_named_in_a_second_too() {
+        let rho = f64::exp(-1.0 / (200.0 * 0.05));
+        let named: usize = (0..50).map(|seed| found(200.0, rho, 0.9, seed).len()).sum();
+        assert!(named > 6 * 50 / 2, "{named} of 300 channels");
+        assert_eq!(found(200.0, rho, 0.7, 1), [], "too few rows");
     }
 
     /// Autoregressive noise of correlation time τ: the spectrum at zero frequency is (1 + ρ)/(1 − ρ) times the white one's.
@@ -307,12 +332,16 @@ mod tests {
                 let ratio = colour.factor / expected;
                 assert!((0.8..1.5).contains(&ratio), "{tau_s} s, seed {seed}: {ratio}");
                 // All six channels have that noise, and each is named with its own factor.
-                let words = warning(&colours, None, 0.1).unwrap();
+                let words = warning(&colours, &WRENCH, None, 0.1).unwrap();
                 assert_eq!(colours.len(), 6, "{tau_s} s, seed {seed}: {words}");
                 for c in &colours {
                     let ratio = c.factor / expected;
-                    assert!((0.5..1.5).contains(&ratio), "{tau_s} s, seed {seed}, {}: {ratio}", c.name());
-                    assert!(words.contains(&format!("{:.1} ({})", c.factor, c.name())), "{words}");
+                    assert!(
+                        (0.5..1.5).contains(&ratio),
+                        "{tau_s} s, seed {seed}, {}: {ratio}",
+                        WRENCH[c.channel]
+                    );
+                    assert!(words.contains(&format!("{:.1} ({})", c.factor, WRENCH[c.channel])), "{words}");
                 }
             }
         }

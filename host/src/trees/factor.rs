@@ -125,6 +125,23 @@ impl TallFactor {
         out
     }
 
+    /// The same rows, solution `estimate`, with standard deviations `by` times as large and correlations as they are.
+    #[must_use]
+    pub fn stretched(&self, estimate: &[f64], by: &[f64]) -> Self {
+        let n = self.parameters;
+        let mut out = self.clone();
+        let (triangle, z) = out.triangle.split_at_mut(n * n);
+        // R (φ − φ̂) keeps its residual z − R φ̂.
+        for (column, (value, by)) in triangle.chunks_exact_mut(n.max(1)).zip(estimate.iter().zip(by)) {
+            for (z, r) in z.iter_mut().zip(column) {
+                let before = *r;
+                *r /= by;
+                *z += (*r - before) * value;
+            }
+        }
+        out
+    }
+
     /// The least-squares solution and what of it is determined.
     pub fn solve(&self) -> TallSolution {
         let n = self.parameters;
@@ -235,6 +252,21 @@ mod tests {
             assert!((all.estimate[i] - part.estimate[i]).abs() < 1e-12);
             for j in 0..5 {
                 assert!((all.covariance[(i, j)] - part.covariance[(i, j)]).abs() < 1e-13);
+            }
+        }
+    }
+
+    #[test]
+    fn a_stretched_factor_has_the_same_solution_with_wider_intervals() {
+        let (a, y) = problem(60, 5);
+        let factor = factor_of(&a, &y);
+        let (before, by) = (factor.solve(), [1.0, 2.0, 1.5, 1.0, 7.0]);
+        let after = factor.stretched(&before.estimate, &by).solve();
+        for i in 0..5 {
+            assert!((after.estimate[i] - before.estimate[i]).abs() < 1e-12);
+            for j in 0..5 {
+                let wanted = before.covariance[(i, j)] * by[i] * by[j];
+                assert!((after.covariance[(i, j)] - wanted).abs() < 1e-12 * wanted.abs().max(1e-3));
             }
         }
     }

@@ -9,6 +9,7 @@
 //! residuals, which are those of a single body ([`crate::answer`], [`crate::identification::pooled`]). Next: [`prepare`].
 
 pub mod answer;
+mod colour;
 pub mod drive;
 pub mod factor;
 pub mod joints;
@@ -33,6 +34,7 @@ use self::rows::{Filtered, RowMaker};
 use crate::answer::Estimate;
 use crate::answer::identifiability::RegressorNoise;
 use crate::identification::pooled::{Judgement, RowSet, judge};
+use crate::identification::whiteness::Colour;
 use crate::identification::{FILTER_WIDTH_S, row_every};
 use crate::models::base::{BaseParameters, Rows, Situation, base_parameters};
 use crate::models::{Model, ModelError};
@@ -179,11 +181,19 @@ pub struct TreeIdentification {
     pub measured_rms: Vec<f64>,
     /// What the noise of the rates would bring to the columns of moments of inertia.
     pub regressor_noise: RegressorNoise,
-    /// Channels whose residuals are more coloured than the filter explains, the worst first, with the factor by which
-    /// intervals that rest on them may be too narrow.
-    pub colour: Vec<(usize, f64)>,
+    /// Channels whose residuals show noise beyond what the filter explains, the worst first.
+    pub colour: Vec<Colour>,
+    /// Factor on the standard deviation of each parameter for it, in the factor and the estimate; empty: none.
+    pub widening: Vec<f64>,
     /// Filtered row blocks.
     pub blocks: usize,
+}
+
+impl TreeIdentification {
+    /// The largest factor on an interval for coloured noise, if they count it.
+    pub fn widened(&self) -> Option<f64> {
+        self.widening.iter().copied().reduce(f64::max)
+    }
 }
 
 /// σ of force and moment to start from where none is given: only ratios matter.
@@ -267,6 +277,14 @@ fn conclude(
         noise,
     );
     let (residual_rms, measured_rms) = filtered.rms(&solution.estimate);
+    let variance: Vec<f64> = sigma.iter().map(|s| s * s * variance_scale).collect();
+    let colour = colour::colour(filtered, &solution.estimate, input.rate_hz, &variance);
+    let (mut factor, mut estimate, mut widening) = (factor, estimate, Vec::new());
+    if !colour.is_empty() {
+        widening = colour::widening(filtered, &estimate, &sigma, &variance, &colour, input.rate_hz);
+        factor = factor.stretched(&estimate.values, &widening);
+        estimate = estimate.stretched(&widening);
+    }
     let from = if input.has_wrench() { 3.min(sigma.len()) } else { 0 };
     let moment_sigma = sigma[from..].iter().copied().fold(f64::INFINITY, f64::min);
     let weight = filtered.blocks.len() as f64 * f64::from(filtered.every);
@@ -287,10 +305,8 @@ fn conclude(
             tensor_information: weight * filtered.derivative_noise_gain * input.rate_sigma.powi(2)
                 / (moment_sigma * moment_sigma),
         },
-        colour: {
-            let variance: Vec<f64> = sigma.iter().map(|s| s * s * variance_scale).collect();
-            filtered.colour(&solution.estimate, input.rate_hz, &variance)
-        },
+        colour,
+        widening,
         blocks: filtered.blocks.len(),
         channel_sigma: sigma,
         factor,

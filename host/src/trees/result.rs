@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use super::nearest::{Full, FullLink};
 use super::{Input, TreeIdentification};
 use crate::formats::result::{ParameterState, ResultSource, SCHEMA, Status};
+use crate::identification::{FILTER_WIDTH_S, whiteness};
 use crate::report::text::{NOT_IDENTIFIED, significant, unit_symbol, with_u95};
 
 /// All that is told.
@@ -82,16 +83,7 @@ pub fn warnings(input: &Input, found: &TreeIdentification) -> Vec<String> {
             found.variance_ratio.sqrt()
         ));
     }
-    if !found.colour.is_empty() {
-        let channels = input.channels();
-        let worst: Vec<String> =
-            found.colour.iter().map(|(c, factor)| format!("{} {factor:.1}", channels[*c])).collect();
-        said.push(format!(
-            "residuals stay correlated for longer than the filter explains: what the model leaves out is no noise that averages. \
-             Intervals do not count this and may be too narrow, as far as they rest on these channels by factors up to: {}",
-            worst.join(", ")
-        ));
-    }
+    said.extend(whiteness::warning(&found.colour, &input.channels(), found.widened(), FILTER_WIDTH_S));
     let poor: Vec<String> = input
         .channels()
         .iter()
@@ -162,6 +154,12 @@ impl Answer<'_> {
                        "sigma": found.channel_sigma[c]})
             })
             .collect();
+        let names = self.input.channels();
+        let coloured: Vec<Value> = found
+            .colour
+            .iter()
+            .map(|c| json!({"channel": names.get(c.channel), "factor": c.factor}))
+            .collect();
         let mut object = json!({
             "schema": SCHEMA,
             "status": self.status,
@@ -170,6 +168,7 @@ impl Answer<'_> {
             "situation": self.input.situation.sentence(),
             "parameters": parameters,
             "channels": channels,
+            "coloured_residuals": coloured,
             "rejected_rows": self.source.rows.saturating_sub(self.input.frames.len()),
             "not_identified_because": self.reasons,
             "warnings": self.warnings,

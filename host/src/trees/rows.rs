@@ -7,7 +7,6 @@ use rigident_shared::tree::{Joint, Link, TreeError};
 use super::drive::Term;
 use super::factor::TallFactor;
 use super::{Frame, Input, TreeIdentificationError};
-use crate::identification::{BlockResidual, whiteness};
 use crate::models::base::{BaseParameters, Rows};
 use crate::models::filter::MomentumFilter;
 use crate::models::rows::{MomentumRows, Moving};
@@ -190,9 +189,12 @@ impl RowMaker {
 /// One filtered instant.
 #[derive(Clone, Debug)]
 pub struct BlockRows {
-    time_s: f64,
-    rows: Vec<f64>,
-    measured: Vec<f64>,
+    /// Time of the frame that completed it, s.
+    pub time_s: f64,
+    /// Coefficients, channel by channel.
+    pub rows: Vec<f64>,
+    /// Measurements.
+    pub measured: Vec<f64>,
 }
 
 /// All filtered instants.
@@ -210,7 +212,7 @@ pub struct Filtered {
     pub derivative_noise_gain: f64,
     kernel_gain: f64,
     /// Weights of the samples; empty for still poses.
-    response: Vec<f64>,
+    pub(super) response: Vec<f64>,
 }
 
 /// The rows of a recording, filtered by the kernel of `width_s`; a gap in time starts it anew.
@@ -316,31 +318,6 @@ impl Filtered {
             rows.map(|(row, value)| value - row.iter().zip(parameters).map(|(a, b)| a * b).sum::<f64>())
                 .collect()
         })
-    }
-
-    /// Channels whose residuals stay correlated for longer than the filter explains, and by how much intervals that rest on
-    /// them may be too narrow. `variance` is the one that the intervals assume, per reading before the filter.
-    pub fn colour(&self, parameters: &[f64], rate_hz: f64, variance: &[f64]) -> Vec<(usize, f64)> {
-        if self.response.is_empty() {
-            return Vec::new();
-        }
-        let white = whiteness::white_autocovariance(&self.response, self.every);
-        let residuals: Vec<Vec<f64>> = self.residuals(parameters).collect();
-        let mut found = Vec::new();
-        // That test takes six channels at a time.
-        for first in (0..variance.len()).step_by(6) {
-            let six = |values: &[f64]| std::array::from_fn(|k| values.get(first + k).copied().unwrap_or(0.0));
-            let blocks: Vec<BlockResidual> = residuals
-                .iter()
-                .zip(&self.blocks)
-                .map(|(r, b)| BlockResidual { time_s: b.time_s, residual: six(r), factors: [1.0; 6] })
-                .collect();
-            let period_s = f64::from(self.every) / rate_hz;
-            let colours = whiteness::colour(&blocks, &white, period_s, self.every, six(variance));
-            found.extend(colours.iter().map(|c| (first + c.channel, c.factor)));
-        }
-        found.sort_by(|a, b| b.1.total_cmp(&a.1));
-        found
     }
 
     /// Root mean squares of residuals and measurements, channel by channel.
