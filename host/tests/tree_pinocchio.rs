@@ -204,3 +204,59 @@ fn what_is_written_has_pinocchio_s_inverse_dynamics() {
         }
     }
 }
+
+/// A torso with a leg whose thigh has the joints `hip`, as MuJoCo's files have them.
+fn leg(hip: &str) -> String {
+    format!(
+        "<mujoco model=\"leg\"><compiler angle=\"degree\"/><worldbody><body name=\"torso\" pos=\"0 0 1.3\"><freejoint/>
+           <inertial pos=\"0.01 0.02 0.1\" mass=\"8\" fullinertia=\"0.2 0.25 0.15 0.01 0.02 0.01\"/>
+           <body name=\"thigh\" pos=\"0 -0.1 -0.04\" euler=\"10 0 20\">{hip}
+             <inertial pos=\"0.01 0.01 -0.17\" mass=\"4\" fullinertia=\"0.06 0.05 0.02 0.001 0.002 0.003\"/>
+             <body name=\"shin\" pos=\"0 0.01 -0.4\"><joint name=\"knee\" type=\"hinge\" pos=\"0 0 0.02\" axis=\"0 -1 0\"/>
+               <inertial pos=\"0 0.01 -0.15\" mass=\"2\" fullinertia=\"0.03 0.03 0.01 0.001 0.001 0.002\"/>
+         </body></body></body></worldbody></mujoco>"
+    )
+}
+
+const RANK: &str = r#"
+import sys
+import numpy as np
+import pinocchio as pin
+model = pin.buildModelFromMJCF(sys.argv[1])
+data, rng, rows = model.createData(), np.random.default_rng(1), []
+for _ in range(40):
+    q = pin.integrate(model, pin.neutral(model), rng.uniform(-2, 2, model.nv))
+    v, a = rng.uniform(-3, 3, model.nv), rng.uniform(-9, 9, model.nv)
+    rows.append(pin.computeJointTorqueRegressor(model, data, q, v, a)[:6].copy())
+s = np.linalg.svd(np.vstack(rows), compute_uv=False)
+print(int((s > 1e-10 * s[0]).sum()))
+"#;
+
+/// Bodies of several joints, which are one composite joint there: what the six base rows tell apart.
+#[test]
+fn base_parameters_of_bodies_with_several_joints_are_those_of_pinocchio_s_regressor() {
+    let hinge = |name: &str, axis: &str, pos: &str| {
+        format!("<joint name=\"{name}\" type=\"hinge\" axis=\"{axis}\" pos=\"{pos}\"/>")
+    };
+    let three = |pos: &str| hinge("x", "1 0 0", pos) + &hinge("z", "0 0 1", pos) + &hinge("y", "0 1 0", pos);
+    let slide = "<joint name=\"out\" type=\"slide\" axis=\"0 1 1\"/>";
+    let python = pinocchio();
+    let place = tempfile::tempdir().unwrap();
+    for (hip, count) in [
+        (three("0 0 0.01"), 26),
+        (hinge("a", "1 0 0", "0 0 0") + &hinge("b", "0 1 0", "0 0 0"), 26),
+        (hinge("a", "1 0 0", "0 0 0") + &hinge("b", "0 1 0", "0.02 0 0.05"), 27),
+        (slide.to_owned() + &three("0 0.02 0"), 27),
+    ] {
+        let path = place.path().join("leg.xml");
+        std::fs::write(&path, leg(&hip)).unwrap();
+        let words = ["model", "base-params", "--floating", "--json"];
+        let output = Command::new(env!("CARGO_BIN_EXE_rigident")).args(words).arg(&path).output().unwrap();
+        let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!((&found["count"], &found["standard"]), (&count.into(), &30.into()), "{hip}");
+        let Some(python) = &python else { continue };
+        let output = Command::new(python).args(["-c", RANK]).arg(&path).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        assert_eq!(String::from_utf8_lossy(&output.stdout).trim(), count.to_string(), "{hip}");
+    }
+}

@@ -36,8 +36,21 @@ pub(super) fn open(name: &str, options: &ModelChanges) -> Result<(Model, bool), 
     };
     let person = Person { height_m: options.height_m, mass_kg: options.mass_kg, sex, lengths_m };
     let (mut model, is_person) = models::open(name, &person).map_err(Failure::input)?;
+    if !is_person {
+        refuse_a_person(options)?;
+    }
     change(&mut model, options)?;
     Ok((model, is_person))
+}
+
+/// Refuses options that say whose body a person's is, where there is none.
+pub(super) fn refuse_a_person(options: &ModelChanges) -> Result<(), Failure> {
+    if options.describe_a_person() {
+        return Err(Failure::input(
+            "--height-m, --mass-kg, --sex and --segment describe human34 and human58; the model given is neither",
+        ));
+    }
+    Ok(())
 }
 
 /// Applies the options that change a model.
@@ -121,7 +134,7 @@ fn object(model: &Model, situation: &Situation, found: &BaseParameters) -> serde
     json!({
         "model": model.name,
         "situation": situation.sentence(),
-        "standard": found.standard.len(),
+        "standard": found.standard_count(),
         "count": found.parameters.len(),
         "parameters": parameters,
         "singular_values": {"smallest_kept": found.gap.kept, "largest_dropped": found.gap.dropped},
@@ -139,7 +152,7 @@ fn text(model: &Model, situation: &Situation, found: &BaseParameters) -> String 
          of random motions over the largest column: smallest kept {:.1e}, dropped ones below {:.1e}; rules and random \
          motions agree to {:.0e}\n",
         model.name,
-        bodies.links.len(),
+        bodies.links.iter().filter(|link| link.is_body()).count(),
         bodies.freedoms(),
         if kinds.is_empty() { "none".to_owned() } else { kinds.join(", ") },
         match (followers, situation.mimic) {
@@ -150,7 +163,7 @@ fn text(model: &Model, situation: &Situation, found: &BaseParameters) -> String 
         },
         situation.sentence(),
         found.parameters.len(),
-        found.standard.len(),
+        found.standard_count(),
         found.gap.kept,
         found.gap.dropped,
         found.disagreement

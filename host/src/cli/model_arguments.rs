@@ -122,6 +122,17 @@ pub struct ModelChanges {
     pub segment: Vec<String>,
 }
 
+impl ModelChanges {
+    /// Whether any of what only people have is other than the default.
+    pub(super) fn describe_a_person(&self) -> bool {
+        let default = crate::models::human::Person::default();
+        self.height_m != default.height_m
+            || self.mass_kg != default.mass_kg
+            || self.sex != SexWord::default()
+            || !self.segment.is_empty()
+    }
+}
+
 /// Which rows are measured.
 #[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RowsWord {

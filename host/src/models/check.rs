@@ -46,7 +46,7 @@ pub fn check(path: &Path) -> Result<Checked, ModelError> {
         findings.extend(outside(&text, &model));
     }
     Ok(Checked {
-        links: model.links.len(),
+        links: model.links.iter().filter(|link| link.is_body()).count(),
         mass_kg: model.links.iter().filter_map(|l| Some(l.nominal?[0])).sum(),
         name: model.name,
         findings,
@@ -75,7 +75,7 @@ fn sizes(model: &Model) -> Vec<Finding> {
         reach = reach.max(from_base[i]);
     }
     let mut found = Vec::new();
-    for link in &model.links {
+    for link in model.links.iter().filter(|link| link.is_body()) {
         let Some(phi) = &link.nominal else { continue };
         let own = body(phi);
         let mut say = |text: String| found.push(Finding { place: format!("link {}", link.name), text });

@@ -97,7 +97,7 @@ pub fn inverse_dynamics(
     let mut wrenches = vec![(zero, zero); states.len()];
     for (i, link) in model.links.iter().enumerate().rev() {
         let state = states[i];
-        if let Some(phi) = &link.nominal {
+        if let Some(phi) = link.nominal.as_ref().filter(|_| link.is_body()) {
             let body = InertialParameters::<Body, f64>::from_vector(*phi);
             let c = if body.mass > 0.0 { body.first_moment / body.mass } else { zero };
             let tensor = body.inertia_com();

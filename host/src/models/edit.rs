@@ -65,7 +65,7 @@ impl Model {
         let axes = [axis(a)?, axis(b)?, axis(c)?];
         for i in [a, b] {
             let link = &self.links[i];
-            if link.nominal.is_some() {
+            if link.is_body() && link.nominal.is_some() {
                 return Err(refuse(format!("link {} between them has mass", link.name)));
             }
             let below = self.links.iter().filter(|l| !l.joint_name.is_empty() && l.link.parent == i).count();
@@ -100,6 +100,41 @@ impl Model {
             Link { parent: first.parent, joint: Joint::Spherical, rotation: first.rotation * rc, position };
         self.remove(&[a, b]);
         Ok(())
+    }
+
+    /// The same with two revolute joints of a body whose axes meet at its origin as one universal joint, for languages that have
+    /// no body of several joints.
+    #[must_use]
+    pub(super) fn with_universals(&self) -> Self {
+        let mut out = self.clone();
+        let pair = |model: &Self, i: usize| -> Option<(usize, Link<f64>)> {
+            let own = &model.links[i].link;
+            let first = model
+                .links
+                .get(own.parent)
+                .filter(|l| !l.is_body() && model.links[l.link.parent].is_body())?;
+            match (first.link.joint, own.joint) {
+                (Joint::Revolute(a), Joint::Revolute(b)) if own.position.norm() < COINCIDENCE_M => {
+                    let a = own.rotation.tr_mul(&a);
+                    let joint = Joint::Universal(a, b);
+                    if a.cross(&b).norm() < f64::EPSILON.sqrt() {
+                        return None;
+                    }
+                    Some((
+                        own.parent,
+                        Link { joint, rotation: first.link.rotation * own.rotation, ..first.link },
+                    ))
+                }
+                _ => None,
+            }
+        };
+        while let Some((i, (between, link))) =
+            (1..out.links.len()).filter(|i| out.links[*i].is_body()).find_map(|i| Some((i, pair(&out, i)?)))
+        {
+            out.links[i].link = link;
+            out.remove(&[between]);
+        }
+        out
     }
 
     /// Takes links out on which nothing hangs any more.

@@ -1,4 +1,6 @@
 //! Models from MJCF, the language of MuJoCo: bodies, joints and inertias; whatever else a file has is left alone.
+//!
+//! A body of several joints becomes a chain of links, `BODY#1`, `BODY#2`, …, `BODY`, of which only the last is a body.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +12,7 @@ use roxmltree::Node;
 
 use super::finding::{Finding, ModelError};
 use super::inertial::{Parameters, in_parent};
-use super::model::{Model, ModelLink, RawLink};
+use super::model::{Model, ModelLink, NO_BODY, RawLink};
 use super::xml::{self, Parsed, describe, exactly, numbers, of_quaternion};
 
 /// Name of the base where bodies hang on the world.
@@ -256,7 +258,9 @@ impl<'a> Reader<'a> {
             let link_name = if k == last { name.to_owned() } else { format!("{name}#{}", k + 1) };
             let position = before + turned * own_anchor;
             let joint_name = if at.is_none() { "" } else { joint_name.as_str() };
-            self.raw.push(raw(&link_name, joint_name, at.as_deref(), kind, turned, position));
+            let mut link = raw(&link_name, joint_name, at.as_deref(), kind, turned, position);
+            link.link.nominal = (k != last).then_some(NO_BODY);
+            self.raw.push(link);
             (at, before, turned, anchor) = (Some(link_name), -own_anchor, Matrix3::identity(), own_anchor);
         }
         if at.is_some() && parent.is_none() {
@@ -282,8 +286,8 @@ impl<'a> Reader<'a> {
             if body.children().any(|n| n.has_tag_name("geom")) {
                 self.find(
                     &format!("link {name}"),
-                    "has no <inertial>: MuJoCo takes its inertia from its geoms, which is not done here; have it write the \
-                     compiled model",
+                    "has no <inertial>: MuJoCo takes its inertia from its geoms, which is not done here; have it write the compiled \
+                     model (mj_saveLastXML) with saveinertial = \"true\" in <compiler>",
                 );
             }
             return Ok(None);
@@ -305,6 +309,6 @@ impl<'a> Reader<'a> {
         };
         let rotation = self.rotation(&node)?;
         let body = InertialParameters::<Body, f64>::from_centre_of_mass(mass, Position::zero(), tensor);
-        Ok(Some(in_parent(&body.to_vector(), &rotation, &com)))
+        Ok(Some(in_parent(&body.to_vector(), &rotation, &com)).filter(|phi| *phi != NO_BODY))
     }
 }

@@ -16,6 +16,8 @@ mod human_segments;
 pub mod idle;
 pub mod inertial;
 pub mod mjcf;
+#[cfg(test)]
+mod mjcf_tests;
 pub mod model;
 pub mod rig_links;
 pub mod rows;

@@ -28,12 +28,23 @@ pub struct ModelLink {
     pub joint_name: String,
     /// Parent and joint. The first link is the base; its own joint is not looked at.
     pub link: Link<f64>,
-    /// What the model says of its inertia, link axes, about the link's origin. `None` if it has no mass.
+    /// What the model says of its inertia, link axes, about the link's origin. `None` if it has no mass there and may have one;
+    /// [`NO_BODY`] if it is nothing but the place where two joints of one body meet.
     pub nominal: Option<Parameters>,
     /// Names of links that are rigidly one with it.
     pub welded: Vec<String>,
     /// The joint it follows.
     pub mimic: Option<Mimic>,
+}
+
+/// Parameters of a link that is no body: joints meet there, and nothing else is.
+pub const NO_BODY: Parameters = [0.0; 10];
+
+impl ModelLink {
+    /// Whether there can be mass: it is more than a place where two joints of one body meet.
+    pub fn is_body(&self) -> bool {
+        self.nominal != Some(NO_BODY)
+    }
 }
 
 /// A model.
@@ -217,7 +228,7 @@ impl Model {
                     .to_owned(),
             })
             .collect();
-        found.extend(self.links.iter().filter_map(|link| {
+        found.extend(self.links.iter().filter(|link| link.is_body()).filter_map(|link| {
             let text = impossibility(link.nominal.as_ref()?)?;
             Some(Finding { place: format!("link {}", link.name), text })
         }));
@@ -253,12 +264,17 @@ impl Model {
                 let target = &mut links[body];
                 target.welded.push(own.name.clone());
                 target.welded.extend(own.welded.iter().cloned());
-                if let Some(phi) = &own.nominal {
-                    let there = in_parent(phi, &rotation, &position);
-                    let sum = target.nominal.get_or_insert([0.0; 10]);
-                    for (a, b) in sum.iter_mut().zip(there) {
-                        *a += b;
+                match &own.nominal {
+                    Some(phi) => {
+                        let there = in_parent(phi, &rotation, &position);
+                        let sum = target.nominal.get_or_insert(NO_BODY);
+                        for (a, b) in sum.iter_mut().zip(there) {
+                            *a += b;
+                        }
                     }
+                    // Something unknown where there was nothing.
+                    None if !target.is_body() => target.nominal = None,
+                    None => {}
                 }
                 places.push((body, rotation, position));
             } else {

@@ -9,7 +9,7 @@ use rigident_shared::tree::{Joint, Link};
 
 use super::finding::ModelError;
 use super::inertial::Parameters;
-use super::model::{Model, ModelLink, RawLink};
+use super::model::{Model, ModelLink, NO_BODY, RawLink};
 use crate::formats::rig::{self, LinkTable, RigFile};
 
 /// Reads a rig file's tree.
@@ -70,7 +70,8 @@ fn nominal(table: &LinkTable) -> Option<Parameters> {
     let (mass, com) = (table.nominal_mass_kg?, table.nominal_com_m?);
     let tensor = tensor_from_elements(table.nominal_inertia_com_kgm2?);
     let body = InertialParameters::<Body, f64>::from_centre_of_mass(mass, Position::from_array(com), tensor);
-    Some(body.to_vector())
+    // Zeros say nothing of it.
+    Some(body.to_vector()).filter(|phi| *phi != NO_BODY)
 }
 
 fn kind(joint: rig::Joint, table: &LinkTable) -> Result<Joint<f64>, String> {

@@ -11,7 +11,7 @@ use roxmltree::Node;
 use super::finding::ModelError;
 use super::inertial::{Parameters, in_parent};
 use super::mjcf::WORLD;
-use super::model::{Model, ModelLink, RawLink};
+use super::model::{Model, ModelLink, NO_BODY, RawLink};
 use super::xml::{self, Parsed, describe, exactly, of_quaternion, of_rpy};
 
 type Pose = (Matrix3<f64>, Vector3<f64>);
@@ -186,7 +186,9 @@ fn read(model: &Node, what: &str) -> Result<Parsed, Problem> {
             anchors.insert(name.to_owned(), anchor);
         }
         let mut new = bare(name, joint_name, kind, place);
-        new.nominal = inertial(link)?.map(|phi| in_parent(&phi, &Matrix3::identity(), &-anchor));
+        new.nominal = inertial(link)?
+            .filter(|phi| *phi != NO_BODY)
+            .map(|phi| in_parent(&phi, &Matrix3::identity(), &-anchor));
         raw.push(RawLink { link: new, parent: parent.map(str::to_owned) });
     }
     let mut out = Model::assemble(what, raw, Vec::new()).map_err(Problem::Model)?;

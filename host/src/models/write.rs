@@ -79,7 +79,7 @@ pub fn write(model: &Model, source: Option<&Path>, path: &Path) -> Result<(), Mo
 fn check(model: &Model, text: &str, path: &Path) -> Result<(), ModelError> {
     let again = parse(text, &path.display().to_string())?.model;
     for link in &model.links {
-        let Some(wanted) = link.nominal else { continue };
+        let Some(wanted) = link.nominal.filter(|_| link.is_body()) else { continue };
         let got = again.link(&link.name).and_then(|i| again.links[i].nominal);
         let scale = |k: usize| match k {
             0 => wanted[0].abs(),
@@ -175,7 +175,7 @@ pub fn generated(model: &Model, language: Language) -> Result<String, ModelError
     match language {
         Language::Urdf => Ok(as_urdf(model)),
         Language::Mjcf => Ok(as_mjcf(model)),
-        Language::Sdf => as_sdf(model),
+        Language::Sdf => as_sdf(&model.with_universals()),
     }
 }
 
@@ -187,7 +187,7 @@ fn as_urdf(model: &Model) -> String {
         let _ = writeln!(out, "  <link name=\"{}\">{inside}</link>", escaped(name));
     };
     for (i, own) in model.links.iter().enumerate() {
-        link(&mut out, &own.name, own.nominal.as_ref());
+        link(&mut out, &own.name, own.nominal.as_ref().filter(|_| own.is_body()));
         if i == 0 {
             continue;
         }
@@ -238,36 +238,71 @@ fn as_mjcf(model: &Model) -> String {
     fn body(model: &Model, i: usize, depth: usize, out: &mut String) {
         let own = &model.links[i];
         let pad = "  ".repeat(depth);
+        // Its joints, nearest to the base first: those of links before it that are no bodies are its own too.
+        let mut chain = vec![i];
+        while let Some(before) = chain.last().map(|k| model.links[*k].link.parent)
+            && !model.links[before].is_body()
+            && before != 0
+        {
+            chain.push(before);
+        }
+        chain.reverse();
+        let (mut rotation, mut position) = (Matrix3::identity(), Vector3::zeros());
+        for k in chain.iter().filter(|_| i > 0) {
+            let link = &model.links[*k].link;
+            position += rotation * link.position;
+            rotation *= link.rotation;
+        }
         let mut place = String::new();
         if i > 0 {
-            let q = UnitQuaternion::from_matrix(&own.link.rotation);
-            place =
-                format!(" pos=\"{}\" quat=\"{} {} {} {}\"", vector(&own.link.position), q.w, q.i, q.j, q.k);
+            let q = UnitQuaternion::from_matrix(&rotation);
+            place = format!(" pos=\"{}\" quat=\"{} {} {} {}\"", vector(&position), q.w, q.i, q.j, q.k);
         }
         let _ = writeln!(out, "{pad}<body name=\"{}\"{place}>", escaped(&own.name));
-        let mut joint = |name: &str, kind: &str, axis: Option<&Vector3<f64>>| {
-            let axis = axis.map_or_else(String::new, |a| format!(" axis=\"{}\"", vector(a)));
-            let _ = writeln!(out, "{pad}  <joint name=\"{}\" type=\"{kind}\"{axis}/>", escaped(name));
-        };
-        match &own.link.joint {
-            _ if i == 0 => {}
-            Joint::Fixed => {}
-            Joint::Revolute(a) => joint(&own.joint_name, "hinge", Some(a)),
-            Joint::Prismatic(a) => joint(&own.joint_name, "slide", Some(a)),
-            Joint::Spherical => joint(&own.joint_name, "ball", None),
-            Joint::Free => joint(&own.joint_name, "free", None),
-            Joint::Universal(a, b) => {
-                joint(&format!("{}_first", own.joint_name), "hinge", Some(a));
-                joint(&own.joint_name, "hinge", Some(b));
+        // Joints stand in the axes of their body: place and turn of each of the chain's links in it.
+        let (mut turn, mut point) = (Matrix3::identity(), Vector3::zeros());
+        let mut at = Vec::new();
+        for k in chain.iter().rev() {
+            at.push((*k, turn, point));
+            let link = &model.links[*k].link;
+            turn *= link.rotation.transpose();
+            point -= turn * link.position;
+        }
+        for (k, turn, point) in at.into_iter().rev().filter(|_| i > 0) {
+            let link = &model.links[k];
+            let mut joint = |name: &str, kind: &str, axis: Option<&Vector3<f64>>| {
+                let axis = axis.map_or_else(String::new, |a| format!(" axis=\"{}\"", vector(&(turn * a))));
+                let pos = if point == Vector3::zeros() {
+                    String::new()
+                } else {
+                    format!(" pos=\"{}\"", vector(&point))
+                };
+                let _ =
+                    writeln!(out, "{pad}  <joint name=\"{}\" type=\"{kind}\"{axis}{pos}/>", escaped(name));
+            };
+            match &link.link.joint {
+                Joint::Fixed => {}
+                Joint::Revolute(a) => joint(&link.joint_name, "hinge", Some(a)),
+                Joint::Prismatic(a) => joint(&link.joint_name, "slide", Some(a)),
+                Joint::Spherical => joint(&link.joint_name, "ball", None),
+                Joint::Free => joint(&link.joint_name, "free", None),
+                Joint::Universal(a, b) => {
+                    joint(&format!("{}_first", link.joint_name), "hinge", Some(a));
+                    joint(&link.joint_name, "hinge", Some(b));
+                }
             }
         }
         if let Some(phi) = &own.nominal {
             let _ = writeln!(out, "{pad}  {}", inertial(phi, Language::Mjcf));
         }
-        for (k, _) in model.links.iter().enumerate().skip(1).filter(|(_, l)| l.link.parent == i) {
-            body(model, k, depth + 1, out);
-        }
+        below(model, i, depth + 1, out);
         let _ = writeln!(out, "{pad}</body>");
+    }
+    /// The bodies that hang on a link, or on links of it that are none.
+    fn below(model: &Model, i: usize, depth: usize, out: &mut String) {
+        for (k, link) in model.links.iter().enumerate().skip(1).filter(|(_, l)| l.link.parent == i) {
+            if link.is_body() { body(model, k, depth, out) } else { below(model, k, depth, out) }
+        }
     }
     let mut out = format!(
         "<mujoco model=\"{}\">\n  <compiler angle=\"radian\" inertiafromgeom=\"false\"/>\n  <worldbody>\n",
@@ -275,15 +310,14 @@ fn as_mjcf(model: &Model) -> String {
     );
     // The world's own body is the base, where a file had it so.
     if model.links.first().is_some_and(|base| base.name == mjcf::WORLD && base.nominal.is_none()) {
-        for (k, _) in model.links.iter().enumerate().skip(1).filter(|(_, l)| l.link.parent == 0) {
-            body(model, k, 2, &mut out);
-        }
+        below(model, 0, 2, &mut out);
     } else {
         body(model, 0, 2, &mut out);
     }
     out + "  </worldbody>\n</mujoco>\n"
 }
 
+/// Bodies of several joints have become universal joints before, as far as they are any.
 fn as_sdf(model: &Model) -> Result<String, ModelError> {
     let mut out = format!(
         "<?xml version=\"1.0\"?>\n<sdf version=\"1.9\">\n  <model name=\"{}\">\n",
@@ -293,6 +327,16 @@ fn as_sdf(model: &Model) -> Result<String, ModelError> {
         let world = i == 0 && own.name == mjcf::WORLD && own.nominal.is_none();
         if world {
             continue;
+        }
+        if !own.is_body() {
+            return Err(ModelError::Structure {
+                what: model.name.clone(),
+                problem: format!(
+                    "SDF has no body with several joints, as {} is between two of one, and gives a kilogram to a link without \
+                     inertia; write a URDF or MJCF, or declare three hinges to be one ball (--spherical)",
+                    own.name
+                ),
+            });
         }
         let parent = &model.links[own.link.parent];
         let of_world = own.link.parent == 0 && parent.name == mjcf::WORLD && parent.nominal.is_none();

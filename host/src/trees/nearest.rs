@@ -95,7 +95,8 @@ struct Variables {
     indices: Vec<usize>,
 }
 
-fn variables(model: &Model) -> Result<Variables, ModelError> {
+/// Of the bodies from `first` on every one needs nominal parameters.
+fn variables(model: &Model, first: usize) -> Result<Variables, ModelError> {
     let refuse = |problem: String| ModelError::Structure { what: model.name.clone(), problem };
     let welded = model.welded();
     let mut maps = Vec::new();
@@ -111,7 +112,7 @@ fn variables(model: &Model) -> Result<Variables, ModelError> {
             (welded.link(&link.name).unwrap_or(0), own.0, own.1)
         };
         places.push(place);
-        let Some(nominal) = link.nominal else { continue };
+        let Some(nominal) = link.nominal.filter(|_| link.is_body()) else { continue };
         if let Some(why) = impossibility(&nominal) {
             return Err(refuse(format!(
                 "link {} cannot be the nominal model: {why}; mend the file (`rigident model check`)",
@@ -120,7 +121,7 @@ fn variables(model: &Model) -> Result<Variables, ModelError> {
         }
         maps.push((i, place, nominal));
     }
-    for (body, link) in welded.links.iter().enumerate() {
+    for (body, link) in welded.links.iter().enumerate().filter(|(i, link)| link.is_body() && *i >= first) {
         if maps.iter().all(|(_, (b, ..), _)| *b != body) {
             return Err(refuse(format!(
                 "link {} has no nominal mass: full parameters nearest to a nominal model need one of every body that moves",
@@ -151,7 +152,9 @@ pub fn nearest(
     trust: f64,
     symmetric: bool,
 ) -> Result<Full, ModelError> {
-    let variables = variables(model)?;
+    // The rows may not see a base that is held still.
+    let seen = found.base.standard.len() / 10;
+    let variables = variables(model, model.welded().links.len().saturating_sub(seen))?;
     let pairs = if symmetric { symmetric_pairs(model, &variables)? } else { Vec::new() };
     let substitution = symmetry::substitution(variables.nominal.len(), &pairs);
     let count = found.base.parameters.len();

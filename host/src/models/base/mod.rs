@@ -2,8 +2,9 @@
 //!
 //! Lives here: the question ([`Situation`]) and its answer ([`BaseParameters`]), found twice: by rules from leaf to root
 //! ([`recursive`]), exact for a base that moves freely, and from random motions by a rank-revealing QR ([`numerical`]),
-//! for every situation. Both must agree. May not live here: estimation. Next: [`recursive`], then [`numerical`].
+//! for every situation. Both must agree. Links that are no bodies leave the rules with fewer columns ([`absent`]). May not live here: estimation. Next: [`recursive`], then [`numerical`].
 
+mod absent;
 pub mod numerical;
 mod qr;
 pub mod recursive;
@@ -68,9 +69,16 @@ pub struct BaseParameters {
     pub gap: Gap,
     /// Largest relative difference between the two ways.
     pub disagreement: f64,
+    /// How many of the standard parameters are zero, as those of links that are no bodies.
+    pub absent: usize,
 }
 
 impl BaseParameters {
+    /// How many standard parameters there are.
+    pub fn standard_count(&self) -> usize {
+        self.standard.len() - self.absent
+    }
+
     /// The regrouping map: `φ_B = B φ`.
     pub fn map(&self) -> DMatrix<f64> {
         let mut map = DMatrix::zeros(self.parameters.len(), self.standard.len());
@@ -97,9 +105,15 @@ pub fn base_parameters(model: &Model, situation: &Situation) -> Result<BaseParam
             "no joint moves: there are no joint rows; say --floating for a moving base".to_owned(),
         ));
     }
-    let rules = recursive::rules(&model);
+    let mut rules = recursive::rules(&model);
     let sampled = numerical::sample(&model, situation).map_err(|error| refuse(format!("{error:?}")))?;
-    let all: Vec<usize> = (skip..sampled.columns()).collect();
+    let present = |column: &usize| model.links[column / 10].is_body();
+    let all: Vec<usize> = (skip..sampled.columns()).filter(present).collect();
+    let absent = sampled.columns() - skip - all.len();
+    if absent > 0 {
+        let present: Vec<usize> = (0..sampled.columns()).filter(present).collect();
+        rules = absent::without(&rules, &present, sampled.reach());
+    }
     let free = Reduction::of(&sampled, &all);
     let rules: Vec<_> = rules.into_iter().filter(|rule| rule.column >= skip).collect();
     let standard = model.links[skip / 10..]
@@ -146,7 +160,7 @@ pub fn base_parameters(model: &Model, situation: &Situation) -> Result<BaseParam
         )));
     }
     // The rules' weights are products of a frame's numbers; those of the QR carry its condition.
-    let by_rules = stand_for.len() == rules.len();
+    let by_rules = stand_for.len() == rules.len() && absent == 0;
     let noise = 4.0 * f64::EPSILON * if by_rules { 1.0 } else { 1e2 / free.gap.kept };
     let parameters = stand_for
         .iter()
@@ -160,7 +174,7 @@ pub fn base_parameters(model: &Model, situation: &Situation) -> Result<BaseParam
             BaseParameter { name: rule.name.clone(), terms }
         })
         .collect();
-    Ok(BaseParameters { standard, parameters, gap: free.gap, disagreement })
+    Ok(BaseParameters { standard, parameters, gap: free.gap, disagreement, absent })
 }
 
 /// With Y = Y_i N = Y_j B both rows spaces are one: B = B_i N, B_i the columns of B that the other way keeps.

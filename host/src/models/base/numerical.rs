@@ -47,6 +47,11 @@ impl Sampled {
     pub fn columns(&self) -> usize {
         self.matrix.columns()
     }
+
+    /// The unit of length.
+    pub(super) fn reach(&self) -> f64 {
+        self.reach
+    }
 }
 
 /// Independent columns and how the others depend on them.
@@ -245,7 +250,7 @@ impl Reduction {
 }
 
 /// Power of length in the unit of a column's parameter. Natural units: `m' = m, mc' = mc/ℓ, I' = I/ℓ²`.
-fn power(column: usize) -> i32 {
+pub(super) fn power(column: usize) -> i32 {
     match column % 10 {
         0 => 0,
         1..=3 => 1,
@@ -254,7 +259,7 @@ fn power(column: usize) -> i32 {
 }
 
 /// Where the diagonal drops most. What lies below rounding counts as rounding, and so does what comes after the end.
-fn rank(diagonal: &[f64], floor: f64, most: usize) -> usize {
+pub(super) fn rank(diagonal: &[f64], floor: f64, most: usize) -> usize {
     let at = |k: usize| diagonal.get(k).copied().unwrap_or(0.0).max(floor);
     let drop = |k: usize| at(k - 1) / at(k);
     (1..=diagonal.len().min(most)).max_by(|a, b| drop(*a).total_cmp(&drop(*b))).unwrap_or(0)

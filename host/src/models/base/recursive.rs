@@ -38,7 +38,7 @@ pub struct Rule {
 type Stays = (String, usize, [(usize, f64); 2]);
 
 const M: usize = 0;
-const NAMES: [&str; 10] = ["M", "MSx", "MSy", "MSz", "Jxx", "Jyy", "Jzz", "Jyz", "Jzx", "Jxy"];
+pub(super) const NAMES: [&str; 10] = ["M", "MSx", "MSy", "MSz", "Jxx", "Jyy", "Jzz", "Jyz", "Jzx", "Jxy"];
 
 /// Where the tensor's element (i, k) stands in φ.
 fn tensor(i: usize, k: usize) -> usize {
