@@ -123,6 +123,75 @@ fn an_arm_is_identified_from_positions_and_torques_and_written_in_three_language
     assert!(complaint(&rigident(place.path(), &words)).contains("nothing is overwritten"));
 }
 
+const LEG: &str = r#"<mujoco model="leg"><compiler angle="radian"/><worldbody>
+  <body name="thigh" pos="0 0 1" euler="0.1 0 0.2">
+    <joint name="hip_x" type="hinge" axis="1 0 0" pos="0 0 0.01"/>
+    <joint name="hip_z" type="hinge" axis="0 0 1" pos="0 0 0.01"/>
+    <joint name="hip_y" type="hinge" axis="0 1 0" pos="0 0 0.01"/>
+    <inertial pos="0.02 0.01 -0.2" mass="4" fullinertia="0.06 0.05 0.02 0.001 0.002 0.003"/>
+    <body name="shin" pos="0 0.01 -0.4"><joint name="knee" type="hinge" axis="0 -1 0"/>
+      <inertial pos="0.01 0.01 -0.2" mass="2" fullinertia="0.03 0.03 0.01 0.001 0.001 0.002"/></body>
+  </body></worldbody></mujoco>"#;
+
+/// A body of three hinges, as MuJoCo's files have them: its joints' columns, base and full parameters, the file written again.
+#[test]
+fn a_leg_with_three_hinges_in_one_body_is_identified_and_written() {
+    let place = tempfile::tempdir().unwrap();
+    std::fs::write(place.path().join("leg.xml"), LEG).unwrap();
+    let read = |file: &str| open(place.path().join(file).to_str().unwrap(), &Person::default()).unwrap().0;
+    let truth = read("leg.xml");
+    let joints = ["hip_x", "hip_z", "hip_y", "knee"];
+    let base = BaseMotion::still([0.0, 0.0, -9.80665]);
+    let mut text = "t_s".to_owned();
+    for unit in ["rad", "radps", "nm"] {
+        text += &joints.map(|joint| format!(",{joint}_{unit}")).concat();
+    }
+    for row in 0..6000 {
+        let t = f64::from(row) / 500.0;
+        let s: Vec<[f64; 3]> = (0..4).map(|k| swing(t, k, 0.6)).collect();
+        let part = |n: usize| s.iter().map(|s| s[n]).collect::<Vec<f64>>();
+        let forces = inverse_dynamics(&truth, &base, &part(0), &part(1), &part(2)).unwrap();
+        let torques = (0..4).map(|k| forces[6 + k] + 0.02 * noise(4 * row as usize + k));
+        let all: Vec<String> =
+            part(0).into_iter().chain(part(1)).chain(torques).map(|v| format!("{v:e}")).collect();
+        let _ = write!(text, "\n{t},{}", all.join(","));
+    }
+    std::fs::write(place.path().join("leg.csv"), &text).unwrap();
+    for (n, file) in ["out.xml", "out.urdf"].into_iter().enumerate() {
+        let out = format!("o{n}");
+        let words =
+            ["identify", "leg.csv", "--model", "leg.xml", "--json", "--out", &out, "--write-model", file];
+        let output = rigident(place.path(), &words);
+        let found = answer(&output);
+        assert_eq!(found["status"], "identified", "{}", found["not_identified_because"]);
+        let parameters = found["parameters"].as_array().unwrap();
+        let links = found["nearest_to_nominal"]["links"].as_array().unwrap();
+        // Two bodies of ten parameters, less what joints on a base held still leave open; no link between the hinges.
+        assert!(parameters.len() < 20 && links.len() == 2, "{}", parameters.len());
+        for (j, parameter) in parameters.iter().enumerate() {
+            assert!(!parameter["name"].as_str().unwrap().contains('#'), "{j}: {parameter}");
+        }
+        let written = read(file);
+        let torques = |model: &Model| {
+            let q = [0.5, -0.8, 0.3, 0.4];
+            inverse_dynamics(model, &base, &q, &[1.0, 2.0, -1.5, 1.0], &[-3.0, 4.0, 2.0, 5.0]).unwrap()[6..]
+                .to_vec()
+        };
+        for (a, b) in torques(&written).iter().zip(torques(&truth)) {
+            assert!((a - b).abs() < 0.02, "{file}: {a} {b}");
+        }
+    }
+    // Without the hinges' columns it is said what to do.
+    std::fs::write(
+        place.path().join("less.csv"),
+        text.replacen("hip_z_rad", "x", 1).replacen("hip_z_radps", "y", 1).replacen("hip_z_nm", "z", 1),
+    )
+    .unwrap();
+    let said =
+        complaint(&rigident(place.path(), &["identify", "less.csv", "--model", "leg.xml", "--out", "never"]));
+    assert!(said.contains("hip_z"), "{said}");
+}
+
 #[test]
 fn a_joint_that_never_moves_and_what_is_behind_it_are_named() {
     let place = tempfile::tempdir().unwrap();
@@ -184,6 +253,44 @@ fn what_is_missing_or_does_not_fit_is_named() {
     std::fs::write(place.path().join("one.csv"), &csv).unwrap();
     let single = complaint(&rigident(place.path(), &["identify", "one.csv", "--write-model", "x.urdf"]));
     assert!(single.contains("--write-model is for trees of links"), "{single}");
+    for (option, word) in [
+        (["--nominal-sigma", "0.5"], "--nominal-sigma"),
+        (["--height-m", "1.6"], "--height-m"),
+        (["--segment", "thigh=0.4"], "--segment"),
+    ] {
+        let words = [&["identify", "one.csv"][..], &option].concat();
+        let said = complaint(&rigident(place.path(), &words));
+        assert!(said.contains(word) && said.contains("trees of links"), "{said}");
+    }
+    let person = said("t_s,shoulder_rad,elbow_rad,shoulder_nm,elbow_nm", &["--mass-kg", "60"]);
+    assert!(person.contains("--mass-kg") && person.contains("human34"), "{person}");
+    for option in ["--forget", "--window"] {
+        let said = said("t_s,shoulder_rad,elbow_rad,shoulder_nm,elbow_nm", &[option, "2"]);
+        assert!(said.contains(option) && said.contains("single body"), "{said}");
+    }
+    let tare = said("t_s,shoulder_rad,elbow_rad,shoulder_nm,elbow_nm", &["--tare", "one.csv"]);
+    assert!(tare.contains("--tare: for a single body only"), "{tare}");
+    // What a rig file has and a tree has no use for.
+    std::fs::write(
+        place.path().join("bad.rig.toml"),
+        "[[stream]]\nfile = \"bad.csv\"\n[[stream]]\nfile = \"one.csv\"\n",
+    )
+    .unwrap();
+    let streams = said("t_s,shoulder_rad,elbow_rad,shoulder_nm,elbow_nm", &[]);
+    assert!(streams.contains("[[stream]]"), "{streams}");
+    let rig = "[load_cell]\ngain_uncertainty = [0.01, 0.01, 0.01, 0.01, 0.01, 0.01]\n[body]\nname = \"b\"\n[truth]\nmass_kg = 1.0\n\
+               com_m = [0.0, 0.0, 0.0]\ninertia_com_kgm2 = [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]\n[[joint]]\nname = \"elbow\"\neffort_noise = 0.05\n";
+    std::fs::write(place.path().join("one.rig.toml"), rig).unwrap();
+    let words = ["identify", "one.csv", "--model", "arm.urdf", "--json", "--out", "noted"];
+    let warnings = answer(&rigident(place.path(), &words))["warnings"].to_string();
+    for word in ["gain_uncertainty", "[body]", "[truth]", "the noise of some channels is stated"] {
+        assert!(warnings.contains(word), "{word}: {warnings}");
+    }
+    let page = std::fs::read_to_string(place.path().join("noted/report.html")).unwrap();
+    assert!(
+        page.contains("<h2>Full parameters <span class=\"tag\">not identified</span>")
+            && page.contains("[truth]")
+    );
 }
 
 const RIG: &str = r#"

@@ -26,7 +26,7 @@ pub(super) fn run(arguments: &Identify, started: Instant) -> Result<Option<ExitC
     if options.model.is_none() && !several {
         return refuse_tree_options(options).map(|()| None);
     }
-    refuse_others(arguments)?;
+    refuse_others(arguments, rig.as_ref())?;
     let trust = options.nominal_sigma;
     if !trust.is_finite() || trust <= 0.0 {
         return Err(Failure::input(format!("--nominal-sigma {trust}: must be finite and greater than zero")));
@@ -41,6 +41,7 @@ pub(super) fn run(arguments: &Identify, started: Instant) -> Result<Option<ExitC
             let name = arguments.recording.display().to_string();
             let mut model = models::rig_links::from_tables(&tables, &name).map_err(Failure::input)?;
             super::model::change(&mut model, &options.changes)?;
+            super::model::refuse_a_person(&options.changes)?;
             (model, None)
         }
     };
@@ -57,7 +58,7 @@ pub(super) fn run(arguments: &Identify, started: Instant) -> Result<Option<ExitC
     let found = identify(&ready.input).map_err(Failure::input)?;
     let states = answer::states(&ready.input, &found);
     let asked = tree_result::asked(&found.names, &arguments.output.estimate).map_err(Failure::input)?;
-    let full = full_parameters(&model, &found, options)?;
+    let (full, without_full) = full_parameters(&model, &found, options)?;
     let folder = Folder::new(arguments.output.out.as_deref(), "identify")?;
     let missing = asked.iter().filter(|j| !matches!(states[**j], ParameterState::Identified(_))).count();
     let status = match missing {
@@ -69,6 +70,7 @@ pub(super) fn run(arguments: &Identify, started: Instant) -> Result<Option<ExitC
     warnings.extend(model.findings.iter().map(ToString::to_string));
     warnings.extend(ready.notes.iter().cloned());
     warnings.extend(tree_result::warnings(&ready.input, &found));
+    warnings.extend(without_full);
     let answer = Answer {
         input: &ready.input,
         reasons: answer::reasons(&ready.input, &found, &states, &ready.idle),
@@ -96,6 +98,7 @@ pub(super) fn run(arguments: &Identify, started: Instant) -> Result<Option<ExitC
         say(answer.text().trim_end());
     }
     folder.write("result.json", text.as_bytes())?;
+    let page = folder.write("report.html", answer.page().as_bytes())?;
     if let (Some(path), Some(full)) = (written, &full) {
         let identified = models::write::with_parameters(
             &model,
@@ -105,7 +108,11 @@ pub(super) fn run(arguments: &Identify, started: Instant) -> Result<Option<ExitC
     }
     if !arguments.output.json {
         let also = written.map_or_else(String::new, |path| format!("; the model is {}", path.display()));
-        say(format_args!("\nFiles in {}{also}", folder.path().display()));
+        say(format_args!(
+            "\nFiles in {}; open {} in a browser{also}",
+            folder.path().display(),
+            page.display()
+        ));
     }
     Ok(Some(if status == Status::Identified { ExitCode::SUCCESS } else { ExitCode::from(1) }))
 }
@@ -127,24 +134,21 @@ fn rig_of(arguments: &Identify) -> Option<RigFile> {
     is_mcap.then(|| Recording::load(path, None).ok().map(|r| r.rig)).flatten()
 }
 
-/// Full parameters, where there is a nominal model; where they are asked for there must be one.
+/// Full parameters, where there is a nominal model, or why there are none; where they are asked for there must be one.
 fn full_parameters(
     model: &Model,
     found: &crate::trees::TreeIdentification,
     options: &TreeOptions,
-) -> Result<Option<Full>, Failure> {
+) -> Result<(Option<Full>, Option<String>), Failure> {
     let asked_for = options.write_model.is_some() || options.symmetric_sides;
     let without = model.welded().links.iter().all(|link| link.nominal.is_none());
     if without && !asked_for {
-        return Ok(None);
+        return Ok((None, None));
     }
     match nearest(model, found, options.nominal_sigma, options.symmetric_sides) {
-        Ok(full) => Ok(Some(full)),
+        Ok(full) => Ok((Some(full), None)),
         Err(error) if asked_for => Err(Failure::input(error)),
-        Err(error) => {
-            eprintln!("rigident: no full parameters: {error}");
-            Ok(None)
-        }
+        Err(error) => Ok((None, Some(format!("no full parameters: {error}")))),
     }
 }
 
@@ -157,6 +161,8 @@ fn refuse_tree_options(options: &TreeOptions) -> Result<(), Failure> {
         ("--lock", !options.changes.lock.is_empty()),
         ("--spherical", !options.changes.spherical.is_empty()),
         ("--tool", !options.changes.tool.is_empty()),
+        ("--nominal-sigma", options.nominal_sigma != 1.0),
+        ("--height-m (as --mass-kg, --sex, --segment)", options.changes.describe_a_person()),
     ];
     match given.iter().find(|(_, given)| *given) {
         None => Ok(()),
@@ -166,7 +172,7 @@ fn refuse_tree_options(options: &TreeOptions) -> Result<(), Failure> {
     }
 }
 
-fn refuse_others(arguments: &Identify) -> Result<(), Failure> {
+fn refuse_others(arguments: &Identify, rig: Option<&RigFile>) -> Result<(), Failure> {
     let refuse =
         |what: &str| Err(Failure::input(format!("{what}: for a single body only, not for a tree of links")));
     if !arguments.known.known.is_empty() || !arguments.known.symmetry.is_empty() {
@@ -178,7 +184,8 @@ fn refuse_others(arguments: &Identify) -> Result<(), Failure> {
     if arguments.remember.forget.is_some() || arguments.remember.window.is_some() {
         return refuse("--forget and --window");
     }
-    if is_rig_file(&arguments.recording) || arguments.recording.is_dir() {
+    let streams = rig.is_some_and(|rig| !rig.stream.is_empty());
+    if streams || is_rig_file(&arguments.recording) || arguments.recording.is_dir() {
         return refuse("several files with clocks of their own ([[stream]])");
     }
     Ok(())

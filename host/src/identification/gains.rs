@@ -22,9 +22,9 @@ const CHANNEL: usize = 11;
 /// Six gains, the body's ten, six offsets.
 const JOINT: usize = 22;
 /// The Gauss–Newton step shrinks by about σ each time: 1e-2, 1e-4, …
-const ITERATIONS: usize = 20;
+pub(crate) const ITERATIONS: usize = 20;
 /// Done when no gain moves by more than this share of its σ.
-const SETTLED: f64 = 1e-6;
+pub(crate) const SETTLED: f64 = 1e-6;
 
 /// What all row blocks say, channel by channel, unwhitened.
 #[derive(Clone, Debug, PartialEq)]
@@ -101,18 +101,18 @@ impl ChannelFactors {
         for (c, channel) in self.channels.iter().enumerate() {
             let (weight, gain) = (weights[c], gains[c]);
             for (row, z) in channel.r().iter().zip(channel.z()) {
-                let predicted: f64 = row.iter().zip(&phi[..10]).map(|(a, p)| a * p).sum();
-                let mut columns = [[0.0]; JOINT];
+                let (mut row, mut columns) = (*row, [[0.0]; JOINT]);
+                let (own, value) = linearise(&mut row, *z, Some(10), phi, gain, weight);
                 if gain_sigma[c] > 0.0 {
-                    columns[c] = [weight * predicted];
+                    columns[c] = [own];
                 }
                 for (column, a) in columns[first..].iter_mut().zip(&row[..10]) {
-                    *column = [weight * (1.0 + gain) * a];
+                    *column = [*a];
                 }
                 if let Some(offset) = columns.get_mut(first + 10 + c) {
-                    *offset = [weight * row[10]];
+                    *offset = [row[10]];
                 }
-                joint.absorb(&columns, &[weight * (z + gain * predicted)]);
+                joint.absorb(&columns, &[value]);
             }
             // What no φ explains in this channel alone, and what is known of its gain beforehand.
             joint.absorb(&[[0.0]; JOINT], &[weight * channel.residual_sum_of_squares().sqrt()]);
@@ -122,6 +122,28 @@ impl ChannelFactors {
         }
         joint
     }
+}
+
+/// A row of one channel about φ and g, whitened: coefficients in place; gives the gain's and what the row makes. `offset` is
+/// the place of the channel's offset, which no gain multiplies.
+pub(crate) fn linearise(
+    row: &mut [f64],
+    value: f64,
+    offset: Option<usize>,
+    phi: &[f64],
+    gain: f64,
+    weight: f64,
+) -> (f64, f64) {
+    let mut predicted = 0.0;
+    for (j, a) in row.iter_mut().enumerate() {
+        if Some(j) == offset {
+            *a *= weight;
+        } else {
+            predicted += *a * phi.get(j).copied().unwrap_or(0.0);
+            *a *= weight * (1.0 + gain);
+        }
+    }
+    (weight * predicted, weight * (value + gain * predicted))
 }
 
 /// The wrench of a block less what `parameters` and gain errors predict: N, N m.

@@ -151,7 +151,7 @@ fn residual(residual: &Residual, time: &Axis, data: &ReportData) -> String {
         layers.extend([Layer::Level("limit", -limit), Layer::Level("limit", limit)]);
     }
     let chart = Chart {
-        id: format!("residual-{}", residual.channel),
+        id: format!("residual-{}", identifier(&residual.channel)),
         title: format!("Residual of {}", residual.channel),
         description: format!(
             "Measured minus modelled {} in {unit} over time, smallest and largest per interval.",
@@ -168,6 +168,12 @@ fn residual(residual: &Residual, time: &Axis, data: &ReportData) -> String {
         layers,
     };
     figure("", &caption, &chart.render())
+}
+
+/// A name as part of an identifier: letters and digits, everything else by its number.
+fn identifier(name: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric();
+    name.chars().map(|c| if plain(c) { c.to_string() } else { format!("-{:x}-", u32::from(c)) }).collect()
 }
 
 /// One figure per group of series.

@@ -1,7 +1,7 @@
 //! What a person reads of a result: a page and a table.
 //!
 //! Lives here: rounding to the uncertainty ([`text`]), the terminal's table ([`table`]), the self-contained
-//! HTML page with its plots ([`html`]), normal probability plots ([`probability`]), the map of a [`workspace`] and the plain data they are made of ([`ReportData`]). May not live here:
+//! HTML page with its plots ([`html`], [`html_of_tree`]), normal probability plots ([`probability`]), the map of a [`workspace`] and the plain data they are made of ([`ReportData`]). May not live here:
 //! estimation, files, the JSON object. Before this: [`crate::answer`].
 
 mod data;
@@ -12,6 +12,7 @@ mod plot;
 pub mod probability;
 pub mod table;
 pub mod text;
+mod tree;
 pub mod workspace;
 
 pub use data::{
@@ -20,3 +21,4 @@ pub use data::{
 };
 pub use envelope::envelope;
 pub use page::html;
+pub use tree::{ChannelRow, FullRow, LinkRows, TreeReport, html_of_tree};

@@ -11,18 +11,12 @@ use super::text::{
 pub fn html(data: &ReportData) -> String {
     let title =
         if data.source.body_name.trim().is_empty() { "Body without a name" } else { &data.source.body_name };
-    let mut html = format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
-         <title>{} - inertial parameters</title>\n<style>\n{}</style>\n</head>\n<body>\n<main>\n",
-        escape(title),
-        include_str!("style.css")
-    );
+    let mut html = beginning(title);
     html.push_str(&format!(
         "<header><h1>{}</h1>\n{}{}{}</header>\n",
         escape(title),
         source(&data.source),
-        status(&data.results),
+        status(data.results.status, &status_words(&data.results)),
         plain_notes(&data.results.notes)
     ));
     html.push_str(&cards(&data.results));
@@ -57,9 +51,23 @@ pub fn html(data: &ReportData) -> String {
         ));
     }
     html.push_str(FOOTER);
-    html.push_str("</main>\n</body>\n</html>\n");
+    html.push_str(END);
     html
 }
+
+/// All before the page's content.
+pub(super) fn beginning(title: &str) -> String {
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
+         <title>{} - inertial parameters</title>\n<style>\n{}</style>\n</head>\n<body>\n<main>\n",
+        escape(title),
+        include_str!("style.css")
+    )
+}
+
+/// All after it.
+pub(super) const END: &str = "</main>\n</body>\n</html>\n";
 
 /// What was decided, and what came of it.
 fn decisions(decided: &[Decided]) -> String {
@@ -101,7 +109,7 @@ const FOOTER: &str = "<footer><p>S is the wrench sensor's frame. Products of ine
     1.96. The deviation is estimate minus truth. In the small diagrams the bar is the interval, the upright line \
     the truth.</p></footer>\n";
 
-fn section(html: &mut String, class: &str, title: &str, note: &str, figures: &str) {
+pub(super) fn section(html: &mut String, class: &str, title: &str, note: &str, figures: &str) {
     if figures.is_empty() {
         return;
     }
@@ -117,7 +125,7 @@ fn residual_note(data: &ReportData) -> String {
     format!("{what} {}", data.residual_note).trim_end().to_owned()
 }
 
-fn source(source: &Source) -> String {
+pub(super) fn source(source: &Source) -> String {
     let mut parts = Vec::new();
     if !source.recording.is_empty() {
         parts.push(escape(&source.recording));
@@ -171,13 +179,13 @@ pub(super) fn status_words(results: &Results) -> String {
     }
 }
 
-fn status(results: &Results) -> String {
-    let class = match results.status {
+pub(super) fn status(status: Status, words: &str) -> String {
+    let class = match status {
         Status::Identified => "good",
         Status::PartlyIdentified => "fair",
         Status::NotIdentified | Status::Failed => "bad",
     };
-    format!("<p class=\"status {class}\">{}</p>\n", escape(&status_words(results)))
+    format!("<p class=\"status {class}\">{}</p>\n", escape(words))
 }
 
 fn cards(results: &Results) -> String {
@@ -259,7 +267,7 @@ fn plain_notes(notes: &[String]) -> String {
     notes.iter().map(|note| format!("<p class=\"soft\">{}</p>\n", escape(note))).collect()
 }
 
-fn notes(title: &str, notes: &[String]) -> String {
+pub(super) fn notes(title: &str, notes: &[String]) -> String {
     if notes.is_empty() {
         return String::new();
     }
@@ -320,7 +328,7 @@ fn table(caption: &str, quantities: &[Quantity]) -> String {
 }
 
 /// Value and uncertainty, or the words in place of both.
-fn value_cells(quantity: &Quantity) -> String {
+pub(super) fn value_cells(quantity: &Quantity) -> String {
     let Some(m) = quantity.known() else {
         return format!("<td class=\"none\" colspan=\"2\">{NOT_IDENTIFIED}</td>");
     };
@@ -393,7 +401,7 @@ fn principal(axes: &[PrincipalAxis]) -> String {
     html
 }
 
-fn fact(label: &str, value: &str) -> String {
+pub(super) fn fact(label: &str, value: &str) -> String {
     format!("<tr><th scope=\"row\">{}</th><td>{value}</td></tr>\n", escape(label))
 }
 

@@ -12,9 +12,12 @@ use crate::identification::whiteness::{self, Colour, Leftover};
 const MOST_PIECES: usize = 64;
 
 /// Residuals of a filtered instant.
-struct Residuals {
-    time_s: f64,
-    channels: Vec<f64>,
+#[derive(Clone, Debug, PartialEq)]
+pub struct Residuals {
+    /// Time of the frame that completed it, s; zero of still poses.
+    pub time_s: f64,
+    /// Filtered measurement less the prediction, channel by channel, N and N m.
+    pub channels: Vec<f64>,
 }
 
 impl Leftover for Residuals {
@@ -31,19 +34,23 @@ fn period_s(filtered: &Filtered, rate_hz: f64) -> f64 {
     f64::from(filtered.every) / rate_hz
 }
 
+/// What the answer leaves, block by block.
+pub fn residuals(filtered: &Filtered, parameters: &[f64]) -> Vec<Residuals> {
+    filtered
+        .residuals(parameters)
+        .zip(&filtered.blocks)
+        .map(|(channels, block)| Residuals { time_s: block.time_s, channels })
+        .collect()
+}
+
 /// Channels whose residuals show more than the filter explains, the worst first; empty for still poses. `variance` is the
 /// one that the intervals assume, per reading before the filter.
-pub fn colour(filtered: &Filtered, parameters: &[f64], rate_hz: f64, variance: &[f64]) -> Vec<Colour> {
+pub fn colour(filtered: &Filtered, residuals: &[Residuals], rate_hz: f64, variance: &[f64]) -> Vec<Colour> {
     if filtered.response.is_empty() {
         return Vec::new();
     }
     let white = whiteness::white_autocovariance(&filtered.response, filtered.every);
-    let residuals: Vec<Residuals> = filtered
-        .residuals(parameters)
-        .zip(&filtered.blocks)
-        .map(|(channels, block)| Residuals { time_s: block.time_s, channels })
-        .collect();
-    whiteness::colour(&residuals, &white, period_s(filtered, rate_hz), filtered.every, variance)
+    whiteness::colour(residuals, &white, period_s(filtered, rate_hz), filtered.every, variance)
 }
 
 /// Factor on the standard deviation of each parameter, 1 or more. `sigma` are those that the rows were whitened by,

@@ -142,6 +142,19 @@ impl TallFactor {
         out
     }
 
+    /// The same with another count of scalar rows.
+    #[must_use]
+    pub(super) fn counted(self, rows: u32) -> Self {
+        Self { rows, ..self }
+    }
+
+    /// The same rows whitened by another σ, `by` times as small; the residual sum stays.
+    #[must_use]
+    pub(super) fn weighted(mut self, by: f64) -> Self {
+        self.triangle.iter_mut().for_each(|v| *v *= by);
+        self
+    }
+
     /// The least-squares solution and what of it is determined.
     pub fn solve(&self) -> TallSolution {
         let n = self.parameters;

@@ -2,7 +2,7 @@
 //! model.
 //!
 //! Lives here: recordings brought to frames of joints and base ([`prepare`]), their rows ([`rows`]), friction ([`drive`]),
-//! a factor whose size the model decides ([`factor`]), the identification itself (this file), what of it is identified
+//! a factor whose size the model decides ([`factor`]), gain errors of the load cell ([`gains`]), noise that is not white ([`colour`]), the identification itself (this file), what of it is identified
 //! and why not ([`answer`]), full parameters ([`nearest`]), trees and recordings to try
 //! it on ([`simulated`]). May not live here: the formulas of the rows
 //! (`rigident_shared::tree`), which parameters there are ([`crate::models::base`]), intervals and the judgement of
@@ -12,10 +12,12 @@ pub mod answer;
 mod colour;
 pub mod drive;
 pub mod factor;
+mod gains;
 pub mod joints;
 pub mod nearest;
 #[cfg(test)]
 mod nearest_tests;
+mod page;
 pub mod polynomial;
 pub mod prepare;
 pub mod result;
@@ -28,8 +30,10 @@ mod tests;
 use nalgebra::{DMatrix, DVector};
 use rigident_shared::tree::{BaseMotion, TreeError};
 
+pub use self::colour::Residuals;
 use self::drive::Drive;
 use self::factor::TallFactor;
+use self::gains::Channels;
 use self::rows::{Filtered, RowMaker};
 use crate::answer::Estimate;
 use crate::answer::identifiability::RegressorNoise;
@@ -75,6 +79,8 @@ pub struct Input {
     pub channel_sigma: Option<Vec<f64>>,
     /// The wrench's offset if known; `None`: estimated.
     pub known_offset: Option<[f64; 6]>,
+    /// 1 σ of the load cell's relative gain errors, constant over the recording; zero: none.
+    pub gain_sigma: [f64; 6],
     /// What turns with the joints and rubs.
     pub drives: Vec<Drive>,
     /// 1 σ of the rates of the links, rad/s: what their noise alone would bring is no information.
@@ -179,12 +185,18 @@ pub struct TreeIdentification {
     pub residual_rms: Vec<f64>,
     /// Root mean square of the filtered measurements.
     pub measured_rms: Vec<f64>,
+    /// Filtered residuals of every row block.
+    pub residuals: Vec<Residuals>,
+    /// 1 σ that they should have, channel by channel.
+    pub residual_sigma: Vec<f64>,
     /// What the noise of the rates would bring to the columns of moments of inertia.
     pub regressor_noise: RegressorNoise,
     /// Channels whose residuals show noise beyond what the filter explains, the worst first.
     pub colour: Vec<Colour>,
     /// Factor on the standard deviation of each parameter for it, in the factor and the estimate; empty: none.
     pub widening: Vec<f64>,
+    /// Relative gain errors of the load cell as far as they show; zero where they have no σ.
+    pub gains: [f64; 6],
     /// Filtered row blocks.
     pub blocks: usize,
 }
@@ -210,15 +222,16 @@ pub fn identify(input: &Input) -> Result<TreeIdentification, TreeIdentificationE
     let force = |c: usize| input.has_wrench() && c < 3;
     let start = (0..input.channels().len()).map(|c| if force(c) { NOMINAL_SIGMA.0 } else { NOMINAL_SIGMA.1 });
     let mut sigma = input.channel_sigma.clone().unwrap_or_else(|| start.collect());
-    let mut factor = filtered.absorb(&sigma);
+    let fitter = Fitter::new(input, &base, &filtered);
+    let mut fit = fitter.fit(&sigma, 1.0);
     if input.channel_sigma.is_none() {
         // Weights from the residuals of the unweighted fit, then once more from those of the weighted one.
         for _ in 0..2 {
-            sigma = filtered.raw_sigma(&factor);
-            factor = filtered.absorb(&sigma);
+            sigma = filtered.gained(&fit.1, fitter.offset).raw_sigma(&fit.0);
+            fit = fitter.fit(&sigma, 1.0);
         }
     }
-    Ok(conclude(input, base, &filtered, factor, sigma))
+    Ok(conclude(input, base, &fitter, fit, sigma))
 }
 
 /// How well what was found explains another recording.
@@ -237,6 +250,7 @@ pub struct Prediction {
 pub fn predict(input: &Input, found: &TreeIdentification) -> Result<Prediction, TreeIdentificationError> {
     let maker = RowMaker::new(input, &found.base).map_err(TreeIdentificationError::Tree)?;
     let filtered = filter(input, maker)?;
+    let filtered = filtered.gained(&found.gains, rows::offset_at(input, &found.base));
     let (residual_rms, _) = filtered.rms(&found.estimate.values);
     Ok(Prediction { residual_rms, measured_sd: filtered.measured_sd() })
 }
@@ -256,19 +270,53 @@ fn filter(input: &Input, maker: RowMaker) -> Result<Filtered, TreeIdentification
     Ok(filtered)
 }
 
+/// Rows to factors, gain errors eliminated where the load cell has any.
+struct Fitter<'a> {
+    filtered: &'a Filtered,
+    offset: Option<usize>,
+    channels: Option<Channels>,
+}
+
+impl<'a> Fitter<'a> {
+    fn new(input: &Input, base: &BaseParameters, filtered: &'a Filtered) -> Self {
+        let offset = rows::offset_at(input, base);
+        let some = input.has_wrench() && input.gain_sigma.iter().any(|s| *s > 0.0);
+        Self { filtered, offset, channels: some.then(|| Channels::new(filtered, offset, input.gain_sigma)) }
+    }
+
+    /// The factor for these σ, the noise's variance taken `scale` times as large beside the gains' prior, and the gains.
+    fn fit(&self, sigma: &[f64], scale: f64) -> (TallFactor, [f64; 6]) {
+        match &self.channels {
+            None => (self.filtered.absorb(sigma), [0.0; 6]),
+            Some(channels) => {
+                let root = (f64::from(self.filtered.every) / scale).sqrt();
+                let weights: Vec<f64> = sigma.iter().map(|s| root / s).collect();
+                let (factor, gains) = channels.fit(&weights);
+                (factor.weighted(scale.sqrt()), gains)
+            }
+        }
+    }
+}
+
 fn conclude(
     input: &Input,
     base: BaseParameters,
-    filtered: &Filtered,
-    factor: TallFactor,
+    fitter: &Fitter,
+    (mut factor, mut gains): (TallFactor, [f64; 6]),
     sigma: Vec<f64>,
 ) -> TreeIdentification {
-    let solution = factor.solve();
-    let determined = solution.determined.iter().filter(|d| **d).count();
+    let filtered = fitter.filtered;
+    let determined = factor.solve().determined.iter().filter(|d| **d).count();
     let sigma_given = input.channel_sigma.is_some();
     let rows = RowSet { rows: factor.rows(), noise_gain: filtered.noise_gain, sigma_given };
     let Judgement { noise, variance_ratio, variance_scale, .. } =
         judge(&[rows], factor.residual_sum_of_squares(), determined as f64);
+    // The prior of the gains is not the noise's to scale.
+    if variance_scale > 1.0 && fitter.channels.is_some() {
+        (factor, gains) = fitter.fit(&sigma, variance_scale);
+    }
+    let filtered = &*filtered.gained(&gains, fitter.offset);
+    let solution = factor.solve();
     let estimate = Estimate::of_numbers(
         solution.estimate.clone(),
         solution.covariance.clone() * variance_scale,
@@ -278,8 +326,9 @@ fn conclude(
     );
     let (residual_rms, measured_rms) = filtered.rms(&solution.estimate);
     let variance: Vec<f64> = sigma.iter().map(|s| s * s * variance_scale).collect();
-    let colour = colour::colour(filtered, &solution.estimate, input.rate_hz, &variance);
-    let (mut factor, mut estimate, mut widening) = (factor, estimate, Vec::new());
+    let residuals = colour::residuals(filtered, &solution.estimate);
+    let colour = colour::colour(filtered, &residuals, input.rate_hz, &variance);
+    let (mut estimate, mut widening) = (estimate, Vec::new());
     if !colour.is_empty() {
         widening = colour::widening(filtered, &estimate, &sigma, &variance, &colour, input.rate_hz);
         factor = factor.stretched(&estimate.values, &widening);
@@ -305,8 +354,11 @@ fn conclude(
             tensor_information: weight * filtered.derivative_noise_gain * input.rate_sigma.powi(2)
                 / (moment_sigma * moment_sigma),
         },
+        residuals,
+        residual_sigma: variance.iter().map(|v| (v * filtered.kernel_gain()).sqrt()).collect(),
         colour,
         widening,
+        gains,
         blocks: filtered.blocks.len(),
         channel_sigma: sigma,
         factor,

@@ -149,6 +149,7 @@ fn symmetric_people_have_two_sides_alike_and_a_model_without_masses_is_refused()
         situation: Situation { floating: true, rows: Rows::Base, mimic: false },
         channel_sigma: Some(vec![0.01; 6]),
         known_offset: Some([0.0; 6]),
+        gain_sigma: [0.0; 6],
         drives: Vec::new(),
         rate_sigma: 0.0,
     };

@@ -110,10 +110,10 @@ fn words_of(status: Status) -> &'static str {
     }
 }
 
-const SENTENCE: &str = "full parameters of every link: nearest to the nominal model among those the data allow; only the base \
+pub(super) const SENTENCE: &str = "full parameters of every link: nearest to the nominal model among those the data allow; only the base \
                         parameters above are identified, the rest is the nominal model's";
 
-fn body_of(link: &FullLink) -> (f64, [f64; 3], [f64; 6]) {
+pub(super) fn body_of(link: &FullLink) -> (f64, [f64; 3], [f64; 6]) {
     let body = InertialParameters::<Body, f64>::from_vector(link.parameters);
     (body.mass, body.centre_of_mass().array(), tensor_elements(&body.inertia_com()))
 }
@@ -206,18 +206,30 @@ impl Answer<'_> {
         })
     }
 
+    pub(super) fn headline(&self) -> String {
+        let identified = self.states.iter().filter(|s| matches!(s, ParameterState::Identified(_))).count();
+        format!("{}: {identified} of {} parameters identified", words_of(self.status), self.states.len())
+    }
+
+    /// What else base parameter `j` is made of.
+    pub(super) fn made_of(&self, j: usize) -> String {
+        let base = &self.found.base;
+        base.parameters.get(j).map_or_else(String::new, |p| {
+            let others: Vec<&str> = p.terms.iter().skip(1).map(|(c, _)| base.standard[*c].as_str()).collect();
+            shortened(&others)
+        })
+    }
+
     /// The same as text.
     pub fn text(&self) -> String {
         let found = self.found;
-        let identified = self.states.iter().filter(|s| matches!(s, ParameterState::Identified(_))).count();
         let mut out = format!(
-            "{}: {identified} of {} parameters identified\n{}: {}; {} base parameters of {} standard ones\n",
-            words_of(self.status),
-            self.states.len(),
+            "{}\n{}: {}; {} base parameters of {} standard ones\n",
+            self.headline(),
             self.input.model.name,
             self.input.situation.sentence(),
             found.base.parameters.len(),
-            found.base.standard.len(),
+            found.base.standard_count(),
         );
         let width = found.names.iter().map(|n| n.chars().count()).max().unwrap_or(0);
         let mut owner = None;
@@ -231,12 +243,10 @@ impl Answer<'_> {
                 Some(m) => with_u95(m.value, m.u95, found.units[j]),
                 None => NOT_IDENTIFIED.to_owned(),
             };
-            let made_of =
-                found.base.parameters.get(j).filter(|p| p.terms.len() > 1).map_or_else(String::new, |p| {
-                    let others: Vec<&str> =
-                        p.terms.iter().skip(1).map(|(c, _)| found.base.standard[*c].as_str()).collect();
-                    format!("   (with {})", shortened(&others))
-                });
+            let made_of = match self.made_of(j) {
+                others if others.is_empty() => String::new(),
+                others => format!("   (with {others})"),
+            };
             out += &format!("  {name:<width$}  {value}{made_of}\n");
         }
         if let Some(full) = self.full {

@@ -60,6 +60,11 @@ fn estimates_offset(input: &Input) -> bool {
     input.has_wrench() && input.known_offset.is_none()
 }
 
+/// Where among the parameters the wrench's offset stands, if it is estimated.
+pub(super) fn offset_at(input: &Input, base: &BaseParameters) -> Option<usize> {
+    estimates_offset(input).then_some(base.parameters.len())
+}
+
 impl RowMaker {
     /// For a recording.
     ///
@@ -294,6 +299,11 @@ pub fn filter(
 }
 
 impl Filtered {
+    /// Variance of white noise after the filter, relative to before.
+    pub(super) fn kernel_gain(&self) -> f64 {
+        self.kernel_gain
+    }
+
     /// The factor of all rows, whitened by σ per reading: a block stands for `every` of them.
     pub fn absorb(&self, sigma: &[f64]) -> TallFactor {
         let mut factor = TallFactor::new(self.columns);

@@ -143,6 +143,8 @@ fn change(t: f64, k: usize, size: f64) -> Vector3<f64> {
     ((w(1.0) - w(-1.0)) * 8.0 - (w(2.0) - w(-2.0))) / (12.0 * h)
 }
 
+/// Of the wrench, N and N m.
+pub const OFFSET: [f64; 6] = [1.0, -2.0, 3.0, 0.1, 0.2, -0.3];
 const IMU: [f64; 3] = [0.04, -0.02, 0.03];
 
 /// Two links in motion: one IMU each, the arm's attitude, a load cell at the base.
@@ -156,7 +158,6 @@ pub fn two_link_recording(model: &Model, rate_hz: f64, seconds: f64, noise: Opti
         ImuTable { position_m: IMU, rotation_wxyz: mounting, ..ImuTable::default() },
         ImuTable { link: 1, rotation_wxyz: mounting, ..ImuTable::default() },
     ];
-    let offset = [1.0, -2.0, 3.0, 0.1, 0.2, -0.3];
     let rows = (seconds * rate_hz) as usize;
     let (mut accel, mut gyros, mut wrench, mut turned) =
         (Vec::new(), [Vec::new(), Vec::new()], Vec::new(), Vec::new());
@@ -180,7 +181,7 @@ pub fn two_link_recording(model: &Model, rate_hz: f64, seconds: f64, noise: Opti
         gyros[0].push(noisy(rate, three(1e-4)));
         gyros[1].push(noisy(joint.transpose() * rate + spin, three(1e-4)));
         turned.push(positions);
-        wrench.push(std::array::from_fn(|c| truth[c] + offset[c] + normal(if c < 3 { 0.5 } else { 0.03 })));
+        wrench.push(std::array::from_fn(|c| truth[c] + OFFSET[c] + normal(if c < 3 { 0.5 } else { 0.03 })));
         recording.time_ns.push((row as f64 * 1e9 / rate_hz).round() as u64);
     }
     let [gyro0, gyro1] = gyros;
@@ -259,6 +260,20 @@ pub fn with_remembered_noise(recording: &Recording, time_s: f64, seed: u64) -> R
             *cell = format!("{:e}", cell.parse::<f64>().unwrap_or(f64::NAN) + n);
         }
     }
+    out
+}
+
+/// The same recording by a load cell with relative gain errors of so much, 1 σ; its offset has none.
+pub fn with_gain_errors(recording: &Recording, sigma: [f64; 6], seed: u64) -> Recording {
+    let mut noise = Noise(Some(seed.wrapping_mul(0x9e6d_62d0_6f6a_9a9b)));
+    let gains = sigma.map(|s| noise.normal(s));
+    let mut out = recording.clone();
+    for row in out.wrench.iter_mut().flatten() {
+        for ((value, gain), offset) in row.iter_mut().zip(gains).zip(OFFSET) {
+            *value += gain * (*value - offset);
+        }
+    }
+    out.rig.load_cell.gain_uncertainty = Some(sigma);
     out
 }
 

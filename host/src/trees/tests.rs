@@ -2,8 +2,8 @@
 
 use super::prepare::{PreparedTree, Wishes, prepare};
 use super::simulated::{
-    coverage, covered, person_recording, seven_axes, seven_axis_recording, truth, two_link_recording,
-    two_links, with_remembered_noise, worst,
+    OFFSET, coverage, covered, person_recording, seven_axes, seven_axis_recording, truth, two_link_recording,
+    two_links, with_gain_errors, with_remembered_noise, worst,
 };
 use super::*;
 use crate::formats::recording::Recording;
@@ -102,6 +102,46 @@ fn intervals_count_noise_that_is_remembered() {
         });
         assert!(share.inside > 0.9 - allowed(runs) && share.inside_as_white < 0.7, "{share:?}");
         assert!(share.told == 1.0, "{share:?}");
+    }
+}
+
+/// Gain errors of 1 % on top of noise that is small beside them: intervals that count them hold the truth as often as
+/// stated, others hardly ever. Parameters of one run share six gains: counted as two independent ones a run.
+#[test]
+fn intervals_count_gain_errors_of_the_load_cell() {
+    let model = two_links();
+    let exact = two_link_recording(&model, 200.0, 12.0, None);
+    let share = |told: bool| {
+        coverage(40, |seed| {
+            let mut recording = with_remembered_noise(&exact, 0.0, seed);
+            recording = with_gain_errors(&recording, [0.01; 6], seed);
+            if !told {
+                recording.rig.load_cell.gain_uncertainty = None;
+            }
+            let found = identify(&prepared(&recording, &model, &Wishes::default()).input).unwrap();
+            let mut wanted = truth(&model, &found);
+            wanted.extend(OFFSET);
+            (wanted, found)
+        })
+    };
+    let (told, untold) = (share(true), share(false));
+    let allowed = 3.0 * (0.05_f64 * 0.95 / (2.0 * 40.0)).sqrt();
+    assert!((told - 0.95).abs() < allowed, "{told}");
+    assert!(untold < 0.8, "{untold}");
+}
+
+/// Without noise gains that are exact are found and change nothing; without a σ they are not looked for.
+#[test]
+fn gains_that_are_certain_are_left_alone() {
+    let model = two_links();
+    let exact = two_link_recording(&model, 1000.0, 12.0, None);
+    let found = identify(&prepared(&exact, &model, &Wishes::default()).input).unwrap();
+    let mut same = exact.clone();
+    same.rig.load_cell.gain_uncertainty = Some([1e-9; 6]);
+    let gained = identify(&prepared(&same, &model, &Wishes::default()).input).unwrap();
+    assert_eq!(found.gains, [0.0; 6]);
+    for (j, (a, b)) in found.estimate.values.iter().zip(&gained.estimate.values).enumerate() {
+        assert!((a - b).abs() < 1e-6, "{}: {a} {b}", found.names[j]);
     }
 }
 

@@ -1,0 +1,170 @@
+//! The joints' columns: positions, rates, efforts, in units of their own.
+
+use std::collections::BTreeMap;
+
+use rigident_shared::tree::Joint;
+
+use super::{JointColumns, Preparation, TreePrepareError};
+use crate::trees::polynomial::Polynomial;
+
+impl Preparation<'_> {
+    /// Numbers of a column that is not of the notation's.
+    pub(super) fn numbers(&self, column: &str, scale: f64) -> Result<Option<Vec<f64>>, TreePrepareError> {
+        let Some(cells) = self.cells.get(column) else { return Ok(None) };
+        let values = cells.iter().enumerate().map(|(row, cell)| {
+            let value = cell.trim().parse::<f64>().ok().map(|v| v * scale).filter(|v| v.is_finite());
+            value.ok_or_else(|| TreePrepareError::Cell {
+                name: self.recording.name.clone(),
+                column: column.to_owned(),
+                row: row + 1,
+                reason: format!("{cell:?} is not a finite number: mend it, or remove the row"),
+            })
+        });
+        values.collect::<Result<Vec<f64>, _>>().map(Some)
+    }
+
+    /// Columns of the joints of one freedom, by link.
+    pub(super) fn joint_columns(&self) -> Result<BTreeMap<usize, JointColumns>, TreePrepareError> {
+        let mut found = BTreeMap::new();
+        let tables = &self.recording.rig.joint;
+        if let Some(table) = tables.iter().find(|t| self.model.joint(&t.name).is_none()) {
+            let names: Vec<&str> = self.model.links.iter().skip(1).map(|l| l.joint_name.as_str()).collect();
+            return Err(self.misfit(format!(
+                "the rig file's [[joint]] {} is not in it; its movable joints are {}",
+                table.name,
+                names.join(", ")
+            )));
+        }
+        for (i, link) in self.model.links.iter().enumerate().skip(1) {
+            let units = match link.link.joint {
+                Joint::Revolute(_) => ["rad", "radps", "nm"],
+                Joint::Prismatic(_) => ["m", "mps", "n"],
+                _ => continue,
+            };
+            let name = &link.joint_name;
+            let table = tables.iter().find(|t| t.name == *name);
+            let column = |source: Option<&crate::formats::rig::ColumnSource>, unit: &str| {
+                let given = source.map(|s| (s.parts().0.to_owned(), s.parts().1));
+                let (column, scale) = given.clone().unwrap_or_else(|| (format!("{name}_{unit}"), 1.0));
+                let values = self.numbers(&column, scale)?;
+                if values.is_none() && given.is_some() {
+                    return Err(self.missing(
+                        format!("column {column:?}, which the rig file names for joint {name}, is"),
+                        "correct the name in [[joint]]",
+                    ));
+                }
+                Ok(values)
+            };
+            let positions = column(table.and_then(|t| t.position.as_ref()), units[0])?;
+            let rates = column(table.and_then(|t| t.rate.as_ref()), units[1])?;
+            let effort = column(table.and_then(|t| t.effort.as_ref()), units[2])?;
+            if positions.is_none() && rates.is_none() && effort.is_none() {
+                self.other_unit(name, &units)?;
+                continue;
+            }
+            let Some(positions) = positions else {
+                return Err(self.missing(
+                    format!("the position of joint {name} ({name}_{}) is", units[0]),
+                    "rates and efforts alone do not say where it stands",
+                ));
+            };
+            found.insert(
+                i,
+                JointColumns { positions, rates, effort, effort_noise: table.and_then(|t| t.effort_noise) },
+            );
+        }
+        Ok(found)
+    }
+
+    /// Complains of a joint's column in a unit that is not its own.
+    pub(super) fn other_unit(&self, joint: &str, units: &[&str; 3]) -> Result<(), TreePrepareError> {
+        let strange = self.cells.keys().find(|column| {
+            column.strip_prefix(joint).and_then(|rest| rest.strip_prefix('_')).is_some_and(|unit| {
+                [
+                    "deg", "degps", "mm", "mmps", "rpm", "nmm", "knm", "kn", "rad", "radps", "nm", "m",
+                    "mps", "n",
+                ]
+                .contains(&unit)
+                    && !units.contains(&unit)
+            })
+        });
+        let Some(column) = strange else { return Ok(()) };
+        Err(self.misfit(format!(
+            "column {column} of joint {joint} is in another unit than {joint}_{}, {joint}_{}, {joint}_{}; name it with its scale \
+             in the rig file, [[joint]] name = \"{joint}\", position = {{ name = \"{column}\", scale = … }}",
+            units[0], units[1], units[2]
+        )))
+    }
+
+    pub(super) fn efforts(
+        &mut self,
+        joints: &BTreeMap<usize, JointColumns>,
+    ) -> Result<Option<Vec<Vec<f64>>>, TreePrepareError> {
+        let mut efforts = Vec::new();
+        let mut without = Vec::new();
+        for (i, link) in self.model.links.iter().enumerate().skip(1) {
+            match joints.get(&i).and_then(|j| j.effort.clone()) {
+                Some(values) => efforts.push(values),
+                None => without.push(link.joint_name.as_str()),
+            }
+        }
+        if efforts.is_empty() {
+            return Ok(None);
+        }
+        if !without.is_empty() {
+            return Err(self.missing(
+                format!("the efforts (JOINT_nm, or JOINT_n of what slides) of {} are", without.join(", ")),
+                "joint rows need all of them; --lock joints that were held, or remove the others' columns",
+            ));
+        }
+        Ok(Some(efforts))
+    }
+
+    /// Positions and rates of joints with columns, and which rows have them.
+    #[allow(clippy::type_complexity)]
+    pub(super) fn coordinates(
+        &mut self,
+        joints: &BTreeMap<usize, JointColumns>,
+        rate_hz: f64,
+    ) -> (BTreeMap<usize, Vec<(f64, f64)>>, Vec<bool>) {
+        let rows = self.recording.rows();
+        let mut valid = vec![true; rows];
+        let mut all = BTreeMap::new();
+        let without = joints.values().filter(|j| j.rates.is_none()).count();
+        let fit = (without > 0 && !self.recording.is_static).then(|| Polynomial::new(rate_hz));
+        if let Some(fit) = &fit {
+            self.notes.push(format!(
+                "rates of {without} joints are the slopes of polynomials fitted to {} positions each",
+                2 * fit.half() + 1
+            ));
+            // Stretches without gaps, less their ends.
+            let period = 1e9 / rate_hz;
+            let times = &self.recording.time_ns;
+            let mut start = 0;
+            for row in 1..=rows {
+                let gap = row == rows
+                    || matches!((times.get(row - 1), times.get(row)), (Some(a), Some(b)) if (b - a) as f64 > 1.5 * period);
+                if gap {
+                    for (k, v) in valid.iter_mut().enumerate().take(row).skip(start) {
+                        *v = k >= start + fit.half() && k + fit.half() < row;
+                    }
+                    start = row;
+                }
+            }
+        }
+        for (i, joint) in joints {
+            let series = (0..rows).map(|row| {
+                let q = joint.positions.get(row).copied().unwrap_or(0.0);
+                match (&joint.rates, &fit) {
+                    (Some(rates), _) => (q, rates.get(row).copied().unwrap_or(0.0)),
+                    (None, Some(fit)) if valid[row] => {
+                        fit.at(&joint.positions[row - fit.half()..=row + fit.half()])
+                    }
+                    _ => (q, 0.0),
+                }
+            });
+            all.insert(*i, series.collect());
+        }
+        (all, valid)
+    }
+}

@@ -1,0 +1,293 @@
+//! From a recording and a model to frames: which columns are there, which are missing, what does not fit.
+//!
+//! Lives here: the order of these questions, and the frames. Their answers are in [`joints`], [`sensors`] and [`sources`].
+
+mod joints;
+mod sensors;
+mod sources;
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::drive::{Drive, Term};
+use super::joints::{Resolved, Seen, attitude, resolve};
+use super::rows::rows_of;
+use super::{Frame, Input};
+use crate::formats::recording::Recording;
+use crate::formats::rig::{OffsetTable, OffsetWord};
+use crate::models::base::Situation;
+use crate::models::{Finding, Model};
+
+/// Why a recording cannot be used with a model.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum TreePrepareError {
+    /// Columns, tables or keys are missing.
+    #[error("{name}: {missing} missing: {advice}")]
+    Missing {
+        /// The recording.
+        name: String,
+        /// What, with its verb.
+        missing: String,
+        /// What to do.
+        advice: String,
+    },
+    /// A cell cannot be used.
+    #[error("{name}: column {column}, row {row}: {reason}")]
+    Cell {
+        /// The recording.
+        name: String,
+        /// The column.
+        column: String,
+        /// The row, from 1.
+        row: usize,
+        /// Why.
+        reason: String,
+    },
+    /// Recording and model contradict each other.
+    #[error("{name} does not fit the model {model}: {why}")]
+    Fit {
+        /// The recording.
+        name: String,
+        /// The model.
+        model: String,
+        /// Why, and what to do.
+        why: String,
+    },
+    /// Something asked for that is not done for trees.
+    #[error("{0}")]
+    Unsupported(String),
+}
+
+/// What to identify beside the links.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Wishes {
+    /// Friction columns of every joint.
+    pub friction: Vec<Term>,
+    /// Drives that turn with several joints: `NAME=J1+J2`.
+    pub drives: Vec<String>,
+}
+
+/// Ready to be identified.
+#[derive(Clone, Debug)]
+pub struct PreparedTree {
+    /// All of it.
+    pub input: Input,
+    /// What to know.
+    pub notes: Vec<String>,
+    /// Joints that never move, a base that never turns.
+    pub idle: Vec<Finding>,
+}
+
+/// A joint's columns.
+struct JointColumns {
+    positions: Vec<f64>,
+    rates: Option<Vec<f64>>,
+    effort: Option<Vec<f64>>,
+    effort_noise: Option<f64>,
+}
+
+struct Preparation<'a> {
+    recording: &'a Recording,
+    model: &'a Model,
+    notes: Vec<String>,
+    cells: BTreeMap<&'a str, &'a [String]>,
+}
+
+/// Brings a recording to frames of a model.
+///
+/// # Errors
+/// [`TreePrepareError`] says what is missing or does not fit.
+pub fn prepare(
+    recording: &Recording,
+    model: &Model,
+    wishes: &Wishes,
+) -> Result<PreparedTree, TreePrepareError> {
+    let model = model.welded();
+    let cells = recording.extra.iter().map(|(name, cells)| (name.as_str(), cells.as_slice())).collect();
+    let mut work = Preparation { recording, model: &model, notes: Vec::new(), cells };
+    let input = work.input(wishes)?;
+    let frames: Vec<(Vec<f64>, Vector3<f64>)> =
+        input.frames.iter().map(|f| (f.positions.clone(), f.base.rate)).collect();
+    let mut idle = crate::models::idle::idle(&model, &frames);
+    if !input.situation.floating || input.is_static {
+        // Of a base that is held still that is no news; still poses turn nothing by what they are.
+        idle.retain(|finding| !finding.text.starts_with("the base never turns"));
+    }
+    Ok(PreparedTree { input, notes: work.notes, idle })
+}
+
+impl<'a> Preparation<'a> {
+    fn missing(&self, missing: impl Into<String>, advice: impl Into<String>) -> TreePrepareError {
+        TreePrepareError::Missing {
+            name: self.recording.name.clone(),
+            missing: missing.into(),
+            advice: advice.into(),
+        }
+    }
+
+    fn misfit(&self, why: String) -> TreePrepareError {
+        TreePrepareError::Fit { name: self.recording.name.clone(), model: self.model.name.clone(), why }
+    }
+
+    /// Index in the model of every numbered link; `None` for those that are rigidly one with another.
+    fn numbering(&self) -> Result<Vec<Option<usize>>, TreePrepareError> {
+        let tables = &self.recording.rig.link;
+        if tables.is_empty() {
+            let bodies = self.model.links.iter().enumerate().filter(|(_, link)| link.is_body());
+            return Ok(bodies.map(|(i, _)| Some(i)).collect());
+        }
+        let unknown = |name: &str| {
+            let known = |l: &crate::models::ModelLink| l.name == name || l.welded.iter().any(|w| w == name);
+            !self.model.links.iter().any(known)
+        };
+        if let Some(table) = tables.iter().find(|t| unknown(&t.name)) {
+            let names: Vec<&str> = self.model.links.iter().map(|l| l.name.as_str()).collect();
+            return Err(self.misfit(format!(
+                "the rig file's [[link]] {} is not in it; its links are {}",
+                table.name,
+                names.join(", ")
+            )));
+        }
+        Ok(tables.iter().map(|t| self.model.link(&t.name)).collect())
+    }
+
+    fn input(&mut self, wishes: &Wishes) -> Result<Input, TreePrepareError> {
+        let recording = self.recording;
+        let numbering = self.numbering()?;
+        let number_of = |i: usize| numbering.iter().position(|n| *n == Some(i));
+        for (j, imu) in recording.imus.iter().enumerate() {
+            let there = imu.accel.is_some() || imu.gyro.is_some();
+            if there && numbering.get(j).copied().flatten().is_none() {
+                let bodies = self.model.links.iter().filter(|link| link.is_body());
+                let names: Vec<&str> = bodies.map(|link| link.name.as_str()).collect();
+                return Err(self.misfit(format!(
+                    "its columns imu{j}_… are of link {j}, and the model has the movable links 0 to {} ({})",
+                    names.len() - 1,
+                    names.join(", ")
+                )));
+            }
+        }
+        self.note_unused();
+        let gyros = self.gyros(&numbering)?;
+        let joints = self.joint_columns()?;
+        let wrench = self.wrench()?;
+        let efforts = self.efforts(&joints)?;
+        let Some(rows) = rows_of(wrench.is_some(), efforts.is_some()) else {
+            return Err(self.missing(
+                "the wrench fx_n … mz_nm and the joints' efforts (JOINT_nm) are both",
+                "a tree is identified from the wrench on its base link, from joint torques, or from both",
+            ));
+        };
+        let base = self.base(gyros.get(&0))?;
+        let floating = recording.imus.first().is_some_and(|i| i.accel.is_some());
+        let rate_hz = recording.rate_hz.unwrap_or(1.0);
+        let (coordinates, valid) = self.coordinates(&joints, rate_hz);
+        let mut attitudes = BTreeMap::new();
+        for (j, rows) in &recording.attitudes {
+            if let Some(i) = numbering.get(*j).copied().flatten() {
+                attitudes.insert(i, rows);
+            }
+        }
+        self.check_sources(&joints, &attitudes, &gyros, &number_of)?;
+        let mut misfits = vec![0.0_f64; self.model.links.len()];
+        let mut frames = Vec::new();
+        let mut unusable = 0;
+        for row in 0..recording.rows() {
+            if !valid.get(row).copied().unwrap_or(true) {
+                continue;
+            }
+            if self.saturated(row) {
+                unusable += 1;
+                continue;
+            }
+            let motion = base(row);
+            let root = Resolved {
+                attitude: Matrix3::identity(),
+                rate: motion.rate,
+                positions: Vec::new(),
+                rates: Vec::new(),
+                misfit: 0.0,
+            };
+            let mut links = vec![root];
+            for (i, link) in self.model.links.iter().enumerate().skip(1) {
+                let seen = match (coordinates.get(&i), attitudes.get(&i)) {
+                    (Some(series), _) => Seen::Coordinate(series[row].0, series[row].1),
+                    (None, Some(rows)) => {
+                        let j = number_of(i).unwrap_or(i);
+                        let attitude = attitude(&rows[row]).ok_or_else(|| TreePrepareError::Cell {
+                            name: recording.name.clone(),
+                            column: format!("q{j}_w … q{j}_z"),
+                            row: row + 1,
+                            reason: format!("{:?} is no unit quaternion w, x, y, z", rows[row]),
+                        })?;
+                        let rate = if recording.is_static {
+                            Vector3::zeros()
+                        } else {
+                            gyros.get(&i).map_or_else(Vector3::zeros, |g| g[row])
+                        };
+                        Seen::Link { attitude, rate }
+                    }
+                    (None, None) => continue,
+                };
+                let parent = &links[link.link.parent];
+                let resolved = resolve(&link.link, parent, &seen)
+                    .ok_or_else(|| self.missing(self.what_of(i).0, self.what_of(i).1))?;
+                misfits[i] += resolved.misfit * resolved.misfit;
+                links.push(resolved);
+            }
+            frames.push(Frame {
+                time_ns: recording.time_ns.get(row).copied().unwrap_or(row as u64 * 1_000_000_000),
+                positions: links.iter().flat_map(|l| l.positions.iter().copied()).collect(),
+                rates: links.iter().flat_map(|l| l.rates.iter().copied()).collect(),
+                base: motion,
+                wrench: wrench.as_ref().map_or([0.0; 6], |w| w[row]),
+                efforts: efforts.as_ref().map_or_else(Vec::new, |e| e.iter().map(|c| c[row]).collect()),
+            });
+        }
+        if frames.is_empty() {
+            return Err(self
+                .missing("frames of motion are", "the recording is shorter than what rates are taken from"));
+        }
+        if unusable > 0 {
+            self.notes.push(format!("{unusable} readings at the limit of a sensor's range were not used"));
+        }
+        self.judge_misfits(&misfits, frames.len(), &number_of)?;
+        let situation = Situation { floating, rows, mimic: false };
+        let rate_sigma = self.rate_sigma(&joints, &gyros, rate_hz);
+        let mut input = Input {
+            model: self.model.clone(),
+            frames,
+            is_static: recording.is_static,
+            rate_hz,
+            imu_position: self.imu(0).map_or([0.0; 3], |imu| imu.position_m),
+            situation,
+            channel_sigma: self.channel_sigma(rows, &joints),
+            known_offset: match recording.rig.load_cell.offset_n_nm {
+                OffsetTable::Known(offset) => Some(offset),
+                OffsetTable::Word(OffsetWord::Zero) => Some([0.0; 6]),
+                OffsetTable::Word(OffsetWord::Estimate) => None,
+            },
+            gain_sigma: recording.rig.load_cell.gain_uncertainty.unwrap_or_default(),
+            drives: Vec::new(),
+            rate_sigma,
+        };
+        if !wishes.friction.is_empty() || !wishes.drives.is_empty() {
+            if !input.has_efforts() {
+                return Err(self.missing(
+                    "the joints' efforts (JOINT_nm) that friction acts on are",
+                    "the wrench on the base link does not see friction in the joints; leave --friction and --drive out",
+                ));
+            }
+            let names = input.freedom_names();
+            input.drives = Drive::of_joints(&names, &input.model.tree(), &wishes.friction);
+            for words in &wishes.drives {
+                let drive =
+                    Drive::parse(words, &names, &wishes.friction).map_err(TreePrepareError::Unsupported)?;
+                input.drives.push(drive);
+            }
+            input.drives.retain(|drive| !drive.terms.is_empty());
+        }
+        Ok(input)
+    }
+}

@@ -1,0 +1,207 @@
+//! Whether every joint's motion is there and fits, and the noise of what was measured.
+
+use std::collections::BTreeMap;
+
+use nalgebra::Vector3;
+use rigident_shared::tree::Joint;
+
+use super::{JointColumns, Preparation, TreePrepareError};
+use crate::models::base::Rows;
+use crate::trees::polynomial::Polynomial;
+
+/// Attitudes this much off what a joint can do are another joint's, rad: far beyond what IMUs and straps do.
+const ANOTHER_JOINT: f64 = 0.15;
+/// Worth telling, rad.
+const NOTICEABLE: f64 = 0.02;
+
+impl Preparation<'_> {
+    /// What of joint `i` is missing, and what to do.
+    pub(super) fn what_of(&self, i: usize) -> (String, String) {
+        let link = &self.model.links[i];
+        let name = &link.joint_name;
+        let number = self.numbering().ok().and_then(|n| n.iter().position(|k| *k == Some(i))).unwrap_or(i);
+        let columns = match link.link.joint {
+            Joint::Revolute(_) => {
+                format!("q{number}_w … q{number}_z with imu{number}_gx_radps …, or {name}_rad")
+            }
+            Joint::Prismatic(_) => format!("{name}_m"),
+            Joint::Free => {
+                return (
+                    format!("the place of link {}, which moves freely against its parent, is", link.name),
+                    "a recording has no columns for it: identify it as a body of its own".to_owned(),
+                );
+            }
+            _ => format!("q{number}_w … q{number}_z with imu{number}_gx_radps …"),
+        };
+        // Between two joints of one body there is nothing that an IMU could sit on.
+        if !link.is_body() {
+            return (
+                format!("the motion of joint {name}, one of several of a body, is"),
+                format!(
+                    "add {name}_{}, or declare three hinges through one point to be one ball by --spherical and give its link's \
+                     attitude and rate",
+                    if matches!(link.link.joint, Joint::Prismatic(_)) { "m" } else { "rad" }
+                ),
+            );
+        }
+        (
+            format!("the motion of joint {name} (link {}) is", link.name),
+            format!("add {columns}, or say --lock {name} if it did not move and stood at zero"),
+        )
+    }
+
+    pub(super) fn check_sources(
+        &self,
+        joints: &BTreeMap<usize, JointColumns>,
+        attitudes: &BTreeMap<usize, &Vec<[f64; 4]>>,
+        gyros: &BTreeMap<usize, Vec<Vector3<f64>>>,
+        number_of: &dyn Fn(usize) -> Option<usize>,
+    ) -> Result<(), TreePrepareError> {
+        for i in 1..self.model.links.len() {
+            let slides = matches!(self.model.links[i].link.joint, Joint::Prismatic(_) | Joint::Free);
+            if joints.contains_key(&i) {
+                continue;
+            }
+            if slides || !attitudes.contains_key(&i) {
+                let (missing, advice) = self.what_of(i);
+                return Err(self.missing(missing, advice));
+            }
+            if !gyros.contains_key(&i) && !self.recording.is_static {
+                let j = number_of(i).unwrap_or(i);
+                return Err(self.missing(
+                    format!("the angular rate imu{j}_gx_radps … of link {} is", self.model.links[i].name),
+                    "rates are not differentiated from attitudes: give the link a gyro, or static = true for still poses",
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn judge_misfits(
+        &mut self,
+        squares: &[f64],
+        frames: usize,
+        number_of: &dyn Fn(usize) -> Option<usize>,
+    ) -> Result<(), TreePrepareError> {
+        for (i, sum) in squares.iter().enumerate() {
+            let rms = (sum / frames as f64).sqrt();
+            let link = &self.model.links[i];
+            let said = format!(
+                "the attitude q{}_… of link {} is turned by {:.2}° (rms) against what its joint {} can do",
+                number_of(i).unwrap_or(i),
+                link.name,
+                rms.to_degrees(),
+                link.joint_name
+            );
+            if rms > ANOTHER_JOINT {
+                return Err(self.misfit(format!(
+                    "{said}: is it the attitude relative to S, w first, and are joint kind, axis and rotation those of the \
+                     model?"
+                )));
+            }
+            if rms > NOTICEABLE {
+                self.notes.push(format!("{said}; the rest is left out"));
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn channel_sigma(
+        &mut self,
+        rows: Rows,
+        joints: &BTreeMap<usize, JointColumns>,
+    ) -> Option<Vec<f64>> {
+        let mut sigma: Vec<Option<f64>> = Vec::new();
+        if rows != Rows::Joint {
+            let wrench = self.recording.rig.load_cell.noise_n_nm;
+            sigma.extend((0..6).map(|k| wrench.map(|w| w[k])));
+        }
+        if rows != Rows::Base {
+            sigma.extend(joints.values().map(|joint| joint.effort_noise));
+        }
+        let all: Option<Vec<f64>> = sigma.iter().copied().collect();
+        if all.is_none() && sigma.iter().any(Option::is_some) {
+            self.notes.push(
+                "the noise of some channels is stated and that of others is not: all are weighted by their residuals; state \
+                 noise_n_nm of [load_cell] and effort_noise of every [[joint]], as far as they are measured"
+                    .to_owned(),
+            );
+        }
+        all
+    }
+
+    /// Says what of recording and rig file a tree has no use for.
+    pub(super) fn note_unused(&mut self) {
+        let (recording, rig) = (self.recording, &self.recording.rig);
+        let accelerometers: Vec<String> = recording
+            .imus
+            .iter()
+            .enumerate()
+            .skip(1)
+            .filter(|(_, imu)| imu.accel.is_some())
+            .map(|(j, _)| format!("imu{j}"))
+            .collect();
+        let some = |there: bool, words: &str| there.then(|| words.to_owned());
+        let base_has_one = recording.imus.first().is_some_and(|imu| imu.accel.is_some());
+        let unused = [
+            some(
+                !accelerometers.is_empty(),
+                &format!(
+                    "accelerometers of links beyond the base were not used ({}): only the base's specific force is among the rows",
+                    accelerometers.join(", ")
+                ),
+            ),
+            some(
+                base_has_one && recording.gravity.is_some(),
+                "the gravity columns were not used: the base has an accelerometer",
+            ),
+            some(
+                rig.body.is_some(),
+                "[body] of the rig file was not used: what is told of a tree is in the frames of its links",
+            ),
+            some(rig.truth.is_some(), "[truth] of the rig file was not shown: it is of a single body"),
+            some(
+                rig.load_cell.gain_uncertainty.is_some()
+                    && recording.wrench.is_none()
+                    && recording.gauges.is_none(),
+                "gain_uncertainty of the rig file was not used: there is no wrench",
+            ),
+        ];
+        self.notes.extend(unused.into_iter().flatten());
+    }
+
+    /// The largest noise of a rate, rad/s or m/s: given, or from differences, which motion hardly enters.
+    pub(super) fn rate_sigma(
+        &self,
+        joints: &BTreeMap<usize, JointColumns>,
+        gyros: &BTreeMap<usize, Vec<Vector3<f64>>>,
+        rate_hz: f64,
+    ) -> f64 {
+        if self.recording.is_static {
+            return 0.0;
+        }
+        let slope = Polynomial::new(rate_hz).slope_noise();
+        let of_joints = joints.values().map(|j| match &j.rates {
+            Some(rates) => fourth_difference(rates),
+            None => slope * fourth_difference(&j.positions),
+        });
+        let of_links = gyros.values().map(|rates| {
+            let axis = |k: usize| fourth_difference(&rates.iter().map(|r| r[k]).collect::<Vec<f64>>());
+            axis(0).max(axis(1)).max(axis(2))
+        });
+        let given = self.recording.rig.imu.iter().filter_map(|imu| imu.gyro_noise_radps).fold(0.0, f64::max);
+        let links = if given > 0.0 { given } else { of_links.fold(0.0, f64::max) };
+        of_joints.fold(links, f64::max)
+    }
+}
+
+/// σ of white noise on something smooth, from fourth differences, which motion hardly enters.
+fn fourth_difference(values: &[f64]) -> f64 {
+    let squares = values.windows(5).filter_map(|w| match w {
+        [a, b, c, d, e] => Some((a - 4.0 * b + 6.0 * c - 4.0 * d + e).powi(2)),
+        _ => None,
+    });
+    let (sum, count) = squares.fold((0.0, 0.0), |(s, n), v| (s + v, n + 1.0));
+    // 1 + 16 + 36 + 16 + 1
+    if count > 0.0 { (sum / (70.0 * count)).sqrt() } else { 0.0 }
+}
