@@ -88,7 +88,7 @@ fn models_that_cannot_be_used_end_with_status_two_and_say_why() {
         (&["text.urdf"], "no <robot>"),
         (&["human34", "--tool", "tail"], "there is no link tail"),
         (&["human34", "--segment", "thigh"], "NAME=METRES"),
-        (&["human34", "--height-m", "-1"], "greater than zero"),
+        (&["human34", "--height-m", "-1"], "people's is 0.4 to 2.8 m"),
         (&["human34", "--lock", "tail"], "has no joint tail"),
     ] {
         let words: Vec<&str> = ["model", "base-params"].iter().chain(words).copied().collect();

@@ -9,6 +9,7 @@ use rigident_shared::spatial::Body;
 use urdf_rs::Geometry;
 
 use super::finding::{Finding, ModelError};
+use super::inertial::impossibility;
 use super::model::Model;
 use super::write;
 use super::xml::{Language, of_rpy};
@@ -16,6 +17,10 @@ use crate::trees::symmetry;
 
 /// Numbers that agree to this, relative, were copied or mirrored.
 const ALIKE: f64 = 1e-4;
+/// Of osmium, kg/m³: nothing is denser.
+const DENSEST: f64 = 22_590.0;
+/// Less than of anything that a link is made of, its hollows counted, kg/m³.
+const LIGHTEST: f64 = 2.0;
 
 /// What was looked at, and what was found.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,6 +71,16 @@ fn radii(phi: &[f64; 10]) -> [f64; 3] {
     radii
 }
 
+/// The density, kg/m³, that some of a body must at least have: of all bodies of a mass and a volume the solid ellipsoid has
+/// the least `det Σ`, Σ the second moments over the mass about the centre of mass, `V = 4/3 π √(5³ det Σ)`.
+fn density(phi: &[f64; 10]) -> f64 {
+    let own = body(phi);
+    let tensor = own.inertia_com();
+    let second = (Matrix3::identity() * (0.5 * tensor.trace()) - tensor) / own.mass;
+    let volume = 4.0 / 3.0 * std::f64::consts::PI * (125.0 * second.determinant().max(0.0)).sqrt();
+    own.mass / volume
+}
+
 /// Masses without inertia, placeholders, tensors in other units, centres of mass that are nowhere near.
 fn sizes(model: &Model) -> Vec<Finding> {
     let mut reach: f64 = 0.0;
@@ -79,43 +94,37 @@ fn sizes(model: &Model) -> Vec<Finding> {
         let Some(phi) = &link.nominal else { continue };
         let own = body(phi);
         let mut say = |text: String| found.push(Finding { place: format!("link {}", link.name), text });
-        let tensor = own.inertia_com();
-        if own.mass <= 0.0 {
-            if own.mass == 0.0 {
-                say("has moments of inertia and no mass".to_owned());
-            }
+        // What no body has is told elsewhere.
+        if impossibility(phi).is_some() {
             continue;
         }
         let com = own.centre_of_mass().vector();
-        if (tensor - Matrix3::identity()).norm() < 1e-9 && (own.mass - 1.0).abs() < 1e-9 {
+        if (own.inertia_com() - Matrix3::identity()).norm() < 1e-9 && (own.mass - 1.0).abs() < 1e-9 {
             say("has a kilogram of unit moments of inertia: a placeholder?".to_owned());
             continue;
         }
-        if reach <= 0.0 {
-            continue;
-        }
+        let density = density(phi);
         let [_, _, largest] = radii(phi);
-        if largest > reach {
+        if density > DENSEST {
             say(format!(
-                "its largest radius of gyration is {largest:.3} m, more than all links together are long ({reach:.3} m): is \
-                 the tensor in kg m²?"
+                "a body of {:.4} kg with these moments of inertia would have to be denser than osmium ({density:.2e} kg/m³; its \
+                 largest radius of gyration is {:.3} mm): is the mass in kg, and the tensor in kg m²?",
+                own.mass,
+                largest * 1e3
             ));
-        } else if largest < 1e-4 * reach {
+        } else if density < LIGHTEST {
             say(format!(
-                "its largest radius of gyration is {:.2e} m, for links that are {reach:.3} m long together: is the tensor in \
-                 kg m², and the mass in kg?",
-                largest
+                "a body of {:.4} kg with these moments of inertia would be a cloud of {density:.1e} kg/m³ (its largest radius of \
+                 gyration is {largest:.3} m; all joints together are {reach:.3} m apart): is the tensor in kg m², and the mass \
+                 in kg?",
+                own.mass
             ));
         }
-        if com.norm() > reach {
+        // A last link may be longer than all that is before it; then it is wide as well.
+        if com.norm() > 5.0 * largest && com.norm() > 0.3 * reach {
             say(format!(
-                "its centre of mass is {:.3} m from its origin, more than all links together are long ({reach:.3} m): is it in \
-                 metres, and in the link's own frame?",
-                com.norm()
-            ));
-        } else if com.norm() > 5.0 * largest && com.norm() > 0.3 * reach {
-            say(format!(
-                "its centre of mass is {:.3} m from its origin, {:.0} of its radii of gyration: is it in the link's own frame?",
+                "its centre of mass is {:.3} m from its origin, {:.0} of its radii of gyration: is it in metres, and in the \
+                 link's own frame?",
                 com.norm(),
                 com.norm() / largest
             ));
@@ -144,6 +153,11 @@ fn mirrored(model: &Model) -> Vec<Finding> {
             off.fold(0.0, f64::max)
         };
         let names = (&model.links[pair.left].name, &model.links[pair.right].name);
+        // The same part on both sides, turned about, has the same numbers by right; and of two that stand in one place at
+        // zero, as closed fingers, the place does not say that one is the other's image.
+        if pair.turned || pair.together {
+            continue;
+        }
         if far(&left) < ALIKE && far(image.as_slice()) > 100.0 * ALIKE {
             found.push(Finding {
                 place: format!("link {}", names.1),

@@ -10,25 +10,82 @@ use super::model::{Model, ModelLink};
 const COINCIDENCE_M: f64 = 1e-6;
 
 impl Model {
-    /// Makes joints fixed, at zero position.
+    /// Makes joints fixed: `JOINT` at zero, `JOINT=VALUE` at an angle, rad, or a length, m. Who follows a joint that is locked is
+    /// locked with it where it then stands, if it is not among them itself.
     ///
     /// # Errors
-    /// [`ModelError::Option`] if there is no such joint.
+    /// [`ModelError::Option`] if there is no such joint, or it cannot stand there.
     pub fn lock(&mut self, joints: &[String]) -> Result<(), ModelError> {
-        for name in joints {
-            let i = self.joint(name).ok_or_else(|| self.no_joint("--lock", name))?;
-            let link = &mut self.links[i];
-            (link.link.joint, link.mimic) = (Joint::Fixed, None);
-            let place = format!("joint {name}");
-            self.findings.retain(|finding| finding.place != place);
-            // Who follows a joint that is locked is locked with it.
-            let followers: Vec<String> = self
-                .links
-                .iter()
-                .filter(|l| l.mimic.as_ref().is_some_and(|m| m.leader == *name))
-                .map(|l| l.joint_name.clone())
-                .collect();
-            self.lock(&followers)?;
+        let given = joints.iter().map(|words| self.locked(words)).collect::<Result<Vec<_>, _>>()?;
+        let own: Vec<&str> = given.iter().map(|(name, _)| *name).collect();
+        for (n, name) in own.iter().enumerate() {
+            if own[..n].contains(name) {
+                return Err(ModelError::Option(format!("--lock {name}: it is given twice")));
+            }
+        }
+        for (name, value) in &given {
+            self.lock_at(name, value.unwrap_or(0.0), &own)?;
+        }
+        Ok(())
+    }
+
+    /// A joint's name and where it stands, of `JOINT` or `JOINT=VALUE`.
+    ///
+    /// # Errors
+    /// [`ModelError::Option`] if there is no such joint, or the value is no number.
+    pub fn locked<'a>(&self, words: &'a str) -> Result<(&'a str, Option<f64>), ModelError> {
+        if self.joint(words).is_some() {
+            return Ok((words, None));
+        }
+        let (name, value) = words.rsplit_once('=').unwrap_or((words, "0"));
+        let name = name.trim();
+        if self.joint(name).is_none() {
+            return Err(self.no_joint("--lock", name));
+        }
+        let value = value.trim().parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| {
+            ModelError::Option(format!(
+                "--lock {words}: {value} is no number; it stands as JOINT=VALUE, rad for an angle, m for a length"
+            ))
+        })?;
+        Ok((name, Some(value)))
+    }
+
+    fn lock_at(&mut self, name: &str, value: f64, others: &[&str]) -> Result<(), ModelError> {
+        let i = self.joint(name).ok_or_else(|| self.no_joint("--lock", name))?;
+        let link = &mut self.links[i];
+        match link.link.joint {
+            Joint::Revolute(axis) if value != 0.0 => {
+                link.link.rotation *= Rotation3::new(axis * value).into_inner();
+            }
+            Joint::Prismatic(axis) if value != 0.0 => link.link.position += link.link.rotation * axis * value,
+            Joint::Revolute(_) | Joint::Prismatic(_) => {}
+            _ if value == 0.0 => {}
+            Joint::Fixed => {
+                return Err(ModelError::Option(format!(
+                    "--lock {name}={value}: it is a fixed joint and stands where the model has it; leave it out"
+                )));
+            }
+            _ => {
+                return Err(ModelError::Option(format!(
+                    "--lock {name}={value}: a joint of several freedoms is locked at zero only; leave =VALUE out, or turn its \
+                     link in the model"
+                )));
+            }
+        }
+        (link.link.joint, link.mimic) = (Joint::Fixed, None);
+        let place = format!("joint {name}");
+        self.findings.retain(|finding| finding.place != place);
+        let followers: Vec<(String, f64)> = self
+            .links
+            .iter()
+            .filter(|l| !others.contains(&l.joint_name.as_str()))
+            .filter_map(|l| {
+                let mimic = l.mimic.as_ref().filter(|m| m.leader == *name)?;
+                Some((l.joint_name.clone(), mimic.multiplier * value + mimic.offset))
+            })
+            .collect();
+        for (follower, there) in followers {
+            self.lock_at(&follower, there, others)?;
         }
         Ok(())
     }

@@ -14,6 +14,14 @@ pub enum ModelError {
         /// What the system says.
         source: std::io::Error,
     },
+    /// A file cannot be written.
+    #[error("{}: cannot be written: {source}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
     /// The text is no description of a robot.
     #[error("{what} is no robot description that can be read: {reason}")]
     Syntax {

@@ -40,6 +40,12 @@ impl Default for Person {
     }
 }
 
+/// From small children to the tallest and heaviest people known.
+const HEIGHTS_M: [f64; 2] = [0.4, 2.8];
+const MASSES_KG: [f64; 2] = [2.0, 650.0];
+/// No segment is so many times longer or shorter than the table's for the stature.
+const ODD_LENGTH: f64 = 3.0;
+
 const LENGTHS: [&str; 13] = [
     "head",
     "upper_trunk",
@@ -92,8 +98,17 @@ impl Person {
                 Err(ModelError::Option(format!("{what} must be finite and greater than zero, not {v}")))
             }
         };
-        let h = positive("the height", self.height_m)?;
-        positive("the mass", self.mass_kg)?;
+        let within = |what: &str, v: f64, unit: &str, [low, high]: [f64; 2]| {
+            if v.is_finite() && (low..=high).contains(&v) {
+                Ok(v)
+            } else {
+                Err(ModelError::Option(format!(
+                    "{what} is {v} {unit}, and people's is {low} to {high} {unit}: is the unit right?"
+                )))
+            }
+        };
+        let h = within("the height (--height-m)", self.height_m, "m", HEIGHTS_M)?;
+        within("the mass (--mass-kg)", self.mass_kg, "kg", MASSES_KG)?;
         let mut lengths: [f64; 13] = std::array::from_fn(|k| {
             let over_stature = match PARTS.get(k) {
                 Some(part) => segment(*part, self.sex).length,
@@ -105,7 +120,17 @@ impl Person {
             let k = LENGTHS.iter().position(|n| n == name).ok_or_else(|| {
                 ModelError::Option(format!("there is no segment {name}; there are {}", LENGTHS.join(", ")))
             })?;
-            lengths[k] = positive(name, *value)?;
+            if self.lengths_m.iter().filter(|(other, _)| other == name).count() > 1 {
+                return Err(ModelError::Option(format!("--segment {name} is given more than once")));
+            }
+            let (value, usual) = (positive(&format!("--segment {name}"), *value)?, lengths[k]);
+            if !(usual / ODD_LENGTH..=usual * ODD_LENGTH).contains(&value) {
+                return Err(ModelError::Option(format!(
+                    "--segment {name}={value}: of a person {h} m tall it is about {usual:.3} m; is it in metres, and is the height \
+                     right?"
+                )));
+            }
+            lengths[k] = value;
         }
         Ok(Builder { person: self.clone(), lengths, links: Vec::new() })
     }

@@ -46,6 +46,9 @@ pub fn impossibility(phi: &Parameters) -> Option<String> {
     if body.mass < 0.0 {
         return Some(format!("its mass is negative, {} kg", body.mass));
     }
+    if body.mass == 0.0 {
+        return Some("it has moments of inertia and no mass".to_owned());
+    }
     if body.is_physically_consistent() {
         return None;
     }
@@ -104,6 +107,8 @@ mod tests {
         assert!(impossibility(&body(1.0, [0.1, 0.2, 0.35])).unwrap().contains("exceeds the sum"));
         assert!(impossibility(&body(1.0, [-0.1, 0.2, 0.2])).unwrap().contains("negative"));
         assert!(impossibility(&body(-1.0, [0.1, 0.2, 0.2])).unwrap().contains("mass is negative"));
+        let massless = impossibility(&[0.0, 0.0, 0.0, 0.0, 0.1, 0.1, 0.1, 0.0, 0.0, 0.0]).unwrap();
+        assert!(massless.contains("no mass") && !massless.contains("NaN"), "{massless}");
         assert!(impossibility(&[f64::NAN; 10]).unwrap().contains("not finite"));
     }
 }

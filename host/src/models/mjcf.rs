@@ -70,10 +70,17 @@ pub fn parse(text: &str, what: &str) -> Result<Parsed, ModelError> {
     for defaults in root.children().filter(|n| n.has_tag_name("default")) {
         reader.defaults(defaults, &BTreeMap::new());
     }
-    if let Some(equality) = root.children().find(|n| n.has_tag_name("equality"))
-        && equality.children().any(|n| n.has_tag_name("connect") || n.has_tag_name("weld"))
-    {
-        reader.find("equality", "closes loops, which are not followed: the tree without them is taken");
+    let equalities = root.children().filter(|n| n.has_tag_name("equality")).flat_map(|n| n.children());
+    for loops in equalities.filter(|n| n.has_tag_name("connect") || n.has_tag_name("weld")) {
+        let ends = ["body1", "body2", "site1", "site2"].iter().filter_map(|end| loops.attribute(*end));
+        let ends: Vec<&str> = ends.collect();
+        let text = format!(
+            "closes a loop ({} in line {}), which is not followed: the tree without it is taken, and forces through it are \
+             taken for the tree's",
+            loops.tag_name().name(),
+            xml::line(&loops)
+        );
+        reader.find(&format!("equality of {}", ends.join(" and ")), &text);
     }
     let world =
         xml::child(&root, "worldbody").ok_or_else(|| refuse("there is no <worldbody> in it".to_owned()))?;
@@ -203,7 +210,10 @@ impl<'a> Reader<'a> {
         shift: Vector3<f64>,
         classes: &[&'a str],
     ) -> Result<(), String> {
-        let name = node.attribute("name").ok_or("a body has no name; every body needs one of its own")?;
+        let name = node.attribute("name").ok_or_else(|| {
+            let on = parent.map_or_else(String::new, |parent| format!(" (on {parent})"));
+            format!("{}{on} has no name; every body needs one of its own", describe(&node))
+        })?;
         let mut classes = classes.to_vec();
         classes.extend(node.attribute("childclass"));
         let place = Self::vector(&node, "pos")?.unwrap_or_else(Vector3::zeros) - shift;
@@ -307,6 +317,9 @@ impl<'a> Reader<'a> {
         } else {
             return Err(format!("{what} has neither diaginertia nor fullinertia"));
         };
+        if mass == 0.0 && tensor == Matrix3::zeros() {
+            return Ok(None);
+        }
         let rotation = self.rotation(&node)?;
         let body = InertialParameters::<Body, f64>::from_centre_of_mass(mass, Position::zero(), tensor);
         Ok(Some(in_parent(&body.to_vector(), &rotation, &com)).filter(|phi| *phi != NO_BODY))

@@ -26,6 +26,7 @@ pub mod speed;
 #[cfg(test)]
 mod tests;
 pub mod urdf;
+mod urdf_fault;
 pub mod write;
 #[cfg(test)]
 mod write_tests;

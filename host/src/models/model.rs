@@ -77,9 +77,16 @@ impl Model {
         let refuse = |problem: String| ModelError::Structure { what: name.to_owned(), problem };
         let mut names = BTreeSet::new();
         let mut joints = BTreeSet::new();
-        for r in &raw {
+        for (n, r) in raw.iter().enumerate() {
             if r.link.name.trim().is_empty() {
-                return Err(refuse("a link has no name; every link needs one of its own".to_owned()));
+                let held = match r.link.joint_name.as_str() {
+                    "" => String::new(),
+                    joint => format!(", which joint {joint} holds,"),
+                };
+                return Err(refuse(format!(
+                    "link {} of the file{held} has no name; every link needs one of its own",
+                    n + 1
+                )));
             }
             if !names.insert(r.link.name.clone()) {
                 return Err(refuse(format!("two links are named {}", r.link.name)));
@@ -196,6 +203,12 @@ impl Model {
                     link.joint_name, mimic.leader
                 )));
             };
+            if !mimic.multiplier.is_finite() || !mimic.offset.is_finite() {
+                return Err(self.refuse(format!(
+                    "joint {} mimics {} by {} times its position and {}: both numbers must be finite",
+                    link.joint_name, mimic.leader, mimic.multiplier, mimic.offset
+                )));
+            }
             let leads = |l: &ModelLink| l.link.joint.freedoms() == 1;
             if !leads(link) || !leads(&self.links[leader]) {
                 return Err(self.refuse(format!(

@@ -94,10 +94,19 @@ impl<'a, 'i> Frames<'a, 'i> {
         for node in model.children().filter(|n| ["link", "joint", "frame"].iter().any(|t| n.has_tag_name(*t)))
         {
             let name = node.attribute("name").filter(|n| !n.trim().is_empty()).ok_or_else(|| {
-                format!("a {} has no name; every one needs one of its own", node.tag_name().name())
+                let held =
+                    text_of(&node, "child").map_or_else(String::new, |link| format!(", which holds {link},"));
+                format!("{}{held} has no name; every one needs one of its own", describe(&node))
             })?;
-            if nodes.insert(name, node).is_some() {
-                return Err(format!("two elements are named {name}"));
+            if let Some(other) = nodes.insert(name, node) {
+                return Err(format!(
+                    "a {} and a {} are both named {name} (lines {} and {}): in SDF every link, joint and frame needs a name of \
+                     its own",
+                    other.tag_name().name(),
+                    node.tag_name().name(),
+                    xml::line(&other),
+                    xml::line(&node)
+                ));
             }
         }
         Ok(Self { nodes })
@@ -260,6 +269,9 @@ fn inertial(link: &Node) -> Result<Option<Parameters>, String> {
             Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
         }
     };
+    if mass == 0.0 && tensor == Matrix3::zeros() {
+        return Ok(None);
+    }
     let (rotation, position) = pose(&node)?;
     let body = InertialParameters::<Body, f64>::from_centre_of_mass(mass, Position::zero(), tensor);
     Ok(Some(in_parent(&body.to_vector(), &rotation, &position)))

@@ -135,3 +135,121 @@ axis = [0, 0, 2]
     let said = rig_links::from_tables(&rig.link, "two.rig.toml").unwrap_err().to_string();
     assert!(said.contains("arm: needs its joint"), "{said}");
 }
+
+#[test]
+fn followers_by_numbers_that_are_none_are_refused() {
+    let body = link("a")
+        + &link("b")
+        + &link("c")
+        + &joint("ab", "a", "b", "")
+        + &joint("bc", "b", "c", "<mimic joint=\"ab\" multiplier=\"nan\"/>");
+    let said = complaint(&body);
+    assert!(said.contains("joint bc mimics ab") && said.contains("finite"), "{said}");
+    assert!(complaint(&body.replace("multiplier=\"nan\"", "offset=\"inf\"")).contains("finite"));
+    assert!(urdf(&body.replace("nan", "-2")).is_ok());
+}
+
+#[test]
+fn faults_of_a_urdf_are_told_with_line_link_and_attribute() {
+    let good = format!(
+        "{}\n{}\n{}",
+        link("a"),
+        link("b"),
+        joint("ab", "a", "b", "<origin xyz=\"0 0 1\"/><axis xyz=\"0 1 0\"/><limit velocity=\"1\"/>")
+    );
+    assert!(urdf(&good).is_ok());
+    for (old, new, line, why) in [
+        (
+            "mass value=\"1\"",
+            "mass value=\"heavy\"",
+            1,
+            "link a: value of <mass> is \"heavy\" and not a number",
+        ),
+        ("<mass value=\"1\"/>", "", 1, "link a: <inertial> has no <mass>"),
+        ("<mass value=\"1\"/>", "<mass/>", 1, "link a: <mass> has no value"),
+        (" izz=\"1\"", "", 1, "link a: <inertia> has no izz"),
+        ("xyz=\"0 0 1\"", "xyz=\"0 0\"", 3, "joint ab: xyz of <origin> is \"0 0\" and not three numbers"),
+        ("xyz=\"0 1 0\"", "xyz=\"0,1,0\"", 3, "joint ab: xyz of <axis> is \"0,1,0\""),
+        ("velocity=\"1\"", "lower=\"1\"", 3, "joint ab: <limit> has no velocity"),
+        ("\"continuous\"", "\"hinge\"", 3, "joint ab: its type is \"hinge\"; there are revolute"),
+        ("<parent link=\"a\"/>", "", 3, "joint ab: it has no <parent"),
+        ("name=\"ab\" ", "", 3, "the joint that holds link b has no name"),
+        ("link name=\"b\"", "link", 2, "a link has no name"),
+    ] {
+        let said = complaint(&good.replacen(old, new, 1));
+        assert!(said.contains(&format!("line {line}")) && said.contains(why), "{old}: {said}");
+    }
+    for macros in [
+        good.replacen("value=\"1\"", "value=\"${m}\"", 1),
+        format!("<xacro:include filename=\"x\"/>{good}"),
+        format!("<xacro:include xmlns:xacro=\"http://ros.org/wiki/xacro\" filename=\"x\"/>{good}"),
+    ] {
+        let said = complaint(&macros);
+        assert!(said.contains("expand them first"), "{said}");
+    }
+}
+
+/// Oracle: inverse dynamics of the tree whose joints stand there.
+#[test]
+fn joints_are_locked_where_they_stand_and_their_followers_with_them() {
+    use super::dynamics::inverse_dynamics;
+    use rigident_shared::tree::BaseMotion;
+    let body = link("a")
+        + &link("b")
+        + &link("c")
+        + &link("d")
+        + &link("e")
+        + &joint("ab", "a", "b", "<origin xyz=\"0.1 0 0.2\" rpy=\"0.1 0.2 0.3\"/><axis xyz=\"0.6 0.8 0\"/>")
+        + &joint("bc", "b", "c", "<origin xyz=\"0 0.3 0.2\"/><axis xyz=\"0 0.6 0.8\"/>")
+            .replace("continuous", "prismatic")
+        + &joint(
+            "cd",
+            "c",
+            "d",
+            "<origin xyz=\"0.2 0 0\"/><axis xyz=\"1 0 0\"/><mimic joint=\"ab\" multiplier=\"-2\" offset=\"0.1\"/>",
+        )
+        + &joint("de", "d", "e", "<origin xyz=\"0.2 0 0.1\"/><axis xyz=\"0 0 1\"/>");
+    let whole = urdf(&body).unwrap();
+    let mut locked = whole.clone();
+    locked.lock(&["ab=0.4".to_owned(), "bc=-0.15".to_owned()]).unwrap();
+    assert_eq!(locked.freedoms(), 1);
+    let base = BaseMotion {
+        specific_force: nalgebra::Vector3::new(1.0, 2.0, 9.0),
+        rate: nalgebra::Vector3::new(0.3, -0.2, 0.5),
+        angular_acceleration: nalgebra::Vector3::new(-1.0, 0.4, 2.0),
+    };
+    let wanted = inverse_dynamics(
+        &whole,
+        &base,
+        &[0.4, -0.15, -0.7, 0.9],
+        &[0.0, 0.0, 0.0, 2.0],
+        &[0.0, 0.0, 0.0, -3.0],
+    )
+    .unwrap();
+    let got = inverse_dynamics(&locked, &base, &[0.9], &[2.0], &[-3.0]).unwrap();
+    let wanted = [&wanted[..6], &wanted[9..]].concat();
+    for (a, b) in got.iter().zip(&wanted) {
+        assert!((a - b).abs() < 1e-12, "{got:?} {wanted:?}");
+    }
+    for (words, why) in
+        [(&["ab=x"][..], "is no number"), (&["zz=1"], "has no joint zz"), (&["ab=1", "ab"], "given twice")]
+    {
+        let words: Vec<String> = words.iter().map(|w| (*w).to_owned()).collect();
+        assert!(whole.clone().lock(&words).unwrap_err().to_string().contains(why), "{words:?}");
+    }
+    let mut person = human::Person::default().human34().unwrap();
+    let neck = person.links.iter().find(|l| l.link.joint == Joint::Spherical).unwrap().joint_name.clone();
+    assert!(person.lock(&[format!("{neck}=0.1")]).unwrap_err().to_string().contains("at zero only"));
+}
+
+#[test]
+fn people_have_the_lengths_of_people() {
+    let refused = |person: human::Person| person.human34().unwrap_err().to_string();
+    let person = human::Person::default();
+    assert!(refused(human::Person { height_m: 174.1, ..person.clone() }).contains("174.1 m"));
+    let lengths = |all: &[(&str, f64)]| all.iter().map(|(n, v)| ((*n).to_owned(), *v)).collect::<Vec<_>>();
+    let with = |all: &[(&str, f64)]| human::Person { lengths_m: lengths(all), ..person.clone() };
+    assert!(refused(with(&[("thigh", 5.0)])).contains("is it in metres"));
+    assert!(refused(with(&[("thigh", 0.4), ("thigh", 0.45)])).contains("more than once"));
+    assert!(with(&[("thigh", 0.5), ("hand", 0.1)]).human34().is_ok());
+}

@@ -12,6 +12,7 @@ use urdf_rs::JointType;
 use super::finding::{Finding, ModelError};
 use super::inertial::{Parameters, in_parent};
 use super::model::{Mimic, Model, ModelLink, RawLink};
+use super::urdf_fault::{fault, has_macro_elements};
 
 /// Reads a file.
 ///
@@ -23,6 +24,9 @@ pub fn read(path: &Path) -> Result<Model, ModelError> {
     parse(&text, &path.display().to_string())
 }
 
+/// What to do with macros.
+const EXPAND: &str = "it holds macros, which are not followed: expand them first (`xacro FILE > robot.urdf`)";
+
 /// Reads the text of a URDF; `what` names it in complaints.
 ///
 /// # Errors
@@ -31,6 +35,9 @@ pub fn parse(text: &str, what: &str) -> Result<Model, ModelError> {
     let robot = urdf_rs::read_from_string(text)
         .map_err(|error| ModelError::Syntax { what: what.to_owned(), reason: reason(&error, text) })?;
     let refuse = |problem: String| ModelError::Structure { what: what.to_owned(), problem };
+    if has_macro_elements(text) {
+        return Err(refuse(EXPAND.to_owned()));
+    }
     if robot.links.is_empty() {
         return Err(refuse("there is no link in it".to_owned()));
     }
@@ -118,19 +125,16 @@ pub fn parse(text: &str, what: &str) -> Result<Model, ModelError> {
     Ok(model)
 }
 
-/// What the reader says, with what is mostly behind it.
+/// What is wrong, where; what the reader says where nothing more is known.
 fn reason(error: &urdf_rs::UrdfError, text: &str) -> String {
-    let said = error.to_string();
-    let hint = if !text.contains("<robot") {
-        "; it has no <robot> element"
-    } else if said.contains("missing field") && said.contains("name") {
-        "; a joint or link has no name, every one needs one of its own"
-    } else if said.contains("missing field") {
-        "; an element lacks an attribute that it must have"
-    } else {
-        ""
-    };
-    format!("{said}{hint}")
+    if text.contains("${") || has_macro_elements(text) {
+        return EXPAND.to_owned();
+    }
+    if let Some(fault) = fault(text) {
+        return fault;
+    }
+    let hint = if text.contains("<robot") { "" } else { "; it has no <robot> element" };
+    format!("{error}{hint}")
 }
 
 fn place(pose: &urdf_rs::Pose) -> (Matrix3<f64>, Vector3<f64>) {

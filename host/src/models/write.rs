@@ -3,7 +3,7 @@
 //! A file of the same language is kept as it is but for its inertias; otherwise a new one is made of the tree: links,
 //! joints, inertias, nothing else. What was written is read again and compared before it is a file.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -15,7 +15,7 @@ use roxmltree::Node;
 
 use super::finding::ModelError;
 use super::inertial::{Parameters, in_parent};
-use super::model::Model;
+use super::model::{Mimic, Model, ModelLink};
 use super::xml::{self, Language, Parsed};
 use super::{mjcf, sdf, urdf};
 
@@ -37,7 +37,7 @@ pub fn with_parameters<'a>(model: &Model, new: impl Iterator<Item = (&'a str, Pa
 /// Whether a file can be written there.
 ///
 /// # Errors
-/// [`ModelError::Option`] if it exists, or its ending is not known.
+/// [`ModelError::Option`] if it exists, its folder does not, or its ending is not known.
 pub fn check_target(path: &Path) -> Result<Language, ModelError> {
     let refuse = |why: &str| ModelError::Option(format!("--write-model {}: {why}", path.display()));
     let language =
@@ -45,7 +45,56 @@ pub fn check_target(path: &Path) -> Result<Language, ModelError> {
     if path.exists() {
         return Err(refuse("the file is there already, and nothing is overwritten"));
     }
+    if path.parent().is_some_and(|folder| !folder.as_os_str().is_empty() && !folder.is_dir()) {
+        return Err(refuse("its folder is not there: make it first"));
+    }
     Ok(language)
+}
+
+/// What whoever reads a file of a model should know: what it does not say as the model does, or only some readers read.
+/// `locked` are the joints, `JOINT` or `JOINT=VALUE`, that were locked in it.
+pub fn remarks(model: &Model, source: Option<&Path>, path: &Path, locked: &[String]) -> Vec<String> {
+    let language = Language::of_path(path);
+    let text = source.and_then(|source| std::fs::read_to_string(source).ok());
+    if text.is_some_and(|text| Language::of_text(&text) == language) {
+        // Kept, but for inertias.
+        return Vec::new();
+    }
+    let mut said = Vec::new();
+    let mut say = |text: String| said.push(format!("{}: {text}", path.display()));
+    say("holds links, joints and inertias; shapes, limits and whatever else the model's file may have are left out".to_owned());
+    if !locked.is_empty() {
+        say(format!("joints that were locked are fixed in it: {}", locked.join(", ")));
+    }
+    let joints = |is: &dyn Fn(&ModelLink) -> bool| -> Option<String> {
+        let names: Vec<&str> =
+            model.links.iter().skip(1).filter(|l| is(l)).map(|l| l.joint_name.as_str()).collect();
+        (!names.is_empty()).then(|| names.join(", "))
+    };
+    if language == Some(Language::Urdf) {
+        if let Some(names) = joints(&|l| l.link.joint == Joint::Spherical) {
+            say(format!(
+                "type=\"spherical\" of {names} is an extension of URDF that urdfdom, and with it ROS, refuses; write .xml (MJCF) or \
+                 .sdf, which have such joints"
+            ));
+        }
+        if let Some(names) = joints(&|l| matches!(l.link.joint, Joint::Universal(..))) {
+            say(format!(
+                "URDF has no universal joint: {names} became two joints each, with a link without mass between"
+            ));
+        }
+    } else if let Some(names) = joints(&|l| l.mimic.is_some()) {
+        say(format!("that {names} follow other joints is left out"));
+    }
+    if language == Some(Language::Sdf) {
+        let renamed = joint_names(model);
+        let pairs = model.links.iter().zip(&renamed).skip(1).filter(|(l, name)| l.joint_name != **name);
+        let pairs: Vec<String> = pairs.map(|(l, name)| format!("{} is {name}", l.joint_name)).collect();
+        if !pairs.is_empty() {
+            say(format!("no joint can have the name of a link there: {}", pairs.join(", ")));
+        }
+    }
+    said
 }
 
 /// Reads a text of any of the languages.
@@ -72,7 +121,7 @@ pub fn write(model: &Model, source: Option<&Path>, path: &Path) -> Result<(), Mo
         None => generated(model, language)?,
     };
     check(model, &text, path)?;
-    std::fs::write(path, text).map_err(|source| ModelError::Read { path: path.to_owned(), source })
+    std::fs::write(path, text).map_err(|source| ModelError::Write { path: path.to_owned(), source })
 }
 
 /// Reads again what is to be written.
@@ -200,7 +249,12 @@ fn as_urdf(model: &Model) -> String {
                      place: &str,
                      ends: (&str, &str),
                      axis: Option<&Vector3<f64>>| {
-            let axis = axis.map_or_else(String::new, |a| format!("<axis xyz=\"{}\"/>", vector(a)));
+            let mut axis = axis.map_or_else(String::new, |a| format!("<axis xyz=\"{}\"/>", vector(a)));
+            if let Some(Mimic { leader, multiplier, offset }) = &own.mimic {
+                let leader = escaped(leader);
+                axis +=
+                    &format!("<mimic joint=\"{leader}\" multiplier=\"{multiplier}\" offset=\"{offset}\"/>");
+            }
             let limit = if kind == "prismatic" {
                 "<limit lower=\"-1e9\" upper=\"1e9\" effort=\"1e9\" velocity=\"1e9\"/>"
             } else {
@@ -294,6 +348,9 @@ fn as_mjcf(model: &Model) -> String {
         }
         if let Some(phi) = &own.nominal {
             let _ = writeln!(out, "{pad}  {}", inertial(phi, Language::Mjcf));
+        } else if own.link.joint == Joint::Fixed {
+            // Some readers want one of every body; MuJoCo has nothing against none where nothing moves.
+            let _ = writeln!(out, "{pad}  <inertial pos=\"0 0 0\" mass=\"0\" diaginertia=\"0 0 0\"/>");
         }
         below(model, i, depth + 1, out);
         let _ = writeln!(out, "{pad}</body>");
@@ -317,8 +374,22 @@ fn as_mjcf(model: &Model) -> String {
     out + "  </worldbody>\n</mujoco>\n"
 }
 
+/// Names of the joints where no two elements may have one: joints that are named as a link have `_joint` after it.
+fn joint_names(model: &Model) -> Vec<String> {
+    let mut taken: BTreeSet<String> = model.links.iter().map(|link| link.name.clone()).collect();
+    let free = |link: &ModelLink| {
+        let mut name = link.joint_name.clone();
+        while !taken.insert(name.clone()) {
+            name += "_joint";
+        }
+        name
+    };
+    model.links.iter().map(free).collect()
+}
+
 /// Bodies of several joints have become universal joints before, as far as they are any.
 fn as_sdf(model: &Model) -> Result<String, ModelError> {
+    let joints = joint_names(model);
     let mut out = format!(
         "<?xml version=\"1.0\"?>\n<sdf version=\"1.9\">\n  <model name=\"{}\">\n",
         escaped(&model.name)
@@ -383,7 +454,7 @@ fn as_sdf(model: &Model) -> Result<String, ModelError> {
         let _ = writeln!(
             out,
             "    <joint name=\"{}\" type=\"{kind}\"><parent>{}</parent><child>{}</child>{axes}</joint>",
-            escaped(&own.joint_name),
+            escaped(&joints[i]),
             escaped(&parent.name),
             escaped(&own.name)
         );

@@ -276,7 +276,7 @@ fn strange_inertias_of_other_people_s_files_are_found() {
     assert!(said.iter().any(|s| s.contains("largest exceeds the sum of the others")), "{said:?}");
     let grams = link("a", "0 0 0.1", good.map(|v| v * 1e6), "0.2 0.2 0.3");
     let said = found("grams.urdf", &robot(grams, left.clone(), right.clone()));
-    assert!(said.iter().any(|s| s.contains("is the tensor in kg m²?")), "{said:?}");
+    assert!(said.iter().any(|s| s.contains("is the tensor in kg m²")), "{said:?}");
     let outside = link("a", "0 0.25 0.1", good, "0.2 0.2 0.3");
     let said = found("outside.urdf", &robot(outside, left.clone(), right.clone()));
     assert!(said.len() == 1 && said[0].contains("0.150 m outside of the box"), "{said:?}");
@@ -295,4 +295,121 @@ fn strange_inertias_of_other_people_s_files_are_found() {
     assert!(said.iter().any(|s| s.contains("placeholder")), "{said:?}");
     let flat = SDF.replace("<izz>0.4</izz>", "<izz>1.4</izz>");
     assert!(found("flat.sdf", &flat).iter().any(|s| s.starts_with("link b: no distribution of mass")));
+}
+
+/// Two links as `[[link]]` tables have them: short joints, long links, joints named as their links.
+fn tables() -> Model {
+    let text = r#"
+[[link]]
+name = "base"
+nominal_mass_kg = 6.0
+nominal_com_m = [0.02, 0.03, 0.12]
+nominal_inertia_com_kgm2 = [0.03, 0.09, 0.09, 0.0, 0.0, 0.0]
+[[link]]
+name = "arm"
+parent = "base"
+joint = "spherical"
+position_m = [0.03, 0.0, 0.065]
+nominal_mass_kg = 2.0
+nominal_com_m = [0.0, 0.0, 0.15]
+nominal_inertia_com_kgm2 = [0.01, 0.01, 0.015, 0.0, 0.0, 0.0]
+"#;
+    let rig = crate::formats::rig::RigFile::parse(text).unwrap();
+    rig_links::from_tables(&rig.link, "two").unwrap()
+}
+
+#[test]
+fn links_of_tables_are_written_in_every_language_and_look_well() {
+    let place = tempfile::tempdir().unwrap();
+    let model = tables();
+    for name in ["w.urdf", "w.xml", "w.sdf"] {
+        let path = place.path().join(name);
+        write::write(&model, None, &path).unwrap();
+        let checked = check::check(&path).unwrap();
+        assert_eq!(checked.findings, [], "{name}");
+        assert_eq!(checked.name, "two");
+        let again = write::parse(&std::fs::read_to_string(&path).unwrap(), name).unwrap().model;
+        assert!(difference(&model, &again) < 1e-9);
+    }
+    let said = write::remarks(&model, None, &place.path().join("n.sdf"), &["arm=0.3".to_owned()]).join("\n");
+    assert!(said.contains("fixed in it: arm=0.3") && said.contains("arm is arm_joint"), "{said}");
+    let said = write::remarks(&model, None, &place.path().join("n.urdf"), &[]).join("\n");
+    assert!(said.contains("type=\"spherical\" of arm is an extension") && said.contains("urdfdom"), "{said}");
+    assert!(!said.contains("fixed"), "{said}");
+    let nowhere = place.path().join("none").join("w.urdf");
+    assert!(write::check_target(&nowhere).unwrap_err().to_string().contains("its folder is not there"));
+    // A file that is kept keeps all of it.
+    let urdf = place.path().join("w.urdf");
+    assert!(
+        write::remarks(&model, Some(&urdf), &place.path().join("n.urdf"), &["arm".to_owned()]).is_empty()
+    );
+}
+
+#[test]
+fn followers_and_frames_without_mass_are_written() {
+    let mimic = URDF.replace(
+        "<axis xyz=\"1 0 0\"/>",
+        "<axis xyz=\"1 0 0\"/><mimic joint=\"ab\" multiplier=\"-0.5\" offset=\"0.1\"/>",
+    );
+    let model = write::parse(&mimic, "m").unwrap().model;
+    let again = write::parse(&write::generated(&model, Language::Urdf).unwrap(), "again").unwrap().model;
+    assert_eq!(again.links[2].mimic, model.links[2].mimic);
+    assert!(again.links[2].mimic.is_some());
+    let frames = write::parse(MJCF, "m").unwrap().model;
+    let text = write::generated(&frames, Language::Mjcf).unwrap();
+    let tip = text.split("<body name=\"tip\"").nth(1).unwrap();
+    assert!(tip.contains("mass=\"0\""), "every body has an <inertial>: {text}");
+    let again = write::parse(&text, "again").unwrap().model;
+    assert_eq!(again.links[again.link("tip").unwrap()].nominal, None);
+}
+
+#[test]
+fn bodies_denser_or_thinner_than_anything_are_found_and_copies_turned_about_are_not() {
+    let place = tempfile::tempdir().unwrap();
+    let found = |mass: f64, moment: f64, turn: &str| -> Vec<String> {
+        let link = |name: &str, mass: f64, i: f64| {
+            format!(
+                "<link name=\"{name}\"><inertial><origin xyz=\"0.02 0 0.03\"/><mass value=\"{mass}\"/><inertia ixx=\"{i}\" iyy=\"{i}\" \
+                 izz=\"{i}\" ixy=\"{}\" ixz=\"0\" iyz=\"0\"/></inertial></link>",
+                0.1 * i
+            )
+        };
+        let joint = |child: &str, y: f64, turn: &str| {
+            format!(
+                "<joint name=\"j_{child}\" type=\"continuous\"><origin xyz=\"0 {y} 0.3\" rpy=\"{turn}\"/><parent link=\"a\"/><child \
+                 link=\"{child}\"/></joint>"
+            )
+        };
+        let text = format!(
+            "<robot name=\"r\">{}{}{}{}{}</robot>",
+            link("a", mass, moment),
+            link("left_f", 0.5, 1e-3),
+            link("right_f", 0.5, 1e-3),
+            joint("left_f", 0.1, "0 0 0"),
+            joint("right_f", -0.1, turn)
+        );
+        let path = place.path().join("r.urdf");
+        std::fs::write(&path, text).unwrap();
+        check::check(&path).unwrap().findings.iter().map(ToString::to_string).collect()
+    };
+    let upside = "0 0 3.14159265358979";
+    assert_eq!(found(2.0, 0.01, upside), Vec::<String>::new());
+    assert!(found(2.0, 0.01, "0 0 0")[0].starts_with("link right_f: has the very numbers of left_f"));
+    // A ball of osmium of 2 kg: I = 2/5 m r², ρ = m / (4/3 π r³).
+    let radius = (2.0_f64 / (22_590.0 * 4.0 / 3.0 * std::f64::consts::PI)).cbrt();
+    let least = 0.4 * 2.0 * radius * radius;
+    let denser = found(2.0, least * 0.9, upside);
+    assert!(
+        denser.len() == 1 && denser[0].starts_with("link a: ") && denser[0].contains("denser than osmium"),
+        "{denser:?}"
+    );
+    assert_eq!(found(2.0, least * 1.1, upside), Vec::<String>::new());
+    assert!(found(1000.0, 0.01, upside)[0].contains("denser than osmium"));
+    assert!(found(1.0, 1e-8, upside)[0].contains("denser than osmium"));
+    assert!(found(2.0, 1e4, upside)[0].contains("a cloud"));
+    let massless = found(0.0, 0.01, upside);
+    assert!(
+        massless.len() == 1 && massless[0].contains("no mass") && !massless[0].contains("NaN"),
+        "{massless:?}"
+    );
 }

@@ -79,12 +79,17 @@ pub(super) fn exactly<const N: usize>(values: Vec<f64>, what: &str) -> Result<[f
     values.try_into().map_err(|_| format!("{what} has {count} numbers where {N} are needed"))
 }
 
-/// An element's tag and name.
+/// An element's tag and name, or its line.
 pub(super) fn describe(node: &Node) -> String {
     match node.attribute("name") {
         Some(name) => format!("<{} name=\"{name}\">", node.tag_name().name()),
-        None => format!("<{}>", node.tag_name().name()),
+        None => format!("<{}> in line {}", node.tag_name().name(), line(node)),
     }
+}
+
+/// Its line, from 1.
+pub(super) fn line(node: &Node) -> u32 {
+    node.document().text_pos_at(node.range().start).row
 }
 
 /// The first child element of a name.

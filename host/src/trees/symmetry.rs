@@ -14,6 +14,10 @@ pub struct Pair {
     pub right: usize,
     /// φ of the right one from that of the left.
     pub map: ParameterMap,
+    /// At zero position the two frames are turned against each other.
+    pub turned: bool,
+    /// At zero position their origins are one.
+    pub together: bool,
 }
 
 /// The name of the other side, if a name has sides.
@@ -73,7 +77,9 @@ pub fn pairs(model: &Model) -> Result<Vec<Pair>, ModelError> {
         let down = map_to_parent(&r_right.transpose(), &none);
         let signs = [1.0, 1.0, -1.0, 1.0, 1.0, 1.0, 1.0, -1.0, 1.0, -1.0];
         let map = down * ParameterMap::from_diagonal(&nalgebra::SVector::from(signs)) * up;
-        found.push(Pair { left, right, map });
+        let turned = (r_left - r_right).norm() > 1e-3;
+        let together = (p_left - p_right).norm() <= 1e-6 * reach;
+        found.push(Pair { left, right, map, turned, together });
     }
     if found.is_empty() {
         return Err(refuse(

@@ -1,0 +1,99 @@
+//! Where the fault is that keeps a URDF from being read: the reader itself names no element.
+
+use roxmltree::{Document, Node};
+
+use super::xml::{child, line};
+
+const TYPES: [&str; 7] = ["revolute", "continuous", "prismatic", "fixed", "floating", "planar", "spherical"];
+
+/// The first fault, with its line and what it belongs to; `None` if none is seen.
+pub(super) fn fault(text: &str) -> Option<String> {
+    let document = Document::parse(text).ok()?;
+    let named =
+        document.root_element().children().filter(|n| n.has_tag_name("link") || n.has_tag_name("joint"));
+    for owner in named {
+        let tag = owner.tag_name().name();
+        let Some(name) = owner.attribute("name") else {
+            return Some(format!(
+                "line {}: {} has no name; every one needs one of its own",
+                line(&owner),
+                whose(&owner)
+            ));
+        };
+        let found = if tag == "joint" { joint(&owner) } else { None };
+        let found = found.or_else(|| owner.descendants().filter(Node::is_element).find_map(element));
+        if let Some((at, why)) = found {
+            return Some(format!("line {}, {tag} {name}: {why}", line(&at)));
+        }
+    }
+    None
+}
+
+/// Whether a text that can be read as a URDF still holds elements of xacro.
+pub(super) fn has_macro_elements(text: &str) -> bool {
+    let of_xacro = |n: Node| n.tag_name().namespace().is_some_and(|name| name.contains("xacro"));
+    text.contains("<xacro:")
+        && Document::parse(text).map_or(true, |document| document.descendants().any(of_xacro))
+}
+
+/// A nameless link or joint by what else is known of it.
+fn whose(owner: &Node) -> String {
+    let tag = owner.tag_name().name();
+    match child(owner, "child").and_then(|c| c.attribute("link")) {
+        Some(link) => format!("the {tag} that holds link {link}"),
+        None => format!("a {tag}"),
+    }
+}
+
+type Fault<'a, 'i> = (Node<'a, 'i>, String);
+
+fn joint<'a, 'i>(joint: &Node<'a, 'i>) -> Option<Fault<'a, 'i>> {
+    match joint.attribute("type") {
+        None => return Some((*joint, "it has no type".to_owned())),
+        Some(kind) if !TYPES.contains(&kind) => {
+            return Some((*joint, format!("its type is {kind:?}; there are {}", TYPES.join(", "))));
+        }
+        Some(_) => {}
+    }
+    ["parent", "child"].iter().find_map(|tag| match child(joint, tag) {
+        None => Some((*joint, format!("it has no <{tag} link=…/>"))),
+        Some(end) => end.attribute("link").is_none().then(|| (end, format!("<{tag}> has no link"))),
+    })
+}
+
+/// Attributes of an element that must be there, and ones that may; numbers each, or three of them.
+fn element<'a, 'i>(node: Node<'a, 'i>) -> Option<Fault<'a, 'i>> {
+    let needs = |tag: &str| {
+        child(&node, tag).is_none().then(|| (node, format!("<{}> has no <{tag}>", node.tag_name().name())))
+    };
+    let (needed, optional, count): (&[&str], &[&str], usize) = match node.tag_name().name() {
+        "inertial" => return needs("mass").or_else(|| needs("inertia")),
+        "visual" | "collision" => return needs("geometry"),
+        "mass" => (&["value"], &[], 1),
+        "inertia" => (&["ixx", "ixy", "ixz", "iyy", "iyz", "izz"], &[], 1),
+        "limit" => (&["velocity"], &["lower", "upper", "effort"], 1),
+        "mimic" if node.attribute("joint").is_none() => {
+            return Some((node, "<mimic> has no joint".to_owned()));
+        }
+        "mimic" => (&[], &["multiplier", "offset"], 1),
+        "cylinder" | "capsule" => (&["radius", "length"], &[], 1),
+        "sphere" => (&["radius"], &[], 1),
+        "origin" => (&[], &["xyz", "rpy"], 3),
+        "axis" => (&["xyz"], &[], 3),
+        "box" => (&["size"], &[], 3),
+        _ => return None,
+    };
+    let all = needed.iter().map(|a| (a, true)).chain(optional.iter().map(|a| (a, false)));
+    all.filter_map(|(attribute, must)| numbers(&node, attribute, must, count)).next().map(|why| (node, why))
+}
+
+fn numbers(node: &Node, attribute: &str, must: bool, count: usize) -> Option<String> {
+    let tag = node.tag_name().name();
+    let Some(text) = node.attribute(attribute) else {
+        return must.then(|| format!("<{tag}> has no {attribute}"));
+    };
+    let words: Vec<&str> = text.split_whitespace().collect();
+    let are = words.iter().all(|word| word.parse::<f64>().is_ok());
+    let what = if count == 1 { "a number" } else { "three numbers with blanks between them" };
+    (!are || words.len() != count).then(|| format!("{attribute} of <{tag}> is {text:?} and not {what}"))
+}
