@@ -11,6 +11,11 @@ use rigident::models::{Model, human::Person, open, rig_links};
 use rigident_shared::tree::BaseMotion;
 use serde_json::Value;
 
+#[path = "trees/locked.rs"]
+mod locked;
+#[path = "trees/told.rs"]
+mod told;
+
 fn rigident(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_rigident")).current_dir(folder).args(arguments).output().unwrap()
 }
@@ -209,7 +214,7 @@ fn a_joint_that_never_moves_and_what_is_behind_it_are_named() {
             assert!(p.get("value").is_none());
         }
     }
-    // Locked, where it stood at zero, it is one body with the upper arm; here it did not.
+    // Locked it is one body with the upper arm.
     let words = ["identify", "arm.csv", "--model", "arm.urdf", "--lock", "elbow", "--out", "p"];
     let text = String::from_utf8_lossy(&rigident(place.path(), &words).stdout).into_owned();
     assert!(text.contains("base parameters of 10 standard ones"), "{text}");

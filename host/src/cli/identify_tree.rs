@@ -6,7 +6,7 @@ use super::arguments::Identify;
 use super::model_arguments::TreeOptions;
 use super::outcome::say;
 use super::recorded::is_rig_file;
-use super::{Failure, Folder};
+use super::{Failure, Folder, held};
 use crate::formats::recording::{Recording, rig_path};
 use crate::formats::result::{ParameterState, ResultSource, Status};
 use crate::formats::rig::RigFile;
@@ -31,26 +31,35 @@ pub(super) fn run(arguments: &Identify, started: Instant) -> Result<Option<ExitC
     if !trust.is_finite() || trust <= 0.0 {
         return Err(Failure::input(format!("--nominal-sigma {trust}: must be finite and greater than zero")));
     }
-    let (model, source) = match &options.model {
-        Some(name) => {
-            let (model, is_person) = super::model::open(name, &options.changes)?;
-            (model, (!is_person).then(|| Path::new(name).to_owned()))
-        }
-        None => {
-            let tables = rig.map(|rig| rig.link).unwrap_or_default();
-            let name = arguments.recording.display().to_string();
-            let mut model = models::rig_links::from_tables(&tables, &name).map_err(Failure::input)?;
-            super::model::change(&mut model, &options.changes)?;
-            super::model::refuse_a_person(&options.changes)?;
-            (model, None)
-        }
-    };
     let written = options.write_model.as_deref();
     if let Some(path) = written {
         models::write::check_target(path).map_err(Failure::input)?;
     }
+    let (mut model, source) = match &options.model {
+        Some(name) => {
+            let (model, is_person) = super::model::read(name, &options.changes)?;
+            (model, (!is_person).then(|| Path::new(name).to_owned()))
+        }
+        None => {
+            super::model::refuse_a_person(&options.changes)?;
+            let tables = rig.map(|rig| rig.link).unwrap_or_default();
+            let name = arguments.recording.display().to_string();
+            let mut model = models::rig_links::from_tables(&tables, &name).map_err(Failure::input)?;
+            model.name =
+                arguments.recording.file_stem().map_or(name, |stem| stem.to_string_lossy().into_owned());
+            (model, None)
+        }
+    };
     let recording =
         Recording::load(&arguments.recording, arguments.rig.as_deref()).map_err(Failure::input)?;
+    // Where the recording has them, joints are locked there.
+    let mut changes = options.changes.clone();
+    let mut told = held::lock(&mut model, &std::mem::take(&mut changes.lock), &recording)?;
+    super::model::change(&mut model, &changes)?;
+    told.extend(changes.tool.iter().map(|words| of_a_tool(words)));
+    if let Some(path) = written {
+        told.extend(models::write::remarks(&model, source.as_deref(), path, &options.changes.lock));
+    }
     let friction =
         options.friction.iter().map(|w| Term::parse(w)).collect::<Result<_, _>>().map_err(Failure::input)?;
     let wishes = Wishes { friction, drives: options.drive.clone() };
@@ -68,6 +77,7 @@ pub(super) fn run(arguments: &Identify, started: Instant) -> Result<Option<ExitC
     };
     let mut warnings: Vec<String> = recording.warnings.clone();
     warnings.extend(model.findings.iter().map(ToString::to_string));
+    warnings.extend(told);
     warnings.extend(ready.notes.iter().cloned());
     warnings.extend(tree_result::warnings(&ready.input, &found));
     warnings.extend(without_full);
@@ -115,6 +125,16 @@ pub(super) fn run(arguments: &Identify, started: Instant) -> Result<Option<ExitC
         ));
     }
     Ok(Some(if status == Status::Identified { ExitCode::SUCCESS } else { ExitCode::from(1) }))
+}
+
+/// What a tool changes here.
+fn of_a_tool(words: &str) -> String {
+    let link = words.split('@').next().unwrap_or(words);
+    format!(
+        "--tool {words} changes nothing of the answer: what {link} holds is one body with it, and {link}'s base parameters are \
+         those of both. It has no nominal model, so that it is not among the full parameters and not written: they count it to \
+         {link}. Identify without the tool, too, and take the difference"
+    )
 }
 
 /// The rig file that the recording has; one that cannot be read is another's to complain of.

@@ -16,6 +16,7 @@ mod factor_arguments;
 mod failure;
 mod folder;
 mod followed;
+mod held;
 mod identify;
 mod identify_tree;
 mod known_arguments;

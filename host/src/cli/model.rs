@@ -7,6 +7,7 @@ use super::model_arguments::{
     BaseParams, ModelChanges, ModelCheck, ModelCommand, ModelVerb, RowsWord, SexWord,
 };
 use super::outcome::say;
+use crate::models::base::names::legend;
 use crate::models::base::{BaseParameters, Rows, Situation, base_parameters};
 use crate::models::human::{Person, Sex};
 use crate::models::{self, Model};
@@ -21,6 +22,13 @@ pub(super) fn run(command: &ModelCommand) -> Result<ExitCode, Failure> {
 
 /// The model that the options describe, and whether it is one of the people.
 pub(super) fn open(name: &str, options: &ModelChanges) -> Result<(Model, bool), Failure> {
+    let (mut model, is_person) = read(name, options)?;
+    change(&mut model, options)?;
+    Ok((model, is_person))
+}
+
+/// The same, nothing changed yet.
+pub(super) fn read(name: &str, options: &ModelChanges) -> Result<(Model, bool), Failure> {
     let lengths_m = options
         .segment
         .iter()
@@ -35,11 +43,10 @@ pub(super) fn open(name: &str, options: &ModelChanges) -> Result<(Model, bool), 
         SexWord::Male => Sex::Male,
     };
     let person = Person { height_m: options.height_m, mass_kg: options.mass_kg, sex, lengths_m };
-    let (mut model, is_person) = models::open(name, &person).map_err(Failure::input)?;
+    let (model, is_person) = models::open(name, &person).map_err(Failure::input)?;
     if !is_person {
         refuse_a_person(options)?;
     }
-    change(&mut model, options)?;
     Ok((model, is_person))
 }
 
@@ -170,6 +177,9 @@ fn text(model: &Model, situation: &Situation, found: &BaseParameters) -> String 
     );
     for link in bodies.links.iter().filter(|l| !l.welded.is_empty()) {
         out += &format!("{} is one body with {}\n", link.name, link.welded.join(", "));
+    }
+    if let Some(legend) = legend(found.parameters.iter().map(|p| p.name.as_str())) {
+        out += &format!("{legend}\n");
     }
     for parameter in &found.parameters {
         out += &format!("\n{} =", parameter.name);

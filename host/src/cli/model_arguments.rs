@@ -99,8 +99,8 @@ pub struct ModelOptions {
 /// What is changed about a model, and whose body a person's is.
 #[derive(Args, Debug, Clone)]
 pub struct ModelChanges {
-    /// Joints that do not move
-    #[arg(long, value_name = "JOINT", value_delimiter = ',')]
+    /// Joints that do not move, at an angle (rad) or a length (m); without it where the recording has them, else at zero
+    #[arg(long, value_name = "JOINT[=VALUE]", value_delimiter = ',')]
     pub lock: Vec<String>,
     /// Three revolute joints in a row, nearest to the base first, that are one spherical joint
     #[arg(long, value_name = "J1,J2,J3")]

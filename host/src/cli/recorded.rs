@@ -50,8 +50,18 @@ impl Recorded {
                         path.display()
                     )));
                 }
-                let recording = Recording::load(path, rig).map_err(Failure::input)?;
-                let prepared = prepare(&recording).map_err(Failure::input)?;
+                let mut recording = Recording::load(path, rig).map_err(Failure::input)?;
+                let joints = joints_of(&recording);
+                let prepared = prepare(&recording).map_err(|error| {
+                    Failure::input(match joints.first() {
+                        None => error.to_string(),
+                        Some(joint) => format!(
+                            "{error}. Its columns {joint}_… are of a robot's joints: to identify its links give its description \
+                             by --model FILE"
+                        ),
+                    })
+                })?;
+                recording.warnings.extend(left_out(&recording, &joints));
                 return Ok(Self { recording, prepared, streams: None });
             }
         };
@@ -93,6 +103,42 @@ impl Recorded {
     pub(super) fn time_base(&self) -> Option<TimeBase> {
         self.streams.as_ref().map(|(_, aligned)| aligned.time_base.clone())
     }
+}
+
+/// Names of joints that a recording has positions of, by its columns.
+fn joints_of(recording: &Recording) -> Vec<String> {
+    let names = recording.extra.iter().map(|(name, _)| name.as_str());
+    let also = |joint: &str, units: [&str; 2]| {
+        units.iter().any(|unit| recording.extra.iter().any(|(name, _)| *name == format!("{joint}_{unit}")))
+    };
+    names
+        .filter_map(|name| {
+            let (joint, units) = match name.strip_suffix("_rad") {
+                Some(joint) => (joint, ["radps", "nm"]),
+                None => (name.strip_suffix("_m")?, ["mps", "n"]),
+            };
+            also(joint, units).then(|| joint.to_owned())
+        })
+        .collect()
+}
+
+/// What of a recording of several links has no part where one body is identified.
+fn left_out(recording: &Recording, joints: &[String]) -> Option<String> {
+    let mut columns: Vec<String> = Vec::new();
+    for (j, imu) in recording.imus.iter().enumerate().skip(1) {
+        if imu.accel.is_some() || imu.gyro.is_some() {
+            columns.push(format!("imu{j}_…"));
+        }
+    }
+    columns.extend(recording.attitudes.iter().filter(|(j, _)| *j > 0).map(|(j, _)| format!("q{j}_…")));
+    columns.extend(joints.iter().map(|joint| format!("{joint}_…")));
+    (!columns.is_empty()).then(|| {
+        format!(
+            "one rigid body is identified, and columns of other links are not used: {}. Several links need [[link]] tables in \
+             the rig file, or --model",
+            columns.join(", ")
+        )
+    })
 }
 
 /// Whether a file holds a recording, or lists the files of one; by its name.

@@ -86,6 +86,20 @@ impl Recording {
         groups.into_iter().filter_map(|(group, rows)| Some((group, rows?))).collect()
     }
 
+    /// Its name for messages, with the ending if it is a CSV.
+    pub fn file(&self) -> String {
+        if self.order.is_empty() { self.name.clone() } else { format!("{}.csv", self.name) }
+    }
+
+    /// Where a row, counted from 0, is in the file: its line in a CSV.
+    pub fn place(&self, row: usize) -> String {
+        if self.order.is_empty() {
+            return format!("row {}", row + 1);
+        }
+        // After the comments and the header.
+        format!("line {}", row + 2 + self.comments.len())
+    }
+
     /// Names of all columns: in the order of the file they came from, new ones after them.
     pub fn column_names(&self) -> Vec<String> {
         let mut names = Vec::new();

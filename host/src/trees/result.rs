@@ -8,6 +8,7 @@ use super::nearest::{Full, FullLink};
 use super::{Input, TreeIdentification};
 use crate::formats::result::{ParameterState, ResultSource, SCHEMA, Status};
 use crate::identification::{FILTER_WIDTH_S, whiteness};
+use crate::models::base::names::legend;
 use crate::report::text::{NOT_IDENTIFIED, significant, unit_symbol, with_u95};
 
 /// All that is told.
@@ -248,6 +249,9 @@ impl Answer<'_> {
                 others => format!("   (with {others})"),
             };
             out += &format!("  {name:<width$}  {value}{made_of}\n");
+        }
+        if let Some(legend) = legend(found.names.iter().map(String::as_str)) {
+            out += &format!("\n{legend}\n");
         }
         if let Some(full) = self.full {
             out += &format!("\n{SENTENCE}\n");

@@ -5,6 +5,7 @@
 //! for every situation. Both must agree. Links that are no bodies leave the rules with fewer columns ([`absent`]). May not live here: estimation. Next: [`recursive`], then [`numerical`].
 
 mod absent;
+pub mod names;
 pub mod numerical;
 mod qr;
 pub mod recursive;

@@ -7,6 +7,14 @@ use rigident_shared::tree::Joint;
 use super::{JointColumns, Preparation, TreePrepareError};
 use crate::trees::polynomial::Polynomial;
 
+/// Units that positions, rates and efforts of joints are recorded in.
+#[rustfmt::skip]
+const UNITS: [&str; 40] = [
+    "rad", "mrad", "deg", "rev", "turns", "radps", "mradps", "degps", "dps", "rpm", "rps", "m", "cm", "mm", "um", "in", "inch",
+    "ft", "mps", "cmps", "mmps", "nm", "ncm", "nmm", "mnm", "knm", "lbfin", "lbfft", "ftlb", "ftlbf", "inlb", "inlbf", "kgfm", "kgfcm",
+    "kgcm", "n", "kn", "lbf", "lb", "kgf",
+];
+
 impl Preparation<'_> {
     /// Numbers of a column that is not of the notation's.
     pub(super) fn numbers(&self, column: &str, scale: f64) -> Result<Option<Vec<f64>>, TreePrepareError> {
@@ -14,9 +22,9 @@ impl Preparation<'_> {
         let values = cells.iter().enumerate().map(|(row, cell)| {
             let value = cell.trim().parse::<f64>().ok().map(|v| v * scale).filter(|v| v.is_finite());
             value.ok_or_else(|| TreePrepareError::Cell {
-                name: self.recording.name.clone(),
+                name: self.recording.file(),
                 column: column.to_owned(),
-                row: row + 1,
+                row: self.recording.place(row),
                 reason: format!("{cell:?} is not a finite number: mend it, or remove the row"),
             })
         });
@@ -58,8 +66,8 @@ impl Preparation<'_> {
             let positions = column(table.and_then(|t| t.position.as_ref()), units[0])?;
             let rates = column(table.and_then(|t| t.rate.as_ref()), units[1])?;
             let effort = column(table.and_then(|t| t.effort.as_ref()), units[2])?;
+            self.other_unit(name, &units)?;
             if positions.is_none() && rates.is_none() && effort.is_none() {
-                self.other_unit(name, &units)?;
                 continue;
             }
             let Some(positions) = positions else {
@@ -78,15 +86,15 @@ impl Preparation<'_> {
 
     /// Complains of a joint's column in a unit that is not its own.
     pub(super) fn other_unit(&self, joint: &str, units: &[&str; 3]) -> Result<(), TreePrepareError> {
+        let named = |column: &str| {
+            let sources = self.recording.rig.joint.iter().flat_map(|t| [&t.position, &t.rate, &t.effort]);
+            sources.flatten().any(|source| source.parts().0 == column)
+        };
         let strange = self.cells.keys().find(|column| {
-            column.strip_prefix(joint).and_then(|rest| rest.strip_prefix('_')).is_some_and(|unit| {
-                [
-                    "deg", "degps", "mm", "mmps", "rpm", "nmm", "knm", "kn", "rad", "radps", "nm", "m",
-                    "mps", "n",
-                ]
-                .contains(&unit)
-                    && !units.contains(&unit)
-            })
+            column
+                .strip_prefix(joint)
+                .and_then(|rest| rest.strip_prefix('_'))
+                .is_some_and(|unit| UNITS.contains(&unit) && !units.contains(&unit) && !named(column))
         });
         let Some(column) = strange else { return Ok(()) };
         Err(self.misfit(format!(
@@ -114,7 +122,7 @@ impl Preparation<'_> {
         if !without.is_empty() {
             return Err(self.missing(
                 format!("the efforts (JOINT_nm, or JOINT_n of what slides) of {} are", without.join(", ")),
-                "joint rows need all of them; --lock joints that were held, or remove the others' columns",
+                self.about_efforts(&without),
             ));
         }
         Ok(Some(efforts))
@@ -166,5 +174,38 @@ impl Preparation<'_> {
             all.insert(*i, series.collect());
         }
         (all, valid)
+    }
+
+    /// What to do about columns of a revolute joint that is part of a spherical one.
+    pub(super) fn about_spherical(&self) -> String {
+        let has = |name: &str, unit: &str| self.cells.contains_key(format!("{name}_{unit}").as_str());
+        let parts = self.model.links.iter().filter(|l| l.link.joint == Joint::Spherical);
+        let part = parts.map(|l| l.joint_name.as_str()).find(|name| has(name, "nm") || has(name, "rad"));
+        part.map_or_else(String::new, |name| {
+            format!(
+                ". {name} is a spherical joint here, whose motion is told by attitudes and gyros, and of which {name}_rad and \
+                 {name}_nm are one axis alone: from angles and torques of three revolute joints identify without --spherical"
+            )
+        })
+    }
+
+    /// What to do about efforts that are missing.
+    fn about_efforts(&self, without: &[&str]) -> String {
+        let mut advice =
+            "joint rows need all of them; --lock joints that were held, or remove the others' columns"
+                .to_owned();
+        advice += &self.about_spherical();
+        let of_these = |column: &&&str| {
+            without.iter().any(|joint| column.strip_prefix(*joint).is_some_and(|r| r.starts_with('_')))
+        };
+        let own = |column: &str| ["_rad", "_radps", "_m", "_mps"].iter().any(|unit| column.ends_with(unit));
+        let others: Vec<&str> = self.cells.keys().filter(of_these).copied().filter(|c| !own(c)).collect();
+        if !others.is_empty() {
+            advice += &format!(
+                ". There are columns {}: if they are efforts, name them with their scale in the rig file, [[joint]] effort",
+                others.join(", ")
+            );
+        }
+        advice
     }
 }

@@ -33,14 +33,14 @@ pub enum TreePrepareError {
         advice: String,
     },
     /// A cell cannot be used.
-    #[error("{name}: column {column}, row {row}: {reason}")]
+    #[error("{name}: column {column}, {row}: {reason}")]
     Cell {
         /// The recording.
         name: String,
         /// The column.
         column: String,
-        /// The row, from 1.
-        row: usize,
+        /// The line of a CSV, or the row, from 1.
+        row: String,
         /// Why.
         reason: String,
     },
@@ -176,7 +176,10 @@ impl<'a> Preparation<'a> {
         let Some(rows) = rows_of(wrench.is_some(), efforts.is_some()) else {
             return Err(self.missing(
                 "the wrench fx_n … mz_nm and the joints' efforts (JOINT_nm) are both",
-                "a tree is identified from the wrench on its base link, from joint torques, or from both",
+                format!(
+                    "a tree is identified from the wrench on its base link, from joint torques, or from both{}",
+                    self.about_spherical()
+                ),
             ));
         };
         let base = self.base(gyros.get(&0))?;
@@ -216,9 +219,9 @@ impl<'a> Preparation<'a> {
                     (None, Some(rows)) => {
                         let j = number_of(i).unwrap_or(i);
                         let attitude = attitude(&rows[row]).ok_or_else(|| TreePrepareError::Cell {
-                            name: recording.name.clone(),
+                            name: recording.file(),
                             column: format!("q{j}_w … q{j}_z"),
-                            row: row + 1,
+                            row: recording.place(row),
                             reason: format!("{:?} is no unit quaternion w, x, y, z", rows[row]),
                         })?;
                         let rate = if recording.is_static {

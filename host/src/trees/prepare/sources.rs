@@ -46,7 +46,9 @@ impl Preparation<'_> {
         }
         (
             format!("the motion of joint {name} (link {}) is", link.name),
-            format!("add {columns}, or say --lock {name} if it did not move and stood at zero"),
+            format!(
+                "add {columns}, or say --lock {name} if it did not move, --lock {name}=VALUE if it did not stand at zero"
+            ),
         )
     }
 

@@ -1,0 +1,220 @@
+//! Joints that are locked: where they stand is taken from the recording, unless it was stated.
+
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use rigident_shared::tree::Joint;
+
+use super::Failure;
+use crate::formats::recording::Recording;
+use crate::models::Model;
+use crate::trees::joints::{Resolved, Seen, attitude, resolve};
+
+/// A joint that leaves its place by no more is held, rad or m, 1 σ, encoders and attitudes: controllers let it sag by as much.
+const HELD: f64 = 2e-3;
+const HELD_BY_ATTITUDES: f64 = 0.02;
+/// So many times its own noise.
+const NOISES: f64 = 3.0;
+
+/// Locks joints, given as `JOINT` or `JOINT=VALUE`; what was taken for granted, in words.
+///
+/// # Errors
+/// Bad input: no such joint, or one that moves in the recording.
+pub(super) fn lock(
+    model: &mut Model,
+    words: &[String],
+    recording: &Recording,
+) -> Result<Vec<String>, Failure> {
+    let (mut notes, mut unseen) = (Vec::new(), Vec::new());
+    let mut places = Vec::new();
+    for words in words {
+        let (name, stated) = model.locked(words).map_err(Failure::input)?;
+        let Some(i) = model.joint(name) else { continue };
+        let seen = match column(model, i, recording)? {
+            Some((column, values)) => Some((column, Stand::of(&values, HELD))),
+            None => by_attitudes(model, i, recording),
+        };
+        let Some((source, stand)) = seen else {
+            if stated.is_none() && model.links[i].link.joint != Joint::Fixed {
+                unseen.push(name.to_owned());
+            }
+            places.push(words.clone());
+            continue;
+        };
+        let unit = if matches!(model.links[i].link.joint, Joint::Prismatic(_)) { "m" } else { "rad" };
+        if stand.moves {
+            return Err(Failure::input(format!(
+                "--lock {name}: {source} in {} moves, from {:.4} to {:.4} {unit} (standard deviation {:.2e}): a joint that moves \
+                 cannot be taken for locked; leave it out of --lock",
+                recording.file(),
+                stand.least,
+                stand.largest,
+                stand.deviation
+            )));
+        }
+        let value = stated.unwrap_or(stand.mean);
+        if stated.is_none() {
+            notes.push(format!("joint {name} is locked at {value:.4} {unit}, where {source} has it"));
+        } else if (value - stand.mean).abs() > HELD.max(NOISES * stand.deviation) {
+            notes.push(format!(
+                "joint {name} is locked at {value} {unit} as stated; {source} has it at {:.4} {unit}",
+                stand.mean
+            ));
+        }
+        match stand.turned {
+            // A ball joint's place is no single number.
+            Some(turned) if stated.is_none() => {
+                model.links[i].link.rotation *= turned;
+                notes.pop();
+                notes.push(format!("joint {name} is locked in the attitude that {source} has"));
+                places.push(name.to_owned());
+            }
+            _ => places.push(format!("{name}={value}")),
+        }
+    }
+    if !unseen.is_empty() {
+        notes.push(format!(
+            "{} {} locked at zero: the recording has no column of {}; say --lock JOINT=VALUE (rad or m) if it stood elsewhere",
+            unseen.join(", "),
+            if unseen.len() == 1 { "is" } else { "are" },
+            if unseen.len() == 1 { "it" } else { "them" }
+        ));
+    }
+    model.lock(&places).map_err(Failure::input)?;
+    Ok(notes)
+}
+
+/// Where something stands.
+struct Stand {
+    mean: f64,
+    least: f64,
+    largest: f64,
+    deviation: f64,
+    moves: bool,
+    turned: Option<Matrix3<f64>>,
+}
+
+impl Stand {
+    fn of(values: &[f64], held: f64) -> Self {
+        let count = values.len().max(1) as f64;
+        let mean = values.iter().sum::<f64>() / count;
+        let deviation = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count).sqrt();
+        Self {
+            mean,
+            least: values.iter().copied().fold(f64::INFINITY, f64::min),
+            largest: values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+            deviation,
+            moves: deviation > held.max(NOISES * noise(values)),
+            turned: None,
+        }
+    }
+}
+
+/// σ of white noise on something smooth: fourth differences have √70 times it, and motion hardly enters them.
+fn noise(values: &[f64]) -> f64 {
+    let fourth = values.windows(5).map(|w| w[0] - 4.0 * w[1] + 6.0 * w[2] - 4.0 * w[3] + w[4]);
+    let (sum, count) = fourth.fold((0.0, 0.0), |(s, n), d| (s + d * d, n + 1.0));
+    if count > 0.0 { (sum / (70.0 * count)).sqrt() } else { 0.0 }
+}
+
+/// The column of a joint's position, rad or m.
+fn column(model: &Model, i: usize, recording: &Recording) -> Result<Option<(String, Vec<f64>)>, Failure> {
+    let link = &model.links[i];
+    let unit = match link.link.joint {
+        Joint::Revolute(_) => "rad",
+        Joint::Prismatic(_) => "m",
+        _ => return Ok(None),
+    };
+    let name = &link.joint_name;
+    let table = recording.rig.joint.iter().find(|table| table.name == *name);
+    let (column, scale) = match table.and_then(|table| table.position.as_ref()) {
+        Some(source) => (source.parts().0.to_owned(), source.parts().1),
+        None => (format!("{name}_{unit}"), 1.0),
+    };
+    let Some((_, cells)) = recording.extra.iter().find(|(other, _)| *other == column) else {
+        return Ok(None);
+    };
+    let numbers = cells.iter().enumerate().map(|(row, cell)| {
+        cell.trim().parse::<f64>().ok().filter(|v| v.is_finite()).map(|v| v * scale).ok_or_else(|| {
+            Failure::input(format!(
+                "{}: column {column}, {}: {cell:?} is not a finite number: mend it, or remove the row",
+                recording.file(),
+                recording.place(row)
+            ))
+        })
+    });
+    Ok(Some((format!("column {column}"), numbers.collect::<Result<Vec<f64>, _>>()?)))
+}
+
+/// A joint between two links whose attitudes are recorded, where `[[link]]` tables number them.
+fn by_attitudes(model: &Model, i: usize, recording: &Recording) -> Option<(String, Stand)> {
+    let link = &model.links[i];
+    let attitudes = |name: &str| {
+        let j = recording.rig.link.iter().position(|table| table.name == name)?;
+        recording.attitudes.iter().find(|(k, _)| *k == j).map(|(_, rows)| (j, rows))
+    };
+    let (j, own) = attitudes(&link.name)?;
+    let parent = attitudes(&model.links[link.link.parent].name);
+    if parent.is_none() && link.link.parent != 0 {
+        return None;
+    }
+    let zero = Vector3::zeros();
+    let resolved = own.iter().enumerate().map(|(row, q)| {
+        let base = match parent {
+            Some((_, rows)) => attitude(rows.get(row)?)?,
+            None => Matrix3::identity(),
+        };
+        let root =
+            Resolved { attitude: base, rate: zero, positions: Vec::new(), rates: Vec::new(), misfit: 0.0 };
+        Some(resolve(&link.link, &root, &Seen::Link { attitude: attitude(q)?, rate: zero })?.positions)
+    });
+    let positions = resolved.collect::<Option<Vec<_>>>()?;
+    let source = format!("the attitude q{j}_w … q{j}_z");
+    match link.link.joint {
+        Joint::Revolute(_) => {
+            let angles: Vec<f64> = positions.iter().filter_map(|p| p.first().copied()).collect();
+            Some((source, Stand::of(&angles, HELD_BY_ATTITUDES)))
+        }
+        Joint::Spherical => {
+            let turns: Vec<UnitQuaternion<f64>> = positions
+                .iter()
+                .filter_map(|p| match p.as_slice() {
+                    [w, x, y, z] => {
+                        Some(UnitQuaternion::new_normalize(nalgebra::Quaternion::new(*w, *x, *y, *z)))
+                    }
+                    _ => None,
+                })
+                .collect();
+            let mean = UnitQuaternion::mean_of(turns.iter().copied());
+            let off: Vec<f64> = turns.iter().map(|turn| mean.angle_to(turn)).collect();
+            let mut stand = Stand::of(&off, HELD_BY_ATTITUDES);
+            let square = off.iter().map(|a| a * a).sum::<f64>() / off.len().max(1) as f64;
+            (stand.deviation, stand.moves) = (square.sqrt(), square.sqrt() > HELD_BY_ATTITUDES);
+            stand.turned = Some(mean.to_rotation_matrix().into_inner());
+            Some((source, stand))
+        }
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_held_is_told_from_what_moves() {
+        let series = |f: &dyn Fn(f64) -> f64| (0..2000).map(|k| f(f64::from(k))).collect::<Vec<f64>>();
+        // Of about unit variance, white.
+        let white = |k: f64| ((k * 12.9898).sin() * 43_758.545).fract() * 1.7;
+        for (values, moves) in [
+            (series(&|_| 0.4), false),
+            (series(&|k| 0.4 + 1e-3 * white(k)), false),
+            // Noise of an attitude, larger than what a controller lets go.
+            (series(&|k| 0.4 + 1e-2 * white(k)), false),
+            (series(&|k| 0.4 + 1e-2 * (k / 60.0).sin()), true),
+            (series(&|k| 0.4 + 1e-5 * k), true),
+        ] {
+            let stand = Stand::of(&values, HELD);
+            assert_eq!(stand.moves, moves, "{} {}", stand.deviation, noise(&values));
+            assert!((stand.mean - 0.4).abs() < 0.011);
+        }
+    }
+}

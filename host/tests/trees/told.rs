@@ -1,0 +1,154 @@
+//! What is not used, not written or in another unit is said, and where.
+
+use super::*;
+
+#[test]
+fn a_tool_without_a_nominal_model_is_told_to_change_nothing() {
+    let place = tempfile::tempdir().unwrap();
+    arm_recording(place.path(), 2);
+    let words =
+        ["identify", "arm.csv", "--model", "arm.urdf", "--tool", "plate@0,0,0.1", "--json", "--out", "o"];
+    let found = answer(&rigident(place.path(), &[&words[..], &FRICTION].concat()));
+    let said = found["warnings"].to_string();
+    assert!(
+        said.contains("--tool plate@0,0,0.1 changes nothing") && said.contains("take the difference"),
+        "{said}"
+    );
+}
+
+#[test]
+fn a_model_that_cannot_be_written_there_leaves_nothing_behind() {
+    let place = tempfile::tempdir().unwrap();
+    arm_recording(place.path(), 2);
+    let words = ["identify", "arm.csv", "--model", "arm.urdf", "--write-model", "none/a.urdf", "--out", "o"];
+    let said = complaint(&rigident(place.path(), &words));
+    assert!(said.contains("--write-model none/a.urdf: its folder is not there"), "{said}");
+    assert!(!place.path().join("o").exists());
+    // What another language does not say.
+    let words = [
+        "identify",
+        "arm.csv",
+        "--model",
+        "arm.urdf",
+        "--write-model",
+        "a.sdf",
+        "--lock",
+        "elbow=0.1",
+        "--json",
+        "--out",
+        "p",
+    ];
+    std::fs::write(place.path().join("arm.csv"), {
+        let csv = std::fs::read_to_string(place.path().join("arm.csv")).unwrap();
+        csv.replace("elbow_rad", "other")
+    })
+    .unwrap();
+    let said = answer(&rigident(place.path(), &words))["warnings"].to_string();
+    assert!(said.contains("a.sdf: joints that were locked are fixed in it: elbow=0.1"), "{said}");
+}
+
+#[test]
+fn columns_in_other_units_are_named_though_the_right_ones_are_there() {
+    let place = tempfile::tempdir().unwrap();
+    arm_recording(place.path(), 2);
+    let csv = std::fs::read_to_string(place.path().join("arm.csv")).unwrap();
+    let (header, rows) = csv.split_once('\n').unwrap();
+    let said = |header: &str| {
+        // A column more, of ones.
+        let rows = rows.replace('\n', ",1\n");
+        std::fs::write(place.path().join("bad.csv"), format!("{header}\n{rows}")).unwrap();
+        complaint(&rigident(place.path(), &["identify", "bad.csv", "--model", "arm.urdf", "--out", "never"]))
+    };
+    let rate = said(&format!("{header},shoulder_degps"));
+    assert!(rate.contains("column shoulder_degps of joint shoulder is in another unit"), "{rate}");
+    let torque = said("t_s,shoulder_rad,elbow_rad,shoulder_nm,elbow_lbfin,x");
+    assert!(torque.contains("column elbow_lbfin of joint elbow is in another unit"), "{torque}");
+    let angle = said("t_s,shoulder_rad,elbow_deg,shoulder_nm,elbow_nm,x");
+    assert!(angle.contains("column elbow_deg of joint elbow is in another unit"), "{angle}");
+    let effort = said("t_s,shoulder_rad,elbow_rad,shoulder_nm,elbow_current,x");
+    assert!(effort.contains("There are columns elbow_current"), "{effort}");
+}
+
+#[test]
+fn a_cell_is_named_by_file_and_line() {
+    let place = tempfile::tempdir().unwrap();
+    arm_recording(place.path(), 2);
+    let csv = std::fs::read_to_string(place.path().join("arm.csv")).unwrap();
+    let mut lines: Vec<String> = csv.lines().map(str::to_owned).collect();
+    let broken = lines[49].rsplit_once(',').map(|(before, _)| format!("{before},nan")).unwrap();
+    lines[49] = broken;
+    lines.insert(0, "# a comment".to_owned());
+    std::fs::write(place.path().join("arm.csv"), lines.join("\n")).unwrap();
+    let words = ["identify", "arm.csv", "--model", "arm.urdf", "--out", "never"];
+    let said = complaint(&rigident(place.path(), &words));
+    assert!(said.contains("arm.csv: column elbow_nm, line 51:"), "{said}");
+}
+
+#[test]
+fn a_robot_s_recording_without_a_model_is_told_from_a_body_s() {
+    let place = tempfile::tempdir().unwrap();
+    arm_recording(place.path(), 2);
+    let said = complaint(&rigident(place.path(), &["identify", "arm.csv", "--out", "never"]));
+    assert!(said.contains("shoulder_… are of a robot's joints") && said.contains("--model FILE"), "{said}");
+    // Two links without the rig file that says so.
+    two_links(place.path(), Vector3::z());
+    std::fs::rename(place.path().join("two.csv"), place.path().join("one.csv")).unwrap();
+    let found = answer(&rigident(place.path(), &["identify", "one.csv", "--json", "--out", "o"]));
+    let said = found["warnings"].to_string();
+    assert!(said.contains("columns of other links are not used: imu1_…, q1_…"), "{said}");
+}
+
+const BALL: &str = r#"<robot name="ball"><link name="foot"/><link name="v1"/><link name="v2"/>
+<link name="arm"><inertial><mass value="2"/><inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial></link>
+<joint name="a1" type="continuous"><parent link="foot"/><child link="v1"/><axis xyz="0 0 1"/></joint>
+<joint name="a2" type="continuous"><parent link="v1"/><child link="v2"/><axis xyz="0 1 0"/></joint>
+<joint name="a3" type="continuous"><parent link="v2"/><child link="arm"/><axis xyz="1 0 0"/></joint></robot>"#;
+
+#[test]
+fn three_revolutes_columns_are_told_to_be_of_no_spherical_joint() {
+    let place = tempfile::tempdir().unwrap();
+    std::fs::write(place.path().join("ball.urdf"), BALL).unwrap();
+    let mut csv = "t_s,a1_rad,a2_rad,a3_rad,a1_nm,a2_nm,a3_nm\n".to_owned();
+    for row in 0..500 {
+        let t = f64::from(row) / 100.0;
+        let _ = writeln!(csv, "{t},{0},{0},{0},{0},{0},{0}", (3.0 * t).sin());
+    }
+    std::fs::write(place.path().join("ball.csv"), csv).unwrap();
+    let words = ["identify", "ball.csv", "--model", "ball.urdf", "--spherical", "a1,a2,a3", "--out", "never"];
+    let said = complaint(&rigident(place.path(), &words));
+    assert!(said.contains("a3 is a spherical joint here") && said.contains("without --spherical"), "{said}");
+}
+
+#[test]
+fn options_of_people_are_refused_for_robots() {
+    let place = tempfile::tempdir().unwrap();
+    arm_recording(place.path(), 2);
+    for words in [&["--height-m", "1.8"][..], &["--segment", "thigh=0.4"], &["--sex", "female"]] {
+        let identify = [&["identify", "arm.csv", "--model", "arm.urdf", "--out", "never"], words].concat();
+        let count = [&["model", "base-params", "arm.urdf"], words].concat();
+        for words in [identify, count] {
+            let said = complaint(&rigident(place.path(), &words));
+            assert!(said.contains("describe human34 and human58"), "{said}");
+        }
+    }
+}
+
+fn example(name: &str) -> String {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/examples").join(name).display().to_string()
+}
+
+#[test]
+fn the_example_of_two_links_is_identified() {
+    let place = tempfile::tempdir().unwrap();
+    let recording = example("two-links.csv");
+    let found = answer(&rigident(place.path(), &["identify", &recording, "--json", "--out", "o"]));
+    assert_eq!(found["status"], "identified", "{found:#}");
+    // 10 + 7 and six offsets; the truth that its rig file names.
+    assert_eq!(found["parameters"].as_array().unwrap().len(), 23);
+    let mass = found["parameters"].as_array().unwrap().iter().find(|p| p["name"] == "base.M").unwrap();
+    let (value, u95) = (mass["value"].as_f64().unwrap(), mass["u95"].as_f64().unwrap());
+    assert!((value - 3.4).abs() < 2.0 * u95 && u95 < 0.05, "{mass}");
+    let output =
+        rigident(place.path(), &["model", "base-params", &example("two-links.rig.toml"), "--floating"]);
+    assert!(String::from_utf8_lossy(&output.stdout).contains("17 base parameters of 20"));
+}
