@@ -9,6 +9,9 @@ use nalgebra::{Matrix3, Vector3};
 use crate::body::{BodyParameters, FrameMotion};
 use crate::rig::Mounting;
 
+/// An eased swing begins and ends within so long, s.
+const EASED_S: f64 = 2.0;
+
 /// Turns about x, then y, then z, each a sine of time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Swing {
@@ -32,14 +35,35 @@ pub struct JointState {
 }
 
 impl Swing {
-    /// The joint at `time_s`.
-    pub fn at(&self, time_s: f64) -> JointState {
-        let [a, b, c] = std::array::from_fn(|k| {
+    /// Angles, rates and accelerations about x, y and z at `time_s`.
+    fn angles(&self, time_s: f64) -> [(f64, f64, f64); 3] {
+        std::array::from_fn(|k| {
             let w = std::f64::consts::TAU * self.frequency_hz[k];
             let (sin, cos) = (w * time_s + self.phase_rad[k]).sin_cos();
             let amplitude = self.amplitude_rad[k];
             (amplitude * sin, amplitude * w * cos, -amplitude * w * w * sin)
-        });
+        })
+    }
+
+    /// The joint at `time_s`.
+    pub fn at(&self, time_s: f64) -> JointState {
+        Self::joint(self.angles(time_s))
+    }
+
+    /// The joint at `time_s` of a motion of `duration_s` that begins and ends at rest, at no angle.
+    pub fn eased(&self, time_s: f64, duration_s: f64) -> JointState {
+        let t = time_s.clamp(0.0, duration_s);
+        // q = x³ (10 − 15 x + 6 x²), whose first two derivatives vanish at both ends.
+        let x = (t.min(duration_s - t) / EASED_S).clamp(0.0, 1.0);
+        let towards = if 2.0 * t < duration_s { 1.0 } else { -1.0 } / EASED_S;
+        let q = x * x * x * (10.0 + x * (6.0 * x - 15.0));
+        let dq = 30.0 * (x * (1.0 - x)).powi(2) * towards;
+        let ddq = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / (EASED_S * EASED_S);
+        Self::joint(self.angles(t).map(|(a, v, c)| (q * a, q * v + dq * a, q * c + 2.0 * dq * v + ddq * a)))
+    }
+
+    /// Of angles, rates and accelerations about x, then y, then z.
+    fn joint([a, b, c]: [(f64, f64, f64); 3]) -> JointState {
         let about = |k: usize, angle: f64| {
             let (s, c) = angle.sin_cos();
             let mut r = Matrix3::identity();
@@ -99,23 +123,43 @@ pub struct SecondLink {
     pub body: BodyParameters,
     /// The joint in S, m.
     pub joint_m: [f64; 3],
-    /// How it swings, by the rig's clock.
+    /// How it swings: by the rig's clock, or by the plate's program.
     pub swing: Swing,
+    /// It swings while the plate's program runs, from rest to rest and from no angle to none; else always.
+    pub with_program: bool,
     /// Its IMU in the link's frame.
     pub imu: Mounting,
 }
 
 impl SecondLink {
-    /// Its frame's motion, of that of S.
-    pub fn motion(&self, sensor: &FrameMotion, time_s: f64) -> FrameMotion {
-        jointed(sensor, &Vector3::from(self.joint_m), &self.swing.at(time_s))
+    /// An arm of 6 kg on a ball joint, which swings at some 2 rad/s, always, and is at rest at time zero.
+    pub fn arm() -> Self {
+        Self {
+            body: BodyParameters {
+                mass_kg: 6.0,
+                com_m: [0.04, -0.03, 0.12],
+                inertia_com_kgm2: [0.12, 0.10, 0.06, 0.01, -0.015, 0.02],
+            },
+            joint_m: [0.1, -0.05, 0.2],
+            swing: Swing {
+                amplitude_rad: [0.5, 0.45, 0.6],
+                frequency_hz: [0.61, 0.83, 0.47],
+                phase_rad: [std::f64::consts::FRAC_PI_2; 3],
+            },
+            with_program: false,
+            imu: Mounting { position_m: [0.03, 0.05, 0.1], rotation_wxyz: [0.8, -0.3, 0.4, 0.2] },
+        }
+    }
+
+    /// Its frame's motion, of that of S and how its joint stands.
+    pub fn motion(&self, sensor: &FrameMotion, joint: &JointState) -> FrameMotion {
+        jointed(sensor, &Vector3::from(self.joint_m), joint)
     }
 
     /// What it adds to the wrench at S's origin, in S; N, N m.
-    pub fn wrench(&self, sensor: &FrameMotion, time_s: f64, gravity: &Vector3<f64>) -> [f64; 6] {
-        let own = self.body.wrench(&self.motion(sensor, time_s), gravity);
-        let rotation = self.swing.at(time_s).rotation;
-        let (f, m) = carried(own, &Vector3::from(self.joint_m), &rotation);
+    pub fn wrench(&self, sensor: &FrameMotion, joint: &JointState, gravity: &Vector3<f64>) -> [f64; 6] {
+        let own = self.body.wrench(&self.motion(sensor, joint), gravity);
+        let (f, m) = carried(own, &Vector3::from(self.joint_m), &joint.rotation);
         [f.x, f.y, f.z, m.x, m.y, m.z]
     }
 
@@ -274,6 +318,25 @@ mod tests {
     }
 
     #[test]
+    fn an_eased_swing_begins_and_ends_at_rest_and_is_the_swing_between() {
+        let (swing, h) = (swing(3), 1e-4);
+        for t in [0.0, 20.0, -1.0, 25.0] {
+            let end = swing.eased(t, 20.0);
+            assert_eq!((end.rotation, end.rate), (Matrix3::identity(), Vector3::zeros()));
+            assert_eq!(end.acceleration, Vector3::zeros());
+        }
+        assert_eq!(swing.eased(7.3, 20.0), swing.at(7.3));
+        for t in [0.4, 1.1, 1.9, 18.3, 19.5] {
+            let [before, now, after] = [t - h, t, t + h].map(|t| swing.eased(t, 20.0));
+            let s = now.rotation.transpose() * (after.rotation - before.rotation) / (2.0 * h);
+            let rate = Vector3::new(s.m32 - s.m23, s.m13 - s.m31, s.m21 - s.m12) * 0.5;
+            assert!((rate - now.rate).norm() < 1e-6, "{t}");
+            let change = (after.rate - before.rate) / (2.0 * h);
+            assert!((change - now.acceleration).norm() < 1e-5, "{t}");
+        }
+    }
+
+    #[test]
     fn the_base_s_wrench_is_the_rate_of_change_of_all_momentum() {
         // Linear, and angular about the fixed point where the base's origin is now, gravity's share taken off.
         let (tree, h) = (tree(), 1e-4);
@@ -313,13 +376,14 @@ mod tests {
             body: tree.links[1].body,
             joint_m: tree.links[1].joint_m,
             swing: tree.links[1].swing,
+            with_program: false,
             imu: Mounting::IDENTITY,
         };
         let pair = Tree { links: tree.links[..2].to_vec(), ..tree };
         let now = pair.at(0.9);
         let gravity = Vector3::new(0.0, 0.0, -9.81);
         let first = pair.links[0].body.wrench(&now.motions[0], &gravity);
-        let second = link.wrench(&now.motions[0], 0.9, &gravity);
+        let second = link.wrench(&now.motions[0], &link.swing.at(0.9), &gravity);
         for ((a, b), sum) in first.iter().zip(second).zip(now.wrench) {
             assert!((a + b - sum).abs() < 1e-12);
         }

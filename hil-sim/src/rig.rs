@@ -23,6 +23,7 @@ use motion::Platform;
 
 use crate::body::{BodyParameters, FrameMotion};
 use crate::devices::{Ads131m08, Device, Icm42688};
+use crate::links::JointState;
 use crate::platform::{MotionProgram, Pose};
 use crate::sensors::{Experiment, Fault, ImuChain, LoadCellChain};
 
@@ -306,8 +307,10 @@ impl Rig {
         let delay_s = model.delay_s + model.undeclared_delay_s + self.adc.group_delay_s();
         let plate = self.platform.coordinates(time_ns as f64 - 1e9 * delay_s).plate_state();
         let mut truth = self.mechanics.wrench(&plate);
-        let second = self.mechanics.second_wrench(&plate, time_ns as f64 * 1e-9 - delay_s);
-        truth.iter_mut().zip(second).for_each(|(w, more)| *w += more);
+        if let Some(joint) = self.second_joint(time_ns as f64 * 1e-9 - delay_s) {
+            let second = self.mechanics.second_wrench(&plate, &joint);
+            truth.iter_mut().zip(second).for_each(|(w, more)| *w += more);
+        }
         let wrench = self.load_cell.read(time_ns as f64 * 1e-9, truth);
         self.adc.convert(&self.mechanics.gauges_v(&wrench));
     }
@@ -321,11 +324,21 @@ impl Rig {
         self.imu_device.sample(time_ns, accel, gyro, 25.0)
     }
 
+    /// How the second link's joint stands at a time of the clock; `None` without one.
+    fn second_joint(&self, time_s: f64) -> Option<JointState> {
+        let link = self.config.second.as_ref()?;
+        if !link.with_program {
+            return Some(link.swing.at(time_s));
+        }
+        Some(link.swing.eased(self.platform.elapsed_s(time_s * 1e9), self.platform.duration_s()))
+    }
+
     fn sample_second_imu(&mut self, time_ns: u64) -> bool {
         let model = &self.config.sensors.imu;
         let delay_s = model.delay_s + model.undeclared_delay_s;
         let plate = self.platform.coordinates(time_ns as f64 - 1e9 * delay_s).plate_state();
-        let Some((accel, gyro)) = self.mechanics.second_imu(&plate, time_ns as f64 * 1e-9 - delay_s) else {
+        let joint = self.second_joint(time_ns as f64 * 1e-9 - delay_s);
+        let Some((accel, gyro)) = joint.and_then(|joint| self.mechanics.second_imu(&plate, &joint)) else {
             return false;
         };
         let (accel, gyro) = self.second_imu.read(time_ns as f64 * 1e-9, accel, gyro);

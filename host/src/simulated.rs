@@ -1,7 +1,9 @@
 //! What the simulator's rig is to the pipeline.
 //!
-//! Lives here: readings, mounting and limits in the pipeline's types. May not live here: experiments and their judgement
+//! Lives here: readings, mounting and limits in the pipeline's types, and people in motion ([`person`]). May not live here: experiments and their judgement
 //! ([`crate::montecarlo`]).
+
+pub mod person;
 
 use rigident_shared::Scalar;
 use rigident_shared::calibration::{ImuMounting, Reading};

@@ -1,8 +1,8 @@
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use crate::body::BodyParameters;
 use crate::link::LinkFaults;
+use crate::links::SecondLink;
 use crate::rig::RigConfig;
 use crate::sensors::{Channel, Fault, SensorModels};
 
@@ -24,6 +24,9 @@ pub enum Body {
     Horizontal,
     /// Standing upright
     Vertical,
+    /// Lying, with an arm on a ball joint that has an IMU of its own and swings while the plate's program runs; both IMUs are
+    /// calibrated
+    TwoLinks,
 }
 
 /// How good the sensors are.
@@ -96,7 +99,8 @@ fn probability(text: &str) -> Result<f64, String> {
     rigident run --port ./rigident-rig --rig rig.toml --platform tcp://127.0.0.1:7447     (in another terminal)\n  \
     rigident-sim serve --gcs 127.0.0.1:50000 --gcs-port-link ./hexapod\n  \
     rigident-sim serve --mcu qemu --flip 1e-4 --drop 0.01\n  \
-    rigident-sim serve --freeze gz@20+5 --saturate fz@40\n\n\
+    rigident-sim serve --freeze gz@20+5 --saturate fz@40\n  \
+    rigident-sim serve --body two-links --write-rig rig.toml\n\n\
     Ctrl-C ends it and leaves nothing behind.")]
 pub struct ServeOptions {
     /// Where the firmware runs
@@ -159,20 +163,27 @@ impl ServeOptions {
     /// The rig asked for.
     #[must_use]
     pub fn rig(&self) -> RigConfig {
-        let mut sensors = match self.sensors {
-            Sensors::Thesis => SensorModels::thesis(),
-            Sensors::Ideal => SensorModels::ideal(),
+        let rig = match self.body {
+            Body::Horizontal => RigConfig::thesis_horizontal(),
+            Body::Vertical => RigConfig::thesis_vertical(),
+            Body::TwoLinks => {
+                let rig = RigConfig::two_links();
+                let second = SecondLink { with_program: true, ..SecondLink::arm() };
+                rig.with_second(second)
+            }
         };
+        let mut sensors = rig.sensors.clone();
+        if self.sensors == Sensors::Ideal {
+            let gyro_range_radps = sensors.imu.gyro_range_radps;
+            sensors = SensorModels::ideal();
+            sensors.imu.gyro_range_radps = gyro_range_radps;
+        }
         let frozen =
             self.freeze.iter().cloned().map(|f| Fault::Frozen { channel: f.channel, during: f.during });
         let saturated =
             self.saturate.iter().cloned().map(|f| Fault::Saturated { channel: f.channel, during: f.during });
         sensors.faults.extend(frozen.chain(saturated));
-        let body = match self.body {
-            Body::Horizontal => BodyParameters::thesis_horizontal(),
-            Body::Vertical => BodyParameters::thesis_vertical(),
-        };
-        RigConfig::thesis_horizontal().with_body(body).with_sensors(sensors).with_seed(self.seed)
+        rig.with_sensors(sensors).with_seed(self.seed)
     }
 
     /// The faults of the line asked for; `None` for a good one.

@@ -15,17 +15,32 @@ pub fn rig_file(rig: &Rig) -> String {
     file.key("rate_hz", config.adc_hz);
     file.key("gravity_mps2", config.gravity_mps2);
 
-    file.table("[[imu]]");
-    file.key("link", 0);
-    file.key("position_m", config.imu.position_m);
-    file.key("rotation_wxyz", unit_quaternion(&config.imu));
-    file.key("rate_hz", config.imu_hz);
-    file.key("group_delay_s", config.imu_group_delay_s());
-    file.key("range_mps2", unit.accel_range_mps2);
-    file.key("range_radps", unit.gyro_range_radps);
-    // Without noise the converters' steps are still there: the host then takes it from the residuals.
-    file.positive("accel_noise_mps2", largest(unit.accel_noise_mps2));
-    file.positive("gyro_noise_radps", largest(unit.gyro_noise_radps));
+    let second = config.second.as_ref();
+    for (link, mounting) in [config.imu].into_iter().chain(second.map(|link| link.imu)).enumerate() {
+        file.table("[[imu]]");
+        file.key("link", link);
+        file.key("position_m", mounting.position_m);
+        file.key("rotation_wxyz", unit_quaternion(&mounting));
+        file.key("rate_hz", config.imu_hz);
+        file.key("group_delay_s", config.imu_group_delay_s());
+        file.key("range_mps2", unit.accel_range_mps2);
+        file.key("range_radps", unit.gyro_range_radps);
+        // Without noise the converters' steps are still there: the host then takes it from the residuals.
+        file.positive("accel_noise_mps2", largest(unit.accel_noise_mps2));
+        file.positive("gyro_noise_radps", largest(unit.gyro_noise_radps));
+    }
+    if let Some(second) = second {
+        let initial =
+            if second.with_program { [1.0, 0.0, 0.0, 0.0] } else { second.swing.attitude_wxyz(0.0) };
+        file.table("[[link]]");
+        file.key("name", "body");
+        file.table("[[link]]");
+        file.key("name", "arm");
+        file.key("parent", "body");
+        file.key("joint", "spherical");
+        file.key("position_m", second.joint_m);
+        file.key("initial_wxyz", initial);
+    }
 
     file.table("[load_cell]");
     if cell.noise_n_nm.iter().all(|sigma| *sigma > 0.0) {
@@ -60,11 +75,13 @@ pub fn rig_file(rig: &Rig) -> String {
     file.key("position_m", config.load_cell.position_m);
     file.key("rotation_wxyz", unit_quaternion(&config.load_cell));
 
-    file.table("[truth]");
-    file.key("mass_kg", truth.body.mass_kg);
-    file.key("com_m", truth.body.com_m);
-    file.key("inertia_com_kgm2", truth.body.inertia_com_kgm2);
-    file.key("apparent_offset_n_nm", truth.apparent_offset_n_nm);
+    if second.is_none() {
+        file.table("[truth]");
+        file.key("mass_kg", truth.body.mass_kg);
+        file.key("com_m", truth.body.com_m);
+        file.key("inertia_com_kgm2", truth.body.inertia_com_kgm2);
+        file.key("apparent_offset_n_nm", truth.apparent_offset_n_nm);
+    }
     file.0
 }
 

@@ -15,31 +15,16 @@ use rigident_shared::wire::{
     MemorySettings, ModelSettings, Reason, Reply, SettingName, Settings, Source, StateName, StopRule,
     TwoLinkSettings,
 };
-use rigident_sim::body::BodyParameters;
 use rigident_sim::experiment::thesis_program;
-use rigident_sim::links::{SecondLink, Swing};
-use rigident_sim::rig::{Mounting, Rig, RigConfig};
+use rigident_sim::links::SecondLink;
+use rigident_sim::rig::{Rig, RigConfig};
 use rigident_sim::runner::{InProcess, Mcu, Pacing, Qemu, QemuOptions};
 use rigident_sim::sensors::{PerExperiment, SensorModels};
 
 use crate::device::{Device, settings};
 
 fn second() -> SecondLink {
-    SecondLink {
-        body: BodyParameters {
-            mass_kg: 6.0,
-            com_m: [0.04, -0.03, 0.12],
-            inertia_com_kgm2: [0.12, 0.10, 0.06, 0.01, -0.015, 0.02],
-        },
-        joint_m: [0.1, -0.05, 0.2],
-        // At rest at time zero.
-        swing: Swing {
-            amplitude_rad: [0.5, 0.45, 0.6],
-            frequency_hz: [0.61, 0.83, 0.47],
-            phase_rad: [std::f64::consts::FRAC_PI_2; 3],
-        },
-        imu: Mounting { position_m: [0.03, 0.05, 0.1], rotation_wxyz: [0.8, -0.3, 0.4, 0.2] },
-    }
+    SecondLink::arm()
 }
 
 /// The thesis' noise without what an experiment draws once; the second link is faster than its gyro's range.

@@ -7,7 +7,7 @@ pub use super::course_arguments::Course;
 pub use super::factor_arguments::{MakeFactor, Merge, Solve, TareFiles};
 pub use super::known_arguments::KnownQuantities;
 pub use super::memory_arguments::Remember;
-pub use super::model_arguments::{BenchCommand, ModelCommand, TreeOptions};
+pub use super::model_arguments::{BenchCommand, ModelCommand, TreeModel, TreeOptions};
 pub use super::montecarlo_poses::MontecarloPoses;
 pub use super::plan_arguments::{Plan, Workspace};
 pub use super::programme::Programme;
@@ -95,15 +95,16 @@ pub enum Mcu {
 #[command(
     after_help = "Examples:\n  rigident demo\n  rigident demo --mcu qemu --json\n  rigident demo --body vertical --seed 7 --out \
                         answers/demo7\n  rigident demo --until m=0.05,Ixx=0.01\n  rigident demo --adaptive --until-relative 0.01\n  rigident demo --forget 20\n  \
-                        rigident demo --plan motion.json"
+                        rigident demo --plan motion.json\n\nSeveral links:\n  rigident demo --body two-links\n  rigident demo --body human34 \
+                        --mcu qemu --duration-s 20"
 )]
 pub struct Demo {
     /// Where the firmware runs
     #[arg(long, value_enum, default_value_t)]
     pub mcu: Mcu,
-    /// The thesis' test body with plates, in either of its mountings
+    /// What is identified
     #[arg(long, value_enum, default_value_t)]
-    pub body: DemoBody,
+    pub body: Demonstrated,
     #[command(flatten)]
     #[allow(missing_docs)]
     pub programme: Programme,
@@ -130,6 +131,21 @@ pub struct Demo {
     pub output: Output,
 }
 
+/// What a demonstration identifies.
+#[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Demonstrated {
+    /// The thesis' test body with plates, lying: centre of mass at 53 mm
+    #[default]
+    Horizontal,
+    /// The same standing: centre of mass at 247 mm
+    Vertical,
+    /// An arm on a ball joint on that body, an IMU on each: 19 base parameters and the offset, 1 kHz
+    TwoLinks,
+    /// A person of 15 links and 34 degrees of freedom from frames, 100 a second: 128 base parameters
+    #[value(name = "human34")]
+    Human34,
+}
+
 /// The two mountings of the thesis' test body.
 #[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum DemoBody {
@@ -144,7 +160,8 @@ pub enum DemoBody {
 #[derive(Args, Debug, Clone)]
 #[command(
     after_help = "Examples:\n  rigident replay bracket.mcap --mcu inproc\n  rigident replay poses.csv --rig poses.rig.toml --mcu qemu\n  \
-                        rigident replay bracket.csv --mcu /dev/ttyACM0"
+                        rigident replay bracket.csv --mcu /dev/ttyACM0\n\nSeveral links:\n  rigident replay two_links.mcap --mcu qemu\n  rigident \
+                        replay walk.csv --model human34 --height-m 1.65 --mass-kg 60"
 )]
 pub struct Replay {
     /// The recording, CSV or MCAP
@@ -170,6 +187,9 @@ pub struct Replay {
     #[command(flatten)]
     #[allow(missing_docs)]
     pub output: Output,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub tree: TreeModel,
 }
 
 /// `rigident identify`

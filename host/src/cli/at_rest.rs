@@ -6,17 +6,18 @@ use std::time::Instant;
 use nalgebra::Vector3;
 use rigident_shared::calibration::Reading;
 use rigident_shared::forgetting::ImuNoise;
-use rigident_shared::spatial::{Imu, SpecificForce};
+use rigident_shared::spatial::{AngularRate, Imu, SpecificForce};
 use rigident_sim::platform::Pose;
 
 use super::Failure;
 use super::experiment::Watcher;
+use super::link::device_settings;
 use crate::formats::rig::{Calibrated, ImuTable, RigFile};
 use crate::identification::prepare::mounting;
 use crate::identification::remembered::imu_noise;
 use crate::planning::machine;
 use crate::platform::check;
-use crate::session::{INTERRUPTED, Session};
+use crate::session::{DeviceTiming, INTERRUPTED, Session, widen};
 
 /// Length of one look at the sensors at rest, s.
 const WINDOW_S: f64 = 2.0;
@@ -205,10 +206,46 @@ pub(super) fn zero(
     Ok(rest)
 }
 
+/// The second link at rest: bias of its gyro.
+///
+/// # Errors
+/// It moves, or its IMU sends nothing.
+pub(super) fn zero_second(
+    session: &mut Session,
+    rig: &mut RigFile,
+    timing: &DeviceTiming,
+    rest: &Rest,
+) -> Result<(), Failure> {
+    let settings = device_settings(rig, timing, Some(rest.sigma))?;
+    session.configure(&settings).map_err(Failure::link)?;
+    let seen = session.watch_links(WINDOW_S, &mut Watcher::new(0)).map_err(Failure::link)?;
+    if INTERRUPTED.load(Ordering::Relaxed) {
+        return Err(Failure::link("stopped before the experiment began; nothing was moved"));
+    }
+    let readings: Vec<Reading<f64>> = seen
+        .iter()
+        .map(|r| Reading {
+            specific_force: SpecificForce::from_array(r.specific_force.map(f64::from)),
+            angular_rate: AngularRate::from_array(r.angular_rate.map(f64::from)),
+            ..widen(&r.base)
+        })
+        .collect();
+    let Some(imu) = rig.imu.iter_mut().find(|imu| imu.link == 1) else { return Ok(()) };
+    let rest = at_rest(&readings, Some(imu))
+        .ok_or_else(|| Failure::link("the second link's IMU sends nothing: check its supply and wiring"))?;
+    if let Some(shown) = &rest.moving {
+        return Err(Failure::link(format!(
+            "the second link does not hang still: {shown}. Its gyro's zero is measured at rest, and its attitude at the start is \
+             initial_wxyz of its [[link]].\nNothing was moved."
+        )));
+    }
+    imu.gyro_bias_radps = Calibrated::Numbers(rest.angular_rate);
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rigident_shared::spatial::AngularRate;
     use rigident_sim::platform::Geometry;
 
     /// Two seconds at 200/s: a body at rest, turned by `angle` about x at each time (s), with the noise of a poor gyro.

@@ -6,11 +6,11 @@ use rigident_shared::wire::Source;
 use rigident_sim::rig::{Rig, RigConfig};
 use rigident_sim::sensors::SensorModels;
 
-use super::arguments::{Demo, DemoBody};
+use super::arguments::{Demo, DemoBody, Demonstrated};
 use super::experiment::{Experiment, Watcher, device_notes};
 use super::memory_arguments::{self, RowsOf};
 use super::outcome::provenance;
-use super::{Failure, Folder, simulated};
+use super::{Failure, Folder, demo_links, simulated};
 use crate::answer::assemble::Asked;
 use crate::identification::remembered::imu_noise;
 use crate::link::Client;
@@ -18,16 +18,25 @@ use crate::platform::{LocalPlatform, Platform as _};
 use crate::session::{DeviceTiming, Session, settings};
 
 /// Rate of the demonstration, 1/s.
-const RATE_HZ: f64 = 1000.0;
+pub(super) const RATE_HZ: f64 = 1000.0;
 /// σ that the converter's quantisation stands in for when the noise is switched off, N and N m.
-const QUIET: [f64; 6] = [1e-3, 1e-3, 2e-3, 1e-4, 1e-4, 1e-4];
+pub(super) const QUIET: [f64; 6] = [1e-3, 1e-3, 2e-3, 1e-4, 1e-4, 1e-4];
 
 /// `rigident demo`
 pub(super) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
+    match arguments.body {
+        Demonstrated::Horizontal => one_body(arguments, DemoBody::Horizontal),
+        Demonstrated::Vertical => one_body(arguments, DemoBody::Vertical),
+        Demonstrated::TwoLinks => demo_links::two_links(arguments),
+        Demonstrated::Human34 => demo_links::human34(arguments),
+    }
+}
+
+fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
     let started = Instant::now();
     let asked = Asked::parse(&arguments.output.estimate).map_err(Failure::input)?;
     let known = arguments.known.parse()?;
-    let (config, body_name) = match arguments.body {
+    let (config, body_name) = match body {
         DemoBody::Horizontal => (RigConfig::thesis_horizontal(), "test body with plates, horizontal"),
         DemoBody::Vertical => (RigConfig::thesis_vertical(), "test body with plates, vertical"),
     };

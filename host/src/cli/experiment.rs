@@ -7,7 +7,9 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use rigident_shared::forgetting::MemoryConfig;
-use rigident_shared::wire::{Consistency, EstimateReport, Identity, ReadingMessage, Reason, StateName};
+use rigident_shared::wire::{
+    Consistency, EstimateReport, Identity, LinkReadingMessage, ReadingMessage, Reason, StateName,
+};
 use rigident_sim::experiment::SHORTEST_S;
 
 use super::followed::{Followed, MotionLog};
@@ -26,8 +28,10 @@ use crate::identification::tare::Tare;
 use crate::identification::{self, Progression, prepare};
 use crate::platform::MotionSample;
 use crate::report::{Decided, Drift, Quantity, Stage};
-use crate::session::{Observer, Take};
+use crate::session::{DeviceFactor, Observer, Take};
 
+/// Parameters of one body with the offset.
+const ONE_BODY: usize = 16;
 /// Noise alone seldom takes an answer so far from what a body can have, standard deviations.
 const DOUBTFUL_SD: f32 = 3.0;
 
@@ -81,6 +85,13 @@ impl Watcher {
         Ok(Self { writer: Some(writer), path, ..Self::new(expected) })
     }
 
+    fn append(&mut self, row: &Row<'_>) -> Result<(), String> {
+        let Some(writer) = &mut self.writer else { return Ok(()) };
+        writer
+            .append(row)
+            .map_err(|e| format!("{}: {e}; what was written until then is readable", self.path.display()))
+    }
+
     /// Ends the recording. One that cannot be ended is a broken experiment, unless it was broken before.
     pub(super) fn end(&mut self, take: &mut Take) {
         if let Err(failure) = self.finish() {
@@ -95,21 +106,30 @@ impl Watcher {
     }
 }
 
+fn imu_values(specific_force: [f32; 3], angular_rate: [f32; 3]) -> ImuValues {
+    ImuValues { accel: Some(specific_force.map(f64::from)), gyro: Some(angular_rate.map(f64::from)) }
+}
+
+/// A row of what the sensors on the load cell's body read, and the IMUs.
+fn row<'a>(reading: &ReadingMessage, imus: &'a [ImuValues], attitudes: &'a [(usize, [f64; 4])]) -> Row<'a> {
+    let wrench = Some(reading.wrench.map(f64::from));
+    Row { time_ns: reading.time_ns, wrench, imus, attitudes, ..Row::default() }
+}
+
 impl Observer for Watcher {
     fn reading(&mut self, reading: &ReadingMessage) -> Result<(), String> {
-        let Some(writer) = &mut self.writer else { return Ok(()) };
-        let imu = ImuValues {
-            accel: Some(reading.specific_force.map(f64::from)),
-            gyro: Some(reading.angular_rate.map(f64::from)),
-        };
-        writer
-            .append(&Row {
-                time_ns: reading.time_ns,
-                wrench: Some(reading.wrench.map(f64::from)),
-                imus: &[imu],
-                ..Row::default()
-            })
-            .map_err(|e| format!("{}: {e}; what was written until then is readable", self.path.display()))
+        let imu = imu_values(reading.specific_force, reading.angular_rate);
+        self.append(&row(reading, &[imu], &[]))
+    }
+
+    fn link_reading(&mut self, reading: &LinkReadingMessage) -> Result<(), String> {
+        let base = &reading.base;
+        let imus = [
+            imu_values(base.specific_force, base.angular_rate),
+            imu_values(reading.specific_force, reading.angular_rate),
+        ];
+        let attitude = reading.attitude_wxyz.map(f64::from);
+        self.append(&row(base, &imus, &[(1, attitude)]))
     }
 
     fn estimate(&mut self, report: &EstimateReport) {
@@ -138,7 +158,10 @@ impl Observer for Watcher {
                     .filter(|v| v.is_finite())
                     .fold(0.0_f32, f32::max);
                 let apart = match report.consistency {
-                    Consistency::NotDetermined => ", no body determined yet".to_owned(),
+                    // Of several links it is never judged.
+                    Consistency::NotDetermined if report.estimate.len() <= ONE_BODY => {
+                        ", no body determined yet".to_owned()
+                    }
                     _ if report.distance_sd > DOUBTFUL_SD => {
                         format!(", {:.1} sd from any body", report.distance_sd)
                     }
@@ -160,6 +183,41 @@ pub(super) fn device_notes(identity: &Identity) -> Vec<(String, String)> {
         ("Firmware".to_owned(), format!("{major}.{minor}.{patch}")),
         ("Firmware, hash of its sources".to_owned(), format!("{:08x}", identity.firmware_hash)),
     ]
+}
+
+/// What is to be said of a take, whatever it was of.
+pub(super) fn noticed(take: &Take, rig: &RigFile) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let counters = &take.counters;
+    let lost = if rig.load_cell.gain_uncertainty.is_some_and(|g| g.iter().any(|s| *s > 0.0)) {
+        "readings were lost between device and host; with gain_uncertainty the estimate is made of the others"
+    } else {
+        "readings were lost between device and host; they are in the estimate, not in the recording"
+    };
+    for (count, what) in [
+        (take.missing, lost),
+        (counters.load_cell_crc_errors, "samples of the load cell had a wrong check sum and were left out"),
+        (counters.imu_errors, "samples of the IMU could not be read"),
+        (counters.second_imu_errors, "samples of the second link's IMU could not be read"),
+        (counters.gaps, "stretches of time are missing; the filter started anew after each"),
+        (counters.telemetry_dropped, "messages of the device were dropped for want of room on the link"),
+    ] {
+        if count > 0 {
+            warnings.push(format!("{count} {what}"));
+        }
+    }
+    if take.states.contains(&(StateName::Holding, Reason::StopRule)) {
+        let times = [take.readings.first(), take.readings.last()].map(|r| r.map_or(0, |r| r.time_ns));
+        let seconds = times[1].saturating_sub(times[0]) as f64 * 1e-9;
+        eprintln!("the uncertainties asked for were reached; {seconds:.1} s were taken in");
+    }
+    if take.cut_short {
+        warnings.push("ended before the programme's end, after the time of --at-most-s".to_owned());
+    }
+    if take.interrupted {
+        warnings.push("stopped by Ctrl-C before the end".to_owned());
+    }
+    warnings
 }
 
 /// An experiment that is over.
@@ -195,40 +253,11 @@ impl Experiment<'_> {
     /// Judges the device's factor by its readings and concludes the command.
     pub(super) fn conclude(self, take: Take, folder: &Folder, json: bool) -> Result<ExitCode, Failure> {
         let mut warnings = self.warnings;
+        warnings.extend(noticed(&take, self.rig));
         let counters = &take.counters;
-        let lost = if self.rig.load_cell.gain_uncertainty.is_some_and(|g| g.iter().any(|s| *s > 0.0)) {
-            "readings were lost between device and host; with gain_uncertainty the estimate is made of the others"
-        } else {
-            "readings were lost between device and host; they are in the estimate, not in the recording"
-        };
-        for (count, what) in [
-            (take.missing, lost),
-            (
-                counters.load_cell_crc_errors,
-                "samples of the load cell had a wrong check sum and were left out",
-            ),
-            (counters.imu_errors, "samples of the IMU could not be read"),
-            (counters.gaps, "stretches of time are missing; the filter started anew after each"),
-            (counters.telemetry_dropped, "messages of the device were dropped for want of room on the link"),
-        ] {
-            if count > 0 {
-                warnings.push(format!("{count} {what}"));
-            }
-        }
-        if take.states.contains(&(StateName::Holding, Reason::StopRule)) {
-            let times = [take.readings.first(), take.readings.last()].map(|r| r.map_or(0, |r| r.time_ns));
-            let seconds = times[1].saturating_sub(times[0]) as f64 * 1e-9;
-            eprintln!("the uncertainties asked for were reached; {seconds:.1} s were taken in");
-        }
-        if take.cut_short {
-            warnings.push("ended before the programme's end, after the time of --at-most-s".to_owned());
-        }
-        if take.interrupted {
-            warnings.push("stopped by Ctrl-C before the end".to_owned());
-        }
         let input = prepare::input(self.rig, take.readings, self.is_static, self.rate_hz);
         let (mut identification, mcu) = match take.factor {
-            Some(factor) => (
+            Some(DeviceFactor::Body(factor)) => (
                 match &self.memory {
                     Some(memory) => {
                         conclude_remembered(&input, memory, factor, counters.knocks, self.sigma_given)
@@ -238,7 +267,8 @@ impl Experiment<'_> {
                 .map_err(Failure::input)?,
                 self.mcu,
             ),
-            None => {
+            // Of several links it is not here.
+            Some(DeviceFactor::Links(_)) | None => {
                 // The device is out of reach; what it streamed is here, and the pipeline is the same.
                 let broken = take.broken.as_deref().unwrap_or("the device gave no factor");
                 let identification = match &self.memory {

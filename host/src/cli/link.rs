@@ -1,6 +1,6 @@
 use std::process::ExitCode;
 
-use rigident_shared::wire::{Command, Reply, Source};
+use rigident_shared::wire::{Command, Reply, Settings, Source};
 use serde_json::json;
 
 use super::Failure;
@@ -9,10 +9,26 @@ use super::experiment::device_notes;
 use super::outcome::say;
 use crate::formats::rig::RigFile;
 use crate::link::{Client, SerialTransport};
+use crate::session::two_links::{attitude_source, two_link_settings};
 use crate::session::{DeviceTiming, Session, settings};
 
 /// The device says Holding after so long without us.
 pub(super) const HOST_TIMEOUT_MS: u32 = 2_000;
+
+/// The device's settings for what a rig file describes, one body or two links, and σ where it has none.
+///
+/// # Errors
+/// Bad input: what the rig file lacks, or more links than the device takes from sensors.
+pub(super) fn device_settings(
+    rig: &RigFile,
+    timing: &DeviceTiming,
+    noise: Option<[f64; 6]>,
+) -> Result<Settings, Failure> {
+    if rig.link.len() > 1 {
+        return two_link_settings(rig, timing, noise, attitude_source(rig)).map_err(Failure::input);
+    }
+    settings(rig, timing, noise, None).map_err(Failure::input)
+}
 
 /// Opens a port and says hello.
 pub(super) fn open(port: &str) -> Result<Session, Failure> {
@@ -75,7 +91,7 @@ pub(super) fn configure(arguments: &Configure) -> Result<ExitCode, Failure> {
         source: Source::Sensors,
         host_timeout_ms: HOST_TIMEOUT_MS,
     };
-    let settings = settings(&rig, &timing, None, None).map_err(Failure::input)?;
+    let settings = device_settings(&rig, &timing, None)?;
     let mut session = open(&arguments.port)?;
     session.configure(&settings).map_err(Failure::link)?;
     say(format_args!("configured and read back: {settings:#?}"));

@@ -31,16 +31,37 @@ pub struct ModelCheck {
     pub json: bool,
 }
 
-/// Options of `rigident identify` for trees of links.
+/// Which tree a recording is of.
 #[derive(Args, Debug, Clone)]
 #[command(next_help_heading = "Trees of links")]
-pub struct TreeOptions {
+pub struct TreeModel {
     /// The tree: human34, human58, a URDF, MJCF or SDF. Default: the [[link]] tables of the rig file, if there are several
     #[arg(long, value_name = "MODEL")]
     pub model: Option<String>,
     #[command(flatten)]
     #[allow(missing_docs)]
     pub changes: ModelChanges,
+}
+
+impl TreeModel {
+    /// Changes to a model by their options, and whether they are given.
+    pub(super) fn changed(&self) -> [(&'static str, bool); 4] {
+        [
+            ("--lock", !self.changes.lock.is_empty()),
+            ("--spherical", !self.changes.spherical.is_empty()),
+            ("--tool", !self.changes.tool.is_empty()),
+            ("--height-m (as --mass-kg, --sex, --segment)", self.changes.describe_a_person()),
+        ]
+    }
+}
+
+/// Options of `rigident identify` for trees of links.
+#[derive(Args, Debug, Clone)]
+#[command(next_help_heading = "Trees of links")]
+pub struct TreeOptions {
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub of: TreeModel,
     /// Friction columns of every joint: any of viscous, coulomb, offset, rotor
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub friction: Vec<String>,

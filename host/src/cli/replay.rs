@@ -6,8 +6,9 @@ use rigident_shared::wire::Source;
 
 use super::arguments::{Mcu, Replay};
 use super::experiment::{Experiment, Watcher};
+use super::identify_tree::{refuse_without_tree, tree_of};
 use super::memory_arguments::{self, RowsOf};
-use super::{Failure, Folder, simulated};
+use super::{Failure, Folder, replay_links, simulated};
 use crate::answer::assemble::Asked;
 use crate::formats::recording::Recording;
 use crate::identification::remembered::{identify_remembered, imu_noise};
@@ -18,9 +19,14 @@ use crate::session::{DeviceTiming, Session, narrow, settings, widen};
 /// `rigident replay`
 pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
     let started = Instant::now();
+    super::recorded::refuse_streams(&arguments.recording, arguments.rig.as_deref(), "replay")?;
+    let (path, rig) = (&arguments.recording, arguments.rig.as_deref());
+    if let Some((model, _)) = tree_of(path, rig, &arguments.tree)? {
+        return replay_links::run(arguments, model, started);
+    }
+    refuse_without_tree(&arguments.tree.changed())?;
     let asked = Asked::parse(&arguments.output.estimate).map_err(Failure::input)?;
     let known = arguments.known.parse()?;
-    super::recorded::refuse_streams(&arguments.recording, arguments.rig.as_deref(), "replay")?;
     let recording =
         Recording::load(&arguments.recording, arguments.rig.as_deref()).map_err(Failure::input)?;
     let mut prepared = prepare(&recording).map_err(Failure::input)?;
@@ -42,16 +48,9 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
         .map_err(Failure::input)?
         .channel_sigma;
         prepared.rig.load_cell.noise_n_nm = Some(sigma);
-        warnings.push(format!(
-            "noise_n_nm is not given: the device was told {} N, N m, from the residuals of a batch",
-            sigma.map(|s| format!("{s:.3}")).join(", ")
-        ));
+        warnings.push(told_noise(&sigma));
     }
-    let (mcu, transport): (&str, Box<dyn Transport>) = match arguments.mcu.as_str() {
-        "inproc" => ("inproc", simulated::transport(Mcu::Inproc, &simulated::idle_rig()?)?),
-        "qemu" => ("qemu", simulated::transport(Mcu::Qemu, &simulated::idle_rig()?)?),
-        port => ("port", Box::new(SerialTransport::open(port).map_err(Failure::link)?)),
-    };
+    let (mcu, transport) = device(&arguments.mcu)?;
     let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
     let rate_hz = prepared.input.rate_hz;
     let timing = DeviceTiming {
@@ -92,4 +91,21 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
         warnings,
     }
     .conclude(take, &folder, arguments.output.json)
+}
+
+/// What is to be said of σ that nobody gave.
+pub(super) fn told_noise(sigma: &[f64]) -> String {
+    format!(
+        "noise_n_nm is not given: the device was told {} N, N m, from the residuals of a batch",
+        sigma.iter().map(|s| format!("{s:.3}")).collect::<Vec<_>>().join(", ")
+    )
+}
+
+/// A device that readings are sent to, and what it is called.
+pub(super) fn device(mcu: &str) -> Result<(&'static str, Box<dyn Transport>), Failure> {
+    Ok(match mcu {
+        "inproc" => ("inproc", simulated::transport(Mcu::Inproc, &simulated::idle_rig()?)?),
+        "qemu" => ("qemu", simulated::transport(Mcu::Qemu, &simulated::idle_rig()?)?),
+        port => ("port", Box::new(SerialTransport::open(port).map_err(Failure::link)?)),
+    })
 }

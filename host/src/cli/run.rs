@@ -8,27 +8,39 @@ use rigident_sim::platform::MotionProgram;
 
 use super::adaptive::Directing;
 use super::arguments::Run;
-use super::at_rest::{self, warm_up, zero};
+use super::at_rest::{self, warm_up, zero, zero_second};
 use super::confirm::confirm;
 use super::experiment::{Experiment, Watcher, device_notes};
 use super::followed::{Followed, MotionLog};
-use super::link::{HOST_TIMEOUT_MS, open};
+use super::link::{HOST_TIMEOUT_MS, device_settings, open};
+use super::links::{LinksExperiment, check_asked};
 use super::memory_arguments::{self, RowsOf};
 use super::outcome::provenance;
+use super::refused::refuse_for_trees;
 use super::{Failure, Folder, simulated};
 use crate::answer::assemble::Asked;
 use crate::formats::rig::{OffsetTable, OffsetWord, RigFile};
 use crate::identification::known::check_model;
+use crate::models::Model;
+use crate::models::rig_links::from_tables;
 use crate::planning::machine;
 use crate::platform::{self, Platform, PlatformError, check};
-use crate::session::{DeviceTiming, INTERRUPTED, Session, settings};
+use crate::session::tree::device_tree;
+use crate::session::{DeviceTiming, INTERRUPTED, Session, settings, two_links};
+use crate::trees::DeviceRows;
 
 /// `rigident run`
 pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let started = Instant::now();
-    let asked = Asked::parse(&arguments.output.estimate).map_err(Failure::input)?;
     let known = arguments.known.parse()?;
     let mut rig = RigFile::load(&arguments.rig).map_err(Failure::input)?;
+    let links = links_of(arguments, &rig)?;
+    // Of several links the words are others, and have been looked at.
+    let asked = match &links {
+        Some(_) => Asked::parse(&[]),
+        None => Asked::parse(&arguments.output.estimate),
+    }
+    .map_err(Failure::input)?;
     let offset_estimated = matches!(rig.load_cell.offset_n_nm, OffsetTable::Word(OffsetWord::Estimate));
     check_model(&known, offset_estimated).map_err(Failure::input)?;
     let rate_hz = rig.recording.rate_hz.unwrap_or(1000.0);
@@ -84,7 +96,10 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     if let Some(home) = &from {
         at_rest::check_level(&rest, &rig, home)?;
     }
-    let mut settings = settings(&rig, &timing, Some(rest.sigma), None).map_err(Failure::input)?;
+    if links.is_some() {
+        zero_second(&mut session, &mut rig, &timing, &rest)?;
+    }
+    let mut settings = device_settings(&rig, &timing, Some(rest.sigma))?;
     arguments.course.put_into(&mut settings)?;
     let memory = span.map(|span| MemoryConfig { span, imu_noise: rest.imu_noise });
     memory_arguments::put_into(&mut settings, memory.as_ref());
@@ -143,6 +158,20 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     }
     let trajectory = commanded.map(|program| program.trajectory()).transpose().map_err(Failure::input)?;
     let followed = trajectory.zip(log).and_then(|(trajectory, log)| Followed::of(&trajectory, log.samples()));
+    if let Some(model) = links {
+        let ending = LinksExperiment {
+            started,
+            output: &arguments.output,
+            model: &model,
+            recording: &two_links::recording("run", &rig, rate_hz, &take.links),
+            mcu: "port",
+            rows: DeviceRows::Filtered,
+            truth: None,
+            followed: followed.as_ref(),
+            warnings,
+        };
+        return ending.conclude(take, &folder);
+    }
     Experiment {
         started,
         asked: &asked,
@@ -164,6 +193,23 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         warnings,
     }
     .conclude(take, &folder, arguments.output.json)
+}
+
+/// The tree of a rig file with several links, if the device takes it from sensors; `None` if it is of one body.
+fn links_of(arguments: &Run, rig: &RigFile) -> Result<Option<Model>, Failure> {
+    if rig.link.len() < 2 {
+        return Ok(None);
+    }
+    refuse_for_trees(&[&arguments.known, &arguments.remember, &arguments.course, &arguments.adaptive])?;
+    let model = from_tables(&rig.link, &arguments.rig.display().to_string()).map_err(Failure::input)?;
+    let rate_hz = rig.recording.rate_hz.unwrap_or(1000.0);
+    let timing =
+        DeviceTiming { rate_hz, is_static: false, source: Source::Sensors, host_timeout_ms: HOST_TIMEOUT_MS };
+    // Whether it fits at all, whatever the noise is.
+    let settings = device_settings(rig, &timing, Some([1.0; 6]))?;
+    let (_, parameters) = device_tree(&model).map_err(Failure::input)?;
+    check_asked(&parameters, settings.load_cell.known_offset_n_nm.is_none(), &arguments.output)?;
+    Ok(Some(model))
 }
 
 /// Brings the plate to the first pose. The device is heard meanwhile: nobody may keep it waiting.

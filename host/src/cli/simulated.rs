@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use rigident_sim::platform::{MotionProgram, Segment};
 use rigident_sim::rig::{Rig, RigConfig, SharedRig};
-use rigident_sim::runner::{InProcess, Pacing, Qemu, QemuOptions};
+use rigident_sim::runner::{FrameBus, FrameGate, InProcess, Pacing, Qemu, QemuOptions};
 
 use super::Failure;
 use super::arguments::Mcu;
@@ -14,6 +14,7 @@ use crate::formats::rig::{
 };
 use crate::link::Transport;
 use crate::report::Stage;
+use crate::session::tree::FrameSource;
 
 /// A simulated microcontroller at the end of a line.
 struct Simulated(Box<dyn rigident_sim::runner::Mcu>);
@@ -37,6 +38,33 @@ pub(super) fn transport(mcu: Mcu, rig: &SharedRig) -> Result<Box<dyn Transport>,
         ),
     };
     Ok(Box::new(Simulated(mcu)))
+}
+
+/// The firmware on the chosen microcontroller, fed with frames over the lock-step bus, and who lets them go.
+pub(super) fn frames(
+    mcu: Mcu,
+    frames: Vec<Vec<u8>>,
+    rate_hz: f64,
+) -> Result<(Box<dyn Transport>, Gate), Failure> {
+    let (bus, gate) = FrameBus::new(frames, rate_hz);
+    let mcu: Box<dyn rigident_sim::runner::Mcu> = match mcu {
+        Mcu::Inproc => Box::new(InProcess::on(Box::new(bus))),
+        Mcu::Qemu => Box::new(Qemu::spawn_on(&QemuOptions::default(), Box::new(bus)).map_err(Failure::link)?),
+    };
+    Ok((Box::new(Simulated(mcu)), Gate(gate)))
+}
+
+/// Lets frames go.
+pub(super) struct Gate(FrameGate);
+
+impl FrameSource for Gate {
+    fn set_open(&self, open: bool) {
+        self.0.set_open(open);
+    }
+
+    fn is_done(&self) -> bool {
+        self.0.is_done()
+    }
 }
 
 /// What the command line calls it.
@@ -109,7 +137,7 @@ pub(super) fn rig_file(rig: &Rig, body_name: &str) -> RigFile {
     }
 }
 
-fn normalised(q: [f64; 4]) -> [f64; 4] {
+pub(super) fn normalised(q: [f64; 4]) -> [f64; 4] {
     let norm = q.iter().map(|v| v * v).sum::<f64>().sqrt();
     q.map(|v| v / norm)
 }

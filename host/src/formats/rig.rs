@@ -369,6 +369,9 @@ pub struct LinkTable {
     /// Parent axes ← link axes at zero angle.
     #[serde(default = "no_rotation")]
     pub rotation_wxyz: [f64; 4],
+    /// For a device that finds the joint's attitude from both links' IMUs: `R_SL` at the start of a run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub initial_wxyz: Option<[f64; 4]>,
     /// What is assumed of it beforehand: mass, kg; given with the two below or not at all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub nominal_mass_kg: Option<f64>,

@@ -4,7 +4,10 @@
 //! May not live here: files and printing (the callbacks of [`Observer`]), the protocol ([`crate::link`]).
 
 mod adaptive;
+pub mod frames;
+mod inject;
 mod settings;
+mod take;
 pub mod tree;
 pub mod two_links;
 
@@ -12,18 +15,18 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use rigident_shared::calibration::Reading;
-use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
 use rigident_shared::wire::{
-    Command, CounterReport, EstimateReport, GapCounter, Identity, InjectBatch, ReadingMessage, Reason, Reply,
-    Settings, StateName, Telemetry,
+    Command, Identity, LinkReadingMessage, ModelSettings, Reason, Reply, Settings, StateName, Telemetry,
 };
 
 pub use adaptive::{Director, Proposal};
 pub use settings::{DeviceTiming, SettingsError, settings};
+use take::Taking;
+pub use take::{DeviceFactor, Observer, Take, narrow, widen};
 
-use crate::identification::Factor;
 use crate::link::{Client, LinkError};
 use crate::platform::{Motion, MotionSample, Platform, PlatformError};
+use crate::trees::factor::TallFactor;
 
 /// Set by Ctrl-C; looked at between messages.
 pub static INTERRUPTED: AtomicBool = AtomicBool::new(false);
@@ -63,75 +66,14 @@ pub enum SessionError {
     Observer(String),
 }
 
-/// What wants to know as it happens.
-pub trait Observer {
-    /// A reading, in order, with the time on the device's clock.
-    ///
-    /// # Errors
-    /// The experiment is then stopped.
-    fn reading(&mut self, reading: &ReadingMessage) -> Result<(), String>;
-    /// A new estimate.
-    fn estimate(&mut self, _report: &EstimateReport) {}
-    /// Where the plate should be and is.
-    ///
-    /// # Errors
-    /// The experiment is then stopped.
-    fn motion(&mut self, _sample: &MotionSample) -> Result<(), String> {
-        Ok(())
-    }
-    /// Called often: progress may be shown.
-    fn progress(&mut self, _readings: usize) {}
-}
-
-/// What an experiment brought.
-#[derive(Debug, Clone)]
-pub struct Take {
-    /// Every reading while running, in f64.
-    pub readings: Vec<Reading<f64>>,
-    /// Every estimate sent.
-    pub estimates: Vec<EstimateReport>,
-    /// Readings that never came.
-    pub missing: u32,
-    /// The device's factor.
-    pub factor: Option<Factor>,
-    /// The device's counters at the end.
-    pub counters: CounterReport,
-    /// State changes while it lasted.
-    pub states: Vec<(StateName, Reason)>,
-    /// Ended by Ctrl-C.
-    pub interrupted: bool,
-    /// Ended before the program's end, because it was to last no longer.
-    pub cut_short: bool,
-    /// What broke in the middle, if anything did; what came before is here.
-    pub broken: Option<String>,
-}
-
-/// A reading as the device sent it, in f64 (exactly).
-pub fn widen(message: &ReadingMessage) -> Reading<f64> {
-    Reading {
-        time_ns: message.time_ns,
-        wrench: Wrench::from_array(message.wrench.map(f64::from)),
-        specific_force: SpecificForce::from_array(message.specific_force.map(f64::from)),
-        angular_rate: AngularRate::from_array(message.angular_rate.map(f64::from)),
-    }
-}
-
-/// A reading as it is sent to the device: rounded to f32.
-pub fn narrow(reading: &Reading<f64>) -> ReadingMessage {
-    ReadingMessage {
-        time_ns: reading.time_ns,
-        wrench: reading.wrench.array().map(|v| v as f32),
-        specific_force: reading.specific_force.array().map(|v| v as f32),
-        angular_rate: reading.angular_rate.array().map(|v| v as f32),
-    }
-}
-
 /// A device that has said hello.
 pub struct Session {
     client: Client,
     identity: Identity,
     last_heartbeat: Instant,
     heartbeats: bool,
+    /// It was set to two links.
+    of_two_links: bool,
     /// Whether a run that the stop rule has ended is started again, without the rule.
     pub go_on_after_stop: bool,
     /// [`Session::follow`] ends a program after so long, s of the device's clock.
@@ -150,6 +92,7 @@ impl Session {
             identity,
             last_heartbeat: Instant::now(),
             heartbeats: false,
+            of_two_links: false,
             go_on_after_stop: false,
             at_most_s: None,
         })
@@ -180,6 +123,7 @@ impl Session {
         }
         self.identity.state = StateName::Configured;
         self.heartbeats = settings.host_timeout_ms > 0;
+        self.of_two_links = matches!(settings.model, ModelSettings::TwoLinks(_));
         Ok(())
     }
 
@@ -299,48 +243,30 @@ impl Session {
         seconds: f64,
         observer: &mut dyn Observer,
     ) -> Result<Vec<Reading<f64>>, SessionError> {
-        let mut taking = Taking::default();
+        Ok(self.watched(seconds, observer)?.readings)
+    }
+
+    /// Likewise, readings of two links.
+    ///
+    /// # Errors
+    /// The link, or a sensor fault.
+    pub fn watch_links(
+        &mut self,
+        seconds: f64,
+        observer: &mut dyn Observer,
+    ) -> Result<Vec<LinkReadingMessage>, SessionError> {
+        Ok(self.watched(seconds, observer)?.links)
+    }
+
+    fn watched(&mut self, seconds: f64, observer: &mut dyn Observer) -> Result<Taking, SessionError> {
+        let mut taking = Taking { watching: true, ..Taking::default() };
         let deadline = Instant::now() + Duration::from_secs_f64(seconds);
         // What was queued before does not count.
         while self.client.next_telemetry().is_some() {}
         while Instant::now() < deadline && !INTERRUPTED.load(Ordering::Relaxed) {
             self.listen(&mut taking, observer)?;
         }
-        Ok(taking.readings)
-    }
-
-    /// Sends a recording's readings to the device and fetches the factor.
-    ///
-    /// # Errors
-    /// What prevents a start. Anything later is told in [`Take::broken`].
-    pub fn inject(
-        &mut self,
-        readings: &[Reading<f64>],
-        observer: &mut dyn Observer,
-    ) -> Result<Take, SessionError> {
-        self.start()?;
-        let mut taking = Taking::default();
-        let mut sent = 0_u32;
-        let mut outcome = Ok(());
-        for part in readings.chunks(rigident_shared::wire::INJECT_BATCH) {
-            let batch = InjectBatch { first_index: sent, readings: part.iter().map(narrow).collect() };
-            match self.client.ask("inject", &Command::Inject(batch)) {
-                Ok(Reply::Injected { next_index }) => sent = next_index,
-                Ok(_) => outcome = Err(LinkError::Nonsense("inject").into()),
-                Err(error) => outcome = Err(error.into()),
-            }
-            let sorted = self.sort(&mut taking, observer);
-            if let Err(error) = sorted.and_then(|()| self.override_stop(&mut taking)) {
-                outcome = Err(error);
-            }
-            observer.progress(sent as usize);
-            taking.interrupted = INTERRUPTED.load(Ordering::Relaxed);
-            if outcome.is_err() || taking.interrupted || taking.held() {
-                break;
-            }
-        }
-        taking.readings = readings.get(..sent as usize).unwrap_or(readings).to_vec();
-        Ok(self.conclude(taking, outcome, observer))
+        Ok(taking)
     }
 
     fn start(&mut self) -> Result<(), LinkError> {
@@ -369,8 +295,13 @@ impl Session {
             factor = Some(self.fetch(&mut taking, observer)?);
             Ok(())
         });
+        // Of a level what was taken is here, whatever became of the rest.
+        let taken = taking.level.as_deref().filter(|level| level.rows() > 0);
+        let factor = factor.or_else(|| taken.map(|level| DeviceFactor::Links(TallFactor::from_rows(level))));
         Take {
             readings: taking.readings,
+            links: taking.links,
+            levels: taking.levels,
             estimates: taking.estimates,
             missing: taking.gaps.missing,
             factor,
@@ -382,7 +313,11 @@ impl Session {
         }
     }
 
-    fn fetch(&mut self, taking: &mut Taking, observer: &mut dyn Observer) -> Result<Factor, SessionError> {
+    fn fetch(
+        &mut self,
+        taking: &mut Taking,
+        observer: &mut dyn Observer,
+    ) -> Result<DeviceFactor, SessionError> {
         match self.client.ask("hold", &Command::Hold) {
             // A device in Fault still gives what it has.
             Ok(_) | Err(LinkError::Refused { .. }) => {}
@@ -399,13 +334,21 @@ impl Session {
                 break;
             }
         }
-        Ok(self.client.factor()?)
+        if let Some(level) = &mut taking.level {
+            tree::take_level(&mut self.client, level)?;
+            taking.levels += 1;
+            return Ok(DeviceFactor::Links(TallFactor::from_rows(level)));
+        }
+        if self.of_two_links {
+            return Ok(DeviceFactor::Links(two_links::factor(&mut self.client)?));
+        }
+        Ok(DeviceFactor::Body(self.client.factor()?))
     }
 
     fn listen(&mut self, taking: &mut Taking, observer: &mut dyn Observer) -> Result<(), SessionError> {
         self.client.listen(Duration::from_millis(20))?;
         self.sort(taking, observer)?;
-        observer.progress(taking.readings.len());
+        observer.progress(taking.count());
         if self.heartbeats && self.last_heartbeat.elapsed() > HEARTBEAT_EVERY {
             if self.last_heartbeat.elapsed() > SILENT {
                 self.client.listen_anew();
@@ -448,8 +391,17 @@ impl Session {
                         advice: "it restarted in the middle of the experiment: check its supply",
                     });
                 }
-                // Of two links, which this session does not configure.
-                Telemetry::LinkReadings { .. } | Telemetry::Heartbeat { .. } => {}
+                Telemetry::LinkReadings { first, readings } => {
+                    taking.gaps.note(first, readings.len() as u32);
+                    taking.streamed = first.saturating_add(readings.len() as u32);
+                    // Taken before the start or after the end it was not absorbed, and its attitude is none.
+                    let absorbed = |r: &&LinkReadingMessage| r.attitude_wxyz != [0.0; 4];
+                    for reading in readings.iter().filter(|r| taking.watching || absorbed(r)) {
+                        observer.link_reading(reading).map_err(SessionError::Observer)?;
+                        taking.links.push(*reading);
+                    }
+                }
+                Telemetry::Heartbeat { .. } => {}
             }
         }
         Ok(())
@@ -475,38 +427,5 @@ fn advice(reason: Reason) -> &'static str {
         Reason::LevelFull => "take the factor's rows, then start again: nothing of it is lost",
         Reason::HostQuiet => "the host was too busy or the cable was out for longer than the time set",
         Reason::Boot | Reason::Command | Reason::StopRule => "run again",
-    }
-}
-
-#[derive(Default)]
-struct Taking {
-    readings: Vec<Reading<f64>>,
-    estimates: Vec<EstimateReport>,
-    gaps: GapCounter,
-    streamed: u32,
-    states: Vec<(StateName, Reason)>,
-    counters: CounterReport,
-    interrupted: bool,
-    /// Whoever decides has ended it before the program's end.
-    ended: bool,
-    /// It was to last no longer.
-    cut_short: bool,
-    /// The stop rule has been overridden.
-    overridden: bool,
-}
-
-impl Taking {
-    /// From the first reading to the last, s.
-    fn span_s(&self) -> f64 {
-        let [first, last] = [self.readings.first(), self.readings.last()].map(|r| r.map_or(0, |r| r.time_ns));
-        last.saturating_sub(first) as f64 * 1e-9
-    }
-
-    /// Whether the device has ended the run by itself.
-    fn held(&self) -> bool {
-        self.states.iter().any(|(state, reason)| {
-            let stopped = (*state, *reason) == STOPPED && !self.overridden;
-            stopped || (*state, *reason) == (StateName::Holding, Reason::HostQuiet)
-        })
     }
 }

@@ -1,15 +1,20 @@
 //! A tree of links on the device: what it is told, its factor as it hands it over, and what became of its frames.
 //!
 //! The device holds one level of the factor in single precision; it is taken row by row and merged here in double
-//! ([`take_level`]), at the latest every [`LEVEL_FRAMES`] frames.
+//! ([`take_level`]), at the latest every [`LEVEL_FRAMES`] frames; a [`Session`] does so while it follows them.
+
+use std::sync::atomic::Ordering;
 
 use rigident_shared::estimator::frames::{LEVEL_FRAMES, TreeFactor};
 use rigident_shared::tree::Joint;
 use rigident_shared::wire::{
     Command, FactorRow, FrameReport, LinkJoint, LinkSettings, MAX_LINKS, MAX_TREE_PARAMETERS, ModelSettings,
-    Reply,
+    Reason, Reply, Settings, Source, StateName,
 };
 
+use super::settings::{DeviceTiming, SettingsError, settings};
+use super::{INTERRUPTED, Observer, Session, SessionError, Take, Taking};
+use crate::formats::rig::RigFile;
 use crate::link::{Client, LinkError};
 use crate::models::ModelError;
 use crate::models::base::{BaseParameter, Rows, Situation, base_parameters};
@@ -21,6 +26,15 @@ pub enum DeviceTreeError {
     /// It makes no tree.
     #[error(transparent)]
     Model(#[from] ModelError),
+    /// Its sensors are not described.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// The offset is to be estimated.
+    #[error(
+        "on the device a tree has no room for the wrench's offset: give it in [load_cell] offset_n_nm as six numbers, or as \
+         \"zero\""
+    )]
+    Offset,
     /// Too many links.
     #[error(
         "the model has {0} links that move against each other, the device takes {MAX_LINKS}: weld some of them"
@@ -76,6 +90,24 @@ pub fn device_tree(model: &Model) -> Result<(ModelSettings, Vec<BaseParameter>),
     Ok((ModelSettings::Tree(links.into_iter().collect()), parameters))
 }
 
+/// The device's settings for a tree whose frames come over its sensor bus.
+///
+/// # Errors
+/// [`DeviceTreeError`]: the rig file lacks what it needs, or leaves the offset to be estimated.
+pub fn tree_settings(
+    rig: &RigFile,
+    timing: &DeviceTiming,
+    model: ModelSettings,
+) -> Result<Settings, DeviceTreeError> {
+    // Of the gauges' matrix and other things of the sensors' there is no need.
+    let injected = DeviceTiming { source: Source::Injected, ..*timing };
+    let one = settings(rig, &injected, None, None)?;
+    if one.load_cell.known_offset_n_nm.is_none() {
+        return Err(DeviceTreeError::Offset);
+    }
+    Ok(Settings { model, source: timing.source, ..one })
+}
+
 /// A factor of nothing for so many parameters.
 pub fn empty_factor(parameters: usize) -> Box<TreeFactor<f64>> {
     let mut factor = Box::new(TreeFactor::EMPTY);
@@ -113,6 +145,74 @@ fn merge(factor: &mut TreeFactor<f64>, taken: &FactorRow) -> bool {
         factor.merge_residual(residual, taken.rows);
     }
     fits
+}
+
+/// A level is taken after about so many frames: often against [`LEVEL_FRAMES`], seldom against the time that its rows need on
+/// the link.
+const TAKEN_EVERY: u32 = 1500;
+
+/// Who streams frames to the device.
+pub trait FrameSource {
+    /// Lets frames go, or keeps them back.
+    fn set_open(&self, open: bool);
+    /// Whether the device has had the last one.
+    fn is_done(&self) -> bool;
+}
+
+impl Session {
+    /// Starts a device that was set to a tree of so many base parameters, lets the frames go, takes its level now and then, and
+    /// for the last time at the end.
+    ///
+    /// # Errors
+    /// What prevents a start. Anything later is told in [`Take::broken`], with what was taken before.
+    pub fn follow_frames(
+        &mut self,
+        source: &dyn FrameSource,
+        parameters: usize,
+        observer: &mut dyn Observer,
+    ) -> Result<Take, SessionError> {
+        self.start()?;
+        let mut taking = Taking { level: Some(empty_factor(parameters)), ..Taking::default() };
+        source.set_open(true);
+        let outcome = self.frames(source, &mut taking, observer);
+        source.set_open(false);
+        Ok(self.conclude(taking, outcome, observer))
+    }
+
+    fn frames(
+        &mut self,
+        source: &dyn FrameSource,
+        taking: &mut Taking,
+        observer: &mut dyn Observer,
+    ) -> Result<(), SessionError> {
+        const FULL: (StateName, Reason) = (StateName::Holding, Reason::LevelFull);
+        let mut taken = 0;
+        while !source.is_done() {
+            self.listen(taking, observer)?;
+            if INTERRUPTED.load(Ordering::Relaxed) {
+                taking.interrupted = true;
+                break;
+            }
+            if let Reply::Counters(counters) =
+                self.client().ask("read the counters", &Command::ReadCounters)?
+            {
+                taking.counters = counters;
+            }
+            let absorbed = taking.counters.frames.absorbed;
+            let full = taking.states.contains(&FULL);
+            if let Some(level) = &mut taking.level
+                && (full || absorbed.saturating_sub(taken) >= TAKEN_EVERY)
+            {
+                take_level(self.client(), level)?;
+                (taken, taking.levels) = (absorbed, taking.levels + 1);
+            }
+            if full {
+                taking.states.retain(|state| *state != FULL);
+                self.client().ask("go on", &Command::Start)?;
+            }
+        }
+        Ok(())
+    }
 }
 
 /// What is to be said of frames that were not absorbed, each with what to do. `links` are the model's names.

@@ -6,6 +6,7 @@
 
 use nalgebra::DMatrix;
 use rigident_shared::Scalar;
+use rigident_shared::estimator::frames::TreeFactor;
 use rigident_shared::factor::{BLOCK_ROWS, Column};
 
 /// What shows less than this, in columns of unit length, is not told apart: robot descriptions round angles to some 1e-11
@@ -46,6 +47,38 @@ impl TallFactor {
             residual_sum_of_squares: 0.0,
             rows: 0,
         }
+    }
+
+    /// From a device's numbers: the triangle by rows, the right-hand side, the residual sum of squares. `None` if they are no
+    /// factor.
+    pub fn from_entries(parameters: usize, entries: &[f64], rows: u32) -> Option<Self> {
+        let triangle = parameters * (parameters + 1) / 2;
+        let good = entries.len() == triangle + parameters + 1 && entries.iter().all(|v| v.is_finite());
+        let (residual, numbers) = entries.split_last().filter(|(residual, _)| good && **residual >= 0.0)?;
+        let (r, z) = numbers.split_at_checked(triangle)?;
+        let mut factor = Self::new(parameters);
+        let mut r = r.iter();
+        for i in 0..parameters {
+            for j in i..parameters {
+                factor.triangle[j * parameters + i] = *r.next()?;
+            }
+        }
+        factor.triangle[parameters * parameters..].copy_from_slice(z);
+        (factor.residual_sum_of_squares, factor.rows) = (*residual, rows);
+        Some(factor)
+    }
+
+    /// From a factor that was taken row by row.
+    pub fn from_rows(taken: &TreeFactor<f64>) -> Self {
+        let n = taken.parameters();
+        let mut factor = Self::new(n);
+        for i in 0..n {
+            for (k, value) in taken.row(i).enumerate() {
+                factor.triangle[(i + k) * n + i] = value;
+            }
+        }
+        (factor.residual_sum_of_squares, factor.rows) = (taken.residual_sum_of_squares(), taken.rows());
+        factor
     }
 
     /// How many parameters.
@@ -255,6 +288,36 @@ mod tests {
         let rss = (&a * wanted - y).norm_squared();
         assert!((factor.residual_sum_of_squares() - rss).abs() < 1e-11 * rss);
         assert_eq!((factor.rows(), solution.lost.len()), (100, 0));
+    }
+
+    #[test]
+    fn a_device_s_numbers_are_the_factor_they_were_made_of() {
+        let (a, y) = problem(40, 5);
+        let factor = factor_of(&a, &y);
+        let r = factor.r();
+        let mut entries: Vec<f64> =
+            (0..5).flat_map(|i| (i..5).map(move |j| (i, j))).map(|at| r[at]).collect();
+        entries.extend(factor.z());
+        entries.push(factor.residual_sum_of_squares());
+        assert_eq!(TallFactor::from_entries(5, &entries, 40), Some(factor.clone()));
+        assert_eq!(TallFactor::from_entries(4, &entries, 40), None);
+        entries[3] = f64::NAN;
+        assert_eq!(TallFactor::from_entries(5, &entries, 40), None);
+        // Row by row, as a tree's are taken.
+        let mut taken = Box::new(TreeFactor::<f64>::EMPTY);
+        taken.clear(5);
+        for i in 0..5 {
+            let row: Vec<f64> = (i..5).map(|j| r[(i, j)]).chain([factor.z()[i]]).collect();
+            taken.merge_row(i, &row);
+        }
+        taken.merge_residual(factor.residual_sum_of_squares(), factor.rows());
+        let again = TallFactor::from_rows(&taken);
+        assert!((again.r().map(f64::abs) - r.map(f64::abs)).abs().max() < 1e-12);
+        let (one, other) = (again.solve(), factor.solve());
+        for (a, b) in one.estimate.iter().zip(&other.estimate) {
+            assert!((a - b).abs() < 1e-12);
+        }
+        assert_eq!((again.rows(), again.residual_sum_of_squares()), (40, factor.residual_sum_of_squares()));
     }
 
     #[test]

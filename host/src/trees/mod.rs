@@ -131,6 +131,16 @@ pub enum TreeIdentificationError {
     /// The model has no base parameters.
     #[error("{0}")]
     Model(#[from] ModelError),
+    /// A device's factor is of something else.
+    #[error(
+        "the device's factor has {device} parameters, the model with its offset {model}: was it set to another one?"
+    )]
+    Device {
+        /// Of the factor.
+        device: usize,
+        /// Of the model.
+        model: usize,
+    },
     /// Frames that do not fit the tree: a mistake of the program's.
     #[error("the frames do not fit the model ({0:?})")]
     Tree(TreeError),
@@ -211,6 +221,11 @@ impl TreeIdentification {
 /// σ of force and moment to start from where none is given: only ratios matter.
 const NOMINAL_SIGMA: (f64, f64) = (1.0, 0.1);
 
+fn starting_sigma(input: &Input) -> Vec<f64> {
+    let force = |c: usize| input.has_wrench() && c < 3;
+    (0..input.channels().len()).map(|c| if force(c) { NOMINAL_SIGMA.0 } else { NOMINAL_SIGMA.1 }).collect()
+}
+
 /// Identifies a tree.
 ///
 /// # Errors
@@ -219,9 +234,7 @@ pub fn identify(input: &Input) -> Result<TreeIdentification, TreeIdentificationE
     let base = base_parameters(&input.model, &input.situation)?;
     let maker = RowMaker::new(input, &base).map_err(TreeIdentificationError::Tree)?;
     let filtered = filter(input, maker)?;
-    let force = |c: usize| input.has_wrench() && c < 3;
-    let start = (0..input.channels().len()).map(|c| if force(c) { NOMINAL_SIGMA.0 } else { NOMINAL_SIGMA.1 });
-    let mut sigma = input.channel_sigma.clone().unwrap_or_else(|| start.collect());
+    let mut sigma = input.channel_sigma.clone().unwrap_or_else(|| starting_sigma(input));
     let fitter = Fitter::new(input, &base, &filtered);
     let mut fit = fitter.fit(&sigma, 1.0);
     if input.channel_sigma.is_none() {
@@ -232,6 +245,43 @@ pub fn identify(input: &Input) -> Result<TreeIdentification, TreeIdentificationE
         }
     }
     Ok(conclude(input, base, &fitter, fit, sigma))
+}
+
+/// How a device makes rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DeviceRows {
+    /// As here: momentum rows, filtered.
+    Filtered,
+    /// Of every frame by itself, with the accelerations in it.
+    Frames,
+}
+
+/// Judges a factor that a device made by the readings it was made of. Its base parameters stand in the order of the standard
+/// columns that stand for them.
+///
+/// # Errors
+/// [`TreeIdentificationError`] if there are no rows, or the factor is of other parameters.
+pub fn conclude_device(
+    input: &Input,
+    factor: TallFactor,
+    made: DeviceRows,
+) -> Result<TreeIdentification, TreeIdentificationError> {
+    let mut base = base_parameters(&input.model, &input.situation)?;
+    base.parameters.sort_by_key(|p| p.terms.first().map(|(column, _)| *column));
+    let columns = rows::names_and_units(input, &base).0.len();
+    if factor.parameters() != columns {
+        return Err(TreeIdentificationError::Device { device: factor.parameters(), model: columns });
+    }
+    let maker = RowMaker::new(input, &base).map_err(TreeIdentificationError::Tree)?;
+    let mut filtered = filter(input, maker)?;
+    if made == DeviceRows::Frames {
+        // What is left of its rows is the noise of single frames.
+        filtered.noise_gain = 1.0;
+    }
+    let sigma = input.channel_sigma.clone().unwrap_or_else(|| starting_sigma(input));
+    // The device knows of no gain errors.
+    let fitter = Fitter { filtered: &filtered, offset: rows::offset_at(input, &base), channels: None };
+    Ok(conclude(input, base, &fitter, (factor, [0.0; 6]), sigma))
 }
 
 /// How well what was found explains another recording.

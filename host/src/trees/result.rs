@@ -9,7 +9,7 @@ use super::{Input, TreeIdentification};
 use crate::formats::result::{ParameterState, ResultSource, SCHEMA, Status};
 use crate::identification::{FILTER_WIDTH_S, whiteness};
 use crate::models::base::names::legend;
-use crate::report::text::{NOT_IDENTIFIED, significant, unit_symbol, with_u95};
+use crate::report::text::{NOT_IDENTIFIED, beside, significant, unit_symbol, with_u95};
 
 /// All that is told.
 pub struct Answer<'a> {
@@ -27,6 +27,8 @@ pub struct Answer<'a> {
     pub trust: f64,
     /// Its sides mirror each other.
     pub symmetric: bool,
+    /// What is really the case, parameter by parameter as far as it is known; never used but to stand beside the answer.
+    pub truth: Option<&'a [f64]>,
     /// How much is identified.
     pub status: Status,
     /// Where it comes from.
@@ -130,6 +132,9 @@ impl Answer<'_> {
                 let state = serde_json::to_value(self.states[j]).unwrap_or_default();
                 if let (Some(out), Value::Object(state)) = (value.as_object_mut(), state) {
                     out.extend(state);
+                    if let Some(truth) = self.truth_of(j) {
+                        out.insert("truth".to_owned(), json!(truth));
+                    }
                     if j < count {
                         let base = &found.base;
                         let terms: Vec<Value> = base.parameters[j]
@@ -186,6 +191,20 @@ impl Answer<'_> {
         object
     }
 
+    fn truth_of(&self, j: usize) -> Option<f64> {
+        self.truth?.get(j).copied()
+    }
+
+    /// How many of the identified parameters whose truth is known have it in their interval, and how many there are.
+    fn inside(&self) -> Option<(usize, usize)> {
+        self.truth?;
+        let known =
+            (0..self.states.len()).filter_map(|j| Some((self.states[j].measured()?, self.truth_of(j)?)));
+        Some(known.fold((0, 0), |(inside, all), (m, truth)| {
+            (inside + usize::from((m.value - truth).abs() <= m.u95), all + 1)
+        }))
+    }
+
     fn full_object(&self, full: &Full) -> Value {
         let links: Vec<Value> = full
             .links
@@ -233,6 +252,15 @@ impl Answer<'_> {
             found.base.standard_count(),
         );
         let width = found.names.iter().map(|n| n.chars().count()).max().unwrap_or(0);
+        let values: Vec<String> = (0..found.names.len())
+            .map(|j| match self.states[j].measured() {
+                Some(m) => with_u95(m.value, m.u95, found.units[j]),
+                None => NOT_IDENTIFIED.to_owned(),
+            })
+            .collect();
+        // Wide enough for what stands beside them.
+        let beside_them =
+            self.truth.map_or(0, |_| values.iter().map(|v| v.chars().count()).max().unwrap_or(0));
         let mut owner = None;
         for (j, name) in found.names.iter().enumerate() {
             let own = name.rsplit_once('.').map_or("", |(own, _)| own);
@@ -240,15 +268,21 @@ impl Answer<'_> {
                 out.push('\n');
                 owner = Some(own);
             }
-            let value = match self.states[j].measured() {
-                Some(m) => with_u95(m.value, m.u95, found.units[j]),
-                None => NOT_IDENTIFIED.to_owned(),
-            };
+            let truth = self.truth_of(j).map_or_else(String::new, |truth| match self.states[j].measured() {
+                Some(m) => {
+                    format!("  truth {}  {:+.2} sd", beside(truth, m.u95), 1.96 * (m.value - truth) / m.u95)
+                }
+                None => format!("  truth {}", significant(truth, 4)),
+            });
+            let value = &values[j];
             let made_of = match self.made_of(j) {
                 others if others.is_empty() => String::new(),
                 others => format!("   (with {others})"),
             };
-            out += &format!("  {name:<width$}  {value}{made_of}\n");
+            out += &format!("  {name:<width$}  {value:<beside_them$}{truth}{made_of}\n");
+        }
+        if let Some((inside, all)) = self.inside() {
+            out += &format!("\n{inside} of {all} identified parameters have the truth in their interval\n");
         }
         if let Some(legend) = legend(found.names.iter().map(String::as_str)) {
             out += &format!("\n{legend}\n");

@@ -30,8 +30,12 @@ struct Served {
 
 impl Served {
     fn new() -> Self {
+        Self::of(RigConfig::thesis_horizontal())
+    }
+
+    fn of(config: RigConfig) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let rig = Rig::new(RigConfig::thesis_horizontal().with_seed(3)).unwrap();
+        let rig = Rig::new(config.with_seed(3)).unwrap();
         std::fs::write(folder.path().join("rig.toml"), rig_file(&rig)).unwrap();
         let rig = rig.shared();
         let hexapod = GcsServer::listen("127.0.0.1:0", Arc::clone(&rig)).unwrap();

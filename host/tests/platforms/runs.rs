@@ -5,8 +5,9 @@ use std::process::{Command, Output, Stdio};
 use std::sync::Arc;
 
 use rigident::planning::plan_file::PlanFile;
+use rigident_sim::links::SecondLink;
 use rigident_sim::platform::{Geometry, MotionProgram, Segment};
-use rigident_sim::rig::MotionState;
+use rigident_sim::rig::{MotionState, RigConfig};
 use rigident_sim::serve::StreamServer;
 
 use super::{Served, text};
@@ -16,11 +17,15 @@ fn run(served: &Served, more: &[&str]) -> Command {
 }
 
 fn run_at(served: &Served, address: &str, out: &str, more: &[&str]) -> Command {
+    run_of(served, "rig.toml", address, out, more)
+}
+
+fn run_of(served: &Served, rig: &str, address: &str, out: &str, more: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_rigident"));
     command
         .arg("run")
         .args(["--port".as_ref(), served.path("port").as_os_str()])
-        .args(["--rig".as_ref(), served.path("rig.toml").as_os_str()])
+        .args(["--rig".as_ref(), served.path(rig).as_os_str()])
         .args(["--out".as_ref(), served.path(out).as_os_str()])
         .args(["--platform", address, "--warm-up-s", "0"])
         .args(more)
@@ -70,6 +75,45 @@ fn a_run_on_a_hexapod_identifies_the_body_and_tells_how_the_platform_followed() 
     assert!(header.ends_with(",x_m,y_m,z_m,qw,qx,qy,qz"), "{header}");
     assert_eq!(lines.count() as u64, tracking["samples"].as_u64().unwrap());
     assert!(text(&served.path("out/report.html")).contains("measured less commanded"));
+}
+
+#[test]
+fn a_run_with_two_links_identifies_both_and_what_it_cannot_do_is_said_before_anything_moves() {
+    let second = SecondLink { with_program: true, ..SecondLink::arm() };
+    let config = RigConfig::two_links().with_second(second);
+    let served = Served::of(config.clone());
+    let home = served.rig.lock().unwrap().pose();
+    for (option, value) in [("--known", "mass_kg=3±0.1"), ("--until", "m=0.1"), ("--estimate", "nose")] {
+        let output = run(&served, &["--duration-s", "20", "--yes", option, value]).output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+        assert!(said(&output).contains(option), "{}", said(&output));
+    }
+    let file = text(&served.path("rig.toml"));
+    for (less, part) in [
+        (file.replace("initial_wxyz", "rotation_wxyz"), "no initial_wxyz"),
+        (file.replace("\"spherical\"", "\"fixed\""), "spherical joint"),
+        (file.replace("link = 1", "link = 7"), "no [[imu]] table (link = 1)"),
+    ] {
+        std::fs::write(served.path("less.toml"), less).unwrap();
+        let output = run_of(&served, "less.toml", &served.address(), "out", &["--yes"]).output().unwrap();
+        assert_eq!(output.status.code(), Some(2));
+        assert!(said(&output).contains(part), "{}", said(&output));
+    }
+    assert_eq!(served.rig.lock().unwrap().pose(), home);
+    let output = run(&served, &["--duration-s", "20", "--yes", "--json"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    let result: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&result["status"], &result["source"]["mcu"]), (&"identified".into(), &"port".into()));
+    assert!(result["tracking"]["samples"].as_u64().unwrap() > 300);
+    let offset = served.rig.lock().unwrap().truth().apparent_offset_n_nm;
+    let truth: Vec<f64> = second.base_parameters(&config.body).into_iter().chain(offset).collect();
+    let found = result["parameters"].as_array().unwrap();
+    assert_eq!(found.len(), truth.len());
+    for (p, truth) in found.iter().zip(truth) {
+        // Once in a hundred thousand of a normal number.
+        let sd = p["u95"].as_f64().unwrap() / 1.96;
+        assert!((p["value"].as_f64().unwrap() - truth).abs() < 4.5 * sd, "{p} {truth}");
+    }
 }
 
 #[test]

@@ -417,6 +417,9 @@ impl Check<'_> {
             names.push(&link.name);
             self.finite(&key("position_m"), &link.position_m)?;
             self.rotation(&key("rotation_wxyz"), &link.rotation_wxyz)?;
+            if let Some(initial) = &link.initial_wxyz {
+                self.rotation(&key("initial_wxyz"), initial)?;
+            }
             let has_axis = matches!(link.joint, Some(Joint::Revolute | Joint::Continuous | Joint::Prismatic));
             if let (true, None, Some(joint)) = (has_axis, link.axis, link.joint) {
                 return Err(self.refuse(&key("joint"), joint, "needs its axis = [x, y, z]"));

@@ -1,0 +1,145 @@
+//! What an experiment brings, and who wants to know of it as it happens.
+
+use rigident_shared::calibration::Reading;
+use rigident_shared::estimator::frames::TreeFactor;
+use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
+use rigident_shared::wire::{
+    CounterReport, EstimateReport, GapCounter, LinkReadingMessage, ReadingMessage, Reason, StateName,
+};
+
+use super::STOPPED;
+use crate::identification::Factor;
+use crate::platform::MotionSample;
+use crate::trees::factor::TallFactor;
+
+/// What wants to know as it happens.
+pub trait Observer {
+    /// A reading, in order, with the time on the device's clock.
+    ///
+    /// # Errors
+    /// The experiment is then stopped.
+    fn reading(&mut self, reading: &ReadingMessage) -> Result<(), String>;
+    /// Likewise, of two links.
+    ///
+    /// # Errors
+    /// The experiment is then stopped.
+    fn link_reading(&mut self, _reading: &LinkReadingMessage) -> Result<(), String> {
+        Ok(())
+    }
+    /// A new estimate.
+    fn estimate(&mut self, _report: &EstimateReport) {}
+    /// Where the plate should be and is.
+    ///
+    /// # Errors
+    /// The experiment is then stopped.
+    fn motion(&mut self, _sample: &MotionSample) -> Result<(), String> {
+        Ok(())
+    }
+    /// Called often: progress may be shown.
+    fn progress(&mut self, _readings: usize) {}
+}
+
+/// The device's factor, of what it was set to.
+#[derive(Debug, Clone)]
+pub enum DeviceFactor {
+    /// One body.
+    Body(Factor),
+    /// Base parameters of several links, in the device's order.
+    Links(TallFactor),
+}
+
+/// What an experiment brought.
+#[derive(Debug, Clone)]
+pub struct Take {
+    /// Every reading of one body while running, in f64.
+    pub readings: Vec<Reading<f64>>,
+    /// Every reading of two links.
+    pub links: Vec<LinkReadingMessage>,
+    /// Every estimate sent.
+    pub estimates: Vec<EstimateReport>,
+    /// Readings that never came.
+    pub missing: u32,
+    /// The device's factor.
+    pub factor: Option<DeviceFactor>,
+    /// How often a level of it was taken and merged; a tree's from frames.
+    pub levels: u32,
+    /// The device's counters at the end.
+    pub counters: CounterReport,
+    /// State changes while it lasted.
+    pub states: Vec<(StateName, Reason)>,
+    /// Ended by Ctrl-C.
+    pub interrupted: bool,
+    /// Ended before the program's end, because it was to last no longer.
+    pub cut_short: bool,
+    /// What broke in the middle, if anything did; what came before is here.
+    pub broken: Option<String>,
+}
+
+/// A reading as the device sent it, in f64 (exactly).
+pub fn widen(message: &ReadingMessage) -> Reading<f64> {
+    Reading {
+        time_ns: message.time_ns,
+        wrench: Wrench::from_array(message.wrench.map(f64::from)),
+        specific_force: SpecificForce::from_array(message.specific_force.map(f64::from)),
+        angular_rate: AngularRate::from_array(message.angular_rate.map(f64::from)),
+    }
+}
+
+/// A reading as it is sent to the device: rounded to f32.
+pub fn narrow(reading: &Reading<f64>) -> ReadingMessage {
+    ReadingMessage {
+        time_ns: reading.time_ns,
+        wrench: reading.wrench.array().map(|v| v as f32),
+        specific_force: reading.specific_force.array().map(|v| v as f32),
+        angular_rate: reading.angular_rate.array().map(|v| v as f32),
+    }
+}
+
+/// What has come so far.
+#[derive(Default)]
+pub(super) struct Taking {
+    pub(super) readings: Vec<Reading<f64>>,
+    pub(super) links: Vec<LinkReadingMessage>,
+    pub(super) estimates: Vec<EstimateReport>,
+    pub(super) gaps: GapCounter,
+    pub(super) streamed: u32,
+    pub(super) states: Vec<(StateName, Reason)>,
+    pub(super) counters: CounterReport,
+    pub(super) interrupted: bool,
+    /// Whoever decides has ended it before the program's end.
+    pub(super) ended: bool,
+    /// It was to last no longer.
+    pub(super) cut_short: bool,
+    /// The stop rule has been overridden.
+    pub(super) overridden: bool,
+    /// Nothing is absorbed meanwhile.
+    pub(super) watching: bool,
+    /// What was taken of the level of a tree from frames.
+    pub(super) level: Option<Box<TreeFactor<f64>>>,
+    /// How often it was taken.
+    pub(super) levels: u32,
+}
+
+impl Taking {
+    /// Readings or frames.
+    pub(super) fn count(&self) -> usize {
+        let frames = if self.level.is_some() { self.counters.frames.absorbed as usize } else { 0 };
+        self.readings.len() + self.links.len() + frames
+    }
+
+    /// From the first reading to the last, s.
+    pub(super) fn span_s(&self) -> f64 {
+        let of_body = [self.readings.first(), self.readings.last()].map(|r| r.map(|r| r.time_ns));
+        let of_links = [self.links.first(), self.links.last()].map(|r| r.map(|r| r.base.time_ns));
+        let [first, last] = [0, 1].map(|k| of_body[k].or(of_links[k]).unwrap_or(0));
+        last.saturating_sub(first) as f64 * 1e-9
+    }
+
+    /// Whether the device has ended the run by itself.
+    pub(super) fn held(&self) -> bool {
+        self.states.iter().any(|(state, reason)| {
+            let stopped = (*state, *reason) == STOPPED && !self.overridden;
+            stopped || (*state, *reason) == (StateName::Holding, Reason::HostQuiet)
+        })
+    }
+}
