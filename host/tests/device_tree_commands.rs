@@ -241,3 +241,30 @@ fn what_a_recording_lacks_for_the_device_is_named() {
     assert!(offset.contains("offset_n_nm"), "{offset}");
     assert!(!place.join("o").exists());
 }
+
+#[test]
+fn a_second_gyro_that_stands_still_is_named_and_nothing_of_it_is_absorbed() {
+    let place = tempfile::tempdir().unwrap();
+    let place = place.path();
+    answer(place, "demo --body two-links --duration-s 20 --out a --json");
+    assert!(rigident(place, "convert a/demo.mcap b.csv").status.success());
+    let text = std::fs::read_to_string(place.join("b.csv")).unwrap();
+    let at =
+        text.lines().find(|l| l.starts_with("t_s")).unwrap().split(',').position(|n| n == "imu1_gz_radps");
+    let mut row = 0;
+    let spoilt: Vec<String> = text
+        .lines()
+        .map(|line| {
+            row += usize::from(!line.starts_with('#') && !line.starts_with('t'));
+            let mut cells: Vec<&str> = line.split(',').collect();
+            if (9_000..10_000).contains(&row) {
+                cells[at.unwrap()] = "0.25";
+            }
+            cells.join(",")
+        })
+        .collect();
+    std::fs::write(place.join("b.csv"), spoilt.join("\n")).unwrap();
+    let found = answer(place, "replay b.csv --out b --json");
+    let warnings = found["warnings"].to_string();
+    assert!(warnings.contains("rejected because of imu1_gz_radps"), "{warnings}");
+}

@@ -4,6 +4,7 @@ use clap::{Args, Parser, Subcommand};
 
 pub use super::adaptive::Adaptive;
 pub use super::course_arguments::Course;
+pub use super::demo::Demonstrated;
 pub use super::factor_arguments::{MakeFactor, Merge, Solve, TareFiles};
 pub use super::known_arguments::KnownQuantities;
 pub use super::memory_arguments::Remember;
@@ -75,7 +76,8 @@ pub struct Output {
     /// Folder for the files; must be new or empty. Default: a new folder here
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// What must be identified for exit status 0: any of m, mc, I, offset, or single names as Ixx
+    /// What must be identified for exit status 0: any of m, mc, I, offset, or single names as Ixx; of several links their
+    /// names, or single parameters as arm.MSx
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub estimate: Vec<String>,
 }
@@ -129,21 +131,6 @@ pub struct Demo {
     #[command(flatten)]
     #[allow(missing_docs)]
     pub output: Output,
-}
-
-/// What a demonstration identifies.
-#[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Demonstrated {
-    /// The thesis' test body with plates, lying: centre of mass at 53 mm
-    #[default]
-    Horizontal,
-    /// The same standing: centre of mass at 247 mm
-    Vertical,
-    /// An arm on a ball joint on that body, an IMU on each: 19 base parameters and the offset, 1 kHz
-    TwoLinks,
-    /// A person of 15 links and 34 degrees of freedom from frames, 100 a second: 128 base parameters
-    #[value(name = "human34")]
-    Human34,
 }
 
 /// The two mountings of the thesis' test body.
@@ -269,6 +256,8 @@ pub struct Configure {
                         rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform 'gcs://192.168.0.1:50000?rate_hz=100'\n  \
                         rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform tcp://192.168.1.20:7447 --adaptive\n  \
                         rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform 'pose+udp://192.168.1.30:5000' --plan motion.json\n\n\
+                        A rig file of two [[link]] with an [[imu]] each makes it a run of two links: initial_wxyz of the second says how \
+                        it hangs at the start. `rigident-sim serve --body two-links --write-rig rig.rig.toml` is such a rig.\n\n\
                         Ctrl-C stops the platform, sees it at rest, and keeps what was recorded."
 )]
 pub struct Run {

@@ -6,7 +6,7 @@ use rigident_shared::wire::Source;
 use rigident_sim::rig::{Rig, RigConfig};
 use rigident_sim::sensors::SensorModels;
 
-use super::arguments::{Demo, DemoBody, Demonstrated};
+use super::arguments::{Demo, DemoBody};
 use super::experiment::{Experiment, Watcher, device_notes};
 use super::memory_arguments::{self, RowsOf};
 use super::outcome::provenance;
@@ -16,6 +16,21 @@ use crate::identification::remembered::imu_noise;
 use crate::link::Client;
 use crate::platform::{LocalPlatform, Platform as _};
 use crate::session::{DeviceTiming, Session, settings};
+
+/// What a demonstration identifies.
+#[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Demonstrated {
+    /// The thesis' test body with plates, lying: centre of mass at 53 mm
+    #[default]
+    Horizontal,
+    /// The same standing: centre of mass at 247 mm
+    Vertical,
+    /// An arm on a ball joint on that body, an IMU on each: 19 base parameters and the offset, 1 kHz
+    TwoLinks,
+    /// A person of 15 links and 34 degrees of freedom from frames, 100 a second: 128 base parameters
+    #[value(name = "human34")]
+    Human34,
+}
 
 /// Rate of the demonstration, 1/s.
 pub(super) const RATE_HZ: f64 = 1000.0;

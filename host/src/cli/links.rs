@@ -6,6 +6,7 @@ use std::time::Instant;
 use super::arguments::Output;
 use super::experiment::noticed;
 use super::followed::Followed;
+use super::outcome::left_out;
 use super::tree_outcome::{Fullness, TreeEnding};
 use super::{Failure, Folder};
 use crate::formats::recording::Recording;
@@ -46,7 +47,9 @@ impl LinksExperiment<'_> {
             );
         }
         let names: Vec<String> = self.model.welded().links.into_iter().map(|l| l.name).collect();
-        warnings.extend(complaints(&take.counters.frames, &names));
+        let counters = &take.counters;
+        warnings.extend(complaints(&counters.frames, &names));
+        warnings.extend(left_out(&counters.rejected_by_channel, &counters.knocks, counters.blocks));
         let broken = take.broken;
         let kept = |error: String| {
             let place = folder.path().display();

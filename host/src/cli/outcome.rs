@@ -3,7 +3,7 @@ use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use rigident_shared::screening::CHANNEL_NAMES;
+use rigident_shared::screening::{ALL_CHANNELS, CHANNEL_NAMES};
 
 use super::followed::Followed;
 use super::{Failure, Folder};
@@ -67,23 +67,7 @@ impl Ending<'_> {
     /// A file cannot be written; the answer is printed nevertheless.
     pub fn conclude(mut self, folder: &Folder, json: bool) -> Result<ExitCode, Failure> {
         let counters = &self.identification.counters;
-        for (channel, count) in CHANNEL_NAMES.iter().zip(counters.rejected_by_channel) {
-            if count > 0 {
-                self.warnings.push(format!(
-                    "{} rejected because of {channel}: saturated, frozen or not finite; check that sensor and its range",
-                    counted(count.into(), "reading was", "readings were")
-                ));
-            }
-        }
-        for (channel, count) in CHANNEL_NAMES.iter().zip(counters.knocks).filter(|(_, count)| *count > 0) {
-            self.warnings.push(format!(
-                "{count} of {} filtered rows of {channel} {} more than {LIMIT_SD} standard deviations off, as after a knock, \
-                 and {} less",
-                counters.blocks,
-                if count == 1 { "is" } else { "are" },
-                if count == 1 { "counts" } else { "count" },
-            ));
-        }
+        self.warnings.extend(left_out(&counters.rejected_by_channel, &counters.knocks, counters.blocks));
         let source = ResultSource {
             recording: self.recording.clone(),
             rows: self.input.readings.len(),
@@ -245,6 +229,32 @@ impl Ending<'_> {
     fn row_every(&self) -> u16 {
         if self.input.is_static { 1 } else { crate::identification::row_every(self.input.rate_hz) }
     }
+}
+
+/// What is to be said of readings that were rejected, and of filtered rows that count less.
+pub(super) fn left_out(
+    rejected_by_channel: &[u16; ALL_CHANNELS],
+    knocks: &[u16; 6],
+    blocks: u32,
+) -> Vec<String> {
+    let named = |counts: &[u16]| -> Vec<(&str, u16)> {
+        CHANNEL_NAMES.into_iter().zip(counts.iter().copied()).filter(|(_, count)| *count > 0).collect()
+    };
+    let rejected = named(rejected_by_channel).into_iter().map(|(channel, count)| {
+        format!(
+            "{} rejected because of {channel}: saturated, frozen or not finite; check that sensor and its range",
+            counted(count.into(), "reading was", "readings were")
+        )
+    });
+    let knocks = named(knocks).into_iter().map(|(channel, count)| {
+        format!(
+            "{count} of {blocks} filtered rows of channel {channel} {} more than {LIMIT_SD} standard deviations off, as after a \
+             knock, and {} less",
+            if count == 1 { "is" } else { "are" },
+            if count == 1 { "counts" } else { "count" },
+        )
+    });
+    rejected.chain(knocks).collect()
 }
 
 /// Whether anything has been printed on standard output.

@@ -121,7 +121,7 @@ pub fn prepare(recording: &Recording) -> Result<Prepared, PrepareError> {
     if rig.link.len() > 1 || !rig.stream.is_empty() {
         return Err(PrepareError::Unsupported {
             name: name(),
-            what: "its rig file is for several links, which this version does not identify, or for several files: for \
+            what: "its rig file is for several links, which `rigident identify` and `replay` take, or for several files: for \
                    these give the rig file itself as the recording, or the folder of the files and --rig",
         });
     }
