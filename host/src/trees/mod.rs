@@ -2,8 +2,9 @@
 //! model.
 //!
 //! Lives here: recordings brought to frames of joints and base ([`prepare`]), their rows ([`rows`]), friction ([`drive`]),
-//! a factor whose size the model decides ([`factor`]), gain errors of the load cell ([`gains`]), noise that is not white ([`colour`]), the identification itself (this file), what of it is identified
-//! and why not ([`answer`]), full parameters ([`nearest`]), trees and recordings to try
+//! a factor whose size the model decides ([`factor`]), gain errors of the load cell ([`gains`]), noise that is not white
+//! ([`colour`]), the identification itself (this file), what of it is identified and why not ([`answer`]), whether bodies have
+//! it ([`possible`]), full parameters ([`nearest`]), the page ([`page`]), trees and recordings to try
 //! it on ([`simulated`]). May not live here: the formulas of the rows
 //! (`rigident_shared::tree`), which parameters there are ([`crate::models::base`]), intervals and the judgement of
 //! residuals, which are those of a single body ([`crate::answer`], [`crate::identification::pooled`]). Next: [`prepare`].
@@ -19,6 +20,7 @@ pub mod nearest;
 mod nearest_tests;
 mod page;
 pub mod polynomial;
+pub mod possible;
 pub mod prepare;
 pub mod result;
 pub mod rows;
@@ -35,8 +37,8 @@ use self::drive::Drive;
 use self::factor::TallFactor;
 use self::gains::Channels;
 use self::rows::{Filtered, RowMaker};
-use crate::answer::Estimate;
 use crate::answer::identifiability::RegressorNoise;
+use crate::answer::{Estimate, Noise};
 use crate::identification::pooled::{Judgement, RowSet, judge};
 use crate::identification::whiteness::Colour;
 use crate::identification::{FILTER_WIDTH_S, row_every};
@@ -191,6 +193,8 @@ pub struct TreeIdentification {
     pub variance_ratio: f64,
     /// What the covariance was multiplied by.
     pub variance_scale: f64,
+    /// How the noise is known.
+    pub noise: Noise,
     /// Root mean square of the filtered residuals, channel by channel.
     pub residual_rms: Vec<f64>,
     /// Root mean square of the filtered measurements.
@@ -398,6 +402,7 @@ fn conclude(
         noise_gain: filtered.noise_gain,
         variance_ratio,
         variance_scale,
+        noise,
         residual_rms,
         measured_rms,
         regressor_noise: RegressorNoise {

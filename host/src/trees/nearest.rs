@@ -29,6 +29,8 @@ use crate::models::{Model, ModelError};
 const MOST_STEPS: usize = 200;
 /// The least decrement of a step, in units of what is minimised.
 const DONE: f64 = 1e-14;
+/// The same on the way.
+const ROUGH: f64 = 1e-3;
 
 /// The answer.
 #[derive(Clone, Debug, PartialEq)]
@@ -203,26 +205,28 @@ fn symmetric_pairs(model: &Model, variables: &Variables) -> Result<Vec<Pair>, Mo
 }
 
 /// The rows, in true standard deviations.
-struct Data {
-    r: DMatrix<f64>,
-    z: DVector<f64>,
+pub(super) struct Data {
+    pub(super) r: DMatrix<f64>,
+    pub(super) z: DVector<f64>,
 }
 
 impl Data {
-    fn new(factor: &TallFactor, variance_scale: f64) -> Self {
+    pub(super) fn new(factor: &TallFactor, variance_scale: f64) -> Self {
         let scale = 1.0 / variance_scale.sqrt();
         Self { r: factor.r() * scale, z: DVector::from_column_slice(factor.z()) * scale }
     }
 }
 
-struct Problem<'a> {
+/// What is minimised.
+pub(super) struct Problem<'a> {
     /// Of ψ.
-    rows: DMatrix<f64>,
-    rhs: DVector<f64>,
+    pub(super) rows: DMatrix<f64>,
+    pub(super) rhs: DVector<f64>,
     /// φ = T ψ.
-    substitution: DMatrix<f64>,
-    nominal: &'a [Parameters],
-    weight: f64,
+    pub(super) substitution: DMatrix<f64>,
+    pub(super) nominal: &'a [Parameters],
+    /// 1/s
+    pub(super) weight: f64,
 }
 
 impl Problem<'_> {
@@ -238,26 +242,52 @@ impl Problem<'_> {
 
     /// φ, and whether the steps ended.
     fn solve(&mut self) -> (DVector<f64>, bool) {
-        // The nominal model, made symmetric by taking the left side's.
-        let nominal = DVector::from_iterator(10 * self.nominal.len(), self.nominal.iter().flatten().copied());
-        let own = |column: nalgebra::DVectorView<f64>| column.iter().position(|v| *v == 1.0).unwrap_or(0);
-        let mut psi = DVector::from_iterator(
-            self.substitution.ncols(),
-            self.substitution.column_iter().map(|c| nominal[own(c)]),
-        );
-        // Along the path of a nominal model that is trusted less and less: so no step runs into the edge of what is a body.
-        let start = (&self.rows * &psi - &self.rhs).norm();
         let trusted = self.weight;
-        let mut weight = trusted.max(start.min(f64::MAX.sqrt()));
+        let mut psi = self.start();
+        let mut weight = trusted.max(self.misfit(&psi).min(f64::MAX.sqrt()));
         loop {
             let last = weight <= trusted;
             self.weight = weight.max(trusted);
-            let converged = self.descend(&mut psi, if last { DONE } else { 1e-3 });
+            let converged = self.descend(&mut psi, if last { DONE } else { ROUGH });
             if last {
                 return (&self.substitution * &psi, converged);
             }
             weight *= 0.1;
         }
+    }
+
+    /// The square of what the rows leave of the right-hand side, of bodies of which no others that are not much heavier leave
+    /// less by more than a `share` of it or of `unit`; `None` if the steps do not end. The weight is not looked at.
+    pub(super) fn least_misfit(&mut self, share: f64, unit: f64) -> Option<f64> {
+        let mut psi = self.start();
+        self.weight = self.misfit(&psi).clamp(1.0, f64::MAX.sqrt());
+        // Where a barrier of ν = 4 a link, twice, weighs w², the least is nearer than w² ν (Y. Nesterov, A. Nemirovskii, 1994).
+        let barrier = 8.0 * self.nominal.len() as f64;
+        loop {
+            if !self.descend(&mut psi, ROUGH) {
+                return None;
+            }
+            let square = self.misfit(&psi).powi(2);
+            if self.weight * self.weight * barrier <= share * square.max(unit) {
+                return Some(square);
+            }
+            self.weight *= 0.3;
+        }
+    }
+
+    /// The nominal model, made symmetric by taking the left side's. From here to less and less trust in it no step runs into
+    /// the edge of what is a body.
+    fn start(&self) -> DVector<f64> {
+        let nominal = DVector::from_iterator(10 * self.nominal.len(), self.nominal.iter().flatten().copied());
+        let own = |column: nalgebra::DVectorView<f64>| column.iter().position(|v| *v == 1.0).unwrap_or(0);
+        DVector::from_iterator(
+            self.substitution.ncols(),
+            self.substitution.column_iter().map(|c| nominal[own(c)]),
+        )
+    }
+
+    fn misfit(&self, psi: &DVector<f64>) -> f64 {
+        (&self.rows * psi - &self.rhs).norm()
     }
 
     /// Newton's steps until they promise less than `done` of the weight's square; whether they came so far.

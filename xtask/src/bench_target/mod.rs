@@ -2,8 +2,10 @@
 //!
 //! The board's `bench` binary runs each case between two marks. It runs twice: once as it is, counting its own
 //! instructions by the emulated clock, and once traced, which gives the mix and, by
-//! the model of [`cycles`], an estimate of Cortex-M4 cycles. The two counts must agree. What is printed: [`table`].
+//! the model of [`cycles`], an estimate of Cortex-M4 cycles. The two counts must agree. What is printed: [`table`]; what it may
+//! cost: [`budget`].
 
+mod budget;
 mod cycles;
 mod table;
 mod trace;
@@ -160,7 +162,7 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     } else {
         table::print(&cases, &entries);
     }
-    Ok(())
+    budget::check(&cases)
 }
 
 /// Runs the binary as it is and reads what it says.

@@ -1,0 +1,39 @@
+//! What a sample may cost: promised limits, held by the verb.
+
+use anyhow::{Result, bail};
+
+use super::Case;
+
+/// Part, N, instructions and estimated cycles per sample at most.
+const BUDGETS: [(&str, u32, f64, f64); 10] = [
+    ("kernel", 10, 1150.0, 1650.0),
+    ("kernel", 16, 2700.0, 3900.0),
+    ("dense", 19, 5500.0, f64::INFINITY),
+    ("dense", 36, 19_000.0, f64::INFINITY),
+    ("dense", 128, 240_000.0, f64::INFINITY),
+    ("path", 10, 1600.0, 2400.0),
+    // Half of 168 MHz at 1 kHz, and for frames at 100 Hz.
+    ("path", 19, f64::INFINITY, 84_000.0),
+    ("path", 25, f64::INFINITY, 84_000.0),
+    ("path with drivers", 25, f64::INFINITY, 84_000.0),
+    ("frame path", 128, f64::INFINITY, 840_000.0),
+];
+
+/// Holds every budgeted case against its budget.
+///
+/// # Errors
+/// Names all that are above it, and those that nobody measured.
+pub fn check(cases: &[Case]) -> Result<()> {
+    let broken: Vec<String> = BUDGETS
+        .iter()
+        .filter_map(|(part, n, most_instructions, most_cycles)| {
+            let Some(case) = cases.iter().find(|c| c.reported.part == *part && c.reported.n == *n) else {
+                return Some(format!("{part} {n} is not measured"));
+            };
+            let (instructions, cycles) = (case.instructions(), case.cycles());
+            (instructions > *most_instructions || cycles > *most_cycles)
+                .then(|| format!("{}: {instructions} instructions and {cycles} cycles a sample", case.name()))
+        })
+        .collect();
+    if broken.is_empty() { Ok(()) } else { bail!("not what is promised: {}", broken.join("; ")) }
+}
