@@ -384,9 +384,28 @@ fn two_links_with_an_imu_each_are_identified_by_the_rig_file_s_links() {
         found,
         serde_json::from_slice::<Value>(&std::fs::read(place.path().join("o/result.json")).unwrap()).unwrap()
     );
+    assert_eq!(found["physically_consistent"], true);
     let text = rigident(place.path(), &["identify", "two.csv", "--out", "p"]);
     let text = String::from_utf8_lossy(&text.stdout).into_owned();
     assert!(text.contains("base.M") && text.contains("(with arm.m)") && text.contains("offset_fx"), "{text}");
+}
+
+#[test]
+fn a_load_cell_that_reports_the_reaction_is_recognised_and_nothing_is_identified() {
+    let place = tempfile::tempdir().unwrap();
+    two_links(place.path(), Vector3::z());
+    let reversed = RIG.replace("rate_hz = 200.0\n", "rate_hz = 200.0\nwrench_sign = \"on_sensor\"\n");
+    std::fs::write(place.path().join("two.rig.toml"), reversed).unwrap();
+    let output = rigident(place.path(), &["identify", "two.csv", "--json", "--out", "o"]);
+    let found = answer(&output);
+    assert_eq!(
+        (found["status"].as_str(), output.status.code()),
+        (Some("not_identified"), Some(1)),
+        "{found:#}"
+    );
+    assert_eq!(found["physically_consistent"], false);
+    assert!(found["parameters"].as_array().unwrap().iter().all(|p| p.get("value").is_none()));
+    assert!(found["warnings"].to_string().contains("negative mass"), "{}", found["warnings"]);
 }
 
 #[test]

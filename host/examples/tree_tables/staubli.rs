@@ -205,7 +205,7 @@ pub fn table() -> String {
         let other = part(&model, &q, &tau, ranges[to].clone());
         let found = identify(&input).expect("an identification");
         let base = base_parameters(&input.model, &input.situation).expect("base parameters");
-        let states = rigident::trees::answer::states(&input, &found);
+        let states = rigident::trees::answer::states(&input, &found, None);
         let identified = states.iter().filter(|s| s.measured().is_some()).count();
         counts += &format!(
             "{}: {identified} of {} parameters identified ({} base parameters, {} of drives), condition number {:.0}. ",

@@ -11,6 +11,7 @@ use super::{Failure, Folder};
 use crate::formats::result::{ParameterState, ResultSource, Status};
 use crate::models::{self, Model};
 use crate::trees::nearest::{Full, nearest};
+use crate::trees::possible::{Possible, possible};
 use crate::trees::prepare::PreparedTree;
 use crate::trees::result::{self as tree_result, Answer};
 use crate::trees::{TreeIdentification, answer};
@@ -31,6 +32,11 @@ pub(super) struct Fullness<'a> {
 impl Fullness<'_> {
     /// As nobody asks for anything.
     pub(super) const USUAL: Self = Self { trust: 1.0, symmetric: false, write_model: None, source: None };
+
+    /// There must be full parameters.
+    fn is_asked_for(&self) -> bool {
+        self.write_model.is_some() || self.symmetric
+    }
 }
 
 /// Everything a command knows at its end.
@@ -62,9 +68,15 @@ impl TreeEnding<'_> {
         folder: impl FnOnce() -> Result<Folder, Failure>,
     ) -> Result<ExitCode, Failure> {
         let Self { output, model, ready, found, fullness, .. } = self;
-        let states = answer::states(&ready.input, found);
+        let possible = possible(&ready.input, found);
+        let states = answer::states(&ready.input, found, possible.as_ref());
         let asked = tree_result::asked(&found.names, &output.estimate).map_err(Failure::input)?;
-        let (full, without_full) = full_parameters(model, found, &fullness)?;
+        let reversed = possible.as_ref().filter(|p| p.reversed).and_then(Possible::warning);
+        let (full, without_full) = match &reversed {
+            Some(why) if fullness.is_asked_for() => return Err(Failure::input(why)),
+            Some(_) => (None, None),
+            None => full_parameters(model, found, &fullness)?,
+        };
         let folder = folder()?;
         let missing = asked.iter().filter(|j| !matches!(states[**j], ParameterState::Identified(_))).count();
         let status = match missing {
@@ -76,11 +88,17 @@ impl TreeEnding<'_> {
         warnings.extend(model.findings.iter().map(ToString::to_string));
         warnings.extend(ready.notes.iter().cloned());
         warnings.extend(tree_result::warnings(&ready.input, found));
-        warnings.extend(without_full);
+        let impossible = possible.as_ref().and_then(Possible::warning);
+        warnings.extend(without_full.into_iter().chain(impossible));
         let answer = Answer {
             input: &ready.input,
-            reasons: answer::reasons(&ready.input, found, &states, &ready.idle),
+            // No motion would help.
+            reasons: match &reversed {
+                Some(_) => Vec::new(),
+                None => answer::reasons(&ready.input, found, &states, &ready.idle),
+            },
             states,
+            possible,
             found,
             full: full.as_ref(),
             trust: fullness.trust,
@@ -134,7 +152,7 @@ fn full_parameters(
     found: &TreeIdentification,
     fullness: &Fullness<'_>,
 ) -> Result<(Option<Full>, Option<String>), Failure> {
-    let asked_for = fullness.write_model.is_some() || fullness.symmetric;
+    let asked_for = fullness.is_asked_for();
     let without = model.welded().links.iter().all(|link| link.nominal.is_none());
     if without && !asked_for {
         return Ok((None, None));

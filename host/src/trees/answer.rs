@@ -11,6 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::DVector;
 
+use super::possible::Possible;
 use super::{Input, TreeIdentification};
 use crate::answer::identifiability::{LARGEST_SHARE, LEAST_EXCITATION};
 use crate::formats::result::{Measured, ParameterState};
@@ -99,8 +100,11 @@ fn nominal_base(input: &Input, found: &TreeIdentification) -> Option<Vec<f64>> {
     Some(product.iter().copied().collect())
 }
 
-/// What became of each parameter.
-pub fn states(input: &Input, found: &TreeIdentification) -> Vec<ParameterState> {
+/// What became of each parameter. Nothing is identified if the bodies would have negative mass.
+pub fn states(input: &Input, found: &TreeIdentification, possible: Option<&Possible>) -> Vec<ParameterState> {
+    if possible.is_some_and(|p| p.reversed) {
+        return vec![ParameterState::NotIdentified; found.names.len()];
+    }
     let places = places(input, found);
     let scales = scales(input, found, &places);
     let informed = |j: usize| {

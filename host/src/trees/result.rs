@@ -5,6 +5,7 @@ use rigident_shared::spatial::Body;
 use serde_json::{Value, json};
 
 use super::nearest::{Full, FullLink};
+use super::possible::Possible;
 use super::{Input, TreeIdentification};
 use crate::formats::result::{ParameterState, ResultSource, SCHEMA, Status};
 use crate::identification::{FILTER_WIDTH_S, whiteness};
@@ -21,6 +22,8 @@ pub struct Answer<'a> {
     pub states: Vec<ParameterState>,
     /// Why what is not identified is not.
     pub reasons: Vec<String>,
+    /// Whether bodies have the base parameters; `None`: that could not be told.
+    pub possible: Option<Possible>,
     /// Full parameters, where there is a nominal model.
     pub full: Option<&'a Full>,
     /// 1 σ that it was trusted with.
@@ -183,6 +186,10 @@ impl Answer<'_> {
         if let Some(out) = object.as_object_mut() {
             if found.estimate.condition_number.is_finite() {
                 out.insert("condition_number".to_owned(), json!(found.estimate.condition_number));
+            }
+            if let Some(possible) = &self.possible {
+                out.insert("physically_consistent".to_owned(), json!(possible.is_consistent()));
+                out.insert("distance_from_bodies_sd".to_owned(), json!(possible.distance_sd));
             }
             if let Some(full) = self.full {
                 out.insert("nearest_to_nominal".to_owned(), self.full_object(full));

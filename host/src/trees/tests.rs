@@ -34,7 +34,7 @@ fn two_links_without_noise_come_out_to_a_millionth() {
     for (k, offset) in [1.0, -2.0, 3.0, 0.1, 0.2, -0.3].into_iter().enumerate() {
         assert!((found.estimate.values[19 + k] - offset).abs() < 1e-6);
     }
-    let states = answer::states(&ready.input, &found);
+    let states = answer::states(&ready.input, &found, None);
     assert!(states.iter().all(|s| matches!(s, ParameterState::Identified(_))), "{states:?}");
 }
 
