@@ -24,8 +24,8 @@ pub enum Body {
     Horizontal,
     /// Standing upright
     Vertical,
-    /// Lying, with an arm on a ball joint that has an IMU of its own and swings while the plate's program runs; both IMUs are
-    /// calibrated
+    /// Lying, with an arm on a ball joint that has an IMU of its own and swings while a program of the controller's (--platform)
+    /// runs; both IMUs are calibrated
     TwoLinks,
 }
 

@@ -8,7 +8,7 @@ use rigident::planning::plan_file::PlanFile;
 use rigident_sim::links::SecondLink;
 use rigident_sim::platform::{Geometry, MotionProgram, Segment};
 use rigident_sim::rig::{MotionState, RigConfig};
-use rigident_sim::serve::StreamServer;
+use rigident_sim::serve::{Controller, StreamServer};
 
 use super::{Served, text};
 
@@ -100,11 +100,15 @@ fn a_run_with_two_links_identifies_both_and_what_it_cannot_do_is_said_before_any
         assert!(said(&output).contains(part), "{}", said(&output));
     }
     assert_eq!(served.rig.lock().unwrap().pose(), home);
-    let output = run(&served, &["--duration-s", "20", "--yes", "--json"]).output().unwrap();
+    // Its program is driven as a whole, and the arm with it.
+    let controller = Controller::listen("127.0.0.1:0", Arc::clone(&served.rig)).unwrap();
+    let address = format!("tcp://{}", controller.address());
+    let mut command = run_at(&served, &address, "out", &["--duration-s", "20", "--yes", "--json"]);
+    let output = command.output().unwrap();
     assert_eq!(output.status.code(), Some(0), "{}", said(&output));
     let result: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!((&result["status"], &result["source"]["mcu"]), (&"identified".into(), &"port".into()));
-    assert!(result["tracking"]["samples"].as_u64().unwrap() > 300);
+    assert!(result["tracking"]["samples"].as_u64().unwrap() > 100);
     let offset = served.rig.lock().unwrap().truth().apparent_offset_n_nm;
     let truth: Vec<f64> = second.base_parameters(&config.body).into_iter().chain(offset).collect();
     let found = result["parameters"].as_array().unwrap();
