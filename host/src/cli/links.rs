@@ -76,7 +76,10 @@ impl LinksExperiment<'_> {
         };
         let source = ResultSource {
             recording: self.recording.name.clone(),
-            rows: self.recording.rows(),
+            rows: match self.rows {
+                DeviceRows::Filtered => self.recording.rows(),
+                DeviceRows::Frames => counters.frames.absorbed as usize,
+            },
             rate_hz: Some(ready.input.rate_hz),
             mcu: mcu.to_owned(),
             memory: None,
