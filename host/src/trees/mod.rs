@@ -2,9 +2,9 @@
 //! model.
 //!
 //! Lives here: recordings brought to frames of joints and base ([`prepare`]), their rows ([`rows`]), friction ([`drive`]),
-//! a factor whose size the model decides ([`factor`]), gain errors of the load cell ([`gains`]), noise that is not white
-//! ([`colour`]), the identification itself (this file), what of it is identified and why not ([`answer`]), whether bodies have
-//! it ([`possible`]), full parameters ([`nearest`]), the page ([`page`]), trees and recordings to try
+//! a factor whose size the model decides ([`factor`]), gain errors of the load cell (`gains`), noise that is not white
+//! (`colour`), the identification itself (this file), what of it is identified and why not ([`answer`]), whether bodies have
+//! it ([`possible`]), full parameters ([`nearest`]), the page (`page`), trees and recordings to try
 //! it on ([`simulated`]). May not live here: the formulas of the rows
 //! (`rigident_shared::tree`), which parameters there are ([`crate::models::base`]), intervals and the judgement of
 //! residuals, which are those of a single body ([`crate::answer`], [`crate::identification::pooled`]). Next: [`prepare`].

@@ -2,7 +2,7 @@
 //!
 //! Lives here: the question ([`Situation`]) and its answer ([`BaseParameters`]), found twice: by rules from leaf to root
 //! ([`recursive`]), exact for a base that moves freely, and from random motions by a rank-revealing QR ([`numerical`]),
-//! for every situation. Both must agree. Links that are no bodies leave the rules with fewer columns ([`absent`]). May not live here: estimation. Next: [`recursive`], then [`numerical`].
+//! for every situation. Both must agree. Links that are no bodies leave the rules with fewer columns (`absent`). May not live here: estimation. Next: [`recursive`], then [`numerical`].
 
 mod absent;
 pub mod names;

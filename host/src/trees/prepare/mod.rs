@@ -1,6 +1,6 @@
 //! From a recording and a model to frames: which columns are there, which are missing, what does not fit.
 //!
-//! Lives here: the order of these questions, and the frames. Their answers are in [`joints`], [`sensors`] and [`sources`].
+//! Lives here: the order of these questions, and the frames. Their answers are in `joints`, `sensors` and `sources`.
 
 mod joints;
 mod sensors;
@@ -193,6 +193,17 @@ impl<'a> Preparation<'a> {
             }
         }
         self.check_sources(&joints, &attitudes, &gyros, &number_of)?;
+        let twice: Vec<&str> = attitudes
+            .keys()
+            .filter(|i| joints.contains_key(i))
+            .map(|i| self.model.links[*i].name.as_str())
+            .collect();
+        if !twice.is_empty() {
+            self.notes.push(format!(
+                "attitudes of {} were not used: their joints have columns of their own",
+                twice.join(", ")
+            ));
+        }
         let mut misfits = vec![0.0_f64; self.model.links.len()];
         let mut frames = Vec::new();
         let mut unusable = 0;
