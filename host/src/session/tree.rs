@@ -51,6 +51,12 @@ pub enum DeviceTreeError {
          `rigident identify` takes every other kind"
     )]
     Joint(String),
+    /// A link that is no body: no attitude can be streamed of it.
+    #[error(
+        "link {0} is no body but the place where two joints of one body meet: on the device declare three hinges through one \
+         point to be one ball (--spherical); `rigident identify` takes them as they are"
+    )]
+    NoBody(String),
 }
 
 /// What the device is to be told of a model, and its base parameters in the device's order.
@@ -61,6 +67,9 @@ pub fn device_tree(model: &Model) -> Result<(ModelSettings, Vec<BaseParameter>),
     let welded = model.welded();
     if welded.links.len() > MAX_LINKS {
         return Err(DeviceTreeError::Links(welded.links.len()));
+    }
+    if let Some(link) = welded.links.iter().find(|link| !link.is_body()) {
+        return Err(DeviceTreeError::NoBody(link.name.clone()));
     }
     let mut links = Vec::new();
     for (i, link) in welded.links.iter().enumerate() {
@@ -267,6 +276,20 @@ mod tests {
         assert!(columns.is_sorted() && columns[..10].iter().eq(&(0..10).collect::<Vec<_>>()));
         let error = device_tree(&Person::default().human58().unwrap()).unwrap_err();
         assert!(error.to_string().contains("23 links"), "{error}");
+    }
+
+    #[test]
+    fn joints_that_share_a_body_must_be_one_on_the_device() {
+        let text = "<mujoco model=\"m\"><worldbody><body name=\"b\"><freejoint/><body name=\"t\"><joint name=\"x\" axis=\"1 0 0\"/>\
+                    <joint name=\"z\" axis=\"0 0 1\"/><joint name=\"y\" axis=\"0 1 0\"/></body></body></worldbody></mujoco>";
+        let mut model = crate::models::write::parse(text, "m.xml").unwrap().model;
+        let error = device_tree(&model).unwrap_err();
+        assert!(
+            error.to_string().contains("link t#1") && error.to_string().contains("--spherical"),
+            "{error}"
+        );
+        model.declare_spherical(&["x", "z", "y"].map(str::to_owned)).unwrap();
+        assert_eq!(device_tree(&model).unwrap().1.len(), 19);
     }
 
     #[test]
