@@ -3,7 +3,7 @@
 //!
 //! Lives here: recordings brought to frames of joints and base ([`prepare`]), their rows ([`rows`]), friction ([`drive`]),
 //! a factor whose size the model decides ([`factor`]), gain errors of the load cell (`gains`), noise that is not white
-//! (`colour`), the identification itself (this file), what of it is identified and why not ([`answer`]), whether bodies have
+//! (`colour`) or that stands in the rows (`rate_noise`), the identification itself (this file), what of it is identified and why not ([`answer`]), whether bodies have
 //! it ([`possible`]), full parameters ([`nearest`]), the page (`page`), trees and recordings to try
 //! it on ([`simulated`]). May not live here: the formulas of the rows
 //! (`rigident_shared::tree`), which parameters there are ([`crate::models::base`]), intervals and the judgement of
@@ -18,10 +18,12 @@ pub mod joints;
 pub mod nearest;
 #[cfg(test)]
 mod nearest_tests;
+mod noise;
 mod page;
 pub mod polynomial;
 pub mod possible;
 pub mod prepare;
+mod rate_noise;
 pub mod result;
 pub mod rows;
 pub mod simulated;
@@ -90,6 +92,17 @@ pub struct Input {
 }
 
 impl Input {
+    /// The same of other frames.
+    fn with_frames(&self, frames: Vec<Frame>) -> Self {
+        Self {
+            frames,
+            model: self.model.clone(),
+            channel_sigma: self.channel_sigma.clone(),
+            drives: self.drives.clone(),
+            ..*self
+        }
+    }
+
     /// The wrench is among the rows.
     pub fn has_wrench(&self) -> bool {
         self.situation.rows != Rows::Joint
@@ -209,6 +222,9 @@ pub struct TreeIdentification {
     pub colour: Vec<Colour>,
     /// Factor on the standard deviation of each parameter for it, in the factor and the estimate; empty: none.
     pub widening: Vec<f64>,
+    /// Error of each parameter that noise of the rates is expected to make; the standard deviations in the factor and the
+    /// estimate count it.
+    pub rate_bias: Vec<f64>,
     /// Relative gain errors of the load cell as far as they show; zero where they have no σ.
     pub gains: [f64; 6],
     /// Filtered row blocks.
@@ -248,7 +264,7 @@ pub fn identify(input: &Input) -> Result<TreeIdentification, TreeIdentificationE
             fit = fitter.fit(&sigma, 1.0);
         }
     }
-    Ok(conclude(input, base, &fitter, fit, sigma))
+    conclude(input, base, &fitter, fit, sigma)
 }
 
 /// How a device makes rows.
@@ -285,7 +301,7 @@ pub fn conclude_device(
     let sigma = input.channel_sigma.clone().unwrap_or_else(|| starting_sigma(input));
     // The device knows of no gain errors.
     let fitter = Fitter { filtered: &filtered, offset: rows::offset_at(input, &base), channels: None };
-    Ok(conclude(input, base, &fitter, (factor, [0.0; 6]), sigma))
+    conclude(input, base, &fitter, (factor, [0.0; 6]), sigma)
 }
 
 /// How well what was found explains another recording.
@@ -358,7 +374,7 @@ fn conclude(
     fitter: &Fitter,
     (mut factor, mut gains): (TallFactor, [f64; 6]),
     sigma: Vec<f64>,
-) -> TreeIdentification {
+) -> Result<TreeIdentification, TreeIdentificationError> {
     let filtered = fitter.filtered;
     let determined = factor.solve().determined.iter().filter(|d| **d).count();
     let sigma_given = input.channel_sigma.is_some();
@@ -385,14 +401,26 @@ fn conclude(
     let (mut estimate, mut widening) = (estimate, Vec::new());
     if !colour.is_empty() {
         widening = colour::widening(filtered, &estimate, &sigma, &variance, &colour, input.rate_hz);
-        factor = factor.stretched(&estimate.values, &widening);
-        estimate = estimate.stretched(&widening);
+    }
+    let rate_bias = rate_noise::bias(input, &base, &solution, &sigma)?;
+    let stretch: Vec<f64> = rate_bias
+        .iter()
+        .enumerate()
+        .map(|(j, bias)| {
+            let white = estimate.covariance[(j, j)].sqrt();
+            let coloured = widening.get(j).copied().unwrap_or(1.0) * white;
+            if white > 0.0 { coloured.hypot(*bias) / white } else { 1.0 }
+        })
+        .collect();
+    if stretch.iter().any(|s| *s > 1.0) {
+        factor = factor.stretched(&estimate.values, &stretch);
+        estimate = estimate.stretched(&stretch);
     }
     let from = if input.has_wrench() { 3.min(sigma.len()) } else { 0 };
     let moment_sigma = sigma[from..].iter().copied().fold(f64::INFINITY, f64::min);
     let weight = filtered.blocks.len() as f64 * f64::from(filtered.every);
     let (names, units) = rows::names_and_units(input, &base);
-    TreeIdentification {
+    Ok(TreeIdentification {
         names,
         units,
         base,
@@ -409,6 +437,7 @@ fn conclude(
             tensor_information: weight * filtered.derivative_noise_gain * input.rate_sigma.powi(2)
                 / (moment_sigma * moment_sigma),
         },
+        rate_bias,
         residuals,
         residual_sigma: variance.iter().map(|v| (v * filtered.kernel_gain()).sqrt()).collect(),
         colour,
@@ -417,5 +446,5 @@ fn conclude(
         blocks: filtered.blocks.len(),
         channel_sigma: sigma,
         factor,
-    }
+    })
 }

@@ -73,7 +73,10 @@ pub fn asked(names: &[String], words: &[String]) -> Result<Vec<usize>, String> {
     Ok(all)
 }
 
-/// What residuals say of the noise.
+/// A share of an interval that is worth a word.
+const RATE_NOISE: f64 = 0.5;
+
+/// What residuals say of the noise, and what noise of the rates does.
 pub fn warnings(input: &Input, found: &TreeIdentification) -> Vec<String> {
     let mut said = Vec::new();
     let rows = found.factor.rows() as usize;
@@ -90,6 +93,20 @@ pub fn warnings(input: &Input, found: &TreeIdentification) -> Vec<String> {
         ));
     }
     said.extend(whiteness::warning(&found.colour, &input.channels(), found.widened(), FILTER_WIDTH_S));
+    let moved = found
+        .rate_bias
+        .iter()
+        .enumerate()
+        .map(|(j, bias)| bias.abs() / found.estimate.covariance[(j, j)].sqrt());
+    let worst = moved.filter(|share| share.is_finite()).fold(0.0, f64::max);
+    if worst > RATE_NOISE {
+        said.push(format!(
+            "noise of the rates (1 σ {} rad/s) stands in the rows and does not average out: up to {:.0} % of an interval is for it. \
+             Better gyros or encoders, or faster motion, make intervals narrower; a longer recording does not",
+            significant(input.rate_sigma, 2),
+            100.0 * worst
+        ));
+    }
     let poor: Vec<String> = input
         .channels()
         .iter()

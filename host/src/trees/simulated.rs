@@ -10,33 +10,11 @@ use rigident_shared::spatial::{Body, Position};
 use rigident_shared::tree::{BaseMotion, Joint, Link};
 
 use super::TreeIdentification;
+use super::noise::Noise;
 use crate::formats::recording::{ImuColumns, Recording};
 use crate::formats::rig::ImuTable;
 use crate::models::dynamics::inverse_dynamics;
 use crate::models::{Model, ModelLink};
-
-/// Steele's splitmix64 and Box and Muller's transformation: the same noise for a seed on every machine.
-struct Noise(Option<u64>);
-
-impl Noise {
-    fn uniform(&mut self) -> f64 {
-        let state = self.0.get_or_insert(0);
-        *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = *state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// Zero without a seed.
-    fn normal(&mut self, sigma: f64) -> f64 {
-        if self.0.is_none() || sigma == 0.0 {
-            return 0.0;
-        }
-        let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
-        sigma * radius * (std::f64::consts::TAU * self.uniform()).cos()
-    }
-}
 
 fn body(mass: f64, com: [f64; 3], radii: [f64; 3], turn: [f64; 3]) -> Option<[f64; 10]> {
     let turned = Rotation3::from_euler_angles(turn[0], turn[1], turn[2]).into_inner();
@@ -355,7 +333,7 @@ pub fn worst(model: &Model, found: &TreeIdentification) -> f64 {
 }
 
 /// Share of parameters inside their intervals.
-pub fn coverage(runs: u64, run: impl Fn(u64) -> (Vec<f64>, TreeIdentification)) -> f64 {
+pub fn coverage(runs: u64, run: impl FnMut(u64) -> (Vec<f64>, TreeIdentification)) -> f64 {
     covered(runs, run).inside
 }
 
@@ -371,7 +349,7 @@ pub struct Covered {
 }
 
 /// Likewise, of intervals with and without the share that colour has in them.
-pub fn covered(runs: u64, run: impl Fn(u64) -> (Vec<f64>, TreeIdentification)) -> Covered {
+pub fn covered(runs: u64, mut run: impl FnMut(u64) -> (Vec<f64>, TreeIdentification)) -> Covered {
     let (mut inside, mut as_white, mut all, mut told) = (0.0, 0.0, 0.0, 0.0);
     for seed in 1..=runs {
         let (truth, found) = run(seed);
