@@ -76,6 +76,7 @@ fn two_links_are_identified_live_recorded_replayed_to_the_bit_and_identified_aga
     let written: Value =
         serde_json::from_slice(&std::fs::read(place.join("a/result.json")).unwrap()).unwrap();
     assert_eq!(numbers(&written), numbers(&live));
+    assert!(std::fs::read_to_string(place.join("a/report.html")).unwrap().contains("arm"));
     let replayed = answer(place, "replay a/demo.mcap --out b --json");
     assert_eq!(numbers(&replayed), numbers(&live));
     // A recording is worth the same in the other form.
@@ -239,6 +240,11 @@ fn what_a_recording_lacks_for_the_device_is_named() {
     std::fs::write(place.join("c.rig.toml"), rig.replace("\"zero\"", "\"estimate\"")).unwrap();
     let offset = complaint(place, "replay a/demo.csv --model human34 --rig c.rig.toml --out o");
     assert!(offset.contains("offset_n_nm"), "{offset}");
+    let gains =
+        rig.replace("[load_cell]", "[load_cell]\ngain_uncertainty = [0.01, 0.01, 0.01, 0.01, 0.01, 0.01]");
+    std::fs::write(place.join("d.rig.toml"), gains).unwrap();
+    let gains = complaint(place, "replay a/demo.csv --model human34 --rig d.rig.toml --out o");
+    assert!(gains.contains("gain_uncertainty") && gains.contains("rigident identify"), "{gains}");
     assert!(!place.join("o").exists());
 }
 

@@ -58,8 +58,10 @@ impl LinksExperiment<'_> {
                 None => Failure::input(format!("{error}\nWhat was recorded is in {place}")),
             }
         };
-        let ready =
-            prepare(self.recording, self.model, &Wishes::default()).map_err(|e| kept(e.to_string()))?;
+        let mut read = self.recording.clone();
+        // The second link's accelerometer has served the joint's attitude; it is not among the rows.
+        read.imus.iter_mut().skip(1).for_each(|imu| imu.accel = None);
+        let ready = prepare(&read, self.model, &Wishes::default()).map_err(|e| kept(e.to_string()))?;
         let (found, mcu) = match take.factor {
             Some(DeviceFactor::Links(factor)) => {
                 let found = trees::conclude_device(&ready.input, factor, self.rows);
