@@ -20,7 +20,7 @@ use rigident_shared::wire::{
 };
 
 pub use adaptive::{Director, Proposal};
-pub use settings::{DeviceTiming, SettingsError, settings};
+pub use settings::{DeviceTiming, GainsOnDevice, SettingsError, settings};
 use take::Taking;
 pub use take::{DeviceFactor, Observer, Take, narrow, widen};
 

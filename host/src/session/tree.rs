@@ -12,7 +12,7 @@ use rigident_shared::wire::{
     Reason, Reply, Settings, Source, StateName,
 };
 
-use super::settings::{DeviceTiming, SettingsError, settings};
+use super::settings::{DeviceTiming, GainsOnDevice, SettingsError, settings};
 use super::{INTERRUPTED, Observer, Session, SessionError, Take, Taking};
 use crate::formats::rig::RigFile;
 use crate::link::{Client, LinkError};
@@ -29,6 +29,9 @@ pub enum DeviceTreeError {
     /// Its sensors are not described.
     #[error(transparent)]
     Settings(#[from] SettingsError),
+    /// Gain errors.
+    #[error(transparent)]
+    Gains(#[from] GainsOnDevice),
     /// The offset is to be estimated.
     #[error(
         "on the device a tree has no room for the wrench's offset: give it in [load_cell] offset_n_nm as six numbers, or as \
@@ -108,6 +111,7 @@ pub fn tree_settings(
     timing: &DeviceTiming,
     model: ModelSettings,
 ) -> Result<Settings, DeviceTreeError> {
+    GainsOnDevice::refuse(rig)?;
     // Of the gauges' matrix and other things of the sensors' there is no need.
     let injected = DeviceTiming { source: Source::Injected, ..*timing };
     let one = settings(rig, &injected, None, None)?;
