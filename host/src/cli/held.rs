@@ -1,4 +1,5 @@
-//! Joints that are locked: where they stand is taken from the recording, unless it was stated.
+//! Changes to a model that depend on what is recorded: joints that are locked stand where the recording has them, unless it
+//! was stated; three revolute joints that are one spherical joint stay three where their angles are recorded.
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use rigident_shared::tree::Joint;
@@ -82,6 +83,27 @@ pub(super) fn lock(
     Ok(notes)
 }
 
+/// Declares three revolute joints each that are one spherical joint: where the angles of all three are recorded they stay, and
+/// what is between them is no body.
+///
+/// # Errors
+/// Bad input: they are no such joint.
+pub(super) fn meet(model: &mut Model, words: &[String], recording: &Recording) -> Result<(), Failure> {
+    for words in words {
+        let joints = super::model::three(words)?;
+        let recorded = |name: &String| {
+            let i = model.joint(name);
+            i.is_some_and(|i| source(model, i, recording).is_some_and(|(column, _)| has(recording, &column)))
+        };
+        if joints.iter().all(recorded) {
+            model.declare_meeting(&joints).map_err(Failure::input)?;
+        } else {
+            model.declare_spherical(&joints).map_err(Failure::input)?;
+        }
+    }
+    Ok(())
+}
+
 /// Where something stands.
 struct Stand {
     mean: f64,
@@ -115,20 +137,29 @@ fn noise(values: &[f64]) -> f64 {
     if count > 0.0 { (sum / (70.0 * count)).sqrt() } else { 0.0 }
 }
 
-/// The column of a joint's position, rad or m.
-fn column(model: &Model, i: usize, recording: &Recording) -> Result<Option<(String, Vec<f64>)>, Failure> {
+/// Name and scale of the column of a joint's position, rad or m.
+fn source(model: &Model, i: usize, recording: &Recording) -> Option<(String, f64)> {
     let link = &model.links[i];
     let unit = match link.link.joint {
         Joint::Revolute(_) => "rad",
         Joint::Prismatic(_) => "m",
-        _ => return Ok(None),
+        _ => return None,
     };
     let name = &link.joint_name;
     let table = recording.rig.joint.iter().find(|table| table.name == *name);
-    let (column, scale) = match table.and_then(|table| table.position.as_ref()) {
+    Some(match table.and_then(|table| table.position.as_ref()) {
         Some(source) => (source.parts().0.to_owned(), source.parts().1),
         None => (format!("{name}_{unit}"), 1.0),
-    };
+    })
+}
+
+fn has(recording: &Recording, column: &str) -> bool {
+    recording.extra.iter().any(|(name, _)| name == column)
+}
+
+/// A joint's position, rad or m, in every row, and the name of its column.
+fn column(model: &Model, i: usize, recording: &Recording) -> Result<Option<(String, Vec<f64>)>, Failure> {
+    let Some((column, scale)) = source(model, i, recording) else { return Ok(None) };
     let Some((_, cells)) = recording.extra.iter().find(|(other, _)| *other == column) else {
         return Ok(None);
     };

@@ -38,7 +38,7 @@ pub(super) fn run(arguments: &Identify, started: Instant) -> Result<Option<ExitC
     warnings.extend(change_as_recorded(&mut model, &options.of.changes, &recording)?);
     if let Some(path) = written {
         let locked = &options.of.changes.lock;
-        warnings.extend(models::write::remarks(&model, model_file.as_deref(), path, locked));
+        warnings.extend(models::remarks::remarks(&model, model_file.as_deref(), path, locked));
     }
     let friction =
         options.friction.iter().map(|w| Term::parse(w)).collect::<Result<_, _>>().map_err(Failure::input)?;
@@ -106,6 +106,7 @@ pub(super) fn change_as_recorded(
 ) -> Result<Vec<String>, Failure> {
     let mut changes = changes.clone();
     let mut told = held::lock(model, &std::mem::take(&mut changes.lock), recording)?;
+    held::meet(model, &std::mem::take(&mut changes.spherical), recording)?;
     super::model::change(model, &changes)?;
     told.extend(changes.tool.iter().map(|words| of_a_tool(words)));
     Ok(told)

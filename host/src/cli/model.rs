@@ -60,15 +60,19 @@ pub(super) fn refuse_a_person(options: &ModelChanges) -> Result<(), Failure> {
     Ok(())
 }
 
+/// The joints of `--spherical J1,J2,J3`.
+pub(super) fn three(words: &str) -> Result<[String; 3], Failure> {
+    let joints: Vec<String> = words.split(',').map(|j| j.trim().to_owned()).collect();
+    joints
+        .try_into()
+        .map_err(|_| Failure::input(format!("--spherical {words}: names three joints, J1,J2,J3")))
+}
+
 /// Applies the options that change a model.
 pub(super) fn change(model: &mut Model, options: &ModelChanges) -> Result<(), Failure> {
     model.lock(&options.lock).map_err(Failure::input)?;
     for words in &options.spherical {
-        let joints: Vec<String> = words.split(',').map(|j| j.trim().to_owned()).collect();
-        let joints: [String; 3] = joints
-            .try_into()
-            .map_err(|_| Failure::input(format!("--spherical {words}: names three joints, J1,J2,J3")))?;
-        model.declare_spherical(&joints).map_err(Failure::input)?;
+        model.declare_spherical(&three(words)?).map_err(Failure::input)?;
     }
     for words in &options.tool {
         model.hold_tool(words).map_err(Failure::input)?;

@@ -123,7 +123,7 @@ pub struct ModelChanges {
     /// Joints that do not move, at an angle (rad) or a length (m); without it where the recording has them, else at zero
     #[arg(long, value_name = "JOINT[=VALUE]", value_delimiter = ',')]
     pub lock: Vec<String>,
-    /// Three revolute joints in a row, nearest to the base first, that are one spherical joint
+    /// Three revolute joints in a row, nearest to the base first, that are one spherical joint, links without mass between them
     #[arg(long, value_name = "J1,J2,J3")]
     pub spherical: Vec<String>,
     /// A body held rigidly by a link; its frame in the link's in m and degrees

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use rigident_shared::tree::{Joint, Link};
 
 use super::finding::ModelError;
-use super::model::{Model, ModelLink};
+use super::model::{Model, ModelLink, NO_BODY};
 
 /// Axes pass through one point if they miss it by less, m: below any tolerance a joint is made to.
 const COINCIDENCE_M: f64 = 1e-6;
@@ -192,6 +192,21 @@ impl Model {
             out.remove(&[between]);
         }
         out
+    }
+
+    /// The same of joints whose angles are known each on its own: the three stay, and the links between them are no bodies.
+    ///
+    /// # Errors
+    /// As those of [`Self::declare_spherical`].
+    pub fn declare_meeting(&mut self, joints: &[String; 3]) -> Result<(), ModelError> {
+        self.clone().declare_spherical(joints)?;
+        for name in &joints[..2] {
+            let Some(i) = self.joint(name) else { continue };
+            self.links[i].nominal = Some(NO_BODY);
+            let place = format!("link {}", self.links[i].name);
+            self.findings.retain(|finding| finding.place != place);
+        }
+        Ok(())
     }
 
     /// Takes links out on which nothing hangs any more.

@@ -1,7 +1,7 @@
 //! Models of trees of links: where they come from, and what of them can be identified.
 //!
 //! Lives here: the model itself ([`model`]) and its findings, readers ([`urdf`], [`mjcf`], [`sdf`], a rig file's `[[link]]`
-//! tables in [`rig_links`]) and the writer ([`mod@write`]), what is strange in other people's files ([`check`]), the built-in people ([`human`]), changes by option ([`edit`]), what a motion leaves out ([`idle`]), the base parameters
+//! tables in [`rig_links`]) and the writer ([`mod@write`], [`remarks`]), what is strange in other people's files ([`check`]), the built-in people ([`human`]), changes by option ([`edit`]), what a motion leaves out ([`idle`]), the base parameters
 //! ([`base`]) the rows of a model in motion ([`rows`], [`filter`]) and how fast they come ([`speed`]). May not live here: the formulas of the rows, which
 //! firmware and host share (`rigident_shared::tree`), and recordings. Next: [`model`], then [`base`].
 
@@ -19,6 +19,7 @@ pub mod mjcf;
 #[cfg(test)]
 mod mjcf_tests;
 pub mod model;
+pub mod remarks;
 pub mod rig_links;
 pub mod rows;
 pub mod sdf;

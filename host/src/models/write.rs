@@ -3,7 +3,7 @@
 //! A file of the same language is kept as it is but for its inertias; otherwise a new one is made of the tree: links,
 //! joints, inertias, nothing else. What was written is read again and compared before it is a file.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -15,7 +15,8 @@ use roxmltree::Node;
 
 use super::finding::ModelError;
 use super::inertial::{Parameters, in_parent};
-use super::model::{Mimic, Model, ModelLink};
+use super::model::{Mimic, Model};
+use super::remarks::joint_names;
 use super::xml::{self, Language, Parsed};
 use super::{mjcf, sdf, urdf};
 
@@ -49,52 +50,6 @@ pub fn check_target(path: &Path) -> Result<Language, ModelError> {
         return Err(refuse("its folder is not there: make it first"));
     }
     Ok(language)
-}
-
-/// What whoever reads a file of a model should know: what it does not say as the model does, or only some readers read.
-/// `locked` are the joints, `JOINT` or `JOINT=VALUE`, that were locked in it.
-pub fn remarks(model: &Model, source: Option<&Path>, path: &Path, locked: &[String]) -> Vec<String> {
-    let language = Language::of_path(path);
-    let text = source.and_then(|source| std::fs::read_to_string(source).ok());
-    if text.is_some_and(|text| Language::of_text(&text) == language) {
-        // Kept, but for inertias.
-        return Vec::new();
-    }
-    let mut said = Vec::new();
-    let mut say = |text: String| said.push(format!("{}: {text}", path.display()));
-    say("holds links, joints and inertias; shapes, limits and whatever else the model's file may have are left out".to_owned());
-    if !locked.is_empty() {
-        say(format!("joints that were locked are fixed in it: {}", locked.join(", ")));
-    }
-    let joints = |is: &dyn Fn(&ModelLink) -> bool| -> Option<String> {
-        let names: Vec<&str> =
-            model.links.iter().skip(1).filter(|l| is(l)).map(|l| l.joint_name.as_str()).collect();
-        (!names.is_empty()).then(|| names.join(", "))
-    };
-    if language == Some(Language::Urdf) {
-        if let Some(names) = joints(&|l| l.link.joint == Joint::Spherical) {
-            say(format!(
-                "type=\"spherical\" of {names} is an extension of URDF that urdfdom, and with it ROS, refuses; write .xml (MJCF) or \
-                 .sdf, which have such joints"
-            ));
-        }
-        if let Some(names) = joints(&|l| matches!(l.link.joint, Joint::Universal(..))) {
-            say(format!(
-                "URDF has no universal joint: {names} became two joints each, with a link without mass between"
-            ));
-        }
-    } else if let Some(names) = joints(&|l| l.mimic.is_some()) {
-        say(format!("that {names} follow other joints is left out"));
-    }
-    if language == Some(Language::Sdf) {
-        let renamed = joint_names(model);
-        let pairs = model.links.iter().zip(&renamed).skip(1).filter(|(l, name)| l.joint_name != **name);
-        let pairs: Vec<String> = pairs.map(|(l, name)| format!("{} is {name}", l.joint_name)).collect();
-        if !pairs.is_empty() {
-            say(format!("no joint can have the name of a link there: {}", pairs.join(", ")));
-        }
-    }
-    said
 }
 
 /// Reads a text of any of the languages.
@@ -162,7 +117,10 @@ pub fn edited(model: &Model, text: &str, what: &str) -> Result<String, ModelErro
     let mut changes: Vec<(Node, &str, String)> = Vec::new();
     for node in document.descendants().filter(|n| n.has_tag_name(tag)) {
         let Some(name) = node.attribute("name") else { continue };
-        let Some(phi) = model.link(name).and_then(|i| model.links[i].nominal) else { continue };
+        let Some(own) = model.link(name).map(|i| &model.links[i]).filter(|link| link.is_body()) else {
+            continue;
+        };
+        let Some(phi) = own.nominal else { continue };
         let anchor = anchors.get(name).copied().unwrap_or_else(Vector3::zeros);
         let phi = in_parent(&phi, &Matrix3::identity(), &anchor);
         changes.push((node, "inertial", inertial(&phi, language)));
@@ -348,7 +306,7 @@ fn as_mjcf(model: &Model) -> String {
         }
         if let Some(phi) = &own.nominal {
             let _ = writeln!(out, "{pad}  {}", inertial(phi, Language::Mjcf));
-        } else if own.link.joint == Joint::Fixed {
+        } else if i == 0 || own.link.joint == Joint::Fixed {
             // Some readers want one of every body; MuJoCo has nothing against none where nothing moves.
             let _ = writeln!(out, "{pad}  <inertial pos=\"0 0 0\" mass=\"0\" diaginertia=\"0 0 0\"/>");
         }
@@ -372,19 +330,6 @@ fn as_mjcf(model: &Model) -> String {
         body(model, 0, 2, &mut out);
     }
     out + "  </worldbody>\n</mujoco>\n"
-}
-
-/// Names of the joints where no two elements may have one: joints that are named as a link have `_joint` after it.
-fn joint_names(model: &Model) -> Vec<String> {
-    let mut taken: BTreeSet<String> = model.links.iter().map(|link| link.name.clone()).collect();
-    let free = |link: &ModelLink| {
-        let mut name = link.joint_name.clone();
-        while !taken.insert(name.clone()) {
-            name += "_joint";
-        }
-        name
-    };
-    model.links.iter().map(free).collect()
 }
 
 /// Bodies of several joints have become universal joints before, as far as they are any.

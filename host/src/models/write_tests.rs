@@ -331,9 +331,10 @@ fn links_of_tables_are_written_in_every_language_and_look_well() {
         let again = write::parse(&std::fs::read_to_string(&path).unwrap(), name).unwrap().model;
         assert!(difference(&model, &again) < 1e-9);
     }
-    let said = write::remarks(&model, None, &place.path().join("n.sdf"), &["arm=0.3".to_owned()]).join("\n");
+    let said =
+        remarks::remarks(&model, None, &place.path().join("n.sdf"), &["arm=0.3".to_owned()]).join("\n");
     assert!(said.contains("fixed in it: arm=0.3") && said.contains("arm is arm_joint"), "{said}");
-    let said = write::remarks(&model, None, &place.path().join("n.urdf"), &[]).join("\n");
+    let said = remarks::remarks(&model, None, &place.path().join("n.urdf"), &[]).join("\n");
     assert!(said.contains("type=\"spherical\" of arm is an extension") && said.contains("urdfdom"), "{said}");
     assert!(!said.contains("fixed"), "{said}");
     let nowhere = place.path().join("none").join("w.urdf");
@@ -341,7 +342,7 @@ fn links_of_tables_are_written_in_every_language_and_look_well() {
     // A file that is kept keeps all of it.
     let urdf = place.path().join("w.urdf");
     assert!(
-        write::remarks(&model, Some(&urdf), &place.path().join("n.urdf"), &["arm".to_owned()]).is_empty()
+        remarks::remarks(&model, Some(&urdf), &place.path().join("n.urdf"), &["arm".to_owned()]).is_empty()
     );
 }
 

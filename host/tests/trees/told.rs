@@ -99,24 +99,76 @@ fn a_robot_s_recording_without_a_model_is_told_from_a_body_s() {
 }
 
 const BALL: &str = r#"<robot name="ball"><link name="foot"/><link name="v1"/><link name="v2"/>
-<link name="arm"><inertial><mass value="2"/><inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial></link>
-<joint name="a1" type="continuous"><parent link="foot"/><child link="v1"/><axis xyz="0 0 1"/></joint>
+<link name="arm"><inertial><origin xyz="0.03 -0.02 0.13"/><mass value="2"/><inertia ixx="0.023" ixy="0.002" ixz="0.001" iyy="0.02" iyz="0.003" izz="0.015"/></inertial></link>
+<joint name="a1" type="continuous"><origin xyz="0 0 0.4"/><parent link="foot"/><child link="v1"/><axis xyz="0 0 1"/></joint>
 <joint name="a2" type="continuous"><parent link="v1"/><child link="v2"/><axis xyz="0 1 0"/></joint>
 <joint name="a3" type="continuous"><parent link="v2"/><child link="arm"/><axis xyz="1 0 0"/></joint></robot>"#;
 
-#[test]
-fn three_revolutes_columns_are_told_to_be_of_no_spherical_joint() {
-    let place = tempfile::tempdir().unwrap();
-    std::fs::write(place.path().join("ball.urdf"), BALL).unwrap();
+/// Angles and torques of three motors whose axes meet in a point.
+fn ball(place: &Path) -> Model {
+    std::fs::write(place.join("ball.urdf"), BALL).unwrap();
+    let model = open(place.join("ball.urdf").to_str().unwrap(), &Person::default()).unwrap().0;
+    let base = BaseMotion::still([0.0, 0.0, -9.80665]);
     let mut csv = "t_s,a1_rad,a2_rad,a3_rad,a1_nm,a2_nm,a3_nm\n".to_owned();
-    for row in 0..500 {
-        let t = f64::from(row) / 100.0;
-        let _ = writeln!(csv, "{t},{0},{0},{0},{0},{0},{0}", (3.0 * t).sin());
+    for row in 0..5000 {
+        let t = f64::from(row) / 500.0;
+        let s = [0, 1, 2].map(|k| swing(t, k, 0.6));
+        let part = |n: usize| s.map(|joint| joint[n]);
+        let forces = inverse_dynamics(&model, &base, &part(0), &part(1), &part(2)).unwrap();
+        let torque = |k: usize| forces[6 + k] + 0.01 * noise(3 * row as usize + k);
+        let _ = writeln!(
+            csv,
+            "{t},{},{},{},{},{},{}",
+            s[0][0],
+            s[1][0],
+            s[2][0],
+            torque(0),
+            torque(1),
+            torque(2)
+        );
     }
-    std::fs::write(place.path().join("ball.csv"), csv).unwrap();
+    std::fs::write(place.join("ball.csv"), csv).unwrap();
+    model
+}
+
+#[test]
+fn three_revolutes_that_meet_are_identified_from_their_angles_and_torques() {
+    let place = tempfile::tempdir().unwrap();
+    let model = ball(place.path());
+    let words = ["identify", "ball.csv", "--model", "ball.urdf", "--json", "--out"];
+    let found = answer(&rigident(
+        place.path(),
+        &[&words[..], &["o", "--spherical", "a1,a2,a3", "--write-model", "out.urdf"]].concat(),
+    ));
+    assert_eq!(found["status"], "identified", "{found:#}");
+    // A body turned about a point, gravity fixed: its first moment and its tensor about the point.
+    let parameters = found["parameters"].as_array().unwrap();
+    assert_eq!(parameters.len(), 9, "{found:#}");
+    let phi = model.links[model.link("arm").unwrap()].nominal.unwrap();
+    for (name, value) in [
+        ("arm.MSx", phi[1]),
+        ("arm.MSy", phi[2]),
+        ("arm.MSz", phi[3]),
+        ("arm.Jxx", phi[4]),
+        ("arm.Jxy", phi[9]),
+    ] {
+        let p = parameters.iter().find(|p| p["name"] == name).unwrap_or_else(|| panic!("{name}: {found:#}"));
+        let (got, u95) = (p["value"].as_f64().unwrap(), p["u95"].as_f64().unwrap());
+        assert!((got - value).abs() < 3.0 * u95, "{p} {value}");
+    }
+    let text = std::fs::read_to_string(place.path().join("out.urdf")).unwrap();
+    assert!(text.contains("<link name=\"v1\"/>") && text.contains("joint name=\"a2\""), "{text}");
+}
+
+#[test]
+fn one_revolute_s_columns_are_told_to_be_of_no_spherical_joint() {
+    let place = tempfile::tempdir().unwrap();
+    ball(place.path());
+    let csv = std::fs::read_to_string(place.path().join("ball.csv")).unwrap();
+    std::fs::write(place.path().join("ball.csv"), csv.replace("a1_rad", "other")).unwrap();
     let words = ["identify", "ball.csv", "--model", "ball.urdf", "--spherical", "a1,a2,a3", "--out", "never"];
     let said = complaint(&rigident(place.path(), &words));
-    assert!(said.contains("a3 is a spherical joint here") && said.contains("without --spherical"), "{said}");
+    assert!(said.contains("a3 is a spherical joint here") && said.contains("angles of all three"), "{said}");
 }
 
 #[test]

@@ -184,7 +184,7 @@ impl Preparation<'_> {
         part.map_or_else(String::new, |name| {
             format!(
                 ". {name} is a spherical joint here, whose motion is told by attitudes and gyros, and of which {name}_rad and \
-                 {name}_nm are one axis alone: from angles and torques of three revolute joints identify without --spherical"
+                 {name}_nm are one axis alone: it is identified from these where the angles of all three revolute joints are recorded"
             )
         })
     }
