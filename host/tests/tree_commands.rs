@@ -11,6 +11,8 @@ use rigident::models::{Model, human::Person, open, rig_links};
 use rigident_shared::tree::BaseMotion;
 use serde_json::Value;
 
+#[path = "trees/gross.rs"]
+mod gross;
 #[path = "trees/locked.rs"]
 mod locked;
 #[path = "trees/told.rs"]

@@ -187,6 +187,7 @@ fn filtered(input: &Input, base: &BaseParameters) -> Filtered {
         maker,
         rigident::identification::FILTER_WIDTH_S,
         rigident::identification::row_every(RATE_HZ),
+        &|_| {},
     )
     .expect("rows")
 }

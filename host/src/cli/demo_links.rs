@@ -116,7 +116,7 @@ fn two_link_file(rig: &Rig, second: &SecondLink) -> RigFile {
         joint: None,
         axis: None,
         second_axis: None,
-        position_m: [0.0; 3],
+        position_m: None,
         rotation_wxyz: [1.0, 0.0, 0.0, 0.0],
         initial_wxyz: None,
         nominal_mass_kg: Some(nominal.0),
@@ -139,7 +139,7 @@ fn two_link_file(rig: &Rig, second: &SecondLink) -> RigFile {
             LinkTable {
                 parent: Some("body".to_owned()),
                 joint: Some(Joint::Spherical),
-                position_m: second.joint_m,
+                position_m: Some(second.joint_m),
                 initial_wxyz: Some(second.swing.attitude_wxyz(0.0)),
                 ..link("arm", (5.5, [0.03, -0.02, 0.11], [0.1, 0.1, 0.05, 0.0, 0.0, 0.0]))
             },

@@ -7,6 +7,7 @@ use rigident_shared::tree::Joint;
 use super::Failure;
 use crate::formats::recording::Recording;
 use crate::models::Model;
+use crate::models::idle::white_noise;
 use crate::trees::joints::{Resolved, Seen, attitude, resolve};
 
 /// A joint that leaves its place by no more is held, rad or m, 1 σ, encoders and attitudes: controllers let it sag by as much.
@@ -124,17 +125,10 @@ impl Stand {
             least: values.iter().copied().fold(f64::INFINITY, f64::min),
             largest: values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
             deviation,
-            moves: deviation > held.max(NOISES * noise(values)),
+            moves: deviation > held.max(NOISES * white_noise(values)),
             turned: None,
         }
     }
-}
-
-/// σ of white noise on something smooth: fourth differences have √70 times it, and motion hardly enters them.
-fn noise(values: &[f64]) -> f64 {
-    let fourth = values.windows(5).map(|w| w[0] - 4.0 * w[1] + 6.0 * w[2] - 4.0 * w[3] + w[4]);
-    let (sum, count) = fourth.fold((0.0, 0.0), |(s, n), d| (s + d * d, n + 1.0));
-    if count > 0.0 { (sum / (70.0 * count)).sqrt() } else { 0.0 }
 }
 
 /// Name and scale of the column of a joint's position, rad or m.
@@ -244,7 +238,7 @@ mod tests {
             (series(&|k| 0.4 + 1e-5 * k), true),
         ] {
             let stand = Stand::of(&values, HELD);
-            assert_eq!(stand.moves, moves, "{} {}", stand.deviation, noise(&values));
+            assert_eq!(stand.moves, moves, "{} {}", stand.deviation, white_noise(&values));
             assert!((stand.mean - 0.4).abs() < 0.011);
         }
     }

@@ -7,13 +7,13 @@ use super::model_arguments::{ModelChanges, TreeModel, TreeOptions};
 use super::recorded::is_rig_file;
 use super::refused::refuse_for_trees;
 use super::tree_outcome::{Fullness, TreeEnding};
-use super::{Failure, Folder, held};
+use super::{Failure, Folder, Watcher, held};
 use crate::formats::recording::{Recording, rig_path};
 use crate::formats::result::ResultSource;
 use crate::formats::rig::RigFile;
 use crate::models::{self, Model};
 use crate::trees::drive::Term;
-use crate::trees::identify;
+use crate::trees::identify_watched;
 use crate::trees::prepare::{Wishes, prepare};
 
 /// `rigident identify` of a tree of links; `None` if the recording is one of a single body.
@@ -32,6 +32,7 @@ pub(super) fn run(arguments: &Identify, started: Instant) -> Result<Option<ExitC
     if let Some(path) = written {
         models::write::check_target(path).map_err(Failure::input)?;
     }
+    let watcher = Watcher::new(&format!("reading {}", arguments.recording.display()));
     let recording =
         Recording::load(&arguments.recording, arguments.rig.as_deref()).map_err(Failure::input)?;
     let mut warnings = recording.warnings.clone();
@@ -43,8 +44,12 @@ pub(super) fn run(arguments: &Identify, started: Instant) -> Result<Option<ExitC
     let friction =
         options.friction.iter().map(|w| Term::parse(w)).collect::<Result<_, _>>().map_err(Failure::input)?;
     let wishes = Wishes { friction, drives: options.drive.clone() };
+    watcher.at("frames of the recording", 0.0);
     let ready = prepare(&recording, &model, &wishes).map_err(Failure::input)?;
-    let found = identify(&ready.input).map_err(Failure::input)?;
+    let found =
+        identify_watched(&ready.input, &|stage, share| watcher.at(stage, share)).map_err(Failure::input)?;
+    // The rest writes.
+    drop(watcher);
     let source = ResultSource {
         recording: recording.name.clone(),
         rows: recording.rows(),

@@ -2,11 +2,11 @@ use std::process::ExitCode;
 
 use serde_json::json;
 
-use super::Failure;
 use super::model_arguments::{
     BaseParams, ModelChanges, ModelCheck, ModelCommand, ModelVerb, RowsWord, SexWord,
 };
 use super::outcome::say;
+use super::{Failure, Watcher};
 use crate::models::base::names::legend;
 use crate::models::base::{BaseParameters, Rows, Situation, base_parameters};
 use crate::models::human::{Person, Sex};
@@ -124,7 +124,10 @@ fn base_params(arguments: &BaseParams) -> Result<ExitCode, Failure> {
         None => Rows::Joint,
     };
     let situation = Situation { floating, rows, mimic: arguments.mimic };
-    let found = base_parameters(&model, &situation).map_err(Failure::input)?;
+    let watcher = Watcher::new(&format!("base parameters of {} links", model.links.len()));
+    let found = base_parameters(&model, &situation);
+    drop(watcher);
+    let found = found.map_err(Failure::input)?;
     if arguments.json {
         say(object(&model, &situation, &found));
     } else {

@@ -1,4 +1,7 @@
 use std::io::{IsTerminal, Write, stderr};
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// One line on standard error that is written over on a terminal, and now and then elsewhere.
@@ -59,5 +62,70 @@ impl Progress {
 impl Drop for Progress {
     fn drop(&mut self) {
         self.finish();
+    }
+}
+
+/// How often a watcher looks.
+const LOOK_EVERY: Duration = Duration::from_millis(100);
+
+/// Shows what is being done, how much of it, and for how long, from a thread of its own while the work goes on.
+pub(super) struct Watcher {
+    stage: Arc<Mutex<(String, f64)>>,
+    end: Option<Sender<()>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Watcher {
+    /// Starts the clock.
+    pub(super) fn new(stage: &str) -> Self {
+        let stage = Arc::new(Mutex::new((stage.to_owned(), 0.0)));
+        let (end, ended) = channel();
+        let seen = Arc::clone(&stage);
+        let thread = std::thread::spawn(move || {
+            let (started, mut progress) = (Instant::now(), Progress::new());
+            while ended.recv_timeout(LOOK_EVERY) == Err(RecvTimeoutError::Timeout) {
+                progress.show(|| {
+                    let (stage, share) = seen.lock().unwrap_or_else(PoisonError::into_inner).clone();
+                    line(&stage, share, started.elapsed())
+                });
+            }
+        });
+        Self { stage, end: Some(end), thread: Some(thread) }
+    }
+
+    /// What is being done now, and what share of it is done; zero: that is not known.
+    pub(super) fn at(&self, stage: &str, share: f64) {
+        *self.stage.lock().unwrap_or_else(PoisonError::into_inner) = (stage.to_owned(), share);
+    }
+}
+
+impl Drop for Watcher {
+    fn drop(&mut self) {
+        drop(self.end.take());
+        // A thread that failed has shown what it could.
+        let _ = self.thread.take().map(JoinHandle::join);
+    }
+}
+
+fn line(stage: &str, share: f64, elapsed: Duration) -> String {
+    let done = if share > 0.0 { format!(" {:.0} %", 100.0 * share) } else { String::new() };
+    format!("{stage}{done}, {:.0} s", elapsed.as_secs_f64())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_tells_what_how_much_and_how_long() {
+        let elapsed = Duration::from_millis(12_300);
+        assert_eq!(line("rows of frames", 0.43, elapsed), "rows of frames 43 %, 12 s");
+        assert_eq!(line("reading panda.csv", 0.0, elapsed), "reading panda.csv, 12 s");
+        // It ends at once, whatever it was at.
+        let started = Instant::now();
+        let watcher = Watcher::new("one");
+        watcher.at("two", 0.5);
+        drop(watcher);
+        assert!(started.elapsed() < Duration::from_secs(1));
     }
 }

@@ -7,7 +7,7 @@ use std::time::Instant;
 use super::arguments::Output;
 use super::followed::Followed;
 use super::outcome::say;
-use super::{Failure, Folder};
+use super::{Failure, Folder, Watcher};
 use crate::formats::result::{ParameterState, ResultSource, Status};
 use crate::models::{self, Model};
 use crate::trees::nearest::{Full, nearest};
@@ -68,6 +68,7 @@ impl TreeEnding<'_> {
         folder: impl FnOnce() -> Result<Folder, Failure>,
     ) -> Result<ExitCode, Failure> {
         let Self { output, model, ready, found, fullness, .. } = self;
+        let watcher = Watcher::new("full parameters");
         let possible = possible(&ready.input, found);
         let states = answer::states(&ready.input, found, possible.as_ref());
         let asked = tree_result::asked(&found.names, &output.estimate).map_err(Failure::input)?;
@@ -77,6 +78,7 @@ impl TreeEnding<'_> {
             Some(_) => (None, None),
             None => full_parameters(model, found, &fullness)?,
         };
+        drop(watcher);
         let folder = folder()?;
         let missing = asked.iter().filter(|j| !matches!(states[**j], ParameterState::Identified(_))).count();
         let status = match missing {

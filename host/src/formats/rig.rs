@@ -363,9 +363,9 @@ pub struct LinkTable {
     /// Second axis of a universal joint, y if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub second_axis: Option<[f64; 3]>,
-    /// Joint in the parent's frame, m.
-    #[serde(default)]
-    pub position_m: [f64; 3],
+    /// Joint in the parent's frame, m; its origin if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub position_m: Option<[f64; 3]>,
     /// Parent axes ← link axes at zero angle.
     #[serde(default = "no_rotation")]
     pub rotation_wxyz: [f64; 4],

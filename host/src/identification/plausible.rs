@@ -98,7 +98,29 @@ pub fn check(input: &Input, gravity_mps2: f64, gravity_columns: bool) -> Result<
             return Err(Implausible::FrozenImu(readings.len()));
         }
     }
-    let Some((measured, rate)) = at_rest(input) else { return Ok(()) };
+    let mounting = &input.mounting;
+    let (accel_bias, gyro_bias) = (mounting.accel_bias.array(), mounting.gyro_bias.array());
+    let readings = input.readings.iter().map(|r| {
+        let (a, w) = (r.specific_force.array(), r.angular_rate.array());
+        let force: [f64; 3] = std::array::from_fn(|k| mounting.accel_scale[k] * a[k] - accel_bias[k]);
+        (force, std::array::from_fn(|k| w[k] - gyro_bias[k]))
+    });
+    check_gravity(readings, input.is_static, input.rate_hz, gravity_mps2, gravity_columns)
+}
+
+/// Checks |a| where it is quietest against gravity: calibrated specific forces, m/s², each with its rate, rad/s.
+///
+/// # Errors
+/// [`Implausible::NotGravity`].
+pub fn check_gravity(
+    readings: impl Iterator<Item = ([f64; 3], [f64; 3])>,
+    is_static: bool,
+    rate_hz: f64,
+    gravity_mps2: f64,
+    gravity_columns: bool,
+) -> Result<(), Implausible> {
+    let readings: Vec<_> = readings.collect();
+    let Some((measured, rate)) = at_rest(&readings, is_static, rate_hz) else { return Ok(()) };
     let outwards = rate * rate * LEVER_M;
     if (gravity_mps2 / FACTOR - outwards..=gravity_mps2 * FACTOR + outwards).contains(&measured) {
         return Ok(());
@@ -109,42 +131,32 @@ pub fn check(input: &Input, gravity_mps2: f64, gravity_columns: bool) -> Result<
     Err(Implausible::NotGravity { measured, gravity: gravity_mps2, what, unit })
 }
 
-/// Median |a| of the quietest stretches, calibrated, and the median rate of rotation in them, rad/s. `None` without
+/// Median |a| of the quietest stretches, and the median rate of rotation in them, rad/s. `None` without
 /// finite readings.
-fn at_rest(input: &Input) -> Option<(f64, f64)> {
-    let mounting = &input.mounting;
-    let bias = mounting.accel_bias.array();
-    let force = |r: &Reading<f64>| -> [f64; 3] {
-        let a = r.specific_force.array();
-        std::array::from_fn(|k| mounting.accel_scale[k] * a[k] - bias[k])
-    };
+fn at_rest(readings: &[([f64; 3], [f64; 3])], is_static: bool, rate_hz: f64) -> Option<(f64, f64)> {
     let length = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
-    let gyro_bias = mounting.gyro_bias.array();
-    let rows = if input.is_static { 1 } else { (STRETCH_S * input.rate_hz).round().clamp(1.0, 1e6) as usize };
+    let rows = if is_static { 1 } else { (STRETCH_S * rate_hz).round().clamp(1.0, 1e6) as usize };
     // Spread, |mean specific force|, |mean rate| of each stretch.
-    let mut stretches: Vec<(f64, f64, f64)> = input
-        .readings
+    let mut stretches: Vec<(f64, f64, f64)> = readings
         .chunks(rows)
-        .filter(|part| part.len() == rows || part.len() == input.readings.len())
+        .filter(|part| part.len() == rows || part.len() == readings.len())
         .map(|part| {
             let n = part.len() as f64;
-            let mean = |of: &dyn Fn(&Reading<f64>) -> [f64; 3]| -> [f64; 3] {
-                let sum = part.iter().map(of).fold([0.0; 3], |s, v| std::array::from_fn(|k| s[k] + v[k]));
-                sum.map(|v| v / n)
-            };
-            let middle = mean(&force);
-            let square =
-                |r: &Reading<f64>| force(r).iter().zip(middle).map(|(a, m)| (a - m).powi(2)).sum::<f64>();
-            let rate = mean(&|r| {
-                let w = r.angular_rate.array();
-                std::array::from_fn(|k| w[k] - gyro_bias[k])
-            });
-            (part.iter().map(square).sum::<f64>() / n, length(middle), length(rate))
+            let mut sums = [[0.0; 3]; 2];
+            for (force, rate) in part {
+                for k in 0..3 {
+                    sums[0][k] += force[k];
+                    sums[1][k] += rate[k];
+                }
+            }
+            let [middle, rate] = sums.map(|sum| sum.map(|v: f64| v / n));
+            let spread = part.iter().flat_map(|r| r.0.into_iter().zip(middle)).map(|(a, m)| (a - m).powi(2));
+            (spread.sum::<f64>() / n, length(middle), length(rate))
         })
         .filter(|(spread, force, rate)| (spread + force + rate).is_finite())
         .collect();
     stretches.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let quiet = if input.is_static { stretches.len() } else { stretches.len().div_ceil(QUIETEST) };
+    let quiet = if is_static { stretches.len() } else { stretches.len().div_ceil(QUIETEST) };
     stretches.truncate(quiet);
     let force = median(stretches.iter().map(|s| s.1).collect())?;
     Some((force, median(stretches.iter().map(|s| s.2).collect())?))

@@ -121,8 +121,9 @@ pub fn prepare(recording: &Recording) -> Result<Prepared, PrepareError> {
     if rig.link.len() > 1 || !rig.stream.is_empty() {
         return Err(PrepareError::Unsupported {
             name: name(),
-            what: "its rig file is for several links, which `rigident identify` and `replay` take, or for several files: for \
-                   these give the rig file itself as the recording, or the folder of the files and --rig",
+            what: "its rig file is for several links or several files. `rigident identify` and `replay` take several links, factor \
+                   files and what is made of them do not; of several files `identify` takes the rig file itself as the \
+                   recording, or the folder of the files and --rig",
         });
     }
     let wrench = match (&recording.wrench, &recording.gauges, rig.load_cell.calibration) {

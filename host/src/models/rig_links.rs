@@ -7,7 +7,7 @@ use rigident_shared::inertia::{InertialParameters, tensor_from_elements};
 use rigident_shared::spatial::{Body, Position};
 use rigident_shared::tree::{Joint, Link};
 
-use super::finding::ModelError;
+use super::finding::{Finding, ModelError};
 use super::inertial::Parameters;
 use super::model::{Model, ModelLink, NO_BODY, RawLink};
 use crate::formats::rig::{self, LinkTable, RigFile};
@@ -46,7 +46,7 @@ pub fn from_tables(tables: &[LinkTable], what: &str) -> Result<Model, ModelError
         let [w, x, y, z] = table.rotation_wxyz;
         let rotation: Matrix3<f64> =
             UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).to_rotation_matrix().into_inner();
-        let position = Vector3::from(table.position_m);
+        let position = Vector3::from(table.position_m.unwrap_or_default());
         raw.push(RawLink {
             link: ModelLink {
                 name: table.name.clone(),
@@ -62,6 +62,15 @@ pub fn from_tables(tables: &[LinkTable], what: &str) -> Result<Model, ModelError
     let mut model = Model::assemble(what, raw, Vec::new())?;
     // A rig file need not say anything of masses: that is not strange.
     model.findings.retain(|finding| !finding.text.starts_with("has no mass"));
+    let unplaced = tables.iter().filter(|table| table.position_m.is_none());
+    let unplaced = unplaced.filter_map(|table| Some((table, table.parent.as_ref()?)));
+    model.findings.extend(unplaced.map(|(table, parent)| Finding {
+        place: format!("link {}", table.name),
+        text: format!(
+            "has no position_m in its [[link]] table: its joint is assumed at the origin of {parent}, [0, 0, 0] m; write it if \
+             that is so"
+        ),
+    }));
     Ok(model)
 }
 

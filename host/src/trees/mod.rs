@@ -3,9 +3,10 @@
 //!
 //! Lives here: recordings brought to frames of joints and base ([`prepare`]), their rows ([`rows`]), friction ([`drive`]),
 //! a factor whose size the model decides ([`factor`]), gain errors of the load cell (`gains`), noise that is not white
-//! (`colour`) or that stands in the rows (`rate_noise`), the identification itself (this file), what of it is identified and why not ([`answer`]), whether bodies have
-//! it ([`possible`]), full parameters ([`nearest`]), the page (`page`), trees and recordings to try
-//! it on ([`simulated`]). May not live here: the formulas of the rows
+//! (`colour`) or that stands in the rows (`rate_noise`), the identification itself (this file), what of it is identified and
+//! why not ([`answer`]), whether bodies have it ([`possible`]), whether columns tell of one motion ([`plausible`]), full
+//! parameters ([`nearest`]), the page (`page`), trees and recordings to try it on ([`simulated`]). May not live here: the
+//! formulas of the rows
 //! (`rigident_shared::tree`), which parameters there are ([`crate::models::base`]), intervals and the judgement of
 //! residuals, which are those of a single body ([`crate::answer`], [`crate::identification::pooled`]). Next: [`prepare`].
 
@@ -20,6 +21,7 @@ pub mod nearest;
 mod nearest_tests;
 mod noise;
 mod page;
+pub mod plausible;
 pub mod polynomial;
 pub mod possible;
 pub mod prepare;
@@ -251,9 +253,25 @@ fn starting_sigma(input: &Input) -> Vec<f64> {
 /// # Errors
 /// [`TreeIdentificationError`] if there are no rows.
 pub fn identify(input: &Input) -> Result<TreeIdentification, TreeIdentificationError> {
+    identify_watched(input, &|_, _| {})
+}
+
+/// Told what is being done, and which share of it is; zero: that is not known.
+pub type Watch<'a> = &'a dyn Fn(&str, f64);
+
+/// The same, watched.
+///
+/// # Errors
+/// As [`identify`].
+pub fn identify_watched(
+    input: &Input,
+    watch: Watch<'_>,
+) -> Result<TreeIdentification, TreeIdentificationError> {
+    watch("base parameters", 0.0);
     let base = base_parameters(&input.model, &input.situation)?;
     let maker = RowMaker::new(input, &base).map_err(TreeIdentificationError::Tree)?;
-    let filtered = filter(input, maker)?;
+    let filtered = filter(input, maker, &|share| watch("rows of the frames", share))?;
+    watch("estimate", 0.0);
     let mut sigma = input.channel_sigma.clone().unwrap_or_else(|| starting_sigma(input));
     let fitter = Fitter::new(input, &base, &filtered);
     let mut fit = fitter.fit(&sigma, 1.0);
@@ -293,7 +311,7 @@ pub fn conclude_device(
         return Err(TreeIdentificationError::Device { device: factor.parameters(), model: columns });
     }
     let maker = RowMaker::new(input, &base).map_err(TreeIdentificationError::Tree)?;
-    let mut filtered = filter(input, maker)?;
+    let mut filtered = filter(input, maker, &|_| {})?;
     if made == DeviceRows::Frames {
         // What is left of its rows is the noise of single frames.
         filtered.noise_gain = 1.0;
@@ -319,7 +337,7 @@ pub struct Prediction {
 /// [`TreeIdentificationError`] if there are no rows.
 pub fn predict(input: &Input, found: &TreeIdentification) -> Result<Prediction, TreeIdentificationError> {
     let maker = RowMaker::new(input, &found.base).map_err(TreeIdentificationError::Tree)?;
-    let filtered = filter(input, maker)?;
+    let filtered = filter(input, maker, &|_| {})?;
     let filtered = filtered.gained(&found.gains, rows::offset_at(input, &found.base));
     let (residual_rms, _) = filtered.rms(&found.estimate.values);
     Ok(Prediction { residual_rms, measured_sd: filtered.measured_sd() })
@@ -331,9 +349,9 @@ pub fn residual(found: &TreeIdentification, rows: &DMatrix<f64>, measured: &DVec
 }
 
 /// The filtered rows of a recording.
-fn filter(input: &Input, maker: RowMaker) -> Result<Filtered, TreeIdentificationError> {
+fn filter(input: &Input, maker: RowMaker, watch: &dyn Fn(f64)) -> Result<Filtered, TreeIdentificationError> {
     let every = if input.is_static { 1 } else { row_every(input.rate_hz) };
-    let filtered = rows::filter(input, maker, FILTER_WIDTH_S, every)?;
+    let filtered = rows::filter(input, maker, FILTER_WIDTH_S, every, watch)?;
     if filtered.blocks.is_empty() {
         return Err(TreeIdentificationError::NoRows { frames: input.frames.len(), width_s: FILTER_WIDTH_S });
     }

@@ -46,7 +46,7 @@ pub(super) fn bias(
         let noisy =
             frames.iter().zip(&signs).map(|(frame, signs)| noisier(frame, signs, sign * input.rate_sigma));
         let input = input.with_frames(noisy.collect());
-        filter(&input, RowMaker::new(&input, base).map_err(TreeIdentificationError::Tree)?)
+        filter(&input, RowMaker::new(&input, base).map_err(TreeIdentificationError::Tree)?, &|_| {})
     };
     let quiet = rows(0.0)?;
     let every = quiet.every;

@@ -202,6 +202,9 @@ pub struct BlockRows {
     pub measured: Vec<f64>,
 }
 
+/// So many frames are done between words on how far it is.
+const WATCHED_FRAMES: usize = 256;
+
 /// All filtered instants.
 #[derive(Clone, Debug)]
 pub struct Filtered {
@@ -220,7 +223,8 @@ pub struct Filtered {
     pub(super) response: Vec<f64>,
 }
 
-/// The rows of a recording, filtered by the kernel of `width_s`; a gap in time starts it anew.
+/// The rows of a recording, filtered by the kernel of `width_s`; a gap in time starts it anew. `watch` is told now and then
+/// which share is done.
 ///
 /// # Errors
 /// [`TreeIdentificationError`] if the kernel does not fit the rate, or frames do not fit the tree.
@@ -229,6 +233,7 @@ pub fn filter(
     mut maker: RowMaker,
     width_s: f64,
     every: u16,
+    watch: &dyn Fn(f64),
 ) -> Result<Filtered, TreeIdentificationError> {
     let measured = |frame: &Frame| -> Vec<f64> {
         let offset = input.known_offset.unwrap_or_default();
@@ -275,7 +280,10 @@ pub fn filter(
     let mut filter = make()?;
     let period_ns = 1e9 / input.rate_hz;
     let mut before: Option<u64> = None;
-    for frame in &input.frames {
+    for (n, frame) in input.frames.iter().enumerate() {
+        if n % WATCHED_FRAMES == 0 {
+            watch(n as f64 / input.frames.len() as f64);
+        }
         if before.is_some_and(|t| frame.time_ns.saturating_sub(t) as f64 > 1.5 * period_ns) {
             filter.reset();
         }

@@ -92,7 +92,7 @@ fn a_run_with_two_links_identifies_both_and_what_it_cannot_do_is_said_before_any
     for (less, part) in [
         (file.replace("initial_wxyz", "rotation_wxyz"), "no initial_wxyz"),
         (file.replace("\"spherical\"", "\"fixed\""), "spherical joint"),
-        (file.replace("link = 1", "link = 7"), "no [[imu]] table (link = 1)"),
+        (file.replace("link = 1", "link = 7"), "link = 7: the [[link]] tables are links 0 to 1"),
     ] {
         std::fs::write(served.path("less.toml"), less).unwrap();
         let output = run_of(&served, "less.toml", &served.address(), "out", &["--yes"]).output().unwrap();

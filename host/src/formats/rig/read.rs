@@ -294,6 +294,16 @@ impl Check<'_> {
                 ));
             }
             links.push(imu.link);
+            let most = self.rig.link.len();
+            if most > 0 && imu.link >= most {
+                let names: Vec<&str> = self.rig.link.iter().map(|link| link.name.as_str()).collect();
+                let advice = format!(
+                    "the [[link]] tables are links 0 to {} ({}), in their order",
+                    most - 1,
+                    names.join(", ")
+                );
+                return Err(self.refuse(&key("link"), imu.link, advice));
+            }
             self.finite(&key("position_m"), &imu.position_m)?;
             self.rotation(&key("rotation_wxyz"), &imu.rotation_wxyz)?;
             if let Calibrated::Numbers(scale) = &imu.accel_scale {
@@ -415,7 +425,7 @@ impl Check<'_> {
                 _ => {}
             }
             names.push(&link.name);
-            self.finite(&key("position_m"), &link.position_m)?;
+            self.finite(&key("position_m"), link.position_m.as_ref().map_or(&[], |p| p.as_slice()))?;
             self.rotation(&key("rotation_wxyz"), &link.rotation_wxyz)?;
             if let Some(initial) = &link.initial_wxyz {
                 self.rotation(&key("initial_wxyz"), initial)?;

@@ -1,7 +1,9 @@
 //! From a recording and a model to frames: which columns are there, which are missing, what does not fit.
 //!
-//! Lives here: the order of these questions, and the frames. Their answers are in `joints`, `sensors` and `sources`.
+//! Lives here: the order of these questions, and the frames. Their answers are in `joints`, `sensors`,
+//! `sources` and `agreement`.
 
+mod agreement;
 mod joints;
 mod sensors;
 mod sources;
@@ -16,6 +18,7 @@ use super::rows::rows_of;
 use super::{Frame, Input};
 use crate::formats::recording::Recording;
 use crate::formats::rig::{OffsetTable, OffsetWord};
+use crate::identification::plausible::Implausible;
 use crate::models::base::Situation;
 use crate::models::{Finding, Model};
 
@@ -53,6 +56,14 @@ pub enum TreePrepareError {
         model: String,
         /// Why, and what to do.
         why: String,
+    },
+    /// Readings that cannot be what they are said to be.
+    #[error("{name}: {error}")]
+    Implausible {
+        /// The recording.
+        name: String,
+        /// Why not.
+        error: Implausible,
     },
     /// Something asked for that is not done for trees.
     #[error("{0}")]
@@ -107,9 +118,9 @@ pub fn prepare(
     let cells = recording.extra.iter().map(|(name, cells)| (name.as_str(), cells.as_slice())).collect();
     let mut work = Preparation { recording, model: &model, notes: Vec::new(), cells };
     let input = work.input(wishes)?;
-    let frames: Vec<(Vec<f64>, Vector3<f64>)> =
-        input.frames.iter().map(|f| (f.positions.clone(), f.base.rate)).collect();
-    let mut idle = crate::models::idle::idle(&model, &frames);
+    let frames: Vec<(&[f64], Vector3<f64>)> =
+        input.frames.iter().map(|f| (f.positions.as_slice(), f.base.rate)).collect();
+    let mut idle = crate::models::idle::idle(&model, &frames, !input.is_static);
     if !input.situation.floating || input.is_static {
         // Of a base that is held still that is no news; still poses turn nothing by what they are.
         idle.retain(|finding| !finding.text.starts_with("the base never turns"));
@@ -168,6 +179,7 @@ impl<'a> Preparation<'a> {
                 )));
             }
         }
+        self.judge_imu_tables(&numbering)?;
         self.note_unused();
         let gyros = self.gyros(&numbering)?;
         let joints = self.joint_columns()?;
@@ -185,6 +197,7 @@ impl<'a> Preparation<'a> {
         let base = self.base(gyros.get(&0))?;
         let floating = recording.imus.first().is_some_and(|i| i.accel.is_some());
         let rate_hz = recording.rate_hz.unwrap_or(1.0);
+        self.judge_gravity(&base, rate_hz)?;
         let (coordinates, valid) = self.coordinates(&joints, rate_hz);
         let mut attitudes = BTreeMap::new();
         for (j, rows) in &recording.attitudes {
@@ -204,6 +217,7 @@ impl<'a> Preparation<'a> {
                 twice.join(", ")
             ));
         }
+        self.judge_agreement(&joints, &attitudes, &gyros, &number_of, rate_hz)?;
         let mut misfits = vec![0.0_f64; self.model.links.len()];
         let mut frames = Vec::new();
         let mut unusable = 0;

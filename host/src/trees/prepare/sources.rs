@@ -7,6 +7,7 @@ use rigident_shared::tree::Joint;
 
 use super::{JointColumns, Preparation, TreePrepareError};
 use crate::models::base::Rows;
+use crate::models::idle::white_noise;
 use crate::trees::polynomial::Polynomial;
 
 /// Attitudes this much off what a joint can do are another joint's, rad: far beyond what IMUs and straps do.
@@ -184,26 +185,15 @@ impl Preparation<'_> {
         }
         let slope = Polynomial::new(rate_hz).slope_noise();
         let of_joints = joints.values().map(|j| match &j.rates {
-            Some(rates) => fourth_difference(rates),
-            None => slope * fourth_difference(&j.positions),
+            Some(rates) => white_noise(rates),
+            None => slope * white_noise(&j.positions),
         });
         let of_links = gyros.values().map(|rates| {
-            let axis = |k: usize| fourth_difference(&rates.iter().map(|r| r[k]).collect::<Vec<f64>>());
+            let axis = |k: usize| white_noise(&rates.iter().map(|r| r[k]).collect::<Vec<f64>>());
             axis(0).max(axis(1)).max(axis(2))
         });
         let given = self.recording.rig.imu.iter().filter_map(|imu| imu.gyro_noise_radps).fold(0.0, f64::max);
         let links = if given > 0.0 { given } else { of_links.fold(0.0, f64::max) };
         of_joints.fold(links, f64::max)
     }
-}
-
-/// σ of white noise on something smooth, from fourth differences, which motion hardly enters.
-fn fourth_difference(values: &[f64]) -> f64 {
-    let squares = values.windows(5).filter_map(|w| match w {
-        [a, b, c, d, e] => Some((a - 4.0 * b + 6.0 * c - 4.0 * d + e).powi(2)),
-        _ => None,
-    });
-    let (sum, count) = squares.fold((0.0, 0.0), |(s, n), v| (s + v, n + 1.0));
-    // 1 + 16 + 36 + 16 + 1
-    if count > 0.0 { (sum / (70.0 * count)).sqrt() } else { 0.0 }
 }
