@@ -19,7 +19,7 @@ use super::{Failure, Folder, simulated};
 use crate::formats::new_file::{write_new, write_new_text};
 use crate::formats::recording::{comment_in_words, rig_path};
 use crate::formats::rig::{
-    Joint, LinkTable, LoadCellTable, OffsetTable, OffsetWord, RecordingTable, RigFile,
+    ImuTable, Joint, LinkTable, LoadCellTable, OffsetTable, OffsetWord, RecordingTable, RigFile,
 };
 use crate::link::Client;
 use crate::models::human::Person;
@@ -126,7 +126,7 @@ fn two_link_file(rig: &Rig, second: &SecondLink) -> RigFile {
     RigFile {
         imu: vec![
             imu.clone(),
-            crate::formats::rig::ImuTable {
+            ImuTable {
                 link: 1,
                 position_m: second.imu.position_m,
                 rotation_wxyz: simulated::normalised(second.imu.rotation_wxyz),
@@ -183,6 +183,8 @@ pub(super) fn human34(arguments: &Demo) -> Result<ExitCode, Failure> {
             offset_n_nm: OffsetTable::Word(OffsetWord::Zero),
             ..LoadCellTable::default()
         },
+        // Frames tell of the links' own origins and axes.
+        imu: (0..model.links.len()).map(|link| ImuTable { link, ..ImuTable::default() }).collect(),
         ..RigFile::default()
     };
     let (transport, source) = simulated::frames(arguments.mcu, sent.clone(), FRAMES_HZ)?;

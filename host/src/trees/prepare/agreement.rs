@@ -8,6 +8,7 @@ use rigident_shared::tree::{BaseMotion, Joint};
 use super::{JointColumns, Preparation, TreePrepareError};
 use crate::identification::plausible;
 use crate::trees::plausible::{Disagreement, SPAN_S, Spans, Turning, joint_disagreement};
+use crate::trees::result::shortened;
 
 impl Preparation<'_> {
     /// Refuses `[[imu]]` tables of links that there are not, and says what is assumed where there is none.
@@ -38,7 +39,7 @@ impl Preparation<'_> {
             self.notes.push(format!(
                 "no [[imu]] table says where the IMU of {} sits: assumed at the origin of its link, position_m = [0, 0, 0], its axes \
                  those of the link",
-                said.join(", ")
+                shortened(&said.iter().map(String::as_str).collect::<Vec<_>>())
             ));
         }
         Ok(())
