@@ -61,7 +61,7 @@ impl Asked {
     }
 
     /// Whether an offset is among them.
-    pub(crate) fn offset(&self) -> bool {
+    pub fn offset(&self) -> bool {
         self.0.iter().any(|j| *j >= 10)
     }
 }
