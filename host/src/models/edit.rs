@@ -251,14 +251,12 @@ impl Model {
         if self.link(&tool).is_some() {
             return Err(refuse(format!("there is a link {tool} already")));
         }
-        self.links.push(ModelLink {
-            name: tool.clone(),
-            joint_name: tool,
-            link: Link { parent: holder, joint: Joint::Fixed, rotation, position },
-            nominal: None,
-            welded: Vec::new(),
-            mimic: None,
-        });
+        self.links.push(ModelLink::new(
+            tool.clone(),
+            tool,
+            Link { parent: holder, joint: Joint::Fixed, rotation, position },
+            None,
+        ));
         Ok(())
     }
 }

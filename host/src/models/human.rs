@@ -294,14 +294,12 @@ impl Builder {
                 *sum += value;
             }
         }
-        self.links.push(ModelLink {
-            name: name.to_owned(),
-            joint_name: if self.links.is_empty() { String::new() } else { format!("{name}_joint") },
-            link: Link { parent, joint, rotation: Matrix3::identity(), position },
-            nominal: Some(nominal),
-            welded: Vec::new(),
-            mimic: None,
-        });
+        self.links.push(ModelLink::new(
+            name,
+            if self.links.is_empty() { String::new() } else { format!("{name}_joint") },
+            Link { parent, joint, rotation: Matrix3::identity(), position },
+            Some(nominal),
+        ));
         self.links.len() - 1
     }
 

@@ -11,7 +11,7 @@ use super::model::Model;
 const LARGEST_NOISE: f64 = 0.02;
 const LARGEST_NOISE_M: f64 = 2e-3;
 /// What leaves its mean by so many times the noise, 1 σ, does not stay.
-const DEVIATION: f64 = 3.0;
+pub const DEVIATION: f64 = 3.0;
 /// A gyro at rest may read as much, rad/s.
 const BIAS_RADPS: f64 = 0.05;
 
@@ -26,16 +26,34 @@ pub fn white_noise(values: &[f64]) -> f64 {
     if count > 0.0 { (sum / (70.0 * count)).sqrt() } else { 0.0 }
 }
 
+/// How a series spreads about its mean, and how much of that is white noise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spread {
+    /// Its mean.
+    pub mean: f64,
+    /// Its standard deviation.
+    pub deviation: f64,
+    /// That of its white noise.
+    pub noise: f64,
+}
+
+impl Spread {
+    /// Of a series; zero of an empty one.
+    pub fn of(values: &[f64]) -> Self {
+        let count = values.len().max(1) as f64;
+        let mean = values.iter().sum::<f64>() / count;
+        let deviation = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count).sqrt();
+        Self { mean, deviation, noise: white_noise(values) }
+    }
+}
+
 /// Whether something stays where it is: exactly, or in time as far as its own noise shows.
 fn stays(values: &[f64], in_time: bool, largest_noise: f64) -> bool {
     if values.windows(2).all(|w| matches!(w, [a, b] if a == b)) {
         return true;
     }
-    let sigma = white_noise(values);
-    let count = values.len().max(1) as f64;
-    let mean = values.iter().sum::<f64>() / count;
-    let deviation = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count).sqrt();
-    in_time && sigma <= largest_noise && deviation <= DEVIATION * sigma
+    let Spread { deviation, noise, .. } = Spread::of(values);
+    in_time && noise <= largest_noise && deviation <= DEVIATION * noise
 }
 
 /// Joints of the model whose coordinates stay the same, and a base without turning. Frames hold the coordinates of all joints

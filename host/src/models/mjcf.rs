@@ -114,14 +114,7 @@ fn raw(
     position: Vector3<f64>,
 ) -> RawLink {
     RawLink {
-        link: ModelLink {
-            name: name.to_owned(),
-            joint_name: joint_name.to_owned(),
-            link: Link { parent: 0, joint, rotation, position },
-            nominal: None,
-            welded: Vec::new(),
-            mimic: None,
-        },
+        link: ModelLink::new(name, joint_name, Link { parent: 0, joint, rotation, position }, None),
         parent: parent.map(str::to_owned),
     }
 }

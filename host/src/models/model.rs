@@ -41,6 +41,17 @@ pub struct ModelLink {
 pub const NO_BODY: Parameters = [0.0; 10];
 
 impl ModelLink {
+    /// A link by itself, that follows no other joint.
+    pub fn new(
+        name: impl Into<String>,
+        joint_name: impl Into<String>,
+        link: Link<f64>,
+        nominal: Option<Parameters>,
+    ) -> Self {
+        let (name, joint_name) = (name.into(), joint_name.into());
+        Self { name, joint_name, link, nominal, welded: Vec::new(), mimic: None }
+    }
+
     /// Whether there can be mass: it is more than a place where two joints of one body meet.
     pub fn is_body(&self) -> bool {
         self.nominal != Some(NO_BODY)

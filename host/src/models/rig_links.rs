@@ -48,14 +48,12 @@ pub fn from_tables(tables: &[LinkTable], what: &str) -> Result<Model, ModelError
             UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).to_rotation_matrix().into_inner();
         let position = Vector3::from(table.position_m.unwrap_or_default());
         raw.push(RawLink {
-            link: ModelLink {
-                name: table.name.clone(),
-                joint_name: if n == 0 { String::new() } else { table.name.clone() },
-                link: Link { parent: 0, joint: kind, rotation, position },
-                nominal: nominal(table),
-                welded: Vec::new(),
-                mimic: None,
-            },
+            link: ModelLink::new(
+                table.name.clone(),
+                if n == 0 { String::new() } else { table.name.clone() },
+                Link { parent: 0, joint: kind, rotation, position },
+                nominal(table),
+            ),
             parent: table.parent.clone(),
         });
     }

@@ -208,14 +208,7 @@ fn read(model: &Node, what: &str) -> Result<Parsed, Problem> {
 }
 
 fn bare(name: &str, joint_name: &str, joint: Joint<f64>, (rotation, position): Pose) -> ModelLink {
-    ModelLink {
-        name: name.to_owned(),
-        joint_name: joint_name.to_owned(),
-        link: Link { parent: 0, joint, rotation, position },
-        nominal: None,
-        welded: Vec::new(),
-        mimic: None,
-    }
+    ModelLink::new(name, joint_name, Link { parent: 0, joint, rotation, position }, None)
 }
 
 fn kind(joint: &Node, frames: &Frames, at: &Pose, own: &Pose) -> Result<Joint<f64>, String> {

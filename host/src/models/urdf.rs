@@ -77,19 +77,12 @@ pub fn parse(text: &str, what: &str) -> Result<Model, ModelError> {
         .iter()
         .map(|link| {
             let nominal = nominal(&link.inertial);
-            let base = ModelLink {
-                name: link.name.clone(),
-                joint_name: String::new(),
-                link: Link {
+            let base = ModelLink::new(link.name.clone(), String::new(), Link {
                     parent: 0,
                     joint: Joint::Free,
                     rotation: Matrix3::identity(),
                     position: Vector3::zeros(),
-                },
-                nominal,
-                welded: Vec::new(),
-                mimic: None,
-            };
+                }, nominal);
             let Some(joint) = held.get(link.name.as_str()) else {
                 return Ok(RawLink { link: base, parent: None });
             };

@@ -24,19 +24,12 @@ fn link(n: usize, parent: usize, joint: Joint<f64>) -> ModelLink {
         [number(n), number(n + 1), number(n + 2)]
     };
     let rotation = Rotation3::from_euler_angles(angles[0], angles[1], angles[2]).into_inner();
-    ModelLink {
-        name: format!("l{n}"),
-        joint_name: if n == 0 { String::new() } else { format!("j{n}") },
-        link: Link {
-            parent,
-            joint,
-            rotation,
-            position: Vector3::new(number(n + 5), number(n + 6), number(n + 7)),
-        },
-        nominal: Some(in_parent(&phi, &rotation, &(Vector3::new(0.1, 0.05, -0.1) * number(n)))),
-        welded: Vec::new(),
-        mimic: None,
-    }
+    ModelLink::new(
+        format!("l{n}"),
+        if n == 0 { String::new() } else { format!("j{n}") },
+        Link { parent, joint, rotation, position: Vector3::new(number(n + 5), number(n + 6), number(n + 7)) },
+        Some(in_parent(&phi, &rotation, &(Vector3::new(0.1, 0.05, -0.1) * number(n)))),
+    )
 }
 
 /// Every kind of joint that has words in all three languages.

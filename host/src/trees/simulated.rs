@@ -32,14 +32,12 @@ fn link(
     position: [f64; 3],
     nominal: Option<[f64; 10]>,
 ) -> ModelLink {
-    ModelLink {
-        name: name.to_owned(),
-        joint_name: if name == "base" { String::new() } else { format!("{name}_joint") },
-        link: Link { parent, joint, rotation: Matrix3::identity(), position: position.into() },
+    ModelLink::new(
+        name,
+        if name == "base" { String::new() } else { format!("{name}_joint") },
+        Link { parent, joint, rotation: Matrix3::identity(), position: position.into() },
         nominal,
-        welded: Vec::new(),
-        mimic: None,
-    }
+    )
 }
 
 /// Two links: a base and an arm on a ball.

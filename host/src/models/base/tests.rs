@@ -19,14 +19,12 @@ fn vector(k: usize) -> Vector3<f64> {
 
 fn link(n: usize, parent: usize, joint: Joint<f64>, size: f64) -> ModelLink {
     let turn = nalgebra::Rotation3::from_scaled_axis(vector(n + 40)).into_inner();
-    ModelLink {
-        name: format!("l{n}"),
-        joint_name: if n == 0 { String::new() } else { format!("j{n}") },
-        link: Link { parent, joint, rotation: turn, position: vector(n + 7) * size },
-        nominal: None,
-        welded: Vec::new(),
-        mimic: None,
-    }
+    ModelLink::new(
+        format!("l{n}"),
+        if n == 0 { String::new() } else { format!("j{n}") },
+        Link { parent, joint, rotation: turn, position: vector(n + 7) * size },
+        None,
+    )
 }
 
 /// A chain of these joints, and a second of the same on its middle.
