@@ -4,6 +4,7 @@ use crate::Scalar;
 use crate::calibration::ImuMounting;
 use crate::conditioning::{Kernel, KernelError};
 use crate::forgetting::{MemoryConfig, Plan, Rows, Span};
+use crate::regressor::WRENCH;
 use crate::screening::Limits;
 
 /// Everything that fixes what the estimator does with a reading.
@@ -23,6 +24,16 @@ pub struct EstimatorConfig<T: Scalar> {
     pub mounting: ImuMounting<T>,
     /// Ranges of the sensors.
     pub limits: Limits<T>,
+}
+
+impl<T: Scalar> EstimatorConfig<T> {
+    /// Takes the known offset off the wrench among conditioned signals.
+    #[inline(always)]
+    pub(super) fn take_off_offset(&self, signals: &mut [T]) {
+        for (w, offset) in signals.iter_mut().skip(WRENCH).zip(self.known_offset) {
+            *w -= offset;
+        }
+    }
 }
 
 /// Why an estimator cannot be made.

@@ -5,7 +5,7 @@ use crate::Scalar;
 use crate::calibration::Reading;
 use crate::factor::{BodyCascade, Cascade, Gathering, InformationFactor};
 use crate::forgetting::{Memory, Plan};
-use crate::regressor::{self, RegressorBlock, SIGNALS, WRENCH};
+use crate::regressor::{self, RegressorBlock, SIGNALS};
 use crate::screening::{Rejection, Screen};
 
 /// What makes rows: six rows of `N` columns from a reading, by way of `S` signals that are filtered alike.
@@ -168,9 +168,7 @@ impl<T: Scalar, const N: usize> Model<T, N, SIGNALS> for OneBody<T> {
     #[inline]
     fn rows(&mut self, config: &EstimatorConfig<T>, conditioned: &[T; SIGNALS]) -> Option<[T; SIGNALS]> {
         let mut signals = config.mounting.mounted(conditioned);
-        for (w, offset) in signals.iter_mut().skip(WRENCH).zip(config.known_offset) {
-            *w -= offset;
-        }
+        config.take_off_offset(&mut signals);
         Some(signals)
     }
 

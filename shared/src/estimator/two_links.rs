@@ -18,7 +18,7 @@ use super::{EstimatorConfig, Model};
 use crate::Scalar;
 use crate::calibration::{ImuMounting, Reading};
 use crate::factor::Cascade;
-use crate::regressor::{self, WRENCH};
+use crate::regressor;
 use crate::screening::{ATTITUDE_CHANNEL, Rejection, Screen, TWO_LINK_CHANNELS};
 use crate::spatial::{AngularRate, Imu, Rotation, SpecificForce, Wrench};
 use crate::tree::momentum::{Parts, parts};
@@ -399,9 +399,7 @@ impl<T: Scalar, const N: usize> Model<T, N, SIGNALS> for TwoLinks<T> {
                 (*mx, *my, *mz) = (*mx + more.x, *my + more.y, *mz + more.z);
             }
         }
-        for (w, offset) in signals.iter_mut().skip(WRENCH).zip(config.known_offset) {
-            *w -= offset;
-        }
+        config.take_off_offset(&mut signals);
         Some(signals)
     }
 

@@ -12,7 +12,7 @@ use nalgebra::Vector3;
 
 use super::joint::{Link, TreeError};
 use super::motion::{BaseMotion, LinkState};
-use super::rows::{Block, Workspace, project, set, zero_block};
+use super::rows::{Block, Workspace, project, put_base, set, zero_block};
 use crate::Scalar;
 
 /// A link's momentum about the base's origin and the rest of its base rows.
@@ -81,11 +81,8 @@ pub fn base_rows<T: Scalar>(
     }
     for (i, state) in states.iter().enumerate() {
         let parts = parts(state, base);
-        for axis in 0..6 {
-            let place = axis * stride + 10 * i;
-            smoothed[place..place + 10].copy_from_slice(&parts.smoothed[axis]);
-            differentiated[place..place + 10].copy_from_slice(&parts.differentiated[axis]);
-        }
+        put_base(&parts.smoothed, i, stride, smoothed);
+        put_base(&parts.differentiated, i, stride, differentiated);
     }
     Ok(())
 }
@@ -118,9 +115,8 @@ pub fn joint_rows<T: Scalar>(
                 *value -= less;
             }
             smoothed[place..place + 10].copy_from_slice(&rest);
-            differentiated[place..place + 10]
-                .copy_from_slice(&project(&screw.weights, &parts.differentiated));
         });
+        workspace.put_joints(&parts.differentiated, links, i, differentiated);
     }
     Ok(())
 }

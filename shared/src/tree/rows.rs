@@ -83,6 +83,16 @@ pub(super) fn project<T: Scalar>(weights: &[T; 6], block: &Block<T>) -> [T; 10] 
     row
 }
 
+/// Link `i`'s block into the six base rows.
+#[inline(always)]
+pub(super) fn put_base<T: Scalar>(block: &Block<T>, i: usize, stride: usize, rows: &mut [T]) {
+    for (line, row) in block.iter().zip(rows.chunks_exact_mut(stride)) {
+        if let Some(place) = row.get_mut(10 * i..10 * i + 10) {
+            place.copy_from_slice(line);
+        }
+    }
+}
+
 /// The six base rows, row by row, `10 · links` columns each.
 ///
 /// # Errors
@@ -93,12 +103,7 @@ pub fn base_rows<T: Scalar>(states: &[LinkState<T>], rows: &mut [T]) -> Result<(
         return Err(TreeError::Lengths);
     }
     for (i, state) in states.iter().enumerate() {
-        let block = block(state);
-        for (line, row) in block.iter().zip(rows.chunks_exact_mut(stride)) {
-            if let Some(place) = row.get_mut(10 * i..10 * i + 10) {
-                place.copy_from_slice(line);
-            }
-        }
+        put_base(&block(state), i, stride, rows);
     }
     Ok(())
 }
@@ -120,11 +125,7 @@ pub fn joint_rows<T: Scalar>(
         return Err(TreeError::Lengths);
     }
     for (i, state) in states.iter().enumerate().skip(1) {
-        let block = block(state);
-        workspace.each_above(links, i, |row, screw| {
-            let place = row * stride + 10 * i;
-            rows[place..place + 10].copy_from_slice(&project(&screw.weights, &block));
-        });
+        workspace.put_joints(&block(state), links, i, rows);
     }
     Ok(())
 }
@@ -147,13 +148,8 @@ pub fn all_rows<T: Scalar>(
     let (base, joints) = rows.split_at_mut(6 * stride);
     for (i, state) in states.iter().enumerate() {
         let block = block(state);
-        for (line, row) in block.iter().zip(base.chunks_exact_mut(stride)) {
-            row[10 * i..10 * i + 10].copy_from_slice(line);
-        }
-        workspace.each_above(links, i, |row, screw| {
-            let place = row * stride + 10 * i;
-            joints[place..place + 10].copy_from_slice(&project(&screw.weights, &block));
-        });
+        put_base(&block, i, stride, base);
+        workspace.put_joints(&block, links, i, joints);
     }
     Ok(())
 }
@@ -188,6 +184,15 @@ impl<T: Scalar> Workspace<'_, T> {
         }
         self.first[links.len()] = next;
         Ok(())
+    }
+
+    /// Link `i`'s block, seen by every joint between it and the base, into the rows of all joints.
+    #[inline(always)]
+    pub(super) fn put_joints(&self, block: &Block<T>, links: &[Link<T>], i: usize, rows: &mut [T]) {
+        self.each_above(links, i, |row, screw| {
+            let place = 10 * (row * links.len() + i);
+            rows[place..place + 10].copy_from_slice(&project(&screw.weights, block));
+        });
     }
 
     /// Every freedom between link `i` and the base.
