@@ -7,14 +7,13 @@ use rigident_shared::tree::Joint;
 use super::Failure;
 use crate::formats::recording::Recording;
 use crate::models::Model;
-use crate::models::idle::white_noise;
+use crate::models::idle::{DEVIATION, Spread};
+use crate::trees::columns::{self, Column, Quantity};
 use crate::trees::joints::{Resolved, Seen, attitude, resolve};
 
 /// A joint that leaves its place by no more is held, rad or m, 1 σ, encoders and attitudes: controllers let it sag by as much.
 const HELD: f64 = 2e-3;
 const HELD_BY_ATTITUDES: f64 = 0.02;
-/// So many times its own noise.
-const NOISES: f64 = 3.0;
 
 /// Locks joints, given as `JOINT` or `JOINT=VALUE`; what was taken for granted, in words.
 ///
@@ -30,7 +29,7 @@ pub(super) fn lock(
     for words in words {
         let (name, stated) = model.locked(words).map_err(Failure::input)?;
         let Some(i) = model.joint(name) else { continue };
-        let seen = match column(model, i, recording)? {
+        let seen = match positions(model, i, recording)? {
             Some((column, values)) => Some((column, Stand::of(&values, HELD))),
             None => by_attitudes(model, i, recording),
         };
@@ -55,7 +54,7 @@ pub(super) fn lock(
         let value = stated.unwrap_or(stand.mean);
         if stated.is_none() {
             notes.push(format!("joint {name} is locked at {value:.4} {unit}, where {source} has it"));
-        } else if (value - stand.mean).abs() > HELD.max(NOISES * stand.deviation) {
+        } else if (value - stand.mean).abs() > HELD.max(DEVIATION * stand.deviation) {
             notes.push(format!(
                 "joint {name} is locked at {value} {unit} as stated; {source} has it at {:.4} {unit}",
                 stand.mean
@@ -94,7 +93,8 @@ pub(super) fn meet(model: &mut Model, words: &[String], recording: &Recording) -
         let joints = super::model::three(words)?;
         let recorded = |name: &String| {
             let i = model.joint(name);
-            i.is_some_and(|i| source(model, i, recording).is_some_and(|(column, _)| has(recording, &column)))
+            let column = i.and_then(|i| source(model, i, recording));
+            column.is_some_and(|column| recording.extra.iter().any(|(name, _)| *name == column.name))
         };
         if joints.iter().all(recorded) {
             model.declare_meeting(&joints).map_err(Failure::input)?;
@@ -117,56 +117,32 @@ struct Stand {
 
 impl Stand {
     fn of(values: &[f64], held: f64) -> Self {
-        let count = values.len().max(1) as f64;
-        let mean = values.iter().sum::<f64>() / count;
-        let deviation = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count).sqrt();
+        let Spread { mean, deviation, noise } = Spread::of(values);
         Self {
             mean,
             least: values.iter().copied().fold(f64::INFINITY, f64::min),
             largest: values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
             deviation,
-            moves: deviation > held.max(NOISES * white_noise(values)),
+            moves: deviation > held.max(DEVIATION * noise),
             turned: None,
         }
     }
 }
 
-/// Name and scale of the column of a joint's position, rad or m.
-fn source(model: &Model, i: usize, recording: &Recording) -> Option<(String, f64)> {
+/// The column that a joint's position is looked for in, if it has one freedom.
+fn source(model: &Model, i: usize, recording: &Recording) -> Option<Column> {
     let link = &model.links[i];
-    let unit = match link.link.joint {
-        Joint::Revolute(_) => "rad",
-        Joint::Prismatic(_) => "m",
-        _ => return None,
-    };
-    let name = &link.joint_name;
-    let table = recording.rig.joint.iter().find(|table| table.name == *name);
-    Some(match table.and_then(|table| table.position.as_ref()) {
-        Some(source) => (source.parts().0.to_owned(), source.parts().1),
-        None => (format!("{name}_{unit}"), 1.0),
-    })
+    columns::column(&recording.rig, &link.joint_name, &link.link.joint, Quantity::Position)
 }
 
-fn has(recording: &Recording, column: &str) -> bool {
-    recording.extra.iter().any(|(name, _)| name == column)
-}
-
-/// A joint's position, rad or m, in every row, and the name of its column.
-fn column(model: &Model, i: usize, recording: &Recording) -> Result<Option<(String, Vec<f64>)>, Failure> {
-    let Some((column, scale)) = source(model, i, recording) else { return Ok(None) };
-    let Some((_, cells)) = recording.extra.iter().find(|(other, _)| *other == column) else {
-        return Ok(None);
-    };
-    let numbers = cells.iter().enumerate().map(|(row, cell)| {
-        cell.trim().parse::<f64>().ok().filter(|v| v.is_finite()).map(|v| v * scale).ok_or_else(|| {
-            Failure::input(format!(
-                "{}: column {column}, {}: {cell:?} is not a finite number: mend it, or remove the row",
-                recording.file(),
-                recording.place(row)
-            ))
-        })
-    });
-    Ok(Some((format!("column {column}"), numbers.collect::<Result<Vec<f64>, _>>()?)))
+/// Positions of a joint that has a column, and which.
+///
+/// # Errors
+/// Bad input: one of them is no number.
+fn positions(model: &Model, i: usize, recording: &Recording) -> Result<Option<(String, Vec<f64>)>, Failure> {
+    let Some(column) = source(model, i, recording) else { return Ok(None) };
+    let values = columns::numbers(recording, &column).map_err(Failure::input)?;
+    Ok(values.map(|values| (format!("column {}", column.name), values)))
 }
 
 /// A joint between two links whose attitudes are recorded, where `[[link]]` tables number them.
@@ -223,6 +199,7 @@ fn by_attitudes(model: &Model, i: usize, recording: &Recording) -> Option<(Strin
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::models::idle::white_noise;
 
     #[test]
     fn what_is_held_is_told_from_what_moves() {

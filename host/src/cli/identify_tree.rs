@@ -7,7 +7,7 @@ use super::model_arguments::{ModelChanges, TreeModel, TreeOptions};
 use super::recorded::is_rig_file;
 use super::refused::refuse_for_trees;
 use super::tree_outcome::{Fullness, TreeEnding};
-use super::{Failure, Folder, Watcher, held};
+use super::{Failure, Folder, Stages, held};
 use crate::formats::recording::{Recording, rig_path};
 use crate::formats::result::ResultSource;
 use crate::formats::rig::RigFile;
@@ -32,7 +32,7 @@ pub(super) fn run(arguments: &Identify, started: Instant) -> Result<Option<ExitC
     if let Some(path) = written {
         models::write::check_target(path).map_err(Failure::input)?;
     }
-    let watcher = Watcher::new(&format!("reading {}", arguments.recording.display()));
+    let stages = Stages::new(&format!("reading {}", arguments.recording.display()));
     let recording =
         Recording::load(&arguments.recording, arguments.rig.as_deref()).map_err(Failure::input)?;
     let mut warnings = recording.warnings.clone();
@@ -44,12 +44,12 @@ pub(super) fn run(arguments: &Identify, started: Instant) -> Result<Option<ExitC
     let friction =
         options.friction.iter().map(|w| Term::parse(w)).collect::<Result<_, _>>().map_err(Failure::input)?;
     let wishes = Wishes { friction, drives: options.drive.clone() };
-    watcher.at("frames of the recording", 0.0);
+    stages.at("frames of the recording", 0.0);
     let ready = prepare(&recording, &model, &wishes).map_err(Failure::input)?;
     let found =
-        identify_watched(&ready.input, &|stage, share| watcher.at(stage, share)).map_err(Failure::input)?;
+        identify_watched(&ready.input, &|stage, share| stages.at(stage, share)).map_err(Failure::input)?;
     // The rest writes.
-    drop(watcher);
+    drop(stages);
     let source = ResultSource {
         recording: recording.name.clone(),
         rows: recording.rows(),

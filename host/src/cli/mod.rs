@@ -52,7 +52,7 @@ pub use arguments::Arguments;
 pub use failure::{Failure, Status};
 pub use folder::Folder;
 pub use progress::Progress;
-use progress::Watcher;
+use progress::Stages;
 
 use arguments::{Command, Convert, Repeated};
 use plan_arguments::Planned;

@@ -6,7 +6,7 @@ use super::model_arguments::{
     BaseParams, ModelChanges, ModelCheck, ModelCommand, ModelVerb, RowsWord, SexWord,
 };
 use super::outcome::say;
-use super::{Failure, Watcher};
+use super::{Failure, Stages};
 use crate::models::base::names::legend;
 use crate::models::base::{BaseParameters, Rows, Situation, base_parameters};
 use crate::models::human::{Person, Sex};
@@ -124,9 +124,9 @@ fn base_params(arguments: &BaseParams) -> Result<ExitCode, Failure> {
         None => Rows::Joint,
     };
     let situation = Situation { floating, rows, mimic: arguments.mimic };
-    let watcher = Watcher::new(&format!("base parameters of {} links", model.links.len()));
+    let stages = Stages::new(&format!("base parameters of {} links", model.links.len()));
     let found = base_parameters(&model, &situation);
-    drop(watcher);
+    drop(stages);
     let found = found.map_err(Failure::input)?;
     if arguments.json {
         say(object(&model, &situation, &found));

@@ -65,17 +65,17 @@ impl Drop for Progress {
     }
 }
 
-/// How often a watcher looks.
+/// How often there is a look at the stage.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
 /// Shows what is being done, how much of it, and for how long, from a thread of its own while the work goes on.
-pub(super) struct Watcher {
+pub(super) struct Stages {
     stage: Arc<Mutex<(String, f64)>>,
     end: Option<Sender<()>>,
     thread: Option<JoinHandle<()>>,
 }
 
-impl Watcher {
+impl Stages {
     /// Starts the clock.
     pub(super) fn new(stage: &str) -> Self {
         let stage = Arc::new(Mutex::new((stage.to_owned(), 0.0)));
@@ -99,7 +99,7 @@ impl Watcher {
     }
 }
 
-impl Drop for Watcher {
+impl Drop for Stages {
     fn drop(&mut self) {
         drop(self.end.take());
         // A thread that failed has shown what it could.
@@ -123,9 +123,9 @@ mod tests {
         assert_eq!(line("reading panda.csv", 0.0, elapsed), "reading panda.csv, 12 s");
         // It ends at once, whatever it was at.
         let started = Instant::now();
-        let watcher = Watcher::new("one");
-        watcher.at("two", 0.5);
-        drop(watcher);
+        let stages = Stages::new("one");
+        stages.at("two", 0.5);
+        drop(stages);
         assert!(started.elapsed() < Duration::from_secs(1));
     }
 }

@@ -7,7 +7,7 @@ use std::time::Instant;
 use super::arguments::Output;
 use super::followed::Followed;
 use super::outcome::say;
-use super::{Failure, Folder, Watcher};
+use super::{Failure, Folder, Stages};
 use crate::formats::result::{ParameterState, ResultSource, Status};
 use crate::models::{self, Model};
 use crate::trees::nearest::{Full, nearest};
@@ -68,17 +68,18 @@ impl TreeEnding<'_> {
         folder: impl FnOnce() -> Result<Folder, Failure>,
     ) -> Result<ExitCode, Failure> {
         let Self { output, model, ready, found, fullness, .. } = self;
-        let watcher = Watcher::new("full parameters");
+        let stages = Stages::new("full parameters");
         let possible = possible(&ready.input, found);
         let states = answer::states(&ready.input, found, possible.as_ref());
         let asked = tree_result::asked(&found.names, &output.estimate).map_err(Failure::input)?;
-        let reversed = possible.as_ref().filter(|p| p.reversed).and_then(Possible::warning);
-        let (full, without_full) = match &reversed {
+        let impossible = possible.as_ref().and_then(Possible::warning);
+        let reversed = impossible.as_ref().filter(|_| possible.is_some_and(|p| p.reversed));
+        let (full, without_full) = match reversed {
             Some(why) if fullness.is_asked_for() => return Err(Failure::input(why)),
             Some(_) => (None, None),
             None => full_parameters(model, found, &fullness)?,
         };
-        drop(watcher);
+        drop(stages);
         let folder = folder()?;
         let missing = asked.iter().filter(|j| !matches!(states[**j], ParameterState::Identified(_))).count();
         let status = match missing {
@@ -90,12 +91,11 @@ impl TreeEnding<'_> {
         warnings.extend(model.findings.iter().map(ToString::to_string));
         warnings.extend(ready.notes.iter().cloned());
         warnings.extend(tree_result::warnings(&ready.input, found));
-        let impossible = possible.as_ref().and_then(Possible::warning);
-        warnings.extend(without_full.into_iter().chain(impossible));
+        warnings.extend(without_full.into_iter().chain(impossible.clone()));
         let answer = Answer {
             input: &ready.input,
             // No motion would help.
-            reasons: match &reversed {
+            reasons: match reversed {
                 Some(_) => Vec::new(),
                 None => answer::reasons(&ready.input, found, &states, &ready.idle),
             },

@@ -236,6 +236,15 @@ pub fn count(number: u64) -> String {
     text
 }
 
+/// The first `shown` of a list, and how many more there are.
+pub(crate) fn shortened(names: &[impl AsRef<str>], shown: usize) -> String {
+    let mut text = names.iter().take(shown).map(AsRef::as_ref).collect::<Vec<_>>().join(", ");
+    if names.len() > shown {
+        text += &format!(" and {} more", names.len() - shown);
+    }
+    text
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

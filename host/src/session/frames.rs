@@ -9,6 +9,7 @@ use rigident_shared::wire::tree_frame::{LINK_NUMBERS, MAX_TREE_FRAME, TreeFrame}
 use crate::formats::recording::{ImuColumns, Recording};
 use crate::formats::rig::{Calibrated, ImuTable, RigFile};
 use crate::models::Model;
+use crate::report::text::shortened;
 use crate::trees::joints::attitude;
 
 /// Why a recording makes no frames.
@@ -117,12 +118,7 @@ pub fn frames(recording: &Recording, model: &Model) -> Result<Vec<Vec<u8>>, NoFr
         }
     }
     let (Some(wrench), Some(forces), true) = (&recording.wrench, forces, missing.is_empty()) else {
-        const SHOWN: usize = 6;
-        let mut what = missing.iter().take(SHOWN).cloned().collect::<Vec<_>>().join(", ");
-        if missing.len() > SHOWN {
-            what += &format!(" and {} more", missing.len() - SHOWN);
-        }
-        return Err(NoFrames::Missing { name: recording.name.clone(), what });
+        return Err(NoFrames::Missing { name: recording.name.clone(), what: shortened(&missing, 6) });
     };
     let default = ImuTable::default();
     let imu = recording.rig.imu_on(0).unwrap_or(&default);

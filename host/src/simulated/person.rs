@@ -9,6 +9,7 @@ use rigident_sim::body::BodyParameters;
 use rigident_sim::links::{Swing, Tree, TreeLink};
 
 use crate::models::{Model, ModelLink};
+use crate::trees::noise::Noise;
 
 /// Segments are heavier or lighter than the table's by at most so much, relative.
 const SPREAD: f64 = 0.15;
@@ -55,18 +56,10 @@ pub fn tree(model: &Model, parameters: &[f64]) -> Tree {
 
 /// Parameters of somebody whose segments are not the model's, but up to so much heavier or lighter: ten of every link.
 pub fn somebody(model: &Model, seed: u64) -> Vec<f64> {
-    let mut state = seed;
-    // Steele's splitmix64.
-    let mut uniform = || {
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    };
+    let mut noise = Noise(Some(seed));
     let nominal = model.nominal();
     let scaled = nominal.as_chunks::<10>().0.iter().flat_map(|phi| {
-        let factor = 1.0 + SPREAD * (2.0 * uniform() - 1.0);
+        let factor = 1.0 + SPREAD * (2.0 * noise.uniform() - 1.0);
         phi.map(|v| v * factor)
     });
     scaled.collect()

@@ -1,7 +1,7 @@
 //! Identification of trees of links: base parameters with their intervals, and the full parameters nearest to a nominal
 //! model.
 //!
-//! Lives here: recordings brought to frames of joints and base ([`prepare`]), their rows ([`rows`]), friction ([`drive`]),
+//! Lives here: recordings brought to frames of joints and base ([`prepare`]), which columns joints have ([`columns`]), their rows ([`rows`]), friction ([`drive`]),
 //! a factor whose size the model decides ([`factor`]), gain errors of the load cell (`gains`), noise that is not white
 //! (`colour`) or that stands in the rows (`rate_noise`), the identification itself (this file), what of it is identified and
 //! why not ([`answer`]), whether bodies have it ([`possible`]), whether columns tell of one motion ([`plausible`]), full
@@ -12,6 +12,7 @@
 
 pub mod answer;
 mod colour;
+pub mod columns;
 pub mod drive;
 pub mod factor;
 mod gains;
@@ -19,7 +20,7 @@ pub mod joints;
 pub mod nearest;
 #[cfg(test)]
 mod nearest_tests;
-mod noise;
+pub(crate) mod noise;
 mod page;
 pub mod plausible;
 pub mod polynomial;
@@ -394,7 +395,8 @@ fn conclude(
     sigma: Vec<f64>,
 ) -> Result<TreeIdentification, TreeIdentificationError> {
     let filtered = fitter.filtered;
-    let determined = factor.solve().determined.iter().filter(|d| **d).count();
+    let mut solution = factor.solve();
+    let determined = solution.determined.iter().filter(|d| **d).count();
     let sigma_given = input.channel_sigma.is_some();
     let rows = RowSet { rows: factor.rows(), noise_gain: filtered.noise_gain, sigma_given };
     let Judgement { noise, variance_ratio, variance_scale, .. } =
@@ -402,9 +404,9 @@ fn conclude(
     // The prior of the gains is not the noise's to scale.
     if variance_scale > 1.0 && fitter.channels.is_some() {
         (factor, gains) = fitter.fit(&sigma, variance_scale);
+        solution = factor.solve();
     }
     let filtered = &*filtered.gained(&gains, fitter.offset);
-    let solution = factor.solve();
     let estimate = Estimate::of_numbers(
         solution.estimate.clone(),
         solution.covariance.clone() * variance_scale,
@@ -420,7 +422,7 @@ fn conclude(
     if !colour.is_empty() {
         widening = colour::widening(filtered, &estimate, &sigma, &variance, &colour, input.rate_hz);
     }
-    let rate_bias = rate_noise::bias(input, &base, &solution, &sigma)?;
+    let rate_bias = rate_noise::bias(input, &base, fitter.filtered, &solution, &sigma)?;
     let stretch: Vec<f64> = rate_bias
         .iter()
         .enumerate()

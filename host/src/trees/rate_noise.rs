@@ -6,6 +6,8 @@
 //! the two. (J. Cook, L. Stefanski, J. American Statistical Association 89 (428), 1994, extrapolate in the same way.)
 //! The answer is not moved back, as σ is known by its order only: intervals count the whole of it.
 
+use std::borrow::Cow;
+
 use rigident_shared::tree::BaseMotion;
 
 use super::factor::TallSolution;
@@ -18,13 +20,14 @@ use crate::models::base::BaseParameters;
 const LONGEST: usize = 20_000;
 
 /// Expected error of every parameter from noise of the rates; zero where nothing determines it. `sigma` are those of the
-/// channels, that the factor was whitened by.
+/// channels, that the factor was whitened by; `filtered` are the rows of all frames as they are.
 ///
 /// # Errors
 /// [`TreeIdentificationError`] if the middle of a recording has no rows.
 pub(super) fn bias(
     input: &Input,
     base: &BaseParameters,
+    filtered: &Filtered,
     solution: &TallSolution,
     sigma: &[f64],
 ) -> Result<Vec<f64>, TreeIdentificationError> {
@@ -33,7 +36,8 @@ pub(super) fn bias(
         return Ok(vec![0.0; n]);
     }
     let from = input.frames.len().saturating_sub(LONGEST) / 2;
-    let frames: Vec<Frame> = input.frames.iter().skip(from).take(LONGEST).cloned().collect();
+    let frames = input.frames.get(from..).unwrap_or_default();
+    let frames = frames.get(..LONGEST).unwrap_or(frames);
     let share = input.frames.len() as f64 / frames.len().max(1) as f64;
     let mut noise = Noise(Some(1));
     let signs: Vec<Vec<f64>> = frames
@@ -48,7 +52,8 @@ pub(super) fn bias(
         let input = input.with_frames(noisy.collect());
         filter(&input, RowMaker::new(&input, base).map_err(TreeIdentificationError::Tree)?, &|_| {})
     };
-    let quiet = rows(0.0)?;
+    let quiet =
+        if frames.len() == input.frames.len() { Cow::Borrowed(filtered) } else { Cow::Owned(rows(0.0)?) };
     let every = quiet.every;
     let mut pull = vec![0.0; n];
     for noisy in [rows(1.0)?, rows(-1.0)?] {

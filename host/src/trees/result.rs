@@ -10,7 +10,7 @@ use super::{Input, TreeIdentification};
 use crate::formats::result::{ParameterState, ResultSource, SCHEMA, Status};
 use crate::identification::{FILTER_WIDTH_S, whiteness};
 use crate::models::base::names::legend;
-use crate::report::text::{NOT_IDENTIFIED, beside, significant, unit_symbol, with_u95};
+use crate::report::text::{NOT_IDENTIFIED, beside, shortened, significant, unit_symbol, with_u95};
 
 /// All that is told.
 pub struct Answer<'a> {
@@ -260,7 +260,7 @@ impl Answer<'_> {
         let base = &self.found.base;
         base.parameters.get(j).map_or_else(String::new, |p| {
             let others: Vec<&str> = p.terms.iter().skip(1).map(|(c, _)| base.standard[*c].as_str()).collect();
-            shortened(&others)
+            shortened(&others, 4)
         })
     }
 
@@ -350,14 +350,4 @@ impl Answer<'_> {
         }
         out
     }
-}
-
-/// The first few of a list.
-pub(super) fn shortened(names: &[&str]) -> String {
-    const SHOWN: usize = 4;
-    let mut text = names.iter().take(SHOWN).copied().collect::<Vec<_>>().join(", ");
-    if names.len() > SHOWN {
-        text += &format!(" and {} more", names.len() - SHOWN);
-    }
-    text
 }

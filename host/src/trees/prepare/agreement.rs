@@ -7,8 +7,9 @@ use rigident_shared::tree::{BaseMotion, Joint};
 
 use super::{JointColumns, Preparation, TreePrepareError};
 use crate::identification::plausible;
+use crate::report::text::shortened;
+use crate::trees::columns::{Quantity, column};
 use crate::trees::plausible::{Disagreement, SPAN_S, Spans, Turning, joint_disagreement};
-use crate::trees::result::shortened;
 
 impl Preparation<'_> {
     /// Refuses `[[imu]]` tables of links that there are not, and says what is assumed where there is none.
@@ -39,7 +40,7 @@ impl Preparation<'_> {
             self.notes.push(format!(
                 "no [[imu]] table says where the IMU of {} sits: assumed at the origin of its link, position_m = [0, 0, 0], its axes \
                  those of the link",
-                shortened(&said.iter().map(String::as_str).collect::<Vec<_>>())
+                shortened(&said, 4)
             ));
         }
         Ok(())
@@ -82,7 +83,10 @@ impl Preparation<'_> {
             let Some(rates) = &joint.rates else { continue };
             let link = &self.model.links[*i];
             let slides = matches!(link.link.joint, Joint::Prismatic(_));
-            let [position, rate] = self.motion_columns(&link.joint_name, slides);
+            let [position, rate] = [Quantity::Position, Quantity::Rate].map(|quantity| {
+                column(&self.recording.rig, &link.joint_name, &link.link.joint, quantity)
+                    .map_or_else(String::new, |column| column.name)
+            });
             let found = joint_disagreement(&spans, &joint.positions, rates, slides, [&position, &rate]);
             let unit = if slides { (1e3, " mm") } else { (1f64.to_degrees(), "°") };
             let what = format!("columns {position} and {rate} of joint {}", link.joint_name);
@@ -141,18 +145,5 @@ impl Preparation<'_> {
         }
         self.notes.push(said);
         Ok(())
-    }
-
-    /// Names of a joint's columns of position and rate.
-    fn motion_columns(&self, joint: &str, slides: bool) -> [String; 2] {
-        let table = self.recording.rig.joint.iter().find(|table| table.name == joint);
-        let named = |source: Option<&crate::formats::rig::ColumnSource>, unit: &str| {
-            source.map_or_else(|| format!("{joint}_{unit}"), |s| s.parts().0.to_owned())
-        };
-        let units = if slides { ["m", "mps"] } else { ["rad", "radps"] };
-        [
-            named(table.and_then(|t| t.position.as_ref()), units[0]),
-            named(table.and_then(|t| t.rate.as_ref()), units[1]),
-        ]
     }
 }

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use rigident_shared::tree::Joint;
 
 use super::{JointColumns, Preparation, TreePrepareError};
+use crate::trees::columns::{Quantity, column, numbers, units};
 use crate::trees::polynomial::Polynomial;
 
 /// Units that positions, rates and efforts of joints are recorded in.
@@ -16,21 +17,6 @@ const UNITS: [&str; 40] = [
 ];
 
 impl Preparation<'_> {
-    /// Numbers of a column that is not of the notation's.
-    pub(super) fn numbers(&self, column: &str, scale: f64) -> Result<Option<Vec<f64>>, TreePrepareError> {
-        let Some(cells) = self.cells.get(column) else { return Ok(None) };
-        let values = cells.iter().enumerate().map(|(row, cell)| {
-            let value = cell.trim().parse::<f64>().ok().map(|v| v * scale).filter(|v| v.is_finite());
-            value.ok_or_else(|| TreePrepareError::Cell {
-                name: self.recording.file(),
-                column: column.to_owned(),
-                row: self.recording.place(row),
-                reason: format!("{cell:?} is not a finite number: mend it, or remove the row"),
-            })
-        });
-        values.collect::<Result<Vec<f64>, _>>().map(Some)
-    }
-
     /// Columns of the joints of one freedom, by link.
     pub(super) fn joint_columns(&self) -> Result<BTreeMap<usize, JointColumns>, TreePrepareError> {
         let mut found = BTreeMap::new();
@@ -44,28 +30,24 @@ impl Preparation<'_> {
             )));
         }
         for (i, link) in self.model.links.iter().enumerate().skip(1) {
-            let units = match link.link.joint {
-                Joint::Revolute(_) => ["rad", "radps", "nm"],
-                Joint::Prismatic(_) => ["m", "mps", "n"],
-                _ => continue,
-            };
+            let Some(units) = units(&link.link.joint) else { continue };
             let name = &link.joint_name;
-            let table = tables.iter().find(|t| t.name == *name);
-            let column = |source: Option<&crate::formats::rig::ColumnSource>, unit: &str| {
-                let given = source.map(|s| (s.parts().0.to_owned(), s.parts().1));
-                let (column, scale) = given.clone().unwrap_or_else(|| (format!("{name}_{unit}"), 1.0));
-                let values = self.numbers(&column, scale)?;
-                if values.is_none() && given.is_some() {
+            let read = |quantity: Quantity| {
+                let Some(column) = column(&self.recording.rig, name, &link.link.joint, quantity) else {
+                    return Ok(None);
+                };
+                let values = numbers(self.recording, &column)?;
+                if values.is_none() && column.is_named {
                     return Err(self.missing(
-                        format!("column {column:?}, which the rig file names for joint {name}, is"),
+                        format!("column {:?}, which the rig file names for joint {name}, is", column.name),
                         "correct the name in [[joint]]",
                     ));
                 }
                 Ok(values)
             };
-            let positions = column(table.and_then(|t| t.position.as_ref()), units[0])?;
-            let rates = column(table.and_then(|t| t.rate.as_ref()), units[1])?;
-            let effort = column(table.and_then(|t| t.effort.as_ref()), units[2])?;
+            let positions = read(Quantity::Position)?;
+            let rates = read(Quantity::Rate)?;
+            let effort = read(Quantity::Effort)?;
             self.other_unit(name, &units)?;
             if positions.is_none() && rates.is_none() && effort.is_none() {
                 continue;
@@ -78,7 +60,12 @@ impl Preparation<'_> {
             };
             found.insert(
                 i,
-                JointColumns { positions, rates, effort, effort_noise: table.and_then(|t| t.effort_noise) },
+                JointColumns {
+                    positions,
+                    rates,
+                    effort,
+                    effort_noise: tables.iter().find(|t| t.name == *name).and_then(|t| t.effort_noise),
+                },
             );
         }
         Ok(found)

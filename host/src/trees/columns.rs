@@ -1,0 +1,81 @@
+//! Columns of joints of one freedom: how they are named, and their numbers.
+
+use rigident_shared::tree::Joint;
+
+use super::prepare::TreePrepareError;
+use crate::formats::recording::Recording;
+use crate::formats::rig::{ColumnSource, JointTable, RigFile};
+
+/// What of a joint has a column.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// Its angle or length.
+    Position,
+    /// Its rate.
+    Rate,
+    /// Torque or force of its drive.
+    Effort,
+}
+
+impl Quantity {
+    fn of(self, table: &JointTable) -> Option<&ColumnSource> {
+        match self {
+            Self::Position => table.position.as_ref(),
+            Self::Rate => table.rate.as_ref(),
+            Self::Effort => table.effort.as_ref(),
+        }
+    }
+}
+
+/// Units of position, rate and effort, as columns end with; `None` of joints that have not one freedom.
+pub fn units(joint: &Joint<f64>) -> Option<[&'static str; 3]> {
+    match joint {
+        Joint::Revolute(_) => Some(["rad", "radps", "nm"]),
+        Joint::Prismatic(_) => Some(["m", "mps", "n"]),
+        _ => None,
+    }
+}
+
+/// Where a quantity of a joint is looked for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Column {
+    /// Name of the column.
+    pub name: String,
+    /// Factor to SI.
+    pub scale: f64,
+    /// The rig file names it; otherwise its name is the joint's and the unit.
+    pub is_named: bool,
+}
+
+/// The column of a quantity of the joint `name`; `None` of joints that have not one freedom.
+pub fn column(rig: &RigFile, name: &str, joint: &Joint<f64>, quantity: Quantity) -> Option<Column> {
+    let unit = units(joint)?[quantity as usize];
+    let table = rig.joint.iter().find(|table| table.name == name);
+    Some(match table.and_then(|table| quantity.of(table)) {
+        Some(source) => {
+            let (name, scale) = source.parts();
+            Column { name: name.to_owned(), scale, is_named: true }
+        }
+        None => Column { name: format!("{name}_{unit}"), scale: 1.0, is_named: false },
+    })
+}
+
+/// Numbers of a column that is not of the notation's; `None` if it is not there.
+///
+/// # Errors
+/// [`TreePrepareError::Cell`]: one of them is no finite number.
+pub fn numbers(recording: &Recording, column: &Column) -> Result<Option<Vec<f64>>, TreePrepareError> {
+    let Some((_, cells)) = recording.extra.iter().find(|(name, _)| *name == column.name) else {
+        return Ok(None);
+    };
+    let values = cells.iter().enumerate().map(|(row, cell)| {
+        let value = cell.trim().parse::<f64>().ok().map(|v| v * column.scale).filter(|v| v.is_finite());
+        value.ok_or_else(|| TreePrepareError::Cell {
+            name: recording.file(),
+            column: column.name.clone(),
+            row: recording.place(row),
+            reason: format!("{cell:?} is not a finite number: mend it, or remove the row"),
+        })
+    });
+    values.collect::<Result<Vec<f64>, _>>().map(Some)
+}
