@@ -34,7 +34,12 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     let chosen = steps.run("choice of core", || toolchain::choose(core));
     formatting(&mut steps);
     steps.run("clippy, host", || {
-        clippy_strictly(process::cargo(places::root()).args(["clippy", "--workspace", "--all-targets"]))
+        clippy_strictly(process::cargo(places::root()).args([
+            "clippy",
+            "--release",
+            "--workspace",
+            "--all-targets",
+        ]))
     });
     if let Some(core) = chosen {
         steps.run("clippy, board", || {
@@ -87,7 +92,7 @@ fn clippy_strictly(command: &mut Command) -> Result<()> {
 fn tests(elf: Option<&Path>) -> Result<()> {
     let elf = elf.context("there is no firmware to run them with")?;
     let mut command = process::cargo(places::root());
-    command.args(["test", "--workspace", "--no-fail-fast"]).env("RIGIDENT_FIRMWARE_ELF", elf);
+    command.args(["test", "--release", "--workspace", "--no-fail-fast"]).env("RIGIDENT_FIRMWARE_ELF", elf);
     if let Some(python) = setup::python_reader() {
         command.env("RIGIDENT_PYTHON", python);
     }
@@ -113,7 +118,16 @@ fn other_core(steps: &mut Steps, core: Core) {
 fn emulated_tests(elf: &Path) -> Result<()> {
     let test = || {
         let mut command = process::cargo(places::root());
-        command.args(["test", "-p", "rigident-sim", "-p", "rigident", "--no-fail-fast", "--tests"]);
+        command.args([
+            "test",
+            "--release",
+            "-p",
+            "rigident-sim",
+            "-p",
+            "rigident",
+            "--no-fail-fast",
+            "--tests",
+        ]);
         command.args(["--", "emulated", "qemu"]).env("RIGIDENT_FIRMWARE_ELF", elf);
         command
     };
