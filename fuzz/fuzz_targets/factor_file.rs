@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use rigident::formats::factor::FactorFile;
+use rigident::fit::factor_file::FactorFile;
 use rigident::identification::pooled::PooledFactor;
 
 fuzz_target!(|bytes: &[u8]| {

@@ -4,8 +4,8 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use rigident::formats::recording::Recording;
-use rigident::formats::rig::RigFile;
+use rigident::recording::Recording;
+use rigident::rig::RigFile;
 
 fuzz_target!(|bytes: &[u8]| {
     let (rig, csv) = match bytes.iter().position(|&byte| byte == 0) {

@@ -4,7 +4,7 @@
 use std::io::Cursor;
 
 use libfuzzer_sys::fuzz_target;
-use rigident::formats::recording::Recording;
+use rigident::recording::Recording;
 
 fuzz_target!(|bytes: &[u8]| {
     let Ok(first) = Recording::from_mcap_bytes("fuzz.mcap", bytes, None) else { return };

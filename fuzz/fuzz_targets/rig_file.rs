@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use rigident::formats::rig::RigFile;
+use rigident::rig::RigFile;
 
 fuzz_target!(|text: &str| {
     let Ok(first) = RigFile::parse(text) else { return };

@@ -12,11 +12,11 @@ fn main() -> std::io::Result<()> {
     for (name, data) in
         [("identified", synthetic::experiment(1000.0)), ("still-poses", synthetic::still_poses())]
     {
-        let page = rigident::report::html(&data);
+        let page = rigident::present::html(&data);
         let path = folder.join(format!("{name}.html"));
         std::fs::write(&path, &page)?;
         println!("{} ({} kB)\n", path.display(), page.len() / 1000);
-        println!("{}", rigident::report::table::plain(&data.results));
+        println!("{}", rigident::present::table::plain(&data.results));
     }
     Ok(())
 }

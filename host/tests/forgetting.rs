@@ -4,10 +4,10 @@
 
 use std::process::Command;
 
-use rigident::formats::result::{Measured, ParameterState};
-use rigident::formats::rig::ImuTable;
+use rigident::answer::result::{Measured, ParameterState};
 use rigident::identification::remembered::{identify_remembered, imu_noise};
 use rigident::identification::{self, FROZEN_AFTER, Identification, Input};
+use rigident::rig::ImuTable;
 use rigident::simulated::{mounting, reading};
 use rigident_shared::forgetting::{ImuNoise, MemoryConfig, Span};
 use rigident_shared::screening::Limits;

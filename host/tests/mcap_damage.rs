@@ -4,9 +4,9 @@
 use std::io::{Cursor, Error, ErrorKind, Seek, SeekFrom, Write};
 use std::sync::{Arc, Mutex};
 
-use rigident::formats::mcap::messages::ImuValues;
-use rigident::formats::mcap::write::{Head, McapWriter, Row};
-use rigident::formats::recording::Recording;
+use rigident::recording::Recording;
+use rigident::recording::mcap::messages::ImuValues;
+use rigident::recording::mcap::write::{Head, McapWriter, Row};
 
 const ROWS: u64 = 1000;
 

@@ -5,11 +5,11 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use rigident::formats::convert::convert;
-use rigident::formats::mcap::{
+use rigident::recording::Recording;
+use rigident::recording::convert::convert;
+use rigident::recording::mcap::{
     COMMANDED_TOPIC, GAUGES_TOPIC, GRAVITY_TOPIC, PLATFORM_TOPIC, WRENCH_TOPIC, attitude_topic, imu_topic,
 };
-use rigident::formats::recording::Recording;
 use serde_json::Value;
 
 const ROWS: usize = 700;

@@ -6,7 +6,7 @@ use std::process::{Command, Output};
 use std::sync::atomic::AtomicBool;
 
 use rigident::montecarlo::Campaign;
-use rigident::planning::motion::{Objective, Task, plan};
+use rigident::plan::motion::{Objective, Task, plan};
 use rigident_sim::rig::RigConfig;
 
 fn rigident(arguments: &[&str]) -> Output {

@@ -5,8 +5,8 @@ mod synthetic;
 
 use std::collections::HashSet;
 
-use rigident::formats::result::{Measured, ParameterState};
-use rigident::report::{
+use rigident::answer::result::{Measured, ParameterState};
+use rigident::present::{
     self, Along, ChannelRow, FullRow, LinkRows, Quantity, ReportData, Residual, TimePlot, TreeReport, html,
     html_of_tree, table,
 };
@@ -243,7 +243,7 @@ fn the_terminals_columns_are_aligned_and_say_how_far_the_truth_is() {
 fn an_answer_that_no_body_has_comes_with_the_nearest_one() {
     let mut data = synthetic::experiment(100.0);
     data.results.physically_consistent = Some(false);
-    data.results.nearest_body = Some(rigident::report::NearestBody {
+    data.results.nearest_body = Some(rigident::present::NearestBody {
         mass_kg: 2.5,
         com_m: [0.1, -0.02, 0.0],
         inertia_com_kgm2: [0.01, 0.2, 0.2, 0.0, 0.0, 0.001],
@@ -297,7 +297,7 @@ fn tree() -> TreeReport {
     let known = ParameterState::Identified(Measured { value: 0.135, u95: 0.022 });
     TreeReport {
         model: "an <arm> & more".to_owned(),
-        status: report::Status::PartlyIdentified,
+        status: present::Status::PartlyIdentified,
         status_words: "partly identified: 1 of 2 parameters identified".to_owned(),
         owners: vec![LinkRows {
             owner: "fore <arm>".to_owned(),

@@ -6,8 +6,8 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use nalgebra::{UnitQuaternion, Vector3};
-use rigident::models::dynamics::inverse_dynamics;
-use rigident::models::{Model, human::Person, open, rig_links};
+use rigident::model::dynamics::inverse_dynamics;
+use rigident::model::{Model, human::Person, open, rig_links};
 use rigident_shared::tree::BaseMotion;
 use serde_json::Value;
 

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
-use rigident::models::rows::Moving;
+use rigident::model::rows::Moving;
 use rigident_shared::tree::{BaseMotion, Joint, Link};
 use serde_json::Value;
 
@@ -172,8 +172,8 @@ print(json.dumps(list(pin.rnea(model, model.createData(), np.array(full), np.arr
 
 #[test]
 fn what_is_written_has_pinocchio_s_inverse_dynamics() {
-    use rigident::models::dynamics::inverse_dynamics;
-    use rigident::models::{write, xml::Language};
+    use rigident::model::dynamics::inverse_dynamics;
+    use rigident::model::{write, xml::Language};
     let Some(python) = pinocchio() else { return };
     let given = write::parse(CHAIN, "chain").unwrap().model;
     // Other parameters than the file's, written into it and into new files.

@@ -2,9 +2,9 @@
 
 use std::sync::atomic::AtomicBool;
 
-use rigident::planning::adaptive::Asked;
-use rigident::planning::adaptive::rehearsal::{Outcome, Rehearsal};
-use rigident::planning::motion::{Objective, Task, plan};
+use rigident::plan::adaptive::Asked;
+use rigident::plan::adaptive::rehearsal::{Outcome, Rehearsal};
+use rigident::plan::motion::{Objective, Task, plan};
 use rigident_sim::experiment::thesis_program;
 use rigident_sim::platform::{MotionProgram, Segment};
 use rigident_sim::rig::RigConfig;

@@ -3,8 +3,8 @@
 use std::sync::atomic::AtomicBool;
 
 use rigident::montecarlo::Campaign;
-use rigident::planning::motion::Task;
-use rigident::planning::motion::compare::{Row, bodies, compare, table};
+use rigident::plan::motion::Task;
+use rigident::plan::motion::compare::{Row, bodies, compare, table};
 use rigident_sim::rig::RigConfig;
 
 /// Of every experiment, s, and of its readings, 1/s.

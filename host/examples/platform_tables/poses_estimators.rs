@@ -1,6 +1,6 @@
 //! The three estimators side by side, bias and precision errors acting together.
 
-use rigident::planning::poses::montecarlo::{Errors, Mounting};
+use rigident::plan::poses::montecarlo::{Errors, Mounting};
 
 use crate::poses_montecarlo::find;
 

@@ -1,6 +1,6 @@
 //! Section 6.3, the thesis' estimator: uncertainty over the number of poses in both mountings.
 
-use rigident::planning::poses::montecarlo::{Errors, Mounting, Row, Spread, reduction};
+use rigident::plan::poses::montecarlo::{Errors, Mounting, Row, Spread, reduction};
 
 use crate::still_poses::campaign;
 

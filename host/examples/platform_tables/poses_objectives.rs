@@ -1,7 +1,7 @@
 //! What each objective gives up for its own sake: five poses with 20 cm of stroke.
 
-use rigident::planning::poses::Objective;
-use rigident::planning::poses::plan::Task;
+use rigident::plan::poses::Objective;
+use rigident::plan::poses::plan::Task;
 
 use crate::still_poses::Platform;
 

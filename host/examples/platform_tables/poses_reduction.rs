@@ -1,10 +1,10 @@
 //! Why the uncertainty is not 73 % smaller lying than standing: what Table 1 allows.
 
 use nalgebra::Vector3;
-use rigident::planning::poses::estimators::measured_forces_covariance;
+use rigident::plan::poses::estimators::measured_forces_covariance;
 use rigident_sim::sensors::SensorModels;
 
-use rigident::planning::poses::montecarlo::{Errors, Mounting, reduction};
+use rigident::plan::poses::montecarlo::{Errors, Mounting, reduction};
 
 use crate::poses_montecarlo::thesis;
 

@@ -1,6 +1,6 @@
 //! Tables 8 and 9: the best condition numbers with the whole stroke.
 
-use rigident::planning::poses::Objective;
+use rigident::plan::poses::Objective;
 
 use crate::still_poses::{Platform, difference};
 

@@ -2,8 +2,8 @@
 
 use std::sync::atomic::AtomicBool;
 
-use rigident::planning::poses::measure::least_condition_number_in_cone;
-use rigident::planning::poses::{Objective, Region, Search};
+use rigident::plan::poses::measure::least_condition_number_in_cone;
+use rigident::plan::poses::{Objective, Region, Search};
 
 use crate::still_poses::Platform;
 

@@ -1,9 +1,7 @@
 //! Table 12: condition numbers of the angles of Table 11, absolute and relative to the level pose.
 
 use nalgebra::Vector3;
-use rigident::planning::poses::measure::{
-    condition_number, normal_matrix, relative_normal_matrix, up_in_plate,
-};
+use rigident::plan::poses::measure::{condition_number, normal_matrix, relative_normal_matrix, up_in_plate};
 
 use crate::still_poses::difference;
 

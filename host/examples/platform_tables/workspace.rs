@@ -2,7 +2,7 @@
 
 use std::sync::atomic::AtomicBool;
 
-use rigident::planning::workspace::{Map, Reach, Span};
+use rigident::plan::workspace::{Map, Reach, Span};
 use rigident_sim::platform::Geometry;
 
 /// Stroke, m, and the largest tilt that the thesis prints for it.

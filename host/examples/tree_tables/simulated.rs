@@ -1,8 +1,8 @@
 //! Trees whose parameters are known, and full parameters from a nominal model that is off.
 
-use rigident::formats::recording::Recording;
-use rigident::models::Model;
-use rigident::models::inertial::in_parent;
+use rigident::model::Model;
+use rigident::model::inertial::in_parent;
+use rigident::recording::Recording;
 use rigident::trees::drive::Term;
 use rigident::trees::nearest::nearest;
 use rigident::trees::prepare::{Wishes, prepare};

@@ -6,11 +6,11 @@
 use std::path::{Path, PathBuf};
 
 use nalgebra::{DMatrix, DVector};
-use rigident::formats::recording::Recording;
-use rigident::models::base::{BaseParameters, base_parameters};
-use rigident::models::human::Person;
-use rigident::models::rows::Moving;
-use rigident::models::{self, Model};
+use rigident::model::base::{BaseParameters, base_parameters};
+use rigident::model::human::Person;
+use rigident::model::rows::Moving;
+use rigident::model::{self, Model};
+use rigident::recording::Recording;
 use rigident::trees::drive::{Drive, Term};
 use rigident::trees::prepare::{PreparedTree, Wishes, prepare};
 use rigident::trees::rows::{Filtered, RowMaker, filter};
@@ -54,7 +54,7 @@ fn joints() -> ([Vec<f64>; 6], [Vec<f64>; 6]) {
 
 fn model() -> Model {
     let path = data().join("tx40_mdh_modified.urdf");
-    models::open(path.to_str().expect("a path"), &Person::default()).expect("the arm's file").0
+    model::open(path.to_str().expect("a path"), &Person::default()).expect("the arm's file").0
 }
 
 /// A part of the recording.

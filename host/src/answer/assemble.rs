@@ -1,4 +1,4 @@
-//! One answer, for people ([`report::Results`]) and for programs ([`ResultObject`]).
+//! One answer, for people ([`present::Results`]) and for programs ([`ResultObject`]).
 
 use rigident_shared::inertia::{
     InertialParameters, PARAMETER_NAMES, PARAMETER_UNITS, tensor_elements, tensor_from_elements,
@@ -9,13 +9,13 @@ use super::consistent::{self, nearest_body};
 use super::derived::{self, BodyFrame, Derived};
 use super::identifiability::{is_reversed, states, too_loose};
 use super::weakest;
-use crate::formats::result::{
+use crate::answer::result::{
     BodyFrameResult, ColourResult, ConsistentResult, KnownResult, Measured, Parameter, ParameterState,
     PrincipalResult, ResultObject, ResultSource, SCHEMA, Status, TimeBase,
 };
-use crate::formats::rig::{BodyTable, RigFile, TruthTable};
 use crate::identification::{FILTER_WIDTH_S, Identification, whiteness};
-use crate::report::{self, FrameResults, PrincipalAxis, Quantity, Results};
+use crate::present::{self, FrameResults, PrincipalAxis, Quantity, Results};
+use crate::rig::{BodyTable, RigFile, TruthTable};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 const TENSOR: [&str; 6] = ["Ixx", "Iyy", "Izz", "Iyz", "Izx", "Ixy"];
@@ -239,10 +239,10 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
 
     let results = Results {
         status: match status {
-            Status::Identified => report::Status::Identified,
-            Status::PartlyIdentified => report::Status::PartlyIdentified,
-            Status::NotIdentified => report::Status::NotIdentified,
-            Status::Failed => report::Status::Failed,
+            Status::Identified => present::Status::Identified,
+            Status::PartlyIdentified => present::Status::PartlyIdentified,
+            Status::NotIdentified => present::Status::NotIdentified,
+            Status::Failed => present::Status::Failed,
         },
         parameters: (0..10)
             .map(|j| quantity(PARAMETER_NAMES[j], PARAMETER_UNITS[j], at(j), true_phi.map(|t| t[j])))
@@ -313,7 +313,7 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
             .collect(),
         condition_number: Some(estimate.condition_number),
         physically_consistent: consistent,
-        nearest_body: nearest.as_ref().map(|n| report::NearestBody {
+        nearest_body: nearest.as_ref().map(|n| present::NearestBody {
             mass_kg: n.mass_kg,
             com_m: n.com_m,
             inertia_com_kgm2: n.inertia_com_kgm2,

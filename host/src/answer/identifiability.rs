@@ -7,9 +7,9 @@
 use rigident_shared::inertia::PARAMETER_NAMES;
 
 use super::Estimate;
-use crate::formats::result::{Measured, ParameterState};
+use crate::answer::result::{Measured, ParameterState};
 use crate::identification::known::Known;
-use crate::report::text::significant;
+use crate::present::text::significant;
 
 /// U95 of an identified parameter is at most this share of the body's scale.
 pub const LARGEST_SHARE: f64 = 0.1;

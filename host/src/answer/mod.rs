@@ -3,19 +3,20 @@
 //! Lives here: what is identified and what is not ([`identifiability`]), what the motion lacks ([`weakest`]), the
 //! quantities derived from the ten parameters and their intervals ([`derived`]). May not live here: raw data,
 //! files, printing. Before this: [`crate::identification`] or the firmware's factor; after it:
-//! [`crate::formats`] and [`crate::report`].
+//! [`crate::recording`] and [`crate::present`].
 
 pub mod assemble;
 pub mod consistent;
 pub mod derived;
 pub mod identifiability;
+pub mod result;
 pub mod weakest;
 
 use nalgebra::DMatrix;
 use rigident_shared::factor::InformationFactor;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-use crate::formats::result::Measured;
+use crate::answer::result::Measured;
 use crate::identification::Factor;
 use crate::identification::known::{self, Known, KnownError};
 
@@ -33,7 +34,7 @@ pub enum Noise {
 
 /// Estimate and covariance of the parameters of a factor, in f64, with what the rows determine.
 ///
-/// Its numbers leave the crate as [`ParameterState`](crate::formats::result::ParameterState)s only, see
+/// Its numbers leave the crate as [`ParameterState`](crate::answer::result::ParameterState)s only, see
 /// [`identifiability::states`]: what is not identified has none.
 #[derive(Clone, Debug)]
 pub struct Estimate {

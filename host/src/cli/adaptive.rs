@@ -5,15 +5,15 @@ use rigident_shared::wire::{EstimateReport, Settings};
 use rigident_sim::platform::{Axis, Geometry, MotionProgram, Segment};
 
 use super::Failure;
-use crate::formats::rig::RigFile;
+use crate::device::session::{Director, Proposal};
 use crate::identification::Factor;
 use crate::identification::pooled::{RowSet, judge};
-use crate::planning::adaptive::library::word;
-use crate::planning::adaptive::planner::Known;
-use crate::planning::adaptive::{Asked, Decision, Information, Next, Planner, RigModel};
+use crate::plan::adaptive::library::word;
+use crate::plan::adaptive::planner::Known;
+use crate::plan::adaptive::{Asked, Decision, Information, Next, Planner, RigModel};
 use crate::platform::PlatformError;
-use crate::report::{Decided, Stage};
-use crate::session::{Director, Proposal};
+use crate::present::{Decided, Stage};
+use crate::rig::RigFile;
 
 /// Share of the largest principal moment unless asked otherwise.
 const TENSOR_SHARE: f64 = 0.01;

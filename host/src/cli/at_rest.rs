@@ -12,12 +12,12 @@ use rigident_sim::platform::Pose;
 use super::Failure;
 use super::experiment::Watcher;
 use super::link::device_settings;
-use crate::formats::rig::{Calibrated, ImuTable, RigFile};
+use crate::device::session::{DeviceTiming, INTERRUPTED, Session, widen};
 use crate::identification::prepare::mounting;
 use crate::identification::remembered::imu_noise;
-use crate::planning::machine;
+use crate::plan::machine;
 use crate::platform::check;
-use crate::session::{DeviceTiming, INTERRUPTED, Session, widen};
+use crate::rig::{Calibrated, ImuTable, RigFile};
 
 /// Length of one look at the sensors at rest, s.
 const WINDOW_S: f64 = 2.0;

@@ -6,8 +6,8 @@ use serde_json::json;
 use super::Failure;
 use super::model_arguments::{BenchCommand, BenchRegressors, BenchVerb};
 use super::outcome::say;
-use crate::models::speed::{Asked, pinocchio, shapes, time};
-use crate::models::urdf;
+use crate::model::speed::{Asked, pinocchio, shapes, time};
+use crate::model::urdf;
 
 /// `rigident bench`
 pub(super) fn run(command: &BenchCommand) -> Result<ExitCode, Failure> {

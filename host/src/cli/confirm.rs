@@ -4,8 +4,8 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
 use super::Failure;
+use crate::device::session::INTERRUPTED;
 use crate::platform::check::Summary;
-use crate::session::INTERRUPTED;
 
 /// Shows what is about to move and goes on by `--yes`, or by a yes at the terminal.
 pub(super) fn confirm(summary: &Summary, address: &str, yes: bool) -> Result<(), Failure> {

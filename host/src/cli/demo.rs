@@ -12,10 +12,10 @@ use super::memory_arguments::{self, RowsOf};
 use super::outcome::provenance;
 use super::{Failure, Folder, demo_links, simulated};
 use crate::answer::assemble::Asked;
+use crate::device::link::Client;
+use crate::device::session::{DeviceTiming, Session, settings};
 use crate::identification::remembered::imu_noise;
-use crate::link::Client;
 use crate::platform::{LocalPlatform, Platform as _};
-use crate::session::{DeviceTiming, Session, settings};
 
 /// What a demonstration identifies.
 #[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq, Default)]

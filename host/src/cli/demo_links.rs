@@ -16,18 +16,18 @@ use super::links::{LinksExperiment, check_asked};
 use super::outcome::provenance;
 use super::refused::refuse_for_trees;
 use super::{Failure, Folder, simulated};
-use crate::formats::new_file::{write_new, write_new_text};
-use crate::formats::recording::{comment_in_words, rig_path};
-use crate::formats::rig::{
+use crate::device::link::Client;
+use crate::device::session::tree::{device_tree, tree_settings};
+use crate::device::session::two_links::{attitude_source, two_link_settings};
+use crate::device::session::{DeviceTiming, Session, frames, two_links};
+use crate::model::human::Person;
+use crate::model::rig_links::from_tables;
+use crate::platform::{LocalPlatform, Platform as _};
+use crate::recording::new_file::{write_new, write_new_text};
+use crate::recording::{comment_in_words, rig_path};
+use crate::rig::{
     ImuTable, Joint, LinkTable, LoadCellTable, OffsetTable, OffsetWord, RecordingTable, RigFile,
 };
-use crate::link::Client;
-use crate::models::human::Person;
-use crate::models::rig_links::from_tables;
-use crate::platform::{LocalPlatform, Platform as _};
-use crate::session::tree::{device_tree, tree_settings};
-use crate::session::two_links::{attitude_source, two_link_settings};
-use crate::session::{DeviceTiming, Session, frames, two_links};
 use crate::simulated::person;
 use crate::trees::DeviceRows;
 
@@ -43,7 +43,7 @@ fn refuse_others(arguments: &Demo) -> Result<(), Failure> {
 }
 
 /// The device, greeted.
-fn open(transport: Box<dyn crate::link::Transport>) -> Result<Session, Failure> {
+fn open(transport: Box<dyn crate::device::link::Transport>) -> Result<Session, Failure> {
     Session::open(Client::new(transport)).map_err(|e| Failure::link(e).context("the simulated device"))
 }
 

@@ -16,19 +16,19 @@ use super::followed::{Followed, MotionLog};
 use super::outcome::{Ending, provenance};
 use super::{Failure, Folder, Progress};
 use crate::answer::assemble::Asked;
-use crate::formats::mcap::messages::ImuValues;
-use crate::formats::mcap::write::{Head, McapWriter, Row};
-use crate::formats::recording::comment_in_words;
-use crate::formats::result::{Measured, ParameterState};
-use crate::formats::rig::RigFile;
+use crate::answer::result::{Measured, ParameterState};
+use crate::device::session::{DeviceFactor, Observer, Take};
 use crate::identification::known::Known;
 use crate::identification::pooled::PooledFactor;
 use crate::identification::remembered::{self, conclude_remembered, identify_remembered};
 use crate::identification::tare::Tare;
 use crate::identification::{self, Progression, prepare};
 use crate::platform::MotionSample;
-use crate::report::{Decided, Drift, Quantity, Stage};
-use crate::session::{DeviceFactor, Observer, Take};
+use crate::present::{Decided, Drift, Quantity, Stage};
+use crate::recording::comment_in_words;
+use crate::recording::mcap::messages::ImuValues;
+use crate::recording::mcap::write::{Head, McapWriter, Row};
+use crate::rig::RigFile;
 
 /// Parameters of one body with the offset.
 const ONE_BODY: usize = 16;

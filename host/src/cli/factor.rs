@@ -8,14 +8,14 @@ use super::outcome::say;
 use super::recorded::{Recorded, is_recording, is_rig_file};
 use super::{Failure, Folder};
 use crate::answer::assemble::{Asked, Assembled, Context, assemble};
-use crate::formats::error::RecordingError;
-use crate::formats::new_file::write_new;
-use crate::formats::recording::{extension, rig_path};
-use crate::formats::result::ResultSource;
-use crate::formats::rig::RigFile;
+use crate::answer::result::ResultSource;
 use crate::identification::pooled::PooledFactor;
 use crate::identification::tare::{Tare, disagreement_in_words};
-use crate::report::{self, ReportData, Source, table};
+use crate::present::{self, ReportData, Source, table};
+use crate::recording::error::RecordingError;
+use crate::recording::new_file::write_new;
+use crate::recording::{extension, rig_path};
+use crate::rig::RigFile;
 
 /// Runs that disagree by more than this many times their noise are of different bodies or rigs. What drifts from run to run
 /// of one body, offsets apart, stays below.
@@ -93,7 +93,7 @@ pub(super) fn solve(arguments: &Solve) -> Result<ExitCode, Failure> {
     }
     if let Some(folder) = folder {
         folder.write("result.json", text.as_bytes())?;
-        let page = report::html(&ReportData { source: page_source, results, ..ReportData::default() });
+        let page = present::html(&ReportData { source: page_source, results, ..ReportData::default() });
         let page = folder.write("report.html", page.as_bytes())?;
         if !arguments.output.json {
             say(format_args!(
@@ -130,7 +130,7 @@ pub(super) fn tare(
     }
     let tare = Tare::new(PooledFactor::merged(factors, false).map_err(Failure::input)?);
     let mass = match tare.estimate().measured(0) {
-        Some(mass) => report::text::with_u95(mass.value, mass.u95, "kg"),
+        Some(mass) => present::text::with_u95(mass.value, mass.u95, "kg"),
         None => "unknown mass".to_owned(),
     };
     warnings.push(format!(

@@ -10,7 +10,7 @@ use rigident_sim::platform::Trajectory;
 use super::Failure;
 use crate::platform::tracking::{Tracking, compare, difference};
 use crate::platform::{MotionSample, quaternion};
-use crate::report::TimePlot;
+use crate::present::TimePlot;
 
 /// Writes commanded and measured poses as a recording in CSV, line by line.
 pub(super) struct MotionLog {

@@ -5,9 +5,9 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use rigident_shared::tree::Joint;
 
 use super::Failure;
-use crate::formats::recording::Recording;
-use crate::models::Model;
-use crate::models::idle::{DEVIATION, Spread};
+use crate::model::Model;
+use crate::model::idle::{DEVIATION, Spread};
+use crate::recording::Recording;
 use crate::trees::columns::{self, Column, Quantity};
 use crate::trees::joints::{Resolved, Seen, attitude, resolve};
 
@@ -199,7 +199,7 @@ fn by_attitudes(model: &Model, i: usize, recording: &Recording) -> Option<(Strin
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::models::idle::white_noise;
+    use crate::model::idle::white_noise;
 
     #[test]
     fn what_is_held_is_told_from_what_moves() {

@@ -8,10 +8,10 @@ use super::recorded::is_rig_file;
 use super::refused::refuse_for_trees;
 use super::tree_outcome::{Fullness, TreeEnding};
 use super::{Failure, Folder, Stages, held};
-use crate::formats::recording::{Recording, rig_path};
-use crate::formats::result::ResultSource;
-use crate::formats::rig::RigFile;
-use crate::models::{self, Model};
+use crate::answer::result::ResultSource;
+use crate::model::{self, Model};
+use crate::recording::{Recording, rig_path};
+use crate::rig::RigFile;
 use crate::trees::drive::Term;
 use crate::trees::identify_watched;
 use crate::trees::prepare::{Wishes, prepare};
@@ -30,7 +30,7 @@ pub(super) fn run(arguments: &Identify, started: Instant) -> Result<Option<ExitC
     }
     let written = options.write_model.as_deref();
     if let Some(path) = written {
-        models::write::check_target(path).map_err(Failure::input)?;
+        model::write::check_target(path).map_err(Failure::input)?;
     }
     let stages = Stages::new(&format!("reading {}", arguments.recording.display()));
     let recording =
@@ -39,7 +39,7 @@ pub(super) fn run(arguments: &Identify, started: Instant) -> Result<Option<ExitC
     warnings.extend(change_as_recorded(&mut model, &options.of.changes, &recording)?);
     if let Some(path) = written {
         let locked = &options.of.changes.lock;
-        warnings.extend(models::remarks::remarks(&model, model_file.as_deref(), path, locked));
+        warnings.extend(model::remarks::remarks(&model, model_file.as_deref(), path, locked));
     }
     let friction =
         options.friction.iter().map(|w| Term::parse(w)).collect::<Result<_, _>>().map_err(Failure::input)?;
@@ -95,7 +95,7 @@ pub(super) fn tree_of(
     let Some(rig) = rig_of(recording, rig).filter(|rig| rig.link.len() > 1) else { return Ok(None) };
     super::model::refuse_a_person(&options.changes)?;
     let name = recording.display().to_string();
-    let mut model = models::rig_links::from_tables(&rig.link, &name).map_err(Failure::input)?;
+    let mut model = model::rig_links::from_tables(&rig.link, &name).map_err(Failure::input)?;
     model.name = recording.file_stem().map_or(name, |stem| stem.to_string_lossy().into_owned());
     Ok(Some((model, None)))
 }
@@ -139,7 +139,7 @@ fn rig_of(path: &Path, rig: Option<&Path>) -> Option<RigFile> {
         return beside;
     }
     // A recording may carry its rig file.
-    let is_mcap = crate::formats::recording::extension(path) == "mcap";
+    let is_mcap = crate::recording::extension(path) == "mcap";
     is_mcap.then(|| Recording::load(path, None).ok().map(|r| r.rig)).flatten()
 }
 

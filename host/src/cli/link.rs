@@ -7,10 +7,10 @@ use super::Failure;
 use super::arguments::{Configure, Info, Ports};
 use super::experiment::device_notes;
 use super::outcome::say;
-use crate::formats::rig::RigFile;
-use crate::link::{Client, SerialTransport};
-use crate::session::two_links::{attitude_source, two_link_settings};
-use crate::session::{DeviceTiming, Session, settings};
+use crate::device::link::{Client, SerialTransport};
+use crate::device::session::two_links::{attitude_source, two_link_settings};
+use crate::device::session::{DeviceTiming, Session, settings};
+use crate::rig::RigFile;
 
 /// The device says Holding after so long without us.
 pub(super) const HOST_TIMEOUT_MS: u32 = 2_000;

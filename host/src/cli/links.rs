@@ -9,12 +9,12 @@ use super::followed::Followed;
 use super::outcome::left_out;
 use super::tree_outcome::{Fullness, TreeEnding};
 use super::{Failure, Folder};
-use crate::formats::recording::Recording;
-use crate::formats::result::ResultSource;
-use crate::models::Model;
-use crate::models::base::BaseParameter;
-use crate::session::tree::complaints;
-use crate::session::{DeviceFactor, Take};
+use crate::answer::result::ResultSource;
+use crate::device::session::tree::complaints;
+use crate::device::session::{DeviceFactor, Take};
+use crate::model::Model;
+use crate::model::base::BaseParameter;
+use crate::recording::Recording;
 use crate::trees::prepare::{Wishes, prepare};
 use crate::trees::{self, DeviceRows, result};
 

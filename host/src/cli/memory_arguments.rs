@@ -3,8 +3,8 @@ use rigident_shared::forgetting::{ImuNoise, MemoryConfig, Span};
 use rigident_shared::wire::{MemorySettings, Settings};
 
 use super::Failure;
-use crate::formats::rig::RigFile;
 use crate::identification::{FILTER_WIDTH_S, Input, row_every};
+use crate::rig::RigFile;
 
 /// Row blocks of which a window holds one at least in each of its parts.
 const LEAST_BLOCKS: f64 = 5.0;

@@ -74,7 +74,7 @@ pub fn main() -> ExitCode {
     };
     // Without a handler Ctrl-C would end the program at once, files half-written: a second one still does.
     let handler = ctrlc::set_handler(move || {
-        if crate::session::INTERRUPTED.swap(true, Ordering::Relaxed) {
+        if crate::device::session::INTERRUPTED.swap(true, Ordering::Relaxed) {
             if json {
                 outcome::say_failed("ended by a second Ctrl-C; files may be incomplete");
             }
@@ -149,7 +149,7 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
 fn convert(arguments: &Convert) -> Result<ExitCode, Failure> {
     let Convert { input, output, rig } = arguments;
     recorded::refuse_streams(input, rig.as_deref(), "convert")?;
-    let done = crate::formats::convert::convert(input, output, rig.as_deref()).map_err(Failure::input)?;
+    let done = crate::recording::convert::convert(input, output, rig.as_deref()).map_err(Failure::input)?;
     for warning in done.warnings {
         eprintln!("rigident: {warning}");
     }

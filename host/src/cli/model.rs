@@ -7,10 +7,10 @@ use super::model_arguments::{
 };
 use super::outcome::say;
 use super::{Failure, Stages};
-use crate::models::base::names::legend;
-use crate::models::base::{BaseParameters, Rows, Situation, base_parameters};
-use crate::models::human::{Person, Sex};
-use crate::models::{self, Model};
+use crate::model::base::names::legend;
+use crate::model::base::{BaseParameters, Rows, Situation, base_parameters};
+use crate::model::human::{Person, Sex};
+use crate::model::{self, Model};
 
 /// `rigident model`
 pub(super) fn run(command: &ModelCommand) -> Result<ExitCode, Failure> {
@@ -43,7 +43,7 @@ pub(super) fn read(name: &str, options: &ModelChanges) -> Result<(Model, bool), 
         SexWord::Male => Sex::Male,
     };
     let person = Person { height_m: options.height_m, mass_kg: options.mass_kg, sex, lengths_m };
-    let (model, is_person) = models::open(name, &person).map_err(Failure::input)?;
+    let (model, is_person) = model::open(name, &person).map_err(Failure::input)?;
     if !is_person {
         refuse_a_person(options)?;
     }
@@ -81,7 +81,7 @@ pub(super) fn change(model: &mut Model, options: &ModelChanges) -> Result<(), Fa
 }
 
 fn check(arguments: &ModelCheck) -> Result<ExitCode, Failure> {
-    let checked = models::check::check(&arguments.file).map_err(Failure::input)?;
+    let checked = model::check::check(&arguments.file).map_err(Failure::input)?;
     if arguments.json {
         let findings: Vec<_> =
             checked.findings.iter().map(|f| json!({"place": f.place, "text": f.text})).collect();

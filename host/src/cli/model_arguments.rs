@@ -146,7 +146,7 @@ pub struct ModelChanges {
 impl ModelChanges {
     /// Whether any of what only people have is other than the default.
     pub(super) fn describe_a_person(&self) -> bool {
-        let default = crate::models::human::Person::default();
+        let default = crate::model::human::Person::default();
         self.height_m != default.height_m
             || self.mass_kg != default.mass_kg
             || self.sex != SexWord::default()

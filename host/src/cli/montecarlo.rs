@@ -9,11 +9,11 @@ use super::arguments::{DemoBody, Estimating, Montecarlo, NoiseReading};
 use super::experiment::check_duration;
 use super::outcome::say;
 use super::{Failure, Progress};
+use crate::device::session::INTERRUPTED;
 use crate::montecarlo::{
     Campaign, CampaignError, DERIVED, Judgement, Limits95, Solver, Verdict, gain_error_sensors,
     noise_and_gain_error_sensors,
 };
-use crate::session::INTERRUPTED;
 
 /// The object of `--json`.
 #[derive(Serialize)]

@@ -10,16 +10,16 @@ use serde::Serialize;
 
 use super::outcome::say;
 use super::{Failure, Progress};
-use crate::formats::error::RecordingError;
-use crate::formats::new_file::write_new_text;
-use crate::planning::poses::measure::up_in_plate;
-use crate::planning::poses::montecarlo::{
+use crate::device::session::INTERRUPTED;
+use crate::plan::poses::measure::up_in_plate;
+use crate::plan::poses::montecarlo::{
     Errors, Estimator, Experiment, Mounting, Row, Spread, reduction, section_6_3,
 };
-use crate::planning::poses::plan::{Task, check_n, plan};
-use crate::planning::poses::{Objective, Reach, Region};
-use crate::report::probability::{Panel, Sample, straightness, svg};
-use crate::session::INTERRUPTED;
+use crate::plan::poses::plan::{Task, check_n, plan};
+use crate::plan::poses::{Objective, Reach, Region};
+use crate::present::probability::{Panel, Sample, straightness, svg};
+use crate::recording::error::RecordingError;
+use crate::recording::new_file::write_new_text;
 
 /// `rigident montecarlo poses`
 #[derive(Args, Debug, Clone)]

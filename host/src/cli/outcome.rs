@@ -8,15 +8,15 @@ use rigident_shared::screening::{ALL_CHANNELS, CHANNEL_NAMES};
 use super::followed::Followed;
 use super::{Failure, Folder};
 use crate::answer::assemble::{Asked, Assembled, Context, assemble};
-use crate::formats::result::{MemoryResult, ResultSource, TimeBase};
-use crate::formats::rig::RigFile;
+use crate::answer::result::{MemoryResult, ResultSource, TimeBase};
 use crate::identification::knocks::LIMIT_SD;
 use crate::identification::pooled::PooledFactor;
 use crate::identification::{Identification, Input, Progression};
-use crate::report::text::counted;
-use crate::report::{
+use crate::present::text::counted;
+use crate::present::{
     self, Along, Convergence, Decided, Drift, ReportData, Residual, Source, Stage, TimePlot, table,
 };
+use crate::rig::RigFile;
 
 /// Everything a command knows at its end.
 pub struct Ending<'a> {
@@ -87,7 +87,7 @@ impl Ending<'_> {
             },
         );
         let factor = self.factor.to_file();
-        let page = report::html(&self.report(&results));
+        let page = present::html(&self.report(&results));
         object.tracking = self.followed.as_ref().and_then(Followed::to_json);
         object.elapsed_s = self.started.elapsed().as_secs_f64();
         let text = serde_json::to_string_pretty(&object)
@@ -126,7 +126,7 @@ impl Ending<'_> {
         Ok(if success { ExitCode::SUCCESS } else { ExitCode::from(1) })
     }
 
-    fn report(&self, results: &report::Results) -> ReportData {
+    fn report(&self, results: &present::Results) -> ReportData {
         let input = self.input;
         let start_ns = input.readings.first().map_or(0, |r| r.time_ns);
         let origin_s = start_ns as f64 * 1e-9;

@@ -13,12 +13,12 @@ use super::arguments::DemoBody;
 use super::outcome::say;
 use super::plan_arguments::{MotionObjective, PlanCompare, PlanMotion};
 use super::{Failure, Progress};
-use crate::formats::error::RecordingError;
-use crate::formats::rig::RigFile;
-use crate::planning::machine;
-use crate::planning::motion::{self, MotionPlan, Objective, Task, compare, coverage};
-use crate::planning::plan_file::PlanFile;
-use crate::session::INTERRUPTED;
+use crate::device::session::INTERRUPTED;
+use crate::plan::machine;
+use crate::plan::motion::{self, MotionPlan, Objective, Task, compare, coverage};
+use crate::plan::plan_file::PlanFile;
+use crate::recording::error::RecordingError;
+use crate::rig::RigFile;
 
 /// The object of `--json`.
 #[derive(Serialize)]

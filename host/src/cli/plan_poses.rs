@@ -11,14 +11,14 @@ use super::outcome::say;
 use super::plan_arguments::{PlanPoses, PoseObjective};
 use super::plan_motion::ended;
 use super::{Failure, Progress};
-use crate::formats::error::RecordingError;
-use crate::formats::rig::RigFile;
-use crate::planning::machine;
-use crate::planning::plan_file::PlanFile;
-use crate::planning::poses::plan::{PosePlan, Task, check_n, plan};
-use crate::planning::poses::program::program;
-use crate::planning::poses::{Objective, Reach, Region};
-use crate::session::INTERRUPTED;
+use crate::device::session::INTERRUPTED;
+use crate::plan::machine;
+use crate::plan::plan_file::PlanFile;
+use crate::plan::poses::plan::{PosePlan, Task, check_n, plan};
+use crate::plan::poses::program::program;
+use crate::plan::poses::{Objective, Reach, Region};
+use crate::recording::error::RecordingError;
+use crate::rig::RigFile;
 
 /// What of a rig the plan depends on.
 struct Rig {

@@ -6,7 +6,7 @@ use rigident_sim::platform::{Geometry, Load, MotionProgram};
 
 use super::Failure;
 use super::experiment::check_duration;
-use crate::planning::plan_file::PlanFile;
+use crate::plan::plan_file::PlanFile;
 
 /// What the platform does.
 #[derive(Args, Debug, Clone)]

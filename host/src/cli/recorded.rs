@@ -3,13 +3,13 @@
 use std::path::Path;
 
 use super::Failure;
-use crate::formats::recording::{Recording, extension, rig_path};
-use crate::formats::result::TimeBase;
-use crate::formats::rig::RigFile;
+use crate::answer::result::TimeBase;
 use crate::identification::pooled::PooledFactor;
 use crate::identification::prepare::{Prepared, prepare};
 use crate::identification::{self, Identification};
-use crate::streams::{Aligned, StreamSet, align, widen::widen};
+use crate::recording::clocks::{Aligned, StreamSet, align, widen::widen};
+use crate::recording::{Recording, extension, rig_path};
+use crate::rig::RigFile;
 
 /// A recording ready to be identified.
 pub(super) struct Recorded {

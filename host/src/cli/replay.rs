@@ -10,11 +10,11 @@ use super::identify_tree::{refuse_without_tree, tree_of};
 use super::memory_arguments::{self, RowsOf};
 use super::{Failure, Folder, replay_links, simulated};
 use crate::answer::assemble::Asked;
-use crate::formats::recording::Recording;
+use crate::device::link::{Client, SerialTransport, Transport};
+use crate::device::session::{DeviceTiming, Session, narrow, settings, widen};
 use crate::identification::remembered::{identify_remembered, imu_noise};
 use crate::identification::{self, known, prepare::prepare};
-use crate::link::{Client, SerialTransport, Transport};
-use crate::session::{DeviceTiming, Session, narrow, settings, widen};
+use crate::recording::Recording;
 
 /// `rigident replay`
 pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {

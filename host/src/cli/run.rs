@@ -19,14 +19,14 @@ use super::outcome::provenance;
 use super::refused::refuse_for_trees;
 use super::{Failure, Folder, simulated};
 use crate::answer::assemble::Asked;
-use crate::formats::rig::{OffsetTable, OffsetWord, RigFile};
+use crate::device::session::tree::device_tree;
+use crate::device::session::{DeviceTiming, INTERRUPTED, Session, settings, two_links};
 use crate::identification::known::check_model;
-use crate::models::Model;
-use crate::models::rig_links::from_tables;
-use crate::planning::machine;
+use crate::model::Model;
+use crate::model::rig_links::from_tables;
+use crate::plan::machine;
 use crate::platform::{self, Platform, PlatformError, check};
-use crate::session::tree::device_tree;
-use crate::session::{DeviceTiming, INTERRUPTED, Session, settings, two_links};
+use crate::rig::{OffsetTable, OffsetWord, RigFile};
 use crate::trees::DeviceRows;
 
 /// `rigident run`

@@ -9,12 +9,10 @@ use rigident_sim::runner::{FrameBus, FrameGate, InProcess, Pacing, Qemu, QemuOpt
 
 use super::Failure;
 use super::arguments::Mcu;
-use crate::formats::rig::{
-    BodyTable, Calibrated, ImuTable, LoadCellTable, RecordingTable, RigFile, TruthTable,
-};
-use crate::link::Transport;
-use crate::report::Stage;
-use crate::session::tree::FrameSource;
+use crate::device::link::Transport;
+use crate::device::session::tree::FrameSource;
+use crate::present::Stage;
+use crate::rig::{BodyTable, Calibrated, ImuTable, LoadCellTable, RecordingTable, RigFile, TruthTable};
 
 /// A simulated microcontroller at the end of a line.
 struct Simulated(Box<dyn rigident_sim::runner::Mcu>);

@@ -8,8 +8,8 @@ use super::arguments::Output;
 use super::followed::Followed;
 use super::outcome::say;
 use super::{Failure, Folder, Stages};
-use crate::formats::result::{ParameterState, ResultSource, Status};
-use crate::models::{self, Model};
+use crate::answer::result::{ParameterState, ResultSource, Status};
+use crate::model::{self, Model};
 use crate::trees::nearest::{Full, nearest};
 use crate::trees::possible::{Possible, possible};
 use crate::trees::prepare::PreparedTree;
@@ -129,11 +129,11 @@ impl TreeEnding<'_> {
         folder.write("result.json", text.as_bytes())?;
         let page = folder.write("report.html", answer.page().as_bytes())?;
         if let (Some(path), Some(full)) = (fullness.write_model, &full) {
-            let identified = models::write::with_parameters(
+            let identified = model::write::with_parameters(
                 model,
                 full.links.iter().map(|link| (link.name.as_str(), link.parameters)),
             );
-            models::write::write(&identified, fullness.source, path).map_err(Failure::input)?;
+            model::write::write(&identified, fullness.source, path).map_err(Failure::input)?;
         }
         let place = folder.path().display();
         if !output.json {

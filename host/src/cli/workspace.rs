@@ -7,11 +7,11 @@ use serde::Serialize;
 use super::outcome::say;
 use super::plan_arguments::Workspace;
 use super::{Failure, Folder, Progress};
-use crate::formats::rig::RigFile;
-use crate::planning::machine;
-use crate::planning::workspace::{Map, Reach, Span};
-use crate::report::workspace as figure;
-use crate::session::INTERRUPTED;
+use crate::device::session::INTERRUPTED;
+use crate::plan::machine;
+use crate::plan::workspace::{Map, Reach, Span};
+use crate::present::workspace as figure;
+use crate::rig::RigFile;
 
 /// Directions of lean in the summary.
 const AZIMUTHS: usize = 24;

@@ -8,7 +8,7 @@ use super::gains::ChannelFactors;
 use super::pooled::Judgement;
 use super::{Absorbed, Identification, Input, TAPS, channels, config, merge_channels, shares, take_channels};
 use crate::answer::Estimate;
-use crate::formats::result::Measured;
+use crate::answer::result::Measured;
 
 /// The estimate as rows come in.
 #[derive(Clone, Debug, PartialEq)]

@@ -4,7 +4,7 @@
 //! Lives here: two passes where the noise is not given, what they leave and what noise that tells ([`residuals`]), the way
 //! to the answer ([`course`]), gain errors of the load cell ([`gains`]), calibration of the accelerometer on still poses
 //! ([`poses`]). May not
-//! live here: file formats, printing. Before this: [`crate::formats`]; after it: [`crate::answer`].
+//! live here: file formats, printing. Before this: [`crate::recording`]; after it: [`crate::answer`].
 
 pub mod absorb;
 pub(crate) mod coloured;
@@ -33,8 +33,8 @@ use self::pooled::{Judgement, RowSet, judge};
 pub use self::residuals::BlockResidual;
 use self::residuals::{gyro_sigma, residuals, rms, sigma_from_residuals};
 use crate::answer::identifiability::{self, RegressorNoise};
+use crate::answer::result::ParameterState;
 use crate::answer::{Estimate, Noise};
-use crate::formats::result::ParameterState;
 
 /// Room for the filter on the host: 0.1 s at 40 kHz.
 pub(crate) const TAPS: usize = 256;

@@ -7,9 +7,9 @@ use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce, W
 use super::plausible::{self, Implausible};
 use super::poses::{PoseError, calibrate_accelerometer, still_poses};
 use super::{FROZEN_AFTER, Input};
-use crate::formats::columns::TIME;
-use crate::formats::recording::Recording;
-use crate::formats::rig::{Calibrated, ImuTable, OffsetTable, OffsetWord, RigFile};
+use crate::recording::Recording;
+use crate::recording::columns::TIME;
+use crate::rig::{Calibrated, ImuTable, OffsetTable, OffsetWord, RigFile};
 
 /// How far the mean rate of a still pose may be from rest, rad/s, and the specific force from its mean, m/s².
 const STILL: (f64, f64) = (0.02, 0.15);

@@ -16,9 +16,9 @@ use super::{
     Absorbed, BlockResidual, Factor, Identification, IdentificationError, Input, NOMINAL_SIGMA, Progression,
     TAPS, colour, conclude, config, knocks, shares,
 };
+use crate::answer::result::MemoryResult;
 use crate::answer::{Estimate, NORMAL_COVERAGE, Noise};
-use crate::formats::result::MemoryResult;
-use crate::formats::rig::ImuTable;
+use crate::rig::ImuTable;
 
 /// Noise of an IMU of which nothing is known: of a good consumer one.
 const TYPICAL: ImuNoise<f64> = ImuNoise { accel: 0.02, gyro: 4.3e-4 };

@@ -11,8 +11,8 @@ use rigident_shared::factor::InformationFactor;
 
 use super::pooled::{Judgement, PoolError, PooledFactor};
 use super::{Factor, Identification, Progression};
+use crate::answer::result::Measured;
 use crate::answer::{Estimate, Noise};
-use crate::formats::result::Measured;
 
 /// Parameters of a body.
 const BODY: usize = 10;

@@ -8,7 +8,7 @@ use rigident_sim::STANDARD_GRAVITY_MPS2;
 use rigident_sim::body::BodyParameters;
 use rigident_sim::links::{Swing, Tree, TreeLink};
 
-use crate::models::{Model, ModelLink};
+use crate::model::{Model, ModelLink};
 use crate::trees::noise::Noise;
 
 /// Segments are heavier or lighter than the table's by at most so much, relative.

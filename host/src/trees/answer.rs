@@ -14,8 +14,8 @@ use nalgebra::DVector;
 use super::possible::Possible;
 use super::{Input, TreeIdentification};
 use crate::answer::identifiability::{LARGEST_SHARE, LEAST_EXCITATION};
-use crate::formats::result::{Measured, ParameterState};
-use crate::models::Finding;
+use crate::answer::result::{Measured, ParameterState};
+use crate::model::Finding;
 
 /// Base parameters' kinds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

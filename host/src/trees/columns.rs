@@ -3,8 +3,8 @@
 use rigident_shared::tree::Joint;
 
 use super::prepare::TreePrepareError;
-use crate::formats::recording::Recording;
-use crate::formats::rig::{ColumnSource, JointTable, RigFile};
+use crate::recording::Recording;
+use crate::rig::{ColumnSource, JointTable, RigFile};
 
 /// What of a joint has a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -7,7 +7,7 @@
 //! why not ([`answer`]), whether bodies have it ([`possible`]), whether columns tell of one motion ([`plausible`]), full
 //! parameters ([`nearest`]), the page (`page`), trees and recordings to try it on ([`simulated`]). May not live here: the
 //! formulas of the rows
-//! (`rigident_shared::tree`), which parameters there are ([`crate::models::base`]), intervals and the judgement of
+//! (`rigident_shared::tree`), which parameters there are ([`crate::model::base`]), intervals and the judgement of
 //! residuals, which are those of a single body ([`crate::answer`], [`crate::identification::pooled`]). Next: [`prepare`].
 
 pub mod answer;
@@ -47,15 +47,15 @@ use crate::answer::{Estimate, Noise};
 use crate::identification::pooled::{Judgement, RowSet, judge};
 use crate::identification::whiteness::Colour;
 use crate::identification::{FILTER_WIDTH_S, row_every};
-use crate::models::base::{BaseParameters, Rows, Situation, base_parameters};
-use crate::models::{Model, ModelError};
+use crate::model::base::{BaseParameters, Rows, Situation, base_parameters};
+use crate::model::{Model, ModelError};
 
 /// One instant.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     /// Its time, ns.
     pub time_ns: u64,
-    /// Of all joints, as [`crate::models::rows::Moving::set`] takes them.
+    /// Of all joints, as [`crate::model::rows::Moving::set`] takes them.
     pub positions: Vec<f64>,
     /// Likewise, rad/s and m/s.
     pub rates: Vec<f64>,

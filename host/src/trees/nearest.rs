@@ -22,8 +22,8 @@ use rigident_shared::spatial::Body;
 use super::TreeIdentification;
 use super::factor::TallFactor;
 use super::symmetry::{self, Pair};
-use crate::models::inertial::{Parameters, impossibility, map_to_parent};
-use crate::models::{Model, ModelError};
+use crate::model::inertial::{Parameters, impossibility, map_to_parent};
+use crate::model::{Model, ModelError};
 
 /// Newton steps; some ten are usual.
 const MOST_STEPS: usize = 200;

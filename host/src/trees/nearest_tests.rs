@@ -6,8 +6,8 @@ use super::nearest::{divergence, nearest};
 use super::prepare::{Wishes, prepare};
 use super::simulated::{two_link_recording, two_links};
 use super::*;
-use crate::models::human::Person;
-use crate::models::inertial::{Parameters, impossibility, in_parent};
+use crate::model::human::Person;
+use crate::model::inertial::{Parameters, impossibility, in_parent};
 
 /// Another guess: masses, lengths and radii off by some ten per cent.
 fn guess(model: &Model, off: f64) -> Model {
@@ -116,7 +116,7 @@ fn the_divergence_is_the_distance_s_half_square_and_knows_no_frame() {
 fn symmetric_people_have_two_sides_alike_and_a_model_without_masses_is_refused() {
     let model = Person::default().human34().unwrap();
     // No motion at all: the weight alone. The rest is the nominal guess.
-    let mut moving = crate::models::rows::Moving::new(model.tree()).unwrap();
+    let mut moving = crate::model::rows::Moving::new(model.tree()).unwrap();
     let (coordinates, freedoms) = (moving.coordinates(), moving.freedoms());
     let mut q = vec![0.0; coordinates];
     let mut at = 0;

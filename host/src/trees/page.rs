@@ -3,9 +3,9 @@
 use super::Input;
 use super::nearest::FullLink;
 use super::result::{Answer, SENTENCE, body_of};
-use crate::formats::result::Status;
-use crate::report::text::significant;
-use crate::report::{
+use crate::answer::result::Status;
+use crate::present::text::significant;
+use crate::present::{
     self, ChannelRow, FullRow, LinkRows, Quantity, Residual, Source, TreeReport, html_of_tree,
 };
 
@@ -87,10 +87,10 @@ impl Answer<'_> {
                 duration_s: (!self.input.is_static).then_some(last_s - origin_s),
             },
             status: match self.status {
-                Status::Identified => report::Status::Identified,
-                Status::PartlyIdentified => report::Status::PartlyIdentified,
-                Status::NotIdentified => report::Status::NotIdentified,
-                Status::Failed => report::Status::Failed,
+                Status::Identified => present::Status::Identified,
+                Status::PartlyIdentified => present::Status::PartlyIdentified,
+                Status::NotIdentified => present::Status::NotIdentified,
+                Status::Failed => present::Status::Failed,
             },
             status_words: self.headline(),
             situation: format!(

@@ -7,7 +7,7 @@
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
-use crate::models::idle::white_noise;
+use crate::model::idle::white_noise;
 
 /// What is compared are increments over this, s: long against the noise of gyros, short against turns that do not commute.
 pub const SPAN_S: f64 = 0.1;

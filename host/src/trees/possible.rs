@@ -18,7 +18,7 @@ use nalgebra::{DMatrix, DVector, Matrix3};
 use super::nearest::{Data, Problem};
 use super::{Input, TreeIdentification};
 use crate::answer::Noise;
-use crate::models::inertial::Parameters;
+use crate::model::inertial::Parameters;
 
 /// A distance less likely than this is no chance.
 const SURPRISING: f64 = 1e-4;
@@ -122,8 +122,8 @@ mod tests {
     use super::super::simulated::{seven_axes, seven_axis_recording, two_link_recording, two_links};
     use super::super::{TreeIdentification, identify};
     use super::*;
-    use crate::formats::recording::Recording;
-    use crate::models::Model;
+    use crate::model::Model;
+    use crate::recording::Recording;
 
     fn judged(model: &Model, recording: &Recording) -> (TreeIdentification, Possible) {
         let input = prepare(recording, model, &Wishes::default()).unwrap().input;
@@ -196,7 +196,7 @@ mod tests {
             let share = 0.4 * (uniform() + 0.5);
             let phi: Vec<f64> = truth.iter().map(|v| v + share * uniform() * (v.abs() + 0.01)).collect();
             let is_body = phi.chunks_exact(10).all(|link| {
-                crate::models::inertial::impossibility(&std::array::from_fn(|k| link[k])).is_none()
+                crate::model::inertial::impossibility(&std::array::from_fn(|k| link[k])).is_none()
             });
             if !is_body {
                 continue;

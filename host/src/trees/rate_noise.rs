@@ -14,7 +14,7 @@ use super::factor::TallSolution;
 use super::noise::Noise;
 use super::rows::Filtered;
 use super::{Frame, Input, RowMaker, TreeIdentificationError, filter};
-use crate::models::base::BaseParameters;
+use crate::model::base::BaseParameters;
 
 /// Longer recordings are looked at in their middle.
 const LONGEST: usize = 20_000;

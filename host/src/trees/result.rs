@@ -7,10 +7,10 @@ use serde_json::{Value, json};
 use super::nearest::{Full, FullLink};
 use super::possible::Possible;
 use super::{Input, TreeIdentification};
-use crate::formats::result::{ParameterState, ResultSource, SCHEMA, Status};
+use crate::answer::result::{ParameterState, ResultSource, SCHEMA, Status};
 use crate::identification::{FILTER_WIDTH_S, whiteness};
-use crate::models::base::names::legend;
-use crate::report::text::{NOT_IDENTIFIED, beside, shortened, significant, unit_symbol, with_u95};
+use crate::model::base::names::legend;
+use crate::present::text::{NOT_IDENTIFIED, beside, shortened, significant, unit_symbol, with_u95};
 
 /// All that is told.
 pub struct Answer<'a> {

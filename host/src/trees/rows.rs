@@ -7,9 +7,9 @@ use rigident_shared::tree::{Joint, Link, TreeError};
 use super::drive::Term;
 use super::factor::TallFactor;
 use super::{Frame, Input, TreeIdentificationError};
-use crate::models::base::{BaseParameters, Rows};
-use crate::models::filter::MomentumFilter;
-use crate::models::rows::{MomentumRows, Moving};
+use crate::model::base::{BaseParameters, Rows};
+use crate::model::filter::MomentumFilter;
+use crate::model::rows::{MomentumRows, Moving};
 
 /// Makes the rows of an instant, in two parts.
 ///

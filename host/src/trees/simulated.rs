@@ -11,10 +11,10 @@ use rigident_shared::tree::{BaseMotion, Joint, Link};
 
 use super::TreeIdentification;
 use super::noise::Noise;
-use crate::formats::recording::{ImuColumns, Recording};
-use crate::formats::rig::ImuTable;
-use crate::models::dynamics::inverse_dynamics;
-use crate::models::{Model, ModelLink};
+use crate::model::dynamics::inverse_dynamics;
+use crate::model::{Model, ModelLink};
+use crate::recording::{ImuColumns, Recording};
+use crate::rig::ImuTable;
 
 fn body(mass: f64, com: [f64; 3], radii: [f64; 3], turn: [f64; 3]) -> Option<[f64; 10]> {
     let turned = Rotation3::from_euler_angles(turn[0], turn[1], turn[2]).into_inner();

@@ -2,8 +2,8 @@
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
-use crate::models::inertial::{ParameterMap, map_to_parent};
-use crate::models::{Model, ModelError};
+use crate::model::inertial::{ParameterMap, map_to_parent};
+use crate::model::{Model, ModelError};
 
 /// Two links, the second of which has the mirrored parameters of the first.
 #[derive(Clone, Debug, PartialEq)]
@@ -105,7 +105,7 @@ pub fn substitution(links: usize, pairs: &[Pair]) -> DMatrix<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::models::human::Person;
+    use crate::model::human::Person;
 
     #[test]
     fn people_are_symmetric_about_y_and_their_nominal_guess_is_its_own_image() {

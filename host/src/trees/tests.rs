@@ -6,10 +6,10 @@ use super::simulated::{
     two_links, with_gain_errors, with_remembered_noise, worst,
 };
 use super::*;
-use crate::formats::recording::Recording;
-use crate::formats::result::ParameterState;
-use crate::formats::rig::{OffsetTable, OffsetWord};
-use crate::models::human::Person;
+use crate::answer::result::ParameterState;
+use crate::model::human::Person;
+use crate::recording::Recording;
+use crate::rig::{OffsetTable, OffsetWord};
 
 fn friction() -> Wishes {
     Wishes {
@@ -179,6 +179,6 @@ fn a_person_s_base_parameters_come_out_to_a_millionth_and_the_full_ones_are_bodi
     let mass: f64 = full.links.iter().map(|l| l.parameters[0]).sum();
     assert!((mass - 73.0).abs() < 1e-4, "{mass}");
     for link in &full.links {
-        assert_eq!(crate::models::inertial::impossibility(&link.parameters), None, "{}", link.name);
+        assert_eq!(crate::model::inertial::impossibility(&link.parameters), None, "{}", link.name);
     }
 }

@@ -4,7 +4,7 @@ use std::io::{BufRead, BufReader};
 use std::process::{Command, Output, Stdio};
 use std::sync::Arc;
 
-use rigident::planning::plan_file::PlanFile;
+use rigident::plan::plan_file::PlanFile;
 use rigident_sim::links::SecondLink;
 use rigident_sim::platform::{Geometry, MotionProgram, Segment};
 use rigident_sim::rig::{MotionState, RigConfig};

@@ -1,7 +1,7 @@
 //! A made-up experiment that fills every part of a report; shared by the tests and the example.
 
-use rigident::formats::result::{Measured, ParameterState};
-use rigident::report::{
+use rigident::answer::result::{Measured, ParameterState};
+use rigident::present::{
     Along, Convergence, Drift, FrameResults, PrincipalAxis, Quantity, ReportData, Residual, Results, Source,
     Stage, Status, TimePlot,
 };

@@ -1,7 +1,7 @@
 //! Attitudes and accelerometer that disagree on gravity are told, and those that agree are not.
 
-use rigident::formats::rig::RigFile;
-use rigident::streams::{StreamSet, align};
+use rigident::recording::clocks::{StreamSet, align};
+use rigident::rig::RigFile;
 
 use super::simulated::{slow_turn, thesis};
 

@@ -1,6 +1,6 @@
 //! Joints that are locked stand where the recording has them, or where it was said.
 
-use rigident::models::base::{Rows, Situation, base_parameters};
+use rigident::model::base::{Rows, Situation, base_parameters};
 
 use super::*;
 

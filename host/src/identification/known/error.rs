@@ -1,7 +1,7 @@
 //! Why known quantities are refused.
 
 use super::{CENTRAL, CENTRE, PARAMETERS};
-use crate::report::text::{significant, with_u95};
+use crate::present::text::{significant, with_u95};
 
 /// Why known quantities are refused. Nothing was absorbed then.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

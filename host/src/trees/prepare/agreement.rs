@@ -7,7 +7,7 @@ use rigident_shared::tree::{BaseMotion, Joint};
 
 use super::{JointColumns, Preparation, TreePrepareError};
 use crate::identification::plausible;
-use crate::report::text::shortened;
+use crate::present::text::shortened;
 use crate::trees::columns::{Quantity, column};
 use crate::trees::plausible::{Disagreement, SPAN_S, Spans, Turning, joint_disagreement};
 

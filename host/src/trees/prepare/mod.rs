@@ -16,11 +16,11 @@ use super::drive::{Drive, Term};
 use super::joints::{Resolved, Seen, attitude, resolve};
 use super::rows::rows_of;
 use super::{Frame, Input};
-use crate::formats::recording::Recording;
-use crate::formats::rig::{OffsetTable, OffsetWord};
 use crate::identification::plausible::Implausible;
-use crate::models::base::Situation;
-use crate::models::{Finding, Model};
+use crate::model::base::Situation;
+use crate::model::{Finding, Model};
+use crate::recording::Recording;
+use crate::rig::{OffsetTable, OffsetWord};
 
 /// Why a recording cannot be used with a model.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -120,7 +120,7 @@ pub fn prepare(
     let input = work.input(wishes)?;
     let frames: Vec<(&[f64], Vector3<f64>)> =
         input.frames.iter().map(|f| (f.positions.as_slice(), f.base.rate)).collect();
-    let mut idle = crate::models::idle::idle(&model, &frames, !input.is_static);
+    let mut idle = crate::model::idle::idle(&model, &frames, !input.is_static);
     if !input.situation.floating || input.is_static {
         // Of a base that is held still that is no news; still poses turn nothing by what they are.
         idle.retain(|finding| !finding.text.starts_with("the base never turns"));
@@ -149,7 +149,7 @@ impl<'a> Preparation<'a> {
             return Ok(bodies.map(|(i, _)| Some(i)).collect());
         }
         let unknown = |name: &str| {
-            let known = |l: &crate::models::ModelLink| l.name == name || l.welded.iter().any(|w| w == name);
+            let known = |l: &crate::model::ModelLink| l.name == name || l.welded.iter().any(|w| w == name);
             !self.model.links.iter().any(known)
         };
         if let Some(table) = tables.iter().find(|t| unknown(&t.name)) {

@@ -7,7 +7,7 @@ use rigident_shared::calibration::GaugeCalibration;
 use rigident_shared::tree::BaseMotion;
 
 use super::{Preparation, TreePrepareError};
-use crate::formats::rig::{Calibrated, ImuTable};
+use crate::rig::{Calibrated, ImuTable};
 use crate::trees::joints::attitude;
 
 impl<'a> Preparation<'a> {

@@ -6,8 +6,8 @@ use nalgebra::Vector3;
 use rigident_shared::tree::Joint;
 
 use super::{JointColumns, Preparation, TreePrepareError};
-use crate::models::base::Rows;
-use crate::models::idle::white_noise;
+use crate::model::base::Rows;
+use crate::model::idle::white_noise;
 use crate::trees::polynomial::Polynomial;
 
 /// Attitudes this much off what a joint can do are another joint's, rad: far beyond what IMUs and straps do.

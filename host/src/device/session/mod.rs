@@ -1,0 +1,431 @@
+//! One experiment with one device: configure, start, follow, hold, fetch.
+//!
+//! Lives here: the order of commands and motions, what is collected on the way, how an experiment ends early.
+//! May not live here: files and printing (the callbacks of [`Observer`]), the protocol ([`crate::device::link`]).
+
+mod adaptive;
+pub mod frames;
+mod inject;
+mod settings;
+mod take;
+pub mod tree;
+pub mod two_links;
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use rigident_shared::calibration::Reading;
+use rigident_shared::wire::{
+    Command, Identity, LinkReadingMessage, ModelSettings, Reason, Reply, Settings, StateName, Telemetry,
+};
+
+pub use adaptive::{Director, Proposal};
+pub use settings::{DeviceTiming, GainsOnDevice, SettingsError, settings};
+use take::Taking;
+pub use take::{DeviceFactor, Observer, Take, narrow, widen};
+
+use crate::device::link::{Client, LinkError};
+use crate::platform::{Motion, MotionSample, Platform, PlatformError};
+use crate::trees::factor::TallFactor;
+
+/// Set by Ctrl-C; looked at between messages.
+pub static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// Told to the device this often that the host is there.
+const HEARTBEAT_EVERY: Duration = Duration::from_millis(500);
+/// A device that streams nothing and answers no heartbeat for so long has hung.
+const SILENT: Duration = Duration::from_secs(4);
+/// What the device says when every asked-for parameter has its uncertainty.
+const STOPPED: (StateName, Reason) = (StateName::Holding, Reason::StopRule);
+/// How long a platform may take to come to rest.
+const REST: Duration = Duration::from_secs(4);
+/// How long to wait for readings that were counted but have not come.
+const STRAGGLERS: Duration = Duration::from_secs(2);
+
+/// Why an experiment ends early.
+#[derive(Debug, thiserror::Error)]
+pub enum SessionError {
+    /// The link.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// The platform.
+    #[error(transparent)]
+    Platform(#[from] PlatformError),
+    /// The device is in a state that it should not be in.
+    #[error("the device went to {state:?} ({reason:?}): {advice}")]
+    Stopped {
+        /// The state.
+        state: StateName,
+        /// Why.
+        reason: Reason,
+        /// What to do.
+        advice: &'static str,
+    },
+    /// The observer could not do its part, such as writing.
+    #[error("{0}")]
+    Observer(String),
+}
+
+/// A device that has said hello.
+pub struct Session {
+    client: Client,
+    identity: Identity,
+    last_heartbeat: Instant,
+    heartbeats: bool,
+    /// It was set to two links.
+    of_two_links: bool,
+    /// Whether a run that the stop rule has ended is started again, without the rule.
+    pub go_on_after_stop: bool,
+    /// [`Session::follow`] ends a program after so long, s of the device's clock.
+    pub at_most_s: Option<f64>,
+}
+
+impl Session {
+    /// Says hello.
+    ///
+    /// # Errors
+    /// No answer, or firmware of another protocol.
+    pub fn open(mut client: Client) -> Result<Self, LinkError> {
+        let identity = client.hello()?;
+        Ok(Self {
+            client,
+            identity,
+            last_heartbeat: Instant::now(),
+            heartbeats: false,
+            of_two_links: false,
+            go_on_after_stop: false,
+            at_most_s: None,
+        })
+    }
+
+    /// Who answered.
+    pub fn identity(&self) -> &Identity {
+        &self.identity
+    }
+
+    /// The link, for single questions.
+    pub fn client(&mut self) -> &mut Client {
+        &mut self.client
+    }
+
+    /// Sends the settings and reads them back.
+    ///
+    /// # Errors
+    /// The device refuses, or does not hold what was sent.
+    pub fn configure(&mut self, settings: &Settings) -> Result<(), LinkError> {
+        if self.identity.state != StateName::Idle {
+            self.client.ask("reset", &Command::Reset)?;
+        }
+        self.client.ask("configure", &Command::Configure(settings.clone()))?;
+        match self.client.ask("read the settings", &Command::ReadSettings)? {
+            Reply::Settings(held) if held == *settings => {}
+            _ => return Err(LinkError::Nonsense("read the settings")),
+        }
+        self.identity.state = StateName::Configured;
+        self.heartbeats = settings.host_timeout_ms > 0;
+        self.of_two_links = matches!(settings.model, ModelSettings::TwoLinks(_));
+        Ok(())
+    }
+
+    /// Starts the device and the loaded program, follows both to the end, and fetches the factor.
+    ///
+    /// # Errors
+    /// What prevents a start. Anything later is told in [`Take::broken`], with what came before.
+    pub fn follow(
+        &mut self,
+        platform: &mut dyn Platform,
+        observer: &mut dyn Observer,
+    ) -> Result<Take, SessionError> {
+        self.start()?;
+        let mut taking = Taking::default();
+        let outcome = platform.start().map_err(SessionError::from).and_then(|()| {
+            loop {
+                self.listen(&mut taking, observer)?;
+                tell(platform, 0.0, observer)?;
+                if INTERRUPTED.load(Ordering::Relaxed) {
+                    taking.interrupted = true;
+                    return Ok(());
+                }
+                self.override_stop(&mut taking)?;
+                if self.at_most_s.is_some_and(|most_s| taking.span_s() >= most_s) {
+                    (taking.ended, taking.cut_short) = (true, true);
+                    return tell(platform, 0.0, observer);
+                }
+                if taking.held() || platform.motion()? == Motion::Done {
+                    return tell(platform, 0.0, observer);
+                }
+            }
+        });
+        Ok(self.finish(platform, taking, outcome, observer))
+    }
+
+    /// The motion first, then the recording.
+    fn finish(
+        &mut self,
+        platform: &mut dyn Platform,
+        mut taking: Taking,
+        outcome: Result<(), SessionError>,
+        observer: &mut dyn Observer,
+    ) -> Take {
+        // Whatever went wrong, the plate must not go on.
+        let at_rest = if outcome.is_err() || taking.held() || taking.interrupted || taking.ended {
+            self.bring_to_rest(platform, &mut taking, observer)
+        } else {
+            Ok(())
+        };
+        let mut take = self.conclude(taking, outcome, observer);
+        if at_rest.is_ok() && take.broken.is_none() && !take.interrupted {
+            take.broken = self.go_home(platform, observer).err();
+        }
+        match (at_rest, &mut take.broken) {
+            (Ok(()), Some(broken)) => broken.push_str("\nThe platform is at rest."),
+            (Ok(()), None) => {}
+            (Err(unknown), broken) => {
+                let said = format!(
+                    "The platform could not be seen at rest ({unknown}): use its own emergency stop."
+                );
+                *broken = Some(broken.take().map_or(said.clone(), |b| format!("{b}\n{said}")));
+            }
+        }
+        take
+    }
+
+    /// Leaves the plate where the next connection expects it. What went wrong, otherwise.
+    fn go_home(&mut self, platform: &mut dyn Platform, observer: &mut dyn Observer) -> Result<(), String> {
+        let failed = |e: PlatformError| format!("on the way home after the experiment: {e}");
+        if !platform.go_home().map_err(failed)? {
+            return Ok(());
+        }
+        let mut taking = Taking::default();
+        while platform.motion().map_err(failed)? == Motion::Moving {
+            if INTERRUPTED.load(Ordering::Relaxed) {
+                self.bring_to_rest(platform, &mut taking, observer)?;
+                return Err("stopped by Ctrl-C on the way home after the experiment".to_owned());
+            }
+            // The experiment is over: what the device still says, or that it is gone, no longer matters.
+            if self.listen(&mut taking, observer).is_err() {
+                std::thread::sleep(Duration::from_millis(20));
+            }
+        }
+        Ok(())
+    }
+
+    /// Stops the platform and sees it at rest, taking in what comes meanwhile. Why it could not be, otherwise.
+    fn bring_to_rest(
+        &mut self,
+        platform: &mut dyn Platform,
+        taking: &mut Taking,
+        observer: &mut dyn Observer,
+    ) -> Result<(), String> {
+        let told = platform.stop();
+        let deadline = Instant::now() + REST;
+        loop {
+            // In lock-step the plate moves only while the device is heard. What is broken there has been told.
+            let heard = self.listen(taking, observer);
+            match platform.motion() {
+                Ok(Motion::Holding | Motion::Done) => return told.map_err(|e| e.to_string()),
+                Ok(Motion::Moving) if Instant::now() < deadline => {}
+                Ok(Motion::Moving) => return Err(format!("it still moves after {} s", REST.as_secs())),
+                Err(error) => return Err(error.to_string()),
+            }
+            if heard.is_err() {
+                std::thread::sleep(Duration::from_millis(20));
+            }
+        }
+    }
+
+    /// Collects readings for so long without absorbing them, the platform at rest.
+    ///
+    /// # Errors
+    /// The link, or a sensor fault.
+    pub fn watch(
+        &mut self,
+        seconds: f64,
+        observer: &mut dyn Observer,
+    ) -> Result<Vec<Reading<f64>>, SessionError> {
+        Ok(self.watched(seconds, observer)?.readings)
+    }
+
+    /// Likewise, readings of two links.
+    ///
+    /// # Errors
+    /// The link, or a sensor fault.
+    pub fn watch_links(
+        &mut self,
+        seconds: f64,
+        observer: &mut dyn Observer,
+    ) -> Result<Vec<LinkReadingMessage>, SessionError> {
+        Ok(self.watched(seconds, observer)?.links)
+    }
+
+    fn watched(&mut self, seconds: f64, observer: &mut dyn Observer) -> Result<Taking, SessionError> {
+        let mut taking = Taking { watching: true, ..Taking::default() };
+        let deadline = Instant::now() + Duration::from_secs_f64(seconds);
+        // What was queued before does not count.
+        while self.client.next_telemetry().is_some() {}
+        while Instant::now() < deadline && !INTERRUPTED.load(Ordering::Relaxed) {
+            self.listen(&mut taking, observer)?;
+        }
+        Ok(taking)
+    }
+
+    fn start(&mut self) -> Result<(), LinkError> {
+        // What was said before belongs to no run.
+        while self.client.next_telemetry().is_some() {}
+        self.client.ask("start", &Command::Start).map(drop)
+    }
+
+    /// Starts again what the stop rule has ended, if that is wanted.
+    fn override_stop(&mut self, taking: &mut Taking) -> Result<(), SessionError> {
+        if self.go_on_after_stop && taking.states.contains(&STOPPED) && !taking.overridden {
+            taking.overridden = true;
+            self.client.ask("go on", &Command::Start)?;
+        }
+        Ok(())
+    }
+
+    fn conclude(
+        &mut self,
+        mut taking: Taking,
+        outcome: Result<(), SessionError>,
+        observer: &mut dyn Observer,
+    ) -> Take {
+        let mut factor = None;
+        let outcome = outcome.and_then(|()| {
+            factor = Some(self.fetch(&mut taking, observer)?);
+            Ok(())
+        });
+        // Of a level what was taken is here, whatever became of the rest.
+        let taken = taking.level.as_deref().filter(|level| level.rows() > 0);
+        let factor = factor.or_else(|| taken.map(|level| DeviceFactor::Links(TallFactor::from_rows(level))));
+        Take {
+            readings: taking.readings,
+            links: taking.links,
+            levels: taking.levels,
+            estimates: taking.estimates,
+            missing: taking.gaps.missing,
+            factor,
+            counters: taking.counters,
+            states: taking.states,
+            interrupted: taking.interrupted,
+            cut_short: taking.cut_short,
+            broken: outcome.err().map(|e| e.to_string()),
+        }
+    }
+
+    fn fetch(
+        &mut self,
+        taking: &mut Taking,
+        observer: &mut dyn Observer,
+    ) -> Result<DeviceFactor, SessionError> {
+        match self.client.ask("hold", &Command::Hold) {
+            // A device in Fault still gives what it has.
+            Ok(_) | Err(LinkError::Refused { .. }) => {}
+            Err(error) => return Err(error.into()),
+        }
+        if let Reply::Counters(counters) = self.client.ask("read the counters", &Command::ReadCounters)? {
+            taking.counters = counters;
+        }
+        let deadline = Instant::now() + STRAGGLERS;
+        self.sort(taking, observer)?;
+        while taking.streamed < taking.counters.readings && Instant::now() < deadline {
+            self.listen(taking, observer)?;
+            if taking.streamed == 0 {
+                break;
+            }
+        }
+        if let Some(level) = &mut taking.level {
+            tree::take_level(&mut self.client, level)?;
+            taking.levels += 1;
+            return Ok(DeviceFactor::Links(TallFactor::from_rows(level)));
+        }
+        if self.of_two_links {
+            return Ok(DeviceFactor::Links(two_links::factor(&mut self.client)?));
+        }
+        Ok(DeviceFactor::Body(self.client.factor()?))
+    }
+
+    fn listen(&mut self, taking: &mut Taking, observer: &mut dyn Observer) -> Result<(), SessionError> {
+        self.client.listen(Duration::from_millis(20))?;
+        self.sort(taking, observer)?;
+        observer.progress(taking.count());
+        if self.heartbeats && self.last_heartbeat.elapsed() > HEARTBEAT_EVERY {
+            if self.last_heartbeat.elapsed() > SILENT {
+                self.client.listen_anew();
+            }
+            self.last_heartbeat = Instant::now();
+            // Nobody waits for the answer: while one is waited for the platform is not watched.
+            self.client.tell("heartbeat", &Command::Heartbeat)?;
+        }
+        if self.heartbeats && self.client.silence() > SILENT {
+            return Err(LinkError::Silent("heartbeat").into());
+        }
+        Ok(())
+    }
+
+    fn sort(&mut self, taking: &mut Taking, observer: &mut dyn Observer) -> Result<(), SessionError> {
+        while let Some(message) = self.client.next_telemetry() {
+            match message {
+                Telemetry::Readings { first, readings } => {
+                    taking.gaps.note(first, readings.len() as u32);
+                    taking.streamed = first.saturating_add(readings.len() as u32);
+                    for reading in &readings {
+                        observer.reading(reading).map_err(SessionError::Observer)?;
+                        taking.readings.push(widen(reading));
+                    }
+                }
+                Telemetry::Estimate(report) => {
+                    observer.estimate(&report);
+                    taking.estimates.push(report);
+                }
+                Telemetry::State { state, reason } => {
+                    taking.states.push((state, reason));
+                    if state == StateName::Fault {
+                        return Err(SessionError::Stopped { state, reason, advice: advice(reason) });
+                    }
+                }
+                Telemetry::Announce(_) => {
+                    return Err(SessionError::Stopped {
+                        state: StateName::Idle,
+                        reason: Reason::Boot,
+                        advice: "it restarted in the middle of the experiment: check its supply",
+                    });
+                }
+                Telemetry::LinkReadings { first, readings } => {
+                    taking.gaps.note(first, readings.len() as u32);
+                    taking.streamed = first.saturating_add(readings.len() as u32);
+                    // Taken before the start or after the end it was not absorbed, and its attitude is none.
+                    let absorbed = |r: &&LinkReadingMessage| r.attitude_wxyz != [0.0; 4];
+                    for reading in readings.iter().filter(|r| taking.watching || absorbed(r)) {
+                        observer.link_reading(reading).map_err(SessionError::Observer)?;
+                        taking.links.push(*reading);
+                    }
+                }
+                Telemetry::Heartbeat { .. } => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Hands on where the plate should be and is, for a program that began so long after the first, s.
+fn tell(platform: &mut dyn Platform, begun_s: f64, observer: &mut dyn Observer) -> Result<(), SessionError> {
+    platform.samples().into_iter().try_for_each(|sample| {
+        let sample = MotionSample { time_s: sample.time_s + begun_s, ..sample };
+        observer.motion(&sample).map_err(SessionError::Observer)
+    })
+}
+
+fn advice(reason: Reason) -> &'static str {
+    match reason {
+        Reason::LoadCell(_) => "check the cable and supply of the load cell's converter, then run again",
+        Reason::Imu(_) => "check the cable and supply of the IMU, then run again",
+        Reason::SecondImu(_) => "check the cable and supply of the second link's IMU, then run again",
+        Reason::Frames(_) => {
+            "no frames come, or damaged ones only: check their source and its cable, then run again"
+        }
+        Reason::LevelFull => "take the factor's rows, then start again: nothing of it is lost",
+        Reason::HostQuiet => "the host was too busy or the cable was out for longer than the time set",
+        Reason::Boot | Reason::Command | Reason::StopRule => "run again",
+    }
+}

@@ -1,0 +1,143 @@
+use rigident_shared::wire::{
+    ImuSettings, LoadCellSettings, MemorySettings, ModelSettings, Settings, Source, StopRule,
+    TelemetrySettings,
+};
+
+use crate::identification::{FILTER_WIDTH_S, FROZEN_AFTER, knocks, row_every};
+use crate::rig::{Calibrated, ImuTable, OffsetTable, OffsetWord, RigFile};
+
+/// Estimates are sent at about this rate, 1/s.
+const ESTIMATE_RATE_HZ: f64 = 4.0;
+/// Range where the rig file states none: beyond any sensor.
+const NO_RANGE: f64 = 1e9;
+
+/// How the device is to be driven in this experiment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DeviceTiming {
+    /// Rate of the load cell, 1/s; 1 for still rows.
+    pub rate_hz: f64,
+    /// Rows are still poses: no filter.
+    pub is_static: bool,
+    /// Where readings come from.
+    pub source: Source,
+    /// Holding after so long without the host; zero where time is simulated.
+    pub host_timeout_ms: u32,
+}
+
+/// Why a rig file does not make settings.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum SettingsError {
+    /// The gauges' matrix is needed and not there.
+    #[error(
+        "the rig file has no [load_cell] calibration: the device needs the 6x6 matrix from gauge volts to N and N m"
+    )]
+    NoCalibration,
+    /// The word from_poses where the device needs numbers.
+    #[error(
+        "the rig file says {0} = \"from_poses\": the device needs numbers; `rigident identify` calibrates on a recording"
+    )]
+    FromPoses(&'static str),
+    /// No σ.
+    #[error("the noise of the load cell is not known: give [load_cell] noise_n_nm")]
+    NoNoise,
+}
+
+/// Of several links the device's factor holds nothing by which gain errors could be told.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "the rig file states gain_uncertainty, which the device's factor of several links does not count: leave it out, or use \
+     `rigident identify`, which does"
+)]
+pub struct GainsOnDevice;
+
+impl GainsOnDevice {
+    /// Refuses a rig file that states them.
+    pub(super) fn refuse(rig: &RigFile) -> Result<(), Self> {
+        match rig.load_cell.gain_uncertainty {
+            Some(gains) if gains.iter().any(|s| *s > 0.0) => Err(Self),
+            _ => Ok(()),
+        }
+    }
+}
+
+fn numbers(value: Calibrated, key: &'static str) -> Result<[f32; 3], SettingsError> {
+    match value {
+        Calibrated::Numbers(v) => Ok(v.map(|v| v as f32)),
+        Calibrated::FromPoses(_) => Err(SettingsError::FromPoses(key)),
+    }
+}
+
+fn delay(seconds: f64) -> u32 {
+    (seconds * 1e9).round() as u32
+}
+
+/// An IMU's.
+pub(super) fn imu_settings(imu: &ImuTable, timing: &DeviceTiming) -> Result<ImuSettings, SettingsError> {
+    Ok(ImuSettings {
+        rate_hz: imu.rate_hz.unwrap_or(timing.rate_hz) as f32,
+        rotation_wxyz: imu.rotation_wxyz.map(|v| v as f32),
+        position_m: imu.position_m.map(|v| v as f32),
+        accel_scale: numbers(imu.accel_scale, "accel_scale")?,
+        accel_bias_mps2: numbers(imu.accel_bias_mps2, "accel_bias_mps2")?,
+        gyro_bias_radps: numbers(imu.gyro_bias_radps, "gyro_bias_radps")?,
+        group_delay_ns: delay(imu.group_delay_s),
+        range_mps2: imu.range_mps2.unwrap_or(NO_RANGE) as f32,
+        range_radps: imu.range_radps.unwrap_or(NO_RANGE) as f32,
+    })
+}
+
+/// The device's settings from a rig file, and σ where the rig file has none.
+///
+/// # Errors
+/// [`SettingsError`] names what the rig file lacks.
+pub fn settings(
+    rig: &RigFile,
+    timing: &DeviceTiming,
+    noise: Option<[f64; 6]>,
+    stop: Option<StopRule>,
+) -> Result<Settings, SettingsError> {
+    let default = ImuTable::default();
+    let imu = rig.imu_on(0).unwrap_or(&default);
+    let cell = &rig.load_cell;
+    let noise = cell.noise_n_nm.or(noise).ok_or(SettingsError::NoNoise)?;
+    let calibration = match (cell.calibration, timing.source) {
+        (Some(matrix), _) => matrix,
+        (None, Source::Injected) => {
+            std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))))
+        }
+        (None, Source::Sensors) => return Err(SettingsError::NoCalibration),
+    };
+    let known_offset = match cell.offset_n_nm {
+        OffsetTable::Known(offset) => Some(offset),
+        OffsetTable::Word(OffsetWord::Zero) => Some([0.0; 6]),
+        OffsetTable::Word(OffsetWord::Estimate) => None,
+    };
+    let every = if timing.is_static { 1 } else { row_every(timing.rate_hz) };
+    let gains_uncertain = cell.gain_uncertainty.is_some_and(|g| g.iter().any(|s| *s > 0.0));
+    let blocks_per_s = timing.rate_hz / f64::from(every);
+    Ok(Settings {
+        rate_hz: timing.rate_hz as f32,
+        source: timing.source,
+        model: ModelSettings::Body,
+        imu: imu_settings(imu, timing)?,
+        load_cell: LoadCellSettings {
+            calibration: calibration.map(|row| row.map(|v| v as f32)),
+            noise_n_nm: noise.map(|v| v as f32),
+            known_offset_n_nm: known_offset.map(|o| o.map(|v| v as f32)),
+            group_delay_ns: delay(cell.group_delay_s),
+            range_n_nm: cell.range_n_nm.unwrap_or([NO_RANGE; 6]).map(|v| v as f32),
+        },
+        filter_width_s: if timing.is_static { 0.0 } else { FILTER_WIDTH_S as f32 },
+        row_every: every,
+        // As in a batch: gain errors exceed the noise.
+        knock_limit_sd: if gains_uncertain { 0.0 } else { knocks::LIMIT_SD as f32 },
+        memory: MemorySettings::Forever,
+        stop,
+        telemetry: TelemetrySettings {
+            estimate_every_blocks: (blocks_per_s / ESTIMATE_RATE_HZ).round().clamp(1.0, 1000.0) as u16,
+            stream_readings: timing.source == Source::Sensors,
+        },
+        frozen_after: if timing.is_static { 0 } else { FROZEN_AFTER },
+        host_timeout_ms: timing.host_timeout_ms,
+    })
+}

@@ -1,0 +1,3 @@
+//! The information factor on the host, and what is done with it.
+
+pub mod factor_file;

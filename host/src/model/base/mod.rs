@@ -1,0 +1,191 @@
+//! Base parameters: the least set of combinations of standard parameters that the rows can tell apart.
+//!
+//! Lives here: the question ([`Situation`]) and its answer ([`BaseParameters`]), found twice: by rules from leaf to root
+//! ([`recursive`]), exact for a base that moves freely, and from random motions by a rank-revealing QR ([`numerical`]),
+//! for every situation. Both must agree. Links that are no bodies leave the rules with fewer columns (`absent`). May not live here: estimation. Next: [`recursive`], then [`numerical`].
+
+mod absent;
+pub mod names;
+pub mod numerical;
+mod qr;
+pub mod recursive;
+#[cfg(test)]
+mod tests;
+
+use nalgebra::DMatrix;
+use rigident_shared::inertia::PARAMETER_NAMES;
+
+use super::finding::ModelError;
+use super::tree::Model;
+use numerical::Reduction;
+pub use numerical::{Gap, Rows};
+
+/// What is measured, on what kind of base.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Situation {
+    /// The base moves; otherwise it is held still, gravity along −z of its frame.
+    pub floating: bool,
+    /// The rows.
+    pub rows: Rows,
+    /// Mimic joints follow their leaders; otherwise each is a joint of its own.
+    pub mimic: bool,
+}
+
+impl Situation {
+    /// What one should know of it, in a sentence.
+    pub fn sentence(&self) -> &'static str {
+        match (self.floating, self.rows) {
+            (true, Rows::Base) => "the base moves; six rows, the wrench on the base link",
+            (true, Rows::Both) => "the base moves; wrench on the base link and joint torques",
+            (true, Rows::Joint) => {
+                "the base moves; joint torques alone, which do not see all that the base's wrench would"
+            }
+            (false, Rows::Joint) => "the base is held still; joint torques",
+            (false, Rows::Both) => "the base is held still; wrench on the base link and joint torques",
+            (false, Rows::Base) => {
+                "the base is held still; six rows, the wrench on the base link, which then do not identify what they \
+                 would if it moved"
+            }
+        }
+    }
+}
+
+/// One base parameter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BaseParameter {
+    /// Its name, by the link and the regrouped quantity: `forearm.MSx`.
+    pub name: String,
+    /// Standard parameters (index of the column) and their constant weights. The first is the one that stands for it.
+    pub terms: Vec<(usize, f64)>,
+}
+
+/// The answer.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BaseParameters {
+    /// Names of the standard parameters, `link.param`.
+    pub standard: Vec<String>,
+    /// The base parameters.
+    pub parameters: Vec<BaseParameter>,
+    /// Where the rank was cut.
+    pub gap: Gap,
+    /// Largest relative difference between the two ways.
+    pub disagreement: f64,
+    /// How many of the standard parameters are zero, as those of links that are no bodies.
+    pub absent: usize,
+}
+
+impl BaseParameters {
+    /// How many standard parameters there are.
+    pub fn standard_count(&self) -> usize {
+        self.standard.len() - self.absent
+    }
+
+    /// The regrouping map: `φ_B = B φ`.
+    pub fn map(&self) -> DMatrix<f64> {
+        let mut map = DMatrix::zeros(self.parameters.len(), self.standard.len());
+        for (row, parameter) in self.parameters.iter().enumerate() {
+            for (column, weight) in &parameter.terms {
+                map[(row, *column)] = *weight;
+            }
+        }
+        map
+    }
+}
+
+/// The base parameters of a model.
+///
+/// # Errors
+/// [`ModelError::Structure`] if the links make no tree, or the two ways disagree.
+pub fn base_parameters(model: &Model, situation: &Situation) -> Result<BaseParameters, ModelError> {
+    let model = model.welded();
+    let refuse = |problem: String| ModelError::Structure { what: model.name.clone(), problem };
+    // A base held still takes no part in the joints' rows.
+    let skip = if situation.rows == Rows::Joint && !situation.floating { 10 } else { 0 };
+    if 10 * model.links.len() <= skip {
+        return Err(refuse(
+            "no joint moves: there are no joint rows; say --floating for a moving base".to_owned(),
+        ));
+    }
+    let mut rules = recursive::rules(&model);
+    let sampled = numerical::sample(&model, situation).map_err(|error| refuse(format!("{error:?}")))?;
+    let present = |column: &usize| model.links[column / 10].is_body();
+    let all: Vec<usize> = (skip..sampled.columns()).filter(present).collect();
+    let absent = sampled.columns() - skip - all.len();
+    if absent > 0 {
+        let present: Vec<usize> = (0..sampled.columns()).filter(present).collect();
+        rules = absent::without(&rules, &present, sampled.reach());
+    }
+    let free = Reduction::of(&sampled, &all);
+    let rules: Vec<_> = rules.into_iter().filter(|rule| rule.column >= skip).collect();
+    let standard = model.links[skip / 10..]
+        .iter()
+        .flat_map(|l| PARAMETER_NAMES[..10].iter().map(move |p| format!("{}.{p}", l.name)))
+        .collect();
+    let mut map = DMatrix::zeros(rules.len(), sampled.columns());
+    for (row, rule) in rules.iter().enumerate() {
+        for (column, weight) in &rule.terms {
+            map[(row, *column)] = *weight;
+        }
+    }
+    let mut stand_for: Vec<usize> = (0..rules.len()).collect();
+    if free.rank() < rules.len() {
+        // The rules hold for every motion; this situation allows fewer, and so more is regrouped.
+        let columns: Vec<usize> = rules.iter().map(|rule| rule.column).collect();
+        let rest = if rules.iter().any(|rule| rule.primed) {
+            Reduction::of_combinations(&sampled, &map, &columns)
+                .ok_or_else(|| refuse("the rules' combinations are not independent".to_owned()))?
+        } else {
+            Reduction::of(&sampled, &columns)
+        };
+        stand_for = rest.independent.clone();
+        stand_for.sort_unstable();
+        let order: Vec<usize> =
+            stand_for.iter().filter_map(|i| rest.independent.iter().position(|k| k == i)).collect();
+        map = DMatrix::from_fn(order.len(), rules.len(), |row, column| rest.map[(order[row], column)]) * map;
+    }
+    if free.rank() != map.nrows() {
+        return Err(refuse(format!(
+            "random motions tell {} parameters apart, the rules {}: the model is at the edge of being degenerate (the \
+             gap is {:.1e} to {:.1e})",
+            free.rank(),
+            map.nrows(),
+            free.gap.kept,
+            free.gap.dropped
+        )));
+    }
+    let disagreement = disagreement(&map, &free);
+    // Half the digits: rounding has far more to go by, a wrong weight far less.
+    if disagreement > f64::EPSILON.sqrt() {
+        return Err(refuse(format!(
+            "rules and random motions disagree by {disagreement:.1e}: the model is at the edge of being degenerate"
+        )));
+    }
+    // The rules' weights are products of a frame's numbers; those of the QR carry its condition.
+    let by_rules = stand_for.len() == rules.len() && absent == 0;
+    let noise = 4.0 * f64::EPSILON * if by_rules { 1.0 } else { 1e2 / free.gap.kept };
+    let parameters = stand_for
+        .iter()
+        .enumerate()
+        .map(|(row, rule)| {
+            let rule = &rules[*rule];
+            let mut terms: Vec<(usize, f64)> = (skip..map.ncols())
+                .filter_map(|c| Some((c - skip, map[(row, c)])).filter(|t| t.1.abs() > noise))
+                .collect();
+            terms.sort_by_key(|t| (t.0 + skip != rule.column, t.0));
+            BaseParameter { name: rule.name.clone(), terms }
+        })
+        .collect();
+    Ok(BaseParameters { standard, parameters, gap: free.gap, disagreement, absent })
+}
+
+/// With Y = Y_i N = Y_j B both rows spaces are one: B = B_i N, B_i the columns of B that the other way keeps.
+fn disagreement(map: &DMatrix<f64>, free: &Reduction) -> f64 {
+    let mut restored = DMatrix::zeros(map.nrows(), map.ncols());
+    let kept =
+        DMatrix::from_fn(map.nrows(), free.rank(), |row, k| map[(row, free.columns[free.independent[k]])]);
+    let product = kept * &free.map;
+    for (k, column) in free.columns.iter().enumerate() {
+        restored.set_column(*column, &product.column(k));
+    }
+    (restored - map).abs().max() / map.abs().max()
+}

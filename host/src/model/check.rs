@@ -1,0 +1,234 @@
+//! What is strange about the inertias of a robot description: impossible ones, and ones that are in another frame, unit
+//! or place than they should be.
+
+use std::path::Path;
+
+use nalgebra::{Matrix3, Vector3};
+use rigident_shared::inertia::InertialParameters;
+use rigident_shared::spatial::Body;
+use urdf_rs::Geometry;
+
+use super::finding::{Finding, ModelError};
+use super::inertial::impossibility;
+use super::tree::Model;
+use super::write;
+use super::xml::{Language, of_rpy};
+use crate::trees::symmetry;
+
+/// Numbers that agree to this, relative, were copied or mirrored.
+const ALIKE: f64 = 1e-4;
+/// Of osmium, kg/m³: nothing is denser.
+const DENSEST: f64 = 22_590.0;
+/// Less than of anything that a link is made of, its hollows counted, kg/m³.
+const LIGHTEST: f64 = 2.0;
+
+/// What was looked at, and what was found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Checked {
+    /// The model's name.
+    pub name: String,
+    /// Its links.
+    pub links: usize,
+    /// Sum of the masses, kg.
+    pub mass_kg: f64,
+    /// What is strange.
+    pub findings: Vec<Finding>,
+}
+
+/// Looks at a file.
+///
+/// # Errors
+/// [`ModelError`] if it cannot be read as a tree.
+pub fn check(path: &Path) -> Result<Checked, ModelError> {
+    let text =
+        std::fs::read_to_string(path).map_err(|source| ModelError::Read { path: path.to_owned(), source })?;
+    let what = path.display().to_string();
+    let model = write::parse(&text, &what)?.model;
+    let mut findings = model.findings.clone();
+    findings.extend(sizes(&model));
+    findings.extend(mirrored(&model));
+    if Language::of_text(&text) == Some(Language::Urdf) {
+        findings.extend(outside(&text, &model));
+    }
+    Ok(Checked {
+        links: model.links.iter().filter(|link| link.is_body()).count(),
+        mass_kg: model.links.iter().filter_map(|l| Some(l.nominal?[0])).sum(),
+        name: model.name,
+        findings,
+    })
+}
+
+fn body(phi: &[f64; 10]) -> InertialParameters<Body, f64> {
+    InertialParameters::from_vector(*phi)
+}
+
+/// Radii of gyration about the principal axes, m, smallest first.
+fn radii(phi: &[f64; 10]) -> [f64; 3] {
+    let own = body(phi);
+    let moments = own.inertia_com().symmetric_eigenvalues();
+    let mut radii = [0, 1, 2].map(|k| (moments[k].max(0.0) / own.mass).sqrt());
+    radii.sort_by(f64::total_cmp);
+    radii
+}
+
+/// The density, kg/m³, that some of a body must at least have: of all bodies of a mass and a volume the solid ellipsoid has
+/// the least `det Σ`, Σ the second moments over the mass about the centre of mass, `V = 4/3 π √(5³ det Σ)`.
+fn density(phi: &[f64; 10]) -> f64 {
+    let own = body(phi);
+    let tensor = own.inertia_com();
+    let second = (Matrix3::identity() * (0.5 * tensor.trace()) - tensor) / own.mass;
+    let volume = 4.0 / 3.0 * std::f64::consts::PI * (125.0 * second.determinant().max(0.0)).sqrt();
+    own.mass / volume
+}
+
+/// Masses without inertia, placeholders, tensors in other units, centres of mass that are nowhere near.
+fn sizes(model: &Model) -> Vec<Finding> {
+    let mut reach: f64 = 0.0;
+    let mut from_base = vec![0.0; model.links.len()];
+    for (i, link) in model.links.iter().enumerate().skip(1) {
+        from_base[i] = from_base[link.link.parent] + link.link.position.norm();
+        reach = reach.max(from_base[i]);
+    }
+    let mut found = Vec::new();
+    for link in model.links.iter().filter(|link| link.is_body()) {
+        let Some(phi) = &link.nominal else { continue };
+        let own = body(phi);
+        let mut say = |text: String| found.push(Finding { place: format!("link {}", link.name), text });
+        // What no body has is told elsewhere.
+        if impossibility(phi).is_some() {
+            continue;
+        }
+        let com = own.centre_of_mass().vector();
+        if (own.inertia_com() - Matrix3::identity()).norm() < 1e-9 && (own.mass - 1.0).abs() < 1e-9 {
+            say("has a kilogram of unit moments of inertia: a placeholder?".to_owned());
+            continue;
+        }
+        let density = density(phi);
+        let [_, _, largest] = radii(phi);
+        if density > DENSEST {
+            say(format!(
+                "a body of {:.4} kg with these moments of inertia would have to be denser than osmium ({density:.2e} kg/m³; its \
+                 largest radius of gyration is {:.3} mm): is the mass in kg, and the tensor in kg m²?",
+                own.mass,
+                largest * 1e3
+            ));
+        } else if density < LIGHTEST {
+            say(format!(
+                "a body of {:.4} kg with these moments of inertia would be a cloud of {density:.1e} kg/m³ (its largest radius of \
+                 gyration is {largest:.3} m; all joints together are {reach:.3} m apart): is the tensor in kg m², and the mass \
+                 in kg?",
+                own.mass
+            ));
+        }
+        // A last link may be longer than all that is before it; then it is wide as well.
+        if com.norm() > 5.0 * largest && com.norm() > 0.3 * reach {
+            say(format!(
+                "its centre of mass is {:.3} m from its origin, {:.0} of its radii of gyration: is it in metres, and in the \
+                 link's own frame?",
+                com.norm(),
+                com.norm() / largest
+            ));
+        }
+    }
+    found
+}
+
+/// Links of the right side that are copies of the left where they should be its image.
+fn mirrored(model: &Model) -> Vec<Finding> {
+    let Ok(pairs) = symmetry::pairs(model) else { return Vec::new() };
+    let mut found = Vec::new();
+    for pair in pairs {
+        let (Some(left), Some(right)) = (model.links[pair.left].nominal, model.links[pair.right].nominal)
+        else {
+            continue;
+        };
+        let image = pair.map * nalgebra::SVector::<f64, 10>::from(left);
+        let scale = |k: usize| match k {
+            0 => right[0].abs(),
+            1..4 => Vector3::new(right[1], right[2], right[3]).norm(),
+            _ => right[4..].iter().map(|v| v.abs()).fold(0.0, f64::max),
+        };
+        let far = |of: &[f64]| {
+            let off = (0..10).map(|k| (of[k] - right[k]).abs() / scale(k).max(f64::MIN_POSITIVE));
+            off.fold(0.0, f64::max)
+        };
+        let names = (&model.links[pair.left].name, &model.links[pair.right].name);
+        // The same part on both sides, turned about, has the same numbers by right; and of two that stand in one place at
+        // zero, as closed fingers, the place does not say that one is the other's image.
+        if pair.turned || pair.together {
+            continue;
+        }
+        if far(&left) < ALIKE && far(image.as_slice()) > 100.0 * ALIKE {
+            found.push(Finding {
+                place: format!("link {}", names.1),
+                text: format!(
+                    "has the very numbers of {}, whose mirror image it is by its place: centre of mass and products of \
+                     inertia should have changed signs (it is off by {:.0} % of its own)",
+                    names.0,
+                    100.0 * far(image.as_slice())
+                ),
+            });
+        }
+    }
+    found
+}
+
+/// A box around a link's simple shapes in its frame.
+type Extent = (Vector3<f64>, Vector3<f64>);
+
+fn extent(link: &urdf_rs::Link) -> Option<Extent> {
+    let shapes = link.collision.iter().map(|c| (&c.origin, &c.geometry));
+    let shapes: Vec<_> = shapes.chain(link.visual.iter().map(|v| (&v.origin, &v.geometry))).collect();
+    let mut all: Option<Extent> = None;
+    for (origin, geometry) in shapes {
+        let half = match geometry {
+            Geometry::Box { size } => Vector3::from(size.0) / 2.0,
+            Geometry::Cylinder { radius, length } => Vector3::new(*radius, *radius, length / 2.0),
+            Geometry::Capsule { radius, length } => Vector3::new(*radius, *radius, length / 2.0 + radius),
+            Geometry::Sphere { radius } => Vector3::repeat(*radius),
+            // Its size is in another file.
+            Geometry::Mesh { .. } => return None,
+        };
+        let turn = of_rpy(origin.rpy.0);
+        let reach = turn.abs() * half;
+        let centre = Vector3::from(origin.xyz.0);
+        let (low, high) = (centre - reach, centre + reach);
+        all = Some(all.map_or((low, high), |(l, h)| (l.inf(&low), h.sup(&high))));
+    }
+    all
+}
+
+/// Centres of mass outside of a link's shapes, and moments that nothing inside of them has.
+fn outside(text: &str, model: &Model) -> Vec<Finding> {
+    let Ok(robot) = urdf_rs::read_from_string(text) else { return Vec::new() };
+    let mut found = Vec::new();
+    for link in &robot.links {
+        let nominal = model.link(&link.name).and_then(|i| model.links[i].nominal);
+        let (Some(phi), Some((low, high))) = (nominal, extent(link)) else { continue };
+        if phi[0] <= 0.0 {
+            continue;
+        }
+        let com = body(&phi).centre_of_mass().vector();
+        let size = (high - low).norm();
+        let beyond = (low - com).sup(&(com - high)).max();
+        let mut say = |text: String| found.push(Finding { place: format!("link {}", link.name), text });
+        if beyond > 0.01 * size {
+            say(format!(
+                "its centre of mass is {beyond:.3} m outside of the box around its shapes ({size:.3} m across): is it in the \
+                 link's frame, and in metres?"
+            ));
+            continue;
+        }
+        // No mass is further from the centre of mass than the furthest corner.
+        let furthest = (com - low).abs().sup(&(high - com).abs()).norm();
+        let [_, _, largest] = radii(&phi);
+        if largest > furthest * 1.01 {
+            say(format!(
+                "its largest radius of gyration is {largest:.3} m, and no point of its shapes is further than {furthest:.3} m \
+                 from its centre of mass: is the tensor about the link's origin and not about the centre of mass, or in \
+                 another unit?"
+            ));
+        }
+    }
+    found
+}

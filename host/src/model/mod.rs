@@ -1,0 +1,62 @@
+//! Models of trees of links: where they come from, and what of them can be identified.
+//!
+//! Lives here: the model itself ([`tree`]) and its findings, readers ([`urdf`], [`mjcf`], [`sdf`], a rig file's `[[link]]`
+//! tables in [`rig_links`]) and the writer ([`mod@write`], [`remarks`]), what is strange in other people's files ([`check`]), the built-in people ([`human`]), changes by option ([`edit`]), what a motion leaves out ([`idle`]), the base parameters
+//! ([`base`]) the rows of a model in motion ([`rows`], [`filter`]) and how fast they come ([`speed`]). May not live here: the formulas of the rows, which
+//! firmware and host share (`rigident_shared::tree`), and recordings. Next: [`tree`], then [`base`].
+
+pub mod base;
+pub mod check;
+pub mod dynamics;
+pub mod edit;
+pub mod filter;
+pub mod finding;
+pub mod human;
+mod human_segments;
+pub mod idle;
+pub mod inertial;
+pub mod mjcf;
+#[cfg(test)]
+mod mjcf_tests;
+pub mod remarks;
+pub mod rig_links;
+pub mod rows;
+pub mod sdf;
+pub mod speed;
+#[cfg(test)]
+mod tests;
+pub mod tree;
+pub mod urdf;
+mod urdf_fault;
+pub mod write;
+#[cfg(test)]
+mod write_tests;
+pub mod xml;
+
+use std::path::Path;
+
+pub use finding::{Finding, ModelError};
+pub use tree::{Mimic, Model, ModelLink};
+
+/// The model of a name: `human34`, `human58`, a rig file (`.toml`), a URDF, MJCF or SDF. Whether it is one of the people, who have
+/// no fixed base.
+///
+/// # Errors
+/// [`ModelError`] if there is none, or it cannot be used.
+pub fn open(name: &str, person: &human::Person) -> Result<(Model, bool), ModelError> {
+    match name {
+        "human34" => return Ok((person.human34()?, true)),
+        "human58" => return Ok((person.human58()?, true)),
+        _ => {}
+    }
+    let path = Path::new(name);
+    if !path.exists() {
+        return Err(ModelError::Unknown(name.to_owned()));
+    }
+    if path.extension().is_some_and(|e| e == "toml") {
+        return Ok((rig_links::read(path)?, false));
+    }
+    let text =
+        std::fs::read_to_string(path).map_err(|source| ModelError::Read { path: path.to_owned(), source })?;
+    Ok((write::parse(&text, &path.display().to_string())?.model, false))
+}

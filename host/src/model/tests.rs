@@ -1,0 +1,255 @@
+//! What is wrong with a model is named, and said what to do about.
+
+use super::*;
+use rigident_shared::tree::Joint;
+
+fn urdf(body: &str) -> Result<Model, ModelError> {
+    urdf::parse(&format!("<robot name=\"r\">{body}</robot>"), "r.urdf")
+}
+
+const GOOD: &str = "<inertial><mass value=\"1\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"1\" ixy=\"0\" ixz=\"0\" \
+                    iyz=\"0\"/></inertial>";
+
+fn link(name: &str) -> String {
+    format!("<link name=\"{name}\">{GOOD}</link>")
+}
+
+fn joint(name: &str, parent: &str, child: &str, rest: &str) -> String {
+    format!(
+        "<joint name=\"{name}\" type=\"continuous\"><parent link=\"{parent}\"/><child link=\"{child}\"/>{rest}</joint>"
+    )
+}
+
+fn complaint(body: &str) -> String {
+    urdf(body).unwrap_err().to_string()
+}
+
+#[test]
+fn structures_that_are_no_trees_are_named() {
+    let abc = link("a") + &link("b") + &link("c");
+    let chain = joint("ab", "a", "b", "") + &joint("bc", "b", "c", "");
+    assert_eq!(urdf(&(abc.clone() + &chain)).unwrap().links.len(), 3);
+    let said = complaint(&(abc.clone() + &chain + &joint("ca", "c", "a", "")));
+    assert!(said.contains("loop") && said.contains("a → b"), "{said}");
+    let said = complaint(&(abc.clone() + &chain + &joint("ac", "a", "c", "")));
+    assert!(said.contains("joints bc and ac both hold link c") && said.contains("loop"), "{said}");
+    let said = complaint(&(abc.clone() + &joint("ab", "a", "b", "")));
+    assert!(said.contains("2 links hang on nothing: a, c"), "{said}");
+    let said = complaint(&(abc.clone() + &joint("ab", "a", "b", "") + &joint("ab", "b", "c", "")));
+    assert!(said.contains("two joints are named ab"), "{said}");
+    let said = complaint(&(abc.clone() + &joint("", "a", "b", "") + &joint("bc", "b", "c", "")));
+    assert!(said.contains("joint that holds link b has no name"), "{said}");
+    let unnamed = "<joint type=\"fixed\"><parent link=\"a\"/><child link=\"b\"/></joint>";
+    let said = complaint(&(link("a") + &link("b") + unnamed));
+    assert!(said.contains("no name"), "{said}");
+    let said = complaint(&(abc.clone() + &chain.replace("\"c\"", "\"d\"")));
+    assert!(said.contains("link d, which is not there"), "{said}");
+    let said = complaint(&(abc.clone() + &chain.replace("\"a\"", "\"d\"")));
+    assert!(said.contains("on d, which is not there"), "{said}");
+    let said =
+        complaint(&(abc + &joint("ab", "a", "b", "<axis xyz=\"0 0 0\"/>") + &joint("bc", "b", "c", "")));
+    assert!(said.contains("joint ab") && said.contains("no direction"), "{said}");
+    assert!(complaint("").contains("no link"));
+    assert!(urdf::parse("no robot", "x").unwrap_err().to_string().contains("no <robot>"));
+}
+
+#[test]
+fn strange_inertias_are_found_and_change_nothing() {
+    let massless = "<link name=\"b\"/>";
+    let impossible = link("c").replace("ixx=\"1\"", "ixx=\"3\"");
+    let still = "<limit lower=\"0.5\" upper=\"0.5\" effort=\"1\" velocity=\"1\"/>";
+    let body = link("a")
+        + massless
+        + &impossible
+        + &joint("ab", "a", "b", "")
+        + &joint("bc", "b", "c", still).replace("continuous", "revolute");
+    let model = urdf(&body).unwrap();
+    let said: Vec<String> = model.findings.iter().map(ToString::to_string).collect();
+    assert_eq!(said.len(), 3, "{said:?}");
+    assert!(said.iter().any(|s| s.starts_with("link b: has no mass")), "{said:?}");
+    assert!(said.iter().any(|s| s.starts_with("link c: no distribution of mass")), "{said:?}");
+    assert!(
+        said.iter().any(|s| s.starts_with("joint bc: never moves") && s.contains("--lock bc")),
+        "{said:?}"
+    );
+    // Nothing is guessed: the massless link has no numbers.
+    assert_eq!(model.links[1].nominal, None);
+    assert_eq!(model.links[2].nominal.unwrap()[4], 3.0);
+    let mut locked = model;
+    locked.lock(&["bc".to_owned()]).unwrap();
+    assert_eq!(locked.welded().links.len(), 2);
+    assert!(locked.lock(&["zz".to_owned()]).unwrap_err().to_string().contains("ab, bc"));
+}
+
+#[test]
+fn three_revolutes_through_a_point_may_be_declared_spherical() {
+    let axes = |second: &str, offset: &str| {
+        link("a")
+            + "<link name=\"u\"/><link name=\"v\"/>"
+            + &link("d")
+            + &joint("x", "a", "u", "<axis xyz=\"1 0 0\"/><origin xyz=\"0.1 0 0.2\"/>")
+            + &joint("y", "u", "v", &format!("<axis xyz=\"{second}\"/><origin xyz=\"{offset}\"/>"))
+            + &joint("z", "v", "d", "<axis xyz=\"0 0 1\"/>")
+    };
+    let names = ["x", "y", "z"].map(str::to_owned);
+    let mut model = urdf(&axes("0 1 0", "0.05 0 0")).unwrap();
+    model.declare_spherical(&names).unwrap();
+    assert_eq!(model.links.len(), 2);
+    assert_eq!(model.links[1].link.joint, Joint::Spherical);
+    assert!((model.links[1].link.position - nalgebra::Vector3::new(0.15, 0.0, 0.2)).norm() < 1e-15);
+    assert!(model.findings.is_empty(), "{:?}", model.findings);
+    let refused = |text: &str| urdf(text).unwrap().declare_spherical(&names).unwrap_err().to_string();
+    assert!(
+        refused(&axes("0 1 0", "0 0.05 0")).contains("axis of x misses the origin of link d by 50.0000 mm")
+    );
+    assert!(refused(&axes("1 0 0", "0 0 0")).contains("parallel"));
+    let heavy = axes("0 1 0", "0 0 0").replace("<link name=\"v\"/>", &link("v"));
+    assert!(refused(&heavy).contains("link v between them has mass"));
+}
+
+#[test]
+fn rig_files_give_the_same_trees() {
+    let text = r#"
+[[link]]
+name = "base"
+[[link]]
+name = "arm"
+parent = "base"
+joint = "universal"
+position_m = [0.03, 0.0, 0.065]
+[[link]]
+name = "slide"
+parent = "arm"
+joint = "prismatic"
+axis = [0, 0, 2]
+"#;
+    let rig = crate::rig::RigFile::parse(text).unwrap();
+    let model = rig_links::from_tables(&rig.link, "two.rig.toml").unwrap();
+    assert_eq!(model.links[1].link.joint, Joint::Universal(nalgebra::Vector3::x(), nalgebra::Vector3::y()));
+    assert_eq!(model.links[2].link.joint, Joint::Prismatic(nalgebra::Vector3::z()));
+    assert_eq!(model.freedoms(), 3);
+    let said = rig_links::from_tables(&[], "two.rig.toml").unwrap_err().to_string();
+    assert!(said.contains("no [[link]] table"), "{said}");
+    let bare = text.replace("joint = \"universal\"\n", "");
+    let rig = crate::rig::RigFile::parse(&bare).unwrap();
+    let said = rig_links::from_tables(&rig.link, "two.rig.toml").unwrap_err().to_string();
+    assert!(said.contains("arm: needs its joint"), "{said}");
+}
+
+#[test]
+fn followers_by_numbers_that_are_none_are_refused() {
+    let body = link("a")
+        + &link("b")
+        + &link("c")
+        + &joint("ab", "a", "b", "")
+        + &joint("bc", "b", "c", "<mimic joint=\"ab\" multiplier=\"nan\"/>");
+    let said = complaint(&body);
+    assert!(said.contains("joint bc mimics ab") && said.contains("finite"), "{said}");
+    assert!(complaint(&body.replace("multiplier=\"nan\"", "offset=\"inf\"")).contains("finite"));
+    assert!(urdf(&body.replace("nan", "-2")).is_ok());
+}
+
+#[test]
+fn faults_of_a_urdf_are_told_with_line_link_and_attribute() {
+    let good = format!(
+        "{}\n{}\n{}",
+        link("a"),
+        link("b"),
+        joint("ab", "a", "b", "<origin xyz=\"0 0 1\"/><axis xyz=\"0 1 0\"/><limit velocity=\"1\"/>")
+    );
+    assert!(urdf(&good).is_ok());
+    for (old, new, line, why) in [
+        (
+            "mass value=\"1\"",
+            "mass value=\"heavy\"",
+            1,
+            "link a: value of <mass> is \"heavy\" and not a number",
+        ),
+        ("<mass value=\"1\"/>", "", 1, "link a: <inertial> has no <mass>"),
+        ("<mass value=\"1\"/>", "<mass/>", 1, "link a: <mass> has no value"),
+        (" izz=\"1\"", "", 1, "link a: <inertia> has no izz"),
+        ("xyz=\"0 0 1\"", "xyz=\"0 0\"", 3, "joint ab: xyz of <origin> is \"0 0\" and not three numbers"),
+        ("xyz=\"0 1 0\"", "xyz=\"0,1,0\"", 3, "joint ab: xyz of <axis> is \"0,1,0\""),
+        ("velocity=\"1\"", "lower=\"1\"", 3, "joint ab: <limit> has no velocity"),
+        ("\"continuous\"", "\"hinge\"", 3, "joint ab: its type is \"hinge\"; there are revolute"),
+        ("<parent link=\"a\"/>", "", 3, "joint ab: it has no <parent"),
+        ("name=\"ab\" ", "", 3, "the joint that holds link b has no name"),
+        ("link name=\"b\"", "link", 2, "a link has no name"),
+    ] {
+        let said = complaint(&good.replacen(old, new, 1));
+        assert!(said.contains(&format!("line {line}")) && said.contains(why), "{old}: {said}");
+    }
+    for macros in [
+        good.replacen("value=\"1\"", "value=\"${m}\"", 1),
+        format!("<xacro:include filename=\"x\"/>{good}"),
+        format!("<xacro:include xmlns:xacro=\"http://ros.org/wiki/xacro\" filename=\"x\"/>{good}"),
+    ] {
+        let said = complaint(&macros);
+        assert!(said.contains("expand them first"), "{said}");
+    }
+}
+
+/// Oracle: inverse dynamics of the tree whose joints stand there.
+#[test]
+fn joints_are_locked_where_they_stand_and_their_followers_with_them() {
+    use super::dynamics::inverse_dynamics;
+    use rigident_shared::tree::BaseMotion;
+    let body = link("a")
+        + &link("b")
+        + &link("c")
+        + &link("d")
+        + &link("e")
+        + &joint("ab", "a", "b", "<origin xyz=\"0.1 0 0.2\" rpy=\"0.1 0.2 0.3\"/><axis xyz=\"0.6 0.8 0\"/>")
+        + &joint("bc", "b", "c", "<origin xyz=\"0 0.3 0.2\"/><axis xyz=\"0 0.6 0.8\"/>")
+            .replace("continuous", "prismatic")
+        + &joint(
+            "cd",
+            "c",
+            "d",
+            "<origin xyz=\"0.2 0 0\"/><axis xyz=\"1 0 0\"/><mimic joint=\"ab\" multiplier=\"-2\" offset=\"0.1\"/>",
+        )
+        + &joint("de", "d", "e", "<origin xyz=\"0.2 0 0.1\"/><axis xyz=\"0 0 1\"/>");
+    let whole = urdf(&body).unwrap();
+    let mut locked = whole.clone();
+    locked.lock(&["ab=0.4".to_owned(), "bc=-0.15".to_owned()]).unwrap();
+    assert_eq!(locked.freedoms(), 1);
+    let base = BaseMotion {
+        specific_force: nalgebra::Vector3::new(1.0, 2.0, 9.0),
+        rate: nalgebra::Vector3::new(0.3, -0.2, 0.5),
+        angular_acceleration: nalgebra::Vector3::new(-1.0, 0.4, 2.0),
+    };
+    let wanted = inverse_dynamics(
+        &whole,
+        &base,
+        &[0.4, -0.15, -0.7, 0.9],
+        &[0.0, 0.0, 0.0, 2.0],
+        &[0.0, 0.0, 0.0, -3.0],
+    )
+    .unwrap();
+    let got = inverse_dynamics(&locked, &base, &[0.9], &[2.0], &[-3.0]).unwrap();
+    let wanted = [&wanted[..6], &wanted[9..]].concat();
+    for (a, b) in got.iter().zip(&wanted) {
+        assert!((a - b).abs() < 1e-12, "{got:?} {wanted:?}");
+    }
+    for (words, why) in
+        [(&["ab=x"][..], "is no number"), (&["zz=1"], "has no joint zz"), (&["ab=1", "ab"], "given twice")]
+    {
+        let words: Vec<String> = words.iter().map(|w| (*w).to_owned()).collect();
+        assert!(whole.clone().lock(&words).unwrap_err().to_string().contains(why), "{words:?}");
+    }
+    let mut person = human::Person::default().human34().unwrap();
+    let neck = person.links.iter().find(|l| l.link.joint == Joint::Spherical).unwrap().joint_name.clone();
+    assert!(person.lock(&[format!("{neck}=0.1")]).unwrap_err().to_string().contains("at zero only"));
+}
+
+#[test]
+fn people_have_the_lengths_of_people() {
+    let refused = |person: human::Person| person.human34().unwrap_err().to_string();
+    let person = human::Person::default();
+    assert!(refused(human::Person { height_m: 174.1, ..person.clone() }).contains("174.1 m"));
+    let lengths = |all: &[(&str, f64)]| all.iter().map(|(n, v)| ((*n).to_owned(), *v)).collect::<Vec<_>>();
+    let with = |all: &[(&str, f64)]| human::Person { lengths_m: lengths(all), ..person.clone() };
+    assert!(refused(with(&[("thigh", 5.0)])).contains("is it in metres"));
+    assert!(refused(with(&[("thigh", 0.4), ("thigh", 0.45)])).contains("more than once"));
+    assert!(with(&[("thigh", 0.5), ("hand", 0.1)]).human34().is_ok());
+}

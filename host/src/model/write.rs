@@ -1,0 +1,408 @@
+//! Models with new inertias written into URDF, MJCF and SDF.
+//!
+//! A file of the same language is kept as it is but for its inertias; otherwise a new one is made of the tree: links,
+//! joints, inertias, nothing else. What was written is read again and compared before it is a file.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::Path;
+
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use rigident_shared::inertia::InertialParameters;
+use rigident_shared::spatial::Body;
+use rigident_shared::tree::Joint;
+use roxmltree::Node;
+
+use super::finding::ModelError;
+use super::inertial::{Parameters, in_parent};
+use super::remarks::joint_names;
+use super::tree::{Mimic, Model};
+use super::xml::{self, Language, Parsed};
+use super::{mjcf, sdf, urdf};
+
+/// What was written differs by no more, relative, when it is read again: rounding of sums and rotations.
+const ROUNDING: f64 = 1e-12;
+
+/// A model with other parameters for some of its links, by name.
+#[must_use]
+pub fn with_parameters<'a>(model: &Model, new: impl Iterator<Item = (&'a str, Parameters)>) -> Model {
+    let mut out = model.clone();
+    for (name, parameters) in new {
+        if let Some(i) = out.link(name) {
+            out.links[i].nominal = Some(parameters);
+        }
+    }
+    out
+}
+
+/// Whether a file can be written there.
+///
+/// # Errors
+/// [`ModelError::Option`] if it exists, its folder does not, or its ending is not known.
+pub fn check_target(path: &Path) -> Result<Language, ModelError> {
+    let refuse = |why: &str| ModelError::Option(format!("--write-model {}: {why}", path.display()));
+    let language =
+        Language::of_path(path).ok_or_else(|| refuse("its name must end in .urdf, .xml, .mjcf or .sdf"))?;
+    if path.exists() {
+        return Err(refuse("the file is there already, and nothing is overwritten"));
+    }
+    if path.parent().is_some_and(|folder| !folder.as_os_str().is_empty() && !folder.is_dir()) {
+        return Err(refuse("its folder is not there: make it first"));
+    }
+    Ok(language)
+}
+
+/// Reads a text of any of the languages.
+///
+/// # Errors
+/// [`ModelError`].
+pub fn parse(text: &str, what: &str) -> Result<Parsed, ModelError> {
+    match Language::of_text(text) {
+        Some(Language::Mjcf) => mjcf::parse(text, what),
+        Some(Language::Sdf) => sdf::parse(text, what),
+        _ => Ok(Parsed { model: urdf::parse(text, what)?, anchors: BTreeMap::new() }),
+    }
+}
+
+/// Writes a model to a new file; `source` is the file it was read from.
+///
+/// # Errors
+/// [`ModelError`] if the file cannot be written, or what was written is not read as it was meant.
+pub fn write(model: &Model, source: Option<&Path>, path: &Path) -> Result<(), ModelError> {
+    let language = check_target(path)?;
+    let text = source.and_then(|source| std::fs::read_to_string(source).ok());
+    let text = match text.filter(|text| Language::of_text(text) == Some(language)) {
+        Some(text) => edited(model, &text, &path.display().to_string())?,
+        None => generated(model, language)?,
+    };
+    check(model, &text, path)?;
+    std::fs::write(path, text).map_err(|source| ModelError::Write { path: path.to_owned(), source })
+}
+
+/// Reads again what is to be written.
+fn check(model: &Model, text: &str, path: &Path) -> Result<(), ModelError> {
+    let again = parse(text, &path.display().to_string())?.model;
+    for link in &model.links {
+        let Some(wanted) = link.nominal.filter(|_| link.is_body()) else { continue };
+        let got = again.link(&link.name).and_then(|i| again.links[i].nominal);
+        let scale = |k: usize| match k {
+            0 => wanted[0].abs(),
+            1..4 => wanted[1..4].iter().map(|v| v.abs()).fold(wanted[0].abs() * 1e-3, f64::max),
+            _ => wanted[4..].iter().map(|v| v.abs()).fold(0.0, f64::max),
+        };
+        let same = got.is_some_and(|got| (0..10).all(|k| (got[k] - wanted[k]).abs() <= ROUNDING * scale(k)));
+        if !same {
+            return Err(ModelError::Structure {
+                what: path.display().to_string(),
+                problem: format!(
+                    "link {} does not come out as it was written: is it in the file under another name, or made by a macro? \
+                     nothing was written; give the file with everything expanded",
+                    link.name
+                ),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// The text of a file with new inertias.
+///
+/// # Errors
+/// [`ModelError`] if it cannot be read.
+pub fn edited(model: &Model, text: &str, what: &str) -> Result<String, ModelError> {
+    let language = Language::of_text(text).unwrap_or(Language::Urdf);
+    let anchors = parse(text, what)?.anchors;
+    let document = xml::document(text, what)?;
+    let tag = if language == Language::Mjcf { "body" } else { "link" };
+    let mut changes: Vec<(Node, &str, String)> = Vec::new();
+    for node in document.descendants().filter(|n| n.has_tag_name(tag)) {
+        let Some(name) = node.attribute("name") else { continue };
+        let Some(own) = model.link(name).map(|i| &model.links[i]).filter(|link| link.is_body()) else {
+            continue;
+        };
+        let Some(phi) = own.nominal else { continue };
+        let anchor = anchors.get(name).copied().unwrap_or_else(Vector3::zeros);
+        let phi = in_parent(&phi, &Matrix3::identity(), &anchor);
+        changes.push((node, "inertial", inertial(&phi, language)));
+    }
+    Ok(xml::edit(text, &changes))
+}
+
+/// The `<inertial>` of parameters about the frame's origin.
+fn inertial(phi: &Parameters, language: Language) -> String {
+    let body = InertialParameters::<Body, f64>::from_vector(*phi);
+    let [x, y, z] = if body.mass > 0.0 { body.centre_of_mass().array() } else { [0.0; 3] };
+    let i = body.inertia_com();
+    let (m, xx, yy, zz) = (body.mass, i.m11, i.m22, i.m33);
+    let (xy, xz, yz) = (i.m12, i.m13, i.m23);
+    match language {
+        Language::Urdf => format!(
+            "<inertial>\n      <origin xyz=\"{x} {y} {z}\" rpy=\"0 0 0\"/>\n      <mass value=\"{m}\"/>\n      <inertia \
+             ixx=\"{xx}\" ixy=\"{xy}\" ixz=\"{xz}\" iyy=\"{yy}\" iyz=\"{yz}\" izz=\"{zz}\"/>\n    </inertial>"
+        ),
+        Language::Mjcf => {
+            format!(
+                "<inertial pos=\"{x} {y} {z}\" mass=\"{m}\" fullinertia=\"{xx} {yy} {zz} {xy} {xz} {yz}\"/>"
+            )
+        }
+        Language::Sdf => format!(
+            "<inertial>\n        <pose>{x} {y} {z} 0 0 0</pose>\n        <mass>{m}</mass>\n        <inertia><ixx>{xx}</ixx>\
+             <ixy>{xy}</ixy><ixz>{xz}</ixz><iyy>{yy}</iyy><iyz>{yz}</iyz><izz>{zz}</izz></inertia>\n      </inertial>"
+        ),
+    }
+}
+
+fn vector(v: &Vector3<f64>) -> String {
+    format!("{} {} {}", v.x, v.y, v.z)
+}
+
+/// Roll, pitch and yaw about fixed axes; by arctangents, which lose no digits near upright pitch.
+fn rpy(r: &Matrix3<f64>) -> String {
+    let level = r.m11.hypot(r.m21);
+    let pitch = (-r.m31).atan2(level);
+    // Upright, only the sum of roll and yaw matters.
+    let (roll, yaw) = if level > 4.0 * f64::EPSILON {
+        (r.m32.atan2(r.m33), r.m21.atan2(r.m11))
+    } else {
+        ((-r.m23).atan2(r.m22), 0.0)
+    };
+    format!("{roll} {pitch} {yaw}")
+}
+
+/// Text that may stand in an attribute.
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
+}
+
+/// A file of a model.
+///
+/// # Errors
+/// [`ModelError::Structure`] if the language has no word for a joint.
+pub fn generated(model: &Model, language: Language) -> Result<String, ModelError> {
+    match language {
+        Language::Urdf => Ok(as_urdf(model)),
+        Language::Mjcf => Ok(as_mjcf(model)),
+        Language::Sdf => as_sdf(&model.with_universals()),
+    }
+}
+
+fn as_urdf(model: &Model) -> String {
+    let mut out = format!("<?xml version=\"1.0\"?>\n<robot name=\"{}\">\n", escaped(&model.name));
+    let link = |out: &mut String, name: &str, phi: Option<&Parameters>| {
+        let inside =
+            phi.map_or_else(String::new, |phi| format!("\n    {}\n  ", inertial(phi, Language::Urdf)));
+        let _ = writeln!(out, "  <link name=\"{}\">{inside}</link>", escaped(name));
+    };
+    for (i, own) in model.links.iter().enumerate() {
+        link(&mut out, &own.name, own.nominal.as_ref().filter(|_| own.is_body()));
+        if i == 0 {
+            continue;
+        }
+        let parent = &model.links[own.link.parent].name;
+        let place =
+            format!("<origin xyz=\"{}\" rpy=\"{}\"/>", vector(&own.link.position), rpy(&own.link.rotation));
+        let joint = |out: &mut String,
+                     name: &str,
+                     kind: &str,
+                     place: &str,
+                     ends: (&str, &str),
+                     axis: Option<&Vector3<f64>>| {
+            let mut axis = axis.map_or_else(String::new, |a| format!("<axis xyz=\"{}\"/>", vector(a)));
+            if let Some(Mimic { leader, multiplier, offset }) = &own.mimic {
+                let leader = escaped(leader);
+                axis +=
+                    &format!("<mimic joint=\"{leader}\" multiplier=\"{multiplier}\" offset=\"{offset}\"/>");
+            }
+            let limit = if kind == "prismatic" {
+                "<limit lower=\"-1e9\" upper=\"1e9\" effort=\"1e9\" velocity=\"1e9\"/>"
+            } else {
+                ""
+            };
+            let _ = writeln!(
+                out,
+                "  <joint name=\"{}\" type=\"{kind}\">{place}<parent link=\"{}\"/><child link=\"{}\"/>{axis}{limit}</joint>",
+                escaped(name),
+                escaped(ends.0),
+                escaped(ends.1)
+            );
+        };
+        let ends = (parent.as_str(), own.name.as_str());
+        match &own.link.joint {
+            Joint::Fixed => joint(&mut out, &own.joint_name, "fixed", &place, ends, None),
+            Joint::Revolute(a) => joint(&mut out, &own.joint_name, "continuous", &place, ends, Some(a)),
+            Joint::Prismatic(a) => joint(&mut out, &own.joint_name, "prismatic", &place, ends, Some(a)),
+            Joint::Spherical => joint(&mut out, &own.joint_name, "spherical", &place, ends, None),
+            Joint::Free => joint(&mut out, &own.joint_name, "floating", &place, ends, None),
+            Joint::Universal(a, b) => {
+                // Two joints with a link between them that has no mass.
+                let between = format!("{}_cross", own.name);
+                link(&mut out, &between, None);
+                let first = format!("{}_first", own.joint_name);
+                joint(&mut out, &first, "continuous", &place, (parent, &between), Some(a));
+                joint(&mut out, &own.joint_name, "continuous", "", (&between, &own.name), Some(b));
+            }
+        }
+    }
+    out + "</robot>\n"
+}
+
+fn as_mjcf(model: &Model) -> String {
+    fn body(model: &Model, i: usize, depth: usize, out: &mut String) {
+        let own = &model.links[i];
+        let pad = "  ".repeat(depth);
+        // Its joints, nearest to the base first: those of links before it that are no bodies are its own too.
+        let mut chain = vec![i];
+        while let Some(before) = chain.last().map(|k| model.links[*k].link.parent)
+            && !model.links[before].is_body()
+            && before != 0
+        {
+            chain.push(before);
+        }
+        chain.reverse();
+        let (mut rotation, mut position) = (Matrix3::identity(), Vector3::zeros());
+        for k in chain.iter().filter(|_| i > 0) {
+            let link = &model.links[*k].link;
+            position += rotation * link.position;
+            rotation *= link.rotation;
+        }
+        let mut place = String::new();
+        if i > 0 {
+            let q = UnitQuaternion::from_matrix(&rotation);
+            place = format!(" pos=\"{}\" quat=\"{} {} {} {}\"", vector(&position), q.w, q.i, q.j, q.k);
+        }
+        let _ = writeln!(out, "{pad}<body name=\"{}\"{place}>", escaped(&own.name));
+        // Joints stand in the axes of their body: place and turn of each of the chain's links in it.
+        let (mut turn, mut point) = (Matrix3::identity(), Vector3::zeros());
+        let mut at = Vec::new();
+        for k in chain.iter().rev() {
+            at.push((*k, turn, point));
+            let link = &model.links[*k].link;
+            turn *= link.rotation.transpose();
+            point -= turn * link.position;
+        }
+        for (k, turn, point) in at.into_iter().rev().filter(|_| i > 0) {
+            let link = &model.links[k];
+            let mut joint = |name: &str, kind: &str, axis: Option<&Vector3<f64>>| {
+                let axis = axis.map_or_else(String::new, |a| format!(" axis=\"{}\"", vector(&(turn * a))));
+                let pos = if point == Vector3::zeros() {
+                    String::new()
+                } else {
+                    format!(" pos=\"{}\"", vector(&point))
+                };
+                let _ =
+                    writeln!(out, "{pad}  <joint name=\"{}\" type=\"{kind}\"{axis}{pos}/>", escaped(name));
+            };
+            match &link.link.joint {
+                Joint::Fixed => {}
+                Joint::Revolute(a) => joint(&link.joint_name, "hinge", Some(a)),
+                Joint::Prismatic(a) => joint(&link.joint_name, "slide", Some(a)),
+                Joint::Spherical => joint(&link.joint_name, "ball", None),
+                Joint::Free => joint(&link.joint_name, "free", None),
+                Joint::Universal(a, b) => {
+                    joint(&format!("{}_first", link.joint_name), "hinge", Some(a));
+                    joint(&link.joint_name, "hinge", Some(b));
+                }
+            }
+        }
+        if let Some(phi) = &own.nominal {
+            let _ = writeln!(out, "{pad}  {}", inertial(phi, Language::Mjcf));
+        } else if i == 0 || own.link.joint == Joint::Fixed {
+            // Some readers want one of every body; MuJoCo has nothing against none where nothing moves.
+            let _ = writeln!(out, "{pad}  <inertial pos=\"0 0 0\" mass=\"0\" diaginertia=\"0 0 0\"/>");
+        }
+        below(model, i, depth + 1, out);
+        let _ = writeln!(out, "{pad}</body>");
+    }
+    /// The bodies that hang on a link, or on links of it that are none.
+    fn below(model: &Model, i: usize, depth: usize, out: &mut String) {
+        for (k, link) in model.links.iter().enumerate().skip(1).filter(|(_, l)| l.link.parent == i) {
+            if link.is_body() { body(model, k, depth, out) } else { below(model, k, depth, out) }
+        }
+    }
+    let mut out = format!(
+        "<mujoco model=\"{}\">\n  <compiler angle=\"radian\" inertiafromgeom=\"false\"/>\n  <worldbody>\n",
+        escaped(&model.name)
+    );
+    // The world's own body is the base, where a file had it so.
+    if model.links.first().is_some_and(|base| base.name == mjcf::WORLD && base.nominal.is_none()) {
+        below(model, 0, 2, &mut out);
+    } else {
+        body(model, 0, 2, &mut out);
+    }
+    out + "  </worldbody>\n</mujoco>\n"
+}
+
+/// Bodies of several joints have become universal joints before, as far as they are any.
+fn as_sdf(model: &Model) -> Result<String, ModelError> {
+    let joints = joint_names(model);
+    let mut out = format!(
+        "<?xml version=\"1.0\"?>\n<sdf version=\"1.9\">\n  <model name=\"{}\">\n",
+        escaped(&model.name)
+    );
+    for (i, own) in model.links.iter().enumerate() {
+        let world = i == 0 && own.name == mjcf::WORLD && own.nominal.is_none();
+        if world {
+            continue;
+        }
+        if !own.is_body() {
+            return Err(ModelError::Structure {
+                what: model.name.clone(),
+                problem: format!(
+                    "SDF has no body with several joints, as {} is between two of one, and gives a kilogram to a link without \
+                     inertia; write a URDF or MJCF, or declare three hinges to be one ball (--spherical)",
+                    own.name
+                ),
+            });
+        }
+        let parent = &model.links[own.link.parent];
+        let of_world = own.link.parent == 0 && parent.name == mjcf::WORLD && parent.nominal.is_none();
+        let relative = if i == 0 || of_world {
+            String::new()
+        } else {
+            format!(" relative_to=\"{}\"", escaped(&parent.name))
+        };
+        let place = if i == 0 {
+            "0 0 0 0 0 0".to_owned()
+        } else {
+            format!("{} {}", vector(&own.link.position), rpy(&own.link.rotation))
+        };
+        let inside = own
+            .nominal
+            .as_ref()
+            .map_or_else(String::new, |phi| format!("\n      {}", inertial(phi, Language::Sdf)));
+        let _ = writeln!(
+            out,
+            "    <link name=\"{}\">\n      <pose{relative}>{place}</pose>{inside}\n    </link>",
+            escaped(&own.name)
+        );
+        if i == 0 {
+            continue;
+        }
+        let axis =
+            |element: &str, a: &Vector3<f64>| format!("<{element}><xyz>{}</xyz></{element}>", vector(a));
+        let (kind, axes) = match &own.link.joint {
+            Joint::Fixed => ("fixed", String::new()),
+            Joint::Revolute(a) => ("continuous", axis("axis", a)),
+            Joint::Prismatic(a) => ("prismatic", axis("axis", a)),
+            Joint::Spherical => ("ball", String::new()),
+            Joint::Universal(a, b) => ("universal", axis("axis", a) + &axis("axis2", b)),
+            Joint::Free => {
+                return Err(ModelError::Structure {
+                    what: model.name.clone(),
+                    problem: format!(
+                        "SDF has no free joint as {} is one; write a URDF or MJCF",
+                        own.joint_name
+                    ),
+                });
+            }
+        };
+        let _ = writeln!(
+            out,
+            "    <joint name=\"{}\" type=\"{kind}\"><parent>{}</parent><child>{}</child>{axes}</joint>",
+            escaped(&joints[i]),
+            escaped(&parent.name),
+            escaped(&own.name)
+        );
+    }
+    Ok(out + "  </model>\n</sdf>\n")
+}

@@ -1,0 +1,148 @@
+//! What the readers of MJCF and SDF share: numbers of attributes, rotations, and where to put an element.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
+use roxmltree::{Document, Node};
+
+use super::finding::ModelError;
+use super::tree::Model;
+
+/// A model as a file has it, and where the joint that holds a body sits in the body's own frame: a link's frame here has
+/// its origin at its joint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parsed {
+    /// The tree.
+    pub model: Model,
+    /// Joints' places in their bodies' frames, m; those at the origin are left out.
+    pub anchors: BTreeMap<String, Vector3<f64>>,
+}
+
+/// Languages of robot descriptions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Language {
+    /// `<robot>`
+    Urdf,
+    /// `<mujoco>`
+    Mjcf,
+    /// `<sdf>`
+    Sdf,
+}
+
+impl Language {
+    /// By the root element of a text.
+    pub fn of_text(text: &str) -> Option<Self> {
+        let roots = [("<robot", Self::Urdf), ("<mujoco", Self::Mjcf), ("<sdf", Self::Sdf)];
+        let found = roots.iter().filter_map(|(word, language)| Some((text.find(word)?, *language)));
+        found.min_by_key(|(at, _)| *at).map(|(_, language)| language)
+    }
+
+    /// By the ending of a file's name.
+    pub fn of_path(path: &Path) -> Option<Self> {
+        match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
+            "urdf" => Some(Self::Urdf),
+            "xml" | "mjcf" => Some(Self::Mjcf),
+            "sdf" => Some(Self::Sdf),
+            _ => None,
+        }
+    }
+}
+
+/// Parses a text.
+///
+/// # Errors
+/// [`ModelError::Syntax`].
+pub(super) fn document<'a>(text: &'a str, what: &str) -> Result<Document<'a>, ModelError> {
+    Document::parse(text)
+        .map_err(|error| ModelError::Syntax { what: what.to_owned(), reason: error.to_string() })
+}
+
+/// Numbers of an attribute.
+pub(super) fn numbers(node: &Node, attribute: &str) -> Result<Option<Vec<f64>>, String> {
+    node.attribute(attribute)
+        .map(|text| parse(text, &format!("{} of {}", attribute, describe(node))))
+        .transpose()
+}
+
+/// Numbers in a text.
+pub(super) fn parse(text: &str, what: &str) -> Result<Vec<f64>, String> {
+    text.split_whitespace()
+        .map(|word| word.parse::<f64>().ok().filter(|v| v.is_finite()))
+        .collect::<Option<Vec<f64>>>()
+        .ok_or_else(|| format!("{what} is {text:?}, which are no finite numbers"))
+}
+
+/// Exactly so many of them.
+pub(super) fn exactly<const N: usize>(values: Vec<f64>, what: &str) -> Result<[f64; N], String> {
+    let count = values.len();
+    values.try_into().map_err(|_| format!("{what} has {count} numbers where {N} are needed"))
+}
+
+/// An element's tag and name, or its line.
+pub(super) fn describe(node: &Node) -> String {
+    match node.attribute("name") {
+        Some(name) => format!("<{} name=\"{name}\">", node.tag_name().name()),
+        None => format!("<{}> in line {}", node.tag_name().name(), line(node)),
+    }
+}
+
+/// Its line, from 1.
+pub(super) fn line(node: &Node) -> u32 {
+    node.document().text_pos_at(node.range().start).row
+}
+
+/// The first child element of a name.
+pub(super) fn child<'a, 'i>(node: &Node<'a, 'i>, name: &str) -> Option<Node<'a, 'i>> {
+    node.children().find(|c| c.has_tag_name(name))
+}
+
+/// Of a quaternion w, x, y, z.
+pub(super) fn of_quaternion([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
+    UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).to_rotation_matrix().into_inner()
+}
+
+/// Of roll, pitch, yaw about fixed axes.
+pub(super) fn of_rpy([roll, pitch, yaw]: [f64; 3]) -> Matrix3<f64> {
+    Rotation3::from_euler_angles(roll, pitch, yaw).into_inner()
+}
+
+/// Replaces or inserts elements: for each parent element the tag of a child and its new text.
+pub(super) fn edit(text: &str, changes: &[(Node, &str, String)]) -> String {
+    let mut edits: Vec<(std::ops::Range<usize>, String)> = changes
+        .iter()
+        .map(|(parent, tag, new)| {
+            if let Some(old) = child(parent, tag) {
+                return (old.range(), new.clone());
+            }
+            let range = parent.range();
+            let end = start_tag_end(&text[range.clone()]) + range.start;
+            if text[..end].ends_with("/>") {
+                let name = parent.tag_name().name();
+                (end - 2..end, format!(">{new}</{name}>"))
+            } else {
+                (end..end, new.clone())
+            }
+        })
+        .collect();
+    edits.sort_by_key(|(range, _)| std::cmp::Reverse(range.start));
+    let mut out = text.to_owned();
+    for (range, new) in edits {
+        out.replace_range(range, &new);
+    }
+    out
+}
+
+/// Where the first tag of a text ends.
+fn start_tag_end(text: &str) -> usize {
+    let mut quote = None;
+    for (at, c) in text.char_indices() {
+        match (quote, c) {
+            (None, '"' | '\'') => quote = Some(c),
+            (Some(q), c) if q == c => quote = None,
+            (None, '>') => return at + 1,
+            _ => {}
+        }
+    }
+    text.len()
+}

@@ -1,0 +1,276 @@
+//! What a motion tells of the body.
+
+use nalgebra::{SMatrix, Vector3};
+use rigident_shared::calibration::ImuMounting;
+use rigident_shared::estimator::{Estimator, EstimatorConfig};
+use rigident_shared::regressor::{block, signals};
+use rigident_shared::screening::Limits;
+use rigident_shared::spatial::{Position, Sensor};
+use rigident_sim::STANDARD_GRAVITY_MPS2;
+use rigident_sim::body::BodyParameters;
+use rigident_sim::platform::{Geometry, Load, MotionError, MotionProgram, Trajectory};
+use rigident_sim::rig::RigConfig;
+
+use crate::identification::{FILTER_WIDTH_S, Factor, TAPS, row_every};
+use crate::plan::machine::{self, MachineError};
+use crate::plan::motion::information::Instrument;
+use crate::plan::motion::plan::SENSOR_SHARE;
+use crate::rig::{OffsetTable, OffsetWord, RigFile};
+
+/// `AᵀΣ⁻¹A` of the ten parameters and the six offsets, SI.
+pub type Information = SMatrix<f64, 16, 16>;
+
+/// Rows per second from which information is summed. Motions up to 2.5 Hz make rows up to 5 Hz.
+const ROWS_HZ: f64 = 50.0;
+/// Share of the gyro's range that is used.
+const RANGE_SHARE: f64 = 0.9;
+/// Highest angular rate where the gyro has no range, rad/s.
+pub const HIGHEST_RATE_RADPS: f64 = 1.2;
+/// Information on a known offset: that of a standard deviation of 1e-6 N or N m.
+const KNOWN: f64 = 1e12;
+
+/// A parameter whose deviation is so many times that without the others counts as not determined: rounding.
+const MOST_INFLATED: f64 = 1e6;
+
+/// What the planner knows of the rig.
+#[derive(Clone, Debug)]
+pub struct RigModel {
+    /// The machine and its limits.
+    pub geometry: Geometry,
+    /// Where S is in P, m.
+    pub load_cell_m: Vector3<f64>,
+    /// Axes of S to those of P.
+    pub load_cell_rotation: nalgebra::Matrix3<f64>,
+    /// σ of the wrench per reading that rows are whitened by, N and N m.
+    pub channel_sigma: [f64; 6],
+    /// Readings per second.
+    pub rate_hz: f64,
+    /// Range of the gyro, rad/s.
+    pub rate_range_radps: f64,
+    /// Range of the accelerometer, m/s².
+    pub felt_range_mps2: f64,
+    /// Ranges of the load cell, N and N m.
+    pub wrench_range_n_nm: [f64; 6],
+    /// The body as far as it is known, in S: what the legs and the load cell carry.
+    pub body: Option<BodyParameters>,
+    /// Ten parameters are estimated, not sixteen.
+    pub offset_known: bool,
+}
+
+impl RigModel {
+    /// Of a rig file. `sigma` is used where the file states none.
+    ///
+    /// # Errors
+    /// What is wrong with its platform.
+    pub fn of(
+        rig: &RigFile,
+        geometry: Geometry,
+        rate_hz: f64,
+        sigma: [f64; 6],
+    ) -> Result<Self, MachineError> {
+        let (load_cell_m, load_cell_rotation) = machine::load_cell(rig)?;
+        let imu = rig.imu.first();
+        let range = imu.and_then(|imu| imu.range_radps);
+        Ok(Self {
+            geometry,
+            load_cell_m,
+            load_cell_rotation,
+            channel_sigma: rig.load_cell.noise_n_nm.unwrap_or(sigma),
+            rate_hz,
+            rate_range_radps: range.unwrap_or(f64::INFINITY),
+            felt_range_mps2: imu.and_then(|imu| imu.range_mps2).unwrap_or(f64::INFINITY),
+            wrench_range_n_nm: rig.load_cell.range_n_nm.unwrap_or([f64::INFINITY; 6]),
+            body: machine::body(rig),
+            offset_known: !matches!(rig.load_cell.offset_n_nm, OffsetTable::Word(OffsetWord::Estimate)),
+        })
+    }
+
+    /// Of a simulated rig, its body unknown; `None` if its load cell's axes are no rotation.
+    pub fn of_simulated(config: &RigConfig, rate_hz: f64) -> Option<Self> {
+        let sensors = &config.sensors;
+        Some(Self {
+            geometry: config.geometry.clone(),
+            load_cell_m: config.load_cell.position_m.into(),
+            load_cell_rotation: config.load_cell.rotation()?,
+            channel_sigma: sensors.load_cell.noise_n_nm,
+            rate_hz,
+            rate_range_radps: sensors.imu.gyro_range_radps,
+            felt_range_mps2: sensors.imu.accel_range_mps2,
+            wrench_range_n_nm: sensors.load_cell.range_n_nm,
+            body: None,
+            offset_known: false,
+        })
+    }
+
+    /// How fast the plate may turn, rad/s.
+    pub fn highest_rate_radps(&self) -> f64 {
+        (RANGE_SHARE * self.rate_range_radps).min(HIGHEST_RATE_RADPS)
+    }
+
+    /// Whether the body matters to any limit.
+    pub fn limits_forces(&self) -> bool {
+        self.geometry.limits.leg_force_n.is_some() || self.wrench_range_n_nm.iter().any(|r| r.is_finite())
+    }
+
+    /// The largest share of what is allowed that a program may take at any instant: the machine's limits and the gyro's
+    /// range as bounds between samples, the ranges of load cell and accelerometer where they are looked at, every 10 ms.
+    /// Above one if it is not known to keep them all; infinite for a program without sense.
+    pub fn overstepped(&self, program: &MotionProgram) -> f64 {
+        const LOOK_S: f64 = 0.01;
+        let Ok(trajectory) = program.trajectory() else { return f64::INFINITY };
+        let load = self.load();
+        let guarantee = self.geometry.guarantee(&trajectory, load.as_ref(), self.highest_rate_radps());
+        let bounds = guarantee.peaks.iter().map(|p| p.bound / p.allowed);
+        let instrument = self.instrument(1.0);
+        let looks = (trajectory.duration_s() / LOOK_S).ceil() as usize;
+        let shares = (0..=looks).map(|k| instrument.load_share(&trajectory.state(k as f64 * LOOK_S)));
+        // What is no number is not known to be kept.
+        bounds.chain(shares).fold(0.0, |most, v| if v.is_nan() { f64::INFINITY } else { most.max(v) })
+    }
+
+    /// The load cell with its range and the accelerometer's, so many readings at each instant.
+    pub(super) fn instrument(&self, readings: f64) -> Instrument {
+        Instrument::new(
+            &self.load_cell_m,
+            &self.load_cell_rotation,
+            STANDARD_GRAVITY_MPS2,
+            &self.channel_sigma,
+            readings,
+        )
+        .within(
+            self.body.map_or([0.0; 10], |body| body.parameters()),
+            self.wrench_range_n_nm.map(|range| SENSOR_SHARE * range),
+            SENSOR_SHARE * self.felt_range_mps2,
+        )
+    }
+
+    /// The body in P, as far as it is known.
+    fn load(&self) -> Option<Load> {
+        self.body
+            .map(|body| Load::body(machine::on_plate(&body, &self.load_cell_m, &self.load_cell_rotation)))
+    }
+
+    /// Variance of the whitened, filtered noise per row of the device's factor.
+    pub fn noise_gain(&self) -> f64 {
+        let config = EstimatorConfig {
+            rate_hz: self.rate_hz,
+            filter_width_s: FILTER_WIDTH_S,
+            row_every: row_every(self.rate_hz),
+            channel_sigma: [1.0; 6],
+            known_offset: [0.0; 6],
+            mounting: ImuMounting::default(),
+            limits: Limits::none(),
+        };
+        Estimator::<f64, 10, TAPS>::new(&config).map_or(1.0, |estimator| estimator.noise_gain())
+    }
+
+    /// Before anything has moved.
+    pub fn prior(&self) -> Information {
+        let known = if self.offset_known { KNOWN } else { 0.0 };
+        Information::from_fn(|i, j| if i == j && i >= 10 { known } else { 0.0 })
+    }
+
+    /// What a program tells if the coordinates in `lost` stay where they are at its beginning. The estimator's filter is
+    /// left out: at 2.5 Hz it takes 3 % off the information.
+    ///
+    /// # Errors
+    /// A segment that makes no sense.
+    pub fn information(&self, program: &MotionProgram, lost: &[bool; 6]) -> Result<Information, MotionError> {
+        let trajectory = program.trajectory()?;
+        Ok(self.of_trajectory(&trajectory, lost))
+    }
+
+    fn of_trajectory(&self, trajectory: &Trajectory, lost: &[bool; 6]) -> Information {
+        let start = trajectory.coordinates(0.0);
+        let rows = (trajectory.duration_s() * ROWS_HZ).round().max(1.0) as usize;
+        let step_s = trajectory.duration_s() / rows as f64;
+        let weight = self.rate_hz * step_s;
+        let weights = self.channel_sigma.map(|sigma| weight / (sigma * sigma));
+        let mut sum = Information::zeros();
+        for k in 0..rows {
+            let mut c = trajectory.coordinates((k as f64 + 0.5) * step_s);
+            for (axis, _) in lost.iter().enumerate().filter(|(_, lost)| **lost) {
+                (c.value[axis], c.rate[axis], c.acceleration[axis]) = (start.value[axis], 0.0, 0.0);
+            }
+            let plate = c.plate_state();
+            let (w, dw, p) = (plate.angular_rate, plate.angular_acceleration, self.load_cell_m);
+            let up = Vector3::new(0.0, 0.0, STANDARD_GRAVITY_MPS2);
+            let force =
+                plate.rotation.tr_mul(&(plate.acceleration + up)) + dw.cross(&p) + w.cross(&w.cross(&p));
+            let to_s = |v: &Vector3<f64>| -> [f64; 3] { self.load_cell_rotation.tr_mul(v).into() };
+            let mut s = signals(to_s(&force), to_s(&w), [0.0; 6]);
+            if let Some(last) = s.last_chunk_mut::<3>() {
+                *last = to_s(&dw);
+            }
+            let columns = block(&s, &Position::<Sensor, f64>::from_array([0.0; 3])).columns;
+            for channel in 0..6 {
+                let mut row = nalgebra::SVector::<f64, 16>::zeros();
+                for (entry, column) in row.iter_mut().zip(&columns) {
+                    *entry = column[channel];
+                }
+                row[10 + channel] = 1.0;
+                sum.syger(weights[channel], &row, &row, 1.0);
+            }
+        }
+        sum.fill_upper_triangle_with_lower_triangle();
+        sum
+    }
+
+    /// What a device's factor says.
+    pub fn of_factor(&self, factor: &Factor) -> Information {
+        fn gram<const N: usize>(r: [[f64; N]; N], into: &mut Information) {
+            for i in 0..N {
+                for j in 0..N {
+                    into[(i, j)] = r.iter().map(|row| row[i] * row[j]).sum();
+                }
+            }
+        }
+        let mut sum = self.prior();
+        match factor {
+            Factor::Ten(f) => gram(f.r(), &mut sum),
+            Factor::Sixteen(f) => gram(f.r(), &mut sum),
+        }
+        sum
+    }
+}
+
+/// `L⁻¹` with `L Lᵀ` the information, columns scaled to one: parameters in kg and in kg m² are of very different sizes.
+pub struct InverseRoot {
+    inverse: Information,
+    scale: [f64; 16],
+}
+
+impl InverseRoot {
+    /// `None` if something is not determined.
+    pub fn of(information: &Information) -> Option<Self> {
+        let scale: [f64; 16] = std::array::from_fn(|j| information[(j, j)].sqrt().recip());
+        if !scale.iter().all(|s| s.is_finite()) {
+            return None;
+        }
+        let scaled = Information::from_fn(|i, j| information[(i, j)] * scale[i] * scale[j]);
+        let l = scaled.cholesky()?.unpack();
+        let mut inverse = Information::identity();
+        l.solve_lower_triangular_mut(&mut inverse).then_some(())?;
+        let within = |j: usize| inverse.column(j).norm() < MOST_INFLATED;
+        (0..16).all(within).then_some(Self { inverse, scale })
+    }
+
+    /// Standard deviations: (L Lᵀ)⁻¹_jj is the squared length of column j of L⁻¹.
+    pub fn deviations(&self) -> [f64; 16] {
+        std::array::from_fn(|j| self.inverse.column(j).norm() * self.scale[j])
+    }
+
+    /// Standard deviation of a linear combination of the first ten.
+    pub fn deviation_of(&self, slope: &[f64; 10]) -> f64 {
+        let mut sum = nalgebra::SVector::<f64, 16>::zeros();
+        for (j, weight) in slope.iter().enumerate().filter(|(_, weight)| **weight != 0.0) {
+            sum.axpy(weight * self.scale[j], &self.inverse.column(j), 1.0);
+        }
+        sum.norm()
+    }
+}
+
+/// Standard deviations of all sixteen; `None` if one of them is not determined.
+pub fn deviations(information: &Information) -> Option<[f64; 16]> {
+    InverseRoot::of(information).map(|inverse| inverse.deviations())
+}

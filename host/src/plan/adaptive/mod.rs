@@ -1,0 +1,26 @@
+//! What to do next, decided between segments: the closed loop.
+//!
+//! Lives here: what a motion would tell ([`information`]), the segments there are to choose from ([`library`]) and those made
+//! for the purpose ([`design`]), what is asked for and how far it is ([`goal`]), the choice ([`choice`]), axes that turn out not to follow ([`axes`]), and the
+//! planner that keeps it all from one segment to the next ([`planner`]); the loop against a simulated rig that may not be
+//! what the planner believes ([`rehearsal`]). May not live here: driving and recording (that
+//! is [`crate::device::session`]), motions planned as a whole before anything moves.
+//!
+//! Rows of the regressor need kinematics only, never the parameters: what a segment will tell is known before it runs.
+//! So every candidate's information is computed once, and choosing is a search over sums of matrices.
+
+pub mod axes;
+pub mod choice;
+pub mod design;
+pub mod goal;
+pub mod information;
+pub mod library;
+pub mod planner;
+pub mod rehearsal;
+
+pub use goal::{Asked, Goal};
+pub use information::{Information, RigModel};
+pub use planner::{Decision, Next, Planner};
+
+#[cfg(test)]
+mod tests;

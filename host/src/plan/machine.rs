@@ -1,0 +1,305 @@
+//! The platform that a rig file describes.
+
+use std::fmt;
+
+use nalgebra::{Matrix3, Vector3};
+use rigident_sim::body::BodyParameters;
+use rigident_sim::platform::{Bodies, COND_MAX, Geometry, JointCones, Limit, Limits, Load, Pose, Violation};
+use rigident_sim::rig::Mounting;
+
+use super::workspace;
+use crate::rig::{PlatformTable, RigFile};
+
+/// What a `[platform]` table lacks or gets wrong beyond single numbers.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum MachineError {
+    /// No table.
+    #[error("there is no [platform] to plan for: add one, or leave --rig out for the built-in platform")]
+    NoPlatform,
+    /// A key without which nothing can be said.
+    #[error("[platform] has no {0}")]
+    Missing(&'static str),
+    /// Axes of joints that are not limited, or of length zero.
+    #[error("[platform] {0}")]
+    Axes(String),
+    /// A rotation that is none.
+    #[error("[platform.load_cell] rotation_wxyz is no rotation")]
+    LoadCell,
+    /// Limits that contradict each other: no level pose keeps them.
+    #[error(
+        "[platform]: the limits contradict each other, the plate cannot stand level anywhere; best is {at}, where \
+         {violation}{advice}"
+    )]
+    NoLevelPose {
+        /// The best level pose.
+        at: Metres,
+        /// What is in the way there.
+        violation: Violation,
+        /// What to do about it.
+        advice: &'static str,
+    },
+}
+
+/// The platform of a rig file. Limits that the file does not give do not bind, but for `cond_max`, which is 40 then.
+///
+/// # Errors
+/// What the table lacks, or limits that no level pose keeps.
+pub fn geometry(rig: &RigFile) -> Result<Geometry, MachineError> {
+    let table = rig.platform.as_ref().ok_or(MachineError::NoPlatform)?;
+    let geometry = unchecked(table)?;
+    let level = workspace::level(&geometry).map_err(no_level_pose(table.cond_max.is_some()))?;
+    if let Some(load) = load(rig)? {
+        geometry
+            .check_pose_loaded(&level, &load)
+            .map_err(|violation| no_level_pose(table.cond_max.is_some())((level, violation)))?;
+    }
+    Ok(geometry)
+}
+
+/// The same where a rig file need not name its platform: the thesis' one then.
+///
+/// # Errors
+/// As [`geometry`], of a table that is there and says anything of joints or legs.
+pub fn geometry_or_thesis(rig: &RigFile) -> Result<Geometry, MachineError> {
+    if is_described(rig) { geometry(rig) } else { Ok(Geometry::thesis()) }
+}
+
+/// Whether the rig file says anything of joints or legs.
+pub fn is_described(rig: &RigFile) -> bool {
+    rig.platform
+        .as_ref()
+        .is_some_and(|t| *t != PlatformTable { load_cell: t.load_cell.clone(), ..PlatformTable::default() })
+}
+
+/// Where the load cell is on the plate: its origin in P, m, and its axes to the plate's.
+///
+/// # Errors
+/// A rotation that is none.
+pub fn load_cell(rig: &RigFile) -> Result<(Vector3<f64>, Matrix3<f64>), MachineError> {
+    match rig.platform.as_ref().and_then(|p| p.load_cell.as_ref()) {
+        None => Ok((Vector3::zeros(), Matrix3::identity())),
+        Some(place) => {
+            let mounting = Mounting { position_m: place.position_m, rotation_wxyz: place.rotation_wxyz };
+            let rotation = mounting.rotation().ok_or(MachineError::LoadCell)?;
+            Ok((Vector3::from(place.position_m), rotation))
+        }
+    }
+}
+
+/// The body that a rig file tells of in `[truth]`, in S.
+pub fn body(rig: &RigFile) -> Option<BodyParameters> {
+    rig.truth.as_ref().map(|truth| BodyParameters {
+        mass_kg: truth.mass_kg,
+        com_m: truth.com_m,
+        inertia_com_kgm2: truth.inertia_com_kgm2,
+    })
+}
+
+/// A body of the load cell's frame in P: the cell's origin in P, m, and its axes to the plate's.
+pub fn on_plate(body: &BodyParameters, at: &Vector3<f64>, rotation: &Matrix3<f64>) -> BodyParameters {
+    let com = at + rotation * Vector3::from(body.com_m);
+    let inertia = rotation * body.inertia_com() * rotation.transpose();
+    BodyParameters {
+        com_m: com.into(),
+        inertia_com_kgm2: [(0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1)].map(|at| inertia[at]),
+        ..*body
+    }
+}
+
+/// What the legs carry as far as the rig file knows: the body of `[truth]` on the load cell. `None` without it.
+///
+/// # Errors
+/// A rotation of the load cell that is none.
+pub fn load(rig: &RigFile) -> Result<Option<Load>, MachineError> {
+    let Some(body) = body(rig) else { return Ok(None) };
+    let (at, rotation) = load_cell(rig)?;
+    let bodies = Bodies::Known(vec![on_plate(&body, &at, &rotation)]);
+    Ok(Some(Load { bodies, gravity_mps2: [0.0, 0.0, -rig.recording.gravity_mps2] }))
+}
+
+/// Whether the limits leave a level pose.
+///
+/// # Errors
+/// What is in the way at the best of them.
+pub fn check(geometry: &Geometry) -> Result<(), MachineError> {
+    workspace::level(geometry).map(|_| ()).map_err(no_level_pose(true))
+}
+
+/// What to do about it depends on what it is, and on whether the file gives the guard.
+fn no_level_pose(guard_is_given: bool) -> impl Fn((Pose, Violation)) -> MachineError {
+    move |(pose, violation)| {
+        let advice = match violation.limit {
+            Limit::Conditioning if !guard_is_given => {
+                "; no cond_max is given and 40 is taken, which suits a machine of the size of the thesis' (plate joints 0.25 m \
+                 from its middle): cond(H), in metres, grows as a machine gets smaller, give cond_max"
+            }
+            Limit::LegForce => ": leg_force_n is too small for the weight of the body of [truth]",
+            _ => "",
+        };
+        MachineError::NoLevelPose { at: Metres(pose.position_m), violation, advice }
+    }
+}
+
+/// A place, to the tenth of a millimetre.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Metres(pub [f64; 3]);
+
+impl fmt::Display for Metres {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // Rounding leaves no negative zero.
+        let [x, y, z] = self.0.map(|v| (v * 1e4).round() / 1e4 + 0.0);
+        write!(f, "x = {x:.4} m, y = {y:.4} m, z = {z:.4} m")
+    }
+}
+
+fn unchecked(table: &PlatformTable) -> Result<Geometry, MachineError> {
+    let mut geometry = Geometry {
+        base_joints_m: table.base_joints_m.ok_or(MachineError::Missing("base_joints_m"))?,
+        plate_joints_m: table.plate_joints_m.ok_or(MachineError::Missing("plate_joints_m"))?,
+        leg_length_m: table.leg_length_m.ok_or(MachineError::Missing("leg_length_m"))?,
+        leg_rate_mps: table.leg_rate_mps.unwrap_or(f64::INFINITY),
+        limits: Limits {
+            leg_acceleration_mps2: table.leg_acceleration_mps2,
+            leg_force_n: table.leg_force_n,
+            base_joints: None,
+            plate_joints: None,
+            cond_max: table.cond_max.unwrap_or(COND_MAX),
+        },
+    };
+    let base = cones(&geometry, "base", table.base_joint_angle_rad, table.base_joint_axes)?;
+    let plate = cones(&geometry, "plate", table.plate_joint_angle_rad, table.plate_joint_axes)?;
+    geometry.limits.base_joints = base;
+    geometry.limits.plate_joints = plate;
+    Ok(geometry)
+}
+
+/// Without axes they are the legs' directions at home.
+fn cones(
+    geometry: &Geometry,
+    joint: &str,
+    half_angle_rad: Option<f64>,
+    axes: Option<[[f64; 3]; 6]>,
+) -> Result<Option<JointCones>, MachineError> {
+    match (half_angle_rad, axes) {
+        (None, None) => Ok(None),
+        (None, Some(_)) => Err(MachineError::Axes(format!(
+            "{joint}_joint_axes says about which axes the joints turn, but {joint}_joint_angle_rad, how far, is missing"
+        ))),
+        (Some(half_angle), None) => Ok(Some(geometry.cones_about_home(half_angle))),
+        (Some(half_angle_rad), Some(axes)) => {
+            match axes.iter().position(|a| Vector3::from(*a).norm() < 1e-9) {
+                Some(i) => Err(MachineError::Axes(format!(
+                    "{joint}_joint_axes: the axis of joint {} is zero",
+                    i + 1
+                ))),
+                None => Ok(Some(JointCones { axes, half_angle_rad })),
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The thesis' platform as a table, and what is added to it.
+    fn file(more: &str) -> RigFile {
+        let g = Geometry::thesis();
+        let text = format!(
+            "[platform]\nbase_joints_m = {:?}\nplate_joints_m = {:?}\n{more}",
+            g.base_joints_m, g.plate_joints_m
+        );
+        RigFile::parse(&text).unwrap()
+    }
+
+    #[test]
+    fn a_table_with_every_key_becomes_the_same_platform() {
+        let mut want = Geometry::thesis();
+        want.limits = Limits {
+            leg_acceleration_mps2: Some(8.0),
+            leg_force_n: Some(2000.0),
+            base_joints: Some(JointCones { axes: [[0.0, 0.0, 1.0]; 6], half_angle_rad: 0.9 }),
+            plate_joints: Some(want.cones_about_home(0.8)),
+            cond_max: 30.0,
+        };
+        let read = file(
+            "leg_length_m = [0.55, 0.8548]\nleg_rate_mps = 0.8\nleg_acceleration_mps2 = 8\nleg_force_n = 2000\n\
+             base_joint_angle_rad = 0.9\nbase_joint_axes = [[0,0,1],[0,0,1],[0,0,1],[0,0,1],[0,0,1],[0,0,1]]\n\
+             plate_joint_angle_rad = 0.8\ncond_max = 30",
+        );
+        assert_eq!(geometry(&read).unwrap(), want);
+        assert_eq!(geometry_or_thesis(&read).unwrap(), want);
+    }
+
+    #[test]
+    fn limits_that_no_level_pose_keeps_name_the_leg_or_the_guard() {
+        for (more, words) in [
+            (
+                "leg_length_m = [0.1, 0.2]",
+                &["contradict", "leg ", "it reaches from 0.1000 m to 0.2000 m"][..],
+            ),
+            ("leg_length_m = [0.55, 0.8548]\ncond_max = 5", &["contradict", "cond(H)", "its limit is 5.000"]),
+            (
+                "leg_length_m = [0.55, 0.8548]\nbase_joint_angle_rad = 0.1\n\
+                 base_joint_axes = [[1,0,0],[0,0,1],[0,0,1],[0,0,1],[0,0,1],[0,0,1]]",
+                &["contradict", "leg 1 "],
+            ),
+        ] {
+            let error = geometry(&file(more)).unwrap_err().to_string();
+            for word in words {
+                assert!(error.contains(word), "{more}\n{word}\n{error}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_weight_that_the_legs_cannot_carry_at_rest_is_a_contradiction() {
+        let truth =
+            "[truth]\nmass_kg = 20\ncom_m = [0, 0, 0.05]\ninertia_com_kgm2 = [0.4, 0.1, 0.4, 0, 0, 0]";
+        let with =
+            |force: f64| file(&format!("leg_length_m = [0.55, 0.8548]\nleg_force_n = {force}\n{truth}"));
+        let error = geometry(&with(10.0)).unwrap_err().to_string();
+        // 20 kg on six legs alike: m g / (6 n_z).
+        let g = Geometry::thesis();
+        let level = workspace::level(&g).unwrap();
+        let want = 20.0 * 9.80665 / (6.0 * g.legs(&level).directions[0].z);
+        for word in
+            [&format!("would carry {want:.1} N")[..], "its limit is 10.0 N", "too small for the weight"]
+        {
+            assert!(error.contains(word), "{word}: {error}");
+        }
+        geometry(&with(want * 1.05)).unwrap();
+    }
+
+    #[test]
+    fn a_small_machine_is_told_that_the_guard_is_a_default() {
+        let g = Geometry::thesis();
+        let scaled = |joints: [[f64; 3]; 6]| joints.map(|j| j.map(|v| v / 8.0));
+        let text = |more: &str| {
+            let joints = (scaled(g.base_joints_m), scaled(g.plate_joints_m));
+            RigFile::parse(&format!(
+                "[platform]\nbase_joints_m = {:?}\nplate_joints_m = {:?}\nleg_length_m = [0.06875, 0.10685]\n{more}",
+                joints.0, joints.1
+            ))
+            .unwrap()
+        };
+        let error = geometry(&text("")).unwrap_err().to_string();
+        assert!(error.contains("give cond_max") && error.contains("no cond_max is given"), "{error}");
+        let error = geometry(&text("cond_max = 40")).unwrap_err().to_string();
+        assert!(!error.contains("no cond_max is given"), "{error}");
+        geometry(&text("cond_max = 100")).unwrap();
+    }
+
+    #[test]
+    fn what_is_missing_is_named() {
+        assert_eq!(geometry(&RigFile::default()).unwrap_err(), MachineError::NoPlatform);
+        assert_eq!(geometry(&file("")).unwrap_err(), MachineError::Missing("leg_length_m"));
+        let axes = "base_joint_axes = [[0,0,1],[0,0,1],[0,0,1],[0,0,1],[0,0,1],[0,0,1]]";
+        let error = geometry(&file(&format!("leg_length_m = [0.55, 0.8548]\n{axes}"))).unwrap_err();
+        assert!(error.to_string().contains("base_joint_angle_rad"), "{error}");
+        let only_cell = "[platform]\nload_cell = { position_m = [0, 0, 0.1], rotation_wxyz = [1, 0, 0, 0] }";
+        let rig = RigFile::parse(only_cell).unwrap();
+        assert_eq!(geometry_or_thesis(&rig).unwrap(), Geometry::thesis());
+        assert_eq!(load_cell(&rig).unwrap().0, Vector3::new(0.0, 0.0, 0.1));
+    }
+}

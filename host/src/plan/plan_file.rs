@@ -1,0 +1,244 @@
+//! A plan on disk: a motion program and the machine that it was made for.
+
+use std::path::Path;
+
+use rigident_sim::body::BodyParameters;
+use rigident_sim::platform::{Bodies, Geometry, Load, MotionError, MotionProgram, Trajectory};
+use serde::{Deserialize, Serialize};
+
+use crate::recording::error::RecordingError;
+use crate::recording::new_file::write_new_text;
+
+/// Of the format.
+const SCHEMA: &str = "rigident/plan/1";
+/// Joints that are closer than this are the same, m.
+const SAME_JOINT_M: f64 = 1e-4;
+/// Shortest and longest plan, s: from less than a second nothing is told; an hour is what `--duration-s` takes.
+const DURATION_S: [f64; 2] = [1.0, 3600.0];
+
+/// The file's object.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlanFile {
+    schema: String,
+    /// What it is, for people.
+    pub title: String,
+    /// Joints of the machine, m.
+    base_joints_m: [[f64; 3]; 6],
+    plate_joints_m: [[f64; 3]; 6],
+    /// What the legs carry, in P, if the plan was made for that: their forces are known then.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    carries: Option<BodyParameters>,
+    /// What to do.
+    pub program: MotionProgram,
+}
+
+/// Why a plan cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum PlanFileError {
+    /// The file.
+    #[error("plan {path}: {reason}")]
+    Unreadable {
+        /// Which.
+        path: String,
+        /// What the system or the parser says.
+        reason: String,
+    },
+    /// Another format, or a later one.
+    #[error("plan {path}: {found}; this program reads {SCHEMA:?}: make the plan anew with `rigident plan`")]
+    Schema {
+        /// Which.
+        path: String,
+        /// What it says.
+        found: String,
+    },
+    /// Nothing to do, or more than a day's work.
+    #[error(
+        "plan {path}: it takes {duration_s} s; from {least} s to {most} s make an experiment",
+        least = DURATION_S[0], most = DURATION_S[1]
+    )]
+    Duration {
+        /// Which.
+        path: String,
+        /// s.
+        duration_s: f64,
+    },
+    /// Another machine.
+    #[error(
+        "plan {path} is for another rig: {joint} joint {number} is at {planned:.4?} m in the plan and at {actual:.4?} m \
+         in the rig; make it anew with `rigident plan … --rig`"
+    )]
+    AnotherRig {
+        /// Which.
+        path: String,
+        /// Base or plate.
+        joint: &'static str,
+        /// From 1.
+        number: usize,
+        /// In the plan, m.
+        planned: [f64; 3],
+        /// In the rig, m.
+        actual: [f64; 3],
+    },
+    /// The machine cannot do it.
+    #[error("plan {path}: {error}")]
+    Motion {
+        /// Which.
+        path: String,
+        /// Leg or limit, and when.
+        error: MotionError,
+    },
+}
+
+impl PlanFile {
+    /// A program for a machine.
+    pub fn new(title: String, geometry: &Geometry, program: MotionProgram) -> Self {
+        Self {
+            schema: SCHEMA.to_owned(),
+            title,
+            base_joints_m: geometry.base_joints_m,
+            plate_joints_m: geometry.plate_joints_m,
+            carries: None,
+            program,
+        }
+    }
+
+    /// The same with what it was made to carry, in P.
+    #[must_use]
+    pub fn carrying(mut self, body: BodyParameters) -> Self {
+        self.carries = Some(body);
+        self
+    }
+
+    /// What the legs carry, if the plan was made for that.
+    pub fn load(&self, gravity_mps2: f64) -> Option<Load> {
+        let bodies = Bodies::Known(vec![self.carries?]);
+        Some(Load { bodies, gravity_mps2: [0.0, 0.0, -gravity_mps2] })
+    }
+
+    /// Writes a new file.
+    ///
+    /// # Errors
+    /// It is there already, or cannot be written.
+    pub fn write(&self, path: &Path) -> Result<(), RecordingError> {
+        let text = serde_json::to_string_pretty(self).unwrap_or_default();
+        write_new_text(path, &(text + "\n"))
+    }
+
+    /// Reads a plan for this machine and checks that it can do it, at every instant. What its legs can carry is
+    /// [`crate::platform::check`]'s concern.
+    ///
+    /// # Errors
+    /// [`PlanFileError`].
+    pub fn read(path: &Path, geometry: &Geometry) -> Result<Self, PlanFileError> {
+        let name = || path.display().to_string();
+        let unreadable = |reason: String| PlanFileError::Unreadable { path: name(), reason };
+        let text = std::fs::read_to_string(path).map_err(|e| unreadable(e.to_string()))?;
+        let object: serde_json::Value = serde_json::from_str(&text).map_err(|e| unreadable(e.to_string()))?;
+        match (&object, object.get("schema")) {
+            (_, Some(serde_json::Value::String(schema))) if schema == SCHEMA => {}
+            (_, Some(schema)) => {
+                return Err(PlanFileError::Schema { path: name(), found: format!("its schema is {schema}") });
+            }
+            (serde_json::Value::Object(_), None) => {
+                let found = "it is no plan, no key \"schema\" says of which format it is".to_owned();
+                return Err(PlanFileError::Schema { path: name(), found });
+            }
+            _ => {
+                let found = "it is no plan, which is a JSON object".to_owned();
+                return Err(PlanFileError::Schema { path: name(), found });
+            }
+        }
+        let plan: Self = serde_json::from_value(object).map_err(|e| unreadable(e.to_string()))?;
+        let machines = [
+            ("base", &plan.base_joints_m, &geometry.base_joints_m),
+            ("plate", &plan.plate_joints_m, &geometry.plate_joints_m),
+        ];
+        for (joint, planned, actual) in machines {
+            for (k, (planned, actual)) in planned.iter().zip(actual).enumerate() {
+                let apart = planned.iter().zip(actual).map(|(p, a)| (p - a).abs()).fold(0.0, f64::max);
+                if apart >= SAME_JOINT_M || apart.is_nan() {
+                    let (planned, actual) = (*planned, *actual);
+                    return Err(PlanFileError::AnotherRig {
+                        path: name(),
+                        joint,
+                        number: k + 1,
+                        planned,
+                        actual,
+                    });
+                }
+            }
+        }
+        let motion = |error| PlanFileError::Motion { path: name(), error };
+        let trajectory = Trajectory::new(&plan.program).map_err(motion)?;
+        let duration_s = trajectory.duration_s();
+        if !(DURATION_S[0]..=DURATION_S[1]).contains(&duration_s) {
+            return Err(PlanFileError::Duration { path: name(), duration_s });
+        }
+        geometry.check(&trajectory).map_err(motion)?;
+        Ok(plan)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rigident_sim::platform::Segment;
+
+    use super::*;
+
+    fn plan() -> PlanFile {
+        let geometry = Geometry::thesis();
+        let mut up = geometry.home();
+        up.position_m[2] += 0.02;
+        let segments = vec![Segment::Move { to: up, duration_s: 2.0 }];
+        PlanFile::new("up".to_owned(), &geometry, MotionProgram { start: geometry.home(), segments })
+    }
+
+    #[test]
+    fn a_plan_comes_back_as_it_was_and_takes_no_other_files_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("plan.json");
+        plan().write(&path).unwrap();
+        assert_eq!(PlanFile::read(&path, &Geometry::thesis()).unwrap(), plan());
+        assert!(plan().write(&path).is_err());
+    }
+
+    #[test]
+    fn what_cannot_be_used_is_said() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("plan.json");
+        let complaint = |text: &str, geometry: &Geometry| {
+            std::fs::write(&path, text).unwrap();
+            PlanFile::read(&path, geometry).unwrap_err().to_string()
+        };
+        let thesis = Geometry::thesis();
+        let good = serde_json::to_string(&plan()).unwrap();
+        let mut other = thesis.clone();
+        other.plate_joints_m[2][1] += 0.01;
+        assert!(complaint(&good, &other).contains("plate joint 3"));
+        let short = Geometry { leg_length_m: [0.70, 0.705], ..thesis.clone() };
+        let said = complaint(&good, &short);
+        assert!(said.contains("leg ") && said.contains("t = "), "{said}");
+        assert!(complaint("{\"schema\": \"rigident/plan/9\"}", &thesis).contains("rigident/plan/9"));
+        for (text, words) in [
+            ("[]", "which is a JSON object"),
+            ("null", "which is a JSON object"),
+            ("{}", "no key \"schema\""),
+            ("{\"schema\": 3}", "its schema is 3"),
+        ] {
+            assert!(complaint(text, &thesis).contains(words), "{text}");
+        }
+        assert!(complaint("{", &thesis).contains("line 1"));
+        let of = |segments| {
+            let program = MotionProgram { start: thesis.home(), segments };
+            serde_json::to_string(&PlanFile::new(String::new(), &thesis, program)).unwrap()
+        };
+        assert!(complaint(&of(Vec::new()), &thesis).contains("it takes 0 s"));
+        for (duration_s, said) in
+            [(0.001, "it takes 0.001 s"), (4000.0, "it takes 4000 s"), (1e300, "86400 s")]
+        {
+            assert!(complaint(&of(vec![Segment::Hold { duration_s }]), &thesis).contains(said), "{said}");
+        }
+        assert!(complaint(&good.replace("\"title\"", "\"name\""), &thesis).contains("name"));
+    }
+}

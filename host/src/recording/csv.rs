@@ -1,0 +1,496 @@
+//! Recordings as CSV.
+
+use std::collections::{BTreeMap, HashMap};
+use std::io::Write;
+
+use super::columns::{Group, Known, TIME, nearest_known, other_unit};
+use super::time::{self, Time};
+use super::{Recording, RecordingError, stem};
+use crate::rig::spelling::nearest;
+use crate::rig::{RecordingTable, RigFile, WrenchSign};
+
+/// What becomes of a column's cells.
+enum Sink {
+    /// The time.
+    Time { scale: f64, times: Vec<Time> },
+    /// A known quantity; the cells too where scaling loses their last digit.
+    Number { known: Known, scale: f64, values: Vec<f64>, cells: Option<Vec<String>> },
+    /// Anything else.
+    Text(Vec<String>),
+}
+
+struct Column {
+    /// Name in the file.
+    header: String,
+    sink: Sink,
+}
+
+/// The parts of a file before its rows.
+struct Reader<'a> {
+    label: &'a str,
+    rig: RigFile,
+    comments: Vec<(String, String)>,
+    columns: Vec<Column>,
+    lines: Vec<u64>,
+}
+
+impl Recording {
+    /// Reads the bytes of a CSV file. `label` is the file's name, for messages.
+    ///
+    /// # Errors
+    /// [`RecordingError`] with line and column.
+    pub fn from_csv_bytes(label: &str, bytes: &[u8], rig: &RigFile) -> Result<Self, RecordingError> {
+        let not = |reason: String| RecordingError::NotARecording { name: label.to_owned(), reason };
+        if bytes.starts_with(&super::mcap::container::MAGIC) {
+            return Err(not("it is an MCAP file: give it the ending .mcap".to_owned()));
+        }
+        let text = std::str::from_utf8(bytes).map_err(|e| {
+            let line = bytes.iter().take(e.valid_up_to()).filter(|b| **b == b'\n').count() + 1;
+            not(format!("it is not text (line {line})"))
+        })?;
+        if text.contains('\0') {
+            return Err(not("it is not text (it holds zero bytes)".to_owned()));
+        }
+        let mut body = text.strip_prefix('\u{feff}').unwrap_or(text);
+        if body.trim().is_empty() {
+            return Err(not("it is empty".to_owned()));
+        }
+        let mut comments = Vec::new();
+        let mut skipped = 0;
+        while let Some(rest) = body.strip_prefix('#') {
+            let (line, after) = rest.split_once('\n').unwrap_or((rest, ""));
+            let pair = line.split_once('=').filter(|(key, _)| !key.trim().is_empty());
+            let (key, value) = pair.unwrap_or(("", line));
+            comments.push((key.trim().to_owned(), value.trim().to_owned()));
+            (body, skipped) = (after, skipped + 1);
+        }
+        let mut reader = Reader { label, rig: rig.clone(), comments, columns: Vec::new(), lines: Vec::new() };
+        reader.apply_comments()?;
+        reader.read(body, skipped)?;
+        reader.into_recording()
+    }
+
+    /// Writes CSV that holds the recording without loss, in the notation's names, units and signs.
+    ///
+    /// # Errors
+    /// The system refuses to write.
+    pub fn write_csv<W: Write>(&self, mut to: W) -> std::io::Result<W> {
+        for (key, value) in &self.comments {
+            let comment = if key.is_empty() { value.clone() } else { format!("{key} = {value}") };
+            // A line's end inside would end the comment.
+            writeln!(to, "# {}", comment.replace(['\n', '\r'], " "))?;
+        }
+        let extra: HashMap<&str, &Vec<String>> =
+            self.extra.iter().map(|(name, cells)| (name.as_str(), cells)).collect();
+        let names = self.column_names();
+        // A first name that begins as a comment does is quoted, or the header would be read as one.
+        let mark = names.first().and_then(|name| name.starts_with('#').then_some(b'#'));
+        let mut header = csv::WriterBuilder::new().comment(mark).from_writer(to);
+        header.write_record(&names).map_err(of_system)?;
+        let mut writer =
+            csv::Writer::from_writer(header.into_inner().map_err(csv::IntoInnerError::into_error)?);
+        for row in 0..self.rows() {
+            for name in &names {
+                let written = match (extra.get(name.as_str()), Known::parse(name)) {
+                    (Some(cells), _) => writer.write_field(cells.get(row).map_or("", String::as_str)),
+                    (None, Some(Known::Time)) => writer.write_field(self.time_text(row)),
+                    (None, known) => {
+                        let value = known.and_then(|known| self.number(known, row));
+                        // As many digits as it takes to read the same number back.
+                        writer.write_field(value.map_or_else(String::new, |v| format!("{v:?}")))
+                    }
+                };
+                written.map_err(of_system)?;
+            }
+            writer.write_record(None::<&[u8]>).map_err(of_system)?;
+        }
+        writer.into_inner().map_err(csv::IntoInnerError::into_error)
+    }
+
+    /// The text of [`Recording::write_csv`].
+    pub fn to_csv(&self) -> String {
+        // Writing into memory has no way to fail.
+        self.write_csv(Vec::new()).map(|b| String::from_utf8_lossy(&b).into_owned()).unwrap_or_default()
+    }
+
+    fn time_text(&self, row: usize) -> String {
+        match self.exact_time_s.as_ref().and_then(|t| t.get(row)) {
+            Some(seconds) => format!("{seconds:?}"),
+            None => self.time_ns.get(row).map_or_else(String::new, |ns| time::text(*ns)),
+        }
+    }
+}
+
+impl Reader<'_> {
+    fn columns_error(&self, reason: String) -> RecordingError {
+        RecordingError::Columns { name: self.label.to_owned(), reason }
+    }
+
+    /// A comment that states a key of [recording] counts as if the rig file did.
+    fn apply_comments(&mut self) -> Result<(), RecordingError> {
+        let unset = RecordingTable::default();
+        for (n, (key, value)) in self.comments.iter().enumerate() {
+            if !matches!(key.as_str(), "rate_hz" | "wrench_sign" | "gravity_mps2" | "static") {
+                continue;
+            }
+            let at = |reason: String| RecordingError::At {
+                name: self.label.to_owned(),
+                line: n as u64 + 1,
+                column: None,
+                reason,
+            };
+            let stated = RigFile::parse(&format!("[recording]\n{key} = {value}"))
+                .map_err(|_| at(format!("comment {key} = {value} is not what the rig file's {key} can be")))?
+                .recording;
+            let rig = &mut self.rig.recording;
+            let contradicts = |is_set: bool, differs: bool| {
+                if is_set && differs {
+                    Err(at(format!("comment {key} = {value} contradicts the rig file: mend one of them")))
+                } else {
+                    Ok(())
+                }
+            };
+            match key.as_str() {
+                "rate_hz" => {
+                    contradicts(rig.rate_hz.is_some(), rig.rate_hz != stated.rate_hz)?;
+                    rig.rate_hz = stated.rate_hz;
+                }
+                "wrench_sign" => {
+                    contradicts(rig.wrench_sign != unset.wrench_sign, rig.wrench_sign != stated.wrench_sign)?;
+                    rig.wrench_sign = stated.wrench_sign;
+                }
+                "gravity_mps2" => {
+                    let differs = rig.gravity_mps2 != stated.gravity_mps2;
+                    contradicts(rig.gravity_mps2 != unset.gravity_mps2, differs)?;
+                    rig.gravity_mps2 = stated.gravity_mps2;
+                }
+                _ => {
+                    contradicts(rig.is_static, !stated.is_static)?;
+                    rig.is_static = stated.is_static;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn read(&mut self, body: &str, skipped: u64) -> Result<(), RecordingError> {
+        let label = self.label.to_owned();
+        let mut reader =
+            csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(body.as_bytes());
+        let header: Vec<String> = reader
+            .headers()
+            .map_err(|e| RecordingError::NotARecording { name: label.clone(), reason: e.to_string() })?
+            .iter()
+            .map(str::to_owned)
+            .collect();
+        if let [one] = header.as_slice()
+            && let Some(separator) = [';', '\t', '|'].into_iter().find(|s| one.contains(*s))
+        {
+            return Err(RecordingError::NotARecording {
+                name: label,
+                reason: format!(
+                    "its columns are separated by {separator:?}: they must be separated by commas"
+                ),
+            });
+        }
+        self.columns = self.assign(header)?;
+        let mut record = csv::StringRecord::new();
+        loop {
+            let at = |line: u64, column: Option<String>, reason: String| RecordingError::At {
+                name: label.clone(),
+                line,
+                column,
+                reason,
+            };
+            let more = reader.read_record(&mut record).map_err(|e| {
+                let line = e.position().map_or(0, csv::Position::line) + skipped;
+                at(line, None, format!("not a row of a CSV file: {e}"))
+            })?;
+            if !more {
+                break;
+            }
+            let line = record.position().map_or(0, csv::Position::line) + skipped;
+            if record.len() != self.columns.len() {
+                let (cells, names) = (record.len(), self.columns.len());
+                return Err(at(
+                    line,
+                    None,
+                    format!(
+                        "the row has {cells} values, the header {names} names: was the file cut off here? remove \
+                         or mend the row"
+                    ),
+                ));
+            }
+            for (column, cell) in self.columns.iter_mut().zip(&record) {
+                column.push(cell).map_err(|reason| at(line, Some(column.header.clone()), reason))?;
+            }
+            self.lines.push(line);
+        }
+        if self.lines.is_empty() {
+            return Err(RecordingError::NotARecording {
+                name: label,
+                reason: "it has a header and no rows".to_owned(),
+            });
+        }
+        Ok(())
+    }
+
+    /// What each column is, by its name or by the rig file.
+    fn assign(&self, header: Vec<String>) -> Result<Vec<Column>, RecordingError> {
+        let mapping = &self.rig.recording.columns;
+        let mut sources = BTreeMap::new();
+        for (known, source) in mapping {
+            let (name, scale) = source.parts();
+            if !header.iter().any(|h| h == name) {
+                let near = nearest(name, header.iter().map(String::as_str));
+                return Err(self.columns_error(format!(
+                    "the rig file says that {known} is in column {name:?}, and there is none{}; the columns are {}",
+                    near.map_or_else(String::new, |n| format!(" (is it {n:?}?)")),
+                    header.join(", ")
+                )));
+            }
+            if let Some((other, _)) = sources.insert(name, (known.as_str(), scale)) {
+                return Err(self.columns_error(format!(
+                    "the rig file names column {name:?} for {other} and for {known}: it can be one of them"
+                )));
+            }
+        }
+        let mut columns: Vec<Column> = Vec::new();
+        let mut known_columns = Vec::new();
+        for name in header {
+            if columns.iter().any(|c| c.header == name) {
+                return Err(self.columns_error(format!("column {name:?} stands there twice: rename one")));
+            }
+            let source = sources.get(name.as_str()).copied();
+            let known = source.map_or_else(|| Known::parse(&name), |(known, _)| Known::parse(known));
+            let scale = source.map_or(1.0, |(_, scale)| scale);
+            let sink = match known {
+                Some(Known::Time) if self.rig.recording.is_static => Sink::Text(Vec::new()),
+                Some(Known::Time) => Sink::Time { scale, times: Vec::new() },
+                Some(known) => {
+                    let cells = (scale != 1.0).then(Vec::new);
+                    Sink::Number { known, scale, values: Vec::new(), cells }
+                }
+                None => {
+                    if let Some(meant) = other_unit(&name) {
+                        return Err(self.columns_error(format!(
+                            "column {name} is a known quantity in an unknown unit: it must be {meant}, or be named \
+                             with its scale in the rig file, [recording] columns = {{ {meant} = {{ name = \"{name}\", \
+                             scale = … }} }}"
+                        )));
+                    }
+                    Sink::Text(Vec::new())
+                }
+            };
+            if let Some(known) = known {
+                if known_columns.contains(&known) {
+                    return Err(self.columns_error(format!(
+                        "{} is in two columns, {name:?} and another one: the file or the rig file must name one",
+                        known.name()
+                    )));
+                }
+                known_columns.push(known);
+            }
+            columns.push(Column { header: name, sink });
+        }
+        if known_columns.is_empty() {
+            return Err(RecordingError::NotARecording {
+                name: self.label.to_owned(),
+                reason: format!(
+                    "none of its columns is known ({}); name them in [recording] columns of a rig file",
+                    shorten(&columns.iter().map(|c| c.header.as_str()).collect::<Vec<_>>().join(", "))
+                ),
+            });
+        }
+        Ok(columns)
+    }
+
+    fn into_recording(mut self) -> Result<Recording, RecordingError> {
+        let headers: Vec<String> = self.columns.iter().map(|c| c.header.clone()).collect();
+        let mut recording = Recording { name: stem(self.label), ..Recording::default() };
+        let mut groups: BTreeMap<Group, BTreeMap<usize, Vec<f64>>> = BTreeMap::new();
+        let mut times = None;
+        for column in std::mem::take(&mut self.columns) {
+            match column.sink {
+                Sink::Time { times: found, .. } => {
+                    recording.order.push(TIME.to_owned());
+                    times = Some(found);
+                }
+                Sink::Number { known: Known::Member(group, k), values, cells, .. } => {
+                    recording.order.push(Known::Member(group, k).name());
+                    groups.entry(group).or_default().insert(k, values);
+                    if let Some(cells) = cells {
+                        // The number before scaling, so that nothing is lost in a conversion.
+                        recording.extra.push((raw_name(&column.header, &headers), cells));
+                    }
+                }
+                Sink::Number { .. } => {}
+                Sink::Text(cells) => {
+                    recording.order.push(column.header.clone());
+                    recording.extra.push((column.header, cells));
+                }
+            }
+        }
+        for (group, columns) in groups {
+            let names = group.names();
+            let missing: Vec<&str> = (0..names.len())
+                .filter(|k| !columns.contains_key(k))
+                .filter_map(|k| names.get(k).map(String::as_str))
+                .collect();
+            if !missing.is_empty() {
+                return Err(self.missing(&missing, &names, &headers));
+            }
+            recording.set_group(group, &columns.into_values().collect::<Vec<_>>());
+        }
+        match times {
+            Some(times) => self.set_times(&mut recording, &times)?,
+            None if self.rig.recording.is_static => {}
+            None => {
+                let near = headers.iter().find(|h| {
+                    let h = h.to_lowercase();
+                    h == "t" || h.contains("time") || h.contains("stamp")
+                });
+                return Err(self.columns_error(format!(
+                    "column t_s is missing: {}, or say static = true there if every row is a still pose",
+                    near.map_or_else(
+                        || "name the column of the time in [recording] columns of the rig file".to_owned(),
+                        |n| format!(
+                            "is it {n:?}? then say so in the rig file, [recording] columns = {{ t_s = {{ name = {n:?}, \
+                             scale = … }} }}"
+                        )
+                    )
+                )));
+            }
+        }
+        // The sign is applied below; stated again it would be applied again.
+        if self.rig.recording.wrench_sign == WrenchSign::OnSensor {
+            self.comments.retain(|(key, _)| key != "wrench_sign");
+        }
+        recording.comments = self.comments;
+        recording.rig = self.rig;
+        recording.settle(self.label)
+    }
+
+    fn missing(&self, missing: &[&str], names: &[String], headers: &[String]) -> RecordingError {
+        let there: Vec<&str> =
+            names.iter().map(String::as_str).filter(|name| !missing.contains(name)).collect();
+        let strangers = headers.iter().map(String::as_str).filter(|h| Known::parse(h).is_none());
+        let near = missing.first().and_then(|name| nearest(name, strangers));
+        self.columns_error(format!(
+            "{} {} missing beside {}{}: add what is missing, or name it in [recording] columns of the rig file",
+            if missing.len() == 1 { format!("column {}", missing[0]) } else { format!("columns {}", missing.join(", ")) },
+            if missing.len() == 1 { "is" } else { "are" },
+            there.join(", "),
+            near.map_or_else(String::new, |n| format!(" (is it {n:?}?)"))
+        ))
+    }
+
+    /// Checks that times increase and brings them to nanoseconds.
+    fn set_times(&self, recording: &mut Recording, times: &[Time]) -> Result<(), RecordingError> {
+        let line = |row: usize| self.lines.get(row).copied().unwrap_or(0);
+        let at = |row: usize, reason: String| RecordingError::At {
+            name: self.label.to_owned(),
+            line: line(row),
+            column: Some(TIME.to_owned()),
+            reason,
+        };
+        for (row, pair) in times.windows(2).enumerate() {
+            let (before, after) = (pair[0].seconds(), pair[1].seconds());
+            let increases = pair[1].nanoseconds() > pair[0].nanoseconds();
+            if !increases {
+                return Err(at(
+                    row + 1,
+                    format!(
+                        "time {} from {before:?} s (row {}, line {}) to {after:?} s (row {}): t_s must increase; sort \
+                         the rows, or split the file where the clock starts anew",
+                        if after < before { "runs backwards" } else { "stands still" },
+                        row + 1,
+                        line(row),
+                        row + 2,
+                    ),
+                ));
+            }
+        }
+        let first = times.first().map_or(0, |t| t.nanoseconds());
+        // Nanoseconds have no sign: a recording that begins before zero counts from its first row.
+        let origin = first.min(0);
+        for (row, t) in times.iter().enumerate() {
+            let ns = t.nanoseconds().saturating_sub(origin);
+            let ns = u64::try_from(ns).ok().filter(|ns| *ns < i64::MAX as u64).ok_or_else(|| {
+                at(row, format!("{:?} s is centuries away: check the scale of the time", t.seconds()))
+            })?;
+            recording.time_ns.push(ns);
+        }
+        if origin < 0 || times.iter().any(|t| matches!(t, Time::Seconds(_))) {
+            recording.exact_time_s = Some(times.iter().map(|t| t.seconds()).collect());
+        }
+        Ok(())
+    }
+}
+
+impl Column {
+    fn push(&mut self, cell: &str) -> Result<(), String> {
+        match &mut self.sink {
+            Sink::Text(cells) => cells.push(cell.to_owned()),
+            Sink::Time { scale, times } => times.push(time::parse(cell, *scale).ok_or_else(|| refuse(cell))?),
+            Sink::Number { scale, values, cells, .. } => {
+                let value: f64 =
+                    cell.parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| refuse(cell))?;
+                // Multiplying by one would change nothing but the sign of a zero.
+                let value = if *scale == 1.0 { value } else { value * *scale };
+                if !value.is_finite() {
+                    return Err(format!("{cell} times {scale} is not a finite number"));
+                }
+                values.push(value);
+                if let Some(cells) = cells {
+                    cells.push(cell.to_owned());
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What the system said, as it said it: a full disk is told from other failures by its kind.
+fn of_system(error: csv::Error) -> std::io::Error {
+    match error.into_kind() {
+        csv::ErrorKind::Io(error) => error,
+        other => std::io::Error::other(format!("{other:?}")),
+    }
+}
+
+/// Why a cell of a known column is no use.
+fn refuse(cell: &str) -> String {
+    let cell = shorten(cell);
+    if cell.is_empty() {
+        "the value is missing: fill it in, or remove the row".to_owned()
+    } else if cell.parse::<f64>().is_ok() {
+        format!("{cell} is not a finite number: mend it, or remove the row")
+    } else if nearest_known(&cell).as_deref() == Some(cell.as_str()) {
+        format!("{cell:?} is the name of a column: the header is repeated here; remove the line")
+    } else {
+        format!("{cell:?} is not a number (decimals have a point): mend it, or remove the row")
+    }
+}
+
+/// A name for the unscaled cells that no other column has.
+fn raw_name(header: &str, headers: &[String]) -> String {
+    let mut name = format!("raw_{header}");
+    while headers.contains(&name) {
+        name.insert_str(0, "raw_");
+    }
+    name
+}
+
+/// Not more of a text than a message can carry.
+fn shorten(text: &str) -> String {
+    const MOST: usize = 120;
+    if text.chars().count() <= MOST {
+        text.to_owned()
+    } else {
+        text.chars().take(MOST).chain("…".chars()).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests;

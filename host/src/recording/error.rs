@@ -1,0 +1,73 @@
+//! Why there is no recording: what happened, where, and what to do.
+
+use crate::rig::RigFileError;
+
+/// Why a recording cannot be read or written.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum RecordingError {
+    /// It cannot be read.
+    #[error("{path} cannot be read: {reason}")]
+    Unreadable {
+        /// The file.
+        path: String,
+        /// What the system says.
+        reason: String,
+    },
+    /// It cannot be written.
+    #[error("{path} cannot be written: {reason}; nothing was left half-written")]
+    Unwritable {
+        /// The file.
+        path: String,
+        /// What the system says.
+        reason: String,
+    },
+    /// A file of that name is there.
+    #[error("{0} is there already, and nothing is overwritten: give another name, or move it away")]
+    Exists(String),
+    /// The ending says neither CSV nor MCAP.
+    #[error("{0} is no recording by its name: it must end in .csv or .mcap")]
+    UnknownKind(String),
+    /// Not a recording.
+    #[error("{name} is not a recording: {reason}")]
+    NotARecording {
+        /// The recording.
+        name: String,
+        /// Why not.
+        reason: String,
+    },
+    /// Something is wrong at a place.
+    #[error("{name}, line {line}{}: {reason}", column.as_ref().map_or_else(String::new, |c| format!(", column {c}")))]
+    At {
+        /// The recording.
+        name: String,
+        /// Line of the file, from 1.
+        line: u64,
+        /// Name of the column.
+        column: Option<String>,
+        /// What is wrong, and what to do.
+        reason: String,
+    },
+    /// The columns are not those of a recording.
+    #[error("{name}: {reason}")]
+    Columns {
+        /// The recording.
+        name: String,
+        /// What is wrong, and what to do.
+        reason: String,
+    },
+    /// A message of an MCAP file.
+    #[error("{name}, topic {topic}, message {message}: {reason}")]
+    Message {
+        /// The recording.
+        name: String,
+        /// Its topic.
+        topic: String,
+        /// Its number on the topic, from 1.
+        message: usize,
+        /// What is wrong, and what to do.
+        reason: String,
+    },
+    /// The rig file.
+    #[error(transparent)]
+    Rig(#[from] RigFileError),
+}

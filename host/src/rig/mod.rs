@@ -1,0 +1,474 @@
+//! The rig file: what a recording was taken with.
+//!
+//! Lives here: its tables, one type each, keys as in the file. Reading, checking and complaining about them is in
+//! `read`. May not live here: what the numbers are used for.
+
+mod read;
+pub mod spelling;
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+pub use read::RigFileError;
+
+/// The whole file. Everything may be absent.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RigFile {
+    /// How the recording differs from the notation.
+    pub recording: RecordingTable,
+    /// The IMUs, in order.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub imu: Vec<ImuTable>,
+    /// The load cell.
+    pub load_cell: LoadCellTable,
+    /// The customer's frame.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub body: Option<BodyTable>,
+    /// The hexapod.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub platform: Option<PlatformTable>,
+    /// What is really the case; printed beside the answer, never used by it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub truth: Option<TruthTable>,
+    /// Several links, the first of them the base.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub link: Vec<LinkTable>,
+    /// Joints with columns of their own, where these differ from the joints' names.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub joint: Vec<JointTable>,
+    /// Several files, each with a clock of its own.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub stream: Vec<StreamTable>,
+}
+
+/// `[recording]`
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RecordingTable {
+    /// Checked against the times, 1/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rate_hz: Option<f64>,
+    /// Whose sign the wrench has.
+    pub wrench_sign: WrenchSign,
+    /// Gravity, m/s².
+    pub gravity_mps2: f64,
+    /// Rows are still poses without time.
+    #[serde(rename = "static")]
+    pub is_static: bool,
+    /// Foreign names of the columns.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub columns: BTreeMap<String, ColumnSource>,
+    /// Topics of a bag recorded elsewhere that holds several of a kind: `wrench`, `imu`.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub topics: BTreeMap<String, String>,
+}
+
+impl Default for RecordingTable {
+    fn default() -> Self {
+        Self {
+            rate_hz: None,
+            wrench_sign: WrenchSign::OnBody,
+            gravity_mps2: 9.80665,
+            is_static: false,
+            columns: BTreeMap::new(),
+            topics: BTreeMap::new(),
+        }
+    }
+}
+
+/// Whose sign a wrench has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum WrenchSign {
+    /// On the body, by the sensor.
+    #[default]
+    OnBody,
+    /// On the sensor, by the body: the reaction.
+    OnSensor,
+}
+
+/// Where a column's numbers are.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "must be a column's name, or { name = \"…\", scale = … }")]
+pub enum ColumnSource {
+    /// Under another name.
+    Name(String),
+    /// Under another name and in another unit.
+    Scaled(ScaledColumn),
+}
+
+/// A column in another unit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ScaledColumn {
+    /// Its name in the file.
+    pub name: String,
+    /// Multiplies its numbers to give SI.
+    pub scale: f64,
+}
+
+impl ColumnSource {
+    /// Name in the file and factor to SI.
+    pub fn parts(&self) -> (&str, f64) {
+        match self {
+            Self::Name(name) => (name, 1.0),
+            Self::Scaled(column) => (&column.name, column.scale),
+        }
+    }
+}
+
+/// Numbers, or calibrated on the recording's still poses.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "must be three numbers, or \"from_poses\"")]
+pub enum Calibrated {
+    /// Given.
+    Numbers([f64; 3]),
+    /// `"from_poses"`
+    FromPoses(FromPoses),
+}
+
+/// The word `from_poses`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum FromPoses {
+    /// Calibrated against |g| (accelerometer) or rest (gyro).
+    #[serde(rename = "from_poses")]
+    FromPoses,
+}
+
+/// `[[imu]]`
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ImuTable {
+    /// The link it sits on.
+    pub link: usize,
+    /// Its origin in the link's frame, m.
+    pub position_m: [f64; 3],
+    /// `R_LU`.
+    pub rotation_wxyz: [f64; 4],
+    /// Factor on each accelerometer axis.
+    pub accel_scale: Calibrated,
+    /// Bias of the scaled accelerometer, m/s².
+    pub accel_bias_mps2: Calibrated,
+    /// Bias of the gyro, rad/s.
+    pub gyro_bias_radps: Calibrated,
+    /// Group delay, s.
+    pub group_delay_s: f64,
+    /// Bandwidth, Hz.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bandwidth_hz: Option<f64>,
+    /// Rate it is run at, 1/s; the recording's otherwise.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rate_hz: Option<f64>,
+    /// Range of the accelerometer, m/s².
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range_mps2: Option<f64>,
+    /// Range of the gyro, rad/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range_radps: Option<f64>,
+    /// 1 σ per sample, m/s².
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub accel_noise_mps2: Option<f64>,
+    /// 1 σ per sample, rad/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gyro_noise_radps: Option<f64>,
+    /// Serial number.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub serial: Option<String>,
+    /// Date of its calibration.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub calibrated_on: Option<String>,
+}
+
+impl Default for ImuTable {
+    fn default() -> Self {
+        Self {
+            link: 0,
+            position_m: [0.0; 3],
+            rotation_wxyz: [1.0, 0.0, 0.0, 0.0],
+            accel_scale: Calibrated::Numbers([1.0; 3]),
+            accel_bias_mps2: Calibrated::Numbers([0.0; 3]),
+            gyro_bias_radps: Calibrated::Numbers([0.0; 3]),
+            group_delay_s: 0.0,
+            bandwidth_hz: None,
+            rate_hz: None,
+            range_mps2: None,
+            range_radps: None,
+            accel_noise_mps2: None,
+            gyro_noise_radps: None,
+            serial: None,
+            calibrated_on: None,
+        }
+    }
+}
+
+/// What is known of the wrench's offset.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "must be six numbers, \"estimate\" or \"zero\"")]
+pub enum OffsetTable {
+    /// Six numbers, on-body sign.
+    Known([f64; 6]),
+    /// A word.
+    Word(OffsetWord),
+}
+
+/// Words for the offset.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum OffsetWord {
+    /// Estimated with the body.
+    Estimate,
+    /// There is none.
+    Zero,
+}
+
+/// `[load_cell]`
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LoadCellTable {
+    /// 1 σ per sample, N and N m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noise_n_nm: Option<[f64; 6]>,
+    /// The offset.
+    pub offset_n_nm: OffsetTable,
+    /// 1 σ, relative, constant over an experiment.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gain_uncertainty: Option<[f64; 6]>,
+    /// `wrench = calibration · gauges`, N/V and N m/V.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<[[f64; 6]; 6]>,
+    /// Group delay, s.
+    pub group_delay_s: f64,
+    /// Bandwidth, Hz.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bandwidth_hz: Option<f64>,
+    /// Range, N and N m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range_n_nm: Option<[f64; 6]>,
+    /// Serial number.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub serial: Option<String>,
+    /// Date of its calibration.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub calibrated_on: Option<String>,
+}
+
+impl Default for LoadCellTable {
+    fn default() -> Self {
+        Self {
+            noise_n_nm: None,
+            offset_n_nm: OffsetTable::Word(OffsetWord::Estimate),
+            gain_uncertainty: None,
+            calibration: None,
+            group_delay_s: 0.0,
+            bandwidth_hz: None,
+            range_n_nm: None,
+            serial: None,
+            calibrated_on: None,
+        }
+    }
+}
+
+/// `[body]`: the customer's frame, in S.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct BodyTable {
+    /// Its name.
+    pub name: String,
+    /// Origin in S, m.
+    pub position_m: [f64; 3],
+    /// Body axes to S.
+    pub rotation_wxyz: [f64; 4],
+}
+
+impl Default for BodyTable {
+    fn default() -> Self {
+        Self { name: String::new(), position_m: [0.0; 3], rotation_wxyz: [1.0, 0.0, 0.0, 0.0] }
+    }
+}
+
+/// `[platform]`: a hexapod.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+#[allow(missing_docs, reason = "the keys of the format, which documents them")]
+pub struct PlatformTable {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub base_joints_m: Option<[[f64; 3]; 6]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plate_joints_m: Option<[[f64; 3]; 6]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub leg_length_m: Option<[f64; 2]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub leg_rate_mps: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub leg_acceleration_mps2: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub leg_force_n: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub base_joint_angle_rad: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub base_joint_axes: Option<[[f64; 3]; 6]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plate_joint_angle_rad: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plate_joint_axes: Option<[[f64; 3]; 6]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cond_max: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub load_cell: Option<PlaceTable>,
+}
+
+/// A frame on the plate.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlaceTable {
+    /// Origin, m.
+    pub position_m: [f64; 3],
+    /// Orientation.
+    pub rotation_wxyz: [f64; 4],
+}
+
+/// `[truth]`
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TruthTable {
+    /// Mass, kg.
+    pub mass_kg: f64,
+    /// Centre of mass in S, m.
+    pub com_m: [f64; 3],
+    /// About the centre of mass, axes of S, kg m².
+    pub inertia_com_kgm2: [f64; 6],
+    /// Apparent offset of the wrench, on-body sign, N and N m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub apparent_offset_n_nm: Option<[f64; 6]>,
+}
+
+/// `[[link]]`
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LinkTable {
+    /// Its name.
+    pub name: String,
+    /// Name of the link it hangs on; absent for the base.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub parent: Option<String>,
+    /// How it hangs there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub joint: Option<Joint>,
+    /// Axis of a revolute, continuous or prismatic joint, in the link's frame; first axis of a universal one, x if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub axis: Option<[f64; 3]>,
+    /// Second axis of a universal joint, y if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub second_axis: Option<[f64; 3]>,
+    /// Joint in the parent's frame, m; its origin if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub position_m: Option<[f64; 3]>,
+    /// Parent axes ← link axes at zero angle.
+    #[serde(default = "no_rotation")]
+    pub rotation_wxyz: [f64; 4],
+    /// For a device that finds the joint's attitude from both links' IMUs: `R_SL` at the start of a run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub initial_wxyz: Option<[f64; 4]>,
+    /// What is assumed of it beforehand: mass, kg; given with the two below or not at all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nominal_mass_kg: Option<f64>,
+    /// Centre of mass in the link's frame, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nominal_com_m: Option<[f64; 3]>,
+    /// Tensor about the centre of mass, axes of the link, Ixx, Iyy, Izz, Iyz, Izx, Ixy, kg m².
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nominal_inertia_com_kgm2: Option<[f64; 6]>,
+}
+
+/// `[[joint]]`: the columns of a joint. Without it, and for keys that are left out, they are named for the joint:
+/// `NAME_rad`, `NAME_radps`, `NAME_nm`, or `NAME_m`, `NAME_mps`, `NAME_n` of one that slides.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct JointTable {
+    /// The joint's name in the model; in `[[link]]` tables that of its link.
+    pub name: String,
+    /// Its angle, rad, or length, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub position: Option<ColumnSource>,
+    /// Its rate, rad/s or m/s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rate: Option<ColumnSource>,
+    /// Torque, N m, or force, N, of its drive.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub effort: Option<ColumnSource>,
+    /// 1 σ of the effort per sample.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub effort_noise: Option<f64>,
+}
+
+fn no_rotation() -> [f64; 4] {
+    [1.0, 0.0, 0.0, 0.0]
+}
+
+/// Kind of a joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Joint {
+    /// Does not move.
+    Fixed,
+    /// Turns about one axis.
+    Revolute,
+    /// Turns about one axis without end.
+    Continuous,
+    /// Slides along one axis.
+    Prismatic,
+    /// Turns about two axes.
+    Universal,
+    /// Turns about any axis.
+    Spherical,
+    /// Moves in any way.
+    Free,
+}
+
+/// `[[stream]]`: one of several files.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StreamTable {
+    /// The file, beside the rig file.
+    pub file: String,
+    /// Foreign names of its columns.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub columns: BTreeMap<String, ColumnSource>,
+    /// Attitude as a matrix, row by row.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rotation_matrix: Option<RotationMatrixTable>,
+}
+
+/// Where the elements of a rotation matrix are.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RotationMatrixTable {
+    /// Which frame's attitude in which, `S in A`.
+    pub frame: String,
+    /// Names of the nine columns, row by row.
+    pub columns: [String; 9],
+}
+
+impl RotationMatrixTable {
+    /// Whether it is `R_AS`; else it is `R_SA`.
+    pub fn is_s_in_a(&self) -> bool {
+        self.frame == "S in A"
+    }
+}
+
+impl RigFile {
+    /// The IMU on link `j`.
+    pub fn imu_on(&self, j: usize) -> Option<&ImuTable> {
+        self.imu.iter().find(|imu| imu.link == j)
+    }
+
+    /// The text of the file.
+    pub fn to_toml(&self) -> String {
+        // Tables, numbers and strings have no way to fail.
+        toml::to_string(self).unwrap_or_default()
+    }
+}

@@ -1,0 +1,485 @@
+//! Reading and checking a rig file; every complaint names key and line.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::Path;
+
+use toml::de::DeTable;
+
+use super::{Calibrated, ColumnSource, Joint, OffsetTable, RigFile};
+use crate::recording::columns::{Known, MOST_LINKS, nearest_known};
+use crate::rig::spelling::nearest;
+
+/// Why a rig file cannot be used.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum RigFileError {
+    /// It cannot be read.
+    #[error("rig file {path} cannot be read: {reason}")]
+    Unreadable {
+        /// The file.
+        path: String,
+        /// What the system says.
+        reason: String,
+    },
+    /// Not TOML, an unknown key, a value of the wrong kind.
+    #[error("rig file{}{}: {reason}", named(file), at_place(place))]
+    Syntax {
+        /// The file, if it is one.
+        file: Option<String>,
+        /// Line and column, in characters, both from 1.
+        place: Option<(usize, usize)>,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A value that makes no sense.
+    #[error("rig file{}{}: {key} = {value}: {advice}", named(file), at(line))]
+    Value {
+        /// The file, if it is one.
+        file: Option<String>,
+        /// Line, from 1.
+        line: Option<usize>,
+        /// The key.
+        key: String,
+        /// What stands there.
+        value: String,
+        /// What should.
+        advice: String,
+    },
+}
+
+fn named(file: &Option<String>) -> String {
+    file.as_ref().map_or_else(String::new, |f| format!(" {f}"))
+}
+
+fn at(line: &Option<usize>) -> String {
+    line.map_or_else(String::new, |n| format!(", line {n}"))
+}
+
+fn at_place(place: &Option<(usize, usize)>) -> String {
+    place.map_or_else(String::new, |(line, column)| format!(", line {line}, column {column}"))
+}
+
+impl RigFileError {
+    /// The same, naming the file.
+    #[must_use]
+    pub fn of_file(mut self, name: &str) -> Self {
+        match &mut self {
+            Self::Syntax { file, .. } | Self::Value { file, .. } => *file = Some(name.to_owned()),
+            Self::Unreadable { .. } => {}
+        }
+        self
+    }
+}
+
+impl RigFile {
+    /// Reads and checks the text of a rig file.
+    ///
+    /// # Errors
+    /// [`RigFileError`] names key and line.
+    pub fn parse(text: &str) -> Result<Self, RigFileError> {
+        let rig: Self = toml::from_str(text).map_err(|e| syntax(text, &e))?;
+        let mut check = Check { text, rig: &rig };
+        check.run()?;
+        Ok(rig)
+    }
+
+    /// Reads and checks a rig file.
+    ///
+    /// # Errors
+    /// It cannot be read, or [`RigFile::parse`] refuses it.
+    pub fn load(path: &Path) -> Result<Self, RigFileError> {
+        Self::load_with_text(path).map(|(rig, _)| rig)
+    }
+
+    /// Reads and checks a rig file, and gives its text too.
+    ///
+    /// # Errors
+    /// As [`RigFile::load`].
+    pub fn load_with_text(path: &Path) -> Result<(Self, String), RigFileError> {
+        let name = path.display().to_string();
+        let text = std::fs::read_to_string(path)
+            .map_err(|e| RigFileError::Unreadable { path: name.clone(), reason: e.to_string() })?;
+        let rig = Self::parse(&text).map_err(|e| e.of_file(&name))?;
+        Ok((rig, text))
+    }
+}
+
+/// The line on which a stretch of the text begins.
+fn line_of(text: &str, span: &Range<usize>) -> usize {
+    text.bytes().take(span.start).filter(|b| *b == b'\n').count() + 1
+}
+
+/// Line and column, in characters, at which a stretch of the text begins.
+fn place_of(text: &str, span: &Range<usize>) -> (usize, usize) {
+    // A stretch that begins inside a character has no column; its line still has.
+    let before = text.get(..span.start).and_then(|before| before.rsplit('\n').next()).unwrap_or_default();
+    (line_of(text, span), before.chars().count() + 1)
+}
+
+/// The parser's words, with the place, and the key that an unknown one was meant to be.
+fn syntax(text: &str, error: &toml::de::Error) -> RigFileError {
+    let message = error.message().trim().replace('\n', ", ");
+    let reason = match unknown_key(&message) {
+        Some((key, known)) => {
+            let near = nearest(key, known.iter().copied());
+            format!(
+                "key {key} is not known{}; known here: {}",
+                near.map_or_else(String::new, |n| format!(" (is it {n}?)")),
+                known.join(", ")
+            )
+        }
+        None => message,
+    };
+    RigFileError::Syntax { file: None, place: error.span().map(|span| place_of(text, &span)), reason }
+}
+
+/// ``unknown field `a`, expected one of `b`, `c` `` → a, [b, c].
+fn unknown_key(message: &str) -> Option<(&str, Vec<&str>)> {
+    let (key, expected) = message.strip_prefix("unknown field `")?.split_once("`, expected ")?;
+    // Words in backquotes are every second part.
+    Some((key, expected.split('`').skip(1).step_by(2).collect()))
+}
+
+/// Where a value stands: `imu[0].position_m`.
+fn locate(text: &str, path: &str) -> Option<usize> {
+    let document = DeTable::parse(text).ok()?;
+    let mut table = Some(document.get_ref());
+    let mut span = None;
+    for part in path.split('.') {
+        let (name, index) = match part.split_once('[') {
+            Some((name, index)) => (name, index.trim_end_matches(']').parse::<usize>().ok()),
+            None => (part, None),
+        };
+        let Some((key, found)) = table?.iter().find(|(key, _)| key.get_ref() == name) else { break };
+        span = Some(key.span());
+        let mut value = found.get_ref();
+        if let Some(item) = index.and_then(|i| value.as_array()?.get(i)) {
+            // Tables of an array begin at their headers.
+            span = Some(item.span());
+            value = item.get_ref();
+        }
+        table = value.as_table();
+    }
+    span.map(|span| line_of(text, &span))
+}
+
+const FINITE: &str = "every number must be finite";
+const POSITIVE: &str = "must be finite and greater than zero";
+const NOT_NEGATIVE: &str = "must be finite and not negative";
+const NOISE: &str =
+    "1 σ must be finite and greater than zero; leave the key out to have it estimated from the residuals";
+const IMU_NOISE: &str =
+    "1 σ must be finite and greater than zero; leave the key out to have it taken from the readings";
+
+struct Check<'a> {
+    text: &'a str,
+    rig: &'a RigFile,
+}
+
+impl Check<'_> {
+    fn refuse(&self, key: &str, value: impl std::fmt::Debug, advice: impl Into<String>) -> RigFileError {
+        RigFileError::Value {
+            file: None,
+            line: locate(self.text, key),
+            key: key.to_owned(),
+            value: format!("{value:?}"),
+            advice: advice.into(),
+        }
+    }
+
+    fn all(
+        &self,
+        key: &str,
+        values: &[f64],
+        good: impl Fn(f64) -> bool,
+        advice: &str,
+    ) -> Result<(), RigFileError> {
+        if values.iter().all(|v| v.is_finite() && good(*v)) {
+            Ok(())
+        } else {
+            Err(self.refuse(key, values, advice))
+        }
+    }
+
+    fn finite(&self, key: &str, values: &[f64]) -> Result<(), RigFileError> {
+        self.all(key, values, |_| true, FINITE)
+    }
+
+    fn positive(&self, key: &str, values: &[f64]) -> Result<(), RigFileError> {
+        self.all(key, values, |v| v > 0.0, POSITIVE)
+    }
+
+    fn rotation(&self, key: &str, q: &[f64; 4]) -> Result<(), RigFileError> {
+        let norm = q.iter().map(|v| v * v).sum::<f64>().sqrt();
+        if (norm - 1.0).abs() < 0.01 {
+            return Ok(());
+        }
+        Err(self.refuse(key, q, format!("must be a unit quaternion w, x, y, z; its norm is {norm:.4}")))
+    }
+
+    fn delay(&self, key: &str, value: f64) -> Result<(), RigFileError> {
+        self.all(key, &[value], |v| (0.0..=1.0).contains(&v), "must be between 0 and 1 s")
+    }
+
+    fn columns(&self, key: &str, columns: &BTreeMap<String, ColumnSource>) -> Result<(), RigFileError> {
+        for (name, source) in columns {
+            let key = format!("{key}.{name}");
+            let (column, scale) = source.parts();
+            if Known::parse(name).is_none() {
+                let near = nearest_known(name);
+                return Err(self.refuse(
+                    &key,
+                    column,
+                    format!(
+                        "{name} is no column of a recording{}; it stands as known name = \"name in the file\"",
+                        near.map_or_else(String::new, |n| format!(" (is it {n}?)"))
+                    ),
+                ));
+            }
+            if column.trim() != column || column.is_empty() {
+                return Err(self.refuse(&key, column, "must be the column's name, without blanks around it"));
+            }
+            if !scale.is_finite() || scale == 0.0 {
+                return Err(self.refuse(&format!("{key}.scale"), scale, "must be finite and not zero"));
+            }
+        }
+        Ok(())
+    }
+
+    fn run(&mut self) -> Result<(), RigFileError> {
+        self.recording()?;
+        self.imus()?;
+        self.load_cell()?;
+        self.places()?;
+        self.links()?;
+        self.joints()
+    }
+
+    fn recording(&self) -> Result<(), RigFileError> {
+        let recording = &self.rig.recording;
+        self.positive("recording.rate_hz", recording.rate_hz.as_slice())?;
+        self.positive("recording.gravity_mps2", &[recording.gravity_mps2])?;
+        self.columns("recording.columns", &recording.columns)?;
+        for (name, topic) in &recording.topics {
+            if !matches!(name.as_str(), "wrench" | "imu") {
+                let key = format!("recording.topics.{name}");
+                return Err(self.refuse(&key, topic, "topics are named for wrench and imu"));
+            }
+        }
+        for (n, stream) in self.rig.stream.iter().enumerate() {
+            self.columns(&format!("stream[{n}].columns"), &stream.columns)?;
+            if let Some(matrix) = &stream.rotation_matrix
+                && !matches!(matrix.frame.as_str(), "S in A" | "A in S")
+            {
+                let key = format!("stream[{n}].rotation_matrix.frame");
+                let advice = "must be \"S in A\" (the columns are S's axes in A) or \"A in S\"";
+                return Err(self.refuse(&key, &matrix.frame, advice));
+            }
+        }
+        Ok(())
+    }
+
+    fn imus(&self) -> Result<(), RigFileError> {
+        let mut links = Vec::new();
+        for (i, imu) in self.rig.imu.iter().enumerate() {
+            let key = |name: &str| format!("imu[{i}].{name}");
+            if imu.link >= MOST_LINKS {
+                return Err(self.refuse(&key("link"), imu.link, "there are not so many links"));
+            }
+            if links.contains(&imu.link) {
+                return Err(self.refuse(
+                    &key("link"),
+                    imu.link,
+                    "two [[imu]] tables are for one link: each needs a link of its own",
+                ));
+            }
+            links.push(imu.link);
+            let most = self.rig.link.len();
+            if most > 0 && imu.link >= most {
+                let names: Vec<&str> = self.rig.link.iter().map(|link| link.name.as_str()).collect();
+                let advice = format!(
+                    "the [[link]] tables are links 0 to {} ({}), in their order",
+                    most - 1,
+                    names.join(", ")
+                );
+                return Err(self.refuse(&key("link"), imu.link, advice));
+            }
+            self.finite(&key("position_m"), &imu.position_m)?;
+            self.rotation(&key("rotation_wxyz"), &imu.rotation_wxyz)?;
+            if let Calibrated::Numbers(scale) = &imu.accel_scale {
+                self.positive(&key("accel_scale"), scale)?;
+            }
+            for (name, value) in
+                [("accel_bias_mps2", imu.accel_bias_mps2), ("gyro_bias_radps", imu.gyro_bias_radps)]
+            {
+                if let Calibrated::Numbers(bias) = value {
+                    self.finite(&key(name), &bias)?;
+                }
+            }
+            self.delay(&key("group_delay_s"), imu.group_delay_s)?;
+            for (name, value) in [
+                ("bandwidth_hz", imu.bandwidth_hz),
+                ("rate_hz", imu.rate_hz),
+                ("range_mps2", imu.range_mps2),
+                ("range_radps", imu.range_radps),
+            ] {
+                self.positive(&key(name), value.as_slice())?;
+            }
+            for (name, value) in
+                [("accel_noise_mps2", imu.accel_noise_mps2), ("gyro_noise_radps", imu.gyro_noise_radps)]
+            {
+                self.all(&key(name), value.as_slice(), |v| v > 0.0, IMU_NOISE)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn load_cell(&self) -> Result<(), RigFileError> {
+        let cell = &self.rig.load_cell;
+        let six = |values: &Option<[f64; 6]>| values.map(Vec::from).unwrap_or_default();
+        self.all("load_cell.noise_n_nm", &six(&cell.noise_n_nm), |v| v > 0.0, NOISE)?;
+        self.positive("load_cell.range_n_nm", &six(&cell.range_n_nm))?;
+        self.all("load_cell.gain_uncertainty", &six(&cell.gain_uncertainty), |v| v >= 0.0, NOT_NEGATIVE)?;
+        self.positive("load_cell.bandwidth_hz", cell.bandwidth_hz.as_slice())?;
+        if let OffsetTable::Known(offset) = &cell.offset_n_nm {
+            self.finite("load_cell.offset_n_nm", offset)?;
+        }
+        for row in cell.calibration.iter().flatten() {
+            self.finite("load_cell.calibration", row)?;
+        }
+        self.delay("load_cell.group_delay_s", cell.group_delay_s)
+    }
+
+    /// Body, platform, truth.
+    fn places(&self) -> Result<(), RigFileError> {
+        if let Some(body) = &self.rig.body {
+            self.finite("body.position_m", &body.position_m)?;
+            self.rotation("body.rotation_wxyz", &body.rotation_wxyz)?;
+        }
+        if let Some(platform) = &self.rig.platform {
+            for (name, joints) in [
+                ("base_joints_m", platform.base_joints_m),
+                ("plate_joints_m", platform.plate_joints_m),
+                ("base_joint_axes", platform.base_joint_axes),
+                ("plate_joint_axes", platform.plate_joint_axes),
+            ] {
+                for joint in joints.iter().flatten() {
+                    self.finite(&format!("platform.{name}"), joint)?;
+                }
+            }
+            if let Some([least, most]) = platform.leg_length_m
+                && !(least > 0.0 && most > least && most.is_finite())
+            {
+                let advice = if !(least.is_finite() && most.is_finite()) {
+                    "must be two finite numbers, the least and the greatest length"
+                } else if least <= 0.0 || most <= 0.0 {
+                    "must be the least and the greatest length, both greater than zero"
+                } else if least == most {
+                    "leaves the legs no stroke: the greatest length must be more than the least"
+                } else {
+                    "is the wrong way round: the least length comes first, then the greatest"
+                };
+                return Err(self.refuse("platform.leg_length_m", [least, most], advice));
+            }
+            for (name, value) in [
+                ("leg_rate_mps", platform.leg_rate_mps),
+                ("leg_acceleration_mps2", platform.leg_acceleration_mps2),
+                ("leg_force_n", platform.leg_force_n),
+                ("base_joint_angle_rad", platform.base_joint_angle_rad),
+                ("plate_joint_angle_rad", platform.plate_joint_angle_rad),
+                ("cond_max", platform.cond_max),
+            ] {
+                self.positive(&format!("platform.{name}"), value.as_slice())?;
+            }
+            if let Some(place) = &platform.load_cell {
+                self.finite("platform.load_cell.position_m", &place.position_m)?;
+                self.rotation("platform.load_cell.rotation_wxyz", &place.rotation_wxyz)?;
+            }
+        }
+        if let Some(truth) = &self.rig.truth {
+            self.positive("truth.mass_kg", &[truth.mass_kg])?;
+            self.finite("truth.com_m", &truth.com_m)?;
+            self.finite("truth.inertia_com_kgm2", &truth.inertia_com_kgm2)?;
+        }
+        Ok(())
+    }
+
+    fn links(&self) -> Result<(), RigFileError> {
+        let mut names: Vec<&str> = Vec::new();
+        for (n, link) in self.rig.link.iter().enumerate() {
+            let key = |name: &str| format!("link[{n}].{name}");
+            if names.contains(&link.name.as_str()) {
+                return Err(self.refuse(&key("name"), &link.name, "two links have this name"));
+            }
+            match &link.parent {
+                None if n > 0 => {
+                    return Err(self.refuse(
+                        &key("name"),
+                        &link.name,
+                        "every link but the first needs a parent",
+                    ));
+                }
+                Some(parent) if !names.contains(&parent.as_str()) => {
+                    return Err(self.refuse(&key("parent"), parent, "must be a link that stands above"));
+                }
+                _ => {}
+            }
+            names.push(&link.name);
+            self.finite(&key("position_m"), link.position_m.as_ref().map_or(&[], |p| p.as_slice()))?;
+            self.rotation(&key("rotation_wxyz"), &link.rotation_wxyz)?;
+            if let Some(initial) = &link.initial_wxyz {
+                self.rotation(&key("initial_wxyz"), initial)?;
+            }
+            let has_axis = matches!(link.joint, Some(Joint::Revolute | Joint::Continuous | Joint::Prismatic));
+            if let (true, None, Some(joint)) = (has_axis, link.axis, link.joint) {
+                return Err(self.refuse(&key("joint"), joint, "needs its axis = [x, y, z]"));
+            }
+            for (name, axis) in [("axis", link.axis), ("second_axis", link.second_axis)] {
+                self.finite(&key(name), axis.as_ref().map_or(&[], |a| a.as_slice()))?;
+            }
+            let nominal = [
+                link.nominal_mass_kg.is_some(),
+                link.nominal_com_m.is_some(),
+                link.nominal_inertia_com_kgm2.is_some(),
+            ];
+            if nominal.contains(&true) && nominal.contains(&false) {
+                return Err(self.refuse(
+                    &key("name"),
+                    &link.name,
+                    "nominal_mass_kg, nominal_com_m and nominal_inertia_com_kgm2 are given together or not at all",
+                ));
+            }
+            self.positive(&key("nominal_mass_kg"), link.nominal_mass_kg.as_slice())?;
+            self.finite(&key("nominal_com_m"), link.nominal_com_m.as_ref().map_or(&[], |v| v.as_slice()))?;
+            let tensor = link.nominal_inertia_com_kgm2.as_ref();
+            self.finite(&key("nominal_inertia_com_kgm2"), tensor.map_or(&[], |v| v.as_slice()))?;
+        }
+        Ok(())
+    }
+
+    fn joints(&self) -> Result<(), RigFileError> {
+        let mut names: Vec<&str> = Vec::new();
+        for (n, joint) in self.rig.joint.iter().enumerate() {
+            let key = |name: &str| format!("joint[{n}].{name}");
+            if names.contains(&joint.name.as_str()) {
+                return Err(self.refuse(&key("name"), &joint.name, "two [[joint]] tables have this name"));
+            }
+            names.push(&joint.name);
+            self.all(&key("effort_noise"), joint.effort_noise.as_slice(), |v| v > 0.0, NOISE)?;
+            for (name, source) in
+                [("position", &joint.position), ("rate", &joint.rate), ("effort", &joint.effort)]
+            {
+                let Some(source) = source else { continue };
+                let (column, scale) = source.parts();
+                if column.trim() != column || column.is_empty() {
+                    let advice = "must be the column's name, without blanks around it";
+                    return Err(self.refuse(&key(name), column, advice));
+                }
+                if !scale.is_finite() || scale == 0.0 {
+                    return Err(self.refuse(&key(name), scale, "its scale must be finite and not zero"));
+                }
+            }
+        }
+        Ok(())
+    }
+}
