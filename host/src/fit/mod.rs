@@ -1,3 +1,19 @@
-//! The information factor on the host, and what is done with it.
+//! The information factor on the host, and the fit that fills it.
+//!
+//! Every method ends in rows `A φ = y ± σ` ([`RowSource`]). Rows are absorbed into a [`Factor`]; every question is a
+//! function of the factor. This room knows nothing of files, bodies or screens.
 
+mod estimate;
+mod factor;
 pub mod factor_file;
+mod parameter;
+mod result;
+mod source;
+
+pub use estimate::{COVERAGE_95, Estimate, Measured, Noise};
+pub use factor::{Factor, Solution};
+pub use parameter::{Channel, Kind, Owner, Parameter};
+pub use result::{
+    BlockResidual, ChannelFit, Convergence, Counts, Fit, Forgotten, NoiseCheck, Prior, PriorStatement,
+};
+pub use source::{RowSource, SampleRows, Timing};

@@ -1,0 +1,326 @@
+//! The information factor of any number of parameters.
+//!
+//! After any number of rows, `[R z; 0 ρ]` is the triangular factor of the stacked `[A y]`: recursive least squares in
+//! square-root information form. The kernel that reduces the rows is the firmware's (`rigident_shared::factor`); only the
+//! size is not known when the program is compiled. Every question about the parameters is a function of the factor.
+
+use nalgebra::DMatrix;
+use rigident_shared::Scalar;
+use rigident_shared::factor::{BLOCK_ROWS, Column, InformationFactor};
+
+/// R, z, the residual sum of squares and the row count of all rows absorbed.
+///
+/// Rows come whitened (divided by their σ), so that `(RᵀR)⁻¹` is the covariance of the parameters.
+///
+/// ```
+/// use rigident::fit::Factor;
+///
+/// // y = 2 + 3 x at x = 0, 1, 2.
+/// let mut factor = Factor::new(2);
+/// factor.absorb([([1.0, 0.0].as_slice(), 2.0), (&[1.0, 1.0], 5.0), (&[1.0, 2.0], 8.0)]);
+/// let solution = factor.solve(1e-12);
+/// assert!((solution.estimate[1] - 3.0).abs() < 1e-12);
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Factor {
+    parameters: usize,
+    /// `[R z]` by columns; the entries below the diagonal are zero.
+    triangle: Vec<f64>,
+    residual_sum_of_squares: f64,
+    rows: u64,
+}
+
+/// The solution of a factor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Solution {
+    /// Least-squares estimate; meaningless where not determined.
+    pub estimate: Vec<f64>,
+    /// `(RᵀR)⁻¹` over the directions that are determined.
+    pub covariance: DMatrix<f64>,
+    /// True where the rows alone determine the parameter.
+    pub determined: Vec<bool>,
+    /// 2-norm condition number of the column-scaled R over what is determined.
+    pub condition_number: f64,
+    /// Directions that are not determined: parameters and their shares in column-scaled units.
+    pub null_directions: Vec<Vec<(usize, f64)>>,
+}
+
+impl Factor {
+    /// Returns the factor of no rows.
+    pub fn new(parameters: usize) -> Self {
+        Self {
+            parameters,
+            triangle: vec![0.0; parameters * (parameters + 1)],
+            residual_sum_of_squares: 0.0,
+            rows: 0,
+        }
+    }
+
+    /// Builds a factor from its numbers: the upper triangle by rows, z, the residual sum of squares.
+    ///
+    /// Returns `None` if there are not `n (n + 3) / 2 + 1` finite numbers or the residual sum is negative.
+    pub fn from_entries(parameters: usize, entries: &[f64], rows: u64) -> Option<Self> {
+        let triangle = parameters * (parameters + 1) / 2;
+        let good = entries.len() == triangle + parameters + 1 && entries.iter().all(|v| v.is_finite());
+        let (residual, numbers) = entries.split_last().filter(|(residual, _)| good && **residual >= 0.0)?;
+        let (r, z) = numbers.split_at_checked(triangle)?;
+        let mut factor = Self::new(parameters);
+        let mut r = r.iter();
+        for i in 0..parameters {
+            for j in i..parameters {
+                factor.triangle[j * parameters + i] = *r.next()?;
+            }
+        }
+        factor.triangle[parameters * parameters..].copy_from_slice(z);
+        (factor.residual_sum_of_squares, factor.rows) = (*residual, rows);
+        Some(factor)
+    }
+
+    /// Returns the upper triangle by rows, then z, then the residual sum of squares.
+    pub fn entries(&self) -> Vec<f64> {
+        let n = self.parameters;
+        let upper = (0..n).flat_map(|i| (i..n).map(move |j| (i, j)));
+        let mut entries: Vec<f64> = upper.map(|(i, j)| self.triangle[j * n + i]).collect();
+        entries.extend_from_slice(self.z());
+        entries.push(self.residual_sum_of_squares);
+        entries
+    }
+
+    /// Returns the number of parameters.
+    pub fn parameters(&self) -> usize {
+        self.parameters
+    }
+
+    /// Returns the number of scalar rows absorbed.
+    pub fn rows(&self) -> u64 {
+        self.rows
+    }
+
+    /// Returns the sum of squares that no parameters explain.
+    pub fn residual_sum_of_squares(&self) -> f64 {
+        self.residual_sum_of_squares
+    }
+
+    /// Returns true if every number is finite.
+    pub fn is_finite(&self) -> bool {
+        self.residual_sum_of_squares.is_finite() && self.triangle.iter().all(|v| v.is_finite())
+    }
+
+    /// Returns the triangle, n × n.
+    pub fn r(&self) -> DMatrix<f64> {
+        let n = self.parameters;
+        DMatrix::from_column_slice(n, n, &self.triangle[..n * n])
+    }
+
+    /// Returns the projected right-hand side.
+    pub fn z(&self) -> &[f64] {
+        &self.triangle[self.parameters * self.parameters..]
+    }
+
+    /// Absorbs whitened rows: the coefficients of all parameters, then the value.
+    pub fn absorb<'a>(&mut self, rows: impl IntoIterator<Item = (&'a [f64], f64)>) {
+        let n = self.parameters;
+        let mut columns = vec![Column::<f64>::ZERO; n + 1];
+        let mut filled = 0;
+        for (row, value) in rows {
+            for (column, entry) in columns.iter_mut().zip(row.iter().take(n).chain([&value])) {
+                column.rows[filled] = *entry;
+            }
+            filled += 1;
+            self.rows = self.rows.saturating_add(1);
+            if filled == BLOCK_ROWS {
+                self.residual_sum_of_squares += f64::reduce(&mut self.triangle, n, &mut columns);
+                columns.fill(Column::ZERO);
+                filled = 0;
+            }
+        }
+        if filled > 0 {
+            self.residual_sum_of_squares += f64::reduce(&mut self.triangle, n, &mut columns);
+        }
+    }
+
+    /// Merges another factor of the same parameters: the result is the factor of both sets of rows.
+    pub fn merge(&mut self, other: &Self) {
+        let rows = self.rows;
+        let r = other.r();
+        let stacked: Vec<(Vec<f64>, f64)> =
+            r.row_iter().zip(other.z()).map(|(row, z)| (row.iter().copied().collect(), *z)).collect();
+        self.absorb(stacked.iter().map(|(row, value)| (row.as_slice(), *value)));
+        self.residual_sum_of_squares += other.residual_sum_of_squares;
+        self.rows = rows.saturating_add(other.rows);
+    }
+
+    /// Returns the factor of the same rows over ψ, where `φ = map ψ`; `map` is n × m.
+    #[must_use]
+    pub fn substitute(&self, map: &DMatrix<f64>) -> Self {
+        let mut out = Self::new(map.ncols());
+        let product = self.r() * map;
+        let rows: Vec<Vec<f64>> = product.row_iter().map(|row| row.iter().copied().collect()).collect();
+        out.absorb(rows.iter().zip(self.z()).map(|(row, z)| (row.as_slice(), *z)));
+        out.residual_sum_of_squares += self.residual_sum_of_squares;
+        out.rows = self.rows;
+        out
+    }
+
+    /// Returns the factor over more parameters, `count` of them after the present ones, of which the rows say nothing.
+    #[must_use]
+    pub fn append(&self, count: usize) -> Self {
+        let n = self.parameters;
+        self.substitute(&DMatrix::identity(n, n + count))
+    }
+
+    /// Returns what all rows say of the parameters `kept`, in that order, whatever the others are.
+    ///
+    /// The others are ordered first; the trailing triangle is then the marginal.
+    #[must_use]
+    pub fn eliminate_others(&self, kept: &[usize]) -> Self {
+        let n = self.parameters;
+        let mut order: Vec<usize> = (0..n).filter(|j| !kept.contains(j)).collect();
+        let gone = order.len();
+        order.extend(kept.iter().copied().filter(|j| *j < n));
+        let map = DMatrix::from_fn(n, n, |j, k| f64::from(u8::from(order.get(k) == Some(&j))));
+        self.substitute(&map).trailing(gone)
+    }
+
+    /// Returns what all rows say of the first `kept` parameters, whatever the others are.
+    #[must_use]
+    pub fn leading(&self, kept: usize) -> Self {
+        self.eliminate_others(&(0..kept.min(self.parameters)).collect::<Vec<_>>())
+    }
+
+    /// Returns the factor of the parameters from `first` on, whatever those before are.
+    fn trailing(&self, first: usize) -> Self {
+        let n = self.parameters;
+        let rest = n - first.min(n);
+        let mut out = Self::new(rest);
+        for k in 0..=rest {
+            let column = &self.triangle[(first + k) * n..(first + k + 1) * n];
+            out.triangle[k * rest..(k + 1) * rest].copy_from_slice(&column[first..]);
+        }
+        (out.residual_sum_of_squares, out.rows) = (self.residual_sum_of_squares, self.rows);
+        out
+    }
+
+    /// Returns the same rows with standard deviations `by` times as large, the estimate and the correlations kept.
+    ///
+    /// `R (φ − φ̂)` keeps its residual `z − R φ̂`.
+    #[must_use]
+    pub fn inflate(&self, estimate: &[f64], by: &[f64]) -> Self {
+        let n = self.parameters;
+        let mut out = self.clone();
+        let (triangle, z) = out.triangle.split_at_mut(n * n);
+        for (column, (value, by)) in triangle.chunks_exact_mut(n.max(1)).zip(estimate.iter().zip(by)) {
+            for (z, r) in z.iter_mut().zip(column) {
+                let before = *r;
+                *r /= by;
+                *z += (*r - before) * value;
+            }
+        }
+        out
+    }
+
+    /// Returns the same rows with a variance `by` times as large; the residual sum of squares is scaled along.
+    #[must_use]
+    pub fn discount(&self, by: f64) -> Self {
+        let mut out = self.clone();
+        let root = by.sqrt();
+        out.triangle.iter_mut().for_each(|v| *v /= root);
+        out.residual_sum_of_squares /= by;
+        out
+    }
+
+    /// Returns the same triangle with another residual sum of squares and row count.
+    #[must_use]
+    pub fn with_residual(mut self, residual_sum_of_squares: f64, rows: u64) -> Self {
+        (self.residual_sum_of_squares, self.rows) = (residual_sum_of_squares, rows);
+        self
+    }
+
+    /// Returns the factor with more rows in it that are not measured yet: what a plan predicts. z is that of the present
+    /// estimate, so that the rows move nothing.
+    #[must_use]
+    pub fn predicted<'a>(&self, estimate: &[f64], rows: impl IntoIterator<Item = &'a [f64]>) -> Self {
+        let mut out = self.clone();
+        let of = |row: &[f64]| row.iter().zip(estimate).map(|(a, phi)| a * phi).sum::<f64>();
+        out.absorb(rows.into_iter().map(|row| (row, of(row))));
+        out
+    }
+
+    /// Returns `ln det(RᵀR)`, minus infinity if the rows do not determine every parameter.
+    pub fn log_determinant(&self) -> f64 {
+        let n = self.parameters;
+        (0..n).map(|j| 2.0 * self.triangle[j * n + j].abs().ln()).sum()
+    }
+
+    /// Solves by singular values of R with its columns scaled to unit length.
+    ///
+    /// Directions whose singular value is below `rounding` times the largest are not determined, nor is a parameter with a
+    /// share in one of them.
+    pub fn solve(&self, rounding: f64) -> Solution {
+        let n = self.parameters;
+        let r = self.r();
+        let scale: Vec<f64> = r.column_iter().map(|c| c.norm()).collect();
+        // Columns of zeros are no part of any combination.
+        let seen: Vec<usize> = (0..n).filter(|j| scale[*j] > 0.0).collect();
+        let scaled = DMatrix::from_fn(n, seen.len(), |i, k| r[(i, seen[k])] / scale[seen[k]]);
+        let mut solution = Solution {
+            estimate: vec![0.0; n],
+            covariance: DMatrix::zeros(n, n),
+            determined: scale.iter().map(|s| *s > 0.0).collect(),
+            condition_number: 1.0,
+            null_directions: Vec::new(),
+        };
+        if seen.is_empty() {
+            return solution;
+        }
+        let svd = scaled.svd(true, true);
+        let (Some(u), Some(v_t)) = (&svd.u, &svd.v_t) else { return solution };
+        let most = svd.singular_values.max();
+        // A share of a lost direction larger than rounding can explain.
+        let share = 3.0 * rounding.max(f64::EPSILON).sqrt();
+        let mut least = most;
+        for (k, s) in svd.singular_values.iter().enumerate() {
+            let direction = v_t.row(k);
+            if *s <= rounding * most {
+                let shares = direction.iter().zip(&seen).filter(|(v, _)| v.abs() > share);
+                let shares: Vec<(usize, f64)> = shares.map(|(v, j)| (*j, *v)).collect();
+                for (j, _) in &shares {
+                    solution.determined[*j] = false;
+                }
+                solution.null_directions.push(shares);
+                continue;
+            }
+            least = least.min(*s);
+            let projection: f64 = u.column(k).iter().zip(self.z()).map(|(a, b)| a * b).sum::<f64>() / s;
+            let natural: Vec<(usize, f64)> =
+                direction.iter().zip(&seen).map(|(v, j)| (*j, v / scale[*j])).collect();
+            for (i, a) in &natural {
+                solution.estimate[*i] += a * projection;
+                for (j, b) in &natural {
+                    solution.covariance[(*i, *j)] += a * b / (s * s);
+                }
+            }
+        }
+        if least > 0.0 {
+            solution.condition_number = most / least;
+        }
+        solution
+    }
+}
+
+impl<const N: usize> From<&InformationFactor<f64, N>> for Factor {
+    fn from(fixed: &InformationFactor<f64, N>) -> Self {
+        let mut factor = Self::new(N);
+        for (j, column) in (0..N).map(|j| (j, fixed.r().map(|row| row[j]))) {
+            factor.triangle[j * N..(j + 1) * N].copy_from_slice(&column);
+        }
+        factor.triangle[N * N..].copy_from_slice(fixed.z());
+        (factor.residual_sum_of_squares, factor.rows) =
+            (fixed.residual_sum_of_squares(), u64::from(fixed.rows()));
+        factor
+    }
+}
+
+#[cfg(test)]
+#[path = "factor_tests.rs"]
+mod tests;

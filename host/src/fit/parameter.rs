@@ -1,0 +1,69 @@
+//! Parameters and channels: what a factor's columns and a source's rows are called.
+
+use serde::{Deserialize, Serialize};
+
+/// The thing that a parameter belongs to.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub enum Owner {
+    /// A link of a tree; the one link of a rigid body has an empty name.
+    Link(String),
+    /// A joint's drive, or several joints' that turn together.
+    Drive(String),
+    /// A measured channel, by its name.
+    Channel(String),
+    /// Anything else, by its name.
+    Other(String),
+}
+
+/// The kind of quantity, which decides what an uncertainty is judged against.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub enum Kind {
+    /// Mass, kg.
+    Mass,
+    /// First moment of mass, kg m.
+    FirstMoment,
+    /// Moment or product of inertia, kg m².
+    Inertia,
+    /// Constant offset of a channel, in the channel's unit.
+    Offset,
+    /// Viscous friction, N m s or N s/m.
+    Viscous,
+    /// Coulomb friction, N m or N.
+    Coulomb,
+    /// Inertia of a rotor about its joint, kg m² or kg.
+    Rotor,
+    /// Anything else: judged against its own value's scale as its source states it.
+    Other,
+}
+
+/// One unknown.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Parameter {
+    /// Its name, unique in its model: `m`, `arm.MSx`, `offset_fx`.
+    pub name: String,
+    /// The thing that it belongs to.
+    pub owner: Owner,
+    /// Its kind.
+    pub kind: Kind,
+    /// Its SI unit in ASCII: `kg`, `kg m`, `kg m2`.
+    pub unit: String,
+    /// The frame that it is expressed in: `S`, or the link's name; empty where there is none.
+    pub frame: String,
+}
+
+/// One measured quantity, of which each sample gives a row.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Channel {
+    /// Its name: `fx`, or a joint's.
+    pub name: String,
+    /// Its SI unit: `N`, `N m`.
+    pub unit: String,
+    /// Standard deviation of its white noise per sample; `None`: estimated from the residuals.
+    pub sigma: Option<f64>,
+    /// Standard deviation of its relative gain error, constant over a recording; zero: none.
+    pub gain_sigma: f64,
+    /// The place of its offset among the parameters, which no gain error multiplies; `None` if it has none.
+    pub offset: Option<usize>,
+    /// Channels of one group are weighed and compared together: forces, moments, one drive.
+    pub group: u8,
+}

@@ -1,0 +1,154 @@
+//! The result of a fit: everything that an answer is made of.
+
+use super::{Channel, Estimate, Factor, Measured, Parameter};
+
+/// A channel as the fit found it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ChannelFit {
+    /// Name, unit, stated noise.
+    pub channel: Channel,
+    /// Standard deviation per unfiltered sample that the rows were whitened by.
+    pub sigma: f64,
+    /// Root mean square of the filtered residuals, outliers weighted as they count.
+    pub residual_rms: f64,
+    /// Root mean square of the filtered measurements.
+    pub measured_rms: f64,
+    /// Relative gain error as far as it shows; zero without a prior.
+    pub gain: f64,
+    /// Rows that counted less because an outlier spoilt them.
+    pub outliers: u32,
+    /// Samples rejected because of this channel.
+    pub rejected: u32,
+    /// Factor by which white noise's intervals are too narrow where they rest on the residuals' slowest part alone; `None`
+    /// if the residuals are no more autocorrelated than the filter explains.
+    pub autocorrelation: Option<f64>,
+}
+
+/// Residuals of one filtered row block.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BlockResidual {
+    /// Time of the sample that completed the block, s; zero for still poses.
+    pub time_s: f64,
+    /// Filtered measurement less the prediction, one a channel.
+    pub values: Vec<f64>,
+    /// Weight of each row beside 1/σ: less than 1 where an outlier spoilt it.
+    pub weights: Vec<f64>,
+}
+
+/// The noise of the residuals against what was stated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NoiseCheck {
+    /// True if every σ was stated; else they are from the residuals.
+    pub sigma_given: bool,
+    /// Variance of the whitened, filtered noise per row.
+    pub noise_gain: f64,
+    /// Residual variance relative to what σ lets expect; 1 where every σ comes from the residuals.
+    pub variance_ratio: f64,
+    /// The covariance was multiplied by this.
+    pub variance_scale: f64,
+    /// χ² per degree of freedom of merged runs' disagreement, where their noise does not explain it.
+    pub disagreement: Option<f64>,
+}
+
+/// Samples and rows counted.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Counts {
+    /// Samples in the source.
+    pub samples: u64,
+    /// Samples rejected by screening.
+    pub rejected: u64,
+    /// Gaps in time, at which the filter started anew.
+    pub gaps: u64,
+    /// Row blocks absorbed, of one row a channel each.
+    pub blocks: u64,
+}
+
+/// The part of a recording that the answer rests on, where older rows are forgotten.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Forgotten {
+    /// True for a window; else older rows are forgotten exponentially.
+    pub is_window: bool,
+    /// The time constant, or the window's length, s.
+    pub span_s: f64,
+    /// Seconds of rows that the answer rests on.
+    pub effective_s: f64,
+}
+
+/// The estimate as rows came in.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Convergence {
+    /// Time of the sample that completed the rows, s.
+    pub time_s: f64,
+    /// Each parameter; `None` while the rows do not determine it.
+    pub parameters: Vec<Option<Measured>>,
+}
+
+/// What was known beforehand and is in the estimate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Prior {
+    /// Each known value.
+    pub statements: Vec<PriorStatement>,
+    /// The estimate from the data alone.
+    pub data_alone: Box<Estimate>,
+}
+
+/// One known value.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PriorStatement {
+    /// The name it was stated by: `mass_kg`, `symmetry y`, `arm.M`.
+    pub name: String,
+    /// The parameter that it is first about.
+    pub parameter: usize,
+    /// Stated value, SI; zero for a plane of symmetry.
+    pub value: f64,
+    /// Its standard deviation, SI.
+    pub sigma: f64,
+    /// True for a plane of symmetry.
+    pub is_symmetry: bool,
+    /// The statement in words.
+    pub text: String,
+}
+
+/// The result of a fit.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// The unknowns, in the order of the columns.
+    pub parameters: Vec<Parameter>,
+    /// The channels, in the order of the rows.
+    pub channels: Vec<ChannelFit>,
+    /// All rows, whitened; gain errors eliminated, covariance inflated for autocorrelation and noise of the signals.
+    pub factor: Factor,
+    /// Solution with its covariance, known values and a fixture counted.
+    pub estimate: Estimate,
+    /// What was known beforehand, if anything.
+    pub prior: Option<Prior>,
+    /// The residuals against the noise that was stated.
+    pub noise: NoiseCheck,
+    /// Factor on the standard deviation of each parameter for autocorrelated residuals; empty: none.
+    pub inflation: Vec<f64>,
+    /// Error of each parameter that noise of the regressor's own signals is expected to make, counted in the intervals;
+    /// empty: none was stated or found.
+    pub signal_bias: Vec<f64>,
+    /// Information that noise of the rates alone brings to a moment of inertia, 1/(kg m²)².
+    pub spurious_information: f64,
+    /// Residuals of each row block; empty where only a factor is at hand.
+    pub residuals: Vec<BlockResidual>,
+    /// Samples and rows counted.
+    pub counts: Counts,
+    /// What the answer rests on where older rows are forgotten.
+    pub forgotten: Option<Forgotten>,
+    /// The estimate on its way; empty where only a factor is at hand.
+    pub convergence: Vec<Convergence>,
+}
+
+impl Fit {
+    /// Returns the estimate from the data alone, without what was known beforehand.
+    pub fn data_alone(&self) -> &Estimate {
+        self.prior.as_ref().map_or(&self.estimate, |prior| &prior.data_alone)
+    }
+
+    /// Returns the largest factor on an interval for autocorrelated residuals; `None` if they are white.
+    pub fn largest_inflation(&self) -> Option<f64> {
+        self.inflation.iter().copied().reduce(f64::max)
+    }
+}

@@ -1,0 +1,77 @@
+//! Sources of rows `A φ = y ± σ`: all that a method of identification has to provide.
+
+use rigident_shared::screening::Rejection;
+
+use super::{Channel, Parameter};
+
+/// How the samples of a source follow one another.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Timing {
+    /// Each sample stands for itself: still poses, known values. Nothing is filtered.
+    Static,
+    /// Samples at a constant rate, filtered together.
+    Uniform {
+        /// Samples per second.
+        rate_hz: f64,
+    },
+}
+
+/// The rows of one sample, which a source fills in.
+///
+/// With C channels and N parameters, `smoothed` and `differentiated` are C × N, row by row, and `measured` holds C values.
+/// The sample says `measured = smoothed φ + d/dt(differentiated φ)`: what would need an acceleration is given as a momentum
+/// instead, and the filter's derivative acts on it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SampleRows {
+    /// Coefficients that the filter smooths.
+    pub smoothed: Vec<f64>,
+    /// Coefficients that the filter differentiates; left zero by a source that has none.
+    pub differentiated: Vec<f64>,
+    /// Measured values, one a channel.
+    pub measured: Vec<f64>,
+}
+
+impl SampleRows {
+    /// Makes room for `channels` rows of `parameters` coefficients, all zero.
+    pub fn clear(&mut self, channels: usize, parameters: usize) {
+        for rows in [&mut self.smoothed, &mut self.differentiated] {
+            rows.clear();
+            rows.resize(channels * parameters, 0.0);
+        }
+        self.measured.clear();
+        self.measured.resize(channels, 0.0);
+    }
+}
+
+/// Anything that rows come from: one body, a tree of links, still poses, or a model of one's own.
+///
+/// Weights, outliers, gain errors, autocorrelation, forgetting, known values, merging, intervals, factor files and
+/// reports follow from the rows and need nothing more.
+pub trait RowSource: Sync {
+    /// Returns the unknowns in the order of the columns.
+    fn parameters(&self) -> &[Parameter];
+
+    /// Returns the channels in the order of the rows.
+    fn channels(&self) -> &[Channel];
+
+    /// Returns how the samples follow one another.
+    fn timing(&self) -> Timing;
+
+    /// Returns the number of samples.
+    fn samples(&self) -> usize;
+
+    /// Returns the time of a sample, ns; not used by [`Timing::Static`] sources.
+    fn time_ns(&self, sample: usize) -> u64;
+
+    /// Writes the rows of a sample into `rows`, which is cleared before.
+    ///
+    /// # Errors
+    /// [`Rejection`] if a channel of the sample may not be used; the filter then starts anew.
+    fn rows(&self, sample: usize, rows: &mut SampleRows) -> Result<(), Rejection>;
+
+    /// Returns what in columns of unit length is no more than rounding of the model: parameters that differ by less are
+    /// not told apart.
+    fn rounding(&self) -> f64 {
+        f64::EPSILON * self.parameters().len() as f64
+    }
+}
