@@ -1,24 +1,18 @@
 //! The simulated rig.
 //!
-//! Lives here: a Stewart platform that moves a body bolted to a load cell, the sensors down to the words in
+//! Lives here: a rig whose platform moves a body bolted to a load cell, the sensors down to the words in
 //! their registers, faults of sensors and of the link, and the runners that let the firmware live on it. May not
-//! live here: anything that estimates. The physics is its own and in f64: no module of it may use the
-//! estimator's regressor, and a test reads the sources to make sure.
+//! live here: anything that estimates. The physics is its own and in f64: no module of it, nor the platform's mechanics
+//! in [`hexapod`], may use the estimator's regressor, and a test reads the sources to make sure.
 //!
-//! Read in this order: [`platform`] (where the plate is), [`body`] (what force that takes), [`links`] (and if more bodies hang on it), [`sensors`] (what a
-//! sensor makes of it), [`devices`] (what stands in its registers), [`rig`] (all of it together),
-//! [`experiment`] (motions that are worth running), [`link`] (a serial line that misbehaves).
+//! Read in this order: [`hexapod`] (where the plate is and what force that takes), [`links`] (and if more bodies hang on it),
+//! [`sensors`] (what a sensor makes of it), [`devices`] (what stands in its registers), [`rig`] (all of it together),
+//! [`link`] (a serial line that misbehaves).
 
-pub mod body;
 pub mod devices;
-pub mod experiment;
 pub mod link;
 pub mod links;
-pub mod platform;
 pub mod rig;
 pub mod runner;
 pub mod sensors;
 pub mod serve;
-
-/// Standard gravity, m/s².
-pub const STANDARD_GRAVITY_MPS2: f64 = 9.80665;

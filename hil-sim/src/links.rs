@@ -2,12 +2,12 @@
 //!
 //! Lives here: a joint that swings ([`Swing`]), the second link of a rig ([`SecondLink`]) and whole trees ([`Tree`]). May not live
 //! here: regressors or anything else from the estimator's side; every body has Newton's and Euler's equations of its own
-//! ([`crate::body`]). Before this: [`crate::body`]; next: [`crate::rig`].
+//! ([`hexapod`]). Before this: [`hexapod`]; next: [`crate::rig`].
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::body::{BodyParameters, FrameMotion};
-use crate::rig::Mounting;
+use hexapod::Mounting;
+use hexapod::{BodyParameters, FrameMotion};
 
 /// An eased swing begins and ends within so long, s.
 const EASED_S: f64 = 2.0;

@@ -12,7 +12,7 @@ mod follow;
 mod motion;
 mod readings;
 
-pub use config::{Mounting, RigConfig, RigError};
+pub use config::{RigConfig, RigError};
 pub use motion::MotionState;
 pub use readings::{ReadingRow, ReadingStream, Readings};
 
@@ -21,11 +21,11 @@ use std::sync::{Arc, Mutex};
 use config::Mechanics;
 use motion::Platform;
 
-use crate::body::{BodyParameters, FrameMotion};
 use crate::devices::{Ads131m08, Device, Icm42688};
 use crate::links::JointState;
-use crate::platform::{MotionProgram, Pose};
 use crate::sensors::{Experiment, Fault, ImuChain, LoadCellChain};
+use hexapod::{BodyParameters, FrameMotion};
+use hexapod::{MotionProgram, Pose};
 
 /// A rig that a runner and a platform controller share.
 pub type SharedRig = Arc<Mutex<Rig>>;

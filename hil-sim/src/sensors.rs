@@ -1,7 +1,7 @@
 //! What the sensors make of the truth, before any register.
 //!
 //! Lives here: noise, bias, gain, resolution, range, bandwidth, delay and faults of the load cell and the IMU. May
-//! not live here: registers and buses. Before this: [`crate::body`]; next: [`crate::devices`].
+//! not live here: registers and buses. Before this: [`hexapod`]; next: [`crate::devices`].
 //!
 //! Everything random comes from one seed through separate streams (per-experiment values, load-cell noise, IMU
 //! noise), so that the same seed gives the same bits and one sensor's noise does not depend on the other's rate.
@@ -16,7 +16,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
-use crate::STANDARD_GRAVITY_MPS2;
+use hexapod::STANDARD_GRAVITY_MPS2;
 
 /// A quantity that is constant over one experiment: `fixed + spread · n`, with `n` standard normal, drawn from the
 /// seed.

@@ -4,12 +4,12 @@ use std::convert::Infallible;
 
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
+use hexapod::FrameMotion;
+use hexapod::{Axis, Geometry, MotionProgram, Segment, SineTerm, Trajectory};
 use nalgebra::Vector3;
 use rigident_firmware::drivers::ads131m08::{AdcConfig, AdcError, Ads131m08};
 use rigident_firmware::drivers::imu::{Imu, ImuError, ImuSample};
-use rigident_sim::body::FrameMotion;
 use rigident_sim::devices::Device;
-use rigident_sim::platform::{Axis, Geometry, MotionProgram, Segment, SineTerm, Trajectory};
 use rigident_sim::rig::{BusEvent, Rig, RigConfig, SharedRig};
 use rigident_sim::sensors::SensorModels;
 

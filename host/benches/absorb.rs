@@ -7,12 +7,12 @@
 use std::hint::black_box;
 use std::time::Instant;
 
+use hexapod::experiment::thesis_program;
 use rigident::identification::absorb::{Shares, Split};
 use rigident_shared::calibration::{ImuMounting, Reading};
 use rigident_shared::estimator::{Estimator, EstimatorConfig};
 use rigident_shared::screening::Limits;
 use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
-use rigident_sim::experiment::thesis_program;
 use rigident_sim::rig::{Readings, RigConfig};
 
 /// Rate of the readings, 1/s.

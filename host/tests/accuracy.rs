@@ -1,12 +1,12 @@
 //! What the estimator promises of its answers, against a simulator that shares none of its algebra.
 #![cfg(feature = "simulator")]
 
+use hexapod::experiment::thesis_program;
 use rigident::identification::{self, FROZEN_AFTER, Input};
 use rigident::simulated::{mounting, reading};
 use rigident_shared::Scalar;
 use rigident_shared::estimator::{Estimator, EstimatorConfig};
 use rigident_shared::screening::Limits;
-use rigident_sim::experiment::thesis_program;
 use rigident_sim::rig::{Readings, RigConfig};
 use rigident_sim::sensors::SensorModels;
 

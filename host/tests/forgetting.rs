@@ -4,6 +4,9 @@
 
 use std::process::Command;
 
+use hexapod::BodyParameters;
+use hexapod::experiment::thesis_program;
+use hexapod::{MotionProgram, Segment};
 use rigident::answer::result::{Measured, ParameterState};
 use rigident::identification::remembered::{identify_remembered, imu_noise};
 use rigident::identification::{self, FROZEN_AFTER, Identification, Input};
@@ -11,9 +14,6 @@ use rigident::rig::ImuTable;
 use rigident::simulated::{mounting, reading};
 use rigident_shared::forgetting::{ImuNoise, MemoryConfig, Span};
 use rigident_shared::screening::Limits;
-use rigident_sim::body::BodyParameters;
-use rigident_sim::experiment::thesis_program;
-use rigident_sim::platform::{MotionProgram, Segment};
 use rigident_sim::rig::{ReadingRow, Readings, RigConfig};
 
 const RATE_HZ: f64 = 200.0;

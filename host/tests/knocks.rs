@@ -5,11 +5,11 @@
 #[path = "factors/simulated.rs"]
 mod simulated;
 
+use hexapod::experiment::thesis_program;
 use rigident::identification::remembered::identify_remembered;
 use rigident::identification::{Identification, Input, identify, progression};
 use rigident_shared::forgetting::{ImuNoise, MemoryConfig, Span};
 use rigident_shared::spatial::Wrench;
-use rigident_sim::experiment::thesis_program;
 use rigident_sim::rig::{Readings, RigConfig};
 use rigident_sim::sensors::SensorModels;
 

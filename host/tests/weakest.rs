@@ -1,6 +1,8 @@
 //! Motions that lack something are told so, in words, and those that lack nothing are not.
 #![cfg(feature = "simulator")]
 
+use hexapod::experiment::{THESIS_POSES_DEG, thesis_program};
+use hexapod::{Axis, MotionProgram, Pose, Segment, SineTerm};
 use rigident::answer::identifiability::{RegressorNoise, identified};
 use rigident::answer::{Estimate, Noise, weakest};
 use rigident::identification::{self, FROZEN_AFTER, Input};
@@ -8,8 +10,6 @@ use rigident::simulated::{mounting, reading};
 use rigident_shared::estimator::{Estimator, EstimatorConfig};
 use rigident_shared::factor::InformationFactor;
 use rigident_shared::screening::Limits;
-use rigident_sim::experiment::{THESIS_POSES_DEG, thesis_program};
-use rigident_sim::platform::{Axis, MotionProgram, Pose, Segment, SineTerm};
 use rigident_sim::rig::{Readings, RigConfig};
 use rigident_sim::sensors::SensorModels;
 

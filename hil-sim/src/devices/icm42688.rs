@@ -37,7 +37,7 @@ const INT_FIFO_THRESHOLD: u8 = 1 << 2;
 const INT_FIFO_FULL: u8 = 1 << 1;
 
 const FIFO_BYTES: usize = 2048;
-const STANDARD_GRAVITY_MPS2: f64 = crate::STANDARD_GRAVITY_MPS2;
+const STANDARD_GRAVITY_MPS2: f64 = hexapod::STANDARD_GRAVITY_MPS2;
 
 /// The inertial measurement unit.
 #[derive(Clone, Debug)]

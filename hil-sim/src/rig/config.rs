@@ -2,42 +2,12 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::STANDARD_GRAVITY_MPS2;
-use crate::body::{BodyParameters, FrameMotion};
 use crate::devices::Ads131m08;
 use crate::links::{JointState, SecondLink};
-use crate::platform::{Geometry, MotionError, PlateState};
 use crate::sensors::{Experiment, ImuModel, PerExperiment, SensorModels};
-
-/// Where a frame sits in another.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Mounting {
-    /// Its origin, m.
-    pub position_m: [f64; 3],
-    /// Takes its axes to the other's; Hamilton w, x, y, z, normalised when used.
-    pub rotation_wxyz: [f64; 4],
-}
-
-impl Mounting {
-    /// The same frame.
-    pub const IDENTITY: Self = Self { position_m: [0.0; 3], rotation_wxyz: [1.0, 0.0, 0.0, 0.0] };
-
-    /// The rotation as a matrix; `None` for a quaternion that is zero or not finite.
-    pub fn rotation(&self) -> Option<Matrix3<f64>> {
-        let [w, x, y, z] = self.rotation_wxyz;
-        let n = (w * w + x * x + y * y + z * z).sqrt();
-        if !(n.is_finite() && n > 0.0) {
-            return None;
-        }
-        let (s, v) = (w / n, Vector3::new(x, y, z) / n);
-        // v' = v + 2 s u×v + 2 u×(u×v), column by column.
-        let turn = |e: Vector3<f64>| {
-            let t = 2.0 * v.cross(&e);
-            e + s * t + v.cross(&t)
-        };
-        Some(Matrix3::from_columns(&[turn(Vector3::x()), turn(Vector3::y()), turn(Vector3::z())]))
-    }
-}
+use hexapod::STANDARD_GRAVITY_MPS2;
+use hexapod::{BodyParameters, FrameMotion};
+use hexapod::{Geometry, MotionError, Mounting, PlateState};
 
 /// What cannot be done with the rig.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -339,12 +309,5 @@ mod tests {
         let mut config = RigConfig::thesis_horizontal();
         config.gauge_calibration[3] = config.gauge_calibration[4];
         assert_eq!(Mechanics::new(&config).unwrap_err(), RigError::SingularCalibration);
-    }
-
-    #[test]
-    fn a_mounting_turns_like_its_quaternion() {
-        // (0.5, −0.5, 0.5, 0.5): x → −z, y → −x, z → y.
-        let r = Mounting { position_m: [0.0; 3], rotation_wxyz: [0.5, -0.5, 0.5, 0.5] }.rotation().unwrap();
-        assert_eq!(r, Matrix3::new(0.0, -1.0, 0.0, 0.0, 0.0, 1.0, -1.0, 0.0, 0.0));
     }
 }

@@ -6,7 +6,7 @@
 use std::collections::VecDeque;
 
 use super::config::RigError;
-use crate::platform::{Coordinates, Geometry, Pose};
+use hexapod::{Coordinates, Geometry, Pose};
 
 /// Time to come to rest when nothing more is known, s.
 const BRAKE_S: f64 = 0.3;

@@ -2,7 +2,7 @@
 
 use super::config::RigError;
 use super::follow::Follower;
-use crate::platform::{Coordinates, Geometry, MotionProgram, Pose, Segment, Trajectory, quintic_integral};
+use hexapod::{Coordinates, Geometry, MotionProgram, Pose, Segment, Trajectory, quintic_integral};
 
 /// Time to come to rest after a stop, s. The plate covers half of it in the program's time.
 const STOP_S: f64 = 0.5;
@@ -244,7 +244,7 @@ fn approach_s(from: &Pose, to: &Pose) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::platform::{Axis, SineTerm};
+    use hexapod::{Axis, SineTerm};
 
     fn swing() -> MotionProgram {
         let geometry = Geometry::thesis();

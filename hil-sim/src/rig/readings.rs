@@ -4,8 +4,8 @@
 
 use super::Truth;
 use super::config::{Mechanics, RigConfig, RigError};
-use crate::platform::MotionProgram;
 use crate::sensors::{ImuChain, LoadCellChain, SensorModels};
+use hexapod::MotionProgram;
 
 /// One row.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,7 +25,7 @@ pub struct ReadingRow {
 pub struct Readings {
     sensors: SensorModels,
     mechanics: Mechanics,
-    end: crate::body::FrameMotion,
+    end: hexapod::FrameMotion,
     rows: Vec<ReadingRow>,
 }
 

@@ -1,8 +1,8 @@
 //! The rig through its registers, read by hand.
 
 use super::*;
-use crate::platform::{Axis, Geometry, Segment, SineTerm};
 use crate::sensors::SensorModels;
+use hexapod::{Axis, Geometry, Segment, SineTerm};
 
 fn swing() -> MotionProgram {
     let term = |axis, amplitude, frequency_hz| SineTerm { axis, amplitude, frequency_hz, phase_rad: 0.4 };
@@ -171,11 +171,9 @@ fn the_apparent_offset_is_what_a_biased_accelerometer_leaves_over() {
     let config = RigConfig::thesis_vertical();
     let mechanics = Mechanics::new(&config).unwrap();
     let experiment = config.sensors.draw(3);
-    let plate = crate::platform::Trajectory::resting(&Pose {
-        position_m: [0.0, 0.0, 0.7],
-        rpy_rad: [0.3, -0.2, 0.1],
-    })
-    .state(0.0);
+    let plate =
+        hexapod::Trajectory::resting(&Pose { position_m: [0.0, 0.0, 0.7], rpy_rad: [0.3, -0.2, 0.1] })
+            .state(0.0);
     let (accel, _) = mechanics.imu(&plate);
     let rotation = config.imu.rotation().unwrap();
     let mut biased = nalgebra::Vector3::from(accel);

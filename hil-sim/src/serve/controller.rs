@@ -18,9 +18,9 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
-use crate::platform::{MotionProgram, Pose};
 use crate::rig::{MotionState, Rig, SharedRig};
 use crate::runner::lock;
+use hexapod::{MotionProgram, Pose};
 
 use super::listener::{LOOK_AGAIN, Listener};
 

@@ -2,7 +2,8 @@
 
 use std::fmt::{Debug, Write as _};
 
-use crate::rig::{Mounting, Rig};
+use crate::rig::Rig;
+use hexapod::Mounting;
 
 /// TOML of a rig, as the host reads it: data sheets and mountings, and what is really the case as `[truth]`.
 #[must_use]

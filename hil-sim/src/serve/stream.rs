@@ -15,9 +15,9 @@ use std::thread::{self, JoinHandle};
 
 use super::listener::{LOOK_AGAIN, Listener};
 use super::port::Port;
-use crate::platform::{Geometry, Pose};
 use crate::rig::{MotionState, Rig, SharedRig};
 use crate::runner::lock;
+use hexapod::{Geometry, Pose};
 
 /// The plate is at a line's pose so long after the line's time at the earliest, ns.
 const BEHIND_NS: f64 = 5e7;

@@ -1,8 +1,8 @@
 //! Every tensor that the device sends is one that a body can have.
 
+use hexapod::BodyParameters;
 use nalgebra::{Matrix4, SMatrix, SVector};
 use rigident_shared::wire::{Consistency, EstimateReport};
-use rigident_sim::body::BodyParameters;
 use rigident_sim::rig::RigConfig;
 use rigident_sim::sensors::SensorModels;
 

@@ -1,12 +1,12 @@
 //! A host that gives the application readings and keeps the estimates that it sends.
 
+use hexapod::experiment::thesis_program;
 use rigident_firmware::{App, Path};
 use rigident_shared::factor::InformationFactor;
 use rigident_shared::wire::{
     Answer, Command, CounterReport, Decoder, EstimateReport, InjectBatch, Kind, ReadingMessage, Reply,
     Settings, Source, Telemetry, TelemetrySettings, encode, frame,
 };
-use rigident_sim::experiment::thesis_program;
 use rigident_sim::rig::{ReadingRow, Readings, RigConfig};
 
 #[path = "../runner/device.rs"]

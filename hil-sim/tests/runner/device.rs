@@ -2,12 +2,12 @@
 
 use std::time::{Duration, Instant};
 
+use hexapod::MotionProgram;
 use rigident_shared::wire::{
     Answer, Command, CounterReport, Decoder, ErrorCode, ImuSettings, Kind, LinkReadingMessage,
     LoadCellSettings, MemorySettings, ModelSettings, ReadingMessage, Reason, Reply, Settings, Source,
     StateName, Telemetry, TelemetrySettings, encode, frame,
 };
-use rigident_sim::platform::MotionProgram;
 use rigident_sim::rig::{RigConfig, SharedRig};
 use rigident_sim::runner::Mcu;
 

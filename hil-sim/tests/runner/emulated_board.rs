@@ -3,8 +3,8 @@
 use std::time::{Duration, Instant};
 
 use crate::device::{Device, settings};
+use hexapod::experiment::thesis_program;
 use rigident_shared::wire::{MemorySettings, Settings, StateName};
-use rigident_sim::experiment::thesis_program;
 use rigident_sim::rig::{Rig, RigConfig, SharedRig};
 use rigident_sim::runner::{InProcess, Mcu, Pacing, Qemu, QemuOptions, SensorBus};
 

@@ -3,9 +3,9 @@
 use std::time::{Duration, Instant};
 
 use crate::device::{Device, settings};
+use hexapod::experiment::thesis_program;
+use hexapod::{MotionProgram, Segment};
 use rigident_shared::wire::{Command, Reason, Reply, StateName};
-use rigident_sim::experiment::thesis_program;
-use rigident_sim::platform::{MotionProgram, Segment};
 use rigident_sim::rig::{Rig, RigConfig, SharedRig};
 use rigident_sim::runner::{InProcess, Pacing};
 

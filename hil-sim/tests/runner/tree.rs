@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use hexapod::BodyParameters;
 use nalgebra::{DMatrix, DVector};
 use rigident_shared::estimator::frames::{
     Frame, FrameEstimator, FrameLink, FramesConfig, LinkMotion, TreeFactor,
@@ -12,7 +13,6 @@ use rigident_shared::wire::{
     Command, ErrorCode, FactorRow, LinkJoint, LinkSettings, ModelSettings, Reason, Reply, SettingName,
     Settings, StateName,
 };
-use rigident_sim::body::BodyParameters;
 use rigident_sim::links::{Swing, Tree, TreeLink};
 use rigident_sim::rig::RigConfig;
 use rigident_sim::runner::{FrameBus, FrameGate, InProcess, Mcu, Qemu, QemuOptions, frames_of};

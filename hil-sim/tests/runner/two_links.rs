@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use hexapod::experiment::thesis_program;
 use nalgebra::{DMatrix, DVector};
 use rigident_shared::calibration::{ImuMounting, Reading};
 use rigident_shared::estimator::{
@@ -15,7 +16,6 @@ use rigident_shared::wire::{
     MemorySettings, ModelSettings, Reason, Reply, SettingName, Settings, Source, StateName, StopRule,
     TwoLinkSettings,
 };
-use rigident_sim::experiment::thesis_program;
 use rigident_sim::links::SecondLink;
 use rigident_sim::rig::{Rig, RigConfig};
 use rigident_sim::runner::{InProcess, Mcu, Pacing, Qemu, QemuOptions};

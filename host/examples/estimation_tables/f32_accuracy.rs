@@ -1,5 +1,8 @@
 //! The shipped f32 recursion against least squares in f64 on the very same f32 rows.
 
+use hexapod::Mounting;
+use hexapod::Segment;
+use hexapod::experiment::thesis_program;
 use rigident::identification::FILTER_WIDTH_S;
 use rigident::simulated::mounting;
 use rigident_shared::calibration::Reading;
@@ -7,9 +10,7 @@ use rigident_shared::estimator::{Estimator, EstimatorConfig, Outcome};
 use rigident_shared::factor::{Cascade, InformationFactor};
 use rigident_shared::screening::Limits;
 use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
-use rigident_sim::experiment::thesis_program;
-use rigident_sim::platform::Segment;
-use rigident_sim::rig::{Mounting, ReadingRow, Readings, RigConfig};
+use rigident_sim::rig::{ReadingRow, Readings, RigConfig};
 use rigident_sim::sensors::SensorModels;
 
 use crate::problem::{Block, Mixed, Normal};

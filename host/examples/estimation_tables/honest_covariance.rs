@@ -1,6 +1,7 @@
 //! The covariance that ships against the exact sandwich, batch means, the spread of many runs, and what scaling by
 //! the filtered residuals would say; on the default experiment, 20 s.
 
+use hexapod::experiment::thesis_program;
 use nalgebra::DMatrix;
 use rigident::identification::whiteness::{impulse_response, white_autocovariance};
 use rigident::identification::{FILTER_WIDTH_S, Input, identify, row_every};
@@ -9,7 +10,6 @@ use rigident_shared::calibration::Reading;
 use rigident_shared::estimator::{Estimator, EstimatorConfig, Outcome};
 use rigident_shared::inertia::PARAMETER_NAMES;
 use rigident_shared::screening::Limits;
-use rigident_sim::experiment::thesis_program;
 use rigident_sim::rig::{Readings, RigConfig};
 
 use crate::report::{Job, in_parallel, short};

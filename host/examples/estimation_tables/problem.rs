@@ -1,13 +1,13 @@
 //! Rows with a known answer: a body on the thesis' motion, and random rows of a given condition number.
 
+use hexapod::{Axis, Geometry, MotionProgram, Segment, SineTerm};
+use hexapod::{BodyParameters, FrameMotion};
 use nalgebra::Vector3;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rigident_shared::regressor;
 use rigident_shared::spatial::Position;
-use rigident_sim::body::{BodyParameters, FrameMotion};
-use rigident_sim::platform::{Axis, Geometry, MotionProgram, Segment, SineTerm};
 
 /// Blocks of six whitened rows, by columns, in the target's scalar.
 pub type Block<const N: usize> = ([[f32; 6]; N], [f32; 6]);

@@ -2,11 +2,11 @@
 
 use std::sync::atomic::AtomicBool;
 
+use hexapod::experiment::thesis_program;
+use hexapod::{MotionProgram, Segment};
 use rigident::plan::adaptive::Asked;
 use rigident::plan::adaptive::rehearsal::{Outcome, Rehearsal};
 use rigident::plan::motion::{Objective, Task, plan};
-use rigident_sim::experiment::thesis_program;
-use rigident_sim::platform::{MotionProgram, Segment};
 use rigident_sim::rig::RigConfig;
 
 const ASKED: Asked = Asked::Tensor(0.01);

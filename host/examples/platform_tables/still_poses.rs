@@ -3,12 +3,12 @@
 use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
 
+use hexapod::Geometry;
 use nalgebra::Vector3;
 use rigident::plan::poses::measure::up_in_plate;
 use rigident::plan::poses::montecarlo::{Row, section_6_3};
 use rigident::plan::poses::plan::{PosePlan, Task, plan};
 use rigident::plan::poses::{Objective, Reach, Region};
-use rigident_sim::platform::Geometry;
 
 /// As many experiments as the thesis.
 pub const RUNS: u64 = 2500;

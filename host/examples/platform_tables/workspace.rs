@@ -2,8 +2,8 @@
 
 use std::sync::atomic::AtomicBool;
 
+use hexapod::Geometry;
 use rigident::plan::workspace::{Map, Reach, Span};
-use rigident_sim::platform::Geometry;
 
 /// Stroke, m, and the largest tilt that the thesis prints for it.
 const STROKES: [(f64, &str); 2] = [(0.3048, "–"), (0.20, "32.0–32.7°")];

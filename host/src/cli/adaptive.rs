@@ -1,8 +1,8 @@
 //! `--adaptive`: segments decided one by one while the device estimates.
 
 use clap::Args;
+use hexapod::{Axis, Geometry, MotionProgram, Segment};
 use rigident_shared::wire::{EstimateReport, Settings};
-use rigident_sim::platform::{Axis, Geometry, MotionProgram, Segment};
 
 use super::Failure;
 use crate::device::session::{Director, Proposal};

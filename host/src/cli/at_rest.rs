@@ -3,11 +3,11 @@
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
+use hexapod::Pose;
 use nalgebra::Vector3;
 use rigident_shared::calibration::Reading;
 use rigident_shared::forgetting::ImuNoise;
 use rigident_shared::spatial::{AngularRate, Imu, SpecificForce};
-use rigident_sim::platform::Pose;
 
 use super::Failure;
 use super::experiment::Watcher;
@@ -246,7 +246,7 @@ pub(super) fn zero_second(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rigident_sim::platform::Geometry;
+    use hexapod::Geometry;
 
     /// Two seconds at 200/s: a body at rest, turned by `angle` about x at each time (s), with the noise of a poor gyro.
     fn readings(angle: impl Fn(f64) -> f64) -> Vec<Reading<f64>> {

@@ -6,11 +6,11 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
+use hexapod::experiment::SHORTEST_S;
 use rigident_shared::forgetting::MemoryConfig;
 use rigident_shared::wire::{
     Consistency, EstimateReport, Identity, LinkReadingMessage, ReadingMessage, Reason, StateName,
 };
-use rigident_sim::experiment::SHORTEST_S;
 
 use super::followed::{Followed, MotionLog};
 use super::outcome::{Ending, provenance};

@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::PathBuf;
 
-use rigident_sim::platform::Trajectory;
+use hexapod::Trajectory;
 
 use super::Failure;
 use crate::platform::tracking::{Tracking, compare, difference};
@@ -86,7 +86,7 @@ impl Followed {
         let tracking = compare(trajectory, samples)?;
         let both: Vec<_> =
             samples.iter().filter_map(|s| s.measured.map(|m| (s.time_s, s.commanded, m))).collect();
-        let six = |p: &rigident_sim::platform::Pose| {
+        let six = |p: &hexapod::Pose| {
             let ([x, y, z], [roll, pitch, yaw]) = (p.position_m, p.rpy_rad);
             [x, y, z, roll, pitch, yaw]
         };

@@ -4,8 +4,8 @@ use std::sync::atomic::Ordering;
 use std::sync::mpsc;
 
 use clap::Args;
+use hexapod::Geometry;
 use nalgebra::Vector3;
-use rigident_sim::platform::Geometry;
 use serde::Serialize;
 
 use super::outcome::say;

@@ -3,10 +3,11 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
+use hexapod::BodyParameters;
+use hexapod::Mounting;
+use hexapod::{Limit, Peak};
 use rigident_shared::inertia::PARAMETER_NAMES;
-use rigident_sim::body::BodyParameters;
-use rigident_sim::platform::{Limit, Peak};
-use rigident_sim::rig::{Mounting, RigConfig};
+use rigident_sim::rig::RigConfig;
 use serde::Serialize;
 
 use super::arguments::DemoBody;

@@ -2,8 +2,8 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
+use hexapod::{Geometry, Load};
 use nalgebra::Matrix3;
-use rigident_sim::platform::{Geometry, Load};
 use rigident_sim::sensors::SensorModels;
 use serde::Serialize;
 

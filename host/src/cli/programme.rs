@@ -1,8 +1,8 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use rigident_sim::experiment::thesis_program;
-use rigident_sim::platform::{Geometry, Load, MotionProgram};
+use hexapod::experiment::thesis_program;
+use hexapod::{Geometry, Load, MotionProgram};
 
 use super::Failure;
 use super::experiment::check_duration;

@@ -2,9 +2,9 @@ use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
+use hexapod::MotionProgram;
 use rigident_shared::forgetting::MemoryConfig;
 use rigident_shared::wire::Source;
-use rigident_sim::platform::MotionProgram;
 
 use super::adaptive::Directing;
 use super::arguments::Run;

@@ -3,7 +3,7 @@
 use std::io;
 use std::time::Duration;
 
-use rigident_sim::platform::{MotionProgram, Segment};
+use hexapod::{MotionProgram, Segment};
 use rigident_sim::rig::{Rig, RigConfig, SharedRig};
 use rigident_sim::runner::{FrameBus, FrameGate, InProcess, Pacing, Qemu, QemuOptions};
 

@@ -1,7 +1,7 @@
 use std::path::Path;
 use std::process::ExitCode;
 
-use rigident_sim::platform::Geometry;
+use hexapod::Geometry;
 use serde::Serialize;
 
 use super::outcome::say;

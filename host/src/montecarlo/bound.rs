@@ -1,7 +1,8 @@
+use hexapod::BodyParameters;
+use hexapod::MotionProgram;
+use hexapod::Mounting;
 use nalgebra::{DMatrix, SMatrix, SVector};
-use rigident_sim::body::BodyParameters;
-use rigident_sim::platform::MotionProgram;
-use rigident_sim::rig::{Mounting, Readings, RigConfig, RigError};
+use rigident_sim::rig::{Readings, RigConfig, RigError};
 use rigident_sim::sensors::SensorModels;
 
 /// The body's ten and six offsets.
@@ -94,7 +95,7 @@ fn unit_wrenches(
 
 #[cfg(test)]
 mod tests {
-    use rigident_sim::platform::{Axis, Segment, SineTerm};
+    use hexapod::{Axis, Segment, SineTerm};
 
     use super::*;
     use crate::answer::{Estimate, derived};

@@ -10,10 +10,10 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc;
 use std::time::Duration;
 
+use hexapod::MotionProgram;
+use hexapod::experiment::thesis_program;
 use rigident_shared::calibration::Reading;
 use rigident_shared::estimator::{Estimator, EstimatorConfig};
-use rigident_sim::experiment::thesis_program;
-use rigident_sim::platform::MotionProgram;
 use rigident_sim::rig::{ReadingRow, Readings, RigConfig, RigError, Truth};
 use rigident_sim::sensors::{LoadCellModel, PerExperiment, SensorModels};
 

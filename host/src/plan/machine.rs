@@ -2,10 +2,10 @@
 
 use std::fmt;
 
+use hexapod::BodyParameters;
+use hexapod::Mounting;
+use hexapod::{Bodies, COND_MAX, Geometry, JointCones, Limit, Limits, Load, Pose, Violation};
 use nalgebra::{Matrix3, Vector3};
-use rigident_sim::body::BodyParameters;
-use rigident_sim::platform::{Bodies, COND_MAX, Geometry, JointCones, Limit, Limits, Load, Pose, Violation};
-use rigident_sim::rig::Mounting;
 
 use super::workspace;
 use crate::rig::{PlatformTable, RigFile};

@@ -2,7 +2,7 @@
 //!
 //! Lives here: the platform that a rig file describes ([`machine`]), where it can be tilted to ([`workspace`]), still
 //! poses ([`poses`]), moves between them ([`ways`]), plans on disk ([`plan_file`]). May not live here: the platform's mechanics (that is
-//! `rigident_sim::platform`), driving it ([`crate::platform`]), what a user types and sees ([`crate::cli`]). Next:
+//! `hexapod`), driving it ([`crate::platform`]), what a user types and sees ([`crate::cli`]). Next:
 //! [`crate::device::session`], which follows a plan.
 
 pub mod adaptive;

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use rigident_sim::body::BodyParameters;
-use rigident_sim::platform::{Bodies, Geometry, Load, MotionError, MotionProgram, Trajectory};
+use hexapod::BodyParameters;
+use hexapod::{Bodies, Geometry, Load, MotionError, MotionProgram, Trajectory};
 use serde::{Deserialize, Serialize};
 
 use crate::recording::error::RecordingError;
@@ -182,7 +182,7 @@ impl PlanFile {
 
 #[cfg(test)]
 mod tests {
-    use rigident_sim::platform::Segment;
+    use hexapod::Segment;
 
     use super::*;
 

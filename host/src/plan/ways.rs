@@ -1,6 +1,6 @@
 //! Straight moves from pose to pose, as quick as the legs allow.
 
-use rigident_sim::platform::{Geometry, Limit, Load, MotionError, MotionProgram, Pose, Segment, Violation};
+use hexapod::{Geometry, Limit, Load, MotionError, MotionProgram, Pose, Segment, Violation};
 
 /// By which a move takes longer where a leg would be too fast.
 const LONGER: f64 = 1.25;
@@ -60,7 +60,7 @@ fn time_helps(geometry: &Geometry, load: Option<&Load>, to: &Pose, violation: &V
 
 #[cfg(test)]
 mod tests {
-    use rigident_sim::body::BodyParameters;
+    use hexapod::BodyParameters;
 
     use super::*;
 

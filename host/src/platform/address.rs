@@ -5,7 +5,7 @@ use std::io::{self, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs, UdpSocket};
 use std::time::Duration;
 
-use rigident_sim::platform::Geometry;
+use hexapod::Geometry;
 
 use super::gcs::GcsPlatform;
 use super::pace::Timing;

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use rigident_sim::platform::{Geometry, Load, MotionProgram, Pose};
+use hexapod::{Geometry, Load, MotionProgram, Pose};
 
 use super::PlatformError;
 
@@ -140,8 +140,8 @@ pub fn check(
 
 #[cfg(test)]
 mod tests {
-    use rigident_sim::body::BodyParameters;
-    use rigident_sim::platform::Segment;
+    use hexapod::BodyParameters;
+    use hexapod::Segment;
 
     use super::*;
 

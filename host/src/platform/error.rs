@@ -1,6 +1,6 @@
 //! Why the platform does not do as told.
 
-use rigident_sim::platform::MotionError;
+use hexapod::MotionError;
 
 use super::gcs::words;
 

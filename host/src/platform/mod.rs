@@ -19,7 +19,7 @@ pub use address::{checks_itself, connect};
 pub use error::PlatformError;
 pub use network::NetworkPlatform;
 
-use rigident_sim::platform::{MotionProgram, Pose};
+use hexapod::{MotionProgram, Pose};
 use rigident_sim::rig::{MotionState, Rig, RigError, SharedRig};
 
 /// What the platform is doing.

@@ -1,7 +1,7 @@
 use std::io::{BufRead, BufReader, Write};
 use std::net::{TcpStream, ToSocketAddrs};
 
-use rigident_sim::platform::{MotionProgram, Pose, Trajectory};
+use hexapod::{MotionProgram, Pose, Trajectory};
 use serde::{Deserialize, Serialize};
 
 use super::address::PATIENCE;

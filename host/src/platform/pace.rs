@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use rigident_sim::platform::{Pose, Trajectory};
+use hexapod::{Pose, Trajectory};
 
 use super::{Motion, MotionSample, PlatformError};
 
@@ -291,7 +291,7 @@ impl<S: Sink> Run<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rigident_sim::platform::{Geometry, MotionProgram, Segment};
+    use hexapod::{Geometry, MotionProgram, Segment};
 
     /// Takes points, and once takes its time.
     struct Slow {

@@ -13,7 +13,7 @@
 //! rest on its path within half a second after the lines sent already; there it stays. Where the plate really is, nobody
 //! says: nothing is measured.
 
-use rigident_sim::platform::{Geometry, Limit, MotionError, MotionProgram, Pose, Segment, Trajectory};
+use hexapod::{Geometry, Limit, MotionError, MotionProgram, Pose, Segment, Trajectory};
 
 use super::address::{Address, Wire};
 use super::pace::{Pace, Sink, Timing};

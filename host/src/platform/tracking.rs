@@ -1,6 +1,6 @@
 //! Commanded against measured motion.
 
-use rigident_sim::platform::{Pose, Trajectory};
+use hexapod::{Pose, Trajectory};
 use serde::Serialize;
 
 use super::MotionSample;
@@ -104,7 +104,7 @@ pub fn compare(trajectory: &Trajectory, samples: &[MotionSample]) -> Option<Trac
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rigident_sim::platform::{Axis, Geometry, MotionProgram, Segment, SineTerm};
+    use hexapod::{Axis, Geometry, MotionProgram, Segment, SineTerm};
 
     #[test]
     fn a_delay_and_a_constant_error_are_told_apart() {

@@ -1,11 +1,11 @@
 //! A person, or another tree that turns about its joints, in motion.
 
+use hexapod::BodyParameters;
+use hexapod::STANDARD_GRAVITY_MPS2;
 use nalgebra::Matrix3;
 use rigident_shared::inertia::{InertialParameters, tensor_elements};
 use rigident_shared::spatial::Body;
 use rigident_shared::tree::Joint;
-use rigident_sim::STANDARD_GRAVITY_MPS2;
-use rigident_sim::body::BodyParameters;
 use rigident_sim::links::{Swing, Tree, TreeLink};
 
 use crate::model::{Model, ModelLink};

@@ -5,12 +5,12 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
+use hexapod::BodyParameters;
+use hexapod::experiment::thesis_program;
 use nalgebra::{Matrix3, Vector3};
 use rigident::identification::{FROZEN_AFTER, Input};
 use rigident::simulated::{mounting, reading};
 use rigident_shared::screening::Limits;
-use rigident_sim::body::BodyParameters;
-use rigident_sim::experiment::thesis_program;
 use rigident_sim::rig::{Readings, RigConfig};
 use serde_json::Value;
 

@@ -2,9 +2,9 @@
 
 use std::time::{Duration, Instant};
 
+use hexapod::{Axis, Geometry, MotionProgram, Segment, SineTerm};
 use rigident::platform::tracking::compare;
 use rigident::platform::{Motion, MotionSample, Platform, PlatformError, connect};
-use rigident_sim::platform::{Axis, Geometry, MotionProgram, Segment, SineTerm};
 use rigident_sim::rig::MotionState;
 use rigident_sim::serve::StreamServer;
 

@@ -4,9 +4,9 @@ use std::io::{BufRead, BufReader};
 use std::process::{Command, Output, Stdio};
 use std::sync::Arc;
 
+use hexapod::{Geometry, MotionProgram, Segment};
 use rigident::plan::plan_file::PlanFile;
 use rigident_sim::links::SecondLink;
-use rigident_sim::platform::{Geometry, MotionProgram, Segment};
 use rigident_sim::rig::{MotionState, RigConfig};
 use rigident_sim::serve::{Controller, StreamServer};
 

@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use hexapod::{Geometry, MotionProgram, Pose, Segment};
 use rigident::platform::{Motion, Platform, PlatformError, connect};
-use rigident_sim::platform::{Geometry, MotionProgram, Pose, Segment};
 use rigident_sim::rig::MotionState;
 use rigident_sim::serve::{Controller, StreamServer};
 

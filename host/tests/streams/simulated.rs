@@ -5,6 +5,8 @@ use std::fs;
 use std::path::Path;
 use std::sync::OnceLock;
 
+use hexapod::experiment::thesis_program;
+use hexapod::{MotionProgram, Pose, Segment};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -13,8 +15,6 @@ use rigident::answer::result::{Measured, ParameterState};
 use rigident::identification;
 use rigident::recording::clocks::{Aligned, StreamSet, align, widen::widen};
 use rigident::rig::RigFile;
-use rigident_sim::experiment::thesis_program;
-use rigident_sim::platform::{MotionProgram, Pose, Segment};
 use rigident_sim::rig::{Readings, RigConfig};
 use rigident_sim::sensors::SensorModels;
 

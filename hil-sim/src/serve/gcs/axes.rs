@@ -1,6 +1,6 @@
 //! The axes X Y Z U V W.
 
-use crate::platform::{Geometry, Pose};
+use hexapod::{Geometry, Pose};
 
 /// Names of the axes, in order.
 pub(super) const AXES: [char; 6] = ['X', 'Y', 'Z', 'U', 'V', 'W'];

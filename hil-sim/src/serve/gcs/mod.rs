@@ -11,7 +11,7 @@
 //! - an error is not answered: its number is kept until `ERR?` fetches it;
 //! - X, Y, Z are mm and U, V, W degrees from the reference pose. The rotations follow each other in the order U, V, W about
 //!   axes that go with the plate (MS202E 3.7, MS222E 3.7): `R = Rx(U) Ry(V) Rz(W)`, not the roll, pitch, yaw about fixed
-//!   axes of [`crate::platform`];
+//!   axes of [`hexapod`];
 //! - `SPA X 0x19001900 1` makes the path one of consecutive `MOV`, `SPA X 0x19001901 1` buffers their points until
 //!   there are as many as parameter `0x19001903`, and `SCT T` sets their interval in ms.
 //!
@@ -19,11 +19,11 @@
 //! it had started.
 
 mod axes;
-mod hexapod;
+mod controller;
 mod server;
 mod syntax;
 mod tables;
 
 pub use axes::{GcsPosition, limits};
-pub use hexapod::Hexapod;
+pub use controller::Hexapod;
 pub use server::{GcsPort, GcsServer};

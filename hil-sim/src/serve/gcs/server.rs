@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 
-use super::hexapod::Hexapod;
+use super::controller::Hexapod;
 use super::syntax::Input;
 use crate::rig::SharedRig;
 use crate::serve::listener::{LOOK_AGAIN, Listener};

@@ -1,8 +1,8 @@
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
+use hexapod::MotionProgram;
 use rigident_shared::wire::{Command, EstimateReport};
-use rigident_sim::platform::MotionProgram;
 
 use super::{INTERRUPTED, Observer, STOPPED, Session, SessionError, Take, Taking, tell};
 use crate::identification::Factor;

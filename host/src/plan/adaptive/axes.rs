@@ -3,7 +3,7 @@
 //! What a segment told is compared with what it would have told had this axis or that one stood still. The columns of the
 //! moments and products of inertia see nothing but rotation, so standing still in between does not disturb them.
 
-use rigident_sim::platform::MotionProgram;
+use hexapod::MotionProgram;
 
 use super::information::{Information, RigModel};
 

@@ -7,8 +7,8 @@
 
 use std::sync::atomic::AtomicBool;
 
+use hexapod::{Pose, Segment};
 use nalgebra::SVector;
-use rigident_sim::platform::{Pose, Segment};
 
 use super::goal::Goal;
 use super::information::{Information, RigModel};

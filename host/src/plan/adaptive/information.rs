@@ -1,14 +1,14 @@
 //! What a motion tells of the body.
 
+use hexapod::BodyParameters;
+use hexapod::STANDARD_GRAVITY_MPS2;
+use hexapod::{Geometry, Load, MotionError, MotionProgram, Trajectory};
 use nalgebra::{SMatrix, Vector3};
 use rigident_shared::calibration::ImuMounting;
 use rigident_shared::estimator::{Estimator, EstimatorConfig};
 use rigident_shared::regressor::{block, signals};
 use rigident_shared::screening::Limits;
 use rigident_shared::spatial::{Position, Sensor};
-use rigident_sim::STANDARD_GRAVITY_MPS2;
-use rigident_sim::body::BodyParameters;
-use rigident_sim::platform::{Geometry, Load, MotionError, MotionProgram, Trajectory};
 use rigident_sim::rig::RigConfig;
 
 use crate::identification::{FILTER_WIDTH_S, Factor, TAPS, row_every};

@@ -1,6 +1,6 @@
 //! Segments to choose from: short motions with several frequencies about home and about tilted poses, and still poses.
 
-use rigident_sim::platform::{Axis, Geometry, MotionProgram, Pose, Segment, SineTerm};
+use hexapod::{Axis, Geometry, MotionProgram, Pose, Segment, SineTerm};
 
 use super::information::RigModel;
 

@@ -1,9 +1,9 @@
 //! The closed loop against a simulated rig that may not be what the planner believes: an axis that does not follow or is
 //! refused, tighter limits, other noise.
 
+use hexapod::{Limits, MotionProgram, Pose, Segment};
 use rigident_shared::estimator::{Estimator, EstimatorConfig};
 use rigident_shared::screening;
-use rigident_sim::platform::{Limits, MotionProgram, Pose, Segment};
 use rigident_sim::rig::{Readings, RigConfig, RigError};
 
 use super::goal::{Asked, largest_principal};

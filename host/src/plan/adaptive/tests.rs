@@ -1,7 +1,7 @@
+use hexapod::FrameMotion;
+use hexapod::experiment::thesis_program;
+use hexapod::{Axis, Load, MotionProgram, Segment, Trajectory};
 use rigident_shared::factor::InformationFactor;
-use rigident_sim::body::FrameMotion;
-use rigident_sim::experiment::thesis_program;
-use rigident_sim::platform::{Axis, Load, MotionProgram, Segment, Trajectory};
 use rigident_sim::rig::{Readings, RigConfig};
 use rigident_sim::sensors::SensorModels;
 

@@ -3,8 +3,8 @@
 //! Lengths, rates and accelerations of the legs and the plate's angular rate have a gradient here. Joint angles, forces and
 //! `cond(H)` have not: the guarantee at the end makes the motion smaller if they ask for it.
 
+use hexapod::{Geometry, PlateState};
 use nalgebra::Vector3;
-use rigident_sim::platform::{Geometry, PlateState};
 
 use super::information::Variation;
 

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::AtomicBool;
 
-use rigident_sim::body::BodyParameters;
+use hexapod::BodyParameters;
 
 use super::coverage;
 use super::plan::{MotionPlan, Objective, PlanError, Task, plan};

@@ -1,7 +1,7 @@
 //! How much of the sphere of directions a motion's angular velocity and acceleration visit.
 
+use hexapod::Trajectory;
 use nalgebra::Vector3;
-use rigident_sim::platform::Trajectory;
 
 /// Cells of equal area: eight bands of equal height, twelve sectors each.
 const BANDS: usize = 8;
@@ -25,7 +25,7 @@ pub fn coverage(vectors: &[Vector3<f64>]) -> f64 {
 pub fn of_motion(trajectory: &Trajectory, from_s: f64, to_s: f64) -> [f64; 2] {
     let count = ((to_s - from_s) / 0.01) as usize;
     let states: Vec<_> = (0..count).map(|k| trajectory.state(from_s + 0.01 * k as f64)).collect();
-    let of = |f: &dyn Fn(&rigident_sim::platform::PlateState) -> Vector3<f64>| {
+    let of = |f: &dyn Fn(&hexapod::PlateState) -> Vector3<f64>| {
         coverage(&states.iter().map(f).collect::<Vec<_>>())
     };
     [of(&|s| s.angular_rate), of(&|s| s.angular_acceleration)]

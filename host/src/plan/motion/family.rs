@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use rigident_sim::platform::{Axis, Coordinates, Pose, Segment, SineTerm};
+use hexapod::{Axis, Coordinates, Pose, Segment, SineTerm};
 
 /// The coordinates in their order.
 pub const AXES: [Axis; 6] = [Axis::X, Axis::Y, Axis::Z, Axis::Roll, Axis::Pitch, Axis::Yaw];
@@ -37,7 +37,7 @@ impl Family {
                 // The platform's own series, so that what is planned is what is driven.
                 let term = SineTerm { axis: Axis::X, amplitude: 1.0, frequency_hz, phase_rad };
                 let segments = vec![Segment::Multisine { duration_s, ramp_s, terms: vec![term] }];
-                let program = rigident_sim::platform::MotionProgram { start: Pose::default(), segments };
+                let program = hexapod::MotionProgram { start: Pose::default(), segments };
                 let trajectory = program.trajectory();
                 (0..count)
                     .map(|k| {

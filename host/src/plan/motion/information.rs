@@ -8,10 +8,10 @@
 //! its own axes, `η = E δ(roll, pitch, yaw)`:
 //! `δ(Rᵀv) = Rᵀδv + Rᵀv × η`, `δω = η' + ω × η`, `δω̇ = η'' + ω̇ × η + ω × η'`.
 
+use hexapod::{Coordinates, PlateState};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use rigident_shared::regressor::{SIGNALS, block};
 use rigident_shared::spatial::{Position, Sensor};
-use rigident_sim::platform::{Coordinates, PlateState};
 
 /// The body's ten and six offsets.
 pub const PARAMETERS: usize = 16;

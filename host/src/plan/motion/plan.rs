@@ -2,11 +2,9 @@
 
 use std::sync::atomic::AtomicBool;
 
+use hexapod::BodyParameters;
+use hexapod::{Axis, Guarantee, Load, MotionProgram, Segment, SineTerm, Sphere, Trajectory, Violation};
 use nalgebra::Vector3;
-use rigident_sim::body::BodyParameters;
-use rigident_sim::platform::{
-    Axis, Guarantee, Load, MotionProgram, Segment, SineTerm, Sphere, Trajectory, Violation,
-};
 use rigident_sim::rig::RigConfig;
 
 use super::barrier::Barrier;
@@ -202,7 +200,7 @@ fn shape(
             Ok(Box::new(move |size| Segment::Sphere(Sphere { amplitude_rad: size, ..sphere })))
         }
         Objective::Multisine => {
-            let whole = rigident_sim::experiment::thesis_program(&task.config.geometry, 60.0);
+            let whole = hexapod::experiment::thesis_program(&task.config.geometry, 60.0);
             let terms: Vec<SineTerm> = whole
                 .segments
                 .into_iter()

@@ -1,8 +1,8 @@
 //! What an experiment will tell: the factor that the pipeline makes of it without noise, and its uncertainties.
 
+use hexapod::MotionProgram;
 use rigident_shared::estimator::{ConfigError, Estimator, EstimatorConfig};
 use rigident_shared::factor::InformationFactor;
-use rigident_sim::platform::MotionProgram;
 use rigident_sim::rig::{Readings, RigConfig, RigError};
 
 use crate::answer::{Noise, derived};

@@ -1,7 +1,7 @@
 //! The experiment around a motion: the static step first, as in the thesis, and its first pose again at the end.
 
-use rigident_sim::experiment::THESIS_POSES_DEG;
-use rigident_sim::platform::{Geometry, Limits, Load, MotionError, MotionProgram, Pose, Segment, Violation};
+use hexapod::experiment::THESIS_POSES_DEG;
+use hexapod::{Geometry, Limits, Load, MotionError, MotionProgram, Pose, Segment, Violation};
 
 use crate::plan::ways::{self, Pace};
 

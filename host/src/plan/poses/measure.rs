@@ -148,7 +148,7 @@ mod tests {
 
     #[test]
     fn up_is_the_third_row_of_the_platforms_rotation() {
-        use rigident_sim::platform::Coordinates;
+        use hexapod::Coordinates;
         for rpy in [[0.3, -0.7, 0.0], [-1.2, 0.4, 2.0], [0.0, 0.0, 0.0]] {
             let [roll, pitch, yaw] = rpy;
             let value = [0.0, 0.0, 0.7, roll, pitch, yaw];

@@ -7,9 +7,9 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use hexapod::Coordinates;
+use hexapod::{BodyParameters, FrameMotion};
 use nalgebra::{Matrix3, Vector3};
-use rigident_sim::body::{BodyParameters, FrameMotion};
-use rigident_sim::platform::Coordinates;
 use rigident_sim::sensors::{LoadCellChain, PerExperiment, SensorModels};
 
 use super::estimators::{

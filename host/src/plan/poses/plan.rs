@@ -2,8 +2,8 @@
 
 use std::sync::atomic::AtomicBool;
 
+use hexapod::Pose;
 use nalgebra::{Matrix3, Vector3};
-use rigident_sim::platform::Pose;
 use rigident_sim::sensors::SensorModels;
 
 use super::estimators::{StillReading, modelled};

@@ -1,6 +1,6 @@
 //! From still poses to a motion program: home, every pose held, the first once more as a check for drift.
 
-use rigident_sim::platform::{MotionError, MotionProgram, Pose, Segment};
+use hexapod::{MotionError, MotionProgram, Pose, Segment};
 
 use super::measure::up_in_plate;
 use super::reach::Reach;
@@ -82,7 +82,7 @@ fn stops(reach: &Reach, to: &Pose, every: usize) -> Vec<Pose> {
 mod tests {
     use std::sync::atomic::AtomicBool;
 
-    use rigident_sim::platform::Geometry;
+    use hexapod::Geometry;
 
     use super::*;
     use crate::plan::poses::Region;

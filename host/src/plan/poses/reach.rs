@@ -1,7 +1,7 @@
 //! Whether the plate can be held in an orientation, and where.
 
+use hexapod::{Geometry, Load, MotionProgram, Pose, Segment};
 use nalgebra::Vector3;
-use rigident_sim::platform::{Geometry, Load, MotionProgram, Pose, Segment};
 
 use super::measure::roll_pitch;
 use super::region::RegionError;
@@ -52,7 +52,7 @@ impl Reach {
     /// # Errors
     /// A share that makes no sense or leaves no level pose.
     ///
-    /// [`Margin::relative`]: rigident_sim::platform::Margin::relative
+    /// [`Margin::relative`]: hexapod::Margin::relative
     pub fn with_margin(mut self, share: f64) -> Result<Self, RegionError> {
         if !(0.0..1.0).contains(&share) {
             return Err(RegionError::Limits(format!("--margin {share}: a share from 0 to less than 1")));
@@ -156,8 +156,8 @@ pub(super) fn tilted(up: &Vector3<f64>, tilt: f64) -> Vector3<f64> {
 
 #[cfg(test)]
 mod tests {
+    use hexapod::Limits;
     use nalgebra::Matrix6;
-    use rigident_sim::platform::Limits;
 
     use super::*;
     use crate::plan::poses::measure::up_in_plate;

@@ -3,8 +3,8 @@
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use hexapod::{Geometry, rotation_from_rpy};
 use nalgebra::{Matrix3, Vector3};
-use rigident_sim::platform::{Geometry, rotation_from_rpy};
 
 use super::settle::{Orientation, side_at_home};
 use super::shells;

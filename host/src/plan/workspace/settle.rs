@@ -1,7 +1,7 @@
 //! The best position of the plate in one orientation, by descent.
 
+use hexapod::{Geometry, Legs, Pose, Violation, rotation_from_rpy};
 use nalgebra::{Matrix3, Matrix6, Vector3};
-use rigident_sim::platform::{Geometry, Legs, Pose, Violation, rotation_from_rpy};
 
 /// Powers of the sum that stands for the largest of the measures, and steps with each.
 const POWERS: [(i32, usize); 3] = [(6, 6), (24, 8), (96, 8)];

@@ -5,8 +5,8 @@
 //! the top of an outer sphere, the highest point of the circle in which two spheres meet, or one of the two points in
 //! which three meet. Trying them all is complete: no search, no start, no tolerance to tune.
 
+use hexapod::Geometry;
 use nalgebra::{Matrix3, Vector3};
-use rigident_sim::platform::Geometry;
 
 /// The centres `a_i − R b_i`, in A, m.
 pub fn centres(geometry: &Geometry, rotation: &Matrix3<f64>) -> [Vector3<f64>; 6] {

@@ -1,4 +1,4 @@
-use rigident_sim::platform::{Limit, Pose};
+use hexapod::{Limit, Pose};
 
 use super::*;
 

@@ -15,7 +15,7 @@ pub use errors::words;
 
 use std::time::{Duration, Instant};
 
-use rigident_sim::platform::{Geometry, MotionProgram, Pose, Trajectory};
+use hexapod::{Geometry, MotionProgram, Pose, Trajectory};
 use rigident_sim::serve::gcs::GcsPosition;
 
 use super::address::{Address, Wire};

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::AtomicBool;
 
-use rigident_sim::platform::Pose;
+use hexapod::Pose;
 
 use super::{DESIGNED_S, Kind, Known, Planner, RAMP_S};
 use crate::plan::adaptive::design::{Design, design};

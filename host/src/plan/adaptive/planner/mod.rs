@@ -6,8 +6,8 @@
 mod made;
 mod refusals;
 
-use rigident_sim::body::BodyParameters;
-use rigident_sim::platform::{MotionProgram, Pose, Segment};
+use hexapod::BodyParameters;
+use hexapod::{MotionProgram, Pose, Segment};
 
 use self::refusals::Question;
 use super::axes::{share, stood_still};

@@ -1,6 +1,6 @@
 //! A platform that does not take a segment is asked what it would take, without being moved.
 
-use rigident_sim::platform::{Axis, Limit, MotionProgram, Segment, SineTerm};
+use hexapod::{Axis, Limit, MotionProgram, Segment, SineTerm};
 
 use super::{DESIGNED_S, Decision, Planner, RAMP_S, SLOWER, SLOWEST, moved};
 

@@ -1,10 +1,10 @@
 //! The platform's hand-written mechanics against an independent multibody engine: `vectors/platform_dynamics.py` says
 //! which, and makes `vectors/platform_dynamics.json` anew.
 
+use hexapod::BodyParameters;
+use hexapod::Mounting;
+use hexapod::{Bodies, Geometry, Load, PlateState, rotation_from_rpy};
 use nalgebra::Vector3;
-use rigident_sim::body::BodyParameters;
-use rigident_sim::platform::{Bodies, Geometry, Load, PlateState, rotation_from_rpy};
-use rigident_sim::rig::Mounting;
 use serde::Deserialize;
 
 #[derive(Deserialize)]

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::*;
-use crate::platform::{Axis, SineTerm, Sphere};
+use crate::{Axis, SineTerm, Sphere};
 
 fn program() -> MotionProgram {
     let tilted = Pose { position_m: [0.02, -0.03, 0.75], rpy_rad: [0.5, -0.4, 0.3] };

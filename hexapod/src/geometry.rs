@@ -133,7 +133,7 @@ mod tests {
     use nalgebra::Vector3;
 
     use super::*;
-    use crate::platform::{Limit, MotionError, MotionProgram, Segment, Violation, rotation_from_rpy};
+    use crate::{Limit, MotionError, MotionProgram, Segment, Violation, rotation_from_rpy};
 
     fn some_pose() -> Pose {
         let [x, y, z] = Geometry::thesis().home().position_m;

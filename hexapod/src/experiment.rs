@@ -1,10 +1,9 @@
 //! Motions that are worth running.
 //!
 //! Lives here: the default experiment: still poses, then a motion with several frequencies per axis, then the first
-//! pose again. May not live here: planning for a particular body (that is the host's). Before this:
-//! [`crate::platform`]; next: [`crate::rig`].
+//! pose again. May not live here: planning for a particular body (that is the host's).
 
-use crate::platform::{Axis, Geometry, MotionProgram, Pose, Segment, SineTerm};
+use crate::{Axis, Geometry, MotionProgram, Pose, Segment, SineTerm};
 
 /// Roll and pitch of the thesis' best five orientations (Table 11, n = 5), degrees.
 pub const THESIS_POSES_DEG: [[f64; 2]; 5] =
@@ -90,9 +89,8 @@ fn multisine(duration_s: f64) -> Segment {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::body::BodyParameters;
-    use crate::rig::{Mounting, Readings, RigConfig};
-    use crate::sensors::SensorModels;
+    use crate::{BodyParameters, FrameMotion, STANDARD_GRAVITY_MPS2};
+    use nalgebra::Vector3;
 
     const DURATIONS_S: [f64; 4] = [20.0, 30.0, 60.0, 90.0];
 
@@ -124,9 +122,12 @@ mod tests {
     fn columns(program: &MotionProgram, rate_hz: f64) -> Vec<Vec<[f64; 6]>> {
         let run = |mass_kg, com_m, inertia_com_kgm2| -> Vec<[f64; 6]> {
             let body = BodyParameters { mass_kg, com_m, inertia_com_kgm2 };
-            let config = RigConfig { imu: Mounting::IDENTITY, ..RigConfig::thesis_horizontal() };
-            let config = config.with_body(body).with_sensors(SensorModels::ideal());
-            Readings::new(&config, program, rate_hz).unwrap().ideal().iter().map(|r| r.wrench).collect()
+            let gravity = Vector3::new(0.0, 0.0, -STANDARD_GRAVITY_MPS2);
+            let trajectory = program.trajectory().unwrap();
+            (0..=(trajectory.duration_s() * rate_hz) as usize)
+                .map(|k| FrameMotion::of_plate(&trajectory.state(k as f64 / rate_hz)))
+                .map(|motion| body.wrench(&motion, &gravity))
+                .collect()
         };
         let mass = run(1.0, [0.0; 3], [0.0; 6]);
         let inertia: Vec<_> = (0..6)
@@ -192,7 +193,8 @@ mod tests {
 
     fn excitation(duration: f64, rate_hz: f64) -> (f64, [f64; 16]) {
         let columns = columns(&thesis_program(&Geometry::thesis(), duration), rate_hz);
-        let noise = SensorModels::thesis().load_cell.noise_n_nm;
+        // The platform thesis, Table 1: 95 % figures.
+        let noise = [9.9, 9.9, 19.8, 0.75, 0.9, 0.9].map(|u95| u95 / 1.96);
         let mut gram = [[0.0; 16]; 16];
         for k in 0..columns[0].len() {
             for (channel, sigma) in noise.iter().enumerate() {

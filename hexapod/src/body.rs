@@ -1,8 +1,7 @@
 //! The rigid body under test, in Newton's and Euler's own words.
 //!
 //! Lives here: mass, centre of mass and inertia, and the wrench that a motion takes. May not live here: regressors
-//! or anything else from the estimator's side; this module is its oracle. Before this: [`crate::platform`]; next:
-//! [`crate::sensors`].
+//! or anything else from the estimator's side; this module is its oracle.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -118,7 +117,7 @@ pub struct FrameMotion {
 
 impl FrameMotion {
     /// The plate itself.
-    pub fn of_plate(plate: &crate::platform::PlateState) -> Self {
+    pub fn of_plate(plate: &crate::PlateState) -> Self {
         Self {
             position: plate.position,
             velocity: plate.velocity,
@@ -159,7 +158,7 @@ impl FrameMotion {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::platform::{Axis, MotionProgram, Pose, Segment, SineTerm, Trajectory};
+    use crate::{Axis, MotionProgram, Pose, Segment, SineTerm, Trajectory};
 
     const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.80665);
 

@@ -1,14 +1,18 @@
-//! The Stewart platform: where the plate is, how it moves, and whether its six legs can follow.
+//! Mechanics of Stewart platforms.
 //!
-//! Lives here: [`Geometry`] (joints, legs, limits), [`Legs`] (vector loop, Jacobian, force transmission at one pose),
-//! [`Geometry::forward`], [`LimitMargins`] (every limited quantity beside its limit), [`Guarantee`] (the same of a whole motion), [`Load`] (leg forces),
-//! [`MotionProgram`] (what was asked for) and [`Trajectory`] (its exact kinematics). May not live here: sensors,
-//! planning. The bodies that a load is made of are [`crate::body`]'s, which is next.
+//! Lives here: a platform's [`Geometry`] (joints, legs, limits), [`Legs`] (vector loop, Jacobian, force transmission at one
+//! pose), [`Geometry::forward`], [`LimitMargins`] (every limited quantity beside its limit), [`Guarantee`] (the same of a whole
+//! motion), [`Load`] (leg forces) with the bodies that it is made of, [`MotionProgram`] (what is asked of a platform) and
+//! [`Trajectory`] (its exact kinematics), and the default [`experiment`]. Drivers of real platforms, planning and the simulator
+//! use it alike. May not live here: sensors, planning, connections, or anything of the estimator's: the simulator's physics,
+//! which the estimator is tested against, stands on this crate.
 //!
 //! Frames: A is the base's frame, z up; P is the plate's. Attitudes are roll, pitch, yaw about fixed axes,
 //! `R_AP = Rz(yaw) Ry(pitch) Rx(roll)`.
 
+mod body;
 mod check;
+pub mod experiment;
 mod forward;
 mod geometry;
 mod guarantee;
@@ -16,10 +20,12 @@ mod kinematics;
 mod legs;
 mod limits;
 mod load;
+mod mounting;
 mod program;
 mod sphere;
 mod trajectory;
 
+pub use body::{BodyParameters, FrameMotion};
 pub use forward::ForwardError;
 pub use geometry::{Geometry, StrokeError};
 pub use guarantee::{Guarantee, Peak};
@@ -27,12 +33,15 @@ pub use kinematics::{Coordinates, PlateState, rotation_from_rpy};
 pub use legs::Legs;
 pub use limits::{COND_MAX, JointCones, Limit, LimitMargins, Limits, Margin, Violation};
 pub use load::{Bodies, Load};
+pub use mounting::Mounting;
 pub use program::{Axis, MotionProgram, Segment, SineTerm};
 pub use sphere::Sphere;
-pub(crate) use trajectory::quintic_integral;
-pub use trajectory::{LONGEST_S, Trajectory};
+pub use trajectory::{LONGEST_S, Trajectory, quintic_integral};
 
 use serde::{Deserialize, Serialize};
+
+/// Standard gravity, m/s².
+pub const STANDARD_GRAVITY_MPS2: f64 = 9.80665;
 
 /// Position and attitude of the plate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -45,7 +54,7 @@ pub struct Pose {
 
 impl Pose {
     /// The six coordinates x, y, z, roll, pitch, yaw.
-    pub(crate) fn coordinates(&self) -> [f64; 6] {
+    pub fn coordinates(&self) -> [f64; 6] {
         let [x, y, z] = self.position_m;
         let [roll, pitch, yaw] = self.rpy_rad;
         [x, y, z, roll, pitch, yaw]
@@ -57,7 +66,8 @@ impl Pose {
         std::array::from_fn(|i| std::array::from_fn(|j| r[(i, j)]))
     }
 
-    pub(crate) fn from_coordinates([x, y, z, roll, pitch, yaw]: [f64; 6]) -> Self {
+    /// The pose of these six coordinates.
+    pub fn from_coordinates([x, y, z, roll, pitch, yaw]: [f64; 6]) -> Self {
         Self { position_m: [x, y, z], rpy_rad: [roll, pitch, yaw] }
     }
 }

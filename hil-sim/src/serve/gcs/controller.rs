@@ -5,9 +5,9 @@ use std::fmt::Write as _;
 use super::axes::{AXES, GcsPosition, limits};
 use super::syntax::{Said, pairs};
 use super::tables::{EXECUTION, HELP, MOST_POINTS, PARAMETERS, SOURCE, THRESHOLD, error};
-use crate::platform::{Limit, MotionError, Pose};
 use crate::rig::{MotionState, Rig, RigError, SharedRig};
 use crate::runner::lock;
+use hexapod::{Limit, MotionError, Pose};
 
 #[derive(Debug, Default)]
 enum Stream {

@@ -37,7 +37,7 @@ fn quintic(s: f64) -> [f64; 3] {
 }
 
 /// The integral of the quintic from 0 to `s`, and the quintic itself with its derivatives.
-pub(crate) fn quintic_integral(s: f64) -> (f64, [f64; 3]) {
+pub fn quintic_integral(s: f64) -> (f64, [f64; 3]) {
     let c = s.clamp(0.0, 1.0);
     (c * c * c * c * (2.5 + c * (c - 3.0)) + (s - 1.0).max(0.0), quintic(s))
 }
