@@ -2,7 +2,7 @@
 
 use rigident::plan::poses::montecarlo::{Errors, Mounting};
 
-use crate::poses_montecarlo::find;
+use super::poses_montecarlo::find;
 
 /// The table.
 pub fn table() -> String {

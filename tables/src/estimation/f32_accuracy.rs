@@ -13,9 +13,9 @@ use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
 use rigident_sim::rig::{ReadingRow, Readings, RigConfig};
 use rigident_sim::sensors::SensorModels;
 
-use crate::problem::{Block, Mixed, Normal};
-use crate::reference::{BlockQr, Reference, largest};
-use crate::report::{Job, in_parallel, short};
+use super::problem::{Block, Mixed, Normal};
+use super::reference::{BlockQr, Reference, largest};
+use super::report::{Job, in_parallel, short};
 
 /// Condition numbers of the random rows.
 pub const CONDITIONS: [f64; 4] = [1e1, 1e2, 1e3, 1e4];
@@ -238,3 +238,6 @@ pub fn long_table() -> String {
     }
     markdown(&in_parallel(jobs).into_iter().flatten().collect::<Vec<_>>())
 }
+
+#[cfg(test)]
+mod tests;

@@ -6,7 +6,7 @@ use rigident_shared::calibration::ImuMounting;
 use rigident_shared::estimator::EstimatorConfig;
 use rigident_shared::screening::Limits;
 
-use crate::report::short;
+use super::report::short;
 
 const RATES_HZ: [f64; 6] = [100.0, 200.0, 250.0, 500.0, 1000.0, 2000.0];
 /// Rounding of sums of a hundred terms; below it nothing is told.

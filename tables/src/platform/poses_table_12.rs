@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use rigident::plan::poses::measure::{condition_number, normal_matrix, relative_normal_matrix, up_in_plate};
 
-use crate::still_poses::difference;
+use super::still_poses::difference;
 
 /// Table 11, the fourth row as meant.
 const TABLE_11: [&[[f64; 2]]; 4] = [

@@ -3,7 +3,7 @@
 use rigident::plan::poses::Objective;
 use rigident::plan::poses::plan::Task;
 
-use crate::still_poses::Platform;
+use super::still_poses::Platform;
 
 /// The table.
 pub fn table() -> String {

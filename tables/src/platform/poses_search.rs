@@ -2,7 +2,7 @@
 
 use rigident::plan::poses::Objective;
 
-use crate::still_poses::{Platform, difference};
+use super::still_poses::{Platform, difference};
 
 const TABLE_8: [f64; 5] = [2.00, 1.07, 1.20, 1.31, 1.24];
 const TABLE_9: [f64; 5] = [2.0, 1.0, 1.0, 1.0, 1.0];

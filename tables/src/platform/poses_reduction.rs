@@ -6,7 +6,7 @@ use rigident_sim::sensors::SensorModels;
 
 use rigident::plan::poses::montecarlo::{Errors, Mounting, reduction};
 
-use crate::poses_montecarlo::thesis;
+use super::poses_montecarlo::thesis;
 
 /// Three orthogonal directions, the best there are.
 fn worst(lever_m: f64, noise: &[f64; 6]) -> f64 {

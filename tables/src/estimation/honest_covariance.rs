@@ -12,7 +12,7 @@ use rigident_shared::inertia::PARAMETER_NAMES;
 use rigident_shared::screening::Limits;
 use rigident_sim::rig::{Readings, RigConfig};
 
-use crate::report::{Job, in_parallel, short};
+use super::report::{Job, in_parallel, short};
 
 const TAPS: usize = 1024;
 pub const N: usize = 16;
@@ -344,3 +344,6 @@ pub fn table() -> String {
              coverage, residual scaling |\n|---|---|---|---|---|---|---|---|\n";
     text + &details
 }
+
+#[cfg(test)]
+mod tests;

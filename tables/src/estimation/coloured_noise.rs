@@ -4,9 +4,9 @@ use rigident::identification::{Identification, Input, identify};
 use rigident_shared::calibration::Reading;
 use rigident_shared::spatial::Wrench;
 
-use crate::honest_covariance::{N, Study, batch_meat, sandwich_of};
-use crate::problem::Normal;
-use crate::report::{Job, in_parallel, short};
+use super::honest_covariance::{N, Study, batch_meat, sandwich_of};
+use super::problem::Normal;
+use super::report::{Job, in_parallel, short};
 
 pub const RATE_HZ: f64 = 200.0;
 const RUNS: u64 = 200;

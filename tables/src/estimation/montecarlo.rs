@@ -9,7 +9,7 @@ use rigident::montecarlo::{
 use rigident_shared::inertia::{PARAMETER_NAMES, PARAMETER_UNITS};
 use rigident_sim::rig::RigConfig;
 
-use crate::report::short;
+use super::report::short;
 
 const RUNS: u64 = 2000;
 

@@ -3,9 +3,9 @@
 use rigident_shared::Scalar;
 use rigident_shared::factor::Cascade;
 
-use crate::problem::{Block, Mixed, rigid_body};
-use crate::reference::Reference;
-use crate::report::short;
+use super::problem::{Block, Mixed, rigid_body};
+use super::reference::Reference;
+use super::report::short;
 
 /// Thesis, Table 1, 1 σ; and its resolution as a uniform error.
 const TABLE_1: [f64; 6] = [9.9 / 1.96, 9.9 / 1.96, 19.8 / 1.96, 0.75 / 1.96, 0.9 / 1.96, 0.9 / 1.96];

@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 use rigident::plan::poses::measure::least_condition_number_in_cone;
 use rigident::plan::poses::{Objective, Region, Search};
 
-use crate::still_poses::Platform;
+use super::still_poses::Platform;
 
 const CNT: [f64; 4] = [3.52, 2.99, 3.27, 3.25];
 const TILT_DEG: f64 = 32.5;

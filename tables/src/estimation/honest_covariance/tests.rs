@@ -1,22 +1,10 @@
 //! The covariance that ships against the exact one of white noise after the filter, `G⁻¹ (Ãᵀ T Ã) G⁻¹`.
-#![cfg(feature = "simulator")]
 
-#[allow(dead_code, reason = "the tables use the rest")]
-#[path = "../examples/estimation_tables/coloured_noise.rs"]
-mod coloured_noise;
-#[allow(dead_code, reason = "the tables use the rest")]
-#[path = "../examples/estimation_tables/honest_covariance.rs"]
-mod honest_covariance;
-#[allow(dead_code, reason = "the tables use the rest")]
-#[path = "../examples/estimation_tables/problem.rs"]
-mod problem;
-#[allow(dead_code, reason = "the tables use the rest")]
-#[path = "../examples/estimation_tables/report.rs"]
-mod report;
-
-use honest_covariance::Study;
-use problem::Normal;
 use rigident::identification::{Input, identify, progression};
+
+use super::Study;
+use crate::estimation::coloured_noise;
+use crate::estimation::problem::Normal;
 
 /// Within 5 % for every one of the sixteen parameters, at the rates that ship, and not by being the same computation.
 #[test]

@@ -1,20 +1,7 @@
 //! The rule for f32 on target, `max(0.05 sd, 20 ε cond ‖φ‖)` against least squares in f64 on the very same rows, at
 //! a size for every day; `cargo xtask tables --long` goes to 1e7 samples and 128 parameters.
-#![cfg(feature = "simulator")]
 
-#[allow(dead_code, reason = "the tables use the rest")]
-#[path = "../examples/estimation_tables/f32_accuracy.rs"]
-mod f32_accuracy;
-#[allow(dead_code, reason = "the tables use the rest")]
-#[path = "../examples/estimation_tables/problem.rs"]
-mod problem;
-#[allow(dead_code, reason = "the tables use the rest")]
-#[path = "../examples/estimation_tables/reference.rs"]
-mod reference;
-#[path = "../examples/estimation_tables/report.rs"]
-mod report;
-
-use f32_accuracy::{CONDITIONS, Line, body, pieces, random};
+use super::{CONDITIONS, Line, body, pieces, random};
 
 fn holds(line: &Line, condition: Option<f64>) {
     assert!(line.of_allowed <= 1.0, "{} N = {}: {}", line.rows, line.parameters, line.of_allowed);

@@ -2,7 +2,7 @@
 
 use rigident::plan::poses::montecarlo::{Errors, Mounting, Row, Spread, reduction};
 
-use crate::still_poses::campaign;
+use super::still_poses::campaign;
 
 /// The row of an experiment.
 pub fn find(n: usize, mounting: Mounting, errors: Errors) -> &'static Row {

@@ -3,7 +3,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::problem::Block;
+use super::problem::Block;
 
 /// The solution of all rows.
 pub struct Reference {

@@ -1,0 +1,30 @@
+//! The tables of `docs/estimation.md`.
+//!
+//! One file per study, each a function that gives Markdown and draws everything from fixed seeds; [`problem`] and
+//! [`reference`] are what they share. The covariance forms in [`covariance_forms`] exist only to show how they fail.
+
+mod coloured_noise;
+mod covariance_forms;
+mod f32_accuracy;
+mod filter_response;
+mod honest_covariance;
+mod montecarlo;
+mod problem;
+mod reference;
+mod report;
+
+use crate::document::{Document, Table};
+
+/// The document and its tables, in its order.
+pub const DOCUMENT: Document = Document {
+    file: "docs/estimation.md",
+    tables: &[
+        Table { name: "filter-response", make: filter_response::table },
+        Table { name: "f32-accuracy", make: f32_accuracy::table },
+        Table { name: "f32-accuracy-long", make: f32_accuracy::long_table },
+        Table { name: "covariance-forms", make: covariance_forms::table },
+        Table { name: "honest-covariance", make: honest_covariance::table },
+        Table { name: "coloured-noise", make: coloured_noise::table },
+        Table { name: "montecarlo", make: montecarlo::table },
+    ],
+};

@@ -1,0 +1,19 @@
+//! The tables of `docs/trees.md`.
+//!
+//! One file per study, each a function that gives Markdown.
+
+mod simulated;
+mod staubli;
+
+use crate::document::{Document, Table};
+
+/// The document and its tables, in its order.
+pub const DOCUMENT: Document = Document {
+    file: "docs/trees.md",
+    tables: &[
+        Table { name: "simulated-long", make: simulated::table },
+        Table { name: "coloured", make: simulated::coloured_table },
+        Table { name: "nearest", make: simulated::nearest_table },
+        Table { name: "staubli", make: staubli::table },
+    ],
+};
