@@ -11,11 +11,8 @@ use rigident::model::{Model, human::Person, open, rig_links};
 use rigident_shared::tree::BaseMotion;
 use serde_json::Value;
 
-#[path = "trees/gross.rs"]
 mod gross;
-#[path = "trees/locked.rs"]
 mod locked;
-#[path = "trees/told.rs"]
 mod told;
 
 fn rigident(folder: &Path, arguments: &[&str]) -> Output {

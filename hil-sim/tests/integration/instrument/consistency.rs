@@ -6,7 +6,7 @@ use rigident_shared::wire::{Consistency, EstimateReport};
 use rigident_sim::rig::RigConfig;
 use rigident_sim::sensors::SensorModels;
 
-use crate::host::{Host, message, readings, settings};
+use super::host::{Host, message, readings, settings};
 
 /// Smallest eigenvalue of the pseudo-inertia `[[½ tr(I) 1 − I, mc], [mcᵀ, m]]`, of the numbers as they were sent.
 fn least_eigenvalue(report: &EstimateReport) -> f64 {

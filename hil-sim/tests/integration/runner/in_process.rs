@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use crate::device::{Device, settings};
+use super::device::{Device, settings};
 use hexapod::experiment::thesis_program;
 use hexapod::{MotionProgram, Segment};
 use rigident_shared::wire::{Command, Reason, Reply, StateName};

@@ -41,7 +41,7 @@ fn topic(group: &str) -> String {
 /// Runs the script, or says why not.
 fn python(arguments: &[&str]) -> Option<Output> {
     let interpreter = std::env::var("RIGIDENT_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/independent_mcap_reader.py");
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/integration/independent_mcap_reader.py");
     let run = |arguments: &[&str]| Command::new(&interpreter).arg(&script).args(arguments).output();
     let missing = match run(&["check"]) {
         Ok(output) if output.status.success() => {

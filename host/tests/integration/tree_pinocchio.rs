@@ -25,7 +25,7 @@ fn vector(value: &Value) -> Vector3<f64> {
 }
 
 fn here(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/pinocchio").join(name)
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/integration/pinocchio").join(name)
 }
 
 #[test]

@@ -1,10 +1,6 @@
 //! A knock in a recording hardly moves the answer.
 #![cfg(feature = "simulator")]
 
-#[allow(dead_code, reason = "the factors use the rest")]
-#[path = "factors/simulated.rs"]
-mod simulated;
-
 use hexapod::experiment::thesis_program;
 use rigident::identification::remembered::identify_remembered;
 use rigident::identification::{Identification, Input, identify, progression};
@@ -12,6 +8,8 @@ use rigident_shared::forgetting::{ImuNoise, MemoryConfig, Span};
 use rigident_shared::spatial::Wrench;
 use rigident_sim::rig::{Readings, RigConfig};
 use rigident_sim::sensors::SensorModels;
+
+use crate::factors::simulated;
 
 /// A quiet load cell, so that 50 N for 20 ms are no matter of chance.
 fn recording(seed: u64) -> Input {

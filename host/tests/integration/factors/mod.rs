@@ -4,5 +4,5 @@
 mod commands;
 mod gains;
 mod refused;
-mod simulated;
+pub mod simulated;
 mod tare;

@@ -17,7 +17,7 @@ use rigident_sim::links::{Swing, Tree, TreeLink};
 use rigident_sim::rig::RigConfig;
 use rigident_sim::runner::{FrameBus, FrameGate, InProcess, Mcu, Qemu, QemuOptions, frames_of};
 
-use crate::device::{Device, settings};
+use super::device::{Device, settings};
 
 const RATE_HZ: f64 = 100.0;
 const NOISE: [f64; 6] = [1.0, 1.0, 2.0, 0.2, 0.2, 0.2];

@@ -1,6 +1,6 @@
 //! One firmware, two runners.
 
-mod device;
+pub mod device;
 mod emulated_board;
 mod in_process;
 mod tree;

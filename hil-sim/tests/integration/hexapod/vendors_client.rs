@@ -48,7 +48,7 @@ fn the_vendors_own_client_references_moves_is_refused_stops_and_streams() {
         }
     };
     let served = Served::new();
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/hexapod/client.py");
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/integration/hexapod/client.py");
     let out = Command::new(python).arg(script).arg(served.server.address().to_string()).output().unwrap();
     let (facts, said) = (String::from_utf8_lossy(&out.stdout), String::from_utf8_lossy(&out.stderr));
     assert!(out.status.success(), "{facts}\n{said}");

@@ -1,6 +1,5 @@
 //! What the report page promises, checked by an XML parser that knows nothing of how it was written.
 
-#[path = "report/synthetic.rs"]
 mod synthetic;
 
 use std::collections::HashSet;

@@ -4,7 +4,7 @@ use rigident_shared::wire::{ReadingMessage, Settings};
 use rigident_sim::rig::{Readings, RigConfig};
 use rigident_sim::sensors::SensorModels;
 
-use crate::host::{Host, RATE_HZ, message, readings, settings};
+use super::host::{Host, RATE_HZ, message, readings, settings};
 
 /// The thesis' rig with a load cell of a tenth of its noise, so that a knock is no matter of chance.
 fn quiet() -> RigConfig {

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use crate::device::{Device, settings};
+use super::device::{Device, settings};
 use hexapod::experiment::thesis_program;
 use rigident_shared::wire::{MemorySettings, Settings, StateName};
 use rigident_sim::rig::{Rig, RigConfig, SharedRig};

@@ -21,7 +21,7 @@ use rigident_sim::rig::{Rig, RigConfig};
 use rigident_sim::runner::{InProcess, Mcu, Pacing, Qemu, QemuOptions};
 use rigident_sim::sensors::{PerExperiment, SensorModels};
 
-use crate::device::{Device, settings};
+use super::device::{Device, settings};
 
 fn second() -> SecondLink {
     SecondLink::arm()

@@ -3,7 +3,7 @@ use rigident::identification::pooled::PooledFactor;
 use rigident::identification::tare::Tare;
 use rigident::identification::{Factor, Identification, identify};
 
-use crate::simulated::{body, experiment, fixture, input, together};
+use super::simulated::{body, experiment, fixture, input, together};
 
 /// Runs with body and fixture, each with a run of the bare fixture: U95 holds the body alone in 95 % of them.
 /// Subtracted as if the fixture were known exactly it does not: with runs alike the variance is twice what is

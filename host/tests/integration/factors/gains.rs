@@ -1,6 +1,6 @@
 //! Gain errors of the load cell, as a user states them in the rig file.
 
-use crate::simulated::{body, json, noise, values, write};
+use super::simulated::{body, json, noise, values, write};
 
 /// 1 σ of every channel's gain.
 const GAIN: f64 = 0.01;

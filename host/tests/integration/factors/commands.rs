@@ -2,7 +2,7 @@ use std::fs;
 
 use serde_json::Value;
 
-use crate::simulated::{body, fixture, json, noise, rigident, said, status, together, values, write};
+use super::simulated::{body, fixture, json, noise, rigident, said, status, together, values, write};
 
 /// Largest difference of values and of uncertainties, in units of the uncertainty.
 fn apart(a: &[(f64, f64)], b: &[(f64, f64)]) -> f64 {

@@ -1,6 +1,6 @@
 use std::fs;
 
-use crate::simulated::{body, noise, rigident, said, status, write};
+use super::simulated::{body, noise, rigident, said, status, write};
 use rigident::fit::factor_file::FactorFile;
 use rigident_shared::factor::InformationFactor;
 

@@ -10,7 +10,7 @@ use rigident_shared::wire::{
 };
 use rigident_sim::rig::RigConfig;
 
-use crate::host::{Host, RATE_HZ, message, readings, settings};
+use super::host::{Host, RATE_HZ, message, readings, settings};
 
 const FORGETTING: MemorySettings =
     MemorySettings::Forgetting { time_constant_s: 5.0, accel_noise_mps2: 0.02, gyro_noise_radps: 1.9e-3 };

@@ -9,9 +9,7 @@ use rigident_shared::wire::{
 };
 use rigident_sim::rig::{ReadingRow, Readings, RigConfig};
 
-#[path = "../runner/device.rs"]
-#[allow(dead_code, reason = "only the settings are needed here")]
-mod device;
+use crate::runner::device;
 
 /// Rate of the readings, 1/s.
 pub const RATE_HZ: f64 = 500.0;

@@ -1,0 +1,9 @@
+//! The simulated rig from outside: `cargo test --release -p rigident-sim --test integration NAME`.
+
+mod drivers;
+mod hexapod;
+mod independence;
+mod instrument;
+mod runner;
+mod serve;
+mod served_program;

@@ -1,0 +1,25 @@
+//! Rigident from outside, as a program and as a library: `cargo test --release -p rigident --test integration NAME`.
+//!
+//! One program for all of them, because linking costs more than most of what they test. Tests that hold the wall clock
+//! are in `real_time`.
+
+mod accuracy;
+mod commands;
+mod device_tree_commands;
+mod factors;
+mod forgetting;
+mod knocks;
+mod known;
+mod mcap_damage;
+mod mcap_independent;
+mod model_commands;
+mod montecarlo;
+mod plan_motion;
+mod plan_poses;
+mod report;
+mod streams;
+mod tree_commands;
+mod tree_pinocchio;
+mod weakest;
+mod workspace;
+mod wrong_recordings;
