@@ -10,6 +10,7 @@ mod elf;
 mod emulator;
 mod firmware;
 mod fuzz;
+mod goldens;
 mod places;
 mod process;
 mod setup;
@@ -51,6 +52,8 @@ enum Verb {
     BadEnds,
     /// Fuzz the decoders.
     Fuzz(fuzz::Options),
+    /// Hold what the program prints against what it printed once.
+    Goldens(goldens::Options),
     /// Make the tables of docs/estimation.md, docs/platform.md and docs/trees.md anew.
     Tables(tables::Options),
 }
@@ -76,6 +79,7 @@ fn run(verb: &Verb, core: Option<Core>) -> anyhow::Result<()> {
         Verb::CheckElf(options) => check_elf::run(options, core),
         Verb::BadEnds => emulator::bad_ends(toolchain::choose(core)?),
         Verb::Fuzz(options) => fuzz::run(options),
+        Verb::Goldens(options) => goldens::run(options),
         Verb::Tables(options) => tables::run(options),
     }
 }

@@ -10,6 +10,7 @@ use crate::check_elf;
 use crate::emulator;
 use crate::firmware;
 use crate::fuzz;
+use crate::goldens;
 use crate::places;
 use crate::process::{self, Steps};
 use crate::setup;
@@ -47,6 +48,9 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
         });
         let elf = steps.run("firmware", || firmware::build(core, &[]));
         steps.run("tests, on the host and in the emulator", || tests(elf.as_deref()));
+        steps.run("goldens, the quick ones", || {
+            goldens::run(&goldens::Options { quick: true, ..Default::default() })
+        });
         steps.run("a panic and a fault on the board end with a status", || emulator::bad_ends(core));
         check_elf::run_steps(&mut steps, core);
         steps.run("size", || size::run(&size::Options::default(), Some(core)));
