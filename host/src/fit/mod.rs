@@ -6,12 +6,16 @@
 mod estimate;
 mod factor;
 pub mod factor_file;
+mod fingerprint;
+mod noise_check;
 mod parameter;
 mod result;
 mod source;
 
 pub use estimate::{COVERAGE_95, Estimate, Measured, Noise};
 pub use factor::{Factor, Solution};
+pub use fingerprint::Fingerprint;
+pub use noise_check::{Judgement, RowSet, judge};
 pub use parameter::{Channel, Kind, Owner, Parameter};
 pub use result::{
     BlockResidual, ChannelFit, Convergence, Counts, Fit, Forgotten, NoiseCheck, Prior, PriorStatement,

@@ -49,6 +49,42 @@ pub struct Parameter {
     pub unit: String,
     /// The frame that it is expressed in: `S`, or the link's name; empty where there is none.
     pub frame: String,
+    /// The standard parameters (`arm.m`) that it is a sum of, with their weights, where rows tell combinations apart only;
+    /// empty: it is by itself what its name says.
+    pub made_of: Vec<(String, f64)>,
+}
+
+impl Kind {
+    /// Returns true for what adds where bodies are bolted together: mass, first moment, tensor.
+    pub fn is_inertial(self) -> bool {
+        matches!(self, Self::Mass | Self::FirstMoment | Self::Inertia)
+    }
+}
+
+impl Parameter {
+    /// Builds a parameter that is no combination and has no frame.
+    ///
+    /// ```
+    /// use rigident::fit::{Kind, Owner, Parameter};
+    ///
+    /// let inertia = Parameter::new("J", Owner::Link("pendulum".into()), Kind::Inertia, "kg m2");
+    /// assert!(inertia.kind.is_inertial() && inertia.made_of.is_empty());
+    /// ```
+    pub fn new(name: impl Into<String>, owner: Owner, kind: Kind, unit: &str) -> Self {
+        Self {
+            name: name.into(),
+            owner,
+            kind,
+            unit: unit.to_owned(),
+            frame: String::new(),
+            made_of: Vec::new(),
+        }
+    }
+
+    /// Returns true if it is a single standard parameter, of weight one, or no combination at all.
+    pub fn is_by_itself(&self) -> bool {
+        matches!(self.made_of.as_slice(), [] | [(_, 1.0)])
+    }
 }
 
 /// One measured quantity, of which each sample gives a row.

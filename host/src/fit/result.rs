@@ -105,6 +105,8 @@ pub struct PriorStatement {
     pub sigma: f64,
     /// True for a plane of symmetry.
     pub is_symmetry: bool,
+    /// Parameters that a plane of symmetry leaves free because the size of its link is not known; empty otherwise.
+    pub free: Vec<usize>,
     /// The statement in words.
     pub text: String,
 }
@@ -120,6 +122,15 @@ pub struct Fit {
     pub factor: Factor,
     /// Solution with its covariance, known values and a fixture counted.
     pub estimate: Estimate,
+    /// The rows that `estimate` solves, whitened by their true σ, where these are not those of `factor` with their variance
+    /// scaled: a fixture was taken off, or gain errors were fitted with the larger noise. Known values are not in it.
+    pub solved: Option<Factor>,
+    /// What in columns of unit length is no more than rounding ([`super::RowSource::rounding`]).
+    pub rounding: f64,
+    /// The model's ([`super::RowSource::model_fingerprint`]).
+    pub model_fingerprint: u64,
+    /// Those of the readings of each run ([`super::RowSource::fingerprint`]).
+    pub fingerprints: Vec<u64>,
     /// What was known beforehand, if anything.
     pub prior: Option<Prior>,
     /// The residuals against the noise that was stated.
@@ -145,6 +156,11 @@ impl Fit {
     /// Returns the estimate from the data alone, without what was known beforehand.
     pub fn data_alone(&self) -> &Estimate {
         self.prior.as_ref().map_or(&self.estimate, |prior| &prior.data_alone)
+    }
+
+    /// Returns the rows that the estimate from the data alone solves, whitened by their true σ.
+    pub fn scaled_factor(&self) -> Factor {
+        self.solved.clone().unwrap_or_else(|| self.factor.discount(self.noise.variance_scale))
     }
 
     /// Returns the largest factor on an interval for autocorrelated residuals; `None` if they are white.

@@ -2,7 +2,7 @@
 
 use rigident_shared::screening::Rejection;
 
-use super::{Channel, Parameter};
+use super::{Channel, Fingerprint, Parameter};
 
 /// How the samples of a source follow one another.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,5 +73,29 @@ pub trait RowSource: Sync {
     /// not told apart.
     fn rounding(&self) -> f64 {
         f64::EPSILON * self.parameters().len() as f64
+    }
+
+    /// Returns a number that is the same for models whose parameters of equal names are the same quantities: a hash of
+    /// the geometry. Zero: the parameters' names and what they are made of say all.
+    fn model_fingerprint(&self) -> u64 {
+        0
+    }
+
+    /// Returns a number that is the same for the same readings, whatever file they stand in: a run counts once where
+    /// factors are merged. The default is made of the times and the measured values of all samples.
+    fn fingerprint(&self) -> u64 {
+        let (channels, parameters) = (self.channels().len(), self.parameters().len());
+        let (mut hash, mut rows) = (Fingerprint::default(), SampleRows::default());
+        for sample in 0..self.samples() {
+            rows.clear(channels, parameters);
+            if self.timing() != Timing::Static {
+                hash.add(self.time_ns(sample));
+            }
+            // A rejected sample is one of the readings too; what of it is told apart is its time.
+            if self.rows(sample, &mut rows).is_ok() {
+                rows.measured.iter().for_each(|value| hash.add(value.to_bits()));
+            }
+        }
+        hash.finish()
     }
 }

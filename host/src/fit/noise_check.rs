@@ -1,0 +1,104 @@
+//! The residuals against the noise that was stated: what scales the covariance, and how it is known.
+
+use super::Noise;
+
+/// Rows of one run, as far as their residuals are concerned.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RowSet {
+    /// Scalar rows.
+    pub rows: u64,
+    /// Channels: so many rows a block.
+    pub channels: usize,
+    /// Variance of the whitened, filtered noise per row.
+    pub noise_gain: f64,
+    /// True if every σ was given; else it is from the residuals.
+    pub sigma_given: bool,
+}
+
+/// What residuals say of the noise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Judgement {
+    /// How the noise is known.
+    pub noise: Noise,
+    /// Residual variance relative to what σ lets expect; 1 where every σ comes from the residuals.
+    pub variance_ratio: f64,
+    /// The covariance is multiplied by this.
+    pub variance_scale: f64,
+}
+
+impl RowSet {
+    /// Returns the effective independent readings of each channel; filtered ones are worth `noise_gain` each.
+    fn independent(&self) -> f64 {
+        self.rows as f64 / self.channels.max(1) as f64 * self.noise_gain.min(1.0)
+    }
+}
+
+/// Judges the residual sum of squares of all rows, to which `fitted` parameters were fitted.
+///
+/// A whitened, filtered row of set i has the variance `gain_i`, so
+/// `E[RSS] = Σ rows_i gain_i · (rows − fitted) / rows`. Residuals larger than the stated noise can make them
+/// scale the covariance.
+pub fn judge(sets: &[RowSet], residual_sum_of_squares: f64, fitted: f64) -> Judgement {
+    let rows: f64 = sets.iter().map(|s| s.rows as f64).sum();
+    let expected: f64 = sets.iter().map(|s| s.rows as f64 * s.noise_gain).sum();
+    let channels = sets.iter().map(|s| s.channels).max().unwrap_or(1).max(1) as f64;
+    let left = |readings: f64| (readings - fitted / channels).max(1.0);
+    let dof = left(sets.iter().map(RowSet::independent).sum());
+    let estimated: f64 = sets.iter().filter(|s| !s.sigma_given).map(RowSet::independent).sum();
+    let noise = if sets.iter().all(|s| s.sigma_given) {
+        Noise::Given
+    } else {
+        Noise::Estimated { degrees_of_freedom: left(estimated) }
+    };
+    let variance_ratio = if sets.iter().any(|s| s.sigma_given) {
+        residual_sum_of_squares / ((rows - fitted).max(1.0) * expected / rows.max(1.0))
+    } else {
+        1.0
+    };
+    let surprising = 1.0 + 4.0 * (2.0 / (channels * dof)).sqrt();
+    let variance_scale = if variance_ratio > surprising { variance_ratio } else { 1.0 };
+    Judgement { noise, variance_ratio, variance_scale }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::identification::pooled;
+
+    /// Six channels give what the judgement of one body gave.
+    #[test]
+    fn one_body_is_judged_as_ever() {
+        for (rows, gain, sigma_given) in
+            [(6000, 0.3, true), (600, 1.0, true), (1200, 0.2, false), (12, 1.0, false)]
+        {
+            for ratio in [0.5, 1.0, 1.1, 4.0] {
+                let residual = f64::from(rows) * gain * ratio;
+                let old = pooled::RowSet { rows, noise_gain: gain, sigma_given };
+                let old = pooled::judge(&[old, old], residual, 16.0);
+                let set = RowSet { rows: u64::from(rows), channels: 6, noise_gain: gain, sigma_given };
+                let new = judge(&[set, set], residual, 16.0);
+                assert_eq!(
+                    (new.variance_ratio, new.variance_scale),
+                    (old.variance_ratio, old.variance_scale)
+                );
+                match (new.noise, old.noise) {
+                    (Noise::Given, crate::answer::Noise::Given) => {}
+                    (
+                        Noise::Estimated { degrees_of_freedom: a },
+                        crate::answer::Noise::Estimated { degrees_of_freedom: b },
+                    ) => assert_eq!(a, b),
+                    other => panic!("{other:?}"),
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn stated_noise_scales_the_covariance_only_where_residuals_exceed_it() {
+        let set = RowSet { rows: 10_000, channels: 1, noise_gain: 1.0, sigma_given: true };
+        // The residual variance of 10 000 rows has a standard deviation of 1.4 %; four of them are surprising.
+        assert_eq!(judge(&[set], 10_000.0 * 1.05, 3.0).variance_scale, 1.0);
+        let larger = judge(&[set], 10_000.0 * 1.07, 3.0);
+        assert!((larger.variance_scale - 1.07).abs() < 1e-3 && larger.noise == Noise::Given);
+    }
+}
