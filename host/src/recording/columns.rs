@@ -37,6 +37,20 @@ pub enum Group {
 }
 
 impl Group {
+    /// Returns one group of each kind; of those with a number, the one that is written most often.
+    pub fn kinds() -> [Self; 8] {
+        [
+            Self::Wrench,
+            Self::Accel(0),
+            Self::Gyro(0),
+            Self::Gravity,
+            Self::Gauges,
+            Self::Platform,
+            Self::Commanded,
+            Self::Attitude(1),
+        ]
+    }
+
     /// Names of its columns, in order.
     pub fn names(self) -> Vec<String> {
         let with = |prefix: String, names: &[&str]| names.iter().map(|n| format!("{prefix}{n}")).collect();
@@ -134,17 +148,7 @@ pub fn other_unit(name: &str) -> Option<String> {
 
 /// The known name that was probably meant.
 pub fn nearest_known(name: &str) -> Option<String> {
-    let groups = [
-        Group::Wrench,
-        Group::Accel(0),
-        Group::Gyro(0),
-        Group::Gravity,
-        Group::Gauges,
-        Group::Platform,
-        Group::Commanded,
-        Group::Attitude(1),
-    ];
-    let mut names: Vec<String> = groups.into_iter().flat_map(Group::names).collect();
+    let mut names: Vec<String> = Group::kinds().into_iter().flat_map(Group::names).collect();
     names.push(TIME.to_owned());
     nearest(name, names.iter().map(String::as_str)).map(str::to_owned)
 }
@@ -178,6 +182,24 @@ mod tests {
         assert_eq!(Known::parse("imu0_gz_radps"), Some(Known::Member(Group::Gyro(0), 2)));
         for strange in ["imu00_ax_mps2", "imu99_ax_mps2", "q_w", "fx", "cmd_fx_n", "imu1_fx_n", ""] {
             assert_eq!(Known::parse(strange), None, "{strange}");
+        }
+    }
+
+    #[test]
+    fn kinds_leave_none_out() {
+        // A new kind does not compile here until it has its place.
+        let place = |group: Group| match group {
+            Group::Wrench => 0,
+            Group::Accel(_) => 1,
+            Group::Gyro(_) => 2,
+            Group::Gravity => 3,
+            Group::Gauges => 4,
+            Group::Platform => 5,
+            Group::Commanded => 6,
+            Group::Attitude(_) => 7,
+        };
+        for (k, group) in Group::kinds().into_iter().enumerate() {
+            assert_eq!(place(group), k);
         }
     }
 

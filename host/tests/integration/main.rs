@@ -6,6 +6,7 @@
 mod accuracy;
 mod commands;
 mod device_tree_commands;
+mod documents;
 mod factors;
 mod forgetting;
 mod knocks;

@@ -1,0 +1,169 @@
+//! `docs/formats.md` against what the readers and writers know.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::process::Command;
+
+use rigident::recording::columns::{Group, Known};
+use rigident::recording::convert::convert;
+use rigident::rig::RigFile;
+
+use super::{document, first_cells, same, section};
+
+fn formats() -> String {
+    document("docs/formats.md")
+}
+
+fn names(words: impl IntoIterator<Item = impl Into<String>>) -> BTreeSet<String> {
+    words.into_iter().map(Into::into).collect()
+}
+
+#[test]
+fn every_column_is_described() {
+    let mut known = names(["t_s"]);
+    for group in Group::kinds() {
+        known.extend(group.names());
+    }
+    // Of numbered groups those of link 1 are described; the first IMU has no number.
+    known.retain(|name| !name.starts_with("q0_"));
+    known.extend([Group::Accel(1), Group::Gyro(1), Group::Attitude(1)].into_iter().flat_map(Group::names));
+    let text = formats();
+    let mut documented = first_cells(section(&text, "### Columns"));
+    documented.retain(|name| !name.contains('…'));
+    same("columns", &documented, &known);
+    assert!(documented.iter().all(|name| Known::parse(name).is_some()));
+}
+
+/// The keys of a table, by what the reader says of one that it does not know; `None` if that is no table.
+fn keys(header: &str) -> Option<Vec<String>> {
+    let error = RigFile::parse(&format!("{header}\nno_such_key = 1\n")).err()?.to_string();
+    let known = error.split_once("key no_such_key is not known")?.1.split_once("known here: ")?.1;
+    Some(known.split(", ").map(str::to_owned).collect())
+}
+
+/// Walks the tables of a rig file from the reader's own lists.
+fn tables(header: &str, inside: &str, keys_there: &[String], found: &mut Vec<(String, BTreeSet<String>)>) {
+    found.push((header.to_owned(), names(keys_there)));
+    for key in keys_there {
+        let path = if inside.is_empty() { key.clone() } else { format!("{inside}.{key}") };
+        for (open, close) in [("[[", "]]"), ("[", "]")] {
+            let line = format!("{open}{path}{close}");
+            // A table inside one of an array needs that one first.
+            let above = if header.starts_with("[[") { format!("{header}\n") } else { String::new() };
+            if let Some(inner) = keys(&format!("{above}{line}")) {
+                tables(&line, &path, &inner, found);
+                break;
+            }
+        }
+    }
+}
+
+#[test]
+fn every_key_of_a_rig_file_is_described() {
+    let root = keys("").unwrap();
+    let mut found = Vec::new();
+    tables("", "", &root, &mut found);
+    let text = formats();
+    let rig = section(&text, "## Rig file");
+    let headings = rig.lines().filter_map(|line| line.strip_prefix("### `")?.strip_suffix('`'));
+    same(
+        "tables of a rig file",
+        &names(headings),
+        &names(found.iter().map(|(header, _)| header.as_str()).filter(|header| !header.is_empty())),
+    );
+    assert!(found.len() > 10, "{found:?}");
+    for (header, keys) in &found[1..] {
+        same(header, &first_cells(section(rig, &format!("### `{header}`"))), keys);
+    }
+}
+
+#[test]
+fn every_topic_of_a_recording_is_described() {
+    let folder = tempfile::tempdir().unwrap();
+    let columns: Vec<String> = Group::kinds().into_iter().flat_map(Group::names).collect();
+    let row = |time: &str| format!("{time},a{}\n", ",1".repeat(columns.len()));
+    let csv = format!("t_s,word,{}\n{}{}", columns.join(","), row("0.00"), row("0.01"));
+    let [from, to] = ["all.csv", "all.mcap"].map(|name| folder.path().join(name));
+    std::fs::write(&from, csv).unwrap();
+    convert(&from, &to, None).unwrap();
+    let bytes = std::fs::read(&to).unwrap();
+    let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+    let pairs = |(topic, message): (&str, &str)| format!("{topic} {message}");
+    let real = names(summary.channels.values().map(|channel| {
+        pairs((channel.topic.as_str(), channel.schema.as_ref().map_or("", |schema| &schema.name)))
+    }));
+    let text = formats();
+    let documented = section(&text, "## Recording, MCAP").lines().filter_map(|line| {
+        let words: Vec<&str> = line.strip_prefix("| `/")?.split('`').collect();
+        Some(pairs((&format!("/{}", words[0]), words[words.iter().position(|w| w.contains("/msg/"))?])))
+    });
+    let mut real = real;
+    // Link 0 is S; the document shows link 1.
+    real.retain(|pair| !pair.starts_with("/link0/"));
+    real.insert("/link1/attitude geometry_msgs/msg/QuaternionStamped".to_owned());
+    same("topics", &names(documented), &real);
+}
+
+/// Runs the program and returns what it prints as JSON.
+fn json(arguments: &[&str]) -> serde_json::Value {
+    let output = Command::new(env!("CARGO_BIN_EXE_rigident")).args(arguments).output().unwrap();
+    serde_json::from_slice(&output.stdout)
+        .unwrap_or_else(|e| panic!("{arguments:?}: {e}: {}", String::from_utf8_lossy(&output.stderr)))
+}
+
+#[test]
+fn every_field_of_the_other_commands_is_described() {
+    let rig = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/examples/two-links.rig.toml");
+    let folder = tempfile::tempdir().unwrap();
+    let urdf = folder.path().join("a.urdf");
+    std::fs::write(
+        &urdf,
+        "<robot name=\"x\"><link name=\"a\"><inertial><mass value=\"1\"/>\
+         <inertia ixx=\"1\" iyy=\"1\" izz=\"5\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial></link></robot>",
+    )
+    .unwrap();
+    let (rig, urdf) = (rig.display().to_string(), urdf.display().to_string());
+    let text = formats();
+    let table = section(&text, "## JSON of the other commands");
+    for (command, arguments) in [
+        ("montecarlo", vec!["montecarlo", "--runs", "2", "--duration-s", "20", "--json"]),
+        ("montecarlo poses", vec!["montecarlo", "poses", "--runs", "2", "--to", "2", "--json"]),
+        ("plan poses", vec!["plan", "poses", "--n", "3", "--json"]),
+        ("plan motion", vec!["plan", "motion", "--objective", "rpy", "--duration-s", "20", "--json"]),
+        ("workspace", vec!["workspace", "--step-deg", "90", "--json"]),
+        ("model base-params", vec!["model", "base-params", &rig, "--floating", "--json"]),
+        ("model check", vec!["model", "check", &urdf, "--json"]),
+    ] {
+        let line = table.lines().find(|line| line.starts_with(&format!("| `{command}` |")));
+        let line = line.unwrap_or_else(|| panic!("no line for {command}"));
+        let object = json(&arguments);
+        let mut fields = BTreeSet::new();
+        collect(&object, &mut fields);
+        let described: BTreeSet<String> = line.split('`').skip(1).step_by(2).map(str::to_owned).collect();
+        let missing: Vec<_> = fields.difference(&described).collect();
+        assert!(missing.is_empty(), "{command} prints {missing:?}, which docs/formats.md does not name");
+        for field in object.as_object().unwrap().keys() {
+            assert!(described.contains(field), "{command}: {field}");
+        }
+    }
+}
+
+/// Names of all fields, of objects inside lists too, but for maps by parameter or limit.
+fn collect(value: &serde_json::Value, fields: &mut BTreeSet<String>) {
+    match value {
+        serde_json::Value::Object(object) => {
+            for (name, inner) in object {
+                fields.insert(name.clone());
+                match name.as_str() {
+                    "predicted_u95" | "limits" | "singular_values" => {}
+                    "peaks" => {
+                        inner.as_object().into_iter().flatten().for_each(|(_, peak)| collect(peak, fields))
+                    }
+                    _ => collect(inner, fields),
+                }
+            }
+        }
+        serde_json::Value::Array(items) => items.iter().for_each(|item| collect(item, fields)),
+        _ => {}
+    }
+}
