@@ -1,0 +1,68 @@
+//! `docs/commands.md` against the program's own help.
+
+use std::collections::BTreeSet;
+use std::process::Command;
+
+use super::{document, same};
+
+fn help(command: &[&str]) -> String {
+    let output = Command::new(env!("CARGO_BIN_EXE_rigident")).args(command).arg("--help").output().unwrap();
+    assert!(output.status.success(), "{command:?}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// Names of the commands below one.
+fn commands(help: &str) -> Vec<String> {
+    let below = help.lines().skip_while(|line| *line != "Commands:").skip(1);
+    let names = below.take_while(|line| !line.is_empty()).filter_map(|line| line.split_whitespace().next());
+    names.filter(|name| *name != "help").map(str::to_owned).collect()
+}
+
+/// Long options, but for those that every program has.
+fn options(help: &str) -> impl Iterator<Item = String> {
+    help.lines().filter_map(|line| {
+        let line = line.trim_start();
+        let long = if line.starts_with("--") { line } else { line.strip_prefix('-')?.get(3..)? };
+        let name = long.strip_prefix("--")?.split([' ', '[', '<', '=']).next()?;
+        (!matches!(name, "help" | "version")).then(|| format!("--{name}"))
+    })
+}
+
+/// Every command and option that the help of the program knows.
+fn known() -> (BTreeSet<String>, BTreeSet<String>) {
+    let (mut names, mut longs) = (BTreeSet::new(), BTreeSet::new());
+    let mut open: Vec<String> = commands(&help(&[]));
+    while let Some(command) = open.pop() {
+        let text = help(&command.split(' ').collect::<Vec<_>>());
+        longs.extend(options(&text));
+        open.extend(commands(&text).into_iter().map(|below| format!("{command} {below}")));
+        names.insert(command);
+    }
+    (names, longs)
+}
+
+#[test]
+fn every_command_and_every_option_is_described_and_no_other() {
+    let text = document("docs/commands.md");
+    let (names, longs) = known();
+    assert!(names.contains("plan poses") && longs.contains("--rig"), "{names:?} {longs:?}");
+    let headings: BTreeSet<String> = text
+        .lines()
+        .filter(|line| line.starts_with('#'))
+        .flat_map(|line| line.split('`').skip(1).step_by(2))
+        .map(str::to_owned)
+        .collect();
+    // `plan` and the like only hold others.
+    let alone = names.iter().filter(|name| !names.iter().any(|other| other.starts_with(&format!("{name} "))));
+    let alone: BTreeSet<String> = alone.cloned().chain(["montecarlo".to_owned()]).collect();
+    same("commands", &headings, &alone);
+    let named = text.split(|c: char| !(c.is_ascii_alphanumeric() || c == '-')).filter(|word| {
+        word.strip_prefix("--").is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_lowercase()))
+    });
+    let mut named: BTreeSet<String> = named.map(str::to_owned).collect();
+    // Of cargo and of the simulator, whose help is its own.
+    for other in ["--release", "--path", "--write-rig", "--help"] {
+        named.remove(other);
+    }
+    same("options", &named, &longs);
+}
