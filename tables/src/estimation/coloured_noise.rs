@@ -97,7 +97,7 @@ pub fn table() -> String {
         .into_iter()
         .zip(1..)
         .map(|(time_s, seed)| -> Job<Line> { Box::new(move || line(study, time_s, 1000 * seed, RUNS)) });
-    let mut text = "| correlation time, s | σ | batch means / spread | shipped / spread | coverage | had colour not counted | warned | largest factor told, mean |\n\
+    let mut text = "| correlation time, s | σ | batch means / spread | shipped / spread | coverage | autocorrelation not counted | warned | largest factor reported, mean |\n\
                     |---|---|---|---|---|---|---|---|\n"
         .to_owned();
     let runs = RUNS as f64;

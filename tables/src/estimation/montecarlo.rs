@@ -25,7 +25,7 @@ pub fn table() -> String {
     let host = verdict(Campaign::new(white.clone()), RUNS, 1);
     let told = verdict(Campaign::new(gains.clone()), RUNS, 1);
     let untold = verdict(Campaign { tell_gain_errors: false, ..Campaign::new(gains.clone()) }, 500, 1);
-    let mut text = "| | unit | white: bound | efficiency | coverage | gain: bound | efficiency | coverage | not told: coverage |\n\
+    let mut text = "| | unit | white: bound | efficiency | coverage | gain: bound | efficiency | coverage | gains not stated: coverage |\n\
                     |---|---|---|---|---|---|---|---|---|\n"
         .to_owned();
     for j in 0..PARAMETERS {

@@ -76,7 +76,7 @@ pub fn coloured_table() -> String {
             friction(),
         ),
     ];
-    let mut out = "| tree | correlation time, s | inside U95 | had colour not counted | told |\n|---|---|---|---|---|\n".to_owned();
+    let mut out = "| tree | correlation time, s | inside U95 | autocorrelation not counted | warned |\n|---|---|---|---|---|\n".to_owned();
     for (name, exact, model, wishes) in &bodies {
         let lines = TIMES_S.map(|time_s| {
             let run = move |seed: u64| {

@@ -244,7 +244,7 @@ pub fn table() -> String {
     let apart: Vec<f64> = both.map(|(a, b)| (a.value - b.value).abs() / a.u95.hypot(b.u95)).collect();
     let all = identify(&part(&model, &q, &tau, 0..q[0].len())).expect("an identification");
     counts += &format!(
-        "Of {} parameters identified by both halves {} agree within their joint U95. Intervals were wider for colour by up \
+        "Of {} parameters identified by both halves {} agree within their joint U95. Autocorrelation inflated intervals by up \
          to {:.1} and {:.1}, of all six seconds {:.1}.",
         apart.len(),
         apart.iter().filter(|d| **d <= 1.0).count(),
