@@ -7,6 +7,7 @@ mod accuracy;
 mod commands;
 mod device_tree_commands;
 mod documents;
+mod examples;
 mod factors;
 mod forgetting;
 mod knocks;
