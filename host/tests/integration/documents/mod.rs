@@ -2,6 +2,7 @@
 
 mod command_line;
 mod formats;
+mod links;
 
 use std::collections::BTreeSet;
 
