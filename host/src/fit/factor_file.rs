@@ -1,17 +1,32 @@
-//! The factor file, `*.factor`: what a recording said, without the recording.
+//! The factor file, `*.factor`: all that the rows of some runs say, without the runs.
 //!
-//! Eight bytes of magic, then one postcard object, then its CRC-32 (little-endian). The object starts with a
-//! version; parameter names and units are part of it, so a factor of another model is told apart.
+//! Eight bytes of magic; a postcard object (version, counts, header); the numbers of the factor, f64 little-endian; the
+//! CRC-32 of all after the magic, little-endian. The parameters with names, units, kinds, owners and what they are made of
+//! are part of it, so a factor of another model is told apart.
 
-use rigident_shared::calibration::Reading;
-use rigident_shared::factor::InformationFactor;
-use rigident_shared::inertia::{PARAMETER_NAMES, PARAMETER_UNITS};
-use serde::{Deserialize, Serialize};
+use serde::de::{SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
+
+use super::pool::PooledFactor;
+use super::{Factor, Parameter};
 
 const MAGIC: &[u8; 8] = b"RIGIDFAC";
-/// Version 2 brought [`FactorSource`]: version 1 did not say whether σ was given.
-const VERSION: u16 = 2;
+/// Version 3 holds any parameters and channels; 1 and 2 held one body's ten or sixteen parameters.
+pub const VERSION: u16 = 3;
 const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
+
+/// The most parameters of a factor.
+pub const MOST_PARAMETERS: usize = 2048;
+/// The most runs in a factor.
+pub const MOST_SOURCES: usize = 1 << 20;
+/// The most channels of a run.
+pub const MOST_CHANNELS: usize = 4096;
+/// The most standard parameters that a parameter is made of.
+const MOST_TERMS: usize = 10 * MOST_PARAMETERS;
+/// The most bytes of a file.
+pub const MOST_BYTES: u64 = 1 << 28;
+/// Columns shorter or longer than this come from no whitened rows, and their squares might leave the range of f64.
+const LARGEST: f64 = 1e60;
 
 /// Why bytes are not a usable factor file.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -19,28 +34,46 @@ pub enum FactorFileError {
     /// The file does not start as a factor file does.
     #[error("not a factor file: it does not start with RIGIDFAC")]
     NotAFactor,
+    /// The file is a result object.
+    #[error(
+        "a result (result.json), not a factor: it holds an answer and not the rows behind it; give the NAME.factor that was \
+         written beside it, or make one of the recording with `rigident factor`"
+    )]
+    Result,
     /// The check sum does not fit, or the file is cut off.
     #[error(
-        "the factor file is damaged or cut off (its check sum does not fit): write it anew from the recording"
+        "the factor file is damaged or cut off (its check sum does not fit): write it anew from the recording with \
+         `rigident factor`"
     )]
     Damaged,
-    /// The version is not known here.
+    /// The file is of an older program.
     #[error(
         "the factor file has version {0}, this program reads version {VERSION}: write it anew from the recording \
-         with `rigident factor`, or use the program that wrote it"
+         with `rigident factor`"
     )]
-    Version(u16),
-    /// Names or units are not those of the model that the hash stands for.
+    Old(u16),
+    /// The file is of a newer program.
     #[error(
-        "the factor file is of another model: its parameters are {0}, here they are those of one body \
-         (m in kg, mcx … mcz in kg m, Ixx … Ixy in kg m2), with or without the wrench offset"
+        "the factor file has version {0}, this program reads version {VERSION}: use the program that wrote it, or write it \
+         anew from the recording with `rigident factor`"
     )]
-    Model(String),
+    New(u16),
+    /// More than this program takes.
+    #[error("the factor file holds {got} {what}, more than the {most} that are taken")]
+    TooLarge {
+        /// Parameters, runs or bytes.
+        what: &'static str,
+        /// How many it says it has.
+        got: u64,
+        /// How many are taken.
+        most: u64,
+    },
     /// Numbers of the header that no recording can give.
     #[error(
-        "the factor file's header holds numbers that no recording gives: write it anew from the recording"
+        "the factor file's header holds {0}, which no recording gives: write it anew from the recording with `rigident \
+         factor`"
     )]
-    Header,
+    Header(&'static str),
     /// No rows are in it.
     #[error(
         "the factor file is empty: no row was absorbed into it; write it anew from a recording with rows"
@@ -56,264 +89,243 @@ pub enum FactorFileError {
     },
 }
 
-/// What one recording brought to a factor: enough to judge the residuals of a merged one.
+/// A measured channel of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SourceChannel {
+    /// Its name: `fx`, or a joint's.
+    pub name: String,
+    /// Its SI unit.
+    pub unit: String,
+    /// Standard deviation per sample by which its rows were whitened.
+    pub sigma: f64,
+    /// Standard deviation of its relative gain error, already eliminated from the factor; zero: none.
+    pub gain_sigma: f64,
+}
+
+/// One run in a factor: enough to judge the residuals of a merged one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FactorSource {
     /// Name of the recording.
     pub recording: String,
-    /// [`fingerprint`] of its readings: a recording counts once.
+    /// When it was recorded, s since 1970-01-01 UTC; `None`: not known.
+    pub recorded_unix_s: Option<i64>,
+    /// [`super::RowSource::fingerprint`] of its readings: a recording counts once.
     pub fingerprint: u64,
-    /// Readings in it.
-    pub readings: u32,
-    /// Of these not used.
-    pub rejected: u32,
+    /// Samples in it.
+    pub samples: u64,
+    /// Samples that were not used.
+    pub rejected: u64,
     /// Scalar rows absorbed.
-    pub rows: u32,
+    pub rows: u64,
     /// Variance of the whitened, filtered noise per row (1 without filter).
     pub noise_gain: f64,
-    /// 1 σ by which the wrench channels were whitened: N, N m.
-    pub channel_sigma: [f64; 6],
-    /// That σ was given; else it is from the residuals.
+    /// True if every σ was given; else it is from the residuals.
     pub sigma_given: bool,
-    /// 1 σ of the relative gain errors of the load cell, already eliminated from the factor; zero: none.
-    pub gain_sigma: [f64; 6],
-    /// What the noise of the gyro alone brings to a tensor element: 1/(kg m²)².
-    pub tensor_information: f64,
+    /// Information that noise of the rates alone brings to a moment of inertia: 1/(kg m²)².
+    pub spurious_information: f64,
+    /// Its channels.
+    #[serde(deserialize_with = "at_most::<_, _, MOST_CHANNELS>")]
+    pub channels: Vec<SourceChannel>,
 }
 
-/// A factor with what is needed to use it elsewhere.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FactorFile {
-    version: u16,
-    /// Hash of names and units: equal for factors that may be merged.
-    pub model_hash: u64,
-    /// Name and SI unit of each parameter, in the order of the columns.
-    pub parameters: Vec<(String, String)>,
-    /// Factor by which each column was divided before absorption; ones so far.
-    pub column_scale: Vec<f64>,
-    /// Scalar rows absorbed.
-    pub rows: u32,
-    /// Where the rows came from.
-    pub sources: Vec<FactorSource>,
-    /// Parameters that the rows determined and that were eliminated: six offsets for each recording, usually.
-    pub eliminated: u32,
-    /// χ² of the disagreement of what was merged, whitened.
-    pub disagreement: f64,
-    /// Its degrees of freedom.
-    pub comparisons: u32,
-    /// Upper triangle row by row, z, residual sum of squares.
-    pub entries: Vec<f64>,
+/// A parameter as it stands in a file: the terms are bounded.
+#[derive(Serialize, Deserialize)]
+struct StoredParameter {
+    name: String,
+    owner: super::Owner,
+    kind: super::Kind,
+    unit: String,
+    frame: String,
+    #[serde(deserialize_with = "at_most::<_, _, MOST_TERMS>")]
+    made_of: Vec<(String, f64)>,
 }
 
-/// FNV-1a over names and units.
-fn model_hash(parameters: &[(String, String)]) -> u64 {
-    let mut hash = FNV_OFFSET;
-    for (name, unit) in parameters {
-        for byte in name.bytes().chain([0]).chain(unit.bytes()).chain([0]) {
-            hash = (hash ^ u64::from(byte)).wrapping_mul(FNV_PRIME);
+/// All but the numbers of the factor.
+#[derive(Serialize, Deserialize)]
+struct Header {
+    #[serde(deserialize_with = "at_most::<_, _, MOST_PARAMETERS>")]
+    parameters: Vec<StoredParameter>,
+    model_fingerprint: u64,
+    rounding: f64,
+    rows: u64,
+    #[serde(deserialize_with = "at_most::<_, _, MOST_SOURCES>")]
+    sources: Vec<FactorSource>,
+    eliminated: u64,
+    disagreement: f64,
+    comparisons: u64,
+}
+
+impl From<&Parameter> for StoredParameter {
+    fn from(parameter: &Parameter) -> Self {
+        let Parameter { name, owner, kind, unit, frame, made_of } = parameter.clone();
+        Self { name, owner, kind, unit, frame, made_of }
+    }
+}
+
+impl From<StoredParameter> for Parameter {
+    fn from(stored: StoredParameter) -> Self {
+        let StoredParameter { name, owner, kind, unit, frame, made_of } = stored;
+        Self { name, owner, kind, unit, frame, made_of }
+    }
+}
+
+/// A list of at most so many elements; room is made as they come.
+fn at_most<'de, D: Deserializer<'de>, T: Deserialize<'de>, const MOST: usize>(
+    deserializer: D,
+) -> Result<Vec<T>, D::Error> {
+    struct List<T, const MOST: usize>(std::marker::PhantomData<T>);
+    impl<'de, T: Deserialize<'de>, const MOST: usize> Visitor<'de> for List<T, MOST> {
+        type Value = Vec<T>;
+        fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+            write!(f, "at most {MOST} elements")
+        }
+        fn visit_seq<A: SeqAccess<'de>>(self, mut elements: A) -> Result<Self::Value, A::Error> {
+            let mut list = Vec::new();
+            while let Some(element) = elements.next_element()? {
+                if list.len() == MOST {
+                    return Err(serde::de::Error::invalid_length(MOST + 1, &self));
+                }
+                list.push(element);
+            }
+            Ok(list)
         }
     }
-    hash
+    deserializer.deserialize_seq(List::<T, MOST>(std::marker::PhantomData))
 }
 
-const FNV_OFFSET: u64 = 0xcbf2_9ce4_8422_2325;
-const FNV_PRIME: u64 = 0x0000_0100_0000_01b3;
-
-/// FNV-1a over the words of the readings: the same for the same numbers, whatever file they stand in and
-/// whatever the rig file says of them.
-pub fn fingerprint(readings: &[Reading<f64>]) -> u64 {
-    let mut hash = FNV_OFFSET;
-    let mut add = |word: u64| {
-        // The high half is folded in: the product alone carries bits upwards only.
-        hash = (hash ^ word).wrapping_mul(FNV_PRIME);
-        hash ^= hash >> 32;
+/// Returns the bytes of a factor file.
+pub(super) fn to_bytes(pooled: &PooledFactor) -> Vec<u8> {
+    let header = Header {
+        parameters: pooled.parameters.iter().map(StoredParameter::from).collect(),
+        model_fingerprint: pooled.model_fingerprint,
+        rounding: pooled.rounding,
+        rows: pooled.factor.rows(),
+        sources: pooled.sources.clone(),
+        eliminated: pooled.eliminated,
+        disagreement: pooled.disagreement,
+        comparisons: pooled.comparisons,
     };
-    for reading in readings {
-        add(reading.time_ns);
-        reading.wrench.array().iter().for_each(|v| add(v.to_bits()));
-        reading.specific_force.array().iter().for_each(|v| add(v.to_bits()));
-        reading.angular_rate.array().iter().for_each(|v| add(v.to_bits()));
-    }
-    hash
+    let counts = (VERSION, header.parameters.len() as u64, header.sources.len() as u64);
+    // Serialising plain vectors and numbers into a growing buffer has no way to fail.
+    let mut body = postcard::to_allocvec(&(counts, header)).unwrap_or_default();
+    body.extend(pooled.factor.entries().iter().flat_map(|entry| entry.to_le_bytes()));
+    [MAGIC.as_slice(), &body, &CRC.checksum(&body).to_le_bytes()].concat()
 }
 
-/// The first `count` of the sixteen names and units.
-fn model(count: usize) -> Vec<(String, String)> {
-    PARAMETER_NAMES
+/// Reads the bytes of a factor file called `name`.
+pub(super) fn from_bytes(bytes: &[u8], name: &str) -> Result<PooledFactor, FactorFileError> {
+    let Some(rest) = bytes.strip_prefix(MAGIC) else {
+        return Err(if is_result(bytes) { FactorFileError::Result } else { FactorFileError::NotAFactor });
+    };
+    too_large("bytes", bytes.len() as u64, MOST_BYTES)?;
+    let (body, sum) = rest.split_last_chunk::<4>().ok_or(FactorFileError::Damaged)?;
+    if CRC.checksum(body) != u32::from_le_bytes(*sum) {
+        return Err(FactorFileError::Damaged);
+    }
+    let damaged = |_| FactorFileError::Damaged;
+    let (version, rest) = postcard::take_from_bytes::<u16>(body).map_err(damaged)?;
+    match version {
+        VERSION => {}
+        0..VERSION => return Err(FactorFileError::Old(version)),
+        _ => return Err(FactorFileError::New(version)),
+    }
+    let ((parameters, sources), rest) = postcard::take_from_bytes::<(u64, u64)>(rest).map_err(damaged)?;
+    too_large("parameters", parameters, MOST_PARAMETERS as u64)?;
+    too_large("runs", sources, MOST_SOURCES as u64)?;
+    let (header, numbers) = postcard::take_from_bytes::<Header>(rest).map_err(damaged)?;
+    check(&header)?;
+    let Header {
+        parameters,
+        model_fingerprint,
+        rounding,
+        rows,
+        sources,
+        eliminated,
+        disagreement,
+        comparisons,
+    } = header;
+    let count = parameters.len();
+    let refuse = FactorFileError::Numbers { got: numbers.len() / 8, parameters: count };
+    // Not more than 2048 parameters: some 17 MB.
+    if numbers.len() != 8 * (count * (count + 3) / 2 + 1) {
+        return Err(refuse);
+    }
+    let entries: Vec<f64> =
+        numbers.chunks_exact(8).map(|word| word.try_into().map_or(f64::NAN, f64::from_le_bytes)).collect();
+    let factor = Factor::from_entries(count, &entries, rows).filter(in_range).ok_or(refuse)?;
+    Ok(PooledFactor {
+        name: name.to_owned(),
+        parameters: parameters.into_iter().map(Parameter::from).collect(),
+        model_fingerprint,
+        rounding,
+        factor,
+        sources,
+        eliminated,
+        disagreement,
+        comparisons,
+    })
+}
+
+fn too_large(what: &'static str, got: u64, most: u64) -> Result<(), FactorFileError> {
+    if got > most { Err(FactorFileError::TooLarge { what, got, most }) } else { Ok(()) }
+}
+
+/// Returns true for the JSON object that `rigident identify` and others leave.
+fn is_result(bytes: &[u8]) -> bool {
+    let start = String::from_utf8_lossy(bytes.get(..4096).unwrap_or(bytes));
+    start.trim_start_matches('\u{feff}').trim_start().starts_with('{') && start.contains("rigident/result")
+}
+
+/// Returns true if the squares of all numbers are within the range of f64.
+fn in_range(factor: &Factor) -> bool {
+    let usual = |v: f64| v == 0.0 || (LARGEST.recip()..LARGEST).contains(&v.abs());
+    let r = factor.r();
+    r.column_iter().all(|column| usual(column.amax()))
+        && factor.z().iter().all(|z| z.abs() < LARGEST)
+        && factor.residual_sum_of_squares() < LARGEST * LARGEST
+}
+
+/// Refuses a header that cannot be reckoned with.
+fn check(header: &Header) -> Result<(), FactorFileError> {
+    let positive = |v: f64| (LARGEST.recip()..LARGEST).contains(&v);
+    let not_negative = |v: f64| (0.0..LARGEST).contains(&v);
+    let refuse = |what| Err(FactorFileError::Header(what));
+    if header.rows == 0 || header.sources.iter().all(|s| s.rows == 0) {
+        return Err(FactorFileError::Empty);
+    }
+    let mut names: Vec<&str> = header.parameters.iter().map(|p| p.name.as_str()).collect();
+    names.sort_unstable();
+    if names.is_empty() || names.contains(&"") || names.windows(2).any(|pair| pair[0] == pair[1]) {
+        return refuse("no parameters, or some without a name of their own");
+    }
+    if header
+        .parameters
         .iter()
-        .zip(PARAMETER_UNITS)
-        .take(count)
-        .map(|(name, unit)| ((*name).to_owned(), unit.to_owned()))
-        .collect()
-}
-
-impl FactorFile {
-    /// A factor of a body's ten parameters, or of sixteen with the offset.
-    pub fn new<const N: usize>(factor: &InformationFactor<f64, N>, sources: Vec<FactorSource>) -> Self {
-        let parameters = model(N);
-        Self {
-            version: VERSION,
-            model_hash: model_hash(&parameters),
-            parameters,
-            column_scale: vec![1.0; N],
-            rows: factor.rows(),
-            sources,
-            eliminated: 0,
-            disagreement: 0.0,
-            comparisons: 0,
-            entries: factor.entries().collect(),
+        .flat_map(|p| &p.made_of)
+        .any(|(_, weight)| weight.is_nan() || weight.abs() >= LARGEST)
+    {
+        return refuse("a parameter made of something that is no number");
+    }
+    if !(0.0..=1e-3).contains(&header.rounding) {
+        return refuse("an impossible rounding");
+    }
+    if !not_negative(header.disagreement) {
+        return refuse("an impossible disagreement");
+    }
+    for source in &header.sources {
+        if source.channels.is_empty()
+            || !positive(source.noise_gain)
+            || !not_negative(source.spurious_information)
+        {
+            return refuse("a run without channels or with impossible noise");
+        }
+        if source.channels.iter().any(|c| !positive(c.sigma) || !not_negative(c.gain_sigma)) {
+            return refuse("a channel with an impossible σ");
         }
     }
-
-    /// The factor itself.
-    ///
-    /// # Errors
-    /// [`FactorFileError::Numbers`] if this is not a factor of `N` parameters.
-    pub fn factor<const N: usize>(&self) -> Result<InformationFactor<f64, N>, FactorFileError> {
-        let error = FactorFileError::Numbers { got: self.entries.len(), parameters: N };
-        if self.parameters.len() != N {
-            return Err(error);
-        }
-        InformationFactor::from_entries(self.entries.iter().copied(), self.rows).ok_or(error)
-    }
-
-    /// That this is a factor of one body's parameters, of at least one row, whose header can be reckoned with.
-    ///
-    /// # Errors
-    /// [`FactorFileError`] says what is wrong.
-    pub fn check(&self) -> Result<(), FactorFileError> {
-        let count = self.parameters.len();
-        let known = matches!(count, 10 | 16) && self.parameters == model(count);
-        if !known || self.model_hash != model_hash(&self.parameters) {
-            let names: Vec<_> =
-                self.parameters.iter().map(|(name, unit)| format!("{name} in {unit}")).collect();
-            return Err(FactorFileError::Model(names.join(", ")));
-        }
-        if self.rows == 0 || self.sources.iter().all(|s| s.rows == 0) {
-            return Err(FactorFileError::Empty);
-        }
-        let positive = |v: f64| v.is_finite() && v > 0.0;
-        let sound = self.disagreement.is_finite()
-            && self.column_scale.len() == count
-            && self.column_scale.iter().all(|v| *v == 1.0)
-            && self.sources.iter().all(|s| {
-                positive(s.noise_gain)
-                    && s.channel_sigma.iter().all(|v| positive(*v))
-                    && s.gain_sigma.iter().all(|v| v.is_finite() && *v >= 0.0)
-                    && s.tensor_information.is_finite()
-            });
-        if sound { Ok(()) } else { Err(FactorFileError::Header) }
-    }
-
-    /// The bytes of the file.
-    pub fn to_bytes(&self) -> Vec<u8> {
-        // Serialising plain vectors and numbers into a growing buffer has no way to fail.
-        let body = postcard::to_allocvec(self).unwrap_or_default();
-        [MAGIC.as_slice(), &body, &CRC.checksum(&body).to_le_bytes()].concat()
-    }
-
-    /// Reads the bytes of a file.
-    ///
-    /// # Errors
-    /// [`FactorFileError`] says what is wrong.
-    pub fn from_bytes(bytes: &[u8]) -> Result<Self, FactorFileError> {
-        let rest = bytes.strip_prefix(MAGIC).ok_or(FactorFileError::NotAFactor)?;
-        let (body, check) = rest.split_last_chunk::<4>().ok_or(FactorFileError::Damaged)?;
-        if CRC.checksum(body) != u32::from_le_bytes(*check) {
-            return Err(FactorFileError::Damaged);
-        }
-        let (version, _) = postcard::take_from_bytes::<u16>(body).map_err(|_| FactorFileError::Damaged)?;
-        if version != VERSION {
-            return Err(FactorFileError::Version(version));
-        }
-        postcard::from_bytes(body).map_err(|_| FactorFileError::Damaged)
-    }
+    Ok(())
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn file() -> FactorFile {
-        let mut factor = InformationFactor::<f64, 16>::new();
-        for k in 0..20 {
-            let columns = std::array::from_fn(|j| [((k * 16 + j) % 7) as f64 - 3.1]);
-            factor.absorb(&columns, &[f64::from(k as u8)]);
-        }
-        let source = FactorSource {
-            recording: "bracket 17".into(),
-            fingerprint: 7,
-            readings: 21,
-            rejected: 1,
-            rows: 20,
-            noise_gain: 0.3,
-            channel_sigma: [1.0; 6],
-            sigma_given: true,
-            gain_sigma: [0.0; 6],
-            tensor_information: 0.1,
-        };
-        FactorFile::new(&factor, vec![source])
-    }
-
-    #[test]
-    fn what_cannot_be_reckoned_with_is_named() {
-        let good = file();
-        assert_eq!(good.check(), Ok(()));
-        let with = |change: &dyn Fn(&mut FactorFile)| {
-            let mut file = good.clone();
-            change(&mut file);
-            FactorFile::from_bytes(&file.to_bytes()).unwrap().check().unwrap_err()
-        };
-        assert!(matches!(with(&|f| f.parameters[0].1 = "lb".into()), FactorFileError::Model(_)));
-        assert!(matches!(with(&|f| f.model_hash ^= 1), FactorFileError::Model(_)));
-        assert!(matches!(with(&|f| f.parameters.truncate(4)), FactorFileError::Model(_)));
-        assert_eq!(with(&|f| f.rows = 0), FactorFileError::Empty);
-        assert_eq!(with(&|f| f.sources.clear()), FactorFileError::Empty);
-        assert_eq!(with(&|f| f.sources[0].channel_sigma[5] = 0.0), FactorFileError::Header);
-        assert_eq!(with(&|f| f.column_scale[3] = 2.0), FactorFileError::Header);
-        assert_eq!(with(&|f| f.disagreement = f64::NAN), FactorFileError::Header);
-    }
-
-    #[test]
-    fn a_fingerprint_tells_readings_apart() {
-        let readings: Vec<Reading<f64>> =
-            (0..50).map(|n| Reading { time_ns: n, ..Reading::default() }).collect();
-        let mut seen = std::collections::HashSet::from([fingerprint(&readings), fingerprint(&readings[1..])]);
-        for n in 0..50 {
-            let mut other = readings.clone();
-            let mut wrench = other[n].wrench.array();
-            wrench[n % 6] = f64::from_bits(1 << (63 - n));
-            other[n].wrench = rigident_shared::spatial::Wrench::from_array(wrench);
-            seen.insert(fingerprint(&other));
-        }
-        assert_eq!(seen.len(), 52);
-        assert_eq!(fingerprint(&readings), fingerprint(&readings.clone()));
-    }
-
-    #[test]
-    fn another_version_is_told_as_one() {
-        let body = postcard::to_allocvec(&(1_u16, 99_u64)).unwrap();
-        let bytes = [MAGIC.as_slice(), &body, &CRC.checksum(&body).to_le_bytes()].concat();
-        assert_eq!(FactorFile::from_bytes(&bytes), Err(FactorFileError::Version(1)));
-    }
-
-    #[test]
-    fn what_is_written_is_read() {
-        let file = file();
-        let read = FactorFile::from_bytes(&file.to_bytes()).unwrap();
-        assert_eq!(read, file);
-        assert_eq!(read.factor::<16>().unwrap().rows(), 20);
-        assert!(matches!(read.factor::<10>(), Err(FactorFileError::Numbers { .. })));
-    }
-
-    #[test]
-    fn every_damaged_byte_is_noticed() {
-        let bytes = file().to_bytes();
-        for position in 0..bytes.len() {
-            let mut damaged = bytes.clone();
-            damaged[position] ^= 0x10;
-            assert!(FactorFile::from_bytes(&damaged).is_err(), "byte {position}");
-            assert!(FactorFile::from_bytes(&bytes[..position]).is_err(), "cut at {position}");
-        }
-    }
-}
+#[path = "factor_file_tests.rs"]
+mod tests;

@@ -4,13 +4,19 @@
 //! function of the factor. This room knows nothing of files, bodies or screens.
 
 mod estimate;
+#[cfg(test)]
+mod examples;
 mod factor;
 pub mod factor_file;
 mod fingerprint;
 mod noise_check;
 mod parameter;
+pub mod pool;
+pub mod prior;
 mod result;
 mod source;
+mod standard;
+pub mod tare;
 
 pub use estimate::{COVERAGE_95, Estimate, Measured, Noise};
 pub use factor::{Factor, Solution};

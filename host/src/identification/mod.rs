@@ -9,6 +9,7 @@
 pub mod absorb;
 pub(crate) mod coloured;
 pub mod course;
+pub mod factor_file;
 pub mod gains;
 pub mod knocks;
 pub mod known;

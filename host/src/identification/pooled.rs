@@ -2,7 +2,7 @@
 //!
 //! Lives here: merging in any order with the offsets of each recording eliminated before, the header that a
 //! factor file carries, and the judgement that scales the covariance when raw data are no longer at hand. May
-//! not live here: the bytes of the file ([`crate::fit::factor_file`]), subtraction of a fixture
+//! not live here: the bytes of the file ([`super::factor_file`]), subtraction of a fixture
 //! ([`super::tare`]). Before this: [`super::identify`]; after it: [`crate::answer`].
 
 use nalgebra::DMatrix;
@@ -10,10 +10,10 @@ use rigident_shared::estimator::Counters;
 use rigident_shared::factor::InformationFactor;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
+use super::factor_file::{FactorFile, FactorFileError, FactorSource, fingerprint};
 use super::{Factor, Identification, Input};
 use crate::answer::Noise;
 use crate::answer::identifiability::RegressorNoise;
-use crate::fit::factor_file::{FactorFile, FactorFileError, FactorSource, fingerprint};
 
 /// A disagreement less likely than this among runs of one body is told and widens the intervals.
 const SURPRISING: f64 = 1e-4;

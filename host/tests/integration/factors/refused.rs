@@ -1,7 +1,7 @@
 use std::fs;
 
 use super::simulated::{body, noise, rigident, said, status, write};
-use rigident::fit::factor_file::FactorFile;
+use rigident::identification::factor_file::FactorFile;
 use rigident_shared::factor::InformationFactor;
 
 /// A factor file whose bytes are changed as a hand could, check sum and all.

@@ -1,0 +1,262 @@
+//! The bare fixture taken off, with its uncertainty.
+//!
+//! Inertial parameters about one origin add: a run with the fixture and the body sees `φ_total = φ_body + T φ_fixture`, a run
+//! with the bare fixture sees φ_fixture. Both are rows over `[φ_fixture; φ_body]`, and the trailing triangle of the merged
+//! factor is what is known of the body when the fixture is known as well as its runs tell, and no better. T is one for a
+//! fixture of the same parameters; of a fixture on a link of a tree it holds the weights of the link's ten parameters in the
+//! tree's base parameters.
+
+use nalgebra::DMatrix;
+
+use super::pool::{self, PooledFactor};
+use super::standard::{link_of, name, weights};
+use super::{Convergence, Estimate, Factor, Fit, Measured, Parameter};
+
+/// Why a fixture is not taken off.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum TareError {
+    /// A run of the fixture is the run that it is to be taken off.
+    #[error(
+        "a run of the tare {fixture} is the run that it would be taken off of: its readings would count twice"
+    )]
+    Repeated {
+        /// The fixture's name.
+        fixture: String,
+    },
+    /// The fixture's runs tell no mass, first moment or tensor.
+    #[error("the tare {fixture} has no inertial parameters: there is nothing to take off")]
+    NotInertial {
+        /// The fixture's name.
+        fixture: String,
+    },
+    /// The fixture is of another model than the run.
+    #[error("the tare {fixture} is of another model than the run: {difference}")]
+    Model {
+        /// The fixture's name.
+        fixture: String,
+        /// Its parameters against the run's.
+        difference: pool::ModelDifference,
+    },
+    /// The run has no such link.
+    #[error("the tare {fixture} cannot be put on the link {link}: there is none of that name; there are {}", links.join(", "))]
+    Link {
+        /// The fixture's name.
+        fixture: String,
+        /// The link that was named.
+        link: String,
+        /// The links of the run's parameters.
+        links: Vec<String>,
+    },
+    /// The run's rows do not see all of the link that the fixture is on.
+    #[error(
+        "the tare {fixture} cannot be taken off the link {link}: the run's parameters do not hold {}; a run of the bare \
+         fixture on the same tree works parameter by parameter", missing.join(", ")
+    )]
+    Missing {
+        /// The fixture's name.
+        fixture: String,
+        /// The link that it is on.
+        link: String,
+        /// Standard parameters that are in none of the run's.
+        missing: Vec<String>,
+    },
+}
+
+/// The runs of a bare fixture.
+///
+/// ```
+/// use rigident::fit::pool::PooledFactor;
+/// use rigident::fit::tare::{Tare, TareError};
+/// use rigident::fit::Fit;
+///
+/// /// Takes the merged runs of a bare fixture off what a run with the body told.
+/// fn body_alone(mut total: Fit, bare: Vec<PooledFactor>) -> Result<Fit, Box<dyn std::error::Error>> {
+///     let fixture = Tare::new(PooledFactor::merged(bare, false)?)?;
+///     fixture.take_off(&mut total)?;
+///     Ok(total)
+/// }
+/// ```
+#[derive(Clone, Debug)]
+pub struct Tare {
+    pooled: PooledFactor,
+    fit: Fit,
+    link: Option<String>,
+}
+
+impl Tare {
+    /// Builds a fixture from the merged runs of it alone. Their offsets are their own, as are frictions: what adds is mass,
+    /// first moment and tensor.
+    ///
+    /// # Errors
+    /// [`TareError::NotInertial`] if it has none of these.
+    pub fn new(pooled: PooledFactor) -> Result<Self, TareError> {
+        let pooled = pooled.only(|parameter| parameter.kind.is_inertial());
+        if pooled.parameters.is_empty() {
+            return Err(TareError::NotInertial { fixture: pooled.name });
+        }
+        let fit = pooled.fit();
+        Ok(Self { pooled, fit, link: None })
+    }
+
+    /// Returns the same fixture on a link of a tree; it is on the base link otherwise. The fixture's frame is the link's.
+    #[must_use]
+    pub fn on_link(self, link: &str) -> Self {
+        Self { link: Some(link.to_owned()), ..self }
+    }
+
+    /// Returns the fit of the fixture alone.
+    pub fn fit(&self) -> &Fit {
+        &self.fit
+    }
+
+    /// Returns the names of the fixture's recordings.
+    pub fn recordings(&self) -> String {
+        self.pooled.recordings()
+    }
+
+    /// Returns a warning if its runs disagree.
+    pub fn warning(&self) -> Option<String> {
+        self.fit.noise.disagreement.map(|ratio| pool::disagreement_in_words("the tare's runs", ratio))
+    }
+
+    /// Takes the fixture off the estimate of a run, before anything known beforehand is put in. The run's own factor stays
+    /// that of fixture and body together; offsets and frictions are those of the run.
+    ///
+    /// # Errors
+    /// [`TareError`] if the run is one of the fixture's, or the fixture's parameters do not map into the run's; the fit is
+    /// then as it was.
+    pub fn take_off(&self, fit: &mut Fit) -> Result<(), TareError> {
+        if fit.fingerprints.iter().any(|own| self.fit.fingerprints.contains(own)) {
+            return Err(TareError::Repeated { fixture: self.pooled.name.clone() });
+        }
+        let map = self.map(fit)?;
+        let body = subtract(&fit.scaled_factor(), &self.fit.scaled_factor(), &map);
+        let noise = fit.estimate.noise.less_certain(self.fit.estimate.noise);
+        fit.estimate = Estimate::new(&body, fit.rounding.max(self.fit.rounding), 1.0, noise);
+        fit.solved = Some(body);
+        // A body's element has no more information than either run's, so this asks it of both.
+        fit.spurious_information += self.fit.spurious_information;
+        let taken = taken_off(&self.fit.estimate, &map);
+        for point in &mut fit.convergence {
+            subtract_from(point, &taken);
+        }
+        Ok(())
+    }
+
+    /// Returns the weights of the fixture's parameters (columns) in the run's (rows).
+    fn map(&self, fit: &Fit) -> Result<DMatrix<f64>, TareError> {
+        let fixture = &self.pooled.parameters;
+        let single = |all: &[Parameter]| all.iter().filter_map(link_of).all(str::is_empty);
+        if single(fixture) && !single(&fit.parameters) {
+            return self.map_on_link(fit);
+        }
+        let inertial: Vec<Parameter> =
+            fit.parameters.iter().filter(|p| p.kind.is_inertial()).cloned().collect();
+        let difference = pool::difference(fixture, &inertial);
+        let geometry = self.pooled.model_fingerprint == fit.model_fingerprint;
+        if !geometry || !difference.missing.is_empty() || !difference.changed.is_empty() {
+            // The run's against the fixture's is told the other way about.
+            let difference = pool::ModelDifference {
+                missing: Vec::new(),
+                foreign: difference.missing,
+                changed: difference.changed,
+            };
+            return Err(TareError::Model { fixture: self.pooled.name.clone(), difference });
+        }
+        let is =
+            |j: usize, f: usize| fit.parameters.get(j).map(|p| &p.name) == fixture.get(f).map(|p| &p.name);
+        Ok(DMatrix::from_fn(fit.parameters.len(), fixture.len(), |j, f| f64::from(u8::from(is(j, f)))))
+    }
+
+    /// Returns the weights of a single body's parameters, as those of a link, in the run's.
+    fn map_on_link(&self, fit: &Fit) -> Result<DMatrix<f64>, TareError> {
+        let fixture = || self.pooled.name.clone();
+        let mut links: Vec<&str> = Vec::new();
+        for link in fit.parameters.iter().filter(|p| p.kind.is_inertial()).filter_map(link_of) {
+            if !links.contains(&link) {
+                links.push(link);
+            }
+        }
+        let Some(link) = self.link.as_deref().or(links.first().copied()).filter(|link| links.contains(link))
+        else {
+            let link = self.link.clone().unwrap_or_default();
+            let links = links.into_iter().map(str::to_owned).collect();
+            return Err(TareError::Link { fixture: fixture(), link, links });
+        };
+        let parts: Vec<[f64; 10]> = fit.parameters.iter().map(|p| weights(p, link)).collect();
+        let own: Vec<[f64; 10]> = self.pooled.parameters.iter().map(|p| weights(p, "")).collect();
+        let map = DMatrix::from_fn(parts.len(), own.len(), |j, f| {
+            parts
+                .get(j)
+                .zip(own.get(f))
+                .map_or(0.0, |(part, own)| part.iter().zip(own).map(|(a, b)| a * b).sum())
+        });
+        let missing: Vec<String> = map
+            .column_iter()
+            .zip(&own)
+            .filter(|(column, _)| column.iter().all(|weight| *weight == 0.0))
+            .map(|(_, own)| name(link, own.iter().position(|w| *w != 0.0).unwrap_or(0)))
+            .collect();
+        if missing.is_empty() {
+            Ok(map)
+        } else {
+            Err(TareError::Missing { fixture: fixture(), link: link.to_owned(), missing })
+        }
+    }
+}
+
+/// The factor of φ_body from that of `φ_body + T φ_fixture` and that of φ_fixture.
+///
+/// What neither tells of φ_body is zero in the answer, not the rounding of the elimination: rounding alone has
+/// a direction of its own, and a column of it would look like one that depends on another.
+fn subtract(total: &Factor, fixture: &Factor, map: &DMatrix<f64>) -> Factor {
+    let (n, m) = (total.parameters(), fixture.parameters());
+    let total_of =
+        DMatrix::from_fn(n, m + n, |i, j| if j < m { map[(i, j)] } else { f64::from(u8::from(j == i + m)) });
+    let mut joint = total.substitute(&total_of);
+    joint.merge(&fixture.substitute(&DMatrix::identity(m, m + n)));
+    let body = joint.eliminate_others(&(m..m + n).collect::<Vec<_>>());
+    let rounding = 4.0 * (m + n) as f64 * f64::EPSILON;
+    let (left, before) = (body.r(), total.r());
+    let lost: Vec<bool> =
+        left.column_iter().zip(before.column_iter()).map(|(l, b)| l.norm() <= rounding * b.norm()).collect();
+    if !lost.contains(&true) {
+        return body;
+    }
+    let places =
+        (0..n).flat_map(|i| i..n).map(|j| lost.get(j) == Some(&true)).chain(std::iter::repeat(false));
+    let entries: Vec<f64> =
+        body.entries().into_iter().zip(places).map(|(v, lost)| if lost { 0.0 } else { v }).collect();
+    Factor::from_entries(n, &entries, body.rows()).unwrap_or(body)
+}
+
+/// What a fixture adds to each of a run's parameters; `None` where it is not determined.
+fn taken_off(fixture: &Estimate, map: &DMatrix<f64>) -> Vec<Option<Measured>> {
+    map.row_iter()
+        .map(|row| {
+            let part: Vec<(usize, f64)> =
+                row.iter().copied().enumerate().filter(|(_, weight)| *weight != 0.0).collect();
+            let (mut value, mut variance) = (0.0, 0.0);
+            for (f, weight) in &part {
+                value += weight * fixture.measured(*f)?.value;
+                for (g, other) in &part {
+                    variance += weight * other * fixture.covariance(*f, *g)?;
+                }
+            }
+            Some(Measured { value, u95: fixture.coverage_factor() * variance.max(0.0).sqrt() })
+        })
+        .collect()
+}
+
+fn subtract_from(point: &mut Convergence, taken: &[Option<Measured>]) {
+    for (both, taken) in point.parameters.iter_mut().zip(taken) {
+        *both = both.zip(*taken).map(|(both, fixture)| Measured {
+            value: both.value - fixture.value,
+            u95: both.u95.hypot(fixture.u95),
+        });
+    }
+}
+
+#[cfg(test)]
+#[path = "tare_tests.rs"]
+mod tests;
