@@ -166,13 +166,3 @@ fn the_committed_files_are_read() {
         assert_eq!(sealed(&bare), bytes);
     }
 }
-
-#[test]
-fn make_corpus() {
-    let corpus = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus/factor_file");
-    for (name, parameters) in [("body", body()), ("tree", tree(1))] {
-        let bytes = file(&parameters).to_bytes();
-        std::fs::write(corpus.join(name), &bytes).unwrap();
-        std::fs::write(corpus.join(format!("{name}-bare")), &bytes[8..bytes.len() - 4]).unwrap();
-    }
-}
