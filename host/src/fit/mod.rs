@@ -24,6 +24,7 @@ pub use fingerprint::Fingerprint;
 pub use noise_check::{Judgement, RowSet, judge};
 pub use parameter::{Channel, Kind, Owner, Parameter};
 pub use result::{
-    BlockResidual, ChannelFit, Convergence, Counts, Fit, Forgotten, NoiseCheck, Prior, PriorStatement,
+    Autocorrelation, BlockResidual, ChannelFit, Convergence, Counts, Fit, Forgotten, NoiseCheck, Prior,
+    PriorStatement,
 };
 pub use source::{RowSource, SampleRows, Timing};

@@ -434,6 +434,7 @@ impl PooledFactor {
                 gain: 0.0,
                 outliers: 0,
                 rejected: 0,
+                residual_sigma: channel.sigma,
                 autocorrelation: None,
             });
         }

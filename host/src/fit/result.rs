@@ -2,6 +2,17 @@
 
 use super::{Channel, Estimate, Factor, Measured, Parameter};
 
+/// Residuals of a channel that stay correlated for longer than the filter explains.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Autocorrelation {
+    /// Mean autocorrelation of the residuals between half a filter's width and one and a half.
+    pub mean: f64,
+    /// Standard deviation of that mean for white noise, whose own mean is nearly zero there.
+    pub chance: f64,
+    /// Factor by which white noise's intervals are too narrow where they rest on the residuals' slowest part alone.
+    pub factor: f64,
+}
+
 /// A channel as the fit found it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ChannelFit {
@@ -19,9 +30,10 @@ pub struct ChannelFit {
     pub outliers: u32,
     /// Samples rejected because of this channel.
     pub rejected: u32,
-    /// Factor by which white noise's intervals are too narrow where they rest on the residuals' slowest part alone; `None`
-    /// if the residuals are no more autocorrelated than the filter explains.
-    pub autocorrelation: Option<f64>,
+    /// Standard deviation that the filtered residuals should have.
+    pub residual_sigma: f64,
+    /// `None` if the residuals are no more autocorrelated than the filter explains.
+    pub autocorrelation: Option<Autocorrelation>,
 }
 
 /// Residuals of one filtered row block.
