@@ -5,14 +5,15 @@ use rigident_shared::inertia::{
 };
 use rigident_shared::spatial::{Position, Rotation, Sensor};
 
-use super::consistent::{self, nearest_body};
 use super::derived::{self, BodyFrame, Derived};
 use super::identifiability::{is_reversed, states, too_loose};
+use super::nearest_body::{self, nearest_body};
 use super::weakest;
 use crate::answer::result::{
-    BodyFrameResult, ColourResult, ConsistentResult, KnownResult, Measured, Parameter, ParameterState,
-    PrincipalResult, ResultObject, ResultSource, SCHEMA, Status, TimeBase,
+    BodyFrameResult, ColourResult, ConsistentResult, KnownResult, Measured, ParameterState, PrincipalResult,
+    ResultObject, ResultSource, SCHEMA_1, Status, TimeBase,
 };
+use crate::answer::schema_1::Parameter;
 use crate::identification::{FILTER_WIDTH_S, Identification, whiteness};
 use crate::present::{self, FrameResults, PrincipalAxis, Quantity, Results};
 use crate::rig::{BodyTable, RigFile, TruthTable};
@@ -165,7 +166,7 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
         .then(|| InertialParameters::<Sensor, f64>::from_vector(estimate.body()).is_physically_consistent());
     let nearest = (consistent == Some(false)).then(|| nearest_body(estimate)).flatten();
     if consistent == Some(false) {
-        warnings.push(consistent::warning(nearest.as_ref()));
+        warnings.push(nearest_body::warning(nearest.as_ref()));
     }
     let nearest = nearest.map(|n| ConsistentResult {
         mass_kg: n.body.mass,
@@ -328,7 +329,7 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
 
     let object = ResultObject {
         tracking: None,
-        schema: SCHEMA,
+        schema: SCHEMA_1,
         status,
         source,
         time_base,

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};
 use rigident_shared::inertia::{InertialParameters, tensor_elements, tensor_from_elements};
 use rigident_shared::spatial::{Body, Position, Rotation, Sensor};
 
-use super::Estimate;
+use crate::fit::Estimate;
 
 /// A derived vector and its standard deviations.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,9 +18,14 @@ pub struct Derived<const K: usize> {
     pub covariance: SMatrix<f64, K, K>,
 }
 
+/// Returns the first ten parameters, determined or not.
+pub(crate) fn ten(estimate: &Estimate) -> [f64; 10] {
+    std::array::from_fn(|j| estimate.values.get(j).copied().unwrap_or(0.0))
+}
+
 /// `f(φ)` and `J C Jᵀ`; J by central differences over a thousandth of each parameter's σ.
 fn propagate<const K: usize>(estimate: &Estimate, f: impl Fn(&[f64; 10]) -> [f64; K]) -> Derived<K> {
-    let phi = estimate.body();
+    let phi = ten(estimate);
     let covariance: DMatrix<f64> = estimate.covariance.view((0, 0), (10, 10)).into_owned();
     let mut jacobian = DMatrix::zeros(K, 10);
     for j in 0..10 {
@@ -134,6 +139,7 @@ pub fn principal(inertia_com: &Derived<6>) -> Principal {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Estimate;
     use super::*;
 
     fn estimate() -> Estimate {

@@ -7,20 +7,11 @@
 use rigident_shared::inertia::PARAMETER_NAMES;
 
 use super::Estimate;
+use super::states::BodyScale;
+pub(crate) use super::states::{LARGEST_SHARE, LEAST_EXCITATION};
 use crate::answer::result::{Measured, ParameterState};
 use crate::identification::known::Known;
 use crate::present::text::significant;
-
-/// U95 of an identified parameter is at most this share of the body's scale.
-pub const LARGEST_SHARE: f64 = 0.1;
-
-/// A column whose information is less than this many times what the noise of its own regressor would bring
-/// is not identified: noise in a regressor attenuates the estimate by the inverse of this ratio.
-pub(crate) const LEAST_EXCITATION: f64 = 20.0;
-
-/// Density of the most compact body considered, kg/m³ (steel): the sphere of the estimated mass bounds the
-/// body's size from below when neither its centre of mass nor its tensor does.
-const DENSITY: f64 = 7850.0;
 
 /// Information that the noise of the regressor alone would bring to the tensor's columns, in units of
 /// whitened rows: 1/(kg m²)².
@@ -28,93 +19,6 @@ const DENSITY: f64 = 7850.0;
 pub struct RegressorNoise {
     /// Information on a tensor element from the noise of ω̇.
     pub tensor_information: f64,
-}
-
-/// The body's own scales, against which uncertainties are judged.
-pub(super) struct Scale {
-    mass: f64,
-    /// m·ℓ.
-    first_moment: f64,
-    /// The largest principal moment.
-    moment: f64,
-    length: f64,
-}
-
-impl Scale {
-    /// `None` if there is no mass: then there is no scale for anything else.
-    fn of(estimate: &Estimate, noise: RegressorNoise) -> Option<Self> {
-        let phi = estimate.body();
-        let mass = phi[0];
-        if mass.is_nan() || mass <= 0.0 || estimate.u95(0) > LARGEST_SHARE * mass {
-            return None;
-        }
-        let sphere = sphere_radius(mass);
-        let arm = phi[1..4].iter().map(|v| v * v).sum::<f64>().sqrt() / mass;
-        let arm_known = (1..4).all(|j| estimate.u95(j) <= LARGEST_SHARE * mass * arm);
-        let largest_moment = largest_moment(estimate, noise);
-        let gyration = (largest_moment / mass).max(0.0).sqrt();
-        let length = sphere.max(if arm_known { arm } else { 0.0 }).max(gyration);
-        Some(Self {
-            mass,
-            first_moment: mass * length,
-            moment: largest_moment.max(0.4 * mass * sphere * sphere),
-            length,
-        })
-    }
-
-    /// Whether the estimate determines parameter `j` finely enough for a body of this scale.
-    fn resolves(&self, estimate: &Estimate, noise: RegressorNoise, j: usize) -> bool {
-        let informed = !(4..10).contains(&j) || tensor_informed(estimate, noise, j);
-        informed && estimate.u95(j) <= LARGEST_SHARE * self.of_parameter(j)
-    }
-
-    /// [`Self::of`], or that of a compact body of about the mass where the mass is not known: enough for words.
-    pub(super) fn rough(estimate: &Estimate, noise: RegressorNoise) -> Self {
-        Self::of(estimate, noise).unwrap_or_else(|| {
-            let [mass, ..] = estimate.body();
-            let mass = if mass.is_finite() && mass > 0.0 { mass } else { 1.0 };
-            let sphere = sphere_radius(mass);
-            let moment = largest_moment(estimate, noise).max(0.4 * mass * sphere * sphere);
-            let length = sphere.max((moment / mass).sqrt());
-            Self { mass, first_moment: mass * length, moment, length }
-        })
-    }
-
-    /// What an uncertainty of parameter `j` is judged against, in its unit.
-    pub(super) fn of_parameter(&self, j: usize) -> f64 {
-        let weight = self.mass * 9.80665;
-        match j {
-            0 => self.mass,
-            1..4 => self.first_moment,
-            4..10 => self.moment,
-            10..13 => weight,
-            _ => weight * self.length,
-        }
-    }
-}
-
-/// The largest principal moment; where not all of the tensor is informed, the largest moment about an axis of S that
-/// is, less its uncertainty: the largest principal moment is no smaller. Zero if there is none.
-fn largest_moment(estimate: &Estimate, noise: RegressorNoise) -> f64 {
-    let phi = estimate.body();
-    if (4..10).all(|j| tensor_informed(estimate, noise, j)) {
-        return rigident_shared::inertia::tensor_from_elements(std::array::from_fn(|k| phi[4 + k]))
-            .symmetric_eigenvalues()
-            .max();
-    }
-    let at_least = |j: usize| phi[j] - estimate.u95(j);
-    (4..7).filter(|j| tensor_informed(estimate, noise, *j)).map(at_least).fold(0.0, f64::max)
-}
-
-/// Of the sphere of [`DENSITY`], m.
-fn sphere_radius(mass: f64) -> f64 {
-    (3.0 * mass / (4.0 * std::f64::consts::PI * DENSITY)).cbrt()
-}
-
-/// Whether a tensor element has more information than the gyro's noise brings.
-fn tensor_informed(estimate: &Estimate, noise: RegressorNoise, j: usize) -> bool {
-    estimate.determined.get(j) == Some(&true)
-        && 1.0 / estimate.covariance[(j, j)] > LEAST_EXCITATION * noise.tensor_information
 }
 
 /// Whether the data alone determine a mass, and it is negative: a sign or an axis is wrong, and no motion would help.
@@ -130,14 +34,18 @@ pub fn is_reversed(estimate: &Estimate) -> bool {
 /// if they do so only together with it; else *not identified*. The body's scale, against which that is judged,
 /// is always that of all that is known: a known mass sets the scale of the first moments, it does not measure them.
 pub fn states(estimate: &Estimate, noise: RegressorNoise) -> Vec<ParameterState> {
-    let scale = Scale::of(estimate, noise).filter(|_| !is_reversed(estimate));
+    let scale = BodyScale::of(estimate, noise.tensor_information).filter(|_| !is_reversed(estimate));
     let data = estimate.of_data_alone();
     (0..estimate.values.len())
         .map(|j| {
             let measured = Measured { value: estimate.values[j], u95: estimate.u95(j) };
             match &scale {
-                Some(scale) if scale.resolves(data, noise, j) => ParameterState::Identified(measured),
-                Some(scale) if scale.resolves(estimate, noise, j) => ParameterState::PriorDominated(measured),
+                Some(scale) if scale.resolves(data, noise.tensor_information, j) => {
+                    ParameterState::Identified(measured)
+                }
+                Some(scale) if scale.resolves(estimate, noise.tensor_information, j) => {
+                    ParameterState::PriorDominated(measured)
+                }
                 _ => ParameterState::NotIdentified,
             }
         })
@@ -148,7 +56,7 @@ pub fn states(estimate: &Estimate, noise: RegressorNoise) -> Vec<ParameterState>
 /// of symmetry speak for themselves ([`Known::warning`](crate::identification::known::Known::warning)).
 pub(super) fn too_loose(estimate: &Estimate, noise: RegressorNoise) -> Vec<String> {
     let states = states(estimate, noise);
-    let scale = Scale::of(estimate, noise);
+    let scale = BodyScale::of(estimate, noise.tensor_information);
     let loose = |known: &Known| {
         let j = known.parameter();
         let (state, u95) = (states.get(j)?, estimate.u95(j));

@@ -6,52 +6,65 @@
 //! [`crate::recording`] and [`crate::present`].
 
 pub mod assemble;
-pub mod consistent;
+mod context;
 pub mod derived;
+pub mod excitation_advice;
 pub mod identifiability;
+pub mod nearest_body;
+mod new;
+#[cfg(test)]
+mod old_fit;
+pub mod physical_consistency;
+mod remarks;
 pub mod result;
+pub mod schema_1;
+pub mod selection;
+pub mod standard_parameters;
+pub mod states;
+#[cfg(test)]
+mod tests;
 pub mod weakest;
+
+pub use context::{Context, DriveMotion, Links, StandardRequest};
+pub use new::AnswerError;
+pub use result::Answer;
 
 use nalgebra::DMatrix;
 use rigident_shared::factor::InformationFactor;
-use statrs::distribution::{ContinuousCDF, StudentsT};
 
-use crate::answer::result::Measured;
+use crate::fit;
+pub use crate::fit::Noise;
 use crate::identification::Factor;
 use crate::identification::known::{self, Known, KnownError};
 
-/// How the noise that scales the covariance is known.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Noise {
-    /// σ of every channel was given: `k = 1.96`.
-    Given,
-    /// σ was estimated from residuals with so many degrees of freedom: k from Student's t.
-    Estimated {
-        /// Degrees of freedom of the residuals.
-        degrees_of_freedom: f64,
-    },
-}
-
-/// Estimate and covariance of the parameters of a factor, in f64, with what the rows determine.
+/// A [`fit::Estimate`] with the rows that it was made of; it goes with `crate::identification`.
 ///
 /// Its numbers leave the crate as [`ParameterState`](crate::answer::result::ParameterState)s only, see
 /// [`identifiability::states`]: what is not identified has none.
 #[derive(Clone, Debug)]
 pub struct Estimate {
-    /// Ten parameters, or sixteen with the wrench offset; SI, in S. Of what is not determined, whatever fits.
-    pub(crate) values: Vec<f64>,
-    /// Covariance; rows of parameters that are not determined are meaningless.
-    pub(crate) covariance: DMatrix<f64>,
-    /// Whether the rows alone determine the parameter.
-    pub(crate) determined: Vec<bool>,
-    /// 2-norm condition number of the column-scaled, whitened rows over what is determined.
-    pub condition_number: f64,
+    inner: fit::Estimate,
     /// Coverage factor of a 95 % interval.
     pub coverage_factor: f64,
     /// Rows whitened by their true σ, and how the noise is known; `None` for a model that takes no known quantities.
     rows: Option<(Factor, Noise)>,
     /// What was known beforehand, and what the data alone say.
     beforehand: Option<(Vec<Known>, Box<Estimate>)>,
+}
+
+impl std::ops::Deref for Estimate {
+    type Target = fit::Estimate;
+
+    fn deref(&self) -> &fit::Estimate {
+        &self.inner
+    }
+}
+
+#[cfg(test)]
+impl std::ops::DerefMut for Estimate {
+    fn deref_mut(&mut self) -> &mut fit::Estimate {
+        &mut self.inner
+    }
 }
 
 impl Estimate {
@@ -63,19 +76,20 @@ impl Estimate {
     ) -> Self {
         let solution = factor.solve();
         let covariance = factor.covariance();
+        let rows = Factor::from_entries(
+            N,
+            factor.cast(|v| v / variance_scale.sqrt()).entries().collect(),
+            factor.rows(),
+        );
         Self {
-            values: solution.estimate.to_vec(),
-            covariance: DMatrix::from_fn(N, N, |i, j| covariance[i][j] * variance_scale),
-            determined: solution.determined.to_vec(),
-            condition_number: solution.condition_number,
-            coverage_factor: coverage_factor(noise),
-            rows: Factor::from_entries(
-                N,
-                factor.cast(|v| v / variance_scale.sqrt()).entries().collect(),
-                factor.rows(),
+            rows: rows.map(|factor| (factor, noise)),
+            ..Self::of_numbers(
+                solution.estimate.to_vec(),
+                DMatrix::from_fn(N, N, |i, j| covariance[i][j] * variance_scale),
+                solution.determined.to_vec(),
+                solution.condition_number,
+                noise,
             )
-            .map(|factor| (factor, noise)),
-            beforehand: None,
         }
     }
 
@@ -98,12 +112,7 @@ impl Estimate {
     /// The same estimate with standard deviations so many times as large.
     pub(crate) fn stretched(&self, by: &[f64]) -> Self {
         let Some((factor, noise)) = &self.rows else {
-            let factor = |j: usize| by.get(j).copied().unwrap_or(1.0);
-            let covariance = &self.covariance;
-            let covariance = DMatrix::from_fn(covariance.nrows(), covariance.ncols(), |i, j| {
-                covariance[(i, j)] * factor(i) * factor(j)
-            });
-            return Self { covariance, ..self.clone() };
+            return Self { inner: self.inner.inflate(by), ..self.clone() };
         };
         let stretched = factor.stretched(&self.values, by).estimate(1.0, *noise);
         Self { coverage_factor: self.coverage_factor, ..stretched }
@@ -117,15 +126,10 @@ impl Estimate {
         condition_number: f64,
         noise: Noise,
     ) -> Self {
-        Self {
-            values,
-            covariance,
-            determined,
-            condition_number,
-            coverage_factor: coverage_factor(noise),
-            rows: None,
-            beforehand: None,
-        }
+        let null_directions = Vec::new();
+        let inner =
+            fit::Estimate { values, covariance, determined, null_directions, condition_number, noise };
+        Self { coverage_factor: inner.coverage_factor(), inner, rows: None, beforehand: None }
     }
 
     /// What was known beforehand.
@@ -142,37 +146,7 @@ impl Estimate {
     /// do not change it.
     #[cfg(any(test, feature = "simulator"))]
     pub(crate) fn from_parts(values: Vec<f64>, covariance: DMatrix<f64>, determined: Vec<bool>) -> Self {
-        Self {
-            values,
-            covariance,
-            determined,
-            condition_number: 1.0,
-            coverage_factor: coverage_factor(Noise::Given),
-            rows: None,
-            beforehand: None,
-        }
-    }
-
-    /// Parameter `j` if the rows determine it. Whether they do so finely enough to be worth a number,
-    /// [`identifiability::states`] says.
-    pub(crate) fn measured(&self, j: usize) -> Option<Measured> {
-        let determined = self.determined.get(j) == Some(&true);
-        self.values.get(j).filter(|_| determined).map(|value| Measured { value: *value, u95: self.u95(j) })
-    }
-
-    /// Covariance of parameters `i` and `j`, SI; `None` unless the rows determine both.
-    pub fn covariance(&self, i: usize, j: usize) -> Option<f64> {
-        let determined = |k: usize| self.determined.get(k) == Some(&true);
-        (determined(i) && determined(j)).then(|| self.covariance[(i, j)])
-    }
-
-    /// The 95 % expanded uncertainty of parameter `j`; infinite if it is not determined.
-    pub(crate) fn u95(&self, j: usize) -> f64 {
-        if self.determined.get(j) == Some(&true) {
-            self.coverage_factor * self.covariance[(j, j)].max(0.0).sqrt()
-        } else {
-            f64::INFINITY
-        }
+        Self::of_numbers(values, covariance, determined, 1.0, Noise::Given)
     }
 
     /// The first ten parameters, determined or not.
@@ -182,30 +156,4 @@ impl Estimate {
 }
 
 /// Two-sided 95 % coverage factor of a normal deviate.
-pub(crate) const NORMAL_COVERAGE: f64 = 1.959_963_984_540_054;
-
-/// Two-sided 95 % coverage factor: 1.96, or Student's t.
-fn coverage_factor(noise: Noise) -> f64 {
-    const NORMAL: f64 = NORMAL_COVERAGE;
-    match noise {
-        Noise::Given => NORMAL,
-        // t − z ≈ z (z² + 1) / 4ν: 2e-4 here, and statrs' inverse loses its digits far above.
-        Noise::Estimated { degrees_of_freedom } if degrees_of_freedom > 1e4 => NORMAL,
-        Noise::Estimated { degrees_of_freedom } => {
-            StudentsT::new(0.0, 1.0, degrees_of_freedom.max(1.0)).map_or(NORMAL, |t| t.inverse_cdf(0.975))
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn coverage_factors_are_those_of_the_tables() {
-        for (dof, k) in [(1.0, 12.706), (10.0, 2.228), (134.0, 1.978), (9e3, 1.960), (1e7, 1.960)] {
-            let got = coverage_factor(Noise::Estimated { degrees_of_freedom: dof });
-            assert!((got - k).abs() < 6e-4, "{dof}: {got}");
-        }
-    }
-}
+pub(crate) use crate::fit::COVERAGE_95 as NORMAL_COVERAGE;

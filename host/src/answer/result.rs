@@ -1,20 +1,18 @@
-//! The result object: what `--json` prints and `result.json` holds.
+//! The answer: what text, JSON and page are made of, for every kind of body.
+//!
+//! `result.json` and `--json` hold an [`Answer`] as it stands here, and the documentation of the fields is the schema's
+//! (`rigident schema result`). What is not known is absent, never `null`.
 
-use serde::Serialize;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+pub use super::schema_1::*;
+pub use crate::fit::Measured;
 
 /// The schema's name.
-pub const SCHEMA: &str = "rigident/result/1";
+pub const SCHEMA: &str = "rigident/result/2";
 
-/// An estimate with its 95 % expanded uncertainty, SI.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Measured {
-    /// Value.
-    pub value: f64,
-    /// 95 % expanded uncertainty.
-    pub u95: f64,
-}
-
-/// What became of a parameter. One that is not identified has no number, here or anywhere.
+/// The state of a parameter. One that is not identified has no number, here or anywhere.
 ///
 /// ```
 /// use rigident::answer::result::ParameterState;
@@ -37,13 +35,13 @@ pub struct Measured {
 ///     }
 /// }
 /// ```
-/// Nor has the estimate that it was made of, outside of this crate:
+/// Nor has the fit that it was made of, outside of this crate:
 /// ```compile_fail,E0616
-/// fn value(run: &rigident::identification::Identification) -> f64 {
-///     run.estimate.values[9]
+/// fn value(fit: &rigident::fit::Fit) -> f64 {
+///     fit.estimate.values[9]
 /// }
 /// ```
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "state", rename_all = "snake_case")]
 pub enum ParameterState {
     /// The data alone determine it.
@@ -56,7 +54,7 @@ pub enum ParameterState {
 }
 
 impl ParameterState {
-    /// Value and 95 % uncertainty, where there are any.
+    /// Returns value and 95 % uncertainty, where there are any.
     pub fn measured(&self) -> Option<Measured> {
         match *self {
             Self::Identified(measured) | Self::PriorDominated(measured) => Some(measured),
@@ -64,7 +62,7 @@ impl ParameterState {
         }
     }
 
-    /// The same, to be changed.
+    /// Returns the same, to be changed.
     pub fn measured_mut(&mut self) -> Option<&mut Measured> {
         match self {
             Self::Identified(measured) | Self::PriorDominated(measured) => Some(measured),
@@ -72,28 +70,19 @@ impl ParameterState {
         }
     }
 
-    /// Whether the value rests on what was known before.
+    /// Returns true if the value rests on what was known before.
     pub fn is_prior_dominated(&self) -> bool {
         matches!(self, Self::PriorDominated(_))
     }
-}
 
-/// One parameter.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Parameter {
-    /// Its name.
-    pub name: String,
-    /// Its SI unit.
-    pub unit: String,
-    /// State, value, uncertainty.
-    #[serde(flatten)]
-    pub state: ParameterState,
-    /// The frame it is in.
-    pub frame: &'static str,
+    /// Returns true if the data alone determine it.
+    pub fn is_identified(&self) -> bool {
+        matches!(self, Self::Identified(_))
+    }
 }
 
 /// How much is identified.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
     /// Everything asked for.
@@ -101,118 +90,409 @@ pub enum Status {
     /// Some of what was asked for.
     PartlyIdentified,
     /// Nothing of what was asked for.
+    #[default]
     NotIdentified,
-    /// The experiment broke off.
+    /// The experiment or the command broke off; `error` says why.
     Failed,
 }
 
-/// Where the answer comes from.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ResultSource {
-    /// The recording.
-    pub recording: String,
-    /// Its readings.
-    pub rows: usize,
-    /// Their rate, 1/s; absent for still poses.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub rate_hz: Option<f64>,
-    /// Who estimated: `inproc`, `qemu`, `port` or `host`.
-    pub mcu: String,
-    /// What the answer is a memory of; absent where nothing is forgotten.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub memory: Option<MemoryResult>,
+/// The whole answer about one body, two links, a tree or any other model.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Answer {
+    /// The name of this schema: `rigident/result/2`.
+    #[schemars(extend("const" = SCHEMA))]
+    pub schema: String,
+    /// How much of what was asked for is identified.
+    pub status: Status,
+    /// Why the experiment or the command broke off, where `status` is `failed`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
+    /// Date and time of the run, UTC, as RFC 3339 has it: `2026-11-22T04:19:51Z`.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub date: String,
+    /// Where the numbers come from.
+    pub source: Source,
+    /// The tree of links that was identified; absent for one rigid body.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub model: Option<ModelSummary>,
+    /// How several files became one recording.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time_base: Option<TimeBase>,
+    /// The part of the recording that the answer rests on, where older rows are forgotten.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub forgotten: Option<Forgotten>,
+    /// Every unknown with its state, in the order of the factor's columns.
+    pub parameters: Vec<Parameter>,
+    /// What was known beforehand and is in the estimate.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub known: Vec<KnownValue>,
+    /// Fields below that rest on what was known beforehand: `mass_kg`, `com_m`, `inertia_com_kgm2`, `inertia_origin_kgm2`,
+    /// `principal`, `body_frame`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub prior_dominated: Vec<String>,
+    /// Mass of the one body, kg.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mass_kg: Option<f64>,
+    /// Centre of mass of the one body in S, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub com_m: Option<[f64; 3]>,
+    /// 95 % expanded uncertainty of `com_m`, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub com_u95_m: Option<[f64; 3]>,
+    /// Tensor of the one body about its centre of mass, axes of S, `[Ixx, Iyy, Izz, Iyz, Izx, Ixy]`, kg m².
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inertia_com_kgm2: Option<[f64; 6]>,
+    /// 95 % expanded uncertainty of `inertia_com_kgm2`, kg m².
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inertia_com_u95_kgm2: Option<[f64; 6]>,
+    /// Tensor of the one body about the origin of S, kg m²; its uncertainty stands with the parameters.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inertia_origin_kgm2: Option<[f64; 6]>,
+    /// Principal moments about the centre of mass and their axes, largest first; empty where the tensor is not identified.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub principal: Vec<PrincipalMoment>,
+    /// The one body in the frame of `[body]` of the rig file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body_frame: Option<BodyFrame>,
+    /// True if some distribution of mass has these parameters: of one body exactly these, of a tree some within the
+    /// uncertainty. Absent if that cannot be told.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub physically_consistent: Option<bool>,
+    /// How far the estimate is from the parameters that bodies can have.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub consistency: Option<Consistency>,
+    /// Standard parameters of every link of a tree, completed from a nominal model.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub standard_parameters: Option<StandardParameters>,
+    /// The true body of `[truth]` of the rig file, never used for the answer.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub truth: Option<Truth>,
+    /// 2-norm condition number of the column-scaled, whitened rows over what they determine; absent if that is nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub condition_number: Option<f64>,
+    /// Noise and residuals of each measured quantity, in the order of the rows.
+    pub channels: Vec<Channel>,
+    /// Root mean square of the filtered residuals, channel by channel in the channels' units; absent without the data.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub residual_rms: Vec<f64>,
+    /// Samples and rows counted.
+    pub counts: Counts,
+    /// Samples that were not used; also in `counts`.
+    pub rejected_rows: u64,
+    /// How a platform followed its program, where that was measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tracking: Option<Tracking>,
+    /// The first pose repeated at the end: how much the mean wrench changed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drift: Option<Drift>,
+    /// What would identify the rest, or why it cannot be.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub advice: Vec<String>,
+    /// Information that asks for nothing.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
+    /// What a user should act on before using the numbers.
+    pub warnings: Vec<String>,
+    /// Time that the command took, s.
+    pub elapsed_s: f64,
 }
 
-/// What an answer is a memory of.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct MemoryResult {
-    /// `forgetting` or `window`.
-    pub kind: &'static str,
+/// The origin of the numbers.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Source {
+    /// Name of the recording, or of several that were merged.
+    pub recording: String,
+    /// Samples of the recording.
+    pub rows: u64,
+    /// Their rate, 1/s; absent for still poses.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rate_hz: Option<f64>,
+    /// Length of the recording, s; absent for still poses.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub duration_s: Option<f64>,
+    /// The estimator that ran: `inproc`, `qemu` or a port for firmware, `host` for the program itself.
+    pub mcu: String,
+}
+
+/// The model that a tree was identified by.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ModelSummary {
+    /// Its name.
+    pub name: String,
+    /// What was measured, on what kind of base, as a sentence.
+    pub situation: String,
+    /// Number of base parameters that rows of this kind can tell apart.
+    pub base_parameters: u64,
+    /// Number of standard parameters of its links.
+    pub standard_parameters: u64,
+}
+
+/// One unknown.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Parameter {
+    /// Its name, unique in the answer: `m`, `arm.MSx`, `offset_fx`.
+    pub name: String,
+    /// The link, drive or channel that it belongs to; absent for the one body's own.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub owner: String,
+    /// Its SI unit in ASCII: `kg`, `kg m`, `kg m2`.
+    pub unit: String,
+    /// State, and value with 95 % expanded uncertainty where there are any.
+    #[serde(flatten)]
+    pub state: ParameterState,
+    /// The frame that it is expressed in: `S`, or a link's; absent where there is none.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub frame: String,
+    /// Its true value, where it is known; never used for the answer.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub truth: Option<f64>,
+    /// Standard parameters that a base parameter stands for and their constant weights, the one that names it first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub terms: Vec<(String, f64)>,
+}
+
+/// A quantity known beforehand.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct KnownValue {
+    /// The name that it was stated by, with its unit: `mass_kg`, `symmetry y`.
+    pub name: String,
+    /// Its value, SI; zero for a plane of symmetry.
+    pub value: f64,
+    /// Its standard uncertainty (1 σ), SI.
+    pub sigma: f64,
+    /// The statement in words.
+    pub text: String,
+}
+
+/// What an answer rests on where older rows are forgotten.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Forgotten {
+    /// `exponential` (with a time constant) or `window` (nothing before it counts).
+    pub kind: ForgettingKind,
     /// The time constant, or the window's length, s.
     pub span_s: f64,
-    /// Seconds of rows that the answer rests on, older ones weighted as they are remembered.
+    /// Seconds of rows that the answer rests on, older ones weighted as they count.
     pub effective_s: f64,
 }
 
-impl std::fmt::Display for MemoryResult {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { kind, span_s, effective_s } = self;
-        if *kind == "window" {
-            return write!(
-                f,
-                "the answer is that of the last {effective_s:.1} s of rows (--window {span_s}) and of nothing before"
-            );
-        }
-        write!(
-            f,
-            "the answer is a memory of {effective_s:.1} s of rows (--forget {span_s}): what the motion renews is forgotten \
-             with that time constant, what it does not renew is kept as it was last seen"
-        )
-    }
+/// The way in which older rows are forgotten.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ForgettingKind {
+    /// What the motion renews is forgotten with a time constant.
+    Exponential,
+    /// Only the last rows count.
+    Window,
 }
 
-/// Principal moments about the centre of mass, largest first.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct PrincipalResult {
-    /// Moments, kg m².
-    pub moments_kgm2: [f64; 3],
-    /// Their 95 % uncertainty.
-    pub moments_u95_kgm2: [f64; 3],
-    /// Unit axes in S; `null` where two moments cannot be told apart.
-    pub axes: [Option<[f64; 3]>; 3],
-    /// 95 % uncertainty of their directions, rad.
-    pub axes_u95_rad: [Option<f64>; 3],
+/// A principal moment of inertia about the centre of mass.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct PrincipalMoment {
+    /// The moment, kg m².
+    pub moment_kgm2: f64,
+    /// Its 95 % expanded uncertainty, kg m².
+    pub u95_kgm2: f64,
+    /// Its unit axis in S; absent where two moments cannot be told apart.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub axis: Option<[f64; 3]>,
+    /// 95 % expanded uncertainty of the axis' direction, rad.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub axis_u95_rad: Option<f64>,
 }
 
-/// The body nearest to an answer that no body has, in the metric of the answer's covariance.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ConsistentResult {
+/// The one body in the customer's frame.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct BodyFrame {
+    /// Name of the frame.
+    pub name: String,
+    /// Centre of mass, m.
+    pub com_m: [f64; 3],
+    /// Its 95 % expanded uncertainty, m.
+    pub com_u95_m: [f64; 3],
+    /// Tensor about the frame's origin, `[Ixx, Iyy, Izz, Iyz, Izx, Ixy]`, kg m².
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inertia_origin_kgm2: Option<[f64; 6]>,
+    /// Its 95 % expanded uncertainty, kg m².
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inertia_origin_u95_kgm2: Option<[f64; 6]>,
+}
+
+/// The distance of an estimate from the parameters that bodies can have.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Consistency {
+    /// Distance to the nearest possible body or bodies, standard deviations; zero if the estimate is one.
+    pub distance_sd: f64,
+    /// Probability that noise alone makes the distance this large or larger, at least; below 1e-4 it is taken for a
+    /// mistake in the data or the model.
+    pub probability: f64,
+    /// True if bodies of negative mass have the parameters: a sign is wrong, and nothing is identified.
+    pub reversed: bool,
+    /// The nearest body, where no body has the one body's ten parameters.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nearest_body: Option<NearestBody>,
+}
+
+/// The numbers of a body, without uncertainty.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct NearestBody {
+    /// Mass, kg.
+    pub mass_kg: f64,
+    /// Centre of mass, m.
+    pub com_m: [f64; 3],
+    /// Tensor about the centre of mass, kg m².
+    pub inertia_com_kgm2: [f64; 6],
+    /// Tensor about the frame's origin, kg m².
+    pub inertia_origin_kgm2: [f64; 6],
+}
+
+/// Standard parameters of all links: nearest to the nominal model among those that the base parameters allow.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct StandardParameters {
+    /// What they are, in a sentence.
+    pub note: String,
+    /// Relative standard deviation (1 σ) that the nominal model is trusted with.
+    pub nominal_sigma: f64,
+    /// True if right links were made mirror images of left ones.
+    pub symmetric_sides: bool,
+    /// Distance of their base parameters from those identified, standard deviations.
+    pub distance_sd: f64,
+    /// The largest distance of a single identified parameter, in its own standard deviations.
+    pub largest_parameter_sd: f64,
+    /// True if the search came to its end.
+    pub converged: bool,
+    /// The links that have mass.
+    pub links: Vec<StandardLink>,
+}
+
+/// A link's standard parameters.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct StandardLink {
+    /// Its name.
+    pub name: String,
+    /// Mass, kg.
+    pub mass_kg: f64,
+    /// Centre of mass in the link's frame, m.
+    pub com_m: [f64; 3],
+    /// Tensor about the centre of mass, axes of the link, kg m².
+    pub inertia_com_kgm2: [f64; 6],
+    /// `[m, mcx, mcy, mcz, Ixx, Iyy, Izz, Iyz, Izx, Ixy]` about the link's origin, SI.
+    pub parameters: [f64; 10],
+    /// Relative distance from the nominal model's: `√(2 D)` with D the log-determinant divergence of the pseudo-inertias.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distance_from_nominal: Option<f64>,
+}
+
+/// What is really the case.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Truth {
     /// Mass, kg.
     pub mass_kg: f64,
     /// Centre of mass in S, m.
     pub com_m: [f64; 3],
     /// Tensor about the centre of mass, axes of S, kg m².
     pub inertia_com_kgm2: [f64; 6],
-    /// Tensor about S's origin, kg m².
-    pub inertia_origin_kgm2: [f64; 6],
-    /// How far the answer is from it, standard deviations.
-    pub distance_sd: f64,
+    /// Principal moments, largest first, kg m².
+    pub moments_kgm2: [f64; 3],
+    /// Centre of mass in the customer's frame, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body_frame_com_m: Option<[f64; 3]>,
+    /// Tensor about the origin of the customer's frame, kg m².
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body_frame_inertia_origin_kgm2: Option<[f64; 6]>,
 }
 
-/// The body in the customer's frame.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct BodyFrameResult {
-    /// Its name.
+/// A measured quantity.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Channel {
+    /// Its name: `fx`, or a joint's.
     pub name: String,
-    /// Centre of mass, m.
-    pub com_m: [f64; 3],
-    /// Its 95 % uncertainty.
-    pub com_u95_m: [f64; 3],
-    /// Inertia tensor about the frame's origin, kg m².
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub inertia_origin_kgm2: Option<[f64; 6]>,
-    /// Its 95 % uncertainty.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub inertia_origin_u95_kgm2: Option<[f64; 6]>,
+    /// Its SI unit: `N` or `N m`.
+    pub unit: String,
+    /// Standard deviation of its white noise per unfiltered sample, stated or found.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sigma: Option<f64>,
+    /// True if `sigma` was stated; else it comes from the residuals.
+    pub sigma_given: bool,
+    /// Root mean square of the filtered residuals; absent without the data.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub residual_rms: Option<f64>,
+    /// Root mean square of the filtered measurements; absent without the data.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub measured_rms: Option<f64>,
+    /// Relative gain error as far as it shows; absent where none was allowed for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gain: Option<f64>,
+    /// Filtered rows that count less because an outlier spoilt them.
+    pub outliers: u64,
+    /// Samples rejected because of this channel.
+    pub rejected: u64,
+    /// Factor by which white noise's intervals would be too narrow where they rest on the residuals' slowest part alone;
+    /// absent if the residuals are no more autocorrelated than the filter explains.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub autocorrelation: Option<f64>,
 }
 
-/// A quantity known beforehand.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct KnownResult {
-    /// Its name, with the unit.
-    pub name: String,
-    /// Its value, SI.
-    pub value: f64,
-    /// Its standard uncertainty, 1 σ.
-    pub sigma: f64,
+/// Samples and rows counted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Counts {
+    /// Samples in the recording.
+    pub samples: u64,
+    /// Samples rejected by screening.
+    pub rejected: u64,
+    /// Gaps in time, at which the filter started anew.
+    pub gaps: u64,
+    /// Scalar rows in the factor.
+    pub rows: u64,
 }
 
-/// One of several files, and how it came onto the common time base.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+/// The tracking error of a platform: measured less commanded pose.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Tracking {
+    /// Samples of the measured motion.
+    pub samples: u64,
+    /// Root mean square of the position's error, x, y, z of A, m.
+    pub rms_m: [f64; 3],
+    /// Root mean square of the attitude's error, as rotations about x, y, z of A, rad.
+    pub rms_rad: [f64; 3],
+    /// Largest distance, m.
+    pub largest_m: f64,
+    /// Largest angle, rad.
+    pub largest_rad: f64,
+    /// Delay of the platform that makes the errors smallest, s.
+    pub delay_s: f64,
+    /// Root mean square of the position's error with this delay taken off, m.
+    pub rms_without_delay_m: [f64; 3],
+    /// Root mean square of the attitude's error with this delay taken off, rad.
+    pub rms_without_delay_rad: [f64; 3],
+}
+
+/// Change of the mean wrench between the first pose and its repetition.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Drift {
+    /// Time between the two poses, s.
+    pub elapsed_s: f64,
+    /// Last less first, channel by channel, with its 95 % uncertainty.
+    pub changes: Vec<DriftChange>,
+}
+
+/// Change of one channel.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct DriftChange {
+    /// Name of the channel.
+    pub channel: String,
+    /// Its SI unit.
+    pub unit: String,
+    /// Last less first, and its 95 % uncertainty; absent if it was not measured.
+    #[serde(flatten)]
+    pub change: Option<Measured>,
+}
+
+/// One of several files on the common time base.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct StreamResult {
-    /// The file as listed.
+    /// The file as listed in the rig file.
     pub file: String,
-    /// What was taken from it: `wrench`, `accelerometer`, …
+    /// Quantities taken from it: `wrench`, `accelerometer`, …
     pub carries: Vec<String>,
     /// Its measured rate, 1/s.
     pub rate_hz: f64,
@@ -220,13 +500,13 @@ pub struct StreamResult {
     pub rows: usize,
     /// Rows not used: frozen or beyond the range.
     pub discarded: usize,
-    /// How late its stamps are beside those of the wrench, s; absent for that one.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    /// Delay of its stamps against those of the wrench, s; absent for that one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub skew_s: Option<ParameterState>,
 }
 
 /// The common time base of several files.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TimeBase {
     /// Its rate, 1/s.
     pub rate_hz: f64,
@@ -234,177 +514,4 @@ pub struct TimeBase {
     pub kernel_width_s: f64,
     /// The streams, in the order of the rig file.
     pub streams: Vec<StreamResult>,
-}
-
-/// The whole object.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ResultObject {
-    /// [`SCHEMA`].
-    pub schema: &'static str,
-    /// How much is identified.
-    pub status: Status,
-    /// Where it comes from.
-    pub source: ResultSource,
-    /// How several files became one recording.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub time_base: Option<TimeBase>,
-    /// Ten parameters, and the offset where it was estimated.
-    pub parameters: Vec<Parameter>,
-    /// What was known beforehand.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub known: Vec<KnownResult>,
-    /// Fields below that rest on what was known beforehand: `com_m`, `inertia_com_kgm2`, …
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub prior_dominated: Vec<&'static str>,
-    /// Mass, kg.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub mass_kg: Option<f64>,
-    /// Centre of mass in S, m.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub com_m: Option<[f64; 3]>,
-    /// Its 95 % uncertainty.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub com_u95_m: Option<[f64; 3]>,
-    /// Tensor about the centre of mass, axes of S, kg m².
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub inertia_com_kgm2: Option<[f64; 6]>,
-    /// Its 95 % uncertainty.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub inertia_com_u95_kgm2: Option<[f64; 6]>,
-    /// Tensor about S's origin, kg m².
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub inertia_origin_kgm2: Option<[f64; 6]>,
-    /// Principal moments and axes.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub principal: Option<PrincipalResult>,
-    /// In `[body]`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub body_frame: Option<BodyFrameResult>,
-    /// Whether some distribution of mass has these parameters.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub physically_consistent: Option<bool>,
-    /// The nearest body, where `physically_consistent` is false.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub consistent: Option<ConsistentResult>,
-    /// 2-norm, column-scaled whitened rows, over what the rows determine; absent if that is nothing.
-    #[serde(skip_serializing_if = "is_not_finite")]
-    pub condition_number: f64,
-    /// Root mean square of the residuals of the filtered rows, N and N m; absent without the data.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub residual_rms: Option<[f64; 6]>,
-    /// Channels whose residuals are more coloured than the filter explains, the worst first.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub coloured_residuals: Vec<ColourResult>,
-    /// Readings not used.
-    pub rejected_rows: u32,
-    /// How the platform followed its program, where that was measured.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub tracking: Option<serde_json::Value>,
-    /// What would identify the rest.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub advice: Vec<String>,
-    /// What to know.
-    pub warnings: Vec<String>,
-    /// Time the command took, s.
-    pub elapsed_s: f64,
-}
-
-/// A channel with coloured residuals.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ColourResult {
-    /// `fx` to `mz`.
-    pub channel: &'static str,
-    /// Factor by which white noise's intervals are too narrow where they rest on its slowest part alone.
-    pub factor: f64,
-}
-
-/// JSON has no word for it.
-fn is_not_finite(value: &f64) -> bool {
-    !value.is_finite()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn nothing_identified() -> ResultObject {
-        ResultObject {
-            tracking: None,
-            schema: SCHEMA,
-            status: Status::NotIdentified,
-            source: ResultSource {
-                recording: "still".into(),
-                rows: 7,
-                rate_hz: None,
-                mcu: "host".into(),
-                memory: None,
-            },
-            time_base: None,
-            parameters: vec![Parameter {
-                name: "m".into(),
-                unit: "kg".into(),
-                state: ParameterState::NotIdentified,
-                frame: "S",
-            }],
-            known: Vec::new(),
-            prior_dominated: Vec::new(),
-            mass_kg: None,
-            com_m: None,
-            com_u95_m: None,
-            inertia_com_kgm2: None,
-            inertia_com_u95_kgm2: None,
-            inertia_origin_kgm2: None,
-            principal: None,
-            body_frame: None,
-            physically_consistent: None,
-            consistent: None,
-            condition_number: f64::INFINITY,
-            coloured_residuals: Vec::new(),
-            residual_rms: Some([0.0; 6]),
-            rejected_rows: 0,
-            advice: Vec::new(),
-            warnings: Vec::new(),
-            elapsed_s: 0.5,
-        }
-    }
-
-    #[test]
-    fn what_is_not_known_is_absent_and_never_null() {
-        let json = serde_json::to_value(nothing_identified()).unwrap();
-        let keys: Vec<&str> = json.as_object().unwrap().keys().map(String::as_str).collect();
-        assert_eq!(
-            keys,
-            [
-                "elapsed_s",
-                "parameters",
-                "rejected_rows",
-                "residual_rms",
-                "schema",
-                "source",
-                "status",
-                "warnings"
-            ]
-        );
-        assert_eq!(
-            (json["schema"].as_str(), json["status"].as_str()),
-            (Some(SCHEMA), Some("not_identified"))
-        );
-        assert!(!json.to_string().contains("null"));
-    }
-
-    #[test]
-    fn a_parameter_that_is_not_identified_has_no_number() {
-        let parameter = |state| {
-            serde_json::to_string(&Parameter { name: "Ixx".into(), unit: "kg m2".into(), state, frame: "S" })
-                .unwrap()
-        };
-        assert_eq!(
-            parameter(ParameterState::NotIdentified),
-            r#"{"name":"Ixx","unit":"kg m2","state":"not_identified","frame":"S"}"#
-        );
-        assert_eq!(
-            parameter(ParameterState::Identified(Measured { value: 0.5, u95: 0.25 })),
-            r#"{"name":"Ixx","unit":"kg m2","state":"identified","value":0.5,"u95":0.25,"frame":"S"}"#
-        );
-    }
 }

@@ -10,10 +10,10 @@ use urdf_rs::Geometry;
 
 use super::finding::{Finding, ModelError};
 use super::inertial::impossibility;
+use super::symmetry;
 use super::tree::Model;
 use super::write;
 use super::xml::{Language, of_rpy};
-use crate::trees::symmetry;
 
 /// Numbers that agree to this, relative, were copied or mirrored.
 const ALIKE: f64 = 1e-4;

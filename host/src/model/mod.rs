@@ -23,6 +23,7 @@ pub mod rig_links;
 pub mod rows;
 pub mod sdf;
 pub mod speed;
+pub mod symmetry;
 #[cfg(test)]
 mod tests;
 pub mod tree;

@@ -30,7 +30,6 @@ mod rate_noise;
 pub mod result;
 pub mod rows;
 pub mod simulated;
-pub mod symmetry;
 #[cfg(test)]
 mod tests;
 

@@ -1,119 +1,13 @@
-//! Whether there are bodies at all that have the base parameters found.
-//!
-//! The base parameters of bodies, each with positive mass and a tensor that obeys the triangle inequality, form a convex
-//! cone. The truth lies in it, and `‖R (φ_B − φ̂_B)‖²` of the truth is χ² of as many degrees of freedom as there are base
-//! parameters; so an estimate whose distance from the cone is larger than χ² explains is no tree's. The nearest point
-//! of the cone is found as [`super::nearest`] finds full parameters, from bodies that are made up and trusted less and less,
-//! until D, which keeps every link a body, weighs next to nothing.
-//!
-//! A wrench or torques with the wrong sign, gravity included, are recognised: then the negative of the estimate is in the
-//! cone.
+//! Physical consistency of what was identified of a tree.
 
-use rigident_shared::inertia::InertialParameters;
-use rigident_shared::spatial::{Body, Position};
-use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
+pub use crate::answer::physical_consistency::PhysicalConsistency as Possible;
 
-use nalgebra::{DMatrix, DVector, Matrix3};
-
-use super::nearest::{Data, Problem};
 use super::{Input, TreeIdentification};
-use crate::answer::Noise;
-use crate::model::inertial::Parameters;
-
-/// A distance less likely than this is no chance.
-const SURPRISING: f64 = 1e-4;
-/// To this share, or of what χ² is expected to be, the square of the distance is found.
-const ACCURACY: f64 = 0.05;
-/// Of a made-up body: kg, and m where its link has no length.
-const MASS: f64 = 1.0;
-const LENGTH: f64 = 0.1;
-/// Reversed signs bring an estimate so much nearer to bodies.
-const REVERSED: f64 = 0.1;
-
-/// How far base parameters are from those of bodies.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Possible {
-    /// Distance of the estimate from the nearest, standard deviations.
-    pub distance_sd: f64,
-    /// The probability of a larger one.
-    pub probability: f64,
-    /// There are no such bodies, but there are of the negative of all parameters.
-    pub reversed: bool,
-}
-
-impl Possible {
-    /// Whether bodies have these parameters, as far as the uncertainty tells.
-    pub fn is_consistent(&self) -> bool {
-        self.probability >= SURPRISING
-    }
-
-    /// What to know if they have not.
-    pub fn warning(&self) -> Option<String> {
-        if self.is_consistent() {
-            return None;
-        }
-        Some(if self.reversed {
-            "the base parameters are those of bodies of negative mass, so nothing is identified: is the sign of the wrench or of the \
-             torques right? wrench_sign in [recording] of the rig file says whether the load cell reports \"on_body\" or \
-             \"on_sensor\", scale = -1 of a [[joint]]'s effort turns a torque round; reversed axes of the IMU and reversed \
-             gravity look the same"
-                .to_owned()
-        } else {
-            format!(
-                "no bodies have these base parameters: the nearest that can be are {:.1} standard deviations away. Look for a \
-                 wrong sign, unit, frame or scale, attitudes that are the inverse, links that are not rigid, friction that \
-                 is left out",
-                self.distance_sd
-            )
-        })
-    }
-}
+use crate::answer::physical_consistency;
 
 /// Judges what was found; `None` if the search did not end.
 pub fn possible(input: &Input, found: &TreeIdentification) -> Option<Possible> {
-    let count = found.base.parameters.len();
-    let marginal = found.factor.leading(count);
-    let solution = marginal.solve();
-    let data = Data::new(&marginal, found.variance_scale);
-    let best = (&data.r * DVector::from_column_slice(&solution.estimate) - &data.z).norm_squared();
-    let bodies: Vec<Parameters> =
-        (0..found.base.standard.len() / 10).map(|k| made_up(input, found, k)).collect();
-    let rows = &data.r * found.base.map();
-    let freedoms = (count - solution.lost.len().min(count)) as f64;
-    let distance = |sign: f64| {
-        let mut problem = Problem {
-            rows: rows.clone(),
-            rhs: &data.z * sign,
-            substitution: DMatrix::identity(rows.ncols(), rows.ncols()),
-            nominal: &bodies,
-            weight: 1.0,
-        };
-        Some((problem.least_misfit(ACCURACY, freedoms)? - best).max(0.0))
-    };
-    let square = distance(1.0)?;
-    let probability = match found.noise {
-        Noise::Given => ChiSquared::new(freedoms).ok()?.sf(square),
-        Noise::Estimated { degrees_of_freedom } => {
-            FisherSnedecor::new(freedoms, degrees_of_freedom.max(1.0)).ok()?.sf(square / freedoms)
-        }
-    };
-    let mut judged = Possible { distance_sd: square.sqrt(), probability, reversed: false };
-    if !judged.is_consistent() {
-        judged.reversed = distance(-1.0).is_some_and(|other| other.sqrt() < REVERSED * judged.distance_sd);
-    }
-    Some(judged)
-}
-
-/// A ball about the middle of a link, of a kilogram.
-fn made_up(input: &Input, found: &TreeIdentification, k: usize) -> Parameters {
-    let links = &input.model.links;
-    let i = links.len() - found.base.standard.len() / 10 + k;
-    let below = links.iter().skip(1).filter(|l| l.link.parent == i).map(|l| l.link.position);
-    let longest = below.max_by(|a, b| a.norm().total_cmp(&b.norm())).unwrap_or_default();
-    let radius = longest.norm().max(LENGTH);
-    let tensor = Matrix3::from_diagonal_element(MASS * radius * radius);
-    let centre = Position::from_array((longest * 0.5).into());
-    InertialParameters::<Body, f64>::from_centre_of_mass(MASS, centre, tensor).to_vector()
+    physical_consistency::of_base_parameters(&input.model, &found.base_estimate())
 }
 
 #[cfg(test)]
@@ -121,6 +15,8 @@ mod tests {
     use super::super::prepare::{Wishes, prepare};
     use super::super::simulated::{seven_axes, seven_axis_recording, two_link_recording, two_links};
     use super::super::{TreeIdentification, identify};
+    use nalgebra::DVector;
+
     use super::*;
     use crate::model::Model;
     use crate::recording::Recording;
@@ -179,10 +75,8 @@ mod tests {
         let input = prepare(&wrong, &two, &Wishes::default()).unwrap().input;
         let found = identify(&input).unwrap();
         let judged = possible(&input, &found).unwrap();
-        let marginal = found.factor.leading(19);
-        let data = Data::new(&marginal, found.variance_scale);
-        let estimate = DVector::from_vec(marginal.solve().estimate);
-        let best = (&data.r * &estimate - &data.z).norm_squared();
+        let data = found.base_estimate();
+        let best = (&data.r * &data.values - &data.z).norm_squared();
         let map = found.base.map();
         // Random bodies around the truth: none is nearer.
         let mut seed = 9_u64;
@@ -203,7 +97,7 @@ mod tests {
             }
             tried += 1;
             let square = (&data.r * (map.clone() * DVector::from_vec(phi)) - &data.z).norm_squared() - best;
-            assert!(square >= judged.distance_sd.powi(2) * (1.0 - ACCURACY));
+            assert!(square >= judged.distance_sd.powi(2) * 0.95);
         }
         assert!(tried > 100, "{tried}");
     }

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use super::nearest::{Full, FullLink};
 use super::possible::Possible;
 use super::{Input, TreeIdentification};
-use crate::answer::result::{ParameterState, ResultSource, SCHEMA, Status};
+use crate::answer::result::{ParameterState, ResultSource, SCHEMA_1, Status};
 use crate::identification::{FILTER_WIDTH_S, whiteness};
 use crate::model::base::names::legend;
 use crate::present::text::{NOT_IDENTIFIED, beside, shortened, significant, unit_symbol, with_u95};
@@ -187,7 +187,7 @@ impl Answer<'_> {
             .map(|c| json!({"channel": names.get(c.channel), "factor": c.factor}))
             .collect();
         let mut object = json!({
-            "schema": SCHEMA,
+            "schema": SCHEMA_1,
             "status": self.status,
             "source": self.source,
             "model": self.input.model.name,

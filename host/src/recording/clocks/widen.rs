@@ -43,7 +43,7 @@ pub fn widen(
                 let streams = grid.all(set, &instants, &late_ns);
                 let input = prepare(&grid.recording(set, &instants, &streams))?.input;
                 // Nothing to compare where nothing could be identified.
-                Ok(identification::identify(&input).ok().map(|found| found.estimate.values))
+                Ok(identification::identify(&input).ok().map(|found| found.estimate.values.clone()))
             };
             let (before, after) = (values(-step_ns)?, values(step_ns)?);
             let pairs = before.unwrap_or_default().into_iter().zip(after.unwrap_or_default());

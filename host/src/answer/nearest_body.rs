@@ -6,36 +6,38 @@ use rigident_shared::factor::InformationFactor;
 use rigident_shared::inertia::InertialParameters;
 use rigident_shared::spatial::Sensor;
 
-use super::Estimate;
+use super::derived::ten;
+use super::physical_consistency::{SURPRISING, probability};
+use crate::fit::Estimate;
 
 /// Newton steps; in f64 some 15 are usual.
 const MAX_ITERATIONS: u8 = 100;
-
-/// Noise alone seldom puts an answer further from the nearest body, standard deviations.
-const SURPRISING_SD: f64 = 4.0;
 
 /// The physically consistent parameters nearest to an answer in the metric of its covariance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NearestBody {
     /// About S's origin, in S.
     pub body: InertialParameters<Sensor, f64>,
-    /// How far the answer is from it, standard deviations.
+    /// Distance of the answer from it, standard deviations.
     pub distance_sd: f64,
+    /// The probability that noise makes it larger, at least: that of χ² with ten degrees of freedom.
+    pub probability: f64,
 }
 
-/// The nearest body. `None` if the ten parameters are not all determined, or the answer is that body already.
+/// Returns the nearest body; `None` if the ten parameters are not all determined, or the answer is that body already.
 ///
 /// The metric is the covariance of the ten with everything else estimated, so it holds what the intervals hold.
 pub fn nearest_body(estimate: &Estimate) -> Option<NearestBody> {
     if estimate.values.len() < 10 || !estimate.determined.iter().take(10).all(|d| *d) {
         return None;
     }
-    let phi = estimate.body();
+    let phi = ten(estimate);
     let factor = factor(estimate)?;
     match nearest(&factor, &phi, MAX_ITERATIONS) {
         Nearest::Projected(found) | Nearest::NotConverged(found) => Some(NearestBody {
             body: InertialParameters::from_vector(found.parameters),
             distance_sd: found.distance_sd,
+            probability: probability(found.distance_sd.powi(2), 10.0, estimate.noise).unwrap_or(1.0),
         }),
         Nearest::Free | Nearest::NotDetermined => None,
     }
@@ -47,22 +49,22 @@ fn factor(estimate: &Estimate) -> Option<InformationFactor<f64, 10>> {
     let correlation = DMatrix::from_fn(10, 10, |i, j| estimate.covariance[(i, j)] / (sd[i] * sd[j]));
     let lower = correlation.cholesky()?.inverse().cholesky()?.l();
     let r = |i: usize, j: usize| lower[(j, i)] / sd[j];
-    let phi = estimate.body();
+    let phi = ten(estimate);
     let triangle = (0..10).flat_map(|i| (i..10).map(move |j| (i, j))).map(|(i, j)| r(i, j));
     let z = (0..10).map(|i| (i..10).map(|j| r(i, j) * phi[j]).sum());
     InformationFactor::from_entries(triangle.chain(z).chain(std::iter::once(0.0)), 10)
 }
 
-/// What to say of an answer that no body has.
+/// Returns the warning about an answer that no body has.
 pub fn warning(nearest: Option<&NearestBody>) -> String {
     let no_body =
         "the tensor belongs to no body (a principal moment is negative or breaks the triangle inequality)";
-    let Some(NearestBody { distance_sd, .. }) = nearest else {
+    let Some(NearestBody { distance_sd, probability, .. }) = nearest else {
         return format!(
             "{no_body}: the uncertainty allows it, or the rig file is wrong about a sign, a frame or a scale"
         );
     };
-    if *distance_sd > SURPRISING_SD {
+    if *probability < SURPRISING {
         format!(
             "{no_body}; the nearest body is {distance_sd:.1} standard deviations away, which noise does not explain: look \
              for a wrong sign, frame, delay or scale in the rig file, or a body that is not rigid"
@@ -80,7 +82,7 @@ mod tests {
     use rigident_shared::inertia::tensor_from_elements;
     use rigident_shared::spatial::Position;
 
-    use super::super::Noise;
+    use super::super::{Estimate, Noise};
     use super::*;
 
     /// 16 parameters; a rod along x, whose smallest second moment the noise made negative by `low` kg m².
@@ -111,7 +113,7 @@ mod tests {
         let mahalanobis = (covariance.try_inverse().unwrap() * &change).dot(&change).sqrt();
         assert!((found.distance_sd / mahalanobis - 1.0).abs() < 1e-6);
         // Any other body is further: the true rod among them.
-        let other = rod(0.0).values;
+        let other = rod(0.0).values.clone();
         let other = nalgebra::DVector::from_fn(10, |j, _| other[j] - estimate.values[j]);
         let further = (estimate.covariance.view((0, 0), (10, 10)).into_owned().try_inverse().unwrap()
             * &other)
@@ -130,7 +132,11 @@ mod tests {
 
     #[test]
     fn the_warning_tells_noise_from_a_mistake() {
-        let near = |distance_sd| NearestBody { body: nearest_body(&rod(0.05)).unwrap().body, distance_sd };
+        let near = |distance_sd: f64| NearestBody {
+            body: nearest_body(&rod(0.05)).unwrap().body,
+            distance_sd,
+            probability: probability(distance_sd.powi(2), 10.0, Noise::Given).unwrap(),
+        };
         assert!(warning(Some(&near(1.5))).contains("1.50 standard deviations away, which noise explains"));
         assert!(
             warning(Some(&near(55.0)))

@@ -1,9 +1,9 @@
-//! Left and right alike: the links of a pair are mirror images of each other.
+//! Symmetry of a model: the links of a pair are mirror images of each other.
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
-use crate::model::inertial::{ParameterMap, map_to_parent};
-use crate::model::{Model, ModelError};
+use super::inertial::{ParameterMap, map_to_parent};
+use super::{Model, ModelError};
 
 /// Two links, the second of which has the mirrored parameters of the first.
 #[derive(Clone, Debug, PartialEq)]

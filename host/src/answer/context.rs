@@ -1,0 +1,103 @@
+//! What an answer needs beside a fit.
+
+use std::time::SystemTime;
+
+use super::result::{Drift, Source, TimeBase, Tracking};
+use crate::model::Model;
+use crate::model::base::{BaseParameters, Situation};
+use crate::rig::{BodyTable, TruthTable};
+
+/// The circumstances of a fit that its answer tells.
+#[derive(Clone, Debug)]
+pub struct Context<'a> {
+    /// The tree, where base parameters were estimated.
+    pub links: Option<Links<'a>>,
+    /// The customer's frame, for one body.
+    pub body: Option<&'a BodyTable>,
+    /// The true body, stood beside the answer and never used by it.
+    pub truth: Option<&'a TruthTable>,
+    /// True values of the parameters in their order, likewise.
+    pub parameter_truth: Option<&'a [f64]>,
+    /// The words of `--estimate`.
+    pub asked: &'a [String],
+    /// Where the numbers come from.
+    pub source: Source,
+    /// How several files became one recording.
+    pub time_base: Option<TimeBase>,
+    /// Why the experiment broke off, if it did.
+    pub error: Option<String>,
+    /// Information that asks for nothing.
+    pub notes: Vec<String>,
+    /// What a user should act on, beyond what the fit says itself.
+    pub warnings: Vec<String>,
+    /// Standard deviation (1 σ) of the rates in the rows, rad/s, for the note on its effect; zero: not known.
+    pub rate_sigma: f64,
+    /// How a platform followed.
+    pub tracking: Option<Tracking>,
+    /// First against last pose.
+    pub drift: Option<Drift>,
+    /// Date and time of the run, RFC 3339; by default now.
+    pub date: String,
+}
+
+impl Default for Context<'_> {
+    fn default() -> Self {
+        Self {
+            links: None,
+            body: None,
+            truth: None,
+            parameter_truth: None,
+            asked: &[],
+            source: Source::default(),
+            time_base: None,
+            error: None,
+            notes: Vec::new(),
+            warnings: Vec::new(),
+            rate_sigma: 0.0,
+            tracking: None,
+            drift: None,
+            date: humantime::format_rfc3339_seconds(SystemTime::now()).to_string(),
+        }
+    }
+}
+
+/// A tree whose base parameters are the first columns of a fit.
+#[derive(Clone, Debug)]
+pub struct Links<'a> {
+    /// The model of the rows, fixed joints welded.
+    pub model: &'a Model,
+    /// The base parameters, in the order of the columns.
+    pub base: &'a BaseParameters,
+    /// What was measured, on what kind of base.
+    pub situation: Situation,
+    /// Motion of the drives that have parameters.
+    pub drives: Vec<DriveMotion>,
+    /// Why some parameters cannot be identified in this motion, as found before the fit.
+    pub idle: Vec<String>,
+    /// How standard parameters are sought; `None`: not at all.
+    pub standard: Option<StandardRequest<'a>>,
+}
+
+/// The motion of a drive: a joint's own, or one that turns with several.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DriveMotion {
+    /// Its name.
+    pub name: String,
+    /// Names of the channels that hold its joints' efforts.
+    pub channels: Vec<String>,
+    /// Root mean square of its joints' summed rates, rad/s or m/s.
+    pub rms_rate: f64,
+}
+
+/// A request for standard parameters of every link.
+#[derive(Clone, Copy, Debug)]
+pub struct StandardRequest<'a> {
+    /// The nominal model as its file has it, links on fixed joints on their own.
+    pub nominal: &'a Model,
+    /// Relative standard deviation (1 σ) that it is trusted with.
+    pub trust: f64,
+    /// True if right links mirror left ones.
+    pub symmetric: bool,
+    /// True if an answer without them is an error.
+    pub required: bool,
+}

@@ -1,0 +1,233 @@
+//! Warnings and notes that follow from a fit. A warning asks for something, a note does not.
+
+use super::context::Links;
+use super::result::{ForgettingKind, Forgotten, ParameterState};
+use super::states::{LARGEST_SHARE, LEAST_EXCITATION, scales};
+use crate::fit::{Autocorrelation, Fit, Kind, PriorStatement};
+use crate::identification::FILTER_WIDTH_S;
+use crate::identification::knocks::LIMIT_SD;
+use crate::present::text::{counted, significant, unit_symbol};
+
+/// Rows beyond the unknowns from which on residuals that are half as large as stated are no chance: 0.5 % of them.
+const ENOUGH_SPARE_ROWS: usize = 12;
+/// Residual variance over the stated one from which on the data or the rig file should be looked at.
+const MUCH_LARGER: f64 = 2.0;
+/// Residual variance over the stated one below which the stated noise is too large.
+const MUCH_SMALLER: f64 = 0.25;
+/// A share of an interval that is worth a word.
+const SIGNAL_NOISE: f64 = 0.5;
+/// Residual over measurement from which on a model of links explains little of a channel.
+const UNEXPLAINED: f64 = 0.5;
+
+impl std::fmt::Display for Forgotten {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { kind, span_s, effective_s } = self;
+        match kind {
+            ForgettingKind::Window => write!(
+                f,
+                "the answer is that of the last {effective_s:.1} s of rows (--window {span_s}) and of nothing before"
+            ),
+            ForgettingKind::Exponential => write!(
+                f,
+                "the answer rests on {effective_s:.1} s of rows (--forget {span_s}): what the motion renews is forgotten with \
+                 that time constant, what it does not renew is kept as it was last seen"
+            ),
+        }
+    }
+}
+
+/// Returns notes and warnings about the residuals, the noise and what was left out. `of_links`: a model of links stands behind
+/// the rows, whose joints may be other than the measured ones.
+pub(super) fn of_the_fit(fit: &Fit, of_links: bool, rate_sigma: f64) -> (Vec<String>, Vec<String>) {
+    let (mut notes, mut warnings) = left_out(fit);
+    match residual_noise(fit) {
+        Remark::Warning(text) => warnings.push(text),
+        Remark::Note(text) => notes.push(text),
+        Remark::None => {}
+    }
+    warnings.extend(autocorrelation(fit));
+    notes.extend(signal_noise(fit, rate_sigma));
+    warnings.extend(unexplained(fit).filter(|_| of_links));
+    (notes, warnings)
+}
+
+enum Remark {
+    Warning(String),
+    Note(String),
+    None,
+}
+
+/// Compares the residuals with the noise that was stated.
+fn residual_noise(fit: &Fit) -> Remark {
+    let ratio = fit.noise.variance_ratio;
+    let small = fit.noise.sigma_given && ratio < MUCH_SMALLER;
+    let rows = usize::try_from(fit.factor.rows()).unwrap_or(usize::MAX);
+    let fitted = fit.data_alone().rank();
+    if rows <= fitted || (small && rows < fitted + ENOUGH_SPARE_ROWS) {
+        Remark::Warning(format!(
+            "too few rows: {rows} equations for {} unknowns, which leaves nothing to check the noise by; record for longer, \
+             or more poses",
+            fit.parameters.len()
+        ))
+    } else if fit.noise.sigma_given && ratio > MUCH_LARGER {
+        Remark::Warning(format!(
+            "residuals are {:.1} times larger than the noise stated in the rig file: the intervals were widened; look for \
+             a wrong sign, frame, delay or scale, bodies that are not rigid, friction that is left out",
+            ratio.sqrt()
+        ))
+    } else if fit.noise.sigma_given && fit.noise.variance_scale > 1.0 {
+        Remark::Note(format!(
+            "residuals are {:.1} times larger than the noise stated in the rig file: the intervals were widened",
+            ratio.sqrt()
+        ))
+    } else if small {
+        Remark::Note(format!(
+            "residuals are {:.1} times smaller than the noise stated in the rig file: the intervals are wider than need be",
+            1.0 / ratio.max(1e-12).sqrt()
+        ))
+    } else {
+        Remark::None
+    }
+}
+
+/// Tells of samples that were rejected (warnings), and of filtered rows that count less (notes).
+fn left_out(fit: &Fit) -> (Vec<String>, Vec<String>) {
+    let outliers = fit.channels.iter().filter(|c| c.outliers > 0).map(|c| {
+        format!(
+            "{} of {} filtered rows of channel {} {} more than {LIMIT_SD} standard deviations off and {} less",
+            c.outliers,
+            fit.counts.blocks,
+            c.channel.name,
+            if c.outliers == 1 { "is" } else { "are" },
+            if c.outliers == 1 { "counts" } else { "count" },
+        )
+    });
+    let rejected = fit.channels.iter().filter(|c| c.rejected > 0).map(|c| {
+        format!(
+            "{} rejected because of {}: saturated, frozen or not finite; check that sensor and its range",
+            counted(c.rejected as usize, "reading was", "readings were"),
+            c.channel.name
+        )
+    });
+    (outliers.collect(), rejected.collect())
+}
+
+/// Tells of residuals that stay correlated for longer than the filter explains.
+fn autocorrelation(fit: &Fit) -> Option<String> {
+    let mut found: Vec<(&str, Autocorrelation)> =
+        fit.channels.iter().filter_map(|c| Some((c.channel.name.as_str(), c.autocorrelation?))).collect();
+    found.sort_by(|a, b| b.1.factor.total_cmp(&a.1.factor));
+    let (name, worst) = found.first()?;
+    let factors: Vec<String> = found.iter().map(|(name, a)| format!("{:.1} ({name})", a.factor)).collect();
+    let consequence = match fit.largest_inflation() {
+        Some(largest) => format!(
+            "Intervals count this and are wider for it by up to {largest:.1}; one that rested on the slowest part alone would be \
+             wider by factors of"
+        ),
+        None => "Intervals do not count this and may be too narrow, as far as they rest on these channels, by factors up to"
+            .to_owned(),
+    };
+    Some(format!(
+        "residuals of {} stay correlated for longer than the filter explains (of {name}: autocorrelation {:.2} about {} s \
+         apart, where white noise has 0.00 ± {:.2}). {consequence} {}; look for vibration, drift, a wrong delay or a body that is not rigid",
+        found.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", "),
+        worst.mean,
+        FILTER_WIDTH_S,
+        2.0 * worst.chance,
+        factors.join(", ")
+    ))
+}
+
+/// Tells of intervals that are wide because of noise in the rows' own signals.
+fn signal_noise(fit: &Fit, rate_sigma: f64) -> Option<String> {
+    let shares = fit.signal_bias.iter().enumerate().filter_map(|(j, bias)| {
+        let variance = fit.estimate.covariance(j, j)?;
+        Some(bias.abs() / variance.sqrt()).filter(|share| share.is_finite())
+    });
+    let worst = shares.fold(0.0, f64::max);
+    let sigma = if rate_sigma > 0.0 {
+        format!(" (1 σ {} rad/s)", significant(rate_sigma, 2))
+    } else {
+        String::new()
+    };
+    (worst > SIGNAL_NOISE).then(|| {
+        format!(
+            "noise of the rates{sigma} stands in the rows and does not average out: up to {:.0} % of an interval is for it. \
+             Better gyros or encoders, or faster motion, make intervals narrower; a longer recording does not",
+            100.0 * worst
+        )
+    })
+}
+
+/// Tells of channels that the model explains little of.
+fn unexplained(fit: &Fit) -> Option<String> {
+    let poor: Vec<String> = fit
+        .channels
+        .iter()
+        .filter(|c| !fit.residuals.is_empty() && c.residual_rms > UNEXPLAINED * c.measured_rms)
+        .map(|c| format!("{} {:.0} %", c.channel.name, 100.0 * c.residual_rms / c.measured_rms))
+        .collect();
+    (!poor.is_empty()).then(|| {
+        format!(
+            "the model explains little of some channels (residual over measurement, rms): {}; are their signs, units and \
+             joints those of the model?",
+            poor.join(", ")
+        )
+    })
+}
+
+/// Tells of known values that do not identify what they are about.
+pub(super) fn of_known_values(fit: &Fit, links: Option<&Links>, states: &[ParameterState]) -> Vec<String> {
+    let Some(prior) = &fit.prior else { return Vec::new() };
+    let scales = scales(fit, links);
+    let free_planes = prior.statements.iter().filter_map(|s| free_plane(fit, s));
+    let loose = prior.statements.iter().filter_map(|s| too_loose(fit, &scales, states, s));
+    free_planes.chain(loose).collect()
+}
+
+/// Tells of a plane of symmetry that says nothing of products of inertia, because the size of its link is not known.
+fn free_plane(fit: &Fit, statement: &PriorStatement) -> Option<String> {
+    let names: Vec<&str> =
+        statement.free.iter().filter_map(|j| Some(fit.parameters.get(*j)?.name.as_str())).collect();
+    (!names.is_empty()).then(|| {
+        format!(
+            "{}: {} stay free: how far from zero they may be grows with the body's size, which is not known without \
+             Ixx, Iyy and Izz; turn the body about all three axes, or state ixx_kgm2, iyy_kgm2 and izz_kgm2 with --known",
+            statement.name,
+            names.join(" and "),
+        )
+    })
+}
+
+fn too_loose(
+    fit: &Fit,
+    scales: &[Option<f64>],
+    states: &[ParameterState],
+    statement: &PriorStatement,
+) -> Option<String> {
+    let j = statement.parameter;
+    let (state, u95, parameter) = (states.get(j)?, fit.estimate.u95(j), fit.parameters.get(j)?);
+    if statement.is_symmetry || *state != ParameterState::NotIdentified || !u95.is_finite() {
+        return None;
+    }
+    let (text, name) = (&statement.text, &parameter.name);
+    let Some(scale) = scales.get(j).copied().flatten() else {
+        return Some(format!(
+            "{text} is in the answer, but {name} is not identified: the mass, against which that is judged, is not \
+             known to {} %; state mass_kg with --known",
+            100.0 * LARGEST_SHARE
+        ));
+    };
+    let mut least = LARGEST_SHARE * scale;
+    if parameter.kind == Kind::Inertia && fit.spurious_information > 0.0 {
+        let informed = (LEAST_EXCITATION * fit.spurious_information).sqrt().recip();
+        least = least.min(fit.estimate.coverage_factor() * informed);
+    }
+    Some(format!(
+        "{text} is too loose to identify {name}: with it the U95 is {}, and at most {} {} would do; state it with a \
+         smaller σ if it is known that well",
+        significant(u95, 2),
+        significant(least, 2),
+        unit_symbol(&parameter.unit),
+    ))
+}

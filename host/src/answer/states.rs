@@ -1,0 +1,298 @@
+//! States of parameters: one rule for every kind of body.
+//!
+//! A parameter is *identified* if the data alone determine it at the noise level: its column is independent of the others,
+//! its 95 % uncertainty is at most [`LARGEST_SHARE`] of its owner's scale, never of its own value (a true zero is identified),
+//! and a moment of inertia has [`LEAST_EXCITATION`] times the information that noise of the rates alone would bring. It is
+//! *prior-dominated* if it is so only together with what was known beforehand, else *not identified*. The scale is always
+//! that of all that is known: a known mass sets the scale of the first moments, it does not measure them.
+//!
+//! One scale per owner and kind:
+//! - One whole body, of which all ten parameters are columns: its mass m, its first moment m ℓ and its largest principal
+//!   moment, with ℓ its size, bounded from below by a sphere of steel. Its mass must be known, or there is no scale.
+//! - A link of which there are base parameters: of each kind the largest, as estimated less its uncertainty, or as the
+//!   nominal model has it; where first moments vanish, the moments of inertia over the link's length take their place. The
+//!   rule for one body cannot be used, because a base parameter sums several links' and no mass may be among them.
+//! - An offset of the wrench: the weight of one whole body, and its moment m g ℓ; without one, the measured forces or moments.
+//! - A drive: its measured effort, over its measured rate for viscous friction; the largest moment of inertia for a rotor.
+//! - Anything else: the largest value of its owner in the same unit.
+
+use std::collections::BTreeMap;
+
+use nalgebra::DVector;
+
+use super::context::Links;
+use super::derived::ten;
+use super::result::ParameterState;
+use crate::fit::{Estimate, Fit, Kind, Measured, Owner};
+use crate::model::Model;
+
+/// U95 of an identified parameter is at most this share of the body's scale.
+pub const LARGEST_SHARE: f64 = 0.1;
+
+/// A column whose information is less than this many times what the noise of its own regressor would bring
+/// is not identified: noise in a regressor attenuates the estimate by the inverse of this ratio.
+pub(crate) const LEAST_EXCITATION: f64 = 20.0;
+
+/// Density of the most compact body considered, kg/m³ (steel): the sphere of the estimated mass bounds the
+/// body's size from below when neither its centre of mass nor its tensor does.
+const DENSITY: f64 = 7850.0;
+
+/// The scales of one whole body, against which uncertainties are judged.
+pub(super) struct BodyScale {
+    /// Mass, kg.
+    mass: f64,
+    /// m·ℓ, kg m.
+    first_moment: f64,
+    /// The largest principal moment, kg m².
+    moment: f64,
+    /// ℓ, m.
+    length: f64,
+}
+
+impl BodyScale {
+    /// Returns the scale of a body of ten parameters; `None` if there is no mass: then there is no scale for anything else.
+    pub(super) fn of(estimate: &Estimate, spurious: f64) -> Option<Self> {
+        let phi = ten(estimate);
+        let mass = phi[0];
+        if mass.is_nan() || mass <= 0.0 || estimate.u95(0) > LARGEST_SHARE * mass {
+            return None;
+        }
+        let sphere = sphere_radius(mass);
+        let arm = phi[1..4].iter().map(|v| v * v).sum::<f64>().sqrt() / mass;
+        let arm_known = (1..4).all(|j| estimate.u95(j) <= LARGEST_SHARE * mass * arm);
+        let largest_moment = largest_moment(estimate, spurious);
+        let gyration = (largest_moment / mass).max(0.0).sqrt();
+        let length = sphere.max(if arm_known { arm } else { 0.0 }).max(gyration);
+        Some(Self {
+            mass,
+            first_moment: mass * length,
+            moment: largest_moment.max(0.4 * mass * sphere * sphere),
+            length,
+        })
+    }
+
+    /// Returns true if the estimate determines parameter `j` finely enough for a body of this scale.
+    pub(super) fn resolves(&self, estimate: &Estimate, spurious: f64, j: usize) -> bool {
+        let informed = !(4..10).contains(&j) || tensor_informed(estimate, spurious, j);
+        informed && estimate.u95(j) <= LARGEST_SHARE * self.of_parameter(j)
+    }
+
+    /// Returns [`Self::of`], or the scale of a compact body of about the mass where the mass is not known: enough for words.
+    pub(super) fn rough(estimate: &Estimate, spurious: f64) -> Self {
+        Self::of(estimate, spurious).unwrap_or_else(|| {
+            let [mass, ..] = ten(estimate);
+            let mass = if mass.is_finite() && mass > 0.0 { mass } else { 1.0 };
+            let sphere = sphere_radius(mass);
+            let moment = largest_moment(estimate, spurious).max(0.4 * mass * sphere * sphere);
+            let length = sphere.max((moment / mass).sqrt());
+            Self { mass, first_moment: mass * length, moment, length }
+        })
+    }
+
+    /// Returns the quantity that an uncertainty of parameter `j` is judged against, in its unit.
+    pub(super) fn of_parameter(&self, j: usize) -> f64 {
+        let weight = self.mass * 9.80665;
+        match j {
+            0 => self.mass,
+            1..4 => self.first_moment,
+            4..10 => self.moment,
+            10..13 => weight,
+            _ => weight * self.length,
+        }
+    }
+
+    /// Returns the weight for an offset in N, its moment for one in N m.
+    fn of_offset(&self, unit: &str) -> f64 {
+        self.of_parameter(if unit == "N" { 10 } else { 13 })
+    }
+}
+
+/// Returns the largest principal moment; where not all of the tensor is informed, the largest moment about an axis of S that
+/// is, less its uncertainty: the largest principal moment is no smaller. Zero if there is none.
+fn largest_moment(estimate: &Estimate, spurious: f64) -> f64 {
+    let phi = ten(estimate);
+    if (4..10).all(|j| tensor_informed(estimate, spurious, j)) {
+        return rigident_shared::inertia::tensor_from_elements(std::array::from_fn(|k| phi[4 + k]))
+            .symmetric_eigenvalues()
+            .max();
+    }
+    let at_least = |j: usize| phi[j] - estimate.u95(j);
+    (4..7).filter(|j| tensor_informed(estimate, spurious, *j)).map(at_least).fold(0.0, f64::max)
+}
+
+/// Returns the radius of the sphere of [`DENSITY`], m.
+fn sphere_radius(mass: f64) -> f64 {
+    (3.0 * mass / (4.0 * std::f64::consts::PI * DENSITY)).cbrt()
+}
+
+/// Returns true if a tensor element has more information than the gyro's noise brings.
+fn tensor_informed(estimate: &Estimate, spurious: f64, j: usize) -> bool {
+    estimate.is_determined(j) && 1.0 / estimate.covariance[(j, j)] > LEAST_EXCITATION * spurious
+}
+
+/// Kinds of the ten parameters of a whole body, in their order.
+const BODY: [Kind; 10] = {
+    let mut kinds = [Kind::Inertia; 10];
+    kinds[0] = Kind::Mass;
+    (kinds[1], kinds[2], kinds[3]) = (Kind::FirstMoment, Kind::FirstMoment, Kind::FirstMoment);
+    kinds
+};
+
+/// Returns true if the first ten parameters are those of one whole body, and there is no other link.
+pub fn is_whole_body(fit: &Fit) -> bool {
+    let of_links = || fit.parameters.iter().filter(|p| matches!(p.owner, Owner::Link(_)));
+    let own = fit.parameters.first().map(|p| &p.owner);
+    of_links().count() == 10
+        && of_links().all(|p| Some(&p.owner) == own)
+        && fit.parameters.iter().zip(BODY).all(|(p, kind)| p.kind == kind)
+        && fit.parameters.len() >= 10
+}
+
+/// Returns true if the data alone determine the mass of one whole body, and it is negative: a sign or an axis is wrong, and no
+/// motion would help.
+pub(super) fn is_reversed(data: &Estimate) -> bool {
+    let mass = ten(data)[0];
+    mass < 0.0 && data.u95(0) <= LARGEST_SHARE * -mass
+}
+
+/// Returns the state of every parameter. With `reversed` the bodies would have negative mass, and nothing is identified.
+pub fn states(fit: &Fit, links: Option<&Links>, reversed: bool) -> Vec<ParameterState> {
+    if reversed {
+        return vec![ParameterState::NotIdentified; fit.parameters.len()];
+    }
+    let scales = scales(fit, links);
+    let (all, data) = (&fit.estimate, fit.data_alone());
+    let resolves = |estimate: &Estimate, j: usize, scale: f64| {
+        is_informed(fit, estimate, j) && estimate.u95(j) <= LARGEST_SHARE * scale
+    };
+    (0..fit.parameters.len())
+        .map(|j| match (scales.get(j).copied().flatten(), all.measured(j)) {
+            (Some(scale), Some(measured)) if resolves(data, j, scale) => ParameterState::Identified(measured),
+            (Some(scale), Some(measured)) if resolves(all, j, scale) => {
+                ParameterState::PriorDominated(measured)
+            }
+            _ => ParameterState::NotIdentified,
+        })
+        .collect()
+}
+
+/// Returns true unless a link's moment of inertia has no more information than noise of the rates brings.
+fn is_informed(fit: &Fit, estimate: &Estimate, j: usize) -> bool {
+    let Some(parameter) = fit.parameters.get(j) else { return false };
+    if parameter.kind != Kind::Inertia || !matches!(parameter.owner, Owner::Link(_)) {
+        return true;
+    }
+    tensor_informed(estimate, fit.spurious_information, j)
+}
+
+/// Returns the scale that each parameter's uncertainty is judged against, in its unit; `None` where there is none.
+pub(super) fn scales(fit: &Fit, links: Option<&Links>) -> Vec<Option<f64>> {
+    let body = is_whole_body(fit).then(|| BodyScale::of(&fit.estimate, fit.spurious_information));
+    let of_links = match body {
+        Some(_) => BTreeMap::new(),
+        None => link_scales(fit, links),
+    };
+    (0..fit.parameters.len())
+        .map(|j| {
+            let parameter = &fit.parameters[j];
+            match (&body, &parameter.owner) {
+                (Some(body), Owner::Link(_)) => body.as_ref().map(|body| body.of_parameter(j)),
+                (Some(body), Owner::Channel(_)) => body.as_ref().map(|body| body.of_offset(&parameter.unit)),
+                (None, Owner::Link(link)) => of_links.get(&(link.clone(), parameter.kind)).copied(),
+                (None, Owner::Channel(_)) => Some(measured_in_group(fit, j)),
+                (_, Owner::Drive(name)) => Some(drive_scale(fit, links, &of_links, j, name)),
+                (_, Owner::Other(_)) => Some(largest_value(fit, j)),
+            }
+        })
+        .collect()
+}
+
+/// Returns |value| less its uncertainty, as far as the rows determine it; else zero.
+fn at_least(estimate: &Estimate, j: usize) -> f64 {
+    estimate.measured(j).map_or(0.0, |m: Measured| m.value.abs() - m.u95)
+}
+
+/// Returns the scales of links by kind.
+fn link_scales(fit: &Fit, links: Option<&Links>) -> BTreeMap<(String, Kind), f64> {
+    let nominal = links.and_then(nominal_base);
+    let mut scales: BTreeMap<(String, Kind), f64> = BTreeMap::new();
+    for (j, parameter) in fit.parameters.iter().enumerate() {
+        let Owner::Link(link) = &parameter.owner else { continue };
+        let assumed = nominal.as_ref().and_then(|n| n.get(j)).map_or(0.0, |n| n.abs());
+        let scale = scales.entry((link.clone(), parameter.kind)).or_insert(0.0);
+        *scale = scale.max(at_least(&fit.estimate, j)).max(assumed);
+    }
+    // m ℓ where first moments vanish: I / ℓ.
+    for link in links.iter().flat_map(|links| &links.model.links) {
+        let length = links.map_or(0.0, |links| length(links.model, &link.name));
+        let moment = scales.get(&(link.name.clone(), Kind::Inertia)).copied().unwrap_or(0.0);
+        if length > 0.0
+            && let Some(first) = scales.get_mut(&(link.name.clone(), Kind::FirstMoment))
+        {
+            *first = first.max(moment / length);
+        }
+    }
+    scales
+}
+
+/// Returns the longest way from a link's origin to a joint of its own; of a link without, that of its joint from its parent.
+fn length(model: &Model, name: &str) -> f64 {
+    let Some(i) = model.link(name) else { return 0.0 };
+    let below = model.links.iter().enumerate().skip(1).filter(|(_, l)| l.link.parent == i);
+    let longest = below.map(|(_, l)| l.link.position.norm()).fold(0.0, f64::max);
+    if longest > 0.0 || i == 0 { longest } else { model.links[i].link.position.norm() }
+}
+
+/// Returns the base parameters of the nominal model; `None` if a link has no nominal parameters.
+fn nominal_base(links: &Links) -> Option<Vec<f64>> {
+    let skip = (10 * links.model.links.len()).checked_sub(links.base.standard.len())?;
+    if links.model.links.iter().skip(skip / 10).any(|l| l.nominal.is_none()) {
+        return None;
+    }
+    let nominal = links.model.nominal();
+    let product = links.base.map() * DVector::from_column_slice(nominal.get(skip..)?);
+    Some(product.iter().copied().collect())
+}
+
+/// Returns the root of the summed mean squares of the channels in the group of an offset's channel.
+fn measured_in_group(fit: &Fit, offset: usize) -> f64 {
+    let own = fit.channels.iter().find(|c| c.channel.offset == Some(offset)).map(|c| c.channel.group);
+    let group = fit.channels.iter().filter(|c| Some(c.channel.group) == own);
+    group.map(|c| c.measured_rms * c.measured_rms).sum::<f64>().sqrt()
+}
+
+/// Returns the scale of a drive's parameter `j`.
+fn drive_scale(
+    fit: &Fit,
+    links: Option<&Links>,
+    of_links: &BTreeMap<(String, Kind), f64>,
+    j: usize,
+    name: &str,
+) -> f64 {
+    let motion = links.and_then(|links| links.drives.iter().find(|d| d.name == name));
+    let is_own = |channel: &str| match motion {
+        Some(motion) => motion.channels.iter().any(|c| c == channel),
+        None => channel == name,
+    };
+    let own = fit.channels.iter().filter(|c| is_own(&c.channel.name));
+    let effort = own.map(|c| c.measured_rms).fold(0.0, f64::max);
+    match fit.parameters[j].kind {
+        Kind::Coulomb | Kind::Offset => effort,
+        Kind::Viscous => match motion {
+            Some(motion) => effort / motion.rms_rate.max(f64::MIN_POSITIVE),
+            None => largest_value(fit, j),
+        },
+        Kind::Rotor => {
+            let moments = of_links.iter().filter_map(|(key, v)| (key.1 == Kind::Inertia).then_some(*v));
+            moments.fold(at_least(&fit.estimate, j), f64::max)
+        }
+        _ => largest_value(fit, j),
+    }
+}
+
+/// Returns the largest value of the same owner in the same unit, less its uncertainty.
+fn largest_value(fit: &Fit, j: usize) -> f64 {
+    let own = &fit.parameters[j];
+    let alike = fit.parameters.iter().enumerate().filter(|(_, p)| p.owner == own.owner && p.unit == own.unit);
+    alike.map(|(k, _)| at_least(&fit.estimate, k)).fold(0.0, f64::max)
+}
