@@ -15,6 +15,13 @@ pub struct NearestBody {
     pub distance_sd: f64,
 }
 
+impl From<&NearestBody> for crate::answer::result::NearestBody {
+    fn from(body: &NearestBody) -> Self {
+        let NearestBody { mass_kg, com_m, inertia_com_kgm2, .. } = *body;
+        Self { mass_kg, com_m, inertia_com_kgm2, ..Self::default() }
+    }
+}
+
 /// One number of the result, or the fact that the data do not identify it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Quantity {

@@ -1,10 +1,11 @@
 //! The page's figures: convergence, residuals, motion, drift.
 
-use super::data::{Along, Convergence, Drift, Quantity, ReportData, Residual, TimePlot};
+use super::data::{Along, Convergence, Drift, Quantity, Residual, TimePlot};
 use super::envelope::{band, envelope, extremes};
 use super::page::{describe, escape, measured_markup, number, symbol};
 use super::plot::axis::Axis;
 use super::plot::{Chart, FULL_WIDTH, Layer, WIDTH, line, open_svg, text};
+use super::series::Series;
 use super::text::{NOT_IDENTIFIED, Rounded, beside, three_digits, unit_symbol};
 
 /// Buckets of an envelope: about one per user unit of the plot's width.
@@ -17,7 +18,7 @@ const FEW: usize = 150;
 const CONVERGENCE_BUCKETS: usize = 220;
 
 /// The time axis that all figures share, s.
-pub fn time_axis(data: &ReportData) -> Axis {
+pub fn time_axis(data: &Series) -> Axis {
     let convergence = data.convergence.iter().map(|c| &c.time_s);
     let residuals = data.residuals.iter().map(|r| &r.time_s);
     let motion = data.motion.iter().map(|m| &m.time_s);
@@ -36,9 +37,9 @@ fn figure(class: &str, caption: &str, content: &str) -> String {
 }
 
 /// One figure per parameter that is identified and has a history, a word for each that is not identified.
-pub fn convergence(data: &ReportData, time: &Axis) -> String {
+pub fn convergence(quantities: &[Quantity], data: &Series, time: &Axis) -> String {
     let mut html = String::new();
-    for quantity in &data.results.parameters {
+    for quantity in quantities {
         let history = data.convergence.iter().find(|c| c.name == quantity.name);
         if quantity.known().is_none() {
             let caption = format!("<b>{}</b> {}", symbol(&quantity.name), describe(&quantity.name));
@@ -50,7 +51,7 @@ pub fn convergence(data: &ReportData, time: &Axis) -> String {
     html
 }
 
-fn converging(quantity: &Quantity, history: &Convergence, time: &Axis, data: &ReportData) -> String {
+fn converging(quantity: &Quantity, history: &Convergence, time: &Axis, data: &Series) -> String {
     let unit = unit_symbol(&quantity.unit);
     let (low, high) = settled_range(quantity, history);
     let mut layers = vec![
@@ -70,7 +71,7 @@ fn converging(quantity: &Quantity, history: &Convergence, time: &Axis, data: &Re
         caption.push_str(&format!(" <span class=\"key truth\">truth {}</span>", number(&beside(truth, u95))));
     }
     let chart = Chart {
-        id: format!("convergence-{}", quantity.name),
+        id: format!("convergence-{}", identifier(&quantity.name)),
         title: format!("Convergence of {}", quantity.name),
         description: format!("Estimate of {} in {unit} over time with its 95 % band.", quantity.name),
         unit,
@@ -116,11 +117,11 @@ fn settled_range(quantity: &Quantity, history: &Convergence) -> (f64, f64) {
 }
 
 /// One figure per channel.
-pub fn residuals(data: &ReportData, time: &Axis) -> String {
+pub fn residuals(data: &Series, time: &Axis) -> String {
     data.residuals.iter().map(|r| residual(r, time, data)).collect()
 }
 
-fn residual(residual: &Residual, time: &Axis, data: &ReportData) -> String {
+fn residual(residual: &Residual, time: &Axis, data: &Series) -> String {
     let unit = unit_symbol(&residual.unit);
     let finite = || residual.values.iter().filter(|v| v.is_finite());
     let number_of = finite().count();
@@ -177,11 +178,11 @@ fn identifier(name: &str) -> String {
 }
 
 /// One figure per group of series.
-pub fn motion(data: &ReportData, time: &Axis) -> String {
+pub fn motion(data: &Series, time: &Axis) -> String {
     data.motion.iter().enumerate().map(|(i, m)| moving(i, m, time, data)).collect()
 }
 
-fn moving(index: usize, plot: &TimePlot, time: &Axis, data: &ReportData) -> String {
+fn moving(index: usize, plot: &TimePlot, time: &Axis, data: &Series) -> String {
     let (low, high) = extremes(plot.series.iter().flat_map(|s| s.1.iter().copied())).unwrap_or((-1.0, 1.0));
     let margin = (0.06 * (high - low)).max(1e-12);
     let mut caption = format!("<b>{}</b>", escape(&plot.title));

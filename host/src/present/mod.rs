@@ -7,9 +7,13 @@
 mod data;
 mod envelope;
 mod figures;
+mod html;
 mod page;
+pub mod plain;
 mod plot;
 pub mod probability;
+mod quantities;
+mod series;
 pub mod table;
 pub mod text;
 mod tree;
@@ -20,5 +24,7 @@ pub use data::{
     Residual, Results, Source, Stage, Status, TimePlot,
 };
 pub use envelope::envelope;
+pub use html::report;
 pub use page::html;
+pub use series::Series;
 pub use tree::{ChannelRow, FullRow, LinkRows, TreeReport, html_of_tree};

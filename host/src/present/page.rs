@@ -2,6 +2,7 @@
 
 use super::data::{Along, Decided, PrincipalAxis, Quantity, ReportData, Results, Source, Status};
 use super::figures;
+use super::series::Series;
 use super::text::{
     NOT_IDENTIFIED, Rounded, beside, count, duration, fixed, nearest_words, significant, time_base_words,
     unit_symbol,
@@ -26,7 +27,8 @@ pub fn html(data: &ReportData) -> String {
     html.push_str(&notes("Warnings", &data.results.warnings));
     html.push_str(&notes("What would identify the rest", &data.results.advice));
     html.push_str(&format!("<h2>Results</h2>\n<div class=\"tables\">\n{}</div>\n", tables(data)));
-    let time = figures::time_axis(data);
+    let series = Series::from(data);
+    let time = figures::time_axis(&series);
     let dotted =
         if data.stages.is_empty() { "" } else { " Dotted lines separate the stages of the experiment." };
     section(
@@ -34,11 +36,11 @@ pub fn html(data: &ReportData) -> String {
         "grid",
         "Convergence",
         &format!("{CONVERGENCE_NOTE}{dotted}"),
-        &figures::convergence(data, &time),
+        &figures::convergence(&data.results.parameters, &series, &time),
     );
-    section(&mut html, "grid", "Residuals", &residual_note(data), &figures::residuals(data, &time));
+    section(&mut html, "grid", "Residuals", &residual_note(data), &figures::residuals(&series, &time));
     let motion = if data.along == Along::Poses { "Still poses" } else { "Motion" };
-    section(&mut html, "wide", motion, "", &figures::motion(data, &time));
+    section(&mut html, "wide", motion, "", &figures::motion(&series, &time));
     if let Some(drift) = &data.drift {
         let elapsed = escape(&duration(drift.elapsed_s));
         html.push_str(&format!("<h2>Drift check after {elapsed}</h2>\n{}", figures::drift(drift)));
@@ -70,7 +72,7 @@ pub(super) fn beginning(title: &str) -> String {
 pub(super) const END: &str = "</main>\n</body>\n</html>\n";
 
 /// What was decided, and what came of it.
-fn decisions(decided: &[Decided]) -> String {
+pub(super) fn decisions(decided: &[Decided]) -> String {
     if decided.is_empty() {
         return String::new();
     }
@@ -102,9 +104,9 @@ fn decisions(decided: &[Decided]) -> String {
     )
 }
 
-const CONVERGENCE_NOTE: &str = "Estimate and its 95 % band; the scale fits the settled part.";
+pub(super) const CONVERGENCE_NOTE: &str = "Estimate and its 95 % band; the scale fits the settled part.";
 
-const FOOTER: &str = "<footer><p>S is the wrench sensor's frame. Products of inertia are tensor elements: \
+pub(super) const FOOTER: &str = "<footer><p>S is the wrench sensor's frame. Products of inertia are tensor elements: \
     I<sub>xy</sub> = \u{2212}\u{222b} x y dm.</p>\n<p>\u{b1} is the 95 % expanded uncertainty U95; \u{3c3} = U95 / \
     1.96. The deviation is estimate minus truth. In the small diagrams the bar is the interval, the upright line \
     the truth.</p></footer>\n";
@@ -225,7 +227,7 @@ fn cards(results: &Results) -> String {
 }
 
 /// The truth and how far the estimate is from it, or nothing.
-fn beside_words(quantity: &Quantity, u95: f64) -> String {
+pub(super) fn beside_words(quantity: &Quantity, u95: f64) -> String {
     match (quantity.truth.filter(|t| t.is_finite()), quantity.deviation_sd()) {
         (Some(truth), Some(sd)) => format!("truth {}, {}", number(&beside(truth, u95)), deviation(sd)),
         (Some(truth), None) => format!("truth {}", number(&beside(truth, u95))),
@@ -238,7 +240,7 @@ fn deviation(sd: f64) -> String {
     format!("{} σ", number(&if sd.abs() < 1e4 { format!("{sd:+.1}") } else { format!("{sd:+.1e}") }))
 }
 
-fn table_or_nothing(class: &str, rows: &str) -> String {
+pub(super) fn table_or_nothing(class: &str, rows: &str) -> String {
     if rows.is_empty() {
         return format!("<p class=\"none\">{NOT_IDENTIFIED}</p>\n");
     }
@@ -246,7 +248,7 @@ fn table_or_nothing(class: &str, rows: &str) -> String {
 }
 
 /// `[xx, yy, zz, yz, zx, xy]` as three rows; the lower triangle is a pale copy.
-fn tensor_rows(elements: &[Quantity]) -> String {
+pub(super) fn tensor_rows(elements: &[Quantity]) -> String {
     let cell = |row: usize, column: usize| {
         let index = if row == column { row } else { 6 - row - column };
         let class = if column < row { " class=\"mirror\"" } else { "" };
@@ -290,7 +292,7 @@ fn tables(data: &ReportData) -> String {
     html
 }
 
-fn table(caption: &str, quantities: &[Quantity]) -> String {
+pub(super) fn table(caption: &str, quantities: &[Quantity]) -> String {
     if quantities.is_empty() {
         return String::new();
     }
@@ -337,7 +339,7 @@ pub(super) fn value_cells(quantity: &Quantity) -> String {
     format!("<td class=\"value\">{value}</td><td>± {u95}{tag}</td>")
 }
 
-fn truth_cells(quantity: &Quantity, u95: f64) -> String {
+pub(super) fn truth_cells(quantity: &Quantity, u95: f64) -> String {
     let Some(truth) = quantity.truth.filter(|t| t.is_finite()) else {
         return "<td></td><td></td><td></td>".to_owned();
     };
@@ -362,7 +364,7 @@ fn glyph(deviation: f64) -> String {
     )
 }
 
-fn principal(axes: &[PrincipalAxis]) -> String {
+pub(super) fn principal(axes: &[PrincipalAxis]) -> String {
     if axes.is_empty() {
         return String::new();
     }
@@ -430,13 +432,13 @@ fn quality(data: &ReportData) -> String {
     }
     rows.push_str(&fact("physically consistent", consistent));
     if let Some(nearest) = &results.nearest_body {
-        rows.push_str(&fact("nearest body", &escape(&nearest_words(nearest))));
+        rows.push_str(&fact("nearest body", &escape(&nearest_words(&nearest.into(), nearest.distance_sd))));
     }
     format!("<table class=\"plainrows\"><caption>Quality</caption>\n<tbody>{rows}</tbody></table>\n")
 }
 
 /// Value and uncertainty as markup.
-fn parts(value: f64, u95: f64) -> (String, String) {
+pub(super) fn parts(value: f64, u95: f64) -> (String, String) {
     match Rounded::new(value, u95) {
         Some(r) => (number(&r.value_alone()), number(&r.u95_alone())),
         None => (NOT_IDENTIFIED.to_owned(), String::new()),

@@ -29,7 +29,10 @@ pub fn plain(results: &Results) -> String {
     };
     text.push_str(&format!("physically consistent  {consistent}\n"));
     if let Some(nearest) = &results.nearest_body {
-        text.push_str(&format!("nearest body           {}\n", nearest_words(nearest)));
+        text.push_str(&format!(
+            "nearest body           {}\n",
+            nearest_words(&nearest.into(), nearest.distance_sd)
+        ));
     }
     for line in results.time_base.iter().flat_map(time_base_words) {
         text.push_str(&format!("time base: {}\n", printable(&line)));
@@ -50,7 +53,7 @@ pub fn plain(results: &Results) -> String {
 }
 
 /// Cells of one row; numbers are right-aligned, everything else left.
-type Row = [String; 6];
+pub(super) type Row = [String; 6];
 
 fn group(text: &mut String, title: &str, quantities: &[Quantity]) {
     if quantities.is_empty() {
@@ -63,12 +66,12 @@ fn group(text: &mut String, title: &str, quantities: &[Quantity]) {
     text.push_str(&aligned(&rows));
 }
 
-fn head(with_truth: bool) -> Row {
+pub(super) fn head(with_truth: bool) -> Row {
     let (truth, deviation) = if with_truth { ("truth", "deviation") } else { ("", "") };
     ["", "estimate", "± U95", "", truth, deviation].map(str::to_owned)
 }
 
-fn row(quantity: &Quantity) -> Row {
+pub(super) fn row(quantity: &Quantity) -> Row {
     let name = printable(&quantity.name);
     let known = quantity.known().and_then(|m| Rounded::new(m.value, m.u95).map(|r| (m, r)));
     let Some((m, rounded)) = known else {
@@ -88,7 +91,7 @@ fn row(quantity: &Quantity) -> Row {
 }
 
 /// Columns as wide as their widest cell; names, uncertainties and units start, numbers end together.
-fn aligned(rows: &[Row]) -> String {
+pub(super) fn aligned(rows: &[Row]) -> String {
     let width = |column: usize| {
         rows.iter()
             .filter_map(|r| r.get(column))
@@ -115,7 +118,7 @@ fn aligned(rows: &[Row]) -> String {
     text
 }
 
-fn principal(text: &mut String, axes: &[PrincipalAxis]) {
+pub(super) fn principal(text: &mut String, axes: &[PrincipalAxis]) {
     if axes.is_empty() {
         return;
     }
@@ -143,6 +146,6 @@ fn direction(axis: &PrincipalAxis) -> String {
 }
 
 /// Without control characters, which would steer the terminal.
-fn printable(text: &str) -> String {
+pub(super) fn printable(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }

@@ -2,8 +2,7 @@
 
 use std::fmt;
 
-use super::data::NearestBody;
-use crate::answer::result::TimeBase;
+use crate::answer::result::{NearestBody, TimeBase};
 
 /// Plain notation up to this many decimals.
 const MOST_DECIMALS: i32 = 8;
@@ -98,12 +97,12 @@ pub fn beside(reference: f64, u95: f64) -> String {
     strip_zeros(fixed(reference, decimals.max(0)))
 }
 
-/// The nearest body in one line.
-pub fn nearest_words(nearest: &NearestBody) -> String {
+/// Returns the nearest body and its distance, standard deviations, in one line.
+pub fn nearest_words(nearest: &NearestBody, distance_sd: f64) -> String {
     let list = |values: &[f64]| values.iter().map(|v| significant(*v, 4)).collect::<Vec<_>>().join(", ");
     format!(
         "{} standard deviations away: m {} kg; centre of mass {} m; Ixx, Iyy, Izz, Iyz, Izx, Ixy about it {} kg m²",
-        significant(nearest.distance_sd, 2),
+        significant(distance_sd, 2),
         significant(nearest.mass_kg, 6),
         list(&nearest.com_m),
         list(&nearest.inertia_com_kgm2)

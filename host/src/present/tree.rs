@@ -4,6 +4,7 @@
 use super::data::{Along, Quantity, ReportData, Residual, Source, Status};
 use super::figures;
 use super::page::{END, beginning, escape, fact, notes, number, section, source, status, value_cells};
+use super::series::Series;
 use super::text::{NOT_IDENTIFIED, significant, unit_symbol};
 
 /// Parameters of one owner: a link, the load cell, a drive.
@@ -109,7 +110,7 @@ pub fn html_of_tree(report: &TreeReport) -> String {
         "grid",
         "Residuals over time",
         note,
-        &figures::residuals(&data, &figures::time_axis(&data)),
+        &figures::residuals(&Series::from(&data), &figures::time_axis(&Series::from(&data))),
     );
     let facts: String = report.facts.iter().map(|(label, value)| fact(label, &escape(value))).collect();
     if !facts.is_empty() {
