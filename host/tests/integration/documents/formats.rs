@@ -4,6 +4,8 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
 
+use rigident::fit::factor_file::{self, FactorSource, SourceChannel};
+use rigident::fit::{Kind, Owner, Parameter};
 use rigident::recording::columns::{Group, Known};
 use rigident::recording::convert::convert;
 use rigident::rig::RigFile;
@@ -166,4 +168,33 @@ fn collect(value: &serde_json::Value, fields: &mut BTreeSet<String>) {
         serde_json::Value::Array(items) => items.iter().for_each(|item| collect(item, fields)),
         _ => {}
     }
+}
+
+#[test]
+fn every_part_of_a_factor_file_is_described() {
+    let channel = SourceChannel { name: "fx".to_owned(), unit: "N".to_owned(), sigma: 1.0, gain_sigma: 0.0 };
+    let run = FactorSource {
+        recording: "a".to_owned(),
+        recorded_unix_s: None,
+        fingerprint: 1,
+        samples: 1,
+        rejected: 0,
+        rows: 6,
+        noise_gain: 1.0,
+        sigma_given: true,
+        spurious_information: 0.0,
+        channels: vec![channel],
+    };
+    let parameter = Parameter::new("m", Owner::Link(String::new()), Kind::Mass, "kg");
+    let mut real = BTreeSet::new();
+    collect(&serde_json::to_value(run).unwrap(), &mut real);
+    let of_parameter = serde_json::to_value(parameter).unwrap();
+    real.extend(of_parameter.as_object().unwrap().keys().cloned());
+    let text = formats();
+    let factor = section(&text, "## Factor file");
+    let rows =
+        factor.lines().filter(|line| line.starts_with("| parameters |") || line.starts_with("| runs |"));
+    let described = rows.flat_map(|line| line.split('`').skip(1).step_by(2)).map(str::to_owned).collect();
+    same("parts of a factor file", &described, &real);
+    assert!(factor.contains(&format!("Version: {};", factor_file::VERSION)));
 }
