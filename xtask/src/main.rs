@@ -16,6 +16,7 @@ mod process;
 mod setup;
 mod size;
 mod tables;
+mod testing;
 mod toolchain;
 mod verify;
 

@@ -89,19 +89,39 @@ pub fn is_installed(program: &str) -> bool {
         .is_some_and(|path| std::env::split_paths(&path).any(|folder| folder.join(program).is_file()))
 }
 
+/// Processor time of the programs that ended so far, user's and system's; `None` where `/proc` does not tell.
+fn processor_time() -> Option<Duration> {
+    /// Ticks of these figures in a second, on every Linux.
+    const TICKS: f64 = 100.0;
+    let text = std::fs::read_to_string("/proc/self/stat").ok()?;
+    // The name in parentheses may hold blanks; behind it stand the state and 12 figures more before those of children.
+    let (_, rest) = text.rsplit_once(')')?;
+    let fields: Vec<&str> = rest.split_whitespace().collect();
+    let ticks = fields.get(13)?.parse::<u64>().ok()? + fields.get(14)?.parse::<u64>().ok()?;
+    Some(Duration::from_secs_f64(ticks as f64 / TICKS))
+}
+
+struct Done {
+    name: String,
+    took: Duration,
+    processor: Option<Duration>,
+    failure: Option<String>,
+}
+
 /// Runs named steps, times each, and keeps going after a failure so that all are reported.
 #[derive(Default)]
 pub struct Steps {
-    done: Vec<(String, Duration, Option<String>)>,
+    done: Vec<Done>,
 }
 
 impl Steps {
     /// Runs one step. A failure is printed and remembered; the value is there only on success.
     pub fn run<T>(&mut self, name: &str, step: impl FnOnce() -> Result<T>) -> Option<T> {
         println!("\n=== {name}");
-        let begun = Instant::now();
+        let (begun, used) = (Instant::now(), processor_time());
         let result = step();
         let took = begun.elapsed();
+        let processor = processor_time().zip(used).map(|(now, before)| now.saturating_sub(before));
         let (value, failure) = match result {
             Ok(value) => (Some(value), None),
             Err(error) => (None, Some(format!("{error:#}"))),
@@ -110,21 +130,24 @@ impl Steps {
             None => println!("--- {name}: ok, {:.1} s", took.as_secs_f64()),
             Some(failure) => println!("--- {name}: FAILED, {:.1} s: {failure}", took.as_secs_f64()),
         }
-        self.done.push((name.into(), took, failure));
+        self.done.push(Done { name: name.into(), took, processor, failure });
         value
     }
 
-    /// Prints what each step took and fails if any did.
+    /// Prints what each step took, by the clock and of the processors, and fails if any did.
     pub fn finish(self) -> Result<()> {
-        println!("\n=== summary");
-        let total: Duration = self.done.iter().map(|(_, took, _)| *took).sum();
-        for (name, took, failure) in &self.done {
+        println!("\n=== summary: seconds by the clock, and of the processors");
+        let seconds =
+            |time: Option<Duration>| time.map_or("?".to_owned(), |time| format!("{:.1}", time.as_secs_f64()));
+        for Done { name, took, processor, failure } in &self.done {
             let mark = if failure.is_none() { "ok    " } else { "FAILED" };
-            println!("{mark} {:7.1} s  {name}", took.as_secs_f64());
+            println!("{mark} {:7.1} s {:>7} s  {name}", took.as_secs_f64(), seconds(*processor));
         }
-        println!("       {:7.1} s  in all", total.as_secs_f64());
+        let total: Duration = self.done.iter().map(|done| done.took).sum();
+        let processor: Option<Duration> = self.done.iter().map(|done| done.processor).sum();
+        println!("       {:7.1} s {:>7} s  in all", total.as_secs_f64(), seconds(processor));
         let failures: Vec<_> =
-            self.done.iter().filter_map(|(name, _, failure)| failure.as_ref().map(|f| (name, f))).collect();
+            self.done.iter().filter_map(|done| Some((&done.name, done.failure.as_ref()?))).collect();
         for (name, failure) in &failures {
             println!("\n{name}:\n  {failure}");
         }

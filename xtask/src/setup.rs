@@ -1,6 +1,6 @@
 //! The verb `setup`: installs what is missing, as root only; otherwise says what to type.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
 
@@ -9,22 +9,27 @@ use crate::process::{self, is_installed};
 use crate::toolchain::{self, Core};
 
 const CARGO_FUZZ: &str = "0.13.2";
+/// A module of Python that tests compare with, and the packages that bring it.
+#[derive(Clone, Copy)]
+pub struct Module {
+    name: &'static str,
+    packages: &'static [&'static str],
+}
+
 /// An MCAP reader that shares no code with ours, for the test that reads our recordings with it.
-const PYTHON_READER: [&str; 2] = ["mcap==1.6.0", "mcap-ros2-support==0.6.0"];
+pub const MCAP_READER: Module =
+    Module { name: "mcap_ros2.reader", packages: &["mcap==1.6.0", "mcap-ros2-support==0.6.0"] };
 /// Rigid-body dynamics that share no code with ours.
-const PINOCCHIO: &str = "pin==4.1.0";
+pub const PINOCCHIO: Module = Module { name: "pinocchio", packages: &["pin==4.1.0"] };
+/// The client of the hexapod's vendor.
+pub const VENDORS_CLIENT: Module = Module { name: "pipython", packages: &["pipython==2.11.0.6"] };
 
 /// Installs everything that any other verb may need.
 pub fn run(core: Option<Core>) -> Result<()> {
     system_packages()?;
     toolchain::choose(core)?;
     cargo_fuzz()?;
-    if let Some(python) = python_reader() {
-        println!("independent MCAP reader: {}", python.display());
-        if let Err(error) = pinocchio(&python) {
-            eprintln!("no Pinocchio to compare with: {error:#}");
-        }
-    }
+    python_modules();
     Ok(())
 }
 
@@ -74,50 +79,39 @@ pub fn cargo_fuzz() -> Result<PathBuf> {
     Ok(program)
 }
 
-/// Pinocchio in that Python, for the test that compares rows and base parameters of trees with its own; the test says
-/// that it was skipped where it is not.
-fn pinocchio(python: &Path) -> Result<()> {
-    let has = process::command(python, places::root()).args(["-c", "import pinocchio"]).output();
-    if has.is_ok_and(|output| output.status.success()) {
-        return Ok(());
-    }
-    process::run(process::command(python, places::root()).args([
-        "-m",
-        "pip",
-        "install",
-        "--quiet",
-        "--disable-pip-version-check",
-        PINOCCHIO,
-    ]))
-}
-
-/// A Python that has the independent reader, or `None` where one cannot be made; the test then says it was skipped.
-pub fn python_reader() -> Option<PathBuf> {
-    let folder = places::own().join("python");
-    let python = folder.join("bin/python");
-    let has_reader = || {
-        process::command(&python, places::root())
-            .args(["-c", "import mcap_ros2.reader"])
-            .output()
-            .is_ok_and(|output| output.status.success())
-    };
-    if has_reader() {
-        return Some(python);
-    }
-    let made = process::run(process::command("python3", places::root()).args(["-m", "venv"]).arg(&folder))
-        .and_then(|()| {
+/// Installs the modules that tests compare with into a Python of this project's own; says which cannot be had. The tests
+/// that need them are skipped then.
+fn python_modules() {
+    for module in [MCAP_READER, PINOCCHIO, VENDORS_CLIENT] {
+        if has_module(module) {
+            continue;
+        }
+        let install = || -> Result<()> {
+            let folder = places::own().join("python");
+            if !python().is_file() {
+                process::run(process::command("python3", places::root()).args(["-m", "venv"]).arg(&folder))?;
+            }
             process::run(
-                process::command(&python, places::root())
+                process::command(python(), places::root())
                     .args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check"])
-                    .args(PYTHON_READER),
+                    .args(module.packages),
             )
-        });
-    match made {
-        Ok(()) if has_reader() => Some(python),
-        Ok(()) => None,
-        Err(error) => {
-            eprintln!("no independent MCAP reader: {error:#}");
-            None
+        };
+        if let Err(error) = install() {
+            eprintln!("no {} to compare with: {error:#}", module.name);
         }
     }
+}
+
+/// The project's own Python, if it was made.
+pub fn python() -> PathBuf {
+    places::own().join("python/bin/python")
+}
+
+/// Tells whether the project's own Python has a module.
+pub fn has_module(module: Module) -> bool {
+    process::command(python(), places::root())
+        .args(["-c", &format!("import {}", module.name)])
+        .output()
+        .is_ok_and(|output| output.status.success())
 }

@@ -1,6 +1,5 @@
 //! The verb `test`: installs, builds and tests everything; all failures are told at the end.
 
-use std::path::Path;
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
@@ -15,6 +14,7 @@ use crate::places;
 use crate::process::{self, Steps};
 use crate::setup;
 use crate::size;
+use crate::testing::{Counts, Surroundings};
 use crate::toolchain::{self, Core};
 
 /// How long and how far.
@@ -31,6 +31,7 @@ pub struct Options {
 /// Runs every step.
 pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     let mut steps = Steps::default();
+    let mut counts = Counts::default();
     steps.run("set-up", || setup::run(core));
     let chosen = steps.run("choice of core", || toolchain::choose(core));
     formatting(&mut steps);
@@ -42,15 +43,26 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
             "--all-targets",
         ]))
     });
-    if let Some(core) = chosen {
+    let elf = chosen.and_then(|core| {
         steps.run("clippy, board", || {
             clippy_strictly(toolchain::board_cargo(core, "clippy", &places::board()).arg("--release"))
         });
-        let elf = steps.run("firmware", || firmware::build(core, &[]));
-        steps.run("tests, on the host and in the emulator", || tests(elf.as_deref()));
-        steps.run("goldens, the quick ones", || {
-            goldens::run(&goldens::Options { quick: true, ..Default::default() })
-        });
+        steps.run("firmware", || firmware::build(core, &[]))
+    });
+    let here = steps.run("what tests need", || Surroundings::look(elf.as_deref())).unwrap_or_default();
+    // This program was built by itself, with fewer features of what it shares with the others; it stays so.
+    let others = ["--workspace", "--exclude", "xtask"];
+    steps.run("compiling tests", || {
+        process::run(process::cargo(places::root()).args(["test", "--release", "--no-run"]).args(others))
+    });
+    steps.run("tests, on the host and in the emulator", || {
+        here.test(&[&others[..], &["--no-fail-fast"]].concat(), &[], &mut counts)
+    });
+    steps.run("tests of the developer jobs", || here.test(&["--package", "xtask"], &[], &mut counts));
+    steps.run("goldens, the quick ones", || {
+        goldens::run(&goldens::Options { quick: true, ..Default::default() })
+    });
+    if let Some(core) = chosen {
         steps.run("a panic and a fault on the board end with a status", || emulator::bad_ends(core));
         check_elf::run_steps(&mut steps, core);
         steps.run("size", || size::run(&size::Options::default(), Some(core)));
@@ -60,18 +72,21 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     }
     steps.run("documentation", || {
         let mut command = process::cargo(places::root());
-        command.args(["doc", "--workspace", "--no-deps", "--quiet"]).env("RUSTDOCFLAGS", "-D warnings");
-        process::run(&mut command)
+        // In the profile of clippy, so that what it checked is not checked again.
+        command.args(["doc", "--release", "--workspace", "--no-deps", "--quiet"]);
+        process::run(command.env("RUSTDOCFLAGS", "-D warnings"))
     });
     if let (Some(core), true) = (chosen, options.both_cores) {
-        other_core(&mut steps, core);
+        other_core(&mut steps, core, &here, &mut counts);
     }
     steps.run("oldest compiler", oldest_compiler);
     if options.fuzz_seconds > 0 {
         steps
             .run("fuzz", || fuzz::run(&fuzz::Options { seconds: options.fuzz_seconds, targets: Vec::new() }));
     }
-    steps.finish()
+    let ended = steps.finish();
+    println!("\n{counts}");
+    ended
 }
 
 fn formatting(steps: &mut Steps) {
@@ -92,19 +107,8 @@ fn clippy_strictly(command: &mut Command) -> Result<()> {
     process::run(command.args(["--quiet", "--", "-D", "warnings"]))
 }
 
-/// Every test of the host workspace, documentation examples and emulated ones included.
-fn tests(elf: Option<&Path>) -> Result<()> {
-    let elf = elf.context("there is no firmware to run them with")?;
-    let mut command = process::cargo(places::root());
-    command.args(["test", "--release", "--workspace", "--no-fail-fast"]).env("RIGIDENT_FIRMWARE_ELF", elf);
-    if let Some(python) = setup::python_reader() {
-        command.env("RIGIDENT_PYTHON", python);
-    }
-    process::run(&mut command)
-}
-
-/// The same checks and the same emulated tests on what the other way to `core` builds.
-fn other_core(steps: &mut Steps, core: Core) {
+/// Runs the same checks and the same emulated tests on what the other way to `core` builds.
+fn other_core(steps: &mut Steps, core: Core, here: &Surroundings, counts: &mut Counts) {
     let other = match core {
         Core::Rustup => Core::Debian,
         Core::Debian => Core::Rustup,
@@ -115,31 +119,11 @@ fn other_core(steps: &mut Steps, core: Core) {
     });
     let Some(elf) = built else { return };
     steps.run(&format!("check-elf, core by {other}"), || check_elf::check_file(&elf));
-    steps.run(&format!("emulated tests, core by {other}"), || emulated_tests(&elf));
-}
-
-/// The tests whose names say that they run in the emulator, on this firmware.
-fn emulated_tests(elf: &Path) -> Result<()> {
-    let test = || {
-        let mut command = process::cargo(places::root());
-        command.args([
-            "test",
-            "--release",
-            "-p",
-            "rigident-sim",
-            "-p",
-            "rigident",
-            "--no-fail-fast",
-            "--tests",
-        ]);
-        command.args(["--", "emulated", "qemu"]).env("RIGIDENT_FIRMWARE_ELF", elf);
-        command
-    };
-    let names = process::output(test().args(["--list"]))?;
-    if !names.lines().any(|line| line.ends_with(": test")) {
-        bail!("no test has `emulated` or `qemu` in its name");
-    }
-    process::run(&mut test())
+    steps.run(&format!("emulated tests, core by {other}"), || {
+        // Of the whole workspace, so that features are those of the first time and nothing is compiled again.
+        let arguments = ["--workspace", "--exclude", "xtask", "--test", "integration", "--no-fail-fast"];
+        here.with_firmware(elf).test(&arguments, &["emulated"], counts)
+    });
 }
 
 /// The compiler that `rust-version` promises: this one, an installed one, or clippy's knowledge of the library.

@@ -2,7 +2,7 @@
 #![cfg(feature = "simulator")]
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output};
 
 use serde_json::Value;
@@ -194,7 +194,8 @@ fn quantisation_costs_less_than_a_thousandth() {
 
 /// The emulated Cortex-M4F gives the bits of the firmware in this process.
 #[test]
-fn qemu_demonstration_is_the_in_process_one_bit_for_bit() {
+#[ignore = "needs the emulated board"]
+fn the_emulated_demonstration_is_the_in_process_one_bit_for_bit() {
     let place = tempfile::tempdir().unwrap();
     let demo = |mcu: &str| {
         let output =
@@ -206,16 +207,11 @@ fn qemu_demonstration_is_the_in_process_one_bit_for_bit() {
     assert_eq!(demo("inproc"), demo("qemu"));
 }
 
-/// The real load cell's data, where they are; its folder lies beside the project.
-fn end_effector() -> Option<PathBuf> {
-    let data = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("../../shared/data/endeffector_ati_gamma_imu/0-calibration_fts-accel.csv");
-    if !data.exists() {
-        println!("skipped: {} is not here", data.display());
-        return None;
-    }
-    Some(data)
-}
+/// Still poses of a real load cell; the folder lies beside the project.
+const END_EFFECTOR: &str = concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/../../shared/data/endeffector_ati_gamma_imu/0-calibration_fts-accel.csv"
+);
 
 fn example(name: &str) -> String {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/examples").join(name).display().to_string()
@@ -238,21 +234,21 @@ fn check_end_effector(result: &Value) {
 }
 
 #[test]
-fn the_real_end_effector_is_identified_and_its_tensor_is_not() {
-    let Some(data) = end_effector() else { return };
-    let data = data.display().to_string();
+#[ignore = "needs ../shared/data"]
+fn an_end_effector_in_shared_data_is_identified_and_its_tensor_is_not() {
     let place = tempfile::tempdir().unwrap();
     for (rig, out) in [("endeffector.rig.toml", "g"), ("endeffector-accelerometer.rig.toml", "a")] {
         let asked = ["--estimate", "m,mc,offset", "--json", "--out", out];
         let rig = example(rig);
-        let output = rigident(place.path(), &[&["identify", &data, "--rig", &rig][..], &asked].concat());
+        let output =
+            rigident(place.path(), &[&["identify", END_EFFECTOR, "--rig", &rig][..], &asked].concat());
         assert_eq!(status(&output), 0, "{}", said(&output));
         check_end_effector(&json(&output));
     }
     // Asked for everything, the exit status says that something is missing.
     let output = rigident(
         place.path(),
-        &["identify", &data, "--rig", &example("endeffector.rig.toml"), "--out", "all"],
+        &["identify", END_EFFECTOR, "--rig", &example("endeffector.rig.toml"), "--out", "all"],
     );
     assert_eq!(status(&output), 1);
     let page = fs::read_to_string(place.path().join("all/report.html")).unwrap();
@@ -260,9 +256,8 @@ fn the_real_end_effector_is_identified_and_its_tensor_is_not() {
 }
 
 #[test]
-fn qemu_replays_the_real_end_effector() {
-    let Some(data) = end_effector() else { return };
-    let data = data.display().to_string();
+#[ignore = "needs the emulated board and ../shared/data"]
+fn the_emulated_board_replays_the_end_effector_in_shared_data() {
     let place = tempfile::tempdir().unwrap();
     for mcu in ["inproc", "qemu"] {
         let rig = example("endeffector.rig.toml");
@@ -270,7 +265,7 @@ fn qemu_replays_the_real_end_effector() {
             place.path(),
             &[
                 "replay",
-                &data,
+                END_EFFECTOR,
                 "--rig",
                 &rig,
                 "--mcu",

@@ -107,8 +107,8 @@ fn ctrl_c_ends_a_search_soon_with_the_best_by_then() {
         let said = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(1), "{said}");
         assert!(said.contains("stopped by Ctrl-C"), "{said}");
-        // One step of the search and the guarantee of ten minutes; seconds, on a machine that others use too.
-        assert!(begun.elapsed().as_secs() < 60, "{:?}", begun.elapsed());
+        // One step of the search and the guarantee of ten minutes: seconds, and 82 s where twenty others shared two cores.
+        assert!(begun.elapsed().as_secs() < 600, "{:?}", begun.elapsed());
         let object: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
         assert!(!object[key].is_null(), "{object}");
     }

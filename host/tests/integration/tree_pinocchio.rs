@@ -1,8 +1,8 @@
 //! Rows and base parameters against Pinocchio, another library from the kinematics up.
 //!
 //! `pinocchio/vectors.json` holds what it said of a tree with every kind of joint, `pinocchio/record.py` how it was
-//! asked. Counts of base parameters are checked against its regressors live, where `RIGIDENT_PYTHON` (or `python3`) has
-//! the wheel `pin` (`cargo xtask setup` installs it); otherwise the test says that it was skipped.
+//! asked. Counts of base parameters are checked against its regressors live in tests that are ignored unless
+//! asked for: `RIGIDENT_PYTHON` (or `python3`) must have the wheel `pin`, which `cargo xtask setup` installs.
 #![cfg(feature = "simulator")]
 
 use std::path::{Path, PathBuf};
@@ -79,17 +79,9 @@ fn rows_of_every_kind_of_joint_are_pinocchio_s() {
     }
 }
 
-/// The interpreter, if it has Pinocchio.
-fn pinocchio() -> Option<String> {
-    let interpreter = std::env::var("RIGIDENT_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let has = Command::new(&interpreter).args(["-c", "import pinocchio, numpy"]).output();
-    if has.is_ok_and(|output| output.status.success()) {
-        return Some(interpreter);
-    }
-    eprintln!(
-        "SKIPPED: {interpreter} has no Pinocchio (wheel pin); `cargo xtask setup` installs one, or name one in RIGIDENT_PYTHON"
-    );
-    None
+/// The interpreter that has Pinocchio.
+fn python() -> String {
+    std::env::var("RIGIDENT_PYTHON").unwrap_or_else(|_| "python3".to_owned())
 }
 
 /// Model, options, count that must come out.
@@ -105,36 +97,40 @@ const COUNTS: [(&str, &[&str], usize); 9] = [
     ("double_pendulum.urdf", &[], 6),
 ];
 
+/// Returns what `rigident model base-params` prints of a model.
+fn base_parameters(path: &Path, options: &[&str]) -> Vec<u8> {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rigident"));
+    let output =
+        command.args(["model", "base-params"]).arg(path).args(options).arg("--json").output().unwrap();
+    assert!(output.status.success(), "{}: {}", path.display(), String::from_utf8_lossy(&output.stderr));
+    output.stdout
+}
+
+fn robot(file: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/urdf").join(file)
+}
+
 #[test]
-fn base_parameters_of_robots_are_those_of_pinocchio_s_regressors() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/urdf");
-    if !folder.exists() {
-        return eprintln!("SKIPPED: no robot descriptions at {}", folder.display());
-    }
-    let python = pinocchio();
+#[ignore = "needs ../shared/data"]
+fn robots_in_shared_data_have_as_many_base_parameters_as_pinocchio_found() {
     for (file, options, count) in COUNTS {
-        let path = folder.join(file);
-        let output = Command::new(env!("CARGO_BIN_EXE_rigident"))
-            .args(["model", "base-params"])
-            .arg(&path)
-            .args(options)
-            .arg("--json")
-            .output()
-            .unwrap();
-        assert!(output.status.success(), "{file}: {}", String::from_utf8_lossy(&output.stderr));
-        let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let found: Value = serde_json::from_slice(&base_parameters(&robot(file), options)).unwrap();
         assert_eq!(found["count"], count, "{file} {options:?}");
-        let Some(python) = &python else { continue };
-        // Rank, and that every row is a combination of ours, by its regressor and numpy's singular values.
-        let place = tempfile::tempdir().unwrap();
-        let answer = place.path().join("answer.json");
-        std::fs::write(&answer, &output.stdout).unwrap();
-        let output = Command::new(python)
-            .arg(here("check_base.py"))
-            .args([&path, &answer])
-            .args(options)
-            .output()
-            .unwrap();
+    }
+}
+
+/// Rank, and that every row is a combination of ours, by its regressor and numpy's singular values.
+#[test]
+#[ignore = "needs ../shared/data and Pinocchio in Python"]
+fn base_parameters_of_robots_in_shared_data_are_those_of_a_live_pinocchio() {
+    let place = tempfile::tempdir().unwrap();
+    let answer = place.path().join("answer.json");
+    for (file, options, count) in COUNTS {
+        let path = robot(file);
+        std::fs::write(&answer, base_parameters(&path, options)).unwrap();
+        let mut command = Command::new(python());
+        let output =
+            command.arg(here("check_base.py")).args([&path, &answer]).args(options).output().unwrap();
         assert!(output.status.success(), "{file}: {}", String::from_utf8_lossy(&output.stderr));
         let judged: Value = serde_json::from_slice(&output.stdout).unwrap();
         assert_eq!(judged["rank"], count, "{file} {options:?}");
@@ -171,10 +167,10 @@ print(json.dumps(list(pin.rnea(model, model.createData(), np.array(full), np.arr
 "#;
 
 #[test]
-fn what_is_written_has_pinocchio_s_inverse_dynamics() {
+#[ignore = "needs Pinocchio in Python"]
+fn what_is_written_has_the_inverse_dynamics_of_a_live_pinocchio() {
     use rigident::model::dynamics::inverse_dynamics;
     use rigident::model::{write, xml::Language};
-    let Some(python) = pinocchio() else { return };
     let given = write::parse(CHAIN, "chain").unwrap().model;
     // Other parameters than the file's, written into it and into new files.
     let changed = given.links.iter().map(|l| (l.name.as_str(), l.nominal.unwrap().map(|v| 1.25 * v)));
@@ -190,7 +186,7 @@ fn what_is_written_has_pinocchio_s_inverse_dynamics() {
     for (name, text) in texts {
         let path = place.path().join(name);
         std::fs::write(&path, text).unwrap();
-        let output = Command::new(&python)
+        let output = Command::new(python())
             .args(["-c", ASK])
             .arg(&path)
             .arg(serde_json::json!([q, v, a]).to_string())
@@ -232,31 +228,42 @@ s = np.linalg.svd(np.vstack(rows), compute_uv=False)
 print(int((s > 1e-10 * s[0]).sum()))
 "#;
 
-/// Bodies of several joints, which are one composite joint there: what the six base rows tell apart.
-#[test]
-fn base_parameters_of_bodies_with_several_joints_are_those_of_pinocchio_s_regressor() {
+/// Legs whose hips have several joints, and how many base parameters the six base rows tell apart.
+fn legs() -> [(String, usize); 4] {
     let hinge = |name: &str, axis: &str, pos: &str| {
         format!("<joint name=\"{name}\" type=\"hinge\" axis=\"{axis}\" pos=\"{pos}\"/>")
     };
     let three = |pos: &str| hinge("x", "1 0 0", pos) + &hinge("z", "0 0 1", pos) + &hinge("y", "0 1 0", pos);
     let slide = "<joint name=\"out\" type=\"slide\" axis=\"0 1 1\"/>";
-    let python = pinocchio();
+    [
+        (leg(&three("0 0 0.01")), 26),
+        (leg(&(hinge("a", "1 0 0", "0 0 0") + &hinge("b", "0 1 0", "0 0 0"))), 26),
+        (leg(&(hinge("a", "1 0 0", "0 0 0") + &hinge("b", "0 1 0", "0.02 0 0.05"))), 27),
+        (leg(&(slide.to_owned() + &three("0 0.02 0"))), 27),
+    ]
+}
+
+#[test]
+fn bodies_with_several_joints_have_as_many_base_parameters_as_pinocchio_found() {
     let place = tempfile::tempdir().unwrap();
-    for (hip, count) in [
-        (three("0 0 0.01"), 26),
-        (hinge("a", "1 0 0", "0 0 0") + &hinge("b", "0 1 0", "0 0 0"), 26),
-        (hinge("a", "1 0 0", "0 0 0") + &hinge("b", "0 1 0", "0.02 0 0.05"), 27),
-        (slide.to_owned() + &three("0 0.02 0"), 27),
-    ] {
+    for (text, count) in legs() {
         let path = place.path().join("leg.xml");
-        std::fs::write(&path, leg(&hip)).unwrap();
-        let words = ["model", "base-params", "--floating", "--json"];
-        let output = Command::new(env!("CARGO_BIN_EXE_rigident")).args(words).arg(&path).output().unwrap();
-        let found: Value = serde_json::from_slice(&output.stdout).unwrap();
-        assert_eq!((&found["count"], &found["standard"]), (&count.into(), &30.into()), "{hip}");
-        let Some(python) = &python else { continue };
-        let output = Command::new(python).args(["-c", RANK]).arg(&path).output().unwrap();
+        std::fs::write(&path, &text).unwrap();
+        let found: Value = serde_json::from_slice(&base_parameters(&path, &["--floating"])).unwrap();
+        assert_eq!((&found["count"], &found["standard"]), (&count.into(), &30.into()), "{text}");
+    }
+}
+
+/// Pinocchio makes one composite joint of them.
+#[test]
+#[ignore = "needs Pinocchio in Python"]
+fn bodies_with_several_joints_have_the_rank_of_a_live_pinocchio_s_regressor() {
+    let place = tempfile::tempdir().unwrap();
+    for (text, count) in legs() {
+        let path = place.path().join("leg.xml");
+        std::fs::write(&path, &text).unwrap();
+        let output = Command::new(python()).args(["-c", RANK]).arg(&path).output().unwrap();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        assert_eq!(String::from_utf8_lossy(&output.stdout).trim(), count.to_string(), "{hip}");
+        assert_eq!(String::from_utf8_lossy(&output.stdout).trim(), count.to_string(), "{text}");
     }
 }

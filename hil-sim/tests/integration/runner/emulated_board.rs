@@ -20,11 +20,13 @@ fn emulate(rig: &SharedRig) -> Qemu {
 }
 
 #[test]
+#[ignore = "needs the emulated board"]
 fn the_emulated_processor_gives_the_same_bits_as_this_one() {
     gives_the_same_bits(MemorySettings::Forever);
 }
 
 #[test]
+#[ignore = "needs the emulated board"]
 fn the_emulated_processor_forgets_the_same_bits() {
     gives_the_same_bits(MemorySettings::Forgetting {
         time_constant_s: 4.0,
@@ -34,6 +36,7 @@ fn the_emulated_processor_forgets_the_same_bits() {
 }
 
 #[test]
+#[ignore = "needs the emulated board"]
 fn the_emulated_processor_s_window_holds_the_same_bits() {
     gives_the_same_bits(MemorySettings::Window { length_s: 6.0 });
 }
@@ -82,6 +85,7 @@ fn gives_the_same_bits(memory: MemorySettings) {
 }
 
 #[test]
+#[ignore = "needs the emulated board"]
 fn one_flipped_bit_in_an_adc_frame_raises_the_crc_counter_by_exactly_one() {
     let config = RigConfig::thesis_horizontal();
     let program = thesis_program(&config.geometry, 20.0);
@@ -98,6 +102,7 @@ fn one_flipped_bit_in_an_adc_frame_raises_the_crc_counter_by_exactly_one() {
 }
 
 #[test]
+#[ignore = "needs the emulated board"]
 fn many_kilobytes_pass_the_serial_port_whole_in_both_directions() {
     use rigident_shared::wire::{Command, Reply};
     let rig = rig();
@@ -114,6 +119,7 @@ fn many_kilobytes_pass_the_serial_port_whole_in_both_directions() {
 }
 
 #[test]
+#[ignore = "needs the emulated board"]
 fn a_killed_emulator_is_reported_and_does_not_hang() {
     let rig = rig();
     let mut qemu = emulate(&rig);
@@ -144,6 +150,7 @@ impl SensorBus for Broken {
 }
 
 #[test]
+#[ignore = "needs the emulated board"]
 fn a_bus_that_breaks_ends_the_firmware_with_its_reason() {
     let mut qemu =
         Qemu::spawn_on(&QemuOptions::default(), Box::new(Broken)).unwrap_or_else(|e| panic!("{e}"));
@@ -159,6 +166,7 @@ fn a_bus_that_breaks_ends_the_firmware_with_its_reason() {
 }
 
 #[test]
+#[ignore = "needs the emulated board"]
 fn what_is_missing_is_named_together_with_what_to_type() {
     let message = |options: QemuOptions| match Qemu::spawn(&options, rig(), Pacing::LockStep) {
         Ok(_) => panic!("it started"),

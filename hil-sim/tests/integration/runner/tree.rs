@@ -194,6 +194,7 @@ fn bits(rows: &[FactorRow]) -> Vec<u32> {
 }
 
 #[test]
+#[ignore = "needs the emulated board"]
 fn the_emulated_processor_gives_the_same_bits_of_a_human() {
     let tree = human();
     let frames = frames_of(&tree, 301, RATE_HZ, NOISE, 1);

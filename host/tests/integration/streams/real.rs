@@ -1,21 +1,13 @@
 //! The slow turn of a real end effector: load cell, accelerometer and attitude at 698, 254 and 99 Hz, no gyro.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 use serde_json::Value;
 
 const RIG: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/examples/endeffector-turn.rig.toml");
 
-/// The recordings, where they are at hand.
-fn data() -> Option<PathBuf> {
-    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/endeffector_ati_gamma_imu");
-    if !data.exists() {
-        eprintln!("skipped: {} is not here", data.display());
-        return None;
-    }
-    Some(data)
-}
+const DATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/endeffector_ati_gamma_imu");
 
 /// The object that `identify` prints, its folder being `out` in `place`.
 fn identify(place: &Path, data: &Path, rig: &Path, more: &[&str]) -> (Option<i32>, Value) {
@@ -34,10 +26,11 @@ fn identify(place: &Path, data: &Path, rig: &Path, more: &[&str]) -> (Option<i32
 }
 
 #[test]
-fn a_slow_turn_recorded_by_three_clocks_gives_the_mass_of_the_still_poses_and_no_tensor() {
-    let Some(data) = data() else { return };
+#[ignore = "needs ../shared/data"]
+fn a_slow_turn_of_three_clocks_in_shared_data_has_the_mass_of_the_still_poses() {
     let place = tempfile::tempdir().unwrap();
-    let (status, result) = identify(place.path(), &data, Path::new(RIG), &["--estimate", "m,mc,offset"]);
+    let (status, result) =
+        identify(place.path(), Path::new(DATA), Path::new(RIG), &["--estimate", "m,mc,offset"]);
     assert_eq!(status, Some(0), "{result:#}");
     // Nothing was weighed. Least squares over 24 still poses: 0.9323 kg, centre of mass at 43.90 mm of z. Vibration is no white
     // noise, and where the accelerometer sits is not known: 1 %, a twentieth of gravity's share being unmodelled.
@@ -86,25 +79,25 @@ fn a_slow_turn_recorded_by_three_clocks_gives_the_mass_of_the_still_poses_and_no
 
 /// The mass hardly moves where the matrices are transposed, so that nothing else tells.
 #[test]
-fn transposed_attitudes_are_told_by_gravity() {
-    let Some(data) = data() else { return };
+#[ignore = "needs ../shared/data"]
+fn transposed_attitudes_in_shared_data_are_told_by_gravity() {
     let place = tempfile::tempdir().unwrap();
     let rig = std::fs::read_to_string(RIG).unwrap();
     std::fs::write(place.path().join("turn.rig.toml"), rig.replace("S in A", "A in S")).unwrap();
-    let (_, result) = identify(place.path(), &data, Path::new("turn.rig.toml"), &[]);
+    let (_, result) = identify(place.path(), Path::new(DATA), Path::new("turn.rig.toml"), &[]);
     let warnings = result["warnings"].to_string();
     assert!(warnings.contains("gravity by the attitudes of 1-baseline_orientations.csv"), "{warnings}");
 }
 
 /// 300 ms of half a turn in 6.3 s are 8.6 degrees on the average; the skew's search does not find them.
 #[test]
-fn attitudes_whose_clock_is_far_off_are_told_by_gravity() {
-    let Some(data) = data() else { return };
+#[ignore = "needs ../shared/data"]
+fn attitudes_whose_clock_is_far_off_in_shared_data_are_told_by_gravity() {
     let place = tempfile::tempdir().unwrap();
     for file in ["1-baseline_wrench.csv", "1-baseline_accel.csv"] {
-        std::fs::copy(data.join(file), place.path().join(file)).unwrap();
+        std::fs::copy(Path::new(DATA).join(file), place.path().join(file)).unwrap();
     }
-    let text = std::fs::read_to_string(data.join("1-baseline_orientations.csv")).unwrap();
+    let text = std::fs::read_to_string(Path::new(DATA).join("1-baseline_orientations.csv")).unwrap();
     let (header, rows) = text.split_once('\n').unwrap();
     let shifted = rows.lines().map(|row| {
         let (t, rest) = row.split_once(',').unwrap();

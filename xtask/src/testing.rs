@@ -1,0 +1,218 @@
+//! Runs cargo's tests, counts them, and leaves out those that need what is not here.
+//!
+//! A test that needs something from outside the repository is `#[ignore = "needs …"]` and says in its name what it
+//! needs, by the word in [`Need`]. Plain `cargo test` prints it as ignored; here it runs if what it needs is there and
+//! is counted as skipped if not. Where `CI` is set, what is not there is a failure.
+
+use std::fmt;
+use std::io::{BufRead, BufReader, Write};
+use std::ops::AddAssign;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, Result, bail};
+
+use crate::places;
+use crate::process;
+use crate::setup;
+
+/// What some tests need.
+#[derive(Clone, Copy)]
+struct Need {
+    /// The word in the names of the tests that need it.
+    word: &'static str,
+    /// What it is, and how it comes.
+    what: &'static str,
+}
+
+const BOARD: Need = Need { word: "emulated", what: "firmware and qemu-system-arm: cargo xtask firmware" };
+const DATA: Need = Need { word: "shared_data", what: "the recordings and robots in ../shared/data" };
+const READER: Need = Need { word: "mcap_reader", what: "mcap and mcap-ros2-support in Python" };
+const PINOCCHIO: Need = Need { word: "live_pinocchio", what: "Pinocchio (the wheel pin) in Python" };
+const CLIENT: Need = Need { word: "vendors_client", what: "pipython, the vendor's client, in Python" };
+
+/// How many tests there were.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Tests that passed.
+    pub passed: u32,
+    /// Tests that failed.
+    pub failed: u32,
+    /// Tests that did not run because something they need is not here.
+    pub skipped: u32,
+}
+
+impl AddAssign for Counts {
+    fn add_assign(&mut self, other: Self) {
+        self.passed += other.passed;
+        self.failed += other.failed;
+        self.skipped += other.skipped;
+    }
+}
+
+impl fmt::Display for Counts {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { passed, failed, skipped } = self;
+        write!(formatter, "{passed} passed, {failed} failed, {skipped} skipped")
+    }
+}
+
+/// What is here for tests to use.
+#[derive(Clone, Default)]
+pub struct Surroundings {
+    missing: Vec<Need>,
+    firmware: Option<PathBuf>,
+    python: Option<PathBuf>,
+}
+
+impl Surroundings {
+    /// Looks for everything that some tests need, and prints what is not here.
+    ///
+    /// # Errors
+    /// Where `CI` is set, names what is missing.
+    pub fn look(firmware: Option<&Path>) -> Result<Self> {
+        let mut missing = Vec::new();
+        let mut look = |need, is_here: bool| {
+            if !is_here {
+                missing.push(need);
+            }
+        };
+        look(BOARD, firmware.is_some() && process::is_installed("qemu-system-arm"));
+        look(DATA, places::root().join("../shared/data").is_dir());
+        look(READER, setup::has_module(setup::MCAP_READER));
+        look(PINOCCHIO, setup::has_module(setup::PINOCCHIO));
+        look(CLIENT, setup::has_module(setup::VENDORS_CLIENT));
+        let python = Some(setup::python()).filter(|python| python.is_file());
+        let here = Self { missing, firmware: firmware.map(Path::to_owned), python };
+        for Need { word, what } in &here.missing {
+            println!("skipped: tests named *{word}*, because there is no {what}");
+        }
+        if !here.missing.is_empty() && is_ci() {
+            let list: Vec<&str> = here.missing.iter().map(|need| need.what).collect();
+            bail!("CI is set, and tests lack what they need: {}", list.join("; "));
+        }
+        Ok(here)
+    }
+
+    /// Gives the same with another firmware.
+    pub fn with_firmware(&self, firmware: PathBuf) -> Self {
+        Self { firmware: Some(firmware), ..self.clone() }
+    }
+
+    /// Runs `cargo test --release` with these arguments and adds up what the test programs report.
+    ///
+    /// # Errors
+    /// Fails as cargo does; the counts are added all the same.
+    pub fn test(&self, arguments: &[&str], filters: &[&str], counts: &mut Counts) -> Result<()> {
+        let mut command = process::cargo(places::root());
+        command.args(["test", "--release"]).args(arguments).args(["--", "--include-ignored"]).args(filters);
+        command.args(self.missing.iter().flat_map(|need| ["--skip", need.word]));
+        command.envs(self.firmware.as_ref().map(|elf| ("RIGIDENT_FIRMWARE_ELF", elf)));
+        command.envs(self.python.as_ref().map(|python| ("RIGIDENT_PYTHON", python)));
+        let found = counted(&mut command, !filters.is_empty(), counts);
+        println!("{counts} so far");
+        found
+    }
+}
+
+/// Tells whether this runs in continuous integration.
+fn is_ci() -> bool {
+    std::env::var("CI").is_ok_and(|value| !matches!(value.as_str(), "" | "0" | "false"))
+}
+
+/// Runs tests, passes their output on and adds up its last lines. With a filter, tests that were filtered out are not
+/// skipped.
+fn counted(command: &mut Command, filtered: bool, counts: &mut Counts) -> Result<()> {
+    let shown = process::shown(command);
+    eprintln!("$ {shown}");
+    let mut child =
+        command.stdout(Stdio::piped()).spawn().with_context(|| format!("cannot start `{shown}`"))?;
+    let output = child.stdout.take().context("there is no output to read")?;
+    let mut reader = BufReader::new(output);
+    let mut line = Vec::new();
+    let mut programs = 0;
+    while reader.read_until(b'\n', &mut line)? > 0 {
+        std::io::stdout().write_all(&line)?;
+        if let Some(mut found) = summary(&String::from_utf8_lossy(&line)) {
+            found.skipped = if filtered { 0 } else { found.skipped };
+            *counts += found;
+            programs += 1;
+        }
+        line.clear();
+    }
+    let status = child.wait()?;
+    if !status.success() {
+        bail!("`{shown}` ended with {status}");
+    }
+    if programs == 0 {
+        bail!("`{shown}` ran no test");
+    }
+    Ok(())
+}
+
+/// Reads the last line of a test program: what was ignored or filtered out is skipped.
+fn summary(line: &str) -> Option<Counts> {
+    let rest = line.trim().strip_prefix("test result: ")?;
+    let (_, figures) = rest.split_once(". ")?;
+    let mut counts = Counts::default();
+    for part in figures.split("; ") {
+        let Some((number, word)) = part.split_once(' ') else { continue };
+        let Ok(number) = number.parse::<u32>() else { continue };
+        match word {
+            "passed" => counts.passed += number,
+            "failed" => counts.failed += number,
+            "ignored" | "filtered out" => counts.skipped += number,
+            _ => {}
+        }
+    }
+    Some(counts)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_test_programs_last_line_is_counted() {
+        let line = "test result: FAILED. 9 passed; 1 failed; 2 ignored; 0 measured; 3 filtered out; finished in 29.40s\n";
+        assert_eq!(summary(line), Some(Counts { passed: 9, failed: 1, skipped: 5 }));
+        assert_eq!(summary("test a ... ok"), None);
+    }
+
+    fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                if !path.ends_with("target") {
+                    sources(&path, found);
+                }
+            } else if path.extension().is_some_and(|end| end == "rs") {
+                found.push(path);
+            }
+        }
+    }
+
+    /// Otherwise it would fail where what it needs is missing instead of being skipped.
+    #[test]
+    fn ignored_tests_have_the_word_of_what_they_need_in_their_names() {
+        let mut files = Vec::new();
+        sources(places::root(), &mut files);
+        let words = [BOARD, DATA, READER, PINOCCHIO, CLIENT].map(|need| need.word);
+        let mut ignored = 0;
+        for file in files {
+            let text = std::fs::read_to_string(&file).unwrap();
+            let mut lines = text.lines();
+            while let Some(line) = lines.next() {
+                if !line.trim_start().starts_with("#[ignore") {
+                    continue;
+                }
+                assert!(line.contains("#[ignore = \"needs "), "{}: {line}", file.display());
+                let name = lines.next().unwrap();
+                let place = format!("{}::{name}", file.display());
+                assert!(words.iter().any(|word| place.contains(word)), "{place}");
+                ignored += 1;
+            }
+        }
+        assert!(ignored > 0);
+    }
+}
