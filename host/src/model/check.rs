@@ -6,14 +6,15 @@ use std::path::Path;
 use nalgebra::{Matrix3, Vector3};
 use rigident_shared::inertia::InertialParameters;
 use rigident_shared::spatial::Body;
-use urdf_rs::Geometry;
+use roxmltree::{Document, Node};
 
 use super::finding::{Finding, ModelError};
 use super::inertial::impossibility;
 use super::symmetry;
 use super::tree::Model;
+use super::urdf::{place, three};
 use super::write;
-use super::xml::{Language, of_rpy};
+use super::xml::{Language, child};
 
 /// Numbers that agree to this, relative, were copied or mirrored.
 const ALIKE: f64 = 1e-4;
@@ -176,22 +177,24 @@ fn mirrored(model: &Model) -> Vec<Finding> {
 /// A box around a link's simple shapes in its frame.
 type Extent = (Vector3<f64>, Vector3<f64>);
 
-fn extent(link: &urdf_rs::Link) -> Option<Extent> {
-    let shapes = link.collision.iter().map(|c| (&c.origin, &c.geometry));
-    let shapes: Vec<_> = shapes.chain(link.visual.iter().map(|v| (&v.origin, &v.geometry))).collect();
+fn extent(link: &Node) -> Option<Extent> {
     let mut all: Option<Extent> = None;
-    for (origin, geometry) in shapes {
-        let half = match geometry {
-            Geometry::Box { size } => Vector3::from(size.0) / 2.0,
-            Geometry::Cylinder { radius, length } => Vector3::new(*radius, *radius, length / 2.0),
-            Geometry::Capsule { radius, length } => Vector3::new(*radius, *radius, length / 2.0 + radius),
-            Geometry::Sphere { radius } => Vector3::repeat(*radius),
-            // Its size is in another file.
-            Geometry::Mesh { .. } => return None,
+    for shape in link.children().filter(|n| n.has_tag_name("collision") || n.has_tag_name("visual")) {
+        let geometry = child(&shape, "geometry")?.children().find(Node::is_element)?;
+        let number = |attribute: &str| geometry.attribute(attribute)?.trim().parse::<f64>().ok();
+        let half = match geometry.tag_name().name() {
+            "box" => Vector3::from(three(&geometry, "size")?) / 2.0,
+            "cylinder" => Vector3::new(number("radius")?, number("radius")?, number("length")? / 2.0),
+            "capsule" => {
+                let radius = number("radius")?;
+                Vector3::new(radius, radius, number("length")? / 2.0 + radius)
+            }
+            "sphere" => Vector3::repeat(number("radius")?),
+            // A mesh: its size is in another file.
+            _ => return None,
         };
-        let turn = of_rpy(origin.rpy.0);
+        let (turn, centre) = place(&shape);
         let reach = turn.abs() * half;
-        let centre = Vector3::from(origin.xyz.0);
         let (low, high) = (centre - reach, centre + reach);
         all = Some(all.map_or((low, high), |(l, h)| (l.inf(&low), h.sup(&high))));
     }
@@ -200,18 +203,19 @@ fn extent(link: &urdf_rs::Link) -> Option<Extent> {
 
 /// Centres of mass outside of a link's shapes, and moments that nothing inside of them has.
 fn outside(text: &str, model: &Model) -> Vec<Finding> {
-    let Ok(robot) = urdf_rs::read_from_string(text) else { return Vec::new() };
+    let Ok(document) = Document::parse(text) else { return Vec::new() };
     let mut found = Vec::new();
-    for link in &robot.links {
-        let nominal = model.link(&link.name).and_then(|i| model.links[i].nominal);
-        let (Some(phi), Some((low, high))) = (nominal, extent(link)) else { continue };
+    for link in document.root_element().children().filter(|n| n.has_tag_name("link")) {
+        let name = link.attribute("name").unwrap_or_default();
+        let nominal = model.link(name).and_then(|i| model.links[i].nominal);
+        let (Some(phi), Some((low, high))) = (nominal, extent(&link)) else { continue };
         if phi[0] <= 0.0 {
             continue;
         }
         let com = body(&phi).centre_of_mass().vector();
         let size = (high - low).norm();
         let beyond = (low - com).sup(&(com - high)).max();
-        let mut say = |text: String| found.push(Finding { place: format!("link {}", link.name), text });
+        let mut say = |text: String| found.push(Finding { place: format!("link {name}"), text });
         if beyond > 0.01 * size {
             say(format!(
                 "its centre of mass is {beyond:.3} m outside of the box around its shapes ({size:.3} m across): is it in the \

@@ -189,6 +189,29 @@ fn faults_of_a_urdf_are_told_with_line_link_and_attribute() {
     }
 }
 
+/// As in descriptions of iCub, Romeo and Talos, which Pinocchio reads.
+#[test]
+fn a_urdf_is_read_where_only_what_nobody_uses_is_wrong() {
+    let visual = "<visual><geometry><mesh filename=\"x\"/></geometry><material name=\"m\"><texture/></material></visual>";
+    let links = link("a").replace("</link>", &format!("{visual}</link>")) + &link("b") + &link("c");
+    let follower = |kind: &str, leader: &str| {
+        let mimic = format!("<mimic joint=\"{leader}\"/>");
+        joint("ab", "a", "b", "") + &joint("bc", "b", "c", &mimic).replace("continuous", kind)
+    };
+    let fixed = urdf(&(links.clone() + &follower("fixed", "ab"))).unwrap();
+    assert_eq!(fixed.links[2].mimic, None);
+    assert!(fixed.findings.is_empty(), "{:?}", fixed.findings);
+    let alone = urdf(&(links.clone() + &follower("continuous", "elsewhere"))).unwrap();
+    assert_eq!((alone.freedoms(), &alone.links[2].mimic), (2, &None));
+    assert!(
+        alone.findings.iter().any(|f| f.to_string().contains("mimics elsewhere")),
+        "{:?}",
+        alone.findings
+    );
+    let follows = urdf(&(links + &follower("continuous", "ab"))).unwrap();
+    assert_eq!(follows.links[2].mimic.as_ref().unwrap().leader, "ab");
+}
+
 /// Oracle: inverse dynamics of the tree whose joints stand there.
 #[test]
 fn joints_are_locked_where_they_stand_and_their_followers_with_them() {

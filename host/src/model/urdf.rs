@@ -1,18 +1,19 @@
 //! Models from URDF.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use rigident_shared::inertia::InertialParameters;
 use rigident_shared::spatial::{Body, Position};
 use rigident_shared::tree::{Joint, Link};
-use urdf_rs::JointType;
+use roxmltree::{Document, Node};
 
 use super::finding::{Finding, ModelError};
 use super::inertial::{Parameters, in_parent};
 use super::tree::{Mimic, Model, ModelLink, RawLink};
 use super::urdf_fault::{fault, has_macro_elements};
+use super::xml::{child, of_rpy};
 
 /// Reads a file.
 ///
@@ -32,119 +33,169 @@ const EXPAND: &str = "it holds macros, which are not followed: expand them first
 /// # Errors
 /// [`ModelError`] that says what is wrong and where.
 pub fn parse(text: &str, what: &str) -> Result<Model, ModelError> {
-    let robot = urdf_rs::read_from_string(text)
-        .map_err(|error| ModelError::Syntax { what: what.to_owned(), reason: reason(&error, text) })?;
     let refuse = |problem: String| ModelError::Structure { what: what.to_owned(), problem };
+    let syntax = |reason: String| ModelError::Syntax { what: what.to_owned(), reason };
     if has_macro_elements(text) {
         return Err(refuse(EXPAND.to_owned()));
     }
-    if robot.links.is_empty() {
+    let document = Document::parse(text).map_err(|error| {
+        let hint = if text.contains("<robot") { "" } else { "; it has no <robot> element" };
+        syntax(format!("{error}{hint}"))
+    })?;
+    let robot = document.root_element();
+    if !robot.has_tag_name("robot") {
+        return Err(syntax("it has no <robot> element".to_owned()));
+    }
+    if let Some(fault) = fault(&robot) {
+        return Err(syntax(if text.contains("${") { EXPAND.to_owned() } else { fault }));
+    }
+    let links: Vec<Node> = robot.children().filter(|n| n.has_tag_name("link")).collect();
+    if links.is_empty() {
         return Err(refuse("there is no link in it".to_owned()));
     }
     let mut findings = Vec::new();
-    let mut held: BTreeMap<&str, &urdf_rs::Joint> = BTreeMap::new();
-    for joint in &robot.joints {
-        if let Some(other) = held.insert(&joint.child.link, joint) {
-            return Err(refuse(format!(
-                "joints {} and {} both hold link {}: the model has a loop; only trees can be identified, cut it at one \
-                 of them",
-                other.name, joint.name, joint.child.link
-            )));
-        }
-        if !robot.links.iter().any(|l| l.name == joint.child.link) {
-            return Err(refuse(format!(
-                "joint {} holds link {}, which is not there",
-                joint.name, joint.child.link
-            )));
-        }
-        let limit = &joint.limit;
-        if matches!(joint.joint_type, JointType::Revolute | JointType::Prismatic)
-            && limit.lower == limit.upper
-            // Without a <limit> there is nothing to go by.
-            && *limit != urdf_rs::JointLimit::default()
-        {
-            findings.push(Finding {
-                place: format!("joint {}", joint.name),
-                text: format!(
-                    "never moves by its limits ({0} to {0}): counted as a joint that does; if it does not, say --lock {1}",
-                    limit.lower, joint.name
-                ),
-            });
-        }
-    }
-    let raw = robot
-        .links
-        .iter()
-        .map(|link| {
-            let nominal = nominal(&link.inertial);
-            let base = ModelLink::new(link.name.clone(), String::new(), Link {
-                    parent: 0,
-                    joint: Joint::Free,
-                    rotation: Matrix3::identity(),
-                    position: Vector3::zeros(),
-                }, nominal);
-            let Some(joint) = held.get(link.name.as_str()) else {
-                return Ok(RawLink { link: base, parent: None });
-            };
-            let (rotation, position) = place(&joint.origin);
-            let axis = Vector3::from(joint.axis.xyz.0);
-            let kind = match joint.joint_type {
-                JointType::Revolute | JointType::Continuous => Joint::Revolute(axis),
-                JointType::Prismatic => Joint::Prismatic(axis),
-                JointType::Fixed => Joint::Fixed,
-                JointType::Floating => Joint::Free,
-                JointType::Spherical => Joint::Spherical,
-                JointType::Planar => {
-                    return Err(refuse(format!(
-                        "joint {} is planar, which is not known here; give it as two prismatic joints and a revolute one",
-                        joint.name
-                    )));
-                }
-            };
-            let mimic = joint.mimic.as_ref().map(|m| Mimic {
-                leader: m.joint.clone(),
-                multiplier: m.multiplier.unwrap_or(1.0),
-                offset: m.offset.unwrap_or(0.0),
-            });
-            let link =
-                ModelLink { joint_name: joint.name.clone(), link: Link { parent: 0, joint: kind, rotation, position }, mimic, ..base };
-            Ok(RawLink { link, parent: Some(joint.parent.link.clone()) })
-        })
-        .collect::<Result<Vec<_>, _>>()?;
-    let mut model = Model::assemble(what, raw, findings)?;
-    if !robot.name.is_empty() {
-        model.name.clone_from(&robot.name);
+    let held = joints(&robot, &links, &mut findings).map_err(&refuse)?;
+    let leaders: BTreeSet<&str> = held.values().map(|joint| name(joint)).collect();
+    let raw: Result<Vec<RawLink>, String> =
+        links.iter().map(|link| raw_link(link, held.get(name(link)), &leaders, &mut findings)).collect();
+    let mut model = Model::assemble(what, raw.map_err(&refuse)?, findings)?;
+    if !name(&robot).is_empty() {
+        name(&robot).clone_into(&mut model.name);
     }
     Ok(model)
 }
 
-/// What is wrong, where; what the reader says where nothing more is known.
-fn reason(error: &urdf_rs::UrdfError, text: &str) -> String {
-    if text.contains("${") || has_macro_elements(text) {
-        return EXPAND.to_owned();
+/// Returns the joints by the links that they hold; each link is there and held by one joint at most.
+fn joints<'a, 'i>(
+    robot: &Node<'a, 'i>,
+    links: &[Node],
+    findings: &mut Vec<Finding>,
+) -> Result<BTreeMap<&'a str, Node<'a, 'i>>, String> {
+    let names: BTreeSet<&str> = links.iter().map(name).collect();
+    let mut held: BTreeMap<&str, Node> = BTreeMap::new();
+    for joint in robot.children().filter(|n| n.has_tag_name("joint")) {
+        let link = end(&joint, "child");
+        if let Some(other) = held.insert(link, joint) {
+            return Err(format!(
+                "joints {} and {} both hold link {link}: the model has a loop; only trees can be identified, cut it at one \
+                 of them",
+                name(&other),
+                name(&joint),
+            ));
+        }
+        if !names.contains(link) {
+            return Err(format!("joint {} holds link {link}, which is not there", name(&joint)));
+        }
+        let moves_to_limits = matches!(joint.attribute("type"), Some("revolute" | "prismatic"));
+        let Some(limit) = child(&joint, "limit").filter(|_| moves_to_limits) else { continue };
+        let [lower, upper, effort, velocity] = ["lower", "upper", "effort", "velocity"]
+            .map(|attribute| number(&limit, attribute).unwrap_or(0.0));
+        // A <limit> of zeros alone limits nothing.
+        if lower == upper && [lower, effort, velocity] != [0.0; 3] {
+            findings.push(Finding {
+                place: format!("joint {}", name(&joint)),
+                text: format!(
+                    "never moves by its limits ({lower} to {lower}): counted as a joint that does; if it does not, say \
+                     --lock {}",
+                    name(&joint)
+                ),
+            });
+        }
     }
-    if let Some(fault) = fault(text) {
-        return fault;
-    }
-    let hint = if text.contains("<robot") { "" } else { "; it has no <robot> element" };
-    format!("{error}{hint}")
+    Ok(held)
 }
 
-fn place(pose: &urdf_rs::Pose) -> (Matrix3<f64>, Vector3<f64>) {
-    let [roll, pitch, yaw] = pose.rpy.0;
+/// Reads a link and the joint that holds it, if one does.
+fn raw_link(
+    link: &Node,
+    joint: Option<&Node>,
+    leaders: &BTreeSet<&str>,
+    findings: &mut Vec<Finding>,
+) -> Result<RawLink, String> {
+    let free =
+        Link { parent: 0, joint: Joint::Free, rotation: Matrix3::identity(), position: Vector3::zeros() };
+    let base = ModelLink::new(name(link).to_owned(), String::new(), free, nominal(link));
+    let Some(joint) = joint else { return Ok(RawLink { link: base, parent: None }) };
+    let (rotation, position) = place(joint);
+    let axis = child(joint, "axis").and_then(|axis| three(&axis, "xyz")).map_or(Vector3::x(), Vector3::from);
+    let kind = match joint.attribute("type") {
+        Some("revolute" | "continuous") => Joint::Revolute(axis),
+        Some("prismatic") => Joint::Prismatic(axis),
+        Some("fixed") => Joint::Fixed,
+        Some("spherical") => Joint::Spherical,
+        Some("planar") => {
+            return Err(format!(
+                "joint {} is planar, which is not known here; give it as two prismatic joints and a revolute one",
+                name(joint)
+            ));
+        }
+        _ => Joint::Free,
+    };
+    // What does not move follows nothing.
+    let mimic = child(joint, "mimic").filter(|_| kind != Joint::Fixed).and_then(|mimic| {
+        let leader = mimic.attribute("joint").unwrap_or_default();
+        if !leaders.contains(leader) {
+            findings.push(Finding {
+                place: format!("joint {}", name(joint)),
+                text: format!("mimics {leader}, which is not there: counted as a joint that moves by itself"),
+            });
+            return None;
+        }
+        Some(Mimic {
+            leader: leader.to_owned(),
+            multiplier: number(&mimic, "multiplier").unwrap_or(1.0),
+            offset: number(&mimic, "offset").unwrap_or(0.0),
+        })
+    });
+    let link = ModelLink {
+        joint_name: name(joint).to_owned(),
+        link: Link { parent: 0, joint: kind, rotation, position },
+        mimic,
+        ..base
+    };
+    Ok(RawLink { link, parent: Some(end(joint, "parent").to_owned()) })
+}
+
+fn name<'a>(node: &Node<'a, '_>) -> &'a str {
+    node.attribute("name").unwrap_or_default()
+}
+
+/// Returns the link at one end of a joint.
+fn end<'a>(joint: &Node<'a, '_>, tag: &str) -> &'a str {
+    child(joint, tag).and_then(|end| end.attribute("link")).unwrap_or_default()
+}
+
+/// Returns a number that [`fault`] has looked at.
+fn number(node: &Node, attribute: &str) -> Option<f64> {
+    node.attribute(attribute)?.trim().parse().ok()
+}
+
+/// Returns three numbers that [`fault`] has looked at.
+pub(super) fn three(node: &Node, attribute: &str) -> Option<[f64; 3]> {
+    let words = node.attribute(attribute)?.split_whitespace();
+    words.map(|word| word.parse().ok()).collect::<Option<Vec<f64>>>()?.try_into().ok()
+}
+
+/// Returns the rotation and the position, m, of an element's `<origin>`.
+pub(super) fn place(node: &Node) -> (Matrix3<f64>, Vector3<f64>) {
+    let Some(origin) = child(node, "origin") else { return (Matrix3::identity(), Vector3::zeros()) };
+    let [rpy, xyz] = ["rpy", "xyz"].map(|attribute| three(&origin, attribute).unwrap_or_default());
     // Fixed axes: Rz(yaw) Ry(pitch) Rx(roll).
-    (Rotation3::from_euler_angles(roll, pitch, yaw).into_inner(), Vector3::from(pose.xyz.0))
+    (of_rpy(rpy), Vector3::from(xyz))
 }
 
-/// About the link's origin in its axes; `None` if there is no mass and no inertia.
-fn nominal(inertial: &urdf_rs::Inertial) -> Option<Parameters> {
-    let i = &inertial.inertia;
-    let mass = inertial.mass.value;
-    let tensor = Matrix3::new(i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz);
+/// Returns a link's parameters about its origin in its axes; `None` if there is no mass and no inertia.
+fn nominal(link: &Node) -> Option<Parameters> {
+    let inertial = child(link, "inertial")?;
+    let mass = number(&child(&inertial, "mass")?, "value")?;
+    let inertia = child(&inertial, "inertia")?;
+    let [xx, xy, xz, yy, yz, zz] = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"]
+        .map(|attribute| number(&inertia, attribute).unwrap_or(0.0));
+    let tensor = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
     if mass == 0.0 && tensor.iter().all(|v| *v == 0.0) {
         return None;
     }
-    let (rotation, position) = place(&inertial.origin);
+    let (rotation, position) = place(&inertial);
     let about_com =
         InertialParameters::<Body, f64>::from_centre_of_mass(mass, Position::zero(), tensor).to_vector();
     Some(in_parent(&about_com, &rotation, &position))

@@ -1,4 +1,4 @@
-//! Where the fault is that keeps a URDF from being read: the reader itself names no element.
+//! What a URDF must have before it is read, and where it has not.
 
 use roxmltree::{Document, Node};
 
@@ -6,11 +6,11 @@ use super::xml::{child, line};
 
 const TYPES: [&str; 7] = ["revolute", "continuous", "prismatic", "fixed", "floating", "planar", "spherical"];
 
-/// The first fault, with its line and what it belongs to; `None` if none is seen.
-pub(super) fn fault(text: &str) -> Option<String> {
-    let document = Document::parse(text).ok()?;
-    let named =
-        document.root_element().children().filter(|n| n.has_tag_name("link") || n.has_tag_name("joint"));
+/// Finds the first fault of a `<robot>`, with its line and what it belongs to.
+///
+/// Elements that no one reads, such as textures and materials, may be as they like.
+pub(super) fn fault(robot: &Node) -> Option<String> {
+    let named = robot.children().filter(|n| n.has_tag_name("link") || n.has_tag_name("joint"));
     for owner in named {
         let tag = owner.tag_name().name();
         let Some(name) = owner.attribute("name") else {
