@@ -12,6 +12,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use hexapod::{Pose, Trajectory};
+use nalgebra::SVector;
 use rigident_sim::rig::{Rig, RigConfig, SharedRig};
 use rigident_sim::runner::{InProcess, Pacing};
 use rigident_sim::serve::gcs::GcsServer;
@@ -66,6 +68,31 @@ impl Drop for Served {
             let _ = thread.join();
         }
     }
+}
+
+/// Root mean square of how far poses are from the path of a trajectory, m; an angle counts by what it moves the joints of
+/// the plate, 0.2 m from its centre.
+///
+/// When a pose was reached does not count. On a busy machine the host asks and the simulated controller answers late, by as
+/// much as the system pleases; the path stays the same.
+fn rms_off_path(trajectory: &Trajectory, poses: &[Pose]) -> f64 {
+    const LEVER_M: f64 = 0.2;
+    let point = |pose: &Pose| {
+        let ([x, y, z], [roll, pitch, yaw]) = (pose.position_m, pose.rpy_rad.map(|angle| LEVER_M * angle));
+        SVector::from([x, y, z, roll, pitch, yaw])
+    };
+    let steps = (trajectory.duration_s() / 2e-3) as usize;
+    let path: Vec<SVector<f64, 6>> = (0..=steps)
+        .map(|k| {
+            let state = trajectory.state(k as f64 * 2e-3);
+            point(&Pose { position_m: state.position.into(), rpy_rad: state.rpy.into() })
+        })
+        .collect();
+    let nearest = |pose: &Pose| {
+        let here = point(pose);
+        path.iter().map(|there| (there - here).norm_squared()).fold(f64::INFINITY, f64::min)
+    };
+    (poses.iter().map(nearest).sum::<f64>() / poses.len() as f64).sqrt()
 }
 
 fn text(path: &Path) -> String {
