@@ -131,10 +131,10 @@ fn dependent_columns_are_not_determined_and_the_others_are() {
     let mut random = Random(21);
     let mut factor = InformationFactor::<f64, 6>::new();
     for _ in 0..10 {
-        let (mut columns, mut rhs) = block(&mut random, 0.0);
+        let (mut columns, _) = block(&mut random, 0.0);
         columns[4] = columns[0].map(|v| 2.0 * v);
         columns[5] = [0.0; 6];
-        rhs = core::array::from_fn(|i| rhs[i] * 0.0 + (0..4).map(|j| columns[j][i] * TRUTH[j]).sum::<f64>());
+        let rhs = core::array::from_fn(|i| (0..4).map(|j| columns[j][i] * TRUTH[j]).sum::<f64>());
         factor.absorb(&columns, &rhs);
     }
     let solution = factor.solve();
