@@ -198,3 +198,32 @@ fn every_part_of_a_factor_file_is_described() {
     same("parts of a factor file", &described, &real);
     assert!(factor.contains(&format!("Version: {};", factor_file::VERSION)));
 }
+
+/// Paths of all fields below a schema: `source.rows`, `parameters[].name`.
+fn fields(schema: &serde_json::Value, root: &serde_json::Value, path: &str, found: &mut BTreeSet<String>) {
+    let named = schema["$ref"].as_str().and_then(|place| root.pointer(place.trim_start_matches('#')));
+    if let Some(named) = named {
+        fields(named, root, path, found);
+    }
+    for choice in ["oneOf", "anyOf", "allOf"] {
+        schema[choice].as_array().into_iter().flatten().for_each(|one| fields(one, root, path, found));
+    }
+    for (name, inner) in schema["properties"].as_object().into_iter().flatten() {
+        let path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
+        found.insert(path.clone());
+        fields(inner, root, &path, found);
+    }
+    if schema["items"].is_object() {
+        fields(&schema["items"], root, &format!("{path}[]"), found);
+    }
+}
+
+#[test]
+fn every_field_of_the_result_is_described() {
+    let schema = schemars::schema_for!(rigident::answer::result::Answer);
+    let mut real = BTreeSet::new();
+    fields(schema.as_value(), schema.as_value(), "", &mut real);
+    let text = formats();
+    same("fields of the result", &first_cells(section(&text, "## Result")), &real);
+    assert!(text.contains(rigident::answer::result::SCHEMA));
+}
