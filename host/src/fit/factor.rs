@@ -8,6 +8,9 @@ use nalgebra::DMatrix;
 use rigident_shared::Scalar;
 use rigident_shared::factor::{BLOCK_ROWS, Column, InformationFactor};
 
+/// Iterations for each parameter after which singular values are given up; two or three do.
+const MOST_SWEEPS: usize = 100;
+
 /// R, z, the residual sum of squares and the row count of all rows absorbed.
 ///
 /// Rows come whitened (divided by their σ), so that `(RᵀR)⁻¹` is the covariance of the parameters.
@@ -273,8 +276,14 @@ impl Factor {
         if seen.is_empty() {
             return solution;
         }
-        let svd = scaled.svd(true, true);
-        let (Some(u), Some(v_t)) = (&svd.u, &svd.v_t) else { return solution };
+        // Bounded: the numbers of a file may be any.
+        let svd = scaled.try_svd(true, true, 5.0 * f64::EPSILON, MOST_SWEEPS * n.max(8));
+        let Some((svd, (u, v_t))) =
+            svd.as_ref().and_then(|svd| Some((svd, svd.u.as_ref().zip(svd.v_t.as_ref())?)))
+        else {
+            solution.determined.fill(false);
+            return solution;
+        };
         let most = svd.singular_values.max();
         // A share of a lost direction larger than rounding can explain.
         let share = 3.0 * rounding.max(f64::EPSILON).sqrt();

@@ -312,6 +312,10 @@ fn check(header: &Header) -> Result<(), FactorFileError> {
     if !not_negative(header.disagreement) {
         return refuse("an impossible disagreement");
     }
+    let most = (MOST_PARAMETERS * header.sources.len()) as u64;
+    if header.eliminated > most || header.comparisons > most {
+        return refuse("more degrees of freedom than its runs have parameters");
+    }
     for source in &header.sources {
         if source.channels.is_empty()
             || !positive(source.noise_gain)

@@ -122,6 +122,8 @@ fn what_cannot_be_reckoned_with_is_named() {
     assert!(header(&|f| f.parameters[0].made_of[0].1 = f64::NAN));
     assert!(header(&|f| f.rounding = 0.5));
     assert!(header(&|f| f.disagreement = f64::NAN));
+    assert!(header(&|f| f.comparisons = u64::MAX));
+    assert!(header(&|f| f.eliminated = u64::MAX));
     assert!(header(&|f| f.sources[0].channels.clear()));
     assert!(header(&|f| f.sources[0].channels[5].sigma = 0.0));
     assert!(header(&|f| f.sources[0].channels[5].gain_sigma = -1.0));

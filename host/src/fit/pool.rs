@@ -250,7 +250,7 @@ impl PooledFactor {
         if kept.len() < self.parameters.len() {
             let before = self.rank();
             self.factor = self.factor.eliminate_others(&kept);
-            self.eliminated += before.saturating_sub(self.rank());
+            self.eliminated = self.eliminated.saturating_add(before.saturating_sub(self.rank()));
             self.parameters.retain(keep);
         }
         self
@@ -295,13 +295,13 @@ impl PooledFactor {
             // `(RᵀR)⁻¹` already counts what the filter takes, so the sum is a χ² as it is.
             whole.disagreement +=
                 other.disagreement + (whole.factor.residual_sum_of_squares() - apart).max(0.0);
-            whole.comparisons += other.comparisons;
-            whole.eliminated += other.eliminated;
+            whole.comparisons = whole.comparisons.saturating_add(other.comparisons);
+            whole.eliminated = whole.eliminated.saturating_add(other.eliminated);
             whole.rounding = whole.rounding.max(other.rounding);
             whole.sources.extend(other.sources);
             names.push(other.name);
         }
-        whole.comparisons += ranks.saturating_sub(whole.rank());
+        whole.comparisons = whole.comparisons.saturating_add(ranks.saturating_sub(whole.rank()));
         Ok(whole)
     }
 
@@ -332,7 +332,7 @@ impl PooledFactor {
 
     /// Judges the residuals; `determined` of the parameters are determined by the rows.
     fn judged(&self, determined: u64) -> (Judgement, Option<f64>) {
-        let fitted = (determined + self.eliminated + self.comparisons) as f64;
+        let fitted = determined.saturating_add(self.eliminated).saturating_add(self.comparisons) as f64;
         // What only shows between the runs is judged between the runs.
         let within = (self.factor.residual_sum_of_squares() - self.disagreement).max(0.0);
         let sets: Vec<RowSet> = self
@@ -348,7 +348,10 @@ impl PooledFactor {
         let mut judgement = judge(&sets, within, fitted);
         let dof = self.comparisons as f64;
         let chi2 = self.disagreement / judgement.variance_scale;
-        let surprising = ChiSquared::new(dof).is_ok_and(|distribution| distribution.sf(chi2) < SURPRISING);
+        // Below its mean it is no surprise; beyond the range of f64 it comes of no recording.
+        let surprising = chi2 > dof
+            && chi2.is_finite()
+            && ChiSquared::new(dof).is_ok_and(|distribution| distribution.sf(chi2) < SURPRISING);
         if surprising {
             judgement.variance_scale *= chi2 / dof;
         }

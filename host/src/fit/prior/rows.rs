@@ -136,6 +136,9 @@ pub(super) fn trace(moments: [Option<[f64; 2]>; 3]) -> Option<f64> {
 
 /// Returns the probability of so many σ or more on either side.
 pub(super) fn two_sided(deviation: f64, noise: Noise) -> f64 {
+    if !deviation.is_finite() {
+        return 0.0;
+    }
     let normal = || Normal::standard().sf(deviation);
     2.0 * match noise {
         Noise::Given => normal(),
