@@ -6,6 +6,11 @@
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
+use super::kinematics::PlateState;
+
+/// Standard gravity, m/s².
+pub const STANDARD_GRAVITY_MPS2: f64 = 9.80665;
+
 /// Inertial parameters of the body bolted to the load cell, in S.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BodyParameters {
@@ -117,7 +122,7 @@ pub struct FrameMotion {
 
 impl FrameMotion {
     /// The plate itself.
-    pub fn of_plate(plate: &crate::PlateState) -> Self {
+    pub fn of_plate(plate: &PlateState) -> Self {
         Self {
             position: plate.position,
             velocity: plate.velocity,

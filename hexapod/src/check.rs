@@ -3,10 +3,13 @@
 //! A motion is not looked at in steps: what happens between two looks is bounded ([`Geometry::guarantee`] has the bounds),
 //! and an interval whose bounds do not show that the limits are kept is cut in two.
 
+use super::error::MotionError;
+use super::geometry::Geometry;
 use super::kinematics::PlateState;
 use super::limits::{JointCones, Violation};
 use super::load::Load;
-use super::{Geometry, MotionError, Pose, Trajectory};
+use super::pose::Pose;
+use super::trajectory::Trajectory;
 
 /// Intervals that are no longer than this are not cut any more, s.
 const SHORTEST_S: f64 = 1e-6;

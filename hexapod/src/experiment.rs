@@ -3,7 +3,10 @@
 //! Lives here: the default experiment: still poses, then a motion with several frequencies per axis, then the first
 //! pose again. May not live here: planning for a particular body (that is the host's).
 
-use crate::{Axis, Geometry, MotionProgram, Pose, Segment, SineTerm};
+use super::geometry::Geometry;
+use super::payload::THESIS_GYRO_RANGE_RADPS;
+use super::pose::Pose;
+use super::program::{Axis, MotionProgram, Segment, SineTerm};
 
 /// Roll and pitch of the thesis' best five orientations (Table 11, n = 5), degrees.
 pub const THESIS_POSES_DEG: [[f64; 2]; 5] =
@@ -13,7 +16,7 @@ pub const THESIS_POSES_DEG: [[f64; 2]; 5] =
 pub const SHORTEST_S: f64 = 20.0;
 
 /// Highest angular rate of the experiment, rad/s: 0.9 of the gyro's range, whatever the IMU's mounting.
-pub const HIGHEST_RATE_RADPS: f64 = 0.9 * 1.309;
+pub const HIGHEST_RATE_RADPS: f64 = 0.9 * THESIS_GYRO_RANGE_RADPS;
 
 /// Peak rate of the moves between poses, rad/s on the path of the angles.
 const MOVE_RATE_RADPS: f64 = 1.1;
@@ -89,7 +92,7 @@ fn multisine(duration_s: f64) -> Segment {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{BodyParameters, FrameMotion, STANDARD_GRAVITY_MPS2};
+    use crate::{BodyParameters, FrameMotion, STANDARD_GRAVITY_MPS2, THESIS_WRENCH_NOISE_N_NM};
     use nalgebra::Vector3;
 
     const DURATIONS_S: [f64; 4] = [20.0, 30.0, 60.0, 90.0];
@@ -193,11 +196,9 @@ mod tests {
 
     fn excitation(duration: f64, rate_hz: f64) -> (f64, [f64; 16]) {
         let columns = columns(&thesis_program(&Geometry::thesis(), duration), rate_hz);
-        // The platform thesis, Table 1: 95 % figures.
-        let noise = [9.9, 9.9, 19.8, 0.75, 0.9, 0.9].map(|u95| u95 / 1.96);
         let mut gram = [[0.0; 16]; 16];
         for k in 0..columns[0].len() {
-            for (channel, sigma) in noise.iter().enumerate() {
+            for (channel, sigma) in THESIS_WRENCH_NOISE_N_NM.iter().enumerate() {
                 let mut row = [0.0; 16];
                 for (r, c) in row.iter_mut().zip(&columns) {
                     *r = c[k][channel] / sigma;

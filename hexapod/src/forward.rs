@@ -2,9 +2,10 @@
 
 use nalgebra::{Matrix3, Rotation3, Vector3, Vector6};
 
-use super::kinematics::{rotation_from_rpy, rpy_from_rotation};
+use super::geometry::Geometry;
 use super::legs::Legs;
-use super::{Geometry, Pose};
+use super::pose::Pose;
+use super::rotation::{rotation_from_rpy, rpy_from_rotation};
 
 /// Why no pose was found for six leg lengths.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Pose;
 use super::limits::{JointCones, Limits};
+use super::pose::Pose;
 
 /// A hexapod: leg `i` joins `base_joints_m[i]` (in A) to `plate_joints_m[i]` (in P).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

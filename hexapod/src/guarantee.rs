@@ -7,9 +7,10 @@
 
 use nalgebra::Vector3;
 
-use super::limits::Violation;
+use super::geometry::Geometry;
+use super::limits::{Limit, Violation};
 use super::load::{Bodies, Load};
-use super::{Geometry, Limit, Trajectory};
+use super::trajectory::Trajectory;
 
 /// The largest value of one limited quantity over a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]

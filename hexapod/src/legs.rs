@@ -2,8 +2,10 @@
 
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
-use super::kinematics::{PlateState, rotation_from_rpy};
-use super::{Geometry, Pose};
+use super::geometry::Geometry;
+use super::kinematics::PlateState;
+use super::pose::Pose;
+use super::rotation::rotation_from_rpy;
 
 /// The six legs at one pose of the plate. Everything in A.
 #[derive(Clone, Copy, Debug)]

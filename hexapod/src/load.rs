@@ -2,10 +2,13 @@
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3, Vector6};
 
+use super::body::{BodyParameters, FrameMotion, STANDARD_GRAVITY_MPS2};
+use super::error::MotionError;
+use super::geometry::Geometry;
 use super::kinematics::PlateState;
 use super::legs::Legs;
-use super::{Geometry, MotionError, Trajectory};
-use crate::body::{BodyParameters, FrameMotion};
+use super::limits::{Limit, Violation};
+use super::trajectory::Trajectory;
 
 /// What moves with the plate. Everything in P.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,7 +51,7 @@ impl Load {
 
     /// `bodies` under standard gravity.
     pub fn new(bodies: Bodies) -> Self {
-        Self { bodies, gravity_mps2: [0.0, 0.0, -crate::STANDARD_GRAVITY_MPS2] }
+        Self { bodies, gravity_mps2: [0.0, 0.0, -STANDARD_GRAVITY_MPS2] }
     }
 
     fn known(&self) -> &[BodyParameters] {
@@ -122,8 +125,8 @@ impl Geometry {
         if forces.iter().flatten().all(|f| f.is_finite()) {
             return Ok(forces);
         }
-        let violation = super::Violation {
-            limit: super::Limit::Conditioning,
+        let violation = Violation {
+            limit: Limit::Conditioning,
             leg: None,
             value: legs.condition_number(),
             allowed: [1.0, self.limits.cond_max],

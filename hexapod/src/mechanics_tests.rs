@@ -343,12 +343,12 @@ fn roll_pitch_and_yaw_read_back_from_a_rotation_are_those_that_made_it() {
     let mut random = Uniform::new(1);
     for _ in 0..1_000 {
         let rpy = [random.within(3.1), random.within(1.57), random.within(3.1)];
-        let back = super::kinematics::rpy_from_rotation(&rotation_from_rpy(rpy));
+        let back = super::rotation::rpy_from_rotation(&rotation_from_rpy(rpy));
         // Roll and yaw are known to rounding over cos(pitch), which is 8e-4 at its least here.
         assert!(rpy.iter().zip(back).all(|(a, b)| (a - b).abs() < 1e-12), "{rpy:?} {back:?}");
     }
     let straight_down = rotation_from_rpy([0.4, std::f64::consts::FRAC_PI_2, 0.1]);
-    let back = super::kinematics::rpy_from_rotation(&straight_down);
+    let back = super::rotation::rpy_from_rotation(&straight_down);
     let gap: Matrix3<f64> = rotation_from_rpy(back) - straight_down;
     assert!(gap.amax() < 1e-12, "{back:?}");
 }

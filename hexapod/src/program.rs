@@ -1,9 +1,15 @@
-//! What the platform is asked to do. Its kinematics are those of [`Trajectory`].
+//! What the platform is asked to do. Its kinematics are those of [`super::Trajectory`].
 
 use serde::{Deserialize, Serialize};
 
+use super::pose::Pose;
 use super::sphere::Sphere;
-use super::{MotionError, Pose, Trajectory};
+
+/// The longest program, s: a day.
+pub const LONGEST_S: f64 = 86_400.0;
+
+/// Longest line in which a program travels as JSON, bytes.
+pub const PROGRAM_LINE_BYTES: usize = 1 << 20;
 
 /// One of the six coordinates of the plate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -123,13 +129,5 @@ impl MotionProgram {
     /// The sum of the segments' durations, s.
     pub fn duration_s(&self) -> f64 {
         self.segments.iter().map(Segment::duration_s).sum()
-    }
-
-    /// The exact kinematics of the program. Whether a platform can follow is [`super::Geometry::check`]'s business.
-    ///
-    /// # Errors
-    /// The first segment that makes no sense.
-    pub fn trajectory(&self) -> Result<Trajectory, MotionError> {
-        Trajectory::new(self)
     }
 }

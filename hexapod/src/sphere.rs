@@ -6,8 +6,9 @@
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::kinematics::{Coordinates, PlateState, rotation_from_rpy, rpy_from_rotation};
-use super::trajectory::{envelope, envelope_peaks};
+use super::envelope::{envelope, envelope_peaks};
+use super::kinematics::{Coordinates, PlateState};
+use super::rotation::{rotation_from_rpy, rpy_from_rotation};
 
 /// What a [`super::Segment::Sphere`] does.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -1,11 +1,10 @@
 //! Exact kinematics of a motion program.
 
+use super::envelope::{envelope, envelope_peaks, quintic};
+use super::error::MotionError;
 use super::kinematics::{Coordinates, PlateState};
-use super::program::{MotionProgram, Segment};
-use super::{MotionError, Pose};
-
-/// The longest program, s: a day.
-pub const LONGEST_S: f64 = 86_400.0;
+use super::pose::Pose;
+use super::program::{LONGEST_S, MotionProgram, Segment};
 
 /// One segment at its place in time, begun from a known pose.
 #[derive(Clone, Debug)]
@@ -22,24 +21,6 @@ pub struct Trajectory {
     end: [f64; 6],
     duration_s: f64,
     pieces: Vec<Piece>,
-}
-
-/// The quintic from 0 to 1 with its first and second derivatives; its first two derivatives vanish at both ends.
-fn quintic(s: f64) -> [f64; 3] {
-    if s <= 0.0 {
-        return [0.0; 3];
-    }
-    if s >= 1.0 {
-        return [1.0, 0.0, 0.0];
-    }
-    let r = 1.0 - s;
-    [s * s * s * (10.0 + s * (6.0 * s - 15.0)), 30.0 * s * s * r * r, 60.0 * s * r * (1.0 - 2.0 * s)]
-}
-
-/// The integral of the quintic from 0 to `s`, and the quintic itself with its derivatives.
-pub fn quintic_integral(s: f64) -> (f64, [f64; 3]) {
-    let c = s.clamp(0.0, 1.0);
-    (c * c * c * c * (2.5 + c * (c - 3.0)) + (s - 1.0).max(0.0), quintic(s))
 }
 
 impl Trajectory {
@@ -136,6 +117,16 @@ impl Trajectory {
     }
 }
 
+impl MotionProgram {
+    /// The exact kinematics of the program. Whether a platform can follow is [`super::Geometry::check`]'s business.
+    ///
+    /// # Errors
+    /// The first segment that makes no sense.
+    pub fn trajectory(&self) -> Result<Trajectory, MotionError> {
+        Trajectory::new(self)
+    }
+}
+
 impl Piece {
     fn coordinates(&self, t: f64) -> Coordinates {
         let mut c = Coordinates { value: self.from, ..Coordinates::default() };
@@ -210,26 +201,6 @@ impl Piece {
             + pitch[0] * v2
             + yaw[2];
         [jerk, second]
-    }
-}
-
-/// Largest first, second and third derivatives of the quintic over `ramp` seconds: `15/8`, `10/√3` and 60, by the powers of
-/// the ramp.
-pub(super) fn envelope_peaks(ramp: f64) -> [f64; 3] {
-    [1.875 / ramp, 10.0 / (3.0_f64.sqrt() * ramp * ramp), 60.0 / (ramp * ramp * ramp)]
-}
-
-/// Up over `ramp`, one, down over `ramp`: value and derivatives in seconds.
-pub(super) fn envelope(t: f64, duration: f64, ramp: f64) -> [f64; 3] {
-    let down = duration - t;
-    if t < ramp {
-        let [a, b, c] = quintic(t / ramp);
-        [a, b / ramp, c / (ramp * ramp)]
-    } else if down < ramp {
-        let [a, b, c] = quintic(down / ramp);
-        [a, -b / ramp, c / (ramp * ramp)]
-    } else {
-        [1.0, 0.0, 0.0]
     }
 }
 

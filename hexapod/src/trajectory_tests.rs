@@ -73,7 +73,7 @@ fn rotation_is_orthonormal_and_follows_the_fixed_axes_convention() {
     assert!(gap.iter().all(|e| e.abs() < 1e-15));
     // Roll 90° then yaw 90° about fixed axes carries y to z and leaves it there.
     let quarter = std::f64::consts::FRAC_PI_2;
-    let r = super::super::kinematics::rotation_from_rpy([quarter, 0.0, quarter]);
+    let r = super::super::rotation::rotation_from_rpy([quarter, 0.0, quarter]);
     assert!((r * Vector3::y() - Vector3::z()).iter().all(|e| e.abs() < 1e-15));
 }
 

@@ -1,0 +1,178 @@
+//! How far a state is from what a hexapod must not do.
+
+use super::geometry::Geometry;
+use super::kinematics::PlateState;
+use super::legs::Legs;
+use super::limits::{JointCones, Limit, Violation};
+use super::load::Load;
+
+/// What every limited quantity is at one state, beside its limit. Quantities without a limit are given too, with an
+/// infinite one, so that a planner can see them; forces are there if a load was given.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LimitMargins {
+    /// Lengths, m.
+    pub leg_length_m: [f64; 6],
+    /// Shortest and longest, m.
+    pub leg_length_limit_m: [f64; 2],
+    /// Speeds, m/s.
+    pub leg_rate_mps: [f64; 6],
+    /// Highest, m/s.
+    pub leg_rate_limit_mps: f64,
+    /// Accelerations, m/s².
+    pub leg_acceleration_mps2: [f64; 6],
+    /// Highest, m/s².
+    pub leg_acceleration_limit_mps2: f64,
+    /// Least and greatest force of each leg, N, over all bodies that the load may be; equal for a known body.
+    pub leg_force_n: Option<[[f64; 2]; 6]>,
+    /// Highest magnitude, N.
+    pub leg_force_limit_n: f64,
+    /// Angles at the base joints, rad; absent without cones.
+    pub base_joint_rad: Option<[f64; 6]>,
+    /// Largest, rad.
+    pub base_joint_limit_rad: f64,
+    /// Angles at the plate joints, rad; absent without cones.
+    pub plate_joint_rad: Option<[f64; 6]>,
+    /// Largest, rad.
+    pub plate_joint_limit_rad: f64,
+    /// `cond(H)`, infinite beyond a singular pose as [`Geometry::guarded_condition`] has it.
+    pub condition_number: f64,
+    /// Highest.
+    pub condition_limit: f64,
+}
+
+/// One limit's distance at a state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Margin {
+    /// Value and limit.
+    pub at: Violation,
+    /// Distance to the limit as a share of what is allowed: 1 far away, 0 on the limit, negative beyond it. Of a
+    /// length, the distance to the nearer end over half the stroke; of `cond(H)`, `1 − cond / limit`; of everything
+    /// else `1 − |value| / limit`.
+    pub relative: f64,
+}
+
+impl LimitMargins {
+    /// Every limit's margin at every leg.
+    pub fn all(&self) -> impl Iterator<Item = Margin> + '_ {
+        let [lo, hi] = self.leg_length_limit_m;
+        let lengths = self.leg_length_m.into_iter().enumerate().map(move |(i, l)| Margin {
+            at: Violation { limit: Limit::LegLength, leg: Some(i + 1), value: l, allowed: [lo, hi] },
+            relative: (l - lo).min(hi - l) / (0.5 * (hi - lo)),
+        });
+        let within = |limit, max: f64, values: Option<[f64; 6]>| {
+            values.into_iter().flatten().enumerate().map(move |(i, value)| Margin {
+                at: Violation { limit, leg: Some(i + 1), value, allowed: [-max, max] },
+                relative: if max.is_infinite() { 1.0 } else { 1.0 - value.abs() / max },
+            })
+        };
+        let larger = |[a, b]: [f64; 2]| if b.abs() >= a.abs() { b } else { a };
+        lengths
+            .chain(within(Limit::LegRate, self.leg_rate_limit_mps, Some(self.leg_rate_mps)))
+            .chain(within(
+                Limit::LegAcceleration,
+                self.leg_acceleration_limit_mps2,
+                Some(self.leg_acceleration_mps2),
+            ))
+            .chain(within(Limit::BaseJointAngle, self.base_joint_limit_rad, self.base_joint_rad))
+            .chain(within(Limit::PlateJointAngle, self.plate_joint_limit_rad, self.plate_joint_rad))
+            .chain(within(Limit::LegForce, self.leg_force_limit_n, self.leg_force_n.map(|f| f.map(larger))))
+            .chain(std::iter::once(Margin {
+                at: Violation {
+                    limit: Limit::Conditioning,
+                    leg: None,
+                    value: self.condition_number,
+                    allowed: [1.0, self.condition_limit],
+                },
+                relative: if self.condition_limit.is_infinite() {
+                    1.0
+                } else {
+                    1.0 - self.condition_number / self.condition_limit
+                },
+            }))
+    }
+
+    /// The limit that is nearest, or furthest overstepped. A value that is not a number counts as overstepped.
+    pub fn tightest(&self) -> Margin {
+        let order = |m: &Margin| if m.relative.is_nan() { f64::NEG_INFINITY } else { m.relative };
+        let mut all = self.all();
+        let Some(mut tightest) = all.next() else { unreachable!("six lengths are always there") };
+        for margin in all {
+            if order(&margin) < order(&tightest) {
+                tightest = margin;
+            }
+        }
+        tightest
+    }
+
+    /// The first limit that is not kept, in the order of [`Limit`]'s cheap ones first.
+    ///
+    /// # Errors
+    /// The limit, leg and value.
+    pub fn check(&self) -> Result<(), Violation> {
+        match self.all().find(|m| m.relative < 0.0 || m.relative.is_nan()) {
+            Some(margin) => Err(margin.at),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Geometry {
+    /// Cones of half-angle `half_angle_rad` about the legs' directions at [`Geometry::home`], for the base joints (axes
+    /// in A) or, home being level, for the plate joints (axes in P).
+    pub fn cones_about_home(&self, half_angle_rad: f64) -> JointCones {
+        JointCones { axes: self.legs(&self.home()).directions.map(Into::into), half_angle_rad }
+    }
+
+    /// Every limited quantity at `state` beside its limit; with `load`, the forces of the legs too.
+    pub fn margins(&self, state: &PlateState, load: Option<&Load>) -> LimitMargins {
+        let legs = self.legs_at(&state.position, &state.rotation);
+        let (w, dw) = (state.rotation * state.angular_rate, state.rotation * state.angular_acceleration);
+        let limits = &self.limits;
+        let [base_joint_rad, plate_joint_rad] = self.joint_angles(&legs, state);
+        let most = |limit: Option<f64>| limit.unwrap_or(f64::INFINITY);
+        let widest = |cones: &Option<JointCones>| most(cones.as_ref().map(|c| c.half_angle_rad));
+        LimitMargins {
+            leg_length_m: legs.lengths,
+            leg_length_limit_m: self.leg_length_m,
+            leg_rate_mps: legs.rates(&state.velocity, &w),
+            leg_rate_limit_mps: self.leg_rate_mps,
+            leg_acceleration_mps2: legs.accelerations(&state.velocity, &w, &state.acceleration, &dw),
+            leg_acceleration_limit_mps2: most(limits.leg_acceleration_mps2),
+            leg_force_n: load.map(|load| load.leg_forces_of(&legs, state)),
+            leg_force_limit_n: most(limits.leg_force_n),
+            base_joint_rad,
+            base_joint_limit_rad: widest(&limits.base_joints),
+            plate_joint_rad,
+            plate_joint_limit_rad: widest(&limits.plate_joints),
+            condition_number: self.guarded_condition(&legs),
+            condition_limit: limits.cond_max,
+        }
+    }
+
+    /// `det H` at home. A pose at which it has the other sign lies beyond a singular one: whatever its own `cond(H)`,
+    /// no path of finite `cond(H)` leads there from home.
+    pub(super) fn home_determinant(&self) -> f64 {
+        self.legs(&self.home()).force_transmission().determinant()
+    }
+
+    /// `cond(H)`, or infinity where `det H` has not the sign that it has at home.
+    pub fn guarded_condition(&self, legs: &Legs) -> f64 {
+        let h = legs.force_transmission();
+        if h.determinant() * self.home_determinant() > 0.0 { legs.condition_number() } else { f64::INFINITY }
+    }
+
+    /// Whether `cond(H)` is within the guard, on home's side of every singular pose.
+    pub fn is_guarded(&self, legs: &Legs) -> bool {
+        legs.is_conditioned_within(self.limits.cond_max)
+            && legs.force_transmission().determinant() * self.home_determinant() > 0.0
+    }
+
+    pub(super) fn joint_angles(&self, legs: &Legs, state: &PlateState) -> [Option<[f64; 6]>; 2] {
+        let base = self.limits.base_joints.as_ref().map(|cones| cones.angles(&legs.directions));
+        let plate = self.limits.plate_joints.as_ref().map(|cones| {
+            let back = state.rotation.transpose();
+            cones.angles(&legs.directions.map(|n| back * n))
+        });
+        [base, plate]
+    }
+}
