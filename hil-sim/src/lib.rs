@@ -8,6 +8,9 @@
 //! Read in this order: [`hexapod`] (where the plate is and what force that takes), [`links`] (and if more bodies hang on it),
 //! [`sensors`] (what a sensor makes of it), [`devices`] (what stands in its registers), [`rig`] (all of it together),
 //! [`link`] (a serial line that misbehaves).
+//!
+//! The feature `emulator` (default, Unix only) adds the firmware on an emulated board and the rig as other programs see it,
+//! over a pseudo-terminal and a network (`serve`).
 
 pub mod devices;
 pub mod link;
@@ -15,4 +18,5 @@ pub mod links;
 pub mod rig;
 pub mod runner;
 pub mod sensors;
+#[cfg(feature = "emulator")]
 pub mod serve;

@@ -60,7 +60,7 @@ pub struct Truth {
 impl Truth {
     fn new(mechanics: &Mechanics, experiment: &Experiment, sensor_motion: FrameMotion) -> Self {
         Self {
-            body: mechanics.body,
+            body: mechanics.body(),
             experiment: *experiment,
             apparent_offset_n_nm: mechanics.apparent_offset(experiment),
             sensor_motion,

@@ -16,7 +16,9 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
-use hexapod::STANDARD_GRAVITY_MPS2;
+use hexapod::{
+    THESIS_ACCEL_RANGE_MPS2, THESIS_GYRO_RANGE_RADPS, THESIS_WRENCH_NOISE_N_NM, THESIS_WRENCH_RANGE_N_NM,
+};
 
 /// A quantity that is constant over one experiment: `fixed + spread · n`, with `n` standard normal, drawn from the
 /// seed.
@@ -192,9 +194,7 @@ impl SensorModels {
     /// Not printed there and assumed: accelerometer noise 0.02 m/s² and range 16 g; per-experiment offsets and
     /// biases as large as one sample's noise; a delay of 0.6 ms in the IMU's filters; no bandwidth limit.
     pub fn thesis() -> Self {
-        let force = [9.9 / 1.96, 9.9 / 1.96, 19.8 / 1.96];
-        let moment = [0.75 / 1.96, 0.9 / 1.96, 0.9 / 1.96];
-        let noise = [force[0], force[1], force[2], moment[0], moment[1], moment[2]];
+        let noise = THESIS_WRENCH_NOISE_N_NM;
         let gyro = [8.4e-4 / 1.96, 7.2e-4 / 1.96, 3.7e-3 / 1.96];
         let moment_step = 10.0 / 1333.0;
         Self {
@@ -203,7 +203,7 @@ impl SensorModels {
                 offset_n_nm: PerExperiment::spread(noise),
                 gain_error: PerExperiment::ZERO,
                 resolution_n_nm: [0.125, 0.125, 0.25, moment_step, moment_step, moment_step],
-                range_n_nm: [660.0, 660.0, 1980.0, 60.0, 60.0, 60.0],
+                range_n_nm: THESIS_WRENCH_RANGE_N_NM,
                 bandwidth_hz: None,
                 delay_s: 0.0,
                 undeclared_delay_s: 0.0,
@@ -217,8 +217,8 @@ impl SensorModels {
                 gyro_gain_error: PerExperiment::ZERO,
                 accel_resolution_mps2: 0.0,
                 gyro_resolution_radps: 0.0,
-                accel_range_mps2: 16.0 * STANDARD_GRAVITY_MPS2,
-                gyro_range_radps: 1.309,
+                accel_range_mps2: THESIS_ACCEL_RANGE_MPS2,
+                gyro_range_radps: THESIS_GYRO_RANGE_RADPS,
                 bandwidth_hz: None,
                 delay_s: 0.6e-3,
                 undeclared_delay_s: 0.0,

@@ -15,7 +15,7 @@ mod rig_file;
 mod stream;
 
 pub use carry::{Firmware, carry};
-pub use controller::{Controller, LINE_BYTES};
+pub use controller::Controller;
 pub use options::{Body, SensorFault, Sensors, ServeOptions, Where};
 pub use port::Port;
 pub use rig_file::rig_file;

@@ -2,11 +2,15 @@
 //!
 //! One way leads from a recording to an answer: [`recording`], [`rig`] and [`model`] are what comes in, [`fit`] holds the
 //! information factor, [`answer`] reads it, [`present`] shows it. [`device`] has the firmware make the factor while
-//! [`platform`] moves as [`plan`] found best; [`montecarlo`] tests the intervals; [`cli`] joins all into commands. The
-//! pipeline of a sample is in `rigident_shared`, physics in `rigident_sim`.
+//! [`platform`] moves as [`plan`] found best; `montecarlo` tests the intervals; [`cli`] joins all into commands. The
+//! pipeline of a sample is in `rigident_shared`, mechanics of the platform in `hexapod`, the simulated rig in
+//! `rigident_sim`.
+//!
+//! Features: `simulator` (default) brings the simulated rig and what needs one: `demo`, `montecarlo`, and `replay` through
+//! firmware in this process. `emulator` (default) adds the emulated board, `--mcu qemu`, on Unix. Everything else, down to the
+//! library's types, is there without both.
 
 pub mod answer;
-#[cfg(feature = "simulator")]
 pub mod cli;
 pub mod device;
 pub mod fit;
@@ -14,9 +18,7 @@ pub mod identification;
 pub mod model;
 #[cfg(feature = "simulator")]
 pub mod montecarlo;
-#[cfg(feature = "simulator")]
 pub mod plan;
-#[cfg(feature = "simulator")]
 pub mod platform;
 pub mod present;
 pub mod recording;

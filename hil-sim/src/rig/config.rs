@@ -1,13 +1,14 @@
 //! What a rig is made of, and the fixed frames that follow from it.
 
+use hexapod::{
+    BadRotation, BodyParameters, FrameMotion, Geometry, IdealSensors, MotionError, Mounting, Payload,
+    PlateState,
+};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::devices::Ads131m08;
 use crate::links::{JointState, SecondLink};
 use crate::sensors::{Experiment, ImuModel, PerExperiment, SensorModels};
-use hexapod::STANDARD_GRAVITY_MPS2;
-use hexapod::{BodyParameters, FrameMotion};
-use hexapod::{Geometry, MotionError, Mounting, PlateState};
 
 /// What cannot be done with the rig.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -18,9 +19,9 @@ pub enum RigError {
     /// The gauge calibration has no inverse.
     #[error("the gauge calibration matrix is singular: no voltages belong to some wrenches")]
     SingularCalibration,
-    /// A rotation quaternion is zero or not finite.
-    #[error("the rotation_wxyz of {0} is not a rotation")]
-    BadRotation(&'static str),
+    /// A mounting without a rotation.
+    #[error(transparent)]
+    BadRotation(#[from] BadRotation),
     /// The plate moves.
     #[error("the platform is moving: stop it or wait for the end of its program")]
     Busy,
@@ -67,17 +68,18 @@ pub struct RigConfig {
 impl RigConfig {
     /// The thesis' rig with its test body lying across the platform.
     pub fn thesis_horizontal() -> Self {
+        let Payload { body, load_cell, imu, gravity_mps2 } = Payload::thesis_horizontal();
         Self {
-            body: BodyParameters::thesis_horizontal(),
-            load_cell: Mounting::IDENTITY,
-            imu: Mounting { position_m: [0.06, -0.04, 0.02], rotation_wxyz: [0.92, 0.20, -0.10, 0.32] },
+            body,
+            load_cell,
+            imu,
             second: None,
             sensors: SensorModels::thesis(),
             adc_hz: 1000.0,
             imu_hz: 1000.0,
             imu_phase_s: 0.37e-3,
             gauge_calibration: Self::default_calibration(),
-            gravity_mps2: STANDARD_GRAVITY_MPS2,
+            gravity_mps2,
             geometry: Geometry::thesis(),
             seed: 1,
         }
@@ -142,6 +144,11 @@ impl RigConfig {
         matrix
     }
 
+    /// What the plate carries, a second link left out.
+    pub fn payload(&self) -> Payload {
+        Payload { body: self.body, load_cell: self.load_cell, imu: self.imu, gravity_mps2: self.gravity_mps2 }
+    }
+
     /// Group delay of the load cell's chain that a rig file states: amplifiers and the converter's filter at
     /// [`Self::adc_hz`], s.
     pub fn load_cell_group_delay_s(&self) -> f64 {
@@ -157,49 +164,42 @@ impl RigConfig {
 /// The fixed frames and matrices of a rig, ready for use.
 #[derive(Clone, Debug)]
 pub(super) struct Mechanics {
-    pub(super) body: BodyParameters,
+    sensors: IdealSensors,
     /// With `R` of its IMU's mounting.
     second: Option<(SecondLink, Matrix3<f64>)>,
-    gravity: Vector3<f64>,
-    sensor_position: Vector3<f64>,
-    sensor_rotation: Matrix3<f64>,
-    imu_position: Vector3<f64>,
-    imu_rotation: Matrix3<f64>,
     volts_per_wrench: [[f64; 6]; 6],
 }
 
 impl Mechanics {
     pub(super) fn new(config: &RigConfig) -> Result<Self, RigError> {
         Ok(Self {
-            body: config.body,
             second: match config.second {
-                Some(link) => {
-                    Some((link, link.imu.rotation().ok_or(RigError::BadRotation("the second IMU"))?))
-                }
+                Some(link) => Some((link, link.imu.rotation().ok_or(BadRotation("the second IMU"))?)),
                 None => None,
             },
-            gravity: Vector3::new(0.0, 0.0, -config.gravity_mps2),
-            sensor_position: Vector3::from(config.load_cell.position_m),
-            sensor_rotation: config.load_cell.rotation().ok_or(RigError::BadRotation("the load cell"))?,
-            imu_position: Vector3::from(config.imu.position_m),
-            imu_rotation: config.imu.rotation().ok_or(RigError::BadRotation("the IMU"))?,
+            sensors: config.payload().sensors()?,
             volts_per_wrench: inverse(config.gauge_calibration).ok_or(RigError::SingularCalibration)?,
         })
     }
 
+    pub(super) fn body(&self) -> BodyParameters {
+        *self.sensors.body()
+    }
+
     pub(super) fn sensor_motion(&self, plate: &PlateState) -> FrameMotion {
-        FrameMotion::of_plate(plate).fixed_frame(&self.sensor_position, &self.sensor_rotation)
+        self.sensors.sensor_motion(plate)
     }
 
     /// True wrench on the body at S's origin, in S.
     pub(super) fn wrench(&self, plate: &PlateState) -> [f64; 6] {
-        self.body.wrench(&self.sensor_motion(plate), &self.gravity)
+        self.sensors.wrench(plate)
     }
 
     /// What a second link adds to it, as its joint stands.
     pub(super) fn second_wrench(&self, plate: &PlateState, joint: &JointState) -> [f64; 6] {
-        self.second
-            .map_or([0.0; 6], |(link, _)| link.wrench(&self.sensor_motion(plate), joint, &self.gravity))
+        self.second.map_or([0.0; 6], |(link, _)| {
+            link.wrench(&self.sensor_motion(plate), joint, self.sensors.gravity())
+        })
     }
 
     /// True specific force and angular rate at the second IMU's origin, in its axes; none without a second link.
@@ -208,13 +208,12 @@ impl Mechanics {
         let motion = link
             .motion(&self.sensor_motion(plate), joint)
             .fixed_frame(&Vector3::from(link.imu.position_m), &rotation);
-        Some((motion.specific_force(&self.gravity).into(), motion.body_rate().into()))
+        Some((motion.specific_force(self.sensors.gravity()).into(), motion.body_rate().into()))
     }
 
     /// True specific force and angular rate at U's origin, in U.
     pub(super) fn imu(&self, plate: &PlateState) -> ([f64; 3], [f64; 3]) {
-        let motion = self.sensor_motion(plate).fixed_frame(&self.imu_position, &self.imu_rotation);
-        (motion.specific_force(&self.gravity).into(), motion.body_rate().into())
+        self.sensors.imu(plate)
     }
 
     /// Voltages at the converter's eight inputs; the last two are shorted.
@@ -228,9 +227,10 @@ impl Mechanics {
 
     /// See [`super::Truth::apparent_offset_n_nm`].
     pub(super) fn apparent_offset(&self, experiment: &Experiment) -> [f64; 6] {
-        let bias = self.imu_rotation * Vector3::from(experiment.accel_bias_mps2);
-        let force = self.body.mass_kg * bias;
-        let moment = self.body.mass_kg * Vector3::from(self.body.com_m).cross(&bias);
+        let body = self.body();
+        let bias = self.sensors.imu_rotation() * Vector3::from(experiment.accel_bias_mps2);
+        let force = body.mass_kg * bias;
+        let moment = body.mass_kg * Vector3::from(body.com_m).cross(&bias);
         let [fx, fy, fz, mx, my, mz] = experiment.load_cell_offset_n_nm;
         [fx - force.x, fy - force.y, fz - force.z, mx - moment.x, my - moment.y, mz - moment.z]
     }
@@ -305,7 +305,7 @@ mod tests {
     fn bad_configurations_are_named() {
         let mut config = RigConfig::thesis_horizontal();
         config.imu.rotation_wxyz = [0.0; 4];
-        assert_eq!(Mechanics::new(&config).unwrap_err(), RigError::BadRotation("the IMU"));
+        assert_eq!(Mechanics::new(&config).unwrap_err(), RigError::BadRotation(BadRotation("the IMU")));
         let mut config = RigConfig::thesis_horizontal();
         config.gauge_calibration[3] = config.gauge_calibration[4];
         assert_eq!(Mechanics::new(&config).unwrap_err(), RigError::SingularCalibration);

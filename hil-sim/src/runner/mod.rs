@@ -11,20 +11,28 @@
 use std::io;
 use std::time::Duration;
 
+#[cfg(feature = "emulator")]
 mod emulator_log;
+#[cfg(feature = "emulator")]
 mod error;
 mod frame_bus;
 mod in_process;
+#[cfg(feature = "emulator")]
 mod qemu;
+#[cfg(feature = "emulator")]
+mod requests;
 mod sensor_bus;
 
+#[cfg(feature = "emulator")]
 pub use emulator_log::LogLine;
+#[cfg(feature = "emulator")]
 pub use error::RunnerError;
 pub use frame_bus::{FrameBus, FrameGate, frames_of};
 pub use in_process::InProcess;
+#[cfg(feature = "emulator")]
 pub use qemu::{Qemu, QemuOptions, StackUse, firmware_elf};
-pub use sensor_bus::SensorBus;
 pub(crate) use sensor_bus::lock;
+pub use sensor_bus::{PacedRig, SensorBus};
 
 /// A microcontroller at the other end of a serial line.
 ///

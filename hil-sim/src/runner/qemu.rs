@@ -22,7 +22,8 @@ use tempfile::TempDir;
 
 use super::emulator_log::{self, Log, LogLine};
 use super::error::RunnerError;
-use super::sensor_bus::{PacedRig, SensorBus, answer_requests};
+use super::requests::answer_requests;
+use super::sensor_bus::{PacedRig, SensorBus};
 use super::{Mcu, Pacing};
 use crate::rig::SharedRig;
 

@@ -20,12 +20,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::rig::{MotionState, Rig, SharedRig};
 use crate::runner::lock;
-use hexapod::{MotionProgram, Pose};
+use hexapod::{MotionProgram, PROGRAM_LINE_BYTES, Pose};
 
 use super::listener::{LOOK_AGAIN, Listener};
 
-/// The longest line taken: a program of many segments.
-pub const LINE_BYTES: usize = 1 << 20;
 /// A client that moves the plate and says nothing for so long has hung.
 const QUIET: Duration = Duration::from_secs(2);
 
@@ -101,7 +99,7 @@ fn converse(stream: TcpStream, rig: &SharedRig, leave: &AtomicBool) -> io::Resul
     let mut heard = Instant::now();
     loop {
         // What a timed-out read has brought stays in `line`.
-        let left = LINE_BYTES.saturating_sub(line.len()) as u64;
+        let left = PROGRAM_LINE_BYTES.saturating_sub(line.len()) as u64;
         match (&mut input).take(left).read_until(b'\n', &mut line) {
             Err(e) if matches!(e.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut) => {
                 if leave.load(Ordering::Acquire) {
@@ -115,8 +113,8 @@ fn converse(stream: TcpStream, rig: &SharedRig, leave: &AtomicBool) -> io::Resul
             Err(e) if e.kind() == io::ErrorKind::Interrupted => continue,
             Err(e) => return if started { Ok(true) } else { Err(e) },
             Ok(_) if line.ends_with(b"\n") => {}
-            Ok(_) if line.len() >= LINE_BYTES => {
-                write_line(&mut out, &refused(format!("a line is longer than {LINE_BYTES} bytes")))?;
+            Ok(_) if line.len() >= PROGRAM_LINE_BYTES => {
+                write_line(&mut out, &refused(format!("a line is longer than {PROGRAM_LINE_BYTES} bytes")))?;
                 return Ok(started);
             }
             Ok(_) => return Ok(started),

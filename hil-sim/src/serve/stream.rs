@@ -1,7 +1,6 @@
 //! A platform that takes lines of set points: over TCP, over UDP, over a serial line; nothing is answered.
 //!
-//! A line is `t_s,x_m,y_m,z_m,qw,qx,qy,qz` (the plate in A) or `t_s,l1_m,…,l6_m` (the legs); time goes from the
-//! beginning of the stream. The first line must be where the plate stands, within 5 mm and 20 mrad. A line that
+//! Lines are those of [`hexapod::set_points`]. The first one must be where the plate stands, within 5 mm and 20 mrad. A line that
 //! cannot be followed, and lines that cease, bring the plate to rest; a stream is then over. Every connection and every
 //! sender of datagrams has a stream of its own, and none touches what another client moves.
 
@@ -17,12 +16,11 @@ use super::listener::{LOOK_AGAIN, Listener};
 use super::port::Port;
 use crate::rig::{MotionState, Rig, SharedRig};
 use crate::runner::lock;
+use hexapod::set_points::{LINE_BYTES, SetPoint};
 use hexapod::{Geometry, Pose};
 
 /// The plate is at a line's pose so long after the line's time at the earliest, ns.
 const BEHIND_NS: f64 = 5e7;
-/// The longest line.
-const LINE_BYTES: usize = 512;
 /// So many senders of datagrams are told apart before those that move nothing are forgotten.
 const SENDERS: usize = 64;
 /// How far the first line may be from where the plate stands, m and rad.
@@ -193,22 +191,20 @@ impl Receiver {
     }
 
     fn follow(&mut self, line: &str) -> Result<(), String> {
-        let numbers = line.split(',').map(|n| n.trim().parse::<f64>().ok().filter(|n| n.is_finite()));
-        let numbers: Vec<f64> = numbers.collect::<Option<_>>().ok_or("not numbers between commas")?;
-        let Some((time_s, rest)) = numbers.split_first() else { return Ok(()) };
+        let (time_s, point) = SetPoint::read(line).map_err(|e| e.to_string())?;
         let shared = Arc::clone(&self.rig);
         let rig = &mut *lock(&shared);
         // Time that does not go on, and a plate at rest: another stream.
         let idle = rig.motion() != MotionState::Moving;
-        if self.course.as_ref().is_none_or(|c| *time_s <= c.last_s && idle) {
-            self.begin(rig, *time_s, rest)?;
+        if self.course.as_ref().is_none_or(|c| time_s <= c.last_s && idle) {
+            self.begin(rig, time_s, &point)?;
         }
         let Some(course) = &mut self.course else { return Ok(()) };
         if course.over {
             return Ok(());
         }
-        course.pose = pose(rest, &self.geometry, &course.pose)?;
-        course.last_s = *time_s;
+        course.pose = pose(&point, &self.geometry, &course.pose)?;
+        course.last_s = time_s;
         let at_ns = course.origin_ns + 1e9 * time_s;
         if course.motion != rig.motions_begun() {
             return Err("another client moves the plate".to_owned());
@@ -218,9 +214,9 @@ impl Receiver {
         Ok(())
     }
 
-    fn begin(&mut self, rig: &mut Rig, time_s: f64, numbers: &[f64]) -> Result<(), String> {
+    fn begin(&mut self, rig: &mut Rig, time_s: f64, point: &SetPoint) -> Result<(), String> {
         let here = rig.pose();
-        let first = pose(numbers, &self.geometry, &here)?;
+        let first = pose(point, &self.geometry, &here)?;
         let far = |a: [f64; 3], b: [f64; 3]| (0..3).fold(0.0_f64, |m, i| m.max((a[i] - b[i]).abs()));
         let away = [far(first.position_m, here.position_m), far(first.rpy_rad, here.rpy_rad)];
         if rig.motion() == MotionState::Moving {
@@ -242,26 +238,9 @@ impl Receiver {
     }
 }
 
-fn pose(numbers: &[f64], geometry: &Geometry, near: &Pose) -> Result<Pose, String> {
-    match *numbers {
-        [x, y, z, w, a, b, c] => {
-            let norm = (w * w + a * a + b * b + c * c).sqrt();
-            if (norm - 1.0).abs() > 0.01 {
-                return Err(format!("a quaternion of length {norm} is no attitude"));
-            }
-            let [w, a, b, c] = [w, a, b, c].map(|q| q / norm);
-            Ok(Pose {
-                position_m: [x, y, z],
-                rpy_rad: [
-                    (2.0 * (b * c + w * a)).atan2(1.0 - 2.0 * (a * a + b * b)),
-                    (2.0 * (w * b - a * c)).clamp(-1.0, 1.0).asin(),
-                    (2.0 * (a * b + w * c)).atan2(1.0 - 2.0 * (b * b + c * c)),
-                ],
-            })
-        }
-        [l1, l2, l3, l4, l5, l6] => {
-            geometry.forward(&[l1, l2, l3, l4, l5, l6], near).map_err(|e| e.to_string())
-        }
-        _ => Err(format!("{} numbers behind the time: a pose has 7, the legs have 6", numbers.len())),
+fn pose(point: &SetPoint, geometry: &Geometry, near: &Pose) -> Result<Pose, String> {
+    match point {
+        SetPoint::Pose(pose) => Ok(*pose),
+        SetPoint::Legs(lengths) => geometry.forward(lengths, near).map_err(|e| e.to_string()),
     }
 }

@@ -4,12 +4,10 @@ use clap::{Args, Parser, Subcommand};
 
 pub use super::adaptive::Adaptive;
 pub use super::course_arguments::Course;
-pub use super::demo::Demonstrated;
 pub use super::factor_arguments::{MakeFactor, Merge, Solve, TareFiles};
 pub use super::known_arguments::KnownQuantities;
 pub use super::memory_arguments::Remember;
 pub use super::model_arguments::{BenchCommand, ModelCommand, TreeModel, TreeOptions};
-pub use super::montecarlo_poses::MontecarloPoses;
 pub use super::plan_arguments::{Plan, Workspace};
 pub use super::programme::Programme;
 
@@ -131,6 +129,21 @@ pub struct Demo {
     #[command(flatten)]
     #[allow(missing_docs)]
     pub output: Output,
+}
+
+/// What a demonstration identifies.
+#[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Demonstrated {
+    /// The thesis' test body with plates, lying: centre of mass at 53 mm
+    #[default]
+    Horizontal,
+    /// The same standing: centre of mass at 247 mm
+    Vertical,
+    /// An arm on a ball joint on that body, an IMU on each: 19 base parameters and the offset, 1 kHz
+    TwoLinks,
+    /// A person of 15 links and 34 degrees of freedom from frames, 100 a second: 128 base parameters
+    #[value(name = "human34")]
+    Human34,
 }
 
 /// The two mountings of the thesis' test body.
@@ -386,10 +399,46 @@ pub enum Estimating {
 
 impl Arguments {
     /// What a bare `rigident` does.
+    #[cfg(feature = "simulator")]
     pub(super) fn default_demo() -> Demo {
         match Self::parse_from(["rigident", "demo"]).command {
             Some(Command::Demo(demo)) => demo,
             _ => unreachable!("the words above are the demonstration"),
         }
     }
+}
+
+/// `rigident montecarlo poses`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "Each run draws the load cell's offset once and its noise for every reading (the thesis' Table 1 / 1.96 for both); both are also \
+                        tried by themselves. Uncertainties are 99.7 % (3 standard deviations), in mm.\n\nExamples:\n  rigident montecarlo \
+                        poses\n  rigident montecarlo poses --runs 10000 --json\n  rigident montecarlo poses --plot probability.svg \
+                        --plot-n 5"
+)]
+pub struct MontecarloPoses {
+    /// Number of experiments of each kind
+    #[arg(long, default_value_t = 2500, value_name = "R", value_parser = clap::value_parser!(u64).range(2..=1_000_000))]
+    pub runs: u64,
+    /// Seed of all of them; the figures follow from it on any number of cores
+    #[arg(long, default_value_t = 1, value_name = "S", value_parser = clap::value_parser!(u64).range(..=u64::from(u32::MAX)))]
+    pub seed: u64,
+    /// Fewest poses
+    #[arg(long, default_value_t = 2, value_name = "K")]
+    pub from: usize,
+    /// Most poses
+    #[arg(long, default_value_t = 10, value_name = "K")]
+    pub to: usize,
+    /// Use only so much of the legs' stroke, about its middle, m
+    #[arg(long, value_name = "S")]
+    pub stroke_m: Option<f64>,
+    /// Write a normal probability plot of the thesis' estimator here, SVG; must not exist
+    #[arg(long, value_name = "FILE")]
+    pub plot: Option<PathBuf>,
+    /// Number of poses in the plot
+    #[arg(long, default_value_t = 5, value_name = "K", requires = "plot")]
+    pub plot_n: usize,
+    /// Print one object on standard output, and nothing else there
+    #[arg(long)]
+    pub json: bool,
 }

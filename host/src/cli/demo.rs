@@ -6,31 +6,16 @@ use rigident_shared::wire::Source;
 use rigident_sim::rig::{Rig, RigConfig};
 use rigident_sim::sensors::SensorModels;
 
-use super::arguments::{Demo, DemoBody};
+use super::arguments::{Demo, DemoBody, Demonstrated};
 use super::experiment::{Experiment, Watcher, device_notes};
 use super::memory_arguments::{self, RowsOf};
 use super::outcome::provenance;
-use super::{Failure, Folder, demo_links, simulated};
+use super::{Failure, Folder, demo_links, programme, simulated};
 use crate::answer::assemble::Asked;
 use crate::device::link::Client;
 use crate::device::session::{DeviceTiming, Session, settings};
 use crate::identification::remembered::imu_noise;
 use crate::platform::{LocalPlatform, Platform as _};
-
-/// What a demonstration identifies.
-#[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Demonstrated {
-    /// The thesis' test body with plates, lying: centre of mass at 53 mm
-    #[default]
-    Horizontal,
-    /// The same standing: centre of mass at 247 mm
-    Vertical,
-    /// An arm on a ball joint on that body, an IMU on each: 19 base parameters and the offset, 1 kHz
-    TwoLinks,
-    /// A person of 15 links and 34 degrees of freedom from frames, 100 a second: 128 base parameters
-    #[value(name = "human34")]
-    Human34,
-}
 
 /// Rate of the demonstration, 1/s.
 pub(super) const RATE_HZ: f64 = 1000.0;
@@ -84,7 +69,7 @@ fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
     let (mut stages, mut same_pose, mut duration_s) = (Vec::new(), None, 0.0);
     if directing.is_none() {
         let (program, _) = arguments.programme.program(&geometry, file.recording.gravity_mps2)?;
-        (stages, same_pose) = simulated::stages(&program);
+        (stages, same_pose) = programme::stages(&program);
         platform.load(&program).map_err(Failure::link)?;
         duration_s = program.duration_s();
     }

@@ -8,8 +8,8 @@ use std::path::PathBuf;
 use hexapod::Trajectory;
 
 use super::Failure;
+use crate::platform::MotionSample;
 use crate::platform::tracking::{Tracking, compare, difference};
-use crate::platform::{MotionSample, quaternion};
 use crate::present::TimePlot;
 
 /// Writes commanded and measured poses as a recording in CSV, line by line.
@@ -58,7 +58,7 @@ impl MotionLog {
         };
         let mut line = format!("{:.6}", sample.time_s);
         for pose in [Some(sample.commanded), sample.measured.filter(|_| measured)].into_iter().flatten() {
-            for value in pose.position_m.into_iter().chain(quaternion(&pose)) {
+            for value in pose.position_m.into_iter().chain(pose.quaternion_wxyz()) {
                 line.push_str(&format!(",{value:.9}"));
             }
         }

@@ -9,7 +9,9 @@ mod at_rest;
 mod bench;
 mod confirm;
 mod course_arguments;
+#[cfg(feature = "simulator")]
 mod demo;
+#[cfg(feature = "simulator")]
 mod demo_links;
 mod experiment;
 mod factor;
@@ -26,7 +28,9 @@ mod links;
 mod memory_arguments;
 mod model;
 mod model_arguments;
+#[cfg(feature = "simulator")]
 mod montecarlo;
+#[cfg(feature = "simulator")]
 mod montecarlo_poses;
 mod outcome;
 mod plan_arguments;
@@ -39,6 +43,10 @@ mod refused;
 mod replay;
 mod replay_links;
 mod run;
+#[cfg(feature = "simulator")]
+mod simulated;
+#[cfg(not(feature = "simulator"))]
+#[path = "no_simulator.rs"]
 mod simulated;
 mod tree_outcome;
 mod workspace;
@@ -54,7 +62,9 @@ pub use folder::Folder;
 pub use progress::Progress;
 use progress::Stages;
 
-use arguments::{Command, Convert, Repeated};
+#[cfg(feature = "simulator")]
+use arguments::Repeated;
+use arguments::{Command, Convert};
 use plan_arguments::Planned;
 
 /// Runs the command line of this process.
@@ -107,7 +117,27 @@ fn command() -> clap::Command {
             })
             .mut_subcommands(with_numbers)
     }
-    with_numbers(Arguments::command())
+    with_numbers(without_missing(Arguments::command()))
+}
+
+/// The command line as it is where nothing is left out.
+#[cfg(feature = "simulator")]
+fn without_missing(command: clap::Command) -> clap::Command {
+    command
+}
+
+/// Says in the help what this build cannot do.
+#[cfg(not(feature = "simulator"))]
+fn without_missing(command: clap::Command) -> clap::Command {
+    const MISSING: &str = "Not in this build: it needs the simulated rig (feature `simulator`)";
+    command
+        .mut_subcommand("demo", |demo| demo.about(MISSING))
+        .mut_subcommand("montecarlo", |montecarlo| montecarlo.about(MISSING))
+        .mut_subcommand("replay", |replay| {
+            replay.mut_arg("mcu", |mcu| {
+                mcu.help("The port of a device; inproc and qemu need the feature `simulator`")
+            })
+        })
 }
 
 /// What the parser says, without its hints on usage.
@@ -118,8 +148,12 @@ fn in_one_line(said: &str) -> String {
 
 fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
     match arguments.command {
+        #[cfg(feature = "simulator")]
         None => demo::run(&Arguments::default_demo()),
+        #[cfg(feature = "simulator")]
         Some(Command::Demo(a)) => demo::run(&a),
+        #[cfg(not(feature = "simulator"))]
+        None | Some(Command::Demo(_)) => Err(simulated::refused("`rigident demo`")),
         Some(Command::Identify(a)) => identify::run(&a),
         Some(Command::Replay(a)) => replay::run(&a),
         Some(Command::Run(a)) => run::run(&a),
@@ -130,6 +164,9 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
         Some(Command::Info(a)) => link::info(&a),
         Some(Command::Configure(a)) => link::configure(&a),
         Some(Command::Convert(a)) => convert(&a),
+        #[cfg(not(feature = "simulator"))]
+        Some(Command::Montecarlo(_)) => Err(simulated::refused("`rigident montecarlo`")),
+        #[cfg(feature = "simulator")]
         Some(Command::Montecarlo(a)) => match &a.what {
             Some(Repeated::Poses(poses)) => montecarlo_poses::run(poses),
             None => montecarlo::run(&a),

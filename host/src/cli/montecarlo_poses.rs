@@ -1,13 +1,13 @@
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc;
 
-use clap::Args;
 use hexapod::Geometry;
 use nalgebra::Vector3;
 use serde::Serialize;
 
+use super::arguments::MontecarloPoses;
 use super::outcome::say;
 use super::{Failure, Progress};
 use crate::device::session::INTERRUPTED;
@@ -20,41 +20,6 @@ use crate::plan::poses::{Objective, Reach, Region};
 use crate::present::probability::{Panel, Sample, straightness, svg};
 use crate::recording::error::RecordingError;
 use crate::recording::new_file::write_new_text;
-
-/// `rigident montecarlo poses`
-#[derive(Args, Debug, Clone)]
-#[command(
-    after_help = "Each run draws the load cell's offset once and its noise for every reading (the thesis' Table 1 / 1.96 for both); both are also \
-                        tried by themselves. Uncertainties are 99.7 % (3 standard deviations), in mm.\n\nExamples:\n  rigident montecarlo \
-                        poses\n  rigident montecarlo poses --runs 10000 --json\n  rigident montecarlo poses --plot probability.svg \
-                        --plot-n 5"
-)]
-pub struct MontecarloPoses {
-    /// Number of experiments of each kind
-    #[arg(long, default_value_t = 2500, value_name = "R", value_parser = clap::value_parser!(u64).range(2..=1_000_000))]
-    pub runs: u64,
-    /// Seed of all of them; the figures follow from it on any number of cores
-    #[arg(long, default_value_t = 1, value_name = "S", value_parser = clap::value_parser!(u64).range(..=u64::from(u32::MAX)))]
-    pub seed: u64,
-    /// Fewest poses
-    #[arg(long, default_value_t = 2, value_name = "K")]
-    pub from: usize,
-    /// Most poses
-    #[arg(long, default_value_t = 10, value_name = "K")]
-    pub to: usize,
-    /// Use only so much of the legs' stroke, about its middle, m
-    #[arg(long, value_name = "S")]
-    pub stroke_m: Option<f64>,
-    /// Write a normal probability plot of the thesis' estimator here, SVG; must not exist
-    #[arg(long, value_name = "FILE")]
-    pub plot: Option<PathBuf>,
-    /// Number of poses in the plot
-    #[arg(long, default_value_t = 5, value_name = "K", requires = "plot")]
-    pub plot_n: usize,
-    /// Print one object on standard output, and nothing else there
-    #[arg(long)]
-    pub json: bool,
-}
 
 /// The object of `--json`.
 #[derive(Serialize)]

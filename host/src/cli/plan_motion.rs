@@ -7,7 +7,6 @@ use hexapod::BodyParameters;
 use hexapod::Mounting;
 use hexapod::{Limit, Peak};
 use rigident_shared::inertia::PARAMETER_NAMES;
-use rigident_sim::rig::RigConfig;
 use serde::Serialize;
 
 use super::arguments::DemoBody;
@@ -15,6 +14,7 @@ use super::outcome::say;
 use super::plan_arguments::{MotionObjective, PlanCompare, PlanMotion};
 use super::{Failure, Progress};
 use crate::device::session::INTERRUPTED;
+use crate::plan::equipment::Equipment;
 use crate::plan::machine;
 use crate::plan::motion::{self, MotionPlan, Objective, Task, compare, coverage};
 use crate::plan::plan_file::PlanFile;
@@ -71,8 +71,8 @@ pub(super) fn run(arguments: &PlanMotion) -> Result<ExitCode, Failure> {
     let stopped = INTERRUPTED.load(Ordering::Relaxed);
     if let Some(path) = &arguments.out {
         let title = format!("{words}, {:.0} s", plan.program.duration_s());
-        PlanFile::new(title, &task.config.geometry, plan.program.clone())
-            .carrying(motion::plan::carried(&task.config))
+        PlanFile::new(title, &task.equipment.geometry, plan.program.clone())
+            .carrying(task.equipment.carried())
             .write(path)
             .map_err(Failure::input)?;
         eprintln!("{}", path.display());
@@ -108,8 +108,8 @@ struct Compared<'a> {
 
 /// `rigident plan compare`
 pub(super) fn compare(arguments: &PlanCompare) -> Result<ExitCode, Failure> {
-    let (config, rate_hz, _) = rig(arguments.rig.as_deref(), arguments.stroke_m)?;
-    let task = Task { duration_s: arguments.duration_s, rate_hz, ..Task::new(config) };
+    let (equipment, rate_hz, _) = rig(arguments.rig.as_deref(), arguments.stroke_m)?;
+    let task = Task { duration_s: arguments.duration_s, rate_hz, ..Task::new(equipment) };
     let mut progress = Progress::new();
     let rows =
         compare::compare(&task, &INTERRUPTED, |text| progress.show(|| text)).map_err(Failure::input)?;
@@ -134,60 +134,52 @@ pub(super) fn compare(arguments: &PlanCompare) -> Result<ExitCode, Failure> {
     Ok(ended(INTERRUPTED.load(Ordering::Relaxed), "motions"))
 }
 
-/// A rig's configuration, the rate of its readings, 1/s, and its body.
-type Planned = (RigConfig, f64, Option<BodyParameters>);
+/// Equipment, the rate of its readings, 1/s, and its body.
+type Planned = (Equipment, f64, Option<BodyParameters>);
 
 /// What of a rig a motion depends on; the body if the file tells of it.
 fn rig(path: Option<&Path>, stroke_m: Option<f64>) -> Result<Planned, Failure> {
-    let mut config = RigConfig::thesis_horizontal();
+    let mut equipment = Equipment::thesis_horizontal();
     let mut rate_hz = 1000.0;
     let mut body = None;
     if let Some(path) = path {
         let file = RigFile::load(path).map_err(Failure::input)?;
         let named = |e: machine::MachineError| Failure::input(format!("{}: {e}", path.display()));
-        config.geometry = machine::geometry(&file).map_err(named)?;
+        equipment.geometry = machine::geometry(&file).map_err(named)?;
         machine::load_cell(&file).map_err(named)?;
+        let payload = &mut equipment.payload;
         if let Some(place) = file.platform.as_ref().and_then(|p| p.load_cell.as_ref()) {
-            config.load_cell = Mounting { position_m: place.position_m, rotation_wxyz: place.rotation_wxyz };
+            payload.load_cell = Mounting { position_m: place.position_m, rotation_wxyz: place.rotation_wxyz };
         }
+        payload.gravity_mps2 = file.recording.gravity_mps2;
         if let Some(imu) = file.imu.first() {
-            config.imu = Mounting { position_m: imu.position_m, rotation_wxyz: imu.rotation_wxyz };
-            if let Some(range) = imu.range_radps {
-                config.sensors.imu.gyro_range_radps = range;
-            }
-            if let Some(range) = imu.range_mps2 {
-                config.sensors.imu.accel_range_mps2 = range;
-            }
+            payload.imu = Mounting { position_m: imu.position_m, rotation_wxyz: imu.rotation_wxyz };
+            equipment.gyro_range_radps = imu.range_radps.unwrap_or(equipment.gyro_range_radps);
+            equipment.accel_range_mps2 = imu.range_mps2.unwrap_or(equipment.accel_range_mps2);
         }
-        if let Some(noise) = file.load_cell.noise_n_nm {
-            config.sensors.load_cell.noise_n_nm = noise;
-        }
-        if let Some(range) = file.load_cell.range_n_nm {
-            config.sensors.load_cell.range_n_nm = range;
-        }
-        config.gravity_mps2 = file.recording.gravity_mps2;
+        equipment.noise_n_nm = file.load_cell.noise_n_nm.unwrap_or(equipment.noise_n_nm);
+        equipment.wrench_range_n_nm = file.load_cell.range_n_nm.unwrap_or(equipment.wrench_range_n_nm);
         rate_hz = file.recording.rate_hz.unwrap_or(rate_hz);
         body = machine::body(&file);
     }
     if let Some(stroke_m) = stroke_m {
-        config.geometry = config.geometry.with_stroke(stroke_m).map_err(Failure::input)?;
+        equipment.geometry = equipment.geometry.with_stroke(stroke_m).map_err(Failure::input)?;
     }
-    Ok((config, rate_hz, body))
+    Ok((equipment, rate_hz, body))
 }
 
 /// The task, and in words which body it is for.
 fn task(arguments: &PlanMotion) -> Result<(Task, String), Failure> {
-    let (config, rate_hz, truth) = rig(arguments.rig.as_deref(), arguments.stroke_m)?;
+    let (equipment, rate_hz, truth) = rig(arguments.rig.as_deref(), arguments.stroke_m)?;
     let (body, words) = match (arguments.body, truth) {
         (None, Some(body)) => (body, "as [truth] in the rig file says"),
         (Some(DemoBody::Vertical), _) => {
-            (RigConfig::thesis_vertical().body, "the thesis' test body with plates, vertical")
+            (BodyParameters::thesis_vertical(), "the thesis' test body with plates, vertical")
         }
         (Some(DemoBody::Horizontal) | None, _) => {
-            (RigConfig::thesis_horizontal().body, "the thesis' test body with plates, horizontal")
+            (BodyParameters::thesis_horizontal(), "the thesis' test body with plates, horizontal")
         }
     };
-    let config = config.with_body(body);
     let objective = match arguments.objective {
         MotionObjective::DOptimal => Objective::DOptimal,
         MotionObjective::Spheres => Objective::Spheres,
@@ -205,7 +197,7 @@ fn task(arguments: &PlanMotion) -> Result<(Task, String), Failure> {
         poses: !arguments.no_poses,
         highest_hz: arguments.highest_hz.unwrap_or(motion::plan::HIGHEST_HZ),
         rate_hz,
-        ..Task::new(config)
+        ..Task::new(equipment.with_body(body))
     };
     Ok((task, words.to_owned()))
 }
@@ -277,7 +269,7 @@ fn text(plan: &MotionPlan, words: &str, [rate, acceleration]: [f64; 2], task: &T
     text += &format!(
         "\n\nThe body: {body}, {:.3} kg.\nPredicted U95 at {:.0} readings/s, offsets unknown: mass {:.4} kg; centre of mass {x:.3}, {y:.3}, {z:.3} mm;\n\
          tensor about it (Ixx, Iyy, Izz, Iyz, Izx, Ixy) {}, 1e-3 kg m².\nCondition number of the columns, scaled: {:.2}.",
-        task.config.body.mass_kg,
+        task.equipment.payload.body.mass_kg,
         task.rate_hz,
         p.parameters[0],
         p.inertia_com_kgm2.map(|v| format!("{:.3}", 1e3 * v)).join(", "),

@@ -2,9 +2,8 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
-use hexapod::{Geometry, Load};
+use hexapod::{Geometry, Load, THESIS_WRENCH_NOISE_N_NM};
 use nalgebra::Matrix3;
-use rigident_sim::sensors::SensorModels;
 use serde::Serialize;
 
 use super::outcome::say;
@@ -172,7 +171,7 @@ fn table(plan: &PosePlan, region: &Region, reach: &Reach) -> String {
 }
 
 fn rig(path: Option<&Path>) -> Result<Rig, Failure> {
-    let thesis = SensorModels::thesis().load_cell.noise_n_nm;
+    let thesis = THESIS_WRENCH_NOISE_N_NM;
     let Some(path) = path else {
         return Ok(Rig {
             geometry: Geometry::thesis(),

@@ -2,11 +2,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 use hexapod::experiment::thesis_program;
-use hexapod::{Geometry, Load, MotionProgram};
+use hexapod::{Geometry, Load, MotionProgram, Segment};
 
 use super::Failure;
 use super::experiment::check_duration;
 use crate::plan::plan_file::PlanFile;
+use crate::present::Stage;
 
 /// What the platform does.
 #[derive(Args, Debug, Clone)]
@@ -38,4 +39,44 @@ impl Programme {
         check_duration(self.duration_s)?;
         Ok((thesis_program(geometry, self.duration_s), None))
     }
+}
+
+/// The parts of a program, and the spans (s) of its first and last pose after a move: the same pose twice.
+pub(super) fn stages(program: &MotionProgram) -> (Vec<Stage>, Option<[(f64, f64); 2]>) {
+    let mut stages = Vec::new();
+    let mut holds = Vec::new();
+    let (mut at, mut poses, mut moved) = (0.0, 0, false);
+    for segment in &program.segments {
+        let duration = segment.duration_s();
+        let name = match segment {
+            Segment::Move { .. } => {
+                moved = true;
+                None
+            }
+            Segment::Hold { .. } => {
+                if moved {
+                    poses += 1;
+                    holds.push((at, at + duration));
+                    Some(format!("pose {poses}"))
+                } else {
+                    Some("home".to_owned())
+                }
+            }
+            Segment::Multisine { .. } | Segment::Sphere(_) => Some("motion".to_owned()),
+        };
+        if let Some(name) = name {
+            stages.push(Stage { start_s: at, name });
+        }
+        at += duration;
+    }
+    if let Some(last) = stages.last_mut()
+        && holds.len() > 1
+    {
+        last.name = "pose 1 again".to_owned();
+    }
+    let ends = match (holds.first(), holds.last()) {
+        (Some(first), Some(last)) if holds.len() > 1 => Some([*first, *last]),
+        _ => None,
+    };
+    (stages, ends)
 }

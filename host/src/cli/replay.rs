@@ -4,7 +4,7 @@ use std::time::Instant;
 use rigident_shared::forgetting::MemoryConfig;
 use rigident_shared::wire::Source;
 
-use super::arguments::{Mcu, Replay};
+use super::arguments::Replay;
 use super::experiment::{Experiment, Watcher};
 use super::identify_tree::{refuse_without_tree, tree_of};
 use super::memory_arguments::{self, RowsOf};
@@ -103,9 +103,8 @@ pub(super) fn told_noise(sigma: &[f64]) -> String {
 
 /// A device that readings are sent to, and what it is called.
 pub(super) fn device(mcu: &str) -> Result<(&'static str, Box<dyn Transport>), Failure> {
-    Ok(match mcu {
-        "inproc" => ("inproc", simulated::transport(Mcu::Inproc, &simulated::idle_rig()?)?),
-        "qemu" => ("qemu", simulated::transport(Mcu::Qemu, &simulated::idle_rig()?)?),
-        port => ("port", Box::new(SerialTransport::open(port).map_err(Failure::link)?)),
-    })
+    if let Some(simulated) = simulated::named(mcu)? {
+        return Ok(simulated);
+    }
+    Ok(("port", Box::new(SerialTransport::open(mcu).map_err(Failure::link)?)))
 }

@@ -17,7 +17,7 @@ use super::links::{LinksExperiment, check_asked};
 use super::memory_arguments::{self, RowsOf};
 use super::outcome::provenance;
 use super::refused::refuse_for_trees;
-use super::{Failure, Folder, simulated};
+use super::{Failure, Folder, programme};
 use crate::answer::assemble::Asked;
 use crate::device::session::tree::device_tree;
 use crate::device::session::{DeviceTiming, INTERRUPTED, Session, settings, two_links};
@@ -108,7 +108,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let mut directing = arguments.adaptive.directing(&rig, &geometry, &settings)?;
     let (mut stages, mut same_pose) = (Vec::new(), None);
     if let Some(program) = &fixed {
-        (stages, same_pose) = simulated::stages(program);
+        (stages, same_pose) = programme::stages(program);
         eprintln!("to the first pose");
         approach(platform.as_mut(), &mut session)?;
     }

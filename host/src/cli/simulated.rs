@@ -3,15 +3,13 @@
 use std::io;
 use std::time::Duration;
 
-use hexapod::{MotionProgram, Segment};
 use rigident_sim::rig::{Rig, RigConfig, SharedRig};
-use rigident_sim::runner::{FrameBus, FrameGate, InProcess, Pacing, Qemu, QemuOptions};
+use rigident_sim::runner::{FrameBus, FrameGate, InProcess, PacedRig, Pacing, SensorBus};
 
 use super::Failure;
 use super::arguments::Mcu;
 use crate::device::link::Transport;
 use crate::device::session::tree::FrameSource;
-use crate::present::Stage;
 use crate::rig::{BodyTable, Calibrated, ImuTable, LoadCellTable, RecordingTable, RigFile, TruthTable};
 
 /// A simulated microcontroller at the end of a line.
@@ -31,11 +29,34 @@ impl Transport for Simulated {
 pub(super) fn transport(mcu: Mcu, rig: &SharedRig) -> Result<Box<dyn Transport>, Failure> {
     let mcu: Box<dyn rigident_sim::runner::Mcu> = match mcu {
         Mcu::Inproc => Box::new(InProcess::new(rig.clone(), Pacing::LockStep)),
-        Mcu::Qemu => Box::new(
-            Qemu::spawn(&QemuOptions::default(), rig.clone(), Pacing::LockStep).map_err(Failure::link)?,
-        ),
+        Mcu::Qemu => emulated(Box::new(PacedRig::new(rig.clone(), Pacing::LockStep)))?,
     };
     Ok(Box::new(Simulated(mcu)))
+}
+
+/// The release firmware on the emulated board with this bus behind its drivers.
+#[cfg(feature = "emulator")]
+fn emulated(bus: Box<dyn SensorBus>) -> Result<Box<dyn rigident_sim::runner::Mcu>, Failure> {
+    use rigident_sim::runner::{Qemu, QemuOptions};
+    Ok(Box::new(Qemu::spawn_on(&QemuOptions::default(), bus).map_err(Failure::link)?))
+}
+
+#[cfg(not(feature = "emulator"))]
+fn emulated(_: Box<dyn SensorBus>) -> Result<Box<dyn rigident_sim::runner::Mcu>, Failure> {
+    Err(Failure::input(
+        "--mcu qemu: this program was built without the emulated board (feature `emulator`, Unix only); say --mcu inproc",
+    ))
+}
+
+/// The firmware that a recording is sent to, on the microcontroller of this name; `None` if the name is not one of a
+/// simulated one.
+pub(super) fn named(mcu: &str) -> Result<Option<(&'static str, Box<dyn Transport>)>, Failure> {
+    let mcu = match mcu {
+        "inproc" => Mcu::Inproc,
+        "qemu" => Mcu::Qemu,
+        _ => return Ok(None),
+    };
+    Ok(Some((name(mcu), transport(mcu, &idle_rig()?)?)))
 }
 
 /// The firmware on the chosen microcontroller, fed with frames over the lock-step bus, and who lets them go.
@@ -47,7 +68,7 @@ pub(super) fn frames(
     let (bus, gate) = FrameBus::new(frames, rate_hz);
     let mcu: Box<dyn rigident_sim::runner::Mcu> = match mcu {
         Mcu::Inproc => Box::new(InProcess::on(Box::new(bus))),
-        Mcu::Qemu => Box::new(Qemu::spawn_on(&QemuOptions::default(), Box::new(bus)).map_err(Failure::link)?),
+        Mcu::Qemu => emulated(Box::new(bus))?,
     };
     Ok((Box::new(Simulated(mcu)), Gate(gate)))
 }
@@ -74,7 +95,7 @@ pub(super) fn name(mcu: Mcu) -> &'static str {
 }
 
 /// A rig that nothing is asked of: for a firmware that is fed a recording.
-pub(super) fn idle_rig() -> Result<SharedRig, Failure> {
+fn idle_rig() -> Result<SharedRig, Failure> {
     Rig::new(RigConfig::thesis_horizontal()).map(Rig::shared).map_err(Failure::input)
 }
 
@@ -138,44 +159,4 @@ pub(super) fn rig_file(rig: &Rig, body_name: &str) -> RigFile {
 pub(super) fn normalised(q: [f64; 4]) -> [f64; 4] {
     let norm = q.iter().map(|v| v * v).sum::<f64>().sqrt();
     q.map(|v| v / norm)
-}
-
-/// The parts of a program, and the spans (s) of its first and last pose after a move: the same pose twice.
-pub(super) fn stages(program: &MotionProgram) -> (Vec<Stage>, Option<[(f64, f64); 2]>) {
-    let mut stages = Vec::new();
-    let mut holds = Vec::new();
-    let (mut at, mut poses, mut moved) = (0.0, 0, false);
-    for segment in &program.segments {
-        let duration = segment.duration_s();
-        let name = match segment {
-            Segment::Move { .. } => {
-                moved = true;
-                None
-            }
-            Segment::Hold { .. } => {
-                if moved {
-                    poses += 1;
-                    holds.push((at, at + duration));
-                    Some(format!("pose {poses}"))
-                } else {
-                    Some("home".to_owned())
-                }
-            }
-            Segment::Multisine { .. } | Segment::Sphere(_) => Some("motion".to_owned()),
-        };
-        if let Some(name) = name {
-            stages.push(Stage { start_s: at, name });
-        }
-        at += duration;
-    }
-    if let Some(last) = stages.last_mut()
-        && holds.len() > 1
-    {
-        last.name = "pose 1 again".to_owned();
-    }
-    let ends = match (holds.first(), holds.last()) {
-        (Some(first), Some(last)) if holds.len() > 1 => Some([*first, *last]),
-        _ => None,
-    };
-    (stages, ends)
 }

@@ -1,11 +1,12 @@
 //! What to do with the platform before it moves: which poses and motions tell most of the body.
 //!
-//! Lives here: the platform that a rig file describes ([`machine`]), where it can be tilted to ([`workspace`]), still
+//! Lives here: the platform that a rig file describes ([`machine`]) with body and sensors ([`equipment`]), where it can be tilted to ([`workspace`]), still
 //! poses ([`poses`]), moves between them ([`ways`]), plans on disk ([`plan_file`]). May not live here: the platform's mechanics (that is
 //! `hexapod`), driving it ([`crate::platform`]), what a user types and sees ([`crate::cli`]). Next:
 //! [`crate::device::session`], which follows a plan.
 
 pub mod adaptive;
+pub mod equipment;
 pub mod machine;
 pub mod motion;
 pub mod plan_file;

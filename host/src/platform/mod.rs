@@ -1,7 +1,7 @@
 //! What moves the rig's plate.
 //!
 //! Lives here: the [`Platform`] trait and its drivers ([`connect`] chooses by the address): the simulated rig in this
-//! process ([`LocalPlatform`]) or as served ([`NetworkPlatform`]), PI hexapods ([`gcs`]), lines of set points ([`stream`]);
+//! process (`LocalPlatform`) or as served ([`NetworkPlatform`]), PI hexapods ([`gcs`]), lines of set points ([`stream`]);
 //! what is checked before ([`check`]) and compared after ([`tracking`]). May not live here: planning of motions, sensors.
 //!
 //! A motion program is loaded whole and checked, approached, and started; the platform follows it in its own time.
@@ -10,6 +10,8 @@ mod address;
 pub mod check;
 mod error;
 pub mod gcs;
+#[cfg(feature = "simulator")]
+mod local;
 mod network;
 mod pace;
 pub mod stream;
@@ -17,10 +19,11 @@ pub mod tracking;
 
 pub use address::{checks_itself, connect};
 pub use error::PlatformError;
+#[cfg(feature = "simulator")]
+pub use local::LocalPlatform;
 pub use network::NetworkPlatform;
 
 use hexapod::{MotionProgram, Pose};
-use rigident_sim::rig::{MotionState, Rig, RigError, SharedRig};
 
 /// What the platform is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,53 +91,5 @@ pub trait Platform: Send {
     /// What was commanded and measured since the last time.
     fn samples(&mut self) -> Vec<MotionSample> {
         Vec::new()
-    }
-}
-
-/// The attitude as a unit quaternion w, x, y, z: the product of the half-angle ones of yaw, pitch and roll.
-pub fn quaternion(pose: &Pose) -> [f64; 4] {
-    let [(sr, cr), (sp, cp), (sy, cy)] = pose.rpy_rad.map(|a| (0.5 * a).sin_cos());
-    [
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    ]
-}
-
-/// The simulated rig in this very process.
-pub struct LocalPlatform(pub SharedRig);
-
-impl LocalPlatform {
-    fn with<R>(&self, act: impl FnOnce(&mut Rig) -> R) -> R {
-        // A thread that panicked holding the rig leaves it as it was: every change to it is complete.
-        act(&mut self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner))
-    }
-}
-
-fn refused(error: RigError) -> PlatformError {
-    PlatformError::Refused(error.to_string())
-}
-
-impl Platform for LocalPlatform {
-    fn load(&mut self, program: &MotionProgram) -> Result<(), PlatformError> {
-        self.with(|rig| rig.load_program(program.clone())).map_err(refused)
-    }
-
-    fn start(&mut self) -> Result<(), PlatformError> {
-        self.with(Rig::start).map_err(refused)
-    }
-
-    fn stop(&mut self) -> Result<(), PlatformError> {
-        self.with(Rig::stop);
-        Ok(())
-    }
-
-    fn motion(&mut self) -> Result<Motion, PlatformError> {
-        Ok(match self.with(|rig| rig.motion()) {
-            MotionState::Holding => Motion::Holding,
-            MotionState::Moving => Motion::Moving,
-            MotionState::Done => Motion::Done,
-        })
     }
 }

@@ -1,7 +1,7 @@
 use std::io::{BufRead, BufReader, Write};
 use std::net::{TcpStream, ToSocketAddrs};
 
-use hexapod::{MotionProgram, Pose, Trajectory};
+use hexapod::{MotionProgram, PROGRAM_LINE_BYTES, Pose, Trajectory};
 use serde::{Deserialize, Serialize};
 
 use super::address::PATIENCE;
@@ -104,7 +104,7 @@ impl NetworkPlatform {
         };
         let mut line = serde_json::to_string(request).map_err(|e| unreachable(e.to_string()))?;
         line.push('\n');
-        let most = rigident_sim::serve::LINE_BYTES;
+        let most = PROGRAM_LINE_BYTES;
         if line.len() > most {
             return Err(PlatformError::TooLong { bytes: line.len(), most });
         }

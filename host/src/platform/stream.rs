@@ -13,11 +13,12 @@
 //! rest on its path within half a second after the lines sent already; there it stays. Where the plate really is, nobody
 //! says: nothing is measured.
 
+use hexapod::set_points::SetPoint;
 use hexapod::{Geometry, Limit, MotionError, MotionProgram, Pose, Segment, Trajectory};
 
 use super::address::{Address, Wire};
 use super::pace::{Pace, Sink, Timing};
-use super::{Motion, MotionSample, Platform, PlatformError, check, quaternion};
+use super::{Motion, MotionSample, Platform, PlatformError, check};
 
 /// How often nothing is looked at, 1/s: how often what is commanded is noted.
 const LOOKS_HZ: f64 = 20.0;
@@ -196,15 +197,11 @@ impl Platform for StreamPlatform {
 
 impl Sink for Writer {
     fn send(&mut self, time_s: f64, pose: &Pose) -> Result<(), PlatformError> {
-        let numbers: Vec<f64> = match self.lines {
-            Lines::Legs => self.geometry.leg_lengths(pose).to_vec(),
-            Lines::Poses => pose.position_m.into_iter().chain(quaternion(pose)).collect(),
+        let point = match self.lines {
+            Lines::Legs => SetPoint::Legs(self.geometry.leg_lengths(pose)),
+            Lines::Poses => SetPoint::Pose(*pose),
         };
-        let mut line = format!("{time_s:.6}");
-        for number in numbers {
-            line.push_str(&format!(",{number:.9}"));
-        }
-        line.push('\n');
+        let line = point.line(time_s);
         self.wire.write_all(line.as_bytes()).and_then(|()| self.wire.flush()).map_err(|e| {
             PlatformError::Lost {
                 address: self.address.clone(),

@@ -193,6 +193,7 @@ fn quantisation_costs_less_than_a_thousandth() {
 }
 
 /// The emulated Cortex-M4F gives the bits of the firmware in this process.
+#[cfg(feature = "emulator")]
 #[test]
 #[ignore = "needs the emulated board"]
 fn the_emulated_demonstration_is_the_in_process_one_bit_for_bit() {
@@ -255,6 +256,7 @@ fn an_end_effector_in_shared_data_is_identified_and_its_tensor_is_not() {
     assert!(page.contains("not identified"));
 }
 
+#[cfg(feature = "emulator")]
 #[test]
 #[ignore = "needs the emulated board and ../shared/data"]
 fn the_emulated_board_replays_the_end_effector_in_shared_data() {

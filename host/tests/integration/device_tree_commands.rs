@@ -93,6 +93,7 @@ fn two_links_are_identified_live_recorded_replayed_to_the_bit_and_identified_aga
     }
 }
 
+#[cfg(feature = "emulator")]
 #[test]
 #[ignore = "needs the emulated board"]
 fn the_emulated_board_gives_the_recording_and_the_answer_of_this_process() {
@@ -161,6 +162,7 @@ fn a_person_comes_off_the_device_level_by_level_and_identify_finds_the_same() {
     }
 }
 
+#[cfg(feature = "emulator")]
 #[test]
 #[ignore = "needs the emulated board"]
 fn the_emulated_board_takes_a_person_s_frames() {

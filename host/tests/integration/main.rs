@@ -16,6 +16,7 @@ mod mcap_damage;
 mod mcap_independent;
 mod model_commands;
 mod montecarlo;
+mod no_simulator;
 mod plan_motion;
 mod plan_poses;
 mod report;

@@ -1,5 +1,4 @@
 //! `rigident model` as a user types it.
-#![cfg(feature = "simulator")]
 
 use std::path::Path;
 use std::process::{Command, Output};

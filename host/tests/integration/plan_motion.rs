@@ -6,6 +6,7 @@ use std::process::{Command, Output};
 use std::sync::atomic::AtomicBool;
 
 use rigident::montecarlo::Campaign;
+use rigident::plan::equipment::Equipment;
 use rigident::plan::motion::{Objective, Task, plan};
 use rigident_sim::rig::RigConfig;
 
@@ -131,7 +132,7 @@ fn what_is_predicted_is_what_many_runs_find() {
         objective: Objective::Multisine,
         duration_s: 22.0,
         rate_hz: 200.0,
-        ..Task::new(config.clone())
+        ..Task::new(Equipment::from(&config))
     };
     let stop = AtomicBool::new(false);
     let made = plan(&task, &stop, |_| ()).unwrap();

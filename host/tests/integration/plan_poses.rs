@@ -1,7 +1,5 @@
 //! `rigident plan poses` and `rigident montecarlo poses`, as a user types them.
 
-#![cfg(feature = "simulator")]
-
 use std::process::{Command, Output};
 
 fn rigident(arguments: &[&str]) -> Output {
@@ -89,6 +87,7 @@ fn less_stroke_is_worse_and_the_worst_uncertainty_is_least_when_that_is_asked_fo
     assert!(least < worst("condition") && least < worst("determinant"));
 }
 
+#[cfg(feature = "simulator")]
 #[test]
 fn what_cannot_be_planned_is_said_with_status_2_and_nothing_on_standard_output() {
     let folder = tempfile::tempdir().unwrap();
@@ -123,6 +122,7 @@ fn what_cannot_be_planned_is_said_with_status_2_and_nothing_on_standard_output()
     }
 }
 
+#[cfg(feature = "simulator")]
 #[test]
 fn the_montecarlo_of_still_poses_predicts_what_it_finds() {
     let folder = tempfile::tempdir().unwrap();
@@ -148,6 +148,7 @@ fn the_montecarlo_of_still_poses_predicts_what_it_finds() {
 }
 
 /// The firmware takes a thousand readings a second and identifies what still poses can tell.
+#[cfg(feature = "simulator")]
 #[test]
 fn a_plan_on_disk_is_driven_by_the_demonstration_and_by_no_other_machine() {
     let folder = tempfile::tempdir().unwrap();

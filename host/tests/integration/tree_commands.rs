@@ -1,5 +1,4 @@
 //! `rigident identify` of trees and what it writes, as a user types it.
-#![cfg(feature = "simulator")]
 
 use std::fmt::Write as _;
 use std::path::Path;

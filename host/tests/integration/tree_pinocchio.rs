@@ -3,7 +3,6 @@
 //! `pinocchio/vectors.json` holds what it said of a tree with every kind of joint, `pinocchio/record.py` how it was
 //! asked. Counts of base parameters are checked against its regressors live in tests that are ignored unless
 //! asked for: `RIGIDENT_PYTHON` (or `python3`) must have the wheel `pin`, which `cargo xtask setup` installs.
-#![cfg(feature = "simulator")]
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -1,5 +1,4 @@
 //! `rigident workspace` as a user types it.
-#![cfg(feature = "simulator")]
 
 use std::fs;
 use std::path::Path;

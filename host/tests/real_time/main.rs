@@ -1,6 +1,6 @@
 //! Platforms driven over a network or a line, as the simulator offers them in real time: a program of its own, so that no
 //! other test takes the processor from the simulated clock.
-#![cfg(feature = "simulator")]
+#![cfg(feature = "emulator")]
 
 mod drivers;
 mod runs;

@@ -6,6 +6,7 @@ use hexapod::experiment::thesis_program;
 use hexapod::{MotionProgram, Segment};
 use rigident::plan::adaptive::Asked;
 use rigident::plan::adaptive::rehearsal::{Outcome, Rehearsal};
+use rigident::plan::equipment::Equipment;
 use rigident::plan::motion::{Objective, Task, plan};
 use rigident_sim::rig::RigConfig;
 
@@ -133,7 +134,7 @@ fn d_optimal(nominal: &Rehearsal) -> MotionProgram {
             poses: false,
             objective: Objective::DOptimal,
             rate_hz: nominal.believed.rate_hz,
-            ..Task::new(nominal.config.clone())
+            ..Task::new(Equipment::from(&nominal.config))
         };
         plan(&task, &AtomicBool::new(false), |_| ()).expect("the built-in platform moves").program
     })

@@ -3,6 +3,7 @@
 use std::sync::atomic::AtomicBool;
 
 use rigident::montecarlo::Campaign;
+use rigident::plan::equipment::Equipment;
 use rigident::plan::motion::Task;
 use rigident::plan::motion::compare::{Row, bodies, compare, table};
 use rigident_sim::rig::RigConfig;
@@ -13,8 +14,7 @@ const RATE_HZ: f64 = 200.0;
 const RUNS: u64 = 400;
 
 fn rows() -> Vec<Row> {
-    let config = RigConfig::thesis_horizontal();
-    let task = Task { duration_s: DURATION_S, rate_hz: RATE_HZ, ..Task::new(config) };
+    let task = Task { duration_s: DURATION_S, rate_hz: RATE_HZ, ..Task::new(Equipment::thesis_horizontal()) };
     compare(&task, &AtomicBool::new(false), |_| ()).expect("the built-in platform can do them all")
 }
 

@@ -2,12 +2,16 @@
 
 use std::fmt::Write as _;
 
-use super::axes::{AXES, GcsPosition, limits};
-use super::syntax::{Said, pairs};
-use super::tables::{EXECUTION, HELP, MOST_POINTS, PARAMETERS, SOURCE, THRESHOLD, error};
+use super::syntax::Said;
+use super::tables::{HELP, MOST_POINTS, PARAMETERS};
+use super::travel::limits;
 use crate::rig::{MotionState, Rig, RigError, SharedRig};
 use crate::runner::lock;
-use hexapod::{Limit, MotionError, Pose};
+use hexapod::gcs::{
+    AXES, FREE_POINTS, GcsPosition, IS_READY, MOVING, PATH_BUFFERED, PATH_SOURCE, PATH_THRESHOLD, READY,
+    STATUS, answer, error, read_pairs,
+};
+use hexapod::{Limit, MotionError, Pose, gcs};
 
 #[derive(Debug, Default)]
 enum Stream {
@@ -127,7 +131,7 @@ impl Hexapod {
     fn single(&mut self, rig: &mut Rig, byte: u8) -> Vec<u8> {
         let moving = rig.motion() == MotionState::Moving;
         match byte {
-            4 => {
+            STATUS => {
                 let bit = |set: bool, n: u16| u16::from(set) << n;
                 let status = bit(self.on_target(rig), 15)
                     | bit(moving, 13)
@@ -135,9 +139,9 @@ impl Hexapod {
                     | bit(self.error != 0, 8);
                 format!("0x{status:04X}\n").into_bytes()
             }
-            5 => format!("{:X}\n", if moving { 0x3f } else { 0 }).into_bytes(),
-            7 => vec![if self.referencing { 0xb0 } else { 0xb1 }, b'\n'],
-            11 => format!("{}\n", MOST_POINTS as usize - self.points()).into_bytes(),
+            MOVING => format!("{:X}\n", if moving { 0x3f } else { 0 }).into_bytes(),
+            IS_READY => vec![if self.referencing { READY - 1 } else { READY }, b'\n'],
+            FREE_POINTS => format!("{}\n", MOST_POINTS as usize - self.points()).into_bytes(),
             _ => {
                 self.stop(rig);
                 Vec::new()
@@ -162,16 +166,16 @@ impl Hexapod {
             "CSV?" => Ok("2.0\n".to_owned()),
             "VER?" => Ok(concat!("FW: rigident-sim ", env!("CARGO_PKG_VERSION"), "\n").to_owned()),
             "ERR?" => Ok(format!("{}\n", std::mem::take(&mut self.error))),
-            "HLP?" => Ok(listed(
+            "HLP?" => Ok(answer(
                 ["The following commands are valid:".to_owned()]
                     .into_iter()
                     .chain(HELP.iter().map(|(verb, what)| format!("{verb} {what}")))
                     .chain(["end of help".to_owned()]),
             )),
             "HPA?" => {
-                Ok(listed(PARAMETERS.iter().map(|(p, what)| format!("0x{p:X}= 0 1 INT motion {what}"))))
+                Ok(answer(PARAMETERS.iter().map(|(p, what)| format!("0x{p:X}= 0 1 INT motion {what}"))))
             }
-            "SAI?" => Ok(listed(AXES.iter().map(char::to_string))),
+            "SAI?" => Ok(answer(AXES.iter().map(|axis| (*axis).to_owned()))),
             "PUN?" => each(words, |i| if i < 3 { "MM" } else { "DEG" }.to_owned()),
             "TRS?" => each(words, |_| "1".to_owned()),
             "SVO?" => each(words, |_| u8::from(self.servo).to_string()),
@@ -226,7 +230,7 @@ impl Hexapod {
     }
 
     fn set_servo(&mut self, rig: &mut Rig, words: &[&str]) -> Result<(), u16> {
-        for (axis, on) in pairs(words)? {
+        for (axis, on) in read_pairs(words)? {
             axis_number(axis)?;
             let on = if on == 1.0 {
                 true
@@ -261,7 +265,7 @@ impl Hexapod {
     /// The target with some axes changed.
     fn aim(&self, words: &[&str], relative: bool) -> Result<GcsPosition, u16> {
         let mut to = self.target;
-        for (axis, value) in pairs(words)? {
+        for (axis, value) in read_pairs(words)? {
             let at = to.0.get_mut(axis_number(axis)?).ok_or(error::AXIS)?;
             *at = if relative { *at + value } else { value };
         }
@@ -340,9 +344,9 @@ impl Hexapod {
 
     fn parameter(&self, number: u32) -> usize {
         match number {
-            SOURCE => usize::from(self.consecutive),
-            EXECUTION => usize::from(self.buffered),
-            THRESHOLD => self.threshold,
+            PATH_SOURCE => usize::from(self.consecutive),
+            PATH_BUFFERED => usize::from(self.buffered),
+            PATH_THRESHOLD => self.threshold,
             _ => self.points(),
         }
     }
@@ -353,7 +357,7 @@ impl Hexapod {
         } else {
             named(words, 2)?.into_iter().map(|(p, _)| p).collect()
         };
-        Ok(listed(asked.into_iter().map(|p| format!("X 0x{p:X}={}", self.parameter(p)))))
+        Ok(answer(asked.into_iter().map(|p| format!("X 0x{p:X}={}", self.parameter(p)))))
     }
 
     fn set_parameters(&mut self, rig: &mut Rig, words: &[&str]) -> Result<(), u16> {
@@ -362,14 +366,14 @@ impl Hexapod {
             let flag = || if value == 0.0 || value == 1.0 { Ok(value == 1.0) } else { Err(error::RANGE) };
             self.idle(rig)?;
             match number {
-                SOURCE => {
+                PATH_SOURCE => {
                     self.consecutive = flag()?;
                     self.stream = Stream::Idle;
                     self.target = self.position(rig);
                 }
-                EXECUTION => self.buffered = flag()?,
-                THRESHOLD if (1.0..=MOST_POINTS).contains(&value) => self.threshold = value as usize,
-                THRESHOLD => return Err(error::RANGE),
+                PATH_BUFFERED => self.buffered = flag()?,
+                PATH_THRESHOLD if (1.0..=MOST_POINTS).contains(&value) => self.threshold = value as usize,
+                PATH_THRESHOLD => return Err(error::RANGE),
                 _ => return Err(error::READ_ONLY),
             }
         }
@@ -391,7 +395,7 @@ fn code(error: RigError) -> u16 {
 }
 
 fn axis_number(name: &str) -> Result<usize, u16> {
-    AXES.iter().position(|axis| name.len() == 1 && name.starts_with(*axis)).ok_or(error::AXIS)
+    gcs::axis_number(name).ok_or(error::AXIS)
 }
 
 /// `X 0x19001900 [value] …`: axis, parameter, and a value if there are three of each.
@@ -413,19 +417,6 @@ fn named<'a>(words: &[&'a str], of_each: usize) -> Result<Vec<(u32, Option<&'a s
         .collect()
 }
 
-/// Lines of one answer: a space before every line's end but the last.
-fn listed(lines: impl Iterator<Item = String>) -> String {
-    let mut out = String::new();
-    for line in lines {
-        if !out.is_empty() {
-            out.push_str(" \n");
-        }
-        out.push_str(&line);
-    }
-    out.push('\n');
-    out
-}
-
 /// `X=value` for the named axes, or all.
 fn each(words: &[&str], value: impl Fn(usize) -> String) -> Obeyed {
     let axes = if words.is_empty() {
@@ -433,7 +424,7 @@ fn each(words: &[&str], value: impl Fn(usize) -> String) -> Obeyed {
     } else {
         words.iter().map(|w| axis_number(w)).collect::<Result<Vec<_>, _>>()?
     };
-    Ok(listed(axes.into_iter().map(|i| {
+    Ok(answer(axes.into_iter().map(|i| {
         let mut line = String::new();
         // Writing to a string does not fail.
         let _ = write!(line, "{}={}", AXES[i], value(i));

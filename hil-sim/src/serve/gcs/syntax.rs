@@ -1,9 +1,9 @@
 //! Bytes to commands.
 
-/// The longest line taken.
-const LINE_BYTES: usize = 1024;
+use hexapod::gcs::{FREE_POINTS, IS_READY, LINE_BYTES, MOVING, STATUS, STOP};
+
 /// Bytes that are commands by themselves.
-const SINGLE: [u8; 5] = [4, 5, 7, 11, 24];
+const SINGLE: [u8; 5] = [STATUS, MOVING, IS_READY, FREE_POINTS, STOP];
 
 /// What a client has said.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -42,25 +42,6 @@ impl Input {
         let text = String::from_utf8_lossy(&line).trim().to_owned();
         (!text.is_empty()).then_some(Said::Line(text))
     }
-}
-
-/// `X 1.5 U -2`: items and numbers in turn.
-pub(super) fn pairs<'a>(words: &[&'a str]) -> Result<Vec<(&'a str, f64)>, u16> {
-    if words.is_empty() || !words.len().is_multiple_of(2) {
-        return Err(super::tables::error::PARAMETER_COUNT);
-    }
-    words
-        .chunks_exact(2)
-        .map(|pair| match pair {
-            [item, number] => number
-                .parse()
-                .ok()
-                .filter(|v: &f64| v.is_finite())
-                .map(|v| (*item, v))
-                .ok_or(super::tables::error::NUMBER),
-            _ => Err(super::tables::error::SYNTAX),
-        })
-        .collect()
 }
 
 #[cfg(test)]

@@ -1,34 +1,13 @@
-//! Numbers and lists.
+//! Lists that a controller answers with.
 
-/// Numbers of errors, as the vendor's.
-pub(super) mod error {
-    pub(in crate::serve::gcs) const SYNTAX: u16 = 1;
-    pub(in crate::serve::gcs) const UNKNOWN_COMMAND: u16 = 2;
-    pub(in crate::serve::gcs) const TOO_LONG: u16 = 3;
-    pub(in crate::serve::gcs) const NOT_ALLOWED: u16 = 5;
-    pub(in crate::serve::gcs) const POSITION: u16 = 7;
-    pub(in crate::serve::gcs) const VELOCITY: u16 = 8;
-    pub(in crate::serve::gcs) const STOPPED: u16 = 10;
-    pub(in crate::serve::gcs) const AXIS: u16 = 15;
-    pub(in crate::serve::gcs) const RANGE: u16 = 17;
-    pub(in crate::serve::gcs) const PARAMETER_COUNT: u16 = 24;
-    pub(in crate::serve::gcs) const NUMBER: u16 = 25;
-    pub(in crate::serve::gcs) const IN_MOTION: u16 = 53;
-    pub(in crate::serve::gcs) const UNKNOWN_PARAMETER: u16 = 54;
-    pub(in crate::serve::gcs) const READ_ONLY: u16 = 64;
-    pub(in crate::serve::gcs) const UNDERRUN: u16 = 220;
-}
+use hexapod::gcs::{PATH_BUFFERED, PATH_POINTS, PATH_SOURCE, PATH_THRESHOLD};
 
 /// Parameters: number, and words about it.
-pub(super) const SOURCE: u32 = 0x1900_1900;
-pub(super) const EXECUTION: u32 = 0x1900_1901;
-pub(super) const THRESHOLD: u32 = 0x1900_1903;
-pub(super) const BUFFERED: u32 = 0x1900_1904;
 pub(super) const PARAMETERS: [(u32, &str); 4] = [
-    (SOURCE, "Trajectory source: 0 profile, 1 consecutive MOV"),
-    (EXECUTION, "Trajectory execution: 0 at once, 1 buffered"),
-    (THRESHOLD, "Points that start the execution"),
-    (BUFFERED, "Points in the buffer"),
+    (PATH_SOURCE, "Trajectory source: 0 profile, 1 consecutive MOV"),
+    (PATH_BUFFERED, "Trajectory execution: 0 at once, 1 buffered"),
+    (PATH_THRESHOLD, "Points that start the execution"),
+    (PATH_POINTS, "Points in the buffer"),
 ];
 /// The longest buffer.
 pub(super) const MOST_POINTS: f64 = 10_000.0;

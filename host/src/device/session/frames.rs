@@ -200,7 +200,7 @@ fn numbers(value: Calibrated) -> [f64; 3] {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "simulator"))]
 mod tests {
     use rigident_sim::runner::frames_of;
 

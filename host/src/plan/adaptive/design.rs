@@ -97,8 +97,8 @@ mod tests {
     /// By differences along a symmetric direction.
     #[test]
     fn the_derivative_of_the_worst_ratio_is_that_of_differences() {
-        let config = rigident_sim::rig::RigConfig::thesis_vertical();
-        let goal = Asked::Tensor(0.01).goal(Some(&config.body.parameters()));
+        let body = hexapod::BodyParameters::thesis_vertical();
+        let goal = Asked::Tensor(0.01).goal(Some(&body.parameters()));
         let worst = Worst(&goal);
         let mut seed = 3_u64;
         let mut chance = || {

@@ -9,7 +9,6 @@ use rigident_shared::estimator::{Estimator, EstimatorConfig};
 use rigident_shared::regressor::{block, signals};
 use rigident_shared::screening::Limits;
 use rigident_shared::spatial::{Position, Sensor};
-use rigident_sim::rig::RigConfig;
 
 use crate::identification::{FILTER_WIDTH_S, Factor, TAPS, row_every};
 use crate::plan::machine::{self, MachineError};
@@ -82,23 +81,6 @@ impl RigModel {
             wrench_range_n_nm: rig.load_cell.range_n_nm.unwrap_or([f64::INFINITY; 6]),
             body: machine::body(rig),
             offset_known: !matches!(rig.load_cell.offset_n_nm, OffsetTable::Word(OffsetWord::Estimate)),
-        })
-    }
-
-    /// Of a simulated rig, its body unknown; `None` if its load cell's axes are no rotation.
-    pub fn of_simulated(config: &RigConfig, rate_hz: f64) -> Option<Self> {
-        let sensors = &config.sensors;
-        Some(Self {
-            geometry: config.geometry.clone(),
-            load_cell_m: config.load_cell.position_m.into(),
-            load_cell_rotation: config.load_cell.rotation()?,
-            channel_sigma: sensors.load_cell.noise_n_nm,
-            rate_hz,
-            rate_range_radps: sensors.imu.gyro_range_radps,
-            felt_range_mps2: sensors.imu.accel_range_mps2,
-            wrench_range_n_nm: sensors.load_cell.range_n_nm,
-            body: None,
-            offset_known: false,
         })
     }
 

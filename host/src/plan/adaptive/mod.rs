@@ -3,7 +3,7 @@
 //! Lives here: what a motion would tell ([`information`]), the segments there are to choose from ([`library`]) and those made
 //! for the purpose ([`design`]), what is asked for and how far it is ([`goal`]), the choice ([`choice`]), axes that turn out not to follow ([`axes`]), and the
 //! planner that keeps it all from one segment to the next ([`planner`]); the loop against a simulated rig that may not be
-//! what the planner believes ([`rehearsal`]). May not live here: driving and recording (that
+//! what the planner believes (`rehearsal`, with the simulator). May not live here: driving and recording (that
 //! is [`crate::device::session`]), motions planned as a whole before anything moves.
 //!
 //! Rows of the regressor need kinematics only, never the parameters: what a segment will tell is known before it runs.
@@ -16,11 +16,12 @@ pub mod goal;
 pub mod information;
 pub mod library;
 pub mod planner;
+#[cfg(feature = "simulator")]
 pub mod rehearsal;
 
 pub use goal::{Asked, Goal};
 pub use information::{Information, RigModel};
 pub use planner::{Decision, Next, Planner};
 
-#[cfg(test)]
+#[cfg(all(test, feature = "simulator"))]
 mod tests;

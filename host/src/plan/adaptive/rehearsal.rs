@@ -81,6 +81,25 @@ impl Device {
     }
 }
 
+impl RigModel {
+    /// Of a simulated rig, its body unknown; `None` if its load cell's axes are no rotation.
+    pub fn of_simulated(config: &RigConfig, rate_hz: f64) -> Option<Self> {
+        let sensors = &config.sensors;
+        Some(Self {
+            geometry: config.geometry.clone(),
+            load_cell_m: config.load_cell.position_m.into(),
+            load_cell_rotation: config.load_cell.rotation()?,
+            channel_sigma: sensors.load_cell.noise_n_nm,
+            rate_hz,
+            rate_range_radps: sensors.imu.gyro_range_radps,
+            felt_range_mps2: sensors.imu.accel_range_mps2,
+            wrench_range_n_nm: sensors.load_cell.range_n_nm,
+            body: None,
+            offset_known: false,
+        })
+    }
+}
+
 impl Rehearsal {
     /// A rig that is what it is believed to be; `None` if its load cell's axes are no rotation.
     pub fn as_believed(config: RigConfig, rate_hz: f64) -> Option<Self> {

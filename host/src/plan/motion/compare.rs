@@ -54,7 +54,7 @@ pub fn compare(task: &Task, stop: &AtomicBool, mut note: impl FnMut(String)) -> 
     for (parameters, body) in bodies() {
         for (objective, name) in OBJECTIVES {
             let mut task = Task { objective, ..task.clone() };
-            task.config.body = parameters;
+            task.equipment.payload.body = parameters;
             let made = plan(&task, stop, |text| note(format!("{body}, {name}: {text}")))?;
             // The motion as it is, between two rests.
             let [from, _] = made.motion_s;
@@ -66,7 +66,7 @@ pub fn compare(task: &Task, stop: &AtomicBool, mut note: impl FnMut(String)) -> 
                 keep
             });
             let condition_alone =
-                super::predict::predict(&task.config, &alone, task.rate_hz)?.condition_number;
+                super::predict::predict(&task.equipment, &alone, task.rate_hz)?.condition_number;
             let trajectory = made.program.trajectory();
             let covered = trajectory.map(|t| coverage::of_motion(&t, made.motion_s[0], made.motion_s[1]));
             rows.push(Row {

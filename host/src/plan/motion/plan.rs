@@ -2,10 +2,8 @@
 
 use std::sync::atomic::AtomicBool;
 
-use hexapod::BodyParameters;
 use hexapod::{Axis, Guarantee, Load, MotionProgram, Segment, SineTerm, Sphere, Trajectory, Violation};
 use nalgebra::Vector3;
-use rigident_sim::rig::RigConfig;
 
 use super::barrier::Barrier;
 use super::family::Family;
@@ -13,7 +11,7 @@ use super::information::{Information, Instrument};
 use super::predict::{PredictError, Prediction, predict};
 use super::program::{Frame, FrameError, stands};
 use super::search::{Problem, Volume};
-use crate::plan::machine::on_plate;
+use crate::plan::equipment::Equipment;
 
 /// What a motion is made for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,8 +29,8 @@ pub enum Objective {
 /// What is to be planned.
 #[derive(Clone, Debug)]
 pub struct Task {
-    /// The rig, its body and sensors included.
-    pub config: RigConfig,
+    /// The platform with body and sensors.
+    pub equipment: Equipment,
     /// What for.
     pub objective: Objective,
     /// Of the whole experiment, s.
@@ -138,8 +136,8 @@ pub fn plan(task: &Task, stop: &AtomicBool, mut note: impl FnMut(String)) -> Res
             "--highest-hz {highest_hz}: not one period in {duration_s} s"
         )));
     }
-    let geometry = &task.config.geometry;
-    let load = load(&task.config);
+    let geometry = &task.equipment.geometry;
+    let load = task.equipment.load();
     stands(geometry, &load)?;
     let frame = if task.poses {
         Frame::with_poses(geometry, &load, task.duration_s)?
@@ -150,23 +148,9 @@ pub fn plan(task: &Task, stop: &AtomicBool, mut note: impl FnMut(String)) -> Res
     note("limits at every instant".to_owned());
     let (size, program, guarantee) = guaranteed(task, &frame, &load, &*shape)?;
     note("prediction".to_owned());
-    let prediction = predict(&task.config, &program, task.rate_hz)?;
+    let prediction = predict(&task.equipment, &program, task.rate_hz)?;
     let motion_s = [frame.begin_s, frame.begin_s + frame.motion_s];
     Ok(MotionPlan { program, motion_s, guarantee, prediction, size })
-}
-
-/// The body that the legs carry, in P.
-pub fn carried(config: &RigConfig) -> BodyParameters {
-    let cell = &config.load_cell;
-    let rotation = cell.rotation().unwrap_or_else(nalgebra::Matrix3::identity);
-    on_plate(&config.body, &Vector3::from(cell.position_m), &rotation)
-}
-
-/// What the legs carry.
-pub fn load(config: &RigConfig) -> Load {
-    let mut load = Load::body(carried(config));
-    load.gravity_mps2 = [0.0, 0.0, -config.gravity_mps2];
-    load
 }
 
 /// A motion by its size.
@@ -187,7 +171,7 @@ fn shape(
             Segment::Multisine { duration_s, ramp_s, terms }
         })),
         Objective::Spheres => {
-            let still_point_m = carried(&task.config).com_m;
+            let still_point_m = task.equipment.carried().com_m;
             let sphere = Sphere {
                 duration_s,
                 ramp_s,
@@ -200,7 +184,7 @@ fn shape(
             Ok(Box::new(move |size| Segment::Sphere(Sphere { amplitude_rad: size, ..sphere })))
         }
         Objective::Multisine => {
-            let whole = hexapod::experiment::thesis_program(&task.config.geometry, 60.0);
+            let whole = hexapod::experiment::thesis_program(&task.equipment.geometry, 60.0);
             let terms: Vec<SineTerm> = whole
                 .segments
                 .into_iter()
@@ -229,22 +213,24 @@ fn shape(
 
 /// The load cell with what it may be loaded with.
 fn instrument(task: &Task) -> Instrument {
-    let config = &task.config;
-    let rotation = config.load_cell.rotation().unwrap_or_else(nalgebra::Matrix3::identity);
-    let (sensors, felt) = (&config.sensors.load_cell, config.sensors.imu.accel_range_mps2);
+    let Equipment { payload, noise_n_nm, wrench_range_n_nm, accel_range_mps2, .. } = &task.equipment;
+    let rotation = payload.load_cell.rotation().unwrap_or_else(nalgebra::Matrix3::identity);
     Instrument::new(
-        &Vector3::from(config.load_cell.position_m),
+        &Vector3::from(payload.load_cell.position_m),
         &rotation,
-        config.gravity_mps2,
-        &sensors.noise_n_nm,
+        payload.gravity_mps2,
+        noise_n_nm,
         task.rate_hz * step_s(task.highest_hz),
     )
-    .within(config.body.parameters(), sensors.range_n_nm.map(|r| SENSOR_SHARE * r), SENSOR_SHARE * felt)
+    .within(
+        payload.body.parameters(),
+        wrench_range_n_nm.map(|r| SENSOR_SHARE * r),
+        SENSOR_SHARE * accel_range_mps2,
+    )
 }
 
 /// The search that a task asks for.
 pub(super) fn problem(task: &Task, frame: &Frame, ramp_s: f64) -> Problem {
-    let config = &task.config;
     let step = step_s(task.highest_hz);
     let instrument = instrument(task);
     let mut beforehand = Information::zeros();
@@ -256,7 +242,7 @@ pub(super) fn problem(task: &Task, frame: &Frame, ramp_s: f64) -> Problem {
     let frequencies = frequencies_hz(task.highest_hz);
     Problem {
         family: Family::new(&frame.home(), frame.motion_s, ramp_s, &frequencies, step),
-        barrier: Barrier::new(&config.geometry, task.rate_radps),
+        barrier: Barrier::new(&task.equipment.geometry, task.rate_radps),
         instrument,
         beforehand,
         merit: Volume,
@@ -272,7 +258,7 @@ fn seems_kept(
     span_s: [f64; 2],
 ) -> bool {
     let [from, to] = span_s;
-    let geometry = &task.config.geometry;
+    let geometry = &task.equipment.geometry;
     (0..((to - from) / 0.02) as usize).all(|k| {
         let state = trajectory.state(from + 0.02 * k as f64);
         state.angular_rate.norm() <= task.rate_radps
@@ -288,7 +274,7 @@ fn guaranteed(
     load: &Load,
     shape: &Shape,
 ) -> Result<(f64, MotionProgram, Guarantee), PlanError> {
-    let geometry = &task.config.geometry;
+    let geometry = &task.equipment.geometry;
     let span = [frame.begin_s, frame.begin_s + frame.motion_s];
     let instrument = instrument(task);
     let at = |size: f64| {
@@ -347,10 +333,10 @@ pub const HIGHEST_HZ: f64 = 2.35;
 
 impl Task {
     /// The default: D-optimal, 60 s, the static step first, in the default multisine's band, 0.9 of the gyro's range.
-    pub fn new(config: RigConfig) -> Self {
+    pub fn new(equipment: Equipment) -> Self {
         Self {
-            rate_radps: 0.9 * config.sensors.imu.gyro_range_radps,
-            config,
+            rate_radps: 0.9 * equipment.gyro_range_radps,
+            equipment,
             objective: Objective::DOptimal,
             duration_s: 60.0,
             poses: true,

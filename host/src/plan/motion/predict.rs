@@ -1,13 +1,14 @@
 //! What an experiment will tell: the factor that the pipeline makes of it without noise, and its uncertainties.
 
-use hexapod::MotionProgram;
+use hexapod::{BadRotation, MotionError, MotionProgram};
+use rigident_shared::calibration::Reading;
 use rigident_shared::estimator::{ConfigError, Estimator, EstimatorConfig};
 use rigident_shared::factor::InformationFactor;
-use rigident_sim::rig::{Readings, RigConfig, RigError};
+use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
 
 use crate::answer::{Noise, derived};
 use crate::identification::{self, Factor, TAPS};
-use crate::simulated::{limits, mounting, reading};
+use crate::plan::equipment::Equipment;
 
 /// 95 % expanded uncertainties, and the conditioning.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,9 +30,15 @@ pub struct Prediction {
 /// Why nothing can be predicted.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PredictError {
-    /// The rig cannot make the experiment.
+    /// The platform cannot follow the program.
     #[error(transparent)]
-    Rig(#[from] RigError),
+    Motion(#[from] MotionError),
+    /// A mounting without a rotation.
+    #[error(transparent)]
+    BadRotation(#[from] BadRotation),
+    /// A rate for readings that makes no sense.
+    #[error("{0} Hz is not a rate at which readings can be taken")]
+    BadRate(f64),
     /// The pipeline cannot be set up for this rate.
     #[error("the pipeline cannot be set up for {rate_hz} Hz: {error:?}")]
     Config {
@@ -47,27 +54,40 @@ pub enum PredictError {
 /// # Errors
 /// A program that the platform cannot follow, or a rate that cannot be.
 pub fn predict(
-    config: &RigConfig,
+    equipment: &Equipment,
     program: &MotionProgram,
     rate_hz: f64,
 ) -> Result<Prediction, PredictError> {
     const K95: f64 = 1.959_963_984_540_054;
-    let readings = Readings::new(config, program, rate_hz)?;
+    if !(rate_hz.is_finite() && rate_hz > 0.0) {
+        return Err(PredictError::BadRate(rate_hz));
+    }
+    let sensors = equipment.payload.sensors()?;
+    let trajectory = program.trajectory()?;
+    equipment.geometry.check(&trajectory)?;
     let mut estimator = Box::new(
         Estimator::<f64, 16, TAPS>::new(&EstimatorConfig {
             rate_hz,
             filter_width_s: identification::FILTER_WIDTH_S,
             row_every: identification::row_every(rate_hz),
-            channel_sigma: config.sensors.load_cell.noise_n_nm,
+            channel_sigma: equipment.noise_n_nm,
             known_offset: [0.0; 6],
-            mounting: mounting(config),
-            // Without noise a still sensor repeats itself.
-            limits: rigident_shared::screening::Limits { frozen_after: 0, ..limits(config) },
+            mounting: equipment.mounting(),
+            limits: equipment.limits(),
         })
         .map_err(|error| PredictError::Config { rate_hz, error })?,
     );
-    for row in readings.ideal() {
-        estimator.absorb(&reading(row));
+    let readings = (trajectory.duration_s() * rate_hz * (1.0 + 1e-12)).floor() as u64 + 1;
+    for k in 0..readings {
+        let time_s = k as f64 / rate_hz;
+        let plate = trajectory.state(time_s);
+        let (specific_force, angular_rate) = sensors.imu(&plate);
+        estimator.absorb(&Reading {
+            time_ns: (time_s * 1e9).round() as u64,
+            wrench: Wrench::from_array(sensors.wrench(&plate)),
+            specific_force: SpecificForce::from_array(specific_force),
+            angular_rate: AngularRate::from_array(angular_rate),
+        });
     }
     let factor = estimator.factor();
     let solution = factor.solve();

@@ -3,7 +3,7 @@ use std::sync::atomic::AtomicBool;
 use super::*;
 
 fn task(objective: Objective) -> Task {
-    Task { objective, duration_s: 24.0, starts: 2, rate_hz: 200.0, ..Task::new(RigConfig::thesis_vertical()) }
+    Task { objective, duration_s: 24.0, starts: 2, rate_hz: 200.0, ..Task::new(Equipment::thesis_vertical()) }
 }
 
 fn made(task: &Task) -> MotionPlan {
@@ -19,13 +19,13 @@ fn some(problem: &Problem) -> Vec<f64> {
 #[test]
 fn the_gradient_is_that_of_finite_differences() {
     let mut task = task(Objective::DOptimal);
-    task.config.load_cell.position_m = [0.02, -0.03, 0.05];
-    task.config.load_cell.rotation_wxyz = [0.9, 0.1, -0.3, 0.2];
-    task.config.geometry.limits.leg_acceleration_mps2 = Some(30.0);
-    task.config.geometry.leg_rate_mps = 3.0;
+    task.equipment.payload.load_cell.position_m = [0.02, -0.03, 0.05];
+    task.equipment.payload.load_cell.rotation_wxyz = [0.9, 0.1, -0.3, 0.2];
+    task.equipment.geometry.limits.leg_acceleration_mps2 = Some(30.0);
+    task.equipment.geometry.leg_rate_mps = 3.0;
     task.rate_radps = 9.0;
-    task.config.sensors.load_cell.range_n_nm = [3000.0, 3000.0, 3000.0, 900.0, 900.0, 900.0];
-    let frame = Frame::bare(&task.config.geometry, 10.0).unwrap();
+    task.equipment.wrench_range_n_nm = [3000.0, 3000.0, 3000.0, 900.0, 900.0, 900.0];
+    let frame = Frame::bare(&task.equipment.geometry, 10.0).unwrap();
     let problem = problem(&task, &frame, 1.0);
     let z = some(&problem);
     for weight in [0.0, 10.0] {
@@ -46,10 +46,11 @@ fn the_gradient_is_that_of_finite_differences() {
 }
 
 /// Another way to the information: wrenches of unit bodies by the simulator's mechanics, every reading.
+#[cfg(feature = "simulator")]
 #[test]
 fn the_information_is_the_inverse_of_the_bound() {
     let task = task(Objective::Multisine);
-    let frame = Frame::bare(&task.config.geometry, 12.0).unwrap();
+    let frame = Frame::bare(&task.equipment.geometry, 12.0).unwrap();
     let problem = problem(&task, &frame, 1.0);
     let z: Vec<f64> = some(&problem).iter().map(|v| 0.3 * v).collect();
     let mut information = problem.beforehand;
@@ -59,7 +60,9 @@ fn the_information_is_the_inverse_of_the_bound() {
     }
     let (_, covariance) = super::super::information::log_determinant(&information).unwrap();
     let program = frame.around(problem.family.segment(&z, 1.0));
-    let bound = crate::montecarlo::bound(&task.config, &program, 200.0).unwrap().unwrap();
+    let bound = crate::montecarlo::bound(&rigident_sim::rig::RigConfig::thesis_vertical(), &program, 200.0)
+        .unwrap()
+        .unwrap();
     for j in 0..10 {
         // The grid and the readings differ by an instant at either end: 1 in 500.
         let ratio = covariance[(j, j)] / bound[(j, j)];
@@ -74,7 +77,7 @@ fn every_objective_keeps_every_limit_and_the_search_beats_them_all() {
         assert!(plan.guarantee.is_kept(), "{objective:?}: {:?}", plan.guarantee);
         let trajectory = plan.program.trajectory().unwrap();
         assert!((trajectory.duration_s() - 24.0).abs() < 1e-9);
-        RigConfig::thesis_vertical().geometry.check(&trajectory).unwrap();
+        Equipment::thesis_vertical().geometry.check(&trajectory).unwrap();
         plan.prediction.inertia_com_kgm2.into_iter().fold(0.0, f64::max)
     };
     let best = worst(Objective::DOptimal);
@@ -95,12 +98,12 @@ fn the_same_task_gives_the_same_plan() {
 fn spheres_keep_the_inertial_forces_off_the_load_cell() {
     let mut task = task(Objective::Spheres);
     task.poses = false;
-    task.config.load_cell.position_m = [0.02, -0.03, 0.05];
+    task.equipment.payload.load_cell.position_m = [0.02, -0.03, 0.05];
     let plan = made(&task);
     let trajectory = plan.program.trajectory().unwrap();
     let [from, to] = plan.motion_s;
-    let weight = task.config.body.mass_kg * task.config.gravity_mps2;
-    let body = load(&task.config);
+    let weight = task.equipment.payload.body.mass_kg * task.equipment.payload.gravity_mps2;
+    let body = task.equipment.load();
     for k in 0..200 {
         let state = trajectory.state(from + (to - from) * f64::from(k) / 200.0);
         let [x, y, z, ..] = body.wrench(&state);
@@ -120,10 +123,10 @@ fn what_cannot_be_planned_is_said() {
     slow.rate_radps = 0.2;
     assert!(matches!(error(&slow), PlanError::Rate(_)));
     let mut heavy = task(Objective::RollPitchYaw);
-    heavy.config.body.mass_kg = 2000.0;
+    heavy.equipment.payload.body.mass_kg = 2000.0;
     assert!(matches!(error(&heavy), PlanError::Sensors(_)));
     let mut weak = Task { poses: false, ..task(Objective::RollPitchYaw) };
-    weak.config.geometry.limits.leg_force_n = Some(10.0);
+    weak.equipment.geometry.limits.leg_force_n = Some(10.0);
     let text = error(&weak).to_string();
     assert!(text.contains("would carry") && text.contains("its limit is 10.0 N"), "{text}");
 }
@@ -133,9 +136,9 @@ fn what_cannot_be_planned_is_said() {
 fn weak_and_slow_legs_get_a_static_step_that_suits_them() {
     let limited = |force: Option<f64>, rate: f64| {
         let objective = Objective::RollPitchYaw;
-        let mut task = Task { duration_s: 600.0, objective, ..Task::new(RigConfig::thesis_horizontal()) };
-        task.config.geometry.limits.leg_force_n = force;
-        task.config.geometry.leg_rate_mps = rate;
+        let mut task = Task { duration_s: 600.0, objective, ..Task::new(Equipment::thesis_horizontal()) };
+        task.equipment.geometry.limits.leg_force_n = force;
+        task.equipment.geometry.leg_rate_mps = rate;
         plan(&task, &AtomicBool::new(false), |_| ())
     };
     for (force, rate) in

@@ -2,9 +2,8 @@
 
 use std::sync::atomic::AtomicBool;
 
-use hexapod::Pose;
+use hexapod::{Pose, THESIS_WRENCH_NOISE_N_NM};
 use nalgebra::{Matrix3, Vector3};
-use rigident_sim::sensors::SensorModels;
 
 use super::estimators::{StillReading, modelled};
 use super::measure::{
@@ -65,7 +64,7 @@ impl Task {
         Self {
             n,
             objective: Objective::Condition,
-            noise_n_nm: SensorModels::thesis().load_cell.noise_n_nm,
+            noise_n_nm: THESIS_WRENCH_NOISE_N_NM,
             plate_to_cell: Matrix3::identity(),
             gravity_mps2: 9.80665,
         }

@@ -3,13 +3,13 @@
 use std::io;
 use std::time::Instant;
 
+use hexapod::gcs::{GcsPosition, STOP, is_whole_answer};
+
 use crate::platform::PlatformError;
 use crate::platform::address::{PATIENCE, Wire};
 
 /// The longest answer taken.
 const ANSWER_BYTES: usize = 1 << 16;
-/// Stops all motion, at once and without a line's end.
-const STOP: u8 = 24;
 /// What an error number is asked by.
 const ERROR: &str = "ERR?";
 
@@ -72,7 +72,7 @@ impl Line {
                 Ok(0) => return Err(self.lost(question, "it closed the connection")),
                 Ok(_) => {
                     answer.extend(byte);
-                    if answer.ends_with(b"\n") && !answer.ends_with(b" \n") {
+                    if is_whole_answer(&answer) {
                         answer.pop();
                         return Ok(answer);
                     }
@@ -111,18 +111,9 @@ impl Line {
     /// Numbers of the six axes, `X=1.5` a line.
     pub(super) fn six(&mut self, question: &str) -> Result<[f64; 6], PlatformError> {
         let answer = self.ask(question)?;
-        let mut found = [None; 6];
-        for line in answer.lines() {
-            if let Some((axis, value)) = line.trim().split_once('=')
-                && let Some(i) = super::AXES.iter().position(|name| *name == axis.trim())
-                && let Some(place) = found.get_mut(i)
-            {
-                *place = value.trim().parse().ok().filter(|v: &f64| v.is_finite());
-            }
-        }
-        match found {
-            [Some(x), Some(y), Some(z), Some(u), Some(v), Some(w)] => Ok([x, y, z, u, v, w]),
-            _ => Err(self.nonsense(question, &answer)),
+        match GcsPosition::read_answer(&answer) {
+            Some(position) => Ok(position.0),
+            None => Err(self.nonsense(question, &answer)),
         }
     }
 }

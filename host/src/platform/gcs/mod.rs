@@ -2,7 +2,7 @@
 //!
 //! Lives here: the questions and answers (`Line`), the driver ([`GcsPlatform`]), the errors in words. May not live
 //! here: when set points are due (`platform::pace`). What is known of the protocol, with its sources, stands in
-//! [`rigident_sim::serve::gcs`].
+//! [`hexapod::gcs`].
 //!
 //! A program is driven as a path of consecutive `MOV`, one every `1/rate_hz`, buffered by `lead_s`. Before, every hundredth of
 //! a second of it is held against the controller's limits (`TMN?`, `TMX?`), and poses all along it against `VMO?`.
@@ -13,17 +13,17 @@ mod line;
 
 pub use errors::words;
 
+use std::fmt::Display;
 use std::time::{Duration, Instant};
 
+use hexapod::gcs::{AXES, GcsPosition, IS_READY, MOVING, PATH_BUFFERED, PATH_SOURCE, PATH_THRESHOLD, READY};
 use hexapod::{Geometry, MotionProgram, Pose, Trajectory};
-use rigident_sim::serve::gcs::GcsPosition;
 
 use super::address::{Address, Wire};
 use super::pace::{GAP_S, Pace, Sink, Timing};
 use super::{Motion, MotionSample, Platform, PlatformError};
 use line::Line;
 
-const AXES: [&str; 6] = ["X", "Y", "Z", "U", "V", "W"];
 /// Poses of a program that `VMO?` is asked about, at most.
 const ASKED: usize = 200;
 /// Steps in which positions are held against the limits, s.
@@ -54,10 +54,9 @@ struct Hexapod {
     last: String,
 }
 
-fn mov(position: &GcsPosition) -> String {
-    AXES.iter()
-        .zip(position.0)
-        .fold("MOV".to_owned(), |line, (axis, value)| format!("{line} {axis} {value:.6}"))
+/// The command that sets a parameter of the motion path.
+fn set(parameter: u32, value: impl Display) -> String {
+    format!("SPA X 0x{parameter:X} {value}")
 }
 
 impl GcsPlatform {
@@ -138,7 +137,7 @@ impl Platform for GcsPlatform {
         }
         for k in (0..=steps).step_by(steps.div_ceil(ASKED).max(1)) {
             let position = GcsPosition::of(&trajectory.state(at(k)).pose(), &reference);
-            let question = mov(&position).replacen("MOV", "VMO?", 1);
+            let question = position.command("VMO?");
             let answer = hexapod.line.ask(&question)?;
             match answer.trim() {
                 "1" => {}
@@ -167,11 +166,11 @@ impl Platform for GcsPlatform {
         if hexapod.line.six("FRF?")?.contains(&0.0) {
             hexapod.line.order("FRF")?;
             hexapod.wait("FRF", go_on, |line| {
-                Ok(line.ask_byte(7)?.first() == Some(&0xb1) && !line.six("FRF?")?.contains(&0.0))
+                Ok(line.ask_byte(IS_READY)?.first() == Some(&READY) && !line.six("FRF?")?.contains(&0.0))
             })?;
         }
-        hexapod.line.order("SPA X 0x19001900 0")?;
-        let command = mov(&GcsPosition::of(&trajectory.start_pose(), &reference));
+        hexapod.line.order(&set(PATH_SOURCE, 0))?;
+        let command = GcsPosition::of(&trajectory.start_pose(), &reference).command("MOV");
         hexapod.line.order(&command)?;
         hexapod.wait(&command, go_on, |line| Ok(!line.six("ONT?")?.contains(&0.0)))
     }
@@ -184,10 +183,10 @@ impl Platform for GcsPlatform {
         let hexapod = self.resting()?;
         // The source last: it begins a path.
         let buffered = (timing.lead_s * timing.rate_hz).floor().max(2.0);
-        hexapod.line.order("SPA X 0x19001901 1")?;
-        hexapod.line.order(&format!("SPA X 0x19001903 {buffered}"))?;
+        hexapod.line.order(&set(PATH_BUFFERED, 1))?;
+        hexapod.line.order(&set(PATH_THRESHOLD, buffered))?;
         hexapod.line.order(&format!("SCT T {}", 1e3 / timing.rate_hz))?;
-        hexapod.line.order("SPA X 0x19001900 1")?;
+        hexapod.line.order(&set(PATH_SOURCE, 1))?;
         if let State::Resting(hexapod) = std::mem::replace(&mut self.state, State::Gone) {
             self.state = State::Moving(Pace::begin(hexapod, trajectory, timing, LOOKS_HZ));
         }
@@ -220,7 +219,7 @@ impl Platform for GcsPlatform {
 
 impl Hexapod {
     fn moving(&mut self) -> Result<bool, PlatformError> {
-        let answer = String::from_utf8_lossy(&self.line.ask_byte(5)?).into_owned();
+        let answer = String::from_utf8_lossy(&self.line.ask_byte(MOVING)?).into_owned();
         let bits = answer.trim();
         let digits = bits.strip_prefix("0x").unwrap_or(bits);
         u32::from_str_radix(digits, 16).map(|m| m != 0).map_err(|_| self.line.nonsense("#5", &answer))
@@ -255,7 +254,7 @@ impl Hexapod {
 
 impl Sink for Hexapod {
     fn send(&mut self, _: f64, pose: &Pose) -> Result<(), PlatformError> {
-        self.last = mov(&GcsPosition::of(pose, &self.reference));
+        self.last = GcsPosition::of(pose, &self.reference).command("MOV");
         self.line.tell(&self.last)
     }
 
