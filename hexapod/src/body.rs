@@ -13,6 +13,7 @@ pub const STANDARD_GRAVITY_MPS2: f64 = 9.80665;
 
 /// Inertial parameters of the body bolted to the load cell, in S.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct BodyParameters {
     /// Mass, kg.
     pub mass_kg: f64,

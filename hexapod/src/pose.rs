@@ -7,6 +7,7 @@ use super::rotation::{rotation_from_rpy, rpy_from_rotation};
 
 /// Position and attitude of the plate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Pose {
     /// Origin of the plate's frame in A, m.
     pub position_m: [f64; 3],

@@ -13,6 +13,7 @@ pub const PROGRAM_LINE_BYTES: usize = 1 << 20;
 
 /// One of the six coordinates of the plate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Axis {
     /// Along x of A, m.
@@ -31,6 +32,7 @@ pub enum Axis {
 
 /// `amplitude · sin(2π frequency t + phase)` on one coordinate.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct SineTerm {
     /// The coordinate that moves.
     pub axis: Axis,
@@ -45,6 +47,7 @@ pub struct SineTerm {
 /// A piece of a motion. Every piece begins and ends at rest. In JSON `{"hold": {"duration_s": 1.0}}`: an inner tag
 /// would go through serde's buffer, which cannot read numbers when `serde_json` keeps them in arbitrary precision.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Segment {
     /// Stand still.
@@ -118,6 +121,7 @@ impl Segment {
 
 /// Where to start and what to do. Travels as JSON.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct MotionProgram {
     /// The pose at which the plate stands before the first segment.
     pub start: Pose,

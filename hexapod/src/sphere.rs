@@ -12,6 +12,7 @@ use super::rotation::{rotation_from_rpy, rpy_from_rotation};
 
 /// What a [`super::Segment::Sphere`] does.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Sphere {
     /// s, both ramps included.
     pub duration_s: f64,

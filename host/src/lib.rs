@@ -23,6 +23,7 @@ pub mod platform;
 pub mod present;
 pub mod recording;
 pub mod rig;
+pub mod schema;
 #[cfg(feature = "simulator")]
 pub mod simulated;
 pub mod trees;

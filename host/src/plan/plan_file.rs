@@ -17,14 +17,17 @@ const SAME_JOINT_M: f64 = 1e-4;
 const DURATION_S: [f64; 2] = [1.0, 3600.0];
 
 /// The file's object.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PlanFile {
+    /// Name of this schema: `rigident/plan/1`.
+    #[schemars(extend("const" = SCHEMA))]
     schema: String,
     /// What it is, for people.
     pub title: String,
-    /// Joints of the machine, m.
+    /// Joints of the machine on its base, m.
     base_joints_m: [[f64; 3]; 6],
+    /// Joints of the machine on its plate, m.
     plate_joints_m: [[f64; 3]; 6],
     /// What the legs carry, in P, if the plan was made for that: their forces are known then.
     #[serde(default, skip_serializing_if = "Option::is_none")]

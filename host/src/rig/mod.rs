@@ -10,12 +10,13 @@ mod tests;
 
 use std::collections::BTreeMap;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use read::RigFileError;
 
 /// The whole file. Everything may be absent.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RigFile {
     /// How the recording differs from the notation.
@@ -46,7 +47,7 @@ pub struct RigFile {
 }
 
 /// `[recording]`
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RecordingTable {
     /// Checked against the times, 1/s.
@@ -81,7 +82,7 @@ impl Default for RecordingTable {
 }
 
 /// Whose sign a wrench has.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum WrenchSign {
     /// On the body, by the sensor.
@@ -92,7 +93,7 @@ pub enum WrenchSign {
 }
 
 /// Where a column's numbers are.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "must be a column's name, or { name = \"…\", scale = … }")]
 pub enum ColumnSource {
     /// Under another name.
@@ -102,7 +103,7 @@ pub enum ColumnSource {
 }
 
 /// A column in another unit.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ScaledColumn {
     /// Its name in the file.
@@ -122,7 +123,7 @@ impl ColumnSource {
 }
 
 /// Numbers, or calibrated on the recording's still poses.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "must be three numbers, or \"from_poses\"")]
 pub enum Calibrated {
     /// Given.
@@ -132,7 +133,7 @@ pub enum Calibrated {
 }
 
 /// The word `from_poses`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum FromPoses {
     /// Calibrated against |g| (accelerometer) or rest (gyro).
     #[serde(rename = "from_poses")]
@@ -140,7 +141,7 @@ pub enum FromPoses {
 }
 
 /// `[[imu]]`
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ImuTable {
     /// The link it sits on.
@@ -206,7 +207,7 @@ impl Default for ImuTable {
 }
 
 /// What is known of the wrench's offset.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "must be six numbers, \"estimate\" or \"zero\"")]
 pub enum OffsetTable {
     /// Six numbers, on-body sign.
@@ -216,7 +217,7 @@ pub enum OffsetTable {
 }
 
 /// Words for the offset.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OffsetWord {
     /// Estimated with the body.
@@ -226,7 +227,7 @@ pub enum OffsetWord {
 }
 
 /// `[load_cell]`
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LoadCellTable {
     /// 1 σ per sample, N and N m.
@@ -273,7 +274,7 @@ impl Default for LoadCellTable {
 }
 
 /// `[body]`: the customer's frame, in S.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct BodyTable {
     /// Its name.
@@ -291,38 +292,49 @@ impl Default for BodyTable {
 }
 
 /// `[platform]`: a hexapod.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-#[allow(missing_docs, reason = "the keys of the format, which documents them")]
 pub struct PlatformTable {
+    /// Joints of the six legs on the base, in A, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub base_joints_m: Option<[[f64; 3]; 6]>,
+    /// Joints of the six legs on the plate, in P, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plate_joints_m: Option<[[f64; 3]; 6]>,
+    /// Shortest and longest leg, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub leg_length_m: Option<[f64; 2]>,
+    /// Largest rate of a leg, m/s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub leg_rate_mps: Option<f64>,
+    /// Largest acceleration of a leg, m/s².
     #[serde(skip_serializing_if = "Option::is_none")]
     pub leg_acceleration_mps2: Option<f64>,
+    /// Largest force of a leg, N.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub leg_force_n: Option<f64>,
+    /// Largest angle of a base joint from its axis, rad.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub base_joint_angle_rad: Option<f64>,
+    /// Axes of the base joints in A.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub base_joint_axes: Option<[[f64; 3]; 6]>,
+    /// Largest angle of a plate joint from its axis, rad.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plate_joint_angle_rad: Option<f64>,
+    /// Axes of the plate joints in P.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plate_joint_axes: Option<[[f64; 3]; 6]>,
+    /// Largest condition number of the legs' Jacobian.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cond_max: Option<f64>,
+    /// The load cell's frame S on the plate.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub load_cell: Option<PlaceTable>,
 }
 
 /// A frame on the plate.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PlaceTable {
     /// Origin, m.
@@ -332,7 +344,7 @@ pub struct PlaceTable {
 }
 
 /// `[truth]`
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TruthTable {
     /// Mass, kg.
@@ -347,7 +359,7 @@ pub struct TruthTable {
 }
 
 /// `[[link]]`
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LinkTable {
     /// Its name.
@@ -386,7 +398,7 @@ pub struct LinkTable {
 
 /// `[[joint]]`: the columns of a joint. Without it, and for keys that are left out, they are named for the joint:
 /// `NAME_rad`, `NAME_radps`, `NAME_nm`, or `NAME_m`, `NAME_mps`, `NAME_n` of one that slides.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JointTable {
     /// The joint's name in the model; in `[[link]]` tables that of its link.
@@ -410,7 +422,7 @@ fn no_rotation() -> [f64; 4] {
 }
 
 /// Kind of a joint.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Joint {
     /// Does not move.
@@ -430,7 +442,7 @@ pub enum Joint {
 }
 
 /// `[[stream]]`: one of several files.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StreamTable {
     /// The file, beside the rig file.
@@ -444,7 +456,7 @@ pub struct StreamTable {
 }
 
 /// Where the elements of a rotation matrix are.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RotationMatrixTable {
     /// Which frame's attitude in which, `S in A`.
