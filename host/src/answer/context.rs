@@ -56,9 +56,14 @@ impl Default for Context<'_> {
             rate_sigma: 0.0,
             tracking: None,
             drift: None,
-            date: humantime::format_rfc3339_seconds(SystemTime::now()).to_string(),
+            date: now(),
         }
     }
+}
+
+/// Returns date and time, UTC, as RFC 3339 has it.
+pub(super) fn now() -> String {
+    humantime::format_rfc3339_seconds(SystemTime::now()).to_string()
 }
 
 /// A tree whose base parameters are the first columns of a fit.

@@ -16,8 +16,8 @@ use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, SymmetricEigen, Vector3};
 
 use super::context::Links;
 use super::result::ParameterState;
-use super::states::{BodyScale, LARGEST_SHARE, LEAST_EXCITATION};
-use crate::fit::{Estimate, Fit, Owner};
+use super::states::{BodyScale, LARGEST_SHARE, LEAST_EXCITATION, scales};
+use crate::fit::{Estimate, Fit, Kind, Owner};
 use rigident_shared::inertia::PARAMETER_NAMES;
 
 /// Information below this share of what is needed is none: less than a third of the motion.
@@ -304,6 +304,52 @@ pub(super) fn of_links(fit: &Fit, links: Option<&Links>, states: &[ParameterStat
             if parameters.len() == 1 { "is" } else { "are" },
             100.0 * LARGEST_SHARE
         ));
+    }
+    said.extend(link_rotations(fit, links, states));
+    said
+}
+
+/// Returns about which axes links with all six moments of inertia among the parameters should turn more.
+///
+/// Of a link the tensor `n nᵀ` answers to nothing but its rotation about n, whatever other bodies are summed up in its base
+/// parameters: their marginal information is that of the link's own rotation.
+fn link_rotations(fit: &Fit, links: Option<&Links>, states: &[ParameterState]) -> Vec<String> {
+    let mut of_link: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+    for (j, parameter) in fit.parameters.iter().enumerate() {
+        if let (Owner::Link(link), Kind::Inertia) = (&parameter.owner, parameter.kind) {
+            of_link.entry(link).or_default().push(j);
+        }
+    }
+    let data = fit.data_alone();
+    let open = |all: &[usize]| {
+        all.iter().any(|j| states.get(*j) == Some(&ParameterState::NotIdentified))
+            && all.iter().all(|j| data.is_determined(*j))
+    };
+    let scales = scales(fit, links);
+    let mut said = Vec::new();
+    for (link, all) in of_link.into_iter().filter(|(_, all)| all.len() == 6 && open(all)) {
+        let scale = all.iter().filter_map(|j| scales.get(*j).copied().flatten()).fold(0.0, f64::max);
+        let size = LARGEST_SHARE * scale / data.coverage_factor();
+        let needed = (1.0 / (size * size)).max(LEAST_EXCITATION * fit.spurious_information);
+        // 1 / (nᵀ-tensor's variance): information on the moment about an axis, all else estimated.
+        let axes = ["x", "y", "z"].into_iter().zip(&all);
+        let lacking: Vec<String> = axes
+            .filter_map(|(axis, j)| {
+                let share = 1.0 / data.covariance(*j, *j)? / needed;
+                (share < 1.0).then(|| {
+                    format!(
+                        "{link}.{axis} ({})",
+                        more(share, "the angular acceleration").trim_end_matches(',')
+                    )
+                })
+            })
+            .collect();
+        if size > 0.0 && !lacking.is_empty() {
+            said.push(format!(
+                "too little rotation of link {link} for this noise about {}",
+                lacking.join(", ")
+            ));
+        }
     }
     said
 }

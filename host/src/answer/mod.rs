@@ -1,9 +1,13 @@
-//! From the information factor to an answer with an uncertainty.
+//! From a fit to the answer: one object for one body, two links and trees, of which text, JSON and page are made.
 //!
-//! Lives here: what is identified and what is not ([`identifiability`]), what the motion lacks ([`weakest`]), the
-//! quantities derived from the ten parameters and their intervals ([`derived`]). May not live here: raw data,
-//! files, printing. Before this: [`crate::identification`] or the firmware's factor; after it:
-//! [`crate::recording`] and [`crate::present`].
+//! Lives here: the answer ([`result`]) and its making ([`Answer::new`]), states of parameters ([`states`]), what must be
+//! identified ([`selection`]), quantities derived from the ten parameters of a body ([`derived`]), physical consistency
+//! ([`physical_consistency`], [`nearest_body`]), standard parameters of links ([`standard_parameters`]), and what the motion
+//! lacks ([`excitation_advice`]). May not live here: raw data, files, screens. Before this: [`crate::fit`]; after it:
+//! [`crate::present`].
+//!
+//! [`assemble`], [`identifiability`], [`schema_1`], [`weakest`] and [`Estimate`] serve the engine for one body alone and go
+//! with it.
 
 pub mod assemble;
 mod context;
@@ -15,6 +19,7 @@ mod new;
 #[cfg(test)]
 mod old_fit;
 pub mod physical_consistency;
+mod read;
 mod remarks;
 pub mod result;
 pub mod schema_1;
@@ -22,11 +27,12 @@ pub mod selection;
 pub mod standard_parameters;
 pub mod states;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 pub mod weakest;
 
 pub use context::{Context, DriveMotion, Links, StandardRequest};
 pub use new::AnswerError;
+pub use read::ReadError;
 pub use result::Answer;
 
 use nalgebra::DMatrix;

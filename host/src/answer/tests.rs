@@ -297,6 +297,7 @@ fn assert_same_tree(model: &Model, recording: &Recording, friction: &[trees::dri
     assert_kept(&object, &value, &["status", "physically_consistent", "condition_number"]);
     let reasons = object["not_identified_because"].as_array().unwrap();
     assert_eq!(reasons.is_empty(), new.advice.is_empty());
+    assert!(new.advice.len() >= reasons.len());
     for reason in reasons {
         assert!(new.advice.iter().any(|a| Some(a.as_str()) == reason.as_str()), "{reason} {:?}", new.advice);
     }
@@ -374,6 +375,54 @@ fn a_person_has_the_same_answer() {
     let model = crate::model::human::Person::default().human34().unwrap();
     let new = assert_same_tree(&model, &person_recording(&model, 100.0, 10.0), &[]);
     assert!(new.parameters.len() > 100);
+}
+
+/// Returns fits with their answers: one body, two links, a person, a run that broke off.
+pub(crate) fn samples() -> Vec<(&'static str, Fit, Answer)> {
+    let of_body_ = |seconds: usize, size: f64, error: Option<&str>| {
+        let input = input(readings(200 * seconds, 200.0, size, 0.5), false, None);
+        let fit = of_body(&identification::identify(&input).unwrap(), &input);
+        let rig = rig();
+        let context = Context {
+            body: rig.body.as_ref(),
+            truth: rig.truth.as_ref(),
+            source: source().1,
+            error: error.map(str::to_owned),
+            notes: vec!["rows at rest were not used for the friction".to_owned()],
+            warnings: error.iter().map(|_| "the load cell's fz drifted by 1.2 N".to_owned()).collect(),
+            ..Context::default()
+        };
+        let answer = Answer::new(&fit, context).unwrap();
+        (fit, answer)
+    };
+    let of_tree_ = |model: &Model, recording: &Recording| {
+        let ready = prepare(recording, model, &Wishes::default()).unwrap();
+        let found = trees::identify(&ready.input).unwrap();
+        (of_tree(&found, &ready.input), of(&ready.input, &found, model, &ready.idle))
+    };
+    let (two, person) = (two_links(), crate::model::human::Person::default().human34().unwrap());
+    let (body, body_answer) = of_body_(20, 0.4, None);
+    let (broken, broken_answer) =
+        of_body_(3, 0.02, Some("the connection to /dev/ttyACM0 was lost after 3.0 s"));
+    let (links, links_answer) = of_tree_(&two, &two_link_recording(&two, 200.0, 20.0, Some(3)));
+    let (people, people_answer) = of_tree_(&person, &person_recording(&person, 100.0, 10.0));
+    vec![
+        ("body", body, body_answer),
+        ("failed", broken, broken_answer),
+        ("two-links", links, links_answer),
+        ("person", people, people_answer),
+    ]
+}
+
+/// The two texts and pages about one body say the same.
+#[test]
+fn one_body_has_the_same_text() {
+    for (size, words) in [(0.4, &[][..]), (0.01, &["m"][..])] {
+        let input = input(readings(2000, 200.0, size, 0.5), false, None);
+        let found = identification::identify(&input).unwrap();
+        let (old, new) = both(&found, &input, words);
+        assert_eq!(crate::present::plain::text(&new), crate::present::table::plain(&old.results));
+    }
 }
 
 fn a_fit() -> Fit {
