@@ -1,8 +1,11 @@
-//! What a person reads of a result: a page and a table.
+//! An answer as text ([`plain`]) and as a page ([`report`]).
 //!
-//! Lives here: rounding to the uncertainty ([`text`]), the terminal's table ([`table`]), the self-contained
-//! HTML page with its plots ([`html`], [`html_of_tree`]), normal probability plots ([`probability`]), the map of a [`workspace`] and the plain data they are made of ([`ReportData`]). May not live here:
-//! estimation, files, the JSON object. Before this: [`crate::answer`].
+//! Lives here: rounding to the uncertainty ([`text`]), the terminal's columns ([`table`]), the self-contained HTML page with
+//! its plots and the series that they show ([`Series`]), normal probability plots ([`probability`]), the map of a
+//! [`workspace`]. May not live here: estimation, files, the JSON object, which is the answer itself. Before this:
+//! [`crate::answer`].
+//!
+//! [`html()`], [`html_of_tree`] and [`ReportData`] are the pages of the two old engines and go with them.
 
 mod data;
 mod envelope;
@@ -15,6 +18,8 @@ pub mod probability;
 mod quantities;
 mod series;
 pub mod table;
+#[cfg(test)]
+mod tests;
 pub mod text;
 mod tree;
 pub mod workspace;

@@ -66,10 +66,11 @@ fn group(text: &mut String, group: &Group) {
     let table = aligned(&rows);
     let made_of =
         std::iter::once("").chain(group.made_of.iter().map(String::as_str)).chain(std::iter::repeat(""));
+    let width = table.lines().map(|l| l.chars().count()).max().unwrap_or(0);
     for (line, made_of) in table.lines().zip(made_of) {
-        text.push_str(line);
-        if !made_of.is_empty() {
-            text.push_str(&format!("   (with {})", printable(made_of)));
+        match made_of {
+            "" => text.push_str(line),
+            made_of => text.push_str(&format!("{line:<width$}   (with {})", printable(made_of))),
         }
         text.push('\n');
     }

@@ -1,0 +1,83 @@
+//! Text and page of answers of every kind.
+
+use roxmltree::{Document, ParsingOptions};
+
+use super::plain;
+use super::{Series, report};
+use crate::answer::result::{Answer, Measured};
+use crate::answer::tests::samples;
+use crate::fit::{Convergence, Fit};
+use crate::present::text::with_u95;
+
+/// A convergence as the square root of time has it.
+fn converging(fit: &Fit) -> Vec<Convergence> {
+    let end = fit.residuals.last().map_or(1.0, |r| r.time_s);
+    (1..=200)
+        .map(|k| {
+            let time_s = end * f64::from(k) / 200.0;
+            let wider = (end / time_s).sqrt();
+            let at = |j: usize| {
+                let Measured { value, u95 } = fit.estimate.measured(j)?;
+                let off = 0.4 * u95 * (wider - 1.0) * (f64::from(k) * 0.3 + j as f64).sin();
+                Some(Measured { value: value + off, u95: u95 * wider })
+            };
+            Convergence { time_s, parameters: (0..fit.parameters.len()).map(at).collect() }
+        })
+        .collect()
+}
+
+fn page(fit: &mut Fit, answer: &Answer) -> String {
+    if fit.parameters.len() < 40 {
+        fit.convergence = converging(fit);
+    }
+    report(answer, &Series::new(fit, answer, false, 0.0))
+}
+
+fn text_of(document: &Document) -> String {
+    document.descendants().filter(|n| n.is_text()).filter_map(|n| n.text()).collect::<Vec<_>>().join(" ")
+}
+
+#[test]
+fn every_kind_of_body_has_a_page_with_the_same_sections() {
+    for (name, mut fit, answer) in samples() {
+        let page = page(&mut fit, &answer);
+        let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
+        let document = Document::parse_with_options(&page, options).unwrap_or_else(|e| panic!("{name}: {e}"));
+        let heads: Vec<&str> =
+            document.descendants().filter(|n| n.has_tag_name("h2")).filter_map(|n| n.text()).collect();
+        for head in ["Results", "Residuals by channel", "Residuals", "Provenance"] {
+            assert!(heads.contains(&head), "{name}: {heads:?}");
+        }
+        let shown = text_of(&document);
+        assert!(!shown.contains("NaN") && !shown.contains(" inf"), "{name}");
+        // Every table but the narrow ones can be scrolled by itself.
+        let wide = document.descendants().filter(|n| n.has_tag_name("table"));
+        for table in wide.filter(|n| !["plainrows", "xyz", "tensor"].contains(&n.attribute("class").unwrap()))
+        {
+            assert_eq!(table.parent().and_then(|p| p.attribute("class")), Some("scroll"), "{name}");
+        }
+        let ids: Vec<&str> = document.descendants().filter_map(|n| n.attribute("id")).collect();
+        let unique: std::collections::HashSet<&str> = ids.iter().copied().collect();
+        assert_eq!(ids.len(), unique.len(), "{name}: an id occurs twice");
+        assert_eq!(shown.contains("the connection to /dev/ttyACM0 was lost"), name == "failed");
+    }
+}
+
+#[test]
+fn the_text_holds_every_number_rounded_to_its_uncertainty_and_tells_notes_from_warnings() {
+    for (name, _, answer) in samples() {
+        let text = plain::text(&answer);
+        for parameter in &answer.parameters {
+            let Some(m) = parameter.state.measured() else { continue };
+            let line = text.lines().find(|l| l.split_whitespace().next() == Some(parameter.name.as_str()));
+            let line = line.unwrap_or_else(|| panic!("{name}: no line for {}", parameter.name));
+            let words: Vec<&str> = line.split_whitespace().collect();
+            let wanted = with_u95(m.value, m.u95, &parameter.unit);
+            assert!(words.join(" ").contains(&wanted), "{name}: {line} for {wanted}");
+        }
+        let count = |label: &str| text.lines().filter(|l| l.starts_with(label)).count();
+        assert_eq!(count("warning: "), answer.warnings.len(), "{name}");
+        assert_eq!(count("note: "), answer.notes.len(), "{name}");
+        assert_eq!(count("error: "), usize::from(name == "failed"));
+    }
+}
