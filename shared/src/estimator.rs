@@ -382,6 +382,11 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         self.reference = Some(reference);
     }
 
+    /// Returns the signals of the row block absorbed last, conditioned, in the axes of S, the known offset taken off.
+    pub fn last_signals(&self) -> Option<&[T; S]> {
+        self.last_signals.as_ref()
+    }
+
     /// The factor on each row of the block absorbed last: less than 1 where a knock has spoilt it.
     pub fn last_factors(&self) -> &[T; 6] {
         &self.last_factors

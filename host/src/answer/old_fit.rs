@@ -3,8 +3,8 @@
 use rigident_shared::inertia::{PARAMETER_NAMES, PARAMETER_UNITS};
 
 use crate::fit::{
-    Autocorrelation, BlockResidual, Channel, ChannelFit, Counts, Estimate, Factor, Fit, Kind, NoiseCheck,
-    Owner, Parameter, Prior, PriorStatement,
+    Autocorrelation, BlockResidual, Channel, ChannelFit, Counts, Estimate, Factor, Filter, Fit, Kind,
+    NoiseCheck, Owner, Parameter, Prior, PriorStatement,
 };
 use crate::identification::pooled::{RowSet, judge};
 use crate::identification::whiteness::{Colour, WRENCH};
@@ -38,6 +38,7 @@ fn fit(parameters: Vec<Parameter>, channels: Vec<ChannelFit>, factor: Factor, es
         signal_bias: Vec::new(),
         spurious_information: 0.0,
         residuals: Vec::new(),
+        filter: Filter::default(),
         counts: Counts::default(),
         forgotten: None,
         convergence: Vec::new(),
@@ -133,6 +134,7 @@ pub fn of_body(found: &Identification, input: &identification::Input) -> Fit {
         counts: Counts {
             samples: found.counters.readings.into(),
             rejected: found.counters.rejected.into(),
+            rejected_by_signal: Vec::new(),
             gaps: 0,
             blocks: found.counters.blocks.into(),
         },

@@ -112,8 +112,9 @@ impl Estimate {
         self.determined.get(j) == Some(&true)
     }
 
-    /// Returns parameter `j` if the rows determine it, however coarsely.
-    pub(crate) fn measured(&self, j: usize) -> Option<Measured> {
+    /// Returns parameter `j` if the rows determine it, however coarsely: an [answer](crate::answer) withholds what is too
+    /// coarse to be called identified.
+    pub fn measured(&self, j: usize) -> Option<Measured> {
         let value = self.values.get(j).filter(|_| self.is_determined(j))?;
         Some(Measured { value: *value, u95: self.u95(j) })
     }

@@ -232,6 +232,64 @@ impl Factor {
         out
     }
 
+    /// Returns the same rows about other parameters: `z − R φ_r`.
+    #[must_use]
+    pub fn about(&self, reference: &[f64]) -> Self {
+        let n = self.parameters;
+        let mut out = self.clone();
+        let (triangle, z) = out.triangle.split_at_mut(n * n);
+        for (column, reference) in triangle.chunks_exact(n.max(1)).zip(reference) {
+            for (z, r) in z.iter_mut().zip(column) {
+                *z -= r * reference;
+            }
+        }
+        if out.is_finite() { out } else { self.clone() }
+    }
+
+    /// Returns the standard deviation of every parameter by back substitution; infinite where R has a zero on its
+    /// diagonal.
+    pub fn standard_deviations(&self) -> Vec<f64> {
+        let n = self.parameters;
+        let r = |i: usize, j: usize| self.triangle[j * n + i];
+        (0..n)
+            .map(|j| {
+                // x R = e_j, from the diagonal on.
+                let mut x = vec![0.0; n];
+                let mut square = 0.0;
+                for k in j..n {
+                    let mut rest = if k == j { 1.0 } else { 0.0 };
+                    for (i, x) in x.iter().enumerate().take(k).skip(j) {
+                        rest -= x * r(i, k);
+                    }
+                    x[k] = rest / r(k, k);
+                    square += x[k] * x[k];
+                }
+                if square.is_finite() { square.sqrt() } else { f64::INFINITY }
+            })
+            .collect()
+    }
+
+    /// Returns the estimate by back substitution; `None` unless every parameter's variance inflation factor
+    /// `(RᵀR)_jj (RᵀR)⁻¹_jj` is below `1/ε`. `deviations` are [`Factor::standard_deviations`].
+    pub fn well_determined(&self, deviations: &[f64]) -> Option<Vec<f64>> {
+        let n = self.parameters;
+        let mut phi = self.z().to_vec();
+        for j in (0..n).rev() {
+            let column = self.triangle.get(j * n..(j + 1) * n)?;
+            let norm2: f64 = column.iter().map(|r| r * r).sum();
+            let inflation = norm2 * deviations.get(j)?.powi(2);
+            if !inflation.is_finite() || inflation >= 1.0 / f64::EPSILON {
+                return None;
+            }
+            let value = *phi.get(j)? / column.get(j)?;
+            *phi.get_mut(j)? = value;
+            for (rest, r) in phi.iter_mut().zip(column).take(j) {
+                *rest -= r * value;
+            }
+        }
+        Some(phi)
+    }
+
     /// Returns the same triangle with another residual sum of squares and row count.
     #[must_use]
     pub fn with_residual(mut self, residual_sum_of_squares: f64, rows: u64) -> Self {

@@ -1,28 +1,44 @@
 //! The information factor on the host, and the fit that fills it.
 //!
-//! Every method ends in rows `A φ = y ± σ` ([`RowSource`]). Rows are absorbed into a [`Factor`]; every question is a
-//! function of the factor. This room knows nothing of files, bodies or screens.
+//! Every method ends in rows `A φ = y ± σ` ([`RowSource`]). Rows are filtered to blocks ([`RowBlocks`]) and absorbed into a
+//! [`Factor`] by [`fit()`]; every question is a function of the factor. This room knows nothing of files, bodies or screens.
 
+pub mod autocorrelation;
+pub mod condition;
+mod convergence;
+mod engine;
 mod estimate;
 #[cfg(test)]
 mod examples;
 mod factor;
 pub mod factor_file;
 mod fingerprint;
+mod forgetting;
+mod gains;
+mod jacobi;
 mod noise_check;
+pub mod outliers;
+pub mod parallel;
 mod parameter;
 pub mod pool;
 pub mod prior;
+mod progress;
+mod residuals;
 mod result;
+mod shifts;
+mod signal_noise;
 mod source;
 mod standard;
 pub mod tare;
 
+pub use condition::{FILTER_WIDTH_S, Filter, RowBlocks, SampleCounts, filter_width_s, row_every};
+pub use engine::{DeviceFactor, FitError, FitOptions, fit, fit_device};
 pub use estimate::{COVERAGE_95, Estimate, Measured, Noise};
 pub use factor::{Factor, Solution};
 pub use fingerprint::Fingerprint;
 pub use noise_check::{Judgement, RowSet, judge};
 pub use parameter::{Channel, Kind, Owner, Parameter};
+pub use progress::{Progress, Silent};
 pub use result::{
     Autocorrelation, BlockResidual, ChannelFit, Convergence, Counts, Fit, Forgotten, NoiseCheck, Prior,
     PriorStatement,

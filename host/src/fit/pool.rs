@@ -8,8 +8,8 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::factor_file::{self, FactorFileError, FactorSource, MOST_BYTES, SourceChannel};
 use super::{
-    Channel, ChannelFit, Counts, Estimate, Factor, Fit, Judgement, Kind, NoiseCheck, Owner, Parameter,
-    RowSet, judge,
+    Channel, ChannelFit, Counts, Estimate, Factor, Filter, Fit, Judgement, Kind, NoiseCheck, Owner,
+    Parameter, RowSet, judge,
 };
 
 /// A disagreement less likely than this among runs of one body is told and scales the covariance.
@@ -401,9 +401,11 @@ impl PooledFactor {
             signal_bias: Vec::new(),
             spurious_information: self.sources.iter().map(|s| s.spurious_information).sum(),
             residuals: Vec::new(),
+            filter: Filter::default(),
             counts: Counts {
                 samples: sum(&|s| s.samples),
                 rejected: sum(&|s| s.rejected),
+                rejected_by_signal: Vec::new(),
                 gaps: 0,
                 blocks: sum(&|s| s.rows / (s.channels.len() as u64).max(1)),
             },

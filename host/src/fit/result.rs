@@ -1,6 +1,6 @@
 //! The result of a fit: everything that an answer is made of.
 
-use super::{Channel, Estimate, Factor, Measured, Parameter};
+use super::{Channel, Estimate, Factor, Filter, Measured, Parameter};
 
 /// Residuals of a channel that stay correlated for longer than the filter explains.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -43,8 +43,16 @@ pub struct BlockResidual {
     pub time_s: f64,
     /// Filtered measurement less the prediction, one a channel.
     pub values: Vec<f64>,
-    /// Weight of each row beside 1/σ: less than 1 where an outlier spoilt it.
+    /// Weight of each row beside 1/σ: less than 1 where an outlier spoilt it; empty if all count fully.
     pub weights: Vec<f64>,
+}
+
+impl BlockResidual {
+    /// Returns the residual of a channel as the answer counts it.
+    pub fn weighted(&self, channel: usize) -> f64 {
+        let weight = self.weights.get(channel).copied().unwrap_or(1.0);
+        weight * self.values.get(channel).copied().unwrap_or(0.0)
+    }
 }
 
 /// The noise of the residuals against what was stated.
@@ -71,6 +79,8 @@ pub struct Counts {
     pub rejected: u64,
     /// Gaps in time, at which the filter started anew.
     pub gaps: u64,
+    /// Rejected samples by the signal that was the reason, as far as there were any.
+    pub rejected_by_signal: Vec<(String, u64)>,
     /// Row blocks absorbed, of one row a channel each.
     pub blocks: u64,
 }
@@ -156,6 +166,8 @@ pub struct Fit {
     pub spurious_information: f64,
     /// Residuals of each row block; empty where only a factor is at hand.
     pub residuals: Vec<BlockResidual>,
+    /// The filter that the rows went through; the identity where only a factor is at hand.
+    pub filter: Filter,
     /// Samples and rows counted.
     pub counts: Counts,
     /// What the answer rests on where older rows are forgotten.

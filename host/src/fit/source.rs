@@ -1,8 +1,10 @@
 //! Sources of rows `A φ = y ± σ`: all that a method of identification has to provide.
 
+use std::ops::Range;
+
 use rigident_shared::screening::Rejection;
 
-use super::{Channel, Fingerprint, Parameter};
+use super::{Channel, Filter, Fingerprint, FitError, Parameter, Progress, RowBlocks, condition};
 
 /// How the samples of a source follow one another.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -97,5 +99,46 @@ pub trait RowSource: Sync {
             }
         }
         hash.finish()
+    }
+
+    /// Returns the name of the signal that a [`Rejection`] numbers; by default that is a channel.
+    fn signal_name(&self, signal: u8) -> String {
+        self.channels()
+            .get(usize::from(signal))
+            .map_or_else(|| format!("signal {signal}"), |c| c.name.clone())
+    }
+
+    /// Returns standard deviations to start from where none is stated; only their ratios matter.
+    fn nominal_sigma(&self) -> Vec<f64> {
+        self.channels().iter().map(|c| if c.unit == "N m" { 0.1 } else { 1.0 }).collect()
+    }
+
+    /// Filters the samples into row blocks. The default stores the rows; a source with a more compact form of its rows
+    /// may keep that.
+    ///
+    /// # Errors
+    /// [`FitError`] if the filter does not fit the rate.
+    fn condition(&self, progress: &dyn Progress) -> Result<Box<dyn RowBlocks + '_>, FitError> {
+        condition::condition(self, progress)
+    }
+
+    /// Returns the source of some of its samples with noise added to the signals that the coefficients are made of.
+    ///
+    /// The noise has the signals' standard deviation times `scale`, each value of either sign by a fixed pattern; with a
+    /// `scale` of zero the samples are as they are. `None` if the signals have no noise that is known.
+    fn with_signal_noise(&self, _samples: Range<usize>, _scale: f64) -> Option<Box<dyn RowSource + '_>> {
+        None
+    }
+
+    /// Returns the standard deviation of the rates of turn among the signals, rad/s: information that their noise alone
+    /// would bring to a moment of inertia counts for nothing.
+    fn rate_sigma(&self) -> f64 {
+        0.0
+    }
+
+    /// Returns the root mean square, per whitened row, of what noise of the signals alone brings to the coefficients of each
+    /// parameter; `None` if it is to be found by [`RowSource::with_signal_noise`]. `sigma` are those of the channels.
+    fn coefficient_noise(&self, _filter: &Filter, _sigma: &[f64]) -> Option<Vec<f64>> {
+        None
     }
 }

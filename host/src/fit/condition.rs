@@ -1,0 +1,372 @@
+//! Row blocks: the samples of a source after the filter.
+//!
+//! One FIR over both parts of the rows and the measurements leaves the equation exact:
+//! `k ∗ measured = (k ∗ smoothed + k̇ ∗ differentiated) φ`. The kernel is the firmware's
+//! (`rigident_shared::conditioning`). A rejected sample or a gap in time starts the filter anew.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::ops::Range;
+
+use rigident_shared::conditioning::{Kernel, KernelError};
+use rigident_shared::screening::Rejection;
+
+use super::{Factor, FitError, Progress, RowSource, SampleRows, Timing};
+
+/// Width of the FIR where samples are frequent enough, s; see [`filter_width_s`].
+pub const FILTER_WIDTH_S: f64 = 0.1;
+/// Least width of the FIR in samples: with nine, `ḣ ∗ ω` is `h ∗ ω̇` to 1e-4 up to a tenth of the rate and to 6e-4 up to a
+/// quarter of it, where the kernel has let three quarters of the amplitude go; with four and a half it is to 1.6 % and 14 %.
+const LEAST_WIDTH_SAMPLES: f64 = 9.0;
+/// Row blocks come at about this rate, 1/s: twice the filter's noise bandwidth and more.
+const ROW_RATE_HZ: f64 = 100.0;
+/// Room for the longest kernel: a second at 1 kHz.
+const TAPS: usize = 1024;
+/// A step longer than so many periods is a gap.
+const GAP: f64 = 1.5;
+/// Samples between two reports of progress.
+const REPORTED_SAMPLES: usize = 256;
+/// Row blocks that are whitened before they are absorbed.
+const CHUNK: usize = 32;
+
+/// Returns the width of the FIR at this rate, s: [`FILTER_WIDTH_S`], below 90 samples a second as many seconds as nine
+/// samples take.
+pub fn filter_width_s(rate_hz: f64) -> f64 {
+    FILTER_WIDTH_S.max(LEAST_WIDTH_SAMPLES / rate_hz)
+}
+
+/// Returns the samples that a row block stands for at this rate: an even number where they are many, so that a filter may
+/// average neighbours ([`rigident_shared::conditioning`]); at least some 75 row blocks come a second, above twice the
+/// filter's bandwidth.
+pub fn row_every(rate_hz: f64) -> u16 {
+    if rate_hz < 150.0 { 1 } else { 2 * (rate_hz / (2.0 * ROW_RATE_HZ)).floor().clamp(1.0, 500.0) as u16 }
+}
+
+/// The filter that rows went through, as far as their noise is concerned.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Filter {
+    /// Samples per second; zero without a filter.
+    pub rate_hz: f64,
+    /// Width of the FIR, s; zero without a filter.
+    pub width_s: f64,
+    /// Samples that a row block stands for.
+    pub every: u16,
+    /// `Σh²`: variance of white noise after the filter, relative to before.
+    pub noise_gain: f64,
+    /// `Σḣ²`, 1/s².
+    pub derivative_noise_gain: f64,
+    /// Impulse response on the samples, oldest first; empty without a filter.
+    pub response: Vec<f64>,
+}
+
+impl Default for Filter {
+    /// Returns the identity: each sample is a row block.
+    fn default() -> Self {
+        Self {
+            rate_hz: 0.0,
+            width_s: 0.0,
+            every: 1,
+            noise_gain: 1.0,
+            derivative_noise_gain: 0.0,
+            response: Vec::new(),
+        }
+    }
+}
+
+impl Filter {
+    /// Returns the variance of whitened, filtered white noise per row.
+    pub fn row_noise_gain(&self) -> f64 {
+        f64::from(self.every) * self.noise_gain
+    }
+
+    /// Returns the time between row blocks, s; zero without a filter.
+    pub fn row_period_s(&self) -> f64 {
+        if self.rate_hz > 0.0 { f64::from(self.every) / self.rate_hz } else { 0.0 }
+    }
+
+    /// Returns the autocovariance of the rows for white noise of unit variance before the filter, at lags of 0, 1, … rows,
+    /// until the windows no longer overlap.
+    pub fn white_autocovariance(&self) -> Vec<f64> {
+        (0..self.response.len())
+            .step_by(usize::from(self.every).max(1))
+            .map(|lag| self.response.iter().zip(self.response.iter().skip(lag)).map(|(a, b)| a * b).sum())
+            .collect()
+    }
+}
+
+/// Samples counted on the way to row blocks.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SampleCounts {
+    /// Samples given.
+    pub samples: u64,
+    /// Samples rejected.
+    pub rejected: u64,
+    /// Samples rejected by the signal that was the reason.
+    pub by_signal: BTreeMap<u8, u64>,
+    /// Gaps in time.
+    pub gaps: u64,
+}
+
+impl SampleCounts {
+    /// Counts a rejected sample.
+    pub fn reject(&mut self, rejection: Rejection) {
+        let (Rejection::NotFinite(signal) | Rejection::Saturated(signal) | Rejection::Frozen(signal)) =
+            rejection;
+        self.rejected += 1;
+        *self.by_signal.entry(signal).or_default() += 1;
+    }
+}
+
+/// Filtered row blocks, in the order of time: C channels of N coefficients each.
+pub trait RowBlocks: Send + Sync {
+    /// Returns the filter.
+    fn filter(&self) -> &Filter;
+
+    /// Returns what became of the samples.
+    fn counts(&self) -> &SampleCounts;
+
+    /// Returns the parts, one after the other, that are treated on their own, each on a core of its own.
+    fn parts(&self) -> &[Range<usize>];
+
+    /// Returns the time of the sample that completed a block, s.
+    fn time_s(&self, block: usize) -> f64;
+
+    /// Writes a block: C × N coefficients, row by row, and C measurements, not whitened.
+    fn write(&self, block: usize, rows: &mut [f64], measured: &mut [f64]);
+
+    /// Returns the factor of some blocks.
+    ///
+    /// Rows are multiplied by `whitening`, one number a channel, and by `weights`, one a channel and block of the whole
+    /// recording, where there are any. The number of parameters is `parameters`.
+    fn absorb(
+        &self,
+        blocks: Range<usize>,
+        parameters: usize,
+        whitening: &[f64],
+        weights: Option<&[f64]>,
+    ) -> Factor {
+        absorb(self, blocks, parameters, whitening, weights)
+    }
+
+    /// Returns the number of blocks.
+    fn len(&self) -> usize {
+        self.parts().last().map_or(0, |part| part.end)
+    }
+
+    /// Returns true if there is no block.
+    fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// Absorbs blocks by their rows; see [`RowBlocks::absorb`].
+pub fn absorb<B: RowBlocks + ?Sized>(
+    blocks: &B,
+    range: Range<usize>,
+    parameters: usize,
+    whitening: &[f64],
+    weights: Option<&[f64]>,
+) -> Factor {
+    let channels = whitening.len();
+    let mut factor = Factor::new(parameters);
+    let mut rows = vec![0.0; CHUNK * channels * parameters];
+    let mut values = vec![0.0; CHUNK * channels];
+    let mut start = range.start;
+    while start < range.end {
+        let end = range.end.min(start + CHUNK);
+        let own_rows = rows.chunks_exact_mut((channels * parameters).max(1));
+        let own_values = values.chunks_exact_mut(channels.max(1));
+        for (block, (rows, values)) in (start..end).zip(own_rows.zip(own_values)) {
+            blocks.write(block, rows, values);
+            let of_block = weights.and_then(|w| w.get(block * channels..(block + 1) * channels));
+            let lines = rows.chunks_exact_mut(parameters.max(1)).zip(values);
+            for (c, ((row, value), whitening)) in lines.zip(whitening).enumerate() {
+                let weight = whitening * of_block.and_then(|w| w.get(c)).copied().unwrap_or(1.0);
+                row.iter_mut().for_each(|v| *v *= weight);
+                *value *= weight;
+            }
+        }
+        let count = (end - start) * channels;
+        factor.absorb(rows.chunks_exact(parameters.max(1)).zip(values.iter().copied()).take(count));
+        start = end;
+    }
+    factor
+}
+
+/// Row blocks whose rows are stored.
+#[derive(Clone, Debug)]
+pub struct StoredBlocks {
+    filter: Filter,
+    counts: SampleCounts,
+    parts: Vec<Range<usize>>,
+    time_s: Vec<f64>,
+    rows: Vec<f64>,
+    measured: Vec<f64>,
+}
+
+impl RowBlocks for StoredBlocks {
+    fn filter(&self) -> &Filter {
+        &self.filter
+    }
+
+    fn counts(&self) -> &SampleCounts {
+        &self.counts
+    }
+
+    fn parts(&self) -> &[Range<usize>] {
+        &self.parts
+    }
+
+    fn time_s(&self, block: usize) -> f64 {
+        self.time_s.get(block).copied().unwrap_or(0.0)
+    }
+
+    fn write(&self, block: usize, rows: &mut [f64], measured: &mut [f64]) {
+        copy(&self.rows, block, rows);
+        copy(&self.measured, block, measured);
+    }
+}
+
+/// Copies chunk `k` of some numbers.
+fn copy(all: &[f64], k: usize, to: &mut [f64]) {
+    let length = to.len();
+    if let Some(from) = all.get(k * length..(k + 1) * length) {
+        to.copy_from_slice(from);
+    }
+}
+
+impl StoredBlocks {
+    fn push(&mut self, time_s: f64, rows: &[f64], measured: &[f64]) {
+        self.time_s.push(time_s);
+        self.rows.extend_from_slice(rows);
+        self.measured.extend_from_slice(measured);
+    }
+}
+
+/// Filters the samples of a source into row blocks that are stored.
+///
+/// # Errors
+/// [`FitError::Filter`] if there is no such filter at the source's rate.
+pub fn condition<S: RowSource + ?Sized>(
+    source: &S,
+    progress: &dyn Progress,
+) -> Result<Box<dyn RowBlocks>, FitError> {
+    let (channels, parameters) = (source.channels().len(), source.parameters().len());
+    let mut taps = Taps::new(source.timing())?;
+    let mut blocks = StoredBlocks {
+        filter: taps.filter.clone(),
+        counts: SampleCounts { samples: source.samples() as u64, ..SampleCounts::default() },
+        parts: Vec::new(),
+        time_s: Vec::new(),
+        rows: Vec::new(),
+        measured: Vec::new(),
+    };
+    let period_ns = if taps.filter.rate_hz > 0.0 { 1e9 / taps.filter.rate_hz } else { f64::INFINITY };
+    let is_static = source.timing() == Timing::Static;
+    let mut before: Option<u64> = None;
+    let mut spare = SampleRows::default();
+    for sample in 0..source.samples() {
+        if sample % REPORTED_SAMPLES == 0 {
+            progress.stage("rows", sample as f64 / source.samples() as f64);
+        }
+        let time_ns = if is_static { 0 } else { source.time_ns(sample) };
+        spare.clear(channels, parameters);
+        if let Err(rejection) = source.rows(sample, &mut spare) {
+            blocks.counts.reject(rejection);
+            taps.reset();
+            before = None;
+            continue;
+        }
+        if before.is_some_and(|t| time_ns.saturating_sub(t) as f64 > GAP * period_ns) {
+            blocks.counts.gaps += 1;
+            taps.reset();
+        }
+        before = Some(time_ns);
+        if is_static {
+            blocks.push(0.0, &spare.smoothed, &spare.measured);
+        } else if let Some(due) = taps.push(&mut spare) {
+            blocks.push(time_ns as f64 * 1e-9, &due.smoothed, &due.measured);
+        }
+    }
+    blocks.parts.push(0..blocks.time_s.len());
+    Ok(Box::new(blocks))
+}
+
+/// The kernel with the samples under it.
+struct Taps {
+    filter: Filter,
+    /// Weights of the smoothed and of the differentiated part, oldest sample first.
+    weights: Vec<(f64, f64)>,
+    samples: VecDeque<SampleRows>,
+    until: usize,
+    out: SampleRows,
+}
+
+impl Taps {
+    fn new(timing: Timing) -> Result<Self, FitError> {
+        let (filter, weights) = match timing {
+            Timing::Static => (Filter::default(), vec![(1.0, 0.0)]),
+            Timing::Uniform { rate_hz } => {
+                let width_s = filter_width_s(rate_hz);
+                let refuse = |error| FitError::Filter { rate_hz, width_s, error };
+                let kernel = Kernel::<f64, TAPS>::new(rate_hz, width_s, 1).map_err(refuse)?;
+                let weights: Vec<(f64, f64)> =
+                    kernel.smooth().iter().copied().zip(kernel.derivative().iter().copied()).collect();
+                if weights.len() < 3 {
+                    return Err(refuse(KernelError::Invalid));
+                }
+                let filter = Filter {
+                    rate_hz,
+                    width_s,
+                    every: row_every(rate_hz),
+                    noise_gain: kernel.noise_gain(),
+                    derivative_noise_gain: kernel.derivative_noise_gain(),
+                    response: kernel.smooth().to_vec(),
+                };
+                (filter, weights)
+            }
+        };
+        let until = weights.len();
+        Ok(Self {
+            filter,
+            weights,
+            samples: VecDeque::with_capacity(until),
+            until,
+            out: SampleRows::default(),
+        })
+    }
+
+    fn reset(&mut self) {
+        self.samples.clear();
+        self.until = self.weights.len();
+    }
+
+    /// Takes a sample, giving another one's room back, and gives what is due.
+    fn push(&mut self, sample: &mut SampleRows) -> Option<&SampleRows> {
+        let full = self.samples.len() == self.weights.len();
+        let mut room =
+            if full { self.samples.pop_front().unwrap_or_default() } else { SampleRows::default() };
+        std::mem::swap(&mut room, sample);
+        self.samples.push_back(room);
+        self.until -= 1;
+        if self.until > 0 {
+            return None;
+        }
+        self.until = usize::from(self.filter.every).max(1);
+        let first = self.samples.front()?;
+        let (rows, channels) = (first.smoothed.len(), first.measured.len());
+        self.out.smoothed.clear();
+        self.out.smoothed.resize(rows, 0.0);
+        self.out.measured.clear();
+        self.out.measured.resize(channels, 0.0);
+        for ((h, d), sample) in self.weights.iter().zip(&self.samples) {
+            let parts = sample.smoothed.iter().zip(&sample.differentiated);
+            for (sum, (smoothed, differentiated)) in self.out.smoothed.iter_mut().zip(parts) {
+                *sum += h * smoothed + d * differentiated;
+            }
+            for (sum, value) in self.out.measured.iter_mut().zip(&sample.measured) {
+                *sum += h * value;
+            }
+        }
+        Some(&self.out)
+    }
+}

@@ -1,0 +1,658 @@
+//! The fit of a source's rows: weights, nuisance parameters, outliers, autocorrelation, forgetting.
+
+use rigident_shared::conditioning::KernelError;
+use rigident_shared::forgetting::Span;
+
+use super::autocorrelation::{self, Coloured};
+use super::convergence;
+use super::forgetting::Memory;
+use super::gains::ChannelFactors;
+use super::outliers::{self, Reference, Watch, Weights};
+use super::residuals::{measured_rms, raw_sigma, residuals, rms};
+use super::{
+    BlockResidual, ChannelFit, Convergence, Counts, Estimate, Factor, Fit, Forgotten, Noise, NoiseCheck,
+    Progress, RowBlocks, RowSet, RowSource, judge, parallel, signal_noise,
+};
+
+/// Rounds of weights from residuals where no σ is stated: from the unweighted fit, then once more.
+const SIGMA_ROUNDS: usize = 2;
+
+/// Settings of a fit.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FitOptions {
+    /// Forgets older rows with a time constant, or keeps a window; `None`: all rows count.
+    pub forgetting: Option<Span<f64>>,
+    /// Estimates on the way to the result, about; zero: none.
+    pub convergence_points: usize,
+}
+
+/// The reason that there is no fit.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum FitError {
+    /// Nothing was left to absorb.
+    #[error(
+        "no usable rows: of {samples} samples {rejected} were rejected, and no stretch of the rest without a gap is as long \
+         as the filter of {width_s} s"
+    )]
+    NoRows {
+        /// Samples given.
+        samples: u64,
+        /// Samples rejected.
+        rejected: u64,
+        /// Width of the filter, s.
+        width_s: f64,
+    },
+    /// The filter does not fit the rate.
+    #[error("at {rate_hz} samples per second there is no filter of {width_s} s: {}", match error {
+        KernelError::Invalid => "that is less than three of them; record faster".to_owned(),
+        KernelError::TooManyTaps(taps) =>
+            format!("that is {taps} of them, more than it has room for; take every second one"),
+    })]
+    Filter {
+        /// Samples per second.
+        rate_hz: f64,
+        /// Width of the filter, s.
+        width_s: f64,
+        /// The kernel's error.
+        error: KernelError,
+    },
+    /// A σ is not positive and finite.
+    #[error(
+        "the noise of channel {channel}, 1 σ = {sigma}, is no positive number: check noise_n_nm in the rig file"
+    )]
+    Sigma {
+        /// Name of the channel.
+        channel: String,
+        /// The σ.
+        sigma: f64,
+    },
+    /// The span of forgetting does not fit the rows.
+    #[error(
+        "a time constant or window of {span_s} s cannot be kept: it must be a positive number, longer than the filter of \
+         {width_s} s, and still poses have no time to forget by"
+    )]
+    Forgetting {
+        /// The time constant or window, s.
+        span_s: f64,
+        /// Width of the filter, s.
+        width_s: f64,
+    },
+    /// A device's factor has other parameters.
+    #[error("the device's factor has {device} parameters, the model {model}: was it set to another one?")]
+    Device {
+        /// Parameters of the factor.
+        device: usize,
+        /// Parameters of the source.
+        model: usize,
+    },
+}
+
+/// A factor that a device made of the samples of a source.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DeviceFactor {
+    /// The factor, columns in the order of the source's parameters, whitened by the σ of the source's channels.
+    pub factor: Factor,
+    /// True if the device filtered its rows as the host does; else each row is of a single sample.
+    pub is_filtered: bool,
+    /// True if the σ were stated; false if they were estimated from these samples before.
+    pub sigma_given: bool,
+    /// Rows of each channel that the device gave less weight; `None`: as the residuals show.
+    pub outliers: Option<Vec<u32>>,
+}
+
+/// Fits the parameters of a source to its rows.
+///
+/// Samples are filtered to row blocks ([`RowSource::condition`]) and absorbed, whitened by σ of their channels; where not all
+/// σ are stated all come from the residuals. Gain errors are nuisance parameters; outliers are given less weight; the
+/// covariance is inflated where residuals are larger than stated or autocorrelated, or the signals' noise moves the
+/// estimate.
+///
+/// # Errors
+/// [`FitError`] if there are no rows, or a setting is impossible.
+pub fn fit(source: &dyn RowSource, options: &FitOptions, progress: &dyn Progress) -> Result<Fit, FitError> {
+    let engine = Engine::new(source, *options, progress)?;
+    progress.stage("estimate", 0.0);
+    let given = engine.stated_sigma();
+    let sigma = given.clone().unwrap_or_else(|| source.nominal_sigma());
+    engine.check(&sigma)?;
+    match options.forgetting {
+        Some(span) => engine.forgetting(span, sigma, given.is_some()),
+        None => engine.batch(sigma, given.is_some()),
+    }
+}
+
+/// Judges a factor that a device made by the samples that it was made of: residuals, outliers, gain errors,
+/// autocorrelation and noise of the signals are found as in [`fit`].
+///
+/// Gain errors multiply the parameters, so a device's factor does not hold them: where a gain has a σ, the factor is made
+/// anew from the samples.
+///
+/// # Errors
+/// [`FitError`] if there are no rows, or the factor is of other parameters.
+pub fn fit_device(
+    source: &dyn RowSource,
+    device: &DeviceFactor,
+    options: &FitOptions,
+    progress: &dyn Progress,
+) -> Result<Fit, FitError> {
+    let mut engine = Engine::new(source, *options, progress)?;
+    let parameters = engine.parameters;
+    if device.factor.parameters() != parameters {
+        return Err(FitError::Device { device: device.factor.parameters(), model: parameters });
+    }
+    let sigma = engine.stated_sigma().unwrap_or_else(|| source.nominal_sigma());
+    engine.check(&sigma)?;
+    if !device.is_filtered {
+        engine.row_noise_gain = 1.0;
+    }
+    let pass = Pass { sigma, factor: device.factor.clone(), weights: engine.no_weights() };
+    let mut conclusion = engine.conclude(&pass, device.sigma_given, options.forgetting.is_none());
+    if let Some(span) = options.forgetting {
+        engine.restrict(&mut conclusion, span, &pass.sigma);
+    }
+    if let Some(outliers) = &device.outliers {
+        conclusion.outliers.clone_from(outliers);
+    }
+    let convergence = match options.forgetting {
+        None => engine.convergence(&pass, &conclusion),
+        Some(_) => Vec::new(),
+    };
+    engine.finish(pass, conclusion, convergence, options.forgetting)
+}
+
+/// A source with its row blocks.
+struct Engine<'a> {
+    source: &'a dyn RowSource,
+    blocks: Box<dyn RowBlocks + 'a>,
+    options: FitOptions,
+    parameters: usize,
+    /// Root mean square of the filtered measurements.
+    measured_rms: Vec<f64>,
+    channel_factors: Option<ChannelFactors<'a>>,
+    row_noise_gain: f64,
+    limit: f64,
+}
+
+/// Rows absorbed.
+struct Pass {
+    sigma: Vec<f64>,
+    /// Gain errors not eliminated.
+    factor: Factor,
+    weights: Weights,
+}
+
+/// What a pass says.
+struct Conclusion {
+    /// Gain errors eliminated.
+    factor: Factor,
+    /// The same beside the noise as it is, where it is larger than stated.
+    solved: Option<Factor>,
+    estimate: Estimate,
+    /// The same, variance not scaled by the residuals.
+    unscaled: Estimate,
+    noise: Noise,
+    check: NoiseCheck,
+    gains: Vec<f64>,
+    residuals: Vec<BlockResidual>,
+    weights: Weights,
+    outliers: Vec<u32>,
+    residual_rms: Vec<f64>,
+    coloured: Vec<Coloured>,
+    /// Share of all row blocks that the factor holds.
+    share: f64,
+}
+
+impl<'a> Engine<'a> {
+    fn new(
+        source: &'a dyn RowSource,
+        options: FitOptions,
+        progress: &dyn Progress,
+    ) -> Result<Self, FitError> {
+        let blocks = source.condition(progress)?;
+        if blocks.is_empty() {
+            let counts = blocks.counts();
+            return Err(FitError::NoRows {
+                samples: counts.samples,
+                rejected: counts.rejected,
+                width_s: blocks.filter().width_s,
+            });
+        }
+        let (channels, parameters) = (source.channels(), source.parameters().len());
+        // Where older rows are forgotten gain errors are not told apart.
+        let channel_factors = match options.forgetting {
+            None => ChannelFactors::of(&*blocks, parameters, channels),
+            Some(_) => None,
+        };
+        // Gain errors exceed the noise.
+        let uncertain = channels.iter().any(|c| c.gain_sigma > 0.0);
+        Ok(Self {
+            source,
+            options,
+            parameters,
+            measured_rms: measured_rms(&*blocks, channels.len(), parameters),
+            channel_factors,
+            row_noise_gain: blocks.filter().row_noise_gain(),
+            limit: if uncertain { 0.0 } else { outliers::LIMIT_SD },
+            blocks,
+        })
+    }
+
+    /// Returns the stated σ of all channels; `None` if one has none.
+    fn stated_sigma(&self) -> Option<Vec<f64>> {
+        self.source.channels().iter().map(|c| c.sigma).collect()
+    }
+
+    fn check(&self, sigma: &[f64]) -> Result<(), FitError> {
+        let mut channels = self.source.channels().iter().zip(sigma);
+        match channels.find(|(_, s)| !(s.is_finite() && **s > 0.0)) {
+            Some((channel, sigma)) => Err(FitError::Sigma { channel: channel.name.clone(), sigma: *sigma }),
+            None => Ok(()),
+        }
+    }
+
+    fn no_weights(&self) -> Weights {
+        Weights::none(self.source.channels().len())
+    }
+
+    /// Returns what multiplies the rows of each channel where the noise's variance is `scale` times as large.
+    fn whitening(&self, sigma: &[f64], scale: f64) -> Vec<f64> {
+        let root = (f64::from(self.blocks.filter().every) / scale).sqrt();
+        sigma.iter().map(|s| root / s).collect()
+    }
+
+    fn absorb(&self, sigma: Vec<f64>, reference: Option<&Reference>) -> Pass {
+        let blocks = &*self.blocks;
+        let weights = match reference {
+            Some(reference) => Weights::of(blocks, reference, &sigma),
+            None => self.no_weights(),
+        };
+        let whitening = self.whitening(&sigma, 1.0);
+        let parts = parallel::map(parallel::threads(), blocks.parts().len(), |k| {
+            let part = blocks.parts().get(k).cloned().unwrap_or_default();
+            blocks.absorb(part, self.parameters, &whitening, weights.as_slice())
+        });
+        let mut factor = Factor::new(self.parameters);
+        let several = parts.len() > 1;
+        for part in parts {
+            if several { factor.merge(&part) } else { factor = part }
+        }
+        Pass { sigma, factor, weights }
+    }
+
+    /// Returns the factor with the gain errors eliminated, the noise's variance taken `scale` times as large beside their
+    /// prior, and the gain errors.
+    fn with_gains(&self, pass: &Pass, scale: f64) -> (Factor, Vec<f64>) {
+        match &self.channel_factors {
+            None => (pass.factor.clone(), vec![0.0; pass.sigma.len()]),
+            Some(factors) => {
+                let whitening = self.whitening(&pass.sigma, scale);
+                let (factor, gains) = factors.fit(&whitening, self.source.rounding());
+                (factor, gains)
+            }
+        }
+    }
+
+    fn estimate(&self, factor: &Factor, scale: f64, noise: Noise) -> Estimate {
+        Estimate::new(factor, self.source.rounding(), scale, noise)
+    }
+
+    fn residuals(&self, parameters: &[f64], gains: &[f64], weights: &Weights) -> Vec<BlockResidual> {
+        residuals(&*self.blocks, self.source.channels(), parameters, gains, weights)
+    }
+
+    /// Returns σ of the channels from what a pass leaves.
+    fn sigma_from_residuals(&self, pass: &Pass) -> Vec<f64> {
+        let (factor, gains) = self.with_gains(pass, 1.0);
+        let estimate = self.estimate(&factor, 1.0, Noise::Given);
+        let residuals = self.residuals(&estimate.values, &gains, &pass.weights);
+        raw_sigma(&*self.blocks, self.source.channels(), &self.measured_rms, &estimate, &residuals)
+    }
+
+    fn batch(&self, sigma: Vec<f64>, sigma_given: bool) -> Result<Fit, FitError> {
+        let mut pass = self.absorb(sigma, None);
+        if !sigma_given {
+            for _ in 0..SIGMA_ROUNDS {
+                pass = self.absorb(self.sigma_from_residuals(&pass), None);
+            }
+        }
+        let mut conclusion = self.conclude(&pass, sigma_given, true);
+        for _ in 0..outliers::MOST_ROUNDS {
+            if conclusion.outliers.iter().all(|count| *count == 0) {
+                break;
+            }
+            let reference = self.reference(&conclusion);
+            pass = self.absorb(pass.sigma, Some(&reference));
+            if !sigma_given {
+                pass = self.absorb(self.sigma_from_residuals(&pass), Some(&reference));
+            }
+            conclusion = self.conclude(&pass, sigma_given, true);
+        }
+        let convergence = self.convergence(&pass, &conclusion);
+        self.finish(pass, conclusion, convergence, None)
+    }
+
+    fn reference(&self, conclusion: &Conclusion) -> Reference {
+        Reference::of(&conclusion.estimate, conclusion.check.variance_ratio, self.limit)
+    }
+
+    /// Draws the conclusions from a factor; `with_gains` if it is of all rows.
+    fn conclude(&self, pass: &Pass, sigma_given: bool, with_gains: bool) -> Conclusion {
+        let eliminated = |scale: f64| {
+            if with_gains {
+                self.with_gains(pass, scale)
+            } else {
+                (pass.factor.clone(), vec![0.0; pass.sigma.len()])
+            }
+        };
+        let (factor, mut gains) = eliminated(1.0);
+        let mut unscaled = self.estimate(&factor, 1.0, Noise::Given);
+        let set = RowSet {
+            rows: factor.rows(),
+            channels: pass.sigma.len(),
+            noise_gain: self.row_noise_gain,
+            sigma_given,
+        };
+        let judged = judge(&[set], factor.residual_sum_of_squares(), unscaled.rank() as f64);
+        let (noise, scale) = (judged.noise, judged.variance_scale);
+        let check = NoiseCheck {
+            sigma_given,
+            noise_gain: self.row_noise_gain,
+            variance_ratio: judged.variance_ratio,
+            variance_scale: scale,
+            disagreement: None,
+        };
+        // The prior of the gains is not the noise's to scale.
+        let mut solved = None;
+        if scale > 1.0 && self.channel_factors.is_some() && with_gains {
+            let (true_noise, true_gains) = eliminated(scale);
+            let estimate = self.estimate(&true_noise, 1.0, Noise::Given);
+            unscaled = Estimate { covariance: &estimate.covariance / scale, ..estimate };
+            (solved, gains) = (Some(true_noise), true_gains);
+        }
+        let estimate = Estimate { covariance: &unscaled.covariance * scale, noise, ..unscaled.clone() };
+        let reference = Reference::of(&estimate, check.variance_ratio, self.limit);
+        let weights = Weights::of(&*self.blocks, &reference, &pass.sigma);
+        let residuals = self.residuals(&estimate.values, &gains, &weights);
+        let mut conclusion = Conclusion {
+            factor,
+            solved,
+            estimate,
+            unscaled,
+            noise,
+            check,
+            gains,
+            residual_rms: rms(&residuals, pass.sigma.len()),
+            residuals,
+            outliers: weights.outliers.clone(),
+            weights,
+            coloured: Vec::new(),
+            share: 1.0,
+        };
+        conclusion.coloured = self.coloured(&conclusion.residuals, &pass.sigma, &conclusion.check);
+        conclusion
+    }
+
+    fn coloured(&self, residuals: &[BlockResidual], sigma: &[f64], check: &NoiseCheck) -> Vec<Coloured> {
+        let variance: Vec<f64> = sigma.iter().map(|s| s * s * check.variance_scale).collect();
+        autocorrelation::detect(residuals, self.blocks.filter(), &variance)
+    }
+
+    fn convergence(&self, pass: &Pass, conclusion: &Conclusion) -> Vec<Convergence> {
+        let points = self.options.convergence_points;
+        if points == 0 || self.blocks.filter().response.is_empty() {
+            return Vec::new();
+        }
+        let scale = conclusion.check.variance_scale;
+        let way = convergence::Way {
+            blocks: &*self.blocks,
+            parameters: self.parameters,
+            rounding: self.source.rounding(),
+            whitening: self.whitening(&pass.sigma, if self.channel_factors.is_some() { scale } else { 1.0 }),
+            weights: pass.weights.as_slice(),
+            channels: self.channel_factors.as_ref().map(|_| self.source.channels()),
+            scale: if self.channel_factors.is_some() { 1.0 } else { scale },
+            noise: conclusion.noise,
+        };
+        way.points(points)
+    }
+
+    /// Counts what makes intervals wider than white noise alone, and puts everything together.
+    fn finish(
+        &self,
+        pass: Pass,
+        conclusion: Conclusion,
+        mut convergence: Vec<Convergence>,
+        forgetting: Option<Span<f64>>,
+    ) -> Result<Fit, FitError> {
+        let Conclusion { mut factor, mut solved, mut estimate, unscaled, check, .. } = conclusion;
+        let sigma = pass.sigma;
+        let variance: Vec<f64> = sigma.iter().map(|s| s * s * check.variance_scale).collect();
+        let mut inflation = Vec::new();
+        if !conclusion.coloured.is_empty() && forgetting.is_none() {
+            let coloured = &conclusion.coloured;
+            inflation = autocorrelation::inflation(
+                &*self.blocks,
+                &estimate,
+                &sigma,
+                &conclusion.weights,
+                &variance,
+                coloured,
+            );
+        }
+        let bias = signal_noise::bias(self.source, &*self.blocks, &unscaled, &sigma)?.unwrap_or_default();
+        let by: Vec<f64> = (0..self.parameters)
+            .map(|j| {
+                let white = estimate.covariance[(j, j)].max(0.0).sqrt();
+                let coloured = inflation.get(j).copied().unwrap_or(1.0) * white;
+                let bias = bias.get(j).copied().unwrap_or(0.0);
+                if white > 0.0 { coloured.hypot(bias) / white } else { 1.0 }
+            })
+            .collect();
+        if by.iter().any(|by| *by > 1.0) {
+            factor = factor.inflate(&estimate.values, &by);
+            solved = solved.map(|rows| rows.inflate(&estimate.values, &by));
+            estimate = estimate.inflate(&by);
+        }
+        for point in &mut convergence {
+            for (measured, by) in point.parameters.iter_mut().zip(&by) {
+                if let Some(measured) = measured {
+                    measured.u95 *= by;
+                }
+            }
+        }
+        convergence::end_at(&mut convergence, &conclusion.residuals, &estimate);
+        let counts = self.blocks.counts();
+        let filter = self.blocks.filter().clone();
+        let channels = self.source.channels();
+        let channel_fits = channels.iter().enumerate().map(|(c, channel)| ChannelFit {
+            channel: channel.clone(),
+            sigma: sigma[c],
+            residual_rms: conclusion.residual_rms.get(c).copied().unwrap_or(0.0),
+            measured_rms: self.measured_rms.get(c).copied().unwrap_or(0.0),
+            gain: conclusion.gains.get(c).copied().unwrap_or(0.0),
+            outliers: conclusion.outliers.get(c).copied().unwrap_or(0),
+            rejected: self.rejected(c),
+            residual_sigma: (variance[c] * filter.noise_gain).sqrt(),
+            autocorrelation: conclusion.coloured.iter().find(|k| k.channel == c).map(|k| k.found),
+        });
+        let channel_fits = channel_fits.collect();
+        let blocks = self.blocks.len() as f64;
+        Ok(Fit {
+            parameters: self.source.parameters().to_vec(),
+            channels: channel_fits,
+            solved,
+            rounding: self.source.rounding(),
+            model_fingerprint: self.source.model_fingerprint(),
+            fingerprints: vec![self.source.fingerprint()],
+            prior: None,
+            inflation,
+            signal_bias: bias,
+            spurious_information: conclusion.share
+                * blocks
+                * f64::from(filter.every)
+                * filter.derivative_noise_gain
+                * self.source.rate_sigma().powi(2)
+                / self.moment_sigma(&sigma).powi(2),
+            counts: Counts {
+                samples: counts.samples,
+                rejected: counts.rejected,
+                rejected_by_signal: counts
+                    .by_signal
+                    .iter()
+                    .map(|(signal, count)| (self.source.signal_name(*signal), *count))
+                    .collect(),
+                gaps: counts.gaps,
+                blocks: self.blocks.len() as u64,
+            },
+            forgotten: forgetting.map(|span| {
+                let (Span::TimeConstant(span_s) | Span::Window(span_s)) = span;
+                Forgotten {
+                    is_window: matches!(span, Span::Window(_)),
+                    span_s,
+                    effective_s: factor.rows() as f64 / channels.len().max(1) as f64 * filter.row_period_s(),
+                }
+            }),
+            noise: check,
+            residuals: conclusion.residuals,
+            filter,
+            factor,
+            estimate,
+            convergence,
+        })
+    }
+
+    /// Returns the samples rejected because of a channel.
+    fn rejected(&self, channel: usize) -> u32 {
+        let signal = u8::try_from(channel).unwrap_or(u8::MAX);
+        let by_channel = |signal: u8| {
+            self.source
+                .channels()
+                .get(channel)
+                .is_some_and(|c| self.source.signal_name(signal).starts_with(&c.name))
+        };
+        let count = self.blocks.counts().by_signal.get(&signal).filter(|_| by_channel(signal));
+        count.map_or(0, |count| u32::try_from(*count).unwrap_or(u32::MAX))
+    }
+
+    /// Returns the least σ of the channels that measure a moment; of all if none does.
+    fn moment_sigma(&self, sigma: &[f64]) -> f64 {
+        let least = |moments: bool| {
+            let of = self.source.channels().iter().zip(sigma);
+            of.filter(|(c, _)| !moments || c.unit == "N m").map(|(_, s)| *s).fold(f64::INFINITY, f64::min)
+        };
+        let moments = least(true);
+        if moments.is_finite() { moments } else { least(false) }
+    }
+}
+
+/// Forgetting: one pass in the order of time, as the device does it.
+impl Engine<'_> {
+    fn forgetting(&self, span: Span<f64>, sigma: Vec<f64>, sigma_given: bool) -> Result<Fit, FitError> {
+        let (mut pass, mut convergence) = self.remember(span, sigma)?;
+        if !sigma_given {
+            for _ in 0..SIGMA_ROUNDS {
+                let sigma = self.sigma_of_the_remembered(span, &pass);
+                (pass, convergence) = self.remember(span, sigma)?;
+            }
+        }
+        let mut conclusion = self.conclude(&pass, sigma_given, false);
+        conclusion.outliers.clone_from(&pass.weights.outliers);
+        self.restrict(&mut conclusion, span, &pass.sigma);
+        // Intervals as wide as the result's, which is known only now.
+        let wider = conclusion.check.variance_scale.sqrt() * conclusion.noise.coverage_factor()
+            / Noise::Given.coverage_factor();
+        for measured in convergence.iter_mut().flat_map(|point| point.parameters.iter_mut().flatten()) {
+            measured.u95 *= wider;
+        }
+        self.finish(pass, conclusion, convergence, Some(span))
+    }
+
+    /// Restricts what residuals say to the rows that are remembered.
+    fn restrict(&self, conclusion: &mut Conclusion, span: Span<f64>, sigma: &[f64]) {
+        let channels = self.source.channels().len();
+        let blocks = conclusion.factor.rows() as f64 / channels.max(1) as f64;
+        conclusion.share = blocks / self.blocks.len().max(1) as f64;
+        let recent = recent(&conclusion.residuals, span);
+        conclusion.residual_rms = rms(recent, channels);
+        conclusion.coloured = self.coloured(recent, sigma, &conclusion.check);
+    }
+
+    fn sigma_of_the_remembered(&self, span: Span<f64>, pass: &Pass) -> Vec<f64> {
+        let estimate = self.estimate(&pass.factor, 1.0, Noise::Given);
+        let weights = Weights::of(&*self.blocks, &Reference::of(&estimate, 1.0, self.limit), &pass.sigma);
+        let residuals = self.residuals(&estimate.values, &vec![0.0; pass.sigma.len()], &weights);
+        let channels = self.source.channels();
+        raw_sigma(&*self.blocks, channels, &self.measured_rms, &estimate, recent(&residuals, span))
+    }
+
+    fn remember(&self, span: Span<f64>, sigma: Vec<f64>) -> Result<(Pass, Vec<Convergence>), FitError> {
+        let (blocks, channels, n) = (&*self.blocks, sigma.len(), self.parameters);
+        let filter = blocks.filter();
+        let noise = match self.source.coefficient_noise(filter, &sigma) {
+            Some(noise) => noise,
+            None => signal_noise::coefficient_noise(self.source, &sigma)?,
+        };
+        let (Span::TimeConstant(span_s) | Span::Window(span_s)) = span;
+        let mut memory = Memory::new(span, filter, noise, channels)
+            .ok_or(FitError::Forgetting { span_s, width_s: filter.width_s })?;
+        let whitening = self.whitening(&sigma, 1.0);
+        let every = convergence::every(blocks, self.options.convergence_points, n);
+        let mut watch = Watch::new(&sigma, filter.noise_gain);
+        let mut weights = Weights::none(channels);
+        let mut reference: Option<Reference> = None;
+        // First block that is not in the memory.
+        let mut waiting = 0;
+        let (mut rows, mut measured, mut own) =
+            (vec![0.0; channels * n], vec![0.0; channels], vec![1.0; channels]);
+        let mut points = Vec::new();
+        for block in 0..blocks.len() {
+            blocks.write(block, &mut rows, &mut measured);
+            if let Some(reference) = &reference
+                && watch.weigh(reference, &rows, &measured, &mut own)
+            {
+                weights.set(block, blocks.len(), &own);
+            }
+            if block + 1 - waiting >= memory.segment_blocks as usize {
+                memory.take(&blocks.absorb(waiting..block + 1, n, &whitening, weights.as_slice()));
+                waiting = block + 1;
+                let whole = memory.factor();
+                let deviations = whole.standard_deviations();
+                if let Some(parameters) = whole.well_determined(&deviations) {
+                    memory.recentre(&parameters);
+                    let before = reference.iter().flat_map(|r| &r.standard_deviation);
+                    // One that a segment makes twice as good was no measure of the noise.
+                    if before.zip(&deviations).any(|(before, now)| now + now < *before) {
+                        watch.forget_statistics();
+                    }
+                    let limit = self.limit;
+                    reference = Some(Reference {
+                        parameters,
+                        standard_deviation: deviations,
+                        noise_scale: 1.0,
+                        limit,
+                    });
+                }
+            }
+            if every > 0 && (block + 1) % every == 0 {
+                let mut whole = memory.factor();
+                whole.merge(&blocks.absorb(waiting..block + 1, n, &whitening, weights.as_slice()));
+                let estimate = self.estimate(&whole, 1.0, Noise::Given);
+                points.push(Convergence {
+                    time_s: blocks.time_s(block),
+                    parameters: (0..n).map(|j| estimate.measured(j)).collect(),
+                });
+            }
+        }
+        let mut factor = memory.factor();
+        factor.merge(&blocks.absorb(waiting..blocks.len(), n, &whitening, weights.as_slice()));
+        Ok((Pass { sigma, factor, weights }, points))
+    }
+}
+
+/// Returns the residuals of the last seconds, as many as the span.
+fn recent(residuals: &[BlockResidual], span: Span<f64>) -> &[BlockResidual] {
+    let (Span::TimeConstant(span_s) | Span::Window(span_s)) = span;
+    let end_s = residuals.last().map_or(0.0, |r| r.time_s);
+    let first = residuals.partition_point(|r| r.time_s < end_s - span_s);
+    residuals.get(first..).unwrap_or(residuals)
+}
