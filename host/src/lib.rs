@@ -21,6 +21,7 @@ pub mod montecarlo;
 pub mod plan;
 pub mod platform;
 pub mod present;
+pub mod problem;
 pub mod recording;
 pub mod rig;
 pub mod schema;

@@ -77,6 +77,18 @@ pub struct Input {
     pub limits: Limits<f64>,
 }
 
+impl Input {
+    /// Returns the same settings without readings.
+    pub(crate) fn without_readings(&self) -> Self {
+        Self { readings: Vec::new(), ..*self }
+    }
+}
+
+/// Returns σ of the gyro from second differences, rad/s.
+pub(crate) fn gyro_sigma_of(readings: &[Reading<f64>]) -> f64 {
+    gyro_sigma(readings)
+}
+
 /// The factor of either model.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Factor {

@@ -95,7 +95,7 @@ pub struct Input {
 
 impl Input {
     /// The same of other frames.
-    fn with_frames(&self, frames: Vec<Frame>) -> Self {
+    pub(crate) fn with_frames(&self, frames: Vec<Frame>) -> Self {
         Self {
             frames,
             model: self.model.clone(),

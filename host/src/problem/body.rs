@@ -1,0 +1,385 @@
+//! One rigid body on a load cell, with one IMU: the source of its rows.
+//!
+//! Samples go through the firmware's own pipeline (`rigident_shared::estimator`), on all cores; what is kept of a row
+//! block are its eighteen conditioned signals, from which the rows are made as they are needed.
+
+use std::ops::Range;
+
+use rigident_shared::calibration::Reading;
+use rigident_shared::conditioning::Kernel;
+use rigident_shared::estimator::{ConfigError, Estimator, EstimatorConfig};
+use rigident_shared::factor::BodyCascade;
+use rigident_shared::forgetting::ImuNoise;
+use rigident_shared::inertia::{PARAMETER_NAMES, PARAMETER_UNITS};
+use rigident_shared::regressor::{self, RegressorBlock, SIGNALS, SMOOTHED};
+use rigident_shared::screening::{CHANNEL_NAMES, Limits, Rejection};
+use rigident_shared::spatial::{AngularRate, Position, Sensor, SpecificForce};
+
+use super::signs::Signs;
+use crate::fit::{
+    Channel, Factor, Filter, Fingerprint, FitError, Kind, Owner, Parameter, Progress, RowBlocks, RowSource,
+    SampleCounts, SampleRows, Timing, filter_width_s, row_every,
+};
+use crate::identification::absorb::{Shares, Split};
+use crate::identification::{Input, TAPS};
+use crate::rig::ImuTable;
+
+/// Parameters of the body; those of the wrench's offset follow.
+const BODY: usize = 10;
+/// Channels: the wrench in S.
+const WRENCH: usize = 6;
+/// Names of the channels.
+pub const CHANNELS: [&str; WRENCH] = ["fx", "fy", "fz", "mx", "my", "mz"];
+/// σ of force and moment to start from where none is stated, N and N m: only their ratio matters.
+const NOMINAL_SIGMA: [f64; WRENCH] = [1.0, 1.0, 1.0, 0.1, 0.1, 0.1];
+
+/// The rows of one body.
+#[derive(Clone, Debug)]
+pub struct BodySource {
+    input: Input,
+    /// 1 σ of accelerometer and gyro per sample as the rig file states them.
+    stated_noise: [Option<f64>; 2],
+    /// Noise of the IMU that is no excitation.
+    imu_noise: ImuNoise<f64>,
+    rate_sigma: f64,
+    parameters: Vec<Parameter>,
+    channels: Vec<Channel>,
+}
+
+impl BodySource {
+    /// Returns the source of readings; `imu` is what the rig file says of the IMU.
+    pub fn new(input: Input, imu: Option<&ImuTable>) -> Self {
+        let estimates_offset = input.known_offset.is_none();
+        let count = if estimates_offset { BODY + WRENCH } else { BODY };
+        let channels = (0..WRENCH).map(|c| Channel {
+            name: CHANNELS[c].to_owned(),
+            unit: if c < 3 { "N" } else { "N m" }.to_owned(),
+            sigma: input.channel_sigma.map(|sigma| sigma[c]),
+            gain_sigma: input.gain_sigma[c],
+            offset: estimates_offset.then_some(BODY + c),
+            group: u8::from(c >= 3),
+        });
+        let rate_sigma =
+            input.gyro_sigma.unwrap_or_else(|| crate::identification::gyro_sigma_of(&input.readings));
+        Self {
+            stated_noise: [imu.and_then(|i| i.accel_noise_mps2), imu.and_then(|i| i.gyro_noise_radps)],
+            imu_noise: crate::identification::remembered::imu_noise(imu, &input.readings),
+            rate_sigma,
+            parameters: (0..count).map(parameter).collect(),
+            channels: channels.collect(),
+            input,
+        }
+    }
+
+    /// Returns the readings and settings.
+    pub fn input(&self) -> &Input {
+        &self.input
+    }
+
+    fn config(&self) -> EstimatorConfig<f64> {
+        let Input { is_static, rate_hz, known_offset, mounting, limits, .. } = self.input;
+        EstimatorConfig {
+            rate_hz: if is_static { 1.0 } else { rate_hz },
+            filter_width_s: if is_static { 0.0 } else { filter_width_s(rate_hz) },
+            row_every: if is_static { 1 } else { row_every(rate_hz) },
+            channel_sigma: NOMINAL_SIGMA,
+            known_offset: known_offset.unwrap_or_default(),
+            mounting,
+            limits: if is_static { Limits { frozen_after: 0, ..limits } } else { limits },
+        }
+    }
+
+    fn refuse(&self, error: ConfigError) -> FitError {
+        let (rate_hz, width_s) = (self.input.rate_hz, self.config().filter_width_s);
+        match error {
+            ConfigError::Kernel(error) => FitError::Filter { rate_hz, width_s, error },
+            ConfigError::Sigma(c) => FitError::Sigma {
+                channel: CHANNELS.get(usize::from(c)).copied().unwrap_or_default().to_owned(),
+                sigma: f64::NAN,
+            },
+            ConfigError::Memory => FitError::Forgetting { span_s: f64::NAN, width_s },
+        }
+    }
+
+    /// Returns the filter of this configuration.
+    fn filter(config: &EstimatorConfig<f64>) -> Result<Filter, ConfigError> {
+        if config.filter_width_s == 0.0 {
+            return Ok(Filter::default());
+        }
+        let (kernel, averaged) =
+            Kernel::<f64, TAPS>::for_rows(config.rate_hz, config.filter_width_s, config.row_every)
+                .map_err(ConfigError::Kernel)?;
+        let response = kernel.smooth().iter().flat_map(|h| std::iter::repeat_n(*h, usize::from(averaged)));
+        Ok(Filter {
+            rate_hz: config.rate_hz,
+            width_s: config.filter_width_s,
+            every: config.row_every,
+            noise_gain: kernel.noise_gain(),
+            derivative_noise_gain: kernel.derivative_noise_gain(),
+            response: response.collect(),
+        })
+    }
+}
+
+fn parameter(j: usize) -> Parameter {
+    let (owner, kind) = match j {
+        0 => (Owner::Link(String::new()), Kind::Mass),
+        1..4 => (Owner::Link(String::new()), Kind::FirstMoment),
+        4..BODY => (Owner::Link(String::new()), Kind::Inertia),
+        _ => (Owner::Channel(CHANNELS.get(j - BODY).copied().unwrap_or_default().to_owned()), Kind::Offset),
+    };
+    let name = PARAMETER_NAMES.get(j).copied().unwrap_or_default();
+    let unit = PARAMETER_UNITS.get(j).copied().unwrap_or_default();
+    Parameter { frame: "S".to_owned(), ..Parameter::new(name, owner, kind, unit) }
+}
+
+impl RowSource for BodySource {
+    fn parameters(&self) -> &[Parameter] {
+        &self.parameters
+    }
+
+    fn channels(&self) -> &[Channel] {
+        &self.channels
+    }
+
+    fn timing(&self) -> Timing {
+        if self.input.is_static { Timing::Static } else { Timing::Uniform { rate_hz: self.input.rate_hz } }
+    }
+
+    fn samples(&self) -> usize {
+        self.input.readings.len()
+    }
+
+    fn time_ns(&self, sample: usize) -> u64 {
+        self.input.readings.get(sample).map_or(0, |r| r.time_ns)
+    }
+
+    fn rows(&self, sample: usize, rows: &mut SampleRows) -> Result<(), Rejection> {
+        let Input { mounting, known_offset, .. } = &self.input;
+        let reading = self.input.readings.get(sample).ok_or(Rejection::NotFinite(0))?;
+        let signals = mounting.mounted(&mounting.signals(reading));
+        if let Some(bad) = signals.iter().position(|v| !v.is_finite()) {
+            return Err(Rejection::NotFinite(u8::try_from(bad).unwrap_or(u8::MAX)));
+        }
+        let (mut smoothed, mut differentiated) = (signals, [0.0; SIGNALS]);
+        smoothed[SMOOTHED..].fill(0.0);
+        differentiated[SMOOTHED..].copy_from_slice(&signals[SMOOTHED..]);
+        let n = self.parameters.len();
+        let block = regressor::block(&smoothed, &mounting.position);
+        write_rows(&block, n, &mut rows.smoothed, &mut rows.measured);
+        let block = regressor::block(&differentiated, &mounting.position);
+        write_columns(&block, n, &mut rows.differentiated);
+        for (value, offset) in rows.measured.iter_mut().zip(known_offset.unwrap_or_default()) {
+            *value -= offset;
+        }
+        Ok(())
+    }
+
+    fn signal_name(&self, signal: u8) -> String {
+        CHANNEL_NAMES.get(usize::from(signal)).map_or_else(|| format!("signal {signal}"), |n| (*n).to_owned())
+    }
+
+    fn nominal_sigma(&self) -> Vec<f64> {
+        NOMINAL_SIGMA.to_vec()
+    }
+
+    fn fingerprint(&self) -> u64 {
+        let mut hash = Fingerprint::default();
+        for reading in &self.input.readings {
+            hash.add(reading.time_ns);
+            let wrench = reading.wrench.array();
+            let motion = [reading.specific_force.array(), reading.angular_rate.array()];
+            wrench.iter().chain(motion.iter().flatten()).for_each(|v| hash.add(v.to_bits()));
+        }
+        hash.finish()
+    }
+
+    fn condition(&self, progress: &dyn Progress) -> Result<Box<dyn RowBlocks + '_>, FitError> {
+        progress.stage("rows", 0.0);
+        let config = self.config();
+        let refuse = |error| self.refuse(error);
+        let readings = &self.input.readings;
+        let shares = Shares::new(readings, &config, Split::of(readings.len())).map_err(refuse)?;
+        type Blocks = Vec<(f64, [f64; SIGNALS])>;
+        let take = |blocks: &mut Blocks, reading: &Reading<f64>, pipeline: &Estimator<f64, BODY, TAPS>| {
+            blocks.extend(pipeline.last_signals().map(|signals| (reading.time_ns as f64 * 1e-9, *signals)));
+        };
+        let done = shares.absorb::<BODY, Blocks>(NOMINAL_SIGMA, Vec::new, take).map_err(refuse)?;
+        let mut parts = Vec::new();
+        let mut blocks: Blocks = Vec::with_capacity(done.counters.blocks as usize);
+        for part in done.parts {
+            parts.push(blocks.len()..blocks.len() + part.len());
+            blocks.extend(part);
+        }
+        let counters = done.counters;
+        let by_signal = counters.rejected_by_channel.iter().enumerate().filter(|(_, count)| **count > 0);
+        Ok(Box::new(BodyBlocks {
+            filter: Self::filter(&config).map_err(refuse)?,
+            counts: SampleCounts {
+                samples: u64::from(counters.readings),
+                rejected: u64::from(counters.rejected),
+                by_signal: by_signal.map(|(c, count)| (c as u8, u64::from(*count))).collect(),
+                gaps: u64::from(counters.gaps),
+            },
+            parts,
+            is_static: self.input.is_static,
+            blocks,
+            lever_arm: self.input.mounting.position,
+        }))
+    }
+
+    fn with_signal_noise(&self, samples: Range<usize>, scale: f64) -> Option<Box<dyn RowSource + '_>> {
+        let [accel, gyro] = self.stated_noise;
+        if accel.is_none() && gyro.is_none() {
+            return None;
+        }
+        let [accel, gyro] = [accel, gyro].map(|sigma| scale * sigma.unwrap_or(0.0));
+        // Of still poses the rate is not looked at.
+        let gyro = if self.input.is_static { 0.0 } else { gyro };
+        let mut signs = Signs::default();
+        let readings = self.input.readings.get(samples).unwrap_or_default().iter().map(|reading| {
+            let mut noise = |sigma: f64| std::array::from_fn(|_| sigma * signs.next());
+            Reading {
+                specific_force: reading.specific_force + SpecificForce::from_array(noise(accel)),
+                angular_rate: reading.angular_rate + AngularRate::from_array(noise(gyro)),
+                ..*reading
+            }
+        });
+        let input = Input { readings: readings.collect(), ..self.input.without_readings() };
+        Some(Box::new(Self { input, ..self.without_input() }))
+    }
+
+    fn rate_sigma(&self) -> f64 {
+        self.rate_sigma
+    }
+
+    /// Of the products with ω only the derivative's noise counts: that of ω itself is smaller by its bandwidth.
+    fn coefficient_noise(&self, filter: &Filter, sigma: &[f64]) -> Option<Vec<f64>> {
+        let lever_arm2: f64 = self.input.mounting.position.array().iter().map(|x| x * x).sum();
+        let turning = self.imu_noise.gyro.powi(2) * filter.derivative_noise_gain;
+        let specific = self.imu_noise.accel.powi(2) * filter.noise_gain + lever_arm2 * turning;
+        let weight = |c: usize| sigma.get(c).map_or(0.0, |s| f64::from(filter.every) / (s * s));
+        let [fx, fy, fz, mx, my, mz] = std::array::from_fn(weight);
+        let squares = [
+            (fx + fy + fz) * specific,
+            (fy + fz) * turning + (my + mz) * specific,
+            (fz + fx) * turning + (mz + mx) * specific,
+            (fx + fy) * turning + (mx + my) * specific,
+            mx * turning,
+            my * turning,
+            mz * turning,
+            (my + mz) * turning,
+            (mz + mx) * turning,
+            (mx + my) * turning,
+        ];
+        // The offset's coefficients are exact.
+        let of = |j: usize| squares.get(j).map_or(0.0, |square| (square / WRENCH as f64).sqrt());
+        Some((0..self.parameters.len()).map(of).collect())
+    }
+}
+
+impl BodySource {
+    fn without_input(&self) -> Self {
+        Self {
+            input: self.input.without_readings(),
+            parameters: self.parameters.clone(),
+            channels: self.channels.clone(),
+            ..*self
+        }
+    }
+}
+
+/// Filtered signals of all row blocks.
+#[derive(Clone, Debug)]
+struct BodyBlocks {
+    filter: Filter,
+    counts: SampleCounts,
+    parts: Vec<Range<usize>>,
+    is_static: bool,
+    /// Time of the sample that completed it, s, and the conditioned signals in the axes of S.
+    blocks: Vec<(f64, [f64; SIGNALS])>,
+    lever_arm: Position<Sensor, f64>,
+}
+
+impl BodyBlocks {
+    fn absorb_as<const N: usize>(
+        &self,
+        range: Range<usize>,
+        whitening: &[f64],
+        weights: Option<&[f64]>,
+    ) -> Factor {
+        let whitening: [f64; WRENCH] = std::array::from_fn(|c| whitening.get(c).copied().unwrap_or(0.0));
+        let mut cascade = Box::new(BodyCascade::<f64, N>::new());
+        let blocks = self.blocks.get(range.clone()).unwrap_or_default();
+        for (block, (_, signals)) in range.zip(blocks) {
+            let own = weights.and_then(|w| w.get(block * WRENCH..(block + 1) * WRENCH));
+            let mut weights = whitening;
+            for (weight, own) in weights.iter_mut().zip(own.unwrap_or_default()) {
+                *weight *= own;
+            }
+            cascade.absorb(signals, &self.lever_arm, &weights);
+        }
+        Factor::from(&cascade.factor())
+    }
+}
+
+impl RowBlocks for BodyBlocks {
+    fn filter(&self) -> &Filter {
+        &self.filter
+    }
+
+    fn counts(&self) -> &SampleCounts {
+        &self.counts
+    }
+
+    fn parts(&self) -> &[Range<usize>] {
+        &self.parts
+    }
+
+    fn time_s(&self, block: usize) -> f64 {
+        if self.is_static { 0.0 } else { self.blocks.get(block).map_or(0.0, |b| b.0) }
+    }
+
+    fn write(&self, block: usize, rows: &mut [f64], measured: &mut [f64]) {
+        let Some((_, signals)) = self.blocks.get(block) else { return };
+        let n = rows.len() / WRENCH;
+        write_rows(&regressor::block(signals, &self.lever_arm), n, rows, measured);
+    }
+
+    fn absorb(
+        &self,
+        blocks: Range<usize>,
+        parameters: usize,
+        whitening: &[f64],
+        weights: Option<&[f64]>,
+    ) -> Factor {
+        if parameters == BODY {
+            self.absorb_as::<BODY>(blocks, whitening, weights)
+        } else {
+            self.absorb_as::<{ BODY + WRENCH }>(blocks, whitening, weights)
+        }
+    }
+}
+
+/// Writes the six rows of `n` parameters, the offset's unit matrix among them, and the wrench.
+fn write_rows(block: &RegressorBlock<f64>, n: usize, rows: &mut [f64], measured: &mut [f64]) {
+    write_columns(block, n, rows);
+    for (c, row) in rows.chunks_exact_mut(n.max(1)).enumerate() {
+        if let Some(offset) = row.get_mut(BODY..) {
+            offset.fill(0.0);
+            if let Some(own) = offset.get_mut(c) {
+                *own = 1.0;
+            }
+        }
+    }
+    measured.copy_from_slice(&block.wrench);
+}
+
+/// Writes the body's columns of six rows of `n` parameters.
+fn write_columns(block: &RegressorBlock<f64>, n: usize, rows: &mut [f64]) {
+    for (c, row) in rows.chunks_exact_mut(n.max(1)).enumerate() {
+        for (a, column) in row.iter_mut().zip(&block.columns) {
+            *a = column[c];
+        }
+    }
+}

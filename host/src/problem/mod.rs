@@ -1,0 +1,186 @@
+//! Sources of rows from recordings: what is identified, and from what.
+//!
+//! A [`Problem`] holds a [`RowSource`] with what is known of the thing itself: one rigid body ([`body`]) or a tree of links
+//! ([`tree`]), in motion or in still poses, from one file or from several with clocks of their own.
+
+pub mod body;
+mod shifted_clocks;
+mod signs;
+pub mod tree;
+
+use self::body::BodySource;
+use self::tree::TreeSource;
+use crate::answer::result::TimeBase;
+use crate::fit::{DeviceFactor, Fit, FitError, FitOptions, Progress, RowSource, fit, fit_device};
+use crate::identification::prepare::{PrepareError, prepare};
+use crate::model::{Finding, Model};
+use crate::recording::Recording;
+use crate::recording::clocks::{Aligned, StreamError, StreamSet, align};
+use crate::rig::RigFile;
+use crate::trees::TreeIdentificationError;
+use crate::trees::drive::Term;
+use crate::trees::prepare::{self as tree_prepare, TreePrepareError, Wishes};
+
+/// The reason that a recording poses no problem that can be solved.
+#[derive(Debug, thiserror::Error)]
+pub enum ProblemError {
+    /// Columns or keys are missing or impossible, for one body.
+    #[error(transparent)]
+    Body(#[from] PrepareError),
+    /// Columns or keys are missing or impossible, for a tree.
+    #[error(transparent)]
+    Tree(#[from] TreePrepareError),
+    /// The model has no base parameters, or the frames do not fit it.
+    #[error(transparent)]
+    Model(#[from] TreeIdentificationError),
+    /// Several files make no recording.
+    #[error(transparent)]
+    Streams(#[from] StreamError),
+    /// There is no fit.
+    #[error(transparent)]
+    Fit(#[from] FitError),
+}
+
+/// What is identified beside the links of a tree.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ProblemOptions {
+    /// Friction columns of every joint.
+    pub friction: Vec<Term>,
+    /// Drives that turn with several joints: `NAME=J1+J2`.
+    pub drives: Vec<String>,
+}
+
+/// The thing that is identified.
+pub enum Subject {
+    /// One rigid body.
+    Body {
+        /// The source of its rows.
+        source: Box<BodySource>,
+        /// True if its specific force is that of gravity columns, in the axes of S; an IMU was not used.
+        gravity_columns: bool,
+    },
+    /// A tree of links.
+    Tree {
+        /// The source of its rows.
+        source: Box<TreeSource>,
+        /// Joints that never move, a base that never turns.
+        idle: Vec<Finding>,
+    },
+}
+
+/// A recording with its rig file and model, ready to be fitted.
+pub struct Problem {
+    /// Name of the recording.
+    pub name: String,
+    /// The rig file with every calibration done.
+    pub rig: RigFile,
+    /// The thing that is identified, with its rows.
+    pub subject: Subject,
+    /// What was done and noticed on the way, in words.
+    pub notes: Vec<String>,
+    /// Several files with clocks of their own.
+    clocks: Option<Box<(StreamSet, Aligned)>>,
+}
+
+impl Problem {
+    /// Poses the problem of a recording: a tree's if there is a model, else one body's.
+    ///
+    /// # Errors
+    /// [`ProblemError`] says what is missing or does not fit.
+    pub fn from_recording(
+        recording: &Recording,
+        model: Option<&Model>,
+        options: &ProblemOptions,
+    ) -> Result<Self, ProblemError> {
+        let Some(model) = model else {
+            let prepared = prepare(recording)?;
+            let source = Box::new(BodySource::new(prepared.input, prepared.rig.imu.first()));
+            return Ok(Self {
+                name: recording.name.clone(),
+                rig: prepared.rig,
+                subject: Subject::Body { source, gravity_columns: prepared.gravity_columns },
+                notes: prepared.notes,
+                clocks: None,
+            });
+        };
+        let wishes = Wishes { friction: options.friction.clone(), drives: options.drives.clone() };
+        let prepared = tree_prepare::prepare(recording, model, &wishes)?;
+        Ok(Self {
+            name: recording.name.clone(),
+            rig: recording.rig.clone(),
+            subject: Subject::Tree {
+                source: Box::new(TreeSource::new(prepared.input)?),
+                idle: prepared.idle,
+            },
+            notes: prepared.notes,
+            clocks: None,
+        })
+    }
+
+    /// Poses the problem of one body in several files with clocks of their own.
+    ///
+    /// # Errors
+    /// [`ProblemError`] if they have nothing in common, or cannot be identified.
+    pub fn from_streams(set: StreamSet) -> Result<Self, ProblemError> {
+        let aligned = align(&set)?;
+        let mut problem = Self::from_recording(&aligned.recording, None, &ProblemOptions::default())?;
+        problem.notes.extend(aligned.warnings.iter().cloned());
+        problem.clocks = Some(Box::new((set, aligned)));
+        Ok(problem)
+    }
+
+    /// Returns the rows.
+    pub fn source(&self) -> &dyn RowSource {
+        match &self.subject {
+            Subject::Body { source, .. } => &**source,
+            Subject::Tree { source, .. } => &**source,
+        }
+    }
+
+    /// Returns the source of a tree's rows; `None` of one body.
+    pub fn tree(&self) -> Option<&TreeSource> {
+        match &self.subject {
+            Subject::Tree { source, .. } => Some(source),
+            Subject::Body { .. } => None,
+        }
+    }
+
+    /// Returns how several files became one recording; `None` of a single file.
+    pub fn time_base(&self) -> Option<&TimeBase> {
+        self.clocks.as_ref().map(|clocks| &clocks.1.time_base)
+    }
+
+    /// Fits the parameters; the uncertainty of several clocks is counted.
+    ///
+    /// # Errors
+    /// [`ProblemError::Fit`] if there are no rows, [`ProblemError::Streams`] if shifted clocks leave none.
+    pub fn fit(&self, options: &FitOptions, progress: &dyn Progress) -> Result<Fit, ProblemError> {
+        let mut found = fit(self.source(), options, progress)?;
+        if let Some(clocks) = &self.clocks {
+            let (set, aligned) = &**clocks;
+            found.count_shifts(&shifted_clocks::moves(set, aligned)?);
+        }
+        Ok(found)
+    }
+
+    /// Judges a factor that a device made of this recording.
+    ///
+    /// # Errors
+    /// [`ProblemError`] if the factor is of other parameters, or there are no rows.
+    pub fn fit_device(
+        self,
+        device: &DeviceFactor,
+        options: &FitOptions,
+        progress: &dyn Progress,
+    ) -> Result<(Self, Fit), ProblemError> {
+        let subject = match self.subject {
+            Subject::Tree { source, idle } => {
+                Subject::Tree { source: Box::new(source.in_device_order()?), idle }
+            }
+            body @ Subject::Body { .. } => body,
+        };
+        let problem = Self { subject, ..self };
+        let found = fit_device(problem.source(), device, options, progress)?;
+        Ok((problem, found))
+    }
+}

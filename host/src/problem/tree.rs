@@ -1,0 +1,298 @@
+//! A tree of links: the source of its rows, base wrench and joint torques, with offsets and drives as columns.
+
+use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
+
+use rigident_shared::screening::Rejection;
+use rigident_shared::tree::{BaseMotion, Joint, TreeError};
+
+use super::signs::Signs;
+use crate::fit::{Channel, Fingerprint, Kind, Owner, Parameter, RowSource, SampleRows, Timing};
+use crate::model::base::{BaseParameters, base_parameters};
+use crate::trees::drive::Term;
+use crate::trees::rows::{RowMaker, names_and_units};
+use crate::trees::{Frame, Input, TreeIdentificationError};
+
+/// What in columns of unit length shows less than this is not told apart: robot descriptions round angles to some 1e-11
+/// (π/2 as 1.57079632679), and by that alone columns that are one seem to be two.
+const ROUNDED: f64 = 1e-10;
+/// Rows of the wrench.
+const WRENCH: usize = 6;
+/// σ of force and of everything else to start from where none is stated: only ratios matter.
+const NOMINAL_SIGMA: (f64, f64) = (1.0, 0.1);
+
+/// The motion of a drive: a joint's own, or one that turns with several.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DriveRate {
+    /// Its name.
+    pub name: String,
+    /// Names of the channels that hold its joints' efforts.
+    pub channels: Vec<String>,
+    /// Root mean square of its joints' summed rates, rad/s or m/s.
+    pub rms_rate: f64,
+}
+
+/// The rows of a tree.
+pub struct TreeSource {
+    input: Input,
+    base: BaseParameters,
+    parameters: Vec<Parameter>,
+    channels: Vec<Channel>,
+    /// It keeps the state of every link while it makes rows.
+    maker: Mutex<RowMaker>,
+}
+
+impl TreeSource {
+    /// Returns the source of frames of a tree.
+    ///
+    /// # Errors
+    /// [`TreeIdentificationError`] if the model has no base parameters, or the frames do not fit it.
+    pub fn new(input: Input) -> Result<Self, TreeIdentificationError> {
+        let base = base_parameters(&input.model, &input.situation)?;
+        Self::with_base(input, base).map_err(TreeIdentificationError::Tree)
+    }
+
+    /// Returns the same source with the parameters in the order of a device: that of the standard parameters that stand
+    /// for them.
+    ///
+    /// # Errors
+    /// See [`TreeSource::new`].
+    pub fn in_device_order(self) -> Result<Self, TreeIdentificationError> {
+        let Self { input, mut base, .. } = self;
+        base.parameters.sort_by_key(|p| p.terms.first().map(|(column, _)| *column));
+        Self::with_base(input, base).map_err(TreeIdentificationError::Tree)
+    }
+
+    fn with_base(input: Input, base: BaseParameters) -> Result<Self, TreeError> {
+        let mut maker = RowMaker::new(&input, &base)?;
+        // All frames are made alike.
+        if let Some(frame) = input.frames.first() {
+            maker.rows(frame)?;
+        }
+        let parameters = parameters(&input, &base);
+        let channels = channels(&input, &parameters);
+        Ok(Self { input, base, parameters, channels, maker: Mutex::new(maker) })
+    }
+
+    /// Returns frames and settings.
+    pub fn input(&self) -> &Input {
+        &self.input
+    }
+
+    /// Returns the motion of the drives that have parameters.
+    pub fn drive_rates(&self) -> Vec<DriveRate> {
+        let names = self.input.freedom_names();
+        let drives = self.input.drives.iter().filter(|_| self.input.has_efforts());
+        let frames = &self.input.frames;
+        drives
+            .map(|drive| {
+                let rate = |frame: &Frame| -> f64 {
+                    drive.rates.iter().map(|(k, _)| frame.rates.get(*k).copied().unwrap_or(0.0)).sum()
+                };
+                let squares: f64 = frames.iter().map(|frame| rate(frame).powi(2)).sum();
+                DriveRate {
+                    name: drive.name.clone(),
+                    channels: drive.rates.iter().filter_map(|(k, _)| names.get(*k).cloned()).collect(),
+                    rms_rate: (squares / frames.len().max(1) as f64).sqrt(),
+                }
+            })
+            .collect()
+    }
+
+    /// Returns the base parameters that are estimated.
+    pub fn base(&self) -> &BaseParameters {
+        &self.base
+    }
+}
+
+fn parameters(input: &Input, base: &BaseParameters) -> Vec<Parameter> {
+    let (names, units) = names_and_units(input, base);
+    let root = input.model.links.first().map_or("", |l| l.name.as_str());
+    let drives = input.drives.iter().filter(|_| input.has_efforts());
+    let mut terms = drives.flat_map(|drive| drive.terms.iter().map(|term| (drive.name.as_str(), *term)));
+    names
+        .into_iter()
+        .zip(units)
+        .enumerate()
+        .map(|(j, (name, unit))| {
+            let stem = name.rsplit_once('.').map_or("", |(stem, _)| stem).to_owned();
+            if let Some(own) = base.parameters.get(j) {
+                let kind = match own.terms.first().map_or(0, |t| t.0 % 10) {
+                    0 => Kind::Mass,
+                    1..4 => Kind::FirstMoment,
+                    _ => Kind::Inertia,
+                };
+                let standard = |column: usize| base.standard.get(column).cloned().unwrap_or_default();
+                let made_of = own.terms.iter().map(|(column, weight)| (standard(*column), *weight)).collect();
+                let owner = Owner::Link(stem.clone());
+                return Parameter { frame: stem, made_of, ..Parameter::new(name, owner, kind, unit) };
+            }
+            if let Some(channel) = name.strip_prefix("offset_").map(str::to_owned).filter(|_| stem.is_empty())
+            {
+                let owner = Owner::Channel(channel);
+                return Parameter {
+                    frame: root.to_owned(),
+                    ..Parameter::new(name, owner, Kind::Offset, unit)
+                };
+            }
+            let (drive, term) = terms.next().unwrap_or(("", Term::Offset));
+            let kind = match term {
+                Term::Viscous => Kind::Viscous,
+                Term::Coulomb => Kind::Coulomb,
+                Term::Offset => Kind::Offset,
+                Term::Rotor => Kind::Rotor,
+            };
+            Parameter::new(name, Owner::Drive(drive.to_owned()), kind, unit)
+        })
+        .collect()
+}
+
+fn channels(input: &Input, parameters: &[Parameter]) -> Vec<Channel> {
+    let wrench = if input.has_wrench() { WRENCH } else { 0 };
+    let slides: Vec<bool> = input
+        .model
+        .links
+        .iter()
+        .skip(1)
+        .flat_map(|l| {
+            let slides = matches!(l.link.joint, Joint::Prismatic(_));
+            std::iter::repeat_n(slides, l.link.joint.freedoms())
+        })
+        .collect();
+    let names = input.channels().into_iter().enumerate();
+    names
+        .map(|(c, name)| {
+            let own = c.checked_sub(wrench).map(|k| slides.get(k) == Some(&true));
+            let (unit, group) = match own {
+                None if c < 3 => ("N", 0),
+                None => ("N m", 1),
+                // Each joint is compared with itself.
+                Some(slides) => (if slides { "N" } else { "N m" }, u8::try_from(2 + c).unwrap_or(u8::MAX)),
+            };
+            let offset = parameters.iter().position(|p| {
+                own.is_none() && p.kind == Kind::Offset && p.owner == Owner::Channel(name.clone())
+            });
+            Channel {
+                sigma: input.channel_sigma.as_ref().and_then(|all| all.get(c).copied()),
+                gain_sigma: if own.is_none() { input.gain_sigma[c.min(WRENCH - 1)] } else { 0.0 },
+                unit: unit.to_owned(),
+                name,
+                offset,
+                group,
+            }
+        })
+        .collect()
+}
+
+impl RowSource for TreeSource {
+    fn parameters(&self) -> &[Parameter] {
+        &self.parameters
+    }
+
+    fn channels(&self) -> &[Channel] {
+        &self.channels
+    }
+
+    fn timing(&self) -> Timing {
+        if self.input.is_static { Timing::Static } else { Timing::Uniform { rate_hz: self.input.rate_hz } }
+    }
+
+    fn samples(&self) -> usize {
+        self.input.frames.len()
+    }
+
+    fn time_ns(&self, sample: usize) -> u64 {
+        self.input.frames.get(sample).map_or(0, |f| f.time_ns)
+    }
+
+    fn rows(&self, sample: usize, rows: &mut SampleRows) -> Result<(), Rejection> {
+        // Frames were checked when they were prepared.
+        let refuse = Rejection::NotFinite(0);
+        let frame = self.input.frames.get(sample).ok_or(refuse)?;
+        let made = {
+            let mut maker = self.maker.lock().unwrap_or_else(PoisonError::into_inner);
+            maker.rows(frame).map_err(|_| refuse)?
+        };
+        (rows.smoothed, rows.differentiated) = (made.smoothed, made.differentiated);
+        let offset = self.input.known_offset.unwrap_or_default();
+        let wrench = frame.wrench.iter().zip(offset).map(|(w, o)| w - o);
+        let wrench = wrench.take(if self.input.has_wrench() { WRENCH } else { 0 });
+        let efforts = frame.efforts.iter().copied().filter(|_| self.input.has_efforts());
+        for (c, (to, from)) in rows.measured.iter_mut().zip(wrench.chain(efforts)).enumerate() {
+            if !from.is_finite() {
+                return Err(Rejection::NotFinite(u8::try_from(c).unwrap_or(u8::MAX)));
+            }
+            *to = from;
+        }
+        Ok(())
+    }
+
+    fn rounding(&self) -> f64 {
+        ROUNDED
+    }
+
+    fn nominal_sigma(&self) -> Vec<f64> {
+        let of = |c: &Channel| if c.group == 0 { NOMINAL_SIGMA.0 } else { NOMINAL_SIGMA.1 };
+        self.channels.iter().map(of).collect()
+    }
+
+    fn model_fingerprint(&self) -> u64 {
+        let mut hash = Fingerprint::default();
+        for link in &self.input.model.links {
+            hash.add_text(&link.name);
+            hash.add(link.link.parent as u64);
+            let (kind, axes): (&str, Vec<f64>) = match &link.link.joint {
+                Joint::Fixed => ("fixed", Vec::new()),
+                Joint::Free => ("free", Vec::new()),
+                Joint::Spherical => ("spherical", Vec::new()),
+                Joint::Revolute(a) => ("revolute", a.iter().copied().collect()),
+                Joint::Prismatic(a) => ("prismatic", a.iter().copied().collect()),
+                Joint::Universal(a, b) => ("universal", a.iter().chain(b.iter()).copied().collect()),
+            };
+            hash.add_text(kind);
+            let place = link.link.rotation.iter().chain(link.link.position.iter()).copied();
+            axes.into_iter().chain(place).for_each(|v| hash.add(v.to_bits()));
+        }
+        hash.finish()
+    }
+
+    fn fingerprint(&self) -> u64 {
+        let mut hash = Fingerprint::default();
+        for frame in &self.input.frames {
+            hash.add(frame.time_ns);
+            let numbers =
+                frame.positions.iter().chain(&frame.rates).chain(&frame.wrench).chain(&frame.efforts);
+            numbers.for_each(|v| hash.add(v.to_bits()));
+        }
+        hash.finish()
+    }
+
+    fn with_signal_noise(&self, samples: Range<usize>, scale: f64) -> Option<Box<dyn RowSource + '_>> {
+        if self.input.rate_sigma == 0.0 || self.input.is_static {
+            return None;
+        }
+        let (mut signs, sigma) = (Signs::default(), scale * self.input.rate_sigma);
+        let frames = self.input.frames.get(samples).unwrap_or_default();
+        let frames: Vec<Frame> = frames.iter().map(|frame| noisier(frame, &mut signs, sigma)).collect();
+        let source = Self::with_base(self.input.with_frames(frames), self.base.clone()).ok()?;
+        Some(Box::new(source))
+    }
+
+    fn rate_sigma(&self) -> f64 {
+        self.input.rate_sigma
+    }
+}
+
+/// Returns the same frame with more noise on its rates.
+fn noisier(frame: &Frame, signs: &mut Signs, sigma: f64) -> Frame {
+    let mut noisy = frame.clone();
+    for rate in &mut noisy.rates {
+        *rate += sigma * signs.next();
+    }
+    let turned = nalgebra::Vector3::from_fn(|_, _| sigma * signs.next());
+    // A base that stands still is not measured.
+    if frame.base.rate != nalgebra::Vector3::zeros() {
+        noisy.base = BaseMotion { rate: frame.base.rate + turned, ..frame.base };
+    }
+    noisy
+}
