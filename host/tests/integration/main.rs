@@ -17,6 +17,8 @@ mod mcap_independent;
 mod model_commands;
 mod montecarlo;
 mod no_simulator;
+mod one_engine;
+mod pendulum;
 mod plan_motion;
 mod plan_poses;
 mod report;
