@@ -32,6 +32,10 @@ fn a_csv_is_identified() {
     assert_eq!(answer.parameters.len(), 16);
     for (parameter, truth) in answer.parameters.iter().zip(sixteen) {
         let found = parameter.state.measured().unwrap();
-        assert!((found.value - truth).abs() < 4.0 / 1.96 * found.u95, "{}: {found:?} {truth}", parameter.name);
+        assert!(
+            (found.value - truth).abs() < 4.0 / 1.96 * found.u95,
+            "{}: {found:?} {truth}",
+            parameter.name
+        );
     }
 }
