@@ -3,7 +3,7 @@ use rigident_shared::forgetting::{ImuNoise, MemoryConfig, Span};
 use rigident_shared::wire::{MemorySettings, Settings};
 
 use super::Failure;
-use crate::identification::{FILTER_WIDTH_S, Input, row_every};
+use crate::identification::{Input, filter_width_s, row_every};
 use crate::rig::RigFile;
 
 /// Row blocks of which a window holds one at least in each of its parts.
@@ -71,8 +71,8 @@ impl Remember {
             );
         }
         let block_s = f64::from(row_every(rows.rate_hz)) / rows.rate_hz;
-        let least_s =
-            if self.forget.is_some() { FILTER_WIDTH_S } else { FILTER_WIDTH_S.max(LEAST_BLOCKS * block_s) };
+        let width_s = filter_width_s(rows.rate_hz);
+        let least_s = if self.forget.is_some() { width_s } else { width_s.max(LEAST_BLOCKS * block_s) };
         if seconds < least_s {
             return refuse(&format!("shorter than the filter and its rows; at least {least_s} s are wanted"));
         }

@@ -39,14 +39,23 @@ use crate::answer::{Estimate, Noise};
 
 /// Room for the filter on the host: 0.1 s at 40 kHz.
 pub(crate) const TAPS: usize = 256;
-/// Width of the FIR unless asked otherwise, s.
+/// Width of the FIR where readings are frequent enough, s; see [`filter_width_s`].
 pub const FILTER_WIDTH_S: f64 = 0.1;
+/// Least width of the FIR in readings: with nine, `ḣ ∗ ω` is `h ∗ ω̇` to 1e-4 up to a tenth of the rate and to 6e-4 up to a
+/// quarter of it, where the kernel has let three quarters of the amplitude go; with four and a half it is to 1.6 % and 14 %.
+const LEAST_WIDTH_READINGS: f64 = 9.0;
 /// Rows are absorbed at about this rate, 1/s: twice the filter's noise bandwidth and more.
 const ROW_RATE_HZ: f64 = 100.0;
 /// Equal readings that make a channel frozen.
 pub const FROZEN_AFTER: u16 = 50;
 /// σ of force and moment to start from where none is given, N and N m: only their ratio matters.
 const NOMINAL_SIGMA: [f64; 6] = [1.0, 1.0, 1.0, 0.1, 0.1, 0.1];
+
+/// Returns the width of the FIR at this rate, s: [`FILTER_WIDTH_S`], below 90 readings a second as many seconds as nine
+/// readings take.
+pub fn filter_width_s(rate_hz: f64) -> f64 {
+    FILTER_WIDTH_S.max(LEAST_WIDTH_READINGS / rate_hz)
+}
 
 /// How many readings a row block stands for at this rate: an even number where they are many, so that the filter can
 /// average neighbours ([`rigident_shared::conditioning`]); at least some 75 rows a second, above twice its bandwidth.
@@ -264,7 +273,7 @@ pub fn conclude_firmware(
 fn config(input: &Input, channel_sigma: [f64; 6]) -> EstimatorConfig<f64> {
     EstimatorConfig {
         rate_hz: if input.is_static { 1.0 } else { input.rate_hz },
-        filter_width_s: if input.is_static { 0.0 } else { FILTER_WIDTH_S },
+        filter_width_s: if input.is_static { 0.0 } else { filter_width_s(input.rate_hz) },
         row_every: if input.is_static { 1 } else { row_every(input.rate_hz) },
         channel_sigma,
         known_offset: input.known_offset.unwrap_or_default(),

@@ -396,7 +396,7 @@ impl Prepared {
         let mut estimator = Box::new(
             Estimator::<f32, PARAMETERS, FIRMWARE_TAPS>::new(&EstimatorConfig {
                 rate_hz: campaign.rate_hz as f32,
-                filter_width_s: identification::FILTER_WIDTH_S as f32,
+                filter_width_s: identification::filter_width_s(campaign.rate_hz) as f32,
                 row_every: identification::row_every(campaign.rate_hz),
                 channel_sigma: campaign.config.sensors.load_cell.noise_n_nm.map(|s| s as f32),
                 known_offset: [0.0; 6],

@@ -45,7 +45,7 @@ use crate::answer::identifiability::RegressorNoise;
 use crate::answer::{Estimate, Noise};
 use crate::identification::pooled::{Judgement, RowSet, judge};
 use crate::identification::whiteness::Colour;
-use crate::identification::{FILTER_WIDTH_S, row_every};
+use crate::identification::{filter_width_s, row_every};
 use crate::model::base::{BaseParameters, Rows, Situation, base_parameters};
 use crate::model::{Model, ModelError};
 
@@ -351,9 +351,10 @@ pub fn residual(found: &TreeIdentification, rows: &DMatrix<f64>, measured: &DVec
 /// The filtered rows of a recording.
 fn filter(input: &Input, maker: RowMaker, watch: &dyn Fn(f64)) -> Result<Filtered, TreeIdentificationError> {
     let every = if input.is_static { 1 } else { row_every(input.rate_hz) };
-    let filtered = rows::filter(input, maker, FILTER_WIDTH_S, every, watch)?;
+    let width_s = filter_width_s(input.rate_hz);
+    let filtered = rows::filter(input, maker, width_s, every, watch)?;
     if filtered.blocks.is_empty() {
-        return Err(TreeIdentificationError::NoRows { frames: input.frames.len(), width_s: FILTER_WIDTH_S });
+        return Err(TreeIdentificationError::NoRows { frames: input.frames.len(), width_s });
     }
     Ok(filtered)
 }

@@ -8,7 +8,7 @@ use super::nearest::{Full, FullLink};
 use super::possible::Possible;
 use super::{Input, TreeIdentification};
 use crate::answer::result::{ParameterState, ResultSource, SCHEMA_1, Status};
-use crate::identification::{FILTER_WIDTH_S, whiteness};
+use crate::identification::{filter_width_s, whiteness};
 use crate::model::base::names::legend;
 use crate::present::text::{NOT_IDENTIFIED, beside, shortened, significant, unit_symbol, with_u95};
 
@@ -92,7 +92,12 @@ pub fn warnings(input: &Input, found: &TreeIdentification) -> Vec<String> {
             found.variance_ratio.sqrt()
         ));
     }
-    said.extend(whiteness::warning(&found.colour, &input.channels(), found.widened(), FILTER_WIDTH_S));
+    said.extend(whiteness::warning(
+        &found.colour,
+        &input.channels(),
+        found.widened(),
+        filter_width_s(input.rate_hz),
+    ));
     let moved = found
         .rate_bias
         .iter()

@@ -21,6 +21,7 @@ mod one_engine;
 mod pendulum;
 mod plan_motion;
 mod plan_poses;
+mod rates;
 mod report;
 mod streams;
 mod tree_commands;

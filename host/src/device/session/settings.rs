@@ -3,7 +3,7 @@ use rigident_shared::wire::{
     TelemetrySettings,
 };
 
-use crate::identification::{FILTER_WIDTH_S, FROZEN_AFTER, knocks, row_every};
+use crate::identification::{FROZEN_AFTER, filter_width_s, knocks, row_every};
 use crate::rig::{Calibrated, ImuTable, OffsetTable, OffsetWord, RigFile};
 
 /// Estimates are sent at about this rate, 1/s.
@@ -127,7 +127,7 @@ pub fn settings(
             group_delay_ns: delay(cell.group_delay_s),
             range_n_nm: cell.range_n_nm.unwrap_or([NO_RANGE; 6]).map(|v| v as f32),
         },
-        filter_width_s: if timing.is_static { 0.0 } else { FILTER_WIDTH_S as f32 },
+        filter_width_s: if timing.is_static { 0.0 } else { filter_width_s(timing.rate_hz) as f32 },
         row_every: every,
         // As in a batch: gain errors exceed the noise.
         knock_limit_sd: if gains_uncertain { 0.0 } else { knocks::LIMIT_SD as f32 },

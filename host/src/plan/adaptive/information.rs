@@ -10,7 +10,7 @@ use rigident_shared::regressor::{block, signals};
 use rigident_shared::screening::Limits;
 use rigident_shared::spatial::{Position, Sensor};
 
-use crate::identification::{FILTER_WIDTH_S, Factor, TAPS, row_every};
+use crate::identification::{Factor, TAPS, filter_width_s, row_every};
 use crate::plan::machine::{self, MachineError};
 use crate::plan::motion::information::Instrument;
 use crate::plan::motion::plan::SENSOR_SHARE;
@@ -136,7 +136,7 @@ impl RigModel {
     pub fn noise_gain(&self) -> f64 {
         let config = EstimatorConfig {
             rate_hz: self.rate_hz,
-            filter_width_s: FILTER_WIDTH_S,
+            filter_width_s: filter_width_s(self.rate_hz),
             row_every: row_every(self.rate_hz),
             channel_sigma: [1.0; 6],
             known_offset: [0.0; 6],

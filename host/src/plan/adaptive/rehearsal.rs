@@ -59,7 +59,7 @@ impl Device {
         let rate_hz = rehearsal.believed.rate_hz;
         let config = EstimatorConfig {
             rate_hz,
-            filter_width_s: identification::FILTER_WIDTH_S,
+            filter_width_s: identification::filter_width_s(rate_hz),
             row_every: identification::row_every(rate_hz),
             channel_sigma: rehearsal.believed.channel_sigma,
             known_offset: [0.0; 6],

@@ -68,7 +68,7 @@ pub fn predict(
     let mut estimator = Box::new(
         Estimator::<f64, 16, TAPS>::new(&EstimatorConfig {
             rate_hz,
-            filter_width_s: identification::FILTER_WIDTH_S,
+            filter_width_s: identification::filter_width_s(rate_hz),
             row_every: identification::row_every(rate_hz),
             channel_sigma: equipment.noise_n_nm,
             known_offset: [0.0; 6],

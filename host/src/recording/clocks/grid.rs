@@ -4,7 +4,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use super::kernel::Weights;
 use super::{Stream, StreamError, StreamSet};
-use crate::identification::FILTER_WIDTH_S;
+use crate::identification::filter_width_s;
 use crate::recording::Recording;
 use crate::recording::columns::Group;
 
@@ -102,12 +102,10 @@ impl Grid {
         };
         let instants: Vec<i64> =
             (first..=last).map(|k| (k as f64 * period).round() as i64).filter(there).collect();
-        let needed = (FILTER_WIDTH_S * self.rate_hz).ceil() as usize;
+        let needed_s = filter_width_s(self.rate_hz);
+        let needed = (needed_s * self.rate_hz).ceil() as usize;
         if instants.len() < needed {
-            return Err(StreamError::TooShort {
-                overlap_s: instants.len() as f64 / self.rate_hz,
-                needed_s: FILTER_WIDTH_S,
-            });
+            return Err(StreamError::TooShort { overlap_s: instants.len() as f64 / self.rate_hz, needed_s });
         }
         Ok(instants)
     }
@@ -222,10 +220,11 @@ impl Grid {
         }
         let variance = squares.amax() / f64::max(count, 1.0);
         // The derivative of the estimator's kernel, (1 − x²)⁸, on the grid.
-        let reach = (0.5 * FILTER_WIDTH_S * self.rate_hz) as i64;
+        let width_s = filter_width_s(self.rate_hz);
+        let reach = (0.5 * width_s * self.rate_hz) as i64;
         let offset_s = |k: i64| k as f64 / self.rate_hz;
         let bell = |k: i64| {
-            let x = 2.0 * offset_s(k) / FILTER_WIDTH_S;
+            let x = 2.0 * offset_s(k) / width_s;
             x * (1.0 - x * x).max(0.0).powi(7)
         };
         let scale: f64 = (-reach..=reach).map(|k| bell(k) * offset_s(k)).sum();

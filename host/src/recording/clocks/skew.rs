@@ -323,7 +323,7 @@ fn iterate(set: &StreamSet, grid: &Grid, skews: &mut Skews, tied: bool) -> Resul
 fn configuration(input: &Input) -> EstimatorConfig<f64> {
     EstimatorConfig {
         rate_hz: input.rate_hz,
-        filter_width_s: identification::FILTER_WIDTH_S,
+        filter_width_s: identification::filter_width_s(input.rate_hz),
         row_every: identification::row_every(input.rate_hz),
         channel_sigma: [1.0; 6],
         known_offset: [0.0; 6],
