@@ -24,6 +24,7 @@ use crate::identification::remembered::{self, conclude_remembered, identify_reme
 use crate::identification::tare::Tare;
 use crate::identification::{self, Progression, prepare};
 use crate::platform::MotionSample;
+use crate::present::text::counted;
 use crate::present::{Decided, Drift, Quantity, Stage};
 use crate::recording::comment_in_words;
 use crate::recording::mcap::messages::ImuValues;
@@ -106,6 +107,18 @@ impl Watcher {
     }
 }
 
+/// Returns how long the rest takes at this rate, 1/s, in words; nothing where that is not known.
+fn time_left(readings: usize, expected: usize, rate: f64) -> String {
+    let left_s = expected.saturating_sub(readings) as f64 / rate;
+    if expected == 0 || readings == 0 || !left_s.is_finite() {
+        String::new()
+    } else if left_s < 90.0 {
+        format!(", {left_s:.0} s left")
+    } else {
+        format!(", {:.0} min left", left_s / 60.0)
+    }
+}
+
 fn imu_values(specific_force: [f32; 3], angular_rate: [f32; 3]) -> ImuValues {
     ImuValues { accel: Some(specific_force.map(f64::from)), gyro: Some(angular_rate.map(f64::from)) }
 }
@@ -145,6 +158,7 @@ impl Observer for Watcher {
         self.progress.show(|| {
             let rate = readings as f64 / started.elapsed().as_secs_f64();
             let share = if expected > 0 { format!(" of {expected}") } else { String::new() };
+            let left = time_left(readings, expected, rate);
             let state = latest.as_ref().map_or_else(String::new, |report| {
                 // Against the largest of its kind: a true zero has no relative uncertainty of its own.
                 let worst = [0..1, 1..4, 4..10]
@@ -169,7 +183,7 @@ impl Observer for Watcher {
                 };
                 format!(", condition {:.1}, worst relative sd {worst:.1} %{apart}", report.condition_number)
             });
-            format!("{readings}{share} readings, {rate:.0}/s{state}")
+            format!("{readings}{share} readings, {rate:.0}/s{left}{state}")
         });
     }
 }
@@ -209,7 +223,14 @@ pub(super) fn noticed(take: &Take, rig: &RigFile) -> Vec<String> {
     if take.states.contains(&(StateName::Holding, Reason::StopRule)) {
         let times = [take.readings.first(), take.readings.last()].map(|r| r.map_or(0, |r| r.time_ns));
         let seconds = times[1].saturating_sub(times[0]) as f64 * 1e-9;
-        eprintln!("the uncertainties asked for were reached; {seconds:.1} s were taken in");
+        tell!("the uncertainties asked for were reached; {seconds:.1} s were taken in");
+    }
+    if take.resumed > 0 {
+        warnings.push(format!(
+            "{} the device stopped because it did not hear this program, and was started again: the readings of that time are \
+             missing; run on a host that is less busy",
+            counted(take.resumed, "time", "times")
+        ));
     }
     if take.cut_short {
         warnings.push("ended before the programme's end, after the time of --at-most-s".to_owned());
@@ -394,4 +415,17 @@ fn drift(input: &identification::Input, spans: [(f64, f64); 2], sigma: &[f64; 6]
             })
             .collect(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_left_is_told_where_it_is_known() {
+        assert_eq!(time_left(10_000, 60_000, 166.0), ", 5 min left");
+        assert_eq!(time_left(50_000, 60_000, 1000.0), ", 10 s left");
+        assert_eq!(time_left(70_000, 60_000, 1000.0), ", 0 s left");
+        assert_eq!((time_left(0, 60_000, 0.0), time_left(5, 0, 1.0)), (String::new(), String::new()));
+    }
 }

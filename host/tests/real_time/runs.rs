@@ -176,6 +176,45 @@ fn ctrl_c_stops_the_platform_and_keeps_what_was_recorded() {
     assert!(result["warnings"].to_string().contains("Ctrl-C"), "{result}");
 }
 
+/// A program that is stopped for longer than the device waits for it: the device stops absorbing, the hexapod moves on.
+#[test]
+fn a_host_that_stalls_in_mid_run_is_told_of_and_what_follows_is_taken_in() {
+    let served = Served::new();
+    // A controller that has the whole program drives on without us.
+    let controller = Controller::listen("127.0.0.1:0", Arc::clone(&served.rig)).unwrap();
+    let address = format!("tcp://{}", controller.address());
+    let mut child = run_at(&served, &address, "out", &["--duration-s", "30", "--yes"]).spawn().unwrap();
+    let mut heard = BufReader::new(child.stderr.take().unwrap()).lines();
+    for line in heard.by_ref() {
+        if line.unwrap().starts_with("the experiment takes") {
+            break;
+        }
+    }
+    let rest = std::thread::spawn(move || heard.map_while(Result::ok).collect::<Vec<_>>().join("\n"));
+    let signal = |name: &str| {
+        let told = Command::new("kill").args([name, &child.id().to_string()]).status().unwrap();
+        assert!(told.success());
+    };
+    std::thread::sleep(std::time::Duration::from_secs(8));
+    signal("-STOP");
+    std::thread::sleep(std::time::Duration::from_secs(4));
+    signal("-CONT");
+    let status = child.wait().unwrap();
+    let said = rest.join().unwrap();
+    let result: serde_json::Value = serde_json::from_str(&text(&served.path("out/result.json"))).unwrap();
+    let rows = result["source"]["rows"].as_u64().unwrap();
+    match status.code() {
+        // Gone on with: the rest is there, and the answer says that something is missing.
+        Some(0 | 1) => {
+            assert!(result["warnings"].to_string().contains("did not hear this program"), "{result}");
+            assert!(rows > 15_000, "{rows} rows: {said}");
+        }
+        // Where the motion was over by then.
+        Some(3) => assert!(result["status"] == "failed" && result["error"].is_string(), "{result}"),
+        other => panic!("{other:?}: {said}"),
+    }
+}
+
 #[test]
 fn a_controller_lost_in_mid_run_ends_it_with_the_command_named_and_the_recording_kept() {
     let mut served = Served::new();

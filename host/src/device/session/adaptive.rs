@@ -198,6 +198,7 @@ impl Session {
                     self.client.ask("go on", &Command::Start)?;
                 }
             }
+            self.resume(platform, taking)?;
             if taking.held() {
                 return Ok(Ended::Early);
             }

@@ -7,7 +7,7 @@ use rigident_shared::wire::{
     Command, INJECT_BATCH, InjectBatch, LINK_BATCH, LinkBatch, LinkReadingMessage, Reply,
 };
 
-use super::{INTERRUPTED, Observer, Session, SessionError, Take, Taking, narrow};
+use super::{INTERRUPTED, Observer, QUIET, Session, SessionError, Take, Taking, narrow};
 use crate::device::link::LinkError;
 
 impl Session {
@@ -69,6 +69,9 @@ impl Session {
             let sorted = self.sort(&mut taking, observer);
             if let Err(error) = sorted.and_then(|()| self.override_stop(&mut taking)) {
                 outcome = Err(error);
+            } else if taking.times_quiet() > 0 {
+                let (state, reason) = QUIET;
+                outcome = Err(SessionError::Stopped { state, reason, advice: super::advice(reason) });
             }
             observer.progress(sent as usize);
             taking.interrupted = INTERRUPTED.load(Ordering::Relaxed);

@@ -37,6 +37,8 @@ const HEARTBEAT_EVERY: Duration = Duration::from_millis(500);
 const SILENT: Duration = Duration::from_secs(4);
 /// What the device says when every asked-for parameter has its uncertainty.
 const STOPPED: (StateName, Reason) = (StateName::Holding, Reason::StopRule);
+/// What the device says when it has not heard the host for longer than its settings allow.
+const QUIET: (StateName, Reason) = (StateName::Holding, Reason::HostQuiet);
 /// How long a platform may take to come to rest.
 const REST: Duration = Duration::from_secs(4);
 /// How long to wait for readings that were counted but have not come.
@@ -147,6 +149,7 @@ impl Session {
                     return Ok(());
                 }
                 self.override_stop(&mut taking)?;
+                self.resume(platform, &mut taking)?;
                 if self.at_most_s.is_some_and(|most_s| taking.span_s() >= most_s) {
                     (taking.ended, taking.cut_short) = (true, true);
                     return tell(platform, 0.0, observer);
@@ -284,6 +287,24 @@ impl Session {
         Ok(())
     }
 
+    /// Starts again what the device has stopped because it did not hear the host, as long as the platform still moves: the
+    /// readings of that time are missing, the others are one experiment.
+    ///
+    /// # Errors
+    /// [`SessionError::Stopped`] if the motion is over: its rest was not taken in.
+    fn resume(&mut self, platform: &mut dyn Platform, taking: &mut Taking) -> Result<(), SessionError> {
+        let quiet = taking.times_quiet();
+        if quiet <= taking.resumed {
+            return Ok(());
+        }
+        let (state, reason) = QUIET;
+        if platform.motion()? != Motion::Moving {
+            return Err(SessionError::Stopped { state, reason, advice: advice(reason) });
+        }
+        taking.resumed = quiet;
+        self.client.ask("go on", &Command::Start).map(drop).map_err(SessionError::from)
+    }
+
     fn conclude(
         &mut self,
         mut taking: Taking,
@@ -291,10 +312,15 @@ impl Session {
         observer: &mut dyn Observer,
     ) -> Take {
         let mut factor = None;
-        let outcome = outcome.and_then(|()| {
-            factor = Some(self.fetch(&mut taking, observer)?);
-            Ok(())
-        });
+        let outcome = match outcome {
+            Ok(()) => self.fetch(&mut taking, observer).map(|fetched| factor = Some(fetched)),
+            // The device is in reach and holds what it has taken in.
+            Err(stopped @ SessionError::Stopped { reason: Reason::HostQuiet, .. }) => {
+                factor = self.fetch(&mut taking, observer).ok();
+                Err(stopped)
+            }
+            Err(error) => Err(error),
+        };
         // Of a level what was taken is here, whatever became of the rest.
         let taken = taking.level.as_deref().filter(|level| level.rows() > 0);
         let factor = factor.or_else(|| taken.map(|level| DeviceFactor::Links(TallFactor::from_rows(level))));
@@ -307,6 +333,7 @@ impl Session {
             factor,
             counters: taking.counters,
             states: taking.states,
+            resumed: taking.resumed,
             interrupted: taking.interrupted,
             cut_short: taking.cut_short,
             broken: outcome.err().map(|e| e.to_string()),
@@ -425,7 +452,10 @@ fn advice(reason: Reason) -> &'static str {
             "no frames come, or damaged ones only: check their source and its cable, then run again"
         }
         Reason::LevelFull => "take the factor's rows, then start again: nothing of it is lost",
-        Reason::HostQuiet => "the host was too busy or the cable was out for longer than the time set",
+        Reason::HostQuiet => {
+            "the host was too busy or the cable was out for longer than the device waits, and the rest of the motion was not taken \
+             in; run again on a host that is less busy, and not in the background"
+        }
         Reason::Boot | Reason::Command | Reason::StopRule => "run again",
     }
 }

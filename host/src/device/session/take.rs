@@ -7,7 +7,7 @@ use rigident_shared::wire::{
     CounterReport, EstimateReport, GapCounter, LinkReadingMessage, ReadingMessage, Reason, StateName,
 };
 
-use super::STOPPED;
+use super::{QUIET, STOPPED};
 use crate::identification::Factor;
 use crate::platform::MotionSample;
 use crate::trees::factor::TallFactor;
@@ -67,6 +67,8 @@ pub struct Take {
     pub counters: CounterReport,
     /// State changes while it lasted.
     pub states: Vec<(StateName, Reason)>,
+    /// How often the device had stopped, not hearing the host, and was started again.
+    pub resumed: usize,
     /// Ended by Ctrl-C.
     pub interrupted: bool,
     /// Ended before the program's end, because it was to last no longer.
@@ -112,6 +114,8 @@ pub(super) struct Taking {
     pub(super) cut_short: bool,
     /// The stop rule has been overridden.
     pub(super) overridden: bool,
+    /// How often a run was gone on with that the device had stopped because it did not hear the host.
+    pub(super) resumed: usize,
     /// Nothing is absorbed meanwhile.
     pub(super) watching: bool,
     /// What was taken of the level of a tree from frames.
@@ -135,11 +139,13 @@ impl Taking {
         last.saturating_sub(first) as f64 * 1e-9
     }
 
-    /// Whether the device has ended the run by itself.
+    /// Returns true if the device has ended the run because everything asked for is reached.
     pub(super) fn held(&self) -> bool {
-        self.states.iter().any(|(state, reason)| {
-            let stopped = (*state, *reason) == STOPPED && !self.overridden;
-            stopped || (*state, *reason) == (StateName::Holding, Reason::HostQuiet)
-        })
+        self.states.contains(&STOPPED) && !self.overridden
+    }
+
+    /// Returns how often the device has stopped because it did not hear the host.
+    pub(super) fn times_quiet(&self) -> usize {
+        self.states.iter().filter(|state| **state == QUIET).count()
     }
 }
