@@ -61,6 +61,14 @@ pub enum Implausible {
          cable, its supply and the program that recorded it"
     )]
     FrozenImu(usize),
+    /// Channels that give one value for ever while the others of their sensor have noise.
+    #[error(
+        "{} never {}, to the last digit, while the other channels of the same sensor have noise: dead, or not connected; \
+         check its cable and the program that recorded it",
+        _0.join(", "),
+        if _0.len() == 1 { "changes" } else { "change" }
+    )]
+    Dead(Vec<String>),
     /// Not still poses.
     #[error(
         "static = true says that every row is a still pose, but in {turning} of {rows} rows the gyro is more than \

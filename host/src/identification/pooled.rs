@@ -5,6 +5,9 @@
 //! not live here: the bytes of the file ([`super::factor_file`]), subtraction of a fixture
 //! ([`super::tare`]). Before this: [`super::identify`]; after it: [`crate::answer`].
 
+use std::collections::HashMap;
+use std::rc::Rc;
+
 use nalgebra::DMatrix;
 use rigident_shared::estimator::Counters;
 use rigident_shared::factor::InformationFactor;
@@ -15,6 +18,8 @@ use super::{Factor, Identification, Input};
 use crate::answer::Noise;
 use crate::answer::identifiability::RegressorNoise;
 
+/// Names of recordings that one line holds.
+const MOST_NAMES: usize = 6;
 /// A disagreement less likely than this among runs of one body is told and widens the intervals.
 const SURPRISING: f64 = 1e-4;
 
@@ -274,18 +279,19 @@ impl PooledFactor {
         let mut factors = factors.into_iter();
         let prepare = |f: Self| if shared_offset || !several { f } else { f.without_offset() };
         let mut whole = prepare(factors.next().ok_or(PoolError::Nothing)?);
-        // Where each recording came from, for the message.
-        let mut origins = vec![whole.name.clone(); whole.sources.len()];
+        // Where each recording came from, for the message, by its fingerprint: of thousands none is looked for in turn.
+        let mut origins: HashMap<u64, Rc<str>> = HashMap::new();
+        let name = Rc::from(whole.name.as_str());
+        origins.extend(whole.sources.iter().map(|s| (s.fingerprint, Rc::clone(&name))));
         for other in factors.map(prepare) {
-            for source in &other.sources {
-                let known = whole.sources.iter().position(|s| s.fingerprint == source.fingerprint);
-                if let Some(first) = known.and_then(|k| origins.get(k)) {
-                    return Err(PoolError::Repeated {
-                        recording: source.recording.clone(),
-                        first: first.clone(),
-                        second: other.name,
-                    });
-                }
+            if let Some((source, first)) =
+                other.sources.iter().find_map(|s| Some((s, origins.get(&s.fingerprint)?)))
+            {
+                return Err(PoolError::Repeated {
+                    recording: source.recording.clone(),
+                    first: first.to_string(),
+                    second: other.name,
+                });
             }
             let disagreement = match (&mut whole.factor, &other.factor) {
                 (Factor::Ten(a), Factor::Ten(b)) => merge(a, b),
@@ -304,7 +310,8 @@ impl PooledFactor {
             whole.disagreement += other.disagreement + disagreement.0;
             whole.comparisons += other.comparisons + disagreement.1;
             whole.eliminated += other.eliminated;
-            origins.extend(std::iter::repeat_n(other.name, other.sources.len()));
+            let name = Rc::from(other.name.as_str());
+            origins.extend(other.sources.iter().map(|s| (s.fingerprint, Rc::clone(&name))));
             whole.sources.extend(other.sources);
         }
         Ok(whole)
@@ -386,10 +393,11 @@ impl PooledFactor {
         })
     }
 
-    /// Names of the recordings, joined.
+    /// Returns the names of the recordings, joined; of many the first ones and how many more there are.
     pub fn recordings(&self) -> String {
-        let names: Vec<_> = self.sources.iter().map(|s| s.recording.as_str()).collect();
-        names.join(" + ")
+        let names: Vec<_> = self.sources.iter().take(MOST_NAMES).map(|s| s.recording.as_str()).collect();
+        let more = self.sources.len().saturating_sub(MOST_NAMES);
+        names.join(" + ") + &if more > 0 { format!(" + {more} more") } else { String::new() }
     }
 }
 
@@ -399,4 +407,51 @@ fn merge<const N: usize>(a: &mut InformationFactor<f64, N>, b: &InformationFacto
     let (apart, ranks) = (a.residual_sum_of_squares() + b.residual_sum_of_squares(), rank(a) + rank(b));
     a.merge(b);
     ((a.residual_sum_of_squares() - apart).max(0.0), ranks.saturating_sub(rank(a)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One run of a body, some rows of noise.
+    fn run(number: u64) -> PooledFactor {
+        let mut factor = InformationFactor::<f64, 10>::new();
+        for k in 0..12 {
+            let columns = std::array::from_fn(|j| [((k * 10 + j) % 7) as f64 - 3.1]);
+            factor.absorb(&columns, &[((k + number as usize) % 5) as f64 * 0.1]);
+        }
+        let source = FactorSource {
+            recording: format!("run {number}"),
+            fingerprint: number,
+            readings: 2,
+            rejected: 0,
+            rows: 12,
+            noise_gain: 1.0,
+            channel_sigma: [1.0; 6],
+            sigma_given: true,
+            gain_sigma: [0.0; 6],
+            tensor_information: 0.0,
+        };
+        PooledFactor {
+            name: format!("run{number}.factor"),
+            factor: Factor::Ten(Box::new(factor)),
+            sources: vec![source],
+            eliminated: 0,
+            disagreement: 0.0,
+            comparisons: 0,
+        }
+    }
+
+    #[test]
+    fn ten_thousand_runs_are_merged_in_a_line_of_words() {
+        let runs = 10_000;
+        let merged = PooledFactor::merged((0..runs).map(run).collect(), false).unwrap();
+        assert_eq!((merged.sources.len() as u64, merged.factor.rows()), (runs, 120_000));
+        assert_eq!(merged.recordings(), "run 0 + run 1 + run 2 + run 3 + run 4 + run 5 + 9994 more");
+        let again = (0..runs).chain([4711]).map(run).collect();
+        let repeated = PooledFactor::merged(again, false).unwrap_err();
+        assert!(
+            matches!(&repeated, PoolError::Repeated { first, second, .. } if first == second && first == "run4711.factor")
+        );
+    }
 }

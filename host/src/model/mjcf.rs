@@ -18,6 +18,11 @@ use super::xml::{self, Parsed, describe, exactly, numbers, of_quaternion};
 /// Name of the base where bodies hang on the world.
 pub(super) const WORLD: &str = "world";
 
+/// Attributes of joints that say nothing of links.
+const IGNORED: [&str; 4] = ["armature", "stiffness", "damping", "frictionloss"];
+/// Begins what is told of them.
+pub(super) const NOT_USED: &str = "of its attributes are not used: ";
+
 struct Reader<'a> {
     degrees: bool,
     order: String,
@@ -236,10 +241,22 @@ impl<'a> Reader<'a> {
                 || if joints.len() == 1 { format!("{name}_joint") } else { format!("{name}_joint{}", k + 1) },
                 str::to_owned,
             );
+            let is_nonzero = |text: &str| text.split_whitespace().any(|v| v.parse() != Ok(0.0));
+            let ignored: Vec<&str> =
+                IGNORED.into_iter().filter(|name| own(name).is_some_and(is_nonzero)).collect();
             if own("ref").is_some_and(|text| text.trim().parse() != Ok(0.0)) {
                 self.findings.push(Finding {
                     place: format!("joint {joint_name}"),
                     text: "its ref is not zero, which is not followed: positions here count from the model's zero".to_owned(),
+                });
+            }
+            if !ignored.is_empty() {
+                self.findings.push(Finding {
+                    place: format!("joint {joint_name}"),
+                    text: format!(
+                        "{NOT_USED}{}: rotors and friction are identified with --friction",
+                        ignored.join(", ")
+                    ),
                 });
             }
             links.push((joint_name, kind, anchor));

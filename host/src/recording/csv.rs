@@ -175,24 +175,17 @@ impl Reader<'_> {
 
     fn read(&mut self, body: &str, skipped: u64) -> Result<(), RecordingError> {
         let label = self.label.to_owned();
-        let mut reader =
-            csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(body.as_bytes());
+        let mut reader = csv::ReaderBuilder::new()
+            .flexible(true)
+            .trim(csv::Trim::All)
+            .delimiter(separator(body))
+            .from_reader(body.as_bytes());
         let header: Vec<String> = reader
             .headers()
             .map_err(|e| RecordingError::NotARecording { name: label.clone(), reason: e.to_string() })?
             .iter()
             .map(str::to_owned)
             .collect();
-        if let [one] = header.as_slice()
-            && let Some(separator) = [';', '\t', '|'].into_iter().find(|s| one.contains(*s))
-        {
-            return Err(RecordingError::NotARecording {
-                name: label,
-                reason: format!(
-                    "its columns are separated by {separator:?}: they must be separated by commas"
-                ),
-            });
-        }
         self.columns = self.assign(header)?;
         let mut record = csv::StringRecord::new();
         loop {
@@ -449,6 +442,14 @@ impl Column {
         }
         Ok(())
     }
+}
+
+/// Returns what separates the columns: of comma, semicolon, tab and bar the one that stands most often in the header.
+fn separator(body: &str) -> u8 {
+    let header = body.lines().next().unwrap_or_default();
+    let count = |separator: u8| header.bytes().filter(|b| *b == separator).count();
+    // Of equally many the last one is taken: a comma.
+    [b'|', b'\t', b';', b','].into_iter().max_by_key(|separator| count(*separator)).unwrap_or(b',')
 }
 
 /// What the system said, as it said it: a full disk is told from other failures by its kind.

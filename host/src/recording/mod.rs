@@ -4,6 +4,7 @@
 //! [`convert`] goes between them, and [`clocks`] brings several files onto one time base. Each complaint names file, line
 //! and column. What the numbers mean for a body is decided elsewhere.
 
+pub mod channels;
 pub mod clocks;
 pub mod columns;
 pub mod convert;
@@ -21,6 +22,8 @@ use crate::rig::{RigFile, WrenchSign};
 
 /// Times agree with a stated rate if they differ by no more than this, relative.
 const RATE_TOLERANCE: f64 = 0.01;
+/// Stamps jitter if their standard deviation is this share of a period or more.
+const LEAST_JITTER: f64 = 0.1;
 /// A step longer than so many periods is a gap.
 const GAP: f64 = 1.5;
 
@@ -226,11 +229,26 @@ impl Recording {
         Ok(self)
     }
 
+    /// Tells of stamps that jitter, and of rows that are missing. Where the rows from the first to the last are as many as
+    /// their rate lets expect, a long step is one of jitter: a short one makes up for it.
     fn warn_of_gaps(&mut self, period_ns: f64) {
         let steps = self.time_ns.windows(2).map(|w| (w[0], (w[1] - w[0]) as f64 / period_ns));
         let gaps: Vec<(u64, f64)> = steps.filter(|(_, periods)| *periods > GAP).collect();
         if let Some((at, _)) = gaps.first() {
             let missing: f64 = gaps.iter().map(|(_, periods)| periods.round() - 1.0).sum();
+            let short =
+                self.time_ns.windows(2).filter(|w| ((w[1] - w[0]) as f64) < (2.0 - GAP) * period_ns).count();
+            let jitter_s = jitter_s(&self.time_ns, period_ns);
+            if 2 * short >= gaps.len() && jitter_s > LEAST_JITTER * period_ns * 1e-9 {
+                self.warnings.push(format!(
+                    "stamps jitter by {:.1} ms, where rows are {:.1} ms apart: {} of the steps are longer than one and a half of \
+                     that, and rows after them are taken as after a gap; stamp readings where they are taken",
+                    1e3 * jitter_s,
+                    1e-6 * period_ns,
+                    gaps.len()
+                ));
+                return;
+            }
             self.warnings.push(format!(
                 "{} in time, the first after {} s: about {missing} rows are missing",
                 if gaps.len() == 1 { "a gap".to_owned() } else { format!("{} gaps", gaps.len()) },
@@ -309,6 +327,14 @@ pub(crate) fn measured_rate(time_ns: &[u64]) -> Option<f64> {
     (rate.is_finite() && rate > 0.0).then_some(if (rate / whole - 1.0).abs() < 1e-6 { whole } else { rate })
 }
 
+/// Returns the standard deviation of the steps between stamps over √2, s: that of a stamp, if these are independent. Steps of
+/// several periods are left out.
+fn jitter_s(time_ns: &[u64], period_ns: f64) -> f64 {
+    let steps = time_ns.windows(2).map(|w| (w[1] - w[0]) as f64 - period_ns).filter(|d| *d < 2.0 * period_ns);
+    let (count, squares) = steps.fold((0.0, 0.0), |(n, sum), d| (n + 1.0, sum + d * d));
+    1e-9 * (squares / f64::max(count, 1.0) / 2.0).sqrt()
+}
+
 /// The ending of a path, in lower case.
 pub fn extension(path: &Path) -> String {
     path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase())
@@ -353,6 +379,34 @@ mod tests {
             assert_eq!(table.values().next().and_then(toml::Value::as_str), Some(said));
         }
         assert_eq!(comment_in_words("Load cell, serial number", "").0, "load_cell_serial_number");
+    }
+
+    #[test]
+    fn stamps_that_jitter_are_told_from_rows_that_are_missing() {
+        let told = |time_ns: Vec<u64>| {
+            let mut recording = Recording { time_ns, ..Recording::default() };
+            recording.warn_of_gaps(5e6);
+            recording.warnings
+        };
+        let mut state = 3_u64;
+        let mut jitter = |ns: f64| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (ns * 2.0 * 3_f64.sqrt() * ((state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5)) as i64
+        };
+        let shaken: Vec<u64> =
+            (0..2000).map(|n| (10_000_000 + n * 5_000_000 + jitter(2e6)).unsigned_abs()).collect();
+        let mut sorted = shaken;
+        sorted.sort_unstable();
+        let said = told(sorted);
+        assert!(
+            matches!(said.as_slice(), [one] if one.starts_with("stamps jitter by 2.0 ms")
+            || one.starts_with("stamps jitter by 1.9 ms")),
+            "{said:?}"
+        );
+        let holes: Vec<u64> = (0..2000).filter(|n| n % 100 != 7).map(|n| n * 5_000_000).collect();
+        let said = told(holes);
+        assert!(matches!(said.as_slice(), [one] if one.contains("about 20 rows are missing")), "{said:?}");
+        assert!(told((0..2000).map(|n| n * 5_000_000 + (n % 2) * 100_000).collect()).is_empty());
     }
 
     #[test]

@@ -72,6 +72,19 @@ fn a_mark_of_byte_order_and_other_line_ends_do_not_matter() {
 }
 
 #[test]
+fn semicolons_tabs_and_bars_separate_columns_too() {
+    let plain = read(&text(5), "").unwrap();
+    for separator in [";", "\t", "|"] {
+        assert_eq!(read(&text(5).replace(',', separator), "").unwrap(), plain, "{separator:?}");
+    }
+    // A comma inside a name does not make it the separator.
+    let named = text(5).replace(',', ";").replace("lamp", "lamp, left");
+    assert_eq!(read(&named, "").unwrap().extra[0].0, "lamp, left");
+    let comma = read(&text(5).replace(',', ";").replace("0.0", "0,0"), "").unwrap_err().to_string();
+    assert!(comma.contains("decimals have a point"), "{comma}");
+}
+
+#[test]
 fn foreign_columns_units_and_signs_are_brought_into_the_notation() {
     let foreign = text(10).replace("fx_n", "Fx").replace("fy_n", "fy_lbf").replace("t_s", "time");
     let rig = "[recording]\nwrench_sign = \"on_sensor\"\n[recording.columns]\nfx_n = \"Fx\"\n\
@@ -189,7 +202,7 @@ fn bad_input_is_named_with_its_place() {
         ("\u{FFFD}a,b\n1,2\n".to_owned(), "", &["not a recording", "none of its columns is known"]),
         ("<html></html>".to_owned(), "", &["not a recording"]),
         (HEADER.to_owned(), "", &["not a recording", "no rows"]),
-        (good.replace(',', ";"), "", &["not a recording"]),
+        (good.replace(',', ":"), "", &["unknown unit"]),
         (good.replace("my_nm,", ""), "", &["line 3", "14 values, the header 13 names"]),
         (good.replace("my_nm", "torque"), "", &["column my_nm is missing beside fx_n, fy_n"]),
         (good.replace("my_nm", "My"), "", &["my_nm is missing", "is it \"My\"?"]),

@@ -114,6 +114,11 @@ pub fn prepare(
     model: &Model,
     wishes: &Wishes,
 ) -> Result<PreparedTree, TreePrepareError> {
+    let dead = recording.dead_channels();
+    if !dead.is_empty() {
+        let (name, error) = (recording.name.clone(), Implausible::Dead(dead));
+        return Err(TreePrepareError::Implausible { name, error });
+    }
     let model = model.welded();
     let cells = recording.extra.iter().map(|(name, cells)| (name.as_str(), cells.as_slice())).collect();
     let mut work = Preparation { recording, model: &model, notes: Vec::new(), cells };

@@ -1,0 +1,264 @@
+//! What a channel's own readings say of its sensor: one that never changes is dead, a lone reading far off its neighbours is a
+//! spike.
+//!
+//! A single bad reading on the device is [`rigident_shared::screening`]'s; here the whole recording is there to compare it
+//! with.
+
+use super::Recording;
+use super::columns::{Group, Known};
+
+/// Fewer rows say nothing of a channel.
+const LEAST_ROWS: usize = 50;
+/// A spike is so many times as far from the mean of its two neighbours as white noise is on average.
+const SPIKE_SD: f64 = 20.0;
+/// And so many times as far as any other reading near it: noise comes near two there, and smooth motion near one.
+const SPIKE_SHARE: f64 = 8.0;
+/// Readings on either side that may belong to the same spike, and up to which others are compared.
+const OWN: usize = 3;
+const NEAR: usize = 12;
+/// The standard deviation of normal noise over the median of its size.
+const MEDIAN_TO_SD: f64 = 1.0 / 0.674_489_75;
+
+/// Noise of a sensor over what its channel does, at least.
+const LEAST_NOISE: f64 = 1e-5;
+
+/// One column of a sensor.
+struct Channel {
+    name: String,
+    values: Vec<f64>,
+}
+
+impl Channel {
+    fn is_dead(&self) -> bool {
+        self.values.windows(2).all(|pair| matches!(pair, [a, b] if a.to_bits() == b.to_bits()))
+    }
+
+    /// Returns true if neighbouring readings are apart as noise is, up and down in turn, and not as a smooth motion is: of the
+    /// fourth differences of white noise four in five have another sign than the one before (their correlation is −0.8), of a
+    /// motion's hardly any. Decimals that a file lacks are noise of less than [`LEAST_NOISE`] of what the channel does.
+    fn is_noisy(&self) -> bool {
+        let fourth = |w: &[f64]| match w {
+            [a, b, c, d, e] => a - 4.0 * b + 6.0 * c - 4.0 * d + e,
+            _ => 0.0,
+        };
+        let differences: Vec<f64> = self.values.windows(5).map(fourth).collect();
+        let turns = differences.iter().zip(differences.iter().skip(1)).filter(|(a, b)| *a * *b < 0.0).count();
+        let mut sizes: Vec<f64> = differences.iter().map(|d| d.abs()).collect();
+        let middle = sizes.len() / 2;
+        if sizes.is_empty() || 2 * turns < sizes.len() {
+            return false;
+        }
+        let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
+        // 1 + 16 + 36 + 16 + 1
+        let noise = MEDIAN_TO_SD * median / 70_f64.sqrt();
+        let count = self.values.len() as f64;
+        let mean = self.values.iter().sum::<f64>() / count;
+        let variance = self.values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count;
+        noise > LEAST_NOISE * variance.sqrt()
+    }
+
+    /// Returns the rows that hold a spike, in order.
+    fn spikes(&self, is_even: impl Fn(usize) -> bool) -> Vec<usize> {
+        let x = &self.values;
+        // From the mean of both neighbours; zero where a row is missing beside it.
+        let off: Vec<f64> = (0..x.len())
+            .map(|i| match (i.checked_sub(1).and_then(|k| x.get(k)), x.get(i), x.get(i + 1)) {
+                (Some(a), Some(b), Some(c)) if is_even(i) => b - 0.5 * (a + c),
+                _ => 0.0,
+            })
+            .collect();
+        let mut sizes: Vec<f64> = off.iter().map(|d| d.abs()).filter(|d| *d > 0.0).collect();
+        let middle = sizes.len() / 2;
+        if sizes.len() < LEAST_ROWS {
+            return Vec::new();
+        }
+        let sd = MEDIAN_TO_SD * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
+        let is_spike = |i: usize| {
+            let d = off.get(i).map_or(0.0, |d| d.abs());
+            if d <= SPIKE_SD * sd {
+                return false;
+            }
+            let near = (OWN + 1..=NEAR).flat_map(|k| [i.checked_sub(k), Some(i + k)]).flatten();
+            let largest = near.filter_map(|j| off.get(j)).fold(0.0_f64, |m, v| m.max(v.abs()));
+            // What stays changed is a step, and no spike.
+            let (before, after) = (i.checked_sub(OWN).and_then(|k| x.get(k)), x.get(i + OWN));
+            let returns = matches!((before, after), (Some(a), Some(b)) if (a - b).abs() < d);
+            d > SPIKE_SHARE * largest && returns
+        };
+        (0..x.len()).filter(|i| is_spike(*i)).collect()
+    }
+}
+
+impl Recording {
+    /// Returns the names of channels that never change, to the last digit, while all others of their sensor have noise: a
+    /// sensor's own. Of a recording without noise nothing is said, nor of a sensor that is still as a whole.
+    pub fn dead_channels(&self) -> Vec<String> {
+        if self.is_static || self.rows() < LEAST_ROWS {
+            return Vec::new();
+        }
+        let mut names = Vec::new();
+        for sensor in self.sensors() {
+            let channels = || sensor.iter().flat_map(|group| self.channels(*group));
+            let dead: Vec<String> = channels().filter(Channel::is_dead).map(|channel| channel.name).collect();
+            if dead.is_empty() {
+                continue;
+            }
+            let mut live = channels().filter(|channel| !channel.is_dead()).peekable();
+            if live.peek().is_some() && live.all(|channel| channel.is_noisy()) {
+                names.extend(dead);
+            }
+        }
+        names
+    }
+
+    /// Leaves out the rows in which an IMU's channel has a spike, and tells of them by channel. The wrench is not looked at:
+    /// rows that it has spoilt weigh less in the fit.
+    pub fn leave_out_spikes(&mut self) {
+        if self.is_static || self.rows() < LEAST_ROWS {
+            return;
+        }
+        let period_ns = self.rate_hz.map_or(f64::INFINITY, |rate| 1e9 / rate);
+        let is_even = |i: usize| {
+            let step = |from: usize| {
+                let (a, b) = (self.time_ns.get(from), self.time_ns.get(from + 1));
+                matches!((a, b), (Some(a), Some(b)) if (b.saturating_sub(*a) as f64) < 1.5 * period_ns)
+            };
+            i > 0 && step(i - 1) && step(i)
+        };
+        let mut out = vec![false; self.rows()];
+        let mut said = Vec::new();
+        let imus = self.sensors().into_iter().skip(1).flatten();
+        for channel in imus.flat_map(|group| self.channels(group)) {
+            let rows = channel.spikes(is_even);
+            let Some(first) = rows.first() else { continue };
+            said.push(format!(
+                "{} of {} far off all others near, as no motion takes it, the first in {}: left out; check that sensor's \
+                 cable and supply",
+                if rows.len() == 1 { "1 reading".to_owned() } else { format!("{} readings", rows.len()) },
+                format_args!("{} {}", channel.name, if rows.len() == 1 { "is" } else { "are" }),
+                self.place(*first),
+            ));
+            rows.iter().filter_map(|row| out.get_mut(*row).map(|o| *o = true)).for_each(drop);
+        }
+        if !said.is_empty() {
+            self.keep_rows(&out.iter().map(|o| !o).collect::<Vec<_>>());
+            self.warnings.extend(said);
+        }
+    }
+
+    /// Returns the groups of columns of each sensor: the load cell, every IMU.
+    fn sensors(&self) -> Vec<Vec<Group>> {
+        let imus = (0..self.imus.len()).map(|j| vec![Group::Accel(j), Group::Gyro(j)]);
+        let there: Vec<Group> = self.groups().into_iter().map(|(group, _)| group).collect();
+        let sensors = std::iter::once(vec![Group::Wrench]).chain(imus);
+        sensors.map(|groups| groups.into_iter().filter(|group| there.contains(group)).collect()).collect()
+    }
+
+    /// Returns a group's channels, one after the other: of a long recording no two are copied at once.
+    fn channels(&self, group: Group) -> impl Iterator<Item = Channel> {
+        group.names().into_iter().enumerate().map(move |(k, name)| {
+            let values =
+                (0..self.rows()).filter_map(|row| self.number(Known::Member(group, k), row)).collect();
+            Channel { name, values }
+        })
+    }
+
+    /// Keeps the rows for which it is said so.
+    fn keep_rows(&mut self, keep: &[bool]) {
+        fn kept<T>(rows: &mut Vec<T>, keep: &[bool]) {
+            let mut is_kept = keep.iter();
+            rows.retain(|_| is_kept.next().copied().unwrap_or(true));
+        }
+        kept(&mut self.time_ns, keep);
+        self.exact_time_s.iter_mut().for_each(|rows| kept(rows, keep));
+        self.wrench.iter_mut().for_each(|rows| kept(rows, keep));
+        for imu in &mut self.imus {
+            imu.accel.iter_mut().chain(&mut imu.gyro).for_each(|rows| kept(rows, keep));
+        }
+        self.gravity.iter_mut().for_each(|rows| kept(rows, keep));
+        self.gauges.iter_mut().for_each(|rows| kept(rows, keep));
+        self.platform.iter_mut().chain(&mut self.commanded).for_each(|rows| kept(rows, keep));
+        self.attitudes.iter_mut().for_each(|(_, rows)| kept(rows, keep));
+        self.extra.iter_mut().for_each(|(_, cells)| kept(cells, keep));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recording::ImuColumns;
+
+    /// A body that turns and shakes, 100 readings a second, noise of a generator.
+    fn recording(noise: f64) -> Recording {
+        let mut state = 7_u64;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            noise * ((state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5)
+        };
+        let mut of = |size: f64| -> Vec<[f64; 3]> {
+            (0..3000)
+                .map(|n| {
+                    // At rest, then in motion: noise alone is no measure of what a motion does.
+                    let t = f64::from(n) / 100.0;
+                    let moves = if t < 10.0 { 0.0 } else { size };
+                    std::array::from_fn(|k| moves * (9.0 * t + k as f64).sin() + random())
+                })
+                .collect()
+        };
+        let (accel, gyro, force, moment) = (of(2.0), of(1.0), of(20.0), of(1.0));
+        Recording {
+            time_ns: (0..3000).map(|n| n * 10_000_000).collect(),
+            rate_hz: Some(100.0),
+            wrench: Some(
+                force.iter().zip(&moment).map(|(f, m)| [f[0], f[1], f[2], m[0], m[1], m[2]]).collect(),
+            ),
+            imus: vec![ImuColumns { accel: Some(accel), gyro: Some(gyro) }],
+            ..Recording::default()
+        }
+    }
+
+    #[test]
+    fn a_channel_that_never_changes_is_dead_where_the_others_have_noise() {
+        let dead = |noise: f64, change: &dyn Fn(&mut Recording)| {
+            let mut changed = recording(noise);
+            change(&mut changed);
+            changed.dead_channels()
+        };
+        assert!(dead(0.01, &|_| {}).is_empty());
+        let no_moment: &dyn Fn(&mut Recording) = &|r| r.wrench.iter_mut().flatten().for_each(|w| w[5] = 0.0);
+        assert_eq!(dead(0.01, no_moment), ["mz_nm"]);
+        let stuck: &dyn Fn(&mut Recording) =
+            &|r| r.imus[0].gyro.iter_mut().flatten().for_each(|w| w[1] = 0.02);
+        assert_eq!(dead(0.01, stuck), ["imu_gy_radps"]);
+        let falls: &dyn Fn(&mut Recording) =
+            &|r| r.imus[0].accel.iter_mut().flatten().for_each(|w| w[2] = 0.0);
+        assert_eq!(dead(0.01, falls), ["imu_az_mps2"]);
+        // A motion in a plane without noise has such channels rightly.
+        assert!(dead(0.0, no_moment).is_empty() && dead(0.0, stuck).is_empty());
+    }
+
+    #[test]
+    fn a_lone_reading_far_off_is_left_out_and_a_motion_that_begins_is_not() {
+        for noise in [1e-6, 1e-3, 0.05] {
+            let mut clean = recording(noise);
+            clean.leave_out_spikes();
+            assert_eq!((clean.rows(), clean.warnings.len()), (3000, 0), "{noise}: {:?}", clean.warnings);
+            for (row, size) in [(300, 35.0), (2000, -35.0), (2500, 35.0)] {
+                let mut spoilt = recording(noise);
+                spoilt.imus[0].gyro.as_mut().unwrap()[row][0] += size;
+                spoilt.leave_out_spikes();
+                let left = &spoilt.imus[0].gyro.as_ref().unwrap();
+                assert!(left.iter().all(|w| w[0].abs() < 2.0), "{noise}, row {row}");
+                assert!((2997..3000).contains(&spoilt.rows()), "{}", spoilt.rows());
+                let counts = [left.len(), spoilt.time_ns.len(), spoilt.wrench.as_ref().unwrap().len()];
+                assert_eq!(counts, [spoilt.rows(); 3]);
+                assert!(matches!(spoilt.warnings.as_slice(), [one] if one.contains("imu_gx_radps")));
+            }
+        }
+        // A step stays, and so does a load that is put on.
+        let mut step = recording(0.01);
+        step.imus[0].accel.iter_mut().flatten().skip(500).for_each(|a| a[0] += 30.0);
+        step.leave_out_spikes();
+        assert_eq!(step.rows(), 3000);
+    }
+}
