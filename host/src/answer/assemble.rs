@@ -77,8 +77,8 @@ pub struct Context<'a> {
     pub source: ResultSource,
     /// How several files became one recording.
     pub time_base: Option<TimeBase>,
-    /// The experiment broke off.
-    pub broken: bool,
+    /// What broke the experiment off, if anything did.
+    pub broken: Option<String>,
     /// What to know, beyond what the data say themselves.
     pub warnings: Vec<String>,
 }
@@ -223,7 +223,7 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
 
     let missing = asked.0.iter().filter(|j| known.get(**j) != Some(&true)).count();
     let status = match missing {
-        _ if broken => Status::Failed,
+        _ if broken.is_some() => Status::Failed,
         0 => Status::Identified,
         m if m == asked.0.len() => Status::NotIdentified,
         _ => Status::PartlyIdentified,
@@ -327,8 +327,10 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
         advice: hints.clone(),
     };
 
+    let success = missing == 0 && broken.is_none();
     let object = ResultObject {
         tracking: None,
+        error: broken,
         schema: SCHEMA_1,
         status,
         source,
@@ -385,5 +387,5 @@ pub fn assemble(identification: &Identification, context: Context) -> Assembled 
         warnings,
         elapsed_s: 0.0,
     };
-    Assembled { results, object, success: missing == 0 && !broken }
+    Assembled { results, object, success }
 }

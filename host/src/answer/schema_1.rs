@@ -189,6 +189,9 @@ pub struct ResultObject {
     /// What would identify the rest.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub advice: Vec<String>,
+    /// What broke the experiment off; absent where nothing did.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
     /// What to know.
     pub warnings: Vec<String>,
     /// Time the command took, s.
@@ -217,6 +220,7 @@ mod tests {
     fn nothing_identified() -> ResultObject {
         ResultObject {
             tracking: None,
+            error: None,
             schema: SCHEMA_1,
             status: Status::NotIdentified,
             source: ResultSource {

@@ -135,7 +135,7 @@ fn both(
         asked: &Asked::parse(&words).unwrap(),
         source: source().0,
         time_base: None,
-        broken: false,
+        broken: None,
         warnings: Vec::new(),
     };
     let new = Context {

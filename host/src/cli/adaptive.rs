@@ -215,7 +215,7 @@ impl Directing {
             words(got),
             words(expected)
         );
-        eprintln!("  {said}");
+        tell!("  {said}");
         let lasted_s = ended_s.map_or(decision.program.duration_s(), |s| s - self.begun_s);
         let decided = self.decided(&decision, expected);
         self.decisions.push(Decided { got: Some(got), lasted_s: Some(lasted_s), whole, ..decided });
@@ -241,7 +241,7 @@ impl Directing {
         const AXES: [Axis; 6] = [Axis::X, Axis::Y, Axis::Z, Axis::Roll, Axis::Pitch, Axis::Yaw];
         for (axis, _) in AXES.iter().zip(newly).filter(|(_, lost)| **lost) {
             let said = format!("{} {what}: the rest of the experiment does without it", word(*axis));
-            eprintln!("  {said}");
+            tell!("  {said}");
             self.warnings.push(said);
         }
     }
@@ -292,12 +292,12 @@ impl Director for Directing {
                 let said = format!(
                     "{parameter} cannot become as certain as asked for by anything this platform does within its limits"
                 );
-                eprintln!("{said}");
+                tell!("{said}");
                 self.warnings.push(said);
                 Ok(None)
             }
             Next::Segment(decision) => {
-                eprintln!("{}: {:.1} s", decision.name, decision.program.duration_s());
+                tell!("{}: {:.1} s", decision.name, decision.program.duration_s());
                 self.judge_before(&told, &decision);
                 self.before = told.information;
                 let program = decision.program.clone();
@@ -310,7 +310,7 @@ impl Director for Directing {
     fn refused(&mut self, error: &PlatformError) {
         match self.decision.take() {
             Some(decision) => {
-                eprintln!("  {error}");
+                tell!("  {error}");
                 self.planner.refused(&decision);
             }
             None => {

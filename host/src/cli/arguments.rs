@@ -94,7 +94,7 @@ pub enum Mcu {
 #[derive(Args, Debug, Clone)]
 #[command(
     after_help = "Examples:\n  rigident demo\n  rigident demo --mcu qemu --json\n  rigident demo --body vertical --seed 7 --out \
-                        answers/demo7\n  rigident demo --until m=0.05,Ixx=0.01\n  rigident demo --adaptive --until-relative 0.01\n  rigident demo --forget 20\n  \
+                        answers/demo7\n  rigident demo --until m=0.05,Ixx=0.01 --estimate m,Ixx\n  rigident demo --adaptive --until-relative 0.01\n  rigident demo --forget 20\n  \
                         rigident demo --plan motion.json\n\nSeveral links:\n  rigident demo --body two-links\n  rigident demo --body human34 \
                         --mcu qemu --duration-s 20"
 )]
@@ -241,9 +241,9 @@ pub struct Ports {
     after_help = "Examples:\n  rigident info --port /dev/ttyACM0\n  rigident info --port ./rigident-rig --json"
 )]
 pub struct Info {
-    /// The device's port
+    /// The device's port; not needed where there is one USB serial port only
     #[arg(long, value_name = "PORT")]
-    pub port: String,
+    pub port: Option<String>,
     /// Print a JSON object
     #[arg(long)]
     pub json: bool,
@@ -253,12 +253,15 @@ pub struct Info {
 #[derive(Args, Debug, Clone)]
 #[command(after_help = "Example:\n  rigident configure --port /dev/ttyACM0 --rig bracket.rig.toml")]
 pub struct Configure {
-    /// The device's port
+    /// The device's port; not needed where there is one USB serial port only
     #[arg(long, value_name = "PORT")]
-    pub port: String,
+    pub port: Option<String>,
     /// Rig file
     #[arg(long, value_name = "FILE")]
     pub rig: PathBuf,
+    /// Print the settings as a JSON object
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// `rigident run`
@@ -274,9 +277,9 @@ pub struct Configure {
                         Ctrl-C stops the platform, sees it at rest, and keeps what was recorded."
 )]
 pub struct Run {
-    /// The device's port
+    /// The device's port; not needed where there is one USB serial port only
     #[arg(long, value_name = "PORT")]
-    pub port: String,
+    pub port: Option<String>,
     /// The platform's controller
     ///
     /// tcp://HOST:PORT: as `rigident-sim serve` offers it. gcs://HOST:PORT or gcs:///dev/ttyUSB0: a PI hexapod (GCS 2.0).

@@ -11,7 +11,7 @@ use rigident_shared::spatial::{AngularRate, Imu, SpecificForce};
 
 use super::Failure;
 use super::experiment::Watcher;
-use super::link::device_settings;
+use super::link::{configured, device_settings};
 use crate::device::session::{DeviceTiming, INTERRUPTED, Session, widen};
 use crate::identification::prepare::mounting;
 use crate::identification::remembered::imu_noise;
@@ -154,7 +154,7 @@ pub(super) fn warm_up(
             }
         }
         last = Some(now);
-        eprintln!(
+        tell!(
             "warm-up: {:.0} s, the load cell is steady in {settled} of 2 looks",
             begun.elapsed().as_secs_f64()
         );
@@ -176,7 +176,7 @@ pub(super) fn zero(
     let mut rest = look(session, rig)?;
     for _ in 1..LOOKS {
         let Some(shown) = &rest.moving else { break };
-        eprintln!("zero: the plate is not at rest, {shown}; looking again");
+        tell!("zero: the plate is not at rest, {shown}; looking again");
         rest = look(session, rig)?;
     }
     if let Some(shown) = &rest.moving {
@@ -185,7 +185,7 @@ pub(super) fn zero(
              moving the platform, or is something shaking it?\nNothing was moved."
         )));
     }
-    eprintln!("zero: mean wrench {:.2?} N, N m", rest.wrench);
+    tell!("zero: mean wrench {:.2?} N, N m", rest.wrench);
     if rig.imu.is_empty() {
         rig.imu.push(Default::default());
     }
@@ -217,7 +217,7 @@ pub(super) fn zero_second(
     rest: &Rest,
 ) -> Result<(), Failure> {
     let settings = device_settings(rig, timing, Some(rest.sigma))?;
-    session.configure(&settings).map_err(Failure::link)?;
+    configured(session, &settings)?;
     let seen = session.watch_links(WINDOW_S, &mut Watcher::new(0)).map_err(Failure::link)?;
     if INTERRUPTED.load(Ordering::Relaxed) {
         return Err(Failure::link("stopped before the experiment began; nothing was moved"));

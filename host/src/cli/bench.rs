@@ -43,7 +43,7 @@ fn regressors(arguments: &BenchRegressors) -> Result<ExitCode, Failure> {
     let python = arguments.python.clone().unwrap_or_else(|| "python3".to_owned());
     let theirs = pinocchio(&python, &asked);
     if let Err(why) = &theirs {
-        eprintln!(
+        tell!(
             "rigident: no ratio to Pinocchio: {why}; `pip install pin`, and name that Python by --python or RIGIDENT_PYTHON"
         );
     }

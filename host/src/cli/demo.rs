@@ -8,6 +8,7 @@ use rigident_sim::sensors::SensorModels;
 
 use super::arguments::{Demo, DemoBody, Demonstrated};
 use super::experiment::{Experiment, Watcher, device_notes};
+use super::link::configured;
 use super::memory_arguments::{self, RowsOf};
 use super::outcome::provenance;
 use super::{Failure, Folder, demo_links, programme, simulated};
@@ -63,7 +64,7 @@ fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
     let mut settings = settings(&file, &timing, None, None).map_err(Failure::input)?;
     arguments.course.put_into(&mut settings)?;
     memory_arguments::put_into(&mut settings, memory.as_ref());
-    session.configure(&settings).map_err(Failure::link)?;
+    configured(&mut session, &settings)?;
     let mut platform = LocalPlatform(rig);
     let mut directing = arguments.adaptive.directing(&file, &geometry, &settings)?;
     let (mut stages, mut same_pose, mut duration_s) = (Vec::new(), None, 0.0);

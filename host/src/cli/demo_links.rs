@@ -12,6 +12,7 @@ use rigident_sim::sensors::SensorModels;
 use super::arguments::Demo;
 use super::demo::{QUIET, RATE_HZ};
 use super::experiment::{Watcher, device_notes};
+use super::link::configured;
 use super::links::{LinksExperiment, check_asked};
 use super::outcome::provenance;
 use super::refused::refuse_for_trees;
@@ -82,7 +83,7 @@ pub(super) fn two_links(arguments: &Demo) -> Result<ExitCode, Failure> {
         // Words without noise repeat themselves.
         settings.frozen_after = 0;
     }
-    session.configure(&settings).map_err(Failure::link)?;
+    configured(&mut session, &settings)?;
     let expected = (program.duration_s() * RATE_HZ) as usize;
     let mut platform = LocalPlatform(rig);
     platform.load(&program).map_err(Failure::link)?;
@@ -192,7 +193,7 @@ pub(super) fn human34(arguments: &Demo) -> Result<ExitCode, Failure> {
     let timing =
         DeviceTiming { rate_hz: FRAMES_HZ, is_static: false, source: Source::Sensors, host_timeout_ms: 0 };
     let settings = tree_settings(&file, &timing, told).map_err(Failure::input)?;
-    session.configure(&settings).map_err(Failure::link)?;
+    configured(&mut session, &settings)?;
     let folder = Folder::new(arguments.output.out.as_deref(), "demo")?;
     let mut recording = frames::recording("demo", &file, FRAMES_HZ, model.links.len(), &sent);
     let comments = device_notes(session.identity());

@@ -6,7 +6,7 @@ use std::time::Instant;
 use super::arguments::{MakeFactor, Merge, Solve, TareFiles};
 use super::outcome::say;
 use super::recorded::{Recorded, is_recording, is_rig_file};
-use super::{Failure, Folder};
+use super::{Failure, Folder, Stages};
 use crate::answer::assemble::{Asked, Assembled, Context, assemble};
 use crate::answer::result::ResultSource;
 use crate::identification::pooled::PooledFactor;
@@ -28,9 +28,11 @@ pub(super) fn make(arguments: &MakeFactor) -> Result<ExitCode, Failure> {
     for path in &arguments.recordings {
         // A rig file that lists a recording's files needs no other.
         let rig = arguments.rig.as_deref().filter(|_| !is_rig_file(path));
+        let stages = Stages::new(&format!("factor of {}", path.display()));
         let (factor, notes) = of_recording(path, rig)?;
+        drop(stages);
         for note in notes {
-            eprintln!("rigident: {}: {note}", path.display());
+            tell!("rigident: {}: {note}", path.display());
         }
         factors.push(factor);
     }
@@ -81,7 +83,7 @@ pub(super) fn solve(arguments: &Solve) -> Result<ExitCode, Failure> {
         rows: rows as u64,
         duration_s: None,
     };
-    let context = Context { rig: &rig, asked: &asked, source, time_base: None, broken: false, warnings };
+    let context = Context { rig: &rig, asked: &asked, source, time_base: None, broken: None, warnings };
     let Assembled { results, mut object, success } = assemble(&identification, context);
     object.elapsed_s = started.elapsed().as_secs_f64();
     let text = serde_json::to_string_pretty(&object)
@@ -187,10 +189,10 @@ fn write(
                 if shared_offset { ", or its offset is not one between them" } else { "" }
             )));
         }
-        eprintln!("rigident: {}", disagreement_in_words("the runs", ratio));
+        tell!("rigident: {}", disagreement_in_words("the runs", ratio));
     }
     if let Some(warning) = pooled.warning() {
-        eprintln!("rigident: {warning}");
+        tell!("rigident: {warning}");
     }
     let bytes = pooled.to_file().to_bytes();
     write_new(output, |mut file| {

@@ -1,8 +1,21 @@
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 use super::Failure;
+
+/// The folder that this process writes its answer into.
+static ANSWERED_IN: Mutex<Option<PathBuf>> = Mutex::new(None);
+
+/// Leaves the object of a command that failed in its folder, if it has one by now and no result in it.
+pub(super) fn note_failure(object: &serde_json::Value) {
+    let folder = ANSWERED_IN.lock().unwrap_or_else(PoisonError::into_inner).take();
+    if let Some(path) = folder {
+        // What failed has been told; a result that is there already says so too.
+        let _ = Folder { path }.write("result.json", format!("{object:#}").as_bytes());
+    }
+}
 
 /// The folder that a command writes into. Nothing in it is ever overwritten.
 #[derive(Debug, Clone)]
@@ -16,16 +29,33 @@ impl Folder {
     /// # Errors
     /// The folder holds something, or cannot be made.
     pub fn new(wanted: Option<&Path>, name: &str) -> Result<Self, Failure> {
+        let folder = Self::made(wanted, name)?;
+        *ANSWERED_IN.lock().unwrap_or_else(PoisonError::into_inner) = Some(folder.path.clone());
+        Ok(folder)
+    }
+
+    /// Refuses a folder that [`Folder::new`] would refuse because it holds something; nothing is made.
+    ///
+    /// # Errors
+    /// The folder is not empty, or is no folder.
+    pub fn check(wanted: &Path) -> Result<(), Failure> {
+        match fs::read_dir(wanted) {
+            Ok(mut entries) => entries.next().map_or(Ok(()), |_| Err(not_empty(wanted))),
+            Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
+                Err(Failure::input(format!("folder {} cannot be read: {e}", wanted.display())))
+            }
+            Err(_) => Ok(()),
+        }
+    }
+
+    fn made(wanted: Option<&Path>, name: &str) -> Result<Self, Failure> {
         let Some(path) = wanted else { return Self::numbered(name) };
         fs::create_dir_all(path)
             .map_err(|e| Failure::input(format!("folder {} cannot be made: {e}", path.display())))?;
         let mut entries = fs::read_dir(path)
             .map_err(|e| Failure::input(format!("folder {} cannot be read: {e}", path.display())))?;
         if entries.next().is_some() {
-            return Err(Failure::input(format!(
-                "folder {} is not empty and nothing is overwritten: give --out another one",
-                path.display()
-            )));
+            return Err(not_empty(path));
         }
         Ok(Self { path: path.to_owned() })
     }
@@ -76,6 +106,13 @@ impl Folder {
         file.persist_noclobber(&path).map_err(|e| failed(&e.error))?;
         Ok(path)
     }
+}
+
+fn not_empty(path: &Path) -> Failure {
+    Failure::input(format!(
+        "folder {} is not empty and nothing is overwritten: give --out another one",
+        path.display()
+    ))
 }
 
 /// Temporary files are private unless told otherwise; an answer is not.

@@ -7,7 +7,7 @@ use super::arguments::Identify;
 use super::memory_arguments::RowsOf;
 use super::outcome::{Ending, provenance};
 use super::recorded::Recorded;
-use super::{Failure, Folder, identify_tree};
+use super::{Failure, Folder, Stages, identify_tree};
 use crate::answer::assemble::Asked;
 use crate::identification::remembered::{self, identify_remembered, imu_noise};
 use crate::identification::{self, known};
@@ -23,6 +23,7 @@ pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
     }
     let asked = Asked::parse(&arguments.output.estimate).map_err(Failure::input)?;
     let known = arguments.known.parse()?;
+    let stages = Stages::new(&format!("reading {}", arguments.recording.display()));
     let recorded = Recorded::load(&arguments.recording, arguments.rig.as_deref())?;
     let (recording, prepared) = (&recorded.recording, &recorded.prepared);
     known::check_model(&known, prepared.input.known_offset.is_none()).map_err(Failure::input)?;
@@ -38,6 +39,7 @@ pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
     }
     let memory = span
         .map(|span| MemoryConfig { span, imu_noise: imu_noise(prepared.rig.imu.first(), &input.readings) });
+    stages.at(&format!("identifying from {} readings", input.readings.len()), 0.0);
     let (mut identification, mut progression) = match &memory {
         Some(memory) => identify_remembered(input, memory, PLOT_POINTS).map_err(Failure::input)?,
         None => {
@@ -51,6 +53,8 @@ pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
         tare.take_off(&factor, &mut identification, &mut progression).map_err(Failure::input)?;
     }
     identification.estimate = identification.estimate.with_known(&known).map_err(Failure::input)?;
+    // The rest writes.
+    drop(stages);
     let folder = Folder::new(arguments.output.out.as_deref(), "identify")?;
     Ending {
         followed: None,

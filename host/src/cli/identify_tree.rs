@@ -33,8 +33,9 @@ pub(super) fn run(arguments: &Identify, started: Instant) -> Result<Option<ExitC
         model::write::check_target(path).map_err(Failure::input)?;
     }
     let stages = Stages::new(&format!("reading {}", arguments.recording.display()));
-    let recording =
+    let mut recording =
         Recording::load(&arguments.recording, arguments.rig.as_deref()).map_err(Failure::input)?;
+    recording.leave_out_spikes();
     let mut warnings = recording.warnings.clone();
     warnings.extend(change_as_recorded(&mut model, &options.of.changes, &recording)?);
     if let Some(path) = written {

@@ -41,10 +41,7 @@ impl LinksExperiment<'_> {
         let mut warnings = self.warnings;
         warnings.extend(noticed(&take, &self.recording.rig));
         if take.levels > 0 {
-            eprintln!(
-                "a level of the factor was taken from the device {} times and merged here",
-                take.levels
-            );
+            tell!("a level of the factor was taken from the device {} times and merged here", take.levels);
         }
         let names: Vec<String> = self.model.welded().links.into_iter().map(|l| l.name).collect();
         let counters = &take.counters;

@@ -3,6 +3,9 @@
 //! Lives here: what a user types and sees. May not live here: anything another program could use; that is in
 //! the rooms beside this one.
 
+#[macro_use]
+mod tell;
+
 mod adaptive;
 mod arguments;
 mod at_rest;
@@ -90,18 +93,19 @@ pub fn main() -> ExitCode {
             }
             std::process::exit(130);
         }
-        eprintln!("\nstopping, what there is by now is kept (Ctrl-C again ends at once)");
+        tell!("\nstopping, what there is by now is kept (Ctrl-C again ends at once)");
     });
     if let Err(error) = handler {
-        eprintln!("rigident: Ctrl-C will end the program at once: {error}");
+        tell!("rigident: Ctrl-C will end the program at once: {error}");
     }
     match dispatch(arguments) {
         Ok(code) => code,
         Err(failure) => {
-            eprintln!("rigident: {failure}");
+            tell!("rigident: {failure}");
             if json {
                 outcome::say_failed(&failure.to_string());
             }
+            folder::note_failure(&outcome::failed(&failure.to_string()));
             failure.exit_code()
         }
     }
@@ -146,7 +150,21 @@ fn in_one_line(said: &str) -> String {
     first.trim_start_matches("error: ").split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
+/// Refuses a folder that cannot be written into before anything is done, or moves.
+fn check_folder(command: Option<&Command>) -> Result<(), Failure> {
+    let output = match command {
+        Some(Command::Demo(a)) => &a.output,
+        Some(Command::Identify(a)) => &a.output,
+        Some(Command::Replay(a)) => &a.output,
+        Some(Command::Run(a)) => &a.output,
+        Some(Command::Solve(a)) => &a.output,
+        _ => return Ok(()),
+    };
+    output.out.as_deref().map_or(Ok(()), Folder::check)
+}
+
 fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
+    check_folder(arguments.command.as_ref())?;
     match arguments.command {
         #[cfg(feature = "simulator")]
         None => demo::run(&Arguments::default_demo()),
@@ -154,8 +172,14 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
         Some(Command::Demo(a)) => demo::run(&a),
         #[cfg(not(feature = "simulator"))]
         None | Some(Command::Demo(_)) => Err(simulated::refused("`rigident demo`")),
-        Some(Command::Identify(a)) => identify::run(&a),
-        Some(Command::Replay(a)) => replay::run(&a),
+        Some(Command::Identify(mut a)) => {
+            a.recording = recorded::named(a.recording);
+            identify::run(&a)
+        }
+        Some(Command::Replay(mut a)) => {
+            a.recording = recorded::named(a.recording);
+            replay::run(&a)
+        }
         Some(Command::Run(a)) => run::run(&a),
         Some(Command::Factor(a)) => factor::make(&a),
         Some(Command::Merge(a)) => factor::merge(&a),
@@ -188,7 +212,7 @@ fn convert(arguments: &Convert) -> Result<ExitCode, Failure> {
     recorded::refuse_streams(input, rig.as_deref(), "convert")?;
     let done = crate::recording::convert::convert(input, output, rig.as_deref()).map_err(Failure::input)?;
     for warning in done.warnings {
-        eprintln!("rigident: {warning}");
+        tell!("rigident: {warning}");
     }
     let files: Vec<_> = done.files.iter().map(|f| f.display().to_string()).collect();
     outcome::say(format_args!("{} rows in {}", done.rows, files.join(" and ")));

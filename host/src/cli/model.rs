@@ -113,7 +113,7 @@ fn check(arguments: &ModelCheck) -> Result<ExitCode, Failure> {
 fn base_params(arguments: &BaseParams) -> Result<ExitCode, Failure> {
     let (model, is_person) = open(&arguments.model.model, &arguments.model.changes)?;
     for finding in &model.findings {
-        eprintln!("rigident: {finding}");
+        tell!("rigident: {finding}");
     }
     let floating = arguments.floating || is_person;
     let rows = match arguments.rows {

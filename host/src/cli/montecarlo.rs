@@ -85,7 +85,7 @@ pub(super) fn run(arguments: &Montecarlo) -> Result<ExitCode, Failure> {
         say(line(&verdict, &limits, started.elapsed().as_secs_f64()));
     }
     if verdict.runs < arguments.runs {
-        eprintln!("rigident: stopped after {} of {} experiments", verdict.runs, arguments.runs);
+        tell!("rigident: stopped after {} of {} experiments", verdict.runs, arguments.runs);
         return Ok(ExitCode::from(1));
     }
     Ok(if good { ExitCode::SUCCESS } else { ExitCode::from(1) })

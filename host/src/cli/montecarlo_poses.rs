@@ -114,7 +114,7 @@ pub(super) fn run(arguments: &MontecarloPoses) -> Result<ExitCode, Failure> {
         }
     }
     if INTERRUPTED.load(Ordering::Relaxed) {
-        eprintln!("rigident: stopped after {} experiments", rows.len());
+        tell!("rigident: stopped after {} experiments", rows.len());
         return Ok(ExitCode::from(1));
     }
     Ok(ExitCode::SUCCESS)
@@ -159,7 +159,7 @@ fn plot(arguments: &MontecarloPoses, path: &Path, ups: &[Vector3<f64>]) -> Resul
         })
         .collect();
     write_new_text(path, &svg(&panels)).map_err(Failure::input)?;
-    eprintln!("{}", path.display());
+    tell!("{}", path.display());
     Ok(normality)
 }
 

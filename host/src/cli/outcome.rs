@@ -82,7 +82,7 @@ impl Ending<'_> {
                 asked: self.asked,
                 source,
                 time_base: self.time_base.take(),
-                broken: self.broken.is_some(),
+                broken: self.broken.clone(),
                 warnings: std::mem::take(&mut self.warnings),
             },
         );
@@ -263,8 +263,13 @@ static SAID: AtomicBool = AtomicBool::new(false);
 /// What `--json` prints of a command that ends without an answer; an object that is out already stays the only one.
 pub(super) fn say_failed(error: &str) {
     if !SAID.load(Ordering::Relaxed) {
-        say(serde_json::json!({ "status": "failed", "error": error.trim_end() }));
+        say(failed(error));
     }
+}
+
+/// Returns the object of a command that ends without an answer.
+pub(super) fn failed(error: &str) -> serde_json::Value {
+    serde_json::json!({ "status": "failed", "error": error.trim_end() })
 }
 
 /// Prints a line on standard output. A reader that has gone away is no failure: the files have it all.

@@ -75,7 +75,7 @@ pub(super) fn run(arguments: &PlanMotion) -> Result<ExitCode, Failure> {
             .carrying(task.equipment.carried())
             .write(path)
             .map_err(Failure::input)?;
-        eprintln!("{}", path.display());
+        tell!("{}", path.display());
     }
     let trajectory = plan.program.trajectory().map_err(Failure::input)?;
     let [from, to] = plan.motion_s;
@@ -91,7 +91,7 @@ pub(super) fn run(arguments: &PlanMotion) -> Result<ExitCode, Failure> {
 /// Exit status of a search; one that Ctrl-C has ended is partly done.
 pub(super) fn ended(stopped: bool, what: &str) -> ExitCode {
     if stopped {
-        eprintln!("rigident: stopped by Ctrl-C: the best {what} found by then, there may be better ones");
+        tell!("rigident: stopped by Ctrl-C: the best {what} found by then, there may be better ones");
         return ExitCode::from(1);
     }
     ExitCode::SUCCESS

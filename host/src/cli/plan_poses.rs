@@ -71,7 +71,7 @@ pub(super) fn run(arguments: &PlanPoses) -> Result<ExitCode, Failure> {
     let mut progress = Progress::new();
     progress.show(|| "where the platform can tilt to".to_owned());
     if rig.geometry.limits.leg_force_n.is_some() && rig.load.is_none() {
-        eprintln!(
+        tell!(
             "rigident: the forces of the legs are not checked: the rig file has no [truth] that says what they carry"
         );
     }
@@ -95,7 +95,7 @@ pub(super) fn run(arguments: &PlanPoses) -> Result<ExitCode, Failure> {
         let program = program(&reach, &made.poses, arguments.hold_s).map_err(Failure::input)?;
         let title = format!("{} still poses, best {name}, {:.0} s", arguments.n, program.duration_s());
         PlanFile::new(title, reach.geometry(), program).write(path).map_err(Failure::input)?;
-        eprintln!("{}", path.display());
+        tell!("{}", path.display());
     }
     if arguments.json {
         say(serde_json::to_string(&object(&made, name)).map_err(Failure::input)?);

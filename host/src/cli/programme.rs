@@ -32,7 +32,7 @@ impl Programme {
     ) -> Result<(MotionProgram, Option<Load>), Failure> {
         if let Some(path) = &self.plan {
             let plan = PlanFile::read(path, geometry).map_err(Failure::input)?;
-            eprintln!("plan: {}", plan.title);
+            tell!("plan: {}", plan.title);
             let load = plan.load(gravity_mps2);
             return Ok((plan.program, load));
         }

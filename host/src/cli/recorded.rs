@@ -1,6 +1,6 @@
 //! What the commands identify: one recording, or several files with clocks of their own as one.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::Failure;
 use crate::answer::result::TimeBase;
@@ -26,6 +26,7 @@ impl Recorded {
     /// # Errors
     /// Bad input: what cannot be read, or is no recording of a body.
     pub(super) fn load(path: &Path, rig: Option<&Path>) -> Result<Self, Failure> {
+        let path = &named(path.to_owned());
         let set = match rig {
             None if is_rig_file(path) => StreamSet::load(path, None),
             Some(_) if is_rig_file(path) => {
@@ -51,6 +52,7 @@ impl Recorded {
                     )));
                 }
                 let mut recording = Recording::load(path, rig).map_err(Failure::input)?;
+                recording.leave_out_spikes();
                 let joints = joints_of(&recording);
                 let prepared = prepare(&recording).map_err(|error| {
                     Failure::input(match joints.first() {
@@ -139,6 +141,13 @@ fn left_out(recording: &Recording, joints: &[String]) -> Option<String> {
             columns.join(", ")
         )
     })
+}
+
+/// Returns the recording that a path names: of a folder that `demo` or `run` wrote the one beside their result, else the path.
+pub(super) fn named(path: PathBuf) -> PathBuf {
+    let names = ["run.mcap", "demo.mcap", "demo.csv"];
+    let own = names.iter().map(|name| path.join(name)).find(|file| file.is_file());
+    own.filter(|_| path.join("result.json").is_file()).unwrap_or(path)
 }
 
 /// Whether a file holds a recording, or lists the files of one; by its name.

@@ -7,6 +7,7 @@ use rigident_shared::wire::Source;
 use super::arguments::Replay;
 use super::experiment::{Experiment, Watcher};
 use super::identify_tree::{refuse_without_tree, tree_of};
+use super::link::configured;
 use super::memory_arguments::{self, RowsOf};
 use super::{Failure, Folder, replay_links, simulated};
 use crate::answer::assemble::Asked;
@@ -27,8 +28,9 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
     refuse_without_tree(&arguments.tree.changed())?;
     let asked = Asked::parse(&arguments.output.estimate).map_err(Failure::input)?;
     let known = arguments.known.parse()?;
-    let recording =
+    let mut recording =
         Recording::load(&arguments.recording, arguments.rig.as_deref()).map_err(Failure::input)?;
+    recording.leave_out_spikes();
     let mut prepared = prepare(&recording).map_err(Failure::input)?;
     known::check_model(&known, prepared.input.known_offset.is_none()).map_err(Failure::input)?;
     let mut warnings: Vec<String> = recording.warnings.iter().chain(&prepared.notes).cloned().collect();
@@ -62,7 +64,7 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
     let mut settings = settings(&prepared.rig, &timing, None, None).map_err(Failure::input)?;
     arguments.course.put_into(&mut settings)?;
     memory_arguments::put_into(&mut settings, memory.as_ref());
-    session.configure(&settings).map_err(Failure::link)?;
+    configured(&mut session, &settings)?;
     let folder = Folder::new(arguments.output.out.as_deref(), "replay")?;
     let mut watcher = Watcher::new(prepared.input.readings.len());
     session.go_on_after_stop = arguments.course.go_on;

@@ -8,6 +8,7 @@ use rigident_shared::wire::Source;
 use super::arguments::{Mcu, Replay};
 use super::experiment::Watcher;
 use super::identify_tree::change_as_recorded;
+use super::link::configured;
 use super::links::{LinksExperiment, check_asked};
 use super::refused::refuse_for_trees;
 use super::replay;
@@ -53,7 +54,7 @@ pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Res
             .map_err(Failure::input)?;
         let (mcu, transport) = replay::device(&arguments.mcu)?;
         let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
-        session.configure(&settings).map_err(Failure::link)?;
+        configured(&mut session, &settings)?;
         let folder = Folder::new(arguments.output.out.as_deref(), "replay")?;
         let mut watcher = Watcher::new(readings.len());
         let take = session.inject_links(&readings, &mut watcher).map_err(Failure::link)?;
@@ -90,7 +91,7 @@ pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Res
     let count = sent.len();
     let (transport, source) = simulated::frames(mcu, sent, rate_hz)?;
     let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
-    session.configure(&settings).map_err(Failure::link)?;
+    configured(&mut session, &settings)?;
     let folder = Folder::new(arguments.output.out.as_deref(), "replay")?;
     let mut watcher = Watcher::new(count);
     let take = session.follow_frames(&source, parameters.len(), &mut watcher).map_err(Failure::link)?;

@@ -12,7 +12,7 @@ use super::at_rest::{self, warm_up, zero, zero_second};
 use super::confirm::confirm;
 use super::experiment::{Experiment, Watcher, device_notes};
 use super::followed::{Followed, MotionLog};
-use super::link::{HOST_TIMEOUT_MS, device_settings, open};
+use super::link::{HOST_TIMEOUT_MS, configured, device_settings, open};
 use super::links::{LinksExperiment, check_asked};
 use super::memory_arguments::{self, RowsOf};
 use super::outcome::provenance;
@@ -65,7 +65,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     };
     arguments.adaptive.check()?;
     let mut platform = platform::connect(&arguments.platform, &geometry).map_err(unmoved)?;
-    let mut session = open(&arguments.port)?;
+    let mut session = open(arguments.port.as_deref())?;
     let timing =
         DeviceTiming { rate_hz, is_static: false, source: Source::Sensors, host_timeout_ms: HOST_TIMEOUT_MS };
     // Any noise does while nothing is absorbed.
@@ -73,7 +73,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     // What cannot be asked for is said before anything moves.
     arguments.course.put_into(&mut standing)?;
     let span = arguments.remember.span(&RowsOf::rig(&rig, rate_hz))?;
-    session.configure(&standing).map_err(Failure::link)?;
+    configured(&mut session, &standing)?;
     // Until the noise is known, to see whether anything can be done at all.
     let directing = arguments.adaptive.directing(&rig, &geometry, &standing)?;
     let everything = fixed.clone().or_else(|| directing.as_ref().map(Directing::everything));
@@ -103,13 +103,13 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     arguments.course.put_into(&mut settings)?;
     let memory = span.map(|span| MemoryConfig { span, imu_noise: rest.imu_noise });
     memory_arguments::put_into(&mut settings, memory.as_ref());
-    session.configure(&settings).map_err(Failure::link)?;
+    configured(&mut session, &settings)?;
 
     let mut directing = arguments.adaptive.directing(&rig, &geometry, &settings)?;
     let (mut stages, mut same_pose) = (Vec::new(), None);
     if let Some(program) = &fixed {
         (stages, same_pose) = programme::stages(program);
-        eprintln!("to the first pose");
+        tell!("to the first pose");
         approach(platform.as_mut(), &mut session)?;
     }
     let longest_s = match (&directing, &fixed) {
@@ -131,7 +131,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         if directing.is_some() { 0 } else { (longest_s * rate_hz) as usize },
     )?;
     watcher.motion = Some(MotionLog::create(folder.file("motion.csv"), &arguments.platform)?);
-    eprintln!("the experiment takes {}{longest_s:.0} s", if directing.is_some() { "at most " } else { "" });
+    tell!("the experiment takes {}{longest_s:.0} s", if directing.is_some() { "at most " } else { "" });
     session.go_on_after_stop = arguments.course.go_on;
     session.at_most_s = arguments.adaptive.at_most_s;
     let mut take = match &mut directing {

@@ -83,6 +83,7 @@ impl TreeEnding<'_> {
         let folder = folder()?;
         let missing = asked.iter().filter(|j| !matches!(states[**j], ParameterState::Identified(_))).count();
         let status = match missing {
+            _ if self.broken.is_some() => Status::Failed,
             0 => Status::Identified,
             m if m == asked.len() => Status::NotIdentified,
             _ => Status::PartlyIdentified,
@@ -115,6 +116,9 @@ impl TreeEnding<'_> {
             (object.as_object_mut(), self.followed.and_then(Followed::to_json))
         {
             out.insert("tracking".to_owned(), tracking);
+        }
+        if let (Some(out), Some(broken)) = (object.as_object_mut(), &self.broken) {
+            out.insert("error".to_owned(), broken.as_str().into());
         }
         let text = serde_json::to_string_pretty(&object)
             .map_err(|e| Failure::input(format!("the result cannot be put into JSON: {e}")))?;

@@ -494,3 +494,79 @@ fn a_second_ctrl_c_ends_at_once_and_still_leaves_an_object() {
     assert_eq!(status(&output), 130);
     assert_eq!(json(&output)["status"], "failed");
 }
+
+#[test]
+fn a_folder_with_something_in_it_is_refused_before_anything_else() {
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    fs::create_dir(at.join("full")).unwrap();
+    fs::write(at.join("full/notes.txt"), "mine").unwrap();
+    // Neither rig file nor port nor recording is there: these would be complained of first.
+    let run =
+        ["run", "--port", "none", "--rig", "none.toml", "--platform", "tcp://127.0.0.1:1", "--out", "full"];
+    for words in
+        [run.as_slice(), &["identify", "none.csv", "--out", "full"], &["replay", "none.csv", "--out", "full"]]
+    {
+        let output = rigident(at, words);
+        assert_eq!(status(&output), 2, "{}", said(&output));
+        assert!(said(&output).contains("full is not empty"), "{}", said(&output));
+    }
+    assert_eq!(fs::read_dir(at.join("full")).unwrap().count(), 1);
+}
+
+#[test]
+fn what_fails_after_its_folder_is_there_leaves_its_error_in_it() {
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    let demo = rigident(at, &["demo", "--duration-s", "20", "--out", "d"]);
+    assert_eq!(status(&demo), 0, "{}", said(&demo));
+    let words = ["replay", "d/demo.mcap", "--known", "mass_kg=3±0.001", "--out", "e", "--json"];
+    let output = rigident(at, &words);
+    assert_eq!(status(&output), 2, "{}", said(&output));
+    let left: Value = serde_json::from_str(&fs::read_to_string(at.join("e/result.json")).unwrap()).unwrap();
+    assert_eq!((&left["status"], &left["error"]), (&json(&output)["status"], &json(&output)["error"]));
+    assert!(left["error"].as_str().unwrap().contains("mass_kg"), "{left}");
+}
+
+#[test]
+fn the_folder_that_a_demonstration_wrote_is_a_recording() {
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    for (body, out) in [("horizontal", "one"), ("two-links", "two")] {
+        let demo = rigident(at, &["demo", "--body", body, "--duration-s", "20", "--out", out]);
+        assert_eq!(status(&demo), 0, "{}", said(&demo));
+        for command in ["identify", "replay"] {
+            let again = rigident(at, &[command, out, "--json", "--out", &format!("{out}-{command}")]);
+            assert_eq!(status(&again), 0, "{}", said(&again));
+            assert_eq!(json(&again)["source"]["recording"], "demo");
+        }
+    }
+    let factor = rigident(at, &["factor", "one", "-o", "one.factor"]);
+    assert_eq!(status(&factor), 0, "{}", said(&factor));
+}
+
+#[test]
+fn examples_of_the_help_that_end_early_end_well() {
+    let place = tempfile::tempdir().unwrap();
+    let help = rigident(place.path(), &["demo", "--help"]);
+    let text = String::from_utf8(help.stdout).unwrap();
+    let examples: Vec<&str> =
+        text.lines().filter(|line| line.trim().starts_with("rigident demo --until")).collect();
+    assert!(!examples.is_empty(), "{text}");
+    for example in examples {
+        let words: Vec<&str> = example.split_whitespace().skip(1).chain(["--out", "out"]).collect();
+        let output = rigident(place.path(), &words);
+        assert_eq!(status(&output), 0, "{example}: {}", said(&output));
+    }
+}
+
+#[test]
+fn a_reader_of_complaints_that_has_gone_away_is_no_crash() {
+    let place = tempfile::tempdir().unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rigident"));
+    command.current_dir(place.path()).args(["identify", "none.csv"]);
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let status = command.stdout(writer.try_clone().unwrap()).stderr(writer).status().unwrap();
+    assert_eq!(status.code(), Some(2));
+}
