@@ -17,6 +17,7 @@ mod forgetting;
 mod gains;
 mod jacobi;
 mod noise_check;
+mod options;
 pub mod outliers;
 pub mod parallel;
 mod parameter;
@@ -32,11 +33,12 @@ mod standard;
 pub mod tare;
 
 pub use condition::{FILTER_WIDTH_S, Filter, RowBlocks, SampleCounts, filter_width_s, row_every};
-pub use engine::{DeviceFactor, FitError, FitOptions, fit, fit_device};
+pub use engine::{fit, fit_device};
 pub use estimate::{COVERAGE_95, Estimate, Measured, Noise};
 pub use factor::{Factor, Solution};
 pub use fingerprint::Fingerprint;
 pub use noise_check::{Judgement, RowSet, judge};
+pub use options::{DeviceFactor, FitError, FitOptions};
 pub use parameter::{Channel, Kind, Owner, Parameter};
 pub use progress::{Progress, Silent};
 pub use result::{
