@@ -113,7 +113,7 @@ mod tests {
         }
         assert!(said(forget(0.05), MOVING).contains("shorter than the filter"));
         // At 20 readings a second a block is 50 ms long.
-        assert!(said(window(0.2), RowsOf { rate_hz: 20.0, ..MOVING }).contains("at least 0.25 s"));
+        assert!(said(window(0.2), RowsOf { rate_hz: 20.0, ..MOVING }).contains("at least 0.45 s"));
         assert!(said(forget(10.0), RowsOf { is_static: true, ..MOVING }).contains("still poses"));
         assert!(said(forget(10.0), RowsOf { gains_uncertain: true, ..MOVING }).contains("gain_uncertainty"));
         assert_eq!(forget(10.0).span(&MOVING).unwrap(), Some(Span::TimeConstant(10.0)));
