@@ -8,6 +8,7 @@ use rigident_shared::estimator::frames::{
 use rigident_shared::wire::tree_frame::TreeFrame;
 
 use crate::Path;
+use crate::place::{HasVariant, begin};
 
 /// The estimator, and whether it absorbs.
 #[derive(Clone)]
@@ -16,9 +17,12 @@ pub struct FramePath {
     absorbing: bool,
 }
 
-impl FramePath {
-    const UNUSED: Self = Self { estimator: FrameEstimator::UNUSED, absorbing: false };
+// SAFETY: `Path` has `repr(u8)`, and this is its variant with the tag 2.
+unsafe impl HasVariant<FramePath, 2> for Path {
+    const UNUSED: FramePath = FramePath { estimator: FrameEstimator::UNUSED, absorbing: false };
+}
 
+impl FramePath {
     /// The path of this tree, made where it stands.
     #[inline(never)]
     pub(crate) fn set_up(
@@ -27,7 +31,7 @@ impl FramePath {
         config: &FramesConfig<f32>,
     ) -> Result<(), FramesError> {
         if !matches!(path, Path::Frames(_)) {
-            *path = Path::Frames(Self::UNUSED);
+            begin::<_, Self, 2>(path);
         }
         let Path::Frames(frames) = path else { return Ok(()) };
         frames.absorbing = false;

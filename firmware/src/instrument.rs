@@ -130,6 +130,7 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
         self.app.work();
     }
 
+    #[inline(never)]
     fn read_imu(&mut self, sensor: Sensor, time_ns: u64) {
         let imu = if sensor == Sensor::Imu { &mut self.imu } else { &mut self.second };
         let skipped = imu.skipped();
@@ -168,6 +169,8 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
     }
 }
 
+#[cold]
+#[inline(never)]
 fn adc_fault<E>(error: &AdcError<E>) -> SensorFault {
     match error {
         AdcError::Bus(_) => SensorFault::Bus,
@@ -179,6 +182,8 @@ fn adc_fault<E>(error: &AdcError<E>) -> SensorFault {
     }
 }
 
+#[cold]
+#[inline(never)]
 fn imu_fault<E>(error: &ImuError<E>) -> SensorFault {
     match error {
         ImuError::WrongId => SensorFault::WrongId,

@@ -8,13 +8,14 @@
 //! No heap, no I/O, no clock: bytes, samples and the time are handed in, bytes are taken out.
 #![no_std]
 
-mod answer;
 mod app;
 pub mod drivers;
+mod estimate;
 pub mod frame_path;
 mod instrument;
 mod link;
 mod log;
+mod place;
 #[cfg(any(feature = "plant-double", feature = "plant-panic"))]
 mod planted;
 pub mod sample_path;
@@ -24,17 +25,18 @@ pub use app::{App, BringUpError, FIRMWARE_HASH, Sensor, SensorRates};
 pub use instrument::{Buses, Event, Instrument};
 
 /// Room for the estimator of whatever is configured. A board keeps it where it likes, away from its stack: it is by far the
-/// largest thing the application has.
+/// largest thing the application has. [`Path::EMPTY`] is all zero bits.
 #[derive(Clone, Default)]
+#[repr(u8)]
 #[allow(clippy::large_enum_variant, reason = "no heap")]
 pub enum Path {
     /// Nothing is configured.
     #[default]
-    Empty,
+    Empty = 0,
     /// One body, or two links.
-    Samples(sample_path::SamplePath),
+    Samples(sample_path::SamplePath) = 1,
     /// A tree of links, from frames.
-    Frames(frame_path::FramePath),
+    Frames(frame_path::FramePath) = 2,
 }
 
 // One level of 128 parameters, its block, and what else a tree takes.
@@ -60,14 +62,14 @@ impl Path {
 
     fn frames(&self) -> Option<&frame_path::FramePath> {
         match self {
-            Self::Frames(path) => Some(path),
+            Self::Frames(path) if cfg!(feature = "frames") => Some(path),
             _ => None,
         }
     }
 
     fn frames_mut(&mut self) -> Option<&mut frame_path::FramePath> {
         match self {
-            Self::Frames(path) => Some(path),
+            Self::Frames(path) if cfg!(feature = "frames") => Some(path),
             _ => None,
         }
     }

@@ -20,6 +20,8 @@ pub(crate) struct Link {
     inside_telemetry: bool,
     telemetry_sequence: u16,
     telemetry_dropped: u32,
+    /// A frame of telemetry that is to be queued next.
+    prepared: Vec<u8, MAX_FRAME>,
     remembered: Option<Remembered>,
 }
 
@@ -66,6 +68,7 @@ impl Link {
             inside_telemetry: false,
             telemetry_sequence: 0,
             telemetry_dropped: 0,
+            prepared: Vec::new(),
             remembered: None,
         }
     }
@@ -108,8 +111,35 @@ impl Link {
         self.remembered = None;
     }
 
+    /// Makes a frame of telemetry, to be queued with [`Self::queue_prepared`] or before the next one.
+    pub(crate) fn prepare(&mut self, message: &Telemetry) {
+        self.queue_prepared();
+        let sequence = self.telemetry_sequence;
+        self.telemetry_sequence = sequence.wrapping_add(1);
+        // There is room for the longest frame.
+        let _ = self.prepared.resize_default(MAX_FRAME);
+        let length = encode(Kind::Telemetry, sequence, message, &mut self.prepared).unwrap_or(0);
+        self.prepared.truncate(length);
+    }
+
+    /// Queues what was prepared. Whether there was something.
+    pub(crate) fn queue_prepared(&mut self) -> bool {
+        let waits = !self.prepared.is_empty();
+        if waits && !push(&mut self.telemetry, &self.prepared) {
+            self.telemetry_dropped = self.telemetry_dropped.saturating_add(1);
+        }
+        self.prepared.clear();
+        waits
+    }
+
+    /// Whether something is prepared.
+    pub(crate) fn has_prepared(&self) -> bool {
+        !self.prepared.is_empty()
+    }
+
     /// Queues telemetry, or counts it as dropped. Whether it was queued.
     pub(crate) fn telemetry(&mut self, message: &Telemetry) -> bool {
+        self.queue_prepared();
         let mut bytes = [0; MAX_FRAME];
         let sequence = self.telemetry_sequence;
         let length = encode(Kind::Telemetry, sequence, message, &mut bytes).unwrap_or(usize::MAX);

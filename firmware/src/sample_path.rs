@@ -5,24 +5,29 @@
 
 use rigident_shared::alignment::{Aligner, AlignerConfig, ImuReading};
 use rigident_shared::calibration::{GaugeCalibration, Reading};
-use rigident_shared::estimator::two_links::PARAMETERS;
+use rigident_shared::consistency::Search;
 use rigident_shared::estimator::{
-    ChannelStatistics, ConfigError, Counters, Estimator, Outcome, TwoLinkEstimator, TwoLinkReading,
+    ChannelStatistics, ConfigError, Counters, Estimator, Outcome, TwoLinkReading,
 };
-use rigident_shared::factor::InformationFactor;
+#[cfg(feature = "links")]
+use rigident_shared::estimator::{TwoLinkEstimator, two_links::PARAMETERS};
+use rigident_shared::factor::{InformationFactor, Solver};
 use rigident_shared::forgetting::MemoryConfig;
 use rigident_shared::spatial::{AngularRate, SpecificForce};
-use rigident_shared::wire::MAX_PARAMETERS;
+use rigident_shared::wire::{FactorRow, MAX_PARAMETERS};
 
+use crate::place::{HasVariant, begin};
 use crate::settings::SampleConfiguration;
 
 /// Room for the filter: 0.1 s of averages at up to 640 Hz.
 const TAPS: usize = 64;
 /// Room for that of two links' signals, five times as many: 0.1 s at up to 320 Hz.
+#[cfg(feature = "links")]
 const LINK_TAPS: usize = 32;
 /// Row blocks between two looks at the factor, for the stop rule and for what knocks are known by.
 const LOOK_EVERY_BLOCKS: u16 = 50;
 /// Two links with the wrench offset.
+#[cfg(feature = "links")]
 const WITH_OFFSET: usize = PARAMETERS + 6;
 
 /// What a sensor said.
@@ -50,52 +55,46 @@ impl Words {
     }
 }
 
-/// A factor of any of the models.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[allow(clippy::large_enum_variant, reason = "no heap")]
-pub enum ModelFactor {
-    /// One body; the offset is known.
-    Ten(InformationFactor<f32, 10>),
-    /// One body; the offset is estimated along.
-    Sixteen(InformationFactor<f32, 16>),
-    /// Two links; the offset is known.
-    Nineteen(InformationFactor<f32, PARAMETERS>),
-    /// Two links; the offset is estimated along.
-    TwentyFive(InformationFactor<f32, WITH_OFFSET>),
-}
+/// The estimators of all models, and what is done with any of them. This table is the one place that lists them.
+macro_rules! models {
+    ($d:tt $($(#[$meta:meta])* $variant:ident = $tag:literal: $estimator:ty;)*) => {
+        /// The tag of the first variant is 0: what is not yet set up is all zero bits.
+        #[derive(Clone)]
+        #[repr(u8)]
+        #[allow(clippy::large_enum_variant, reason = "no heap")]
+        enum ModelEstimator {
+            $($(#[$meta])* $variant($estimator) = $tag,)*
+        }
 
-/// Runs `$body` for the factor of any model.
-macro_rules! of_factor {
-    ($factor:expr, $name:ident => $body:expr) => {
-        match $factor {
-            $crate::sample_path::ModelFactor::Ten($name) => $body,
-            $crate::sample_path::ModelFactor::Sixteen($name) => $body,
-            $crate::sample_path::ModelFactor::Nineteen($name) => $body,
-            $crate::sample_path::ModelFactor::TwentyFive($name) => $body,
+        $(
+            // The variant is what the trait is told.
+            $(#[$meta])*
+            const _: fn($estimator) -> ModelEstimator = ModelEstimator::$variant;
+            $(#[$meta])*
+            // SAFETY: the enum has `repr(u8)`, and this is its variant with this tag.
+            unsafe impl HasVariant<$estimator, $tag> for ModelEstimator {
+                const UNUSED: $estimator = <$estimator>::UNUSED;
+            }
+        )*
+
+        /// Runs `$body` for the estimator of any model.
+        macro_rules! any {
+            ($d estimator:expr, $d name:ident => $d body:expr) => {
+                match $d estimator {
+                    $($(#[$meta])* ModelEstimator::$variant($d name) => $d body,)*
+                }
+            };
         }
     };
 }
-pub(crate) use of_factor;
 
-#[derive(Clone)]
-#[allow(clippy::large_enum_variant, reason = "no heap")]
-enum ModelEstimator {
-    Ten(Estimator<f32, 10, TAPS>),
-    Sixteen(Estimator<f32, 16, TAPS>),
-    Nineteen(TwoLinkEstimator<f32, PARAMETERS, LINK_TAPS>),
-    TwentyFive(TwoLinkEstimator<f32, WITH_OFFSET, LINK_TAPS>),
-}
-
-/// Runs `$body` for the estimator of any model.
-macro_rules! any {
-    ($estimator:expr, $name:ident => $body:expr) => {
-        match $estimator {
-            ModelEstimator::Ten($name) => $body,
-            ModelEstimator::Sixteen($name) => $body,
-            ModelEstimator::Nineteen($name) => $body,
-            ModelEstimator::TwentyFive($name) => $body,
-        }
-    };
+models! { $
+    Ten = 0: Estimator<f32, 10, TAPS>;
+    Sixteen = 1: Estimator<f32, 16, TAPS>;
+    #[cfg(feature = "links")]
+    Nineteen = 2: TwoLinkEstimator<f32, PARAMETERS, LINK_TAPS>;
+    #[cfg(feature = "links")]
+    TwentyFive = 3: TwoLinkEstimator<f32, WITH_OFFSET, LINK_TAPS>;
 }
 
 /// The state of the path.
@@ -121,16 +120,40 @@ pub struct SamplePath {
     until_look: u16,
     /// There is something for [`SamplePath::catch_up`].
     behind: bool,
+    /// The last reading came with a step of a look.
+    stepped: bool,
     stop_rule_met: bool,
 }
 
 /// The stop rule as standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StopLimits {
-    /// Largest standard deviation of each parameter asked for.
-    pub(crate) standard_deviation: [Option<f32>; MAX_PARAMETERS],
+    /// Largest standard deviation of each parameter; infinite for one that is not asked for.
+    pub(crate) standard_deviation: [f32; MAX_PARAMETERS],
     /// Not before so many row blocks.
     pub(crate) minimum_blocks: u32,
+}
+
+// SAFETY: `Path` has `repr(u8)`, and this is its variant with the tag 1.
+unsafe impl HasVariant<SamplePath, 1> for crate::Path {
+    /// All bits are zero, so that it costs no flash to write it.
+    const UNUSED: SamplePath = SamplePath {
+        gauges: GaugeCalibration { matrix: [[0.0; 6]; 6] },
+        aligner: Aligner::UNUSED,
+        second: None,
+        other: TwoLinkReading::ZERO.base,
+        waits: [false; 2],
+        unmatched: 0,
+        reading: TwoLinkReading::ZERO,
+        estimator: ModelEstimator::Ten(Estimator::UNUSED),
+        absorbing: false,
+        stop: None,
+        knock_limit: 0.0,
+        until_look: 0,
+        behind: false,
+        stepped: false,
+        stop_rule_met: false,
+    };
 }
 
 impl SamplePath {
@@ -144,7 +167,10 @@ impl SamplePath {
         match (&configuration.second, configuration.estimates_offset) {
             // What can be wrong does not depend on the offset.
             (None, _) => Estimator::<f32, 10, TAPS>::check(estimator, memory),
+            #[cfg(feature = "links")]
             (Some(_), _) => TwoLinkEstimator::<f32, PARAMETERS, LINK_TAPS>::check(estimator, memory),
+            #[cfg(not(feature = "links"))]
+            (Some(_), _) => Ok(()),
         }
     }
 
@@ -152,30 +178,13 @@ impl SamplePath {
     /// has to hold the better.
     pub(crate) fn place(path: &mut crate::Path) -> Option<&mut Self> {
         if !matches!(path, crate::Path::Samples(_)) {
-            *path = crate::Path::Samples(Self::UNUSED);
+            begin::<_, Self, 1>(path);
         }
         match path {
             crate::Path::Samples(samples) => Some(samples),
             _ => None,
         }
     }
-
-    const UNUSED: Self = Self {
-        gauges: GaugeCalibration { matrix: [[0.0; 6]; 6] },
-        aligner: Aligner::UNUSED,
-        second: None,
-        other: TwoLinkReading::ZERO.base,
-        waits: [false; 2],
-        unmatched: 0,
-        reading: TwoLinkReading::ZERO,
-        estimator: ModelEstimator::Ten(Estimator::UNUSED),
-        absorbing: false,
-        stop: None,
-        knock_limit: 0.0,
-        until_look: LOOK_EVERY_BLOCKS,
-        behind: false,
-        stop_rule_met: false,
-    };
 
     #[inline(never)]
     pub(crate) fn set_up(&mut self, configuration: &SampleConfiguration) -> Result<(), ConfigError> {
@@ -188,17 +197,25 @@ impl SamplePath {
         (self.stop, self.knock_limit) = (configuration.stop, configuration.knock_limit);
         (self.behind, self.stop_rule_met) = (false, false);
         let SampleConfiguration { estimator: config, memory, .. } = configuration;
+        let estimator = &mut self.estimator;
         match (second, configuration.estimates_offset) {
-            (None, false) => self.estimator = ModelEstimator::Ten(Estimator::UNUSED),
-            (None, true) => self.estimator = ModelEstimator::Sixteen(Estimator::UNUSED),
-            (Some(_), false) => self.estimator = ModelEstimator::Nineteen(TwoLinkEstimator::UNUSED),
-            (Some(_), true) => self.estimator = ModelEstimator::TwentyFive(TwoLinkEstimator::UNUSED),
+            (None, false) => begin::<_, Estimator<f32, 10, TAPS>, 0>(estimator),
+            (None, true) => begin::<_, Estimator<f32, 16, TAPS>, 1>(estimator),
+            #[cfg(feature = "links")]
+            (Some(_), false) => begin::<_, TwoLinkEstimator<f32, PARAMETERS, LINK_TAPS>, 2>(estimator),
+            #[cfg(feature = "links")]
+            (Some(_), true) => begin::<_, TwoLinkEstimator<f32, WITH_OFFSET, LINK_TAPS>, 3>(estimator),
+            #[cfg(not(feature = "links"))]
+            (Some(_), _) => {}
         }
         match (&mut self.estimator, second) {
             (ModelEstimator::Ten(e), _) => e.begin(config)?,
             (ModelEstimator::Sixteen(e), _) => e.begin(config)?,
+            #[cfg(feature = "links")]
             (ModelEstimator::Nineteen(e), Some((model, _))) => e.set_up(config, model)?,
+            #[cfg(feature = "links")]
             (ModelEstimator::TwentyFive(e), Some((model, _))) => e.set_up(config, model)?,
+            #[cfg(feature = "links")]
             _ => {}
         }
         if let Some(memory) = memory {
@@ -244,7 +261,11 @@ impl SamplePath {
 
     /// Whether readings are those of two links.
     pub(crate) fn has_two_links(&self) -> bool {
-        matches!(self.estimator, ModelEstimator::Nineteen(_) | ModelEstimator::TwentyFive(_))
+        match &self.estimator {
+            ModelEstimator::Ten(_) | ModelEstimator::Sixteen(_) => false,
+            #[cfg(feature = "links")]
+            ModelEstimator::Nineteen(_) | ModelEstimator::TwentyFive(_) => true,
+        }
     }
 
     /// The reading that was taken last.
@@ -322,7 +343,9 @@ impl SamplePath {
             // The joint's attitude goes on all the same.
             match &mut self.estimator {
                 ModelEstimator::Ten(_) | ModelEstimator::Sixteen(_) => {}
+                #[cfg(feature = "links")]
                 ModelEstimator::Nineteen(e) => e.follow(reading),
+                #[cfg(feature = "links")]
                 ModelEstimator::TwentyFive(e) => e.follow(reading),
             }
             return Outcome::Pending;
@@ -330,11 +353,13 @@ impl SamplePath {
         let outcome = match &mut self.estimator {
             ModelEstimator::Ten(e) => e.absorb(&reading.base),
             ModelEstimator::Sixteen(e) => e.absorb(&reading.base),
+            #[cfg(feature = "links")]
             ModelEstimator::Nineteen(e) => {
                 let outcome = e.absorb(reading);
                 reading.attitude = e.model().attitude();
                 outcome
             }
+            #[cfg(feature = "links")]
             ModelEstimator::TwentyFive(e) => {
                 let outcome = e.absorb(reading);
                 reading.attitude = e.model().attitude();
@@ -351,6 +376,12 @@ impl SamplePath {
         core::mem::take(&mut self.behind)
     }
 
+    /// Whether the last reading came with a step of a look. Asking forgets it.
+    #[inline]
+    pub(crate) fn take_stepped(&mut self) -> bool {
+        core::mem::take(&mut self.stepped)
+    }
+
     /// A row block is followed by readings that only wait in the filter: with each of these one step of a look at the
     /// factor.
     #[inline]
@@ -365,6 +396,7 @@ impl SamplePath {
 
     #[inline(never)]
     fn step(&mut self) {
+        self.stepped = true;
         if any!(&self.estimator, e => e.remembers()) {
             // A segment that the filter's gaps have delayed is waited for.
             self.behind = any!(&self.estimator, e => e.has_segment());
@@ -407,15 +439,63 @@ impl SamplePath {
         self.aligner.dropped().max(second).max(self.unmatched)
     }
 
-    /// One factor of everything absorbed.
-    pub(crate) fn factor(&self) -> ModelFactor {
+    /// Keeps a copy of everything absorbed so far.
+    pub(crate) fn take_snapshot(&mut self) {
+        any!(&mut self.estimator, e => e.take_snapshot());
+    }
+
+    /// Does one step towards the factor of the copy; true when it is there.
+    pub(crate) fn fold(&mut self) -> bool {
+        any!(&mut self.estimator, e => e.fold())
+    }
+
+    /// A row of that factor. `None` if there is no such row.
+    pub(crate) fn row(&self, row: u8) -> Option<FactorRow> {
+        any!(&self.estimator, e => row_of(e.folded(), row))
+    }
+
+    /// Begins to solve that factor, and keeps it for the search where it is one body's. How many parameters it has.
+    #[inline(never)]
+    pub(crate) fn begin_solution(
+        &self,
+        solver: &mut Solver<f32, MAX_PARAMETERS>,
+        search: &mut Search<f32>,
+    ) -> usize {
+        fn body<const N: usize>(
+            factor: &InformationFactor<f32, N>,
+            solver: &mut Solver<f32, MAX_PARAMETERS>,
+            search: &mut Search<f32>,
+        ) -> usize {
+            search.load(factor);
+            solver.begin(factor);
+            N
+        }
         match &self.estimator {
-            ModelEstimator::Ten(e) => ModelFactor::Ten(e.factor()),
-            ModelEstimator::Sixteen(e) => ModelFactor::Sixteen(e.factor()),
-            ModelEstimator::Nineteen(e) => ModelFactor::Nineteen(e.factor()),
-            ModelEstimator::TwentyFive(e) => ModelFactor::TwentyFive(e.factor()),
+            ModelEstimator::Ten(e) => body(e.folded(), solver, search),
+            ModelEstimator::Sixteen(e) => body(e.folded(), solver, search),
+            #[cfg(feature = "links")]
+            ModelEstimator::Nineteen(e) => {
+                solver.begin(e.folded());
+                PARAMETERS
+            }
+            #[cfg(feature = "links")]
+            ModelEstimator::TwentyFive(e) => {
+                solver.begin(e.folded());
+                WITH_OFFSET
+            }
         }
     }
+}
+
+/// A row of a factor as it travels. `None` if there is no such row.
+fn row_of<const N: usize>(factor: &InformationFactor<f32, N>, row: u8) -> Option<FactorRow> {
+    (usize::from(row) < N).then(|| FactorRow {
+        row,
+        parameters: N as u8,
+        entries: factor.row(usize::from(row)).collect(),
+        residual_sum_of_squares: if row == 0 { factor.residual_sum_of_squares() } else { 0.0 },
+        rows: if row == 0 { factor.rows() } else { 0 },
+    })
 }
 
 /// [`Aligner::pop_into`], once for both aligners of two links.
@@ -441,7 +521,7 @@ pub(crate) fn imu_reading(time_ns: u64, specific_force: [f32; 3], angular_rate: 
 /// Whether every asked-for parameter has its asked-for uncertainty.
 fn within(stop: &Option<StopLimits>, deviations: &[f32]) -> bool {
     let limits = stop.iter().flat_map(|stop| &stop.standard_deviation);
-    deviations.iter().zip(limits).all(|(sd, limit)| limit.is_none_or(|limit| *sd <= limit))
+    deviations.iter().zip(limits).all(|(sd, limit)| *sd <= *limit)
 }
 
 /// Takes a sensor's words, if any, and the next reading that they completed through the estimator, if any: it is then

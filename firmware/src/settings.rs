@@ -62,10 +62,12 @@ impl Configuration {
     pub(crate) fn new(settings: &Settings) -> Result<Self, SettingName> {
         match &settings.model {
             ModelSettings::Body => SampleConfiguration::new(settings, None).map(Self::Samples),
-            ModelSettings::TwoLinks(links) => {
+            ModelSettings::TwoLinks(links) if cfg!(feature = "links") => {
                 SampleConfiguration::new(settings, Some(links)).map(Self::Samples)
             }
-            ModelSettings::Tree(links) => tree(settings, links),
+            ModelSettings::Tree(links) if cfg!(feature = "frames") => tree(settings, links),
+            // Left out of this image.
+            ModelSettings::TwoLinks(_) | ModelSettings::Tree(_) => Err(SettingName::Model),
         }
     }
 }
@@ -185,7 +187,8 @@ impl SampleConfiguration {
             estimates_offset: cell.known_offset_n_nm.is_none(),
             stop: settings.stop.as_ref().map(|stop| StopLimits {
                 standard_deviation: core::array::from_fn(|j| {
-                    stop.u95.get(j).filter(|_| stop.asked >> j & 1 == 1).map(|u95| u95 / COVERAGE)
+                    let asked = stop.u95.get(j).filter(|_| stop.asked >> j & 1 == 1);
+                    asked.map_or(f32::INFINITY, |u95| u95 / COVERAGE)
                 }),
                 minimum_blocks: stop.minimum_blocks,
             }),

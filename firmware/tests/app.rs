@@ -146,17 +146,22 @@ impl Host {
     }
 
     fn factor(&mut self) -> InformationFactor<f32, 16> {
-        let mut entries = Vec::new();
-        loop {
-            let offset = entries.len() as u16;
-            let Ok(Reply::Factor(chunk)) = self.ask(&Command::ReadFactor { offset }) else {
-                panic!("no factor")
+        let (mut rows, mut z, mut residual, mut count) = (Vec::new(), Vec::new(), 0.0, 0);
+        for row in 0.. {
+            let Ok(Reply::Row(mut taken)) = self.ask(&Command::TakeRow { row }) else {
+                panic!("no row {row}")
             };
-            entries.extend(chunk.entries.iter().copied());
-            if entries.len() == usize::from(chunk.total) {
-                return InformationFactor::from_entries(entries, chunk.rows).unwrap();
+            if row == 0 {
+                (residual, count) = (taken.residual_sum_of_squares, taken.rows);
+            }
+            z.extend(taken.entries.pop());
+            rows.extend(taken.entries);
+            if row + 1 == taken.parameters {
+                break;
             }
         }
+        let entries = rows.into_iter().chain(z).chain([residual]);
+        InformationFactor::from_entries(entries, count).unwrap()
     }
 }
 
@@ -379,7 +384,7 @@ fn garbage_and_wild_commands_never_corrupt_a_later_run() {
                     Command::Reset,
                     Command::ReadEstimate,
                     Command::ReadCounters,
-                    Command::ReadFactor { offset: random() as u16 },
+                    Command::TakeRow { row: random() as u8 % 20 },
                     Command::Hello,
                 ];
                 host.send(random() as u16, &commands[(random() % 7) as usize], 0);

@@ -74,6 +74,15 @@ impl<T: Scalar> ImuMounting<T> {
         gyro_bias: AngularRate::zero(),
     };
 
+    /// Not yet set up. All bits are zero.
+    pub(crate) const UNUSED: Self = Self {
+        rotation: Rotation::unset(),
+        position: Position::zero(),
+        accel_scale: [T::ZERO; 3],
+        accel_bias: SpecificForce::zero(),
+        gyro_bias: AngularRate::zero(),
+    };
+
     /// The signals of a reading, still in the IMU's axes and with the accelerometer as it reads: all that is linear can
     /// wait until they are conditioned ([`Self::mounted`]), the products of the rates cannot.
     #[inline]

@@ -40,11 +40,12 @@ pub struct Kernel<T: Scalar, const TAPS: usize> {
 }
 
 impl<T: Scalar, const TAPS: usize> Kernel<T, TAPS> {
+    /// No taps. All bits are zero.
     const NONE: Self = Self {
-        taps: 1,
+        taps: 0,
         smooth: [T::ZERO; TAPS],
         derivative: [T::ZERO; TAPS],
-        noise_gain: T::ONE,
+        noise_gain: T::ZERO,
         derivative_noise_gain: T::ZERO,
     };
 
@@ -72,7 +73,7 @@ impl<T: Scalar, const TAPS: usize> Kernel<T, TAPS> {
         }
         kernel.taps = taps as usize;
         if reach == 0 {
-            kernel.smooth[0] = T::ONE;
+            (kernel.smooth[0], kernel.noise_gain) = (T::ONE, T::ONE);
             return Ok(kernel);
         }
         let (mut sum, mut slope) = (T::ZERO, T::ZERO);
@@ -161,13 +162,13 @@ impl<T: Scalar, const S: usize, const D: usize, const TAPS: usize> Conditioner<T
     /// Not yet set up: [`Self::set_up`] must follow.
     pub const UNUSED: Self = Self {
         kernel: Kernel::NONE,
-        averaged: 1,
-        every: 1,
+        averaged: 0,
+        every: 0,
         sum: [T::ZERO; S],
         in_sum: 0,
         averages: [[T::ZERO; S]; TAPS],
         next: 0,
-        until_output: 1,
+        until_output: 0,
     };
 
     /// A filter of `width_s` seconds on samples at `rate_hz`, with an output every `row_every` samples. Width zero is

@@ -36,7 +36,7 @@ use crate::factor::InformationFactor;
 mod interior_point;
 mod symmetric;
 
-use interior_point::interior_point;
+use interior_point::InteriorPoint;
 use symmetric::{Sym4, cholesky, eigen};
 
 /// Least share of `tr(Σ)` that `Σ_c` keeps in every direction: 2⁻¹⁷.
@@ -100,7 +100,7 @@ pub fn is_consistent_with_margin<T: Scalar>(phi: &[T; 10]) -> bool {
 /// The free answer `R⁻¹ z` by back-substitution, far cheaper than [`InformationFactor::solve`]. `None` if a
 /// diagonal entry is at the rounding level of its column: the rows do not determine every parameter.
 pub fn free_answer<T: Scalar, const N: usize>(factor: &InformationFactor<T, N>) -> Option<[T; N]> {
-    determined(factor).then(|| back_substitute(&factor.r(), factor.z()))?
+    determined(factor, N).then(|| back_substitute(&factor.r(), factor.z()))?
 }
 
 /// The physically consistent parameters nearest to the free answer `free` in the metric of the factor.
@@ -108,35 +108,168 @@ pub fn free_answer<T: Scalar, const N: usize>(factor: &InformationFactor<T, N>) 
 /// `N` is 10 or 16 (with the wrench offset, which is unconstrained and follows). `free` is the factor's own
 /// least-squares estimate ([`free_answer`] or [`InformationFactor::solve`]); it is judged as it is given, so that
 /// [`Nearest::Free`] speaks of the very numbers that are reported. [`ITERATIONS`] is enough for `max_iterations`;
-/// one costs some 28 000 scalar instructions (counted on x86-64).
+/// one costs some 28 000 scalar instructions (counted on x86-64). [`Search`] does it in steps.
 #[must_use]
 pub fn nearest<T: Scalar, const N: usize>(
     factor: &InformationFactor<T, N>,
     free: &[T; N],
     max_iterations: u8,
 ) -> Nearest<T, N> {
-    const { assert!(N == 10 || N == 16, "ten parameters, or sixteen with the offset") }
-    if !free.iter().all(|v| v.is_finite()) || !determined(factor) {
-        return Nearest::NotDetermined;
+    let mut search = Search::UNUSED;
+    search.load(factor);
+    search.begin(free, max_iterations);
+    while !search.step() {}
+    search.nearest()
+}
+
+/// What a search does next, or has found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    /// Nothing is determined, or nothing begun. The tag is 0: a search that is not begun is all zero bits.
+    NotDetermined,
+    /// Turns this row of the factor, so that the offsets come first.
+    Turn(u8),
+    /// Looks for a body to start with.
+    Start,
+    /// Goes to the optimum.
+    Iterate,
+    /// The free answer is consistent.
+    Free,
+    /// The nearest body is found.
+    Projected,
+    /// A body is found that is not the nearest.
+    NotConverged,
+}
+
+/// The search for the nearest consistent parameters in steps of bounded size, for where one sample must not pay for all of
+/// it: [`Self::load`], [`Self::begin`], then [`Self::step`] until it is done. [`nearest`] does the same in one go.
+#[derive(Clone, Copy, Debug)]
+pub struct Search<T: Scalar> {
+    phase: Phase,
+    offsets: u8,
+    max_iterations: u8,
+    iterations: u8,
+    distance_sd: T,
+    parameters: [T; WITH_OFFSET],
+    /// The factor as it is given.
+    given: InformationFactor<T, WITH_OFFSET>,
+    /// With the offsets first.
+    turned: InformationFactor<T, WITH_OFFSET>,
+    body: InformationFactor<T, 10>,
+    interior_point: InteriorPoint<T>,
+}
+
+/// Parameters of a body and of the wrench offset.
+const WITH_OFFSET: usize = 16;
+
+impl<T: Scalar> Search<T> {
+    /// Searches nothing yet.
+    pub const UNUSED: Self = Self {
+        phase: Phase::NotDetermined,
+        offsets: 0,
+        max_iterations: 0,
+        iterations: 0,
+        distance_sd: T::ZERO,
+        parameters: [T::ZERO; WITH_OFFSET],
+        given: InformationFactor::EMPTY,
+        turned: InformationFactor::EMPTY,
+        body: InformationFactor::EMPTY,
+        interior_point: InteriorPoint::UNUSED,
+    };
+
+    /// Keeps a copy of the factor.
+    pub fn load<const N: usize>(&mut self, factor: &InformationFactor<T, N>) {
+        const { assert!(N == 10 || N == WITH_OFFSET, "ten parameters, or sixteen with the offset") }
+        self.offsets = (N - 10) as u8;
+        self.given = factor.resized();
     }
-    let mut phi = [T::ZERO; 10];
-    phi.copy_from_slice(&free[..10]);
-    if is_consistent_with_margin(&phi) {
-        return Nearest::Free;
+
+    /// Begins with the free answer of the factor; see [`nearest`].
+    pub fn begin(&mut self, free: &[T], max_iterations: u8) {
+        let n = 10 + usize::from(self.offsets);
+        self.max_iterations = max_iterations;
+        for (to, from) in self.parameters.iter_mut().zip(free) {
+            *to = *from;
+        }
+        self.phase = if !free.iter().take(n).all(|v| v.is_finite()) || !determined(&self.given, n) {
+            Phase::NotDetermined
+        } else if is_consistent_with_margin(&self.free()) {
+            Phase::Free
+        } else if self.offsets == 0 {
+            self.body = self.given.resized();
+            Phase::Start
+        } else {
+            self.turned = InformationFactor::EMPTY;
+            Phase::Turn(0)
+        };
     }
-    let turned = offsets_first(factor);
-    let body = turned.trailing::<10>();
-    let Some(start) = start(&phi, &body) else { return Nearest::NotDetermined };
-    let (found, iterations, converged) = interior_point(&body, &phi, &start, max_iterations);
-    let change: [T; 10] = core::array::from_fn(|j| found[j] - phi[j]);
-    let mut parameters = *free;
-    parameters[..10].copy_from_slice(&found);
-    follow(&turned, &change, &mut parameters);
-    let result = Consistent { parameters, distance_sd: norm(&times(&body.r(), &change)), iterations };
-    if !parameters.iter().all(|v| v.is_finite()) || cholesky(&cone(&found, half())).is_none() {
-        return Nearest::NotDetermined;
+
+    /// The ten parameters of the body in the free answer.
+    fn free(&self) -> [T; 10] {
+        core::array::from_fn(|j| self.parameters[j])
     }
-    if converged { Nearest::Projected(result) } else { Nearest::NotConverged(result) }
+
+    /// Does one step. True when the search is over.
+    pub fn step(&mut self) -> bool {
+        self.phase = match self.phase {
+            Phase::Turn(row) => self.turn(row),
+            Phase::Start => self.start(),
+            Phase::Iterate if self.interior_point.step() => self.conclude(),
+            phase => phase,
+        };
+        !matches!(self.phase, Phase::Turn(_) | Phase::Start | Phase::Iterate)
+    }
+
+    /// The parameters after the tenth move to the front, where they can be eliminated.
+    fn turn(&mut self, row: u8) -> Phase {
+        let i = usize::from(row);
+        let Some(z) = self.given.z().get(i) else {
+            self.body = self.turned.trailing();
+            return Phase::Start;
+        };
+        let columns = core::array::from_fn(|j| [self.given.entry(i, (j + 10) % WITH_OFFSET)]);
+        self.turned.absorb::<1>(&columns, &[*z]);
+        Phase::Turn(row + 1)
+    }
+
+    fn start(&mut self) -> Phase {
+        let free = self.free();
+        let Some(start) = start(&free, &self.body) else { return Phase::NotDetermined };
+        self.interior_point.begin(&self.body.r(), &free, &start, self.max_iterations);
+        Phase::Iterate
+    }
+
+    fn conclude(&mut self) -> Phase {
+        let (found, iterations, converged) = self.interior_point.found();
+        let (found, free) = (*found, self.free());
+        self.iterations = iterations;
+        let change: [T; 10] = core::array::from_fn(|j| found[j] - free[j]);
+        self.parameters[..10].copy_from_slice(&found);
+        if self.offsets > 0 {
+            follow(&self.turned, &change, &mut self.parameters);
+        }
+        self.distance_sd = norm(&times(&self.body.r(), &change));
+        let all_finite = self.parameters.iter().take(10 + usize::from(self.offsets)).all(|v| v.is_finite());
+        if !all_finite || cholesky(&cone(&found, half())).is_none() {
+            return Phase::NotDetermined;
+        }
+        if converged { Phase::Projected } else { Phase::NotConverged }
+    }
+
+    /// What was found, about as many parameters as there were.
+    pub fn nearest<const N: usize>(&self) -> Nearest<T, N> {
+        let found = || Consistent {
+            parameters: core::array::from_fn(|j| self.parameters.get(j).copied().unwrap_or_default()),
+            distance_sd: self.distance_sd,
+            iterations: self.iterations,
+        };
+        match self.phase {
+            Phase::Free => Nearest::Free,
+            Phase::Projected => Nearest::Projected(found()),
+            Phase::NotConverged => Nearest::NotConverged(found()),
+            _ => Nearest::NotDetermined,
+        }
+    }
 }
 
 fn half<T: Scalar>() -> T {
@@ -155,12 +288,12 @@ fn cone<T: Scalar>(phi: &[T; 10], h: T) -> Sym4<T> {
     [[t - xx, -xy, -zx, x], [-xy, t - yy, -yz, y], [-zx, -yz, t - zz, z], [x, y, z, m]]
 }
 
-/// No diagonal entry is at the rounding level of its column.
-fn determined<T: Scalar, const N: usize>(factor: &InformationFactor<T, N>) -> bool {
-    let share = T::EPSILON * T::from_u32(N as u32);
-    (0..N).all(|j| {
-        let norm2: T = factor.r().iter().map(|row| row[j] * row[j]).sum();
-        let diagonal = factor.r()[j][j];
+/// No diagonal entry of the first `n` is at the rounding level of its column.
+fn determined<T: Scalar, const N: usize>(factor: &InformationFactor<T, N>, n: usize) -> bool {
+    let share = T::EPSILON * T::from_u32(n as u32);
+    (0..n).all(|j| {
+        let norm2: T = (0..n).map(|i| factor.entry(i, j)).map(|r| r * r).sum();
+        let diagonal = factor.entry(j, j);
         norm2.is_finite() && norm2 > T::TINY_SQUARE && diagonal > share * norm2.sqrt()
     })
 }
@@ -191,34 +324,22 @@ fn norm<T: Scalar, const N: usize>(x: &[T; N]) -> T {
     x.iter().map(|v| *v * *v).sum::<T>().sqrt()
 }
 
-/// The same rows with the parameters after the tenth moved to the front, where they can be eliminated.
-fn offsets_first<T: Scalar, const N: usize>(factor: &InformationFactor<T, N>) -> InformationFactor<T, N> {
-    if N == 10 {
-        return *factor;
-    }
-    let mut turned = InformationFactor::new();
-    for (row, z) in factor.r().iter().zip(factor.z()) {
-        let columns = core::array::from_fn(|j| [row[(j + 10) % N]]);
-        turned.absorb::<1>(&columns, &[*z]);
-    }
-    turned
-}
-
 /// Moves the offsets along with a change of the body: `R_bb Δb = −R_bφ Δφ`, rows of the turned factor.
-fn follow<T: Scalar, const N: usize>(
-    turned: &InformationFactor<T, N>,
+fn follow<T: Scalar>(
+    turned: &InformationFactor<T, WITH_OFFSET>,
     change: &[T; 10],
-    parameters: &mut [T; N],
+    parameters: &mut [T; WITH_OFFSET],
 ) {
-    let offsets = N - 10;
-    let mut shift = [T::ZERO; N];
-    for i in (0..offsets).rev() {
-        let row = &turned.r()[i];
+    const OFFSETS: usize = WITH_OFFSET - 10;
+    let rows = turned.r();
+    let mut shift = [T::ZERO; OFFSETS];
+    for i in (0..OFFSETS).rev() {
+        let row = &rows[i];
         let mut rest = T::ZERO;
-        for (r, d) in row[offsets..].iter().zip(change) {
+        for (r, d) in row[OFFSETS..].iter().zip(change) {
             rest -= *r * *d;
         }
-        for j in i + 1..offsets {
+        for j in i + 1..OFFSETS {
             rest -= row[j] * shift[j];
         }
         shift[i] = rest / row[i];

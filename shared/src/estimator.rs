@@ -63,9 +63,13 @@ pub struct Pipeline<
     conditioner: Conditioner<T, S, D, TAPS>,
     store: M::Store,
     gathering: Gathering<T, N>,
+    /// Standard deviations of what is gathered, between the last two steps of a look.
+    deviations: Option<[T; N]>,
     memory: Option<Plan<T, N>>,
     /// A segment that is not yet in the memory is in the gathering.
     segment_waits: bool,
+    /// The factor of a moment, as far as it is put together.
+    snapshot: Snapshot<T, M::Store, N>,
     /// √row_every / σ per channel.
     weights: [T; 6],
     period_ns: u64,
@@ -108,23 +112,30 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
 impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usize, const TAPS: usize>
     Pipeline<T, M, N, S, D, TAPS>
 {
-    /// Not yet set up: [`Self::set_up`] must follow.
+    /// Not yet set up: [`Self::set_up`] must follow. All bits are zero, so that it costs no flash to write it.
     pub const UNUSED: Self = Self {
         config: EstimatorConfig {
             rate_hz: T::ZERO,
             filter_width_s: T::ZERO,
-            row_every: 1,
-            channel_sigma: [T::ONE; 6],
+            row_every: 0,
+            channel_sigma: [T::ZERO; 6],
             known_offset: [T::ZERO; 6],
-            mounting: ImuMounting::PERFECT,
+            mounting: ImuMounting::UNUSED,
             limits: Limits::ZERO,
         },
         model: M::UNUSED,
         conditioner: Conditioner::UNUSED,
         store: M::Store::EMPTY,
         gathering: Gathering::EMPTY,
+        deviations: None,
         memory: None,
         segment_waits: false,
+        snapshot: Snapshot {
+            store: M::Store::EMPTY,
+            segment: None,
+            whole: InformationFactor::EMPTY,
+            step: 0,
+        },
         weights: [T::ZERO; 6],
         period_ns: 0,
         last_time_ns: None,
@@ -132,7 +143,7 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         reference: None,
         watch: Watch::UNUSED,
         statistics: ChannelStatistics::NONE,
-        last_factors: [T::ONE; 6],
+        last_factors: [T::ZERO; 6],
         last_signals: None,
     };
 
@@ -306,6 +317,32 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         whole
     }
 
+    /// Keeps a copy of everything absorbed so far, to make one factor of it while more is absorbed: [`Self::fold`].
+    #[inline(never)]
+    pub fn take_snapshot(&mut self) {
+        self.snapshot.store = self.store;
+        self.snapshot.segment = self.segment_waits.then_some(self.gathering.whole);
+        (self.snapshot.whole, self.snapshot.step) = (InformationFactor::EMPTY, 0);
+    }
+
+    /// Does one step towards the factor of the snapshot; true when [`Self::folded`] is that.
+    #[inline(never)]
+    pub fn fold(&mut self) -> bool {
+        let Snapshot { store, segment, whole, step } = &mut self.snapshot;
+        if !store.fold(whole, step) {
+            return false;
+        }
+        if let Some(segment) = segment.take() {
+            whole.merge(&segment);
+        }
+        true
+    }
+
+    /// The factor that [`Self::fold`] has put together: to the last bit what [`Self::factor`] was at the snapshot.
+    pub fn folded(&self) -> &InformationFactor<T, N> {
+        &self.snapshot.whole
+    }
+
     /// Whether not everything is kept, [`Self::set_memory`].
     pub fn remembers(&self) -> bool {
         self.store.remembers()
@@ -358,13 +395,18 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
     /// everything is kept it is [`Self::remember`] that looks.
     #[inline(never)]
     pub fn look(&mut self, knock_limit: T) -> Option<[T; N]> {
-        if self.remembers() || !self.store.gather(&mut self.gathering) {
+        if self.remembers() {
             return None;
         }
         let whole = &self.gathering.whole;
-        let standard_deviation = whole.standard_deviations();
-        self.refer_to(whole.well_determined(&standard_deviation), standard_deviation, knock_limit);
-        Some(standard_deviation)
+        if let Some(standard_deviation) = self.deviations.take() {
+            self.refer_to(whole.well_determined(&standard_deviation), standard_deviation, knock_limit);
+            return Some(standard_deviation);
+        }
+        if self.store.gather(&mut self.gathering) {
+            self.deviations = Some(self.gathering.whole.standard_deviations());
+        }
+        None
     }
 
     /// What happened so far.
@@ -417,7 +459,7 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
             self.store.set_memory(plan);
         }
         self.segment_waits = false;
-        self.gathering = Gathering::EMPTY;
+        (self.gathering, self.deviations) = (Gathering::EMPTY, None);
         self.last_time_ns = None;
         self.counters = Counters::NONE;
         self.reference = None;
@@ -426,6 +468,16 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         self.statistics = ChannelStatistics::NONE;
         self.last_signals = None;
     }
+}
+
+/// What was absorbed up to a moment, on its way to one factor.
+#[derive(Clone, Copy, Debug)]
+struct Snapshot<T: Scalar, S, const N: usize> {
+    store: S,
+    /// A segment that was not yet in the memory.
+    segment: Option<InformationFactor<T, N>>,
+    whole: InformationFactor<T, N>,
+    step: u8,
 }
 
 /// The wrench of a block less what `parameters` (10, or 16 with the offset) predict: N, N m.

@@ -39,6 +39,9 @@ use crate::factor::{InformationFactor, Jacobi, dot};
 mod memory;
 mod window;
 
+/// Parameters at most: with room for so many in every size the target decomposes all of them by the same code.
+const ROOM: usize = 25;
+
 pub use memory::{ImuNoise, MemoryConfig, Span};
 pub(crate) use memory::{Memory, Plan, Rows};
 pub use window::Window;
@@ -125,12 +128,20 @@ impl<T: Scalar, const N: usize> Forgetting<T, N> {
         let edge = T::ONE + (T::from_u32(N as u32) / (count * self.independence)).sqrt();
         let least = T::from_u32(SIGNIFICANCE) * edge * edge;
         let scale = core::array::from_fn(|j| {
-            let column2: T = segment.r().iter().map(|row| row[j] * row[j]).sum();
+            let column2: T = (0..N).map(|i| segment.entry(i, j)).map(|r| r * r).sum();
             let noise = (self.noise[j] * count.sqrt()).max(T::EPSILON * column2.sqrt());
             if noise > T::ZERO { noise } else { T::ONE }
         });
-        let r = segment.r();
-        let singular = Jacobi::of(core::array::from_fn(|j| core::array::from_fn(|i| r[i][j] / scale[j])));
+        const { assert!(N <= ROOM, "no more parameters than there is room for") }
+        let mut singular = Jacobi::<T, ROOM>::EMPTY;
+        for (j, (column, scale)) in singular.w.iter_mut().zip(&scale).enumerate() {
+            for (i, entry) in column.iter_mut().enumerate().take(N) {
+                *entry = segment.entry(i, j) / *scale;
+            }
+        }
+        singular.begin(N);
+        while !singular.rotate_pairs(usize::MAX) {}
+        singular.measure();
         let excited = core::array::from_fn(|k| singular.squares[k] > least);
         let number = excited.iter().filter(|e| **e).count();
         if number == 0 {
@@ -157,7 +168,7 @@ impl<T: Scalar, const N: usize> Forgetting<T, N> {
 
     /// `M ← λ M∥ + M⊥`
     #[inline(never)]
-    fn forget(&mut self, singular: &Jacobi<T, N>, scale: &[T; N], excited: &[bool; N], lambda: T) {
+    fn forget(&mut self, singular: &Jacobi<T, ROOM>, scale: &[T; N], excited: &[bool; N], lambda: T) {
         let root = lambda.sqrt();
         let beta = (T::ONE - lambda) / (T::ONE + root);
         let r = self.memory.r();

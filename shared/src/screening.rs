@@ -69,14 +69,17 @@ impl<T: Scalar> Limits<T> {
 }
 
 /// Why a reading was rejected; the channel is an index into [`CHANNEL_NAMES`].
+///
+/// The tags begin at 1, which leaves 0 for `None`: an estimator that has seen nothing is all zero bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
 pub enum Rejection {
     /// The channel is NaN or infinite.
-    NotFinite(u8),
+    NotFinite(u8) = 1,
     /// The channel is at its range.
-    Saturated(u8),
+    Saturated(u8) = 2,
     /// The channel repeats itself while others move.
-    Frozen(u8),
+    Frozen(u8) = 3,
 }
 
 /// Looks at readings of `C` channels one after the other.
@@ -89,8 +92,8 @@ pub struct Screen<T: Scalar, const C: usize = CHANNELS> {
     seen: bool,
     /// How many readings in a row each channel has repeated itself.
     equal: [u16; C],
-    /// Whether all of these are zero.
-    none_equal: bool,
+    /// Whether one of these is not zero.
+    some_equal: bool,
     /// How many readings in a row some channel of each group has changed, without the last `clean` ones.
     /// There are fewer groups than channels.
     moving: [u16; C],
@@ -124,7 +127,7 @@ impl<T: Scalar, const C: usize> Screen<T, C> {
         last: [T::ZERO; C],
         seen: false,
         equal: [0; C],
-        none_equal: true,
+        some_equal: false,
         moving: [0; C],
         clean: 0,
     };
@@ -141,7 +144,7 @@ impl<T: Scalar, const C: usize> Screen<T, C> {
     #[inline]
     pub fn check_values(&mut self, values: [T; C]) -> Result<(), Rejection> {
         // Most readings are within all ranges and repeat nothing.
-        let mut ordinary = self.seen && self.none_equal;
+        let mut ordinary = self.seen && !self.some_equal;
         for ((value, highest), last) in values.iter().zip(&self.highest).zip(&self.last) {
             // A comparison with NaN is false.
             if value.abs() < *highest && value != last {
@@ -179,7 +182,7 @@ impl<T: Scalar, const C: usize> Screen<T, C> {
             for ((equal, last), value) in self.equal.iter_mut().zip(last).zip(values) {
                 *equal = if last == *value { equal.saturating_add(1) } else { 0 };
             }
-            self.none_equal = self.equal.iter().all(|e| *e == 0);
+            self.some_equal = self.equal.iter().any(|e| *e != 0);
             for (moving, group) in self.moving.iter_mut().zip(self.equal.chunks(GROUP)) {
                 let moved = group.contains(&0);
                 *moving = if moved { moving.saturating_add(1) } else { 0 };

@@ -209,6 +209,12 @@ impl<To: Frame, From: Frame, T: Scalar> Rotation<To, From, T> {
         Self { matrix: Matrix3::new(l, o, o, o, l, o, o, o, l), frames: PhantomData }
     }
 
+    /// Is no rotation: all bits are zero, for room that is set up later.
+    pub(crate) const fn unset() -> Self {
+        let o = T::ZERO;
+        Self { matrix: Matrix3::new(o, o, o, o, o, o, o, o, o), frames: PhantomData }
+    }
+
     /// From a Hamilton quaternion `[w, x, y, z]`, normalised here. `None` if its norm is not finite or zero.
     pub fn from_quaternion(wxyz: [T; 4]) -> Option<Self> {
         let [w, x, y, z] = wxyz;

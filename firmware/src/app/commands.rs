@@ -10,9 +10,10 @@ use rigident_shared::wire::{
 };
 
 use super::reports::{link_reading_of, reading_of};
-use super::{App, BringUpError, Duty, PendingConfigure, Pulse, Run, SENSORS, SensorErrors, SensorRates};
+use super::{
+    App, BringUpError, Duty, HandOver, PendingConfigure, Pulse, Run, SENSORS, SensorErrors, SensorRates,
+};
 use crate::Path;
-use crate::answer::{FactorSnapshot, solve};
 use crate::frame_path::FramePath;
 use crate::link::{self, Recall};
 use crate::log;
@@ -83,6 +84,15 @@ impl<P: DerefMut<Target = Path>> App<P> {
                 Ok(()) => self.configure(settings),
                 Err(error) => Err(error),
             },
+            Ok(Command::TakeRow { row: 0 })
+                if self.is_busy_with_samples() && self.path.samples().is_some() =>
+            {
+                if self.run.hand_over != HandOver::Folding(sequence, check) {
+                    self.take_snapshot();
+                    self.run.hand_over = HandOver::Folding(sequence, check);
+                }
+                return None;
+            }
             Ok(command) => self.obey(&command),
         };
         if let Err(error) = answer {
@@ -130,6 +140,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
     /// Everything counted is counted from here on.
     fn begin(&mut self) {
         self.run = Run::default();
+        self.estimation.stop();
         let unaligned_before = self.path.samples().map_or(0, SamplePath::unaligned);
         self.errors = SensorErrors { unaligned_before, ..SensorErrors::default() };
     }
@@ -169,29 +180,48 @@ impl<P: DerefMut<Target = Path>> App<P> {
             Command::InjectLinks(batch) => {
                 self.inject(batch.first_index, true, batch.readings.iter().map(link_reading_of))
             }
-            Command::TakeRow { row } => self.take_row(*row).map(Reply::Row).ok_or(ErrorCode::NoEstimate),
+            Command::TakeRow { row } => {
+                if *row == 0 {
+                    self.take_snapshot();
+                    while self.path.samples_mut().is_some_and(|path| !path.fold()) {}
+                } else if self.path.samples().is_some() && !matches!(self.run.hand_over, HandOver::Rows(_)) {
+                    return Err(ErrorCode::NoEstimate);
+                }
+                self.take_row(*row).map(Reply::Row).ok_or(ErrorCode::NoEstimate)
+            }
             Command::ReadSettings => self.settings.clone().map(Reply::Settings).map_or(wrong_state, Ok),
             Command::ReadCounters => Ok(Reply::Counters(self.counters())),
+            Command::ReadEstimate if self.is_busy_with_samples() && self.path.samples().is_some() => {
+                wrong_state
+            }
             Command::ReadEstimate => {
-                let path = self.path.samples().ok_or(ErrorCode::NoEstimate)?;
+                let path = self.path.samples_mut().ok_or(ErrorCode::NoEstimate)?;
                 if path.counters().blocks == 0 {
                     return Err(ErrorCode::NoEstimate);
                 }
-                let factor = path.factor();
-                let solved = solve(&factor);
-                self.report(&factor, &solved).map(Reply::Estimate).ok_or(ErrorCode::NoEstimate)
-            }
-            Command::ReadFactor { offset } => {
-                if *offset == 0 {
-                    self.run.snapshot = self.path.samples().map(|path| FactorSnapshot::new(&path.factor()));
+                self.estimation.begin(path, self.last_reading);
+                loop {
+                    if let Some(report) = self.estimation.step(path) {
+                        return Ok(Reply::Estimate(report.clone()));
+                    }
                 }
-                let snapshot = self.run.snapshot.as_ref().ok_or(ErrorCode::NoEstimate)?;
-                snapshot
-                    .chunk(*offset)
-                    .map(Reply::Factor)
-                    .ok_or(ErrorCode::BadOffset { total: snapshot.total() })
             }
             Command::Heartbeat => Ok(Reply::Done),
+        }
+    }
+
+    /// Whether samples of the sensors are absorbed: what takes long is then done in slices between them.
+    pub(super) fn is_busy_with_samples(&self) -> bool {
+        self.state == StateName::Running && self.duty.from_sensors
+    }
+
+    /// Keeps a copy of what has been absorbed, for a factor to hand over. An estimate that still needs its own begins anew.
+    fn take_snapshot(&mut self) {
+        let Some(path) = self.path.samples_mut() else { return };
+        path.take_snapshot();
+        if self.estimation.needs_snapshot() {
+            self.estimation.stop();
+            self.run.estimate_due = true;
         }
     }
 
@@ -200,9 +230,9 @@ impl<P: DerefMut<Target = Path>> App<P> {
             StateName::Configured => {
                 self.flush_readings();
                 match &mut *self.path {
-                    Path::Empty => {}
                     Path::Samples(path) => path.restart(),
-                    Path::Frames(path) => path.restart(),
+                    Path::Frames(path) if cfg!(feature = "frames") => path.restart(),
+                    _ => {}
                 }
                 self.begin();
             }
@@ -257,9 +287,12 @@ fn check(settings: &Settings) -> Result<(), ErrorCode> {
         Configuration::Samples(configuration) => {
             SamplePath::check(&configuration).map_err(|error| ErrorCode::BadSetting(setting_of(error)))
         }
-        Configuration::Tree(links, config) => FrameEstimator::check(&links, &config)
-            .map(drop)
-            .map_err(|error| ErrorCode::BadSetting(setting_of_tree(error))),
+        Configuration::Tree(links, config) if cfg!(feature = "frames") => {
+            FrameEstimator::check(&links, &config)
+                .map(drop)
+                .map_err(|error| ErrorCode::BadSetting(setting_of_tree(error)))
+        }
+        Configuration::Tree(..) => Err(ErrorCode::BadSetting(SettingName::Model)),
     }
 }
 
@@ -273,7 +306,10 @@ fn set_up(settings: &Settings, path: &mut Path) -> Result<(), ErrorCode> {
             }
             None => Err(ErrorCode::BadSetting(SettingName::Model)),
         },
-        Configuration::Tree(links, config) => FramePath::set_up(path, &links, &config)
-            .map_err(|error| ErrorCode::BadSetting(setting_of_tree(error))),
+        Configuration::Tree(links, config) if cfg!(feature = "frames") => {
+            FramePath::set_up(path, &links, &config)
+                .map_err(|error| ErrorCode::BadSetting(setting_of_tree(error)))
+        }
+        Configuration::Tree(..) => Err(ErrorCode::BadSetting(SettingName::Model)),
     }
 }

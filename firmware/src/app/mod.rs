@@ -25,7 +25,7 @@ use rigident_shared::wire::{
 };
 
 use crate::Path;
-use crate::answer::FactorSnapshot;
+use crate::estimate::Estimation;
 use crate::link::Link;
 use crate::log;
 
@@ -110,6 +110,8 @@ struct Duty {
     sensors: [bool; SENSORS],
     stream: bool,
     estimate_every_blocks: u16,
+    /// Every reading is a row block.
+    every_reading: bool,
 }
 
 impl Duty {
@@ -125,6 +127,7 @@ impl Duty {
             sensors: sensors.map(|used| used && from_sensors),
             stream: settings.telemetry.stream_readings,
             estimate_every_blocks: settings.telemetry.estimate_every_blocks,
+            every_reading: settings.row_every <= 1,
         }
     }
 }
@@ -168,7 +171,22 @@ struct Run {
     path_behind: bool,
     /// The host has gone on after the stop rule: it ends this run no more.
     stop_overridden: bool,
-    snapshot: Option<FactorSnapshot>,
+    /// Rows of the factor are being handed over.
+    hand_over: HandOver,
+    /// The last reading was absorbed in no time to speak of: a slice of an estimate has room before the next.
+    slice_fits: bool,
+}
+
+/// How far the factor is handed over to the host.
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
+enum HandOver {
+    /// Nothing is asked for.
+    #[default]
+    None,
+    /// The command for row 0, with this sequence number and check, waits for the factor.
+    Folding(u16, u32),
+    /// A row was handed over at this time, ns.
+    Rows(u64),
 }
 
 /// The application. `P` says where its estimator stands: a `&'static mut Path`, say, or a `Box<Path>`.
@@ -190,6 +208,7 @@ pub struct App<P> {
     last_announced_ns: Option<u64>,
     last_heartbeat_ns: u64,
     run: Run,
+    estimation: Estimation,
     last_reading: ReadingMessage,
     pulses: [Pulse; SENSORS],
     errors: SensorErrors,
@@ -222,6 +241,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
             last_announced_ns: None,
             last_heartbeat_ns: 0,
             run: Run::default(),
+            estimation: Estimation::IDLE,
             last_reading: ReadingMessage::default(),
             pulses: [Pulse::default(); SENSORS],
             errors: SensorErrors::default(),
@@ -242,6 +262,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
     }
 
     /// Moves the clock and does what time alone asks for. Time never runs backwards.
+    #[inline(never)]
     pub fn tick(&mut self, now_ns: u64) {
         self.advance(now_ns);
         if !self.greeted {
@@ -308,9 +329,9 @@ impl<P: DerefMut<Target = Path>> App<P> {
 
     fn absorb(&mut self, absorbing: bool) {
         match &mut *self.path {
-            Path::Empty => {}
             Path::Samples(path) => path.absorb_from_now_on(absorbing),
-            Path::Frames(path) => path.absorb_from_now_on(absorbing),
+            Path::Frames(path) if cfg!(feature = "frames") => path.absorb_from_now_on(absorbing),
+            _ => {}
         }
     }
 

@@ -8,14 +8,12 @@ use rigident_shared::estimator::frames::FrameCounters;
 use rigident_shared::screening::Rejection;
 use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
 use rigident_shared::wire::{
-    CounterReport, EstimateReport, FactorRow, FrameReport, Identity, LinkReadingMessage, PROTOCOL_VERSION,
-    ReadingMessage, SCHEMA_HASH,
+    CounterReport, FactorRow, FrameReport, Identity, LinkReadingMessage, PROTOCOL_VERSION, ReadingMessage,
+    SCHEMA_HASH,
 };
 
-use super::{App, FIRMWARE_HASH};
+use super::{App, FIRMWARE_HASH, HandOver};
 use crate::Path;
-use crate::answer::{Solved, body};
-use crate::sample_path::ModelFactor;
 
 /// Version of the firmware.
 const VERSION: [u8; 3] = [
@@ -85,8 +83,14 @@ impl<P: DerefMut<Target = Path>> App<P> {
         report
     }
 
-    /// Takes a row out of a tree's factor. `None` if there is no such row, or no tree.
+    /// A row of the factor. `None` if there is no such row, or nothing is estimated. A tree's is taken out.
     pub(super) fn take_row(&mut self, row: u8) -> Option<FactorRow> {
+        if let Some(path) = self.path.samples() {
+            let row = path.row(row)?;
+            let last = row.row + 1 >= row.parameters;
+            self.run.hand_over = if last { HandOver::None } else { HandOver::Rows(self.now_ns) };
+            return Some(row);
+        }
         let estimator = self.path.frames_mut()?.estimator_mut();
         if usize::from(row) >= estimator.parameters() {
             return None;
@@ -101,29 +105,6 @@ impl<P: DerefMut<Target = Path>> App<P> {
         estimator.factor_mut().forget_row(usize::from(row));
         let parameters = estimator.parameters() as u8;
         Some(FactorRow { row, parameters, entries, residual_sum_of_squares, rows })
-    }
-
-    /// `solved` is the factor's.
-    pub(super) fn report(&self, factor: &ModelFactor, solved: &Solved) -> Option<EstimateReport> {
-        let path = self.path.samples()?;
-        let body = body(factor, solved);
-        Some(EstimateReport {
-            readings: path.counters().readings,
-            time_ns: self.last_reading.time_ns,
-            blocks: path.counters().blocks,
-            estimate: body.estimate,
-            consistency: body.consistency,
-            distance_sd: body.distance_sd,
-            standard_deviation: solved.standard_deviation.clone(),
-            determined: solved
-                .determined
-                .iter()
-                .enumerate()
-                .fold(0, |bits, (j, d)| bits | u32::from(*d) << j),
-            condition_number: solved.condition_number,
-            innovation_rms: path.statistics().rms().unwrap_or_default(),
-            last: self.last_reading,
-        })
     }
 }
 

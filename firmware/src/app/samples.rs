@@ -4,17 +4,18 @@ use core::ops::DerefMut;
 
 use rigident_shared::estimator::Outcome;
 use rigident_shared::wire::tree_frame::TreeFrame;
-use rigident_shared::wire::{Reason, SensorFault, StateName, Telemetry};
+use rigident_shared::wire::{ErrorCode, Reason, Reply, SensorFault, StateName, Telemetry};
 
 use super::reports::{link_message_of, message_of};
-use super::{App, Pulse, Sensor};
+use super::{App, HandOver, Pulse, Sensor};
 use crate::Path;
-use crate::answer::solve;
 use crate::frame_path::frame_path;
 use crate::sample_path::{SamplePath, Words, imu_reading, sample_path};
 
 /// So many samples of a sensor in a row that could not be had are a fault.
 const BAD_TO_FAULT: u16 = 10;
+/// An estimate waits so long for the next row of a factor that the host has begun to take, ns.
+const HAND_OVER_NS: u64 = 1_000_000_000;
 
 impl<P: DerefMut<Target = Path>> App<P> {
     /// Takes gauge voltages with their capture time.
@@ -88,6 +89,8 @@ impl<P: DerefMut<Target = Path>> App<P> {
     }
 
     /// Notes a sample that could not be had. Ten in a row, or a fault that does not pass, end in `Fault`.
+    #[cold]
+    #[inline(never)]
     pub fn on_sensor_error(&mut self, sensor: Sensor, fault: SensorFault) {
         if !self.listens() {
             return;
@@ -133,6 +136,9 @@ impl<P: DerefMut<Target = Path>> App<P> {
                 }
             }
             self.run.path_behind |= path.take_behind();
+            // Where every reading is a row block, none is light.
+            let light = outcome != Outcome::Absorbed || self.duty.every_reading;
+            self.run.slice_fits = light && !path.take_stepped();
             let more = path.has_more();
             if self.duty.stream && self.state != StateName::Holding {
                 self.stream();
@@ -161,10 +167,12 @@ impl<P: DerefMut<Target = Path>> App<P> {
         }
     }
 
-    /// What need not be done within a sample: solving, the stop rule, telemetry. Call it after every event.
+    /// What need not be done within a sample: solving, the stop rule, telemetry. Call it after every event. While samples of
+    /// the sensors are absorbed an estimate is made a slice at a time, after readings that took next to nothing.
     #[inline]
     pub fn work(&mut self) {
-        if self.run.estimate_due || self.run.path_behind || self.state_unsent {
+        let estimate = self.run.estimate_due || self.estimation.is_busy() || self.link.has_prepared();
+        if estimate || self.run.hand_over != HandOver::None || self.run.path_behind || self.state_unsent {
             self.work_off();
         }
     }
@@ -173,8 +181,12 @@ impl<P: DerefMut<Target = Path>> App<P> {
     fn work_off(&mut self) {
         let behind = core::mem::take(&mut self.run.path_behind);
         let stop_due = behind && self.path.samples_mut().is_some_and(SamplePath::catch_up);
-        if core::mem::take(&mut self.run.estimate_due) {
-            self.estimate();
+        if self.is_busy_with_samples() {
+            if core::mem::take(&mut self.run.slice_fits) {
+                self.slice();
+            }
+        } else {
+            while self.slice() {}
         }
         if stop_due && self.state == StateName::Running && !self.run.stop_overridden {
             self.hold(Reason::StopRule);
@@ -185,16 +197,40 @@ impl<P: DerefMut<Target = Path>> App<P> {
         }
     }
 
-    fn estimate(&mut self) {
-        let Some(path) = self.path.samples() else { return };
-        let factor = path.factor();
-        let solved = solve(&factor);
-        if let Some(report) = self.report(&factor, &solved) {
-            self.link.telemetry(&Telemetry::Estimate(report));
+    /// Does a slice of what is asked for. Whether there was one to do.
+    #[inline(never)]
+    fn slice(&mut self) -> bool {
+        let Some(path) = self.path.samples_mut() else { return false };
+        if let HandOver::Folding(sequence, check) = self.run.hand_over {
+            if path.fold() {
+                let answer = self.take_row(0).map(Reply::Row).ok_or(ErrorCode::NoEstimate);
+                self.link.answer(sequence, check, &answer);
+            }
+            return true;
         }
+        if self.estimation.is_busy() {
+            if let Some(report) = self.estimation.step(path) {
+                self.link.prepare(&Telemetry::Estimate(report.clone()));
+            }
+            return true;
+        }
+        if self.link.queue_prepared() {
+            return true;
+        }
+        let taken = match self.run.hand_over {
+            HandOver::Rows(at_ns) => self.now_ns.saturating_sub(at_ns) < HAND_OVER_NS,
+            _ => false,
+        };
+        let begins = self.run.estimate_due && !taken;
+        if begins {
+            self.run.estimate_due = false;
+            self.estimation.begin(path, self.last_reading);
+        }
+        begins
     }
 
     pub(super) fn flush_readings(&mut self) {
+        self.run.slice_fits = false;
         let batch = core::mem::take(&mut self.run.batch);
         if !batch.is_empty() {
             let first = self.run.batch_first;

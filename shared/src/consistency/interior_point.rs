@@ -1,9 +1,11 @@
 use super::symmetric::{Sym4, cholesky, eigen, invert_lower};
 use super::{FLOOR, back_substitute, cone, from_cone, norm, share, times};
 use crate::Scalar;
+#[cfg(doc)]
 use crate::factor::InformationFactor;
 
 /// Scaled coordinates: G, `V = G⁻¹` and the diagonal s, so that `K = G diag(s) Gᵀ`.
+#[derive(Clone, Copy, Debug)]
 struct Scaling<T: Scalar> {
     g: Sym4<T>,
     v: Sym4<T>,
@@ -126,47 +128,179 @@ fn unpack<T: Scalar>(packed: &[T; 10]) -> Sym4<T> {
     full
 }
 
-/// φ inside the cone, Newton steps taken, whether it is the optimum.
-pub(super) fn interior_point<T: Scalar>(
-    body: &InformationFactor<T, 10>,
-    free: &[T; 10],
-    start: &[T; 10],
+/// Step lengths tried at most, and so many at once.
+const TRIES: u8 = 30;
+const TRIES_AT_ONCE: u8 = 6;
+
+/// What a search does next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    /// At its end, or not begun. All bits are zero.
+    End,
+    /// Makes the first scaling.
+    Begin,
+    /// Looks whether it is at the optimum; else Newton's matrix.
+    Measure,
+    /// The predictor's direction.
+    Predict,
+    /// How far that goes.
+    PredictorLength,
+    /// The corrector's direction.
+    Correct,
+    /// How far that goes.
+    CorrectorLength,
+    /// Goes there.
+    Move,
+}
+
+/// The search for φ inside the cone, in steps of bounded size.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct InteriorPoint<T: Scalar> {
+    phase: Phase,
+    /// R by rows, zero below the diagonal.
+    r: [[T; 10]; 10],
+    free: [T; 10],
+    phi: [T; 10],
+    iteration: u8,
     max_iterations: u8,
-) -> ([T; 10], u8, bool) {
-    let mut phi = *start;
-    let mut misfit = times(&body.r(), &core::array::from_fn(|j| free[j] - phi[j]));
-    // Λ = μ K⁻¹ with μ of the size of the squared misfit: in coordinates V = L⁻¹ the pair is (1, μ 1).
-    let mu = misfit.iter().map(|v| *v * *v).sum::<T>().max(T::EPSILON) / T::from_u32(4);
-    let identity = diagonal(&[T::ONE; 4]);
-    let Some(l) = cholesky(&cone(&phi, share())) else { return (phi, 0, false) };
-    let Some(mut scaling) = Scaling::of(&identity, &diagonal(&[mu; 4]), &l, &invert_lower(&l)) else {
-        return (phi, 0, false);
+    converged: bool,
+    misfit: [T; 10],
+    dual_residual: T,
+    gap: T,
+    scaling: Scaling<T>,
+    columns: [[T; 10]; 10],
+    newton: Newton<T>,
+    dx: Sym4<T>,
+    ds: Sym4<T>,
+    length: StepLength<T>,
+    reach: T,
+}
+
+impl<T: Scalar> InteriorPoint<T> {
+    /// Searches nothing yet.
+    pub(super) const UNUSED: Self = Self {
+        phase: Phase::End,
+        r: [[T::ZERO; 10]; 10],
+        free: [T::ZERO; 10],
+        phi: [T::ZERO; 10],
+        iteration: 0,
+        max_iterations: 0,
+        converged: false,
+        misfit: [T::ZERO; 10],
+        dual_residual: T::ZERO,
+        gap: T::ZERO,
+        scaling: Scaling { g: [[T::ZERO; 4]; 4], v: [[T::ZERO; 4]; 4], s: [T::ZERO; 4] },
+        columns: [[T::ZERO; 10]; 10],
+        newton: Newton {
+            r: [[T::ZERO; 10]; 10],
+            x: [[T::ZERO; 10]; 10],
+            first: [T::ZERO; 10],
+            tau: [T::ZERO; 10],
+        },
+        dx: [[T::ZERO; 4]; 4],
+        ds: [[T::ZERO; 4]; 4],
+        length: StepLength { alpha: T::ZERO, less: T::ZERO, margin: T::ZERO, tries: 0 },
+        reach: T::ZERO,
     };
-    // ‖R⁻ᵀ(RᵀR(φ − φ₀) − K*(Λ))‖ shrinks with every step by 1 − α, from at most about this.
-    let mut dual_residual = norm(&misfit);
-    for iteration in 0..max_iterations {
-        let gap = scaling.s.iter().map(|s| *s * *s).sum::<T>();
-        let distance = norm(&misfit);
+
+    /// Begins at `start`, which is inside the cone, with the metric R and the free answer.
+    pub(super) fn begin(&mut self, r: &[[T; 10]; 10], free: &[T; 10], start: &[T; 10], max_iterations: u8) {
+        (self.r, self.free, self.phi) = (*r, *free, *start);
+        (self.phase, self.iteration, self.max_iterations, self.converged) =
+            (Phase::Begin, 0, max_iterations, false);
+    }
+
+    /// φ, the Newton steps taken, and whether it is the optimum.
+    pub(super) fn found(&self) -> (&[T; 10], u8, bool) {
+        (&self.phi, self.iteration, self.converged)
+    }
+
+    /// Does one step. True at the end.
+    pub(super) fn step(&mut self) -> bool {
+        self.phase = match self.phase {
+            Phase::Begin => self.first_scaling(),
+            Phase::Measure => self.measure(),
+            Phase::Predict => self.predict(),
+            Phase::PredictorLength => self.predictor_length(),
+            Phase::Correct => self.correct(),
+            Phase::CorrectorLength => self.corrector_length(),
+            Phase::Move => self.go(),
+            Phase::End => Phase::End,
+        };
+        self.phase == Phase::End
+    }
+
+    /// Ends before the optimum, as where the iterations are used up.
+    fn give_up(&mut self) -> Phase {
+        self.iteration = self.max_iterations;
+        Phase::End
+    }
+
+    fn first_scaling(&mut self) -> Phase {
+        self.misfit = times(&self.r, &core::array::from_fn(|j| self.free[j] - self.phi[j]));
+        // Λ = μ K⁻¹ with μ of the size of the squared misfit: in coordinates V = L⁻¹ the pair is (1, μ 1).
+        let mu = self.misfit.iter().map(|v| *v * *v).sum::<T>().max(T::EPSILON) / T::from_u32(4);
+        let identity = diagonal(&[T::ONE; 4]);
+        let Some(l) = cholesky(&cone(&self.phi, share())) else { return Phase::End };
+        let Some(scaling) = Scaling::of(&identity, &diagonal(&[mu; 4]), &l, &invert_lower(&l)) else {
+            return Phase::End;
+        };
+        self.scaling = scaling;
+        // ‖R⁻ᵀ(RᵀR(φ − φ₀) − K*(Λ))‖ shrinks with every step by 1 − α, from at most about this.
+        self.dual_residual = norm(&self.misfit);
+        Phase::Measure
+    }
+
+    fn measure(&mut self) -> Phase {
+        if self.iteration >= self.max_iterations {
+            return Phase::End;
+        }
+        self.gap = self.scaling.s.iter().map(|s| *s * *s).sum::<T>();
+        let distance = norm(&self.misfit);
         let tolerance = T::EPSILON.sqrt() * T::from_u32(32).max(T::from_u32(4) * distance);
         // ½‖R(φ − φ*)‖² ≤ gap
-        if gap + gap <= tolerance * tolerance && dual_residual <= tolerance {
-            return (phi, iteration, true);
+        if self.gap + self.gap <= tolerance * tolerance && self.dual_residual <= tolerance {
+            self.converged = true;
+            return Phase::End;
         }
-        let columns = scaling.columns();
-        let newton = Newton::of(&body.r(), &columns);
-        // Predictor: straight at the boundary, μ = 0.
-        let Some(dx) = newton.step(&columns, &misfit, &[T::ZERO; 10]) else { break };
-        let s = diagonal(&scaling.s);
-        let ds = combine(&s, &dx, -T::ONE, -T::ONE);
-        let reach = step_length(&s, &dx, &ds, T::ONE);
+        self.columns = self.scaling.columns();
+        self.newton.set(&self.r, &self.columns);
+        Phase::Predict
+    }
+
+    /// Predictor: straight at the boundary, μ = 0.
+    fn predict(&mut self) -> Phase {
+        let Some(dx) = self.newton.step(&self.columns, &self.misfit, &[T::ZERO; 10]) else {
+            return self.give_up();
+        };
+        self.ds = combine(&diagonal(&self.scaling.s), &dx, -T::ONE, -T::ONE);
+        self.dx = dx;
+        self.length = StepLength::new(T::ONE);
+        Phase::PredictorLength
+    }
+
+    fn predictor_length(&mut self) -> Phase {
+        let s = diagonal(&self.scaling.s);
+        match self.length.search(&s, &self.dx, &self.ds) {
+            Some(reach) => {
+                self.reach = reach;
+                Phase::Correct
+            }
+            None => Phase::PredictorLength,
+        }
+    }
+
+    /// Corrector (Mehrotra 1992): s∘(dx + ds) = μ 1 − s² − dx∘ds of the predictor.
+    fn correct(&mut self) -> Phase {
+        let s = diagonal(&self.scaling.s);
+        let (dx, ds, reach) = (self.dx, self.ds, self.reach);
         let mut gap_there = T::ZERO;
         let (x_there, s_there) = (combine(&s, &dx, T::ONE, reach), combine(&s, &ds, T::ONE, reach));
         for (a, b) in x_there.iter().flatten().zip(s_there.iter().flatten()) {
             gap_there += *a * *b;
         }
-        let share = gap_there.max(T::ZERO) / gap;
-        let mu = share * share * share * gap / T::from_u32(4);
-        // Corrector (Mehrotra 1992): s∘(dx + ds) = μ 1 − s² − dx∘ds of the predictor.
+        let share = gap_there.max(T::ZERO) / self.gap;
+        let mu = share * share * share * self.gap / T::from_u32(4);
         let target: Sym4<T> = core::array::from_fn(|i| {
             core::array::from_fn(|j| {
                 let mut product = T::ZERO;
@@ -174,21 +308,40 @@ pub(super) fn interior_point<T: Scalar>(
                     product += dx[i][k] * ds[k][j] + ds[i][k] * dx[k][j];
                 }
                 let wanted = if i == j { mu + mu } else { T::ZERO };
-                (wanted - product) / (scaling.s[i] + scaling.s[j])
+                (wanted - product) / (self.scaling.s[i] + self.scaling.s[j])
             })
         });
-        let Some(dx) = newton.step(&columns, &misfit, &pack(|i, j| target[i][j])) else { break };
-        let ds = combine(&combine(&target, &s, T::ONE, -T::ONE), &dx, T::ONE, -T::ONE);
-        let margin = T::from_f64_const(0.9) + T::from_f64_const(0.09) * reach;
-        let alpha = step_length(&s, &dx, &ds, margin);
-        let (x, s) = (combine(&s, &dx, T::ONE, alpha), combine(&s, &ds, T::ONE, alpha));
-        let Some(next) = Scaling::of(&x, &s, &scaling.g, &scaling.v) else { break };
-        scaling = next;
-        dual_residual *= T::ONE - alpha;
-        phi = scaling.parameters();
-        misfit = times(&body.r(), &core::array::from_fn(|j| free[j] - phi[j]));
+        let Some(dx) = self.newton.step(&self.columns, &self.misfit, &pack(|i, j| target[i][j])) else {
+            return self.give_up();
+        };
+        self.ds = combine(&combine(&target, &s, T::ONE, -T::ONE), &dx, T::ONE, -T::ONE);
+        self.dx = dx;
+        self.length = StepLength::new(T::from_f64_const(0.9) + T::from_f64_const(0.09) * reach);
+        Phase::CorrectorLength
     }
-    (phi, max_iterations, false)
+
+    fn corrector_length(&mut self) -> Phase {
+        let s = diagonal(&self.scaling.s);
+        match self.length.search(&s, &self.dx, &self.ds) {
+            Some(alpha) => {
+                self.reach = alpha;
+                Phase::Move
+            }
+            None => Phase::CorrectorLength,
+        }
+    }
+
+    fn go(&mut self) -> Phase {
+        let (s, alpha) = (diagonal(&self.scaling.s), self.reach);
+        let (x, s) = (combine(&s, &self.dx, T::ONE, alpha), combine(&s, &self.ds, T::ONE, alpha));
+        let Some(next) = Scaling::of(&x, &s, &self.scaling.g, &self.scaling.v) else { return self.give_up() };
+        self.scaling = next;
+        self.dual_residual *= T::ONE - alpha;
+        self.phi = self.scaling.parameters();
+        self.misfit = times(&self.r, &core::array::from_fn(|j| self.free[j] - self.phi[j]));
+        self.iteration += 1;
+        Phase::Measure
+    }
 }
 
 fn diagonal<T: Scalar>(d: &[T; 4]) -> Sym4<T> {
@@ -200,23 +353,42 @@ fn combine<T: Scalar>(a: &Sym4<T>, b: &Sym4<T>, alpha: T, beta: T) -> Sym4<T> {
     core::array::from_fn(|i| core::array::from_fn(|j| alpha * a[i][j] + beta * b[i][j]))
 }
 
-/// The longest of a few step lengths α ≤ 1 for which `s + (α / margin) d` is positive definite for both.
-fn step_length<T: Scalar>(s: &Sym4<T>, dx: &Sym4<T>, ds: &Sym4<T>, margin: T) -> T {
-    let (mut alpha, mut less) = (T::ONE, T::from_f64_const(0.02));
-    for _ in 0..30 {
-        let inside = |d: &Sym4<T>| cholesky(&combine(s, d, T::ONE, alpha / margin)).is_some();
-        if inside(dx) && inside(ds) {
-            return alpha;
-        }
-        alpha *= T::ONE - less;
-        if less < T::from_f64_const(0.2) {
-            less += less;
-        }
+/// The longest of a few step lengths α ≤ 1 for which `s + (α / margin) d` is positive definite for both directions.
+#[derive(Clone, Copy, Debug)]
+struct StepLength<T: Scalar> {
+    alpha: T,
+    less: T,
+    margin: T,
+    tries: u8,
+}
+
+impl<T: Scalar> StepLength<T> {
+    fn new(margin: T) -> Self {
+        Self { alpha: T::ONE, less: T::from_f64_const(0.02), margin, tries: 0 }
     }
-    T::ZERO
+
+    /// Tries a few lengths; the length once it is found, zero if none is short enough.
+    fn search(&mut self, s: &Sym4<T>, dx: &Sym4<T>, ds: &Sym4<T>) -> Option<T> {
+        for _ in 0..TRIES_AT_ONCE {
+            if self.tries >= TRIES {
+                return Some(T::ZERO);
+            }
+            let inside = |d: &Sym4<T>| cholesky(&combine(s, d, T::ONE, self.alpha / self.margin)).is_some();
+            if inside(dx) && inside(ds) {
+                return Some(self.alpha);
+            }
+            self.alpha *= T::ONE - self.less;
+            if self.less < T::from_f64_const(0.2) {
+                self.less += self.less;
+            }
+            self.tries += 1;
+        }
+        None
+    }
 }
 
 /// The triangle of `[R; B]` and the reflections that made it, to be applied to several right-hand sides.
+#[derive(Clone, Copy, Debug)]
 struct Newton<T: Scalar> {
     r: [[T; 10]; 10],
     /// Lower parts of the reflections, by columns; their first components and factors.
@@ -227,8 +399,10 @@ struct Newton<T: Scalar> {
 
 impl<T: Scalar> Newton<T> {
     /// The reflections of [`InformationFactor::absorb`].
-    fn of(r: &[[T; 10]; 10], columns: &[[T; 10]; 10]) -> Self {
-        let mut newton = Self { r: *r, x: *columns, first: [T::ZERO; 10], tau: [T::ZERO; 10] };
+    fn set(&mut self, r: &[[T; 10]; 10], columns: &[[T; 10]; 10]) {
+        let newton = self;
+        (newton.r, newton.x) = (*r, *columns);
+        (newton.first, newton.tau) = ([T::ZERO; 10], [T::ZERO; 10]);
         for j in 0..10 {
             let x = newton.x[j];
             let xx = x.iter().map(|v| *v * *v).sum::<T>();
@@ -245,7 +419,6 @@ impl<T: Scalar> Newton<T> {
                 reflect(&mut newton.r[j][k], &mut newton.x[k], first, tau, &x);
             }
         }
-        newton
     }
 
     /// `B d` unpacked, for `d = argmin ‖R d − z‖² + ‖B d − y‖²`; B is `columns`.

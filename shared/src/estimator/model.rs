@@ -57,6 +57,8 @@ pub trait Store<T: Scalar, const N: usize>: Copy {
 
     /// One factor of everything absorbed.
     fn factor(&self) -> InformationFactor<T, N>;
+    /// Does one step towards that, using the store up; true when `whole`, which began empty, is it.
+    fn fold(&mut self, whole: &mut InformationFactor<T, N>, step: &mut u8) -> bool;
     /// Does one step towards it; true when `gathering` holds it.
     fn gather(&self, gathering: &mut Gathering<T, N>) -> bool;
     /// Keeps what this memory keeps, from now on.
@@ -84,6 +86,9 @@ impl<T: Scalar, const N: usize> Store<T, N> for BodyCascade<T, N> {
     #[inline]
     fn factor(&self) -> InformationFactor<T, N> {
         Self::factor(self)
+    }
+    fn fold(&mut self, whole: &mut InformationFactor<T, N>, step: &mut u8) -> bool {
+        Self::fold(self, whole, step)
     }
     #[inline]
     fn gather(&self, gathering: &mut Gathering<T, N>) -> bool {
@@ -118,6 +123,9 @@ impl<T: Scalar, const N: usize, const UPPER: usize> Store<T, N> for Cascade<T, N
     #[inline]
     fn factor(&self) -> InformationFactor<T, N> {
         Self::factor(self)
+    }
+    fn fold(&mut self, whole: &mut InformationFactor<T, N>, step: &mut u8) -> bool {
+        Self::fold(self, whole, step)
     }
     #[inline]
     fn gather(&self, gathering: &mut Gathering<T, N>) -> bool {

@@ -129,13 +129,14 @@ impl<T: Scalar> TwoLinks<T> {
         finite.then_some(Self { mounting, ranges, joint, attitude, ..Self::NONE })
     }
 
+    /// Not yet set up. All bits are zero.
     const NONE: Self = Self {
-        mounting: ImuMounting::PERFECT,
+        mounting: ImuMounting::UNUSED,
         ranges: [T::ZERO; 2],
         joint: [T::ZERO; 3],
         attitude: JointAttitude::Streamed,
         screen: Screen::UNUSED,
-        quaternion: [T::ONE, T::ZERO, T::ZERO, T::ZERO],
+        quaternion: [T::ZERO; 4],
         last: None,
         corrections: 0,
     };

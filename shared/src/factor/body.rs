@@ -1,3 +1,5 @@
+use core::num::NonZeroU16;
+
 use super::cascade::Levels;
 use super::{BLOCK_ROWS, Block, Column, InformationFactor};
 use crate::Scalar;
@@ -11,6 +13,11 @@ const FORCE: [usize; 7] = [1, 2, 3, 0, 10, 11, 12];
 const MOMENT: [usize; 12] = [4, 5, 6, 7, 8, 9, 1, 2, 3, 13, 14, 15];
 /// Levels above the absorbing one: 1600 · 100³ wrenches before the last takes more than a hundred merges.
 const UPPER: usize = 3;
+/// Steps of [`BodyCascade::fold`]: those for what is above the absorbing level, that of a level that is being merged (several
+/// parts), that of the columns that wait, and that of the absorbing level (several parts).
+const FOLD_UPPER: usize = 2 * UPPER;
+const FOLD_WAITING: usize = FOLD_UPPER + 1;
+const FOLD_LEVEL: usize = FOLD_WAITING + 1;
 /// Wrenches in a block.
 const WRENCHES: u8 = (BLOCK_ROWS / 3) as u8;
 /// Wrenches in a full absorbing level.
@@ -32,13 +39,14 @@ pub struct BodyCascade<T: Scalar, const N: usize> {
     wrenches: u16,
     /// Parts of the full level that are in the next one already.
     parts_merged: u8,
-    /// So many wrenches are a segment; more than there ever are if everything is kept.
-    segment: u16,
+    /// So many wrenches are a segment; none if everything is kept.
+    segment: Option<NonZeroU16>,
     upper: Upper<T, N>,
 }
 
-/// What is above the absorbing level.
+/// What is above the absorbing level. The tag of the first variant is 0: an empty cascade is all zero bits.
 #[derive(Clone, Copy, Debug)]
+#[repr(u8)]
 #[allow(clippy::large_enum_variant, reason = "no heap")]
 enum Upper<T: Scalar, const N: usize> {
     /// Levels that keep everything.
@@ -188,7 +196,7 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
             waiting: 0,
             wrenches: 0,
             parts_merged: 0,
-            segment: u16::MAX,
+            segment: None,
             upper: Upper::Levels(Levels::new()),
         }
     }
@@ -198,7 +206,7 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
     #[inline(never)]
     pub(crate) fn set_memory(&mut self, plan: &Plan<T, N>) {
         (self.level, self.waiting, self.wrenches) = (Level::EMPTY, 0, 0);
-        self.segment = plan.segment_blocks();
+        self.segment = NonZeroU16::new(plan.segment_blocks());
         self.upper = Upper::Memory(Memory::new(plan));
     }
 
@@ -210,13 +218,20 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
     /// Whether enough has been absorbed for a segment.
     #[inline]
     pub(crate) fn segment_is_complete(&self) -> bool {
-        self.wrenches >= self.segment
+        self.segment.is_some_and(|segment| self.wrenches >= segment.get())
     }
 
     /// Takes out what the absorbing level holds.
     pub(crate) fn take_segment(&mut self, segment: &mut InformationFactor<T, N>) {
         *segment = InformationFactor::EMPTY;
-        self.merge_absorbing(segment);
+        if self.waiting > 0 {
+            self.reduce_waiting();
+        }
+        for part in 0.. {
+            if !self.level.merge_part(part, self.wrenches, segment) {
+                break;
+            }
+        }
         (self.level, self.waiting, self.wrenches) = (Level::EMPTY, 0, 0);
     }
 
@@ -264,70 +279,74 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
         self.parts_merged = 0;
     }
 
+    /// Does one step towards one factor of everything absorbed; true when `whole`, which began empty, is that. Nothing
+    /// may be absorbed meanwhile, nor afterwards: the cascade is used up. `step` begins at 0.
+    pub fn fold(&mut self, whole: &mut InformationFactor<T, N>, step: &mut u8) -> bool {
+        let k = usize::from(*step);
+        let mut stays = false;
+        match (k, &self.upper) {
+            (0..FOLD_UPPER, Upper::Levels(upper)) => {
+                *step += upper.fold(k, whole);
+                return false;
+            }
+            (0..FOLD_UPPER, Upper::Memory(memory)) => memory.fold(k, whole),
+            (FOLD_UPPER, _) if self.parts_merged > 0 => {
+                // What is left of a level that is being merged; its count went with the first part.
+                stays = self.level.merge_part(self.parts_merged, 0, whole);
+                if stays {
+                    self.parts_merged += 1;
+                } else {
+                    (self.level, self.wrenches, self.parts_merged) =
+                        (Level::EMPTY, u16::from(self.waiting), 0);
+                }
+            }
+            (FOLD_WAITING, _) if self.waiting > 0 => self.reduce_waiting(),
+            (FOLD_LEVEL, _) => {
+                stays = self.level.merge_part(self.parts_merged, self.wrenches, whole);
+                self.parts_merged += u8::from(stays);
+            }
+            _ => {}
+        }
+        *step += u8::from(!stays);
+        usize::from(*step) > FOLD_LEVEL
+    }
+
+    /// Takes what waits in the columns into the absorbing level.
+    fn reduce_waiting(&mut self) {
+        for column in &mut self.columns {
+            for row in column.rows.iter_mut().skip(3 * usize::from(self.waiting)) {
+                *row = T::ZERO;
+            }
+        }
+        self.level.reduce(&mut self.columns, N == 16);
+        self.waiting = 0;
+    }
+
     /// One factor of everything absorbed.
     #[must_use]
     pub fn factor(&self) -> InformationFactor<T, N> {
-        let mut whole = match &self.upper {
-            Upper::Levels(upper) => upper.factor(),
-            Upper::Memory(memory) => memory.factor(),
-        };
-        self.merge_absorbing(&mut whole);
+        let (mut cascade, mut whole, mut step) = (*self, InformationFactor::EMPTY, 0);
+        while !cascade.fold(&mut whole, &mut step) {}
         whole
-    }
-
-    /// Merges what the absorbing level holds and what waits for it.
-    fn merge_absorbing(&self, whole: &mut InformationFactor<T, N>) {
-        let mut level = self.level;
-        if self.parts_merged > 0 {
-            // What is left of a level that is being merged; its count went with the first part.
-            self.merge_rest(&level, self.parts_merged, 0, whole);
-            level = Level::EMPTY;
-        }
-        if self.waiting > 0 {
-            let mut columns = self.columns;
-            for column in &mut columns {
-                for row in column.rows.iter_mut().skip(3 * usize::from(self.waiting)) {
-                    *row = T::ZERO;
-                }
-            }
-            level.reduce(&mut columns, N == 16);
-        }
-        let wrenches = if self.parts_merged > 0 { u16::from(self.waiting) } else { self.wrenches };
-        self.merge_rest(&level, 0, wrenches, whole);
-    }
-
-    fn merge_rest(&self, level: &Level<T>, first: u8, wrenches: u16, whole: &mut InformationFactor<T, N>) {
-        for part in first.. {
-            if !level.merge_part(part, wrenches, whole) {
-                return;
-            }
-        }
     }
 
     /// Does one step towards a factor of everything absorbed, for where one sample must not pay for all of it. True
     /// when `gathering` holds it: what was absorbed before the first step, and perhaps some of what came since.
     pub fn gather(&self, gathering: &mut Gathering<T, N>) -> bool {
         let Gathering { whole, step } = gathering;
-        let taken = match *step {
-            0 => {
-                *whole = InformationFactor::EMPTY;
-                true
-            }
-            // Highest first: what moves up meanwhile is left out, never counted twice.
-            k if usize::from(k) <= UPPER => {
-                if let Upper::Levels(upper) = &self.upper {
-                    upper.merge_into(UPPER - usize::from(k), whole);
-                }
-                true
-            }
-            k => {
-                // While the level is being merged its parts are in both places.
-                let part = k - 1 - UPPER as u8;
-                self.parts_merged == 0 && self.level.merge_part(part, self.wrenches, whole)
-            }
-        };
-        *step = if taken { *step + 1 } else { 0 };
-        !taken
+        if *step == 0 {
+            *whole = InformationFactor::EMPTY;
+        }
+        let Upper::Levels(upper) = &self.upper else { return true };
+        // Highest first: what moves up meanwhile is left out, never counted twice.
+        if upper.gather(step, whole) {
+            return false;
+        }
+        // While the level is being merged its parts are in both places.
+        let part = *step - Levels::<T, N, UPPER>::PARTS as u8;
+        let more = self.parts_merged == 0 && self.level.merge_part(part, self.wrenches, whole);
+        *step = if more { *step + 1 } else { 0 };
+        !more
     }
 }
 

@@ -28,10 +28,40 @@ impl<T: Scalar, const N: usize, const LEVELS: usize> Levels<T, N, LEVELS> {
         }
     }
 
-    /// Merges the `k`th of these levels into a factor.
-    pub(super) fn merge_into(&self, k: usize, whole: &mut InformationFactor<T, N>) {
-        if let Some(level) = self.levels.get(k).filter(|level| level.rows() > 0) {
-            whole.merge(level);
+    /// Parts in which all these levels are merged.
+    pub(super) const PARTS: usize = LEVELS * InformationFactor::<T, N>::PARTS;
+
+    /// The level and the part of its merge that come `step`th: oldest (largest) first. `None` after the last.
+    fn part(&self, step: usize) -> Option<(&InformationFactor<T, N>, usize)> {
+        let parts = InformationFactor::<T, N>::PARTS;
+        let level = self.levels.get(LEVELS.checked_sub(1 + step / parts)?)?;
+        Some((level, step % parts))
+    }
+
+    /// Does the next part of merging the levels into a factor. False when there is none left.
+    pub(super) fn gather(&self, step: &mut u8, whole: &mut InformationFactor<T, N>) -> bool {
+        while let Some((level, part)) = self.part(usize::from(*step)) {
+            *step += 1;
+            if level.rows() > 0 {
+                whole.merge_part(level, part);
+                return true;
+            }
+        }
+        false
+    }
+
+    /// The same into a factor that began empty, and is a copy of the first level in use. How many steps that took.
+    pub(super) fn fold(&self, step: usize, whole: &mut InformationFactor<T, N>) -> u8 {
+        match self.part(step).filter(|(level, _)| level.rows() > 0) {
+            Some((level, 0)) if whole.rows() == 0 => {
+                *whole = *level;
+                InformationFactor::<T, N>::PARTS as u8
+            }
+            Some((level, part)) => {
+                whole.merge_part(level, part);
+                1
+            }
+            None => 1,
         }
     }
 
@@ -58,16 +88,6 @@ impl<T: Scalar, const N: usize, const LEVELS: usize> Levels<T, N, LEVELS> {
                 *merges = merges.saturating_add(1);
             }
         }
-    }
-
-    /// All levels merged, oldest (largest) first.
-    pub(super) fn factor(&self) -> InformationFactor<T, N> {
-        let mut levels = self.levels.iter().rev().filter(|level| level.rows() > 0);
-        let mut whole = levels.next().copied().unwrap_or_default();
-        for level in levels {
-            whole.merge(level);
-        }
-        whole
     }
 }
 
@@ -144,15 +164,34 @@ impl<T: Scalar, const N: usize, const UPPER: usize> Cascade<T, N, UPPER> {
         self.blocks = 0;
     }
 
+    /// Does one step towards one factor of everything absorbed; true when `whole`, which began empty, is that. Nothing
+    /// may be absorbed meanwhile, nor afterwards: the cascade is used up. `step` begins at 0.
+    pub fn fold(&mut self, whole: &mut InformationFactor<T, N>, step: &mut u8) -> bool {
+        let upper = Levels::<T, N, UPPER>::PARTS;
+        let k = usize::from(*step);
+        if k < upper {
+            *step += self.upper.fold(k, whole);
+            return false;
+        }
+        let part = k - upper;
+        *step += 1;
+        if part < InformationFactor::<T, N>::PARTS {
+            whole.merge_part(&self.absorbing, part);
+            return false;
+        }
+        if self.rows_waiting > 0 {
+            whole.reduce(0, &mut self.waiting);
+            whole.rows = whole.rows.saturating_add(self.rows_waiting as u32);
+            self.rows_waiting = 0;
+        }
+        true
+    }
+
     /// One factor of everything absorbed.
     #[must_use]
     pub fn factor(&self) -> InformationFactor<T, N> {
-        let mut whole = self.upper.factor();
-        whole.merge(&self.absorbing);
-        if self.rows_waiting > 0 {
-            whole.reduce(0, &mut self.waiting.clone());
-            whole.rows = whole.rows.saturating_add(self.rows_waiting as u32);
-        }
+        let (mut cascade, mut whole, mut step) = (*self, InformationFactor::EMPTY, 0);
+        while !cascade.fold(&mut whole, &mut step) {}
         whole
     }
 
@@ -160,17 +199,19 @@ impl<T: Scalar, const N: usize, const UPPER: usize> Cascade<T, N, UPPER> {
     /// are left out.
     pub fn gather(&self, gathering: &mut Gathering<T, N>) -> bool {
         let Gathering { whole, step } = gathering;
-        let k = usize::from(*step);
-        if k == 0 {
+        if *step == 0 {
             *whole = InformationFactor::EMPTY;
-        } else if k <= UPPER {
-            // Highest first: what moves up meanwhile is left out, never counted twice.
-            self.upper.merge_into(UPPER - k, whole);
-        } else if k == UPPER + 1 {
-            whole.merge(&self.absorbing);
         }
-        let done = k > UPPER;
-        *step = if done { 0 } else { *step + 1 };
-        done
+        // Highest first: what moves up meanwhile is left out, never counted twice.
+        if self.upper.gather(step, whole) {
+            return false;
+        }
+        let part = usize::from(*step) - Levels::<T, N, UPPER>::PARTS;
+        let more = part < InformationFactor::<T, N>::PARTS;
+        if more {
+            whole.merge_part(&self.absorbing, part);
+        }
+        *step = if more { *step + 1 } else { 0 };
+        !more
     }
 }

@@ -1,14 +1,27 @@
 use crate::Scalar;
 
+/// Sweeps at most: six to eight are usual at N = 16; the bound is for bad luck.
+const SWEEPS: u8 = 30;
+
 /// One-sided Jacobi: `A V = W` with orthogonal columns W; their squared lengths are the squared singular values
 /// (Hestenes 1958; accurate to relative precision on column-scaled matrices, Demmel and Veselić 1992).
-pub(crate) struct Jacobi<T: Scalar, const N: usize> {
+///
+/// There is room for `M` columns; the first `n` of them, with `n` numbers each, are used. The rotations can be done some
+/// pairs of columns at a time.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Jacobi<T: Scalar, const M: usize> {
     /// Columns of W.
-    pub(crate) w: [[T; N]; N],
+    pub(crate) w: [[T; M]; M],
     /// Columns of V.
-    pub(crate) v: [[T; N]; N],
+    pub(crate) v: [[T; M]; M],
     /// Squared lengths of the columns of W.
-    pub(crate) squares: [T; N],
+    pub(crate) squares: [T; M],
+    n: usize,
+    /// The pair of columns that is next.
+    pair: (usize, usize),
+    /// A pair of this sweep was rotated.
+    rotated: bool,
+    sweeps: u8,
 }
 
 pub(crate) fn dot<T: Scalar, const N: usize>(a: &[T; N], b: &[T; N]) -> T {
@@ -19,58 +32,97 @@ pub(crate) fn dot<T: Scalar, const N: usize>(a: &[T; N], b: &[T; N]) -> T {
     sum
 }
 
-impl<T: Scalar, const N: usize> Jacobi<T, N> {
-    /// Of the matrix A with these columns. A column of zeros stays one, with a unit vector of its own in V.
-    pub(crate) fn of(columns: [[T; N]; N]) -> Self {
-        let mut jacobi = Self { w: columns, v: [[T::ZERO; N]; N], squares: [T::ZERO; N] };
-        for j in 0..N {
-            jacobi.v[j][j] = T::ONE;
-        }
-        // Quadratic convergence: six to eight sweeps are usual at N = 16; the bound is for bad luck.
-        for _ in 0..30 {
-            if !jacobi.sweep() {
-                break;
+impl<T: Scalar, const M: usize> Jacobi<T, M> {
+    /// Decomposes nothing. All bits are zero.
+    pub(crate) const EMPTY: Self = Self {
+        w: [[T::ZERO; M]; M],
+        v: [[T::ZERO; M]; M],
+        squares: [T::ZERO; M],
+        n: 0,
+        pair: (0, 0),
+        rotated: false,
+        sweeps: 0,
+    };
+
+    /// Begins with the matrix A whose columns are the first `n` of W. A column of zeros stays one, with a unit vector of its own
+    /// in V.
+    pub(crate) fn begin(&mut self, n: usize) {
+        self.n = n.min(M);
+        for (j, column) in self.v.iter_mut().enumerate().take(self.n) {
+            for (i, entry) in column.iter_mut().enumerate().take(self.n) {
+                *entry = if i == j { T::ONE } else { T::ZERO };
             }
         }
-        for j in 0..N {
-            jacobi.squares[j] = dot(&jacobi.w[j], &jacobi.w[j]);
-        }
-        jacobi
+        (self.pair, self.rotated, self.sweeps) = ((0, 1), false, 0);
     }
 
-    /// Rotates every pair of columns once. Whether any rotation was needed.
-    fn sweep(&mut self) -> bool {
-        let two = T::from_u32(2);
-        let mut rotated = false;
-        for p in 0..N {
-            for q in p + 1..N {
-                let (a, b) = (dot(&self.w[p], &self.w[p]), dot(&self.w[q], &self.w[q]));
-                let c = dot(&self.w[p], &self.w[q]);
-                // The product of the roots, as that of the squares might overflow.
-                if c.abs() <= T::EPSILON * (a.sqrt() * b.sqrt()) || c * c <= T::TINY_SQUARE {
-                    continue;
+    /// Rotates so many pairs of columns; true when no pair needs it any more.
+    #[inline(never)]
+    pub(crate) fn rotate_pairs(&mut self, count: usize) -> bool {
+        for _ in 0..count {
+            let (p, q) = self.pair;
+            if q >= self.n {
+                self.sweeps += 1;
+                if !core::mem::take(&mut self.rotated) || self.sweeps >= SWEEPS {
+                    return true;
                 }
-                rotated = true;
-                let zeta = (b - a) / (two * c);
-                let sign = if zeta < T::ZERO { -T::ONE } else { T::ONE };
-                // Beyond this ζ² would overflow or drown the 1; the root is then |ζ|.
-                let large = T::ONE / (T::EPSILON * T::EPSILON);
-                let root = if zeta.abs() < large { (T::ONE + zeta * zeta).sqrt() } else { zeta.abs() };
-                let tangent = sign / (zeta.abs() + root);
-                let cosine = T::ONE / (T::ONE + tangent * tangent).sqrt();
-                let sine = cosine * tangent;
-                rotate(&mut self.w, p, q, cosine, sine);
-                rotate(&mut self.v, p, q, cosine, sine);
+                self.pair = (0, 1);
+                continue;
             }
+            self.rotated |= self.rotate_pair(p, q);
+            self.pair = if q + 1 < self.n { (p, q + 1) } else { (p + 1, p + 2) };
         }
-        rotated
+        false
+    }
+
+    /// Takes the squared lengths when all rotations are done.
+    pub(crate) fn measure(&mut self) {
+        for (square, w) in self.squares.iter_mut().zip(&self.w).take(self.n) {
+            *square = squares(w, w, self.n).2;
+        }
+    }
+
+    /// Makes two columns orthogonal. Whether they were not.
+    fn rotate_pair(&mut self, p: usize, q: usize) -> bool {
+        let Ok([wp, wq]) = self.w.get_disjoint_mut([p, q]) else { return false };
+        let (a, b, c) = squares(wp, wq, self.n);
+        // The product of the roots, as that of the squares might overflow.
+        if c.abs() <= T::EPSILON * (a.sqrt() * b.sqrt()) || c * c <= T::TINY_SQUARE {
+            return false;
+        }
+        let zeta = (b - a) / (T::from_u32(2) * c);
+        let sign = if zeta < T::ZERO { -T::ONE } else { T::ONE };
+        // Beyond this ζ² would overflow or drown the 1; the root is then |ζ|.
+        let large = T::ONE / (T::EPSILON * T::EPSILON);
+        let root = if zeta.abs() < large { (T::ONE + zeta * zeta).sqrt() } else { zeta.abs() };
+        let tangent = sign / (zeta.abs() + root);
+        let cosine = T::ONE / (T::ONE + tangent * tangent).sqrt();
+        let sine = cosine * tangent;
+        rotate(wp, wq, self.n, cosine, sine);
+        if let Ok([vp, vq]) = self.v.get_disjoint_mut([p, q]) {
+            rotate(vp, vq, self.n, cosine, sine);
+        }
+        true
     }
 }
 
-fn rotate<T: Scalar, const N: usize>(columns: &mut [[T; N]; N], p: usize, q: usize, cosine: T, sine: T) {
-    for i in 0..N {
-        let (x, y) = (columns[p][i], columns[q][i]);
-        columns[p][i] = cosine * x - sine * y;
-        columns[q][i] = sine * x + cosine * y;
+/// `a·a`, `b·b` and `a·b` of the first `n` numbers.
+#[inline]
+fn squares<T: Scalar, const M: usize>(a: &[T; M], b: &[T; M], n: usize) -> (T, T, T) {
+    let (mut aa, mut bb, mut ab) = (T::ZERO, T::ZERO, T::ZERO);
+    for (x, y) in a.iter().zip(b).take(n) {
+        aa += *x * *x;
+        bb += *y * *y;
+        ab += *x * *y;
+    }
+    (aa, bb, ab)
+}
+
+#[inline]
+fn rotate<T: Scalar, const M: usize>(p: &mut [T; M], q: &mut [T; M], n: usize, cosine: T, sine: T) {
+    for (p, q) in p.iter_mut().zip(q).take(n) {
+        let (x, y) = (*p, *q);
+        *p = cosine * x - sine * y;
+        *q = sine * x + cosine * y;
     }
 }

@@ -20,7 +20,7 @@ pub use body::{BodyCascade, Gathering};
 pub use cascade::Cascade;
 pub use packed::{PackedFactor, packed_entries};
 pub use reflection::{BLOCK_ROWS, Column};
-pub use solution::{Solution, condition_number};
+pub use solution::{Solution, Solver, condition_number};
 
 pub(crate) use jacobi::{Jacobi, dot};
 pub(crate) use reflection::{reduce, reduce_packed};
@@ -99,6 +99,26 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
         core::array::from_fn(|i| core::array::from_fn(|j| self.triangle.r[j][i]))
     }
 
+    /// R_ij; zero where there is none.
+    pub(crate) fn entry(&self, i: usize, j: usize) -> T {
+        self.triangle.r.get(j).and_then(|column| column.get(i)).copied().unwrap_or_default()
+    }
+
+    /// The same factor of as many parameters as it has, in room for `M`.
+    pub(crate) fn resized<const M: usize>(&self) -> InformationFactor<T, M> {
+        let mut resized = InformationFactor::EMPTY;
+        for (to, from) in resized.triangle.r.iter_mut().zip(&self.triangle.r) {
+            for (to, from) in to.iter_mut().zip(from) {
+                *to = *from;
+            }
+        }
+        for (to, from) in resized.triangle.z.iter_mut().zip(&self.triangle.z) {
+            *to = *from;
+        }
+        (resized.residual_sum_of_squares, resized.rows) = (self.residual_sum_of_squares, self.rows);
+        resized
+    }
+
     /// The projected right-hand side.
     pub fn z(&self) -> &[T; N] {
         &self.triangle.z
@@ -147,17 +167,35 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
 
     /// Merges another factor of the same parameters: the factor of both sets of rows.
     pub fn merge(&mut self, other: &Self) {
-        for first in (0..N).step_by(BLOCK_ROWS) {
-            let part = |column: &[T; N]| {
-                let rows = column.get(first..).unwrap_or_default();
-                Column::from(core::array::from_fn(|i| rows.get(i).copied().unwrap_or(T::ZERO)))
-            };
-            let Triangle { r, z } = &other.triangle;
-            let mut block = Block { columns: core::array::from_fn(|j| part(&r[j])), rhs: part(z) };
-            self.reduce(first, &mut block);
+        for part in 0..Self::PARTS {
+            self.merge_part(other, part);
         }
-        self.residual_sum_of_squares += other.residual_sum_of_squares;
-        self.rows = self.rows.saturating_add(other.rows);
+    }
+
+    /// Parts of a merge: twelve rows of the other triangle each.
+    pub(crate) const PARTS: usize = N.div_ceil(BLOCK_ROWS);
+
+    /// Does one part of a merge; all of them must be done, in their order.
+    #[inline(never)]
+    pub(crate) fn merge_part(&mut self, other: &Self, part: usize) {
+        let first = part * BLOCK_ROWS;
+        let mut block = Block::ZERO;
+        let Triangle { r, z } = &other.triangle;
+        // Below the diagonal there is nothing to be copied.
+        for (j, (target, column)) in block.columns.iter_mut().zip(r).enumerate().skip(first) {
+            let entries = column.get(first..=j).unwrap_or_default();
+            for (slot, entry) in target.rows.iter_mut().zip(entries) {
+                *slot = *entry;
+            }
+        }
+        for (slot, entry) in block.rhs.rows.iter_mut().zip(z.get(first..).unwrap_or_default()) {
+            *slot = *entry;
+        }
+        self.reduce(first, &mut block);
+        if part + 1 == Self::PARTS {
+            self.residual_sum_of_squares += other.residual_sum_of_squares;
+            self.rows = self.rows.saturating_add(other.rows);
+        }
     }
 
     /// Rows of the upper triangle one after the other, then z, then the residual sum of squares.
@@ -167,6 +205,15 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
             .flat_map(move |i| r.iter().skip(i).map(move |column| column[i]))
             .chain(z.iter().copied())
             .chain(core::iter::once(self.residual_sum_of_squares))
+    }
+
+    /// Row `i` of `[R z]` from the diagonal on. Empty if there is no such row.
+    pub fn row(&self, i: usize) -> impl Iterator<Item = T> + '_ {
+        let Triangle { r, z } = &self.triangle;
+        r.iter()
+            .chain(core::iter::once(z))
+            .skip(i.min(N + 1))
+            .filter_map(move |column| column.get(i).copied())
     }
 
     /// The inverse of [`Self::entries`]. `None` if there are not [`Self::ENTRIES`] finite numbers, a diagonal

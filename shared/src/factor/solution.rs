@@ -49,60 +49,100 @@ fn rank_floor<T: Scalar>(n: usize) -> T {
     T::EPSILON * T::from_u32(n as u32)
 }
 
-impl<T: Scalar, const N: usize> Solution<T, N> {
-    pub(super) fn of(factor: &InformationFactor<T, N>) -> Self {
-        let Scaled { scale, jacobi } = Scaled::of(factor, &[true; N]);
-        let mut most = T::ZERO;
-        for s2 in jacobi.squares {
-            most = most.max(s2);
+/// Solves a factor of at most `M` parameters in steps of bounded size: [`Self::begin`], [`Self::rotate`] until it is done,
+/// [`Self::finish`]. [`InformationFactor::solve`] does it in one go, with the same operations.
+#[derive(Clone, Copy, Debug)]
+pub struct Solver<T: Scalar, const M: usize> {
+    scaled: Scaled<T, M>,
+    z: [T; M],
+    n: usize,
+}
+
+impl<T: Scalar, const M: usize> Solver<T, M> {
+    /// Solves nothing yet. All bits are zero.
+    pub const UNUSED: Self = Self { scaled: Scaled::EMPTY, z: [T::ZERO; M], n: 0 };
+
+    /// Begins with this factor, of no more than `M` parameters.
+    pub fn begin<const N: usize>(&mut self, factor: &InformationFactor<T, N>) {
+        const { assert!(N <= M, "no more parameters than there is room for") }
+        self.scaled.begin(factor, &[true; N]);
+        self.n = N;
+        for (to, z) in self.z.iter_mut().zip(factor.z()) {
+            *to = *z;
         }
-        let floor = rank_floor::<T>(N) * rank_floor::<T>(N) * most;
+    }
+
+    /// Rotates so many pairs of the scaled triangle's columns. True when none needs it any more.
+    pub fn rotate(&mut self, pairs: usize) -> bool {
+        self.scaled.jacobi.rotate_pairs(pairs)
+    }
+
+    /// The solution when everything is rotated; numbers beyond the factor's parameters are zero.
+    pub fn finish(&mut self) -> Solution<T, M> {
+        self.scaled.jacobi.measure();
+        let (Scaled { scale, jacobi }, n) = (&self.scaled, self.n);
+        let mut most = T::ZERO;
+        for s2 in jacobi.squares.iter().take(n) {
+            most = most.max(*s2);
+        }
+        let floor = rank_floor::<T>(n) * rank_floor::<T>(n) * most;
         // A share of a lost direction larger than rounding can explain.
         let share = T::EPSILON.sqrt() * T::from_u32(3);
-        let mut solution = Self {
-            estimate: [T::ZERO; N],
-            standard_deviation: [T::ZERO; N],
-            determined: [true; N],
+        let mut solution = Solution {
+            estimate: [T::ZERO; M],
+            standard_deviation: [T::ZERO; M],
+            determined: [true; M],
             condition_number: T::ONE,
-            weakest_direction: [T::ZERO; N],
+            weakest_direction: [T::ZERO; M],
         };
         let mut least: Option<T> = None;
         let mut weakest: Option<T> = None;
-        for k in 0..N {
-            let (s2, direction) = (jacobi.squares[k], &jacobi.v[k]);
+        for ((s2, direction), w) in jacobi.squares.iter().zip(&jacobi.v).zip(&jacobi.w).take(n) {
+            let s2 = *s2;
             if weakest.is_none_or(|w| s2 < w) {
                 weakest = Some(s2);
                 solution.weakest_direction = *direction;
             }
             if s2 <= floor || s2 <= T::ZERO {
-                for (determined, v) in solution.determined.iter_mut().zip(direction) {
+                for (determined, v) in solution.determined.iter_mut().zip(direction).take(n) {
                     *determined &= v.abs() <= share;
                 }
                 continue;
             }
             least = Some(least.map_or(s2, |l| if s2 < l { s2 } else { l }));
             let mut projection = T::ZERO;
-            for (a, b) in jacobi.w[k].iter().zip(factor.z()) {
+            for (a, b) in w.iter().zip(&self.z).take(n) {
                 projection += *a * *b;
             }
             projection /= s2;
-            for j in 0..N {
-                solution.estimate[j] += direction[j] * projection;
-                solution.standard_deviation[j] += direction[j] * direction[j] / s2;
+            let sums = solution.estimate.iter_mut().zip(&mut solution.standard_deviation);
+            for ((estimate, variance), v) in sums.zip(direction).take(n) {
+                *estimate += *v * projection;
+                *variance += *v * *v / s2;
             }
         }
-        for j in 0..N {
-            if scale[j] > T::ZERO {
-                solution.estimate[j] /= scale[j];
-                solution.standard_deviation[j] = solution.standard_deviation[j].sqrt() / scale[j];
+        let all = solution.estimate.iter_mut().zip(&mut solution.standard_deviation);
+        for (((estimate, sd), determined), scale) in all.zip(&mut solution.determined).zip(scale).take(n) {
+            if *scale > T::ZERO {
+                *estimate /= *scale;
+                *sd = sd.sqrt() / *scale;
             } else {
-                solution.determined[j] = false;
+                *determined = false;
             }
         }
         if let Some(least) = least {
             solution.condition_number = (most / least).sqrt();
         }
         solution
+    }
+}
+
+impl<T: Scalar, const N: usize> Solution<T, N> {
+    pub(super) fn of(factor: &InformationFactor<T, N>) -> Self {
+        let mut solver = Solver::<T, N>::UNUSED;
+        solver.begin(factor);
+        while !solver.rotate(usize::MAX) {}
+        solver.finish()
     }
 }
 
@@ -141,7 +181,8 @@ pub(super) fn standard_deviations<T: Scalar, const N: usize>(r: &[[T; N]; N]) ->
         let mut square = T::ZERO;
         for k in j..N {
             let mut rest = if k == j { T::ONE } else { T::ZERO };
-            for (x, r) in x.iter().zip(&r[k]).take(k).skip(j) {
+            let (Some(known), Some(column)) = (x.get(j..k), r[k].get(j..k)) else { break };
+            for (x, r) in known.iter().zip(column) {
                 rest -= *x * *r;
             }
             x[k] = rest / r[k][k];
@@ -175,26 +216,39 @@ pub(super) fn well_determined<T: Scalar, const N: usize>(
     Some(phi)
 }
 
-/// The triangle with its columns scaled to unit length, decomposed.
-struct Scaled<T: Scalar, const N: usize> {
+/// The triangle of at most `M` parameters with its columns scaled to unit length, decomposed.
+#[derive(Clone, Copy, Debug)]
+struct Scaled<T: Scalar, const M: usize> {
     /// Column norms D of R; zero for a column that is empty or left out.
-    scale: [T; N],
+    scale: [T; M],
     /// Of `R D⁻¹`.
-    jacobi: Jacobi<T, N>,
+    jacobi: Jacobi<T, M>,
 }
 
-impl<T: Scalar, const N: usize> Scaled<T, N> {
-    fn of(factor: &InformationFactor<T, N>, columns: &[bool; N]) -> Self {
-        let mut scale = [T::ZERO; N];
-        let mut scaled = [[T::ZERO; N]; N];
-        for j in (0..N).filter(|j| columns[*j]) {
-            let column = factor.triangle.r[j];
-            let norm2 = dot(&column, &column);
-            if norm2 > T::TINY_SQUARE {
-                scale[j] = norm2.sqrt();
-                scaled[j] = column.map(|x| x / scale[j]);
+impl<T: Scalar, const M: usize> Scaled<T, M> {
+    const EMPTY: Self = Self { scale: [T::ZERO; M], jacobi: Jacobi::EMPTY };
+
+    fn of(factor: &InformationFactor<T, M>, columns: &[bool; M]) -> Self {
+        let mut scaled = Self::EMPTY;
+        scaled.begin(factor, columns);
+        while !scaled.jacobi.rotate_pairs(usize::MAX) {}
+        scaled.jacobi.measure();
+        scaled
+    }
+
+    /// Scales; the rotations are still to be done.
+    fn begin<const N: usize>(&mut self, factor: &InformationFactor<T, N>, columns: &[bool; N]) {
+        let targets = self.scale.iter_mut().zip(&mut self.jacobi.w);
+        for ((scale, w), (column, chosen)) in targets.zip(factor.triangle.r.iter().zip(columns)) {
+            (*scale, *w) = (T::ZERO, [T::ZERO; M]);
+            let norm2 = dot(column, column);
+            if *chosen && norm2 > T::TINY_SQUARE {
+                *scale = norm2.sqrt();
+                for (to, entry) in w.iter_mut().zip(column) {
+                    *to = *entry / *scale;
+                }
             }
         }
-        Self { scale, jacobi: Jacobi::of(scaled) }
+        self.jacobi.begin(N);
     }
 }

@@ -10,12 +10,15 @@ const SEGMENT_BLOCKS: (u32, u32) = (10, 50);
 const PARTS: usize = 5;
 
 /// How long rows are remembered. Seconds are those of rows taken in: they stand still where none are.
+///
+/// The tags begin at 1, which leaves 0 for `None`.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(u8)]
 pub enum Span<T> {
     /// What newer rows renew is forgotten with this time constant, s ([`Forgetting`]).
-    TimeConstant(T),
+    TimeConstant(T) = 1,
     /// The rows of so many seconds at most, of four fifths of it at least, and nothing else ([`Window`]).
-    Window(T),
+    Window(T) = 2,
 }
 
 /// 1 σ of the IMU per reading: what it alone brings into the rows is not excitation.
@@ -185,9 +188,19 @@ impl<T: Scalar, const N: usize> Memory<T, N> {
 
     /// Everything remembered.
     pub(crate) fn factor(&self) -> InformationFactor<T, N> {
+        let mut whole = InformationFactor::EMPTY;
+        for k in 0..PARTS {
+            self.fold(k, &mut whole);
+        }
+        whole
+    }
+
+    /// Takes the `k`th of five parts of what is remembered into a factor that began empty; there are no more.
+    pub(crate) fn fold(&self, k: usize, whole: &mut InformationFactor<T, N>) {
         match &self.kept {
-            Kept::Forgetting { memory, .. } => memory.factor(),
-            Kept::Window { window, .. } => window.factor(),
+            Kept::Forgetting { memory, .. } if k == 0 => *whole = memory.factor(),
+            Kept::Window { window, .. } if k < PARTS => window.fold(k, whole),
+            Kept::Forgetting { .. } | Kept::Window { .. } => {}
         }
     }
 }

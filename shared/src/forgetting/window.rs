@@ -50,10 +50,15 @@ impl<T: Scalar, const N: usize, const K: usize> Window<T, N, K> {
     pub fn factor(&self) -> InformationFactor<T, N> {
         let mut whole = InformationFactor::new();
         for k in 0..K {
-            if let Some(segment) = self.segments.get((self.next + k) % K) {
-                whole.merge(segment);
-            }
+            self.fold(k, &mut whole);
         }
         whole
+    }
+
+    /// Merges the `k`th oldest segment into a factor.
+    pub(crate) fn fold(&self, k: usize, whole: &mut InformationFactor<T, N>) {
+        if let Some(segment) = self.segments.get((self.next + k) % K) {
+            whole.merge(segment);
+        }
     }
 }

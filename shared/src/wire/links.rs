@@ -125,7 +125,7 @@ pub struct FrameReport {
     pub last_link: u8,
 }
 
-/// A row of a tree's factor that is no longer on the device.
+/// A row of a factor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct FactorRow {
     /// The row.
@@ -134,7 +134,7 @@ pub struct FactorRow {
     pub parameters: u8,
     /// From the diagonal on, then the right-hand side.
     pub entries: Vec<f32, { MAX_TREE_PARAMETERS + 1 }>,
-    /// With row 0: the sum of squares that no parameters explain, of all rows since it was last taken.
+    /// With row 0: the sum of squares that no parameters explain. Of a tree: of all rows since it was last taken.
     pub residual_sum_of_squares: f32,
     /// With row 0: how many these were.
     pub rows: u32,

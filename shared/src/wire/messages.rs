@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::links::{FactorRow, FrameReport, LINK_BATCH, LinkBatch, LinkReadingMessage, ModelSettings};
 
 /// Version of framing and header; another one is refused by both sides.
-pub const PROTOCOL_VERSION: u8 = 3;
+pub const PROTOCOL_VERSION: u8 = 4;
 
 /// Hash of all message types: equal on both sides if they understand each other.
 pub const SCHEMA_HASH: u64 =
@@ -45,15 +45,13 @@ pub enum Command {
     ReadSettings,
     /// What happened so far.
     ReadCounters,
-    /// The estimate now.
+    /// The estimate now, while no samples of the sensors are absorbed: making it takes as long as several. Else there is
+    /// [`Telemetry::Estimate`].
     ReadEstimate,
-    /// Numbers of the information factor from this one on; 0 takes a new snapshot of it.
-    ReadFactor {
-        /// Index of the first number wanted.
-        offset: u16,
-    },
-    /// Hand over a row of a tree's factor: it is taken out of the device, and a repeat of the command is answered from
-    /// memory as every other. Row 0 begins: what waits is absorbed first, and the level's frames are counted anew.
+    /// Hand over a row of the factor. Row 0 begins. Of one body and of two links it is the factor of everything absorbed up
+    /// to row 0, and the device keeps what it has. A tree's is taken out of the device, and a repeat of the command is
+    /// answered from memory as every other; with row 0 what waits is absorbed first, and the level's frames are counted
+    /// anew.
     TakeRow {
         /// The row, and so the first parameter with a coefficient in it.
         row: u8,
@@ -79,8 +77,6 @@ pub enum Reply {
     Counters(CounterReport),
     /// To `ReadEstimate`.
     Estimate(EstimateReport),
-    /// To `ReadFactor`.
-    Factor(FactorChunk),
     /// To `TakeRow`.
     Row(FactorRow),
     /// To `Inject`: the index of the reading expected next.
@@ -113,11 +109,6 @@ pub enum ErrorCode {
     },
     /// 6: nothing has been estimated yet.
     NoEstimate,
-    /// 7: the offset is beyond the end.
-    BadOffset {
-        /// How many numbers there are.
-        total: u16,
-    },
     /// 8: the sensors did not come up; see the state.
     Sensors,
     /// 9: the command is older than one that was answered: a copy that was late. It was not obeyed.
@@ -134,7 +125,6 @@ impl ErrorCode {
             Self::BadSetting(_) => 4,
             Self::OutOfOrder { .. } => 5,
             Self::NoEstimate => 6,
-            Self::BadOffset { .. } => 7,
             Self::Sensors => 8,
             Self::Stale => 9,
         }
@@ -381,8 +371,6 @@ pub struct ReadingMessage {
 pub const INJECT_BATCH: usize = 16;
 /// Readings per batch from the device.
 pub const STREAM_BATCH: usize = 8;
-/// Numbers of the factor per chunk.
-pub const FACTOR_CHUNK: usize = 64;
 
 /// Readings of a recording, in order.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
@@ -494,19 +482,26 @@ pub struct EstimateReport {
     pub last: ReadingMessage,
 }
 
-/// A part of the factor: the triangle row by row, z, the residual sum of squares.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
-pub struct FactorChunk {
-    /// Parameters: 10 or 16, 19 or 25.
-    pub parameters: u8,
-    /// Scalar rows absorbed.
-    pub rows: u32,
-    /// How many numbers there are in all.
-    pub total: u16,
-    /// Index of the first one here.
-    pub offset: u16,
-    /// The numbers.
-    pub entries: Vec<f32, FACTOR_CHUNK>,
+impl EstimateReport {
+    /// Tells nothing yet.
+    pub const EMPTY: Self = Self {
+        readings: 0,
+        time_ns: 0,
+        blocks: 0,
+        estimate: Vec::new(),
+        consistency: Consistency::NotDetermined,
+        distance_sd: 0.0,
+        standard_deviation: Vec::new(),
+        determined: 0,
+        condition_number: 0.0,
+        innovation_rms: [0.0; 6],
+        last: ReadingMessage {
+            time_ns: 0,
+            wrench: [0.0; 6],
+            specific_force: [0.0; 3],
+            angular_rate: [0.0; 3],
+        },
+    };
 }
 
 /// Device to host, unasked; yields to answers and is dropped, and counted, when there is no room.

@@ -165,16 +165,6 @@ fn row() -> FactorRow {
     }
 }
 
-fn factor() -> FactorChunk {
-    FactorChunk {
-        parameters: 10,
-        rows: 11_940,
-        total: 66,
-        offset: 64,
-        entries: [1.5, -2.5].into_iter().collect(),
-    }
-}
-
 /// Every message once.
 pub fn samples() -> Vec<(&'static str, Message)> {
     let command = Message::Command;
@@ -202,14 +192,12 @@ pub fn samples() -> Vec<(&'static str, Message)> {
         ("command_read_settings", command(Command::ReadSettings)),
         ("command_read_counters", command(Command::ReadCounters)),
         ("command_read_estimate", command(Command::ReadEstimate)),
-        ("command_read_factor", command(Command::ReadFactor { offset: 64 })),
         ("command_heartbeat", command(Command::Heartbeat)),
         ("reply_done", reply(Reply::Done)),
         ("reply_hello", reply(Reply::Hello(identity()))),
         ("reply_settings", reply(Reply::Settings(settings()))),
         ("reply_counters", reply(Reply::Counters(counters()))),
         ("reply_estimate", reply(Reply::Estimate(estimate()))),
-        ("reply_factor", reply(Reply::Factor(factor()))),
         ("reply_row", reply(Reply::Row(row()))),
         ("reply_injected", reply(Reply::Injected { next_index: 4099 })),
         ("error_unknown_command", refusal(ErrorCode::UnknownCommand)),
@@ -218,7 +206,6 @@ pub fn samples() -> Vec<(&'static str, Message)> {
         ("error_bad_setting", refusal(ErrorCode::BadSetting(SettingName::Noise(4)))),
         ("error_out_of_order", refusal(ErrorCode::OutOfOrder { expected: 4096 })),
         ("error_no_estimate", refusal(ErrorCode::NoEstimate)),
-        ("error_bad_offset", refusal(ErrorCode::BadOffset { total: 66 })),
         ("error_sensors", refusal(ErrorCode::Sensors)),
         ("error_stale", refusal(ErrorCode::Stale)),
         ("telemetry_announce", telemetry(Telemetry::Announce(identity()))),
@@ -273,13 +260,6 @@ pub fn longest() -> Vec<(&'static str, Message)> {
     };
     let batch =
         InjectBatch { first_index: u32::MAX, readings: core::iter::repeat_n(widest, INJECT_BATCH).collect() };
-    let chunk = FactorChunk {
-        parameters: 16,
-        rows: u32::MAX,
-        total: u16::MAX,
-        offset: u16::MAX,
-        entries: core::iter::repeat_n(1.0, FACTOR_CHUNK).collect(),
-    };
     let stream = Telemetry::Readings {
         first: u32::MAX,
         readings: core::iter::repeat_n(widest, STREAM_BATCH).collect(),
@@ -294,7 +274,6 @@ pub fn longest() -> Vec<(&'static str, Message)> {
             "link_readings",
             Message::Telemetry(Telemetry::LinkReadings { first: u32::MAX, readings: pairs.collect() }),
         ),
-        ("factor", Message::Answer(Ok(Reply::Factor(chunk)))),
         ("readings", Message::Telemetry(stream)),
     ]
 }

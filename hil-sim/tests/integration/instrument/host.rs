@@ -121,16 +121,21 @@ impl Host {
 
     /// The factor, in f64, exactly.
     pub fn factor<const N: usize>(&mut self) -> InformationFactor<f64, N> {
-        let mut entries = Vec::new();
-        loop {
-            let Ok(Reply::Factor(chunk)) = self.ask(&Command::ReadFactor { offset: entries.len() as u16 })
-            else {
-                panic!("no factor")
+        let (mut rows, mut z, mut residual, mut count) = (Vec::new(), Vec::new(), 0.0, 0);
+        for row in 0.. {
+            let Ok(Reply::Row(mut taken)) = self.ask(&Command::TakeRow { row }) else {
+                panic!("no row {row}")
             };
-            entries.extend(chunk.entries.iter().map(|v| f64::from(*v)));
-            if entries.len() == usize::from(chunk.total) {
-                return InformationFactor::from_entries(entries, chunk.rows).unwrap();
+            if row == 0 {
+                (residual, count) = (taken.residual_sum_of_squares, taken.rows);
+            }
+            z.extend(taken.entries.pop());
+            rows.extend(taken.entries);
+            if row + 1 == taken.parameters {
+                break;
             }
         }
+        let entries = rows.into_iter().chain(z).chain([residual]);
+        InformationFactor::from_entries(entries.map(f64::from), count).unwrap()
     }
 }

@@ -4,9 +4,9 @@ use std::time::{Duration, Instant};
 
 use hexapod::MotionProgram;
 use rigident_shared::wire::{
-    Answer, Command, CounterReport, Decoder, ErrorCode, ImuSettings, Kind, LinkReadingMessage,
-    LoadCellSettings, MemorySettings, ModelSettings, ReadingMessage, Reason, Reply, Settings, Source,
-    StateName, Telemetry, TelemetrySettings, encode, frame,
+    Answer, Command, CounterReport, Decoder, ImuSettings, Kind, LinkReadingMessage, LoadCellSettings,
+    MemorySettings, ModelSettings, ReadingMessage, Reason, Reply, Settings, Source, StateName, Telemetry,
+    TelemetrySettings, encode, frame,
 };
 use rigident_sim::rig::{RigConfig, SharedRig};
 use rigident_sim::runner::Mcu;
@@ -112,14 +112,22 @@ impl<'a> Device<'a> {
 
     /// The factor's numbers.
     pub fn factor(&mut self) -> Vec<f32> {
-        let mut entries = Vec::new();
-        loop {
-            match self.ask(&Command::ReadFactor { offset: entries.len() as u16 }) {
-                Ok(Reply::Factor(chunk)) => entries.extend(chunk.entries),
-                Err(ErrorCode::BadOffset { total }) if usize::from(total) == entries.len() => return entries,
-                other => panic!("{other:?}"),
+        let (mut rows, mut z, mut residual) = (Vec::new(), Vec::new(), 0.0);
+        for row in 0.. {
+            let Ok(Reply::Row(mut taken)) = self.ask(&Command::TakeRow { row }) else {
+                panic!("no row {row}")
+            };
+            if row == 0 {
+                residual = taken.residual_sum_of_squares;
+            }
+            z.extend(taken.entries.pop());
+            rows.extend(taken.entries);
+            if row + 1 == taken.parameters {
+                break;
             }
         }
+        let entries = rows.into_iter().chain(z).chain([residual]);
+        entries.collect()
     }
 
     pub fn counters(&mut self) -> CounterReport {

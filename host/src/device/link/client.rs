@@ -4,8 +4,8 @@ use std::time::{Duration, Instant};
 
 use rigident_shared::wire::frame::MAX_FRAME;
 use rigident_shared::wire::{
-    Answer, Command, DecodeError, Decoder, ErrorCode, FactorChunk, Identity, Kind, PROTOCOL_VERSION, Reply,
-    SCHEMA_HASH, Telemetry, encode,
+    Answer, Command, DecodeError, Decoder, ErrorCode, Identity, Kind, PROTOCOL_VERSION, Reply, SCHEMA_HASH,
+    Telemetry, encode,
 };
 
 use super::Transport;
@@ -70,7 +70,6 @@ fn explain(code: &ErrorCode) -> String {
         ErrorCode::BadSetting(name) => format!("the setting {name:?} is impossible; nothing was changed"),
         ErrorCode::OutOfOrder { expected } => format!("it expects reading {expected}"),
         ErrorCode::NoEstimate => "nothing has been estimated yet".to_owned(),
-        ErrorCode::BadOffset { total } => format!("the factor has {total} numbers"),
         ErrorCode::Sensors => "its sensors do not come up: check their supply and wiring".to_owned(),
         ErrorCode::Stale => "a late copy of an earlier command came; it was not obeyed".to_owned(),
     }
@@ -224,7 +223,7 @@ impl Client {
         Ok(answers)
     }
 
-    /// Fetches the factor, chunk by chunk.
+    /// Fetches the factor, row by row.
     ///
     /// # Errors
     /// The link, or nothing absorbed yet.
@@ -238,22 +237,27 @@ impl Client {
     /// # Errors
     /// The link, or nothing absorbed yet.
     pub fn factor_numbers(&mut self) -> Result<(usize, Vec<f64>, u32), LinkError> {
-        let mut entries = Vec::new();
-        loop {
-            let offset = u16::try_from(entries.len()).map_err(|_| LinkError::Nonsense(FACTOR))?;
-            let reply = self.ask(FACTOR, &Command::ReadFactor { offset })?;
-            let Reply::Factor(FactorChunk { parameters, rows, total, offset: at, entries: part }) = reply
-            else {
+        let (mut rows, mut z) = (Vec::new(), Vec::new());
+        let (mut residual, mut count) = (0.0, 0);
+        for row in 0..=u8::MAX {
+            let Reply::Row(mut taken) = self.ask(FACTOR, &Command::TakeRow { row })? else {
                 return Err(LinkError::Nonsense(FACTOR));
             };
-            if at != offset || part.is_empty() {
+            let left = taken.parameters.checked_sub(row).filter(|left| *left > 0);
+            if taken.row != row || left.is_none_or(|left| usize::from(left) + 1 != taken.entries.len()) {
                 return Err(LinkError::Nonsense(FACTOR));
             }
-            entries.extend(part.iter().map(|v| f64::from(*v)));
-            if entries.len() >= usize::from(total) {
-                return Ok((usize::from(parameters), entries, rows));
+            if row == 0 {
+                (residual, count) = (taken.residual_sum_of_squares, taken.rows);
+            }
+            z.extend(taken.entries.pop());
+            rows.extend(taken.entries);
+            if left == Some(1) {
+                let entries = rows.into_iter().chain(z).chain([residual]).map(f64::from);
+                return Ok((usize::from(taken.parameters), entries.collect(), count));
             }
         }
+        Err(LinkError::Nonsense(FACTOR))
     }
 }
 
