@@ -19,11 +19,28 @@ const BUDGETS: [(&str, u32, f64, f64); 10] = [
     ("frame path", 128, f64::INFINITY, 840_000.0),
 ];
 
+/// Part, N, and instructions of the worst sample at most: steps of the stop check, slices of an estimate and all else that
+/// happens with it.
+const WORST: [(&str, u32, u64); 4] = [
+    ("path", 10, 12_000),
+    // A step of the stop check, or a slice, on top of a reading: 12 000 is the aim.
+    ("path", 16, 12_500),
+    ("path with estimates", 10, 12_000),
+    ("path with estimates", 16, 13_200),
+];
+
 /// Holds every budgeted case against its budget.
 ///
 /// # Errors
 /// Names all that are above it, and those that nobody measured.
 pub fn check(cases: &[Case]) -> Result<()> {
+    let worst = WORST.iter().filter_map(|(part, n, most)| {
+        let Some(case) = cases.iter().find(|c| c.reported.part == *part && c.reported.n == *n) else {
+            return Some(format!("{part} {n} is not measured"));
+        };
+        let worst = case.worst_instructions();
+        (worst > *most).then(|| format!("{}: {worst} instructions for the worst sample", case.name()))
+    });
     let broken: Vec<String> = BUDGETS
         .iter()
         .filter_map(|(part, n, most_instructions, most_cycles)| {
@@ -34,6 +51,7 @@ pub fn check(cases: &[Case]) -> Result<()> {
             (instructions > *most_instructions || cycles > *most_cycles)
                 .then(|| format!("{}: {instructions} instructions and {cycles} cycles a sample", case.name()))
         })
+        .chain(worst)
         .collect();
     if broken.is_empty() { Ok(()) } else { bail!("not what is promised: {}", broken.join("; ")) }
 }

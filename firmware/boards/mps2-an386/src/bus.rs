@@ -33,11 +33,12 @@ impl Pipes {
     /// # Panics
     /// If they are not given or cannot be opened: there is nothing to run on.
     pub fn open() -> Self {
-        let arguments = env::args::<{ 4 * PATH_BYTES }>().expect("semihosting gives a command line");
+        // Not `expect`, which would take the formatting code of the errors along.
+        let Ok(arguments) = env::args::<{ 4 * PATH_BYTES }>() else { panic!("semihosting gives a command line") };
         let mut paths = (&arguments).skip(1);
         let mut next = || {
             let mut path = [0; PATH_BYTES];
-            let given = paths.next().expect("two pipes on the command line").expect("a path in UTF-8");
+            let Some(Ok(given)) = paths.next() else { panic!("two pipes on the command line") };
             // The last byte stays zero.
             for (to, from) in path.iter_mut().take(PATH_BYTES - 1).zip(given.bytes()) {
                 *to = from;
@@ -45,12 +46,15 @@ impl Pipes {
             path
         };
         let (request, answer) = (next(), next());
-        let name = |path| CStr::from_bytes_until_nul(path).expect("the last byte is zero");
-        Self {
-            request: File::create(name(&request)).expect("the pipe for requests opens"),
-            answer: File::open(name(&answer)).expect("the pipe for answers opens"),
-            frame: [0; FRAME_BYTES],
-        }
+        let (Ok(request), Ok(answer)) =
+            (CStr::from_bytes_until_nul(&request), CStr::from_bytes_until_nul(&answer))
+        else {
+            panic!("the last byte is zero")
+        };
+        let (Ok(request), Ok(answer)) = (File::create(request), File::open(answer)) else {
+            panic!("both pipes open")
+        };
+        Self { request, answer, frame: [0; FRAME_BYTES] }
     }
 
     /// Asks what happened next. Ends the run if the simulator is gone or talks nonsense.

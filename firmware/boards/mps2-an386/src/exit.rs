@@ -30,7 +30,11 @@ fn panic(info: &PanicInfo) -> ! {
     cortex_m::interrupt::disable();
     // A panic inside the logger must not log again.
     if !PANICKED.swap(true, Ordering::Relaxed) {
-        defmt::error!("{}", defmt::Display2Format(info));
+        // Where, not what: the words would take the formatting code of `core` along.
+        match info.location() {
+            Some(location) => defmt::error!("panicked at {=str}:{=u32}", location.file(), location.line()),
+            None => defmt::error!("panicked"),
+        }
     }
     semihosting::process::exit(PANIC_STATUS)
 }

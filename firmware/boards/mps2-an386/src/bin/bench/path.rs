@@ -17,6 +17,10 @@ const SAMPLES: u32 = 1000;
 /// The worst is looked for in so many: at one block in ten samples the cascade's second level is merged once in
 /// 100 000 samples.
 const SEARCH: u32 = 101_000;
+/// Bytes that a serial port of 1 MBd takes away in a millisecond.
+const LINE_BYTES: usize = 100;
+/// With estimates, in so many: some eighty estimates, a look with each fiftieth block, all slices of both.
+const ESTIMATES_SEARCH: u32 = 20_000;
 /// Different samples, gone through again and again.
 const WORDS: usize = 64;
 /// From so many parameters on it is two links.
@@ -31,17 +35,15 @@ pub fn decoded(bench: &Bench, path: &mut Path, n: usize) {
 }
 
 /// The same with an estimate four times a second, its solution and the nearest body in it, and with all readings, too.
-/// What is sent is taken away at once.
+/// What is sent is taken away as fast as a serial port of 1 MBd does.
 #[inline(never)]
 pub fn with_telemetry(bench: &Bench, path: &mut Path, n: usize) {
     let estimates = TelemetrySettings { estimate_every_blocks: 25, ..SILENT };
     let everything = TelemetrySettings { stream_readings: true, ..estimates };
     for (part, telemetry) in [("path with estimates", estimates), ("path with all telemetry", everything)] {
-        telling(bench, path, part, n, telemetry, 0, |app| {
-            let mut sent = [0; frame::MAX_FRAME];
-            while app.tx_pending() > 0 {
-                app.poll_tx(&mut sent);
-            }
+        telling(bench, path, part, n, telemetry, ESTIMATES_SEARCH, |app| {
+            let mut sent = [0; LINE_BYTES];
+            app.poll_tx(&mut sent);
         });
     }
 }
