@@ -33,23 +33,33 @@ pub fn build(core: Core, features: &[&str]) -> Result<PathBuf> {
     Ok(elf)
 }
 
+/// What `cargo build` is told for an image that identifies nothing but one body.
+const BODY_ONLY: &str = "--no-default-features";
+
+/// Builds the board's main binary for one body alone, and leaves the one that the simulator finds as it is.
+pub fn build_body_only(core: Core) -> Result<PathBuf> {
+    build_binary(core, FIRMWARE, &[BODY_ONLY])
+}
+
 /// Builds the board's main binary and leaves the one that the simulator finds as it is.
 pub fn build_apart(core: Core) -> Result<PathBuf> {
     build_binary(core, FIRMWARE, &[])
 }
 
-/// Builds one binary of the board crate and keeps its ELF where builds with other features do not replace it.
+/// Builds one binary of the board crate with these features, or options of `cargo build`, and keeps its ELF where builds with other features do not replace it.
 pub fn build_binary(core: Core, binary: &str, features: &[&str]) -> Result<PathBuf> {
     let mut command = toolchain::board_cargo(core, "build", &places::board());
     command.args(["--release", "--bin", binary]);
+    let (options, features): (Vec<&str>, Vec<&str>) = features.iter().partition(|f| f.starts_with("--"));
+    command.args(&options);
     if !features.is_empty() {
         command.arg("--features").arg(features.join(","));
     }
     process::run(&mut command)?;
     let built = toolchain::build_folder(core).join(TARGET).join("release").join(binary);
     let mut name = format!("{binary}-{core}");
-    for feature in features {
-        name = format!("{name}-{feature}");
+    for part in options.iter().map(|option| option.trim_start_matches('-')).chain(features) {
+        name = format!("{name}-{part}");
     }
     let kept = places::own().join("elf").join(name).with_extension("elf");
     copy(&built, &kept)?;

@@ -1,6 +1,7 @@
-//! The verb `size`: flash, RAM and worst stack of the firmware, against a golden file.
+//! The verb `size`: flash, RAM and worst stack of the firmware, of each image against a golden file, and what
+//! flash is promised at most.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use serde::{Deserialize, Serialize};
@@ -22,7 +23,7 @@ pub struct Options {
     /// Print JSON on standard output.
     #[arg(long)]
     pub json: bool,
-    /// Print the way to the deepest stack.
+    /// Print the way to the deepest stack of the whole image.
     #[arg(long)]
     pub way: bool,
 }
@@ -35,6 +36,17 @@ struct Sizes {
     worst_stack_bytes: u64,
 }
 
+/// The images that are measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+struct Images {
+    /// With everything.
+    whole: Sizes,
+    /// Without the features `links` and `frames`: one body alone.
+    body_only: Sizes,
+}
+
+/// Flash at most: of the whole image, and of the one for a body alone.
+const MOST_FLASH_BYTES: (u64, u64) = (300_000, 200_000);
 /// How far a size may be from the golden file's: a part, and bytes on top for small ones.
 const TOLERANCE: (f64, u64) = (0.05, 64);
 /// Bytes an exception saves by itself with the floating-point context, and one word to align.
@@ -43,30 +55,55 @@ const EXCEPTION_FRAME: u32 = 26 * 4 + 4;
 /// Measures, prints and compares.
 pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     let core = toolchain::choose(core)?;
-    let program = Program::read(&firmware::build(core, &[])?)?;
-    let (main, handlers) = depths(&program)?;
-    let worst = worst_stack(&main, &handlers);
-    let room = stack_room(&program)?;
-    if worst > room {
-        bail!("the worst stack is {worst} bytes, and there is room for {room}");
-    }
-    let sizes =
-        Sizes { flash_bytes: program.memory.flash, ram_bytes: program.memory.ram, worst_stack_bytes: worst };
+    let whole = measure(&firmware::build(core, &[])?, options.way)?;
+    let body_only = measure(&firmware::build_body_only(core)?, false)?;
+    let images = Images { whole, body_only };
     if options.json {
-        println!("{}", serde_json::to_string(&sizes)?);
+        println!("{}", serde_json::to_string(&images)?);
     } else {
-        println!("| | bytes |\n|---|---|");
-        println!("| flash | {} |", sizes.flash_bytes);
-        println!("| RAM, static | {} |", sizes.ram_bytes);
-        println!("| worst stack, bound by the call graph | {} |", sizes.worst_stack_bytes);
+        println!("| bytes | whole image | one body alone |\n|---|---|---|");
+        let row = |what: &str, of: fn(&Sizes) -> u64| {
+            println!("| {what} | {} | {} |", of(&whole), of(&body_only));
+        };
+        row("flash", |sizes| sizes.flash_bytes);
+        row("RAM, static", |sizes| sizes.ram_bytes);
+        row("worst stack, bound by the call graph", |sizes| sizes.worst_stack_bytes);
     }
-    if options.way {
+    hold(&images)?;
+    compare(&images, options.overwrite)
+}
+
+/// The sizes of a linked image, whose worst stack must find room.
+fn measure(elf: &Path, way: bool) -> Result<Sizes> {
+    let program = Program::read(elf)?;
+    let (main, handlers) = depths(&program)?;
+    if way {
         for depth in std::iter::once(&main).chain(&handlers) {
             eprintln!("{} bytes:", depth.bytes);
             depth.way.iter().for_each(|(name, own)| eprintln!("  {own:6}  {name}"));
         }
     }
-    compare(sizes, options.overwrite)
+    let worst = worst_stack(&main, &handlers);
+    let room = stack_room(&program)?;
+    if worst > room {
+        bail!("the worst stack is {worst} bytes, and there is room for {room}");
+    }
+    Ok(Sizes { flash_bytes: program.memory.flash, ram_bytes: program.memory.ram, worst_stack_bytes: worst })
+}
+
+/// Holds the images against what is promised.
+fn hold(images: &Images) -> Result<()> {
+    let (whole, body_only) = MOST_FLASH_BYTES;
+    let pairs =
+        [("whole image", images.whole, whole), ("image for one body alone", images.body_only, body_only)];
+    let above: Vec<String> = pairs
+        .into_iter()
+        .filter(|(_, sizes, most)| sizes.flash_bytes > *most)
+        .map(|(what, sizes, most)| {
+            format!("the {what} takes {} bytes of flash, {most} at most", sizes.flash_bytes)
+        })
+        .collect();
+    if above.is_empty() { Ok(()) } else { bail!("not what is promised: {}", above.join("; ")) }
 }
 
 /// The worst stack of a program, bytes.
@@ -84,29 +121,38 @@ fn golden() -> PathBuf {
     places::root().join("xtask/golden/size.json")
 }
 
-fn compare(sizes: Sizes, overwrite: bool) -> Result<()> {
+fn compare(images: &Images, overwrite: bool) -> Result<()> {
     let path = golden();
     if overwrite {
         std::fs::create_dir_all(path.parent().unwrap_or(places::root()))?;
-        return Ok(std::fs::write(&path, serde_json::to_string_pretty(&sizes)? + "\n")?);
+        return Ok(std::fs::write(&path, serde_json::to_string_pretty(images)? + "\n")?);
     }
     let text = std::fs::read_to_string(&path)
         .with_context(|| format!("no {}; make it with `cargo xtask size --overwrite`", path.display()))?;
-    let before: Sizes = serde_json::from_str(&text)?;
-    let pairs = [
-        ("flash", before.flash_bytes, sizes.flash_bytes),
-        ("RAM", before.ram_bytes, sizes.ram_bytes),
-        ("worst stack", before.worst_stack_bytes, sizes.worst_stack_bytes),
-    ];
-    let off: Vec<String> = pairs
-        .into_iter()
-        .filter(|&(_, golden, now)| golden.abs_diff(now) > (golden as f64 * TOLERANCE.0) as u64 + TOLERANCE.1)
-        .map(|(what, golden, now)| format!("{what} was {golden} and is {now}"))
-        .collect();
+    let before: Images = serde_json::from_str(&text)?;
+    let off: Vec<String> =
+        [("whole image", before.whole, images.whole), ("one body", before.body_only, images.body_only)]
+            .iter()
+            .flat_map(|(image, before, now)| differences(image, before, now))
+            .collect();
     if off.is_empty() {
         return Ok(());
     }
     bail!("{}; if that is meant, `cargo xtask size --overwrite`", off.join(", "))
+}
+
+/// What is further from the golden file than the two compilers are from each other.
+fn differences(image: &str, before: &Sizes, now: &Sizes) -> Vec<String> {
+    let pairs = [
+        ("flash", before.flash_bytes, now.flash_bytes),
+        ("RAM", before.ram_bytes, now.ram_bytes),
+        ("worst stack", before.worst_stack_bytes, now.worst_stack_bytes),
+    ];
+    pairs
+        .into_iter()
+        .filter(|&(_, golden, now)| golden.abs_diff(now) > (golden as f64 * TOLERANCE.0) as u64 + TOLERANCE.1)
+        .map(|(what, golden, now)| format!("{image}: {what} was {golden} and is {now}"))
+        .collect()
 }
 
 /// Bytes between the static variables and the top of the stack.
