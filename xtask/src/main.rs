@@ -15,6 +15,7 @@ mod places;
 mod process;
 mod setup;
 mod size;
+mod structure;
 mod tables;
 mod testing;
 mod toolchain;
@@ -55,6 +56,8 @@ enum Verb {
     Fuzz(fuzz::Options),
     /// Hold what the program prints against what it printed once.
     Goldens(goldens::Options),
+    /// Look at the sources: no circles among folders, no unguarded code for Unix alone, sizes of factors in one file.
+    Structure,
     /// Make the tables of docs/estimation.md, docs/platform.md and docs/trees.md anew.
     Tables(tables::Options),
 }
@@ -81,6 +84,7 @@ fn run(verb: &Verb, core: Option<Core>) -> anyhow::Result<()> {
         Verb::BadEnds => emulator::bad_ends(toolchain::choose(core)?),
         Verb::Fuzz(options) => fuzz::run(options),
         Verb::Goldens(options) => goldens::run(options),
+        Verb::Structure => structure::run(),
         Verb::Tables(options) => tables::run(options),
     }
 }
