@@ -14,6 +14,7 @@ use crate::places;
 use crate::process::{self, Steps};
 use crate::setup;
 use crate::size;
+use crate::structure;
 use crate::testing::{Counts, Surroundings};
 use crate::toolchain::{self, Core};
 
@@ -35,6 +36,7 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     steps.run("set-up", || setup::run(core));
     let chosen = steps.run("choice of core", || toolchain::choose(core));
     formatting(&mut steps);
+    steps.run("structure", structure::run);
     steps.run("clippy, host", || {
         clippy_strictly(process::cargo(places::root()).args([
             "clippy",
@@ -43,6 +45,7 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
             "--all-targets",
         ]))
     });
+    feature_sets(&mut steps);
     let elf = chosen.and_then(|core| {
         steps.run("clippy, board", || {
             clippy_strictly(toolchain::board_cargo(core, "clippy", &places::board()).arg("--release"))
@@ -100,6 +103,17 @@ fn formatting(steps: &mut Steps) {
     ];
     for (name, folder, arguments) in workspaces {
         steps.run(&format!("format, {name}"), || process::run(process::cargo(&folder).args(arguments)));
+    }
+}
+
+/// Checks the host's library and program with fewer features than the default ones.
+fn feature_sets(steps: &mut Steps) {
+    for features in [&["--no-default-features"][..], &["--no-default-features", "--features", "simulator"]] {
+        steps.run(&format!("check, {}", features.join(" ")), || {
+            let mut command = process::cargo(places::root());
+            command.args(["check", "--release", "--quiet", "--package", "rigident"]).args(features);
+            process::run(&mut command)
+        });
     }
 }
 

@@ -97,7 +97,7 @@ impl Crate {
         Ok(())
     }
 
-    /// Every path that leads from one module of the crate to another.
+    /// Returns every path that leads from one module of the crate to another.
     pub fn references(&self) -> BTreeSet<Reference> {
         let names: BTreeSet<Name> = self.modules.iter().map(|m| m.name.clone()).collect();
         let mut imports: BTreeMap<(Name, String), Vec<String>> = BTreeMap::new();
@@ -121,7 +121,7 @@ impl Crate {
         found
     }
 
-    /// Files with code that only Unix has and that nothing guards, each with a path of it.
+    /// Returns files with code that only Unix has and that nothing guards, each with a path of it.
     pub fn unguarded_unix(&self) -> BTreeSet<(PathBuf, String)> {
         self.modules
             .iter()
@@ -136,7 +136,7 @@ impl Crate {
             .collect()
     }
 
-    /// Files in which a path ends with one of these names.
+    /// Returns files in which a path ends with one of these names.
     pub fn files_naming(&self, last: &[&str]) -> BTreeSet<PathBuf> {
         let names = |module: &&Module| {
             let mut paths = Paths::default();
@@ -151,7 +151,7 @@ fn starts_with(path: &[String], start: &[&str]) -> bool {
     path.len() >= start.len() && path.iter().zip(start).all(|(a, b)| a == b)
 }
 
-/// The module that a path in `from` leads to, through imports; `None` if it leads out of the crate.
+/// Returns the module that a path in `from` leads to, through imports; `None` if it leads out of the crate.
 fn target(
     path: &[String],
     from: &Name,
@@ -194,7 +194,7 @@ fn target(
     Some(at)
 }
 
-/// Names that `use` brings into a module, and where from.
+/// Returns the names that `use` brings into a module, each with its path.
 fn imported(items: &[Item]) -> Vec<(String, Vec<String>)> {
     let mut found = Vec::new();
     for item in items {
@@ -288,6 +288,15 @@ impl<'a> Visit<'a> for Paths {
         });
     }
 
+    /// Takes the paths from the words: what a macro makes of its arguments is not parsed.
+    fn visit_macro(&mut self, call: &'a syn::Macro) {
+        let words = call.tokens.to_string().replace(" :: ", "::").replace(":: ", "::");
+        let paths = words.split(|c: char| !(c.is_alphanumeric() || c == '_' || c == ':'));
+        let paths = paths.filter(|path| path.contains("::") && !path.starts_with(':'));
+        self.found.extend(paths.map(|path| path.split("::").map(str::to_owned).collect()));
+        visit::visit_macro(self, call);
+    }
+
     fn visit_path(&mut self, path: &'a syn::Path) {
         self.found.insert(path.segments.iter().map(|s| s.ident.to_string()).collect());
         visit::visit_path(self, path);
@@ -325,7 +334,7 @@ fn expression_attributes(expression: &Expr) -> &[Attribute] {
     }
 }
 
-/// The words between the brackets of every `cfg`.
+/// Returns the words between the brackets of every `cfg`.
 fn conditions(attributes: &[Attribute]) -> impl Iterator<Item = String> + '_ {
     attributes.iter().filter(|a| a.path().is_ident("cfg")).filter_map(|a| {
         let list = a.meta.require_list().ok()?;
@@ -333,20 +342,20 @@ fn conditions(attributes: &[Attribute]) -> impl Iterator<Item = String> + '_ {
     })
 }
 
-/// Whether something is there for tests alone.
+/// Tells whether something is there for tests alone.
 fn is_test(attributes: &[Attribute]) -> bool {
     attributes.iter().any(|a| a.path().is_ident("test"))
         || conditions(attributes).any(|c| c == "test" || c.starts_with("all (test"))
 }
 
-/// Whether something is there on Unix alone, or with the feature that is.
+/// Tells whether something is there on Unix alone, or with the feature that is.
 fn is_unix_only(attributes: &[Attribute]) -> bool {
     conditions(attributes).any(|c| {
         !c.starts_with("not") && ["unix", "target_os", "\"emulator\""].iter().any(|word| c.contains(word))
     })
 }
 
-/// The file that `#[path = "…"]` names.
+/// Returns the file that `#[path = "…"]` names.
 fn path_of(attributes: &[Attribute]) -> Option<String> {
     let value = &attributes.iter().find(|a| a.path().is_ident("path"))?.meta.require_name_value().ok()?.value;
     match value {
