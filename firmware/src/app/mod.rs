@@ -175,6 +175,8 @@ struct Run {
     hand_over: HandOver,
     /// The last reading was absorbed in no time to speak of: a slice of an estimate has room before the next.
     slice_fits: bool,
+    /// Ticks since the last sample.
+    idle_ticks: u8,
 }
 
 /// How far the factor is handed over to the host.
@@ -265,6 +267,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
     #[inline(never)]
     pub fn tick(&mut self, now_ns: u64) {
         self.advance(now_ns);
+        self.run.idle_ticks = self.run.idle_ticks.saturating_add(1);
         if !self.greeted {
             let due = self
                 .last_announced_ns

@@ -17,6 +17,9 @@ const BAD_TO_FAULT: u16 = 10;
 /// An estimate waits so long for the next row of a factor that the host has begun to take, ns.
 const HAND_OVER_NS: u64 = 1_000_000_000;
 
+/// After so many ticks without a sample the sensors are silent, and slices need not wait for the next one.
+const IDLE_TICKS: u8 = 8;
+
 impl<P: DerefMut<Target = Path>> App<P> {
     /// Takes gauge voltages with their capture time.
     pub fn on_gauges(&mut self, time_ns: u64, volts: [f32; 6]) {
@@ -123,6 +126,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
         if from_sensors != self.duty.from_sensors || self.state == StateName::Fault {
             return;
         }
+        self.run.idle_ticks = 0;
         let mut words = Some(words);
         while let Some(path) = self.path.samples_mut() {
             let Some(outcome) = sample_path(path, words.take()) else { return };
@@ -182,7 +186,8 @@ impl<P: DerefMut<Target = Path>> App<P> {
         let behind = core::mem::take(&mut self.run.path_behind);
         let stop_due = behind && self.path.samples_mut().is_some_and(SamplePath::catch_up);
         if self.is_busy_with_samples() {
-            if core::mem::take(&mut self.run.slice_fits) {
+            let idle = self.run.idle_ticks >= IDLE_TICKS;
+            if core::mem::take(&mut self.run.slice_fits) || idle {
                 self.slice();
             }
         } else {
