@@ -33,7 +33,7 @@ pub mod weakest;
 pub use context::{Context, DriveMotion, Links, StandardRequest};
 pub use new::AnswerError;
 pub use read::ReadError;
-pub use result::Answer;
+pub use result::{Answer, Drift, DriftChange, Source, Status, TimeBase, Tracking};
 
 use nalgebra::DMatrix;
 use rigident_shared::factor::InformationFactor;

@@ -102,11 +102,10 @@ fn left_out(fit: &Fit) -> (Vec<String>, Vec<String>) {
             if c.outliers == 1 { "counts" } else { "count" },
         )
     });
-    let rejected = fit.channels.iter().filter(|c| c.rejected > 0).map(|c| {
+    let rejected = fit.counts.rejected_by_signal.iter().filter(|(_, count)| *count > 0).map(|(signal, count)| {
         format!(
-            "{} rejected because of {}: saturated, frozen or not finite; check that sensor and its range",
-            counted(c.rejected as usize, "reading was", "readings were"),
-            c.channel.name
+            "{} rejected because of {signal}: saturated, frozen or not finite; check that sensor and its range",
+            counted(usize::try_from(*count).unwrap_or(usize::MAX), "reading was", "readings were"),
         )
     });
     (outliers.collect(), rejected.collect())

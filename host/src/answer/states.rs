@@ -23,15 +23,12 @@ use nalgebra::DVector;
 use super::context::Links;
 use super::derived::ten;
 use super::result::ParameterState;
+pub(crate) use crate::fit::LEAST_EXCITATION;
 use crate::fit::{Estimate, Fit, Kind, Measured, Owner};
 use crate::model::Model;
 
 /// U95 of an identified parameter is at most this share of the body's scale.
 pub const LARGEST_SHARE: f64 = 0.1;
-
-/// A column whose information is less than this many times what the noise of its own regressor would bring
-/// is not identified: noise in a regressor attenuates the estimate by the inverse of this ratio.
-pub(crate) const LEAST_EXCITATION: f64 = 20.0;
 
 /// Density of the most compact body considered, kg/m³ (steel): the sphere of the estimated mass bounds the
 /// body's size from below when neither its centre of mass nor its tensor does.

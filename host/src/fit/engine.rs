@@ -10,12 +10,16 @@ use super::outliers::{self, Reference, Watch, Weights};
 use super::residuals::{measured_rms, raw_sigma, residuals, rms};
 use super::{
     BlockResidual, ChannelFit, Convergence, Counts, DeviceFactor, Estimate, Factor, Fit, FitError,
-    FitOptions, Forgotten, Noise, NoiseCheck, Progress, RowBlocks, RowSet, RowSource, judge, parallel,
+    FitOptions, Forgotten, Kind, Noise, NoiseCheck, Progress, RowBlocks, RowSet, RowSource, judge, parallel,
     signal_noise,
 };
 
 /// Rounds of weights from residuals where no σ is stated: from the unweighted fit, then once more.
 const SIGMA_ROUNDS: usize = 2;
+
+/// A moment of inertia whose information is less than so many times what noise of the rates alone would bring is not
+/// informed: noise in a coefficient attenuates the estimate by the inverse of this ratio.
+pub const LEAST_EXCITATION: f64 = 20.0;
 
 /// Fits the parameters of a source to its rows.
 ///
@@ -169,6 +173,29 @@ impl<'a> Engine<'a> {
 
     fn no_weights(&self) -> Weights {
         Weights::none(self.source.channels().len())
+    }
+
+    /// Returns the information that noise of the rates alone brings to a moment of inertia in all row blocks, 1/(kg m²)².
+    fn spurious_information(&self, sigma: &[f64]) -> f64 {
+        let filter = self.blocks.filter();
+        self.blocks.len() as f64
+            * f64::from(filter.every)
+            * filter.derivative_noise_gain
+            * self.source.rate_sigma().powi(2)
+            / self.moment_sigma(sigma).powi(2)
+    }
+
+    /// Returns the estimate without the values of moments of inertia that noise of the rates alone may have brought: they
+    /// are drawn to nothing already, and what is left of them is noise.
+    fn without_spurious(&self, estimate: &Estimate, spurious_information: f64) -> Estimate {
+        let mut informed = estimate.clone();
+        for (j, parameter) in self.source.parameters().iter().enumerate() {
+            let information = 1.0 / estimate.covariance[(j, j)];
+            if parameter.kind == Kind::Inertia && information <= LEAST_EXCITATION * spurious_information {
+                informed.values[j] = 0.0;
+            }
+        }
+        informed
     }
 
     /// Returns what multiplies the rows of each channel where the noise's variance is `scale` times as large.
@@ -356,7 +383,9 @@ impl<'a> Engine<'a> {
                 coloured,
             );
         }
-        let bias = signal_noise::bias(self.source, &*self.blocks, &unscaled, &sigma)?.unwrap_or_default();
+        let spurious_information = conclusion.share * self.spurious_information(&sigma);
+        let informed = self.without_spurious(&unscaled, spurious_information);
+        let bias = signal_noise::bias(self.source, &*self.blocks, &informed, &sigma)?.unwrap_or_default();
         let by: Vec<f64> = (0..self.parameters)
             .map(|j| {
                 let white = estimate.covariance[(j, j)].max(0.0).sqrt();
@@ -393,7 +422,6 @@ impl<'a> Engine<'a> {
             autocorrelation: conclusion.coloured.iter().find(|k| k.channel == c).map(|k| k.found),
         });
         let channel_fits = channel_fits.collect();
-        let blocks = self.blocks.len() as f64;
         Ok(Fit {
             parameters: self.source.parameters().to_vec(),
             channels: channel_fits,
@@ -404,12 +432,7 @@ impl<'a> Engine<'a> {
             prior: None,
             inflation,
             signal_bias: bias,
-            spurious_information: conclusion.share
-                * blocks
-                * f64::from(filter.every)
-                * filter.derivative_noise_gain
-                * self.source.rate_sigma().powi(2)
-                / self.moment_sigma(&sigma).powi(2),
+            spurious_information,
             counts: Counts {
                 samples: counts.samples,
                 rejected: counts.rejected,

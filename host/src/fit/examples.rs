@@ -101,6 +101,7 @@ impl Run {
             unit: "N".into(),
             sigma: 0.5,
             gain_sigma: 0.0,
+            measured_rms: 10.0,
         });
         let source = FactorSource {
             recording: name.clone(),

@@ -79,6 +79,16 @@ impl Factor {
         Some(factor)
     }
 
+    /// Builds a factor from `[R z]` by columns, n × (n + 1), zero below the diagonal.
+    pub(crate) fn from_columns(
+        parameters: usize,
+        triangle: Vec<f64>,
+        residual_sum_of_squares: f64,
+        rows: u64,
+    ) -> Self {
+        Self { parameters, triangle, residual_sum_of_squares, rows }
+    }
+
     /// Returns the upper triangle by rows, then z, then the residual sum of squares.
     pub fn entries(&self) -> Vec<f64> {
         let n = self.parameters;

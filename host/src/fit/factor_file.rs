@@ -100,6 +100,8 @@ pub struct SourceChannel {
     pub sigma: f64,
     /// Standard deviation of its relative gain error, already eliminated from the factor; zero: none.
     pub gain_sigma: f64,
+    /// Root mean square of its filtered measurements, against which the uncertainty of an offset is judged.
+    pub measured_rms: f64,
 }
 
 /// One run in a factor: enough to judge the residuals of a merged one.
@@ -323,7 +325,11 @@ fn check(header: &Header) -> Result<(), FactorFileError> {
         {
             return refuse("a run without channels or with impossible noise");
         }
-        if source.channels.iter().any(|c| !positive(c.sigma) || !not_negative(c.gain_sigma)) {
+        if source
+            .channels
+            .iter()
+            .any(|c| !positive(c.sigma) || !not_negative(c.gain_sigma) || !not_negative(c.measured_rms))
+        {
             return refuse("a channel with an impossible σ");
         }
     }

@@ -33,7 +33,7 @@ mod standard;
 pub mod tare;
 
 pub use condition::{FILTER_WIDTH_S, Filter, RowBlocks, SampleCounts, filter_width_s, row_every};
-pub use engine::{fit, fit_device};
+pub use engine::{LEAST_EXCITATION, fit, fit_device};
 pub use estimate::{COVERAGE_95, Estimate, Measured, Noise};
 pub use factor::{Factor, Solution};
 pub use fingerprint::Fingerprint;

@@ -169,6 +169,7 @@ impl PooledFactor {
                     unit: c.channel.unit.clone(),
                     sigma: c.sigma,
                     gain_sigma: c.channel.gain_sigma,
+                    measured_rms: c.measured_rms,
                 })
                 .collect(),
         };
@@ -435,7 +436,7 @@ impl PooledFactor {
                 },
                 sigma: channel.sigma,
                 residual_rms: 0.0,
-                measured_rms: 0.0,
+                measured_rms: channel.measured_rms,
                 gain: 0.0,
                 outliers: 0,
                 rejected: 0,

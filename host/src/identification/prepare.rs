@@ -149,10 +149,6 @@ pub fn prepare(recording: &Recording) -> Result<Prepared, PrepareError> {
     let accel = imu.and_then(|i| i.accel.as_ref());
     let gyro = imu.and_then(|i| i.gyro.as_ref());
     let implausible = |error| PrepareError::Implausible { name: name(), error };
-    let dead = recording.dead_channels();
-    if !dead.is_empty() {
-        return Err(implausible(Implausible::Dead(dead)));
-    }
     if recording.is_static {
         let times = recording.extra.iter().find(|(column, _)| column == TIME);
         let times: Vec<f64> =
@@ -188,6 +184,10 @@ pub fn prepare(recording: &Recording) -> Result<Prepared, PrepareError> {
             ));
         }
     };
+    let dead = recording.dead_channels();
+    if !dead.is_empty() {
+        return Err(implausible(Implausible::Dead(dead)));
+    }
     let readings: Vec<Reading<f64>> = specific_force
         .iter()
         .zip(&wrench)

@@ -129,6 +129,11 @@ impl Problem {
         Ok(problem)
     }
 
+    /// Wraps a subject that is ready, with its rig file.
+    pub fn new(name: &str, rig: RigFile, subject: Subject) -> Self {
+        Self { name: name.to_owned(), rig, subject, notes: Vec::new(), clocks: None }
+    }
+
     /// Returns the rows.
     pub fn source(&self) -> &dyn RowSource {
         match &self.subject {

@@ -23,7 +23,7 @@ pub enum KnownError {
     },
     /// No such link, or several and none named.
     #[error(
-        "{name}: of which link? There are {}; write LINK.NAME=VALUE±SIGMA, and LINK:AXIS±SIGMA for a plane of symmetry",
+        "--known or --symmetry {name}: of which link? There are {}; write LINK.NAME=VALUE±SIGMA, and LINK:AXIS±SIGMA for a plane of symmetry",
         links_in_words(links)
     )]
     Link {

@@ -172,7 +172,13 @@ fn collect(value: &serde_json::Value, fields: &mut BTreeSet<String>) {
 
 #[test]
 fn every_part_of_a_factor_file_is_described() {
-    let channel = SourceChannel { name: "fx".to_owned(), unit: "N".to_owned(), sigma: 1.0, gain_sigma: 0.0 };
+    let channel = SourceChannel {
+        name: "fx".to_owned(),
+        unit: "N".to_owned(),
+        sigma: 1.0,
+        gain_sigma: 0.0,
+        measured_rms: 1.0,
+    };
     let run = FactorSource {
         recording: "a".to_owned(),
         recorded_unix_s: None,
