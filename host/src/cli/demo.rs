@@ -9,10 +9,10 @@ use rigident_sim::sensors::SensorModels;
 use super::arguments::{Demo, DemoBody, Demonstrated};
 use super::experiment::{Experiment, Watcher, device_notes};
 use super::link::configured;
+use super::loaded::Loaded;
 use super::memory_arguments::{self, RowsOf};
 use super::outcome::provenance;
 use super::{Failure, Folder, demo_links, programme, simulated};
-use crate::answer::assemble::Asked;
 use crate::device::link::Client;
 use crate::device::session::{DeviceTiming, Session, settings};
 use crate::identification::remembered::imu_noise;
@@ -35,7 +35,6 @@ pub(super) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
 
 fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
     let started = Instant::now();
-    let asked = Asked::parse(&arguments.output.estimate).map_err(Failure::input)?;
     let known = arguments.known.parse()?;
     let (config, body_name) = match body {
         DemoBody::Horizontal => (RigConfig::thesis_horizontal(), "test body with plates, horizontal"),
@@ -76,7 +75,6 @@ fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
     }
 
     let folder = Folder::new(arguments.output.out.as_deref(), "demo")?;
-    let recording = "demo".to_owned();
     let mut comments = device_notes(session.identity());
     comments.extend(provenance(&file));
     let expected = (duration_s * RATE_HZ) as usize;
@@ -94,25 +92,25 @@ fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
         let concluded = directing.concluded();
         (stages, decisions, warnings) = (concluded.stages, concluded.decisions, concluded.warnings);
     }
+    let loaded = Loaded::of_readings("demo", &file, std::mem::take(&mut take.readings), Some(RATE_HZ), false);
     Experiment {
-        followed: None,
         started,
-        asked: &asked,
-        rig: &file,
-        recording,
+        output: &arguments.output,
+        loaded,
         mcu,
-        rate_hz: RATE_HZ,
-        is_static: false,
-        gravity_columns: false,
+        is_filtered: true,
         sigma_given: true,
-        stages,
-        same_pose,
         identity: session.identity(),
         known: &known,
         tare: None,
-        memory,
+        span,
+        parameter_truth: None,
+        stages,
+        same_pose,
+        followed: None,
         decisions,
+        notes: Vec::new(),
         warnings,
     }
-    .conclude(take, &folder, arguments.output.json)
+    .conclude(take, &folder)
 }

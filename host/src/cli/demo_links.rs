@@ -11,9 +11,10 @@ use rigident_sim::sensors::SensorModels;
 
 use super::arguments::Demo;
 use super::demo::{QUIET, RATE_HZ};
-use super::experiment::{Watcher, device_notes};
+use super::experiment::{Experiment, Watcher, device_notes};
 use super::link::configured;
-use super::links::{LinksExperiment, check_asked};
+use super::links_on_device::{check_asked, refuse_on_device};
+use super::loaded::Loaded;
 use super::outcome::provenance;
 use super::refused::refuse_for_trees;
 use super::{Failure, Folder, simulated};
@@ -30,7 +31,6 @@ use crate::rig::{
     ImuTable, Joint, LinkTable, LoadCellTable, OffsetTable, OffsetWord, RecordingTable, RigFile,
 };
 use crate::simulated::person;
-use crate::trees::DeviceRows;
 
 /// Frames of a person so many a second.
 const FRAMES_HZ: f64 = 100.0;
@@ -40,7 +40,8 @@ const PLATES: [f64; 6] = [0.5, 0.5, 1.0, 0.1, 0.1, 0.1];
 const FRAMES_S: std::ops::RangeInclusive<f64> = 2.0..=3600.0;
 
 fn refuse_others(arguments: &Demo) -> Result<(), Failure> {
-    refuse_for_trees(&[&arguments.known, &arguments.remember, &arguments.course, &arguments.adaptive])
+    refuse_on_device(&arguments.remember, &arguments.course)?;
+    refuse_for_trees(&[&arguments.adaptive])
 }
 
 /// The device, greeted.
@@ -52,6 +53,7 @@ fn open(transport: Box<dyn crate::device::link::Transport>) -> Result<Session, F
 pub(super) fn two_links(arguments: &Demo) -> Result<ExitCode, Failure> {
     let started = Instant::now();
     refuse_others(arguments)?;
+    let known = arguments.known.parse()?;
     let mut config = RigConfig::two_links().with_seed(arguments.seed).with_rates(RATE_HZ, RATE_HZ);
     if arguments.ideal {
         let range = config.sensors.imu.gyro_range_radps;
@@ -71,7 +73,7 @@ pub(super) fn two_links(arguments: &Demo) -> Result<ExitCode, Failure> {
         second.base_parameters(&truth.body).into_iter().chain(truth.apparent_offset_n_nm).collect();
     let model = from_tables(&file.link, "two links").map_err(Failure::input)?;
     let (_, parameters) = device_tree(&model).map_err(Failure::input)?;
-    check_asked(&parameters, true, &arguments.output)?;
+    check_asked(&model, &parameters, true, &known, &arguments.output)?;
     let (program, _) = arguments.programme.program(&geometry, file.recording.gravity_mps2)?;
     let rig = rig.shared();
     let mut session = open(simulated::transport(arguments.mcu, &rig)?)?;
@@ -93,15 +95,24 @@ pub(super) fn two_links(arguments: &Demo) -> Result<ExitCode, Failure> {
     let mut watcher = Watcher::recording(folder.file("demo.mcap"), &file, &comments, expected)?;
     let mut take = session.follow(&mut platform, &mut watcher).map_err(Failure::link)?;
     watcher.end(&mut take);
-    LinksExperiment {
+    let read = two_links::recording("demo", &file, RATE_HZ, &take.links);
+    Experiment {
         started,
         output: &arguments.output,
-        model: &model,
-        recording: &two_links::recording("demo", &file, RATE_HZ, &take.links),
+        loaded: Loaded::of_links(&read, &model)?,
         mcu: simulated::name(arguments.mcu),
-        rows: DeviceRows::Filtered,
-        truth: Some(&truth),
+        is_filtered: true,
+        sigma_given: true,
+        identity: session.identity(),
+        known: &known,
+        tare: None,
+        span: None,
+        parameter_truth: Some(&truth),
+        stages: Vec::new(),
+        same_pose: None,
         followed: None,
+        decisions: Vec::new(),
+        notes: Vec::new(),
         warnings: Vec::new(),
     }
     .conclude(take, &folder)
@@ -156,6 +167,7 @@ fn two_link_file(rig: &Rig, second: &SecondLink) -> RigFile {
 pub(super) fn human34(arguments: &Demo) -> Result<ExitCode, Failure> {
     let started = Instant::now();
     refuse_others(arguments)?;
+    let known = arguments.known.parse()?;
     refuse_for_trees(&[&arguments.programme])?;
     let seconds = arguments.programme.duration_s;
     if !FRAMES_S.contains(&seconds) {
@@ -167,7 +179,7 @@ pub(super) fn human34(arguments: &Demo) -> Result<ExitCode, Failure> {
     }
     let model = Person::default().human34().map_err(Failure::input)?;
     let (told, parameters) = device_tree(&model).map_err(Failure::input)?;
-    check_asked(&parameters, false, &arguments.output)?;
+    check_asked(&model, &parameters, false, &known, &arguments.output)?;
     // Not the person that the tables guess.
     let somebody = person::somebody(&model, arguments.seed);
     let truth: Vec<f64> = parameters
@@ -204,15 +216,23 @@ pub(super) fn human34(arguments: &Demo) -> Result<ExitCode, Failure> {
     let mut watcher = Watcher::new(sent.len());
     let take = session.follow_frames(&source, parameters.len(), &mut watcher).map_err(Failure::link)?;
     watcher.finish()?;
-    LinksExperiment {
+    Experiment {
         started,
         output: &arguments.output,
-        model: &model,
-        recording: &recording,
+        loaded: Loaded::of_links(&recording, &model)?,
         mcu: simulated::name(arguments.mcu),
-        rows: DeviceRows::Frames,
-        truth: Some(&truth),
+        is_filtered: false,
+        sigma_given: true,
+        identity: session.identity(),
+        known: &known,
+        tare: None,
+        span: None,
+        parameter_truth: Some(&truth),
+        stages: Vec::new(),
+        same_pose: None,
         followed: None,
+        decisions: Vec::new(),
+        notes: Vec::new(),
         warnings: Vec::new(),
     }
     .conclude(take, &folder)

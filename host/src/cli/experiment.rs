@@ -7,25 +7,25 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use hexapod::experiment::SHORTEST_S;
-use rigident_shared::forgetting::MemoryConfig;
+use rigident_shared::forgetting::Span;
+use rigident_shared::screening::CHANNEL_NAMES;
 use rigident_shared::wire::{
     Consistency, EstimateReport, Identity, LinkReadingMessage, ReadingMessage, Reason, StateName,
 };
 
+use super::arguments::Output;
 use super::followed::{Followed, MotionLog};
-use super::outcome::{Ending, provenance};
-use super::{Failure, Folder, Progress};
-use crate::answer::assemble::Asked;
-use crate::answer::result::{Measured, ParameterState};
-use crate::device::session::{DeviceFactor, Observer, Take};
-use crate::identification::known::Known;
-use crate::identification::pooled::PooledFactor;
-use crate::identification::remembered::{self, conclude_remembered, identify_remembered};
-use crate::identification::tare::Tare;
-use crate::identification::{self, Progression, prepare};
+use super::loaded::{Loaded, PLOT_POINTS};
+use super::run_report::RunReport;
+use super::{Failure, Folder, Progress, Stages};
+use crate::device::session::tree::complaints;
+use crate::device::session::{Observer, Take};
+use crate::fit::prior::KnownValues;
+use crate::fit::tare::Tare;
+use crate::fit::{Convergence, DeviceFactor, Measured};
 use crate::platform::MotionSample;
 use crate::present::text::counted;
-use crate::present::{Decided, Drift, Quantity, Stage};
+use crate::present::{Decided, Stage};
 use crate::recording::comment_in_words;
 use crate::recording::mcap::messages::ImuValues;
 use crate::recording::mcap::write::{Head, McapWriter, Row};
@@ -200,7 +200,7 @@ pub(super) fn device_notes(identity: &Identity) -> Vec<(String, String)> {
 }
 
 /// What is to be said of a take, whatever it was of.
-pub(super) fn noticed(take: &Take, rig: &RigFile) -> Vec<String> {
+fn noticed(take: &Take, rig: &RigFile, seconds: f64) -> Vec<String> {
     let mut warnings = Vec::new();
     let counters = &take.counters;
     let lost = if rig.load_cell.gain_uncertainty.is_some_and(|g| g.iter().any(|s| *s > 0.0)) {
@@ -221,8 +221,6 @@ pub(super) fn noticed(take: &Take, rig: &RigFile) -> Vec<String> {
         }
     }
     if take.states.contains(&(StateName::Holding, Reason::StopRule)) {
-        let times = [take.readings.first(), take.readings.last()].map(|r| r.map_or(0, |r| r.time_ns));
-        let seconds = times[1].saturating_sub(times[0]) as f64 * 1e-9;
         tell!("the uncertainties asked for were reached; {seconds:.1} s were taken in");
     }
     if take.resumed > 0 {
@@ -244,177 +242,144 @@ pub(super) fn noticed(take: &Take, rig: &RigFile) -> Vec<String> {
 /// An experiment that is over.
 pub(super) struct Experiment<'a> {
     pub(super) started: Instant,
-    pub(super) asked: &'a Asked,
-    pub(super) rig: &'a RigFile,
-    pub(super) recording: String,
+    pub(super) output: &'a Output,
+    /// What the device was given, or said that it read.
+    pub(super) loaded: Loaded,
     pub(super) mcu: &'a str,
-    pub(super) rate_hz: f64,
-    pub(super) is_static: bool,
-    /// See [`Ending::gravity_columns`].
-    pub(super) gravity_columns: bool,
+    /// True if the device filters its rows as the host does; else each is of a single frame.
+    pub(super) is_filtered: bool,
     /// σ was known before; else it was estimated from these very readings.
     pub(super) sigma_given: bool,
+    pub(super) identity: &'a Identity,
+    /// What is known beforehand.
+    pub(super) known: &'a KnownValues,
+    pub(super) tare: Option<Tare>,
+    /// How older rows are forgotten, if they are.
+    pub(super) span: Option<Span<f64>>,
+    /// True values of the parameters in the device's order.
+    pub(super) parameter_truth: Option<&'a [f64]>,
     pub(super) stages: Vec<Stage>,
     /// Spans of the first pose and of the same pose at the end, s from the first reading.
     pub(super) same_pose: Option<[(f64, f64); 2]>,
-    pub(super) identity: &'a Identity,
-    /// What is known beforehand.
-    pub(super) known: &'a [Known],
-    pub(super) tare: Option<Tare>,
-    /// How long the device remembers, if not for ever.
-    pub(super) memory: Option<MemoryConfig<f64>>,
     /// How the platform followed.
     pub(super) followed: Option<Followed>,
     /// Segments that were decided on, and what came of them.
     pub(super) decisions: Vec<Decided>,
+    pub(super) notes: Vec<String>,
     pub(super) warnings: Vec<String>,
 }
 
 impl Experiment<'_> {
     /// Judges the device's factor by its readings and concludes the command.
-    pub(super) fn conclude(self, take: Take, folder: &Folder, json: bool) -> Result<ExitCode, Failure> {
+    ///
+    /// # Errors
+    /// The readings make no rows, what is known contradicts them, a file cannot be written, or the experiment broke off.
+    pub(super) fn conclude(self, take: Take, folder: &Folder) -> Result<ExitCode, Failure> {
         let mut warnings = self.warnings;
-        warnings.extend(noticed(&take, self.rig));
-        let counters = &take.counters;
-        let input = prepare::input(self.rig, take.readings, self.is_static, self.rate_hz);
-        let (mut identification, mcu) = match take.factor {
-            Some(DeviceFactor::Body(factor)) => (
-                match &self.memory {
-                    Some(memory) => {
-                        conclude_remembered(&input, memory, factor, counters.knocks, self.sigma_given)
-                    }
-                    None => identification::conclude_firmware(&input, factor, self.sigma_given),
+        let mut notes = self.notes;
+        let seconds = self.loaded.origin(self.mcu).duration_s.unwrap_or(0.0);
+        warnings.extend(noticed(&take, &self.loaded.problem.rig, seconds));
+        if take.levels > 0 {
+            tell!("a level of the factor was taken from the device {} times and merged here", take.levels);
+        }
+        let names = self.loaded.link_names();
+        warnings.extend(complaints(&take.counters.frames, &names));
+        let kept = |error: &dyn std::fmt::Display| {
+            let place = folder.path().display();
+            match &take.broken {
+                Some(broken) => Failure::link(format!("{broken}\nWhat was recorded is in {place}: {error}")),
+                None => {
+                    Failure::input(format!("{error}\nFiles written before this was found out are in {place}"))
                 }
-                .map_err(Failure::input)?,
-                self.mcu,
-            ),
-            // Of several links it is not here.
-            Some(DeviceFactor::Links(_)) | None => {
+            }
+        };
+        let stages = Stages::new("estimate");
+        let (loaded, mut found, mcu) = match take
+            .factor
+            .as_ref()
+            .map(crate::device::session::DeviceFactor::to_factor)
+        {
+            Some(factor) => {
+                let device = DeviceFactor {
+                    factor,
+                    is_filtered: self.is_filtered,
+                    sigma_given: self.sigma_given,
+                    outliers: self.span.map(|_| take.counters.knocks.map(u32::from).to_vec()),
+                };
+                let (loaded, found) =
+                    self.loaded.fit_device(&device, self.span, &stages).map_err(|e| kept(&e))?;
+                (loaded, found, self.mcu)
+            }
+            None => {
                 // The device is out of reach; what it streamed is here, and the pipeline is the same.
-                let broken = take.broken.as_deref().unwrap_or("the device gave no factor");
-                let identification = match &self.memory {
-                    Some(memory) => identify_remembered(&input, memory, 1).map(|(found, _)| found),
-                    None => identification::identify(&input),
-                }
-                .map_err(|e| {
-                    Failure::link(format!(
-                        "{broken}\nWhat was recorded is in {}: {e}",
-                        folder.path().display()
-                    ))
-                })?;
+                let found = self.loaded.fit(self.span, PLOT_POINTS, &stages).map_err(|e| kept(&e))?;
                 warnings.push(
                     "the device's factor could not be fetched: this one was made here, from the readings received"
                         .to_owned(),
                 );
-                (identification, "host")
+                (self.loaded, found, "host")
             }
         };
-        if mcu != "host" && counters.knocks == [0; 6] && identification.counters.knocks != [0; 6] {
-            warnings.push(
-                "the device did not know enough yet to tell knocks and gave them full weight; `rigident identify` of the \
+        drop(stages);
+        let device = CHANNEL_NAMES.iter().zip(take.counters.rejected_by_channel);
+        for (name, count) in device.filter(|(_, count)| *count > 0) {
+            let told = &mut found.counts.rejected_by_signal;
+            // The device may have screened what the rows made here do not rest on.
+            if told.iter().all(|(signal, _)| signal != name) {
+                told.push(((*name).to_owned(), u64::from(count)));
+            }
+        }
+        let outliers = found.channels.iter().any(|c| c.outliers > 0);
+        if mcu != "host" && self.is_filtered && outliers && take.counters.knocks == [0; 6] {
+            notes.push(
+                "the device did not know enough yet to tell outliers and gave them full weight; `rigident identify` of the \
                  recording gives them less"
                     .to_owned(),
             );
         }
-        let k = identification.estimate.coverage_factor;
-        let mut progression: Vec<Progression> = take
-            .estimates
-            .iter()
-            .map(|report| Progression {
-                time_s: report.time_ns as f64 * 1e-9,
-                parameters: report
-                    .estimate
-                    .iter()
-                    .zip(&report.standard_deviation)
-                    .enumerate()
-                    .map(|(j, (value, sd))| {
-                        (report.determined >> j & 1 == 1)
-                            .then(|| Measured { value: f64::from(*value), u95: k * f64::from(*sd) })
-                    })
-                    .collect(),
-            })
-            .collect();
-        if input.gain_sigma.iter().any(|s| *s > 0.0) {
-            // The device knows nothing of gain errors; the readings are judged instead of its factor.
-            progression = identification::progression(&input, &identification, super::identify::PLOT_POINTS);
+        let gains = found.channels.iter().any(|c| c.channel.gain_sigma > 0.0);
+        if mcu != "host" && !gains && !take.estimates.is_empty() {
+            found.convergence = convergence(&take.estimates, found.estimate.coverage_factor());
         }
-        let factor = PooledFactor::of(&identification, &input, &self.recording);
+        let factor = loaded.factor(&found);
         if let Some(tare) = &self.tare {
-            tare.take_off(&factor, &mut identification, &mut progression).map_err(Failure::input)?;
+            tare.take_off(&mut found).map_err(|e| kept(&e))?;
         }
-        identification.estimate = identification.estimate.with_known(self.known).map_err(|error| {
-            Failure::input(format!(
-                "{error}\nFiles written before this was found out are in {}",
-                folder.path().display()
-            ))
-        })?;
-        let drift = self.same_pose.and_then(|spans| drift(&input, spans, &identification.channel_sigma));
-        let mut notes = device_notes(self.identity);
-        notes.extend(provenance(self.rig));
-        Ending {
-            followed: self.followed,
-            decisions: self.decisions,
-            started: self.started,
-            asked: self.asked,
-            rig: self.rig,
-            recording: self.recording,
-            mcu,
-            input: &input,
-            identification: &identification,
-            factor,
-            gravity_columns: self.gravity_columns,
-            progression,
-            memory: self.memory.map(|memory| remembered::result(&input, &memory, &identification.factor)),
-            stages: self.stages,
-            drift,
-            time_base: None,
-            provenance: notes,
-            warnings,
-            broken: take.broken,
+        self.known.apply(&mut found).map_err(|e| kept(&e))?;
+        let mut report = RunReport::of_recording(self.started, self.output, &loaded, mcu);
+        report.factor = Some(factor);
+        report.parameter_truth = self.parameter_truth;
+        report.drift = self.same_pose.and_then(|spans| loaded.drift(spans, &found));
+        report.tracking = self.followed.as_ref().map(Followed::tracking);
+        report.motion = self.followed.as_ref().map_or_else(Vec::new, Followed::plots);
+        report.provenance = device_notes(self.identity).into_iter().chain(report.provenance).collect();
+        (report.stages, report.decisions) = (self.stages, self.decisions);
+        report.notes.extend(notes);
+        report.warnings.extend(warnings);
+        report.error = take.broken;
+        if let Some(followed) = self.followed.filter(|_| !self.output.json) {
+            report.epilogue = Some(followed.to_string());
         }
-        .conclude(folder, json)
+        report.finish(&found, || Ok(Some(folder.clone())))
     }
 }
 
-/// Mean wrench of the same pose at the end less that at the beginning.
-fn drift(input: &identification::Input, spans: [(f64, f64); 2], sigma: &[f64; 6]) -> Option<Drift> {
-    let origin_ns = input.readings.first()?.time_ns;
-    // The edges of a pose still shake.
-    const MARGIN_S: f64 = 0.2;
-    let means: Vec<([f64; 6], f64)> = spans
-        .iter()
-        .filter_map(|(from, to)| {
-            let inside: Vec<[f64; 6]> = input
-                .readings
-                .iter()
-                .filter(|r| {
-                    let t = r.time_ns.saturating_sub(origin_ns) as f64 * 1e-9;
-                    t > from + MARGIN_S && t < to - MARGIN_S
-                })
-                .map(|r| r.wrench.array())
-                .collect();
-            let n = inside.len() as f64;
-            (!inside.is_empty())
-                .then(|| (std::array::from_fn(|c| inside.iter().map(|w| w[c]).sum::<f64>() / n), n))
-        })
-        .collect();
-    let [(before, n), (after, m)] = means.as_slice() else { return None };
-    Some(Drift {
-        elapsed_s: spans[1].0 - spans[0].0,
-        changes: ["fx", "fy", "fz", "mx", "my", "mz"]
+/// Returns the estimates that a device sent while it ran.
+fn convergence(estimates: &[EstimateReport], coverage_factor: f64) -> Vec<Convergence> {
+    let point = |report: &EstimateReport| Convergence {
+        time_s: report.time_ns as f64 * 1e-9,
+        parameters: report
+            .estimate
             .iter()
+            .zip(&report.standard_deviation)
             .enumerate()
-            .map(|(c, channel)| Quantity {
-                name: (*channel).to_owned(),
-                unit: if c < 3 { "N" } else { "N m" }.to_owned(),
-                state: ParameterState::Identified(Measured {
-                    value: after[c] - before[c],
-                    u95: 1.96 * sigma[c] * (1.0 / n + 1.0 / m).sqrt(),
-                }),
-                truth: None,
+            .map(|(j, (value, sd))| {
+                (report.determined >> j & 1 == 1)
+                    .then(|| Measured { value: f64::from(*value), u95: coverage_factor * f64::from(*sd) })
             })
             .collect(),
-    })
+    };
+    estimates.iter().map(point).collect()
 }
 
 #[cfg(test)]

@@ -1,19 +1,21 @@
-use std::io::Write as _;
 use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
 
 use super::arguments::{MakeFactor, Merge, Solve, TareFiles};
+use super::loaded::Loaded;
+use super::model_arguments::TreeModel;
 use super::outcome::say;
-use super::recorded::{Recorded, is_recording, is_rig_file};
+use super::recorded::{is_recording, is_rig_file};
+use super::run_report::RunReport;
 use super::{Failure, Folder, Stages};
-use crate::answer::assemble::{Asked, Assembled, Context, assemble};
-use crate::answer::result::ResultSource;
-use crate::identification::pooled::PooledFactor;
-use crate::identification::tare::{Tare, disagreement_in_words};
-use crate::present::{self, ReportData, Source, table};
+use crate::answer::Source;
+use crate::fit::Kind;
+use crate::fit::pool::{PooledFactor, disagreement_in_words};
+use crate::fit::tare::Tare;
+use crate::present;
+use crate::problem::ProblemOptions;
 use crate::recording::error::RecordingError;
-use crate::recording::new_file::write_new;
 use crate::recording::{extension, rig_path};
 use crate::rig::RigFile;
 
@@ -29,7 +31,7 @@ pub(super) fn make(arguments: &MakeFactor) -> Result<ExitCode, Failure> {
         // A rig file that lists a recording's files needs no other.
         let rig = arguments.rig.as_deref().filter(|_| !is_rig_file(path));
         let stages = Stages::new(&format!("factor of {}", path.display()));
-        let (factor, notes) = of_recording(path, rig)?;
+        let (factor, notes) = of_recording(path, rig, &arguments.tree)?;
         drop(stages);
         for note in notes {
             tell!("rigident: {}: {note}", path.display());
@@ -49,69 +51,46 @@ pub(super) fn merge(arguments: &Merge) -> Result<ExitCode, Failure> {
 /// `rigident solve`
 pub(super) fn solve(arguments: &Solve) -> Result<ExitCode, Failure> {
     let started = Instant::now();
-    let asked = Asked::parse(&arguments.output.estimate).map_err(Failure::input)?;
     let known = arguments.known.parse()?;
     let rig = arguments.rig.as_deref().map(RigFile::load).transpose().map_err(Failure::input)?;
     let rig = rig.unwrap_or_default();
     let pooled = read(&arguments.factor)?;
-    let mut warnings = Vec::new();
-    let mut identification = pooled.identification();
-    let disagreement = pooled.judgement(pooled.factor.determined()).disagreement;
-    warnings.extend(disagreement.map(|ratio| disagreement_in_words("the merged runs", ratio)));
-    warnings.extend(pooled.warning());
-    if asked.offset() {
-        warnings.extend(pooled.without_offset_in_words());
-    }
-    if let Some(tare) = tare(&arguments.tare, arguments.rig.as_deref(), &mut warnings)? {
-        tare.take_off(&pooled, &mut identification, &mut []).map_err(Failure::input)?;
-    }
-    identification.estimate = identification.estimate.with_known(&known).map_err(Failure::input)?;
-    let folder = arguments.output.out.as_deref().map(|out| Folder::new(Some(out), "solve")).transpose()?;
-    let rows = identification.counters.readings as usize;
-    let source = ResultSource {
+    let mut found = pooled.fit();
+    let source = Source {
         recording: pooled.recordings(),
-        rows,
-        rate_hz: None,
+        rows: found.counts.samples,
         mcu: "host".to_owned(),
-        memory: None,
+        ..Source::default()
     };
-    let page_source = Source {
-        body_name: rig.body.as_ref().map_or_else(String::new, |b| b.name.clone()),
-        recording: source.recording.clone(),
-        mcu: source.mcu.clone(),
-        rate_hz: None,
-        rows: rows as u64,
-        duration_s: None,
-    };
-    let context = Context { rig: &rig, asked: &asked, source, time_base: None, broken: None, warnings };
-    let Assembled { results, mut object, success } = assemble(&identification, context);
-    object.elapsed_s = started.elapsed().as_secs_f64();
-    let text = serde_json::to_string_pretty(&object)
-        .map_err(|e| Failure::input(format!("the result cannot be put into JSON: {e}")))?;
-    if arguments.output.json {
-        say(text.as_str());
-    } else {
-        say(table::plain(&results).trim_end());
+    let mut report = RunReport::of_factor(started, &arguments.output, &rig, source);
+    let disagreement = pooled.unexplained_disagreement();
+    report.warnings.extend(disagreement.map(|ratio| disagreement_in_words("the merged runs", ratio)));
+    report.warnings.extend(pooled.gain_warning());
+    if arguments.output.estimate.iter().any(|word| word.trim().starts_with("offset"))
+        && let Some(why) = pooled.without_offset_in_words()
+    {
+        return Err(Failure::input(format!("--estimate offset: {why}")));
     }
-    if let Some(folder) = folder {
-        folder.write("result.json", text.as_bytes())?;
-        let page = present::html(&ReportData { source: page_source, results, ..ReportData::default() });
-        let page = folder.write("report.html", page.as_bytes())?;
-        if !arguments.output.json {
-            say(format_args!(
-                "\nFiles in {}; open {} in a browser.",
-                folder.path().display(),
-                page.display()
-            ));
-        }
+    let rig_path = arguments.rig.as_deref();
+    if let Some(tare) =
+        tare(&arguments.tare, rig_path, &TreeModel::default(), &mut report.notes, &mut report.warnings)?
+    {
+        tare.take_off(&mut found).map_err(Failure::input)?;
     }
-    Ok(if success { ExitCode::SUCCESS } else { ExitCode::from(1) })
+    known.apply(&mut found).map_err(Failure::input)?;
+    let out = arguments.output.out.as_deref();
+    report.finish(&found, || out.map(|out| Folder::new(Some(out), "solve")).transpose())
 }
 
-/// The fixture of `--tare`, if there is one. What is to be known of it goes to the warnings.
+/// Returns the fixture of `--tare`, if there is one; what is to be known of it goes to the notes and warnings.
+///
+/// # Errors
+/// Bad input: a run that cannot be read, or runs that do not fit together.
 pub(super) fn tare(
     files: &TareFiles,
     rig: Option<&Path>,
+    tree: &TreeModel,
+    notes: &mut Vec<String>,
     warnings: &mut Vec<String>,
 ) -> Result<Option<Tare>, Failure> {
     let mut factors = Vec::new();
@@ -119,8 +98,8 @@ pub(super) fn tare(
         let factor = if is_recording(path) {
             // Its own rig file if it has one: the fixture's run may have been taken with another IMU.
             let own = is_rig_file(path) || rig_path(path).exists();
-            let (factor, notes) = of_recording(path, rig.filter(|_| !own))?;
-            warnings.extend(notes.into_iter().map(|note| format!("tare {}: {note}", path.display())));
+            let (factor, said) = of_recording(path, rig.filter(|_| !own), tree)?;
+            warnings.extend(said.into_iter().map(|said| format!("tare {}: {said}", path.display())));
             factor
         } else {
             read(path)?
@@ -131,11 +110,13 @@ pub(super) fn tare(
         return Ok(None);
     }
     let tare = Tare::new(PooledFactor::merged(factors, false).map_err(Failure::input)?);
-    let mass = match tare.estimate().measured(0) {
-        Some(mass) => present::text::with_u95(mass.value, mass.u95, "kg"),
-        None => "unknown mass".to_owned(),
+    let tare = tare.map_err(Failure::input)?;
+    let mass = match tare.fit().parameters.iter().position(|p| p.kind == Kind::Mass) {
+        Some(j) => tare.fit().estimate.measured(j),
+        None => None,
     };
-    warnings.push(format!(
+    let mass = mass.map_or("unknown mass".to_owned(), |m| present::text::with_u95(m.value, m.u95, "kg"));
+    notes.push(format!(
         "tare: a fixture of {mass} was subtracted with its uncertainty ({})",
         tare.recordings()
     ));
@@ -145,22 +126,27 @@ pub(super) fn tare(
 
 /// Reads a factor file.
 fn read(path: &Path) -> Result<PooledFactor, Failure> {
-    let name = path.display().to_string();
-    let bytes = std::fs::read(path).map_err(|e| Failure::input(format!("{name} cannot be read: {e}")))?;
-    PooledFactor::from_bytes(&bytes, &name).map_err(|error| match extension(path).as_str() {
+    PooledFactor::read(path).map_err(|error| match extension(path).as_str() {
         "csv" | "mcap" => Failure::input(format!(
-            "{error}; it is a recording by its name: `rigident factor {name} -o NEW.factor` makes one of it"
+            "{error}; it is a recording by its name: `rigident factor {} -o NEW.factor` makes one of it",
+            path.display()
         )),
         _ => Failure::input(error),
     })
 }
 
-/// The factor of a recording, and what was noticed on the way.
-fn of_recording(path: &Path, rig: Option<&Path>) -> Result<(PooledFactor, Vec<String>), Failure> {
-    let recorded = Recorded::load(path, rig)?;
-    let identification = recorded.identify().map_err(|e| e.context(path.display()))?;
-    let factor = recorded.factor(&identification);
-    Ok((PooledFactor { name: path.display().to_string(), ..factor }, recorded.warnings()))
+/// Returns the factor of a recording, and what was noticed on the way.
+fn of_recording(
+    path: &Path,
+    rig: Option<&Path>,
+    tree: &TreeModel,
+) -> Result<(PooledFactor, Vec<String>), Failure> {
+    let stages = Stages::new(&format!("reading {}", path.display()));
+    let loaded = Loaded::read(path, rig, tree, &ProblemOptions::default(), &stages)?;
+    let found = loaded.fit(None, 0, &stages).map_err(|e| e.context(path.display()))?;
+    let factor = loaded.factor(&found);
+    let said = loaded.warnings.iter().chain(&loaded.notes).cloned().collect();
+    Ok((PooledFactor { name: path.display().to_string(), ..factor }, said))
 }
 
 /// Found out now rather than after a long job.
@@ -178,7 +164,7 @@ fn write(
     output: &Path,
 ) -> Result<ExitCode, Failure> {
     let pooled = PooledFactor::merged(factors, shared_offset).map_err(Failure::input)?;
-    if let Some(ratio) = pooled.judgement(pooled.factor.determined()).disagreement {
+    if let Some(ratio) = pooled.unexplained_disagreement() {
         if ratio.sqrt() > FOREIGN && !force {
             return Err(Failure::input(format!(
                 "{} disagree {:.1} times as much as their noise explains: they are not runs of one body, mounted alike, with \
@@ -191,15 +177,10 @@ fn write(
         }
         tell!("rigident: {}", disagreement_in_words("the runs", ratio));
     }
-    if let Some(warning) = pooled.warning() {
+    if let Some(warning) = pooled.gain_warning() {
         tell!("rigident: {warning}");
     }
-    let bytes = pooled.to_file().to_bytes();
-    write_new(output, |mut file| {
-        file.write_all(&bytes)?;
-        Ok::<_, std::io::Error>(file)
-    })
-    .map_err(Failure::input)?;
+    pooled.write(output).map_err(Failure::input)?;
     say(format_args!(
         "{} rows of {}, {} parameters, in {}",
         pooled.factor.rows(),

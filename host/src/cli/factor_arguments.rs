@@ -3,6 +3,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::arguments::{KnownQuantities, Output};
+use super::model_arguments::TreeModel;
 
 /// The option `--tare`.
 #[derive(Args, Debug, Clone, Default)]
@@ -37,6 +38,9 @@ pub struct MakeFactor {
     /// Also recordings that disagree more than ten times as much as their noise explains
     #[arg(long)]
     pub force: bool,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub tree: TreeModel,
 }
 
 /// `rigident merge`

@@ -99,8 +99,19 @@ impl Followed {
         })
     }
 
-    pub(super) fn to_json(&self) -> Option<serde_json::Value> {
-        serde_json::to_value(&self.tracking).ok()
+    /// Returns the tracking error for the answer.
+    pub(super) fn tracking(&self) -> crate::answer::Tracking {
+        let t = &self.tracking;
+        crate::answer::Tracking {
+            samples: t.samples as u64,
+            rms_m: t.rms_m,
+            rms_rad: t.rms_rad,
+            largest_m: t.largest_m,
+            largest_rad: t.largest_rad,
+            delay_s: t.delay_s,
+            rms_without_delay_m: t.rms_without_delay_m,
+            rms_without_delay_rad: t.rms_without_delay_rad,
+        }
     }
 
     /// Commanded and measured coordinates, where they change, and what is between them.

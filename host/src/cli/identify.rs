@@ -1,81 +1,83 @@
 use std::process::ExitCode;
 use std::time::Instant;
 
-use rigident_shared::forgetting::MemoryConfig;
-
 use super::arguments::Identify;
+use super::loaded::{Loaded, PLOT_POINTS, StandardOptions, tree_of};
 use super::memory_arguments::RowsOf;
-use super::outcome::{Ending, provenance};
-use super::recorded::Recorded;
-use super::{Failure, Folder, Stages, identify_tree};
-use crate::answer::assemble::Asked;
-use crate::identification::remembered::{self, identify_remembered, imu_noise};
-use crate::identification::{self, known};
-
-/// Points of a convergence plot.
-pub(super) const PLOT_POINTS: usize = 200;
+use super::run_report::RunReport;
+use super::{Failure, Folder, Stages};
+use crate::model::{remarks, write};
+use crate::problem::ProblemOptions;
+use crate::trees::drive::Term;
 
 /// `rigident identify`
 pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
     let started = Instant::now();
-    if let Some(ended) = identify_tree::run(arguments, started)? {
-        return Ok(ended);
-    }
-    let asked = Asked::parse(&arguments.output.estimate).map_err(Failure::input)?;
+    let (path, rig) = (&arguments.recording, arguments.rig.as_deref());
     let known = arguments.known.parse()?;
-    let stages = Stages::new(&format!("reading {}", arguments.recording.display()));
-    let recorded = Recorded::load(&arguments.recording, arguments.rig.as_deref())?;
-    let (recording, prepared) = (&recorded.recording, &recorded.prepared);
-    known::check_model(&known, prepared.input.known_offset.is_none()).map_err(Failure::input)?;
-    let mut warnings = recorded.warnings();
-    let tare = super::factor::tare(&arguments.tare, arguments.rig.as_deref(), &mut warnings)?;
-    let input = &prepared.input;
-    let span = arguments.remember.span(&RowsOf::input(input))?;
-    if span.is_some() && recorded.is_of_streams() {
-        return Err(Failure::input(
-            "--forget and --window: not of several files with clocks of their own, as the uncertainty of their skews is \
-             that of a whole run; give one recording",
-        ));
+    let standard = standard_options(arguments)?;
+    let friction = arguments.tree.friction.iter().map(|w| Term::parse(w)).collect::<Result<_, _>>();
+    let options =
+        ProblemOptions { friction: friction.map_err(Failure::input)?, drives: arguments.tree.drive.clone() };
+    if tree_of(path, rig, &arguments.tree.of)?.is_none() {
+        refuse_without_tree(arguments)?;
     }
-    let memory = span
-        .map(|span| MemoryConfig { span, imu_noise: imu_noise(prepared.rig.imu.first(), &input.readings) });
-    stages.at(&format!("identifying from {} readings", input.readings.len()), 0.0);
-    let (mut identification, mut progression) = match &memory {
-        Some(memory) => identify_remembered(input, memory, PLOT_POINTS).map_err(Failure::input)?,
-        None => {
-            let identification = recorded.identify()?;
-            let progression = identification::progression(input, &identification, PLOT_POINTS);
-            (identification, progression)
-        }
-    };
-    let factor = recorded.factor(&identification);
+    let stages = Stages::new(&format!("reading {}", path.display()));
+    let loaded = Loaded::read(path, rig, &arguments.tree.of, &options, &stages)?;
+    known.check(loaded.source().parameters()).map_err(Failure::input)?;
+    let mut report = RunReport::of_recording(started, &arguments.output, &loaded, "host");
+    report.standard = standard;
+    let tare = super::factor::tare(
+        &arguments.tare,
+        rig,
+        &arguments.tree.of,
+        &mut report.notes,
+        &mut report.warnings,
+    )?;
+    let span = arguments.remember.span(&RowsOf::source(loaded.source()))?;
+    let mut found = loaded.fit(span, PLOT_POINTS, &stages)?;
+    report.factor = Some(loaded.factor(&found));
     if let Some(tare) = tare {
-        tare.take_off(&factor, &mut identification, &mut progression).map_err(Failure::input)?;
+        tare.take_off(&mut found).map_err(Failure::input)?;
     }
-    identification.estimate = identification.estimate.with_known(&known).map_err(Failure::input)?;
-    // The rest writes.
+    known.apply(&mut found).map_err(Failure::input)?;
+    if let (Some(path), Some((model, file))) = (standard.write_model, loaded.nominal()) {
+        report.warnings.extend(remarks::remarks(model, file, path, &arguments.tree.of.changes.lock));
+    }
+    stages.at("answer", 0.0);
+    let out = arguments.output.out.as_deref();
+    // What is written while the stages are shown would be mixed with them.
     drop(stages);
-    let folder = Folder::new(arguments.output.out.as_deref(), "identify")?;
-    Ending {
-        followed: None,
-        decisions: Vec::new(),
-        started,
-        asked: &asked,
-        rig: &prepared.rig,
-        recording: recording.name.clone(),
-        mcu: "host",
-        input: &prepared.input,
-        identification: &identification,
-        factor,
-        gravity_columns: prepared.gravity_columns,
-        progression,
-        memory: memory.map(|memory| remembered::result(input, &memory, &identification.factor)),
-        stages: Vec::new(),
-        drift: None,
-        time_base: recorded.time_base(),
-        provenance: provenance(&prepared.rig),
-        warnings,
-        broken: None,
+    report.finish(&found, || Folder::new(out, "identify").map(Some))
+}
+
+/// Returns how standard parameters are sought.
+///
+/// # Errors
+/// Bad input: an impossible σ, or a model that cannot be written.
+fn standard_options(arguments: &Identify) -> Result<StandardOptions<'_>, Failure> {
+    let options = &arguments.tree;
+    let trust = options.nominal_sigma;
+    if !trust.is_finite() || trust <= 0.0 {
+        return Err(Failure::input(format!("--nominal-sigma {trust}: must be finite and greater than zero")));
     }
-    .conclude(&folder, arguments.output.json)
+    let write_model = options.write_model.as_deref();
+    if let Some(path) = write_model {
+        write::check_target(path).map_err(Failure::input)?;
+    }
+    Ok(StandardOptions { trust, symmetric: options.symmetric_sides, write_model })
+}
+
+/// Refuses options of trees where nothing says which tree.
+fn refuse_without_tree(arguments: &Identify) -> Result<(), Failure> {
+    let options = &arguments.tree;
+    let mut given = vec![
+        ("--friction", !options.friction.is_empty()),
+        ("--drive", !options.drive.is_empty()),
+        ("--symmetric-sides", options.symmetric_sides),
+        ("--write-model", options.write_model.is_some()),
+        ("--nominal-sigma", options.nominal_sigma != 1.0),
+    ];
+    given.extend(options.of.changed());
+    super::loaded::refuse_tree_options(&given)
 }

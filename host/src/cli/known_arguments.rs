@@ -1,7 +1,7 @@
 use clap::Args;
 
 use super::Failure;
-use crate::identification::known::Known;
+use crate::fit::prior::KnownValues;
 
 /// The options `--known` and `--symmetry`.
 #[derive(Args, Debug, Clone, Default)]
@@ -18,11 +18,11 @@ pub struct KnownQuantities {
 }
 
 impl KnownQuantities {
-    /// What they say.
+    /// Returns what they state.
     ///
     /// # Errors
-    /// What cannot be used: bad input.
-    pub(super) fn parse(&self) -> Result<Vec<Known>, Failure> {
-        Known::parse_all(&self.known, &self.symmetry).map_err(Failure::input)
+    /// Bad input: what cannot be used.
+    pub(super) fn parse(&self) -> Result<KnownValues, Failure> {
+        KnownValues::parse(&self.known, &self.symmetry).map_err(Failure::input)
     }
 }

@@ -3,7 +3,8 @@ use rigident_shared::forgetting::{ImuNoise, MemoryConfig, Span};
 use rigident_shared::wire::{MemorySettings, Settings};
 
 use super::Failure;
-use crate::identification::{Input, filter_width_s, row_every};
+use crate::fit::{RowSource, Timing, filter_width_s, row_every};
+use crate::identification::Input;
 use crate::rig::RigFile;
 
 /// Row blocks of which a window holds one at least in each of its parts.
@@ -37,6 +38,16 @@ impl RowsOf {
             is_static: input.is_static,
             gains_uncertain: input.gain_sigma.iter().any(|s| *s > 0.0),
         }
+    }
+
+    /// Returns what is forgotten of a source.
+    pub(super) fn source(source: &dyn RowSource) -> Self {
+        let (rate_hz, is_static) = match source.timing() {
+            Timing::Static => (1.0, true),
+            Timing::Uniform { rate_hz } => (rate_hz, false),
+        };
+        let gains_uncertain = source.channels().iter().any(|c| c.gain_sigma > 0.0);
+        Self { rate_hz, is_static, gains_uncertain }
     }
 
     /// Of a rig that moves.

@@ -16,6 +16,7 @@ mod course_arguments;
 mod demo;
 #[cfg(feature = "simulator")]
 mod demo_links;
+mod drift;
 mod experiment;
 mod factor;
 mod factor_arguments;
@@ -24,10 +25,10 @@ mod folder;
 mod followed;
 mod held;
 mod identify;
-mod identify_tree;
 mod known_arguments;
 mod link;
-mod links;
+mod links_on_device;
+mod loaded;
 mod memory_arguments;
 mod model;
 mod model_arguments;
@@ -35,6 +36,7 @@ mod model_arguments;
 mod montecarlo;
 #[cfg(feature = "simulator")]
 mod montecarlo_poses;
+mod motion_plots;
 mod outcome;
 mod plan_arguments;
 mod plan_motion;
@@ -46,12 +48,12 @@ mod refused;
 mod replay;
 mod replay_links;
 mod run;
+mod run_report;
 #[cfg(feature = "simulator")]
 mod simulated;
 #[cfg(not(feature = "simulator"))]
 #[path = "no_simulator.rs"]
 mod simulated;
-mod tree_outcome;
 mod workspace;
 
 use std::process::ExitCode;

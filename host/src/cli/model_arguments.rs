@@ -32,7 +32,7 @@ pub struct ModelCheck {
 }
 
 /// Which tree a recording is of.
-#[derive(Args, Debug, Clone)]
+#[derive(Args, Debug, Clone, Default)]
 #[command(next_help_heading = "Trees of links")]
 pub struct TreeModel {
     /// The tree: human34, human58, a URDF, MJCF or SDF. Default: the [[link]] tables of the rig file, if there are several
@@ -141,6 +141,21 @@ pub struct ModelChanges {
     /// A length of the person's that is known, as thigh=0.44 (m)
     #[arg(long, value_name = "SEGMENT=M")]
     pub segment: Vec<String>,
+}
+
+impl Default for ModelChanges {
+    fn default() -> Self {
+        let person = crate::model::human::Person::default();
+        Self {
+            lock: Vec::new(),
+            spherical: Vec::new(),
+            tool: Vec::new(),
+            height_m: person.height_m,
+            mass_kg: person.mass_kg,
+            sex: SexWord::default(),
+            segment: Vec::new(),
+        }
+    }
 }
 
 impl ModelChanges {

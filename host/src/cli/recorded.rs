@@ -1,114 +1,49 @@
-//! What the commands identify: one recording, or several files with clocks of their own as one.
+//! What the commands take as a recording: one file, or several with clocks of their own.
 
 use std::path::{Path, PathBuf};
 
 use super::Failure;
-use crate::answer::result::TimeBase;
-use crate::identification::pooled::PooledFactor;
-use crate::identification::prepare::{Prepared, prepare};
-use crate::identification::{self, Identification};
-use crate::recording::clocks::{Aligned, StreamSet, align, widen::widen};
+use crate::recording::clocks::StreamSet;
 use crate::recording::{Recording, extension, rig_path};
 use crate::rig::RigFile;
 
-/// A recording ready to be identified.
-pub(super) struct Recorded {
-    /// The recording; of several files what they are on the common time base.
-    pub recording: Recording,
-    /// What an identification needs of it.
-    pub prepared: Prepared,
-    streams: Option<(StreamSet, Aligned)>,
-}
-
-impl Recorded {
-    /// A CSV or MCAP file; a rig file that lists `[[stream]]` files; or their folder, `rig` listing them.
-    ///
-    /// # Errors
-    /// Bad input: what cannot be read, or is no recording of a body.
-    pub(super) fn load(path: &Path, rig: Option<&Path>) -> Result<Self, Failure> {
-        let path = &named(path.to_owned());
-        let set = match rig {
-            None if is_rig_file(path) => StreamSet::load(path, None),
-            Some(_) if is_rig_file(path) => {
-                return Err(Failure::input(format!(
-                    "{} is a rig file itself, whose [[stream]] files are the recording: give it without --rig",
-                    path.display()
-                )));
-            }
-            Some(rig) if path.is_dir() => StreamSet::load(rig, Some(path)),
-            None if path.is_dir() => {
-                return Err(Failure::input(format!(
-                    "{} is a folder: give the rig file that lists its [[stream]] files by --rig",
-                    path.display()
-                )));
-            }
-            _ => {
-                if let Some(listing) = listing(path, rig) {
-                    let listing = listing.display();
-                    return Err(Failure::input(format!(
-                        "{listing} lists several files as one recording: give the rig file itself, {listing}, in place of \
-                         {}",
-                        path.display()
-                    )));
-                }
-                let mut recording = Recording::load(path, rig).map_err(Failure::input)?;
-                recording.leave_out_spikes();
-                let joints = joints_of(&recording);
-                let prepared = prepare(&recording).map_err(|error| {
-                    Failure::input(match joints.first() {
-                        None => error.to_string(),
-                        Some(joint) => format!(
-                            "{error}. Its columns {joint}_… are of a robot's joints: to identify its links give its description \
-                             by --model FILE"
-                        ),
-                    })
-                })?;
-                recording.warnings.extend(left_out(&recording, &joints));
-                return Ok(Self { recording, prepared, streams: None });
-            }
-        };
-        let set = set.map_err(Failure::input)?;
-        let aligned = align(&set).map_err(Failure::input)?;
-        let (recording, prepared) = (aligned.recording.clone(), aligned.prepared.clone());
-        Ok(Self { recording, prepared, streams: Some((set, aligned)) })
-    }
-
-    /// Whether it is of several files.
-    pub(super) fn is_of_streams(&self) -> bool {
-        self.streams.is_some()
-    }
-
-    /// What was noticed so far.
-    pub(super) fn warnings(&self) -> Vec<String> {
-        let streams = self.streams.iter().flat_map(|(_, aligned)| &aligned.warnings);
-        self.recording.warnings.iter().chain(&self.prepared.notes).chain(streams).cloned().collect()
-    }
-
-    /// The body, the uncertainty of the skews counted.
-    ///
-    /// # Errors
-    /// Bad input: no usable rows.
-    pub(super) fn identify(&self) -> Result<Identification, Failure> {
-        let mut identification = identification::identify(&self.prepared.input).map_err(Failure::input)?;
-        if let Some((set, aligned)) = &self.streams {
-            widen(set, aligned, &mut identification).map_err(Failure::input)?;
+/// Returns the files with clocks of their own that a path stands for: a rig file that lists `[[stream]]` files, or their
+/// folder, `rig` listing them; `None` of a single recording.
+///
+/// # Errors
+/// Bad input: a listing that cannot be read, or is not given as one.
+pub(super) fn stream_set(path: &Path, rig: Option<&Path>) -> Result<Option<StreamSet>, Failure> {
+    let set = match rig {
+        None if is_rig_file(path) => StreamSet::load(path, None),
+        Some(_) if is_rig_file(path) => {
+            return Err(Failure::input(format!(
+                "{} is a rig file itself, whose [[stream]] files are the recording: give it without --rig",
+                path.display()
+            )));
         }
-        Ok(identification)
-    }
-
-    /// The factor of [`Self::identify`].
-    pub(super) fn factor(&self, identification: &Identification) -> PooledFactor {
-        PooledFactor::of(identification, &self.prepared.input, &self.recording.name)
-    }
-
-    /// How several files became one recording.
-    pub(super) fn time_base(&self) -> Option<TimeBase> {
-        self.streams.as_ref().map(|(_, aligned)| aligned.time_base.clone())
-    }
+        Some(rig) if path.is_dir() => StreamSet::load(rig, Some(path)),
+        None if path.is_dir() => {
+            return Err(Failure::input(format!(
+                "{} is a folder: give the rig file that lists its [[stream]] files by --rig",
+                path.display()
+            )));
+        }
+        _ => {
+            if let Some(listing) = listing(path, rig) {
+                let listing = listing.display();
+                return Err(Failure::input(format!(
+                    "{listing} lists several files as one recording: give the rig file itself, {listing}, in place of {}",
+                    path.display()
+                )));
+            }
+            return Ok(None);
+        }
+    };
+    set.map(Some).map_err(Failure::input)
 }
 
 /// Names of joints that a recording has positions of, by its columns.
-fn joints_of(recording: &Recording) -> Vec<String> {
+pub(super) fn joints_of(recording: &Recording) -> Vec<String> {
     let names = recording.extra.iter().map(|(name, _)| name.as_str());
     let also = |joint: &str, units: [&str; 2]| {
         units.iter().any(|unit| recording.extra.iter().any(|(name, _)| *name == format!("{joint}_{unit}")))
@@ -125,7 +60,7 @@ fn joints_of(recording: &Recording) -> Vec<String> {
 }
 
 /// What of a recording of several links has no part where one body is identified.
-fn left_out(recording: &Recording, joints: &[String]) -> Option<String> {
+pub(super) fn left_out_columns(recording: &Recording, joints: &[String]) -> Option<String> {
     let mut columns: Vec<String> = Vec::new();
     for (j, imu) in recording.imus.iter().enumerate().skip(1) {
         if imu.accel.is_some() || imu.gyro.is_some() {

@@ -3,8 +3,6 @@
 use super::Failure;
 use super::adaptive::Adaptive;
 use super::course_arguments::Course;
-use super::factor_arguments::TareFiles;
-use super::known_arguments::KnownQuantities;
 use super::memory_arguments::Remember;
 use super::programme::Programme;
 
@@ -12,18 +10,6 @@ use super::programme::Programme;
 pub(super) trait Given {
     /// All of them.
     fn given(&self) -> Vec<(&'static str, bool)>;
-}
-
-impl Given for KnownQuantities {
-    fn given(&self) -> Vec<(&'static str, bool)> {
-        vec![("--known", !self.known.is_empty()), ("--symmetry", !self.symmetry.is_empty())]
-    }
-}
-
-impl Given for TareFiles {
-    fn given(&self) -> Vec<(&'static str, bool)> {
-        vec![("--tare", !self.tare.is_empty())]
-    }
 }
 
 impl Given for Remember {

@@ -1,21 +1,22 @@
 use std::process::ExitCode;
 use std::time::Instant;
 
-use rigident_shared::forgetting::MemoryConfig;
+use rigident_shared::calibration::Reading;
+use rigident_shared::forgetting::{MemoryConfig, Span};
 use rigident_shared::wire::Source;
 
 use super::arguments::Replay;
 use super::experiment::{Experiment, Watcher};
-use super::identify_tree::{refuse_without_tree, tree_of};
 use super::link::configured;
+use super::loaded::{Loaded, refuse_tree_options, tree_of};
 use super::memory_arguments::{self, RowsOf};
-use super::{Failure, Folder, replay_links, simulated};
-use crate::answer::assemble::Asked;
+use super::{Failure, Folder, Stages, replay_links, simulated};
 use crate::device::link::{Client, SerialTransport, Transport};
 use crate::device::session::{DeviceTiming, Session, narrow, settings, widen};
-use crate::identification::remembered::{identify_remembered, imu_noise};
-use crate::identification::{self, known, prepare::prepare};
+use crate::identification::prepare::prepare;
+use crate::identification::remembered::imu_noise;
 use crate::recording::Recording;
+use crate::rig::RigFile;
 
 /// `rigident replay`
 pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
@@ -25,86 +26,96 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
     if let Some((model, _)) = tree_of(path, rig, &arguments.tree)? {
         return replay_links::run(arguments, model, started);
     }
-    refuse_without_tree(&arguments.tree.changed())?;
-    let asked = Asked::parse(&arguments.output.estimate).map_err(Failure::input)?;
+    refuse_tree_options(&arguments.tree.changed())?;
     let known = arguments.known.parse()?;
     let mut recording =
         Recording::load(&arguments.recording, arguments.rig.as_deref()).map_err(Failure::input)?;
     recording.leave_out_spikes();
-    let mut prepared = prepare(&recording).map_err(Failure::input)?;
-    known::check_model(&known, prepared.input.known_offset.is_none()).map_err(Failure::input)?;
-    let mut warnings: Vec<String> = recording.warnings.iter().chain(&prepared.notes).cloned().collect();
-    let tare = super::factor::tare(&arguments.tare, arguments.rig.as_deref(), &mut warnings)?;
+    let prepared = prepare(&recording).map_err(Failure::input)?;
+    let (mut notes, mut warnings) = (prepared.notes.clone(), recording.warnings.clone());
+    let tare = super::factor::tare(&arguments.tare, rig, &arguments.tree, &mut notes, &mut warnings)?;
+    let of_readings = |rig: &RigFile, readings: Vec<Reading<f64>>| {
+        let rate_hz = (!recording.is_static).then_some(prepared.input.rate_hz);
+        Loaded::of_readings(&recording.name, rig, readings, rate_hz, prepared.gravity_columns)
+    };
     let span = arguments.remember.span(&RowsOf::input(&prepared.input))?;
     let memory = span.map(|span| MemoryConfig {
         span,
         imu_noise: imu_noise(prepared.rig.imu.first(), &prepared.input.readings),
     });
     let sigma_given = prepared.rig.load_cell.noise_n_nm.is_some();
+    let mut rig = prepared.rig.clone();
     if !sigma_given {
-        // The device weighs rows by σ from the first one on.
-        let sigma = match &memory {
-            Some(memory) => identify_remembered(&prepared.input, memory, 1).map(|(found, _)| found),
-            None => identification::identify(&prepared.input),
-        }
-        .map_err(Failure::input)?
-        .channel_sigma;
-        prepared.rig.load_cell.noise_n_nm = Some(sigma);
-        warnings.push(told_noise(&sigma));
+        let sigma = estimated_sigma(&of_readings(&rig, prepared.input.readings.clone()), span)?;
+        notes.push(noise_note(&sigma));
+        rig.load_cell.noise_n_nm = sigma.first_chunk().copied();
     }
     let (mcu, transport) = device(&arguments.mcu)?;
     let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
-    let rate_hz = prepared.input.rate_hz;
     let timing = DeviceTiming {
-        rate_hz,
+        rate_hz: prepared.input.rate_hz,
         is_static: recording.is_static,
         source: Source::Injected,
         host_timeout_ms: 0,
     };
-    let mut settings = settings(&prepared.rig, &timing, None, None).map_err(Failure::input)?;
+    let mut settings = settings(&rig, &timing, None, None).map_err(Failure::input)?;
     arguments.course.put_into(&mut settings)?;
     memory_arguments::put_into(&mut settings, memory.as_ref());
     configured(&mut session, &settings)?;
     let folder = Folder::new(arguments.output.out.as_deref(), "replay")?;
     let mut watcher = Watcher::new(prepared.input.readings.len());
     session.go_on_after_stop = arguments.course.go_on;
-    let mut take = session.inject(&prepared.input.readings, &mut watcher).map_err(Failure::link)?;
+    let take = session.inject(&prepared.input.readings, &mut watcher).map_err(Failure::link)?;
     watcher.finish()?;
     // What the device was given, not what the file holds beyond f32.
-    take.readings = take.readings.iter().map(|r| widen(&narrow(r))).collect();
+    let given = take.readings.iter().map(|r| widen(&narrow(r))).collect();
     Experiment {
-        followed: None,
-        decisions: Vec::new(),
         started,
-        asked: &asked,
-        rig: &prepared.rig,
-        recording: recording.name.clone(),
+        output: &arguments.output,
+        loaded: of_readings(&rig, given),
         mcu,
-        rate_hz,
-        is_static: recording.is_static,
-        gravity_columns: prepared.gravity_columns,
+        is_filtered: true,
         sigma_given,
-        stages: Vec::new(),
-        same_pose: None,
         identity: session.identity(),
         known: &known,
         tare,
-        memory,
+        span,
+        parameter_truth: None,
+        stages: Vec::new(),
+        same_pose: None,
+        followed: None,
+        decisions: Vec::new(),
+        notes,
         warnings,
     }
-    .conclude(take, &folder, arguments.output.json)
+    .conclude(take, &folder)
 }
 
-/// What is to be said of σ that nobody gave.
-pub(super) fn told_noise(sigma: &[f64]) -> String {
+/// Returns σ of every channel from a fit here: the device weighs rows by σ from the first one on.
+///
+/// # Errors
+/// Bad input: no usable rows.
+pub(super) fn estimated_sigma(loaded: &Loaded, span: Option<Span<f64>>) -> Result<Vec<f64>, Failure> {
+    let found = loaded.fit(span, 0, &Stages::new("noise of the channels"))?;
+    Ok(found.channels.iter().map(|c| c.sigma).collect())
+}
+
+/// Returns what is to be said of σ that nobody gave.
+pub(super) fn noise_note(sigma: &[f64]) -> String {
     format!(
         "noise_n_nm is not given: the device was told {} N, N m, from the residuals of a batch",
         sigma.iter().map(|s| format!("{s:.3}")).collect::<Vec<_>>().join(", ")
     )
 }
 
-/// A device that readings are sent to, and what it is called.
-pub(super) fn device(mcu: &str) -> Result<(&'static str, Box<dyn Transport>), Failure> {
+/// A device's name for the answer, and the way to it.
+pub(super) type Device = (&'static str, Box<dyn Transport>);
+
+/// Opens a device that readings are sent to.
+///
+/// # Errors
+/// The port cannot be opened, or the simulated device cannot be made.
+pub(super) fn device(mcu: &str) -> Result<Device, Failure> {
     if let Some(simulated) = simulated::named(mcu)? {
         return Ok(simulated);
     }

@@ -13,36 +13,34 @@ use super::confirm::confirm;
 use super::experiment::{Experiment, Watcher, device_notes};
 use super::followed::{Followed, MotionLog};
 use super::link::{HOST_TIMEOUT_MS, configured, device_settings, open};
-use super::links::{LinksExperiment, check_asked};
+use super::links_on_device::{check_asked, refuse_on_device};
+use super::loaded::Loaded;
 use super::memory_arguments::{self, RowsOf};
 use super::outcome::provenance;
 use super::refused::refuse_for_trees;
 use super::{Failure, Folder, programme};
-use crate::answer::assemble::Asked;
+use crate::answer::selection::select;
 use crate::device::session::tree::device_tree;
 use crate::device::session::{DeviceTiming, INTERRUPTED, Session, settings, two_links};
-use crate::identification::known::check_model;
+use crate::fit::prior::KnownValues;
 use crate::model::Model;
 use crate::model::rig_links::from_tables;
 use crate::plan::machine;
 use crate::platform::{self, Platform, PlatformError, check};
-use crate::rig::{OffsetTable, OffsetWord, RigFile};
-use crate::trees::DeviceRows;
+use crate::rig::RigFile;
 
 /// `rigident run`
 pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let started = Instant::now();
     let known = arguments.known.parse()?;
     let mut rig = RigFile::load(&arguments.rig).map_err(Failure::input)?;
-    let links = links_of(arguments, &rig)?;
-    // Of several links the words are others, and have been looked at.
-    let asked = match &links {
-        Some(_) => Asked::parse(&[]),
-        None => Asked::parse(&arguments.output.estimate),
+    let links = links_of(arguments, &rig, &known)?;
+    if links.is_none() {
+        let nothing = Loaded::of_readings("run", &rig, Vec::new(), Some(1.0), false);
+        let parameters = nothing.source().parameters();
+        known.check(parameters).map_err(Failure::input)?;
+        select(parameters, &arguments.output.estimate).map_err(Failure::input)?;
     }
-    .map_err(Failure::input)?;
-    let offset_estimated = matches!(rig.load_cell.offset_n_nm, OffsetTable::Word(OffsetWord::Estimate));
-    check_model(&known, offset_estimated).map_err(Failure::input)?;
     let rate_hz = rig.recording.rate_hz.unwrap_or(1000.0);
     let geometry = machine::geometry_or_thesis(&rig).map_err(Failure::input)?;
     let described = machine::is_described(&rig);
@@ -158,49 +156,39 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     }
     let trajectory = commanded.map(|program| program.trajectory()).transpose().map_err(Failure::input)?;
     let followed = trajectory.zip(log).and_then(|(trajectory, log)| Followed::of(&trajectory, log.samples()));
-    if let Some(model) = links {
-        let ending = LinksExperiment {
-            started,
-            output: &arguments.output,
-            model: &model,
-            recording: &two_links::recording("run", &rig, rate_hz, &take.links),
-            mcu: "port",
-            rows: DeviceRows::Filtered,
-            truth: None,
-            followed: followed.as_ref(),
-            warnings,
-        };
-        return ending.conclude(take, &folder);
-    }
+    let loaded = match &links {
+        Some(model) => Loaded::of_links(&two_links::recording("run", &rig, rate_hz, &take.links), model)?,
+        None => Loaded::of_readings("run", &rig, std::mem::take(&mut take.readings), Some(rate_hz), false),
+    };
     Experiment {
         started,
-        asked: &asked,
-        rig: &rig,
-        recording: "run".to_owned(),
+        output: &arguments.output,
+        loaded,
         mcu: "port",
-        rate_hz,
-        is_static: false,
-        gravity_columns: false,
+        is_filtered: true,
         sigma_given: true,
-        stages,
-        same_pose,
         identity: session.identity(),
         known: &known,
         tare: None,
-        memory,
+        span,
+        parameter_truth: None,
+        stages,
+        same_pose,
         followed,
         decisions,
+        notes: Vec::new(),
         warnings,
     }
-    .conclude(take, &folder, arguments.output.json)
+    .conclude(take, &folder)
 }
 
 /// The tree of a rig file with several links, if the device takes it from sensors; `None` if it is of one body.
-fn links_of(arguments: &Run, rig: &RigFile) -> Result<Option<Model>, Failure> {
+fn links_of(arguments: &Run, rig: &RigFile, known: &KnownValues) -> Result<Option<Model>, Failure> {
     if rig.link.len() < 2 {
         return Ok(None);
     }
-    refuse_for_trees(&[&arguments.known, &arguments.remember, &arguments.course, &arguments.adaptive])?;
+    refuse_on_device(&arguments.remember, &arguments.course)?;
+    refuse_for_trees(&[&arguments.adaptive])?;
     let model = from_tables(&rig.link, &arguments.rig.display().to_string()).map_err(Failure::input)?;
     let rate_hz = rig.recording.rate_hz.unwrap_or(1000.0);
     let timing =
@@ -208,7 +196,13 @@ fn links_of(arguments: &Run, rig: &RigFile) -> Result<Option<Model>, Failure> {
     // Whether it fits at all, whatever the noise is.
     let settings = device_settings(rig, &timing, Some([1.0; 6]))?;
     let (_, parameters) = device_tree(&model).map_err(Failure::input)?;
-    check_asked(&parameters, settings.load_cell.known_offset_n_nm.is_none(), &arguments.output)?;
+    check_asked(
+        &model,
+        &parameters,
+        settings.load_cell.known_offset_n_nm.is_none(),
+        known,
+        &arguments.output,
+    )?;
     Ok(Some(model))
 }
 

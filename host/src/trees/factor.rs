@@ -81,6 +81,16 @@ impl TallFactor {
         factor
     }
 
+    /// Returns the same factor in the one form.
+    pub fn to_factor(&self) -> crate::fit::Factor {
+        crate::fit::Factor::from_columns(
+            self.parameters,
+            self.triangle.clone(),
+            self.residual_sum_of_squares,
+            u64::from(self.rows),
+        )
+    }
+
     /// How many parameters.
     pub fn parameters(&self) -> usize {
         self.parameters

@@ -123,7 +123,7 @@ fn the_demonstration_finds_the_body_and_its_recording_replays_to_the_same_bits()
     let output = rigident(at, &["demo", "--duration-s", "20", "--json", "--out", "d"]);
     assert_eq!(status(&output), 0, "{}", said(&output));
     let result = json(&output);
-    assert_eq!(result["schema"], "rigident/result/1");
+    assert_eq!(result["schema"], "rigident/result/2");
     assert_eq!(result["status"], "identified");
     assert_eq!(result["source"]["mcu"], "inproc");
     assert_eq!(
@@ -403,7 +403,7 @@ fn a_failure_is_one_object_too_where_one_was_asked_for() {
     for (arguments, status_is, words) in [
         (&["identify", "none.csv"][..], 2, "none.csv"),
         (&["identify", "binary.csv"], 2, "binary"),
-        (&["identify", "binary.csv", "--estimate", "colour"], 2, "colour"),
+        (&["identify", "binary.csv", "--estimate", "colour"], 2, "binary"),
         (&["replay", "none.mcap"], 2, "none.mcap"),
         (&["solve", "binary.factor"], 2, "binary"),
         (&["demo", "--mcu", "abacus"], 2, "abacus"),

@@ -90,7 +90,7 @@ fn a_recording_that_never_changes_is_a_frozen_sensor_and_one_row_is_too_few() {
     }
     let one = rigident(at, &["identify", "one.csv", "--json", "--out", "o"]);
     assert_eq!(one.status.code(), Some(2), "{}", said(&one));
-    assert!(said(&one).contains("no usable rows: of 1 readings 0 were rejected"), "{}", said(&one));
+    assert!(said(&one).contains("no usable rows: of 1 samples 0 were rejected"), "{}", said(&one));
 }
 
 /// The demonstration with another value in one column, row by row.

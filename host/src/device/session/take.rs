@@ -48,6 +48,17 @@ pub enum DeviceFactor {
     Links(TallFactor),
 }
 
+impl DeviceFactor {
+    /// Returns the factor in the device's order of parameters.
+    pub fn to_factor(&self) -> crate::fit::Factor {
+        match self {
+            Self::Body(Factor::Ten(f)) => (&**f).into(),
+            Self::Body(Factor::Sixteen(f)) => (&**f).into(),
+            Self::Links(f) => f.to_factor(),
+        }
+    }
+}
+
 /// What an experiment brought.
 #[derive(Debug, Clone)]
 pub struct Take {

@@ -21,8 +21,9 @@ fn a_factor_answers_as_its_recording_does_and_runs_merge_in_any_order() {
         assert_eq!(status(&output), 0, "{}", said(&output));
         let identified = json(at, &["identify", &format!("{name}.csv"), "--json", "--out", name]);
         let solved = json(at, &["solve", &format!("{name}.factor"), "--json"]);
-        assert_eq!(identified["parameters"], solved["parameters"], "{name}");
-        assert_eq!(identified["condition_number"], solved["condition_number"]);
+        // The factor is solved anew: rounding times the condition number, below 1e3.
+        let distance = apart(&values(&identified), &values(&solved));
+        assert!(distance < 1e-8, "{name}: {distance}");
         assert_eq!(solved["source"]["recording"], name);
         assert!(solved.get("residual_rms").is_none() && identified.get("residual_rms").is_some());
         // The file that every identification leaves is the very same.
@@ -121,8 +122,9 @@ fn the_fixture_is_taken_off_by_every_command_alike() {
     for (k, answer) in answers.iter().enumerate() {
         let tared = values(answer);
         assert_eq!(tared.len(), 16);
-        // Firmware rounds to f32: a hundredth of the uncertainty.
-        let rounding = if k == 3 { 1e-2 } else { 1e-10 };
+        // Firmware rounds to f32: a hundredth of the uncertainty. In double precision ε times the condition number times
+        // value over uncertainty, 2e-16 · 1e3 · 1e3, some times over.
+        let rounding = if k == 3 { 1e-2 } else { 1e-8 };
         for j in 0..10 {
             let (value, u95) = tared[j];
             assert!((value - (untared[j].0 - bare[j].0)).abs() < rounding * u95, "{k} {j}: {value}");
@@ -134,7 +136,7 @@ fn the_fixture_is_taken_off_by_every_command_alike() {
             assert!((tared[j].0 - untared[j].0).abs() < rounding * untared[j].1, "{k} {j}");
             assert!((tared[j].1 / untared[j].1 - 1.0).abs() < rounding, "{k} {j}");
         }
-        assert!(answer["warnings"].to_string().contains("tare: a fixture of 5.98"), "{}", answer["warnings"]);
+        assert!(answer["notes"].to_string().contains("tare: a fixture of 5.98"), "{}", answer["notes"]);
     }
     // What is left behind is the run as it was.
     assert_eq!(fs::read(at.join("i/total.factor")).unwrap(), fs::read(at.join("total.factor")).unwrap());
@@ -220,8 +222,8 @@ fn offsets_asked_of_merged_runs_are_told_to_be_eliminated() {
     assert_eq!(status(&output), 0, "{}", said(&output));
     let solved = rigident(at, &["solve", "both.factor", "--estimate", "offset"]);
     let table = String::from_utf8_lossy(&solved.stdout).into_owned();
-    assert_eq!(status(&solved), 1, "{table}");
-    assert!(table.starts_with("What was asked for is not identified\n"), "{table}");
+    let table = format!("{table}{}", said(&solved));
+    assert_eq!(status(&solved), 2, "{table}");
     assert!(table.contains("each run has its own") && table.contains("--shared-offset"), "{table}");
     let body_only = json(at, &["solve", "both.factor", "--json"]);
     assert!(!body_only["warnings"].to_string().contains("offset"), "{}", body_only["warnings"]);

@@ -54,7 +54,7 @@ fn several_files_give_a_factor_and_a_fixture_as_one_recording_does() {
         )
     };
     let words = |result: &Value| {
-        let all = result["warnings"].as_array().unwrap().iter();
+        let all = result["notes"].as_array().unwrap().iter();
         let tare = all.filter_map(Value::as_str).find_map(|w| w.strip_prefix("tare: a fixture of ")).unwrap();
         tare.to_owned()
     };

@@ -73,8 +73,7 @@ fn what_is_assumed_of_imus_and_joints_is_told_and_an_imu_on_no_link_is_refused()
     let warnings = |rig: &str| {
         std::fs::write(place.path().join("two.rig.toml"), rig).unwrap();
         let out = format!("o{}", rig.len());
-        answer(&rigident(place.path(), &["identify", "two.csv", "--json", "--out", &out]))["warnings"]
-            .to_string()
+        told(&answer(&rigident(place.path(), &["identify", "two.csv", "--json", "--out", &out])))
     };
     let (imu, position) = ("no [[imu]] table says", "has no position_m");
     let said = warnings(RIG);
@@ -123,7 +122,7 @@ fn a_held_joint_with_an_encoder_s_noise_is_named_as_never_moving() {
     std::fs::write(place.path().join("arm.csv"), text).unwrap();
     let words = ["identify", "arm.csv", "--model", "arm.urdf", "--json", "--out", "o"];
     let found = answer(&rigident(place.path(), &words));
-    let reasons = found["not_identified_because"].to_string();
+    let reasons = found["advice"].to_string();
     assert!(reasons.contains("joint elbow: never moves"), "{reasons}");
     assert!(!reasons.contains("joint shoulder: never moves"), "{reasons}");
 }
@@ -154,9 +153,20 @@ fn what_takes_longer_than_a_second_is_told_on_standard_error() {
 }
 
 #[test]
-fn commands_of_one_body_say_which_take_several_links() {
+fn a_factor_of_two_links_answers_as_its_recording_does() {
     let place = tempfile::tempdir().unwrap();
     two_links(place.path(), Vector3::z());
-    let said = complaint(&rigident(place.path(), &["factor", "two.csv", "-o", "two.factor"]));
-    assert!(said.contains("`rigident identify` and `replay` take several links, factor files"), "{said}");
+    let identified = answer(&rigident(place.path(), &["identify", "two.csv", "--json", "--out", "o"]));
+    let made = rigident(place.path(), &["factor", "two.csv", "-o", "two.factor"]);
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    let solved = answer(&rigident(place.path(), &["solve", "two.factor", "--json"]));
+    let of = |found: &Value| found["parameters"].as_array().unwrap().clone();
+    assert_eq!(of(&solved).len(), 23);
+    for (a, b) in of(&identified).iter().zip(of(&solved)) {
+        assert_eq!((&a["name"], &a["state"]), (&b["name"], &b["state"]));
+        let (value, u95) = (a["value"].as_f64().unwrap(), a["u95"].as_f64().unwrap());
+        // The factor is solved anew: rounding times the condition number.
+        assert!((value - b["value"].as_f64().unwrap()).abs() < 1e-7 * u95, "{a} {b}");
+        assert!((b["u95"].as_f64().unwrap() / u95 - 1.0).abs() < 1e-7, "{a} {b}");
+    }
 }

@@ -9,7 +9,7 @@ fn a_tool_without_a_nominal_model_is_told_to_change_nothing() {
     let words =
         ["identify", "arm.csv", "--model", "arm.urdf", "--tool", "plate@0,0,0.1", "--json", "--out", "o"];
     let found = answer(&rigident(place.path(), &[&words[..], &FRICTION].concat()));
-    let said = found["warnings"].to_string();
+    let said = told(&found);
     assert!(
         said.contains("--tool plate@0,0,0.1 changes nothing") && said.contains("take the difference"),
         "{said}"
@@ -94,7 +94,7 @@ fn a_robot_s_recording_without_a_model_is_told_from_a_body_s() {
     two_links(place.path(), Vector3::z());
     std::fs::rename(place.path().join("two.csv"), place.path().join("one.csv")).unwrap();
     let found = answer(&rigident(place.path(), &["identify", "one.csv", "--json", "--out", "o"]));
-    let said = found["warnings"].to_string();
+    let said = told(&found);
     assert!(said.contains("columns of other links are not used: imu1_…, q1_…"), "{said}");
 }
 

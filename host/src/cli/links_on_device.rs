@@ -1,0 +1,58 @@
+//! What is asked of the firmware for several links, checked before anything is done.
+
+use rigident_shared::inertia::PARAMETER_NAMES;
+
+use super::Failure;
+use super::arguments::Output;
+use super::course_arguments::Course;
+use super::memory_arguments::Remember;
+use super::refused::refuse_for_trees;
+use crate::answer::selection;
+use crate::fit::prior::KnownValues;
+use crate::fit::{Kind, Owner, Parameter};
+use crate::model::Model;
+use crate::model::base::BaseParameter;
+
+/// Refuses what the firmware does not do yet for several links.
+///
+/// # Errors
+/// Bad input, with the option's name.
+pub(super) fn refuse_on_device(remember: &Remember, course: &Course) -> Result<(), Failure> {
+    refuse_for_trees(&[remember, course])
+}
+
+/// Refuses what `--estimate` asks for or `--known` states and is not there, before anything is done. The parameters are the
+/// device's base parameters of `model`.
+///
+/// # Errors
+/// Bad input: the word that is none of them.
+pub(super) fn check_asked(
+    model: &Model,
+    parameters: &[BaseParameter],
+    offset: bool,
+    known: &KnownValues,
+    output: &Output,
+) -> Result<(), Failure> {
+    let links = model.welded().links;
+    let standard = |column: usize| {
+        let link = links.get(column / 10).map_or("", |link| link.name.as_str());
+        format!("{link}.{}", PARAMETER_NAMES[column % 10])
+    };
+    let of_base = parameters.iter().map(|p| {
+        let owner = p.name.rsplit_once('.').map_or("", |(link, _)| link).to_owned();
+        let kind = match p.terms.first().map_or(0, |t| t.0 % 10) {
+            0 => Kind::Mass,
+            1..4 => Kind::FirstMoment,
+            _ => Kind::Inertia,
+        };
+        let made_of = p.terms.iter().map(|(column, weight)| (standard(*column), *weight)).collect();
+        Parameter { made_of, ..Parameter::new(p.name.clone(), Owner::Link(owner), kind, "") }
+    });
+    let offsets = PARAMETER_NAMES.iter().skip(10).filter(|_| offset).map(|name| {
+        let channel = name.trim_start_matches("offset_").to_owned();
+        Parameter::new((*name).to_owned(), Owner::Channel(channel), Kind::Offset, "")
+    });
+    let all: Vec<Parameter> = of_base.chain(offsets).collect();
+    known.check(&all).map_err(Failure::input)?;
+    selection::select(&all, &output.estimate).map(drop).map_err(Failure::input)
+}

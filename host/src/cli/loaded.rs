@@ -1,0 +1,371 @@
+use std::path::{Path, PathBuf};
+
+use rigident_shared::calibration::Reading;
+use rigident_shared::forgetting::Span;
+
+use super::model_arguments::{ModelChanges, TreeModel};
+use super::recorded::{is_rig_file, left_out_columns, named, stream_set};
+use super::{Failure, Stages, held};
+use crate::answer::{Drift, DriveMotion, Links, Source, StandardRequest, TimeBase};
+use crate::fit::pool::PooledFactor;
+use crate::fit::{DeviceFactor, Fit, FitOptions, RowSource, Timing};
+use crate::identification::prepare;
+use crate::model::{self, Model};
+use crate::present::TimePlot;
+use crate::problem::body::BodySource;
+use crate::problem::tree::TreeSource;
+use crate::problem::{Problem, ProblemOptions, Subject};
+use crate::recording::{Recording, extension, rig_path};
+use crate::rig::RigFile;
+
+/// Points of a convergence plot.
+pub(super) const PLOT_POINTS: usize = 200;
+
+/// A recording with the problem that it poses.
+pub(super) struct Loaded {
+    /// The source of rows with its rig file.
+    pub(super) problem: Problem,
+    /// Things to act on that were noticed while reading.
+    pub(super) warnings: Vec<String>,
+    /// Things that were done, as information.
+    pub(super) notes: Vec<String>,
+    /// Rows of the recording that no sample was made of.
+    unused_rows: u64,
+    /// The model of a tree as its file has it, links on fixed joints on their own, and the file.
+    nominal: Option<(Model, Option<PathBuf>)>,
+}
+
+/// How standard parameters of links are sought.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct StandardOptions<'a> {
+    /// Relative standard deviation (1 σ) that the nominal model is trusted with.
+    pub(super) trust: f64,
+    /// Right links mirror left ones.
+    pub(super) symmetric: bool,
+    /// The file that a model with them is written to.
+    pub(super) write_model: Option<&'a Path>,
+}
+
+impl StandardOptions<'_> {
+    /// Nothing in particular is asked for.
+    pub(super) const DEFAULT: Self = Self { trust: 1.0, symmetric: false, write_model: None };
+
+    fn required(&self) -> bool {
+        self.write_model.is_some() || self.symmetric
+    }
+}
+
+impl Loaded {
+    /// Reads a recording of one body, or of the tree that `tree` or the rig file's `[[link]]` tables say.
+    ///
+    /// # Errors
+    /// Bad input: the recording cannot be read, or does not fit the model.
+    pub(super) fn read(
+        path: &Path,
+        rig: Option<&Path>,
+        tree: &TreeModel,
+        options: &ProblemOptions,
+        stages: &Stages,
+    ) -> Result<Self, Failure> {
+        let path = &named(path.to_owned());
+        let Some((mut nominal, file)) = tree_of(path, rig, tree)? else { return Self::body(path, rig) };
+        let mut recording = match stream_set(path, rig)? {
+            Some(set) => crate::recording::clocks::align(&set).map_err(Failure::input)?.recording,
+            None => Recording::load(path, rig).map_err(Failure::input)?,
+        };
+        recording.leave_out_spikes();
+        let mut notes = change_as_recorded(&mut nominal, &tree.changes, &recording)?;
+        stages.at("frames of the recording", 0.0);
+        let problem = Problem::from_recording(&recording, Some(&nominal), options).map_err(Failure::input)?;
+        notes.extend(problem.notes.iter().cloned());
+        let rows = recording.rows();
+        let mut warnings = recording.warnings;
+        warnings.extend(nominal.findings.iter().map(ToString::to_string));
+        let unused_rows = (rows as u64).saturating_sub(problem.source().samples() as u64);
+        Ok(Self { problem, warnings, notes, unused_rows, nominal: Some((nominal, file)) })
+    }
+
+    /// Reads a recording of one body: one file, or several with clocks of their own.
+    ///
+    /// # Errors
+    /// Bad input: what cannot be read, or is no recording of a body.
+    fn body(path: &Path, rig: Option<&Path>) -> Result<Self, Failure> {
+        if let Some(set) = stream_set(path, rig)? {
+            let problem = Problem::from_streams(set).map_err(Failure::input)?;
+            let notes = problem.notes.clone();
+            return Ok(Self { problem, warnings: Vec::new(), notes, unused_rows: 0, nominal: None });
+        }
+        let mut recording = Recording::load(path, rig).map_err(Failure::input)?;
+        recording.leave_out_spikes();
+        let joints = super::recorded::joints_of(&recording);
+        let problem = Problem::from_recording(&recording, None, &ProblemOptions::default());
+        let problem = problem.map_err(|error| {
+            Failure::input(match joints.first() {
+                None => error.to_string(),
+                Some(joint) => format!(
+                    "{error}. Its columns {joint}_… are of a robot's joints: to identify its links give its description by \
+                     --model FILE"
+                ),
+            })
+        })?;
+        let mut warnings = recording.warnings.clone();
+        warnings.extend(left_out_columns(&recording, &joints));
+        let notes = problem.notes.clone();
+        Ok(Self { problem, warnings, notes, unused_rows: 0, nominal: None })
+    }
+
+    /// Returns the source of rows.
+    pub(super) fn source(&self) -> &dyn RowSource {
+        self.problem.source()
+    }
+
+    /// Returns the nominal model of a tree, and its file.
+    pub(super) fn nominal(&self) -> Option<(&Model, Option<&Path>)> {
+        self.nominal.as_ref().map(|(model, file)| (model, file.as_deref()))
+    }
+
+    /// Fits the recording; the uncertainty of skews between several clocks is counted.
+    ///
+    /// # Errors
+    /// Bad input: no usable rows, or a span that cannot be kept.
+    pub(super) fn fit(
+        &self,
+        span: Option<Span<f64>>,
+        points: usize,
+        stages: &Stages,
+    ) -> Result<Fit, Failure> {
+        if span.is_some() && self.problem.time_base().is_some() {
+            return Err(Failure::input(
+                "--forget and --window: not of several files with clocks of their own, as the uncertainty of their skews is \
+                 that of a whole run; give one recording",
+            ));
+        }
+        let options = FitOptions { forgetting: span, convergence_points: points };
+        let progress = |stage: &str, share: f64| stages.at(stage, share);
+        let found = self.problem.fit(&options, &progress).map_err(Failure::input)?;
+        Ok(self.with_unused(found))
+    }
+
+    /// Counts rows that no sample was made of as rejected.
+    fn with_unused(&self, mut found: Fit) -> Fit {
+        found.counts.samples += self.unused_rows;
+        found.counts.rejected += self.unused_rows;
+        found
+    }
+
+    /// Judges a factor that a device made of this recording; the parameters are then in the device's order.
+    ///
+    /// # Errors
+    /// Bad input: no usable rows, or a factor of other parameters.
+    pub(super) fn fit_device(
+        self,
+        device: &DeviceFactor,
+        span: Option<Span<f64>>,
+        stages: &Stages,
+    ) -> Result<(Self, Fit), Failure> {
+        let options = FitOptions { forgetting: span, convergence_points: PLOT_POINTS };
+        let progress = |stage: &str, share: f64| stages.at(stage, share);
+        let (problem, found) =
+            self.problem.fit_device(device, &options, &progress).map_err(Failure::input)?;
+        let loaded = Self { problem, ..self };
+        let found = loaded.with_unused(found);
+        Ok((loaded, found))
+    }
+
+    /// Wraps the readings of one body that a device took or was given.
+    pub(super) fn of_readings(
+        name: &str,
+        rig: &RigFile,
+        readings: Vec<Reading<f64>>,
+        rate_hz: Option<f64>,
+        gravity_columns: bool,
+    ) -> Self {
+        let input = prepare::input(rig, readings, rate_hz.is_none(), rate_hz.unwrap_or(1.0));
+        let source = Box::new(BodySource::new(input, rig.imu.first()));
+        let subject = Subject::Body { source, gravity_columns };
+        let problem = Problem::new(name, rig.clone(), subject);
+        Self { problem, warnings: Vec::new(), notes: Vec::new(), unused_rows: 0, nominal: None }
+    }
+
+    /// Wraps what a device read of a tree; accelerometers of links beyond the base have served their attitudes and are not
+    /// among the rows.
+    ///
+    /// # Errors
+    /// Bad input: the recording does not fit the model.
+    pub(super) fn of_links(recording: &Recording, model: &Model) -> Result<Self, Failure> {
+        let mut read = recording.clone();
+        read.imus.iter_mut().skip(1).for_each(|imu| imu.accel = None);
+        let problem = Problem::from_recording(&read, Some(model), &ProblemOptions::default());
+        let problem = problem.map_err(Failure::input)?;
+        let notes = problem.notes.clone();
+        let warnings = model.findings.iter().map(ToString::to_string).collect();
+        let unused_rows = (recording.rows() as u64).saturating_sub(problem.source().samples() as u64);
+        Ok(Self { problem, warnings, notes, unused_rows, nominal: Some((model.clone(), None)) })
+    }
+
+    /// Returns the names of a tree's links, fixed joints welded; empty of one body.
+    pub(super) fn link_names(&self) -> Vec<String> {
+        let model = self.nominal.as_ref().map(|(model, _)| model.welded());
+        model.map_or_else(Vec::new, |model| model.links.into_iter().map(|l| l.name).collect())
+    }
+
+    /// Returns the mean wrench of the same pose at the end less that at the beginning; `None` where a pose has no readings.
+    pub(super) fn drift(&self, spans: [(f64, f64); 2], found: &Fit) -> Option<Drift> {
+        let Subject::Body { source, .. } = &self.problem.subject else { return None };
+        super::drift::of_body(&source.input().readings, spans, found)
+    }
+
+    /// Returns the factor of a fit, named after the recording.
+    pub(super) fn factor(&self, found: &Fit) -> PooledFactor {
+        PooledFactor::of(found, &self.problem.name)
+    }
+
+    /// Returns where the numbers come from.
+    pub(super) fn origin(&self, mcu: &str) -> Source {
+        let source = self.source();
+        let samples = source.samples();
+        let rate_hz = match source.timing() {
+            Timing::Static => None,
+            Timing::Uniform { rate_hz } => Some(rate_hz),
+        };
+        let span_ns = source.time_ns(samples.saturating_sub(1)).saturating_sub(source.time_ns(0));
+        Source {
+            recording: self.problem.name.clone(),
+            rows: samples as u64 + self.unused_rows,
+            rate_hz,
+            duration_s: rate_hz.map(|_| span_ns as f64 * 1e-9),
+            mcu: mcu.to_owned(),
+        }
+    }
+
+    /// Returns how several files became one recording.
+    pub(super) fn time_base(&self) -> Option<TimeBase> {
+        self.problem.time_base().cloned()
+    }
+
+    /// Returns the tree for an answer; `None` of one body.
+    pub(super) fn links<'a>(&'a self, options: &StandardOptions) -> Option<Links<'a>> {
+        let Subject::Tree { source, idle } = &self.problem.subject else { return None };
+        let input = source.input();
+        Some(Links {
+            model: &input.model,
+            base: source.base(),
+            situation: input.situation,
+            drives: drive_motions(source),
+            idle: idle.iter().map(ToString::to_string).collect(),
+            standard: self.nominal.as_ref().map(|(nominal, _)| StandardRequest {
+                nominal,
+                trust: options.trust,
+                symmetric: options.symmetric,
+                required: options.required(),
+            }),
+        })
+    }
+
+    /// Returns the motion over time for the plots; times count from the first sample.
+    pub(super) fn motion(&self) -> Vec<TimePlot> {
+        match &self.problem.subject {
+            Subject::Body { source, gravity_columns } => {
+                super::motion_plots::of_body(source.input(), *gravity_columns)
+            }
+            Subject::Tree { .. } => Vec::new(),
+        }
+    }
+}
+
+/// Returns the motion of every drive with parameters.
+fn drive_motions(source: &TreeSource) -> Vec<DriveMotion> {
+    let input = source.input();
+    let names = input.freedom_names();
+    let drives = input.drives.iter().filter(|_| input.has_efforts());
+    drives
+        .map(|drive| {
+            let rate = |rates: &[f64]| -> f64 {
+                drive.rates.iter().map(|(k, _)| rates.get(*k).copied().unwrap_or(0.0)).sum()
+            };
+            let squares: f64 = input.frames.iter().map(|f| rate(&f.rates).powi(2)).sum();
+            DriveMotion {
+                name: drive.name.clone(),
+                channels: drive.rates.iter().filter_map(|(k, _)| names.get(*k).cloned()).collect(),
+                rms_rate: (squares / input.frames.len().max(1) as f64).sqrt(),
+            }
+        })
+        .collect()
+}
+
+/// Returns the tree that a recording is of, as its source has it, and the robot description that it was read from: by
+/// --model, or the `[[link]]` tables of its rig file if there are several; `None` if it is of a single body.
+///
+/// # Errors
+/// Bad input: the tree is none.
+pub(super) fn tree_of(
+    recording: &Path,
+    rig: Option<&Path>,
+    options: &TreeModel,
+) -> Result<Option<(Model, Option<PathBuf>)>, Failure> {
+    if let Some(name) = &options.model {
+        let (model, is_person) = super::model::read(name, &options.changes)?;
+        return Ok(Some((model, (!is_person).then(|| Path::new(name).to_owned()))));
+    }
+    let Some(rig) = rig_of(recording, rig).filter(|rig| rig.link.len() > 1) else { return Ok(None) };
+    super::model::refuse_a_person(&options.changes)?;
+    let name = recording.display().to_string();
+    let mut model = model::rig_links::from_tables(&rig.link, &name).map_err(Failure::input)?;
+    model.name = recording.file_stem().map_or(name, |stem| stem.to_string_lossy().into_owned());
+    Ok(Some((model, None)))
+}
+
+/// Changes a tree as the options say, joints being locked where the recording has them; returns what to know of it.
+///
+/// # Errors
+/// Bad input: no such joint or link, or a joint to be locked moves.
+pub(super) fn change_as_recorded(
+    model: &mut Model,
+    changes: &ModelChanges,
+    recording: &Recording,
+) -> Result<Vec<String>, Failure> {
+    let mut changes = changes.clone();
+    let mut told = held::lock(model, &std::mem::take(&mut changes.lock), recording)?;
+    held::meet(model, &std::mem::take(&mut changes.spherical), recording)?;
+    super::model::change(model, &changes)?;
+    told.extend(changes.tool.iter().map(|words| note_on_tool(words)));
+    Ok(told)
+}
+
+fn note_on_tool(words: &str) -> String {
+    let link = words.split('@').next().unwrap_or(words);
+    format!(
+        "--tool {words} changes nothing of the answer: what {link} holds is one body with it, and {link}'s base parameters are \
+         those of both. It has no nominal model, so that it is not among the full parameters and not written: they count it to \
+         {link}. Identify without the tool, too, and take the difference"
+    )
+}
+
+/// Returns the rig file that the recording has; one that cannot be read is another's to complain of.
+fn rig_of(path: &Path, rig: Option<&Path>) -> Option<RigFile> {
+    let rig = match rig {
+        Some(rig) => rig.to_owned(),
+        None if is_rig_file(path) => path.to_owned(),
+        None => rig_path(path),
+    };
+    let beside = RigFile::load(&rig).ok();
+    if beside.is_some() || path.is_dir() {
+        return beside;
+    }
+    // A recording may carry its rig file.
+    let is_mcap = extension(path) == "mcap";
+    is_mcap.then(|| Recording::load(path, None).ok().map(|r| r.rig)).flatten()
+}
+
+/// Refuses options of trees where nothing says which tree.
+///
+/// # Errors
+/// Bad input, with the option's name.
+pub(super) fn refuse_tree_options(given: &[(&str, bool)]) -> Result<(), Failure> {
+    match given.iter().find(|(_, given)| *given) {
+        None => Ok(()),
+        Some((option, _)) => Err(Failure::input(format!(
+            "{option} is for trees of links: say which by --model, or by [[link]] tables in the rig file"
+        ))),
+    }
+}

@@ -1,0 +1,171 @@
+use std::process::ExitCode;
+use std::time::Instant;
+
+use super::arguments::Output;
+use super::loaded::{Loaded, StandardOptions};
+use super::outcome::say;
+use super::{Failure, Folder};
+use crate::answer::{Answer, Context, Drift, Source, Status, TimeBase, Tracking};
+use crate::fit::Fit;
+use crate::fit::pool::PooledFactor;
+use crate::model::write;
+use crate::present::{self, Decided, Series, Stage, TimePlot};
+use crate::rig::RigFile;
+
+/// Everything that a command knows at its end beside the fit.
+pub(super) struct RunReport<'a> {
+    /// When the command began.
+    pub(super) started: Instant,
+    pub(super) output: &'a Output,
+    pub(super) rig: &'a RigFile,
+    /// The recording with its model; `None` where only a factor is at hand.
+    pub(super) loaded: Option<&'a Loaded>,
+    pub(super) standard: StandardOptions<'a>,
+    pub(super) source: Source,
+    /// The factor to keep: with the fixture in it and without what was known beforehand.
+    pub(super) factor: Option<PooledFactor>,
+    pub(super) parameter_truth: Option<&'a [f64]>,
+    pub(super) stages: Vec<Stage>,
+    pub(super) decisions: Vec<Decided>,
+    pub(super) drift: Option<Drift>,
+    pub(super) tracking: Option<Tracking>,
+    /// Plots of the platform's motion, after those of the recording.
+    pub(super) motion: Vec<TimePlot>,
+    /// Device, serial numbers, calibration dates.
+    pub(super) provenance: Vec<(String, String)>,
+    pub(super) notes: Vec<String>,
+    pub(super) warnings: Vec<String>,
+    /// Printed after the answer.
+    pub(super) epilogue: Option<String>,
+    /// Why the experiment broke off, if it did.
+    pub(super) error: Option<String>,
+}
+
+impl<'a> RunReport<'a> {
+    /// Returns the report of a recording without an experiment.
+    pub(super) fn of_recording(started: Instant, output: &'a Output, loaded: &'a Loaded, mcu: &str) -> Self {
+        Self {
+            loaded: Some(loaded),
+            source: loaded.origin(mcu),
+            warnings: loaded.warnings.clone(),
+            notes: loaded.notes.clone(),
+            provenance: super::outcome::provenance(&loaded.problem.rig),
+            ..Self::of_factor(started, output, &loaded.problem.rig, Source::default())
+        }
+    }
+
+    /// Returns the report of a factor alone.
+    pub(super) fn of_factor(started: Instant, output: &'a Output, rig: &'a RigFile, source: Source) -> Self {
+        Self {
+            started,
+            output,
+            rig,
+            loaded: None,
+            standard: StandardOptions::DEFAULT,
+            source,
+            factor: None,
+            parameter_truth: None,
+            stages: Vec::new(),
+            decisions: Vec::new(),
+            drift: None,
+            tracking: None,
+            motion: Vec::new(),
+            provenance: Vec::new(),
+            notes: Vec::new(),
+            warnings: Vec::new(),
+            epilogue: None,
+            error: None,
+        }
+    }
+
+    /// Concludes the answer, prints it, writes the files and returns the exit status. The folder is made only when there
+    /// is an answer.
+    ///
+    /// # Errors
+    /// What was asked for is no parameter, a file cannot be written, or the experiment broke off.
+    pub(super) fn finish(
+        mut self,
+        fit: &Fit,
+        folder: impl FnOnce() -> Result<Option<Folder>, Failure>,
+    ) -> Result<ExitCode, Failure> {
+        let mut answer = self.answer(fit)?;
+        let folder = folder()?;
+        answer.elapsed_s = self.started.elapsed().as_secs_f64();
+        let json = serde_json::to_string_pretty(&answer)
+            .map_err(|e| Failure::input(format!("the result cannot be put into JSON: {e}")))?;
+        // The answer first: a full disk must not keep it from the user.
+        if self.output.json {
+            say(json.as_str());
+        } else {
+            say(present::plain::text(&answer).trim_end());
+        }
+        if let Some(epilogue) = &self.epilogue {
+            say(format_args!("\n{epilogue}"));
+        }
+        if let Some(folder) = folder {
+            self.write(fit, &answer, &json, &folder)?;
+        }
+        Ok(if answer.status == Status::Identified { ExitCode::SUCCESS } else { ExitCode::from(1) })
+    }
+
+    fn answer(&mut self, fit: &Fit) -> Result<Answer, Failure> {
+        let time_base: Option<TimeBase> = self.loaded.and_then(Loaded::time_base);
+        let context = Context {
+            links: self.loaded.and_then(|loaded| loaded.links(&self.standard)),
+            body: self.rig.body.as_ref(),
+            truth: self.rig.truth.as_ref(),
+            parameter_truth: self.parameter_truth,
+            asked: &self.output.estimate,
+            source: std::mem::take(&mut self.source),
+            time_base,
+            error: self.error.clone(),
+            notes: std::mem::take(&mut self.notes),
+            warnings: std::mem::take(&mut self.warnings),
+            rate_sigma: self.loaded.map_or(0.0, |loaded| loaded.source().rate_sigma()),
+            tracking: self.tracking.take(),
+            drift: self.drift.take(),
+            ..Context::default()
+        };
+        Answer::new(fit, context).map_err(Failure::input)
+    }
+
+    fn write(&mut self, fit: &Fit, answer: &Answer, json: &str, folder: &Folder) -> Result<(), Failure> {
+        let is_static = answer.source.rate_hz.is_none() && self.loaded.is_some();
+        let origin_s = self.loaded.map_or(0.0, |loaded| loaded.source().time_ns(0) as f64 * 1e-9);
+        let mut motion = self.loaded.map_or_else(Vec::new, Loaded::motion);
+        motion.append(&mut self.motion);
+        let series = Series {
+            motion,
+            stages: std::mem::take(&mut self.stages),
+            decisions: std::mem::take(&mut self.decisions),
+            provenance: std::mem::take(&mut self.provenance),
+            ..Series::new(fit, answer, is_static, origin_s)
+        };
+        folder.write("result.json", json.as_bytes())?;
+        if let Some(factor) = &self.factor {
+            folder.write(&format!("{}.factor", answer.source.recording), &factor.to_bytes())?;
+        }
+        let page = folder.write("report.html", present::report(answer, &series).as_bytes())?;
+        let model = self.write_model(answer)?;
+        let place = folder.path().display();
+        if let Some(error) = &self.error {
+            return Err(Failure::link(format!("{error}\nWhat came before is in {place}")));
+        }
+        if !self.output.json {
+            say(format_args!("\nFiles in {place}; open {} in a browser{model}.", page.display()));
+        }
+        Ok(())
+    }
+
+    /// Writes the model with the standard parameters where that is asked for; returns what to say of it.
+    fn write_model(&self, answer: &Answer) -> Result<String, Failure> {
+        let (Some(path), Some(found), Some((model, file))) =
+            (self.standard.write_model, &answer.standard_parameters, self.loaded.and_then(Loaded::nominal))
+        else {
+            return Ok(String::new());
+        };
+        let links = found.links.iter().map(|link| (link.name.as_str(), link.parameters));
+        write::write(&write::with_parameters(model, links), file, path).map_err(Failure::input)?;
+        Ok(format!("; the model is {}", path.display()))
+    }
+}
