@@ -34,7 +34,9 @@ impl Pipes {
     /// If they are not given or cannot be opened: there is nothing to run on.
     pub fn open() -> Self {
         // Not `expect`, which would take the formatting code of the errors along.
-        let Ok(arguments) = env::args::<{ 4 * PATH_BYTES }>() else { panic!("semihosting gives a command line") };
+        let Ok(arguments) = env::args::<{ 4 * PATH_BYTES }>() else {
+            panic!("semihosting gives a command line")
+        };
         let mut paths = (&arguments).skip(1);
         let mut next = || {
             let mut path = [0; PATH_BYTES];
