@@ -13,6 +13,9 @@ use crate::device::session::two_links::{attitude_source, two_link_settings};
 use crate::device::session::{DeviceTiming, Session, settings};
 use crate::rig::RigFile;
 
+/// A device's name for the answer, and the way to it.
+pub(super) type NamedTransport = (&'static str, Box<dyn crate::device::link::Transport>);
+
 /// The device says Holding after so long without us.
 pub(super) const HOST_TIMEOUT_MS: u32 = 2_000;
 

@@ -13,7 +13,7 @@ pub(super) fn refused(what: &str) -> Failure {
 }
 
 /// See the same function of the simulated rig.
-pub(super) fn named(mcu: &str) -> Result<Option<super::replay::Device>, Failure> {
+pub(super) fn named(mcu: &str) -> Result<Option<super::link::NamedTransport>, Failure> {
     match mcu {
         "inproc" | "qemu" => {
             Err(refused(&format!("--mcu {mcu}")).context("give the port of a device instead, as --mcu PORT"))

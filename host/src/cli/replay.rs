@@ -7,11 +7,11 @@ use rigident_shared::wire::Source;
 
 use super::arguments::Replay;
 use super::experiment::{Experiment, Watcher};
-use super::link::configured;
+use super::link::{NamedTransport, configured};
 use super::loaded::{Loaded, refuse_tree_options, tree_of};
 use super::memory_arguments::{self, RowsOf};
 use super::{Failure, Folder, Stages, replay_links, simulated};
-use crate::device::link::{Client, SerialTransport, Transport};
+use crate::device::link::{Client, SerialTransport};
 use crate::device::session::{DeviceTiming, Session, narrow, settings, widen};
 use crate::identification::prepare::prepare;
 use crate::identification::remembered::imu_noise;
@@ -108,14 +108,11 @@ pub(super) fn noise_note(sigma: &[f64]) -> String {
     )
 }
 
-/// A device's name for the answer, and the way to it.
-pub(super) type Device = (&'static str, Box<dyn Transport>);
-
 /// Opens a device that readings are sent to.
 ///
 /// # Errors
 /// The port cannot be opened, or the simulated device cannot be made.
-pub(super) fn device(mcu: &str) -> Result<Device, Failure> {
+pub(super) fn device(mcu: &str) -> Result<NamedTransport, Failure> {
     if let Some(simulated) = simulated::named(mcu)? {
         return Ok(simulated);
     }

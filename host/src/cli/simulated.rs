@@ -50,7 +50,7 @@ fn emulated(_: Box<dyn SensorBus>) -> Result<Box<dyn rigident_sim::runner::Mcu>,
 
 /// The firmware that a recording is sent to, on the microcontroller of this name; `None` if the name is not one of a
 /// simulated one.
-pub(super) fn named(mcu: &str) -> Result<Option<super::replay::Device>, Failure> {
+pub(super) fn named(mcu: &str) -> Result<Option<super::link::NamedTransport>, Failure> {
     let mcu = match mcu {
         "inproc" => Mcu::Inproc,
         "qemu" => Mcu::Qemu,
