@@ -92,8 +92,8 @@ impl Loaded {
     fn body(path: &Path, rig: Option<&Path>) -> Result<Self, Failure> {
         if let Some(set) = stream_set(path, rig)? {
             let problem = Problem::from_streams(set).map_err(Failure::input)?;
-            let notes = problem.notes.clone();
-            return Ok(Self { problem, warnings: Vec::new(), notes, unused_rows: 0, nominal: None });
+            let (notes, warnings) = (problem.notes.clone(), problem.warnings.clone());
+            return Ok(Self { problem, warnings, notes, unused_rows: 0, nominal: None });
         }
         let mut recording = Recording::load(path, rig).map_err(Failure::input)?;
         recording.leave_out_spikes();

@@ -32,7 +32,7 @@ pub(super) fn stream_set(path: &Path, rig: Option<&Path>) -> Result<Option<Strea
             if let Some(listing) = listing(path, rig) {
                 let listing = listing.display();
                 return Err(Failure::input(format!(
-                    "{listing} lists several files as one recording: give the rig file itself, {listing}, in place of {}",
+                    "{listing} lists several files as one recording ([[stream]]): give the rig file itself, {listing}, in place of {}",
                     path.display()
                 )));
             }

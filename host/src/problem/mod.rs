@@ -78,6 +78,8 @@ pub struct Problem {
     pub subject: Subject,
     /// What was done and noticed on the way, in words.
     pub notes: Vec<String>,
+    /// What a user should act on, as far as it was seen before the fit.
+    pub warnings: Vec<String>,
     /// Several files with clocks of their own.
     clocks: Option<Box<(StreamSet, Aligned)>>,
 }
@@ -100,6 +102,7 @@ impl Problem {
                 rig: prepared.rig,
                 subject: Subject::Body { source, gravity_columns: prepared.gravity_columns },
                 notes: prepared.notes,
+                warnings: Vec::new(),
                 clocks: None,
             });
         };
@@ -113,6 +116,7 @@ impl Problem {
                 idle: prepared.idle,
             },
             notes: prepared.notes,
+            warnings: Vec::new(),
             clocks: None,
         })
     }
@@ -124,14 +128,14 @@ impl Problem {
     pub fn from_streams(set: StreamSet) -> Result<Self, ProblemError> {
         let aligned = align(&set)?;
         let mut problem = Self::from_recording(&aligned.recording, None, &ProblemOptions::default())?;
-        problem.notes.extend(aligned.warnings.iter().cloned());
+        problem.warnings.extend(aligned.warnings.iter().cloned());
         problem.clocks = Some(Box::new((set, aligned)));
         Ok(problem)
     }
 
     /// Wraps a subject that is ready, with its rig file.
     pub fn new(name: &str, rig: RigFile, subject: Subject) -> Self {
-        Self { name: name.to_owned(), rig, subject, notes: Vec::new(), clocks: None }
+        Self { name: name.to_owned(), rig, subject, notes: Vec::new(), warnings: Vec::new(), clocks: None }
     }
 
     /// Returns the rows.

@@ -286,13 +286,13 @@ fn what_is_missing_or_does_not_fit_is_named() {
                com_m = [0.0, 0.0, 0.0]\ninertia_com_kgm2 = [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]\n[[joint]]\nname = \"elbow\"\neffort_noise = 0.05\n";
     std::fs::write(place.path().join("one.rig.toml"), rig).unwrap();
     let words = ["identify", "one.csv", "--model", "arm.urdf", "--json", "--out", "noted"];
-    let warnings = answer(&rigident(place.path(), &words))["warnings"].to_string();
+    let warnings = told(&answer(&rigident(place.path(), &words)));
     for word in ["gain_uncertainty", "[body]", "[truth]", "the noise of some channels is stated"] {
         assert!(warnings.contains(word), "{word}: {warnings}");
     }
     let page = std::fs::read_to_string(place.path().join("noted/report.html")).unwrap();
     assert!(
-        page.contains("<h2>Full parameters <span class=\"tag\">not identified</span>")
+        page.contains("<h2>Standard parameters <span class=\"tag\">not identified</span>")
             && page.contains("[truth]")
     );
 }

@@ -65,12 +65,12 @@ fn a_slow_turn_of_three_clocks_in_shared_data_has_the_mass_of_the_still_poses() 
     };
     assert!((number("m").unwrap() - 0.9328).abs() < u95("m").hypot(0.0027), "{result:#}");
     // Every channel that wanders is named, by how much too.
-    let coloured = result["coloured_residuals"].as_array().unwrap();
+    let channels = result["channels"].as_array().unwrap();
     let warnings = result["warnings"].to_string();
     assert!(!warnings.contains("gravity by the attitudes"), "{warnings}");
     for channel in ["fy", "fz", "mx", "mz"] {
-        let found = coloured.iter().find(|c| c["channel"] == channel).expect(channel);
-        let factor = found["factor"].as_f64().unwrap();
+        let found = channels.iter().find(|c| c["name"] == channel).expect(channel);
+        let factor = found["autocorrelation"].as_f64().expect(channel);
         assert!(factor > 1.1 && warnings.contains(&format!("{factor:.1} ({channel})")), "{warnings}");
     }
     let page = std::fs::read_to_string(place.path().join("out/report.html")).unwrap();
