@@ -1,7 +1,7 @@
 //! The tables of `docs/estimation.md`.
 //!
 //! One file per study, each a function that gives Markdown and draws everything from fixed seeds; [`problem`] and
-//! [`reference`] are what they share. The covariance forms in [`covariance_forms`] exist only to show how they fail.
+//! [`mod@reference`] are what they share. The covariance forms in [`covariance_forms`] exist only to show how they fail.
 
 mod coloured_noise;
 mod covariance_forms;
