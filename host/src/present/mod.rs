@@ -5,7 +5,7 @@
 //! [`workspace`]. May not live here: estimation, files, the JSON object, which is the answer itself. Before this:
 //! [`crate::answer`].
 //!
-//! [`html()`], [`html_of_tree`] and [`ReportData`] are the pages of the two old engines and go with them.
+//! [`html()`] and [`ReportData`] are the page of the engine for one body alone and go with it.
 
 mod data;
 mod envelope;
@@ -21,7 +21,6 @@ pub mod table;
 #[cfg(test)]
 mod tests;
 pub mod text;
-mod tree;
 pub mod workspace;
 
 pub use data::{
@@ -32,4 +31,3 @@ pub use envelope::envelope;
 pub use html::report;
 pub use page::html;
 pub use series::Series;
-pub use tree::{ChannelRow, FullRow, LinkRows, TreeReport, html_of_tree};

@@ -5,7 +5,7 @@
 //! a factor whose size the model decides ([`factor`]), gain errors of the load cell (`gains`), noise that is not white
 //! (`colour`) or that stands in the rows (`rate_noise`), the identification itself (this file), what of it is identified and
 //! why not ([`answer`]), whether bodies have it ([`possible`]), whether columns tell of one motion ([`plausible`]), full
-//! parameters ([`nearest`]), the page (`page`), trees and recordings to try it on ([`simulated`]). May not live here: the
+//! parameters ([`nearest`]), trees and recordings to try it on ([`simulated`]). May not live here: the
 //! formulas of the rows
 //! (`rigident_shared::tree`), which parameters there are ([`crate::model::base`]), intervals and the judgement of
 //! residuals, which are those of a single body ([`crate::answer`], [`crate::identification::pooled`]). Next: [`prepare`].
@@ -21,7 +21,6 @@ pub mod nearest;
 #[cfg(test)]
 mod nearest_tests;
 pub(crate) mod noise;
-mod page;
 pub mod plausible;
 pub mod polynomial;
 pub mod possible;

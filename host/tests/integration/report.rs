@@ -5,10 +5,7 @@ mod synthetic;
 use std::collections::HashSet;
 
 use rigident::answer::result::{Measured, ParameterState};
-use rigident::present::{
-    self, Along, ChannelRow, FullRow, LinkRows, Quantity, ReportData, Residual, TimePlot, TreeReport, html,
-    html_of_tree, table,
-};
+use rigident::present::{Along, ReportData, TimePlot, html, table};
 use roxmltree::{Document, Node, ParsingOptions};
 
 /// Parses the page strictly; the page is HTML and XML at once.
@@ -284,70 +281,4 @@ fn still_poses_are_points_and_a_note_is_no_warning() {
         boxes.clone().all(|n| !all_text(n).contains("of the last 5 s")) && page.contains("of the last 5 s")
     );
     assert!(table::plain(&data.results).contains("\nnote: the answer is that of the last 5 s\n"));
-}
-
-fn tree() -> TreeReport {
-    let quantity = |name: &str, state| Quantity {
-        name: name.to_owned(),
-        unit: "kg m2".to_owned(),
-        state,
-        ..Quantity::default()
-    };
-    let known = ParameterState::Identified(Measured { value: 0.135, u95: 0.022 });
-    TreeReport {
-        model: "an <arm> & more".to_owned(),
-        status: present::Status::PartlyIdentified,
-        status_words: "partly identified: 1 of 2 parameters identified".to_owned(),
-        owners: vec![LinkRows {
-            owner: "fore <arm>".to_owned(),
-            rows: vec![
-                (quantity("Jxx-Jyy", known), "hand.m, hand.Iyy".to_owned()),
-                (quantity("Jzz", ParameterState::NotIdentified), String::new()),
-            ],
-        }],
-        reasons: vec!["joint \"a\" never moves".to_owned()],
-        full_note: "nearest to the nominal model".to_owned(),
-        full: vec![FullRow { link: "hand".to_owned(), mass_kg: 1.5, ..FullRow::default() }],
-        channels: vec![ChannelRow {
-            name: "a joint[0]".to_owned(),
-            colour: Some(2.0),
-            ..ChannelRow::default()
-        }],
-        residuals: ["a joint[0]", "a joint[1]"]
-            .map(|channel| Residual {
-                channel: channel.to_owned(),
-                unit: "N m".to_owned(),
-                time_s: vec![0.0, 1.0, 2.0],
-                values: vec![0.1, -0.2, 0.05],
-                sigma: 0.1,
-            })
-            .to_vec(),
-        ..TreeReport::default()
-    }
-}
-
-#[test]
-fn the_page_about_a_tree_is_well_formed_and_marks_what_is_not_identified() {
-    assert!(parse(&html_of_tree(&TreeReport::default())).root_element().has_tag_name("html"));
-    let page = html_of_tree(&tree());
-    let document = parse(&page);
-    let ids: Vec<&str> = document.descendants().filter_map(|n| n.attribute("id")).collect();
-    let unique: HashSet<&str> = ids.iter().copied().collect();
-    assert_eq!(ids.len(), unique.len(), "an id occurs twice");
-    let plots: Vec<Node> =
-        elements(&document, "svg").into_iter().filter(|n| n.attribute("role") == Some("img")).collect();
-    assert_eq!(plots.len(), 2);
-    for plot in plots {
-        let labels = plot.attribute("aria-labelledby").unwrap();
-        assert!(labels.split(' ').all(|id| unique.contains(id)), "{labels}");
-    }
-    let rows = elements(&document, "tr");
-    let row = |name: &str| {
-        let own = rows.iter().find(|r| r.first_element_child().map(all_text).as_deref() == Some(name));
-        all_text(*own.unwrap_or_else(|| panic!("no row {name}")))
-    };
-    assert!(row("Jxx-Jyy").contains("0.135") && row("Jxx-Jyy").contains("hand.Iyy"));
-    assert!(row("Jzz").contains("not identified") && !has_digit(&row("Jzz")));
-    let full = elements(&document, "h2").into_iter().map(all_text).find(|t| t.contains("Full")).unwrap();
-    assert!(full.contains("not identified"), "{full}");
 }
