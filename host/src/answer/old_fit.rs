@@ -203,7 +203,7 @@ pub fn of_tree(found: &TreeIdentification, input: &trees::Input) -> Fit {
     let mut entries: Vec<f64> = upper.map(|(i, j)| r[(i, j)]).collect();
     entries.extend_from_slice(found.factor.z());
     entries.push(found.factor.residual_sum_of_squares());
-    let factor = Factor::from_entries(n, &entries, u64::from(found.factor.rows())).unwrap();
+    let factor = Factor::from_entries(n, &entries, found.factor.rows()).unwrap();
     let estimate = Estimate { null_directions: found.lost.clone(), ..(*found.estimate).clone() };
     let residuals = found.residuals.iter().map(|r| BlockResidual {
         time_s: r.time_s,

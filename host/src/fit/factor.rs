@@ -6,6 +6,7 @@
 
 use nalgebra::DMatrix;
 use rigident_shared::Scalar;
+use rigident_shared::estimator::frames::TreeFactor;
 use rigident_shared::factor::{BLOCK_ROWS, Column, InformationFactor};
 
 /// Iterations for each parameter after which singular values are given up; two or three do.
@@ -77,16 +78,6 @@ impl Factor {
         factor.triangle[parameters * parameters..].copy_from_slice(z);
         (factor.residual_sum_of_squares, factor.rows) = (*residual, rows);
         Some(factor)
-    }
-
-    /// Builds a factor from `[R z]` by columns, n × (n + 1), zero below the diagonal.
-    pub(crate) fn from_columns(
-        parameters: usize,
-        triangle: Vec<f64>,
-        residual_sum_of_squares: f64,
-        rows: u64,
-    ) -> Self {
-        Self { parameters, triangle, residual_sum_of_squares, rows }
     }
 
     /// Returns the upper triangle by rows, then z, then the residual sum of squares.
@@ -382,6 +373,21 @@ impl Factor {
             solution.condition_number = most / least;
         }
         solution
+    }
+}
+
+impl From<&TreeFactor<f64>> for Factor {
+    fn from(taken: &TreeFactor<f64>) -> Self {
+        let n = taken.parameters();
+        let mut factor = Self::new(n);
+        for i in 0..n {
+            for (k, value) in taken.row(i).enumerate() {
+                factor.triangle[(i + k) * n + i] = value;
+            }
+        }
+        (factor.residual_sum_of_squares, factor.rows) =
+            (taken.residual_sum_of_squares(), u64::from(taken.rows()));
+        factor
     }
 }
 

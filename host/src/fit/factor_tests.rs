@@ -1,6 +1,7 @@
 //! The factor against dense normal equations.
 
 use nalgebra::{DMatrix, DVector};
+use rigident_shared::estimator::frames::TreeFactor;
 use rigident_shared::factor::InformationFactor;
 
 use super::Factor;
@@ -142,4 +143,43 @@ fn predicted_rows_tighten_and_move_nothing() {
         assert!((after.estimate[j] - before.estimate[j]).abs() < 1e-10);
         assert!(after.covariance[(j, j)] < before.covariance[(j, j)]);
     }
+}
+
+#[test]
+fn rows_taken_from_a_device_merge_to_its_factor() {
+    let (a, y) = rows(40, 5, 0.0);
+    let factor = absorbed(&a, &y);
+    let r = factor.r();
+    let mut taken = Box::new(TreeFactor::<f64>::EMPTY);
+    taken.clear(5);
+    for i in 0..5 {
+        let row: Vec<f64> = (i..5).map(|j| r[(i, j)]).chain([factor.z()[i]]).collect();
+        taken.merge_row(i, &row);
+    }
+    taken.merge_residual(factor.residual_sum_of_squares(), 40);
+    assert_close(&Factor::from(&*taken), &dense(&a, &y));
+}
+
+#[test]
+fn columns_that_differ_by_a_rounded_angle_are_one() {
+    let (mut a, y) = rows(60, 4, 0.0);
+    let quarter = std::f64::consts::FRAC_PI_2;
+    let nearly = a.column(1) + a.column(2) * (quarter - (1e11 * quarter).trunc() * 1e-11);
+    a.set_column(3, &nearly);
+    let solution = absorbed(&a, &y).solve(1e-10);
+    assert_eq!(solution.determined, [true, false, true, false]);
+    assert!(solution.condition_number < 10.0);
+}
+
+#[test]
+fn parameters_that_only_occur_together_are_not_determined() {
+    let (mut a, y) = rows(60, 6, 0.0);
+    let sum = a.column(1) * 2.0 - a.column(4);
+    a.set_column(5, &sum);
+    a.set_column(2, &DVector::zeros(60));
+    let solution = absorbed(&a, &y).solve(1e-10);
+    assert_eq!(solution.determined, [true, false, false, true, false, false]);
+    let mut together: Vec<usize> = solution.null_directions.concat().iter().map(|l| l.0).collect();
+    together.sort_unstable();
+    assert_eq!(together, [1, 4, 5]);
 }

@@ -10,9 +10,6 @@
 //! which gives the rejections, the gaps and thereby the phase of the windows; then every part is absorbed from
 //! the first window on that is still open at its beginning.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::thread;
-
 use rigident_shared::calibration::Reading;
 use rigident_shared::estimator::{ConfigError, Counters, Estimator, EstimatorConfig, Outcome, Reference};
 use rigident_shared::factor::InformationFactor;
@@ -20,6 +17,7 @@ use rigident_shared::screening::{Limits, Rejection};
 use rigident_shared::spatial::Wrench;
 
 use super::TAPS;
+use crate::fit::parallel;
 
 /// A part has at least so many readings: what is read twice and set up anew is small against it.
 const LEAST_SHARE: usize = 20_000;
@@ -84,10 +82,7 @@ impl Split {
     /// Parts by the number of readings alone, so that every machine gives the same bits; threads as there are
     /// cores.
     pub fn of(readings: usize) -> Self {
-        Self {
-            parts: (readings / LEAST_SHARE).clamp(1, MOST_PARTS),
-            threads: thread::available_parallelism().map_or(1, usize::from),
-        }
+        Self { parts: (readings / LEAST_SHARE).clamp(1, MOST_PARTS), threads: parallel::threads() }
     }
 }
 
@@ -120,7 +115,7 @@ impl<'a> Shares<'a> {
         shares.config.limits.frozen_after = 0;
         let borders: Vec<usize> = (0..=parts).map(|k| k * readings.len() / parts).collect();
         let scouted =
-            on_threads(split.threads, parts, |k| scout(readings, config, borders[k]..borders[k + 1]))
+            parallel::map(split.threads, parts, |k| scout(readings, config, borders[k]..borders[k + 1]))
                 .into_iter()
                 .collect::<Result<Vec<_>, _>>()?;
         let mut fresh = 0;
@@ -158,7 +153,7 @@ impl<'a> Shares<'a> {
         each: impl Fn(&mut A, &Reading<f64>, &Estimator<f64, N, TAPS>) + Sync,
     ) -> Result<Absorbed<N, A>, ConfigError> {
         let config = EstimatorConfig { channel_sigma, ..self.config };
-        let done = on_threads(self.threads, self.parts.len(), |k| {
+        let done = parallel::map(self.threads, self.parts.len(), |k| {
             let part = &self.parts[k];
             let mut estimator = Box::new(Estimator::<f64, N, TAPS>::new(&config)?);
             if let Some(reference) = self.reference.and_then(first) {
@@ -211,31 +206,6 @@ fn first<const N: usize>(reference: Reference<f64, 16>) -> Option<Reference<f64,
         noise_scale: reference.noise_scale,
         knock_limit: reference.knock_limit,
     })
-}
-
-/// Does job 0 … `count − 1`, each on whichever thread is free; results in the order of the jobs.
-fn on_threads<R: Send>(threads: usize, count: usize, job: impl Fn(usize) -> R + Sync) -> Vec<R> {
-    let next = AtomicUsize::new(0);
-    let work = || {
-        let mut done = Vec::new();
-        loop {
-            let k = next.fetch_add(1, Ordering::Relaxed);
-            if k >= count {
-                return done;
-            }
-            done.push((k, job(k)));
-        }
-    };
-    let mut results = thread::scope(|scope| {
-        let others: Vec<_> = (1..threads.min(count)).map(|_| scope.spawn(work)).collect();
-        let mut results = work();
-        for other in others {
-            results.extend(other.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
-        }
-        results
-    });
-    results.sort_by_key(|(k, _)| *k);
-    results.into_iter().map(|(_, result)| result).collect()
 }
 
 /// Screening and gaps of a part: the estimator itself, with a filter of one tap that hardly ever gives a row.

@@ -8,14 +8,11 @@ use rigident_shared::tree::{BaseMotion, Joint, TreeError};
 
 use super::signs::Signs;
 use crate::fit::{Channel, Fingerprint, Kind, Owner, Parameter, RowSource, SampleRows, Timing};
-use crate::model::base::{BaseParameters, base_parameters};
+use crate::model::base::{BaseParameters, ROUNDED, base_parameters};
 use crate::trees::drive::Term;
 use crate::trees::rows::{RowMaker, names_and_units};
 use crate::trees::{Frame, Input, TreeIdentificationError};
 
-/// What in columns of unit length shows less than this is not told apart: robot descriptions round angles to some 1e-11
-/// (π/2 as 1.57079632679), and by that alone columns that are one seem to be two.
-const ROUNDED: f64 = 1e-10;
 /// Rows of the wrench.
 const WRENCH: usize = 6;
 /// σ of force and of everything else to start from where none is stated: only ratios matter.

@@ -3,13 +3,14 @@
 
 use std::borrow::Cow;
 
-use super::factor::TallFactor;
 use super::rows::Filtered;
+use crate::fit::Factor;
 use crate::identification::gains::{ITERATIONS, SETTLED, linearise};
+use crate::model::base::ROUNDED;
 
 /// What all rows say, channel by channel, unwhitened.
 pub(super) struct Channels {
-    factors: Vec<TallFactor>,
+    factors: Vec<Factor>,
     parameters: usize,
     /// Place of the wrench's offset among the parameters.
     offset: Option<usize>,
@@ -22,7 +23,7 @@ impl Channels {
         let n = filtered.columns;
         let count = filtered.blocks.first().map_or(0, |b| b.measured.len());
         let factors = (0..count).map(|c| {
-            let mut factor = TallFactor::new(n);
+            let mut factor = Factor::new(n);
             factor.absorb(
                 filtered
                     .blocks
@@ -35,12 +36,12 @@ impl Channels {
     }
 
     /// The factor with the gains eliminated, and the gains. `weights` whiten the rows of each channel.
-    pub(super) fn fit(&self, weights: &[f64]) -> (TallFactor, [f64; 6]) {
+    pub(super) fn fit(&self, weights: &[f64]) -> (Factor, [f64; 6]) {
         let n = self.parameters;
         let (mut phi, mut gains) = (vec![0.0; n], [0.0; 6]);
         let mut joint = self.linearised(weights, &phi, &gains);
         for iteration in 0..ITERATIONS {
-            let all = joint.solve().estimate;
+            let all = joint.solve(ROUNDED).estimate;
             let before = gains;
             gains.copy_from_slice(&all[n..]);
             phi.copy_from_slice(&all[..n]);
@@ -52,14 +53,16 @@ impl Channels {
             }
         }
         // The prior's rows are no measurements.
-        let rows = self.factors.iter().map(TallFactor::rows).sum();
-        (joint.leading(n).counted(rows), gains)
+        let rows = self.factors.iter().map(Factor::rows).sum();
+        let joint = joint.leading(n);
+        let residual = joint.residual_sum_of_squares();
+        (joint.with_residual(residual, rows), gains)
     }
 
     /// Parameters, then gains.
-    fn linearised(&self, weights: &[f64], phi: &[f64], gains: &[f64; 6]) -> TallFactor {
+    fn linearised(&self, weights: &[f64], phi: &[f64], gains: &[f64; 6]) -> Factor {
         let n = self.parameters;
-        let mut joint = TallFactor::new(n + 6);
+        let mut joint = Factor::new(n + 6);
         let mut rows: Vec<(Vec<f64>, f64)> = Vec::new();
         for (c, (channel, weight)) in self.factors.iter().zip(weights).enumerate() {
             let gain = gains.get(c).copied().unwrap_or(0.0);

@@ -2,7 +2,7 @@
 //! model.
 //!
 //! Lives here: recordings brought to frames of joints and base ([`prepare`]), which columns joints have ([`columns`]), their rows ([`rows`]), friction ([`drive`]),
-//! a factor whose size the model decides ([`factor`]), gain errors of the load cell (`gains`), noise that is not white
+//! gain errors of the load cell (`gains`), noise that is not white
 //! (`colour`) or that stands in the rows (`rate_noise`), the identification itself (this file), what of it is identified and
 //! why not ([`answer`]), whether bodies have it ([`possible`]), whether columns tell of one motion ([`plausible`]), full
 //! parameters ([`nearest`]), trees and recordings to try it on ([`simulated`]). May not live here: the
@@ -14,7 +14,6 @@ pub mod answer;
 mod colour;
 pub mod columns;
 pub mod drive;
-pub mod factor;
 mod gains;
 pub mod joints;
 pub mod nearest;
@@ -37,15 +36,15 @@ use rigident_shared::tree::{BaseMotion, TreeError};
 
 pub use self::colour::Residuals;
 use self::drive::Drive;
-use self::factor::TallFactor;
 use self::gains::Channels;
 use self::rows::{Filtered, RowMaker};
 use crate::answer::identifiability::RegressorNoise;
 use crate::answer::{Estimate, Noise};
+use crate::fit::Factor;
 use crate::identification::pooled::{Judgement, RowSet, judge};
 use crate::identification::whiteness::Colour;
 use crate::identification::{filter_width_s, row_every};
-use crate::model::base::{BaseParameters, Rows, Situation, base_parameters};
+use crate::model::base::{BaseParameters, ROUNDED, Rows, Situation, base_parameters};
 use crate::model::{Model, ModelError};
 
 /// One instant.
@@ -192,7 +191,7 @@ pub struct TreeIdentification {
     /// Their units.
     pub units: Vec<&'static str>,
     /// All rows, whitened by `channel_sigma`.
-    pub factor: TallFactor,
+    pub factor: Factor,
     /// Solution with its covariance.
     pub estimate: Estimate,
     /// Combinations that the rows say nothing of: shares of the column-scaled parameters.
@@ -300,7 +299,7 @@ pub enum DeviceRows {
 /// [`TreeIdentificationError`] if there are no rows, or the factor is of other parameters.
 pub fn conclude_device(
     input: &Input,
-    factor: TallFactor,
+    factor: Factor,
     made: DeviceRows,
 ) -> Result<TreeIdentification, TreeIdentificationError> {
     let mut base = base_parameters(&input.model, &input.situation)?;
@@ -373,14 +372,16 @@ impl<'a> Fitter<'a> {
     }
 
     /// The factor for these σ, the noise's variance taken `scale` times as large beside the gains' prior, and the gains.
-    fn fit(&self, sigma: &[f64], scale: f64) -> (TallFactor, [f64; 6]) {
+    fn fit(&self, sigma: &[f64], scale: f64) -> (Factor, [f64; 6]) {
         match &self.channels {
             None => (self.filtered.absorb(sigma), [0.0; 6]),
             Some(channels) => {
                 let root = (f64::from(self.filtered.every) / scale).sqrt();
                 let weights: Vec<f64> = sigma.iter().map(|s| root / s).collect();
                 let (factor, gains) = channels.fit(&weights);
-                (factor.weighted(scale.sqrt()), gains)
+                let residual = factor.residual_sum_of_squares();
+                let rows = factor.rows();
+                (factor.discount(1.0 / scale).with_residual(residual, rows), gains)
             }
         }
     }
@@ -390,20 +391,24 @@ fn conclude(
     input: &Input,
     base: BaseParameters,
     fitter: &Fitter,
-    (mut factor, mut gains): (TallFactor, [f64; 6]),
+    (mut factor, mut gains): (Factor, [f64; 6]),
     sigma: Vec<f64>,
 ) -> Result<TreeIdentification, TreeIdentificationError> {
     let filtered = fitter.filtered;
-    let mut solution = factor.solve();
+    let mut solution = factor.solve(ROUNDED);
     let determined = solution.determined.iter().filter(|d| **d).count();
     let sigma_given = input.channel_sigma.is_some();
-    let rows = RowSet { rows: factor.rows(), noise_gain: filtered.noise_gain, sigma_given };
+    let rows = RowSet {
+        rows: u32::try_from(factor.rows()).unwrap_or(u32::MAX),
+        noise_gain: filtered.noise_gain,
+        sigma_given,
+    };
     let Judgement { noise, variance_ratio, variance_scale, .. } =
         judge(&[rows], factor.residual_sum_of_squares(), determined as f64);
     // The prior of the gains is not the noise's to scale.
     if variance_scale > 1.0 && fitter.channels.is_some() {
         (factor, gains) = fitter.fit(&sigma, variance_scale);
-        solution = factor.solve();
+        solution = factor.solve(ROUNDED);
     }
     let filtered = &*filtered.gained(&gains, fitter.offset);
     let estimate = Estimate::of_numbers(
@@ -432,7 +437,7 @@ fn conclude(
         })
         .collect();
     if stretch.iter().any(|s| *s > 1.0) {
-        factor = factor.stretched(&estimate.values, &stretch);
+        factor = factor.inflate(&estimate.values, &stretch);
         estimate = estimate.stretched(&stretch);
     }
     let from = if input.has_wrench() { 3.min(sigma.len()) } else { 0 };
@@ -443,7 +448,7 @@ fn conclude(
         names,
         units,
         base,
-        lost: solution.lost,
+        lost: solution.null_directions,
         estimate,
         sigma_given,
         noise_gain: filtered.noise_gain,

@@ -16,7 +16,7 @@ impl TreeIdentification {
         let mut entries: Vec<f64> = upper.map(|(i, j)| r[(i, j)]).collect();
         entries.extend_from_slice(factor.z());
         entries.push(factor.residual_sum_of_squares());
-        let factor = crate::fit::Factor::from_entries(n, &entries, u64::from(factor.rows()))
+        let factor = crate::fit::Factor::from_entries(n, &entries, factor.rows())
             .unwrap_or_else(|| crate::fit::Factor::new(n));
         BaseEstimate::of_factor(&factor, &self.base, self.variance_scale, self.noise)
     }

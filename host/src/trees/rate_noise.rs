@@ -10,10 +10,10 @@ use std::borrow::Cow;
 
 use rigident_shared::tree::BaseMotion;
 
-use super::factor::TallSolution;
 use super::noise::Noise;
 use super::rows::Filtered;
 use super::{Frame, Input, RowMaker, TreeIdentificationError, filter};
+use crate::fit::Solution;
 use crate::model::base::BaseParameters;
 
 /// Longer recordings are looked at in their middle.
@@ -28,7 +28,7 @@ pub(super) fn bias(
     input: &Input,
     base: &BaseParameters,
     filtered: &Filtered,
-    solution: &TallSolution,
+    solution: &Solution,
     sigma: &[f64],
 ) -> Result<Vec<f64>, TreeIdentificationError> {
     let n = solution.estimate.len();

@@ -5,9 +5,9 @@ use rigident_shared::inertia::PARAMETER_NAMES;
 use rigident_shared::tree::{Joint, Link, TreeError};
 
 use super::drive::Term;
-use super::factor::TallFactor;
 use super::{Frame, Input, TreeIdentificationError};
-use crate::model::base::{BaseParameters, Rows};
+use crate::fit::Factor;
+use crate::model::base::{BaseParameters, ROUNDED, Rows};
 use crate::model::filter::MomentumFilter;
 use crate::model::rows::{MomentumRows, Moving};
 
@@ -313,8 +313,8 @@ impl Filtered {
     }
 
     /// The factor of all rows, whitened by σ per reading: a block stands for `every` of them.
-    pub fn absorb(&self, sigma: &[f64]) -> TallFactor {
-        let mut factor = TallFactor::new(self.columns);
+    pub fn absorb(&self, sigma: &[f64]) -> Factor {
+        let mut factor = Factor::new(self.columns);
         let root = f64::from(self.every).sqrt();
         let mut whitened: Vec<(Vec<f64>, f64)> = Vec::new();
         for block in &self.blocks {
@@ -367,8 +367,8 @@ impl Filtered {
     }
 
     /// Raw σ of each channel: residual variance over `Σh²`, for the degrees of freedom that are left.
-    pub fn raw_sigma(&self, factor: &TallFactor) -> Vec<f64> {
-        let solution = factor.solve();
+    pub fn raw_sigma(&self, factor: &Factor) -> Vec<f64> {
+        let solution = factor.solve(ROUNDED);
         let determined = solution.determined.iter().filter(|d| **d).count() as f64;
         let (rms, measured) = self.rms(&solution.estimate);
         let channels = rms.len().max(1) as f64;

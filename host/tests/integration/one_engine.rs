@@ -260,7 +260,7 @@ fn assert_same_tree(new: &Fit, old: &TreeIdentification) {
     let mut entries: Vec<f64> = (0..n).flat_map(|i| (i..n).map(move |j| (i, j))).map(|at| r[at]).collect();
     entries.extend(old.factor.z());
     entries.push(old.factor.residual_sum_of_squares());
-    let factor = Factor::from_entries(n, &entries, u64::from(old.factor.rows())).unwrap();
+    let factor = Factor::from_entries(n, &entries, old.factor.rows()).unwrap();
     assert_same_factor(&new.factor, &factor);
     let of =
         |of: &dyn Fn(&rigident::fit::ChannelFit) -> f64| new.channels.iter().map(of).collect::<Vec<f64>>();

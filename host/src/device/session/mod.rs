@@ -25,8 +25,8 @@ use take::Taking;
 pub use take::{DeviceFactor, Observer, Take, narrow, widen};
 
 use crate::device::link::{Client, LinkError};
+use crate::fit::Factor;
 use crate::platform::{Motion, MotionSample, Platform, PlatformError};
-use crate::trees::factor::TallFactor;
 
 /// Set by Ctrl-C; looked at between messages.
 pub static INTERRUPTED: AtomicBool = AtomicBool::new(false);
@@ -323,7 +323,7 @@ impl Session {
         };
         // Of a level what was taken is here, whatever became of the rest.
         let taken = taking.level.as_deref().filter(|level| level.rows() > 0);
-        let factor = factor.or_else(|| taken.map(|level| DeviceFactor::Links(TallFactor::from_rows(level))));
+        let factor = factor.or_else(|| taken.map(|level| DeviceFactor::Links(Factor::from(level))));
         Take {
             readings: taking.readings,
             links: taking.links,
@@ -364,7 +364,7 @@ impl Session {
         if let Some(level) = &mut taking.level {
             tree::take_level(&mut self.client, level)?;
             taking.levels += 1;
-            return Ok(DeviceFactor::Links(TallFactor::from_rows(level)));
+            return Ok(DeviceFactor::Links(Factor::from(&**level)));
         }
         if self.of_two_links {
             return Ok(DeviceFactor::Links(two_links::factor(&mut self.client)?));

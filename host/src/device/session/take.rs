@@ -8,9 +8,9 @@ use rigident_shared::wire::{
 };
 
 use super::{QUIET, STOPPED};
+use crate::fit;
 use crate::identification::Factor;
 use crate::platform::MotionSample;
-use crate::trees::factor::TallFactor;
 
 /// What wants to know as it happens.
 pub trait Observer {
@@ -45,16 +45,16 @@ pub enum DeviceFactor {
     /// One body.
     Body(Factor),
     /// Base parameters of several links, in the device's order.
-    Links(TallFactor),
+    Links(fit::Factor),
 }
 
 impl DeviceFactor {
     /// Returns the factor in the device's order of parameters.
-    pub fn to_factor(&self) -> crate::fit::Factor {
+    pub fn to_factor(&self) -> fit::Factor {
         match self {
             Self::Body(Factor::Ten(f)) => (&**f).into(),
             Self::Body(Factor::Sixteen(f)) => (&**f).into(),
-            Self::Links(f) => f.to_factor(),
+            Self::Links(f) => f.clone(),
         }
     }
 }

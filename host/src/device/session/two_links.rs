@@ -9,11 +9,11 @@ use rigident_shared::wire::{
 
 use super::settings::{DeviceTiming, GainsOnDevice, SettingsError, imu_settings, settings};
 use crate::device::link::{Client, LinkError};
+use crate::fit::Factor;
 use crate::model::ModelError;
 use crate::model::rig_links::from_tables;
 use crate::recording::{ImuColumns, Recording};
 use crate::rig::RigFile;
-use crate::trees::factor::TallFactor;
 
 /// Of the accelerometers' correction of the attitude that the device finds, s.
 pub const ATTITUDE_TIME_CONSTANT_S: f32 = 5.0;
@@ -179,10 +179,10 @@ pub fn readings(recording: &Recording) -> Result<Vec<LinkReadingMessage>, TwoLin
 ///
 /// # Errors
 /// The link, or what is no factor of two links.
-pub(super) fn factor(client: &mut Client) -> Result<TallFactor, LinkError> {
+pub(super) fn factor(client: &mut Client) -> Result<Factor, LinkError> {
     let (parameters, entries, rows) = client.factor_numbers()?;
     let fits = matches!(parameters, 19 | 25);
-    fits.then(|| TallFactor::from_entries(parameters, &entries, rows))
+    fits.then(|| Factor::from_entries(parameters, &entries, u64::from(rows)))
         .flatten()
         .ok_or(LinkError::Nonsense("read the factor of two links"))
 }

@@ -20,6 +20,10 @@ use super::tree::Model;
 use numerical::Reduction;
 pub use numerical::{Gap, Rows};
 
+/// Smallest singular value, relative to the largest, of what is told apart in columns of unit length. Robot descriptions
+/// round angles to some 1e-11 (π/2 as 1.57079632679), and by that alone columns that are one seem to be two.
+pub const ROUNDED: f64 = 1e-10;
+
 /// What is measured, on what kind of base.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Situation {
