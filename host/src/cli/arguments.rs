@@ -61,8 +61,19 @@ pub enum Command {
     Plan(Plan),
     /// Look at a tree of links: robot description, rig file or person
     Model(ModelCommand),
+    /// Print the JSON Schema of a file that this program reads or writes
+    Schema(SchemaOf),
     /// Time what is computed, beside other libraries
     Bench(BenchCommand),
+}
+
+/// `rigident schema`
+#[derive(Args, Debug, Clone)]
+#[command(after_help = "Examples:\n  rigident schema result\n  rigident schema rig > rig.schema.json")]
+pub struct SchemaOf {
+    /// Which file: a rig file, `result.json`, or a plan
+    #[arg(value_name = "FILE", value_parser = clap::builder::PossibleValuesParser::new(crate::schema::NAMES))]
+    pub file: String,
 }
 
 /// Options of every command that gives an answer.

@@ -5,28 +5,51 @@ use std::process::ExitCode;
 /// what to do.
 #[derive(Debug)]
 pub struct Failure {
-    status: Status,
+    status: ExitStatus,
     message: String,
 }
 
-/// Exit statuses of the contract beyond 0 (identified) and 1 (partly or not identified).
+/// Exit statuses of the program: docs/formats.md has them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Status {
-    /// Bad input or usage.
+pub enum ExitStatus {
+    /// Everything that was asked for is identified, or done.
+    Identified = 0,
+    /// Some of it is not identified, or a check found something.
+    NotIdentified = 1,
+    /// The input or the usage is bad.
     Input = 2,
-    /// Link or hardware failure.
+    /// The link or the hardware failed.
     Link = 3,
+    /// A second Ctrl-C ended the program.
+    Interrupted = 130,
+}
+
+impl ExitStatus {
+    /// Every exit status.
+    pub const ALL: [Self; 5] =
+        [Self::Identified, Self::NotIdentified, Self::Input, Self::Link, Self::Interrupted];
+
+    /// Returns [`ExitStatus::Identified`] where all is well, [`ExitStatus::NotIdentified`] otherwise.
+    pub fn of(good: bool) -> Self {
+        if good { Self::Identified } else { Self::NotIdentified }
+    }
+}
+
+impl From<ExitStatus> for ExitCode {
+    fn from(status: ExitStatus) -> Self {
+        Self::from(status as u8)
+    }
 }
 
 impl Failure {
     /// Bad input or usage.
     pub fn input(message: impl fmt::Display) -> Self {
-        Self { status: Status::Input, message: message.to_string() }
+        Self { status: ExitStatus::Input, message: message.to_string() }
     }
 
     /// Link or hardware failure.
     pub fn link(message: impl fmt::Display) -> Self {
-        Self { status: Status::Link, message: message.to_string() }
+        Self { status: ExitStatus::Link, message: message.to_string() }
     }
 
     /// The same failure, preceded by what was being done.
@@ -38,7 +61,7 @@ impl Failure {
 
     /// Its exit status.
     pub fn exit_code(&self) -> ExitCode {
-        ExitCode::from(self.status as u8)
+        self.status.into()
     }
 }
 

@@ -62,14 +62,14 @@ use std::sync::atomic::Ordering;
 use clap::{CommandFactory, FromArgMatches};
 
 pub use arguments::Arguments;
-pub use failure::{Failure, Status};
+pub use failure::{ExitStatus, Failure};
 pub use folder::Folder;
 pub use progress::Progress;
 use progress::Stages;
 
 #[cfg(feature = "simulator")]
 use arguments::Repeated;
-use arguments::{Command, Convert};
+use arguments::{Command, Convert, SchemaOf};
 use plan_arguments::Planned;
 
 /// Runs the command line of this process.
@@ -93,7 +93,7 @@ pub fn main() -> ExitCode {
             if json {
                 outcome::say_failed("ended by a second Ctrl-C; files may be incomplete");
             }
-            std::process::exit(130);
+            std::process::exit(ExitStatus::Interrupted as i32);
         }
         tell!("\nstopping, what there is by now is kept (Ctrl-C again ends at once)");
     });
@@ -203,9 +203,18 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
             Planned::Motion(a) => plan_motion::run(&a),
             Planned::Compare(a) => plan_motion::compare(&a),
         },
+        Some(Command::Schema(a)) => schema(&a),
         Some(Command::Model(a)) => model::run(&a),
         Some(Command::Bench(a)) => bench::run(&a),
     }
+}
+
+/// `rigident schema`
+fn schema(arguments: &SchemaOf) -> Result<ExitCode, Failure> {
+    let schema = crate::schema::schema(&arguments.file)
+        .ok_or_else(|| Failure::input(format!("there is no schema of {:?}", arguments.file)))?;
+    outcome::say(format_args!("{schema:#}"));
+    Ok(ExitCode::SUCCESS)
 }
 
 /// `rigident convert`

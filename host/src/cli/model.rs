@@ -6,7 +6,7 @@ use super::model_arguments::{
     BaseParams, ModelChanges, ModelCheck, ModelCommand, ModelVerb, RowsWord, SexWord,
 };
 use super::outcome::say;
-use super::{Failure, Stages};
+use super::{ExitStatus, Failure, Stages};
 use crate::model::base::names::legend;
 use crate::model::base::{BaseParameters, Rows, Situation, base_parameters};
 use crate::model::human::{Person, Sex};
@@ -107,7 +107,7 @@ fn check(arguments: &ModelCheck) -> Result<ExitCode, Failure> {
             }
         ));
     }
-    Ok(if checked.findings.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(1) })
+    Ok(ExitStatus::of(checked.findings.is_empty()).into())
 }
 
 fn base_params(arguments: &BaseParams) -> Result<ExitCode, Failure> {

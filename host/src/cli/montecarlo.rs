@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::arguments::{DemoBody, Estimating, Montecarlo, NoiseReading};
 use super::experiment::check_duration;
 use super::outcome::say;
-use super::{Failure, Progress};
+use super::{ExitStatus, Failure, Progress};
 use crate::device::session::INTERRUPTED;
 use crate::montecarlo::{
     Campaign, CampaignError, DERIVED, Judgement, Limits95, Solver, Verdict, gain_error_sensors,
@@ -86,9 +86,9 @@ pub(super) fn run(arguments: &Montecarlo) -> Result<ExitCode, Failure> {
     }
     if verdict.runs < arguments.runs {
         tell!("rigident: stopped after {} of {} experiments", verdict.runs, arguments.runs);
-        return Ok(ExitCode::from(1));
+        return Ok(ExitStatus::NotIdentified.into());
     }
-    Ok(if good { ExitCode::SUCCESS } else { ExitCode::from(1) })
+    Ok(ExitStatus::of(good).into())
 }
 
 /// A judgement with what it is of.

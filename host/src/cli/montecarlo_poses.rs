@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::arguments::MontecarloPoses;
 use super::outcome::say;
-use super::{Failure, Progress};
+use super::{ExitStatus, Failure, Progress};
 use crate::device::session::INTERRUPTED;
 use crate::plan::poses::measure::up_in_plate;
 use crate::plan::poses::montecarlo::{
@@ -115,7 +115,7 @@ pub(super) fn run(arguments: &MontecarloPoses) -> Result<ExitCode, Failure> {
     }
     if INTERRUPTED.load(Ordering::Relaxed) {
         tell!("rigident: stopped after {} experiments", rows.len());
-        return Ok(ExitCode::from(1));
+        return Ok(ExitStatus::NotIdentified.into());
     }
     Ok(ExitCode::SUCCESS)
 }

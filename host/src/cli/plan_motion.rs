@@ -12,7 +12,7 @@ use serde::Serialize;
 use super::arguments::DemoBody;
 use super::outcome::say;
 use super::plan_arguments::{MotionObjective, PlanCompare, PlanMotion};
-use super::{Failure, Progress};
+use super::{ExitStatus, Failure, Progress};
 use crate::device::session::INTERRUPTED;
 use crate::plan::equipment::Equipment;
 use crate::plan::machine;
@@ -92,7 +92,7 @@ pub(super) fn run(arguments: &PlanMotion) -> Result<ExitCode, Failure> {
 pub(super) fn ended(stopped: bool, what: &str) -> ExitCode {
     if stopped {
         tell!("rigident: stopped by Ctrl-C: the best {what} found by then, there may be better ones");
-        return ExitCode::from(1);
+        return ExitStatus::NotIdentified.into();
     }
     ExitCode::SUCCESS
 }

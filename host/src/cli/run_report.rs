@@ -4,7 +4,7 @@ use std::time::Instant;
 use super::arguments::Output;
 use super::loaded::{Loaded, StandardOptions};
 use super::outcome::say;
-use super::{Failure, Folder};
+use super::{ExitStatus, Failure, Folder};
 use crate::answer::{Answer, Context, Drift, Source, Status, TimeBase, Tracking};
 use crate::fit::Fit;
 use crate::fit::pool::PooledFactor;
@@ -105,7 +105,7 @@ impl<'a> RunReport<'a> {
         if let Some(folder) = folder {
             self.write(fit, &answer, &json, &folder)?;
         }
-        Ok(if answer.status == Status::Identified { ExitCode::SUCCESS } else { ExitCode::from(1) })
+        Ok(ExitStatus::of(answer.status == Status::Identified).into())
     }
 
     fn answer(&mut self, fit: &Fit) -> Result<Answer, Failure> {

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
 
+use rigident::cli::ExitStatus;
 use rigident::fit::factor_file::{self, FactorSource, SourceChannel};
 use rigident::fit::{Kind, Owner, Parameter};
 use rigident::recording::columns::{Group, Known};
@@ -104,6 +105,75 @@ fn every_topic_of_a_recording_is_described() {
     real.retain(|pair| !pair.starts_with("/link0/"));
     real.insert("/link1/attitude geometry_msgs/msg/QuaternionStamped".to_owned());
     same("topics", &names(documented), &real);
+}
+
+#[test]
+fn every_key_of_a_plan_is_described() {
+    let schema = rigident::schema::schema("plan").unwrap();
+    let mut real = BTreeSet::new();
+    fields(&schema, &schema, "", &mut real);
+    let text = formats();
+    let described: BTreeSet<&str> = section(&text, "## Plan file").split('`').skip(1).step_by(2).collect();
+    // A pose and a segment are written out as an example each.
+    let named =
+        |key: &str| described.iter().any(|words| *words == key || words.contains(&format!("\"{key}\"")));
+    let missing: Vec<_> = real.iter().filter(|path| !named(path.rsplit('.').next().unwrap())).collect();
+    assert!(missing.is_empty(), "a plan has {missing:?}, which docs/formats.md does not name");
+    assert!(real.contains("program.segments[].hold.duration_s"), "{real:?}");
+}
+
+/// An editor that has the schema accepts what the reader accepts.
+#[test]
+fn the_schema_of_a_rig_file_has_the_readers_keys() {
+    let schema = rigident::schema::schema("rig").unwrap();
+    let mut real = BTreeSet::new();
+    fields(&schema, &schema, "", &mut real);
+    let root = keys("").unwrap();
+    let mut found = Vec::new();
+    tables("", "", &root, &mut found);
+    let mut known = BTreeSet::new();
+    for (header, keys) in &found {
+        let path = header.trim_matches(['[', ']']);
+        let lists = header.starts_with("[[");
+        known.extend(keys.iter().map(|key| match (path, lists) {
+            ("", _) => key.clone(),
+            (_, true) => format!("{path}[].{key}"),
+            (_, false) => format!("{}.{key}", path.replace("stream.", "stream[].")),
+        }));
+    }
+    // Below a key that takes several forms there are no keys of tables.
+    real.retain(|path| {
+        known.contains(path)
+            || !known.iter().any(|key| path.starts_with(&format!("{key}.")) && !is_table(key, &found))
+    });
+    same("keys of the rig file's schema", &real, &known);
+}
+
+/// Tells whether a key is the name of a table that the reader has keys of.
+fn is_table(key: &str, found: &[(String, BTreeSet<String>)]) -> bool {
+    found.iter().any(|(header, _)| header.trim_matches(['[', ']']) == key.replace("[]", ""))
+}
+
+#[test]
+fn every_exit_status_is_described() {
+    let text = formats();
+    let rows = section(&text, "## Exit statuses")
+        .lines()
+        .filter_map(|line| line.strip_prefix("| ")?.split(" |").next());
+    let documented = rows.filter(|cell| cell.parse::<u8>().is_ok()).map(str::to_owned).collect();
+    same("exit statuses", &documented, &names(ExitStatus::ALL.map(|status| (status as u8).to_string())));
+}
+
+#[test]
+fn a_schema_is_printed_for_each_file_that_has_one() {
+    for name in rigident::schema::NAMES {
+        assert_eq!(Some(json(&["schema", name])), rigident::schema::schema(name));
+    }
+    let text = formats();
+    let said = section(&text, "## JSON of the other commands");
+    for name in rigident::schema::NAMES {
+        assert!(said.contains(&format!("`schema {name}`")), "{name}");
+    }
 }
 
 /// Runs the program and returns what it prints as JSON.
