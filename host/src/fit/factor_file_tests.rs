@@ -168,3 +168,38 @@ fn the_committed_files_are_read() {
         assert_eq!(sealed(&bare), bytes);
     }
 }
+
+/// Changed bytes under a check sum that fits: whatever is read can be solved, merged, taken off and conditioned.
+#[test]
+fn hostile_bytes_end_in_an_error_or_a_fit() {
+    use crate::fit::prior::KnownValues;
+    use crate::fit::tare::Tare;
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::{Rng, SeedableRng};
+
+    let mut random = ChaCha8Rng::seed_from_u64(1);
+    let known = ["mass_kg=20±0.1", "com_x_m=0.1±0.01", "ixx_com_kgm2=1±0.1"].map(str::to_owned);
+    let known = KnownValues::parse(&known, &["y".to_owned()]).unwrap();
+    let bytes = file(&body()).to_bytes();
+    let mut kept = 0;
+    for round in 0..3000 {
+        let mut body = bytes[8..bytes.len() - 4].to_vec();
+        for _ in 0..=round % 4 {
+            let place = random.next_u32() as usize % body.len();
+            body[place] = random.next_u32() as u8;
+        }
+        let Ok(pooled) = read(&sealed(&body)) else { continue };
+        kept += 1;
+        let bare = PooledFactor { sources: Vec::new(), ..pooled.clone() };
+        for shared in [true, false] {
+            let _ = PooledFactor::merged(vec![pooled.clone(), bare.clone()], shared).map(|f| f.fit());
+        }
+        let mut fit = pooled.fit();
+        if let Ok(tare) = Tare::new(bare) {
+            let _ = tare.take_off(&mut fit);
+        }
+        let _ = known.apply(&mut fit);
+    }
+    // Most changes fall on the digits of numbers.
+    assert!((500..3000).contains(&kept), "{kept}");
+}
