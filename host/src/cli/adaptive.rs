@@ -27,7 +27,7 @@ pub struct Adaptive {
     /// Decide every segment by what the device knows by then; end as soon as what is asked for is reached
     ///
     /// Asked for is --until, or every tensor element, about S and about the centre of mass, to --until-relative.
-    #[arg(long, conflicts_with_all = ["plan", "duration_s", "go_on", "forget", "window"])]
+    #[arg(long, conflicts_with_all = ["plan", "duration_s", "keep_going", "forget", "window"])]
     pub adaptive: bool,
     /// With --adaptive: largest 95 % uncertainty of every tensor element, as a share of the largest principal moment
     /// [default: 0.01]

@@ -15,9 +15,9 @@ pub struct Course {
     /// mc, I, offset, and single names. The device decides; Ctrl-C ends sooner
     #[arg(long, value_name = "NAME=U95", value_delimiter = ',')]
     pub until: Vec<String>,
-    /// With --until: tell when the uncertainties are reached, and go on to the end
-    #[arg(long, requires = "until")]
-    pub go_on: bool,
+    /// With --until: report when the uncertainties are reached, but finish the program
+    #[arg(long, alias = "go-on", requires = "until")]
+    pub keep_going: bool,
 }
 
 impl Course {

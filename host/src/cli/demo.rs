@@ -79,7 +79,7 @@ fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
     comments.extend(provenance(&file));
     let expected = (duration_s * RATE_HZ) as usize;
     let mut watcher = Watcher::recording(folder.file("demo.mcap"), &file, &comments, expected)?;
-    session.go_on_after_stop = arguments.course.go_on;
+    session.go_on_after_stop = arguments.course.keep_going;
     session.at_most_s = arguments.adaptive.at_most_s;
     let mut take = match &mut directing {
         Some(directing) => session.follow_decided(&mut platform, directing, &mut watcher),

@@ -250,6 +250,8 @@ mod tests {
             said.contains("'-1' for '--n <K>'") && !said.contains('\n') && !said.contains("--help"),
             "{said}"
         );
+        // The former name of `--keep-going`.
+        command().try_get_matches_from("rigident demo --until m=1 --go-on".split(' ')).unwrap();
         // Nothing that was refused is taken now.
         assert!(command().try_get_matches_from("rigident plan poses --n 3 -x".split(' ')).is_err());
         command().debug_assert();

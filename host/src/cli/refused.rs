@@ -20,7 +20,7 @@ impl Given for Remember {
 
 impl Given for Course {
     fn given(&self) -> Vec<(&'static str, bool)> {
-        vec![("--until", !self.until.is_empty()), ("--go-on", self.go_on)]
+        vec![("--until", !self.until.is_empty()), ("--keep-going", self.keep_going)]
     }
 }
 

@@ -64,7 +64,7 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
     configured(&mut session, &settings)?;
     let folder = Folder::new(arguments.output.out.as_deref(), "replay")?;
     let mut watcher = Watcher::new(prepared.input.readings.len());
-    session.go_on_after_stop = arguments.course.go_on;
+    session.go_on_after_stop = arguments.course.keep_going;
     let take = session.inject(&prepared.input.readings, &mut watcher).map_err(Failure::link)?;
     watcher.finish()?;
     // What the device was given, not what the file holds beyond f32.

@@ -130,7 +130,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     )?;
     watcher.motion = Some(MotionLog::create(folder.file("motion.csv"), &arguments.platform)?);
     tell!("the experiment takes {}{longest_s:.0} s", if directing.is_some() { "at most " } else { "" });
-    session.go_on_after_stop = arguments.course.go_on;
+    session.go_on_after_stop = arguments.course.keep_going;
     session.at_most_s = arguments.adaptive.at_most_s;
     let mut take = match &mut directing {
         Some(directing) => session.follow_decided(platform.as_mut(), directing, &mut watcher),

@@ -64,7 +64,7 @@ fn a_demonstration_ends_when_the_uncertainties_asked_for_are_reached() {
         // The answer widens its uncertainties where the residuals exceed the noise that was stated: some per cent at most.
         assert!(reached <= 1.1 * u95, "{reached} {u95}");
     }
-    let (whole, _) = rows(&["--go-on"], "whole");
+    let (whole, _) = rows(&["--keep-going"], "whole");
     assert!(whole > 59_000, "{whole}");
 }
 
