@@ -12,7 +12,7 @@ use rigident_shared::spatial::{AngularRate, Imu, SpecificForce};
 use super::Failure;
 use super::experiment::Watcher;
 use super::link::{configured, device_settings};
-use crate::device::session::{DeviceTiming, INTERRUPTED, Session, widen};
+use crate::device::session::{DeviceTiming, INTERRUPTED, Session, precision, widen};
 use crate::identification::prepare::mounting;
 use crate::identification::remembered::imu_noise;
 use crate::plan::machine;
@@ -199,10 +199,14 @@ pub(super) fn zero(
             ));
         }
     }
+    let mut sigma = rig.load_cell.noise_n_nm.unwrap_or(rest.sigma);
+    let felt = rest.specific_force.iter().fold(1.0_f64, |most, v| most.max(v.abs()));
+    let raised = precision::raise(&mut sigma, &rest.wrench.map(|w| w.abs().max(felt)));
+    warnings.extend(precision::told(&sigma, &raised));
     if rig.load_cell.noise_n_nm.is_none() {
-        rig.load_cell.noise_n_nm = Some(rest.sigma);
-        warnings.push(format!("noise_n_nm is not given: measured at rest, {:.3?} N, N m", rest.sigma));
+        warnings.push(format!("noise_n_nm is not given: measured at rest, {sigma:.3?} N, N m"));
     }
+    rig.load_cell.noise_n_nm = Some(sigma);
     Ok(rest)
 }
 

@@ -12,6 +12,7 @@ use super::loaded::{Loaded, refuse_tree_options, tree_of};
 use super::memory_arguments::{self, RowsOf};
 use super::{Failure, Folder, Stages, replay_links, simulated};
 use crate::device::link::{Client, SerialTransport};
+use crate::device::session::precision::{self, largest_numbers};
 use crate::device::session::{DeviceTiming, Session, narrow, settings, widen};
 use crate::identification::prepare::prepare;
 use crate::identification::remembered::imu_noise;
@@ -45,11 +46,8 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
     });
     let sigma_given = prepared.rig.load_cell.noise_n_nm.is_some();
     let mut rig = prepared.rig.clone();
-    if !sigma_given {
-        let sigma = estimated_sigma(&of_readings(&rig, prepared.input.readings.clone()), span)?;
-        notes.push(noise_note(&sigma));
-        rig.load_cell.noise_n_nm = sigma.first_chunk().copied();
-    }
+    let sigma = device_sigma(&of_readings(&rig, prepared.input.readings.clone()), span, &mut notes)?;
+    rig.load_cell.noise_n_nm = Some(sigma);
     let (mcu, transport) = device(&arguments.mcu)?;
     let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
     let timing = DeviceTiming {
@@ -91,21 +89,36 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
     .conclude(take, &folder)
 }
 
-/// Returns σ of every channel from a fit here: the device weighs rows by σ from the first one on.
+/// Returns σ of the load cell's channels to weigh rows by from the first one on: as stated, or from a fit here, and no less
+/// than single precision bears. What was done goes to `notes`.
 ///
 /// # Errors
 /// Bad input: no usable rows.
-pub(super) fn estimated_sigma(loaded: &Loaded, span: Option<Span<f64>>) -> Result<Vec<f64>, Failure> {
-    let found = loaded.fit(span, 0, &Stages::new("noise of the channels"))?;
-    Ok(found.channels.iter().map(|c| c.sigma).collect())
-}
-
-/// Returns what is to be said of σ that nobody gave.
-pub(super) fn noise_note(sigma: &[f64]) -> String {
-    format!(
-        "noise_n_nm is not given: the device was told {} N, N m, from the residuals of a batch",
-        sigma.iter().map(|s| format!("{s:.3}")).collect::<Vec<_>>().join(", ")
-    )
+pub(super) fn device_sigma(
+    loaded: &Loaded,
+    span: Option<Span<f64>>,
+    notes: &mut Vec<String>,
+) -> Result<[f64; 6], Failure> {
+    let stages = Stages::new("noise of the channels");
+    let (mut sigma, given) = match loaded.problem.rig.load_cell.noise_n_nm {
+        Some(sigma) => (sigma, true),
+        None => {
+            let found = loaded.fit(span, 0, &stages)?;
+            let sigma: Vec<f64> = found.channels.iter().map(|c| c.sigma).collect();
+            let six = sigma.first_chunk().copied();
+            (six.ok_or_else(|| Failure::input("the rows are not those of a load cell"))?, false)
+        }
+    };
+    let largest = largest_numbers(loaded.source(), &|stage: &str, share| stages.at(stage, share));
+    let raised = precision::raise(&mut sigma, &largest.map_err(Failure::input)?);
+    if !given {
+        notes.push(format!(
+            "noise_n_nm is not given: the device was told {} N, N m, from the residuals of a batch",
+            sigma.map(|s| if s < 1e-3 { format!("{s:.1e}") } else { format!("{s:.3}") }).join(", ")
+        ));
+    }
+    notes.extend(precision::told(&sigma, &raised));
+    Ok(sigma)
 }
 
 /// Opens a device that readings are sent to.

@@ -34,11 +34,8 @@ pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Res
     let model = &model;
     let offset = recording.rig.load_cell.offset_n_nm == OffsetTable::Word(OffsetWord::Estimate);
     let sigma_given = recording.rig.load_cell.noise_n_nm.is_some();
-    if !sigma_given {
-        let sigma = replay::estimated_sigma(&Loaded::of_links(&recording, model)?, None)?;
-        notes.push(replay::noise_note(&sigma));
-        recording.rig.load_cell.noise_n_nm = sigma.first_chunk().copied();
-    }
+    let sigma = replay::device_sigma(&Loaded::of_links(&recording, model)?, None, &mut notes)?;
+    recording.rig.load_cell.noise_n_nm = Some(sigma);
     let rate_hz = recording.rate_hz.unwrap_or(1.0);
     let timing =
         |source| DeviceTiming { rate_hz, is_static: recording.is_static, source, host_timeout_ms: 0 };

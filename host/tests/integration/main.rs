@@ -5,6 +5,7 @@
 
 mod accuracy;
 mod commands;
+mod device_precision;
 mod device_tree_commands;
 mod documents;
 mod examples;

@@ -60,6 +60,12 @@ pub enum LinkError {
         "the device answered `{0}` with something else: flash the firmware that belongs to this version of rigident"
     )]
     Nonsense(&'static str),
+    /// The factor is beyond the range of the device's numbers.
+    #[error(
+        "the device's factor is not finite: rows divided by their noise are beyond single precision; state a larger \
+         noise_n_nm in the rig file, or check the recording for readings far off all others"
+    )]
+    NotFinite,
 }
 
 fn explain(code: &ErrorCode) -> String {
@@ -246,6 +252,9 @@ impl Client {
             let left = taken.parameters.checked_sub(row).filter(|left| *left > 0);
             if taken.row != row || left.is_none_or(|left| usize::from(left) + 1 != taken.entries.len()) {
                 return Err(LinkError::Nonsense(FACTOR));
+            }
+            if !taken.residual_sum_of_squares.is_finite() || !taken.entries.iter().all(|v| v.is_finite()) {
+                return Err(LinkError::NotFinite);
             }
             if row == 0 {
                 (residual, count) = (taken.residual_sum_of_squares, taken.rows);

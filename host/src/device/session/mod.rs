@@ -6,6 +6,7 @@
 mod adaptive;
 pub mod frames;
 mod inject;
+pub mod precision;
 mod settings;
 mod take;
 pub mod tree;

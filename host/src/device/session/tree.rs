@@ -137,6 +137,7 @@ pub fn take_level(client: &mut Client, factor: &mut TreeFactor<f64>) -> Result<(
     for row in 0..factor.parameters() {
         let asked = u8::try_from(row).map_err(|_| LinkError::Nonsense(NAME))?;
         match client.ask(NAME, &Command::TakeRow { row: asked })? {
+            Reply::Row(taken) if !is_finite(&taken) => return Err(LinkError::NotFinite),
             Reply::Row(taken) if taken.row == asked && merge(factor, &taken) => {}
             _ => return Err(LinkError::Nonsense(NAME)),
         }
@@ -144,15 +145,17 @@ pub fn take_level(client: &mut Client, factor: &mut TreeFactor<f64>) -> Result<(
     Ok(())
 }
 
-/// Merges a row; false if it is of other parameters or not finite.
+fn is_finite(taken: &FactorRow) -> bool {
+    taken.residual_sum_of_squares.is_finite() && taken.entries.iter().all(|v| v.is_finite())
+}
+
+/// Merges a row; false if it is of other parameters.
 fn merge(factor: &mut TreeFactor<f64>, taken: &FactorRow) -> bool {
     let row: Vec<f64> = taken.entries.iter().map(|v| f64::from(*v)).collect();
     let first = usize::from(taken.row);
     let residual = f64::from(taken.residual_sum_of_squares);
-    let fits = usize::from(taken.parameters) == factor.parameters()
-        && first + row.len() == factor.parameters() + 1
-        && row.iter().all(|v| v.is_finite())
-        && residual.is_finite();
+    let fits =
+        usize::from(taken.parameters) == factor.parameters() && first + row.len() == factor.parameters() + 1;
     if fits {
         factor.merge_row(first, &row);
         factor.merge_residual(residual, taken.rows);
