@@ -11,7 +11,7 @@ use rigident_shared::screening::Limits;
 use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce, Wrench};
 use rigident_sim::rig::{ReadingRow, RigConfig};
 
-use crate::identification::FROZEN_AFTER;
+use crate::recording::FROZEN_AFTER;
 
 /// A row as the pipeline takes it.
 pub fn reading<T: Scalar>(row: &ReadingRow) -> Reading<T> {

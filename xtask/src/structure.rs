@@ -28,7 +28,7 @@ const SIZES: [&str; 2] = ["Ten", "Sixteen"];
 /// An arrow that closes a circle and is known: crate, room that holds both ends ("" for the crate itself), from, to, reason.
 type KnownArrow = (&'static str, &'static str, &'static str, &'static str, &'static str);
 
-const KNOWN_ARROWS: [KnownArrow; 27] = [
+const KNOWN_ARROWS: [KnownArrow; 26] = [
     ("shared", "", "factor", "forgetting", "a factor in a cascade forgets by itself"),
     ("shared", "", "scalar", "factor", "a scalar brings the factor's fastest kernel for it"),
     ("shared", "factor", "cascade", "body", "the levels are factors, and the factor holds levels"),
@@ -36,7 +36,6 @@ const KNOWN_ARROWS: [KnownArrow; 27] = [
     ("firmware", "", "settings", "sample_path", "the settings hold the limits that the sample path checks"),
     ("host", "", "answer", "identification", "factors and known values of one body still come from there"),
     ("host", "", "answer", "present", "the answer words its remarks, and makes the object of schema 1"),
-    ("host", "", "recording", "identification", "clocks brought together judge themselves by identifying"),
     ("host", "", "rig", "recording", "a rig file's columns are those a recording may have"),
     ("host", "answer", "result", "schema_1", "the result hands on the object of schema 1"),
     ("host", "cli", "arguments", "factor_arguments", "the arguments hand on those of each command"),
@@ -59,7 +58,7 @@ const KNOWN_ARROWS: [KnownArrow; 27] = [
 ];
 
 /// Files of the host that name sizes of factors, with the reason. One remains when the host has one `Factor`.
-const KNOWN_SIZES: [(&str, &str); 13] = [
+const KNOWN_SIZES: [(&str, &str); 12] = [
     ("answer/weakest.rs", "reads the triangle of one body's factor"),
     ("cli/adaptive.rs", "reads what the device knows"),
     ("device/session/take.rs", "takes the device's factor"),
@@ -72,7 +71,6 @@ const KNOWN_SIZES: [(&str, &str); 13] = [
     ("plan/adaptive/information.rs", "sums the information of the device's factor"),
     ("plan/adaptive/rehearsal.rs", "takes the estimator's factor of a rehearsal"),
     ("plan/motion/predict.rs", "takes the predicted factor of a motion"),
-    ("recording/clocks/widen.rs", "widens a factor by the clocks' uncertainty"),
 ];
 
 /// Runs every check.

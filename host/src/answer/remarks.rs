@@ -3,9 +3,9 @@
 use super::context::Links;
 use super::result::{ForgettingKind, Forgotten, ParameterState};
 use super::states::{LARGEST_SHARE, LEAST_EXCITATION, scales};
+use crate::fit::FILTER_WIDTH_S;
+use crate::fit::outliers::LIMIT_SD;
 use crate::fit::{Autocorrelation, Fit, Kind, PriorStatement};
-use crate::identification::FILTER_WIDTH_S;
-use crate::identification::knocks::LIMIT_SD;
 use crate::present::text::{counted, significant, unit_symbol};
 
 /// Rows beyond the unknowns from which on residuals that are half as large as stated are no chance: 0.5 % of them.

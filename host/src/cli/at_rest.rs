@@ -13,10 +13,10 @@ use super::Failure;
 use super::experiment::Watcher;
 use super::link::{configured, device_settings};
 use crate::device::session::{DeviceTiming, INTERRUPTED, Session, precision, widen};
-use crate::identification::prepare::mounting;
-use crate::identification::remembered::imu_noise;
 use crate::plan::machine;
 use crate::platform::check;
+use crate::problem::body::imu_noise::imu_noise;
+use crate::problem::body::prepare::mounting;
 use crate::rig::{Calibrated, ImuTable, RigFile};
 
 /// Length of one look at the sensors at rest, s.

@@ -15,8 +15,8 @@ use super::outcome::provenance;
 use super::{Failure, Folder, demo_links, programme, simulated};
 use crate::device::link::Client;
 use crate::device::session::{DeviceTiming, Session, settings};
-use crate::identification::remembered::imu_noise;
 use crate::platform::{LocalPlatform, Platform as _};
+use crate::problem::body::imu_noise::imu_noise;
 
 /// Rate of the demonstration, 1/s.
 pub(super) const RATE_HZ: f64 = 1000.0;

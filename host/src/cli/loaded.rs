@@ -9,10 +9,10 @@ use super::{Failure, Stages, held};
 use crate::answer::{Drift, DriveMotion, Links, Source, StandardRequest, TimeBase};
 use crate::fit::pool::PooledFactor;
 use crate::fit::{DeviceFactor, Fit, FitOptions, RowSource, Timing};
-use crate::identification::prepare;
 use crate::model::{self, Model};
 use crate::present::TimePlot;
 use crate::problem::body::BodySource;
+use crate::problem::body::prepare;
 use crate::problem::tree::TreeSource;
 use crate::problem::{Problem, ProblemOptions, Subject};
 use crate::recording::{Recording, extension, rig_path};
@@ -70,7 +70,7 @@ impl Loaded {
         let path = &named(path.to_owned());
         let Some((mut nominal, file)) = tree_of(path, rig, tree)? else { return Self::body(path, rig) };
         let mut recording = match stream_set(path, rig)? {
-            Some(set) => crate::recording::clocks::align(&set).map_err(Failure::input)?.recording,
+            Some(set) => crate::problem::clocks::align(&set).map_err(Failure::input)?.recording,
             None => Recording::load(path, rig).map_err(Failure::input)?,
         };
         recording.leave_out_spikes();

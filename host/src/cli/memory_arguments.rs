@@ -4,7 +4,7 @@ use rigident_shared::wire::{MemorySettings, Settings};
 
 use super::Failure;
 use crate::fit::{RowSource, Timing, filter_width_s, row_every};
-use crate::identification::Input;
+use crate::problem::body::Input;
 use crate::rig::RigFile;
 
 /// Row blocks of which a window holds one at least in each of its parts.

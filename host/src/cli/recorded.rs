@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::Failure;
-use crate::recording::clocks::StreamSet;
+use crate::problem::clocks::StreamSet;
 use crate::recording::{Recording, extension, rig_path};
 use crate::rig::RigFile;
 

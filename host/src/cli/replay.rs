@@ -14,8 +14,8 @@ use super::{Failure, Folder, Stages, replay_links, simulated};
 use crate::device::link::{Client, SerialTransport};
 use crate::device::session::precision::{self, largest_numbers};
 use crate::device::session::{DeviceTiming, Session, narrow, settings, widen};
-use crate::identification::prepare::prepare;
-use crate::identification::remembered::imu_noise;
+use crate::problem::body::imu_noise::imu_noise;
+use crate::problem::body::prepare::prepare;
 use crate::recording::Recording;
 use crate::rig::RigFile;
 

@@ -21,6 +21,8 @@ const LEAST_WIDTH_SAMPLES: f64 = 9.0;
 const ROW_RATE_HZ: f64 = 100.0;
 /// Room for the longest kernel: a second at 1 kHz.
 const TAPS: usize = 1024;
+/// Room for the filter of one body's estimator on the host: 0.1 s at 40 kHz.
+pub const ESTIMATOR_TAPS: usize = 256;
 /// A step longer than so many periods is a gap.
 const GAP: f64 = 1.5;
 /// Samples between two reports of progress.

@@ -4,7 +4,7 @@
 //! square-root information form. The kernel that reduces the rows is the firmware's (`rigident_shared::factor`); only the
 //! size is not known when the program is compiled. Every question about the parameters is a function of the factor.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use rigident_shared::Scalar;
 use rigident_shared::estimator::frames::TreeFactor;
 use rigident_shared::factor::{BLOCK_ROWS, Column, InformationFactor};
@@ -347,6 +347,7 @@ impl Factor {
         // A share of a lost direction larger than rounding can explain.
         let share = 3.0 * rounding.max(f64::EPSILON).sqrt();
         let mut least = most;
+        let mut kept: Vec<(DVector<f64>, Vec<(usize, f64)>)> = Vec::new();
         for (k, s) in svd.singular_values.iter().enumerate() {
             let direction = v_t.row(k);
             if *s <= rounding * most {
@@ -359,13 +360,23 @@ impl Factor {
                 continue;
             }
             least = least.min(*s);
-            let projection: f64 = u.column(k).iter().zip(self.z()).map(|(a, b)| a * b).sum::<f64>() / s;
             let natural: Vec<(usize, f64)> =
                 direction.iter().zip(&seen).map(|(v, j)| (*j, v / scale[*j])).collect();
             for (i, a) in &natural {
-                solution.estimate[*i] += a * projection;
                 for (j, b) in &natural {
                     solution.covariance[(*i, *j)] += a * b / (s * s);
+                }
+            }
+            kept.push((u.column(k).into_owned() / *s, natural));
+        }
+        // The decomposition is good to some 1e-11; one step of refinement takes that off the estimate.
+        for _ in 0..2 {
+            let left =
+                DVector::from_column_slice(self.z()) - &r * DVector::from_column_slice(&solution.estimate);
+            for (u, natural) in &kept {
+                let projection = u.dot(&left);
+                for (i, a) in natural {
+                    solution.estimate[*i] += a * projection;
                 }
             }
         }

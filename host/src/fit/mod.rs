@@ -32,7 +32,9 @@ mod source;
 mod standard;
 pub mod tare;
 
-pub use condition::{FILTER_WIDTH_S, Filter, RowBlocks, SampleCounts, filter_width_s, row_every};
+pub use condition::{
+    ESTIMATOR_TAPS, FILTER_WIDTH_S, Filter, RowBlocks, SampleCounts, filter_width_s, row_every,
+};
 pub use engine::{LEAST_EXCITATION, fit, fit_device};
 pub use estimate::{COVERAGE_95, Estimate, Measured, Noise};
 pub use factor::{Factor, Solution};

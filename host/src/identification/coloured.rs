@@ -9,9 +9,9 @@ use rigident_shared::calibration::Reading;
 use rigident_shared::estimator::Estimator;
 
 use super::TAPS;
-use super::absorb::Shares;
 use super::whiteness::Colour;
 use crate::answer::Estimate;
+use crate::problem::body::shares::Shares;
 
 /// Lags that products are made for; where noise is remembered for more rows, so many are summed first.
 const MOST_LAGS: usize = 250;

@@ -6,97 +6,39 @@
 //! ([`poses`]). May not
 //! live here: file formats, printing. Before this: [`crate::recording`]; after it: [`crate::answer`].
 
-pub mod absorb;
 pub(crate) mod coloured;
 pub mod course;
 pub mod factor_file;
 pub mod gains;
 pub mod knocks;
 pub mod known;
-pub mod plausible;
 pub mod pooled;
-pub mod poses;
-pub mod prepare;
 pub mod remembered;
 pub mod residuals;
 pub mod tare;
 pub mod whiteness;
 
-use rigident_shared::calibration::{ImuMounting, Reading};
+use rigident_shared::calibration::Reading;
 use rigident_shared::estimator::{ConfigError, Counters, Estimator, EstimatorConfig, Reference};
 use rigident_shared::factor::InformationFactor;
 use rigident_shared::screening::Limits;
 
-use self::absorb::{Shares, Split};
 pub use self::course::{Progression, progression};
 use self::gains::{ChannelFactors, GainFit};
 use self::pooled::{Judgement, RowSet, judge};
 pub use self::residuals::BlockResidual;
-use self::residuals::{gyro_sigma, residuals, rms, sigma_from_residuals};
+use self::residuals::{residuals, rms, sigma_from_residuals};
 use crate::answer::identifiability::{self, RegressorNoise};
 use crate::answer::result::ParameterState;
 use crate::answer::{Estimate, Noise};
+use crate::fit::ESTIMATOR_TAPS as TAPS;
+pub use crate::fit::{FILTER_WIDTH_S, filter_width_s, row_every};
+use crate::problem::body::imu_noise::gyro_sigma;
+use crate::problem::body::shares::{Shares, Split};
+pub use crate::problem::body::{Input, input_checks as plausible};
 
-/// Room for the filter on the host: 0.1 s at 40 kHz.
-pub(crate) const TAPS: usize = 256;
-/// Width of the FIR where readings are frequent enough, s; see [`filter_width_s`].
-pub const FILTER_WIDTH_S: f64 = 0.1;
-/// Least width of the FIR in readings: with nine, `ḣ ∗ ω` is `h ∗ ω̇` to 1e-4 up to a tenth of the rate and to 6e-4 up to a
-/// quarter of it, where the kernel has let three quarters of the amplitude go; with four and a half it is to 1.6 % and 14 %.
-const LEAST_WIDTH_READINGS: f64 = 9.0;
-/// Rows are absorbed at about this rate, 1/s: twice the filter's noise bandwidth and more.
-const ROW_RATE_HZ: f64 = 100.0;
-/// Equal readings that make a channel frozen.
-pub const FROZEN_AFTER: u16 = 50;
 /// σ of force and moment to start from where none is given, N and N m: only their ratio matters.
 const NOMINAL_SIGMA: [f64; 6] = [1.0, 1.0, 1.0, 0.1, 0.1, 0.1];
-
-/// Returns the width of the FIR at this rate, s: [`FILTER_WIDTH_S`], below 90 readings a second as many seconds as nine
-/// readings take.
-pub fn filter_width_s(rate_hz: f64) -> f64 {
-    FILTER_WIDTH_S.max(LEAST_WIDTH_READINGS / rate_hz)
-}
-
-/// How many readings a row block stands for at this rate: an even number where they are many, so that the filter can
-/// average neighbours ([`rigident_shared::conditioning`]); at least some 75 rows a second, above twice its bandwidth.
-pub fn row_every(rate_hz: f64) -> u16 {
-    if rate_hz < 150.0 { 1 } else { 2 * (rate_hz / (2.0 * ROW_RATE_HZ)).floor().clamp(1.0, 500.0) as u16 }
-}
-
-/// What is to be identified, and from what.
-#[derive(Clone, Debug)]
-pub struct Input {
-    /// Readings in the order of their time.
-    pub readings: Vec<Reading<f64>>,
-    /// Each reading is a still pose of its own, without time.
-    pub is_static: bool,
-    /// Rate of the readings, 1/s; not used for still poses.
-    pub rate_hz: f64,
-    /// The IMU on link 0.
-    pub mounting: ImuMounting<f64>,
-    /// 1 σ of the wrench per reading, N and N m; `None`: from the residuals.
-    pub channel_sigma: Option<[f64; 6]>,
-    /// 1 σ of the gyro per reading, rad/s; `None`: from its second differences.
-    pub gyro_sigma: Option<f64>,
-    /// Known wrench offset; `None`: estimated with the body.
-    pub known_offset: Option<[f64; 6]>,
-    /// 1 σ of the load cell's relative gain errors, constant over the recording; zero: none.
-    pub gain_sigma: [f64; 6],
-    /// Ranges of the sensors.
-    pub limits: Limits<f64>,
-}
-
-impl Input {
-    /// Returns the same settings without readings.
-    pub(crate) fn without_readings(&self) -> Self {
-        Self { readings: Vec::new(), ..*self }
-    }
-}
-
-/// Returns σ of the gyro from second differences, rad/s.
-pub(crate) fn gyro_sigma_of(readings: &[Reading<f64>]) -> f64 {
-    gyro_sigma(readings)
-}
 
 /// The factor of either model.
 #[derive(Clone, Debug, PartialEq)]

@@ -4,45 +4,19 @@
 //! residuals count as far as the memory reaches. May not live here: the memory itself
 //! ([`rigident_shared::forgetting`]).
 
-use rigident_shared::calibration::Reading;
 use rigident_shared::estimator::{Counters, Estimator, Outcome};
 use rigident_shared::factor::InformationFactor;
-use rigident_shared::forgetting::{ImuNoise, MemoryConfig, Span};
+use rigident_shared::forgetting::{MemoryConfig, Span};
 
 use super::course::end_at;
 use super::pooled::Judgement;
-use super::residuals::{raw_sigma, residuals, rms, second_differences};
+use super::residuals::{raw_sigma, residuals, rms};
 use super::{
     Absorbed, BlockResidual, Factor, Identification, IdentificationError, Input, NOMINAL_SIGMA, Progression,
     TAPS, colour, conclude, config, knocks, shares,
 };
 use crate::answer::result::MemoryResult;
 use crate::answer::{Estimate, NORMAL_COVERAGE, Noise};
-use crate::rig::ImuTable;
-
-/// Noise of an IMU of which nothing is known: of a good consumer one.
-const TYPICAL: ImuNoise<f64> = ImuNoise { accel: 0.02, gyro: 4.3e-4 };
-
-/// Noise of the IMU: what the rig file states or these readings show, whichever is larger, for noise that is taken for
-/// motion winds the memory up; of neither, that of a good consumer one.
-pub fn imu_noise(imu: Option<&ImuTable>, readings: &[Reading<f64>]) -> ImuNoise<f64> {
-    let larger = |stated: Option<f64>, shown: f64, typical: f64| {
-        let found = stated.unwrap_or(0.0).max(shown);
-        if found > 0.0 { found } else { typical }
-    };
-    ImuNoise {
-        accel: larger(
-            imu.and_then(|imu| imu.accel_noise_mps2),
-            second_differences(readings, |r| r.specific_force.array()),
-            TYPICAL.accel,
-        ),
-        gyro: larger(
-            imu.and_then(|imu| imu.gyro_noise_radps),
-            second_differences(readings, |r| r.angular_rate.array()),
-            TYPICAL.gyro,
-        ),
-    }
-}
 
 /// Identifies the body in S as the memory has it at the end, with about `points` estimates on the way.
 ///

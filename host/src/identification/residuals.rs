@@ -3,11 +3,11 @@
 use rigident_shared::calibration::Reading;
 use rigident_shared::estimator::Estimator;
 
-use super::absorb::Shares;
 use super::gains::residual_with_gains;
 use super::whiteness::Leftover;
 use super::{Absorbed, Input, TAPS};
 use crate::answer::{Estimate, Noise};
+use crate::problem::body::shares::Shares;
 
 /// Residual of one row block, N and N m, at its time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -99,25 +99,4 @@ pub(super) fn raw_sigma<const N: usize>(
     let floor = |group: &[f64]| 1e-6 * group.iter().copied().fold(f64::MIN_POSITIVE, f64::max).max(1e-12);
     let (force, moment) = (floor(&raw[..3]), floor(&raw[3..]));
     std::array::from_fn(|c| raw[c].max(if c < 3 { force } else { moment }))
-}
-
-/// σ of the gyro.
-pub(super) fn gyro_sigma(readings: &[Reading<f64>]) -> f64 {
-    second_differences(readings, |r| r.angular_rate.array())
-}
-
-/// σ of a sensor, the largest of its axes, from second differences: motion hardly enters, noise by √6.
-pub(super) fn second_differences(readings: &[Reading<f64>], of: impl Fn(&Reading<f64>) -> [f64; 3]) -> f64 {
-    let mut sums = [0.0; 3];
-    let mut count = 0_u32;
-    for triple in readings.windows(3) {
-        let [a, b, c] = triple else { continue };
-        let (a, b, c) = (of(a), of(b), of(c));
-        for ((sum, (a, b)), c) in sums.iter_mut().zip(a.iter().zip(b)).zip(c) {
-            *sum += (a - 2.0 * b + c).powi(2);
-        }
-        count += 1;
-    }
-    let largest = sums.iter().copied().fold(0.0, f64::max);
-    if count == 0 || !largest.is_finite() { 0.0 } else { (largest / (6.0 * f64::from(count))).sqrt() }
 }

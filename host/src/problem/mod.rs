@@ -4,18 +4,18 @@
 //! ([`tree`]), in motion or in still poses, from one file or from several with clocks of their own.
 
 pub mod body;
-mod shifted_clocks;
+pub mod clocks;
 mod signs;
 pub mod tree;
 
 use self::body::BodySource;
+use self::body::prepare::{PrepareError, prepare};
+use self::clocks::{Aligned, StreamError, StreamSet, align};
 use self::tree::TreeSource;
 use crate::answer::result::TimeBase;
 use crate::fit::{DeviceFactor, Fit, FitError, FitOptions, Progress, RowSource, fit, fit_device};
-use crate::identification::prepare::{PrepareError, prepare};
 use crate::model::{Finding, Model};
 use crate::recording::Recording;
-use crate::recording::clocks::{Aligned, StreamError, StreamSet, align};
 use crate::rig::RigFile;
 use crate::trees::TreeIdentificationError;
 use crate::trees::drive::Term;
@@ -167,7 +167,7 @@ impl Problem {
         let mut found = fit(self.source(), options, progress)?;
         if let Some(clocks) = &self.clocks {
             let (set, aligned) = &**clocks;
-            found.count_shifts(&shifted_clocks::moves(set, aligned)?);
+            found.count_shifts(&clocks::shifts::moves(set, aligned)?);
         }
         Ok(found)
     }

@@ -1,11 +1,9 @@
 //! A recording in memory: columns by group, in the notation's units and signs.
 //!
 //! This room reads and writes recordings, in text ([`csv`], with [`columns`] and [`time`]) or messages ([`mcap`]);
-//! [`convert`] goes between them, and [`clocks`] brings several files onto one time base. Each complaint names file, line
-//! and column. What the numbers mean for a body is decided elsewhere.
+//! [`convert`] goes between them. Each complaint names file, line and column. What the numbers mean for a body is decided elsewhere.
 
 pub mod channels;
-pub mod clocks;
 pub mod columns;
 pub mod convert;
 pub mod csv;
@@ -20,6 +18,8 @@ use self::columns::{Group, Known, TIME};
 pub use self::error::RecordingError;
 use crate::rig::{RigFile, WrenchSign};
 
+/// Equal readings that make a channel frozen.
+pub const FROZEN_AFTER: u16 = 50;
 /// Times agree with a stated rate if they differ by no more than this, relative.
 const RATE_TOLERANCE: f64 = 0.01;
 /// Stamps jitter if their standard deviation is this share of a period or more.

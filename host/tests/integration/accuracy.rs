@@ -2,13 +2,17 @@
 #![cfg(feature = "simulator")]
 
 use hexapod::experiment::thesis_program;
-use rigident::identification::{self, FROZEN_AFTER, Input};
+use rigident::fit::{FILTER_WIDTH_S, row_every};
+use rigident::problem::body::Input;
+use rigident::recording::FROZEN_AFTER;
 use rigident::simulated::{mounting, reading};
 use rigident_shared::Scalar;
 use rigident_shared::estimator::{Estimator, EstimatorConfig};
 use rigident_shared::screening::Limits;
 use rigident_sim::rig::{Readings, RigConfig};
 use rigident_sim::sensors::SensorModels;
+
+use crate::fitting::{fit_body, states};
 
 /// Thesis, Table 1: 95 % figures over 1.96.
 const SIGMA: [f64; 6] = [9.9 / 1.96, 9.9 / 1.96, 19.8 / 1.96, 0.75 / 1.96, 0.9 / 1.96, 0.9 / 1.96];
@@ -21,8 +25,8 @@ fn estimator_config<T: Scalar>(
     let f = T::from_f64_const;
     EstimatorConfig {
         rate_hz: f(rate_hz),
-        filter_width_s: f(identification::FILTER_WIDTH_S),
-        row_every: identification::row_every(rate_hz),
+        filter_width_s: f(FILTER_WIDTH_S),
+        row_every: row_every(rate_hz),
         channel_sigma: SIGMA.map(f),
         known_offset: known_offset.map(f),
         mounting: mounting(config),
@@ -68,9 +72,8 @@ fn perfect_sensors_give_the_body() {
                     gain_sigma: [0.0; 6],
                     limits: Limits { frozen_after: FROZEN_AFTER, ..Limits::none() },
                 };
-                let batch = identification::identify(&input).unwrap();
                 let values: Vec<f64> =
-                    batch.states().iter().map(|state| state.measured().unwrap().value).collect();
+                    states(&fit_body(&input)).iter().map(|state| state.measured().unwrap().value).collect();
                 let e = errors(&values, &phi);
                 assert!(e.iter().all(|e| *e < 1e-6), "f64 {rate_hz} {known}: {e:?}");
 

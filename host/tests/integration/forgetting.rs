@@ -8,20 +8,21 @@ use hexapod::BodyParameters;
 use hexapod::experiment::thesis_program;
 use hexapod::{MotionProgram, Segment};
 use rigident::answer::result::{Measured, ParameterState};
-use rigident::identification::remembered::{identify_remembered, imu_noise};
-use rigident::identification::{self, FROZEN_AFTER, Identification, Input};
+use rigident::fit::Fit;
+use rigident::problem::body::Input;
+use rigident::problem::body::imu_noise::imu_noise;
+use rigident::recording::FROZEN_AFTER;
 use rigident::rig::ImuTable;
 use rigident::simulated::{mounting, reading};
-use rigident_shared::forgetting::{ImuNoise, MemoryConfig, Span};
+use rigident_shared::forgetting::Span;
 use rigident_shared::screening::Limits;
 use rigident_sim::rig::{ReadingRow, Readings, RigConfig};
 
+use crate::fitting::{fit_body, fit_forgetting, states};
+
 const RATE_HZ: f64 = 200.0;
 const TIME_CONSTANT_S: f64 = 5.0;
-/// Of the thesis' IMU, Table 1: that of the noisiest axis, a 95 % figure there.
-const IMU_NOISE: ImuNoise<f64> = ImuNoise { accel: 0.02, gyro: 3.7e-3 / 1.96 };
-const FORGETTING: MemoryConfig<f64> =
-    MemoryConfig { span: Span::TimeConstant(TIME_CONSTANT_S), imu_noise: IMU_NOISE };
+const FORGETTING: Span<f64> = Span::TimeConstant(TIME_CONSTANT_S);
 
 fn input(config: &RigConfig, rows: impl Iterator<Item = ReadingRow>) -> Input {
     Input {
@@ -37,12 +38,8 @@ fn input(config: &RigConfig, rows: impl Iterator<Item = ReadingRow>) -> Input {
     }
 }
 
-fn body(found: &Identification) -> Vec<Measured> {
-    found.states().iter().take(10).map(|state| state.measured().unwrap()).collect()
-}
-
-fn remembered(input: &Input, memory: &MemoryConfig<f64>) -> Identification {
-    identify_remembered(input, memory, 1).unwrap().0
+fn body(found: &Fit) -> Vec<Measured> {
+    states(found).iter().take(10).map(|state| state.measured().unwrap()).collect()
 }
 
 const CHANGE_S: f64 = 50.0;
@@ -87,21 +84,21 @@ fn a_body_that_changes_is_followed_and_its_intervals_hold() {
     let (mut held, mut of) = (0, 0);
     for seed in 1..=6 {
         // After n time constants e⁻ⁿ of the step is left.
-        let soon = body(&remembered(&changing.until(2.0 * TIME_CONSTANT_S, seed), &FORGETTING));
+        let soon = body(&fit_forgetting(&changing.until(2.0 * TIME_CONSTANT_S, seed), FORGETTING));
         let left = soon[0].value - changing.truth[0];
         assert!((left + (-2.0_f64).exp()).abs() < soon[0].u95, "{left} {soon:?}");
         // After six it is a fraction of the uncertainty.
         let input = changing.until(6.0 * TIME_CONSTANT_S, seed);
-        for (m, truth) in body(&remembered(&input, &FORGETTING)).iter().zip(&changing.truth) {
+        for (m, truth) in body(&fit_forgetting(&input, FORGETTING)).iter().zip(&changing.truth) {
             held += u32::from((m.value - truth).abs() <= m.u95);
             of += 1;
         }
         // The window has left the old body behind altogether.
-        let window = MemoryConfig { span: Span::Window(5.0 * TIME_CONSTANT_S), ..FORGETTING };
-        let windowed = body(&remembered(&input, &window));
+        let window = Span::Window(5.0 * TIME_CONSTANT_S);
+        let windowed = body(&fit_forgetting(&input, window));
         assert!((windowed[0].value - changing.truth[0]).abs() < 1.5 * windowed[0].u95, "{windowed:?}");
         // Without forgetting the answer is neither body's, and its interval, wide for what is left over, holds neither.
-        let whole = body(&identification::identify(&input).unwrap());
+        let whole = body(&fit_body(&input));
         for mass in [changing.truth[0], changing.truth[0] - 1.0] {
             assert!((whole[0].value - mass).abs() > whole[0].u95, "{:?}", whole[0]);
         }
@@ -128,9 +125,9 @@ fn where_the_motion_stops_the_answer_and_its_intervals_stay() {
     for seed in 1..=3 {
         let rows = |seconds: f64| readings.measured(seed).take((seconds * RATE_HZ) as usize);
         let stopped_s = program.duration_s() - still_s;
-        let before = body(&remembered(&input(&config, rows(stopped_s)), &FORGETTING));
+        let before = body(&fit_forgetting(&input(&config, rows(stopped_s)), FORGETTING));
         let whole = input(&config, rows(program.duration_s()));
-        let after = body(&remembered(&whole, &FORGETTING));
+        let after = body(&fit_forgetting(&whole, FORGETTING));
         for (j, (a, b)) in before.iter().zip(&after).enumerate() {
             // What is not renewed is kept; the six sums of weight and offset that rest renews pull at it by no more than
             // they were uncertain. Plain forgetting would have widened the intervals by e¹⁰.
@@ -138,8 +135,8 @@ fn where_the_motion_stops_the_answer_and_its_intervals_stay() {
             assert!((a.value - b.value).abs() < a.u95, "seed {seed}, {j}: {a:?} {b:?}");
         }
         // A window has nothing left of the motion, and says so instead of giving numbers.
-        let window = MemoryConfig { span: Span::Window(4.0 * TIME_CONSTANT_S), ..FORGETTING };
-        let states = remembered(&whole, &window).states();
+        let window = Span::Window(4.0 * TIME_CONSTANT_S);
+        let states = states(&fit_forgetting(&whole, window));
         assert!(states[4..10].iter().all(|s| *s == ParameterState::NotIdentified), "{states:?}");
     }
 }
@@ -149,9 +146,9 @@ fn a_memory_longer_than_the_run_is_the_batch() {
     let config = RigConfig::thesis_horizontal();
     let readings = Readings::new(&config, &thesis_program(&config.geometry, 40.0), RATE_HZ).unwrap();
     let input = input(&config, readings.measured(1));
-    let batch = identification::identify(&input).unwrap();
+    let batch = fit_body(&input);
     for span in [Span::TimeConstant(1e30), Span::Window(1e6)] {
-        let kept = remembered(&input, &MemoryConfig { span, imu_noise: IMU_NOISE });
+        let kept = fit_forgetting(&input, span);
         assert_eq!(kept.factor.rows(), batch.factor.rows());
         for (a, b) in body(&kept).iter().zip(body(&batch)) {
             // Other merges in another order: rounding alone, far below the condition number times ε.

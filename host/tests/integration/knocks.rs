@@ -2,14 +2,15 @@
 #![cfg(feature = "simulator")]
 
 use hexapod::experiment::thesis_program;
-use rigident::identification::remembered::identify_remembered;
-use rigident::identification::{Identification, Input, identify, progression};
-use rigident_shared::forgetting::{ImuNoise, MemoryConfig, Span};
+use rigident::fit::{Fit, FitOptions};
+use rigident::problem::body::Input;
+use rigident_shared::forgetting::Span;
 use rigident_shared::spatial::Wrench;
 use rigident_sim::rig::{Readings, RigConfig};
 use rigident_sim::sensors::SensorModels;
 
 use crate::factors::simulated;
+use crate::fitting::{fit_body, fit_forgetting, fit_with, outliers, states};
 
 /// A quiet load cell, so that 50 N for 20 ms are no matter of chance.
 fn recording(seed: u64) -> Input {
@@ -34,8 +35,8 @@ fn knocked(input: &Input) -> Input {
     input
 }
 
-fn largest_change(a: &Identification, b: &Identification) -> f64 {
-    let (a, b) = (a.states(), b.states());
+fn largest_change(a: &Fit, b: &Fit) -> f64 {
+    let (a, b) = (states(a), states(b));
     let measured = a.iter().zip(&b).map(|(a, b)| (a.measured().unwrap(), b.measured().unwrap()));
     measured.map(|(a, b)| (a.value - b.value).abs() / b.u95).fold(0.0, f64::max)
 }
@@ -47,16 +48,17 @@ fn a_knock_in_a_recording_is_found_and_its_rows_count_little() {
         // With gain errors, however small, no row is taken for spoilt.
         let plain = Input { gain_sigma: [1e-12; 6], ..knocked(&clean) };
         for (given, sigma) in [(true, clean.channel_sigma), (false, None)] {
-            let with = |input: &Input| identify(&Input { channel_sigma: sigma, ..input.clone() }).unwrap();
+            let with = |input: &Input| fit_body(&Input { channel_sigma: sigma, ..input.clone() });
             let reference = with(&clean);
             let answer = with(&knocked(&clean));
             assert!(largest_change(&with(&plain), &reference) > if given { 3.0 } else { 2.0 });
             assert!(largest_change(&answer, &reference) < 0.5);
             // The filter of 0.1 s, a hundred blocks a second, sees the 20 ms in twelve blocks, faintly in the first and last.
-            let [fx, _, _, _, my, _] = answer.counters.knocks;
-            assert!((4..=12).contains(&fx) && (4..=12).contains(&my), "{:?}", answer.counters.knocks);
-            assert_eq!(answer.counters.knocks, [fx, 0, 0, 0, my, 0]);
-            assert_eq!(reference.counters.knocks, [0; 6]);
+            let spoilt = outliers(&answer);
+            let (fx, my) = (spoilt[0], spoilt[4]);
+            assert!((4..=12).contains(&fx) && (4..=12).contains(&my), "{spoilt:?}");
+            assert_eq!(spoilt, [fx, 0, 0, 0, my, 0]);
+            assert_eq!(outliers(&reference), [0; 6]);
         }
     }
 }
@@ -65,15 +67,12 @@ fn a_knock_in_a_recording_is_found_and_its_rows_count_little() {
 #[test]
 fn a_memory_weights_a_knock_and_counts_it_and_a_long_one_agrees_with_none() {
     let clean = recording(1);
-    let imu_noise = ImuNoise { accel: 0.02, gyro: 3.7e-3 / 1.96 };
-    let whole = identify(&knocked(&clean)).unwrap();
+    let whole = fit_body(&knocked(&clean));
     for span in [Span::TimeConstant(1e6), Span::TimeConstant(10.0), Span::Window(10.0)] {
-        let memory = MemoryConfig { span, imu_noise };
-        let with = |input: &Input| identify_remembered(input, &memory, 1).unwrap().0;
-        let answer = with(&knocked(&clean));
-        let [fx, _, _, _, my, _] = answer.counters.knocks;
-        assert!((4..=12).contains(&fx) && (4..=12).contains(&my), "{span:?}: {:?}", answer.counters.knocks);
-        assert!(largest_change(&answer, &with(&clean)) < 0.5, "{span:?}");
+        let answer = fit_forgetting(&knocked(&clean), span);
+        let spoilt = outliers(&answer);
+        assert!((4..=12).contains(&spoilt[0]) && (4..=12).contains(&spoilt[4]), "{span:?}: {spoilt:?}");
+        assert!(largest_change(&answer, &fit_forgetting(&clean, span)) < 0.5, "{span:?}");
         if span == Span::TimeConstant(1e6) {
             assert!(largest_change(&answer, &whole) < 0.5);
         }
@@ -83,10 +82,10 @@ fn a_memory_weights_a_knock_and_counts_it_and_a_long_one_agrees_with_none() {
 #[test]
 fn the_course_of_a_run_with_a_knock_ends_at_its_answer() {
     let input = knocked(&recording(1));
-    let answer = identify(&input).unwrap();
-    let course = progression(&input, &answer, 200);
-    let [.., before, last] = course.as_slice() else { panic!("{} points", course.len()) };
-    for (j, state) in answer.states().iter().enumerate() {
+    let answer = fit_with(&input, &FitOptions { convergence_points: 200, ..FitOptions::default() });
+    let course = answer.convergence.as_slice();
+    let [.., before, last] = course else { panic!("{} points", course.len()) };
+    for (j, state) in states(&answer).iter().enumerate() {
         let end = state.measured().unwrap();
         let (point, last) = (before.parameters[j].unwrap(), last.parameters[j].unwrap());
         assert_eq!((last.value, last.u95), (end.value, end.u95));

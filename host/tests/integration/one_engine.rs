@@ -205,7 +205,7 @@ fn still_poses_of_one_body() {
 #[test]
 fn one_body_that_forgets_and_in_a_window() {
     let input = input(readings(500.0, 40.0), 500.0);
-    let imu_noise = identification::remembered::imu_noise(None, &input.readings);
+    let imu_noise = rigident::problem::body::imu_noise::imu_noise(None, &input.readings);
     for span in [Span::TimeConstant(8.0), Span::Window(10.0)] {
         let memory = MemoryConfig { span, imu_noise };
         let (old, way) = identification::remembered::identify_remembered(&input, &memory, 100).unwrap();

@@ -4,7 +4,7 @@
 
 use hexapod::experiment::thesis_program;
 use rigident::answer::result::ParameterState;
-use rigident::identification::{self, Input};
+use rigident::problem::body::Input;
 use rigident::simulated::{mounting, reading};
 use rigident::trees::prepare::{Wishes, prepare};
 use rigident::trees::simulated::{
@@ -16,6 +16,8 @@ use rigident_shared::screening::Limits;
 use rigident_shared::spatial::Wrench;
 use rigident_sim::rig::{Readings, RigConfig};
 use rigident_sim::sensors::SensorModels;
+
+use crate::fitting::{fit_body, states};
 
 const RATES_HZ: [f64; 11] = [5.0, 8.0, 10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 45.0, 80.0, 200.0];
 /// 1 σ of the load cell, a twentieth of the thesis': what a filter does wrong is not hidden by noise.
@@ -69,8 +71,8 @@ fn intervals_of_one_body_hold_the_truth_at_every_rate() {
         let readings = Readings::new(&config, &program, rate_hz).unwrap();
         let phi = readings.truth(1).body.parameters();
         // Without noise: what the filter does wrong, against the interval that the noise leaves.
-        let exact = identification::identify(&body(&readings, &config, rate_hz, None)).unwrap();
-        for (j, state) in exact.states().iter().take(10).enumerate() {
+        let exact = fit_body(&body(&readings, &config, rate_hz, None));
+        for (j, state) in states(&exact).iter().take(10).enumerate() {
             let Some(m) = state.measured() else { continue };
             let share = (m.value - phi[j]).abs() / m.u95;
             // A bias of a quarter of U95 is half a standard deviation: 92 % of the intervals would hold the truth.
@@ -78,8 +80,8 @@ fn intervals_of_one_body_hold_the_truth_at_every_rate() {
         }
         let (mut all, mut out) = (0, 0);
         for seed in 1..=SEEDS {
-            let found = identification::identify(&body(&readings, &config, rate_hz, Some(seed))).unwrap();
-            let (identified, missed) = outside(&found.states(), &phi);
+            let found = fit_body(&body(&readings, &config, rate_hz, Some(seed)));
+            let (identified, missed) = outside(&states(&found), &phi);
             (all, out) = (all + identified, out + missed);
         }
         assert!(all > 0 || rate_hz < 10.0, "{rate_hz} Hz: nothing is identified");

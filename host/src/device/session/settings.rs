@@ -3,7 +3,9 @@ use rigident_shared::wire::{
     TelemetrySettings,
 };
 
-use crate::identification::{FROZEN_AFTER, filter_width_s, knocks, row_every};
+use crate::fit::outliers;
+use crate::fit::{filter_width_s, row_every};
+use crate::recording::FROZEN_AFTER;
 use crate::rig::{Calibrated, ImuTable, OffsetTable, OffsetWord, RigFile};
 
 /// Estimates are sent at about this rate, 1/s.
@@ -130,7 +132,7 @@ pub fn settings(
         filter_width_s: if timing.is_static { 0.0 } else { filter_width_s(timing.rate_hz) as f32 },
         row_every: every,
         // As in a batch: gain errors exceed the noise.
-        knock_limit_sd: if gains_uncertain { 0.0 } else { knocks::LIMIT_SD as f32 },
+        knock_limit_sd: if gains_uncertain { 0.0 } else { outliers::LIMIT_SD as f32 },
         memory: MemorySettings::Forever,
         stop,
         telemetry: TelemetrySettings {

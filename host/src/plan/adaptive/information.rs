@@ -10,7 +10,8 @@ use rigident_shared::regressor::{block, signals};
 use rigident_shared::screening::Limits;
 use rigident_shared::spatial::{Position, Sensor};
 
-use crate::identification::{Factor, TAPS, filter_width_s, row_every};
+use crate::fit::{ESTIMATOR_TAPS, filter_width_s, row_every};
+use crate::identification::Factor;
 use crate::plan::machine::{self, MachineError};
 use crate::plan::motion::information::Instrument;
 use crate::plan::motion::plan::SENSOR_SHARE;
@@ -143,7 +144,7 @@ impl RigModel {
             mounting: ImuMounting::default(),
             limits: Limits::none(),
         };
-        Estimator::<f64, 10, TAPS>::new(&config).map_or(1.0, |estimator| estimator.noise_gain())
+        Estimator::<f64, 10, ESTIMATOR_TAPS>::new(&config).map_or(1.0, |estimator| estimator.noise_gain())
     }
 
     /// Before anything has moved.

@@ -9,8 +9,9 @@ use rigident_sim::rig::{Readings, RigConfig, RigError};
 use super::goal::{Asked, largest_principal};
 use super::information::{Information, RigModel};
 use super::planner::{Known, Next, Planner};
+use crate::fit::{ESTIMATOR_TAPS, filter_width_s, row_every};
+use crate::identification::Factor;
 use crate::identification::pooled::{RowSet, judge};
-use crate::identification::{self, Factor, TAPS};
 use crate::simulated::{mounting, reading};
 
 /// The factor is looked at this often, s.
@@ -50,7 +51,7 @@ pub struct Outcome {
 
 /// Rows taken in so far.
 struct Device {
-    estimator: Box<Estimator<f64, 16, TAPS>>,
+    estimator: Box<Estimator<f64, 16, ESTIMATOR_TAPS>>,
     absorbed: usize,
 }
 
@@ -59,8 +60,8 @@ impl Device {
         let rate_hz = rehearsal.believed.rate_hz;
         let config = EstimatorConfig {
             rate_hz,
-            filter_width_s: identification::filter_width_s(rate_hz),
-            row_every: identification::row_every(rate_hz),
+            filter_width_s: filter_width_s(rate_hz),
+            row_every: row_every(rate_hz),
             channel_sigma: rehearsal.believed.channel_sigma,
             known_offset: [0.0; 6],
             mounting: mounting(&rehearsal.config),

@@ -7,7 +7,8 @@ use rigident_shared::factor::InformationFactor;
 use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
 
 use crate::answer::{Noise, derived};
-use crate::identification::{self, Factor, TAPS};
+use crate::fit::{ESTIMATOR_TAPS, filter_width_s, row_every};
+use crate::identification::Factor;
 use crate::plan::equipment::Equipment;
 
 /// 95 % expanded uncertainties, and the conditioning.
@@ -66,10 +67,10 @@ pub fn predict(
     let trajectory = program.trajectory()?;
     equipment.geometry.check(&trajectory)?;
     let mut estimator = Box::new(
-        Estimator::<f64, 16, TAPS>::new(&EstimatorConfig {
+        Estimator::<f64, 16, ESTIMATOR_TAPS>::new(&EstimatorConfig {
             rate_hz,
-            filter_width_s: identification::filter_width_s(rate_hz),
-            row_every: identification::row_every(rate_hz),
+            filter_width_s: filter_width_s(rate_hz),
+            row_every: row_every(rate_hz),
             channel_sigma: equipment.noise_n_nm,
             known_offset: [0.0; 6],
             mounting: equipment.mounting(),

@@ -1,6 +1,6 @@
 //! Attitudes and accelerometer that disagree on gravity are told, and those that agree are not.
 
-use rigident::recording::clocks::{StreamSet, align};
+use rigident::problem::clocks::{StreamSet, align};
 use rigident::rig::RigFile;
 
 use super::simulated::{slow_turn, thesis};

@@ -12,11 +12,14 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rigident::answer::result::{Measured, ParameterState};
-use rigident::identification;
-use rigident::recording::clocks::{Aligned, StreamSet, align, widen::widen};
+use rigident::fit::{FitOptions, Silent};
+use rigident::problem::Problem;
+use rigident::problem::clocks::StreamSet;
 use rigident::rig::RigFile;
 use rigident_sim::rig::{Readings, RigConfig};
 use rigident_sim::sensors::SensorModels;
+
+use crate::fitting::states;
 
 /// Rates of wrench, accelerometer and attitude, 1/s.
 const RATES_HZ: [f64; 3] = [698.0, 254.2, 99.1];
@@ -122,13 +125,12 @@ struct Outcome {
 }
 
 fn outcome(set: &StreamSet) -> Outcome {
-    let aligned: Aligned = align(set).unwrap();
-    let mut found = identification::identify(&aligned.prepared.input).unwrap();
-    widen(set, &aligned, &mut found).unwrap();
-    let skews = aligned.time_base.streams.iter().skip(1);
+    let problem = Problem::from_streams(set.clone()).unwrap();
+    let found = problem.fit(&FitOptions::default(), &Silent).unwrap();
+    let skews = problem.time_base().unwrap().streams.iter().skip(1);
     Outcome {
         skews: skews.map(|s| s.skew_s.and_then(|skew: ParameterState| skew.measured())).collect(),
-        parameters: found.states().iter().map(ParameterState::measured).collect(),
+        parameters: states(&found).iter().map(ParameterState::measured).collect(),
     }
 }
 

@@ -4,11 +4,11 @@ use rigident_shared::calibration::{GaugeCalibration, ImuMounting, Reading};
 use rigident_shared::screening::Limits;
 use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce, Wrench};
 
-use super::plausible::{self, Implausible};
+use super::Input;
+use super::input_checks::{self, Implausible};
 use super::poses::{PoseError, calibrate_accelerometer, still_poses};
-use super::{FROZEN_AFTER, Input};
-use crate::recording::Recording;
 use crate::recording::columns::TIME;
+use crate::recording::{FROZEN_AFTER, Recording};
 use crate::rig::{Calibrated, ImuTable, OffsetTable, OffsetWord, RigFile};
 
 /// How far the mean rate of a still pose may be from rest, rad/s, and the specific force from its mean, m/s².
@@ -153,9 +153,9 @@ pub fn prepare(recording: &Recording) -> Result<Prepared, PrepareError> {
         let times = recording.extra.iter().find(|(column, _)| column == TIME);
         let times: Vec<f64> =
             times.iter().flat_map(|(_, cells)| cells).flat_map(|c| c.trim().parse()).collect();
-        notes.extend(plausible::hurried_poses(&times));
+        notes.extend(input_checks::hurried_poses(&times));
         if let Some(gyro) = gyro {
-            match plausible::check_still(gyro) {
+            match input_checks::check_still(gyro) {
                 // Where gravity is given, the IMU is not trusted.
                 Err(error) if recording.gravity.is_some() => notes.push(error.to_string()),
                 checked => checked.map_err(implausible)?,
@@ -210,7 +210,7 @@ pub fn prepare(recording: &Recording) -> Result<Prepared, PrepareError> {
         .map_err(|error| PrepareError::Poses { name: name(), error })?;
     let input = input(&rig, readings, recording.is_static, rate_hz);
     let gravity_columns = recording.is_static && recording.gravity.is_some();
-    plausible::check(&input, rig.recording.gravity_mps2, gravity_columns).map_err(implausible)?;
+    input_checks::check(&input, rig.recording.gravity_mps2, gravity_columns).map_err(implausible)?;
     Ok(Prepared { rig, input, gravity_columns, notes })
 }
 

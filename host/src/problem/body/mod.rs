@@ -3,6 +3,13 @@
 //! Samples go through the firmware's own pipeline (`rigident_shared::estimator`), on all cores; what is kept of a row
 //! block are its eighteen conditioned signals, from which the rows are made as they are needed.
 
+pub mod imu_noise;
+mod input;
+pub mod input_checks;
+mod poses;
+pub mod prepare;
+pub mod shares;
+
 use std::ops::Range;
 
 use rigident_shared::calibration::Reading;
@@ -15,13 +22,13 @@ use rigident_shared::regressor::{self, RegressorBlock, SIGNALS, SMOOTHED};
 use rigident_shared::screening::{CHANNEL_NAMES, Limits, Rejection};
 use rigident_shared::spatial::{AngularRate, Position, Sensor, SpecificForce};
 
+pub use self::input::Input;
+use self::shares::{Shares, Split};
 use super::signs::Signs;
 use crate::fit::{
-    Channel, Factor, Filter, Fingerprint, FitError, Kind, Owner, Parameter, Progress, RowBlocks, RowSource,
-    SampleCounts, SampleRows, Timing, filter_width_s, row_every,
+    Channel, ESTIMATOR_TAPS, Factor, Filter, Fingerprint, FitError, Kind, Owner, Parameter, Progress,
+    RowBlocks, RowSource, SampleCounts, SampleRows, Timing, filter_width_s, row_every,
 };
-use crate::identification::absorb::{Shares, Split};
-use crate::identification::{Input, TAPS};
 use crate::rig::ImuTable;
 
 /// Parameters of the body; those of the wrench's offset follow.
@@ -59,11 +66,10 @@ impl BodySource {
             offset: estimates_offset.then_some(BODY + c),
             group: u8::from(c >= 3),
         });
-        let rate_sigma =
-            input.gyro_sigma.unwrap_or_else(|| crate::identification::gyro_sigma_of(&input.readings));
+        let rate_sigma = input.gyro_sigma.unwrap_or_else(|| imu_noise::gyro_sigma(&input.readings));
         Self {
             stated_noise: [imu.and_then(|i| i.accel_noise_mps2), imu.and_then(|i| i.gyro_noise_radps)],
-            imu_noise: crate::identification::remembered::imu_noise(imu, &input.readings),
+            imu_noise: imu_noise::imu_noise(imu, &input.readings),
             rate_sigma,
             parameters: (0..count).map(parameter).collect(),
             channels: channels.collect(),
@@ -107,7 +113,7 @@ impl BodySource {
             return Ok(Filter::default());
         }
         let (kernel, averaged) =
-            Kernel::<f64, TAPS>::for_rows(config.rate_hz, config.filter_width_s, config.row_every)
+            Kernel::<f64, ESTIMATOR_TAPS>::for_rows(config.rate_hz, config.filter_width_s, config.row_every)
                 .map_err(ConfigError::Kernel)?;
         let response = kernel.smooth().iter().flat_map(|h| std::iter::repeat_n(*h, usize::from(averaged)));
         Ok(Filter {
@@ -201,7 +207,9 @@ impl RowSource for BodySource {
         let readings = &self.input.readings;
         let shares = Shares::new(readings, &config, Split::of(readings.len())).map_err(refuse)?;
         type Blocks = Vec<(f64, [f64; SIGNALS])>;
-        let take = |blocks: &mut Blocks, reading: &Reading<f64>, pipeline: &Estimator<f64, BODY, TAPS>| {
+        let take = |blocks: &mut Blocks,
+                    reading: &Reading<f64>,
+                    pipeline: &Estimator<f64, BODY, ESTIMATOR_TAPS>| {
             blocks.extend(pipeline.last_signals().map(|signals| (reading.time_ns as f64 * 1e-9, *signals)));
         };
         let done = shares.absorb::<BODY, Blocks>(NOMINAL_SIGMA, Vec::new, take).map_err(refuse)?;

@@ -1,9 +1,9 @@
 //! Several files, each with a clock and a rate of its own, as one recording.
 //!
 //! Lives here: reading the files that a rig file lists ([`files`]), the one local polynomial that every stream goes
-//! through ([`kernel`]), the common time base ([`grid`]), how late the stamps of each stream are ([`skew`]), what
-//! that uncertainty does to the answer ([`widen`]) and whether attitudes and accelerometer agree on gravity. May not live here: the estimate itself. Before this:
-//! [`crate::recording`]; after it: [`crate::identification`], which sees an ordinary recording.
+//! through ([`kernel`]), the common time base ([`grid`]), how late the stamps of each stream are ([`skew`]), by how much
+//! that uncertainty moves the estimate ([`shifts`]) and whether attitudes and accelerometer agree on gravity. May not live
+//! here: the fit, which sees an ordinary recording.
 //!
 //! Every stream is brought to a uniform grid by the local cubic of one width in seconds, that of the slowest stream, so
 //! that all see the same low-pass: the equation of motion is linear in the signals and stays exact, where streams that
@@ -14,12 +14,12 @@ pub mod files;
 mod gravity;
 pub mod grid;
 pub mod kernel;
+pub mod shifts;
 pub mod skew;
-pub mod widen;
 
 use crate::answer::result::{ParameterState, StreamResult, TimeBase};
-use crate::identification::prepare::{PrepareError, Prepared, prepare};
 use crate::present::text::{counted, significant};
+use crate::problem::body::prepare::{PrepareError, Prepared, prepare};
 use crate::recording::{Recording, RecordingError};
 use crate::rig::RigFileError;
 
@@ -153,7 +153,7 @@ pub struct Aligned {
     pub recording: Recording,
     /// How it was made.
     pub time_base: TimeBase,
-    /// The skews, for [`widen`].
+    /// The skews, for [`shifts`].
     pub skews: skew::Skews,
     /// What to know.
     pub warnings: Vec<String>,

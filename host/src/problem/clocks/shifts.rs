@@ -1,9 +1,9 @@
 //! What the uncertainty of the clocks of several files does to an estimate.
 
-use super::body::BodySource;
+use super::{Aligned, Grid, StreamError, StreamSet};
 use crate::fit::{COVERAGE_95, FitOptions, Silent, fit};
-use crate::identification::prepare::prepare;
-use crate::recording::clocks::{Aligned, Grid, StreamError, StreamSet};
+use crate::problem::body::BodySource;
+use crate::problem::body::prepare::prepare;
 
 /// Returns the columns by which errors of the clocks, independent and of unit variance, move the estimate.
 ///
@@ -12,7 +12,7 @@ use crate::recording::clocks::{Aligned, Grid, StreamError, StreamSet};
 ///
 /// # Errors
 /// [`StreamError`] if shifted streams have nothing in common.
-pub(super) fn moves(set: &StreamSet, aligned: &Aligned) -> Result<Vec<Vec<f64>>, StreamError> {
+pub fn moves(set: &StreamSet, aligned: &Aligned) -> Result<Vec<Vec<f64>>, StreamError> {
     let skews = &aligned.skews;
     let Some(factor) = skews.covariance.clone().cholesky() else { return Ok(Vec::new()) };
     let grid = Grid::of(set)?;

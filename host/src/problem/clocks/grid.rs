@@ -4,7 +4,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use super::kernel::Weights;
 use super::{Stream, StreamError, StreamSet};
-use crate::identification::filter_width_s;
+use crate::fit::filter_width_s;
 use crate::recording::Recording;
 use crate::recording::columns::Group;
 

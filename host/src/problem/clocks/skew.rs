@@ -29,8 +29,9 @@ use rigident_shared::spatial::Wrench;
 use super::grid::Resampled;
 use super::{Grid, StreamError, StreamSet};
 use crate::answer::result::{Measured, ParameterState};
-use crate::identification::prepare::prepare;
-use crate::identification::{self, Input};
+use crate::fit::{ESTIMATOR_TAPS, filter_width_s, row_every};
+use crate::problem::body::Input;
+use crate::problem::body::prepare::prepare;
 use crate::recording::columns::Group;
 
 /// Half the step of the numerical derivatives, ns.
@@ -234,13 +235,12 @@ impl Pipeline<'_> {
 
     /// Variance of noise after the filter, per row, that was white before it.
     fn noise_gain(&self) -> f64 {
-        Estimator::<f64, 10, { identification::TAPS }>::new(&self.config)
-            .map_or(1.0, |e| e.noise_gain().min(1.0))
+        Estimator::<f64, 10, ESTIMATOR_TAPS>::new(&self.config).map_or(1.0, |e| e.noise_gain().min(1.0))
     }
 
     fn blocks(&self, readings: impl Iterator<Item = Reading<f64>>) -> Vec<RegressorBlock<f64>> {
         // The configuration has been accepted when it was made.
-        let Ok(estimator) = Estimator::<f64, 10, { identification::TAPS }>::new(&self.config) else {
+        let Ok(estimator) = Estimator::<f64, 10, ESTIMATOR_TAPS>::new(&self.config) else {
             return Vec::new();
         };
         let mut estimator = Box::new(estimator);
@@ -323,8 +323,8 @@ fn iterate(set: &StreamSet, grid: &Grid, skews: &mut Skews, tied: bool) -> Resul
 fn configuration(input: &Input) -> EstimatorConfig<f64> {
     EstimatorConfig {
         rate_hz: input.rate_hz,
-        filter_width_s: identification::filter_width_s(input.rate_hz),
-        row_every: identification::row_every(input.rate_hz),
+        filter_width_s: filter_width_s(input.rate_hz),
+        row_every: row_every(input.rate_hz),
         channel_sigma: [1.0; 6],
         known_offset: [0.0; 6],
         mounting: input.mounting,

@@ -6,7 +6,8 @@
 
 use rigident_shared::calibration::Reading;
 
-use super::{FROZEN_AFTER, Input};
+use super::Input;
+use crate::recording::FROZEN_AFTER;
 
 /// The specific force at rest is within this factor of gravity, either way.
 const FACTOR: f64 = 2.0;
@@ -206,5 +207,5 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
 }
 
 #[cfg(test)]
-#[path = "plausible_tests.rs"]
+#[path = "input_checks_tests.rs"]
 mod tests;

@@ -16,8 +16,7 @@ use rigident_shared::factor::InformationFactor;
 use rigident_shared::screening::{Limits, Rejection};
 use rigident_shared::spatial::Wrench;
 
-use super::TAPS;
-use crate::fit::parallel;
+use crate::fit::{ESTIMATOR_TAPS as TAPS, parallel};
 
 /// A part has at least so many readings: what is read twice and set up anew is small against it.
 const LEAST_SHARE: usize = 20_000;
@@ -290,5 +289,5 @@ fn add(sum: &mut Counters, part: &Counters) {
 }
 
 #[cfg(test)]
-#[path = "absorb_tests.rs"]
+#[path = "shares_tests.rs"]
 mod tests;

@@ -6,10 +6,9 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
 use super::StreamError;
 use super::kernel::LEAST_SAMPLES;
-use crate::identification::FROZEN_AFTER;
 use crate::recording::columns::{Group, Known};
 use crate::recording::time::Time;
-use crate::recording::{Recording, measured_rate};
+use crate::recording::{FROZEN_AFTER, Recording, measured_rate};
 use crate::rig::{LoadCellTable, RecordingTable, RigFile, RotationMatrixTable, StreamTable};
 
 /// A matrix is a rotation if its columns' products are those of the unit matrix within this.

@@ -1,0 +1,34 @@
+//! Readings of one body with their settings.
+
+use rigident_shared::calibration::{ImuMounting, Reading};
+use rigident_shared::screening::Limits;
+
+/// Readings of one body, with all that the rig file says of them.
+#[derive(Clone, Debug)]
+pub struct Input {
+    /// Readings in the order of their time.
+    pub readings: Vec<Reading<f64>>,
+    /// Each reading is a still pose of its own, without time.
+    pub is_static: bool,
+    /// Rate of the readings, 1/s; not used for still poses.
+    pub rate_hz: f64,
+    /// The IMU on link 0.
+    pub mounting: ImuMounting<f64>,
+    /// 1 σ of the wrench per reading, N and N m; `None`: from the residuals.
+    pub channel_sigma: Option<[f64; 6]>,
+    /// 1 σ of the gyro per reading, rad/s; `None`: from its second differences.
+    pub gyro_sigma: Option<f64>,
+    /// Known wrench offset; `None`: estimated with the body.
+    pub known_offset: Option<[f64; 6]>,
+    /// 1 σ of the load cell's relative gain errors, constant over the recording; zero: none.
+    pub gain_sigma: [f64; 6],
+    /// Ranges of the sensors.
+    pub limits: Limits<f64>,
+}
+
+impl Input {
+    /// Returns the same settings without readings.
+    pub(crate) fn without_readings(&self) -> Self {
+        Self { readings: Vec::new(), ..*self }
+    }
+}
