@@ -16,6 +16,7 @@ mod process;
 mod setup;
 mod size;
 mod structure;
+mod support;
 mod tables;
 mod testing;
 mod toolchain;
@@ -58,6 +59,8 @@ enum Verb {
     Goldens(goldens::Options),
     /// Look at the sources: no circles among folders, no unguarded code for Unix alone, sizes of factors in one file.
     Structure,
+    /// Compare README's support matrix with the list of tests behind its cells, or write it.
+    Support(support::Options),
     /// Make the tables of docs/estimation.md, docs/platform.md and docs/trees.md anew.
     Tables(tables::Options),
 }
@@ -85,6 +88,7 @@ fn run(verb: &Verb, core: Option<Core>) -> anyhow::Result<()> {
         Verb::Fuzz(options) => fuzz::run(options),
         Verb::Goldens(options) => goldens::run(options),
         Verb::Structure => structure::run(),
+        Verb::Support(options) => support::run(options),
         Verb::Tables(options) => tables::run(options),
     }
 }

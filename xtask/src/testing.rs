@@ -4,6 +4,7 @@
 //! needs, by the word in [`Need`]. Plain `cargo test` prints it as ignored; here it runs if what it needs is there and
 //! is counted as skipped if not. Where `CI` is set, what is not there is a failure.
 
+use std::collections::BTreeSet;
 use std::fmt;
 use std::io::{BufRead, BufReader, Write};
 use std::ops::AddAssign;
@@ -99,11 +100,17 @@ impl Surroundings {
         Self { firmware: Some(firmware), ..self.clone() }
     }
 
-    /// Runs `cargo test --release` with these arguments and adds up what the test programs report.
+    /// Runs `cargo test --release` with these arguments, adds up what the test programs report, and returns the names of what
+    /// passed.
     ///
     /// # Errors
     /// Fails as cargo does; the counts are added all the same.
-    pub fn test(&self, arguments: &[&str], filters: &[&str], counts: &mut Counts) -> Result<()> {
+    pub fn test(
+        &self,
+        arguments: &[&str],
+        filters: &[&str],
+        counts: &mut Counts,
+    ) -> Result<BTreeSet<String>> {
         let mut command = process::cargo(places::root());
         command.args(["test", "--release"]).args(arguments).args(["--", "--include-ignored"]).args(filters);
         command.args(self.missing.iter().flat_map(|need| ["--skip", need.word]));
@@ -122,7 +129,7 @@ fn is_ci() -> bool {
 
 /// Runs tests, passes their output on and adds up its last lines. With a filter, tests that were filtered out are not
 /// skipped.
-fn counted(command: &mut Command, filtered: bool, counts: &mut Counts) -> Result<()> {
+fn counted(command: &mut Command, filtered: bool, counts: &mut Counts) -> Result<BTreeSet<String>> {
     let shown = process::shown(command);
     eprintln!("$ {shown}");
     let mut child =
@@ -131,8 +138,10 @@ fn counted(command: &mut Command, filtered: bool, counts: &mut Counts) -> Result
     let mut reader = BufReader::new(output);
     let mut line = Vec::new();
     let mut programs = 0;
+    let mut passed = BTreeSet::new();
     while reader.read_until(b'\n', &mut line)? > 0 {
         std::io::stdout().write_all(&line)?;
+        passed.extend(passed_test(&String::from_utf8_lossy(&line)).map(str::to_owned));
         if let Some(mut found) = summary(&String::from_utf8_lossy(&line)) {
             found.skipped = if filtered { 0 } else { found.skipped };
             *counts += found;
@@ -147,7 +156,13 @@ fn counted(command: &mut Command, filtered: bool, counts: &mut Counts) -> Result
     if programs == 0 {
         bail!("`{shown}` ran no test");
     }
-    Ok(())
+    Ok(passed)
+}
+
+/// Reads the name of a test that passed. What a test prints may stand before the verdict.
+fn passed_test(line: &str) -> Option<&str> {
+    let name = line.trim_end().strip_prefix("test ")?.strip_suffix(" ... ok")?;
+    (!name.contains(' ')).then_some(name)
 }
 
 /// Reads the last line of a test program: what was ignored or filtered out is skipped.
@@ -177,6 +192,10 @@ mod tests {
         let line = "test result: FAILED. 9 passed; 1 failed; 2 ignored; 0 measured; 3 filtered out; finished in 29.40s\n";
         assert_eq!(summary(line), Some(Counts { passed: 9, failed: 1, skipped: 5 }));
         assert_eq!(summary("test a ... ok"), None);
+        assert_eq!(passed_test("test a::b ... ok\n"), Some("a::b"));
+        for line in ["test a::b ... FAILED", "test a::b ... ignored", "test result: ok. 1 passed"] {
+            assert_eq!(passed_test(line), None);
+        }
     }
 
     fn sources(folder: &Path, found: &mut Vec<PathBuf>) {

@@ -15,6 +15,7 @@ use crate::process::{self, Steps};
 use crate::setup;
 use crate::size;
 use crate::structure;
+use crate::support;
 use crate::testing::{Counts, Surroundings};
 use crate::toolchain::{self, Core};
 
@@ -58,10 +59,15 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     steps.run("compiling tests", || {
         process::run(process::cargo(places::root()).args(["test", "--release", "--no-run"]).args(others))
     });
-    steps.run("tests, on the host and in the emulator", || {
+    let passed = steps.run("tests, on the host and in the emulator", || {
         here.test(&[&others[..], &["--no-fail-fast"]].concat(), &[], &mut counts)
     });
-    steps.run("tests of the developer jobs", || here.test(&["--package", "xtask"], &[], &mut counts));
+    if let Some(passed) = passed {
+        steps.run("support matrix", || support::check(&passed));
+    }
+    steps.run("tests of the developer jobs", || {
+        here.test(&["--package", "xtask"], &[], &mut counts).map(drop)
+    });
     steps.run("goldens, the quick ones", || {
         goldens::run(&goldens::Options { quick: true, ..Default::default() })
     });
@@ -136,7 +142,7 @@ fn other_core(steps: &mut Steps, core: Core, here: &Surroundings, counts: &mut C
     steps.run(&format!("emulated tests, core by {other}"), || {
         // Of the whole workspace, so that features are those of the first time and nothing is compiled again.
         let arguments = ["--workspace", "--exclude", "xtask", "--test", "integration", "--no-fail-fast"];
-        here.with_firmware(elf).test(&arguments, &["emulated"], counts)
+        here.with_firmware(elf).test(&arguments, &["emulated"], counts).map(drop)
     });
 }
 

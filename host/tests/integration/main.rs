@@ -25,6 +25,7 @@ mod plan_poses;
 mod rates;
 mod report;
 mod streams;
+mod support;
 mod tree_commands;
 mod tree_pinocchio;
 mod weakest;

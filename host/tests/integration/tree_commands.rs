@@ -47,7 +47,7 @@ const ARM: &str = r#"<robot name="arm">
 "#;
 
 /// A sum of two swings with rate and acceleration.
-fn swing(t: f64, k: usize, size: f64) -> [f64; 3] {
+pub fn swing(t: f64, k: usize, size: f64) -> [f64; 3] {
     let mut out = [0.0; 3];
     for (n, hz) in [0.31 + 0.05 * k as f64, 0.83 + 0.07 * k as f64].into_iter().enumerate() {
         let w = std::f64::consts::TAU * hz;
@@ -61,7 +61,7 @@ fn swing(t: f64, k: usize, size: f64) -> [f64; 3] {
 }
 
 /// Noise that repeats itself, of about unit variance.
-fn noise(k: usize) -> f64 {
+pub fn noise(k: usize) -> f64 {
     let mut z = (k as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     let mut sum = 0.0;
     for _ in 0..12 {

@@ -1,0 +1,637 @@
+//! One test for each feature and kind of body in README's support matrix, of what `identify` does with a recording:
+//! `support::two_links::forgetting`. xtask/src/support.rs has the list of cells.
+//!
+//! One body, two links and a chain of three come from one generator, by Newton and Euler recursively: no rows, no filter.
+#![cfg(feature = "simulator")]
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+
+use nalgebra::{Unit, UnitQuaternion, Vector3};
+use rigident::model::dynamics::inverse_dynamics;
+use rigident::model::rig_links;
+use rigident_shared::tree::BaseMotion;
+use serde_json::Value;
+
+use crate::factors::simulated::{json, rigident, said, status};
+use crate::tree_commands::{noise, swing};
+
+const RATE_HZ: f64 = 200.0;
+const ROWS: usize = 4000;
+const FORCE_NOISE: f64 = 0.1;
+const MOMENT_NOISE: f64 = 0.01;
+/// Axes of the joints beyond the base.
+const AXES: [[f64; 3]; 2] = [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]];
+const NAMES: [&str; 3] = ["base", "arm", "hand"];
+
+/// A body of so many links.
+#[derive(Clone, Copy)]
+struct Subject {
+    links: usize,
+    /// Who makes the estimate: `identify` here, `replay` on the device.
+    command: &'static str,
+}
+
+/// A recording: names of the columns, and its rows.
+#[derive(Clone)]
+struct Table {
+    names: Vec<String>,
+    rows: Vec<Vec<f64>>,
+}
+
+impl Subject {
+    fn rig(self, load_cell: &str, imu: &str, is_truth: bool) -> String {
+        let mut text = format!("[recording]\nrate_hz = {RATE_HZ}\n[load_cell]\n{load_cell}\n");
+        for link in 0..self.links {
+            let _ = writeln!(text, "[[imu]]\nlink = {link}\n{imu}");
+        }
+        // A link alone is a body.
+        for link in 0..if is_truth || self.links > 1 { self.links } else { 0 } {
+            let _ = writeln!(text, "[[link]]\nname = \"{}\"", NAMES[link]);
+            if let Some(above) = link.checked_sub(1) {
+                let _ = writeln!(
+                    text,
+                    "parent = \"{}\"\njoint = \"revolute\"\naxis = {:?}\nposition_m = [0.03, 0.01, 0.065]",
+                    NAMES[above], AXES[above]
+                );
+            }
+            if is_truth {
+                let k = 1.0 - 0.25 * link as f64;
+                let _ = writeln!(
+                    text,
+                    "nominal_mass_kg = {}\nnominal_com_m = [0.02, {}, 0.05]\nnominal_inertia_com_kgm2 = [0.02, 0.025, \
+                     0.015, 0.001, 0.002, 0.003]",
+                    2.0 * k,
+                    0.03 * k
+                );
+            }
+        }
+        text
+    }
+
+    /// What rounding may change of a value: a millionth of an sd in double precision, in single
+    /// precision what docs/promises.md allows.
+    fn rounding(self, u95: f64) -> f64 {
+        if self.command == "replay" { 0.05 * u95 / 1.96 } else { 1e-6 * u95 / 1.96 }
+    }
+
+    /// Mass of all links, kg.
+    fn mass(self) -> f64 {
+        (0..self.links).map(|link| 2.0 * (1.0 - 0.25 * link as f64)).sum()
+    }
+
+    /// Name of the mass of all links, as a parameter and as a known quantity.
+    fn mass_name(self) -> [&'static str; 2] {
+        if self.links == 1 { ["m", "mass_kg"] } else { ["base.M", "base.M"] }
+    }
+
+    fn table(self, place: &Path) -> Table {
+        fs::write(place.join("truth.toml"), self.rig("", "", true)).unwrap();
+        let model = rig_links::read(&place.join("truth.toml")).unwrap();
+        let mut names: Vec<String> =
+            ["t_s", "fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm"].map(str::to_owned).into();
+        for axis in ["x", "y", "z"] {
+            names.push(format!("imu_a{axis}_mps2"));
+        }
+        for link in 0..self.links {
+            let imu = if link == 0 { "imu".to_owned() } else { format!("imu{link}") };
+            names.extend(["x", "y", "z"].map(|axis| format!("{imu}_g{axis}_radps")));
+        }
+        for link in 1..self.links {
+            names.extend(["w", "x", "y", "z"].map(|part| format!("q{link}_{part}")));
+        }
+        let rows = (0..ROWS).map(|row| {
+            let t = row as f64 / RATE_HZ;
+            let base = base_motion(t);
+            let joints: Vec<[f64; 3]> = (1..self.links).map(|k| swing(t, 3 + k, 0.8)).collect();
+            let part = |n: usize| joints.iter().map(|q| q[n]).collect::<Vec<f64>>();
+            let wrench = inverse_dynamics(&model, &base, &part(0), &part(1), &part(2)).unwrap();
+            let mut cells = vec![t];
+            cells.extend((0..6).map(|c| wrench[c] + sigma(c) * noise(6 * row + c)));
+            cells.extend(base.specific_force.iter());
+            let (mut attitude, mut rate): (UnitQuaternion<f64>, Vector3<f64>) =
+                (UnitQuaternion::identity(), base.rate);
+            let mut attitudes = Vec::new();
+            cells.extend(rate.iter());
+            for (q, axis) in joints.iter().zip(AXES) {
+                let axis = Vector3::from(axis);
+                let turn = UnitQuaternion::from_axis_angle(&Unit::new_normalize(axis), q[0]);
+                rate = turn.inverse() * rate + axis * q[1];
+                attitude *= turn;
+                cells.extend(rate.iter());
+                attitudes.extend([attitude.w, attitude.i, attitude.j, attitude.k]);
+            }
+            cells.extend(attitudes);
+            cells
+        });
+        Table { names, rows: rows.collect() }
+    }
+}
+
+fn sigma(channel: usize) -> f64 {
+    if channel < 3 { FORCE_NOISE } else { MOMENT_NOISE }
+}
+
+/// The base turns about its origin, by three swings one after the other.
+fn base_motion(t: f64) -> BaseMotion<f64> {
+    let turned = |t: f64| {
+        let a = [0, 1, 2].map(|k| swing(t, k, 0.35));
+        let turn = UnitQuaternion::from_euler_angles(a[0][0], a[1][0], a[2][0]);
+        let rx = UnitQuaternion::from_euler_angles(a[0][0], 0.0, 0.0);
+        let ry = UnitQuaternion::from_euler_angles(0.0, a[1][0], 0.0);
+        let rate = rx.inverse() * (ry.inverse() * Vector3::z() * a[2][1] + Vector3::y() * a[1][1])
+            + Vector3::x() * a[0][1];
+        (turn, rate)
+    };
+    let (turn, rate) = turned(t);
+    // Differences of the fourth order: 1e-9 rad/s² of some 20.
+    let h = 1e-3;
+    let apart = |by: f64| turned(t + by).1 - turned(t - by).1;
+    let change = (apart(h) * 8.0 - apart(2.0 * h)) / (12.0 * h);
+    BaseMotion {
+        specific_force: turn.inverse() * (Vector3::z() * 9.80665),
+        rate,
+        angular_acceleration: change,
+    }
+}
+
+impl Table {
+    fn write(&self, place: &Path, name: &str, rig: &str) {
+        let mut text = self.names.join(",") + "\n";
+        for row in &self.rows {
+            let cells: Vec<String> = row.iter().map(ToString::to_string).collect();
+            text += &(cells.join(",") + "\n");
+        }
+        fs::write(place.join(format!("{name}.csv")), text).unwrap();
+        fs::write(place.join(format!("{name}.rig.toml")), rig).unwrap();
+    }
+
+    fn changed(&self, change: impl Fn(usize, &mut [f64])) -> Self {
+        let mut table = self.clone();
+        for (row, cells) in table.rows.iter_mut().enumerate() {
+            change(row, cells);
+        }
+        table
+    }
+
+    fn part(&self, rows: std::ops::Range<usize>) -> Self {
+        Self { names: self.names.clone(), rows: self.rows[rows].to_vec() }
+    }
+}
+
+/// An answer: value and U95 by name.
+struct Found(Value);
+
+impl Found {
+    fn of(&self, name: &str) -> (f64, f64) {
+        let all = self.0["parameters"].as_array().unwrap();
+        let p = all.iter().find(|p| p["name"] == name).unwrap_or_else(|| panic!("no {name}: {all:?}"));
+        (p["value"].as_f64().unwrap(), p["u95"].as_f64().unwrap())
+    }
+
+    /// Names of what is identified, but for the offsets, which each run has of its own.
+    fn names(&self) -> Vec<String> {
+        let all = self.0["parameters"].as_array().unwrap().iter();
+        let names = all.filter(|p| p["value"].is_f64()).map(|p| p["name"].as_str().unwrap().to_owned());
+        names.filter(|name| !name.starts_with("offset_")).collect()
+    }
+
+    fn channel(&self, name: &str) -> &Value {
+        self.0["channels"].as_array().unwrap().iter().find(|c| c["name"] == name).unwrap()
+    }
+}
+
+/// Answers of which all or a part is identified.
+fn identify(subject: Subject, place: &Path, name: &str, more: &[&str]) -> Found {
+    let words: String = [&[name], more].concat().concat().replace(|c: char| !c.is_ascii_alphanumeric(), "-");
+    let file = format!("{name}.csv");
+    let output = rigident(place, &[&[subject.command, &file, "--json", "--out", &words], more].concat());
+    assert!(status(&output) < 2, "{}", said(&output));
+    Found(serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {}", said(&output))))
+}
+
+/// The recording `a` as it is, in a new folder.
+fn plain(subject: Subject) -> (tempfile::TempDir, Table, String) {
+    let place = tempfile::tempdir().unwrap();
+    let (table, rig) = (subject.table(place.path()), subject.rig("", "", false));
+    table.write(place.path(), "a", &rig);
+    (place, table, rig)
+}
+
+fn recordings(subject: Subject) {
+    let (place, _, _) = plain(subject);
+    let found = identify(subject, place.path(), "a", &[]);
+    assert_eq!(found.0["status"], "identified");
+    let (mass, u95) = found.of(subject.mass_name()[0]);
+    assert!((mass - subject.mass()).abs() < 4.5 / 1.96 * u95 && u95 < 0.01, "{mass} {u95}");
+    let output = rigident(place.path(), &["convert", "a.csv", "b.mcap"]);
+    assert_eq!(status(&output), 0, "{}", said(&output));
+    let packed = Found(json(place.path(), &[subject.command, "b.mcap", "--json", "--out", "b"]));
+    assert_eq!(packed.0["parameters"], found.0["parameters"]);
+}
+
+fn offsets(subject: Subject) {
+    let (place, table, rig) = plain(subject);
+    let moved = table.changed(|_, cells| cells[1..7].iter_mut().for_each(|w| *w += 1.5));
+    moved.write(place.path(), "moved", &rig);
+    let [before, after] = ["a", "moved"].map(|name| identify(subject, place.path(), name, &[]));
+    for name in before.names() {
+        let ((v, u95), (w, _)) = (before.of(&name), after.of(&name));
+        assert!((v - w).abs() < subject.rounding(u95), "{name}: {v} {w}");
+    }
+    for name in ["offset_fx", "offset_mz"] {
+        let ((v, u95), (w, _)) = (before.of(name), after.of(name));
+        assert!((w - v - 1.5).abs() < subject.rounding(u95), "{name}");
+    }
+    table.write(place.path(), "known", &subject.rig("offset_n_nm = \"zero\"", "", false));
+    let known = identify(subject, place.path(), "known", &[]);
+    assert!(!known.0["parameters"].to_string().contains("offset_fx"));
+}
+
+/// Noise with a memory of a second is far slower than the filter of 0.1 s.
+fn autocorrelation(subject: Subject) {
+    let (place, table, rig) = plain(subject);
+    let keep = (-1.0 / RATE_HZ).exp();
+    let mut drift = vec![0.0; ROWS];
+    for row in 1..ROWS {
+        drift[row] = keep * drift[row - 1] + (1.0 - keep * keep).sqrt() * noise(100_000 + row);
+    }
+    table.changed(|row, cells| cells[3] += drift[row]).write(place.path(), "slow", &rig);
+    let [before, after] = ["a", "slow"].map(|name| identify(subject, place.path(), name, &[]));
+    assert!(before.channel("fz").get("autocorrelation").is_none(), "{}", before.channel("fz"));
+    assert!(after.channel("fz")["autocorrelation"].as_f64().unwrap() > 1.0);
+    assert!(after.channel("fx").get("autocorrelation").is_none(), "{}", after.channel("fx"));
+    let (mass, u95) = after.of(subject.mass_name()[0]);
+    assert!((mass - subject.mass()).abs() < 4.5 / 1.96 * u95, "{mass} {u95}");
+}
+
+fn imu_noise(subject: Subject) {
+    let (place, table, _) = plain(subject);
+    let gyro = 0.01;
+    let first = table.names.iter().position(|name| name == "imu_gx_radps").unwrap();
+    let last = first + 3 * subject.links;
+    let noisy = table.changed(|row, cells| {
+        for (c, cell) in cells[first..last].iter_mut().enumerate() {
+            *cell += gyro * noise(1_000_000 + 9 * row + c);
+        }
+    });
+    let cell = format!("noise_n_nm = {:?}", std::array::from_fn::<f64, 6, _>(sigma));
+    noisy.write(place.path(), "told", &subject.rig(&cell, &format!("gyro_noise_radps = {gyro}"), false));
+    let [clean, told] = ["a", "told"].map(|name| identify(subject, place.path(), name, &[]));
+    let largest = |found: &Found| {
+        let sds = found.names().into_iter().map(|name| {
+            let ((v, _), (w, u95)) = (clean.of(&name), found.of(&name));
+            1.96 * (v - w).abs() / u95
+        });
+        sds.fold(0.0, f64::max)
+    };
+    // The noise of the gyros alone makes the difference: the same noise of the wrench is in both.
+    assert!(largest(&told) < 4.5, "{}", largest(&told));
+    assert!(told.names().iter().any(|name| name == subject.mass_name()[0]));
+}
+
+fn outliers(subject: Subject) {
+    let (place, table, rig) = plain(subject);
+    let knocked = table.changed(|row, cells| {
+        if (ROWS / 2..ROWS / 2 + 4).contains(&row) {
+            cells[1] += 50.0 * 10.0 * FORCE_NOISE;
+        }
+    });
+    knocked.write(place.path(), "knocked", &rig);
+    let [clean, found] = ["a", "knocked"].map(|name| identify(subject, place.path(), name, &[]));
+    // The filter of 0.1 s, a hundred blocks a second, sees the 20 ms in twelve blocks, faintly in the first and last.
+    let count = found.channel("fx")["outliers"].as_u64().unwrap();
+    assert!((4..=12).contains(&count), "{count}");
+    for name in clean.names() {
+        let ((v, u95), (w, _)) = (clean.of(&name), found.of(&name));
+        assert!((v - w).abs() < 0.5 * u95, "{name}: {v} {w} {u95}");
+    }
+}
+
+/// Each channel has a gain of its own, six at most tell the mass: no combination of them is better than 1/√6 = 0.41 of one gain's
+/// σ, none worse than one alone.
+fn gain_errors(subject: Subject) {
+    let (place, table, _) = plain(subject);
+    let gain = 0.01;
+    table.write(
+        place.path(),
+        "gain",
+        &subject.rig(&format!("gain_uncertainty = {:?}", [gain; 6]), "", false),
+    );
+    let [without, with] =
+        ["a", "gain"].map(|name| identify(subject, place.path(), name, &[]).of(subject.mass_name()[0]).1);
+    let of_gain = (with * with - without * without).sqrt() / (1.96 * gain * subject.mass());
+    assert!((0.4..1.0).contains(&of_gain), "{of_gain}");
+}
+
+/// What is known of one parameter alone is another measurement of it: inverse variances add.
+fn known_values(subject: Subject) {
+    let (place, _, _) = plain(subject);
+    let [name, quantity] = subject.mass_name();
+    let before = identify(subject, place.path(), "a", &[]);
+    let (value, u95) = before.of(name);
+    let (sd, known) = (u95 / 1.96, value + u95 / 1.96);
+    let stated = format!("{quantity}={known}±{sd}");
+    let after = identify(subject, place.path(), "a", &["--known", &stated]);
+    let (together, narrower) = after.of(name);
+    assert!((together - 0.5 * (value + known)).abs() < 0.01 * sd, "{together}");
+    assert!((narrower / (u95 / 2.0_f64.sqrt()) - 1.0).abs() < 0.01, "{narrower} {u95}");
+    let contradiction = format!("{quantity}={}±{sd}", value + 40.0 * sd);
+    let output =
+        rigident(place.path(), &[subject.command, "a.csv", "--known", &contradiction, "--out", "never"]);
+    assert_eq!(status(&output), 2, "{}", said(&output));
+}
+
+/// The body is not symmetric about y: a loose statement narrows what it names, a tight one contradicts the data. The mass of a link
+/// behind a joint is told in sums only, so that metres off a plane are no first moment: the refusal names the mass.
+fn symmetry(subject: Subject) {
+    let (place, _, _) = plain(subject);
+    let refused = |plane: &str| {
+        let output =
+            rigident(place.path(), &[subject.command, "a.csv", "--symmetry", plane, "--out", "never"]);
+        assert_eq!(status(&output), 2, "{}", said(&output));
+        said(&output)
+    };
+    if subject.links > 1 {
+        assert!(refused("arm:y±0.02").contains("arm.m"));
+        return;
+    }
+    let [before, after] =
+        [&[][..], &["--symmetry", "y±0.02"]].map(|more| identify(subject, place.path(), "a", more));
+    assert!(after.of("mcy").1 < before.of("mcy").1);
+    refused("y±0.0001");
+}
+
+fn halves(place: &Path, table: &Table, rig: &str) {
+    for (name, rows) in [("early", 0..ROWS / 2), ("late", ROWS / 2..ROWS)] {
+        table.part(rows).write(place, name, rig);
+        let output = rigident(place, &["factor", &format!("{name}.csv"), "-o", &format!("{name}.factor")]);
+        assert_eq!(status(&output), 0, "{}", said(&output));
+    }
+}
+
+/// Two runs are independent: values subtract and variances add.
+fn tare(subject: Subject) {
+    let (place, table, rig) = plain(subject);
+    let heavy = table.changed(|row, cells| {
+        if row < ROWS / 2 {
+            cells[1..7].iter_mut().for_each(|w| *w *= 3.0);
+        }
+    });
+    halves(place.path(), &heavy, &rig);
+    let [early, late] = ["early", "late"].map(|name| identify(subject, place.path(), name, &[]));
+    let tared = identify(subject, place.path(), "early", &["--tare", "late.factor"]);
+    let full = |names: &[String]| {
+        names.iter().filter(|name| tared.names().contains(*name)).cloned().collect::<Vec<_>>()
+    };
+    let names = full(&early.names());
+    assert!(!names.is_empty() && names.iter().any(|name| name == subject.mass_name()[0]), "{names:?}");
+    for name in names {
+        let ((v, a), (w, b), (x, c)) = (early.of(&name), late.of(&name), tared.of(&name));
+        assert!((x - (v - w)).abs() < 0.01 * c, "{name}: {v} - {w} = {x}");
+        assert!((c / a.hypot(b) - 1.0).abs() < 0.02, "{name}: {a} {b} {c}");
+    }
+}
+
+fn factor_files(subject: Subject) {
+    let (place, table, rig) = plain(subject);
+    halves(place.path(), &table, &rig);
+    let solve =
+        |file: &str| Found(json(place.path(), &["solve", file, "--json", "--out", &file.replace('.', "-")]));
+    let [early, solved] = [identify(subject, place.path(), "early", &[]), solve("early.factor")];
+    let merged = rigident(
+        place.path(),
+        &["merge", "early.factor", "late.factor", "--shared-offset", "-o", "both.factor"],
+    );
+    assert_eq!(status(&merged), 0, "{}", said(&merged));
+    let (merged, whole) = (solve("both.factor"), identify(subject, place.path(), "a", &[]));
+    for name in whole.names() {
+        let ((v, u95), (w, _)) = (early.of(&name), solved.of(&name));
+        assert!((v - w).abs() < subject.rounding(u95), "{name}: {v} {w}");
+        // A fiftieth of the rows at most is lost where the halves meet, which moves an estimate by a seventh of its sd.
+        let ((v, u95), (w, t)) = (whole.of(&name), merged.of(&name));
+        assert!(
+            (v - w).abs() < 4.5 / 7.0 / 1.96 * u95 && (t / u95 - 1.0).abs() < 0.05,
+            "{name}: {v} {w} {u95} {t}"
+        );
+    }
+}
+
+/// The wrench is linear in the parameters: half as much again is a body half as heavy again, until a quarter of the time.
+fn forgetting(subject: Subject) {
+    let (place, table, rig) = plain(subject);
+    let heavy = table.changed(|row, cells| {
+        if row < ROWS / 4 {
+            cells[1..7].iter_mut().for_each(|w| *w *= 1.5);
+        }
+    });
+    heavy.write(place.path(), "heavy", &rig);
+    let name = subject.mass_name()[0];
+    // Ten time constants leave 5e-5 of the change; the window ends five seconds after it.
+    for memory in [["--forget", "1.5"], ["--window", "10"]] {
+        let (mass, u95) = identify(subject, place.path(), "heavy", &memory).of(name);
+        assert!((mass - subject.mass()).abs() < 4.5 / 1.96 * u95, "{memory:?}: {mass} {u95}");
+        assert!(u95 < 0.05 * subject.mass(), "{memory:?}: {u95}");
+    }
+    let whole = identify(subject, place.path(), "heavy", &[]);
+    let p = whole.0["parameters"].as_array().unwrap().iter().find(|p| p["name"] == name).unwrap();
+    assert!(p["value"].as_f64().is_none_or(|mass| mass > 1.05 * subject.mass()), "{p}");
+}
+
+macro_rules! cells {
+    ($($body:ident: $links:literal),* by $command:literal) => {
+        $( cells!(@ $body, $links, $command, recordings, offsets, autocorrelation, imu_noise, outliers, gain_errors,
+            known_values, symmetry, tare, factor_files, forgetting); )*
+    };
+    (@ $body:ident, $links:literal, $command:literal, $($feature:ident),*) => {
+        mod $body {
+            $( #[test]
+            fn $feature() {
+                crate::support::$feature(crate::support::Subject { links: $links, command: $command });
+            } )*
+        }
+    };
+}
+
+cells!(one_body: 1, two_links: 2, tree: 3 by "identify");
+
+/// What a device makes of several links, recorded in `live`.
+struct Live {
+    place: tempfile::TempDir,
+    found: Found,
+    recording: String,
+    body: &'static str,
+}
+
+impl Live {
+    fn new(body: &'static str) -> Self {
+        let place = tempfile::tempdir().unwrap();
+        let words = ["demo", "--body", body, "--duration-s", "20", "--json", "--out", "live"];
+        let found = Self::answer(place.path(), &words);
+        Self { place, found, recording: format!("live/{}", Self::recording(body)), body }
+    }
+
+    fn answer(place: &Path, words: &[&str]) -> Found {
+        let output = rigident(place, words);
+        assert!(status(&output) < 2, "{}", said(&output));
+        Found(serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {}", said(&output))))
+    }
+
+    /// Frames of a person are recorded as CSV.
+    fn recording(body: &str) -> &'static str {
+        if body == "human34" { "demo.csv" } else { "demo.mcap" }
+    }
+
+    /// Replays the recording through the firmware with options.
+    fn replayed(&self, more: &[&str]) -> Found {
+        let words =
+            [&["replay", &self.recording, "--json", "--out", "again"], model(self.body), more].concat();
+        Self::answer(self.place.path(), &words)
+    }
+
+    /// Name of the mass of all links.
+    fn mass(&self) -> String {
+        self.found.names().into_iter().find(|name| name.ends_with(".M")).unwrap()
+    }
+}
+
+/// Frames name no model.
+fn model(body: &str) -> &'static [&'static str] {
+    if body == "human34" { &["--model", "human34"] } else { &[] }
+}
+
+fn known_values_of(body: &'static str) {
+    let live = Live::new(body);
+    let name = live.mass();
+    let (value, u95) = live.found.of(&name);
+    let sd = u95 / 1.96;
+    let after = live.replayed(&["--known", &format!("{name}={}±{sd}", value + sd)]);
+    let (together, narrower) = after.of(&name);
+    assert!((together - value - 0.5 * sd).abs() < 0.01 * sd, "{together}");
+    assert!((narrower / (u95 / 2.0_f64.sqrt()) - 1.0).abs() < 0.01, "{narrower} {u95}");
+}
+
+fn factor_files_of(body: &'static str) {
+    let live = Live::new(body);
+    let words = ["solve", "live/demo.factor", "--json", "--out", "solved"];
+    let solved = Live::answer(live.place.path(), &words);
+    for name in live.found.names() {
+        let ((v, u95), (w, t)) = (live.found.of(&name), solved.of(&name));
+        assert!((v - w).abs() < 1e-6 * u95 && (t / u95 - 1.0).abs() < 1e-6, "{name}: {v} {w} {u95} {t}");
+    }
+}
+
+/// Writes `NAME.csv` of a demonstration's recording with its cells changed: row, column and value.
+fn edited(place: &Path, recording: &str, name: &str, change: &dyn Fn(usize, &str, f64) -> f64) {
+    let folder = recording.split('/').next().unwrap();
+    let plain = format!("{folder}/demo.csv");
+    if recording != plain {
+        let converted = rigident(place, &["convert", recording, &plain]);
+        assert_eq!(status(&converted), 0, "{}", said(&converted));
+    }
+    let text = fs::read_to_string(place.join(plain)).unwrap();
+    let mut lines = text.lines().filter(|line| !line.starts_with('#'));
+    let header = lines.next().unwrap();
+    let names: Vec<&str> = header.split(',').collect();
+    let mut table = format!("{header}\n");
+    for (row, line) in lines.enumerate() {
+        let cells = line.split(',').zip(&names).map(|(cell, column)| match cell.parse() {
+            Ok(value) => change(row, column, value).to_string(),
+            Err(_) => cell.to_owned(),
+        });
+        table += &(cells.collect::<Vec<_>>().join(",") + "\n");
+    }
+    fs::write(place.join(format!("{name}.csv")), table).unwrap();
+    fs::copy(place.join(format!("{folder}/demo.rig.toml")), place.join(format!("{name}.rig.toml"))).unwrap();
+}
+
+/// The fixture is three tenths of the body, by the same motion with other noise.
+fn tare_of(body: &'static str) {
+    let live = Live::new(body);
+    let place = live.place.path();
+    let words = ["demo", "--body", body, "--duration-s", "20", "--seed", "2", "--json", "--out", "other"];
+    Live::answer(place, &words);
+    edited(place, &format!("other/{}", Live::recording(body)), "light", &|_, column, value| {
+        if column.ends_with("_n") || column.ends_with("_nm") { 0.3 * value } else { value }
+    });
+    let output = rigident(place, &[&["factor", "light.csv", "-o", "light.factor"], model(body)].concat());
+    assert_eq!(status(&output), 0, "{}", said(&output));
+    let fixture = Live::answer(place, &["solve", "light.factor", "--json", "--out", "light"]);
+    let tared = live.replayed(&["--tare", "light.factor"]);
+    let names: Vec<_> = tared.names().into_iter().filter(|name| fixture.names().contains(name)).collect();
+    assert!(names.contains(&live.mass()), "{names:?}");
+    for name in names {
+        let ((v, a), (w, b), (x, c)) = (live.found.of(&name), fixture.of(&name), tared.of(&name));
+        assert!((x - (v - w)).abs() < 0.02 * c, "{name}: {v} - {w} = {x}");
+        assert!((c / a.hypot(b) - 1.0).abs() < 0.02, "{name}: {a} {b} {c}");
+    }
+}
+
+/// Noise of five times the load cell's, with a memory of a second.
+fn autocorrelation_of(body: &'static str) {
+    let live = Live::new(body);
+    let place = live.place.path();
+    let rate_hz = live.found.0["source"]["rate_hz"].as_f64().unwrap();
+    let sigma = live.found.channel("fz")["sigma"].as_f64().unwrap();
+    let keep = (-1.0 / rate_hz).exp();
+    let mut drift = vec![0.0; 30_000];
+    for row in 1..drift.len() {
+        drift[row] = keep * drift[row - 1] + (1.0 - keep * keep).sqrt() * noise(100_000 + row);
+    }
+    edited(place, &live.recording, "slow", &|row, column, value| {
+        if column == "fz_n" { value + 5.0 * sigma * drift[row] } else { value }
+    });
+    let slow =
+        Live::answer(place, &[&["replay", "slow.csv", "--json", "--out", "slow"], model(body)].concat());
+    assert!(live.found.channel("fz").get("autocorrelation").is_none(), "{}", live.found.channel("fz"));
+    assert!(slow.channel("fz")["autocorrelation"].as_f64().unwrap() > 1.0);
+}
+
+mod device {
+    cells!(one_body: 1 by "replay");
+
+    mod two_links {
+        #[test]
+        fn known_values() {
+            crate::support::known_values_of("two-links");
+        }
+
+        #[test]
+        fn factor_files() {
+            crate::support::factor_files_of("two-links");
+        }
+
+        #[test]
+        fn tare() {
+            crate::support::tare_of("two-links");
+        }
+
+        #[test]
+        fn autocorrelation() {
+            crate::support::autocorrelation_of("two-links");
+        }
+    }
+
+    mod tree {
+        #[test]
+        fn known_values() {
+            crate::support::known_values_of("human34");
+        }
+
+        #[test]
+        fn factor_files() {
+            crate::support::factor_files_of("human34");
+        }
+
+        #[test]
+        fn tare() {
+            crate::support::tare_of("human34");
+        }
+
+        #[test]
+        fn autocorrelation() {
+            crate::support::autocorrelation_of("human34");
+        }
+    }
+}
