@@ -202,6 +202,9 @@ pub struct Answer {
 pub struct Source {
     /// Name of the recording, or of several that were merged.
     pub recording: String,
+    /// Date and time of the recording, RFC 3339; absent where it states none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub recorded: Option<String>,
     /// Samples of the recording.
     pub rows: u64,
     /// Their rate, 1/s; absent for still poses.

@@ -33,6 +33,8 @@ pub(super) struct Loaded {
     unused_rows: u64,
     /// The model of a tree as its file has it, links on fixed joints on their own, and the file.
     nominal: Option<(Model, Option<PathBuf>)>,
+    /// Date of the recording, RFC 3339.
+    recorded: Option<String>,
 }
 
 /// How standard parameters of links are sought.
@@ -78,11 +80,11 @@ impl Loaded {
         stages.at("frames of the recording", 0.0);
         let problem = Problem::from_recording(&recording, Some(&nominal), options).map_err(Failure::input)?;
         notes.extend(problem.notes.iter().cloned());
-        let rows = recording.rows();
+        let (rows, recorded) = (recording.rows(), recording.recorded());
         let mut warnings = recording.warnings;
         warnings.extend(nominal.findings.iter().map(ToString::to_string));
         let unused_rows = (rows as u64).saturating_sub(problem.source().samples() as u64);
-        Ok(Self { problem, warnings, notes, unused_rows, nominal: Some((nominal, file)) })
+        Ok(Self { problem, warnings, notes, unused_rows, nominal: Some((nominal, file)), recorded })
     }
 
     /// Reads a recording of one body: one file, or several with clocks of their own.
@@ -93,7 +95,7 @@ impl Loaded {
         if let Some(set) = stream_set(path, rig)? {
             let problem = Problem::from_streams(set).map_err(Failure::input)?;
             let (notes, warnings) = (problem.notes.clone(), problem.warnings.clone());
-            return Ok(Self { problem, warnings, notes, unused_rows: 0, nominal: None });
+            return Ok(Self { problem, warnings, notes, unused_rows: 0, nominal: None, recorded: None });
         }
         let mut recording = Recording::load(path, rig).map_err(Failure::input)?;
         recording.leave_out_spikes();
@@ -111,7 +113,7 @@ impl Loaded {
         let mut warnings = recording.warnings.clone();
         warnings.extend(left_out_columns(&recording, &joints));
         let notes = problem.notes.clone();
-        Ok(Self { problem, warnings, notes, unused_rows: 0, nominal: None })
+        Ok(Self { problem, warnings, notes, unused_rows: 0, nominal: None, recorded: recording.recorded() })
     }
 
     /// Returns the source of rows.
@@ -184,7 +186,14 @@ impl Loaded {
         let source = Box::new(BodySource::new(input, rig.imu.first()));
         let subject = Subject::Body { source, gravity_columns };
         let problem = Problem::new(name, rig.clone(), subject);
-        Self { problem, warnings: Vec::new(), notes: Vec::new(), unused_rows: 0, nominal: None }
+        Self {
+            problem,
+            warnings: Vec::new(),
+            notes: Vec::new(),
+            unused_rows: 0,
+            nominal: None,
+            recorded: None,
+        }
     }
 
     /// Wraps what a device read of a tree; accelerometers of links beyond the base have served their attitudes and are not
@@ -200,7 +209,14 @@ impl Loaded {
         let notes = problem.notes.clone();
         let warnings = model.findings.iter().map(ToString::to_string).collect();
         let unused_rows = (recording.rows() as u64).saturating_sub(problem.source().samples() as u64);
-        Ok(Self { problem, warnings, notes, unused_rows, nominal: Some((model.clone(), None)) })
+        Ok(Self {
+            problem,
+            warnings,
+            notes,
+            unused_rows,
+            nominal: Some((model.clone(), None)),
+            recorded: recording.recorded(),
+        })
     }
 
     /// Returns the names of a tree's links, fixed joints welded; empty of one body.
@@ -217,7 +233,13 @@ impl Loaded {
 
     /// Returns the factor of a fit, named after the recording.
     pub(super) fn factor(&self, found: &Fit) -> PooledFactor {
-        PooledFactor::of(found, &self.problem.name)
+        let factor = PooledFactor::of(found, &self.problem.name);
+        let recorded = self.recorded.as_deref().and_then(|date| humantime::parse_rfc3339(date).ok());
+        let unix = recorded.and_then(|at| at.duration_since(std::time::UNIX_EPOCH).ok());
+        match unix.and_then(|unix| i64::try_from(unix.as_secs()).ok()) {
+            Some(unix_s) => factor.recorded_at(unix_s),
+            None => factor,
+        }
     }
 
     /// Returns where the numbers come from.
@@ -231,6 +253,7 @@ impl Loaded {
         let span_ns = source.time_ns(samples.saturating_sub(1)).saturating_sub(source.time_ns(0));
         Source {
             recording: self.problem.name.clone(),
+            recorded: self.recorded.clone(),
             rows: samples as u64 + self.unused_rows,
             rate_hz,
             duration_s: rate_hz.map(|_| span_ns as f64 * 1e-9),

@@ -120,6 +120,9 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let folder = Folder::new(arguments.output.out.as_deref(), "run")?;
     let mut comments = device_notes(session.identity());
     comments.extend(provenance(&rig));
+    // The device's clock begins with the device: this is the only date.
+    let now = humantime::format_rfc3339_seconds(std::time::SystemTime::now());
+    comments.push(("recorded".to_owned(), now.to_string()));
     comments.push(("zero, mean wrench at rest".to_owned(), format!("{:?} N, N m", rest.wrench)));
     comments.push(("zero, mean angular rate at rest".to_owned(), format!("{:?} rad/s", rest.angular_rate)));
     let mut watcher = Watcher::recording(

@@ -87,6 +87,13 @@ impl Recording {
         groups.chain(extra).chain([self.time_ns.len()]).max().unwrap_or(0)
     }
 
+    /// Returns the date and time that the recording states, as RFC 3339 has it: the comment `recorded`.
+    pub fn recorded(&self) -> Option<String> {
+        let (_, said) = self.comments.iter().find(|(key, _)| key == "recorded")?;
+        let date = said.trim_matches('"');
+        humantime::parse_rfc3339(date).ok().map(|_| date.to_owned())
+    }
+
     /// The groups of columns that are there, with their numbers of rows.
     pub fn groups(&self) -> Vec<(Group, usize)> {
         let mut groups = vec![(Group::Wrench, self.wrench.as_ref().map(Vec::len))];

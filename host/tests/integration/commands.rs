@@ -570,3 +570,25 @@ fn a_reader_of_complaints_that_has_gone_away_is_no_crash() {
     let status = command.stdout(writer.try_clone().unwrap()).stderr(writer).status().unwrap();
     assert_eq!(status.code(), Some(2));
 }
+
+#[test]
+fn the_date_of_a_recording_is_in_its_answer_and_its_factor() {
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/examples");
+    let date = "2026-11-22T04:19:51Z";
+    let text = fs::read_to_string(examples.join("bracket.csv")).unwrap();
+    fs::write(at.join("dated.csv"), format!("# recorded = \"{date}\"\n{text}")).unwrap();
+    fs::copy(examples.join("bracket.rig.toml"), at.join("dated.rig.toml")).unwrap();
+    assert_eq!(status(&rigident(at, &["convert", "dated.csv", "packed.mcap"])), 0);
+    for file in ["dated.csv", "packed.mcap"] {
+        let out = file.replace('.', "-");
+        let output = rigident(at, &["identify", file, "--json", "--out", &out]);
+        assert_eq!(json(&output)["source"]["recorded"], date, "{}", said(&output));
+        let name = file.split('.').next().unwrap();
+        let factor = at.join(format!("{out}/{name}.factor"));
+        let pooled = rigident::fit::pool::PooledFactor::read(&factor).unwrap();
+        // date -u -d 2026-11-22T04:19:51Z +%s
+        assert_eq!(pooled.sources[0].recorded_unix_s, Some(1_795_321_191));
+    }
+}

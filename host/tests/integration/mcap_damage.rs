@@ -60,6 +60,17 @@ fn a_recording_cut_off_anywhere_is_read_up_to_its_last_whole_chunk() {
     assert_eq!(last, ROWS as usize);
 }
 
+/// Half of what a row says is the same in every row.
+#[test]
+fn chunks_are_packed() {
+    let summary = mcap::Summary::read(&whole()).unwrap().unwrap();
+    assert!(!summary.chunk_indexes.is_empty());
+    for chunk in &summary.chunk_indexes {
+        assert_eq!(chunk.compression, "lz4");
+        assert!(chunk.compressed_size < chunk.uncompressed_size / 2, "{chunk:?}");
+    }
+}
+
 #[test]
 fn changed_bytes_never_panic_and_never_pass_for_another_reading() {
     let bytes = whole();

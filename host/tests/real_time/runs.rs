@@ -86,6 +86,8 @@ fn a_run_on_a_hexapod_identifies_the_body_and_tells_how_the_platform_followed() 
     let off = rms_off_path(&program, &poses);
     assert!(off < 1e-3, "{off} m off the path");
     assert!(text(&served.path("out/report.html")).contains("measured less commanded"));
+    let recording = rigident::recording::Recording::load(&served.path("out/run.mcap"), None).unwrap();
+    assert!(recording.recorded().unwrap() <= result["date"].as_str().unwrap().to_owned());
 }
 
 #[test]

@@ -155,11 +155,11 @@ impl<W: Write + Seek> McapWriter<W> {
     /// # Errors
     /// [`WriteError`].
     pub fn new(to: W, head: &Head<'_>) -> Result<Self, WriteError> {
-        // Chunks are made in memory and written whole, at the rows' boundaries.
+        // Chunks are made in memory, packed and written whole, at the rows' boundaries.
         let inner = mcap::WriteOptions::new()
             .profile("ros2")
             .library(concat!("rigident ", env!("CARGO_PKG_VERSION")))
-            .compression(None)
+            .compression(Some(mcap::Compression::Lz4))
             .chunk_size(None)
             .disable_seeking(true)
             .create(to)?;
