@@ -119,7 +119,7 @@ fn source() -> (ResultSource, Source) {
         mcu: mcu.clone(),
         memory: None,
     };
-    (old, Source { recording, rows: 4000, rate_hz: Some(200.0), duration_s: Some(20.0), mcu })
+    (old, Source { recording, recorded: None, rows: 4000, rate_hz: Some(200.0), duration_s: Some(20.0), mcu })
 }
 
 /// The two answers about one body.
