@@ -3,7 +3,7 @@
 //! [`frame_path`] is the one entry; the release check looks for its symbol and walks what it can reach.
 
 use rigident_shared::estimator::frames::{
-    Frame, FrameEstimator, FrameLink, FrameRejection, FramesConfig, FramesError, LINKS, LinkMotion,
+    Frame, FrameEstimator, FrameLink, FrameRejection, FrameStop, FramesConfig, FramesError, LINKS, LinkMotion,
 };
 use rigident_shared::wire::tree_frame::TreeFrame;
 
@@ -15,11 +15,14 @@ use crate::place::{HasVariant, begin};
 pub struct FramePath {
     estimator: FrameEstimator<f32>,
     absorbing: bool,
+    /// The last frame has shown that the stop rule is met.
+    stop_rule_met: bool,
 }
 
 // SAFETY: `Path` has `repr(u8)`, and this is its variant with the tag 2.
 unsafe impl HasVariant<FramePath, 2> for Path {
-    const UNUSED: FramePath = FramePath { estimator: FrameEstimator::UNUSED, absorbing: false };
+    const UNUSED: FramePath =
+        FramePath { estimator: FrameEstimator::UNUSED, absorbing: false, stop_rule_met: false };
 }
 
 impl FramePath {
@@ -29,13 +32,16 @@ impl FramePath {
         path: &mut Path,
         links: &[FrameLink<f32>],
         config: &FramesConfig<f32>,
+        stop: Option<&FrameStop<f32>>,
     ) -> Result<(), FramesError> {
         if !matches!(path, Path::Frames(_)) {
             begin::<_, Self, 2>(path);
         }
         let Path::Frames(frames) = path else { return Ok(()) };
-        frames.absorbing = false;
-        frames.estimator.set_up(links, config)
+        (frames.absorbing, frames.stop_rule_met) = (false, false);
+        frames.estimator.set_up(links, config)?;
+        frames.estimator.set_stop(stop);
+        Ok(())
     }
 
     pub(crate) fn absorb_from_now_on(&mut self, absorbing: bool) {
@@ -44,6 +50,12 @@ impl FramePath {
 
     pub(crate) fn restart(&mut self) {
         self.estimator.reset();
+        self.stop_rule_met = false;
+    }
+
+    /// Returns whether the last frame has shown that every asked-for parameter has its asked-for uncertainty.
+    pub(crate) fn stop_rule_met(&self) -> bool {
+        self.stop_rule_met
     }
 
     pub(crate) fn estimator(&self) -> &FrameEstimator<f32> {
@@ -71,11 +83,13 @@ pub fn frame_path(path: &mut FramePath, frame: &TreeFrame<'_>) -> Option<Result<
         count += 1;
     }
     let [fx, fy, fz, mx, my, mz, ax, ay, az, wx, wy, wz, cx, cy, cz] = frame.base;
-    Some(path.estimator.absorb(&Frame {
+    let outcome = path.estimator.absorb(&Frame {
         wrench: [fx, fy, fz, mx, my, mz],
         specific_force: [ax, ay, az],
         rate: [wx, wy, wz],
         angular_acceleration: [cx, cy, cz],
         links: links.get(..count).unwrap_or_default(),
-    }))
+    });
+    path.stop_rule_met = path.estimator.look();
+    Some(outcome)
 }

@@ -3,7 +3,7 @@
 use heapless::Vec;
 use rigident_shared::alignment::AlignerConfig;
 use rigident_shared::calibration::{GaugeCalibration, ImuMounting};
-use rigident_shared::estimator::frames::{FrameLink, FramesConfig, FramesError};
+use rigident_shared::estimator::frames::{FrameLink, FrameStop, FramesConfig, FramesError};
 use rigident_shared::estimator::{ConfigError, EstimatorConfig, JointAttitude, TwoLinks};
 use rigident_shared::forgetting::{ImuNoise, MemoryConfig, Span};
 use rigident_shared::screening::Limits;
@@ -11,7 +11,7 @@ use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce};
 use rigident_shared::tree::base::TurningJoint;
 use rigident_shared::wire::{
     AttitudeSource, ImuSettings, LinkJoint, LinkSettings, MAX_LINKS, MemorySettings, ModelSettings,
-    SettingName, Settings, Source, TwoLinkSettings,
+    SettingName, Settings, Source, StopRule, TwoLinkSettings,
 };
 
 use crate::sample_path::{StopLimits, second_aligner};
@@ -28,7 +28,7 @@ pub(crate) enum Configuration {
     /// Of sensors or a recording.
     Samples(SampleConfiguration),
     /// Of frames.
-    Tree(Vec<FrameLink<f32>, MAX_LINKS>, FramesConfig<f32>),
+    Tree(Vec<FrameLink<f32>, MAX_LINKS>, FramesConfig<f32>, Option<FrameStop<f32>>),
 }
 
 /// What the settings of one body or of two links amount to.
@@ -72,10 +72,26 @@ impl Configuration {
     }
 }
 
-/// A tree absorbs frames as they come: no filter, no stop rule, nothing forgotten, the offset known.
+/// Returns the largest standard deviation of every parameter that the rule allows: infinite for those not asked for.
+fn deviations<const N: usize>(stop: &StopRule) -> [f32; N] {
+    let mut limits = [f32::INFINITY; N];
+    for (j, limit) in limits.iter_mut().enumerate() {
+        if let Some(u95) = stop.u95(j) {
+            *limit = u95 / COVERAGE;
+        }
+    }
+    limits
+}
+
+fn is_possible(stop: Option<&StopRule>) -> bool {
+    stop.is_none_or(|stop| stop.limits.iter().all(|limit| limit.u95.is_finite()))
+}
+
+/// A tree absorbs frames as they come: no filter, nothing forgotten, the offset known.
 fn tree(settings: &Settings, links: &[LinkSettings]) -> Result<Configuration, SettingName> {
     let cell = &settings.load_cell;
-    ensure(settings.source == Source::Sensors && settings.stop.is_none(), SettingName::Model)?;
+    ensure(settings.source == Source::Sensors, SettingName::Model)?;
+    ensure(is_possible(settings.stop.as_ref()), SettingName::StopRule)?;
     ensure(settings.memory == MemorySettings::Forever, SettingName::Memory)?;
     let known_offset = cell.known_offset_n_nm.filter(|o| all_finite(o)).ok_or(SettingName::KnownOffset)?;
     ensure(positive(&cell.range_n_nm), SettingName::LoadCellRange)?;
@@ -97,7 +113,11 @@ fn tree(settings: &Settings, links: &[LinkSettings]) -> Result<Configuration, Se
         range: cell.range_n_nm,
         still_after: settings.frozen_after,
     };
-    Ok(Configuration::Tree(links, config))
+    let stop = settings
+        .stop
+        .as_ref()
+        .map(|stop| FrameStop { standard_deviation: deviations(stop), minimum_frames: stop.minimum_blocks });
+    Ok(Configuration::Tree(links, config, stop))
 }
 
 /// The second link and its IMU.
@@ -157,7 +177,7 @@ impl SampleConfiguration {
         )?;
         ensure(positive(&cell.range_n_nm), SettingName::LoadCellRange)?;
         ensure(cell.known_offset_n_nm.is_none_or(|o| all_finite(&o)), SettingName::KnownOffset)?;
-        ensure(settings.stop.as_ref().is_none_or(|stop| all_finite(&stop.u95)), SettingName::StopRule)?;
+        ensure(is_possible(settings.stop.as_ref()), SettingName::StopRule)?;
         let limit = settings.knock_limit_sd;
         ensure(limit.is_finite() && limit >= 0.0, SettingName::KnockLimit)?;
         let estimator = EstimatorConfig {
@@ -186,10 +206,7 @@ impl SampleConfiguration {
             gauges: GaugeCalibration { matrix: cell.calibration },
             estimates_offset: cell.known_offset_n_nm.is_none(),
             stop: settings.stop.as_ref().map(|stop| StopLimits {
-                standard_deviation: core::array::from_fn(|j| {
-                    let asked = stop.u95.get(j).filter(|_| stop.asked >> j & 1 == 1);
-                    asked.map_or(f32::INFINITY, |u95| u95 / COVERAGE)
-                }),
+                standard_deviation: deviations(stop),
                 minimum_blocks: stop.minimum_blocks,
             }),
             knock_limit: limit,

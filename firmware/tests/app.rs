@@ -7,7 +7,7 @@ use rigident_shared::wire::frame::MAX_FRAME;
 use rigident_shared::wire::{
     Answer, Command, Consistency, Decoder, ErrorCode, ImuSettings, InjectBatch, Kind, LoadCellSettings,
     MemorySettings, ModelSettings, ReadingMessage, Reason, Reply, SensorFault, SettingName, Settings, Source,
-    StateName, StopRule, Telemetry, TelemetrySettings, encode,
+    StateName, StopLimit, StopRule, Telemetry, TelemetrySettings, encode,
 };
 
 fn settings(source: Source) -> Settings {
@@ -267,9 +267,27 @@ fn impossible_settings_are_named_and_change_nothing() {
     }
 }
 
+/// A stop rule for the mass alone.
+fn mass_to(u95: f32) -> StopRule {
+    let mut limit = StopLimit { u95, ..StopLimit::default() };
+    limit.add(0);
+    StopRule { limits: [limit].into_iter().collect(), minimum_blocks: 10, goes_on: false }
+}
+
+#[test]
+fn a_stop_rule_that_lets_the_run_go_on_is_told_once() {
+    let stop = StopRule { goes_on: true, ..mass_to(0.02) };
+    let mut host = Host::new();
+    host.run(Settings { stop: Some(stop), ..settings(Source::Injected) }, 6000);
+    assert_eq!(host.app.state(), (StateName::Running, Reason::StopRule));
+    let mut plain = Host::new();
+    plain.run(settings(Source::Injected), 6000);
+    assert_eq!(host.factor(), plain.factor());
+}
+
 #[test]
 fn the_stop_rule_ends_the_run_at_the_same_reading_whatever_the_batches() {
-    let stop = StopRule { asked: 1, u95: [0.02; 25], minimum_blocks: 10 };
+    let stop = mass_to(0.02);
     let s = Settings { stop: Some(stop), ..settings(Source::Injected) };
     let mut whole = Host::new();
     whole.run(s.clone(), 6000);

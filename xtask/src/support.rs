@@ -36,6 +36,10 @@ struct Row {
 const COLUMNS: [&str; 6] =
     ["one body, recording", "device", "two links, recording", "device", "tree, recording", "device"];
 
+const UNTIL: &str =
+    "device_tree_commands::the_device_decides_when_two_links_and_a_person_are_known_well_enough";
+const GAINS_ON_DEVICE: &str =
+    "device_tree_commands::gain_errors_of_several_links_are_counted_from_what_the_device_read";
 const LINKS_LIVE: &str =
     "device_tree_commands::two_links_are_identified_live_recorded_replayed_to_the_bit_and_identified_again";
 const PERSON_LIVE: &str =
@@ -102,7 +106,7 @@ const MATRIX: [Row; 16] = [
             Yes("support::one_body::outliers"),
             Yes("support::device::one_body::outliers"),
             Yes("support::two_links::outliers"),
-            NotYet,
+            Yes("device_tree_commands::wrenches_far_off_count_less_on_a_device_of_two_links"),
             Yes("support::tree::outliers"),
             NotYet,
         ],
@@ -113,9 +117,9 @@ const MATRIX: [Row; 16] = [
             Yes("support::one_body::gain_errors"),
             Yes("support::device::one_body::gain_errors"),
             Yes("support::two_links::gain_errors"),
-            NotYet,
+            Yes(GAINS_ON_DEVICE),
             Yes("support::tree::gain_errors"),
-            NotYet,
+            Yes(GAINS_ON_DEVICE),
         ],
     },
     Row {
@@ -179,9 +183,9 @@ const MATRIX: [Row; 16] = [
             Nothing,
             Yes("commands::a_demonstration_ends_when_the_uncertainties_asked_for_are_reached"),
             Nothing,
-            NotYet,
+            Yes(UNTIL),
             Nothing,
-            NotYet,
+            Yes(UNTIL),
         ],
     },
     Row {

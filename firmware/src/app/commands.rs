@@ -287,7 +287,7 @@ fn check(settings: &Settings) -> Result<(), ErrorCode> {
         Configuration::Samples(configuration) => {
             SamplePath::check(&configuration).map_err(|error| ErrorCode::BadSetting(setting_of(error)))
         }
-        Configuration::Tree(links, config) if cfg!(feature = "frames") => {
+        Configuration::Tree(links, config, _) if cfg!(feature = "frames") => {
             FrameEstimator::check(&links, &config)
                 .map(drop)
                 .map_err(|error| ErrorCode::BadSetting(setting_of_tree(error)))
@@ -306,8 +306,8 @@ fn set_up(settings: &Settings, path: &mut Path) -> Result<(), ErrorCode> {
             }
             None => Err(ErrorCode::BadSetting(SettingName::Model)),
         },
-        Configuration::Tree(links, config) if cfg!(feature = "frames") => {
-            FramePath::set_up(path, &links, &config)
+        Configuration::Tree(links, config, stop) if cfg!(feature = "frames") => {
+            FramePath::set_up(path, &links, &config, stop.as_ref())
                 .map_err(|error| ErrorCode::BadSetting(setting_of_tree(error)))
         }
         Configuration::Tree(..) => Err(ErrorCode::BadSetting(SettingName::Model)),

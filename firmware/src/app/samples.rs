@@ -57,9 +57,15 @@ impl<P: DerefMut<Target = Path>> App<P> {
             return;
         }
         let Some(path) = self.path.frames_mut() else { return };
+        if frame_path(path, frame).is_none() {
+            return;
+        }
+        let (full, met) = (path.estimator().is_full(), path.stop_rule_met());
         // With the last frame that the level bears, so that none is turned away.
-        if frame_path(path, frame).is_some() && path.estimator().is_full() {
+        if full {
             self.hold(Reason::LevelFull);
+        } else if met {
+            self.stop_rule_met();
         }
     }
 
@@ -193,12 +199,28 @@ impl<P: DerefMut<Target = Path>> App<P> {
         } else {
             while self.slice() {}
         }
-        if stop_due && self.state == StateName::Running && !self.run.stop_overridden {
-            self.hold(Reason::StopRule);
+        if stop_due {
+            self.stop_rule_met();
         }
         if self.state_unsent {
             let (state, reason) = self.state();
             self.state_unsent = !self.link.telemetry(&Telemetry::State { state, reason });
+        }
+    }
+
+    /// Ends the run, or tells that it might end, once.
+    #[cold]
+    #[inline(never)]
+    fn stop_rule_met(&mut self) {
+        if self.state != StateName::Running || self.run.stop_overridden {
+            return;
+        }
+        let goes_on = self.settings.as_ref().and_then(|s| s.stop.as_ref()).is_some_and(|stop| stop.goes_on);
+        if goes_on {
+            self.run.stop_overridden = true;
+            self.enter(StateName::Running, Reason::StopRule);
+        } else {
+            self.hold(Reason::StopRule);
         }
     }
 

@@ -70,9 +70,9 @@ impl Adaptive {
             return Ok(None);
         }
         let asked = match &settings.stop {
-            Some(stop) => Asked::Absolute(std::array::from_fn(|j| {
-                if stop.asked >> j & 1 == 1 { f64::from(stop.u95[j]) } else { f64::INFINITY }
-            })),
+            Some(stop) => {
+                Asked::Absolute(std::array::from_fn(|j| stop.u95(j).map_or(f64::INFINITY, f64::from)))
+            }
             None => Asked::Tensor(self.until_relative.unwrap_or(TENSOR_SHARE)),
         };
         let sigma = settings.load_cell.noise_n_nm.map(f64::from);

@@ -1,9 +1,11 @@
 use clap::Args;
+#[cfg(test)]
 use rigident_shared::inertia::PARAMETER_NAMES;
-use rigident_shared::wire::{MAX_PARAMETERS, Settings, StopRule};
+use rigident_shared::wire::{MAX_STOP_LIMITS, Settings, StopLimit, StopRule};
 
 use super::Failure;
-use crate::answer::assemble::Asked;
+use crate::answer::selection::{SelectionError, select};
+use crate::fit::Parameter;
 
 /// Row blocks before which the rule is not looked at: a second.
 const MINIMUM_BLOCKS: u32 = 100;
@@ -12,7 +14,7 @@ const MINIMUM_BLOCKS: u32 = 100;
 #[derive(Args, Debug, Clone, Default)]
 pub struct Course {
     /// End as soon as these have at most these 95 % uncertainties, SI, in the load cell's frame: Ixx=0.002,m=0.01. Any of m,
-    /// mc, I, offset, and single names. The device decides; Ctrl-C ends sooner
+    /// mc, I, offset, a link, and single names. The device decides; Ctrl-C ends sooner
     #[arg(long, value_name = "NAME=U95", value_delimiter = ',')]
     pub until: Vec<String>,
     /// With --until: report when the uncertainties are reached, but finish the program
@@ -21,29 +23,24 @@ pub struct Course {
 }
 
 impl Course {
-    /// Puts it into the device's settings.
+    /// Puts it into the settings of a device that estimates these parameters, in this order.
     ///
     /// # Errors
     /// What cannot be used: bad input.
-    pub(super) fn put_into(&self, settings: &mut Settings) -> Result<(), Failure> {
-        settings.stop = stop_rule(&self.until).map_err(Failure::input)?;
-        let estimated = if settings.load_cell.known_offset_n_nm.is_some() { 10 } else { 16 };
-        let beyond = |stop: &StopRule| (estimated..16).find(|j| stop.asked >> j & 1 == 1);
-        if let Some(j) = settings.stop.as_ref().and_then(beyond) {
-            return Err(Failure::input(format!(
-                "--until {}: the rig file states the offset, so it is not estimated; leave it out",
-                PARAMETER_NAMES[j]
-            )));
+    pub(super) fn put_into(&self, settings: &mut Settings, parameters: &[Parameter]) -> Result<(), Failure> {
+        settings.stop = stop_rule(&self.until, parameters).map_err(Failure::input)?;
+        if let Some(stop) = &mut settings.stop {
+            stop.goes_on = self.keep_going;
         }
         Ok(())
     }
 }
 
-fn stop_rule(words: &[String]) -> Result<Option<StopRule>, String> {
+fn stop_rule(words: &[String], parameters: &[Parameter]) -> Result<Option<StopRule>, String> {
     if words.is_empty() {
         return Ok(None);
     }
-    let mut limits: Vec<(&str, Vec<usize>, f32)> = Vec::new();
+    let mut asked: Vec<(&str, Vec<usize>, f32)> = Vec::new();
     for word in words {
         let (name, number) = word.split_once('=').ok_or_else(|| {
             format!("--until {word}: a name and its largest 95 % uncertainty in SI units, as Ixx=0.002")
@@ -51,50 +48,85 @@ fn stop_rule(words: &[String]) -> Result<Option<StopRule>, String> {
         let u95 = number.trim().parse::<f32>().ok().filter(|v| v.is_finite() && *v > 0.0).ok_or_else(|| {
             format!("--until {word}: {number:?} is no positive number; relative uncertainties are not supported")
         })?;
-        let Asked(parameters) = Asked::parse(&[name.to_owned()])
-            .map_err(|error| format!("--until {word}: {}", error.trim_start_matches("--estimate ")))?;
+        let selected = select(parameters, &[name.to_owned()]).map_err(|error| match error {
+            SelectionError::NoOffset => {
+                format!(
+                    "--until {word}: the rig file states the offset, so it is not estimated; leave it out"
+                )
+            }
+            error @ SelectionError::Unknown { .. } => {
+                format!("--until {word}: {}", error.to_string().trim_start_matches("--estimate "))
+            }
+        })?;
         let name = name.trim();
-        if limits.iter().any(|(other, ..)| *other == name) {
+        if asked.iter().any(|(other, ..)| *other == name) {
             return Err(format!("--until {word}: {name} has a limit already; give each name once"));
         }
-        limits.push((name, parameters, u95));
+        asked.push((name, selected, u95));
     }
     // A single name refines its group, wherever it stands.
-    limits.sort_by_key(|(_, parameters, _)| std::cmp::Reverse(parameters.len()));
-    let mut stop = StopRule { asked: 0, u95: [0.0; MAX_PARAMETERS], minimum_blocks: MINIMUM_BLOCKS };
-    for (_, parameters, u95) in limits {
-        for j in parameters {
-            stop.asked |= 1 << j;
-            if let Some(limit) = stop.u95.get_mut(j) {
-                *limit = u95;
-            }
-        }
+    asked.sort_by_key(|(_, selected, _)| std::cmp::Reverse(selected.len()));
+    let mut limits: Vec<StopLimit> = Vec::new();
+    for j in 0..parameters.len() {
+        let Some((.., u95)) = asked.iter().rev().find(|(_, selected, _)| selected.contains(&j)) else {
+            continue;
+        };
+        let at = limits.iter().position(|limit| limit.u95 == *u95).unwrap_or_else(|| {
+            limits.push(StopLimit { u95: *u95, ..StopLimit::default() });
+            limits.len() - 1
+        });
+        limits[at].add(j);
     }
-    Ok(Some(stop))
+    if limits.len() > MAX_STOP_LIMITS {
+        return Err(format!(
+            "--until: the device takes {MAX_STOP_LIMITS} different uncertainties, and these are {}",
+            limits.len()
+        ));
+    }
+    let limits = limits.into_iter().collect();
+    Ok(Some(StopRule { limits, minimum_blocks: MINIMUM_BLOCKS, goes_on: false }))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fit::{Kind, Owner};
+
+    fn parameters(count: usize) -> Vec<Parameter> {
+        let kind = |j: usize| match j {
+            0 => Kind::Mass,
+            1..4 => Kind::FirstMoment,
+            4..10 => Kind::Inertia,
+            _ => Kind::Offset,
+        };
+        let owner =
+            |j: usize| if j < 10 { Owner::Link(String::new()) } else { Owner::Channel("fx".to_owned()) };
+        let names = PARAMETER_NAMES.iter().take(count).enumerate();
+        names.map(|(j, name)| Parameter::new((*name).to_owned(), owner(j), kind(j), "")).collect()
+    }
 
     #[test]
     fn names_and_groups_become_limits_and_anything_else_is_said() {
-        let rule = |text: &str| stop_rule(&text.split(',').map(str::to_owned).collect::<Vec<_>>());
+        let words = |text: &str| text.split(',').map(str::to_owned).collect::<Vec<_>>();
+        let rule = |text: &str| stop_rule(&words(text), &parameters(16));
         let stop = rule("I=0.002,m=0.01,Ixx=0.001").unwrap().unwrap();
-        assert_eq!(stop.asked, 0b11_1111_0001);
-        assert_eq!(stop.u95[..5], [0.01, 0.0, 0.0, 0.0, 0.001]);
-        assert_eq!(stop.u95[5..10], [0.002; 5]);
-        assert_eq!(rule("Ixx=0.001,m=0.01,I=0.002"), rule("I=0.002,m=0.01,Ixx=0.001"));
+        let asked: Vec<Option<f32>> = (0..11).map(|j| stop.u95(j)).collect();
+        assert_eq!(asked[..5], [Some(0.01), None, None, None, Some(0.001)]);
+        assert_eq!(asked[5..], [[Some(0.002); 5].as_slice(), &[None]].concat());
+        let again = rule("Ixx=0.001,m=0.01,I=0.002").unwrap().unwrap();
+        assert!((0..16).all(|j| again.u95(j) == stop.u95(j)));
         for (text, part) in [
             ("m=1,m=2", "m has a limit already"),
             ("Ixx", "as Ixx=0.002"),
             ("m=-1", "no positive number"),
             ("m=1%", "relative"),
-            ("J=1", "no such parameter"),
+            ("J=1", "no parameter"),
         ] {
             let error = rule(text).unwrap_err();
             assert!(error.starts_with("--until ") && error.contains(part), "{error}");
         }
-        assert_eq!(stop_rule(&[]), Ok(None));
+        let known = stop_rule(&words("offset=1"), &parameters(10)).unwrap_err();
+        assert!(known.contains("the rig file states the offset"), "{known}");
+        assert_eq!(stop_rule(&[], &parameters(16)), Ok(None));
     }
 }

@@ -61,7 +61,8 @@ fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
     let span = arguments.remember.span(&RowsOf::rig(&file, RATE_HZ))?;
     let memory = span.map(|span| MemoryConfig { span, imu_noise: imu_noise(file.imu.first(), &[]) });
     let mut settings = settings(&file, &timing, None, None).map_err(Failure::input)?;
-    arguments.course.put_into(&mut settings)?;
+    let nothing = Loaded::of_readings("demo", &file, Vec::new(), Some(RATE_HZ), false);
+    arguments.course.put_into(&mut settings, nothing.source().parameters())?;
     memory_arguments::put_into(&mut settings, memory.as_ref());
     configured(&mut session, &settings)?;
     let mut platform = LocalPlatform(rig);
@@ -79,7 +80,6 @@ fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
     comments.extend(provenance(&file));
     let expected = (duration_s * RATE_HZ) as usize;
     let mut watcher = Watcher::recording(folder.file("demo.mcap"), &file, &comments, expected)?;
-    session.go_on_after_stop = arguments.course.keep_going;
     session.at_most_s = arguments.adaptive.at_most_s;
     let mut take = match &mut directing {
         Some(directing) => session.follow_decided(&mut platform, directing, &mut watcher),

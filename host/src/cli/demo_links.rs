@@ -13,13 +13,13 @@ use super::arguments::Demo;
 use super::demo::{QUIET, RATE_HZ};
 use super::experiment::{Experiment, Watcher, device_notes};
 use super::link::configured;
-use super::links_on_device::{check_asked, refuse_on_device};
+use super::links_on_device::{check_asked, device_parameters};
 use super::loaded::Loaded;
 use super::outcome::provenance;
 use super::refused::refuse_for_trees;
 use super::{Failure, Folder, simulated};
 use crate::device::link::Client;
-use crate::device::session::tree::{device_tree, tree_settings};
+use crate::device::session::tree::{self, device_tree, tree_settings};
 use crate::device::session::two_links::{attitude_source, two_link_settings};
 use crate::device::session::{DeviceTiming, Session, frames, two_links};
 use crate::model::human::Person;
@@ -40,8 +40,7 @@ const PLATES: [f64; 6] = [0.5, 0.5, 1.0, 0.1, 0.1, 0.1];
 const FRAMES_S: std::ops::RangeInclusive<f64> = 2.0..=3600.0;
 
 fn refuse_others(arguments: &Demo) -> Result<(), Failure> {
-    refuse_on_device(&arguments.remember, &arguments.course)?;
-    refuse_for_trees(&[&arguments.adaptive])
+    refuse_for_trees(&[&arguments.remember, &arguments.adaptive])
 }
 
 /// The device, greeted.
@@ -73,7 +72,8 @@ pub(super) fn two_links(arguments: &Demo) -> Result<ExitCode, Failure> {
         second.base_parameters(&truth.body).into_iter().chain(truth.apparent_offset_n_nm).collect();
     let model = from_tables(&file.link, "two links").map_err(Failure::input)?;
     let (_, parameters) = device_tree(&model).map_err(Failure::input)?;
-    check_asked(&model, &parameters, true, &known, &arguments.output)?;
+    let estimated = device_parameters(&model, &parameters, true);
+    check_asked(&estimated, &known, &arguments.output)?;
     let (program, _) = arguments.programme.program(&geometry, file.recording.gravity_mps2)?;
     let rig = rig.shared();
     let mut session = open(simulated::transport(arguments.mcu, &rig)?)?;
@@ -81,6 +81,7 @@ pub(super) fn two_links(arguments: &Demo) -> Result<ExitCode, Failure> {
         DeviceTiming { rate_hz: RATE_HZ, is_static: false, source: Source::Sensors, host_timeout_ms: 0 };
     let mut settings =
         two_link_settings(&file, &timing, None, attitude_source(&file)).map_err(Failure::input)?;
+    arguments.course.put_into(&mut settings, &estimated)?;
     if arguments.ideal {
         // Words without noise repeat themselves.
         settings.frozen_after = 0;
@@ -179,7 +180,8 @@ pub(super) fn human34(arguments: &Demo) -> Result<ExitCode, Failure> {
     }
     let model = Person::default().human34().map_err(Failure::input)?;
     let (told, parameters) = device_tree(&model).map_err(Failure::input)?;
-    check_asked(&model, &parameters, false, &known, &arguments.output)?;
+    let estimated = device_parameters(&model, &parameters, false);
+    check_asked(&estimated, &known, &arguments.output)?;
     // Not the person that the tables guess.
     let somebody = person::somebody(&model, arguments.seed);
     let truth: Vec<f64> = parameters
@@ -204,7 +206,8 @@ pub(super) fn human34(arguments: &Demo) -> Result<ExitCode, Failure> {
     let mut session = open(transport)?;
     let timing =
         DeviceTiming { rate_hz: FRAMES_HZ, is_static: false, source: Source::Sensors, host_timeout_ms: 0 };
-    let settings = tree_settings(&file, &timing, told).map_err(Failure::input)?;
+    let mut settings = tree_settings(&file, &timing, told).map_err(Failure::input)?;
+    arguments.course.put_into(&mut settings, &estimated)?;
     configured(&mut session, &settings)?;
     let folder = Folder::new(arguments.output.out.as_deref(), "demo")?;
     let mut recording = frames::recording("demo", &file, FRAMES_HZ, model.links.len(), &sent);
@@ -216,6 +219,7 @@ pub(super) fn human34(arguments: &Demo) -> Result<ExitCode, Failure> {
     let mut watcher = Watcher::new(sent.len());
     let take = session.follow_frames(&source, parameters.len(), &mut watcher).map_err(Failure::link)?;
     watcher.finish()?;
+    recording.keep_first(tree::frames_taken(&take));
     Experiment {
         started,
         output: &arguments.output,

@@ -10,7 +10,7 @@ use hexapod::experiment::SHORTEST_S;
 use rigident_shared::forgetting::Span;
 use rigident_shared::screening::CHANNEL_NAMES;
 use rigident_shared::wire::{
-    Consistency, EstimateReport, Identity, LinkReadingMessage, ReadingMessage, Reason, StateName,
+    Consistency, EstimateReport, Identity, LinkReadingMessage, ReadingMessage, Reason,
 };
 
 use super::arguments::Output;
@@ -220,7 +220,7 @@ fn noticed(take: &Take, rig: &RigFile, seconds: f64) -> Vec<String> {
             warnings.push(format!("{count} {what}"));
         }
     }
-    if take.states.contains(&(StateName::Holding, Reason::StopRule)) {
+    if take.states.iter().any(|(_, reason)| *reason == Reason::StopRule) {
         tell!("the uncertainties asked for were reached; {seconds:.1} s were taken in");
     }
     if take.resumed > 0 {

@@ -4,35 +4,15 @@ use rigident_shared::inertia::PARAMETER_NAMES;
 
 use super::Failure;
 use super::arguments::Output;
-use super::course_arguments::Course;
-use super::memory_arguments::Remember;
-use super::refused::refuse_for_trees;
 use crate::answer::selection;
 use crate::fit::prior::KnownValues;
 use crate::fit::{Kind, Owner, Parameter};
 use crate::model::Model;
 use crate::model::base::BaseParameter;
 
-/// Refuses what the firmware does not do yet for several links.
-///
-/// # Errors
-/// Bad input, with the option's name.
-pub(super) fn refuse_on_device(remember: &Remember, course: &Course) -> Result<(), Failure> {
-    refuse_for_trees(&[remember, course])
-}
-
-/// Refuses what `--estimate` asks for or `--known` states and is not there, before anything is done. The parameters are the
-/// device's base parameters of `model`.
-///
-/// # Errors
-/// Bad input: the word that is none of them.
-pub(super) fn check_asked(
-    model: &Model,
-    parameters: &[BaseParameter],
-    offset: bool,
-    known: &KnownValues,
-    output: &Output,
-) -> Result<(), Failure> {
+/// Returns the parameters that a device estimates of a model, in its order: base parameters, then the offset if that is
+/// estimated.
+pub(super) fn device_parameters(model: &Model, parameters: &[BaseParameter], offset: bool) -> Vec<Parameter> {
     let links = model.welded().links;
     let standard = |column: usize| {
         let link = links.get(column / 10).map_or("", |link| link.name.as_str());
@@ -52,7 +32,18 @@ pub(super) fn check_asked(
         let channel = name.trim_start_matches("offset_").to_owned();
         Parameter::new((*name).to_owned(), Owner::Channel(channel), Kind::Offset, "")
     });
-    let all: Vec<Parameter> = of_base.chain(offsets).collect();
-    known.check(&all).map_err(Failure::input)?;
-    selection::select(&all, &output.estimate).map(drop).map_err(Failure::input)
+    of_base.chain(offsets).collect()
+}
+
+/// Refuses what `--estimate` asks for or `--known` states and is not there, before anything is done.
+///
+/// # Errors
+/// Bad input: the word that is none of them.
+pub(super) fn check_asked(
+    parameters: &[Parameter],
+    known: &KnownValues,
+    output: &Output,
+) -> Result<(), Failure> {
+    known.check(parameters).map_err(Failure::input)?;
+    selection::select(parameters, &output.estimate).map(drop).map_err(Failure::input)
 }

@@ -2,7 +2,6 @@
 
 use super::Failure;
 use super::adaptive::Adaptive;
-use super::course_arguments::Course;
 use super::memory_arguments::Remember;
 use super::programme::Programme;
 
@@ -15,12 +14,6 @@ pub(super) trait Given {
 impl Given for Remember {
     fn given(&self) -> Vec<(&'static str, bool)> {
         vec![("--forget", self.forget.is_some()), ("--window", self.window.is_some())]
-    }
-}
-
-impl Given for Course {
-    fn given(&self) -> Vec<(&'static str, bool)> {
-        vec![("--until", !self.until.is_empty()), ("--keep-going", self.keep_going)]
     }
 }
 

@@ -46,7 +46,8 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
     });
     let sigma_given = prepared.rig.load_cell.noise_n_nm.is_some();
     let mut rig = prepared.rig.clone();
-    let sigma = device_sigma(&of_readings(&rig, prepared.input.readings.clone()), span, &mut notes)?;
+    let all = of_readings(&rig, prepared.input.readings.clone());
+    let sigma = device_sigma(&all, span, &mut notes)?;
     rig.load_cell.noise_n_nm = Some(sigma);
     let (mcu, transport) = device(&arguments.mcu)?;
     let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
@@ -57,12 +58,12 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
         host_timeout_ms: 0,
     };
     let mut settings = settings(&rig, &timing, None, None).map_err(Failure::input)?;
-    arguments.course.put_into(&mut settings)?;
+    arguments.course.put_into(&mut settings, all.source().parameters())?;
+    drop(all);
     memory_arguments::put_into(&mut settings, memory.as_ref());
     configured(&mut session, &settings)?;
     let folder = Folder::new(arguments.output.out.as_deref(), "replay")?;
     let mut watcher = Watcher::new(prepared.input.readings.len());
-    session.go_on_after_stop = arguments.course.keep_going;
     let take = session.inject(&prepared.input.readings, &mut watcher).map_err(Failure::link)?;
     watcher.finish()?;
     // What the device was given, not what the file holds beyond f32.

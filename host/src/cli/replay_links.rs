@@ -8,12 +8,13 @@ use rigident_shared::wire::Source;
 use super::arguments::{Mcu, Replay};
 use super::experiment::{Experiment, Watcher};
 use super::link::configured;
-use super::links_on_device::{check_asked, refuse_on_device};
+use super::links_on_device::{check_asked, device_parameters};
 use super::loaded::{Loaded, change_as_recorded};
+use super::refused::refuse_for_trees;
 use super::replay;
 use super::{Failure, Folder, simulated};
 use crate::device::link::Client;
-use crate::device::session::tree::{device_tree, tree_settings};
+use crate::device::session::tree::{self, device_tree, tree_settings};
 use crate::device::session::two_links::{attitude_source, two_link_settings};
 use crate::device::session::{DeviceTiming, Session, frames, two_links};
 use crate::model::Model;
@@ -22,7 +23,7 @@ use crate::rig::{OffsetTable, OffsetWord};
 
 /// Replays a recording of this tree.
 pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Result<ExitCode, Failure> {
-    refuse_on_device(&arguments.remember, &arguments.course)?;
+    refuse_for_trees(&[&arguments.remember])?;
     let known = arguments.known.parse()?;
     let mut recording =
         Recording::load(&arguments.recording, arguments.rig.as_deref()).map_err(Failure::input)?;
@@ -32,6 +33,7 @@ pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Res
     let rig_path = arguments.rig.as_deref();
     let tare = super::factor::tare(&arguments.tare, rig_path, &arguments.tree, &mut notes, &mut warnings)?;
     let model = &model;
+    let (told, parameters) = device_tree(model).map_err(Failure::input)?;
     let offset = recording.rig.load_cell.offset_n_nm == OffsetTable::Word(OffsetWord::Estimate);
     let sigma_given = recording.rig.load_cell.noise_n_nm.is_some();
     let sigma = replay::device_sigma(&Loaded::of_links(&recording, model)?, None, &mut notes)?;
@@ -39,16 +41,17 @@ pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Res
     let rate_hz = recording.rate_hz.unwrap_or(1.0);
     let timing =
         |source| DeviceTiming { rate_hz, is_static: recording.is_static, source, host_timeout_ms: 0 };
-    let (told, parameters) = device_tree(model).map_err(Failure::input)?;
     let rig = &recording.rig;
     // Two links with an IMU each go the way of their readings.
     let two = rig.link.len() == 2 && rig.imu_on(1).is_some() && arguments.tree.model.is_none();
-    check_asked(model, &parameters, two && offset, &known, &arguments.output)?;
+    let estimated = device_parameters(model, &parameters, two && offset);
+    check_asked(&estimated, &known, &arguments.output)?;
     let (take, given, mcu, identity, folder);
     if two {
         let readings = two_links::readings(&recording).map_err(Failure::input)?;
-        let settings = two_link_settings(rig, &timing(Source::Injected), None, attitude_source(rig))
+        let mut settings = two_link_settings(rig, &timing(Source::Injected), None, attitude_source(rig))
             .map_err(Failure::input)?;
+        arguments.course.put_into(&mut settings, &estimated)?;
         let (name, transport) = replay::device(&arguments.mcu)?;
         let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
         configured(&mut session, &settings)?;
@@ -73,7 +76,8 @@ pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Res
             }
         };
         let sent = frames::frames(&recording, model).map_err(Failure::input)?;
-        let settings = tree_settings(rig, &timing(Source::Sensors), told).map_err(Failure::input)?;
+        let mut settings = tree_settings(rig, &timing(Source::Sensors), told).map_err(Failure::input)?;
+        arguments.course.put_into(&mut settings, &estimated)?;
         let count = sent.len();
         let (transport, source) = simulated::frames(runner, sent, rate_hz)?;
         let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
@@ -82,7 +86,9 @@ pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Res
         let mut watcher = Watcher::new(count);
         take = session.follow_frames(&source, parameters.len(), &mut watcher).map_err(Failure::link)?;
         watcher.finish()?;
-        (given, mcu) = (recording.clone(), simulated::name(runner));
+        let mut begun = recording.clone();
+        begun.keep_first(tree::frames_taken(&take));
+        (given, mcu) = (begun, simulated::name(runner));
         identity = session.identity().clone();
     }
     Experiment {

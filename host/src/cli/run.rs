@@ -13,16 +13,15 @@ use super::confirm::confirm;
 use super::experiment::{Experiment, Watcher, device_notes};
 use super::followed::{Followed, MotionLog};
 use super::link::{HOST_TIMEOUT_MS, configured, device_settings, open};
-use super::links_on_device::{check_asked, refuse_on_device};
+use super::links_on_device::{check_asked, device_parameters};
 use super::loaded::Loaded;
 use super::memory_arguments::{self, RowsOf};
 use super::outcome::provenance;
 use super::refused::refuse_for_trees;
 use super::{Failure, Folder, programme};
-use crate::answer::selection::select;
 use crate::device::session::tree::device_tree;
 use crate::device::session::{DeviceTiming, INTERRUPTED, Session, settings, two_links};
-use crate::fit::prior::KnownValues;
+use crate::fit::Parameter;
 use crate::model::Model;
 use crate::model::rig_links::from_tables;
 use crate::plan::machine;
@@ -34,13 +33,12 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let started = Instant::now();
     let known = arguments.known.parse()?;
     let mut rig = RigFile::load(&arguments.rig).map_err(Failure::input)?;
-    let links = links_of(arguments, &rig, &known)?;
-    if links.is_none() {
-        let nothing = Loaded::of_readings("run", &rig, Vec::new(), Some(1.0), false);
-        let parameters = nothing.source().parameters();
-        known.check(parameters).map_err(Failure::input)?;
-        select(parameters, &arguments.output.estimate).map_err(Failure::input)?;
-    }
+    let links = links_of(arguments, &rig)?;
+    let parameters = match &links {
+        Some((_, parameters)) => parameters.clone(),
+        None => Loaded::of_readings("run", &rig, Vec::new(), Some(1.0), false).source().parameters().to_vec(),
+    };
+    check_asked(&parameters, &known, &arguments.output)?;
     let rate_hz = rig.recording.rate_hz.unwrap_or(1000.0);
     let geometry = machine::geometry_or_thesis(&rig).map_err(Failure::input)?;
     let described = machine::is_described(&rig);
@@ -69,7 +67,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     // Any noise does while nothing is absorbed.
     let mut standing = settings(&rig, &timing, Some([1.0; 6]), None).map_err(Failure::input)?;
     // What cannot be asked for is said before anything moves.
-    arguments.course.put_into(&mut standing)?;
+    arguments.course.put_into(&mut standing, &parameters)?;
     let span = arguments.remember.span(&RowsOf::rig(&rig, rate_hz))?;
     configured(&mut session, &standing)?;
     // Until the noise is known, to see whether anything can be done at all.
@@ -98,7 +96,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         zero_second(&mut session, &mut rig, &timing, &rest)?;
     }
     let mut settings = device_settings(&rig, &timing, Some(rest.sigma))?;
-    arguments.course.put_into(&mut settings)?;
+    arguments.course.put_into(&mut settings, &parameters)?;
     let memory = span.map(|span| MemoryConfig { span, imu_noise: rest.imu_noise });
     memory_arguments::put_into(&mut settings, memory.as_ref());
     configured(&mut session, &settings)?;
@@ -133,7 +131,6 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     )?;
     watcher.motion = Some(MotionLog::create(folder.file("motion.csv"), &arguments.platform)?);
     tell!("the experiment takes {}{longest_s:.0} s", if directing.is_some() { "at most " } else { "" });
-    session.go_on_after_stop = arguments.course.keep_going;
     session.at_most_s = arguments.adaptive.at_most_s;
     let mut take = match &mut directing {
         Some(directing) => session.follow_decided(platform.as_mut(), directing, &mut watcher),
@@ -160,7 +157,9 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let trajectory = commanded.map(|program| program.trajectory()).transpose().map_err(Failure::input)?;
     let followed = trajectory.zip(log).and_then(|(trajectory, log)| Followed::of(&trajectory, log.samples()));
     let loaded = match &links {
-        Some(model) => Loaded::of_links(&two_links::recording("run", &rig, rate_hz, &take.links), model)?,
+        Some((model, _)) => {
+            Loaded::of_links(&two_links::recording("run", &rig, rate_hz, &take.links), model)?
+        }
         None => Loaded::of_readings("run", &rig, std::mem::take(&mut take.readings), Some(rate_hz), false),
     };
     Experiment {
@@ -185,13 +184,13 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     .conclude(take, &folder)
 }
 
-/// The tree of a rig file with several links, if the device takes it from sensors; `None` if it is of one body.
-fn links_of(arguments: &Run, rig: &RigFile, known: &KnownValues) -> Result<Option<Model>, Failure> {
+/// Returns the tree of a rig file with several links, if the device takes it from sensors, with its parameters; `None` if it is
+/// of one body.
+fn links_of(arguments: &Run, rig: &RigFile) -> Result<Option<(Model, Vec<Parameter>)>, Failure> {
     if rig.link.len() < 2 {
         return Ok(None);
     }
-    refuse_on_device(&arguments.remember, &arguments.course)?;
-    refuse_for_trees(&[&arguments.adaptive])?;
+    refuse_for_trees(&[&arguments.remember, &arguments.adaptive])?;
     let model = from_tables(&rig.link, &arguments.rig.display().to_string()).map_err(Failure::input)?;
     let rate_hz = rig.recording.rate_hz.unwrap_or(1000.0);
     let timing =
@@ -199,14 +198,9 @@ fn links_of(arguments: &Run, rig: &RigFile, known: &KnownValues) -> Result<Optio
     // Whether it fits at all, whatever the noise is.
     let settings = device_settings(rig, &timing, Some([1.0; 6]))?;
     let (_, parameters) = device_tree(&model).map_err(Failure::input)?;
-    check_asked(
-        &model,
-        &parameters,
-        settings.load_cell.known_offset_n_nm.is_none(),
-        known,
-        &arguments.output,
-    )?;
-    Ok(Some(model))
+    let offset = settings.load_cell.known_offset_n_nm.is_none();
+    let parameters = device_parameters(&model, &parameters, offset);
+    Ok(Some((model, parameters)))
 }
 
 /// Brings the plate to the first pose. The device is heard meanwhile: nobody may keep it waiting.

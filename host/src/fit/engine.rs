@@ -63,7 +63,8 @@ pub fn fit_device(
     }
     let sigma = engine.stated_sigma().unwrap_or_else(|| source.nominal_sigma());
     engine.check(&sigma)?;
-    if !device.is_filtered {
+    // Where gains are uncertain the rows are made here, filtered.
+    if !device.is_filtered && engine.channel_factors.is_none() {
         engine.row_noise_gain = 1.0;
     }
     let pass = Pass { sigma, factor: device.factor.clone(), weights: engine.no_weights() };

@@ -163,6 +163,12 @@ impl Recording {
         })
     }
 
+    /// Keeps so many rows, the first ones.
+    pub fn keep_first(&mut self, rows: usize) {
+        let keep: Vec<bool> = (0..self.rows()).map(|row| row < rows).collect();
+        self.keep_rows(&keep);
+    }
+
     /// Keeps the rows for which it is said so.
     fn keep_rows(&mut self, keep: &[bool]) {
         fn kept<T>(rows: &mut Vec<T>, keep: &[bool]) {

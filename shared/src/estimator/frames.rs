@@ -48,6 +48,15 @@ pub struct FramesConfig<T> {
     pub still_after: u16,
 }
 
+/// When a run of frames has told enough.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameStop<T> {
+    /// Largest standard deviation of each base parameter; infinite for one that is not asked for.
+    pub standard_deviation: [T; PARAMETERS],
+    /// Not before so many frames.
+    pub minimum_frames: u32,
+}
+
 /// Why a tree cannot be estimated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FramesError {
@@ -174,6 +183,10 @@ pub struct FrameEstimator<T: Scalar> {
     /// Frames since the level was last begun to be handed over.
     in_level: u32,
     counters: FrameCounters,
+    /// Largest standard deviations, if a run is to end by itself.
+    stop: Option<FrameStop<T>>,
+    /// Parameters whose standard deviation is small enough: all before this one. The level only gains.
+    small_enough: u16,
 }
 
 impl<T: Scalar> FrameEstimator<T> {
@@ -204,6 +217,8 @@ impl<T: Scalar> FrameEstimator<T> {
             full: 0,
             last_link: 0,
         },
+        stop: None,
+        small_enough: 0,
     };
 
     /// How many base parameters a tree has.
@@ -245,13 +260,38 @@ impl<T: Scalar> FrameEstimator<T> {
         self.known_offset = config.known_offset;
         self.screen = Screen::of_ranges(&config.range, 0);
         self.still_after = config.still_after;
+        self.stop = None;
         self.factor.clear(parameters);
         self.reset();
         Ok(())
     }
 
+    /// Ends runs by this rule, or by none.
+    pub fn set_stop(&mut self, stop: Option<&FrameStop<T>>) {
+        self.stop = stop.copied();
+        self.small_enough = 0;
+    }
+
+    /// Looks at the standard deviation of one parameter, after a frame that waits for its block; returns whether every one
+    /// that is asked for is small enough. The level alone is judged: what has been handed over before counts for nothing.
+    #[inline(never)]
+    pub fn look(&mut self) -> bool {
+        let Some(stop) = &self.stop else { return false };
+        if self.in_level < stop.minimum_frames {
+            return false;
+        }
+        let limits = stop.standard_deviation.iter().take(self.factor.parameters()).enumerate();
+        let next = limits.skip(usize::from(self.small_enough)).find(|(_, limit)| limit.is_finite());
+        let Some((j, limit)) = next else { return true };
+        if self.waiting > 0 && self.factor.standard_deviation(j) <= *limit {
+            self.small_enough = j as u16 + 1;
+        }
+        false
+    }
+
     /// Starts anew with the same tree.
     pub fn reset(&mut self) {
+        self.small_enough = 0;
         self.factor.clear(self.factor.parameters());
         self.waiting = 0;
         (self.still, self.last_motion, self.last_wrench) = (0, 0, [T::ZERO; 6]);
@@ -423,7 +463,7 @@ impl<T: Scalar> FrameEstimator<T> {
             }
             self.reduce();
         }
-        self.in_level = 0;
+        (self.in_level, self.small_enough) = (0, 0);
     }
 
     /// The level.

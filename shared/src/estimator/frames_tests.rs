@@ -375,3 +375,43 @@ fn a_level_that_is_not_handed_over_takes_nothing_more() {
     assert_eq!(estimator.absorb(&frames[0].frame()), Ok(()));
     assert_eq!(estimator.counters().full, 1);
 }
+
+#[test]
+fn the_stop_rule_is_met_when_every_deviation_of_the_level_is_small_enough() {
+    let tree = human();
+    let mut random = Random(31);
+    let phi = standard(tree.len(), &mut random);
+    let frames: Vec<Owned> = (0..120).map(|_| instant(&tree, &phi, 1.0, &mut random)).collect();
+    let whole = |count: usize| {
+        let mut estimator = made(&tree);
+        frames[..count].iter().for_each(|f| estimator.absorb(&f.frame()).unwrap());
+        let (r, _) = dense(estimator.factor(), |v| v);
+        let inverse = r.try_inverse().unwrap();
+        let expected: Vec<f64> = inverse.row_iter().map(|row| row.norm()).collect();
+        for (j, sd) in expected.iter().enumerate() {
+            assert!((estimator.factor().standard_deviation(j) / sd - 1.0).abs() < 1e-6, "{j}");
+        }
+        expected
+    };
+    assert_eq!(made(&tree).factor().standard_deviation(3), f64::INFINITY);
+    let sd = whole(80);
+    let mut estimator = made(&tree);
+    let mut limits = [f64::INFINITY; PARAMETERS];
+    // Two of the parameters, as well known as after eighty frames.
+    for j in [3, 97] {
+        limits[j] = 1.000_001 * sd[j];
+    }
+    estimator.set_stop(Some(&FrameStop { standard_deviation: limits, minimum_frames: 2 }));
+    let met = frames.iter().position(|f| {
+        estimator.absorb(&f.frame()).unwrap();
+        estimator.look()
+    });
+    // Each is looked at with every second frame, one after the other.
+    assert!((79..84).contains(&met.unwrap()), "{met:?}");
+    // What was handed over is not looked at any more.
+    estimator.begin_hand_over();
+    (0..128).for_each(|row| estimator.factor_mut().forget_row(row));
+    assert!(!estimator.look());
+    estimator.set_stop(None);
+    assert!(!estimator.look());
+}

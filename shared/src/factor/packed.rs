@@ -69,6 +69,33 @@ impl<T: Scalar, const N: usize, const E: usize> PackedFactor<T, N, E> {
         columns.map(move |j| self.entries.get(j * (j + 1) / 2 + i).copied().unwrap_or(T::ZERO))
     }
 
+    /// Returns the standard deviation of parameter `j`, the length of row j of `R⁻¹`: `x R = e_j` from the diagonal on.
+    /// Infinite where the rows do not determine what comes after it, or there is no such parameter.
+    #[inline(never)]
+    pub fn standard_deviation(&self, j: usize) -> T {
+        let mut x = [T::ZERO; N];
+        let mut square = if j < self.parameters() { T::ZERO } else { T::ONE / T::ZERO };
+        for k in j..self.parameters() {
+            let first = k * (k + 1) / 2;
+            let Some((diagonal, above)) = self.entries.get(first..=first + k).and_then(<[T]>::split_last)
+            else {
+                break;
+            };
+            let (Some(known), Some(above)) = (x.get(j..k), above.get(j..k)) else { break };
+            let mut rest = if k == j { T::ONE } else { T::ZERO };
+            for (x, r) in known.iter().zip(above) {
+                rest -= *x * *r;
+            }
+            rest /= *diagonal;
+            square += rest * rest;
+            if let Some(slot) = x.get_mut(k) {
+                *slot = rest;
+            }
+        }
+        // A zero on the diagonal leaves infinity or NaN.
+        if square.is_finite() { square.sqrt() } else { T::ONE / T::ZERO }
+    }
+
     /// Makes row `i` zero, when it has been handed over.
     pub fn forget_row(&mut self, i: usize) {
         if i >= self.parameters() {

@@ -7,7 +7,9 @@ use heapless::Vec;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::links::{FactorRow, FrameReport, LINK_BATCH, LinkBatch, LinkReadingMessage, ModelSettings};
+use super::links::{
+    FactorRow, FrameReport, LINK_BATCH, LinkBatch, LinkReadingMessage, MAX_TREE_PARAMETERS, ModelSettings,
+};
 
 /// Version of framing and header; another one is refused by both sides.
 pub const PROTOCOL_VERSION: u8 = 4;
@@ -155,7 +157,7 @@ pub enum Reason {
     Command,
     /// The host was not heard for the time set.
     HostQuiet,
-    /// Every asked-for parameter has its asked-for uncertainty.
+    /// Every asked-for parameter has its asked-for uncertainty; while running, the rule is one that lets the run go on.
     StopRule,
     /// The load cell's converter does not answer as it should.
     LoadCell(SensorFault),
@@ -334,15 +336,50 @@ pub enum MemorySettings {
     },
 }
 
+/// Most uncertainties that a stop rule asks for.
+pub const MAX_STOP_LIMITS: usize = 16;
+
 /// The run ends when every asked-for parameter has its uncertainty.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
 pub struct StopRule {
-    /// Bit j: parameter j is asked for; at least one of those estimated.
-    pub asked: u32,
-    /// Largest 95 % uncertainty of each parameter asked for, SI.
-    pub u95: [f32; MAX_PARAMETERS],
-    /// But not before so many row blocks.
+    /// The uncertainties asked for; one at least, of parameters that are estimated.
+    pub limits: Vec<StopLimit, MAX_STOP_LIMITS>,
+    /// But not before so many row blocks, or frames.
     pub minimum_blocks: u32,
+    /// The run does not end but goes on: that the rule is met is only told.
+    pub goes_on: bool,
+}
+
+impl StopRule {
+    /// Returns the largest 95 % uncertainty that parameter `j` may have, SI; `None` if it is not asked for.
+    #[inline(never)]
+    pub fn u95(&self, j: usize) -> Option<f32> {
+        let asked = self.limits.iter().filter(|limit| limit.is_for(j)).map(|limit| limit.u95);
+        asked.reduce(f32::min)
+    }
+}
+
+/// An uncertainty that is asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
+pub struct StopLimit {
+    /// The largest 95 % uncertainty, SI.
+    pub u95: f32,
+    /// Bit j mod 8 of byte j / 8: parameter j is to have it.
+    pub parameters: [u8; MAX_TREE_PARAMETERS / 8],
+}
+
+impl StopLimit {
+    /// Makes it a limit for parameter `j` too, if there may be such a one.
+    pub fn add(&mut self, j: usize) {
+        if let Some(byte) = self.parameters.get_mut(j / 8) {
+            *byte |= 1 << (j % 8);
+        }
+    }
+
+    /// Returns whether it is a limit for parameter `j`.
+    pub fn is_for(&self, j: usize) -> bool {
+        self.parameters.get(j / 8).is_some_and(|byte| byte >> (j % 8) & 1 == 1)
+    }
 }
 
 /// What is sent unasked.

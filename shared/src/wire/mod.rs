@@ -58,6 +58,18 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_stop_rule_asks_for_the_least_uncertainty_of_a_parameter() {
+        let limit = |u95, parameters: &[usize]| {
+            let mut limit = StopLimit { u95, ..StopLimit::default() };
+            parameters.iter().for_each(|j| limit.add(*j));
+            limit
+        };
+        let limits = [limit(0.1, &[0, 8, 127]), limit(0.01, &[8]), limit(0.2, &[128])];
+        let rule = StopRule { limits: limits.into_iter().collect(), ..StopRule::default() };
+        assert_eq!([0, 1, 8, 127, 128].map(|j| rule.u95(j)), [Some(0.1), None, Some(0.01), Some(0.1), None]);
+    }
+
+    #[test]
     fn missing_numbers_are_counted_and_repeats_are_not() {
         let mut counter = GapCounter::default();
         assert_eq!(counter.note(10, 4), 0);

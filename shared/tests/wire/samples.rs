@@ -45,9 +45,15 @@ pub fn settings() -> Settings {
             gyro_noise_radps: 0.000_5,
         },
         stop: Some(StopRule {
-            asked: 0x03ff,
-            u95: core::array::from_fn(|j| 0.01 * j as f32),
+            limits: (0..10)
+                .map(|j| {
+                    let mut limit = StopLimit { u95: 0.01 * j as f32, ..StopLimit::default() };
+                    limit.add(j);
+                    limit
+                })
+                .collect(),
             minimum_blocks: 300,
+            goes_on: false,
         }),
         telemetry: TelemetrySettings { estimate_every_blocks: 25, stream_readings: true },
         frozen_after: 20,

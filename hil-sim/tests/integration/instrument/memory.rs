@@ -6,7 +6,7 @@ use rigident_shared::forgetting::{ImuNoise, MemoryConfig, Span};
 use rigident_shared::screening::Limits;
 use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce, Wrench};
 use rigident_shared::wire::{
-    Command, ErrorCode, MemorySettings, ReadingMessage, SettingName, Settings, StopRule,
+    Command, ErrorCode, MemorySettings, ReadingMessage, SettingName, Settings, StopLimit, StopRule,
 };
 use rigident_sim::rig::RigConfig;
 
@@ -95,9 +95,9 @@ fn the_stop_rule_judges_what_is_remembered() {
     let config = RigConfig::thesis_horizontal();
     let rows = rows(&config, 60.0);
     let run = |memory, mass_u95| {
-        let mut u95 = [0.0; 25];
-        u95[0] = mass_u95;
-        let stop = StopRule { asked: 1, u95, minimum_blocks: 100 };
+        let mut limit = StopLimit { u95: mass_u95, ..StopLimit::default() };
+        limit.add(0);
+        let stop = StopRule { limits: [limit].into_iter().collect(), minimum_blocks: 100, goes_on: false };
         let settings = Settings { memory, stop: Some(stop), ..settings(&config) };
         Host::start(&settings).inject(0, &rows)
     };

@@ -13,8 +13,8 @@ use rigident_shared::screening::Limits;
 use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce, Wrench};
 use rigident_shared::wire::{
     AttitudeSource, Command, ErrorCode, ImuSettings, InjectBatch, LINK_BATCH, LinkBatch, LinkReadingMessage,
-    MemorySettings, ModelSettings, Reason, Reply, SettingName, Settings, Source, StateName, StopRule,
-    TwoLinkSettings,
+    MemorySettings, ModelSettings, Reason, Reply, SettingName, Settings, Source, StateName, StopLimit,
+    StopRule, TwoLinkSettings,
 };
 use rigident_sim::links::SecondLink;
 use rigident_sim::rig::{Rig, RigConfig};
@@ -250,10 +250,11 @@ fn a_recording_with_its_attitudes_streamed_gives_the_bits_of_the_run() {
 #[test]
 fn the_stop_rule_looks_at_the_second_link_s_parameters_too() {
     let config = config(noisy());
-    let mut u95 = [0.0; 25];
     // The second link's Iyy, which the base's motion alone would not tell for long.
-    u95[14] = 0.008;
-    let stop = Some(StopRule { asked: 1 << 14, u95, minimum_blocks: 100 });
+    let mut limit = StopLimit { u95: 0.008, ..StopLimit::default() };
+    limit.add(14);
+    let stop = StopRule { limits: [limit].into_iter().collect(), minimum_blocks: 100, goes_on: false };
+    let stop = Some(stop);
     let settings = Settings { stop, ..two_links(&config, 5.0) };
     let rig = Rig::new(config.clone()).unwrap().shared();
     let mut mcu = InProcess::new(rig.clone(), Pacing::LockStep);

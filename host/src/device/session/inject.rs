@@ -66,8 +66,7 @@ impl Session {
                 Ok(_) => outcome = Err(LinkError::Nonsense("inject").into()),
                 Err(error) => outcome = Err(error.into()),
             }
-            let sorted = self.sort(&mut taking, observer);
-            if let Err(error) = sorted.and_then(|()| self.override_stop(&mut taking)) {
+            if let Err(error) = self.sort(&mut taking, observer) {
                 outcome = Err(error);
             } else if taking.times_quiet() > 0 {
                 let (state, reason) = QUIET;

@@ -21,7 +21,7 @@ use rigident_shared::wire::{
 };
 
 pub use adaptive::{Director, Proposal};
-pub use settings::{DeviceTiming, GainsOnDevice, SettingsError, settings};
+pub use settings::{DeviceTiming, SettingsError, settings};
 use take::Taking;
 pub use take::{DeviceFactor, Observer, Take, narrow, widen};
 
@@ -77,8 +77,8 @@ pub struct Session {
     heartbeats: bool,
     /// It was set to two links.
     of_two_links: bool,
-    /// Whether a run that the stop rule has ended is started again, without the rule.
-    pub go_on_after_stop: bool,
+    /// It was set to end a run by itself.
+    stops_itself: bool,
     /// [`Session::follow`] ends a program after so long, s of the device's clock.
     pub at_most_s: Option<f64>,
 }
@@ -96,7 +96,7 @@ impl Session {
             last_heartbeat: Instant::now(),
             heartbeats: false,
             of_two_links: false,
-            go_on_after_stop: false,
+            stops_itself: false,
             at_most_s: None,
         })
     }
@@ -126,6 +126,7 @@ impl Session {
         }
         self.identity.state = StateName::Configured;
         self.heartbeats = settings.host_timeout_ms > 0;
+        self.stops_itself = settings.stop.as_ref().is_some_and(|stop| !stop.limits.is_empty());
         self.of_two_links = matches!(settings.model, ModelSettings::TwoLinks(_));
         Ok(())
     }
@@ -149,7 +150,6 @@ impl Session {
                     taking.interrupted = true;
                     return Ok(());
                 }
-                self.override_stop(&mut taking)?;
                 self.resume(platform, &mut taking)?;
                 if self.at_most_s.is_some_and(|most_s| taking.span_s() >= most_s) {
                     (taking.ended, taking.cut_short) = (true, true);
@@ -277,15 +277,6 @@ impl Session {
         // What was said before belongs to no run.
         while self.client.next_telemetry().is_some() {}
         self.client.ask("start", &Command::Start).map(drop)
-    }
-
-    /// Starts again what the stop rule has ended, if that is wanted.
-    fn override_stop(&mut self, taking: &mut Taking) -> Result<(), SessionError> {
-        if self.go_on_after_stop && taking.states.contains(&STOPPED) && !taking.overridden {
-            taking.overridden = true;
-            self.client.ask("go on", &Command::Start)?;
-        }
-        Ok(())
     }
 
     /// Starts again what the device has stopped because it did not hear the host, as long as the platform still moves: the

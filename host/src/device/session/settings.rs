@@ -44,24 +44,6 @@ pub enum SettingsError {
     NoNoise,
 }
 
-/// Of several links the device's factor holds nothing by which gain errors could be told.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "the rig file states gain_uncertainty, which the device's factor of several links does not count: leave it out, or use \
-     `rigident identify`, which does"
-)]
-pub struct GainsOnDevice;
-
-impl GainsOnDevice {
-    /// Refuses a rig file that states them.
-    pub(super) fn refuse(rig: &RigFile) -> Result<(), Self> {
-        match rig.load_cell.gain_uncertainty {
-            Some(gains) if gains.iter().any(|s| *s > 0.0) => Err(Self),
-            _ => Ok(()),
-        }
-    }
-}
-
 fn numbers(value: Calibrated, key: &'static str) -> Result<[f32; 3], SettingsError> {
     match value {
         Calibrated::Numbers(v) => Ok(v.map(|v| v as f32)),

@@ -12,7 +12,7 @@ use rigident_shared::wire::{
     Reason, Reply, Settings, Source, StateName,
 };
 
-use super::settings::{DeviceTiming, GainsOnDevice, SettingsError, settings};
+use super::settings::{DeviceTiming, SettingsError, settings};
 use super::{INTERRUPTED, Observer, Session, SessionError, Take, Taking};
 use crate::device::link::{Client, LinkError};
 use crate::model::ModelError;
@@ -29,9 +29,6 @@ pub enum DeviceTreeError {
     /// Its sensors are not described.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// Gain errors.
-    #[error(transparent)]
-    Gains(#[from] GainsOnDevice),
     /// The offset is to be estimated.
     #[error(
         "on the device a tree has no room for the wrench's offset: give it in [load_cell] offset_n_nm as six numbers, or as \
@@ -111,7 +108,6 @@ pub fn tree_settings(
     timing: &DeviceTiming,
     model: ModelSettings,
 ) -> Result<Settings, DeviceTreeError> {
-    GainsOnDevice::refuse(rig)?;
     // Of the gauges' matrix and other things of the sensors' there is no need.
     let injected = DeviceTiming { source: Source::Injected, ..*timing };
     let one = settings(rig, &injected, None, None)?;
@@ -177,7 +173,7 @@ pub trait FrameSource {
 
 impl Session {
     /// Starts a device that was set to a tree of so many base parameters, lets the frames go, takes its level now and then, and
-    /// for the last time at the end.
+    /// for the last time at the end; where the device decides when that is, its level is left alone as long as there is room.
     ///
     /// # Errors
     /// What prevents a start. Anything later is told in [`Take::broken`], with what was taken before.
@@ -214,10 +210,16 @@ impl Session {
             {
                 taking.counters = counters;
             }
+            if taking.held() {
+                break;
+            }
             let absorbed = taking.counters.frames.absorbed;
+            // A rule of the device's is judged by the level alone.
+            let judged =
+                self.stops_itself && taking.states.iter().all(|(_, reason)| *reason != Reason::StopRule);
             let full = taking.states.contains(&FULL);
             if let Some(level) = &mut taking.level
-                && (full || absorbed.saturating_sub(taken) >= TAKEN_EVERY)
+                && (full || !judged && absorbed.saturating_sub(taken) >= TAKEN_EVERY)
             {
                 take_level(self.client(), level)?;
                 (taken, taking.levels) = (absorbed, taking.levels + 1);
@@ -229,6 +231,12 @@ impl Session {
         }
         Ok(())
     }
+}
+
+/// Returns how many frames had gone by when the device took in its last one.
+pub fn frames_taken(take: &Take) -> usize {
+    let FrameReport { frames, missing, damaged, .. } = take.counters.frames;
+    frames.saturating_add(missing).saturating_add(damaged) as usize
 }
 
 /// What is to be said of frames that were not absorbed, each with what to do. `links` are the model's names.

@@ -7,7 +7,7 @@ use rigident_shared::wire::{
     AttitudeSource, LinkReadingMessage, ModelSettings, ReadingMessage, Settings, Source, TwoLinkSettings,
 };
 
-use super::settings::{DeviceTiming, GainsOnDevice, SettingsError, imu_settings, settings};
+use super::settings::{DeviceTiming, SettingsError, imu_settings, settings};
 use crate::device::link::{Client, LinkError};
 use crate::fit::Factor;
 use crate::model::ModelError;
@@ -36,9 +36,6 @@ pub enum TwoLinkError {
     /// A link without an IMU.
     #[error("link {0} has no [[imu]] table (link = {1}): each of the two links needs one")]
     NoImu(String, usize),
-    /// Gain errors.
-    #[error(transparent)]
-    Gains(#[from] GainsOnDevice),
     /// From sensors the attitude is found from both IMUs, which need a beginning.
     #[error(
         "[[link]] {0} has no initial_wxyz: from sensors the device finds the joint's attitude from both IMUs, and must know how the \
@@ -65,7 +62,6 @@ pub fn two_link_settings(
     noise: Option<[f64; 6]>,
     attitude: AttitudeSource,
 ) -> Result<Settings, TwoLinkError> {
-    GainsOnDevice::refuse(rig)?;
     let links = from_tables(&rig.link, "the rig file")?.links;
     let [base, second] = links.as_slice() else {
         return Err(TwoLinkError::Links(format!("{} links", links.len())));

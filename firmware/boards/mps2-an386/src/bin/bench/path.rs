@@ -3,7 +3,7 @@
 use rigident_firmware::{App, Buses, Event, Instrument, Path, Sensor};
 use rigident_shared::wire::{
     AttitudeSource, Command, ImuSettings, Kind, LinkJoint, LinkSettings, LoadCellSettings, MemorySettings,
-    ModelSettings, Settings, Source, StateName, StopRule, TelemetrySettings, TwoLinkSettings, encode, frame,
+    ModelSettings, Settings, Source, StateName, StopLimit, StopRule, TelemetrySettings, TwoLinkSettings, encode, frame,
 };
 
 use crate::kernels::CHANNEL_SIGMA;
@@ -192,8 +192,8 @@ fn words(k: usize) -> ([f32; 6], [f32; 3], [f32; 3]) {
 
 fn settings(n: usize, telemetry: TelemetrySettings) -> Settings {
     // All ten are looked at each time, and the last one is never good enough.
-    let mut u95 = [f32::MAX; 25];
-    u95[9] = 0.0;
+    let mut never = StopLimit { u95: 0.0, ..StopLimit::default() };
+    never.add(9);
     let imu = ImuSettings {
         rate_hz: 1000.0,
         rotation_wxyz: [0.92, 0.20, -0.10, 0.32],
@@ -233,7 +233,11 @@ fn settings(n: usize, telemetry: TelemetrySettings) -> Settings {
         row_every: 10,
         knock_limit_sd: 6.0,
         memory: MemorySettings::Forever,
-        stop: Some(StopRule { asked: 0x3FF, u95, minimum_blocks: 1 }),
+        stop: Some(StopRule {
+            limits: [never].into_iter().collect(),
+            minimum_blocks: 1,
+            goes_on: false,
+        }),
         telemetry,
         frozen_after: 50,
         host_timeout_ms: 0,
