@@ -11,6 +11,7 @@ mod emulator;
 mod firmware;
 mod fuzz;
 mod goldens;
+mod picture;
 mod places;
 mod process;
 mod setup;
@@ -59,6 +60,8 @@ enum Verb {
     Goldens(goldens::Options),
     /// Look at the sources: no circles among folders, no unguarded code for Unix alone, sizes of factors in one file.
     Structure,
+    /// Take README's picture anew, of the demonstration's report in a browser.
+    Picture,
     /// Compare README's support matrix with the list of tests behind its cells, or write it.
     Support(support::Options),
     /// Make the tables of docs/estimation.md, docs/platform.md and docs/trees.md anew.
@@ -88,6 +91,7 @@ fn run(verb: &Verb, core: Option<Core>) -> anyhow::Result<()> {
         Verb::Fuzz(options) => fuzz::run(options),
         Verb::Goldens(options) => goldens::run(options),
         Verb::Structure => structure::run(),
+        Verb::Picture => picture::run(),
         Verb::Support(options) => support::run(options),
         Verb::Tables(options) => tables::run(options),
     }
