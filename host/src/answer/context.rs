@@ -3,6 +3,7 @@
 use std::time::SystemTime;
 
 use super::result::{Drift, Source, TimeBase, Tracking};
+use crate::fit::DriveMotion;
 use crate::model::Model;
 use crate::model::base::{BaseParameters, Situation};
 use crate::rig::{BodyTable, TruthTable};
@@ -81,17 +82,6 @@ pub struct Links<'a> {
     pub idle: Vec<String>,
     /// How standard parameters are sought; `None`: not at all.
     pub standard: Option<StandardRequest<'a>>,
-}
-
-/// The motion of a drive: a joint's own, or one that turns with several.
-#[derive(Clone, Debug, PartialEq)]
-pub struct DriveMotion {
-    /// Its name.
-    pub name: String,
-    /// Names of the channels that hold its joints' efforts.
-    pub channels: Vec<String>,
-    /// Root mean square of its joints' summed rates, rad/s or m/s.
-    pub rms_rate: f64,
 }
 
 /// A request for standard parameters of every link.

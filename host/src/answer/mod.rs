@@ -30,7 +30,7 @@ pub mod states;
 pub(crate) mod tests;
 pub mod weakest;
 
-pub use context::{Context, DriveMotion, Links, StandardRequest};
+pub use context::{Context, Links, StandardRequest};
 pub use new::AnswerError;
 pub use read::ReadError;
 pub use result::{Answer, Drift, DriftChange, Source, Status, TimeBase, Tracking};

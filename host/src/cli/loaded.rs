@@ -6,14 +6,13 @@ use rigident_shared::forgetting::Span;
 use super::model_arguments::{ModelChanges, TreeModel};
 use super::recorded::{is_rig_file, left_out_columns, named, stream_set};
 use super::{Failure, Stages, held};
-use crate::answer::{Drift, DriveMotion, Links, Source, StandardRequest, TimeBase};
+use crate::answer::{Drift, Links, Source, StandardRequest, TimeBase};
 use crate::fit::pool::PooledFactor;
 use crate::fit::{DeviceFactor, Fit, FitOptions, RowSource, Timing};
 use crate::model::{self, Model};
 use crate::present::TimePlot;
 use crate::problem::body::BodySource;
 use crate::problem::body::prepare;
-use crate::problem::tree::TreeSource;
 use crate::problem::{Problem, ProblemOptions, Subject};
 use crate::recording::{Recording, extension, rig_path};
 use crate::rig::RigFile;
@@ -274,7 +273,7 @@ impl Loaded {
             model: &input.model,
             base: source.base(),
             situation: input.situation,
-            drives: drive_motions(source),
+            drives: source.drive_motions(),
             idle: idle.iter().map(ToString::to_string).collect(),
             standard: self.nominal.as_ref().map(|(nominal, _)| StandardRequest {
                 nominal,
@@ -294,26 +293,6 @@ impl Loaded {
             Subject::Tree { .. } => Vec::new(),
         }
     }
-}
-
-/// Returns the motion of every drive with parameters.
-fn drive_motions(source: &TreeSource) -> Vec<DriveMotion> {
-    let input = source.input();
-    let names = input.freedom_names();
-    let drives = input.drives.iter().filter(|_| input.has_efforts());
-    drives
-        .map(|drive| {
-            let rate = |rates: &[f64]| -> f64 {
-                drive.rates.iter().map(|(k, _)| rates.get(*k).copied().unwrap_or(0.0)).sum()
-            };
-            let squares: f64 = input.frames.iter().map(|f| rate(&f.rates).powi(2)).sum();
-            DriveMotion {
-                name: drive.name.clone(),
-                channels: drive.rates.iter().filter_map(|(k, _)| names.get(*k).cloned()).collect(),
-                rms_rate: (squares / input.frames.len().max(1) as f64).sqrt(),
-            }
-        })
-        .collect()
 }
 
 /// Returns the tree that a recording is of, as its source has it, and the robot description that it was read from: by

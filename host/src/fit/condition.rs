@@ -160,6 +160,12 @@ pub trait RowBlocks: Send + Sync {
     }
 }
 
+/// Returns the error of blocks of which there are none.
+pub(super) fn no_rows(blocks: &dyn RowBlocks) -> FitError {
+    let counts = blocks.counts();
+    FitError::NoRows { samples: counts.samples, rejected: counts.rejected, width_s: blocks.filter().width_s }
+}
+
 /// Absorbs blocks by their rows; see [`RowBlocks::absorb`].
 pub fn absorb<B: RowBlocks + ?Sized>(
     blocks: &B,

@@ -3,6 +3,7 @@
 use rigident_shared::forgetting::Span;
 
 use super::autocorrelation::{self, Coloured};
+use super::condition;
 use super::convergence;
 use super::forgetting::Memory;
 use super::gains::ChannelFactors;
@@ -132,12 +133,7 @@ impl<'a> Engine<'a> {
     ) -> Result<Self, FitError> {
         let blocks = source.condition(progress)?;
         if blocks.is_empty() {
-            let counts = blocks.counts();
-            return Err(FitError::NoRows {
-                samples: counts.samples,
-                rejected: counts.rejected,
-                width_s: blocks.filter().width_s,
-            });
+            return Err(condition::no_rows(&*blocks));
         }
         let (channels, parameters) = (source.channels(), source.parameters().len());
         // Where older rows are forgotten gain errors are not told apart.

@@ -22,6 +22,7 @@ pub mod outliers;
 pub mod parallel;
 mod parameter;
 pub mod pool;
+mod prediction;
 pub mod prior;
 mod progress;
 mod residuals;
@@ -41,7 +42,8 @@ pub use factor::{Factor, Solution};
 pub use fingerprint::Fingerprint;
 pub use noise_check::{Judgement, RowSet, judge};
 pub use options::{DeviceFactor, FitError, FitOptions};
-pub use parameter::{Channel, Kind, Owner, Parameter};
+pub use parameter::{Channel, DriveMotion, Kind, Owner, Parameter};
+pub use prediction::Prediction;
 pub use progress::{Progress, Silent};
 pub use result::{
     Autocorrelation, BlockResidual, ChannelFit, Convergence, Counts, Fit, Forgotten, NoiseCheck, Prior,

@@ -73,6 +73,14 @@ pub enum FitError {
         /// Parameters of the source.
         model: usize,
     },
+    /// Parameters or gain errors are not those of the source.
+    #[error("{given} numbers for {wanted} columns: were they found in a recording of the same model?")]
+    Columns {
+        /// Numbers given.
+        given: usize,
+        /// Columns of the source, or its channels.
+        wanted: usize,
+    },
 }
 
 /// A factor that a device made of the samples of a source.

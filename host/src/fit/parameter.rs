@@ -87,6 +87,17 @@ impl Parameter {
     }
 }
 
+/// The motion of a drive, a joint's own or one that turns with several: its viscous friction is judged against it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DriveMotion {
+    /// Its name.
+    pub name: String,
+    /// Names of the channels that hold its joints' efforts.
+    pub channels: Vec<String>,
+    /// Root mean square of its joints' summed rates, rad/s or m/s.
+    pub rms_rate: f64,
+}
+
 /// One measured quantity, of which each sample gives a row.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Channel {

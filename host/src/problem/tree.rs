@@ -7,7 +7,7 @@ use rigident_shared::screening::Rejection;
 use rigident_shared::tree::{BaseMotion, Joint, TreeError};
 
 use super::signs::Signs;
-use crate::fit::{Channel, Fingerprint, Kind, Owner, Parameter, RowSource, SampleRows, Timing};
+use crate::fit::{Channel, DriveMotion, Fingerprint, Kind, Owner, Parameter, RowSource, SampleRows, Timing};
 use crate::model::base::{BaseParameters, ROUNDED, base_parameters};
 use crate::trees::drive::Term;
 use crate::trees::rows::{RowMaker, names_and_units};
@@ -17,17 +17,6 @@ use crate::trees::{Frame, Input, TreeIdentificationError};
 const WRENCH: usize = 6;
 /// σ of force and of everything else to start from where none is stated: only ratios matter.
 const NOMINAL_SIGMA: (f64, f64) = (1.0, 0.1);
-
-/// The motion of a drive: a joint's own, or one that turns with several.
-#[derive(Clone, Debug, PartialEq)]
-pub struct DriveRate {
-    /// Its name.
-    pub name: String,
-    /// Names of the channels that hold its joints' efforts.
-    pub channels: Vec<String>,
-    /// Root mean square of its joints' summed rates, rad/s or m/s.
-    pub rms_rate: f64,
-}
 
 /// The rows of a tree.
 pub struct TreeSource {
@@ -77,7 +66,7 @@ impl TreeSource {
     }
 
     /// Returns the motion of the drives that have parameters.
-    pub fn drive_rates(&self) -> Vec<DriveRate> {
+    pub fn drive_motions(&self) -> Vec<DriveMotion> {
         let names = self.input.freedom_names();
         let drives = self.input.drives.iter().filter(|_| self.input.has_efforts());
         let frames = &self.input.frames;
@@ -87,7 +76,7 @@ impl TreeSource {
                     drive.rates.iter().map(|(k, _)| frame.rates.get(*k).copied().unwrap_or(0.0)).sum()
                 };
                 let squares: f64 = frames.iter().map(|frame| rate(frame).powi(2)).sum();
-                DriveRate {
+                DriveMotion {
                     name: drive.name.clone(),
                     channels: drive.rates.iter().filter_map(|(k, _)| names.get(*k).cloned()).collect(),
                     rms_rate: (squares / frames.len().max(1) as f64).sqrt(),
