@@ -22,6 +22,9 @@ const SIGMA_ROUNDS: usize = 2;
 /// informed: noise in a coefficient attenuates the estimate by the inverse of this ratio.
 pub const LEAST_EXCITATION: f64 = 20.0;
 
+/// A moment of inertia whose information is at most so many times that is mostly noise: half of it and more.
+const MOSTLY_NOISE: f64 = 2.0;
+
 /// Fits the parameters of a source to its rows.
 ///
 /// Samples are filtered to row blocks ([`RowSource::condition`]) and absorbed, whitened by σ of their channels; where not all
@@ -182,13 +185,13 @@ impl<'a> Engine<'a> {
             / self.moment_sigma(sigma).powi(2)
     }
 
-    /// Returns the estimate without the values of moments of inertia that noise of the rates alone may have brought: they
-    /// are drawn to nothing already, and what is left of them is noise.
+    /// Returns the estimate without the values of moments of inertia that are mostly noise of the rates: they are drawn to
+    /// nothing already. A moment that is less attenuated than that moves the others, informed or not.
     fn without_spurious(&self, estimate: &Estimate, spurious_information: f64) -> Estimate {
         let mut informed = estimate.clone();
         for (j, parameter) in self.source.parameters().iter().enumerate() {
             let information = 1.0 / estimate.covariance[(j, j)];
-            if parameter.kind == Kind::Inertia && information <= LEAST_EXCITATION * spurious_information {
+            if parameter.kind == Kind::Inertia && information <= MOSTLY_NOISE * spurious_information {
                 informed.values[j] = 0.0;
             }
         }
