@@ -25,6 +25,4 @@ pub mod problem;
 pub mod recording;
 pub mod rig;
 pub mod schema;
-#[cfg(feature = "simulator")]
 pub mod simulated;
-pub mod trees;

@@ -1,4 +1,4 @@
-//! Fits made of what the two old engines found: the answers must be the same.
+//! Fits made of what the old engine of one body found: the answers must be the same.
 
 use rigident_shared::inertia::{PARAMETER_NAMES, PARAMETER_UNITS};
 
@@ -9,7 +9,6 @@ use crate::fit::{
 use crate::identification::pooled::{RowSet, judge};
 use crate::identification::whiteness::{Colour, WRENCH};
 use crate::identification::{self, Identification};
-use crate::trees::{self, TreeIdentification};
 
 fn autocorrelation(colour: &[Colour], channel: usize) -> Option<Autocorrelation> {
     let found = colour.iter().find(|c| c.channel == channel)?;
@@ -139,94 +138,5 @@ pub fn of_body(found: &Identification, input: &identification::Input) -> Fit {
             blocks: found.counters.blocks.into(),
         },
         ..fit(parameters, channels.collect(), factor, estimate)
-    }
-}
-
-/// Returns the fit of a tree.
-pub fn of_tree(found: &TreeIdentification, input: &trees::Input) -> Fit {
-    let count = found.base.parameters.len();
-    let offsets = if input.has_wrench() && input.known_offset.is_none() { 6 } else { 0 };
-    let parameters = (0..found.names.len()).map(|j| {
-        let name = &found.names[j];
-        let owner = name.rsplit_once('.').map_or("", |(owner, _)| owner).to_owned();
-        if (count..count + offsets).contains(&j) {
-            return Parameter { frame: String::new(), ..offset(j - count, "") };
-        }
-        let (owner, kind, frame) = if j < count {
-            let kind = match found.base.parameters[j].terms[0].0 % 10 {
-                0 => Kind::Mass,
-                1..4 => Kind::FirstMoment,
-                _ => Kind::Inertia,
-            };
-            (Owner::Link(owner.clone()), kind, if owner.is_empty() { "S".to_owned() } else { owner })
-        } else {
-            let kind = match name.rsplit_once('.').map_or("", |(_, own)| own) {
-                "viscous" => Kind::Viscous,
-                "coulomb" => Kind::Coulomb,
-                "rotor" => Kind::Rotor,
-                _ => Kind::Offset,
-            };
-            (Owner::Drive(owner), kind, String::new())
-        };
-        let terms = found.base.parameters.get(j).map_or(&[][..], |p| &p.terms);
-        Parameter {
-            name: name.clone(),
-            owner,
-            kind,
-            unit: found.units[j].to_owned(),
-            frame,
-            made_of: terms.iter().map(|(c, w)| (found.base.standard[*c].clone(), *w)).collect(),
-        }
-    });
-    let names = input.channels();
-    let channels = names.iter().enumerate().map(|(c, name)| ChannelFit {
-        channel: Channel {
-            name: name.clone(),
-            unit: String::new(),
-            sigma: input.channel_sigma.as_ref().map(|s| s[c]),
-            gain_sigma: if input.has_wrench() && c < 6 { input.gain_sigma[c] } else { 0.0 },
-            offset: (offsets > 0 && c < 6).then_some(count + c),
-            group: if input.has_wrench() && c < 6 { u8::from(c > 2) } else { 2 + c as u8 },
-        },
-        sigma: found.channel_sigma[c],
-        residual_rms: found.residual_rms[c],
-        measured_rms: found.measured_rms[c],
-        gain: 0.0,
-        outliers: 0,
-        rejected: 0,
-        residual_sigma: found.residual_sigma[c],
-        autocorrelation: autocorrelation(&found.colour, c),
-    });
-    let n = found.factor.parameters();
-    let r = found.factor.r();
-    let upper = (0..n).flat_map(|i| (i..n).map(move |j| (i, j)));
-    let mut entries: Vec<f64> = upper.map(|(i, j)| r[(i, j)]).collect();
-    entries.extend_from_slice(found.factor.z());
-    entries.push(found.factor.residual_sum_of_squares());
-    let factor = Factor::from_entries(n, &entries, found.factor.rows()).unwrap();
-    let estimate = Estimate { null_directions: found.lost.clone(), ..(*found.estimate).clone() };
-    let residuals = found.residuals.iter().map(|r| BlockResidual {
-        time_s: r.time_s,
-        values: r.channels.to_vec(),
-        weights: Vec::new(),
-    });
-    Fit {
-        noise: NoiseCheck {
-            sigma_given: found.sigma_given,
-            noise_gain: found.noise_gain,
-            variance_ratio: found.variance_ratio,
-            variance_scale: found.variance_scale,
-            disagreement: None,
-        },
-        inflation: found.widening.clone(),
-        signal_bias: found.rate_bias.clone(),
-        spurious_information: found.regressor_noise.tensor_information,
-        residuals: residuals.collect(),
-        counts: Counts {
-            samples: input.frames.len() as u64,
-            blocks: found.blocks as u64,
-            ..Counts::default()
-        },
-        ..fit(parameters.collect(), channels.collect(), factor, estimate)
     }
 }

@@ -121,3 +121,7 @@ fn made_up(model: &Model, seen: usize, k: usize) -> Parameters {
     let centre = Position::from_array((longest * 0.5).into());
     InertialParameters::<Body, f64>::from_centre_of_mass(MASS, centre, tensor).to_vector()
 }
+
+#[cfg(test)]
+#[path = "physical_consistency_tests.rs"]
+mod tests;

@@ -393,3 +393,7 @@ impl Problem<'_> {
         Some((solved, 0.5 * projected.norm_squared()))
     }
 }
+
+#[cfg(test)]
+#[path = "standard_parameters_tests.rs"]
+mod tests;

@@ -1,4 +1,4 @@
-//! The answer of a fit against the answers of the two old worlds: the same states and digits.
+//! The answer of a fit against that of the old engine of one body: the same states and digits.
 
 use nalgebra::{Matrix3, Vector3};
 use rigident_shared::calibration::{ImuMounting, Reading};
@@ -9,21 +9,18 @@ use serde_json::Value;
 
 use super::assemble::{self, Asked, assemble};
 use super::new::AnswerError;
-use super::old_fit::{of_body, of_tree};
+use super::old_fit::of_body;
 use super::result::*;
 use super::selection::SelectionError;
 use super::{Answer, Context, Links, StandardRequest};
-use crate::fit::{DriveMotion, Fit};
+use crate::fit::{Fit, FitOptions, Silent};
 use crate::identification::known::Known;
 use crate::identification::{self, Identification};
 use crate::model::Model;
+use crate::problem::{Problem, ProblemOptions};
 use crate::recording::Recording;
 use crate::rig::{BodyTable, RigFile, TruthTable};
-use crate::trees::prepare::{Wishes, prepare};
-use crate::trees::simulated::{
-    person_recording, seven_axes, seven_axis_recording, two_link_recording, two_links,
-};
-use crate::trees::{self, TreeIdentification, answer, nearest, possible, result as tree_result};
+use crate::simulated::trees::{person_recording, two_link_recording, two_links};
 
 fn rig() -> RigFile {
     RigFile {
@@ -262,87 +259,19 @@ fn a_reversed_wrench_identifies_nothing_and_says_why() {
     assert!(new.consistency.unwrap().reversed && new.status == Status::NotIdentified);
 }
 
-/// The two answers about a tree.
-fn assert_same_tree(model: &Model, recording: &Recording, friction: &[trees::drive::Term]) -> Answer {
-    let wishes = Wishes { friction: friction.to_vec(), ..Wishes::default() };
-    let ready = prepare(recording, model, &wishes).unwrap();
-    let found = trees::identify(&ready.input).unwrap();
-    let possible = possible::possible(&ready.input, &found);
-    let states = answer::states(&ready.input, &found, possible.as_ref());
-    let full = nearest::nearest(model, &found, 1.0, false).ok();
-    let asked = tree_result::asked(&found.names, &[]).unwrap();
-    let missing = asked.iter().filter(|j| !states[**j].is_identified()).count();
-    let old = tree_result::Answer {
-        input: &ready.input,
-        found: &found,
-        reasons: answer::reasons(&ready.input, &found, &states, &ready.idle),
-        states,
-        possible,
-        full: full.as_ref(),
-        trust: 1.0,
-        symmetric: false,
-        truth: None,
-        status: match missing {
-            0 => Status::Identified,
-            m if m == asked.len() => Status::NotIdentified,
-            _ => Status::PartlyIdentified,
-        },
-        source: source().0,
-        warnings: tree_result::warnings(&ready.input, &found),
-    };
-    let object = old.object(0.0);
-    let new = of(&ready.input, &found, model, &ready.idle);
-    let value = serde_json::to_value(&new).unwrap();
-    assert!(!value.to_string().contains("null"), "{value}");
-    assert_kept(&object, &value, &["status", "physically_consistent", "condition_number"]);
-    let reasons = object["not_identified_because"].as_array().unwrap();
-    assert_eq!(reasons.is_empty(), new.advice.is_empty());
-    assert!(new.advice.len() >= reasons.len());
-    for reason in reasons {
-        assert!(new.advice.iter().any(|a| Some(a.as_str()) == reason.as_str()), "{reason} {:?}", new.advice);
-    }
-    for (old, new) in object["channels"].as_array().unwrap().iter().zip(&new.channels) {
-        assert_eq!(old["residual_rms"].as_f64(), new.residual_rms);
-        assert_eq!(old["measured_rms"].as_f64(), new.measured_rms);
-        assert_eq!(old["sigma"].as_f64(), new.sigma);
-    }
-    let consistency = new.consistency.as_ref().unwrap();
-    assert_eq!(object["distance_from_bodies_sd"].as_f64(), Some(consistency.distance_sd));
-    let (old_full, new_full) = (&object["nearest_to_nominal"], new.standard_parameters.as_ref().unwrap());
-    assert_eq!(old_full["distance_sd"].as_f64(), Some(new_full.distance_sd));
-    for (old, new) in old_full["links"].as_array().unwrap().iter().zip(&new_full.links) {
-        let new = serde_json::to_value(new).unwrap();
-        for (key, value) in old.as_object().unwrap() {
-            assert_eq!(Some(value), new.get(key), "{key}");
-        }
-    }
-    new
-}
-
-/// The new answer about a tree.
-fn of(
-    input: &trees::Input,
-    found: &TreeIdentification,
-    nominal: &Model,
-    idle: &[crate::model::Finding],
-) -> Answer {
-    let names = input.freedom_names();
-    let drives = input.drives.iter().map(|drive| {
-        let rate = |f: &trees::Frame| drive.rates.iter().map(|(k, _)| f.rates[*k]).sum::<f64>();
-        let squares: f64 = input.frames.iter().map(|f| rate(f).powi(2)).sum();
-        DriveMotion {
-            name: drive.name.clone(),
-            channels: drive.rates.iter().map(|(k, _)| names[*k].clone()).collect(),
-            rms_rate: (squares / input.frames.len() as f64).sqrt(),
-        }
-    });
+/// Returns the fit of a tree with its answer.
+fn of_tree(model: &Model, recording: &Recording) -> (Fit, Answer) {
+    let problem = Problem::from_recording(recording, Some(model), &ProblemOptions::default()).unwrap();
+    let fit = problem.fit(&FitOptions::default(), &Silent).unwrap();
+    let tree = problem.tree().unwrap();
+    let input = tree.input();
     let links = Links {
         model: &input.model,
-        base: &found.base,
+        base: tree.base(),
         situation: input.situation,
-        drives: drives.collect(),
-        idle: idle.iter().map(ToString::to_string).collect(),
-        standard: Some(StandardRequest { nominal, trust: 1.0, symmetric: false, required: false }),
+        drives: tree.drive_motions(),
+        idle: Vec::new(),
+        standard: Some(StandardRequest { nominal: model, trust: 1.0, symmetric: false, required: false }),
     };
     let context = Context {
         links: Some(links),
@@ -350,31 +279,8 @@ fn of(
         rate_sigma: input.rate_sigma,
         ..Context::default()
     };
-    Answer::new(&of_tree(found, input), context).unwrap()
-}
-
-#[test]
-fn two_links_have_the_same_answer() {
-    let model = two_links();
-    let new = assert_same_tree(&model, &two_link_recording(&model, 200.0, 20.0, Some(3)), &[]);
-    assert_eq!(new.status, Status::Identified);
-    // Little motion: some stays open.
-    assert_same_tree(&model, &two_link_recording(&model, 200.0, 1.5, Some(3)), &[]);
-}
-
-#[test]
-fn seven_axes_with_friction_have_the_same_answer() {
-    use trees::drive::Term;
-    let model = seven_axes();
-    let terms = [Term::Viscous, Term::Coulomb, Term::Offset, Term::Rotor];
-    assert_same_tree(&model, &seven_axis_recording(&model, 200.0, 20.0, true, Some(4), 1.0), &terms);
-}
-
-#[test]
-fn a_person_has_the_same_answer() {
-    let model = crate::model::human::Person::default().human34().unwrap();
-    let new = assert_same_tree(&model, &person_recording(&model, 100.0, 10.0), &[]);
-    assert!(new.parameters.len() > 100);
+    let answer = Answer::new(&fit, context).unwrap();
+    (fit, answer)
 }
 
 /// Returns fits with their answers: one body, two links, a person, a run that broke off.
@@ -395,17 +301,12 @@ pub(crate) fn samples() -> Vec<(&'static str, Fit, Answer)> {
         let answer = Answer::new(&fit, context).unwrap();
         (fit, answer)
     };
-    let of_tree_ = |model: &Model, recording: &Recording| {
-        let ready = prepare(recording, model, &Wishes::default()).unwrap();
-        let found = trees::identify(&ready.input).unwrap();
-        (of_tree(&found, &ready.input), of(&ready.input, &found, model, &ready.idle))
-    };
     let (two, person) = (two_links(), crate::model::human::Person::default().human34().unwrap());
     let (body, body_answer) = of_body_(20, 0.4, None);
     let (broken, broken_answer) =
         of_body_(3, 0.02, Some("the connection to /dev/ttyACM0 was lost after 3.0 s"));
-    let (links, links_answer) = of_tree_(&two, &two_link_recording(&two, 200.0, 20.0, Some(3)));
-    let (people, people_answer) = of_tree_(&person, &person_recording(&person, 100.0, 10.0));
+    let (links, links_answer) = of_tree(&two, &two_link_recording(&two, 200.0, 20.0, Some(3)));
+    let (people, people_answer) = of_tree(&person, &person_recording(&person, 100.0, 10.0));
     vec![
         ("body", body, body_answer),
         ("failed", broken, broken_answer),

@@ -7,9 +7,9 @@ use rigident_shared::tree::Joint;
 use super::Failure;
 use crate::model::Model;
 use crate::model::idle::{DEVIATION, Spread};
+use crate::problem::tree::columns::{self, Column, Quantity};
+use crate::problem::tree::joints::{Resolved, Seen, attitude, resolve};
 use crate::recording::Recording;
-use crate::trees::columns::{self, Column, Quantity};
-use crate::trees::joints::{Resolved, Seen, attitude, resolve};
 
 /// A joint that leaves its place by no more is held, rad or m, 1 σ, encoders and attitudes: controllers let it sag by as much.
 const HELD: f64 = 2e-3;

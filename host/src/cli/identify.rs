@@ -8,7 +8,7 @@ use super::run_report::RunReport;
 use super::{Failure, Folder, Stages};
 use crate::model::{remarks, write};
 use crate::problem::ProblemOptions;
-use crate::trees::drive::Term;
+use crate::problem::tree::drive::Term;
 
 /// `rigident identify`
 pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {

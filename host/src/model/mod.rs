@@ -2,14 +2,13 @@
 //!
 //! Lives here: the model itself ([`tree`]) and its findings, readers ([`urdf`], [`mjcf`], [`sdf`], a rig file's `[[link]]`
 //! tables in [`rig_links`]) and the writer ([`mod@write`], [`remarks`]), what is strange in other people's files ([`check`]), the built-in people ([`human`]), changes by option ([`edit`]), what a motion leaves out ([`idle`]), the base parameters
-//! ([`base`]) the rows of a model in motion ([`rows`], [`filter`]) and how fast they come ([`speed`]). May not live here: the formulas of the rows, which
+//! ([`base`]) the rows of a model in motion ([`rows`]) and how fast they come ([`speed`]). May not live here: the formulas of the rows, which
 //! firmware and host share (`rigident_shared::tree`), and recordings. Next: [`tree`], then [`base`].
 
 pub mod base;
 pub mod check;
 pub mod dynamics;
 pub mod edit;
-pub mod filter;
 pub mod finding;
 pub mod human;
 mod human_segments;

@@ -11,15 +11,13 @@ pub mod tree;
 use self::body::BodySource;
 use self::body::prepare::{PrepareError, prepare};
 use self::clocks::{Aligned, StreamError, StreamSet, align};
-use self::tree::TreeSource;
+use self::tree::drive::Term;
+use self::tree::{TreePrepareError, TreeSource, TreeSourceError};
 use crate::answer::result::TimeBase;
 use crate::fit::{DeviceFactor, Fit, FitError, FitOptions, Progress, RowSource, fit, fit_device};
 use crate::model::{Finding, Model};
 use crate::recording::Recording;
 use crate::rig::RigFile;
-use crate::trees::TreeIdentificationError;
-use crate::trees::drive::Term;
-use crate::trees::prepare::{self as tree_prepare, TreePrepareError, Wishes};
 
 /// The reason that a recording poses no problem that can be solved.
 #[derive(Debug, thiserror::Error)]
@@ -32,7 +30,7 @@ pub enum ProblemError {
     Tree(#[from] TreePrepareError),
     /// The model has no base parameters, or the frames do not fit it.
     #[error(transparent)]
-    Model(#[from] TreeIdentificationError),
+    Model(#[from] TreeSourceError),
     /// Several files make no recording.
     #[error(transparent)]
     Streams(#[from] StreamError),
@@ -106,8 +104,7 @@ impl Problem {
                 clocks: None,
             });
         };
-        let wishes = Wishes { friction: options.friction.clone(), drives: options.drives.clone() };
-        let prepared = tree_prepare::prepare(recording, model, &wishes)?;
+        let prepared = tree::prepare::prepare(recording, model, options)?;
         Ok(Self {
             name: recording.name.clone(),
             rig: recording.rig.clone(),

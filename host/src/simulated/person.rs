@@ -8,8 +8,8 @@ use rigident_shared::spatial::Body;
 use rigident_shared::tree::Joint;
 use rigident_sim::links::{Swing, Tree, TreeLink};
 
+use super::noise::Noise;
 use crate::model::{Model, ModelLink};
-use crate::trees::noise::Noise;
 
 /// Segments are heavier or lighter than the table's by at most so much, relative.
 const SPREAD: f64 = 0.15;

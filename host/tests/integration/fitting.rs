@@ -1,8 +1,10 @@
-//! Fits of one body's readings.
+//! Fits of one body's readings, and states of parameters.
 
+use rigident::answer::Links;
 use rigident::answer::result::ParameterState;
 use rigident::fit::{Fit, FitOptions, Silent, fit};
 use rigident::problem::body::{BodySource, Input};
+use rigident::problem::tree::TreeSource;
 use rigident_shared::forgetting::Span;
 
 /// Fits readings of an IMU of whose noise nothing is stated.
@@ -21,6 +23,24 @@ pub fn fit_with(input: &Input, options: &FitOptions) -> Fit {
 
 pub fn states(fit: &Fit) -> Vec<ParameterState> {
     rigident::answer::states::states(fit, None, false)
+}
+
+/// A tree as its answer takes it.
+pub fn links(tree: &TreeSource) -> Links<'_> {
+    let input = tree.input();
+    Links {
+        model: &input.model,
+        base: tree.base(),
+        situation: input.situation,
+        drives: tree.drive_motions(),
+        idle: Vec::new(),
+        standard: None,
+    }
+}
+
+/// States of a tree's parameters.
+pub fn tree_states(fit: &Fit, tree: &TreeSource) -> Vec<ParameterState> {
+    rigident::answer::states::states(fit, Some(&links(tree)), false)
 }
 
 /// Rows that outliers have spoilt, by channel.

@@ -28,6 +28,7 @@ mod streams;
 mod support;
 mod tree_commands;
 mod tree_pinocchio;
+mod trees;
 mod weakest;
 mod workspace;
 mod wrong_recordings;

@@ -1,4 +1,4 @@
-//! The one engine gives what the engines of one body and of trees gave, as long as these are there to ask.
+//! The one engine gives what the engine of one body gave, as long as that is there to ask.
 
 use nalgebra::DMatrix;
 use rand_chacha::ChaCha8Rng;
@@ -6,16 +6,7 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rigident::fit::{Factor, Fit, FitOptions, Silent, fit};
 use rigident::identification::{self, Identification, Input, identify};
-use rigident::model::Model;
 use rigident::problem::body::BodySource;
-use rigident::problem::tree::TreeSource;
-use rigident::recording::Recording;
-use rigident::trees::prepare::{Wishes, prepare};
-use rigident::trees::simulated::{
-    person_recording, seven_axes, seven_axis_recording, two_link_recording, two_links, with_gain_errors,
-    with_remembered_noise,
-};
-use rigident::trees::{self, TreeIdentification, drive::Term};
 use rigident_shared::calibration::{ImuMounting, Reading};
 use rigident_shared::forgetting::{MemoryConfig, Span};
 use rigident_shared::regressor::{self, SMOOTHED};
@@ -239,85 +230,4 @@ fn convergence_of_one_body() {
         let (a, b) = (a.unwrap(), b.unwrap());
         assert!((a.value - b.value).abs() < 1e-7 * b.u95 && (a.u95 / b.u95 - 1.0).abs() < 1e-8);
     }
-}
-
-fn friction() -> Wishes {
-    Wishes { friction: vec![Term::Viscous, Term::Coulomb, Term::Offset], drives: Vec::new() }
-}
-
-fn both_of_a_tree(recording: &Recording, model: &Model, wishes: &Wishes) -> (Fit, TreeIdentification) {
-    let input = prepare(recording, model, wishes).unwrap().input;
-    let old = trees::identify(&input).unwrap();
-    let source = TreeSource::new(input).unwrap();
-    (fit(&source, &FitOptions::default(), &Silent).unwrap(), old)
-}
-
-fn assert_same_tree(new: &Fit, old: &TreeIdentification) {
-    assert_eq!(new.parameters.iter().map(|p| p.name.clone()).collect::<Vec<_>>(), old.names);
-    assert_eq!(new.parameters.iter().map(|p| p.unit.as_str()).collect::<Vec<_>>(), old.units);
-    let r = old.factor.r();
-    let n = old.factor.parameters();
-    let mut entries: Vec<f64> = (0..n).flat_map(|i| (i..n).map(move |j| (i, j))).map(|at| r[at]).collect();
-    entries.extend(old.factor.z());
-    entries.push(old.factor.residual_sum_of_squares());
-    let factor = Factor::from_entries(n, &entries, old.factor.rows()).unwrap();
-    assert_same_factor(&new.factor, &factor);
-    let of =
-        |of: &dyn Fn(&rigident::fit::ChannelFit) -> f64| new.channels.iter().map(of).collect::<Vec<f64>>();
-    assert_same(&of(&|c| c.sigma), &old.channel_sigma, "sigma");
-    assert_same(&of(&|c| c.residual_rms), &old.residual_rms, "residual rms");
-    assert_same(&of(&|c| c.measured_rms), &old.measured_rms, "measured rms");
-    assert_same(&of(&|c| c.residual_sigma), &old.residual_sigma, "residual sigma");
-    assert_same(&[new.noise.variance_ratio], &[old.variance_ratio], "variance ratio");
-    assert_same(&new.inflation, &old.widening, "inflation");
-    for (a, b) in new.signal_bias.iter().zip(&old.rate_bias) {
-        assert!(
-            (a - b).abs() <= 1e-7 * old.rate_bias.iter().fold(0.0, |m: f64, v| m.max(v.abs())),
-            "{a} {b}"
-        );
-    }
-    for i in 0..n {
-        let (a, b) = (new.estimate.covariance(i, i).unwrap(), old.estimate.covariance(i, i).unwrap());
-        assert!((a / b - 1.0).abs() < 1e-8, "{i}: {a} {b}");
-    }
-}
-
-#[test]
-fn two_links_with_and_without_gain_errors_and_autocorrelated_noise() {
-    let model = two_links();
-    let exact = two_link_recording(&model, 200.0, 20.0, None);
-    let noisy = two_link_recording(&model, 200.0, 20.0, Some(3));
-    let mut stated = noisy.clone();
-    stated.rig.load_cell.noise_n_nm = Some([0.5, 0.5, 0.5, 0.03, 0.03, 0.03]);
-    for recording in
-        [noisy.clone(), stated, with_remembered_noise(&exact, 0.2, 5), with_gain_errors(&noisy, [0.01; 6], 7)]
-    {
-        let (new, old) = both_of_a_tree(&recording, &model, &Wishes::default());
-        assert_same_tree(&new, &old);
-        let gains: Vec<f64> = new.channels.iter().map(|c| c.gain).collect();
-        for (a, b) in gains.iter().zip(old.gains) {
-            assert!((a - b).abs() < 1e-9, "{gains:?} {:?}", old.gains);
-        }
-        assert!((new.estimate.coverage_factor() / old.estimate.coverage_factor - 1.0).abs() < 1e-12);
-    }
-}
-
-/// Of joints' channels there are seven: what is left of their degrees of freedom is counted for seven, not six.
-#[test]
-fn seven_axes_with_friction() {
-    let model = seven_axes();
-    let recording = seven_axis_recording(&model, 200.0, 20.0, true, Some(2), 1.0);
-    let (new, old) = both_of_a_tree(&recording, &model, &friction());
-    assert_same_tree(&new, &old);
-    let coloured = with_remembered_noise(&seven_axis_recording(&model, 200.0, 20.0, true, None, 1.0), 0.2, 5);
-    let (new, old) = both_of_a_tree(&coloured, &model, &friction());
-    assert_same_tree(&new, &old);
-}
-
-#[test]
-fn a_person_and_still_poses_of_two_links() {
-    let person = rigident::model::human::Person::default().human34().unwrap();
-    let recording = with_remembered_noise(&person_recording(&person, 100.0, 20.0), 0.0, 9);
-    let (new, old) = both_of_a_tree(&recording, &person, &Wishes::default());
-    assert_same_tree(&new, &old);
 }

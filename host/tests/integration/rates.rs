@@ -4,20 +4,20 @@
 
 use hexapod::experiment::thesis_program;
 use rigident::answer::result::ParameterState;
+use rigident::fit::{FitOptions, Silent};
 use rigident::problem::body::Input;
-use rigident::simulated::{mounting, reading};
-use rigident::trees::prepare::{Wishes, prepare};
-use rigident::trees::simulated::{
+use rigident::problem::{Problem, ProblemOptions};
+use rigident::simulated::trees::{
     OFFSET, seven_axes, seven_axis_recording, truth, two_link_recording, two_links,
 };
-use rigident::trees::{self, answer};
+use rigident::simulated::{mounting, reading};
 use rigident_shared::calibration::Reading;
 use rigident_shared::screening::Limits;
 use rigident_shared::spatial::Wrench;
 use rigident_sim::rig::{Readings, RigConfig};
 use rigident_sim::sensors::SensorModels;
 
-use crate::fitting::{fit_body, states};
+use crate::fitting::{fit_body, states, tree_states};
 
 const RATES_HZ: [f64; 11] = [5.0, 8.0, 10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 45.0, 80.0, 200.0];
 /// 1 σ of the load cell, a twentieth of the thesis': what a filter does wrong is not hidden by noise.
@@ -102,13 +102,15 @@ fn intervals_of_trees_hold_the_truth_at_every_rate() {
                     "two links" => two_link_recording(model, rate_hz, 40.0, Some(seed)),
                     _ => seven_axis_recording(model, rate_hz, 40.0, true, Some(seed), 0.0),
                 };
-                let Ok(ready) = prepare(&recording, model, &Wishes::default()) else { continue };
-                let Ok(found) = trees::identify(&ready.input) else { continue };
-                let mut wanted = truth(model, &found);
+                let problem = Problem::from_recording(&recording, Some(model), &ProblemOptions::default());
+                let Ok(problem) = problem else { continue };
+                let Ok(found) = problem.fit(&FitOptions::default(), &Silent) else { continue };
+                let tree = problem.tree().unwrap();
+                let mut wanted = truth(model, tree.base());
                 if name == "two links" {
                     wanted.extend(OFFSET);
                 }
-                let (identified, missed) = outside(&answer::states(&ready.input, &found, None), &wanted);
+                let (identified, missed) = outside(&tree_states(&found, tree), &wanted);
                 (all, out) = (all + identified, out + missed);
             }
             assert!(all > 0 || rate_hz < 20.0, "{name}, {rate_hz} Hz: nothing is identified");

@@ -1,57 +1,68 @@
 //! Trees whose parameters are known, and full parameters from a nominal model that is off.
 
+use rigident::answer::standard_parameters::{BaseEstimate, nearest};
+use rigident::fit::{Fit, FitOptions, Silent};
 use rigident::model::Model;
+use rigident::model::base::BaseParameters;
 use rigident::model::inertial::in_parent;
+use rigident::problem::tree::drive::Term;
+use rigident::problem::{Problem, ProblemOptions};
 use rigident::recording::Recording;
-use rigident::trees::drive::Term;
-use rigident::trees::nearest::nearest;
-use rigident::trees::prepare::{Wishes, prepare};
-use rigident::trees::simulated::{
-    Covered, coverage, covered, seven_axes, seven_axis_recording, truth, two_link_recording, two_links,
+use rigident::simulated::trees::{
+    Coverage, OFFSET, coverage, seven_axes, seven_axis_recording, truth, two_link_recording, two_links,
     with_remembered_noise, worst,
 };
-use rigident::trees::{TreeIdentification, identify};
 
 const RUNS: u64 = 200;
 
-fn identified(recording: &Recording, model: &Model, wishes: &Wishes) -> TreeIdentification {
-    identify(&prepare(recording, model, wishes).expect("frames").input).expect("an identification")
+/// A fit with the base parameters that it is of.
+struct Identified {
+    base: BaseParameters,
+    fit: Fit,
 }
 
-fn friction() -> Wishes {
-    Wishes { friction: vec![Term::Viscous, Term::Coulomb, Term::Offset], drives: Vec::new() }
+fn identified(recording: &Recording, model: &Model, options: &ProblemOptions) -> Identified {
+    let problem = Problem::from_recording(recording, Some(model), options).expect("frames");
+    let fit = problem.fit(&FitOptions::default(), &Silent).expect("a fit");
+    Identified { base: problem.tree().expect("a tree").base().clone(), fit }
+}
+
+fn friction() -> ProblemOptions {
+    ProblemOptions { friction: vec![Term::Viscous, Term::Coulomb, Term::Offset], drives: Vec::new() }
 }
 
 pub fn table() -> String {
     let (two, seven) = (two_links(), seven_axes());
+    let plain = ProblemOptions::default();
     let exact = [
-        identified(&two_link_recording(&two, 1000.0, 20.0, None), &two, &Wishes::default()),
-        identified(&seven_axis_recording(&seven, 1000.0, 20.0, true, None, 0.0), &seven, &Wishes::default()),
-        identified(&seven_axis_recording(&seven, 1000.0, 20.0, false, None, 0.0), &seven, &Wishes::default()),
+        identified(&two_link_recording(&two, 1000.0, 20.0, None), &two, &plain),
+        identified(&seven_axis_recording(&seven, 1000.0, 20.0, true, None, 0.0), &seven, &plain),
+        identified(&seven_axis_recording(&seven, 1000.0, 20.0, false, None, 0.0), &seven, &plain),
     ];
-    let worst = [worst(&two, &exact[0]), worst(&seven, &exact[1]), worst(&seven, &exact[2])];
+    let error = |model: &Model, found: &Identified| worst(&truth(model, &found.base), &found.fit);
+    let worst = [error(&two, &exact[0]), error(&seven, &exact[1]), error(&seven, &exact[2])];
     let covered = [
         coverage(RUNS, |seed| {
-            let found =
-                identified(&two_link_recording(&two, 200.0, 20.0, Some(seed)), &two, &Wishes::default());
-            let mut wanted = truth(&two, &found);
-            wanted.extend([1.0, -2.0, 3.0, 0.1, 0.2, -0.3]);
-            (wanted, found)
+            let recording = two_link_recording(&two, 200.0, 20.0, Some(seed));
+            let found = identified(&recording, &two, &plain);
+            let mut wanted = truth(&two, &found.base);
+            wanted.extend(OFFSET);
+            (wanted, found.fit)
         }),
         coverage(RUNS, |seed| {
             let recording = seven_axis_recording(&seven, 200.0, 20.0, true, Some(seed), 1.0);
             let found = identified(&recording, &seven, &friction());
-            let mut wanted = truth(&seven, &found);
+            let mut wanted = truth(&seven, &found.base);
             wanted.extend([0.7, 1.5, 0.2].repeat(7));
-            (wanted, found)
+            (wanted, found.fit)
         }),
     ];
-    let row = |name: &str, found: &TreeIdentification, worst: f64, covered: Option<f64>| {
+    let row = |name: &str, found: &Identified, worst: f64, covered: Option<Coverage>| {
         format!(
             "| {name} | {} | {worst:.1e} | {:.1} | {} |\n",
-            found.names.len(),
-            found.estimate.condition_number,
-            covered.map_or("–".to_owned(), |c| format!("{:.1} %", 100.0 * c))
+            found.fit.parameters.len(),
+            found.fit.estimate.condition_number,
+            covered.map_or("–".to_owned(), |c| format!("{:.1} %", 100.0 * c.inside))
         )
     };
     "| tree and recording | parameters | largest error without noise | condition number | inside U95 with noise, 200 runs |\n\
@@ -68,7 +79,7 @@ const TIMES_S: [f64; 6] = [0.0, 0.01, 0.02, 0.05, 0.2, 1.0];
 pub fn coloured_table() -> String {
     let (two, seven) = (two_links(), seven_axes());
     let bodies = [
-        ("two links", two_link_recording(&two, 200.0, 20.0, None), two, Wishes::default()),
+        ("two links", two_link_recording(&two, 200.0, 20.0, None), two, ProblemOptions::default()),
         (
             "seven axes and friction",
             seven_axis_recording(&seven, 200.0, 20.0, true, None, 1.0),
@@ -77,24 +88,24 @@ pub fn coloured_table() -> String {
         ),
     ];
     let mut out = "| tree | correlation time, s | inside U95 | autocorrelation not counted | warned |\n|---|---|---|---|---|\n".to_owned();
-    for (name, exact, model, wishes) in &bodies {
+    for (name, exact, model, options) in &bodies {
         let lines = TIMES_S.map(|time_s| {
             let run = move |seed: u64| {
                 let recording = with_remembered_noise(exact, time_s, seed);
-                let found = identified(&recording, model, wishes);
-                (truth(model, &found), found)
+                let found = identified(&recording, model, options);
+                (truth(model, &found.base), found.fit)
             };
-            move || covered(RUNS, run)
+            move || coverage(RUNS, run)
         });
-        let done: Vec<Covered> = std::thread::scope(|scope| {
+        let done: Vec<Coverage> = std::thread::scope(|scope| {
             let threads: Vec<_> = lines.into_iter().map(|line| scope.spawn(line)).collect();
             threads.into_iter().map(|t| t.join().expect("a study")).collect()
         });
         for (time_s, covered) in TIMES_S.into_iter().zip(done) {
-            let [inside, as_white, told] =
-                [covered.inside, covered.inside_as_white, covered.told].map(|share| 100.0 * share);
+            let [inside, as_white, warned] =
+                [covered.inside, covered.inside_as_white, covered.warned].map(|share| 100.0 * share);
             let time = if time_s > 0.0 { time_s.to_string() } else { "0 (white)".to_owned() };
-            out += &format!("| {name} | {time} | {inside:.1} % | {as_white:.1} % | {told:.0} % |\n");
+            out += &format!("| {name} | {time} | {inside:.1} % | {as_white:.1} % | {warned:.0} % |\n");
         }
     }
     out
@@ -118,6 +129,7 @@ pub fn nearest_table() -> String {
     let model = seven_axes();
     let recording = seven_axis_recording(&model, 200.0, 20.0, true, Some(1), 1.0);
     let found = identified(&recording, &model, &friction());
+    let found = BaseEstimate::of(&found.fit, &found.base);
     let mut out = "| nominal model off by | from the identified base parameters, sd | largest of one, sd | worst error of a link's \
                    mass, nominal model | full parameters |\n|---|---|---|---|---|\n"
         .to_owned();

@@ -6,15 +6,18 @@
 use std::path::{Path, PathBuf};
 
 use nalgebra::{DMatrix, DVector};
-use rigident::model::base::{BaseParameters, base_parameters};
+use rigident::answer::Links;
+use rigident::answer::states::states;
+use rigident::fit::{Fit, FitOptions, Prediction, Silent, fit};
+use rigident::model::base::BaseParameters;
 use rigident::model::human::Person;
 use rigident::model::rows::Moving;
 use rigident::model::{self, Model};
+use rigident::problem::ProblemOptions;
+use rigident::problem::tree::TreeSource;
+use rigident::problem::tree::drive::{Drive, Term};
+use rigident::problem::tree::prepare::{PreparedTree, prepare};
 use rigident::recording::Recording;
-use rigident::trees::drive::{Drive, Term};
-use rigident::trees::prepare::{PreparedTree, Wishes, prepare};
-use rigident::trees::rows::{Filtered, RowMaker, filter};
-use rigident::trees::{Input, identify};
 use rigident_shared::tree::BaseMotion;
 
 const RATE_HZ: f64 = 5000.0;
@@ -58,7 +61,7 @@ fn model() -> Model {
 }
 
 /// A part of the recording.
-fn part(model: &Model, q: &[Vec<f64>; 6], tau: &[Vec<f64>; 6], rows: std::ops::Range<usize>) -> Input {
+fn part(model: &Model, q: &[Vec<f64>; 6], tau: &[Vec<f64>; 6], rows: std::ops::Range<usize>) -> TreeSource {
     let mut recording = Recording { name: "tx40".to_owned(), rate_hz: Some(RATE_HZ), ..Recording::default() };
     recording.time_ns = rows.clone().map(|row| row as u64 * 200_000).collect();
     for (unit, values) in [("rad", q), ("nm", tau)] {
@@ -68,14 +71,14 @@ fn part(model: &Model, q: &[Vec<f64>; 6], tau: &[Vec<f64>; 6], rows: std::ops::R
         }
     }
     let terms = vec![Term::Viscous, Term::Coulomb, Term::Offset, Term::Rotor];
-    let wishes = Wishes { friction: terms, drives: vec!["m6=joint_5+joint_6".to_owned()] };
-    let PreparedTree { mut input, .. } = prepare(&recording, model, &wishes).expect("frames");
+    let options = ProblemOptions { friction: terms, drives: vec!["m6=joint_5+joint_6".to_owned()] };
+    let PreparedTree { mut input, .. } = prepare(&recording, model, &options).expect("frames");
     // A rotor on the first axis is nothing but inertia of the first link about it, and one on the second, which crosses the
     // first at a right angle, nothing but inertia of the second.
     for drive in input.drives.iter_mut().filter(|d| d.name == "joint_1" || d.name == "joint_2") {
         drive.terms.retain(|t| *t != Term::Rotor);
     }
-    input
+    TreeSource::new(input).expect("a tree")
 }
 
 /// Second-order Butterworth low-pass, forward and backward, from rest at the first value.
@@ -180,16 +183,13 @@ fn cells(shares: &[f64]) -> String {
     shares.iter().map(|s| format!("{:.1}", 100.0 * s)).collect::<Vec<_>>().join(" | ")
 }
 
-fn filtered(input: &Input, base: &BaseParameters) -> Filtered {
-    let maker = RowMaker::new(input, base).expect("a tree");
-    filter(
-        input,
-        maker,
-        rigident::identification::FILTER_WIDTH_S,
-        rigident::identification::row_every(RATE_HZ),
-        &|_| {},
-    )
-    .expect("rows")
+fn fitted(source: &TreeSource) -> Fit {
+    fit(source, &FitOptions::default(), &Silent).expect("a fit")
+}
+
+/// Residual over the measurement's standard deviation on the rows of `identify`, joint by joint.
+fn of_prediction(made: &Prediction) -> Vec<f64> {
+    made.residual_rms.iter().zip(&made.measured_sd).map(|(r, m)| r / m).collect()
 }
 
 pub fn table() -> String {
@@ -200,13 +200,21 @@ pub fn table() -> String {
     let mut out = "| fitted to | predicts | by | joint 1 | 2 | 3 | 4 | 5 | 6 |\n|---|---|---|---|---|---|---|---|---|\n".to_owned();
     let names = ["first half", "second half"];
     let mut counts = String::new();
-    let (mut halves, mut widened) = (Vec::new(), Vec::new());
+    let (mut halves, mut inflated) = (Vec::new(), Vec::new());
     for (from, to) in [(0, 1), (1, 0)] {
-        let input = part(&model, &q, &tau, ranges[from].clone());
+        let source = part(&model, &q, &tau, ranges[from].clone());
         let other = part(&model, &q, &tau, ranges[to].clone());
-        let found = identify(&input).expect("an identification");
-        let base = base_parameters(&input.model, &input.situation).expect("base parameters");
-        let states = rigident::trees::answer::states(&input, &found, None);
+        let found = fitted(&source);
+        let (input, base) = (source.input(), source.base());
+        let links = Links {
+            model: &input.model,
+            base,
+            situation: input.situation,
+            drives: source.drive_motions(),
+            idle: Vec::new(),
+            standard: None,
+        };
+        let states = states(&found, Some(&links), false);
         let identified = states.iter().filter(|s| s.measured().is_some()).count();
         counts += &format!(
             "{}: {identified} of {} parameters identified ({} base parameters, {} of drives), condition number {:.0}. ",
@@ -217,19 +225,19 @@ pub fn table() -> String {
             found.estimate.condition_number
         );
         halves.push(states);
-        widened.push(found.widened().unwrap_or(1.0));
-        let ours = rigident::trees::predict(&other, &found).expect("a prediction");
-        let ours: Vec<f64> = ours.residual_rms.iter().zip(&ours.measured_sd).map(|(r, m)| r / m).collect();
+        inflated.push(found.largest_inflation().unwrap_or(1.0));
+        let ours = of_prediction(&found.predict(&other).expect("a prediction"));
         // The usual way, judged on the same rows and on its own.
-        let own = usual(&model, &base, &input.drives, &q, &tau, ranges[from].clone());
+        let own = usual(&model, base, &input.drives, &q, &tau, ranges[from].clone());
         let plain = own.rows.clone().svd(true, true).solve(&own.measured, 1e-12).expect("a solution");
-        let rows = filtered(&other, &base);
-        let sd = rows.measured_sd();
-        let on_ours: Vec<f64> = rows.rms(plain.as_slice()).0.iter().zip(&sd).map(|(r, m)| r / m).collect();
-        let theirs = usual(&model, &base, &input.drives, &q, &tau, ranges[to].clone());
+        let on_ours = Prediction::of(&other, plain.as_slice(), &[0.0; 6]).expect("a prediction");
+        let on_ours = of_prediction(&on_ours);
+        let theirs = usual(&model, base, &input.drives, &q, &tau, ranges[to].clone());
         let plain_residual = &theirs.measured - &theirs.rows * &plain;
         let on_theirs = shares(plain_residual.as_slice(), theirs.measured.as_slice());
-        let residual = rigident::trees::residual(&found, &theirs.rows, &theirs.measured);
+        let values = (0..found.parameters.len()).map(|j| found.estimate.measured(j).map_or(0.0, |m| m.value));
+        let residual =
+            &theirs.measured - &theirs.rows * DVector::from_iterator(found.parameters.len(), values);
         let ours_on_theirs = shares(residual.as_slice(), theirs.measured.as_slice());
         for (by, shares) in [
             ("`identify`, on its rows", &ours),
@@ -242,15 +250,15 @@ pub fn table() -> String {
     }
     let both = halves[0].iter().zip(&halves[1]).filter_map(|(a, b)| Some((a.measured()?, b.measured()?)));
     let apart: Vec<f64> = both.map(|(a, b)| (a.value - b.value).abs() / a.u95.hypot(b.u95)).collect();
-    let all = identify(&part(&model, &q, &tau, 0..q[0].len())).expect("an identification");
+    let all = fitted(&part(&model, &q, &tau, 0..q[0].len()));
     counts += &format!(
         "Of {} parameters identified by both halves {} agree within their joint U95. Autocorrelation inflated intervals by up \
          to {:.1} and {:.1}, of all six seconds {:.1}.",
         apart.len(),
         apart.iter().filter(|d| **d <= 1.0).count(),
-        widened[0],
-        widened[1],
-        all.widened().unwrap_or(1.0)
+        inflated[0],
+        inflated[1],
+        all.largest_inflation().unwrap_or(1.0)
     );
     out + "\n" + counts.trim()
 }

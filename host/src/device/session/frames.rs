@@ -8,9 +8,9 @@ use rigident_shared::wire::tree_frame::{LINK_NUMBERS, MAX_TREE_FRAME, TreeFrame}
 
 use crate::model::Model;
 use crate::present::text::shortened;
+use crate::problem::tree::joints::attitude;
 use crate::recording::{ImuColumns, Recording};
 use crate::rig::{Calibrated, ImuTable, RigFile};
-use crate::trees::joints::attitude;
 
 /// Why a recording makes no frames.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

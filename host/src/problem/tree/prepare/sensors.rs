@@ -6,9 +6,10 @@ use nalgebra::{Matrix3, Vector3};
 use rigident_shared::calibration::GaugeCalibration;
 use rigident_shared::tree::BaseMotion;
 
-use super::{Preparation, TreePrepareError};
+use super::Preparation;
+use crate::problem::tree::TreePrepareError;
+use crate::problem::tree::joints::attitude;
 use crate::rig::{Calibrated, ImuTable};
-use crate::trees::joints::attitude;
 
 impl<'a> Preparation<'a> {
     /// The table of the IMU on a link, by the link's number.

@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 
 use rigident_shared::tree::Joint;
 
-use super::{JointColumns, Preparation, TreePrepareError};
-use crate::trees::columns::{Quantity, column, numbers, units};
-use crate::trees::polynomial::Polynomial;
+use super::{JointColumns, Preparation};
+use crate::problem::tree::TreePrepareError;
+use crate::problem::tree::columns::{Quantity, column, numbers, units};
+use crate::problem::tree::polynomial::Polynomial;
 
 /// Units that positions, rates and efforts of joints are recorded in.
 #[rustfmt::skip]

@@ -1,13 +1,17 @@
 //! Full parameters: what the data say is kept, the rest is the nominal model's, and every link is a body.
 
-use nalgebra::{Matrix4, Rotation3, Vector3};
+use nalgebra::Rotation3;
+use nalgebra::Vector3;
+use rigident_shared::tree::BaseMotion;
 
-use super::nearest::{divergence, nearest};
-use super::prepare::{Wishes, prepare};
-use super::simulated::{two_link_recording, two_links};
 use super::*;
+use crate::fit::{FitOptions, Silent, fit};
+use crate::model::base::{Rows, Situation};
 use crate::model::human::Person;
-use crate::model::inertial::{Parameters, impossibility, in_parent};
+use crate::model::inertial::in_parent;
+use crate::problem::tree::{Frame, Input, TreeSource};
+use crate::problem::{Problem, ProblemOptions};
+use crate::simulated::trees::{two_link_recording, two_links};
 
 /// Another guess: masses, lengths and radii off by some ten per cent.
 fn guess(model: &Model, off: f64) -> Model {
@@ -25,23 +29,37 @@ fn guess(model: &Model, off: f64) -> Model {
     guess
 }
 
-fn identified(noise: Option<u64>) -> (Model, Input, TreeIdentification) {
-    let model = two_links();
-    let recording = two_link_recording(&model, 200.0, 20.0, noise);
-    let input = prepare(&recording, &model, &Wishes::default()).unwrap().input;
-    let found = identify(&input).unwrap();
-    (model, input, found)
+/// Two links in motion: the model, and what of it is identified.
+struct Identified {
+    model: Model,
+    base: BaseParameters,
+    fit: Fit,
 }
 
-fn all(full: &nearest::Full) -> DVector<f64> {
+impl Identified {
+    fn of(noise: Option<u64>) -> Self {
+        let model = two_links();
+        let recording = two_link_recording(&model, 200.0, 20.0, noise);
+        let problem = Problem::from_recording(&recording, Some(&model), &ProblemOptions::default()).unwrap();
+        let fit = problem.fit(&FitOptions::default(), &Silent).unwrap();
+        Self { base: problem.tree().unwrap().base().clone(), model, fit }
+    }
+
+    /// Returns the full parameters nearest to a nominal model.
+    fn nearest(&self, nominal: &Model) -> Full {
+        nearest(nominal, &BaseEstimate::of(&self.fit, &self.base), 1.0, false).unwrap()
+    }
+}
+
+fn all(full: &Full) -> DVector<f64> {
     DVector::from_iterator(10 * full.links.len(), full.links.iter().flat_map(|l| l.parameters))
 }
 
 #[test]
 fn base_parameters_are_those_identified_and_every_link_is_a_body() {
     for noise in [None, Some(5)] {
-        let (model, _, found) = identified(noise);
-        let full = nearest(&guess(&model, 0.4), &found, 1.0, false).unwrap();
+        let found = Identified::of(noise);
+        let full = found.nearest(&guess(&found.model, 0.4));
         assert!(full.converged);
         // What is identified at U95 u of a scale is drawn to the nominal by no more than some u² of it.
         assert!(full.largest_sd < 0.2 && full.distance_sd < 0.5, "{} {}", full.largest_sd, full.distance_sd);
@@ -54,9 +72,9 @@ fn base_parameters_are_those_identified_and_every_link_is_a_body() {
 
 #[test]
 fn the_truth_as_nominal_model_is_its_own_answer() {
-    let (model, _, found) = identified(None);
-    let full = nearest(&model, &found, 1.0, false).unwrap();
-    let wanted = DVector::from_vec(model.nominal());
+    let found = Identified::of(None);
+    let full = found.nearest(&found.model);
+    let wanted = DVector::from_vec(found.model.nominal());
     assert!((all(&full) - &wanted).abs().max() < 1e-5 * wanted.abs().max());
     assert!(full.links.iter().all(|l| l.distance < 1e-4));
 }
@@ -64,9 +82,9 @@ fn the_truth_as_nominal_model_is_its_own_answer() {
 /// Stationary under changes that the data do not see: the projected gradient vanishes there, by differences.
 #[test]
 fn nothing_that_the_data_allow_is_nearer() {
-    let (model, _, found) = identified(Some(2));
-    let model = guess(&model, 0.3);
-    let full = nearest(&model, &found, 1.0, false).unwrap();
+    let found = Identified::of(Some(2));
+    let model = guess(&found.model, 0.3);
+    let full = found.nearest(&model);
     let phi = all(&full);
     let null = {
         let map = found.base.map();
@@ -101,10 +119,7 @@ fn the_divergence_is_the_distance_s_half_square_and_knows_no_frame() {
     let moved = divergence(&in_parent(&other, &r, &p), &in_parent(&phi, &r, &p)).unwrap();
     assert!((moved - d).abs() < 1e-9, "{moved} {d}");
     // Against its definition, with another root of the matrix.
-    let j = |phi: &Parameters| {
-        rigident_shared::inertia::InertialParameters::<rigident_shared::spatial::Body, f64>::from_vector(*phi)
-            .pseudo_inertia()
-    };
+    let j = |phi: &Parameters| InertialParameters::<Body, f64>::from_vector(*phi).pseudo_inertia();
     let one = two_links().links[0].nominal.unwrap();
     let product: Matrix4<f64> = j(&phi).try_inverse().unwrap() * j(&one);
     let wanted = product.trace() - product.determinant().ln() - 4.0;
@@ -153,7 +168,9 @@ fn symmetric_people_have_two_sides_alike_and_a_model_without_masses_is_refused()
         drives: Vec::new(),
         rate_sigma: 0.0,
     };
-    let found = identify(&input).unwrap();
+    let source = TreeSource::new(input).unwrap();
+    let found = fit(&source, &FitOptions::default(), &Silent).unwrap();
+    let found = BaseEstimate::of(&found, source.base());
     let full = nearest(&model, &found, 1.0, true).unwrap();
     assert!(full.converged);
     let mass: f64 = full.links.iter().map(|l| l.parameters[0]).sum();

@@ -5,11 +5,12 @@ use std::collections::BTreeMap;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use rigident_shared::tree::{BaseMotion, Joint};
 
-use super::{JointColumns, Preparation, TreePrepareError};
-use crate::identification::plausible;
+use super::{JointColumns, Preparation};
 use crate::present::text::shortened;
-use crate::trees::columns::{Quantity, column};
-use crate::trees::plausible::{Disagreement, SPAN_S, Spans, Turning, joint_disagreement};
+use crate::problem::body::input_checks;
+use crate::problem::tree::TreePrepareError;
+use crate::problem::tree::columns::{Quantity, column};
+use crate::problem::tree::input_checks::{Disagreement, SPAN_S, Spans, Turning, joint_disagreement};
 
 impl Preparation<'_> {
     /// Refuses `[[imu]]` tables of links that there are not, and says what is assumed where there is none.
@@ -62,7 +63,7 @@ impl Preparation<'_> {
             (motion.specific_force.into(), motion.rate.into())
         });
         let gravity = recording.rig.recording.gravity_mps2;
-        plausible::check_gravity(readings, recording.is_static, rate_hz, gravity, !accelerometer)
+        input_checks::check_gravity(readings, recording.is_static, rate_hz, gravity, !accelerometer)
             .map_err(|error| TreePrepareError::Implausible { name: recording.name.clone(), error })
     }
 

@@ -1,7 +1,7 @@
 //! Recordings of trees whose parameters are known, by inverse dynamics that share nothing with the rows.
 //!
-//! Lives here: two links with an IMU each on a load cell, seven axes with torques, and how far an identification is from
-//! them. For tests and for the tables of `docs/trees.md`.
+//! Two links with an IMU each on a load cell, seven axes with torques, people, and how far a fit is from the truth. For
+//! tests and for the tables of `docs/trees.md`.
 #![allow(clippy::missing_panics_doc, reason = "of trees that are made here")]
 
 use nalgebra::{DVector, Matrix3, Rotation3, Vector3};
@@ -9,10 +9,12 @@ use rigident_shared::inertia::InertialParameters;
 use rigident_shared::spatial::{Body, Position};
 use rigident_shared::tree::{BaseMotion, Joint, Link};
 
-use super::TreeIdentification;
 use super::noise::Noise;
+use crate::fit::Fit;
+use crate::model::base::BaseParameters;
 use crate::model::dynamics::inverse_dynamics;
 use crate::model::{Model, ModelLink};
+use crate::problem::tree::joints;
 use crate::recording::{ImuColumns, Recording};
 use crate::rig::ImuTable;
 
@@ -129,7 +131,7 @@ pub fn two_link_recording(model: &Model, rate_hz: f64, seconds: f64, noise: Opti
     let mut normal = |sigma: f64| noise.normal(sigma);
     let mut recording = Recording { name: "two".to_owned(), rate_hz: Some(rate_hz), ..Recording::default() };
     let mounting = [0.5, 0.5, -0.5, 0.5];
-    let to_imu = super::joints::attitude(&mounting).unwrap().transpose();
+    let to_imu = joints::attitude(&mounting).unwrap().transpose();
     recording.rig.imu = vec![
         ImuTable { position_m: IMU, rotation_wxyz: mounting, ..ImuTable::default() },
         ImuTable { link: 1, rotation_wxyz: mounting, ..ImuTable::default() },
@@ -239,6 +241,18 @@ pub fn with_remembered_noise(recording: &Recording, time_s: f64, seed: u64) -> R
     out
 }
 
+/// Returns the same recording by coarse encoders: white noise of `sigma` on the joints' rates, rad/s.
+pub fn with_noise_of_rates(recording: &Recording, sigma: f64, seed: u64) -> Recording {
+    let mut noise = Noise(Some(seed.wrapping_mul(977)));
+    let mut out = recording.clone();
+    for (_, cells) in out.extra.iter_mut().filter(|(name, _)| name.ends_with("_radps")) {
+        for cell in cells {
+            *cell = (cell.parse::<f64>().unwrap_or(f64::NAN) + noise.normal(sigma)).to_string();
+        }
+    }
+    out
+}
+
 /// The same recording by a load cell with relative gain errors of so much, 1 σ; its offset has none.
 pub fn with_gain_errors(recording: &Recording, sigma: [f64; 6], seed: u64) -> Recording {
     let mut noise = Noise(Some(seed.wrapping_mul(0x9e6d_62d0_6f6a_9a9b)));
@@ -311,54 +325,48 @@ pub fn person_recording(model: &Model, rate_hz: f64, seconds: f64) -> Recording 
     recording
 }
 
-/// Base parameters of the truth, in the order of the estimate.
-pub fn truth(model: &Model, found: &TreeIdentification) -> Vec<f64> {
+/// Returns the base parameters of a model's nominal bodies, in the order of `base`.
+pub fn truth(model: &Model, base: &BaseParameters) -> Vec<f64> {
     let nominal = model.nominal();
-    let skip = nominal.len() - found.base.standard.len();
-    (found.base.map() * DVector::from_column_slice(&nominal[skip..])).as_slice().to_vec()
+    let skip = nominal.len() - base.standard.len();
+    (base.map() * DVector::from_column_slice(&nominal[skip..])).as_slice().to_vec()
 }
 
-/// Largest error over the largest parameter of the same unit.
-pub fn worst(model: &Model, found: &TreeIdentification) -> f64 {
-    let truth = truth(model, found);
+/// Returns the largest error of a fit over the largest parameter of the same unit; `truth` are its first parameters.
+pub fn worst(truth: &[f64], found: &Fit) -> f64 {
     let mut worst: f64 = 0.0;
     for (j, wanted) in truth.iter().enumerate() {
-        let alike = truth.iter().zip(&found.units).filter(|(_, u)| **u == found.units[j]);
+        let alike = truth.iter().zip(&found.parameters).filter(|(_, p)| p.unit == found.parameters[j].unit);
         let scale = alike.map(|(v, _)| v.abs()).fold(0.0, f64::max);
         worst = worst.max((found.estimate.values[j] - wanted).abs() / scale);
     }
     worst
 }
 
-/// Share of parameters inside their intervals.
-pub fn coverage(runs: u64, run: impl FnMut(u64) -> (Vec<f64>, TreeIdentification)) -> f64 {
-    covered(runs, run).inside
-}
-
-/// What intervals were worth.
+/// Shares of intervals that hold the truth.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Covered {
+pub struct Coverage {
     /// Share of parameters inside their intervals.
     pub inside: f64,
-    /// Had these not counted colour.
+    /// The same share, had the intervals not counted autocorrelation.
     pub inside_as_white: f64,
-    /// Share of the runs that told of colour.
-    pub told: f64,
+    /// Share of the runs that warned of autocorrelation.
+    pub warned: f64,
 }
 
-/// Likewise, of intervals with and without the share that colour has in them.
-pub fn covered(runs: u64, mut run: impl FnMut(u64) -> (Vec<f64>, TreeIdentification)) -> Covered {
-    let (mut inside, mut as_white, mut all, mut told) = (0.0, 0.0, 0.0, 0.0);
+/// Returns how often the intervals of runs with seeds 1 to `runs` hold the truth, which each run gives beside its fit.
+pub fn coverage(runs: u64, mut run: impl FnMut(u64) -> (Vec<f64>, Fit)) -> Coverage {
+    let (mut inside, mut as_white, mut all, mut warned) = (0.0, 0.0, 0.0, 0.0);
     for seed in 1..=runs {
         let (truth, found) = run(seed);
-        told += f64::from(u8::from(!found.colour.is_empty()));
+        warned += f64::from(u8::from(found.channels.iter().any(|c| c.autocorrelation.is_some())));
         for (j, wanted) in truth.iter().enumerate() {
             let Some(m) = found.estimate.measured(j) else { continue };
-            let widening = found.widening.get(j).copied().unwrap_or(1.0);
+            let inflation = found.inflation.get(j).copied().unwrap_or(1.0);
             all += 1.0;
             inside += f64::from(u8::from((m.value - wanted).abs() <= m.u95));
-            as_white += f64::from(u8::from((m.value - wanted).abs() <= m.u95 / widening));
+            as_white += f64::from(u8::from((m.value - wanted).abs() <= m.u95 / inflation));
         }
     }
-    Covered { inside: inside / all, inside_as_white: as_white / all, told: told / runs.max(1) as f64 }
+    Coverage { inside: inside / all, inside_as_white: as_white / all, warned: warned / runs.max(1) as f64 }
 }

@@ -12,72 +12,16 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::drive::{Drive, Term};
+use super::drive::Drive;
 use super::joints::{Resolved, Seen, attitude, resolve};
 use super::rows::rows_of;
-use super::{Frame, Input};
-use crate::identification::plausible::Implausible;
+use super::{Frame, Input, TreePrepareError};
 use crate::model::base::Situation;
 use crate::model::{Finding, Model};
+use crate::problem::ProblemOptions;
+use crate::problem::body::input_checks::Implausible;
 use crate::recording::Recording;
 use crate::rig::{OffsetTable, OffsetWord};
-
-/// Why a recording cannot be used with a model.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum TreePrepareError {
-    /// Columns, tables or keys are missing.
-    #[error("{name}: {missing} missing: {advice}")]
-    Missing {
-        /// The recording.
-        name: String,
-        /// What, with its verb.
-        missing: String,
-        /// What to do.
-        advice: String,
-    },
-    /// A cell cannot be used.
-    #[error("{name}: column {column}, {row}: {reason}")]
-    Cell {
-        /// The recording.
-        name: String,
-        /// The column.
-        column: String,
-        /// The line of a CSV, or the row, from 1.
-        row: String,
-        /// Why.
-        reason: String,
-    },
-    /// Recording and model contradict each other.
-    #[error("{name} does not fit the model {model}: {why}")]
-    Fit {
-        /// The recording.
-        name: String,
-        /// The model.
-        model: String,
-        /// Why, and what to do.
-        why: String,
-    },
-    /// Readings that cannot be what they are said to be.
-    #[error("{name}: {error}")]
-    Implausible {
-        /// The recording.
-        name: String,
-        /// Why not.
-        error: Implausible,
-    },
-    /// Something asked for that is not done for trees.
-    #[error("{0}")]
-    Unsupported(String),
-}
-
-/// What to identify beside the links.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Wishes {
-    /// Friction columns of every joint.
-    pub friction: Vec<Term>,
-    /// Drives that turn with several joints: `NAME=J1+J2`.
-    pub drives: Vec<String>,
-}
 
 /// Ready to be identified.
 #[derive(Clone, Debug)]
@@ -112,7 +56,7 @@ struct Preparation<'a> {
 pub fn prepare(
     recording: &Recording,
     model: &Model,
-    wishes: &Wishes,
+    options: &ProblemOptions,
 ) -> Result<PreparedTree, TreePrepareError> {
     let dead = recording.dead_channels();
     if !dead.is_empty() {
@@ -122,7 +66,7 @@ pub fn prepare(
     let model = model.welded();
     let cells = recording.extra.iter().map(|(name, cells)| (name.as_str(), cells.as_slice())).collect();
     let mut work = Preparation { recording, model: &model, notes: Vec::new(), cells };
-    let input = work.input(wishes)?;
+    let input = work.input(options)?;
     let frames: Vec<(&[f64], Vector3<f64>)> =
         input.frames.iter().map(|f| (f.positions.as_slice(), f.base.rate)).collect();
     let mut idle = crate::model::idle::idle(&model, &frames, !input.is_static);
@@ -168,7 +112,7 @@ impl<'a> Preparation<'a> {
         Ok(tables.iter().map(|t| self.model.link(&t.name)).collect())
     }
 
-    fn input(&mut self, wishes: &Wishes) -> Result<Input, TreePrepareError> {
+    fn input(&mut self, options: &ProblemOptions) -> Result<Input, TreePrepareError> {
         let recording = self.recording;
         let numbering = self.numbering()?;
         let number_of = |i: usize| numbering.iter().position(|n| *n == Some(i));
@@ -305,7 +249,7 @@ impl<'a> Preparation<'a> {
             drives: Vec::new(),
             rate_sigma,
         };
-        if !wishes.friction.is_empty() || !wishes.drives.is_empty() {
+        if !options.friction.is_empty() || !options.drives.is_empty() {
             if !input.has_efforts() {
                 return Err(self.missing(
                     "the joints' efforts (JOINT_nm) that friction acts on are",
@@ -313,10 +257,10 @@ impl<'a> Preparation<'a> {
                 ));
             }
             let names = input.freedom_names();
-            input.drives = Drive::of_joints(&names, &input.model.tree(), &wishes.friction);
-            for words in &wishes.drives {
+            input.drives = Drive::of_joints(&names, &input.model.tree(), &options.friction);
+            for words in &options.drives {
                 let drive =
-                    Drive::parse(words, &names, &wishes.friction).map_err(TreePrepareError::Unsupported)?;
+                    Drive::parse(words, &names, &options.friction).map_err(TreePrepareError::Unsupported)?;
                 input.drives.push(drive);
             }
             input.drives.retain(|drive| !drive.terms.is_empty());

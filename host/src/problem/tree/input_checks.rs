@@ -2,7 +2,7 @@
 //!
 //! Lives here: gross errors of units, signs and axes, which the fit would take for bodies and which two measurements of one
 //! motion contradict. Nothing is differentiated: how far something has turned over a tenth of a second is compared with the
-//! integral of its rate. May not live here: |a| against gravity ([`crate::identification::plausible`]), columns that are
+//! integral of its rate. May not live here: |a| against gravity ([`crate::problem::body::input_checks`]), columns that are
 //! missing ([`super::prepare`]).
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
@@ -401,5 +401,5 @@ fn factor_in_words(factor: f64, slides: bool, [position, rate]: [&str; 2]) -> St
 }
 
 #[cfg(test)]
-#[path = "plausible_tests.rs"]
+#[path = "input_checks_tests.rs"]
 mod tests;

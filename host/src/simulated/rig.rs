@@ -1,9 +1,4 @@
-//! What the simulator's rig is to the pipeline.
-//!
-//! Lives here: readings, mounting and limits in the pipeline's types, and people in motion ([`person`]). May not live here: experiments and their judgement
-//! ([`crate::montecarlo`]).
-
-pub mod person;
+//! The simulator's rig in the pipeline's types.
 
 use rigident_shared::Scalar;
 use rigident_shared::calibration::{ImuMounting, Reading};
@@ -13,7 +8,7 @@ use rigident_sim::rig::{ReadingRow, RigConfig};
 
 use crate::recording::FROZEN_AFTER;
 
-/// A row as the pipeline takes it.
+/// Returns a row as the pipeline takes it.
 pub fn reading<T: Scalar>(row: &ReadingRow) -> Reading<T> {
     let f = T::from_f64_const;
     Reading {
@@ -24,7 +19,7 @@ pub fn reading<T: Scalar>(row: &ReadingRow) -> Reading<T> {
     }
 }
 
-/// Where the simulated IMU sits.
+/// Returns how the simulated IMU is mounted.
 pub fn mounting<T: Scalar>(config: &RigConfig) -> ImuMounting<T> {
     let f = T::from_f64_const;
     ImuMounting {
@@ -36,7 +31,7 @@ pub fn mounting<T: Scalar>(config: &RigConfig) -> ImuMounting<T> {
     }
 }
 
-/// Ranges of the simulated sensors.
+/// Returns the ranges of the simulated sensors.
 pub fn limits<T: Scalar>(config: &RigConfig) -> Limits<T> {
     let f = T::from_f64_const;
     let (cell, imu) = (&config.sensors.load_cell, &config.sensors.imu);

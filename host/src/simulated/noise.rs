@@ -1,11 +1,11 @@
-//! Numbers by chance that are the same on every machine.
+//! Random numbers that are the same on every machine.
 
 /// Steele's splitmix64 and Box and Muller's transformation: the same noise for a seed on every machine.
-pub(crate) struct Noise(pub(crate) Option<u64>);
+pub(super) struct Noise(pub(super) Option<u64>);
 
 impl Noise {
-    /// In 0 to 1.
-    pub(crate) fn uniform(&mut self) -> f64 {
+    /// Returns a number between 0 and 1.
+    pub(super) fn uniform(&mut self) -> f64 {
         let state = self.0.get_or_insert(0);
         *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = *state;
@@ -14,8 +14,8 @@ impl Noise {
         ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// Zero without a seed.
-    pub(crate) fn normal(&mut self, sigma: f64) -> f64 {
+    /// Returns a normal number of standard deviation `sigma`; zero without a seed.
+    pub(super) fn normal(&mut self, sigma: f64) -> f64 {
         if self.0.is_none() || sigma == 0.0 {
             return 0.0;
         }

@@ -5,10 +5,11 @@ use std::collections::BTreeMap;
 use nalgebra::Vector3;
 use rigident_shared::tree::Joint;
 
-use super::{JointColumns, Preparation, TreePrepareError};
+use super::{JointColumns, Preparation};
 use crate::model::base::Rows;
 use crate::model::idle::white_noise;
-use crate::trees::polynomial::Polynomial;
+use crate::problem::tree::TreePrepareError;
+use crate::problem::tree::polynomial::Polynomial;
 
 /// Attitudes this much off what a joint can do are another joint's, rad: far beyond what IMUs and straps do.
 const ANOTHER_JOINT: f64 = 0.15;

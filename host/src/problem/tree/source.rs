@@ -6,12 +6,12 @@ use std::sync::{Mutex, PoisonError};
 use rigident_shared::screening::Rejection;
 use rigident_shared::tree::{BaseMotion, Joint, TreeError};
 
-use super::signs::Signs;
+use super::drive::Term;
+use super::rows::{RowMaker, names_and_units};
+use super::{Frame, Input, TreeSourceError};
 use crate::fit::{Channel, DriveMotion, Fingerprint, Kind, Owner, Parameter, RowSource, SampleRows, Timing};
 use crate::model::base::{BaseParameters, ROUNDED, base_parameters};
-use crate::trees::drive::Term;
-use crate::trees::rows::{RowMaker, names_and_units};
-use crate::trees::{Frame, Input, TreeIdentificationError};
+use crate::problem::signs::Signs;
 
 /// Rows of the wrench.
 const WRENCH: usize = 6;
@@ -32,10 +32,10 @@ impl TreeSource {
     /// Returns the source of frames of a tree.
     ///
     /// # Errors
-    /// [`TreeIdentificationError`] if the model has no base parameters, or the frames do not fit it.
-    pub fn new(input: Input) -> Result<Self, TreeIdentificationError> {
+    /// [`TreeSourceError`] if the model has no base parameters, or the frames do not fit it.
+    pub fn new(input: Input) -> Result<Self, TreeSourceError> {
         let base = base_parameters(&input.model, &input.situation)?;
-        Self::with_base(input, base).map_err(TreeIdentificationError::Tree)
+        Self::with_base(input, base).map_err(TreeSourceError::Frames)
     }
 
     /// Returns the same source with the parameters in the order of a device: that of the standard parameters that stand
@@ -43,10 +43,10 @@ impl TreeSource {
     ///
     /// # Errors
     /// See [`TreeSource::new`].
-    pub fn in_device_order(self) -> Result<Self, TreeIdentificationError> {
+    pub fn in_device_order(self) -> Result<Self, TreeSourceError> {
         let Self { input, mut base, .. } = self;
         base.parameters.sort_by_key(|p| p.terms.first().map(|(column, _)| *column));
-        Self::with_base(input, base).map_err(TreeIdentificationError::Tree)
+        Self::with_base(input, base).map_err(TreeSourceError::Frames)
     }
 
     fn with_base(input: Input, base: BaseParameters) -> Result<Self, TreeError> {

@@ -2,7 +2,7 @@
 
 use rigident_shared::tree::Joint;
 
-use super::prepare::TreePrepareError;
+use super::TreePrepareError;
 use crate::recording::Recording;
 use crate::rig::{ColumnSource, JointTable, RigFile};
 

@@ -1,0 +1,100 @@
+//! Frames of a tree: what is measured at one instant, and how it is to be understood.
+
+use rigident_shared::tree::BaseMotion;
+
+use super::drive::Drive;
+use crate::model::Model;
+use crate::model::base::{Rows, Situation};
+
+/// One instant.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// Its time, ns.
+    pub time_ns: u64,
+    /// Coordinates of all joints, as [`crate::model::rows::Moving::set`] takes them.
+    pub positions: Vec<f64>,
+    /// Rates of all joints in the same order, rad/s and m/s.
+    pub rates: Vec<f64>,
+    /// Specific force at the base's IMU and the base's rate, axes of the base; angular acceleration is not looked at.
+    pub base: BaseMotion<f64>,
+    /// Wrench on the base link about its origin, N and N m; unused if it is not among the rows.
+    pub wrench: [f64; 6],
+    /// Force or torque of every freedom's drive, N or N m; empty if they are not among the rows.
+    pub efforts: Vec<f64>,
+}
+
+/// The frames of a recording with what is known of the tree and its sensors.
+#[derive(Clone, Debug)]
+pub struct Input {
+    /// The tree, without fixed joints.
+    pub model: Model,
+    /// Instants in the order of their times.
+    pub frames: Vec<Frame>,
+    /// Each is a still pose of its own, without time.
+    pub is_static: bool,
+    /// Frames per second; not used for still poses.
+    pub rate_hz: f64,
+    /// Where the base's IMU sits, in the base's frame, m.
+    pub imu_position: [f64; 3],
+    /// The quantities that are measured, and the kind of base.
+    pub situation: Situation,
+    /// 1 σ per reading: wrench, then efforts, as far as they are among the rows; `None`: from the residuals.
+    pub channel_sigma: Option<Vec<f64>>,
+    /// The wrench's offset if known; `None`: estimated.
+    pub known_offset: Option<[f64; 6]>,
+    /// 1 σ of the load cell's relative gain errors, constant over the recording; zero: none.
+    pub gain_sigma: [f64; 6],
+    /// Drives that turn with the joints, with their friction.
+    pub drives: Vec<Drive>,
+    /// 1 σ of the rates of the links, rad/s: information that their noise alone would bring is none.
+    pub rate_sigma: f64,
+}
+
+impl Input {
+    /// Returns these settings with other frames.
+    pub(crate) fn with_frames(&self, frames: Vec<Frame>) -> Self {
+        Self {
+            frames,
+            model: self.model.clone(),
+            channel_sigma: self.channel_sigma.clone(),
+            drives: self.drives.clone(),
+            ..*self
+        }
+    }
+
+    /// Returns true if the wrench is among the rows.
+    pub fn has_wrench(&self) -> bool {
+        self.situation.rows != Rows::Joint
+    }
+
+    /// Returns true if the joints' drives are among the rows.
+    pub fn has_efforts(&self) -> bool {
+        self.situation.rows != Rows::Base
+    }
+
+    /// Returns the names of the channels: `fx` … `mz`, then the joints'.
+    pub fn channels(&self) -> Vec<String> {
+        let mut names: Vec<String> = Vec::new();
+        if self.has_wrench() {
+            names.extend(["fx", "fy", "fz", "mx", "my", "mz"].map(str::to_owned));
+        }
+        if self.has_efforts() {
+            names.extend(self.freedom_names());
+        }
+        names
+    }
+
+    /// Returns a name for every freedom: the joint's, numbered where it has several.
+    pub fn freedom_names(&self) -> Vec<String> {
+        let links = self.model.links.iter().skip(1);
+        links
+            .flat_map(|l| {
+                let several = l.link.joint.freedoms();
+                (0..several).map(move |k| match several {
+                    1 => l.joint_name.clone(),
+                    _ => format!("{}[{k}]", l.joint_name),
+                })
+            })
+            .collect()
+    }
+}

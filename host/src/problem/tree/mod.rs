@@ -1,0 +1,25 @@
+//! Trees of links: from a recording and a model to the rows of base wrench and joint torques.
+//!
+//! Lives here: a recording brought to frames of joints and base ([`prepare`]) with the columns that joints have
+//! ([`columns`]), their coordinates from attitudes and gyros ([`joints`]) or as slopes of polynomials ([`polynomial`]),
+//! checks whether columns tell of one motion ([`input_checks`]), drives with friction ([`drive`]), the rows of a frame
+//! ([`rows`]), and the source that hands them to the fit ([`TreeSource`]). May not live here: the formulas of the rows
+//! (`rigident_shared::tree`), which parameters there are ([`crate::model::base`]), and whatever is done with rows
+//! ([`crate::fit`]).
+
+pub mod columns;
+pub mod drive;
+mod error;
+mod frames;
+pub mod input_checks;
+pub mod joints;
+pub mod polynomial;
+pub mod prepare;
+pub mod rows;
+#[cfg(test)]
+mod rows_tests;
+mod source;
+
+pub use error::{TreePrepareError, TreeSourceError};
+pub use frames::{Frame, Input};
+pub use source::TreeSource;

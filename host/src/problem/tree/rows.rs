@@ -1,0 +1,195 @@
+//! The rows of a frame: base parameters, offsets and drives as columns.
+
+use nalgebra::{DMatrix, Matrix3, Vector3};
+use rigident_shared::inertia::PARAMETER_NAMES;
+use rigident_shared::tree::{Joint, Link, TreeError};
+
+use super::drive::Term;
+use super::{Frame, Input};
+use crate::model::base::{BaseParameters, Rows};
+use crate::model::rows::{MomentumRows, Moving};
+
+/// Makes the rows of an instant, in two parts.
+///
+/// The base's specific force is measured where its IMU sits, U. The links' momentum is taken about U therefore, U being
+/// the root of the tree and the base link fixed to it; the wrench is then brought back to the base's origin.
+pub struct RowMaker {
+    moving: Moving,
+    imu: Vector3<f64>,
+    wrench: bool,
+    efforts: bool,
+    still: bool,
+    offset: bool,
+    /// Standard columns that stand for the base parameters, and what makes of them the base parameters' own columns;
+    /// `None` where these are the same.
+    leads: Vec<usize>,
+    mix: Option<DMatrix<f64>>,
+    drives: Vec<(super::drive::Drive, usize)>,
+    columns: usize,
+}
+
+/// Returns names and units of all parameters: base parameters, offsets, drives.
+pub fn names_and_units(input: &Input, base: &BaseParameters) -> (Vec<String>, Vec<&'static str>) {
+    let (mut names, mut units) = (Vec::new(), Vec::new());
+    for parameter in &base.parameters {
+        names.push(parameter.name.clone());
+        units.push(match parameter.terms.first().map_or(0, |t| t.0 % 10) {
+            0 => "kg",
+            1..4 => "kg m",
+            _ => "kg m2",
+        });
+    }
+    if estimates_offset(input) {
+        for (k, name) in PARAMETER_NAMES.iter().enumerate().skip(10) {
+            names.push((*name).to_owned());
+            units.push(if k < 13 { "N" } else { "N m" });
+        }
+    }
+    for drive in input.drives.iter().filter(|_| input.has_efforts()) {
+        for term in &drive.terms {
+            names.push(format!("{}.{}", drive.name, term.name()));
+            units.push(term.unit(drive.slides));
+        }
+    }
+    (names, units)
+}
+
+fn estimates_offset(input: &Input) -> bool {
+    input.has_wrench() && input.known_offset.is_none()
+}
+
+impl RowMaker {
+    /// Returns the maker of the rows of a recording.
+    ///
+    /// # Errors
+    /// [`TreeError`] if the links are in no order.
+    pub fn new(input: &Input, base: &BaseParameters) -> Result<Self, TreeError> {
+        let imu = Vector3::from(input.imu_position);
+        let one = Matrix3::identity();
+        let root = Link { parent: 0, joint: Joint::Fixed, rotation: one, position: Vector3::zeros() };
+        let mut links = vec![root, Link { position: -imu, ..root }];
+        let own = input.model.links.iter().skip(1);
+        links.extend(own.map(|l| Link { parent: l.link.parent + 1, ..l.link }));
+        // Columns of the root are no link's; those of a base held still, without its wrench, are left out too.
+        let skip = 10 + 10 * input.model.links.len() - base.standard.len();
+        let leads: Vec<usize> =
+            base.parameters.iter().filter_map(|p| Some(p.terms.first()?.0 + skip)).collect();
+        let map = base.map();
+        let square = DMatrix::from_fn(leads.len(), leads.len(), |i, j| map[(i, leads[j] - skip)]);
+        // Y = Y_B B on all columns, so Y_B = Y_leads B_leads⁻¹.
+        let mix =
+            if square == DMatrix::identity(leads.len(), leads.len()) { None } else { square.try_inverse() };
+        let (names, _) = names_and_units(input, base);
+        let mut drives = Vec::new();
+        let mut at = leads.len() + if estimates_offset(input) { 6 } else { 0 };
+        for drive in input.drives.iter().filter(|_| input.has_efforts()) {
+            drives.push((drive.clone(), at));
+            at += drive.terms.len();
+        }
+        Ok(Self {
+            moving: Moving::new(links)?,
+            imu,
+            wrench: input.has_wrench(),
+            efforts: input.has_efforts(),
+            still: input.is_static,
+            offset: estimates_offset(input),
+            leads,
+            mix,
+            drives,
+            columns: names.len(),
+        })
+    }
+
+    /// Returns the rows of a frame, one a channel.
+    ///
+    /// # Errors
+    /// [`TreeError::Lengths`] if the frame does not fit the tree.
+    pub fn rows(&mut self, frame: &Frame) -> Result<MomentumRows, TreeError> {
+        let zeros = vec![0.0; self.moving.freedoms()];
+        self.moving.set(&frame.positions, &frame.rates, &zeros, &frame.base)?;
+        let parts = self.moving.momentum_rows()?;
+        Ok(MomentumRows {
+            smoothed: self.part(&parts.smoothed, frame, true),
+            // In still poses nothing changes.
+            differentiated: if self.still {
+                vec![0.0; self.channels() * self.columns]
+            } else {
+                self.part(&parts.differentiated, frame, false)
+            },
+        })
+    }
+
+    fn channels(&self) -> usize {
+        (if self.wrench { 6 } else { 0 }) + (if self.efforts { self.moving.freedoms() } else { 0 })
+    }
+
+    fn part(&self, all: &[f64], frame: &Frame, smoothed: bool) -> Vec<f64> {
+        let stride = self.moving.columns();
+        let row = |k: usize| &all[k * stride..(k + 1) * stride];
+        let mut out = Vec::with_capacity(self.channels() * self.columns);
+        if self.wrench {
+            for axis in 0..6 {
+                let start = out.len();
+                self.select(&mut out, &|c| {
+                    let moment = row(axis)[c];
+                    if axis < 3 {
+                        return moment;
+                    }
+                    // M about S = M about U + p × F
+                    let (j, k) = ((axis + 1) % 3, (axis + 2) % 3);
+                    moment + self.imu[j] * row(k)[c] - self.imu[k] * row(j)[c]
+                });
+                if self.offset && smoothed {
+                    out[start + self.leads.len() + axis] = 1.0;
+                }
+            }
+        }
+        if self.efforts {
+            for freedom in 0..self.moving.freedoms() {
+                let start = out.len();
+                self.select(&mut out, &|c| row(6 + freedom)[c]);
+                for (drive, at) in &self.drives {
+                    let Some((_, factor)) = drive.rates.iter().find(|(k, _)| *k == freedom) else { continue };
+                    let rate = drive.rate(&frame.rates);
+                    for (k, term) in drive.terms.iter().enumerate() {
+                        let value = match (term, smoothed) {
+                            (Term::Viscous, true) => rate,
+                            // At rest it is nowhere.
+                            (Term::Coulomb, true) if rate != 0.0 => rate.signum(),
+                            (Term::Offset, true) => 1.0,
+                            (Term::Rotor, false) => rate,
+                            _ => 0.0,
+                        };
+                        out[start + at + k] = factor * value;
+                    }
+                }
+            }
+        }
+        out
+    }
+
+    /// One row: base parameters' columns of a row of standard ones, room for the others.
+    fn select(&self, out: &mut Vec<f64>, of: &dyn Fn(usize) -> f64) {
+        let start = out.len();
+        out.resize(start + self.columns, 0.0);
+        let lead: Vec<f64> = self.leads.iter().map(|c| of(*c)).collect();
+        match &self.mix {
+            None => out[start..start + lead.len()].copy_from_slice(&lead),
+            Some(mix) => {
+                for (k, column) in mix.column_iter().enumerate() {
+                    out[start + k] = column.iter().zip(&lead).map(|(m, v)| m * v).sum();
+                }
+            }
+        }
+    }
+}
+
+/// Returns which rows there are if the base's wrench or the joints' efforts are measured; `None` without either.
+pub fn rows_of(wrench: bool, efforts: bool) -> Option<Rows> {
+    match (wrench, efforts) {
+        (true, true) => Some(Rows::Both),
+        (true, false) => Some(Rows::Base),
+        (false, true) => Some(Rows::Joint),
+        (false, false) => None,
+    }
+}

@@ -1,0 +1,15 @@
+//! Simulated recordings and bodies, for demonstrations, tests and tables.
+//!
+//! Lives here: trees of known parameters and recordings of them ([`trees`]), with the feature `simulator` also readings,
+//! mounting and limits of the simulated rig in the pipeline's types, and people in motion ([`person`]). May not live here:
+//! experiments and their judgement (`crate::montecarlo`).
+
+mod noise;
+#[cfg(feature = "simulator")]
+pub mod person;
+#[cfg(feature = "simulator")]
+mod rig;
+pub mod trees;
+
+#[cfg(feature = "simulator")]
+pub use rig::{limits, mounting, reading};
