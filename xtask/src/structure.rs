@@ -57,19 +57,13 @@ const KNOWN_ARROWS: [KnownArrow; 25] = [
 ];
 
 /// Files of the host that name sizes of factors, with the reason. One remains when the host has one `Factor`.
-const KNOWN_SIZES: [(&str, &str); 12] = [
+const KNOWN_SIZES: [(&str, &str); 6] = [
     ("answer/weakest.rs", "reads the triangle of one body's factor"),
-    ("cli/adaptive.rs", "reads what the device knows"),
-    ("device/session/take.rs", "takes the device's factor"),
     ("identification/known/rows.rs", "absorbs known values"),
     ("identification/mod.rs", "defines the factor of one body"),
     ("identification/pooled.rs", "merges and files factors of one body"),
     ("identification/remembered.rs", "fits one body with forgetting"),
     ("identification/tare.rs", "subtracts the bare fixture"),
-    ("montecarlo/mod.rs", "takes the estimator's factor of one trial"),
-    ("plan/adaptive/information.rs", "sums the information of the device's factor"),
-    ("plan/adaptive/rehearsal.rs", "takes the estimator's factor of a rehearsal"),
-    ("plan/motion/predict.rs", "takes the predicted factor of a motion"),
 ];
 
 /// Runs every check.

@@ -148,13 +148,6 @@ impl Estimate {
         self.beforehand.as_ref().map_or(self, |(_, data)| data)
     }
 
-    /// From numbers that no rows stand behind, as a bound or a design gives them; σ is given. Known quantities
-    /// do not change it.
-    #[cfg(any(test, feature = "simulator"))]
-    pub(crate) fn from_parts(values: Vec<f64>, covariance: DMatrix<f64>, determined: Vec<bool>) -> Self {
-        Self::of_numbers(values, covariance, determined, 1.0, Noise::Given)
-    }
-
     /// The first ten parameters, determined or not.
     pub(crate) fn body(&self) -> [f64; 10] {
         std::array::from_fn(|j| self.values.get(j).copied().unwrap_or(0.0))

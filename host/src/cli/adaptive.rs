@@ -6,8 +6,7 @@ use rigident_shared::wire::{EstimateReport, Settings};
 
 use super::Failure;
 use crate::device::session::{Director, Proposal};
-use crate::identification::Factor;
-use crate::identification::pooled::{RowSet, judge};
+use crate::fit::{Factor, RowSet, Solution, judge};
 use crate::plan::adaptive::library::word;
 use crate::plan::adaptive::planner::Known;
 use crate::plan::adaptive::{Asked, Decision, Information, Next, Planner, RigModel};
@@ -182,18 +181,14 @@ impl Directing {
     }
 
     fn told(&self, factor: &Factor) -> Told {
-        let (determined, estimate): (Vec<bool>, Vec<f64>) = match factor {
-            Factor::Ten(f) => {
-                let s = f.solve();
-                (s.determined.to_vec(), s.estimate.to_vec())
-            }
-            Factor::Sixteen(f) => {
-                let s = f.solve();
-                (s.determined.to_vec(), s.estimate.to_vec())
-            }
-        };
+        let Solution { determined, estimate, .. } = factor.solve(factor.rounding());
         let fitted = determined.iter().filter(|d| **d).count();
-        let rows = RowSet { rows: factor.rows(), noise_gain: self.model.noise_gain(), sigma_given: true };
+        let rows = RowSet {
+            rows: factor.rows(),
+            channels: 6,
+            noise_gain: self.model.noise_gain(),
+            sigma_given: true,
+        };
         Told {
             information: self.model.of_factor(factor),
             estimate: (fitted == determined.len()).then_some(estimate),

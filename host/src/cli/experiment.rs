@@ -294,11 +294,7 @@ impl Experiment<'_> {
             }
         };
         let stages = Stages::new("estimate");
-        let (loaded, mut found, mcu) = match take
-            .factor
-            .as_ref()
-            .map(crate::device::session::DeviceFactor::to_factor)
-        {
+        let (loaded, mut found, mcu) = match take.factor.clone() {
             Some(factor) => {
                 let device = DeviceFactor {
                     factor,

@@ -87,6 +87,14 @@ impl Estimate {
         }
     }
 
+    /// Builds the estimate that a bound or a design gives: no rows stand behind it, and everything is determined.
+    #[cfg(feature = "simulator")]
+    pub(crate) fn of_bound(values: Vec<f64>, covariance: DMatrix<f64>) -> Self {
+        let determined = vec![true; values.len()];
+        let null_directions = Vec::new();
+        Self { values, covariance, determined, null_directions, condition_number: 1.0, noise: Noise::Given }
+    }
+
     /// Returns the number of parameters.
     pub fn len(&self) -> usize {
         self.values.len()

@@ -105,6 +105,11 @@ impl Factor {
         self.residual_sum_of_squares
     }
 
+    /// Returns what is no more than rounding in as many columns of unit length.
+    pub fn rounding(&self) -> f64 {
+        f64::EPSILON * self.parameters as f64
+    }
+
     /// Returns true if every number is finite.
     pub fn is_finite(&self) -> bool {
         self.residual_sum_of_squares.is_finite() && self.triangle.iter().all(|v| v.is_finite())

@@ -1,7 +1,7 @@
 //! What the intervals are worth: the same experiment many times over, each with its own noise.
 //!
 //! Lives here: the experiments and what they are judged by, the bound ([`bound`]). May not live here: the
-//! estimator (that is [`crate::identification`], used as it ships), printing. Before this: `rigident_sim`; after
+//! estimator (that is [`crate::fit`], used as it ships), printing. Before this: `rigident_sim`; after
 //! it: [`crate::cli`].
 
 mod bound;
@@ -17,9 +17,13 @@ use rigident_shared::estimator::{Estimator, EstimatorConfig};
 use rigident_sim::rig::{ReadingRow, Readings, RigConfig, RigError, Truth};
 use rigident_sim::sensors::{LoadCellModel, PerExperiment, SensorModels};
 
-use crate::answer::Estimate;
 use crate::answer::derived::{centre_of_mass, inertia_com};
-use crate::identification::{self, Factor, Identification, IdentificationError, Input};
+use crate::fit::{
+    DeviceFactor, Estimate, Factor, Fit, FitError, FitOptions, Silent, filter_width_s, fit, fit_device,
+    row_every,
+};
+use crate::problem::body::{BodySource, Input};
+use crate::rig::ImuTable;
 use crate::simulated::{limits, mounting, reading};
 pub use bound::{PARAMETERS, bound};
 
@@ -100,7 +104,7 @@ pub enum CampaignError {
         /// The experiment.
         seed: u64,
         /// Why.
-        error: IdentificationError,
+        error: FitError,
     },
     /// The firmware's filter has not so many taps.
     #[error(
@@ -266,7 +270,7 @@ impl Campaign {
         let bound = bound(&self.config, &program, self.rate_hz)?.ok_or(CampaignError::Undetermined)?;
         let own: [f64; PARAMETERS] = std::array::from_fn(|j| bound[(j, j)].sqrt());
         let body = self.config.body.parameters().into_iter().chain([0.0; 6]).collect();
-        let (_, of_derived) = derived(&Estimate::from_parts(body, bound, vec![true; PARAMETERS]));
+        let (_, of_derived) = derived(&Estimate::of_bound(body, bound));
         Ok(Prepared { campaign: self, readings, crb_std: joined(own, of_derived) })
     }
 }
@@ -364,15 +368,15 @@ impl Prepared {
         })
     }
 
-    fn experiment(&self, seed: u64) -> Result<Outcome, IdentificationError> {
+    fn experiment(&self, seed: u64) -> Result<Outcome, FitError> {
         let rows: Vec<ReadingRow> = self.readings.measured(seed).collect();
-        let input = self.input(rows.iter().map(reading).collect());
-        let identification = match self.campaign.solver {
-            Solver::Host => identification::identify(&input)?,
-            Solver::Firmware => self.by_firmware(&rows, &input)?,
+        let source = self.source(rows.iter().map(reading).collect());
+        let found = match self.campaign.solver {
+            Solver::Host => fit(&source, &FitOptions::default(), &Silent)?,
+            Solver::Firmware => self.by_firmware(&rows, &source)?,
         };
         let truth = true_parameters(&self.readings.truth(seed));
-        let estimate = &identification.estimate;
+        let estimate = &found.estimate;
         let (values, of_derived) = derived(estimate);
         let (values, truth) =
             (joined(estimate.values.iter().copied(), values), joined(truth, self.true_derived()));
@@ -380,7 +384,7 @@ impl Prepared {
         Ok(Outcome {
             error: std::array::from_fn(|j| values[j] - truth[j]),
             sd: joined(own, of_derived),
-            coverage_factor: estimate.coverage_factor,
+            coverage_factor: estimate.coverage_factor(),
         })
     }
 
@@ -391,42 +395,54 @@ impl Prepared {
         [x, y, z, xx, yy, zz, yz, zx, xy]
     }
 
-    fn by_firmware(&self, rows: &[ReadingRow], input: &Input) -> Result<Identification, IdentificationError> {
+    fn by_firmware(&self, rows: &[ReadingRow], source: &BodySource) -> Result<Fit, FitError> {
         let campaign = &self.campaign;
-        let mut estimator = Box::new(
-            Estimator::<f32, PARAMETERS, FIRMWARE_TAPS>::new(&EstimatorConfig {
-                rate_hz: campaign.rate_hz as f32,
-                filter_width_s: identification::filter_width_s(campaign.rate_hz) as f32,
-                row_every: identification::row_every(campaign.rate_hz),
-                channel_sigma: campaign.config.sensors.load_cell.noise_n_nm.map(|s| s as f32),
-                known_offset: [0.0; 6],
-                mounting: mounting(&campaign.config),
-                limits: limits(&campaign.config),
-            })
-            .map_err(IdentificationError::Config)?,
-        );
+        let settings = EstimatorConfig {
+            rate_hz: campaign.rate_hz as f32,
+            filter_width_s: filter_width_s(campaign.rate_hz) as f32,
+            row_every: row_every(campaign.rate_hz),
+            channel_sigma: campaign.config.sensors.load_cell.noise_n_nm.map(|s| s as f32),
+            known_offset: [0.0; 6],
+            mounting: mounting(&campaign.config),
+            limits: limits(&campaign.config),
+        };
+        let estimator = Estimator::<f32, PARAMETERS, FIRMWARE_TAPS>::new(&settings);
+        let mut estimator = Box::new(estimator.map_err(|error| source.refuse(error))?);
         for row in rows {
             estimator.absorb(&reading(row));
         }
-        let factor = Factor::Sixteen(Box::new(estimator.factor().cast(f64::from)));
-        identification::conclude_firmware(input, factor, true)
+        let device = DeviceFactor {
+            factor: Factor::from(&estimator.factor().cast(f64::from)),
+            is_filtered: true,
+            sigma_given: true,
+            outliers: None,
+        };
+        fit_device(source, &device, &FitOptions::default(), &Silent)
     }
 
-    /// What a rig file of this rig would state.
-    fn input(&self, readings: Vec<Reading<f64>>) -> Input {
+    /// Returns the source of readings, settings and noise as a rig file of this rig would state them.
+    fn source(&self, readings: Vec<Reading<f64>>) -> BodySource {
         let config = &self.campaign.config;
         let (cell, imu) = (&config.sensors.load_cell, &config.sensors.imu);
-        Input {
+        let largest = |sigma: [f64; 3]| sigma.iter().copied().fold(0.0, f64::max);
+        let stated = |sigma: [f64; 3]| Some(largest(sigma)).filter(|s| *s > 0.0);
+        let table = ImuTable {
+            accel_noise_mps2: stated(imu.accel_noise_mps2),
+            gyro_noise_radps: stated(imu.gyro_noise_radps),
+            ..ImuTable::default()
+        };
+        let input = Input {
             readings,
             is_static: false,
             rate_hz: self.campaign.rate_hz,
             mounting: mounting(config),
             channel_sigma: Some(cell.noise_n_nm),
-            gyro_sigma: Some(imu.gyro_noise_radps.iter().copied().fold(0.0, f64::max)),
+            gyro_sigma: Some(largest(imu.gyro_noise_radps)),
             known_offset: None,
             gain_sigma: if self.campaign.tell_gain_errors { cell.gain_error.spread } else { [0.0; 6] },
             limits: limits(config),
-        }
+        };
+        BodySource::new(input, Some(&table))
     }
 }
 

@@ -9,7 +9,7 @@ use rigident_shared::wire::{
 };
 
 use super::Transport;
-use crate::identification::Factor;
+use crate::fit::Factor;
 
 /// A command is sent again after so long without an answer.
 const PATIENCE: Duration = Duration::from_millis(700);
@@ -229,13 +229,16 @@ impl Client {
         Ok(answers)
     }
 
-    /// Fetches the factor, row by row.
+    /// Fetches the factor of one body, row by row.
     ///
     /// # Errors
     /// The link, or nothing absorbed yet.
     pub fn factor(&mut self) -> Result<Factor, LinkError> {
         let (parameters, entries, rows) = self.factor_numbers()?;
-        Factor::from_entries(parameters, entries, rows).ok_or(LinkError::Nonsense(FACTOR))
+        let fits = matches!(parameters, 10 | 16);
+        fits.then(|| Factor::from_entries(parameters, &entries, u64::from(rows)))
+            .flatten()
+            .ok_or(LinkError::Nonsense(FACTOR))
     }
 
     /// The same as numbers, of whatever model: parameters, the triangle by rows with z and the residual sum, scalar rows.

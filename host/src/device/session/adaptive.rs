@@ -5,7 +5,7 @@ use hexapod::MotionProgram;
 use rigident_shared::wire::{Command, EstimateReport};
 
 use super::{INTERRUPTED, Observer, STOPPED, Session, SessionError, Take, Taking, tell};
-use crate::identification::Factor;
+use crate::fit::Factor;
 use crate::platform::{Motion, Platform, PlatformError};
 
 /// What a platform is asked for.

@@ -23,7 +23,7 @@ use rigident_shared::wire::{
 pub use adaptive::{Director, Proposal};
 pub use settings::{DeviceTiming, SettingsError, settings};
 use take::Taking;
-pub use take::{DeviceFactor, Observer, Take, narrow, widen};
+pub use take::{Observer, Take, narrow, widen};
 
 use crate::device::link::{Client, LinkError};
 use crate::fit::Factor;
@@ -315,7 +315,7 @@ impl Session {
         };
         // Of a level what was taken is here, whatever became of the rest.
         let taken = taking.level.as_deref().filter(|level| level.rows() > 0);
-        let factor = factor.or_else(|| taken.map(|level| DeviceFactor::Links(Factor::from(level))));
+        let factor = factor.or_else(|| taken.map(|level| Factor::from(level)));
         Take {
             readings: taking.readings,
             links: taking.links,
@@ -332,11 +332,7 @@ impl Session {
         }
     }
 
-    fn fetch(
-        &mut self,
-        taking: &mut Taking,
-        observer: &mut dyn Observer,
-    ) -> Result<DeviceFactor, SessionError> {
+    fn fetch(&mut self, taking: &mut Taking, observer: &mut dyn Observer) -> Result<Factor, SessionError> {
         match self.client.ask("hold", &Command::Hold) {
             // A device in Fault still gives what it has.
             Ok(_) | Err(LinkError::Refused { .. }) => {}
@@ -356,12 +352,12 @@ impl Session {
         if let Some(level) = &mut taking.level {
             tree::take_level(&mut self.client, level)?;
             taking.levels += 1;
-            return Ok(DeviceFactor::Links(Factor::from(&**level)));
+            return Ok(Factor::from(&**level));
         }
         if self.of_two_links {
-            return Ok(DeviceFactor::Links(two_links::factor(&mut self.client)?));
+            return Ok(two_links::factor(&mut self.client)?);
         }
-        Ok(DeviceFactor::Body(self.client.factor()?))
+        Ok(self.client.factor()?)
     }
 
     fn listen(&mut self, taking: &mut Taking, observer: &mut dyn Observer) -> Result<(), SessionError> {

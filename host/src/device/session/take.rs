@@ -8,8 +8,7 @@ use rigident_shared::wire::{
 };
 
 use super::{QUIET, STOPPED};
-use crate::fit;
-use crate::identification::Factor;
+use crate::fit::Factor;
 use crate::platform::MotionSample;
 
 /// What wants to know as it happens.
@@ -39,26 +38,6 @@ pub trait Observer {
     fn progress(&mut self, _readings: usize) {}
 }
 
-/// The device's factor, of what it was set to.
-#[derive(Debug, Clone)]
-pub enum DeviceFactor {
-    /// One body.
-    Body(Factor),
-    /// Base parameters of several links, in the device's order.
-    Links(fit::Factor),
-}
-
-impl DeviceFactor {
-    /// Returns the factor in the device's order of parameters.
-    pub fn to_factor(&self) -> fit::Factor {
-        match self {
-            Self::Body(Factor::Ten(f)) => (&**f).into(),
-            Self::Body(Factor::Sixteen(f)) => (&**f).into(),
-            Self::Links(f) => f.clone(),
-        }
-    }
-}
-
 /// What an experiment brought.
 #[derive(Debug, Clone)]
 pub struct Take {
@@ -70,8 +49,8 @@ pub struct Take {
     pub estimates: Vec<EstimateReport>,
     /// Readings that never came.
     pub missing: u32,
-    /// The device's factor.
-    pub factor: Option<DeviceFactor>,
+    /// The device's factor, in its order of parameters.
+    pub factor: Option<Factor>,
     /// How often a level of it was taken and merged; a tree's from frames.
     pub levels: u32,
     /// The device's counters at the end.

@@ -3,22 +3,19 @@
 use hexapod::BodyParameters;
 use hexapod::STANDARD_GRAVITY_MPS2;
 use hexapod::{Geometry, Load, MotionError, MotionProgram, Trajectory};
-use nalgebra::{SMatrix, Vector3};
+use nalgebra::Vector3;
 use rigident_shared::calibration::ImuMounting;
 use rigident_shared::estimator::{Estimator, EstimatorConfig};
 use rigident_shared::regressor::{block, signals};
 use rigident_shared::screening::Limits;
 use rigident_shared::spatial::{Position, Sensor};
 
-use crate::fit::{ESTIMATOR_TAPS, filter_width_s, row_every};
-use crate::identification::Factor;
+use crate::fit::{ESTIMATOR_TAPS, Factor, filter_width_s, row_every};
 use crate::plan::machine::{self, MachineError};
-use crate::plan::motion::information::Instrument;
+pub use crate::plan::motion::information::Information;
+use crate::plan::motion::information::{Instrument, PARAMETERS};
 use crate::plan::motion::plan::SENSOR_SHARE;
 use crate::rig::{OffsetTable, OffsetWord, RigFile};
-
-/// `AᵀΣ⁻¹A` of the ten parameters and the six offsets, SI.
-pub type Information = SMatrix<f64, 16, 16>;
 
 /// Rows per second from which information is summed. Motions up to 2.5 Hz make rows up to 5 Hz.
 const ROWS_HZ: f64 = 50.0;
@@ -201,17 +198,10 @@ impl RigModel {
 
     /// What a device's factor says.
     pub fn of_factor(&self, factor: &Factor) -> Information {
-        fn gram<const N: usize>(r: [[f64; N]; N], into: &mut Information) {
-            for i in 0..N {
-                for j in 0..N {
-                    into[(i, j)] = r.iter().map(|row| row[i] * row[j]).sum();
-                }
-            }
-        }
-        let mut sum = self.prior();
-        match factor {
-            Factor::Ten(f) => gram(f.r(), &mut sum),
-            Factor::Sixteen(f) => gram(f.r(), &mut sum),
+        let (mut sum, r) = (self.prior(), factor.r());
+        let n = factor.parameters().min(PARAMETERS);
+        for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+            sum[(i, j)] = r.row_iter().map(|row| row[i] * row[j]).sum();
         }
         sum
     }

@@ -9,9 +9,7 @@ use rigident_sim::rig::{Readings, RigConfig, RigError};
 use super::goal::{Asked, largest_principal};
 use super::information::{Information, RigModel};
 use super::planner::{Known, Next, Planner};
-use crate::fit::{ESTIMATOR_TAPS, filter_width_s, row_every};
-use crate::identification::Factor;
-use crate::identification::pooled::{RowSet, judge};
+use crate::fit::{ESTIMATOR_TAPS, Factor, RowSet, filter_width_s, judge, row_every};
 use crate::simulated::{mounting, reading};
 
 /// The factor is looked at this often, s.
@@ -75,9 +73,14 @@ impl Device {
         let factor = self.estimator.factor();
         let solution = factor.solve();
         let determined = solution.determined.iter().filter(|d| **d).count();
-        let rows = RowSet { rows: factor.rows(), noise_gain: self.estimator.noise_gain(), sigma_given: true };
+        let rows = RowSet {
+            rows: u64::from(factor.rows()),
+            channels: 6,
+            noise_gain: self.estimator.noise_gain(),
+            sigma_given: true,
+        };
         let scale = judge(&[rows], factor.residual_sum_of_squares(), determined as f64).variance_scale;
-        let information = model.of_factor(&Factor::Sixteen(Box::new(factor)));
+        let information = model.of_factor(&Factor::from(&factor));
         (information, (determined == 16).then_some(solution.estimate), scale)
     }
 }

@@ -3,12 +3,10 @@
 use hexapod::{BadRotation, MotionError, MotionProgram};
 use rigident_shared::calibration::Reading;
 use rigident_shared::estimator::{ConfigError, Estimator, EstimatorConfig};
-use rigident_shared::factor::InformationFactor;
 use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
 
-use crate::answer::{Noise, derived};
-use crate::fit::{ESTIMATOR_TAPS, filter_width_s, row_every};
-use crate::identification::Factor;
+use crate::answer::derived;
+use crate::fit::{ESTIMATOR_TAPS, Estimate, Factor, Noise, filter_width_s, row_every};
 use crate::plan::equipment::Equipment;
 
 /// 95 % expanded uncertainties, and the conditioning.
@@ -50,6 +48,9 @@ pub enum PredictError {
     },
 }
 
+/// Parameters of the body; those of the wrench's offset follow.
+const BODY: usize = 10;
+
 /// The factor of what perfect sensors read, with the noise of the rig's load cell in its weights.
 ///
 /// # Errors
@@ -90,33 +91,15 @@ pub fn predict(
             angular_rate: AngularRate::from_array(angular_rate),
         });
     }
-    let factor = estimator.factor();
-    let solution = factor.solve();
-    let estimate = Factor::Sixteen(Box::new(factor)).estimate(1.0, Noise::Given);
-    let sd: [f64; 10] = std::array::from_fn(|j| solution.standard_deviation[j]);
+    let factor = Factor::from(&estimator.factor());
+    let estimate = Estimate::new(&factor, factor.rounding(), 1.0, Noise::Given);
+    let sd: [f64; 10] = std::array::from_fn(|j| estimate.covariance[(j, j)].sqrt());
     Ok(Prediction {
         parameters: sd.map(|s| K95 * s),
         com_m: derived::centre_of_mass(&estimate).sd.map(|s| K95 * s),
         inertia_com_kgm2: derived::inertia_com(&estimate).sd.map(|s| K95 * s),
-        condition_number: solution.condition_number,
-        log_determinant: log_determinant(&factor),
-        determined: solution.determined.iter().all(|d| *d),
+        condition_number: estimate.condition_number,
+        log_determinant: factor.leading(BODY).log_determinant(),
+        determined: estimate.rank() == estimate.len(),
     })
-}
-
-/// With the offsets put first, the body's part of the triangle is the information that they leave.
-fn log_determinant(factor: &InformationFactor<f64, 16>) -> f64 {
-    let order: [[f64; 16]; 16] =
-        std::array::from_fn(|i| std::array::from_fn(|j| if i == (j + 10) % 16 { 1.0 } else { 0.0 }));
-    let body = factor.substitute(&order).trailing::<10>();
-    let mut entries = body.entries();
-    let mut sum = 0.0;
-    for width in (1..=10).rev() {
-        sum += 2.0 * entries.next().map_or(0.0, f64::ln);
-        // The rest of the row.
-        for _ in 1..width {
-            entries.next();
-        }
-    }
-    sum
 }

@@ -95,7 +95,8 @@ impl BodySource {
         }
     }
 
-    fn refuse(&self, error: ConfigError) -> FitError {
+    /// Returns the error of a fit whose estimator cannot be set up.
+    pub(crate) fn refuse(&self, error: ConfigError) -> FitError {
         let (rate_hz, width_s) = (self.input.rate_hz, self.config().filter_width_s);
         match error {
             ConfigError::Kernel(error) => FitError::Filter { rate_hz, width_s, error },
