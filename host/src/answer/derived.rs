@@ -139,7 +139,7 @@ pub fn principal(inertia_com: &Derived<6>) -> Principal {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Estimate;
+    use crate::fit::Estimate;
     use super::*;
 
     fn estimate() -> Estimate {
@@ -151,11 +151,8 @@ mod tests {
         // Any symmetric positive definite covariance will do: a scaled Hilbert-like matrix.
         let base = DMatrix::from_fn(10, 10, |i, j| 1.0 / (1.0 + (i as f64 - j as f64).abs()));
         let scale = [1e-2, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3];
-        Estimate::from_parts(
-            body.to_vector().to_vec(),
-            DMatrix::from_fn(10, 10, |i, j| base[(i, j)] * scale[i] * scale[j]),
-            vec![true; 10],
-        )
+        let covariance = DMatrix::from_fn(10, 10, |i, j| base[(i, j)] * scale[i] * scale[j]);
+        Estimate::of_bound(body.to_vector().to_vec(), covariance)
     }
 
     /// Draws from N(φ, C) pushed through the functions are the oracle of the first-order covariances.

@@ -311,3 +311,23 @@ fn products(stretches: &[&[f64]], channels: usize, parameters: usize, channel: u
     }
     sums
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The sum of the covariances of all pairs of rows is that of all pairs of sums.
+    #[test]
+    fn autocovariances_of_sums_are_means_over_pairs_of_rows() {
+        let gamma: Vec<f64> = (0..40).map(|m| 0.9_f64.powi(m)).collect();
+        let (several, sums) = (4_usize, 25_usize);
+        let at = |lag: usize| gamma.get(lag).copied().unwrap_or(0.0);
+        let rows = several * sums;
+        let of_rows: f64 = (0..rows).flat_map(|i| (0..rows).map(move |k| at(i.abs_diff(k)))).sum();
+        let told = of_sums(&gamma, several, sums);
+        let of_told: f64 =
+            (0..sums).flat_map(|i| (0..sums).map(|k| told[i.abs_diff(k)]).collect::<Vec<_>>()).sum();
+        assert!((of_told * (several * several) as f64 / of_rows - 1.0).abs() < 1e-12);
+        assert_eq!(of_sums(&gamma, 1, 40), gamma);
+    }
+}

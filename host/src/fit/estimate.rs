@@ -88,7 +88,7 @@ impl Estimate {
     }
 
     /// Builds the estimate that a bound or a design gives: no rows stand behind it, and everything is determined.
-    #[cfg(feature = "simulator")]
+    #[cfg(any(test, feature = "simulator"))]
     pub(crate) fn of_bound(values: Vec<f64>, covariance: DMatrix<f64>) -> Self {
         let determined = vec![true; values.len()];
         let null_directions = Vec::new();

@@ -72,15 +72,6 @@ fn other_versions_and_other_files_are_told_by_kind() {
     assert_eq!(read(MAGIC), Err(FactorFileError::Damaged));
 }
 
-/// A file of the version before, as this program's predecessor writes it.
-#[test]
-fn the_files_of_the_version_before_are_refused() {
-    use crate::identification::factor_file::FactorFile;
-    let factor = rigident_shared::factor::InformationFactor::<f64, 16>::new();
-    let old = FactorFile::new(&factor, Vec::new()).to_bytes();
-    assert_eq!(read(&old), Err(FactorFileError::Old(2)));
-}
-
 #[test]
 fn hostile_sizes_are_refused_before_room_is_made() {
     let with = |parameters: u64, sources: u64| {

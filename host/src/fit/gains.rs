@@ -164,3 +164,7 @@ pub(super) fn residual(row: &[f64], value: f64, parameters: &[f64], gain: f64, o
     let constant = offset.and_then(|j| Some(row.get(j)? * parameters.get(j)?)).unwrap_or(0.0);
     value - predicted - gain * (predicted - constant)
 }
+
+#[cfg(test)]
+#[path = "gains_tests.rs"]
+mod tests;

@@ -98,7 +98,8 @@ mod tests {
     use hexapod::{Axis, Segment, SineTerm};
 
     use super::*;
-    use crate::answer::{Estimate, derived};
+    use crate::answer::derived;
+    use crate::fit::Estimate;
 
     /// Independently computed figures for a body of 20 kg on a motion of 30 s at 200 Hz, ±0.5 rad of roll, pitch and yaw
     /// at 0.23, 0.31 and 0.41 Hz with soft ends, unknown offsets, Table 1's noise: mass 14.6 g, centre of mass 0.10, 0.10, 0.09 mm,
@@ -121,7 +122,7 @@ mod tests {
         };
         let covariance = bound(&config, &program, 200.0).unwrap().unwrap();
         let phi = config.body.parameters().to_vec();
-        let estimate = Estimate::from_parts(phi, covariance, vec![true; PARAMETERS]);
+        let estimate = Estimate::of_bound(phi, covariance);
         let mut got = vec![1e3 * estimate.covariance[(0, 0)].sqrt()];
         got.extend(derived::centre_of_mass(&estimate).sd.map(|sd| 1e3 * sd));
         got.extend(derived::inertia_com(&estimate).sd.map(|sd| 100.0 * sd / 0.3813));

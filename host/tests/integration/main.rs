@@ -4,6 +4,7 @@
 //! are in `real_time`.
 
 mod accuracy;
+mod autocorrelation;
 mod commands;
 mod device_precision;
 mod device_tree_commands;

@@ -1,10 +1,11 @@
 //! What becomes of the intervals when the load cell's noise is not white, and whether the answer says so.
 
-use rigident::identification::{Identification, Input, identify};
+use rigident::fit::{Fit, FitOptions};
+use rigident::problem::body::Input;
 use rigident_shared::calibration::Reading;
 use rigident_shared::spatial::Wrench;
 
-use super::honest_covariance::{N, Study, batch_meat, sandwich_of};
+use super::honest_covariance::{N, Study, batch_meat, fit_body, sandwich_of, states};
 use super::problem::Normal;
 use super::report::{Job, in_parallel, short};
 
@@ -26,20 +27,21 @@ pub struct Told {
 }
 
 impl Told {
-    fn add(&mut self, said: &Identification, phi: &[f64; N]) {
-        let states = said.states();
+    fn add(&mut self, said: &Fit, phi: &[f64; N]) {
+        let states = states(said);
         for j in 0..N {
             self.sd[j] +=
                 said.estimate.covariance(j, j).expect("the experiment determines everything").sqrt();
             let m = states[j].measured().expect("the experiment identifies everything");
-            let widening = said.widening.get(j).copied().unwrap_or(1.0);
+            let widening = said.inflation.get(j).copied().unwrap_or(1.0);
             let error = (m.value - phi[j]).abs();
             self.held += f64::from(u8::from(error <= m.u95)) / N as f64;
             self.held_as_white += f64::from(u8::from(error <= m.u95 / widening)) / N as f64;
         }
-        if let Some(colour) = said.colour.first() {
+        let factors = said.channels.iter().filter_map(|c| Some(c.autocorrelation?.factor));
+        if let Some(largest) = factors.reduce(f64::max) {
             self.warned += 1.0;
-            self.factor += colour.factor;
+            self.factor += largest;
         }
     }
 }
@@ -76,14 +78,14 @@ pub fn line(study: &Study, time_s: f64, seed: u64, runs: u64) -> Line {
         let readings = readings(study, time_s, &mut normal);
         meat += batch_meat(study.settings(), readings.iter().copied(), &phi).0;
         let input = Input { readings, ..study.input().clone() };
-        let given = identify(&input).expect("the experiment has rows");
-        let states = given.states();
+        let given = fit_body(&input, &FitOptions::default());
+        let states = states(&given);
         for j in 0..N {
             let m = states[j].measured().expect("the experiment identifies everything");
             line.squares[j] += (m.value - phi[j]).powi(2) / runs as f64;
         }
         line.given.add(&given, &phi);
-        let estimated = identify(&Input { channel_sigma: None, ..input }).expect("the experiment has rows");
+        let estimated = fit_body(&Input { channel_sigma: None, ..input }, &FitOptions::default());
         line.estimated.add(&estimated, &phi);
     }
     line.batch = sandwich_of(study, &(meat / runs as f64));

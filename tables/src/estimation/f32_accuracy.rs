@@ -3,7 +3,7 @@
 use hexapod::Mounting;
 use hexapod::Segment;
 use hexapod::experiment::thesis_program;
-use rigident::identification::FILTER_WIDTH_S;
+use rigident::fit::FILTER_WIDTH_S;
 use rigident::simulated::mounting;
 use rigident_shared::calibration::Reading;
 use rigident_shared::estimator::{Estimator, EstimatorConfig, Outcome};

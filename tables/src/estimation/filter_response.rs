@@ -1,10 +1,10 @@
 //! What the filter passes and what it aliases into the rows, asked of the pipeline itself.
 
-use rigident::identification::whiteness::{impulse_response, white_autocovariance};
-use rigident::identification::{FILTER_WIDTH_S, row_every};
-use rigident_shared::calibration::ImuMounting;
-use rigident_shared::estimator::EstimatorConfig;
+use rigident::fit::{ESTIMATOR_TAPS, FILTER_WIDTH_S, Filter, row_every};
+use rigident_shared::calibration::{ImuMounting, Reading};
+use rigident_shared::estimator::{Estimator, EstimatorConfig, Outcome};
 use rigident_shared::screening::Limits;
+use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
 
 use super::report::short;
 
@@ -26,6 +26,57 @@ fn averaged(h: &[f64]) -> usize {
 
 fn told(value: f64) -> String {
     if value.abs() < ROUNDING { format!("< {}", short(ROUNDING)) } else { short(value) }
+}
+
+/// Returns the filter's impulse response, by asking the pipeline itself: what a unit force at one reading leaves in the rows.
+///
+/// `config` with a filter; empty if the estimator cannot be made of it.
+pub fn impulse_response(config: &EstimatorConfig<f64>) -> Vec<f64> {
+    let config = EstimatorConfig { limits: Limits::none(), known_offset: [0.0; 6], ..*config };
+    let Ok(fresh) = Estimator::<f64, 10, ESTIMATOR_TAPS>::new(&config) else { return Vec::new() };
+    let mut pipeline = Box::new(fresh);
+    let every = usize::from(config.row_every);
+    let first_block = |pipeline: &mut Estimator<f64, 10, ESTIMATOR_TAPS>, unit_at: usize, wanted: usize| {
+        pipeline.reset();
+        let mut rows = Vec::with_capacity(wanted);
+        for k in 0.. {
+            let force = if k == unit_at { 1.0 } else { 0.0 };
+            let reading = Reading {
+                time_ns: (k as f64 * 1e9 / config.rate_hz) as u64,
+                wrench: Wrench::from_array([force, 0.0, 0.0, 0.0, 0.0, 0.0]),
+                specific_force: SpecificForce::zero(),
+                angular_rate: AngularRate::zero(),
+            };
+            if pipeline.absorb(&reading) == Outcome::Absorbed {
+                rows.push(pipeline.last_block().map_or(0.0, |b| b.wrench[0]));
+            }
+            if rows.len() == wanted || k > 4 * ESTIMATOR_TAPS {
+                return (rows, k + 1);
+            }
+        }
+        (rows, 0)
+    };
+    // A window is as long as the first row takes; the row of the window that began `i` windows later holds the
+    // unit at `i every` taps less.
+    let (_, taps) = first_block(&mut pipeline, 0, 1);
+    let windows = taps.div_ceil(every);
+    let mut response = vec![0.0; windows * every];
+    for phase in 0..every {
+        let unit_at = (windows - 1) * every + phase;
+        let (rows, _) = first_block(&mut pipeline, unit_at, windows);
+        for (window, value) in rows.into_iter().enumerate() {
+            if let Some(entry) = response.get_mut(unit_at - window * every) {
+                *entry = value;
+            }
+        }
+    }
+    response.truncate(taps);
+    response
+}
+
+/// Returns the autocovariance of the rows for white noise of unit variance before the filter, at lags of 0, 1, … rows.
+pub fn white_autocovariance(response: &[f64], every: u16) -> Vec<f64> {
+    Filter { every, response: response.to_vec(), ..Filter::default() }.white_autocovariance()
 }
 
 /// The table.

@@ -3,8 +3,9 @@
 
 use hexapod::experiment::thesis_program;
 use nalgebra::DMatrix;
-use rigident::identification::whiteness::{impulse_response, white_autocovariance};
-use rigident::identification::{FILTER_WIDTH_S, Input, identify, row_every};
+use rigident::answer::result::ParameterState;
+use rigident::fit::{FILTER_WIDTH_S, Fit, FitOptions, Silent, fit, row_every};
+use rigident::problem::body::{BodySource, Input};
 use rigident::simulated::{mounting, reading};
 use rigident_shared::calibration::Reading;
 use rigident_shared::estimator::{Estimator, EstimatorConfig, Outcome};
@@ -12,6 +13,7 @@ use rigident_shared::inertia::PARAMETER_NAMES;
 use rigident_shared::screening::Limits;
 use rigident_sim::rig::{Readings, RigConfig};
 
+use super::filter_response::{impulse_response, white_autocovariance};
 use super::report::{Job, in_parallel, short};
 
 const TAPS: usize = 1024;
@@ -64,6 +66,16 @@ pub fn run(
     estimator
 }
 
+/// Returns the fit of readings of an IMU of whose noise nothing is stated.
+pub fn fit_body(input: &Input, options: &FitOptions) -> Fit {
+    fit(&BodySource::new(input.clone(), None), options, &Silent).expect("the experiment has rows")
+}
+
+/// Returns the state of every parameter.
+pub fn states(fit: &Fit) -> Vec<ParameterState> {
+    rigident::answer::states::states(fit, None, false)
+}
+
 /// Square roots of the diagonal of `G⁻¹ B G⁻¹`.
 fn sandwich(inverse: &DMatrix<f64>, meat: &DMatrix<f64>) -> [f64; N] {
     let covariance = inverse * meat * inverse;
@@ -71,7 +83,7 @@ fn sandwich(inverse: &DMatrix<f64>, meat: &DMatrix<f64>) -> [f64; N] {
 }
 
 impl Study {
-    /// Shipped formula, from `identify`, and the exact sandwich `G⁻¹ (Ãᵀ T Ã) G⁻¹`: T is the covariance that white noise
+    /// Shipped formula, from the fit, and the exact sandwich `G⁻¹ (Ãᵀ T Ã) G⁻¹`: T is the covariance that white noise
     /// has after the filter, row by row.
     pub fn new(rate_hz: f64) -> Self {
         let config = RigConfig::thesis_horizontal();
@@ -90,7 +102,7 @@ impl Study {
             gain_sigma: [0.0; 6],
             limits: Limits::none(),
         };
-        let identified = identify(&input).expect("the experiment has rows");
+        let identified = fit_body(&input, &FitOptions::default());
         let settings = EstimatorConfig {
             rate_hz,
             filter_width_s: FILTER_WIDTH_S,

@@ -3,6 +3,8 @@ use rigident_shared::regressor::RegressorBlock;
 use rigident_shared::spatial::{AngularRate, Position, SpecificForce};
 
 use super::*;
+use crate::fit::{FitOptions, Silent, fit};
+use crate::problem::body::{BodySource, Input};
 
 /// Numbers without a pattern in [0, 1).
 struct Chance(u64);
@@ -190,11 +192,11 @@ fn the_number_of_threads_changes_no_bit() {
 
 /// A recording long enough to be cut: what is concluded from it is what one pass concludes.
 #[test]
-fn an_identification_by_parts_is_that_of_one_pass() {
+fn a_fit_by_parts_is_that_of_one_pass() {
     let mut chance = Chance(6);
     let config =
-        EstimatorConfig { row_every: 10, ..config(1000.0, crate::identification::FILTER_WIDTH_S, 10) };
-    let input = crate::identification::Input {
+        EstimatorConfig { row_every: 10, ..config(1000.0, crate::fit::FILTER_WIDTH_S, 10) };
+    let input = Input {
         readings: readings(&mut chance, 60_000, 1000.0, 12),
         is_static: false,
         rate_hz: 1000.0,
@@ -207,30 +209,32 @@ fn an_identification_by_parts_is_that_of_one_pass() {
     };
     assert_eq!(Split::of(input.readings.len()).parts, 3);
     let (factor, counters, blocks) = serial(&input.readings, &config);
-    let identified = crate::identification::identify(&input).unwrap();
-    assert_eq!(identified.counters, counters);
+    let options = FitOptions { convergence_points: 200, ..FitOptions::default() };
+    let found = fit(&BodySource::new(input, None), &options, &Silent).unwrap();
+    let counts = &found.counts;
+    assert_eq!((counts.samples, counts.rejected), (counters.readings.into(), counters.rejected.into()));
+    assert_eq!((counts.gaps, counts.blocks), (counters.gaps.into(), counters.blocks.into()));
     let solution = factor.solve();
     for j in 0..16 {
-        let error = (identified.estimate.values[j] - solution.estimate[j]).abs();
+        let error = (found.estimate.values[j] - solution.estimate[j]).abs();
         assert!(error < 1e-9 * solution.standard_deviation[j], "{j}: {error}");
     }
-    let times: Vec<f64> = identified.residuals.iter().map(|r| r.time_s).collect();
+    let times: Vec<f64> = found.residuals.iter().map(|r| r.time_s).collect();
     assert_eq!(times, blocks.iter().map(|b| b.0 as f64 * 1e-9).collect::<Vec<_>>());
-    for (residual, (_, block)) in identified.residuals.iter().zip(&blocks) {
+    for (residual, (_, block)) in found.residuals.iter().zip(&blocks) {
         let one_pass = rigident_shared::estimator::residual(block, &solution.estimate);
-        assert!(residual.residual.iter().zip(one_pass).all(|(a, b)| (a - b).abs() < 1e-9));
+        assert!(residual.values.iter().zip(one_pass).all(|(a, b)| (a - b).abs() < 1e-9));
     }
-    // The course ends at the answer; its last point before that lacks the blocks since.
-    let course = crate::identification::progression(&input, &identified, 200);
-    // Every thirtieth block, counted anew in each part, and the answer.
+    // The estimate converges to the answer; its last point before that lacks the blocks since.
+    let way = &found.convergence;
     let whole = blocks.len() / 30;
-    assert!((whole - 2..=whole + 1).contains(&course.len()), "{} of {whole}", course.len());
-    assert!(course.is_sorted_by(|a, b| a.time_s < b.time_s));
-    let [.., last, _] = course.as_slice() else { panic!("{}", course.len()) };
+    assert!((whole - 2..=whole + 1).contains(&way.len()), "{} of {whole}", way.len());
+    assert!(way.is_sorted_by(|a, b| a.time_s < b.time_s));
+    let [.., last, _] = way.as_slice() else { panic!("{}", way.len()) };
     for j in 0..16 {
         let error = (last.parameters[j].unwrap().value - solution.estimate[j]).abs();
         // At most one part in two hundred is missing; the wrench is no body's, so σ is what the residuals say.
-        let sd = solution.standard_deviation[j] * identified.variance_ratio.sqrt();
+        let sd = solution.standard_deviation[j] * found.noise.variance_ratio.sqrt();
         assert!(error < 0.3 * sd, "{j}: {error} of {sd}");
     }
 }

@@ -1,9 +1,11 @@
 //! The covariance that ships against the exact one of white noise after the filter, `G⁻¹ (Ãᵀ T Ã) G⁻¹`.
 
-use rigident::identification::{Input, identify, progression};
+use rigident::fit::{FitOptions, RowSource, Silent};
+use rigident::problem::body::{BodySource, Input};
 
-use super::Study;
+use super::{Study, fit_body};
 use crate::estimation::coloured_noise;
+use crate::estimation::filter_response::impulse_response;
 use crate::estimation::problem::Normal;
 
 /// Within 5 % for every one of the sixteen parameters, at the rates that ship, and not by being the same computation.
@@ -34,12 +36,27 @@ fn the_course_to_an_answer_counts_colour_as_the_answer_does() {
     let study = Study::new(coloured_noise::RATE_HZ);
     let readings = coloured_noise::readings(&study, 0.2, &mut Normal::new(9));
     let input = Input { readings, ..study.input().clone() };
-    let answer = identify(&input).unwrap();
-    assert!(answer.widened().unwrap() > 2.0);
-    let course = progression(&input, &answer, 100);
-    let [.., before, end] = course.as_slice() else { panic!("{} points", course.len()) };
+    let found = fit_body(&input, &FitOptions { convergence_points: 100, ..FitOptions::default() });
+    assert!(found.largest_inflation().unwrap() > 2.0);
+    let course = found.convergence.as_slice();
+    let [.., before, end] = course else { panic!("{} points", course.len()) };
     for (before, end) in before.parameters.iter().zip(&end.parameters) {
         let ratio = before.unwrap().u95 / end.unwrap().u95;
         assert!((0.95..1.1).contains(&ratio), "{ratio}");
+    }
+}
+
+/// The filter that the fit takes for the rows' is the one that the pipeline has.
+#[test]
+fn the_fit_knows_the_pipeline_s_filter() {
+    for rate_hz in [200.0, 1000.0] {
+        let study = Study::new(rate_hz);
+        let source = BodySource::new(study.input().clone(), None);
+        let rows = source.condition(&Silent).unwrap();
+        let asked = impulse_response(study.settings());
+        assert_eq!(rows.filter().response.len(), asked.len());
+        for (known, asked) in rows.filter().response.iter().zip(asked) {
+            assert!((known - asked).abs() < 1e-14, "{rate_hz} Hz: {known} {asked}");
+        }
     }
 }
