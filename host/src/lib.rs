@@ -14,7 +14,6 @@ pub mod answer;
 pub mod cli;
 pub mod device;
 pub mod fit;
-pub mod identification;
 pub mod model;
 #[cfg(feature = "simulator")]
 pub mod montecarlo;

@@ -28,16 +28,14 @@ const SIZES: [&str; 2] = ["Ten", "Sixteen"];
 /// An arrow that closes a circle and is known: crate, room that holds both ends ("" for the crate itself), from, to, reason.
 type KnownArrow = (&'static str, &'static str, &'static str, &'static str, &'static str);
 
-const KNOWN_ARROWS: [KnownArrow; 25] = [
+const KNOWN_ARROWS: [KnownArrow; 23] = [
     ("shared", "", "factor", "forgetting", "a factor in a cascade forgets by itself"),
     ("shared", "", "scalar", "factor", "a scalar brings the factor's fastest kernel for it"),
     ("shared", "factor", "cascade", "body", "the levels are factors, and the factor holds levels"),
     ("shared", "wire", "links", "messages", "a reading of a link holds one of a body"),
     ("firmware", "", "settings", "sample_path", "the settings hold the limits that the sample path checks"),
-    ("host", "", "answer", "identification", "factors and known values of one body still come from there"),
     ("host", "", "answer", "present", "the answer words its remarks, and makes the object of schema 1"),
     ("host", "", "rig", "recording", "a rig file's columns are those a recording may have"),
-    ("host", "answer", "result", "schema_1", "the result hands on the object of schema 1"),
     ("host", "cli", "arguments", "factor_arguments", "the arguments hand on those of each command"),
     ("host", "cli", "arguments", "plan_arguments", "the arguments hand on those of each command"),
     ("host", "cli", "programme", "experiment", "a duration is checked where the experiment runs"),
@@ -56,15 +54,8 @@ const KNOWN_ARROWS: [KnownArrow; 25] = [
     ("tables", "", "document", "trees", "the list of documents stands beside their type"),
 ];
 
-/// Files of the host that name sizes of factors, with the reason. One remains when the host has one `Factor`.
-const KNOWN_SIZES: [(&str, &str); 6] = [
-    ("answer/weakest.rs", "reads the triangle of one body's factor"),
-    ("identification/known/rows.rs", "absorbs known values"),
-    ("identification/mod.rs", "defines the factor of one body"),
-    ("identification/pooled.rs", "merges and files factors of one body"),
-    ("identification/remembered.rs", "fits one body with forgetting"),
-    ("identification/tare.rs", "subtracts the bare fixture"),
-];
+/// Files of the host that name sizes of factors, with the reason: none, as it has one `Factor`.
+const KNOWN_SIZES: [(&str, &str); 0] = [];
 
 /// Runs every check.
 pub fn run() -> Result<()> {

@@ -139,8 +139,8 @@ pub fn principal(inertia_com: &Derived<6>) -> Principal {
 
 #[cfg(test)]
 mod tests {
-    use crate::fit::Estimate;
     use super::*;
+    use crate::fit::Estimate;
 
     fn estimate() -> Estimate {
         let body = InertialParameters::<Sensor, f64>::from_centre_of_mass(

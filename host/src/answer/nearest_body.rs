@@ -82,8 +82,8 @@ mod tests {
     use rigident_shared::inertia::tensor_from_elements;
     use rigident_shared::spatial::Position;
 
-    use super::super::{Estimate, Noise};
     use super::*;
+    use crate::fit::{Factor, Noise};
 
     /// 16 parameters; a rod along x, whose smallest second moment the noise made negative by `low` kg m².
     fn rod(low: f64) -> Estimate {
@@ -99,7 +99,8 @@ mod tests {
             let y = row.iter().zip(phi).map(|(a, p)| a * p).sum();
             factor.absorb::<1>(&row.map(|a| [a]), &[y]);
         }
-        Estimate::new(&factor, 1.0, Noise::Given)
+        let factor = Factor::from(&factor);
+        Estimate::new(&factor, factor.rounding(), 1.0, Noise::Given)
     }
 
     #[test]

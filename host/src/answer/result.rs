@@ -6,7 +6,6 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use super::schema_1::*;
 pub use crate::fit::Measured;
 
 /// The schema's name.

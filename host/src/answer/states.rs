@@ -68,12 +68,6 @@ impl BodyScale {
         })
     }
 
-    /// Returns true if the estimate determines parameter `j` finely enough for a body of this scale.
-    pub(super) fn resolves(&self, estimate: &Estimate, spurious: f64, j: usize) -> bool {
-        let informed = !(4..10).contains(&j) || tensor_informed(estimate, spurious, j);
-        informed && estimate.u95(j) <= LARGEST_SHARE * self.of_parameter(j)
-    }
-
     /// Returns [`Self::of`], or the scale of a compact body of about the mass where the mass is not known: enough for words.
     pub(super) fn rough(estimate: &Estimate, spurious: f64) -> Self {
         Self::of(estimate, spurious).unwrap_or_else(|| {
@@ -292,4 +286,74 @@ fn largest_value(fit: &Fit, j: usize) -> f64 {
     let own = &fit.parameters[j];
     let alike = fit.parameters.iter().enumerate().filter(|(_, p)| p.owner == own.owner && p.unit == own.unit);
     alike.map(|(k, _)| at_least(&fit.estimate, k)).fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::DMatrix;
+    use rigident_shared::inertia::{InertialParameters, tensor_from_elements};
+    use rigident_shared::spatial::{Position, Sensor};
+
+    use super::*;
+
+    fn estimate(u95: [f64; 10]) -> Estimate {
+        let body = InertialParameters::<Sensor, f64>::from_centre_of_mass(
+            20.0,
+            Position::new(0.0, 0.0, 0.053),
+            tensor_from_elements([0.38, 0.02, 0.38, 0.0, 0.0, 0.0]),
+        );
+        let variances = DVector::from_fn(10, |j, _| (u95[j] / 1.96).powi(2));
+        let determined = u95.iter().map(|u| u.is_finite()).collect();
+        let estimate = Estimate::of_bound(body.to_vector().to_vec(), DMatrix::from_diagonal(&variances));
+        Estimate { determined, ..estimate }
+    }
+
+    fn identified(estimate: &Estimate, spurious: f64) -> Vec<bool> {
+        let Some(scale) = BodyScale::of(estimate, spurious) else { return vec![false; 10] };
+        let informed = |j: usize| j < 4 || tensor_informed(estimate, spurious, j);
+        let fine = |j: usize| estimate.u95(j) <= LARGEST_SHARE * scale.of_parameter(j);
+        (0..10).map(|j| informed(j) && fine(j)).collect()
+    }
+
+    #[test]
+    fn a_true_zero_is_identified_when_its_interval_is_small_against_the_body() {
+        let e = estimate([0.03, 5e-3, 5e-3, 5e-3, 8e-3, 8e-3, 8e-3, 8e-3, 8e-3, 8e-3]);
+        assert_eq!(identified(&e, 0.0), vec![true; 10]);
+    }
+
+    #[test]
+    fn an_element_within_its_own_interval_of_nothing_is_not() {
+        let mut u95 = [0.03, 5e-3, 5e-3, 5e-3, 8e-3, 8e-3, 8e-3, 8e-3, 8e-3, 8e-3];
+        u95[6] = 0.2;
+        let states = identified(&estimate(u95), 0.0);
+        assert!(!states[6] && states[5]);
+    }
+
+    #[test]
+    fn information_that_the_gyro_noise_explains_identifies_nothing() {
+        let e = estimate([0.03, 5e-3, 5e-3, 5e-3, 8e-3, 8e-3, 8e-3, 8e-3, 8e-3, 8e-3]);
+        let own = (1.96 / 8e-3_f64).powi(2);
+        let states = identified(&e, own);
+        assert_eq!(states, [vec![true; 4], vec![false; 6]].concat());
+    }
+
+    #[test]
+    fn a_negative_mass_is_reversed_only_if_the_data_determine_it() {
+        let mut e = estimate([0.03, 5e-3, 5e-3, 5e-3, 8e-3, 8e-3, 8e-3, 8e-3, 8e-3, 8e-3]);
+        assert!(!is_reversed(&e));
+        e.values[0] = -20.0;
+        assert!(is_reversed(&e));
+        // Within half of its own size of nothing it may be the noise.
+        e.values[0] = -0.06;
+        assert!(!is_reversed(&e));
+        e.determined[0] = false;
+        e.values[0] = -20.0;
+        assert!(!is_reversed(&e));
+    }
+
+    #[test]
+    fn without_mass_there_is_no_scale() {
+        let e = estimate([f64::INFINITY, 5e-3, 5e-3, 5e-3, 8e-3, 8e-3, 8e-3, 8e-3, 8e-3, 8e-3]);
+        assert_eq!(identified(&e, 0.0), vec![false; 10]);
+    }
 }

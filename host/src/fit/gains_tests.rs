@@ -29,7 +29,9 @@ impl Blocks {
         let (mut rows, mut measured) = (Vec::new(), Vec::new());
         for _ in 0..count {
             let block: [[f64; N]; 6] = std::array::from_fn(|c| {
-                std::array::from_fn(|j| if j < 10 { 4.0 * random() } else { f64::from(u8::from(j == 10 + c)) })
+                std::array::from_fn(
+                    |j| if j < 10 { 4.0 * random() } else { f64::from(u8::from(j == 10 + c)) },
+                )
             });
             measured.push(std::array::from_fn(|c| {
                 let moved: f64 = block[c].iter().zip(PHI).map(|(a, phi)| a * phi).sum();
@@ -141,7 +143,8 @@ fn without_gain_errors_there_is_nothing_to_eliminate() {
     assert!(ChannelFactors::of(&blocks, N, &channels([0.0; 6])).is_none());
     // Where they are next to certain the factor is that of plain least squares.
     let channels = channels([1e-12, 0.0, 0.0, 0.0, 0.0, 0.0]);
-    let (factor, gains) = ChannelFactors::of(&blocks, N, &channels).unwrap().fit(&WEIGHTS, 16.0 * f64::EPSILON);
+    let (factor, gains) =
+        ChannelFactors::of(&blocks, N, &channels).unwrap().fit(&WEIGHTS, 16.0 * f64::EPSILON);
     assert!(gains.iter().all(|g| g.abs() < 1e-9), "{gains:?}");
     let plain = blocks.absorb(0..50, N, &WEIGHTS, None);
     let (got, want) = (solved(&factor), solved(&plain));

@@ -25,7 +25,8 @@ fn config(rate_hz: f64) -> EstimatorConfig<f64> {
 
 /// The filter that a fit takes for the rows'.
 fn filter(rate_hz: f64) -> Filter {
-    let readings = (0..1000).map(|k| Reading { time_ns: (f64::from(k) * 1e9 / rate_hz) as u64, ..Reading::default() });
+    let readings =
+        (0..1000).map(|k| Reading { time_ns: (f64::from(k) * 1e9 / rate_hz) as u64, ..Reading::default() });
     let input = Input {
         readings: readings.collect(),
         is_static: false,

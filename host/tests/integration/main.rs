@@ -5,6 +5,7 @@
 
 mod accuracy;
 mod autocorrelation;
+mod body_rows;
 mod commands;
 mod device_precision;
 mod device_tree_commands;

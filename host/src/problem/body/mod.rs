@@ -71,7 +71,7 @@ impl BodySource {
             stated_noise: [imu.and_then(|i| i.accel_noise_mps2), imu.and_then(|i| i.gyro_noise_radps)],
             imu_noise: imu_noise::imu_noise(imu, &input.readings),
             rate_sigma,
-            parameters: (0..count).map(parameter).collect(),
+            parameters: parameters(count),
             channels: channels.collect(),
             input,
         }
@@ -126,6 +126,11 @@ impl BodySource {
             response: response.collect(),
         })
     }
+}
+
+/// Returns the first parameters of one body: ten of its own, then six of the wrench's offset.
+pub fn parameters(count: usize) -> Vec<Parameter> {
+    (0..count.min(BODY + WRENCH)).map(parameter).collect()
 }
 
 fn parameter(j: usize) -> Parameter {

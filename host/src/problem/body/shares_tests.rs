@@ -194,8 +194,7 @@ fn the_number_of_threads_changes_no_bit() {
 #[test]
 fn a_fit_by_parts_is_that_of_one_pass() {
     let mut chance = Chance(6);
-    let config =
-        EstimatorConfig { row_every: 10, ..config(1000.0, crate::fit::FILTER_WIDTH_S, 10) };
+    let config = EstimatorConfig { row_every: 10, ..config(1000.0, crate::fit::FILTER_WIDTH_S, 10) };
     let input = Input {
         readings: readings(&mut chance, 60_000, 1000.0, 12),
         is_static: false,
