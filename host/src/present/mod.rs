@@ -1,11 +1,9 @@
 //! An answer as text ([`plain`]) and as a page ([`report`]).
 //!
-//! Lives here: rounding to the uncertainty ([`text`]), the terminal's columns ([`table`]), the self-contained HTML page with
+//! Lives here: rounding to the uncertainty ([`text`]), the terminal's columns (`table`), the self-contained HTML page with
 //! its plots and the series that they show ([`Series`]), normal probability plots ([`probability`]), the map of a
 //! [`workspace`]. May not live here: estimation, files, the JSON object, which is the answer itself. Before this:
 //! [`crate::answer`].
-//!
-//! [`html()`] and [`ReportData`] are the page of the engine for one body alone and go with it.
 
 mod data;
 mod envelope;
@@ -17,17 +15,13 @@ mod plot;
 pub mod probability;
 mod quantities;
 mod series;
-pub mod table;
+mod table;
 #[cfg(test)]
 mod tests;
 pub mod text;
 pub mod workspace;
 
-pub use data::{
-    Along, Convergence, Decided, Drift, FrameResults, NearestBody, PrincipalAxis, Quantity, ReportData,
-    Residual, Results, Source, Stage, Status, TimePlot,
-};
+pub use data::{Along, Convergence, Decided, Drift, PrincipalAxis, Quantity, Residual, Stage, TimePlot};
 pub use envelope::envelope;
 pub use html::report;
-pub use page::html;
 pub use series::Series;

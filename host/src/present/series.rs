@@ -1,6 +1,6 @@
 //! Series for the plots of a page, beside the answer. Times in seconds on one axis for all plots.
 
-use super::data::{Along, Convergence, Decided, ReportData, Residual, Stage, TimePlot};
+use super::data::{Along, Convergence, Decided, Residual, Stage, TimePlot};
 use crate::answer::Answer;
 use crate::fit::{Convergence as Point, Fit};
 
@@ -61,21 +61,6 @@ impl Series {
             residuals: (0..fit.channels.len()).filter(|_| has_residuals).map(residual).collect(),
             rejected: rejected.map(|c| (c.channel.name.clone(), u64::from(c.rejected))).collect(),
             ..Self::default()
-        }
-    }
-}
-
-impl From<&ReportData> for Series {
-    fn from(data: &ReportData) -> Self {
-        Self {
-            along: data.along,
-            stages: data.stages.clone(),
-            convergence: data.convergence.clone(),
-            residuals: data.residuals.clone(),
-            motion: data.motion.clone(),
-            decisions: data.decisions.clone(),
-            rejected: data.rejected.clone(),
-            provenance: data.provenance.clone(),
         }
     }
 }

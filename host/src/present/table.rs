@@ -1,70 +1,10 @@
 //! The result as a plain table for a terminal.
 
-use super::data::{PrincipalAxis, Quantity, Results};
-use super::page::status_words;
-use super::text::{
-    NOT_IDENTIFIED, Rounded, beside, fixed, nearest_words, significant, time_base_words, unit_symbol,
-};
-
-/// The result as lines of text, one group after another, columns aligned, with a final newline.
-pub fn plain(results: &Results) -> String {
-    let mut text = format!("{}\n", status_words(results));
-    group(&mut text, "In S, about the origin of S", &results.parameters);
-    let about_com: Vec<Quantity> =
-        results.centre_of_mass.iter().chain(&results.inertia_com).cloned().collect();
-    group(&mut text, "About the centre of mass, axes of S", &about_com);
-    principal(&mut text, &results.principal);
-    if let Some(frame) = &results.body_frame {
-        group(&mut text, &format!("In the body's frame, {}", frame.name), &frame.quantities);
-    }
-    group(&mut text, "Apparent wrench offsets, on the body", &results.offsets);
-    text.push('\n');
-    if let Some(condition) = results.condition_number.filter(|c| c.is_finite()) {
-        text.push_str(&format!("condition number       {}\n", significant(condition, 3)));
-    }
-    let consistent = match results.physically_consistent {
-        Some(true) => "yes",
-        Some(false) => "NO: no rigid body has these parameters",
-        None => "unknown",
-    };
-    text.push_str(&format!("physically consistent  {consistent}\n"));
-    if let Some(nearest) = &results.nearest_body {
-        text.push_str(&format!(
-            "nearest body           {}\n",
-            nearest_words(&nearest.into(), nearest.distance_sd)
-        ));
-    }
-    for line in results.time_base.iter().flat_map(time_base_words) {
-        text.push_str(&format!("time base: {}\n", printable(&line)));
-    }
-    for known in &results.known {
-        text.push_str(&format!("known beforehand: {}\n", printable(known)));
-    }
-    for note in &results.notes {
-        text.push_str(&format!("note: {}\n", printable(note)));
-    }
-    for warning in &results.warnings {
-        text.push_str(&format!("warning: {}\n", printable(warning)));
-    }
-    for advice in &results.advice {
-        text.push_str(&format!("to identify more: {}\n", printable(advice)));
-    }
-    text
-}
+use super::data::{PrincipalAxis, Quantity};
+use super::text::{NOT_IDENTIFIED, Rounded, beside, fixed, significant, unit_symbol};
 
 /// Cells of one row; numbers are right-aligned, everything else left.
 pub(super) type Row = [String; 6];
-
-fn group(text: &mut String, title: &str, quantities: &[Quantity]) {
-    if quantities.is_empty() {
-        return;
-    }
-    let with_truth = quantities.iter().any(|q| q.known().is_some() && q.truth.is_some());
-    let mut rows = vec![head(with_truth)];
-    rows.extend(quantities.iter().map(row));
-    text.push_str(&format!("\n{}\n", printable(title)));
-    text.push_str(&aligned(&rows));
-}
 
 pub(super) fn head(with_truth: bool) -> Row {
     let (truth, deviation) = if with_truth { ("truth", "deviation") } else { ("", "") };

@@ -4,8 +4,8 @@ mod synthetic;
 
 use std::collections::HashSet;
 
-use rigident::answer::result::{Measured, ParameterState};
-use rigident::present::{Along, ReportData, TimePlot, html, table};
+use rigident::answer::result::{Consistency, Measured, NearestBody, ParameterState};
+use rigident::present::{Along, TimePlot};
 use roxmltree::{Document, Node, ParsingOptions};
 
 /// Parses the page strictly; the page is HTML and XML at once.
@@ -28,8 +28,8 @@ fn has_digit(text: &str) -> bool {
 
 #[test]
 fn the_page_is_well_formed_self_contained_and_labelled() {
-    for data in [synthetic::experiment(100.0), synthetic::still_poses(), ReportData::default()] {
-        let page = html(&data);
+    for data in [synthetic::experiment(100.0), synthetic::still_poses(), synthetic::Experiment::default()] {
+        let page = data.page();
         let document = parse(&page);
         let ids: Vec<&str> = document.descendants().filter_map(|n| n.attribute("id")).collect();
         let unique: HashSet<&str> = ids.iter().copied().collect();
@@ -54,7 +54,7 @@ fn the_page_is_well_formed_self_contained_and_labelled() {
 
 #[test]
 fn every_parameter_channel_and_motion_has_its_plot() {
-    let page = html(&synthetic::experiment(100.0));
+    let page = synthetic::experiment(100.0).page();
     let document = parse(&page);
     let plots = elements(&document, "svg").into_iter().filter(|n| n.attribute("role") == Some("img"));
     let titles: Vec<String> =
@@ -72,19 +72,21 @@ fn every_parameter_channel_and_motion_has_its_plot() {
 #[test]
 fn what_is_not_identified_shows_no_number() {
     let mut data = synthetic::still_poses();
-    for history in data.convergence.iter_mut().skip(4) {
+    for history in data.series.convergence.iter_mut().skip(4) {
         history.estimate.fill(777.125);
         history.u95.fill(7.125);
     }
-    let results = &mut data.results;
-    for quantity in results.parameters.iter_mut().chain(&mut results.inertia_com) {
-        if quantity.state.measured().is_none() {
-            quantity.truth = Some(777.125);
+    for parameter in &mut data.answer.parameters {
+        if parameter.state.measured().is_none() {
+            parameter.truth = Some(777.125);
         }
     }
+    data.answer.truth.as_mut().unwrap().inertia_com_kgm2 = [777.125; 6];
+    data.answer.truth.as_mut().unwrap().body_frame_inertia_origin_kgm2 = Some([777.125; 6]);
     // An estimate that is not a number, or as uncertain as can be, is none.
-    results.offsets[0].state = ParameterState::Identified(Measured { value: 777.125, u95: f64::INFINITY });
-    let page = html(&data);
+    data.answer.parameters[10].state =
+        ParameterState::Identified(Measured { value: 777.125, u95: f64::INFINITY });
+    let page = data.page();
     let document = parse(&page);
     // The paths' coordinates are the plots' own.
     let shown = document.descendants().filter(|n| n.is_text()).filter_map(|n| n.text());
@@ -92,23 +94,23 @@ fn what_is_not_identified_shows_no_number() {
     let without = |n: &Node| all_text(*n).contains("not identified");
     let rows: Vec<Node> = elements(&document, "tr").into_iter().filter(without).collect();
     let figures: Vec<Node> = elements(&document, "figure").into_iter().filter(without).collect();
-    // Six moments in S, about the centre of mass and in the body's frame, and one offset.
-    assert_eq!((rows.len(), figures.len()), (19, 6));
+    // Six moments in S and about the centre of mass, and one offset.
+    assert_eq!((rows.len(), figures.len()), (13, 6));
     assert!(figures.iter().all(|f| !f.descendants().any(|n| n.has_tag_name("svg"))));
     for node in rows.into_iter().chain(figures) {
         assert!(!has_digit(&all_text(node).replace('²', "")), "{}", all_text(node));
     }
-    let text = table::plain(&data.results);
+    let text = data.text();
     let lines: Vec<&str> = text.lines().skip(1).filter(|l| l.contains("not identified")).collect();
-    assert_eq!(lines.len(), 19);
+    assert_eq!(lines.len(), 13);
     assert!(lines.iter().all(|l| !has_digit(l)) && !text.contains("777"), "{text}");
 }
 
 #[test]
 fn an_hour_of_samples_makes_no_larger_page_than_a_minute() {
-    let minute = html(&synthetic::experiment(1000.0)).len();
+    let minute = synthetic::experiment(1000.0).page().len();
     assert!(minute < 300_000, "{minute}");
-    let longer = html(&synthetic::experiment(10_000.0)).len();
+    let longer = synthetic::experiment(10_000.0).page().len();
     assert!(longer < minute + minute / 20, "{minute} {longer}");
 }
 
@@ -116,27 +118,25 @@ fn an_hour_of_samples_makes_no_larger_page_than_a_minute() {
 fn text_from_outside_arrives_as_text() {
     let name = "<script>alert('1')</script> & \"x\" \u{1b}[31m";
     let mut data = synthetic::experiment(50.0);
-    data.source.body_name = name.to_owned();
-    data.source.recording = name.to_owned();
-    data.source.mcu = name.to_owned();
-    data.provenance = vec![(name.to_owned(), name.to_owned())];
-    data.rejected = vec![(name.to_owned(), 1)];
-    data.residual_note = name.to_owned();
-    data.results.warnings = vec![name.to_owned()];
-    data.results.advice = vec![name.to_owned()];
-    data.results.parameters[3].name = name.to_owned();
-    data.results.parameters[4].unit = name.to_owned();
-    data.convergence[4].name = name.to_owned();
-    data.residuals[0].channel = name.to_owned();
-    data.motion[0].title = name.to_owned();
-    data.motion[0].series[0].0 = name.to_owned();
-    data.stages[5].name = name.to_owned();
-    data.results.body_frame.as_mut().unwrap().name = name.to_owned();
-    let page = html(&data);
+    data.answer.source.recording = name.to_owned();
+    data.answer.source.mcu = name.to_owned();
+    data.series.provenance = vec![(name.to_owned(), name.to_owned())];
+    data.series.rejected = vec![(name.to_owned(), 1)];
+    data.answer.warnings = vec![name.to_owned()];
+    data.answer.advice = vec![name.to_owned()];
+    data.answer.parameters[3].name = name.to_owned();
+    data.answer.parameters[4].unit = name.to_owned();
+    data.series.convergence[4].name = name.to_owned();
+    data.series.residuals[0].channel = name.to_owned();
+    data.series.motion[0].title = name.to_owned();
+    data.series.motion[0].series[0].0 = name.to_owned();
+    data.series.stages[5].name = name.to_owned();
+    data.answer.body_frame.as_mut().unwrap().name = name.to_owned();
+    let page = data.page();
     let document = parse(&page);
     assert_eq!(all_text(elements(&document, "h1")[0]), name.replace('\u{1b}', "\u{fffd}"));
     assert!(elements(&document, "script").is_empty());
-    assert!(!table::plain(&data.results).contains('\u{1b}'));
+    assert!(!data.text().contains('\u{1b}'));
 }
 
 #[test]
@@ -145,70 +145,70 @@ fn any_data_make_a_page() {
     for (i, a) in bad.into_iter().enumerate() {
         let b = bad[(i + 3) % bad.len()];
         let mut data = synthetic::experiment(20.0);
-        data.source.rate_hz = Some(a);
-        data.source.duration_s = Some(b);
-        data.results.condition_number = Some(a);
-        for quantity in &mut data.results.parameters {
+        data.answer.source.rate_hz = Some(a);
+        data.answer.source.duration_s = Some(b);
+        data.answer.condition_number = Some(a);
+        for quantity in &mut data.answer.parameters {
             quantity.truth = Some(b);
             if let Some(m) = quantity.state.measured_mut() {
                 (m.value, m.u95) = (a, b.abs());
             }
         }
-        for history in &mut data.convergence {
+        for history in &mut data.series.convergence {
             history.estimate.iter_mut().step_by(2).for_each(|v| *v = b);
             history.u95.iter_mut().step_by(3).for_each(|v| *v = a);
             history.time_s[5] = b;
         }
-        for residual in &mut data.residuals {
+        for residual in &mut data.series.residuals {
             residual.sigma = a;
             residual.values.fill(b);
             residual.values.truncate(100 * i);
         }
-        for plot in &mut data.motion {
+        for plot in &mut data.series.motion {
             plot.time_s.fill(a);
             plot.series[0].1.clear();
         }
-        data.stages[1].start_s = a;
-        let drift = data.drift.as_mut().unwrap();
+        data.series.stages[1].start_s = a;
+        let drift = data.answer.drift.as_mut().unwrap();
         drift.elapsed_s = a;
-        drift.changes[2].state.measured_mut().unwrap().value = b;
-        drift.changes[3].state.measured_mut().unwrap().u95 = b.abs();
-        let page = html(&data);
+        drift.changes[2].change.as_mut().unwrap().value = b;
+        drift.changes[3].change.as_mut().unwrap().u95 = b.abs();
+        let page = data.page();
         parse(&page);
         for word in ["NaN", "inf ", "inf<", ">inf", "-inf"] {
             assert!(!page.contains(word), "{a} {b}: {word}");
         }
-        table::plain(&data.results);
+        data.text();
     }
 }
 
 #[test]
 fn a_drift_beyond_its_uncertainty_is_named_and_a_missing_one_is_not_called_none() {
     let mut data = synthetic::experiment(20.0);
-    let changes = &mut data.drift.as_mut().unwrap().changes;
+    let changes = &mut data.answer.drift.as_mut().unwrap().changes;
     for (i, change) in changes.iter_mut().enumerate() {
-        let m = change.state.measured_mut().unwrap();
+        let m = change.change.as_mut().unwrap();
         m.value = if i == 1 { -1.01 } else { 0.99 } * m.u95;
     }
-    assert!(html(&data).contains("<b>fy</b> changed by more"));
-    data.drift.as_mut().unwrap().changes[1].state = ParameterState::NotIdentified;
-    assert!(html(&data).contains("No channel changed by more"));
-    data.drift.as_mut().unwrap().changes.iter_mut().for_each(|c| c.state = ParameterState::NotIdentified);
-    assert!(html(&data).contains("No change could be measured"));
+    assert!(data.page().contains("<b>fy</b> changed by more"));
+    data.answer.drift.as_mut().unwrap().changes[1].change = None;
+    assert!(data.page().contains("No channel changed by more"));
+    data.answer.drift.as_mut().unwrap().changes.iter_mut().for_each(|c| c.change = None);
+    assert!(data.page().contains("No change could be measured"));
 }
 
 #[test]
 fn still_poses_are_counted_not_timed() {
     let mut data = synthetic::still_poses();
-    data.along = Along::Poses;
+    data.series.along = Along::Poses;
     let poses: Vec<f64> = (1..=24).map(f64::from).collect();
-    data.motion.clear();
-    data.convergence.clear();
-    for residual in &mut data.residuals {
+    data.series.motion.clear();
+    data.series.convergence.clear();
+    for residual in &mut data.series.residuals {
         residual.time_s.clone_from(&poses);
         residual.values.truncate(24);
     }
-    let page = html(&data);
+    let page = data.page();
     let document = parse(&page);
     let texts: Vec<String> = elements(&document, "text").into_iter().map(all_text).collect();
     assert_eq!(texts.iter().filter(|t| *t == "pose").count(), 6);
@@ -221,10 +221,10 @@ fn still_poses_are_counted_not_timed() {
 #[test]
 fn the_terminals_columns_are_aligned_and_say_how_far_the_truth_is() {
     let mut data = synthetic::experiment(20.0);
-    let mass = &mut data.results.parameters[0];
+    let mass = &mut data.answer.parameters[0];
     let measured = mass.state.measured_mut().unwrap();
     (measured.value, measured.u95) = (20.0196, 0.0196);
-    let text = table::plain(&data.results);
+    let text = data.text();
     let mut group = text.lines().skip_while(|l| !l.starts_with("In S")).skip(1).take(11);
     let at = |line: &str, c: char| line.chars().position(|x| x == c);
     let plus_minus = at(group.next().unwrap(), '±');
@@ -238,33 +238,35 @@ fn the_terminals_columns_are_aligned_and_say_how_far_the_truth_is() {
 #[test]
 fn an_answer_that_no_body_has_comes_with_the_nearest_one() {
     let mut data = synthetic::experiment(100.0);
-    data.results.physically_consistent = Some(false);
-    data.results.nearest_body = Some(rigident::present::NearestBody {
+    data.answer.physically_consistent = Some(false);
+    let nearest_body = NearestBody {
         mass_kg: 2.5,
         com_m: [0.1, -0.02, 0.0],
         inertia_com_kgm2: [0.01, 0.2, 0.2, 0.0, 0.0, 0.001],
-        distance_sd: 1.2345,
-    });
+        ..NearestBody::default()
+    };
+    data.answer.consistency =
+        Some(Consistency { distance_sd: 1.2345, nearest_body: Some(nearest_body), ..Consistency::default() });
     let words = "1.2 standard deviations away: m 2.5 kg; centre of mass 0.1, -0.02, 0 m; Ixx, Iyy, Izz, Iyz, Izx, Ixy \
                  about it 0.01, 0.2, 0.2, 0, 0, 0.001 kg m²";
-    assert!(table::plain(&data.results).contains(words), "{}", table::plain(&data.results));
-    assert!(html(&data).contains(words));
+    assert!(data.text().contains(words), "{}", data.text());
+    assert!(data.page().contains(words));
 }
 
 /// Nothing is known of what lies between two poses.
 #[test]
 fn still_poses_are_points_and_a_note_is_no_warning() {
     let mut data = synthetic::still_poses();
-    data.along = Along::Poses;
-    data.results.notes = vec!["the answer is that of the last 5 s".to_owned()];
-    data.results.warnings = Vec::new();
-    data.motion = vec![TimePlot {
+    data.series.along = Along::Poses;
+    data.answer.notes = vec!["the answer is that of the last 5 s".to_owned()];
+    data.answer.warnings = Vec::new();
+    data.series.motion = vec![TimePlot {
         title: "Gravity from its columns, axes of S".to_owned(),
         unit: "m/s2".to_owned(),
         time_s: vec![1.0, 2.0, 3.0],
         series: vec![("x".to_owned(), vec![1.0, 5.0, 9.0])],
     }];
-    let page = html(&data);
+    let page = data.page();
     let document = parse(&page);
     let svg = elements(&document, "svg")
         .into_iter()
@@ -280,5 +282,5 @@ fn still_poses_are_points_and_a_note_is_no_warning() {
     assert!(
         boxes.clone().all(|n| !all_text(n).contains("of the last 5 s")) && page.contains("of the last 5 s")
     );
-    assert!(table::plain(&data.results).contains("\nnote: the answer is that of the last 5 s\n"));
+    assert!(data.text().contains("\nnote: the answer is that of the last 5 s\n"));
 }

@@ -1,10 +1,27 @@
 //! A made-up experiment that fills every part of a report; shared by the tests and the example.
 
-use rigident::answer::result::{Measured, ParameterState};
-use rigident::present::{
-    Along, Convergence, Drift, FrameResults, PrincipalAxis, Quantity, ReportData, Residual, Results, Source,
-    Stage, Status, TimePlot,
+use rigident::answer::result::{
+    BodyFrame, Channel, DriftChange, Measured, Parameter, ParameterState, PrincipalMoment, Truth,
 };
+use rigident::answer::{Answer, Drift, Source, Status};
+use rigident::present::{Along, Convergence, Residual, Series, Stage, TimePlot, plain, report};
+
+/// An answer with its plots.
+#[derive(Default)]
+pub struct Experiment {
+    pub answer: Answer,
+    pub series: Series,
+}
+
+impl Experiment {
+    pub fn page(&self) -> String {
+        report(&self.answer, &self.series)
+    }
+
+    pub fn text(&self) -> String {
+        plain::text(&self.answer)
+    }
+}
 
 /// Reproducible noise: sums of twelve uniform numbers, variance one.
 pub struct Noise(u64);
@@ -48,20 +65,27 @@ const OFFSETS: [(&str, &str, f64, f64); 6] = [
     ("offset_mz", "N m", 0.01, 0.007),
 ];
 
-fn quantity(name: &str, unit: &str, truth: f64, u95: f64, noise: &mut Noise) -> Quantity {
+fn parameter(name: &str, unit: &str, truth: f64, u95: f64, noise: &mut Noise) -> Parameter {
     let value = truth + u95 / 1.96 * noise.normal();
-    Quantity {
+    Parameter {
         name: name.to_owned(),
+        owner: name.strip_prefix("offset_").unwrap_or_default().to_owned(),
         unit: unit.to_owned(),
         state: ParameterState::Identified(Measured { value, u95 }),
         truth: Some(truth),
+        ..Parameter::default()
     }
 }
 
-fn convergence(quantity: &Quantity, from_s: f64, times: &[f64], noise: &mut Noise) -> Convergence {
-    let Measured { value, u95 } = quantity.state.measured().unwrap();
+/// Values and uncertainties about true ones.
+fn measured<const K: usize>(list: [(f64, f64); K], noise: &mut Noise) -> ([f64; K], [f64; K]) {
+    (list.map(|(truth, u95)| truth + u95 / 1.96 * noise.normal()), list.map(|(_, u95)| u95))
+}
+
+fn convergence(parameter: &Parameter, from_s: f64, times: &[f64], noise: &mut Noise) -> Convergence {
+    let Measured { value, u95 } = parameter.state.measured().unwrap();
     let end = times.last().copied().unwrap();
-    let mut history = Convergence { name: quantity.name.clone(), ..Convergence::default() };
+    let mut history = Convergence { name: parameter.name.clone(), ..Convergence::default() };
     let mut wander = 0.0;
     for t in times {
         let u = if *t > from_s { u95 * ((end - from_s) / (t - from_s)).sqrt() } else { f64::INFINITY };
@@ -75,115 +99,125 @@ fn convergence(quantity: &Quantity, from_s: f64, times: &[f64], noise: &mut Nois
 }
 
 /// Five still poses of four seconds, then 40 s of motion, at `rate_hz`.
-pub fn experiment(rate_hz: f64) -> ReportData {
+pub fn experiment(rate_hz: f64) -> Experiment {
     let mut noise = Noise::new(7);
     let rows = (60.0 * rate_hz) as usize;
     let time_s: Vec<f64> = (0..rows).map(|i| i as f64 / rate_hz).collect();
     let seldom: Vec<f64> = (1..=1200).map(|i| f64::from(i) * 0.05).collect();
-    let mut many = |list: &[(&str, &str, f64, f64)]| -> Vec<Quantity> {
-        list.iter().map(|(n, u, t, s)| quantity(n, u, *t, *s, &mut noise)).collect()
-    };
-    let parameters = many(&PARAMETERS);
-    let offsets = many(&OFFSETS);
-    let centre_of_mass =
-        many(&[("x", "m", 0.0, 0.000_06), ("y", "m", 0.0, 0.000_055), ("z", "m", 0.053, 0.000_09)]);
-    let inertia_com = many(&[
-        ("Ixx", "kg m2", 0.3813, 0.000_32),
-        ("Iyy", "kg m2", 0.0185, 0.000_29),
-        ("Izz", "kg m2", 0.3791, 0.000_45),
-        ("Iyz", "kg m2", 0.0, 0.000_21),
-        ("Izx", "kg m2", 0.0, 0.000_25),
-        ("Ixy", "kg m2", 0.0, 0.000_19),
-    ]);
-    let frame = many(&[
-        ("x", "m", 0.0, 0.000_06),
-        ("y", "m", 0.0, 0.000_055),
-        ("z", "m", 0.033, 0.000_09),
-        ("Ixx", "kg m2", 0.403_08, 0.000_32),
-        ("Iyy", "kg m2", 0.040_28, 0.000_29),
-        ("Izz", "kg m2", 0.3791, 0.000_45),
-        ("Iyz", "kg m2", 0.0, 0.000_21),
-        ("Izx", "kg m2", 0.0, 0.000_25),
-        ("Ixy", "kg m2", 0.0, 0.000_19),
-    ]);
-    let moments = many(&[
-        ("I1", "kg m2", 0.3813, 0.000_32),
-        ("I2", "kg m2", 0.3791, 0.000_45),
-        ("I3", "kg m2", 0.0185, 0.000_29),
-    ]);
-    let axes = [[1.0, 0.0004, -0.0131], [0.0131, -0.0002, 0.9999], [0.0004, -1.0, 0.0002]];
-    let principal = moments
-        .into_iter()
-        .zip(axes)
-        .zip([0.19, 0.19, 0.0012])
-        .map(|((moment, axis), direction_u95_rad)| PrincipalAxis { moment, axis, direction_u95_rad })
-        .collect();
-    let changes = many(&[
-        ("fx", "N", 0.0, 0.31),
-        ("fy", "N", 0.0, 0.29),
-        ("fz", "N", 0.9, 0.61),
-        ("mx", "N m", 0.0, 0.023),
-        ("my", "N m", 0.0, 0.027),
-        ("mz", "N m", 0.0, 0.026),
-    ]);
-    let histories = parameters
+    let parameters: Vec<Parameter> =
+        PARAMETERS.iter().chain(&OFFSETS).map(|(n, u, t, s)| parameter(n, u, *t, *s, &mut noise)).collect();
+    let convergence = parameters
         .iter()
+        .take(10)
         .enumerate()
-        .map(|(j, q)| convergence(q, if j < 4 { 4.0 } else { 20.0 }, &seldom, &mut noise))
+        .map(|(j, p)| convergence(p, if j < 4 { 4.0 } else { 20.0 }, &seldom, &mut noise))
         .collect();
-    let sigmas = [5.05, 5.05, 10.1, 0.383, 0.459, 0.459];
-    let residuals = ["fx", "fy", "fz", "mx", "my", "mz"]
-        .iter()
-        .zip(sigmas)
-        .map(|(channel, sigma)| Residual {
-            channel: (*channel).to_owned(),
-            unit: if channel.starts_with('f') { "N" } else { "N m" }.to_owned(),
-            time_s: time_s.clone(),
-            values: time_s.iter().map(|_| sigma * noise.normal()).collect(),
-            sigma,
-        })
-        .collect();
-    ReportData {
+    let residuals = residuals(&time_s, &mut noise);
+    let channel =
+        |r: &Residual| Channel { name: r.channel.clone(), unit: r.unit.clone(), ..Channel::default() };
+    let channels = residuals.iter().map(channel).collect();
+    let answer = Answer {
+        status: Status::Identified,
         source: Source {
-            body_name: "Test body with plates, horizontal".to_owned(),
             recording: "demo-2026-11-21.mcap".to_owned(),
+            recorded: None,
             mcu: "inproc".to_owned(),
             rate_hz: Some(rate_hz),
             rows: rows as u64,
             duration_s: Some(60.0),
         },
-        results: Results {
-            status: Status::Identified,
-            parameters,
-            centre_of_mass,
-            inertia_com,
-            principal,
-            body_frame: Some(FrameResults { name: "bracket 17".to_owned(), quantities: frame }),
-            offsets,
-            condition_number: Some(12.34),
-            physically_consistent: Some(true),
-            nearest_body: None,
-            time_base: None,
-            known: Vec::new(),
-            notes: Vec::new(),
-            warnings: Vec::new(),
-            advice: Vec::new(),
-        },
+        parameters,
+        channels,
+        condition_number: Some(12.34),
+        physically_consistent: Some(true),
+        drift: Some(drift(&mut noise)),
+        ..body(&mut noise)
+    };
+    let series = Series {
+        along: Along::Time,
+        stages: stages(),
+        convergence,
+        residuals,
+        motion: motion(&time_s, &mut noise),
         rejected: vec![("saturated".to_owned(), 12), ("frozen".to_owned(), 0), ("gap".to_owned(), 3)],
         provenance: vec![
             ("firmware".to_owned(), "rigident 0.1.0, CRC-32 8f3a11c4, protocol 1".to_owned()),
             ("load cell".to_owned(), "serial 4711, calibrated 2026-03-02".to_owned()),
             ("IMU".to_owned(), "serial 0815, calibrated 2026-05-19".to_owned()),
         ],
-        along: Along::Time,
-        stages: stages(),
-        convergence: histories,
-        residuals,
-        residual_note: "Rows before the filter.".to_owned(),
-        motion: motion(&time_s, &mut noise),
-        drift: Some(Drift { elapsed_s: 56.0, changes }),
-        decisions: Vec::new(),
+        ..Series::default()
+    };
+    Experiment { answer, series }
+}
+
+/// What follows from the ten parameters.
+fn body(noise: &mut Noise) -> Answer {
+    let (com_m, com_u95_m) = measured([(0.0, 0.000_06), (0.0, 0.000_055), (0.053, 0.000_09)], noise);
+    let sigma = [0.000_32, 0.000_29, 0.000_45, 0.000_21, 0.000_25, 0.000_19];
+    let about_com = [0.3813, 0.0185, 0.3791, 0.0, 0.0, 0.0];
+    let there = [0.403_08, 0.040_28, 0.3791, 0.0, 0.0, 0.0];
+    let with_sigma = |list: [f64; 6]| std::array::from_fn(|k| (list[k], sigma[k]));
+    let (inertia, inertia_u95): ([f64; 6], [f64; 6]) = measured(with_sigma(about_com), noise);
+    let (frame_com_m, frame_com_u95_m) =
+        measured([(0.0, 0.000_06), (0.0, 0.000_055), (0.033, 0.000_09)], noise);
+    let (frame_inertia, frame_u95): ([f64; 6], [f64; 6]) = measured(with_sigma(there), noise);
+    let (moments, moments_u95) =
+        measured([(0.3813, 0.000_32), (0.3791, 0.000_45), (0.0185, 0.000_29)], noise);
+    let axes = [[1.0, 0.0004, -0.0131], [0.0131, -0.0002, 0.9999], [0.0004, -1.0, 0.0002]];
+    let principal = |k: usize| PrincipalMoment {
+        moment_kgm2: moments[k],
+        u95_kgm2: moments_u95[k],
+        axis: Some(axes[k]),
+        axis_u95_rad: Some([0.19, 0.19, 0.0012][k]),
+    };
+    Answer {
+        mass_kg: Some(20.0),
+        com_m: Some(com_m),
+        com_u95_m: Some(com_u95_m),
+        inertia_com_kgm2: Some(inertia),
+        inertia_com_u95_kgm2: Some(inertia_u95),
+        principal: (0..3).map(principal).collect(),
+        body_frame: Some(BodyFrame {
+            name: "bracket 17".to_owned(),
+            com_m: frame_com_m,
+            com_u95_m: frame_com_u95_m,
+            inertia_origin_kgm2: Some(frame_inertia),
+            inertia_origin_u95_kgm2: Some(frame_u95),
+        }),
+        truth: Some(Truth {
+            mass_kg: 20.0,
+            com_m: [0.0, 0.0, 0.053],
+            inertia_com_kgm2: about_com,
+            moments_kgm2: [0.3813, 0.3791, 0.0185],
+            body_frame_com_m: Some([0.0, 0.0, 0.033]),
+            body_frame_inertia_origin_kgm2: Some(there),
+        }),
+        ..Answer::default()
     }
+}
+
+fn drift(noise: &mut Noise) -> Drift {
+    let changes = [("fx", 0.31), ("fy", 0.29), ("fz", 0.61), ("mx", 0.023), ("my", 0.027), ("mz", 0.026)];
+    let change = |(channel, u95): (&str, f64)| DriftChange {
+        channel: channel.to_owned(),
+        unit: if channel.starts_with('f') { "N" } else { "N m" }.to_owned(),
+        change: Some(Measured { value: u95 / 1.96 * noise.normal(), u95 }),
+    };
+    Drift { elapsed_s: 56.0, changes: changes.map(change).into() }
+}
+
+fn residuals(time_s: &[f64], noise: &mut Noise) -> Vec<Residual> {
+    let sigmas = [5.05, 5.05, 10.1, 0.383, 0.459, 0.459];
+    let channels = ["fx", "fy", "fz", "mx", "my", "mz"].iter().zip(sigmas);
+    channels
+        .map(|(channel, sigma)| Residual {
+            channel: (*channel).to_owned(),
+            unit: if channel.starts_with('f') { "N" } else { "N m" }.to_owned(),
+            time_s: time_s.to_vec(),
+            values: time_s.iter().map(|_| sigma * noise.normal()).collect(),
+            sigma,
+        })
+        .collect()
 }
 
 fn stages() -> Vec<Stage> {
@@ -233,21 +267,22 @@ fn motion(time_s: &[f64], noise: &mut Noise) -> Vec<TimePlot> {
 }
 
 /// The same after still poses only: no tensor, no drift check.
-pub fn still_poses() -> ReportData {
-    let mut data = experiment(50.0);
-    data.source.body_name = "Tool <flange> & \"adapter\"".to_owned();
-    data.results.status = Status::PartlyIdentified;
-    for quantity in data.results.parameters.iter_mut().skip(4).chain(&mut data.results.inertia_com) {
-        quantity.state = ParameterState::NotIdentified;
+pub fn still_poses() -> Experiment {
+    let Experiment { mut answer, series } = experiment(50.0);
+    for parameter in answer.parameters.iter_mut().take(10).skip(4) {
+        parameter.state = ParameterState::NotIdentified;
     }
-    for quantity in data.results.body_frame.iter_mut().flat_map(|f| f.quantities.iter_mut().skip(3)) {
-        quantity.state = ParameterState::NotIdentified;
+    (answer.inertia_com_kgm2, answer.inertia_com_u95_kgm2) = (None, None);
+    if let Some(frame) = &mut answer.body_frame {
+        frame.name = "Tool <flange> & \"adapter\"".to_owned();
+        (frame.inertia_origin_kgm2, frame.inertia_origin_u95_kgm2) = (None, None);
     }
-    data.results.principal.clear();
-    data.results.physically_consistent = None;
-    data.results.warnings = vec!["accelerometer gain and bias were calibrated against |g|".to_owned()];
-    data.results.advice =
+    answer.status = Status::PartlyIdentified;
+    answer.principal.clear();
+    answer.physically_consistent = None;
+    answer.warnings = vec!["accelerometer gain and bias were calibrated against |g|".to_owned()];
+    answer.advice =
         vec!["no rotation to and fro about S.x that is fast enough: turn the body about S.x, with two or three well-separated frequencies".to_owned()];
-    data.drift = None;
-    data
+    answer.drift = None;
+    Experiment { answer, series }
 }
