@@ -2,16 +2,14 @@
 #![cfg(feature = "simulator")]
 
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
 use serde_json::Value;
 
-fn rigident(folder: &Path, line: &str) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_rigident")).current_dir(folder).args(line.split(' ')).output().unwrap()
-}
+use crate::program::{self, said};
 
-fn said(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
+fn rigident(folder: &Path, line: &str) -> Output {
+    program::rigident(folder, &line.split(' ').collect::<Vec<_>>())
 }
 
 fn answer(folder: &Path, line: &str) -> Value {

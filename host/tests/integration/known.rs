@@ -3,26 +3,10 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
 
 use serde_json::Value;
 
-fn rigident(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_rigident")).current_dir(folder).args(arguments).output().unwrap()
-}
-
-fn json(output: &Output) -> Value {
-    serde_json::from_slice(&output.stdout)
-        .unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&output.stderr)))
-}
-
-fn said(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-fn parameter<'a>(result: &'a Value, name: &str) -> &'a Value {
-    result["parameters"].as_array().unwrap().iter().find(|p| p["name"] == name).unwrap()
-}
+use crate::program::{json, parameter, rigident, said};
 
 fn number(parameter: &Value, field: &str) -> f64 {
     parameter[field].as_f64().unwrap()

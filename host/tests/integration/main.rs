@@ -24,6 +24,7 @@ mod no_simulator;
 mod pendulum;
 mod plan_motion;
 mod plan_poses;
+mod program;
 mod rates;
 mod report;
 mod streams;

@@ -1,13 +1,10 @@
 //! `rigident model` as a user types it.
 
 use std::path::Path;
-use std::process::{Command, Output};
 
 use serde_json::Value;
 
-fn rigident(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_rigident")).current_dir(folder).args(arguments).output().unwrap()
-}
+use crate::program::rigident;
 
 fn base_params(folder: &Path, arguments: &[&str]) -> Value {
     let words: Vec<&str> =

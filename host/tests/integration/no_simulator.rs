@@ -1,11 +1,7 @@
 //! The program without the simulated rig: `cargo test --release -p rigident --no-default-features --test integration`.
 #![cfg(not(feature = "simulator"))]
 
-use std::process::{Command, Output};
-
-fn rigident(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_rigident")).args(arguments).output().unwrap()
-}
+use crate::program::rigident_anywhere as rigident;
 
 #[test]
 fn what_needs_the_simulated_rig_is_refused_with_the_feature_that_brings_it() {

@@ -2,7 +2,7 @@
 
 #![cfg(feature = "simulator")]
 
-use std::process::{Command, Output};
+use std::process::Command;
 use std::sync::atomic::AtomicBool;
 
 use rigident::montecarlo::Campaign;
@@ -10,9 +10,7 @@ use rigident::plan::equipment::Equipment;
 use rigident::plan::motion::{Objective, Task, plan};
 use rigident_sim::rig::RigConfig;
 
-fn rigident(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_rigident")).args(arguments).output().unwrap()
-}
+use crate::program::rigident_anywhere as rigident;
 
 fn refused(arguments: &[&str]) -> String {
     let output = rigident(arguments);

@@ -1,10 +1,8 @@
 //! `rigident plan poses` and `rigident montecarlo poses`, as a user types them.
 
-use std::process::{Command, Output};
+use std::process::Command;
 
-fn rigident(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_rigident")).args(arguments).output().unwrap()
-}
+use crate::program::rigident_anywhere as rigident;
 
 fn json(arguments: &[&str]) -> serde_json::Value {
     let output = rigident(arguments);

@@ -2,7 +2,6 @@
 
 use std::fmt::Write as _;
 use std::path::Path;
-use std::process::{Command, Output};
 
 use nalgebra::{UnitQuaternion, Vector3};
 use rigident::model::dynamics::inverse_dynamics;
@@ -10,23 +9,11 @@ use rigident::model::{Model, human::Person, open, rig_links};
 use rigident_shared::tree::BaseMotion;
 use serde_json::Value;
 
+use crate::program::{complaint, json as answer, rigident};
+
 mod gross;
 mod locked;
 mod told;
-
-fn rigident(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_rigident")).current_dir(folder).args(arguments).output().unwrap()
-}
-
-fn complaint(output: &Output) -> String {
-    assert_eq!(output.status.code(), Some(2), "{}", String::from_utf8_lossy(&output.stdout));
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-fn answer(output: &Output) -> Value {
-    serde_json::from_slice(&output.stdout)
-        .unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&output.stderr)))
-}
 
 /// Everything that an answer tells in words: warnings and notes.
 fn told(found: &Value) -> String {

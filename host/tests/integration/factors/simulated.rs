@@ -3,7 +3,6 @@
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
 
 use hexapod::BodyParameters;
 use hexapod::experiment::thesis_program;
@@ -14,6 +13,8 @@ use rigident::simulated::{mounting, reading};
 use rigident_shared::screening::Limits;
 use rigident_sim::rig::{Readings, RigConfig};
 use serde_json::Value;
+
+pub use crate::program::{rigident, said, status};
 
 /// Thesis, Table 1: 95 % figures over 1.96.
 pub const SIGMA: [f64; 6] = [9.9 / 1.96, 9.9 / 1.96, 19.8 / 1.96, 0.75 / 1.96, 0.9 / 1.96, 0.9 / 1.96];
@@ -101,18 +102,6 @@ pub fn write(folder: &Path, name: &str, body: BodyParameters, seed: u64, load_ce
 /// `noise_n_nm` of a rig file.
 pub fn noise() -> String {
     format!("noise_n_nm = {SIGMA:?}")
-}
-
-pub fn rigident(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_rigident")).current_dir(folder).args(arguments).output().unwrap()
-}
-
-pub fn status(output: &Output) -> i32 {
-    output.status.code().expect("not ended by a signal")
-}
-
-pub fn said(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 /// The command must succeed; its object.

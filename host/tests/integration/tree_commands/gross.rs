@@ -1,5 +1,7 @@
 //! Gross errors of units, signs and axes are refused in words; what is assumed is told.
 
+use std::process::Command;
+
 use super::*;
 
 /// Says what is complained of once the columns of `two.csv` are changed.
