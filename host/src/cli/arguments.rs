@@ -3,11 +3,11 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 
 pub use super::adaptive::Adaptive;
-pub use super::course_arguments::Course;
 pub use super::factor_arguments::{MakeFactor, Merge, Solve, TareFiles};
-pub use super::known_arguments::KnownQuantities;
-pub use super::memory_arguments::Remember;
-pub use super::model_arguments::{BenchCommand, ModelCommand, TreeModel, TreeOptions};
+pub use super::options::forgetting::Forgetting;
+pub use super::options::known_values::KnownQuantities;
+pub use super::options::stop_criterion::StopCriterion;
+pub use super::options::trees::{BenchCommand, ModelCommand, TreeModel, TreeOptions};
 pub use super::plan_arguments::{Plan, Workspace};
 pub use super::programme::Programme;
 
@@ -130,10 +130,10 @@ pub struct Demo {
     pub adaptive: Adaptive,
     #[command(flatten)]
     #[allow(missing_docs)]
-    pub course: Course,
+    pub stop: StopCriterion,
     #[command(flatten)]
     #[allow(missing_docs)]
-    pub remember: Remember,
+    pub forgetting: Forgetting,
     #[command(flatten)]
     #[allow(missing_docs)]
     pub known: KnownQuantities,
@@ -185,10 +185,10 @@ pub struct Replay {
     pub rig: Option<PathBuf>,
     #[command(flatten)]
     #[allow(missing_docs)]
-    pub course: Course,
+    pub stop: StopCriterion,
     #[command(flatten)]
     #[allow(missing_docs)]
-    pub remember: Remember,
+    pub forgetting: Forgetting,
     #[command(flatten)]
     #[allow(missing_docs)]
     pub tare: TareFiles,
@@ -222,7 +222,7 @@ pub struct Identify {
     pub rig: Option<PathBuf>,
     #[command(flatten)]
     #[allow(missing_docs)]
-    pub remember: Remember,
+    pub forgetting: Forgetting,
     #[command(flatten)]
     #[allow(missing_docs)]
     pub tare: TareFiles,
@@ -316,10 +316,10 @@ pub struct Run {
     pub adaptive: Adaptive,
     #[command(flatten)]
     #[allow(missing_docs)]
-    pub course: Course,
+    pub stop: StopCriterion,
     #[command(flatten)]
     #[allow(missing_docs)]
-    pub remember: Remember,
+    pub forgetting: Forgetting,
     #[command(flatten)]
     #[allow(missing_docs)]
     pub known: KnownQuantities,

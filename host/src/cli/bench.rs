@@ -4,7 +4,7 @@ use std::process::ExitCode;
 use serde_json::json;
 
 use super::Failure;
-use super::model_arguments::{BenchCommand, BenchRegressors, BenchVerb};
+use super::options::trees::{BenchCommand, BenchRegressors, BenchVerb};
 use super::outcome::say;
 use crate::model::speed::{Asked, pinocchio, shapes, time};
 use crate::model::urdf;

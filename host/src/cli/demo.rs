@@ -10,7 +10,7 @@ use super::arguments::{Demo, DemoBody, Demonstrated};
 use super::experiment::{Experiment, Watcher, device_notes};
 use super::link::configured;
 use super::loaded::Loaded;
-use super::memory_arguments::{self, RowsOf};
+use super::options::forgetting::{self, RowsOf};
 use super::outcome::provenance;
 use super::{Failure, Folder, demo_links, programme, simulated};
 use crate::device::link::Client;
@@ -58,12 +58,12 @@ fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
         .map_err(|e| Failure::link(e).context("the simulated device"))?;
     let timing =
         DeviceTiming { rate_hz: RATE_HZ, is_static: false, source: Source::Sensors, host_timeout_ms: 0 };
-    let span = arguments.remember.span(&RowsOf::rig(&file, RATE_HZ))?;
+    let span = arguments.forgetting.span(&RowsOf::rig(&file, RATE_HZ))?;
     let memory = span.map(|span| MemoryConfig { span, imu_noise: imu_noise(file.imu.first(), &[]) });
     let mut settings = settings(&file, &timing, None, None).map_err(Failure::input)?;
     let nothing = Loaded::of_readings("demo", &file, Vec::new(), Some(RATE_HZ), false);
-    arguments.course.put_into(&mut settings, nothing.source().parameters())?;
-    memory_arguments::put_into(&mut settings, memory.as_ref());
+    arguments.stop.put_into(&mut settings, nothing.source().parameters())?;
+    forgetting::put_into(&mut settings, memory.as_ref());
     configured(&mut session, &settings)?;
     let mut platform = LocalPlatform(rig);
     let mut directing = arguments.adaptive.directing(&file, &geometry, &settings)?;
@@ -107,7 +107,7 @@ fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
         parameter_truth: None,
         stages,
         same_pose,
-        followed: None,
+        tracking_error: None,
         decisions,
         notes: Vec::new(),
         warnings,

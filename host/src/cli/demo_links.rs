@@ -40,7 +40,7 @@ const PLATES: [f64; 6] = [0.5, 0.5, 1.0, 0.1, 0.1, 0.1];
 const FRAMES_S: std::ops::RangeInclusive<f64> = 2.0..=3600.0;
 
 fn refuse_others(arguments: &Demo) -> Result<(), Failure> {
-    refuse_for_trees(&[&arguments.remember, &arguments.adaptive])
+    refuse_for_trees(&[&arguments.forgetting, &arguments.adaptive])
 }
 
 /// The device, greeted.
@@ -81,7 +81,7 @@ pub(super) fn two_links(arguments: &Demo) -> Result<ExitCode, Failure> {
         DeviceTiming { rate_hz: RATE_HZ, is_static: false, source: Source::Sensors, host_timeout_ms: 0 };
     let mut settings =
         two_link_settings(&file, &timing, None, attitude_source(&file)).map_err(Failure::input)?;
-    arguments.course.put_into(&mut settings, &estimated)?;
+    arguments.stop.put_into(&mut settings, &estimated)?;
     if arguments.ideal {
         // Words without noise repeat themselves.
         settings.frozen_after = 0;
@@ -111,7 +111,7 @@ pub(super) fn two_links(arguments: &Demo) -> Result<ExitCode, Failure> {
         parameter_truth: Some(&truth),
         stages: Vec::new(),
         same_pose: None,
-        followed: None,
+        tracking_error: None,
         decisions: Vec::new(),
         notes: Vec::new(),
         warnings: Vec::new(),
@@ -207,7 +207,7 @@ pub(super) fn human34(arguments: &Demo) -> Result<ExitCode, Failure> {
     let timing =
         DeviceTiming { rate_hz: FRAMES_HZ, is_static: false, source: Source::Sensors, host_timeout_ms: 0 };
     let mut settings = tree_settings(&file, &timing, told).map_err(Failure::input)?;
-    arguments.course.put_into(&mut settings, &estimated)?;
+    arguments.stop.put_into(&mut settings, &estimated)?;
     configured(&mut session, &settings)?;
     let folder = Folder::new(arguments.output.out.as_deref(), "demo")?;
     let mut recording = frames::recording("demo", &file, FRAMES_HZ, model.links.len(), &sent);
@@ -234,7 +234,7 @@ pub(super) fn human34(arguments: &Demo) -> Result<ExitCode, Failure> {
         parameter_truth: Some(&truth),
         stages: Vec::new(),
         same_pose: None,
-        followed: None,
+        tracking_error: None,
         decisions: Vec::new(),
         notes: Vec::new(),
         warnings: Vec::new(),

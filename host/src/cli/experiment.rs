@@ -14,9 +14,9 @@ use rigident_shared::wire::{
 };
 
 use super::arguments::Output;
-use super::followed::{Followed, MotionLog};
 use super::loaded::{Loaded, PLOT_POINTS};
 use super::run_report::RunReport;
+use super::tracking_error::{MotionLog, TrackingError};
 use super::{Failure, Folder, Progress, Stages};
 use crate::device::session::tree::complaints;
 use crate::device::session::{Observer, Take};
@@ -262,7 +262,7 @@ pub(super) struct Experiment<'a> {
     /// Spans of the first pose and of the same pose at the end, s from the first reading.
     pub(super) same_pose: Option<[(f64, f64); 2]>,
     /// How the platform followed.
-    pub(super) followed: Option<Followed>,
+    pub(super) tracking_error: Option<TrackingError>,
     /// Segments that were decided on, and what came of them.
     pub(super) decisions: Vec<Decided>,
     pub(super) notes: Vec<String>,
@@ -346,15 +346,15 @@ impl Experiment<'_> {
         report.factor = Some(factor);
         report.parameter_truth = self.parameter_truth;
         report.drift = self.same_pose.and_then(|spans| loaded.drift(spans, &found));
-        report.tracking = self.followed.as_ref().map(Followed::tracking);
-        report.motion = self.followed.as_ref().map_or_else(Vec::new, Followed::plots);
+        report.tracking = self.tracking_error.as_ref().map(TrackingError::tracking);
+        report.motion = self.tracking_error.as_ref().map_or_else(Vec::new, TrackingError::plots);
         report.provenance = device_notes(self.identity).into_iter().chain(report.provenance).collect();
         (report.stages, report.decisions) = (self.stages, self.decisions);
         report.notes.extend(notes);
         report.warnings.extend(warnings);
         report.error = take.broken;
-        if let Some(followed) = self.followed.filter(|_| !self.output.json) {
-            report.epilogue = Some(followed.to_string());
+        if let Some(tracking_error) = self.tracking_error.filter(|_| !self.output.json) {
+            report.epilogue = Some(tracking_error.to_string());
         }
         report.finish(&found, || Ok(Some(folder.clone())))
     }

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use super::arguments::{MakeFactor, Merge, Solve, TareFiles};
 use super::loaded::Loaded;
-use super::model_arguments::TreeModel;
+use super::options::trees::TreeModel;
 use super::outcome::say;
 use super::recorded::{is_recording, is_rig_file};
 use super::run_report::RunReport;

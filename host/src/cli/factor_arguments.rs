@@ -3,7 +3,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::arguments::{KnownQuantities, Output};
-use super::model_arguments::TreeModel;
+use super::options::trees::TreeModel;
 
 /// The option `--tare`.
 #[derive(Args, Debug, Clone, Default)]

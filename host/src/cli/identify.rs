@@ -3,7 +3,7 @@ use std::time::Instant;
 
 use super::arguments::Identify;
 use super::loaded::{Loaded, PLOT_POINTS, StandardOptions, tree_of};
-use super::memory_arguments::RowsOf;
+use super::options::forgetting::RowsOf;
 use super::run_report::RunReport;
 use super::{Failure, Folder, Stages};
 use crate::model::{remarks, write};
@@ -34,7 +34,7 @@ pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
         &mut report.notes,
         &mut report.warnings,
     )?;
-    let span = arguments.remember.span(&RowsOf::source(loaded.source()))?;
+    let span = arguments.forgetting.span(&RowsOf::source(loaded.source()))?;
     let mut found = loaded.fit(span, PLOT_POINTS, &stages)?;
     report.factor = Some(loaded.factor(&found));
     if let Some(tare) = tare {

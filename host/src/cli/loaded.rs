@@ -3,9 +3,9 @@ use std::path::{Path, PathBuf};
 use rigident_shared::calibration::Reading;
 use rigident_shared::forgetting::Span;
 
-use super::model_arguments::{ModelChanges, TreeModel};
+use super::options::trees::{ModelChanges, TreeModel};
 use super::recorded::{is_rig_file, left_out_columns, named, stream_set};
-use super::{Failure, Stages, held};
+use super::{Failure, Stages, locked_joints};
 use crate::answer::{Drift, Links, Source, StandardRequest, TimeBase};
 use crate::fit::pool::PooledFactor;
 use crate::fit::{DeviceFactor, Fit, FitOptions, RowSource, Timing};
@@ -327,8 +327,8 @@ pub(super) fn change_as_recorded(
     recording: &Recording,
 ) -> Result<Vec<String>, Failure> {
     let mut changes = changes.clone();
-    let mut told = held::lock(model, &std::mem::take(&mut changes.lock), recording)?;
-    held::meet(model, &std::mem::take(&mut changes.spherical), recording)?;
+    let mut told = locked_joints::lock(model, &std::mem::take(&mut changes.lock), recording)?;
+    locked_joints::meet(model, &std::mem::take(&mut changes.spherical), recording)?;
     super::model::change(model, &changes)?;
     told.extend(changes.tool.iter().map(|words| note_on_tool(words)));
     Ok(told)

@@ -8,10 +8,8 @@ mod tell;
 
 mod adaptive;
 mod arguments;
-mod at_rest;
 mod bench;
 mod confirm;
-mod course_arguments;
 #[cfg(feature = "simulator")]
 mod demo;
 #[cfg(feature = "simulator")]
@@ -22,21 +20,18 @@ mod factor;
 mod factor_arguments;
 mod failure;
 mod folder;
-mod followed;
-mod held;
 mod identify;
-mod known_arguments;
 mod link;
 mod links_on_device;
 mod loaded;
-mod memory_arguments;
+mod locked_joints;
 mod model;
-mod model_arguments;
 #[cfg(feature = "simulator")]
 mod montecarlo;
 #[cfg(feature = "simulator")]
 mod montecarlo_poses;
 mod motion_plots;
+mod options;
 mod outcome;
 mod plan_arguments;
 mod plan_motion;
@@ -54,7 +49,9 @@ mod simulated;
 #[cfg(not(feature = "simulator"))]
 #[path = "no_simulator.rs"]
 mod simulated;
+mod tracking_error;
 mod workspace;
+mod zeroing;
 
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;

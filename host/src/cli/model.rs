@@ -2,7 +2,7 @@ use std::process::ExitCode;
 
 use serde_json::json;
 
-use super::model_arguments::{
+use super::options::trees::{
     BaseParams, ModelChanges, ModelCheck, ModelCommand, ModelVerb, RowsWord, SexWord,
 };
 use super::outcome::say;

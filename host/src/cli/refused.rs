@@ -2,7 +2,7 @@
 
 use super::Failure;
 use super::adaptive::Adaptive;
-use super::memory_arguments::Remember;
+use super::options::forgetting::Forgetting;
 use super::programme::Programme;
 
 /// Options by name, and whether they are given.
@@ -11,7 +11,7 @@ pub(super) trait Given {
     fn given(&self) -> Vec<(&'static str, bool)>;
 }
 
-impl Given for Remember {
+impl Given for Forgetting {
     fn given(&self) -> Vec<(&'static str, bool)> {
         vec![("--forget", self.forget.is_some()), ("--window", self.window.is_some())]
     }

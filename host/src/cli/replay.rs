@@ -9,7 +9,7 @@ use super::arguments::Replay;
 use super::experiment::{Experiment, Watcher};
 use super::link::{NamedTransport, configured};
 use super::loaded::{Loaded, refuse_tree_options, tree_of};
-use super::memory_arguments::{self, RowsOf};
+use super::options::forgetting::{self, RowsOf};
 use super::{Failure, Folder, Stages, replay_links, simulated};
 use crate::device::link::{Client, SerialTransport};
 use crate::device::session::precision::{self, largest_numbers};
@@ -39,7 +39,7 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
         let rate_hz = (!recording.is_static).then_some(prepared.input.rate_hz);
         Loaded::of_readings(&recording.name, rig, readings, rate_hz, prepared.gravity_columns)
     };
-    let span = arguments.remember.span(&RowsOf::input(&prepared.input))?;
+    let span = arguments.forgetting.span(&RowsOf::input(&prepared.input))?;
     let memory = span.map(|span| MemoryConfig {
         span,
         imu_noise: imu_noise(prepared.rig.imu.first(), &prepared.input.readings),
@@ -58,9 +58,9 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
         host_timeout_ms: 0,
     };
     let mut settings = settings(&rig, &timing, None, None).map_err(Failure::input)?;
-    arguments.course.put_into(&mut settings, all.source().parameters())?;
+    arguments.stop.put_into(&mut settings, all.source().parameters())?;
     drop(all);
-    memory_arguments::put_into(&mut settings, memory.as_ref());
+    forgetting::put_into(&mut settings, memory.as_ref());
     configured(&mut session, &settings)?;
     let folder = Folder::new(arguments.output.out.as_deref(), "replay")?;
     let mut watcher = Watcher::new(prepared.input.readings.len());
@@ -82,7 +82,7 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
         parameter_truth: None,
         stages: Vec::new(),
         same_pose: None,
-        followed: None,
+        tracking_error: None,
         decisions: Vec::new(),
         notes,
         warnings,

@@ -23,7 +23,7 @@ use crate::rig::{OffsetTable, OffsetWord};
 
 /// Replays a recording of this tree.
 pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Result<ExitCode, Failure> {
-    refuse_for_trees(&[&arguments.remember])?;
+    refuse_for_trees(&[&arguments.forgetting])?;
     let known = arguments.known.parse()?;
     let mut recording =
         Recording::load(&arguments.recording, arguments.rig.as_deref()).map_err(Failure::input)?;
@@ -51,7 +51,7 @@ pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Res
         let readings = two_links::readings(&recording).map_err(Failure::input)?;
         let mut settings = two_link_settings(rig, &timing(Source::Injected), None, attitude_source(rig))
             .map_err(Failure::input)?;
-        arguments.course.put_into(&mut settings, &estimated)?;
+        arguments.stop.put_into(&mut settings, &estimated)?;
         let (name, transport) = replay::device(&arguments.mcu)?;
         let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
         configured(&mut session, &settings)?;
@@ -77,7 +77,7 @@ pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Res
         };
         let sent = frames::frames(&recording, model).map_err(Failure::input)?;
         let mut settings = tree_settings(rig, &timing(Source::Sensors), told).map_err(Failure::input)?;
-        arguments.course.put_into(&mut settings, &estimated)?;
+        arguments.stop.put_into(&mut settings, &estimated)?;
         let count = sent.len();
         let (transport, source) = simulated::frames(runner, sent, rate_hz)?;
         let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
@@ -105,7 +105,7 @@ pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Res
         parameter_truth: None,
         stages: Vec::new(),
         same_pose: None,
-        followed: None,
+        tracking_error: None,
         decisions: Vec::new(),
         notes,
         warnings,

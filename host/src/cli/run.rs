@@ -8,16 +8,16 @@ use rigident_shared::wire::Source;
 
 use super::adaptive::Directing;
 use super::arguments::Run;
-use super::at_rest::{self, warm_up, zero, zero_second};
 use super::confirm::confirm;
 use super::experiment::{Experiment, Watcher, device_notes};
-use super::followed::{Followed, MotionLog};
 use super::link::{HOST_TIMEOUT_MS, configured, device_settings, open};
 use super::links_on_device::{check_asked, device_parameters};
 use super::loaded::Loaded;
-use super::memory_arguments::{self, RowsOf};
+use super::options::forgetting::{self, RowsOf};
 use super::outcome::provenance;
 use super::refused::refuse_for_trees;
+use super::tracking_error::{MotionLog, TrackingError};
+use super::zeroing::{self, warm_up, zero, zero_second};
 use super::{Failure, Folder, programme};
 use crate::device::session::tree::device_tree;
 use crate::device::session::{DeviceTiming, INTERRUPTED, Session, settings, two_links};
@@ -67,8 +67,8 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     // Any noise does while nothing is absorbed.
     let mut standing = settings(&rig, &timing, Some([1.0; 6]), None).map_err(Failure::input)?;
     // What cannot be asked for is said before anything moves.
-    arguments.course.put_into(&mut standing, &parameters)?;
-    let span = arguments.remember.span(&RowsOf::rig(&rig, rate_hz))?;
+    arguments.stop.put_into(&mut standing, &parameters)?;
+    let span = arguments.forgetting.span(&RowsOf::rig(&rig, rate_hz))?;
     configured(&mut session, &standing)?;
     // Until the noise is known, to see whether anything can be done at all.
     let directing = arguments.adaptive.directing(&rig, &geometry, &standing)?;
@@ -90,15 +90,15 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let from = platform.expects();
     let rest = zero(&mut session, &mut rig, &mut warnings)?;
     if let Some(home) = &from {
-        at_rest::check_level(&rest, &rig, home)?;
+        zeroing::check_level(&rest, &rig, home)?;
     }
     if links.is_some() {
         zero_second(&mut session, &mut rig, &timing, &rest)?;
     }
     let mut settings = device_settings(&rig, &timing, Some(rest.sigma))?;
-    arguments.course.put_into(&mut settings, &parameters)?;
+    arguments.stop.put_into(&mut settings, &parameters)?;
     let memory = span.map(|span| MemoryConfig { span, imu_noise: rest.imu_noise });
-    memory_arguments::put_into(&mut settings, memory.as_ref());
+    forgetting::put_into(&mut settings, memory.as_ref());
     configured(&mut session, &settings)?;
 
     let mut directing = arguments.adaptive.directing(&rig, &geometry, &settings)?;
@@ -155,7 +155,8 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         warnings.extend(concluded.warnings);
     }
     let trajectory = commanded.map(|program| program.trajectory()).transpose().map_err(Failure::input)?;
-    let followed = trajectory.zip(log).and_then(|(trajectory, log)| Followed::of(&trajectory, log.samples()));
+    let tracking_error =
+        trajectory.zip(log).and_then(|(trajectory, log)| TrackingError::of(&trajectory, log.samples()));
     let loaded = match &links {
         Some((model, _)) => {
             Loaded::of_links(&two_links::recording("run", &rig, rate_hz, &take.links), model)?
@@ -176,7 +177,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         parameter_truth: None,
         stages,
         same_pose,
-        followed,
+        tracking_error,
         decisions,
         notes: Vec::new(),
         warnings,
@@ -190,7 +191,7 @@ fn links_of(arguments: &Run, rig: &RigFile) -> Result<Option<(Model, Vec<Paramet
     if rig.link.len() < 2 {
         return Ok(None);
     }
-    refuse_for_trees(&[&arguments.remember, &arguments.adaptive])?;
+    refuse_for_trees(&[&arguments.forgetting, &arguments.adaptive])?;
     let model = from_tables(&rig.link, &arguments.rig.display().to_string()).map_err(Failure::input)?;
     let rate_hz = rig.recording.rate_hz.unwrap_or(1000.0);
     let timing =

@@ -3,8 +3,8 @@ use clap::Args;
 use rigident_shared::inertia::PARAMETER_NAMES;
 use rigident_shared::wire::{MAX_STOP_LIMITS, Settings, StopLimit, StopRule};
 
-use super::Failure;
 use crate::answer::selection::{SelectionError, select};
+use crate::cli::Failure;
 use crate::fit::Parameter;
 
 /// Row blocks before which the rule is not looked at: a second.
@@ -12,7 +12,7 @@ const MINIMUM_BLOCKS: u32 = 100;
 
 /// What the device does while it estimates.
 #[derive(Args, Debug, Clone, Default)]
-pub struct Course {
+pub struct StopCriterion {
     /// End as soon as these have at most these 95 % uncertainties, SI, in the load cell's frame: Ixx=0.002,m=0.01. Any of m,
     /// mc, I, offset, a link, and single names. The device decides; Ctrl-C ends sooner
     #[arg(long, value_name = "NAME=U95", value_delimiter = ',')]
@@ -22,12 +22,16 @@ pub struct Course {
     pub keep_going: bool,
 }
 
-impl Course {
+impl StopCriterion {
     /// Puts it into the settings of a device that estimates these parameters, in this order.
     ///
     /// # Errors
     /// What cannot be used: bad input.
-    pub(super) fn put_into(&self, settings: &mut Settings, parameters: &[Parameter]) -> Result<(), Failure> {
+    pub(in crate::cli) fn put_into(
+        &self,
+        settings: &mut Settings,
+        parameters: &[Parameter],
+    ) -> Result<(), Failure> {
         settings.stop = stop_rule(&self.until, parameters).map_err(Failure::input)?;
         if let Some(stop) = &mut settings.stop {
             stop.goes_on = self.keep_going;

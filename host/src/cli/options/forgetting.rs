@@ -2,7 +2,7 @@ use clap::Args;
 use rigident_shared::forgetting::{ImuNoise, MemoryConfig, Span};
 use rigident_shared::wire::{MemorySettings, Settings};
 
-use super::Failure;
+use crate::cli::Failure;
 use crate::fit::{RowSource, Timing, filter_width_s, row_every};
 use crate::problem::body::Input;
 use crate::rig::RigFile;
@@ -12,7 +12,7 @@ const LEAST_BLOCKS: f64 = 5.0;
 
 /// How long rows are remembered.
 #[derive(Args, Debug, Clone, Default)]
-pub struct Remember {
+pub struct Forgetting {
     /// For a body that changes: forget what the motion renews with this time constant, s; what it does not renew is kept.
     /// The answer is the one at the end, with the uncertainty of S seconds. With --until the run ends when what is
     /// remembered is that well known, which a short memory may never be
@@ -25,14 +25,14 @@ pub struct Remember {
 }
 
 /// What rows are remembered of.
-pub(super) struct RowsOf {
-    pub(super) rate_hz: f64,
-    pub(super) is_static: bool,
-    pub(super) gains_uncertain: bool,
+pub(in crate::cli) struct RowsOf {
+    pub(in crate::cli) rate_hz: f64,
+    pub(in crate::cli) is_static: bool,
+    pub(in crate::cli) gains_uncertain: bool,
 }
 
 impl RowsOf {
-    pub(super) fn input(input: &Input) -> Self {
+    pub(in crate::cli) fn input(input: &Input) -> Self {
         Self {
             rate_hz: input.rate_hz,
             is_static: input.is_static,
@@ -41,7 +41,7 @@ impl RowsOf {
     }
 
     /// Returns what is forgotten of a source.
-    pub(super) fn source(source: &dyn RowSource) -> Self {
+    pub(in crate::cli) fn source(source: &dyn RowSource) -> Self {
         let (rate_hz, is_static) = match source.timing() {
             Timing::Static => (1.0, true),
             Timing::Uniform { rate_hz } => (rate_hz, false),
@@ -51,18 +51,18 @@ impl RowsOf {
     }
 
     /// Of a rig that moves.
-    pub(super) fn rig(rig: &RigFile, rate_hz: f64) -> Self {
+    pub(in crate::cli) fn rig(rig: &RigFile, rate_hz: f64) -> Self {
         let gains = rig.load_cell.gain_uncertainty;
         Self { rate_hz, is_static: false, gains_uncertain: gains.is_some_and(|g| g.iter().any(|s| *s > 0.0)) }
     }
 }
 
-impl Remember {
+impl Forgetting {
     /// The span asked for; `None`: everything is kept, which an infinite one asks for too.
     ///
     /// # Errors
     /// Why it cannot be: bad input.
-    pub(super) fn span(&self, rows: &RowsOf) -> Result<Option<Span<f64>>, Failure> {
+    pub(in crate::cli) fn span(&self, rows: &RowsOf) -> Result<Option<Span<f64>>, Failure> {
         let (option, seconds, span) = match (self.forget, self.window) {
             (Some(s), _) => ("--forget", s, Span::TimeConstant(s)),
             (None, Some(s)) => ("--window", s, Span::Window(s)),
@@ -93,7 +93,7 @@ impl Remember {
 }
 
 /// Puts a memory into the device's settings.
-pub(super) fn put_into(settings: &mut Settings, memory: Option<&MemoryConfig<f64>>) {
+pub(in crate::cli) fn put_into(settings: &mut Settings, memory: Option<&MemoryConfig<f64>>) {
     settings.memory = match memory {
         None => MemorySettings::Forever,
         Some(MemoryConfig { span: Span::TimeConstant(s), imu_noise: ImuNoise { accel, gyro } }) => {
@@ -115,9 +115,9 @@ mod tests {
 
     #[test]
     fn what_makes_no_sense_is_refused_with_its_reason() {
-        let said = |remember: Remember, rows: RowsOf| remember.span(&rows).unwrap_err().to_string();
-        let forget = |s| Remember { forget: Some(s), window: None };
-        let window = |s| Remember { forget: None, window: Some(s) };
+        let said = |remember: Forgetting, rows: RowsOf| remember.span(&rows).unwrap_err().to_string();
+        let forget = |s| Forgetting { forget: Some(s), window: None };
+        let window = |s| Forgetting { forget: None, window: Some(s) };
         for s in [0.0, -3.0, f64::NAN] {
             assert!(said(forget(s), MOVING).contains("positive"));
             assert!(said(window(s), MOVING).starts_with("--window"));
@@ -129,7 +129,7 @@ mod tests {
         assert!(said(forget(10.0), RowsOf { gains_uncertain: true, ..MOVING }).contains("gain_uncertainty"));
         assert_eq!(forget(10.0).span(&MOVING).unwrap(), Some(Span::TimeConstant(10.0)));
         assert_eq!(window(10.0).span(&MOVING).unwrap(), Some(Span::Window(10.0)));
-        for endless in [forget(f64::INFINITY), window(f64::INFINITY), Remember::default()] {
+        for endless in [forget(f64::INFINITY), window(f64::INFINITY), Forgetting::default()] {
             assert_eq!(endless.span(&MOVING).unwrap(), None);
         }
     }

@@ -45,7 +45,7 @@ pub struct TreeModel {
 
 impl TreeModel {
     /// Changes to a model by their options, and whether they are given.
-    pub(super) fn changed(&self) -> [(&'static str, bool); 4] {
+    pub(in crate::cli) fn changed(&self) -> [(&'static str, bool); 4] {
         [
             ("--lock", !self.changes.lock.is_empty()),
             ("--spherical", !self.changes.spherical.is_empty()),
@@ -160,7 +160,7 @@ impl Default for ModelChanges {
 
 impl ModelChanges {
     /// Whether any of what only people have is other than the default.
-    pub(super) fn describe_a_person(&self) -> bool {
+    pub(in crate::cli) fn describe_a_person(&self) -> bool {
         let default = crate::model::human::Person::default();
         self.height_m != default.height_m
             || self.mass_kg != default.mass_kg

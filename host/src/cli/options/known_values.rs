@@ -1,6 +1,6 @@
 use clap::Args;
 
-use super::Failure;
+use crate::cli::Failure;
 use crate::fit::prior::KnownValues;
 
 /// The options `--known` and `--symmetry`.
@@ -22,7 +22,7 @@ impl KnownQuantities {
     ///
     /// # Errors
     /// Bad input: what cannot be used.
-    pub(super) fn parse(&self) -> Result<KnownValues, Failure> {
+    pub(in crate::cli) fn parse(&self) -> Result<KnownValues, Failure> {
         KnownValues::parse(&self.known, &self.symmetry).map_err(Failure::input)
     }
 }

@@ -72,7 +72,7 @@ impl MotionLog {
 }
 
 /// How the platform followed.
-pub struct Followed {
+pub struct TrackingError {
     tracking: Tracking,
     time_s: Vec<f64>,
     differences: Vec<[f64; 6]>,
@@ -80,7 +80,7 @@ pub struct Followed {
     measured: Vec<[f64; 6]>,
 }
 
-impl Followed {
+impl TrackingError {
     /// `None` if nothing was measured.
     pub(super) fn of(trajectory: &Trajectory, samples: &[MotionSample]) -> Option<Self> {
         let tracking = compare(trajectory, samples)?;
@@ -151,7 +151,7 @@ impl Followed {
     }
 }
 
-impl fmt::Display for Followed {
+impl fmt::Display for TrackingError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let t = &self.tracking;
         let mm = |v: [f64; 3]| v.map(|v| 1e3 * v);
