@@ -28,13 +28,13 @@ const SIZES: [&str; 2] = ["Ten", "Sixteen"];
 /// An arrow that closes a circle and is known: crate, room that holds both ends ("" for the crate itself), from, to, reason.
 type KnownArrow = (&'static str, &'static str, &'static str, &'static str, &'static str);
 
-const KNOWN_ARROWS: [KnownArrow; 23] = [
+const KNOWN_ARROWS: [KnownArrow; 21] = [
     ("shared", "", "factor", "forgetting", "a factor in a cascade forgets by itself"),
     ("shared", "", "scalar", "factor", "a scalar brings the factor's fastest kernel for it"),
     ("shared", "factor", "cascade", "body", "the levels are factors, and the factor holds levels"),
     ("shared", "wire", "links", "messages", "a reading of a link holds one of a body"),
     ("firmware", "", "settings", "sample_path", "the settings hold the limits that the sample path checks"),
-    ("host", "", "answer", "present", "the answer words its remarks, and makes the object of schema 1"),
+    ("host", "", "answer", "present", "the answer words its remarks"),
     ("host", "", "rig", "recording", "a rig file's columns are those a recording may have"),
     ("host", "cli", "arguments", "factor_arguments", "the arguments hand on those of each command"),
     ("host", "cli", "arguments", "plan_arguments", "the arguments hand on those of each command"),
@@ -47,8 +47,6 @@ const KNOWN_ARROWS: [KnownArrow; 23] = [
     ("host", "platform", "gcs", "address", "the line stands beside the address that opens it"),
     ("host", "platform", "network", "address", "the patience stands beside the address that opens it"),
     ("host", "platform", "stream", "address", "the line stands beside the address that opens it"),
-    ("host", "present", "figures", "page", "numbers and escapes of markup stand in the page"),
-    ("host", "present", "plot", "page", "the escapes of markup stand in the page"),
     ("tables", "", "document", "estimation", "the list of documents stands beside their type"),
     ("tables", "", "document", "platform", "the list of documents stands beside their type"),
     ("tables", "", "document", "trees", "the list of documents stands beside their type"),
