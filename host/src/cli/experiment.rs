@@ -309,10 +309,11 @@ impl Experiment<'_> {
             None => {
                 // The device is out of reach; what it streamed is here, and the pipeline is the same.
                 let found = self.loaded.fit(self.span, PLOT_POINTS, &stages).map_err(|e| kept(&e))?;
-                warnings.push(
-                    "the device's factor could not be fetched: this one was made here, from the readings received"
-                        .to_owned(),
-                );
+                let why = match &take.broken {
+                    Some(_) => "could not be fetched: this one was made here, from the readings received",
+                    None => "holds readings that are left out: this one was made here, from the others",
+                };
+                warnings.push(format!("the device's factor {why}"));
                 (self.loaded, found, "host")
             }
         };

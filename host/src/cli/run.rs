@@ -20,7 +20,7 @@ use super::tracking_error::{MotionLog, TrackingError};
 use super::zeroing::{self, warm_up, zero, zero_second};
 use super::{Failure, Folder, programme};
 use crate::device::session::tree::device_tree;
-use crate::device::session::{DeviceTiming, INTERRUPTED, Session, settings, two_links};
+use crate::device::session::{DeviceTiming, INTERRUPTED, Session, settings, sound, two_links};
 use crate::fit::Parameter;
 use crate::model::Model;
 use crate::model::rig_links::from_tables;
@@ -157,10 +157,20 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let trajectory = commanded.map(|program| program.trajectory()).transpose().map_err(Failure::input)?;
     let tracking_error =
         trajectory.zip(log).and_then(|(trajectory, log)| TrackingError::of(&trajectory, log.samples()));
+    let mut read = match &links {
+        Some(_) => two_links::recording("run", &rig, rate_hz, &take.links),
+        None => sound::recording("run", &rig, rate_hz, &take.readings),
+    };
+    let left_out = sound::leave_out_spikes(&mut read, &mut take.readings);
+    if !left_out.is_empty() {
+        warnings.extend(left_out);
+        take.factor = None;
+    }
+    if let Some(dead) = sound::dead(&read) {
+        take.broken.get_or_insert(dead);
+    }
     let loaded = match &links {
-        Some((model, _)) => {
-            Loaded::of_links(&two_links::recording("run", &rig, rate_hz, &take.links), model)?
-        }
+        Some((model, _)) => Loaded::of_links(&read, model)?,
         None => Loaded::of_readings("run", &rig, std::mem::take(&mut take.readings), Some(rate_hz), false),
     };
     Experiment {

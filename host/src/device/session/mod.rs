@@ -8,6 +8,7 @@ pub mod frames;
 mod inject;
 pub mod precision;
 mod settings;
+pub mod sound;
 mod take;
 pub mod tree;
 pub mod two_links;
