@@ -15,7 +15,7 @@ const BODY_SLICE: usize = 8_000 / 40;
 /// Of two links a slice may take as long as a step of the stop check.
 const LINKS_SLICE: usize = 32_000 / 40;
 
-/// What is done next.
+/// Tells what is done next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     /// There is nothing to be done.
@@ -40,7 +40,7 @@ enum Phase {
 pub(crate) struct Estimation {
     phase: Phase,
     parameters: usize,
-    /// What is known at the snapshot already.
+    /// Tells what is known at the snapshot already.
     report: EstimateReport,
     solver: Solver<f32, MAX_PARAMETERS>,
     search: Search<f32>,
@@ -55,12 +55,12 @@ impl Estimation {
         search: Search::UNUSED,
     };
 
-    /// Whether an estimate is being made.
+    /// Returns whether an estimate is being made.
     pub(crate) fn is_busy(&self) -> bool {
         self.phase != Phase::Idle
     }
 
-    /// Whether it still needs the path's snapshot.
+    /// Returns whether it still needs the path's snapshot.
     pub(crate) fn needs_snapshot(&self) -> bool {
         self.phase == Phase::Fold
     }

@@ -20,9 +20,9 @@ const GAUGES: u8 = 0b11_1111;
 /// A sensor has a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Event {
-    /// Which sensor.
+    /// Tells which sensor.
     pub sensor: Sensor,
-    /// When the sample was captured, ns.
+    /// Tells when the sample was captured, ns.
     pub capture_time_ns: u64,
 }
 
@@ -39,7 +39,7 @@ pub struct Instrument<P, ADC, IMU, FRAMES, D> {
     delay: D,
 }
 
-/// Where the sensors are. Those that are not configured are left alone.
+/// Holds where the sensors are. Those that are not configured are left alone.
 pub struct Buses<ADC, IMU, FRAMES> {
     /// The load cell's converter.
     pub load_cell: ADC,

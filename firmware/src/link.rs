@@ -32,7 +32,7 @@ struct Remembered {
     frame: Vec<u8, MAX_FRAME>,
 }
 
-/// What the memory says of a command.
+/// Tells what the memory says of a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Recall {
     /// To be obeyed.
@@ -43,7 +43,7 @@ pub(crate) enum Recall {
     Stale,
 }
 
-/// What a command's payload is remembered by.
+/// Returns what a command's payload is remembered by.
 pub(crate) fn check(payload: &[u8]) -> u32 {
     CRC32.checksum(payload)
 }
@@ -73,7 +73,7 @@ impl Link {
         }
     }
 
-    /// Whether a command is new, the one that was answered last (which is answered again from memory), or
+    /// Returns whether a command is new, the one that was answered last (which is answered again from memory), or
     /// older than that: a copy that was late on a line that overtakes, and must not act a second time.
     pub(crate) fn recall(&mut self, sequence: u16, check: u32) -> Recall {
         let Some(remembered) = &self.remembered else { return Recall::New };
@@ -132,7 +132,7 @@ impl Link {
         waits
     }
 
-    /// Whether something is prepared.
+    /// Returns whether something is prepared.
     pub(crate) fn has_prepared(&self) -> bool {
         !self.prepared.is_empty()
     }

@@ -30,7 +30,7 @@ const LOOK_EVERY_BLOCKS: u16 = 50;
 #[cfg(feature = "links")]
 const WITH_OFFSET: usize = PARAMETERS + 6;
 
-/// What a sensor said.
+/// Tells what a sensor said.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Words {
     /// Six gauge voltages and their capture time.
@@ -49,7 +49,7 @@ pub enum Words {
 }
 
 impl Words {
-    /// Whether they are of a recording.
+    /// Returns whether they are of a recording.
     pub(crate) fn are_injected(&self) -> bool {
         matches!(self, Self::Aligned(_))
     }
@@ -106,13 +106,13 @@ pub struct SamplePath {
     second: Option<Aligner<f32>>,
     /// The second aligner's last reading; that of the first stands in `reading` from the beginning.
     other: Reading<f32>,
-    /// Which of these two waits for the other's of the same instant.
+    /// Tells which of these two waits for the other's of the same instant.
     waits: [bool; 2],
     /// Halves that waited in vain.
     unmatched: u32,
     reading: TwoLinkReading<f32>,
     estimator: ModelEstimator,
-    /// Whether readings are absorbed; else they are only aligned.
+    /// Tells whether readings are absorbed; else they are only aligned.
     absorbing: bool,
     stop: Option<StopLimits>,
     knock_limit: f32,
@@ -157,7 +157,7 @@ unsafe impl HasVariant<SamplePath, 1> for crate::Path {
 }
 
 impl SamplePath {
-    /// Whether a path can be made of this.
+    /// Returns whether a path can be made of this.
     ///
     /// # Errors
     /// [`ConfigError`] says why not.
@@ -259,7 +259,7 @@ impl SamplePath {
         }
     }
 
-    /// Whether readings are those of two links.
+    /// Returns whether readings are those of two links.
     pub(crate) fn has_two_links(&self) -> bool {
         match &self.estimator {
             ModelEstimator::Ten(_) | ModelEstimator::Sixteen(_) => false,
@@ -274,7 +274,7 @@ impl SamplePath {
         &self.reading
     }
 
-    /// Whether [`sample_path`] without words has something to do.
+    /// Returns whether [`sample_path`] without words has something to do.
     #[inline]
     pub(crate) fn has_more(&self) -> bool {
         match &self.second {
@@ -370,13 +370,13 @@ impl SamplePath {
         outcome
     }
 
-    /// Whether there is something for [`Self::catch_up`]. Asking forgets it.
+    /// Returns whether there is something for [`Self::catch_up`]. Asking forgets it.
     #[inline]
     pub(crate) fn take_behind(&mut self) -> bool {
         core::mem::take(&mut self.behind)
     }
 
-    /// Whether the last reading came with a step of a look. Asking forgets it.
+    /// Returns whether the last reading came with a step of a look. Asking forgets it.
     #[inline]
     pub(crate) fn take_stepped(&mut self) -> bool {
         core::mem::take(&mut self.stepped)
@@ -518,7 +518,7 @@ pub(crate) fn imu_reading(time_ns: u64, specific_force: [f32; 3], angular_rate: 
     }
 }
 
-/// Whether every asked-for parameter has its asked-for uncertainty.
+/// Returns whether every asked-for parameter has its asked-for uncertainty.
 fn within(stop: &Option<StopLimits>, deviations: &[f32]) -> bool {
     let limits = stop.iter().flat_map(|stop| &stop.standard_deviation);
     deviations.iter().zip(limits).all(|(sd, limit)| *sd <= *limit)

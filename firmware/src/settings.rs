@@ -22,7 +22,7 @@ const MAX_RATE_HZ: f32 = 4000.0;
 /// Coverage factor of a 95 % uncertainty.
 const COVERAGE: f32 = 1.96;
 
-/// What the settings amount to.
+/// Tells what the settings amount to.
 #[allow(clippy::large_enum_variant, reason = "no heap")]
 pub(crate) enum Configuration {
     /// Of sensors or a recording.
@@ -31,7 +31,7 @@ pub(crate) enum Configuration {
     Tree(Vec<FrameLink<f32>, MAX_LINKS>, FramesConfig<f32>, Option<FrameStop<f32>>),
 }
 
-/// What the settings of one body or of two links amount to.
+/// Holds what the settings of one body or of two links amount to.
 pub(crate) struct SampleConfiguration {
     pub(crate) estimator: EstimatorConfig<f32>,
     pub(crate) aligner: AlignerConfig,

@@ -30,7 +30,7 @@ pub struct ImuReading<T: Scalar> {
     pub angular_rate: AngularRate<Imu, T>,
 }
 
-/// What is known of the two sensors' timing.
+/// Holds what is known of the two sensors' timing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AlignerConfig {
     /// Group delay of the load cell's converter and filter, ns.
@@ -144,7 +144,7 @@ impl<T: Scalar> Aligner<T> {
         (self.waiting > 0).then(|| &self.pending[usize::from(self.first) % PENDING])
     }
 
-    /// Whether [`Self::pop`] has something to do.
+    /// Returns whether [`Self::pop`] has something to do.
     #[inline]
     pub fn is_ready(&self) -> bool {
         usize::from(self.filled) == NEIGHBOURS

@@ -9,7 +9,7 @@ use crate::Scalar;
 use crate::regressor::{self, SIGNALS};
 use crate::spatial::{AngularRate, Imu, Position, Rotation, Sensor, SpecificForce, Wrench};
 
-/// What the two sensors said at one instant of the load cell's clock: one row of a recording.
+/// Holds what the two sensors said at one instant of the load cell's clock: one row of a recording.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reading<T: Scalar> {
     /// Time of the load cell's sample, its group delay already taken off, ns.
@@ -43,7 +43,7 @@ impl<T: Scalar> GaugeCalibration<T> {
     }
 }
 
-/// How an IMU sits on its link and what its words mean: `v_true = scale ∘ v − bias`, then rotated.
+/// Holds how an IMU sits on its link and what its words mean: `v_true = scale ∘ v − bias`, then rotated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImuMounting<T: Scalar> {
     /// `R_LU`: IMU axes to the link's axes (link 0: S).

@@ -20,7 +20,7 @@ use crate::Scalar;
 /// Averages are taken no more seldom than this, 1/s: the kernel of 0.1 s then still has fifteen samples.
 const LEAST_RATE_HZ: u32 = 150;
 
-/// Why a kernel cannot be made.
+/// Tells why a kernel cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum KernelError {
     /// Rate or width is not finite, not positive, or `row_every` is zero.

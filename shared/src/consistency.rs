@@ -46,7 +46,7 @@ pub const FLOOR: f64 = 1.0 / 131_072.0;
 /// the tests.
 pub const ITERATIONS: u8 = 20;
 
-/// What the cone leaves of the free answer.
+/// Tells what the cone leaves of the free answer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Nearest<T: Scalar, const N: usize> {
     /// The free answer is physically consistent; nothing is to be changed.
@@ -65,7 +65,7 @@ pub struct Consistent<T: Scalar, const N: usize> {
     /// φ, and the wrench offset that goes with it if N = 16. Units of
     /// [`PARAMETER_UNITS`](crate::inertia::PARAMETER_UNITS).
     pub parameters: [T; N],
-    /// How far the free answer is outside: `√(‖Rφ − z‖² − ‖Rφ₀ − z‖²)`, in standard deviations if the rows were
+    /// Tells how far the free answer is outside: `√(‖Rφ − z‖² − ‖Rφ₀ − z‖²)`, in standard deviations if the rows were
     /// whitened. Noise alone seldom makes it larger than 3.
     pub distance_sd: T,
     /// Newton steps taken.
@@ -82,7 +82,7 @@ impl<T: Scalar, const N: usize> Nearest<T, N> {
         }
     }
 
-    /// How far the free answer is outside the cone, standard deviations; zero if it is not.
+    /// Returns how far the free answer is outside the cone, standard deviations; zero if it is not.
     pub fn distance_sd(&self) -> Option<T> {
         match self {
             Self::Free => Some(T::ZERO),
@@ -92,7 +92,7 @@ impl<T: Scalar, const N: usize> Nearest<T, N> {
     }
 }
 
-/// Whether `K(φ) ≻ 0`: consistent with the margin of [`FLOOR`]. φ as in [`crate::inertia::PARAMETER_NAMES`].
+/// Returns whether `K(φ) ≻ 0`: consistent with the margin of [`FLOOR`]. φ as in [`crate::inertia::PARAMETER_NAMES`].
 pub fn is_consistent_with_margin<T: Scalar>(phi: &[T; 10]) -> bool {
     cholesky(&cone(phi, share())).is_some()
 }
@@ -122,7 +122,7 @@ pub fn nearest<T: Scalar, const N: usize>(
     search.nearest()
 }
 
-/// What a search does next, or has found.
+/// Tells what a search does next, or has found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     /// Nothing is determined, or nothing begun. The tag is 0: a search that is not begun is all zero bits.
@@ -256,7 +256,7 @@ impl<T: Scalar> Search<T> {
         if converged { Phase::Projected } else { Phase::NotConverged }
     }
 
-    /// What was found, about as many parameters as there were.
+    /// Returns what was found, about as many parameters as there were.
     pub fn nearest<const N: usize>(&self) -> Nearest<T, N> {
         let found = || Consistent {
             parameters: core::array::from_fn(|j| self.parameters.get(j).copied().unwrap_or_default()),

@@ -28,7 +28,7 @@ use crate::screening::{Limits, Rejection};
 use config::{check_sigma, period_ns, plan, weights};
 use knocks::Watch;
 
-/// What became of a reading.
+/// Tells what became of a reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
     /// It may not be used; the filter starts anew after it.
@@ -187,7 +187,7 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         plan(&self.config, self.conditioner.kernel(), memory)
     }
 
-    /// Whether [`Self::set_up`] and, if something is to be forgotten, [`Self::set_memory`] would succeed.
+    /// Returns whether [`Self::set_up`] and, if something is to be forgotten, [`Self::set_memory`] would succeed.
     ///
     /// # Errors
     /// What they would give.
@@ -213,7 +213,7 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         }
     }
 
-    /// What makes the rows.
+    /// Returns what makes the rows.
     pub fn model(&self) -> &M {
         &self.model
     }
@@ -343,7 +343,7 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         &self.snapshot.whole
     }
 
-    /// Whether not everything is kept, [`Self::set_memory`].
+    /// Returns whether not everything is kept, [`Self::set_memory`].
     pub fn remembers(&self) -> bool {
         self.store.remembers()
     }
@@ -353,7 +353,7 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         self.memory.as_ref().map(Plan::segment_blocks)
     }
 
-    /// Whether [`Self::remember`] has something to do.
+    /// Returns whether [`Self::remember`] has something to do.
     #[inline]
     pub fn has_segment(&self) -> bool {
         self.segment_waits
@@ -409,7 +409,7 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         None
     }
 
-    /// What happened so far.
+    /// Returns what happened so far.
     pub fn counters(&self) -> &Counters {
         &self.counters
     }
@@ -470,7 +470,7 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
     }
 }
 
-/// What was absorbed up to a moment, on its way to one factor.
+/// Holds what was absorbed up to a moment, on its way to one factor.
 #[derive(Clone, Copy, Debug)]
 struct Snapshot<T: Scalar, S, const N: usize> {
     store: S,

@@ -46,10 +46,10 @@ pub use memory::{ImuNoise, MemoryConfig, Span};
 pub(crate) use memory::{Memory, Plan, Rows};
 pub use window::Window;
 
-/// How many times the most information that noise alone brings makes a direction an excited one.
+/// Tells how many times the most information that noise alone brings makes a direction an excited one.
 pub const SIGNIFICANCE: u32 = 4;
 
-/// What is kept of the memory per segment, λ, for a time constant: `λ = 1 / (1 + Δt / τ)`.
+/// Returns what is kept of the memory per segment, λ, for a time constant: `λ = 1 / (1 + Δt / τ)`.
 ///
 /// The memory then holds `1 + τ / Δt` segments, and λ is the exact exponential of a time constant that is
 /// longer by `Δt / 2` to first order. 1 (no forgetting) if the time constant is infinite or not a positive
@@ -63,7 +63,7 @@ pub fn retention<T: Scalar>(segment_s: T, time_constant_s: T) -> T {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Forgetting<T: Scalar, const N: usize> {
     noise: [T; N],
-    /// How many independent rows each row is worth.
+    /// Tells how many independent rows each row is worth.
     independence: T,
     /// φ_r
     reference: [T; N],

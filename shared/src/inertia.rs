@@ -151,7 +151,7 @@ impl<F: Frame, T: Scalar> InertialParameters<F, T> {
         )
     }
 
-    /// Whether some distribution of positive mass has these parameters: `J ≻ 0`.
+    /// Returns whether some distribution of positive mass has these parameters: `J ≻ 0`.
     pub fn is_physically_consistent(&self) -> bool {
         let mut j = self.pseudo_inertia();
         // Cholesky in place; J ≻ 0 iff every pivot is positive.

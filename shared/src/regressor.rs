@@ -12,10 +12,10 @@ use crate::spatial::{Position, Sensor};
 
 /// Signals per sample: specific force at U (3), products (6), wrench (6), angular rate (3).
 pub const SIGNALS: usize = 18;
-/// How many of the signals are smoothed; the rest, the angular rate, is differentiated.
+/// Tells how many of the signals are smoothed; the rest, the angular rate, is differentiated.
 pub const SMOOTHED: usize = 15;
 
-/// Where the wrench stands among the signals.
+/// Tells where the wrench stands among the signals.
 pub const WRENCH: usize = 9;
 
 /// The signals in the order `[a_U(3), ωx², ωy², ωz², ωyωz, ωzωx, ωxωy, F(3), M(3), ω(3)]`.

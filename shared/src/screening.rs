@@ -42,7 +42,7 @@ pub const CHANNEL_NAMES: [&str; ALL_CHANNELS] = [
 /// Channels come in groups: force, moment, specific force, angular rate, and so on.
 const GROUP: usize = 3;
 
-/// What the sensors can show.
+/// Holds what the sensors can show.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits<T: Scalar> {
     /// Range of each wrench channel, N and N m.
@@ -68,7 +68,7 @@ impl<T: Scalar> Limits<T> {
         Self { wrench: [T::ZERO; 6], specific_force: T::ZERO, angular_rate: T::ZERO, frozen_after: 0 };
 }
 
-/// Why a reading was rejected; the channel is an index into [`CHANNEL_NAMES`].
+/// Tells why a reading was rejected; the channel is an index into [`CHANNEL_NAMES`].
 ///
 /// The tags begin at 1, which leaves 0 for `None`: an estimator that has seen nothing is all zero bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,11 +90,11 @@ pub struct Screen<T: Scalar, const C: usize = CHANNELS> {
     frozen_after: u16,
     last: [T; C],
     seen: bool,
-    /// How many readings in a row each channel has repeated itself.
+    /// Tells how many readings in a row each channel has repeated itself.
     equal: [u16; C],
-    /// Whether one of these is not zero.
+    /// Tells whether one of these is not zero.
     some_equal: bool,
-    /// How many readings in a row some channel of each group has changed, without the last `clean` ones.
+    /// Tells how many readings in a row some channel of each group has changed, without the last `clean` ones.
     /// There are fewer groups than channels.
     moving: [u16; C],
     /// Readings in a row in which every channel has changed, none having repeated itself before.
@@ -109,7 +109,7 @@ impl<T: Scalar> Screen<T> {
         Self::of_ranges(&[w0, w1, w2, w3, w4, w5, a, a, a, g, g, g], limits.frozen_after)
     }
 
-    /// Why the reading may not be used, if so; see [`Screen::check_values`].
+    /// Returns why the reading may not be used, if so; see [`Screen::check_values`].
     #[inline]
     pub fn check(&mut self, reading: &Reading<T>) -> Result<(), Rejection> {
         let [fx, fy, fz, mx, my, mz] = reading.wrench.array();
@@ -137,7 +137,7 @@ impl<T: Scalar, const C: usize> Screen<T, C> {
         Self { highest: ranges.map(|range| T::from_f32(0.999) * range), frozen_after, ..Self::UNUSED }
     }
 
-    /// Why the values may not be used, if so.
+    /// Returns why the values may not be used, if so.
     ///
     /// A saturated channel touches its range to within 0.1 %. A channel that is exactly zero is only frozen
     /// together with its whole group: an axis may well be at rest.

@@ -93,7 +93,7 @@ macro_rules! quantity {
             pub fn vector(&self) -> Vector3<T> {
                 self.0
             }
-            /// Whether every component is finite.
+            /// Returns whether every component is finite.
             pub fn is_finite(&self) -> bool {
                 self.0.x.is_finite() && self.0.y.is_finite() && self.0.z.is_finite()
             }
@@ -181,7 +181,7 @@ impl<F: Frame, T: Scalar> Wrench<F, T> {
         let [mx, my, mz] = self.moment.array();
         [fx, fy, fz, mx, my, mz]
     }
-    /// Whether every component is finite.
+    /// Returns whether every component is finite.
     pub fn is_finite(&self) -> bool {
         self.force.is_finite() && self.moment.is_finite()
     }

@@ -119,7 +119,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
         self.link.answer(pending.sequence, pending.check, &answer);
     }
 
-    /// Whether the settings are possible and the state allows them.
+    /// Returns whether the settings are possible and the state allows them.
     fn may_configure(&self, settings: &Settings) -> Result<(), ErrorCode> {
         if !matches!(self.state, StateName::Idle | StateName::Configured | StateName::Holding) {
             return Err(ErrorCode::WrongState(self.state));
@@ -210,7 +210,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
         }
     }
 
-    /// Whether samples of the sensors are absorbed: what takes long is then done in slices between them.
+    /// Returns whether samples of the sensors are absorbed: what takes long is then done in slices between them.
     pub(super) fn is_busy_with_samples(&self) -> bool {
         self.state == StateName::Running && self.duty.from_sensors
     }
@@ -280,7 +280,7 @@ fn is_tree(settings: &Settings) -> bool {
     matches!(settings.model, ModelSettings::Tree(_))
 }
 
-/// Whether a path can be made of these settings.
+/// Returns whether a path can be made of these settings.
 #[inline(never)]
 fn check(settings: &Settings) -> Result<(), ErrorCode> {
     match Configuration::new(settings).map_err(ErrorCode::BadSetting)? {

@@ -56,7 +56,7 @@ pub struct SensorRates {
     pub second_imu_hz: Option<f32>,
 }
 
-/// Why sensors did not come up.
+/// Tells why sensors did not come up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BringUpError {
     /// The rate asked for is not one the sensor has; nothing was changed.
@@ -65,7 +65,7 @@ pub enum BringUpError {
     Fault(Reason),
 }
 
-/// Which sensor.
+/// Tells which sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sensor {
     /// The load cell's converter.
@@ -78,7 +78,7 @@ pub enum Sensor {
     Frames,
 }
 
-/// How many there are.
+/// Tells how many there are.
 const SENSORS: usize = 4;
 
 impl Sensor {
@@ -102,11 +102,11 @@ struct PendingConfigure {
     settings: Settings,
 }
 
-/// What the settings say of every sample.
+/// Holds what the settings say of every sample.
 #[derive(Clone, Copy, Default)]
 struct Duty {
     from_sensors: bool,
-    /// Which sensors are listened to, in the order of [`Sensor::ALL`].
+    /// Tells which sensors are listened to, in the order of [`Sensor::ALL`].
     sensors: [bool; SENSORS],
     stream: bool,
     estimate_every_blocks: u16,
@@ -132,7 +132,7 @@ impl Duty {
     }
 }
 
-/// What is known of a sensor's well-being.
+/// Holds what is known of a sensor's well-being.
 #[derive(Clone, Copy, Default)]
 struct Pulse {
     /// Samples in a row that could not be had.
@@ -158,7 +158,7 @@ struct SensorErrors {
     unaligned_before: u32,
 }
 
-/// What belongs to one run and is forgotten with it.
+/// Holds what belongs to one run and is forgotten with it.
 #[derive(Default)]
 struct Run {
     batch: Vec<ReadingMessage, STREAM_BATCH>,
@@ -179,7 +179,7 @@ struct Run {
     idle_ticks: u8,
 }
 
-/// How far the factor is handed over to the host.
+/// Tells how far the factor is handed over to the host.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
 enum HandOver {
     /// Nothing is asked for.
@@ -256,7 +256,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
         (self.state, self.reason)
     }
 
-    /// Whether samples of the device's sensors are wanted. While they are not, the sensors may not even have
+    /// Returns whether samples of the device's sensors are wanted. While they are not, the sensors may not even have
     /// been set up.
     pub fn listens(&self) -> bool {
         !matches!(self.state, StateName::Idle | StateName::Fault)

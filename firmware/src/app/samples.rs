@@ -39,7 +39,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
         self.take(&Words::SecondImu(imu_reading(time_ns, specific_force, angular_rate)));
     }
 
-    /// How many links a frame is to have; none if no frames are wanted.
+    /// Returns how many links a frame is to have; none if no frames are wanted.
     pub fn frame_links(&self) -> Option<usize> {
         self.path.frames().map(|path| path.estimator().links())
     }

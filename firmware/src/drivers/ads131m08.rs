@@ -45,7 +45,7 @@ const FULL_SCALE_V: f32 = 1.2;
 /// Codes at full scale.
 const FULL_SCALE_CODES: f32 = 8_388_608.0;
 
-/// How the converter is to run.
+/// Holds how the converter is to run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AdcConfig {
     /// 250, 500, 1000, 2000 or 4000 samples per second.
@@ -54,7 +54,7 @@ pub struct AdcConfig {
     pub gain: u8,
 }
 
-/// What went wrong.
+/// Tells what went wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AdcError<E> {
     /// The bus failed.
@@ -229,7 +229,7 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
         }
     }
 
-    /// What a frame with this command gets back.
+    /// Returns what a frame with this command gets back.
     fn answer(&mut self, mut bytes: [u8; FRAME]) -> Result<u16, AdcError<SPI::Error>> {
         self.frame(&mut bytes)?;
         Ok(response(&bytes))
@@ -265,7 +265,7 @@ fn write_command(register: u8, value: u16) -> [u8; FRAME] {
     frame
 }
 
-/// What a frame answers to the command in the frame before it.
+/// Returns what a frame answers to the command in the frame before it.
 fn response(frame: &[u8; FRAME]) -> u16 {
     let [high, low, ..] = frame;
     u16::from_be_bytes([*high, *low])

@@ -3,12 +3,12 @@
 use embedded_hal::spi::{Operation, SpiDevice};
 use rigident_shared::wire::tree_frame::{MAX_TREE_FRAME, TreeFrame, TreeFrameError, tree_frame_bytes};
 
-/// Why there is no frame.
+/// Tells why there is no frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameError {
     /// The bus failed.
     Bus,
-    /// What came is no frame, or damaged.
+    /// The bytes that came are no frame, or damaged.
     Damaged,
     /// It is of a tree with so many links.
     Links(u8),

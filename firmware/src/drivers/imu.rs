@@ -25,7 +25,7 @@ const START_UP_MS: u32 = 50;
 /// Packets in a full FIFO: 2 KiB of 20 bytes.
 const FIFO_PACKETS: usize = 102;
 
-/// What went wrong.
+/// Tells what went wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ImuError<E> {
     /// The bus failed.
@@ -78,7 +78,7 @@ impl<SPI: SpiDevice> Imu<SPI> {
         self.errors
     }
 
-    /// How often the FIFO was full.
+    /// Returns how often the FIFO was full.
     pub const fn overflows(&self) -> u32 {
         self.overflows
     }

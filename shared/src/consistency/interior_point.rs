@@ -132,7 +132,7 @@ fn unpack<T: Scalar>(packed: &[T; 10]) -> Sym4<T> {
 const TRIES: u8 = 30;
 const TRIES_AT_ONCE: u8 = 6;
 
-/// What a search does next.
+/// Tells what a search does next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     /// At its end, or not begun. All bits are zero.
@@ -143,11 +143,11 @@ enum Phase {
     Measure,
     /// The predictor's direction.
     Predict,
-    /// How far that goes.
+    /// Tells how far that goes.
     PredictorLength,
     /// The corrector's direction.
     Correct,
-    /// How far that goes.
+    /// Tells how far that goes.
     CorrectorLength,
     /// Goes there.
     Move,

@@ -36,7 +36,7 @@ impl<T: Scalar> EstimatorConfig<T> {
     }
 }
 
-/// Why an estimator cannot be made.
+/// Tells why an estimator cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ConfigError {
     /// A σ is not positive and finite.

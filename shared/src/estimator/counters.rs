@@ -5,7 +5,7 @@ use crate::Scalar;
 use crate::conditioning::Kernel;
 use crate::screening::{ALL_CHANNELS, Rejection};
 
-/// What happened so far.
+/// Holds what happened so far.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Counters {
     /// Readings given.

@@ -48,7 +48,7 @@ pub struct FramesConfig<T> {
     pub still_after: u16,
 }
 
-/// When a run of frames has told enough.
+/// Tells when a run of frames has told enough.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameStop<T> {
     /// Largest standard deviation of each base parameter; infinite for one that is not asked for.
@@ -57,7 +57,7 @@ pub struct FrameStop<T> {
     pub minimum_frames: u32,
 }
 
-/// Why a tree cannot be estimated.
+/// Tells why a tree cannot be estimated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FramesError {
     /// No links, or too many.
@@ -70,7 +70,7 @@ pub enum FramesError {
     Sigma(u8),
 }
 
-/// How one link moves.
+/// Holds how one link moves.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LinkMotion<T> {
     /// `R_SL`: axes of S ← link axes, as a quaternion w, x, y, z.
@@ -96,7 +96,7 @@ pub struct Frame<'a, T> {
     pub links: &'a [LinkMotion<T>],
 }
 
-/// Why a frame was not taken in.
+/// Tells why a frame was not taken in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameRejection {
     /// It has so many links, not those of the tree.
@@ -113,7 +113,7 @@ pub enum FrameRejection {
     Full,
 }
 
-/// What happened to frames so far.
+/// Holds what happened to frames so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FrameCounters {
     /// Given.
@@ -221,7 +221,7 @@ impl<T: Scalar> FrameEstimator<T> {
         small_enough: 0,
     };
 
-    /// How many base parameters a tree has.
+    /// Returns how many base parameters a tree has.
     ///
     /// # Errors
     /// [`FramesError`] says what is wrong with it.
@@ -309,12 +309,12 @@ impl<T: Scalar> FrameEstimator<T> {
         usize::from(self.count)
     }
 
-    /// What happened so far.
+    /// Returns what happened so far.
     pub fn counters(&self) -> &FrameCounters {
         &self.counters
     }
 
-    /// Whether nothing more is taken in until the level is handed over.
+    /// Returns whether nothing more is taken in until the level is handed over.
     pub fn is_full(&self) -> bool {
         self.in_level >= LEVEL_FRAMES
     }

@@ -39,7 +39,7 @@ fn config() -> FramesConfig<f64> {
     }
 }
 
-/// What a frame holds.
+/// Holds what a frame holds.
 #[derive(Clone)]
 struct Owned {
     wrench: [f64; 6],

@@ -15,7 +15,7 @@ use crate::Scalar;
 /// Row blocks that a knock lasts at most: half a second at a hundred blocks a second.
 pub const LONGEST: u16 = 50;
 
-/// What innovations are taken against, and how far they may be off.
+/// Holds what innovations are taken against, and how far they may be off.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reference<T: Scalar, const N: usize> {
     /// φ

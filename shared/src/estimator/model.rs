@@ -8,23 +8,23 @@ use crate::forgetting::{Memory, Plan};
 use crate::regressor::{self, RegressorBlock, SIGNALS};
 use crate::screening::{Rejection, Screen};
 
-/// What makes rows: six rows of `N` columns from a reading, by way of `S` signals that are filtered alike.
+/// Makes rows: six rows of `N` columns from a reading, by way of `S` signals that are filtered alike.
 ///
 /// Every coefficient and the wrench must be linear, with constant coefficients, in the signals; then one FIR over the
 /// signals is the same FIR over the rows.
 pub trait Model<T: Scalar, const N: usize, const S: usize>: Copy {
-    /// What the sensors said at one instant.
+    /// Tells what the sensors said at one instant.
     type Reading;
-    /// What absorbs the rows.
+    /// Tells what absorbs the rows.
     type Store: Store<T, N>;
     /// Not yet set up.
     const UNUSED: Self;
 
     /// Starts anew with this configuration.
     fn restart(&mut self, config: &EstimatorConfig<T>);
-    /// When it was.
+    /// Returns when it was.
     fn time_ns(reading: &Self::Reading) -> u64;
-    /// Why the reading may not be used, if so.
+    /// Returns why the reading may not be used, if so.
     ///
     /// # Errors
     /// The reason, with the channel.
@@ -48,11 +48,11 @@ pub trait Model<T: Scalar, const N: usize, const S: usize>: Copy {
     );
 }
 
-/// What absorbs rows of `N` parameters and keeps `f32` from stagnating.
+/// Absorbs rows of `N` parameters and keeps `f32` from stagnating.
 pub trait Store<T: Scalar, const N: usize>: Copy {
     /// Of no rows.
     const EMPTY: Self;
-    /// Whether it can keep a memory in place of everything.
+    /// Tells whether it can keep a memory in place of everything.
     const FORGETS: bool;
 
     /// One factor of everything absorbed.
@@ -67,11 +67,11 @@ pub trait Store<T: Scalar, const N: usize>: Copy {
     fn memory(&mut self) -> Option<&mut Memory<T, N>> {
         None
     }
-    /// Whether a memory keeps what is absorbed.
+    /// Returns whether a memory keeps what is absorbed.
     fn remembers(&self) -> bool {
         false
     }
-    /// Whether enough has been absorbed for a segment of it.
+    /// Returns whether enough has been absorbed for a segment of it.
     fn segment_is_complete(&self) -> bool {
         false
     }

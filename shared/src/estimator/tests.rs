@@ -276,7 +276,7 @@ fn a_memory_that_does_not_fit_is_refused_and_changes_nothing() {
     assert_eq!(poses.set_memory(&memory(Span::Window(5.0))), Err(ConfigError::Memory));
 }
 
-/// What the IMU's noise alone brings into the rows, by putting noise alone through the pipeline: the reason for what
+/// Finds what the IMU's noise alone brings into the rows, by putting noise alone through the pipeline: the reason for what
 /// counts as excited.
 #[test]
 fn noise_at_rest_is_no_excitation() {

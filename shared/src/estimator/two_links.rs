@@ -32,7 +32,7 @@ const SECOND: usize = 9;
 const ENTRIES: usize = 6 * 3 + 3 * 6;
 /// Of one body's signals, those that are smoothed.
 const BASE: usize = regressor::SMOOTHED;
-/// Where the second link's smoothed entries stand, the joint's specific force, and what is differentiated.
+/// Tells where the second link's smoothed entries stand, the joint's specific force, and what is differentiated.
 const LINK: usize = BASE;
 const JOINT_FORCE: usize = LINK + ENTRIES;
 const SMOOTHED: usize = JOINT_FORCE + 3;
@@ -41,7 +41,7 @@ const LINK_MOMENTUM: usize = RATE + 3;
 const SWING: usize = LINK_MOMENTUM + ENTRIES;
 /// Signals per reading.
 pub const SIGNALS: usize = SWING + 3;
-/// How many of them are differentiated.
+/// Tells how many of them are differentiated.
 pub const DIFFERENTIATED: usize = SIGNALS - SMOOTHED;
 /// Levels above the absorbing one: the last takes more than a hundred merges after 2e6 row blocks.
 const UPPER: usize = 2;
@@ -50,7 +50,7 @@ const SETTLING: u16 = 32;
 /// Across a longer time nothing is turned, ns.
 const LONGEST_STEP_NS: u64 = 100_000_000;
 
-/// What the sensors of two links said at one instant of the load cell's clock.
+/// Holds what the sensors of two links said at one instant of the load cell's clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TwoLinkReading<T: Scalar> {
     /// Load cell and the base's IMU.
@@ -78,7 +78,7 @@ impl<T: Scalar> TwoLinkReading<T> {
     };
 }
 
-/// Where the joint's attitude comes from.
+/// Tells where the joint's attitude comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum JointAttitude<T> {
     /// With every reading.
@@ -92,7 +92,7 @@ pub enum JointAttitude<T> {
     },
 }
 
-/// What is known of the second link and the joint, and the attitude as it is followed.
+/// Holds what is known of the second link and the joint, and the attitude as it is followed.
 #[derive(Clone, Copy, Debug)]
 pub struct TwoLinks<T: Scalar> {
     /// The second IMU on the second link.
@@ -101,7 +101,7 @@ pub struct TwoLinks<T: Scalar> {
     pub ranges: [T; 2],
     /// The joint in S, m.
     pub joint: [T; 3],
-    /// Where the attitude comes from.
+    /// Tells where the attitude comes from.
     pub attitude: JointAttitude<T>,
     screen: Screen<T, TWO_LINK_CHANNELS>,
     /// w, x, y, z
@@ -441,7 +441,7 @@ impl<T: Scalar, const N: usize> Model<T, N, SIGNALS> for TwoLinks<T> {
     }
 }
 
-/// How many parameters the second link has.
+/// Tells how many parameters the second link has.
 const _: () = assert!(10 + SECOND == PARAMETERS);
 
 #[cfg(test)]

@@ -44,7 +44,7 @@ pub struct BodyCascade<T: Scalar, const N: usize> {
     upper: Upper<T, N>,
 }
 
-/// What is above the absorbing level. The tag of the first variant is 0: an empty cascade is all zero bits.
+/// Tells what is above the absorbing level. The tag of the first variant is 0: an empty cascade is all zero bits.
 #[derive(Clone, Copy, Debug)]
 #[repr(u8)]
 #[allow(clippy::large_enum_variant, reason = "no heap")]
@@ -133,7 +133,7 @@ fn place<T: Scalar, const N: usize, const K: usize>(
     }
 }
 
-/// How many of [`FORCE`] and [`MOMENT`] are estimated.
+/// Returns how many of [`FORCE`] and [`MOMENT`] are estimated.
 const fn estimated(offset: bool) -> (usize, usize) {
     if offset { (FORCE.len(), MOMENT.len()) } else { (4, 9) }
 }
@@ -210,12 +210,12 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
         self.upper = Upper::Memory(Memory::new(plan));
     }
 
-    /// Whether a memory keeps what is absorbed.
+    /// Returns whether a memory keeps what is absorbed.
     pub(crate) fn remembers(&self) -> bool {
         matches!(self.upper, Upper::Memory(_))
     }
 
-    /// Whether enough has been absorbed for a segment.
+    /// Returns whether enough has been absorbed for a segment.
     #[inline]
     pub(crate) fn segment_is_complete(&self) -> bool {
         self.segment.is_some_and(|segment| self.wrenches >= segment.get())

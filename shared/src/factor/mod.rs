@@ -78,7 +78,7 @@ impl<T: Scalar, const N: usize> Default for InformationFactor<T, N> {
 }
 
 impl<T: Scalar, const N: usize> InformationFactor<T, N> {
-    /// How many numbers [`Self::entries`] yields: the triangle, z and the residual sum of squares.
+    /// Tells how many numbers [`Self::entries`] yields: the triangle, z and the residual sum of squares.
     pub const ENTRIES: usize = N * (N + 3) / 2 + 1;
 
     /// The factor of no rows.
@@ -273,7 +273,7 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
         }
     }
 
-    /// Whether every number is finite.
+    /// Returns whether every number is finite.
     pub fn is_finite(&self) -> bool {
         self.entries().all(Scalar::is_finite)
     }

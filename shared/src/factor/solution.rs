@@ -2,7 +2,7 @@ use super::InformationFactor;
 use super::jacobi::{Jacobi, dot};
 use crate::Scalar;
 
-/// What a factor says about φ.
+/// Holds what a factor says about φ.
 ///
 /// Read from the singular values of R with its columns scaled to unit length, so that units do not matter.
 /// Directions below the rounding level of the scalar are left out; a parameter that has a share in one of
@@ -13,7 +13,7 @@ pub struct Solution<T: Scalar, const N: usize> {
     pub estimate: [T; N],
     /// Square root of the diagonal of `(RᵀR)⁻¹`; meaningless where `determined` is false.
     pub standard_deviation: [T; N],
-    /// Whether the rows alone determine the parameter.
+    /// Tells whether the rows alone determine the parameter.
     pub determined: [bool; N],
     /// 2-norm condition number of the column-scaled R, over the directions that are determined.
     pub condition_number: T,

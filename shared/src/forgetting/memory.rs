@@ -9,13 +9,13 @@ const SEGMENT_BLOCKS: (u32, u32) = (10, 50);
 /// Parts that a window is divided into, of which the newest is being filled: four fifths of it are held at least.
 const PARTS: usize = 5;
 
-/// How long rows are remembered. Seconds are those of rows taken in: they stand still where none are.
+/// Tells how long rows are remembered. Seconds are those of rows taken in: they stand still where none are.
 ///
 /// The tags begin at 1, which leaves 0 for `None`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(u8)]
 pub enum Span<T> {
-    /// What newer rows renew is forgotten with this time constant, s ([`Forgetting`]).
+    /// Forgets what newer rows renew, with this time constant, s ([`Forgetting`]).
     TimeConstant(T) = 1,
     /// The rows of so many seconds at most, of four fifths of it at least, and nothing else ([`Window`]).
     Window(T) = 2,
@@ -30,16 +30,16 @@ pub struct ImuNoise<T> {
     pub gyro: T,
 }
 
-/// What an estimator remembers, if not everything.
+/// Holds what an estimator remembers, if not everything.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MemoryConfig<T> {
-    /// How long.
+    /// Tells how long.
     pub span: Span<T>,
     /// Noise of the IMU. A window does not use it.
     pub imu_noise: ImuNoise<T>,
 }
 
-/// What is known of the rows that segments are made of.
+/// Holds what is known of the rows that segments are made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Rows<T> {
     /// Time from one row block to the next, s.
@@ -80,7 +80,7 @@ impl<T: Scalar> Rows<T> {
     }
 }
 
-/// What is remembered of all segments so far.
+/// Holds what is remembered of all segments so far.
 #[derive(Clone, Copy, Debug)]
 pub struct Memory<T: Scalar, const N: usize> {
     kept: Kept<T, N>,
@@ -94,7 +94,7 @@ enum Kept<T: Scalar, const N: usize> {
     Window { window: Window<T, N, PARTS>, part_blocks: u32, filled: u32 },
 }
 
-/// What follows from a configuration.
+/// Holds what follows from a configuration.
 #[derive(Clone, Copy, Debug)]
 pub struct Plan<T: Scalar, const N: usize> {
     span: Span<T>,

@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use crate::Scalar;
 use crate::spatial::cross_matrix;
 
-/// How a link moves against its parent. Axes are unit vectors.
+/// Tells how a link moves against its parent. Axes are unit vectors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Joint<T: Scalar> {
     /// Not at all.
@@ -58,7 +58,7 @@ pub struct Link<T: Scalar> {
     pub position: Vector3<T>,
 }
 
-/// Why links make no tree.
+/// Tells why links make no tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TreeError {
     /// There is not even a base.
@@ -69,7 +69,7 @@ pub enum TreeError {
     Lengths,
 }
 
-/// Whether every link's parent stands before it.
+/// Returns whether every link's parent stands before it.
 ///
 /// # Errors
 /// [`TreeError`] naming the first link for which it does not.
@@ -83,7 +83,7 @@ pub fn check<T: Scalar>(links: &[Link<T>]) -> Result<(), TreeError> {
     }
 }
 
-/// Where a link is and how it moves, against its parent.
+/// Holds where a link is and how it moves, against its parent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointMotion<T: Scalar> {
     /// Parent axes ← link axes.

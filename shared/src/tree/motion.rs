@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::joint::{Joint, JointMotion, Link, TreeError, check};
 use crate::Scalar;
 
-/// What an ideal IMU at the base link's origin reads, in its axes.
+/// Holds what an ideal IMU at the base link's origin reads, in its axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BaseMotion<T: Scalar> {
     /// Specific force `a = p̈ − g`, m/s²: gravity is in it.

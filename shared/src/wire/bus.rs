@@ -24,10 +24,10 @@ pub const POLL_ANSWER_BYTES: usize = 9;
 /// The longest transfer under one chip select: a full IMU FIFO and its register address fit.
 pub const MAX_TRANSFER_BYTES: usize = 2304;
 
-/// What the board asks for.
+/// Tells what the board asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Operation {
-    /// What happened next?
+    /// Asks what happened next.
     Poll,
     /// One transfer with the load cell's converter selected.
     TransferLoadCell,
@@ -42,13 +42,13 @@ pub enum Operation {
 /// A request's first bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RequestHeader {
-    /// What is asked for.
+    /// Tells what is asked for.
     pub operation: Operation,
     /// Bytes that follow, and bytes that come back from a transfer; 0 for a poll.
     pub length: u16,
 }
 
-/// Why a request header cannot be one.
+/// Tells why a request header cannot be one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RequestError {
     /// No operation has this number.
@@ -94,7 +94,7 @@ impl RequestHeader {
     }
 }
 
-/// What a poll reports.
+/// Tells what a poll reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
     /// Nothing; the time is now.
@@ -114,7 +114,7 @@ pub enum Event {
 /// The answer to a poll.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PollAnswer {
-    /// What happened.
+    /// Tells what happened.
     pub event: Event,
     /// Capture time of the sample, or the time now, ns.
     pub time_ns: u64,

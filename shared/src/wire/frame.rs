@@ -17,7 +17,7 @@ pub const MAX_FRAME: usize = MAX_RAW + MAX_RAW.div_ceil(254) + 1;
 
 const CRC32: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
-/// What a frame carries.
+/// Tells what a frame carries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Kind {
@@ -29,7 +29,7 @@ pub enum Kind {
     Telemetry = 2,
 }
 
-/// Why bytes between two zeros are not a frame.
+/// Tells why bytes between two zeros are not a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DecodeError {
     /// More bytes than the longest frame.
@@ -53,7 +53,7 @@ pub struct TooLarge;
 /// A checked frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Frame<'a> {
-    /// What it carries.
+    /// Tells what it carries.
     pub kind: Kind,
     /// Its number.
     pub sequence: u16,

@@ -15,7 +15,7 @@ pub const MAX_TREE_PARAMETERS: usize = 128;
 /// Readings of two links per batch, either way.
 pub const LINK_BATCH: usize = 8;
 
-/// What is identified.
+/// Tells what is identified.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
 #[allow(clippy::large_enum_variant, reason = "no heap")]
 pub enum ModelSettings {
@@ -36,11 +36,11 @@ pub struct TwoLinkSettings {
     pub imu: ImuSettings,
     /// The joint in S, m.
     pub joint_position_m: [f32; 3],
-    /// Where the joint's attitude comes from.
+    /// Tells where the joint's attitude comes from.
     pub attitude: AttitudeSource,
 }
 
-/// Where a joint's attitude comes from.
+/// Tells where a joint's attitude comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub enum AttitudeSource {
     /// With every reading that is injected.
@@ -65,7 +65,7 @@ pub struct LinkSettings {
     pub position_m: [f32; 3],
 }
 
-/// How a link of a tree turns against its parent.
+/// Tells how a link of a tree turns against its parent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum LinkJoint {
     /// Not at all.
@@ -98,7 +98,7 @@ pub struct LinkBatch {
     pub readings: Vec<LinkReadingMessage, LINK_BATCH>,
 }
 
-/// What became of frames. Of those that were left out nothing was absorbed.
+/// Holds what became of frames. Of those that were left out nothing was absorbed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct FrameReport {
     /// That came whole.

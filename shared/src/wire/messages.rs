@@ -45,7 +45,7 @@ pub enum Command {
     InjectLinks(LinkBatch),
     /// The settings in force.
     ReadSettings,
-    /// What happened so far.
+    /// Tells what happened so far.
     ReadCounters,
     /// The estimate now, while no samples of the sensors are absorbed: making it takes as long as several. Else there is
     /// [`Telemetry::Estimate`].
@@ -65,7 +65,7 @@ pub enum Command {
 /// Answer to a command.
 pub type Answer = Result<Reply, ErrorCode>;
 
-/// What a command brings.
+/// Tells what a command brings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 #[allow(clippy::large_enum_variant, reason = "no heap")]
 pub enum Reply {
@@ -88,7 +88,7 @@ pub enum Reply {
     },
 }
 
-/// Why a command was not obeyed. [`ErrorCode::number`] is stable across versions.
+/// Tells why a command was not obeyed. [`ErrorCode::number`] is stable across versions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum ErrorCode {
     /// 1: the payload is no command of this schema.
@@ -148,7 +148,7 @@ pub enum StateName {
     Fault,
 }
 
-/// Why the state is what it is.
+/// Tells why the state is what it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Reason {
     /// Power came on.
@@ -171,7 +171,7 @@ pub enum Reason {
     LevelFull,
 }
 
-/// What is wrong with a sensor.
+/// Tells what is wrong with a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum SensorFault {
     /// The bus failed.
@@ -235,7 +235,7 @@ pub enum SettingName {
     Links,
 }
 
-/// Where readings come from.
+/// Tells where readings come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Source {
     /// The device's sensors.
@@ -249,9 +249,9 @@ pub enum Source {
 pub struct Settings {
     /// Rate of the load cell and so of the readings, 1/s.
     pub rate_hz: f32,
-    /// Where readings come from.
+    /// Tells where readings come from.
     pub source: Source,
-    /// What is identified.
+    /// Tells what is identified.
     pub model: ModelSettings,
     /// The IMU.
     pub imu: ImuSettings,
@@ -264,11 +264,11 @@ pub struct Settings {
     /// A row is given less weight if it is further from the estimate so far than so many standard deviations; 0: never.
     /// The estimate is that of the last look at the factor, every fifty row blocks.
     pub knock_limit_sd: f32,
-    /// What is kept of the rows.
+    /// Tells what is kept of the rows.
     pub memory: MemorySettings,
-    /// When the run ends by itself: judged by what is remembered.
+    /// Tells when the run ends by itself: judged by what is remembered.
     pub stop: Option<StopRule>,
-    /// What is sent unasked.
+    /// Tells what is sent unasked.
     pub telemetry: TelemetrySettings,
     /// A channel is frozen after this many equal readings; 0: never.
     pub frozen_after: u16,
@@ -314,13 +314,13 @@ pub struct LoadCellSettings {
     pub range_n_nm: [f32; 6],
 }
 
-/// What is kept of the rows. Seconds are those of rows taken in.
+/// Tells what is kept of the rows. Seconds are those of rows taken in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
 pub enum MemorySettings {
     /// Everything.
     #[default]
     Forever,
-    /// What newer rows renew is forgotten with a time constant.
+    /// Forgets what newer rows renew, with a time constant.
     Forgetting {
         /// The time constant, s, at least `filter_width_s`.
         time_constant_s: f32,
@@ -382,7 +382,7 @@ impl StopLimit {
     }
 }
 
-/// What is sent unasked.
+/// Holds what is sent unasked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct TelemetrySettings {
     /// An estimate every so many row blocks; 0: never.
@@ -433,11 +433,11 @@ pub struct Identity {
     pub board: [u8; 16],
     /// The state.
     pub state: StateName,
-    /// Why.
+    /// Tells why.
     pub reason: Reason,
 }
 
-/// What happened since the start of the run.
+/// Holds what happened since the start of the run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct CounterReport {
     /// Readings taken.
@@ -468,7 +468,7 @@ pub struct CounterReport {
     pub imu_errors: u32,
     /// The same of the second link's IMU.
     pub second_imu_errors: u32,
-    /// What became of frames.
+    /// Tells what became of frames.
     pub frames: FrameReport,
     /// Load-cell samples without IMU neighbours.
     pub unaligned: u32,
@@ -478,7 +478,7 @@ pub struct CounterReport {
     pub telemetry_dropped: u32,
 }
 
-/// What physical consistency leaves of the free answer.
+/// Tells what physical consistency leaves of the free answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Consistency {
     /// The rows do not determine every parameter, so that no body is nearest; or base parameters of several links, which
@@ -503,9 +503,9 @@ pub struct EstimateReport {
     pub blocks: u32,
     /// Ten parameters, or sixteen: those of a body, unless `consistency` says that none is determined. Of two links 19, or 25.
     pub estimate: Vec<f32, MAX_PARAMETERS>,
-    /// What became of the free answer.
+    /// Tells what became of the free answer.
     pub consistency: Consistency,
-    /// How far the free answer is from any body's, in standard deviations; zero if it is one's.
+    /// Tells how far the free answer is from any body's, in standard deviations; zero if it is one's.
     pub distance_sd: f32,
     /// Standard deviation of each parameter of the free answer, for the σ of the settings.
     pub standard_deviation: Vec<f32, MAX_PARAMETERS>,
@@ -551,7 +551,7 @@ pub enum Telemetry {
     State {
         /// The new state.
         state: StateName,
-        /// Why.
+        /// Tells why.
         reason: Reason,
     },
     /// The estimate, at the rate set.

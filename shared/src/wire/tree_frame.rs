@@ -35,7 +35,7 @@ pub const fn tree_frame_bytes(links: usize) -> usize {
     HEADER + 4 * (BASE_NUMBERS + LINK_NUMBERS * links.saturating_sub(1)) + CHECK
 }
 
-/// Why bytes are no frame.
+/// Tells why bytes are no frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TreeFrameError {
     /// Too short, another mark or version, or the check does not fit.

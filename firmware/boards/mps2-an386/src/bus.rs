@@ -101,7 +101,7 @@ impl Pipes {
     }
 }
 
-/// What a part sends, and how many bytes it clocks.
+/// Returns what a part sends, and how many bytes it clocks.
 fn sent<'a>(part: &'a spi::Operation<'_, u8>) -> (&'a [u8], usize) {
     match part {
         spi::Operation::Read(input) => (&[], input.len()),
@@ -112,7 +112,7 @@ fn sent<'a>(part: &'a spi::Operation<'_, u8>) -> (&'a [u8], usize) {
     }
 }
 
-/// Where a part puts what comes back.
+/// Returns where a part puts what comes back.
 fn received<'a>(part: &'a mut spi::Operation<'_, u8>) -> &'a mut [u8] {
     match part {
         spi::Operation::Read(input) | spi::Operation::Transfer(input, _) => input,

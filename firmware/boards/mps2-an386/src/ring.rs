@@ -27,7 +27,7 @@ impl<const N: usize> Ring<N> {
         self.pushed.load(Ordering::Acquire).wrapping_sub(self.popped.load(Ordering::Acquire))
     }
 
-    /// Whether nothing is held.
+    /// Returns whether nothing is held.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

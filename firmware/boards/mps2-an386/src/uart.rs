@@ -81,7 +81,7 @@ pub fn receive(buffer: &mut [u8]) -> usize {
     n
 }
 
-/// Whether a byte from the host is waiting.
+/// Returns whether a byte from the host is waiting.
 pub fn has_received() -> bool {
     !FROM_HOST.is_empty()
 }

@@ -316,7 +316,7 @@ impl Session {
         };
         // Of a level what was taken is here, whatever became of the rest.
         let taken = taking.level.as_deref().filter(|level| level.rows() > 0);
-        let factor = factor.or_else(|| taken.map(|level| Factor::from(level)));
+        let factor = factor.or_else(|| taken.map(Factor::from));
         Take {
             readings: taking.readings,
             links: taking.links,

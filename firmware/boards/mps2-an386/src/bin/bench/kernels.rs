@@ -13,7 +13,7 @@ pub const CHANNEL_SIGMA: [f32; 6] = [5.05, 5.05, 10.1, 0.383, 0.459, 0.459];
 const SAMPLES: usize = 64;
 /// RAM of the board outside of what the firmware is allowed: N = 128 takes 64 KiB for R alone.
 const PSRAM: usize = 0x2100_0000;
-/// Where the blocks stand in it.
+/// Tells where the blocks stand in it.
 const BLOCKS_AT: usize = 0x2140_0000;
 
 /// Specific force, angular rate, angular acceleration and wrench of one instant.

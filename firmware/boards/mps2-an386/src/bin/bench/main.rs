@@ -30,7 +30,7 @@ use rigident_firmware::Path;
 use mps2_an386 as _;
 use semihosting::experimental::env;
 
-/// What the firmware logs would stand between the lines.
+/// Swallows what the firmware logs: it would stand between the lines.
 #[defmt::global_logger]
 struct Silent;
 

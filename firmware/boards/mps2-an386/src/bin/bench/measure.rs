@@ -12,7 +12,7 @@ const INSTRUCTIONS_PER_TICK: u32 = 40;
 /// The counter's width.
 const TICKS: u32 = 0x00FF_FFFF;
 
-/// What to run: everything, or no more than the marked stretches.
+/// Holds what to run: everything, or no more than the marked stretches.
 pub struct Bench {
     /// The emulator writes every instruction down; the long search for the worst sample is left to the other run.
     traced: bool,
@@ -67,7 +67,7 @@ pub fn give_up(reason: &str) -> ! {
     semihosting::process::exit(1)
 }
 
-/// Where `cargo xtask bench-target` starts counting in the emulator's trace.
+/// Marks where `cargo xtask bench-target` starts counting in the emulator's trace.
 #[inline(never)]
 #[unsafe(no_mangle)]
 extern "C" fn bench_begin() {
@@ -75,7 +75,7 @@ extern "C" fn bench_begin() {
     unsafe { asm!("nop", options(nomem, nostack)) };
 }
 
-/// Where it stops. The same instructions as `bench_begin` would let the compiler merge the two.
+/// Marks where it stops. The same instructions as `bench_begin` would let the compiler merge the two.
 #[inline(never)]
 #[unsafe(no_mangle)]
 extern "C" fn bench_end() {
@@ -83,7 +83,7 @@ extern "C" fn bench_end() {
     unsafe { asm!("nop", "nop", options(nomem, nostack)) };
 }
 
-/// Where a sample begins.
+/// Marks where a sample begins.
 #[inline(never)]
 #[unsafe(no_mangle)]
 extern "C" fn bench_sample() {

@@ -14,7 +14,7 @@ const IMU_ANSWER: usize = 24;
 /// An ADS131M08.
 pub struct Adc {
     registers: [u16; 64],
-    /// What the next frame begins with, if not a status.
+    /// Tells what the next frame begins with, if not a status.
     answer: Option<u16>,
     frames: [[u8; ADC_FRAME]; SAMPLES],
     next: usize,
