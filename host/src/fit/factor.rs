@@ -352,7 +352,7 @@ impl Factor {
         // A share of a lost direction larger than rounding can explain.
         let share = 3.0 * rounding.max(f64::EPSILON).sqrt();
         let mut least = most;
-        let mut kept: Vec<(DVector<f64>, Vec<(usize, f64)>)> = Vec::new();
+        let (mut projections, mut directions) = (Vec::new(), Vec::new());
         for (k, s) in svd.singular_values.iter().enumerate() {
             let direction = v_t.row(k);
             if *s <= rounding * most {
@@ -372,13 +372,14 @@ impl Factor {
                     solution.covariance[(*i, *j)] += a * b / (s * s);
                 }
             }
-            kept.push((u.column(k).into_owned() / *s, natural));
+            projections.push(u.column(k).into_owned() / *s);
+            directions.push(natural);
         }
         // The decomposition is good to some 1e-11; one step of refinement takes that off the estimate.
         for _ in 0..2 {
             let left =
                 DVector::from_column_slice(self.z()) - &r * DVector::from_column_slice(&solution.estimate);
-            for (u, natural) in &kept {
+            for (u, natural) in projections.iter().zip(&directions) {
                 let projection = u.dot(&left);
                 for (i, a) in natural {
                     solution.estimate[*i] += a * projection;
