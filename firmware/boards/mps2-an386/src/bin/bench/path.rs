@@ -3,7 +3,8 @@
 use rigident_firmware::{App, Buses, Event, Instrument, Path, Sensor};
 use rigident_shared::wire::{
     AttitudeSource, Command, ImuSettings, Kind, LinkJoint, LinkSettings, LoadCellSettings, MemorySettings,
-    ModelSettings, Settings, Source, StateName, StopLimit, StopRule, TelemetrySettings, TwoLinkSettings, encode, frame,
+    ModelSettings, Settings, Source, StateName, StopLimit, StopRule, TelemetrySettings, TwoLinkSettings,
+    encode, frame,
 };
 
 use crate::kernels::CHANNEL_SIGMA;
@@ -233,11 +234,7 @@ fn settings(n: usize, telemetry: TelemetrySettings) -> Settings {
         row_every: 10,
         knock_limit_sd: 6.0,
         memory: MemorySettings::Forever,
-        stop: Some(StopRule {
-            limits: [never].into_iter().collect(),
-            minimum_blocks: 1,
-            goes_on: false,
-        }),
+        stop: Some(StopRule { limits: [never].into_iter().collect(), minimum_blocks: 1, goes_on: false }),
         telemetry,
         frozen_after: 50,
         host_timeout_ms: 0,
