@@ -193,9 +193,9 @@ const MATRIX: [Row; 16] = [
         cells: [
             Yes("streams::simulated::skews_are_recovered_within_their_uncertainty_and_so_is_the_body"),
             Nothing,
-            NotYet,
+            Yes("support::clocks::two_links::several_clocks"),
             Nothing,
-            NotYet,
+            Yes("support::clocks::tree::several_clocks"),
             Nothing,
         ],
     },

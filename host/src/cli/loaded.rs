@@ -13,6 +13,7 @@ use crate::model::{self, Model};
 use crate::present::TimePlot;
 use crate::problem::body::BodySource;
 use crate::problem::body::prepare;
+use crate::problem::clocks::{StreamSet, as_stamped};
 use crate::problem::{Problem, ProblemOptions, Subject};
 use crate::recording::{Recording, extension, rig_path};
 use crate::rig::RigFile;
@@ -70,10 +71,10 @@ impl Loaded {
     ) -> Result<Self, Failure> {
         let path = &named(path.to_owned());
         let Some((mut nominal, file)) = tree_of(path, rig, tree)? else { return Self::body(path, rig) };
-        let mut recording = match stream_set(path, rig)? {
-            Some(set) => crate::problem::clocks::align(&set).map_err(Failure::input)?.recording,
-            None => Recording::load(path, rig).map_err(Failure::input)?,
-        };
+        if let Some(set) = stream_set(path, rig)? {
+            return Self::tree_in_streams(set, (nominal, file), &tree.changes, options, stages);
+        }
+        let mut recording = Recording::load(path, rig).map_err(Failure::input)?;
         recording.leave_out_spikes();
         let mut notes = change_as_recorded(&mut nominal, &tree.changes, &recording)?;
         stages.at("frames of the recording", 0.0);
@@ -86,13 +87,36 @@ impl Loaded {
         Ok(Self { problem, warnings, notes, unused_rows, nominal: Some((nominal, file)), recorded })
     }
 
+    /// Poses the problem of a tree in several files with clocks of their own.
+    ///
+    /// # Errors
+    /// Bad input: files that have nothing in common, or do not fit the model.
+    fn tree_in_streams(
+        set: StreamSet,
+        (mut nominal, file): (Model, Option<PathBuf>),
+        changes: &ModelChanges,
+        options: &ProblemOptions,
+        stages: &Stages,
+    ) -> Result<Self, Failure> {
+        let stamped = as_stamped(&set).map_err(Failure::input)?;
+        let mut notes = change_as_recorded(&mut nominal, changes, &stamped)?;
+        stages.at("clocks of the files", 0.0);
+        let problem = Problem::from_streams(set, Some(&nominal), options).map_err(Failure::input)?;
+        notes.extend(problem.notes.iter().cloned());
+        let mut warnings = problem.warnings.clone();
+        warnings.extend(nominal.findings.iter().map(ToString::to_string));
+        let nominal = Some((nominal, file));
+        Ok(Self { problem, warnings, notes, unused_rows: 0, nominal, recorded: None })
+    }
+
     /// Reads a recording of one body: one file, or several with clocks of their own.
     ///
     /// # Errors
     /// Bad input: what cannot be read, or is no recording of a body.
     fn body(path: &Path, rig: Option<&Path>) -> Result<Self, Failure> {
         if let Some(set) = stream_set(path, rig)? {
-            let problem = Problem::from_streams(set).map_err(Failure::input)?;
+            let problem = Problem::from_streams(set, None, &ProblemOptions::default());
+            let problem = problem.map_err(Failure::input)?;
             let (notes, warnings) = (problem.notes.clone(), problem.warnings.clone());
             return Ok(Self { problem, warnings, notes, unused_rows: 0, nominal: None, recorded: None });
         }
@@ -313,7 +337,8 @@ pub(super) fn tree_of(
     super::model::refuse_a_person(&options.changes)?;
     let name = recording.display().to_string();
     let mut model = model::rig_links::from_tables(&rig.link, &name).map_err(Failure::input)?;
-    model.name = recording.file_stem().map_or(name, |stem| stem.to_string_lossy().into_owned());
+    let stem = recording.file_stem().map_or(name, |stem| stem.to_string_lossy().into_owned());
+    model.name = stem.strip_suffix(".rig").unwrap_or(&stem).to_owned();
     Ok(Some((model, None)))
 }
 

@@ -10,7 +10,7 @@ pub mod tree;
 
 use self::body::BodySource;
 use self::body::prepare::{PrepareError, prepare};
-use self::clocks::{Aligned, StreamError, StreamSet, align};
+use self::clocks::{Aligned, Pose, StreamError, StreamSet, align};
 use self::tree::drive::Term;
 use self::tree::{TreePrepareError, TreeSource, TreeSourceError};
 use crate::answer::result::TimeBase;
@@ -79,7 +79,14 @@ pub struct Problem {
     /// What a user should act on, as far as it was seen before the fit.
     pub warnings: Vec<String>,
     /// Several files with clocks of their own.
-    clocks: Option<Box<(StreamSet, Aligned)>>,
+    clocks: Option<Box<Clocks>>,
+}
+
+/// Several files with clocks of their own, and what was identified from them.
+struct Clocks {
+    set: StreamSet,
+    aligned: Aligned,
+    tree: Option<(Model, ProblemOptions)>,
 }
 
 impl Problem {
@@ -118,15 +125,23 @@ impl Problem {
         })
     }
 
-    /// Poses the problem of one body in several files with clocks of their own.
+    /// Poses the problem of several files with clocks of their own: a tree's if there is a model, else one body's.
     ///
     /// # Errors
     /// [`ProblemError`] if they have nothing in common, or cannot be identified.
-    pub fn from_streams(set: StreamSet) -> Result<Self, ProblemError> {
-        let aligned = align(&set)?;
-        let mut problem = Self::from_recording(&aligned.recording, None, &ProblemOptions::default())?;
+    pub fn from_streams(
+        set: StreamSet,
+        model: Option<&Model>,
+        options: &ProblemOptions,
+    ) -> Result<Self, ProblemError> {
+        let tree = model.map(|model| (model.clone(), options.clone()));
+        let aligned = match &tree {
+            None => align(&set, None)?,
+            Some((model, options)) => align(&set, Some(&|recording| tree_source(recording, model, options)))?,
+        };
+        let mut problem = Self::from_recording(&aligned.recording, model, options)?;
         problem.warnings.extend(aligned.warnings.iter().cloned());
-        problem.clocks = Some(Box::new((set, aligned)));
+        problem.clocks = Some(Box::new(Clocks { set, aligned, tree }));
         Ok(problem)
     }
 
@@ -153,7 +168,7 @@ impl Problem {
 
     /// Returns how several files became one recording; `None` of a single file.
     pub fn time_base(&self) -> Option<&TimeBase> {
-        self.clocks.as_ref().map(|clocks| &clocks.1.time_base)
+        self.clocks.as_ref().map(|clocks| &clocks.aligned.time_base)
     }
 
     /// Fits the parameters; the uncertainty of several clocks is counted.
@@ -163,8 +178,12 @@ impl Problem {
     pub fn fit(&self, options: &FitOptions, progress: &dyn Progress) -> Result<Fit, ProblemError> {
         let mut found = fit(self.source(), options, progress)?;
         if let Some(clocks) = &self.clocks {
-            let (set, aligned) = &**clocks;
-            found.count_shifts(&clocks::shifts::moves(set, aligned)?);
+            let Clocks { set, aligned, tree } = &**clocks;
+            let pose: &Pose<'_> = &|recording| match tree {
+                None => body_source(recording),
+                Some((model, options)) => tree_source(recording, model, options),
+            };
+            found.count_shifts(&clocks::shifts::moves(set, aligned, pose)?);
         }
         Ok(found)
     }
@@ -189,4 +208,19 @@ impl Problem {
         let found = fit_device(problem.source(), device, options, progress)?;
         Ok((problem, found))
     }
+}
+
+fn body_source(recording: &Recording) -> Result<Box<dyn RowSource>, StreamError> {
+    let prepared = prepare(recording)?;
+    Ok(Box::new(BodySource::new(prepared.input, prepared.rig.imu.first())))
+}
+
+fn tree_source(
+    recording: &Recording,
+    model: &Model,
+    options: &ProblemOptions,
+) -> Result<Box<dyn RowSource>, StreamError> {
+    let prepared = tree::prepare::prepare(recording, model, options)?;
+    let source = TreeSource::new(prepared.input).map_err(|error| StreamError::Rows(error.to_string()))?;
+    Ok(Box::new(source))
 }

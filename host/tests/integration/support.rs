@@ -87,6 +87,10 @@ impl Subject {
     }
 
     fn table(self, place: &Path) -> Table {
+        self.sampled(place, RATE_HZ, ROWS)
+    }
+
+    fn sampled(self, place: &Path, rate_hz: f64, rows: usize) -> Table {
         fs::write(place.join("truth.toml"), self.rig("", "", true)).unwrap();
         let model = rig_links::read(&place.join("truth.toml")).unwrap();
         let mut names: Vec<String> =
@@ -101,8 +105,8 @@ impl Subject {
         for link in 1..self.links {
             names.extend(["w", "x", "y", "z"].map(|part| format!("q{link}_{part}")));
         }
-        let rows = (0..ROWS).map(|row| {
-            let t = row as f64 / RATE_HZ;
+        let rows = (0..rows).map(|row| {
+            let t = row as f64 / rate_hz;
             let base = base_motion(t);
             let joints: Vec<[f64; 3]> = (1..self.links).map(|k| swing(t, 3 + k, 0.8)).collect();
             let part = |n: usize| joints.iter().map(|q| q[n]).collect::<Vec<f64>>();
@@ -363,6 +367,79 @@ fn symmetry(subject: Subject) {
     refused("y±0.0001");
 }
 
+/// A file with a rate and a clock of its own: late by so much, with the columns that begin with one of these.
+type FileOfClock = (&'static str, f64, f64, &'static [&'static str]);
+
+/// Wrench; IMU of the base; IMU and attitude of the arm; encoder of the hand.
+const CLOCKS: [FileOfClock; 4] = [
+    ("wrench", 200.0, 0.0, &["fx", "fy", "fz", "mx", "my", "mz"]),
+    ("imu", 211.0, 0.0065, &["imu_"]),
+    ("arm", 230.0, -0.0031, &["imu1_", "q1_"]),
+    ("hand", 173.0, 0.0042, &["hand_"]),
+];
+
+/// The angle of the last joint in place of its attitude, and its rate.
+fn with_encoder(table: &Table) -> Table {
+    let mut table = table.clone();
+    table.names.extend(["hand_rad", "hand_radps"].map(str::to_owned));
+    for cells in &mut table.rows {
+        let [angle, rate, _] = swing(cells[0], 5, 0.8);
+        cells.extend([angle, rate]);
+    }
+    table
+}
+
+/// Skews and parameters are within 4.5 sd of the truth; the parameters' is what the recording of one clock says without noise.
+fn several_clocks(subject: Subject) {
+    let (place, table, rig) = plain(subject);
+    let quiet = table.changed(|row, cells| {
+        cells[1..7].iter_mut().enumerate().for_each(|(c, w)| *w -= sigma(c) * noise(6 * row + c));
+    });
+    quiet.write(place.path(), "truth", &rig);
+    let truth = identify(subject, place.path(), "truth", &[]);
+    let mut listed = String::new();
+    for (name, rate_hz, late_s, begins) in &CLOCKS[..=subject.links] {
+        let sampled = with_encoder(&subject.sampled(place.path(), *rate_hz, (rate_hz * 20.0) as usize));
+        let kept: Vec<usize> = (0..sampled.names.len())
+            .filter(|c| *c == 0 || begins.iter().any(|begin| sampled.names[*c].starts_with(begin)))
+            .collect();
+        let row = |cells: &Vec<f64>| {
+            let mut cells: Vec<f64> = kept.iter().map(|c| cells[*c]).collect();
+            cells[0] += 100.0 + late_s;
+            cells
+        };
+        let file = Table {
+            names: kept.iter().map(|c| sampled.names[*c].clone()).collect(),
+            rows: sampled.rows.iter().map(row).collect(),
+        };
+        file.write(place.path(), name, "");
+        fs::remove_file(place.path().join(format!("{name}.rig.toml"))).unwrap();
+        let _ = write!(listed, "[[stream]]\nfile = \"{name}.csv\"\n");
+    }
+    let rig = subject.rig("", "", false).replace(&format!("rate_hz = {RATE_HZ}\n"), "");
+    fs::write(place.path().join("run.rig.toml"), rig + &listed).unwrap();
+    let found = Found(json(place.path(), &["identify", "run.rig.toml", "--json", "--out", "run"]));
+    let streams = found.0["time_base"]["streams"].as_array().unwrap();
+    for (stream, (name, _, late_s, _)) in streams.iter().zip(&CLOCKS).skip(1) {
+        let [skew, u95] = ["value", "u95"].map(|key| stream["skew_s"][key].as_f64().unwrap());
+        assert!((skew - late_s).abs() < 4.5 / 1.96 * u95 && u95 < 0.001, "{name}: {skew} {u95}");
+    }
+    for name in truth.names() {
+        let ((v, _), (w, u95)) = (truth.of(&name), found.of(&name));
+        assert!((v - w).abs() < 4.5 / 1.96 * u95, "{name}: {v} {w} {u95}");
+    }
+    let (_, u95) = found.of(subject.mass_name()[0]);
+    assert!(u95 < 0.01 * subject.mass(), "{u95}");
+    // The factor of the same files, and its solution.
+    let made = rigident(place.path(), &["factor", "run.rig.toml", "-o", "run.factor"]);
+    assert_eq!(status(&made), 0, "{}", said(&made));
+    let solved = Found(json(place.path(), &["solve", "run.factor", "--json", "--out", "solved"]));
+    for name in found.names() {
+        let ((v, u95), (w, _)) = (found.of(&name), solved.of(&name));
+        assert!((v - w).abs() < subject.rounding(u95), "{name}: {v} {w}");
+    }
+}
+
 fn halves(place: &Path, table: &Table, rig: &str) {
     for (name, rows) in [("early", 0..ROWS / 2), ("late", ROWS / 2..ROWS)] {
         table.part(rows).write(place, name, rig);
@@ -455,6 +532,12 @@ macro_rules! cells {
 }
 
 cells!(one_body: 1, two_links: 2, tree: 3 by "identify");
+
+mod clocks {
+    cells!(@ one_body, 1, "identify", several_clocks);
+    cells!(@ two_links, 2, "identify", several_clocks);
+    cells!(@ tree, 3, "identify", several_clocks);
+}
 
 /// What a device makes of several links, recorded in `live`.
 struct Live {

@@ -11,6 +11,8 @@ use crate::recording::time::Time;
 use crate::recording::{FROZEN_AFTER, Recording, measured_rate};
 use crate::rig::{LoadCellTable, RecordingTable, RigFile, RotationMatrixTable, StreamTable};
 
+/// Units that columns of joints end with.
+const JOINT_UNITS: [&str; 6] = ["rad", "radps", "nm", "m", "mps", "n"];
 /// A matrix is a rotation if its columns' products are those of the unit matrix within this.
 const ORTHONORMAL: f64 = 1e-3;
 
@@ -25,6 +27,8 @@ pub struct Stream {
     pub groups: Vec<(Group, Vec<Vec<f64>>)>,
     /// Attitude of S in A, `R_AS`.
     pub attitude: Option<Vec<UnitQuaternion<f64>>>,
+    /// Columns of joints, by name: positions, rates and efforts in the file's units.
+    pub joints: Vec<(String, Vec<f64>)>,
     /// Its rate, 1/s.
     pub rate_hz: f64,
     /// Rows that are not used.
@@ -39,10 +43,12 @@ impl Stream {
             Group::Gauges => "gauges".to_owned(),
             Group::Accel(j) => numbered("accelerometer", *j),
             Group::Gyro(j) => numbered("gyro", *j),
+            Group::Attitude(j) => numbered("attitude", *j),
             other => other.names().join(", "),
         };
         let attitude = self.attitude.iter().map(|_| "attitude".to_owned());
-        self.groups.iter().map(|(group, _)| word(group)).chain(attitude).collect()
+        let joints = self.joints.iter().map(|(name, _)| name.clone());
+        self.groups.iter().map(|(group, _)| word(group)).chain(attitude).chain(joints).collect()
     }
 
     fn has(&self, wanted: Group) -> bool {
@@ -175,6 +181,10 @@ impl StreamSet {
             if old.attitude.is_some() && new.attitude.is_some() {
                 return Err(twice("the attitude".to_owned(), old));
             }
+            let of_joint = |name: &String| old.joints.iter().any(|(other, _)| other == name);
+            if let Some((name, _)) = new.joints.iter().find(|(name, _)| of_joint(name)) {
+                return Err(twice(name.clone(), old));
+            }
         }
         Ok(())
     }
@@ -207,14 +217,18 @@ impl Raw {
         let groups: Vec<(Group, Vec<Vec<f64>>)> = recording
             .groups()
             .into_iter()
-            // Attitudes are no vectors; that of the plate is used above.
-            .filter(|(group, _)| !matches!(group, Group::Platform | Group::Commanded | Group::Attitude(_)))
+            // The attitude of the plate is used above.
+            .filter(|(group, _)| !matches!(group, Group::Platform | Group::Commanded))
             .map(|(group, rows)| {
                 let column = |k: usize| {
                     let value = |row: usize| recording.number(Known::Member(group, k), row).unwrap_or(0.0);
                     (0..rows).map(value).collect()
                 };
-                (group, (0..group.names().len()).map(column).collect())
+                let mut columns: Vec<Vec<f64>> = (0..group.names().len()).map(column).collect();
+                if matches!(group, Group::Attitude(_)) {
+                    keep_signs(&mut columns);
+                }
+                (group, columns)
             })
             .collect();
         let time_ns = match &recording.exact_time_s {
@@ -230,6 +244,7 @@ impl Raw {
                 time_ns: Vec::new(),
                 groups,
                 attitude,
+                joints: joints(&recording, rig),
                 rate_hz: measured_rate(&recording.time_ns).unwrap_or(0.0),
                 discarded: 0,
             },
@@ -246,6 +261,35 @@ impl Raw {
             _ => None,
         });
         delays.fold(0.0, f64::max)
+    }
+}
+
+/// Returns the columns that are of joints, by the rig file's `[[joint]]` tables or by their units, as far as they are numbers.
+fn joints(recording: &Recording, rig: &RigFile) -> Vec<(String, Vec<f64>)> {
+    let named = |name: &str| {
+        let sources = rig.joint.iter().flat_map(|table| [&table.position, &table.rate, &table.effort]);
+        sources.flatten().any(|source| source.parts().0 == name)
+    };
+    let by_unit = |name: &str| {
+        name.rsplit_once('_').is_some_and(|(joint, unit)| !joint.is_empty() && JOINT_UNITS.contains(&unit))
+    };
+    let number = |cell: &String| cell.trim().parse::<f64>().ok().filter(|value| value.is_finite());
+    recording
+        .extra
+        .iter()
+        .filter(|(name, _)| named(name) || by_unit(name))
+        .filter_map(|(name, cells)| Some((name.clone(), cells.iter().map(number).collect::<Option<_>>()?)))
+        .collect()
+}
+
+/// Turns the signs of quaternions, given by column, so that none jumps: q and −q are the same attitude.
+fn keep_signs(columns: &mut [Vec<f64>]) {
+    let rows = columns.iter().map(Vec::len).min().unwrap_or(0);
+    for row in 1..rows {
+        let along: f64 = columns.iter().map(|c| c[row - 1] * c[row]).sum();
+        if along < 0.0 {
+            columns.iter_mut().for_each(|c| c[row] = -c[row]);
+        }
     }
 }
 
@@ -331,6 +375,10 @@ fn platform_attitude(
 fn screen(stream: &mut Stream, rig: &RigFile, warnings: &mut Vec<String>) {
     let mut bad = vec![false; stream.time_ns.len()];
     for (group, columns) in &stream.groups {
+        // A joint may stand still.
+        if matches!(group, Group::Attitude(_)) {
+            continue;
+        }
         for (k, column) in columns.iter().enumerate() {
             let range = match group {
                 Group::Wrench => rig.load_cell.range_n_nm.and_then(|r| r.get(k).copied()),
@@ -361,7 +409,8 @@ fn screen(stream: &mut Stream, rig: &RigFile, warnings: &mut Vec<String>) {
     ));
     let mut keep = bad.iter().map(|b| !b);
     stream.time_ns.retain(|_| keep.next().unwrap_or(true));
-    for column in stream.groups.iter_mut().flat_map(|(_, columns)| columns) {
+    let groups = stream.groups.iter_mut().flat_map(|(_, columns)| columns);
+    for column in groups.chain(stream.joints.iter_mut().map(|(_, column)| column)) {
         let mut keep = bad.iter().map(|b| !b);
         column.retain(|_| keep.next().unwrap_or(true));
     }

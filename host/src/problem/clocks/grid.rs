@@ -13,6 +13,10 @@ const HALF_PERIODS: f64 = 3.5;
 /// Rates between which the grid's is chosen, 1/s: the estimator's filter needs the one, nothing more than the other.
 const RATES_HZ: (f64, f64) = (200.0, 1000.0);
 
+/// A mean of quaternions that is shorter than one by more than this is of no attitude: of two that are 50 degrees apart it is
+/// shorter by a tenth.
+const SHORTENED: f64 = 0.1;
+
 /// The time base.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grid {
@@ -28,6 +32,7 @@ pub struct Grid {
 #[derive(Clone, Debug)]
 pub struct Resampled {
     groups: Vec<(Group, Vec<Vec<f64>>)>,
+    joints: Vec<(String, Vec<f64>)>,
     turns: Option<Vec<Turn>>,
 }
 
@@ -115,9 +120,10 @@ impl Grid {
         let weights = self.weights(&stream.time_ns, instants, late_ns);
         let on_grid = |column: &Vec<f64>| weights.iter().map(|w| w.apply(column)).collect();
         let up = Vector3::new(0.0, 0.0, set.rig.recording.gravity_mps2);
-        let groups = stream.groups.iter();
+        let (groups, joints) = (stream.groups.iter(), stream.joints.iter());
         Resampled {
             groups: groups.map(|(group, columns)| (*group, columns.iter().map(on_grid).collect())).collect(),
+            joints: joints.map(|(name, column)| (name.clone(), on_grid(column))).collect(),
             turns: stream.attitude.as_ref().map(|attitudes| {
                 let pairs = weights.iter().zip(instants);
                 pairs.map(|(w, at)| turn(attitudes, &stream.time_ns, w, at + late_ns, &up)).collect()
@@ -150,7 +156,13 @@ impl Grid {
         let mut turns = None;
         for stream in streams {
             for (group, columns) in &stream.groups {
-                recording.set_group(*group, columns);
+                match group {
+                    Group::Attitude(_) => recording.set_group(*group, &unit_quaternions(columns)),
+                    _ => recording.set_group(*group, columns),
+                }
+            }
+            for (name, column) in &stream.joints {
+                recording.extra.push((name.clone(), column.iter().map(|v| format!("{v:e}")).collect()));
             }
             turns = turns.or(stream.turns.as_ref());
         }
@@ -194,7 +206,25 @@ impl Grid {
                 (_, None) => imu.gyro_noise_radps = self.rate_noise,
                 (None, Some(_)) => {}
             }
-            // Ranges were looked at before the kernel.
+        }
+        for imu in recording.rig.imu.iter_mut().filter(|imu| imu.link > 0) {
+            if let (Some(sigma), Some(scale)) = (&mut imu.gyro_noise_radps, of(Group::Gyro(imu.link))) {
+                *sigma *= scale;
+            }
+        }
+        for table in &mut recording.rig.joint {
+            let named = table.effort.as_ref().map(|source| source.parts().0.to_owned());
+            let is_effort = |column: &String| match &named {
+                Some(name) => column == name,
+                None => ["nm", "n"].iter().any(|unit| *column == format!("{}_{unit}", table.name)),
+            };
+            let stream = set.streams.iter().find(|s| s.joints.iter().any(|(name, _)| is_effort(name)));
+            if let (Some(sigma), Some(stream)) = (&mut table.effort_noise, stream) {
+                *sigma *= density(stream.rate_hz);
+            }
+        }
+        // Ranges were looked at before the kernel.
+        for imu in &mut recording.rig.imu {
             (imu.range_mps2, imu.range_radps) = (None, None);
         }
         recording.rig.load_cell.range_n_nm = None;
@@ -248,6 +278,17 @@ impl Resampled {
     pub fn up(&self) -> Option<impl Iterator<Item = [f64; 3]>> {
         self.turns.as_ref().map(|turns| turns.iter().map(|turn| turn.up.into()))
     }
+}
+
+/// Returns quaternions, by column, of length one; what is far from it stays as it is, for its reader to complain of.
+fn unit_quaternions(columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let rows = columns.iter().map(Vec::len).min().unwrap_or(0);
+    let norm = |row: usize| columns.iter().map(|c| c[row] * c[row]).sum::<f64>().sqrt();
+    let scale = |row: usize| {
+        let norm = norm(row);
+        if (norm - 1.0).abs() < SHORTENED { 1.0 / norm } else { 1.0 }
+    };
+    columns.iter().map(|c| (0..rows).map(|row| c[row] * scale(row)).collect()).collect()
 }
 
 /// From the cubic through `θ_i = log(R_mᵀ R_i)` of the attitudes under the window: `R = R_m exp θ`, and

@@ -14,12 +14,16 @@ pub mod files;
 mod gravity;
 pub mod grid;
 pub mod kernel;
+mod least_squares;
 pub mod shifts;
 pub mod skew;
+mod source_skew;
 
 use crate::answer::result::{ParameterState, StreamResult, TimeBase};
+use crate::fit::RowSource;
 use crate::present::text::{counted, significant};
-use crate::problem::body::prepare::{PrepareError, Prepared, prepare};
+use crate::problem::body::prepare::PrepareError;
+use crate::problem::tree::TreePrepareError;
 use crate::recording::{Recording, RecordingError};
 use crate::rig::RigFileError;
 
@@ -142,13 +146,20 @@ pub enum StreamError {
     /// What is on the common time base cannot be identified.
     #[error(transparent)]
     Prepare(#[from] PrepareError),
+    /// What is on the common time base does not fit the tree.
+    #[error(transparent)]
+    Tree(#[from] TreePrepareError),
+    /// There are no rows, for the reason given.
+    #[error("{0}")]
+    Rows(String),
 }
+
+/// Makes the source of rows of a recording.
+pub type Pose<'a> = dyn Fn(&Recording) -> Result<Box<dyn RowSource>, StreamError> + 'a;
 
 /// Streams on one time base.
 #[derive(Clone, Debug)]
 pub struct Aligned {
-    /// What an identification needs.
-    pub prepared: Prepared,
     /// The recording on the grid.
     pub recording: Recording,
     /// How it was made.
@@ -159,16 +170,26 @@ pub struct Aligned {
     pub warnings: Vec<String>,
 }
 
-/// Brings the streams onto one time base, the skews estimated and taken off.
+/// Returns the streams on one time base as their clocks have it, no skew taken off.
+///
+/// # Errors
+/// [`StreamError`] if they have nothing in common.
+pub fn as_stamped(set: &StreamSet) -> Result<Recording, StreamError> {
+    let (grid, late_ns) = (Grid::of(set)?, vec![0; set.streams.len()]);
+    let instants = grid.instants(set, &late_ns, 0)?;
+    Ok(grid.recording(set, &instants, &grid.all(set, &instants, &late_ns)))
+}
+
+/// Brings the streams onto one time base, the skews estimated and taken off: by the rows that `pose` makes, or those of
+/// one body.
 ///
 /// # Errors
 /// [`StreamError`] if they have nothing in common, or cannot be identified.
-pub fn align(set: &StreamSet) -> Result<Aligned, StreamError> {
+pub fn align(set: &StreamSet, pose: Option<&Pose<'_>>) -> Result<Aligned, StreamError> {
     let grid = Grid::of(set)?;
-    let skews = skew::estimate(set, &grid)?;
+    let skews = skew::estimate(set, &grid, pose)?;
     let instants = grid.instants(set, &skews.late_ns, 0)?;
     let recording = grid.recording(set, &instants, &grid.all(set, &instants, &skews.late_ns));
-    let prepared = prepare(&recording)?;
     let mut warnings = set.warnings.clone();
     let states = skews.states(set.reference);
     for (stream, (state, u95)) in set.streams.iter().zip(states.iter().zip(&skews.u95_s)) {
@@ -185,7 +206,8 @@ pub fn align(set: &StreamSet) -> Result<Aligned, StreamError> {
             ));
         }
     }
-    if let Some(attitude) = set.streams.iter().find(|s| s.attitude.is_some()) {
+    let attitude = set.streams.iter().find(|s| s.attitude.is_some());
+    if let Some(attitude) = attitude.filter(|_| pose.is_none()) {
         let found = gravity::Disagreement::of(&skew::rows(set, &grid, &skews.late_ns)?);
         warnings.extend(found.and_then(|found| found.warning(&attitude.file)));
     }
@@ -203,5 +225,5 @@ pub fn align(set: &StreamSet) -> Result<Aligned, StreamError> {
         })
         .collect();
     let time_base = TimeBase { rate_hz: grid.rate_hz, kernel_width_s: 2e-9 * grid.half_ns as f64, streams };
-    Ok(Aligned { prepared, recording, time_base, skews, warnings })
+    Ok(Aligned { recording, time_base, skews, warnings })
 }

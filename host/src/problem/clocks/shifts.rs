@@ -1,9 +1,7 @@
 //! What the uncertainty of the clocks of several files does to an estimate.
 
-use super::{Aligned, Grid, StreamError, StreamSet};
+use super::{Aligned, Grid, Pose, StreamError, StreamSet};
 use crate::fit::{COVERAGE_95, FitOptions, Silent, fit};
-use crate::problem::body::BodySource;
-use crate::problem::body::prepare::prepare;
 
 /// Returns the columns by which errors of the clocks, independent and of unit variance, move the estimate.
 ///
@@ -12,7 +10,7 @@ use crate::problem::body::prepare::prepare;
 ///
 /// # Errors
 /// [`StreamError`] if shifted streams have nothing in common.
-pub fn moves(set: &StreamSet, aligned: &Aligned) -> Result<Vec<Vec<f64>>, StreamError> {
+pub fn moves(set: &StreamSet, aligned: &Aligned, pose: &Pose<'_>) -> Result<Vec<Vec<f64>>, StreamError> {
     let skews = &aligned.skews;
     let Some(factor) = skews.covariance.clone().cholesky() else { return Ok(Vec::new()) };
     let grid = Grid::of(set)?;
@@ -27,10 +25,9 @@ pub fn moves(set: &StreamSet, aligned: &Aligned) -> Result<Vec<Vec<f64>>, Stream
                 *late += step;
             }
             let streams = grid.all(set, &instants, &late_ns);
-            let prepared = prepare(&grid.recording(set, &instants, &streams))?;
-            let source = BodySource::new(prepared.input, prepared.rig.imu.first());
+            let source = pose(&grid.recording(set, &instants, &streams))?;
             // Nothing to compare where nothing could be identified.
-            Ok(fit(&source, &FitOptions::default(), &Silent)
+            Ok(fit(&*source, &FitOptions::default(), &Silent)
                 .map_or_else(|_| Vec::new(), |f| f.estimate.values))
         };
         let (before, after) = (values(-step_ns)?, values(step_ns)?);

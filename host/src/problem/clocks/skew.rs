@@ -14,6 +14,8 @@
 //! to show in the wrench. Small errors of mounting δ, δ' and biases b, b' are estimated along: during a steady turn a lag
 //! and a tilt are the same thing, and only its beginning and end tell them apart.
 //!
+//! These are one body's; a tree of links is asked by its own rows (`source_skew`).
+//!
 //! Residuals are coloured (vibration, the kernel), so that the covariance is the sandwich with Bartlett's weights over a fixed
 //! fraction of the recording, and the interval's factor the one that belongs to that fraction: Kiefer and
 //! Vogelsang, Econometric Theory 21 (2005), Table 1. It is never less than what noise gives that was white before the
@@ -27,7 +29,8 @@ use rigident_shared::screening::Limits;
 use rigident_shared::spatial::Wrench;
 
 use super::grid::Resampled;
-use super::{Grid, StreamError, StreamSet};
+use super::least_squares::Fit;
+use super::{Grid, Pose, StreamError, StreamSet, source_skew};
 use crate::answer::result::{Measured, ParameterState};
 use crate::fit::{ESTIMATOR_TAPS, filter_width_s, row_every};
 use crate::problem::body::Input;
@@ -35,7 +38,7 @@ use crate::problem::body::prepare::prepare;
 use crate::recording::columns::Group;
 
 /// Half the step of the numerical derivatives, ns.
-const STEP_NS: i64 = 500_000;
+pub(super) const STEP_NS: i64 = 500_000;
 /// Longest step of an iteration and greatest skew, s.
 const LONGEST_STEP_S: f64 = 0.03;
 const GREATEST_S: f64 = 0.5;
@@ -43,10 +46,6 @@ const GREATEST_S: f64 = 0.5;
 const CONVERGED_S: f64 = 1e-6;
 const CONVERGED_SD: f64 = 0.02;
 const MOST_ITERATIONS: usize = 20;
-/// Lags of the covariance, as a fraction of the rows, and the two-sided 95 % factor that belongs to it:
-/// `1.96 + 2.9694 b + 0.4160 b² − 0.5324 b³`.
-const FRACTION: f64 = 0.1;
-const FACTOR: f64 = 1.96 + FRACTION * (2.9694 + FRACTION * (0.4160 - FRACTION * 0.5324));
 /// The attitude's equation is asked where the wrench alone leaves more than this of half the kernel's width.
 /// More would do harm: rates that are mostly noise pull a skew towards zero.
 const LOOSE: f64 = 0.03;
@@ -55,8 +54,6 @@ const ROWS: usize = 9;
 /// Parameters beside the skews: φ, b, δ; d, b', δ'.
 const BODY: usize = 19;
 const TIE: usize = 9;
-/// Directions whose scaled eigenvalue is below this are not determined.
-const SINGULAR: f64 = 1e-10;
 
 /// What was found.
 #[derive(Clone, Debug)]
@@ -90,11 +87,11 @@ impl Skews {
 }
 
 /// Estimates the skew of every stream against that of the wrench. One that is uncertain by more than half the kernel's
-/// width is not identified.
+/// width is not identified. `pose` makes the rows of a tree; without it they are those of one body.
 ///
 /// # Errors
-/// The streams have too little in common, or are no recording of a body.
-pub fn estimate(set: &StreamSet, grid: &Grid) -> Result<Skews, StreamError> {
+/// [`StreamError`] if the streams have too little in common, or are no recording of what is identified.
+pub fn estimate(set: &StreamSet, grid: &Grid, pose: Option<&Pose<'_>>) -> Result<Skews, StreamError> {
     let count = set.streams.len();
     let mut skews = Skews {
         late_ns: vec![0; count],
@@ -106,7 +103,7 @@ pub fn estimate(set: &StreamSet, grid: &Grid) -> Result<Skews, StreamError> {
     let mut tied = false;
     while !skews.identified.is_empty() {
         let start = skews.late_ns.clone();
-        let found = iterate(set, grid, &mut skews, tied)?;
+        let found = iterate(set, grid, &mut skews, tied, pose)?;
         let u95 = |i: usize| 1.96 * found.covariance[(i, i)].max(0.0).sqrt();
         let judged: Vec<f64> =
             (0..skews.identified.len()).map(|i| if found.lost[i] { f64::INFINITY } else { u95(i) }).collect();
@@ -115,7 +112,7 @@ pub fn estimate(set: &StreamSet, grid: &Grid) -> Result<Skews, StreamError> {
             skews.u95_s[*k] = *u95;
         }
         let loose = |k: &usize| !found.converged || skews.u95_s[*k] > LOOSE * limit_s;
-        if !tied && skews.identified.iter().any(|k| attitude_of(set)(k) && loose(k)) {
+        if pose.is_none() && !tied && skews.identified.iter().any(|k| attitude_of(set)(k) && loose(k)) {
             tied = true;
             // The wrench has set the others' clocks.
             let untold = |k: usize| !found.converged || set.streams[k].attitude.is_some();
@@ -264,36 +261,20 @@ pub(super) fn rows(set: &StreamSet, grid: &Grid, late_ns: &[i64]) -> Result<Vec<
     pipeline.rows(&streams.iter().collect::<Vec<_>>())
 }
 
-fn iterate(set: &StreamSet, grid: &Grid, skews: &mut Skews, tied: bool) -> Result<Found, StreamError> {
+fn iterate(
+    set: &StreamSet,
+    grid: &Grid,
+    skews: &mut Skews,
+    tied: bool,
+    pose: Option<&Pose<'_>>,
+) -> Result<Found, StreamError> {
     let free = skews.identified.clone();
-    let mut state = State::default();
+    let (mut state, mut phi) = (State::default(), None);
     for iteration in 0..MOST_ITERATIONS {
-        let instants = grid.instants(set, &skews.late_ns, STEP_NS)?;
-        let streams = grid.all(set, &instants, &skews.late_ns);
-        let input = prepare(&grid.recording(set, &instants, &streams))?.input;
-        let pipeline = Pipeline { set, grid, config: configuration(&input), instants, tied };
-        let rows = pipeline.rows(&streams.iter().collect::<Vec<_>>())?;
-        let moved = free
-            .iter()
-            .map(|k| {
-                let at = |step: i64| {
-                    let (Some(stream), Some(late)) = (set.streams.get(*k), skews.late_ns.get(*k)) else {
-                        return Ok(Vec::new());
-                    };
-                    let moved = grid.resample(set, stream, &pipeline.instants, late + step);
-                    let all = streams.iter().enumerate().map(|(i, s)| if i == *k { &moved } else { s });
-                    pipeline.rows(&all.collect::<Vec<_>>())
-                };
-                Ok((at(-STEP_NS)?, at(STEP_NS)?))
-            })
-            .collect::<Result<Vec<_>, StreamError>>()?;
-        if iteration == 0 {
-            state = Fit::new(&rows, &[], &[], &state).state(0);
-        }
-        // A turn too slow to show in the wrench leaves there a slope of noise, which would pass for information.
-        let mute: Vec<bool> = free.iter().map(|k| tied && attitude_of(set)(k)).collect();
-        let fit = Fit::new(&rows, &moved, &mute, &state);
-        state = fit.state(free.len());
+        let (fit, noise_gain) = match pose {
+            Some(pose) => source_skew::step(set, grid, &free, &skews.late_ns, pose, &mut phi)?,
+            None => step(set, grid, skews, tied, (iteration == 0, &mut state))?,
+        };
         let steps: Vec<f64> = (0..free.len())
             .map(|i| if fit.lost[i] { 0.0 } else { fit.solution[i].clamp(-LONGEST_STEP_S, LONGEST_STEP_S) })
             .collect();
@@ -307,7 +288,7 @@ fn iterate(set: &StreamSet, grid: &Grid, skews: &mut Skews, tied: bool) -> Resul
         if converged || escaped || iteration + 1 == MOST_ITERATIONS {
             return Ok(Found {
                 converged,
-                covariance: fit.covariance(free.len(), pipeline.noise_gain()),
+                covariance: fit.covariance(free.len(), noise_gain),
                 lost: fit.lost,
             });
         }
@@ -317,6 +298,44 @@ fn iterate(set: &StreamSet, grid: &Grid, skews: &mut Skews, tied: bool) -> Resul
         covariance: DMatrix::zeros(free.len(), free.len()),
         lost: vec![true; free.len()],
     })
+}
+
+/// Returns one step of a body's skews, and the noise gain of the filter; the state is what its rows are linearised about.
+fn step(
+    set: &StreamSet,
+    grid: &Grid,
+    skews: &Skews,
+    tied: bool,
+    (is_first, about): (bool, &mut State),
+) -> Result<(Fit, f64), StreamError> {
+    let free = &skews.identified;
+    let instants = grid.instants(set, &skews.late_ns, STEP_NS)?;
+    let streams = grid.all(set, &instants, &skews.late_ns);
+    let input = prepare(&grid.recording(set, &instants, &streams))?.input;
+    let pipeline = Pipeline { set, grid, config: configuration(&input), instants, tied };
+    let rows = pipeline.rows(&streams.iter().collect::<Vec<_>>())?;
+    let moved = free
+        .iter()
+        .map(|k| {
+            let at = |step: i64| {
+                let (Some(stream), Some(late)) = (set.streams.get(*k), skews.late_ns.get(*k)) else {
+                    return Ok(Vec::new());
+                };
+                let moved = grid.resample(set, stream, &pipeline.instants, late + step);
+                let all = streams.iter().enumerate().map(|(i, s)| if i == *k { &moved } else { s });
+                pipeline.rows(&all.collect::<Vec<_>>())
+            };
+            Ok((at(-STEP_NS)?, at(STEP_NS)?))
+        })
+        .collect::<Result<Vec<_>, StreamError>>()?;
+    if is_first {
+        *about = state(&Fit::new(&design(&rows, &[], &[], about), 0).solution, 0);
+    }
+    // A turn too slow to show in the wrench leaves there a slope of noise, which would pass for information.
+    let mute: Vec<bool> = free.iter().map(|k| tied && attitude_of(set)(k)).collect();
+    let fit = Fit::new(&design(&rows, &moved, &mute, about), free.len());
+    *about = state(&fit.solution, free.len());
+    Ok((fit, pipeline.noise_gain()))
 }
 
 /// The identification's filter, the rows not yet weighted.
@@ -332,123 +351,47 @@ fn configuration(input: &Input) -> EstimatorConfig<f64> {
     }
 }
 
-/// A linearised fit, each channel weighted by what it leaves.
-struct Fit {
-    solution: DVector<f64>,
-    /// Influence of each instant on the skews.
-    influence: Vec<DVector<f64>>,
-    /// Variances of the skews for rows that are independent.
-    independent: Vec<f64>,
-    lost: Vec<bool>,
+/// Returns the rows of a body, linearised; a `mute` stream's skew is asked of the attitude's equation alone.
+fn design(
+    rows: &[Instant],
+    moved: &[(Vec<Instant>, Vec<Instant>)],
+    mute: &[bool],
+    state: &State,
+) -> Vec<(DMatrix<f64>, DVector<f64>)> {
+    let skews = moved.len();
+    let tied = rows.first().is_some_and(|r| r.up.is_some());
+    let (parameters, channels) = if tied { (skews + BODY + TIE, ROWS) } else { (skews + BODY, 6) };
+    rows.iter()
+        .enumerate()
+        .map(|(t, row)| {
+            let mut a = DMatrix::zeros(channels, parameters);
+            for (i, (before, after)) in moved.iter().enumerate() {
+                let (Some(before), Some(after)) = (before.get(t), after.get(t)) else { continue };
+                let (before, after) = (before.residual(state), after.residual(state));
+                let first = if mute.get(i) == Some(&true) { 6 } else { 0 };
+                for c in first..channels {
+                    a[(c, i)] = (before[c] - after[c]) / (2e-9 * STEP_NS as f64);
+                }
+            }
+            // The attitude's equation knows the difference of two clocks, and of each derivative only the quiet one.
+            if let Some(attitude) = mute.iter().position(|m| *m) {
+                for (i, c) in
+                    (0..skews).filter(|i| *i != attitude).flat_map(|i| (6..channels).map(move |c| (i, c)))
+                {
+                    if a[(c, i)] != 0.0 {
+                        a[(c, i)] = -a[(c, attitude)];
+                    }
+                }
+            }
+            (fill(a, row, state, skews, tied), target(row, channels))
+        })
+        .collect()
 }
 
-impl Fit {
-    fn new(rows: &[Instant], moved: &[(Vec<Instant>, Vec<Instant>)], mute: &[bool], state: &State) -> Self {
-        let skews = moved.len();
-        let tied = rows.first().is_some_and(|r| r.up.is_some());
-        let (parameters, channels) = if tied { (skews + BODY + TIE, ROWS) } else { (skews + BODY, 6) };
-        let design: Vec<(DMatrix<f64>, DVector<f64>)> = rows
-            .iter()
-            .enumerate()
-            .map(|(t, row)| {
-                let mut a = DMatrix::zeros(channels, parameters);
-                for (i, (before, after)) in moved.iter().enumerate() {
-                    let (Some(before), Some(after)) = (before.get(t), after.get(t)) else { continue };
-                    let (before, after) = (before.residual(state), after.residual(state));
-                    let first = if mute.get(i) == Some(&true) { 6 } else { 0 };
-                    for c in first..channels {
-                        a[(c, i)] = (before[c] - after[c]) / (2e-9 * STEP_NS as f64);
-                    }
-                }
-                // The attitude's equation knows the difference of two clocks, and of each derivative only the quiet one.
-                if let Some(attitude) = mute.iter().position(|m| *m) {
-                    for (i, c) in
-                        (0..skews).filter(|i| *i != attitude).flat_map(|i| (6..channels).map(move |c| (i, c)))
-                    {
-                        if a[(c, i)] != 0.0 {
-                            a[(c, i)] = -a[(c, attitude)];
-                        }
-                    }
-                }
-                (fill(a, row, state, skews, tied), target(row, channels))
-            })
-            .collect();
-        let mut sigma = vec![1.0; channels];
-        let mut solution = DVector::zeros(parameters);
-        let mut inverse = DMatrix::zeros(parameters, parameters);
-        let mut lost = vec![false; skews];
-        for _ in 0..3 {
-            let mut gram = DMatrix::<f64>::zeros(parameters, parameters);
-            let mut right = DVector::<f64>::zeros(parameters);
-            for (a, y) in &design {
-                for (c, sigma) in sigma.iter().enumerate() {
-                    let row = a.row(c).transpose() / *sigma;
-                    gram.ger(1.0, &row, &row, 1.0);
-                    right.axpy(y[c] / sigma, &row, 1.0);
-                }
-            }
-            (inverse, lost) = pseudo_inverse(&gram, skews);
-            solution = &inverse * right;
-            let mut squares = vec![0.0; channels];
-            for (a, y) in &design {
-                let e = y - a * &solution;
-                for (square, e) in squares.iter_mut().zip(e.iter()) {
-                    *square += e * e;
-                }
-            }
-            let worst = squares.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
-            sigma =
-                squares.iter().map(|s| (s.max(1e-12 * worst) / rows.len().max(1) as f64).sqrt()).collect();
-        }
-        let influence = design
-            .iter()
-            .map(|(a, y)| {
-                let e = y - a * &solution;
-                let mut score = DVector::zeros(parameters);
-                for (c, sigma) in sigma.iter().enumerate() {
-                    score.axpy(e[c] / (sigma * sigma), &a.row(c).transpose(), 1.0);
-                }
-                (&inverse * score).rows(0, skews).into_owned()
-            })
-            .collect();
-        let spent =
-            design.len() as f64 / (design.len() as f64 - parameters as f64 / channels as f64).max(1.0);
-        let independent = (0..skews).map(|i| inverse[(i, i)] * spent).collect();
-        Self { solution, influence, independent, lost }
-    }
-
-    /// What to linearise about next.
-    fn state(&self, skews: usize) -> State {
-        let at = |k: usize| self.solution.get(skews + k).copied().unwrap_or(0.0);
-        State { phi: std::array::from_fn(at), d: Vector3::new(at(BODY), at(BODY + 1), at(BODY + 2)) }
-    }
-
-    /// Sandwich with Bartlett's weights, scaled so that 1.96 σ are 95 %; its variances at least those of noise that was white
-    /// before a filter of this noise gain.
-    fn covariance(&self, skews: usize, noise_gain: f64) -> DMatrix<f64> {
-        let count = self.influence.len();
-        let lags = ((FRACTION * count as f64).ceil() as usize).max(1);
-        let mut sum = DMatrix::zeros(skews, skews);
-        for lag in 0..lags.min(count) {
-            let weight = 1.0 - lag as f64 / lags as f64;
-            let mut gamma = DMatrix::<f64>::zeros(skews, skews);
-            for (now, before) in self.influence.iter().skip(lag).zip(&self.influence) {
-                gamma.ger(weight, now, before, 1.0);
-            }
-            if lag > 0 {
-                gamma += gamma.transpose();
-            }
-            sum += gamma;
-        }
-        sum *= (FACTOR / 1.96_f64).powi(2);
-        let wider: Vec<f64> = self
-            .independent
-            .iter()
-            .enumerate()
-            .map(|(i, independent)| (independent / noise_gain / sum[(i, i)]).max(1.0).sqrt())
-            .collect();
-        DMatrix::from_fn(skews, skews, |i, j| sum[(i, j)] * wider[i] * wider[j])
-    }
+/// What to linearise about next.
+fn state(solution: &DVector<f64>, skews: usize) -> State {
+    let at = |k: usize| solution.get(skews + k).copied().unwrap_or(0.0);
+    State { phi: std::array::from_fn(at), d: Vector3::new(at(BODY), at(BODY + 1), at(BODY + 2)) }
 }
 
 fn target(row: &Instant, channels: usize) -> DVector<f64> {
@@ -487,23 +430,4 @@ fn fill(mut a: DMatrix<f64>, row: &Instant, state: &State, skews: usize, tied: b
         }
     }
     a
-}
-
-/// Inverse over what the rows determine, columns scaled; and which of the first parameters they do not.
-fn pseudo_inverse(gram: &DMatrix<f64>, first: usize) -> (DMatrix<f64>, Vec<bool>) {
-    let scale = gram.diagonal().map(|d| if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 });
-    let scaled = DMatrix::from_fn(gram.nrows(), gram.ncols(), |i, j| gram[(i, j)] * scale[i] * scale[j]);
-    let eigen = scaled.symmetric_eigen();
-    let mut inverse = DMatrix::zeros(gram.nrows(), gram.ncols());
-    let mut inside = vec![0.0; first];
-    for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
-        if *value > SINGULAR {
-            inverse.ger(1.0 / value, &vector, &vector, 1.0);
-            for (inside, v) in inside.iter_mut().zip(vector.iter()) {
-                *inside += v * v;
-            }
-        }
-    }
-    let inverse = DMatrix::from_fn(gram.nrows(), gram.ncols(), |i, j| inverse[(i, j)] * scale[i] * scale[j]);
-    (inverse, inside.iter().zip(scale.iter()).map(|(inside, s)| *s == 0.0 || *inside < 0.999).collect())
 }

@@ -7,7 +7,7 @@ use super::simulated::{slow_turn, thesis};
 
 fn warned(rig: &str, files: &[Vec<u8>; 3]) -> Option<String> {
     let set = StreamSet::from_bytes("simulated", &RigFile::parse(rig).unwrap(), files).unwrap();
-    align(&set).unwrap().warnings.into_iter().find(|w| w.contains("gravity by the attitudes"))
+    align(&set, None).unwrap().warnings.into_iter().find(|w| w.contains("gravity by the attitudes"))
 }
 
 /// The file's stamps later by this.

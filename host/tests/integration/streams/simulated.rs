@@ -13,8 +13,8 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rigident::answer::result::{Measured, ParameterState};
 use rigident::fit::{FitOptions, Silent};
-use rigident::problem::Problem;
 use rigident::problem::clocks::StreamSet;
+use rigident::problem::{Problem, ProblemOptions};
 use rigident::rig::RigFile;
 use rigident_sim::rig::{Readings, RigConfig};
 use rigident_sim::sensors::SensorModels;
@@ -125,7 +125,7 @@ struct Outcome {
 }
 
 fn outcome(set: &StreamSet) -> Outcome {
-    let problem = Problem::from_streams(set.clone()).unwrap();
+    let problem = Problem::from_streams(set.clone(), None, &ProblemOptions::default()).unwrap();
     let found = problem.fit(&FitOptions::default(), &Silent).unwrap();
     let skews = problem.time_base().unwrap().streams.iter().skip(1);
     Outcome {
