@@ -204,9 +204,9 @@ const MATRIX: [Row; 16] = [
         cells: [
             Yes("montecarlo::white_noise_is_averaged_as_far_as_possible_and_the_intervals_say_how_far"),
             Yes("montecarlo::the_firmware_keeps_the_same_promises_with_another_seed"),
+            Yes("montecarlo::two_links_keep_the_promises_against_a_bound_of_their_own"),
             NotYet,
-            NotYet,
-            NotYet,
+            Yes("montecarlo::a_chain_on_a_moving_base_keeps_the_promises"),
             NotYet,
         ],
     },

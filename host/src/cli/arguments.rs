@@ -349,7 +349,7 @@ pub struct Convert {
     args_conflicts_with_subcommands = true,
     after_help = "Exit status 1 if a parameter's efficiency is below 0.9 or its coverage outside 93-97 % (with fewer than 2000 runs the \
                         limits allow for chance).\n\nExamples:\n  rigident montecarlo\n  rigident montecarlo --noise gain --runs 500 \
-                        --json\n  rigident montecarlo --rate-hz 1000 --mcu inproc --body vertical"
+                        --json\n  rigident montecarlo --rate-hz 1000 --mcu inproc --body vertical\n  rigident montecarlo --model two-links --runs 200"
 )]
 pub struct Montecarlo {
     /// Another experiment than the default one
@@ -367,6 +367,10 @@ pub struct Montecarlo {
     /// Rate of the readings, 1/s
     #[arg(long, default_value_t = 200.0, value_name = "HZ")]
     pub rate_hz: f64,
+    /// A tree of links in place of the thesis' body: two-links, human34, human58, a URDF, MJCF or SDF, or a rig file with
+    /// [[link]] tables. Every joint and the base swing; white noise, by the batch pipeline
+    #[arg(long, value_name = "MODEL", conflicts_with_all = ["body", "noise", "mcu"])]
+    pub model: Option<String>,
     /// The thesis' test body with plates, in either of its mountings
     #[arg(long, value_enum, default_value_t)]
     pub body: DemoBody,

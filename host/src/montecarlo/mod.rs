@@ -5,10 +5,10 @@
 //! it: [`crate::cli`].
 
 mod bound;
+mod repeat;
+mod tree;
 
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc;
-use std::time::Duration;
+use std::sync::atomic::AtomicBool;
 
 use hexapod::MotionProgram;
 use hexapod::experiment::thesis_program;
@@ -17,15 +17,18 @@ use rigident_shared::estimator::{Estimator, EstimatorConfig};
 use rigident_sim::rig::{ReadingRow, Readings, RigConfig, RigError, Truth};
 use rigident_sim::sensors::{LoadCellModel, PerExperiment, SensorModels};
 
+use self::repeat::repeat;
 use crate::answer::derived::{centre_of_mass, inertia_com};
 use crate::fit::{
     DeviceFactor, Estimate, Factor, Fit, FitError, FitOptions, Silent, filter_width_s, fit, fit_device,
     row_every,
 };
+use crate::problem::ProblemError;
 use crate::problem::body::{BodySource, Input};
 use crate::rig::ImuTable;
 use crate::simulated::{limits, mounting, reading};
 pub use bound::{PARAMETERS, bound};
+pub use tree::{TreeCampaign, TreeJudgement, TreeVerdict};
 
 /// Largest filter of the firmware's estimator on this side: 0.1 s at 2.5 kHz.
 const FIRMWARE_TAPS: usize = 256;
@@ -123,10 +126,22 @@ pub enum CampaignError {
         duration_s: f64,
     },
     /// The motion leaves a parameter undetermined.
-    #[error(
-        "the motion determines not all of the {PARAMETERS} parameters: there is no bound to compare with"
-    )]
+    #[error("the motion determines not all of the parameters: there is no bound to compare with")]
     Undetermined,
+    /// A joint that the simulated motion does not know.
+    #[error("joint {0}: the simulated motion moves revolute and spherical joints only; --lock it")]
+    Joint(String),
+    /// A link without a body of its own in the model file.
+    #[error("link {0} has no mass and inertia in the model: there is nothing to simulate")]
+    NoBody(String),
+    /// A recording of a tree that poses no problem.
+    #[error("the experiment of seed {seed}: {error}")]
+    Tree {
+        /// The experiment.
+        seed: u64,
+        /// Why.
+        error: Box<ProblemError>,
+    },
     /// Fewer than two experiments.
     #[error("{0} experiments are done: a spread needs two")]
     TooFew(u64),
@@ -149,7 +164,32 @@ pub struct Judgement {
     pub coverage95: f64,
 }
 
+/// One estimate of one parameter.
+#[derive(Clone, Copy, Debug)]
+struct One {
+    error: f64,
+    sd: f64,
+    coverage_factor: f64,
+}
+
 impl Judgement {
+    /// Returns the judgement of two estimates or more.
+    fn of(truth: f64, crb_std: f64, estimates: impl Iterator<Item = One>) -> Self {
+        let all: Vec<One> = estimates.collect();
+        let n = all.len() as f64;
+        let mean = |f: &dyn Fn(&One) -> f64| all.iter().map(f).sum::<f64>() / n;
+        let bias = mean(&|o| o.error);
+        let variance = mean(&|o| (o.error - bias).powi(2)) * n / (n - 1.0);
+        Self {
+            truth,
+            bias,
+            std: variance.sqrt(),
+            crb_std,
+            predicted_std: mean(&|o| o.sd * o.sd).sqrt(),
+            coverage95: mean(&|o| f64::from(u8::from(o.error.abs() <= o.coverage_factor * o.sd))),
+        }
+    }
+
     /// Bound over spread: 1 is as good as any unbiased estimator can be.
     pub fn efficiency(&self) -> f64 {
         self.crb_std / self.std
@@ -293,73 +333,21 @@ impl Prepared {
         stop: &AtomicBool,
         mut done: impl FnMut(u64),
     ) -> Result<Verdict, CampaignError> {
-        let next = AtomicU64::new(0);
-        let failed = AtomicBool::new(false);
-        let cores = std::thread::available_parallelism().map_or(1, |n| n.get() as u64).min(runs.max(1));
-        let mut outcomes: Vec<(u64, Outcome)> = Vec::new();
-        let mut failure = None;
-        std::thread::scope(|scope| {
-            let (sender, results) = mpsc::channel();
-            for _ in 0..cores {
-                let (sender, next, failed) = (sender.clone(), &next, &failed);
-                scope.spawn(move || {
-                    while !stop.load(Ordering::Relaxed) && !failed.load(Ordering::Relaxed) {
-                        let run = next.fetch_add(1, Ordering::Relaxed);
-                        if run >= runs {
-                            break;
-                        }
-                        // Campaigns of different seeds share no experiment below 2³² runs.
-                        let seed = (seed << 32).wrapping_add(run);
-                        let outcome = self.experiment(seed);
-                        if sender.send((run, seed, outcome)).is_err() {
-                            break;
-                        }
-                    }
-                });
-            }
-            drop(sender);
-            loop {
-                match results.recv_timeout(Duration::from_millis(100)) {
-                    Ok((run, _, Ok(outcome))) => outcomes.push((run, outcome)),
-                    Ok((_, seed, Err(error))) => {
-                        failed.store(true, Ordering::Relaxed);
-                        failure.get_or_insert(CampaignError::Identification { seed, error });
-                    }
-                    Err(mpsc::RecvTimeoutError::Timeout) => {}
-                    Err(mpsc::RecvTimeoutError::Disconnected) => break,
-                }
-                done(outcomes.len() as u64);
-            }
-        });
-        if let Some(failure) = failure {
-            return Err(failure);
-        }
-        // Sums in the order of the runs: the same bits on any number of cores.
-        outcomes.sort_unstable_by_key(|(run, _)| *run);
+        let outcomes = repeat(runs, seed, stop, &mut done, |seed| self.experiment(seed))
+            .map_err(|(seed, error)| CampaignError::Identification { seed, error })?;
         self.judge(&outcomes)
     }
 
-    fn judge(&self, outcomes: &[(u64, Outcome)]) -> Result<Verdict, CampaignError> {
+    fn judge(&self, outcomes: &[Outcome]) -> Result<Verdict, CampaignError> {
         let runs = outcomes.len() as u64;
         if runs < 2 {
             return Err(CampaignError::TooFew(runs));
         }
-        let n = runs as f64;
-        let mean = |f: &dyn Fn(&Outcome) -> f64| outcomes.iter().map(|(_, o)| f(o)).sum::<f64>() / n;
         let truth =
             joined(self.campaign.config.body.parameters().into_iter().chain([0.0; 6]), self.true_derived());
         let judgement = |j: usize| {
-            let bias = mean(&|o| o.error[j]);
-            let variance = mean(&|o| (o.error[j] - bias).powi(2)) * n / (n - 1.0);
-            let held = |o: &Outcome| o.error[j].abs() <= o.coverage_factor * o.sd[j];
-            Judgement {
-                truth: truth[j],
-                bias,
-                std: variance.sqrt(),
-                crb_std: self.crb_std[j],
-                predicted_std: mean(&|o| o.sd[j] * o.sd[j]).sqrt(),
-                coverage95: mean(&|o| f64::from(u8::from(held(o)))),
-            }
+            let of = |o: &Outcome| One { error: o.error[j], sd: o.sd[j], coverage_factor: o.coverage_factor };
+            Judgement::of(truth[j], self.crb_std[j], outcomes.iter().map(of))
         };
         Ok(Verdict {
             runs,

@@ -267,21 +267,27 @@ pub fn with_gain_errors(recording: &Recording, sigma: [f64; 6], seed: u64) -> Re
     out
 }
 
-/// A tree of spherical and revolute joints on a base that moves: an IMU on every link, attitudes of all links, the wrench on
-/// the base, its offset zero. For people; without noise.
-pub fn person_recording(model: &Model, rate_hz: f64, seconds: f64) -> Recording {
-    let mut recording =
-        Recording { name: "person".to_owned(), rate_hz: Some(rate_hz), ..Recording::default() };
-    let links = model.links.len();
-    let mut gyros = vec![Vec::new(); links];
-    let mut turned = vec![Vec::new(); links];
-    let (mut accel, mut wrench) = (Vec::new(), Vec::new());
-    for row in 0..(seconds * rate_hz) as usize {
-        let t = row as f64 / rate_hz;
+/// The motion of a tree of spherical and revolute joints on a base that turns, at one instant.
+pub struct TreeInstant {
+    /// The base's motion.
+    pub base: BaseMotion<f64>,
+    /// Coordinates of all joints, as [`inverse_dynamics`] takes them.
+    pub positions: Vec<f64>,
+    /// Their rates, rad/s.
+    pub rates: Vec<f64>,
+    /// Their accelerations, rad/s².
+    pub accelerations: Vec<f64>,
+    /// Attitude relative to the base and rate in its own axes, rad/s, of every link.
+    links: Vec<(Matrix3<f64>, Vector3<f64>)>,
+}
+
+impl TreeInstant {
+    /// Returns the motion at a time, s: swings of every joint and of the base.
+    pub fn new(model: &Model, t: f64) -> Self {
         let (r, rate) = attitude(t, 0, 0.3);
         let force = r.transpose() * Vector3::z() * 9.80665;
         let base = BaseMotion { specific_force: force, rate, angular_acceleration: change(t, 0, 0.3) };
-        let mut at = vec![(Matrix3::identity(), rate)];
+        let mut links = vec![(Matrix3::identity(), rate)];
         let (mut q, mut v, mut dv) = (Vec::new(), Vec::new(), Vec::new());
         for (i, link) in model.links.iter().enumerate().skip(1) {
             let k = 3 * i + 1;
@@ -305,17 +311,37 @@ pub fn person_recording(model: &Model, rate_hz: f64, seconds: f64) -> Recording 
                 _ => (Matrix3::identity(), Vector3::zeros()),
             };
             let relative = link.link.rotation * own;
-            let (before, carried) = at[link.link.parent];
-            at.push((before * relative, relative.transpose() * carried + spin));
+            let (before, carried) = links[link.link.parent];
+            links.push((before * relative, relative.transpose() * carried + spin));
         }
-        for (i, (attitude, rate)) in at.into_iter().enumerate() {
+        Self { base, positions: q, rates: v, accelerations: dv, links }
+    }
+
+    /// Returns the wrench on the base link of these bodies, N and N m; `None` if a joint is neither spherical nor revolute.
+    pub fn wrench(&self, model: &Model) -> Option<[f64; 6]> {
+        let all = inverse_dynamics(model, &self.base, &self.positions, &self.rates, &self.accelerations)?;
+        all.first_chunk().copied()
+    }
+}
+
+/// A tree of spherical and revolute joints on a base that moves: an IMU on every link, attitudes of all links, the wrench on
+/// the base, its offset zero. For people; without noise.
+pub fn person_recording(model: &Model, rate_hz: f64, seconds: f64) -> Recording {
+    let mut recording =
+        Recording { name: "person".to_owned(), rate_hz: Some(rate_hz), ..Recording::default() };
+    let links = model.links.len();
+    let mut gyros = vec![Vec::new(); links];
+    let mut turned = vec![Vec::new(); links];
+    let (mut accel, mut wrench) = (Vec::new(), Vec::new());
+    for row in 0..(seconds * rate_hz) as usize {
+        let now = TreeInstant::new(model, row as f64 / rate_hz);
+        wrench.push(now.wrench(model).unwrap_or([f64::NAN; 6]));
+        accel.push(now.base.specific_force.into());
+        for (i, (attitude, rate)) in now.links.into_iter().enumerate() {
             let turn = nalgebra::UnitQuaternion::from_matrix(&attitude);
             turned[i].push([turn.w, turn.i, turn.j, turn.k]);
             gyros[i].push(rate.into());
         }
-        accel.push(force.into());
-        let truth = inverse_dynamics(model, &base, &q, &v, &dv).unwrap_or_default();
-        wrench.push(std::array::from_fn(|c| truth.get(c).copied().unwrap_or(f64::NAN)));
         recording.time_ns.push((row as f64 * 1e9 / rate_hz).round() as u64);
     }
     recording.imus = gyros.into_iter().map(|gyro| ImuColumns { accel: None, gyro: Some(gyro) }).collect();
@@ -323,6 +349,28 @@ pub fn person_recording(model: &Model, rate_hz: f64, seconds: f64) -> Recording 
     recording.attitudes = turned.into_iter().enumerate().skip(1).collect();
     recording.wrench = Some(wrench);
     recording
+}
+
+/// The same recording with white noise of the wrench, N and N m, and of the gyros, rad/s, and an offset of the wrench that is
+/// drawn of `offset`; returns the offset too.
+pub fn with_noise_and_offset(
+    recording: &Recording,
+    wrench: [f64; 6],
+    gyro: f64,
+    offset: [f64; 6],
+    seed: u64,
+) -> (Recording, [f64; 6]) {
+    let mut noise = Noise(Some(seed.wrapping_mul(0x2545_f491_4f6c_dd1d)));
+    let offset = offset.map(|sigma| noise.normal(sigma));
+    let mut out = recording.clone();
+    for row in out.wrench.iter_mut().flatten() {
+        for ((value, sigma), offset) in row.iter_mut().zip(wrench).zip(offset) {
+            *value += offset + noise.normal(sigma);
+        }
+    }
+    let rates = out.imus.iter_mut().filter_map(|imu| imu.gyro.as_mut());
+    rates.flatten().flatten().for_each(|rate| *rate += noise.normal(gyro));
+    (out, offset)
 }
 
 /// Returns the base parameters of a model's nominal bodies, in the order of `base`.

@@ -451,6 +451,29 @@ fn a_monte_carlo_prints_one_object_that_follows_from_its_seed() {
     }
 }
 
+#[test]
+fn a_monte_carlo_of_a_tree_prints_the_same_object() {
+    let place = tempfile::tempdir().unwrap();
+    let words = ["montecarlo", "--model", "two-links", "--rate-hz", "100", "--runs", "10", "--json"];
+    let output = rigident(place.path(), &words);
+    assert_eq!(status(&output), 0, "{}", said(&output));
+    let result = json(&output);
+    assert_eq!(result["runs"], 10);
+    let parameters = result["parameters"].as_array().unwrap();
+    let names: Vec<&str> = parameters.iter().map(|p| p["name"].as_str().unwrap()).collect();
+    assert!(names.contains(&"base.M") && names.contains(&"offset_mz"), "{names:?}");
+    for parameter in parameters {
+        let number = |key: &str| parameter[key].as_f64().unwrap();
+        assert!((number("efficiency") - number("crb_std") / number("std")).abs() < 1e-12);
+    }
+    assert!(result.get("derived").is_none());
+    assert_eq!(rigident(place.path(), &words).stdout, output.stdout);
+    for bad in [&["two-links", "--mcu", "inproc"][..], &["two-links", "--rate-hz", "-1"], &["nowhere.urdf"]] {
+        let words = [&["montecarlo", "--model"][..], bad].concat();
+        assert_eq!(status(&rigident(place.path(), &words)), 2, "{bad:?}");
+    }
+}
+
 #[cfg(unix)]
 #[test]
 fn a_second_ctrl_c_ends_at_once_and_still_leaves_an_object() {
