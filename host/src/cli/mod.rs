@@ -97,7 +97,13 @@ pub fn main() -> ExitCode {
     if let Err(error) = handler {
         tell!("rigident: Ctrl-C will end the program at once: {error}");
     }
-    match dispatch(arguments) {
+    let outcome = dispatch(arguments).and_then(|code| match outcome::unwritten() {
+        Some(error) => Err(Failure::input(format!(
+            "the answer cannot be written to standard output: {error}; make room there, or write it elsewhere"
+        ))),
+        None => Ok(code),
+    });
+    match outcome {
         Ok(code) => code,
         Err(failure) => {
             tell!("rigident: {failure}");

@@ -1,12 +1,16 @@
 //! What every command prints on standard output.
 
-use std::io::Write as _;
+use std::io::{self, Write};
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::rig::RigFile;
 
 /// Whether anything has been printed on standard output.
 static SAID: AtomicBool = AtomicBool::new(false);
+
+/// Why standard output did not take everything, if it did not.
+static UNWRITTEN: OnceLock<String> = OnceLock::new();
 
 /// What `--json` prints of a command that ends without an answer; an object that is out already stays the only one.
 pub(super) fn say_failed(error: &str) {
@@ -20,11 +24,25 @@ pub(super) fn failed(error: &str) -> serde_json::Value {
     serde_json::json!({ "status": "failed", "error": error.trim_end() })
 }
 
-/// Prints a line on standard output. A reader that has gone away is no failure: the files have it all.
+/// Prints a line on standard output. What it does not take is in [`unwritten`].
 pub(super) fn say(text: impl std::fmt::Display) {
     SAID.store(true, Ordering::Relaxed);
-    let mut out = std::io::stdout().lock();
-    let _ = writeln!(out, "{text}").and_then(|()| out.flush());
+    if let Err(error) = print(&mut io::stdout().lock(), &text) {
+        let _ = UNWRITTEN.set(error.to_string());
+    }
+}
+
+/// Returns why an answer is not on standard output as a whole, if anything but a reader that went away kept it from there.
+pub(super) fn unwritten() -> Option<&'static str> {
+    UNWRITTEN.get().map(String::as_str)
+}
+
+/// Prints a line. A reader that has gone away is no failure: it has read as much as it wanted.
+fn print(to: &mut impl Write, text: &impl std::fmt::Display) -> io::Result<()> {
+    match writeln!(to, "{text}").and_then(|()| to.flush()) {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        written => written,
+    }
 }
 
 /// Serial numbers and calibration dates of the rig file.
@@ -42,4 +60,28 @@ pub fn provenance(rig: &RigFile) -> Vec<(String, String)> {
         add("IMU, calibrated on", &imu.calibrated_on);
     }
     notes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Broken(io::ErrorKind);
+
+    impl Write for Broken {
+        fn write(&mut self, _: &[u8]) -> io::Result<usize> {
+            Err(self.0.into())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_full_disk_is_an_error_and_a_reader_that_went_away_is_none() {
+        let full = print(&mut Broken(io::ErrorKind::StorageFull), &"answer").unwrap_err();
+        assert_eq!(full.kind(), io::ErrorKind::StorageFull);
+        print(&mut Broken(io::ErrorKind::BrokenPipe), &"answer").unwrap();
+    }
 }
