@@ -18,7 +18,8 @@ pub use super::programme::Programme;
     name = "rigident",
     version,
     after_help = "Without a command: `rigident demo`.\n\nExit status: 0 every asked-for parameter is identified, 1 partly or \
-                  not identified, 2 bad input or usage, 3 link or hardware failure.\n\nExamples:\n  rigident demo\n  \
+                  not identified, 2 bad input or usage, 3 link or hardware failure, 130 ended \
+                  by a second Ctrl-C; the first ends with 1.\n\nExamples:\n  rigident demo\n  \
                   rigident identify bracket.csv --estimate m,mc\n  rigident run --port /dev/ttyACM0 --rig bracket.rig.toml \
                   --platform tcp://192.168.1.20:7447"
 )]

@@ -29,7 +29,7 @@ pub(super) fn confirm(summary: &Summary, address: &str, yes: bool) -> Result<(),
     match answered(read, &INTERRUPTED)? {
         Some(answer) if agreed(&answer) => Ok(()),
         Some(_) => Err(Failure::input("nothing was moved, as you said")),
-        None => Err(Failure::link("stopped before the experiment began; nothing was moved")),
+        None => Err(Failure::interrupted("stopped before the experiment began; nothing was moved")),
     }
 }
 

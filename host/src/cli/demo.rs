@@ -103,6 +103,8 @@ fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
         identity: session.identity(),
         known: &known,
         tare: None,
+        // With --adaptive it is the planner that says.
+        until: settings.stop.filter(|_| !arguments.adaptive.adaptive),
         span,
         parameter_truth: None,
         stages,

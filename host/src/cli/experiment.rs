@@ -10,14 +10,15 @@ use hexapod::experiment::SHORTEST_S;
 use rigident_shared::forgetting::Span;
 use rigident_shared::screening::CHANNEL_NAMES;
 use rigident_shared::wire::{
-    Consistency, EstimateReport, Identity, LinkReadingMessage, ReadingMessage, Reason,
+    Consistency, EstimateReport, Identity, LinkReadingMessage, ReadingMessage, Reason, StopRule,
 };
 
 use super::arguments::Output;
 use super::loaded::{Loaded, PLOT_POINTS};
+use super::options::stop_criterion;
 use super::run_report::RunReport;
 use super::tracking_error::{MotionLog, TrackingError};
-use super::{Failure, Folder, Progress, Stages};
+use super::{ExitStatus, Failure, Folder, Progress, Stages};
 use crate::device::session::tree::complaints;
 use crate::device::session::{Observer, Take};
 use crate::fit::prior::KnownValues;
@@ -199,28 +200,44 @@ pub(super) fn device_notes(identity: &Identity) -> Vec<(String, String)> {
     ]
 }
 
+/// Returns true if the device said that its stop criterion is reached.
+fn was_reached(take: &Take) -> bool {
+    take.states.iter().any(|(_, reason)| *reason == Reason::StopRule)
+}
+
 /// What is to be said of a take, whatever it was of.
 fn noticed(take: &Take, rig: &RigFile, seconds: f64) -> Vec<String> {
     let mut warnings = Vec::new();
     let counters = &take.counters;
     let lost = if rig.load_cell.gain_uncertainty.is_some_and(|g| g.iter().any(|s| *s > 0.0)) {
-        "readings were lost between device and host; with gain_uncertainty the estimate is made of the others"
+        "lost between device and host; with gain_uncertainty the estimate is made of the others"
     } else {
-        "readings were lost between device and host; they are in the estimate, not in the recording"
+        "lost between device and host: in the estimate, not in the recording"
     };
-    for (count, what) in [
-        (take.missing, lost),
-        (counters.load_cell_crc_errors, "samples of the load cell had a wrong check sum and were left out"),
-        (counters.imu_errors, "samples of the IMU could not be read"),
-        (counters.second_imu_errors, "samples of the second link's IMU could not be read"),
-        (counters.gaps, "stretches of time are missing; the filter started anew after each"),
-        (counters.telemetry_dropped, "messages of the device were dropped for want of room on the link"),
+    let (sample, samples) = ("sample", "samples");
+    for (count, one, many, what) in [
+        (take.missing, "reading", "readings", lost),
+        (
+            counters.load_cell_crc_errors,
+            sample,
+            samples,
+            "of the load cell left out: the check sum was wrong",
+        ),
+        (counters.imu_errors, sample, samples, "of the IMU could not be read"),
+        (counters.second_imu_errors, sample, samples, "of the second link's IMU could not be read"),
+        (counters.gaps, "gap", "gaps", "in time; the filter started anew after it"),
+        (
+            counters.telemetry_dropped,
+            "message",
+            "messages",
+            "of the device dropped for want of room on the link",
+        ),
     ] {
         if count > 0 {
-            warnings.push(format!("{count} {what}"));
+            warnings.push(format!("{} {what}", counted(count as usize, one, many)));
         }
     }
-    if take.states.iter().any(|(_, reason)| *reason == Reason::StopRule) {
+    if was_reached(take) {
         tell!("the uncertainties asked for were reached; {seconds:.1} s were taken in");
     }
     if take.resumed > 0 {
@@ -254,6 +271,8 @@ pub(super) struct Experiment<'a> {
     /// What is known beforehand.
     pub(super) known: &'a KnownValues,
     pub(super) tare: Option<Tare>,
+    /// What the device was told to end at, if it decides.
+    pub(super) until: Option<StopRule>,
     /// How older rows are forgotten, if they are.
     pub(super) span: Option<Span<f64>>,
     /// True values of the parameters in the device's order.
@@ -280,7 +299,8 @@ impl Experiment<'_> {
         let seconds = self.loaded.origin(self.mcu).duration_s.unwrap_or(0.0);
         warnings.extend(noticed(&take, &self.loaded.problem.rig, seconds));
         if take.levels > 0 {
-            tell!("a level of the factor was taken from the device {} times and merged here", take.levels);
+            let times = counted(take.levels as usize, "time", "times");
+            tell!("a level of the factor was taken from the device {times} and merged here");
         }
         let names = self.loaded.link_names();
         warnings.extend(complaints(&take.counters.frames, &names));
@@ -334,6 +354,9 @@ impl Experiment<'_> {
                     .to_owned(),
             );
         }
+        if let Some(stop) = self.until.filter(|_| !was_reached(&take)) {
+            warnings.push(stop_criterion::not_reached(&stop, &found));
+        }
         let gains = found.channels.iter().any(|c| c.channel.gain_sigma > 0.0);
         if mcu != "host" && !gains && !take.estimates.is_empty() {
             found.convergence = convergence(&take.estimates, found.estimate.coverage_factor());
@@ -357,7 +380,8 @@ impl Experiment<'_> {
         if let Some(tracking_error) = self.tracking_error.filter(|_| !self.output.json) {
             report.epilogue = Some(tracking_error.to_string());
         }
-        report.finish(&found, || Ok(Some(folder.clone())))
+        let code = report.finish(&found, || Ok(Some(folder.clone())))?;
+        Ok(if take.interrupted { ExitStatus::NotIdentified.into() } else { code })
     }
 }
 

@@ -1,3 +1,4 @@
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
@@ -10,9 +11,9 @@ use super::recorded::{is_recording, is_rig_file};
 use super::run_report::RunReport;
 use super::{Failure, Folder, Stages};
 use crate::answer::Source;
-use crate::fit::Kind;
 use crate::fit::pool::{PooledFactor, disagreement_in_words};
 use crate::fit::tare::Tare;
+use crate::fit::{Fit, Kind, Owner};
 use crate::present;
 use crate::problem::ProblemOptions;
 use crate::recording::error::RecordingError;
@@ -56,6 +57,7 @@ pub(super) fn solve(arguments: &Solve) -> Result<ExitCode, Failure> {
     let rig = rig.unwrap_or_default();
     let pooled = read(&arguments.factor)?;
     let mut found = pooled.fit();
+    check_rig(&found, &rig).map_err(|why| Failure::input(format!("--rig: {why}")))?;
     let source = Source {
         recording: pooled.recordings(),
         rows: found.counts.samples,
@@ -80,6 +82,37 @@ pub(super) fn solve(arguments: &Solve) -> Result<ExitCode, Failure> {
     known.apply(&mut found).map_err(Failure::input)?;
     let out = arguments.output.out.as_deref();
     report.finish(&found, || out.map(|out| Folder::new(Some(out), "solve")).transpose())
+}
+
+/// Refuses a rig file whose links are not those that the parameters are of.
+///
+/// # Errors
+/// Says what each of the two is of.
+fn check_rig(found: &Fit, rig: &RigFile) -> Result<(), String> {
+    let named = found.parameters.iter().filter_map(|p| match &p.owner {
+        Owner::Link(link) if !link.is_empty() => Some(link.as_str()),
+        _ => None,
+    });
+    let of_factor: BTreeSet<&str> = named.collect();
+    let of_rig: BTreeSet<&str> = rig.link.iter().map(|link| link.name.as_str()).collect();
+    let of_a_body = rig.body.is_some() || rig.truth.is_some();
+    let fits = match (of_factor.is_empty(), of_rig.len()) {
+        (true, links) => links < 2,
+        (false, 0) => !of_a_body,
+        (false, _) => of_factor.is_subset(&of_rig),
+    };
+    if fits {
+        return Ok(());
+    }
+    let words = |links: &BTreeSet<&str>| match links.len() {
+        0 => "one body".to_owned(),
+        _ => format!("the links {}", links.iter().copied().collect::<Vec<_>>().join(", ")),
+    };
+    Err(format!(
+        "the factor is of {}, and the rig file of {}; give the rig file that the recordings were taken with, or none",
+        words(&of_factor),
+        words(&of_rig)
+    ))
 }
 
 /// Returns the fixture of `--tare`, if there is one; what is to be known of it goes to the notes and warnings.

@@ -14,7 +14,7 @@ pub struct Failure {
 pub enum ExitStatus {
     /// Everything that was asked for is identified, or done.
     Identified = 0,
-    /// Some of it is not identified, or a check found something.
+    /// Some of it is not identified, a check found something, or Ctrl-C came before the end.
     NotIdentified = 1,
     /// The input or the usage is bad.
     Input = 2,
@@ -50,6 +50,11 @@ impl Failure {
     /// Link or hardware failure.
     pub fn link(message: impl fmt::Display) -> Self {
         Self { status: ExitStatus::Link, message: message.to_string() }
+    }
+
+    /// Ctrl-C before there was anything to keep.
+    pub fn interrupted(message: impl fmt::Display) -> Self {
+        Self { status: ExitStatus::NotIdentified, message: message.to_string() }
     }
 
     /// The same failure, preceded by what was being done.

@@ -92,7 +92,7 @@ pub fn main() -> ExitCode {
             }
             std::process::exit(ExitStatus::Interrupted as i32);
         }
-        tell!("\nstopping, what there is by now is kept (Ctrl-C again ends at once)");
+        tell!("\nstopping (Ctrl-C again ends at once)");
     });
     if let Err(error) = handler {
         tell!("rigident: Ctrl-C will end the program at once: {error}");

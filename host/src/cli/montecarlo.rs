@@ -99,7 +99,7 @@ fn run_tree(arguments: &Montecarlo, name: &str, started: Instant) -> Result<Exit
 
 fn failure(error: CampaignError) -> Failure {
     match error {
-        CampaignError::TooFew(_) => Failure::input(format!("stopped: {error}")),
+        CampaignError::TooFew(_) => Failure::interrupted(format!("stopped: {error}")),
         error => Failure::input(error),
     }
 }
@@ -229,8 +229,9 @@ fn line(runs: u64, quantities: &[Quantity<'_>], limits: &Limits95, elapsed_s: f6
         runs
     );
     if missed.is_empty() {
-        format!("\nEvery parameter keeps to {asked}.")
+        let few = if runs < Limits95::ASKED { ", which are wider for so few experiments" } else { "" };
+        format!("\nWithin the limits{few}: {asked}.")
     } else {
-        format!("\nNOT kept to by {}: {asked}.", missed.join(", "))
+        format!("\nOUTSIDE the limits {}: {asked}.", missed.join(", "))
     }
 }

@@ -78,6 +78,7 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
         identity: session.identity(),
         known: &known,
         tare,
+        until: settings.stop,
         span,
         parameter_truth: None,
         stages: Vec::new(),
@@ -107,7 +108,7 @@ pub(super) fn device_sigma(
             let found = loaded.fit(span, 0, &stages)?;
             let sigma: Vec<f64> = found.channels.iter().map(|c| c.sigma).collect();
             let six = sigma.first_chunk().copied();
-            (six.ok_or_else(|| Failure::input("the rows are not those of a load cell"))?, false)
+            (six.ok_or_else(|| Failure::input("the recording has no wrench of a load cell, and the device estimates from it; `rigident identify` takes joint torques"))?, false)
         }
     };
     let largest = largest_numbers(loaded.source(), &|stage: &str, share| stages.at(stage, share));

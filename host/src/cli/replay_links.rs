@@ -27,6 +27,13 @@ pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Res
     let known = arguments.known.parse()?;
     let mut recording =
         Recording::load(&arguments.recording, arguments.rig.as_deref()).map_err(Failure::input)?;
+    if recording.wrench.is_none() {
+        return Err(Failure::input(format!(
+            "{}: the device estimates from the wrench of a load cell (fx_n to mz_nm), and there is none; `rigident identify` \
+             takes joint torques",
+            arguments.recording.display()
+        )));
+    }
     recording.leave_out_spikes();
     let mut warnings = recording.warnings.clone();
     let mut notes = change_as_recorded(&mut model, &arguments.tree.changes, &recording)?;
@@ -46,7 +53,7 @@ pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Res
     let two = rig.link.len() == 2 && rig.imu_on(1).is_some() && arguments.tree.model.is_none();
     let estimated = device_parameters(model, &parameters, two && offset);
     check_asked(&estimated, &known, &arguments.output)?;
-    let (take, given, mcu, identity, folder);
+    let (take, given, mcu, identity, folder, until);
     if two {
         let readings = two_links::readings(&recording).map_err(Failure::input)?;
         let mut settings = two_link_settings(rig, &timing(Source::Injected), None, attitude_source(rig))
@@ -64,6 +71,7 @@ pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Res
             read.attitudes.clear();
         }
         (given, mcu, identity) = (read, name, session.identity().clone());
+        until = settings.stop;
     } else {
         let runner = match arguments.mcu.as_str() {
             "inproc" => Mcu::Inproc,
@@ -88,7 +96,7 @@ pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Res
         watcher.finish()?;
         let mut begun = recording.clone();
         begun.keep_first(tree::frames_taken(&take));
-        (given, mcu) = (begun, simulated::name(runner));
+        (given, mcu, until) = (begun, simulated::name(runner), settings.stop);
         identity = session.identity().clone();
     }
     Experiment {
@@ -101,6 +109,7 @@ pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Res
         identity: &identity,
         known: &known,
         tare,
+        until,
         span: None,
         parameter_truth: None,
         stages: Vec::new(),

@@ -183,6 +183,8 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         identity: session.identity(),
         known: &known,
         tare: None,
+        // With --adaptive it is the planner that says.
+        until: settings.stop.filter(|_| !arguments.adaptive.adaptive),
         span,
         parameter_truth: None,
         stages,
@@ -227,7 +229,7 @@ fn approach(platform: &mut dyn Platform, session: &mut Session) -> Result<(), Fa
         match moving.join() {
             Ok(Ok(())) => Ok(()),
             Ok(Err(PlatformError::Interrupted)) => {
-                Err(Failure::link("stopped on the way to the first pose; nothing was recorded"))
+                Err(Failure::interrupted("stopped on the way to the first pose; nothing was recorded"))
             }
             Ok(Err(other)) => Err(Failure::link(format!("{other}\nNothing was recorded."))),
             Err(panic) => std::panic::resume_unwind(panic),

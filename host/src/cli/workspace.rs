@@ -9,7 +9,7 @@ use super::plan_arguments::Workspace;
 use super::{Failure, Folder, Progress};
 use crate::device::session::INTERRUPTED;
 use crate::plan::machine;
-use crate::plan::workspace::{Map, Reach, Span};
+use crate::plan::workspace::{Map, MapError, Reach, Span};
 use crate::present::workspace as figure;
 use crate::rig::RigFile;
 
@@ -48,7 +48,10 @@ pub(super) fn run(arguments: &Workspace) -> Result<ExitCode, Failure> {
     let map = Map::make(&geometry, &span, &INTERRUPTED, |share| {
         progress.show(|| format!("orientations: {:.0} %", 100.0 * share));
     })
-    .map_err(Failure::input)?;
+    .map_err(|error| match error {
+        MapError::Interrupted => Failure::interrupted(error),
+        error => Failure::input(error),
+    })?;
     progress.show(|| "largest tilts".to_owned());
     let reach = Reach::around(&geometry, span.yaw_deg, AZIMUTHS);
     progress.finish();

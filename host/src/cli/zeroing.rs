@@ -124,7 +124,7 @@ pub(super) fn check_level(rest: &Rest, rig: &RigFile, home: &Pose) -> Result<(),
 fn look(session: &mut Session, rig: &RigFile) -> Result<Rest, Failure> {
     let readings = session.watch(WINDOW_S, &mut Watcher::new(0)).map_err(Failure::link)?;
     if INTERRUPTED.load(Ordering::Relaxed) {
-        return Err(Failure::link("stopped before the experiment began; nothing was moved"));
+        return Err(Failure::interrupted("stopped before the experiment began; nothing was moved"));
     }
     at_rest(&readings, rig.imu.first()).ok_or_else(|| {
         Failure::link(
@@ -224,7 +224,7 @@ pub(super) fn zero_second(
     configured(session, &settings)?;
     let seen = session.watch_links(WINDOW_S, &mut Watcher::new(0)).map_err(Failure::link)?;
     if INTERRUPTED.load(Ordering::Relaxed) {
-        return Err(Failure::link("stopped before the experiment began; nothing was moved"));
+        return Err(Failure::interrupted("stopped before the experiment began; nothing was moved"));
     }
     let readings: Vec<Reading<f64>> = seen
         .iter()

@@ -209,9 +209,12 @@ pub struct Limits95 {
 }
 
 impl Limits95 {
+    /// With so many experiments and more the limits are as promised; with fewer they are wider, by the standard errors.
+    pub const ASKED: u64 = 2000;
+
     /// For so many experiments.
     pub fn of(runs: u64) -> Self {
-        const ASKED: f64 = 2000.0;
+        const ASKED: f64 = Limits95::ASKED as f64;
         let shortage = (ASKED / (runs as f64).clamp(1.0, ASKED)).sqrt();
         let errors = 0.02 / (0.95 * 0.05 / ASKED).sqrt();
         let margin = errors / (2.0 * ASKED).sqrt() * (shortage - 1.0);

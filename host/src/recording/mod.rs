@@ -94,6 +94,17 @@ impl Recording {
         humantime::parse_rfc3339(date).ok().map(|_| date.to_owned())
     }
 
+    /// Warns of a date that is none: an answer and a factor would go without.
+    fn warn_of_date(&mut self) {
+        if let Some((_, said)) = self.comments.iter().find(|(key, _)| key == "recorded")
+            && self.recorded().is_none()
+        {
+            self.warnings.push(format!(
+                "the comment recorded = {said} is no date, and is left out; write one as 2026-05-01T12:00:00Z (RFC 3339)"
+            ));
+        }
+    }
+
     /// The groups of columns that are there, with their numbers of rows.
     pub fn groups(&self) -> Vec<(Group, usize)> {
         let mut groups = vec![(Group::Wrench, self.wrench.as_ref().map(Vec::len))];
@@ -203,6 +214,7 @@ impl Recording {
                 beside.display()
             ));
         }
+        recording.warn_of_date();
         Ok(recording)
     }
 
@@ -257,9 +269,10 @@ impl Recording {
                 return;
             }
             self.warnings.push(format!(
-                "{} in time, the first after {} s: about {missing} rows are missing",
+                "{} in time, the first after {} s: about {missing} {} missing",
                 if gaps.len() == 1 { "a gap".to_owned() } else { format!("{} gaps", gaps.len()) },
-                time::text(*at)
+                time::text(*at),
+                if missing == 1.0 { "row is" } else { "rows are" }
             ));
         }
     }

@@ -600,3 +600,92 @@ fn the_date_of_a_recording_is_in_its_answer_and_its_factor() {
         assert_eq!(pooled.sources[0].recorded_unix_s, Some(1_795_321_191));
     }
 }
+
+/// Warnings of a result that name this option.
+fn warnings_of(result: &Value, option: &str) -> usize {
+    let warnings = result["warnings"].as_array().unwrap();
+    warnings.iter().filter(|warning| warning.as_str().unwrap().contains(option)).count()
+}
+
+#[test]
+fn a_stop_criterion_that_is_not_reached_is_a_warning_of_every_kind_of_body() {
+    let place = tempfile::tempdir().unwrap();
+    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/examples");
+    let bracket = examples.join("bracket.csv").display().to_string();
+    for words in [
+        &["demo", "--duration-s", "20", "--until", "m=1e-9"][..],
+        &["demo", "--body", "two-links", "--duration-s", "20", "--until", "body=1e-9"],
+        &["demo", "--body", "human34", "--duration-s", "4", "--until", "torso=1e-9"],
+        &["replay", &bracket, "--until", "m=1e-7"],
+        &["replay", &bracket, "--until", "Ixx=1e-7", "--keep-going"],
+    ] {
+        let output = rigident(place.path(), &[words, &["--json"]].concat());
+        assert!(status(&output) < 2, "{words:?}: {}", said(&output));
+        assert_eq!(warnings_of(&json(&output), "--until"), 1, "{words:?}: {}", said(&output));
+    }
+    let reached = rigident(place.path(), &["replay", &bracket, "--until", "m=1", "--json"]);
+    assert_eq!(warnings_of(&json(&reached), "--until"), 0);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn an_answer_that_cannot_be_printed_is_a_failure() {
+    let place = tempfile::tempdir().unwrap();
+    let bracket = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/examples/bracket.csv");
+    for words in [&["schema", "rig"][..], &["identify", bracket.to_str().unwrap(), "--json"]] {
+        let program = || {
+            let mut program = Command::new(env!("CARGO_BIN_EXE_rigident"));
+            program.current_dir(place.path()).args(words);
+            program
+        };
+        let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let output = program().stdout(full).output().unwrap();
+        assert_eq!(status(&output), 2, "{words:?}: {}", said(&output));
+        assert!(!said(&output).is_empty());
+        // A reader that has read enough, as `head`.
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        assert_eq!(status(&program().stdout(writer).output().unwrap()), 0, "{words:?}");
+    }
+}
+
+#[test]
+fn a_rig_file_of_another_model_is_refused_by_solve() {
+    let place = tempfile::tempdir().unwrap();
+    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/examples");
+    let of = |name: &str| examples.join(name).display().to_string();
+    for name in ["bracket", "two-links"] {
+        let words = ["factor", &of(&format!("{name}.csv")), "-o", &format!("{name}.factor")];
+        let output = rigident(place.path(), &words);
+        assert_eq!(status(&output), 0, "{}", said(&output));
+    }
+    for (factor, rig, expected) in [
+        ("bracket.factor", "bracket.rig.toml", 0),
+        ("bracket.factor", "two-links.rig.toml", 2),
+        ("two-links.factor", "two-links.rig.toml", 0),
+        ("two-links.factor", "bracket.rig.toml", 2),
+    ] {
+        let output = rigident(place.path(), &["solve", factor, "--rig", &of(rig), "--json"]);
+        assert_eq!(status(&output), expected, "{factor} {rig}: {}", said(&output));
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_before_a_map_is_complete_ends_with_1() {
+    let place = tempfile::tempdir().unwrap();
+    let child = Command::new(env!("CARGO_BIN_EXE_rigident"))
+        .current_dir(place.path())
+        .args(["workspace", "--step-deg", "0.2", "--json"])
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    // Until there is a handler it would be ended by the signal.
+    std::thread::sleep(std::time::Duration::from_millis(1000));
+    let told = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(told.success());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(status(&output), 1, "{}", said(&output));
+    assert_eq!(json(&output)["status"], "failed");
+}

@@ -5,7 +5,11 @@ use rigident_shared::wire::{MAX_STOP_LIMITS, Settings, StopLimit, StopRule};
 
 use crate::answer::selection::{SelectionError, select};
 use crate::cli::Failure;
-use crate::fit::Parameter;
+use crate::fit::{Fit, Parameter};
+use crate::present::text::{significant, unit_symbol};
+
+/// Parameters that a warning names; the others are counted.
+const NAMED: usize = 4;
 
 /// Row blocks before which the rule is not looked at: a second.
 const MINIMUM_BLOCKS: u32 = 100;
@@ -38,6 +42,37 @@ impl StopCriterion {
         }
         Ok(())
     }
+}
+
+/// Returns the warning of a run that ended before the device saw its criterion reached: what was asked for and what the
+/// device's rows came to, the furthest first.
+pub(in crate::cli) fn not_reached(stop: &StopRule, found: &Fit) -> String {
+    let asked =
+        found.parameters.iter().enumerate().filter_map(|(j, p)| Some((j, p, f64::from(stop.u95(j)?))));
+    let mut short: Vec<(f64, String)> = asked
+        .map(|(j, parameter, u95)| (j, parameter, u95, found.estimate.u95(j)))
+        .filter(|(.., u95, reached)| reached > u95)
+        .map(|(_, parameter, u95, reached)| {
+            let said = if reached.is_finite() {
+                let (reached, u95) = (significant(reached, 2), significant(u95, 3));
+                format!("{} ± {reached} instead of ± {u95} {}", parameter.name, unit_symbol(&parameter.unit))
+            } else {
+                format!("{} is not determined", parameter.name)
+            };
+            (reached / u95, said)
+        })
+        .collect();
+    if short.is_empty() {
+        return "--until was not reached while the device ran; the answer, made of all its rows, is within it".to_owned();
+    }
+    short.sort_by(|(a, _), (b, _)| b.total_cmp(a));
+    let more = match short.len().saturating_sub(NAMED) {
+        0 => String::new(),
+        more => format!(", and {more} more"),
+    };
+    let named: Vec<String> =
+        short.into_iter().take(NAMED).map(|(_, said)| said.trim_end().to_owned()).collect();
+    format!("--until was not reached: {}{more}", named.join(", "))
 }
 
 fn stop_rule(words: &[String], parameters: &[Parameter]) -> Result<Option<StopRule>, String> {
