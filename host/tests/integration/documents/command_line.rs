@@ -66,3 +66,45 @@ fn every_command_and_every_option_is_described_and_no_other() {
     }
     same("options", &named, &longs);
 }
+
+/// Names in backticks that are commands.
+fn named_commands(line: &str, names: &BTreeSet<String>) -> Vec<String> {
+    line.split('`').skip(1).step_by(2).filter(|word| names.contains(*word)).map(str::to_owned).collect()
+}
+
+/// Options in the first cell of a table's row.
+fn in_first_cell(line: &str) -> Vec<String> {
+    let cell = line.strip_prefix("| ").and_then(|rest| rest.split(" |").next()).unwrap_or_default();
+    let words = cell.split('`').skip(1).step_by(2).filter_map(|word| word.split([' ', '=']).next());
+    words.filter(|word| word.starts_with("--")).map(str::to_owned).collect()
+}
+
+/// Each pair of a command and an option that a heading with the tables below it promises.
+fn promised(text: &str, names: &BTreeSet<String>) -> BTreeSet<(String, String)> {
+    let (mut commands, mut pairs) = (Vec::new(), BTreeSet::new());
+    for line in text.lines() {
+        if line.starts_with('#') || line.ends_with(" alone:") {
+            commands = named_commands(line, names);
+        }
+        for option in in_first_cell(line) {
+            assert!(!commands.is_empty(), "{option} is of no command");
+            pairs.extend(commands.iter().map(|command| (command.clone(), option.clone())));
+        }
+    }
+    pairs
+}
+
+#[test]
+fn every_option_is_described_for_commands_that_take_it() {
+    let (names, _) = known();
+    let pairs = promised(&document("docs/commands.md"), &names);
+    assert!(pairs.len() > 100, "{}", pairs.len());
+    let wrong: Vec<_> = pairs
+        .into_iter()
+        .filter(|(command, option)| {
+            let taken = help(&command.split(' ').collect::<Vec<_>>());
+            !options(&taken).any(|long| long == *option)
+        })
+        .collect();
+    assert!(wrong.is_empty(), "described and not taken: {wrong:?}");
+}
