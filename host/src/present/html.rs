@@ -171,6 +171,9 @@ fn own_name(group: &Group, name: &str) -> String {
     symbol(own.unwrap_or(name))
 }
 
+/// Characters that fit beside the numbers of a table that takes half the page.
+const BESIDE: usize = 6;
+
 fn table(group: &Group, with_made_of: bool) -> String {
     if group.quantities.is_empty() {
         return String::new();
@@ -202,8 +205,11 @@ fn table(group: &Group, with_made_of: bool) -> String {
         }
         format!("<tr><th scope=\"row\">{}</th>{cells}</tr>\n", own_name(group, &quantity.name))
     };
+    // Half a page holds the numbers and a word beside them.
+    let long = with_made_of && (0..group.quantities.len()).any(|k| made_of(k).chars().count() > BESIDE);
+    let place = if long { "scroll whole" } else { "scroll" };
     format!(
-        "<div class=\"scroll\"><table class=\"{}\"><caption>{}</caption>\n<thead><tr><th></th><th class=\"value\" \
+        "<div class=\"{place}\"><table class=\"{}\"><caption>{}</caption>\n<thead><tr><th></th><th class=\"value\" \
          scope=\"col\">estimate</th><th scope=\"col\">± U95</th><th scope=\"col\">unit</th>{heads}</tr></thead>\n<tbody>\n{}\
          </tbody></table></div>\n",
         if with_truth { "full" } else { "short" },

@@ -74,6 +74,8 @@ pub(super) fn beside_words(quantity: &Quantity, u95: f64) -> String {
 
 /// `+1.4 σ`.
 fn deviation(sd: f64) -> String {
+    // No sign of what rounds to zero.
+    let sd = if sd.abs() < 0.05 { 0.0 } else { sd };
     format!("{} σ", number(&if sd.abs() < 1e4 { format!("{sd:+.1}") } else { format!("{sd:+.1e}") }))
 }
 

@@ -180,10 +180,10 @@ pub(super) fn headline(answer: &Answer) -> String {
     if !is_body(answer) {
         let identified = answer.parameters.iter().filter(|p| p.state.is_identified()).count();
         let words = match answer.status {
-            Status::Identified => "identified",
-            Status::PartlyIdentified => "partly identified",
-            Status::NotIdentified => "not identified",
-            Status::Failed => "failed",
+            Status::Identified => "Identified",
+            Status::PartlyIdentified => "Partly identified",
+            Status::NotIdentified => "Not identified",
+            Status::Failed => "Failed",
         };
         return format!("{words}: {identified} of {} parameters identified", answer.parameters.len());
     }

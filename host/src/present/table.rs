@@ -19,7 +19,9 @@ pub(super) fn row(quantity: &Quantity) -> Row {
     };
     let prior = if quantity.state.is_prior_dominated() { " (prior)" } else { "" };
     let truth = quantity.truth.map_or(String::new(), |t| beside(t, m.u95));
-    let deviation = quantity.deviation_sd().map_or(String::new(), |sd| format!("{sd:+.2} sd"));
+    let deviation = quantity
+        .deviation_sd()
+        .map_or(String::new(), |sd| format!("{:+.2} sd", if sd.abs() < 0.005 { 0.0 } else { sd }));
     [
         name,
         rounded.value_alone(),
