@@ -202,9 +202,15 @@ fn listed(names: &[String], last: &str) -> String {
     }
 }
 
+/// A smaller share of the information is told as this one.
+const LEAST_SHARE: f64 = 1e-6;
+
 /// How much more is needed of a motion that brought this share of the information: `2.5 times the rate, or 6 times as long`.
 fn more(share: f64, what: &str) -> String {
-    let rate = 1.0 / share.max(1e-6).sqrt();
+    let rate = 1.0 / share.max(LEAST_SHARE).sqrt();
+    if share <= LEAST_SHARE {
+        return format!("more than {rate:.0} times {what}, or a sensor quieter by as much,");
+    }
     format!("{rate:.1} times {what}, or {:.1} times as long,", rate * rate)
 }
 

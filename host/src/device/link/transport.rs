@@ -38,7 +38,7 @@ pub enum PortError {
     #[error("port {0} is in use by another program: close that one first")]
     Busy(String),
     /// Anything else.
-    #[error("port {0} cannot be opened: {1}")]
+    #[error("{0} cannot be opened as a serial port: {1}; `rigident ports` lists those that are here")]
     Other(String, String),
 }
 

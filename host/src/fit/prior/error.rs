@@ -22,10 +22,7 @@ pub enum KnownError {
         known: Vec<String>,
     },
     /// No such link, or several and none named.
-    #[error(
-        "--known or --symmetry {name}: of which link? There are {}; write LINK.NAME=VALUE±SIGMA, and LINK:AXIS±SIGMA for a plane of symmetry",
-        links_in_words(links)
-    )]
+    #[error("{}", link_in_words(name, links))]
     Link {
         /// The statement.
         name: String,
@@ -78,7 +75,7 @@ pub enum KnownError {
         least: f64,
     },
     /// The value is not finite, or a mass or a moment is not positive.
-    #[error("{name}: no body has {}", plain(*.value))]
+    #[error("{name} = {}: no value that a body can have; numbers are finite, masses and moments of inertia positive", plain(*.value))]
     Value {
         /// The statement.
         name: String,
@@ -146,12 +143,21 @@ pub enum KnownError {
     },
 }
 
-fn links_in_words(links: &[String]) -> String {
-    match links {
-        [] => "none with inertial parameters".to_owned(),
-        [only] if only.is_empty() => "one, without a name: leave the link away".to_owned(),
-        links => links.join(", "),
-    }
+/// Says which links a statement can be about, and how it names one.
+fn link_in_words(statement: &str, links: &[String]) -> String {
+    let plane = statement.strip_prefix("symmetry ");
+    let (option, said) = plane.map_or(("--known", statement), |plane| ("--symmetry", plane));
+    let there = match links {
+        [] => "no link has inertial parameters here".to_owned(),
+        [only] if only.is_empty() => "there is one body without a name: leave the link away".to_owned(),
+        links => {
+            let own = said.rsplit(['.', ':']).next().unwrap_or(said);
+            let form =
+                if plane.is_some() { format!("LINK:{own}") } else { format!("LINK.{own}=VALUE±SIGMA") };
+            format!("name one of the links, as {form}: {}", links.join(", "))
+        }
+    };
+    format!("{option} {said}: {there}")
 }
 
 /// All digits of a number, with an exponent where there would be too many of them.
