@@ -96,6 +96,7 @@ fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
     Experiment {
         started,
         output: &arguments.output,
+        asked: arguments.stop.asked(&arguments.output.estimate),
         loaded,
         mcu,
         is_filtered: true,

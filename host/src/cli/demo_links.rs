@@ -66,6 +66,8 @@ pub(super) fn two_links(arguments: &Demo) -> Result<ExitCode, Failure> {
     let mut file = two_link_file(&rig, &second);
     if arguments.ideal {
         file.load_cell.noise_n_nm = Some(QUIET);
+        // Words without noise repeat themselves.
+        file.recording.frozen_after = 0;
     }
     let truth = rig.truth();
     let truth: Vec<f64> =
@@ -82,10 +84,6 @@ pub(super) fn two_links(arguments: &Demo) -> Result<ExitCode, Failure> {
     let mut settings =
         two_link_settings(&file, &timing, None, attitude_source(&file)).map_err(Failure::input)?;
     arguments.stop.put_into(&mut settings, &estimated)?;
-    if arguments.ideal {
-        // Words without noise repeat themselves.
-        settings.frozen_after = 0;
-    }
     configured(&mut session, &settings)?;
     let expected = (program.duration_s() * RATE_HZ) as usize;
     let mut platform = LocalPlatform(rig);
@@ -100,6 +98,7 @@ pub(super) fn two_links(arguments: &Demo) -> Result<ExitCode, Failure> {
     Experiment {
         started,
         output: &arguments.output,
+        asked: arguments.stop.asked(&arguments.output.estimate),
         loaded: Loaded::of_links(&read, &model)?,
         mcu: simulated::name(arguments.mcu),
         is_filtered: true,
@@ -224,6 +223,7 @@ pub(super) fn human34(arguments: &Demo) -> Result<ExitCode, Failure> {
     Experiment {
         started,
         output: &arguments.output,
+        asked: arguments.stop.asked(&arguments.output.estimate),
         loaded: Loaded::of_links(&recording, &model)?,
         mcu: simulated::name(arguments.mcu),
         is_filtered: false,

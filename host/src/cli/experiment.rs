@@ -260,6 +260,8 @@ fn noticed(take: &Take, rig: &RigFile, seconds: f64) -> Vec<String> {
 pub(super) struct Experiment<'a> {
     pub(super) started: Instant,
     pub(super) output: &'a Output,
+    /// The parameters asked for; empty: all.
+    pub(super) asked: Vec<String>,
     /// What the device was given, or said that it read.
     pub(super) loaded: Loaded,
     pub(super) mcu: &'a str,
@@ -361,12 +363,15 @@ impl Experiment<'_> {
         if mcu != "host" && !gains && !take.estimates.is_empty() {
             found.convergence = convergence(&take.estimates, found.estimate.coverage_factor());
         }
+        let named: u64 = found.counts.rejected_by_signal.iter().map(|(_, count)| count).sum();
+        found.counts.rejected = found.counts.rejected.max(named);
         let factor = loaded.factor(&found);
         if let Some(tare) = &self.tare {
             tare.take_off(&mut found).map_err(|e| kept(&e))?;
         }
         self.known.apply(&mut found).map_err(|e| kept(&e))?;
         let mut report = RunReport::of_recording(self.started, self.output, &loaded, mcu);
+        report.asked = self.asked;
         report.factor = Some(factor);
         report.parameter_truth = self.parameter_truth;
         report.drift = self.same_pose.and_then(|spans| loaded.drift(spans, &found));

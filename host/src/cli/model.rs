@@ -81,7 +81,7 @@ pub(super) fn change(model: &mut Model, options: &ModelChanges) -> Result<(), Fa
 }
 
 fn check(arguments: &ModelCheck) -> Result<ExitCode, Failure> {
-    let checked = model::check::check(&arguments.file).map_err(Failure::input)?;
+    let checked = model::check::check(&arguments.model).map_err(Failure::input)?;
     if arguments.json {
         let findings: Vec<_> =
             checked.findings.iter().map(|f| json!({"place": f.place, "text": f.text})).collect();

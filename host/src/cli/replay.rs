@@ -71,6 +71,7 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
     Experiment {
         started,
         output: &arguments.output,
+        asked: arguments.stop.asked(&arguments.output.estimate),
         loaded: of_readings(&rig, given),
         mcu,
         is_filtered: true,

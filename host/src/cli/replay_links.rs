@@ -102,6 +102,7 @@ pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Res
     Experiment {
         started,
         output: &arguments.output,
+        asked: arguments.stop.asked(&arguments.output.estimate),
         loaded: Loaded::of_links(&given, model)?,
         mcu,
         is_filtered: two,

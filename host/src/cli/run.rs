@@ -176,6 +176,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     Experiment {
         started,
         output: &arguments.output,
+        asked: arguments.stop.asked(&arguments.output.estimate),
         loaded,
         mcu: "port",
         is_filtered: true,

@@ -22,6 +22,8 @@ pub(super) struct RunReport<'a> {
     pub(super) loaded: Option<&'a Loaded>,
     pub(super) standard: StandardOptions<'a>,
     pub(super) source: Source,
+    /// The parameters asked for; empty: all.
+    pub(super) asked: Vec<String>,
     /// The factor to keep: with the fixture in it and without what was known beforehand.
     pub(super) factor: Option<PooledFactor>,
     pub(super) parameter_truth: Option<&'a [f64]>,
@@ -59,6 +61,7 @@ impl<'a> RunReport<'a> {
         Self {
             started,
             output,
+            asked: output.estimate.clone(),
             rig,
             loaded: None,
             standard: StandardOptions::DEFAULT,
@@ -115,7 +118,7 @@ impl<'a> RunReport<'a> {
             body: self.rig.body.as_ref(),
             truth: self.rig.truth.as_ref(),
             parameter_truth: self.parameter_truth,
-            asked: &self.output.estimate,
+            asked: &self.asked,
             source: std::mem::take(&mut self.source),
             time_base,
             error: self.error.clone(),

@@ -1,19 +1,17 @@
 //! What is strange about the inertias of a robot description: impossible ones, and ones that are in another frame, unit
 //! or place than they should be.
 
-use std::path::Path;
-
 use nalgebra::{Matrix3, Vector3};
 use rigident_shared::inertia::InertialParameters;
 use rigident_shared::spatial::Body;
 use roxmltree::{Document, Node};
 
 use super::finding::{Finding, ModelError};
+use super::human::Person;
 use super::inertial::impossibility;
 use super::symmetry;
 use super::tree::Model;
 use super::urdf::{place, three};
-use super::write;
 use super::xml::{Language, child};
 
 /// Numbers that agree to this, relative, were copied or mirrored.
@@ -36,21 +34,18 @@ pub struct Checked {
     pub findings: Vec<Finding>,
 }
 
-/// Looks at a file.
+/// Looks at the model of a name, as [`super::open`] takes it; people are of the default height and mass.
 ///
 /// # Errors
 /// [`ModelError`] if it cannot be read as a tree.
-pub fn check(path: &Path) -> Result<Checked, ModelError> {
-    let text =
-        std::fs::read_to_string(path).map_err(|source| ModelError::Read { path: path.to_owned(), source })?;
-    let what = path.display().to_string();
-    let model = write::parse(&text, &what)?.model;
+pub fn check(name: &str) -> Result<Checked, ModelError> {
+    let (model, text) = super::read(name, &Person::default())?;
     // What is not read says nothing against what is.
     let is_of_links = |finding: &&Finding| !finding.text.starts_with(super::mjcf::NOT_USED);
     let mut findings: Vec<Finding> = model.findings.iter().filter(is_of_links).cloned().collect();
     findings.extend(sizes(&model));
     findings.extend(mirrored(&model));
-    if Language::of_text(&text) == Some(Language::Urdf) {
+    if let Some(text) = text.filter(|text| Language::of_text(text) == Some(Language::Urdf)) {
         findings.extend(outside(&text, &model));
     }
     Ok(Checked {

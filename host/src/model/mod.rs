@@ -44,9 +44,15 @@ pub use tree::{Mimic, Model, ModelLink};
 /// # Errors
 /// [`ModelError`] if there is none, or it cannot be used.
 pub fn open(name: &str, person: &human::Person) -> Result<(Model, bool), ModelError> {
+    let is_person = matches!(name, "human34" | "human58");
+    Ok((read(name, person)?.0, is_person))
+}
+
+/// Returns the model of a name and the text of its URDF, MJCF or SDF.
+fn read(name: &str, person: &human::Person) -> Result<(Model, Option<String>), ModelError> {
     match name {
-        "human34" => return Ok((person.human34()?, true)),
-        "human58" => return Ok((person.human58()?, true)),
+        "human34" => return Ok((person.human34()?, None)),
+        "human58" => return Ok((person.human58()?, None)),
         _ => {}
     }
     let path = Path::new(name);
@@ -54,9 +60,9 @@ pub fn open(name: &str, person: &human::Person) -> Result<(Model, bool), ModelEr
         return Err(ModelError::Unknown(name.to_owned()));
     }
     if path.extension().is_some_and(|e| e == "toml") {
-        return Ok((rig_links::read(path)?, false));
+        return Ok((rig_links::read(path)?, None));
     }
     let text =
         std::fs::read_to_string(path).map_err(|source| ModelError::Read { path: path.to_owned(), source })?;
-    Ok((write::parse(&text, &path.display().to_string())?.model, false))
+    Ok((write::parse(&text, &path.display().to_string())?.model, Some(text)))
 }

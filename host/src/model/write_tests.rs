@@ -237,7 +237,7 @@ fn strange_inertias_of_other_people_s_files_are_found() {
     let found = |name: &str, text: &str| -> Vec<String> {
         let path = place.path().join(name);
         std::fs::write(&path, text).unwrap();
-        check::check(&path).unwrap().findings.iter().map(ToString::to_string).collect()
+        check::check(path.to_str().unwrap()).unwrap().findings.iter().map(ToString::to_string).collect()
     };
     let link = |name: &str, com: &str, inertia: [f64; 3], size: &str| {
         format!(
@@ -318,7 +318,7 @@ fn links_of_tables_are_written_in_every_language_and_look_well() {
     for name in ["w.urdf", "w.xml", "w.sdf"] {
         let path = place.path().join(name);
         write::write(&model, None, &path).unwrap();
-        let checked = check::check(&path).unwrap();
+        let checked = check::check(path.to_str().unwrap()).unwrap();
         assert_eq!(checked.findings, [], "{name}");
         assert_eq!(checked.name, "two");
         let again = write::parse(&std::fs::read_to_string(&path).unwrap(), name).unwrap().model;
@@ -384,7 +384,7 @@ fn bodies_denser_or_thinner_than_anything_are_found_and_copies_turned_about_are_
         );
         let path = place.path().join("r.urdf");
         std::fs::write(&path, text).unwrap();
-        check::check(&path).unwrap().findings.iter().map(ToString::to_string).collect()
+        check::check(path.to_str().unwrap()).unwrap().findings.iter().map(ToString::to_string).collect()
     };
     let upside = "0 0 3.14159265358979";
     assert_eq!(found(2.0, 0.01, upside), Vec::<String>::new());

@@ -18,8 +18,6 @@ use self::columns::{Group, Known, TIME};
 pub use self::error::RecordingError;
 use crate::rig::{RigFile, WrenchSign};
 
-/// Equal readings that make a channel frozen.
-pub const FROZEN_AFTER: u16 = 50;
 /// Times agree with a stated rate if they differ by no more than this, relative.
 const RATE_TOLERANCE: f64 = 0.01;
 /// Stamps jitter if their standard deviation is this share of a period or more.
@@ -234,8 +232,10 @@ impl Recording {
             self.rate_hz = None;
             return Ok(self);
         }
-        self.rate_hz = measured_rate(&self.time_ns);
-        let (Some(measured), stated) = (self.rate_hz, self.rig.recording.rate_hz) else { return Ok(self) };
+        let (measured, stated) = (measured_rate(&self.time_ns), self.rig.recording.rate_hz);
+        // A single row measures none.
+        self.rate_hz = measured.or(stated);
+        let Some(measured) = measured else { return Ok(self) };
         if let Some(stated) = stated
             && (measured / stated - 1.0).abs() > RATE_TOLERANCE
         {

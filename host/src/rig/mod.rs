@@ -15,6 +15,9 @@ use serde::{Deserialize, Serialize};
 
 pub use read::RigFileError;
 
+/// Equal readings in a row that make a channel frozen, unless the rig file says otherwise.
+pub const FROZEN_AFTER: u16 = 50;
+
 /// The whole file. Everything may be absent.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -60,6 +63,8 @@ pub struct RecordingTable {
     /// Rows are still poses without time.
     #[serde(rename = "static")]
     pub is_static: bool,
+    /// Equal readings in a row that make a channel frozen; 0: never, as of a simulation without noise.
+    pub frozen_after: u16,
     /// Foreign names of the columns.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub columns: BTreeMap<String, ColumnSource>,
@@ -75,6 +80,7 @@ impl Default for RecordingTable {
             wrench_sign: WrenchSign::OnBody,
             gravity_mps2: 9.80665,
             is_static: false,
+            frozen_after: FROZEN_AFTER,
             columns: BTreeMap::new(),
             topics: BTreeMap::new(),
         }

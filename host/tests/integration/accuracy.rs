@@ -4,7 +4,7 @@
 use hexapod::experiment::thesis_program;
 use rigident::fit::{FILTER_WIDTH_S, row_every};
 use rigident::problem::body::Input;
-use rigident::recording::FROZEN_AFTER;
+use rigident::rig::FROZEN_AFTER;
 use rigident::simulated::{mounting, reading};
 use rigident_shared::Scalar;
 use rigident_shared::estimator::{Estimator, EstimatorConfig};

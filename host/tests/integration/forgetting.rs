@@ -11,7 +11,7 @@ use rigident::answer::result::{Measured, ParameterState};
 use rigident::fit::Fit;
 use rigident::problem::body::Input;
 use rigident::problem::body::imu_noise::imu_noise;
-use rigident::recording::FROZEN_AFTER;
+use rigident::rig::FROZEN_AFTER;
 use rigident::rig::ImuTable;
 use rigident::simulated::{mounting, reading};
 use rigident_shared::forgetting::Span;

@@ -7,7 +7,7 @@ use rigident::answer::result::ParameterState;
 use rigident::answer::{Answer, Context};
 use rigident::fit::Fit;
 use rigident::problem::body::Input;
-use rigident::recording::FROZEN_AFTER;
+use rigident::rig::FROZEN_AFTER;
 use rigident::simulated::{mounting, reading};
 use rigident_shared::calibration::Reading;
 use rigident_shared::screening::Limits;

@@ -27,6 +27,14 @@ pub struct StopCriterion {
 }
 
 impl StopCriterion {
+    /// Returns what is asked for: `estimate` if that names anything, else what is to become so certain.
+    pub(in crate::cli) fn asked(&self, estimate: &[String]) -> Vec<String> {
+        if !estimate.is_empty() {
+            return estimate.to_vec();
+        }
+        self.until.iter().filter_map(|word| Some(word.split_once('=')?.0.trim().to_owned())).collect()
+    }
+
     /// Puts it into the settings of a device that estimates these parameters, in this order.
     ///
     /// # Errors

@@ -20,12 +20,12 @@ pub enum ModelVerb {
 /// `rigident model check`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "Exit status 0 if nothing was found, 1 if something was, 2 if the file cannot be read as a tree.\n\nExamples:\n  \
+    after_help = "Exit status 0 if nothing was found, 1 if something was, 2 if the model cannot be read as a tree.\n\nExamples:\n  \
                         rigident model check robot.urdf\n  rigident model check robot.xml --json\n  rigident model check robot.sdf"
 )]
 pub struct ModelCheck {
-    /// A URDF, MJCF (.xml, .mjcf) or SDF
-    pub file: std::path::PathBuf,
+    /// The tree: human34, human58, a rig file (.toml), a URDF, MJCF (.xml, .mjcf) or SDF
+    pub model: String,
     /// Print one object on standard output, and nothing else there
     #[arg(long)]
     pub json: bool,

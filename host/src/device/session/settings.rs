@@ -5,7 +5,6 @@ use rigident_shared::wire::{
 
 use crate::fit::outliers;
 use crate::fit::{filter_width_s, row_every};
-use crate::recording::FROZEN_AFTER;
 use crate::rig::{Calibrated, ImuTable, OffsetTable, OffsetWord, RigFile};
 
 /// Estimates are sent at about this rate, 1/s.
@@ -121,7 +120,7 @@ pub fn settings(
             estimate_every_blocks: (blocks_per_s / ESTIMATE_RATE_HZ).round().clamp(1.0, 1000.0) as u16,
             stream_readings: timing.source == Source::Sensors,
         },
-        frozen_after: if timing.is_static { 0 } else { FROZEN_AFTER },
+        frozen_after: if timing.is_static { 0 } else { rig.recording.frozen_after },
         host_timeout_ms: timing.host_timeout_ms,
     })
 }

@@ -7,8 +7,8 @@ use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce, W
 use super::Input;
 use super::input_checks::{self, Implausible};
 use super::poses::{PoseError, calibrate_accelerometer, still_poses};
+use crate::recording::Recording;
 use crate::recording::columns::TIME;
-use crate::recording::{FROZEN_AFTER, Recording};
 use crate::rig::{Calibrated, ImuTable, OffsetTable, OffsetWord, RigFile};
 
 /// How far the mean rate of a still pose may be from rest, rad/s, and the specific force from its mean, m/s².
@@ -104,7 +104,7 @@ pub fn input(rig: &RigFile, readings: Vec<Reading<f64>>, is_static: bool, rate_h
             wrench: rig.load_cell.range_n_nm.unwrap_or(none.wrench),
             specific_force: imu.range_mps2.unwrap_or(none.specific_force),
             angular_rate: imu.range_radps.unwrap_or(none.angular_rate),
-            frozen_after: FROZEN_AFTER,
+            frozen_after: rig.recording.frozen_after,
         },
     }
 }

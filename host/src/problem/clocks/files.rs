@@ -8,7 +8,7 @@ use super::StreamError;
 use super::kernel::LEAST_SAMPLES;
 use crate::recording::columns::{Group, Known};
 use crate::recording::time::Time;
-use crate::recording::{FROZEN_AFTER, Recording, measured_rate};
+use crate::recording::{Recording, measured_rate};
 use crate::rig::{LoadCellTable, RecordingTable, RigFile, RotationMatrixTable, StreamTable};
 
 /// Units that columns of joints end with.
@@ -379,6 +379,10 @@ fn screen(stream: &mut Stream, rig: &RigFile, warnings: &mut Vec<String>) {
         if matches!(group, Group::Attitude(_)) {
             continue;
         }
+        let most = match rig.recording.frozen_after {
+            0 => usize::MAX,
+            after => usize::from(after),
+        };
         for (k, column) in columns.iter().enumerate() {
             let range = match group {
                 Group::Wrench => rig.load_cell.range_n_nm.and_then(|r| r.get(k).copied()),
@@ -390,7 +394,7 @@ fn screen(stream: &mut Stream, rig: &RigFile, warnings: &mut Vec<String>) {
             let mut row = 0;
             for equal in column.chunk_by(|a, b| a == b) {
                 // A quantity that is zero throughout is not measured at all.
-                let frozen = equal.len() > usize::from(FROZEN_AFTER) && equal.len() < column.len();
+                let frozen = equal.len() > most && equal.len() < column.len();
                 let beyond = equal.first().is_some_and(|v| v.abs() >= range);
                 for flag in bad.iter_mut().skip(row).take(equal.len()) {
                     *flag |= frozen || beyond;
@@ -404,8 +408,8 @@ fn screen(stream: &mut Stream, rig: &RigFile, warnings: &mut Vec<String>) {
         return;
     }
     warnings.push(format!(
-        "{}: {} rows are not used: a channel is beyond its range or repeats itself more than {FROZEN_AFTER} times",
-        stream.file, stream.discarded
+        "{}: {} rows are not used: a channel is beyond its range or repeats itself more than {} times",
+        stream.file, stream.discarded, rig.recording.frozen_after
     ));
     let mut keep = bad.iter().map(|b| !b);
     stream.time_ns.retain(|_| keep.next().unwrap_or(true));

@@ -8,7 +8,7 @@ use hexapod::BodyParameters;
 use hexapod::experiment::thesis_program;
 use nalgebra::{Matrix3, Vector3};
 use rigident::problem::body::Input;
-use rigident::recording::FROZEN_AFTER;
+use rigident::rig::FROZEN_AFTER;
 use rigident::simulated::{mounting, reading};
 use rigident_shared::screening::Limits;
 use rigident_sim::rig::{Readings, RigConfig};
