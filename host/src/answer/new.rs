@@ -102,6 +102,12 @@ impl Answer {
         answer.add_body(&judged, context.body);
         answer.truth = context.truth.filter(|_| is_body).map(|truth| true_body(truth, context.body));
         let impossible = answer.add_consistency(&judged, of_base);
+        if of_base.is_none() && base.as_ref().is_some_and(|(_, base)| base.rank > 0) {
+            answer.notes.push(
+                "physical consistency is not judged: the search for the nearest bodies did not converge"
+                    .to_owned(),
+            );
+        }
         answer.add_standard_parameters(&judged, &base, &impossible)?;
         answer.add_remarks(&judged, &context, impossible);
         let Context { source, time_base, error, tracking, drift, date, .. } = context;

@@ -13,7 +13,7 @@
 //! A wrench or torques with the wrong sign, gravity included, are recognised: then the negative of the estimate is in the
 //! cone.
 
-use nalgebra::{DMatrix, Matrix3};
+use nalgebra::{DMatrix, DVector, Matrix3};
 use rigident_shared::inertia::InertialParameters;
 use rigident_shared::spatial::{Body, Position};
 use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
@@ -86,10 +86,9 @@ impl PhysicalConsistency {
 /// Judges the base parameters of a tree; `None` if the search did not end. `model` is that of the base parameters.
 pub fn of_base_parameters(model: &Model, found: &BaseEstimate) -> Option<PhysicalConsistency> {
     let best = (&found.r * &found.values - &found.z).norm_squared();
-    let bodies: Vec<Parameters> = (0..found.base.standard.len() / 10)
-        .map(|k| made_up(model, found.base.standard.len() / 10, k))
-        .collect();
+    let links = found.base.standard.len() / 10;
     let rows = &found.r * found.base.map();
+    let bodies = of_size((0..links).map(|k| made_up(model, links, k)).collect(), &rows, found.z.norm());
     let freedoms = found.rank as f64;
     let distance = |sign: f64| {
         let mut problem = Problem {
@@ -108,6 +107,15 @@ pub fn of_base_parameters(model: &Model, found: &BaseEstimate) -> Option<Physica
         judged.reversed = distance(-1.0).is_some_and(|other| other.sqrt() < REVERSED * judged.distance_sd);
     }
     Some(judged)
+}
+
+/// Returns the bodies with all masses multiplied by what makes their rows as large as the right-hand side: the problem is then
+/// the same in every unit of mass.
+fn of_size(bodies: Vec<Parameters>, rows: &DMatrix<f64>, size: f64) -> Vec<Parameters> {
+    let all = DVector::from_iterator(rows.ncols(), bodies.iter().flatten().copied());
+    let factor = size / (rows * all).norm();
+    let factor = if factor.is_normal() { factor } else { 1.0 };
+    bodies.into_iter().map(|phi| phi.map(|v| v * factor)).collect()
 }
 
 /// Returns a ball of a kilogram about the middle of the `k`th of the last `seen` links.

@@ -33,6 +33,30 @@ fn what_bodies_have_is_possible_with_noise_and_without() {
     assert!(judged.is_consistent(), "{judged:?}");
 }
 
+/// The rows are linear in the masses: bodies a thousand times as heavy are as near, in standard deviations.
+#[test]
+fn the_unit_of_mass_does_not_matter() {
+    let two = two_links();
+    let distance = |scale: f64, turned: f64| {
+        let mut recording = two_link_recording(&two, 200.0, 20.0, Some(3));
+        recording.wrench.iter_mut().flatten().flatten().for_each(|v| *v *= turned * scale);
+        recording.rig.load_cell.noise_n_nm = recording.rig.load_cell.noise_n_nm.map(|n| n.map(|v| v * scale));
+        judge(&two, &recording)
+    };
+    for turned in [1.0, -1.0] {
+        let one = distance(1.0, turned);
+        for scale in [0.01, 100.0, 1000.0] {
+            let other = distance(scale, turned);
+            assert_eq!(other.is_consistent(), one.is_consistent(), "{scale} {other:?} {one:?}");
+            assert_eq!(other.reversed, one.reversed);
+            assert!(
+                (other.distance_sd - one.distance_sd).abs() < 0.01 + 0.01 * one.distance_sd,
+                "{other:?} {one:?}"
+            );
+        }
+    }
+}
+
 #[test]
 fn reversed_signs_are_recognised_and_other_mistakes_are_told() {
     let two = two_links();
