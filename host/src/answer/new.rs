@@ -76,7 +76,8 @@ impl Answer {
         let links = context.links.as_ref();
         let is_body = is_whole_body(fit);
         let base = links.filter(|_| !is_body).map(|links| (links, BaseEstimate::of(fit, links.base)));
-        let of_base = base.as_ref().and_then(|(links, base)| of_base_parameters(links.model, base));
+        let evenly = base.as_ref().map(|(links, base)| (links, base.evenly_widened(fit)));
+        let of_base = evenly.and_then(|(links, base)| of_base_parameters(links.model, &base));
         let reversed =
             if is_body { is_reversed(fit.data_alone()) } else { of_base.is_some_and(|p| p.reversed) };
         let judged = Judged { fit, states: states(fit, links, reversed), is_body, reversed };

@@ -66,6 +66,14 @@ impl<'a> BaseEstimate<'a> {
         }
     }
 
+    /// Returns the same of rows whose standard deviations are all as much larger; see [`Fit::evenly_widened`].
+    pub fn evenly_widened(&self, fit: &Fit) -> Self {
+        match &fit.solved {
+            Some(solved) => Self::of_factor(solved, self.base, 1.0, self.noise),
+            None => Self::of_factor(&fit.evenly_widened(), self.base, fit.noise.variance_scale, self.noise),
+        }
+    }
+
     /// Returns the base parameters of a factor whose covariance is to be multiplied by `variance_scale`.
     pub fn of_factor(factor: &Factor, base: &'a BaseParameters, variance_scale: f64, noise: Noise) -> Self {
         let count = base.parameters.len();

@@ -399,6 +399,7 @@ impl<'a> Engine<'a> {
             solved = solved.map(|rows| rows.inflate(&estimate.values, &by));
             estimate = estimate.inflate(&by);
         }
+        let widened = if by.iter().any(|by| *by > 1.0) { by.clone() } else { Vec::new() };
         for point in &mut convergence {
             for (measured, by) in point.parameters.iter_mut().zip(&by) {
                 if let Some(measured) = measured {
@@ -431,6 +432,7 @@ impl<'a> Engine<'a> {
             fingerprints: vec![self.source.fingerprint()],
             prior: None,
             inflation,
+            widened,
             signal_bias: bias,
             spurious_information,
             counts: Counts {

@@ -5,6 +5,7 @@ use rigident_shared::estimator::frames::TreeFactor;
 use rigident_shared::factor::InformationFactor;
 
 use super::Factor;
+use crate::fit::examples;
 
 /// Rows that no other file uses: a fixed pattern without symmetry.
 fn rows(count: usize, n: usize, seed: f64) -> (DMatrix<f64>, DVector<f64>) {
@@ -182,4 +183,18 @@ fn parameters_that_only_occur_together_are_not_determined() {
     let mut together: Vec<usize> = solution.null_directions.concat().iter().map(|l| l.0).collect();
     together.sort_unstable();
     assert_eq!(together, [1, 4, 5]);
+}
+
+#[test]
+fn evenly_widened_rows_are_those_before_their_parameters_own_factors() {
+    let mut fit = examples::Run::new(&examples::body(), &examples::truth(16), 60, 1.0, 3).fit();
+    let before = fit.factor.clone();
+    let by: Vec<f64> = (0..fit.estimate.len()).map(|j| 1.0 + 0.25 * j as f64).collect();
+    fit.factor = before.inflate(&fit.estimate.values, &by);
+    fit.widened = by;
+    let most = 1.0 + 0.25 * 15.0;
+    let (even, r) = (fit.evenly_widened(), before.r() / most);
+    assert!((even.r() - &r).norm() < 1e-12 * r.norm());
+    let z = even.z().iter().zip(before.z()).map(|(a, b)| (a - b / most).abs()).fold(0.0, f64::max);
+    assert!(z < 1e-9 * before.z().iter().fold(0.0_f64, |m, v| m.max(v.abs())), "{z}");
 }

@@ -399,6 +399,7 @@ impl PooledFactor {
                 disagreement,
             },
             inflation: Vec::new(),
+            widened: Vec::new(),
             signal_bias: Vec::new(),
             spurious_information: self.sources.iter().map(|s| s.spurious_information).sum(),
             residuals: Vec::new(),

@@ -159,6 +159,8 @@ pub struct Fit {
     pub noise: NoiseCheck,
     /// Factor on the standard deviation of each parameter for autocorrelated residuals; empty: none.
     pub inflation: Vec<f64>,
+    /// Factor by which [`Fit::factor`] holds each standard deviation larger for all that does not average out; empty: none.
+    pub widened: Vec<f64>,
     /// Error of each parameter that noise of the regressor's own signals is expected to make, counted in the intervals;
     /// empty: none was stated or found.
     pub signal_bias: Vec<f64>,
@@ -185,6 +187,19 @@ impl Fit {
     /// Returns the rows that the estimate from the data alone solves, whitened by their true σ.
     pub fn scaled_factor(&self) -> Factor {
         self.solved.clone().unwrap_or_else(|| self.factor.discount(self.noise.variance_scale))
+    }
+
+    /// Returns the factor with all standard deviations as much larger as the most that one parameter is.
+    ///
+    /// Factors that differ from parameter to parameter keep the estimate, also where it is next to undetermined: a direction
+    /// that is no parameter's own then claims what the rows do not say. Bodies have to be judged by the rows.
+    pub fn evenly_widened(&self) -> Factor {
+        let most = self.widened.iter().copied().fold(1.0, f64::max);
+        if most <= 1.0 {
+            return self.factor.clone();
+        }
+        let back: Vec<f64> = self.widened.iter().map(|by| 1.0 / by).collect();
+        self.factor.inflate(&self.data_alone().values, &back).discount(most * most)
     }
 
     /// Returns the largest factor on an interval for autocorrelated residuals; `None` if they are white.
