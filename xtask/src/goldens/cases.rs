@@ -198,6 +198,17 @@ pub const EXCEPTIONS: &[Exception] = &[
         what: "printed no longer: to",
         reason: "a last digit of the advice moves: the stated noise of the IMU is counted",
     },
+    Exception { case: "replay-until", what: "exit status 0", reason: "what --until names is what was asked" },
+    Exception {
+        case: "replay-until",
+        what: "status Some(\"identified\")",
+        reason: "what --until names is what was asked",
+    },
+    Exception {
+        case: "replay-until",
+        what: "standard error",
+        reason: "what --until names is what was asked",
+    },
     Exception {
         case: "demo-vertical",
         what: "printed no longer",
