@@ -14,7 +14,7 @@
 use nalgebra::DMatrix;
 
 use super::outliers::Weights;
-use super::{Autocorrelation, BlockResidual, Estimate, Filter, RowBlocks, parallel};
+use super::{Whitening, Autocorrelation, BlockResidual, Estimate, Filter, RowBlocks, parallel};
 
 /// A deviation this many standard deviations long is not chance: 6 channels, two tests, one false alarm in 1e4.
 const SIGNIFICANT: f64 = 4.5;
@@ -191,17 +191,17 @@ impl Influences {
 
 /// Returns the factor on the standard deviation of each parameter, 1 or more; 1 where nothing is determined.
 ///
-/// `estimate` is that of white noise, from rows whitened by `sigma` with the `weights` of outliers; `variance` is that of
+/// `estimate` is that of white noise, from rows whitened with the `weights` of outliers; `variance` is that of
 /// each channel before the filter that its covariance assumes.
 pub fn inflation(
     blocks: &dyn RowBlocks,
     estimate: &Estimate,
-    sigma: &[f64],
+    whitening: &Whitening,
     weights: &Weights,
     variance: &[f64],
     coloured: &[Coloured],
 ) -> Vec<f64> {
-    let (n, channels) = (estimate.len(), sigma.len());
+    let (n, channels) = (estimate.len(), whitening.channels());
     let filter = blocks.filter();
     let white = filter.white_autocovariance();
     let noise = Noise { white, variance, coloured, row_period_s: filter.row_period_s() };
@@ -212,6 +212,7 @@ pub fn inflation(
             gain.row_mut(j).fill(0.0);
         }
     }
+    let information = whitening.information() / f64::from(filter.every);
     let pieces = pieces(blocks, &noise, n);
     let parts: Vec<Influences> = parallel::map(parallel::threads(), pieces.len(), |k| {
         let mut part = Influences::new(&noise, n);
@@ -219,10 +220,10 @@ pub fn inflation(
         for block in pieces.get(k).cloned().unwrap_or_default() {
             blocks.write(block, rows.as_mut_slice(), &mut measured);
             let own = weights.of_block(block);
-            for (c, (mut row, sigma)) in rows.column_iter_mut().zip(sigma).enumerate() {
-                row *= own.get(c).copied().unwrap_or(1.0) / (sigma * sigma);
+            for (mut row, weight) in rows.column_iter_mut().zip(own) {
+                row *= *weight;
             }
-            let influence = &gain * &rows;
+            let influence = &gain * &rows * &information;
             part.take(blocks.time_s(block), |sum| {
                 for (sum, p) in sum.iter_mut().zip(influence.iter()) {
                     *sum += p;

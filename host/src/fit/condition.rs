@@ -10,7 +10,7 @@ use std::ops::Range;
 use rigident_shared::conditioning::{Kernel, KernelError};
 use rigident_shared::screening::Rejection;
 
-use super::{Factor, FitError, Progress, RowSource, SampleRows, Timing};
+use super::{Factor, FitError, Progress, RowSource, SampleRows, Timing, Whitener, Whitening};
 
 /// Width of the FIR where samples are frequent enough, s; see [`filter_width_s`].
 pub const FILTER_WIDTH_S: f64 = 0.1;
@@ -80,6 +80,21 @@ impl Filter {
         f64::from(self.every) * self.noise_gain
     }
 
+    /// Returns the autocovariance of the rows for white noise of unit variance that is differentiated, 1/s², at the lags of
+    /// [`Filter::white_autocovariance`]; zeros without a filter.
+    pub fn derivative_autocovariance(&self) -> Vec<f64> {
+        let at = |k: isize| usize::try_from(k).ok().and_then(|k| self.response.get(k)).copied().unwrap_or(0.0);
+        let count = self.response.len() as isize;
+        let slope: Vec<f64> = (-1..=count).map(|k| 0.5 * self.rate_hz * (at(k + 1) - at(k - 1))).collect();
+        let square: f64 = slope.iter().map(|s| s * s).sum();
+        // As the kernel's own derivative has it.
+        let scale = if square > 0.0 { self.derivative_noise_gain / square } else { 0.0 };
+        (0..self.response.len())
+            .step_by(usize::from(self.every).max(1))
+            .map(|lag| scale * slope.iter().zip(slope.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>())
+            .collect()
+    }
+
     /// Returns the time between row blocks, s; zero without a filter.
     pub fn row_period_s(&self) -> f64 {
         if self.rate_hz > 0.0 { f64::from(self.every) / self.rate_hz } else { 0.0 }
@@ -137,13 +152,13 @@ pub trait RowBlocks: Send + Sync {
 
     /// Returns the factor of some blocks.
     ///
-    /// Rows are multiplied by `whitening`, one number a channel, and by `weights`, one a channel and block of the whole
-    /// recording, where there are any. The number of parameters is `parameters`.
+    /// Rows are multiplied by `weights`, one a channel and block of the whole recording, where there are any, then by
+    /// `whitening`. The number of parameters is `parameters`.
     fn absorb(
         &self,
         blocks: Range<usize>,
         parameters: usize,
-        whitening: &[f64],
+        whitening: &Whitening,
         weights: Option<&[f64]>,
     ) -> Factor {
         absorb(self, blocks, parameters, whitening, weights)
@@ -171,14 +186,17 @@ pub fn absorb<B: RowBlocks + ?Sized>(
     blocks: &B,
     range: Range<usize>,
     parameters: usize,
-    whitening: &[f64],
+    whitening: &Whitening,
     weights: Option<&[f64]>,
 ) -> Factor {
-    let channels = whitening.len();
+    let channels = whitening.channels();
     let mut factor = Factor::new(parameters);
+    let mut whitener = Whitener::new(whitening, parameters);
     let mut rows = vec![0.0; CHUNK * channels * parameters];
     let mut values = vec![0.0; CHUNK * channels];
-    let mut start = range.start;
+    // The low-pass comes from the blocks before, as far as they are of the same part.
+    let first = blocks.parts().iter().find(|part| part.contains(&range.start)).map_or(range.start, |p| p.start);
+    let mut start = range.start.saturating_sub(whitening.lead()).max(first);
     while start < range.end {
         let end = range.end.min(start + CHUNK);
         let own_rows = rows.chunks_exact_mut((channels * parameters).max(1));
@@ -186,15 +204,12 @@ pub fn absorb<B: RowBlocks + ?Sized>(
         for (block, (rows, values)) in (start..end).zip(own_rows.zip(own_values)) {
             blocks.write(block, rows, values);
             let of_block = weights.and_then(|w| w.get(block * channels..(block + 1) * channels));
-            let lines = rows.chunks_exact_mut(parameters.max(1)).zip(values);
-            for (c, ((row, value), whitening)) in lines.zip(whitening).enumerate() {
-                let weight = whitening * of_block.and_then(|w| w.get(c)).copied().unwrap_or(1.0);
-                row.iter_mut().for_each(|v| *v *= weight);
-                *value *= weight;
-            }
+            whitener.apply(blocks.time_s(block), rows, values, of_block);
         }
+        let skipped = range.start.saturating_sub(start).min(end - start) * channels;
         let count = (end - start) * channels;
-        factor.absorb(rows.chunks_exact(parameters.max(1)).zip(values.iter().copied()).take(count));
+        let lines = rows.chunks_exact(parameters.max(1)).zip(values.iter().copied());
+        factor.absorb(lines.take(count).skip(skipped));
         start = end;
     }
     factor

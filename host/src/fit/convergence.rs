@@ -1,7 +1,7 @@
 //! The estimate as rows come in, on the way to the one that a fit ends at.
 
 use super::gains::ChannelFactors;
-use super::{BlockResidual, Channel, Convergence, Estimate, Factor, Noise, RowBlocks, parallel};
+use super::{BlockResidual, Channel, Convergence, Estimate, Factor, Noise, RowBlocks, Whitening, parallel};
 
 /// Operations that all points together may take, in cubes of the number of parameters.
 const MOST_CUBES: f64 = 2e7;
@@ -23,7 +23,9 @@ pub(super) struct Way<'a> {
     pub(super) blocks: &'a dyn RowBlocks,
     pub(super) parameters: usize,
     pub(super) rounding: f64,
-    pub(super) whitening: Vec<f64>,
+    pub(super) whitening: &'a Whitening,
+    /// What multiplies each channel where gains are uncertain.
+    pub(super) channel_weights: Vec<f64>,
     pub(super) weights: Option<&'a [f64]>,
     /// Where gains are uncertain.
     pub(super) channels: Option<&'a [Channel]>,
@@ -41,7 +43,7 @@ enum Rows<'a> {
 impl<'a> Way<'a> {
     fn rows(&self, range: std::ops::Range<usize>) -> Rows<'a> {
         match self.channels {
-            None => Rows::All(self.blocks.absorb(range, self.parameters, &self.whitening, self.weights)),
+            None => Rows::All(self.blocks.absorb(range, self.parameters, self.whitening, self.weights)),
             Some(channels) => {
                 Rows::ByChannel(ChannelFactors::of_range(self.blocks, range, self.parameters, channels))
             }
@@ -52,7 +54,7 @@ impl<'a> Way<'a> {
         match rows {
             Rows::All(factor) => Estimate::new(factor, self.rounding, self.scale, self.noise),
             Rows::ByChannel(factors) => {
-                let (factor, _) = factors.fit(&self.whitening, self.rounding);
+                let (factor, _) = factors.fit(&self.channel_weights, self.rounding);
                 Estimate::new(&factor, self.rounding, self.scale, self.noise)
             }
         }

@@ -1,5 +1,6 @@
 //! The fit of a source's rows: weights, nuisance parameters, outliers, autocorrelation, forgetting.
 
+use nalgebra::DMatrix;
 use rigident_shared::forgetting::Span;
 
 use super::autocorrelation::{self, Coloured};
@@ -8,15 +9,22 @@ use super::convergence;
 use super::forgetting::Memory;
 use super::gains::ChannelFactors;
 use super::outliers::{self, Reference, Watch, Weights};
+use super::compensation::compensate;
 use super::residuals::{measured_rms, raw_sigma, residuals, rms};
+use super::signal_noise::RowNoise;
+use super::variance_components::explain;
 use super::{
     BlockResidual, ChannelFit, Convergence, Counts, DeviceFactor, Estimate, Factor, Fit, FitError,
-    FitOptions, Forgotten, Kind, Noise, NoiseCheck, Progress, RowBlocks, RowSet, RowSource, judge, parallel,
-    signal_noise,
+    FitOptions, Forgotten, Kind, Noise, NoiseCheck, Progress, RowBlocks, RowSet, RowSource, SignalNoise,
+    Whitening, judge, parallel,
 };
 
 /// Rounds of weights from residuals where no σ is stated: from the unweighted fit, then once more.
 const SIGMA_ROUNDS: usize = 2;
+/// Rounds of the full covariance in the estimate.
+const GLS_ROUNDS: usize = 3;
+/// A parameter counts in the covariance of the noise if it differs from zero by so many standard deviations.
+const SIGNIFICANT_SD: f64 = 2.0;
 
 /// A moment of inertia whose information is less than so many times what noise of the rates alone would bring is not
 /// informed: noise in a coefficient attenuates the estimate by the inverse of this ratio.
@@ -71,7 +79,15 @@ pub fn fit_device(
     if !device.is_filtered && engine.channel_factors.is_none() {
         engine.row_noise_gain = 1.0;
     }
-    let pass = Pass { sigma, factor: device.factor.clone(), weights: engine.no_weights() };
+    let whitening = Whitening::diagonal(&engine.weights_of(&sigma, 1.0));
+    let pass = Pass {
+        total: sigma.clone(),
+        signals: Vec::new(),
+        sigma,
+        whitening,
+        factor: device.factor.clone(),
+        weights: engine.no_weights(),
+    };
     let mut conclusion = engine.conclude(&pass, device.sigma_given, options.forgetting.is_none());
     if let Some(span) = options.forgetting {
         engine.restrict(&mut conclusion, span, &pass.sigma);
@@ -89,7 +105,7 @@ pub fn fit_device(
 /// A source with its row blocks.
 struct Engine<'a> {
     source: &'a dyn RowSource,
-    blocks: Box<dyn RowBlocks + 'a>,
+    blocks: Box<dyn RowBlocks>,
     options: FitOptions,
     parameters: usize,
     /// Root mean square of the filtered measurements.
@@ -97,11 +113,19 @@ struct Engine<'a> {
     channel_factors: Option<ChannelFactors<'a>>,
     row_noise_gain: f64,
     limit: f64,
+    /// Noise of the signals in the rows.
+    noise: Option<RowNoise>,
 }
 
 /// Rows absorbed.
 struct Pass {
+    /// σ of the channels.
     sigma: Vec<f64>,
+    /// The same with what noise of the signals leaves in the residuals.
+    total: Vec<f64>,
+    /// 1 σ of the signals' noise, by groups.
+    signals: Vec<f64>,
+    whitening: Whitening,
     /// Gain errors not eliminated.
     factor: Factor,
     weights: Weights,
@@ -146,7 +170,12 @@ impl<'a> Engine<'a> {
         };
         // Gain errors exceed the noise.
         let uncertain = channels.iter().any(|c| c.gain_sigma > 0.0);
+        let noise = match (&channel_factors, options.forgetting) {
+            (None, None) => RowNoise::of(source, &*blocks)?,
+            _ => None,
+        };
         Ok(Self {
+            noise,
             source,
             options,
             parameters,
@@ -199,28 +228,117 @@ impl<'a> Engine<'a> {
     }
 
     /// Returns what multiplies the rows of each channel where the noise's variance is `scale` times as large.
-    fn whitening(&self, sigma: &[f64], scale: f64) -> Vec<f64> {
+    fn weights_of(&self, sigma: &[f64], scale: f64) -> Vec<f64> {
         let root = (f64::from(self.blocks.filter().every) / scale).sqrt();
         sigma.iter().map(|s| root / s).collect()
     }
 
     fn absorb(&self, sigma: Vec<f64>, reference: Option<&Reference>) -> Pass {
-        let blocks = &*self.blocks;
         let weights = match reference {
-            Some(reference) => Weights::of(blocks, reference, &sigma),
+            Some(reference) => Weights::of(&*self.blocks, reference, &sigma),
             None => self.no_weights(),
         };
-        let whitening = self.whitening(&sigma, 1.0);
+        let whitening = Whitening::diagonal(&self.weights_of(&sigma, 1.0));
+        let factor = self.factor_of(&whitening, &weights);
+        Pass { total: sigma.clone(), signals: Vec::new(), sigma, whitening, factor, weights }
+    }
+
+    fn factor_of(&self, whitening: &Whitening, weights: &Weights) -> Factor {
+        let blocks = &*self.blocks;
         let parts = parallel::map(parallel::threads(), blocks.parts().len(), |k| {
             let part = blocks.parts().get(k).cloned().unwrap_or_default();
-            blocks.absorb(part, self.parameters, &whitening, weights.as_slice())
+            blocks.absorb(part, self.parameters, whitening, weights.as_slice())
         });
         let mut factor = Factor::new(self.parameters);
         let several = parts.len() > 1;
         for part in parts {
             if several { factor.merge(&part) } else { factor = part }
         }
-        Pass { sigma, factor, weights }
+        factor
+    }
+
+    /// Weighs the rows by the covariance of all noise, and takes off what noise in the coefficients adds.
+    fn refine(&self, pass: Pass, sigma_given: bool) -> Pass {
+        let Some(noise) = &self.noise else { return pass };
+        let (channels, n) = (pass.sigma.len(), self.parameters);
+        let filter = self.blocks.filter();
+        let mut pass = pass;
+        for _ in 0..GLS_ROUNDS {
+            let estimate = self.estimate(&pass.factor, 1.0, Noise::Given);
+            let phi = self.significant(&estimate, pass.signals.is_empty(), &pass.sigma);
+            let spectra = noise.spectra(&phi, channels, filter);
+            let rise = filter.derivative_noise_gain / filter.noise_gain;
+            let spread: Vec<_> = spectra.iter().map(|s| &s.white + &s.rising * rise).collect();
+            let groups: Vec<_> = noise.groups().cloned().collect();
+            let mut signals: Vec<f64> = groups.iter().map(|g| g.stated.unwrap_or(g.found)).collect();
+            let mut sigma = pass.sigma.clone();
+            if !sigma_given {
+                let left = self.residual_covariance(&pass, &estimate);
+                let count = self.blocks.len() as f64 * filter.row_noise_gain().min(1.0);
+                (sigma, signals) = shares_of_noise(&left, &spread, &groups, &sigma, count);
+            }
+            let mut white = DMatrix::from_fn(channels, channels, |i, j| {
+                if i == j { sigma[i] * sigma[i] } else { 0.0 }
+            });
+            let mut rising = DMatrix::zeros(channels, channels);
+            for (spectrum, sigma) in spectra.iter().zip(&signals) {
+                white += &spectrum.white * (sigma * sigma);
+                rising += &spectrum.rising * (sigma * sigma);
+            }
+            let covariance = &white + &rising * rise;
+            let every = f64::from(filter.every);
+            let Some(whitening) = Whitening::of_spectrum(&white, &rising, every, filter.row_period_s()) else {
+                return pass;
+            };
+            let raw = self.factor_of(&whitening, &pass.weights);
+            let gram = noise.gram(&whitening, n, &signals);
+            pass = Pass {
+                factor: compensate(&raw, &gram, self.source.rounding()),
+                total: (0..channels).map(|c| covariance[(c, c)].sqrt()).collect(),
+                sigma,
+                signals,
+                whitening,
+                weights: pass.weights,
+            };
+        }
+        pass
+    }
+
+    /// Returns the values that the rows say something of, the others zero; in the `first` round noise of the rates is in the
+    /// estimate still.
+    fn significant(&self, estimate: &Estimate, first: bool, sigma: &[f64]) -> Vec<f64> {
+        let informed = if first {
+            self.without_spurious(estimate, self.spurious_information(sigma)).values
+        } else {
+            estimate.values.clone()
+        };
+        let values = informed.into_iter().enumerate();
+        values
+            .map(|(j, value)| {
+                let known = estimate.is_determined(j)
+                    && (first || value.abs() > SIGNIFICANT_SD * estimate.covariance[(j, j)].max(0.0).sqrt());
+                if known { value } else { 0.0 }
+            })
+            .collect()
+    }
+
+    /// Returns the covariance of the residuals per sample, C × C.
+    fn residual_covariance(&self, pass: &Pass, estimate: &Estimate) -> DMatrix<f64> {
+        let channels = pass.sigma.len();
+        let residuals = self.residuals(&estimate.values, &vec![0.0; channels], &pass.weights);
+        let per_channel = estimate.rank() as f64 / channels.max(1) as f64;
+        let filter = self.blocks.filter();
+        let dof = (residuals.len() as f64 * filter.row_noise_gain().min(1.0) - per_channel).max(1.0);
+        let left = dof / (dof + per_channel);
+        let mut sum = DMatrix::zeros(channels, channels);
+        for residual in &residuals {
+            for i in 0..channels {
+                for j in 0..channels {
+                    sum[(i, j)] += residual.weighted(i) * residual.weighted(j);
+                }
+            }
+        }
+        sum / (residuals.len().max(1) as f64 * filter.noise_gain * left)
     }
 
     /// Returns the factor with the gain errors eliminated, the noise's variance taken `scale` times as large beside their
@@ -229,7 +347,7 @@ impl<'a> Engine<'a> {
         match &self.channel_factors {
             None => (pass.factor.clone(), vec![0.0; pass.sigma.len()]),
             Some(factors) => {
-                let whitening = self.whitening(&pass.sigma, scale);
+                let whitening = self.weights_of(&pass.sigma, scale);
                 let (factor, gains) = factors.fit(&whitening, self.source.rounding());
                 (factor, gains)
             }
@@ -259,6 +377,7 @@ impl<'a> Engine<'a> {
                 pass = self.absorb(self.sigma_from_residuals(&pass), None);
             }
         }
+        pass = self.refine(pass, sigma_given);
         let mut conclusion = self.conclude(&pass, sigma_given, true);
         for _ in 0..outliers::MOST_ROUNDS {
             if conclusion.outliers.iter().all(|count| *count == 0) {
@@ -269,6 +388,7 @@ impl<'a> Engine<'a> {
             if !sigma_given {
                 pass = self.absorb(self.sigma_from_residuals(&pass), Some(&reference));
             }
+            pass = self.refine(pass, sigma_given);
             conclusion = self.conclude(&pass, sigma_given, true);
         }
         let convergence = self.convergence(&pass, &conclusion);
@@ -315,7 +435,7 @@ impl<'a> Engine<'a> {
         }
         let estimate = Estimate { covariance: &unscaled.covariance * scale, noise, ..unscaled.clone() };
         let reference = Reference::of(&estimate, check.variance_ratio, self.limit);
-        let weights = Weights::of(&*self.blocks, &reference, &pass.sigma);
+        let weights = Weights::of(&*self.blocks, &reference, &pass.total);
         let residuals = self.residuals(&estimate.values, &gains, &weights);
         let mut conclusion = Conclusion {
             factor,
@@ -332,7 +452,7 @@ impl<'a> Engine<'a> {
             coloured: Vec::new(),
             share: 1.0,
         };
-        conclusion.coloured = self.coloured(&conclusion.residuals, &pass.sigma, &conclusion.check);
+        conclusion.coloured = self.coloured(&conclusion.residuals, &pass.total, &conclusion.check);
         conclusion
     }
 
@@ -351,7 +471,8 @@ impl<'a> Engine<'a> {
             blocks: &*self.blocks,
             parameters: self.parameters,
             rounding: self.source.rounding(),
-            whitening: self.whitening(&pass.sigma, if self.channel_factors.is_some() { scale } else { 1.0 }),
+            whitening: &pass.whitening,
+            channel_weights: self.weights_of(&pass.sigma, scale),
             weights: pass.weights.as_slice(),
             channels: self.channel_factors.as_ref().map(|_| self.source.channels()),
             scale: if self.channel_factors.is_some() { 1.0 } else { scale },
@@ -368,24 +489,23 @@ impl<'a> Engine<'a> {
         mut convergence: Vec<Convergence>,
         forgetting: Option<Span<f64>>,
     ) -> Result<Fit, FitError> {
-        let Conclusion { mut factor, mut solved, mut estimate, unscaled, check, .. } = conclusion;
+        let Conclusion { mut factor, mut solved, mut estimate, check, .. } = conclusion;
         let sigma = pass.sigma;
-        let variance: Vec<f64> = sigma.iter().map(|s| s * s * check.variance_scale).collect();
+        let variance: Vec<f64> = pass.total.iter().map(|s| s * s * check.variance_scale).collect();
         let mut inflation = Vec::new();
         if !conclusion.coloured.is_empty() && forgetting.is_none() {
             let coloured = &conclusion.coloured;
             inflation = autocorrelation::inflation(
                 &*self.blocks,
                 &estimate,
-                &sigma,
+                &pass.whitening,
                 &conclusion.weights,
                 &variance,
                 coloured,
             );
         }
         let spurious_information = conclusion.share * self.spurious_information(&sigma);
-        let informed = self.without_spurious(&unscaled, spurious_information);
-        let bias = signal_noise::bias(self.source, &*self.blocks, &informed, &sigma)?.unwrap_or_default();
+        let bias: Vec<f64> = Vec::new();
         let by: Vec<f64> = (0..self.parameters)
             .map(|j| {
                 let white = estimate.covariance[(j, j)].max(0.0).sqrt();
@@ -532,12 +652,12 @@ impl Engine<'_> {
         let filter = blocks.filter();
         let noise = match self.source.coefficient_noise(filter, &sigma) {
             Some(noise) => noise,
-            None => signal_noise::coefficient_noise(self.source, &sigma)?,
+            None => vec![0.0; n],
         };
         let (Span::TimeConstant(span_s) | Span::Window(span_s)) = span;
         let mut memory = Memory::new(span, filter, noise, channels)
             .ok_or(FitError::Forgetting { span_s, width_s: filter.width_s })?;
-        let whitening = self.whitening(&sigma, 1.0);
+        let whitening = Whitening::diagonal(&self.weights_of(&sigma, 1.0));
         let every = convergence::every(blocks, self.options.convergence_points, n);
         let mut watch = Watch::new(&sigma, filter.noise_gain);
         let mut weights = Weights::none(channels);
@@ -587,7 +707,42 @@ impl Engine<'_> {
         }
         let mut factor = memory.factor();
         factor.merge(&blocks.absorb(waiting..blocks.len(), n, &whitening, weights.as_slice()));
-        Ok((Pass { sigma, factor, weights }, points))
+        let pass = Pass { total: sigma.clone(), signals: Vec::new(), sigma, whitening, factor, weights };
+        Ok((pass, points))
+    }
+}
+
+/// Returns σ of the channels and of the signals by groups that explain the covariance of residuals.
+///
+/// What is stated counts as stated. The rest of the groups explain what is beside the diagonal, by least squares, as far as
+/// differences of their signals allow; the channels have what is left on it.
+fn shares_of_noise(
+    left: &DMatrix<f64>,
+    spread: &[DMatrix<f64>],
+    groups: &[SignalNoise],
+    sigma: &[f64],
+    count: f64,
+) -> (Vec<f64>, Vec<f64>) {
+    let channels = left.nrows();
+    let own = |c: usize| DMatrix::from_fn(channels, channels, |i, j| f64::from(u8::from(i == c && j == c)));
+    let components: Vec<DMatrix<f64>> = (0..channels).map(own).chain(spread.iter().cloned()).collect();
+    let mut signals: Vec<f64> = groups.iter().map(|g| g.stated.unwrap_or(g.found)).collect();
+    let of = |signals: &[f64]| -> Vec<f64> { sigma.iter().chain(signals).map(|s| s * s).collect() };
+    let mut free: Vec<bool> = (0..channels).map(|_| true).collect();
+    free.extend(groups.iter().map(|g| g.stated.is_none()));
+    // What differences show is no less than the noise; vibration is more.
+    if let Some(found) = explain(left, &components, &of(&signals), &free, count) {
+        for (k, (sigma, group)) in signals.iter_mut().zip(groups).enumerate() {
+            if group.stated.is_none() {
+                let k = channels + k;
+                *sigma = (found.variance[k] + 3.0 * found.deviation[k]).sqrt().min(*sigma);
+            }
+        }
+    }
+    free[channels..].fill(false);
+    match explain(left, &components, &of(&signals), &free, count) {
+        Some(found) => (found.variance[..channels].iter().map(|v| v.sqrt()).collect(), signals),
+        None => (sigma.to_vec(), signals),
     }
 }
 

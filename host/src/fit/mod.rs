@@ -4,6 +4,7 @@
 //! [`Factor`] by [`fit()`]; every question is a function of the factor. This room knows nothing of files, bodies or screens.
 
 pub mod autocorrelation;
+mod compensation;
 pub mod condition;
 mod convergence;
 mod engine;
@@ -32,6 +33,8 @@ mod signal_noise;
 mod source;
 mod standard;
 pub mod tare;
+mod variance_components;
+mod whitening;
 
 pub use condition::{
     ESTIMATOR_TAPS, FILTER_WIDTH_S, Filter, RowBlocks, SampleCounts, filter_width_s, row_every,
@@ -49,4 +52,5 @@ pub use result::{
     Autocorrelation, BlockResidual, ChannelFit, Convergence, Counts, Fit, Forgotten, NoiseCheck, Prior,
     PriorStatement,
 };
-pub use source::{RowSource, SampleRows, Timing};
+pub use source::{RowSource, SampleRows, SignalNoise, Timing};
+pub use whitening::{Whitener, Whitening};

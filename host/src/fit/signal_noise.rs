@@ -1,130 +1,192 @@
 //! Noise of the signals that coefficients are made of: it stands in the rows, and does not average out there.
 //!
-//! Rows `Y + Δ` in place of Y move the estimate by `−(RᵀR)⁻¹ (Y + Δ)ᵀ W Δ φ`. The expectation is of second order in the
-//! noise: `ΔᵀWΔ`, which draws the estimate to zero, and the mean that Δ has where signals occur in products. Both are found
-//! by noise of the same size that is added once more, with either sign: what is of first order cancels in the mean of the
-//! two. (J. Cook, L. Stefanski, J. American Statistical Association 89 (428), 1994, extrapolate in the same way.) The
-//! answer is not moved back, as σ is known by its order only: intervals count the whole of it.
+//! With rows `A + Δ` in place of A, the residual of the truth is `w − Δ φ`: its covariance has, beside that of the measured
+//! side, `Σ_s(φ) = E[Δφ (Δφ)ᵀ]`, which weights are made of. And the normal equations have the expectation
+//! `K = E[Δᵀ W Δ]` too much, which draws the estimate to zero; it is taken off (T. Söderström, Errors-in-Variables Methods
+//! in System Identification, 2018, bias-eliminating least squares). Both are found by noise of the same size and either sign
+//! that is added once more: half the difference of the two filtered recordings is Δ to third order, whatever the source.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
-use super::{Estimate, FitError, RowBlocks, RowSource, Silent};
+use super::{Filter, FitError, RowBlocks, RowSource, SignalNoise, Silent, Whitener, Whitening};
 
 /// Longer recordings are looked at in their middle.
 const LONGEST: usize = 20_000;
+/// Shorter ones are looked at so often that there are about as many row blocks.
+const LEAST_BLOCKS: usize = 2_000;
+/// Most repetitions.
+const MOST_REPETITIONS: usize = 8;
 
-/// Row blocks of the source's middle: as they are, and with noise of either sign.
-struct Noisy<'a> {
-    /// Parts of the recording that the middle stands for.
+/// Noise in the rows of a source, by groups of signals.
+pub(super) struct RowNoise {
+    groups: Vec<Group>,
+    /// Row blocks of the whole recording for each that is looked at.
     share: f64,
-    quiet: Quiet<'a>,
-    noisy: [Box<dyn RowBlocks + 'a>; 2],
 }
 
-enum Quiet<'a> {
-    All(&'a dyn RowBlocks),
-    Middle(Box<dyn RowBlocks + 'a>),
+struct Group {
+    noise: SignalNoise,
+    repetitions: Vec<Difference>,
 }
 
-/// Returns the expected error of every parameter from noise of the signals, zero where nothing determines it; `None` if the
-/// source's signals have no noise that is known. `covariance` of `estimate` is that of rows whitened by `sigma`, not scaled.
-///
-/// # Errors
-/// [`FitError`] if the middle of a recording cannot be filtered.
-pub(super) fn bias(
-    source: &dyn RowSource,
-    blocks: &dyn RowBlocks,
-    estimate: &Estimate,
-    sigma: &[f64],
-) -> Result<Option<Vec<f64>>, FitError> {
-    let samples = source.samples();
-    let from = samples.saturating_sub(LONGEST) / 2;
-    let middle = from..samples.min(from + LONGEST);
-    let with = |scale: f64| source.with_signal_noise(middle.clone(), scale);
-    let (Some(more), Some(less)) = (with(1.0), with(-1.0)) else { return Ok(None) };
-    let all = middle.len() == samples;
-    let same = if all { None } else { with(0.0) };
-    let quiet = match &same {
-        None => Quiet::All(blocks),
-        Some(same) => Quiet::Middle(same.condition(&Silent)?),
-    };
-    let noisy = Noisy {
-        share: samples as f64 / middle.len().max(1) as f64,
-        quiet,
-        noisy: [more.condition(&Silent)?, less.condition(&Silent)?],
-    };
-    let n = estimate.len();
-    let pull = noisy.pull(estimate, sigma);
-    let moved = &estimate.covariance * DVector::from_vec(pull);
-    Ok(Some((0..n).map(|j| if estimate.is_determined(j) { -moved[j] } else { 0.0 }).collect()))
+/// Rows that noise of unit σ makes.
+struct Difference {
+    more: Box<dyn RowBlocks>,
+    less: Box<dyn RowBlocks>,
+    scale: f64,
 }
 
-/// Returns the root mean square, per row whitened by `sigma`, of what noise of the signals brings to the coefficients of
-/// each parameter; zeros if the signals have no noise that is known.
-///
-/// # Errors
-/// [`FitError`] if the middle of a recording cannot be filtered.
-pub(super) fn coefficient_noise(source: &dyn RowSource, sigma: &[f64]) -> Result<Vec<f64>, FitError> {
-    let n = source.parameters().len();
-    let samples = source.samples();
-    let from = samples.saturating_sub(LONGEST) / 2;
-    let middle = from..samples.min(from + LONGEST);
-    let with = |scale: f64| source.with_signal_noise(middle.clone(), scale);
-    let (Some(more), Some(same)) = (with(1.0), with(0.0)) else { return Ok(vec![0.0; n]) };
-    let (noisy, quiet) = (more.condition(&Silent)?, same.condition(&Silent)?);
-    let mut sums = vec![0.0; n];
-    let mut rows = 0.0;
-    let every = f64::from(noisy.filter().every);
-    for_pairs(&*noisy, &*quiet, n, sigma.len(), |a, b| {
-        for ((a, b), sigma) in a.chunks_exact(n.max(1)).zip(b.chunks_exact(n.max(1))).zip(sigma) {
-            rows += 1.0;
-            for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
-                *sum += every * ((a - b) / sigma).powi(2);
-            }
-        }
-    });
-    Ok(sums.into_iter().map(|s: f64| if rows > 0.0 { (s / rows).sqrt() } else { 0.0 }).collect())
-}
+impl Difference {
+    fn write_rows(&self, block: usize, rows: &mut [f64], spare: &mut [f64], measured: &mut [f64]) {
+        self.more.write(block, rows, measured);
+        self.less.write(block, spare, measured);
+        rows.iter_mut().zip(spare).for_each(|(a, b)| *a = (*a - *b) * self.scale);
+        measured.fill(0.0);
+    }
 
-/// Calls `each` with the rows of two sources, block by block.
-fn for_pairs(
-    a: &dyn RowBlocks,
-    b: &dyn RowBlocks,
-    n: usize,
-    channels: usize,
-    mut each: impl FnMut(&[f64], &[f64]),
-) {
-    let mut measured = vec![0.0; channels];
-    let (mut rows, mut other) = (vec![0.0; channels * n], vec![0.0; channels * n]);
-    for block in 0..a.len().min(b.len()) {
-        a.write(block, &mut rows, &mut measured);
-        b.write(block, &mut other, &mut measured);
-        each(&rows, &other);
+    fn len(&self) -> usize {
+        self.more.len().min(self.less.len())
     }
 }
 
-impl Noisy<'_> {
-    fn pull(&self, estimate: &Estimate, sigma: &[f64]) -> Vec<f64> {
-        let n = estimate.len();
-        let quiet = match &self.quiet {
-            Quiet::All(blocks) => *blocks,
-            Quiet::Middle(blocks) => &**blocks,
-        };
-        let every = f64::from(quiet.filter().every);
-        let mut pull = vec![0.0; n];
-        for noisy in &self.noisy {
-            for_pairs(&**noisy, quiet, n, sigma.len(), |rows, own| {
-                let lines = rows.chunks_exact(n.max(1)).zip(own.chunks_exact(n.max(1)));
-                for ((row, own), sigma) in lines.zip(sigma) {
-                    let differ = row.iter().zip(own).zip(&estimate.values);
-                    let error: f64 = differ.map(|((a, b), phi)| (a - b) * phi).sum();
-                    let weight = 0.5 * self.share * every / (sigma * sigma);
-                    for (pull, a) in pull.iter_mut().zip(row) {
-                        *pull += weight * a * error;
+impl RowNoise {
+    /// Returns the noise in the rows; `None` if the source knows of none.
+    ///
+    /// # Errors
+    /// [`FitError`] if the middle of a recording cannot be filtered.
+    pub(super) fn of(source: &dyn RowSource, blocks: &dyn RowBlocks) -> Result<Option<Self>, FitError> {
+        let noise: Vec<SignalNoise> = source.signal_noise();
+        let samples = source.samples();
+        let from = samples.saturating_sub(LONGEST) / 2;
+        let middle = from..samples.min(from + LONGEST);
+        let mut groups = Vec::new();
+        let mut looked_at = 0;
+        for (k, own) in noise.iter().enumerate() {
+            let size = own.stated.unwrap_or(own.found);
+            if size <= 0.0 {
+                continue;
+            }
+            let mut repetitions: Vec<Difference> = Vec::new();
+            let mut count = 0;
+            while count < LEAST_BLOCKS.min(MOST_REPETITIONS * blocks.len()) {
+                let seed = (k * MOST_REPETITIONS + repetitions.len()) as u64;
+                let with = |sign: f64| -> Result<Option<Box<dyn RowBlocks>>, FitError> {
+                    let sigma: Vec<f64> =
+                        (0..noise.len()).map(|j| if j == k { sign * size } else { 0.0 }).collect();
+                    source
+                        .with_signal_noise(middle.clone(), &sigma, seed)
+                        .map(|noisy| noisy.condition(&Silent))
+                        .transpose()
+                };
+                let (Some(more), Some(less)) = (with(1.0)?, with(-1.0)?) else { return Ok(None) };
+                let difference = Difference { more, less, scale: 0.5 / size };
+                if difference.len() == 0 {
+                    return Ok(None);
+                }
+                looked_at = difference.len();
+                count += difference.len();
+                repetitions.push(difference);
+            }
+            groups.push(Group { noise: own.clone(), repetitions });
+        }
+        let share = blocks.len() as f64 / looked_at.max(1) as f64;
+        Ok((!groups.is_empty()).then_some(Self { groups, share }))
+    }
+
+    pub(super) fn groups(&self) -> impl Iterator<Item = &SignalNoise> {
+        self.groups.iter().map(|g| &g.noise)
+    }
+
+    /// Returns, by groups, the spectrum that noise of unit σ leaves in the residuals of `phi`.
+    ///
+    /// The autocovariance is that of white noise and of its derivative, each after the filter; their shares fit it by least
+    /// squares.
+    pub(super) fn spectra(&self, phi: &[f64], channels: usize, filter: &Filter) -> Vec<Spectrum> {
+        let n = phi.len();
+        let (mut white, mut rising) = (filter.white_autocovariance(), filter.derivative_autocovariance());
+        if white.is_empty() {
+            (white, rising) = (vec![1.0], vec![0.0]);
+        }
+        let sum = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
+        let (ww, wr, rr) = (sum(&white, &white), sum(&white, &rising), sum(&rising, &rising));
+        let of_group = |group: &Group| {
+            let mut sums = vec![DMatrix::<f64>::zeros(channels, channels); white.len()];
+            for repetition in &group.repetitions {
+                let mut errors: Vec<DVector<f64>> = Vec::with_capacity(repetition.len());
+                each(repetition, channels, n, |_, rows| {
+                    let error = rows.chunks_exact(n.max(1)).map(|row| super::outliers::dot(row, phi));
+                    errors.push(DVector::from_iterator(channels, error));
+                });
+                for (lag, sum) in sums.iter_mut().enumerate() {
+                    let weight = 1.0 / (errors.len().max(1) * group.repetitions.len()) as f64;
+                    for (a, b) in errors.iter().zip(errors.iter().skip(lag)) {
+                        sum.ger(weight, a, b, 1.0);
                     }
                 }
-            });
+            }
+            let against = |of: &[f64]| {
+                let zero = DMatrix::zeros(channels, channels);
+                let all = sums.iter().zip(of).fold(zero, |all, (sum, weight)| all + sum * *weight);
+                (&all + all.transpose()) * 0.5
+            };
+            let (to_white, to_rising) = (against(&white), against(&rising));
+            let determinant = ww * rr - wr * wr;
+            if rr == 0.0 || determinant <= 0.0 {
+                let white = positive(&(to_white / ww));
+                return Spectrum { rising: white.clone() * 0.0, white };
+            }
+            Spectrum {
+                white: positive(&((&to_white * rr - &to_rising * wr) / determinant)),
+                rising: positive(&((to_rising * ww - to_white * wr) / determinant)),
+            }
+        };
+        self.groups.iter().map(of_group).collect()
+    }
+
+    /// Returns the expectation of `Δᵀ W Δ` over the whole recording, n × n; `sigma` by groups.
+    pub(super) fn gram(&self, whitening: &Whitening, n: usize, sigma: &[f64]) -> DMatrix<f64> {
+        let channels = whitening.channels();
+        let mut sum = DMatrix::<f64>::zeros(n, n);
+        for (group, sigma) in self.groups.iter().zip(sigma) {
+            let weight = self.share * sigma * sigma / group.repetitions.len() as f64;
+            let mut values = vec![0.0; channels];
+            for repetition in &group.repetitions {
+                let mut whitener = Whitener::new(whitening, n);
+                each(repetition, channels, n, |time_s, rows| {
+                    whitener.apply(time_s, rows, &mut values, None);
+                    for row in rows.chunks_exact(n.max(1)) {
+                        for (j, (column, a)) in sum.as_mut_slice().chunks_exact_mut(n).zip(row).enumerate() {
+                            let weighted = weight * a;
+                            column.iter_mut().zip(row).take(j + 1).for_each(|(s, b)| *s += weighted * b);
+                        }
+                    }
+                });
+            }
         }
-        pull
+        sum.fill_lower_triangle_with_upper_triangle();
+        sum
+    }
+}
+
+/// Noise of a group of unit σ, per sample: `white + ω² rising`, C × C each.
+pub(super) struct Spectrum {
+    pub(super) white: DMatrix<f64>,
+    pub(super) rising: DMatrix<f64>,
+}
+
+/// Returns the positive semidefinite part of a symmetric matrix.
+fn positive(matrix: &DMatrix<f64>) -> DMatrix<f64> {
+    let eigen = nalgebra::SymmetricEigen::new(matrix.clone());
+    let values = eigen.eigenvalues.map(|v| v.max(0.0));
+    &eigen.eigenvectors * DMatrix::from_diagonal(&values) * eigen.eigenvectors.transpose()
+}
+
+/// Calls `f` with the time and the rows of every block.
+fn each(repetition: &Difference, channels: usize, n: usize, mut f: impl FnMut(f64, &mut [f64])) {
+    let (mut rows, mut spare) = (vec![0.0; channels * n], vec![0.0; channels * n]);
+    let mut measured = vec![0.0; channels];
+    for block in 0..repetition.len() {
+        repetition.write_rows(block, &mut rows, &mut spare, &mut measured);
+        f(repetition.more.time_s(block), &mut rows);
     }
 }

@@ -45,6 +45,19 @@ impl SampleRows {
     }
 }
 
+/// Noise of a group of signals that coefficients are made of.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SignalNoise {
+    /// Name of the sensor or group.
+    pub name: String,
+    /// Unit of σ.
+    pub unit: String,
+    /// 1 σ per sample as stated.
+    pub stated: Option<f64>,
+    /// 1 σ per sample as differences of the signals show it: an upper bound where the motion is rough.
+    pub found: f64,
+}
+
 /// Anything that rows come from: one body, a tree of links, still poses, or a model of one's own.
 ///
 /// Weights, outliers, gain errors, autocorrelation, forgetting, known values, merging, intervals, factor files and
@@ -118,15 +131,25 @@ pub trait RowSource: Sync {
     ///
     /// # Errors
     /// [`FitError`] if the filter does not fit the rate.
-    fn condition(&self, progress: &dyn Progress) -> Result<Box<dyn RowBlocks + '_>, FitError> {
+    fn condition(&self, progress: &dyn Progress) -> Result<Box<dyn RowBlocks>, FitError> {
         condition::condition(self, progress)
+    }
+
+    /// Returns the groups of signals that the coefficients are made of and that have noise, each with its σ.
+    fn signal_noise(&self) -> Vec<SignalNoise> {
+        Vec::new()
     }
 
     /// Returns the source of some of its samples with noise added to the signals that the coefficients are made of.
     ///
-    /// The noise has the signals' standard deviation times `scale`, each value of either sign by a fixed pattern; with a
-    /// `scale` of zero the samples are as they are. `None` if the signals have no noise that is known.
-    fn with_signal_noise(&self, _samples: Range<usize>, _scale: f64) -> Option<Box<dyn RowSource + '_>> {
+    /// The noise has the standard deviation `sigma`, one a group of [`RowSource::signal_noise`], each value of either sign by
+    /// a pattern that `seed` decides; the opposite σ give the opposite noise. `None` if the source knows of no noise.
+    fn with_signal_noise(
+        &self,
+        _samples: Range<usize>,
+        _sigma: &[f64],
+        _seed: u64,
+    ) -> Option<Box<dyn RowSource + '_>> {
         None
     }
 

@@ -4,13 +4,13 @@
 #[derive(Clone, Debug)]
 pub(super) struct Signs(u64);
 
-impl Default for Signs {
-    fn default() -> Self {
-        Self(1)
-    }
-}
 
 impl Signs {
+    /// Returns the signs of a seed.
+    pub(super) fn new(seed: u64) -> Self {
+        Self(seed.wrapping_add(1))
+    }
+
     /// Returns 1 or −1.
     pub(super) fn next(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);

@@ -27,7 +27,7 @@ use self::shares::{Shares, Split};
 use super::signs::Signs;
 use crate::fit::{
     Channel, ESTIMATOR_TAPS, Factor, Filter, Fingerprint, FitError, Kind, Owner, Parameter, Progress,
-    RowBlocks, RowSource, SampleCounts, SampleRows, Timing, filter_width_s, row_every,
+    RowBlocks, RowSource, SampleCounts, SampleRows, SignalNoise, Timing, Whitening, condition::absorb, filter_width_s, row_every,
 };
 use crate::rig::ImuTable;
 
@@ -46,6 +46,8 @@ pub struct BodySource {
     input: Input,
     /// 1 σ of accelerometer and gyro per sample as the rig file states them.
     stated_noise: [Option<f64>; 2],
+    /// The same as sixth differences show it.
+    found_noise: [f64; 2],
     /// Noise of the IMU that is no excitation.
     imu_noise: ImuNoise<f64>,
     rate_sigma: f64,
@@ -69,6 +71,10 @@ impl BodySource {
         let rate_sigma = input.gyro_sigma.unwrap_or_else(|| imu_noise::gyro_sigma(&input.readings));
         Self {
             stated_noise: [imu.and_then(|i| i.accel_noise_mps2), imu.and_then(|i| i.gyro_noise_radps)],
+            found_noise: [
+                sixth_differences(&input.readings, |r| r.specific_force.array()),
+                sixth_differences(&input.readings, |r| r.angular_rate.array()),
+            ],
             imu_noise: imu_noise::imu_noise(imu, &input.readings),
             rate_sigma,
             parameters: parameters(count),
@@ -131,6 +137,25 @@ impl BodySource {
 /// Returns the first parameters of one body: ten of its own, then six of the wrench's offset.
 pub fn parameters(count: usize) -> Vec<Parameter> {
     (0..count.min(BODY + WRENCH)).map(parameter).collect()
+}
+
+/// Returns σ of a sensor, the root mean square over its axes, from sixth differences: motion hardly enters, noise by √924.
+fn sixth_differences(readings: &[Reading<f64>], of: impl Fn(&Reading<f64>) -> [f64; 3]) -> f64 {
+    const BINOMIAL: [f64; 7] = [1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0];
+    let (mut sum, mut count) = (0.0, 0.0);
+    for window in readings.windows(7) {
+        let mut difference = [0.0; 3];
+        for (reading, weight) in window.iter().zip(BINOMIAL) {
+            for (d, v) in difference.iter_mut().zip(of(reading)) {
+                *d += weight * v;
+            }
+        }
+        let square: f64 = difference.iter().map(|d| d * d).sum();
+        if square.is_finite() {
+            (sum, count) = (sum + square, count + 3.0 * 924.0);
+        }
+    }
+    if count > 0.0 { f64::sqrt(sum / count) } else { 0.0 }
 }
 
 fn parameter(j: usize) -> Parameter {
@@ -206,7 +231,7 @@ impl RowSource for BodySource {
         hash.finish()
     }
 
-    fn condition(&self, progress: &dyn Progress) -> Result<Box<dyn RowBlocks + '_>, FitError> {
+    fn condition(&self, progress: &dyn Progress) -> Result<Box<dyn RowBlocks>, FitError> {
         progress.stage("rows", 0.0);
         let config = self.config();
         let refuse = |error| self.refuse(error);
@@ -242,15 +267,31 @@ impl RowSource for BodySource {
         }))
     }
 
-    fn with_signal_noise(&self, samples: Range<usize>, scale: f64) -> Option<Box<dyn RowSource + '_>> {
+    fn signal_noise(&self) -> Vec<SignalNoise> {
+        let of = |name: &str, unit: &str, stated, found| SignalNoise {
+            name: name.to_owned(),
+            unit: unit.to_owned(),
+            stated,
+            found,
+        };
         let [accel, gyro] = self.stated_noise;
-        if accel.is_none() && gyro.is_none() {
-            return None;
-        }
-        let [accel, gyro] = [accel, gyro].map(|sigma| scale * sigma.unwrap_or(0.0));
+        let mut groups = vec![of("accelerometer", "m/s2", accel, self.found_noise[0])];
         // Of still poses the rate is not looked at.
-        let gyro = if self.input.is_static { 0.0 } else { gyro };
-        let mut signs = Signs::default();
+        if !self.input.is_static {
+            groups.push(of("gyro", "rad/s", gyro, self.found_noise[1]));
+        }
+        groups
+    }
+
+    fn with_signal_noise(
+        &self,
+        samples: Range<usize>,
+        sigma: &[f64],
+        seed: u64,
+    ) -> Option<Box<dyn RowSource + '_>> {
+        let of = |k: usize| sigma.get(k).copied().unwrap_or(0.0);
+        let (accel, gyro) = (of(0), of(1));
+        let mut signs = Signs::new(seed);
         let readings = self.input.readings.get(samples).unwrap_or_default().iter().map(|reading| {
             let mut noise = |sigma: f64| std::array::from_fn(|_| sigma * signs.next());
             Reading {
@@ -364,13 +405,13 @@ impl RowBlocks for BodyBlocks {
         &self,
         blocks: Range<usize>,
         parameters: usize,
-        whitening: &[f64],
+        whitening: &Whitening,
         weights: Option<&[f64]>,
     ) -> Factor {
-        if parameters == BODY {
-            self.absorb_as::<BODY>(blocks, whitening, weights)
-        } else {
-            self.absorb_as::<{ BODY + WRENCH }>(blocks, whitening, weights)
+        match whitening.weights() {
+            Some(own) if parameters == BODY => self.absorb_as::<BODY>(blocks, &own, weights),
+            Some(own) => self.absorb_as::<{ BODY + WRENCH }>(blocks, &own, weights),
+            None => absorb(self, blocks, parameters, whitening, weights),
         }
     }
 }

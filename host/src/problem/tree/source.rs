@@ -9,7 +9,7 @@ use rigident_shared::tree::{BaseMotion, Joint, TreeError};
 use super::drive::Term;
 use super::rows::{RowMaker, names_and_units};
 use super::{Frame, Input, TreeSourceError};
-use crate::fit::{Channel, DriveMotion, Fingerprint, Kind, Owner, Parameter, RowSource, SampleRows, Timing};
+use crate::fit::{Channel, DriveMotion, Fingerprint, Kind, Owner, Parameter, RowSource, SampleRows, SignalNoise, Timing};
 use crate::model::base::{BaseParameters, ROUNDED, base_parameters};
 use crate::problem::signs::Signs;
 
@@ -253,11 +253,25 @@ impl RowSource for TreeSource {
         hash.finish()
     }
 
-    fn with_signal_noise(&self, samples: Range<usize>, scale: f64) -> Option<Box<dyn RowSource + '_>> {
+    fn signal_noise(&self) -> Vec<SignalNoise> {
         if self.input.rate_sigma == 0.0 || self.input.is_static {
-            return None;
+            return Vec::new();
         }
-        let (mut signs, sigma) = (Signs::default(), scale * self.input.rate_sigma);
+        vec![SignalNoise {
+            name: "rates".to_owned(),
+            unit: "rad/s".to_owned(),
+            stated: Some(self.input.rate_sigma),
+            found: self.input.rate_sigma,
+        }]
+    }
+
+    fn with_signal_noise(
+        &self,
+        samples: Range<usize>,
+        sigma: &[f64],
+        seed: u64,
+    ) -> Option<Box<dyn RowSource + '_>> {
+        let (mut signs, sigma) = (Signs::new(seed), sigma.first().copied()?);
         let frames = self.input.frames.get(samples).unwrap_or_default();
         let frames: Vec<Frame> = frames.iter().map(|frame| noisier(frame, &mut signs, sigma)).collect();
         let source = Self::with_base(self.input.with_frames(frames), self.base.clone()).ok()?;

@@ -1,0 +1,59 @@
+//! Compensation: what noise in the coefficients adds to the normal equations is taken off again.
+//!
+//! The estimate solves `(AᵀWA − K) φ = AᵀWy` with `K = E[ΔᵀWΔ]` of the noise Δ in A. With the singular value decomposition
+//! `R = U S Vᵀ D`, D being the lengths of the columns, this is `M ψ = Uᵀz`, `M = 1 − S⁻¹ Vᵀ D⁻¹ K D⁻¹ V S⁻¹`,
+//! `ψ = S Vᵀ D φ`: nothing is squared. The rows `M ψ = Uᵀz` have unit covariance, as those of R had, so that they are the
+//! factor of the compensated estimate and of its covariance `(AᵀWA − K)⁻¹ AᵀWA (AᵀWA − K)⁻¹`.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::Factor;
+
+/// Where less than this share of a direction's information is left, noise fills it.
+const LEAST_SHARE: f64 = 0.5;
+
+/// Returns the factor of the compensated rows; `gram` is K, `rounding` the source's.
+pub(super) fn compensate(factor: &Factor, gram: &DMatrix<f64>, rounding: f64) -> Factor {
+    let n = factor.parameters();
+    let r = factor.r();
+    let length: Vec<f64> = r.column_iter().map(|c| c.norm()).collect();
+    let seen: Vec<usize> = (0..n).filter(|j| length[*j] > 0.0).collect();
+    let scaled = DMatrix::from_fn(n, seen.len(), |i, k| r[(i, seen[k])] / length[seen[k]]);
+    let Some(svd) = scaled.try_svd(true, true, 5.0 * f64::EPSILON, 100 * n.max(8)) else {
+        return factor.clone();
+    };
+    let (Some(u), Some(v_t)) = (&svd.u, &svd.v_t) else { return factor.clone() };
+    let most = svd.singular_values.max();
+    let kept: Vec<usize> =
+        (0..svd.singular_values.len()).filter(|k| svd.singular_values[*k] > rounding * most).collect();
+    // V S⁻¹ with the columns' lengths, over what is determined.
+    let back = DMatrix::from_fn(n, kept.len(), |j, k| {
+        let at = seen.iter().position(|s| *s == j);
+        at.map_or(0.0, |at| v_t[(kept[k], at)] / (length[j] * svd.singular_values[kept[k]]))
+    });
+    let forth = DMatrix::from_fn(kept.len(), n, |k, j| {
+        let at = seen.iter().position(|s| *s == j);
+        at.map_or(0.0, |at| v_t[(kept[k], at)] * length[j] * svd.singular_values[kept[k]])
+    });
+    let m = DMatrix::identity(kept.len(), kept.len()) - back.tr_mul(&(gram * &back));
+    let z = DVector::from_column_slice(factor.z());
+    let y = DVector::from_fn(kept.len(), |k, _| u.column(kept[k]).dot(&z));
+    let eigen = nalgebra::SymmetricEigen::new(m);
+    let (mut rows, mut left) = (Vec::new(), factor.residual_sum_of_squares());
+    for (share, direction) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+        let value = direction.dot(&y);
+        let weight = share.max(LEAST_SHARE);
+        let found = value / weight;
+        // Of a direction that noise fills, nothing is known beyond the size of what was found.
+        let certain = if *share < LEAST_SHARE { 1.0 / (1.0 / weight).hypot(found) } else { weight };
+        let row: Vec<f64> = forth.tr_mul(&direction).iter().map(|v| certain * v).collect();
+        let value = certain * found;
+        if *share >= LEAST_SHARE {
+            left += (found - direction.dot(&y)).powi(2);
+        }
+        rows.push((row, value));
+    }
+    let mut out = Factor::new(n);
+    out.absorb(rows.iter().map(|(row, value)| (row.as_slice(), *value)));
+    out.with_residual(left, factor.rows())
+}
