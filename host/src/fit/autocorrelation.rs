@@ -14,7 +14,7 @@
 use nalgebra::DMatrix;
 
 use super::outliers::Weights;
-use super::{Whitening, Autocorrelation, BlockResidual, Estimate, Filter, RowBlocks, parallel};
+use super::{Autocorrelation, BlockResidual, Estimate, Filter, RowBlocks, Whitening, parallel};
 
 /// A deviation this many standard deviations long is not chance: 6 channels, two tests, one false alarm in 1e4.
 const SIGNIFICANT: f64 = 4.5;

@@ -83,7 +83,8 @@ impl Filter {
     /// Returns the autocovariance of the rows for white noise of unit variance that is differentiated, 1/s², at the lags of
     /// [`Filter::white_autocovariance`]; zeros without a filter.
     pub fn derivative_autocovariance(&self) -> Vec<f64> {
-        let at = |k: isize| usize::try_from(k).ok().and_then(|k| self.response.get(k)).copied().unwrap_or(0.0);
+        let at =
+            |k: isize| usize::try_from(k).ok().and_then(|k| self.response.get(k)).copied().unwrap_or(0.0);
         let count = self.response.len() as isize;
         let slope: Vec<f64> = (-1..=count).map(|k| 0.5 * self.rate_hz * (at(k + 1) - at(k - 1))).collect();
         let square: f64 = slope.iter().map(|s| s * s).sum();
@@ -195,7 +196,8 @@ pub fn absorb<B: RowBlocks + ?Sized>(
     let mut rows = vec![0.0; CHUNK * channels * parameters];
     let mut values = vec![0.0; CHUNK * channels];
     // The low-pass comes from the blocks before, as far as they are of the same part.
-    let first = blocks.parts().iter().find(|part| part.contains(&range.start)).map_or(range.start, |p| p.start);
+    let first =
+        blocks.parts().iter().find(|part| part.contains(&range.start)).map_or(range.start, |p| p.start);
     let mut start = range.start.saturating_sub(whitening.lead()).max(first);
     while start < range.end {
         let end = range.end.min(start + CHUNK);

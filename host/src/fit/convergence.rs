@@ -1,7 +1,10 @@
 //! The estimate as rows come in, on the way to the one that a fit ends at.
 
-use super::gains::ChannelFactors;
-use super::{BlockResidual, Channel, Convergence, Estimate, Factor, Noise, RowBlocks, Whitening, parallel};
+use nalgebra::DMatrix;
+
+use super::gains::{Gains, WithGains};
+use super::weighing::Weighing;
+use super::{BlockResidual, Convergence, Estimate, Factor, Noise, RowBlocks, parallel};
 
 /// Operations that all points together may take, in cubes of the number of parameters.
 const MOST_CUBES: f64 = 2e7;
@@ -18,52 +21,42 @@ pub(super) fn every(blocks: &dyn RowBlocks, points: usize, parameters: usize) ->
     (blocks / points.min(most).max(1)).max(1)
 }
 
-/// The way to a result: rows weighted, and intervals scaled, as they are there.
+/// The way to a result: rows weighed, and intervals scaled, as they are there.
 pub(super) struct Way<'a> {
     pub(super) blocks: &'a dyn RowBlocks,
-    pub(super) parameters: usize,
     pub(super) rounding: f64,
-    pub(super) whitening: &'a Whitening,
-    /// What multiplies each channel where gains are uncertain.
-    pub(super) channel_weights: Vec<f64>,
+    pub(super) weighing: &'a Weighing,
+    /// What noise of the signals adds to the normal equations of all rows.
+    pub(super) gram: Option<DMatrix<f64>>,
     pub(super) weights: Option<&'a [f64]>,
-    /// Where gains are uncertain.
-    pub(super) channels: Option<&'a [Channel]>,
-    /// What the covariance is multiplied by.
+    pub(super) gains: &'a Gains<'a>,
+    /// What the variance of the noise is multiplied by.
     pub(super) scale: f64,
     pub(super) noise: Noise,
 }
 
-/// All rows up to a point: one factor, or one a channel where gains are uncertain.
-enum Rows<'a> {
-    All(Factor),
-    ByChannel(ChannelFactors<'a>),
-}
-
-impl<'a> Way<'a> {
-    fn rows(&self, range: std::ops::Range<usize>) -> Rows<'a> {
-        match self.channels {
-            None => Rows::All(self.blocks.absorb(range, self.parameters, self.whitening, self.weights)),
-            Some(channels) => {
-                Rows::ByChannel(ChannelFactors::of_range(self.blocks, range, self.parameters, channels))
-            }
-        }
+impl Way<'_> {
+    fn rows(&self, range: std::ops::Range<usize>) -> Factor {
+        let with_gains = WithGains { blocks: self.blocks, gains: self.gains };
+        let blocks: &dyn RowBlocks = if self.gains.is_empty() { self.blocks } else { &with_gains };
+        blocks.absorb(range, self.gains.columns(), &self.weighing.whitening, self.weights)
     }
 
-    fn estimate(&self, rows: &Rows) -> Estimate {
-        match rows {
-            Rows::All(factor) => Estimate::new(factor, self.rounding, self.scale, self.noise),
-            Rows::ByChannel(factors) => {
-                let (factor, _) = factors.fit(&self.channel_weights, self.rounding);
-                Estimate::new(&factor, self.rounding, self.scale, self.noise)
-            }
-        }
+    fn estimate(&self, rows: &Factor, share: f64) -> Estimate {
+        let compensated = match &self.gram {
+            Some(gram) => self.weighing.compensate(rows, &(gram * share), self.rounding),
+            None => rows.clone(),
+        };
+        // With gains the noise is scaled beside what is known of them, else in the end.
+        let scale = if self.gains.is_empty() { self.scale } else { 1.0 };
+        let (factor, _) = self.gains.eliminate(&compensated, self.scale, self.rounding);
+        Estimate::new(&factor, self.rounding, scale, self.noise)
     }
 
     /// Returns about so many estimates on the way.
     pub(super) fn points(&self, points: usize) -> Vec<Convergence> {
         let count = self.blocks.len();
-        let every = every(self.blocks, points, self.parameters);
+        let every = every(self.blocks, points, self.gains.parameters());
         if every == 0 {
             return Vec::new();
         }
@@ -72,26 +65,19 @@ impl<'a> Way<'a> {
         let rows = parallel::map(parallel::threads(), steps.len(), |k| {
             self.rows(steps.get(k).cloned().unwrap_or_default())
         });
-        let mut so_far: Option<Rows> = None;
+        let mut all = Factor::new(self.gains.columns());
         let mut way = Vec::new();
         for (step, rows) in steps.iter().zip(rows) {
-            let all = match (so_far.take(), rows) {
-                (Some(Rows::All(mut all)), Rows::All(rows)) => {
-                    all.merge(&rows);
-                    Rows::All(all)
-                }
-                (Some(Rows::ByChannel(mut all)), Rows::ByChannel(rows)) => {
-                    all.merge(&rows);
-                    Rows::ByChannel(all)
-                }
-                (_, rows) => rows,
-            };
-            let estimate = self.estimate(&all);
+            if all.rows() == 0 {
+                all = rows
+            } else {
+                all.merge(&rows)
+            }
+            let estimate = self.estimate(&all, step.end as f64 / count as f64);
             way.push(Convergence {
                 time_s: self.blocks.time_s(step.end.saturating_sub(1)),
-                parameters: (0..self.parameters).map(|j| estimate.measured(j)).collect(),
+                parameters: (0..self.gains.parameters()).map(|j| estimate.measured(j)).collect(),
             });
-            so_far = Some(all);
         }
         way
     }

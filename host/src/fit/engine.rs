@@ -1,30 +1,30 @@
 //! The fit of a source's rows: weights, nuisance parameters, outliers, autocorrelation, forgetting.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use rigident_shared::forgetting::Span;
 
 use super::autocorrelation::{self, Coloured};
 use super::condition;
 use super::convergence;
 use super::forgetting::Memory;
-use super::gains::ChannelFactors;
+use super::gains::{Gains, WithGains};
 use super::outliers::{self, Reference, Watch, Weights};
-use super::compensation::compensate;
 use super::residuals::{measured_rms, raw_sigma, residuals, rms};
 use super::signal_noise::RowNoise;
-use super::variance_components::explain;
+use super::weighing::Weighing;
 use super::{
     BlockResidual, ChannelFit, Convergence, Counts, DeviceFactor, Estimate, Factor, Fit, FitError,
-    FitOptions, Forgotten, Kind, Noise, NoiseCheck, Progress, RowBlocks, RowSet, RowSource, SignalNoise,
-    Whitening, judge, parallel,
+    FitOptions, Forgotten, Kind, Noise, NoiseCheck, Progress, RowBlocks, RowSet, RowSource, judge, parallel,
 };
 
 /// Rounds of weights from residuals where no σ is stated: from the unweighted fit, then once more.
 const SIGMA_ROUNDS: usize = 2;
-/// Rounds of the full covariance in the estimate.
-const GLS_ROUNDS: usize = 3;
-/// A parameter counts in the covariance of the noise if it differs from zero by so many standard deviations.
-const SIGNIFICANT_SD: f64 = 2.0;
+/// Rounds of weights from the covariance of all noise, which the estimate is part of.
+const WEIGHING_ROUNDS: usize = 3;
+/// The Gauss–Newton step of gain errors shrinks by about σ each time: 1e-2, 1e-4, …
+const GAIN_ROUNDS: usize = 8;
+/// Done when no gain moves by more than this share of its σ.
+const GAINS_SETTLED: f64 = 1e-4;
 
 /// A moment of inertia whose information is less than so many times what noise of the rates alone would bring is not
 /// informed: noise in a coefficient attenuates the estimate by the inverse of this ratio.
@@ -35,10 +35,11 @@ const MOSTLY_NOISE: f64 = 2.0;
 
 /// Fits the parameters of a source to its rows.
 ///
-/// Samples are filtered to row blocks ([`RowSource::condition`]) and absorbed, whitened by σ of their channels; where not all
-/// σ are stated all come from the residuals. Gain errors are nuisance parameters; outliers are given less weight; the
-/// covariance is inflated where residuals are larger than stated or autocorrelated, or the signals' noise moves the
-/// estimate.
+/// Samples are filtered to row blocks ([`RowSource::condition`]) and absorbed, whitened by the covariance of all noise: that
+/// of the channels, and that which noise of the signals in the coefficients leaves in the residuals. What the latter adds to
+/// the normal equations is taken off. Noise that is not stated comes from the residuals and from differences of the signals.
+/// Gain errors are nuisance parameters; outliers are given less weight; the covariance is inflated where residuals are
+/// larger than stated or autocorrelated.
 ///
 /// # Errors
 /// [`FitError`] if there are no rows, or a setting is impossible.
@@ -79,18 +80,16 @@ pub fn fit_device(
     if !device.is_filtered && engine.channel_factors.is_none() {
         engine.row_noise_gain = 1.0;
     }
-    let whitening = Whitening::diagonal(&engine.weights_of(&sigma, 1.0));
-    let pass = Pass {
-        total: sigma.clone(),
-        signals: Vec::new(),
-        sigma,
-        whitening,
-        factor: device.factor.clone(),
-        weights: engine.no_weights(),
-    };
-    let mut conclusion = engine.conclude(&pass, device.sigma_given, options.forgetting.is_none());
+    let gains = Gains::new(source.channels(), parameters, false);
+    let (weighing, weights) = (engine.diagonal(sigma), engine.no_weights());
+    let mut pass = Pass { weighing, factor: device.factor.clone(), gains, weights };
+    let made_anew = options.forgetting.is_none() && !engine.gains.is_empty();
+    if made_anew {
+        pass = engine.absorb(pass.weighing, engine.no_weights(), None);
+    }
+    let mut conclusion = engine.conclude(&pass, device.sigma_given);
     if let Some(span) = options.forgetting {
-        engine.restrict(&mut conclusion, span, &pass.sigma);
+        engine.restrict(&mut conclusion, span, &pass.weighing);
     }
     if let Some(outliers) = &device.outliers {
         conclusion.outliers.clone_from(outliers);
@@ -110,24 +109,20 @@ struct Engine<'a> {
     parameters: usize,
     /// Root mean square of the filtered measurements.
     measured_rms: Vec<f64>,
-    channel_factors: Option<ChannelFactors<'a>>,
-    row_noise_gain: f64,
-    limit: f64,
+    gains: Gains<'a>,
     /// Noise of the signals in the rows.
     noise: Option<RowNoise>,
+    row_noise_gain: f64,
+    limit: f64,
 }
 
 /// Rows absorbed.
-struct Pass {
-    /// σ of the channels.
-    sigma: Vec<f64>,
-    /// The same with what noise of the signals leaves in the residuals.
-    total: Vec<f64>,
-    /// 1 σ of the signals' noise, by groups.
-    signals: Vec<f64>,
-    whitening: Whitening,
-    /// Gain errors not eliminated.
+struct Pass<'a> {
+    weighing: Weighing,
+    /// Gain errors not eliminated; what noise of the signals adds is taken off.
     factor: Factor,
+    /// What the gains' columns are linearised about.
+    gains: Gains<'a>,
     weights: Weights,
 }
 
@@ -163,24 +158,17 @@ impl<'a> Engine<'a> {
             return Err(condition::no_rows(&*blocks));
         }
         let (channels, parameters) = (source.channels(), source.parameters().len());
-        // Where older rows are forgotten gain errors are not told apart.
-        let channel_factors = match options.forgetting {
-            None => ChannelFactors::of(&*blocks, parameters, channels),
-            Some(_) => None,
-        };
+        let noise = RowNoise::of(source, &*blocks)?;
         // Gain errors exceed the noise.
         let uncertain = channels.iter().any(|c| c.gain_sigma > 0.0);
-        let noise = match (&channel_factors, options.forgetting) {
-            (None, None) => RowNoise::of(source, &*blocks)?,
-            _ => None,
-        };
         Ok(Self {
-            noise,
             source,
             options,
             parameters,
             measured_rms: measured_rms(&*blocks, channels.len(), parameters),
-            channel_factors,
+            // Where older rows are forgotten gain errors are not told apart.
+            gains: Gains::new(channels, parameters, options.forgetting.is_none()),
+            noise,
             row_noise_gain: blocks.filter().row_noise_gain(),
             limit: if uncertain { 0.0 } else { outliers::LIMIT_SD },
             blocks,
@@ -227,131 +215,77 @@ impl<'a> Engine<'a> {
         informed
     }
 
-    /// Returns what multiplies the rows of each channel where the noise's variance is `scale` times as large.
-    fn weights_of(&self, sigma: &[f64], scale: f64) -> Vec<f64> {
-        let root = (f64::from(self.blocks.filter().every) / scale).sqrt();
-        sigma.iter().map(|s| root / s).collect()
+    /// Returns the weighing by σ of the channels alone.
+    fn diagonal(&self, sigma: Vec<f64>) -> Weighing {
+        Weighing::diagonal(sigma, f64::from(self.blocks.filter().every))
     }
 
-    fn absorb(&self, sigma: Vec<f64>, reference: Option<&Reference>) -> Pass {
-        let weights = match reference {
-            Some(reference) => Weights::of(&*self.blocks, reference, &sigma),
-            None => self.no_weights(),
-        };
-        let whitening = Whitening::diagonal(&self.weights_of(&sigma, 1.0));
-        let factor = self.factor_of(&whitening, &weights);
-        Pass { total: sigma.clone(), signals: Vec::new(), sigma, whitening, factor, weights }
+    /// Absorbs all rows; where gains are uncertain as often as their columns move, from `about` on.
+    fn absorb(&self, weighing: Weighing, weights: Weights, about: Option<&Gains<'a>>) -> Pass<'a> {
+        let mut gains = about.unwrap_or(&self.gains).clone();
+        let mut factor = self.factor_of(&weighing, &weights, &gains);
+        for _ in 0..GAIN_ROUNDS {
+            if gains.is_empty() {
+                break;
+            }
+            let (own, errors) = gains.eliminate(&factor, 1.0, self.source.rounding());
+            let moved = gains.distance(&errors, &gains.errors);
+            let is_first = !gains.is_about_something();
+            gains = gains.about(&own.solve(self.source.rounding()).estimate, &errors);
+            factor = self.factor_of(&weighing, &weights, &gains);
+            if !is_first && moved < GAINS_SETTLED {
+                break;
+            }
+        }
+        Pass { weighing, factor, gains, weights }
     }
 
-    fn factor_of(&self, whitening: &Whitening, weights: &Weights) -> Factor {
-        let blocks = &*self.blocks;
+    fn factor_of(&self, weighing: &Weighing, weights: &Weights, gains: &Gains) -> Factor {
+        let with_gains = WithGains { blocks: &*self.blocks, gains };
+        let blocks: &dyn RowBlocks = if gains.is_empty() { &*self.blocks } else { &with_gains };
         let parts = parallel::map(parallel::threads(), blocks.parts().len(), |k| {
             let part = blocks.parts().get(k).cloned().unwrap_or_default();
-            blocks.absorb(part, self.parameters, whitening, weights.as_slice())
+            blocks.absorb(part, gains.columns(), &weighing.whitening, weights.as_slice())
         });
-        let mut factor = Factor::new(self.parameters);
+        let mut factor = Factor::new(gains.columns());
         let several = parts.len() > 1;
         for part in parts {
             if several { factor.merge(&part) } else { factor = part }
         }
-        factor
+        match &self.noise {
+            Some(noise) if weighing.is_compensated() => {
+                weighing.compensate(&factor, &noise.gram(weighing, gains), self.source.rounding())
+            }
+            _ => factor,
+        }
     }
 
     /// Weighs the rows by the covariance of all noise, and takes off what noise in the coefficients adds.
-    fn refine(&self, pass: Pass, sigma_given: bool) -> Pass {
+    fn refine(&self, pass: Pass<'a>, sigma_given: bool) -> Pass<'a> {
         let Some(noise) = &self.noise else { return pass };
-        let (channels, n) = (pass.sigma.len(), self.parameters);
         let filter = self.blocks.filter();
         let mut pass = pass;
-        for _ in 0..GLS_ROUNDS {
-            let estimate = self.estimate(&pass.factor, 1.0, Noise::Given);
-            let phi = self.significant(&estimate, pass.signals.is_empty(), &pass.sigma);
-            let spectra = noise.spectra(&phi, channels, filter);
-            let rise = filter.derivative_noise_gain / filter.noise_gain;
-            let spread: Vec<_> = spectra.iter().map(|s| &s.white + &s.rising * rise).collect();
-            let groups: Vec<_> = noise.groups().cloned().collect();
-            let mut signals: Vec<f64> = groups.iter().map(|g| g.stated.unwrap_or(g.found)).collect();
-            let mut sigma = pass.sigma.clone();
-            if !sigma_given {
-                let left = self.residual_covariance(&pass, &estimate);
-                let count = self.blocks.len() as f64 * filter.row_noise_gain().min(1.0);
-                (sigma, signals) = shares_of_noise(&left, &spread, &groups, &sigma, count);
-            }
-            let mut white = DMatrix::from_fn(channels, channels, |i, j| {
-                if i == j { sigma[i] * sigma[i] } else { 0.0 }
+        for _ in 0..WEIGHING_ROUNDS {
+            let (factor, errors) = pass.gains.eliminate(&pass.factor, 1.0, self.source.rounding());
+            let estimate = self.estimate(&factor, 1.0, Noise::Given);
+            let first = !pass.weighing.is_compensated();
+            let informed = if first {
+                self.without_spurious(&estimate, self.spurious_information(&pass.weighing.sigma))
+            } else {
+                estimate.clone()
+            };
+            let spectra = noise.spectra(&Weighing::significant(&informed, first), &pass.weighing, filter);
+            let residuals = (!sigma_given).then(|| {
+                let residuals = self.residuals(&estimate.values, &errors, &pass.weights);
+                Weighing::covariance_of(&residuals, &estimate, filter)
             });
-            let mut rising = DMatrix::zeros(channels, channels);
-            for (spectrum, sigma) in spectra.iter().zip(&signals) {
-                white += &spectrum.white * (sigma * sigma);
-                rising += &spectrum.rising * (sigma * sigma);
-            }
-            let covariance = &white + &rising * rise;
-            let every = f64::from(filter.every);
-            let Some(whitening) = Whitening::of_spectrum(&white, &rising, every, filter.row_period_s()) else {
+            let Some(weighing) = pass.weighing.with_signals(noise, &spectra, residuals.as_ref(), filter)
+            else {
                 return pass;
             };
-            let raw = self.factor_of(&whitening, &pass.weights);
-            let gram = noise.gram(&whitening, n, &signals);
-            pass = Pass {
-                factor: compensate(&raw, &gram, self.source.rounding()),
-                total: (0..channels).map(|c| covariance[(c, c)].sqrt()).collect(),
-                sigma,
-                signals,
-                whitening,
-                weights: pass.weights,
-            };
+            pass = self.absorb(weighing, pass.weights, Some(&pass.gains));
         }
         pass
-    }
-
-    /// Returns the values that the rows say something of, the others zero; in the `first` round noise of the rates is in the
-    /// estimate still.
-    fn significant(&self, estimate: &Estimate, first: bool, sigma: &[f64]) -> Vec<f64> {
-        let informed = if first {
-            self.without_spurious(estimate, self.spurious_information(sigma)).values
-        } else {
-            estimate.values.clone()
-        };
-        let values = informed.into_iter().enumerate();
-        values
-            .map(|(j, value)| {
-                let known = estimate.is_determined(j)
-                    && (first || value.abs() > SIGNIFICANT_SD * estimate.covariance[(j, j)].max(0.0).sqrt());
-                if known { value } else { 0.0 }
-            })
-            .collect()
-    }
-
-    /// Returns the covariance of the residuals per sample, C × C.
-    fn residual_covariance(&self, pass: &Pass, estimate: &Estimate) -> DMatrix<f64> {
-        let channels = pass.sigma.len();
-        let residuals = self.residuals(&estimate.values, &vec![0.0; channels], &pass.weights);
-        let per_channel = estimate.rank() as f64 / channels.max(1) as f64;
-        let filter = self.blocks.filter();
-        let dof = (residuals.len() as f64 * filter.row_noise_gain().min(1.0) - per_channel).max(1.0);
-        let left = dof / (dof + per_channel);
-        let mut sum = DMatrix::zeros(channels, channels);
-        for residual in &residuals {
-            for i in 0..channels {
-                for j in 0..channels {
-                    sum[(i, j)] += residual.weighted(i) * residual.weighted(j);
-                }
-            }
-        }
-        sum / (residuals.len().max(1) as f64 * filter.noise_gain * left)
-    }
-
-    /// Returns the factor with the gain errors eliminated, the noise's variance taken `scale` times as large beside their
-    /// prior, and the gain errors.
-    fn with_gains(&self, pass: &Pass, scale: f64) -> (Factor, Vec<f64>) {
-        match &self.channel_factors {
-            None => (pass.factor.clone(), vec![0.0; pass.sigma.len()]),
-            Some(factors) => {
-                let whitening = self.weights_of(&pass.sigma, scale);
-                let (factor, gains) = factors.fit(&whitening, self.source.rounding());
-                (factor, gains)
-            }
-        }
     }
 
     fn estimate(&self, factor: &Factor, scale: f64, noise: Noise) -> Estimate {
@@ -364,32 +298,38 @@ impl<'a> Engine<'a> {
 
     /// Returns σ of the channels from what a pass leaves.
     fn sigma_from_residuals(&self, pass: &Pass) -> Vec<f64> {
-        let (factor, gains) = self.with_gains(pass, 1.0);
+        let (factor, gains) = pass.gains.eliminate(&pass.factor, 1.0, self.source.rounding());
         let estimate = self.estimate(&factor, 1.0, Noise::Given);
         let residuals = self.residuals(&estimate.values, &gains, &pass.weights);
         raw_sigma(&*self.blocks, self.source.channels(), &self.measured_rms, &estimate, &residuals)
     }
 
     fn batch(&self, sigma: Vec<f64>, sigma_given: bool) -> Result<Fit, FitError> {
-        let mut pass = self.absorb(sigma, None);
+        let mut pass = self.absorb(self.diagonal(sigma), self.no_weights(), None);
         if !sigma_given {
             for _ in 0..SIGMA_ROUNDS {
-                pass = self.absorb(self.sigma_from_residuals(&pass), None);
+                pass = self.absorb(
+                    self.diagonal(self.sigma_from_residuals(&pass)),
+                    pass.weights,
+                    Some(&pass.gains),
+                );
             }
         }
         pass = self.refine(pass, sigma_given);
-        let mut conclusion = self.conclude(&pass, sigma_given, true);
+        let mut conclusion = self.conclude(&pass, sigma_given);
         for _ in 0..outliers::MOST_ROUNDS {
             if conclusion.outliers.iter().all(|count| *count == 0) {
                 break;
             }
             let reference = self.reference(&conclusion);
-            pass = self.absorb(pass.sigma, Some(&reference));
+            let weights = Weights::of(&*self.blocks, &reference, &pass.weighing.total);
+            pass = self.absorb(pass.weighing, weights, Some(&pass.gains));
             if !sigma_given {
-                pass = self.absorb(self.sigma_from_residuals(&pass), Some(&reference));
+                let sigma = self.sigma_from_residuals(&pass);
+                pass = self.absorb(self.diagonal(sigma), pass.weights, Some(&pass.gains));
             }
             pass = self.refine(pass, sigma_given);
-            conclusion = self.conclude(&pass, sigma_given, true);
+            conclusion = self.conclude(&pass, sigma_given);
         }
         let convergence = self.convergence(&pass, &conclusion);
         self.finish(pass, conclusion, convergence, None)
@@ -399,20 +339,14 @@ impl<'a> Engine<'a> {
         Reference::of(&conclusion.estimate, conclusion.check.variance_ratio, self.limit)
     }
 
-    /// Draws the conclusions from a factor; `with_gains` if it is of all rows.
-    fn conclude(&self, pass: &Pass, sigma_given: bool, with_gains: bool) -> Conclusion {
-        let eliminated = |scale: f64| {
-            if with_gains {
-                self.with_gains(pass, scale)
-            } else {
-                (pass.factor.clone(), vec![0.0; pass.sigma.len()])
-            }
-        };
+    /// Draws the conclusions from a factor.
+    fn conclude(&self, pass: &Pass, sigma_given: bool) -> Conclusion {
+        let eliminated = |scale: f64| pass.gains.eliminate(&pass.factor, scale, self.source.rounding());
         let (factor, mut gains) = eliminated(1.0);
         let mut unscaled = self.estimate(&factor, 1.0, Noise::Given);
         let set = RowSet {
             rows: factor.rows(),
-            channels: pass.sigma.len(),
+            channels: self.source.channels().len(),
             noise_gain: self.row_noise_gain,
             sigma_given,
         };
@@ -427,7 +361,7 @@ impl<'a> Engine<'a> {
         };
         // The prior of the gains is not the noise's to scale.
         let mut solved = None;
-        if scale > 1.0 && self.channel_factors.is_some() && with_gains {
+        if scale > 1.0 && !pass.gains.is_empty() {
             let (true_noise, true_gains) = eliminated(scale);
             let estimate = self.estimate(&true_noise, 1.0, Noise::Given);
             unscaled = Estimate { covariance: &estimate.covariance / scale, ..estimate };
@@ -435,7 +369,7 @@ impl<'a> Engine<'a> {
         }
         let estimate = Estimate { covariance: &unscaled.covariance * scale, noise, ..unscaled.clone() };
         let reference = Reference::of(&estimate, check.variance_ratio, self.limit);
-        let weights = Weights::of(&*self.blocks, &reference, &pass.total);
+        let weights = Weights::of(&*self.blocks, &reference, &pass.weighing.total);
         let residuals = self.residuals(&estimate.values, &gains, &weights);
         let mut conclusion = Conclusion {
             factor,
@@ -445,19 +379,24 @@ impl<'a> Engine<'a> {
             noise,
             check,
             gains,
-            residual_rms: rms(&residuals, pass.sigma.len()),
+            residual_rms: rms(&residuals, self.source.channels().len()),
             residuals,
             outliers: weights.outliers.clone(),
             weights,
             coloured: Vec::new(),
             share: 1.0,
         };
-        conclusion.coloured = self.coloured(&conclusion.residuals, &pass.total, &conclusion.check);
+        conclusion.coloured = self.coloured(&conclusion.residuals, &pass.weighing, &conclusion.check);
         conclusion
     }
 
-    fn coloured(&self, residuals: &[BlockResidual], sigma: &[f64], check: &NoiseCheck) -> Vec<Coloured> {
-        let variance: Vec<f64> = sigma.iter().map(|s| s * s * check.variance_scale).collect();
+    fn coloured(
+        &self,
+        residuals: &[BlockResidual],
+        weighing: &Weighing,
+        check: &NoiseCheck,
+    ) -> Vec<Coloured> {
+        let variance: Vec<f64> = weighing.total.iter().map(|s| s * s * check.variance_scale).collect();
         autocorrelation::detect(residuals, self.blocks.filter(), &variance)
     }
 
@@ -467,15 +406,15 @@ impl<'a> Engine<'a> {
             return Vec::new();
         }
         let scale = conclusion.check.variance_scale;
+        let gram = self.noise.as_ref().filter(|_| pass.weighing.is_compensated());
         let way = convergence::Way {
             blocks: &*self.blocks,
-            parameters: self.parameters,
             rounding: self.source.rounding(),
-            whitening: &pass.whitening,
-            channel_weights: self.weights_of(&pass.sigma, scale),
+            weighing: &pass.weighing,
+            gram: gram.map(|noise| noise.gram(&pass.weighing, &pass.gains)),
             weights: pass.weights.as_slice(),
-            channels: self.channel_factors.as_ref().map(|_| self.source.channels()),
-            scale: if self.channel_factors.is_some() { 1.0 } else { scale },
+            gains: &pass.gains,
+            scale,
             noise: conclusion.noise,
         };
         way.points(points)
@@ -489,23 +428,31 @@ impl<'a> Engine<'a> {
         mut convergence: Vec<Convergence>,
         forgetting: Option<Span<f64>>,
     ) -> Result<Fit, FitError> {
-        let Conclusion { mut factor, mut solved, mut estimate, check, .. } = conclusion;
-        let sigma = pass.sigma;
-        let variance: Vec<f64> = pass.total.iter().map(|s| s * s * check.variance_scale).collect();
+        let Conclusion { mut factor, mut solved, mut estimate, unscaled, check, .. } = conclusion;
+        let weighing = &pass.weighing;
+        let variance: Vec<f64> = weighing.total.iter().map(|s| s * s * check.variance_scale).collect();
         let mut inflation = Vec::new();
         if !conclusion.coloured.is_empty() && forgetting.is_none() {
             let coloured = &conclusion.coloured;
             inflation = autocorrelation::inflation(
                 &*self.blocks,
                 &estimate,
-                &pass.whitening,
+                &weighing.whitening,
                 &conclusion.weights,
                 &variance,
                 coloured,
             );
         }
-        let spurious_information = conclusion.share * self.spurious_information(&sigma);
-        let bias: Vec<f64> = Vec::new();
+        // What is compensated moves no estimate and informs of nothing.
+        let (mut spurious_information, mut bias) = (0.0, Vec::new());
+        if let Some(noise) = self.noise.as_ref().filter(|_| !weighing.is_compensated()) {
+            spurious_information = conclusion.share * self.spurious_information(&weighing.sigma);
+            let informed = self.without_spurious(&unscaled, spurious_information);
+            let known = |j: usize| if informed.is_determined(j) { informed.values[j] } else { 0.0 };
+            let informed = DVector::from_fn(self.parameters, |j, _| known(j));
+            let pull: DMatrix<f64> = noise.gram(weighing, &self.gains.none()) * conclusion.share;
+            bias = (&unscaled.covariance * (pull * informed)).iter().map(|b| -b).collect();
+        }
         let by: Vec<f64> = (0..self.parameters)
             .map(|j| {
                 let white = estimate.covariance[(j, j)].max(0.0).sqrt();
@@ -533,7 +480,7 @@ impl<'a> Engine<'a> {
         let channels = self.source.channels();
         let channel_fits = channels.iter().enumerate().map(|(c, channel)| ChannelFit {
             channel: channel.clone(),
-            sigma: sigma[c],
+            sigma: weighing.sigma[c],
             residual_rms: conclusion.residual_rms.get(c).copied().unwrap_or(0.0),
             measured_rms: self.measured_rms.get(c).copied().unwrap_or(0.0),
             gain: conclusion.gains.get(c).copied().unwrap_or(0.0),
@@ -617,9 +564,9 @@ impl Engine<'_> {
                 (pass, convergence) = self.remember(span, sigma)?;
             }
         }
-        let mut conclusion = self.conclude(&pass, sigma_given, false);
+        let mut conclusion = self.conclude(&pass, sigma_given);
         conclusion.outliers.clone_from(&pass.weights.outliers);
-        self.restrict(&mut conclusion, span, &pass.sigma);
+        self.restrict(&mut conclusion, span, &pass.weighing);
         // Intervals as wide as the result's, which is known only now.
         let wider = conclusion.check.variance_scale.sqrt() * conclusion.noise.coverage_factor()
             / Noise::Given.coverage_factor();
@@ -630,36 +577,50 @@ impl Engine<'_> {
     }
 
     /// Restricts what residuals say to the rows that are remembered.
-    fn restrict(&self, conclusion: &mut Conclusion, span: Span<f64>, sigma: &[f64]) {
+    fn restrict(&self, conclusion: &mut Conclusion, span: Span<f64>, weighing: &Weighing) {
         let channels = self.source.channels().len();
         let blocks = conclusion.factor.rows() as f64 / channels.max(1) as f64;
         conclusion.share = blocks / self.blocks.len().max(1) as f64;
         let recent = recent(&conclusion.residuals, span);
         conclusion.residual_rms = rms(recent, channels);
-        conclusion.coloured = self.coloured(recent, sigma, &conclusion.check);
+        conclusion.coloured = self.coloured(recent, weighing, &conclusion.check);
     }
 
     fn sigma_of_the_remembered(&self, span: Span<f64>, pass: &Pass) -> Vec<f64> {
         let estimate = self.estimate(&pass.factor, 1.0, Noise::Given);
-        let weights = Weights::of(&*self.blocks, &Reference::of(&estimate, 1.0, self.limit), &pass.sigma);
-        let residuals = self.residuals(&estimate.values, &vec![0.0; pass.sigma.len()], &weights);
+        let weights =
+            Weights::of(&*self.blocks, &Reference::of(&estimate, 1.0, self.limit), &pass.weighing.total);
+        let residuals = self.residuals(&estimate.values, &vec![0.0; pass.weighing.sigma.len()], &weights);
         let channels = self.source.channels();
         raw_sigma(&*self.blocks, channels, &self.measured_rms, &estimate, recent(&residuals, span))
     }
 
-    fn remember(&self, span: Span<f64>, sigma: Vec<f64>) -> Result<(Pass, Vec<Convergence>), FitError> {
+    /// Returns the root mean square, per whitened row, of what noise of the signals brings to the coefficients.
+    fn coefficient_noise(&self, weighing: &Weighing) -> Vec<f64> {
+        let rows = (self.blocks.len() * weighing.sigma.len()).max(1) as f64;
+        match &self.noise {
+            Some(noise) => {
+                let gram = noise.gram(weighing, &self.gains);
+                gram.diagonal().iter().map(|square| (square / rows).sqrt()).collect()
+            }
+            None => vec![0.0; self.parameters],
+        }
+    }
+
+    fn remember(&self, span: Span<f64>, sigma: Vec<f64>) -> Result<(Pass<'_>, Vec<Convergence>), FitError> {
         let (blocks, channels, n) = (&*self.blocks, sigma.len(), self.parameters);
         let filter = blocks.filter();
-        let noise = match self.source.coefficient_noise(filter, &sigma) {
+        let weighing = self.diagonal(sigma);
+        let noise = match self.source.coefficient_noise(filter, &weighing.sigma) {
             Some(noise) => noise,
-            None => vec![0.0; n],
+            None => self.coefficient_noise(&weighing),
         };
         let (Span::TimeConstant(span_s) | Span::Window(span_s)) = span;
         let mut memory = Memory::new(span, filter, noise, channels)
             .ok_or(FitError::Forgetting { span_s, width_s: filter.width_s })?;
-        let whitening = Whitening::diagonal(&self.weights_of(&sigma, 1.0));
+        let whitening = &weighing.whitening;
         let every = convergence::every(blocks, self.options.convergence_points, n);
-        let mut watch = Watch::new(&sigma, filter.noise_gain);
+        let mut watch = Watch::new(&weighing.sigma, filter.noise_gain);
         let mut weights = Weights::none(channels);
         let mut reference: Option<Reference> = None;
         // First block that is not in the memory.
@@ -675,7 +636,7 @@ impl Engine<'_> {
                 weights.set(block, blocks.len(), &own);
             }
             if block + 1 - waiting >= memory.segment_blocks as usize {
-                memory.take(&blocks.absorb(waiting..block + 1, n, &whitening, weights.as_slice()));
+                memory.take(&blocks.absorb(waiting..block + 1, n, whitening, weights.as_slice()));
                 waiting = block + 1;
                 let whole = memory.factor();
                 let deviations = whole.standard_deviations();
@@ -697,7 +658,7 @@ impl Engine<'_> {
             }
             if every > 0 && (block + 1) % every == 0 {
                 let mut whole = memory.factor();
-                whole.merge(&blocks.absorb(waiting..block + 1, n, &whitening, weights.as_slice()));
+                whole.merge(&blocks.absorb(waiting..block + 1, n, whitening, weights.as_slice()));
                 let estimate = self.estimate(&whole, 1.0, Noise::Given);
                 points.push(Convergence {
                     time_s: blocks.time_s(block),
@@ -706,43 +667,8 @@ impl Engine<'_> {
             }
         }
         let mut factor = memory.factor();
-        factor.merge(&blocks.absorb(waiting..blocks.len(), n, &whitening, weights.as_slice()));
-        let pass = Pass { total: sigma.clone(), signals: Vec::new(), sigma, whitening, factor, weights };
-        Ok((pass, points))
-    }
-}
-
-/// Returns σ of the channels and of the signals by groups that explain the covariance of residuals.
-///
-/// What is stated counts as stated. The rest of the groups explain what is beside the diagonal, by least squares, as far as
-/// differences of their signals allow; the channels have what is left on it.
-fn shares_of_noise(
-    left: &DMatrix<f64>,
-    spread: &[DMatrix<f64>],
-    groups: &[SignalNoise],
-    sigma: &[f64],
-    count: f64,
-) -> (Vec<f64>, Vec<f64>) {
-    let channels = left.nrows();
-    let own = |c: usize| DMatrix::from_fn(channels, channels, |i, j| f64::from(u8::from(i == c && j == c)));
-    let components: Vec<DMatrix<f64>> = (0..channels).map(own).chain(spread.iter().cloned()).collect();
-    let mut signals: Vec<f64> = groups.iter().map(|g| g.stated.unwrap_or(g.found)).collect();
-    let of = |signals: &[f64]| -> Vec<f64> { sigma.iter().chain(signals).map(|s| s * s).collect() };
-    let mut free: Vec<bool> = (0..channels).map(|_| true).collect();
-    free.extend(groups.iter().map(|g| g.stated.is_none()));
-    // What differences show is no less than the noise; vibration is more.
-    if let Some(found) = explain(left, &components, &of(&signals), &free, count) {
-        for (k, (sigma, group)) in signals.iter_mut().zip(groups).enumerate() {
-            if group.stated.is_none() {
-                let k = channels + k;
-                *sigma = (found.variance[k] + 3.0 * found.deviation[k]).sqrt().min(*sigma);
-            }
-        }
-    }
-    free[channels..].fill(false);
-    match explain(left, &components, &of(&signals), &free, count) {
-        Some(found) => (found.variance[..channels].iter().map(|v| v.sqrt()).collect(), signals),
-        None => (sigma.to_vec(), signals),
+        factor.merge(&blocks.absorb(waiting..blocks.len(), n, whitening, weights.as_slice()));
+        Ok((Pass { weighing, factor, gains: self.gains.clone(), weights }, points))
     }
 }
 

@@ -1,168 +1,181 @@
-//! Gain errors of channels: constant over a recording, known to so many per cent only.
+//! Gain errors of the channels: nuisance parameters that are estimated with the rest and eliminated.
 //!
-//! A channel reads `y_c = (1 + g_c) (A φ)_c + b_c`, with `g_c ~ N(0, σ_c²)` known beforehand. About the current φ̂ and ĝ
-//! this is linear, with one column more for each channel:
+//! A channel that reads `(1 + g)` times its value gives `y_c = (1 + g_c) (A φ)_c + b_c`. About the current φ̂ and ĝ this is
+//! linear, with one column more for each channel:
 //! ```text
 //! y_c + ĝ_c (A φ̂)_c = (A φ̂)_c g_c + (1 + ĝ_c) A_c φ + b_c
 //! ```
-//! Neither the columns nor the right-hand side leaves the span of `[A_c y_c]`, so the triangle of these, one a channel,
-//! holds all that any linearisation and any σ need: one pass over the recording, then iterations over triangles. The
-//! gains are nuisance parameters and eliminated.
 
 use std::ops::Range;
 
-use super::{Channel, Factor, RowBlocks, outliers::dot, parallel};
+use super::{Channel, Factor, Filter, RowBlocks, SampleCounts, outliers::dot};
 
-/// Row blocks that are sorted by channels at a time.
-const CHUNK: usize = 48;
-
-/// The Gauss–Newton step shrinks by about σ each time: 1e-2, 1e-4, …
-const ITERATIONS: usize = 20;
-/// Done when no gain moves by more than this share of its σ.
-const SETTLED: f64 = 1e-6;
-
-/// All rows, channel by channel, not whitened.
-pub(super) struct ChannelFactors<'a> {
-    factors: Vec<Factor>,
-    parameters: usize,
+/// Channels whose gain is uncertain, and what their columns are linearised about.
+#[derive(Clone, Debug)]
+pub(super) struct Gains<'a> {
     channels: &'a [Channel],
+    /// Numbers of the channels with a column of their own.
+    uncertain: Vec<usize>,
+    parameters: usize,
+    /// φ̂; empty before the first estimate.
+    phi: Vec<f64>,
+    /// ĝ of every channel.
+    pub(super) errors: Vec<f64>,
 }
 
-impl<'a> ChannelFactors<'a> {
-    /// Returns the factors of the channels; `None` if every gain is certain.
-    pub(super) fn of(blocks: &dyn RowBlocks, parameters: usize, channels: &'a [Channel]) -> Option<Self> {
-        if channels.iter().all(|c| c.gain_sigma <= 0.0) {
-            return None;
-        }
-        let parts = parallel::map(parallel::threads(), blocks.parts().len(), |k| {
-            Self::of_range(blocks, blocks.parts().get(k).cloned().unwrap_or_default(), parameters, channels)
-        });
-        parts.into_iter().reduce(|mut all, other| {
-            all.merge(&other);
-            all
-        })
-    }
-
-    /// Returns the factors of the channels from some blocks.
-    pub(super) fn of_range(
-        blocks: &dyn RowBlocks,
-        range: Range<usize>,
-        parameters: usize,
-        channels: &'a [Channel],
-    ) -> Self {
-        let count = channels.len();
-        let mut factors = vec![Factor::new(parameters); count];
-        let mut rows = vec![0.0; CHUNK * count * parameters];
-        let mut measured = vec![0.0; CHUNK * count];
-        let mut start = range.start;
-        while start < range.end {
-            let end = range.end.min(start + CHUNK);
-            let own_rows = rows.chunks_exact_mut((count * parameters).max(1));
-            for (block, (rows, measured)) in
-                (start..end).zip(own_rows.zip(measured.chunks_exact_mut(count.max(1))))
-            {
-                blocks.write(block, rows, measured);
-            }
-            for (c, factor) in factors.iter_mut().enumerate() {
-                let own = rows.chunks_exact(parameters.max(1)).zip(&measured).skip(c).step_by(count);
-                factor.absorb(own.take(end - start).map(|(row, value)| (row, *value)));
-            }
-            start = end;
-        }
-        Self { factors, parameters, channels }
-    }
-
-    /// Takes in the rows of another part.
-    pub(super) fn merge(&mut self, other: &Self) {
-        for (own, other) in self.factors.iter_mut().zip(&other.factors) {
-            own.merge(other);
+impl<'a> Gains<'a> {
+    /// Returns the gains of channels, about nothing yet; `is_told_apart` is false where they are not to be estimated.
+    pub(super) fn new(channels: &'a [Channel], parameters: usize, is_told_apart: bool) -> Self {
+        let uncertain = (0..channels.len()).filter(|c| is_told_apart && channels[*c].gain_sigma > 0.0);
+        Self {
+            channels,
+            uncertain: uncertain.collect(),
+            parameters,
+            phi: Vec::new(),
+            errors: vec![0.0; channels.len()],
         }
     }
 
-    /// Returns the whitened factor with the gains eliminated, and the gains. `whitening` multiplies the rows of each
-    /// channel, so that the marginal's `(RᵀR)⁻¹` is a covariance.
-    pub(super) fn fit(&self, whitening: &[f64], rounding: f64) -> (Factor, Vec<f64>) {
-        let n = self.parameters;
-        let (mut phi, mut gains) = (vec![0.0; n], vec![0.0; self.channels.len()]);
-        let mut joint = self.linearised(whitening, &phi, &gains);
-        for iteration in 0..ITERATIONS {
-            let all = joint.solve(rounding).estimate;
-            let before = gains.clone();
-            gains.copy_from_slice(&all[n..]);
-            phi.copy_from_slice(&all[..n]);
-            joint = self.linearised(whitening, &phi, &gains);
-            let mut moves = gains.iter().zip(&before).zip(self.channels);
-            // About φ = 0 no gain shows: the first step is plain least squares.
-            if iteration > 0 && !moves.any(|((now, before), c)| (now - before).abs() > SETTLED * c.gain_sigma)
-            {
-                break;
-            }
-        }
-        // The prior's rows are no measurements.
-        let rows = self.factors.iter().map(Factor::rows).sum();
-        let marginal = joint.leading(n);
-        let residual = marginal.residual_sum_of_squares();
-        (marginal.with_residual(residual, rows), gains)
+    /// Returns true if every gain is certain.
+    pub(super) fn is_empty(&self) -> bool {
+        self.uncertain.is_empty()
     }
 
-    /// Returns the factor of the parameters, then the gains.
-    fn linearised(&self, whitening: &[f64], phi: &[f64], gains: &[f64]) -> Factor {
-        let (n, count) = (self.parameters, self.channels.len());
-        let mut rows: Vec<(Vec<f64>, f64)> = Vec::new();
-        let channels = self.factors.iter().zip(self.channels).zip(whitening.iter().zip(gains));
-        for (c, ((factor, channel), (weight, gain))) in channels.enumerate() {
-            let sigma = channel.gain_sigma;
-            for (row, z) in factor.r().row_iter().zip(factor.z()) {
-                let mut row: Vec<f64> = row.iter().copied().collect();
-                let (own, value) = linearise(&mut row, *z, channel.offset, phi, *gain, *weight);
-                row.resize(n + count, 0.0);
-                if sigma > 0.0 {
-                    row[n + c] = own;
-                }
-                rows.push((row, value));
+    /// Returns the same channels with no gain to be estimated.
+    pub(super) fn none(&self) -> Self {
+        Self::new(self.channels, self.parameters, false)
+    }
+
+    /// Returns true if the columns are linearised about an estimate.
+    pub(super) fn is_about_something(&self) -> bool {
+        !self.phi.is_empty()
+    }
+
+    /// Returns the number of parameters.
+    pub(super) fn parameters(&self) -> usize {
+        self.parameters
+    }
+
+    /// Returns the number of columns: parameters, then gains.
+    pub(super) fn columns(&self) -> usize {
+        self.parameters + self.uncertain.len()
+    }
+
+    /// Returns the same gains about an estimate.
+    #[must_use]
+    pub(super) fn about(&self, phi: &[f64], errors: &[f64]) -> Self {
+        Self { phi: phi.to_vec(), errors: errors.to_vec(), uncertain: self.uncertain.clone(), ..*self }
+    }
+
+    /// Returns how far two sets of gain errors differ, in standard deviations of what is known beforehand.
+    pub(super) fn distance(&self, a: &[f64], b: &[f64]) -> f64 {
+        let of = |c: &usize| (a[*c] - b[*c]).abs() / self.channels[*c].gain_sigma;
+        self.uncertain.iter().map(of).fold(0.0, f64::max)
+    }
+
+    /// Writes the rows of a block with the gains' columns, and moves its values accordingly.
+    fn extend(&self, rows: &[f64], values: &mut [f64], out: &mut [f64]) {
+        let (n, all) = (self.parameters.max(1), self.columns());
+        let lines = rows.chunks_exact(n).zip(out.chunks_exact_mut(all.max(1)));
+        for (c, ((row, out), value)) in lines.zip(values).enumerate() {
+            let predicted = without_offset(row, &self.phi, self.channels[c].offset);
+            out.fill(0.0);
+            for (j, (out, a)) in out.iter_mut().zip(row).enumerate() {
+                *out = if Some(j) == self.channels[c].offset { *a } else { a * (1.0 + self.errors[c]) };
             }
-            // What no φ explains in this channel alone, and what is known of its gain beforehand.
-            rows.push((vec![0.0; n + count], weight * factor.residual_sum_of_squares().sqrt()));
-            let mut prior = vec![0.0; n + count];
-            prior[n + c] = if sigma > 0.0 { 1.0 / sigma } else { 1.0 };
-            rows.push((prior, 0.0));
+            if let Some(k) = self.uncertain.iter().position(|u| *u == c) {
+                out[n + k] = predicted;
+            }
+            *value += self.errors[c] * predicted;
         }
-        let mut joint = Factor::new(n + count);
-        joint.absorb(rows.iter().map(|(row, value)| (row.as_slice(), *value)));
-        joint
+    }
+
+    /// Extends rows in place: `rows` has room for all columns and starts with the rows of the parameters alone.
+    pub(super) fn extend_in_place(&self, rows: &mut [f64], values: &mut [f64], spare: &mut Vec<f64>) {
+        if self.is_empty() {
+            return;
+        }
+        spare.clear();
+        spare.extend_from_slice(&rows[..self.channels.len() * self.parameters]);
+        self.extend(spare, values, rows);
+    }
+
+    /// Returns the factor of the parameters alone and the gain errors, from that of all columns, whose noise has `scale`
+    /// times the variance beside what is known of the gains beforehand.
+    pub(super) fn eliminate(&self, joint: &Factor, scale: f64, rounding: f64) -> (Factor, Vec<f64>) {
+        let mut errors = vec![0.0; self.channels.len()];
+        if self.is_empty() {
+            return (joint.clone(), errors);
+        }
+        let (n, all) = (self.parameters, self.columns());
+        let mut known = joint.discount(scale);
+        let priors: Vec<Vec<f64>> = self
+            .uncertain
+            .iter()
+            .enumerate()
+            .map(|(k, c)| {
+                let mut row = vec![0.0; all];
+                row[n + k] = 1.0 / self.channels[*c].gain_sigma;
+                row
+            })
+            .collect();
+        known.absorb(priors.iter().map(|row| (row.as_slice(), 0.0)));
+        let solution = known.solve(rounding);
+        // About no φ yet, no gain shows.
+        for (k, c) in self.uncertain.iter().enumerate().filter(|_| !self.phi.is_empty()) {
+            errors[*c] = solution.estimate[n + k];
+        }
+        let marginal = known.leading(n);
+        let left = marginal.residual_sum_of_squares();
+        // The rows of what is known beforehand are no measurements.
+        (marginal.with_residual(left, joint.rows()), errors)
     }
 }
 
-/// Turns a row of one channel, about φ and g, into a whitened one: coefficients in place; gives the gain's coefficient and
-/// the value. `offset` is the place of the channel's offset, which no gain multiplies.
-fn linearise(
-    row: &mut [f64],
-    value: f64,
-    offset: Option<usize>,
-    phi: &[f64],
-    gain: f64,
-    weight: f64,
-) -> (f64, f64) {
-    let mut predicted = 0.0;
-    for (j, a) in row.iter_mut().enumerate() {
-        if Some(j) == offset {
-            *a *= weight;
-        } else {
-            predicted += *a * phi.get(j).copied().unwrap_or(0.0);
-            *a *= weight * (1.0 + gain);
-        }
+/// Row blocks with the columns of gains.
+pub(super) struct WithGains<'a> {
+    pub(super) blocks: &'a dyn RowBlocks,
+    pub(super) gains: &'a Gains<'a>,
+}
+
+impl RowBlocks for WithGains<'_> {
+    fn filter(&self) -> &Filter {
+        self.blocks.filter()
     }
-    (weight * predicted, weight * (value + gain * predicted))
+
+    fn counts(&self) -> &SampleCounts {
+        self.blocks.counts()
+    }
+
+    fn parts(&self) -> &[Range<usize>] {
+        self.blocks.parts()
+    }
+
+    fn time_s(&self, block: usize) -> f64 {
+        self.blocks.time_s(block)
+    }
+
+    fn write(&self, block: usize, rows: &mut [f64], measured: &mut [f64]) {
+        let mut own = vec![0.0; self.gains.channels.len() * self.gains.parameters];
+        self.blocks.write(block, &mut own, measured);
+        self.gains.extend(&own, measured, rows);
+    }
+}
+
+/// Returns what a row predicts without the channel's offset.
+fn without_offset(row: &[f64], phi: &[f64], offset: Option<usize>) -> f64 {
+    let constant = offset.and_then(|j| Some(row.get(j)? * phi.get(j)?)).unwrap_or(0.0);
+    if phi.is_empty() { 0.0 } else { dot(row, phi) - constant }
 }
 
 /// Returns the measurement of a row less what `parameters` and the channel's gain error predict.
 pub(super) fn residual(row: &[f64], value: f64, parameters: &[f64], gain: f64, offset: Option<usize>) -> f64 {
     let predicted = dot(row, parameters);
     if gain == 0.0 {
-        return value - predicted;
+        value - predicted
+    } else {
+        value - predicted - gain * without_offset(row, parameters, offset)
     }
-    let constant = offset.and_then(|j| Some(row.get(j)? * parameters.get(j)?)).unwrap_or(0.0);
-    value - predicted - gain * (predicted - constant)
 }
 
 #[cfg(test)]

@@ -34,6 +34,7 @@ mod source;
 mod standard;
 pub mod tare;
 mod variance_components;
+mod weighing;
 mod whitening;
 
 pub use condition::{

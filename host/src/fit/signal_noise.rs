@@ -8,7 +8,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::{Filter, FitError, RowBlocks, RowSource, SignalNoise, Silent, Whitener, Whitening};
+use super::gains::Gains;
+use super::weighing::Weighing;
+use super::{Filter, FitError, RowBlocks, RowSource, SignalNoise, Silent, Whitener};
 
 /// Longer recordings are looked at in their middle.
 const LONGEST: usize = 20_000;
@@ -20,8 +22,8 @@ const MOST_REPETITIONS: usize = 8;
 /// Noise in the rows of a source, by groups of signals.
 pub(super) struct RowNoise {
     groups: Vec<Group>,
-    /// Row blocks of the whole recording for each that is looked at.
-    share: f64,
+    /// Row blocks of the whole recording.
+    blocks: f64,
 }
 
 struct Group {
@@ -60,9 +62,8 @@ impl RowNoise {
         let from = samples.saturating_sub(LONGEST) / 2;
         let middle = from..samples.min(from + LONGEST);
         let mut groups = Vec::new();
-        let mut looked_at = 0;
         for (k, own) in noise.iter().enumerate() {
-            let size = own.stated.unwrap_or(own.found);
+            let size = own.size();
             if size <= 0.0 {
                 continue;
             }
@@ -83,16 +84,20 @@ impl RowNoise {
                 if difference.len() == 0 {
                     return Ok(None);
                 }
-                looked_at = difference.len();
                 count += difference.len();
                 repetitions.push(difference);
             }
             groups.push(Group { noise: own.clone(), repetitions });
         }
-        let share = blocks.len() as f64 / looked_at.max(1) as f64;
-        Ok((!groups.is_empty()).then_some(Self { groups, share }))
+        Ok((!groups.is_empty()).then_some(Self { groups, blocks: blocks.len() as f64 }))
     }
 
+    /// Returns the number of row blocks of the whole recording.
+    pub(super) fn blocks(&self) -> f64 {
+        self.blocks
+    }
+
+    /// Returns the groups of signals.
     pub(super) fn groups(&self) -> impl Iterator<Item = &SignalNoise> {
         self.groups.iter().map(|g| &g.noise)
     }
@@ -101,8 +106,8 @@ impl RowNoise {
     ///
     /// The autocovariance is that of white noise and of its derivative, each after the filter; their shares fit it by least
     /// squares.
-    pub(super) fn spectra(&self, phi: &[f64], channels: usize, filter: &Filter) -> Vec<Spectrum> {
-        let n = phi.len();
+    pub(super) fn spectra(&self, phi: &[f64], weighing: &Weighing, filter: &Filter) -> Vec<Spectrum> {
+        let (n, channels) = (phi.len(), weighing.sigma.len());
         let (mut white, mut rising) = (filter.white_autocovariance(), filter.derivative_autocovariance());
         if white.is_empty() {
             (white, rising) = (vec![1.0], vec![0.0]);
@@ -143,19 +148,26 @@ impl RowNoise {
         self.groups.iter().map(of_group).collect()
     }
 
-    /// Returns the expectation of `Δᵀ W Δ` over the whole recording, n × n; `sigma` by groups.
-    pub(super) fn gram(&self, whitening: &Whitening, n: usize, sigma: &[f64]) -> DMatrix<f64> {
-        let channels = whitening.channels();
-        let mut sum = DMatrix::<f64>::zeros(n, n);
-        for (group, sigma) in self.groups.iter().zip(sigma) {
-            let weight = self.share * sigma * sigma / group.repetitions.len() as f64;
-            let mut values = vec![0.0; channels];
+    /// Returns the expectation of `Δᵀ W Δ` over the whole recording, for parameters and gains. Signals of which the weighing
+    /// knows no σ have their own.
+    pub(super) fn gram(&self, weighing: &Weighing, gains: &Gains) -> DMatrix<f64> {
+        let (channels, n, all) = (weighing.sigma.len(), gains.parameters(), gains.columns());
+        let mut sum = DMatrix::<f64>::zeros(all, all);
+        let (mut rows, mut values, mut spare) = (vec![0.0; channels * all], vec![0.0; channels], Vec::new());
+        for (k, group) in self.groups.iter().enumerate() {
+            let sigma = weighing.signals.get(k).copied().unwrap_or(group.noise.size());
+            let looked_at: usize = group.repetitions.iter().map(Difference::len).sum();
+            let weight = self.blocks * sigma * sigma / looked_at.max(1) as f64;
             for repetition in &group.repetitions {
-                let mut whitener = Whitener::new(whitening, n);
-                each(repetition, channels, n, |time_s, rows| {
-                    whitener.apply(time_s, rows, &mut values, None);
-                    for row in rows.chunks_exact(n.max(1)) {
-                        for (j, (column, a)) in sum.as_mut_slice().chunks_exact_mut(n).zip(row).enumerate() {
+                let mut whitener = Whitener::new(&weighing.whitening, all);
+                each(repetition, channels, n, |time_s, own| {
+                    rows[..own.len()].copy_from_slice(own);
+                    values.fill(0.0);
+                    gains.extend_in_place(&mut rows, &mut values, &mut spare);
+                    whitener.apply(time_s, &mut rows, &mut values, None);
+                    for row in rows.chunks_exact(all.max(1)) {
+                        for (j, (column, a)) in sum.as_mut_slice().chunks_exact_mut(all).zip(row).enumerate()
+                        {
                             let weighted = weight * a;
                             column.iter_mut().zip(row).take(j + 1).for_each(|(s, b)| *s += weighted * b);
                         }

@@ -58,6 +58,13 @@ pub struct SignalNoise {
     pub found: f64,
 }
 
+impl SignalNoise {
+    /// Returns 1 σ as stated; where nothing is, as differences show it.
+    pub fn size(&self) -> f64 {
+        self.stated.unwrap_or(self.found)
+    }
+}
+
 /// Anything that rows come from: one body, a tree of links, still poses, or a model of one's own.
 ///
 /// Weights, outliers, gain errors, autocorrelation, forgetting, known values, merging, intervals, factor files and

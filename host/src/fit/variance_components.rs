@@ -56,8 +56,9 @@ pub(super) fn explain(
         0.5 * count * weighted[i].dot(&weighted[j].transpose())
     });
     let scale = information.diagonal().map(|d| if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 });
-    let scaled =
-        DMatrix::from_fn(components.len(), components.len(), |i, j| information[(i, j)] * scale[i] * scale[j]);
+    let scaled = DMatrix::from_fn(components.len(), components.len(), |i, j| {
+        information[(i, j)] * scale[i] * scale[j]
+    });
     let covariance = scaled.pseudo_inverse(1e-12).ok()?;
     let deviation = (0..components.len()).map(|i| covariance[(i, i)].max(0.0).sqrt() * scale[i]).collect();
     Some(Components { variance, deviation })

@@ -47,8 +47,9 @@ impl Whitening {
         period_s: f64,
     ) -> Option<Self> {
         let channels = white.nrows();
-        let inverse =
-            Cholesky::new(white.clone())?.l().solve_lower_triangular(&DMatrix::identity(channels, channels))?;
+        let inverse = Cholesky::new(white.clone())?
+            .l()
+            .solve_lower_triangular(&DMatrix::identity(channels, channels))?;
         let eigen = SymmetricEigen::new(&inverse * rising * inverse.transpose());
         let together = eigen.eigenvectors.transpose() * inverse * factor.sqrt();
         let matrix: Vec<f64> = together.transpose().iter().copied().collect();
@@ -99,7 +100,14 @@ impl<'a> Whitener<'a> {
     /// Returns the whitening of blocks of `n` parameters, before the first.
     pub fn new(whitening: &'a Whitening, n: usize) -> Self {
         let length = whitening.channels * (n + 1);
-        Self { whitening, n, before: vec![0.0; length], after: vec![0.0; length], spare: vec![0.0; length], time_s: None }
+        Self {
+            whitening,
+            n,
+            before: vec![0.0; length],
+            after: vec![0.0; length],
+            spare: vec![0.0; length],
+            time_s: None,
+        }
     }
 
     /// Whitens the rows of the next block in place, C rows of n coefficients and C values; `weights` multiply the channels
@@ -108,7 +116,8 @@ impl<'a> Whitener<'a> {
         let Whitening { channels, matrix, poles, period_s, is_diagonal } = self.whitening;
         let (channels, n) = (*channels, self.n);
         if let Some(weights) = weights {
-            for (row, (value, weight)) in rows.chunks_exact_mut(n.max(1)).zip(values.iter_mut().zip(weights)) {
+            for (row, (value, weight)) in rows.chunks_exact_mut(n.max(1)).zip(values.iter_mut().zip(weights))
+            {
                 row.iter_mut().for_each(|v| *v *= weight);
                 *value *= weight;
             }

@@ -4,7 +4,6 @@
 #[derive(Clone, Debug)]
 pub(super) struct Signs(u64);
 
-
 impl Signs {
     /// Returns the signs of a seed.
     pub(super) fn new(seed: u64) -> Self {

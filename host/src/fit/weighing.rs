@@ -1,0 +1,146 @@
+//! What rows are weighed by: the covariance of all noise, and what noise in the coefficients adds to the normal equations.
+
+use nalgebra::DMatrix;
+
+use super::compensation::compensate;
+use super::signal_noise::{RowNoise, Spectrum};
+use super::variance_components::explain;
+use super::{BlockResidual, Estimate, Factor, Filter, SignalNoise, Whitening};
+
+/// A parameter counts in the covariance of the noise if it differs from zero by so many standard deviations.
+const SIGNIFICANT_SD: f64 = 2.0;
+/// A variance that residuals and differences both show is no larger than so many standard deviations above the residuals'.
+const CERTAIN_SD: f64 = 3.0;
+
+/// Noise of channels and signals, and the whitening that follows from it.
+#[derive(Clone, Debug)]
+pub(super) struct Weighing {
+    /// σ of the channels per sample.
+    pub(super) sigma: Vec<f64>,
+    /// The same with what noise of the signals leaves in the residuals.
+    pub(super) total: Vec<f64>,
+    /// 1 σ of the signals by groups; empty if they are taken as exact.
+    pub(super) signals: Vec<f64>,
+    pub(super) whitening: Whitening,
+}
+
+impl Weighing {
+    /// Returns the weighing by σ of the channels alone; a row stands for `every` samples.
+    pub(super) fn diagonal(sigma: Vec<f64>, every: f64) -> Self {
+        let weights: Vec<f64> = sigma.iter().map(|s| every.sqrt() / s).collect();
+        let whitening = Whitening::diagonal(&weights);
+        Self { total: sigma.clone(), sigma, signals: Vec::new(), whitening }
+    }
+
+    /// Returns true if noise of the signals counts.
+    pub(super) fn is_compensated(&self) -> bool {
+        !self.signals.is_empty()
+    }
+
+    /// Returns the factor without what noise of the signals adds; `gram` is its Gram matrix.
+    pub(super) fn compensate(&self, factor: &Factor, gram: &DMatrix<f64>, rounding: f64) -> Factor {
+        compensate(factor, gram, rounding)
+    }
+
+    /// Returns the values that the rows say something of, the others zero. Of an estimate that is not compensated all that
+    /// are determined count.
+    pub(super) fn significant(estimate: &Estimate, all: bool) -> Vec<f64> {
+        let values = estimate.values.iter().enumerate();
+        values
+            .map(|(j, value)| {
+                let sd = estimate.covariance[(j, j)].max(0.0).sqrt();
+                let counts = estimate.is_determined(j) && (all || value.abs() > SIGNIFICANT_SD * sd);
+                if counts { *value } else { 0.0 }
+            })
+            .collect()
+    }
+
+    /// Returns the covariance of the residuals per sample, C × C.
+    pub(super) fn covariance_of(
+        residuals: &[BlockResidual],
+        estimate: &Estimate,
+        filter: &Filter,
+    ) -> DMatrix<f64> {
+        let channels = residuals.first().map_or(0, |r| r.values.len());
+        let per_channel = estimate.rank() as f64 / channels.max(1) as f64;
+        let dof = (residuals.len() as f64 * filter.row_noise_gain().min(1.0) - per_channel).max(1.0);
+        let left = dof / (dof + per_channel);
+        let mut sum = DMatrix::zeros(channels, channels);
+        for residual in residuals {
+            for i in 0..channels {
+                for j in 0..channels {
+                    sum[(i, j)] += residual.weighted(i) * residual.weighted(j);
+                }
+            }
+        }
+        sum / (residuals.len().max(1) as f64 * filter.noise_gain * left)
+    }
+
+    /// Returns the weighing by all noise. `spectra` are those of signals of unit σ, `residuals` is the covariance of what an
+    /// estimate leaves, where σ is not stated. `None` if there is no such covariance.
+    pub(super) fn with_signals(
+        &self,
+        noise: &RowNoise,
+        spectra: &[Spectrum],
+        residuals: Option<&DMatrix<f64>>,
+        filter: &Filter,
+    ) -> Option<Self> {
+        let channels = self.sigma.len();
+        let groups: Vec<&SignalNoise> = noise.groups().collect();
+        // Variance after the filter, of which white noise leaves its gain.
+        let rise = filter.derivative_noise_gain / filter.noise_gain;
+        let (sigma, signals) = match residuals {
+            None => (self.sigma.clone(), groups.iter().map(|g| g.size()).collect()),
+            Some(left) => {
+                let spread: Vec<DMatrix<f64>> = spectra.iter().map(|s| &s.white + &s.rising * rise).collect();
+                let count = noise.blocks() * filter.row_noise_gain().min(1.0);
+                components(left, &spread, &groups, &self.sigma, count)
+            }
+        };
+        let own = |i: usize, j: usize| if i == j { sigma[i] * sigma[i] } else { 0.0 };
+        let mut white = DMatrix::from_fn(channels, channels, own);
+        let mut rising = DMatrix::zeros(channels, channels);
+        for (spectrum, sigma) in spectra.iter().zip(&signals) {
+            white += &spectrum.white * (sigma * sigma);
+            rising += &spectrum.rising * (sigma * sigma);
+        }
+        let every = f64::from(filter.every);
+        let whitening = Whitening::of_spectrum(&white, &rising, every, filter.row_period_s())?;
+        let total = (0..channels).map(|c| (white[(c, c)] + rise * rising[(c, c)]).sqrt()).collect();
+        Some(Self { sigma, total, signals, whitening })
+    }
+}
+
+/// Returns σ of the channels and of the signals by groups that explain the covariance of residuals.
+///
+/// What is stated counts as stated. Of the rest, differences of the signals show no less than the noise, as vibration is in
+/// them too; the residuals bound it from above.
+fn components(
+    left: &DMatrix<f64>,
+    spread: &[DMatrix<f64>],
+    groups: &[&SignalNoise],
+    sigma: &[f64],
+    count: f64,
+) -> (Vec<f64>, Vec<f64>) {
+    let channels = left.nrows();
+    let own = |c: usize| DMatrix::from_fn(channels, channels, |i, j| f64::from(u8::from(i == c && j == c)));
+    let all: Vec<DMatrix<f64>> = (0..channels).map(own).chain(spread.iter().cloned()).collect();
+    let mut signals: Vec<f64> = groups.iter().map(|g| g.size()).collect();
+    let start = |signals: &[f64]| -> Vec<f64> { sigma.iter().chain(signals).map(|s| s * s).collect() };
+    let mut free = vec![true; channels];
+    free.extend(groups.iter().map(|g| g.stated.is_none()));
+    if let Some(found) = explain(left, &all, &start(&signals), &free, count) {
+        for (k, (sigma, group)) in signals.iter_mut().zip(groups).enumerate() {
+            if group.stated.is_none() {
+                let k = channels + k;
+                *sigma = sigma.min((found.variance[k] + CERTAIN_SD * found.deviation[k]).sqrt());
+            }
+        }
+    }
+    free[channels..].fill(false);
+    let sigma = match explain(left, &all, &start(&signals), &free, count) {
+        Some(found) => found.variance[..channels].iter().map(|v| v.sqrt()).collect(),
+        None => sigma.to_vec(),
+    };
+    (sigma, signals)
+}
