@@ -195,10 +195,8 @@ pub fn absorb<B: RowBlocks + ?Sized>(
     let mut whitener = Whitener::new(whitening, parameters);
     let mut rows = vec![0.0; CHUNK * channels * parameters];
     let mut values = vec![0.0; CHUNK * channels];
-    // The low-pass comes from the blocks before, as far as they are of the same part.
-    let first =
-        blocks.parts().iter().find(|part| part.contains(&range.start)).map_or(range.start, |p| p.start);
-    let mut start = range.start.saturating_sub(whitening.lead()).max(first);
+    // The low-pass comes from the blocks before.
+    let mut start = range.start.saturating_sub(whitening.lead());
     while start < range.end {
         let end = range.end.min(start + CHUNK);
         let own_rows = rows.chunks_exact_mut((channels * parameters).max(1));

@@ -21,10 +21,6 @@ use super::{
 const SIGMA_ROUNDS: usize = 2;
 /// Rounds of weights from the covariance of all noise, which the estimate is part of.
 const WEIGHING_ROUNDS: usize = 3;
-/// The Gauss–Newton step of gain errors shrinks by about σ each time: 1e-2, 1e-4, …
-const GAIN_ROUNDS: usize = 8;
-/// Done when no gain moves by more than this share of its σ.
-const GAINS_SETTLED: f64 = 1e-4;
 
 /// A moment of inertia whose information is less than so many times what noise of the rates alone would bring is not
 /// informed: noise in a coefficient attenuates the estimate by the inverse of this ratio.
@@ -77,7 +73,7 @@ pub fn fit_device(
     let sigma = engine.stated_sigma().unwrap_or_else(|| source.nominal_sigma());
     engine.check(&sigma)?;
     // Where gains are uncertain the rows are made here, filtered.
-    if !device.is_filtered && engine.channel_factors.is_none() {
+    if !device.is_filtered && engine.gains.is_empty() {
         engine.row_noise_gain = 1.0;
     }
     let gains = Gains::new(source.channels(), parameters, false);
@@ -222,21 +218,9 @@ impl<'a> Engine<'a> {
 
     /// Absorbs all rows; where gains are uncertain as often as their columns move, from `about` on.
     fn absorb(&self, weighing: Weighing, weights: Weights, about: Option<&Gains<'a>>) -> Pass<'a> {
-        let mut gains = about.unwrap_or(&self.gains).clone();
-        let mut factor = self.factor_of(&weighing, &weights, &gains);
-        for _ in 0..GAIN_ROUNDS {
-            if gains.is_empty() {
-                break;
-            }
-            let (own, errors) = gains.eliminate(&factor, 1.0, self.source.rounding());
-            let moved = gains.distance(&errors, &gains.errors);
-            let is_first = !gains.is_about_something();
-            gains = gains.about(&own.solve(self.source.rounding()).estimate, &errors);
-            factor = self.factor_of(&weighing, &weights, &gains);
-            if !is_first && moved < GAINS_SETTLED {
-                break;
-            }
-        }
+        let start = about.unwrap_or(&self.gains);
+        let absorb = |gains: &Gains<'a>| self.factor_of(&weighing, &weights, gains);
+        let (factor, gains) = start.settle(self.source.rounding(), absorb);
         Pass { weighing, factor, gains, weights }
     }
 

@@ -10,6 +10,11 @@ use std::ops::Range;
 
 use super::{Channel, Factor, Filter, RowBlocks, SampleCounts, outliers::dot};
 
+/// The Gauss–Newton step shrinks by about σ each time: 1e-2, 1e-4, …
+const ROUNDS: usize = 20;
+/// Done when no gain moves by more than this share of its σ.
+const SETTLED: f64 = 1e-6;
+
 /// Channels whose gain is uncertain, and what their columns are linearised about.
 #[derive(Clone, Debug)]
 pub(super) struct Gains<'a> {
@@ -20,7 +25,7 @@ pub(super) struct Gains<'a> {
     /// φ̂; empty before the first estimate.
     phi: Vec<f64>,
     /// ĝ of every channel.
-    pub(super) errors: Vec<f64>,
+    errors: Vec<f64>,
 }
 
 impl<'a> Gains<'a> {
@@ -41,14 +46,29 @@ impl<'a> Gains<'a> {
         self.uncertain.is_empty()
     }
 
+    /// Returns the factor of all columns, linearised about what it says itself, and the gains about which it is. `absorb`
+    /// makes the factor about some gains.
+    pub(super) fn settle(&self, rounding: f64, absorb: impl Fn(&Self) -> Factor) -> (Factor, Self) {
+        let mut gains = self.clone();
+        let mut factor = absorb(&gains);
+        for _ in 0..ROUNDS {
+            if gains.is_empty() {
+                break;
+            }
+            let (own, errors) = gains.eliminate(&factor, 1.0, rounding);
+            let is_settled = !gains.phi.is_empty() && gains.distance(&errors) < SETTLED;
+            gains = gains.about(&own.solve(rounding).estimate, &errors);
+            factor = absorb(&gains);
+            if is_settled {
+                break;
+            }
+        }
+        (factor, gains)
+    }
+
     /// Returns the same channels with no gain to be estimated.
     pub(super) fn none(&self) -> Self {
         Self::new(self.channels, self.parameters, false)
-    }
-
-    /// Returns true if the columns are linearised about an estimate.
-    pub(super) fn is_about_something(&self) -> bool {
-        !self.phi.is_empty()
     }
 
     /// Returns the number of parameters.
@@ -63,13 +83,13 @@ impl<'a> Gains<'a> {
 
     /// Returns the same gains about an estimate.
     #[must_use]
-    pub(super) fn about(&self, phi: &[f64], errors: &[f64]) -> Self {
+    fn about(&self, phi: &[f64], errors: &[f64]) -> Self {
         Self { phi: phi.to_vec(), errors: errors.to_vec(), uncertain: self.uncertain.clone(), ..*self }
     }
 
-    /// Returns how far two sets of gain errors differ, in standard deviations of what is known beforehand.
-    pub(super) fn distance(&self, a: &[f64], b: &[f64]) -> f64 {
-        let of = |c: &usize| (a[*c] - b[*c]).abs() / self.channels[*c].gain_sigma;
+    /// Returns how far other gain errors are, in standard deviations of what is known beforehand.
+    fn distance(&self, errors: &[f64]) -> f64 {
+        let of = |c: &usize| (errors[*c] - self.errors[*c]).abs() / self.channels[*c].gain_sigma;
         self.uncertain.iter().map(of).fold(0.0, f64::max)
     }
 

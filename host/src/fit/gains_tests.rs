@@ -1,7 +1,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::*;
-use crate::fit::{Filter, SampleCounts};
+use crate::fit::{Filter, SampleCounts, Whitening};
 
 const PHI: [f64; 10] = [20.0, 0.3, -0.2, 1.0, 0.4, 0.1, 0.5, 0.02, -0.03, 0.01];
 const OFFSET: [f64; 6] = [3.0, -2.0, 5.0, 0.3, 0.1, -0.2];
@@ -85,8 +85,7 @@ fn channels(gain_sigma: [f64; 6]) -> Vec<Channel> {
 fn the_marginal_is_that_of_the_dense_problem_with_gains() {
     let blocks = Blocks::new(200, 1.0);
     let channels = channels(GAIN_SIGMA);
-    let factors = ChannelFactors::of(&blocks, N, &channels).unwrap();
-    let (factor, gains) = factors.fit(&WEIGHTS, factors.factors[0].rounding());
+    let (factor, gains) = fitted(&blocks, &channels);
     let Solved { estimate, covariance: marginal } = solved(&factor);
     let mut normal = DMatrix::<f64>::zeros(22, 22);
     let mut gradient = DVector::<f64>::zeros(22);
@@ -127,6 +126,22 @@ fn the_marginal_is_that_of_the_dense_problem_with_gains() {
     assert_eq!(factor.rows(), 1200);
 }
 
+/// The factor with the gains eliminated, and the gains.
+fn fitted(blocks: &Blocks, channels: &[Channel]) -> (Factor, Vec<f64>) {
+    let rounding = 16.0 * f64::EPSILON;
+    let start = Gains::new(channels, N, true);
+    let absorb = |gains: &Gains| {
+        let blocks = WithGains { blocks, gains };
+        let mut factor = Factor::new(gains.columns());
+        for part in blocks.parts() {
+            factor.merge(&blocks.absorb(part.clone(), gains.columns(), &Whitening::diagonal(&WEIGHTS), None));
+        }
+        factor
+    };
+    let (joint, gains) = start.settle(rounding, absorb);
+    gains.eliminate(&joint, 1.0, rounding)
+}
+
 struct Solved {
     estimate: Vec<f64>,
     covariance: DMatrix<f64>,
@@ -140,13 +155,12 @@ fn solved(factor: &Factor) -> Solved {
 #[test]
 fn without_gain_errors_there_is_nothing_to_eliminate() {
     let blocks = Blocks::new(50, 1.0);
-    assert!(ChannelFactors::of(&blocks, N, &channels([0.0; 6])).is_none());
+    assert!(Gains::new(&channels([0.0; 6]), N, true).is_empty());
     // Where they are next to certain the factor is that of plain least squares.
     let channels = channels([1e-12, 0.0, 0.0, 0.0, 0.0, 0.0]);
-    let (factor, gains) =
-        ChannelFactors::of(&blocks, N, &channels).unwrap().fit(&WEIGHTS, 16.0 * f64::EPSILON);
+    let (factor, gains) = fitted(&blocks, &channels);
     assert!(gains.iter().all(|g| g.abs() < 1e-9), "{gains:?}");
-    let plain = blocks.absorb(0..50, N, &WEIGHTS, None);
+    let plain = blocks.absorb(0..50, N, &Whitening::diagonal(&WEIGHTS), None);
     let (got, want) = (solved(&factor), solved(&plain));
     for j in 0..N {
         let sd = want.covariance[(j, j)].sqrt();

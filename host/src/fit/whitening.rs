@@ -11,7 +11,7 @@ use nalgebra::{Cholesky, DMatrix, SymmetricEigen};
 /// A pole below this share of the period of the rows does nothing.
 const LEAST_POLE: f64 = 0.02;
 /// Time constants after which a low-pass has forgotten where it started.
-const SETTLED: f64 = 5.0;
+const SETTLED: f64 = 10.0;
 
 /// What the rows of a block are multiplied by, C × C, and the time constants of the low-pass of each channel after that.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,8 +1,8 @@
 use hexapod::BodyParameters;
 use hexapod::MotionProgram;
 use hexapod::Mounting;
-use nalgebra::{DMatrix, SMatrix, SVector};
-use rigident_sim::rig::{Readings, RigConfig, RigError};
+use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};
+use rigident_sim::rig::{ReadingRow, Readings, RigConfig, RigError};
 use rigident_sim::sensors::SensorModels;
 
 /// The body's ten and six offsets.
@@ -10,13 +10,20 @@ pub const PARAMETERS: usize = 16;
 /// With six gains before them.
 const JOINT: usize = 22;
 
+type Wrench = SVector<f64, 6>;
+type Block = SMatrix<f64, 6, 6>;
+type Rows = SMatrix<f64, 6, JOINT>;
+
 /// The Cramér–Rao bound, a covariance, of `[m, mcx, mcy, mcz, Ixx, Iyy, Izz, Iyz, Izx, Ixy]` and the six constant
-/// wrench offsets, SI: every sample of the load cell with its white noise, the motion known exactly, the gain errors
-/// unknown but for their distribution. Nothing that has seen the same samples and believes no more can do better.
+/// wrench offsets, SI: every sample of the load cell and of the IMU with its white noise, the motion known through the IMU
+/// alone, the gain errors unknown but for their distribution. Nothing that has seen the same samples and believes no more
+/// can do better.
 ///
-/// `J⁻¹` with `J = Σ aᵀa/σ²`, rows `a = [(A φ)_c at its gain; row c of A; 1 at its offset]`, `1/σ_g²` added for each
-/// gain, the gains' rows and columns left out. The columns of A are wrenches of unit bodies on this motion by the
-/// simulator's own mechanics. `None` if the motion leaves something undetermined.
+/// `J⁻¹` with `J = aᵀ C⁻¹ a`, rows `a = [(A φ)_c at its gain; row c of A; 1 at its offset]` of all samples, `1/σ_g²` added
+/// for each gain, the gains' rows and columns left out. C is the covariance of `w + J_a a + J_ω g + J_α ġ`, noise of the load
+/// cell, the accelerometer and the gyro; with ġ as a central difference it is banded and factorised as it comes. The columns
+/// of A are wrenches of unit bodies on this motion by the simulator's own mechanics. `None` if the motion leaves something
+/// undetermined.
 ///
 /// # Errors
 /// A program that the platform cannot follow, or a rate that makes no sense.
@@ -26,21 +33,23 @@ pub fn bound(
     rate_hz: f64,
 ) -> Result<Option<DMatrix<f64>>, RigError> {
     let columns = unit_wrenches(config, program, rate_hz)?;
-    let truth = wrenches(config, config.body, program, rate_hz)?;
+    let truth = ideal(config, config.body, program, rate_hz)?;
     let cell = &config.sensors.load_cell;
+    let mut whitened = Whitened::new(config, rate_hz);
     let mut information = SMatrix::<f64, JOINT, JOINT>::zeros();
-    for (k, wrench) in truth.iter().enumerate() {
+    for (k, row) in truth.iter().enumerate() {
+        let mut rows = Rows::zeros();
         for c in 0..6 {
-            let mut row = SVector::<f64, JOINT>::zeros();
             if cell.gain_error.spread[c] > 0.0 {
-                row[c] = wrench[c];
+                rows[(c, c)] = row.wrench[c];
             }
             for (j, column) in columns.iter().enumerate() {
-                row[6 + j] = column[k][c];
+                rows[(c, 6 + j)] = column[k][c];
             }
-            row[16 + c] = 1.0;
-            information.ger(cell.noise_n_nm[c].powi(-2), &row, &row, 1.0);
+            rows[(c, 16 + c)] = 1.0;
         }
+        let Some(white) = whitened.next(&Vector3::from(row.angular_rate), rows) else { return Ok(None) };
+        information += white.tr_mul(&white);
     }
     for (c, spread) in cell.gain_error.spread.iter().enumerate() {
         information[(c, c)] += if *spread > 0.0 { spread.powi(-2) } else { 1.0 };
@@ -54,6 +63,105 @@ pub fn bound(
     Ok(Some(DMatrix::from_fn(PARAMETERS, PARAMETERS, entry)))
 }
 
+/// Whitens the rows of one sample after the other by the banded covariance of all noise.
+struct Whitened {
+    body: BodyParameters,
+    lever_arm: Vector3<f64>,
+    /// `Σ_w + σ_a² J_a J_aᵀ + 2 σ_g² Q Qᵀ`.
+    constant: Block,
+    /// `Q = J_α / 2T`: the gyro's noise of the samples after and before.
+    slope: SMatrix<f64, 6, 3>,
+    gyro_variance: f64,
+    /// The two samples before, the last one first: diagonal block of the factor, that beside it, J_ω, whitened rows.
+    before: Option<(Block, Block, SMatrix<f64, 6, 3>, Rows)>,
+    earlier: Option<(Block, Rows)>,
+}
+
+impl Whitened {
+    fn new(config: &RigConfig, rate_hz: f64) -> Self {
+        let largest = |sigma: [f64; 3]| sigma.iter().copied().fold(0.0, f64::max);
+        let (cell, imu) = (&config.sensors.load_cell, &config.sensors.imu);
+        let lever_arm = Vector3::from(config.imu.position_m);
+        let by = |of: &dyn Fn(&Vector3<f64>) -> Wrench| {
+            SMatrix::<f64, 6, 3>::from_columns(&[of(&Vector3::x()), of(&Vector3::y()), of(&Vector3::z())])
+        };
+        let none = Vector3::zeros();
+        let accelerated = by(&|a| wrench(&config.body, &lever_arm, a, &none, &none));
+        let slope = by(&|alpha| wrench(&config.body, &lever_arm, &none, &none, alpha)) * (0.5 * rate_hz);
+        let own = Wrench::from_fn(|c, _| cell.noise_n_nm[c].powi(2));
+        let gyro_variance = largest(imu.gyro_noise_radps).powi(2);
+        Self {
+            body: config.body,
+            lever_arm,
+            constant: Block::from_diagonal(&own)
+                + accelerated * accelerated.transpose() * largest(imu.accel_noise_mps2).powi(2)
+                + slope * slope.transpose() * (2.0 * gyro_variance),
+            slope,
+            gyro_variance,
+            before: None,
+            earlier: None,
+        }
+    }
+
+    /// Returns the rows of the next sample, whitened; `None` if the covariance is not positive definite.
+    fn next(&mut self, rate: &Vector3<f64>, rows: Rows) -> Option<Rows> {
+        let none = Vector3::zeros();
+        // The wrench is quadratic in the rate: its derivative is half the difference of two.
+        let turned = |axis: Vector3<f64>| {
+            let of = |sign: f64| wrench(&self.body, &self.lever_arm, &none, &(rate + axis * sign), &none);
+            (of(1.0) - of(-1.0)) * 0.5
+        };
+        let turning = SMatrix::<f64, 6, 3>::from_columns(&[
+            turned(Vector3::x()),
+            turned(Vector3::y()),
+            turned(Vector3::z()),
+        ]);
+        let variance = self.gyro_variance;
+        let mut diagonal = self.constant + turning * turning.transpose() * variance;
+        let (mut beside, mut rest) = (Block::zeros(), rows);
+        if let Some((own, its_beside, its_turning, its_rows)) = &self.before {
+            let mut covariance =
+                (turning * self.slope.transpose() - self.slope * its_turning.transpose()) * variance;
+            if let Some((earlier, earlier_rows)) = &self.earlier {
+                let two_back = right_solve(&(self.slope * self.slope.transpose() * -variance), earlier)?;
+                covariance -= two_back * its_beside.transpose();
+                diagonal -= two_back * two_back.transpose();
+                rest -= two_back * earlier_rows;
+            }
+            beside = right_solve(&covariance, own)?;
+            diagonal -= beside * beside.transpose();
+            rest -= beside * its_rows;
+        }
+        let own = nalgebra::Cholesky::new(diagonal)?.l();
+        let white = own.solve_lower_triangular(&rest)?;
+        self.earlier = self.before.take().map(|(own, _, _, rows)| (own, rows));
+        self.before = Some((own, beside, turning, white));
+        Some(white)
+    }
+}
+
+/// Returns `matrix L⁻ᵀ` of a lower triangle.
+fn right_solve(matrix: &Block, lower: &Block) -> Option<Block> {
+    Some(lower.solve_lower_triangular(&matrix.transpose())?.transpose())
+}
+
+/// The wrench on the body about the load cell's origin, by Newton and Euler, from what the IMU at a lever arm reads.
+fn wrench(
+    body: &BodyParameters,
+    lever_arm: &Vector3<f64>,
+    specific_force: &Vector3<f64>,
+    rate: &Vector3<f64>,
+    acceleration: &Vector3<f64>,
+) -> Wrench {
+    let about = |at: &Vector3<f64>| acceleration.cross(at) + rate.cross(&rate.cross(at));
+    let centre = Vector3::from(body.com_m);
+    let force = (specific_force - about(lever_arm) + about(&centre)) * body.mass_kg;
+    let [xx, yy, zz, yz, zx, xy] = body.inertia_com_kgm2;
+    let inertia = Matrix3::new(xx, xy, zx, xy, yy, yz, zx, yz, zz);
+    let moment = inertia * acceleration + rate.cross(&(inertia * rate)) + centre.cross(&force);
+    Wrench::new(force.x, force.y, force.z, moment.x, moment.y, moment.z)
+}
+
 /// True wrenches on `body` along the motion, N and N m in S.
 fn wrenches(
     config: &RigConfig,
@@ -61,9 +169,19 @@ fn wrenches(
     program: &MotionProgram,
     rate_hz: f64,
 ) -> Result<Vec<[f64; 6]>, RigError> {
+    Ok(ideal(config, body, program, rate_hz)?.iter().map(|row| row.wrench).collect())
+}
+
+/// What ideal sensors read of `body` along the motion, the IMU at the load cell's origin.
+fn ideal(
+    config: &RigConfig,
+    body: BodyParameters,
+    program: &MotionProgram,
+    rate_hz: f64,
+) -> Result<Vec<ReadingRow>, RigError> {
     let config = RigConfig { imu: Mounting::IDENTITY, ..config.clone() };
     let config = config.with_body(body).with_sensors(SensorModels::ideal());
-    Ok(Readings::new(&config, program, rate_hz)?.ideal().iter().map(|row| row.wrench).collect())
+    Ok(Readings::new(&config, program, rate_hz)?.ideal().to_vec())
 }
 
 /// The linear map from the ten parameters to the wrench, column by column. A first moment is a unit mass at a unit

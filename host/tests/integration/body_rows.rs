@@ -10,7 +10,8 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rigident::fit::{
-    Channel, Factor, Filter, Fit, FitOptions, Parameter, RowSource, SampleRows, Silent, Timing, fit,
+    Channel, Factor, Filter, Fit, FitOptions, Parameter, RowSource, SampleRows, SignalNoise, Silent, Timing,
+    fit,
 };
 use rigident::problem::body::{BodySource, Input};
 use rigident_shared::calibration::{ImuMounting, Reading};
@@ -56,8 +57,17 @@ impl RowSource for PlainRows {
         self.0.nominal_sigma()
     }
 
-    fn with_signal_noise(&self, samples: Range<usize>, scale: f64) -> Option<Box<dyn RowSource + '_>> {
-        self.0.with_signal_noise(samples, scale)
+    fn signal_noise(&self) -> Vec<SignalNoise> {
+        self.0.signal_noise()
+    }
+
+    fn with_signal_noise(
+        &self,
+        samples: Range<usize>,
+        sigma: &[f64],
+        seed: u64,
+    ) -> Option<Box<dyn RowSource + '_>> {
+        self.0.with_signal_noise(samples, sigma, seed)
     }
 
     fn rate_sigma(&self) -> f64 {

@@ -27,7 +27,8 @@ use self::shares::{Shares, Split};
 use super::signs::Signs;
 use crate::fit::{
     Channel, ESTIMATOR_TAPS, Factor, Filter, Fingerprint, FitError, Kind, Owner, Parameter, Progress,
-    RowBlocks, RowSource, SampleCounts, SampleRows, SignalNoise, Timing, Whitening, condition::absorb, filter_width_s, row_every,
+    RowBlocks, RowSource, SampleCounts, SampleRows, SignalNoise, Timing, Whitening, condition::absorb,
+    filter_width_s, row_every,
 };
 use crate::rig::ImuTable;
 
@@ -275,12 +276,14 @@ impl RowSource for BodySource {
             found,
         };
         let [accel, gyro] = self.stated_noise;
-        let mut groups = vec![of("accelerometer", "m/s2", accel, self.found_noise[0])];
-        // Of still poses the rate is not looked at.
-        if !self.input.is_static {
-            groups.push(of("gyro", "rad/s", gyro, self.found_noise[1]));
+        // Differences of still poses show no noise, and their rate is not looked at.
+        if self.input.is_static {
+            return vec![of("accelerometer", "m/s2", accel, 0.0)];
         }
-        groups
+        vec![
+            of("accelerometer", "m/s2", accel, self.found_noise[0]),
+            of("gyro", "rad/s", gyro, self.found_noise[1]),
+        ]
     }
 
     fn with_signal_noise(

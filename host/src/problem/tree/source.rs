@@ -9,7 +9,9 @@ use rigident_shared::tree::{BaseMotion, Joint, TreeError};
 use super::drive::Term;
 use super::rows::{RowMaker, names_and_units};
 use super::{Frame, Input, TreeSourceError};
-use crate::fit::{Channel, DriveMotion, Fingerprint, Kind, Owner, Parameter, RowSource, SampleRows, SignalNoise, Timing};
+use crate::fit::{
+    Channel, DriveMotion, Fingerprint, Kind, Owner, Parameter, RowSource, SampleRows, SignalNoise, Timing,
+};
 use crate::model::base::{BaseParameters, ROUNDED, base_parameters};
 use crate::problem::signs::Signs;
 
