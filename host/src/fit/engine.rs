@@ -10,7 +10,7 @@ use super::forgetting::Memory;
 use super::gains::{Gains, WithGains};
 use super::outliers::{self, Reference, Watch, Weights};
 use super::residuals::{measured_rms, raw_sigma, residuals, rms};
-use super::signal_noise::RowNoise;
+use super::signal_noise::{RowNoise, Spectrum};
 use super::weighing::Weighing;
 use super::{
     BlockResidual, ChannelFit, Convergence, Counts, DeviceFactor, Estimate, Factor, Fit, FitError,
@@ -20,7 +20,13 @@ use super::{
 /// Rounds of weights from residuals where no σ is stated: from the unweighted fit, then once more.
 const SIGMA_ROUNDS: usize = 2;
 /// Rounds of weights from the covariance of all noise, which the estimate is part of.
-const WEIGHING_ROUNDS: usize = 3;
+const WEIGHING_ROUNDS: usize = 4;
+/// Done when no parameter moves by more than so many standard deviations.
+const WEIGHING_SETTLED_SD: f64 = 0.1;
+/// Noise of the signals does not count if it is at most this share of every channel's variance,
+const NEGLIGIBLE_SHARE: f64 = 0.01;
+/// and moves no parameter by more than so many standard deviations.
+const NEGLIGIBLE_SD: f64 = 0.02;
 
 /// A moment of inertia whose information is less than so many times what noise of the rates alone would bring is not
 /// informed: noise in a coefficient attenuates the estimate by the inverse of this ratio.
@@ -244,21 +250,30 @@ impl<'a> Engine<'a> {
         }
     }
 
-    /// Weighs the rows by the covariance of all noise, and takes off what noise in the coefficients adds.
+    /// Weighs the rows by the covariance of all noise, and takes off what noise in the coefficients adds, until the estimate
+    /// stays where it is.
     fn refine(&self, pass: Pass<'a>, sigma_given: bool) -> Pass<'a> {
         let Some(noise) = &self.noise else { return pass };
-        let filter = self.blocks.filter();
+        let (filter, rounding) = (self.blocks.filter(), self.source.rounding());
         let mut pass = pass;
+        let mut before: Option<Estimate> = None;
         for _ in 0..WEIGHING_ROUNDS {
-            let (factor, errors) = pass.gains.eliminate(&pass.factor, 1.0, self.source.rounding());
+            let (factor, errors) = pass.gains.eliminate(&pass.factor, 1.0, rounding);
             let estimate = self.estimate(&factor, 1.0, Noise::Given);
+            if before.as_ref().is_some_and(|before| estimate.largest_step(before) < WEIGHING_SETTLED_SD) {
+                break;
+            }
             let first = !pass.weighing.is_compensated();
             let informed = if first {
                 self.without_spurious(&estimate, self.spurious_information(&pass.weighing.sigma))
             } else {
                 estimate.clone()
             };
-            let spectra = noise.spectra(&Weighing::significant(&informed, first), &pass.weighing, filter);
+            let phi = Weighing::significant(&informed, first);
+            let spectra = noise.spectra(&phi, &pass.weighing, filter);
+            if first && self.is_negligible(noise, &spectra, &pass, &estimate, &phi) {
+                break;
+            }
             let residuals = (!sigma_given).then(|| {
                 let residuals = self.residuals(&estimate.values, &errors, &pass.weights);
                 Weighing::covariance_of(&residuals, &estimate, filter)
@@ -268,8 +283,29 @@ impl<'a> Engine<'a> {
                 return pass;
             };
             pass = self.absorb(weighing, pass.weights, Some(&pass.gains));
+            before = Some(estimate);
         }
         pass
+    }
+
+    /// Returns true if noise of the signals is a small part of that in the residuals, and moves no parameter by much of its
+    /// standard deviation: the channels' own weights are then as good, and cost less.
+    fn is_negligible(
+        &self,
+        noise: &RowNoise,
+        spectra: &[Spectrum],
+        pass: &Pass,
+        estimate: &Estimate,
+        phi: &[f64],
+    ) -> bool {
+        if noise.share(spectra, &pass.weighing, self.blocks.filter()) > NEGLIGIBLE_SHARE {
+            return false;
+        }
+        let gram = noise.gram(&pass.weighing, &self.gains.none());
+        let moved = &estimate.covariance * (gram * DVector::from_column_slice(phi));
+        (0..estimate.len())
+            .filter(|j| estimate.is_determined(*j))
+            .all(|j| moved[j].abs() <= NEGLIGIBLE_SD * estimate.covariance[(j, j)].max(0.0).sqrt())
     }
 
     fn estimate(&self, factor: &Factor, scale: f64, noise: Noise) -> Estimate {

@@ -141,6 +141,16 @@ impl Estimate {
         (self.is_determined(i) && self.is_determined(j)).then(|| self.covariance[(i, j)])
     }
 
+    /// Returns the largest difference of the parameters from another estimate's, in standard deviations.
+    pub(crate) fn largest_step(&self, other: &Self) -> f64 {
+        let step = |j: usize| {
+            let sd = self.covariance[(j, j)].max(0.0).sqrt();
+            let step = (self.values[j] - other.values[j]).abs();
+            if step == 0.0 { 0.0 } else { step / sd }
+        };
+        (0..self.len()).filter(|j| self.is_determined(*j)).map(step).fold(0.0, f64::max)
+    }
+
     /// Returns the same estimate with standard deviations `by` times as large, correlations kept.
     #[must_use]
     pub fn inflate(&self, by: &[f64]) -> Self {

@@ -148,6 +148,18 @@ impl RowNoise {
         self.groups.iter().map(of_group).collect()
     }
 
+    /// Returns the largest share that noise of the signals has of a channel's variance after the filter.
+    pub(super) fn share(&self, spectra: &[Spectrum], weighing: &Weighing, filter: &Filter) -> f64 {
+        let rise = filter.derivative_noise_gain / filter.noise_gain;
+        let of_channel = |c: usize| {
+            let groups = spectra.iter().zip(&self.groups);
+            let own =
+                groups.map(|(s, g)| g.noise.size().powi(2) * (s.white[(c, c)] + rise * s.rising[(c, c)]));
+            own.sum::<f64>() / weighing.sigma[c].powi(2)
+        };
+        (0..weighing.sigma.len()).map(of_channel).fold(0.0, f64::max)
+    }
+
     /// Returns the expectation of `Δᵀ W Δ` over the whole recording, for parameters and gains. Signals of which the weighing
     /// knows no σ have their own.
     pub(super) fn gram(&self, weighing: &Weighing, gains: &Gains) -> DMatrix<f64> {
