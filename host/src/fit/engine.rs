@@ -253,7 +253,9 @@ impl<'a> Engine<'a> {
     /// Weighs the rows by the covariance of all noise, and takes off what noise in the coefficients adds, until the estimate
     /// stays where it is.
     fn refine(&self, pass: Pass<'a>, sigma_given: bool) -> Pass<'a> {
-        let Some(noise) = &self.noise else { return pass };
+        let Some(noise) = self.noise.as_ref().filter(|_| self.source.signal_noise_is_known()) else {
+            return pass;
+        };
         let (filter, rounding) = (self.blocks.filter(), self.source.rounding());
         let mut pass = pass;
         let mut before: Option<Estimate> = None;

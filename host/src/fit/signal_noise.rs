@@ -24,30 +24,64 @@ pub(super) struct RowNoise {
     groups: Vec<Group>,
     /// Row blocks of the whole recording.
     blocks: f64,
+    parameters: usize,
+    channels: usize,
 }
 
 struct Group {
     noise: SignalNoise,
+    /// Parameters whose coefficients it reaches.
+    reached: Vec<usize>,
     repetitions: Vec<Difference>,
 }
 
 /// Rows that noise of unit σ makes.
 struct Difference {
-    more: Box<dyn RowBlocks>,
-    less: Box<dyn RowBlocks>,
-    scale: f64,
+    time_s: Vec<f64>,
+    /// By blocks: C rows of the parameters reached.
+    rows: Vec<f64>,
 }
 
 impl Difference {
-    fn write_rows(&self, block: usize, rows: &mut [f64], spare: &mut [f64], measured: &mut [f64]) {
-        self.more.write(block, rows, measured);
-        self.less.write(block, spare, measured);
-        rows.iter_mut().zip(spare).for_each(|(a, b)| *a = (*a - *b) * self.scale);
-        measured.fill(0.0);
+    /// Returns half the difference of rows with noise of either sign of the size `sigma`, as of unit noise.
+    fn of(more: &dyn RowBlocks, less: &dyn RowBlocks, length: usize, channels: usize, sigma: f64) -> Self {
+        let count = more.len().min(less.len());
+        let mut rows = Vec::with_capacity(count * length);
+        let (mut own, mut other, mut measured) = (vec![0.0; length], vec![0.0; length], vec![0.0; channels]);
+        for block in 0..count {
+            more.write(block, &mut own, &mut measured);
+            less.write(block, &mut other, &mut measured);
+            rows.extend(own.iter().zip(&other).map(|(a, b)| 0.5 * (a - b) / sigma));
+        }
+        Self { time_s: (0..count).map(|block| more.time_s(block)).collect(), rows }
+    }
+
+    /// Keeps the columns of some of `n` parameters.
+    fn keep(&mut self, columns: &[usize], n: usize) {
+        let rows = self.rows.chunks_exact(n.max(1));
+        self.rows = rows.flat_map(|row| columns.iter().map(|j| row[*j])).collect();
     }
 
     fn len(&self) -> usize {
-        self.more.len().min(self.less.len())
+        self.time_s.len()
+    }
+}
+
+impl Group {
+    fn new(noise: SignalNoise, mut repetitions: Vec<Difference>, n: usize) -> Self {
+        let is_reached = |j: &usize| {
+            let mut of_rows = repetitions.iter().flat_map(|r| r.rows.iter().skip(*j).step_by(n.max(1)));
+            of_rows.any(|a| *a != 0.0)
+        };
+        let reached: Vec<usize> = (0..n).filter(is_reached).collect();
+        for repetition in &mut repetitions {
+            repetition.keep(&reached, n);
+        }
+        Self { noise, reached, repetitions }
+    }
+
+    fn len(&self) -> usize {
+        self.repetitions.iter().map(Difference::len).sum()
     }
 }
 
@@ -58,38 +92,34 @@ impl RowNoise {
     /// [`FitError`] if the middle of a recording cannot be filtered.
     pub(super) fn of(source: &dyn RowSource, blocks: &dyn RowBlocks) -> Result<Option<Self>, FitError> {
         let noise: Vec<SignalNoise> = source.signal_noise();
-        let samples = source.samples();
+        let (channels, n, samples) = (source.channels().len(), source.parameters().len(), source.samples());
         let from = samples.saturating_sub(LONGEST) / 2;
         let middle = from..samples.min(from + LONGEST);
         let mut groups = Vec::new();
-        for (k, own) in noise.iter().enumerate() {
+        for (k, own) in noise.iter().enumerate().filter(|(_, own)| own.size() > 0.0) {
             let size = own.size();
-            if size <= 0.0 {
-                continue;
-            }
             let mut repetitions: Vec<Difference> = Vec::new();
             let mut count = 0;
-            while count < LEAST_BLOCKS.min(MOST_REPETITIONS * blocks.len()) {
+            while count < LEAST_BLOCKS && repetitions.len() < MOST_REPETITIONS {
                 let seed = (k * MOST_REPETITIONS + repetitions.len()) as u64;
                 let with = |sign: f64| -> Result<Option<Box<dyn RowBlocks>>, FitError> {
                     let sigma: Vec<f64> =
                         (0..noise.len()).map(|j| if j == k { sign * size } else { 0.0 }).collect();
-                    source
-                        .with_signal_noise(middle.clone(), &sigma, seed)
-                        .map(|noisy| noisy.condition(&Silent))
-                        .transpose()
+                    let noisy = source.with_signal_noise(middle.clone(), &sigma, seed);
+                    noisy.map(|noisy| noisy.condition(&Silent)).transpose()
                 };
                 let (Some(more), Some(less)) = (with(1.0)?, with(-1.0)?) else { return Ok(None) };
-                let difference = Difference { more, less, scale: 0.5 / size };
+                let difference = Difference::of(&*more, &*less, channels * n, channels, size);
                 if difference.len() == 0 {
                     return Ok(None);
                 }
                 count += difference.len();
                 repetitions.push(difference);
             }
-            groups.push(Group { noise: own.clone(), repetitions });
+            groups.push(Group::new(own.clone(), repetitions, n));
         }
-        Ok((!groups.is_empty()).then_some(Self { groups, blocks: blocks.len() as f64 }))
+        let blocks = blocks.len() as f64;
+        Ok((!groups.is_empty()).then_some(Self { groups, blocks, parameters: n, channels }))
     }
 
     /// Returns the number of row blocks of the whole recording.
@@ -107,7 +137,7 @@ impl RowNoise {
     /// The autocovariance is that of white noise and of its derivative, each after the filter; their shares fit it by least
     /// squares.
     pub(super) fn spectra(&self, phi: &[f64], weighing: &Weighing, filter: &Filter) -> Vec<Spectrum> {
-        let (n, channels) = (phi.len(), weighing.sigma.len());
+        let channels = weighing.sigma.len();
         let (mut white, mut rising) = (filter.white_autocovariance(), filter.derivative_autocovariance());
         if white.is_empty() {
             (white, rising) = (vec![1.0], vec![0.0]);
@@ -116,12 +146,12 @@ impl RowNoise {
         let (ww, wr, rr) = (sum(&white, &white), sum(&white, &rising), sum(&rising, &rising));
         let of_group = |group: &Group| {
             let mut sums = vec![DMatrix::<f64>::zeros(channels, channels); white.len()];
+            let reached: Vec<f64> = group.reached.iter().map(|j| phi[*j]).collect();
             for repetition in &group.repetitions {
-                let mut errors: Vec<DVector<f64>> = Vec::with_capacity(repetition.len());
-                each(repetition, channels, n, |_, rows| {
-                    let error = rows.chunks_exact(n.max(1)).map(|row| super::outliers::dot(row, phi));
-                    errors.push(DVector::from_iterator(channels, error));
-                });
+                let rows = repetition.rows.chunks_exact(reached.len().max(1));
+                let all: Vec<f64> = rows.map(|row| super::outliers::dot(row, &reached)).collect();
+                let errors: Vec<DVector<f64>> =
+                    all.chunks_exact(channels).map(DVector::from_column_slice).collect();
                 for (lag, sum) in sums.iter_mut().enumerate() {
                     let weight = 1.0 / (errors.len().max(1) * group.repetitions.len()) as f64;
                     for (a, b) in errors.iter().zip(errors.iter().skip(lag)) {
@@ -163,28 +193,47 @@ impl RowNoise {
     /// Returns the expectation of `Δᵀ W Δ` over the whole recording, for parameters and gains. Signals of which the weighing
     /// knows no σ have their own.
     pub(super) fn gram(&self, weighing: &Weighing, gains: &Gains) -> DMatrix<f64> {
-        let (channels, n, all) = (weighing.sigma.len(), gains.parameters(), gains.columns());
+        let (channels, n, all) = (self.channels, self.parameters, gains.columns());
         let mut sum = DMatrix::<f64>::zeros(all, all);
-        let (mut rows, mut values, mut spare) = (vec![0.0; channels * all], vec![0.0; channels], Vec::new());
+        let (mut rows, mut values, mut spare) = (Vec::new(), vec![0.0; channels], Vec::new());
         for (k, group) in self.groups.iter().enumerate() {
             let sigma = weighing.signals.get(k).copied().unwrap_or(group.noise.size());
-            let looked_at: usize = group.repetitions.iter().map(Difference::len).sum();
-            let weight = self.blocks * sigma * sigma / looked_at.max(1) as f64;
+            let weight = self.blocks * sigma * sigma / group.len().max(1) as f64;
+            // The columns of gains are made of all others.
+            let columns: Vec<usize> =
+                if gains.is_empty() { group.reached.clone() } else { (0..all).collect() };
+            let width = columns.len();
+            let mut own = DMatrix::<f64>::zeros(width, width);
             for repetition in &group.repetitions {
-                let mut whitener = Whitener::new(&weighing.whitening, all);
-                each(repetition, channels, n, |time_s, own| {
-                    rows[..own.len()].copy_from_slice(own);
+                let mut whitener = Whitener::new(&weighing.whitening, width);
+                let blocks = repetition.rows.chunks_exact((channels * group.reached.len()).max(1));
+                for (reached, time_s) in blocks.zip(&repetition.time_s) {
+                    rows.clear();
+                    if gains.is_empty() {
+                        rows.extend_from_slice(reached);
+                    } else {
+                        rows.resize(channels * all, 0.0);
+                        let lines = reached.chunks_exact(group.reached.len().max(1));
+                        for (line, row) in lines.zip(rows.chunks_exact_mut(n.max(1))) {
+                            group.reached.iter().zip(line).for_each(|(j, a)| row[*j] = *a);
+                        }
+                        values.fill(0.0);
+                        gains.extend_in_place(&mut rows, &mut values, &mut spare);
+                    }
                     values.fill(0.0);
-                    gains.extend_in_place(&mut rows, &mut values, &mut spare);
-                    whitener.apply(time_s, &mut rows, &mut values, None);
-                    for row in rows.chunks_exact(all.max(1)) {
-                        for (j, (column, a)) in sum.as_mut_slice().chunks_exact_mut(all).zip(row).enumerate()
-                        {
-                            let weighted = weight * a;
-                            column.iter_mut().zip(row).take(j + 1).for_each(|(s, b)| *s += weighted * b);
+                    whitener.apply(*time_s, &mut rows, &mut values, None);
+                    for row in rows.chunks_exact(width.max(1)) {
+                        let columns = own.as_mut_slice().chunks_exact_mut(width.max(1));
+                        for (j, (column, a)) in columns.zip(row).enumerate() {
+                            column.iter_mut().zip(row).take(j + 1).for_each(|(s, b)| *s += a * b);
                         }
                     }
-                });
+                }
+            }
+            for (j, to) in columns.iter().enumerate() {
+                for (i, from) in columns.iter().enumerate().take(j + 1) {
+                    sum[(*from, *to)] += weight * own[(i, j)];
+                }
             }
         }
         sum.fill_lower_triangle_with_upper_triangle();
@@ -203,14 +252,4 @@ fn positive(matrix: &DMatrix<f64>) -> DMatrix<f64> {
     let eigen = nalgebra::SymmetricEigen::new(matrix.clone());
     let values = eigen.eigenvalues.map(|v| v.max(0.0));
     &eigen.eigenvectors * DMatrix::from_diagonal(&values) * eigen.eigenvectors.transpose()
-}
-
-/// Calls `f` with the time and the rows of every block.
-fn each(repetition: &Difference, channels: usize, n: usize, mut f: impl FnMut(f64, &mut [f64])) {
-    let (mut rows, mut spare) = (vec![0.0; channels * n], vec![0.0; channels * n]);
-    let mut measured = vec![0.0; channels];
-    for block in 0..repetition.len() {
-        repetition.write_rows(block, &mut rows, &mut spare, &mut measured);
-        f(repetition.more.time_s(block), &mut rows);
-    }
 }

@@ -160,6 +160,12 @@ pub trait RowSource: Sync {
         None
     }
 
+    /// Returns true if the noise of each signal is known, so that rows can be weighed by it and what it adds be taken off; else
+    /// its order is, and intervals count what it may move.
+    fn signal_noise_is_known(&self) -> bool {
+        true
+    }
+
     /// Returns the standard deviation of the rates of turn among the signals, rad/s: information that their noise alone
     /// would bring to a moment of inertia counts for nothing.
     fn rate_sigma(&self) -> f64 {

@@ -5,8 +5,8 @@
 
 pub mod body;
 pub mod clocks;
-mod signs;
 pub mod tree;
+mod white_noise;
 
 use self::body::BodySource;
 use self::body::prepare::{PrepareError, prepare};

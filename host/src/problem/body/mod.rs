@@ -24,7 +24,7 @@ use rigident_shared::spatial::{AngularRate, Position, Sensor, SpecificForce};
 
 pub use self::input::Input;
 use self::shares::{Shares, Split};
-use super::signs::Signs;
+use super::white_noise::{Signs, sixth_differences};
 use crate::fit::{
     Channel, ESTIMATOR_TAPS, Factor, Filter, Fingerprint, FitError, Kind, Owner, Parameter, Progress,
     RowBlocks, RowSource, SampleCounts, SampleRows, SignalNoise, Timing, Whitening, condition::absorb,
@@ -73,8 +73,8 @@ impl BodySource {
         Self {
             stated_noise: [imu.and_then(|i| i.accel_noise_mps2), imu.and_then(|i| i.gyro_noise_radps)],
             found_noise: [
-                sixth_differences(&input.readings, |r| r.specific_force.array()),
-                sixth_differences(&input.readings, |r| r.angular_rate.array()),
+                sixth_differences(input.readings.iter().map(|r| r.specific_force.array())),
+                sixth_differences(input.readings.iter().map(|r| r.angular_rate.array())),
             ],
             imu_noise: imu_noise::imu_noise(imu, &input.readings),
             rate_sigma,
@@ -138,25 +138,6 @@ impl BodySource {
 /// Returns the first parameters of one body: ten of its own, then six of the wrench's offset.
 pub fn parameters(count: usize) -> Vec<Parameter> {
     (0..count.min(BODY + WRENCH)).map(parameter).collect()
-}
-
-/// Returns σ of a sensor, the root mean square over its axes, from sixth differences: motion hardly enters, noise by √924.
-fn sixth_differences(readings: &[Reading<f64>], of: impl Fn(&Reading<f64>) -> [f64; 3]) -> f64 {
-    const BINOMIAL: [f64; 7] = [1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0];
-    let (mut sum, mut count) = (0.0, 0.0);
-    for window in readings.windows(7) {
-        let mut difference = [0.0; 3];
-        for (reading, weight) in window.iter().zip(BINOMIAL) {
-            for (d, v) in difference.iter_mut().zip(of(reading)) {
-                *d += weight * v;
-            }
-        }
-        let square: f64 = difference.iter().map(|d| d * d).sum();
-        if square.is_finite() {
-            (sum, count) = (sum + square, count + 3.0 * 924.0);
-        }
-    }
-    if count > 0.0 { f64::sqrt(sum / count) } else { 0.0 }
 }
 
 fn parameter(j: usize) -> Parameter {
@@ -303,7 +284,9 @@ impl RowSource for BodySource {
                 ..*reading
             }
         });
-        let input = Input { readings: readings.collect(), ..self.input.without_readings() };
+        // Noise is not screened.
+        let limits = Limits { frozen_after: 0, ..Limits::none() };
+        let input = Input { readings: readings.collect(), limits, ..self.input.without_readings() };
         Some(Box::new(Self { input, ..self.without_input() }))
     }
 

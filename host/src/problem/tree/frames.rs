@@ -46,6 +46,8 @@ pub struct Input {
     pub gain_sigma: [f64; 6],
     /// Drives that turn with the joints, with their friction.
     pub drives: Vec<Drive>,
+    /// 1 σ of the base's accelerometer as stated, m/s².
+    pub accel_sigma: Option<f64>,
     /// 1 σ of the rates of the links, rad/s: information that their noise alone would bring is none.
     pub rate_sigma: f64,
 }

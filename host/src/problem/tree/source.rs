@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 use rigident_shared::screening::Rejection;
-use rigident_shared::tree::{BaseMotion, Joint, TreeError};
+use rigident_shared::tree::{Joint, TreeError};
 
 use super::drive::Term;
 use super::rows::{RowMaker, names_and_units};
@@ -13,7 +13,7 @@ use crate::fit::{
     Channel, DriveMotion, Fingerprint, Kind, Owner, Parameter, RowSource, SampleRows, SignalNoise, Timing,
 };
 use crate::model::base::{BaseParameters, ROUNDED, base_parameters};
-use crate::problem::signs::Signs;
+use crate::problem::white_noise::{Signs, sixth_differences};
 
 /// Rows of the wrench.
 const WRENCH: usize = 6;
@@ -256,15 +256,18 @@ impl RowSource for TreeSource {
     }
 
     fn signal_noise(&self) -> Vec<SignalNoise> {
-        if self.input.rate_sigma == 0.0 || self.input.is_static {
-            return Vec::new();
+        let of = |name: &str, unit: &str, stated, found| SignalNoise {
+            name: name.to_owned(),
+            unit: unit.to_owned(),
+            stated,
+            found,
+        };
+        let Input { is_static, rate_sigma, accel_sigma, frames, .. } = &self.input;
+        if *is_static {
+            return vec![of("accelerometer", "m/s2", *accel_sigma, 0.0)];
         }
-        vec![SignalNoise {
-            name: "rates".to_owned(),
-            unit: "rad/s".to_owned(),
-            stated: Some(self.input.rate_sigma),
-            found: self.input.rate_sigma,
-        }]
+        let accel = sixth_differences(frames.iter().map(|f| f.base.specific_force.into()));
+        vec![of("accelerometer", "m/s2", *accel_sigma, accel), of("rates", "rad/s", None, *rate_sigma)]
     }
 
     fn with_signal_noise(
@@ -273,11 +276,17 @@ impl RowSource for TreeSource {
         sigma: &[f64],
         seed: u64,
     ) -> Option<Box<dyn RowSource + '_>> {
-        let (mut signs, sigma) = (Signs::new(seed), sigma.first().copied()?);
+        let (mut signs, of) = (Signs::new(seed), |k: usize| sigma.get(k).copied().unwrap_or(0.0));
         let frames = self.input.frames.get(samples).unwrap_or_default();
-        let frames: Vec<Frame> = frames.iter().map(|frame| noisier(frame, &mut signs, sigma)).collect();
+        let frames: Vec<Frame> =
+            frames.iter().map(|frame| noisier(frame, &mut signs, [of(0), of(1)])).collect();
         let source = Self::with_base(self.input.with_frames(frames), self.base.clone()).ok()?;
         Some(Box::new(source))
+    }
+
+    /// One σ stands for rates of gyros and encoders: its order is known, no more.
+    fn signal_noise_is_known(&self) -> bool {
+        false
     }
 
     fn rate_sigma(&self) -> f64 {
@@ -285,16 +294,18 @@ impl RowSource for TreeSource {
     }
 }
 
-/// Returns the same frame with more noise on its rates.
-fn noisier(frame: &Frame, signs: &mut Signs, sigma: f64) -> Frame {
+/// Returns the same frame with more noise on its accelerations and rates.
+fn noisier(frame: &Frame, signs: &mut Signs, [accel, rate]: [f64; 2]) -> Frame {
     let mut noisy = frame.clone();
-    for rate in &mut noisy.rates {
-        *rate += sigma * signs.next();
+    for joint in &mut noisy.rates {
+        *joint += rate * signs.next();
     }
-    let turned = nalgebra::Vector3::from_fn(|_, _| sigma * signs.next());
+    let turned = nalgebra::Vector3::from_fn(|_, _| rate * signs.next());
+    let pushed = nalgebra::Vector3::from_fn(|_, _| accel * signs.next());
+    noisy.base.specific_force += pushed;
     // A base that stands still is not measured.
     if frame.base.rate != nalgebra::Vector3::zeros() {
-        noisy.base = BaseMotion { rate: frame.base.rate + turned, ..frame.base };
+        noisy.base.rate += turned;
     }
     noisy
 }

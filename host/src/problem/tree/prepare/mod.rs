@@ -247,6 +247,7 @@ impl<'a> Preparation<'a> {
             },
             gain_sigma: recording.rig.load_cell.gain_uncertainty.unwrap_or_default(),
             drives: Vec::new(),
+            accel_sigma: self.imu(0).and_then(|imu| imu.accel_noise_mps2),
             rate_sigma,
         };
         if !options.friction.is_empty() || !options.drives.is_empty() {
