@@ -350,7 +350,8 @@ pub struct Convert {
     args_conflicts_with_subcommands = true,
     after_help = "Exit status 1 if a parameter's efficiency is below 0.9 or its coverage outside 93-97 % (with fewer than 2000 runs the \
                         limits allow for chance).\n\nExamples:\n  rigident montecarlo\n  rigident montecarlo --noise gain --runs 500 \
-                        --json\n  rigident montecarlo --rate-hz 1000 --mcu inproc --body vertical\n  rigident montecarlo --model two-links --runs 200"
+                        --json\n  rigident montecarlo --rate-hz 1000 --mcu inproc --body vertical\n  rigident montecarlo --accel-noise \
+                        0.1 --gyro-noise 0.006 --not-stated\n  rigident montecarlo --model two-links --runs 200"
 )]
 pub struct Montecarlo {
     /// Another experiment than the default one
@@ -378,12 +379,29 @@ pub struct Montecarlo {
     /// How the load cell's uncertainty in the thesis' Table 1 is read
     #[arg(long, value_enum, default_value_t)]
     pub noise: NoiseReading,
+    /// White noise of the accelerometer in place of the thesis', 1 σ a sample, m/s²
+    #[arg(long, value_name = "SIGMA", value_parser = sigma, conflicts_with = "model")]
+    pub accel_noise: Option<f64>,
+    /// White noise of the gyro in place of the thesis', 1 σ a sample, rad/s
+    #[arg(long, value_name = "SIGMA", value_parser = sigma, conflicts_with = "model")]
+    pub gyro_noise: Option<f64>,
+    /// Tell the estimator of no noise: it finds it in the readings
+    #[arg(long, conflicts_with_all = ["model", "mcu"])]
+    pub not_stated: bool,
     /// Who makes the factor
     #[arg(long, value_enum, default_value_t)]
     pub mcu: Estimating,
     /// Print one object on standard output, and nothing else there
     #[arg(long)]
     pub json: bool,
+}
+
+/// Reads a standard deviation.
+fn sigma(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|s: &f64| s.is_finite() && *s >= 0.0)
+        .ok_or_else(|| "a number, zero or more".to_owned())
 }
 
 /// What can be repeated instead.

@@ -56,6 +56,14 @@ pub(super) fn run(arguments: &Montecarlo) -> Result<ExitCode, Failure> {
         NoiseReading::Gain => config.with_sensors(gain_error_sensors()),
         NoiseReading::Both => config.with_sensors(noise_and_gain_error_sensors()),
     };
+    let mut config = config;
+    let imu = &mut config.sensors.imu;
+    for (axes, sigma) in [
+        (&mut imu.accel_noise_mps2, arguments.accel_noise),
+        (&mut imu.gyro_noise_radps, arguments.gyro_noise),
+    ] {
+        axes.iter_mut().zip(sigma.iter().cycle()).for_each(|(own, sigma)| *own = *sigma);
+    }
     let solver = match arguments.mcu {
         Estimating::Host => Solver::Host,
         Estimating::Inproc => Solver::Firmware,
@@ -65,6 +73,7 @@ pub(super) fn run(arguments: &Montecarlo) -> Result<ExitCode, Failure> {
         duration_s: arguments.duration_s,
         rate_hz: arguments.rate_hz,
         solver,
+        tell_noise: !arguments.not_stated,
         ..Campaign::new(config)
     };
     let prepared = campaign.prepare().map_err(failure)?;

@@ -63,6 +63,8 @@ pub struct Campaign {
     pub solver: Solver,
     /// Whether the estimator is told of the gain errors; off only to see what that costs.
     pub tell_gain_errors: bool,
+    /// States the white noise of load cell and IMU to the estimator; else it finds it in the readings.
+    pub tell_noise: bool,
 }
 
 /// Table 1's 95 % figures of the load cell as the share of the range that they are: 1 σ of gain errors that are
@@ -291,6 +293,7 @@ impl Campaign {
             rate_hz: 200.0,
             solver: Solver::Host,
             tell_gain_errors: true,
+            tell_noise: true,
         }
     }
 
@@ -416,7 +419,8 @@ impl Prepared {
         let config = &self.campaign.config;
         let (cell, imu) = (&config.sensors.load_cell, &config.sensors.imu);
         let largest = |sigma: [f64; 3]| sigma.iter().copied().fold(0.0, f64::max);
-        let stated = |sigma: [f64; 3]| Some(largest(sigma)).filter(|s| *s > 0.0);
+        let told = self.campaign.tell_noise;
+        let stated = |sigma: [f64; 3]| Some(largest(sigma)).filter(|_| told);
         let table = ImuTable {
             accel_noise_mps2: stated(imu.accel_noise_mps2),
             gyro_noise_radps: stated(imu.gyro_noise_radps),
@@ -427,8 +431,8 @@ impl Prepared {
             is_static: false,
             rate_hz: self.campaign.rate_hz,
             mounting: mounting(config),
-            channel_sigma: Some(cell.noise_n_nm),
-            gyro_sigma: Some(largest(imu.gyro_noise_radps)),
+            channel_sigma: Some(cell.noise_n_nm).filter(|_| told),
+            gyro_sigma: stated(imu.gyro_noise_radps),
             known_offset: None,
             gain_sigma: if self.campaign.tell_gain_errors { cell.gain_error.spread } else { [0.0; 6] },
             limits: limits(config),

@@ -12,6 +12,7 @@ mod montecarlo;
 mod problem;
 mod reference;
 mod report;
+mod signal_noise;
 
 use crate::document::{Document, Table};
 
@@ -26,5 +27,6 @@ pub const DOCUMENT: Document = Document {
         Table { name: "honest-covariance", make: honest_covariance::table },
         Table { name: "coloured-noise", make: coloured_noise::table },
         Table { name: "montecarlo", make: montecarlo::table },
+        Table { name: "signal-noise", make: signal_noise::table },
     ],
 };
