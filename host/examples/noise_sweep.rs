@@ -192,7 +192,7 @@ fn main() {
                 channel_sigma: stated.then_some(cell),
                 gyro_sigma: stated.then_some(sg),
                 known_offset: None,
-                gain_sigma: [0.0; 6],
+                nuisances: Vec::new(),
                 limits: Limits { frozen_after: 50, ..Limits::none() },
             };
             let imu = stated.then(|| rigident::rig::ImuTable {

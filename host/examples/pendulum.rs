@@ -38,7 +38,6 @@ impl Pendulum {
             name: name.into(),
             unit: unit.into(),
             sigma: None,
-            gain_sigma: 0.0,
             offset,
             group,
         });

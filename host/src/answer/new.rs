@@ -320,19 +320,19 @@ fn model_summary(links: &Links) -> ModelSummary {
 fn channels(fit: &Fit) -> Vec<Channel> {
     let with_data = !fit.residuals.is_empty();
     let finite = |v: f64| Some(v).filter(|v| v.is_finite());
-    let channel = |c: &ChannelFit| Channel {
+    let channel = |(k, c): (usize, &ChannelFit)| Channel {
         name: c.channel.name.clone(),
         unit: c.channel.unit.clone(),
         sigma: finite(c.sigma),
         sigma_given: c.channel.sigma.is_some() && fit.noise.sigma_given,
         residual_rms: finite(c.residual_rms).filter(|_| with_data),
         measured_rms: finite(c.measured_rms).filter(|_| with_data),
-        gain: finite(c.gain).filter(|_| c.channel.gain_sigma > 0.0),
+        gain: fit.gain(k).and_then(|gain| finite(gain.value)),
         outliers: c.outliers.into(),
         rejected: c.rejected.into(),
         autocorrelation: c.autocorrelation.and_then(|a| finite(a.factor)),
     };
-    fit.channels.iter().map(channel).collect()
+    fit.channels.iter().enumerate().map(channel).collect()
 }
 
 fn counts(fit: &Fit) -> Counts {

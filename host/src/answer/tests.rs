@@ -99,7 +99,7 @@ fn input(readings: Vec<Reading<f64>>, is_static: bool, sigma: Option<f64>) -> In
         channel_sigma: sigma.map(|s| std::array::from_fn(|c| if c < 3 { s } else { 0.1 * s })),
         gyro_sigma: Some(1e-4),
         known_offset: None,
-        gain_sigma: [0.0; 6],
+        nuisances: Vec::new(),
         limits: Limits::none(),
     }
 }

@@ -58,7 +58,7 @@ fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
         .map_err(|e| Failure::link(e).context("the simulated device"))?;
     let timing =
         DeviceTiming { rate_hz: RATE_HZ, is_static: false, source: Source::Sensors, host_timeout_ms: 0 };
-    let span = arguments.forgetting.span(&RowsOf::rig(&file, RATE_HZ))?;
+    let span = arguments.forgetting.span(&RowsOf::moving(RATE_HZ))?;
     let memory = span.map(|span| MemoryConfig { span, imu_noise: imu_noise(file.imu.first(), &[]) });
     let mut settings = settings(&file, &timing, None, None).map_err(Failure::input)?;
     let nothing = Loaded::of_readings("demo", &file, Vec::new(), Some(RATE_HZ), false);
@@ -99,8 +99,6 @@ fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
         asked: arguments.stop.asked(&arguments.output.estimate),
         loaded,
         mcu,
-        is_filtered: true,
-        sigma_given: true,
         identity: session.identity(),
         known: &known,
         tare: None,

@@ -206,14 +206,10 @@ fn was_reached(take: &Take) -> bool {
 }
 
 /// What is to be said of a take, whatever it was of.
-fn noticed(take: &Take, rig: &RigFile, seconds: f64) -> Vec<String> {
+fn noticed(take: &Take, seconds: f64) -> Vec<String> {
     let mut warnings = Vec::new();
     let counters = &take.counters;
-    let lost = if rig.load_cell.gain_uncertainty.is_some_and(|g| g.iter().any(|s| *s > 0.0)) {
-        "lost between device and host; with gain_uncertainty the estimate is made of the others"
-    } else {
-        "lost between device and host: in the estimate, not in the recording"
-    };
+    let lost = "lost between device and host; the answer is made of the others";
     let (sample, samples) = ("sample", "samples");
     for (count, one, many, what) in [
         (take.missing, "reading", "readings", lost),
@@ -265,10 +261,6 @@ pub(super) struct Experiment<'a> {
     /// What the device was given, or said that it read.
     pub(super) loaded: Loaded,
     pub(super) mcu: &'a str,
-    /// True if the device filters its rows as the host does; else each is of a single frame.
-    pub(super) is_filtered: bool,
-    /// σ was known before; else it was estimated from these very readings.
-    pub(super) sigma_given: bool,
     pub(super) identity: &'a Identity,
     /// What is known beforehand.
     pub(super) known: &'a KnownValues,
@@ -297,9 +289,9 @@ impl Experiment<'_> {
     /// The readings make no rows, what is known contradicts them, a file cannot be written, or the experiment broke off.
     pub(super) fn conclude(self, take: Take, folder: &Folder) -> Result<ExitCode, Failure> {
         let mut warnings = self.warnings;
-        let mut notes = self.notes;
+        let notes = self.notes;
         let seconds = self.loaded.origin(self.mcu).duration_s.unwrap_or(0.0);
-        warnings.extend(noticed(&take, &self.loaded.problem.rig, seconds));
+        warnings.extend(noticed(&take, seconds));
         if take.levels > 0 {
             let times = counted(take.levels as usize, "time", "times");
             tell!("a level of the factor was taken from the device {times} and merged here");
@@ -320,9 +312,7 @@ impl Experiment<'_> {
             Some(factor) => {
                 let device = DeviceFactor {
                     factor,
-                    is_filtered: self.is_filtered,
-                    sigma_given: self.sigma_given,
-                    outliers: self.span.map(|_| take.counters.knocks.map(u32::from).to_vec()),
+                    gram: None,
                 };
                 let (loaded, found) =
                     self.loaded.fit_device(&device, self.span, &stages).map_err(|e| kept(&e))?;
@@ -348,19 +338,10 @@ impl Experiment<'_> {
                 told.push(((*name).to_owned(), u64::from(count)));
             }
         }
-        let outliers = found.channels.iter().any(|c| c.outliers > 0);
-        if mcu != "host" && self.is_filtered && outliers && take.counters.knocks == [0; 6] {
-            notes.push(
-                "the device did not know enough yet to tell outliers and gave them full weight; `rigident identify` of the \
-                 recording gives them less"
-                    .to_owned(),
-            );
-        }
         if let Some(stop) = self.until.filter(|_| !was_reached(&take)) {
             warnings.push(stop_criterion::not_reached(&stop, &found));
         }
-        let gains = found.channels.iter().any(|c| c.channel.gain_sigma > 0.0);
-        if mcu != "host" && !gains && !take.estimates.is_empty() {
+        if mcu != "host" && !take.estimates.is_empty() {
             found.convergence = convergence(&take.estimates, found.estimate.coverage_factor());
         }
         let named: u64 = found.counts.rejected_by_signal.iter().map(|(_, count)| count).sum();

@@ -44,7 +44,6 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
         span,
         imu_noise: imu_noise(prepared.rig.imu.first(), &prepared.input.readings),
     });
-    let sigma_given = prepared.rig.load_cell.noise_n_nm.is_some();
     let mut rig = prepared.rig.clone();
     let all = of_readings(&rig, prepared.input.readings.clone());
     let sigma = device_sigma(&all, span, &mut notes)?;
@@ -74,8 +73,6 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
         asked: arguments.stop.asked(&arguments.output.estimate),
         loaded: of_readings(&rig, given),
         mcu,
-        is_filtered: true,
-        sigma_given,
         identity: session.identity(),
         known: &known,
         tare,

@@ -42,7 +42,6 @@ pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Res
     let model = &model;
     let (told, parameters) = device_tree(model).map_err(Failure::input)?;
     let offset = recording.rig.load_cell.offset_n_nm == OffsetTable::Word(OffsetWord::Estimate);
-    let sigma_given = recording.rig.load_cell.noise_n_nm.is_some();
     let sigma = replay::device_sigma(&Loaded::of_links(&recording, model)?, None, &mut notes)?;
     recording.rig.load_cell.noise_n_nm = Some(sigma);
     let rate_hz = recording.rate_hz.unwrap_or(1.0);
@@ -105,8 +104,6 @@ pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Res
         asked: arguments.stop.asked(&arguments.output.estimate),
         loaded: Loaded::of_links(&given, model)?,
         mcu,
-        is_filtered: two,
-        sigma_given,
         identity: &identity,
         known: &known,
         tare,

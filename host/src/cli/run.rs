@@ -68,7 +68,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let mut standing = settings(&rig, &timing, Some([1.0; 6]), None).map_err(Failure::input)?;
     // What cannot be asked for is said before anything moves.
     arguments.stop.put_into(&mut standing, &parameters)?;
-    let span = arguments.forgetting.span(&RowsOf::rig(&rig, rate_hz))?;
+    let span = arguments.forgetting.span(&RowsOf::moving(rate_hz))?;
     configured(&mut session, &standing)?;
     // Until the noise is known, to see whether anything can be done at all.
     let directing = arguments.adaptive.directing(&rig, &geometry, &standing)?;
@@ -179,8 +179,6 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         asked: arguments.stop.asked(&arguments.output.estimate),
         loaded,
         mcu: "port",
-        is_filtered: true,
-        sigma_given: true,
         identity: session.identity(),
         known: &known,
         tare: None,

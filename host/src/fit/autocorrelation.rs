@@ -189,25 +189,27 @@ impl Influences {
     }
 }
 
-/// Returns the factor on the standard deviation of each parameter, 1 or more; 1 where nothing is determined.
+/// Returns the factor on the standard deviation of each of the first `kept` parameters, 1 or more; 1 where nothing is
+/// determined.
 ///
 /// `estimate` is that of white noise, from rows whitened with the `weights` of outliers; `variance` is that of
 /// each channel before the filter that its covariance assumes.
 pub fn inflation(
     blocks: &dyn RowBlocks,
     estimate: &Estimate,
+    kept: usize,
     whitening: &Whitening,
     weights: &Weights,
     variance: &[f64],
     coloured: &[Coloured],
 ) -> Vec<f64> {
-    let (n, channels) = (estimate.len(), whitening.channels());
+    let (n, kept, channels) = (estimate.len(), kept.min(estimate.len()), whitening.channels());
     let filter = blocks.filter();
     let white = filter.white_autocovariance();
     let noise = Noise { white, variance, coloured, row_period_s: filter.row_period_s() };
     // Rows lie in what is determined, so that of a parameter that is, the whole row counts.
-    let mut gain: DMatrix<f64> = estimate.covariance.clone();
-    for (j, determined) in estimate.determined.iter().enumerate() {
+    let mut gain: DMatrix<f64> = estimate.covariance.rows(0, kept).into_owned();
+    for (j, determined) in estimate.determined.iter().enumerate().take(kept) {
         if !determined {
             gain.row_mut(j).fill(0.0);
         }
@@ -215,7 +217,7 @@ pub fn inflation(
     let information = whitening.information() / f64::from(filter.every);
     let pieces = pieces(blocks, &noise, n);
     let parts: Vec<Influences> = parallel::map(parallel::threads(), pieces.len(), |k| {
-        let mut part = Influences::new(&noise, n);
+        let mut part = Influences::new(&noise, kept);
         let (mut rows, mut measured) = (DMatrix::zeros(n, channels), vec![0.0; channels]);
         for block in pieces.get(k).cloned().unwrap_or_default() {
             blocks.write(block, rows.as_mut_slice(), &mut measured);
@@ -232,7 +234,7 @@ pub fn inflation(
         }
         part
     });
-    ratios(&parts, n, &noise)
+    ratios(&parts, kept, &noise)
 }
 
 /// Returns the blocks that are looked at: the beginning of every part, or of every piece of a single part.

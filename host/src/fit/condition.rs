@@ -151,6 +151,12 @@ pub trait RowBlocks: Send + Sync {
     /// Writes a block: C × N coefficients, row by row, and C measurements, not whitened.
     fn write(&self, block: usize, rows: &mut [f64], measured: &mut [f64]);
 
+    /// Writes what errors of the signals change in what `parameters` predict of a block: C rows, one column for each number
+    /// of a [`super::Effect::Signal`]. Returns false if these blocks do not know.
+    fn sensitivities(&self, _block: usize, _parameters: &[f64], _out: &mut [f64]) -> bool {
+        false
+    }
+
     /// Returns the factor of some blocks.
     ///
     /// Rows are multiplied by `weights`, one a channel and block of the whole recording, where there are any, then by

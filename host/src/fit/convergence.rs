@@ -2,7 +2,8 @@
 
 use nalgebra::DMatrix;
 
-use super::gains::{Gains, WithGains};
+use super::compensation::compensate;
+use super::linearised::Columns;
 use super::weighing::Weighing;
 use super::{BlockResidual, Convergence, Estimate, Factor, Noise, RowBlocks, parallel};
 
@@ -27,36 +28,43 @@ pub(super) struct Way<'a> {
     pub(super) rounding: f64,
     pub(super) weighing: &'a Weighing,
     /// What noise of the signals adds to the normal equations of all rows.
-    pub(super) gram: Option<DMatrix<f64>>,
+    pub(super) gram: Option<&'a DMatrix<f64>>,
     pub(super) weights: Option<&'a [f64]>,
-    pub(super) gains: &'a Gains<'a>,
+    /// Nuisance parameters whose columns the blocks have; `None`: they have none.
+    pub(super) columns: Option<&'a Columns>,
+    pub(super) parameters: usize,
     /// What the variance of the noise is multiplied by.
     pub(super) scale: f64,
     pub(super) noise: Noise,
 }
 
 impl Way<'_> {
+    fn columns(&self) -> usize {
+        self.columns.map_or(self.parameters, Columns::all)
+    }
+
     fn rows(&self, range: std::ops::Range<usize>) -> Factor {
-        let with_gains = WithGains { blocks: self.blocks, gains: self.gains };
-        let blocks: &dyn RowBlocks = if self.gains.is_empty() { self.blocks } else { &with_gains };
-        blocks.absorb(range, self.gains.columns(), &self.weighing.whitening, self.weights)
+        self.blocks.absorb(range, self.columns(), &self.weighing.whitening, self.weights)
     }
 
     fn estimate(&self, rows: &Factor, share: f64) -> Estimate {
-        let compensated = match &self.gram {
-            Some(gram) => self.weighing.compensate(rows, &(gram * share), self.rounding),
-            None => rows.clone(),
+        // Beside what is known beforehand the noise is scaled first, else in the end.
+        let (known, left) = match self.columns {
+            Some(columns) => (columns.with_prior(&rows.discount(self.scale)), 1.0),
+            None => (rows.clone(), self.scale),
         };
-        // With gains the noise is scaled beside what is known of them, else in the end.
-        let scale = if self.gains.is_empty() { self.scale } else { 1.0 };
-        let (factor, _) = self.gains.eliminate(&compensated, self.scale, self.rounding);
-        Estimate::new(&factor, self.rounding, scale, self.noise)
+        let known = match self.gram {
+            Some(gram) => compensate(&known, &(gram * (share * left / self.scale)), self.rounding),
+            None => known,
+        };
+        let own = if self.columns.is_some() { known.leading(self.parameters) } else { known };
+        Estimate::new(&own, self.rounding, left, self.noise)
     }
 
     /// Returns about so many estimates on the way.
     pub(super) fn points(&self, points: usize) -> Vec<Convergence> {
         let count = self.blocks.len();
-        let every = every(self.blocks, points, self.gains.parameters());
+        let every = every(self.blocks, points, self.columns());
         if every == 0 {
             return Vec::new();
         }
@@ -65,7 +73,7 @@ impl Way<'_> {
         let rows = parallel::map(parallel::threads(), steps.len(), |k| {
             self.rows(steps.get(k).cloned().unwrap_or_default())
         });
-        let mut all = Factor::new(self.gains.columns());
+        let mut all = Factor::new(self.columns());
         let mut way = Vec::new();
         for (step, rows) in steps.iter().zip(rows) {
             if all.rows() == 0 {
@@ -76,7 +84,7 @@ impl Way<'_> {
             let estimate = self.estimate(&all, step.end as f64 / count as f64);
             way.push(Convergence {
                 time_s: self.blocks.time_s(step.end.saturating_sub(1)),
-                parameters: (0..self.gains.parameters()).map(|j| estimate.measured(j)).collect(),
+                parameters: (0..self.parameters).map(|j| estimate.measured(j)).collect(),
             });
         }
         way

@@ -7,22 +7,24 @@ use super::autocorrelation::{self, Coloured};
 use super::condition;
 use super::convergence;
 use super::forgetting::Memory;
-use super::gains::{Gains, WithGains};
+use super::compensation::compensate;
+use super::linearised::{Columns, Linearised};
 use super::outliers::{self, Reference, Watch, Weights};
 use super::residuals::{measured_rms, raw_sigma, residuals, rms};
-use super::signal_noise::{RowNoise, Spectrum};
+use super::signal_noise::RowNoise;
 use super::weighing::Weighing;
 use super::{
     BlockResidual, ChannelFit, Convergence, Counts, DeviceFactor, Estimate, Factor, Fit, FitError,
-    FitOptions, Forgotten, Kind, Noise, NoiseCheck, Progress, RowBlocks, RowSet, RowSource, judge, parallel,
+    FitOptions, Forgotten, Kind, Noise, NoiseCheck, NuisanceFit, Progress, RowBlocks, RowSet, RowSource, SignalFit,
+    judge, parallel,
 };
 
 /// Rounds of weights from residuals where no σ is stated: from the unweighted fit, then once more.
 const SIGMA_ROUNDS: usize = 2;
-/// Rounds of weights from the covariance of all noise, which the estimate is part of.
-const WEIGHING_ROUNDS: usize = 4;
+/// Rounds of weights and columns that the estimate is part of.
+const ROUNDS: usize = 5;
 /// Done when no parameter moves by more than so many standard deviations.
-const WEIGHING_SETTLED_SD: f64 = 0.1;
+const SETTLED_SD: f64 = 0.1;
 /// Noise of the signals does not count if it is at most this share of every channel's variance,
 const NEGLIGIBLE_SHARE: f64 = 0.01;
 /// and moves no parameter by more than so many standard deviations.
@@ -40,7 +42,7 @@ const MOSTLY_NOISE: f64 = 2.0;
 /// Samples are filtered to row blocks ([`RowSource::condition`]) and absorbed, whitened by the covariance of all noise: that
 /// of the channels, and that which noise of the signals in the coefficients leaves in the residuals. What the latter adds to
 /// the normal equations is taken off. Noise that is not stated comes from the residuals and from differences of the signals.
-/// Gain errors are nuisance parameters; outliers are given less weight; the covariance is inflated where residuals are
+/// Errors that do not average out are nuisance parameters; outliers are given less weight; the covariance is inflated where residuals are
 /// larger than stated or autocorrelated.
 ///
 /// # Errors
@@ -57,11 +59,7 @@ pub fn fit(source: &dyn RowSource, options: &FitOptions, progress: &dyn Progress
     }
 }
 
-/// Judges a factor that a device made by the samples that it was made of: residuals, outliers, gain errors,
-/// autocorrelation and noise of the signals are found as in [`fit`].
-///
-/// Gain errors multiply the parameters, so a device's factor does not hold them: where a gain has a σ, the factor is made
-/// anew from the samples.
+/// Fits the parameters of a source as [`fit`] does, beside what a device made of the same samples by itself.
 ///
 /// # Errors
 /// [`FitError`] if there are no rows, or the factor is of other parameters.
@@ -71,36 +69,21 @@ pub fn fit_device(
     options: &FitOptions,
     progress: &dyn Progress,
 ) -> Result<Fit, FitError> {
-    let mut engine = Engine::new(source, *options, progress)?;
-    let parameters = engine.parameters;
+    let parameters = source.parameters().len();
     if device.factor.parameters() != parameters {
         return Err(FitError::Device { device: device.factor.parameters(), model: parameters });
     }
-    let sigma = engine.stated_sigma().unwrap_or_else(|| source.nominal_sigma());
-    engine.check(&sigma)?;
-    // Where gains are uncertain the rows are made here, filtered.
-    if !device.is_filtered && engine.gains.is_empty() {
-        engine.row_noise_gain = 1.0;
-    }
-    let gains = Gains::new(source.channels(), parameters, false);
-    let (weighing, weights) = (engine.diagonal(sigma), engine.no_weights());
-    let mut pass = Pass { weighing, factor: device.factor.clone(), gains, weights };
-    let made_anew = options.forgetting.is_none() && !engine.gains.is_empty();
-    if made_anew {
-        pass = engine.absorb(pass.weighing, engine.no_weights(), None);
-    }
-    let mut conclusion = engine.conclude(&pass, device.sigma_given);
-    if let Some(span) = options.forgetting {
-        engine.restrict(&mut conclusion, span, &pass.weighing);
-    }
-    if let Some(outliers) = &device.outliers {
-        conclusion.outliers.clone_from(outliers);
-    }
-    let convergence = match options.forgetting {
-        None => engine.convergence(&pass, &conclusion),
-        Some(_) => Vec::new(),
+    let found = fit(source, options, progress)?;
+    Ok(Fit { device: Some(Box::new(device_estimate(device, source.rounding()))), ..found })
+}
+
+/// Returns the estimate of a device, beside the noise that it was told of.
+pub fn device_estimate(device: &DeviceFactor, rounding: f64) -> Estimate {
+    let factor = match &device.gram {
+        Some(gram) => compensate(&device.factor, gram, rounding),
+        None => device.factor.clone(),
     };
-    engine.finish(pass, conclusion, convergence, options.forgetting)
+    Estimate::new(&factor, rounding, 1.0, Noise::Given)
 }
 
 /// A source with its row blocks.
@@ -111,9 +94,9 @@ struct Engine<'a> {
     parameters: usize,
     /// Root mean square of the filtered measurements.
     measured_rms: Vec<f64>,
-    gains: Gains<'a>,
+    columns: Columns,
     /// Noise of the signals in the rows.
-    noise: Option<RowNoise>,
+    noise: Option<RowNoise<'a>>,
     row_noise_gain: f64,
     limit: f64,
 }
@@ -121,16 +104,26 @@ struct Engine<'a> {
 /// Rows absorbed.
 struct Pass<'a> {
     weighing: Weighing,
-    /// Gain errors not eliminated; what noise of the signals adds is taken off.
+    /// Of all columns, without what is known beforehand.
     factor: Factor,
-    /// What the gains' columns are linearised about.
-    gains: Gains<'a>,
+    /// What noise of the signals adds to it; `None`: nothing that counts.
+    gram: Option<DMatrix<f64>>,
+    /// The rows with the columns of nuisance parameters; `None`: without them.
+    linearised: Option<Linearised<'a>>,
     weights: Weights,
+}
+
+/// The solution of a pass.
+struct Solved {
+    /// Nuisance parameters eliminated.
+    factor: Factor,
+    /// Of all columns.
+    joint: Estimate,
 }
 
 /// What a pass says.
 struct Conclusion {
-    /// Gain errors eliminated.
+    /// Nuisance parameters eliminated.
     factor: Factor,
     /// The same beside the noise as it is, where it is larger than stated.
     solved: Option<Factor>,
@@ -139,7 +132,8 @@ struct Conclusion {
     unscaled: Estimate,
     noise: Noise,
     check: NoiseCheck,
-    gains: Vec<f64>,
+    /// Of all columns, beside the noise as it is.
+    joint: Estimate,
     residuals: Vec<BlockResidual>,
     weights: Weights,
     outliers: Vec<u32>,
@@ -160,19 +154,19 @@ impl<'a> Engine<'a> {
             return Err(condition::no_rows(&*blocks));
         }
         let (channels, parameters) = (source.channels(), source.parameters().len());
-        let noise = RowNoise::of(source, &*blocks)?;
-        // Gain errors exceed the noise.
-        let uncertain = channels.iter().any(|c| c.gain_sigma > 0.0);
+        let columns = Columns::of(source);
+        let noise = RowNoise::of(source, &*blocks, !columns.is_empty())?;
+        // Where rows are forgotten the nuisance parameters are not estimated, and errors may exceed the noise.
+        let unweighted = options.forgetting.is_some() && !columns.is_empty();
         Ok(Self {
             source,
             options,
             parameters,
             measured_rms: measured_rms(&*blocks, channels.len(), parameters),
-            // Where older rows are forgotten gain errors are not told apart.
-            gains: Gains::new(channels, parameters, options.forgetting.is_none()),
+            columns,
             noise,
             row_noise_gain: blocks.filter().row_noise_gain(),
-            limit: if uncertain { 0.0 } else { outliers::LIMIT_SD },
+            limit: if unweighted { 0.0 } else { outliers::LIMIT_SD },
             blocks,
         })
     }
@@ -222,89 +216,136 @@ impl<'a> Engine<'a> {
         Weighing::diagonal(sigma, f64::from(self.blocks.filter().every))
     }
 
-    /// Absorbs all rows; where gains are uncertain as often as their columns move, from `about` on.
-    fn absorb(&self, weighing: Weighing, weights: Weights, about: Option<&Gains<'a>>) -> Pass<'a> {
-        let start = about.unwrap_or(&self.gains);
-        let absorb = |gains: &Gains<'a>| self.factor_of(&weighing, &weights, gains);
-        let (factor, gains) = start.settle(self.source.rounding(), absorb);
-        Pass { weighing, factor, gains, weights }
-    }
-
-    fn factor_of(&self, weighing: &Weighing, weights: &Weights, gains: &Gains) -> Factor {
-        let with_gains = WithGains { blocks: &*self.blocks, gains };
-        let blocks: &dyn RowBlocks = if gains.is_empty() { &*self.blocks } else { &with_gains };
+    /// Absorbs all rows, with the columns of nuisance parameters if they are linearised.
+    fn absorb<'e>(
+        &'e self,
+        weighing: Weighing,
+        weights: Weights,
+        linearised: Option<Linearised<'e>>,
+    ) -> Result<Pass<'e>, FitError> {
+        let all = linearised.as_ref().map_or(self.parameters, |_| self.columns.all());
+        let blocks = linearised.as_ref().map_or(&*self.blocks, |l| l as &dyn RowBlocks);
         let parts = parallel::map(parallel::threads(), blocks.parts().len(), |k| {
             let part = blocks.parts().get(k).cloned().unwrap_or_default();
-            blocks.absorb(part, gains.columns(), &weighing.whitening, weights.as_slice())
+            blocks.absorb(part, all, &weighing.whitening, weights.as_slice())
         });
-        let mut factor = Factor::new(gains.columns());
+        let mut factor = Factor::new(all);
         let several = parts.len() > 1;
         for part in parts {
             if several { factor.merge(&part) } else { factor = part }
         }
-        match &self.noise {
-            Some(noise) if weighing.is_compensated() => {
-                weighing.compensate(&factor, &noise.gram(weighing, gains), self.source.rounding())
+        let noise = self.noise.as_ref().filter(|_| weighing.is_compensated());
+        let gram = match (noise, &linearised) {
+            (Some(noise), None) => Some(noise.gram(&weighing)),
+            (Some(noise), Some(linearised)) => {
+                Some(noise.joint_gram(&weighing, &self.columns, linearised.phi())?)
             }
-            _ => factor,
-        }
+            (None, _) => None,
+        };
+        Ok(Pass { weighing, factor, gram, linearised, weights })
     }
 
-    /// Weighs the rows by the covariance of all noise, and takes off what noise in the coefficients adds, until the estimate
-    /// stays where it is.
-    fn refine(&self, pass: Pass<'a>, sigma_given: bool) -> Pass<'a> {
-        let Some(noise) = self.noise.as_ref().filter(|_| self.source.signal_noise_is_known()) else {
-            return pass;
+    fn linearise(&self, phi: &[f64]) -> Result<Option<Linearised<'_>>, FitError> {
+        let some = !self.columns.is_empty();
+        some.then(|| Linearised::new(self.source, &*self.blocks, &self.columns, phi)).transpose()
+    }
+
+    /// Returns the row blocks of a pass.
+    fn rows_of<'p>(&'p self, pass: &'p Pass) -> &'p dyn RowBlocks {
+        pass.linearised.as_ref().map_or(&*self.blocks, |l| l as &dyn RowBlocks)
+    }
+
+    /// Solves a pass whose noise has `scale` times the variance, beside what is known beforehand.
+    fn solve(&self, pass: &Pass, scale: f64) -> Solved {
+        let rounding = self.source.rounding();
+        let scaled = if scale == 1.0 { pass.factor.clone() } else { pass.factor.discount(scale) };
+        let known = if pass.linearised.is_some() { self.columns.with_prior(&scaled) } else { scaled };
+        let known = match &pass.gram {
+            Some(gram) => compensate(&known, &(gram / scale), rounding),
+            None => known,
         };
-        let (filter, rounding) = (self.blocks.filter(), self.source.rounding());
+        let joint = self.estimate(&known, 1.0, Noise::Given);
+        let factor = if pass.linearised.is_some() { known.leading(self.parameters) } else { known };
+        Solved { factor, joint }
+    }
+
+    /// Weighs the rows by the covariance of all noise, takes off what noise in the coefficients adds, and linearises the
+    /// columns of nuisance parameters, until the estimate stays where it is.
+    fn refine<'e>(&'e self, pass: Pass<'e>, sigma_given: bool) -> Result<Pass<'e>, FitError> {
+        let noise = self.noise.as_ref().filter(|_| self.source.signal_noise_is_known());
+        if noise.is_none() && self.columns.is_empty() {
+            return Ok(pass);
+        }
         let mut pass = pass;
         let mut before: Option<Estimate> = None;
-        for _ in 0..WEIGHING_ROUNDS {
-            let (factor, errors) = pass.gains.eliminate(&pass.factor, 1.0, rounding);
+        for _ in 0..ROUNDS {
+            let Solved { factor, joint } = self.solve(&pass, 1.0);
             let estimate = self.estimate(&factor, 1.0, Noise::Given);
-            if before.as_ref().is_some_and(|before| estimate.largest_step(before) < WEIGHING_SETTLED_SD) {
+            if before.as_ref().is_some_and(|before| estimate.largest_step(before) < SETTLED_SD) {
                 break;
             }
-            let first = !pass.weighing.is_compensated();
-            let informed = if first {
-                self.without_spurious(&estimate, self.spurious_information(&pass.weighing.sigma))
-            } else {
-                estimate.clone()
-            };
-            let phi = Weighing::significant(&informed, first);
-            let spectra = noise.spectra(&phi, &pass.weighing, filter);
-            if first && self.is_negligible(noise, &spectra, &pass, &estimate, &phi) {
+            let is_negligible = noise.is_none_or(|noise| self.is_negligible(noise, &pass, &estimate));
+            if is_negligible && self.columns.is_empty() {
                 break;
             }
-            let residuals = (!sigma_given).then(|| {
-                let residuals = self.residuals(&estimate.values, &errors, &pass.weights);
-                Weighing::covariance_of(&residuals, &estimate, filter)
-            });
-            let Some(weighing) = pass.weighing.with_signals(noise, &spectra, residuals.as_ref(), filter)
-            else {
-                return pass;
+            let weighing = match noise.filter(|_| !is_negligible) {
+                Some(noise) => match self.weigh(noise, &pass, &joint, &estimate, sigma_given) {
+                    Some(weighing) => weighing,
+                    None => return Ok(pass),
+                },
+                None if sigma_given => pass.weighing.clone(),
+                None => self.diagonal(self.sigma_from_residuals(&pass)),
             };
-            pass = self.absorb(weighing, pass.weights, Some(&pass.gains));
+            let linearised = self.linearise(&estimate.values)?;
+            pass = self.absorb(weighing, pass.weights, linearised)?;
             before = Some(estimate);
         }
-        pass
+        Ok(pass)
+    }
+
+    /// Returns the weighing by all noise about an estimate; `None` if there is no such covariance.
+    fn weigh(
+        &self,
+        noise: &RowNoise,
+        pass: &Pass,
+        joint: &Estimate,
+        estimate: &Estimate,
+        sigma_given: bool,
+    ) -> Option<Weighing> {
+        let filter = self.blocks.filter();
+        let phi = self.significant(pass, estimate);
+        let spectra = noise.spectra(&phi, &pass.weighing, filter);
+        let residuals = (!sigma_given).then(|| {
+            let residuals = self.residuals(self.rows_of(pass), &joint.values, &pass.weights);
+            Weighing::covariance_of(&residuals, estimate, filter)
+        });
+        pass.weighing.with_signals(noise, &spectra, residuals.as_ref(), filter)
+    }
+
+    /// Returns the values that count in the covariance of the noise.
+    fn significant(&self, pass: &Pass, estimate: &Estimate) -> Vec<f64> {
+        let first = !pass.weighing.is_compensated();
+        if first {
+            let spurious = self.spurious_information(&pass.weighing.sigma);
+            Weighing::significant(&self.without_spurious(estimate, spurious), true)
+        } else {
+            Weighing::significant(estimate, false)
+        }
     }
 
     /// Returns true if noise of the signals is a small part of that in the residuals, and moves no parameter by much of its
     /// standard deviation: the channels' own weights are then as good, and cost less.
-    fn is_negligible(
-        &self,
-        noise: &RowNoise,
-        spectra: &[Spectrum],
-        pass: &Pass,
-        estimate: &Estimate,
-        phi: &[f64],
-    ) -> bool {
-        if noise.share(spectra, &pass.weighing, self.blocks.filter()) > NEGLIGIBLE_SHARE {
+    fn is_negligible(&self, noise: &RowNoise, pass: &Pass, estimate: &Estimate) -> bool {
+        if pass.weighing.is_compensated() {
             return false;
         }
-        let gram = noise.gram(&pass.weighing, &self.gains.none());
-        let moved = &estimate.covariance * (gram * DVector::from_column_slice(phi));
+        let phi = self.significant(pass, estimate);
+        let spectra = noise.spectra(&phi, &pass.weighing, self.blocks.filter());
+        if noise.share(&spectra, &pass.weighing, self.blocks.filter()) > NEGLIGIBLE_SHARE {
+            return false;
+        }
+        let gram = noise.gram(&pass.weighing);
+        let moved = &estimate.covariance * (gram * DVector::from_column_slice(&phi));
         (0..estimate.len())
             .filter(|j| estimate.is_determined(*j))
             .all(|j| moved[j].abs() <= NEGLIGIBLE_SD * estimate.covariance[(j, j)].max(0.0).sqrt())
@@ -314,57 +355,54 @@ impl<'a> Engine<'a> {
         Estimate::new(factor, self.source.rounding(), scale, noise)
     }
 
-    fn residuals(&self, parameters: &[f64], gains: &[f64], weights: &Weights) -> Vec<BlockResidual> {
-        residuals(&*self.blocks, self.source.channels(), parameters, gains, weights)
+    fn residuals(&self, blocks: &dyn RowBlocks, values: &[f64], weights: &Weights) -> Vec<BlockResidual> {
+        residuals(blocks, self.source.channels().len(), values, weights)
     }
 
     /// Returns σ of the channels from what a pass leaves.
     fn sigma_from_residuals(&self, pass: &Pass) -> Vec<f64> {
-        let (factor, gains) = pass.gains.eliminate(&pass.factor, 1.0, self.source.rounding());
+        let Solved { factor, joint } = self.solve(pass, 1.0);
         let estimate = self.estimate(&factor, 1.0, Noise::Given);
-        let residuals = self.residuals(&estimate.values, &gains, &pass.weights);
+        let residuals = self.residuals(self.rows_of(pass), &joint.values, &pass.weights);
         raw_sigma(&*self.blocks, self.source.channels(), &self.measured_rms, &estimate, &residuals)
     }
 
     fn batch(&self, sigma: Vec<f64>, sigma_given: bool) -> Result<Fit, FitError> {
-        let mut pass = self.absorb(self.diagonal(sigma), self.no_weights(), None);
+        let mut pass = self.absorb(self.diagonal(sigma), self.no_weights(), None)?;
         if !sigma_given {
             for _ in 0..SIGMA_ROUNDS {
-                pass = self.absorb(
-                    self.diagonal(self.sigma_from_residuals(&pass)),
-                    pass.weights,
-                    Some(&pass.gains),
-                );
+                let weighing = self.diagonal(self.sigma_from_residuals(&pass));
+                pass = self.absorb(weighing, pass.weights, None)?;
             }
         }
-        pass = self.refine(pass, sigma_given);
+        pass = self.refine(pass, sigma_given)?;
         let mut conclusion = self.conclude(&pass, sigma_given);
         for _ in 0..outliers::MOST_ROUNDS {
             if conclusion.outliers.iter().all(|count| *count == 0) {
                 break;
             }
-            let reference = self.reference(&conclusion);
-            let weights = Weights::of(&*self.blocks, &reference, &pass.weighing.total);
-            pass = self.absorb(pass.weighing, weights, Some(&pass.gains));
+            let weights = self.weights_of(&pass, &conclusion.joint, &conclusion.check);
+            pass = self.absorb(pass.weighing, weights, pass.linearised)?;
             if !sigma_given {
-                let sigma = self.sigma_from_residuals(&pass);
-                pass = self.absorb(self.diagonal(sigma), pass.weights, Some(&pass.gains));
+                let weighing = self.diagonal(self.sigma_from_residuals(&pass));
+                pass = self.absorb(weighing, pass.weights, pass.linearised)?;
             }
-            pass = self.refine(pass, sigma_given);
+            pass = self.refine(pass, sigma_given)?;
             conclusion = self.conclude(&pass, sigma_given);
         }
         let convergence = self.convergence(&pass, &conclusion);
         self.finish(pass, conclusion, convergence, None)
     }
 
-    fn reference(&self, conclusion: &Conclusion) -> Reference {
-        Reference::of(&conclusion.estimate, conclusion.check.variance_ratio, self.limit)
+    /// Returns the weights of the outliers that a joint estimate shows.
+    fn weights_of(&self, pass: &Pass, joint: &Estimate, check: &NoiseCheck) -> Weights {
+        let reference = Reference::of(joint, check.variance_ratio, self.limit);
+        Weights::of(self.rows_of(pass), &reference, &pass.weighing.total)
     }
 
     /// Draws the conclusions from a factor.
     fn conclude(&self, pass: &Pass, sigma_given: bool) -> Conclusion {
-        let eliminated = |scale: f64| pass.gains.eliminate(&pass.factor, scale, self.source.rounding());
-        let (factor, mut gains) = eliminated(1.0);
+        let Solved { factor, mut joint } = self.solve(pass, 1.0);
         let mut unscaled = self.estimate(&factor, 1.0, Noise::Given);
         let set = RowSet {
             rows: factor.rows(),
@@ -381,18 +419,19 @@ impl<'a> Engine<'a> {
             variance_scale: scale,
             disagreement: None,
         };
-        // The prior of the gains is not the noise's to scale.
+        // What is known beforehand is not the noise's to scale.
         let mut solved = None;
-        if scale > 1.0 && !pass.gains.is_empty() {
-            let (true_noise, true_gains) = eliminated(scale);
-            let estimate = self.estimate(&true_noise, 1.0, Noise::Given);
+        if scale > 1.0 && pass.linearised.is_some() {
+            let beside = self.solve(pass, scale);
+            let estimate = self.estimate(&beside.factor, 1.0, Noise::Given);
             unscaled = Estimate { covariance: &estimate.covariance / scale, ..estimate };
-            (solved, gains) = (Some(true_noise), true_gains);
+            (solved, joint) = (Some(beside.factor), beside.joint);
+        } else {
+            joint.covariance *= scale;
         }
         let estimate = Estimate { covariance: &unscaled.covariance * scale, noise, ..unscaled.clone() };
-        let reference = Reference::of(&estimate, check.variance_ratio, self.limit);
-        let weights = Weights::of(&*self.blocks, &reference, &pass.weighing.total);
-        let residuals = self.residuals(&estimate.values, &gains, &weights);
+        let weights = self.weights_of(pass, &joint, &check);
+        let residuals = self.residuals(self.rows_of(pass), &joint.values, &weights);
         let mut conclusion = Conclusion {
             factor,
             solved,
@@ -400,7 +439,7 @@ impl<'a> Engine<'a> {
             unscaled,
             noise,
             check,
-            gains,
+            joint,
             residual_rms: rms(&residuals, self.source.channels().len()),
             residuals,
             outliers: weights.outliers.clone(),
@@ -428,14 +467,14 @@ impl<'a> Engine<'a> {
             return Vec::new();
         }
         let scale = conclusion.check.variance_scale;
-        let gram = self.noise.as_ref().filter(|_| pass.weighing.is_compensated());
         let way = convergence::Way {
-            blocks: &*self.blocks,
+            blocks: self.rows_of(pass),
             rounding: self.source.rounding(),
             weighing: &pass.weighing,
-            gram: gram.map(|noise| noise.gram(&pass.weighing, &pass.gains)),
+            gram: pass.gram.as_ref(),
             weights: pass.weights.as_slice(),
-            gains: &pass.gains,
+            columns: pass.linearised.as_ref().map(|_| &self.columns),
+            parameters: self.parameters,
             scale,
             noise: conclusion.noise,
         };
@@ -450,6 +489,11 @@ impl<'a> Engine<'a> {
         mut convergence: Vec<Convergence>,
         forgetting: Option<Span<f64>>,
     ) -> Result<Fit, FitError> {
+        let nuisances = match forgetting {
+            None => self.nuisance_fits(&pass, &conclusion),
+            Some(span) => self.considered(&pass, &conclusion, span)?,
+        };
+        let rows = self.rows_of(&pass);
         let Conclusion { mut factor, mut solved, mut estimate, unscaled, check, .. } = conclusion;
         let weighing = &pass.weighing;
         let variance: Vec<f64> = weighing.total.iter().map(|s| s * s * check.variance_scale).collect();
@@ -457,8 +501,9 @@ impl<'a> Engine<'a> {
         if !conclusion.coloured.is_empty() && forgetting.is_none() {
             let coloured = &conclusion.coloured;
             inflation = autocorrelation::inflation(
-                &*self.blocks,
-                &estimate,
+                rows,
+                &conclusion.joint,
+                self.parameters,
                 &weighing.whitening,
                 &conclusion.weights,
                 &variance,
@@ -472,15 +517,20 @@ impl<'a> Engine<'a> {
             let informed = self.without_spurious(&unscaled, spurious_information);
             let known = |j: usize| if informed.is_determined(j) { informed.values[j] } else { 0.0 };
             let informed = DVector::from_fn(self.parameters, |j, _| known(j));
-            let pull: DMatrix<f64> = noise.gram(weighing, &self.gains.none()) * conclusion.share;
+            let pull: DMatrix<f64> = noise.gram(weighing) * conclusion.share;
             bias = (&unscaled.covariance * (pull * informed)).iter().map(|b| -b).collect();
         }
         let by: Vec<f64> = (0..self.parameters)
             .map(|j| {
-                let white = estimate.covariance[(j, j)].max(0.0).sqrt();
-                let coloured = inflation.get(j).copied().unwrap_or(1.0) * white;
+                let all = estimate.covariance[(j, j)].max(0.0).sqrt();
+                let brought = nuisances.iter().map(|k| k.contributions.get(j).map_or(0.0, |sd| sd * sd));
+                let systematic = brought.sum::<f64>().sqrt();
+                // Nuisance parameters that were eliminated are in the covariance already.
+                let counted = if pass.linearised.is_some() { systematic.min(all) } else { 0.0 };
+                let noise = (all * all - counted * counted).sqrt();
+                let coloured = inflation.get(j).copied().unwrap_or(1.0) * noise;
                 let bias = bias.get(j).copied().unwrap_or(0.0);
-                if white > 0.0 { coloured.hypot(bias) / white } else { 1.0 }
+                if all > 0.0 { coloured.hypot(if counted > 0.0 { counted } else { systematic }).hypot(bias) / all } else { 1.0 }
             })
             .collect();
         if by.iter().any(|by| *by > 1.0) {
@@ -505,16 +555,21 @@ impl<'a> Engine<'a> {
             sigma: weighing.sigma[c],
             residual_rms: conclusion.residual_rms.get(c).copied().unwrap_or(0.0),
             measured_rms: self.measured_rms.get(c).copied().unwrap_or(0.0),
-            gain: conclusion.gains.get(c).copied().unwrap_or(0.0),
             outliers: conclusion.outliers.get(c).copied().unwrap_or(0),
             rejected: self.rejected(c),
             residual_sigma: (variance[c] * filter.noise_gain).sqrt(),
             autocorrelation: conclusion.coloured.iter().find(|k| k.channel == c).map(|k| k.found),
         });
         let channel_fits = channel_fits.collect();
+        let signals = self.noise.as_ref().filter(|_| weighing.is_compensated());
+        let signals = signals.into_iter().flat_map(|noise| noise.groups().zip(&weighing.signals));
+        let signals = signals.map(|(noise, sigma)| SignalFit { noise: noise.clone(), sigma: *sigma }).collect();
         Ok(Fit {
             parameters: self.source.parameters().to_vec(),
             channels: channel_fits,
+            signals,
+            nuisances,
+            device: None,
             solved,
             rounding: self.source.rounding(),
             model_fingerprint: self.source.model_fingerprint(),
@@ -550,6 +605,21 @@ impl<'a> Engine<'a> {
             estimate,
             convergence,
         })
+    }
+
+    /// Returns the nuisance parameters as a pass found them.
+    fn nuisance_fits(&self, pass: &Pass, conclusion: &Conclusion) -> Vec<NuisanceFit> {
+        let n = self.parameters;
+        let Estimate { values, covariance, .. } = &conclusion.joint;
+        let found = self.columns.nuisances.iter().enumerate().filter(|_| pass.linearised.is_some());
+        found
+            .map(|(k, nuisance)| NuisanceFit {
+                nuisance: nuisance.clone(),
+                value: values[n + k],
+                sd: covariance[(n + k, n + k)].max(0.0).sqrt().min(nuisance.sigma),
+                contributions: (0..n).map(|j| covariance[(j, n + k)].abs() / nuisance.sigma).collect(),
+            })
+            .collect()
     }
 
     /// Returns the samples rejected because of a channel.
@@ -598,6 +668,30 @@ impl Engine<'_> {
         self.finish(pass, conclusion, convergence, Some(span))
     }
 
+    /// Returns what errors that are not estimated bring to an estimate that has forgotten older rows: of the rows in the span
+    /// `φ̂ − φ = (AᵀWA)⁻¹ AᵀW c_k θ_k` (S. F. Schmidt, 1966, consider parameters).
+    fn considered(
+        &self,
+        pass: &Pass,
+        conclusion: &Conclusion,
+        span: Span<f64>,
+    ) -> Result<Vec<NuisanceFit>, FitError> {
+        let Some(rows) = self.linearise(&conclusion.estimate.values)? else { return Ok(Vec::new()) };
+        let first = rows.len() - recent(&conclusion.residuals, span).len().min(rows.len());
+        let joint = rows.absorb(first..rows.len(), self.columns.all(), &pass.weighing.whitening, None).r();
+        let n = self.parameters;
+        let (own, others) = (joint.view((0, 0), (n, n)), joint.view((0, n), (n, self.columns.nuisances.len())));
+        let moved = own.clone_owned().svd(true, true).solve(&others.clone_owned(), f64::EPSILON);
+        let moved = moved.unwrap_or_else(|_| DMatrix::zeros(n, self.columns.nuisances.len()));
+        let of = |(k, nuisance): (usize, &super::Nuisance)| NuisanceFit {
+            nuisance: nuisance.clone(),
+            value: 0.0,
+            sd: nuisance.sigma,
+            contributions: (0..n).map(|j| (moved[(j, k)] * nuisance.sigma).abs()).collect(),
+        };
+        Ok(self.columns.nuisances.iter().enumerate().map(of).collect())
+    }
+
     /// Restricts what residuals say to the rows that are remembered.
     fn restrict(&self, conclusion: &mut Conclusion, span: Span<f64>, weighing: &Weighing) {
         let channels = self.source.channels().len();
@@ -612,7 +706,7 @@ impl Engine<'_> {
         let estimate = self.estimate(&pass.factor, 1.0, Noise::Given);
         let weights =
             Weights::of(&*self.blocks, &Reference::of(&estimate, 1.0, self.limit), &pass.weighing.total);
-        let residuals = self.residuals(&estimate.values, &vec![0.0; pass.weighing.sigma.len()], &weights);
+        let residuals = self.residuals(&*self.blocks, &estimate.values, &weights);
         let channels = self.source.channels();
         raw_sigma(&*self.blocks, channels, &self.measured_rms, &estimate, recent(&residuals, span))
     }
@@ -622,7 +716,7 @@ impl Engine<'_> {
         let rows = (self.blocks.len() * weighing.sigma.len()).max(1) as f64;
         match &self.noise {
             Some(noise) => {
-                let gram = noise.gram(weighing, &self.gains);
+                let gram = noise.gram(weighing);
                 gram.diagonal().iter().map(|square| (square / rows).sqrt()).collect()
             }
             None => vec![0.0; self.parameters],
@@ -690,7 +784,7 @@ impl Engine<'_> {
         }
         let mut factor = memory.factor();
         factor.merge(&blocks.absorb(waiting..blocks.len(), n, whitening, weights.as_slice()));
-        Ok((Pass { weighing, factor, gains: self.gains.clone(), weights }, points))
+        Ok((Pass { weighing, factor, gram: None, linearised: None, weights }, points))
     }
 }
 

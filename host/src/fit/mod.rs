@@ -15,9 +15,10 @@ mod factor;
 pub mod factor_file;
 mod fingerprint;
 mod forgetting;
-mod gains;
 mod jacobi;
+mod linearised;
 mod noise_check;
+mod nuisance;
 mod options;
 pub mod outliers;
 pub mod parallel;
@@ -40,18 +41,19 @@ mod whitening;
 pub use condition::{
     ESTIMATOR_TAPS, FILTER_WIDTH_S, Filter, RowBlocks, SampleCounts, filter_width_s, row_every,
 };
-pub use engine::{LEAST_EXCITATION, fit, fit_device};
+pub use engine::{LEAST_EXCITATION, device_estimate, fit, fit_device};
 pub use estimate::{COVERAGE_95, Estimate, Measured, Noise};
 pub use factor::{Factor, Solution};
 pub use fingerprint::Fingerprint;
 pub use noise_check::{Judgement, RowSet, judge};
+pub use nuisance::{Basis, Effect, Nuisance, NuisanceFit, Scope};
 pub use options::{DeviceFactor, FitError, FitOptions};
 pub use parameter::{Channel, DriveMotion, Kind, Owner, Parameter};
 pub use prediction::Prediction;
 pub use progress::{Progress, Silent};
 pub use result::{
     Autocorrelation, BlockResidual, ChannelFit, Convergence, Counts, Fit, Forgotten, NoiseCheck, Prior,
-    PriorStatement,
+    PriorStatement, SignalFit,
 };
 pub use source::{RowSource, SampleRows, SignalNoise, Timing};
 pub use whitening::{Whitener, Whitening};

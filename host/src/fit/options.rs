@@ -1,5 +1,6 @@
 //! What a fit is asked for, and why there may be none.
 
+use nalgebra::DMatrix;
 use rigident_shared::conditioning::KernelError;
 use rigident_shared::forgetting::Span;
 
@@ -88,10 +89,6 @@ pub enum FitError {
 pub struct DeviceFactor {
     /// The factor, columns in the order of the source's parameters, whitened by the σ of the source's channels.
     pub factor: Factor,
-    /// True if the device filtered its rows as the host does; else each row is of a single sample.
-    pub is_filtered: bool,
-    /// True if the σ were stated; false if they were estimated from these samples before.
-    pub sigma_given: bool,
-    /// Rows of each channel that the device gave less weight; `None`: as the residuals show.
-    pub outliers: Option<Vec<u32>>,
+    /// What noise of the signals adds to it, N × N; `None`: the device counts none.
+    pub gram: Option<DMatrix<f64>>,
 }

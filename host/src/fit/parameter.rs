@@ -107,8 +107,6 @@ pub struct Channel {
     pub unit: String,
     /// Standard deviation of its white noise per sample; `None`: estimated from the residuals.
     pub sigma: Option<f64>,
-    /// Standard deviation of its relative gain error, constant over a recording; zero: none.
-    pub gain_sigma: f64,
     /// The place of its offset among the parameters, which no gain error multiplies; `None` if it has none.
     pub offset: Option<usize>,
     /// Channels of one group are weighed and compared together: forces, moments, one drive.

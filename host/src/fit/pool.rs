@@ -164,11 +164,12 @@ impl PooledFactor {
             channels: fit
                 .channels
                 .iter()
-                .map(|c| SourceChannel {
+                .enumerate()
+                .map(|(k, c)| SourceChannel {
                     name: c.channel.name.clone(),
                     unit: c.channel.unit.clone(),
                     sigma: c.sigma,
-                    gain_sigma: c.channel.gain_sigma,
+                    gain_sigma: fit.gain(k).map_or(0.0, |gain| gain.nuisance.sigma),
                     measured_rms: c.measured_rms,
                 })
                 .collect(),
@@ -382,6 +383,9 @@ impl PooledFactor {
         let rows: f64 = self.sources.iter().map(|s| s.rows as f64).sum();
         let expected: f64 = self.sources.iter().map(|s| s.rows as f64 * s.noise_gain).sum();
         Fit {
+            signals: Vec::new(),
+            nuisances: Vec::new(),
+            device: None,
             parameters: self.parameters.clone(),
             channels: self.channels(),
             factor: self.factor.clone(),
@@ -431,14 +435,12 @@ impl PooledFactor {
                     name: channel.name.clone(),
                     unit: channel.unit.clone(),
                     sigma: Some(channel.sigma),
-                    gain_sigma: channel.gain_sigma,
                     offset,
                     group: 0,
                 },
                 sigma: channel.sigma,
                 residual_rms: 0.0,
                 measured_rms: channel.measured_rms,
-                gain: 0.0,
                 outliers: 0,
                 rejected: 0,
                 residual_sigma: channel.sigma,

@@ -1,8 +1,10 @@
 //! Prediction of a recording by parameters that were found in another one.
 
+use std::ops::Range;
+
 use super::outliers::Weights;
 use super::residuals::{residuals, rms};
-use super::{Fit, FitError, RowBlocks, RowSource, Silent, condition};
+use super::{Filter, Fit, FitError, RowBlocks, RowSource, SampleCounts, Silent, condition};
 
 /// What parameters leave of a recording.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,11 +35,48 @@ impl Prediction {
         if blocks.is_empty() {
             return Err(condition::no_rows(&*blocks));
         }
-        let left = residuals(&*blocks, channels, parameters, gain_errors, &Weights::none(channels.len()));
+        let offsets: Vec<Option<usize>> = channels.iter().map(|c| c.offset).collect();
+        let multiplied = Multiplied { blocks: &*blocks, gain_errors, offsets };
+        let left = residuals(&multiplied, channels.len(), parameters, &Weights::none(channels.len()));
         Ok(Self {
             residual_rms: rms(&left, channels.len()),
             measured_sd: measured_sd(&*blocks, channels.len(), parameters.len()),
         })
+    }
+}
+
+/// Row blocks of channels that read too much by their gain errors, their offsets apart.
+struct Multiplied<'a> {
+    blocks: &'a dyn RowBlocks,
+    gain_errors: &'a [f64],
+    offsets: Vec<Option<usize>>,
+}
+
+impl RowBlocks for Multiplied<'_> {
+    fn filter(&self) -> &Filter {
+        self.blocks.filter()
+    }
+
+    fn counts(&self) -> &SampleCounts {
+        self.blocks.counts()
+    }
+
+    fn parts(&self) -> &[Range<usize>] {
+        self.blocks.parts()
+    }
+
+    fn time_s(&self, block: usize) -> f64 {
+        self.blocks.time_s(block)
+    }
+
+    fn write(&self, block: usize, rows: &mut [f64], measured: &mut [f64]) {
+        self.blocks.write(block, rows, measured);
+        let n = (rows.len() / self.offsets.len().max(1)).max(1);
+        for (row, (gain, offset)) in rows.chunks_exact_mut(n).zip(self.gain_errors.iter().zip(&self.offsets)) {
+            for (_, a) in row.iter_mut().enumerate().filter(|(j, _)| Some(*j) != *offset) {
+                *a *= 1.0 + gain;
+            }
+        }
     }
 }
 
@@ -47,7 +86,7 @@ impl Fit {
     /// # Errors
     /// See [`Prediction::of`].
     pub fn predict(&self, source: &dyn RowSource) -> Result<Prediction, FitError> {
-        let gain_errors: Vec<f64> = self.channels.iter().map(|c| c.gain).collect();
+        let gain_errors: Vec<f64> = (0..self.channels.len()).map(|c| self.gain(c).map_or(0.0, |gain| gain.value)).collect();
         Prediction::of(source, &self.estimate.values, &gain_errors)
     }
 }

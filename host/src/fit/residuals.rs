@@ -1,29 +1,25 @@
 //! Residuals of row blocks, and the noise that they show.
 
-use super::outliers::Weights;
-use super::{BlockResidual, Channel, Estimate, RowBlocks, gains, parallel};
+use super::outliers::{Weights, dot};
+use super::{BlockResidual, Channel, Estimate, RowBlocks, parallel};
 
-/// Returns the residuals of all row blocks, weighted as told.
+/// Returns the residuals of all row blocks against the values of all their columns, weighted as told.
 pub(super) fn residuals(
     blocks: &dyn RowBlocks,
-    channels: &[Channel],
-    parameters: &[f64],
-    gain_errors: &[f64],
+    channels: usize,
+    values: &[f64],
     weights: &Weights,
 ) -> Vec<BlockResidual> {
-    let n = parameters.len();
+    let n = values.len();
     let parts = parallel::map(parallel::threads(), blocks.parts().len(), |k| {
         let part = blocks.parts().get(k).cloned().unwrap_or_default();
-        let (mut rows, mut measured) = (vec![0.0; channels.len() * n], vec![0.0; channels.len()]);
+        let (mut rows, mut measured) = (vec![0.0; channels * n], vec![0.0; channels]);
         part.map(|block| {
             blocks.write(block, &mut rows, &mut measured);
             let lines = rows.chunks_exact(n.max(1)).zip(&measured);
-            let values = lines
-                .zip(channels.iter().zip(gain_errors))
-                .map(|((row, value), (c, gain))| gains::residual(row, *value, parameters, *gain, c.offset));
             BlockResidual {
                 time_s: blocks.time_s(block),
-                values: values.collect(),
+                values: lines.map(|(row, measured)| measured - dot(row, values)).collect(),
                 weights: weights.of_block(block).to_vec(),
             }
         })

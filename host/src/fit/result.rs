@@ -1,6 +1,6 @@
 //! The result of a fit: everything that an answer is made of.
 
-use super::{Channel, Estimate, Factor, Filter, Measured, Parameter};
+use super::{Channel, Effect, Estimate, Factor, Filter, Measured, NuisanceFit, Parameter, SignalNoise};
 
 /// Residuals of a channel that stay correlated for longer than the filter explains.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -24,8 +24,6 @@ pub struct ChannelFit {
     pub residual_rms: f64,
     /// Root mean square of the filtered measurements.
     pub measured_rms: f64,
-    /// Relative gain error as far as it shows; zero without a prior.
-    pub gain: f64,
     /// Rows that counted less because an outlier spoilt them.
     pub outliers: u32,
     /// Samples rejected because of this channel.
@@ -34,6 +32,15 @@ pub struct ChannelFit {
     pub residual_sigma: f64,
     /// `None` if the residuals are no more autocorrelated than the filter explains.
     pub autocorrelation: Option<Autocorrelation>,
+}
+
+/// Noise of a group of signals that the coefficients are made of, as the fit counted it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SignalFit {
+    /// Name, unit, stated noise, noise as differences show it.
+    pub noise: SignalNoise,
+    /// Standard deviation per sample that rows were weighed by.
+    pub sigma: f64,
 }
 
 /// Residuals of one filtered row block.
@@ -140,6 +147,12 @@ pub struct Fit {
     pub parameters: Vec<Parameter>,
     /// The channels, in the order of the rows.
     pub channels: Vec<ChannelFit>,
+    /// Noise of the signals that rows were weighed by; empty where it counts nothing.
+    pub signals: Vec<SignalFit>,
+    /// The errors of sensors and mounting that were estimated with the parameters and eliminated.
+    pub nuisances: Vec<NuisanceFit>,
+    /// What a device made of the same samples by itself; `None` without one.
+    pub device: Option<Box<Estimate>>,
     /// All rows, whitened; gain errors eliminated, covariance inflated for autocorrelation and noise of the signals.
     pub factor: Factor,
     /// Solution with its covariance, known values and a fixture counted.
@@ -179,6 +192,11 @@ pub struct Fit {
 }
 
 impl Fit {
+    /// Returns the relative gain error of a channel; `None` if its gain was taken as exact.
+    pub fn gain(&self, channel: usize) -> Option<&NuisanceFit> {
+        self.nuisances.iter().find(|k| k.nuisance.effect == Effect::Gain { channel })
+    }
+
     /// Returns the estimate from the data alone, without what was known beforehand.
     pub fn data_alone(&self) -> &Estimate {
         self.prior.as_ref().map_or(&self.estimate, |prior| &prior.data_alone)

@@ -8,7 +8,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::gains::Gains;
+use super::linearised::{Columns, NoiseColumns};
 use super::weighing::Weighing;
 use super::{Filter, FitError, RowBlocks, RowSource, SignalNoise, Silent, Whitener};
 
@@ -18,33 +18,40 @@ const LONGEST: usize = 20_000;
 const LEAST_BLOCKS: usize = 2_000;
 /// Most repetitions.
 const MOST_REPETITIONS: usize = 8;
+/// Products that the Gram matrix with nuisance parameters may take, for each repetition.
+const MOST_PRODUCTS: usize = 100_000_000;
 
 /// Noise in the rows of a source, by groups of signals.
-pub(super) struct RowNoise {
-    groups: Vec<Group>,
+pub(super) struct RowNoise<'a> {
+    groups: Vec<Group<'a>>,
     /// Row blocks of the whole recording.
     blocks: f64,
     parameters: usize,
     channels: usize,
 }
 
-struct Group {
+struct Group<'a> {
     noise: SignalNoise,
     /// Parameters whose coefficients it reaches.
     reached: Vec<usize>,
-    repetitions: Vec<Difference>,
+    repetitions: Vec<Difference<'a>>,
 }
 
+/// A source with noise in its signals, and its row blocks.
+type Noisy<'a> = (Box<dyn RowSource + 'a>, Box<dyn RowBlocks>);
+
 /// Rows that noise of unit σ makes.
-struct Difference {
+struct Difference<'a> {
     time_s: Vec<f64>,
     /// By blocks: C rows of the parameters reached.
     rows: Vec<f64>,
+    /// Noise of either sign, where there are nuisance parameters.
+    both: Option<[Noisy<'a>; 2]>,
 }
 
-impl Difference {
+impl<'a> Difference<'a> {
     /// Returns half the difference of rows with noise of either sign of the size `sigma`, as of unit noise.
-    fn of(more: &dyn RowBlocks, less: &dyn RowBlocks, length: usize, channels: usize, sigma: f64) -> Self {
+    fn of([(_, more), (_, less)]: &[Noisy<'a>; 2], length: usize, channels: usize, sigma: f64) -> Self {
         let count = more.len().min(less.len());
         let mut rows = Vec::with_capacity(count * length);
         let (mut own, mut other, mut measured) = (vec![0.0; length], vec![0.0; length], vec![0.0; channels]);
@@ -53,7 +60,7 @@ impl Difference {
             less.write(block, &mut other, &mut measured);
             rows.extend(own.iter().zip(&other).map(|(a, b)| 0.5 * (a - b) / sigma));
         }
-        Self { time_s: (0..count).map(|block| more.time_s(block)).collect(), rows }
+        Self { time_s: (0..count).map(|block| more.time_s(block)).collect(), rows, both: None }
     }
 
     /// Keeps the columns of some of `n` parameters.
@@ -67,8 +74,8 @@ impl Difference {
     }
 }
 
-impl Group {
-    fn new(noise: SignalNoise, mut repetitions: Vec<Difference>, n: usize) -> Self {
+impl<'a> Group<'a> {
+    fn new(noise: SignalNoise, mut repetitions: Vec<Difference<'a>>, n: usize) -> Self {
         let is_reached = |j: &usize| {
             let mut of_rows = repetitions.iter().flat_map(|r| r.rows.iter().skip(*j).step_by(n.max(1)));
             of_rows.any(|a| *a != 0.0)
@@ -80,17 +87,26 @@ impl Group {
         Self { noise, reached, repetitions }
     }
 
-    fn len(&self) -> usize {
-        self.repetitions.iter().map(Difference::len).sum()
+    /// Returns the rows of a block of a repetition.
+    fn block(&self, repetition: usize, block: usize, channels: usize) -> &[f64] {
+        let length = channels * self.reached.len();
+        let rows = self.repetitions.get(repetition).and_then(|r| r.rows.get(block * length..(block + 1) * length));
+        rows.unwrap_or_default()
     }
+
 }
 
-impl RowNoise {
-    /// Returns the noise in the rows; `None` if the source knows of none.
+impl<'a> RowNoise<'a> {
+    /// Returns the noise in the rows; `None` if the source knows of none. `with_nuisances` tells if their columns have noise
+    /// too.
     ///
     /// # Errors
     /// [`FitError`] if the middle of a recording cannot be filtered.
-    pub(super) fn of(source: &dyn RowSource, blocks: &dyn RowBlocks) -> Result<Option<Self>, FitError> {
+    pub(super) fn of(
+        source: &'a dyn RowSource,
+        blocks: &dyn RowBlocks,
+        with_nuisances: bool,
+    ) -> Result<Option<Self>, FitError> {
         let noise: Vec<SignalNoise> = source.signal_noise();
         let (channels, n, samples) = (source.channels().len(), source.parameters().len(), source.samples());
         let from = samples.saturating_sub(LONGEST) / 2;
@@ -98,21 +114,25 @@ impl RowNoise {
         let mut groups = Vec::new();
         for (k, own) in noise.iter().enumerate().filter(|(_, own)| own.size() > 0.0) {
             let size = own.size();
-            let mut repetitions: Vec<Difference> = Vec::new();
+            let mut repetitions: Vec<Difference<'a>> = Vec::new();
             let mut count = 0;
             while count < LEAST_BLOCKS && repetitions.len() < MOST_REPETITIONS {
                 let seed = (k * MOST_REPETITIONS + repetitions.len()) as u64;
-                let with = |sign: f64| -> Result<Option<Box<dyn RowBlocks>>, FitError> {
+                let with = |sign: f64| -> Result<Option<Noisy<'a>>, FitError> {
                     let sigma: Vec<f64> =
                         (0..noise.len()).map(|j| if j == k { sign * size } else { 0.0 }).collect();
                     let noisy = source.with_signal_noise(middle.clone(), &sigma, seed);
-                    noisy.map(|noisy| noisy.condition(&Silent)).transpose()
+                    let Some(noisy) = noisy else { return Ok(None) };
+                    let blocks = noisy.condition(&Silent)?;
+                    Ok(Some((noisy, blocks)))
                 };
                 let (Some(more), Some(less)) = (with(1.0)?, with(-1.0)?) else { return Ok(None) };
-                let difference = Difference::of(&*more, &*less, channels * n, channels, size);
+                let both = [more, less];
+                let mut difference = Difference::of(&both, channels * n, channels, size);
                 if difference.len() == 0 {
                     return Ok(None);
                 }
+                difference.both = with_nuisances.then_some(both);
                 count += difference.len();
                 repetitions.push(difference);
             }
@@ -190,46 +210,87 @@ impl RowNoise {
         (0..weighing.sigma.len()).map(of_channel).fold(0.0, f64::max)
     }
 
-    /// Returns the expectation of `Δᵀ W Δ` over the whole recording, for parameters and gains. Signals of which the weighing
-    /// knows no σ have their own.
-    pub(super) fn gram(&self, weighing: &Weighing, gains: &Gains) -> DMatrix<f64> {
-        let (channels, n, all) = (self.channels, self.parameters, gains.columns());
-        let mut sum = DMatrix::<f64>::zeros(all, all);
-        let (mut rows, mut values, mut spare) = (Vec::new(), vec![0.0; channels], Vec::new());
-        for (k, group) in self.groups.iter().enumerate() {
-            let sigma = weighing.signals.get(k).copied().unwrap_or(group.noise.size());
-            let weight = self.blocks * sigma * sigma / group.len().max(1) as f64;
-            // The columns of gains are made of all others.
-            let columns: Vec<usize> =
-                if gains.is_empty() { group.reached.clone() } else { (0..all).collect() };
-            let width = columns.len();
-            let mut own = DMatrix::<f64>::zeros(width, width);
+    /// Returns the expectation of `Δᵀ W Δ` over the whole recording, for the parameters. Signals of which the weighing knows
+    /// no σ have their own.
+    pub(super) fn gram(&self, weighing: &Weighing) -> DMatrix<f64> {
+        let reached = |g: usize| self.groups[g].reached.clone();
+        self.sum(weighing, self.parameters, reached, |(g, r), block, rows| {
+            rows.extend_from_slice(self.groups[g].block(r, block, self.channels));
+        })
+    }
+
+    /// Returns the same for parameters and nuisance parameters, whose columns are about `phi`.
+    ///
+    /// # Errors
+    /// [`FitError`] if a source with errors cannot be filtered.
+    pub(super) fn joint_gram(
+        &self,
+        weighing: &Weighing,
+        columns: &Columns,
+        phi: &[f64],
+    ) -> Result<DMatrix<f64>, FitError> {
+        let mut spread: Vec<Vec<Option<NoiseColumns>>> = Vec::new();
+        for group in &self.groups {
+            let mut of_group = Vec::new();
             for repetition in &group.repetitions {
+                let both = repetition.both.as_ref();
+                let pair = both.map(|[more, less]| [(&*more.0, &*more.1), (&*less.0, &*less.1)]);
+                let of = |pair| NoiseColumns::new(columns, phi, pair, group.noise.size());
+                of_group.push(pair.map(of).transpose()?);
+            }
+            spread.push(of_group);
+        }
+        let (n, all) = (self.parameters, columns.all());
+        Ok(self.sum(weighing, all, |_| (0..all).collect(), |(g, r), block, rows| {
+            let group = &self.groups[g];
+            rows.resize(self.channels * all, 0.0);
+            let lines = group.block(r, block, self.channels).chunks_exact(group.reached.len().max(1));
+            for (line, row) in lines.zip(rows.chunks_exact_mut(n.max(1))) {
+                group.reached.iter().zip(line).for_each(|(j, a)| row[*j] = *a);
+            }
+            if let Some(noise) = &spread[g][r] {
+                noise.spread(block, rows);
+            }
+        }))
+    }
+
+    /// Returns the sum of the squares of whitened rows of noise in the columns that each group has, as of the whole recording;
+    /// `write` appends the rows of a block of a
+    /// repetition of a group.
+    fn sum(
+        &self,
+        weighing: &Weighing,
+        all: usize,
+        columns_of: impl Fn(usize) -> Vec<usize>,
+        write: impl Fn((usize, usize), usize, &mut Vec<f64>),
+    ) -> DMatrix<f64> {
+        let channels = self.channels;
+        let mut sum = DMatrix::<f64>::zeros(all, all);
+        let (mut rows, mut values) = (Vec::new(), vec![0.0; channels]);
+        for (k, group) in self.groups.iter().enumerate() {
+            let columns = columns_of(k);
+            let width = columns.len();
+            let most = (MOST_PRODUCTS / (channels * width * width).max(1)).max(LEAST_BLOCKS / 4);
+            let mut own = DMatrix::<f64>::zeros(width, width);
+            let mut count = 0;
+            for (r, repetition) in group.repetitions.iter().enumerate() {
                 let mut whitener = Whitener::new(&weighing.whitening, width);
-                let blocks = repetition.rows.chunks_exact((channels * group.reached.len()).max(1));
-                for (reached, time_s) in blocks.zip(&repetition.time_s) {
+                for (block, time_s) in repetition.time_s.iter().enumerate().take(most) {
                     rows.clear();
-                    if gains.is_empty() {
-                        rows.extend_from_slice(reached);
-                    } else {
-                        rows.resize(channels * all, 0.0);
-                        let lines = reached.chunks_exact(group.reached.len().max(1));
-                        for (line, row) in lines.zip(rows.chunks_exact_mut(n.max(1))) {
-                            group.reached.iter().zip(line).for_each(|(j, a)| row[*j] = *a);
-                        }
-                        values.fill(0.0);
-                        gains.extend_in_place(&mut rows, &mut values, &mut spare);
-                    }
+                    write((k, r), block, &mut rows);
                     values.fill(0.0);
                     whitener.apply(*time_s, &mut rows, &mut values, None);
                     for row in rows.chunks_exact(width.max(1)) {
                         let columns = own.as_mut_slice().chunks_exact_mut(width.max(1));
-                        for (j, (column, a)) in columns.zip(row).enumerate() {
+                        for (j, (column, a)) in columns.zip(row).enumerate().filter(|(_, (_, a))| **a != 0.0) {
                             column.iter_mut().zip(row).take(j + 1).for_each(|(s, b)| *s += a * b);
                         }
                     }
+                    count += 1;
                 }
             }
+            let sigma = weighing.signals.get(k).copied().unwrap_or(group.noise.size());
+            let weight = self.blocks * sigma * sigma / count.max(1) as f64;
             for (j, to) in columns.iter().enumerate() {
                 for (i, from) in columns.iter().enumerate().take(j + 1) {
                     sum[(*from, *to)] += weight * own[(i, j)];

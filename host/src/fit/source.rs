@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use rigident_shared::screening::Rejection;
 
-use super::{Channel, Filter, Fingerprint, FitError, Parameter, Progress, RowBlocks, condition};
+use super::{Channel, Filter, Fingerprint, FitError, Nuisance, Parameter, Progress, RowBlocks, condition};
 
 /// How the samples of a source follow one another.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -164,6 +164,19 @@ pub trait RowSource: Sync {
     /// its order is, and intervals count what it may move.
     fn signal_noise_is_known(&self) -> bool {
         true
+    }
+
+    /// Returns the errors of sensors and mounting that do not average out, each with what is known of it beforehand. They are
+    /// estimated with the parameters, and eliminated.
+    fn nuisances(&self) -> Vec<Nuisance> {
+        Vec::new()
+    }
+
+    /// Returns the source with its signals corrected for errors, one for each number of an [`super::Effect::Signal`] among
+    /// [`RowSource::nuisances`]: the truth if those are the sensors' errors. Not used where the row blocks have
+    /// [`RowBlocks::sensitivities`].
+    fn with_errors(&self, _errors: &[f64]) -> Option<Box<dyn RowSource + '_>> {
+        None
     }
 
     /// Returns the standard deviation of the rates of turn among the signals, rad/s: information that their noise alone

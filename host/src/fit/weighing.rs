@@ -2,10 +2,9 @@
 
 use nalgebra::DMatrix;
 
-use super::compensation::compensate;
 use super::signal_noise::{RowNoise, Spectrum};
 use super::variance_components::explain;
-use super::{BlockResidual, Estimate, Factor, Filter, SignalNoise, Whitening};
+use super::{BlockResidual, Estimate, Filter, SignalNoise, Whitening};
 
 /// A parameter counts in the covariance of the noise if it differs from zero by so many standard deviations.
 const SIGNIFICANT_SD: f64 = 2.0;
@@ -35,11 +34,6 @@ impl Weighing {
     /// Returns true if noise of the signals counts.
     pub(super) fn is_compensated(&self) -> bool {
         !self.signals.is_empty()
-    }
-
-    /// Returns the factor without what noise of the signals adds; `gram` is its Gram matrix.
-    pub(super) fn compensate(&self, factor: &Factor, gram: &DMatrix<f64>, rounding: f64) -> Factor {
-        compensate(factor, gram, rounding)
     }
 
     /// Returns the values that the rows say something of, the others zero. Of an estimate that is not compensated all that

@@ -24,8 +24,8 @@ use crate::fit::{
     row_every,
 };
 use crate::problem::ProblemError;
-use crate::problem::body::{BodySource, Input};
-use crate::rig::ImuTable;
+use crate::problem::body::{BodySource, Input, errors};
+use crate::rig::{ImuTable, LoadCellClass, LoadCellTable};
 use crate::simulated::{limits, mounting, reading};
 pub use bound::{PARAMETERS, bound};
 pub use tree::{TreeCampaign, TreeJudgement, TreeVerdict};
@@ -407,11 +407,11 @@ impl Prepared {
         }
         let device = DeviceFactor {
             factor: Factor::from(&estimator.factor().cast(f64::from)),
-            is_filtered: true,
-            sigma_given: true,
-            outliers: None,
+            gram: None,
         };
-        fit_device(source, &device, &FitOptions::default(), &Silent)
+        let found = fit_device(source, &device, &FitOptions::default(), &Silent)?;
+        let estimate = found.device.as_deref().cloned();
+        Ok(Fit { estimate: estimate.unwrap_or_else(|| found.estimate.clone()), ..found })
     }
 
     /// Returns the source of readings, settings and noise as a rig file of this rig would state them.
@@ -426,15 +426,20 @@ impl Prepared {
             gyro_noise_radps: stated(imu.gyro_noise_radps),
             ..ImuTable::default()
         };
+        let cell_table = LoadCellTable {
+            class: Some(LoadCellClass::Exact),
+            gain_uncertainty: Some(cell.gain_error.spread).filter(|_| self.campaign.tell_gain_errors),
+            ..LoadCellTable::default()
+        };
         let input = Input {
-            readings,
             is_static: false,
             rate_hz: self.campaign.rate_hz,
             mounting: mounting(config),
             channel_sigma: Some(cell.noise_n_nm).filter(|_| told),
             gyro_sigma: stated(imu.gyro_noise_radps),
             known_offset: None,
-            gain_sigma: if self.campaign.tell_gain_errors { cell.gain_error.spread } else { [0.0; 6] },
+            nuisances: errors::of_cell(&cell_table, &readings),
+            readings,
             limits: limits(config),
         };
         BodySource::new(input, Some(&table))

@@ -3,6 +3,7 @@
 //! Lives here: its tables, one type each, keys as in the file. Reading, checking and complaining about them is in
 //! `read`. May not live here: what the numbers are used for.
 
+pub mod classes;
 mod read;
 pub mod spelling;
 #[cfg(test)]
@@ -13,6 +14,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use classes::{ImuClass, LoadCellClass};
 pub use read::RigFileError;
 
 /// Equal readings in a row that make a channel frozen, unless the rig file says otherwise.
@@ -182,6 +184,33 @@ pub struct ImuTable {
     /// 1 σ per sample, rad/s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gyro_noise_radps: Option<f64>,
+    /// Class of its data sheet, from which every `_std` below follows that is not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub class: Option<ImuClass>,
+    /// 1 σ of each coordinate of `position_m`, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub position_std_m: Option<f64>,
+    /// 1 σ of `rotation_wxyz` about each axis, rad.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rotation_std_rad: Option<f64>,
+    /// 1 σ of the delay of its stamps against the load cell's, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub skew_std_s: Option<f64>,
+    /// 1 σ of each accelerometer axis' bias, m/s².
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub accel_bias_std_mps2: Option<f64>,
+    /// 1 σ of each accelerometer axis' scale, relative.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub accel_gain_std: Option<f64>,
+    /// 1 σ of the angles between the accelerometer's axes, rad.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub accel_misalignment_std_rad: Option<f64>,
+    /// 1 σ of each gyro axis' bias, rad/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gyro_bias_std_radps: Option<f64>,
+    /// 1 σ of each gyro axis' scale, relative.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gyro_gain_std: Option<f64>,
     /// Serial number.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub serial: Option<String>,
@@ -206,6 +235,15 @@ impl Default for ImuTable {
             range_radps: None,
             accel_noise_mps2: None,
             gyro_noise_radps: None,
+            class: None,
+            position_std_m: None,
+            rotation_std_rad: None,
+            skew_std_s: None,
+            accel_bias_std_mps2: None,
+            accel_gain_std: None,
+            accel_misalignment_std_rad: None,
+            gyro_bias_std_radps: None,
+            gyro_gain_std: None,
             serial: None,
             calibrated_on: None,
         }
@@ -241,9 +279,18 @@ pub struct LoadCellTable {
     pub noise_n_nm: Option<[f64; 6]>,
     /// The offset.
     pub offset_n_nm: OffsetTable,
+    /// Class of its data sheet, from which every uncertainty below follows that is not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub class: Option<LoadCellClass>,
     /// 1 σ, relative, constant over an experiment.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gain_uncertainty: Option<[f64; 6]>,
+    /// 1 σ of what a channel reads of another at its full scale, relative to its own full scale.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub crosstalk_std: Option<f64>,
+    /// 1 σ of the offset's drift over a recording, N and N m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub drift_std_n_nm: Option<[f64; 6]>,
     /// `wrench = calibration · gauges`, N/V and N m/V.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub calibration: Option<[[f64; 6]; 6]>,
@@ -268,7 +315,10 @@ impl Default for LoadCellTable {
         Self {
             noise_n_nm: None,
             offset_n_nm: OffsetTable::Word(OffsetWord::Estimate),
+            class: None,
             gain_uncertainty: None,
+            crosstalk_std: None,
+            drift_std_n_nm: None,
             calibration: None,
             group_delay_s: 0.0,
             bandwidth_hz: None,

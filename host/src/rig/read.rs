@@ -330,6 +330,18 @@ impl Check<'_> {
             {
                 self.all(&key(name), value.as_slice(), |v| v > 0.0, IMU_NOISE)?;
             }
+            for (name, value) in [
+                ("position_std_m", imu.position_std_m),
+                ("rotation_std_rad", imu.rotation_std_rad),
+                ("skew_std_s", imu.skew_std_s),
+                ("accel_bias_std_mps2", imu.accel_bias_std_mps2),
+                ("accel_gain_std", imu.accel_gain_std),
+                ("accel_misalignment_std_rad", imu.accel_misalignment_std_rad),
+                ("gyro_bias_std_radps", imu.gyro_bias_std_radps),
+                ("gyro_gain_std", imu.gyro_gain_std),
+            ] {
+                self.all(&key(name), value.as_slice(), |v| v >= 0.0, NOT_NEGATIVE)?;
+            }
         }
         Ok(())
     }
@@ -340,6 +352,8 @@ impl Check<'_> {
         self.all("load_cell.noise_n_nm", &six(&cell.noise_n_nm), |v| v > 0.0, NOISE)?;
         self.positive("load_cell.range_n_nm", &six(&cell.range_n_nm))?;
         self.all("load_cell.gain_uncertainty", &six(&cell.gain_uncertainty), |v| v >= 0.0, NOT_NEGATIVE)?;
+        self.all("load_cell.crosstalk_std", cell.crosstalk_std.as_slice(), |v| v >= 0.0, NOT_NEGATIVE)?;
+        self.all("load_cell.drift_std_n_nm", &six(&cell.drift_std_n_nm), |v| v >= 0.0, NOT_NEGATIVE)?;
         self.positive("load_cell.bandwidth_hz", cell.bandwidth_hz.as_slice())?;
         if let OffsetTable::Known(offset) = &cell.offset_n_nm {
             self.finite("load_cell.offset_n_nm", offset)?;

@@ -69,7 +69,7 @@ fn perfect_sensors_give_the_body() {
                     channel_sigma: Some(SIGMA),
                     gyro_sigma: None,
                     known_offset: known.then_some([0.0; 6]),
-                    gain_sigma: [0.0; 6],
+                    nuisances: Vec::new(),
                     limits: Limits { frozen_after: FROZEN_AFTER, ..Limits::none() },
                 };
                 let values: Vec<f64> =

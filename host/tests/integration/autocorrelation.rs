@@ -35,7 +35,7 @@ fn filter(rate_hz: f64) -> Filter {
         channel_sigma: Some([1.0; 6]),
         gyro_sigma: None,
         known_offset: None,
-        gain_sigma: [0.0; 6],
+        nuisances: Vec::new(),
         limits: Limits::none(),
     };
     BodySource::new(input, None).condition(&Silent).unwrap().filter().clone()

@@ -33,7 +33,7 @@ fn input(config: &RigConfig, rows: impl Iterator<Item = ReadingRow>) -> Input {
         channel_sigma: Some(config.sensors.load_cell.noise_n_nm),
         gyro_sigma: None,
         known_offset: None,
-        gain_sigma: [0.0; 6],
+        nuisances: Vec::new(),
         limits: Limits { frozen_after: FROZEN_AFTER, ..Limits::none() },
     }
 }

@@ -51,7 +51,7 @@ fn body(readings: &Readings, config: &RigConfig, rate_hz: f64, seed: Option<u64>
         channel_sigma: Some(SIGMA),
         gyro_sigma: None,
         known_offset: None,
-        gain_sigma: [0.0; 6],
+        nuisances: Vec::new(),
         limits: Limits::none(),
     }
 }

@@ -99,7 +99,7 @@ impl Study {
             channel_sigma: Some(sigma),
             gyro_sigma: None,
             known_offset: None,
-            gain_sigma: [0.0; 6],
+            nuisances: Vec::new(),
             limits: Limits::none(),
         };
         let identified = fit_body(&input, &FitOptions::default());

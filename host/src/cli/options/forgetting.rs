@@ -5,7 +5,6 @@ use rigident_shared::wire::{MemorySettings, Settings};
 use crate::cli::Failure;
 use crate::fit::{RowSource, Timing, filter_width_s, row_every};
 use crate::problem::body::Input;
-use crate::rig::RigFile;
 
 /// Row blocks of which a window holds one at least in each of its parts.
 const LEAST_BLOCKS: f64 = 5.0;
@@ -28,16 +27,11 @@ pub struct Forgetting {
 pub(in crate::cli) struct RowsOf {
     pub(in crate::cli) rate_hz: f64,
     pub(in crate::cli) is_static: bool,
-    pub(in crate::cli) gains_uncertain: bool,
 }
 
 impl RowsOf {
     pub(in crate::cli) fn input(input: &Input) -> Self {
-        Self {
-            rate_hz: input.rate_hz,
-            is_static: input.is_static,
-            gains_uncertain: input.gain_sigma.iter().any(|s| *s > 0.0),
-        }
+        Self { rate_hz: input.rate_hz, is_static: input.is_static }
     }
 
     /// Returns what is forgotten of a source.
@@ -46,14 +40,12 @@ impl RowsOf {
             Timing::Static => (1.0, true),
             Timing::Uniform { rate_hz } => (rate_hz, false),
         };
-        let gains_uncertain = source.channels().iter().any(|c| c.gain_sigma > 0.0);
-        Self { rate_hz, is_static, gains_uncertain }
+        Self { rate_hz, is_static }
     }
 
     /// Of a rig that moves.
-    pub(in crate::cli) fn rig(rig: &RigFile, rate_hz: f64) -> Self {
-        let gains = rig.load_cell.gain_uncertainty;
-        Self { rate_hz, is_static: false, gains_uncertain: gains.is_some_and(|g| g.iter().any(|s| *s > 0.0)) }
+    pub(in crate::cli) fn moving(rate_hz: f64) -> Self {
+        Self { rate_hz, is_static: false }
     }
 }
 
@@ -74,12 +66,6 @@ impl Forgetting {
         }
         if rows.is_static {
             return refuse("still poses have no time that could be forgotten by; leave it out");
-        }
-        if rows.gains_uncertain {
-            return refuse(
-                "the rig file states gain_uncertainty, and a memory of rows does not hold what gain errors are told by; leave \
-                 out one of them",
-            );
         }
         let block_s = f64::from(row_every(rows.rate_hz)) / rows.rate_hz;
         let width_s = filter_width_s(rows.rate_hz);
@@ -111,7 +97,7 @@ pub(in crate::cli) fn put_into(settings: &mut Settings, memory: Option<&MemoryCo
 mod tests {
     use super::*;
 
-    const MOVING: RowsOf = RowsOf { rate_hz: 1000.0, is_static: false, gains_uncertain: false };
+    const MOVING: RowsOf = RowsOf { rate_hz: 1000.0, is_static: false };
 
     #[test]
     fn what_makes_no_sense_is_refused_with_its_reason() {
@@ -126,7 +112,6 @@ mod tests {
         // At 20 readings a second a block is 50 ms long.
         assert!(said(window(0.2), RowsOf { rate_hz: 20.0, ..MOVING }).contains("at least 0.45 s"));
         assert!(said(forget(10.0), RowsOf { is_static: true, ..MOVING }).contains("still poses"));
-        assert!(said(forget(10.0), RowsOf { gains_uncertain: true, ..MOVING }).contains("gain_uncertainty"));
         assert_eq!(forget(10.0).span(&MOVING).unwrap(), Some(Span::TimeConstant(10.0)));
         assert_eq!(window(10.0).span(&MOVING).unwrap(), Some(Span::Window(10.0)));
         for endless in [forget(f64::INFINITY), window(f64::INFINITY), Forgetting::default()] {

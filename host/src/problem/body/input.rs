@@ -3,6 +3,8 @@
 use rigident_shared::calibration::{ImuMounting, Reading};
 use rigident_shared::screening::Limits;
 
+use crate::fit::Nuisance;
+
 /// Readings of one body, with all that the rig file says of them.
 #[derive(Clone, Debug)]
 pub struct Input {
@@ -20,8 +22,8 @@ pub struct Input {
     pub gyro_sigma: Option<f64>,
     /// Known wrench offset; `None`: estimated with the body.
     pub known_offset: Option<[f64; 6]>,
-    /// 1 σ of the load cell's relative gain errors, constant over the recording; zero: none.
-    pub gain_sigma: [f64; 6],
+    /// Errors of sensors and mounting that do not average out.
+    pub nuisances: Vec<Nuisance>,
     /// Ranges of the sensors.
     pub limits: Limits<f64>,
 }
@@ -29,6 +31,6 @@ pub struct Input {
 impl Input {
     /// Returns the same settings without readings.
     pub(crate) fn without_readings(&self) -> Self {
-        Self { readings: Vec::new(), ..*self }
+        Self { readings: Vec::new(), nuisances: self.nuisances.clone(), ..*self }
     }
 }

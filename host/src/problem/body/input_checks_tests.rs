@@ -29,7 +29,7 @@ fn input(rests: bool, unit: f64, rate: [f64; 3]) -> Input {
         channel_sigma: None,
         gyro_sigma: None,
         known_offset: None,
-        gain_sigma: [0.0; 6],
+        nuisances: Vec::new(),
         limits: Limits::none(),
     }
 }

@@ -3,15 +3,18 @@
 //! Samples go through the firmware's own pipeline (`rigident_shared::estimator`), on all cores; what is kept of a row
 //! block are its eighteen conditioned signals, from which the rows are made as they are needed.
 
+pub mod errors;
 pub mod imu_noise;
 mod input;
 pub mod input_checks;
 mod poses;
 pub mod prepare;
+pub mod sensitivities;
 pub mod shares;
 
 use std::ops::Range;
 
+use nalgebra::Matrix3;
 use rigident_shared::calibration::Reading;
 use rigident_shared::conditioning::Kernel;
 use rigident_shared::estimator::{ConfigError, Estimator, EstimatorConfig};
@@ -26,7 +29,8 @@ pub use self::input::Input;
 use self::shares::{Shares, Split};
 use super::white_noise::{Signs, sixth_differences};
 use crate::fit::{
-    Channel, ESTIMATOR_TAPS, Factor, Filter, Fingerprint, FitError, Kind, Owner, Parameter, Progress,
+    Channel, ESTIMATOR_TAPS, Effect, Factor, Filter, Fingerprint, FitError, Kind, Nuisance, Owner, Parameter,
+    Progress,
     RowBlocks, RowSource, SampleCounts, SampleRows, SignalNoise, Timing, Whitening, condition::absorb,
     filter_width_s, row_every,
 };
@@ -65,7 +69,6 @@ impl BodySource {
             name: CHANNELS[c].to_owned(),
             unit: if c < 3 { "N" } else { "N m" }.to_owned(),
             sigma: input.channel_sigma.map(|sigma| sigma[c]),
-            gain_sigma: input.gain_sigma[c],
             offset: estimates_offset.then_some(BODY + c),
             group: u8::from(c >= 3),
         });
@@ -233,9 +236,11 @@ impl RowSource for BodySource {
             blocks.extend(part);
         }
         let counters = done.counters;
+        let filter = Self::filter(&config).map_err(refuse)?;
+        let rates = if self.has_signal_errors() { self.smooth_rates(&blocks, &filter) } else { Vec::new() };
         let by_signal = counters.rejected_by_channel.iter().enumerate().filter(|(_, count)| **count > 0);
         Ok(Box::new(BodyBlocks {
-            filter: Self::filter(&config).map_err(refuse)?,
+            filter,
             counts: SampleCounts {
                 samples: u64::from(counters.readings),
                 rejected: u64::from(counters.rejected),
@@ -245,6 +250,8 @@ impl RowSource for BodySource {
             parts,
             is_static: self.input.is_static,
             blocks,
+            rates,
+            axes: self.input.mounting.rotation.matrix(),
             lever_arm: self.input.mounting.position,
         }))
     }
@@ -290,6 +297,10 @@ impl RowSource for BodySource {
         Some(Box::new(Self { input, ..self.without_input() }))
     }
 
+    fn nuisances(&self) -> Vec<Nuisance> {
+        self.input.nuisances.clone()
+    }
+
     fn rate_sigma(&self) -> f64 {
         self.rate_sigma
     }
@@ -320,6 +331,33 @@ impl RowSource for BodySource {
 }
 
 impl BodySource {
+    fn has_signal_errors(&self) -> bool {
+        self.input.nuisances.iter().any(|k| matches!(k.effect, Effect::Signal(_)))
+    }
+
+    /// Returns the rate of turn in the axes of S that belongs to each block, filtered as its signals are.
+    fn smooth_rates(&self, blocks: &[(f64, [f64; SIGNALS])], filter: &Filter) -> Vec<[f64; 3]> {
+        let Input { readings, mounting, .. } = &self.input;
+        let mut at = 0;
+        blocks
+            .iter()
+            .map(|(time_s, _)| {
+                // The reading that completed it.
+                while readings.get(at + 1).is_some_and(|r| r.time_ns as f64 * 1e-9 <= *time_s) {
+                    at += 1;
+                }
+                let from = (at + 1).saturating_sub(filter.response.len());
+                let under = readings.get(from..=at).unwrap_or_default();
+                let sum = |sum: AngularRate<_, f64>, (h, reading): (&f64, &Reading<f64>)| {
+                    let [x, y, z] = (reading.angular_rate - mounting.gyro_bias).array();
+                    sum + AngularRate::new(h * x, h * y, h * z)
+                };
+                let rate = filter.response.iter().zip(under).fold(AngularRate::zero(), sum);
+                (mounting.rotation * rate).array()
+            })
+            .collect()
+    }
+
     fn without_input(&self) -> Self {
         Self {
             input: self.input.without_readings(),
@@ -339,10 +377,28 @@ struct BodyBlocks {
     is_static: bool,
     /// Time of the sample that completed it, s, and the conditioned signals in the axes of S.
     blocks: Vec<(f64, [f64; SIGNALS])>,
+    /// Filtered rates of turn in the axes of S, rad/s; empty where no error of a signal is looked for.
+    rates: Vec<[f64; 3]>,
+    /// Axes of the IMU in S.
+    axes: Matrix3<f64>,
     lever_arm: Position<Sensor, f64>,
 }
 
 impl BodyBlocks {
+    /// Returns the derivatives of a block's signals from its neighbours; zero where there are none.
+    fn slope(&self, block: usize) -> [f64; SIGNALS] {
+        let period_s = self.filter.row_period_s();
+        let at = |k: Option<usize>| k.and_then(|k| self.blocks.get(k));
+        let Some(own) = self.blocks.get(block).filter(|_| period_s > 0.0) else { return [0.0; SIGNALS] };
+        let near = |other: Option<&'_ (f64, [f64; SIGNALS])>| {
+            other.copied().filter(|(time_s, _)| (time_s - own.0).abs() < 1.5 * period_s).unwrap_or(*own)
+        };
+        let (before, after) = (near(at(block.checked_sub(1))), near(at(Some(block + 1))));
+        let span_s = after.0 - before.0;
+        let difference = |i: usize| if span_s > 0.0 { (after.1[i] - before.1[i]) / span_s } else { 0.0 };
+        std::array::from_fn(difference)
+    }
+
     fn absorb_as<const N: usize>(
         &self,
         range: Range<usize>,
@@ -385,6 +441,16 @@ impl RowBlocks for BodyBlocks {
         let Some((_, signals)) = self.blocks.get(block) else { return };
         let n = rows.len() / WRENCH;
         write_rows(&regressor::block(signals, &self.lever_arm), n, rows, measured);
+    }
+
+    fn sensitivities(&self, block: usize, parameters: &[f64], out: &mut [f64]) -> bool {
+        if let Some((_, signals)) = self.blocks.get(block) {
+            let rate = self.rates.get(block).copied().unwrap_or_default().into();
+            let Self { axes, lever_arm, .. } = *self;
+            let own = sensitivities::Block { signals, rate, slope: self.slope(block), axes, lever_arm };
+            own.write(parameters, out);
+        }
+        true
     }
 
     fn absorb(

@@ -4,7 +4,7 @@ use rigident_shared::calibration::{GaugeCalibration, ImuMounting, Reading};
 use rigident_shared::screening::Limits;
 use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce, Wrench};
 
-use super::Input;
+use super::{Input, errors};
 use super::input_checks::{self, Implausible};
 use super::poses::{PoseError, calibrate_accelerometer, still_poses};
 use crate::recording::Recording;
@@ -88,6 +88,7 @@ pub fn input(rig: &RigFile, readings: Vec<Reading<f64>>, is_static: bool, rate_h
     let imu = rig.imu.first().unwrap_or(&default);
     let none = Limits::none();
     Input {
+        nuisances: errors::nuisances(imu, &rig.load_cell, &readings, is_static),
         readings,
         is_static,
         rate_hz,
@@ -99,7 +100,6 @@ pub fn input(rig: &RigFile, readings: Vec<Reading<f64>>, is_static: bool, rate_h
             OffsetTable::Word(OffsetWord::Zero) => Some([0.0; 6]),
             OffsetTable::Word(OffsetWord::Estimate) => None,
         },
-        gain_sigma: rig.load_cell.gain_uncertainty.unwrap_or_default(),
         limits: Limits {
             wrench: rig.load_cell.range_n_nm.unwrap_or(none.wrench),
             specific_force: imu.range_mps2.unwrap_or(none.specific_force),
@@ -208,8 +208,11 @@ pub fn prepare(recording: &Recording) -> Result<Prepared, PrepareError> {
     let rate_hz = recording.rate_hz.unwrap_or(1.0);
     calibrate(recording, &mut rig, &readings, rate_hz, &mut notes)
         .map_err(|error| PrepareError::Poses { name: name(), error })?;
-    let input = input(&rig, readings, recording.is_static, rate_hz);
+    let mut input = input(&rig, readings, recording.is_static, rate_hz);
     let gravity_columns = recording.is_static && recording.gravity.is_some();
+    if gravity_columns {
+        input.nuisances = errors::of_cell(&rig.load_cell, &input.readings);
+    }
     input_checks::check(&input, rig.recording.gravity_mps2, gravity_columns).map_err(implausible)?;
     Ok(Prepared { rig, input, gravity_columns, notes })
 }

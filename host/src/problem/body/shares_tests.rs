@@ -204,7 +204,7 @@ fn a_fit_by_parts_is_that_of_one_pass() {
         channel_sigma: Some(config.channel_sigma),
         gyro_sigma: Some(1e-3),
         known_offset: None,
-        gain_sigma: [0.0; 6],
+        nuisances: Vec::new(),
         limits: config.limits,
     };
     assert_eq!(Split::of(input.readings.len()).parts, 3);

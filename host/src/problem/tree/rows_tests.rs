@@ -77,7 +77,6 @@ impl Standard {
             name: k.to_string(),
             unit: String::new(),
             sigma: None,
-            gain_sigma: 0.0,
             offset: None,
             group: 0,
         };

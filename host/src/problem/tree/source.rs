@@ -10,7 +10,8 @@ use super::drive::Term;
 use super::rows::{RowMaker, names_and_units};
 use super::{Frame, Input, TreeSourceError};
 use crate::fit::{
-    Channel, DriveMotion, Fingerprint, Kind, Owner, Parameter, RowSource, SampleRows, SignalNoise, Timing,
+    Basis, Channel, DriveMotion, Effect, Fingerprint, Kind, Nuisance, Owner, Parameter, RowSource, SampleRows, Scope,
+    SignalNoise, Timing,
 };
 use crate::model::base::{BaseParameters, ROUNDED, base_parameters};
 use crate::problem::white_noise::{Signs, sixth_differences};
@@ -162,7 +163,6 @@ fn channels(input: &Input, parameters: &[Parameter]) -> Vec<Channel> {
             });
             Channel {
                 sigma: input.channel_sigma.as_ref().and_then(|all| all.get(c).copied()),
-                gain_sigma: if own.is_none() { input.gain_sigma[c.min(WRENCH - 1)] } else { 0.0 },
                 unit: unit.to_owned(),
                 name,
                 offset,
@@ -253,6 +253,20 @@ impl RowSource for TreeSource {
             numbers.for_each(|v| hash.add(v.to_bits()));
         }
         hash.finish()
+    }
+
+    fn nuisances(&self) -> Vec<Nuisance> {
+        let wrench = self.channels.iter().enumerate().take(if self.input.has_wrench() { WRENCH } else { 0 });
+        let of = |(c, channel): (usize, &Channel)| Nuisance {
+            name: format!("gain_{}", channel.name),
+            group: "load-cell gain".to_owned(),
+            unit: "1".to_owned(),
+            sigma: self.input.gain_sigma[c],
+            basis: Basis::Stated("load_cell.gain_uncertainty".to_owned()),
+            scope: Scope::Rig,
+            effect: Effect::Gain { channel: c },
+        };
+        wrench.map(of).filter(|k| k.sigma > 0.0).collect()
     }
 
     fn signal_noise(&self) -> Vec<SignalNoise> {

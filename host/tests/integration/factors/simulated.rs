@@ -70,7 +70,7 @@ pub fn input(config: &RigConfig, readings: &Readings, seed: u64) -> Input {
         channel_sigma: Some(SIGMA),
         gyro_sigma: Some(4.3e-4),
         known_offset: None,
-        gain_sigma: [0.0; 6],
+        nuisances: Vec::new(),
         limits: Limits { frozen_after: FROZEN_AFTER, ..Limits::none() },
     }
 }

@@ -1,0 +1,324 @@
+//! Rows with the columns of nuisance parameters, linearised about an estimate.
+//!
+//! With errors θ of sensors and mounting the rows say `y = A(θ) φ + e(θ)`. About φ̂ this is
+//! ```text
+//! y = A φ + Σ_k c_k θ_k,   c_k = ∂/∂θ_k (A(θ) φ̂ + e(θ)) at zero
+//! ```
+//! which at `φ = φ̂` is exact in all that is linear in θ. The columns follow the parameters'; what is known beforehand are
+//! rows `θ_k = 0 ± σ_k`.
+
+use std::ops::Range;
+
+use rigident_shared::screening::Rejection;
+
+use super::{Channel, Effect, Factor, Filter, FitError, Nuisance, RowBlocks, RowSource, SampleCounts};
+use super::{SampleRows, Silent, Timing, outliers::dot};
+
+/// The nuisance parameters of a source.
+#[derive(Clone, Debug)]
+pub(super) struct Columns {
+    pub(super) nuisances: Vec<Nuisance>,
+    /// Parameters before them.
+    parameters: usize,
+    /// The place of each channel's offset among the parameters.
+    offsets: Vec<Option<usize>>,
+    /// Columns of signal errors that the source has.
+    signals: usize,
+}
+
+impl Columns {
+    /// Returns the nuisance parameters that a source has, those whose σ is zero left out.
+    pub(super) fn of(source: &dyn RowSource) -> Self {
+        let nuisances: Vec<Nuisance> = source.nuisances().into_iter().filter(|k| k.sigma > 0.0).collect();
+        let number = |k: &Nuisance| match k.effect {
+            Effect::Signal(s) => s + 1,
+            _ => 0,
+        };
+        Self {
+            signals: nuisances.iter().map(number).max().unwrap_or(0),
+            nuisances,
+            parameters: source.parameters().len(),
+            offsets: source.channels().iter().map(|c: &Channel| c.offset).collect(),
+        }
+    }
+
+    /// Returns true if there are none.
+    pub(super) fn is_empty(&self) -> bool {
+        self.nuisances.is_empty()
+    }
+
+    /// Returns the number of columns: parameters, then nuisance parameters.
+    pub(super) fn all(&self) -> usize {
+        self.parameters + self.nuisances.len()
+    }
+
+    /// Spreads C rows of the parameters alone, with which `rows` begins, to rows of all columns. `phi` is φ̂, `sensitivities`
+    /// are C rows of the errors of signals, `time` goes from −1 to 1; `None`: rows are noise alone, and nothing drifts.
+    fn spread(&self, rows: &mut [f64], phi: &[f64], sensitivities: &[f64], time: Option<f64>) {
+        let (n, all) = (self.parameters, self.all());
+        let channels = self.offsets.len();
+        let mut predicted = vec![0.0; channels];
+        for c in (0..channels).rev() {
+            rows.copy_within(c * n..(c + 1) * n, c * all);
+            let row = &mut rows[c * all..(c + 1) * all];
+            row[n..].fill(0.0);
+            let constant = self.offsets[c].map_or(0.0, |j| row[j] * phi.get(j).copied().unwrap_or(0.0));
+            predicted[c] = dot(&row[..n], phi) - constant;
+        }
+        for (k, nuisance) in self.nuisances.iter().enumerate() {
+            match nuisance.effect {
+                Effect::Gain { channel } => rows[channel * all + n + k] = predicted[channel],
+                Effect::CrossTalk { from, to } => rows[to * all + n + k] = predicted[from],
+                Effect::Drift { channel, degree } => {
+                    rows[channel * all + n + k] = time.map_or(0.0, |t| legendre(degree, t));
+                }
+                Effect::Signal(signal) => {
+                    for c in 0..channels {
+                        let own = sensitivities.get(c * self.signals + signal);
+                        rows[c * all + n + k] = own.copied().unwrap_or(0.0);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Returns a joint factor with what is known beforehand in it.
+    pub(super) fn with_prior(&self, joint: &Factor) -> Factor {
+        let n = self.parameters;
+        let rows: Vec<Vec<f64>> = self.nuisances.iter().enumerate().map(|(k, nuisance)| {
+            let mut row = vec![0.0; self.all()];
+            row[n + k] = 1.0 / nuisance.sigma;
+            row
+        }).collect();
+        let mut known = joint.clone();
+        known.absorb(rows.iter().map(|row| (row.as_slice(), 0.0)));
+        let left = known.residual_sum_of_squares();
+        // What is known beforehand are no measurements.
+        known.with_residual(left, joint.rows())
+    }
+}
+
+/// Returns the Legendre polynomial of the first or second degree.
+fn legendre(degree: u8, t: f64) -> f64 {
+    if degree < 2 { t } else { 1.5 * t * t - 0.5 }
+}
+
+/// Columns of the errors of signals about φ̂.
+pub(super) enum Sensitivities {
+    /// The row blocks have them.
+    Direct,
+    /// By block, channel and error.
+    Stored(Vec<f64>),
+}
+
+impl Sensitivities {
+    /// Returns the columns of a source: its row blocks' own, else half the differences of what it predicts with errors of
+    /// either sign, of the size of their σ.
+    ///
+    /// # Errors
+    /// [`FitError`] if a source with errors cannot be filtered.
+    pub(super) fn of(
+        source: &dyn RowSource,
+        blocks: &dyn RowBlocks,
+        columns: &Columns,
+        phi: &[f64],
+    ) -> Result<Self, FitError> {
+        let (channels, signals) = (source.channels().len(), columns.signals);
+        let mut own = vec![0.0; channels * signals];
+        if signals == 0 || blocks.is_empty() || blocks.sensitivities(0, phi, &mut own) {
+            return Ok(Self::Direct);
+        }
+        let mut all = vec![0.0; blocks.len() * channels * signals];
+        for nuisance in &columns.nuisances {
+            let Effect::Signal(signal) = nuisance.effect else { continue };
+            for sign in [1.0, -1.0] {
+                let mut errors = vec![0.0; signals];
+                errors[signal] = sign * nuisance.sigma;
+                let Some(moved) = source.with_errors(&errors) else { continue };
+                let moved = Contracted { source: &*moved, phi, parameter: &source.parameters()[..1] };
+                let moved = moved.condition(&Silent)?;
+                let (mut predicted, mut measured) = (vec![0.0; channels], vec![0.0; channels]);
+                for block in 0..blocks.len().min(moved.len()) {
+                    moved.write(block, &mut predicted, &mut measured);
+                    for (c, (predicted, measured)) in predicted.iter().zip(&measured).enumerate() {
+                        let change = sign * (predicted - measured) / (2.0 * nuisance.sigma);
+                        all[(block * channels + c) * signals + signal] += change;
+                    }
+                }
+            }
+        }
+        Ok(Self::Stored(all))
+    }
+
+    /// Writes the columns of a block, C rows.
+    pub(super) fn write(&self, blocks: &dyn RowBlocks, block: usize, phi: &[f64], out: &mut [f64]) {
+        match self {
+            Self::Direct => {
+                blocks.sensitivities(block, phi, out);
+            }
+            Self::Stored(all) => {
+                let length = out.len();
+                if let Some(own) = all.get(block * length..(block + 1) * length) {
+                    out.copy_from_slice(own);
+                }
+            }
+        }
+    }
+}
+
+/// A source whose rows have one coefficient: what given parameters predict.
+struct Contracted<'a> {
+    source: &'a dyn RowSource,
+    phi: &'a [f64],
+    /// Stands for the one column.
+    parameter: &'a [super::Parameter],
+}
+
+impl RowSource for Contracted<'_> {
+    fn parameters(&self) -> &[super::Parameter] {
+        self.parameter
+    }
+
+    fn channels(&self) -> &[Channel] {
+        self.source.channels()
+    }
+
+    fn timing(&self) -> Timing {
+        self.source.timing()
+    }
+
+    fn samples(&self) -> usize {
+        self.source.samples()
+    }
+
+    fn time_ns(&self, sample: usize) -> u64 {
+        self.source.time_ns(sample)
+    }
+
+    fn rows(&self, sample: usize, rows: &mut SampleRows) -> Result<(), Rejection> {
+        let mut all = SampleRows::default();
+        all.clear(self.channels().len(), self.phi.len());
+        self.source.rows(sample, &mut all)?;
+        let n = self.phi.len().max(1);
+        for (to, row) in rows.smoothed.iter_mut().zip(all.smoothed.chunks_exact(n)) {
+            *to = dot(row, self.phi);
+        }
+        for (to, row) in rows.differentiated.iter_mut().zip(all.differentiated.chunks_exact(n)) {
+            *to = dot(row, self.phi);
+        }
+        rows.measured = all.measured;
+        Ok(())
+    }
+}
+
+/// Row blocks with the columns of nuisance parameters about an estimate.
+pub(super) struct Linearised<'a> {
+    blocks: &'a dyn RowBlocks,
+    columns: &'a Columns,
+    phi: Vec<f64>,
+    sensitivities: Sensitivities,
+    /// Middle and half the length of the recording, s; blocks where there is no time.
+    span: (f64, f64),
+}
+
+impl<'a> Linearised<'a> {
+    /// Linearises the rows of a source about `phi`.
+    ///
+    /// # Errors
+    /// See [`Sensitivities::of`].
+    pub(super) fn new(
+        source: &dyn RowSource,
+        blocks: &'a dyn RowBlocks,
+        columns: &'a Columns,
+        phi: &[f64],
+    ) -> Result<Self, FitError> {
+        let sensitivities = Sensitivities::of(source, blocks, columns, phi)?;
+        let last = blocks.len().saturating_sub(1);
+        let (from, to) = (blocks.time_s(0), blocks.time_s(last));
+        let (from, to) = if to > from { (from, to) } else { (0.0, last as f64) };
+        let span = (0.5 * (from + to), (0.5 * (to - from)).max(f64::MIN_POSITIVE));
+        Ok(Self { blocks, columns, phi: phi.to_vec(), sensitivities, span })
+    }
+
+    /// Returns φ̂.
+    pub(super) fn phi(&self) -> &[f64] {
+        &self.phi
+    }
+
+    fn time(&self, block: usize) -> f64 {
+        let (middle, half) = self.span;
+        let is_timed = self.blocks.time_s(self.blocks.len().saturating_sub(1)) > self.blocks.time_s(0);
+        let at = if is_timed { self.blocks.time_s(block) } else { block as f64 };
+        (at - middle) / half
+    }
+}
+
+impl RowBlocks for Linearised<'_> {
+    fn filter(&self) -> &Filter {
+        self.blocks.filter()
+    }
+
+    fn counts(&self) -> &SampleCounts {
+        self.blocks.counts()
+    }
+
+    fn parts(&self) -> &[Range<usize>] {
+        self.blocks.parts()
+    }
+
+    fn time_s(&self, block: usize) -> f64 {
+        self.blocks.time_s(block)
+    }
+
+    fn write(&self, block: usize, rows: &mut [f64], measured: &mut [f64]) {
+        let Columns { offsets, parameters, signals, .. } = self.columns;
+        self.blocks.write(block, &mut rows[..offsets.len() * parameters], measured);
+        let mut own = vec![0.0; offsets.len() * signals];
+        self.sensitivities.write(self.blocks, block, &self.phi, &mut own);
+        self.columns.spread(rows, &self.phi, &own, Some(self.time(block)));
+    }
+}
+
+/// Rows of noise alone, with the columns of nuisance parameters: half the difference of blocks with noise of either sign.
+pub(super) struct NoiseColumns<'a> {
+    columns: &'a Columns,
+    phi: &'a [f64],
+    more: (&'a dyn RowBlocks, Sensitivities),
+    less: (&'a dyn RowBlocks, Sensitivities),
+    by: f64,
+}
+
+impl<'a> NoiseColumns<'a> {
+    /// Returns the columns about φ̂ of two sources that differ by noise of the size `sigma`, of either sign.
+    ///
+    /// # Errors
+    /// See [`Sensitivities::of`].
+    pub(super) fn new(
+        columns: &'a Columns,
+        phi: &'a [f64],
+        [more, less]: [(&dyn RowSource, &'a dyn RowBlocks); 2],
+        sigma: f64,
+    ) -> Result<Self, FitError> {
+        Ok(Self {
+            columns,
+            phi,
+            more: (more.1, Sensitivities::of(more.0, more.1, columns, phi)?),
+            less: (less.1, Sensitivities::of(less.0, less.1, columns, phi)?),
+            by: 0.5 / sigma,
+        })
+    }
+
+    /// Spreads the rows of a block, of noise of unit σ, to all columns.
+    pub(super) fn spread(&self, block: usize, rows: &mut [f64]) {
+        let length = self.columns.offsets.len() * self.columns.signals;
+        let (mut own, mut other) = (vec![0.0; length], vec![0.0; length]);
+        self.more.1.write(self.more.0, block, self.phi, &mut own);
+        self.less.1.write(self.less.0, block, self.phi, &mut other);
+        own.iter_mut().zip(&other).for_each(|(a, b)| *a = self.by * (*a - b));
+        self.columns.spread(rows, self.phi, &own, None);
+    }
+}
+
+#[cfg(test)]
+#[path = "linearised_tests.rs"]
+mod tests;

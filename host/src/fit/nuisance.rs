@@ -1,0 +1,95 @@
+//! Nuisance parameters: errors of sensors and mounting that do not average out, each with what is known of it beforehand.
+
+use serde::{Deserialize, Serialize};
+
+/// The knowledge that the standard deviation of a nuisance parameter rests on.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Basis {
+    /// Stated for this rig, by the key of the rig file.
+    Stated(String),
+    /// The default of a class of data sheets.
+    Class(String),
+    /// Found in a calibration of this rig.
+    Calibration(String),
+}
+
+/// The runs that share an error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Scope {
+    /// It is the same in all runs of a rig: mounting, scales.
+    Rig,
+    /// It is another one in each recording: drift, bias.
+    Recording,
+}
+
+/// The way in which an error enters the rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Effect {
+    /// A channel reads `1 + g` times its value, its offset apart.
+    Gain {
+        /// The channel.
+        channel: usize,
+    },
+    /// A channel reads a share of another one's value besides its own.
+    CrossTalk {
+        /// The channel that leaks.
+        from: usize,
+        /// The channel that reads it.
+        to: usize,
+    },
+    /// A channel's offset moves by a Legendre polynomial of the time, which goes from −1 to 1 over the recording.
+    Drift {
+        /// The channel.
+        channel: usize,
+        /// 1: a line; 2: a curve.
+        degree: u8,
+    },
+    /// An error of the signals that the source makes its rows of: its number among [`super::RowBlocks::sensitivities`].
+    Signal(usize),
+}
+
+/// One error that is estimated beside the parameters, and eliminated.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Nuisance {
+    /// Its name, unique in its source: `lever_arm_x`.
+    pub name: String,
+    /// The errors that it is one of: `lever arm`.
+    pub group: String,
+    /// Its SI unit in ASCII.
+    pub unit: String,
+    /// Standard deviation beforehand, about zero.
+    pub sigma: f64,
+    /// The knowledge that this rests on.
+    pub basis: Basis,
+    /// The runs that share it.
+    pub scope: Scope,
+    /// How it enters the rows.
+    pub effect: Effect,
+}
+
+/// A nuisance parameter as a fit found it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NuisanceFit {
+    /// The parameter.
+    pub nuisance: Nuisance,
+    /// Estimate, prior included.
+    pub value: f64,
+    /// Its standard deviation.
+    pub sd: f64,
+    /// Standard deviation that it brings to each parameter of the body: `|C_jk| / σ_k`.
+    pub contributions: Vec<f64>,
+}
+
+impl NuisanceFit {
+    /// Returns how far the estimate is from zero, in the standard deviations that a draw from the prior would have: its
+    /// variance is that of the prior less that of the posterior. Zero where the rows say nothing of it.
+    pub fn pull(&self) -> f64 {
+        let drawn = self.nuisance.sigma.powi(2) - self.sd.powi(2);
+        if drawn > 1e-6 * self.nuisance.sigma.powi(2) { self.value / drawn.sqrt() } else { 0.0 }
+    }
+
+    /// Returns the share of the prior's variance that the rows have taken away.
+    pub fn told(&self) -> f64 {
+        (1.0 - (self.sd / self.nuisance.sigma).powi(2)).clamp(0.0, 1.0)
+    }
+}

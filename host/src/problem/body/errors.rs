@@ -1,0 +1,132 @@
+//! Errors of load cell, IMU and mounting of one body: what the rig file or a class of data sheets says of them.
+
+use rigident_shared::calibration::Reading;
+
+use super::sensitivities::{ERRORS, ImuError};
+use super::{CHANNELS, WRENCH};
+use crate::fit::{Basis, Effect, Nuisance, Scope};
+use crate::rig::classes::rectangular;
+use crate::rig::{ImuClass, ImuTable, LoadCellClass, LoadCellTable};
+
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// Returns the nuisance parameters of a body in motion, or of still poses: what does not move has no lever arm, no delay and
+/// no rate.
+pub fn nuisances(
+    imu: &ImuTable,
+    cell: &LoadCellTable,
+    readings: &[Reading<f64>],
+    is_static: bool,
+) -> Vec<Nuisance> {
+    let mut all = of_imu(imu, is_static);
+    all.extend(of_cell(cell, readings));
+    all
+}
+
+/// Returns the nuisance parameters of the load cell; full scale is the largest load seen where the rig file gives no range.
+pub fn of_cell(cell: &LoadCellTable, readings: &[Reading<f64>]) -> Vec<Nuisance> {
+    let class = cell.class.unwrap_or(LoadCellClass::DEFAULT);
+    let sigma = rectangular(class.limit());
+    let full_scale = cell.range_n_nm.unwrap_or_else(|| largest(readings));
+    let basis = |stated: bool, key: &str| match stated {
+        true => Basis::Stated(format!("load_cell.{key}")),
+        false => Basis::Class(format!("load cell {}", class.name())),
+    };
+    let unit = |c: usize| if c < 3 { "N" } else { "N m" };
+    let mut all = Vec::new();
+    for (c, name) in CHANNELS.iter().enumerate() {
+        all.push(Nuisance {
+            name: format!("gain_{name}"),
+            group: "load-cell gain".to_owned(),
+            unit: "1".to_owned(),
+            sigma: cell.gain_uncertainty.map_or(sigma, |g| g[c]),
+            basis: basis(cell.gain_uncertainty.is_some(), "gain_uncertainty"),
+            scope: Scope::Rig,
+            effect: Effect::Gain { channel: c },
+        });
+    }
+    for (to, name) in CHANNELS.iter().enumerate() {
+        for (from, other) in CHANNELS.iter().enumerate().filter(|(from, _)| *from != to) {
+            let ratio = full_scale[to] / full_scale[from];
+            all.push(Nuisance {
+                name: format!("crosstalk_{name}_{other}"),
+                group: "cross-talk".to_owned(),
+                unit: format!("{}/({})", unit(to), unit(from)),
+                sigma: cell.crosstalk_std.unwrap_or(sigma) * ratio,
+                basis: basis(cell.crosstalk_std.is_some(), "crosstalk_std"),
+                scope: Scope::Rig,
+                effect: Effect::CrossTalk { from, to },
+            });
+        }
+    }
+    for (degree, word) in [(1, "line"), (2, "curve")] {
+        for (c, name) in CHANNELS.iter().enumerate() {
+            all.push(Nuisance {
+                name: format!("drift_{word}_{name}"),
+                group: "load-cell drift".to_owned(),
+                unit: unit(c).to_owned(),
+                sigma: cell.drift_std_n_nm.map_or(sigma * full_scale[c], |d| d[c]),
+                basis: basis(cell.drift_std_n_nm.is_some(), "drift_std_n_nm"),
+                scope: Scope::Recording,
+                effect: Effect::Drift { channel: c, degree },
+            });
+        }
+    }
+    all.retain(|k| k.sigma.is_finite() && k.sigma > 0.0);
+    all
+}
+
+/// Returns the largest force and the largest moment of all readings, for each channel.
+fn largest(readings: &[Reading<f64>]) -> [f64; WRENCH] {
+    let mut most = [0.0_f64; 2];
+    for reading in readings {
+        for (c, value) in reading.wrench.array().iter().enumerate().filter(|(_, v)| v.is_finite()) {
+            most[c / 3] = most[c / 3].max(value.abs());
+        }
+    }
+    std::array::from_fn(|c| most[c / 3])
+}
+
+/// A group of errors of the IMU: its name, the first of its axes, unit, σ stated, limit of the class, key, and who shares it.
+type ImuGroup = (&'static str, ImuError, &'static str, Option<f64>, f64, &'static str, Scope);
+
+fn of_imu(imu: &ImuTable, is_static: bool) -> Vec<Nuisance> {
+    let class = imu.class.unwrap_or(ImuClass::DEFAULT);
+    let limits = class.limits();
+    let groups: [ImuGroup; ERRORS] = [
+        ("lever arm", ImuError::LeverArm, "m", imu.position_std_m, limits.position_m, "position_std_m", Scope::Rig),
+        ("IMU rotation", ImuError::Rotation, "rad", imu.rotation_std_rad, limits.rotation_rad, "rotation_std_rad", Scope::Rig),
+        ("time skew", ImuError::Skew, "s", imu.skew_std_s, limits.skew_s, "skew_std_s", Scope::Recording),
+        ("gyro bias", ImuError::GyroBias, "rad/s", imu.gyro_bias_std_radps, limits.gyro_bias_radps, "gyro_bias_std_radps", Scope::Recording),
+        ("gyro scale", ImuError::GyroGain, "1", imu.gyro_gain_std, limits.gyro_gain, "gyro_gain_std", Scope::Rig),
+        ("accelerometer bias", ImuError::AccelBias, "m/s2", imu.accel_bias_std_mps2, limits.accel_bias_mps2, "accel_bias_std_mps2", Scope::Recording),
+        ("accelerometer scale", ImuError::AccelGain, "1", imu.accel_gain_std, limits.accel_gain, "accel_gain_std", Scope::Rig),
+        ("accelerometer misalignment", ImuError::AccelMisalignment, "rad", imu.accel_misalignment_std_rad, limits.accel_misalignment_rad, "accel_misalignment_std_rad", Scope::Rig),
+    ];
+    let mut all = Vec::new();
+    for (group, error, unit, stated, limit, key, scope) in groups {
+        if is_static && error.is_of_motion() {
+            continue;
+        }
+        for axis in 0..error.count() {
+            let mut name = group.to_lowercase().replace([' ', '-'], "_");
+            if error.count() > 1 {
+                name = format!("{name}_{}", AXES[axis]);
+            }
+            all.push(Nuisance {
+                name,
+                group: group.to_owned(),
+                unit: unit.to_owned(),
+                sigma: stated.unwrap_or(rectangular(limit)),
+                basis: match stated {
+                    Some(_) => Basis::Stated(format!("imu.{key}")),
+                    None => Basis::Class(format!("IMU {}", class.name())),
+                },
+                scope,
+                effect: Effect::Signal(error.first() + axis),
+            });
+        }
+    }
+    all.retain(|k| k.sigma.is_finite() && k.sigma > 0.0);
+    all
+}
