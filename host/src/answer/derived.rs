@@ -23,13 +23,24 @@ pub(crate) fn ten(estimate: &Estimate) -> [f64; 10] {
     std::array::from_fn(|j| estimate.values.get(j).copied().unwrap_or(0.0))
 }
 
-/// `f(φ)` and `J C Jᵀ`; J by central differences over a thousandth of each parameter's σ.
+/// `f(φ)` and `J C Jᵀ`.
 fn propagate<const K: usize>(estimate: &Estimate, f: impl Fn(&[f64; 10]) -> [f64; K]) -> Derived<K> {
+    let jacobian = jacobian(estimate, &f);
+    let c = &jacobian * estimate.covariance.view((0, 0), (10, 10)) * jacobian.transpose();
+    Derived {
+        value: f(&ten(estimate)),
+        sd: std::array::from_fn(|k| c[(k, k)].max(0.0).sqrt()),
+        covariance: SMatrix::from_fn(|i, j| c[(i, j)]),
+    }
+}
+
+/// J, K × 10, by central differences over a thousandth of each parameter's σ.
+fn jacobian<const K: usize>(estimate: &Estimate, f: &impl Fn(&[f64; 10]) -> [f64; K]) -> DMatrix<f64> {
     let phi = ten(estimate);
-    let covariance: DMatrix<f64> = estimate.covariance.view((0, 0), (10, 10)).into_owned();
     let mut jacobian = DMatrix::zeros(K, 10);
     for j in 0..10 {
-        let step = (1e-3 * covariance[(j, j)].max(0.0).sqrt()).max(1e-7 * phi[j].abs()).max(1e-9);
+        let sd = estimate.covariance[(j, j)].max(0.0).sqrt();
+        let step = (1e-3 * sd).max(1e-7 * phi[j].abs()).max(1e-9);
         let shifted = |by: f64| {
             let mut p = phi;
             p[j] += by;
@@ -40,12 +51,21 @@ fn propagate<const K: usize>(estimate: &Estimate, f: impl Fn(&[f64; 10]) -> [f64
             jacobian[(k, j)] = (up[k] - down[k]) / (2.0 * step);
         }
     }
-    let c = &jacobian * covariance * jacobian.transpose();
-    Derived {
-        value: f(&phi),
-        sd: std::array::from_fn(|k| c[(k, k)].max(0.0).sqrt()),
-        covariance: SMatrix::from_fn(|i, j| c[(i, j)]),
-    }
+    jacobian
+}
+
+/// Returns the derivatives of the centre of mass by the ten parameters, row by row.
+pub(super) fn centre_of_mass_by_parameters(estimate: &Estimate) -> Vec<Vec<f64>> {
+    rows(&jacobian(estimate, &|phi| parameters(phi).centre_of_mass().array()))
+}
+
+/// Returns the derivatives of the tensor about the centre of mass by the ten parameters, row by row.
+pub(super) fn inertia_com_by_parameters(estimate: &Estimate) -> Vec<Vec<f64>> {
+    rows(&jacobian(estimate, &|phi| tensor_elements(&parameters(phi).inertia_com())))
+}
+
+fn rows(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
+    matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
 }
 
 fn parameters(phi: &[f64; 10]) -> InertialParameters<Sensor, f64> {

@@ -6,6 +6,7 @@
 //! lacks ([`excitation_advice`]). May not live here: raw data, files, screens. Before this: [`crate::fit`]; after it:
 //! [`crate::present`].
 
+mod budget;
 mod context;
 pub mod derived;
 pub mod excitation_advice;
@@ -15,6 +16,7 @@ pub mod physical_consistency;
 mod read;
 mod remarks;
 pub mod result;
+mod rig_errors;
 pub mod selection;
 pub mod standard_parameters;
 pub mod states;

@@ -8,15 +8,15 @@ use super::derived::{self, Derived, ten};
 use super::nearest_body::{self, nearest_body};
 use super::physical_consistency::{PhysicalConsistency, of_base_parameters};
 use super::result::{
-    Answer, BodyFrame, Channel, Consistency, Counts, ForgettingKind, Forgotten, KnownValue, ModelSummary,
-    NearestBody, Parameter, ParameterState, PrincipalMoment, SCHEMA, StandardLink, StandardParameters,
-    Status, Truth,
+    Answer, BodyFrame, Channel, Consistency, Counts, ErrorsAgreement, ForgettingKind, Forgotten, KnownValue,
+    ModelSummary, NearestBody, Parameter, ParameterState, PrincipalMoment, RigError, SCHEMA, SignalNoise,
+    StandardLink, StandardParameters, Status, Truth,
 };
 use super::selection::{SelectionError, owner_name, select};
 use super::standard_parameters::{BaseEstimate, Full, nearest};
 use super::states::{is_reversed, is_whole_body, states};
-use super::{excitation_advice, remarks};
-use crate::fit::{ChannelFit, Fit};
+use super::{budget, excitation_advice, remarks, rig_errors};
+use crate::fit::{Basis, ChannelFit, Fit, NuisanceFit};
 use crate::model::ModelError;
 use crate::rig::{BodyTable, TruthTable};
 
@@ -84,6 +84,10 @@ impl Answer {
         let mut answer = Self {
             schema: SCHEMA.to_owned(),
             status: status(&judged, &asked, context.error.is_some()),
+            errors: errors(fit),
+            errors_agreement: fit.agreement.map(agreement),
+            signals: signals(fit),
+            budget: budget::budget(fit, is_body, |j| judged.at(j).measured().is_some()),
             parameters: parameters(&judged, &context),
             known: known(fit),
             model: links.map(model_summary),
@@ -96,6 +100,7 @@ impl Answer {
             warnings: context.warnings.clone(),
             ..Self::default()
         };
+        answer.improvement = budget::improvement(&answer.budget);
         if !fit.residuals.is_empty() {
             answer.residual_rms =
                 fit.channels.iter().map(|c| c.residual_rms).filter(|v| v.is_finite()).collect();
@@ -244,7 +249,9 @@ impl Answer {
         }
         let (mut notes, mut warnings) = remarks::of_the_fit(fit, links.is_some(), context.rate_sigma);
         self.notes.append(&mut notes);
+        self.warnings.extend(rig_errors::contradictions(fit));
         self.warnings.append(&mut warnings);
+        self.notes.extend(rig_errors::defaults(fit));
         self.warnings.extend(remarks::of_known_values(fit, links, &judged.states));
         self.notes.extend(self.forgotten.iter().map(ToString::to_string));
         if judged.is_body {
@@ -265,6 +272,7 @@ fn status(judged: &Judged, asked: &[usize], broken: bool) -> Status {
     let missing = asked.iter().filter(|j| !judged.at(**j).is_identified()).count();
     match missing {
         _ if broken => Status::Failed,
+        _ if rig_errors::is_contradicted(judged.fit) => Status::Implausible,
         0 => Status::Identified,
         m if m == asked.len() => Status::NotIdentified,
         _ => Status::PartlyIdentified,
@@ -333,6 +341,48 @@ fn channels(fit: &Fit) -> Vec<Channel> {
         autocorrelation: c.autocorrelation.and_then(|a| finite(a.factor)),
     };
     fit.channels.iter().enumerate().map(channel).collect()
+}
+
+fn errors(fit: &Fit) -> Vec<RigError> {
+    let k = fit.estimate.coverage_factor();
+    let of = |found: &NuisanceFit| {
+        let (basis, stated) = match &found.nuisance.basis {
+            Basis::Stated(key) => (key.clone(), true),
+            Basis::Calibration(of) => (of.clone(), true),
+            Basis::Class(class) => (class.clone(), false),
+        };
+        RigError {
+            name: found.nuisance.name.clone(),
+            group: found.nuisance.group.clone(),
+            unit: found.nuisance.unit.clone(),
+            value: found.value,
+            u95: k * found.sd,
+            sigma: found.nuisance.sigma,
+            basis,
+            stated,
+            told: found.told(),
+            pull: Some(found.pull()).filter(|pull| *pull != 0.0 && pull.is_finite()),
+        }
+    };
+    fit.nuisances.iter().map(of).collect()
+}
+
+fn agreement(found: crate::fit::Agreement) -> ErrorsAgreement {
+    ErrorsAgreement {
+        chi2: found.chi2,
+        degrees_of_freedom: found.degrees_of_freedom,
+        probability: found.probability(),
+    }
+}
+
+fn signals(fit: &Fit) -> Vec<SignalNoise> {
+    let of = |signal: &crate::fit::SignalFit| SignalNoise {
+        name: signal.noise.name.clone(),
+        unit: signal.noise.unit.clone(),
+        sigma: signal.sigma,
+        stated: signal.noise.stated.is_some(),
+    };
+    fit.signals.iter().map(of).collect()
 }
 
 fn counts(fit: &Fit) -> Counts {

@@ -91,6 +91,8 @@ pub enum Status {
     /// Nothing of what was asked for.
     #[default]
     NotIdentified,
+    /// The recording contradicts what is stated of the rig: the numbers are not to be used. `warnings` say what does.
+    Implausible,
     /// The experiment or the command broke off; `error` says why.
     Failed,
 }
@@ -174,6 +176,21 @@ pub struct Answer {
     /// Root mean square of the filtered residuals, channel by channel in the channels' units; absent without the data.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub residual_rms: Vec<f64>,
+    /// Errors of sensors and mounting that were estimated with the parameters, those that were taken as exact left out.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub errors: Vec<RigError>,
+    /// How these agree with what was known of them beforehand.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub errors_agreement: Option<ErrorsAgreement>,
+    /// Noise of the signals that the rows are made of, as far as it counts.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub signals: Vec<SignalNoise>,
+    /// What each uncertainty is made of, largest first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub budget: Vec<Budget>,
+    /// What would make the uncertainties smaller.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub improvement: Option<String>,
     /// Samples and rows counted.
     pub counts: Counts,
     /// Samples that were not used; also in `counts`.
@@ -194,6 +211,81 @@ pub struct Answer {
     pub warnings: Vec<String>,
     /// Time that the command took, s.
     pub elapsed_s: f64,
+}
+
+/// An error of sensors or mounting.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct RigError {
+    /// Its name: `lever_arm_x`.
+    pub name: String,
+    /// The errors that it is one of: `lever arm`.
+    pub group: String,
+    /// Unit in ASCII.
+    pub unit: String,
+    /// Estimate, what was known beforehand included.
+    pub value: f64,
+    /// Its 95 % expanded uncertainty.
+    pub u95: f64,
+    /// Standard deviation beforehand, about zero.
+    pub sigma: f64,
+    /// The key of the rig file, class of data sheets or calibration that this is from.
+    pub basis: String,
+    /// True if the rig file states it; else it is a default.
+    pub stated: bool,
+    /// Share of the variance beforehand that the recording has taken away.
+    pub told: f64,
+    /// The estimate in the standard deviations that it would have if it were drawn as stated; absent where the recording says
+    /// nothing of it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pull: Option<f64>,
+}
+
+/// How the errors found agree with what was known of them beforehand.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ErrorsAgreement {
+    /// χ² of the errors found against what was known beforehand.
+    pub chi2: f64,
+    /// Its degrees of freedom.
+    pub degrees_of_freedom: f64,
+    /// Probability that errors drawn as stated agree no better.
+    pub probability: f64,
+}
+
+/// Noise of a group of signals that the rows are made of.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct SignalNoise {
+    /// Sensor or group.
+    pub name: String,
+    /// Unit of σ in ASCII.
+    pub unit: String,
+    /// 1 σ per sample that rows were weighed by.
+    pub sigma: f64,
+    /// True if the rig file states it.
+    pub stated: bool,
+}
+
+/// What the uncertainty of a quantity is made of.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Budget {
+    /// The quantity: `m`, `com_x`, `Ixx_com`, or a parameter's name.
+    pub quantity: String,
+    /// Unit in ASCII.
+    pub unit: String,
+    /// Combined standard uncertainty.
+    pub sd: f64,
+    /// Contributions, the largest first.
+    pub contributions: Vec<Contribution>,
+}
+
+/// Contribution of a source to an uncertainty.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Contribution {
+    /// The source: `noise`, or a group of errors.
+    pub source: String,
+    /// Standard uncertainty that it brings, in the unit of the quantity.
+    pub sd: f64,
+    /// Share of the variance.
+    pub share: f64,
 }
 
 /// The origin of the numbers.

@@ -46,7 +46,7 @@ fn body() -> InertialParameters<Sensor, f64> {
 }
 
 /// Readings by the equations of Newton and Euler; `size` scales the rates.
-fn readings(count: usize, rate_hz: f64, size: f64, noise: f64) -> Vec<Reading<f64>> {
+pub(crate) fn readings(count: usize, rate_hz: f64, size: f64, noise: f64) -> Vec<Reading<f64>> {
     let (phi, offset) = (body(), rig().truth.unwrap().apparent_offset_n_nm.unwrap());
     let (mass, mc) = (phi.mass, phi.first_moment);
     let tensor: Matrix3<f64> = phi.inertia;
@@ -90,7 +90,7 @@ fn readings(count: usize, rate_hz: f64, size: f64, noise: f64) -> Vec<Reading<f6
         .collect()
 }
 
-fn input(readings: Vec<Reading<f64>>, is_static: bool, sigma: Option<f64>) -> Input {
+pub(crate) fn input(readings: Vec<Reading<f64>>, is_static: bool, sigma: Option<f64>) -> Input {
     Input {
         readings,
         is_static,

@@ -310,10 +310,7 @@ impl Experiment<'_> {
         let stages = Stages::new("estimate");
         let (loaded, mut found, mcu) = match take.factor.clone() {
             Some(factor) => {
-                let device = DeviceFactor {
-                    factor,
-                    gram: None,
-                };
+                let device = DeviceFactor { factor, gram: None };
                 let (loaded, found) =
                     self.loaded.fit_device(&device, self.span, &stages).map_err(|e| kept(&e))?;
                 (loaded, found, self.mcu)

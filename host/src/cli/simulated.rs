@@ -10,7 +10,10 @@ use super::Failure;
 use super::arguments::Mcu;
 use crate::device::link::Transport;
 use crate::device::session::tree::FrameSource;
-use crate::rig::{BodyTable, Calibrated, ImuTable, LoadCellTable, RecordingTable, RigFile, TruthTable};
+use crate::rig::{
+    BodyTable, Calibrated, ImuClass, ImuTable, LoadCellClass, LoadCellTable, RecordingTable, RigFile,
+    TruthTable,
+};
 
 /// A simulated microcontroller at the end of a line.
 struct Simulated(Box<dyn rigident_sim::runner::Mcu>);
@@ -123,11 +126,13 @@ pub(super) fn rig_file(rig: &Rig, body_name: &str) -> RigFile {
             range_radps: positive(imu.gyro_range_radps),
             accel_noise_mps2: positive(imu.accel_noise_mps2.iter().copied().fold(0.0, f64::max)),
             gyro_noise_radps: positive(imu.gyro_noise_radps.iter().copied().fold(0.0, f64::max)),
+            class: Some(ImuClass::Exact),
             serial: Some("simulated".to_owned()),
             ..ImuTable::default()
         }],
         load_cell: LoadCellTable {
             noise_n_nm: noise,
+            class: Some(LoadCellClass::Exact),
             gain_uncertainty: cell
                 .gain_error
                 .spread

@@ -4,19 +4,19 @@ use nalgebra::{DMatrix, DVector};
 use rigident_shared::forgetting::Span;
 
 use super::autocorrelation::{self, Coloured};
+use super::compensation::compensate;
 use super::condition;
 use super::convergence;
 use super::forgetting::Memory;
-use super::compensation::compensate;
 use super::linearised::{Columns, Linearised};
 use super::outliers::{self, Reference, Watch, Weights};
 use super::residuals::{measured_rms, raw_sigma, residuals, rms};
 use super::signal_noise::RowNoise;
 use super::weighing::Weighing;
 use super::{
-    BlockResidual, ChannelFit, Convergence, Counts, DeviceFactor, Estimate, Factor, Fit, FitError,
-    FitOptions, Forgotten, Kind, Noise, NoiseCheck, NuisanceFit, Progress, RowBlocks, RowSet, RowSource, SignalFit,
-    judge, parallel,
+    Agreement, BlockResidual, ChannelFit, Convergence, Counts, DeviceFactor, Estimate, Factor, Fit, FitError,
+    FitOptions, Forgotten, Kind, Noise, NoiseCheck, NuisanceFit, Progress, RowBlocks, RowSet, RowSource,
+    SignalFit, judge, parallel,
 };
 
 /// Rounds of weights from residuals where no σ is stated: from the unweighted fit, then once more.
@@ -29,6 +29,9 @@ const SETTLED_SD: f64 = 0.1;
 const NEGLIGIBLE_SHARE: f64 = 0.01;
 /// and moves no parameter by more than so many standard deviations.
 const NEGLIGIBLE_SD: f64 = 0.02;
+
+/// Rows tell of an error where they take away so much of the variance that it has beforehand.
+const TOLD: f64 = 0.1;
 
 /// A moment of inertia whose information is less than so many times what noise of the rates alone would bring is not
 /// informed: noise in a coefficient attenuates the estimate by the inverse of this ratio.
@@ -529,8 +532,9 @@ impl<'a> Engine<'a> {
                 let counted = if pass.linearised.is_some() { systematic.min(all) } else { 0.0 };
                 let noise = (all * all - counted * counted).sqrt();
                 let coloured = inflation.get(j).copied().unwrap_or(1.0) * noise;
-                let bias = bias.get(j).copied().unwrap_or(0.0);
-                if all > 0.0 { coloured.hypot(if counted > 0.0 { counted } else { systematic }).hypot(bias) / all } else { 1.0 }
+                let noise = coloured.hypot(bias.get(j).copied().unwrap_or(0.0));
+                let systematic = if pass.linearised.is_some() { counted } else { systematic };
+                if all > 0.0 { noise.hypot(systematic) / all } else { 1.0 }
             })
             .collect();
         if by.iter().any(|by| *by > 1.0) {
@@ -563,12 +567,15 @@ impl<'a> Engine<'a> {
         let channel_fits = channel_fits.collect();
         let signals = self.noise.as_ref().filter(|_| weighing.is_compensated());
         let signals = signals.into_iter().flat_map(|noise| noise.groups().zip(&weighing.signals));
-        let signals = signals.map(|(noise, sigma)| SignalFit { noise: noise.clone(), sigma: *sigma }).collect();
+        let signals =
+            signals.map(|(noise, sigma)| SignalFit { noise: noise.clone(), sigma: *sigma }).collect();
         Ok(Fit {
             parameters: self.source.parameters().to_vec(),
             channels: channel_fits,
             signals,
+            agreement: self.agreement(&pass, &conclusion.joint),
             nuisances,
+            added: Vec::new(),
             device: None,
             solved,
             rounding: self.source.rounding(),
@@ -617,9 +624,29 @@ impl<'a> Engine<'a> {
                 nuisance: nuisance.clone(),
                 value: values[n + k],
                 sd: covariance[(n + k, n + k)].max(0.0).sqrt().min(nuisance.sigma),
-                contributions: (0..n).map(|j| covariance[(j, n + k)].abs() / nuisance.sigma).collect(),
+                contributions: (0..n).map(|j| covariance[(j, n + k)] / nuisance.sigma).collect(),
             })
             .collect()
+    }
+
+    /// Compares the errors found with what was known of them beforehand.
+    fn agreement(&self, pass: &Pass, joint: &Estimate) -> Option<Agreement> {
+        let (n, count) = (self.parameters, self.columns.nuisances.len());
+        pass.linearised.as_ref()?;
+        let sigma = |k: usize| self.columns.nuisances[k].sigma;
+        let known = DVector::from_fn(count, |k, _| joint.values[n + k] / sigma(k));
+        let told = DMatrix::from_fn(count, count, |i, j| {
+            f64::from(u8::from(i == j)) - joint.covariance[(n + i, n + j)] / (sigma(i) * sigma(j))
+        });
+        let eigen = nalgebra::SymmetricEigen::new(told);
+        let (mut chi2, mut degrees_of_freedom) = (0.0, 0.0);
+        for (share, direction) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+            if *share > TOLD {
+                chi2 += direction.dot(&known).powi(2) / share;
+                degrees_of_freedom += 1.0;
+            }
+        }
+        (degrees_of_freedom > 0.0).then_some(Agreement { chi2, degrees_of_freedom })
     }
 
     /// Returns the samples rejected because of a channel.
@@ -680,14 +707,15 @@ impl Engine<'_> {
         let first = rows.len() - recent(&conclusion.residuals, span).len().min(rows.len());
         let joint = rows.absorb(first..rows.len(), self.columns.all(), &pass.weighing.whitening, None).r();
         let n = self.parameters;
-        let (own, others) = (joint.view((0, 0), (n, n)), joint.view((0, n), (n, self.columns.nuisances.len())));
+        let (own, others) =
+            (joint.view((0, 0), (n, n)), joint.view((0, n), (n, self.columns.nuisances.len())));
         let moved = own.clone_owned().svd(true, true).solve(&others.clone_owned(), f64::EPSILON);
         let moved = moved.unwrap_or_else(|_| DMatrix::zeros(n, self.columns.nuisances.len()));
         let of = |(k, nuisance): (usize, &super::Nuisance)| NuisanceFit {
             nuisance: nuisance.clone(),
             value: 0.0,
             sd: nuisance.sigma,
-            contributions: (0..n).map(|j| (moved[(j, k)] * nuisance.sigma).abs()).collect(),
+            contributions: (0..n).map(|j| -moved[(j, k)] * nuisance.sigma).collect(),
         };
         Ok(self.columns.nuisances.iter().enumerate().map(of).collect())
     }

@@ -85,11 +85,16 @@ impl Columns {
     /// Returns a joint factor with what is known beforehand in it.
     pub(super) fn with_prior(&self, joint: &Factor) -> Factor {
         let n = self.parameters;
-        let rows: Vec<Vec<f64>> = self.nuisances.iter().enumerate().map(|(k, nuisance)| {
-            let mut row = vec![0.0; self.all()];
-            row[n + k] = 1.0 / nuisance.sigma;
-            row
-        }).collect();
+        let rows: Vec<Vec<f64>> = self
+            .nuisances
+            .iter()
+            .enumerate()
+            .map(|(k, nuisance)| {
+                let mut row = vec![0.0; self.all()];
+                row[n + k] = 1.0 / nuisance.sigma;
+                row
+            })
+            .collect();
         let mut known = joint.clone();
         known.absorb(rows.iter().map(|row| (row.as_slice(), 0.0)));
         let left = known.residual_sum_of_squares();

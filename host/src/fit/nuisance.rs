@@ -1,6 +1,7 @@
 //! Nuisance parameters: errors of sensors and mounting that do not average out, each with what is known of it beforehand.
 
 use serde::{Deserialize, Serialize};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// The knowledge that the standard deviation of a nuisance parameter rests on.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -76,7 +77,7 @@ pub struct NuisanceFit {
     pub value: f64,
     /// Its standard deviation.
     pub sd: f64,
-    /// Standard deviation that it brings to each parameter of the body: `|C_jk| / σ_k`.
+    /// What one standard deviation beforehand brings to each parameter: `C_jk / σ_k`, signed.
     pub contributions: Vec<f64>,
 }
 
@@ -91,5 +92,21 @@ impl NuisanceFit {
     /// Returns the share of the prior's variance that the rows have taken away.
     pub fn told(&self) -> f64 {
         (1.0 - (self.sd / self.nuisance.sigma).powi(2)).clamp(0.0, 1.0)
+    }
+}
+
+/// How well the errors found agree with what was known of them beforehand.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Agreement {
+    /// `θ̂ᵀ (Σ − C)⁺ θ̂` of the prior's covariance Σ and the posterior's C: χ² if the errors are drawn from the prior.
+    pub chi2: f64,
+    /// Directions that the rows tell of.
+    pub degrees_of_freedom: f64,
+}
+
+impl Agreement {
+    /// Returns the probability that errors drawn from the prior agree no better.
+    pub fn probability(&self) -> f64 {
+        ChiSquared::new(self.degrees_of_freedom).map_or(1.0, |d| d.sf(self.chi2))
     }
 }

@@ -385,6 +385,8 @@ impl PooledFactor {
         Fit {
             signals: Vec::new(),
             nuisances: Vec::new(),
+            agreement: None,
+            added: Vec::new(),
             device: None,
             parameters: self.parameters.clone(),
             channels: self.channels(),

@@ -72,7 +72,8 @@ impl RowBlocks for Multiplied<'_> {
     fn write(&self, block: usize, rows: &mut [f64], measured: &mut [f64]) {
         self.blocks.write(block, rows, measured);
         let n = (rows.len() / self.offsets.len().max(1)).max(1);
-        for (row, (gain, offset)) in rows.chunks_exact_mut(n).zip(self.gain_errors.iter().zip(&self.offsets)) {
+        for (row, (gain, offset)) in rows.chunks_exact_mut(n).zip(self.gain_errors.iter().zip(&self.offsets))
+        {
             for (_, a) in row.iter_mut().enumerate().filter(|(j, _)| Some(*j) != *offset) {
                 *a *= 1.0 + gain;
             }
@@ -86,7 +87,8 @@ impl Fit {
     /// # Errors
     /// See [`Prediction::of`].
     pub fn predict(&self, source: &dyn RowSource) -> Result<Prediction, FitError> {
-        let gain_errors: Vec<f64> = (0..self.channels.len()).map(|c| self.gain(c).map_or(0.0, |gain| gain.value)).collect();
+        let gain_errors: Vec<f64> =
+            (0..self.channels.len()).map(|c| self.gain(c).map_or(0.0, |gain| gain.value)).collect();
         Prediction::of(source, &self.estimate.values, &gain_errors)
     }
 }

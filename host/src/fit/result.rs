@@ -1,6 +1,10 @@
 //! The result of a fit: everything that an answer is made of.
 
-use super::{Channel, Effect, Estimate, Factor, Filter, Measured, NuisanceFit, Parameter, SignalNoise};
+use nalgebra::DMatrix;
+
+use super::{
+    Agreement, Channel, Effect, Estimate, Factor, Filter, Measured, NuisanceFit, Parameter, SignalNoise,
+};
 
 /// Residuals of a channel that stay correlated for longer than the filter explains.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -151,6 +155,10 @@ pub struct Fit {
     pub signals: Vec<SignalFit>,
     /// The errors of sensors and mounting that were estimated with the parameters and eliminated.
     pub nuisances: Vec<NuisanceFit>,
+    /// How these errors agree with what was known of them beforehand; `None` if the rows tell nothing of them.
+    pub agreement: Option<Agreement>,
+    /// Covariance that was added after the fit, by its source: a fixture taken off, several clocks.
+    pub added: Vec<(String, DMatrix<f64>)>,
     /// What a device made of the same samples by itself; `None` without one.
     pub device: Option<Box<Estimate>>,
     /// All rows, whitened; gain errors eliminated, covariance inflated for autocorrelation and noise of the signals.

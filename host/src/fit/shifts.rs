@@ -12,6 +12,7 @@ impl Fit {
     /// parameter, in its unit.
     pub fn count_shifts(&mut self, columns: &[Vec<f64>]) {
         let n = self.parameters.len();
+        let before = self.estimate.covariance.clone();
         let mut rows = self.scaled_factor();
         let count = rows.rows();
         for column in columns {
@@ -33,6 +34,7 @@ impl Fit {
             rows = marginal.with_residual(residual, count);
         }
         self.estimate = Estimate::new(&rows, self.rounding, 1.0, self.estimate.noise);
+        self.added.push(("clocks".to_owned(), &self.estimate.covariance - before));
         self.factor = rows.discount(1.0 / self.noise.variance_scale);
         self.solved = self.solved.take().map(|_| rows);
     }

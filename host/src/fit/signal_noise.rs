@@ -90,10 +90,10 @@ impl<'a> Group<'a> {
     /// Returns the rows of a block of a repetition.
     fn block(&self, repetition: usize, block: usize, channels: usize) -> &[f64] {
         let length = channels * self.reached.len();
-        let rows = self.repetitions.get(repetition).and_then(|r| r.rows.get(block * length..(block + 1) * length));
+        let rows =
+            self.repetitions.get(repetition).and_then(|r| r.rows.get(block * length..(block + 1) * length));
         rows.unwrap_or_default()
     }
-
 }
 
 impl<'a> RowNoise<'a> {
@@ -241,17 +241,22 @@ impl<'a> RowNoise<'a> {
             spread.push(of_group);
         }
         let (n, all) = (self.parameters, columns.all());
-        Ok(self.sum(weighing, all, |_| (0..all).collect(), |(g, r), block, rows| {
-            let group = &self.groups[g];
-            rows.resize(self.channels * all, 0.0);
-            let lines = group.block(r, block, self.channels).chunks_exact(group.reached.len().max(1));
-            for (line, row) in lines.zip(rows.chunks_exact_mut(n.max(1))) {
-                group.reached.iter().zip(line).for_each(|(j, a)| row[*j] = *a);
-            }
-            if let Some(noise) = &spread[g][r] {
-                noise.spread(block, rows);
-            }
-        }))
+        Ok(self.sum(
+            weighing,
+            all,
+            |_| (0..all).collect(),
+            |(g, r), block, rows| {
+                let group = &self.groups[g];
+                rows.resize(self.channels * all, 0.0);
+                let lines = group.block(r, block, self.channels).chunks_exact(group.reached.len().max(1));
+                for (line, row) in lines.zip(rows.chunks_exact_mut(n.max(1))) {
+                    group.reached.iter().zip(line).for_each(|(j, a)| row[*j] = *a);
+                }
+                if let Some(noise) = &spread[g][r] {
+                    noise.spread(block, rows);
+                }
+            },
+        ))
     }
 
     /// Returns the sum of the squares of whitened rows of noise in the columns that each group has, as of the whole recording;
@@ -282,7 +287,8 @@ impl<'a> RowNoise<'a> {
                     whitener.apply(*time_s, &mut rows, &mut values, None);
                     for row in rows.chunks_exact(width.max(1)) {
                         let columns = own.as_mut_slice().chunks_exact_mut(width.max(1));
-                        for (j, (column, a)) in columns.zip(row).enumerate().filter(|(_, (_, a))| **a != 0.0) {
+                        for (j, (column, a)) in columns.zip(row).enumerate().filter(|(_, (_, a))| **a != 0.0)
+                        {
                             column.iter_mut().zip(row).take(j + 1).for_each(|(s, b)| *s += a * b);
                         }
                     }

@@ -131,8 +131,10 @@ impl Tare {
         }
         let map = self.map(fit)?;
         let body = subtract(&fit.scaled_factor(), &self.fit.scaled_factor(), &map);
+        let before = fit.estimate.covariance.clone();
         let noise = fit.estimate.noise.less_certain(self.fit.estimate.noise);
         fit.estimate = Estimate::new(&body, fit.rounding.max(self.fit.rounding), 1.0, noise);
+        fit.added.push(("fixture".to_owned(), &fit.estimate.covariance - before));
         fit.solved = Some(body);
         // A body's element has no more information than either run's, so this asks it of both.
         fit.spurious_information += self.fit.spurious_information;

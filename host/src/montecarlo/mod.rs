@@ -405,10 +405,7 @@ impl Prepared {
         for row in rows {
             estimator.absorb(&reading(row));
         }
-        let device = DeviceFactor {
-            factor: Factor::from(&estimator.factor().cast(f64::from)),
-            gram: None,
-        };
+        let device = DeviceFactor { factor: Factor::from(&estimator.factor().cast(f64::from)), gram: None };
         let found = fit_device(source, &device, &FitOptions::default(), &Silent)?;
         let estimate = found.device.as_deref().cloned();
         Ok(Fit { estimate: estimate.unwrap_or_else(|| found.estimate.clone()), ..found })

@@ -26,6 +26,7 @@ pub fn report(answer: &Answer, series: &Series) -> String {
     }
     html.push_str(&results(answer, series));
     answer.standard_parameters.iter().for_each(|found| html.push_str(&standard_parameters(found)));
+    html.push_str(&super::budget::html(answer));
     html.push_str(&residual_table(&answer.channels));
     html.push_str(&plots(answer, series));
     if let Some(drift) = quantities::drift(answer) {
@@ -51,7 +52,7 @@ fn header(answer: &Answer) -> String {
     let class = match (answer.status, answer.physically_consistent) {
         (Status::Identified, Some(false)) | (Status::PartlyIdentified, _) => "fair",
         (Status::Identified, _) => "good",
-        (Status::NotIdentified | Status::Failed, _) => "bad",
+        (Status::NotIdentified | Status::Implausible | Status::Failed, _) => "bad",
     };
     let mut words = headline(answer);
     if answer.status == Status::Identified && answer.physically_consistent == Some(false) {

@@ -5,6 +5,7 @@
 //! [`workspace`]. May not live here: estimation, files, the JSON object, which is the answer itself. Before this:
 //! [`crate::answer`].
 
+mod budget;
 mod data;
 mod envelope;
 mod figures;

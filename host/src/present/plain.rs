@@ -36,6 +36,7 @@ pub fn text(answer: &Answer) -> String {
         text.push_str(&format!("\n{legend}\n"));
     }
     answer.standard_parameters.iter().for_each(|found| standard_parameters(&mut text, found));
+    super::budget::text(&mut text, answer);
     text.push('\n');
     quality(&mut text, answer);
     for base in answer.time_base.iter().flat_map(time_base_words) {

@@ -183,6 +183,7 @@ pub(super) fn headline(answer: &Answer) -> String {
             Status::Identified => "Identified",
             Status::PartlyIdentified => "Partly identified",
             Status::NotIdentified => "Not identified",
+            Status::Implausible => "Not to be used, see the warnings",
             Status::Failed => "Failed",
         };
         return format!("{words}: {identified} of {} parameters identified", answer.parameters.len());
@@ -210,6 +211,9 @@ pub(super) fn headline(answer: &Answer) -> String {
             "What was asked for is not identified".to_owned()
         }
         Status::NotIdentified => "Not identified".to_owned(),
+        Status::Implausible => {
+            "Not to be used: the recording contradicts what is stated of the rig".to_owned()
+        }
         Status::Failed => "Failed: the experiment did not come to its end".to_owned(),
     };
     if prior.is_empty() {

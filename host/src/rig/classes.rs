@@ -89,12 +89,9 @@ impl ImuClass {
             Self::Consumer => of(0.6, 0.03, 0.1, 0.03),
             Self::Industrial => of(0.05, 5e-3, 0.01, 5e-3),
             Self::Tactical => of(0.015, 1e-3, 1e-3, 1e-3),
-            Self::Exact => ImuLimits {
-                position_m: 0.0,
-                rotation_rad: 0.0,
-                skew_s: 0.0,
-                ..of(0.0, 0.0, 0.0, 0.0)
-            },
+            Self::Exact => {
+                ImuLimits { position_m: 0.0, rotation_rad: 0.0, skew_s: 0.0, ..of(0.0, 0.0, 0.0, 0.0) }
+            }
         }
     }
 }

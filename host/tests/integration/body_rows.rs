@@ -10,8 +10,8 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rigident::fit::{
-    Channel, Factor, Filter, Fit, FitOptions, Nuisance, Parameter, RowSource, SampleRows, SignalNoise, Silent, Timing,
-    fit,
+    Channel, Factor, Filter, Fit, FitOptions, Nuisance, Parameter, RowSource, SampleRows, SignalNoise,
+    Silent, Timing, fit,
 };
 use rigident::problem::body::{BodySource, Input, errors};
 use rigident::rig::{ImuTable, LoadCellClass, LoadCellTable};
@@ -332,10 +332,12 @@ fn errors_of_the_imu() {
     // What an IMU reads that is mounted so, of the same motion.
     let to_imu = input.mounting.rotation.inverse();
     for reading in &mut input.readings {
-        reading.specific_force = to_imu * SpecificForce::<Sensor, f64>::from_array(reading.specific_force.array());
+        reading.specific_force =
+            to_imu * SpecificForce::<Sensor, f64>::from_array(reading.specific_force.array());
         reading.angular_rate = to_imu * AngularRate::<Sensor, f64>::from_array(reading.angular_rate.array());
     }
-    input.nuisances = errors::nuisances(&ImuTable::default(), &LoadCellTable::default(), &input.readings, false);
+    input.nuisances =
+        errors::nuisances(&ImuTable::default(), &LoadCellTable::default(), &input.readings, false);
     let source = BodySource::new(input, None);
     let new = fit(&source, &FitOptions::default(), &Silent).unwrap();
     let plain = fit(&PlainRows(source), &FitOptions::default(), &Silent).unwrap();

@@ -30,9 +30,8 @@ use self::shares::{Shares, Split};
 use super::white_noise::{Signs, sixth_differences};
 use crate::fit::{
     Channel, ESTIMATOR_TAPS, Effect, Factor, Filter, Fingerprint, FitError, Kind, Nuisance, Owner, Parameter,
-    Progress,
-    RowBlocks, RowSource, SampleCounts, SampleRows, SignalNoise, Timing, Whitening, condition::absorb,
-    filter_width_s, row_every,
+    Progress, RowBlocks, RowSource, SampleCounts, SampleRows, SignalNoise, Timing, Whitening,
+    condition::absorb, filter_width_s, row_every,
 };
 use crate::rig::ImuTable;
 

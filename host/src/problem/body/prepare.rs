@@ -4,9 +4,9 @@ use rigident_shared::calibration::{GaugeCalibration, ImuMounting, Reading};
 use rigident_shared::screening::Limits;
 use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce, Wrench};
 
-use super::{Input, errors};
 use super::input_checks::{self, Implausible};
 use super::poses::{PoseError, calibrate_accelerometer, still_poses};
+use super::{Input, errors};
 use crate::recording::Recording;
 use crate::recording::columns::TIME;
 use crate::rig::{Calibrated, ImuTable, OffsetTable, OffsetWord, RigFile};

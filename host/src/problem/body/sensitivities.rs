@@ -95,7 +95,15 @@ impl Kinematics {
         let (f, p, a) = (&self.force, &self.products, &self.acceleration);
         let mut signals = [0.0; SIGNALS];
         signals[..9].copy_from_slice(&[
-            f.x, f.y, f.z, p[(0, 0)], p[(1, 1)], p[(2, 2)], p[(1, 2)], p[(2, 0)], p[(0, 1)],
+            f.x,
+            f.y,
+            f.z,
+            p[(0, 0)],
+            p[(1, 1)],
+            p[(2, 2)],
+            p[(1, 2)],
+            p[(2, 0)],
+            p[(0, 1)],
         ]);
         signals[15..].copy_from_slice(a.as_slice());
         signals

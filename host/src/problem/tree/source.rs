@@ -10,8 +10,8 @@ use super::drive::Term;
 use super::rows::{RowMaker, names_and_units};
 use super::{Frame, Input, TreeSourceError};
 use crate::fit::{
-    Basis, Channel, DriveMotion, Effect, Fingerprint, Kind, Nuisance, Owner, Parameter, RowSource, SampleRows, Scope,
-    SignalNoise, Timing,
+    Basis, Channel, DriveMotion, Effect, Fingerprint, Kind, Nuisance, Owner, Parameter, RowSource,
+    SampleRows, Scope, SignalNoise, Timing,
 };
 use crate::model::base::{BaseParameters, ROUNDED, base_parameters};
 use crate::problem::white_noise::{Signs, sixth_differences};
