@@ -318,11 +318,12 @@ impl<'a> Engine<'a> {
         let filter = self.blocks.filter();
         let phi = self.significant(pass, estimate);
         let spectra = noise.spectra(&phi, &pass.weighing, filter);
-        let residuals = (!sigma_given).then(|| {
+        let all_stated = sigma_given && noise.groups().all(|group| group.stated.is_some());
+        let residuals = (!all_stated).then(|| {
             let residuals = self.residuals(self.rows_of(pass), &joint.values, &pass.weights);
             Weighing::covariance_of(&residuals, estimate, filter)
         });
-        pass.weighing.with_signals(noise, &spectra, residuals.as_ref(), filter)
+        pass.weighing.with_signals(noise, &spectra, residuals.as_ref(), sigma_given, filter)
     }
 
     /// Returns the values that count in the covariance of the noise.

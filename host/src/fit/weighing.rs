@@ -71,12 +71,14 @@ impl Weighing {
     }
 
     /// Returns the weighing by all noise. `spectra` are those of signals of unit σ, `residuals` is the covariance of what an
-    /// estimate leaves, where σ is not stated. `None` if there is no such covariance.
+    /// estimate leaves, where some σ is not stated: that of the channels unless `sigma_given`. `None` if there is no such
+    /// covariance.
     pub(super) fn with_signals(
         &self,
         noise: &RowNoise,
         spectra: &[Spectrum],
         residuals: Option<&DMatrix<f64>>,
+        sigma_given: bool,
         filter: &Filter,
     ) -> Option<Self> {
         let channels = self.sigma.len();
@@ -88,7 +90,7 @@ impl Weighing {
             Some(left) => {
                 let spread: Vec<DMatrix<f64>> = spectra.iter().map(|s| &s.white + &s.rising * rise).collect();
                 let count = noise.blocks() * filter.row_noise_gain().min(1.0);
-                components(left, &spread, &groups, &self.sigma, count)
+                components(left, &spread, &groups, (&self.sigma, sigma_given), count)
             }
         };
         let own = |i: usize, j: usize| if i == j { sigma[i] * sigma[i] } else { 0.0 };
@@ -113,7 +115,7 @@ fn components(
     left: &DMatrix<f64>,
     spread: &[DMatrix<f64>],
     groups: &[&SignalNoise],
-    sigma: &[f64],
+    (sigma, sigma_given): (&[f64], bool),
     count: f64,
 ) -> (Vec<f64>, Vec<f64>) {
     let channels = left.nrows();
@@ -121,7 +123,7 @@ fn components(
     let all: Vec<DMatrix<f64>> = (0..channels).map(own).chain(spread.iter().cloned()).collect();
     let mut signals: Vec<f64> = groups.iter().map(|g| g.size()).collect();
     let start = |signals: &[f64]| -> Vec<f64> { sigma.iter().chain(signals).map(|s| s * s).collect() };
-    let mut free = vec![true; channels];
+    let mut free = vec![!sigma_given; channels];
     free.extend(groups.iter().map(|g| g.stated.is_none()));
     if let Some(found) = explain(left, &all, &start(&signals), &free, count) {
         for (k, (sigma, group)) in signals.iter_mut().zip(groups).enumerate() {
@@ -130,6 +132,9 @@ fn components(
                 *sigma = sigma.min((found.variance[k] + CERTAIN_SD * found.deviation[k]).sqrt());
             }
         }
+    }
+    if sigma_given {
+        return (sigma.to_vec(), signals);
     }
     free[channels..].fill(false);
     let sigma = match explain(left, &all, &start(&signals), &free, count) {

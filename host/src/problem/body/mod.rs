@@ -71,12 +71,16 @@ impl BodySource {
             offset: estimates_offset.then_some(BODY + c),
             group: u8::from(c >= 3),
         });
+        let of_sensor = |get: &dyn Fn(&Reading<f64>) -> [f64; 3]| {
+            let signals: Vec<(u64, [f64; 3])> = input.readings.iter().map(|r| (r.time_ns, get(r))).collect();
+            sixth_differences(&signals)
+        };
         let rate_sigma = input.gyro_sigma.unwrap_or_else(|| imu_noise::gyro_sigma(&input.readings));
         Self {
             stated_noise: [imu.and_then(|i| i.accel_noise_mps2), imu.and_then(|i| i.gyro_noise_radps)],
             found_noise: [
-                sixth_differences(input.readings.iter().map(|r| r.specific_force.array())),
-                sixth_differences(input.readings.iter().map(|r| r.angular_rate.array())),
+                of_sensor(&|r| r.specific_force.array()),
+                of_sensor(&|r| r.angular_rate.array()),
             ],
             imu_noise: imu_noise::imu_noise(imu, &input.readings),
             rate_sigma,

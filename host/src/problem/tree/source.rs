@@ -280,7 +280,9 @@ impl RowSource for TreeSource {
         if *is_static {
             return vec![of("accelerometer", "m/s2", *accel_sigma, 0.0)];
         }
-        let accel = sixth_differences(frames.iter().map(|f| f.base.specific_force.into()));
+        let forces: Vec<(u64, [f64; 3])> =
+            frames.iter().map(|f| (f.time_ns, f.base.specific_force.into())).collect();
+        let accel = sixth_differences(&forces);
         vec![of("accelerometer", "m/s2", *accel_sigma, accel), of("rates", "rad/s", None, *rate_sigma)]
     }
 
