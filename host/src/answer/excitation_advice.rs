@@ -242,7 +242,8 @@ pub(super) fn advice(
     }
 
     let mut advice = Vec::new();
-    if information.needed.symmetric_eigenvalues().max() < NONE {
+    let is_none = |found: &[(Vector3<f64>, f64)]| found.len() == 3 && found.iter().all(|(_, q)| *q < NONE);
+    if mass.is_some_and(|(_, q)| q < NONE) && is_none(&moments) && is_none(&rotations) {
         advice.push(one_pose(&information));
         return advice;
     }

@@ -66,7 +66,10 @@ mod tests {
                 let (sin, cos) = (std::f64::consts::TAU * 1.5 * t).sin_cos();
                 let gap = if k < 4000 { 0 } else { 1_000_000_000 };
                 let jump = if k < 6000 { 0.0 } else { 9.0 };
-                (k * 5_000_000 + gap, [5.0 * sin + 0.02 * normal(), cos + jump + 0.02 * normal(), 0.02 * normal()])
+                (
+                    k * 5_000_000 + gap,
+                    [5.0 * sin + 0.02 * normal(), cos + jump + 0.02 * normal(), 0.02 * normal()],
+                )
             })
             .collect();
         signals[1000].1[0] += 50.0;

@@ -42,7 +42,8 @@ struct Table {
 
 impl Subject {
     fn rig(self, load_cell: &str, imu: &str, is_truth: bool) -> String {
-        let mut text = format!("[recording]\nrate_hz = {RATE_HZ}\n[load_cell]\nclass = \"exact\"\n{load_cell}\n");
+        let mut text =
+            format!("[recording]\nrate_hz = {RATE_HZ}\n[load_cell]\nclass = \"exact\"\n{load_cell}\n");
         for link in 0..self.links {
             let _ = writeln!(text, "[[imu]]\nlink = {link}\nclass = \"exact\"\n{imu}");
         }

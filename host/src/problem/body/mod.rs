@@ -78,10 +78,7 @@ impl BodySource {
         let rate_sigma = input.gyro_sigma.unwrap_or_else(|| imu_noise::gyro_sigma(&input.readings));
         Self {
             stated_noise: [imu.and_then(|i| i.accel_noise_mps2), imu.and_then(|i| i.gyro_noise_radps)],
-            found_noise: [
-                of_sensor(&|r| r.specific_force.array()),
-                of_sensor(&|r| r.angular_rate.array()),
-            ],
+            found_noise: [of_sensor(&|r| r.specific_force.array()), of_sensor(&|r| r.angular_rate.array())],
             imu_noise: imu_noise::imu_noise(imu, &input.readings),
             rate_sigma,
             parameters: parameters(count),
