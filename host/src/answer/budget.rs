@@ -1,7 +1,7 @@
 //! The budget: what the uncertainty of each quantity is made of (JCGM 100:2008, 5.1 and 8).
 //!
 //! Noise, each group of errors and what was added after the fit are independent, so that their variances add. An error
-//! that is known to ± σ_k beforehand brings `C_jk/σ_k` to parameter j; what is known of the body takes the same share off all
+//! that is known to ± σ_k beforehand brings `(N⁻¹)_jk/σ_k` to parameter j, N being the normal matrix; what is known of the body takes the same share off all
 //! of them: with the covariance Σ before and Σ′ after, `c′ = Σ′ Σ⁻¹ c`. Derived quantities follow to first order.
 
 use nalgebra::{DMatrix, DVector};

@@ -1,6 +1,6 @@
 //! Errors of the rig that contradict what is stated of them, and defaults that the answer rests on.
 
-use crate::fit::{Basis, Fit, NuisanceFit};
+use crate::fit::{Basis, Fit, Nuisance, NuisanceFit};
 use crate::present::text::{significant, unit_symbol, with_u95};
 
 /// An error further from zero than so many of the standard deviations that it was drawn with is not as stated: one of a
@@ -10,6 +10,19 @@ const CONTRADICTED: f64 = 4.42;
 const DISAGREEMENT: f64 = 1e-5;
 /// Contradictions that are named.
 const NAMED: usize = 3;
+
+/// Returns the unit of an error; nothing of a pure number.
+fn unit(nuisance: &Nuisance) -> &str {
+    if nuisance.unit == "1" { "" } else { &nuisance.unit }
+}
+
+/// Returns the same with a space before it.
+fn symbol(nuisance: &Nuisance) -> String {
+    match unit(nuisance) {
+        "" => String::new(),
+        unit => format!(" {}", unit_symbol(unit)),
+    }
+}
 
 /// Returns true if the recording contradicts what is stated of an error, or of all together.
 pub(super) fn is_contradicted(fit: &Fit) -> bool {
@@ -42,14 +55,14 @@ pub(super) fn contradictions(fit: &Fit) -> Vec<String> {
                 Basis::Calibration(of) => format!("the calibration {of} states"),
             };
             format!(
-                "{}: {} is {}, {:.1} times the standard deviation of {} {} that {known}; the numbers do not count that: correct \
-                 the rig file, or look for another cause that looks the same",
+                "{}: {} is {}, {:.1} standard deviations from what {known}, {}{}; the intervals do not count that: correct the \
+                 rig file, or look for another cause that looks the same",
                 nuisance.group,
                 nuisance.name,
-                with_u95(found.value, k * found.sd, &nuisance.unit),
-                (found.value / nuisance.sigma).abs(),
+                with_u95(found.value, k * found.sd, unit(nuisance)),
+                found.pull().abs(),
                 significant(nuisance.sigma, 2),
-                unit_symbol(&nuisance.unit),
+                symbol(nuisance),
             )
         })
         .collect();
@@ -78,17 +91,15 @@ pub(super) fn defaults(fit: &Fit) -> Option<String> {
         let Some((_, groups)) = classes.get_mut(place) else { continue };
         if !groups.iter().any(|g| g.starts_with(&found.nuisance.group)) {
             groups.push(format!(
-                "{} {} {}",
+                "{} {}{}",
                 found.nuisance.group,
                 significant(found.nuisance.sigma, 2),
-                unit_symbol(&found.nuisance.unit).replace("1", "")
+                symbol(&found.nuisance)
             ));
         }
     }
-    let named: Vec<String> = classes
-        .into_iter()
-        .map(|(class, groups)| format!("{class} ({})", groups.join(", ").replace(" ,", ",").trim_end()))
-        .collect();
+    let named: Vec<String> =
+        classes.into_iter().map(|(class, groups)| format!("{class} ({})", groups.join(", "))).collect();
     (!named.is_empty()).then(|| {
         format!(
             "the rig file does not state the errors of sensors and mounting; the intervals rest on the defaults of the classes {}, \

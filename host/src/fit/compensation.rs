@@ -12,17 +12,22 @@ use super::Factor;
 /// Where less than this share of a direction's information is left, noise fills it.
 const LEAST_SHARE: f64 = 0.5;
 
-/// Returns the factor of the compensated rows; `gram` is K, `rounding` the source's.
-pub(super) fn compensate(factor: &Factor, gram: &DMatrix<f64>, rounding: f64) -> Factor {
+/// Compensated rows.
+pub(super) struct Compensated {
+    pub(super) factor: Factor,
+    /// `(AᵀWA − K)⁻¹` over what is determined: what a change of the right-hand side does to the estimate.
+    pub(super) inverse: DMatrix<f64>,
+}
+
+/// Returns the factor of the compensated rows; `gram` is K, `rounding` the source's. `None` if there is no decomposition.
+pub(super) fn compensate(factor: &Factor, gram: &DMatrix<f64>, rounding: f64) -> Option<Compensated> {
     let n = factor.parameters();
     let r = factor.r();
     let length: Vec<f64> = r.column_iter().map(|c| c.norm()).collect();
     let seen: Vec<usize> = (0..n).filter(|j| length[*j] > 0.0).collect();
     let scaled = DMatrix::from_fn(n, seen.len(), |i, k| r[(i, seen[k])] / length[seen[k]]);
-    let Some(svd) = scaled.try_svd(true, true, 5.0 * f64::EPSILON, 100 * n.max(8)) else {
-        return factor.clone();
-    };
-    let (Some(u), Some(v_t)) = (&svd.u, &svd.v_t) else { return factor.clone() };
+    let svd = scaled.try_svd(true, true, 5.0 * f64::EPSILON, 100 * n.max(8))?;
+    let (u, v_t) = (svd.u.as_ref()?, svd.v_t.as_ref()?);
     let most = svd.singular_values.max();
     let kept: Vec<usize> =
         (0..svd.singular_values.len()).filter(|k| svd.singular_values[*k] > rounding * most).collect();
@@ -40,6 +45,7 @@ pub(super) fn compensate(factor: &Factor, gram: &DMatrix<f64>, rounding: f64) ->
     let y = DVector::from_fn(kept.len(), |k, _| u.column(kept[k]).dot(&z));
     let eigen = nalgebra::SymmetricEigen::new(m);
     let (mut rows, mut left) = (Vec::new(), factor.residual_sum_of_squares());
+    let mut inverse = DMatrix::zeros(n, n);
     for (share, direction) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
         let value = direction.dot(&y);
         let weight = share.max(LEAST_SHARE);
@@ -51,9 +57,11 @@ pub(super) fn compensate(factor: &Factor, gram: &DMatrix<f64>, rounding: f64) ->
         if *share >= LEAST_SHARE {
             left += (found - direction.dot(&y)).powi(2);
         }
+        let natural = &back * &direction;
+        inverse.ger(1.0 / weight, &natural, &natural, 1.0);
         rows.push((row, value));
     }
     let mut out = Factor::new(n);
     out.absorb(rows.iter().map(|(row, value)| (row.as_slice(), *value)));
-    out.with_residual(left, factor.rows())
+    Some(Compensated { factor: out.with_residual(left, factor.rows()), inverse })
 }

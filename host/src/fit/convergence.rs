@@ -54,7 +54,8 @@ impl Way<'_> {
             None => (rows.clone(), self.scale),
         };
         let known = match self.gram {
-            Some(gram) => compensate(&known, &(gram * (share * left / self.scale)), self.rounding),
+            Some(gram) => compensate(&known, &(gram * (share * left / self.scale)), self.rounding)
+                .map_or(known, |compensated| compensated.factor),
             None => known,
         };
         let own = if self.columns.is_some() { known.leading(self.parameters) } else { known };

@@ -16,7 +16,7 @@ use super::weighing::Weighing;
 use super::{
     Agreement, BlockResidual, ChannelFit, Convergence, Counts, DeviceFactor, Estimate, Factor, Fit, FitError,
     FitOptions, Forgotten, Kind, Noise, NoiseCheck, NuisanceFit, Progress, RowBlocks, RowSet, RowSource,
-    SignalFit, judge, parallel,
+    SignalFit, SignalNoise, TOLD, judge, parallel,
 };
 
 /// Rounds of weights from residuals where no σ is stated: from the unweighted fit, then once more.
@@ -29,9 +29,6 @@ const SETTLED_SD: f64 = 0.1;
 const NEGLIGIBLE_SHARE: f64 = 0.01;
 /// and moves no parameter by more than so many standard deviations.
 const NEGLIGIBLE_SD: f64 = 0.02;
-
-/// Rows tell of an error where they take away so much of the variance that it has beforehand.
-const TOLD: f64 = 0.1;
 
 /// A moment of inertia whose information is less than so many times what noise of the rates alone would bring is not
 /// informed: noise in a coefficient attenuates the estimate by the inverse of this ratio.
@@ -82,11 +79,9 @@ pub fn fit_device(
 
 /// Returns the estimate of a device, beside the noise that it was told of.
 pub fn device_estimate(device: &DeviceFactor, rounding: f64) -> Estimate {
-    let factor = match &device.gram {
-        Some(gram) => compensate(&device.factor, gram, rounding),
-        None => device.factor.clone(),
-    };
-    Estimate::new(&factor, rounding, 1.0, Noise::Given)
+    let compensated = device.gram.as_ref().and_then(|gram| compensate(&device.factor, gram, rounding));
+    let factor = compensated.as_ref().map_or(&device.factor, |compensated| &compensated.factor);
+    Estimate::new(factor, rounding, 1.0, Noise::Given)
 }
 
 /// A source with its row blocks.
@@ -122,6 +117,8 @@ struct Solved {
     factor: Factor,
     /// Of all columns.
     joint: Estimate,
+    /// What a change of the right-hand side does to it.
+    inverse: DMatrix<f64>,
 }
 
 /// What a pass says.
@@ -137,6 +134,8 @@ struct Conclusion {
     check: NoiseCheck,
     /// Of all columns, beside the noise as it is.
     joint: Estimate,
+    /// What a change of the right-hand side does to it.
+    inverse: DMatrix<f64>,
     residuals: Vec<BlockResidual>,
     weights: Weights,
     outliers: Vec<u32>,
@@ -263,13 +262,15 @@ impl<'a> Engine<'a> {
         let rounding = self.source.rounding();
         let scaled = if scale == 1.0 { pass.factor.clone() } else { pass.factor.discount(scale) };
         let known = if pass.linearised.is_some() { self.columns.with_prior(&scaled) } else { scaled };
-        let known = match &pass.gram {
-            Some(gram) => compensate(&known, &(gram / scale), rounding),
-            None => known,
+        let compensated = pass.gram.as_ref().and_then(|gram| compensate(&known, &(gram / scale), rounding));
+        let (known, inverse) = match compensated {
+            Some(compensated) => (compensated.factor, Some(compensated.inverse)),
+            None => (known, None),
         };
         let joint = self.estimate(&known, 1.0, Noise::Given);
         let factor = if pass.linearised.is_some() { known.leading(self.parameters) } else { known };
-        Solved { factor, joint }
+        let inverse = inverse.unwrap_or_else(|| joint.covariance.clone());
+        Solved { factor, joint, inverse }
     }
 
     /// Weighs the rows by the covariance of all noise, takes off what noise in the coefficients adds, and linearises the
@@ -282,7 +283,7 @@ impl<'a> Engine<'a> {
         let mut pass = pass;
         let mut before: Option<Estimate> = None;
         for _ in 0..ROUNDS {
-            let Solved { factor, joint } = self.solve(&pass, 1.0);
+            let Solved { factor, joint, .. } = self.solve(&pass, 1.0);
             let estimate = self.estimate(&factor, 1.0, Noise::Given);
             if before.as_ref().is_some_and(|before| estimate.largest_step(before) < SETTLED_SD) {
                 break;
@@ -323,7 +324,9 @@ impl<'a> Engine<'a> {
             let residuals = self.residuals(self.rows_of(pass), &joint.values, &pass.weights);
             Weighing::covariance_of(&residuals, estimate, filter)
         });
-        pass.weighing.with_signals(noise, &spectra, residuals.as_ref(), sigma_given, filter)
+        let residuals = residuals.as_ref().map(|left| (left, self.blocks.len() as f64));
+        let groups: Vec<&SignalNoise> = noise.groups().collect();
+        pass.weighing.with_signals(&groups, &spectra, residuals, sigma_given, filter)
     }
 
     /// Returns the values that count in the covariance of the noise.
@@ -365,7 +368,7 @@ impl<'a> Engine<'a> {
 
     /// Returns σ of the channels from what a pass leaves.
     fn sigma_from_residuals(&self, pass: &Pass) -> Vec<f64> {
-        let Solved { factor, joint } = self.solve(pass, 1.0);
+        let Solved { factor, joint, .. } = self.solve(pass, 1.0);
         let estimate = self.estimate(&factor, 1.0, Noise::Given);
         let residuals = self.residuals(self.rows_of(pass), &joint.values, &pass.weights);
         raw_sigma(&*self.blocks, self.source.channels(), &self.measured_rms, &estimate, &residuals)
@@ -406,7 +409,7 @@ impl<'a> Engine<'a> {
 
     /// Draws the conclusions from a factor.
     fn conclude(&self, pass: &Pass, sigma_given: bool) -> Conclusion {
-        let Solved { factor, mut joint } = self.solve(pass, 1.0);
+        let Solved { factor, mut joint, mut inverse } = self.solve(pass, 1.0);
         let mut unscaled = self.estimate(&factor, 1.0, Noise::Given);
         let set = RowSet {
             rows: factor.rows(),
@@ -429,7 +432,7 @@ impl<'a> Engine<'a> {
             let beside = self.solve(pass, scale);
             let estimate = self.estimate(&beside.factor, 1.0, Noise::Given);
             unscaled = Estimate { covariance: &estimate.covariance / scale, ..estimate };
-            (solved, joint) = (Some(beside.factor), beside.joint);
+            (solved, joint, inverse) = (Some(beside.factor), beside.joint, beside.inverse);
         } else {
             joint.covariance *= scale;
         }
@@ -444,6 +447,7 @@ impl<'a> Engine<'a> {
             noise,
             check,
             joint,
+            inverse,
             residual_rms: rms(&residuals, self.source.channels().len()),
             residuals,
             outliers: weights.outliers.clone(),
@@ -574,7 +578,7 @@ impl<'a> Engine<'a> {
             parameters: self.source.parameters().to_vec(),
             channels: channel_fits,
             signals,
-            agreement: self.agreement(&pass, &conclusion.joint),
+            agreement: self.agreement(&pass, &conclusion.joint, &conclusion.inverse),
             nuisances,
             added: Vec::new(),
             device: None,
@@ -618,26 +622,28 @@ impl<'a> Engine<'a> {
     /// Returns the nuisance parameters as a pass found them.
     fn nuisance_fits(&self, pass: &Pass, conclusion: &Conclusion) -> Vec<NuisanceFit> {
         let n = self.parameters;
-        let Estimate { values, covariance, .. } = &conclusion.joint;
+        let (Estimate { values, covariance, .. }, inverse) = (&conclusion.joint, &conclusion.inverse);
         let found = self.columns.nuisances.iter().enumerate().filter(|_| pass.linearised.is_some());
         found
             .map(|(k, nuisance)| NuisanceFit {
                 nuisance: nuisance.clone(),
                 value: values[n + k],
                 sd: covariance[(n + k, n + k)].max(0.0).sqrt().min(nuisance.sigma),
-                contributions: (0..n).map(|j| covariance[(j, n + k)] / nuisance.sigma).collect(),
+                drawn: nuisance.sigma.powi(2) - 2.0 * inverse[(n + k, n + k)] + covariance[(n + k, n + k)],
+                contributions: (0..n).map(|j| inverse[(j, n + k)] / nuisance.sigma).collect(),
             })
             .collect()
     }
 
     /// Compares the errors found with what was known of them beforehand.
-    fn agreement(&self, pass: &Pass, joint: &Estimate) -> Option<Agreement> {
+    fn agreement(&self, pass: &Pass, joint: &Estimate, inverse: &DMatrix<f64>) -> Option<Agreement> {
         let (n, count) = (self.parameters, self.columns.nuisances.len());
         pass.linearised.as_ref()?;
         let sigma = |k: usize| self.columns.nuisances[k].sigma;
         let known = DVector::from_fn(count, |k, _| joint.values[n + k] / sigma(k));
         let told = DMatrix::from_fn(count, count, |i, j| {
-            f64::from(u8::from(i == j)) - joint.covariance[(n + i, n + j)] / (sigma(i) * sigma(j))
+            let (c, b) = (joint.covariance[(n + i, n + j)], inverse[(n + i, n + j)]);
+            f64::from(u8::from(i == j)) + (c - 2.0 * b) / (sigma(i) * sigma(j))
         });
         let eigen = nalgebra::SymmetricEigen::new(told);
         let (mut chi2, mut degrees_of_freedom) = (0.0, 0.0);
@@ -716,6 +722,7 @@ impl Engine<'_> {
             nuisance: nuisance.clone(),
             value: 0.0,
             sd: nuisance.sigma,
+            drawn: 0.0,
             contributions: (0..n).map(|j| -moved[(j, k)] * nuisance.sigma).collect(),
         };
         Ok(self.columns.nuisances.iter().enumerate().map(of).collect())

@@ -77,21 +77,26 @@ pub struct NuisanceFit {
     pub value: f64,
     /// Its standard deviation.
     pub sd: f64,
-    /// What one standard deviation beforehand brings to each parameter: `C_jk / σ_k`, signed.
+    /// Variance of the estimate if the error is drawn from the prior: `σ² − 2 N⁻¹ + C` with the inverse of the normal matrix and
+    /// the covariance.
+    pub drawn: f64,
+    /// What one standard deviation beforehand brings to each parameter: `(N⁻¹)_jk / σ_k`, signed.
     pub contributions: Vec<f64>,
 }
 
+/// Rows tell of an error where its estimate has at least this share of the variance beforehand.
+pub(super) const TOLD: f64 = 0.1;
+
 impl NuisanceFit {
-    /// Returns how far the estimate is from zero, in the standard deviations that a draw from the prior would have: its
-    /// variance is that of the prior less that of the posterior. Zero where the rows say nothing of it.
+    /// Returns how far the estimate is from zero, in the standard deviations that it has if the error is drawn from the
+    /// prior. Zero where the rows say nothing of it.
     pub fn pull(&self) -> f64 {
-        let drawn = self.nuisance.sigma.powi(2) - self.sd.powi(2);
-        if drawn > 1e-6 * self.nuisance.sigma.powi(2) { self.value / drawn.sqrt() } else { 0.0 }
+        if self.told() > TOLD { self.value / self.drawn.sqrt() } else { 0.0 }
     }
 
-    /// Returns the share of the prior's variance that the rows have taken away.
+    /// Returns the share of the prior's variance that the estimate has: what the rows tell.
     pub fn told(&self) -> f64 {
-        (1.0 - (self.sd / self.nuisance.sigma).powi(2)).clamp(0.0, 1.0)
+        (self.drawn / self.nuisance.sigma.powi(2)).clamp(0.0, 1.0)
     }
 }
 

@@ -9,7 +9,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::linearised::{Columns, NoiseColumns};
-use super::weighing::Weighing;
+use super::weighing::{Spectrum, Weighing};
 use super::{Filter, FitError, RowBlocks, RowSource, SignalNoise, Silent, Whitener};
 
 /// Longer recordings are looked at in their middle.
@@ -140,11 +140,6 @@ impl<'a> RowNoise<'a> {
         }
         let blocks = blocks.len() as f64;
         Ok((!groups.is_empty()).then_some(Self { groups, blocks, parameters: n, channels }))
-    }
-
-    /// Returns the number of row blocks of the whole recording.
-    pub(super) fn blocks(&self) -> f64 {
-        self.blocks
     }
 
     /// Returns the groups of signals.
@@ -306,12 +301,6 @@ impl<'a> RowNoise<'a> {
         sum.fill_lower_triangle_with_upper_triangle();
         sum
     }
-}
-
-/// Noise of a group of unit σ, per sample: `white + ω² rising`, C × C each.
-pub(super) struct Spectrum {
-    pub(super) white: DMatrix<f64>,
-    pub(super) rising: DMatrix<f64>,
 }
 
 /// Returns the positive semidefinite part of a symmetric matrix.

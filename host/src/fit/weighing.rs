@@ -2,7 +2,6 @@
 
 use nalgebra::DMatrix;
 
-use super::signal_noise::{RowNoise, Spectrum};
 use super::variance_components::explain;
 use super::{BlockResidual, Estimate, Filter, SignalNoise, Whitening};
 
@@ -10,6 +9,12 @@ use super::{BlockResidual, Estimate, Filter, SignalNoise, Whitening};
 const SIGNIFICANT_SD: f64 = 2.0;
 /// A variance that residuals and differences both show is no larger than so many standard deviations above the residuals'.
 const CERTAIN_SD: f64 = 3.0;
+
+/// Noise of a group of unit σ, per sample: `white + ω² rising`, C × C each.
+pub(super) struct Spectrum {
+    pub(super) white: DMatrix<f64>,
+    pub(super) rising: DMatrix<f64>,
+}
 
 /// Noise of channels and signals, and the whitening that follows from it.
 #[derive(Clone, Debug)]
@@ -70,27 +75,26 @@ impl Weighing {
         sum / (residuals.len().max(1) as f64 * filter.noise_gain * left)
     }
 
-    /// Returns the weighing by all noise. `spectra` are those of signals of unit σ, `residuals` is the covariance of what an
-    /// estimate leaves, where some σ is not stated: that of the channels unless `sigma_given`. `None` if there is no such
-    /// covariance.
+    /// Returns the weighing by all noise. `spectra` are those of groups of signals of unit σ; `residuals` is the covariance of
+    /// what an estimate leaves and the number of blocks that it is of, where some σ is not stated: that of the channels unless
+    /// `sigma_given`. `None` if there is no such covariance.
     pub(super) fn with_signals(
         &self,
-        noise: &RowNoise,
+        groups: &[&SignalNoise],
         spectra: &[Spectrum],
-        residuals: Option<&DMatrix<f64>>,
+        residuals: Option<(&DMatrix<f64>, f64)>,
         sigma_given: bool,
         filter: &Filter,
     ) -> Option<Self> {
         let channels = self.sigma.len();
-        let groups: Vec<&SignalNoise> = noise.groups().collect();
         // Variance after the filter, of which white noise leaves its gain.
         let rise = filter.derivative_noise_gain / filter.noise_gain;
         let (sigma, signals) = match residuals {
             None => (self.sigma.clone(), groups.iter().map(|g| g.size()).collect()),
-            Some(left) => {
+            Some((left, blocks)) => {
                 let spread: Vec<DMatrix<f64>> = spectra.iter().map(|s| &s.white + &s.rising * rise).collect();
-                let count = noise.blocks() * filter.row_noise_gain().min(1.0);
-                components(left, &spread, &groups, (&self.sigma, sigma_given), count)
+                let count = blocks * filter.row_noise_gain().min(1.0);
+                components(left, &spread, groups, (&self.sigma, sigma_given), count)
             }
         };
         let own = |i: usize, j: usize| if i == j { sigma[i] * sigma[i] } else { 0.0 };

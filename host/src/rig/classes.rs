@@ -98,7 +98,7 @@ impl ImuClass {
 
 impl LoadCellClass {
     /// The class of a load cell of which nothing is stated.
-    pub const DEFAULT: Self = Self::Fifth;
+    pub const DEFAULT: Self = Self::One;
 
     /// Returns its name as in the rig file.
     pub fn name(self) -> &'static str {

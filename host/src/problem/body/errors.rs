@@ -51,7 +51,12 @@ pub fn of_cell(cell: &LoadCellTable, readings: &[Reading<f64>]) -> Vec<Nuisance>
             all.push(Nuisance {
                 name: format!("crosstalk_{name}_{other}"),
                 group: "cross-talk".to_owned(),
-                unit: format!("{}/({})", unit(to), unit(from)),
+                unit: match (to < 3, from < 3) {
+                    (true, false) => "1/m",
+                    (false, true) => "m",
+                    _ => "1",
+                }
+                .to_owned(),
                 sigma: cell.crosstalk_std.unwrap_or(sigma) * ratio,
                 basis: basis(cell.crosstalk_std.is_some(), "crosstalk_std"),
                 scope: Scope::Rig,
