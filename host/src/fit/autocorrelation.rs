@@ -9,12 +9,13 @@
 //! The covariance is that of the sandwich: `φ̂ − φ = Σ_i p_i n_i` with the influence `p = (AᵀA)⁻¹ a/σ²` of a row, so that
 //! the variance of `φ̂_j` is `Σ_c Σ_m γ_c(m) Σ_i p_ij p_(i+m)j` for noise that is stationary in each channel c and
 //! independent between them. The ratio to the same sum with the autocovariance of filtered white noise inflates the
-//! factor's covariance. Estimates stay.
+//! factor's covariance. Estimates stay. Channels are those after the whitening: in the measured ones noise of the signals is
+//! common to all, and hides what a channel has of its own.
 
 use nalgebra::DMatrix;
 
 use super::outliers::Weights;
-use super::{Autocorrelation, BlockResidual, Estimate, Filter, RowBlocks, Whitening, parallel};
+use super::{Autocorrelation, BlockResidual, Estimate, Filter, RowBlocks, Whitener, Whitening, parallel};
 
 /// A deviation this many standard deviations long is not chance: 6 channels, two tests, one false alarm in 1e4.
 const SIGNIFICANT: f64 = 4.5;
@@ -189,11 +190,25 @@ impl Influences {
     }
 }
 
+/// Returns residuals as the whitening leaves them, each channel with a variance of the samples that a row stands for.
+pub fn whitened(residuals: &[BlockResidual], whitening: &Whitening) -> Vec<BlockResidual> {
+    let mut whitener = Whitener::new(whitening, 1);
+    let mut rows = vec![0.0; whitening.channels()];
+    let of = |residual: &BlockResidual| {
+        let mut values = residual.values.clone();
+        let weights = Some(residual.weights.as_slice()).filter(|own| !own.is_empty());
+        rows.fill(0.0);
+        whitener.apply(residual.time_s, &mut rows, &mut values, weights);
+        BlockResidual { time_s: residual.time_s, values, weights: Vec::new() }
+    };
+    residuals.iter().map(of).collect()
+}
+
 /// Returns the factor on the standard deviation of each of the first `kept` parameters, 1 or more; 1 where nothing is
 /// determined.
 ///
 /// `estimate` is that of white noise, from rows whitened with the `weights` of outliers; `variance` is that of
-/// each channel before the filter that its covariance assumes.
+/// each whitened channel before the filter that its covariance assumes, `coloured` is what [`whitened`] residuals show.
 pub fn inflation(
     blocks: &dyn RowBlocks,
     estimate: &Estimate,
@@ -204,6 +219,7 @@ pub fn inflation(
     coloured: &[Coloured],
 ) -> Vec<f64> {
     let (n, kept, channels) = (estimate.len(), kept.min(estimate.len()), whitening.channels());
+    let lead = whitening.lead();
     let filter = blocks.filter();
     let white = filter.white_autocovariance();
     let noise = Noise { white, variance, coloured, row_period_s: filter.row_period_s() };
@@ -214,18 +230,20 @@ pub fn inflation(
             gain.row_mut(j).fill(0.0);
         }
     }
-    let information = whitening.information() / f64::from(filter.every);
     let pieces = pieces(blocks, &noise, n);
     let parts: Vec<Influences> = parallel::map(parallel::threads(), pieces.len(), |k| {
         let mut part = Influences::new(&noise, kept);
         let (mut rows, mut measured) = (DMatrix::zeros(n, channels), vec![0.0; channels]);
-        for block in pieces.get(k).cloned().unwrap_or_default() {
+        let mut whitener = Whitener::new(whitening, n);
+        let piece = pieces.get(k).cloned().unwrap_or_default();
+        for block in piece.start.saturating_sub(lead)..piece.end {
             blocks.write(block, rows.as_mut_slice(), &mut measured);
-            let own = weights.of_block(block);
-            for (mut row, weight) in rows.column_iter_mut().zip(own) {
-                row *= *weight;
+            let own = Some(weights.of_block(block)).filter(|own| !own.is_empty());
+            whitener.apply(blocks.time_s(block), rows.as_mut_slice(), &mut measured, own);
+            if block < piece.start {
+                continue;
             }
-            let influence = &gain * &rows * &information;
+            let influence = &gain * &rows;
             part.take(blocks.time_s(block), |sum| {
                 for (sum, p) in sum.iter_mut().zip(influence.iter()) {
                     *sum += p;

@@ -506,16 +506,18 @@ impl<'a> Engine<'a> {
         let weighing = &pass.weighing;
         let variance: Vec<f64> = weighing.total.iter().map(|s| s * s * check.variance_scale).collect();
         let mut inflation = Vec::new();
-        if !conclusion.coloured.is_empty() && forgetting.is_none() {
-            let coloured = &conclusion.coloured;
+        let whitened = autocorrelation::whitened(&conclusion.residuals, &weighing.whitening);
+        let unit = vec![f64::from(self.blocks.filter().every) * check.variance_scale; weighing.sigma.len()];
+        let coloured = autocorrelation::detect(&whitened, self.blocks.filter(), &unit);
+        if !coloured.is_empty() && forgetting.is_none() {
             inflation = autocorrelation::inflation(
                 rows,
                 &conclusion.joint,
                 self.parameters,
                 &weighing.whitening,
                 &conclusion.weights,
-                &variance,
-                coloured,
+                &unit,
+                &coloured,
             );
         }
         // What is compensated moves no estimate and informs of nothing.
