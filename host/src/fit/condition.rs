@@ -157,6 +157,20 @@ pub trait RowBlocks: Send + Sync {
         false
     }
 
+    /// Returns the number of features that the rows of a block follow from linearly; zero if it is not known.
+    fn features(&self) -> usize {
+        0
+    }
+
+    /// Writes the features of a block.
+    fn write_features(&self, _block: usize, _out: &mut [f64]) {}
+
+    /// Writes what [`RowBlocks::write`] would of a block with such features.
+    fn write_of(&self, _features: &[f64], _rows: &mut [f64], _measured: &mut [f64]) {}
+
+    /// Writes what [`RowBlocks::sensitivities`] would of a block with such features.
+    fn sensitivities_of(&self, _features: &[f64], _parameters: &[f64], _out: &mut [f64]) {}
+
     /// Returns the factor of some blocks.
     ///
     /// Rows are multiplied by `weights`, one a channel and block of the whole recording, where there are any, then by

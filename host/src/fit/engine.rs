@@ -240,7 +240,7 @@ impl<'a> Engine<'a> {
         let gram = match (noise, &linearised) {
             (Some(noise), None) => Some(noise.gram(&weighing)),
             (Some(noise), Some(linearised)) => {
-                Some(noise.joint_gram(&weighing, &self.columns, linearised.phi())?)
+                Some(noise.joint_gram(&weighing, &self.columns, linearised)?)
             }
             (None, _) => None,
         };

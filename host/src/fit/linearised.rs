@@ -12,7 +12,11 @@ use std::ops::Range;
 use rigident_shared::screening::Rejection;
 
 use super::{Channel, Effect, Factor, Filter, FitError, Nuisance, RowBlocks, RowSource, SampleCounts};
-use super::{SampleRows, Silent, Timing, outliers::dot};
+use super::{SampleRows, Silent, Timing, Whitening, outliers::dot};
+use super::{condition, features};
+
+/// Features of the drift.
+pub(super) const DRIFTS: usize = 2;
 
 /// The nuisance parameters of a source.
 #[derive(Clone, Debug)]
@@ -53,8 +57,8 @@ impl Columns {
     }
 
     /// Spreads C rows of the parameters alone, with which `rows` begins, to rows of all columns. `phi` is φ̂, `sensitivities`
-    /// are C rows of the errors of signals, `time` goes from −1 to 1; `None`: rows are noise alone, and nothing drifts.
-    fn spread(&self, rows: &mut [f64], phi: &[f64], sensitivities: &[f64], time: Option<f64>) {
+    /// are C rows of the errors of signals, `drift` are the Legendre polynomials of the time.
+    fn spread(&self, rows: &mut [f64], phi: &[f64], sensitivities: &[f64], drift: [f64; 2]) {
         let (n, all) = (self.parameters, self.all());
         let channels = self.offsets.len();
         let mut predicted = vec![0.0; channels];
@@ -70,7 +74,7 @@ impl Columns {
                 Effect::Gain { channel } => rows[channel * all + n + k] = predicted[channel],
                 Effect::CrossTalk { from, to } => rows[to * all + n + k] = predicted[from],
                 Effect::Drift { channel, degree } => {
-                    rows[channel * all + n + k] = time.map_or(0.0, |t| legendre(degree, t));
+                    rows[channel * all + n + k] = drift[usize::from(degree > 1)];
                 }
                 Effect::Signal(signal) => {
                     for c in 0..channels {
@@ -103,9 +107,9 @@ impl Columns {
     }
 }
 
-/// Returns the Legendre polynomial of the first or second degree.
-fn legendre(degree: u8, t: f64) -> f64 {
-    if degree < 2 { t } else { 1.5 * t * t - 0.5 }
+/// Returns the Legendre polynomials of the first and second degree.
+fn legendre(t: f64) -> [f64; 2] {
+    [t, 1.5 * t * t - 0.5]
 }
 
 /// Columns of the errors of signals about φ̂.
@@ -280,7 +284,43 @@ impl RowBlocks for Linearised<'_> {
         self.blocks.write(block, &mut rows[..offsets.len() * parameters], measured);
         let mut own = vec![0.0; offsets.len() * signals];
         self.sensitivities.write(self.blocks, block, &self.phi, &mut own);
-        self.columns.spread(rows, &self.phi, &own, Some(self.time(block)));
+        self.columns.spread(rows, &self.phi, &own, legendre(self.time(block)));
+    }
+
+    fn features(&self) -> usize {
+        let is_direct = matches!(self.sensitivities, Sensitivities::Direct);
+        let own = self.blocks.features();
+        if is_direct && own > 0 { own + DRIFTS } else { 0 }
+    }
+
+    fn write_features(&self, block: usize, out: &mut [f64]) {
+        let own = out.len().saturating_sub(DRIFTS);
+        if let Some((own, drift)) = out.split_at_mut_checked(own) {
+            self.blocks.write_features(block, own);
+            drift.copy_from_slice(&legendre(self.time(block)));
+        }
+    }
+
+    fn write_of(&self, features: &[f64], rows: &mut [f64], measured: &mut [f64]) {
+        let Columns { offsets, parameters, signals, .. } = self.columns;
+        let Some((features, drift)) = features.split_last_chunk() else { return };
+        self.blocks.write_of(features, &mut rows[..offsets.len() * parameters], measured);
+        let mut own = vec![0.0; offsets.len() * signals];
+        self.blocks.sensitivities_of(features, &self.phi, &mut own);
+        self.columns.spread(rows, &self.phi, &own, *drift);
+    }
+
+    fn absorb(
+        &self,
+        blocks: Range<usize>,
+        parameters: usize,
+        whitening: &Whitening,
+        weights: Option<&[f64]>,
+    ) -> Factor {
+        match weights {
+            None if self.features() > 0 => features::absorb(self, blocks, parameters, whitening),
+            _ => condition::absorb(self, blocks, parameters, whitening, weights),
+        }
     }
 }
 
@@ -320,7 +360,8 @@ impl<'a> NoiseColumns<'a> {
         self.more.1.write(self.more.0, block, self.phi, &mut own);
         self.less.1.write(self.less.0, block, self.phi, &mut other);
         own.iter_mut().zip(&other).for_each(|(a, b)| *a = self.by * (*a - b));
-        self.columns.spread(rows, self.phi, &own, None);
+        // Nothing drifts of noise alone.
+        self.columns.spread(rows, self.phi, &own, [0.0; 2]);
     }
 }
 

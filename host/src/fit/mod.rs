@@ -13,6 +13,7 @@ mod estimate;
 mod examples;
 mod factor;
 pub mod factor_file;
+mod features;
 mod fingerprint;
 mod forgetting;
 mod jacobi;

@@ -8,7 +8,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::linearised::{Columns, NoiseColumns};
+use super::features;
+use super::linearised::{Columns, DRIFTS, Linearised, NoiseColumns};
 use super::weighing::{Spectrum, Weighing};
 use super::{Filter, FitError, RowBlocks, RowSource, SignalNoise, Silent, Whitener};
 
@@ -45,8 +46,10 @@ struct Difference<'a> {
     time_s: Vec<f64>,
     /// By blocks: C rows of the parameters reached.
     rows: Vec<f64>,
-    /// Noise of either sign, where there are nuisance parameters.
+    /// Noise of either sign, where there are nuisance parameters and the blocks have no features.
     both: Option<[Noisy<'a>; 2]>,
+    /// By blocks: what noise of unit σ makes of the features and of the drift, which is nothing.
+    features: Vec<f64>,
 }
 
 impl<'a> Difference<'a> {
@@ -60,7 +63,26 @@ impl<'a> Difference<'a> {
             less.write(block, &mut other, &mut measured);
             rows.extend(own.iter().zip(&other).map(|(a, b)| 0.5 * (a - b) / sigma));
         }
-        Self { time_s: (0..count).map(|block| more.time_s(block)).collect(), rows, both: None }
+        let time_s = (0..count).map(|block| more.time_s(block)).collect();
+        Self { time_s, rows, both: None, features: Vec::new() }
+    }
+
+    /// Keeps what the columns of nuisance parameters have of noise in, too.
+    fn with_nuisances(mut self, both: [Noisy<'a>; 2], sigma: f64) -> Self {
+        let [(_, more), (_, less)] = &both;
+        let count = more.features();
+        if count == 0 {
+            self.both = Some(both);
+            return self;
+        }
+        let (mut own, mut other) = (vec![0.0; count], vec![0.0; count]);
+        for block in 0..self.len() {
+            more.write_features(block, &mut own);
+            less.write_features(block, &mut other);
+            self.features.extend(own.iter().zip(&other).map(|(a, b)| 0.5 * (a - b) / sigma));
+            self.features.extend([0.0; DRIFTS]);
+        }
+        self
     }
 
     /// Keeps the columns of some of `n` parameters.
@@ -132,7 +154,9 @@ impl<'a> RowNoise<'a> {
                 if difference.len() == 0 {
                     return Ok(None);
                 }
-                difference.both = with_nuisances.then_some(both);
+                if with_nuisances {
+                    difference = difference.with_nuisances(both, size);
+                }
                 count += difference.len();
                 repetitions.push(difference);
             }
@@ -214,7 +238,7 @@ impl<'a> RowNoise<'a> {
         })
     }
 
-    /// Returns the same for parameters and nuisance parameters, whose columns are about `phi`.
+    /// Returns the same for parameters and nuisance parameters, whose columns are those of `linearised`.
     ///
     /// # Errors
     /// [`FitError`] if a source with errors cannot be filtered.
@@ -222,8 +246,12 @@ impl<'a> RowNoise<'a> {
         &self,
         weighing: &Weighing,
         columns: &Columns,
-        phi: &[f64],
+        linearised: &Linearised,
     ) -> Result<DMatrix<f64>, FitError> {
+        if linearised.features() > 0 {
+            return Ok(self.gram_of_features(weighing, columns.all(), linearised));
+        }
+        let phi = linearised.phi();
         let mut spread: Vec<Vec<Option<NoiseColumns>>> = Vec::new();
         for group in &self.groups {
             let mut of_group = Vec::new();
@@ -252,6 +280,26 @@ impl<'a> RowNoise<'a> {
                 }
             },
         ))
+    }
+
+    /// Returns the same by the features of noise.
+    fn gram_of_features(&self, weighing: &Weighing, all: usize, linearised: &Linearised) -> DMatrix<f64> {
+        let mut sum = DMatrix::<f64>::zeros(all, all);
+        for (k, group) in self.groups.iter().enumerate() {
+            let parts: Vec<(&[f64], &[f64])> =
+                group.repetitions.iter().map(|r| (r.time_s.as_slice(), r.features.as_slice())).collect();
+            let count: usize = group.repetitions.iter().map(Difference::len).sum();
+            let weight = self.weight(weighing, k, count);
+            sum += features::gram(linearised, all, &weighing.whitening, &parts) * weight;
+        }
+        sum
+    }
+
+    /// Returns the factor from squares of `count` blocks of unit noise of a group to those of the whole recording.
+    fn weight(&self, weighing: &Weighing, group: usize, count: usize) -> f64 {
+        let own = self.groups.get(group).map_or(0.0, |g| g.noise.size());
+        let sigma = weighing.signals.get(group).copied().unwrap_or(own);
+        self.blocks * sigma * sigma / count.max(1) as f64
     }
 
     /// Returns the sum of the squares of whitened rows of noise in the columns that each group has, as of the whole recording;
@@ -290,8 +338,7 @@ impl<'a> RowNoise<'a> {
                     count += 1;
                 }
             }
-            let sigma = weighing.signals.get(k).copied().unwrap_or(group.noise.size());
-            let weight = self.blocks * sigma * sigma / count.max(1) as f64;
+            let weight = self.weight(weighing, k, count);
             for (j, to) in columns.iter().enumerate() {
                 for (i, from) in columns.iter().enumerate().take(j + 1) {
                     sum[(*from, *to)] += weight * own[(i, j)];

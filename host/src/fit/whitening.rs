@@ -72,10 +72,26 @@ impl Whitening {
         self.is_diagonal.then(|| (0..self.channels).map(|c| self.matrix[c * self.channels + c]).collect())
     }
 
-    /// Returns the inverse of the covariance without the low-pass, C × C.
-    pub fn information(&self) -> DMatrix<f64> {
-        let matrix = DMatrix::from_row_slice(self.channels, self.channels, &self.matrix);
-        matrix.tr_mul(&matrix)
+    /// Returns the channels by the low-pass that they have: each low-pass with its rows of T.
+    pub(super) fn by_pole(&self) -> Vec<PoleGroup> {
+        let mut groups: Vec<(f64, PoleGroup)> = Vec::new();
+        for (pole, row) in self.poles.iter().zip(self.matrix.chunks_exact(self.channels.max(1))) {
+            let place = groups.iter().position(|(own, _)| own == pole).unwrap_or_else(|| {
+                let low_pass = Self {
+                    channels: 1,
+                    matrix: vec![1.0],
+                    is_diagonal: *pole == 0.0,
+                    poles: vec![*pole],
+                    period_s: self.period_s,
+                };
+                groups.push((*pole, PoleGroup { low_pass, rows: Vec::new() }));
+                groups.len() - 1
+            });
+            if let Some((_, group)) = groups.get_mut(place) {
+                group.rows.push(row.to_vec());
+            }
+        }
+        groups.into_iter().map(|(_, group)| group).collect()
     }
 
     /// Returns the blocks before the first that the low-pass has to have seen.
@@ -83,6 +99,14 @@ impl Whitening {
         let longest = self.poles.iter().copied().fold(0.0, f64::max);
         (SETTLED * 0.5 * longest).ceil() as usize
     }
+}
+
+/// Channels with the same low-pass.
+pub(super) struct PoleGroup {
+    /// The low-pass, of one channel.
+    pub(super) low_pass: Whitening,
+    /// Their rows of T.
+    pub(super) rows: Vec<Vec<f64>>,
 }
 
 /// A whitening on its way through the blocks of `n` parameters.

@@ -420,6 +420,40 @@ impl BodyBlocks {
     }
 }
 
+/// Numbers of [`Features`]: signals, one, rates, and slopes without those of the wrench.
+const FEATURES: usize = SIGNALS + 1 + 3 + SIGNALS - WRENCH;
+/// Signals before those of the wrench.
+const BEFORE: usize = SMOOTHED - WRENCH;
+
+/// What the rows of a block follow from linearly.
+struct Features {
+    signals: [f64; SIGNALS],
+    /// The coefficient of the offsets.
+    one: f64,
+    rate: [f64; 3],
+    slope: [f64; SIGNALS],
+}
+
+impl Features {
+    fn array(&self) -> [f64; FEATURES] {
+        let (before, after) = (self.slope.iter().take(BEFORE), self.slope.iter().skip(SMOOTHED));
+        let mut all =
+            self.signals.iter().chain([&self.one]).chain(&self.rate).chain(before).chain(after).copied();
+        std::array::from_fn(|_| all.next().unwrap_or(0.0))
+    }
+
+    fn of(numbers: &[f64; FEATURES]) -> Self {
+        let mut all = numbers.iter().copied();
+        let mut next = || all.next().unwrap_or(0.0);
+        Self {
+            signals: std::array::from_fn(|_| next()),
+            one: next(),
+            rate: std::array::from_fn(|_| next()),
+            slope: std::array::from_fn(|k| if (BEFORE..SMOOTHED).contains(&k) { 0.0 } else { next() }),
+        }
+    }
+}
+
 impl RowBlocks for BodyBlocks {
     fn filter(&self) -> &Filter {
         &self.filter
@@ -444,13 +478,38 @@ impl RowBlocks for BodyBlocks {
     }
 
     fn sensitivities(&self, block: usize, parameters: &[f64], out: &mut [f64]) -> bool {
-        if let Some((_, signals)) = self.blocks.get(block) {
-            let rate = self.rates.get(block).copied().unwrap_or_default().into();
-            let Self { axes, lever_arm, .. } = *self;
-            let own = sensitivities::Block { signals, rate, slope: self.slope(block), axes, lever_arm };
-            own.write(parameters, out);
-        }
+        let mut features = [0.0; FEATURES];
+        self.write_features(block, &mut features);
+        self.sensitivities_of(&features, parameters, out);
         true
+    }
+
+    fn features(&self) -> usize {
+        FEATURES
+    }
+
+    fn write_features(&self, block: usize, out: &mut [f64]) {
+        let (Some((_, signals)), Some(out)) = (self.blocks.get(block), out.first_chunk_mut()) else { return };
+        let rate = self.rates.get(block).copied().unwrap_or_default();
+        *out = Features { signals: *signals, one: 1.0, rate, slope: self.slope(block) }.array();
+    }
+
+    fn write_of(&self, features: &[f64], rows: &mut [f64], measured: &mut [f64]) {
+        let Some(Features { signals, one, .. }) = features.first_chunk().map(Features::of) else { return };
+        let n = rows.len() / WRENCH;
+        write_rows(&regressor::block(&signals, &self.lever_arm), n, rows, measured);
+        for (c, row) in rows.chunks_exact_mut(n.max(1)).enumerate() {
+            row.iter_mut().skip(BODY + c).take(1).for_each(|own| *own = one);
+        }
+    }
+
+    fn sensitivities_of(&self, features: &[f64], parameters: &[f64], out: &mut [f64]) {
+        let Some(Features { signals, one, rate, slope }) = features.first_chunk().map(Features::of) else {
+            return;
+        };
+        let Self { axes, lever_arm, .. } = *self;
+        let own = sensitivities::Block { signals: &signals, one, rate: rate.into(), slope, axes, lever_arm };
+        own.write(parameters, out);
     }
 
     fn absorb(

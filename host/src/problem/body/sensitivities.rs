@@ -114,6 +114,8 @@ impl Kinematics {
 pub(super) struct Block<'a> {
     /// Conditioned signals in the axes of S.
     pub(super) signals: &'a [f64; SIGNALS],
+    /// What a constant is in the block: one, and nothing in a difference of blocks.
+    pub(super) one: f64,
     /// Conditioned rate of turn in the axes of S, rad/s.
     pub(super) rate: Vector3<f64>,
     /// The signals' derivatives, 1/s.
@@ -169,7 +171,7 @@ impl Block<'_> {
                 let along = u * u.transpose();
                 (none.0, -(along * now.products + now.products * along), -(along * now.acceleration))
             }
-            13..16 => (-axis(13), none.1, none.2),
+            13..16 => (-axis(13) * self.one, none.1, none.2),
             16..19 => {
                 let u = axis(16);
                 (-u * u.dot(&now.force), none.1, none.2)
