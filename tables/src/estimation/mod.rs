@@ -12,6 +12,7 @@ mod montecarlo;
 mod problem;
 mod reference;
 mod report;
+mod rig_errors;
 mod signal_noise;
 
 use crate::document::{Document, Table};
@@ -28,5 +29,7 @@ pub const DOCUMENT: Document = Document {
         Table { name: "coloured-noise", make: coloured_noise::table },
         Table { name: "montecarlo", make: montecarlo::table },
         Table { name: "signal-noise", make: signal_noise::table },
+        Table { name: "rig-errors-long", make: rig_errors::table },
+        Table { name: "rig-errors-all-long", make: rig_errors::all_table },
     ],
 };

@@ -1,0 +1,12 @@
+//! Errors of sensors and mounting that do not average out: an independent simulation of the rig, through the program as a
+//! user would run it with a rig file.
+
+mod all;
+mod errors;
+mod mechanics;
+mod recording;
+mod single;
+mod study;
+
+pub use all::table as all_table;
+pub use single::table;
