@@ -19,12 +19,16 @@ pub(super) struct Compensated {
     pub(super) inverse: DMatrix<f64>,
 }
 
-/// Returns the factor of the compensated rows; `gram` is K, `rounding` the source's. `None` if there is no decomposition.
+/// Returns the factor of the compensated rows; `gram` is K, `rounding` the source's. `None` if there are no rows, or no
+/// decomposition.
 pub(super) fn compensate(factor: &Factor, gram: &DMatrix<f64>, rounding: f64) -> Option<Compensated> {
     let n = factor.parameters();
     let r = factor.r();
     let length: Vec<f64> = r.column_iter().map(|c| c.norm()).collect();
     let seen: Vec<usize> = (0..n).filter(|j| length[*j] > 0.0).collect();
+    if seen.is_empty() {
+        return None;
+    }
     let scaled = DMatrix::from_fn(n, seen.len(), |i, k| r[(i, seen[k])] / length[seen[k]]);
     let svd = scaled.try_svd(true, true, 5.0 * f64::EPSILON, 100 * n.max(8))?;
     let (u, v_t) = (svd.u.as_ref()?, svd.v_t.as_ref()?);

@@ -334,7 +334,7 @@ impl<'a> Engine<'a> {
         let first = !pass.weighing.is_compensated();
         if first {
             let spurious = self.spurious_information(&pass.weighing.sigma);
-            Weighing::significant(&self.without_spurious(estimate, spurious), true)
+            Weighing::significant(&self.without_spurious(estimate, spurious), false)
         } else {
             Weighing::significant(estimate, false)
         }

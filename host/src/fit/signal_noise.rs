@@ -67,10 +67,9 @@ impl<'a> Difference<'a> {
         Self { time_s, rows, both: None, features: Vec::new() }
     }
 
-    /// Keeps what the columns of nuisance parameters have of noise in, too.
-    fn with_nuisances(mut self, both: [Noisy<'a>; 2], sigma: f64) -> Self {
+    /// Keeps what the columns of nuisance parameters have of noise in, too. The recording's own blocks have `count` features.
+    fn with_nuisances(mut self, both: [Noisy<'a>; 2], sigma: f64, count: usize) -> Self {
         let [(_, more), (_, less)] = &both;
-        let count = more.features();
         if count == 0 {
             self.both = Some(both);
             return self;
@@ -155,7 +154,7 @@ impl<'a> RowNoise<'a> {
                     return Ok(None);
                 }
                 if with_nuisances {
-                    difference = difference.with_nuisances(both, size);
+                    difference = difference.with_nuisances(both, size, blocks.features());
                 }
                 count += difference.len();
                 repetitions.push(difference);

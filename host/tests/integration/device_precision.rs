@@ -68,12 +68,10 @@ fn value(found: &Value, name: &str) -> f64 {
 fn one_body_without_noise_is_replayed_to_six_digits() {
     let place = tempfile::tempdir().unwrap();
     std::fs::write(place.path().join("a.csv"), exact_recording()).unwrap();
-    let stated = "[load_cell]\nnoise_n_nm = [1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1e-9]\n";
+    let exact = "[[imu]]\nclass = \"exact\"\n[load_cell]\nclass = \"exact\"\n";
     // Estimated, and stated by somebody who believes in nine digits.
-    for (rig, folder) in [(None, "b"), (Some(stated), "c")] {
-        if let Some(rig) = rig {
-            std::fs::write(place.path().join("a.rig.toml"), rig).unwrap();
-        }
+    for (noise, folder) in [("", "b"), ("noise_n_nm = [1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1e-9]\n", "c")] {
+        std::fs::write(place.path().join("a.rig.toml"), format!("{exact}{noise}")).unwrap();
         let found = answer(place.path(), &format!("replay a.csv --out {folder} --json"));
         assert_eq!((&found["status"], &found["source"]["mcu"]), (&"identified".into(), &"inproc".into()));
         assert!(found["notes"].to_string().contains("single precision"), "{}", found["notes"]);
