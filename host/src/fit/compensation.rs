@@ -61,7 +61,7 @@ pub(super) fn compensate(factor: &Factor, gram: &DMatrix<f64>, rounding: f64) ->
         if *share >= LEAST_SHARE {
             left += (found - direction.dot(&y)).powi(2);
         }
-        let natural = &back * &direction;
+        let natural = &back * direction;
         inverse.ger(1.0 / weight, &natural, &natural, 1.0);
         rows.push((row, value));
     }
