@@ -24,6 +24,8 @@ impl Signs {
 const COUNTED: f64 = 0.95;
 /// Mean of the least 95 % of a χ² of three degrees of freedom over its mean: `F₅(q)/0.95` at the quantile q of F₃.
 const COUNTED_MEAN: f64 = 0.877;
+/// Noise below this share of the largest value is rounding, of computed signals: no sensor has twenty bits.
+const LEAST: f64 = 1e-6;
 /// Longer recordings are looked at in as many places.
 const MOST: usize = 100_000;
 
@@ -47,7 +49,10 @@ pub(super) fn sixth_differences(signals: &[(u64, [f64; 3])]) -> f64 {
     squares.sort_by(f64::total_cmp);
     squares.truncate((COUNTED * squares.len() as f64).ceil() as usize);
     let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
-    (mean / (COUNTED_MEAN * 3.0 * 924.0)).sqrt()
+    let sigma = (mean / (COUNTED_MEAN * 3.0 * 924.0)).sqrt();
+    let largest =
+        signals.iter().flat_map(|(_, v)| v).filter(|v| v.is_finite()).fold(0.0_f64, |m, v| m.max(v.abs()));
+    if sigma > LEAST * largest { sigma } else { 0.0 }
 }
 
 #[cfg(test)]
