@@ -20,6 +20,8 @@ pub fn rig_file(rig: &Rig) -> String {
     for (link, mounting) in [config.imu].into_iter().chain(second.map(|link| link.imu)).enumerate() {
         file.table("[[imu]]");
         file.key("link", link);
+        // The simulation errs by noise and converters alone.
+        file.key("class", "exact");
         file.key("position_m", mounting.position_m);
         file.key("rotation_wxyz", unit_quaternion(&mounting));
         file.key("rate_hz", config.imu_hz);
@@ -46,6 +48,10 @@ pub fn rig_file(rig: &Rig) -> String {
     file.table("[load_cell]");
     if cell.noise_n_nm.iter().all(|sigma| *sigma > 0.0) {
         file.key("noise_n_nm", cell.noise_n_nm);
+    }
+    file.key("class", "exact");
+    if cell.gain_error.spread.iter().any(|sigma| *sigma > 0.0) {
+        file.key("gain_uncertainty", cell.gain_error.spread);
     }
     file.key("offset_n_nm", "estimate");
     file.key("calibration", config.gauge_calibration);
