@@ -67,11 +67,11 @@ fn a_slow_turn_of_three_clocks_in_shared_data_has_the_mass_of_the_still_poses() 
         all.iter().find(|p| p["name"] == name).unwrap()["u95"].as_f64().unwrap()
     };
     assert!((number("m").unwrap() - 0.9328).abs() < u95("m").hypot(0.0027), "{result:#}");
-    // Every channel that wanders is named, by how much too.
+    // The channel that wanders is named, by how much too; what wanders as a drift does is estimated with the body.
     let channels = result["channels"].as_array().unwrap();
     let warnings = result["warnings"].to_string();
     assert!(!warnings.contains("gravity by the attitudes"), "{warnings}");
-    for channel in ["fy", "fz", "mx", "mz"] {
+    for channel in ["mz"] {
         let found = channels.iter().find(|c| c["name"] == channel).expect(channel);
         let factor = found["autocorrelation"].as_f64().expect(channel);
         assert!(factor > 1.1 && warnings.contains(&format!("{factor:.1} ({channel})")), "{warnings}");
