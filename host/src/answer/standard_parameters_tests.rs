@@ -166,7 +166,7 @@ fn symmetric_people_have_two_sides_alike_and_a_model_without_masses_is_refused()
         known_offset: Some([0.0; 6]),
         gain_sigma: [0.0; 6],
         drives: Vec::new(),
-        accel_sigma: None,
+        signals: Vec::new(),
         rate_sigma: 0.0,
     };
     let source = TreeSource::new(input).unwrap();

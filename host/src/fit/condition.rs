@@ -58,6 +58,8 @@ pub struct Filter {
     pub derivative_noise_gain: f64,
     /// Impulse response on the samples, oldest first; empty without a filter.
     pub response: Vec<f64>,
+    /// The same of the derivative, 1/s.
+    pub derivative: Vec<f64>,
 }
 
 impl Default for Filter {
@@ -70,6 +72,7 @@ impl Default for Filter {
             noise_gain: 1.0,
             derivative_noise_gain: 0.0,
             response: Vec::new(),
+            derivative: Vec::new(),
         }
     }
 }
@@ -83,17 +86,7 @@ impl Filter {
     /// Returns the autocovariance of the rows for white noise of unit variance that is differentiated, 1/s², at the lags of
     /// [`Filter::white_autocovariance`]; zeros without a filter.
     pub fn derivative_autocovariance(&self) -> Vec<f64> {
-        let at =
-            |k: isize| usize::try_from(k).ok().and_then(|k| self.response.get(k)).copied().unwrap_or(0.0);
-        let count = self.response.len() as isize;
-        let slope: Vec<f64> = (-1..=count).map(|k| 0.5 * self.rate_hz * (at(k + 1) - at(k - 1))).collect();
-        let square: f64 = slope.iter().map(|s| s * s).sum();
-        // As the kernel's own derivative has it.
-        let scale = if square > 0.0 { self.derivative_noise_gain / square } else { 0.0 };
-        (0..self.response.len())
-            .step_by(usize::from(self.every).max(1))
-            .map(|lag| scale * slope.iter().zip(slope.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>())
-            .collect()
+        autocovariance(&self.derivative, self.every)
     }
 
     /// Returns the time between row blocks, s; zero without a filter.
@@ -104,11 +97,16 @@ impl Filter {
     /// Returns the autocovariance of the rows for white noise of unit variance before the filter, at lags of 0, 1, … rows,
     /// until the windows no longer overlap.
     pub fn white_autocovariance(&self) -> Vec<f64> {
-        (0..self.response.len())
-            .step_by(usize::from(self.every).max(1))
-            .map(|lag| self.response.iter().zip(self.response.iter().skip(lag)).map(|(a, b)| a * b).sum())
-            .collect()
+        autocovariance(&self.response, self.every)
     }
+}
+
+/// Returns the products of a response with itself, `every` samples later and so on.
+fn autocovariance(response: &[f64], every: u16) -> Vec<f64> {
+    (0..response.len())
+        .step_by(usize::from(every).max(1))
+        .map(|lag| response.iter().zip(response.iter().skip(lag)).map(|(a, b)| a * b).sum())
+        .collect()
 }
 
 /// Samples counted on the way to row blocks.
@@ -364,6 +362,7 @@ impl Taps {
                     noise_gain: kernel.noise_gain(),
                     derivative_noise_gain: kernel.derivative_noise_gain(),
                     response: kernel.smooth().to_vec(),
+                    derivative: kernel.derivative().to_vec(),
                 };
                 (filter, weights)
             }

@@ -324,9 +324,9 @@ impl<'a> Engine<'a> {
             let residuals = self.residuals(self.rows_of(pass), &joint.values, &pass.weights);
             Weighing::covariance_of(&residuals, estimate, filter)
         });
-        let residuals = residuals.as_ref().map(|left| (left, self.blocks.len() as f64));
+        let residuals = residuals.as_ref().map(|left| noise.restored(left));
         let groups: Vec<&SignalNoise> = noise.groups().collect();
-        pass.weighing.with_signals(&groups, &spectra, residuals, sigma_given, filter)
+        pass.weighing.with_signals(&groups, &spectra, residuals.as_deref(), sigma_given, filter)
     }
 
     /// Returns the values that count in the covariance of the noise.

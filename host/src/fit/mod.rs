@@ -28,6 +28,7 @@ pub mod pool;
 mod prediction;
 pub mod prior;
 mod progress;
+mod residual_spectrum;
 mod residuals;
 mod result;
 mod shifts;

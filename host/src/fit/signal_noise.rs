@@ -6,12 +6,15 @@
 //! in System Identification, 2018, bias-eliminating least squares). Both are found by noise of the same size and either sign
 //! that is added once more: half the difference of the two filtered recordings is Δ to third order, whatever the source.
 
+use std::ops::Range;
+
 use nalgebra::{DMatrix, DVector};
 
 use super::features;
 use super::linearised::{Columns, DRIFTS, Linearised, NoiseColumns};
-use super::weighing::{Spectrum, Weighing};
-use super::{Filter, FitError, RowBlocks, RowSource, SignalNoise, Silent, Whitener};
+use super::residual_spectrum::{Band, measured, restore};
+use super::weighing::{Residuals, Spectrum, Weighing};
+use super::{Filter, FitError, RowBlocks, RowSource, SignalNoise, Silent, Whitener, parallel};
 
 /// Longer recordings are looked at in their middle.
 const LONGEST: usize = 20_000;
@@ -19,14 +22,21 @@ const LONGEST: usize = 20_000;
 const LEAST_BLOCKS: usize = 2_000;
 /// Most repetitions.
 const MOST_REPETITIONS: usize = 8;
-/// Products that the Gram matrix with nuisance parameters may take, for each repetition.
+/// Products that a Gram matrix of the rows, or one with nuisance parameters for each repetition, may take.
 const MOST_PRODUCTS: usize = 100_000_000;
+/// Samples by which it is seen whether noise is felt at all,
+const TRIAL: usize = 500;
+/// as it is by a column that it changes by more than this share: the square is lost in any noise of the measured side.
+const LEAST_CHANGE: f64 = 1e-7;
 
 /// Noise in the rows of a source, by groups of signals.
 pub(super) struct RowNoise<'a> {
     groups: Vec<Group<'a>>,
     /// Row blocks of the whole recording.
     blocks: f64,
+    measured: Vec<Band>,
+    /// Gram matrices of the rows by channels.
+    grams: Vec<DMatrix<f64>>,
     parameters: usize,
     channels: usize,
 }
@@ -93,6 +103,40 @@ impl<'a> Difference<'a> {
     fn len(&self) -> usize {
         self.time_s.len()
     }
+
+    /// Returns true if noise of this size changes a column of these lengths, root mean square of all rows, by more than
+    /// rounding.
+    fn is_felt(&self, lengths: &[f64], size: f64) -> bool {
+        let n = lengths.len();
+        let rows = (self.rows.len() / n.max(1)).max(1) as f64;
+        lengths.iter().enumerate().any(|(j, length)| {
+            let square: f64 = self.rows.iter().skip(j).step_by(n).map(|a| a * a).sum();
+            size * (square / rows).sqrt() > LEAST_CHANGE * length
+        })
+    }
+}
+
+/// Returns the Gram matrix of the rows of each channel, as of all blocks.
+fn channel_grams(blocks: &dyn RowBlocks, channels: usize, n: usize) -> Vec<DMatrix<f64>> {
+    let (mut rows, mut measured) = (vec![0.0; channels * n], vec![0.0; channels]);
+    let mut grams = vec![DMatrix::<f64>::zeros(n, n); channels];
+    let most = (MOST_PRODUCTS / (channels * n * n).max(1)).max(LEAST_BLOCKS / 4);
+    let every = blocks.len().div_ceil(most).max(1);
+    let mut count = 0;
+    for block in (0..blocks.len()).step_by(every) {
+        blocks.write(block, &mut rows, &mut measured);
+        count += 1;
+        for (gram, row) in grams.iter_mut().zip(rows.chunks_exact(n.max(1))) {
+            let row = DVector::from_column_slice(row);
+            gram.syger(1.0, &row, &row, 1.0);
+        }
+    }
+    let share = blocks.len() as f64 / f64::from(count.max(1));
+    for gram in &mut grams {
+        gram.fill_upper_triangle_with_lower_triangle();
+        *gram *= share;
+    }
+    grams
 }
 
 impl<'a> Group<'a> {
@@ -132,37 +176,71 @@ impl<'a> RowNoise<'a> {
         let (channels, n, samples) = (source.channels().len(), source.parameters().len(), source.samples());
         let from = samples.saturating_sub(LONGEST) / 2;
         let middle = from..samples.min(from + LONGEST);
-        let mut groups = Vec::new();
-        for (k, own) in noise.iter().enumerate().filter(|(_, own)| own.size() > 0.0) {
-            let size = own.size();
-            let mut repetitions: Vec<Difference<'a>> = Vec::new();
-            let mut count = 0;
-            while count < LEAST_BLOCKS && repetitions.len() < MOST_REPETITIONS {
-                let seed = (k * MOST_REPETITIONS + repetitions.len()) as u64;
-                let with = |sign: f64| -> Result<Option<Noisy<'a>>, FitError> {
-                    let sigma: Vec<f64> =
-                        (0..noise.len()).map(|j| if j == k { sign * size } else { 0.0 }).collect();
-                    let noisy = source.with_signal_noise(middle.clone(), &sigma, seed);
-                    let Some(noisy) = noisy else { return Ok(None) };
-                    let blocks = noisy.condition(&Silent)?;
-                    Ok(Some((noisy, blocks)))
-                };
-                let (Some(more), Some(less)) = (with(1.0)?, with(-1.0)?) else { return Ok(None) };
-                let both = [more, less];
-                let mut difference = Difference::of(&both, channels * n, channels, size);
-                if difference.len() == 0 {
-                    return Ok(None);
-                }
-                if with_nuisances {
-                    difference = difference.with_nuisances(both, size, blocks.features());
-                }
-                count += difference.len();
-                repetitions.push(difference);
+        let difference = |k: usize, samples: Range<usize>, seed: usize| {
+            let size = noise.get(k).map_or(0.0, SignalNoise::size);
+            let with = |sign: f64| -> Result<Option<Noisy<'a>>, FitError> {
+                let sigma: Vec<f64> =
+                    (0..noise.len()).map(|j| if j == k { sign * size } else { 0.0 }).collect();
+                let noisy = source.with_signal_noise(samples.clone(), &sigma, seed as u64);
+                let Some(noisy) = noisy else { return Ok(None) };
+                let blocks = noisy.condition(&Silent)?;
+                Ok(Some((noisy, blocks)))
+            };
+            let (Some(more), Some(less)) = (with(1.0)?, with(-1.0)?) else { return Ok(None) };
+            let both = [more, less];
+            let difference = Difference::of(&both, channels * n, channels, size);
+            let felt = |d: &Difference| d.len() > 0;
+            let whole = |d: Difference<'a>| if with_nuisances { d.with_nuisances(both, size, blocks.features()) } else { d };
+            Ok(Some(difference).filter(felt).map(whole))
+        };
+        let grams = channel_grams(blocks, channels, n);
+        let rows = (blocks.len() * channels).max(1) as f64;
+        let square = |j: usize| grams.iter().map(|gram| gram[(j, j)]).sum::<f64>();
+        let scale: Vec<f64> = (0..n).map(|j| (square(j) / rows).sqrt()).collect();
+        let trial = middle.start..middle.end.min(middle.start + TRIAL);
+        let tried = parallel::map(parallel::threads(), noise.len(), |k| {
+            let size = noise.get(k).map_or(0.0, SignalNoise::size);
+            if size <= 0.0 {
+                return Ok(false);
             }
-            groups.push(Group::new(own.clone(), repetitions, n));
+            Ok(difference(k, trial.clone(), 0)?.is_none_or(|d| d.is_felt(&scale, size)))
+        });
+        let mut felt = Vec::new();
+        for (k, is_felt) in tried.into_iter().enumerate() {
+            if is_felt? {
+                felt.push(k);
+            }
         }
+        let of_middle = blocks.len() as f64 * middle.len() as f64 / samples.max(1) as f64;
+        let repetitions = (LEAST_BLOCKS as f64 / of_middle.max(1.0)).ceil() as usize;
+        let repetitions = repetitions.clamp(1, MOST_REPETITIONS);
+        let made = parallel::map(parallel::threads(), felt.len() * repetitions, |job| {
+            let (k, own) = (felt.get(job / repetitions).copied().unwrap_or(0), job % repetitions);
+            difference(k, middle.clone(), k * MOST_REPETITIONS + own)
+        });
+        let mut made = made.into_iter();
+        let mut groups = Vec::new();
+        for k in felt {
+            let own: Result<Vec<Option<Difference<'a>>>, FitError> =
+                made.by_ref().take(repetitions).collect();
+            let own: Option<Vec<Difference<'a>>> = own?.into_iter().collect();
+            let (Some(own), Some(noise)) = (own, noise.get(k)) else { return Ok(None) };
+            groups.push(Group::new(noise.clone(), own, n));
+        }
+        if groups.is_empty() {
+            return Ok(None);
+        }
+        let measured = measured(blocks, channels, n);
         let blocks = blocks.len() as f64;
-        Ok((!groups.is_empty()).then_some(Self { groups, blocks, parameters: n, channels }))
+        Ok(Some(Self { groups, blocks, measured, grams, parameters: n, channels }))
+    }
+
+    /// Returns the covariance of the noise by bands: that of residuals with what the parameters took of it.
+    pub(super) fn restored(&self, residuals: &Residuals) -> Vec<Band> {
+        let taken: Vec<f64> = self.grams.iter().map(|gram| gram.dot(&residuals.covariance)).collect();
+        let mut bands = residuals.bands.clone();
+        restore(&mut bands, &self.measured, &taken);
+        bands
     }
 
     /// Returns the groups of signals.

@@ -69,7 +69,7 @@ impl SignalNoise {
 ///
 /// Weights, outliers, gain errors, autocorrelation, forgetting, known values, merging, intervals, factor files and
 /// reports follow from the rows and need nothing more.
-pub trait RowSource: Sync {
+pub trait RowSource: Send + Sync {
     /// Returns the unknowns in the order of the columns.
     fn parameters(&self) -> &[Parameter];
 

@@ -2,7 +2,8 @@
 
 use nalgebra::DMatrix;
 
-use super::variance_components::explain;
+use super::residual_spectrum::{Band, bands};
+use super::variance_components::{Sample, explain};
 use super::{BlockResidual, Estimate, Filter, SignalNoise, Whitening};
 
 /// A parameter counts in the covariance of the noise if it differs from zero by so many standard deviations.
@@ -26,6 +27,14 @@ pub(super) struct Weighing {
     /// 1 σ of the signals by groups; empty if they are taken as exact.
     pub(super) signals: Vec<f64>,
     pub(super) whitening: Whitening,
+}
+
+/// What an estimate leaves.
+pub(super) struct Residuals {
+    /// By bands of frequency.
+    pub(super) bands: Vec<Band>,
+    /// Covariance of the parameters, zero of those that are not determined.
+    pub(super) covariance: DMatrix<f64>,
 }
 
 impl Weighing {
@@ -54,35 +63,28 @@ impl Weighing {
             .collect()
     }
 
-    /// Returns the covariance of the residuals per sample, C × C.
+    /// Returns the covariance of the residuals by bands of frequency.
     pub(super) fn covariance_of(
         residuals: &[BlockResidual],
         estimate: &Estimate,
         filter: &Filter,
-    ) -> DMatrix<f64> {
-        let channels = residuals.first().map_or(0, |r| r.values.len());
-        let per_channel = estimate.rank() as f64 / channels.max(1) as f64;
-        let dof = (residuals.len() as f64 * filter.row_noise_gain().min(1.0) - per_channel).max(1.0);
-        let left = dof / (dof + per_channel);
-        let mut sum = DMatrix::zeros(channels, channels);
-        for residual in residuals {
-            for i in 0..channels {
-                for j in 0..channels {
-                    sum[(i, j)] += residual.weighted(i) * residual.weighted(j);
-                }
-            }
+    ) -> Residuals {
+        let mut covariance = estimate.covariance.clone();
+        for j in (0..estimate.len()).filter(|j| !estimate.is_determined(*j)) {
+            covariance.row_mut(j).fill(0.0);
+            covariance.column_mut(j).fill(0.0);
         }
-        sum / (residuals.len().max(1) as f64 * filter.noise_gain * left)
+        Residuals { bands: bands(residuals, filter), covariance }
     }
 
     /// Returns the weighing by all noise. `spectra` are those of groups of signals of unit σ; `residuals` is the covariance of
-    /// what an estimate leaves and the number of blocks that it is of, where some σ is not stated: that of the channels unless
+    /// what an estimate leaves, by bands, where some σ is not stated: that of the channels unless
     /// `sigma_given`. `None` if there is no such covariance.
     pub(super) fn with_signals(
         &self,
         groups: &[&SignalNoise],
         spectra: &[Spectrum],
-        residuals: Option<(&DMatrix<f64>, f64)>,
+        residuals: Option<&[Band]>,
         sigma_given: bool,
         filter: &Filter,
     ) -> Option<Self> {
@@ -91,11 +93,7 @@ impl Weighing {
         let rise = filter.derivative_noise_gain / filter.noise_gain;
         let (sigma, signals) = match residuals {
             None => (self.sigma.clone(), groups.iter().map(|g| g.size()).collect()),
-            Some((left, blocks)) => {
-                let spread: Vec<DMatrix<f64>> = spectra.iter().map(|s| &s.white + &s.rising * rise).collect();
-                let count = blocks * filter.row_noise_gain().min(1.0);
-                components(left, &spread, groups, (&self.sigma, sigma_given), count)
-            }
+            Some(left) => components(left, spectra, groups, (&self.sigma, sigma_given)),
         };
         let own = |i: usize, j: usize| if i == j { sigma[i] * sigma[i] } else { 0.0 };
         let mut white = DMatrix::from_fn(channels, channels, own);
@@ -114,22 +112,29 @@ impl Weighing {
 /// Returns σ of the channels and of the signals by groups that explain the covariance of residuals.
 ///
 /// What is stated counts as stated. Of the rest, differences of the signals show no less than the noise, as vibration is in
-/// them too; the residuals bound it from above.
+/// them too; the residuals bound it from above. A channel's variance v of the deviation s is the mean of what it may be,
+/// `v + s²/v`, that of the inverse χ² distribution; too small a one would outweigh all others.
 fn components(
-    left: &DMatrix<f64>,
-    spread: &[DMatrix<f64>],
+    left: &[Band],
+    spectra: &[Spectrum],
     groups: &[&SignalNoise],
     (sigma, sigma_given): (&[f64], bool),
-    count: f64,
 ) -> (Vec<f64>, Vec<f64>) {
-    let channels = left.nrows();
+    let channels = sigma.len();
     let own = |c: usize| DMatrix::from_fn(channels, channels, |i, j| f64::from(u8::from(i == c && j == c)));
-    let all: Vec<DMatrix<f64>> = (0..channels).map(own).chain(spread.iter().cloned()).collect();
+    let of_band = |band: &'_ Band| {
+        let spread = spectra.iter().map(|s| &s.white * band.white + &s.rising * band.rising);
+        (0..channels).map(|c| own(c) * band.white).chain(spread).collect()
+    };
+    let samples: Vec<Sample> = left
+        .iter()
+        .map(|band| Sample { covariance: &band.covariance, count: band.count, components: of_band(band) })
+        .collect();
     let mut signals: Vec<f64> = groups.iter().map(|g| g.size()).collect();
     let start = |signals: &[f64]| -> Vec<f64> { sigma.iter().chain(signals).map(|s| s * s).collect() };
     let mut free = vec![!sigma_given; channels];
     free.extend(groups.iter().map(|g| g.stated.is_none()));
-    if let Some(found) = explain(left, &all, &start(&signals), &free, count) {
+    if let Some(found) = explain(&samples, &start(&signals), &free) {
         for (k, (sigma, group)) in signals.iter_mut().zip(groups).enumerate() {
             if group.stated.is_none() {
                 let k = channels + k;
@@ -141,8 +146,11 @@ fn components(
         return (sigma.to_vec(), signals);
     }
     free[channels..].fill(false);
-    let sigma = match explain(left, &all, &start(&signals), &free, count) {
-        Some(found) => found.variance[..channels].iter().map(|v| v.sqrt()).collect(),
+    let sigma = match explain(&samples, &start(&signals), &free) {
+        Some(found) => {
+            let own = found.variance.iter().zip(&found.deviation).take(channels);
+            own.map(|(v, deviation)| (v + deviation * deviation / v.max(*deviation)).sqrt()).collect()
+        }
         None => sigma.to_vec(),
     };
     (sigma, signals)

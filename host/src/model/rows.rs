@@ -4,7 +4,7 @@
 //! quaternion w, x, y, z for a spherical one, position and quaternion for a free one. Rates likewise: rad/s or m/s, a
 //! spherical joint's angular rate in link axes, a free joint's velocity of the origin and angular rate, in link axes.
 
-use nalgebra::{Matrix3, Quaternion, UnitQuaternion};
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use rigident_shared::tree::motion::{self, BaseMotion, LinkState, Screw};
 use rigident_shared::tree::rows::{self, Workspace};
 use rigident_shared::tree::{Joint, JointMotion, Link, TreeError, momentum};
@@ -103,6 +103,11 @@ impl Moving {
     /// Attitude of link `i`: base axes ← link axes; its origin in the base's frame, m.
     pub fn place(&self, i: usize) -> Option<(Matrix3<f64>, [f64; 3])> {
         self.states.get(i).map(|s| (s.rotation, s.position.into()))
+    }
+
+    /// Returns the attitude of link `i`, base axes ← link axes, and its angular rate, link axes, rad/s.
+    pub fn turning(&self, i: usize) -> Option<(Matrix3<f64>, Vector3<f64>)> {
+        self.states.get(i).map(|s| (s.rotation, s.rotation.tr_mul(&s.rate)))
     }
 
     /// The six base rows, row by row: N, N m on the base in its axes.

@@ -22,18 +22,21 @@ impl Signs {
 
 /// Share of the differences that counts: knocks and jumps are not noise.
 const COUNTED: f64 = 0.95;
-/// Mean of the least 95 % of a χ² of three degrees of freedom over its mean: `F₅(q)/0.95` at the quantile q of F₃.
-const COUNTED_MEAN: f64 = 0.877;
+/// Mean of the least 95 % of a χ² of three degrees of freedom over its mean: `F₅(q)/0.95` at the quantile q of F₃;
+const COUNTED_OF_THREE: f64 = 0.877;
+/// of one: `F₃(q)/0.95` at the quantile q of F₁.
+const COUNTED_OF_ONE: f64 = 0.759;
 /// Noise below this share of the largest value is rounding, of computed signals: no sensor has twenty bits.
 const LEAST: f64 = 1e-6;
 /// Longer recordings are looked at in as many places.
 const MOST: usize = 100_000;
 
 /// Returns σ of a sensor, the root mean square over its axes, from sixth differences: motion hardly enters, noise by √924.
-/// Each signal is given with its time, ns; a step of more than one and a half times the usual one is none.
-pub(super) fn sixth_differences(signals: &[(u64, [f64; 3])]) -> f64 {
+/// Each signal is given with its time, ns; a step of more than one and a half times the usual one is none. Its N numbers have
+/// one freedom or three.
+pub(super) fn sixth_differences<const N: usize>(signals: &[(u64, [f64; N])], freedoms: u8) -> f64 {
     const BINOMIAL: [f64; 7] = [1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0];
-    let span = |window: &[(u64, [f64; 3])]| {
+    let span = |window: &[(u64, [f64; N])]| {
         window.last().zip(window.first()).map_or(0, |(b, a)| b.0.saturating_sub(a.0))
     };
     let usual = span(signals) as f64 / signals.len().saturating_sub(1).max(1) as f64;
@@ -42,14 +45,15 @@ pub(super) fn sixth_differences(signals: &[(u64, [f64; 3])]) -> f64 {
     let mut squares: Vec<f64> = whole
         .map(|window| {
             let axis = |k: usize| window.iter().zip(BINOMIAL).map(|(v, weight)| weight * v.1[k]).sum::<f64>();
-            (0..3).map(|k| axis(k).powi(2)).sum::<f64>()
+            (0..N).map(|k| axis(k).powi(2)).sum::<f64>()
         })
         .filter(|square| square.is_finite())
         .collect();
     squares.sort_by(f64::total_cmp);
     squares.truncate((COUNTED * squares.len() as f64).ceil() as usize);
     let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
-    let sigma = (mean / (COUNTED_MEAN * 3.0 * 924.0)).sqrt();
+    let counted = if freedoms == 1 { COUNTED_OF_ONE } else { COUNTED_OF_THREE };
+    let sigma = (mean / (counted * f64::from(freedoms) * 924.0)).sqrt();
     let largest =
         signals.iter().flat_map(|(_, v)| v).filter(|v| v.is_finite()).fold(0.0_f64, |m, v| m.max(v.abs()));
     if sigma > LEAST * largest { sigma } else { 0.0 }
@@ -78,8 +82,11 @@ mod tests {
             })
             .collect();
         signals[1000].1[0] += 50.0;
-        let found = sixth_differences(&signals);
+        let found = sixth_differences(&signals, 3);
         assert!((found / 0.02 - 1.0).abs() < 0.05, "{found}");
-        assert_eq!(sixth_differences(&signals[..6]), 0.0);
+        assert_eq!(sixth_differences(&signals[..6], 3), 0.0);
+        let one: Vec<(u64, [f64; 1])> = signals.iter().map(|(t, v)| (*t, [v[0]])).collect();
+        let found = sixth_differences(&one, 1);
+        assert!((found / 0.02 - 1.0).abs() < 0.05, "{found}");
     }
 }

@@ -211,6 +211,9 @@ pub struct ImuTable {
     /// 1 σ of each gyro axis' scale, relative.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gyro_gain_std: Option<f64>,
+    /// 1 σ per sample of the attitude of its link, about any axis, rad.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub attitude_noise_rad: Option<f64>,
     /// Serial number.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub serial: Option<String>,
@@ -244,6 +247,7 @@ impl Default for ImuTable {
             accel_misalignment_std_rad: None,
             gyro_bias_std_radps: None,
             gyro_gain_std: None,
+            attitude_noise_rad: None,
             serial: None,
             calibrated_on: None,
         }
@@ -468,6 +472,12 @@ pub struct JointTable {
     /// Torque, N m, or force, N, of its drive.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub effort: Option<ColumnSource>,
+    /// 1 σ of the position per sample, rad or m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub position_noise: Option<f64>,
+    /// 1 σ of the rate per sample, rad/s or m/s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rate_noise: Option<f64>,
     /// 1 σ of the effort per sample.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub effort_noise: Option<f64>,

@@ -325,9 +325,11 @@ impl Check<'_> {
             ] {
                 self.positive(&key(name), value.as_slice())?;
             }
-            for (name, value) in
-                [("accel_noise_mps2", imu.accel_noise_mps2), ("gyro_noise_radps", imu.gyro_noise_radps)]
-            {
+            for (name, value) in [
+                ("accel_noise_mps2", imu.accel_noise_mps2),
+                ("gyro_noise_radps", imu.gyro_noise_radps),
+                ("attitude_noise_rad", imu.attitude_noise_rad),
+            ] {
                 self.all(&key(name), value.as_slice(), |v| v > 0.0, IMU_NOISE)?;
             }
             for (name, value) in [
@@ -479,7 +481,13 @@ impl Check<'_> {
                 return Err(self.refuse(&key("name"), &joint.name, "two [[joint]] tables have this name"));
             }
             names.push(&joint.name);
-            self.all(&key("effort_noise"), joint.effort_noise.as_slice(), |v| v > 0.0, NOISE)?;
+            for (name, sigma) in [
+                ("position_noise", &joint.position_noise),
+                ("rate_noise", &joint.rate_noise),
+                ("effort_noise", &joint.effort_noise),
+            ] {
+                self.all(&key(name), sigma.as_slice(), |v| v > 0.0, NOISE)?;
+            }
             for (name, source) in
                 [("position", &joint.position), ("rate", &joint.rate), ("effort", &joint.effort)]
             {

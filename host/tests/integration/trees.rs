@@ -135,6 +135,8 @@ fn the_factor_of_a_tree_is_that_of_its_normal_equations() {
             position: None,
             rate: None,
             effort: None,
+            position_noise: None,
+            rate_noise: None,
             effort_noise: Some(0.3),
         })
         .collect();
@@ -161,7 +163,7 @@ fn the_factor_of_a_tree_is_that_of_its_normal_equations() {
     for j in 0..n {
         let sd = (covariance[(j, j)] * scale).sqrt();
         assert!((found.value(j) - estimate[j]).abs() < 1e-7 * sd, "{j}: {} {}", found.value(j), estimate[j]);
-        let white = (variance(&found.fit, j) - found.fit.signal_bias[j].powi(2)).sqrt();
+        let white = variance(&found.fit, j).sqrt();
         assert!((white / sd - 1.0).abs() < 1e-7, "{j}: {white} {sd}");
     }
     let residual = square - right.dot(&estimate);
@@ -298,26 +300,23 @@ fn a_person_s_base_parameters_come_out_to_a_millionth_and_the_full_ones_are_bodi
     }
 }
 
+/// Coarse rates draw the estimate by ten standard deviations and more, all parameters together, where that is not taken off.
 #[test]
-fn the_effect_of_noise_of_the_rates_is_foreseen_and_counted() {
+fn noise_of_the_rates_moves_no_parameter() {
     let model = seven_axes();
     let runs = 8;
-    let (mut errors, mut foreseen) = (vec![0.0; 43], vec![0.0; 43]);
+    let mut errors = vec![0.0; 43];
     let share = coverage(runs, |seed| {
         let exact = seven_axis_recording(&model, 200.0, 20.0, true, Some(seed + 1), 0.0);
-        let recording = with_noise_of_rates(&exact, 0.03, seed + 1);
+        let recording = with_noise_of_rates(&exact, 0.05, seed + 1);
         let (truth, found) = Identified::of(&recording, &model, &plain()).beside(&model, &[]);
         for j in 0..43 {
-            // Without what is foreseen.
-            let sd = (variance(&found, j) - found.signal_bias[j].powi(2)).sqrt();
-            errors[j] += (value(&found, j) - truth[j]) / sd / runs as f64;
-            foreseen[j] += found.signal_bias[j] / sd / runs as f64;
+            errors[j] += (value(&found, j) - truth[j]) / variance(&found, j).sqrt() / runs as f64;
         }
         (truth, found)
     });
-    let norm = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
-    let left: Vec<f64> = errors.iter().zip(&foreseen).map(|(e, f)| e - f).collect();
-    // Eight runs leave of a mean of 43 numbers √(43/8) = 2.3 at most, where σ is no larger than said.
-    assert!(norm(&errors) > 2.5 && norm(&left) < 0.5 * norm(&errors), "{} {}", norm(&errors), norm(&left));
-    assert!(share.inside > 0.93, "{share:?}");
+    let norm = errors.iter().map(|x| x * x).sum::<f64>().sqrt();
+    // Eight runs leave of a mean of 43 numbers √(43/8) = 2.3, and by chance 3.1 once in a thousand times, where σ is as said.
+    assert!(norm < 3.1, "{norm}");
+    assert!(share.inside > 0.95 - allowed(runs), "{share:?}");
 }

@@ -73,7 +73,7 @@ impl BodySource {
         });
         let of_sensor = |get: &dyn Fn(&Reading<f64>) -> [f64; 3]| {
             let signals: Vec<(u64, [f64; 3])> = input.readings.iter().map(|r| (r.time_ns, get(r))).collect();
-            sixth_differences(&signals)
+            sixth_differences(&signals, 3)
         };
         let rate_sigma = input.gyro_sigma.unwrap_or_else(|| imu_noise::gyro_sigma(&input.readings));
         Self {
@@ -126,14 +126,17 @@ impl BodySource {
         let (kernel, averaged) =
             Kernel::<f64, ESTIMATOR_TAPS>::for_rows(config.rate_hz, config.filter_width_s, config.row_every)
                 .map_err(ConfigError::Kernel)?;
-        let response = kernel.smooth().iter().flat_map(|h| std::iter::repeat_n(*h, usize::from(averaged)));
+        let on_samples = |weights: &[f64]| -> Vec<f64> {
+            weights.iter().flat_map(|w| std::iter::repeat_n(*w, usize::from(averaged))).collect()
+        };
         Ok(Filter {
             rate_hz: config.rate_hz,
             width_s: config.filter_width_s,
             every: config.row_every,
             noise_gain: kernel.noise_gain(),
             derivative_noise_gain: kernel.derivative_noise_gain(),
-            response: response.collect(),
+            response: on_samples(kernel.smooth()),
+            derivative: on_samples(kernel.derivative()),
         })
     }
 }

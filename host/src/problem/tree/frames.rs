@@ -23,6 +23,51 @@ pub struct Frame {
     pub efforts: Vec<f64>,
 }
 
+/// What a signal with noise is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SignalKind {
+    /// Specific force of the base.
+    Accelerometer,
+    /// Rate of a link, the base's among them.
+    Gyro,
+    /// Attitude of a link against the base.
+    Attitude,
+    /// Angle or length of a joint whose rate is measured, or is not looked at.
+    Position,
+    /// Angle or length of a joint whose rate is its slope.
+    PositionWithSlope,
+    /// Rate of a joint.
+    Rate,
+}
+
+/// A measured signal and its white noise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NoisySignal {
+    /// What it is.
+    pub kind: SignalKind,
+    /// The link, or the link beyond the joint, by its index in the model.
+    pub link: usize,
+    /// 1 σ per sample and axis as stated.
+    pub stated: Option<f64>,
+    /// The same as sixth differences show it.
+    pub found: f64,
+}
+
+impl NoisySignal {
+    /// Returns 1 σ as stated; where nothing is, as differences show it.
+    pub(super) fn size(&self) -> f64 {
+        self.stated.unwrap_or(self.found)
+    }
+
+    /// Returns the number of its axes.
+    pub(super) fn axes(&self) -> usize {
+        match self.kind {
+            SignalKind::Accelerometer | SignalKind::Gyro | SignalKind::Attitude => 3,
+            SignalKind::Position | SignalKind::PositionWithSlope | SignalKind::Rate => 1,
+        }
+    }
+}
+
 /// The frames of a recording with what is known of the tree and its sensors.
 #[derive(Clone, Debug)]
 pub struct Input {
@@ -46,8 +91,8 @@ pub struct Input {
     pub gain_sigma: [f64; 6],
     /// Drives that turn with the joints, with their friction.
     pub drives: Vec<Drive>,
-    /// 1 σ of the base's accelerometer as stated, m/s².
-    pub accel_sigma: Option<f64>,
+    /// Signals that the frames are made of, with their noise; empty: they are exact.
+    pub signals: Vec<NoisySignal>,
     /// 1 σ of the rates of the links, rad/s: information that their noise alone would bring is none.
     pub rate_sigma: f64,
 }
@@ -60,6 +105,7 @@ impl Input {
             model: self.model.clone(),
             channel_sigma: self.channel_sigma.clone(),
             drives: self.drives.clone(),
+            signals: self.signals.clone(),
             ..*self
         }
     }

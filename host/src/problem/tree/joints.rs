@@ -1,6 +1,6 @@
 //! Coordinates and rates of joints from attitudes and gyros of links, or from columns of their own.
 
-use nalgebra::{Matrix2, Matrix3, Quaternion, UnitQuaternion, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector2, Vector3};
 use rigident_shared::tree::{Joint, Link};
 
 /// What is known of a joint at one instant.
@@ -85,7 +85,7 @@ pub fn resolve(link: &Link<f64>, parent: &Resolved, seen: &Seen) -> Option<Resol
             let spin = rate - relative.tr_mul(&parent.rate);
             let (positions, rates, misfit) = match &link.joint {
                 Joint::Spherical => {
-                    let q = UnitQuaternion::from_matrix(&turned);
+                    let q = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(turned));
                     (vec![q.w, q.i, q.j, q.k], vec![spin.x, spin.y, spin.z], 0.0)
                 }
                 Joint::Revolute(axis) => {
@@ -126,7 +126,6 @@ fn universal(r: &Matrix3<f64>, a: &Vector3<f64>, b: &Vector3<f64>) -> (f64, f64)
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Rotation3;
     use rigident_shared::tree::{BaseMotion, JointMotion, LinkState, motion};
 
     use super::*;

@@ -18,8 +18,9 @@ pub mod prepare;
 pub mod rows;
 #[cfg(test)]
 mod rows_tests;
+mod signals;
 mod source;
 
 pub use error::{TreePrepareError, TreeSourceError};
-pub use frames::{Frame, Input};
+pub use frames::{Frame, Input, NoisySignal, SignalKind};
 pub use source::TreeSource;

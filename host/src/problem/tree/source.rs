@@ -8,13 +8,12 @@ use rigident_shared::tree::{Joint, TreeError};
 
 use super::drive::Term;
 use super::rows::{RowMaker, names_and_units};
-use super::{Frame, Input, TreeSourceError};
+use super::{Frame, Input, TreeSourceError, signals};
 use crate::fit::{
     Basis, Channel, DriveMotion, Effect, Fingerprint, Kind, Nuisance, Owner, Parameter, RowSource,
     SampleRows, Scope, SignalNoise, Timing,
 };
 use crate::model::base::{BaseParameters, ROUNDED, base_parameters};
-use crate::problem::white_noise::{Signs, sixth_differences};
 
 /// Rows of the wrench.
 const WRENCH: usize = 6;
@@ -270,20 +269,7 @@ impl RowSource for TreeSource {
     }
 
     fn signal_noise(&self) -> Vec<SignalNoise> {
-        let of = |name: &str, unit: &str, stated, found| SignalNoise {
-            name: name.to_owned(),
-            unit: unit.to_owned(),
-            stated,
-            found,
-        };
-        let Input { is_static, rate_sigma, accel_sigma, frames, .. } = &self.input;
-        if *is_static {
-            return vec![of("accelerometer", "m/s2", *accel_sigma, 0.0)];
-        }
-        let forces: Vec<(u64, [f64; 3])> =
-            frames.iter().map(|f| (f.time_ns, f.base.specific_force.into())).collect();
-        let accel = sixth_differences(&forces);
-        vec![of("accelerometer", "m/s2", *accel_sigma, accel), of("rates", "rad/s", None, *rate_sigma)]
+        signals::signal_noise(&self.input)
     }
 
     fn with_signal_noise(
@@ -292,36 +278,12 @@ impl RowSource for TreeSource {
         sigma: &[f64],
         seed: u64,
     ) -> Option<Box<dyn RowSource + '_>> {
-        let (mut signs, of) = (Signs::new(seed), |k: usize| sigma.get(k).copied().unwrap_or(0.0));
-        let frames = self.input.frames.get(samples).unwrap_or_default();
-        let frames: Vec<Frame> =
-            frames.iter().map(|frame| noisier(frame, &mut signs, [of(0), of(1)])).collect();
+        let frames = signals::with_noise(&self.input, samples, sigma, seed).ok()?;
         let source = Self::with_base(self.input.with_frames(frames), self.base.clone()).ok()?;
         Some(Box::new(source))
-    }
-
-    /// One σ stands for rates of gyros and encoders: its order is known, no more.
-    fn signal_noise_is_known(&self) -> bool {
-        false
     }
 
     fn rate_sigma(&self) -> f64 {
         self.input.rate_sigma
     }
-}
-
-/// Returns the same frame with more noise on its accelerations and rates.
-fn noisier(frame: &Frame, signs: &mut Signs, [accel, rate]: [f64; 2]) -> Frame {
-    let mut noisy = frame.clone();
-    for joint in &mut noisy.rates {
-        *joint += rate * signs.next();
-    }
-    let turned = nalgebra::Vector3::from_fn(|_, _| rate * signs.next());
-    let pushed = nalgebra::Vector3::from_fn(|_, _| accel * signs.next());
-    noisy.base.specific_force += pushed;
-    // A base that stands still is not measured.
-    if frame.base.rate != nalgebra::Vector3::zeros() {
-        noisy.base.rate += turned;
-    }
-    noisy
 }

@@ -59,13 +59,16 @@ impl Preparation<'_> {
                     "rates and efforts alone do not say where it stands",
                 ));
             };
+            let table = tables.iter().find(|t| t.name == *name);
             found.insert(
                 i,
                 JointColumns {
                     positions,
                     rates,
                     effort,
-                    effort_noise: tables.iter().find(|t| t.name == *name).and_then(|t| t.effort_noise),
+                    position_noise: table.and_then(|t| t.position_noise),
+                    rate_noise: table.and_then(|t| t.rate_noise),
+                    effort_noise: table.and_then(|t| t.effort_noise),
                 },
             );
         }

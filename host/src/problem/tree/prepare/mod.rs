@@ -39,6 +39,8 @@ struct JointColumns {
     positions: Vec<f64>,
     rates: Option<Vec<f64>>,
     effort: Option<Vec<f64>>,
+    position_noise: Option<f64>,
+    rate_noise: Option<f64>,
     effort_noise: Option<f64>,
 }
 
@@ -247,7 +249,7 @@ impl<'a> Preparation<'a> {
             },
             gain_sigma: recording.rig.load_cell.gain_uncertainty.unwrap_or_default(),
             drives: Vec::new(),
-            accel_sigma: self.imu(0).and_then(|imu| imu.accel_noise_mps2),
+            signals: self.signals(&joints, &attitudes, &gyros, &number_of),
             rate_sigma,
         };
         if !options.friction.is_empty() || !options.drives.is_empty() {

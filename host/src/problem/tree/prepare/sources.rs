@@ -8,8 +8,9 @@ use rigident_shared::tree::Joint;
 use super::{JointColumns, Preparation};
 use crate::model::base::Rows;
 use crate::model::idle::white_noise;
-use crate::problem::tree::TreePrepareError;
 use crate::problem::tree::polynomial::Polynomial;
+use crate::problem::tree::{NoisySignal, SignalKind, TreePrepareError};
+use crate::problem::white_noise::sixth_differences;
 
 /// Attitudes this much off what a joint can do are another joint's, rad: far beyond what IMUs and straps do.
 const ANOTHER_JOINT: f64 = 0.15;
@@ -174,6 +175,60 @@ impl Preparation<'_> {
         self.notes.extend(unused.into_iter().flatten());
     }
 
+    /// Returns the signals that the frames are made of, with their noise.
+    pub(super) fn signals(
+        &self,
+        joints: &BTreeMap<usize, JointColumns>,
+        attitudes: &BTreeMap<usize, &Vec<[f64; 4]>>,
+        gyros: &BTreeMap<usize, Vec<Vector3<f64>>>,
+        number_of: &dyn Fn(usize) -> Option<usize>,
+    ) -> Vec<NoisySignal> {
+        let is_static = self.recording.is_static;
+        let mut signals = Vec::new();
+        let mut add = |kind, link, stated, found| {
+            // Differences of still poses show no noise.
+            signals.push(NoisySignal { kind, link, stated, found: if is_static { 0.0 } else { found } });
+        };
+        if let Some(accel) = self.recording.imus.first().and_then(|imu| imu.accel.as_ref()) {
+            let stated = self.imu(0).and_then(|imu| imu.accel_noise_mps2);
+            add(SignalKind::Accelerometer, 0, stated, self.noise_of(3, |row| accel.get(row).copied()));
+        }
+        let is_seen = |i: usize| i == 0 || !joints.contains_key(&i);
+        for (i, rates) in gyros.iter().filter(|(i, _)| is_seen(**i) && !is_static) {
+            let stated = number_of(*i).and_then(|j| self.imu(j)).and_then(|imu| imu.gyro_noise_radps);
+            add(
+                SignalKind::Gyro,
+                *i,
+                stated,
+                self.noise_of(3, |row| rates.get(row).map(|rate| (*rate).into())),
+            );
+        }
+        for (i, quaternions) in attitudes.iter().filter(|(i, _)| **i > 0 && is_seen(**i)) {
+            let stated = number_of(*i).and_then(|j| self.imu(j)).and_then(|imu| imu.attitude_noise_rad);
+            let continuous = continuous(quaternions);
+            // A quaternion moves by half the angle.
+            let found = 2.0 * self.noise_of(3, |row| continuous.get(row).copied());
+            add(SignalKind::Attitude, *i, stated, found);
+        }
+        for (i, joint) in joints {
+            let one = |values: &[f64]| self.noise_of(1, |row| values.get(row).map(|v| [*v]));
+            let has_slope = joint.rates.is_none() && !is_static;
+            let kind = if has_slope { SignalKind::PositionWithSlope } else { SignalKind::Position };
+            add(kind, *i, joint.position_noise, one(&joint.positions));
+            if let Some(rates) = joint.rates.as_ref().filter(|_| !is_static) {
+                add(SignalKind::Rate, *i, joint.rate_noise, one(rates));
+            }
+        }
+        signals
+    }
+
+    /// Returns σ of a signal of so many freedoms from sixth differences.
+    fn noise_of<const N: usize>(&self, freedoms: u8, of: impl Fn(usize) -> Option<[f64; N]>) -> f64 {
+        let times = self.recording.time_ns.iter().enumerate();
+        let signals: Vec<(u64, [f64; N])> = times.filter_map(|(row, t)| Some((*t, of(row)?))).collect();
+        sixth_differences(&signals, freedoms)
+    }
+
     /// The largest noise of a rate, rad/s or m/s: given, or from differences, which motion hardly enters.
     pub(super) fn rate_sigma(
         &self,
@@ -197,4 +252,15 @@ impl Preparation<'_> {
         let links = if given > 0.0 { given } else { of_links.fold(0.0, f64::max) };
         of_joints.fold(links, f64::max)
     }
+}
+
+/// Returns the same attitudes, each with the sign of the one before: q and −q are one.
+fn continuous(quaternions: &[[f64; 4]]) -> Vec<[f64; 4]> {
+    let mut before = [1.0, 0.0, 0.0, 0.0];
+    let next = |q: &[f64; 4]| {
+        let along: f64 = q.iter().zip(before).map(|(a, b)| a * b).sum();
+        before = if along < 0.0 { q.map(|v| -v) } else { *q };
+        before
+    };
+    quaternions.iter().map(next).collect()
 }
