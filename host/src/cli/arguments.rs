@@ -351,7 +351,8 @@ pub struct Convert {
     after_help = "Exit status 1 if a parameter's efficiency is below 0.9 or its coverage outside 93-97 % (with fewer than 2000 runs the \
                         limits allow for chance).\n\nExamples:\n  rigident montecarlo\n  rigident montecarlo --noise gain --runs 500 \
                         --json\n  rigident montecarlo --rate-hz 1000 --mcu inproc --body vertical\n  rigident montecarlo --accel-noise \
-                        0.1 --gyro-noise 0.006 --not-stated\n  rigident montecarlo --model two-links --runs 200"
+                        0.1 --gyro-noise 0.006 --not-stated\n  rigident montecarlo --model two-links --runs 200\n  rigident montecarlo --model seven-axes --torques \
+                        --rate-noise 0.01"
 )]
 pub struct Montecarlo {
     /// Another experiment than the default one
@@ -369,8 +370,8 @@ pub struct Montecarlo {
     /// Rate of the readings, 1/s
     #[arg(long, default_value_t = 200.0, value_name = "HZ")]
     pub rate_hz: f64,
-    /// A tree of links in place of the thesis' body: two-links, human34, human58, a URDF, MJCF or SDF, or a rig file with
-    /// [[link]] tables. Every joint and the base swing; white noise, by the batch pipeline
+    /// A tree of links in place of the thesis' body: two-links, seven-axes, human34, human58, a URDF, MJCF or SDF, or a rig file
+    /// with [[link]] tables. Every joint and the base swing; white noise, by the batch pipeline
     #[arg(long, value_name = "MODEL", conflicts_with_all = ["body", "noise", "mcu"])]
     pub model: Option<String>,
     /// The thesis' test body with plates, in either of its mountings
@@ -379,14 +380,29 @@ pub struct Montecarlo {
     /// How the load cell's uncertainty in the thesis' Table 1 is read
     #[arg(long, value_enum, default_value_t)]
     pub noise: NoiseReading,
+    /// Of a tree: torques of revolute joints on a base held still, in place of the wrench on a base that moves
+    #[arg(long, requires = "model")]
+    pub torques: bool,
     /// White noise of the accelerometer in place of the thesis', 1 σ a sample, m/s²
-    #[arg(long, value_name = "SIGMA", value_parser = sigma, conflicts_with = "model")]
+    #[arg(long, value_name = "SIGMA", value_parser = sigma, conflicts_with = "torques")]
     pub accel_noise: Option<f64>,
-    /// White noise of the gyro in place of the thesis', 1 σ a sample, rad/s
-    #[arg(long, value_name = "SIGMA", value_parser = sigma, conflicts_with = "model")]
+    /// White noise of the gyros in place of the thesis', or of a tree's 1e-4, 1 σ a sample, rad/s
+    #[arg(long, value_name = "SIGMA", value_parser = sigma, conflicts_with = "torques")]
     pub gyro_noise: Option<f64>,
+    /// White noise of the attitudes of a tree's links, none by default, 1 σ a sample, rad
+    #[arg(long, value_name = "SIGMA", value_parser = sigma, requires = "model", conflicts_with = "torques")]
+    pub attitude_noise: Option<f64>,
+    /// White noise of the positions of joints, none by default, 1 σ a sample, rad
+    #[arg(long, value_name = "SIGMA", value_parser = sigma, requires = "torques")]
+    pub position_noise: Option<f64>,
+    /// White noise of the rates of joints in place of 1e-3, 1 σ a sample, rad/s
+    #[arg(long, value_name = "SIGMA", value_parser = sigma, requires = "torques")]
+    pub rate_noise: Option<f64>,
+    /// Rates of joints are not measured: they are slopes of the positions
+    #[arg(long, requires = "torques", conflicts_with = "rate_noise")]
+    pub no_rates: bool,
     /// Tell the estimator of no noise: it finds it in the readings
-    #[arg(long, conflicts_with_all = ["model", "mcu"])]
+    #[arg(long, conflicts_with = "mcu")]
     pub not_stated: bool,
     /// Who makes the factor
     #[arg(long, value_enum, default_value_t)]

@@ -12,8 +12,8 @@ use super::outcome::say;
 use super::{ExitStatus, Failure, Progress};
 use crate::device::session::INTERRUPTED;
 use crate::montecarlo::{
-    Campaign, CampaignError, DERIVED, Judgement, Limits95, Solver, TreeCampaign, Verdict, gain_error_sensors,
-    noise_and_gain_error_sensors,
+    Campaign, CampaignError, DERIVED, Judgement, Limits95, Solver, TreeCampaign, TreeExperiment, Verdict,
+    gain_error_sensors, noise_and_gain_error_sensors,
 };
 use crate::simulated::trees;
 
@@ -91,9 +91,28 @@ fn run_tree(arguments: &Montecarlo, name: &str, started: Instant) -> Result<Exit
     }
     let model = match name {
         "two-links" => trees::two_links(),
+        "seven-axes" => trees::seven_axes(),
         name => super::model::read(name, &ModelChanges::default())?.0,
     };
-    let campaign = TreeCampaign::new(&model, rate_hz, arguments.duration_s).map_err(failure)?;
+    let mut experiment = TreeExperiment {
+        rate_hz,
+        duration_s: arguments.duration_s,
+        has_torques: arguments.torques,
+        has_rates: !arguments.no_rates,
+        tell_noise: !arguments.not_stated,
+        ..TreeExperiment::default()
+    };
+    let noise = &mut experiment.noise;
+    for (own, sigma) in [
+        (&mut noise.accel, arguments.accel_noise),
+        (&mut noise.gyro, arguments.gyro_noise),
+        (&mut noise.attitude, arguments.attitude_noise),
+        (&mut noise.position, arguments.position_noise),
+        (&mut noise.rate, arguments.rate_noise),
+    ] {
+        *own = sigma.unwrap_or(*own);
+    }
+    let campaign = TreeCampaign::new(&model, experiment).map_err(failure)?;
     let verdict =
         counted(arguments, started, |done| campaign.run(arguments.runs, arguments.seed, &INTERRUPTED, done))?;
     let quantities = verdict.parameters.iter().map(|p| Quantity {

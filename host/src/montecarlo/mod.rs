@@ -4,9 +4,12 @@
 //! estimator (that is [`crate::fit`], used as it ships), printing. Before this: `rigident_sim`; after
 //! it: [`crate::cli`].
 
+mod banded;
 mod bound;
 mod repeat;
 mod tree;
+mod tree_bound;
+mod tree_experiment;
 
 use std::sync::atomic::AtomicBool;
 
@@ -29,6 +32,7 @@ use crate::rig::{ImuTable, LoadCellClass, LoadCellTable};
 use crate::simulated::{limits, mounting, reading};
 pub use bound::{PARAMETERS, bound};
 pub use tree::{TreeCampaign, TreeJudgement, TreeVerdict};
+pub use tree_experiment::TreeExperiment;
 
 /// Largest filter of the firmware's estimator on this side: 0.1 s at 2.5 kHz.
 const FIRMWARE_TAPS: usize = 256;

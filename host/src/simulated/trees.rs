@@ -124,6 +124,7 @@ fn change(t: f64, k: usize, size: f64) -> Vector3<f64> {
 /// Of the wrench, N and N m.
 pub const OFFSET: [f64; 6] = [1.0, -2.0, 3.0, 0.1, 0.2, -0.3];
 const IMU: [f64; 3] = [0.04, -0.02, 0.03];
+const GRAVITY: f64 = 9.80665;
 
 /// Two links in motion: one IMU each, the arm's attitude, a load cell at the base.
 pub fn two_link_recording(model: &Model, rate_hz: f64, seconds: f64, noise: Option<u64>) -> Recording {
@@ -267,7 +268,8 @@ pub fn with_gain_errors(recording: &Recording, sigma: [f64; 6], seed: u64) -> Re
     out
 }
 
-/// The motion of a tree of spherical and revolute joints on a base that turns, at one instant.
+/// The motion of a tree of spherical and revolute joints at one instant.
+#[derive(Clone)]
 pub struct TreeInstant {
     /// The base's motion.
     pub base: BaseMotion<f64>,
@@ -278,16 +280,20 @@ pub struct TreeInstant {
     /// Their accelerations, rad/s².
     pub accelerations: Vec<f64>,
     /// Attitude relative to the base and rate in its own axes, rad/s, of every link.
-    links: Vec<(Matrix3<f64>, Vector3<f64>)>,
+    pub links: Vec<(Matrix3<f64>, Vector3<f64>)>,
 }
 
 impl TreeInstant {
-    /// Returns the motion at a time, s: swings of every joint and of the base.
-    pub fn new(model: &Model, t: f64) -> Self {
-        let (r, rate) = attitude(t, 0, 0.3);
-        let force = r.transpose() * Vector3::z() * 9.80665;
-        let base = BaseMotion { specific_force: force, rate, angular_acceleration: change(t, 0, 0.3) };
-        let mut links = vec![(Matrix3::identity(), rate)];
+    /// Returns the motion at a time, s: swings of every joint, and of the base if it moves.
+    pub fn new(model: &Model, base_moves: bool, t: f64) -> Self {
+        let base = if base_moves {
+            let (r, rate) = attitude(t, 0, 0.3);
+            let force = r.transpose() * Vector3::z() * GRAVITY;
+            BaseMotion { specific_force: force, rate, angular_acceleration: change(t, 0, 0.3) }
+        } else {
+            BaseMotion::still([0.0, 0.0, -GRAVITY])
+        };
+        let mut links = vec![(Matrix3::identity(), base.rate)];
         let (mut q, mut v, mut dv) = (Vec::new(), Vec::new(), Vec::new());
         for (i, link) in model.links.iter().enumerate().skip(1) {
             let k = 3 * i + 1;
@@ -334,7 +340,7 @@ pub fn person_recording(model: &Model, rate_hz: f64, seconds: f64) -> Recording 
     let mut turned = vec![Vec::new(); links];
     let (mut accel, mut wrench) = (Vec::new(), Vec::new());
     for row in 0..(seconds * rate_hz) as usize {
-        let now = TreeInstant::new(model, row as f64 / rate_hz);
+        let now = TreeInstant::new(model, true, row as f64 / rate_hz);
         wrench.push(now.wrench(model).unwrap_or([f64::NAN; 6]));
         accel.push(now.base.specific_force.into());
         for (i, (attitude, rate)) in now.links.into_iter().enumerate() {
@@ -351,12 +357,55 @@ pub fn person_recording(model: &Model, rate_hz: f64, seconds: f64) -> Recording 
     recording
 }
 
-/// The same recording with white noise of the wrench, N and N m, and of the gyros, rad/s, and an offset of the wrench that is
-/// drawn of `offset`; returns the offset too.
+/// A tree of revolute joints on a base that is held still: positions, rates if wished, and torques of all joints; without
+/// noise.
+pub fn arm_recording(model: &Model, rate_hz: f64, seconds: f64, rates: bool) -> Recording {
+    let mut recording = Recording { name: "arm".to_owned(), rate_hz: Some(rate_hz), ..Recording::default() };
+    let joints = model.links.len().saturating_sub(1);
+    let mut columns: Vec<Vec<String>> = vec![Vec::new(); 3 * joints];
+    for row in 0..(seconds * rate_hz) as usize {
+        let now = TreeInstant::new(model, false, row as f64 / rate_hz);
+        let all = inverse_dynamics(model, &now.base, &now.positions, &now.rates, &now.accelerations);
+        let torques = all.map_or_else(|| vec![f64::NAN; joints], |mut all| all.split_off(6));
+        let numbers = now.positions.iter().chain(&now.rates).chain(&torques);
+        columns.iter_mut().zip(numbers).for_each(|(cells, value)| cells.push(format!("{value:e}")));
+        recording.time_ns.push((row as f64 * 1e9 / rate_hz).round() as u64);
+    }
+    let names = model.links.iter().skip(1).map(|link| link.joint_name.as_str());
+    let names =
+        ["rad", "radps", "nm"].into_iter().flat_map(|unit| names.clone().map(move |name| (name, unit)));
+    for ((name, unit), cells) in names.zip(columns) {
+        if unit != "radps" || rates {
+            recording.extra.push((format!("{name}_{unit}"), cells));
+        }
+    }
+    recording
+}
+
+/// White noise of the sensors of a tree, 1 σ per reading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TreeNoise {
+    /// Wrench on the base, N and N m.
+    pub wrench: [f64; 6],
+    /// Torques of joints, N m.
+    pub torque: f64,
+    /// Accelerometer of the base, m/s².
+    pub accel: f64,
+    /// Gyros of the base and of links, rad/s.
+    pub gyro: f64,
+    /// Attitudes of links, rad about any axis.
+    pub attitude: f64,
+    /// Positions of joints, rad.
+    pub position: f64,
+    /// Rates of joints, rad/s.
+    pub rate: f64,
+}
+
+/// The same recording with white noise, and an offset of the wrench that is drawn of `offset`, N and N m; returns the offset
+/// too.
 pub fn with_noise_and_offset(
     recording: &Recording,
-    wrench: [f64; 6],
-    gyro: f64,
+    sigma: &TreeNoise,
     offset: [f64; 6],
     seed: u64,
 ) -> (Recording, [f64; 6]) {
@@ -364,12 +413,28 @@ pub fn with_noise_and_offset(
     let offset = offset.map(|sigma| noise.normal(sigma));
     let mut out = recording.clone();
     for row in out.wrench.iter_mut().flatten() {
-        for ((value, sigma), offset) in row.iter_mut().zip(wrench).zip(offset) {
+        for ((value, sigma), offset) in row.iter_mut().zip(sigma.wrench).zip(offset) {
             *value += offset + noise.normal(sigma);
         }
     }
-    let rates = out.imus.iter_mut().filter_map(|imu| imu.gyro.as_mut());
-    rates.flatten().flatten().for_each(|rate| *rate += noise.normal(gyro));
+    for imu in &mut out.imus {
+        for (signal, sigma) in [(&mut imu.gyro, sigma.gyro), (&mut imu.accel, sigma.accel)] {
+            signal.iter_mut().flatten().flatten().for_each(|value| *value += noise.normal(sigma));
+        }
+    }
+    for q in out.attitudes.iter_mut().flat_map(|(_, rows)| rows) {
+        let turn = [0; 3].map(|_| noise.normal(sigma.attitude));
+        let was = nalgebra::Quaternion::new(q[0], q[1], q[2], q[3]);
+        let is = was * nalgebra::UnitQuaternion::from_scaled_axis(turn.into()).into_inner();
+        *q = [is.w, is.i, is.j, is.k];
+    }
+    for (name, cells) in &mut out.extra {
+        let of = [("_radps", sigma.rate), ("_rad", sigma.position), ("_nm", sigma.torque)];
+        let own = of.iter().find(|(unit, _)| name.ends_with(unit)).map_or(0.0, |(_, sigma)| *sigma);
+        for cell in cells.iter_mut().filter(|_| own > 0.0) {
+            *cell = format!("{:e}", cell.parse::<f64>().unwrap_or(f64::NAN) + noise.normal(own));
+        }
+    }
     (out, offset)
 }
 
