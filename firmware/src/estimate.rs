@@ -22,6 +22,8 @@ enum Phase {
     Idle,
     /// Levels are merged.
     Fold,
+    /// What noise of the signals adds is taken off.
+    Compensate,
     /// Columns are scaled.
     Scale,
     /// Columns are rotated.
@@ -62,7 +64,7 @@ impl Estimation {
 
     /// Returns whether it still needs the path's snapshot.
     pub(crate) fn needs_snapshot(&self) -> bool {
-        self.phase == Phase::Fold
+        matches!(self.phase, Phase::Fold | Phase::Compensate)
     }
 
     /// Makes none.
@@ -88,7 +90,9 @@ impl Estimation {
         self.phase = match self.phase {
             Phase::Idle => Phase::Idle,
             Phase::Fold if !path.fold() => Phase::Fold,
-            Phase::Fold => Phase::Scale,
+            Phase::Fold => Phase::Compensate,
+            Phase::Compensate if !path.compensate() => Phase::Compensate,
+            Phase::Compensate => Phase::Scale,
             Phase::Scale => {
                 self.parameters = path.begin_solution(&mut self.solver, &mut self.search);
                 Phase::Rotate

@@ -11,10 +11,10 @@ use rigident_shared::estimator::{
 };
 #[cfg(feature = "links")]
 use rigident_shared::estimator::{TwoLinkEstimator, two_links::PARAMETERS};
-use rigident_shared::factor::{InformationFactor, Solver};
-use rigident_shared::forgetting::MemoryConfig;
+use rigident_shared::factor::{Gram, InformationFactor, Solver};
+use rigident_shared::forgetting::{ImuNoise, MemoryConfig};
 use rigident_shared::spatial::{AngularRate, SpecificForce};
-use rigident_shared::wire::{FactorRow, MAX_PARAMETERS};
+use rigident_shared::wire::{FactorRow, MAX_NOISY_PARAMETERS, MAX_PARAMETERS};
 
 use crate::place::{HasVariant, begin};
 use crate::settings::SampleConfiguration;
@@ -218,11 +218,18 @@ impl SamplePath {
             #[cfg(feature = "links")]
             _ => {}
         }
+        self.set_imu_noise(&configuration.imu_noise)?;
         if let Some(memory) = memory {
             self.set_memory(memory)?;
         }
         self.until_look = self.look_every();
         Ok(())
+    }
+
+    /// States the noise of the first IMU.
+    #[inline(never)]
+    fn set_imu_noise(&mut self, noise: &ImuNoise<f32>) -> Result<(), ConfigError> {
+        any!(&mut self.estimator, e => e.set_imu_noise(noise))
     }
 
     /// Keeps what this memory keeps instead of everything.
@@ -388,8 +395,10 @@ impl SamplePath {
     fn look(&mut self, outcome: Outcome) {
         match outcome {
             Outcome::Absorbed if self.until_look > 0 => self.until_look -= 1,
+            Outcome::Pending if any!(&mut self.estimator, e => e.settle()) => self.stepped = true,
+            Outcome::Pending if self.until_look == 0 => self.step(),
             // Where every reading is a row block, none waits.
-            Outcome::Absorbed | Outcome::Pending if self.until_look == 0 => self.step(),
+            Outcome::Absorbed if any!(&self.estimator, e => e.config().row_every <= 1) => self.step(),
             _ => {}
         }
     }
@@ -451,7 +460,12 @@ impl SamplePath {
 
     /// A row of that factor. `None` if there is no such row.
     pub(crate) fn row(&self, row: u8) -> Option<FactorRow> {
-        any!(&self.estimator, e => row_of(e.folded(), row))
+        any!(&self.estimator, e => row_of(e.folded(), e.gram(), row))
+    }
+
+    /// Does one step towards that factor without what noise of the signals adds; true when it is there.
+    pub(crate) fn compensate(&mut self) -> bool {
+        any!(&mut self.estimator, e => e.compensate())
     }
 
     /// Begins to solve that factor, and keeps it for the search where it is one body's. How many parameters it has.
@@ -488,11 +502,16 @@ impl SamplePath {
 }
 
 /// A row of a factor as it travels. `None` if there is no such row.
-fn row_of<const N: usize>(factor: &InformationFactor<f32, N>, row: u8) -> Option<FactorRow> {
+fn row_of<const N: usize>(
+    factor: &InformationFactor<f32, N>,
+    gram: Option<&Gram<f32, MAX_NOISY_PARAMETERS>>,
+    row: u8,
+) -> Option<FactorRow> {
     (usize::from(row) < N).then(|| FactorRow {
         row,
         parameters: N as u8,
         entries: factor.row(usize::from(row)).collect(),
+        gram: gram.iter().flat_map(|gram| gram.row(usize::from(row))).take(N - usize::from(row)).collect(),
         residual_sum_of_squares: if row == 0 { factor.residual_sum_of_squares() } else { 0.0 },
         rows: if row == 0 { factor.rows() } else { 0 },
     })

@@ -41,6 +41,8 @@ pub(crate) struct SampleConfiguration {
     pub(crate) estimates_offset: bool,
     pub(crate) stop: Option<StopLimits>,
     pub(crate) knock_limit: f32,
+    /// Of the first IMU.
+    pub(crate) imu_noise: ImuNoise<f32>,
     /// `None`: everything is kept.
     pub(crate) memory: Option<MemoryConfig<f32>>,
 }
@@ -180,6 +182,11 @@ impl SampleConfiguration {
         ensure(is_possible(settings.stop.as_ref()), SettingName::StopRule)?;
         let limit = settings.knock_limit_sd;
         ensure(limit.is_finite() && limit >= 0.0, SettingName::KnockLimit)?;
+        let imu_noise = ImuNoise { accel: imu.accel_noise_mps2, gyro: imu.gyro_noise_radps };
+        ensure(
+            [imu_noise.accel, imu_noise.gyro].iter().all(|v| v.is_finite() && *v >= 0.0),
+            SettingName::ImuNoise,
+        )?;
         let estimator = EstimatorConfig {
             rate_hz: settings.rate_hz,
             filter_width_s: settings.filter_width_s,
@@ -210,6 +217,7 @@ impl SampleConfiguration {
                 minimum_blocks: stop.minimum_blocks,
             }),
             knock_limit: limit,
+            imu_noise,
             memory: match settings.memory {
                 MemorySettings::Forever => None,
                 MemorySettings::Forgetting { time_constant_s, accel_noise_mps2, gyro_noise_radps } => {
@@ -233,6 +241,7 @@ pub(crate) fn setting_of(error: ConfigError) -> SettingName {
         ConfigError::Sigma(channel) => SettingName::Noise(channel),
         ConfigError::Kernel(_) => SettingName::Filter,
         ConfigError::Memory => SettingName::Memory,
+        ConfigError::ImuNoise => SettingName::ImuNoise,
     }
 }
 

@@ -22,6 +22,8 @@ fn settings(source: Source) -> Settings {
             accel_scale: [1.0; 3],
             accel_bias_mps2: [0.0; 3],
             gyro_bias_radps: [0.0; 3],
+            accel_noise_mps2: 0.0,
+            gyro_noise_radps: 0.0,
             group_delay_ns: 0,
             range_mps2: 160.0,
             range_radps: 35.0,

@@ -200,6 +200,11 @@ impl<T: Scalar, const S: usize, const D: usize, const TAPS: usize> Conditioner<T
         &self.kernel
     }
 
+    /// Samples in an average.
+    pub(crate) fn averaged(&self) -> u16 {
+        self.averaged
+    }
+
     /// Forgets all samples.
     pub fn reset(&mut self) {
         (self.in_sum, self.next) = (0, 0);

@@ -10,19 +10,21 @@ mod counters;
 pub mod frames;
 mod knocks;
 mod model;
+mod noise;
 pub mod two_links;
 
 pub use config::{ConfigError, EstimatorConfig};
 pub use counters::{ChannelStatistics, Counters};
 pub use knocks::{LONGEST as LONGEST_KNOCK, Reference};
 pub use model::{Model, OneBody, Store};
+pub use noise::{BODY, BodyNoise, Noiseless, Refreshed, RowNoise};
 pub use two_links::{JointAttitude, TwoLinkReading, TwoLinks};
 
 use crate::Scalar;
 use crate::calibration::ImuMounting;
 use crate::conditioning::{Conditioner, Kernel};
-use crate::factor::{Gathering, InformationFactor};
-use crate::forgetting::{MemoryConfig, Plan};
+use crate::factor::{Gathering, Gram, InformationFactor, ROOM};
+use crate::forgetting::{ImuNoise, MemoryConfig, Plan};
 use crate::regressor::{self, RegressorBlock, SIGNALS, SMOOTHED};
 use crate::screening::{Limits, Rejection};
 use config::{check_sigma, period_ns, plan, weights};
@@ -62,9 +64,11 @@ pub struct Pipeline<
     model: M,
     conditioner: Conditioner<T, S, D, TAPS>,
     store: M::Store,
+    noise: M::Noise,
     gathering: Gathering<T, N>,
-    /// Standard deviations of what is gathered, between the last two steps of a look.
-    deviations: Option<[T; N]>,
+    looking: Looking,
+    /// Standard deviations of what is gathered, between the last steps of a look.
+    deviations: [T; N],
     memory: Option<Plan<T, N>>,
     /// A segment that is not yet in the memory is in the gathering.
     segment_waits: bool,
@@ -126,8 +130,10 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         model: M::UNUSED,
         conditioner: Conditioner::UNUSED,
         store: M::Store::EMPTY,
+        noise: M::Noise::UNUSED,
         gathering: Gathering::EMPTY,
-        deviations: None,
+        looking: Looking::Gathering,
+        deviations: [T::ZERO; N],
         memory: None,
         segment_waits: false,
         snapshot: Snapshot {
@@ -162,7 +168,22 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         self.watch = Watch::new(&config.channel_sigma, self.conditioner.kernel().noise_gain());
         self.weights = weights(config);
         self.period_ns = period_ns(config.rate_hz, config.filter_width_s);
-        self.memory = None;
+        (self.memory, self.noise) = (None, M::Noise::UNUSED);
+        self.reset();
+        Ok(())
+    }
+
+    /// States the noise of the IMU per reading, 1 σ, and starts anew: rows are then weighed by it, and what it adds to the factor
+    /// is taken off from estimates. Without, and of models whose rows it is not known in, the load cell's noise is the only one.
+    ///
+    /// # Errors
+    /// [`ConfigError::ImuNoise`] if a number is negative or not finite. Nothing changes.
+    #[inline(never)]
+    pub fn set_imu_noise(&mut self, imu: &ImuNoise<T>) -> Result<(), ConfigError> {
+        if ![imu.accel, imu.gyro].iter().all(|sigma| sigma.is_finite() && *sigma >= T::ZERO) {
+            return Err(ConfigError::ImuNoise);
+        }
+        self.noise.set_up(&self.config, self.conditioner.kernel(), self.conditioner.averaged(), imu);
         self.reset();
         Ok(())
     }
@@ -252,6 +273,7 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         }
         self.counters.last_rejection = Some(rejection);
         self.conditioner.reset();
+        self.noise.interrupt();
         self.last_time_ns = None;
     }
 
@@ -265,6 +287,7 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
             if step < self.period_ns / 2 || step > self.period_ns + self.period_ns / 2 {
                 self.counters.gaps = self.counters.gaps.saturating_add(1);
                 self.conditioner.reset();
+                self.noise.interrupt();
             }
         }
         self.last_time_ns = Some(time_ns);
@@ -289,12 +312,19 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
             }
             self.statistics.add(innovation);
         }
-        M::absorb(&self.config, &self.model, signals, &weights, &mut self.store);
+        let (factors, store, noise) = (&self.last_factors, &mut self.store, &mut self.noise);
+        M::absorb(&self.config, &self.model, signals, &weights, factors, store, noise);
         self.last_signals = Some(*signals);
         self.counters.blocks = self.counters.blocks.saturating_add(1);
         if self.store.segment_is_complete() {
             self.close_segment();
         }
+    }
+
+    /// Does what the last row block has left to be done, if it has: with a reading that only waits in the filter. Whether it had.
+    #[inline]
+    pub fn settle(&mut self) -> bool {
+        self.store.settle()
     }
 
     /// One that is not yet remembered is followed by a longer one.
@@ -303,6 +333,7 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
     fn close_segment(&mut self) {
         if !self.segment_waits {
             self.store.take_segment(&mut self.gathering.whole);
+            self.noise.close_segment(self.counters.blocks);
             self.segment_waits = true;
         }
     }
@@ -321,6 +352,8 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
     #[inline(never)]
     pub fn take_snapshot(&mut self) {
         self.snapshot.store = self.store;
+        let memory = self.store.memory_gram();
+        self.noise.take_snapshot(self.counters.blocks, self.segment_waits, memory.as_ref());
         self.snapshot.segment = self.segment_waits.then_some(self.gathering.whole);
         (self.snapshot.whole, self.snapshot.step) = (InformationFactor::EMPTY, 0);
     }
@@ -335,7 +368,29 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         if let Some(segment) = segment.take() {
             whole.merge(&segment);
         }
+        if self.noise.counts() {
+            self.noise.begin_snapshot(&self.snapshot.whole);
+        }
         true
+    }
+
+    /// Does one step towards the factor of the snapshot without what noise of the signals adds, once it is folded; true when
+    /// [`Self::folded`] is that: what estimates are made of. What is handed over is not compensated.
+    #[inline(never)]
+    pub fn compensate(&mut self) -> bool {
+        if !self.noise.counts() {
+            return true;
+        }
+        let done = self.noise.compensate(true);
+        if done && let Some(compensated) = self.noise.compensated(true) {
+            self.snapshot.whole = compensated;
+        }
+        done
+    }
+
+    /// What noise of the signals has added to `RᵀR` of [`Self::folded`], before it is compensated; `None`: nothing.
+    pub fn gram(&self) -> Option<&Gram<T, ROOM>> {
+        self.noise.snapshot()
     }
 
     /// The factor that [`Self::fold`] has put together: to the last bit what [`Self::factor`] was at the snapshot.
@@ -367,15 +422,41 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
             return None;
         }
         let memory = self.store.memory()?;
-        memory.take(&self.gathering.whole);
-        let whole = memory.factor();
+        memory.take(&self.gathering.whole, self.noise.segment());
+        let mut whole = memory.factor();
+        if self.noise.counts() {
+            self.noise.begin_memory(&whole, &memory.gram());
+            while !self.noise.compensate(false) {}
+            whole = self.noise.compensated(false).unwrap_or(whole);
+        }
         let standard_deviation = whole.standard_deviations();
         let parameters = whole.well_determined(&standard_deviation);
         if let Some(parameters) = &parameters {
             memory.recentre(parameters);
         }
         self.refer_to(parameters, standard_deviation, knock_limit);
+        while !self.refresh() {}
+        if let (Some(noise), Some(memory)) = (self.noise.per_row(), self.store.memory()) {
+            memory.set_noise(&noise);
+        }
         Some(standard_deviation)
+    }
+
+    /// Does a step towards another whitening; true if there is none left to do.
+    fn refresh(&mut self) -> bool {
+        match self.noise.refresh(&self.config, self.counters.blocks) {
+            Refreshed::More => return false,
+            Refreshed::Done => {}
+            Refreshed::Together(variance) => {
+                self.store.see_together();
+                self.watch.set_variance(variance);
+                return false;
+            }
+        }
+        if let Some(by) = self.noise.take_shrink(self.counters.blocks) {
+            self.store.scale(by);
+        }
+        true
     }
 
     fn refer_to(&mut self, parameters: Option<[T; N]>, standard_deviation: [T; N], knock_limit: T) {
@@ -387,6 +468,9 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
             }
             self.reference =
                 Some(Reference { parameters, standard_deviation, noise_scale: T::ONE, knock_limit });
+            if let Some(reference) = &self.reference {
+                self.noise.begin_refresh(&self.config, reference, self.counters.blocks);
+            }
         }
     }
 
@@ -398,14 +482,43 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         if self.remembers() {
             return None;
         }
-        let whole = &self.gathering.whole;
-        if let Some(standard_deviation) = self.deviations.take() {
-            self.refer_to(whole.well_determined(&standard_deviation), standard_deviation, knock_limit);
-            return Some(standard_deviation);
-        }
-        if self.store.gather(&mut self.gathering) {
-            self.deviations = Some(self.gathering.whole.standard_deviations());
-        }
+        let looking = self.looking;
+        self.looking = match looking {
+            Looking::Gathering if !self.store.gather(&mut self.gathering) => Looking::Gathering,
+            Looking::Gathering if self.noise.counts() => {
+                self.noise.begin_look(&self.gathering.whole, self.counters.blocks);
+                Looking::Compensating
+            }
+            Looking::Gathering => {
+                self.deviations = self.gathering.whole.standard_deviations();
+                Looking::Referring
+            }
+            Looking::Compensating if !self.noise.compensate(false) => Looking::Compensating,
+            Looking::Compensating => {
+                if let Some(compensated) = self.noise.compensated(false) {
+                    self.gathering.whole = compensated;
+                }
+                Looking::Measuring
+            }
+            Looking::Measuring => {
+                self.deviations = self.gathering.whole.standard_deviations();
+                Looking::Referring
+            }
+            Looking::Referring => {
+                let parameters = self.gathering.whole.well_determined(&self.deviations);
+                self.refer_to(parameters, self.deviations, knock_limit);
+                if !self.noise.counts() {
+                    self.looking = Looking::Gathering;
+                    return Some(self.deviations);
+                }
+                Looking::Refreshing
+            }
+            Looking::Refreshing if !self.refresh() => Looking::Refreshing,
+            Looking::Refreshing => {
+                self.looking = Looking::Gathering;
+                return Some(self.deviations);
+            }
+        };
         None
     }
 
@@ -459,15 +572,31 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
             self.store.set_memory(plan);
         }
         self.segment_waits = false;
-        (self.gathering, self.deviations) = (Gathering::EMPTY, None);
+        (self.gathering, self.looking) = (Gathering::EMPTY, Looking::Gathering);
+        self.noise.reset(&self.config);
         self.last_time_ns = None;
         self.counters = Counters::NONE;
         self.reference = None;
-        self.watch.reset();
+        self.watch = Watch::new(&self.config.channel_sigma, self.conditioner.kernel().noise_gain());
         self.last_factors = [T::ONE; 6];
         self.statistics = ChannelStatistics::NONE;
         self.last_signals = None;
     }
+}
+
+/// Tells which step of a look is next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Looking {
+    /// Levels are merged.
+    Gathering,
+    /// What noise of the signals adds is taken off.
+    Compensating,
+    /// Standard deviations are measured.
+    Measuring,
+    /// The answer becomes the reference.
+    Referring,
+    /// The whitening that follows from it is made.
+    Refreshing,
 }
 
 /// Holds what was absorbed up to a moment, on its way to one factor.

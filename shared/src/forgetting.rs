@@ -25,6 +25,10 @@
 //! above the noise where the body is heavy, would move what is not renewed. The memory is therefore kept about
 //! a reference φ_r, as `z − R φ_r` ([`Forgetting::recentre`]): rounding then scales with the deviation from it.
 //!
+//! # Noise in the coefficients
+//! What noise of the signals has added to M, its expectation K, goes the same way to first order: with the projection
+//! `E = X (Xᵀ M X)⁻¹ Xᵀ M` the change of M∥ is `K E + Eᵀ K − Eᵀ K E`, so that `K ← λ K + (1 − λ) (1 − E)ᵀ K (1 − E) + K_S`.
+//!
 //! # What counts as excited
 //! Sensor noise in the regressor fakes information. Let `n_j` be the root mean square of column j of the
 //! whitened rows that noise alone brings ([`Forgetting::new`]). In coordinates `ψ_j = n_j √rows φ_j` a segment
@@ -34,10 +38,13 @@
 //! or a day of standing still would add up to a motion.
 
 use crate::Scalar;
-use crate::factor::{InformationFactor, Jacobi, dot};
+use crate::factor::{Gram, InformationFactor, Jacobi, dot};
 
 mod memory;
 mod window;
+
+/// Parameters at most that may have noise in their coefficients, or lie beside such.
+const NOISY: usize = 16;
 
 /// Parameters at most: with room for so many in every size the target decomposes all of them by the same code.
 const ROOM: usize = 25;
@@ -69,6 +76,8 @@ pub struct Forgetting<T: Scalar, const N: usize> {
     reference: [T; N],
     /// R and `z − R φ_r`.
     memory: InformationFactor<T, N>,
+    /// K
+    gram: Gram<T, NOISY>,
     rows: T,
 }
 
@@ -82,8 +91,25 @@ impl<T: Scalar, const N: usize> Forgetting<T, N> {
             independence: T::ONE,
             reference: [T::ZERO; N],
             memory: InformationFactor::new(),
+            gram: Gram::ZERO,
             rows: T::ZERO,
         }
+    }
+
+    /// Takes another noise per row; see [`Self::new`].
+    pub(crate) fn set_noise(&mut self, noise: &[T; N]) {
+        self.noise = *noise;
+    }
+
+    /// What noise in the coefficients has added to what is remembered.
+    pub fn gram(&self) -> &Gram<T, NOISY> {
+        &self.gram
+    }
+
+    /// Multiplies all rows.
+    pub(crate) fn scale(&mut self, by: T) {
+        self.memory.scale(by);
+        self.gram.scale(by * by);
     }
 
     /// For rows whose noise is correlated, of overlapping filters say: each is worth `independence` (0 to 1)
@@ -114,12 +140,23 @@ impl<T: Scalar, const N: usize> Forgetting<T, N> {
     /// With `lambda` 1 nothing is forgotten and nothing dropped: the segment is merged, to the last bit. A
     /// segment or `lambda` that is not finite is not taken.
     pub fn take(&mut self, segment: &InformationFactor<T, N>, lambda: T) -> usize {
+        self.take_noisy(segment, &Gram::ZERO, lambda)
+    }
+
+    /// Likewise of a segment to which noise in the coefficients has added `gram`.
+    pub fn take_noisy(
+        &mut self,
+        segment: &InformationFactor<T, N>,
+        gram: &Gram<T, NOISY>,
+        lambda: T,
+    ) -> usize {
         if segment.rows() == 0 || !segment.is_finite() || !lambda.is_finite() {
             return 0;
         }
         let segment = &segment.about(&self.reference);
         if lambda >= T::ONE {
             self.memory.merge(segment);
+            self.gram.add(gram, T::ONE);
             self.rows = T::from_u32(self.memory.rows());
             return N;
         }
@@ -157,11 +194,19 @@ impl<T: Scalar, const N: usize> Forgetting<T, N> {
                 z[k] += singular.w[k][j] * segment.z()[j] / s;
             }
         }
+        let mut gram = *gram;
         if number == N {
             self.memory.merge(segment);
         } else {
             absorb_all(&mut self.memory, &r, &z);
+            for k in (0..N).filter(|k| !excited[*k]) {
+                let v = &singular.v[k];
+                let x: [T; N] = core::array::from_fn(|j| v[j] / scale[j]);
+                let s: [T; N] = core::array::from_fn(|j| v[j] * scale[j]);
+                gram.project(&x, &s);
+            }
         }
+        self.gram.add(&gram, T::ONE);
         self.count(segment, number, lambda);
         number
     }
@@ -174,15 +219,17 @@ impl<T: Scalar, const N: usize> Forgetting<T, N> {
         let r = self.memory.r();
         // Columns of R X, made orthonormal; where the memory knows nothing there is nothing to forget.
         let mut basis = [[T::ZERO; N]; N];
+        // The same combinations of the columns of X.
+        let mut sources = [[T::ZERO; N]; N];
         for k in (0..N).filter(|k| excited[*k]) {
-            let mut column: [T; N] =
-                core::array::from_fn(|i| (i..N).map(|j| r[i][j] * singular.v[k][j] / scale[j]).sum());
+            let mut source: [T; N] = core::array::from_fn(|j| singular.v[k][j] / scale[j]);
+            let mut column: [T; N] = core::array::from_fn(|i| (i..N).map(|j| r[i][j] * source[j]).sum());
             let size = dot(&column, &column);
             // Twice is enough (Giraud, Langou and Rozložník 2005).
             for _ in 0..2 {
-                for other in basis.iter().take(k) {
+                for (other, its_source) in basis.iter().zip(&sources).take(k) {
                     let share = dot(other, &column);
-                    for (c, o) in column.iter_mut().zip(other) {
+                    for (c, o) in column.iter_mut().zip(other).chain(source.iter_mut().zip(its_source)) {
                         *c -= share * *o;
                     }
                 }
@@ -192,8 +239,16 @@ impl<T: Scalar, const N: usize> Forgetting<T, N> {
             if left > rounding * rounding * size && left > T::TINY_SQUARE {
                 let length = left.sqrt();
                 basis[k] = column.map(|c| c / length);
+                sources[k] = source.map(|c| c / length);
             }
         }
+        let mut rest = self.gram;
+        for (q, x) in basis.iter().zip(&sources) {
+            let s: [T; N] = core::array::from_fn(|j| (0..=j).map(|i| q[i] * r[i][j]).sum());
+            rest.project(x, &s);
+        }
+        self.gram.scale(lambda);
+        self.gram.add(&rest, T::ONE - lambda);
         let (mut r, mut z) = (r, *self.memory.z());
         for q in &basis {
             for j in 0..N {

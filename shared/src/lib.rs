@@ -23,6 +23,7 @@ mod scalar;
 pub mod screening;
 pub mod spatial;
 pub mod tree;
+pub mod whitening;
 pub mod wire;
 
 pub use scalar::Scalar;

@@ -2,6 +2,7 @@
 
 use core::ops::DerefMut;
 
+use heapless::Vec;
 use rigident_shared::calibration::Reading;
 use rigident_shared::estimator::TwoLinkReading;
 use rigident_shared::estimator::frames::FrameCounters;
@@ -104,7 +105,9 @@ impl<P: DerefMut<Target = Path>> App<P> {
         let entries = estimator.factor().row(usize::from(row)).collect();
         estimator.factor_mut().forget_row(usize::from(row));
         let parameters = estimator.parameters() as u8;
-        Some(FactorRow { row, parameters, entries, residual_sum_of_squares, rows })
+        // A tree's rows know no noise of the signals.
+        let gram = Vec::new();
+        Some(FactorRow { row, parameters, entries, gram, residual_sum_of_squares, rows })
     }
 }
 

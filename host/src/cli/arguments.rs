@@ -446,7 +446,7 @@ pub enum Estimating {
     /// The batch pipeline of `rigident identify`, double precision
     #[default]
     Host,
-    /// The firmware's estimator, single precision; the host concludes from its factor
+    /// The firmware's estimator, single precision, and its own conclusions
     Inproc,
 }
 

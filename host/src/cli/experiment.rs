@@ -19,6 +19,7 @@ use super::options::stop_criterion;
 use super::run_report::RunReport;
 use super::tracking_error::{MotionLog, TrackingError};
 use super::{ExitStatus, Failure, Folder, Progress, Stages};
+use crate::device::link::TakenFactor;
 use crate::device::session::tree::complaints;
 use crate::device::session::{Observer, Take};
 use crate::fit::prior::KnownValues;
@@ -309,8 +310,8 @@ impl Experiment<'_> {
         };
         let stages = Stages::new("estimate");
         let (loaded, mut found, mcu) = match take.factor.clone() {
-            Some(factor) => {
-                let device = DeviceFactor { factor, gram: None };
+            Some(TakenFactor { factor, gram }) => {
+                let device = DeviceFactor { factor, gram };
                 let (loaded, found) =
                     self.loaded.fit_device(&device, self.span, &stages).map_err(|e| kept(&e))?;
                 (loaded, found, self.mcu)

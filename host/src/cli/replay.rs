@@ -13,8 +13,8 @@ use super::options::forgetting::{self, RowsOf};
 use super::{Failure, Folder, Stages, replay_links, simulated};
 use crate::device::link::{Client, SerialTransport};
 use crate::device::session::precision::{self, largest_numbers};
-use crate::device::session::{DeviceTiming, Session, narrow, settings, widen};
-use crate::problem::body::imu_noise::imu_noise;
+use crate::device::session::{DeviceTiming, Session, narrow, settings, state_imu_noise, widen};
+use crate::problem::body::imu_noise::{imu_noise, white_imu_noise};
 use crate::problem::body::prepare::prepare;
 use crate::recording::Recording;
 use crate::rig::RigFile;
@@ -59,6 +59,10 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
     let mut settings = settings(&rig, &timing, None, None).map_err(Failure::input)?;
     arguments.stop.put_into(&mut settings, all.source().parameters())?;
     drop(all);
+    if !recording.is_static {
+        let noise = white_imu_noise(prepared.rig.imu.first(), &prepared.input.readings);
+        state_imu_noise(&mut settings, &noise);
+    }
     forgetting::put_into(&mut settings, memory.as_ref());
     configured(&mut session, &settings)?;
     let folder = Folder::new(arguments.output.out.as_deref(), "replay")?;

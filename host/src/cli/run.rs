@@ -20,7 +20,9 @@ use super::tracking_error::{MotionLog, TrackingError};
 use super::zeroing::{self, warm_up, zero, zero_second};
 use super::{Failure, Folder, programme};
 use crate::device::session::tree::device_tree;
-use crate::device::session::{DeviceTiming, INTERRUPTED, Session, settings, sound, two_links};
+use crate::device::session::{
+    DeviceTiming, INTERRUPTED, Session, settings, sound, state_imu_noise, two_links,
+};
 use crate::fit::Parameter;
 use crate::model::Model;
 use crate::model::rig_links::from_tables;
@@ -96,6 +98,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         zero_second(&mut session, &mut rig, &timing, &rest)?;
     }
     let mut settings = device_settings(&rig, &timing, Some(rest.sigma))?;
+    state_imu_noise(&mut settings, &rest.white_imu_noise);
     arguments.stop.put_into(&mut settings, &parameters)?;
     let memory = span.map(|span| MemoryConfig { span, imu_noise: rest.imu_noise });
     forgetting::put_into(&mut settings, memory.as_ref());

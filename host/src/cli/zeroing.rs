@@ -15,7 +15,7 @@ use super::link::{configured, device_settings};
 use crate::device::session::{DeviceTiming, INTERRUPTED, Session, precision, widen};
 use crate::plan::machine;
 use crate::platform::check;
-use crate::problem::body::imu_noise::imu_noise;
+use crate::problem::body::imu_noise::{imu_noise, white_imu_noise};
 use crate::problem::body::prepare::mounting;
 use crate::rig::{Calibrated, ImuTable, RigFile};
 
@@ -39,6 +39,8 @@ pub(super) struct Rest {
     /// In the IMU's axes, m/s².
     specific_force: [f64; 3],
     pub(super) imu_noise: ImuNoise<f64>,
+    /// Noise of the IMU that rows are weighed by: as stated, else as found at rest.
+    pub(super) white_imu_noise: ImuNoise<f64>,
     /// What shows that the plate moves, if anything does.
     moving: Option<String>,
 }
@@ -60,6 +62,7 @@ fn at_rest(readings: &[Reading<f64>], imu: Option<&ImuTable>) -> Option<Rest> {
         specific_force: std::array::from_fn(|c| mean(&|r| r.specific_force.array()[c])),
         moving: moving(readings, &imu_noise),
         imu_noise,
+        white_imu_noise: white_imu_noise(imu, readings),
     })
 }
 

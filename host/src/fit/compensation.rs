@@ -13,15 +13,15 @@ use super::Factor;
 const LEAST_SHARE: f64 = 0.5;
 
 /// Compensated rows.
-pub(super) struct Compensated {
-    pub(super) factor: Factor,
+pub(crate) struct Compensated {
+    pub(crate) factor: Factor,
     /// `(AᵀWA − K)⁻¹` over what is determined: what a change of the right-hand side does to the estimate.
-    pub(super) inverse: DMatrix<f64>,
+    pub(crate) inverse: DMatrix<f64>,
 }
 
 /// Returns the factor of the compensated rows; `gram` is K, `rounding` the source's. `None` if there are no rows, or no
 /// decomposition.
-pub(super) fn compensate(factor: &Factor, gram: &DMatrix<f64>, rounding: f64) -> Option<Compensated> {
+pub(crate) fn compensate(factor: &Factor, gram: &DMatrix<f64>, rounding: f64) -> Option<Compensated> {
     let n = factor.parameters();
     let r = factor.r();
     let length: Vec<f64> = r.column_iter().map(|c| c.norm()).collect();
@@ -68,4 +68,49 @@ pub(super) fn compensate(factor: &Factor, gram: &DMatrix<f64>, rounding: f64) ->
     let mut out = Factor::new(n);
     out.absorb(rows.iter().map(|(row, value)| (row.as_slice(), *value)));
     Some(Compensated { factor: out.with_residual(left, factor.rows()), inverse })
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::DMatrix;
+    use rigident_shared::factor::{Compensation, Gram, InformationFactor};
+
+    use super::*;
+    use crate::fit::{Estimate, Noise};
+
+    const N: usize = 10;
+
+    /// The device's compensation, in its own steps, of the same factor. In directions that noise fills it is less certain.
+    #[test]
+    fn the_device_s_compensation_is_this_one() {
+        let mut state = 1_u64;
+        let mut random = || {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+        };
+        let mut factor = InformationFactor::<f64, N>::new();
+        for _ in 0..30 {
+            let columns: [[f64; 6]; N] = std::array::from_fn(|_| std::array::from_fn(|_| random()));
+            factor.absorb(&columns, &std::array::from_fn(|_| 1.0 + random()));
+        }
+        let half = DMatrix::from_fn(N, N, |_, _| random());
+        let k = half.tr_mul(&half);
+        for times in [0.1, 3.0, 30.0] {
+            let gram = &k * times;
+            let own =
+                Gram::<f64, N> { columns: std::array::from_fn(|j| std::array::from_fn(|i| gram[(i, j)])) };
+            let mut device = Compensation::<f64>::UNUSED;
+            device.begin(&factor, &own, 1.0);
+            while !device.step() {}
+            let device: InformationFactor<f64, N> = device.factor();
+            let here = compensate(&Factor::from(&factor), &gram, 1e-12).unwrap().factor;
+            let [a, b] = [Factor::from(&device), here].map(|f| Estimate::new(&f, 1e-12, 1.0, Noise::Given));
+            for j in 0..N {
+                let sd = b.covariance[(j, j)].sqrt();
+                assert!((a.values[j] - b.values[j]).abs() < 1e-9 * sd, "{times}, parameter {j}");
+                let ratio = a.covariance[(j, j)].sqrt() / sd;
+                assert!((ratio - 1.0).abs() < 1e-9 || times > 1.0 && ratio > 1.0, "{times}, parameter {j}");
+            }
+        }
+    }
 }

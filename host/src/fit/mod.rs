@@ -40,6 +40,7 @@ mod variance_components;
 mod weighing;
 mod whitening;
 
+pub(crate) use compensation::compensate;
 pub use condition::{
     ESTIMATOR_TAPS, FILTER_WIDTH_S, Filter, RowBlocks, SampleCounts, filter_width_s, row_every,
 };

@@ -16,15 +16,16 @@ use std::sync::atomic::AtomicBool;
 use hexapod::MotionProgram;
 use hexapod::experiment::thesis_program;
 use rigident_shared::calibration::Reading;
-use rigident_shared::estimator::{Estimator, EstimatorConfig};
+use rigident_shared::estimator::{self, Estimator, EstimatorConfig};
+use rigident_shared::forgetting::ImuNoise;
 use rigident_sim::rig::{ReadingRow, Readings, RigConfig, RigError, Truth};
 use rigident_sim::sensors::{LoadCellModel, PerExperiment, SensorModels};
 
 use self::repeat::repeat;
 use crate::answer::derived::{centre_of_mass, inertia_com};
 use crate::fit::{
-    DeviceFactor, Estimate, Factor, Fit, FitError, FitOptions, Silent, filter_width_s, fit, fit_device,
-    row_every,
+    Estimate, Factor, FitError, FitOptions, Noise, RowSource, SignalNoise, Silent, filter_width_s, fit,
+    outliers, row_every,
 };
 use crate::problem::ProblemError;
 use crate::problem::body::{BodySource, Input, errors};
@@ -36,6 +37,8 @@ pub use tree_experiment::TreeExperiment;
 
 /// Largest filter of the firmware's estimator on this side: 0.1 s at 2.5 kHz.
 const FIRMWARE_TAPS: usize = 256;
+/// Row blocks between two looks of the firmware's at its factor.
+const LOOK_EVERY_BLOCKS: u16 = 50;
 /// Of the firmware's readings.
 const FIRMWARE_FASTEST_HZ: f64 = 2500.0;
 /// Readings of one experiment: some GB with the motion's physics and a copy on every core.
@@ -48,7 +51,7 @@ const K95: f64 = 1.96;
 pub enum Solver {
     /// The batch pipeline in double precision.
     Host,
-    /// The firmware's estimator in single precision; the host concludes from its factor.
+    /// The firmware's estimator in single precision, and its own conclusions.
     Firmware,
 }
 
@@ -369,13 +372,13 @@ impl Prepared {
     fn experiment(&self, seed: u64) -> Result<Outcome, FitError> {
         let rows: Vec<ReadingRow> = self.readings.measured(seed).collect();
         let source = self.source(rows.iter().map(reading).collect());
-        let found = match self.campaign.solver {
-            Solver::Host => fit(&source, &FitOptions::default(), &Silent)?,
-            Solver::Firmware => self.by_firmware(&rows, &source)?,
+        let estimate = match self.campaign.solver {
+            Solver::Firmware if !self.has_gain_errors() => self.by_firmware(&rows, &source)?,
+            // Gain errors are no parameters of the device's: a run with them is concluded by the host's fit.
+            Solver::Host | Solver::Firmware => fit(&source, &FitOptions::default(), &Silent)?.estimate,
         };
         let truth = true_parameters(&self.readings.truth(seed));
-        let estimate = &found.estimate;
-        let (values, of_derived) = derived(estimate);
+        let (values, of_derived) = derived(&estimate);
         let (values, truth) =
             (joined(estimate.values.iter().copied(), values), joined(truth, self.true_derived()));
         let own: [f64; PARAMETERS] = std::array::from_fn(|j| estimate.covariance[(j, j)].max(0.0).sqrt());
@@ -393,7 +396,13 @@ impl Prepared {
         [x, y, z, xx, yy, zz, yz, zx, xy]
     }
 
-    fn by_firmware(&self, rows: &[ReadingRow], source: &BodySource) -> Result<Fit, FitError> {
+    fn has_gain_errors(&self) -> bool {
+        let gains = &self.campaign.config.sensors.load_cell.gain_error.spread;
+        self.campaign.tell_gain_errors && gains.iter().any(|spread| *spread > 0.0)
+    }
+
+    /// The device's own estimate, with looks at the factor and the noise of the IMU as on the device.
+    fn by_firmware(&self, rows: &[ReadingRow], source: &BodySource) -> Result<Estimate, FitError> {
         let campaign = &self.campaign;
         let settings = EstimatorConfig {
             rate_hz: campaign.rate_hz as f32,
@@ -404,15 +413,30 @@ impl Prepared {
             mounting: mounting(&campaign.config),
             limits: limits(&campaign.config),
         };
-        let estimator = Estimator::<f32, PARAMETERS, FIRMWARE_TAPS>::new(&settings);
-        let mut estimator = Box::new(estimator.map_err(|error| source.refuse(error))?);
-        for row in rows {
-            estimator.absorb(&reading(row));
+        let made = Estimator::<f32, PARAMETERS, FIRMWARE_TAPS>::new(&settings);
+        let mut estimator = Box::new(made.map_err(|error| source.refuse(error))?);
+        let noise: Vec<f64> = source.signal_noise().iter().map(SignalNoise::size).collect();
+        if let [accel, gyro] = noise[..] {
+            let noise = ImuNoise { accel: accel as f32, gyro: gyro as f32 };
+            estimator.set_imu_noise(&noise).map_err(|error| source.refuse(error))?;
         }
-        let device = DeviceFactor { factor: Factor::from(&estimator.factor().cast(f64::from)), gram: None };
-        let found = fit_device(source, &device, &FitOptions::default(), &Silent)?;
-        let estimate = found.device.as_deref().cloned();
-        Ok(Fit { estimate: estimate.unwrap_or_else(|| found.estimate.clone()), ..found })
+        let mut until_look = LOOK_EVERY_BLOCKS;
+        for row in rows {
+            match estimator.absorb(&reading(row)) {
+                estimator::Outcome::Absorbed => until_look = until_look.saturating_sub(1),
+                estimator::Outcome::Pending if until_look == 0 => {
+                    if estimator.look(outliers::LIMIT_SD as f32).is_some() {
+                        until_look = LOOK_EVERY_BLOCKS;
+                    }
+                }
+                estimator::Outcome::Pending | estimator::Outcome::Rejected(_) => {}
+            }
+        }
+        estimator.take_snapshot();
+        while !estimator.fold() {}
+        while !estimator.compensate() {}
+        let factor = Factor::from(&estimator.folded().cast(f64::from));
+        Ok(Estimate::new(&factor, f64::from(f32::EPSILON) * PARAMETERS as f64, 1.0, Noise::Given))
     }
 
     /// Returns the source of readings, settings and noise as a rig file of this rig would state them.

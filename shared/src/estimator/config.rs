@@ -45,6 +45,8 @@ pub enum ConfigError {
     Kernel(KernelError),
     /// The memory's span is impossible.
     Memory,
+    /// The noise of the IMU is negative or not finite.
+    ImuNoise,
 }
 
 pub(super) fn check_sigma<T: Scalar>(config: &EstimatorConfig<T>) -> Result<(), ConfigError> {

@@ -44,8 +44,9 @@ impl<T: Scalar> Watch<T> {
         Self { variance: channel_sigma.map(|sigma| sigma * sigma * noise_gain), lasting: [0; 6] }
     }
 
-    pub(super) fn reset(&mut self) {
-        self.lasting = [0; 6];
+    /// Takes another variance of the filtered noise.
+    pub(super) fn set_variance(&mut self, variance: [T; 6]) {
+        self.variance = variance;
     }
 
     /// The factor on each row of the block, 1 for all but those that a knock has spoilt. `spread` gives

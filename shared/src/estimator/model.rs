@@ -1,9 +1,10 @@
 //! What makes rows, and where they go: the two things in which the estimators of different bodies differ.
 
 use super::EstimatorConfig;
+use super::noise::{BodyNoise, RowNoise};
 use crate::Scalar;
 use crate::calibration::Reading;
-use crate::factor::{BodyCascade, Cascade, Gathering, InformationFactor};
+use crate::factor::{BodyCascade, Cascade, Gathering, Gram, InformationFactor, ROOM};
 use crate::forgetting::{Memory, Plan};
 use crate::regressor::{self, RegressorBlock, SIGNALS};
 use crate::screening::{Rejection, Screen};
@@ -17,6 +18,8 @@ pub trait Model<T: Scalar, const N: usize, const S: usize>: Copy {
     type Reading;
     /// Tells what absorbs the rows.
     type Store: Store<T, N>;
+    /// Tells what noise of the signals does to the rows.
+    type Noise: RowNoise<T, N>;
     /// Not yet set up.
     const UNUSED: Self;
 
@@ -38,13 +41,15 @@ pub trait Model<T: Scalar, const N: usize, const S: usize>: Copy {
     fn residual(config: &EstimatorConfig<T>, model: &Self, signals: &[T; S], parameters: &[T; N]) -> [T; 6];
     /// `Σ_j |a_j| sd_j` of channel c.
     fn spread(config: &EstimatorConfig<T>, model: &Self, signals: &[T; S], sd: &[T; N], c: usize) -> T;
-    /// Absorbs the six rows, each multiplied by its weight.
+    /// Absorbs the six rows, each multiplied by its weight and its factor, or by its factor and whitened together.
     fn absorb(
         config: &EstimatorConfig<T>,
         model: &Self,
         signals: &[T; S],
         weights: &[T; 6],
+        factors: &[T; 6],
         store: &mut Self::Store,
+        noise: &mut Self::Noise,
     );
 }
 
@@ -71,6 +76,18 @@ pub trait Store<T: Scalar, const N: usize>: Copy {
     fn remembers(&self) -> bool {
         false
     }
+    /// What noise of the signals has added to it.
+    fn memory_gram(&self) -> Option<Gram<T, ROOM>> {
+        None
+    }
+    /// Does what absorbing has left to be done, if it has. Whether it had.
+    fn settle(&mut self) -> bool {
+        false
+    }
+    /// Multiplies all rows absorbed so far.
+    fn scale(&mut self, _by: T) {}
+    /// Is told that the rows of a block are whitened together from now on.
+    fn see_together(&mut self) {}
     /// Returns whether enough has been absorbed for a segment of it.
     fn segment_is_complete(&self) -> bool {
         false
@@ -101,6 +118,19 @@ impl<T: Scalar, const N: usize> Store<T, N> for BodyCascade<T, N> {
     #[inline]
     fn memory(&mut self) -> Option<&mut Memory<T, N>> {
         Self::memory(self)
+    }
+    fn memory_gram(&self) -> Option<Gram<T, ROOM>> {
+        Self::memory_gram(self)
+    }
+    #[inline]
+    fn settle(&mut self) -> bool {
+        Self::settle(self)
+    }
+    fn scale(&mut self, by: T) {
+        Self::scale(self, by);
+    }
+    fn see_together(&mut self) {
+        Self::see_together(self);
     }
     #[inline]
     fn remembers(&self) -> bool {
@@ -152,6 +182,7 @@ impl<T: Scalar> OneBody<T> {
 impl<T: Scalar, const N: usize> Model<T, N, SIGNALS> for OneBody<T> {
     type Reading = Reading<T>;
     type Store = BodyCascade<T, N>;
+    type Noise = BodyNoise<T>;
     const UNUSED: Self = Self::NEW;
 
     fn restart(&mut self, config: &EstimatorConfig<T>) {
@@ -203,8 +234,16 @@ impl<T: Scalar, const N: usize> Model<T, N, SIGNALS> for OneBody<T> {
         _: &Self,
         signals: &[T; SIGNALS],
         weights: &[T; 6],
+        factors: &[T; 6],
         store: &mut Self::Store,
+        noise: &mut Self::Noise,
     ) {
-        store.absorb(signals, &config.mounting.position, weights);
+        let lever_arm = &config.mounting.position;
+        match noise.together() {
+            Some((whitening, low_pass)) => {
+                store.absorb_together(signals, lever_arm, factors, whitening, low_pass);
+            }
+            None => store.absorb(signals, lever_arm, weights),
+        }
     }
 }

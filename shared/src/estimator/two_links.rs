@@ -14,6 +14,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::noise::Noiseless;
 use super::{EstimatorConfig, Model};
 use crate::Scalar;
 use crate::calibration::{ImuMounting, Reading};
@@ -274,6 +275,7 @@ impl<T: Scalar> TwoLinks<T> {
 impl<T: Scalar, const N: usize> Model<T, N, SIGNALS> for TwoLinks<T> {
     type Reading = TwoLinkReading<T>;
     type Store = Cascade<T, N, UPPER>;
+    type Noise = Noiseless;
     const UNUSED: Self = Self::NONE;
 
     fn restart(&mut self, config: &EstimatorConfig<T>) {
@@ -429,7 +431,9 @@ impl<T: Scalar, const N: usize> Model<T, N, SIGNALS> for TwoLinks<T> {
         _: &Self,
         signals: &[T; SIGNALS],
         weights: &[T; 6],
+        _: &[T; 6],
         store: &mut Self::Store,
+        _: &mut Noiseless,
     ) {
         let (mut columns, mut wrench) = Self::columns::<N>(config, signals);
         for column in columns.iter_mut().chain([&mut wrench]) {

@@ -1,16 +1,20 @@
 use core::num::NonZeroU16;
 
 use super::cascade::Levels;
-use super::{BLOCK_ROWS, Block, Column, InformationFactor};
+use super::compensation::ROOM;
+use super::{BLOCK_ROWS, Block, Column, Gram, InformationFactor, scale};
 use crate::Scalar;
 use crate::forgetting::{Memory, Plan};
 use crate::regressor::{self, RegressorBlock, SIGNALS};
 use crate::spatial::{Position, Sensor};
+use crate::whitening::{CHANNELS, LowPass, Passes, Whitening, combined};
 
 /// Parameters that forces see: mcx, mcy, mcz, m, and the offset.
 const FORCE: [usize; 7] = [1, 2, 3, 0, 10, 11, 12];
-/// Parameters that moments see: the tensor, mcx, mcy, mcz, and the offset.
-const MOMENT: [usize; 12] = [4, 5, 6, 7, 8, 9, 1, 2, 3, 13, 14, 15];
+/// Parameters that moments see: the tensor, mcx, mcy, mcz, and the offset; then those that they do not see.
+const ALL: [usize; 16] = [4, 5, 6, 7, 8, 9, 1, 2, 3, 13, 14, 15, 0, 10, 11, 12];
+/// The same where the offset is known.
+const TEN: [usize; 10] = [4, 5, 6, 7, 8, 9, 1, 2, 3, 0];
 /// Levels above the absorbing one: 1600 · 100³ wrenches before the last takes more than a hundred merges.
 const UPPER: usize = 3;
 /// Steps of [`BodyCascade::fold`]: those for what is above the absorbing level, that of a level that is being merged (several
@@ -20,8 +24,12 @@ const FOLD_WAITING: usize = FOLD_UPPER + 1;
 const FOLD_LEVEL: usize = FOLD_WAITING + 1;
 /// Wrenches in a block.
 const WRENCHES: u8 = (BLOCK_ROWS / 3) as u8;
+/// Wrenches in a block of rows that see all parameters.
+const PAIR: u8 = (BLOCK_ROWS / CHANNELS) as u8;
 /// Wrenches in a full absorbing level.
 const FULL: u16 = 1600;
+/// The same of rows that see all parameters, as one triangle takes all of them.
+const FULL_TOGETHER: u16 = FULL / 2;
 
 /// The cascade of a rigid body's `N` parameters, ten or sixteen, that knows which entries of its regressor are zero.
 ///
@@ -29,12 +37,17 @@ const FULL: u16 = 1600;
 /// force rows and one of the moment rows, each fed with twelve rows, of four wrenches; when the level is full, both are
 /// merged into one factor of all parameters. At N = 10 four wrenches meet 10 + 45 pairs of columns of twelve rows;
 /// without that knowledge it would be 2 × 55.
+///
+/// Where the noise of forces and moments is correlated, every whitened row sees every parameter: the moments' triangle then
+/// takes all of them, twelve rows of two wrenches at a time.
 #[derive(Clone, Copy, Debug)]
 pub struct BodyCascade<T: Scalar, const N: usize> {
     level: Level<T>,
     columns: Columns<T>,
     /// Wrenches in the columns, three rows each, that wait for a fourth.
     waiting: u8,
+    /// Rows see all parameters, and go into the moments' triangle.
+    together: bool,
     /// Wrenches in the level and in the columns.
     wrenches: u16,
     /// Parts of the full level that are in the next one already.
@@ -55,19 +68,19 @@ enum Upper<T: Scalar, const N: usize> {
     Memory(Memory<T, N>),
 }
 
-/// The absorbing level: `[R z]` of the forces and of the moments, by columns, z being the one after the last that is
-/// estimated.
+/// The absorbing level: `[R z]` of the forces and of the moments, by columns, z being the one after the last that the rows
+/// see.
 #[derive(Clone, Copy, Debug)]
 struct Level<T: Scalar> {
     force: [[T; FORCE.len()]; FORCE.len() + 1],
-    moment: [[T; MOMENT.len()]; MOMENT.len() + 1],
+    moment: [[T; ALL.len()]; ALL.len() + 1],
     residual_sum_of_squares: T,
 }
 
 impl<T: Scalar> Level<T> {
     const EMPTY: Self = Self {
         force: [[T::ZERO; FORCE.len()]; FORCE.len() + 1],
-        moment: [[T::ZERO; MOMENT.len()]; MOMENT.len() + 1],
+        moment: [[T::ZERO; ALL.len()]; ALL.len() + 1],
         residual_sum_of_squares: T::ZERO,
     };
 
@@ -78,8 +91,23 @@ impl<T: Scalar> Level<T> {
             && let Some(f) = rest.get_mut(..=force)
         {
             self.residual_sum_of_squares += T::reduce(self.force.as_flattened_mut(), FORCE.len(), f);
-            self.residual_sum_of_squares += T::reduce(self.moment.as_flattened_mut(), MOMENT.len(), m);
+            self.residual_sum_of_squares += T::reduce(self.moment.as_flattened_mut(), ALL.len(), m);
         }
+    }
+
+    /// Reduces rows that see all `n` parameters.
+    #[inline(never)]
+    fn reduce_together(&mut self, columns: &mut Columns<T>, n: usize) {
+        if let Some(columns) = columns.get_mut(..=n) {
+            self.residual_sum_of_squares += T::reduce(self.moment.as_flattened_mut(), ALL.len(), columns);
+        }
+    }
+
+    /// Makes room in the moments' triangle for the parameters that moments do not see.
+    fn widen(&mut self, offset: bool) {
+        let (_, moment) = estimated(offset);
+        let all = if offset { ALL.len() } else { TEN.len() };
+        self.moment.swap(moment, all);
     }
 
     /// Merges the part `part` of both triangles into a factor of all parameters; false if there is no such part.
@@ -88,9 +116,12 @@ impl<T: Scalar> Level<T> {
         &self,
         part: u8,
         wrenches: u16,
+        together: bool,
         factor: &mut InformationFactor<T, N>,
     ) -> bool {
         let (force, moment) = estimated(N == 16);
+        let moment = if together { N } else { moment };
+        let of_moments: &[usize] = if N == 16 { &ALL } else { &TEN };
         let first = usize::from(part) * BLOCK_ROWS;
         if first >= force + moment {
             return false;
@@ -102,7 +133,13 @@ impl<T: Scalar> Level<T> {
             if row < force {
                 place(&mut block, slot, &self.force, row, FORCE.get(..force).unwrap_or_default());
             } else {
-                place(&mut block, slot, &self.moment, row - force, MOMENT.get(..moment).unwrap_or_default());
+                place(
+                    &mut block,
+                    slot,
+                    &self.moment,
+                    row - force,
+                    of_moments.get(..moment).unwrap_or_default(),
+                );
             }
         }
         factor.reduce(0, &mut block);
@@ -133,13 +170,15 @@ fn place<T: Scalar, const N: usize, const K: usize>(
     }
 }
 
-/// Returns how many of [`FORCE`] and [`MOMENT`] are estimated.
+/// Returns how many of [`FORCE`] are estimated, and how many parameters moments see.
 const fn estimated(offset: bool) -> (usize, usize) {
-    if offset { (FORCE.len(), MOMENT.len()) } else { (4, 9) }
+    if offset { (FORCE.len(), 12) } else { (4, 9) }
 }
 
-/// The columns of the moments and their right-hand side, then those of the forces, then what is not used.
-type Columns<T> = [Column<T>; MOMENT.len() + FORCE.len() + 2];
+/// The columns of the moments and their right-hand side, then those of the forces, then what is not used. Of rows that see
+/// all parameters: the columns of all and their right-hand side.
+type Columns<T> = [Column<T>; COLUMNS];
+const COLUMNS: usize = 12 + FORCE.len() + 2;
 
 /// Writes a wrench's whitened rows as the `third`th three rows of all columns.
 #[inline(always)]
@@ -179,6 +218,55 @@ fn write<T: Scalar>(
     columns[f + force].set_third(third, whitened_force(&rows.wrench));
 }
 
+/// Writes a wrench's rows, whitened together, as the `half`th six rows of all columns.
+#[inline(never)]
+fn write_together<T: Scalar>(
+    columns: &mut Columns<T>,
+    half: usize,
+    rows: &RegressorBlock<T>,
+    factors: &[T; CHANNELS],
+    whitening: &Whitening<T>,
+    low_pass: &mut LowPass<T>,
+    offset: bool,
+) {
+    let mut by = whitening.columns;
+    if factors.iter().any(|factor| *factor < T::ONE) {
+        for (column, factor) in by.iter_mut().zip(factors) {
+            *column = column.map(|t| t * *factor);
+        }
+    }
+    let [fx, fy, fz, mx, my, mz] = by;
+    let passes = Passes::of(whitening);
+    let mut put = |position: usize, mut column: [T; CHANNELS]| {
+        low_pass.pass(position, &passes, &mut column);
+        columns[position].set_half(half, column);
+    };
+    for k in 0..6 {
+        let [.., a, b, c] = rows.columns[4 + k];
+        put(k, combined(&[mx, my, mz], &[a, b, c]));
+    }
+    for k in 0..3 {
+        put(6 + k, combined(&by, &rows.columns[1 + k]));
+    }
+    let [a, b, c, ..] = rows.columns[0];
+    let mass = combined(&[fx, fy, fz], &[a, b, c]);
+    let n = if offset {
+        for (k, column) in [mx, my, mz].into_iter().enumerate() {
+            put(9 + k, column);
+        }
+        put(12, mass);
+        for (k, column) in [fx, fy, fz].into_iter().enumerate() {
+            put(13 + k, column);
+        }
+        16
+    } else {
+        put(9, mass);
+        10
+    };
+    put(n, combined(&by, &rows.wrench));
+    low_pass.end();
+}
+
 impl<T: Scalar, const N: usize> Default for BodyCascade<T, N> {
     fn default() -> Self {
         Self::new()
@@ -192,8 +280,9 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
         const { assert!(N == 10 || N == 16, "ten parameters, or sixteen with the offset") }
         Self {
             level: Level::EMPTY,
-            columns: [Column::ZERO; MOMENT.len() + FORCE.len() + 2],
+            columns: [Column::ZERO; COLUMNS],
             waiting: 0,
+            together: false,
             wrenches: 0,
             parts_merged: 0,
             segment: None,
@@ -228,11 +317,19 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
             self.reduce_waiting();
         }
         for part in 0.. {
-            if !self.level.merge_part(part, self.wrenches, segment) {
+            if !self.level.merge_part(part, self.wrenches, self.together, segment) {
                 break;
             }
         }
         (self.level, self.waiting, self.wrenches) = (Level::EMPTY, 0, 0);
+    }
+
+    /// What noise of the signals has added to the memory, if there is one.
+    pub(crate) fn memory_gram(&self) -> Option<Gram<T, ROOM>> {
+        match &self.upper {
+            Upper::Memory(memory) => Some(memory.gram()),
+            Upper::Levels(_) => None,
+        }
     }
 
     /// The memory, if there is one.
@@ -255,21 +352,101 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
         if self.waiting == 0 {
             self.level.reduce(&mut self.columns, offset);
         } else {
-            self.tidy();
+            self.tidy(FULL);
+        }
+    }
+
+    /// Absorbs the six rows of a wrench, each multiplied by its factor and then whitened together. All rows from the first such
+    /// on must be absorbed so: [`Self::see_together`] goes before.
+    #[inline(always)]
+    pub fn absorb_together(
+        &mut self,
+        signals: &[T; SIGNALS],
+        lever_arm: &Position<Sensor, T>,
+        factors: &[T; CHANNELS],
+        whitening: &Whitening<T>,
+        low_pass: &mut LowPass<T>,
+    ) {
+        if self.waiting >= PAIR {
+            // A level is handed up as it is, or not yet.
+            while self.parts_merged > 0 {
+                self.tidy(FULL_TOGETHER);
+            }
+            self.level.reduce_together(&mut self.columns, N);
+            self.waiting = 0;
+        }
+        let rows = regressor::block(signals, lever_arm);
+        let half = usize::from(self.waiting);
+        write_together(&mut self.columns, half, &rows, factors, whitening, low_pass, N == 16);
+        self.waiting += 1;
+        self.wrenches = self.wrenches.saturating_add(1);
+        if self.waiting < PAIR && self.parts_merged == 0 {
+            self.tidy(FULL);
+        }
+    }
+
+    /// Where rows see all parameters: reduces those that fill a block, or hands a part of a full level up, which
+    /// [`Self::absorb_together`] else does itself, later. Returns whether there was something to do.
+    #[inline]
+    pub fn settle(&mut self) -> bool {
+        if !self.together {
+            return false;
+        }
+        if self.waiting >= PAIR && self.parts_merged == 0 {
+            self.level.reduce_together(&mut self.columns, N);
+            self.waiting = 0;
+            return true;
+        }
+        let is_full = self.wrenches > FULL_TOGETHER;
+        if is_full {
+            self.tidy(FULL_TOGETHER);
+        }
+        is_full
+    }
+
+    /// From now on rows see all parameters.
+    #[inline(never)]
+    pub fn see_together(&mut self) {
+        if self.together {
+            return;
+        }
+        while self.parts_merged > 0 {
+            self.tidy(FULL);
+        }
+        if self.waiting > 0 {
+            self.reduce_waiting();
+        }
+        self.level.widen(N == 16);
+        self.together = true;
+    }
+
+    /// Multiplies all rows absorbed so far.
+    #[inline(never)]
+    pub(crate) fn scale(&mut self, by: T) {
+        let Level { force, moment, residual_sum_of_squares } = &mut self.level;
+        scale(force.as_flattened_mut(), by);
+        scale(moment.as_flattened_mut(), by);
+        *residual_sum_of_squares *= by * by;
+        for column in &mut self.columns {
+            scale(&mut column.rows, by);
+        }
+        match &mut self.upper {
+            Upper::Levels(upper) => upper.scale(by),
+            Upper::Memory(memory) => memory.scale(by),
         }
     }
 
     /// Between two reductions: a part of what a full level asks for, so that no wrench waits for all of it.
     #[inline]
-    fn tidy(&mut self) {
+    fn tidy(&mut self, full: u16) {
         let Upper::Levels(upper) = &mut self.upper else { return };
-        if self.wrenches <= FULL {
+        if self.wrenches <= full {
             return upper.carry();
         }
         // Those that are waiting in the columns are not yet in the level.
         let in_level = self.wrenches - u16::from(self.waiting);
         let Some(next) = upper.lowest() else { return };
-        if self.level.merge_part(self.parts_merged, in_level, next) {
+        if self.level.merge_part(self.parts_merged, in_level, self.together, next) {
             self.parts_merged += 1;
             return;
         }
@@ -292,7 +469,7 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
             (0..FOLD_UPPER, Upper::Memory(memory)) => memory.fold(k, whole),
             (FOLD_UPPER, _) if self.parts_merged > 0 => {
                 // What is left of a level that is being merged; its count went with the first part.
-                stays = self.level.merge_part(self.parts_merged, 0, whole);
+                stays = self.level.merge_part(self.parts_merged, 0, self.together, whole);
                 if stays {
                     self.parts_merged += 1;
                 } else {
@@ -302,7 +479,7 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
             }
             (FOLD_WAITING, _) if self.waiting > 0 => self.reduce_waiting(),
             (FOLD_LEVEL, _) => {
-                stays = self.level.merge_part(self.parts_merged, self.wrenches, whole);
+                stays = self.level.merge_part(self.parts_merged, self.wrenches, self.together, whole);
                 self.parts_merged += u8::from(stays);
             }
             _ => {}
@@ -313,12 +490,17 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
 
     /// Takes what waits in the columns into the absorbing level.
     fn reduce_waiting(&mut self) {
+        let rows = if self.together { CHANNELS } else { 3 } * usize::from(self.waiting);
         for column in &mut self.columns {
-            for row in column.rows.iter_mut().skip(3 * usize::from(self.waiting)) {
+            for row in column.rows.iter_mut().skip(rows) {
                 *row = T::ZERO;
             }
         }
-        self.level.reduce(&mut self.columns, N == 16);
+        if self.together {
+            self.level.reduce_together(&mut self.columns, N);
+        } else {
+            self.level.reduce(&mut self.columns, N == 16);
+        }
         self.waiting = 0;
     }
 
@@ -344,7 +526,7 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
         }
         // While the level is being merged its parts are in both places.
         let part = *step - Levels::<T, N, UPPER>::PARTS as u8;
-        let more = self.parts_merged == 0 && self.level.merge_part(part, self.wrenches, whole);
+        let more = self.parts_merged == 0 && self.level.merge_part(part, self.wrenches, self.together, whole);
         *step = if more { *step + 1 } else { 0 };
         !more
     }

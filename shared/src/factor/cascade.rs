@@ -65,6 +65,13 @@ impl<T: Scalar, const N: usize, const LEVELS: usize> Levels<T, N, LEVELS> {
         }
     }
 
+    /// Multiplies all rows.
+    pub(super) fn scale(&mut self, by: T) {
+        for level in &mut self.levels {
+            level.scale(by);
+        }
+    }
+
     /// Merges one level that is full into the next: with each block one, so that no block waits for all of them.
     #[inline]
     pub(super) fn carry(&mut self) {

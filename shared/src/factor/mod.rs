@@ -10,14 +10,19 @@
 
 mod body;
 mod cascade;
+mod compensation;
+mod gram;
 mod jacobi;
 mod marginal;
 mod packed;
 mod reflection;
 mod solution;
+mod vector;
 
 pub use body::{BodyCascade, Gathering};
 pub use cascade::Cascade;
+pub use compensation::{Compensation, ROOM};
+pub use gram::Gram;
 pub use packed::{PackedFactor, packed_entries};
 pub use reflection::{BLOCK_ROWS, Column};
 pub use solution::{Solution, Solver, condition_number};
@@ -26,6 +31,7 @@ pub(crate) use jacobi::{Jacobi, dot};
 pub(crate) use reflection::{reduce, reduce_packed};
 #[cfg(all(target_arch = "arm", target_os = "none"))]
 pub(crate) use reflection::{reduce_on_core, reduce_packed_on_core};
+pub(crate) use vector::{add_scaled, dot_slices, scale};
 
 use crate::Scalar;
 
@@ -254,6 +260,13 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
             *column = column.map(|r| r / *by);
         }
         stretched.about(&estimate.map(|v| -v))
+    }
+
+    /// Multiplies all rows.
+    pub(crate) fn scale(&mut self, by: T) {
+        scale(self.triangle.r.as_flattened_mut(), by);
+        scale(&mut self.triangle.z, by);
+        self.residual_sum_of_squares *= by * by;
     }
 
     /// The same triangle with another residual sum and row count.

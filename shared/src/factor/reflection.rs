@@ -38,6 +38,16 @@ impl<T: Scalar> Column<T> {
     }
 }
 
+impl<T: Scalar> Column<T> {
+    /// Writes the rows `6 half..6 half + 6`.
+    #[inline(always)]
+    pub(super) fn set_half(&mut self, half: usize, rows: [T; 6]) {
+        if let Some(target) = self.rows.as_chunks_mut::<6>().0.get_mut(half) {
+            *target = rows;
+        }
+    }
+}
+
 impl<T: Scalar> From<[T; BLOCK_ROWS]> for Column<T> {
     fn from(rows: [T; BLOCK_ROWS]) -> Self {
         Self { rows, k: T::ZERO }

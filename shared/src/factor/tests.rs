@@ -342,3 +342,73 @@ fn the_cascade_holds_what_a_single_level_loses() {
     assert!(deviation(&cascade.factor()) < floor.max(0.05 * sd), "{}", deviation(&cascade.factor()));
     assert!(deviation(&cascade.factor()) < deviation(&single));
 }
+
+/// Rows that are whitened together, from some wrench on, against the factor of the same rows: blocks, levels that are handed up
+/// in the middle, settled between the wrenches never, once or twice.
+#[test]
+fn the_body_s_cascade_of_rows_whitened_together_is_the_factor_of_these_rows() {
+    fn check<const N: usize>(from: usize, wrenches: usize, settles: usize) {
+        let mut random = Random(9);
+        let weights = [0.2, 0.25, 0.1, 2.6, 2.2, 2.1];
+        let whitening = crate::whitening::Whitening::<f64> {
+            columns: core::array::from_fn(|_| core::array::from_fn(|_| random.normal())),
+            poles: [1.5, 0.5, 0.0],
+        };
+        let (mut low_pass, mut after) = (crate::whitening::LowPass::NEW, [[0.0; 2]; 17]);
+        let mut before = after;
+        let mut body = BodyCascade::<f64, N>::new();
+        let mut full = InformationFactor::<f64, N>::new();
+        let lever_arm = crate::spatial::Position::new(0.06, -0.04, 0.02);
+        for n in 0..wrenches {
+            let signals = core::array::from_fn(|_| random.normal());
+            let factors = if n % 7 == 0 { [1.0, 0.5, 1.0, 1.0, 1.0, 0.1] } else { [1.0; 6] };
+            let rows = crate::regressor::block(&signals, &lever_arm);
+            let column = |j: usize| match rows.columns.get(j) {
+                _ if j == N => rows.wrench,
+                Some(column) => *column,
+                None => core::array::from_fn(|i| f64::from(u8::from(j - 10 == i))),
+            };
+            let white: std::vec::Vec<[f64; 6]> = (0..=N)
+                .map(|j| {
+                    let own = column(j);
+                    if n < from {
+                        return core::array::from_fn(|c| weights[c] * own[c]);
+                    }
+                    let mut out: [f64; 6] = core::array::from_fn(|c| {
+                        (0..6).map(|k| whitening.columns[k][c] * factors[k] * own[k]).sum()
+                    });
+                    for c in 0..2 {
+                        let pole = whitening.poles[c];
+                        if n == from {
+                            before[j][c] = out[c];
+                        }
+                        let y = ((pole - 1.0) * after[j][c] + out[c] + before[j][c]) / (pole + 1.0);
+                        (before[j][c], after[j][c], out[c]) = (out[c], y, y);
+                    }
+                    out
+                })
+                .collect();
+            full.absorb(&core::array::from_fn(|j| white[j]), &white[N]);
+            if n < from {
+                body.absorb(&signals, &lever_arm, &weights);
+                continue;
+            }
+            body.see_together();
+            body.absorb_together(&signals, &lever_arm, &factors, &whitening, &mut low_pass);
+            for _ in 0..settles {
+                body.settle();
+            }
+        }
+        let (own, largest) = (body.factor(), full.entries().fold(0.0, |m: f64, e| m.max(e.abs())));
+        assert_eq!(own.rows(), full.rows());
+        for (a, b) in own.entries().zip(full.entries()) {
+            assert!((a - b).abs() < 1e-11 * largest, "{N}, {from}, {wrenches}, {settles}: {a} {b}");
+        }
+    }
+    for settles in [0, 1, 2, 9] {
+        for (from, wrenches) in [(0, 1), (0, 2), (3, 8), (1602, 1606), (50, 2500), (1700, 5000)] {
+            check::<10>(from, wrenches, settles);
+            check::<16>(from, wrenches, settles);
+        }
+    }
+}

@@ -1,6 +1,6 @@
-use super::{Forgetting, Window, retention, whole};
+use super::{Forgetting, NOISY, Window, retention, whole};
 use crate::Scalar;
-use crate::factor::InformationFactor;
+use crate::factor::{Gram, InformationFactor};
 
 /// Segments that a time constant is divided into.
 const SEGMENTS: u32 = 20;
@@ -8,6 +8,9 @@ const SEGMENTS: u32 = 20;
 const SEGMENT_BLOCKS: (u32, u32) = (10, 50);
 /// Parts that a window is divided into, of which the newest is being filled: four fifths of it are held at least.
 const PARTS: usize = 5;
+
+/// Parameters of a body, which may have noise in their coefficients.
+const BODY: usize = 10;
 
 /// Tells how long rows are remembered. Seconds are those of rows taken in: they stand still where none are.
 ///
@@ -90,8 +93,17 @@ pub struct Memory<T: Scalar, const N: usize> {
 #[derive(Clone, Copy, Debug)]
 #[allow(clippy::large_enum_variant, reason = "no heap")]
 enum Kept<T: Scalar, const N: usize> {
-    Forgetting { memory: Forgetting<T, N>, time_constant_s: T },
-    Window { window: Window<T, N, PARTS>, part_blocks: u32, filled: u32 },
+    Forgetting {
+        memory: Forgetting<T, N>,
+        time_constant_s: T,
+    },
+    Window {
+        window: Window<T, N, PARTS>,
+        /// What noise of the signals has added to its segments.
+        grams: [Gram<T, BODY>; PARTS],
+        part_blocks: u32,
+        filled: u32,
+    },
 }
 
 /// Holds what follows from a configuration.
@@ -153,29 +165,75 @@ impl<T: Scalar, const N: usize> Memory<T, N> {
                 time_constant_s,
             },
             Span::Window(_) => {
-                Kept::Window { window: Window::new(), part_blocks: plan.part_blocks, filled: 0 }
+                let grams = [Gram::ZERO; PARTS];
+                Kept::Window { window: Window::new(), grams, part_blocks: plan.part_blocks, filled: 0 }
             }
         };
         Self { kept, block_s: plan.block_s }
     }
 
-    /// Takes in a segment.
+    /// Takes in a segment, and what noise of the signals has added to it.
     #[inline(never)]
-    pub(crate) fn take(&mut self, segment: &InformationFactor<T, N>) {
+    pub(crate) fn take(&mut self, segment: &InformationFactor<T, N>, gram: Option<&Gram<T, BODY>>) {
         let blocks = segment.rows() / 6;
         match &mut self.kept {
             Kept::Forgetting { memory, time_constant_s } => {
                 let length_s = T::from_u32(blocks) * self.block_s;
-                memory.take(segment, retention(length_s, *time_constant_s));
+                let mut all = Gram::ZERO;
+                if let Some(gram) = gram {
+                    all.add(gram, T::ONE);
+                }
+                memory.take_noisy(segment, &all, retention(length_s, *time_constant_s));
             }
-            Kept::Window { window, part_blocks, filled } => {
+            Kept::Window { window, grams, part_blocks, filled } => {
                 window.add(segment);
+                if let (Some(newest), Some(gram)) = (grams.last_mut(), gram) {
+                    newest.add(gram, T::ONE);
+                }
                 *filled = filled.saturating_add(blocks);
                 if *filled >= *part_blocks {
                     window.advance();
+                    grams.rotate_left(1);
+                    if let Some(newest) = grams.last_mut() {
+                        *newest = Gram::ZERO;
+                    }
                     *filled = 0;
                 }
             }
+        }
+    }
+
+    /// What noise of the signals has added to everything remembered.
+    pub(crate) fn gram(&self) -> Gram<T, NOISY> {
+        match &self.kept {
+            Kept::Forgetting { memory, .. } => *memory.gram(),
+            Kept::Window { grams, .. } => {
+                let mut sum = Gram::ZERO;
+                for gram in grams {
+                    sum.add(gram, T::ONE);
+                }
+                sum
+            }
+        }
+    }
+
+    /// Multiplies all rows.
+    pub(crate) fn scale(&mut self, by: T) {
+        match &mut self.kept {
+            Kept::Forgetting { memory, .. } => memory.scale(by),
+            Kept::Window { window, grams, .. } => {
+                window.scale(by);
+                for gram in grams {
+                    gram.scale(by * by);
+                }
+            }
+        }
+    }
+
+    /// Takes another noise per row; see [`Forgetting::new`].
+    pub(crate) fn set_noise(&mut self, noise: &[T; N]) {
+        if let Kept::Forgetting { memory, .. } = &mut self.kept {
+            memory.set_noise(noise);
         }
     }
 

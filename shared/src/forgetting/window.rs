@@ -40,6 +40,13 @@ impl<T: Scalar, const N: usize, const K: usize> Window<T, N, K> {
         }
     }
 
+    /// Multiplies all rows.
+    pub(crate) fn scale(&mut self, by: T) {
+        for segment in &mut self.segments {
+            segment.scale(by);
+        }
+    }
+
     /// Begins a new segment; the oldest of more than `K` falls out.
     pub fn advance(&mut self) {
         self.take(&InformationFactor::EMPTY);

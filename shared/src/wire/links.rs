@@ -12,6 +12,8 @@ use super::messages::{ImuSettings, ReadingMessage};
 pub const MAX_LINKS: usize = 16;
 /// Most base parameters of a tree from frames.
 pub const MAX_TREE_PARAMETERS: usize = 128;
+/// Most parameters of a model whose device reckons with noise of the signals: a body's and the wrench offset.
+pub const MAX_NOISY_PARAMETERS: usize = 16;
 /// Readings of two links per batch, either way.
 pub const LINK_BATCH: usize = 8;
 
@@ -134,6 +136,9 @@ pub struct FactorRow {
     pub parameters: u8,
     /// From the diagonal on, then the right-hand side.
     pub entries: Vec<f32, { MAX_TREE_PARAMETERS + 1 }>,
+    /// From the diagonal on: what noise of the signals has added to `RᵀR`, in the same units; none: nothing. It is taken off where
+    /// the factor is solved.
+    pub gram: Vec<f32, MAX_NOISY_PARAMETERS>,
     /// With row 0: the sum of squares that no parameters explain. Of a tree: of all rows since it was last taken.
     pub residual_sum_of_squares: f32,
     /// With row 0: how many these were.

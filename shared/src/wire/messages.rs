@@ -203,6 +203,8 @@ pub enum SettingName {
     AccelScale,
     /// `imu.accel_bias_mps2` or `imu.gyro_bias_radps`
     ImuBias,
+    /// `imu.accel_noise_mps2` or `imu.gyro_noise_radps`
+    ImuNoise,
     /// `imu.rate_hz`
     ImuRate,
     /// `imu.range_mps2` or `imu.range_radps`
@@ -291,6 +293,10 @@ pub struct ImuSettings {
     pub accel_bias_mps2: [f32; 3],
     /// Bias of the gyro, IMU axes, rad/s.
     pub gyro_bias_radps: [f32; 3],
+    /// 1 σ of the accelerometer per reading, m/s²; zero: taken as exact.
+    pub accel_noise_mps2: f32,
+    /// 1 σ of the gyro per reading, rad/s; zero: taken as exact.
+    pub gyro_noise_radps: f32,
     /// Group delay, ns.
     pub group_delay_ns: u32,
     /// Range of the accelerometer, m/s².

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-const MATHEMATICS: [&str; 13] = [
+const MATHEMATICS: [&str; 14] = [
     "alignment",
     "calibration",
     "conditioning",
@@ -17,6 +17,7 @@ const MATHEMATICS: [&str; 13] = [
     "screening",
     "spatial",
     "tree",
+    "whitening",
 ];
 /// Words that only the wire may use.
 const SERIALISATION: [&str; 6] = ["serde", "Serialize", "postcard", "cobs", "wire", "Schema"];

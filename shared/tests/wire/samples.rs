@@ -23,6 +23,8 @@ pub fn settings() -> Settings {
             accel_scale: [1.0, 1.01, 0.99],
             accel_bias_mps2: [0.02, 0.0, -0.03],
             gyro_bias_radps: [0.001, 0.002, 0.003],
+            accel_noise_mps2: 0.02,
+            gyro_noise_radps: 0.0015,
             group_delay_ns: 1_000_000,
             range_mps2: 156.9,
             range_radps: 34.9,
@@ -166,6 +168,7 @@ fn row() -> FactorRow {
         row: 126,
         parameters: 128,
         entries: [1.5, -2.5, 4.0].into_iter().collect(),
+        gram: [0.5, 0.25].into_iter().collect(),
         residual_sum_of_squares: 0.25,
         rows: 6000,
     }
@@ -261,6 +264,7 @@ pub fn longest() -> Vec<(&'static str, Message)> {
         row: u8::MAX,
         parameters: u8::MAX,
         entries: core::iter::repeat_n(1.0, MAX_TREE_PARAMETERS + 1).collect(),
+        gram: core::iter::repeat_n(1.0, MAX_NOISY_PARAMETERS).collect(),
         residual_sum_of_squares: 1.0,
         rows: u32::MAX,
     };

@@ -3,7 +3,7 @@
 use std::sync::atomic::AtomicBool;
 
 use hexapod::{Axis, BodyParameters, MotionProgram, Segment, SineTerm};
-use rigident::montecarlo::Campaign;
+use rigident::montecarlo::{Campaign, Solver};
 use rigident_sim::rig::RigConfig;
 
 const RUNS: u64 = 500;
@@ -23,6 +23,9 @@ fn rig([accel, gyro]: [f64; 2]) -> RigConfig {
     config.geometry.leg_length_m = [0.1, 3.0];
     config.geometry.leg_rate_mps = 20.0;
     config.sensors.load_cell.noise_n_nm = LOAD_CELL;
+    // The platform's own sensors are coarser, and at the end of their range.
+    config.sensors.load_cell.resolution_n_nm = [0.0; 6];
+    (config.sensors.imu.gyro_range_radps, config.sensors.imu.accel_range_mps2) = (35.0, 160.0);
     config.sensors.imu.accel_noise_mps2 = [accel; 3];
     config.sensors.imu.gyro_noise_radps = [gyro; 3];
     config
@@ -50,29 +53,30 @@ fn motion(config: &RigConfig, duration_s: f64, slow: bool) -> MotionProgram {
 /// The table.
 pub fn table() -> String {
     let mut text =
-        "| motion | accelerometer, m/s² | gyro, rad/s | noise | efficiency | largest bias, sd | coverage |\n\
-                    |---|---|---|---|---|---|---|\n"
+        "| motion | accelerometer, m/s² | gyro, rad/s | noise | estimated by | efficiency | largest bias, sd | coverage |\n\
+                    |---|---|---|---|---|---|---|---|\n"
             .to_owned();
     for (slow, imu) in [false, true].into_iter().flat_map(|slow| IMU.map(|imu| (slow, imu))) {
         // What is left of the slow motion with the worst gyros is noise.
         if slow && imu[1] > 0.002 {
             continue;
         }
-        for tell_noise in [true, false] {
+        for (tell_noise, solver) in [(true, Solver::Host), (false, Solver::Host), (true, Solver::Firmware)] {
             let config = rig(imu);
             let program = Some(motion(&config, 20.0, slow));
-            let campaign = Campaign { program, tell_noise, ..Campaign::new(config) };
+            let campaign = Campaign { program, tell_noise, solver, ..Campaign::new(config) };
             let prepared = campaign.prepare().expect("a motion that the legs reach");
             let verdict = prepared.run(RUNS, 1, &AtomicBool::new(false), |_| ()).expect("a factor each time");
             let body = &verdict.parameters[..BODY];
             let least = |of: &dyn Fn(usize) -> f64| (0..BODY).map(of).fold(f64::INFINITY, f64::min);
             let most = |of: &dyn Fn(usize) -> f64| (0..BODY).map(of).fold(0.0, f64::max);
             text += &format!(
-                "| {} | {} | {} | {} | {:.2}–{:.2} | {:.2} | {:.1}–{:.1} % |\n",
+                "| {} | {} | {} | {} | {} | {:.2}–{:.2} | {:.2} | {:.1}–{:.1} % |\n",
                 if slow { "0.05–0.15 Hz" } else { "0.2–1.6 Hz" },
                 imu[0],
                 imu[1],
                 if tell_noise { "stated" } else { "from the data" },
+                if solver == Solver::Host { "host, f64" } else { "device, f32" },
                 least(&|j| body[j].efficiency()),
                 most(&|j| body[j].efficiency()),
                 most(&|j| (body[j].bias / body[j].std).abs()),

@@ -153,6 +153,8 @@ pub fn settings(rig: &RigConfig) -> Settings {
             accel_scale: [1.0; 3],
             accel_bias_mps2: [0.0; 3],
             gyro_bias_radps: [0.0; 3],
+            accel_noise_mps2: 0.0,
+            gyro_noise_radps: 0.0,
             group_delay_ns: nanoseconds(rig.imu_group_delay_s()),
             range_mps2: unit.accel_range_mps2 as f32,
             range_radps: unit.gyro_range_radps as f32,

@@ -46,7 +46,10 @@ fn gives_the_same_bits(memory: MemorySettings) {
         let config = RigConfig::thesis_horizontal();
         let program = thesis_program(&config.geometry, 20.0);
         let mut device = Device::greet(mcu);
-        device.run(rig, &Settings { memory, ..settings(&config) }, &program);
+        let mut settings = Settings { memory, ..settings(&config) };
+        // Larger than that of the simulated one, so that it counts.
+        (settings.imu.accel_noise_mps2, settings.imu.gyro_noise_radps) = (0.2, 5e-3);
+        device.run(rig, &settings, &program);
         let factor: Vec<u32> = device.factor().iter().map(|v| v.to_bits()).collect();
         let counters = device.counters();
         assert_eq!((counters.telemetry_dropped, counters.bad_frames), (0, 0));

@@ -2,6 +2,7 @@ use std::collections::VecDeque;
 use std::io;
 use std::time::{Duration, Instant};
 
+use nalgebra::DMatrix;
 use rigident_shared::wire::frame::MAX_FRAME;
 use rigident_shared::wire::{
     Answer, Command, DecodeError, Decoder, ErrorCode, Identity, Kind, PROTOCOL_VERSION, Reply, SCHEMA_HASH,
@@ -9,7 +10,7 @@ use rigident_shared::wire::{
 };
 
 use super::Transport;
-use crate::fit::Factor;
+use crate::fit::{Factor, compensate};
 
 /// A command is sent again after so long without an answer.
 const PATIENCE: Duration = Duration::from_millis(700);
@@ -78,6 +79,29 @@ fn explain(code: &ErrorCode) -> String {
         ErrorCode::NoEstimate => "nothing has been estimated yet".to_owned(),
         ErrorCode::Sensors => "its sensors do not come up: check their supply and wiring".to_owned(),
         ErrorCode::Stale => "a late copy of an earlier command came; it was not obeyed".to_owned(),
+    }
+}
+
+/// A device's factor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TakenFactor {
+    /// The factor, in the device's order of parameters.
+    pub factor: Factor,
+    /// What noise of the signals has added to its `RᵀR`, N × N; `None`: the device counts none.
+    pub gram: Option<DMatrix<f64>>,
+}
+
+impl TakenFactor {
+    /// Returns a factor to which noise has added nothing.
+    pub fn exact(factor: Factor) -> Self {
+        Self { factor, gram: None }
+    }
+
+    /// Returns the factor of the compensated estimate.
+    pub fn compensated(&self) -> Factor {
+        let rounding = f64::from(f32::EPSILON) * self.factor.parameters() as f64;
+        let compensated = self.gram.as_ref().and_then(|gram| compensate(&self.factor, gram, rounding));
+        compensated.map_or_else(|| self.factor.clone(), |compensated| compensated.factor)
     }
 }
 
@@ -233,20 +257,21 @@ impl Client {
     ///
     /// # Errors
     /// The link, or nothing absorbed yet.
-    pub fn factor(&mut self) -> Result<Factor, LinkError> {
-        let (parameters, entries, rows) = self.factor_numbers()?;
-        let fits = matches!(parameters, 10 | 16);
-        fits.then(|| Factor::from_entries(parameters, &entries, u64::from(rows)))
-            .flatten()
-            .ok_or(LinkError::Nonsense(FACTOR))
+    pub fn factor(&mut self) -> Result<TakenFactor, LinkError> {
+        let taken = self.any_factor()?;
+        if matches!(taken.factor.parameters(), 10 | 16) {
+            Ok(taken)
+        } else {
+            Err(LinkError::Nonsense(FACTOR))
+        }
     }
 
-    /// The same as numbers, of whatever model: parameters, the triangle by rows with z and the residual sum, scalar rows.
+    /// The same of whatever model.
     ///
     /// # Errors
     /// The link, or nothing absorbed yet.
-    pub fn factor_numbers(&mut self) -> Result<(usize, Vec<f64>, u32), LinkError> {
-        let (mut rows, mut z) = (Vec::new(), Vec::new());
+    pub fn any_factor(&mut self) -> Result<TakenFactor, LinkError> {
+        let (mut rows, mut z, mut noise) = (Vec::new(), Vec::new(), Vec::new());
         let (mut residual, mut count) = (0.0, 0);
         for row in 0..=u8::MAX {
             let Reply::Row(mut taken) = self.ask(FACTOR, &Command::TakeRow { row })? else {
@@ -256,17 +281,29 @@ impl Client {
             if taken.row != row || left.is_none_or(|left| usize::from(left) + 1 != taken.entries.len()) {
                 return Err(LinkError::Nonsense(FACTOR));
             }
-            if !taken.residual_sum_of_squares.is_finite() || !taken.entries.iter().all(|v| v.is_finite()) {
+            if !taken.gram.is_empty() && taken.gram.len() + 1 != taken.entries.len() {
+                return Err(LinkError::Nonsense(FACTOR));
+            }
+            let numbers = taken.entries.iter().chain(&taken.gram).chain([&taken.residual_sum_of_squares]);
+            if !numbers.copied().all(f32::is_finite) {
                 return Err(LinkError::NotFinite);
             }
+            noise.push(std::mem::take(&mut taken.gram));
             if row == 0 {
                 (residual, count) = (taken.residual_sum_of_squares, taken.rows);
             }
             z.extend(taken.entries.pop());
             rows.extend(taken.entries);
             if left == Some(1) {
-                let entries = rows.into_iter().chain(z).chain([residual]).map(f64::from);
-                return Ok((usize::from(taken.parameters), entries.collect(), count));
+                let entries: Vec<f64> = rows.into_iter().chain(z).chain([residual]).map(f64::from).collect();
+                let n = usize::from(taken.parameters);
+                let factor = Factor::from_entries(n, &entries, u64::from(count));
+                let factor = factor.ok_or(LinkError::Nonsense(FACTOR))?;
+                let upper = |i: usize, j: usize| noise.get(i).and_then(|row| row.get(j - i)).copied();
+                let noisy = noise.iter().any(|row| !row.is_empty());
+                let entry = |i: usize, j: usize| upper(i.min(j), i.max(j)).map_or(0.0, f64::from);
+                let gram = noisy.then(|| DMatrix::from_fn(n, n, entry));
+                return Ok(TakenFactor { factor, gram });
             }
         }
         Err(LinkError::Nonsense(FACTOR))

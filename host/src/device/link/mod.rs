@@ -6,5 +6,5 @@
 mod client;
 mod transport;
 
-pub use client::{Client, LinkError};
+pub use client::{Client, LinkError, TakenFactor};
 pub use transport::{BAUD, PortError, SerialTransport, Transport};

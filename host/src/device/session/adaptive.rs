@@ -71,7 +71,7 @@ impl Session {
         observer: &mut dyn Observer,
     ) -> Result<(), SessionError> {
         loop {
-            let factor = self.client.factor()?;
+            let factor = self.client.factor()?.compensated();
             let next = self.meanwhile(taking, observer, || director.next(&factor))?;
             let Some(Proposal { program, drive }) = next.map_err(SessionError::Observer)? else {
                 return Ok(());
@@ -187,13 +187,13 @@ impl Session {
             let fresh = taking.estimates.get(judged..).unwrap_or_default();
             let looks_so = fresh.iter().any(|report| director.may_be_reached(report));
             judged = taking.estimates.len();
-            if looks_so && director.is_reached(&self.client.factor()?, taking.span_s()) {
+            if looks_so && director.is_reached(&self.client.factor()?.compensated(), taking.span_s()) {
                 taking.ended = true;
                 return Ok(Ended::Early);
             }
             if taking.states.contains(&STOPPED) && !taking.overridden {
                 // The device believes the noise that it was told; whoever decides knows the noise there is.
-                if !director.is_reached(&self.client.factor()?, taking.span_s()) {
+                if !director.is_reached(&self.client.factor()?.compensated(), taking.span_s()) {
                     taking.overridden = true;
                     self.client.ask("go on", &Command::Start)?;
                 }

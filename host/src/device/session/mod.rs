@@ -22,11 +22,11 @@ use rigident_shared::wire::{
 };
 
 pub use adaptive::{Director, Proposal};
-pub use settings::{DeviceTiming, SettingsError, settings};
+pub use settings::{DeviceTiming, SettingsError, settings, state_imu_noise};
 use take::Taking;
 pub use take::{Observer, Take, narrow, widen};
 
-use crate::device::link::{Client, LinkError};
+use crate::device::link::{Client, LinkError, TakenFactor};
 use crate::fit::Factor;
 use crate::platform::{Motion, MotionSample, Platform, PlatformError};
 
@@ -316,7 +316,7 @@ impl Session {
         };
         // Of a level what was taken is here, whatever became of the rest.
         let taken = taking.level.as_deref().filter(|level| level.rows() > 0);
-        let factor = factor.or_else(|| taken.map(Factor::from));
+        let factor = factor.or_else(|| taken.map(|level| TakenFactor::exact(Factor::from(level))));
         Take {
             readings: taking.readings,
             links: taking.links,
@@ -333,7 +333,11 @@ impl Session {
         }
     }
 
-    fn fetch(&mut self, taking: &mut Taking, observer: &mut dyn Observer) -> Result<Factor, SessionError> {
+    fn fetch(
+        &mut self,
+        taking: &mut Taking,
+        observer: &mut dyn Observer,
+    ) -> Result<TakenFactor, SessionError> {
         match self.client.ask("hold", &Command::Hold) {
             // A device in Fault still gives what it has.
             Ok(_) | Err(LinkError::Refused { .. }) => {}
@@ -353,7 +357,7 @@ impl Session {
         if let Some(level) = &mut taking.level {
             tree::take_level(&mut self.client, level)?;
             taking.levels += 1;
-            return Ok(Factor::from(&**level));
+            return Ok(TakenFactor::exact(Factor::from(&**level)));
         }
         if self.of_two_links {
             return Ok(two_links::factor(&mut self.client)?);

@@ -1,3 +1,4 @@
+use rigident_shared::forgetting::ImuNoise;
 use rigident_shared::wire::{
     ImuSettings, LoadCellSettings, MemorySettings, ModelSettings, Settings, Source, StopRule,
     TelemetrySettings,
@@ -63,10 +64,18 @@ pub(super) fn imu_settings(imu: &ImuTable, timing: &DeviceTiming) -> Result<ImuS
         accel_scale: numbers(imu.accel_scale, "accel_scale")?,
         accel_bias_mps2: numbers(imu.accel_bias_mps2, "accel_bias_mps2")?,
         gyro_bias_radps: numbers(imu.gyro_bias_radps, "gyro_bias_radps")?,
+        accel_noise_mps2: imu.accel_noise_mps2.unwrap_or(0.0) as f32,
+        gyro_noise_radps: imu.gyro_noise_radps.unwrap_or(0.0) as f32,
         group_delay_ns: delay(imu.group_delay_s),
         range_mps2: imu.range_mps2.unwrap_or(NO_RANGE) as f32,
         range_radps: imu.range_radps.unwrap_or(NO_RANGE) as f32,
     })
+}
+
+/// States the noise of the first IMU, where the rig file had none.
+pub fn state_imu_noise(settings: &mut Settings, noise: &ImuNoise<f64>) {
+    settings.imu.accel_noise_mps2 = noise.accel as f32;
+    settings.imu.gyro_noise_radps = noise.gyro as f32;
 }
 
 /// The device's settings from a rig file, and σ where the rig file has none.

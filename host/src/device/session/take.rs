@@ -8,7 +8,7 @@ use rigident_shared::wire::{
 };
 
 use super::{QUIET, STOPPED};
-use crate::fit::Factor;
+use crate::device::link::TakenFactor;
 use crate::platform::MotionSample;
 
 /// What wants to know as it happens.
@@ -50,7 +50,7 @@ pub struct Take {
     /// Readings that never came.
     pub missing: u32,
     /// The device's factor, in its order of parameters.
-    pub factor: Option<Factor>,
+    pub factor: Option<TakenFactor>,
     /// How often a level of it was taken and merged; a tree's from frames.
     pub levels: u32,
     /// The device's counters at the end.

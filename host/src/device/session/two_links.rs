@@ -8,8 +8,7 @@ use rigident_shared::wire::{
 };
 
 use super::settings::{DeviceTiming, SettingsError, imu_settings, settings};
-use crate::device::link::{Client, LinkError};
-use crate::fit::Factor;
+use crate::device::link::{Client, LinkError, TakenFactor};
 use crate::model::ModelError;
 use crate::model::rig_links::from_tables;
 use crate::recording::{ImuColumns, Recording};
@@ -175,12 +174,10 @@ pub fn readings(recording: &Recording) -> Result<Vec<LinkReadingMessage>, TwoLin
 ///
 /// # Errors
 /// The link, or what is no factor of two links.
-pub(super) fn factor(client: &mut Client) -> Result<Factor, LinkError> {
-    let (parameters, entries, rows) = client.factor_numbers()?;
-    let fits = matches!(parameters, 19 | 25);
-    fits.then(|| Factor::from_entries(parameters, &entries, u64::from(rows)))
-        .flatten()
-        .ok_or(LinkError::Nonsense("read the factor of two links"))
+pub(super) fn factor(client: &mut Client) -> Result<TakenFactor, LinkError> {
+    let taken = client.any_factor()?;
+    let fits = matches!(taken.factor.parameters(), 19 | 25);
+    if fits { Ok(taken) } else { Err(LinkError::Nonsense("read the factor of two links")) }
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use rigident_shared::calibration::Reading;
 use rigident_shared::forgetting::ImuNoise;
 
+use crate::problem::white_noise::sixth_differences;
 use crate::rig::ImuTable;
 
 /// Noise of an IMU of which nothing is known: of a good consumer one.
@@ -26,6 +27,21 @@ pub fn imu_noise(imu: Option<&ImuTable>, readings: &[Reading<f64>]) -> ImuNoise<
             second_differences(readings, |r| r.angular_rate.array()),
             TYPICAL.gyro,
         ),
+    }
+}
+
+/// Noise of the IMU that rows are to be weighed by: what the rig file states; what it does not, as sixth differences of these readings
+/// show it.
+pub fn white_imu_noise(imu: Option<&ImuTable>, readings: &[Reading<f64>]) -> ImuNoise<f64> {
+    let found = |of: fn(&Reading<f64>) -> [f64; 3]| {
+        let signals: Vec<(u64, [f64; 3])> = readings.iter().map(|r| (r.time_ns, of(r))).collect();
+        sixth_differences(&signals, 3)
+    };
+    ImuNoise {
+        accel: imu
+            .and_then(|imu| imu.accel_noise_mps2)
+            .unwrap_or_else(|| found(|r| r.specific_force.array())),
+        gyro: imu.and_then(|imu| imu.gyro_noise_radps).unwrap_or_else(|| found(|r| r.angular_rate.array())),
     }
 }
 

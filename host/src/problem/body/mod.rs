@@ -114,7 +114,8 @@ impl BodySource {
                 channel: CHANNELS.get(usize::from(c)).copied().unwrap_or_default().to_owned(),
                 sigma: f64::NAN,
             },
-            ConfigError::Memory => FitError::Forgetting { span_s: f64::NAN, width_s },
+            // Neither is asked of a source.
+            ConfigError::Memory | ConfigError::ImuNoise => FitError::Forgetting { span_s: f64::NAN, width_s },
         }
     }
 

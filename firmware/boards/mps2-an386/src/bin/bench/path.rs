@@ -202,6 +202,8 @@ fn settings(n: usize, telemetry: TelemetrySettings) -> Settings {
         accel_scale: [1.0; 3],
         accel_bias_mps2: [0.0; 3],
         gyro_bias_radps: [0.0; 3],
+        accel_noise_mps2: 0.02,
+        gyro_noise_radps: 2e-3,
         group_delay_ns: 600_000,
         range_mps2: 157.0,
         range_radps: 34.0,
