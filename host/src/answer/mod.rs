@@ -10,6 +10,7 @@ mod budget;
 mod context;
 pub mod derived;
 pub mod excitation_advice;
+pub(crate) mod lack_of_fit;
 pub mod nearest_body;
 mod new;
 pub mod physical_consistency;

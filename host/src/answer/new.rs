@@ -252,6 +252,7 @@ impl Answer {
         self.warnings.extend(rig_errors::contradictions(fit));
         self.warnings.append(&mut warnings);
         self.notes.extend(rig_errors::defaults(fit));
+        self.add_lack_of_fit(fit);
         self.warnings.extend(remarks::of_known_values(fit, links, &judged.states));
         self.notes.extend(self.forgotten.iter().map(ToString::to_string));
         if judged.is_body {
@@ -268,11 +269,16 @@ impl Answer {
     }
 }
 
+/// Returns true if the recording contradicts what is stated of the rig, or is not that of an unchanging rigid body.
+fn is_contradicted(fit: &Fit) -> bool {
+    rig_errors::is_contradicted(fit) || fit.lack_of_fit.contradicts()
+}
+
 fn status(judged: &Judged, asked: &[usize], broken: bool) -> Status {
     let missing = asked.iter().filter(|j| !judged.at(**j).is_identified()).count();
     match missing {
         _ if broken => Status::Failed,
-        _ if rig_errors::is_contradicted(judged.fit) => Status::Implausible,
+        _ if is_contradicted(judged.fit) => Status::Implausible,
         0 => Status::Identified,
         m if m == asked.len() => Status::NotIdentified,
         _ => Status::PartlyIdentified,

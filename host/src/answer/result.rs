@@ -91,7 +91,8 @@ pub enum Status {
     /// Nothing of what was asked for.
     #[default]
     NotIdentified,
-    /// The recording contradicts what is stated of the rig: the numbers are not to be used. `warnings` say what does.
+    /// The recording contradicts what is stated of the rig, or is not that of an unchanging rigid body: the numbers are not to be
+    /// used. `warnings` say what does.
     Implausible,
     /// The experiment or the command broke off; `error` says why.
     Failed,
@@ -201,6 +202,15 @@ pub struct Answer {
     /// The first pose repeated at the end: how much the mean wrench changed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drift: Option<Drift>,
+    /// Something changed while the recording was made.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub change: Option<Change>,
+    /// The residuals are those of something that is not rigid.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub not_rigid: Option<NotRigid>,
+    /// Channels that drift from still pose to still pose, in the order in which these were taken.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub pose_drift: Vec<PoseDrift>,
     /// What would identify the rest, or why it cannot be.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub advice: Vec<String>,
@@ -579,6 +589,83 @@ pub struct DriftChange {
     /// Last less first, and its 95 % uncertainty; absent if it was not measured.
     #[serde(flatten)]
     pub change: Option<Measured>,
+}
+
+/// A change at one time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Change {
+    /// Time from the beginning of the recording, s, with its 95 % uncertainty.
+    pub time_s: Measured,
+    /// The thing that changed.
+    pub changed: Changed,
+    /// Probability, at most, that an honest recording shows as much anywhere.
+    pub probability: f64,
+    /// Parameters that changed beyond their uncertainty, the most certain first.
+    pub steps: Vec<ParameterStep>,
+}
+
+/// The thing that changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Changed {
+    /// What is identified: something loosened, was added or lost.
+    Body,
+    /// The offset of a channel: the load cell, or what it is bolted to.
+    Offset,
+    /// One or the other: the motion does not tell.
+    Either,
+}
+
+/// Change of one parameter.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ParameterStep {
+    /// Name of the parameter.
+    pub name: String,
+    /// Its SI unit in ASCII.
+    pub unit: String,
+    /// After less before, with its 95 % uncertainty.
+    #[serde(flatten)]
+    pub step: Measured,
+}
+
+/// Something that moves within what should be rigid.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct NotRigid {
+    /// The motion that explains the residuals best.
+    pub motion: WithinMotion,
+    /// Lowest and highest natural frequency that explain the residuals of a resonance, Hz.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frequency_hz: Option<[f64; 2]>,
+    /// Number of bursts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bursts: Option<u64>,
+    /// Probability, at most, that an honest recording shows as much.
+    pub probability: f64,
+}
+
+/// The motion that explains the residuals of what is not rigid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum WithinMotion {
+    /// A part swings: an elastic mount, liquid, a load that hangs.
+    Resonance,
+    /// Something pulls as the body turns: a cable, a hose.
+    Spring,
+    /// Bursts of noise: something rattles or knocks.
+    Bursts,
+}
+
+/// Drift of one channel from still pose to still pose.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct PoseDrift {
+    /// Name of the channel.
+    pub channel: String,
+    /// Probability that a line and a curve over the poses explain as much by chance (F-test).
+    pub probability: f64,
+    /// Correlation of the residuals from pose to pose.
+    pub correlation: f64,
+    /// Probability of so much correlation by chance.
+    pub correlation_probability: f64,
 }
 
 /// One of several files on the common time base.

@@ -301,6 +301,37 @@ fn a_fit() -> Fit {
     of_body(&input)
 }
 
+/// A twentieth of the body is lost after 12 s: every number is one of before or after within its interval.
+#[test]
+fn a_body_that_changed_is_told_with_time_and_size_and_is_not_identified() {
+    let mut all = readings(4000, 200.0, 0.4, 0.5);
+    let offset = rig().truth.unwrap().apparent_offset_n_nm.unwrap();
+    for reading in &mut all[2400..] {
+        let wrench = reading.wrench.array();
+        reading.wrench =
+            Wrench::from_array(std::array::from_fn(|c| wrench[c] - 0.05 * (wrench[c] - offset[c])));
+    }
+    let fit = of_body(&input(all, false, Some(0.5)));
+    let answer = answer(&fit, &[]);
+    let change = answer.change.as_ref().expect("a change");
+    assert_eq!((answer.status, change.changed), (Status::Implausible, Changed::Body));
+    near(change.time_s.value, 12.0, change.time_s.u95);
+    let of_mass = change.steps.iter().find(|s| s.name == "m").unwrap().step;
+    near(of_mass.value, -0.05 * 3.2, of_mass.u95);
+    let mass = answer.parameters[0].state.measured().unwrap();
+    assert!((mass.value - 3.2).abs() < mass.u95 && (mass.value - 0.95 * 3.2).abs() < mass.u95, "{mass:?}");
+    let told = answer.warnings.iter().find(|w| w.contains("after the beginning")).unwrap();
+    assert!(told.contains(": m −1") && told.contains(" g, "), "{told}");
+    let text = crate::present::plain::text(&answer);
+    assert!(text.starts_with("Not to be used"), "{text}");
+    let series = crate::present::Series::new(&fit, &answer, false, 0.0);
+    let page = crate::present::report(&answer, &series);
+    let unmarked = crate::present::report(&answer, &crate::present::Series { change_s: None, ..series });
+    assert_eq!(page.matches("V1").count(), unmarked.matches("V1").count() + 6);
+    let back: Answer = serde_json::from_value(serde_json::to_value(&answer).unwrap()).unwrap();
+    assert_eq!(back, answer);
+}
+
 #[test]
 fn an_unknown_word_is_refused_and_a_broken_run_has_failed() {
     let fit = a_fit();

@@ -8,6 +8,7 @@ use super::compensation::compensate;
 use super::condition;
 use super::convergence;
 use super::forgetting::Memory;
+use super::lack_of_fit::{self, LackOfFit, Role};
 use super::linearised::{Columns, Linearised};
 use super::outliers::{self, Reference, Watch, Weights};
 use super::residuals::{measured_rms, raw_sigma, residuals, rms};
@@ -497,6 +498,8 @@ impl<'a> Engine<'a> {
         mut convergence: Vec<Convergence>,
         forgetting: Option<Span<f64>>,
     ) -> Result<Fit, FitError> {
+        let lack_of_fit =
+            if forgetting.is_none() { self.lack_of_fit(&pass, &conclusion) } else { LackOfFit::default() };
         let nuisances = match forgetting {
             None => self.nuisance_fits(&pass, &conclusion),
             Some(span) => self.considered(&pass, &conclusion, span)?,
@@ -541,7 +544,8 @@ impl<'a> Engine<'a> {
                 let coloured = inflation.get(j).copied().unwrap_or(1.0) * noise;
                 let noise = coloured.hypot(bias.get(j).copied().unwrap_or(0.0));
                 let systematic = if pass.linearised.is_some() { counted } else { systematic };
-                if all > 0.0 { noise.hypot(systematic) / all } else { 1.0 }
+                let shift = lack_of_fit.shift(j);
+                if all > 0.0 { noise.hypot(systematic).hypot(shift) / all } else { 1.0 }
             })
             .collect();
         if by.iter().any(|by| *by > 1.0) {
@@ -612,6 +616,7 @@ impl<'a> Engine<'a> {
                     effective_s: factor.rows() as f64 / channels.len().max(1) as f64 * filter.row_period_s(),
                 }
             }),
+            lack_of_fit,
             noise: check,
             residuals: conclusion.residuals,
             filter,
@@ -656,6 +661,22 @@ impl<'a> Engine<'a> {
             }
         }
         (degrees_of_freedom > 0.0).then_some(Agreement { chi2, degrees_of_freedom })
+    }
+
+    /// Returns what the residuals say against the model.
+    fn lack_of_fit(&self, pass: &Pass, conclusion: &Conclusion) -> LackOfFit {
+        let values = &conclusion.joint.values;
+        let mut roles: Vec<Role> = self.source.parameters().iter().map(Role::of).collect();
+        roles.resize(values.len(), Role::Fixed);
+        lack_of_fit::look(&lack_of_fit::Rows {
+            blocks: self.rows_of(pass),
+            values,
+            roles: &roles,
+            whitening: &pass.weighing.whitening,
+            weights: &conclusion.weights,
+            is_suspect: !conclusion.coloured.is_empty()
+                || conclusion.check.variance_ratio > lack_of_fit::SUSPECT,
+        })
     }
 
     /// Returns the samples rejected because of a channel.

@@ -17,6 +17,7 @@ mod features;
 mod fingerprint;
 mod forgetting;
 mod jacobi;
+pub mod lack_of_fit;
 mod linearised;
 mod noise_check;
 mod nuisance;

@@ -7,6 +7,7 @@ use std::path::Path;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::factor_file::{self, FactorFileError, FactorSource, MOST_BYTES, SourceChannel};
+use super::lack_of_fit::LackOfFit;
 use super::{
     Channel, ChannelFit, Counts, Estimate, Factor, Filter, Fit, Judgement, Kind, NoiseCheck, Owner,
     Parameter, RowSet, judge,
@@ -417,6 +418,7 @@ impl PooledFactor {
                 gaps: 0,
                 blocks: sum(&|s| s.rows / (s.channels.len() as u64).max(1)),
             },
+            lack_of_fit: LackOfFit::default(),
             forgotten: None,
             convergence: Vec::new(),
         }

@@ -2,6 +2,7 @@
 
 use nalgebra::DMatrix;
 
+use super::lack_of_fit::LackOfFit;
 use super::{
     Agreement, Channel, Effect, Estimate, Factor, Filter, Measured, NuisanceFit, Parameter, SignalNoise,
 };
@@ -193,6 +194,8 @@ pub struct Fit {
     pub filter: Filter,
     /// Samples and rows counted.
     pub counts: Counts,
+    /// What residuals say against the model; nothing where only a factor is at hand.
+    pub lack_of_fit: LackOfFit,
     /// What the answer rests on where older rows are forgotten.
     pub forgotten: Option<Forgotten>,
     /// The estimate on its way; empty where only a factor is at hand.

@@ -151,6 +151,7 @@ fn residual(residual: &Residual, time: &Axis, data: &Series) -> String {
     if let Some(limit) = limit {
         layers.extend([Layer::Level("limit", -limit), Layer::Level("limit", limit)]);
     }
+    layers.extend(data.change_s.map(|time_s| Layer::Moment("limit", time_s)));
     let chart = Chart {
         id: format!("residual-{}", identifier(&residual.channel)),
         title: format!("Residual of {}", residual.channel),

@@ -211,6 +211,10 @@ pub(super) fn headline(answer: &Answer) -> String {
             "What was asked for is not identified".to_owned()
         }
         Status::NotIdentified => "Not identified".to_owned(),
+        Status::Implausible if answer.change.is_some() || answer.not_rigid.is_some() => {
+            "Not to be used: the recording is not that of an unchanging rigid body, see the warnings"
+                .to_owned()
+        }
         Status::Implausible => {
             "Not to be used: the recording contradicts what is stated of the rig".to_owned()
         }

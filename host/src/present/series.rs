@@ -13,6 +13,8 @@ pub struct Series {
     pub stages: Vec<Stage>,
     /// Estimates on their way, in any order.
     pub convergence: Vec<Convergence>,
+    /// Time at which something changed.
+    pub change_s: Option<f64>,
     /// Filtered residuals, one a channel.
     pub residuals: Vec<Residual>,
     /// Angular rate, specific force, pose and the like.
@@ -59,6 +61,7 @@ impl Series {
                 .map(history)
                 .collect(),
             residuals: (0..fit.channels.len()).filter(|_| has_residuals).map(residual).collect(),
+            change_s: fit.lack_of_fit.change.as_ref().map(|change| change.time_s - origin_s),
             rejected: rejected.map(|c| (c.channel.name.clone(), u64::from(c.rejected))).collect(),
             ..Self::default()
         }

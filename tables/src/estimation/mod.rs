@@ -3,6 +3,7 @@
 //! One file per study, each a function that gives Markdown and draws everything from fixed seeds; [`problem`] and
 //! [`mod@reference`] are what they share. The covariance forms in [`covariance_forms`] exist only to show how they fail.
 
+mod change;
 mod coloured_noise;
 mod covariance_forms;
 mod f32_accuracy;
@@ -31,5 +32,7 @@ pub const DOCUMENT: Document = Document {
         Table { name: "signal-noise", make: signal_noise::table },
         Table { name: "rig-errors-long", make: rig_errors::table },
         Table { name: "rig-errors-all-long", make: rig_errors::all_table },
+        Table { name: "change", make: change::table },
+        Table { name: "not-rigid", make: change::not_rigid_table },
     ],
 };

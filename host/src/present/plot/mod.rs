@@ -28,6 +28,8 @@ pub enum Layer {
     Band(&'static str, Vec<(f64, f64, f64)>),
     /// A horizontal line.
     Level(&'static str, f64),
+    /// A vertical line at a time.
+    Moment(&'static str, f64),
 }
 
 /// One chart over time.
@@ -170,6 +172,7 @@ impl Chart<'_> {
                 let y = y(*v);
                 format!("<path class=\"{class}\" d=\"M0 {y}H{w}\"/>\n")
             }
+            Layer::Moment(class, t) => format!("<path class=\"{class}\" d=\"M{} 0V{h}\"/>\n", x(*t)),
         }
     }
 }

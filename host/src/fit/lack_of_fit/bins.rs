@@ -1,0 +1,140 @@
+//! Means of whitened rows over bins of time: what is slow in a recording, in a size that every pair of bins can be looked at.
+//!
+//! Any mean of rows leaves the equation exact. Bins are at least as long as the filter, so that white noise is all but
+//! independent from bin to bin; a sum of w rows over `√w` then has the variance that the rows' covariance states, 1.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::Rows;
+use crate::fit::Whitener;
+use crate::fit::outliers::dot;
+
+/// Bins at most.
+const MOST: usize = 2000;
+/// Bins with an outlier are left out if they are at most this share of all: knocks are. A changed body stays.
+const KNOCKS: f64 = 0.1;
+/// A step longer than so many periods is a gap.
+const GAP: f64 = 1.5;
+
+/// Bins of a recording.
+pub(super) struct Bins {
+    pub(super) channels: usize,
+    pub(super) columns: usize,
+    /// By channels: bins × columns.
+    pub(super) rows: Vec<DMatrix<f64>>,
+    /// By channels: residuals of the estimate.
+    pub(super) residuals: Vec<DVector<f64>>,
+    /// First row block of each bin.
+    pub(super) first: Vec<usize>,
+    /// Row blocks of a bin.
+    pub(super) several: usize,
+}
+
+impl Bins {
+    /// Returns the bins of whitened rows; residuals are those of the estimate.
+    pub(super) fn new(rows: &Rows) -> Self {
+        Self::with(rows, 0..rows.blocks.len(), rows.values.len(), |_, _, _| ())
+    }
+
+    /// Returns the bins of some whitened rows of `wide` columns, which `extend` writes behind those of the estimate: it takes
+    /// the block, its rows of `wide` columns, and its residuals.
+    pub(super) fn with(
+        rows: &Rows,
+        range: std::ops::Range<usize>,
+        wide: usize,
+        mut extend: impl FnMut(usize, &mut [f64], &[f64]),
+    ) -> Self {
+        let (channels, n) = (rows.whitening.channels(), rows.values.len());
+        let filter = rows.blocks.filter();
+        let period_s = filter.row_period_s();
+        let least = if period_s > 0.0 { (filter.width_s / period_s).round() as usize } else { 1 };
+        let several = least.max(range.len().div_ceil(MOST)).max(1);
+        let mut all = Gathered { channels, n: wide, several, ..Gathered::default() };
+        all.sum = vec![0.0; channels * (wide + 1)];
+        let mut whitener = Whitener::new(rows.whitening, n);
+        let (mut own, mut measured) = (vec![0.0; channels * n], vec![0.0; channels]);
+        let mut extended = vec![0.0; channels * wide];
+        let mut before: Option<f64> = None;
+        for block in range {
+            rows.blocks.write(block, &mut own, &mut measured);
+            for (row, value) in own.chunks_exact(n.max(1)).zip(&mut measured) {
+                *value -= dot(row, rows.values);
+            }
+            let time_s = rows.blocks.time_s(block);
+            whitener.apply(time_s, &mut own, &mut measured, None);
+            if before.is_some_and(|before| time_s - before > GAP * period_s) {
+                all.start_anew();
+            }
+            before = Some(time_s);
+            for (to, from) in extended.chunks_exact_mut(wide.max(1)).zip(own.chunks_exact(n.max(1))) {
+                to[..n].copy_from_slice(from);
+            }
+            extend(block, &mut extended, &measured);
+            let is_knocked = rows.weights.of_block(block).iter().any(|w| *w < 1.0);
+            all.take(block, &extended, &measured, is_knocked);
+        }
+        all.finish()
+    }
+
+    /// Returns the number of bins.
+    pub(super) fn len(&self) -> usize {
+        self.first.len()
+    }
+}
+
+#[derive(Default)]
+struct Gathered {
+    channels: usize,
+    n: usize,
+    several: usize,
+    /// Rows and residuals of the bin under way, summed.
+    sum: Vec<f64>,
+    count: usize,
+    is_knocked: bool,
+    bins: Vec<Vec<f64>>,
+    first: Vec<usize>,
+    knocked: Vec<bool>,
+}
+
+impl Gathered {
+    fn start_anew(&mut self) {
+        self.sum.fill(0.0);
+        (self.count, self.is_knocked) = (0, false);
+    }
+
+    fn take(&mut self, block: usize, rows: &[f64], residuals: &[f64], is_knocked: bool) {
+        let lines = rows.chunks_exact(self.n.max(1)).zip(residuals);
+        for (sum, (row, residual)) in self.sum.chunks_exact_mut(self.n + 1).zip(lines) {
+            sum.iter_mut().zip(row.iter().chain([residual])).for_each(|(s, v)| *s += v);
+        }
+        self.count += 1;
+        self.is_knocked |= is_knocked;
+        if self.count == self.several {
+            let root = (self.several as f64).sqrt();
+            self.bins.push(self.sum.iter().map(|v| v / root).collect());
+            self.first.push(block + 1 - self.several);
+            self.knocked.push(self.is_knocked);
+            self.start_anew();
+        }
+    }
+
+    fn finish(self) -> Bins {
+        let count = self.bins.len();
+        // A knock reaches as far as the filter does.
+        let is_near = |b: &usize| (b.saturating_sub(1)..count.min(b + 2)).any(|b| self.knocked[b]);
+        let near = (0..count).filter(is_near).count();
+        let are_knocks = near as f64 <= KNOCKS * count as f64;
+        let kept: Vec<usize> = (0..count).filter(|b| !(are_knocks && is_near(b))).collect();
+        let at = |b: usize, c: usize, j: usize| self.bins[kept[b]][c * (self.n + 1) + j];
+        let rows = |c| DMatrix::from_fn(kept.len(), self.n, |b, j| at(b, c, j));
+        let residuals = |c| DVector::from_fn(kept.len(), |b, _| at(b, c, self.n));
+        Bins {
+            channels: self.channels,
+            columns: self.n,
+            rows: (0..self.channels).map(rows).collect(),
+            residuals: (0..self.channels).map(residuals).collect(),
+            first: kept.iter().map(|b| self.first[*b]).collect(),
+            several: self.several,
+        }
+    }
+}

@@ -1,0 +1,132 @@
+//! Lack of fit: what the residuals say against one unchanging rigid body, whatever the source of the rows.
+//!
+//! A change at one time ([`change`]), bodies that are not rigid ([`rigidity`]), and drift from still pose to still pose
+//! ([`pose_drift`]). Each is a score test (C. R. Rao 1948) of columns that the model does not have, beside the common fit of all
+//! that it has. Nothing here knows of bodies: columns say themselves what they are.
+
+mod bins;
+pub mod change;
+mod noise;
+pub mod pose_drift;
+pub mod rigidity;
+mod score;
+
+use statrs::function::beta::checked_beta_reg;
+
+use super::outliers::Weights;
+use super::{Kind, Owner, Parameter, RowBlocks, Whitening};
+use bins::Bins;
+pub use change::{Change, Changed, ColumnStep};
+pub use pose_drift::PoseDrift;
+pub use rigidity::{Motion, NotRigid};
+
+/// Variance of the residuals, over the stated one, from which on a cause is looked for.
+pub const SUSPECT: f64 = 1.5;
+
+/// The part that a column has in the model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// It belongs to what is identified: masses, friction.
+    Body,
+    /// It belongs to what is identified, and angular accelerations multiply it.
+    Turning,
+    /// The offset of a channel.
+    Offset,
+    /// It is fitted, and does not change: gains, mounting.
+    Fixed,
+}
+
+impl Role {
+    /// Returns the part of a parameter.
+    pub fn of(parameter: &Parameter) -> Self {
+        match (&parameter.owner, parameter.kind) {
+            (_, Kind::Offset) => Self::Offset,
+            (Owner::Channel(_), _) => Self::Fixed,
+            (_, Kind::Inertia) => Self::Turning,
+            _ => Self::Body,
+        }
+    }
+
+    /// Returns true if it belongs to what is identified.
+    pub fn is_body(self) -> bool {
+        matches!(self, Self::Body | Self::Turning)
+    }
+}
+
+/// Filtered rows with the estimate that they are compared with.
+#[derive(Clone, Copy)]
+pub struct Rows<'a> {
+    /// The row blocks, with all columns that were fitted.
+    pub blocks: &'a dyn RowBlocks,
+    /// Estimate of every column.
+    pub values: &'a [f64],
+    /// Part of every column.
+    pub roles: &'a [Role],
+    /// Whitening that the estimate was made with.
+    pub whitening: &'a Whitening,
+    /// Weights of outliers.
+    pub weights: &'a Weights,
+    /// True if residuals are larger than the noise stated, or autocorrelated: then the cause is looked for.
+    pub is_suspect: bool,
+}
+
+impl Rows<'_> {
+    /// Returns the columns of some part.
+    fn columns(&self, wanted: impl Fn(Role) -> bool) -> Vec<usize> {
+        (0..self.roles.len()).filter(|j| wanted(self.roles[*j])).collect()
+    }
+}
+
+/// What residuals say against the model.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LackOfFit {
+    /// A change at one time.
+    pub change: Option<Change>,
+    /// What moves within.
+    pub not_rigid: Option<NotRigid>,
+    /// Channels that drift from still pose to still pose.
+    pub pose_drift: Vec<PoseDrift>,
+}
+
+impl LackOfFit {
+    /// Returns true if the rows are not those of one unchanging rigid model.
+    pub fn contradicts(&self) -> bool {
+        self.change.is_some() || self.not_rigid.as_ref().is_some_and(|found| found.motion.spoils())
+    }
+
+    /// Returns how far a parameter was away from its mean before or after a change, at most.
+    pub fn shift(&self, column: usize) -> f64 {
+        let steps = self.change.iter().flat_map(|change| &change.steps);
+        steps.filter(|step| step.column == column).map(|step| step.value.abs()).fold(0.0, f64::max)
+    }
+}
+
+/// Looks for a lack of fit.
+pub fn look(rows: &Rows) -> LackOfFit {
+    let bins = Bins::new(rows);
+    if rows.blocks.filter().row_period_s() <= 0.0 {
+        return LackOfFit { pose_drift: pose_drift::find(&bins), ..LackOfFit::default() };
+    }
+    let change = change::find(rows, &bins);
+    // What explains the residuals better than a step is no step.
+    let not_rigid = (rows.is_suspect || change.is_some()).then(|| rigidity::find(rows)).flatten();
+    match (&change, &not_rigid) {
+        (Some(step), Some(motion)) if step.explained > motion.explained => {
+            LackOfFit { change, ..LackOfFit::default() }
+        }
+        (_, Some(_)) => LackOfFit { not_rigid, ..LackOfFit::default() },
+        _ => LackOfFit { change, ..LackOfFit::default() },
+    }
+}
+
+/// Returns the probability that r independent numbers of unit variance have this sum of squares or more, the variance being
+/// known by ν others (Fisher and Snedecor).
+fn tail(square: f64, r: usize, others: f64) -> f64 {
+    if r == 0 || square <= 0.0 {
+        return 1.0;
+    }
+    checked_beta_reg(0.5 * others, 0.5 * r as f64, others / (others + square)).unwrap_or(1.0)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,361 @@
+//! Bodies that are not rigid, told by what their residuals look like.
+//!
+//! - *Resonance* (an elastic mount, liquid, a load that swings): a part of the body on a spring of the frequency ω₀ and the
+//!   damping ζ moves against the rest by z, `z̈ + 2ζω₀ ż + ω₀² z = −u`, u being what moves the body. The wrench has `z̈` times the
+//!   part's mass too much: the rows of the body through the filter `−s²/(s² + 2ζω₀ s + ω₀²)`, whatever the source. Frequencies and
+//!   dampings are tried one after the other.
+//!   The part makes no larger a wrench than the whole.
+//! - *Spring* (a cable, a hose): channels follow the angles, the second integrals of rows that angular accelerations stand in.
+//! - *Bursts* (a loose bolt): the noise is much larger at some times than at others.
+//!
+//! Of models with more parameters than one body or two links have, friction that is left out looks like all of these: nothing is
+//! named there.
+//!
+//! A candidate counts with white, flicker and walking noise as the residuals beside it show them; the one that explains most is
+//! named, less 7 for each of its columns.
+
+use nalgebra::DMatrix;
+
+use super::Rows;
+use super::bins::Bins;
+use super::change::successive;
+use super::noise::{self, PowerLaw};
+use super::score::{Added, Common, Metric, drift};
+use super::tail;
+
+/// A candidate counts if noise explains as much once in so many recordings. What a load cell does by itself is no more than nearly
+/// noise, and a cable or a resonance that matters is far beyond.
+pub const FALSE_ALARM: f64 = 1e-12;
+/// What a column has to explain by itself.
+pub(super) const PER_COLUMN: f64 = 7.0;
+/// Row blocks that are looked at, the middle ones.
+const MOST_BLOCKS: usize = 12_000;
+/// Frequencies that are tried: from the lowest on, so many to an octave, up to this share of the rate of the rows.
+const LOWEST_HZ: f64 = 0.4;
+const PER_OCTAVE: f64 = 2.5;
+const HIGHEST: f64 = 0.2;
+const DAMPINGS: [f64; 2] = [0.02, 0.15];
+/// Columns that belong to what is identified, at most.
+const MOST_COLUMNS: usize = 16;
+/// Below this frequency the integrals forget, Hz.
+const FORGET_HZ: f64 = 0.01;
+/// An angle counts if this share of it is in no other.
+const NEW_ANGLE: f64 = 0.5;
+/// Frequencies that explain this share of what the best does are as good.
+const AS_GOOD: f64 = 0.8;
+/// Energy of a burst over the mean of the quieter half, and bursts that are no single knocks.
+const LOUD: f64 = 4.0;
+const LEAST_BURSTS: usize = 8;
+/// Bins that may be loud without being bursts of something: beyond, all is loud.
+const MOST_LOUD: f64 = 0.6;
+
+/// What moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Motion {
+    /// A part swings at a frequency, Hz.
+    Resonance {
+        /// Lowest and highest frequency that explain as much, Hz.
+        frequency_hz: [f64; 2],
+    },
+    /// Something pulls as the body turns.
+    Spring,
+    /// Something rattles, so many times.
+    Bursts {
+        /// Number of bursts.
+        count: usize,
+    },
+}
+
+/// What explains the residuals of a body that is not rigid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NotRigid {
+    /// What moves.
+    pub motion: Motion,
+    /// Probability that an honest recording shows as much.
+    pub probability: f64,
+    /// Decrease of χ², less what columns explain by chance.
+    pub explained: f64,
+}
+
+/// Returns the second integral over time with its sign turned, `1/(ω² + ω_f²)` at the frequency ω: one that forgets, forwards and
+/// then backwards, so that no phase is lost; each without its mean, as where it began is not known.
+fn second_integral(input: impl Iterator<Item = f64>, rate_hz: f64) -> Vec<f64> {
+    let step = 0.5 / rate_hz;
+    let forget = std::f64::consts::TAU * FORGET_HZ * step;
+    let once = |input: &mut dyn Iterator<Item = f64>| -> Vec<f64> {
+        let (mut sum, mut before) = (0.0, 0.0);
+        let integral = input.map(|x| {
+            sum = (sum * (1.0 - forget) + step * (x + before)) / (1.0 + forget);
+            before = x;
+            sum
+        });
+        let integral: Vec<f64> = integral.collect();
+        let mean = integral.iter().sum::<f64>() / integral.len().max(1) as f64;
+        integral.into_iter().map(|v| v - mean).collect()
+    };
+    let forwards = once(&mut { input });
+    let mut twice = once(&mut forwards.into_iter().rev());
+    twice.reverse();
+    twice
+}
+
+/// A filter of second order over rows.
+#[derive(Clone, Copy)]
+struct Section {
+    b: [f64; 3],
+    a: [f64; 2],
+}
+
+impl Section {
+    /// Returns `(b₂ s² + b₀)/(s² + 2ζω₀ s + ω₀²)` at a frequency in Hz by the bilinear transform, right at that frequency.
+    fn new(frequency_hz: f64, damping: f64, squared: f64, constant: f64, rate_hz: f64) -> Self {
+        let omega = std::f64::consts::TAU * frequency_hz;
+        let k = omega / (0.5 * omega / rate_hz).tan();
+        let (k2, o2) = (k * k, omega * omega);
+        let a0 = k2 + 2.0 * damping * omega * k + o2;
+        let b = [squared * k2 + constant, 2.0 * (constant - squared * k2), squared * k2 + constant];
+        let a = [2.0 * (o2 - k2), k2 - 2.0 * damping * omega * k + o2];
+        Self { b: b.map(|v| v / a0), a: a.map(|v| v / a0) }
+    }
+
+    /// Returns what a resonance of this frequency and damping adds.
+    fn resonance(frequency_hz: f64, damping: f64, rate_hz: f64) -> Self {
+        Self::new(frequency_hz, damping, -1.0, 0.0, rate_hz)
+    }
+
+    /// Returns the output over time, settled on the first input.
+    fn apply(&self, input: impl Iterator<Item = f64>) -> Vec<f64> {
+        let mut states: Option<[f64; 4]> = None;
+        let gain = self.b.iter().sum::<f64>() / (1.0 + self.a.iter().sum::<f64>());
+        input
+            .map(|x| {
+                let [x1, x2, y1, y2] = states.unwrap_or([x, x, gain * x, gain * x]);
+                let y = self.b[0] * x + self.b[1] * x1 + self.b[2] * x2 - self.a[0] * y1 - self.a[1] * y2;
+                states = Some([x, x1, y, y1]);
+                y
+            })
+            .collect()
+    }
+}
+
+/// Whitened rows of a stretch, kept.
+struct Stretch<'a> {
+    rows: &'a Rows<'a>,
+    /// Bins of all columns.
+    bins: Bins,
+    /// By channels and columns: the rows over time.
+    columns: Vec<Vec<Vec<f64>>>,
+    /// Residuals by channels.
+    residuals: Vec<Vec<f64>>,
+    first: usize,
+    rate_hz: f64,
+}
+
+/// Further columns by channels, averaged over the bins.
+type Candidate = Vec<DMatrix<f64>>;
+
+impl Motion {
+    /// Returns true if what moves makes the estimate wrong; bursts of noise make it no more than uncertain.
+    pub fn spoils(&self) -> bool {
+        !matches!(self, Self::Bursts { .. })
+    }
+}
+
+impl<'a> Stretch<'a> {
+    fn new(rows: &'a Rows<'a>) -> Self {
+        let count = rows.blocks.len();
+        let first = count.saturating_sub(MOST_BLOCKS) / 2;
+        let last = count.min(first + MOST_BLOCKS);
+        let (channels, n) = (rows.whitening.channels(), rows.values.len());
+        let mut columns = vec![vec![Vec::with_capacity(last - first); n]; channels];
+        let mut residuals = vec![Vec::with_capacity(last - first); channels];
+        let bins = Bins::with(rows, first..last, n, |_, own, left| {
+            for (c, row) in own.chunks_exact(n.max(1)).enumerate() {
+                columns[c].iter_mut().zip(row).for_each(|(column, a)| column.push(*a));
+            }
+            residuals.iter_mut().zip(left).for_each(|(all, e)| all.push(*e));
+        });
+        let rate_hz = 1.0 / rows.blocks.filter().row_period_s();
+        Self { rows, bins, columns, residuals, first, rate_hz }
+    }
+
+    /// Returns the means over the bins of columns over time.
+    fn binned(&self, columns: &[Vec<f64>]) -> DMatrix<f64> {
+        let several = self.bins.several;
+        DMatrix::from_fn(self.bins.len(), columns.len(), |b, j| {
+            let from = self.bins.first[b] - self.first;
+            columns[j][from..from + several].iter().sum::<f64>() / (several as f64).sqrt()
+        })
+    }
+
+    /// Returns the rows of the body as a resonance has them.
+    fn resonance(&self, frequency_hz: f64, damping: f64) -> Candidate {
+        let section = Section::resonance(frequency_hz, damping, self.rate_hz);
+        let body = self.rows.columns(super::Role::is_body);
+        let of_channel = |columns: &Vec<Vec<f64>>| {
+            let filtered: Vec<Vec<f64>> =
+                body.iter().map(|j| section.apply(columns[*j].iter().copied())).collect();
+            self.binned(&filtered)
+        };
+        self.columns.iter().map(of_channel).collect()
+    }
+
+    /// Returns the angles, each in every channel; where they are many each in its own.
+    fn spring(&self) -> Candidate {
+        let turning = self.rows.columns(|role| role == super::Role::Turning);
+        let channels = self.columns.len();
+        let square = |v: &Vec<f64>| v.iter().map(|a| a * a).sum::<f64>();
+        let strongest = |j: &usize| {
+            (0..channels)
+                .max_by(|c, d| square(&self.columns[*c][*j]).total_cmp(&square(&self.columns[*d][*j])))
+        };
+        let angles: Vec<(usize, Vec<f64>)> = turning
+            .iter()
+            .filter_map(|j| {
+                let c = strongest(j)?;
+                Some((c, second_integral(self.columns[c][*j].iter().copied(), self.rate_hz)))
+            })
+            .collect();
+        let all = self.binned(&angles.iter().map(|a| a.1.clone()).collect::<Vec<_>>());
+        let unit = noise::basis(&all, NEW_ANGLE);
+        let wide = unit.ncols();
+        if wide * channels <= 2 * MOST_COLUMNS {
+            let of = |c: usize| {
+                DMatrix::from_fn(unit.nrows(), wide * channels, |b, k| {
+                    if k / wide.max(1) == c { unit[(b, k % wide)] } else { 0.0 }
+                })
+            };
+            return (0..channels).map(of).collect();
+        }
+        let of = |c: usize| {
+            DMatrix::from_fn(
+                all.nrows(),
+                all.ncols(),
+                |b, k| if angles[k].0 == c { all[(b, k)] } else { 0.0 },
+            )
+        };
+        (0..channels).map(of).collect()
+    }
+
+    /// Returns what a candidate explains beside the common fit, with noise as it is beside both, and its probability.
+    fn judge(&self, candidate: &Candidate, tried: f64) -> (f64, f64) {
+        let bins = &self.bins;
+        let (count, n) = (bins.len(), bins.columns);
+        let drift = drift(count);
+        let metrics: Vec<Metric> = (0..bins.channels)
+            .map(|c| {
+                let k = candidate[c].ncols();
+                let all = DMatrix::from_fn(count, 3 + n + k, |b, j| match j {
+                    0 => 1.0,
+                    1 | 2 => drift[(b, j - 1)],
+                    _ if j < 3 + n => bins.rows[c][(b, j - 3)],
+                    _ => candidate[c][(b, j - 3 - n)],
+                });
+                Metric::new(&PowerLaw::of(&bins.residuals[c], &noise::basis(&all, noise::ROUNDING)), count)
+            })
+            .collect();
+        let Added { square, rank, .. } = Common::new(bins, &metrics, &[]).added(candidate);
+        let others = (count as f64 - ((n + rank) as f64 / bins.channels as f64) - 3.0).max(1.0);
+        (square - PER_COLUMN * rank as f64, (tail(square, rank, others) * tried).min(1.0))
+    }
+
+    /// Returns true if parameters of a part make no larger a wrench than those of the whole.
+    fn is_part(&self, factors: &[f64]) -> bool {
+        let body = self.rows.columns(super::Role::is_body);
+        let whole: Vec<f64> = body.iter().map(|j| self.rows.values[*j]).collect();
+        let size = |parameters: &[f64]| -> f64 {
+            let of = |rows: &DMatrix<f64>| {
+                let terms = body.iter().zip(parameters);
+                let wrench =
+                    (0..rows.nrows()).map(|b| terms.clone().map(|(j, v)| rows[(b, *j)] * v).sum::<f64>());
+                wrench.map(|w| w * w).sum::<f64>()
+            };
+            self.bins.rows.iter().map(of).sum()
+        };
+        size(factors) <= size(&whole)
+    }
+
+    /// Returns the resonance that explains most.
+    fn best_resonance(&self) -> Option<NotRigid> {
+        let highest = HIGHEST * self.rate_hz;
+        let count = ((highest / LOWEST_HZ).log2() * PER_OCTAVE).floor().max(0.0) as usize;
+        let frequencies = (0..=count).map(|k| LOWEST_HZ * 2f64.powf(k as f64 / PER_OCTAVE));
+        let noise: Vec<PowerLaw> = self.bins.residuals.iter().map(successive).collect();
+        let metrics: Vec<Metric> = noise.iter().map(|noise| Metric::new(noise, self.bins.len())).collect();
+        let common = Common::new(&self.bins, &metrics, &[]);
+        let mut tried: Vec<(f64, f64, f64)> = Vec::new();
+        for frequency_hz in frequencies {
+            for damping in DAMPINGS {
+                let found = common.added(&self.resonance(frequency_hz, damping));
+                let square = if self.is_part(found.factors.as_slice()) { found.square } else { 0.0 };
+                tried.push((square, frequency_hz, damping));
+            }
+        }
+        let most = tried.iter().map(|t| t.0).fold(0.0, f64::max);
+        let good = || tried.iter().filter(|t| t.0 >= AS_GOOD * most);
+        // The stiffest of those that are as good: far above the motion all are alike.
+        let (_, highest, damping) = good().max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let lowest = good().map(|t| t.1).fold(*highest, f64::min);
+        let candidate = self.resonance(*highest, *damping);
+        let (explained, probability) = self.judge(&candidate, tried.len() as f64);
+        Some(NotRigid {
+            motion: Motion::Resonance { frequency_hz: [lowest, *highest] },
+            probability,
+            explained,
+        })
+    }
+
+    /// Returns the bursts, if there are many.
+    fn bursts(&self) -> Option<NotRigid> {
+        let several = self.bins.several;
+        let energies: Vec<f64> = self
+            .bins
+            .first
+            .iter()
+            .map(|first| {
+                let from = first - self.first;
+                // Second differences: of what is slow nothing is left.
+                let of = |all: &Vec<f64>| {
+                    let own = &all[from..from + several];
+                    own.windows(3).map(|e| (e[0] - 2.0 * e[1] + e[2]).powi(2)).sum::<f64>()
+                };
+                self.residuals.iter().map(of).sum()
+            })
+            .collect();
+        let mut sorted = energies.clone();
+        sorted.sort_by(f64::total_cmp);
+        let quiet = sorted.get(sorted.len() / 4)?;
+        let loud: Vec<bool> = energies.iter().map(|e| *e > LOUD * quiet).collect();
+        let count = loud.windows(2).filter(|w| !w[0] && w[1]).count();
+        let share = loud.iter().filter(|l| **l).count() as f64 / loud.len().max(1) as f64;
+        if several < 4 || count < LEAST_BURSTS || share > MOST_LOUD {
+            return None;
+        }
+        let filter = self.rows.blocks.filter();
+        let free = (several * self.residuals.len()) as f64 * filter.row_noise_gain().min(1.0);
+        // So many of all bins as loud by chance.
+        let one = tail(LOUD * free, free as usize, free * energies.len() as f64) * energies.len() as f64;
+        let probability = one.powi(LEAST_BURSTS as i32);
+        // What the loud bins have beyond the quiet ones.
+        let beyond = energies.iter().zip(&loud).filter(|(_, l)| **l).map(|(e, _)| e / quiet - 1.0);
+        let explained = free * beyond.sum::<f64>();
+        Some(NotRigid { motion: Motion::Bursts { count }, probability: probability.min(1.0), explained })
+    }
+}
+
+/// Returns what explains the residuals best; `None` if nothing does beyond chance.
+pub(super) fn find(rows: &Rows) -> Option<NotRigid> {
+    if !(1..=MOST_COLUMNS).contains(&rows.columns(super::Role::is_body).len()) {
+        return None;
+    }
+    let stretch = Stretch::new(rows);
+    if stretch.bins.len() < 2 * stretch.bins.columns {
+        return None;
+    }
+    let (explained, probability) = stretch.judge(&stretch.spring(), 1.0);
+    let spring = NotRigid { motion: Motion::Spring, probability, explained };
+    let candidates = stretch.best_resonance().into_iter().chain([spring]).chain(stretch.bursts());
+    candidates
+        .filter(|found| found.probability < FALSE_ALARM)
+        .max_by(|a, b| a.explained.total_cmp(&b.explained))
+}
