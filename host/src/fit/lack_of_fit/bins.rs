@@ -28,6 +28,8 @@ pub(super) struct Bins {
     pub(super) first: Vec<usize>,
     /// Row blocks of a bin.
     pub(super) several: usize,
+    /// Root mean square of the residuals over that of the measurements.
+    pub(super) unexplained: f64,
 }
 
 impl Bins {
@@ -54,11 +56,14 @@ impl Bins {
         let mut whitener = Whitener::new(rows.whitening, n);
         let (mut own, mut measured) = (vec![0.0; channels * n], vec![0.0; channels]);
         let mut extended = vec![0.0; channels * wide];
+        let (mut whole, mut left) = (0.0, 0.0);
         let mut before: Option<f64> = None;
         for block in range {
             rows.blocks.write(block, &mut own, &mut measured);
             for (row, value) in own.chunks_exact(n.max(1)).zip(&mut measured) {
+                whole += *value * *value;
                 *value -= dot(row, rows.values);
+                left += *value * *value;
             }
             let time_s = rows.blocks.time_s(block);
             whitener.apply(time_s, &mut own, &mut measured, None);
@@ -73,7 +78,7 @@ impl Bins {
             let is_knocked = rows.weights.of_block(block).iter().any(|w| *w < 1.0);
             all.take(block, &extended, &measured, is_knocked);
         }
-        all.finish()
+        Self { unexplained: if whole > 0.0 { (left / whole).sqrt() } else { 0.0 }, ..all.finish() }
     }
 
     /// Returns the number of bins.
@@ -135,6 +140,7 @@ impl Gathered {
             residuals: (0..self.channels).map(residuals).collect(),
             first: kept.iter().map(|b| self.first[*b]).collect(),
             several: self.several,
+            unexplained: 0.0,
         }
     }
 }

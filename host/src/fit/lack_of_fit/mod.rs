@@ -20,6 +20,10 @@ pub use change::{Change, Changed, ColumnStep};
 pub use pose_drift::PoseDrift;
 pub use rigidity::{Motion, NotRigid};
 
+/// Residuals of less than this share of the measurements are no noise but rounding and what the filter leaves: a recording that
+/// was computed.
+const NOISE_FREE: f64 = 1e-5;
+
 /// Variance of the residuals, over the stated one, from which on a cause is looked for.
 pub const SUSPECT: f64 = 1.5;
 
@@ -104,6 +108,9 @@ impl LackOfFit {
 /// Looks for a lack of fit.
 pub fn look(rows: &Rows) -> LackOfFit {
     let bins = Bins::new(rows);
+    if bins.unexplained < NOISE_FREE {
+        return LackOfFit::default();
+    }
     if rows.blocks.filter().row_period_s() <= 0.0 {
         return LackOfFit { pose_drift: pose_drift::find(&bins), ..LackOfFit::default() };
     }

@@ -268,7 +268,7 @@ fn pseudo_inverse(matrix: &DMatrix<f64>) -> (DMatrix<f64>, Vec<bool>) {
     let scaled = DMatrix::from_fn(n, n, |i, j| matrix[(i, j)] * scale[i] * scale[j]);
     let mut determined: Vec<bool> = scale.iter().map(|s| *s > 0.0).collect();
     let mut inverse = DMatrix::zeros(n, n);
-    if !scaled.iter().all(|v| v.is_finite()) {
+    if n == 0 || !scaled.iter().all(|v| v.is_finite()) {
         determined.fill(false);
         return (inverse, determined);
     }

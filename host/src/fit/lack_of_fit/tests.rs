@@ -166,6 +166,24 @@ fn the_probability_of_a_step_by_chance_is_no_smaller_than_it_is() {
     }
 }
 
+/// Rounding is no noise, and columns of which there are none explain nothing.
+#[test]
+fn what_was_computed_is_not_accused_and_nothing_is_found_by_no_columns() {
+    let mut blocks = Blocks::new(2000, 1, |_, _| [0.0; 2]);
+    for (row, measured) in blocks.rows.iter().zip(&mut blocks.measured) {
+        let exact = |c: usize| row[c * N..(c + 1) * N].iter().zip(PHI).map(|(a, phi)| a * phi).sum::<f64>();
+        *measured = std::array::from_fn(|c| exact(c) * (1.0 + 1e-7 * row[0]));
+    }
+    assert_eq!(blocks.look(), LackOfFit::default());
+    // A body that does not turn has no angles for a spring to follow.
+    let mut still = Blocks::new(2000, 1, |t, _| [if t < 9.0 { 0.0 } else { 5.0 }, 0.0]);
+    for row in &mut still.rows {
+        (row[1], row[5]) = (0.0, 0.0);
+    }
+    let found = still.look();
+    assert!(found.not_rigid.is_none() && found.change.is_some(), "{found:?}");
+}
+
 /// White noise, and noise that wanders: a line, a curve, exponentially correlated noise of the size of the white noise in a bin.
 #[test]
 fn an_honest_recording_shows_no_change() {
