@@ -290,5 +290,5 @@ impl Search<'_> {
 pub(super) fn successive(residuals: &nalgebra::DVector<f64>) -> PowerLaw {
     let pairs = residuals.len().saturating_sub(1).max(1) as f64;
     let squares = residuals.iter().zip(residuals.iter().skip(1)).map(|(a, b)| (b - a).powi(2)).sum::<f64>();
-    PowerLaw::white((0.5 * squares / pairs).max(f64::MIN_POSITIVE))
+    PowerLaw::white((0.5 * squares / pairs).max(noise::LEAST_WHITE))
 }

@@ -20,8 +20,9 @@ const LEAST_LEFT: f64 = 0.05;
 const UPPER_SD: f64 = 2.0;
 /// Of a column less than this is rounding.
 pub(super) const ROUNDING: f64 = 1e-8;
-/// Least variance of white noise, of that which the residuals have.
-const LEAST_WHITE: f64 = 1e-3;
+/// Least variance of white noise, of that which the residuals have, and of that which was stated: residuals that are smaller by
+/// far are none of a sensor's.
+pub(super) const LEAST_WHITE: f64 = 1e-3;
 
 /// Variances of white, flicker and walking noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -130,7 +131,7 @@ impl PowerLaw {
             let share = mean(&|l| l.2[k]);
             if share > 0.0 { power / (3.0 * share) } else { 0.0 }
         });
-        let least = LEAST_WHITE * power.max(f64::MIN_POSITIVE);
+        let least = LEAST_WHITE * power.max(1.0);
         for _ in 0..STEPS {
             let (mut more, mut less) = ([0.0; 3], [0.0; 3]);
             for (power, several, shares) in lines {
