@@ -32,6 +32,8 @@ pub const SUSPECT: f64 = 1.5;
 pub enum Role {
     /// It belongs to what is identified: masses, friction.
     Body,
+    /// It belongs to a drive, and is identified: friction, a rotor.
+    Drive,
     /// It belongs to what is identified, and angular accelerations multiply it.
     Turning,
     /// The offset of a channel.
@@ -46,6 +48,7 @@ impl Role {
         match (&parameter.owner, parameter.kind) {
             (_, Kind::Offset) => Self::Offset,
             (Owner::Channel(_), _) => Self::Fixed,
+            (Owner::Drive(_), _) => Self::Drive,
             (_, Kind::Inertia) => Self::Turning,
             _ => Self::Body,
         }
@@ -53,7 +56,7 @@ impl Role {
 
     /// Returns true if it belongs to what is identified.
     pub fn is_body(self) -> bool {
-        matches!(self, Self::Body | Self::Turning)
+        matches!(self, Self::Body | Self::Turning | Self::Drive)
     }
 }
 

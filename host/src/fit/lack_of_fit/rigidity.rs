@@ -8,7 +8,7 @@
 //! - *Spring* (a cable, a hose): channels follow the angles, the second integrals of rows that angular accelerations stand in.
 //! - *Bursts* (a loose bolt): the noise is much larger at some times than at others.
 //!
-//! Of models with more parameters than one body or two links have, friction that is left out looks like all of these: nothing is
+//! Of models with drives, or more parameters than one body or two links have, friction that is left out looks like all of these: nothing is
 //! named there.
 //!
 //! A candidate counts with white, flicker and walking noise as the residuals beside it show them; the one that explains most is
@@ -346,6 +346,9 @@ impl<'a> Stretch<'a> {
 /// Returns what explains the residuals best; `None` if nothing does beyond chance.
 pub(super) fn find(rows: &Rows) -> Option<NotRigid> {
     if !(1..=MOST_COLUMNS).contains(&rows.columns(super::Role::is_body).len()) {
+        return None;
+    }
+    if rows.roles.contains(&super::Role::Drive) {
         return None;
     }
     let stretch = Stretch::new(rows);
