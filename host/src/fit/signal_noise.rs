@@ -190,7 +190,9 @@ impl<'a> RowNoise<'a> {
             let both = [more, less];
             let difference = Difference::of(&both, channels * n, channels, size);
             let felt = |d: &Difference| d.len() > 0;
-            let whole = |d: Difference<'a>| if with_nuisances { d.with_nuisances(both, size, blocks.features()) } else { d };
+            let whole = |d: Difference<'a>| {
+                if with_nuisances { d.with_nuisances(both, size, blocks.features()) } else { d }
+            };
             Ok(Some(difference).filter(felt).map(whole))
         };
         let grams = channel_grams(blocks, channels, n);

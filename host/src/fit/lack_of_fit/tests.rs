@@ -68,6 +68,7 @@ impl Blocks {
             noise_gain: 1.0,
             derivative_noise_gain: 0.0,
             response: vec![1.0],
+            derivative: vec![0.0],
         };
         Self { filter, counts: SampleCounts::default(), part: 0..count, rows, measured }
     }
