@@ -674,6 +674,7 @@ impl<'a> Engine<'a> {
             roles: &roles,
             whitening: &pass.weighing.whitening,
             weights: &conclusion.weights,
+            has_drives: self.source.channels().iter().any(|channel| channel.is_drive()),
             is_suspect: !conclusion.coloured.is_empty()
                 || conclusion.check.variance_ratio > lack_of_fit::SUSPECT,
         })

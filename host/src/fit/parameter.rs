@@ -109,6 +109,13 @@ pub struct Channel {
     pub sigma: Option<f64>,
     /// The place of its offset among the parameters, which no gain error multiplies; `None` if it has none.
     pub offset: Option<usize>,
-    /// Channels of one group are weighed and compared together: forces, moments, one drive.
+    /// Channels of one group are weighed and compared together: forces (0), moments (1), one drive (from 2 on).
     pub group: u8,
+}
+
+impl Channel {
+    /// Returns true if it is the effort of a drive.
+    pub fn is_drive(&self) -> bool {
+        self.group > 1
+    }
 }

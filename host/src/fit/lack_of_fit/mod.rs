@@ -32,8 +32,6 @@ pub const SUSPECT: f64 = 1.5;
 pub enum Role {
     /// It belongs to what is identified: masses, friction.
     Body,
-    /// It belongs to a drive, and is identified: friction, a rotor.
-    Drive,
     /// It belongs to what is identified, and angular accelerations multiply it.
     Turning,
     /// The offset of a channel.
@@ -48,7 +46,6 @@ impl Role {
         match (&parameter.owner, parameter.kind) {
             (_, Kind::Offset) => Self::Offset,
             (Owner::Channel(_), _) => Self::Fixed,
-            (Owner::Drive(_), _) => Self::Drive,
             (_, Kind::Inertia) => Self::Turning,
             _ => Self::Body,
         }
@@ -56,7 +53,7 @@ impl Role {
 
     /// Returns true if it belongs to what is identified.
     pub fn is_body(self) -> bool {
-        matches!(self, Self::Body | Self::Turning | Self::Drive)
+        matches!(self, Self::Body | Self::Turning)
     }
 }
 
@@ -73,6 +70,8 @@ pub struct Rows<'a> {
     pub whitening: &'a Whitening,
     /// Weights of outliers.
     pub weights: &'a Weights,
+    /// True if there are efforts of drives among the channels: what friction is not in the columns looks like much else.
+    pub has_drives: bool,
     /// True if residuals are larger than the noise stated, or autocorrelated: then the cause is looked for.
     pub is_suspect: bool,
 }

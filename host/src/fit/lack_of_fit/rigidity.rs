@@ -8,8 +8,8 @@
 //! - *Spring* (a cable, a hose): channels follow the angles, the second integrals of rows that angular accelerations stand in.
 //! - *Bursts* (a loose bolt): the noise is much larger at some times than at others.
 //!
-//! Of models with drives, or more parameters than one body or two links have, friction that is left out looks like all of these: nothing is
-//! named there.
+//! Where efforts of drives are measured, friction that is left out looks like all of these, and of many parameters something
+//! always does: nothing is named there.
 //!
 //! A candidate counts with white, flicker and walking noise as the residuals beside it show them; the one that explains most is
 //! named, less 7 for each of its columns.
@@ -345,10 +345,7 @@ impl<'a> Stretch<'a> {
 
 /// Returns what explains the residuals best; `None` if nothing does beyond chance.
 pub(super) fn find(rows: &Rows) -> Option<NotRigid> {
-    if !(1..=MOST_COLUMNS).contains(&rows.columns(super::Role::is_body).len()) {
-        return None;
-    }
-    if rows.roles.contains(&super::Role::Drive) {
+    if rows.has_drives || !(1..=MOST_COLUMNS).contains(&rows.columns(super::Role::is_body).len()) {
         return None;
     }
     let stretch = Stretch::new(rows);

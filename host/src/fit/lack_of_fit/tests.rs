@@ -79,7 +79,15 @@ impl Blocks {
     }
 
     fn rows<'a>(&'a self, whitening: &'a Whitening, weights: &'a Weights) -> Rows<'a> {
-        Rows { blocks: self, values: &PHI, roles: &ROLES, whitening, weights, is_suspect: true }
+        Rows {
+            blocks: self,
+            values: &PHI,
+            roles: &ROLES,
+            whitening,
+            weights,
+            has_drives: false,
+            is_suspect: true,
+        }
     }
 
     fn look(&self) -> LackOfFit {
