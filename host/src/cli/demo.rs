@@ -96,7 +96,7 @@ fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
     Experiment {
         started,
         output: &arguments.output,
-        asked: arguments.stop.asked(&arguments.output.estimate),
+        stop: &arguments.stop,
         loaded,
         mcu,
         identity: session.identity(),

@@ -98,7 +98,7 @@ pub(super) fn two_links(arguments: &Demo) -> Result<ExitCode, Failure> {
     Experiment {
         started,
         output: &arguments.output,
-        asked: arguments.stop.asked(&arguments.output.estimate),
+        stop: &arguments.stop,
         loaded: Loaded::of_links(&read, &model)?,
         mcu: simulated::name(arguments.mcu),
         identity: session.identity(),
@@ -221,7 +221,7 @@ pub(super) fn human34(arguments: &Demo) -> Result<ExitCode, Failure> {
     Experiment {
         started,
         output: &arguments.output,
-        asked: arguments.stop.asked(&arguments.output.estimate),
+        stop: &arguments.stop,
         loaded: Loaded::of_links(&recording, &model)?,
         mcu: simulated::name(arguments.mcu),
         identity: session.identity(),

@@ -15,7 +15,7 @@ use rigident_shared::wire::{
 
 use super::arguments::Output;
 use super::loaded::{Loaded, PLOT_POINTS};
-use super::options::stop_criterion;
+use super::options::stop_criterion::{self, StopCriterion};
 use super::run_report::RunReport;
 use super::tracking_error::{MotionLog, TrackingError};
 use super::{ExitStatus, Failure, Folder, Progress, Stages};
@@ -257,8 +257,7 @@ fn noticed(take: &Take, seconds: f64) -> Vec<String> {
 pub(super) struct Experiment<'a> {
     pub(super) started: Instant,
     pub(super) output: &'a Output,
-    /// The parameters asked for; empty: all.
-    pub(super) asked: Vec<String>,
+    pub(super) stop: &'a StopCriterion,
     /// What the device was given, or said that it read.
     pub(super) loaded: Loaded,
     pub(super) mcu: &'a str,
@@ -266,7 +265,7 @@ pub(super) struct Experiment<'a> {
     /// What is known beforehand.
     pub(super) known: &'a KnownValues,
     pub(super) tare: Option<Tare>,
-    /// What the device was told to end at, if it decides.
+    /// The rule that the device was given, if it decides when to end.
     pub(super) until: Option<StopRule>,
     /// How older rows are forgotten, if they are.
     pub(super) span: Option<Span<f64>>,
@@ -350,7 +349,7 @@ impl Experiment<'_> {
         }
         self.known.apply(&mut found).map_err(|e| kept(&e))?;
         let mut report = RunReport::of_recording(self.started, self.output, &loaded, mcu);
-        report.asked = self.asked;
+        report.asked = self.stop.asked(&self.output.estimate);
         report.factor = Some(factor);
         report.parameter_truth = self.parameter_truth;
         report.drift = self.same_pose.and_then(|spans| loaded.drift(spans, &found));

@@ -74,7 +74,7 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
     Experiment {
         started,
         output: &arguments.output,
-        asked: arguments.stop.asked(&arguments.output.estimate),
+        stop: &arguments.stop,
         loaded: of_readings(&rig, given),
         mcu,
         identity: session.identity(),
@@ -110,7 +110,7 @@ pub(super) fn device_sigma(
             let found = loaded.fit(span, 0, &stages)?;
             let sigma: Vec<f64> = found.channels.iter().map(|c| c.sigma).collect();
             let six = sigma.first_chunk().copied();
-            (six.ok_or_else(|| Failure::input("the recording has no wrench of a load cell, and the device estimates from it; `rigident identify` takes joint torques"))?, false)
+            (six.ok_or_else(|| Failure::input("the rows are not those of a load cell"))?, false)
         }
     };
     let largest = largest_numbers(loaded.source(), &|stage: &str, share| stages.at(stage, share));

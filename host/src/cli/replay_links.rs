@@ -101,7 +101,7 @@ pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Res
     Experiment {
         started,
         output: &arguments.output,
-        asked: arguments.stop.asked(&arguments.output.estimate),
+        stop: &arguments.stop,
         loaded: Loaded::of_links(&given, model)?,
         mcu,
         identity: &identity,

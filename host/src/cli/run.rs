@@ -179,7 +179,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     Experiment {
         started,
         output: &arguments.output,
-        asked: arguments.stop.asked(&arguments.output.estimate),
+        stop: &arguments.stop,
         loaded,
         mcu: "port",
         identity: session.identity(),

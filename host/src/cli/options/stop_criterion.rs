@@ -6,7 +6,7 @@ use rigident_shared::wire::{MAX_STOP_LIMITS, Settings, StopLimit, StopRule};
 use crate::answer::selection::{SelectionError, select};
 use crate::cli::Failure;
 use crate::fit::{Fit, Parameter};
-use crate::present::text::{significant, unit_symbol};
+use crate::present::text::{shortened, significant, unit_symbol};
 
 /// Parameters that a warning names; the others are counted.
 const NAMED: usize = 4;
@@ -74,13 +74,8 @@ pub(in crate::cli) fn not_reached(stop: &StopRule, found: &Fit) -> String {
         return "--until was not reached while the device ran; the answer, made of all its rows, is within it".to_owned();
     }
     short.sort_by(|(a, _), (b, _)| b.total_cmp(a));
-    let more = match short.len().saturating_sub(NAMED) {
-        0 => String::new(),
-        more => format!(", and {more} more"),
-    };
-    let named: Vec<String> =
-        short.into_iter().take(NAMED).map(|(_, said)| said.trim_end().to_owned()).collect();
-    format!("--until was not reached: {}{more}", named.join(", "))
+    let said: Vec<&str> = short.iter().map(|(_, said)| said.trim_end()).collect();
+    format!("--until was not reached: {}", shortened(&said, NAMED))
 }
 
 fn stop_rule(words: &[String], parameters: &[Parameter]) -> Result<Option<StopRule>, String> {
