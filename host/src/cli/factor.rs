@@ -13,7 +13,7 @@ use super::{Failure, Folder, Stages};
 use crate::answer::Source;
 use crate::fit::pool::{PooledFactor, disagreement_in_words};
 use crate::fit::tare::Tare;
-use crate::fit::{Fit, Kind, Owner};
+use crate::fit::{Fit, Kind, Parameter};
 use crate::present;
 use crate::problem::ProblemOptions;
 use crate::recording::error::RecordingError;
@@ -89,11 +89,8 @@ pub(super) fn solve(arguments: &Solve) -> Result<ExitCode, Failure> {
 /// # Errors
 /// Says what each of the two is of.
 fn check_rig(found: &Fit, rig: &RigFile) -> Result<(), String> {
-    let named = found.parameters.iter().filter_map(|p| match &p.owner {
-        Owner::Link(link) if !link.is_empty() => Some(link.as_str()),
-        _ => None,
-    });
-    let of_factor: BTreeSet<&str> = named.collect();
+    let named = found.parameters.iter().filter_map(Parameter::link);
+    let of_factor: BTreeSet<&str> = named.filter(|link| !link.is_empty()).collect();
     let of_rig: BTreeSet<&str> = rig.link.iter().map(|link| link.name.as_str()).collect();
     let of_a_body = rig.body.is_some() || rig.truth.is_some();
     let fits = match (of_factor.is_empty(), of_rig.len()) {

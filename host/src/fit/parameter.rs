@@ -81,6 +81,14 @@ impl Parameter {
         }
     }
 
+    /// Returns the name of the link that it belongs to; `None` if it belongs to something else.
+    pub fn link(&self) -> Option<&str> {
+        match &self.owner {
+            Owner::Link(link) => Some(link),
+            _ => None,
+        }
+    }
+
     /// Returns true if it is a single standard parameter, of weight one, or no combination at all.
     pub fn is_by_itself(&self) -> bool {
         matches!(self.made_of.as_slice(), [] | [(_, 1.0)])

@@ -2,7 +2,7 @@
 
 use rigident_shared::inertia::PARAMETER_NAMES;
 
-use super::{Owner, Parameter};
+use super::Parameter;
 
 /// Names that a tree's base parameters have in the order of the ten.
 const REGROUPED: [&str; 10] = ["M", "MSx", "MSy", "MSz", "Jxx", "Jyy", "Jzz", "Jyz", "Jzx", "Jxy"];
@@ -18,14 +18,6 @@ fn place(quantity: &str) -> Option<usize> {
 fn link_and_place(name: &str) -> Option<(&str, usize)> {
     let (link, quantity) = name.rsplit_once('.').unwrap_or(("", name));
     Some((link, place(quantity)?))
-}
-
-/// Returns the link that a parameter belongs to.
-pub(super) fn link_of(parameter: &Parameter) -> Option<&str> {
-    match &parameter.owner {
-        Owner::Link(link) => Some(link),
-        _ => None,
-    }
 }
 
 /// Returns the weights of the ten standard parameters of `link` in a parameter; all zero if it has none of them.
@@ -56,7 +48,7 @@ pub(super) fn name(link: &str, place: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::Kind;
+    use crate::fit::{Kind, Owner};
 
     #[test]
     fn sums_are_told_from_what_stands_alone() {

@@ -9,7 +9,7 @@
 use nalgebra::DMatrix;
 
 use super::pool::{self, PooledFactor};
-use super::standard::{link_of, name, weights};
+use super::standard::{name, weights};
 use super::{Convergence, Estimate, Factor, Fit, Measured, Parameter};
 
 /// Why a fixture is not taken off.
@@ -148,7 +148,7 @@ impl Tare {
     /// Returns the weights of the fixture's parameters (columns) in the run's (rows).
     fn map(&self, fit: &Fit) -> Result<DMatrix<f64>, TareError> {
         let fixture = &self.pooled.parameters;
-        let single = |all: &[Parameter]| all.iter().filter_map(link_of).all(str::is_empty);
+        let single = |all: &[Parameter]| all.iter().filter_map(Parameter::link).all(str::is_empty);
         if single(fixture) && !single(&fit.parameters) {
             return self.map_on_link(fit);
         }
@@ -174,7 +174,7 @@ impl Tare {
     fn map_on_link(&self, fit: &Fit) -> Result<DMatrix<f64>, TareError> {
         let fixture = || self.pooled.name.clone();
         let mut links: Vec<&str> = Vec::new();
-        for link in fit.parameters.iter().filter(|p| p.kind.is_inertial()).filter_map(link_of) {
+        for link in fit.parameters.iter().filter(|p| p.kind.is_inertial()).filter_map(Parameter::link) {
             if !links.contains(&link) {
                 links.push(link);
             }

@@ -2,7 +2,7 @@
 
 use super::KnownError;
 use super::rows::trace;
-use crate::fit::standard::{link_of, name, weights};
+use crate::fit::standard::{name, weights};
 use crate::fit::{Estimate, Kind, Parameter};
 
 /// Names of a body's ten parameters in statements.
@@ -102,7 +102,7 @@ fn term(name: &str, weight: f64) -> String {
 /// Links of a model, in order.
 fn links(parameters: &[Parameter]) -> Vec<&str> {
     let mut links: Vec<&str> = Vec::new();
-    for link in parameters.iter().filter_map(link_of) {
+    for link in parameters.iter().filter_map(Parameter::link) {
         if !links.contains(&link) {
             links.push(link);
         }
@@ -176,7 +176,7 @@ impl Subject {
     pub(super) fn is_positive(&self, parameters: &[Parameter]) -> bool {
         match self {
             Self::Parameter(j) => parameters.get(*j).is_some_and(|p| {
-                let own = link_of(p).filter(|_| p.is_by_itself()).map(|link| weights(p, link));
+                let own = p.link().filter(|_| p.is_by_itself()).map(|link| weights(p, link));
                 own.is_some_and(|w| [0, 4, 5, 6].iter().any(|k| w.get(*k) == Some(&1.0)))
             }),
             Self::Central { element, .. } => *element < 3,
