@@ -1,7 +1,7 @@
 //! The page: headline, tables, figures, provenance. Well-formed XML as well as HTML; no script, nothing loaded.
 
 use super::data::{Decided, PrincipalAxis, Quantity};
-use super::text::{NOT_IDENTIFIED, Rounded, beside, fixed, significant, unit_symbol};
+use super::text::{NOT_IDENTIFIED, Rounded, beside, fixed, signed, significant, unit_symbol};
 
 /// All before the page's content.
 pub(super) fn beginning(title: &str) -> String {
@@ -74,9 +74,7 @@ pub(super) fn beside_words(quantity: &Quantity, u95: f64) -> String {
 
 /// `+1.4 σ`.
 fn deviation(sd: f64) -> String {
-    // No sign of what rounds to zero.
-    let sd = if sd.abs() < 0.05 { 0.0 } else { sd };
-    format!("{} σ", number(&if sd.abs() < 1e4 { format!("{sd:+.1}") } else { format!("{sd:+.1e}") }))
+    format!("{} σ", number(&if sd.abs() < 1e4 { signed(sd, 1) } else { format!("{sd:+.1e}") }))
 }
 
 pub(super) fn table_or_nothing(class: &str, rows: &str) -> String {

@@ -1,7 +1,7 @@
 //! The result as a plain table for a terminal.
 
 use super::data::{PrincipalAxis, Quantity};
-use super::text::{NOT_IDENTIFIED, Rounded, beside, fixed, significant, unit_symbol};
+use super::text::{NOT_IDENTIFIED, Rounded, beside, fixed, signed, significant, unit_symbol};
 
 /// Cells of one row; numbers are right-aligned, everything else left.
 pub(super) type Row = [String; 6];
@@ -19,9 +19,7 @@ pub(super) fn row(quantity: &Quantity) -> Row {
     };
     let prior = if quantity.state.is_prior_dominated() { " (prior)" } else { "" };
     let truth = quantity.truth.map_or(String::new(), |t| beside(t, m.u95));
-    let deviation = quantity
-        .deviation_sd()
-        .map_or(String::new(), |sd| format!("{:+.2} sd", if sd.abs() < 0.005 { 0.0 } else { sd }));
+    let deviation = quantity.deviation_sd().map_or(String::new(), |sd| format!("{} sd", signed(sd, 2)));
     [
         name,
         rounded.value_alone(),

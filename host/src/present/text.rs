@@ -191,6 +191,12 @@ pub fn fixed(value: f64, decimals: i32) -> String {
     }
 }
 
+/// Fixed-point text with its sign, which zero has too: `+0.3`, `+0.0`.
+pub(super) fn signed(value: f64, decimals: i32) -> String {
+    let text = fixed(value, decimals);
+    if text.starts_with('-') { text } else { format!("+{text}") }
+}
+
 fn strip_zeros(text: String) -> String {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
@@ -317,6 +323,19 @@ mod tests {
         assert_eq!(three_digits(0.46), "0.460");
         assert_eq!(three_digits(99.97), "100");
         assert_eq!(three_digits(0.0), "0");
+    }
+
+    #[test]
+    fn what_rounds_to_zero_has_no_sign_of_its_own() {
+        for (value, decimals, expected) in [
+            (0.344, 2, "+0.34"),
+            (-1.337, 2, "-1.34"),
+            (-0.004, 2, "+0.00"),
+            (-0.05, 1, "-0.1"),
+            (0.0, 1, "+0.0"),
+        ] {
+            assert_eq!(signed(value, decimals), expected);
+        }
     }
 
     #[test]
