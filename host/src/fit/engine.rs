@@ -548,12 +548,13 @@ impl<'a> Engine<'a> {
                 if all > 0.0 { noise.hypot(systematic).hypot(shift) / all } else { 1.0 }
             })
             .collect();
+        let mut widened = Vec::new();
         if by.iter().any(|by| *by > 1.0) {
             factor = factor.inflate(&estimate.values, &by);
             solved = solved.map(|rows| rows.inflate(&estimate.values, &by));
             estimate = estimate.inflate(&by);
+            widened.clone_from(&by);
         }
-        let widened = if by.iter().any(|by| *by > 1.0) { by.clone() } else { Vec::new() };
         for point in &mut convergence {
             for (measured, by) in point.parameters.iter_mut().zip(&by) {
                 if let Some(measured) = measured {

@@ -374,15 +374,12 @@ fn platform_attitude(
 /// Takes out rows beyond a sensor's range, or of a channel that repeats itself: after the kernel neither shows any more.
 fn screen(stream: &mut Stream, rig: &RigFile, warnings: &mut Vec<String>) {
     let mut bad = vec![false; stream.time_ns.len()];
+    let after = usize::from(rig.recording.frozen_after);
     for (group, columns) in &stream.groups {
         // A joint may stand still.
         if matches!(group, Group::Attitude(_)) {
             continue;
         }
-        let most = match rig.recording.frozen_after {
-            0 => usize::MAX,
-            after => usize::from(after),
-        };
         for (k, column) in columns.iter().enumerate() {
             let range = match group {
                 Group::Wrench => rig.load_cell.range_n_nm.and_then(|r| r.get(k).copied()),
@@ -394,7 +391,7 @@ fn screen(stream: &mut Stream, rig: &RigFile, warnings: &mut Vec<String>) {
             let mut row = 0;
             for equal in column.chunk_by(|a, b| a == b) {
                 // A quantity that is zero throughout is not measured at all.
-                let frozen = equal.len() > most && equal.len() < column.len();
+                let frozen = after > 0 && equal.len() > after && equal.len() < column.len();
                 let beyond = equal.first().is_some_and(|v| v.abs() >= range);
                 for flag in bad.iter_mut().skip(row).take(equal.len()) {
                     *flag |= frozen || beyond;
