@@ -38,7 +38,8 @@
 //! or a day of standing still would add up to a motion.
 
 use crate::Scalar;
-use crate::factor::{Gram, InformationFactor, Jacobi, dot};
+use crate::factor::{Gram, InformationFactor};
+use crate::linear_algebra::{Jacobi, dot};
 
 mod memory;
 mod window;

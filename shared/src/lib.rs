@@ -16,6 +16,7 @@ pub mod estimator;
 pub mod factor;
 pub mod forgetting;
 pub mod inertia;
+mod linear_algebra;
 #[cfg(test)]
 mod random;
 pub mod regressor;

@@ -11,7 +11,7 @@
 //! has three columns, so that three channels at most have a pole: they come first.
 
 use crate::Scalar;
-use crate::factor::{Jacobi, ROOM, add_scaled, dot_slices, scale};
+use crate::linear_algebra::{Jacobi, ROOM, add_scaled, dot_slices, scale};
 
 /// Channels of a wrench.
 pub const CHANNELS: usize = 6;

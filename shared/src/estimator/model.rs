@@ -4,8 +4,9 @@ use super::EstimatorConfig;
 use super::noise::{BodyNoise, RowNoise};
 use crate::Scalar;
 use crate::calibration::Reading;
-use crate::factor::{BodyCascade, Cascade, Gathering, Gram, InformationFactor, ROOM};
+use crate::factor::{BodyCascade, Cascade, Gathering, Gram, InformationFactor};
 use crate::forgetting::{Memory, Plan};
+use crate::linear_algebra::ROOM;
 use crate::regressor::{self, RegressorBlock, SIGNALS};
 use crate::screening::{Rejection, Screen};
 

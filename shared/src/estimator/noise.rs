@@ -12,8 +12,9 @@
 use super::{EstimatorConfig, Reference};
 use crate::Scalar;
 use crate::conditioning::Kernel;
-use crate::factor::{Compensation, Gram, InformationFactor, ROOM, add_scaled, dot_slices};
+use crate::factor::{Compensation, Gram, InformationFactor};
 use crate::forgetting::ImuNoise;
+use crate::linear_algebra::{ROOM, add_scaled, dot_slices};
 use crate::regressor::{self, RegressorBlock, SIGNALS, SMOOTHED};
 use crate::whitening::{CHANNELS, Design, LowPass, POLES, Square, Whitening};
 

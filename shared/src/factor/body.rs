@@ -1,10 +1,10 @@
 use core::num::NonZeroU16;
 
 use super::cascade::Levels;
-use super::compensation::ROOM;
-use super::{BLOCK_ROWS, Block, Column, Gram, InformationFactor, scale};
+use super::{BLOCK_ROWS, Block, Column, Gram, InformationFactor};
 use crate::Scalar;
 use crate::forgetting::{Memory, Plan};
+use crate::linear_algebra::{ROOM, scale};
 use crate::regressor::{self, RegressorBlock, SIGNALS};
 use crate::spatial::{Position, Sensor};
 use crate::whitening::{CHANNELS, LowPass, Passes, Whitening, combined};

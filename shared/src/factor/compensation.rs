@@ -6,13 +6,10 @@
 //! information in some directions: the eigenvectors of C are found, and these directions count as not determined: their standard
 //! deviation is at least twice the size of what may be there, what was found over the share that is no noise.
 
-use super::vector::{add_scaled, dot_slices};
 use super::{BLOCK_ROWS, Column, Gram, InformationFactor, Triangle};
 use crate::Scalar;
-use crate::factor::Jacobi;
+use crate::linear_algebra::{Jacobi, ROOM, add_scaled, dot_slices};
 
-/// Parameters at most.
-pub const ROOM: usize = 16;
 /// Columns that are substituted in one step.
 const COLUMNS: usize = 4;
 /// A pair of columns of n numbers takes about 40 n instructions to rotate: so many instructions in one step.
@@ -193,7 +190,8 @@ impl<T: Scalar> Compensation<T> {
             }
             let known = row.get(..i).unwrap_or_default();
             let left = half - c.get(i).copied().unwrap_or_default() - dot_slices(known, known);
-            if !(left > T::EPSILON) {
+            let is_positive = left > T::EPSILON;
+            if !is_positive {
                 return false;
             }
             if let Some(slot) = row.get_mut(i) {

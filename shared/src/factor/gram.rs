@@ -1,5 +1,5 @@
-use super::vector::{add_scaled, dot_slices, scale};
 use crate::Scalar;
+use crate::linear_algebra::{add_scaled, dot_slices, scale};
 
 /// The expectation K of the Gram matrix of noise in the coefficients: what it adds to `RᵀR`.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -12,28 +12,25 @@ mod body;
 mod cascade;
 mod compensation;
 mod gram;
-mod jacobi;
 mod marginal;
 mod packed;
 mod reflection;
 mod solution;
-mod vector;
 
 pub use body::{BodyCascade, Gathering};
 pub use cascade::Cascade;
-pub use compensation::{Compensation, ROOM};
+pub use compensation::Compensation;
 pub use gram::Gram;
 pub use packed::{PackedFactor, packed_entries};
 pub use reflection::{BLOCK_ROWS, Column};
 pub use solution::{Solution, Solver, condition_number};
 
-pub(crate) use jacobi::{Jacobi, dot};
 pub(crate) use reflection::{reduce, reduce_packed};
 #[cfg(all(target_arch = "arm", target_os = "none"))]
 pub(crate) use reflection::{reduce_on_core, reduce_packed_on_core};
-pub(crate) use vector::{add_scaled, dot_slices, scale};
 
 use crate::Scalar;
+use crate::linear_algebra::scale;
 
 /// `R`, `z`, the residual sum of squares and the row count of all rows seen.
 ///

@@ -1,6 +1,6 @@
 use super::InformationFactor;
-use super::jacobi::{Jacobi, dot};
 use crate::Scalar;
+use crate::linear_algebra::{Jacobi, dot};
 
 /// Holds what a factor says about φ.
 ///

@@ -84,6 +84,9 @@ pub(super) fn basis(columns: &DMatrix<f64>, least: f64) -> DMatrix<f64> {
     if kept.is_empty() { DMatrix::zeros(columns.nrows(), 0) } else { DMatrix::from_columns(&kept) }
 }
 
+/// The mean power of some coefficients, their number, and the shares of white noise, flicker noise and a walk.
+type Line = (f64, f64, [f64; 3]);
+
 impl PowerLaw {
     /// Returns white noise.
     pub(super) fn white(variance: f64) -> Self {
@@ -101,7 +104,7 @@ impl PowerLaw {
             next = (next + 1.0).max(next * 2f64.powf(1.0 / PER_OCTAVE)).floor();
         }
         let octaves = octaves(count);
-        let mut lines: Vec<(f64, f64, [f64; 3])> = Vec::new();
+        let mut lines: Vec<Line> = Vec::new();
         for (k, j) in coefficients.iter().enumerate() {
             let own = cosine(count, *j);
             let projected = &own - basis * basis.tr_mul(&own);
@@ -119,10 +122,9 @@ impl PowerLaw {
         Self::most_likely(&lines)
     }
 
-    /// Returns the variances of the most likelihood. Each line has the mean power of some coefficients, their number, and
-    /// the share of white noise, flicker noise and a walk.
-    fn most_likely(lines: &[(f64, f64, [f64; 3])]) -> Self {
-        let mean = |of: &dyn Fn(&(f64, f64, [f64; 3])) -> f64| {
+    /// Returns the variances of the most likelihood.
+    fn most_likely(lines: &[Line]) -> Self {
+        let mean = |of: &dyn Fn(&Line) -> f64| {
             let count: f64 = lines.iter().map(|l| l.1).sum();
             lines.iter().map(|l| l.1 * of(l)).sum::<f64>() / count.max(1.0)
         };

@@ -38,7 +38,7 @@ fn large(group: Group, known: &Errors, seed: u64) -> (Errors, String, f64) {
     let sigma: Vec<f64> = group.of(&mut known.clone()).into_iter().map(|v| *v).collect();
     let some: Vec<usize> = (0..sigma.len()).filter(|k| sigma[*k] > 0.0).collect();
     let at = some[seed as usize % some.len()];
-    let size = if (seed / some.len() as u64) % 2 == 0 { LARGE } else { -LARGE } * sigma[at];
+    let size = if (seed / some.len() as u64).is_multiple_of(2) { LARGE } else { -LARGE } * sigma[at];
     *group.of(&mut errors)[at] = size;
     let (name, unit) = group.nuisance(at);
     (errors, name, size * unit)
