@@ -88,7 +88,7 @@ impl Seen {
         let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
         if file.is_file() {
             let bytes = std::fs::read(file)?;
-            let entries = entries(&bytes).unwrap_or_default();
+            let entries = entries(&bytes).with_context(|| format!("{} is no factor file", file.display()))?;
             self.factors
                 .insert(name.clone(), entries.iter().map(|v| format!("{:016x}", v.to_bits())).collect());
             self.files.insert(name, bytes);
@@ -171,23 +171,25 @@ pub fn numbers_of(line: &str) -> Option<String> {
     (!numbers.is_empty()).then(|| format!("{first} {}", numbers.join(" ")))
 }
 
-/// The numbers of a triangle, its right-hand side and residual sum at the end of a factor file of version 2, before its
-/// check sum: their count, one byte or two of seven bits each, then eight bytes a number.
+/// The numbers of a triangle, its right-hand side and residual sum at the end of a factor file of version 3, before its
+/// check sum. The version and the number of parameters follow the magic, in bytes of seven bits.
 fn entries(bytes: &[u8]) -> Option<Vec<f64>> {
-    let body = bytes.get(..bytes.len().checked_sub(4)?)?;
-    (1..=200_usize).rev().find_map(|n| {
-        let count = n * (n + 1) / 2 + n + 1;
-        let begin = body.len().checked_sub(8 * count)?;
-        let before = body.get(..begin)?;
-        let mut length = Vec::new();
-        let mut rest = count;
-        while rest >= 128 {
-            length.push((rest % 128) as u8 | 128);
-            rest /= 128;
+    let body = bytes.get(8..bytes.len().checked_sub(4)?)?;
+    let mut at = 0;
+    let mut varint = || {
+        let mut value = 0_usize;
+        for shift in (0..28).step_by(7) {
+            let byte = *body.get(at)?;
+            at += 1;
+            value |= usize::from(byte & 127) << shift;
+            if byte < 128 {
+                return Some(value);
+            }
         }
-        length.push(rest as u8);
-        before.ends_with(&length).then_some(())?;
-        let numbers = body.get(begin..)?.chunks_exact(8);
-        Some(numbers.map(|c| f64::from_le_bytes(c.try_into().unwrap_or_default())).collect())
-    })
+        None
+    };
+    let (version, n) = (varint()?, varint()?);
+    let begin = body.len().checked_sub(8 * (n * (n + 3) / 2 + 1))?;
+    let numbers = body.get(begin..)?.chunks_exact(8);
+    (version == 3).then(|| numbers.map(|c| f64::from_le_bytes(c.try_into().unwrap_or_default())).collect())
 }

@@ -20,9 +20,9 @@ pub use change::{Change, Changed, ColumnStep};
 pub use pose_drift::PoseDrift;
 pub use rigidity::{Motion, NotRigid};
 
-/// Residuals of less than this share of the measurements are no noise but rounding and what the filter leaves: a recording that
-/// was computed.
-const NOISE_FREE: f64 = 1e-5;
+/// Residuals of less than this share of the measurements are no noise but rounding, and what the filter leaves of fast motion: a
+/// recording that was computed.
+const NOISE_FREE: f64 = 1e-4;
 
 /// Variance of the residuals, over the stated one, from which on a cause is looked for.
 pub const SUSPECT: f64 = 1.5;
