@@ -369,6 +369,12 @@ impl Prepared {
         })
     }
 
+    /// Returns the recording of a seed, and what its ten parameters and six offsets are.
+    pub fn recording(&self, seed: u64) -> (BodySource, [f64; PARAMETERS]) {
+        let readings = self.readings.measured(seed).map(|row| reading(&row)).collect();
+        (self.source(readings), true_parameters(&self.readings.truth(seed)))
+    }
+
     fn experiment(&self, seed: u64) -> Result<Outcome, FitError> {
         let rows: Vec<ReadingRow> = self.readings.measured(seed).collect();
         let source = self.source(rows.iter().map(reading).collect());

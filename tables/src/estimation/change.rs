@@ -394,7 +394,7 @@ impl Told {
 }
 
 fn line(case: Case, runs: usize, seed: u64) -> Told {
-    let jobs = (0..runs).map(|k| -> Job<Told> { Box::new(move || one(case, seed + k as u64)) });
+    let jobs = (0..runs).map(|k| -> Job<'_, Told> { Box::new(move || one(case, seed + k as u64)) });
     let mut all = Told::default();
     for told in in_parallel(jobs.collect()) {
         all.runs += told.runs;

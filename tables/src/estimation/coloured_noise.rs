@@ -98,7 +98,7 @@ pub fn table() -> String {
     let jobs = TIMES_S
         .into_iter()
         .zip(1..)
-        .map(|(time_s, seed)| -> Job<Line> { Box::new(move || line(study, time_s, 1000 * seed, RUNS)) });
+        .map(|(time_s, seed)| -> Job<'_, Line> { Box::new(move || line(study, time_s, 1000 * seed, RUNS)) });
     let mut text = "| correlation time, s | σ | batch means / spread | shipped / spread | coverage | autocorrelation not counted | warned | largest factor reported, mean |\n\
                     |---|---|---|---|---|---|---|---|\n"
         .to_owned();

@@ -212,8 +212,8 @@ fn markdown(lines: &[Line]) -> String {
     text
 }
 
-fn lines(checkpoints: &'static [u64]) -> Vec<Job<Vec<Line>>> {
-    let mut jobs: Vec<Job<Vec<Line>>> = Vec::new();
+fn lines(checkpoints: &'static [u64]) -> Vec<Job<'static, Vec<Line>>> {
+    let mut jobs: Vec<Job<'static, Vec<Line>>> = Vec::new();
     for (k, condition) in CONDITIONS.into_iter().enumerate() {
         jobs.push(Box::new(move || random::<10>(condition, checkpoints, 100 + k as u64)));
     }

@@ -294,7 +294,7 @@ fn monte_carlo(study: &Study, seeds: std::ops::Range<u64>) -> Sums {
 const PART: u64 = 50;
 
 fn all_runs(study: &'static Study, runs: u64) -> Sums {
-    let jobs = (0..runs / PART).map(|part| -> Job<Sums> {
+    let jobs = (0..runs / PART).map(|part| -> Job<'_, Sums> {
         Box::new(move || monte_carlo(study, 1 + part * PART..1 + (part + 1) * PART))
     });
     let mut sums = Sums::new();

@@ -6,6 +6,7 @@
 mod change;
 mod coloured_noise;
 mod covariance_forms;
+mod estimators;
 mod f32_accuracy;
 mod filter_response;
 mod honest_covariance;
@@ -30,6 +31,8 @@ pub const DOCUMENT: Document = Document {
         Table { name: "coloured-noise", make: coloured_noise::table },
         Table { name: "montecarlo", make: montecarlo::table },
         Table { name: "signal-noise", make: signal_noise::table },
+        Table { name: "signal-noise-1khz", make: signal_noise::fast_table },
+        Table { name: "estimators", make: estimators::table },
         Table { name: "rig-errors-long", make: rig_errors::table },
         Table { name: "rig-errors-all-long", make: rig_errors::all_table },
         Table { name: "change", make: change::table },

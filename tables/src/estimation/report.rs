@@ -3,10 +3,10 @@
 use std::sync::Mutex;
 
 /// A part of a table that can be made by itself.
-pub type Job<T> = Box<dyn FnOnce() -> T + Send>;
+pub type Job<'a, T> = Box<dyn FnOnce() -> T + Send + 'a>;
 
 /// What independent jobs give, in their order, on all cores.
-pub fn in_parallel<T: Send>(jobs: Vec<Job<T>>) -> Vec<T> {
+pub fn in_parallel<T: Send>(jobs: Vec<Job<'_, T>>) -> Vec<T> {
     let count = jobs.len();
     let queue = Mutex::new(jobs.into_iter().enumerate());
     let done = Mutex::new(Vec::with_capacity(count));

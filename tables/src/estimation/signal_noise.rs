@@ -6,15 +6,15 @@ use hexapod::{Axis, BodyParameters, MotionProgram, Segment, SineTerm};
 use rigident::montecarlo::{Campaign, Solver};
 use rigident_sim::rig::RigConfig;
 
-const RUNS: u64 = 500;
 /// Parameters of the body, without the offsets.
-const BODY: usize = 10;
+pub(super) const BODY: usize = 10;
 /// A load cell for hand-held bodies, 1 σ a sample, N and N m.
 const LOAD_CELL: [f64; 6] = [0.05, 0.05, 0.08, 0.002, 0.002, 0.0015];
 /// Accelerometer and gyro, 1 σ a sample, m/s² and rad/s.
-const IMU: [[f64; 2]; 5] = [[0.003, 0.0002], [0.03, 0.002], [0.1, 0.006], [0.3, 0.02], [0.01, 0.02]];
+pub(super) const IMU: [[f64; 2]; 5] =
+    [[0.003, 0.0002], [0.03, 0.002], [0.1, 0.006], [0.3, 0.02], [0.01, 0.02]];
 
-fn rig([accel, gyro]: [f64; 2]) -> RigConfig {
+pub(super) fn rig([accel, gyro]: [f64; 2]) -> RigConfig {
     let mut config = RigConfig::thesis_horizontal().with_body(BodyParameters {
         mass_kg: 3.2,
         com_m: [0.03, -0.02, 0.08],
@@ -32,7 +32,7 @@ fn rig([accel, gyro]: [f64; 2]) -> RigConfig {
 }
 
 /// ±0.5 rad of roll, pitch and yaw at three frequencies each.
-fn motion(config: &RigConfig, duration_s: f64, slow: bool) -> MotionProgram {
+pub(super) fn motion(config: &RigConfig, duration_s: f64, slow: bool) -> MotionProgram {
     let frequencies: [[f64; 3]; 3] = if slow {
         [[0.05, 0.1, 0.13], [0.06, 0.09, 0.15], [0.07, 0.11, 0.14]]
     } else {
@@ -50,40 +50,66 @@ fn motion(config: &RigConfig, duration_s: f64, slow: bool) -> MotionProgram {
     }
 }
 
-/// The table.
-pub fn table() -> String {
-    let mut text =
-        "| motion | accelerometer, m/s² | gyro, rad/s | noise | estimated by | efficiency | largest bias, sd | coverage |\n\
-                    |---|---|---|---|---|---|---|---|\n"
-            .to_owned();
-    for (slow, imu) in [false, true].into_iter().flat_map(|slow| IMU.map(|imu| (slow, imu))) {
-        // What is left of the slow motion with the worst gyros is noise.
-        if slow && imu[1] > 0.002 {
-            continue;
+/// What is estimated how, of which recordings.
+struct Case {
+    /// Sampling rate, Hz, and duration, s.
+    sampled: (f64, f64),
+    runs: u64,
+    ways: &'static [(bool, Solver)],
+}
+
+impl Case {
+    fn lines(&self) -> String {
+        let mut text =
+            "| motion | accelerometer, m/s² | gyro, rad/s | noise | estimated by | efficiency | largest bias, sd | coverage |\n\
+                        |---|---|---|---|---|---|---|---|\n"
+                .to_owned();
+        for (slow, imu) in [false, true].into_iter().flat_map(|slow| IMU.map(|imu| (slow, imu))) {
+            // What is left of the slow motion with the worst gyros is noise.
+            if slow && imu[1] > 0.002 {
+                continue;
+            }
+            for (tell_noise, solver) in self.ways {
+                text += &self.line(imu, slow, *tell_noise, *solver);
+            }
         }
-        for (tell_noise, solver) in [(true, Solver::Host), (false, Solver::Host), (true, Solver::Firmware)] {
-            let config = rig(imu);
-            let program = Some(motion(&config, 20.0, slow));
-            let campaign = Campaign { program, tell_noise, solver, ..Campaign::new(config) };
-            let prepared = campaign.prepare().expect("a motion that the legs reach");
-            let verdict = prepared.run(RUNS, 1, &AtomicBool::new(false), |_| ()).expect("a factor each time");
-            let body = &verdict.parameters[..BODY];
-            let least = |of: &dyn Fn(usize) -> f64| (0..BODY).map(of).fold(f64::INFINITY, f64::min);
-            let most = |of: &dyn Fn(usize) -> f64| (0..BODY).map(of).fold(0.0, f64::max);
-            text += &format!(
-                "| {} | {} | {} | {} | {} | {:.2}–{:.2} | {:.2} | {:.1}–{:.1} % |\n",
-                if slow { "0.05–0.15 Hz" } else { "0.2–1.6 Hz" },
-                imu[0],
-                imu[1],
-                if tell_noise { "stated" } else { "from the data" },
-                if solver == Solver::Host { "host, f64" } else { "device, f32" },
-                least(&|j| body[j].efficiency()),
-                most(&|j| body[j].efficiency()),
-                most(&|j| (body[j].bias / body[j].std).abs()),
-                least(&|j| 100.0 * body[j].coverage95),
-                most(&|j| 100.0 * body[j].coverage95),
-            );
-        }
+        text
     }
-    text
+
+    fn line(&self, imu: [f64; 2], slow: bool, tell_noise: bool, solver: Solver) -> String {
+        let config = rig(imu);
+        let (rate_hz, duration_s) = self.sampled;
+        let program = Some(motion(&config, duration_s, slow));
+        let campaign = Campaign { program, rate_hz, tell_noise, solver, ..Campaign::new(config) };
+        let prepared = campaign.prepare().expect("a motion that the legs reach");
+        let verdict =
+            prepared.run(self.runs, 1, &AtomicBool::new(false), |_| ()).expect("a factor each time");
+        let body = &verdict.parameters[..BODY];
+        let least = |of: &dyn Fn(usize) -> f64| (0..BODY).map(of).fold(f64::INFINITY, f64::min);
+        let most = |of: &dyn Fn(usize) -> f64| (0..BODY).map(of).fold(0.0, f64::max);
+        format!(
+            "| {} | {} | {} | {} | {} | {:.2}–{:.2} | {:.2} | {:.1}–{:.1} % |\n",
+            if slow { "0.05–0.15 Hz" } else { "0.2–1.6 Hz" },
+            imu[0],
+            imu[1],
+            if tell_noise { "stated" } else { "from the data" },
+            if solver == Solver::Host { "host, f64" } else { "device, f32" },
+            least(&|j| body[j].efficiency()),
+            most(&|j| body[j].efficiency()),
+            most(&|j| (body[j].bias / body[j].std).abs()),
+            least(&|j| 100.0 * body[j].coverage95),
+            most(&|j| 100.0 * body[j].coverage95),
+        )
+    }
+}
+
+/// The table of 20 s at 200 Hz.
+pub fn table() -> String {
+    let ways = &[(true, Solver::Host), (false, Solver::Host), (true, Solver::Firmware)];
+    Case { sampled: (200.0, 20.0), runs: 2000, ways }.lines()
+}
+
+/// The table of 60 s at 1 kHz.
+pub fn fast_table() -> String {
+    Case { sampled: (1000.0, 60.0), runs: 200, ways: &[(true, Solver::Host)] }.lines()
 }
