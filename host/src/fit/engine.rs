@@ -323,9 +323,9 @@ impl<'a> Engine<'a> {
         let all_stated = sigma_given && noise.groups().all(|group| group.stated.is_some());
         let residuals = (!all_stated).then(|| {
             let residuals = self.residuals(self.rows_of(pass), &joint.values, &pass.weights);
-            Weighing::covariance_of(&residuals, estimate, filter)
+            Weighing::covariance_of(&residuals, joint, filter)
         });
-        let residuals = residuals.as_ref().map(|left| noise.restored(left));
+        let residuals = residuals.as_ref().map(|left| noise.restored(left, self.rows_of(pass)));
         let groups: Vec<&SignalNoise> = noise.groups().collect();
         pass.weighing.with_signals(&groups, &spectra, residuals.as_deref(), sigma_given, filter)
     }

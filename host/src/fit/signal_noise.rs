@@ -35,8 +35,6 @@ pub(super) struct RowNoise<'a> {
     /// Row blocks of the whole recording.
     blocks: f64,
     measured: Vec<Band>,
-    /// Gram matrices of the rows by channels.
-    grams: Vec<DMatrix<f64>>,
     parameters: usize,
     channels: usize,
 }
@@ -234,12 +232,13 @@ impl<'a> RowNoise<'a> {
         }
         let measured = measured(blocks, channels, n);
         let blocks = blocks.len() as f64;
-        Ok(Some(Self { groups, blocks, measured, grams, parameters: n, channels }))
+        Ok(Some(Self { groups, blocks, measured, parameters: n, channels }))
     }
 
-    /// Returns the covariance of the noise by bands: that of residuals with what the parameters took of it.
-    pub(super) fn restored(&self, residuals: &Residuals) -> Vec<Band> {
-        let taken: Vec<f64> = self.grams.iter().map(|gram| gram.dot(&residuals.covariance)).collect();
+    /// Returns the covariance of the noise by bands: that of residuals with what all columns of the rows took of it.
+    pub(super) fn restored(&self, residuals: &Residuals, rows: &dyn RowBlocks) -> Vec<Band> {
+        let grams = channel_grams(rows, self.channels, residuals.covariance.nrows());
+        let taken: Vec<f64> = grams.iter().map(|gram| gram.dot(&residuals.covariance)).collect();
         let mut bands = residuals.bands.clone();
         restore(&mut bands, &self.measured, &taken);
         bands

@@ -12,6 +12,7 @@ const MATHEMATICS: [&str; 14] = [
     "forgetting",
     "consistency",
     "inertia",
+    "linear_algebra",
     "random",
     "regressor",
     "screening",
