@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-const MATHEMATICS: [&str; 14] = [
+const MATHEMATICS: [&str; 15] = [
     "alignment",
     "calibration",
     "conditioning",

@@ -6,13 +6,6 @@ use super::seen::{Parameter, Seen};
 /// Relative, for numbers of JSON objects and of factors made in double precision.
 const TOLERANCE: f64 = 1e-9;
 
-/// Intervals of one body count the noise of the IMU that its rig file states, which they did not when the goldens were
-/// recorded: an uncertainty may be larger by this share, a value moved by this share of it where factors are solved anew.
-const COUNTED: (f64, f64) = (0.02, 1e-3);
-/// Marks such a difference.
-const COUNTED_MARK: &str = "counted: ";
-const COUNTED_REASON: &str = "the stated noise of the IMU is counted in the intervals of one body";
-
 /// One difference.
 pub struct Difference {
     /// What differs and how.
@@ -39,9 +32,6 @@ pub fn differences(golden: &Seen, now: &Seen, case: &Case) -> Vec<Difference> {
         factor(name, entries, now, tolerance, &mut what);
     }
     let reason = |what: &str| {
-        if what.starts_with(COUNTED_MARK) {
-            return Some(COUNTED_REASON);
-        }
         let fits = |e: &&super::cases::Exception| case.name.starts_with(e.case) && what.starts_with(e.what);
         EXCEPTIONS.iter().find(fits).map(|e| e.reason)
     };
@@ -61,22 +51,13 @@ fn parameters(golden: &Seen, now: &Seen, what: &mut Vec<String>) {
         // A true zero is as exact as its interval is wide.
         let scale = value.unwrap_or(0.0).abs().max(u95.unwrap_or(0.0));
         for (kind, old, new) in [("value", value, &new.1), ("u95", u95, &new.2)] {
-            let (same, counted) = match (old, new) {
-                (Some(old), Some(new)) => {
-                    let difference = (old - new).abs();
-                    let (share, of_u95) = COUNTED;
-                    let counted = match kind {
-                        "u95" => new > old && difference <= share * old,
-                        _ => difference <= of_u95 * u95.unwrap_or(0.0),
-                    };
-                    (difference <= TOLERANCE * scale, counted)
-                }
-                (None, None) => (true, false),
-                _ => (false, false),
+            let same = match (old, new) {
+                (Some(old), Some(new)) => (old - new).abs() <= TOLERANCE * scale,
+                (None, None) => true,
+                _ => false,
             };
             if !same {
-                let mark = if counted { COUNTED_MARK } else { "" };
-                what.push(format!("{mark}parameter {name}: {kind} {new:?}, was {old:?}"));
+                what.push(format!("parameter {name}: {kind} {new:?}, was {old:?}"));
             }
         }
     }
@@ -94,11 +75,7 @@ fn numbers(golden: &Seen, now: &Seen, what: &mut Vec<String>) {
         let scale = of_family.map(|(_, v)| v.abs()).fold(old.abs(), f64::max);
         match now.numbers.get(path) {
             Some(new) if (old - new).abs() <= TOLERANCE * scale => {}
-            Some(new) => {
-                let counted = (old - new).abs() <= COUNTED.0 * scale;
-                let mark = if counted { COUNTED_MARK } else { "" };
-                what.push(format!("{mark}number {path}: {new:e}, was {old:e}"));
-            }
+            Some(new) => what.push(format!("number {path}: {new:e}, was {old:e}")),
             None if golden.schema != now.schema => {}
             None => what.push(format!("number {path} is gone, was {old:e}")),
         }
@@ -125,10 +102,6 @@ fn factor(name: &str, entries: &[String], now: &Seen, tolerance: f64, what: &mut
     let lost = numbers.iter().filter(|old| !is_there(old)).count();
     if lost > 0 {
         let kind = if tolerance > 0.0 { "to 1e-9" } else { "bit for bit" };
-        // Uncertainties that count more are in the factor, too.
-        what.push(format!(
-            "{COUNTED_MARK}factor {name}: {lost} of {} numbers are not there {kind}",
-            numbers.len()
-        ));
+        what.push(format!("factor {name}: {lost} of {} numbers are not there {kind}", numbers.len()));
     }
 }
