@@ -127,7 +127,7 @@ pub(super) fn improvement(budget: &[Budget]) -> Option<String> {
     let what = match source {
         NOISE => "record for longer, or move more",
         "load-cell gain" | "cross-talk" => {
-            "run a body of known properties (`rigident calibrate rig`), or state what the load cell's calibration says"
+            "run a body of known properties with rigident calibrate rig, or state what the load cell's calibration says"
         }
         "accelerometer scale"
         | "gyro scale"

@@ -70,35 +70,45 @@ fn budget(answer: &Answer) -> String {
         }
     }
     sources.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let head: String = sources
-        .iter()
-        .map(|(name, _)| format!("<th class=\"right\" scope=\"col\">{}, %</th>", escape(name)))
-        .collect();
-    let row = |own: &Budget| {
-        let cells: String = sources
-            .iter()
-            .map(|(name, _)| {
-                let share = own.contributions.iter().find(|c| c.source == *name).map_or(0.0, |c| c.share);
-                let text =
-                    if share < 0.1 * LEAST_SHARE { "–".to_owned() } else { significant(100.0 * share, 2) };
-                format!("<td class=\"right\">{text}</td>")
-            })
-            .collect();
-        format!(
-            "<tr><th scope=\"row\">{}</th><td class=\"right\">{} {}</td>{cells}</tr>\n",
-            escape(&own.quantity),
-            number(&significant(own.sd, 2)),
-            escape(&unit_symbol(&own.unit))
-        )
+    let share = |own: &Budget, source: &str| {
+        own.contributions.iter().find(|c| c.source == source).map_or(0.0, |c| c.share)
     };
-    let rows: String = answer.budget.iter().map(row).collect();
+    sources.retain(|(name, _)| answer.budget.iter().any(|own| share(own, name) >= LEAST_SHARE));
+    let quantity = |own: &Budget| {
+        let (sd, unit) = (number(&significant(own.sd, 2)), unit_symbol(&own.unit));
+        [escape(&own.quantity), format!("{sd} {}", escape(&unit))]
+    };
+    let cell = |own: &Budget, source: &str| {
+        let share = share(own, source);
+        let text = if share < 0.1 * LEAST_SHARE { "–".to_owned() } else { significant(100.0 * share, 2) };
+        format!("<td class=\"right\">{text}</td>")
+    };
+    let column = |name: &str| format!("<th class=\"right\" scope=\"col\">{name}</th>");
+    // The longer list goes down the page.
+    let (head, rows) = if sources.len() > answer.budget.len() {
+        let head: String = answer.budget.iter().map(|own| column(&quantity(own).join("<br>"))).collect();
+        let row = |name: &str| {
+            let cells: String = answer.budget.iter().map(|own| cell(own, name)).collect();
+            format!("<tr><th scope=\"row\">{}, %</th>{cells}</tr>\n", escape(name))
+        };
+        let rows: String = sources.iter().map(|(name, _)| row(name)).collect();
+        (format!("<th scope=\"col\">source</th>{head}"), rows)
+    } else {
+        let head: String = sources.iter().map(|(name, _)| column(&format!("{}, %", escape(name)))).collect();
+        let row = |own: &Budget| {
+            let [name, sd] = quantity(own);
+            let cells: String = sources.iter().map(|(name, _)| cell(own, name)).collect();
+            format!("<tr><th scope=\"row\">{name}</th><td class=\"right\">{sd}</td>{cells}</tr>\n")
+        };
+        let rows: String = answer.budget.iter().map(row).collect();
+        (format!("<th scope=\"col\">quantity</th>{}{head}", column("standard uncertainty")), rows)
+    };
     let improvement =
         answer.improvement.iter().map(|text| format!("<p>{}</p>\n", escape(text))).collect::<String>();
     format!(
         "<h2>Uncertainty budget</h2>\n<p class=\"soft\">Standard uncertainty of each quantity, and the share of its variance \
          that each source brings, after JCGM 100.</p>\n{improvement}<div class=\"scroll\"><table class=\"tight\"><thead><tr>\
-         <th scope=\"col\">quantity</th><th class=\"right\" scope=\"col\">standard uncertainty</th>{head}</tr></thead>\n\
-         <tbody>{rows}</tbody></table></div>\n"
+         {head}</tr></thead>\n<tbody>{rows}</tbody></table></div>\n"
     )
 }
 
