@@ -28,20 +28,35 @@ pub(super) struct Columns {
     offsets: Vec<Option<usize>>,
     /// Columns of signal errors that the source has.
     signals: usize,
+    /// What else is known of errors: rows of all columns with their values, of unit σ.
+    error_rows: Vec<(Vec<f64>, f64)>,
 }
 
 impl Columns {
     /// Returns the nuisance parameters that a source has, those whose σ is zero left out.
     pub(super) fn of(source: &dyn RowSource) -> Self {
         let nuisances: Vec<Nuisance> = source.nuisances().into_iter().filter(|k| k.sigma > 0.0).collect();
+        let parameters = source.parameters().len();
+        let error_rows = source.error_rows().into_iter().filter(|row| row.sd > 0.0);
+        let error_rows = error_rows.map(|row| {
+            let mut whitened = vec![0.0; parameters + nuisances.len()];
+            for (name, factor) in &row.terms {
+                if let Some(k) = nuisances.iter().position(|k| k.name == *name) {
+                    whitened[parameters + k] = factor / row.sd;
+                }
+            }
+            (whitened, row.value / row.sd)
+        });
+        let error_rows = error_rows.filter(|(row, _)| row.iter().any(|w| *w != 0.0)).collect();
         let number = |k: &Nuisance| match k.effect {
             Effect::Signal(s) => s + 1,
             _ => 0,
         };
         Self {
             signals: nuisances.iter().map(number).max().unwrap_or(0),
+            error_rows,
             nuisances,
-            parameters: source.parameters().len(),
+            parameters,
             offsets: source.channels().iter().map(|c: &Channel| c.offset).collect(),
         }
     }
@@ -73,6 +88,7 @@ impl Columns {
             match nuisance.effect {
                 Effect::Gain { channel } => rows[channel * all + n + k] = predicted[channel],
                 Effect::CrossTalk { from, to } => rows[to * all + n + k] = predicted[from],
+                Effect::None => {}
                 Effect::Drift { channel, degree } => {
                     rows[channel * all + n + k] = drift[usize::from(degree > 1)];
                 }
@@ -86,7 +102,7 @@ impl Columns {
         }
     }
 
-    /// Returns a joint factor with what is known beforehand in it.
+    /// Returns a joint factor with what is known beforehand, and beside the rows, in it.
     pub(super) fn with_prior(&self, joint: &Factor) -> Factor {
         let n = self.parameters;
         let rows: Vec<Vec<f64>> = self
@@ -101,6 +117,7 @@ impl Columns {
             .collect();
         let mut known = joint.clone();
         known.absorb(rows.iter().map(|row| (row.as_slice(), 0.0)));
+        known.absorb(self.error_rows.iter().map(|(row, value)| (row.as_slice(), *value)));
         let left = known.residual_sum_of_squares();
         // What is known beforehand are no measurements.
         known.with_residual(left, joint.rows())

@@ -51,7 +51,7 @@ pub use factor::{Factor, Solution};
 pub use fingerprint::Fingerprint;
 pub use noise_check::{Judgement, RowSet, judge};
 use nuisance::TOLD;
-pub use nuisance::{Agreement, Basis, Effect, Nuisance, NuisanceFit, Scope};
+pub use nuisance::{Agreement, Basis, Effect, ErrorRow, Nuisance, NuisanceFit, Scope};
 pub use options::{DeviceFactor, FitError, FitOptions};
 pub use parameter::{Channel, DriveMotion, Kind, Owner, Parameter};
 pub use prediction::Prediction;

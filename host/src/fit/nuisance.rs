@@ -45,6 +45,8 @@ pub enum Effect {
         /// 1: a line; 2: a curve.
         degree: u8,
     },
+    /// No row has it; [`super::RowSource::error_rows`] do.
+    None,
     /// An error of the signals that the source makes its rows of: its number among [`super::RowBlocks::sensitivities`].
     Signal(usize),
 }
@@ -66,6 +68,17 @@ pub struct Nuisance {
     pub scope: Scope,
     /// How it enters the rows.
     pub effect: Effect,
+}
+
+/// Something that tells of errors but not of the body: `Σ c_k θ_k = value ± sd`, errors that a source does not have left out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ErrorRow {
+    /// Errors by name, and their factors.
+    pub terms: Vec<(String, f64)>,
+    /// The value seen.
+    pub value: f64,
+    /// Its standard deviation.
+    pub sd: f64,
 }
 
 /// A nuisance parameter as a fit found it.

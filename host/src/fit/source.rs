@@ -4,7 +4,9 @@ use std::ops::Range;
 
 use rigident_shared::screening::Rejection;
 
-use super::{Channel, Filter, Fingerprint, FitError, Nuisance, Parameter, Progress, RowBlocks, condition};
+use super::{
+    Channel, ErrorRow, Filter, Fingerprint, FitError, Nuisance, Parameter, Progress, RowBlocks, condition,
+};
 
 /// How the samples of a source follow one another.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -169,6 +171,11 @@ pub trait RowSource: Send + Sync {
     /// Returns the errors of sensors and mounting that do not average out, each with what is known of it beforehand. They are
     /// estimated with the parameters, and eliminated.
     fn nuisances(&self) -> Vec<Nuisance> {
+        Vec::new()
+    }
+
+    /// Returns what else the source knows of its errors, beside its rows.
+    fn error_rows(&self) -> Vec<ErrorRow> {
         Vec::new()
     }
 

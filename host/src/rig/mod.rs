@@ -62,6 +62,9 @@ pub struct RecordingTable {
     pub wrench_sign: WrenchSign,
     /// Gravity, m/s².
     pub gravity_mps2: f64,
+    /// Its standard deviation, m/s².
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gravity_std_mps2: Option<f64>,
     /// Rows are still poses without time.
     #[serde(rename = "static")]
     pub is_static: bool,
@@ -81,6 +84,7 @@ impl Default for RecordingTable {
             rate_hz: None,
             wrench_sign: WrenchSign::OnBody,
             gravity_mps2: 9.80665,
+            gravity_std_mps2: None,
             is_static: false,
             frozen_after: FROZEN_AFTER,
             columns: BTreeMap::new(),

@@ -259,6 +259,8 @@ impl Check<'_> {
         let recording = &self.rig.recording;
         self.positive("recording.rate_hz", recording.rate_hz.as_slice())?;
         self.positive("recording.gravity_mps2", &[recording.gravity_mps2])?;
+        let std = recording.gravity_std_mps2;
+        self.all("recording.gravity_std_mps2", std.as_slice(), |v| v >= 0.0, NOT_NEGATIVE)?;
         self.columns("recording.columns", &recording.columns)?;
         for (name, topic) in &recording.topics {
             if !matches!(name.as_str(), "wrench" | "imu") {

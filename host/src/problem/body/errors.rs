@@ -2,13 +2,60 @@
 
 use rigident_shared::calibration::Reading;
 
-use super::sensitivities::{ERRORS, ImuError};
+use super::sensitivities::{ERRORS, ImuError, PAIRS};
 use super::{CHANNELS, WRENCH};
 use crate::fit::{Basis, Effect, Nuisance, Scope};
 use crate::rig::classes::rectangular;
 use crate::rig::{ImuClass, ImuTable, LoadCellClass, LoadCellTable};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
+/// The name of the error of the gravity that is stated.
+pub(super) const GRAVITY: &str = "gravity";
+/// Gravity where nobody has stated it, m/s²: the standard one, and how far that of sea level is from it between equator and pole.
+const STANDARD: (f64, f64) = (9.80665, 0.03);
+/// Gravity that was computed or looked up for a place is as near, m/s².
+const LOCAL_MPS2: f64 = 1e-3;
+
+/// How an error of the accelerometer shows at rest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum AccelTerm {
+    /// Along an axis.
+    Bias(usize),
+    /// In proportion to what is along two axes.
+    Product(usize, usize),
+}
+
+/// Returns the errors of the accelerometer by name.
+pub(super) fn accelerometer() -> impl Iterator<Item = (String, AccelTerm)> {
+    let of = |group: &str, axis: usize| format!("accelerometer_{group}_{}", AXES[axis]);
+    let biases = (0..3).map(move |i| (of("bias", i), AccelTerm::Bias(i)));
+    let scales = (0..3).map(move |i| (of("scale", i), AccelTerm::Product(i, i)));
+    let angles = PAIRS.into_iter().enumerate();
+    let angles = angles.map(move |(k, (i, j))| (of("misalignment", k), AccelTerm::Product(i, j)));
+    biases.chain(scales).chain(angles)
+}
+
+/// Returns the error of the gravity that is stated, relative; `columns`: it stands in the rows in place of an accelerometer.
+pub fn of_gravity(stated_mps2: f64, std_mps2: Option<f64>, columns: bool) -> Option<Nuisance> {
+    let is_standard = stated_mps2 == STANDARD.0;
+    let (limit, class) = match is_standard {
+        true => (STANDARD.1, "gravity standard"),
+        false => (LOCAL_MPS2, "gravity local"),
+    };
+    let nuisance = Nuisance {
+        name: GRAVITY.to_owned(),
+        group: GRAVITY.to_owned(),
+        unit: "1".to_owned(),
+        sigma: std_mps2.unwrap_or(rectangular(limit)) / stated_mps2,
+        basis: match std_mps2 {
+            Some(_) => Basis::Stated("recording.gravity_std_mps2".to_owned()),
+            None => Basis::Class(class.to_owned()),
+        },
+        scope: Scope::Rig,
+        effect: if columns { Effect::Signal(ImuError::Gravity.first()) } else { Effect::None },
+    };
+    (nuisance.sigma.is_finite() && nuisance.sigma > 0.0).then_some(nuisance)
+}
 
 /// Returns the nuisance parameters of a body in motion, or of still poses: what does not move has no lever arm, no delay and
 /// no rate.

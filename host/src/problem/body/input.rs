@@ -3,7 +3,7 @@
 use rigident_shared::calibration::{ImuMounting, Reading};
 use rigident_shared::screening::Limits;
 
-use crate::fit::Nuisance;
+use crate::fit::{ErrorRow, Nuisance};
 
 /// Readings of one body, with all that the rig file says of them.
 #[derive(Clone, Debug)]
@@ -24,6 +24,8 @@ pub struct Input {
     pub known_offset: Option<[f64; 6]>,
     /// Errors of sensors and mounting that do not average out.
     pub nuisances: Vec<Nuisance>,
+    /// What rests say of these, beside the rows.
+    pub error_rows: Vec<ErrorRow>,
     /// Ranges of the sensors.
     pub limits: Limits<f64>,
 }
@@ -31,6 +33,11 @@ pub struct Input {
 impl Input {
     /// Returns the same settings without readings.
     pub(crate) fn without_readings(&self) -> Self {
-        Self { readings: Vec::new(), nuisances: self.nuisances.clone(), ..*self }
+        Self {
+            readings: Vec::new(),
+            nuisances: self.nuisances.clone(),
+            error_rows: self.error_rows.clone(),
+            ..*self
+        }
     }
 }

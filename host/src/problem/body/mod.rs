@@ -9,6 +9,7 @@ mod input;
 pub mod input_checks;
 mod poses;
 pub mod prepare;
+mod rest;
 pub mod sensitivities;
 pub mod shares;
 
@@ -29,8 +30,8 @@ pub use self::input::Input;
 use self::shares::{Shares, Split};
 use super::white_noise::{Signs, sixth_differences};
 use crate::fit::{
-    Channel, ESTIMATOR_TAPS, Effect, Factor, Filter, Fingerprint, FitError, Kind, Nuisance, Owner, Parameter,
-    Progress, RowBlocks, RowSource, SampleCounts, SampleRows, SignalNoise, Timing, Whitening,
+    Channel, ESTIMATOR_TAPS, Effect, ErrorRow, Factor, Filter, Fingerprint, FitError, Kind, Nuisance, Owner,
+    Parameter, Progress, RowBlocks, RowSource, SampleCounts, SampleRows, SignalNoise, Timing, Whitening,
     condition::absorb, filter_width_s, row_every,
 };
 use crate::rig::ImuTable;
@@ -303,6 +304,10 @@ impl RowSource for BodySource {
 
     fn nuisances(&self) -> Vec<Nuisance> {
         self.input.nuisances.clone()
+    }
+
+    fn error_rows(&self) -> Vec<ErrorRow> {
+        self.input.error_rows.clone()
     }
 
     fn rate_sigma(&self) -> f64 {

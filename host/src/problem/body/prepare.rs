@@ -6,7 +6,8 @@ use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce, W
 
 use super::input_checks::{self, Implausible};
 use super::poses::{PoseError, calibrate_accelerometer, still_poses};
-use super::{Input, errors};
+use super::{Input, errors, imu_noise, rest};
+use crate::fit::{ErrorRow, Nuisance};
 use crate::recording::Recording;
 use crate::recording::columns::TIME;
 use crate::rig::{Calibrated, ImuTable, OffsetTable, OffsetWord, RigFile};
@@ -82,13 +83,37 @@ pub fn mounting(imu: &ImuTable) -> ImuMounting<f64> {
     }
 }
 
+/// Returns what is known of the gravity that a rig file states.
+fn gravity(rig: &RigFile, columns: bool) -> Option<Nuisance> {
+    errors::of_gravity(rig.recording.gravity_mps2, rig.recording.gravity_std_mps2, columns)
+}
+
+/// Returns what rests say of the accelerometer; without a rate every reading is one.
+fn rests(rig: &RigFile, imu: &ImuTable, readings: &[Reading<f64>], rate_hz: Option<f64>) -> Vec<ErrorRow> {
+    let (mounting, gravity) = (mounting(imu), rig.recording.gravity_mps2);
+    match rate_hz {
+        Some(rate_hz) => {
+            let noise = imu_noise::white_imu_noise(Some(imu), readings);
+            rest::of_motion(readings, &mounting, rate_hz, [noise.accel, noise.gyro], gravity)
+        }
+        None => rest::of_poses(readings, &mounting, imu.accel_noise_mps2, gravity),
+    }
+}
+
 /// Everything in a rig file that an identification needs, for given readings.
 pub fn input(rig: &RigFile, readings: Vec<Reading<f64>>, is_static: bool, rate_hz: f64) -> Input {
     let default = ImuTable::default();
     let imu = rig.imu.first().unwrap_or(&default);
     let none = Limits::none();
+    let mut nuisances = errors::nuisances(imu, &rig.load_cell, &readings, is_static);
+    let error_rows = rests(rig, imu, &readings, (!is_static).then_some(rate_hz));
+    let knows = |name: &str| nuisances.iter().any(|k| k.name.starts_with(name));
+    if !error_rows.is_empty() && knows("accelerometer") {
+        nuisances.extend(gravity(rig, false));
+    }
     Input {
-        nuisances: errors::nuisances(imu, &rig.load_cell, &readings, is_static),
+        nuisances,
+        error_rows,
         readings,
         is_static,
         rate_hz,
@@ -212,6 +237,8 @@ pub fn prepare(recording: &Recording) -> Result<Prepared, PrepareError> {
     let gravity_columns = recording.is_static && recording.gravity.is_some();
     if gravity_columns {
         input.nuisances = errors::of_cell(&rig.load_cell, &input.readings);
+        input.nuisances.extend(gravity(&rig, true));
+        input.error_rows.clear();
     }
     input_checks::check(&input, rig.recording.gravity_mps2, gravity_columns).map_err(implausible)?;
     Ok(Prepared { rig, input, gravity_columns, notes })

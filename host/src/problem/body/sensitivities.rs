@@ -12,6 +12,7 @@
 //! accel. bias u    a ← a − u
 //! accel. scale u   a ← a − u uᵀa
 //! misalignment     a ← a − u_i u_jᵀa, (i, j) = (y, x), (z, x), (z, y)
+//! gravity γ        a ← a (1 + γ)
 //! ```
 
 use nalgebra::{Matrix3, Vector3};
@@ -23,7 +24,9 @@ use super::WRENCH;
 /// Groups of errors.
 pub const ERRORS: usize = 8;
 /// Errors of all groups.
-const COLUMNS: usize = 22;
+const COLUMNS: usize = 23;
+/// Axes of the misalignments: the first reads a share of the second.
+pub(super) const PAIRS: [(usize, usize); 3] = [(1, 0), (2, 0), (2, 1)];
 
 /// A group of errors of the IMU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,6 +47,8 @@ pub enum ImuError {
     AccelGain,
     /// Angles between the axes of the accelerometer.
     AccelMisalignment,
+    /// Gravity that is stated in place of what an accelerometer reads, relative.
+    Gravity,
 }
 
 impl ImuError {
@@ -58,12 +63,13 @@ impl ImuError {
             Self::AccelBias => 13,
             Self::AccelGain => 16,
             Self::AccelMisalignment => 19,
+            Self::Gravity => 22,
         }
     }
 
     /// Returns how many errors there are of it.
     pub fn count(self) -> usize {
-        if self == Self::Skew { 1 } else { 3 }
+        if matches!(self, Self::Skew | Self::Gravity) { 1 } else { 3 }
     }
 
     /// Returns true if what stands still does not show it.
@@ -176,8 +182,9 @@ impl Block<'_> {
                 let u = axis(16);
                 (-u * u.dot(&now.force), none.1, none.2)
             }
+            22 => (now.force, none.1, none.2),
             _ => {
-                let (i, j) = [(1, 0), (2, 0), (2, 1)].get(k - 19).copied().unwrap_or((1, 0));
+                let (i, j) = PAIRS.get(k.saturating_sub(19)).copied().unwrap_or((1, 0));
                 let (to, from) = (self.axes.column(i).into_owned(), self.axes.column(j).into_owned());
                 (-to * from.dot(&now.force), none.1, none.2)
             }
