@@ -100,7 +100,7 @@ pub(crate) fn input(readings: Vec<Reading<f64>>, is_static: bool, sigma: Option<
         gyro_sigma: Some(1e-4),
         known_offset: None,
         nuisances: Vec::new(),
-        error_rows: Vec::new(),
+        rests: Vec::new(),
         limits: Limits::none(),
     }
 }

@@ -29,7 +29,7 @@ pub(super) struct Columns {
     /// Columns of signal errors that the source has.
     signals: usize,
     /// What else is known of errors: rows of all columns with their values, of unit σ.
-    error_rows: Vec<(Vec<f64>, f64)>,
+    observations: Vec<(Vec<f64>, f64)>,
 }
 
 impl Columns {
@@ -37,8 +37,8 @@ impl Columns {
     pub(super) fn of(source: &dyn RowSource) -> Self {
         let nuisances: Vec<Nuisance> = source.nuisances().into_iter().filter(|k| k.sigma > 0.0).collect();
         let parameters = source.parameters().len();
-        let error_rows = source.error_rows().into_iter().filter(|row| row.sd > 0.0);
-        let error_rows = error_rows.map(|row| {
+        let observations = source.error_observations().into_iter().filter(|row| row.sd > 0.0);
+        let observations = observations.map(|row| {
             let mut whitened = vec![0.0; parameters + nuisances.len()];
             for (name, factor) in &row.terms {
                 if let Some(k) = nuisances.iter().position(|k| k.name == *name) {
@@ -47,14 +47,14 @@ impl Columns {
             }
             (whitened, row.value / row.sd)
         });
-        let error_rows = error_rows.filter(|(row, _)| row.iter().any(|w| *w != 0.0)).collect();
+        let observations = observations.filter(|(row, _)| row.iter().any(|w| *w != 0.0)).collect();
         let number = |k: &Nuisance| match k.effect {
             Effect::Signal(s) => s + 1,
             _ => 0,
         };
         Self {
             signals: nuisances.iter().map(number).max().unwrap_or(0),
-            error_rows,
+            observations,
             nuisances,
             parameters,
             offsets: source.channels().iter().map(|c: &Channel| c.offset).collect(),
@@ -117,7 +117,7 @@ impl Columns {
             .collect();
         let mut known = joint.clone();
         known.absorb(rows.iter().map(|row| (row.as_slice(), 0.0)));
-        known.absorb(self.error_rows.iter().map(|(row, value)| (row.as_slice(), *value)));
+        known.absorb(self.observations.iter().map(|(row, value)| (row.as_slice(), *value)));
         let left = known.residual_sum_of_squares();
         // What is known beforehand are no measurements.
         known.with_residual(left, joint.rows())

@@ -45,7 +45,7 @@ pub enum Effect {
         /// 1: a line; 2: a curve.
         degree: u8,
     },
-    /// No row has it; [`super::RowSource::error_rows`] do.
+    /// No row has it; [`super::RowSource::error_observations`] do.
     None,
     /// An error of the signals that the source makes its rows of: its number among [`super::RowBlocks::sensitivities`].
     Signal(usize),

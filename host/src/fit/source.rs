@@ -175,7 +175,7 @@ pub trait RowSource: Send + Sync {
     }
 
     /// Returns what else the source knows of its errors, beside its rows.
-    fn error_rows(&self) -> Vec<ErrorRow> {
+    fn error_observations(&self) -> Vec<ErrorRow> {
         Vec::new()
     }
 

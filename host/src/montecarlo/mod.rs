@@ -470,7 +470,7 @@ impl Prepared {
             gyro_sigma: stated(imu.gyro_noise_radps),
             known_offset: None,
             nuisances: errors::of_cell(&cell_table, &readings),
-            error_rows: Vec::new(),
+            rests: Vec::new(),
             readings,
             limits: limits(config),
         };

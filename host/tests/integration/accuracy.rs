@@ -70,7 +70,7 @@ fn perfect_sensors_give_the_body() {
                     gyro_sigma: None,
                     known_offset: known.then_some([0.0; 6]),
                     nuisances: Vec::new(),
-                    error_rows: Vec::new(),
+                    rests: Vec::new(),
                     limits: Limits { frozen_after: FROZEN_AFTER, ..Limits::none() },
                 };
                 let values: Vec<f64> =

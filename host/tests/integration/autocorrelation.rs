@@ -36,7 +36,7 @@ fn filter(rate_hz: f64) -> Filter {
         gyro_sigma: None,
         known_offset: None,
         nuisances: Vec::new(),
-        error_rows: Vec::new(),
+        rests: Vec::new(),
         limits: Limits::none(),
     };
     BodySource::new(input, None).condition(&Silent).unwrap().filter().clone()

@@ -170,7 +170,7 @@ fn input(readings: Vec<Reading<f64>>) -> Input {
         gyro_sigma: None,
         known_offset: None,
         nuisances: Vec::new(),
-        error_rows: Vec::new(),
+        rests: Vec::new(),
         limits: Limits { frozen_after: 50, ..Limits::none() },
     }
 }

@@ -34,7 +34,7 @@ fn input(config: &RigConfig, rows: impl Iterator<Item = ReadingRow>) -> Input {
         gyro_sigma: None,
         known_offset: None,
         nuisances: Vec::new(),
-        error_rows: Vec::new(),
+        rests: Vec::new(),
         limits: Limits { frozen_after: FROZEN_AFTER, ..Limits::none() },
     }
 }

@@ -52,7 +52,7 @@ fn body(readings: &Readings, config: &RigConfig, rate_hz: f64, seed: Option<u64>
         gyro_sigma: None,
         known_offset: None,
         nuisances: Vec::new(),
-        error_rows: Vec::new(),
+        rests: Vec::new(),
         limits: Limits::none(),
     }
 }

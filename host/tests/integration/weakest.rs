@@ -78,7 +78,7 @@ fn told(readings: &[Reading<f64>], knows_offset: bool) -> (Vec<String>, Vec<bool
         gyro_sigma: Some(0.0),
         known_offset: knows_offset.then_some([0.0; 6]),
         nuisances: Vec::new(),
-        error_rows: Vec::new(),
+        rests: Vec::new(),
         limits: Limits::none(),
     };
     let fit = fit_body(&input);
@@ -213,7 +213,7 @@ fn measured_motions_are_told_the_same_and_the_demonstration_lacks_nothing() {
             gyro_sigma: None,
             known_offset: None,
             nuisances: Vec::new(),
-            error_rows: Vec::new(),
+            rests: Vec::new(),
             limits: Limits { frozen_after: FROZEN_AFTER, ..Limits::none() },
         };
         advice(&fit_body(&input))

@@ -299,7 +299,7 @@ fn fitted(case: Case, readings: Vec<Reading<f64>>) -> Fit {
         gyro_sigma: Some(gyro).filter(|_| stated),
         known_offset: None,
         nuisances: Vec::new(),
-        error_rows: Vec::new(),
+        rests: Vec::new(),
         limits: Limits::none(),
     };
     fit(&BodySource::new(input, Some(&imu)), &FitOptions::default(), &Silent).expect("there are rows")

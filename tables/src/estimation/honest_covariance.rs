@@ -100,7 +100,7 @@ impl Study {
             gyro_sigma: None,
             known_offset: None,
             nuisances: Vec::new(),
-            error_rows: Vec::new(),
+            rests: Vec::new(),
             limits: Limits::none(),
         };
         let identified = fit_body(&input, &FitOptions::default());

@@ -25,7 +25,7 @@ pub struct Input {
     /// Errors of sensors and mounting that do not average out.
     pub nuisances: Vec<Nuisance>,
     /// What rests say of these, beside the rows.
-    pub error_rows: Vec<ErrorRow>,
+    pub rests: Vec<ErrorRow>,
     /// Ranges of the sensors.
     pub limits: Limits<f64>,
 }
@@ -33,11 +33,6 @@ pub struct Input {
 impl Input {
     /// Returns the same settings without readings.
     pub(crate) fn without_readings(&self) -> Self {
-        Self {
-            readings: Vec::new(),
-            nuisances: self.nuisances.clone(),
-            error_rows: self.error_rows.clone(),
-            ..*self
-        }
+        Self { readings: Vec::new(), nuisances: self.nuisances.clone(), rests: self.rests.clone(), ..*self }
     }
 }

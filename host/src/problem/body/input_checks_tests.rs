@@ -30,7 +30,7 @@ fn input(rests: bool, unit: f64, rate: [f64; 3]) -> Input {
         gyro_sigma: None,
         known_offset: None,
         nuisances: Vec::new(),
-        error_rows: Vec::new(),
+        rests: Vec::new(),
         limits: Limits::none(),
     }
 }

@@ -306,8 +306,8 @@ impl RowSource for BodySource {
         self.input.nuisances.clone()
     }
 
-    fn error_rows(&self) -> Vec<ErrorRow> {
-        self.input.error_rows.clone()
+    fn error_observations(&self) -> Vec<ErrorRow> {
+        self.input.rests.clone()
     }
 
     fn rate_sigma(&self) -> f64 {

@@ -106,14 +106,14 @@ pub fn input(rig: &RigFile, readings: Vec<Reading<f64>>, is_static: bool, rate_h
     let imu = rig.imu.first().unwrap_or(&default);
     let none = Limits::none();
     let mut nuisances = errors::nuisances(imu, &rig.load_cell, &readings, is_static);
-    let error_rows = rests(rig, imu, &readings, (!is_static).then_some(rate_hz));
+    let rests = rests(rig, imu, &readings, (!is_static).then_some(rate_hz));
     let knows = |name: &str| nuisances.iter().any(|k| k.name.starts_with(name));
-    if !error_rows.is_empty() && knows("accelerometer") {
+    if !rests.is_empty() && knows("accelerometer") {
         nuisances.extend(gravity(rig, false));
     }
     Input {
         nuisances,
-        error_rows,
+        rests,
         readings,
         is_static,
         rate_hz,
@@ -238,7 +238,7 @@ pub fn prepare(recording: &Recording) -> Result<Prepared, PrepareError> {
     if gravity_columns {
         input.nuisances = errors::of_cell(&rig.load_cell, &input.readings);
         input.nuisances.extend(gravity(&rig, true));
-        input.error_rows.clear();
+        input.rests.clear();
     }
     input_checks::check(&input, rig.recording.gravity_mps2, gravity_columns).map_err(implausible)?;
     Ok(Prepared { rig, input, gravity_columns, notes })

@@ -205,7 +205,7 @@ fn a_fit_by_parts_is_that_of_one_pass() {
         gyro_sigma: Some(1e-3),
         known_offset: None,
         nuisances: Vec::new(),
-        error_rows: Vec::new(),
+        rests: Vec::new(),
         limits: config.limits,
     };
     assert_eq!(Split::of(input.readings.len()).parts, 3);

@@ -71,7 +71,7 @@ pub fn input(config: &RigConfig, readings: &Readings, seed: u64) -> Input {
         gyro_sigma: Some(4.3e-4),
         known_offset: None,
         nuisances: Vec::new(),
-        error_rows: Vec::new(),
+        rests: Vec::new(),
         limits: Limits { frozen_after: FROZEN_AFTER, ..Limits::none() },
     }
 }
