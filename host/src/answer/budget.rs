@@ -8,10 +8,12 @@ use nalgebra::{DMatrix, DVector};
 
 use super::derived;
 use super::result::{Budget, Contribution};
-use crate::fit::Fit;
+use crate::fit::{Basis, Fit, Nuisance};
 
 /// The source that is left when all others are taken off.
 const NOISE: &str = "noise";
+/// All errors that a calibration of the rig found.
+const CALIBRATION: &str = "rig calibration";
 
 /// A source's contributions to the parameters: columns that are independent of each other.
 struct Source {
@@ -51,6 +53,14 @@ pub(super) fn budget(fit: &Fit, is_body: bool, known: impl Fn(usize) -> bool) ->
     all
 }
 
+/// Returns the source that an error is counted to: those of a calibration are correlated, and one source between them.
+fn group(nuisance: &Nuisance) -> &str {
+    match &nuisance.basis {
+        Basis::Calibration(_) => CALIBRATION,
+        Basis::Stated(_) | Basis::Class(_) => &nuisance.group,
+    }
+}
+
 fn sources(fit: &Fit) -> Vec<Source> {
     let n = fit.parameters.len();
     // What is known of the body comes last.
@@ -62,15 +72,16 @@ fn sources(fit: &Fit) -> Vec<Source> {
     let mut all: Vec<Source> = Vec::new();
     let mut groups: Vec<&str> = Vec::new();
     for found in &fit.nuisances {
-        if !groups.contains(&found.nuisance.group.as_str()) {
-            groups.push(&found.nuisance.group);
+        let group = group(&found.nuisance);
+        if !groups.contains(&group) {
+            groups.push(group);
         }
     }
     for group in groups {
         let own: Vec<DVector<f64>> = fit
             .nuisances
             .iter()
-            .filter(|found| found.nuisance.group == group)
+            .filter(|found| self::group(&found.nuisance) == group)
             .map(|found| DVector::from_fn(n, |j, _| found.contributions.get(j).copied().unwrap_or(0.0)))
             .collect();
         all.push(Source { name: group.to_owned(), columns: shrunk(DMatrix::from_columns(&own)) });
@@ -126,6 +137,9 @@ pub(super) fn improvement(budget: &[Budget]) -> Option<String> {
     let share = 100.0 * sum / budget.len() as f64;
     let what = match source {
         NOISE => "record for longer, or move more",
+        CALIBRATION => {
+            "calibrate the rig with a reference body that is known better, in longer runs, or turned as well"
+        }
         "load-cell gain" | "cross-talk" => {
             "run a body of known properties with rigident calibrate rig, or state what the load cell's calibration says"
         }

@@ -28,3 +28,4 @@ pub use context::{Context, Links, StandardRequest};
 pub use new::AnswerError;
 pub use read::ReadError;
 pub use result::{Answer, Drift, DriftChange, Source, Status, TimeBase, Tracking};
+pub use rig_errors::contradictions;

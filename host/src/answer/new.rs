@@ -251,6 +251,7 @@ impl Answer {
         self.notes.append(&mut notes);
         self.warnings.extend(rig_errors::contradictions(fit));
         self.warnings.append(&mut warnings);
+        self.notes.extend(rig_errors::calibration(fit));
         self.notes.extend(rig_errors::defaults(fit));
         self.add_lack_of_fit(fit);
         self.warnings.extend(remarks::of_known_values(fit, links, &judged.states));
@@ -362,6 +363,7 @@ fn errors(fit: &Fit) -> Vec<RigError> {
             name: found.nuisance.name.clone(),
             group: found.nuisance.group.clone(),
             unit: found.nuisance.unit.clone(),
+            expected: found.expected,
             value: found.value,
             u95: k * found.sd,
             sigma: found.nuisance.sigma,

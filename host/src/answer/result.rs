@@ -236,11 +236,14 @@ pub struct RigError {
     pub value: f64,
     /// Its 95 % expanded uncertainty.
     pub u95: f64,
-    /// Standard deviation beforehand, about zero.
+    /// Value beforehand: zero unless a calibration of the rig says otherwise.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub expected: f64,
+    /// Standard deviation beforehand, about that.
     pub sigma: f64,
     /// The key of the rig file, class of data sheets or calibration that this is from.
     pub basis: String,
-    /// True if the rig file states it; else it is a default.
+    /// True if the rig file or a calibration states it; else it is a default.
     pub stated: bool,
     /// Share of the variance beforehand that the recording has taken away.
     pub told: f64,
@@ -695,4 +698,8 @@ pub struct TimeBase {
     pub kernel_width_s: f64,
     /// The streams, in the order of the rig file.
     pub streams: Vec<StreamResult>,
+}
+
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }

@@ -40,8 +40,8 @@ fn contradicted(fit: &Fit) -> Vec<&NuisanceFit> {
     all
 }
 
-/// Returns the contradictions in words.
-pub(super) fn contradictions(fit: &Fit) -> Vec<String> {
+/// Returns in words what of the errors of the rig contradicts what is known of them beforehand; empty if nothing does.
+pub fn contradictions(fit: &Fit) -> Vec<String> {
     let k = fit.estimate.coverage_factor();
     let named = contradicted(fit);
     let mut all: Vec<String> = named
@@ -54,9 +54,18 @@ pub(super) fn contradictions(fit: &Fit) -> Vec<String> {
                 Basis::Class(class) => format!("the class {class} lets expect"),
                 Basis::Calibration(of) => format!("the calibration {of} states"),
             };
+            let mend = match &nuisance.basis {
+                Basis::Calibration(_) => "calibrate the rig again",
+                Basis::Stated(_) | Basis::Class(_) => "correct the rig file",
+            };
+            let about = if found.expected == 0.0 {
+                String::new()
+            } else {
+                format!("{} ± ", significant(found.expected, 3))
+            };
             format!(
-                "{}: {} is {}, {:.1} standard deviations from what {known}, {}{}; the intervals do not count that: correct the \
-                 rig file, or look for another cause that looks the same",
+                "{}: {} is {}, {:.1} standard deviations from what {known}, {about}{}{}; the intervals do not count that: {mend}, \
+                 or look for another cause that looks the same",
                 nuisance.group,
                 nuisance.name,
                 with_u95(found.value, k * found.sd, unit(nuisance)),
@@ -74,6 +83,20 @@ pub(super) fn contradictions(fit: &Fit) -> Vec<String> {
         ));
     }
     all
+}
+
+/// Returns the calibration of the rig that the intervals rest on.
+pub(super) fn calibration(fit: &Fit) -> Option<String> {
+    let (mut name, mut groups) = (None, Vec::new());
+    for found in &fit.nuisances {
+        let Basis::Calibration(of) = &found.nuisance.basis else { continue };
+        name = Some(of);
+        if !groups.contains(&found.nuisance.group.as_str()) {
+            groups.push(&found.nuisance.group);
+        }
+    }
+    let (name, groups) = (name?, groups.join(", "));
+    Some(format!("{groups}: the intervals rest on the calibration {name} of this rig, correlations included"))
 }
 
 /// Returns the defaults that the intervals rest on.

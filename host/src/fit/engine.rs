@@ -9,15 +9,15 @@ use super::condition;
 use super::convergence;
 use super::forgetting::Memory;
 use super::lack_of_fit::{self, LackOfFit, Role};
-use super::linearised::{Columns, Linearised};
+use super::linearised::{Columns, Linearised, Prior};
 use super::outliers::{self, Reference, Watch, Weights};
 use super::residuals::{measured_rms, raw_sigma, residuals, rms};
 use super::signal_noise::RowNoise;
 use super::weighing::Weighing;
 use super::{
     Agreement, BlockResidual, ChannelFit, Convergence, Counts, DeviceFactor, Estimate, Factor, Fit, FitError,
-    FitOptions, Forgotten, Kind, Noise, NoiseCheck, NuisanceFit, Progress, RowBlocks, RowSet, RowSource,
-    SignalFit, SignalNoise, TOLD, judge, parallel,
+    FitOptions, Forgotten, Gaussian, Kind, Noise, NoiseCheck, NuisanceFit, Progress, RowBlocks, RowSet,
+    RowSource, SignalFit, SignalNoise, judge, parallel,
 };
 
 /// Rounds of weights from residuals where no σ is stated: from the unweighted fit, then once more.
@@ -500,12 +500,20 @@ impl<'a> Engine<'a> {
     ) -> Result<Fit, FitError> {
         let lack_of_fit =
             if forgetting.is_none() { self.lack_of_fit(&pass, &conclusion) } else { LackOfFit::default() };
-        let nuisances = match forgetting {
-            None => self.nuisance_fits(&pass, &conclusion),
+        let (nuisances, known) = match forgetting {
+            None => (self.nuisance_fits(&pass, &conclusion), DVector::zeros(self.parameters)),
             Some(span) => self.considered(&pass, &conclusion, span)?,
         };
         let rows = self.rows_of(&pass);
         let Conclusion { mut factor, mut solved, mut estimate, unscaled, check, .. } = conclusion;
+        if known.iter().any(|v| *v != 0.0) {
+            factor = factor.about(known.as_slice());
+            estimate.values.iter_mut().zip(&known).for_each(|(value, by)| *value -= by);
+            for point in &mut convergence {
+                let all = point.parameters.iter_mut().zip(&known);
+                all.for_each(|(measured, by)| measured.iter_mut().for_each(|m| m.value -= by));
+            }
+        }
         let weighing = &pass.weighing;
         let variance: Vec<f64> = weighing.total.iter().map(|s| s * s * check.variance_scale).collect();
         let mut inflation = Vec::new();
@@ -586,6 +594,7 @@ impl<'a> Engine<'a> {
             channels: channel_fits,
             signals,
             agreement: self.agreement(&pass, &conclusion.joint, &conclusion.inverse),
+            joint: self.joint(&pass, &conclusion.joint, check.variance_scale, &inflation),
             nuisances,
             added: Vec::new(),
             device: None,
@@ -631,16 +640,40 @@ impl<'a> Engine<'a> {
     fn nuisance_fits(&self, pass: &Pass, conclusion: &Conclusion) -> Vec<NuisanceFit> {
         let n = self.parameters;
         let (Estimate { values, covariance, .. }, inverse) = (&conclusion.joint, &conclusion.inverse);
-        let found = self.columns.nuisances.iter().enumerate().filter(|_| pass.linearised.is_some());
+        if pass.linearised.is_none() {
+            return Vec::new();
+        }
+        let found = self.columns.nuisances.iter().enumerate();
+        // Of independent errors `(N⁻¹)_jk / σ_k`.
+        let brought = inverse.rows(0, n) * self.columns.prior.whitening.rows(n, found.len()).transpose();
         found
             .map(|(k, nuisance)| NuisanceFit {
                 nuisance: nuisance.clone(),
+                expected: self.columns.prior.mean[n + k],
                 value: values[n + k],
                 sd: covariance[(n + k, n + k)].max(0.0).sqrt().min(nuisance.sigma),
                 drawn: nuisance.sigma.powi(2) - 2.0 * inverse[(n + k, n + k)] + covariance[(n + k, n + k)],
-                contributions: (0..n).map(|j| inverse[(j, n + k)] / nuisance.sigma).collect(),
+                contributions: brought.column(k).iter().copied().collect(),
             })
             .collect()
+    }
+
+    /// Returns parameters and errors together, as far as they are determined, if something is known of them together;
+    /// autocorrelated rows count as so much noisier.
+    fn joint(&self, pass: &Pass, joint: &Estimate, scale: f64, inflation: &[f64]) -> Option<Gaussian> {
+        pass.linearised.as_ref()?;
+        self.source.beforehand()?;
+        let most = inflation.iter().copied().fold(1.0, f64::max);
+        let noisier = (most > 1.0).then(|| self.solve(pass, scale * most * most).joint);
+        let Estimate { values, covariance, determined, .. } = noisier.as_ref().unwrap_or(joint);
+        let kept: Vec<usize> = (0..values.len()).filter(|j| determined.get(*j) == Some(&true)).collect();
+        let own = self.source.parameters().iter().map(|p| &p.name);
+        let names: Vec<&String> = own.chain(self.columns.nuisances.iter().map(|k| &k.name)).collect();
+        Gaussian::new(
+            kept.iter().filter_map(|j| names.get(*j).map(|name| (*name).clone())).collect(),
+            DVector::from_column_slice(values).select_rows(&kept),
+            covariance.select_rows(&kept).select_columns(&kept),
+        )
     }
 
     /// Compares the errors found with what was known of them beforehand.
@@ -648,20 +681,13 @@ impl<'a> Engine<'a> {
         let (n, count) = (self.parameters, self.columns.nuisances.len());
         pass.linearised.as_ref()?;
         let sigma = |k: usize| self.columns.nuisances[k].sigma;
-        let known = DVector::from_fn(count, |k, _| joint.values[n + k] / sigma(k));
+        let Prior { mean, covariance, .. } = &self.columns.prior;
+        let known = DVector::from_fn(count, |k, _| (joint.values[n + k] - mean[n + k]) / sigma(k));
         let told = DMatrix::from_fn(count, count, |i, j| {
             let (c, b) = (joint.covariance[(n + i, n + j)], inverse[(n + i, n + j)]);
-            f64::from(u8::from(i == j)) + (c - 2.0 * b) / (sigma(i) * sigma(j))
+            (covariance[(i, j)] + c - 2.0 * b) / (sigma(i) * sigma(j))
         });
-        let eigen = nalgebra::SymmetricEigen::new(told);
-        let (mut chi2, mut degrees_of_freedom) = (0.0, 0.0);
-        for (share, direction) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
-            if *share > TOLD {
-                chi2 += direction.dot(&known).powi(2) / share;
-                degrees_of_freedom += 1.0;
-            }
-        }
-        (degrees_of_freedom > 0.0).then_some(Agreement { chi2, degrees_of_freedom })
+        Agreement::new(&known, told)
     }
 
     /// Returns what the residuals say against the model.
@@ -728,14 +754,16 @@ impl Engine<'_> {
     }
 
     /// Returns what errors that are not estimated bring to an estimate that has forgotten older rows: of the rows in the span
-    /// `φ̂ − φ = (AᵀWA)⁻¹ AᵀW c_k θ_k` (S. F. Schmidt, 1966, consider parameters).
+    /// `φ̂ − φ = (AᵀWA)⁻¹ AᵀW c_k θ_k` (S. F. Schmidt, 1966, consider parameters); then how much of it is known beforehand.
     fn considered(
         &self,
         pass: &Pass,
         conclusion: &Conclusion,
         span: Span<f64>,
-    ) -> Result<Vec<NuisanceFit>, FitError> {
-        let Some(rows) = self.linearise(&conclusion.estimate.values)? else { return Ok(Vec::new()) };
+    ) -> Result<(Vec<NuisanceFit>, DVector<f64>), FitError> {
+        let Some(rows) = self.linearise(&conclusion.estimate.values)? else {
+            return Ok((Vec::new(), DVector::zeros(self.parameters)));
+        };
         let first = rows.len() - recent(&conclusion.residuals, span).len().min(rows.len());
         let joint = rows.absorb(first..rows.len(), self.columns.all(), &pass.weighing.whitening, None).r();
         let n = self.parameters;
@@ -743,14 +771,18 @@ impl Engine<'_> {
             (joint.view((0, 0), (n, n)), joint.view((0, n), (n, self.columns.nuisances.len())));
         let moved = own.clone_owned().svd(true, true).solve(&others.clone_owned(), f64::EPSILON);
         let moved = moved.unwrap_or_else(|_| DMatrix::zeros(n, self.columns.nuisances.len()));
+        let Prior { mean, colouring, .. } = &self.columns.prior;
+        let brought = -(&moved * colouring);
         let of = |(k, nuisance): (usize, &super::Nuisance)| NuisanceFit {
             nuisance: nuisance.clone(),
-            value: 0.0,
+            expected: mean[n + k],
+            value: mean[n + k],
             sd: nuisance.sigma,
             drawn: 0.0,
-            contributions: (0..n).map(|j| -moved[(j, k)] * nuisance.sigma).collect(),
+            contributions: brought.column(k).iter().copied().collect(),
         };
-        Ok(self.columns.nuisances.iter().enumerate().map(of).collect())
+        let found = self.columns.nuisances.iter().enumerate().map(of).collect();
+        Ok((found, moved * mean.rows(n, self.columns.nuisances.len())))
     }
 
     /// Restricts what residuals say to the rows that are remembered.

@@ -5,13 +5,16 @@
 //! y = A φ + Σ_k c_k θ_k,   c_k = ∂/∂θ_k (A(θ) φ̂ + e(θ)) at zero
 //! ```
 //! which at `φ = φ̂` is exact in all that is linear in θ. The columns follow the parameters'; what is known beforehand are
-//! rows `θ_k = 0 ± σ_k`.
+//! rows `θ_k = 0 ± σ_k`, or those of a normal distribution of errors and parameters.
 
 use std::ops::Range;
 
+use nalgebra::{DMatrix, DVector};
 use rigident_shared::screening::Rejection;
 
-use super::{Channel, Effect, Factor, Filter, FitError, Nuisance, RowBlocks, RowSource, SampleCounts};
+use super::{
+    Channel, Effect, Factor, Filter, FitError, Gaussian, Nuisance, RowBlocks, RowSource, SampleCounts,
+};
 use super::{SampleRows, Silent, Timing, Whitening, outliers::dot};
 use super::{condition, features};
 
@@ -30,12 +33,74 @@ pub(super) struct Columns {
     signals: usize,
     /// What else is known of errors: rows of all columns with their values, of unit σ.
     observations: Vec<(Vec<f64>, f64)>,
+    /// What is known beforehand.
+    pub(super) prior: Prior,
+}
+
+/// What is known beforehand of all columns: rows `W x = W μ ± 1`.
+#[derive(Clone, Debug)]
+pub(super) struct Prior {
+    /// μ; zero of what nothing is known of.
+    pub(super) mean: DVector<f64>,
+    /// W, a row for each column, zero where nothing is known.
+    pub(super) whitening: DMatrix<f64>,
+    /// Covariance of the nuisance parameters.
+    pub(super) covariance: DMatrix<f64>,
+    /// A root of that: what one standard deviation of each independent part moves.
+    pub(super) colouring: DMatrix<f64>,
+}
+
+impl Prior {
+    /// Returns what the nuisance parameters' own σ say, or a distribution of those that are in it.
+    fn new(parameters: &[super::Parameter], nuisances: &mut [Nuisance], known: Option<&Gaussian>) -> Self {
+        let (n, count) = (parameters.len(), nuisances.len());
+        let all = n + count;
+        let mut prior = Self {
+            mean: DVector::zeros(all),
+            whitening: DMatrix::zeros(all, all),
+            covariance: DMatrix::zeros(count, count),
+            colouring: DMatrix::zeros(count, count),
+        };
+        let names: Vec<String> =
+            parameters.iter().map(|p| &p.name).chain(nuisances.iter().map(|k| &k.name)).cloned().collect();
+        let place = |name: &str| names.iter().position(|own| own == name);
+        let known = known.map(|known| known.only(|name| place(name).is_some()));
+        for (k, nuisance) in nuisances.iter_mut().enumerate() {
+            if let Some(sd) = known.as_ref().and_then(|known| known.sd(&nuisance.name)) {
+                nuisance.sigma = sd;
+                continue;
+            }
+            prior.whitening[(n + k, n + k)] = 1.0 / nuisance.sigma;
+            prior.covariance[(k, k)] = nuisance.sigma.powi(2);
+            prior.colouring[(k, k)] = nuisance.sigma;
+        }
+        let Some(known) = known else { return prior };
+        let at: Vec<usize> = known.names().iter().filter_map(|name| place(name)).collect();
+        let whitening = known.whitening();
+        for (i, to) in at.iter().enumerate() {
+            prior.mean[*to] = known.mean()[i];
+            for (j, from) in at.iter().enumerate() {
+                prior.whitening[(*to, *from)] = whitening[(i, j)];
+            }
+        }
+        let errors = known.only(|name| place(name).is_some_and(|at| at >= n));
+        let at: Vec<usize> = at.into_iter().filter_map(|at| at.checked_sub(n)).collect();
+        let colouring = errors.colouring();
+        for (i, to) in at.iter().enumerate() {
+            for (j, from) in at.iter().enumerate() {
+                prior.covariance[(*to, *from)] = errors.covariance()[(i, j)];
+                prior.colouring[(*to, *from)] = colouring[(i, j)];
+            }
+        }
+        prior
+    }
 }
 
 impl Columns {
     /// Returns the nuisance parameters that a source has, those whose σ is zero left out.
     pub(super) fn of(source: &dyn RowSource) -> Self {
-        let nuisances: Vec<Nuisance> = source.nuisances().into_iter().filter(|k| k.sigma > 0.0).collect();
+        let mut nuisances: Vec<Nuisance> = source.nuisances().into_iter().filter(|k| k.sigma > 0.0).collect();
+        let prior = Prior::new(source.parameters(), &mut nuisances, source.beforehand());
         let parameters = source.parameters().len();
         let observations = source.error_observations().into_iter().filter(|row| row.sd > 0.0);
         let observations = observations.map(|row| {
@@ -58,6 +123,7 @@ impl Columns {
             nuisances,
             parameters,
             offsets: source.channels().iter().map(|c: &Channel| c.offset).collect(),
+            prior,
         }
     }
 
@@ -104,19 +170,12 @@ impl Columns {
 
     /// Returns a joint factor with what is known beforehand, and beside the rows, in it.
     pub(super) fn with_prior(&self, joint: &Factor) -> Factor {
-        let n = self.parameters;
-        let rows: Vec<Vec<f64>> = self
-            .nuisances
-            .iter()
-            .enumerate()
-            .map(|(k, nuisance)| {
-                let mut row = vec![0.0; self.all()];
-                row[n + k] = 1.0 / nuisance.sigma;
-                row
-            })
-            .collect();
+        let Prior { mean, whitening, .. } = &self.prior;
+        let rows = whitening.row_iter().filter(|row| row.iter().any(|w| *w != 0.0));
+        let rows: Vec<(Vec<f64>, f64)> =
+            rows.map(|row| (row.iter().copied().collect(), (row * mean)[0])).collect();
         let mut known = joint.clone();
-        known.absorb(rows.iter().map(|row| (row.as_slice(), 0.0)));
+        known.absorb(rows.iter().map(|(row, value)| (row.as_slice(), *value)));
         known.absorb(self.observations.iter().map(|(row, value)| (row.as_slice(), *value)));
         let left = known.residual_sum_of_squares();
         // What is known beforehand are no measurements.

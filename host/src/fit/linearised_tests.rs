@@ -20,6 +20,8 @@ struct Example {
     samples: usize,
     noise: f64,
     late: f64,
+    beforehand: Option<Gaussian>,
+    timing: Timing,
 }
 
 fn nuisance(name: &str, sigma: f64, effect: Effect) -> Nuisance {
@@ -51,6 +53,8 @@ impl Example {
             samples: 600,
             noise: 1.0,
             late: 0.0,
+            beforehand: None,
+            timing: Timing::Static,
         }
     }
 
@@ -105,7 +109,7 @@ impl RowSource for Example {
     }
 
     fn timing(&self) -> Timing {
-        Timing::Static
+        self.timing
     }
 
     fn samples(&self) -> usize {
@@ -113,7 +117,7 @@ impl RowSource for Example {
     }
 
     fn time_ns(&self, sample: usize) -> u64 {
-        sample as u64
+        sample as u64 * 20_000_000
     }
 
     fn rows(&self, sample: usize, rows: &mut SampleRows) -> Result<(), Rejection> {
@@ -126,6 +130,10 @@ impl RowSource for Example {
         self.nuisances.clone()
     }
 
+    fn beforehand(&self) -> Option<&Gaussian> {
+        self.beforehand.as_ref()
+    }
+
     fn with_errors(&self, errors: &[f64]) -> Option<Box<dyn RowSource + '_>> {
         let late = self.late + errors.first()?;
         let parameters = self.parameters.clone();
@@ -134,18 +142,15 @@ impl RowSource for Example {
             parameters,
             channels: self.channels.clone(),
             nuisances: Vec::new(),
+            beforehand: None,
             ..*self
         }))
     }
 }
 
 /// Oracle: normal equations of the same linear model about the estimate, written out column by column with derivatives by
-/// hand, inverted whole.
-#[test]
-fn estimate_and_covariance_are_those_of_the_dense_problem() {
-    let example = Example::all();
-    let found = example.fitted();
-    let phi = &found.estimate.values;
+/// hand. Nothing is known beforehand.
+fn dense(example: &Example, phi: &[f64]) -> (DMatrix<f64>, DVector<f64>) {
     let (mut normal, mut right) = (DMatrix::<f64>::zeros(10, 10), DVector::<f64>::zeros(10));
     for sample in 0..example.samples {
         let rows = example.rows_at(sample, 0.0);
@@ -168,6 +173,15 @@ fn estimate_and_covariance_are_those_of_the_dense_problem() {
             normal += &row * row.transpose() * information;
         }
     }
+    (normal, right)
+}
+
+#[test]
+fn estimate_and_covariance_are_those_of_the_dense_problem() {
+    let example = Example::all();
+    let found = example.fitted();
+    let phi = &found.estimate.values;
+    let (mut normal, right) = dense(&example, phi);
     for (k, nuisance) in example.nuisances.iter().enumerate() {
         normal[(5 + k, 5 + k)] += nuisance.sigma.powi(-2);
     }
@@ -229,4 +243,87 @@ fn what_is_next_to_certain_changes_nothing() {
     }
     let none = Example::new(vec![nuisance("gain", 0.0, Effect::Gain { channel: 0 })]).fitted();
     assert!(none.nuisances.is_empty());
+}
+
+/// A parameter and two errors that are known together, and correlated; the others by themselves.
+fn together() -> Gaussian {
+    let names = ["p0", "gain", "leak"].map(str::to_owned).to_vec();
+    let l = DMatrix::from_row_slice(3, 3, &[0.1, 0.0, 0.0, -4e-3, 2e-3, 0.0, 1e-3, -1.5e-3, 8e-4]);
+    Gaussian::new(names, DVector::from_vec(vec![20.05, 9e-3, -3.5e-3]), &l * l.transpose()).unwrap()
+}
+
+#[test]
+fn what_is_known_together_counts_with_mean_and_correlation() {
+    let known = together();
+    let example = Example { noise: 0.8, beforehand: Some(known.clone()), ..Example::all() };
+    let found = example.fitted();
+    assert_eq!(found.noise.variance_scale, 1.0);
+    let (mut normal, mut right) = dense(&example, &found.estimate.values);
+    let information = known.covariance().clone().try_inverse().unwrap();
+    let at = [0, 5, 6];
+    for (i, to) in at.iter().enumerate() {
+        right[*to] += (&information * known.mean())[i];
+        for (j, from) in at.iter().enumerate() {
+            normal[(*to, *from)] += information[(i, j)];
+        }
+    }
+    for (k, nuisance) in example.nuisances.iter().enumerate().skip(2) {
+        normal[(5 + k, 5 + k)] += nuisance.sigma.powi(-2);
+    }
+    let covariance = normal.try_inverse().unwrap();
+    let estimate = &covariance * right;
+    let joint = found.joint.as_ref().unwrap();
+    for (j, name) in joint.names().iter().enumerate() {
+        let sd = covariance[(j, j)].sqrt();
+        assert!((joint.mean()[j] - estimate[j]).abs() < 2e-3 * sd, "{name}");
+        for k in 0..joint.names().len() {
+            let both = sd * covariance[(k, k)].sqrt();
+            assert!((joint.covariance()[(j, k)] - covariance[(j, k)]).abs() < 4e-3 * both, "{name} {k}");
+        }
+    }
+    assert_eq!((found.nuisances[0].expected, found.nuisances[2].expected), (9e-3, 0.0));
+    assert_eq!(found.nuisances[1].nuisance.sigma, known.sd("leak").unwrap());
+    assert!(found.agreement.unwrap().probability() > 1e-3, "{:?}", found.agreement);
+}
+
+/// The contributions of correlated errors are those of all of them together, however they are shared out.
+#[test]
+fn contributions_of_correlated_errors_add_up() {
+    let known = together().only(|name| name != "p0");
+    let example = Example { noise: 0.8, beforehand: Some(known.clone()), ..Example::all() };
+    let found = example.fitted();
+    let (mut normal, _) = dense(&example, &found.estimate.values);
+    let mut prior = DMatrix::<f64>::zeros(5, 5);
+    prior.view_mut((0, 0), (2, 2)).copy_from(&known.covariance().clone().try_inverse().unwrap());
+    for k in 2..5 {
+        prior[(k, k)] = example.nuisances[k].sigma.powi(-2);
+    }
+    let mut errors = normal.view_mut((5, 5), (5, 5));
+    errors += &prior;
+    let inverse = normal.try_inverse().unwrap();
+    let moved = inverse.view((0, 5), (5, 5)).into_owned();
+    let expected = &moved * prior * moved.transpose();
+    for j in 0..N {
+        let sum: f64 = found.nuisances.iter().map(|k| k.contributions[j].powi(2)).sum();
+        assert!((sum / expected[(j, j)] - 1.0).abs() < 1e-2, "{j}: {sum} {}", expected[(j, j)]);
+    }
+}
+
+/// What cannot be estimated where rows are forgotten is taken off as far as it is known.
+#[test]
+fn with_forgetting_the_mean_is_taken_off() {
+    use rigident_shared::forgetting::Span;
+    let fitted = |beforehand: Option<Gaussian>| {
+        let gain = |channel| nuisance(&format!("gain {channel}"), 0.02, Effect::Gain { channel });
+        let timing = Timing::Uniform { rate_hz: 50.0 };
+        let example = Example { beforehand, timing, ..Example::new(vec![gain(0), gain(1)]) };
+        let options = FitOptions { forgetting: Some(Span::TimeConstant(5.0)), ..FitOptions::default() };
+        fit(&example, &options, &Silent).unwrap().estimate.values
+    };
+    let known = ["gain 0", "gain 1"].map(|name| (name.to_owned(), GAIN, 1e-4));
+    let (with, without) = (fitted(Gaussian::independent(&known)), fitted(None));
+    // What reads a hundredth too much is read as so much less.
+    for j in 0..3 {
+        assert!((with[j] / without[j] - (1.0 - GAIN)).abs() < 1e-6, "{j}: {} {}", with[j], without[j]);
+    }
 }

@@ -1,5 +1,6 @@
 //! Nuisance parameters: errors of sensors and mounting that do not average out, each with what is known of it beforehand.
 
+use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -60,7 +61,7 @@ pub struct Nuisance {
     pub group: String,
     /// Its SI unit in ASCII.
     pub unit: String,
-    /// Standard deviation beforehand, about zero.
+    /// Standard deviation beforehand, about zero unless [`super::RowSource::beforehand`] says more.
     pub sigma: f64,
     /// The knowledge that this rests on.
     pub basis: Basis,
@@ -86,6 +87,8 @@ pub struct ErrorRow {
 pub struct NuisanceFit {
     /// The parameter.
     pub nuisance: Nuisance,
+    /// Its value beforehand: zero, or what a calibration found.
+    pub expected: f64,
     /// Estimate, prior included.
     pub value: f64,
     /// Its standard deviation.
@@ -93,18 +96,19 @@ pub struct NuisanceFit {
     /// Variance of the estimate if the error is drawn from the prior: `σ² − 2 N⁻¹ + C` with the inverse of the normal matrix and
     /// the covariance.
     pub drawn: f64,
-    /// What one standard deviation beforehand brings to each parameter: `(N⁻¹)_jk / σ_k`, signed.
+    /// What one standard deviation beforehand brings to each parameter: `(N⁻¹)_jk / σ_k`, signed; of correlated errors the
+    /// part by row k of the prior's whitening ([`super::Gaussian::whitening`]), so that the squares add up to the variance.
     pub contributions: Vec<f64>,
 }
 
 /// Rows tell of an error where its estimate has at least this share of the variance beforehand.
-pub(super) const TOLD: f64 = 0.1;
+const TOLD: f64 = 0.1;
 
 impl NuisanceFit {
-    /// Returns how far the estimate is from zero, in the standard deviations that it has if the error is drawn from the
-    /// prior. Zero where the rows say nothing of it.
+    /// Returns how far the estimate is from its value beforehand, in the standard deviations that it has if the error is
+    /// drawn from the prior. Zero where the rows say nothing of it.
     pub fn pull(&self) -> f64 {
-        if self.told() > TOLD { self.value / self.drawn.sqrt() } else { 0.0 }
+        if self.told() > TOLD { (self.value - self.expected) / self.drawn.sqrt() } else { 0.0 }
     }
 
     /// Returns the share of the prior's variance that the estimate has: what the rows tell.
@@ -116,13 +120,31 @@ impl NuisanceFit {
 /// How well the errors found agree with what was known of them beforehand.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Agreement {
-    /// `θ̂ᵀ (Σ − C)⁺ θ̂` of the prior's covariance Σ and the posterior's C: χ² if the errors are drawn from the prior.
+    /// `(θ̂ − μ)ᵀ (Σ − C)⁺ (θ̂ − μ)` of the prior's mean μ and covariance Σ and the posterior's C: χ² if the errors are drawn from
+    /// the prior.
     pub chi2: f64,
     /// Directions that the rows tell of.
     pub degrees_of_freedom: f64,
 }
 
 impl Agreement {
+    /// Returns the agreement of estimates that are `off` by so many standard deviations beforehand, of which rows have `told`: the
+    /// covariance that `off` has if the truth is drawn as known beforehand. `None` if they tell of nothing.
+    pub(super) fn new(off: &DVector<f64>, told: DMatrix<f64>) -> Option<Self> {
+        if off.is_empty() {
+            return None;
+        }
+        let eigen = nalgebra::SymmetricEigen::new(told);
+        let (mut chi2, mut degrees_of_freedom) = (0.0, 0.0);
+        for (share, direction) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+            if *share > TOLD {
+                chi2 += direction.dot(off).powi(2) / share;
+                degrees_of_freedom += 1.0;
+            }
+        }
+        (degrees_of_freedom > 0.0).then_some(Self { chi2, degrees_of_freedom })
+    }
+
     /// Returns the probability that errors drawn from the prior agree no better.
     pub fn probability(&self) -> f64 {
         ChiSquared::new(self.degrees_of_freedom).map_or(1.0, |d| d.sf(self.chi2))

@@ -387,6 +387,7 @@ impl PooledFactor {
             signals: Vec::new(),
             nuisances: Vec::new(),
             agreement: None,
+            joint: None,
             added: Vec::new(),
             device: None,
             parameters: self.parameters.clone(),

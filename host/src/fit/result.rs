@@ -4,7 +4,8 @@ use nalgebra::DMatrix;
 
 use super::lack_of_fit::LackOfFit;
 use super::{
-    Agreement, Channel, Effect, Estimate, Factor, Filter, Measured, NuisanceFit, Parameter, SignalNoise,
+    Agreement, Channel, Effect, Estimate, Factor, Filter, Gaussian, Measured, NuisanceFit, Parameter,
+    SignalNoise,
 };
 
 /// Residuals of a channel that stay correlated for longer than the filter explains.
@@ -158,6 +159,9 @@ pub struct Fit {
     pub nuisances: Vec<NuisanceFit>,
     /// How these errors agree with what was known of them beforehand; `None` if the rows tell nothing of them.
     pub agreement: Option<Agreement>,
+    /// Parameters and these errors together, as far as they are determined; `None` unless something was known of them together
+    /// ([`super::RowSource::beforehand`]).
+    pub joint: Option<Gaussian>,
     /// Covariance that was added after the fit, by its source: a fixture taken off, several clocks.
     pub added: Vec<(String, DMatrix<f64>)>,
     /// What a device made of the same samples by itself; `None` without one.

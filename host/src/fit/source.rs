@@ -5,7 +5,8 @@ use std::ops::Range;
 use rigident_shared::screening::Rejection;
 
 use super::{
-    Channel, ErrorRow, Filter, Fingerprint, FitError, Nuisance, Parameter, Progress, RowBlocks, condition,
+    Channel, ErrorRow, Filter, Fingerprint, FitError, Gaussian, Nuisance, Parameter, Progress, RowBlocks,
+    condition,
 };
 
 /// How the samples of a source follow one another.
@@ -177,6 +178,13 @@ pub trait RowSource: Send + Sync {
     /// Returns what else the source knows of its errors, beside its rows.
     fn error_observations(&self) -> Vec<ErrorRow> {
         Vec::new()
+    }
+
+    /// Returns what is known beforehand of errors, and of parameters, together: a mean and a covariance, by the names of
+    /// [`RowSource::nuisances`] and of [`RowSource::parameters`]. It takes the place of the nuisance parameters' own σ; names that
+    /// the source does not have count for nothing.
+    fn beforehand(&self) -> Option<&Gaussian> {
+        None
     }
 
     /// Returns the source with its signals corrected for errors, one for each number of an [`super::Effect::Signal`] among
