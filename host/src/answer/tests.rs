@@ -101,6 +101,7 @@ pub(crate) fn input(readings: Vec<Reading<f64>>, is_static: bool, sigma: Option<
         known_offset: None,
         nuisances: Vec::new(),
         rests: Vec::new(),
+        beforehand: None,
         limits: Limits::none(),
     }
 }

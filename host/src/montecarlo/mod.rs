@@ -471,6 +471,7 @@ impl Prepared {
             known_offset: None,
             nuisances: errors::of_cell(&cell_table, &readings),
             rests: Vec::new(),
+            beforehand: None,
             readings,
             limits: limits(config),
         };

@@ -3,6 +3,7 @@
 //! Lives here: its tables, one type each, keys as in the file. Reading, checking and complaining about them is in
 //! `read`. May not live here: what the numbers are used for.
 
+pub mod calibration;
 pub mod classes;
 mod read;
 pub mod spelling;
@@ -14,6 +15,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use calibration::{CalibrationTable, RigCalibration};
 pub use classes::{ImuClass, LoadCellClass};
 pub use read::RigFileError;
 
@@ -31,6 +33,9 @@ pub struct RigFile {
     pub imu: Vec<ImuTable>,
     /// The load cell.
     pub load_cell: LoadCellTable,
+    /// What a body of known properties told of the rig's errors.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<CalibrationTable>,
     /// The customer's frame.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub body: Option<BodyTable>,

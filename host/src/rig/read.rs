@@ -99,7 +99,8 @@ impl RigFile {
         let name = path.display().to_string();
         let text = std::fs::read_to_string(path)
             .map_err(|e| RigFileError::Unreadable { path: name.clone(), reason: e.to_string() })?;
-        let rig = Self::parse(&text).map_err(|e| e.of_file(&name))?;
+        let mut rig = Self::parse(&text).map_err(|e| e.of_file(&name))?;
+        rig.read_calibration(path).map_err(|e| e.of_file(&name))?;
         Ok((rig, text))
     }
 }
@@ -252,7 +253,16 @@ impl Check<'_> {
         self.load_cell()?;
         self.places()?;
         self.links()?;
-        self.joints()
+        self.joints()?;
+        self.calibration()
+    }
+
+    fn calibration(&self) -> Result<(), RigFileError> {
+        let Some(calibration) = self.rig.calibrated() else { return Ok(()) };
+        let refuse = |advice: String| self.refuse("calibration", &calibration.name, advice);
+        calibration.check().map_err(refuse)?;
+        // Taking it once more asks whether it is of this rig.
+        self.rig.clone().calibrate(calibration.clone()).map_err(|error| refuse(error.to_string()))
     }
 
     fn recording(&self) -> Result<(), RigFileError> {

@@ -71,6 +71,7 @@ fn perfect_sensors_give_the_body() {
                     known_offset: known.then_some([0.0; 6]),
                     nuisances: Vec::new(),
                     rests: Vec::new(),
+                    beforehand: None,
                     limits: Limits { frozen_after: FROZEN_AFTER, ..Limits::none() },
                 };
                 let values: Vec<f64> =

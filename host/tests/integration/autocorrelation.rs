@@ -37,6 +37,7 @@ fn filter(rate_hz: f64) -> Filter {
         known_offset: None,
         nuisances: Vec::new(),
         rests: Vec::new(),
+        beforehand: None,
         limits: Limits::none(),
     };
     BodySource::new(input, None).condition(&Silent).unwrap().filter().clone()

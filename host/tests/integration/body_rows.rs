@@ -171,6 +171,7 @@ fn input(readings: Vec<Reading<f64>>) -> Input {
         known_offset: None,
         nuisances: Vec::new(),
         rests: Vec::new(),
+        beforehand: None,
         limits: Limits { frozen_after: 50, ..Limits::none() },
     }
 }

@@ -35,6 +35,7 @@ fn input(config: &RigConfig, rows: impl Iterator<Item = ReadingRow>) -> Input {
         known_offset: None,
         nuisances: Vec::new(),
         rests: Vec::new(),
+        beforehand: None,
         limits: Limits { frozen_after: FROZEN_AFTER, ..Limits::none() },
     }
 }

@@ -53,6 +53,7 @@ fn body(readings: &Readings, config: &RigConfig, rate_hz: f64, seed: Option<u64>
         known_offset: None,
         nuisances: Vec::new(),
         rests: Vec::new(),
+        beforehand: None,
         limits: Limits::none(),
     }
 }

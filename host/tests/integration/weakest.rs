@@ -79,6 +79,7 @@ fn told(readings: &[Reading<f64>], knows_offset: bool) -> (Vec<String>, Vec<bool
         known_offset: knows_offset.then_some([0.0; 6]),
         nuisances: Vec::new(),
         rests: Vec::new(),
+        beforehand: None,
         limits: Limits::none(),
     };
     let fit = fit_body(&input);
@@ -214,6 +215,7 @@ fn measured_motions_are_told_the_same_and_the_demonstration_lacks_nothing() {
             known_offset: None,
             nuisances: Vec::new(),
             rests: Vec::new(),
+            beforehand: None,
             limits: Limits { frozen_after: FROZEN_AFTER, ..Limits::none() },
         };
         advice(&fit_body(&input))

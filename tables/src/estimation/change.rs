@@ -300,6 +300,7 @@ fn fitted(case: Case, readings: Vec<Reading<f64>>) -> Fit {
         known_offset: None,
         nuisances: Vec::new(),
         rests: Vec::new(),
+        beforehand: None,
         limits: Limits::none(),
     };
     fit(&BodySource::new(input, Some(&imu)), &FitOptions::default(), &Silent).expect("there are rows")

@@ -101,6 +101,7 @@ impl Study {
             known_offset: None,
             nuisances: Vec::new(),
             rests: Vec::new(),
+            beforehand: None,
             limits: Limits::none(),
         };
         let identified = fit_body(&input, &FitOptions::default());

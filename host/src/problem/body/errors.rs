@@ -4,9 +4,9 @@ use rigident_shared::calibration::Reading;
 
 use super::sensitivities::{ERRORS, ImuError, PAIRS};
 use super::{CHANNELS, WRENCH};
-use crate::fit::{Basis, Effect, Nuisance, Scope};
+use crate::fit::{Basis, Effect, Gaussian, Nuisance, Scope};
 use crate::rig::classes::rectangular;
-use crate::rig::{ImuClass, ImuTable, LoadCellClass, LoadCellTable};
+use crate::rig::{ImuClass, ImuTable, LoadCellClass, LoadCellTable, RigCalibration};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 /// The name of the error of the gravity that is stated.
@@ -126,6 +126,19 @@ pub fn of_cell(cell: &LoadCellTable, readings: &[Reading<f64>]) -> Vec<Nuisance>
     }
     all.retain(|k| k.sigma.is_finite() && k.sigma > 0.0);
     all
+}
+
+/// Returns what a calibration knows of those errors that all runs of the rig share, and names it as what they rest on.
+pub fn calibrated(calibration: Option<&RigCalibration>, nuisances: &mut [Nuisance]) -> Option<Gaussian> {
+    let calibration = calibration?;
+    let known = calibration.distribution()?;
+    for nuisance in nuisances.iter_mut().filter(|k| k.scope == Scope::Rig) {
+        if known.place(&nuisance.name).is_some() {
+            nuisance.basis = Basis::Calibration(format!("{} of {}", calibration.name, calibration.date));
+        }
+    }
+    let own = |name: &str| nuisances.iter().any(|k| k.scope == Scope::Rig && k.name == name);
+    Some(known.only(own))
 }
 
 /// Returns the largest force and the largest moment of all readings, for each channel.

@@ -3,7 +3,7 @@
 use rigident_shared::calibration::{ImuMounting, Reading};
 use rigident_shared::screening::Limits;
 
-use crate::fit::{ErrorRow, Nuisance};
+use crate::fit::{ErrorRow, Gaussian, Nuisance};
 
 /// Readings of one body, with all that the rig file says of them.
 #[derive(Clone, Debug)]
@@ -26,6 +26,8 @@ pub struct Input {
     pub nuisances: Vec<Nuisance>,
     /// What rests say of these, beside the rows.
     pub rests: Vec<ErrorRow>,
+    /// What is known beforehand of these, and of the body, together: a calibration of the rig.
+    pub beforehand: Option<Gaussian>,
     /// Ranges of the sensors.
     pub limits: Limits<f64>,
 }
@@ -33,6 +35,12 @@ pub struct Input {
 impl Input {
     /// Returns the same settings without readings.
     pub(crate) fn without_readings(&self) -> Self {
-        Self { readings: Vec::new(), nuisances: self.nuisances.clone(), rests: self.rests.clone(), ..*self }
+        Self {
+            readings: Vec::new(),
+            nuisances: self.nuisances.clone(),
+            rests: self.rests.clone(),
+            beforehand: self.beforehand.clone(),
+            ..*self
+        }
     }
 }

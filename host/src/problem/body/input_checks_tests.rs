@@ -31,6 +31,7 @@ fn input(rests: bool, unit: f64, rate: [f64; 3]) -> Input {
         known_offset: None,
         nuisances: Vec::new(),
         rests: Vec::new(),
+        beforehand: None,
         limits: Limits::none(),
     }
 }

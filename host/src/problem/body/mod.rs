@@ -30,9 +30,9 @@ pub use self::input::Input;
 use self::shares::{Shares, Split};
 use super::white_noise::{Signs, sixth_differences};
 use crate::fit::{
-    Channel, ESTIMATOR_TAPS, Effect, ErrorRow, Factor, Filter, Fingerprint, FitError, Kind, Nuisance, Owner,
-    Parameter, Progress, RowBlocks, RowSource, SampleCounts, SampleRows, SignalNoise, Timing, Whitening,
-    condition::absorb, filter_width_s, row_every,
+    Channel, ESTIMATOR_TAPS, Effect, ErrorRow, Factor, Filter, Fingerprint, FitError, Gaussian, Kind,
+    Nuisance, Owner, Parameter, Progress, RowBlocks, RowSource, SampleCounts, SampleRows, SignalNoise,
+    Timing, Whitening, condition::absorb, filter_width_s, row_every,
 };
 use crate::rig::ImuTable;
 
@@ -91,6 +91,13 @@ impl BodySource {
     /// Returns the readings and settings.
     pub fn input(&self) -> &Input {
         &self.input
+    }
+
+    /// Returns the same source with this known beforehand of the body and of its errors, in place of what was.
+    #[must_use]
+    pub fn informed(&self, beforehand: Gaussian) -> Self {
+        let input = Input { beforehand: Some(beforehand), ..self.input.clone() };
+        Self { input, ..self.without_input() }
     }
 
     fn config(&self) -> EstimatorConfig<f64> {
@@ -308,6 +315,10 @@ impl RowSource for BodySource {
 
     fn error_observations(&self) -> Vec<ErrorRow> {
         self.input.rests.clone()
+    }
+
+    fn beforehand(&self) -> Option<&Gaussian> {
+        self.input.beforehand.as_ref()
     }
 
     fn rate_sigma(&self) -> f64 {

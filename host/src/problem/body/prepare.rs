@@ -111,9 +111,11 @@ pub fn input(rig: &RigFile, readings: Vec<Reading<f64>>, is_static: bool, rate_h
     if !rests.is_empty() && knows("accelerometer") {
         nuisances.extend(gravity(rig, false));
     }
+    let beforehand = errors::calibrated(rig.calibrated(), &mut nuisances);
     Input {
         nuisances,
         rests,
+        beforehand,
         readings,
         is_static,
         rate_hz,
@@ -239,6 +241,7 @@ pub fn prepare(recording: &Recording) -> Result<Prepared, PrepareError> {
         input.nuisances = errors::of_cell(&rig.load_cell, &input.readings);
         input.nuisances.extend(gravity(&rig, true));
         input.rests.clear();
+        input.beforehand = errors::calibrated(rig.calibrated(), &mut input.nuisances);
     }
     input_checks::check(&input, rig.recording.gravity_mps2, gravity_columns).map_err(implausible)?;
     Ok(Prepared { rig, input, gravity_columns, notes })

@@ -206,6 +206,7 @@ fn a_fit_by_parts_is_that_of_one_pass() {
         known_offset: None,
         nuisances: Vec::new(),
         rests: Vec::new(),
+        beforehand: None,
         limits: config.limits,
     };
     assert_eq!(Split::of(input.readings.len()).parts, 3);

@@ -72,6 +72,7 @@ pub fn input(config: &RigConfig, readings: &Readings, seed: u64) -> Input {
         known_offset: None,
         nuisances: Vec::new(),
         rests: Vec::new(),
+        beforehand: None,
         limits: Limits { frozen_after: FROZEN_AFTER, ..Limits::none() },
     }
 }
