@@ -3,9 +3,10 @@
 use serde_json::Value;
 
 /// Names that [`schema`] knows.
-pub const NAMES: [&str; 3] = ["rig", "result", "plan"];
+pub const NAMES: [&str; 5] = ["rig", "result", "plan", "reference", "calibration"];
 
-/// Returns the JSON Schema of a rig file (`rig`), of `result.json` (`result`) or of a plan (`plan`); `None` for another name.
+/// Returns the JSON Schema of a rig file (`rig`), of `result.json` (`result`), of a plan (`plan`), of a reference body
+/// (`reference`) or of the calibration of a rig (`calibration`); `None` for another name.
 ///
 /// ```
 /// let schema = rigident::schema::schema("result").unwrap();
@@ -16,6 +17,8 @@ pub fn schema(name: &str) -> Option<Value> {
         "rig" => Some(schemars::schema_for!(crate::rig::RigFile).to_value()),
         "result" => Some(schemars::schema_for!(crate::answer::Answer).to_value()),
         "plan" => Some(schemars::schema_for!(crate::plan::plan_file::PlanFile).to_value()),
+        "reference" => Some(schemars::schema_for!(crate::reference::ReferenceBody).to_value()),
+        "calibration" => Some(schemars::schema_for!(crate::rig::RigCalibration).to_value()),
         _ => None,
     }
 }
