@@ -28,7 +28,7 @@ const SIZES: [&str; 2] = ["Ten", "Sixteen"];
 /// An arrow that closes a circle and is known: crate, room that holds both ends ("" for the crate itself), from, to, reason.
 type KnownArrow = (&'static str, &'static str, &'static str, &'static str, &'static str);
 
-const KNOWN_ARROWS: [KnownArrow; 21] = [
+const KNOWN_ARROWS: [KnownArrow; 22] = [
     ("shared", "", "factor", "forgetting", "a factor in a cascade forgets by itself"),
     ("shared", "", "scalar", "factor", "a scalar brings the factor's fastest kernel for it"),
     ("shared", "factor", "cascade", "body", "the levels are factors, and the factor holds levels"),
@@ -36,6 +36,7 @@ const KNOWN_ARROWS: [KnownArrow; 21] = [
     ("firmware", "", "settings", "sample_path", "the settings hold the limits that the sample path checks"),
     ("host", "", "answer", "present", "the answer words its remarks"),
     ("host", "", "rig", "recording", "a rig file's columns are those a recording may have"),
+    ("host", "cli", "arguments", "calibration_arguments", "the arguments hand on those of each command"),
     ("host", "cli", "arguments", "factor_arguments", "the arguments hand on those of each command"),
     ("host", "cli", "arguments", "plan_arguments", "the arguments hand on those of each command"),
     ("host", "cli", "programme", "experiment", "a duration is checked where the experiment runs"),

@@ -3,7 +3,9 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 
 pub use super::adaptive::Adaptive;
+pub use super::calibration_arguments::{Calibrate, Verify};
 pub use super::factor_arguments::{MakeFactor, Merge, Solve, TareFiles};
+pub use super::options::calibration::CalibrationOption;
 pub use super::options::forgetting::Forgetting;
 pub use super::options::known_values::KnownQuantities;
 pub use super::options::stop_criterion::StopCriterion;
@@ -38,6 +40,10 @@ pub enum Command {
     Replay(Replay),
     /// Identify the body of a recording, in batch, with the same pipeline in double precision
     Identify(Identify),
+    /// Calibrate what measures with a body of known properties
+    Calibrate(Calibrate),
+    /// Compare what a rig measures of a reference body with what is known of it: pass or fail
+    Verify(Verify),
     /// Reduce recordings to an information factor: all they say of the body, in a few hundred numbers
     Factor(MakeFactor),
     /// Merge factors of several runs of one body, in any order
@@ -186,6 +192,9 @@ pub struct Replay {
     pub rig: Option<PathBuf>,
     #[command(flatten)]
     #[allow(missing_docs)]
+    pub calibration: CalibrationOption,
+    #[command(flatten)]
+    #[allow(missing_docs)]
     pub stop: StopCriterion,
     #[command(flatten)]
     #[allow(missing_docs)]
@@ -221,6 +230,9 @@ pub struct Identify {
     /// Rig file. Default: NAME.rig.toml beside the recording
     #[arg(long, value_name = "FILE")]
     pub rig: Option<PathBuf>,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub calibration: CalibrationOption,
     #[command(flatten)]
     #[allow(missing_docs)]
     pub forgetting: Forgetting,
@@ -306,6 +318,9 @@ pub struct Run {
     /// Rig file
     #[arg(long, value_name = "FILE")]
     pub rig: PathBuf,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub calibration: CalibrationOption,
     #[command(flatten)]
     #[allow(missing_docs)]
     pub programme: Programme,

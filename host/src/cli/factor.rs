@@ -32,7 +32,8 @@ pub(super) fn make(arguments: &MakeFactor) -> Result<ExitCode, Failure> {
         // A rig file that lists a recording's files needs no other.
         let rig = arguments.rig.as_deref().filter(|_| !is_rig_file(path));
         let stages = Stages::new(&format!("factor of {}", path.display()));
-        let (factor, notes) = of_recording(path, rig, &arguments.tree)?;
+        let calibration = arguments.calibration.calibration.as_deref();
+        let (factor, notes) = of_recording(path, rig, calibration, &arguments.tree)?;
         drop(stages);
         for note in notes {
             tell!("rigident: {}: {note}", path.display());
@@ -74,8 +75,8 @@ pub(super) fn solve(arguments: &Solve) -> Result<ExitCode, Failure> {
         return Err(Failure::input(format!("--estimate offset: {why}")));
     }
     let rig_path = arguments.rig.as_deref();
-    if let Some(tare) =
-        tare(&arguments.tare, rig_path, &TreeModel::default(), &mut report.notes, &mut report.warnings)?
+    let tree = TreeModel::default();
+    if let Some(tare) = tare(&arguments.tare, rig_path, None, &tree, &mut report.notes, &mut report.warnings)?
     {
         tare.take_off(&mut found).map_err(Failure::input)?;
     }
@@ -119,6 +120,7 @@ fn check_rig(found: &Fit, rig: &RigFile) -> Result<(), String> {
 pub(super) fn tare(
     files: &TareFiles,
     rig: Option<&Path>,
+    calibration: Option<&Path>,
     tree: &TreeModel,
     notes: &mut Vec<String>,
     warnings: &mut Vec<String>,
@@ -128,7 +130,7 @@ pub(super) fn tare(
         let factor = if is_recording(path) {
             // Its own rig file if it has one: the fixture's run may have been taken with another IMU.
             let own = is_rig_file(path) || rig_path(path).exists();
-            let (factor, said) = of_recording(path, rig.filter(|_| !own), tree)?;
+            let (factor, said) = of_recording(path, rig.filter(|_| !own), calibration, tree)?;
             warnings.extend(said.into_iter().map(|said| format!("tare {}: {said}", path.display())));
             factor
         } else {
@@ -169,10 +171,11 @@ fn read(path: &Path) -> Result<PooledFactor, Failure> {
 fn of_recording(
     path: &Path,
     rig: Option<&Path>,
+    calibration: Option<&Path>,
     tree: &TreeModel,
 ) -> Result<(PooledFactor, Vec<String>), Failure> {
     let stages = Stages::new(&format!("reading {}", path.display()));
-    let loaded = Loaded::read(path, rig, tree, &ProblemOptions::default(), &stages)?;
+    let loaded = Loaded::read(path, rig, calibration, tree, &ProblemOptions::default(), &stages)?;
     let found = loaded.fit(None, 0, &stages).map_err(|e| e.context(path.display()))?;
     let factor = loaded.factor(&found);
     let said = loaded.warnings.iter().chain(&loaded.notes).cloned().collect();
@@ -180,7 +183,7 @@ fn of_recording(
 }
 
 /// Found out now rather than after a long job.
-fn absent(path: &Path) -> Result<(), Failure> {
+pub(super) fn absent(path: &Path) -> Result<(), Failure> {
     if path.symlink_metadata().is_ok() {
         return Err(Failure::input(RecordingError::Exists(path.display().to_string())));
     }

@@ -3,6 +3,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::arguments::{KnownQuantities, Output};
+use super::options::calibration::CalibrationOption;
 use super::options::trees::TreeModel;
 
 /// The option `--tare`.
@@ -32,6 +33,9 @@ pub struct MakeFactor {
     /// Rig file of all recordings. Default: NAME.rig.toml beside each
     #[arg(long, value_name = "FILE")]
     pub rig: Option<PathBuf>,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub calibration: CalibrationOption,
     /// All recordings have one wrench offset between them
     #[arg(long)]
     pub shared_offset: bool,

@@ -14,6 +14,7 @@ use crate::problem::tree::drive::Term;
 pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
     let started = Instant::now();
     let (path, rig) = (&arguments.recording, arguments.rig.as_deref());
+    let calibration = arguments.calibration.calibration.as_deref();
     let known = arguments.known.parse()?;
     let standard = standard_options(arguments)?;
     let friction = arguments.tree.friction.iter().map(|w| Term::parse(w)).collect::<Result<_, _>>();
@@ -23,13 +24,14 @@ pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
         refuse_without_tree(arguments)?;
     }
     let stages = Stages::new(&format!("reading {}", path.display()));
-    let loaded = Loaded::read(path, rig, &arguments.tree.of, &options, &stages)?;
+    let loaded = Loaded::read(path, rig, calibration, &arguments.tree.of, &options, &stages)?;
     known.check(loaded.source().parameters()).map_err(Failure::input)?;
     let mut report = RunReport::of_recording(started, &arguments.output, &loaded, "host");
     report.standard = standard;
     let tare = super::factor::tare(
         &arguments.tare,
         rig,
+        calibration,
         &arguments.tree.of,
         &mut report.notes,
         &mut report.warnings,

@@ -3,6 +3,7 @@ use std::path::{Path, PathBuf};
 use rigident_shared::calibration::Reading;
 use rigident_shared::forgetting::Span;
 
+use super::options::calibration;
 use super::options::trees::{ModelChanges, TreeModel};
 use super::recorded::{is_rig_file, left_out_columns, named, stream_set};
 use super::{Failure, Stages, locked_joints};
@@ -17,6 +18,10 @@ use crate::problem::clocks::{StreamSet, as_stamped};
 use crate::problem::{Problem, ProblemOptions, Subject};
 use crate::recording::{Recording, extension, rig_path};
 use crate::rig::RigFile;
+
+/// Said where a rig file's calibration is of no use.
+const UNUSED_CALIBRATION: &str =
+    "the calibration of the rig is not used: it is for one body, and this is a tree of links";
 
 /// Points of a convergence plot.
 pub(super) const PLOT_POINTS: usize = 200;
@@ -65,12 +70,16 @@ impl Loaded {
     pub(super) fn read(
         path: &Path,
         rig: Option<&Path>,
+        calibrated: Option<&Path>,
         tree: &TreeModel,
         options: &ProblemOptions,
         stages: &Stages,
     ) -> Result<Self, Failure> {
         let path = &named(path.to_owned());
-        let Some((mut nominal, file)) = tree_of(path, rig, tree)? else { return Self::body(path, rig) };
+        let Some((mut nominal, file)) = tree_of(path, rig, tree)? else {
+            return Self::body(path, rig, calibrated);
+        };
+        calibration::refuse_for_trees(calibrated)?;
         if let Some(set) = stream_set(path, rig)? {
             return Self::tree_in_streams(set, (nominal, file), &tree.changes, options, stages);
         }
@@ -82,6 +91,7 @@ impl Loaded {
         notes.extend(problem.notes.iter().cloned());
         let (rows, recorded) = (recording.rows(), recording.recorded());
         let mut warnings = recording.warnings;
+        warnings.extend(problem.rig.calibrated().map(|_| UNUSED_CALIBRATION.to_owned()));
         warnings.extend(nominal.findings.iter().map(ToString::to_string));
         let unused_rows = (rows as u64).saturating_sub(problem.source().samples() as u64);
         Ok(Self { problem, warnings, notes, unused_rows, nominal: Some((nominal, file)), recorded })
@@ -113,8 +123,9 @@ impl Loaded {
     ///
     /// # Errors
     /// Bad input: what cannot be read, or is no recording of a body.
-    fn body(path: &Path, rig: Option<&Path>) -> Result<Self, Failure> {
-        if let Some(set) = stream_set(path, rig)? {
+    fn body(path: &Path, rig: Option<&Path>, file: Option<&Path>) -> Result<Self, Failure> {
+        if let Some(mut set) = stream_set(path, rig)? {
+            calibration::take(&mut set.rig, file)?;
             let problem = Problem::from_streams(set, None, &ProblemOptions::default());
             let problem = problem.map_err(Failure::input)?;
             let (notes, warnings) = (problem.notes.clone(), problem.warnings.clone());
@@ -122,6 +133,7 @@ impl Loaded {
         }
         let mut recording = Recording::load(path, rig).map_err(Failure::input)?;
         recording.leave_out_spikes();
+        calibration::take(&mut recording.rig, file)?;
         let joints = super::recorded::joints_of(&recording);
         let problem = Problem::from_recording(&recording, None, &ProblemOptions::default());
         let problem = problem.map_err(|error| {
@@ -135,8 +147,10 @@ impl Loaded {
         })?;
         let mut warnings = recording.warnings.clone();
         warnings.extend(left_out_columns(&recording, &joints));
+        let recorded = recording.recorded();
+        warnings.extend(recording.rig.calibrated().and_then(|c| c.expired(recorded.as_deref())));
         let notes = problem.notes.clone();
-        Ok(Self { problem, warnings, notes, unused_rows: 0, nominal: None, recorded: recording.recorded() })
+        Ok(Self { problem, warnings, notes, unused_rows: 0, nominal: None, recorded })
     }
 
     /// Returns the source of rows.
@@ -211,7 +225,11 @@ impl Loaded {
         let problem = Problem::new(name, rig.clone(), subject);
         Self {
             problem,
-            warnings: Vec::new(),
+            warnings: rig
+                .calibrated()
+                .and_then(|calibration| calibration.expired(None))
+                .into_iter()
+                .collect(),
             notes: Vec::new(),
             unused_rows: 0,
             nominal: None,

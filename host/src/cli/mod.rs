@@ -9,6 +9,8 @@ mod tell;
 mod adaptive;
 mod arguments;
 mod bench;
+mod calibrate;
+mod calibration_arguments;
 mod confirm;
 #[cfg(feature = "simulator")]
 mod demo;
@@ -39,6 +41,7 @@ mod plan_poses;
 mod programme;
 mod progress;
 mod recorded;
+mod reference_runs;
 mod refused;
 mod replay;
 mod replay_links;
@@ -50,6 +53,7 @@ mod simulated;
 #[path = "no_simulator.rs"]
 mod simulated;
 mod tracking_error;
+mod verify;
 mod workspace;
 mod zeroing;
 
@@ -186,6 +190,8 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
             replay::run(&a)
         }
         Some(Command::Run(a)) => run::run(&a),
+        Some(Command::Calibrate(a)) => calibrate::run(&a),
+        Some(Command::Verify(a)) => verify::run(&a),
         Some(Command::Factor(a)) => factor::make(&a),
         Some(Command::Merge(a)) => factor::merge(&a),
         Some(Command::Solve(a)) => factor::solve(&a),

@@ -55,6 +55,9 @@ pub fn provenance(rig: &RigFile) -> Vec<(String, String)> {
     };
     add("Load cell, serial number", &rig.load_cell.serial);
     add("Load cell, calibrated on", &rig.load_cell.calibrated_on);
+    if let Some(calibration) = rig.calibrated() {
+        add("Rig, calibrated on", &Some(format!("{} ({})", calibration.date, calibration.name)));
+    }
     if let Some(imu) = rig.imu.first() {
         add("IMU, serial number", &imu.serial);
         add("IMU, calibrated on", &imu.calibrated_on);

@@ -9,6 +9,7 @@ use super::arguments::Replay;
 use super::experiment::{Experiment, Watcher};
 use super::link::{NamedTransport, configured};
 use super::loaded::{Loaded, refuse_tree_options, tree_of};
+use super::options::calibration;
 use super::options::forgetting::{self, RowsOf};
 use super::{Failure, Folder, Stages, replay_links, simulated};
 use crate::device::link::{Client, SerialTransport};
@@ -24,7 +25,9 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
     let started = Instant::now();
     super::recorded::refuse_streams(&arguments.recording, arguments.rig.as_deref(), "replay")?;
     let (path, rig) = (&arguments.recording, arguments.rig.as_deref());
+    let calibrated = arguments.calibration.calibration.as_deref();
     if let Some((model, _)) = tree_of(path, rig, &arguments.tree)? {
+        calibration::refuse_for_trees(calibrated)?;
         return replay_links::run(arguments, model, started);
     }
     refuse_tree_options(&arguments.tree.changed())?;
@@ -32,9 +35,11 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
     let mut recording =
         Recording::load(&arguments.recording, arguments.rig.as_deref()).map_err(Failure::input)?;
     recording.leave_out_spikes();
+    calibration::take(&mut recording.rig, calibrated)?;
     let prepared = prepare(&recording).map_err(Failure::input)?;
     let (mut notes, mut warnings) = (prepared.notes.clone(), recording.warnings.clone());
-    let tare = super::factor::tare(&arguments.tare, rig, &arguments.tree, &mut notes, &mut warnings)?;
+    let tare =
+        super::factor::tare(&arguments.tare, rig, calibrated, &arguments.tree, &mut notes, &mut warnings)?;
     let of_readings = |rig: &RigFile, readings: Vec<Reading<f64>>| {
         let rate_hz = (!recording.is_static).then_some(prepared.input.rate_hz);
         Loaded::of_readings(&recording.name, rig, readings, rate_hz, prepared.gravity_columns)

@@ -38,7 +38,8 @@ pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Res
     let mut warnings = recording.warnings.clone();
     let mut notes = change_as_recorded(&mut model, &arguments.tree.changes, &recording)?;
     let rig_path = arguments.rig.as_deref();
-    let tare = super::factor::tare(&arguments.tare, rig_path, &arguments.tree, &mut notes, &mut warnings)?;
+    let tare =
+        super::factor::tare(&arguments.tare, rig_path, None, &arguments.tree, &mut notes, &mut warnings)?;
     let model = &model;
     let (told, parameters) = device_tree(model).map_err(Failure::input)?;
     let offset = recording.rig.load_cell.offset_n_nm == OffsetTable::Word(OffsetWord::Estimate);

@@ -13,6 +13,7 @@ use super::experiment::{Experiment, Watcher, device_notes};
 use super::link::{HOST_TIMEOUT_MS, configured, device_settings, open};
 use super::links_on_device::{check_asked, device_parameters};
 use super::loaded::Loaded;
+use super::options::calibration;
 use super::options::forgetting::{self, RowsOf};
 use super::outcome::provenance;
 use super::refused::refuse_for_trees;
@@ -35,7 +36,12 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let started = Instant::now();
     let known = arguments.known.parse()?;
     let mut rig = RigFile::load(&arguments.rig).map_err(Failure::input)?;
+    let calibrated = arguments.calibration.calibration.as_deref();
+    calibration::take(&mut rig, calibrated)?;
     let links = links_of(arguments, &rig)?;
+    if links.is_some() {
+        calibration::refuse_for_trees(calibrated)?;
+    }
     let parameters = match &links {
         Some((_, parameters)) => parameters.clone(),
         None => Loaded::of_readings("run", &rig, Vec::new(), Some(1.0), false).source().parameters().to_vec(),

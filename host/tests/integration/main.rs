@@ -6,6 +6,7 @@
 mod accuracy;
 mod autocorrelation;
 mod body_rows;
+mod calibration;
 mod commands;
 mod device_precision;
 mod device_tree_commands;

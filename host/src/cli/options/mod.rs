@@ -1,5 +1,6 @@
 //! Groups of options that several commands share. They import nothing of the commands.
 
+pub(in crate::cli) mod calibration;
 pub(in crate::cli) mod forgetting;
 pub(in crate::cli) mod known_values;
 pub(in crate::cli) mod stop_criterion;

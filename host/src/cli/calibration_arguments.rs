@@ -1,0 +1,83 @@
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+
+use super::factor_arguments::TareFiles;
+use super::options::calibration::CalibrationOption;
+
+/// `rigident calibrate`
+#[derive(Args, Debug, Clone)]
+pub struct Calibrate {
+    /// What is calibrated
+    #[command(subcommand)]
+    pub what: CalibrateWhat,
+}
+
+/// What can be calibrated.
+#[derive(Subcommand, Debug, Clone)]
+pub enum CalibrateWhat {
+    /// Find the errors of a rig's sensors and of their mounting from runs with a body of known properties
+    Rig(CalibrateRig),
+}
+
+/// Recordings of a reference body.
+#[derive(Args, Debug, Clone)]
+pub struct ReferenceRuns {
+    /// Recordings of the reference body, CSV or MCAP
+    #[arg(required = true, value_name = "REC")]
+    pub recordings: Vec<PathBuf>,
+    /// File of the reference body
+    #[arg(long, value_name = "FILE")]
+    pub reference: PathBuf,
+    /// How the body was mounted in each recording, in their order: names of its [[mounting]] tables, or place.
+    /// One name is for all of them. Default: its [place]
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub mounting: Vec<String>,
+    /// Rig file of all recordings. Default: NAME.rig.toml beside each
+    #[arg(long, value_name = "FILE")]
+    pub rig: Option<PathBuf>,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub tare: TareFiles,
+    /// Print one object on standard output, and nothing else there
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `rigident calibrate rig`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "The body, its uncertainties and the data-sheet errors of the rig are one joint solution over all recordings; offsets, drift \
+                  and biases are each recording's own. A recording that is not one of the reference is refused, and nothing is \
+                  saved.\n\nThe rig file takes the result by\n  [calibration]\n  file = \"lab.calibration.toml\"\n\nExamples:\n  rigident \
+                  calibrate rig cylinder.mcap --reference cylinder.toml --rig lab.rig.toml -o lab.calibration.toml\n  rigident calibrate rig \
+                  upright.mcap lying.mcap --reference cylinder.toml --mounting place,lying -o lab.calibration.toml"
+)]
+pub struct CalibrateRig {
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub runs: ReferenceRuns,
+    /// The calibration to write; must not exist
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+    /// Days that it is valid for
+    #[arg(long, value_name = "DAYS", default_value_t = crate::rig::calibration::VALID_DAYS)]
+    pub valid_days: u32,
+}
+
+/// `rigident verify`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "E_n = (measured - reference) / sqrt(U95^2 + U95 of the reference^2); a quantity passes where |E_n| is at most 1 (ISO/IEC \
+                  17043). Exit status 0 if every quantity of every recording passes, 1 if not.\n\nExamples:\n  rigident verify \
+                  cylinder.mcap --reference cylinder.toml --rig lab.rig.toml\n  rigident verify lying.mcap --reference cylinder.toml --mounting \
+                  lying --calibration lab.calibration.toml --json"
+)]
+pub struct Verify {
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub runs: ReferenceRuns,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub calibration: CalibrationOption,
+}
