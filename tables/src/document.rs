@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use crate::{estimation, platform, trees};
 
 /// All documents with tables.
-pub const DOCUMENTS: [Document; 3] = [estimation::DOCUMENT, platform::DOCUMENT, trees::DOCUMENT];
+pub const DOCUMENTS: [Document; 4] =
+    [estimation::DOCUMENT, estimation::CALIBRATION, platform::DOCUMENT, trees::DOCUMENT];
 
 /// A document and its tables.
 pub struct Document {

@@ -1,4 +1,4 @@
-//! The tables of `docs/estimation.md`.
+//! The tables of `docs/estimation.md` and `docs/calibration.md`.
 //!
 //! One file per study, each a function that gives Markdown and draws everything from fixed seeds; [`problem`] and
 //! [`mod@reference`] are what they share. The covariance forms in [`covariance_forms`] exist only to show how they fail.
@@ -38,4 +38,10 @@ pub const DOCUMENT: Document = Document {
         Table { name: "change", make: change::table },
         Table { name: "not-rigid", make: change::not_rigid_table },
     ],
+};
+
+/// The document of the reference body and its table.
+pub const CALIBRATION: Document = Document {
+    file: "docs/calibration.md",
+    tables: &[Table { name: "calibration-long", make: rig_errors::calibration_table }],
 };

@@ -2,6 +2,7 @@
 //! user would run it with a rig file.
 
 mod all;
+mod calibration;
 mod errors;
 mod mechanics;
 mod recording;
@@ -9,4 +10,5 @@ mod single;
 mod study;
 
 pub use all::table as all_table;
+pub use calibration::table as calibration_table;
 pub use single::table;
