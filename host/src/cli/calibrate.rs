@@ -7,7 +7,7 @@ use super::calibration_arguments::{Calibrate, CalibrateRig, CalibrateWhat};
 use super::outcome::say;
 use super::reference_runs::{RigErrors, read};
 use super::{Failure, Stages, factor};
-use crate::fit::{COVERAGE_95, Nuisance};
+use crate::fit::{COVERAGE_95, Nuisance, RowSource};
 use crate::present::text::{significant, unit_symbol, with_u95};
 use crate::recording::new_file::write_new_text;
 use crate::reference::{Calibrated, Run, calibrate};
@@ -61,6 +61,16 @@ fn rig(arguments: &CalibrateRig) -> Result<ExitCode, Failure> {
     let of = of.ok_or_else(|| Failure::input("there is no recording"))?;
     let stages = Stages::new("calibration");
     let runs: Vec<Run> = all.iter().map(|read| read.run()).collect::<Result<_, _>>()?;
+    let fingerprints: Vec<String> =
+        runs.iter().map(|run| RigCalibration::fingerprint(run.source.fingerprint())).collect();
+    for (k, run) in runs.iter().enumerate() {
+        if fingerprints.get(k).is_some_and(|own| fingerprints.iter().take(k).any(|other| other == own)) {
+            return Err(Failure::input(format!(
+                "{} is given twice: its readings would count twice, without knowing more",
+                run.name
+            )));
+        }
+    }
     let found = calibrate(&runs, &|stage: &str, share: f64| stages.at(stage, share));
     drop(stages);
     let found = found.map_err(|error| Failure::input(format!("{error}. Nothing was saved")))?;
@@ -70,6 +80,7 @@ fn rig(arguments: &CalibrateRig) -> Result<ExitCode, Failure> {
         valid_days: arguments.valid_days,
         reference: body.name.clone(),
         recordings: all.iter().map(|read| read.name.clone()).collect(),
+        fingerprints,
         ..RigCalibration::of(&found.known, &units, of)
     };
     write_new_text(&arguments.output, &calibration.to_toml()).map_err(Failure::input)?;

@@ -149,6 +149,8 @@ impl Loaded {
         warnings.extend(left_out_columns(&recording, &joints));
         let recorded = recording.recorded();
         warnings.extend(recording.rig.calibrated().and_then(|c| c.expired(recorded.as_deref())));
+        let readings = problem.source().fingerprint();
+        warnings.extend(recording.rig.calibrated().and_then(|c| c.repeated(readings)));
         let notes = problem.notes.clone();
         Ok(Self { problem, warnings, notes, unused_rows: 0, nominal: None, recorded })
     }

@@ -51,6 +51,9 @@ pub struct RigCalibration {
     pub reference: String,
     /// Names of the recordings of it.
     pub recordings: Vec<String>,
+    /// Fingerprints of their readings, hexadecimal.
+    #[serde(default)]
+    pub fingerprints: Vec<String>,
     /// The rig that it is of.
     pub rig: CalibratedRig,
     /// The errors.
@@ -158,6 +161,7 @@ impl RigCalibration {
             valid_days: VALID_DAYS,
             reference: String::new(),
             recordings: Vec::new(),
+            fingerprints: Vec::new(),
             rig,
             error: error.collect(),
             correlation: (0..sd.len()).map(row).collect(),
@@ -225,6 +229,21 @@ impl RigCalibration {
     pub fn to_toml(&self) -> String {
         // Tables, numbers and strings have no way to fail.
         toml::to_string(self).unwrap_or_default()
+    }
+
+    /// Returns the fingerprint of readings as it stands in the file.
+    pub fn fingerprint(readings: u64) -> String {
+        format!("{readings:016x}")
+    }
+
+    /// Returns a warning if the calibration was made of these readings.
+    pub fn repeated(&self, readings: u64) -> Option<String> {
+        self.fingerprints.contains(&Self::fingerprint(readings)).then(|| {
+            format!(
+                "the calibration {} was made of this recording: its readings count twice, and agree with themselves; take another one",
+                self.name
+            )
+        })
     }
 
     /// Returns a warning if the calibration was not valid when something was recorded, RFC 3339; now if that is not known.

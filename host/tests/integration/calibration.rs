@@ -209,6 +209,8 @@ fn a_cylinder_calibrates_a_rig_and_verifies_it() {
         let quantities = verified["recordings"][0]["quantities"].as_array().unwrap();
         assert!(quantities.len() == 10 && quantities.iter().all(|q| number(q, &["e_n"]).abs() <= 1.0));
     }
+    let (_, verified) = verify("upright.csv", &["--calibration", "one.calibration.toml"]);
+    assert!(verified["recordings"][0]["warnings"].to_string().contains("count twice"), "{verified}");
     // A mounting that is not the one of the recording is another body.
     let (code, verified) = verify("again.csv", &["--mounting", "lying"]);
     assert_eq!((code, &verified["passed"]), (Some(1), &Value::Bool(false)));
@@ -244,7 +246,10 @@ fn what_is_not_the_reference_or_not_the_rig_calibrates_nothing() {
         json(&verified)["recordings"][0]["warnings"].to_string().contains("the body is not the reference")
     );
 
-    // A gain far beyond what its data sheet allows is named.
+    let twice = calibrate("upright.csv", &["upright.csv"]);
+    assert!(twice.status.code() == Some(2) && said(&twice).contains("given twice"), "{}", said(&twice));
+
+    // A rotation far beyond what the class allows is named.
     let mut worse = Errors::rig();
     worse.turned.z = 0.04;
     record(at, "worse", &Body::cylinder(false), &worse, 7);
