@@ -9,6 +9,12 @@ use rigident_shared::Scalar;
 use rigident_shared::estimator::frames::TreeFactor;
 use rigident_shared::factor::{BLOCK_ROWS, Column, InformationFactor};
 
+use super::blocked;
+
+/// Columns from which on rows are reduced by products of matrices.
+const WIDE: usize = 64;
+/// Rows that are then reduced at once.
+const BLOCKED_ROWS: usize = 192;
 /// Iterations for each parameter after which singular values are given up; two or three do.
 const MOST_SWEEPS: usize = 100;
 
@@ -129,6 +135,9 @@ impl Factor {
     /// Absorbs whitened rows: the coefficients of all parameters, then the value.
     pub fn absorb<'a>(&mut self, rows: impl IntoIterator<Item = (&'a [f64], f64)>) {
         let n = self.parameters;
+        if n >= WIDE {
+            return self.absorb_blocked(rows);
+        }
         let mut columns = vec![Column::<f64>::ZERO; n + 1];
         let mut filled = 0;
         for (row, value) in rows {
@@ -145,6 +154,23 @@ impl Factor {
         }
         if filled > 0 {
             self.residual_sum_of_squares += f64::reduce(&mut self.triangle, n, &mut columns);
+        }
+    }
+
+    /// Absorbs rows of many columns.
+    fn absorb_blocked<'a>(&mut self, rows: impl IntoIterator<Item = (&'a [f64], f64)>) {
+        let n = self.parameters;
+        let mut rows = rows.into_iter().peekable();
+        while rows.peek().is_some() {
+            let chunk: Vec<(&[f64], f64)> = rows.by_ref().take(BLOCKED_ROWS).collect();
+            self.rows = self.rows.saturating_add(chunk.len() as u64);
+            let mut columns = DMatrix::zeros(chunk.len(), n + 1);
+            for (i, (row, value)) in chunk.iter().enumerate() {
+                for (to, entry) in columns.row_mut(i).iter_mut().zip(row.iter().take(n).chain([value])) {
+                    *to = *entry;
+                }
+            }
+            self.residual_sum_of_squares += blocked::reduce(&mut self.triangle, n, &mut columns);
         }
     }
 

@@ -43,6 +43,21 @@ fn solution_equals_normal_equations() {
     assert_close(&absorbed(&a, &y), &dense(&a, &y));
 }
 
+/// Rows of many columns are reduced in panels.
+#[test]
+fn solution_of_many_columns_equals_normal_equations() {
+    for n in [64, 96, 101] {
+        let pick = |i: usize, j: usize| ((i * 7919 + j * 104_729 + i * j * 31) % 9973) as f64 / 5000.0 - 1.0;
+        let a = DMatrix::from_fn(500, n, pick);
+        let y = DVector::from_fn(500, |i, _| pick(i, 977));
+        let factor = absorbed(&a, &y);
+        assert_close(&factor, &dense(&a, &y));
+        assert_eq!(factor.rows(), 500);
+        let r = factor.r();
+        assert!((0..n).all(|j| r[(j, j)] > 0.0 && (j + 1..n).all(|i| r[(i, j)] == 0.0)));
+    }
+}
+
 #[test]
 fn merge_equals_stacked_rows() {
     let ((a, y), (b, z)) = (rows(30, 5, 0.0), rows(25, 5, 0.4));

@@ -4,6 +4,7 @@
 //! [`Factor`] by [`fit()`]; every question is a function of the factor. This room knows nothing of files, bodies or screens.
 
 pub mod autocorrelation;
+mod blocked;
 mod compensation;
 pub mod condition;
 mod convergence;
