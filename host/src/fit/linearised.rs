@@ -214,6 +214,14 @@ impl Sensitivities {
             return Ok(Self::Direct);
         }
         let mut all = vec![0.0; blocks.len() * channels * signals];
+        let of_errors = source.error_columns(phi).filter(|rows| rows.parameters().len() == signals);
+        if let Some(of_errors) = of_errors {
+            let made = of_errors.condition(&Silent)?;
+            let mut measured = vec![0.0; channels];
+            let own = all.chunks_exact_mut((channels * signals).max(1)).enumerate();
+            own.for_each(|(block, own)| made.write(block, own, &mut measured));
+            return Ok(Self::Stored(all));
+        }
         for nuisance in &columns.nuisances {
             let Effect::Signal(signal) = nuisance.effect else { continue };
             for sign in [1.0, -1.0] {
@@ -404,29 +412,20 @@ impl RowBlocks for Linearised<'_> {
 pub(super) struct NoiseColumns<'a> {
     columns: &'a Columns,
     phi: &'a [f64],
-    more: (&'a dyn RowBlocks, Sensitivities),
-    less: (&'a dyn RowBlocks, Sensitivities),
+    more: (&'a dyn RowBlocks, &'a Sensitivities),
+    less: (&'a dyn RowBlocks, &'a Sensitivities),
     by: f64,
 }
 
 impl<'a> NoiseColumns<'a> {
-    /// Returns the columns about φ̂ of two sources that differ by noise of the size `sigma`, of either sign.
-    ///
-    /// # Errors
-    /// See [`Sensitivities::of`].
+    /// Returns the columns about φ̂ of two sets of blocks that differ by noise of the size `sigma`, of either sign.
     pub(super) fn new(
         columns: &'a Columns,
         phi: &'a [f64],
-        [more, less]: [(&dyn RowSource, &'a dyn RowBlocks); 2],
+        [more, less]: [(&'a dyn RowBlocks, &'a Sensitivities); 2],
         sigma: f64,
-    ) -> Result<Self, FitError> {
-        Ok(Self {
-            columns,
-            phi,
-            more: (more.1, Sensitivities::of(more.0, more.1, columns, phi)?),
-            less: (less.1, Sensitivities::of(less.0, less.1, columns, phi)?),
-            by: 0.5 / sigma,
-        })
+    ) -> Self {
+        Self { columns, phi, more, less, by: 0.5 / sigma }
     }
 
     /// Spreads the rows of a block, of noise of unit σ, to all columns.

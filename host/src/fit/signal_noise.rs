@@ -7,11 +7,12 @@
 //! that is added once more: half the difference of the two filtered recordings is Δ to third order, whatever the source.
 
 use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
 use nalgebra::{DMatrix, DVector};
 
 use super::features;
-use super::linearised::{Columns, DRIFTS, Linearised, NoiseColumns};
+use super::linearised::{Columns, DRIFTS, Linearised, NoiseColumns, Sensitivities};
 use super::residual_spectrum::{Band, measured, restore};
 use super::weighing::{Residuals, Spectrum, Weighing};
 use super::{Filter, FitError, RowBlocks, RowSource, SignalNoise, Silent, Whitener, parallel};
@@ -24,6 +25,9 @@ const LEAST_BLOCKS: usize = 2_000;
 const MOST_REPETITIONS: usize = 8;
 /// Products that a Gram matrix of the rows, or one with nuisance parameters for each repetition, may take.
 const MOST_PRODUCTS: usize = 100_000_000;
+/// Columns of noise are made anew where what is predicted moves by more than this: their squares have a sampling error of
+/// some per cent.
+const NEAR: f64 = 0.01;
 /// Samples by which it is seen whether noise is felt at all,
 const TRIAL: usize = 500;
 /// as it is by a column that it changes by more than this share: the square is lost in any noise of the measured side.
@@ -35,8 +39,19 @@ pub(super) struct RowNoise<'a> {
     /// Row blocks of the whole recording.
     blocks: f64,
     measured: Vec<Band>,
+    /// Gram matrix of the rows.
+    gram: DMatrix<f64>,
     parameters: usize,
     channels: usize,
+    /// Columns of nuisance parameters that noise is in, of the last time.
+    kept: Mutex<Option<Kept>>,
+}
+
+/// Columns of nuisance parameters in the rows with noise of either sign, by groups and repetitions.
+struct Kept {
+    /// What they are linearised about.
+    phi: Vec<f64>,
+    sensitivities: Vec<Vec<Option<[Sensitivities; 2]>>>,
 }
 
 struct Group<'a> {
@@ -232,7 +247,8 @@ impl<'a> RowNoise<'a> {
         }
         let measured = measured(blocks, channels, n);
         let blocks = blocks.len() as f64;
-        Ok(Some(Self { groups, blocks, measured, parameters: n, channels }))
+        let gram = grams.iter().fold(DMatrix::zeros(n, n), |sum, gram| sum + gram);
+        Ok(Some(Self { groups, blocks, measured, gram, parameters: n, channels, kept: Mutex::new(None) }))
     }
 
     /// Returns the covariance of the noise by bands: that of residuals with what all columns of the rows took of it.
@@ -330,17 +346,13 @@ impl<'a> RowNoise<'a> {
             return Ok(self.gram_of_features(weighing, columns.all(), linearised));
         }
         let phi = linearised.phi();
-        let mut spread: Vec<Vec<Option<NoiseColumns>>> = Vec::new();
-        for group in &self.groups {
-            let mut of_group = Vec::new();
-            for repetition in &group.repetitions {
-                let both = repetition.both.as_ref();
-                let pair = both.map(|[more, less]| [(&*more.0, &*more.1), (&*less.0, &*less.1)]);
-                let of = |pair| NoiseColumns::new(columns, phi, pair, group.noise.size());
-                of_group.push(pair.map(of).transpose()?);
-            }
-            spread.push(of_group);
-        }
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let near = kept.take().filter(|kept| self.is_near(&kept.phi, phi));
+        let near = match near {
+            Some(near) => near,
+            None => self.columns_of_noise(columns, phi)?,
+        };
+        let own = kept.insert(near);
         let (n, all) = (self.parameters, columns.all());
         Ok(self.sum(
             weighing,
@@ -353,11 +365,33 @@ impl<'a> RowNoise<'a> {
                 for (line, row) in lines.zip(rows.chunks_exact_mut(n.max(1))) {
                     group.reached.iter().zip(line).for_each(|(j, a)| row[*j] = *a);
                 }
-                if let Some(noise) = &spread[g][r] {
-                    noise.spread(block, rows);
+                let both = group.repetitions.get(r).and_then(|repetition| repetition.both.as_ref());
+                let sensitivities = own.sensitivities.get(g).and_then(|own| own.get(r)?.as_ref());
+                if let Some(([more, less], [by_more, by_less])) = both.zip(sensitivities) {
+                    let pair = [(&*more.1, by_more), (&*less.1, by_less)];
+                    NoiseColumns::new(columns, phi, pair, group.noise.size()).spread(block, rows);
                 }
             },
         ))
+    }
+
+    /// Returns the columns of nuisance parameters about φ̂ that noise is in.
+    fn columns_of_noise(&self, columns: &Columns, phi: &[f64]) -> Result<Kept, FitError> {
+        let of = |repetition: &Difference<'_>| {
+            let both = repetition.both.as_ref();
+            let of = |(source, blocks): &Noisy<'_>| Sensitivities::of(&**source, &**blocks, columns, phi);
+            both.map(|[more, less]| Ok([of(more)?, of(less)?])).transpose()
+        };
+        let of_group = |group: &Group<'_>| group.repetitions.iter().map(of).collect::<Result<Vec<_>, _>>();
+        let sensitivities = self.groups.iter().map(of_group).collect::<Result<Vec<_>, FitError>>()?;
+        Ok(Kept { phi: phi.to_vec(), sensitivities })
+    }
+
+    /// Returns true if two estimates predict the same to so little that columns about one serve for the noise about the other.
+    fn is_near(&self, from: &[f64], to: &[f64]) -> bool {
+        let square = |of: &DVector<f64>| of.dot(&(&self.gram * of));
+        let (from, to) = (DVector::from_column_slice(from), DVector::from_column_slice(to));
+        square(&(&to - from)) <= NEAR * NEAR * square(&to)
     }
 
     /// Returns the same by the features of noise.

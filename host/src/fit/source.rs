@@ -194,6 +194,13 @@ pub trait RowSource: Send + Sync {
         None
     }
 
+    /// Returns a source of the same samples whose coefficients are the columns of errors about `parameters`, what each error
+    /// changes in what they predict: one for each number of an [`super::Effect::Signal`] among [`RowSource::nuisances`].
+    /// `None` if they are to be found by [`RowSource::with_errors`].
+    fn error_columns(&self, _parameters: &[f64]) -> Option<Box<dyn RowSource + '_>> {
+        None
+    }
+
     /// Returns the standard deviation of the rates of turn among the signals, rad/s: information that their noise alone
     /// would bring to a moment of inertia counts for nothing.
     fn rate_sigma(&self) -> f64 {
