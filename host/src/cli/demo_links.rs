@@ -28,7 +28,8 @@ use crate::platform::{LocalPlatform, Platform as _};
 use crate::recording::new_file::{write_new, write_new_text};
 use crate::recording::{comment_in_words, rig_path};
 use crate::rig::{
-    ImuTable, Joint, LinkTable, LoadCellTable, OffsetTable, OffsetWord, RecordingTable, RigFile,
+    ImuClass, ImuTable, Joint, LinkTable, LoadCellClass, LoadCellTable, OffsetTable, OffsetWord,
+    RecordingTable, RigFile,
 };
 use crate::simulated::person;
 
@@ -194,10 +195,13 @@ pub(super) fn human34(arguments: &Demo) -> Result<ExitCode, Failure> {
         load_cell: LoadCellTable {
             noise_n_nm: Some(if arguments.ideal { QUIET } else { PLATES }),
             offset_n_nm: OffsetTable::Word(OffsetWord::Zero),
+            class: Some(LoadCellClass::Exact),
             ..LoadCellTable::default()
         },
         // Frames tell of the links' own origins and axes.
-        imu: (0..model.links.len()).map(|link| ImuTable { link, ..ImuTable::default() }).collect(),
+        imu: (0..model.links.len())
+            .map(|link| ImuTable { link, class: Some(ImuClass::Exact), ..ImuTable::default() })
+            .collect(),
         ..RigFile::default()
     };
     let (transport, source) = simulated::frames(arguments.mcu, sent.clone(), FRAMES_HZ)?;

@@ -100,6 +100,16 @@ impl Moving {
         motion::states(&self.links, &self.motions, base, &mut self.states)
     }
 
+    /// Returns the links.
+    pub fn links(&self) -> &[Link<f64>] {
+        &self.links
+    }
+
+    /// Returns the motion of every link.
+    pub fn states(&self) -> &[LinkState<f64>] {
+        &self.states
+    }
+
     /// Attitude of link `i`: base axes ← link axes; its origin in the base's frame, m.
     pub fn place(&self, i: usize) -> Option<(Matrix3<f64>, [f64; 3])> {
         self.states.get(i).map(|s| (s.rotation, s.position.into()))

@@ -469,7 +469,7 @@ impl Prepared {
             channel_sigma: Some(cell.noise_n_nm).filter(|_| told),
             gyro_sigma: stated(imu.gyro_noise_radps),
             known_offset: None,
-            nuisances: errors::of_cell(&cell_table, &readings),
+            nuisances: errors::of_cell(&cell_table, readings.iter().map(|reading| reading.wrench.array())),
             rests: Vec::new(),
             beforehand: None,
             readings,

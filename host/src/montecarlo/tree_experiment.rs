@@ -2,7 +2,7 @@
 
 use crate::model::Model;
 use crate::recording::Recording;
-use crate::rig::{ImuTable, JointTable};
+use crate::rig::{ImuClass, ImuTable, JointTable};
 use crate::simulated::trees::{TreeInstant, TreeNoise, arm_recording, person_recording};
 
 /// An experiment with a tree.
@@ -73,6 +73,8 @@ impl TreeExperiment {
                 position_noise: stated(noise.position),
                 rate_noise: stated(noise.rate),
                 effort_noise: stated(noise.torque),
+                zero_std: None,
+                effort_gain_std: None,
             };
             recording.rig.joint = model.links.iter().skip(1).map(|link| table(&link.joint_name)).collect();
             return recording;
@@ -83,6 +85,7 @@ impl TreeExperiment {
             accel_noise_mps2: stated(noise.accel),
             gyro_noise_radps: stated(noise.gyro),
             attitude_noise_rad: stated(noise.attitude),
+            class: Some(ImuClass::Exact),
             ..ImuTable::default()
         };
         recording.rig.imu = (0..model.links.len()).map(imu).collect();

@@ -37,6 +37,35 @@ pub enum LoadCellClass {
     Exact,
 }
 
+/// Class of the joints and the base of a tree of links.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TreeClass {
+    /// Joints zeroed at marks, a base set up by eye, torques from currents of motors.
+    Assembled,
+    /// A robot mastered by its maker's procedure and bolted to a levelled floor, with torque sensors.
+    Industrial,
+    /// A robot that was calibrated as a whole, and levelled with an inclinometer.
+    Calibrated,
+    /// Without error beyond noise: a simulated one.
+    Exact,
+}
+
+/// Limits of a class, `±a`, of joints and base.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TreeLimits {
+    /// Zero of a joint that turns, rad.
+    pub joint_zero_rad: f64,
+    /// Zero of a joint that slides, m.
+    pub joint_zero_m: f64,
+    /// Tilt of the base, rad.
+    pub base_tilt_rad: f64,
+    /// Delay of the positions' stamps, s.
+    pub skew_s: f64,
+    /// Scale of an effort, relative, and its offset and drift, relative to the largest.
+    pub effort: f64,
+}
+
 /// Limits of a data sheet, `±a`, of an IMU as it is mounted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImuLimits {
@@ -92,6 +121,39 @@ impl ImuClass {
             Self::Exact => {
                 ImuLimits { position_m: 0.0, rotation_rad: 0.0, skew_s: 0.0, ..of(0.0, 0.0, 0.0, 0.0) }
             }
+        }
+    }
+}
+
+impl TreeClass {
+    /// The class of joints of which nothing is stated.
+    pub const DEFAULT: Self = Self::Industrial;
+
+    /// Returns its name as in the rig file.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Assembled => "assembled",
+            Self::Industrial => "industrial",
+            Self::Calibrated => "calibrated",
+            Self::Exact => "exact",
+        }
+    }
+
+    /// Returns the limits of the class. Efforts of industrial robots are those of joints with torque sensors, 2 % of their
+    /// range (KUKA LBR iiwa, data sheet); a torque from a motor's current has the tolerance of its torque constant, 10 %.
+    pub fn limits(self) -> TreeLimits {
+        let of = |zero_deg: f64, joint_zero_m, tilt_deg: f64, skew_s, effort| TreeLimits {
+            joint_zero_rad: zero_deg.to_radians(),
+            joint_zero_m,
+            base_tilt_rad: tilt_deg.to_radians(),
+            skew_s,
+            effort,
+        };
+        match self {
+            Self::Assembled => of(1.0, 1e-3, 1.0, 5e-3, 0.1),
+            Self::Industrial => of(0.2, 3e-4, 0.5, 2e-3, 0.02),
+            Self::Calibrated => of(0.02, 5e-5, 0.05, 2e-4, 5e-3),
+            Self::Exact => of(0.0, 0.0, 0.0, 0.0, 0.0),
         }
     }
 }

@@ -16,7 +16,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use calibration::{CalibrationTable, RigCalibration};
-pub use classes::{ImuClass, LoadCellClass};
+pub use classes::{ImuClass, LoadCellClass, TreeClass};
 pub use read::RigFileError;
 
 /// Equal readings in a row that make a channel frozen, unless the rig file says otherwise.
@@ -51,6 +51,9 @@ pub struct RigFile {
     /// Joints with columns of their own, where these differ from the joints' names.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub joint: Vec<JointTable>,
+    /// Joints and base of a tree of links.
+    #[serde(skip_serializing_if = "TreeTable::is_empty")]
+    pub tree: TreeTable,
     /// Several files, each with a clock of its own.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub stream: Vec<StreamTable>,
@@ -490,6 +493,45 @@ pub struct JointTable {
     /// 1 σ of the effort per sample.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub effort_noise: Option<f64>,
+    /// 1 σ of the position where the joint stands at zero, rad or m; that of `[tree]` otherwise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub zero_std: Option<f64>,
+    /// 1 σ of the effort's scale, relative; that of `[tree]` otherwise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub effort_gain_std: Option<f64>,
+}
+
+/// `[tree]`: what is known of joints and base.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct TreeTable {
+    /// Class, from which every uncertainty below follows that is not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub class: Option<TreeClass>,
+    /// 1 σ of the zero of each joint that turns, rad.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub joint_zero_std_rad: Option<f64>,
+    /// 1 σ of the zero of each joint that slides, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub joint_zero_std_m: Option<f64>,
+    /// 1 σ of the tilt of a base that is held still and has no IMU, about either horizontal axis, rad.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub base_tilt_std_rad: Option<f64>,
+    /// 1 σ of the delay of the joints' positions against wrench and efforts, s, where the base has no IMU.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub skew_std_s: Option<f64>,
+    /// 1 σ of the scale of each effort, relative.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub effort_gain_std: Option<f64>,
+    /// 1 σ of the offset of each effort and of its drift over a recording, relative to the largest effort of the joint.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub effort_drift_std: Option<f64>,
+}
+
+impl TreeTable {
+    fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
 }
 
 fn no_rotation() -> [f64; 4] {

@@ -253,6 +253,7 @@ impl Check<'_> {
         self.load_cell()?;
         self.places()?;
         self.links()?;
+        self.tree()?;
         self.joints()?;
         self.calibration()
     }
@@ -485,6 +486,21 @@ impl Check<'_> {
         Ok(())
     }
 
+    fn tree(&self) -> Result<(), RigFileError> {
+        let tree = &self.rig.tree;
+        for (name, sigma) in [
+            ("joint_zero_std_rad", tree.joint_zero_std_rad),
+            ("joint_zero_std_m", tree.joint_zero_std_m),
+            ("base_tilt_std_rad", tree.base_tilt_std_rad),
+            ("skew_std_s", tree.skew_std_s),
+            ("effort_gain_std", tree.effort_gain_std),
+            ("effort_drift_std", tree.effort_drift_std),
+        ] {
+            self.all(&format!("tree.{name}"), sigma.as_slice(), |v| v >= 0.0, NOT_NEGATIVE)?;
+        }
+        Ok(())
+    }
+
     fn joints(&self) -> Result<(), RigFileError> {
         let mut names: Vec<&str> = Vec::new();
         for (n, joint) in self.rig.joint.iter().enumerate() {
@@ -499,6 +515,9 @@ impl Check<'_> {
                 ("effort_noise", &joint.effort_noise),
             ] {
                 self.all(&key(name), sigma.as_slice(), |v| v > 0.0, NOISE)?;
+            }
+            for (name, sigma) in [("zero_std", joint.zero_std), ("effort_gain_std", joint.effort_gain_std)] {
+                self.all(&key(name), sigma.as_slice(), |v| v >= 0.0, NOT_NEGATIVE)?;
             }
             for (name, source) in
                 [("position", &joint.position), ("rate", &joint.rate), ("effort", &joint.effort)]

@@ -16,7 +16,7 @@ use crate::model::dynamics::inverse_dynamics;
 use crate::model::{Model, ModelLink};
 use crate::problem::tree::joints;
 use crate::recording::{ImuColumns, Recording};
-use crate::rig::ImuTable;
+use crate::rig::{ImuClass, ImuTable, LoadCellClass, LoadCellTable, RigFile, TreeClass, TreeTable};
 
 fn body(mass: f64, com: [f64; 3], radii: [f64; 3], turn: [f64; 3]) -> Option<[f64; 10]> {
     let turned = Rotation3::from_euler_angles(turn[0], turn[1], turn[2]).into_inner();
@@ -121,6 +121,18 @@ fn change(t: f64, k: usize, size: f64) -> Vector3<f64> {
     ((w(1.0) - w(-1.0)) * 8.0 - (w(2.0) - w(-2.0))) / (12.0 * h)
 }
 
+/// Returns the rig file of sensors that err by noise alone, on so many links.
+fn exact_rig(links: usize) -> RigFile {
+    RigFile {
+        imu: (0..links)
+            .map(|link| ImuTable { link, class: Some(ImuClass::Exact), ..ImuTable::default() })
+            .collect(),
+        load_cell: LoadCellTable { class: Some(LoadCellClass::Exact), ..LoadCellTable::default() },
+        tree: TreeTable { class: Some(TreeClass::Exact), ..TreeTable::default() },
+        ..RigFile::default()
+    }
+}
+
 /// Of the wrench, N and N m.
 pub const OFFSET: [f64; 6] = [1.0, -2.0, 3.0, 0.1, 0.2, -0.3];
 const IMU: [f64; 3] = [0.04, -0.02, 0.03];
@@ -133,10 +145,10 @@ pub fn two_link_recording(model: &Model, rate_hz: f64, seconds: f64, noise: Opti
     let mut recording = Recording { name: "two".to_owned(), rate_hz: Some(rate_hz), ..Recording::default() };
     let mounting = [0.5, 0.5, -0.5, 0.5];
     let to_imu = joints::attitude(&mounting).unwrap().transpose();
-    recording.rig.imu = vec![
-        ImuTable { position_m: IMU, rotation_wxyz: mounting, ..ImuTable::default() },
-        ImuTable { link: 1, rotation_wxyz: mounting, ..ImuTable::default() },
-    ];
+    recording.rig = exact_rig(2);
+    for (table, position_m) in recording.rig.imu.iter_mut().zip([IMU, [0.0; 3]]) {
+        (table.position_m, table.rotation_wxyz) = (position_m, mounting);
+    }
     let rows = (seconds * rate_hz) as usize;
     let (mut accel, mut gyros, mut wrench, mut turned) =
         (Vec::new(), [Vec::new(), Vec::new()], Vec::new(), Vec::new());
@@ -187,6 +199,7 @@ pub fn seven_axis_recording(
     let mut normal = |sigma: f64| noise.normal(sigma);
     let mut recording =
         Recording { name: "seven".to_owned(), rate_hz: Some(rate_hz), ..Recording::default() };
+    recording.rig = exact_rig(0);
     let mut columns: Vec<Vec<String>> = vec![Vec::new(); 21];
     let base = BaseMotion::still([0.0, 0.0, -9.80665]);
     for row in 0..(seconds * rate_hz) as usize {
@@ -336,6 +349,7 @@ pub fn person_recording(model: &Model, rate_hz: f64, seconds: f64) -> Recording 
     let mut recording =
         Recording { name: "person".to_owned(), rate_hz: Some(rate_hz), ..Recording::default() };
     let links = model.links.len();
+    recording.rig = exact_rig(links);
     let mut gyros = vec![Vec::new(); links];
     let mut turned = vec![Vec::new(); links];
     let (mut accel, mut wrench) = (Vec::new(), Vec::new());
@@ -361,6 +375,7 @@ pub fn person_recording(model: &Model, rate_hz: f64, seconds: f64) -> Recording 
 /// noise.
 pub fn arm_recording(model: &Model, rate_hz: f64, seconds: f64, rates: bool) -> Recording {
     let mut recording = Recording { name: "arm".to_owned(), rate_hz: Some(rate_hz), ..Recording::default() };
+    recording.rig = exact_rig(0);
     let joints = model.links.len().saturating_sub(1);
     let mut columns: Vec<Vec<String>> = vec![Vec::new(); 3 * joints];
     for row in 0..(seconds * rate_hz) as usize {

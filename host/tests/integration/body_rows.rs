@@ -275,7 +275,7 @@ fn gain_errors() {
             gain_uncertainty: Some([0.01, 0.01, 0.005, 0.01, 0.01, 0.0]),
             ..LoadCellTable::default()
         },
-        &input.readings,
+        input.readings.iter().map(|reading| reading.wrench.array()),
     );
     both(&input, &FitOptions::default());
 }

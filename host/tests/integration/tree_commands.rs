@@ -11,6 +11,7 @@ use serde_json::Value;
 
 use crate::program::{complaint, json as answer, rigident};
 
+mod errors;
 mod gross;
 mod locked;
 mod told;
@@ -76,6 +77,7 @@ fn arm_recording(place: &Path, moving: usize) {
         let _ = writeln!(text, "{t},{},{},{},{}", s[0][0], s[1][0], torque(0), torque(1));
     }
     std::fs::write(place.join("arm.csv"), text).unwrap();
+    std::fs::write(place.join("arm.rig.toml"), "[tree]\nclass = \"exact\"\n").unwrap();
 }
 
 const FRICTION: [&str; 2] = ["--friction", "viscous,coulomb"];
@@ -287,11 +289,15 @@ fn what_is_missing_or_does_not_fit_is_named() {
 const RIG: &str = r#"
 [recording]
 rate_hz = 200.0
+[load_cell]
+class = "exact"
 [[imu]]
 link = 0
+class = "exact"
 position_m = [0.02, 0.01, -0.03]
 [[imu]]
 link = 1
+class = "exact"
 [[link]]
 name = "base"
 [[link]]

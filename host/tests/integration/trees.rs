@@ -138,6 +138,8 @@ fn the_factor_of_a_tree_is_that_of_its_normal_equations() {
             position_noise: None,
             rate_noise: None,
             effort_noise: Some(0.3),
+            zero_std: None,
+            effort_gain_std: None,
         })
         .collect();
     let found = Identified::of(&recording, &model, &friction());

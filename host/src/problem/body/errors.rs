@@ -65,16 +65,18 @@ pub fn nuisances(
     readings: &[Reading<f64>],
     is_static: bool,
 ) -> Vec<Nuisance> {
-    let mut all = of_imu(imu, is_static);
-    all.extend(of_cell(cell, readings));
+    let mut all: Vec<Nuisance> =
+        of_imu(imu, is_static).into_iter().map(|(_, _, nuisance)| nuisance).collect();
+    all.extend(of_cell(cell, readings.iter().map(|reading| reading.wrench.array())));
     all
 }
 
-/// Returns the nuisance parameters of the load cell; full scale is the largest load seen where the rig file gives no range.
-pub fn of_cell(cell: &LoadCellTable, readings: &[Reading<f64>]) -> Vec<Nuisance> {
+/// Returns the nuisance parameters of the load cell, the first channels being its six; full scale is the largest load seen
+/// where the rig file gives no range.
+pub fn of_cell(cell: &LoadCellTable, wrenches: impl Iterator<Item = [f64; WRENCH]>) -> Vec<Nuisance> {
     let class = cell.class.unwrap_or(LoadCellClass::DEFAULT);
     let sigma = rectangular(class.limit());
-    let full_scale = cell.range_n_nm.unwrap_or_else(|| largest(readings));
+    let full_scale = cell.range_n_nm.unwrap_or_else(|| largest(wrenches));
     let basis = |stated: bool, key: &str| match stated {
         true => Basis::Stated(format!("load_cell.{key}")),
         false => Basis::Class(format!("load cell {}", class.name())),
@@ -141,11 +143,11 @@ pub fn calibrated(calibration: Option<&RigCalibration>, nuisances: &mut [Nuisanc
     Some(known.only(own))
 }
 
-/// Returns the largest force and the largest moment of all readings, for each channel.
-fn largest(readings: &[Reading<f64>]) -> [f64; WRENCH] {
+/// Returns the largest force and the largest moment, for each channel.
+fn largest(wrenches: impl Iterator<Item = [f64; WRENCH]>) -> [f64; WRENCH] {
     let mut most = [0.0_f64; 2];
-    for reading in readings {
-        for (c, value) in reading.wrench.array().iter().enumerate().filter(|(_, v)| v.is_finite()) {
+    for wrench in wrenches {
+        for (c, value) in wrench.iter().enumerate().filter(|(_, v)| v.is_finite()) {
             most[c / 3] = most[c / 3].max(value.abs());
         }
     }
@@ -155,7 +157,9 @@ fn largest(readings: &[Reading<f64>]) -> [f64; WRENCH] {
 /// A group of errors of the IMU: its name, the first of its axes, unit, σ stated, limit of the class, key, and who shares it.
 type ImuGroup = (&'static str, ImuError, &'static str, Option<f64>, f64, &'static str, Scope);
 
-fn of_imu(imu: &ImuTable, is_static: bool) -> Vec<Nuisance> {
+/// Returns the nuisance parameters of an IMU, each with its group and its number in that; of one that stands still those that
+/// this shows.
+pub fn of_imu(imu: &ImuTable, is_static: bool) -> Vec<(ImuError, usize, Nuisance)> {
     let class = imu.class.unwrap_or(ImuClass::DEFAULT);
     let limits = class.limits();
     let groups: [ImuGroup; ERRORS] = [
@@ -234,7 +238,7 @@ fn of_imu(imu: &ImuTable, is_static: bool) -> Vec<Nuisance> {
             if error.count() > 1 {
                 name = format!("{name}_{}", AXES[axis]);
             }
-            all.push(Nuisance {
+            let nuisance = Nuisance {
                 name,
                 group: group.to_owned(),
                 unit: unit.to_owned(),
@@ -245,9 +249,10 @@ fn of_imu(imu: &ImuTable, is_static: bool) -> Vec<Nuisance> {
                 },
                 scope,
                 effect: Effect::Signal(error.first() + axis),
-            });
+            };
+            all.push((error, axis, nuisance));
         }
     }
-    all.retain(|k| k.sigma.is_finite() && k.sigma > 0.0);
+    all.retain(|(_, _, k)| k.sigma.is_finite() && k.sigma > 0.0);
     all
 }

@@ -2,7 +2,9 @@
 
 use rigident_shared::tree::BaseMotion;
 
+use super::SignalError;
 use super::drive::Drive;
+use crate::fit::Nuisance;
 use crate::model::Model;
 use crate::model::base::{Rows, Situation};
 
@@ -87,8 +89,10 @@ pub struct Input {
     pub channel_sigma: Option<Vec<f64>>,
     /// The wrench's offset if known; `None`: estimated.
     pub known_offset: Option<[f64; 6]>,
-    /// 1 σ of the load cell's relative gain errors, constant over the recording; zero: none.
-    pub gain_sigma: [f64; 6],
+    /// Errors of sensors and mounting that do not average out. An [`crate::fit::Effect::Signal`] is one of `errors`.
+    pub nuisances: Vec<Nuisance>,
+    /// Errors of the signals that frames are made of, by their numbers.
+    pub errors: Vec<SignalError>,
     /// Drives that turn with the joints, with their friction.
     pub drives: Vec<Drive>,
     /// Signals that the frames are made of, with their noise; empty: they are exact.
@@ -106,6 +110,8 @@ impl Input {
             channel_sigma: self.channel_sigma.clone(),
             drives: self.drives.clone(),
             signals: self.signals.clone(),
+            nuisances: self.nuisances.clone(),
+            errors: self.errors.clone(),
             ..*self
         }
     }

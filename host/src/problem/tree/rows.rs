@@ -119,6 +119,46 @@ impl RowMaker {
         })
     }
 
+    /// Returns the tree about the IMU: the root there, then the base link and the others.
+    pub(super) fn moving(&self) -> &Moving {
+        &self.moving
+    }
+
+    /// Returns bodies of the links of [`RowMaker::moving`], ten parameters each, that these base parameters predict the same
+    /// rows of.
+    pub(super) fn bodies(&self, parameters: &[f64]) -> Vec<[f64; 10]> {
+        let mut bodies = vec![[0.0; 10]; self.moving.links().len()];
+        for (i, lead) in self.leads.iter().enumerate() {
+            let own = match &self.mix {
+                None => parameters.get(i).copied().unwrap_or(0.0),
+                Some(mix) => mix.row(i).iter().zip(parameters).map(|(m, v)| m * v).sum(),
+            };
+            if let Some(to) = bodies.get_mut(lead / 10).and_then(|body| body.get_mut(lead % 10)) {
+                *to = own;
+            }
+        }
+        bodies
+    }
+
+    /// Adds what the drives of a freedom have in its row, smoothed or differentiated.
+    pub(super) fn add_drives(&self, freedom: usize, rates: &[f64], smoothed: bool, row: &mut [f64]) {
+        for (drive, at) in &self.drives {
+            let Some((_, factor)) = drive.rates.iter().find(|(k, _)| *k == freedom) else { continue };
+            let rate = drive.rate(rates);
+            for (term, to) in drive.terms.iter().zip(row.iter_mut().skip(*at)) {
+                let value = match (term, smoothed) {
+                    (Term::Viscous, true) => rate,
+                    // At rest it is nowhere.
+                    (Term::Coulomb, true) if rate != 0.0 => rate.signum(),
+                    (Term::Offset, true) => 1.0,
+                    (Term::Rotor, false) => rate,
+                    _ => 0.0,
+                };
+                *to = factor * value;
+            }
+        }
+    }
+
     fn channels(&self) -> usize {
         (if self.wrench { 6 } else { 0 }) + (if self.efforts { self.moving.freedoms() } else { 0 })
     }
@@ -148,21 +188,7 @@ impl RowMaker {
             for freedom in 0..self.moving.freedoms() {
                 let start = out.len();
                 self.select(&mut out, &|c| row(6 + freedom)[c]);
-                for (drive, at) in &self.drives {
-                    let Some((_, factor)) = drive.rates.iter().find(|(k, _)| *k == freedom) else { continue };
-                    let rate = drive.rate(&frame.rates);
-                    for (k, term) in drive.terms.iter().enumerate() {
-                        let value = match (term, smoothed) {
-                            (Term::Viscous, true) => rate,
-                            // At rest it is nowhere.
-                            (Term::Coulomb, true) if rate != 0.0 => rate.signum(),
-                            (Term::Offset, true) => 1.0,
-                            (Term::Rotor, false) => rate,
-                            _ => 0.0,
-                        };
-                        out[start + at + k] = factor * value;
-                    }
-                }
+                self.add_drives(freedom, &frame.rates, smoothed, &mut out[start..]);
             }
         }
         out

@@ -8,10 +8,11 @@ use rigident_shared::tree::{Joint, TreeError};
 
 use super::drive::Term;
 use super::rows::{RowMaker, names_and_units};
+use super::sensitivities::ErrorRows;
 use super::{Frame, Input, TreeSourceError, signals};
 use crate::fit::{
-    Basis, Channel, DriveMotion, Effect, Fingerprint, Kind, Nuisance, Owner, Parameter, RowSource,
-    SampleRows, Scope, SignalNoise, Timing,
+    Channel, DriveMotion, Fingerprint, Kind, Nuisance, Owner, Parameter, RowSource, SampleRows, SignalNoise,
+    Timing,
 };
 use crate::model::base::{BaseParameters, ROUNDED, base_parameters};
 
@@ -51,7 +52,7 @@ impl TreeSource {
         Self::with_base(input, base).map_err(TreeSourceError::Frames)
     }
 
-    fn with_base(input: Input, base: BaseParameters) -> Result<Self, TreeError> {
+    pub(super) fn with_base(input: Input, base: BaseParameters) -> Result<Self, TreeError> {
         let mut maker = RowMaker::new(&input, &base)?;
         // All frames are made alike.
         if let Some(frame) = input.frames.first() {
@@ -85,6 +86,25 @@ impl TreeSource {
                 }
             })
             .collect()
+    }
+
+    /// Writes what is measured of a sample, a known offset taken off.
+    ///
+    /// # Errors
+    /// [`Rejection`] if a channel is not finite, or there is no such sample.
+    pub(super) fn measure(&self, sample: usize, measured: &mut [f64]) -> Result<(), Rejection> {
+        let frame = self.input.frames.get(sample).ok_or(Rejection::NotFinite(0))?;
+        let offset = self.input.known_offset.unwrap_or_default();
+        let wrench = frame.wrench.iter().zip(offset).map(|(w, o)| w - o);
+        let wrench = wrench.take(if self.input.has_wrench() { WRENCH } else { 0 });
+        let efforts = frame.efforts.iter().copied().filter(|_| self.input.has_efforts());
+        for (c, (to, from)) in measured.iter_mut().zip(wrench.chain(efforts)).enumerate() {
+            if !from.is_finite() {
+                return Err(Rejection::NotFinite(u8::try_from(c).unwrap_or(u8::MAX)));
+            }
+            *to = from;
+        }
+        Ok(())
     }
 
     /// Returns the base parameters that are estimated.
@@ -201,17 +221,7 @@ impl RowSource for TreeSource {
             maker.rows(frame).map_err(|_| refuse)?
         };
         (rows.smoothed, rows.differentiated) = (made.smoothed, made.differentiated);
-        let offset = self.input.known_offset.unwrap_or_default();
-        let wrench = frame.wrench.iter().zip(offset).map(|(w, o)| w - o);
-        let wrench = wrench.take(if self.input.has_wrench() { WRENCH } else { 0 });
-        let efforts = frame.efforts.iter().copied().filter(|_| self.input.has_efforts());
-        for (c, (to, from)) in rows.measured.iter_mut().zip(wrench.chain(efforts)).enumerate() {
-            if !from.is_finite() {
-                return Err(Rejection::NotFinite(u8::try_from(c).unwrap_or(u8::MAX)));
-            }
-            *to = from;
-        }
-        Ok(())
+        self.measure(sample, &mut rows.measured)
     }
 
     fn rounding(&self) -> f64 {
@@ -255,17 +265,15 @@ impl RowSource for TreeSource {
     }
 
     fn nuisances(&self) -> Vec<Nuisance> {
-        let wrench = self.channels.iter().enumerate().take(if self.input.has_wrench() { WRENCH } else { 0 });
-        let of = |(c, channel): (usize, &Channel)| Nuisance {
-            name: format!("gain_{}", channel.name),
-            group: "load-cell gain".to_owned(),
-            unit: "1".to_owned(),
-            sigma: self.input.gain_sigma[c],
-            basis: Basis::Stated("load_cell.gain_uncertainty".to_owned()),
-            scope: Scope::Rig,
-            effect: Effect::Gain { channel: c },
+        self.input.nuisances.clone()
+    }
+
+    fn error_columns(&self, parameters: &[f64]) -> Option<Box<dyn RowSource + '_>> {
+        let rows = {
+            let maker = self.maker.lock().unwrap_or_else(PoisonError::into_inner);
+            ErrorRows::new(self, &maker, parameters).ok()?
         };
-        wrench.map(of).filter(|k| k.sigma > 0.0).collect()
+        Some(Box::new(rows))
     }
 
     fn signal_noise(&self) -> Vec<SignalNoise> {

@@ -80,7 +80,7 @@ fn what_is_assumed_of_imus_and_joints_is_told_and_an_imu_on_no_link_is_refused()
     let (imu, position) = ("no [[imu]] table says", "has no position_m");
     let said = warnings(RIG);
     assert!(!said.contains(imu) && !said.contains(position), "{said}");
-    let said = warnings(&RIG.replace("[[imu]]\nlink = 1\n", ""));
+    let said = warnings(&RIG.replace("[[imu]]\nlink = 1\nclass = \"exact\"\n", ""));
     assert!(
         said.contains("no [[imu]] table says where the IMU of arm (link = 1) sits: assumed at the origin"),
         "{said}"

@@ -13,6 +13,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Matrix3, Vector3};
 
 use super::drive::Drive;
+use super::errors::errors;
 use super::joints::{Resolved, Seen, attitude, resolve};
 use super::rows::rows_of;
 use super::{Frame, Input, TreePrepareError};
@@ -247,7 +248,8 @@ impl<'a> Preparation<'a> {
                 OffsetTable::Word(OffsetWord::Zero) => Some([0.0; 6]),
                 OffsetTable::Word(OffsetWord::Estimate) => None,
             },
-            gain_sigma: recording.rig.load_cell.gain_uncertainty.unwrap_or_default(),
+            nuisances: Vec::new(),
+            errors: Vec::new(),
             drives: Vec::new(),
             signals: self.signals(&joints, &attitudes, &gyros, &number_of),
             rate_sigma,
@@ -268,6 +270,9 @@ impl<'a> Preparation<'a> {
             }
             input.drives.retain(|drive| !drive.terms.is_empty());
         }
+        let table = |i: usize| number_of(i).and_then(|j| self.imu(j));
+        let errors = errors(&input, &recording.rig, &table);
+        (input.nuisances, input.errors) = (errors.nuisances, errors.signals);
         Ok(input)
     }
 }
