@@ -17,6 +17,8 @@ mod report;
 mod rig_errors;
 mod signal_noise;
 
+pub use problem::Normal;
+
 use crate::document::{Document, Table};
 
 /// The document and its tables, in its order.

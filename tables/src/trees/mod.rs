@@ -2,6 +2,7 @@
 //!
 //! One file per study, each a function that gives Markdown.
 
+mod errors;
 mod signal_noise;
 mod simulated;
 mod staubli;
@@ -14,6 +15,7 @@ pub const DOCUMENT: Document = Document {
     tables: &[
         Table { name: "simulated-long", make: simulated::table },
         Table { name: "signal-noise-long", make: signal_noise::table },
+        Table { name: "tree-errors-long", make: errors::table },
         Table { name: "coloured", make: simulated::coloured_table },
         Table { name: "nearest", make: simulated::nearest_table },
         Table { name: "staubli", make: staubli::table },
