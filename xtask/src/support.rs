@@ -51,7 +51,7 @@ const NO_TORQUES: &str =
     "a device measures no joint torques, and the base's wrench does not contain friction";
 const ONE_TRIANGLE: &str = "64 KiB hold one triangle of 128";
 
-const MATRIX: [Row; 16] = [
+const MATRIX: [Row; 18] = [
     Row {
         feature: "identified; CSV and MCAP",
         cells: [
@@ -120,6 +120,28 @@ const MATRIX: [Row; 16] = [
             Yes(GAINS_ON_DEVICE),
             Yes("support::tree::gain_errors"),
             Yes(GAINS_ON_DEVICE),
+        ],
+    },
+    Row {
+        feature: "errors of mounting, scale, delay and drift",
+        cells: [
+            Yes("support::errors::one_body::rig_errors"),
+            Yes("support::errors::one_body_on_device::rig_errors"),
+            Yes("support::errors::two_links::rig_errors"),
+            NotYet,
+            Yes("support::errors::tree::rig_errors"),
+            NotYet,
+        ],
+    },
+    Row {
+        feature: "calibration by a reference body",
+        cells: [
+            Yes("calibration::a_cylinder_calibrates_a_rig_and_verifies_it"),
+            Yes("calibration::a_cylinder_calibrates_a_rig_and_verifies_it"),
+            NotYet,
+            NotYet,
+            NotYet,
+            NotYet,
         ],
     },
     Row {

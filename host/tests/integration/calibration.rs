@@ -173,16 +173,16 @@ fn a_cylinder_calibrates_a_rig_and_verifies_it() {
         assert!(number(one, &["sigma"]) < 1.01 * number(one, &["sigma_before"]), "{one}");
     }
 
-    let identify = |name: &str, more: &[&str]| {
+    let of = |command: &str, name: &str, more: &[&str]| {
         let out = format!("out-{name}");
-        let mut line = vec!["identify", "bracket.csv", "--json", "--out", &out];
+        let mut line = vec![command, "bracket.csv", "--json", "--out", &out];
         line.extend(more);
         let output = rigident(at, &line);
         assert_eq!(output.status.code(), Some(0), "{}", said(&output));
         json(&output)
     };
-    let before = u95(&identify("before", &[]));
-    let answer = identify("after", &["--calibration", "both.calibration.toml"]);
+    let before = u95(&of("identify", "before", &[]));
+    let answer = of("identify", "after", &["--calibration", "both.calibration.toml"]);
     let after = u95(&answer);
     assert!(after.1 < before.1 / 8.0, "{before:?} {after:?}");
     assert!((after.0 - 3.2).abs() < 1.5 * after.1, "{after:?}");
@@ -195,7 +195,10 @@ fn a_cylinder_calibrates_a_rig_and_verifies_it() {
     // The rig file's key does the same as the option.
     let rig = format!("{RIG}\n[calibration]\nfile = \"both.calibration.toml\"\n");
     fs::write(at.join("calibrated.rig.toml"), rig).unwrap();
-    assert_eq!(u95(&identify("key", &["--rig", "calibrated.rig.toml"])), after);
+    assert_eq!(u95(&of("identify", "key", &["--rig", "calibrated.rig.toml"])), after);
+    // The answer of a device's run is the host's.
+    let replayed = u95(&of("replay", "replayed", &["--calibration", "both.calibration.toml"]));
+    assert!((replayed.0 - after.0).abs() < 0.05 * after.1 && (replayed.1 / after.1 - 1.0).abs() < 0.05);
 
     let verify = |name: &str, more: &[&str]| {
         let mut line = vec!["verify", name, "--reference", "cylinder.toml", "--json"];

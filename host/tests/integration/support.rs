@@ -330,6 +330,25 @@ fn gain_errors(subject: Subject) {
     assert!((0.4..1.0).contains(&of_gain), "{of_gain}");
 }
 
+/// The IMU sits 10 mm from where the rig file has it: within what is stated that is found, beyond it is named.
+fn rig_errors(subject: Subject) {
+    let (place, table, _) = plain(subject);
+    let off = 0.01;
+    for (std, status) in [(0.01, "identified"), (0.001, "implausible")] {
+        let imu = format!("position_m = [{off}, 0.0, 0.0]\nposition_std_m = {std}");
+        table.write(place.path(), status, &subject.rig("", &imu, false));
+        let found = identify(subject, place.path(), status, &[]);
+        assert_eq!(found.0["status"], status, "{}", found.0["warnings"]);
+        let errors = found.0["errors"].as_array().unwrap();
+        let error = errors.iter().find(|e| e["name"] == "lever_arm_x").unwrap();
+        let (value, u95) = (error["value"].as_f64().unwrap(), error["u95"].as_f64().unwrap());
+        assert!((value + off).abs() < 2.0 * u95 && u95 < 0.1 * off, "{error}");
+        let (mass, u95) = found.of(subject.mass_name()[0]);
+        assert!((mass - subject.mass()).abs() < 2.3 * u95, "{mass} {u95}");
+        assert_eq!(found.0["warnings"].to_string().contains("lever_arm_x"), status == "implausible");
+    }
+}
+
 /// What is known of one parameter alone is another measurement of it: inverse variances add.
 fn known_values(subject: Subject) {
     let (place, _, _) = plain(subject);
@@ -533,6 +552,13 @@ macro_rules! cells {
 }
 
 cells!(one_body: 1, two_links: 2, tree: 3 by "identify");
+
+mod errors {
+    cells!(@ one_body, 1, "identify", rig_errors);
+    cells!(@ one_body_on_device, 1, "replay", rig_errors);
+    cells!(@ two_links, 2, "identify", rig_errors);
+    cells!(@ tree, 3, "identify", rig_errors);
+}
 
 mod clocks {
     cells!(@ one_body, 1, "identify", several_clocks);
