@@ -15,7 +15,7 @@ use rigident::problem::body::BodySource;
 use super::report::{Job, in_parallel};
 use super::signal_noise::{BODY, IMU, motion, rig};
 
-const RUNS: u64 = 60;
+const RUNS: u64 = 300;
 /// Parameters with offsets.
 const N: usize = 16;
 const CHANNELS: usize = 6;
