@@ -13,10 +13,10 @@ use crate::document::{Document, Table};
 pub const DOCUMENT: Document = Document {
     file: "docs/trees.md",
     tables: &[
-        Table { name: "simulated-long", make: simulated::table },
         Table { name: "signal-noise-long", make: signal_noise::table },
-        Table { name: "tree-errors-long", make: errors::table },
+        Table { name: "simulated-long", make: simulated::table },
         Table { name: "coloured", make: simulated::coloured_table },
+        Table { name: "tree-errors-long", make: errors::table },
         Table { name: "nearest", make: simulated::nearest_table },
         Table { name: "staubli", make: staubli::table },
     ],
