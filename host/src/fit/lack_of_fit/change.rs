@@ -239,6 +239,21 @@ impl Search<'_> {
         Change { time_s, time_u95_s, changed, probability, explained, steps }
     }
 
+    /// Returns what the drift of a channel is in a row near a bin, beside a step from there on: the common fit leaves it, as it says
+    /// nothing of a step.
+    fn level(&self, channel: usize, step: &Step, bin: usize) -> f64 {
+        let rows = &self.bins.rows[channel];
+        let mut left = &self.bins.residuals[channel] - rows * &step.fitted;
+        for (column, value) in step.columns.iter().zip(step.value.iter()) {
+            let own = rows.column(*column);
+            left.iter_mut().zip(own.iter()).skip(bin).for_each(|(left, row)| *left -= row * value);
+        }
+        let drift = drift(left.len()).insert_column(0, 1.0);
+        let of_bin = drift.row(bin.min(left.len().saturating_sub(1))).into_owned();
+        let fitted = drift.svd(true, true).solve(&left, f64::EPSILON);
+        fitted.map_or(0.0, |fitted| (of_bin * fitted)[0]) / (self.bins.several as f64).sqrt()
+    }
+
     /// Returns the time of a step near a bin, row by row, and its 95 % uncertainty.
     fn time(&self, rows: &Rows, step: &Step, bin: usize, noise: &[PowerLaw]) -> (f64, f64) {
         let (n, channels) = (self.bins.columns, self.bins.channels);
@@ -247,6 +262,7 @@ impl Search<'_> {
         let last = self.bins.first[(bin + NEAR).min(self.bins.len() - 1)];
         let mut whitener = Whitener::new(rows.whitening, n);
         let (mut own, mut values) = (vec![0.0; channels * n], vec![0.0; channels]);
+        let levels: Vec<f64> = (0..channels).map(|c| self.level(c, step, bin)).collect();
         // Squares of the step and of the residuals beside it, row by row: after less before.
         let (mut gain, mut size) = (Vec::new(), 0.0);
         for block in first.saturating_sub(rows.whitening.lead())..last {
@@ -258,9 +274,9 @@ impl Search<'_> {
             if block < first {
                 continue;
             }
-            let lines = own.chunks_exact(n.max(1)).zip(&values).zip(noise);
-            let sums = lines.map(|((row, value), noise)| {
-                let left = value - dot(row, step.fitted.as_slice());
+            let lines = own.chunks_exact(n.max(1)).zip(&values).zip(noise).zip(&levels);
+            let sums = lines.map(|(((row, value), noise), level)| {
+                let left = value - dot(row, step.fitted.as_slice()) - level;
                 let moved: f64 = step.columns.iter().zip(step.value.iter()).map(|(j, v)| row[*j] * v).sum();
                 let variance = noise.white;
                 (((left - moved).powi(2) - left * left) / variance, moved * moved / variance)
