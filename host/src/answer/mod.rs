@@ -7,6 +7,7 @@
 //! [`crate::present`].
 
 mod budget;
+mod checks;
 mod context;
 pub mod derived;
 pub mod excitation_advice;
@@ -24,6 +25,7 @@ pub mod states;
 #[cfg(test)]
 pub(crate) mod tests;
 
+pub use checks::checks;
 pub use context::{Context, Links, StandardRequest};
 pub use new::AnswerError;
 pub use read::ReadError;

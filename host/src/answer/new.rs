@@ -3,6 +3,7 @@
 use rigident_shared::inertia::{InertialParameters, tensor_elements, tensor_from_elements};
 use rigident_shared::spatial::{Body, Position, Rotation, Sensor};
 
+use super::checks::is_contradicted;
 use super::context::{Context, Links};
 use super::derived::{self, Derived, ten};
 use super::nearest_body::{self, nearest_body};
@@ -254,6 +255,7 @@ impl Answer {
         self.notes.extend(rig_errors::calibration(fit));
         self.notes.extend(rig_errors::defaults(fit));
         self.add_lack_of_fit(fit);
+        self.add_runs(fit);
         self.warnings.extend(remarks::of_known_values(fit, links, &judged.states));
         self.notes.extend(self.forgotten.iter().map(ToString::to_string));
         if judged.is_body {
@@ -269,11 +271,6 @@ impl Answer {
             links => excitation_advice::of_links(fit, links, &judged.states),
         };
     }
-}
-
-/// Returns true if the recording contradicts what is stated of the rig, or is not that of an unchanging rigid body.
-fn is_contradicted(fit: &Fit) -> bool {
-    rig_errors::is_contradicted(fit) || fit.lack_of_fit.contradicts()
 }
 
 fn status(judged: &Judged, asked: &[usize], broken: bool) -> Status {

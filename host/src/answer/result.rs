@@ -202,6 +202,9 @@ pub struct Answer {
     /// The first pose repeated at the end: how much the mean wrench changed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drift: Option<Drift>,
+    /// The runs that only a factor is left of, with what the checks of their recordings found.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub runs: Vec<Run>,
     /// Something changed while the recording was made.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub change: Option<Change>,
@@ -221,6 +224,27 @@ pub struct Answer {
     pub warnings: Vec<String>,
     /// Time that the command took, s.
     pub elapsed_s: f64,
+}
+
+/// A run that only a factor is left of.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Run {
+    /// Name of its recording.
+    pub recording: String,
+    /// What the checks found when the factor was made.
+    pub verdict: RunVerdict,
+}
+
+/// What the checks of a recording found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum RunVerdict {
+    /// Nothing against it.
+    Plausible,
+    /// It contradicts what is stated of the rig, or is not that of an unchanging rigid body.
+    Implausible,
+    /// The factor carries no checks.
+    NotChecked,
 }
 
 /// An error of sensors or mounting.

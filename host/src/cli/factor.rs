@@ -35,8 +35,13 @@ pub(super) fn make(arguments: &MakeFactor) -> Result<ExitCode, Failure> {
         let calibration = arguments.calibration.calibration.as_deref();
         let (factor, notes) = of_recording(path, rig, calibration, &arguments.tree)?;
         drop(stages);
-        for note in notes {
-            tell!("rigident: {}: {note}", path.display());
+        let checks = factor.sources.iter().filter_map(|source| source.checks.as_ref());
+        let warnings = checks.clone().flat_map(|checks| &checks.warnings);
+        for said in warnings.chain(&notes) {
+            tell!("rigident: {}: {said}", path.display());
+        }
+        if checks.clone().any(|checks| checks.contradicted) {
+            tell!("rigident: {}: not to be used; the factor says so to whoever solves it", path.display());
         }
         factors.push(factor);
     }
@@ -131,7 +136,7 @@ pub(super) fn tare(
             // Its own rig file if it has one: the fixture's run may have been taken with another IMU.
             let own = is_rig_file(path) || rig_path(path).exists();
             let (factor, said) = of_recording(path, rig.filter(|_| !own), calibration, tree)?;
-            warnings.extend(said.into_iter().map(|said| format!("tare {}: {said}", path.display())));
+            notes.extend(said.into_iter().map(|said| format!("tare {}: {said}", path.display())));
             factor
         } else {
             read(path)?
@@ -167,7 +172,7 @@ fn read(path: &Path) -> Result<PooledFactor, Failure> {
     })
 }
 
-/// Returns the factor of a recording, and what was noticed on the way.
+/// Returns the factor of a recording, which keeps what its checks found, and notes on the way.
 fn of_recording(
     path: &Path,
     rig: Option<&Path>,
@@ -178,8 +183,7 @@ fn of_recording(
     let loaded = Loaded::read(path, rig, calibration, tree, &ProblemOptions::default(), &stages)?;
     let found = loaded.fit(None, 0, &stages).map_err(|e| e.context(path.display()))?;
     let factor = loaded.factor(&found);
-    let said = loaded.warnings.iter().chain(&loaded.notes).cloned().collect();
-    Ok((PooledFactor { name: path.display().to_string(), ..factor }, said))
+    Ok((PooledFactor { name: path.display().to_string(), ..factor }, loaded.notes))
 }
 
 /// Found out now rather than after a long job.

@@ -7,7 +7,7 @@ use super::options::calibration;
 use super::options::trees::{ModelChanges, TreeModel};
 use super::recorded::{is_rig_file, left_out_columns, named, stream_set};
 use super::{Failure, Stages, locked_joints};
-use crate::answer::{Drift, Links, Source, StandardRequest, TimeBase};
+use crate::answer::{self, Drift, Links, Source, StandardRequest, TimeBase};
 use crate::fit::pool::PooledFactor;
 use crate::fit::{DeviceFactor, Fit, FitOptions, RowSource, Timing};
 use crate::model::{self, Model};
@@ -274,9 +274,11 @@ impl Loaded {
         super::drift::of_body(&source.input().readings, spans, found)
     }
 
-    /// Returns the factor of a fit, named after the recording.
+    /// Returns the factor of a fit, named after the recording, with what the checks of that found.
     pub(super) fn factor(&self, found: &Fit) -> PooledFactor {
-        let factor = PooledFactor::of(found, &self.problem.name);
+        let of_links = matches!(self.problem.subject, Subject::Tree { .. });
+        let checks = answer::checks(found, &self.warnings, of_links);
+        let factor = PooledFactor::of(found, &self.problem.name).checked(&checks);
         let recorded = self.recorded.as_deref().and_then(|date| humantime::parse_rfc3339(date).ok());
         let unix = recorded.and_then(|at| at.duration_since(std::time::UNIX_EPOCH).ok());
         match unix.and_then(|unix| i64::try_from(unix.as_secs()).ok()) {

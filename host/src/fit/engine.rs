@@ -627,6 +627,7 @@ impl<'a> Engine<'a> {
                 }
             }),
             lack_of_fit,
+            runs: Vec::new(),
             noise: check,
             residuals: conclusion.residuals,
             filter,

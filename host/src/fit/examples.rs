@@ -114,6 +114,7 @@ impl Run {
             sigma_given: true,
             spurious_information: 0.0,
             channels: channels.to_vec(),
+            checks: None,
         };
         let pooled = PooledFactor {
             name,

@@ -8,11 +8,14 @@ use serde::de::{SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
 use super::pool::PooledFactor;
-use super::{Factor, Parameter};
+use super::{Checks, Factor, Parameter};
 
 const MAGIC: &[u8; 8] = b"RIGIDFAC";
-/// Version 3 holds any parameters and channels; 1 and 2 held one body's ten or sixteen parameters.
-pub const VERSION: u16 = 3;
+/// Version 4 holds the checks of each run after what version 3 holds: any parameters and channels. 1 and 2 held one body's ten or
+/// sixteen parameters.
+pub const VERSION: u16 = 4;
+/// The oldest version that is read: without checks.
+const WITHOUT_CHECKS: u16 = 3;
 const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 
 /// The most parameters of a factor.
@@ -48,14 +51,14 @@ pub enum FactorFileError {
     Damaged,
     /// The file is of an older program.
     #[error(
-        "the factor file has version {0}, this program reads version {VERSION}: write it anew from the recording \
-         with `rigident factor`"
+        "the factor file has version {0}, this program reads versions {WITHOUT_CHECKS} and {VERSION}: write it anew from the \
+         recording with `rigident factor`"
     )]
     Old(u16),
     /// The file is of a newer program.
     #[error(
-        "the factor file has version {0}, this program reads version {VERSION}: use the program that wrote it, or write it \
-         anew from the recording with `rigident factor`"
+        "the factor file has version {0}, this program reads versions {WITHOUT_CHECKS} and {VERSION}: use the program that wrote \
+         it, or write it anew from the recording with `rigident factor`"
     )]
     New(u16),
     /// More than this program takes.
@@ -128,6 +131,9 @@ pub struct FactorSource {
     /// Its channels.
     #[serde(deserialize_with = "at_most::<_, _, MOST_CHANNELS>")]
     pub channels: Vec<SourceChannel>,
+    /// What the checks of the recording found; `None`: it was not checked, or by an older program.
+    #[serde(skip)]
+    pub checks: Option<Checks>,
 }
 
 /// A parameter as it stands in a file: the terms are bounded.
@@ -156,6 +162,10 @@ struct Header {
     disagreement: f64,
     comparisons: u64,
 }
+
+/// The checks of the runs, in their order.
+#[derive(Deserialize)]
+struct StoredChecks(#[serde(deserialize_with = "at_most::<_, _, MOST_SOURCES>")] Vec<Option<Checks>>);
 
 impl From<&Parameter> for StoredParameter {
     fn from(parameter: &Parameter) -> Self {
@@ -209,7 +219,8 @@ pub(super) fn to_bytes(pooled: &PooledFactor) -> Vec<u8> {
     };
     let counts = (VERSION, header.parameters.len() as u64, header.sources.len() as u64);
     // Serialising plain vectors and numbers into a growing buffer has no way to fail.
-    let mut body = postcard::to_allocvec(&(counts, header)).unwrap_or_default();
+    let checks: Vec<Option<&Checks>> = pooled.sources.iter().map(|source| source.checks.as_ref()).collect();
+    let mut body = postcard::to_allocvec(&(counts, header, checks)).unwrap_or_default();
     body.extend(pooled.factor.entries().iter().flat_map(|entry| entry.to_le_bytes()));
     [MAGIC.as_slice(), &body, &CRC.checksum(&body).to_le_bytes()].concat()
 }
@@ -227,15 +238,23 @@ pub(super) fn from_bytes(bytes: &[u8], name: &str) -> Result<PooledFactor, Facto
     let damaged = |_| FactorFileError::Damaged;
     let (version, rest) = postcard::take_from_bytes::<u16>(body).map_err(damaged)?;
     match version {
-        VERSION => {}
-        0..VERSION => return Err(FactorFileError::Old(version)),
+        WITHOUT_CHECKS..=VERSION => {}
+        0..WITHOUT_CHECKS => return Err(FactorFileError::Old(version)),
         _ => return Err(FactorFileError::New(version)),
     }
     let ((parameters, sources), rest) = postcard::take_from_bytes::<(u64, u64)>(rest).map_err(damaged)?;
     too_large("parameters", parameters, MOST_PARAMETERS as u64)?;
     too_large("runs", sources, MOST_SOURCES as u64)?;
-    let (header, numbers) = postcard::take_from_bytes::<Header>(rest).map_err(damaged)?;
+    let (mut header, mut numbers) = postcard::take_from_bytes::<Header>(rest).map_err(damaged)?;
     check(&header)?;
+    if version > WITHOUT_CHECKS {
+        let (checks, rest) = postcard::take_from_bytes::<StoredChecks>(numbers).map_err(damaged)?;
+        if checks.0.len() != header.sources.len() {
+            return Err(FactorFileError::Damaged);
+        }
+        header.sources.iter_mut().zip(checks.0).for_each(|(source, checks)| source.checks = checks);
+        numbers = rest;
+    }
     let Header {
         parameters,
         model_fingerprint,

@@ -22,6 +22,9 @@ fn sealed(body: &[u8]) -> Vec<u8> {
 fn files_of_any_model_are_read_as_they_were_written() {
     for parameters in [body(), tree(1), tree(6)] {
         let file = file(&parameters).recorded_at(1_763_784_000);
+        assert_eq!(read(&file.to_bytes()), Ok(file.clone()));
+        let warnings = vec!["something came loose".to_owned(), "residuals are too large".to_owned()];
+        let file = file.checked(&Checks { contradicted: true, warnings });
         assert_eq!(read(&file.to_bytes()), Ok(file));
     }
     let single =
@@ -158,6 +161,18 @@ fn the_committed_files_are_read() {
         let bare = std::fs::read(corpus.join(format!("{name}-bare"))).unwrap();
         assert_eq!(sealed(&bare), bytes);
     }
+}
+
+/// Files of version 3 are read, and carry no checks.
+#[test]
+fn a_file_without_checks_is_read_and_says_so() {
+    let corpus = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus/factor_file");
+    let old = read(&std::fs::read(corpus.join("body-version-3")).unwrap()).unwrap();
+    let new = read(&std::fs::read(corpus.join("body")).unwrap()).unwrap();
+    assert_eq!(old.sources[0].checks, None);
+    assert!(new.sources[0].checks.as_ref().is_some_and(|checks| checks.contradicted));
+    assert_eq!((&old.factor, &old.parameters), (&new.factor, &new.parameters));
+    assert!(old.fit().runs[0].checks.is_none() && new.fit().runs[0].is_contradicted());
 }
 
 /// Changed bytes under a check sum that fits: whatever is read can be solved, merged, taken off and conditioned.

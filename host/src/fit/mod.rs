@@ -5,6 +5,7 @@
 
 pub mod autocorrelation;
 mod blocked;
+mod checks;
 mod compensation;
 pub mod condition;
 mod convergence;
@@ -43,6 +44,7 @@ mod variance_components;
 mod weighing;
 mod whitening;
 
+pub use checks::{CheckedRun, Checks};
 pub(crate) use compensation::compensate;
 pub use condition::{
     ESTIMATOR_TAPS, FILTER_WIDTH_S, Filter, RowBlocks, SampleCounts, filter_width_s, row_every,

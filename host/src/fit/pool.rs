@@ -9,8 +9,8 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use super::factor_file::{self, FactorFileError, FactorSource, MOST_BYTES, SourceChannel};
 use super::lack_of_fit::LackOfFit;
 use super::{
-    Channel, ChannelFit, Counts, Estimate, Factor, Filter, Fit, Judgement, Kind, NoiseCheck, Owner,
-    Parameter, RowSet, judge,
+    Channel, ChannelFit, CheckedRun, Checks, Counts, Estimate, Factor, Filter, Fit, Judgement, Kind,
+    NoiseCheck, Owner, Parameter, RowSet, judge,
 };
 
 /// A disagreement less likely than this among runs of one body is told and scales the covariance.
@@ -174,6 +174,7 @@ impl PooledFactor {
                     measured_rms: c.measured_rms,
                 })
                 .collect(),
+            checks: None,
         };
         Self {
             name: recording.to_owned(),
@@ -192,6 +193,13 @@ impl PooledFactor {
     #[must_use]
     pub fn recorded_at(mut self, unix_s: i64) -> Self {
         self.sources.iter_mut().for_each(|source| source.recorded_unix_s = Some(unix_s));
+        self
+    }
+
+    /// Returns the same with what the checks of its runs found.
+    #[must_use]
+    pub fn checked(mut self, checks: &Checks) -> Self {
+        self.sources.iter_mut().for_each(|source| source.checks = Some(checks.clone()));
         self
     }
 
@@ -420,6 +428,14 @@ impl PooledFactor {
                 blocks: sum(&|s| s.rows / (s.channels.len() as u64).max(1)),
             },
             lack_of_fit: LackOfFit::default(),
+            runs: self
+                .sources
+                .iter()
+                .map(|source| CheckedRun {
+                    recording: source.recording.clone(),
+                    checks: source.checks.clone(),
+                })
+                .collect(),
             forgotten: None,
             convergence: Vec::new(),
         }

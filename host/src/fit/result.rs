@@ -4,8 +4,8 @@ use nalgebra::DMatrix;
 
 use super::lack_of_fit::LackOfFit;
 use super::{
-    Agreement, Channel, Effect, Estimate, Factor, Filter, Gaussian, Measured, NuisanceFit, Parameter,
-    SignalNoise,
+    Agreement, Channel, CheckedRun, Effect, Estimate, Factor, Filter, Gaussian, Measured, NuisanceFit,
+    Parameter, SignalNoise,
 };
 
 /// Residuals of a channel that stay correlated for longer than the filter explains.
@@ -200,6 +200,8 @@ pub struct Fit {
     pub counts: Counts,
     /// What residuals say against the model; nothing where only a factor is at hand.
     pub lack_of_fit: LackOfFit,
+    /// The runs whose factors alone are in it, with what their own checks found; empty of a recording.
+    pub runs: Vec<CheckedRun>,
     /// What the answer rests on where older rows are forgotten.
     pub forgotten: Option<Forgotten>,
     /// The estimate on its way; empty where only a factor is at hand.

@@ -136,6 +136,7 @@ impl Tare {
         fit.estimate = Estimate::new(&body, fit.rounding.max(self.fit.rounding), 1.0, noise);
         fit.added.push(("fixture".to_owned(), &fit.estimate.covariance - before));
         fit.solved = Some(body);
+        fit.runs.extend(self.fit.runs.iter().cloned());
         // A body's element has no more information than either run's, so this asks it of both.
         fit.spurious_information += self.fit.spurious_information;
         let taken = taken_off(&self.fit.estimate, &map);

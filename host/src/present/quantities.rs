@@ -5,7 +5,7 @@ use rigident_shared::inertia::PARAMETER_NAMES;
 use super::data::{Drift, PrincipalAxis, Quantity};
 use super::text::shortened;
 use crate::answer::Answer;
-use crate::answer::result::{Measured, Parameter, ParameterState, Status};
+use crate::answer::result::{Measured, Parameter, ParameterState, RunVerdict, Status};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 const TENSOR: [&str; 6] = ["Ixx", "Iyy", "Izz", "Iyz", "Izx", "Ixy"];
@@ -214,6 +214,11 @@ pub(super) fn headline(answer: &Answer) -> String {
         Status::Implausible if answer.change.is_some() || answer.not_rigid.is_some() => {
             "Not to be used: the recording is not that of an unchanging rigid body, see the warnings"
                 .to_owned()
+        }
+        Status::Implausible if answer.runs.iter().any(|run| run.verdict == RunVerdict::Implausible) => {
+            let named = answer.runs.iter().filter(|run| run.verdict == RunVerdict::Implausible);
+            let named: Vec<&str> = named.map(|run| run.recording.as_str()).collect();
+            format!("Not to be used: {} contradicted its own checks, see the warnings", named.join(", "))
         }
         Status::Implausible => {
             "Not to be used: the recording contradicts what is stated of the rig".to_owned()

@@ -70,6 +70,50 @@ fn a_factor_answers_as_its_recording_does_and_runs_merge_in_any_order() {
     assert!(answers[0]["warnings"].as_array().unwrap().is_empty(), "{}", answers[0]["warnings"]);
 }
 
+/// A factor whose recording lost a part of the body half-way, and one of an honest recording.
+#[test]
+fn what_a_recording_is_accused_of_follows_its_factor() {
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    write(at, "lost", together(&body(), &fixture()), 1, &noise());
+    let both = fs::read_to_string(at.join("lost.csv")).unwrap();
+    write(at, "lost", body(), 1, &noise());
+    let alone = fs::read_to_string(at.join("lost.csv")).unwrap();
+    let half = both.lines().count() / 2;
+    let lines: Vec<&str> = both.lines().take(half).chain(alone.lines().skip(half)).collect();
+    fs::write(at.join("lost.csv"), format!("{}\n", lines.join("\n"))).unwrap();
+    write(at, "honest", body(), 2, &noise());
+    write(at, "bare", fixture(), 3, &noise());
+    for name in ["lost", "honest", "bare"] {
+        let output = rigident(at, &["factor", &format!("{name}.csv"), "-o", &format!("{name}.factor")]);
+        assert_eq!(status(&output), 0, "{}", said(&output));
+        assert_eq!(said(&output).contains("not to be used"), name == "lost", "{}", said(&output));
+    }
+    let merged = rigident(at, &["merge", "honest.factor", "lost.factor", "-o", "merged.factor", "--force"]);
+    assert_eq!(status(&merged), 0, "{}", said(&merged));
+    let accused = |answer: &Value| {
+        let runs = answer["runs"].as_array().unwrap().clone();
+        let bad = runs.iter().filter(|run| run["verdict"] == "implausible");
+        let named = bad.map(|run| run["recording"].as_str().unwrap().to_owned()).collect::<Vec<_>>();
+        let words = answer["warnings"].as_array().unwrap();
+        assert!(named.iter().all(|name| words.iter().any(|w| w.as_str().unwrap().starts_with(name))));
+        (answer["status"].as_str().unwrap().to_owned(), named)
+    };
+    let lost = ("implausible".to_owned(), vec!["lost".to_owned()]);
+    for arguments in [
+        &["solve", "lost.factor", "--json"][..],
+        &["solve", "merged.factor", "--json"],
+        &["solve", "honest.factor", "--tare", "lost.factor", "--json"],
+    ] {
+        let answer: Value = serde_json::from_slice(&rigident(at, arguments).stdout).unwrap();
+        assert_eq!(accused(&answer), lost, "{arguments:?}");
+    }
+    let honest = json(at, &["solve", "honest.factor", "--json"]);
+    assert_eq!(accused(&honest), ("identified".to_owned(), Vec::new()));
+    let tared = json(at, &["solve", "honest.factor", "--tare", "bare.factor", "--json"]);
+    assert_eq!(accused(&tared).1, Vec::<String>::new());
+}
+
 #[test]
 fn a_shared_offset_is_one_and_knows_more() {
     let place = tempfile::tempdir().unwrap();

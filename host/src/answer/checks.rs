@@ -1,0 +1,48 @@
+//! Checks of the recordings behind factors: what is kept with a factor, and what an answer says of it.
+
+use super::result::{Answer, Run, RunVerdict};
+use super::{remarks, rig_errors};
+use crate::fit::{CheckedRun, Checks, Fit};
+
+/// Returns what the checks of a recording find, for its factor to keep. `warnings` are those of its reading; `of_links`: a
+/// model of links stands behind the rows.
+pub fn checks(fit: &Fit, warnings: &[String], of_links: bool) -> Checks {
+    let mut all = Answer { warnings: warnings.to_vec(), ..Answer::default() };
+    all.warnings.extend(rig_errors::contradictions(fit));
+    all.warnings.extend(remarks::of_the_fit(fit, of_links, 0.0).1);
+    all.add_lack_of_fit(fit);
+    Checks { contradicted: is_contradicted(fit), warnings: all.warnings }
+}
+
+/// Returns true if the recording, or one of those that only a factor is left of, contradicts what is stated of the rig, or is
+/// not that of an unchanging rigid body.
+pub(super) fn is_contradicted(fit: &Fit) -> bool {
+    rig_errors::is_contradicted(fit)
+        || fit.lack_of_fit.contradicts()
+        || fit.runs.iter().any(CheckedRun::is_contradicted)
+}
+
+impl Answer {
+    /// Adds the runs that only a factor is left of, with what their checks found.
+    pub(super) fn add_runs(&mut self, fit: &Fit) {
+        for run in &fit.runs {
+            let name = &run.recording;
+            let (verdict, warnings) = match &run.checks {
+                Some(checks) if checks.contradicted => (RunVerdict::Implausible, checks.warnings.as_slice()),
+                Some(checks) => (RunVerdict::Plausible, checks.warnings.as_slice()),
+                None => (RunVerdict::NotChecked, &[][..]),
+            };
+            if run.checks.is_none() {
+                self.warnings.push(format!(
+                    "{name}: its factor carries no checks of the recording, so that nothing says if it is plausible; write the \
+                     factor anew with `rigident factor`"
+                ));
+            }
+            // Of a single run the residuals say the same here.
+            let own = warnings.iter().filter(|warning| !self.warnings.contains(warning));
+            let told: Vec<String> = own.map(|warning| format!("{name}: {warning}")).collect();
+            self.warnings.extend(told);
+            self.runs.push(Run { recording: name.clone(), verdict });
+        }
+    }
+}
