@@ -1,14 +1,14 @@
 //! Checks of the recordings behind factors: what is kept with a factor, and what an answer says of it.
 
 use super::result::{Answer, Run, RunVerdict};
-use super::{remarks, rig_errors};
+use super::{contradictions, remarks};
 use crate::fit::{CheckedRun, Checks, Fit};
 
 /// Returns what the checks of a recording find, for its factor to keep. `warnings` are those of its reading; `of_links`: a
 /// model of links stands behind the rows.
 pub fn checks(fit: &Fit, warnings: &[String], of_links: bool) -> Checks {
     let mut all = Answer { warnings: warnings.to_vec(), ..Answer::default() };
-    all.warnings.extend(rig_errors::contradictions(fit));
+    all.warnings.extend(contradictions::contradictions(fit));
     all.warnings.extend(remarks::of_the_fit(fit, of_links, 0.0).1);
     all.add_lack_of_fit(fit);
     Checks { contradicted: is_contradicted(fit), warnings: all.warnings }
@@ -17,7 +17,7 @@ pub fn checks(fit: &Fit, warnings: &[String], of_links: bool) -> Checks {
 /// Returns true if the recording, or one of those that only a factor is left of, contradicts what is stated of the rig, or is
 /// not that of an unchanging rigid body.
 pub(super) fn is_contradicted(fit: &Fit) -> bool {
-    rig_errors::is_contradicted(fit)
+    contradictions::is_contradicted(fit)
         || fit.lack_of_fit.contradicts()
         || fit.runs.iter().any(CheckedRun::is_contradicted)
 }

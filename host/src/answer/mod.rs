@@ -9,6 +9,7 @@
 mod budget;
 mod checks;
 mod context;
+mod contradictions;
 pub mod derived;
 pub mod excitation_advice;
 pub(crate) mod lack_of_fit;
@@ -27,7 +28,7 @@ pub(crate) mod tests;
 
 pub use checks::checks;
 pub use context::{Context, Links, StandardRequest};
+pub use contradictions::contradictions;
 pub use new::AnswerError;
 pub use read::ReadError;
 pub use result::{Answer, Drift, DriftChange, Source, Status, TimeBase, Tracking};
-pub use rig_errors::contradictions;

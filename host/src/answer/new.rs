@@ -16,7 +16,7 @@ use super::result::{
 use super::selection::{SelectionError, owner_name, select};
 use super::standard_parameters::{BaseEstimate, Full, nearest};
 use super::states::{is_reversed, is_whole_body, states};
-use super::{budget, excitation_advice, remarks, rig_errors};
+use super::{budget, contradictions, excitation_advice, remarks, rig_errors};
 use crate::fit::{Basis, ChannelFit, Fit, NuisanceFit};
 use crate::model::ModelError;
 use crate::rig::{BodyTable, TruthTable};
@@ -250,7 +250,7 @@ impl Answer {
         }
         let (mut notes, mut warnings) = remarks::of_the_fit(fit, links.is_some(), context.rate_sigma);
         self.notes.append(&mut notes);
-        self.warnings.extend(rig_errors::contradictions(fit));
+        self.warnings.extend(contradictions::contradictions(fit));
         self.warnings.append(&mut warnings);
         self.notes.extend(rig_errors::calibration(fit));
         self.notes.extend(rig_errors::defaults(fit));

@@ -15,9 +15,9 @@ use super::residuals::{measured_rms, raw_sigma, residuals, rms};
 use super::signal_noise::RowNoise;
 use super::weighing::Weighing;
 use super::{
-    Agreement, BlockResidual, ChannelFit, Convergence, Counts, DeviceFactor, Estimate, Factor, Fit, FitError,
-    FitOptions, Forgotten, Gaussian, Kind, Noise, NoiseCheck, NuisanceFit, Progress, RowBlocks, RowSet,
-    RowSource, SignalFit, SignalNoise, judge, parallel,
+    Agreement, BlockResidual, ChannelFit, Convergence, Counts, DeviceFactor, ErrorScores, Estimate,
+    Factor, Fit, FitError, FitOptions, Forgotten, Gaussian, Kind, Noise, NoiseCheck, NuisanceFit, Progress,
+    RowBlocks, RowSet, RowSource, SignalFit, SignalNoise, judge, parallel,
 };
 
 /// Rounds of weights from residuals where no σ is stated: from the unweighted fit, then once more.
@@ -585,6 +585,7 @@ impl<'a> Engine<'a> {
             autocorrelation: conclusion.coloured.iter().find(|k| k.channel == c).map(|k| k.found),
         });
         let channel_fits = channel_fits.collect();
+        let (agreement, error_scores) = self.agreement(&pass, &conclusion.joint, &conclusion.inverse);
         let signals = self.noise.as_ref().filter(|_| weighing.is_compensated());
         let signals = signals.into_iter().flat_map(|noise| noise.groups().zip(&weighing.signals));
         let signals =
@@ -593,7 +594,8 @@ impl<'a> Engine<'a> {
             parameters: self.source.parameters().to_vec(),
             channels: channel_fits,
             signals,
-            agreement: self.agreement(&pass, &conclusion.joint, &conclusion.inverse),
+            agreement,
+            error_scores,
             joint: self.joint(&pass, &conclusion.joint, check.variance_scale, &inflation),
             nuisances,
             added: Vec::new(),
@@ -678,9 +680,16 @@ impl<'a> Engine<'a> {
     }
 
     /// Compares the errors found with what was known of them beforehand.
-    fn agreement(&self, pass: &Pass, joint: &Estimate, inverse: &DMatrix<f64>) -> Option<Agreement> {
+    fn agreement(
+        &self,
+        pass: &Pass,
+        joint: &Estimate,
+        inverse: &DMatrix<f64>,
+    ) -> (Option<Agreement>, Option<ErrorScores>) {
         let (n, count) = (self.parameters, self.columns.nuisances.len());
-        pass.linearised.as_ref()?;
+        if pass.linearised.is_none() {
+            return (None, None);
+        }
         let sigma = |k: usize| self.columns.nuisances[k].sigma;
         let Prior { mean, covariance, .. } = &self.columns.prior;
         let known = DVector::from_fn(count, |k, _| (joint.values[n + k] - mean[n + k]) / sigma(k));
@@ -688,7 +697,10 @@ impl<'a> Engine<'a> {
             let (c, b) = (joint.covariance[(n + i, n + j)], inverse[(n + i, n + j)]);
             (covariance[(i, j)] + c - 2.0 * b) / (sigma(i) * sigma(j))
         });
-        Agreement::new(&known, told)
+        // In standard deviations beforehand: errors of several units.
+        let prior = DMatrix::from_fn(count, count, |i, j| covariance[(i, j)] / (sigma(i) * sigma(j)));
+        let scores = ErrorScores::new(&known, prior, &told);
+        (Agreement::new(&known, told), scores)
     }
 
     /// Returns what the residuals say against the model.

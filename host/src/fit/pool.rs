@@ -395,6 +395,7 @@ impl PooledFactor {
             signals: Vec::new(),
             nuisances: Vec::new(),
             agreement: None,
+            error_scores: None,
             joint: None,
             added: Vec::new(),
             device: None,

@@ -4,8 +4,8 @@ use nalgebra::DMatrix;
 
 use super::lack_of_fit::LackOfFit;
 use super::{
-    Agreement, Channel, CheckedRun, Effect, Estimate, Factor, Filter, Gaussian, Measured, NuisanceFit,
-    Parameter, SignalNoise,
+    Agreement, Channel, CheckedRun, Effect, ErrorScores, Estimate, Factor, Filter, Gaussian, Measured,
+    NuisanceFit, Parameter, SignalNoise,
 };
 
 /// Residuals of a channel that stay correlated for longer than the filter explains.
@@ -159,6 +159,8 @@ pub struct Fit {
     pub nuisances: Vec<NuisanceFit>,
     /// How these errors agree with what was known of them beforehand; `None` if the rows tell nothing of them.
     pub agreement: Option<Agreement>,
+    /// The scores of these errors against what was known of them, in their order.
+    pub error_scores: Option<ErrorScores>,
     /// Parameters and these errors together, as far as they are determined; `None` unless something was known of them together
     /// ([`super::RowSource::beforehand`]).
     pub joint: Option<Gaussian>,

@@ -28,6 +28,7 @@ mod plan_poses;
 mod program;
 mod rates;
 mod report;
+mod rig_errors;
 mod streams;
 mod support;
 mod tree_commands;

@@ -57,7 +57,10 @@ fn a_joint_whose_zero_is_not_as_stated_is_named_with_its_size() {
     let found = answer(&output);
     assert_eq!(found["status"], "implausible");
     let said = told(&found);
-    assert!(said.contains("joint zero: joint_zero_shoulder is") && said.contains("joint.zero_std"), "{said}");
+    assert!(
+        said.contains("joint zero: joint_zero_shoulder 0.0") && said.contains("joint.zero_std"),
+        "{said}"
+    );
     let errors = found["errors"].as_array().unwrap();
     let own = errors.iter().find(|e| e["name"] == "joint_zero_shoulder").unwrap();
     assert!((own["value"].as_f64().unwrap() - 0.02).abs() < 0.002, "{own}");

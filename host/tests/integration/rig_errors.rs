@@ -1,0 +1,178 @@
+//! Errors of a rig that are larger than stated: named, with their size, and not blamed on one that the recording cannot tell from
+//! another. The body's motion and its wrench are written out here.
+
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use rigident::answer::contradictions;
+use rigident::fit::{Fit, FitOptions, Silent, fit};
+use rigident::problem::body::{BodySource, prepare};
+use rigident::rig::RigFile;
+use rigident_shared::calibration::Reading;
+use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
+
+const RATE_HZ: f64 = 200.0;
+const G: f64 = 9.80665;
+const MASS: f64 = 3.2;
+const LEVER: [f64; 3] = [0.05, -0.02, 0.03];
+/// What is stated of the rig: all errors small.
+const STATED: &str = "
+[[imu]]
+position_m = [0.05, -0.02, 0.03]
+accel_noise_mps2 = 0.01
+gyro_noise_radps = 5e-4
+position_std_m = 0.001
+rotation_std_rad = 0.003
+skew_std_s = 0.0005
+accel_bias_std_mps2 = 0.03
+accel_gain_std = 0.001
+accel_misalignment_std_rad = 0.001
+gyro_bias_std_radps = 0.005
+gyro_gain_std = 0.001
+[load_cell]
+noise_n_nm = [0.05, 0.05, 0.05, 0.002, 0.002, 0.002]
+gain_uncertainty = [0.001, 0.001, 0.001, 0.001, 0.001, 0.001]
+crosstalk_std = 0.0005
+drift_std_n_nm = [0.05, 0.05, 0.05, 0.0025, 0.0025, 0.0025]
+range_n_nm = [100, 100, 100, 5, 5, 5]
+";
+/// Nothing but place and noise is stated.
+const DEFAULT: &str = "
+[[imu]]
+position_m = [0.05, -0.02, 0.03]
+accel_noise_mps2 = 0.01
+gyro_noise_radps = 5e-4
+[load_cell]
+noise_n_nm = [0.05, 0.05, 0.05, 0.002, 0.002, 0.002]
+";
+
+/// Errors of a rig.
+#[derive(Clone, Copy)]
+struct Errors {
+    gyro_scale: f64,
+    accel_scale: f64,
+    gain: [f64; 6],
+    /// Seconds at rest before the motion.
+    rest_s: f64,
+}
+
+const NONE: Errors = Errors { gyro_scale: 0.0, accel_scale: 0.0, gain: [0.0; 6], rest_s: 0.0 };
+
+/// Returns attitude and body rate at a time: three angles, each a sum of three sines from 0.2 to 1.6 Hz.
+fn motion(t: f64) -> (Rotation3<f64>, Vector3<f64>) {
+    let (mut angles, mut rates) = ([0.0; 3], [0.0; 3]);
+    for (i, (angle, rate)) in angles.iter_mut().zip(&mut rates).enumerate() {
+        for k in 0..3 {
+            let w = std::f64::consts::TAU * (0.25 + 0.11 * i as f64 + 0.5 * k as f64);
+            // At rest at the beginning, and smooth there.
+            let phase = w * t;
+            *angle += 0.12 * (1.0 - phase.cos());
+            *rate += 0.12 * w * phase.sin();
+        }
+    }
+    let [r, p, y] = angles;
+    let [r1, p1, y1] = rates;
+    let ((sr, cr), (sp, cp)) = (r.sin_cos(), p.sin_cos());
+    let rate = Vector3::new(r1 - y1 * sp, p1 * cr + y1 * cp * sr, -p1 * sr + y1 * cp * cr);
+    (Rotation3::from_euler_angles(r, p, y), rate)
+}
+
+/// Returns twenty seconds of readings with these errors, by Newton and Euler.
+fn readings(errors: &Errors, seed: u64) -> Vec<Reading<f64>> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut noise = |sigma: f64| {
+        let unit: f64 = StandardNormal.sample(&mut random);
+        sigma * unit
+    };
+    let com = Vector3::new(0.0, 0.01, 0.053);
+    let central = Matrix3::new(0.021, 0.0002, -0.0003, 0.0002, 0.017, 0.0004, -0.0003, 0.0004, 0.012);
+    let inertia = central + MASS * (Matrix3::identity() * com.norm_squared() - com * com.transpose());
+    let offset = [1.5, -0.8, 2.0, 0.05, -0.03, 0.02];
+    let mut all = Vec::new();
+    for n in 0..(20.0 * RATE_HZ) as u64 {
+        let t = (n as f64 / RATE_HZ - errors.rest_s).max(0.0);
+        let (attitude, rate) = motion(t);
+        let h = 1e-5;
+        let gained = (motion(t + h).1 - motion((t - h).max(0.0)).1) / (t + h - (t - h).max(0.0));
+        let gained = if t > 0.0 { gained } else { Vector3::zeros() };
+        let force = attitude.inverse() * Vector3::new(0.0, 0.0, G);
+        let pressed = |at: Vector3<f64>| gained.cross(&at) + rate.cross(&rate.cross(&at));
+        let push = MASS * (force + pressed(com));
+        let moment = MASS * com.cross(&force) + inertia * gained + rate.cross(&(inertia * rate));
+        let exact = [push.x, push.y, push.z, moment.x, moment.y, moment.z];
+        let read = (force + pressed(Vector3::from(LEVER))) * (1.0 + errors.accel_scale);
+        let turned = rate * (1.0 + errors.gyro_scale);
+        let wrench = std::array::from_fn(|c| {
+            exact[c] * (1.0 + errors.gain[c]) + offset[c] + noise(if c < 3 { 0.05 } else { 0.002 })
+        });
+        all.push(Reading {
+            time_ns: n * 5_000_000,
+            wrench: Wrench::from_array(wrench),
+            specific_force: SpecificForce::from_array(std::array::from_fn(|k| read[k] + noise(0.01))),
+            angular_rate: AngularRate::from_array(std::array::from_fn(|k| turned[k] + noise(5e-4))),
+        });
+    }
+    all
+}
+
+fn identified(rig: &str, errors: &Errors, seed: u64) -> Fit {
+    let rig = RigFile::parse(rig).unwrap();
+    let input = prepare::input(&rig, readings(errors, seed), false, RATE_HZ);
+    let source = BodySource::new(input, rig.imu.first());
+    fit(&source, &FitOptions::default(), &Silent).unwrap()
+}
+
+/// A size as a sentence tells it: value, U95, standard deviations, and the standard deviation that these are of.
+fn size(said: &str, name: &str) -> [f64; 4] {
+    let after = said.split_once(name).unwrap_or_else(|| panic!("{name} in {said}")).1;
+    let number = |text: &str| -> f64 {
+        let words = text.trim_start_matches([' ', ',']).split([' ', ',', ';']);
+        words.into_iter().find_map(|word| word.parse().ok()).unwrap_or_else(|| panic!("{text}"))
+    };
+    let (u95, of) = (after.split_once('±').unwrap().1, after.split_once("standard deviations of").unwrap().1);
+    [number(after), number(u95), number(u95.split_once(", ").unwrap().1), number(of)]
+}
+
+/// Checks that the sentence gives the true size, and that its figures belong together.
+fn told(said: &str, name: &str, truth: f64) {
+    let [value, u95, deviations, sd] = size(said, name);
+    // Two in a thousand are farther off.
+    assert!(
+        (value - truth).abs() < 1.6 * u95 && u95 < 0.5 * truth.abs(),
+        "{name}: {value} ± {u95} for {truth}"
+    );
+    // Two digits are printed.
+    assert!((deviations * sd / value.abs() - 1.0).abs() < 0.06, "{said}");
+}
+
+#[test]
+fn an_error_larger_than_stated_is_named_with_its_size() {
+    assert_eq!(contradictions(&identified(STATED, &NONE, 1)), Vec::<String>::new());
+    let gyro = contradictions(&identified(STATED, &Errors { gyro_scale: 0.02, ..NONE }, 2));
+    // The error that all three axes share, not the share of each that is left beside what is stated.
+    told(&gyro[0], "gyro_scale_x, gyro_scale_y, gyro_scale_z alike", 0.02);
+    let gain = [0.0, 0.0, 0.0, 0.01, 0.0, 0.0];
+    let moment = contradictions(&identified(STATED, &Errors { gain, ..NONE }, 3));
+    told(&moment[0], "gain_mx", 0.01);
+}
+
+/// At rest in one attitude |g| is 2 % too large: the accelerometer's bias, its scale or gravity. The sensor is good to a percent, and
+/// gravity to a tenth of that.
+#[test]
+fn errors_that_cannot_be_told_apart_are_all_named_the_likeliest_first() {
+    let errors = Errors { accel_scale: 0.02, rest_s: 4.0, ..NONE };
+    let said = contradictions(&identified(DEFAULT, &errors, 4));
+    assert_eq!(said.len(), 1, "{said:?}");
+    told(&said[0], "accelerometer_bias_z", 0.02 * G);
+    told(&said[0], "accelerometer_scale_x, accelerometer_scale_y, accelerometer_scale_z alike", 0.02);
+    let after = said[0].split_once(": ").unwrap().1;
+    let place = |name: &str| after.find(name).unwrap_or(usize::MAX);
+    assert!(
+        place("accelerometer_bias_z") < place("gravity") && place("accelerometer_scale_x") < place("gravity")
+    );
+    // Gravity that was looked up is not to blame.
+    let local = format!("[recording]\ngravity_mps2 = 9.80665\ngravity_std_mps2 = 5e-4\n{DEFAULT}");
+    let said = contradictions(&identified(&local, &errors, 4));
+    assert!(said[0].contains("accelerometer_bias_z") && !said[0].contains("gravity"), "{said:?}");
+}
