@@ -15,7 +15,7 @@ use super::residuals::{measured_rms, raw_sigma, residuals, rms};
 use super::signal_noise::RowNoise;
 use super::weighing::Weighing;
 use super::{
-    Agreement, BlockResidual, ChannelFit, Convergence, Counts, DeviceFactor, ErrorScores, Estimate,
+    Agreement, BlockResidual, ChannelFit, Convergence, Counts, DeviceFactor, Effect, ErrorScores, Estimate,
     Factor, Fit, FitError, FitOptions, Forgotten, Gaussian, Kind, Noise, NoiseCheck, NuisanceFit, Progress,
     RowBlocks, RowSet, RowSource, SignalFit, SignalNoise, judge, parallel,
 };
@@ -707,6 +707,12 @@ impl<'a> Engine<'a> {
     fn lack_of_fit(&self, pass: &Pass, conclusion: &Conclusion) -> LackOfFit {
         let values = &conclusion.joint.values;
         let mut roles: Vec<Role> = self.source.parameters().iter().map(Role::of).collect();
+        if pass.linearised.is_some() {
+            roles.extend(self.columns.nuisances.iter().map(|nuisance| match nuisance.effect {
+                Effect::Drift { .. } => Role::Drift,
+                _ => Role::Fixed,
+            }));
+        }
         roles.resize(values.len(), Role::Fixed);
         lack_of_fit::look(&lack_of_fit::Rows {
             blocks: self.rows_of(pass),

@@ -176,3 +176,58 @@ fn errors_that_cannot_be_told_apart_are_all_named_the_likeliest_first() {
     let said = contradictions(&identified(&local, &errors, 4));
     assert!(said[0].contains("accelerometer_bias_z") && !said[0].contains("gravity"), "{said:?}");
 }
+
+/// Returns still poses of the body, whose fz drifts by so many newtons from the first to the last.
+fn poses(count: u32, drift_n: f64, seed: u64) -> Vec<Reading<f64>> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+    let com = Vector3::new(0.0, 0.01, 0.053);
+    let one = |k: u32| {
+        let axis = Vector3::from_fn(|_, _| normal());
+        let force = Rotation3::new(axis) * Vector3::new(0.0, 0.0, G);
+        let push = MASS * force;
+        let moment = com.cross(&push);
+        let drift = drift_n * f64::from(k) / f64::from(count - 1);
+        let exact = [push.x, push.y, push.z + drift, moment.x, moment.y, moment.z];
+        Reading {
+            time_ns: u64::from(k) * 1_000_000_000,
+            wrench: Wrench::from_array(std::array::from_fn(|c| {
+                exact[c] + if c < 3 { 0.05 } else { 0.002 } * normal()
+            })),
+            specific_force: SpecificForce::from_array(std::array::from_fn(|k| force[k] + 5e-3 * normal())),
+            angular_rate: AngularRate::from_array([0.0; 3]),
+        }
+    };
+    (0..count).map(one).collect()
+}
+
+fn identified_poses(drift_n: f64, seed: u64) -> Fit {
+    let rig = RigFile::parse("[recording]\nstatic = true\n").unwrap();
+    let input = prepare::input(&rig, poses(24, drift_n, seed), true, 1.0);
+    let source = BodySource::new(input, rig.imu.first());
+    fit(&source, &FitOptions::default(), &Silent).unwrap()
+}
+
+/// Nothing is stated of the load cell: neither its noise nor its class. What drifts may not make its own tolerance larger.
+#[test]
+fn poses_that_drift_are_told_whatever_the_drift() {
+    let tolerance = |found: &Fit| {
+        let drift = found.nuisances.iter().find(|k| k.nuisance.name == "drift_line_fz").unwrap();
+        drift.nuisance.sigma
+    };
+    let honest: Vec<Fit> = (0..20).map(|seed| identified_poses(0.0, seed)).collect();
+    for found in &honest {
+        assert!(found.lack_of_fit.pose_drift.is_empty() && contradictions(found).is_empty());
+        // One per cent of the weight.
+        assert!((tolerance(found) / (0.01 * MASS * G / 3_f64.sqrt()) - 1.0).abs() < 0.1);
+    }
+    for drift_n in [5.0, 20.0] {
+        for (seed, before) in honest.iter().enumerate() {
+            let found = identified_poses(drift_n, seed as u64);
+            let told = found.lack_of_fit.pose_drift.iter().any(|drift| drift.channel == 2);
+            assert!(told || !contradictions(&found).is_empty(), "{drift_n} N, {seed}");
+            // Half of the drift, as a share of the weight, at most.
+            assert!(tolerance(&found) < (1.0 + 0.6 * drift_n / (MASS * G)) * tolerance(before));
+        }
+    }
+}

@@ -81,6 +81,12 @@ impl Bins {
         Self { unexplained: if whole > 0.0 { (left / whole).sqrt() } else { 0.0 }, ..all.finish() }
     }
 
+    /// Returns the same with some of the columns; the residuals stay.
+    pub(super) fn only(self, columns: &[usize]) -> Self {
+        let rows = self.rows.iter().map(|rows| rows.select_columns(columns)).collect();
+        Self { columns: columns.len(), rows, ..self }
+    }
+
     /// Returns the number of bins.
     pub(super) fn len(&self) -> usize {
         self.first.len()

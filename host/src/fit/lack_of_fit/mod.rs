@@ -38,6 +38,8 @@ pub enum Role {
     Offset,
     /// It is fitted, and does not change: gains, mounting.
     Fixed,
+    /// It is fitted, and is the drift of a channel that is known beforehand to be small.
+    Drift,
 }
 
 impl Role {
@@ -114,7 +116,9 @@ pub fn look(rows: &Rows) -> LackOfFit {
         return LackOfFit::default();
     }
     if rows.blocks.filter().row_period_s() <= 0.0 {
-        return LackOfFit { pose_drift: pose_drift::find(&bins), ..LackOfFit::default() };
+        // Drift as large as is known beforehand is in the estimate already: what it leaves is more.
+        let others = rows.columns(|role| role != Role::Drift);
+        return LackOfFit { pose_drift: pose_drift::find(&bins.only(&others)), ..LackOfFit::default() };
     }
     let change = change::find(rows, &bins);
     // What explains the residuals better than a step is no step.

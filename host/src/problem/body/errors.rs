@@ -67,16 +67,30 @@ pub fn nuisances(
 ) -> Vec<Nuisance> {
     let mut all: Vec<Nuisance> =
         of_imu(imu, is_static).into_iter().map(|(_, _, nuisance)| nuisance).collect();
-    all.extend(of_cell(cell, readings.iter().map(|reading| reading.wrench.array())));
+    let wrenches = readings.iter().map(|reading| reading.wrench.array());
+    all.extend(if is_static { of_cell_at_poses(cell, wrenches) } else { of_cell(cell, wrenches) });
     all
 }
 
 /// Returns the nuisance parameters of the load cell, the first channels being its six; full scale is the largest load seen
 /// where the rig file gives no range.
 pub fn of_cell(cell: &LoadCellTable, wrenches: impl Iterator<Item = [f64; WRENCH]>) -> Vec<Nuisance> {
+    of_cell_with(cell, || largest(wrenches))
+}
+
+/// Returns those of still poses: where the rig file gives no range, full scale is the load of the middle pose, which no drift and no
+/// odd pose make larger.
+pub fn of_cell_at_poses(
+    cell: &LoadCellTable,
+    wrenches: impl Iterator<Item = [f64; WRENCH]>,
+) -> Vec<Nuisance> {
+    of_cell_with(cell, || median(wrenches))
+}
+
+fn of_cell_with(cell: &LoadCellTable, load: impl FnOnce() -> [f64; WRENCH]) -> Vec<Nuisance> {
     let class = cell.class.unwrap_or(LoadCellClass::DEFAULT);
     let sigma = rectangular(class.limit());
-    let full_scale = cell.range_n_nm.unwrap_or_else(|| largest(wrenches));
+    let full_scale = cell.range_n_nm.unwrap_or_else(load);
     let basis = |stated: bool, key: &str| match stated {
         true => Basis::Stated(format!("load_cell.{key}")),
         false => Basis::Class(format!("load cell {}", class.name())),
@@ -141,6 +155,25 @@ pub fn calibrated(calibration: Option<&RigCalibration>, nuisances: &mut [Nuisanc
     }
     let own = |name: &str| nuisances.iter().any(|k| k.scope == Scope::Rig && k.name == name);
     Some(known.only(own))
+}
+
+/// The moment of a weight goes with the sine of the angle between it and the arm, whose median over all attitudes is √3/2.
+const LARGEST_OVER_MEDIAN: [f64; 2] = [1.0, 2.0 / 1.732_050_8];
+
+/// Returns the median force and the moment that goes with the median one, for each channel.
+fn median(wrenches: impl Iterator<Item = [f64; WRENCH]>) -> [f64; WRENCH] {
+    let mut sizes = [Vec::new(), Vec::new()];
+    for wrench in wrenches {
+        for (own, three) in sizes.iter_mut().zip(wrench.chunks(3)) {
+            own.push(three.iter().map(|v| v * v).sum::<f64>().sqrt());
+        }
+    }
+    let middle = sizes.map(|mut own| {
+        own.retain(|size| size.is_finite());
+        own.sort_by(f64::total_cmp);
+        own.get(own.len() / 2).copied().unwrap_or(0.0)
+    });
+    std::array::from_fn(|c| LARGEST_OVER_MEDIAN[c / 3] * middle[c / 3])
 }
 
 /// Returns the largest force and the largest moment, for each channel.

@@ -238,8 +238,10 @@ pub fn prepare(recording: &Recording) -> Result<Prepared, PrepareError> {
     let mut input = input(&rig, readings, recording.is_static, rate_hz);
     let gravity_columns = recording.is_static && recording.gravity.is_some();
     if gravity_columns {
-        input.nuisances =
-            errors::of_cell(&rig.load_cell, input.readings.iter().map(|reading| reading.wrench.array()));
+        input.nuisances = errors::of_cell_at_poses(
+            &rig.load_cell,
+            input.readings.iter().map(|reading| reading.wrench.array()),
+        );
         input.nuisances.extend(gravity(&rig, true));
         input.rests.clear();
         input.beforehand = errors::calibrated(rig.calibrated(), &mut input.nuisances);
