@@ -13,7 +13,7 @@ use crate::fit::{DeviceFactor, Fit, FitOptions, RowSource, Timing};
 use crate::model::{self, Model};
 use crate::present::TimePlot;
 use crate::problem::body::BodySource;
-use crate::problem::body::prepare;
+use crate::problem::body::{input_checks, prepare};
 use crate::problem::clocks::{StreamSet, as_stamped};
 use crate::problem::{Problem, ProblemOptions, Subject};
 use crate::recording::{Recording, extension, rig_path};
@@ -151,6 +151,7 @@ impl Loaded {
         warnings.extend(recording.rig.calibrated().and_then(|c| c.expired(recorded.as_deref())));
         let readings = problem.source().fingerprint();
         warnings.extend(recording.rig.calibrated().and_then(|c| c.repeated(readings)));
+        warnings.extend(problem.rig.imu.first().and_then(|imu| input_checks::far_away(imu.position_m)));
         let notes = problem.notes.clone();
         Ok(Self { problem, warnings, notes, unused_rows: 0, nominal: None, recorded })
     }

@@ -15,8 +15,12 @@ const FACTOR: f64 = 2.0;
 const STRETCH_S: f64 = 1.0;
 /// The quietest tenth of the stretches is the nearest to rest that there is.
 const QUIETEST: usize = 10;
-/// Steady rotation may press the IMU outwards with ω² times this lever, m, without a unit being wrong.
+/// Rotation may press the IMU by ω² and ω̇ times its lever, m, at least this one, without a unit being wrong;
 const LEVER_M: f64 = 1.0;
+/// no IMU on a load cell is further away than this,
+const FARTHEST_M: f64 = 3.0;
+/// and a place of so many metres is one in millimetres.
+const MILLIMETRES: f64 = 10.0;
 /// A unit is named if it explains the reading to within this share.
 const UNIT_TOLERANCE: f64 = 0.1;
 /// One g of an accelerometer in g, m/s².
@@ -114,10 +118,24 @@ pub fn check(input: &Input, gravity_mps2: f64, gravity_columns: bool) -> Result<
         let force: [f64; 3] = std::array::from_fn(|k| mounting.accel_scale[k] * a[k] - accel_bias[k]);
         (force, std::array::from_fn(|k| w[k] - gyro_bias[k]))
     });
-    check_gravity(readings, input.is_static, input.rate_hz, gravity_mps2, gravity_columns)
+    let lever_m = length(mounting.position.array());
+    check_gravity(readings, input.is_static, input.rate_hz, gravity_mps2, gravity_columns, lever_m)
 }
 
-/// Checks |a| where it is quietest against gravity: calibrated specific forces, m/s², each with its rate, rad/s.
+/// Returns what to know of an IMU's place, m, that can hardly be in metres.
+pub fn far_away(position_m: [f64; 3]) -> Option<String> {
+    let far = length(position_m);
+    (far >= MILLIMETRES).then(|| {
+        format!("position_m of the IMU is {far:.0} m from the load cell: it is in metres; was it given in millimetres?")
+    })
+}
+
+fn length(v: [f64; 3]) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// Checks |a| where it is quietest against gravity: calibrated specific forces, m/s², each with its rate, rad/s, of a sensor that sits
+/// `lever_m` away from the origin.
 ///
 /// # Errors
 /// [`Implausible::NotGravity`].
@@ -127,10 +145,11 @@ pub fn check_gravity(
     rate_hz: f64,
     gravity_mps2: f64,
     gravity_columns: bool,
+    lever_m: f64,
 ) -> Result<(), Implausible> {
     let readings: Vec<_> = readings.collect();
-    let Some((measured, rate)) = at_rest(&readings, is_static, rate_hz) else { return Ok(()) };
-    let outwards = rate * rate * LEVER_M;
+    let Some((measured, turning)) = at_rest(&readings, is_static, rate_hz) else { return Ok(()) };
+    let outwards = turning * lever_m.clamp(LEVER_M, FARTHEST_M);
     if (gravity_mps2 / FACTOR - outwards..=gravity_mps2 * FACTOR + outwards).contains(&measured) {
         return Ok(());
     }
@@ -140,29 +159,25 @@ pub fn check_gravity(
     Err(Implausible::NotGravity { measured, gravity: gravity_mps2, what, unit })
 }
 
-/// Median |a| of the quietest stretches, and the median rate of rotation in them, rad/s. `None` without
-/// finite readings.
+/// Median |a| of the quietest stretches, and the median of `mean ω² + |mean ω̇|` in them, 1/s², which bounds what a metre of lever
+/// adds to a mean. `None` without finite readings.
 fn at_rest(readings: &[([f64; 3], [f64; 3])], is_static: bool, rate_hz: f64) -> Option<(f64, f64)> {
-    let length = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     let rows = if is_static { 1 } else { (STRETCH_S * rate_hz).round().clamp(1.0, 1e6) as usize };
-    // Spread, |mean specific force|, |mean rate| of each stretch.
+    // Spread, |mean specific force|, what turning brings to a metre of lever, of each stretch.
     let mut stretches: Vec<(f64, f64, f64)> = readings
         .chunks(rows)
         .filter(|part| part.len() == rows || part.len() == readings.len())
         .map(|part| {
             let n = part.len() as f64;
-            let mut sums = [[0.0; 3]; 2];
-            for (force, rate) in part {
-                for k in 0..3 {
-                    sums[0][k] += force[k];
-                    sums[1][k] += rate[k];
-                }
-            }
-            let [middle, rate] = sums.map(|sum| sum.map(|v: f64| v / n));
+            let middle: [f64; 3] = std::array::from_fn(|k| part.iter().map(|r| r.0[k]).sum::<f64>() / n);
+            let square = part.iter().flat_map(|r| r.1).map(|w| w * w).sum::<f64>() / n;
+            let ends = part.first().zip(part.last());
+            let gained = ends.map_or([0.0; 3], |(a, b)| std::array::from_fn(|k| b.1[k] - a.1[k]));
+            let turning = if is_static { square } else { square + length(gained) * rate_hz / n };
             let spread = part.iter().flat_map(|r| r.0.into_iter().zip(middle)).map(|(a, m)| (a - m).powi(2));
-            (spread.sum::<f64>() / n, length(middle), length(rate))
+            (spread.sum::<f64>() / n, length(middle), turning)
         })
-        .filter(|(spread, force, rate)| (spread + force + rate).is_finite())
+        .filter(|(spread, force, turning)| (spread + force + turning).is_finite())
         .collect();
     stretches.sort_by(|a, b| a.0.total_cmp(&b.0));
     let quiet = if is_static { stretches.len() } else { stretches.len().div_ceil(QUIETEST) };

@@ -1,6 +1,6 @@
 use rigident_shared::calibration::ImuMounting;
 use rigident_shared::screening::Limits;
-use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
+use rigident_shared::spatial::{AngularRate, Position, SpecificForce, Wrench};
 
 use super::*;
 
@@ -79,6 +79,37 @@ fn a_centrifuge_is_no_wrong_unit() {
         reading.specific_force = SpecificForce::from_array([0.5 * 49.0, 1e-3 * n as f64, G]);
     }
     assert_eq!(check(&turning, G, false), Ok(()));
+}
+
+/// A body that turns to and fro all the time, its IMU 1.16 m away: nowhere |a| is near gravity.
+#[test]
+fn an_imu_far_away_is_no_wrong_unit_and_millimetres_are_told() {
+    let lever = [1.0, -0.3, 0.5];
+    let mut far = input(true, 1.0, [0.0; 3]);
+    for (n, reading) in far.readings.iter_mut().enumerate() {
+        let t = n as f64 * 0.01;
+        let (w, rate) = (std::f64::consts::TAU * 0.6, 1.0 + 2.5 * (std::f64::consts::TAU * 0.6 * t).cos());
+        let gained = -2.5 * w * (w * t).sin();
+        // About z: a = g − ω² p + ω̇ × p.
+        let [x, y, _] = lever;
+        let force = [-rate * rate * x - gained * y, -rate * rate * y + gained * x, G];
+        reading.specific_force = SpecificForce::from_array(force);
+        reading.angular_rate = AngularRate::from_array([0.0, 0.0, rate]);
+    }
+    let at = |scale: f64, unit: f64| {
+        let mut scaled = far.clone();
+        for reading in &mut scaled.readings {
+            let force = reading.specific_force.array().map(|a| scale * a / unit);
+            reading.specific_force = SpecificForce::from_array(force);
+        }
+        scaled.mounting.position = Position::from_array(lever);
+        check(&scaled, G, false)
+    };
+    assert_eq!(at(1.0, 1.0), Ok(()));
+    // In thousandths of g, and three times as large as any lever makes it.
+    assert!(at(1.0, 1e-3 * G).is_err() && at(4.0, 1.0).is_err());
+    assert_eq!((far_away(lever), far_away([0.0, 0.0, 3.0])), (None, None));
+    assert!(far_away([50.0, -20.0, 30.0]).is_some_and(|said| said.contains("millimetres")));
 }
 
 #[test]

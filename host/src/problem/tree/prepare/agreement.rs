@@ -63,7 +63,7 @@ impl Preparation<'_> {
             (motion.specific_force.into(), motion.rate.into())
         });
         let gravity = recording.rig.recording.gravity_mps2;
-        input_checks::check_gravity(readings, recording.is_static, rate_hz, gravity, !accelerometer)
+        input_checks::check_gravity(readings, recording.is_static, rate_hz, gravity, !accelerometer, 0.0)
             .map_err(|error| TreePrepareError::Implausible { name: recording.name.clone(), error })
     }
 
