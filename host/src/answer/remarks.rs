@@ -5,15 +5,17 @@ use super::result::{ForgettingKind, Forgotten, ParameterState};
 use super::states::{LARGEST_SHARE, LEAST_EXCITATION, scales};
 use crate::fit::FILTER_WIDTH_S;
 use crate::fit::outliers::LIMIT_SD;
-use crate::fit::{Autocorrelation, Fit, Kind, PriorStatement};
+use crate::fit::{Autocorrelation, ChannelFit, Fit, Kind, PriorStatement, StatedNoise};
 use crate::present::text::{counted, significant, unit_symbol};
 
 /// Rows beyond the unknowns from which on residuals that are half as large as stated are no chance: 0.5 % of them.
 const ENOUGH_SPARE_ROWS: usize = 12;
 /// Residual variance over the stated one from which on the data or the rig file should be looked at.
 const MUCH_LARGER: f64 = 2.0;
-/// Residual variance over the stated one below which the stated noise is too large.
+/// Residual variance over the stated one below which the stated noise is too large,
 const MUCH_SMALLER: f64 = 0.25;
+/// and beyond which, either way, it is far off: a factor of three.
+const FAR: f64 = 9.0;
 /// A share of an interval that is worth a word.
 const SIGNAL_NOISE: f64 = 0.5;
 /// Residual over measurement from which on a model of links explains little of a channel.
@@ -45,6 +47,7 @@ pub(super) fn of_the_fit(fit: &Fit, of_links: bool, rate_sigma: f64) -> (Vec<Str
         Remark::Note(text) => notes.push(text),
         Remark::None => {}
     }
+    warnings.extend(fit.stated_noise.iter().filter_map(stated_noise));
     warnings.extend(autocorrelation(fit));
     notes.extend(signal_noise(fit, rate_sigma));
     warnings.extend(unexplained(fit).filter(|_| of_links));
@@ -71,9 +74,10 @@ fn residual_noise(fit: &Fit) -> Remark {
         ))
     } else if fit.noise.sigma_given && ratio > MUCH_LARGER {
         Remark::Warning(format!(
-            "residuals are {:.1} times larger than the noise stated in the rig file: the intervals were widened; look for \
+            "residuals are {:.1} times larger than the noise stated in the rig file{}: the intervals were widened; look for \
              a wrong sign, frame, delay or scale, bodies that are not rigid, friction that is left out",
-            ratio.sqrt()
+            ratio.sqrt(),
+            if ratio > FAR { figures(fit, ratio) } else { String::new() }
         ))
     } else if fit.noise.sigma_given && fit.noise.variance_scale > 1.0 {
         Remark::Note(format!(
@@ -81,13 +85,52 @@ fn residual_noise(fit: &Fit) -> Remark {
             ratio.sqrt()
         ))
     } else if small {
-        Remark::Note(format!(
-            "residuals are {:.1} times smaller than the noise stated in the rig file: the intervals are wider than need be",
-            1.0 / ratio.max(1e-12).sqrt()
-        ))
+        let is_far = ratio < 1.0 / FAR;
+        let said = format!(
+            "residuals are {:.1} times smaller than the noise stated in the rig file{}: the intervals are wider than need be",
+            1.0 / ratio.max(1e-12).sqrt(),
+            if is_far { figures(fit, ratio) } else { String::new() }
+        );
+        if is_far { Remark::Warning(said) } else { Remark::Note(said) }
     } else {
         Remark::None
     }
+}
+
+/// Returns the figures behind a ratio: of the channel whose residuals are the furthest off.
+fn figures(fit: &Fit, ratio: f64) -> String {
+    let off = |c: &&ChannelFit| {
+        let own = c.residual_rms / c.residual_sigma * fit.noise.variance_scale.sqrt();
+        if ratio > 1.0 { own } else { 1.0 / own }
+    };
+    let with_data = fit.channels.iter().filter(|c| !fit.residuals.is_empty() && off(c).is_finite());
+    with_data.max_by(|a, b| off(a).total_cmp(&off(b))).map_or_else(String::new, |c| {
+        format!(
+            " ({}, filtered: {} {} found, {} expected)",
+            c.channel.name,
+            significant(c.residual_rms, 2),
+            unit_symbol(&c.channel.unit),
+            significant(c.residual_sigma / fit.noise.variance_scale.sqrt(), 2)
+        )
+    })
+}
+
+/// Tells of noise that is stated far too large or too small.
+fn stated_noise(noise: &StatedNoise) -> Option<String> {
+    let ratio = noise.far_off()?;
+    let StatedNoise { name, unit, key, stated, found } = noise;
+    let figure = |sigma: f64| format!("{} {}", significant(sigma, 2), unit_symbol(unit));
+    let times = if ratio > 1.0 {
+        format!("{} times more", significant(ratio, 2))
+    } else {
+        format!("{} times less, unless they were smoothed", significant(1.0 / ratio, 2))
+    };
+    Some(format!(
+        "{name}: {key} of the rig file states a noise of {}, and the readings show {}, {times}; rows are weighed by what is stated: \
+         correct it, or leave it out to have it found",
+        figure(*stated),
+        figure(*found)
+    ))
 }
 
 /// Tells of samples that were rejected (warnings), and of filtered rows that count less (notes).

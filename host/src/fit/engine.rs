@@ -594,6 +594,7 @@ impl<'a> Engine<'a> {
             parameters: self.source.parameters().to_vec(),
             channels: channel_fits,
             signals,
+            stated_noise: self.source.stated_noise(),
             agreement,
             error_scores,
             joint: self.joint(&pass, &conclusion.joint, check.variance_scale, &inflation),

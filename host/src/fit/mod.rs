@@ -56,7 +56,7 @@ pub use factor::{Factor, Solution};
 pub use fingerprint::Fingerprint;
 pub use gaussian::Gaussian;
 pub use larger_errors::{ErrorScores, Larger};
-pub use noise_check::{Judgement, RowSet, judge};
+pub use noise_check::{Judgement, RowSet, StatedNoise, judge};
 pub use nuisance::{Agreement, Basis, Effect, ErrorRow, Nuisance, NuisanceFit, Scope};
 pub use options::{DeviceFactor, FitError, FitOptions};
 pub use parameter::{Channel, DriveMotion, Kind, Owner, Parameter};

@@ -26,6 +26,32 @@ pub struct Judgement {
     pub variance_scale: f64,
 }
 
+/// Noise is far from what is stated if it is so many times larger or smaller.
+const FAR: f64 = 3.0;
+
+/// Noise of a sensor or channel as the rig file states it, beside what differences of its readings show.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StatedNoise {
+    /// Name of the sensor or channel.
+    pub name: String,
+    /// Unit of σ in ASCII.
+    pub unit: String,
+    /// The key of the rig file.
+    pub key: &'static str,
+    /// 1 σ per sample as stated.
+    pub stated: f64,
+    /// 1 σ per sample as the readings show it; zero if they show none, or none that is white.
+    pub found: f64,
+}
+
+impl StatedNoise {
+    /// Returns how many times larger the noise found is than the one stated, if that is far from one.
+    pub fn far_off(&self) -> Option<f64> {
+        let ratio = self.found / self.stated;
+        (ratio > 0.0 && ratio.is_finite() && !(FAR.recip()..=FAR).contains(&ratio)).then_some(ratio)
+    }
+}
+
 impl RowSet {
     /// Returns the effective independent readings of each channel; filtered ones are worth `noise_gain` each.
     fn independent(&self) -> f64 {

@@ -393,6 +393,7 @@ impl PooledFactor {
         let expected: f64 = self.sources.iter().map(|s| s.rows as f64 * s.noise_gain).sum();
         Fit {
             signals: Vec::new(),
+            stated_noise: Vec::new(),
             nuisances: Vec::new(),
             agreement: None,
             error_scores: None,

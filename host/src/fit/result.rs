@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 use super::lack_of_fit::LackOfFit;
 use super::{
     Agreement, Channel, CheckedRun, Effect, ErrorScores, Estimate, Factor, Filter, Gaussian, Measured,
-    NuisanceFit, Parameter, SignalNoise,
+    NuisanceFit, Parameter, SignalNoise, StatedNoise,
 };
 
 /// Residuals of a channel that stay correlated for longer than the filter explains.
@@ -155,6 +155,8 @@ pub struct Fit {
     pub channels: Vec<ChannelFit>,
     /// Noise of the signals that rows were weighed by; empty where it counts nothing.
     pub signals: Vec<SignalFit>,
+    /// Noise that is stated, beside what readings show; empty where only a factor is at hand.
+    pub stated_noise: Vec<StatedNoise>,
     /// The errors of sensors and mounting that were estimated with the parameters and eliminated.
     pub nuisances: Vec<NuisanceFit>,
     /// How these errors agree with what was known of them beforehand; `None` if the rows tell nothing of them.

@@ -6,7 +6,7 @@ use rigident_shared::screening::Rejection;
 
 use super::{
     Channel, ErrorRow, Filter, Fingerprint, FitError, Gaussian, Nuisance, Parameter, Progress, RowBlocks,
-    condition,
+    StatedNoise, condition,
 };
 
 /// How the samples of a source follow one another.
@@ -199,6 +199,11 @@ pub trait RowSource: Send + Sync {
     /// `None` if they are to be found by [`RowSource::with_errors`].
     fn error_columns(&self, _parameters: &[f64]) -> Option<Box<dyn RowSource + '_>> {
         None
+    }
+
+    /// Returns the noise that is stated of sensors and channels beside what their readings show, where both are known.
+    fn stated_noise(&self) -> Vec<StatedNoise> {
+        Vec::new()
     }
 
     /// Returns the standard deviation of the rates of turn among the signals, rad/s: information that their noise alone

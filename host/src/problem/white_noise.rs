@@ -31,20 +31,37 @@ const LEAST: f64 = 1e-6;
 /// Longer recordings are looked at in as many places.
 const MOST: usize = 100_000;
 
+/// Weights of sixth differences; the squares add up to 924.
+const SIXTH: [f64; 7] = [1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0];
+/// Weights of tenth differences.
+const TENTH: [f64; 11] = [1.0, -10.0, 45.0, -120.0, 210.0, -252.0, 210.0, -120.0, 45.0, -10.0, 1.0];
+/// Noise is white as far as differences show if sixth and tenth ones agree as well: some per cent are chance.
+const WHITE: f64 = 0.1;
+
 /// Returns σ of a sensor, the root mean square over its axes, from sixth differences: motion hardly enters, noise by √924.
 /// Each signal is given with its time, ns; a step of more than one and a half times the usual one is none. Its N numbers have
 /// one freedom or three.
 pub(super) fn sixth_differences<const N: usize>(signals: &[(u64, [f64; N])], freedoms: u8) -> f64 {
-    const BINOMIAL: [f64; 7] = [1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0];
+    differences(signals, freedoms, &SIXTH)
+}
+
+/// Returns the same if the noise is white. Tenth differences show another one where a sensor has a low-pass, which hides its noise, and where
+/// vibration looks like noise; zero then.
+pub(super) fn certain_noise<const N: usize>(signals: &[(u64, [f64; N])], freedoms: u8) -> f64 {
+    let (sixth, tenth) = (sixth_differences(signals, freedoms), differences(signals, freedoms, &TENTH));
+    if (tenth / sixth - 1.0).abs() < WHITE { sixth } else { 0.0 }
+}
+
+fn differences<const N: usize>(signals: &[(u64, [f64; N])], freedoms: u8, weights: &[f64]) -> f64 {
     let span = |window: &[(u64, [f64; N])]| {
         window.last().zip(window.first()).map_or(0, |(b, a)| b.0.saturating_sub(a.0))
     };
     let usual = span(signals) as f64 / signals.len().saturating_sub(1).max(1) as f64;
-    let windows = signals.windows(BINOMIAL.len()).step_by(signals.len().div_ceil(MOST).max(1));
-    let whole = windows.filter(|window| span(window) as f64 <= (BINOMIAL.len() as f64 - 0.5) * usual);
+    let windows = signals.windows(weights.len()).step_by(signals.len().div_ceil(MOST).max(1));
+    let whole = windows.filter(|window| span(window) as f64 <= (weights.len() as f64 - 0.5) * usual);
     let mut squares: Vec<f64> = whole
         .map(|window| {
-            let axis = |k: usize| window.iter().zip(BINOMIAL).map(|(v, weight)| weight * v.1[k]).sum::<f64>();
+            let axis = |k: usize| window.iter().zip(weights).map(|(v, weight)| weight * v.1[k]).sum::<f64>();
             (0..N).map(|k| axis(k).powi(2)).sum::<f64>()
         })
         .filter(|square| square.is_finite())
@@ -53,7 +70,8 @@ pub(super) fn sixth_differences<const N: usize>(signals: &[(u64, [f64; N])], fre
     squares.truncate((COUNTED * squares.len() as f64).ceil() as usize);
     let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
     let counted = if freedoms == 1 { COUNTED_OF_ONE } else { COUNTED_OF_THREE };
-    let sigma = (mean / (counted * f64::from(freedoms) * 924.0)).sqrt();
+    let gain: f64 = weights.iter().map(|weight| weight * weight).sum();
+    let sigma = (mean / (counted * f64::from(freedoms) * gain)).sqrt();
     let largest =
         signals.iter().flat_map(|(_, v)| v).filter(|v| v.is_finite()).fold(0.0_f64, |m, v| m.max(v.abs()));
     if sigma > LEAST * largest { sigma } else { 0.0 }
@@ -85,6 +103,11 @@ mod tests {
         let found = sixth_differences(&signals, 3);
         assert!((found / 0.02 - 1.0).abs() < 0.05, "{found}");
         assert_eq!(sixth_differences(&signals[..6], 3), 0.0);
+        assert_eq!(certain_noise(&signals, 3), found);
+        // A mean of neighbours takes most of what differences show; the noise that is left is none to be certain of.
+        let mean = |w: &[(u64, [f64; 3])]| std::array::from_fn(|k| 0.5 * (w[0].1[k] + w[1].1[k]));
+        let smoothed: Vec<(u64, [f64; 3])> = signals.windows(2).map(|w| (w[1].0, mean(w))).collect();
+        assert!(sixth_differences(&smoothed, 3) < found / 2.0 && certain_noise(&smoothed, 3) == 0.0);
         let one: Vec<(u64, [f64; 1])> = signals.iter().map(|(t, v)| (*t, [v[0]])).collect();
         let found = sixth_differences(&one, 1);
         assert!((found / 0.02 - 1.0).abs() < 0.05, "{found}");

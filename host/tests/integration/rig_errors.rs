@@ -231,3 +231,39 @@ fn poses_that_drift_are_told_whatever_the_drift() {
         }
     }
 }
+
+/// Noise that is stated thirty times too large or too small is told with both figures, whatever the sensor, and nothing of the honest.
+#[test]
+fn noise_stated_far_from_what_readings_show_is_told_with_both_figures() {
+    let warnings = |rig: &str| {
+        let found = identified(rig, &NONE, 5);
+        (rigident::answer::Answer::new(&found, rigident::answer::Context::default()).unwrap().warnings, found)
+    };
+    let (said, honest) = warnings(STATED);
+    assert!(said.is_empty(), "{said:?}");
+    assert_eq!(honest.stated_noise.len(), 8);
+    for noise in &honest.stated_noise {
+        // Ninety-five per cent of four thousand differences that overlap: some per cent.
+        assert!((noise.found / noise.stated - 1.0).abs() < 0.1, "{noise:?}");
+    }
+    for (line, wrong, name, figures) in [
+        ("accel_noise_mps2 = 0.01", "accel_noise_mps2 = 0.3", "accelerometer", ["0.3", "0.01"]),
+        ("accel_noise_mps2 = 0.01", "accel_noise_mps2 = 3e-4", "accelerometer", ["0.0003", "0.01"]),
+        ("gyro_noise_radps = 5e-4", "gyro_noise_radps = 0.015", "gyro", ["0.015", "0.0005"]),
+        ("gyro_noise_radps = 5e-4", "gyro_noise_radps = 1.5e-5", "gyro", ["0.000015", "0.0005"]),
+        ("[0.05, 0.05, 0.05, 0.002", "[0.05, 0.05, 1.5, 0.002", "fz", ["1.5", "0.05"]),
+        ("[0.05, 0.05, 0.05, 0.002", "[0.05, 0.05, 0.0015, 0.002", "fz", ["0.0015", "0.05"]),
+    ] {
+        let (said, found) = warnings(&STATED.replacen(line, wrong, 1));
+        let off: Vec<&str> =
+            found.stated_noise.iter().filter(|n| n.far_off().is_some()).map(|n| n.name.as_str()).collect();
+        assert_eq!(off, [name]);
+        let told = said.iter().find(|said| said.starts_with(name)).unwrap_or_else(|| panic!("{said:?}"));
+        let words: Vec<&str> = told.split([' ', ',']).collect();
+        assert!(words.contains(&figures[0]), "{told}");
+        let near = |word: &&str| {
+            word.parse::<f64>().is_ok_and(|v| (v / figures[1].parse::<f64>().unwrap() - 1.0).abs() < 0.1)
+        };
+        assert!(words.iter().any(near), "{told}");
+    }
+}

@@ -12,6 +12,7 @@ pub mod prepare;
 mod rest;
 pub mod sensitivities;
 pub mod shares;
+mod stated_noise;
 
 use std::ops::Range;
 
@@ -32,7 +33,7 @@ use super::white_noise::{Signs, sixth_differences};
 use crate::fit::{
     Channel, ESTIMATOR_TAPS, Effect, ErrorRow, Factor, Filter, Fingerprint, FitError, Gaussian, Kind,
     Nuisance, Owner, Parameter, Progress, RowBlocks, RowSource, SampleCounts, SampleRows, SignalNoise,
-    Timing, Whitening, condition::absorb, filter_width_s, row_every,
+    StatedNoise, Timing, Whitening, condition::absorb, filter_width_s, row_every,
 };
 use crate::rig::ImuTable;
 
@@ -307,6 +308,10 @@ impl RowSource for BodySource {
         let limits = Limits { frozen_after: 0, ..Limits::none() };
         let input = Input { readings: readings.collect(), limits, ..self.input.without_readings() };
         Some(Box::new(Self { input, ..self.without_input() }))
+    }
+
+    fn stated_noise(&self) -> Vec<StatedNoise> {
+        stated_noise::stated_noise(&self.input, self.stated_noise)
     }
 
     fn nuisances(&self) -> Vec<Nuisance> {
