@@ -1,0 +1,104 @@
+//! Weights and columns that the estimate is part of, until it stays where it is.
+
+use nalgebra::DVector;
+
+use super::{Engine, Pass, Solved};
+use crate::fit::signal_noise::RowNoise;
+use crate::fit::weighing::Weighing;
+use crate::fit::{Estimate, FitError, Noise, SignalNoise};
+
+/// Rounds of weights and columns that the estimate is part of.
+const ROUNDS: usize = 5;
+/// Done when no parameter moves by more than so many standard deviations.
+const SETTLED_SD: f64 = 0.1;
+/// Noise of the signals does not count if it is at most this share of every channel's variance,
+const NEGLIGIBLE_SHARE: f64 = 0.01;
+/// and moves no parameter by more than so many standard deviations.
+const NEGLIGIBLE_SD: f64 = 0.02;
+
+impl Engine<'_> {
+    /// Weighs the rows by the covariance of all noise, takes off what noise in the coefficients adds, and linearises the
+    /// columns of nuisance parameters, until the estimate stays where it is.
+    pub(super) fn refine<'e>(&'e self, pass: Pass<'e>, sigma_given: bool) -> Result<Pass<'e>, FitError> {
+        let noise = self.noise.as_ref().filter(|_| self.source.signal_noise_is_known());
+        if noise.is_none() && self.columns.is_empty() {
+            return Ok(pass);
+        }
+        let mut pass = pass;
+        let mut before: Option<Estimate> = None;
+        for _ in 0..ROUNDS {
+            let Solved { factor, joint, .. } = self.solve(&pass, 1.0);
+            let estimate = self.estimate(&factor, 1.0, Noise::Given);
+            if before.as_ref().is_some_and(|before| estimate.largest_step(before) < SETTLED_SD) {
+                break;
+            }
+            let is_negligible = noise.is_none_or(|noise| self.is_negligible(noise, &pass, &estimate));
+            if is_negligible && self.columns.is_empty() {
+                break;
+            }
+            let weighing = match noise.filter(|_| !is_negligible) {
+                Some(noise) => match self.weigh(noise, &pass, &joint, &estimate, sigma_given) {
+                    Some(weighing) => weighing,
+                    None => return Ok(pass),
+                },
+                None if sigma_given => pass.weighing.clone(),
+                None => self.diagonal(self.sigma_from_residuals(&pass)),
+            };
+            let linearised = self.linearise(&estimate.values)?;
+            pass = self.absorb(weighing, pass.weights, linearised)?;
+            before = Some(estimate);
+        }
+        Ok(pass)
+    }
+
+    /// Returns the weighing by all noise about an estimate; `None` if there is no such covariance.
+    pub(super) fn weigh(
+        &self,
+        noise: &RowNoise,
+        pass: &Pass,
+        joint: &Estimate,
+        estimate: &Estimate,
+        sigma_given: bool,
+    ) -> Option<Weighing> {
+        let filter = self.blocks.filter();
+        let phi = self.significant(pass, estimate);
+        let spectra = noise.spectra(&phi, &pass.weighing, filter);
+        let all_stated = sigma_given && noise.groups().all(|group| group.stated.is_some());
+        let residuals = (!all_stated).then(|| {
+            let residuals = self.residuals(self.rows_of(pass), &joint.values, &pass.weights);
+            Weighing::covariance_of(&residuals, joint, filter)
+        });
+        let residuals = residuals.as_ref().map(|left| noise.restored(left, self.rows_of(pass)));
+        let groups: Vec<&SignalNoise> = noise.groups().collect();
+        pass.weighing.with_signals(&groups, &spectra, residuals.as_deref(), sigma_given, filter)
+    }
+
+    /// Returns the values that count in the covariance of the noise.
+    pub(super) fn significant(&self, pass: &Pass, estimate: &Estimate) -> Vec<f64> {
+        let first = !pass.weighing.is_compensated();
+        if first {
+            let spurious = self.spurious_information(&pass.weighing.sigma);
+            Weighing::significant(&self.without_spurious(estimate, spurious), false)
+        } else {
+            Weighing::significant(estimate, false)
+        }
+    }
+
+    /// Returns true if noise of the signals is a small part of that in the residuals, and moves no parameter by much of its
+    /// standard deviation: the channels' own weights are then as good, and cost less.
+    pub(super) fn is_negligible(&self, noise: &RowNoise, pass: &Pass, estimate: &Estimate) -> bool {
+        if pass.weighing.is_compensated() {
+            return false;
+        }
+        let phi = self.significant(pass, estimate);
+        let spectra = noise.spectra(&phi, &pass.weighing, self.blocks.filter());
+        if noise.share(&spectra, &pass.weighing, self.blocks.filter()) > NEGLIGIBLE_SHARE {
+            return false;
+        }
+        let gram = noise.gram(&pass.weighing);
+        let moved = &estimate.covariance * (gram * DVector::from_column_slice(&phi));
+        (0..estimate.len())
+            .filter(|j| estimate.is_determined(*j))
+            .all(|j| moved[j].abs() <= NEGLIGIBLE_SD * estimate.covariance[(j, j)].max(0.0).sqrt())
+    }
+}
