@@ -13,6 +13,7 @@ mod device_tree_commands;
 mod documents;
 mod examples;
 mod factors;
+mod failures;
 mod fitting;
 mod forgetting;
 mod knocks;
