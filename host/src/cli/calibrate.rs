@@ -21,6 +21,8 @@ struct Object<'a> {
     reference: &'a str,
     recordings: &'a [String],
     errors: Vec<Found>,
+    #[serde(skip_serializing_if = "<[String]>::is_empty")]
+    notes: &'a [String],
 }
 
 /// One error, before and after.
@@ -81,8 +83,10 @@ fn rig(arguments: &CalibrateRig) -> Result<ExitCode, Failure> {
         reference: body.name.clone(),
         recordings: all.iter().map(|read| read.name.clone()).collect(),
         fingerprints,
+        assumed: body.place.assumed().into_iter().collect(),
         ..RigCalibration::of(&found.known, &units, of)
-    };
+    }
+    .sealed();
     write_new_text(&arguments.output, &calibration.to_toml()).map_err(Failure::input)?;
     let errors = errors(&found);
     if arguments.runs.json {
@@ -91,9 +95,11 @@ fn rig(arguments: &CalibrateRig) -> Result<ExitCode, Failure> {
             reference: &body.name,
             recordings: &calibration.recordings,
             errors,
+            notes: &calibration.assumed,
         };
         say(serde_json::to_string_pretty(&object).map_err(Failure::input)?);
     } else {
+        calibration.assumed.iter().for_each(|note| tell!("rigident: {note}"));
         say(text(&errors));
         say(format_args!(
             "\n{} in {}, valid for {} days. A rig file takes it by\n\n[calibration]\nfile = \"{}\"",

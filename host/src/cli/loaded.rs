@@ -128,7 +128,8 @@ impl Loaded {
             calibration::take(&mut set.rig, file)?;
             let problem = Problem::from_streams(set, None, &ProblemOptions::default());
             let problem = problem.map_err(Failure::input)?;
-            let (notes, warnings) = (problem.notes.clone(), problem.warnings.clone());
+            let (mut notes, warnings) = (problem.notes.clone(), problem.warnings.clone());
+            notes.extend(assumed(&problem.rig));
             return Ok(Self { problem, warnings, notes, unused_rows: 0, nominal: None, recorded: None });
         }
         let mut recording = Recording::load(path, rig).map_err(Failure::input)?;
@@ -152,7 +153,8 @@ impl Loaded {
         let readings = problem.source().fingerprint();
         warnings.extend(recording.rig.calibrated().and_then(|c| c.repeated(readings)));
         warnings.extend(problem.rig.imu.first().and_then(|imu| input_checks::far_away(imu.position_m)));
-        let notes = problem.notes.clone();
+        let mut notes = problem.notes.clone();
+        notes.extend(assumed(&recording.rig));
         Ok(Self { problem, warnings, notes, unused_rows: 0, nominal: None, recorded })
     }
 
@@ -233,7 +235,7 @@ impl Loaded {
                 .and_then(|calibration| calibration.expired(None))
                 .into_iter()
                 .collect(),
-            notes: Vec::new(),
+            notes: assumed(rig),
             unused_rows: 0,
             nominal: None,
             recorded: None,
@@ -418,4 +420,10 @@ pub(super) fn refuse_tree_options(given: &[(&str, bool)]) -> Result<(), Failure>
             "{option} is for trees of links: say which by --model, or by [[link]] tables in the rig file"
         ))),
     }
+}
+
+/// Returns what the calibration of a rig assumed of its reference.
+fn assumed(rig: &RigFile) -> Vec<String> {
+    let of = |note: &String| format!("calibration of the rig: {note}");
+    rig.calibrated().map_or_else(Vec::new, |calibration| calibration.assumed.iter().map(of).collect())
 }

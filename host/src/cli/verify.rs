@@ -9,7 +9,7 @@ use super::{ExitStatus, Failure, Stages};
 use crate::answer::{Answer, Context, contradictions};
 use crate::fit::FitOptions;
 use crate::present::text::{fixed, with_u95};
-use crate::reference::{Comparison, Quantity};
+use crate::reference::{Comparison, Quantity, contradiction};
 
 /// The object of `--json`.
 #[derive(Serialize)]
@@ -17,6 +17,8 @@ struct Object<'a> {
     passed: bool,
     reference: &'a str,
     recordings: Vec<Verified>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    notes: Vec<String>,
 }
 
 /// One recording against the reference.
@@ -36,29 +38,36 @@ pub(super) fn run(arguments: &Verify) -> Result<ExitCode, Failure> {
     let errors = RigErrors::Calibrated(arguments.calibration.calibration.as_deref());
     let (body, all) = read(&arguments.runs, errors, "verify")?;
     let recordings = all.iter().map(|read| verified(read, &body.name)).collect::<Result<Vec<_>, _>>()?;
+    let notes: Vec<String> = body.place.assumed().into_iter().collect();
     let passed = recordings.iter().all(|recording| recording.passed);
     if arguments.runs.json {
-        let object = Object { passed, reference: &body.name, recordings };
+        let object = Object { passed, reference: &body.name, recordings, notes };
         say(serde_json::to_string_pretty(&object).map_err(Failure::input)?);
     } else {
+        notes.iter().for_each(|note| tell!("rigident: {note}"));
         for recording in &recordings {
             recording
                 .warnings
                 .iter()
                 .for_each(|warning| tell!("rigident: {}: {warning}", recording.recording));
             say(format_args!("{} against {}", recording.recording, body.name));
-            say(text(&recording.comparison.quantities));
-            let failed: Vec<&str> = recording
-                .comparison
-                .quantities
-                .iter()
-                .filter(|q| !q.passed)
-                .map(|q| q.name.as_str())
-                .collect();
-            say(match (recording.passed, failed.is_empty()) {
-                (true, _) => "pass\n".to_owned(),
-                (false, true) => "fail: the errors of the rig, or the body, are not as stated\n".to_owned(),
-                (false, false) => format!("fail: {}\n", failed.join(", ")),
+            let Comparison { quantities, e_n_limit, .. } = &recording.comparison;
+            say(text(quantities, *e_n_limit));
+            let above = |limit: f64| -> Vec<&str> {
+                quantities.iter().filter(|q| q.is_beyond(limit)).map(|q| q.name.as_str()).collect()
+            };
+            let (one, failed) = (above(1.0), above(*e_n_limit));
+            say(match (recording.passed, failed.is_empty(), one.is_empty()) {
+                (true, _, true) => "pass\n".to_owned(),
+                (true, _, false) => format!(
+                    "pass: |E_n| of {} is above 1, and none above {}, as in 99 % of the recordings of a reference\n",
+                    one.join(", "),
+                    fixed(*e_n_limit, 2)
+                ),
+                (false, true, _) => {
+                    "fail: the errors of the rig, or the body, are not as stated\n".to_owned()
+                }
+                (false, false, _) => format!("fail: {}\n", failed.join(", ")),
             });
         }
     }
@@ -77,8 +86,14 @@ fn verified(read: &Read, reference: &str) -> Result<Verified, Failure> {
     let mut warnings = read.warnings.clone();
     warnings.extend(comparison.mismatch().map(|mismatch| mismatch.to_string()));
     let contradicted = contradictions(&fit);
-    let consistent = contradicted.is_empty() && !fit.lack_of_fit.contradicts();
+    let mut consistent = contradicted.is_empty() && !fit.lack_of_fit.contradicts();
     warnings.extend(contradicted);
+    // A calibration is asked for by its own prior; without one, what `calibrate rig` would refuse is no reference either.
+    if comparison.passed() && consistent && read.problem.rig.calibrated().is_none() {
+        let found = contradiction(&read.run()?);
+        consistent = found.is_none();
+        warnings.extend(found.map(|error| error.to_string()));
+    }
     if fit.lack_of_fit.contradicts() {
         warnings.push(
             "the residuals are not those of one rigid body that stays as it is: `rigident identify` tells what changed".to_owned(),
@@ -101,8 +116,8 @@ fn verified(read: &Read, reference: &str) -> Result<Verified, Failure> {
     })
 }
 
-/// Returns the table of E_n numbers.
-fn text(quantities: &[Quantity]) -> String {
+/// Returns the table of E_n numbers with the bound on the largest.
+fn text(quantities: &[Quantity], limit: f64) -> String {
     let row = |q: &Quantity| {
         let measured = q.value.zip(q.u95).map(|(value, u95)| with_u95(value, u95, &q.unit));
         [
@@ -110,7 +125,12 @@ fn text(quantities: &[Quantity]) -> String {
             measured.unwrap_or_else(|| crate::present::text::NOT_IDENTIFIED.to_owned()),
             with_u95(q.reference, q.reference_u95, &q.unit),
             q.e_n.map_or_else(String::new, |e_n| fixed(e_n, 2)),
-            if q.passed { "pass" } else { "fail" }.to_owned(),
+            match (q.passed, q.is_beyond(limit)) {
+                (true, _) => "pass",
+                (false, false) => "above 1",
+                (false, true) => "fail",
+            }
+            .to_owned(),
         ]
     };
     let head = ["", "measured, ± U95", "reference, ± U95", "E_n", ""].map(str::to_owned);

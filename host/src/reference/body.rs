@@ -15,6 +15,10 @@ use crate::rig::classes::rectangular;
 /// Relative standard deviation of what is not even in a body's density, unless the file says otherwise: of the centre of mass
 /// by the radius of gyration, of the tensor by its size.
 const DENSITY_STD: f64 = 1e-4;
+/// Limits of a place that the file does not state, m and degrees: a part made to ISO 2768-1, class m, has lengths of 30 to 120 mm
+/// within ±0.3 mm, and angles of sides of 50 to 120 mm within ±20′.
+const PLACE_LIMIT_M: f64 = 3e-4;
+const ATTITUDE_LIMIT_DEG: f64 = 1.0 / 3.0;
 /// Less than this is not taken: no body is known so well.
 pub(super) const LEAST_DENSITY_STD: f64 = 1e-7;
 
@@ -102,12 +106,41 @@ pub struct MeasuredBody {
 pub struct Place {
     /// Its origin, m.
     pub position_m: [f64; 3],
-    /// The origin's limits along each axis, ±, m.
-    pub position_tolerance_m: [f64; 3],
+    /// The origin's limits along each axis, ±, m; 0.3 mm unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub position_tolerance_m: Option<[f64; 3]>,
     /// Its attitude: turned by roll, pitch and yaw about the fixed axes x, y, z of S, one after the other, degrees.
     pub rotation_rpy_deg: [f64; 3],
-    /// The attitude's limits about each axis, ±, degrees.
-    pub rotation_tolerance_deg: [f64; 3],
+    /// The attitude's limits about each axis, ±, degrees; a third of one unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rotation_tolerance_deg: Option<[f64; 3]>,
+}
+
+impl Place {
+    /// Returns the limits of the origin, m.
+    pub fn position_limits_m(&self) -> [f64; 3] {
+        self.position_tolerance_m.unwrap_or([PLACE_LIMIT_M; 3])
+    }
+
+    /// Returns the limits of the attitude, degrees.
+    pub fn rotation_limits_deg(&self) -> [f64; 3] {
+        self.rotation_tolerance_deg.unwrap_or([ATTITUDE_LIMIT_DEG; 3])
+    }
+
+    /// Says which of its limits are defaults; `None` if the file states them.
+    pub fn assumed(&self) -> Option<String> {
+        let position = format!("place.position_tolerance_m ±{:.1} mm", 1e3 * PLACE_LIMIT_M);
+        let attitude = format!("place.rotation_tolerance_deg ±{ATTITUDE_LIMIT_DEG:.2}°");
+        let mut named = Vec::new();
+        named.extend(self.position_tolerance_m.is_none().then_some(position));
+        named.extend(self.rotation_tolerance_deg.is_none().then_some(attitude));
+        (!named.is_empty()).then(|| {
+            format!(
+                "the reference does not state how well it is placed; defaults are taken: {} (ISO 2768-1, class m)",
+                named.join(", ")
+            )
+        })
+    }
 }
 
 /// `[[mounting]]`: the place turned.
@@ -305,10 +338,10 @@ impl ReferenceBody {
             let own = mounting.map_or(String::new(), |mounting| format!("{} ", mounting.name));
             format!("{own}{what} {axis}")
         };
-        for (axis, limit) in ["x", "y", "z"].iter().zip(self.place.position_tolerance_m) {
+        for (axis, limit) in ["x", "y", "z"].iter().zip(self.place.position_limits_m()) {
             all.push(of(of_mounting("place", axis), rectangular(limit)));
         }
-        for (axis, limit) in ["x", "y", "z"].iter().zip(self.place.rotation_tolerance_deg) {
+        for (axis, limit) in ["x", "y", "z"].iter().zip(self.place.rotation_limits_deg()) {
             all.push(of(of_mounting("attitude", axis), rectangular(limit.to_radians())));
         }
         all

@@ -131,3 +131,27 @@ fn a_drawing_and_what_was_measured_of_it_are_one_body() {
         assert!((drawn - measured).abs() < 1e-12);
     }
 }
+
+/// A place without tolerances is no exact one: its limits are the default's, and that is said.
+#[test]
+fn a_place_without_tolerances_has_those_of_a_class() {
+    let of = |from: &str| {
+        let text = TEXT.replace("position_tolerance_m = [5e-5, 5e-5, 2e-5]\n", from);
+        let body =
+            ReferenceBody::parse(&text.replace("rotation_tolerance_deg = [0.05, 0.05, 0.5]\n", ""), "test");
+        body.unwrap()
+    };
+    let open = of("");
+    let sd = |body: &ReferenceBody, cause: &str| {
+        body.mounted(None).causes.iter().find(|c| c.name == cause).unwrap().sd
+    };
+    assert!((sd(&open, "place x") - 3e-4 / 3.0_f64.sqrt()).abs() < 1e-12);
+    assert!((sd(&open, "attitude z") - (1.0_f64 / 3.0).to_radians() / 3.0_f64.sqrt()).abs() < 1e-12);
+    let said = open.place.assumed().unwrap();
+    assert!(said.contains("position_tolerance_m") && said.contains("rotation_tolerance_deg"), "{said}");
+    // Zeros that are stated are taken as stated.
+    let exact = of("position_tolerance_m = [0, 0, 0]\n");
+    assert_eq!(sd(&exact, "place x"), 0.0);
+    assert!(!exact.place.assumed().unwrap().contains("position_tolerance_m"));
+    assert_eq!(cylinder().place.assumed(), None);
+}

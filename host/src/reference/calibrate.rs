@@ -9,8 +9,8 @@ use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::body::Mounted;
-use super::compare::{Mismatch, OTHER_BODY, disagreement};
-use crate::answer::contradictions;
+use super::compare::{Comparison, Mismatch, OTHER_BODY};
+use crate::answer::{Answer, Context, contradictions};
 use crate::fit::{FitError, FitOptions, Gaussian, Nuisance, Progress, RowSource, Scope, Silent, fit};
 use crate::problem::body::BodySource;
 
@@ -82,8 +82,36 @@ pub enum CalibrateError {
 /// # Errors
 /// [`CalibrateError`] names the run that does not fit the reference or the rig file.
 pub fn calibrate(runs: &[Run<'_>], progress: &dyn Progress) -> Result<Calibrated, CalibrateError> {
-    let before = shared(runs);
-    if before.is_empty() {
+    let Beforehand { errors, causes, mut known } = beforehand(runs)?;
+    for (k, run) in runs.iter().enumerate() {
+        progress.stage(&format!("run {}", run.name), k as f64 / runs.len() as f64);
+        check(run)?;
+        known = told(run, &known, &causes)?;
+    }
+    let is_cause = |name: &str| name.strip_prefix("reference ").is_some();
+    Ok(Calibrated { before: errors, causes: known.only(is_cause), known: known.only(|name| !is_cause(name)) })
+}
+
+/// Says what contradicts the errors that are stated of a rig, if a run is of the reference: what makes [`calibrate`] refuse a run that
+/// agrees with the reference by its own answer. `None` where nothing does.
+pub fn contradiction(run: &Run<'_>) -> Option<CalibrateError> {
+    let beforehand = beforehand(std::slice::from_ref(run)).ok()?;
+    told(run, &beforehand.known, &beforehand.causes).err()
+}
+
+/// What is known before any run.
+struct Beforehand {
+    /// The errors that the runs share.
+    errors: Vec<Nuisance>,
+    /// Names of the causes of the reference's parameters.
+    causes: Vec<String>,
+    /// Causes and errors.
+    known: Gaussian,
+}
+
+fn beforehand(runs: &[Run<'_>]) -> Result<Beforehand, CalibrateError> {
+    let errors = shared(runs);
+    if errors.is_empty() {
         return Err(CalibrateError::Exact);
     }
     let mut causes: Vec<String> = Vec::new();
@@ -94,17 +122,11 @@ pub fn calibrate(runs: &[Run<'_>], progress: &dyn Progress) -> Result<Calibrated
     }
     let of_causes = causes.iter().map(|name| (format!("reference {name}"), 0.0, 1.0));
     let all: Vec<(String, f64, f64)> =
-        of_causes.chain(before.iter().map(|k| (k.name.clone(), 0.0, k.sigma))).collect();
-    let singular = |run: &Run| CalibrateError::Singular { run: run.name.clone() };
+        of_causes.chain(errors.iter().map(|k| (k.name.clone(), 0.0, k.sigma))).collect();
     let first = runs.first().ok_or(CalibrateError::Exact)?;
-    let mut known = Gaussian::independent(&all).ok_or_else(|| singular(first))?;
-    for (k, run) in runs.iter().enumerate() {
-        progress.stage(&format!("run {}", run.name), k as f64 / runs.len() as f64);
-        check(run)?;
-        known = told(run, &known, &causes)?;
-    }
-    let is_cause = |name: &str| name.strip_prefix("reference ").is_some();
-    Ok(Calibrated { before, causes: known.only(is_cause), known: known.only(|name| !is_cause(name)) })
+    let known =
+        Gaussian::independent(&all).ok_or_else(|| CalibrateError::Singular { run: first.name.clone() })?;
+    Ok(Beforehand { errors, causes, known })
 }
 
 /// Returns the errors that the runs share; of one that is known differently well from run to run the larger.
@@ -124,10 +146,15 @@ fn shared(runs: &[Run]) -> Vec<Nuisance> {
 fn check(run: &Run) -> Result<(), CalibrateError> {
     let alone = fit(run.source, &FitOptions::default(), &Silent)
         .map_err(|error| CalibrateError::Fit { run: run.name.clone(), error })?;
-    let (chi2, degrees_of_freedom) = disagreement(&alone, &run.mounted);
-    if improbable(chi2, degrees_of_freedom) {
-        let mismatch = Mismatch { chi2, degrees_of_freedom };
+    let context = Context { rate_sigma: run.source.rate_sigma(), ..Context::default() };
+    let answer = Answer::new(&alone, context)
+        .map_err(|error| CalibrateError::Contradicted { run: run.name.clone(), said: error.to_string() })?;
+    if let Some(mismatch) = Comparison::new(&alone, &answer, &run.mounted).mismatch() {
         return Err(CalibrateError::OtherBody { run: run.name.clone(), mismatch });
+    }
+    let said = contradictions(&alone);
+    if !said.is_empty() {
+        return Err(CalibrateError::Contradicted { run: run.name.clone(), said: said.join("; ") });
     }
     if alone.lack_of_fit.contradicts() {
         let said = "its residuals are not those of one rigid body that stays as it is: `rigident identify` tells what changed; \
@@ -180,7 +207,8 @@ fn told(run: &Run, known: &Gaussian, causes: &[String]) -> Result<Gaussian, Cali
     if let Some(agreement) = of_body(&before).agreement(&of_body(&after))
         && improbable(agreement.chi2, agreement.degrees_of_freedom)
     {
-        let mismatch = Mismatch { chi2: agreement.chi2, degrees_of_freedom: agreement.degrees_of_freedom };
+        let mismatch =
+            Mismatch::All { chi2: agreement.chi2, degrees_of_freedom: agreement.degrees_of_freedom };
         return Err(CalibrateError::OtherBody { run: run.name.clone(), mismatch });
     }
     known.told(&map, &before, &after).ok_or_else(singular)

@@ -6,9 +6,10 @@
 
 pub mod body;
 pub mod calibrate;
+mod cause;
 pub mod compare;
 mod read;
 
 pub use body::{ReferenceBody, ReferenceError};
-pub use calibrate::{CalibrateError, Calibrated, Run, calibrate};
+pub use calibrate::{CalibrateError, Calibrated, Run, calibrate, contradiction};
 pub use compare::{Comparison, Mismatch, Quantity};

@@ -107,8 +107,8 @@ impl ReferenceBody {
         let place = &body.place;
         check.all("place.position_m", &place.position_m, |_| true, FINITE)?;
         check.all("place.rotation_rpy_deg", &place.rotation_rpy_deg, |_| true, FINITE)?;
-        check.limits("place.position_tolerance_m", &place.position_tolerance_m)?;
-        check.limits("place.rotation_tolerance_deg", &place.rotation_tolerance_deg)?;
+        check.limits("place.position_tolerance_m", &place.position_limits_m())?;
+        check.limits("place.rotation_tolerance_deg", &place.rotation_limits_deg())?;
         for (k, mounting) in body.mounting.iter().enumerate() {
             let twice = body.mounting.iter().take(k).any(|other| other.name == mounting.name);
             if mounting.name.is_empty() || twice {

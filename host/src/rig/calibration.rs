@@ -10,12 +10,14 @@ use nalgebra::{DMatrix, DVector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Calibrated, ImuTable, RigFile, RigFileError, WrenchSign};
-use crate::fit::Gaussian;
+use super::{Calibrated, ImuTable, RigFile, RigFileError, WrenchSign, known_errors};
+use crate::fit::{Fingerprint, Gaussian};
 
 /// Days that a calibration is valid for, unless it says otherwise.
 pub const VALID_DAYS: u32 = 365;
 
+/// The clock of the computer that made a calibration may be ahead by so much.
+const CLOCKS: Duration = Duration::from_secs(86_400);
 /// Geometry that differs by less, m or relative, is the same.
 const SAME: f64 = 1e-9;
 
@@ -54,6 +56,12 @@ pub struct RigCalibration {
     /// Fingerprints of their readings, hexadecimal.
     #[serde(default)]
     pub fingerprints: Vec<String>,
+    /// What was assumed of the reference, for want of a statement.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub assumed: Vec<String>,
+    /// Checksum of all else, hexadecimal: [`RigCalibration::sealed`].
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub checksum: String,
     /// The rig that it is of.
     pub rig: CalibratedRig,
     /// The errors.
@@ -162,6 +170,8 @@ impl RigCalibration {
             reference: String::new(),
             recordings: Vec::new(),
             fingerprints: Vec::new(),
+            assumed: Vec::new(),
+            checksum: String::new(),
             rig,
             error: error.collect(),
             correlation: (0..sd.len()).map(row).collect(),
@@ -212,15 +222,56 @@ impl RigCalibration {
         Self::parse(&text, &name)
     }
 
-    /// Says what is wrong with the numbers.
+    /// Returns the calibration with the checksum of what it says.
+    #[must_use]
+    pub fn sealed(self) -> Self {
+        Self { checksum: self.content(), ..self }
+    }
+
+    /// Returns the checksum of all but the checksum; comments and the order of keys do not count.
+    fn content(&self) -> String {
+        let mut hash = Fingerprint::default();
+        hash.add_text(&Self { checksum: String::new(), ..self.clone() }.to_toml());
+        format!("{:016x}", hash.finish())
+    }
+
+    /// Says what is wrong with the content, and where.
     pub(super) fn check(&self) -> Result<(), String> {
-        if humantime::parse_rfc3339(&self.date).is_err() {
+        let Ok(made) = humantime::parse_rfc3339(&self.date) else {
             return Err(format!("date = {:?} is no date; write one as 2026-05-01T12:00:00Z", self.date));
+        };
+        if made > SystemTime::now() + CLOCKS {
+            return Err(format!(
+                "date = {:?} is in the future: set the clock of this computer, or calibrate the rig again",
+                self.date
+            ));
+        }
+        for (k, error) in self.error.iter().enumerate() {
+            let Some(unit) = known_errors::unit(&error.name) else {
+                return Err(format!(
+                    "error[{k}].name = {:?} is no error of a rig; they are called as the errors of an answer, gain_fz or lever_arm_x: \
+                     calibrate the rig again",
+                    error.name
+                ));
+            };
+            if unit != error.unit {
+                return Err(format!(
+                    "error[{k}].unit = {:?}: the unit of {} is {unit:?}; calibrate the rig again",
+                    error.unit, error.name
+                ));
+            }
         }
         if self.distribution().is_none() {
             return Err("the errors' values, standard deviations and correlations are those of no distribution: a number is \
                         not finite, a std not positive, a name stands twice, or the correlations contradict each other"
                 .to_owned());
+        }
+        if self.checksum != self.content() {
+            return Err(format!(
+                "checksum = {:?} is not that of its content: it was edited by hand, or is damaged; take the file as it was written, or \
+                 calibrate the rig again",
+                self.checksum
+            ));
         }
         Ok(())
     }
@@ -296,14 +347,16 @@ impl CalibratedRig {
         };
         // A serial number that one of the two does not give says nothing.
         let serial = |a: &Option<String>, b: &Option<String>| a.is_some() && b.is_some() && a != b;
+        let text = |serial: &Option<String>| serial.clone().unwrap_or_default();
         if serial(&self.load_cell_serial, &own.load_cell_serial) {
-            return told("load_cell.serial", &self.load_cell_serial, &own.load_cell_serial);
+            let (calibrated, own) = (text(&self.load_cell_serial), text(&own.load_cell_serial));
+            return told("load_cell.serial", &calibrated, &own);
         }
         if serial(&self.imu_serial, &own.imu_serial) {
-            return told("imu.serial", &self.imu_serial, &own.imu_serial);
+            return told("imu.serial", &text(&self.imu_serial), &text(&own.imu_serial));
         }
         if self.wrench_sign != own.wrench_sign {
-            return told("recording.wrench_sign", &self.wrench_sign, &own.wrench_sign);
+            return told("recording.wrench_sign", &self.wrench_sign.word(), &own.wrench_sign.word());
         }
         if differ(&[self.gravity_mps2], &[own.gravity_mps2]) {
             return told("recording.gravity_mps2", &self.gravity_mps2, &own.gravity_mps2);

@@ -15,7 +15,7 @@ const PLAIN: &str = "[[imu]]\nposition_m = [0.04, -0.03, 0.02]\nserial = \"7\"\n
 fn calibration() -> RigCalibration {
     let units = ["1".to_owned(), "m".to_owned()];
     let of = CalibratedRig::of(&rig(PLAIN)).unwrap();
-    RigCalibration { name: "lab".to_owned(), ..RigCalibration::of(&known(), &units, of) }
+    RigCalibration { name: "lab".to_owned(), ..RigCalibration::of(&known(), &units, of) }.sealed()
 }
 
 #[test]
@@ -60,10 +60,12 @@ fn a_calibration_of_another_rig_is_refused() {
         ("[[imu]]\nposition_m = [0.04, -0.03, 0.02]\nserial = \"8\"\n", "imu.serial"),
         ("[[imu]]\nposition_m = [0.04, -0.03, 0.02]\naccel_scale = [1, 1.01, 1]\n", "imu.accel_scale"),
     ] {
-        let Err(CalibrationError::OtherRig { key, .. }) = rig(text).calibrate(calibration()) else {
+        let Err(CalibrationError::OtherRig { key, calibrated, own, .. }) = rig(text).calibrate(calibration())
+        else {
             panic!("{text}")
         };
         assert_eq!(key, differs);
+        assert!(!format!("{calibrated}{own}").contains("Some"), "{calibrated} {own}");
     }
     // A serial number that is not given says nothing.
     rig("[[imu]]\nposition_m = [0.04, -0.03, 0.02]\n").calibrate(calibration()).unwrap();
@@ -77,6 +79,7 @@ fn numbers_of_no_distribution_are_refused() {
     let refused = |change: &dyn Fn(&mut RigCalibration)| {
         let mut bad = good.clone();
         change(&mut bad);
+        let bad = bad.sealed();
         matches!(RigCalibration::parse(&bad.to_toml(), "x"), Err(CalibrationError::Invalid { .. }))
     };
     assert!(refused(&|c| c.error[0].std = -1e-3));
@@ -93,4 +96,44 @@ fn a_calibration_grows_old() {
     let old = RigCalibration { date: "2026-01-01T00:00:00Z".to_owned(), valid_days: 100, ..calibration() };
     assert_eq!(old.expired(Some("2026-04-01T00:00:00Z")), None);
     assert!(old.expired(Some("2026-05-01T00:00:00Z")).is_some());
+}
+
+/// Returns why a changed calibration is refused; sealed again, so that its content alone is at fault.
+fn reason(change: &dyn Fn(&mut RigCalibration)) -> String {
+    let mut bad = calibration();
+    change(&mut bad);
+    match RigCalibration::parse(&bad.sealed().to_toml(), "x") {
+        Err(CalibrationError::Invalid { reason, .. }) => reason,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn what_no_rig_has_is_named_with_its_place() {
+    assert!(reason(&|c| c.error[0].name = "gain_fq".to_owned()).starts_with("error[0].name"));
+    assert!(reason(&|c| c.error[1].unit = "mm".to_owned()).starts_with("error[1].unit"));
+    let ahead = humantime::format_rfc3339(SystemTime::now() + 3 * CLOCKS).to_string();
+    assert!(reason(&|c| c.date.clone_from(&ahead)).contains("in the future"));
+}
+
+/// Every number and word counts; how the file is laid out does not.
+#[test]
+fn an_edited_calibration_is_told() {
+    let good = calibration();
+    let changes: [&dyn Fn(&mut RigCalibration); 6] = [
+        &|c| c.error[0].std *= 1e-3,
+        &|c| c.error[1].value *= 1.000_001,
+        &|c| c.rig.wrench_sign = WrenchSign::OnSensor,
+        &|c| c.rig.load_cell_serial = Some("B".to_owned()),
+        &|c| c.valid_days = 10_000,
+        &|c| c.checksum.clear(),
+    ];
+    for change in changes {
+        let mut edited = good.clone();
+        change(&mut edited);
+        let refused = RigCalibration::parse(&edited.to_toml(), "x").unwrap_err();
+        assert!(refused.to_string().contains("checksum"), "{refused}");
+    }
+    let spaced = format!("# from the lab\n{}", good.to_toml().replace(" = ", "   =   "));
+    assert_eq!(RigCalibration::parse(&spaced, "x").unwrap(), good);
 }

@@ -5,6 +5,7 @@
 
 pub mod calibration;
 pub mod classes;
+mod known_errors;
 mod read;
 pub mod spelling;
 #[cfg(test)]
@@ -110,6 +111,16 @@ pub enum WrenchSign {
     OnBody,
     /// On the sensor, by the body: the reaction.
     OnSensor,
+}
+
+impl WrenchSign {
+    /// Returns its word in the rig file.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::OnBody => "on_body",
+            Self::OnSensor => "on_sensor",
+        }
+    }
 }
 
 /// Where a column's numbers are.
@@ -223,6 +234,9 @@ pub struct ImuTable {
     /// 1 σ of each gyro axis' scale, relative.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gyro_gain_std: Option<f64>,
+    /// 1 σ of the gyro's axes against the IMU's, which the accelerometer's x and y span, about each of them, rad.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gyro_rotation_std_rad: Option<f64>,
     /// 1 σ per sample of the attitude of its link, about any axis, rad.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub attitude_noise_rad: Option<f64>,
@@ -259,6 +273,7 @@ impl Default for ImuTable {
             accel_misalignment_std_rad: None,
             gyro_bias_std_radps: None,
             gyro_gain_std: None,
+            gyro_rotation_std_rad: None,
             attitude_noise_rad: None,
             serial: None,
             calibrated_on: None,

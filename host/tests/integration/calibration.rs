@@ -8,6 +8,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
+use rigident::rig::RigCalibration;
 use serde_json::Value;
 
 use crate::program::{json, rigident, said};
@@ -210,7 +211,8 @@ fn a_cylinder_calibrates_a_rig_and_verifies_it() {
         let (code, verified) = verify("again.csv", more);
         assert_eq!((code, &verified["passed"]), (Some(0), &Value::Bool(true)), "{verified}");
         let quantities = verified["recordings"][0]["quantities"].as_array().unwrap();
-        assert!(quantities.len() == 10 && quantities.iter().all(|q| number(q, &["e_n"]).abs() <= 1.0));
+        let limit = number(&verified["recordings"][0], &["e_n_limit"]);
+        assert!(quantities.len() == 10 && quantities.iter().all(|q| number(q, &["e_n"]).abs() <= limit));
     }
     let (_, verified) = verify("upright.csv", &["--calibration", "one.calibration.toml"]);
     assert!(verified["recordings"][0]["warnings"].to_string().contains("count twice"), "{verified}");
@@ -268,11 +270,98 @@ fn what_is_not_the_reference_or_not_the_rig_calibrates_nothing() {
     assert_eq!(output.status.code(), Some(2));
     assert!(said(&output).contains("imu.position_m"), "{}", said(&output));
     // An old one is told, and used.
-    let text = fs::read_to_string(at.join("no.toml")).unwrap();
-    let date = text.lines().find(|line| line.starts_with("date")).unwrap();
-    fs::write(at.join("old.toml"), text.replace(date, "date = \"2020-01-01T00:00:00Z\"")).unwrap();
+    let made = RigCalibration::load(&at.join("no.toml")).unwrap();
+    let old = RigCalibration { date: "2020-01-01T00:00:00Z".to_owned(), ..made }.sealed();
+    fs::write(at.join("old.toml"), old.to_toml()).unwrap();
     let line = ["identify", "upright.csv", "--calibration", "old.toml", "--json", "--out", "old"];
     let output = rigident(at, &line);
     assert_eq!(output.status.code(), Some(0), "{}", said(&output));
     assert!(json(&output)["warnings"].to_string().contains("calibrate the rig again"));
+}
+
+/// A body that weighs 1.8 % less than its file says, and one weighed in pounds: both commands refuse both, by the mass. A χ² of ten
+/// parameters lets the first pass.
+#[test]
+fn a_reference_weighed_wrongly_is_refused_by_both_commands() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let none = Errors {
+        gain: [0.0; 6],
+        accel_gain: [0.0; 3],
+        gyro_gain: [0.0; 3],
+        lever_arm: Vector3::zeros(),
+        turned: Vector3::zeros(),
+    };
+    record(at, "upright", &Body::cylinder(false), &none, 8);
+    for (mass, refused) in [("3.32", None), ("3.379", Some("weighed wrongly")), ("7.319", Some("pounds"))] {
+        fs::write(at.join("weighed.toml"), CYLINDER.replace("mass_kg = 3.32", &format!("mass_kg = {mass}")))
+            .unwrap();
+        let verified = rigident(at, &["verify", "upright.csv", "--reference", "weighed.toml", "--json"]);
+        let line = [
+            "calibrate",
+            "rig",
+            "upright.csv",
+            "--reference",
+            "weighed.toml",
+            "-o",
+            "weighed.calibration.toml",
+        ];
+        let output = rigident(at, &line);
+        let Some(cause) = refused else {
+            assert_eq!(
+                (verified.status.code(), output.status.code()),
+                (Some(0), Some(0)),
+                "{}",
+                said(&output)
+            );
+            fs::remove_file(at.join("weighed.calibration.toml")).unwrap();
+            continue;
+        };
+        assert_eq!((verified.status.code(), output.status.code()), (Some(1), Some(2)), "{}", said(&output));
+        assert!(!at.join("weighed.calibration.toml").exists());
+        let warnings = json(&verified)["recordings"][0]["warnings"].to_string();
+        for words in [cause, "m is 3.3", "E_n -"] {
+            assert!(said(&output).contains(words) && warnings.contains(words), "{words}: {}", said(&output));
+        }
+    }
+}
+
+/// The cylinder stands 0.3 mm off and nobody has said how well it is placed: the lever arm's interval holds the truth, and what
+/// was assumed is said, in the calibration's own output and in the answers that rest on it.
+#[test]
+fn a_place_of_unknown_tolerance_makes_no_sure_lever_arm() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let open: Vec<&str> = CYLINDER.lines().filter(|line| !line.contains("n_tolerance")).collect();
+    fs::write(at.join("open.toml"), open.join("\n")).unwrap();
+    let mut body = Body::cylinder(false);
+    body.com.x += 3e-4;
+    let errors = Errors::rig();
+    record(at, "upright", &body, &errors, 9);
+    let line = [
+        "calibrate",
+        "rig",
+        "upright.csv",
+        "--reference",
+        "open.toml",
+        "-o",
+        "open.calibration.toml",
+        "--json",
+    ];
+    let output = rigident(at, &line);
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    let found = json(&output);
+    assert!(found["notes"].to_string().contains("place.position_tolerance_m"), "{found}");
+    for (axis, truth) in ["x", "y", "z"].iter().zip(errors.lever_arm.iter()) {
+        let own = found["errors"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .find(|e| e["name"] == format!("lever_arm_{axis}"))
+            .unwrap();
+        assert!((number(own, &["value"]) - truth).abs() < number(own, &["u95"]), "{own} {truth}");
+    }
+    let line =
+        ["identify", "upright.csv", "--calibration", "open.calibration.toml", "--json", "--out", "open"];
+    assert!(json(&rigident(at, &line))["notes"].to_string().contains("place.position_tolerance_m"));
 }
