@@ -145,6 +145,7 @@ pub(super) fn improvement(budget: &[Budget]) -> Option<String> {
         }
         "accelerometer scale"
         | "gyro scale"
+        | "gyro rotation"
         | "accelerometer misalignment"
         | "accelerometer bias"
         | "gyro bias" => "calibrate the IMU, or state what its calibration says",

@@ -85,6 +85,8 @@ pub struct ImuLimits {
     pub gyro_bias_radps: f64,
     /// Scale of the gyro, relative.
     pub gyro_gain: f64,
+    /// Attitude of the gyro's axes against those of the accelerometer, rad.
+    pub gyro_rotation_rad: f64,
 }
 
 impl ImuClass {
@@ -113,6 +115,8 @@ impl ImuClass {
             accel_misalignment_rad: accel_gain,
             gyro_bias_radps,
             gyro_gain,
+            // Sheets give one cross-axis sensitivity of both, as large as the error of scale.
+            gyro_rotation_rad: gyro_gain,
         };
         match self {
             Self::Consumer => of(0.6, 0.03, 0.1, 0.03),

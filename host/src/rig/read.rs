@@ -354,6 +354,7 @@ impl Check<'_> {
                 ("accel_misalignment_std_rad", imu.accel_misalignment_std_rad),
                 ("gyro_bias_std_radps", imu.gyro_bias_std_radps),
                 ("gyro_gain_std", imu.gyro_gain_std),
+                ("gyro_rotation_std_rad", imu.gyro_rotation_std_rad),
             ] {
                 self.all(&key(name), value.as_slice(), |v| v >= 0.0, NOT_NEGATIVE)?;
             }

@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use nalgebra::{DMatrix, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, Quaternion, Rotation3, UnitQuaternion, Vector3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -93,8 +93,9 @@ impl RowSource for PlainRows {
         let (before, mounting) = (input.mounting, &mut input.mounting);
         mounting.position = before.position + Position::from_array(of(0));
         mounting.rotation = mounted(Vector3::from(of(3)));
-        let (gyro_bias, gyro_gain, bias, gain) = (of(7), of(10), of(13), of(16));
-        let [yx, zx, zy] = of(19);
+        let (gyro_bias, gyro_gain, turned, bias, gain) = (of(7), of(10), of(13), of(16), of(19));
+        let [yx, zx, zy] = of(22);
+        let turned = Rotation3::new(Vector3::from(turned));
         let all = &self.0.input().readings;
         let at = |k: usize| &all[k.min(all.len() - 1)];
         for (k, reading) in input.readings.iter_mut().enumerate() {
@@ -105,7 +106,8 @@ impl RowSource for PlainRows {
                 std::array::from_fn(|i| now[i] + errors[6] * 0.5 * RATE_HZ * (b[i] - a[i]))
             };
             let rate = late(&|r| r.angular_rate.array());
-            let rate = std::array::from_fn(|i| rate[i] / (1.0 + gyro_gain[i]) - gyro_bias[i]);
+            let rate = Vector3::from_fn(|i, _| rate[i] / (1.0 + gyro_gain[i]) - gyro_bias[i]);
+            let rate = (turned * rate).into();
             let [ax, ay, az] = late(&|r| r.specific_force.array());
             let x = (ax - bias[0]) / (1.0 + gain[0]);
             let y = (ay - bias[1] - yx * x) / (1.0 + gain[1]);
@@ -343,7 +345,7 @@ fn errors_of_the_imu() {
     let source = BodySource::new(input, None);
     let new = fit(&source, &FitOptions::default(), &Silent).unwrap();
     let plain = fit(&PlainRows(source), &FitOptions::default(), &Silent).unwrap();
-    assert_eq!(new.nuisances.len(), 22 + 6 + 30 + 12);
+    assert_eq!(new.nuisances.len(), 25 + 6 + 30 + 12);
     for (a, b) in new.nuisances.iter().zip(&plain.nuisances) {
         let name = &a.nuisance.name;
         // A derivative over two rows of a motion of 1.4 Hz at the most is 0.13 % short.

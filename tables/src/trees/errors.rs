@@ -88,6 +88,7 @@ impl Rig {
             accel_misalignment_rad: 5e-3,
             gyro_bias_radps: 0.01,
             gyro_gain: 5e-3,
+            gyro_rotation_rad: 5e-3,
         };
         fn imus(rig: &mut RigFile, set: impl Fn(&mut ImuTable)) {
             rig.imu.iter_mut().for_each(set);
@@ -101,6 +102,9 @@ impl Rig {
                     imus(r, |i| i.gyro_bias_std_radps = Some(rectangular(IMU.gyro_bias_radps)));
                 }),
                 ("gyro scale", |r| imus(r, |i| i.gyro_gain_std = Some(rectangular(IMU.gyro_gain)))),
+                ("gyro rotation", |r| {
+                    imus(r, |i| i.gyro_rotation_std_rad = Some(rectangular(IMU.gyro_rotation_rad)));
+                }),
                 ("accelerometer bias", |r| {
                     imus(r, |i| i.accel_bias_std_mps2 = Some(rectangular(IMU.accel_bias_mps2)));
                 }),
@@ -237,7 +241,8 @@ fn two_links_with(model: &Model, errors: &Errors) -> Recording {
     let misaligned = Matrix3::new(0.0, 0.0, 0.0, yx, 0.0, 0.0, zx, zy, 0.0);
     let gyro = |link: usize, rate: &Vector3<f64>| -> [f64; 3] {
         let end = ["", "_arm"][link];
-        let read = mountings[link].tr_mul(rate);
+        let turned = Rotation3::new(three(errors, &format!("gyro_rotation{end}"))).into_inner();
+        let read = turned.tr_mul(&mountings[link].tr_mul(rate));
         let scale = three(errors, &format!("gyro_scale{end}"));
         (read + read.component_mul(&scale) + three(errors, &format!("gyro_bias{end}"))).into()
     };

@@ -234,6 +234,15 @@ pub fn of_imu(imu: &ImuTable, is_static: bool) -> Vec<(ImuError, usize, Nuisance
             Scope::Rig,
         ),
         (
+            "gyro rotation",
+            ImuError::GyroRotation,
+            "rad",
+            imu.gyro_rotation_std_rad,
+            limits.gyro_rotation_rad,
+            "gyro_rotation_std_rad",
+            Scope::Rig,
+        ),
+        (
             "accelerometer bias",
             ImuError::AccelBias,
             "m/s2",
@@ -289,3 +298,7 @@ pub fn of_imu(imu: &ImuTable, is_static: bool) -> Vec<(ImuError, usize, Nuisance
     all.retain(|(_, _, k)| k.sigma.is_finite() && k.sigma > 0.0);
     all
 }
+
+#[cfg(test)]
+#[path = "errors_tests.rs"]
+mod tests;

@@ -9,6 +9,7 @@
 //! skew             s ← s + ṡ
 //! gyro bias u      ωωᵀ ← ωωᵀ − (u ωᵀ + ω uᵀ)
 //! gyro scale u     ω̇ ← ω̇ − u uᵀω̇;  ωωᵀ ← ωωᵀ − (u uᵀ ωωᵀ + ωωᵀ u uᵀ)
+//! gyro rotation u  ω̇ ← ω̇ + u×ω̇;  ωωᵀ ← ωωᵀ + [u]×ωωᵀ − ωωᵀ[u]×
 //! accel. bias u    a ← a − u
 //! accel. scale u   a ← a − u uᵀa
 //! misalignment     a ← a − u_i u_jᵀa, (i, j) = (y, x), (z, x), (z, y)
@@ -22,9 +23,9 @@ use rigident_shared::spatial::{Position, Sensor};
 use super::WRENCH;
 
 /// Groups of errors.
-pub const ERRORS: usize = 8;
+pub const ERRORS: usize = 9;
 /// Errors of all groups.
-const COLUMNS: usize = 23;
+const COLUMNS: usize = 26;
 /// Axes of the misalignments: the first reads a share of the second.
 pub(super) const PAIRS: [(usize, usize); 3] = [(1, 0), (2, 0), (2, 1)];
 
@@ -41,6 +42,8 @@ pub enum ImuError {
     GyroBias,
     /// Scale of the gyro, axes of the IMU.
     GyroGain,
+    /// Attitude of the gyro's axes against those of the IMU, about these.
+    GyroRotation,
     /// Bias of the accelerometer, axes of the IMU.
     AccelBias,
     /// Scale of the accelerometer, axes of the IMU.
@@ -60,10 +63,11 @@ impl ImuError {
             Self::Skew => 6,
             Self::GyroBias => 7,
             Self::GyroGain => 10,
-            Self::AccelBias => 13,
-            Self::AccelGain => 16,
-            Self::AccelMisalignment => 19,
-            Self::Gravity => 22,
+            Self::GyroRotation => 13,
+            Self::AccelBias => 16,
+            Self::AccelGain => 19,
+            Self::AccelMisalignment => 22,
+            Self::Gravity => 25,
         }
     }
 
@@ -74,7 +78,7 @@ impl ImuError {
 
     /// Returns true if what stands still does not show it.
     pub fn is_of_motion(self) -> bool {
-        matches!(self, Self::LeverArm | Self::Skew | Self::GyroBias | Self::GyroGain)
+        matches!(self, Self::LeverArm | Self::Skew | Self::GyroBias | Self::GyroGain | Self::GyroRotation)
     }
 }
 
@@ -177,14 +181,18 @@ impl Block<'_> {
                 let along = u * u.transpose();
                 (none.0, -(along * now.products + now.products * along), -(along * now.acceleration))
             }
-            13..16 => (-axis(13) * self.one, none.1, none.2),
-            16..19 => {
-                let u = axis(16);
+            13..16 => {
+                let cross = axis(13).cross_matrix();
+                (none.0, cross * now.products - now.products * cross, cross * now.acceleration)
+            }
+            16..19 => (-axis(16) * self.one, none.1, none.2),
+            19..22 => {
+                let u = axis(19);
                 (-u * u.dot(&now.force), none.1, none.2)
             }
-            22 => (now.force, none.1, none.2),
+            25 => (now.force, none.1, none.2),
             _ => {
-                let (i, j) = PAIRS.get(k.saturating_sub(19)).copied().unwrap_or((1, 0));
+                let (i, j) = PAIRS.get(k.saturating_sub(22)).copied().unwrap_or((1, 0));
                 let (to, from) = (self.axes.column(i).into_owned(), self.axes.column(j).into_owned());
                 (-to * from.dot(&now.force), none.1, none.2)
             }

@@ -47,6 +47,13 @@ pub enum SignalError {
         /// The gyro's axis in the axes of the link.
         axis: Vector3<f64>,
     },
+    /// Attitude of a gyro against its IMU: `ω ← ω + u×ω`.
+    GyroRotation {
+        /// The link.
+        link: usize,
+        /// The axis u of the IMU in the axes of the link.
+        axis: Vector3<f64>,
+    },
     /// Bias of the base's accelerometer along an axis in S.
     AccelBias(Vector3<f64>),
     /// Axis `to` of the base's accelerometer reads a share of what is along `from`, both in S; its scale, if they are one.
@@ -123,7 +130,8 @@ fn of_base_imu(input: &Input, table: Option<&ImuTable>, all: &mut Errors) {
             ImuError::Skew => SignalError::Skew,
             ImuError::GyroBias if has_gyro => SignalError::GyroBias { link, axis: along },
             ImuError::GyroGain if has_gyro => SignalError::GyroGain { link, axis: along },
-            ImuError::GyroBias | ImuError::GyroGain | ImuError::Gravity => continue,
+            ImuError::GyroRotation if has_gyro => SignalError::GyroRotation { link, axis: along },
+            ImuError::GyroBias | ImuError::GyroGain | ImuError::GyroRotation | ImuError::Gravity => continue,
             ImuError::AccelBias => SignalError::AccelBias(along),
             ImuError::AccelGain => SignalError::AccelGain { to: along, from: along },
             ImuError::AccelMisalignment => {
@@ -147,6 +155,7 @@ fn of_link_imu(input: &Input, link: usize, table: Option<&ImuTable>, all: &mut E
             ImuError::Rotation => SignalError::LinkRotation { link, axis },
             ImuError::GyroBias => SignalError::GyroBias { link, axis: along },
             ImuError::GyroGain => SignalError::GyroGain { link, axis: along },
+            ImuError::GyroRotation => SignalError::GyroRotation { link, axis: along },
             _ => continue,
         };
         let stem = nuisance.name.strip_suffix(&format!("_{}", AXES[axis])).unwrap_or(&nuisance.name);

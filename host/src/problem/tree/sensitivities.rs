@@ -226,11 +226,21 @@ impl<'a> ErrorRows<'a> {
                 base(Direction::Rate, rate);
                 moved[BASE] = Some([Vector3::zeros(), rate]);
             }
+            SignalError::GyroRotation { link: 0, axis } => {
+                let rate = axis.cross(&motion.rate);
+                base(Direction::Rate, rate);
+                moved[BASE] = Some([Vector3::zeros(), rate]);
+            }
             SignalError::GyroBias { link, axis } => moved[link + BASE] = Some([Vector3::zeros(), -axis]),
             SignalError::GyroGain { link, axis } => {
                 let state = at(link + BASE);
                 let rate = state.rotation.tr_mul(&state.rate);
                 moved[link + BASE] = Some([Vector3::zeros(), -axis * axis.dot(&rate)]);
+            }
+            SignalError::GyroRotation { link, axis } => {
+                let state = at(link + BASE);
+                let rate = state.rotation.tr_mul(&state.rate);
+                moved[link + BASE] = Some([Vector3::zeros(), axis.cross(&rate)]);
             }
             SignalError::LinkRotation { link, axis } => {
                 let (e, state) = (unit(*axis), at(link + BASE));

@@ -86,6 +86,7 @@ fn corrected(input: &Input, error: &SignalError, x: f64) -> Input {
             SignalError::BaseTilt(axis) => a = Rotation3::new(unit(*axis) * x) * a,
             SignalError::GyroBias { link: 0, axis } => w -= axis * x,
             SignalError::GyroGain { link: 0, axis } => w -= axis * (x * axis.dot(&w)),
+            SignalError::GyroRotation { link: 0, axis } => w = Rotation3::new(axis * x) * w,
             SignalError::BaseRotation(axis) => {
                 let turn = Rotation3::new(unit(*axis) * x);
                 (a, w) = (turn * a, turn * w);
@@ -117,6 +118,9 @@ fn corrected(input: &Input, error: &SignalError, x: f64) -> Input {
                         (attitude, rate) = (attitude * turn.transpose(), turn * rate);
                     }
                     SignalError::GyroBias { link, axis } if *link == i => rate -= axis * x,
+                    SignalError::GyroRotation { link, axis } if *link == i => {
+                        rate = Rotation3::new(axis * x) * rate;
+                    }
                     SignalError::GyroGain { link, axis } if *link == i => {
                         rate -= axis * (x * axis.dot(&rate))
                     }
@@ -235,6 +239,7 @@ fn columns_of_a_moving_tree_are_those_of_corrected_readings() {
             SignalError::BaseRotation(axis),
             SignalError::GyroBias { link: 0, axis: u },
             SignalError::GyroGain { link: 0, axis: u },
+            SignalError::GyroRotation { link: 0, axis: u },
             SignalError::AccelBias(u),
             SignalError::AccelGain { to: u, from: random.three() },
         ]);
@@ -243,6 +248,7 @@ fn columns_of_a_moving_tree_are_those_of_corrected_readings() {
                 SignalError::LinkRotation { link, axis },
                 SignalError::GyroBias { link, axis: u },
                 SignalError::GyroGain { link, axis: u },
+                SignalError::GyroRotation { link, axis: u },
             ]);
         }
     }

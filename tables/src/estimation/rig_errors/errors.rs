@@ -22,6 +22,8 @@ pub struct Errors {
     /// rad/s
     pub gyro_bias: [f64; 3],
     pub gyro_gain: [f64; 3],
+    /// Attitude of the gyro against the IMU, rad.
+    pub gyro_rotation: [f64; 3],
     pub cell_gain: [f64; 6],
     /// Row reads column, of full scale each.
     pub crosstalk: [[f64; 6]; 6],
@@ -43,13 +45,14 @@ pub enum Group {
     Misalignment,
     GyroBias,
     GyroGain,
+    GyroRotation,
     CellGain,
     CrossTalk,
     Drift,
 }
 
 impl Group {
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::LeverArm,
         Self::Rotation,
         Self::Skew,
@@ -58,6 +61,7 @@ impl Group {
         Self::Misalignment,
         Self::GyroBias,
         Self::GyroGain,
+        Self::GyroRotation,
         Self::CellGain,
         Self::CrossTalk,
         Self::Drift,
@@ -74,6 +78,7 @@ impl Group {
             Self::Misalignment => "accelerometer misalignment",
             Self::GyroBias => "gyro bias",
             Self::GyroGain => "gyro scale",
+            Self::GyroRotation => "gyro rotation",
             Self::CellGain => "load-cell gain",
             Self::CrossTalk => "cross-talk",
             Self::Drift => "load-cell drift",
@@ -93,6 +98,7 @@ impl Group {
             Self::Misalignment => axis("accelerometer_misalignment"),
             Self::GyroBias => axis("gyro_bias"),
             Self::GyroGain => axis("gyro_scale"),
+            Self::GyroRotation => axis("gyro_rotation"),
             Self::CellGain => (format!("gain_{}", CHANNELS[at % 6]), 1.0),
             Self::CrossTalk => {
                 let (to, from) = (at / 6, at % 6);
@@ -113,6 +119,7 @@ impl Group {
             Self::Misalignment => errors.misalignment.iter_mut().collect(),
             Self::GyroBias => errors.gyro_bias.iter_mut().collect(),
             Self::GyroGain => errors.gyro_gain.iter_mut().collect(),
+            Self::GyroRotation => errors.gyro_rotation.iter_mut().collect(),
             Self::CellGain => errors.cell_gain.iter_mut().collect(),
             Self::CrossTalk => errors.crosstalk.iter_mut().flatten().collect(),
             Self::Drift => errors.drift.iter_mut().flatten().collect(),
@@ -135,6 +142,7 @@ impl Errors {
             misalignment: [5e-3; 3],
             gyro_bias: [of(0.01); 3],
             gyro_gain: [5e-3; 3],
+            gyro_rotation: [5e-3; 3],
             cell_gain: [5e-3; 6],
             crosstalk: std::array::from_fn(crosstalk),
             drift: [FULL_SCALE.map(|f| of(2e-3 * f)); 2],
@@ -165,7 +173,7 @@ impl Errors {
              accel_noise_mps2 = {accel}\ngyro_noise_radps = {gyro}\n\
              position_std_m = {lever}\nrotation_std_rad = {rotation}\nskew_std_s = {skew}\naccel_bias_std_mps2 = {bias}\n\
              accel_gain_std = {scale}\naccel_misalignment_std_rad = {misalignment}\ngyro_bias_std_radps = {gyro_bias}\n\
-             gyro_gain_std = {gyro_gain}\n\n[load_cell]\nnoise_n_nm = {cell:?}\nrange_n_nm = {FULL_SCALE:?}\n\
+             gyro_gain_std = {gyro_gain}\ngyro_rotation_std_rad = {gyro_rotation}\n\n[load_cell]\nnoise_n_nm = {cell:?}\nrange_n_nm = {FULL_SCALE:?}\n\
              gain_uncertainty = {gain:?}\ncrosstalk_std = {crosstalk}\ndrift_std_n_nm = {drift:?}\n",
             gravity = super::mechanics::GRAVITY,
             accel = noise.accel,
@@ -179,6 +187,7 @@ impl Errors {
             misalignment = self.misalignment[0],
             gyro_bias = self.gyro_bias[0],
             gyro_gain = self.gyro_gain[0],
+            gyro_rotation = self.gyro_rotation[0],
             gain = self.cell_gain,
             crosstalk = self.crosstalk[0][1],
             drift = self.drift[0],

@@ -204,7 +204,8 @@ impl Rig {
     }
 
     fn gyro(&self, rate: &Vector3<f64>) -> [f64; 3] {
-        let Errors { gyro_bias, gyro_gain, .. } = &self.errors;
+        let Errors { gyro_bias, gyro_gain, gyro_rotation, .. } = &self.errors;
+        let rate = Rotation3::new(Vector3::from(*gyro_rotation)).inverse() * rate;
         std::array::from_fn(|k| rate[k] * (1.0 + gyro_gain[k]) + gyro_bias[k])
     }
 }
