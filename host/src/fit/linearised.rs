@@ -33,8 +33,10 @@ pub(super) struct Columns {
     signals: usize,
     /// What else is known of errors: rows of all columns with their values, of unit σ.
     observations: Vec<(Vec<f64>, f64)>,
-    /// What is known beforehand.
+    /// What is known beforehand of what is left of them.
     pub(super) prior: Prior,
+    /// What the signals are corrected for of each.
+    pub(super) corrected: Vec<f64>,
 }
 
 /// What is known beforehand of all columns: rows `W x = W μ ± 1`.
@@ -100,8 +102,12 @@ impl Columns {
     /// Returns the nuisance parameters that a source has, those whose σ is zero left out.
     pub(super) fn of(source: &dyn RowSource) -> Self {
         let mut nuisances: Vec<Nuisance> = source.nuisances().into_iter().filter(|k| k.sigma > 0.0).collect();
-        let prior = Prior::new(source.parameters(), &mut nuisances, source.beforehand());
+        let mut prior = Prior::new(source.parameters(), &mut nuisances, source.beforehand());
         let parameters = source.parameters().len();
+        let about =
+            |name: &str| source.corrected_for().iter().find(|(own, _)| own == name).map_or(0.0, |e| e.1);
+        let corrected: Vec<f64> = nuisances.iter().map(|k| about(&k.name)).collect();
+        prior.mean.iter_mut().skip(parameters).zip(&corrected).for_each(|(mean, about)| *mean -= about);
         let observations = source.error_observations().into_iter().filter(|row| row.sd > 0.0);
         let observations = observations.map(|row| {
             let mut whitened = vec![0.0; parameters + nuisances.len()];
@@ -110,7 +116,8 @@ impl Columns {
                     whitened[parameters + k] = factor / row.sd;
                 }
             }
-            (whitened, row.value / row.sd)
+            let taken: f64 = row.terms.iter().map(|(name, factor)| factor * about(name)).sum();
+            (whitened, (row.value - taken) / row.sd)
         });
         let observations = observations.filter(|(row, _)| row.iter().any(|w| *w != 0.0)).collect();
         let number = |k: &Nuisance| match k.effect {
@@ -124,6 +131,7 @@ impl Columns {
             parameters,
             offsets: source.channels().iter().map(|c: &Channel| c.offset).collect(),
             prior,
+            corrected,
         }
     }
 

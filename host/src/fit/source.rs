@@ -187,6 +187,12 @@ pub trait RowSource: Send + Sync {
         None
     }
 
+    /// Returns errors by name with the values that the signals are corrected for: the columns are those of what is left, while
+    /// what is known beforehand, and what is found, are of the whole.
+    fn corrected_for(&self) -> &[(String, f64)] {
+        &[]
+    }
+
     /// Returns the source with its signals corrected for errors, one for each number of an [`super::Effect::Signal`] among
     /// [`RowSource::nuisances`]: the truth if those are the sensors' errors. Not used where the row blocks have
     /// [`RowBlocks::sensitivities`].

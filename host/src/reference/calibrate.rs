@@ -14,6 +14,9 @@ use crate::answer::{Answer, Context, contradictions};
 use crate::fit::{FitError, FitOptions, Gaussian, Nuisance, Progress, RowSource, Scope, Silent, fit};
 use crate::problem::body::BodySource;
 
+/// Solutions about anew corrected signals, at most, and the share of its standard deviation that an error may move at the last.
+const ROUNDS: usize = 4;
+const STAYS: f64 = 0.1;
 /// Parameters of the body.
 const TEN: usize = 10;
 
@@ -82,21 +85,54 @@ pub enum CalibrateError {
 /// # Errors
 /// [`CalibrateError`] names the run that does not fit the reference or the rig file.
 pub fn calibrate(runs: &[Run<'_>], progress: &dyn Progress) -> Result<Calibrated, CalibrateError> {
-    let Beforehand { errors, causes, mut known } = beforehand(runs)?;
+    let beforehand = beforehand(runs)?;
     for (k, run) in runs.iter().enumerate() {
-        progress.stage(&format!("run {}", run.name), k as f64 / runs.len() as f64);
+        progress.stage(&format!("run {}", run.name), 0.5 * k as f64 / runs.len() as f64);
         check(run)?;
-        known = told(run, &known, &causes)?;
     }
+    let known = joint(runs, &beforehand, &|share| progress.stage("joint solution", 0.5 + 0.5 * share))?;
     let is_cause = |name: &str| name.strip_prefix("reference ").is_some();
-    Ok(Calibrated { before: errors, causes: known.only(is_cause), known: known.only(|name| !is_cause(name)) })
+    Ok(Calibrated {
+        before: beforehand.errors,
+        causes: known.only(is_cause),
+        known: known.only(|name| !is_cause(name)),
+    })
+}
+
+/// Returns what is known after all runs: solved again with the signals corrected for what was found, until that stays (Gauss and
+/// Newton), since of errors of a per cent each the products count.
+fn joint(
+    runs: &[Run<'_>],
+    beforehand: &Beforehand,
+    progress: &dyn Fn(f64),
+) -> Result<Gaussian, CalibrateError> {
+    let solve = |about: &Gaussian, judged: bool, round: usize| {
+        let mut known = beforehand.known.clone();
+        for (k, run) in runs.iter().enumerate() {
+            progress((round as f64 + k as f64 / runs.len() as f64) / ROUNDS as f64);
+            known = told(run, &known, &beforehand.causes, about, judged)?;
+        }
+        Ok(known)
+    };
+    let mut about = solve(&beforehand.known, false, 0)?;
+    for round in 1..ROUNDS {
+        let next = solve(&about, false, round)?;
+        let moved = next.mean() - about.mean();
+        let stays =
+            next.covariance().diagonal().iter().zip(moved.iter()).all(|(v, by)| by.abs() <= STAYS * v.sqrt());
+        about = next;
+        if stays {
+            break;
+        }
+    }
+    solve(&about, true, ROUNDS)
 }
 
 /// Says what contradicts the errors that are stated of a rig, if a run is of the reference: what makes [`calibrate`] refuse a run that
 /// agrees with the reference by its own answer. `None` where nothing does.
 pub fn contradiction(run: &Run<'_>) -> Option<CalibrateError> {
     let beforehand = beforehand(std::slice::from_ref(run)).ok()?;
-    told(run, &beforehand.known, &beforehand.causes).err()
+    joint(std::slice::from_ref(run), &beforehand, &|_| ()).err()
 }
 
 /// What is known before any run.
@@ -169,8 +205,15 @@ fn improbable(chi2: f64, degrees_of_freedom: f64) -> bool {
     degrees_of_freedom > 0.0 && ChiSquared::new(degrees_of_freedom).is_ok_and(|d| d.sf(chi2) < OTHER_BODY)
 }
 
-/// Returns what is known after a run.
-fn told(run: &Run, known: &Gaussian, causes: &[String]) -> Result<Gaussian, CalibrateError> {
+/// Returns what is known after a run, its signals corrected for the means of `about`; what contradicts is refused if the run is
+/// `judged`.
+fn told(
+    run: &Run,
+    known: &Gaussian,
+    causes: &[String],
+    about: &Gaussian,
+    judged: bool,
+) -> Result<Gaussian, CalibrateError> {
     let singular = || CalibrateError::Singular { run: run.name.clone() };
     let errors: Vec<String> = run
         .source
@@ -193,10 +236,10 @@ fn told(run: &Run, known: &Gaussian, causes: &[String]) -> Result<Gaussian, Cali
     let mut shift = DVector::zeros(names.len());
     shift.rows_mut(0, TEN).copy_from_slice(&run.mounted.parameters);
     let before = known.mapped(names.clone(), &map, &shift).ok_or_else(singular)?;
-    let informed = run.source.informed(before.clone());
+    let informed = run.source.informed(before.clone()).linearised(about);
     let found = fit(&informed, &FitOptions::default(), &Silent)
         .map_err(|error| CalibrateError::Fit { run: run.name.clone(), error })?;
-    let said = contradictions(&found);
+    let said = if judged { contradictions(&found) } else { Vec::new() };
     if !said.is_empty() {
         return Err(CalibrateError::Contradicted { run: run.name.clone(), said: said.join("; ") });
     }
@@ -204,7 +247,8 @@ fn told(run: &Run, known: &Gaussian, causes: &[String]) -> Result<Gaussian, Cali
     let after = after.ok_or_else(singular)?;
     // What a run before this one has told of the body counts, too.
     let of_body = |all: &Gaussian| all.only(|name| names.iter().take(TEN).any(|own| own == name));
-    if let Some(agreement) = of_body(&before).agreement(&of_body(&after))
+    if judged
+        && let Some(agreement) = of_body(&before).agreement(&of_body(&after))
         && improbable(agreement.chi2, agreement.degrees_of_freedom)
     {
         let mismatch =

@@ -20,8 +20,8 @@ impl Engine<'_> {
         found
             .map(|(k, nuisance)| NuisanceFit {
                 nuisance: nuisance.clone(),
-                expected: self.columns.prior.mean[n + k],
-                value: values[n + k],
+                expected: self.columns.prior.mean[n + k] + self.columns.corrected[k],
+                value: values[n + k] + self.columns.corrected[k],
                 sd: covariance[(n + k, n + k)].max(0.0).sqrt().min(nuisance.sigma),
                 drawn: nuisance.sigma.powi(2) - 2.0 * inverse[(n + k, n + k)] + covariance[(n + k, n + k)],
                 contributions: brought.column(k).iter().copied().collect(),
@@ -46,9 +46,12 @@ impl Engine<'_> {
         let kept: Vec<usize> = (0..values.len()).filter(|j| determined.get(*j) == Some(&true)).collect();
         let own = self.source.parameters().iter().map(|p| &p.name);
         let names: Vec<&String> = own.chain(self.columns.nuisances.iter().map(|k| &k.name)).collect();
+        let mut values = DVector::from_column_slice(values);
+        let errors = values.iter_mut().skip(self.parameters).zip(&self.columns.corrected);
+        errors.for_each(|(value, corrected)| *value += corrected);
         Gaussian::new(
             kept.iter().filter_map(|j| names.get(*j).map(|name| (*name).clone())).collect(),
-            DVector::from_column_slice(values).select_rows(&kept),
+            values.select_rows(&kept),
             covariance.select_rows(&kept).select_columns(&kept),
         )
     }

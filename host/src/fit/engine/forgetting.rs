@@ -60,8 +60,8 @@ impl Engine<'_> {
         let brought = -(&moved * colouring);
         let of = |(k, nuisance): (usize, &Nuisance)| NuisanceFit {
             nuisance: nuisance.clone(),
-            expected: mean[n + k],
-            value: mean[n + k],
+            expected: mean[n + k] + self.columns.corrected[k],
+            value: mean[n + k] + self.columns.corrected[k],
             sd: nuisance.sigma,
             drawn: 0.0,
             contributions: brought.column(k).iter().copied().collect(),

@@ -3,6 +3,7 @@
 //! Samples go through the firmware's own pipeline (`rigident_shared::estimator`), on all cores; what is kept of a row
 //! block are its eighteen conditioned signals, from which the rows are made as they are needed.
 
+mod correction;
 pub mod errors;
 pub mod imu_noise;
 mod input;
@@ -27,6 +28,7 @@ use rigident_shared::regressor::{self, RegressorBlock, SIGNALS, SMOOTHED};
 use rigident_shared::screening::{CHANNEL_NAMES, Limits, Rejection};
 use rigident_shared::spatial::{AngularRate, Position, Sensor, SpecificForce};
 
+use self::correction::{Correction, is_correctable};
 pub use self::input::Input;
 use self::shares::{Shares, Split};
 use super::white_noise::{Signs, sixth_differences};
@@ -59,6 +61,9 @@ pub struct BodySource {
     rate_sigma: f64,
     parameters: Vec<Parameter>,
     channels: Vec<Channel>,
+    /// Errors of the rig that the signals are corrected for.
+    about: Vec<(String, f64)>,
+    correction: Option<Correction>,
 }
 
 impl BodySource {
@@ -78,15 +83,42 @@ impl BodySource {
             sixth_differences(&signals, 3)
         };
         let rate_sigma = input.gyro_sigma.unwrap_or_else(|| imu_noise::gyro_sigma(&input.readings));
-        Self {
+        let known = input.beforehand.clone();
+        let source = Self {
             stated_noise: [imu.and_then(|i| i.accel_noise_mps2), imu.and_then(|i| i.gyro_noise_radps)],
             found_noise: [of_sensor(&|r| r.specific_force.array()), of_sensor(&|r| r.angular_rate.array())],
             imu_noise: imu_noise::imu_noise(imu, &input.readings),
             rate_sigma,
             parameters: parameters(count),
             channels: channels.collect(),
+            about: Vec::new(),
+            correction: None,
             input,
+        };
+        match known {
+            Some(known) => source.linearised(&known),
+            None => source,
         }
+    }
+
+    /// Returns the same source with its signals corrected for the means of errors that all runs of the rig share: its columns are
+    /// those of what is left of them.
+    #[must_use]
+    pub fn linearised(self, known: &Gaussian) -> Self {
+        let own = self.input.nuisances.iter().filter(|k| is_correctable(k));
+        let errors: Vec<(&Nuisance, f64)> =
+            own.filter_map(|k| known.value(&k.name).map(|value| (k, value))).collect();
+        let axes = self.input.mounting.rotation.matrix();
+        let correction = if errors.iter().all(|(_, value)| *value == 0.0) {
+            None
+        } else {
+            Correction::new(errors.iter().copied(), &axes)
+        };
+        let about = match correction {
+            Some(_) => errors.iter().map(|(k, value)| (k.name.clone(), *value)).collect(),
+            None => Vec::new(),
+        };
+        Self { about, correction, ..self }
     }
 
     /// Returns the readings and settings.
@@ -192,21 +224,24 @@ impl RowSource for BodySource {
     fn rows(&self, sample: usize, rows: &mut SampleRows) -> Result<(), Rejection> {
         let Input { mounting, known_offset, .. } = &self.input;
         let reading = self.input.readings.get(sample).ok_or(Rejection::NotFinite(0))?;
-        let signals = mounting.mounted(&mounting.signals(reading));
+        let mut signals = mounting.mounted(&mounting.signals(reading));
         if let Some(bad) = signals.iter().position(|v| !v.is_finite()) {
             return Err(Rejection::NotFinite(u8::try_from(bad).unwrap_or(u8::MAX)));
         }
+        let wrench = signals.iter_mut().skip(SMOOTHED - WRENCH);
+        wrench.zip(known_offset.unwrap_or_default()).for_each(|(value, offset)| *value -= offset);
+        if let Some(correction) = &self.correction {
+            correction.signals(&mut signals);
+        }
+        let position = self.position();
         let (mut smoothed, mut differentiated) = (signals, [0.0; SIGNALS]);
         smoothed[SMOOTHED..].fill(0.0);
         differentiated[SMOOTHED..].copy_from_slice(&signals[SMOOTHED..]);
         let n = self.parameters.len();
-        let block = regressor::block(&smoothed, &mounting.position);
+        let block = regressor::block(&smoothed, &position);
         write_rows(&block, n, &mut rows.smoothed, &mut rows.measured);
-        let block = regressor::block(&differentiated, &mounting.position);
+        let block = regressor::block(&differentiated, &position);
         write_columns(&block, n, &mut rows.differentiated);
-        for (value, offset) in rows.measured.iter_mut().zip(known_offset.unwrap_or_default()) {
-            *value -= offset;
-        }
         Ok(())
     }
 
@@ -250,7 +285,14 @@ impl RowSource for BodySource {
         }
         let counters = done.counters;
         let filter = Self::filter(&config).map_err(refuse)?;
-        let rates = if self.has_signal_errors() { self.smooth_rates(&blocks, &filter) } else { Vec::new() };
+        let mut rates =
+            if self.has_signal_errors() { self.smooth_rates(&blocks, &filter) } else { Vec::new() };
+        let mut axes = self.input.mounting.rotation.matrix();
+        if let Some(correction) = &self.correction {
+            blocks.iter_mut().for_each(|(_, signals)| correction.signals(signals));
+            rates.iter_mut().for_each(|rate| *rate = correction.rate(*rate));
+            axes = correction.axes(&axes);
+        }
         let by_signal = counters.rejected_by_channel.iter().enumerate().filter(|(_, count)| **count > 0);
         Ok(Box::new(BodyBlocks {
             filter,
@@ -264,8 +306,8 @@ impl RowSource for BodySource {
             is_static: self.input.is_static,
             blocks,
             rates,
-            axes: self.input.mounting.rotation.matrix(),
-            lever_arm: self.input.mounting.position,
+            axes,
+            lever_arm: self.position(),
         }))
     }
 
@@ -326,6 +368,10 @@ impl RowSource for BodySource {
         self.input.beforehand.as_ref()
     }
 
+    fn corrected_for(&self) -> &[(String, f64)] {
+        &self.about
+    }
+
     fn rate_sigma(&self) -> f64 {
         self.rate_sigma
     }
@@ -356,6 +402,12 @@ impl RowSource for BodySource {
 }
 
 impl BodySource {
+    /// Returns the place of the IMU in S.
+    fn position(&self) -> Position<Sensor, f64> {
+        let off = self.correction.map_or([0.0; 3], |correction| correction.lever_arm.into());
+        self.input.mounting.position + Position::from_array(off)
+    }
+
     fn has_signal_errors(&self) -> bool {
         self.input.nuisances.iter().any(|k| matches!(k.effect, Effect::Signal(_)))
     }
@@ -388,6 +440,7 @@ impl BodySource {
             input: self.input.without_readings(),
             parameters: self.parameters.clone(),
             channels: self.channels.clone(),
+            about: self.about.clone(),
             ..*self
         }
     }

@@ -84,8 +84,8 @@ impl Made {
 }
 
 /// The rig's errors in another recording: what is the rig's stays, what is the recording's is drawn anew.
-fn again(rig: &Errors, normal: &mut Normal) -> Errors {
-    let mut errors = Errors::data_sheet().draw(1.0, normal);
+fn again(rig: &Errors, known: &Errors, normal: &mut Normal) -> Errors {
+    let mut errors = known.draw(1.0, normal);
     let mut kept = *rig;
     for group in Group::ALL {
         if !matches!(group, Group::Skew | Group::GyroBias | Group::AccelBias | Group::Drift) {
@@ -128,11 +128,10 @@ fn calibrated(recordings: &[Recording], file: &RigFile) -> Option<RigFile> {
     Some(file)
 }
 
-/// Rigs drawn from the data sheet that are calibrated by so many recordings, each with another body then.
-fn drawn(name: &str, recordings: usize) -> Runs {
-    let known = Errors::data_sheet();
+/// Rigs drawn from what is known of them that are calibrated by so many recordings, each with another body then.
+fn drawn(name: &str, known: Errors, motion: &Motion, recordings: usize) -> Runs {
     let nominal = Rig::lab();
-    let (file, motion) = (rig_file(&known, &nominal.noise), Motion::lab());
+    let file = rig_file(&known, &nominal.noise);
     runs(name, RIGS, |seed| {
         let mut normal = Normal::new(2_000_000 + seed);
         let errors = known.draw(1.0, &mut normal);
@@ -140,13 +139,13 @@ fn drawn(name: &str, recordings: usize) -> Runs {
         let of_cylinder: Vec<Recording> = (0..recordings)
             .map(|k| {
                 let body = made.mounted(k == 1, &mut normal);
-                let errors = again(&errors, &mut normal);
-                Rig { body, errors, ..nominal }.record(&motion, &file, 10_000 * (1 + k as u64) + seed)
+                let errors = again(&errors, &known, &mut normal);
+                Rig { body, errors, ..nominal }.record(motion, &file, 10_000 * (1 + k as u64) + seed)
             })
             .collect();
         let file = if recordings == 0 { Some(file.clone()) } else { calibrated(&of_cylinder, &file) };
-        let errors = again(&errors, &mut normal);
-        run(&Rig { errors, ..nominal }, &motion, &file?, seed)
+        let errors = again(&errors, &known, &mut normal);
+        run(&Rig { errors, ..nominal }, motion, &file?, seed)
     })
 }
 
@@ -156,10 +155,16 @@ pub fn table() -> String {
                     |---|---|---|---|---|---|---|---|---|---|\n"
         .to_owned();
     let body = Rig::lab().body;
-    for (name, recordings) in
-        [("by its data sheets", 0), ("calibrated, cylinder upright", 1), ("calibrated, upright and lying", 2)]
-    {
-        let all = drawn(name, recordings);
+    let (sheet, classes) = (Errors::data_sheet(), Errors::default_classes());
+    let (lab, brisk) = (Motion::lab(), Motion::brisk());
+    for (name, known, motion, recordings) in [
+        ("by its data sheets", sheet, &lab, 0),
+        ("calibrated, cylinder upright", sheet, &lab, 1),
+        ("calibrated, upright and lying", sheet, &lab, 2),
+        ("load cell of 1 %, ±1 rad", classes, &brisk, 0),
+        ("load cell of 1 %, ±1 rad, calibrated, upright and lying", classes, &brisk, 2),
+    ] {
+        let all = drawn(name, known, motion, recordings);
         let range = |group| format!("{:.1}–{:.1} %", all.worst(group), all.best(group));
         let typical = |k: usize| all.median(|run| run.u95[k]);
         let mean =

@@ -149,6 +149,23 @@ impl Errors {
         }
     }
 
+    /// The same with a load cell of which no more is known than the class of its data sheet, 1 %, and an IMU of the class
+    /// industrial: what a rig file has that states nothing.
+    pub fn default_classes() -> Self {
+        let of = |limit: f64| limit / 3.0_f64.sqrt();
+        let crosstalk = |to: usize| std::array::from_fn(|from| if from == to { 0.0 } else { of(1e-2) });
+        Self {
+            accel_gain: [of(5e-3); 3],
+            misalignment: [of(5e-3); 3],
+            gyro_gain: [of(5e-3); 3],
+            gyro_rotation: [of(5e-3); 3],
+            cell_gain: [of(1e-2); 6],
+            crosstalk: std::array::from_fn(crosstalk),
+            drift: [FULL_SCALE.map(|f| of(1e-2 * f)); 2],
+            ..Self::data_sheet()
+        }
+    }
+
     /// The same with one group alone.
     pub fn only(mut self, group: Group) -> Self {
         for other in Group::ALL.into_iter().filter(|other| *other != group) {

@@ -108,6 +108,19 @@ impl Motion {
         ])
     }
 
+    /// ±1 rad about all axes, 0.2 to 1.6 Hz, four sines each: accelerations of 20 rad/s², of which a tensor is known twice as well.
+    pub fn brisk() -> Self {
+        let of = |axis: usize, all: [(f64, f64); 4]| all.map(|(hz, phase)| (axis, 0.25, hz, phase));
+        Self(
+            [
+                of(0, [(0.31, 0.4), (0.83, 5.1), (1.07, 2.2), (1.45, 3.6)]),
+                of(1, [(0.45, 1.9), (0.66, 0.2), (1.19, 4.4), (1.31, 0.9)]),
+                of(2, [(0.24, 3.1), (0.74, 2.7), (0.98, 5.8), (1.58, 1.4)]),
+            ]
+            .concat(),
+        )
+    }
+
     /// The state at a time, by the kinematics of the angles' rates.
     pub fn state(&self, t: f64) -> State {
         let (mut e, mut d, mut dd) = ([0.0; 3], [0.0; 3], [0.0; 3]);
@@ -136,8 +149,8 @@ mod tests {
     /// Rates are those of the attitude, accelerations those of the rates.
     #[test]
     fn rates_are_derivatives() {
-        let (motion, h) = (Motion::lab(), 1e-5);
-        for t in [0.3, 2.7, 11.1] {
+        let h = 1e-5;
+        for (motion, t) in [(Motion::lab(), 0.3), (Motion::lab(), 11.1), (Motion::brisk(), 2.7)] {
             let (now, before, after) = (motion.state(t), motion.state(t - h), motion.state(t + h));
             let spin = now.attitude.transpose() * (after.attitude - before.attitude) / (2.0 * h);
             assert!((spin - now.rate.cross_matrix()).norm() < 1e-8);
