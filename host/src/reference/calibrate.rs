@@ -62,7 +62,7 @@ pub enum CalibrateError {
         /// The recording.
         run: String,
         /// How far it is off.
-        mismatch: Mismatch,
+        mismatch: Box<Mismatch>,
     },
     /// The run contradicts what is stated of the rig's errors, or is not that of a rigid body.
     #[error("{run}: {said}")]
@@ -186,7 +186,7 @@ fn check(run: &Run) -> Result<(), CalibrateError> {
     let answer = Answer::new(&alone, context)
         .map_err(|error| CalibrateError::Contradicted { run: run.name.clone(), said: error.to_string() })?;
     if let Some(mismatch) = Comparison::new(&alone, &answer, &run.mounted).mismatch() {
-        return Err(CalibrateError::OtherBody { run: run.name.clone(), mismatch });
+        return Err(CalibrateError::OtherBody { run: run.name.clone(), mismatch: Box::new(mismatch) });
     }
     let said = contradictions(&alone);
     if !said.is_empty() {
@@ -253,7 +253,7 @@ fn told(
     {
         let mismatch =
             Mismatch::All { chi2: agreement.chi2, degrees_of_freedom: agreement.degrees_of_freedom };
-        return Err(CalibrateError::OtherBody { run: run.name.clone(), mismatch });
+        return Err(CalibrateError::OtherBody { run: run.name.clone(), mismatch: Box::new(mismatch) });
     }
     known.told(&map, &before, &after).ok_or_else(singular)
 }
