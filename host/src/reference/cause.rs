@@ -1,6 +1,6 @@
 //! Causes of a difference from a reference, by which quantities differ and in what ratio.
 
-use super::compare::Quantity;
+use super::quantity::Quantity;
 
 /// Ratios of units that are mistaken for each other, and what they are of.
 const UNITS: [(f64, &str); 4] = [

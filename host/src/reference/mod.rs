@@ -8,8 +8,10 @@ pub mod body;
 pub mod calibrate;
 mod cause;
 pub mod compare;
+mod quantity;
 mod read;
 
 pub use body::{ReferenceBody, ReferenceError};
 pub use calibrate::{CalibrateError, Calibrated, Run, calibrate, contradiction};
-pub use compare::{Comparison, Mismatch, Quantity};
+pub use compare::{Comparison, Mismatch};
+pub use quantity::Quantity;
