@@ -4,70 +4,175 @@
 //! `R = U S Vᵀ D`, D being the lengths of the columns, this is `M ψ = Uᵀz`, `M = 1 − S⁻¹ Vᵀ D⁻¹ K D⁻¹ V S⁻¹`,
 //! `ψ = S Vᵀ D φ`: nothing is squared. The rows `M ψ = Uᵀz` have unit covariance, as those of R had, so that they are the
 //! factor of the compensated estimate and of its covariance `(AᵀWA − K)⁻¹ AᵀWA (AᵀWA − K)⁻¹`.
+//!
+//! An eigenvalue s of M is the share of a direction's information that is no noise. The noise that was there differs from its
+//! expectation: with ε the relative standard deviation of its square, `ψ = uᵀUᵀz / s` is uncertain by `ε (1 − s)/s` of itself.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 
-use super::Factor;
+use super::{Factor, Filter};
 
-/// Where less than this share of a direction's information is left, noise fills it.
-const LEAST_SHARE: f64 = 0.5;
+/// Noise fills a direction that is uncertain by more than this share of what is found: nothing is known but how large it may be.
+pub(super) const MOST_UNCERTAIN: f64 = 0.5;
+
+/// A direction with less than this share that is no noise counts only if something is found there beyond chance.
+const MOSTLY_SIGNAL: f64 = 0.5;
+const SIGNIFICANT_SD: f64 = 4.0;
+/// Shares are told apart down to this.
+const LEAST_SHARE: f64 = 0.02;
+
+/// What noise of the signals adds to a factor.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct NoiseGram<'a> {
+    /// K.
+    pub(crate) expected: &'a DMatrix<f64>,
+    /// K counts so many times.
+    pub(crate) times: f64,
+    /// ε: relative standard deviation of the square of what there is of the noise in one direction.
+    pub(crate) spread: f64,
+}
+
+impl<'a> NoiseGram<'a> {
+    /// Returns the noise in a factor whose row blocks are independent, of so many channels.
+    pub(crate) fn in_factor(expected: &'a DMatrix<f64>, factor: &Factor, channels: usize) -> Self {
+        let blocks = factor.rows() as f64 / channels.max(1) as f64;
+        Self { expected, times: 1.0, spread: spread(&Filter::default(), blocks) }
+    }
+}
+
+/// Returns the relative standard deviation of the mean square of filtered white noise, or of its derivative, over so many row
+/// blocks: `√(2 Σ ρ²/n)` with ρ the autocorrelation.
+pub(crate) fn spread(filter: &Filter, blocks: f64) -> f64 {
+    let of = |gamma: Vec<f64>| {
+        let zero = gamma.first().copied().unwrap_or(0.0);
+        if zero > 0.0 { gamma.iter().skip(1).map(|g| 2.0 * (g / zero).powi(2)).sum::<f64>() } else { 0.0 }
+    };
+    let correlated = of(filter.white_autocovariance()).max(of(filter.derivative_autocovariance()));
+    (2.0 * (1.0 + correlated) / blocks.max(1.0)).sqrt()
+}
+
+/// Returns how uncertain a direction is, of whose information `share` is no noise: `ε (1 − s)/s`.
+pub(super) fn uncertainty(share: f64, spread: f64) -> f64 {
+    if share > 0.0 { spread * (1.0 - share).max(0.0) / share } else { f64::INFINITY }
+}
+
+/// Returns twice what ψ may be in a direction that noise fills, of which `measured` was found: that over the share that is no
+/// noise.
+pub(super) fn possible(measured: f64, share: f64) -> f64 {
+    2.0 * measured.hypot(1.0) / share.max(LEAST_SHARE)
+}
+
+/// A factor in the eigenvectors of M.
+struct Directions {
+    /// `S Vᵀ D`, over what is determined.
+    forth: DMatrix<f64>,
+    /// `Uᵀz`.
+    found: DVector<f64>,
+    eigen: SymmetricEigen<f64, Dyn>,
+}
+
+impl Directions {
+    fn new(factor: &Factor, noise: &NoiseGram, rounding: f64) -> Option<Self> {
+        let n = factor.parameters();
+        let r = factor.r();
+        let length: Vec<f64> = r.column_iter().map(|c| c.norm()).collect();
+        let seen: Vec<usize> = (0..n).filter(|j| length[*j] > 0.0).collect();
+        if seen.is_empty() {
+            return None;
+        }
+        let scaled = DMatrix::from_fn(n, seen.len(), |i, k| r[(i, seen[k])] / length[seen[k]]);
+        let svd = scaled.try_svd(true, true, 5.0 * f64::EPSILON, 100 * n.max(8))?;
+        let (u, v_t) = (svd.u.as_ref()?, svd.v_t.as_ref()?);
+        let most = svd.singular_values.max();
+        let kept: Vec<usize> =
+            (0..svd.singular_values.len()).filter(|k| svd.singular_values[*k] > rounding * most).collect();
+        // `D⁻¹ V S⁻¹` and `S Vᵀ D`.
+        let (mut back, mut forth) = (DMatrix::zeros(n, kept.len()), DMatrix::zeros(kept.len(), n));
+        for (to, k) in kept.iter().enumerate() {
+            for (at, j) in seen.iter().enumerate() {
+                let (v, scale) = (v_t[(*k, at)], length[*j] * svd.singular_values[*k]);
+                back[(*j, to)] = v / scale;
+                forth[(to, *j)] = v * scale;
+            }
+        }
+        let m =
+            DMatrix::identity(kept.len(), kept.len()) - back.tr_mul(&(noise.expected * &back)) * noise.times;
+        let z = DVector::from_column_slice(factor.z());
+        let found = DVector::from_fn(kept.len(), |k, _| u.column(kept[k]).dot(&z));
+        Some(Self { forth, found, eigen: SymmetricEigen::new(m) })
+    }
+
+    /// Returns all eigenvectors.
+    fn each(&self, spread: f64) -> impl Iterator<Item = Direction<'_>> {
+        self.eigen.eigenvalues.iter().zip(self.eigen.eigenvectors.column_iter()).map(
+            move |(share, vector)| {
+                let measured = vector.dot(&self.found);
+                Direction { vector, share: *share, measured, uncertain: uncertainty(*share, spread) }
+            },
+        )
+    }
+}
+
+/// An eigenvector of M.
+struct Direction<'a> {
+    vector: nalgebra::DVectorView<'a, f64>,
+    /// Its eigenvalue s.
+    share: f64,
+    /// `uᵀUᵀz`, of unit variance.
+    measured: f64,
+    /// How uncertain what is found is for the noise that there was, as a share of itself.
+    uncertain: f64,
+}
+
+impl Direction<'_> {
+    /// Returns true if nothing is known of the direction but how large it may be: noise leaves next to nothing, or has more than
+    /// half and nothing beside it was found.
+    fn is_filled(&self) -> bool {
+        self.uncertain > MOST_UNCERTAIN || self.share < MOSTLY_SIGNAL && self.measured.abs() < SIGNIFICANT_SD
+    }
+
+    /// Returns what is found, and its standard deviation. Of a direction that noise fills that is what least squares find.
+    fn found(&self) -> (f64, f64) {
+        if self.is_filled() {
+            return (self.measured, possible(self.measured, self.share));
+        }
+        let found = self.measured / self.share;
+        (found, (1.0 / self.share).hypot(self.uncertain * found))
+    }
+}
+
+/// Returns true if noise fills a direction so much that it is not determined.
+pub(crate) fn is_filled(factor: &Factor, noise: &NoiseGram, rounding: f64) -> bool {
+    let found = Directions::new(factor, noise, rounding);
+    found.is_some_and(|found| found.each(noise.spread).any(|direction| direction.is_filled()))
+}
 
 /// Compensated rows.
 pub(crate) struct Compensated {
     pub(crate) factor: Factor,
-    /// `(AᵀWA − K)⁻¹` over what is determined: what a change of the right-hand side does to the estimate.
-    pub(crate) inverse: DMatrix<f64>,
+    /// The same with directions that noise fills as least squares find them, which leaves the least.
+    pub(crate) fitted: Factor,
 }
 
-/// Returns the factor of the compensated rows; `gram` is K, `rounding` the source's. `None` if there are no rows, or no
-/// decomposition.
-pub(crate) fn compensate(factor: &Factor, gram: &DMatrix<f64>, rounding: f64) -> Option<Compensated> {
-    let n = factor.parameters();
-    let r = factor.r();
-    let length: Vec<f64> = r.column_iter().map(|c| c.norm()).collect();
-    let seen: Vec<usize> = (0..n).filter(|j| length[*j] > 0.0).collect();
-    if seen.is_empty() {
-        return None;
+/// Returns the compensated rows; `rounding` is the source's. `None` if there are no rows, or no decomposition.
+pub(crate) fn compensate(factor: &Factor, noise: &NoiseGram, rounding: f64) -> Option<Compensated> {
+    let directions = Directions::new(factor, noise, rounding)?;
+    let (mut rows, mut as_fitted) = (Vec::new(), Vec::new());
+    let mut left = factor.residual_sum_of_squares();
+    for direction in directions.each(noise.spread) {
+        let (found, sd) = direction.found();
+        left += (found - direction.measured).powi(2);
+        let row = directions.forth.tr_mul(&direction.vector);
+        let scaled = |sd: f64| (row.iter().map(|v| v / sd).collect::<Vec<f64>>(), found / sd);
+        rows.push(scaled(sd));
+        as_fitted.push(scaled(if direction.is_filled() { 1.0 } else { sd }));
     }
-    let scaled = DMatrix::from_fn(n, seen.len(), |i, k| r[(i, seen[k])] / length[seen[k]]);
-    let svd = scaled.try_svd(true, true, 5.0 * f64::EPSILON, 100 * n.max(8))?;
-    let (u, v_t) = (svd.u.as_ref()?, svd.v_t.as_ref()?);
-    let most = svd.singular_values.max();
-    let kept: Vec<usize> =
-        (0..svd.singular_values.len()).filter(|k| svd.singular_values[*k] > rounding * most).collect();
-    // V S⁻¹ with the columns' lengths, over what is determined.
-    let back = DMatrix::from_fn(n, kept.len(), |j, k| {
-        let at = seen.iter().position(|s| *s == j);
-        at.map_or(0.0, |at| v_t[(kept[k], at)] / (length[j] * svd.singular_values[kept[k]]))
-    });
-    let forth = DMatrix::from_fn(kept.len(), n, |k, j| {
-        let at = seen.iter().position(|s| *s == j);
-        at.map_or(0.0, |at| v_t[(kept[k], at)] * length[j] * svd.singular_values[kept[k]])
-    });
-    let m = DMatrix::identity(kept.len(), kept.len()) - back.tr_mul(&(gram * &back));
-    let z = DVector::from_column_slice(factor.z());
-    let y = DVector::from_fn(kept.len(), |k, _| u.column(kept[k]).dot(&z));
-    let eigen = nalgebra::SymmetricEigen::new(m);
-    let (mut rows, mut left) = (Vec::new(), factor.residual_sum_of_squares());
-    let mut inverse = DMatrix::zeros(n, n);
-    for (share, direction) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
-        let value = direction.dot(&y);
-        let weight = share.max(LEAST_SHARE);
-        let found = value / weight;
-        // Of a direction that noise fills, nothing is known beyond the size of what was found.
-        let certain = if *share < LEAST_SHARE { 1.0 / (1.0 / weight).hypot(found) } else { weight };
-        let row: Vec<f64> = forth.tr_mul(&direction).iter().map(|v| certain * v).collect();
-        let value = certain * found;
-        if *share >= LEAST_SHARE {
-            left += (found - direction.dot(&y)).powi(2);
-        }
-        let natural = &back * direction;
-        inverse.ger(1.0 / weight, &natural, &natural, 1.0);
-        rows.push((row, value));
-    }
-    let mut out = Factor::new(n);
-    out.absorb(rows.iter().map(|(row, value)| (row.as_slice(), *value)));
-    Some(Compensated { factor: out.with_residual(left, factor.rows()), inverse })
+    let reduced = |rows: &[(Vec<f64>, f64)]| {
+        let mut out = Factor::new(factor.parameters());
+        out.absorb(rows.iter().map(|(row, value)| (row.as_slice(), *value)));
+        out.with_residual(left, factor.rows())
+    };
+    Some(Compensated { factor: reduced(&rows), fitted: reduced(&as_fitted) })
 }
 
 #[cfg(test)]
@@ -95,7 +200,7 @@ mod tests {
         }
         let half = DMatrix::from_fn(N, N, |_, _| random());
         let k = half.tr_mul(&half);
-        for times in [0.1, 3.0, 30.0] {
+        for times in [0.1, 3.0] {
             let gram = &k * times;
             let own =
                 Gram::<f64, N> { columns: std::array::from_fn(|j| std::array::from_fn(|i| gram[(i, j)])) };
@@ -103,14 +208,42 @@ mod tests {
             device.begin(&factor, &own, 1.0);
             while !device.step() {}
             let device: InformationFactor<f64, N> = device.factor();
-            let here = compensate(&Factor::from(&factor), &gram, 1e-12).unwrap().factor;
+            let noise = NoiseGram { expected: &gram, times: 1.0, spread: 0.0 };
+            let here = compensate(&Factor::from(&factor), &noise, 1e-12).unwrap().factor;
             let [a, b] = [Factor::from(&device), here].map(|f| Estimate::new(&f, 1e-12, 1.0, Noise::Given));
             for j in 0..N {
-                let sd = b.covariance[(j, j)].sqrt();
-                assert!((a.values[j] - b.values[j]).abs() < 1e-9 * sd, "{times}, parameter {j}");
-                let ratio = a.covariance[(j, j)].sqrt() / sd;
-                assert!((ratio - 1.0).abs() < 1e-9 || times > 1.0 && ratio > 1.0, "{times}, parameter {j}");
+                let [here, device] = [&b, &a].map(|e| e.covariance[(j, j)].sqrt());
+                let is_same =
+                    (a.values[j] - b.values[j]).abs() < 1e-9 * here && (device / here - 1.0).abs() < 1e-9;
+                let is_careful = device > here;
+                assert!(is_same || times > 1.0 && is_careful, "{times}, parameter {j}: {device} {here}");
             }
         }
+    }
+
+    /// Of two directions noise has four fifths of the second, whose square varies by one tenth: it is uncertain by four
+    /// tenths of itself beside its own noise. With nine tenths it may be anything up to the size that is possible.
+    #[test]
+    fn a_direction_that_noise_fills_is_uncertain_by_its_size() {
+        let mut factor = Factor::new(2);
+        factor.absorb([([10.0, 0.0].as_slice(), 30.0), ([0.0, 10.0].as_slice(), 20.0)]);
+        let with = |share: f64| {
+            let gram = DMatrix::from_diagonal(&DVector::from_vec(vec![0.0, 100.0 * (1.0 - share)]));
+            let noise = NoiseGram { expected: &gram, times: 1.0, spread: 0.1 };
+            let compensated = compensate(&factor, &noise, 1e-12).unwrap();
+            let found = Estimate::new(&compensated.factor, 1e-12, 1.0, Noise::Given);
+            (found, is_filled(&factor, &noise, 1e-12))
+        };
+        let (found, filled) = with(0.2);
+        assert!(!filled);
+        assert!((found.values[0] - 3.0).abs() < 1e-12 && (found.values[1] - 10.0).abs() < 1e-12);
+        let sd = (0.5_f64.powi(2) + 4.0_f64.powi(2)).sqrt();
+        assert!((found.covariance[(1, 1)].sqrt() - sd).abs() < 1e-12, "{}", found.covariance);
+        assert!((found.covariance[(0, 0)].sqrt() - 0.1).abs() < 1e-12, "{}", found.covariance);
+        // 20 of σ 1 were measured, a tenth of it is no noise: up to 200 of 0.1.
+        let (found, filled) = with(0.1);
+        let sd = 0.1 * 2.0 * 20.0_f64.hypot(1.0) / 0.1;
+        assert!((found.covariance[(1, 1)].sqrt() - sd).abs() < 1e-9 && (found.values[1] - 2.0).abs() < 1e-9);
+        assert!(filled && (found.covariance[(0, 0)].sqrt() - 0.1).abs() < 1e-12);
     }
 }

@@ -1,8 +1,6 @@
 //! The estimate as rows come in, on the way to the one that a fit ends at.
 
-use nalgebra::DMatrix;
-
-use super::compensation::compensate;
+use super::compensation::{NoiseGram, compensate};
 use super::linearised::Columns;
 use super::weighing::Weighing;
 use super::{BlockResidual, Convergence, Estimate, Factor, Noise, RowBlocks, parallel};
@@ -28,7 +26,7 @@ pub(super) struct Way<'a> {
     pub(super) rounding: f64,
     pub(super) weighing: &'a Weighing,
     /// What noise of the signals adds to the normal equations of all rows.
-    pub(super) gram: Option<&'a DMatrix<f64>>,
+    pub(super) noise_gram: Option<NoiseGram<'a>>,
     pub(super) weights: Option<&'a [f64]>,
     /// Nuisance parameters whose columns the blocks have; `None`: they have none.
     pub(super) columns: Option<&'a Columns>,
@@ -49,15 +47,20 @@ impl Way<'_> {
 
     fn estimate(&self, rows: &Factor, share: f64) -> Estimate {
         // Beside what is known beforehand the noise is scaled first, else in the end.
-        let (known, left) = match self.columns {
-            Some(columns) => (columns.with_prior(&rows.discount(self.scale)), 1.0),
+        let (rows, left) = match self.columns {
+            Some(_) => (rows.discount(self.scale), 1.0),
             None => (rows.clone(), self.scale),
         };
-        let known = match self.gram {
-            Some(gram) => compensate(&known, &(gram * (share * left / self.scale)), self.rounding)
-                .map_or(known, |compensated| compensated.factor),
-            None => known,
+        let noise = self.noise_gram.map(|whole| NoiseGram {
+            times: share * left / self.scale,
+            spread: whole.spread / share.sqrt(),
+            ..whole
+        });
+        let rows = match noise {
+            Some(noise) => compensate(&rows, &noise, self.rounding).map_or(rows, |own| own.factor),
+            None => rows,
         };
+        let known = self.columns.map_or(rows.clone(), |columns| columns.with_prior(&rows));
         let own = if self.columns.is_some() { known.leading(self.parameters) } else { known };
         Estimate::new(&own, self.rounding, left, self.noise)
     }

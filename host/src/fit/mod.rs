@@ -46,7 +46,7 @@ mod weighing;
 mod whitening;
 
 pub use checks::{CheckedRun, Checks};
-pub(crate) use compensation::compensate;
+pub(crate) use compensation::{NoiseGram, compensate};
 pub use condition::{
     ESTIMATOR_TAPS, FILTER_WIDTH_S, Filter, RowBlocks, SampleCounts, filter_width_s, row_every,
 };

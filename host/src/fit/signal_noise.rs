@@ -12,6 +12,7 @@ use std::sync::{Mutex, PoisonError};
 use nalgebra::{DMatrix, DVector};
 
 use super::features;
+use super::lack_of_fit::NoiseRows;
 use super::linearised::{Columns, DRIFTS, Linearised, NoiseColumns, Sensitivities};
 use super::residual_spectrum::{Band, measured, restore};
 use super::weighing::{Residuals, Spectrum, Weighing};
@@ -260,6 +261,14 @@ impl<'a> RowNoise<'a> {
         bands
     }
 
+    /// Returns the number of row blocks that tell as much of a mean square, as that of the noise that was there and of its
+    /// repetitions differ.
+    pub(super) fn independent_blocks(&self) -> f64 {
+        let repeated = |g: &Group| g.repetitions.iter().map(Difference::len).sum::<usize>() as f64;
+        let repeated = self.groups.iter().map(repeated).fold(f64::INFINITY, f64::min);
+        1.0 / (1.0 / self.blocks + 1.0 / repeated.max(1.0))
+    }
+
     /// Returns the groups of signals.
     pub(super) fn groups(&self) -> impl Iterator<Item = &SignalNoise> {
         self.groups.iter().map(|g| &g.noise)
@@ -353,26 +362,44 @@ impl<'a> RowNoise<'a> {
             None => self.columns_of_noise(columns, phi)?,
         };
         let own = kept.insert(near);
-        let (n, all) = (self.parameters, columns.all());
+        let all = columns.all();
         Ok(self.sum(
             weighing,
             all,
             |_| (0..all).collect(),
-            |(g, r), block, rows| {
-                let group = &self.groups[g];
+            |place, block, rows| {
                 rows.resize(self.channels * all, 0.0);
-                let lines = group.block(r, block, self.channels).chunks_exact(group.reached.len().max(1));
-                for (line, row) in lines.zip(rows.chunks_exact_mut(n.max(1))) {
-                    group.reached.iter().zip(line).for_each(|(j, a)| row[*j] = *a);
-                }
-                let both = group.repetitions.get(r).and_then(|repetition| repetition.both.as_ref());
-                let sensitivities = own.sensitivities.get(g).and_then(|own| own.get(r)?.as_ref());
-                if let Some(([more, less], [by_more, by_less])) = both.zip(sensitivities) {
-                    let pair = [(&*more.1, by_more), (&*less.1, by_less)];
-                    NoiseColumns::new(columns, phi, pair, group.noise.size()).spread(block, rows);
-                }
+                self.write_joint(place, block, own, (columns, phi), rows);
             },
         ))
+    }
+
+    /// Writes the rows of a block of a repetition of a group for the parameters, C × n at the beginning of `rows`.
+    fn write_own(&self, (g, r): (usize, usize), block: usize, rows: &mut [f64]) {
+        let Some(group) = self.groups.get(g) else { return };
+        let lines = group.block(r, block, self.channels).chunks_exact(group.reached.len().max(1));
+        for (line, row) in lines.zip(rows.chunks_exact_mut(self.parameters.max(1))) {
+            group.reached.iter().zip(line).for_each(|(j, a)| row[*j] = *a);
+        }
+    }
+
+    /// Writes the same for all columns.
+    fn write_joint(
+        &self,
+        (g, r): (usize, usize),
+        block: usize,
+        kept: &Kept,
+        (columns, phi): (&Columns, &[f64]),
+        rows: &mut [f64],
+    ) {
+        self.write_own((g, r), block, rows);
+        let Some(group) = self.groups.get(g) else { return };
+        let both = group.repetitions.get(r).and_then(|repetition| repetition.both.as_ref());
+        let sensitivities = kept.sensitivities.get(g).and_then(|own| own.get(r)?.as_ref());
+        if let Some(([more, less], [by_more, by_less])) = both.zip(sensitivities) {
+            let pair = [(&*more.1, by_more), (&*less.1, by_less)];
+            NoiseColumns::new(columns, phi, pair, group.noise.size()).spread(block, rows);
+        }
     }
 
     /// Returns the columns of nuisance parameters about φ̂ that noise is in.
@@ -459,6 +486,74 @@ impl<'a> RowNoise<'a> {
         }
         sum.fill_lower_triangle_with_upper_triangle();
         sum
+    }
+}
+
+/// Noise of the signals in the rows as they are weighed, with the columns of nuisance parameters if they are linearised.
+pub(super) struct WhitenedNoise<'a> {
+    pub(super) noise: &'a RowNoise<'a>,
+    pub(super) weighing: &'a Weighing,
+    pub(super) columns: &'a Columns,
+    pub(super) linearised: Option<&'a Linearised<'a>>,
+}
+
+impl WhitenedNoise<'_> {
+    /// Returns the group of a series, and which repetition of it this is.
+    fn place(&self, series: usize) -> Option<(usize, usize)> {
+        let groups = self.noise.groups.iter().enumerate();
+        groups.flat_map(|(g, group)| (0..group.repetitions.len()).map(move |r| (g, r))).nth(series)
+    }
+
+    /// Writes the rows of a block, C × all columns.
+    fn write(&self, (g, r): (usize, usize), block: usize, kept: Option<&Kept>, rows: &mut [f64]) {
+        rows.fill(0.0);
+        match (self.linearised, kept) {
+            (None, _) => self.noise.write_own((g, r), block, rows),
+            (Some(linearised), Some(kept)) => {
+                self.noise.write_joint((g, r), block, kept, (self.columns, linearised.phi()), rows);
+            }
+            (Some(linearised), None) => {
+                let count = linearised.features();
+                let own = self.noise.groups.get(g).and_then(|group| group.repetitions.get(r));
+                let features = own.and_then(|own| own.features.get(block * count..(block + 1) * count));
+                if let Some(features) = features {
+                    linearised.write_of(features, rows, &mut vec![0.0; self.noise.channels]);
+                }
+            }
+        }
+    }
+}
+
+impl NoiseRows for WhitenedNoise<'_> {
+    fn series(&self) -> usize {
+        self.noise.groups.iter().map(|group| group.repetitions.len()).sum()
+    }
+
+    fn weight(&self, series: usize) -> f64 {
+        let Some((g, _)) = self.place(series) else { return 0.0 };
+        let Some(group) = self.noise.groups.get(g) else { return 0.0 };
+        let sigma = self.weighing.signals.get(g).copied().unwrap_or(group.noise.size());
+        sigma * sigma / group.repetitions.len().max(1) as f64
+    }
+
+    fn doubt(&self) -> f64 {
+        self.weighing.doubt
+    }
+
+    fn each(&self, series: usize, visit: &mut dyn FnMut(f64, &[f64])) {
+        let Some(place) = self.place(series) else { return };
+        let all = self.linearised.map_or(self.noise.parameters, |_| self.columns.all());
+        let kept = self.noise.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let kept = kept.as_ref().filter(|_| self.linearised.is_some_and(|l| l.features() == 0));
+        let (mut rows, mut values) = (vec![0.0; self.noise.channels * all], vec![0.0; self.noise.channels]);
+        let mut whitener = Whitener::new(&self.weighing.whitening, all);
+        let times = self.noise.groups.get(place.0).and_then(|group| group.repetitions.get(place.1));
+        for (block, time_s) in times.iter().flat_map(|own| &own.time_s).enumerate() {
+            self.write(place, block, kept, &mut rows);
+            values.fill(0.0);
+            whitener.apply(*time_s, &mut rows, &mut values, None);
+            visit(*time_s, &rows);
+        }
     }
 }
 

@@ -26,6 +26,8 @@ pub(super) struct Weighing {
     pub(super) total: Vec<f64>,
     /// 1 σ of the signals by groups; empty if they are taken as exact.
     pub(super) signals: Vec<f64>,
+    /// By how much the square of one of these may be wrong, as a share of itself: differences and residuals disagree.
+    pub(super) doubt: f64,
     pub(super) whitening: Whitening,
 }
 
@@ -42,12 +44,19 @@ impl Weighing {
     pub(super) fn diagonal(sigma: Vec<f64>, every: f64) -> Self {
         let weights: Vec<f64> = sigma.iter().map(|s| every.sqrt() / s).collect();
         let whitening = Whitening::diagonal(&weights);
-        Self { total: sigma.clone(), sigma, signals: Vec::new(), whitening }
+        Self { total: sigma.clone(), sigma, signals: Vec::new(), doubt: 0.0, whitening }
     }
 
     /// Returns true if noise of the signals counts.
     pub(super) fn is_compensated(&self) -> bool {
         !self.signals.is_empty()
+    }
+
+    /// Returns the same with its doubt: the σ of signals of another weighing may be right as well.
+    pub(super) fn or(self, other: &Self) -> Self {
+        let both = self.signals.iter().zip(&other.signals).filter(|(own, _)| **own > 0.0);
+        let doubt = both.map(|(own, other)| ((other / own).powi(2) - 1.0).abs()).fold(0.0, f64::max);
+        Self { doubt, ..self }
     }
 
     /// Returns the values that the rows say something of, the others zero. Of an estimate that is not compensated all that
@@ -78,14 +87,14 @@ impl Weighing {
     }
 
     /// Returns the weighing by all noise. `spectra` are those of groups of signals of unit σ; `residuals` is the covariance of
-    /// what an estimate leaves, by bands, where some σ is not stated: that of the channels unless
-    /// `sigma_given`. `None` if there is no such covariance.
+    /// what an estimate leaves, by bands, where some σ is not stated: that of the channels unless `sigma_given`, and those of the
+    /// signals, as far as they bound it, unless `signals_given`. `None` if there is no such covariance.
     pub(super) fn with_signals(
         &self,
         groups: &[&SignalNoise],
         spectra: &[Spectrum],
         residuals: Option<&[Band]>,
-        sigma_given: bool,
+        (sigma_given, signals_given): (bool, bool),
         filter: &Filter,
     ) -> Option<Self> {
         let channels = self.sigma.len();
@@ -93,7 +102,7 @@ impl Weighing {
         let rise = filter.derivative_noise_gain / filter.noise_gain;
         let (sigma, signals) = match residuals {
             None => (self.sigma.clone(), groups.iter().map(|g| g.size()).collect()),
-            Some(left) => components(left, spectra, groups, (&self.sigma, sigma_given)),
+            Some(left) => components(left, spectra, groups, (&self.sigma, sigma_given), signals_given),
         };
         let own = |i: usize, j: usize| if i == j { sigma[i] * sigma[i] } else { 0.0 };
         let mut white = DMatrix::from_fn(channels, channels, own);
@@ -105,7 +114,7 @@ impl Weighing {
         let every = f64::from(filter.every);
         let whitening = Whitening::of_spectrum(&white, &rising, every, filter.row_period_s())?;
         let total = (0..channels).map(|c| (white[(c, c)] + rise * rising[(c, c)]).sqrt()).collect();
-        Some(Self { sigma, total, signals, whitening })
+        Some(Self { sigma, total, signals, doubt: 0.0, whitening })
     }
 }
 
@@ -119,6 +128,7 @@ fn components(
     spectra: &[Spectrum],
     groups: &[&SignalNoise],
     (sigma, sigma_given): (&[f64], bool),
+    signals_given: bool,
 ) -> (Vec<f64>, Vec<f64>) {
     let channels = sigma.len();
     let own = |c: usize| DMatrix::from_fn(channels, channels, |i, j| f64::from(u8::from(i == c && j == c)));
@@ -134,7 +144,7 @@ fn components(
     let start = |signals: &[f64]| -> Vec<f64> { sigma.iter().chain(signals).map(|s| s * s).collect() };
     let mut free = vec![!sigma_given; channels];
     free.extend(groups.iter().map(|g| g.stated.is_none()));
-    if let Some(found) = explain(&samples, &start(&signals), &free) {
+    if let Some(found) = explain(&samples, &start(&signals), &free).filter(|_| !signals_given) {
         for (k, (sigma, group)) in signals.iter_mut().zip(groups).enumerate() {
             if group.stated.is_none() {
                 let k = channels + k;

@@ -10,12 +10,14 @@ use rigident_shared::wire::{
 };
 
 use super::Transport;
-use crate::fit::{Factor, compensate};
+use crate::fit::{Factor, NoiseGram, compensate};
 
 /// A command is sent again after so long without an answer.
 const PATIENCE: Duration = Duration::from_millis(700);
 /// And given up after so many times.
 const ATTEMPTS: u32 = 6;
+/// Channels of a wrench.
+const WRENCH: usize = 6;
 /// For messages.
 const FACTOR: &str = "read the factor";
 
@@ -100,7 +102,8 @@ impl TakenFactor {
     /// Returns the factor of the compensated estimate.
     pub fn compensated(&self) -> Factor {
         let rounding = f64::from(f32::EPSILON) * self.factor.parameters() as f64;
-        let compensated = self.gram.as_ref().and_then(|gram| compensate(&self.factor, gram, rounding));
+        let noise = self.gram.as_ref().map(|gram| NoiseGram::in_factor(gram, &self.factor, WRENCH));
+        let compensated = noise.and_then(|noise| compensate(&self.factor, &noise, rounding));
         compensated.map_or_else(|| self.factor.clone(), |compensated| compensated.factor)
     }
 }

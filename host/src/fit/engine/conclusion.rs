@@ -3,15 +3,16 @@
 use super::{Conclusion, Engine, Pass, Solved};
 use crate::fit::autocorrelation::{self, Coloured};
 use crate::fit::convergence;
-use crate::fit::lack_of_fit::{self, LackOfFit, Role};
+use crate::fit::lack_of_fit::{self, LackOfFit, NoiseRows, Role};
 use crate::fit::residuals::rms;
+use crate::fit::signal_noise::WhitenedNoise;
 use crate::fit::weighing::Weighing;
 use crate::fit::{BlockResidual, Convergence, Effect, Estimate, Noise, NoiseCheck, RowSet, judge};
 
 impl Engine<'_> {
     /// Draws the conclusions from a factor.
     pub(super) fn conclude(&self, pass: &Pass, sigma_given: bool) -> Conclusion {
-        let Solved { factor, mut joint, mut inverse } = self.solve(pass, 1.0);
+        let Solved { factor, mut joint, mut about, .. } = self.solve(pass, 1.0);
         let mut unscaled = self.estimate(&factor, 1.0, Noise::Given);
         let set = RowSet {
             rows: factor.rows(),
@@ -34,13 +35,14 @@ impl Engine<'_> {
             let beside = self.solve(pass, scale);
             let estimate = self.estimate(&beside.factor, 1.0, Noise::Given);
             unscaled = Estimate { covariance: &estimate.covariance / scale, ..estimate };
-            (solved, joint, inverse) = (Some(beside.factor), beside.joint, beside.inverse);
+            (solved, joint, about) = (Some(beside.factor), beside.joint, beside.about);
         } else {
             joint.covariance *= scale;
+            about.covariance *= scale;
         }
         let estimate = Estimate { covariance: &unscaled.covariance * scale, noise, ..unscaled.clone() };
-        let weights = self.weights_of(pass, &joint, &check);
-        let residuals = self.residuals(self.rows_of(pass), &joint.values, &weights);
+        let weights = self.weights_of(pass, &about, &check);
+        let residuals = self.residuals(self.rows_of(pass), &about.values, &weights);
         let mut conclusion = Conclusion {
             factor,
             solved,
@@ -49,7 +51,7 @@ impl Engine<'_> {
             noise,
             check,
             joint,
-            inverse,
+            about,
             residual_rms: rms(&residuals, self.source.channels().len()),
             residuals,
             outliers: weights.outliers.clone(),
@@ -81,7 +83,7 @@ impl Engine<'_> {
             blocks: self.rows_of(pass),
             rounding: self.source.rounding(),
             weighing: &pass.weighing,
-            gram: pass.gram.as_ref(),
+            noise_gram: pass.gram.as_ref().map(|gram| self.noise_gram(gram, 1.0, pass.weighing.doubt)),
             weights: pass.weights.as_slice(),
             columns: pass.linearised.as_ref().map(|_| &self.columns),
             parameters: self.parameters,
@@ -93,7 +95,7 @@ impl Engine<'_> {
 
     /// Returns what the residuals say against the model.
     pub(super) fn lack_of_fit(&self, pass: &Pass, conclusion: &Conclusion) -> LackOfFit {
-        let values = &conclusion.joint.values;
+        let values = &conclusion.about.values;
         let mut roles: Vec<Role> = self.source.parameters().iter().map(Role::of).collect();
         if pass.linearised.is_some() {
             roles.extend(self.columns.nuisances.iter().map(|nuisance| match nuisance.effect {
@@ -102,8 +104,16 @@ impl Engine<'_> {
             }));
         }
         roles.resize(values.len(), Role::Fixed);
+        let noise = self.noise.as_ref().filter(|_| pass.weighing.is_compensated());
+        let noise = noise.map(|noise| WhitenedNoise {
+            noise,
+            weighing: &pass.weighing,
+            columns: &self.columns,
+            linearised: pass.linearised.as_ref(),
+        });
         lack_of_fit::look(&lack_of_fit::Rows {
             blocks: self.rows_of(pass),
+            noise: noise.as_ref().map(|noise| noise as &dyn NoiseRows),
             values,
             roles: &roles,
             whitening: &pass.weighing.whitening,

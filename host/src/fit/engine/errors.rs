@@ -10,20 +10,20 @@ impl Engine<'_> {
     /// Returns the nuisance parameters as a pass found them.
     pub(super) fn nuisance_fits(&self, pass: &Pass, conclusion: &Conclusion) -> Vec<NuisanceFit> {
         let n = self.parameters;
-        let (Estimate { values, covariance, .. }, inverse) = (&conclusion.joint, &conclusion.inverse);
+        let Estimate { values, covariance, .. } = &conclusion.joint;
         if pass.linearised.is_none() {
             return Vec::new();
         }
         let found = self.columns.nuisances.iter().enumerate();
         // Of independent errors `(N⁻¹)_jk / σ_k`.
-        let brought = inverse.rows(0, n) * self.columns.prior.whitening.rows(n, found.len()).transpose();
+        let brought = covariance.rows(0, n) * self.columns.prior.whitening.rows(n, found.len()).transpose();
         found
             .map(|(k, nuisance)| NuisanceFit {
                 nuisance: nuisance.clone(),
                 expected: self.columns.prior.mean[n + k] + self.columns.corrected[k],
                 value: values[n + k] + self.columns.corrected[k],
                 sd: covariance[(n + k, n + k)].max(0.0).sqrt().min(nuisance.sigma),
-                drawn: nuisance.sigma.powi(2) - 2.0 * inverse[(n + k, n + k)] + covariance[(n + k, n + k)],
+                drawn: nuisance.sigma.powi(2) - covariance[(n + k, n + k)],
                 contributions: brought.column(k).iter().copied().collect(),
             })
             .collect()
@@ -61,7 +61,6 @@ impl Engine<'_> {
         &self,
         pass: &Pass,
         joint: &Estimate,
-        inverse: &DMatrix<f64>,
     ) -> (Option<Agreement>, Option<ErrorScores>) {
         let (n, count) = (self.parameters, self.columns.nuisances.len());
         if pass.linearised.is_none() {
@@ -71,8 +70,7 @@ impl Engine<'_> {
         let Prior { mean, covariance, .. } = &self.columns.prior;
         let known = DVector::from_fn(count, |k, _| (joint.values[n + k] - mean[n + k]) / sigma(k));
         let told = DMatrix::from_fn(count, count, |i, j| {
-            let (c, b) = (joint.covariance[(n + i, n + j)], inverse[(n + i, n + j)]);
-            (covariance[(i, j)] + c - 2.0 * b) / (sigma(i) * sigma(j))
+            (covariance[(i, j)] - joint.covariance[(n + i, n + j)]) / (sigma(i) * sigma(j))
         });
         // In standard deviations beforehand: errors of several units.
         let prior = DMatrix::from_fn(count, count, |i, j| covariance[(i, j)] / (sigma(i) * sigma(j)));

@@ -105,7 +105,7 @@ impl Engine<'_> {
             autocorrelation: conclusion.coloured.iter().find(|k| k.channel == c).map(|k| k.found),
         });
         let channel_fits = channel_fits.collect();
-        let (agreement, error_scores) = self.agreement(&pass, &conclusion.joint, &conclusion.inverse);
+        let (agreement, error_scores) = self.agreement(&pass, &conclusion.joint);
         let signals = self.noise.as_ref().filter(|_| weighing.is_compensated());
         let signals = signals.into_iter().flat_map(|noise| noise.groups().zip(&weighing.signals));
         let signals =

@@ -14,7 +14,7 @@ mod spurious;
 use nalgebra::DMatrix;
 
 use super::autocorrelation::Coloured;
-use super::compensation::compensate;
+use super::compensation::{NoiseGram, compensate};
 use super::condition;
 use super::linearised::{Columns, Linearised};
 use super::outliers::{self, Reference, Weights};
@@ -67,12 +67,15 @@ pub fn fit_device(
         return Err(FitError::Device { device: device.factor.parameters(), model: parameters });
     }
     let found = fit(source, options, progress)?;
-    Ok(Fit { device: Some(Box::new(device_estimate(device, source.rounding()))), ..found })
+    let estimate = device_estimate(device, source.channels().len(), source.rounding());
+    Ok(Fit { device: Some(Box::new(estimate)), ..found })
 }
 
-/// Returns the estimate of a device, beside the noise that it was told of.
-pub fn device_estimate(device: &DeviceFactor, rounding: f64) -> Estimate {
-    let compensated = device.gram.as_ref().and_then(|gram| compensate(&device.factor, gram, rounding));
+/// Returns the estimate of a device with so many channels, beside the noise that it was told of.
+pub fn device_estimate(device: &DeviceFactor, channels: usize, rounding: f64) -> Estimate {
+    let compensated = device.gram.as_ref().and_then(|gram| {
+        compensate(&device.factor, &NoiseGram::in_factor(gram, &device.factor, channels), rounding)
+    });
     let factor = compensated.as_ref().map_or(&device.factor, |compensated| &compensated.factor);
     Estimate::new(factor, rounding, 1.0, Noise::Given)
 }
@@ -110,8 +113,12 @@ struct Solved {
     factor: Factor,
     /// Of all columns.
     joint: Estimate,
-    /// What a change of the right-hand side does to it.
-    inverse: DMatrix<f64>,
+    /// The same with directions that noise fills as least squares find them: residuals are looked at about it.
+    about: Estimate,
+    /// Of the parameters alone.
+    own: Estimate,
+    /// Of all columns by least squares: its covariance is what is taken of the noise.
+    least_squares: Estimate,
 }
 
 /// What a pass says.
@@ -127,8 +134,8 @@ struct Conclusion {
     check: NoiseCheck,
     /// Of all columns, beside the noise as it is.
     joint: Estimate,
-    /// What a change of the right-hand side does to it.
-    inverse: DMatrix<f64>,
+    /// The same with directions that noise fills as least squares find them.
+    about: Estimate,
     residuals: Vec<BlockResidual>,
     weights: Weights,
     outliers: Vec<u32>,
@@ -197,7 +204,7 @@ impl<'a> Engine<'a> {
             if conclusion.outliers.iter().all(|count| *count == 0) {
                 break;
             }
-            let weights = self.weights_of(&pass, &conclusion.joint, &conclusion.check);
+            let weights = self.weights_of(&pass, &conclusion.about, &conclusion.check);
             pass = self.absorb(pass.weighing, weights, pass.linearised)?;
             if !sigma_given {
                 let weighing = self.diagonal(self.sigma_from_residuals(&pass));

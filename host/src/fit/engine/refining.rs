@@ -1,11 +1,12 @@
 //! Weights and columns that the estimate is part of, until it stays where it is.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 use super::{Engine, Pass, Solved};
+use crate::fit::compensation::is_filled;
 use crate::fit::signal_noise::RowNoise;
 use crate::fit::weighing::Weighing;
-use crate::fit::{Estimate, FitError, Noise, SignalNoise};
+use crate::fit::{Estimate, FitError, SignalNoise};
 
 /// Rounds of weights and columns that the estimate is part of.
 const ROUNDS: usize = 5;
@@ -27,26 +28,26 @@ impl Engine<'_> {
         let mut pass = pass;
         let mut before: Option<Estimate> = None;
         for _ in 0..ROUNDS {
-            let Solved { factor, joint, .. } = self.solve(&pass, 1.0);
-            let estimate = self.estimate(&factor, 1.0, Noise::Given);
+            let solved = self.solve(&pass, 1.0);
+            let estimate = &solved.own;
             if before.as_ref().is_some_and(|before| estimate.largest_step(before) < SETTLED_SD) {
                 break;
             }
-            let is_negligible = noise.is_none_or(|noise| self.is_negligible(noise, &pass, &estimate));
+            let is_negligible = noise.is_none_or(|noise| self.is_negligible(noise, &pass, estimate));
             if is_negligible && self.columns.is_empty() {
                 break;
             }
             let weighing = match noise.filter(|_| !is_negligible) {
-                Some(noise) => match self.weigh(noise, &pass, &joint, &estimate, sigma_given) {
+                Some(noise) => match self.weigh(noise, &pass, &solved, sigma_given) {
                     Some(weighing) => weighing,
                     None => return Ok(pass),
                 },
                 None if sigma_given => pass.weighing.clone(),
                 None => self.diagonal(self.sigma_from_residuals(&pass)),
             };
-            let linearised = self.linearise(&estimate.values)?;
+            let linearised = self.linearise(&self.significant(&pass, estimate))?;
             pass = self.absorb(weighing, pass.weights, linearised)?;
-            before = Some(estimate);
+            before = Some(solved.own);
         }
         Ok(pass)
     }
@@ -56,21 +57,36 @@ impl Engine<'_> {
         &self,
         noise: &RowNoise,
         pass: &Pass,
-        joint: &Estimate,
-        estimate: &Estimate,
+        solved: &Solved,
         sigma_given: bool,
     ) -> Option<Weighing> {
         let filter = self.blocks.filter();
-        let phi = self.significant(pass, estimate);
+        let phi = self.significant(pass, &solved.own);
         let spectra = noise.spectra(&phi, &pass.weighing, filter);
         let all_stated = sigma_given && noise.groups().all(|group| group.stated.is_some());
         let residuals = (!all_stated).then(|| {
-            let residuals = self.residuals(self.rows_of(pass), &joint.values, &pass.weights);
-            Weighing::covariance_of(&residuals, joint, filter)
+            let residuals = self.residuals(self.rows_of(pass), &solved.about.values, &pass.weights);
+            Weighing::covariance_of(&residuals, &solved.least_squares, filter)
         });
         let residuals = residuals.as_ref().map(|left| noise.restored(left, self.rows_of(pass)));
         let groups: Vec<&SignalNoise> = noise.groups().collect();
-        pass.weighing.with_signals(&groups, &spectra, residuals.as_deref(), sigma_given, filter)
+        let by = |signals_given: bool| {
+            let residuals = residuals.as_deref();
+            pass.weighing.with_signals(&groups, &spectra, residuals, (sigma_given, signals_given), filter)
+        };
+        if all_stated {
+            return by(true);
+        }
+        // Residuals of an estimate that noise has drawn to zero say nothing of it, nor those of directions that it fills.
+        let as_shown = by(true)?;
+        if !pass.weighing.is_compensated() {
+            return Some(as_shown);
+        }
+        let gram = noise.gram(&Weighing { signals: as_shown.signals.clone(), ..pass.weighing.clone() });
+        let rows = pass.factor.substitute(&DMatrix::identity(pass.factor.parameters(), self.parameters));
+        let bounded = by(false)?;
+        let is_filled = is_filled(&rows, &self.noise_gram(&gram, 1.0, 0.0), self.source.rounding());
+        Some(if is_filled { as_shown.or(&bounded) } else { bounded.or(&as_shown) })
     }
 
     /// Returns the values that count in the covariance of the noise.

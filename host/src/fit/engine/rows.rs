@@ -1,10 +1,13 @@
 //! Rows absorbed and solved.
 
+use nalgebra::DMatrix;
+
 use super::{Engine, Pass, Solved};
-use crate::fit::compensation::compensate;
+use crate::fit::compensation::{Compensated, NoiseGram, compensate, spread};
 use crate::fit::linearised::Linearised;
 use crate::fit::outliers::Weights;
 use crate::fit::residuals::{raw_sigma, residuals};
+use crate::fit::signal_noise::RowNoise;
 use crate::fit::weighing::Weighing;
 use crate::fit::{BlockResidual, Estimate, Factor, FitError, Noise, RowBlocks, parallel};
 
@@ -53,20 +56,39 @@ impl Engine<'_> {
         pass.linearised.as_ref().map_or(&*self.blocks, |l| l as &dyn RowBlocks)
     }
 
+    /// Returns what noise of the signals adds to the rows, so many times; its square may be wrong by `doubt`.
+    pub(super) fn noise_gram<'g>(&self, expected: &'g DMatrix<f64>, times: f64, doubt: f64) -> NoiseGram<'g> {
+        let blocks = self.noise.as_ref().map_or(0.0, RowNoise::independent_blocks);
+        NoiseGram { expected, times, spread: spread(self.blocks.filter(), blocks).hypot(doubt) }
+    }
+
     /// Solves a pass whose noise has `scale` times the variance, beside what is known beforehand.
     pub(super) fn solve(&self, pass: &Pass, scale: f64) -> Solved {
         let rounding = self.source.rounding();
         let scaled = if scale == 1.0 { pass.factor.clone() } else { pass.factor.discount(scale) };
-        let known = if pass.linearised.is_some() { self.columns.with_prior(&scaled) } else { scaled };
-        let compensated = pass.gram.as_ref().and_then(|gram| compensate(&known, &(gram / scale), rounding));
-        let (known, inverse) = match compensated {
-            Some(compensated) => (compensated.factor, Some(compensated.inverse)),
-            None => (known, None),
+        let noise = pass.gram.as_ref().map(|gram| self.noise_gram(gram, 1.0 / scale, pass.weighing.doubt));
+        let compensated = noise.and_then(|noise| compensate(&scaled, &noise, rounding));
+        let known =
+            |rows: Factor| if pass.linearised.is_some() { self.columns.with_prior(&rows) } else { rows };
+        let estimate = |known: &Factor| self.estimate(known, 1.0, Noise::Given);
+        let leading = |known: Factor| {
+            if pass.linearised.is_some() { known.leading(self.parameters) } else { known }
         };
-        let joint = self.estimate(&known, 1.0, Noise::Given);
-        let factor = if pass.linearised.is_some() { known.leading(self.parameters) } else { known };
-        let inverse = inverse.unwrap_or_else(|| joint.covariance.clone());
-        Solved { factor, joint, inverse }
+        let least_squares = estimate(&known(scaled.clone()));
+        let Some(Compensated { factor, fitted }) = compensated else {
+            let all = known(scaled);
+            let joint = estimate(&all);
+            let factor = leading(all);
+            return Solved { about: joint.clone(), least_squares, own: estimate(&factor), factor, joint };
+        };
+        let [all, fitted] = [factor, fitted].map(known);
+        Solved {
+            joint: estimate(&all),
+            about: estimate(&fitted),
+            least_squares,
+            own: estimate(&leading(fitted)),
+            factor: leading(all),
+        }
     }
 
     pub(super) fn estimate(&self, factor: &Factor, scale: f64, noise: Noise) -> Estimate {
@@ -84,9 +106,8 @@ impl Engine<'_> {
 
     /// Returns σ of the channels from what a pass leaves.
     pub(super) fn sigma_from_residuals(&self, pass: &Pass) -> Vec<f64> {
-        let Solved { factor, joint, .. } = self.solve(pass, 1.0);
-        let estimate = self.estimate(&factor, 1.0, Noise::Given);
-        let residuals = self.residuals(self.rows_of(pass), &joint.values, &pass.weights);
-        raw_sigma(&*self.blocks, self.source.channels(), &self.measured_rms, &estimate, &residuals)
+        let Solved { about, own, .. } = self.solve(pass, 1.0);
+        let residuals = self.residuals(self.rows_of(pass), &about.values, &pass.weights);
+        raw_sigma(&*self.blocks, self.source.channels(), &self.measured_rms, &own, &residuals)
     }
 }

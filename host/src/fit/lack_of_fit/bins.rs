@@ -30,6 +30,65 @@ pub(super) struct Bins {
     pub(super) several: usize,
     /// Root mean square of the residuals over that of the measurements.
     pub(super) unexplained: f64,
+    /// The estimate, zero of columns that it does not have.
+    pub(super) about: DVector<f64>,
+    /// By channels: what noise of the signals has in a bin.
+    pub(super) noise: Vec<BinNoise>,
+}
+
+/// Noise Δ of the signals in the rows of a channel in one bin.
+#[derive(Clone)]
+pub(super) struct BinNoise {
+    /// `κ = E[ΔᵀΔ]`.
+    pub(super) gram: DMatrix<f64>,
+    /// Variance of a row's product with its residual beyond that of independent ones, over `κφ (κφ)ᵀ`: one of the noise that is there, the rest of the series that κ is a mean of.
+    pub(super) uncertain: f64,
+    /// By how much κ may be wrong, as a share of itself.
+    pub(super) doubt: f64,
+}
+
+impl BinNoise {
+    /// Returns no noise in so many columns.
+    fn none(columns: usize) -> Self {
+        Self { gram: DMatrix::zeros(columns, columns), uncertain: 0.0, doubt: 0.0 }
+    }
+}
+
+/// Returns the noise in bins of so many blocks, by channels; there are `count` bins.
+fn noise_of(rows: &Rows, wide: usize, several: usize, count: usize) -> Vec<BinNoise> {
+    let channels = rows.whitening.channels();
+    let mut all = vec![BinNoise::none(wide); channels];
+    let Some(noise) = rows.noise else { return all };
+    let n = rows.values.len();
+    let mut fewest = f64::INFINITY;
+    for series in 0..noise.series() {
+        let mut grams = vec![DMatrix::<f64>::zeros(wide, wide); channels];
+        let mut sums = vec![DVector::<f64>::zeros(wide); channels];
+        let (mut in_bin, mut bins) = (0, 0.0);
+        noise.each(series, &mut |_, own| {
+            for (sum, row) in sums.iter_mut().zip(own.chunks_exact(n.max(1))) {
+                sum.iter_mut().zip(row).for_each(|(s, v)| *s += v);
+            }
+            in_bin += 1;
+            if in_bin == several {
+                for (gram, sum) in grams.iter_mut().zip(&mut sums) {
+                    gram.syger(1.0 / several as f64, sum, sum, 1.0);
+                    sum.fill(0.0);
+                }
+                (in_bin, bins) = (0, bins + 1.0);
+            }
+        });
+        for (own, gram) in all.iter_mut().zip(&mut grams).filter(|_| bins > 0.0) {
+            gram.fill_upper_triangle_with_lower_triangle();
+            own.gram += &*gram * (noise.weight(series) / bins);
+        }
+        fewest = fewest.min(bins);
+    }
+    for own in &mut all {
+        own.doubt = noise.doubt();
+        own.uncertain = 1.0 + count as f64 / fewest.max(1.0);
+    }
+    all
 }
 
 impl Bins {
@@ -78,7 +137,10 @@ impl Bins {
             let is_knocked = rows.weights.of_block(block).iter().any(|w| *w < 1.0);
             all.take(block, &extended, &measured, is_knocked);
         }
-        Self { unexplained: if whole > 0.0 { (left / whole).sqrt() } else { 0.0 }, ..all.finish() }
+        let own = all.finish();
+        let about = DVector::from_fn(wide, |j, _| rows.values.get(j).copied().unwrap_or(0.0));
+        let noise = noise_of(rows, wide, several, own.len());
+        Self { unexplained: if whole > 0.0 { (left / whole).sqrt() } else { 0.0 }, about, noise, ..own }
     }
 
     /// Returns the same with some of the columns; the residuals stay.
@@ -147,6 +209,8 @@ impl Gathered {
             first: kept.iter().map(|b| self.first[*b]).collect(),
             several: self.several,
             unexplained: 0.0,
+            about: DVector::zeros(self.n),
+            noise: Vec::new(),
         }
     }
 }

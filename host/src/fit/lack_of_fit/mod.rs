@@ -59,6 +59,21 @@ impl Role {
     }
 }
 
+/// Noise of the signals in the rows, in series that are as likely as that which is there.
+pub trait NoiseRows {
+    /// Returns the number of series.
+    fn series(&self) -> usize;
+
+    /// Returns what the squares of a series count, so that the sum over all is that of the noise.
+    fn weight(&self, series: usize) -> f64;
+
+    /// Returns by how much the squares may be wrong, as a share of themselves.
+    fn doubt(&self) -> f64;
+
+    /// Calls `visit` with the time and the whitened rows of each block of a series, C rows of all columns.
+    fn each(&self, series: usize, visit: &mut dyn FnMut(f64, &[f64]));
+}
+
 /// Filtered rows with the estimate that they are compared with.
 #[derive(Clone, Copy)]
 pub struct Rows<'a> {
@@ -70,6 +85,8 @@ pub struct Rows<'a> {
     pub roles: &'a [Role],
     /// Whitening that the estimate was made with.
     pub whitening: &'a Whitening,
+    /// Noise of the signals in the rows; `None`: none that counts.
+    pub noise: Option<&'a dyn NoiseRows>,
     /// Weights of outliers.
     pub weights: &'a Weights,
     /// True if there are efforts of drives among the channels: what friction is not in the columns looks like much else.

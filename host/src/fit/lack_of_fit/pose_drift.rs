@@ -9,7 +9,7 @@ use statrs::function::erf::erfc;
 
 use super::bins::Bins;
 use super::noise::{self, PowerLaw};
-use super::score::{Added, Common, Metric, drift};
+use super::score::{Added, Common, Further, Metric, drift};
 use super::tail;
 
 /// A channel of an honest recording is accused once in so many, by either test.
@@ -41,10 +41,10 @@ pub(super) fn find(bins: &Bins) -> Vec<PoseDrift> {
     let common = Common::new(bins, &metrics, &[]);
     let drift = drift(poses);
     let of_channel = |channel: usize| {
-        let columns: Vec<DMatrix<f64>> = (0..bins.channels)
+        let columns = (0..bins.channels)
             .map(|c| if c == channel { drift.clone() } else { DMatrix::zeros(poses, 2) })
-            .collect();
-        let Added { square, rank, .. } = common.added(&columns);
+            .map(|columns| Further { columns, expected: DMatrix::zeros(2, bins.columns) });
+        let Added { square, rank, .. } = common.added(&columns.collect());
         // The variance is that of the channel itself, as what is left of it shows.
         let own = noise::basis(&bins.rows[channel], noise::ROUNDING);
         let free = poses.saturating_sub(own.ncols() + rank) as f64;

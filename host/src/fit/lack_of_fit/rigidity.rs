@@ -20,7 +20,7 @@ use super::Rows;
 use super::bins::Bins;
 use super::change::successive;
 use super::noise::{self, PowerLaw};
-use super::score::{Added, Common, Metric, drift};
+use super::score::{Added, Candidate, Common, Further, Metric, drift};
 use super::tail;
 
 /// A candidate counts if noise explains as much once in so many recordings. What a load cell does by itself is no more than nearly
@@ -138,21 +138,70 @@ impl Section {
     }
 }
 
+/// Whitened rows over time, by channels and columns.
+type Series = Vec<Vec<Vec<f64>>>;
+
 /// Whitened rows of a stretch, kept.
 struct Stretch<'a> {
     rows: &'a Rows<'a>,
     /// Bins of all columns.
     bins: Bins,
-    /// By channels and columns: the rows over time.
-    columns: Vec<Vec<Vec<f64>>>,
+    columns: Series,
     /// Residuals by channels.
     residuals: Vec<Vec<f64>>,
     first: usize,
     rate_hz: f64,
+    /// Noise of the signals in the rows.
+    noise: Vec<NoiseSeries>,
 }
 
-/// Further columns by channels, averaged over the bins.
-type Candidate = Vec<DMatrix<f64>>;
+/// Noise of the signals in whitened rows, once.
+struct NoiseSeries {
+    columns: Series,
+    /// The same in bins, by channels.
+    binned: Vec<DMatrix<f64>>,
+    /// First row block of each bin.
+    first: Vec<usize>,
+    /// What its squares count.
+    weight: f64,
+}
+
+impl NoiseSeries {
+    /// Returns all series that rows know of.
+    fn all(rows: &Rows, several: usize) -> Vec<Self> {
+        let Some(noise) = rows.noise else { return Vec::new() };
+        let (channels, n) = (rows.whitening.channels(), rows.values.len());
+        let of = |k: usize| {
+            let mut columns: Series = vec![vec![Vec::new(); n]; channels];
+            let mut count = 0;
+            noise.each(k, &mut |_, own| {
+                if count < MOST_BLOCKS {
+                    append(&mut columns, own);
+                    count += 1;
+                }
+            });
+            let first: Vec<usize> = (0..count / several).map(|b| b * several).collect();
+            let binned = columns.iter().map(|own| binned(own, &first, several)).collect();
+            Self { columns, binned, first, weight: noise.weight(k) }
+        };
+        (0..noise.series()).map(of).filter(|series| !series.first.is_empty()).collect()
+    }
+}
+
+/// Appends C rows.
+fn append(columns: &mut Series, rows: &[f64]) {
+    let n = (rows.len() / columns.len().max(1)).max(1);
+    for (own, row) in columns.iter_mut().zip(rows.chunks_exact(n)) {
+        own.iter_mut().zip(row).for_each(|(column, a)| column.push(*a));
+    }
+}
+
+/// Returns columns over time in bins of `several` blocks from each `first` on, as [`Bins`] has them.
+fn binned(columns: &[Vec<f64>], first: &[usize], several: usize) -> DMatrix<f64> {
+    DMatrix::from_fn(first.len(), columns.len(), |b, j| {
+        columns[j][first[b]..first[b] + several].iter().sum::<f64>() / (several as f64).sqrt()
+    })
+}
 
 impl Motion {
     /// Returns true if what moves makes the estimate wrong; bursts of noise make it no more than uncertain.
@@ -167,37 +216,42 @@ impl<'a> Stretch<'a> {
         let first = count.saturating_sub(MOST_BLOCKS) / 2;
         let last = count.min(first + MOST_BLOCKS);
         let (channels, n) = (rows.whitening.channels(), rows.values.len());
-        let mut columns = vec![vec![Vec::with_capacity(last - first); n]; channels];
+        let mut columns: Series = vec![vec![Vec::with_capacity(last - first); n]; channels];
         let mut residuals = vec![Vec::with_capacity(last - first); channels];
         let bins = Bins::with(rows, first..last, n, |_, own, left| {
-            for (c, row) in own.chunks_exact(n.max(1)).enumerate() {
-                columns[c].iter_mut().zip(row).for_each(|(column, a)| column.push(*a));
-            }
+            append(&mut columns, own);
             residuals.iter_mut().zip(left).for_each(|(all, e)| all.push(*e));
         });
         let rate_hz = 1.0 / rows.blocks.filter().row_period_s();
-        Self { rows, bins, columns, residuals, first, rate_hz }
+        let noise = NoiseSeries::all(rows, bins.several);
+        Self { rows, bins, columns, residuals, first, rate_hz, noise }
     }
 
-    /// Returns the means over the bins of columns over time.
-    fn binned(&self, columns: &[Vec<f64>]) -> DMatrix<f64> {
-        let several = self.bins.several;
-        DMatrix::from_fn(self.bins.len(), columns.len(), |b, j| {
-            let from = self.bins.first[b] - self.first;
-            columns[j][from..from + several].iter().sum::<f64>() / (several as f64).sqrt()
-        })
+    /// Returns what `of` makes of the rows over time of each channel, in bins, and the mean product of that with all columns as
+    /// noise of the signals makes it.
+    fn candidate(&self, of: impl Fn(&Series, usize) -> Vec<Vec<f64>>) -> Candidate {
+        let Bins { channels, columns: p, several, .. } = self.bins;
+        let first: Vec<usize> = self.bins.first.iter().map(|b| b - self.first).collect();
+        let of_channel = |c: usize| {
+            let columns = binned(&of(&self.columns, c), &first, several);
+            let mut expected = DMatrix::zeros(columns.ncols(), p);
+            for series in &self.noise {
+                let own = binned(&of(&series.columns, c), &series.first, several);
+                let weight = series.weight / series.first.len() as f64;
+                expected += own.tr_mul(&series.binned[c]) * weight;
+            }
+            Further { columns, expected }
+        };
+        (0..channels).map(of_channel).collect()
     }
 
     /// Returns the rows of the body as a resonance has them.
     fn resonance(&self, frequency_hz: f64, damping: f64) -> Candidate {
         let section = Section::resonance(frequency_hz, damping, self.rate_hz);
         let body = self.rows.columns(super::Role::is_body);
-        let of_channel = |columns: &Vec<Vec<f64>>| {
-            let filtered: Vec<Vec<f64>> =
-                body.iter().map(|j| section.apply(columns[*j].iter().copied())).collect();
-            self.binned(&filtered)
-        };
-        self.columns.iter().map(of_channel).collect()
+        self.candidate(|series, c| {
+            body.iter().map(|j| section.apply(series[c][*j].iter().copied())).collect()
+        })
     }
 
     /// Returns the angles, each in every channel; where they are many each in its own.
@@ -208,33 +262,39 @@ impl<'a> Stretch<'a> {
         let strongest = |j: &usize| {
             (0..channels)
                 .max_by(|c, d| square(&self.columns[*c][*j]).total_cmp(&square(&self.columns[*d][*j])))
+                .map(|c| (c, *j))
         };
-        let angles: Vec<(usize, Vec<f64>)> = turning
-            .iter()
-            .filter_map(|j| {
-                let c = strongest(j)?;
-                Some((c, second_integral(self.columns[c][*j].iter().copied(), self.rate_hz)))
-            })
-            .collect();
-        let all = self.binned(&angles.iter().map(|a| a.1.clone()).collect::<Vec<_>>());
-        let unit = noise::basis(&all, NEW_ANGLE);
+        let angles: Vec<(usize, usize)> = turning.iter().filter_map(strongest).collect();
+        let angle = |series: &Series, (c, j): (usize, usize)| {
+            second_integral(series[c][j].iter().copied(), self.rate_hz)
+        };
+        let all = self.candidate(|series, _| angles.iter().map(|at| angle(series, *at)).collect());
+        let of_first = all.first().map_or(DMatrix::zeros(0, 0), |own| own.columns.clone());
+        let unit = noise::basis(&of_first, NEW_ANGLE);
         let wide = unit.ncols();
         if wide * channels <= 2 * MOST_COLUMNS {
-            let of = |c: usize| {
-                DMatrix::from_fn(unit.nrows(), wide * channels, |b, k| {
-                    if k / wide.max(1) == c { unit[(b, k % wide)] } else { 0.0 }
-                })
+            // The basis is the angles times this.
+            let map = of_first.svd(true, true).solve(&unit, f64::EPSILON);
+            let map = map.unwrap_or_else(|_| DMatrix::zeros(angles.len(), wide));
+            let of = |(c, own): (usize, &Further)| {
+                let mut further = Further {
+                    columns: DMatrix::zeros(unit.nrows(), wide * channels),
+                    expected: DMatrix::zeros(wide * channels, self.bins.columns),
+                };
+                further.columns.columns_mut(c * wide, wide).copy_from(&unit);
+                further.expected.rows_mut(c * wide, wide).copy_from(&map.tr_mul(&own.expected));
+                further
             };
-            return (0..channels).map(of).collect();
+            return all.iter().enumerate().map(of).collect();
         }
-        let of = |c: usize| {
-            DMatrix::from_fn(
-                all.nrows(),
-                all.ncols(),
-                |b, k| if angles[k].0 == c { all[(b, k)] } else { 0.0 },
-            )
+        let own = |(c, mut further): (usize, Further)| {
+            for (k, _) in angles.iter().enumerate().filter(|(_, at)| at.0 != c) {
+                further.columns.column_mut(k).fill(0.0);
+                further.expected.row_mut(k).fill(0.0);
+            }
+            further
         };
-        (0..channels).map(of).collect()
+        all.into_iter().enumerate().map(own).collect()
     }
 
     /// Returns what a candidate explains beside the common fit, with noise as it is beside both, and its probability.
@@ -244,12 +304,12 @@ impl<'a> Stretch<'a> {
         let drift = drift(count);
         let metrics: Vec<Metric> = (0..bins.channels)
             .map(|c| {
-                let k = candidate[c].ncols();
+                let k = candidate[c].columns.ncols();
                 let all = DMatrix::from_fn(count, 3 + n + k, |b, j| match j {
                     0 => 1.0,
                     1 | 2 => drift[(b, j - 1)],
                     _ if j < 3 + n => bins.rows[c][(b, j - 3)],
-                    _ => candidate[c][(b, j - 3 - n)],
+                    _ => candidate[c].columns[(b, j - 3 - n)],
                 });
                 Metric::new(&PowerLaw::of(&bins.residuals[c], &noise::basis(&all, noise::ROUNDING)), count)
             })

@@ -4,11 +4,16 @@
 //! that may step and W the inverse of the noise's covariance with a line and a curve in time taken out of every channel. Its
 //! covariance is `V_t = D_tᵀ W D_t − D_tᵀ W X (XᵀWX)⁺ XᵀW D_t`, and `S_tᵀ V_t⁺ S_t` is χ² with as many degrees of freedom as V_t
 //! has rank (D. W. K. Andrews, Econometrica 61, 1993).
+//!
+//! Noise Δ of the signals stands in D and in r alike: a bin's score is less by `κ φ`, `κ = E[ΔᵀΔ]`, which is given back, and taken off
+//! the information of the common fit, `G = XᵀWX − K`. With `H_t = D_tᵀWX − K_t` the score is `S_t = s_t − H_t G⁻¹ s`, its covariance
+//! `D_tᵀWD_t − D_tᵀWX G⁻¹ H_tᵀ − H_t G⁻¹ XᵀWD_t + H_t G⁻¹ XᵀWX G⁻¹ H_tᵀ`. A bin's own varies by `κφ (κφ)ᵀ` more.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::bins::Bins;
 use super::noise::PowerLaw;
+use crate::fit::compensation::{MOST_UNCERTAIN, possible, uncertainty};
 
 /// A direction with less than this of its column's information is not seen.
 const LEAST: f64 = 1e-9;
@@ -49,6 +54,15 @@ impl Metric {
     fn apply(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
         self.inverse.apply(columns) - &self.u * self.u.tr_mul(columns)
     }
+
+    /// Returns the weight of a bin in its own score.
+    fn of_bin(&self, bin: usize) -> f64 {
+        let own = match &self.inverse {
+            Inverse::White(weight) => *weight,
+            Inverse::Full(matrix) => matrix[(bin, bin)],
+        };
+        own - self.u.row(bin).norm_squared()
+    }
 }
 
 impl Inverse {
@@ -74,9 +88,19 @@ pub(super) struct Score {
     pub(super) bin: usize,
     score: DVector<f64>,
     information: DMatrix<f64>,
-    /// `(XᵀWX)⁺ XᵀW D_t`: what the common fit gives of a step.
+    /// `G⁺ H_tᵀ`: what the common fit gives of a step.
     taken: DMatrix<f64>,
 }
+
+/// Further columns in the bins of a channel.
+pub(super) struct Further {
+    pub(super) columns: DMatrix<f64>,
+    /// Mean product with the channel's own columns that noise of the signals makes in a bin.
+    pub(super) expected: DMatrix<f64>,
+}
+
+/// Further columns, by channels.
+pub(super) type Candidate = Vec<Further>;
 
 /// Further columns, as they explain the residuals.
 pub(super) struct Added {
@@ -95,9 +119,16 @@ pub(super) struct Common<'a> {
     /// Columns that may step.
     steps: &'a [usize],
     weighted: Vec<DMatrix<f64>>,
+    /// `XᵀWX`.
+    gram: DMatrix<f64>,
+    /// `G⁻¹` over what is determined.
     inverse: DMatrix<f64>,
+    /// Directions that noise of the signals fills, each as long as its parameter may be wrong.
+    loose: Vec<DVector<f64>>,
     /// The common fit of the residuals.
     pub(super) fitted: DVector<f64>,
+    /// `κ (φ̂ + x̂)`, by channels.
+    drawn: Vec<DVector<f64>>,
     /// `W r`, by channels.
     left: Vec<DVector<f64>>,
     /// Information of each column that may step, in all bins.
@@ -109,15 +140,29 @@ impl<'a> Common<'a> {
     pub(super) fn new(bins: &'a Bins, metrics: &'a [Metric], steps: &'a [usize]) -> Self {
         let p = bins.columns;
         let (mut gram, mut right) = (DMatrix::zeros(p, p), DVector::zeros(p));
+        let mut less = DMatrix::zeros(p, p);
         let mut weighted = Vec::with_capacity(bins.channels);
-        for (metric, (rows, residuals)) in metrics.iter().zip(bins.rows.iter().zip(&bins.residuals)) {
+        let channels = bins.rows.iter().zip(&bins.residuals).zip(&bins.noise);
+        for (metric, ((rows, residuals), noise)) in metrics.iter().zip(channels) {
             let own = metric.apply(rows);
             gram += rows.tr_mul(&own);
             right += own.tr_mul(residuals);
             weighted.push(own);
+            let sum = (0..bins.len()).map(|b| metric.of_bin(b)).sum::<f64>();
+            less += &noise.gram * sum;
+            right += &noise.gram * &bins.about * sum;
         }
-        let inverse = pseudo_inverse(&gram).0;
+        let uncertain = bins.noise.iter().map(|noise| noise.uncertain).fold(0.0, f64::max);
+        let doubt = bins.noise.iter().map(|noise| noise.doubt).fold(0.0, f64::max);
+        let spread = (2.0 * uncertain / bins.len().max(1) as f64).sqrt().hypot(doubt);
+        let (inverse, loose) = determined(&gram, &less, &right, spread);
         let fitted = &inverse * right;
+        let about = &bins.about + &fitted;
+        let drawn: Vec<DVector<f64>> = bins.noise.iter().map(|noise| &noise.gram * &about).collect();
+        for (metric, (noise, drawn)) in metrics.iter().zip(bins.noise.iter().zip(&drawn)) {
+            let squares = (0..bins.len()).map(|b| metric.of_bin(b).powi(2)).sum::<f64>();
+            gram.ger(noise.uncertain * squares, drawn, drawn, 1.0);
+        }
         let left =
             metrics.iter().zip(bins.rows.iter().zip(&bins.residuals)).map(|(metric, (rows, residuals))| {
                 metric.apply(&DMatrix::from_column_slice(
@@ -128,7 +173,20 @@ impl<'a> Common<'a> {
             });
         let left = left.map(|m| m.column(0).into_owned()).collect();
         let whole = steps.iter().map(|j| gram[(*j, *j)]).collect();
-        Self { bins, metrics, steps, weighted, inverse, fitted, left, whole }
+        Self { bins, metrics, steps, weighted, gram, inverse, loose, fitted, drawn, left, whole }
+    }
+
+    /// Returns what the common fit gives of further columns, and what it adds to the covariance of their score: `shared` is
+    /// `DᵀWX`, `true_shared` the same without noise.
+    fn eliminated(&self, shared: &DMatrix<f64>, true_shared: &DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
+        let taken = &self.inverse * true_shared.transpose();
+        let across = shared * &taken;
+        let mut sum = taken.tr_mul(&(&self.gram * &taken)) - &across - across.transpose();
+        for direction in &self.loose {
+            let moved = true_shared * direction;
+            sum.ger(1.0, &moved, &moved, 1.0);
+        }
+        (taken, sum)
     }
 
     /// Returns what the common fit leaves of a channel.
@@ -140,8 +198,16 @@ impl<'a> Common<'a> {
     pub(super) fn each(&self, range: std::ops::Range<usize>, mut visit: impl FnMut(Score)) {
         let (q, p, count) = (self.steps.len(), self.bins.columns, self.bins.len());
         let mut score = DVector::zeros(q);
-        let mut shared = DMatrix::zeros(q, p);
+        let (mut shared, mut less) = (DMatrix::zeros(q, p), DMatrix::zeros(q, p));
         let mut own = DMatrix::<f64>::zeros(q, q);
+        // κ and `κ (φ̂ + x̂)` in the rows of what may step.
+        let given: Vec<(DMatrix<f64>, DVector<f64>)> = self
+            .bins
+            .noise
+            .iter()
+            .zip(&self.drawn)
+            .map(|(noise, drawn)| (noise.gram.select_rows(self.steps), drawn.select_rows(self.steps)))
+            .collect();
         let mut drift = vec![DMatrix::<f64>::zeros(q, 2); self.bins.channels];
         let columns: Vec<DMatrix<f64>> =
             self.bins.rows.iter().map(|rows| rows.select_columns(self.steps)).collect();
@@ -150,6 +216,12 @@ impl<'a> Common<'a> {
                 let d = columns[c].row(bin).transpose();
                 score.axpy(self.left[c][bin], &d, 1.0);
                 shared.ger(1.0, &d, &self.weighted[c].row(bin).transpose(), 1.0);
+                let (weight, (gram, drawn)) = (metric.of_bin(bin), &given[c]);
+                score.axpy(weight, drawn, 1.0);
+                less += gram * weight;
+                let more = self.bins.noise[c].uncertain * weight * weight;
+                shared.ger(more, drawn, &self.drawn[c], 1.0);
+                own.ger(more, drawn, drawn, 1.0);
                 match &metric.inverse {
                     Inverse::White(weight) => own.ger(*weight, &d, &d, 1.0),
                     Inverse::Full(inverse) => {
@@ -164,8 +236,8 @@ impl<'a> Common<'a> {
                 drift[c].ger(1.0, &d, &metric.u.row(bin).transpose(), 1.0);
             }
             if bin < range.end {
-                let taken = &self.inverse * shared.transpose();
-                let mut information = &own - &shared * &taken;
+                let (taken, eliminated) = self.eliminated(&shared, &(&shared - &less));
+                let mut information = &own + eliminated;
                 for drift in &drift {
                     information -= drift * drift.transpose();
                 }
@@ -176,17 +248,27 @@ impl<'a> Common<'a> {
 
     /// Returns the decrease of χ² and its degrees of freedom by further columns, given by channels, and what they are
     /// multiplied by.
-    pub(super) fn added(&self, columns: &[DMatrix<f64>]) -> Added {
-        let k = columns.first().map_or(0, DMatrix::ncols);
+    pub(super) fn added(&self, candidate: &Candidate) -> Added {
+        let k = candidate.first().map_or(0, |own| own.columns.ncols());
         let (mut score, mut information) = (DVector::zeros(k), DMatrix::zeros(k, k));
-        let mut shared = DMatrix::zeros(k, self.bins.columns);
-        for (c, own) in columns.iter().enumerate() {
-            score += own.tr_mul(&self.left[c]);
-            information += own.tr_mul(&self.metrics[c].apply(own));
-            shared += own.tr_mul(&self.weighted[c]);
+        let (mut shared, mut less) =
+            (DMatrix::zeros(k, self.bins.columns), DMatrix::zeros(k, self.bins.columns));
+        let about = &self.bins.about + &self.fitted;
+        for (c, Further { columns, expected }) in candidate.iter().enumerate() {
+            score += columns.tr_mul(&self.left[c]);
+            information += columns.tr_mul(&self.metrics[c].apply(columns));
+            shared += columns.tr_mul(&self.weighted[c]);
+            let weights = (0..self.bins.len()).map(|b| self.metrics[c].of_bin(b));
+            let (weight, squares) = weights.fold((0.0, 0.0), |(s, q), w| (s + w, q + w * w));
+            let drawn = expected * &about;
+            score.axpy(weight, &drawn, 1.0);
+            less += expected * weight;
+            let more = self.bins.noise[c].uncertain * squares;
+            information.ger(more, &drawn, &drawn, 1.0);
+            shared.ger(more, &drawn, &self.drawn[c], 1.0);
         }
         let whole: Vec<f64> = information.diagonal().iter().copied().collect();
-        let information = information - &shared * &self.inverse * shared.transpose();
+        let information = information + self.eliminated(&shared, &(&shared - &less)).1;
         let all: Vec<usize> = (0..k).collect();
         let [(square, rank), _] = explained(&score, &information, &whole, [&all, &[]]);
         Added { square, rank, factors: pseudo_inverse(&information).0 * score }
@@ -249,6 +331,41 @@ fn explained(
         }
         (sum, rank)
     })
+}
+
+/// Returns `(V − K)⁻¹` over what is determined, V being `XᵀWX`, and the directions that are not as noise fills them, each as long
+/// as what it may be wrong by: twice the size of what is found.
+fn determined(
+    gram: &DMatrix<f64>,
+    noise: &DMatrix<f64>,
+    right: &DVector<f64>,
+    spread: f64,
+) -> (DMatrix<f64>, Vec<DVector<f64>>) {
+    let n = gram.nrows();
+    let scale = gram.diagonal().map(|d| if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 });
+    let scaled = DMatrix::from_fn(n, n, |i, j| gram[(i, j)] * scale[i] * scale[j]);
+    let (mut inverse, mut loose) = (DMatrix::zeros(n, n), Vec::new());
+    if n == 0 || !scaled.iter().chain(noise.iter()).all(|v| v.is_finite()) {
+        return (inverse, loose);
+    }
+    let eigen = SymmetricEigen::new(scaled);
+    let most = eigen.eigenvalues.max();
+    let seen: Vec<usize> = (0..n).filter(|k| eigen.eigenvalues[*k] > LEAST * most).collect();
+    let unit = DMatrix::from_fn(n, seen.len(), |j, k| {
+        eigen.eigenvectors[(j, seen[k])] * scale[j] / eigen.eigenvalues[seen[k]].sqrt()
+    });
+    let shares =
+        SymmetricEigen::new(DMatrix::identity(seen.len(), seen.len()) - unit.tr_mul(&(noise * &unit)));
+    for (share, v) in shares.eigenvalues.iter().zip(shares.eigenvectors.column_iter()) {
+        let direction = &unit * v;
+        if uncertainty(*share, spread) <= MOST_UNCERTAIN {
+            inverse.ger(1.0 / share, &direction, &direction, 1.0);
+        } else {
+            let most = possible(direction.dot(right), *share);
+            loose.push(direction * most);
+        }
+    }
+    (inverse, loose)
 }
 
 /// A step that was found.

@@ -84,6 +84,7 @@ impl Blocks {
             values: &PHI,
             roles: &ROLES,
             whitening,
+            noise: None,
             weights,
             has_drives: false,
             is_suspect: true,
@@ -387,5 +388,87 @@ fn a_score_is_the_difference_of_two_fits() {
         let expected = dense(None) - dense(Some(bin));
         assert!((both - expected).abs() < 1e-6 * expected, "{both} {expected}");
         assert!(offsets <= both);
+    }
+}
+
+/// Noise of each body column in its own channel, per row.
+const NOISE: [f64; 2] = [0.6, 0.5];
+
+/// Series of noise in the rows.
+struct Noise {
+    /// σ of the rows with what the noise leaves in them.
+    sigma: [f64; 2],
+}
+
+impl NoiseRows for Noise {
+    fn series(&self) -> usize {
+        2
+    }
+
+    fn weight(&self, _: usize) -> f64 {
+        0.5
+    }
+
+    fn doubt(&self) -> f64 {
+        0.0
+    }
+
+    fn each(&self, series: usize, visit: &mut dyn FnMut(f64, &[f64])) {
+        let mut normal = Normal::new(1000 + series as u64);
+        for k in 0..2000 {
+            let mut rows = [0.0; 2 * N];
+            rows[0] = NOISE[0] * normal.draw() / self.sigma[0];
+            rows[N + 1] = NOISE[1] * normal.draw() / self.sigma[1];
+            visit(k as f64 / RATE_HZ, &rows);
+        }
+    }
+}
+
+/// Ten seconds of rest, then motion, both with noise in the rows. What is expected of a step at the end of the rest is taken
+/// off: two more columns explain two on average; without that, far more. The fit is the truth, or off by what noise draws.
+#[test]
+fn rest_before_motion_is_no_change_where_noise_is_in_the_rows() {
+    let sigma: [f64; 2] = std::array::from_fn(|c| SIGMA[c].hypot(NOISE[c] * PHI[c]));
+    let whitening = Whitening::diagonal(&sigma.map(|s| 1.0 / s));
+    let (runs, noise) = (60, Noise { sigma });
+    for off in [0.0, 0.05] {
+        let mut mean = [0.0; 2];
+        for seed in 0..runs {
+            let mut blocks = Blocks::new(2000, 500 + seed, |t, row| {
+                let still = if t < 10.0 { -1.0 } else { 0.0 };
+                [
+                    still * (row[0] - 5.0) * PHI[0] + still * row[1] * PHI[1],
+                    still * (row[4] * PHI[0] + row[5] * PHI[1]),
+                ]
+            });
+            let mut normal = Normal::new(9000 + seed);
+            for (k, rows) in blocks.rows.iter_mut().enumerate() {
+                if k < 1000 {
+                    (rows[0], rows[1], rows[4], rows[5]) = (5.0, 0.0, 0.0, 0.0);
+                }
+                rows[0] += NOISE[0] * normal.draw();
+                rows[5] += NOISE[1] * normal.draw();
+            }
+            let weights = Weights::none(2);
+            let values = [PHI[0] * (1.0 - off), PHI[1] * (1.0 - off), PHI[2], PHI[3]];
+            for (with, mean) in mean.iter_mut().enumerate() {
+                let of_signals = (with == 1).then_some(&noise as &dyn NoiseRows);
+                let rows = Rows { noise: of_signals, values: &values, ..blocks.rows(&whitening, &weights) };
+                let bins = Bins::new(&rows);
+                let metrics =
+                    [PowerLaw::white(1.0), PowerLaw::white(1.0)].map(|n| Metric::new(&n, bins.len()));
+                let common = Common::new(&bins, &metrics, &[2, 3, 0, 1]);
+                let score = common.at(100).unwrap();
+                let [(offsets, _), (both, four)] = common.explained(&score, [&[0, 1], &[2, 3]]);
+                assert_eq!(four, 4);
+                *mean += (both - offsets) / runs as f64;
+                if with == 1 {
+                    assert_eq!(look(&rows).change, None, "{seed}");
+                }
+            }
+        }
+        // The mean of 60 numbers of 2 ± 2; four standard deviations.
+        assert!((mean[1] - 2.0).abs() < 4.0 * 2.0 / f64::from(runs as u32).sqrt(), "{mean:?}");
+        assert!(mean[0] > 10.0, "{mean:?}");
     }
 }
