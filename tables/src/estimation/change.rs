@@ -24,6 +24,7 @@ const LOAD_CELL: [f64; 6] = [0.05, 0.05, 0.08, 0.002, 0.002, 0.0015];
 /// 1 σ a sample, m/s² and rad/s.
 const IMU: [f64; 2] = [0.01, 5e-4];
 const ORDINARY_IMU: [f64; 2] = [0.03, 2e-3];
+const CONSUMER_IMU: [f64; 2] = [0.3, 0.02];
 /// 1/f noise begins where it is as large as the white noise, Hz.
 const CORNER_HZ: f64 = 1.0;
 
@@ -36,6 +37,10 @@ enum Case {
     OrdinaryImu,
     /// σ not stated.
     NotStated,
+    /// It begins with so many seconds of rest, with an IMU of these σ, m/s² and rad/s.
+    Rest(f64, [f64; 2]),
+    /// It is turned slowly, with an IMU of these σ.
+    Slow([f64; 2]),
     /// 1/f noise of the load cell, as large as its white noise at 1 Hz.
     Flicker,
     /// The load cell warms up: an exponential of 1 N and 20 mN m with 8 s.
@@ -66,6 +71,12 @@ impl Case {
             Self::White => "white noise".to_owned(),
             Self::OrdinaryImu => "IMU of 0.03 m/s², 2 mrad/s".to_owned(),
             Self::NotStated => "white noise, σ not stated".to_owned(),
+            Self::Rest(rest_s, [accel, gyro]) => {
+                format!("{rest_s} s of rest first, IMU of {accel} m/s², {} mrad/s", 1e3 * gyro)
+            }
+            Self::Slow([accel, gyro]) => {
+                format!("0.03 to 0.14 Hz for 40 s, IMU of {accel} m/s², {} mrad/s", 1e3 * gyro)
+            }
             Self::Flicker => "1/f noise of the load cell above white below 1 Hz".to_owned(),
             Self::WarmUp => "load cell warms up: 1 N, exponential of 8 s".to_owned(),
             Self::Walk => "walk of the load cell, 0.05 N/√s".to_owned(),
@@ -77,6 +88,24 @@ impl Case {
             Self::Cable(stiffness) => format!("cable of {stiffness} N/m"),
             Self::Mode(frequency, damping) => format!("0.3 kg on a spring, {frequency} Hz, ζ {damping}"),
             Self::Bolt => "loose bolt".to_owned(),
+        }
+    }
+
+    /// Returns σ of the IMU, m/s² and rad/s.
+    fn imu(self) -> [f64; 2] {
+        match self {
+            Self::OrdinaryImu => ORDINARY_IMU,
+            Self::Rest(_, imu) | Self::Slow(imu) => imu,
+            _ => IMU,
+        }
+    }
+
+    /// Returns seconds of rest, seconds of motion, and what frequencies are multiplied by.
+    fn timing(self) -> (f64, f64, f64) {
+        match self {
+            Self::Rest(rest_s, _) => (rest_s, DURATION_S, 1.0),
+            Self::Slow(_) => (0.0, 2.0 * DURATION_S, 0.1),
+            _ => (0.0, DURATION_S, 1.0),
         }
     }
 }
@@ -116,22 +145,21 @@ fn uniform(normal: &mut Normal) -> f64 {
     normal.draw().atan2(normal.draw()) / std::f64::consts::PI
 }
 
-fn motion(normal: &mut Normal) -> MotionProgram {
+fn motion(normal: &mut Normal, (rest_s, moving_s, faster): (f64, f64, f64)) -> MotionProgram {
     let mut terms = Vec::new();
     for axis in [Axis::Roll, Axis::Pitch, Axis::Yaw] {
         for (amplitude, frequency_hz) in [(0.25, 0.3), (0.15, 0.8), (0.1, 1.4)] {
             terms.push(SineTerm {
                 axis,
                 amplitude,
-                frequency_hz: frequency_hz * (1.0 + 0.25 * uniform(normal)),
+                frequency_hz: faster * frequency_hz * (1.0 + 0.25 * uniform(normal)),
                 phase_rad: std::f64::consts::PI * uniform(normal),
             });
         }
     }
-    MotionProgram {
-        start: Geometry::thesis().home(),
-        segments: vec![Segment::Multisine { duration_s: DURATION_S, ramp_s: 2.0, terms }],
-    }
+    let rest = (rest_s > 0.0).then_some(Segment::Hold { duration_s: rest_s });
+    let moving = Segment::Multisine { duration_s: moving_s, ramp_s: 2.0, terms };
+    MotionProgram { start: Geometry::thesis().home(), segments: rest.into_iter().chain([moving]).collect() }
 }
 
 /// 1/f noise whose density is that of white noise of unit variance per sample at [`CORNER_HZ`]: exponentially correlated noise
@@ -167,7 +195,7 @@ struct Recording {
 
 fn recording(case: Case, seed: u64) -> Recording {
     let mut normal = Normal::new(seed);
-    let trajectory = motion(&mut normal).trajectory().expect("a fixed kind of motion");
+    let trajectory = motion(&mut normal, case.timing()).trajectory().expect("a fixed kind of motion");
     let changed_at_s = DURATION_S * (0.5 + 0.25 * uniform(&mut normal));
     let place = Vector3::from_fn(|_, _| 0.06 * uniform(&mut normal)) + Vector3::from(body().com_m);
     let direction = Vector3::from_fn(|_, _| normal.draw()).normalize();
@@ -180,7 +208,7 @@ fn recording(case: Case, seed: u64) -> Recording {
         }
         _ => (rest, rest),
     };
-    let [accel, gyro] = if case == Case::OrdinaryImu { ORDINARY_IMU } else { IMU };
+    let [accel, gyro] = case.imu();
     let gravity = Vector3::new(0.0, 0.0, -GRAVITY);
     let mut flicker: Vec<Flicker> = (0..6).map(|_| Flicker::new(&mut normal)).collect();
     let (mut walk, mut gyro_walk) = ([0.0; 6], Vector3::zeros());
@@ -191,7 +219,8 @@ fn recording(case: Case, seed: u64) -> Recording {
     let jump: [f64; 6] = std::array::from_fn(|c| direction[c % 3] * if c < 3 { 0.2 } else { 0.005 });
     let start = trajectory.state(0.0);
     let root_step = RATE_HZ.sqrt().recip();
-    let count = (DURATION_S * RATE_HZ) as usize;
+    let (rest_s, moving_s, _) = case.timing();
+    let count = ((rest_s + moving_s) * RATE_HZ) as usize;
     let readings = (0..count).map(|k| {
         let time_s = k as f64 / RATE_HZ;
         let state = trajectory.state(time_s);
@@ -284,7 +313,7 @@ fn recording(case: Case, seed: u64) -> Recording {
 
 fn fitted(case: Case, readings: Vec<Reading<f64>>) -> Fit {
     let stated = case != Case::NotStated;
-    let [accel, gyro] = if case == Case::OrdinaryImu { ORDINARY_IMU } else { IMU };
+    let [accel, gyro] = case.imu();
     let imu = ImuTable {
         accel_noise_mps2: Some(accel).filter(|_| stated),
         gyro_noise_radps: Some(gyro).filter(|_| stated),
@@ -422,6 +451,11 @@ pub fn table() -> String {
         (Case::White, 1000),
         (Case::NotStated, 200),
         (Case::OrdinaryImu, 200),
+        (Case::Rest(5.0, IMU), 200),
+        (Case::Rest(10.0, ORDINARY_IMU), 200),
+        (Case::Rest(5.0, CONSUMER_IMU), 200),
+        (Case::Slow(ORDINARY_IMU), 100),
+        (Case::Slow(CONSUMER_IMU), 100),
         (Case::Flicker, 200),
         (Case::WarmUp, 100),
         (Case::Walk, 100),
