@@ -146,7 +146,12 @@ impl Bins {
     /// Returns the same with some of the columns; the residuals stay.
     pub(super) fn only(self, columns: &[usize]) -> Self {
         let rows = self.rows.iter().map(|rows| rows.select_columns(columns)).collect();
-        Self { columns: columns.len(), rows, ..self }
+        let noise = self.noise.iter().map(|noise| BinNoise {
+            gram: noise.gram.select_rows(columns).select_columns(columns),
+            ..*noise
+        });
+        let noise = noise.collect();
+        Self { columns: columns.len(), rows, about: self.about.select_rows(columns), noise, ..self }
     }
 
     /// Returns the number of bins.
