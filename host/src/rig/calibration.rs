@@ -80,11 +80,9 @@ pub struct CalibratedRig {
     /// Serial number of the IMU.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub imu_serial: Option<String>,
-    /// Whose sign the wrench has.
-    pub wrench_sign: WrenchSign,
     /// Gravity, m/s²: where it was calibrated.
     pub gravity_mps2: f64,
-    /// From gauges to the wrench, N/V and N m/V.
+    /// From gauges to the wrench on the body, N/V and N m/V.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub load_cell_calibration: Option<[[f64; 6]; 6]>,
     /// Place of the IMU in S, m.
@@ -325,12 +323,14 @@ impl CalibratedRig {
         let Calibrated::Numbers(accel_scale) = imu.accel_scale else {
             return Err(CalibrationError::FromPoses);
         };
+        // A recording's wrench is turned to that on the body when it is read.
+        let sign = if rig.recording.wrench_sign == WrenchSign::OnSensor { -1.0 } else { 1.0 };
+        let calibration = rig.load_cell.calibration.map(|rows| rows.map(|row| row.map(|v| sign * v)));
         Ok(Self {
             load_cell_serial: rig.load_cell.serial.clone(),
             imu_serial: imu.serial.clone(),
-            wrench_sign: rig.recording.wrench_sign,
             gravity_mps2: rig.recording.gravity_mps2,
-            load_cell_calibration: rig.load_cell.calibration,
+            load_cell_calibration: calibration,
             imu_position_m: imu.position_m,
             imu_rotation_wxyz: imu.rotation_wxyz,
             accel_scale,
@@ -354,9 +354,6 @@ impl CalibratedRig {
         }
         if serial(&self.imu_serial, &own.imu_serial) {
             return told("imu.serial", &text(&self.imu_serial), &text(&own.imu_serial));
-        }
-        if self.wrench_sign != own.wrench_sign {
-            return told("recording.wrench_sign", &self.wrench_sign.word(), &own.wrench_sign.word());
         }
         if differ(&[self.gravity_mps2], &[own.gravity_mps2]) {
             return told("recording.gravity_mps2", &self.gravity_mps2, &own.gravity_mps2);

@@ -53,10 +53,6 @@ fn a_calibration_of_another_rig_is_refused() {
             "[recording]\ngravity_mps2 = 9.81\n[[imu]]\nposition_m = [0.04, -0.03, 0.02]\n",
             "recording.gravity_mps2",
         ),
-        (
-            "[recording]\nwrench_sign = \"on_sensor\"\n[[imu]]\nposition_m = [0.04, -0.03, 0.02]\n",
-            "recording.wrench_sign",
-        ),
         ("[[imu]]\nposition_m = [0.04, -0.03, 0.02]\nserial = \"8\"\n", "imu.serial"),
         ("[[imu]]\nposition_m = [0.04, -0.03, 0.02]\naccel_scale = [1, 1.01, 1]\n", "imu.accel_scale"),
     ] {
@@ -67,6 +63,9 @@ fn a_calibration_of_another_rig_is_refused() {
         assert_eq!(key, differs);
         assert!(!format!("{calibrated}{own}").contains("Some"), "{calibrated} {own}");
     }
+    // Whose wrench the load cell reports is no matter: it is turned to that on the body when a recording is read.
+    let reports = "[recording]\nwrench_sign = \"on_sensor\"\n[[imu]]\nposition_m = [0.04, -0.03, 0.02]\n";
+    assert!(rig(reports).calibrate(calibration()).is_ok());
     // A serial number that is not given says nothing.
     rig("[[imu]]\nposition_m = [0.04, -0.03, 0.02]\n").calibrate(calibration()).unwrap();
     let anew = rig("[[imu]]\naccel_scale = \"from_poses\"\n").calibrate(calibration());
@@ -123,7 +122,7 @@ fn an_edited_calibration_is_told() {
     let changes: [&dyn Fn(&mut RigCalibration); 6] = [
         &|c| c.error[0].std *= 1e-3,
         &|c| c.error[1].value *= 1.000_001,
-        &|c| c.rig.wrench_sign = WrenchSign::OnSensor,
+        &|c| c.rig.gravity_mps2 = 9.81,
         &|c| c.rig.load_cell_serial = Some("B".to_owned()),
         &|c| c.valid_days = 10_000,
         &|c| c.checksum.clear(),

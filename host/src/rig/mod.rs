@@ -113,16 +113,6 @@ pub enum WrenchSign {
     OnSensor,
 }
 
-impl WrenchSign {
-    /// Returns its word in the rig file.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::OnBody => "on_body",
-            Self::OnSensor => "on_sensor",
-        }
-    }
-}
-
 /// Where a column's numbers are.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "must be a column's name, or { name = \"…\", scale = … }")]
