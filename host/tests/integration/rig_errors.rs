@@ -55,20 +55,25 @@ struct Errors {
     gain: [f64; 6],
     /// Seconds at rest before the motion.
     rest_s: f64,
+    /// What the motion's frequencies are multiplied by.
+    faster: f64,
+    /// Noise of accelerometer and gyro, m/s² and rad/s.
+    imu: [f64; 2],
 }
 
-const NONE: Errors = Errors { gyro_scale: 0.0, accel_scale: 0.0, gain: [0.0; 6], rest_s: 0.0 };
+const NONE: Errors =
+    Errors { gyro_scale: 0.0, accel_scale: 0.0, gain: [0.0; 6], rest_s: 0.0, faster: 1.0, imu: [0.01, 5e-4] };
 
-/// Returns attitude and body rate at a time: three angles, each a sum of three sines from 0.2 to 1.6 Hz.
-fn motion(t: f64) -> (Rotation3<f64>, Vector3<f64>) {
+/// Returns attitude and body rate at a time: three angles, each a sum of three sines from 0.2 to 1.6 Hz. From rest the acceleration
+/// begins without a jump.
+fn motion(t: f64, faster: f64, from_rest: bool) -> (Rotation3<f64>, Vector3<f64>) {
     let (mut angles, mut rates) = ([0.0; 3], [0.0; 3]);
+    let (u, by) = if from_rest { (t * t / (t + 0.5), t * (t + 1.0) / (t + 0.5).powi(2)) } else { (t, 1.0) };
     for (i, (angle, rate)) in angles.iter_mut().zip(&mut rates).enumerate() {
         for k in 0..3 {
-            let w = std::f64::consts::TAU * (0.25 + 0.11 * i as f64 + 0.5 * k as f64);
-            // At rest at the beginning, and smooth there.
-            let phase = w * t;
-            *angle += 0.12 * (1.0 - phase.cos());
-            *rate += 0.12 * w * phase.sin();
+            let w = faster * std::f64::consts::TAU * (0.25 + 0.11 * i as f64 + 0.5 * k as f64);
+            *angle += 0.12 * (1.0 - (w * u).cos());
+            *rate += 0.12 * w * by * (w * u).sin();
         }
     }
     let [r, p, y] = angles;
@@ -78,6 +83,13 @@ fn motion(t: f64) -> (Rotation3<f64>, Vector3<f64>) {
     (Rotation3::from_euler_angles(r, p, y), rate)
 }
 
+/// Returns the centre of mass, and the tensor about the origin.
+fn body() -> (Vector3<f64>, Matrix3<f64>) {
+    let com = Vector3::new(0.0, 0.01, 0.053);
+    let central = Matrix3::new(0.021, 0.0002, -0.0003, 0.0002, 0.017, 0.0004, -0.0003, 0.0004, 0.012);
+    (com, central + MASS * (Matrix3::identity() * com.norm_squared() - com * com.transpose()))
+}
+
 /// Returns twenty seconds of readings with these errors, by Newton and Euler.
 fn readings(errors: &Errors, seed: u64) -> Vec<Reading<f64>> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
@@ -85,9 +97,8 @@ fn readings(errors: &Errors, seed: u64) -> Vec<Reading<f64>> {
         let unit: f64 = StandardNormal.sample(&mut random);
         sigma * unit
     };
-    let com = Vector3::new(0.0, 0.01, 0.053);
-    let central = Matrix3::new(0.021, 0.0002, -0.0003, 0.0002, 0.017, 0.0004, -0.0003, 0.0004, 0.012);
-    let inertia = central + MASS * (Matrix3::identity() * com.norm_squared() - com * com.transpose());
+    let (com, inertia) = body();
+    let motion = |t: f64| motion(t, errors.faster, errors.rest_s > 0.0);
     let offset = [1.5, -0.8, 2.0, 0.05, -0.03, 0.02];
     let mut all = Vec::new();
     for n in 0..(20.0 * RATE_HZ) as u64 {
@@ -109,8 +120,10 @@ fn readings(errors: &Errors, seed: u64) -> Vec<Reading<f64>> {
         all.push(Reading {
             time_ns: n * 5_000_000,
             wrench: Wrench::from_array(wrench),
-            specific_force: SpecificForce::from_array(std::array::from_fn(|k| read[k] + noise(0.01))),
-            angular_rate: AngularRate::from_array(std::array::from_fn(|k| turned[k] + noise(5e-4))),
+            specific_force: SpecificForce::from_array(std::array::from_fn(|k| {
+                read[k] + noise(errors.imu[0])
+            })),
+            angular_rate: AngularRate::from_array(std::array::from_fn(|k| turned[k] + noise(errors.imu[1]))),
         });
     }
     all
@@ -265,5 +278,46 @@ fn noise_stated_far_from_what_readings_show_is_told_with_both_figures() {
             word.parse::<f64>().is_ok_and(|v| (v / figures[1].parse::<f64>().unwrap() - 1.0).abs() < 0.1)
         };
         assert!(words.iter().any(near), "{told}");
+    }
+}
+
+/// Recordings that begin with rest, and ones of slow motion, with IMUs from good to poor, noise stated or not: nothing is accused,
+/// and what is determined is right. An interval of 95 % is left by more than its double once in ten thousand.
+#[test]
+fn honest_recordings_with_noisy_imus_are_neither_accused_nor_wrong() {
+    let (com, inertia) = body();
+    let mc = com * MASS;
+    let truth = [
+        MASS,
+        mc.x,
+        mc.y,
+        mc.z,
+        inertia[(0, 0)],
+        inertia[(1, 1)],
+        inertia[(2, 2)],
+        inertia[(1, 2)],
+        inertia[(2, 0)],
+        inertia[(0, 1)],
+    ];
+    for imu in [[0.01, 5e-4], [0.03, 2e-3], [0.1, 6e-3], [0.3, 0.02]] {
+        for (rest_s, faster) in [(8.0, 1.0), (0.0, 0.1)] {
+            for is_stated in [true, false] {
+                let errors = Errors { imu, rest_s, faster, ..NONE };
+                let stated = format!("accel_noise_mps2 = {}\ngyro_noise_radps = {}\n", imu[0], imu[1]);
+                let rig = DEFAULT.replace("accel_noise_mps2 = 0.01\ngyro_noise_radps = 5e-4\n", &stated);
+                let rig =
+                    if is_stated { rig } else { "[[imu]]\nposition_m = [0.05, -0.02, 0.03]\n".to_owned() };
+                let fit = identified(&rig, &errors, 11);
+                let said = format!("IMU {imu:?}, rest {rest_s}, stated {is_stated}: {:?}", fit.lack_of_fit);
+                assert!(!fit.lack_of_fit.contradicts(), "{said}");
+                assert_eq!(contradictions(&fit), Vec::<String>::new(), "{said}");
+                for (j, truth) in truth.iter().enumerate() {
+                    let Some(found) = fit.estimate.measured(j) else { continue };
+                    let off = (found.value - truth).abs() / found.u95;
+                    assert!(off < 2.0, "{said}, parameter {j}: {found:?}, {truth}");
+                }
+                assert!(fit.estimate.measured(0).is_some_and(|m| m.u95 < 0.05 * MASS), "{said}");
+            }
+        }
     }
 }
