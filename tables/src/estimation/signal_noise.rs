@@ -106,7 +106,7 @@ impl Case {
 /// The table of 20 s at 200 Hz.
 pub fn table() -> String {
     let ways = &[(true, Solver::Host), (false, Solver::Host), (true, Solver::Firmware)];
-    Case { sampled: (200.0, 20.0), runs: 1000, ways }.lines()
+    Case { sampled: (200.0, 20.0), runs: 500, ways }.lines()
 }
 
 /// The table of 60 s at 1 kHz.
