@@ -3,7 +3,8 @@
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rigident_shared::tree::{Joint, Link};
 
-use super::finding::ModelError;
+use super::finding::{Finding, ModelError};
+use super::passive::Passive;
 use super::tree::{Model, ModelLink, NO_BODY};
 
 /// Axes pass through one point if they miss it by less, m: below any tolerance a joint is made to.
@@ -72,7 +73,7 @@ impl Model {
                 )));
             }
         }
-        (link.link.joint, link.mimic) = (Joint::Fixed, None);
+        (link.link.joint, link.mimic, link.passive) = (Joint::Fixed, None, [Passive::default(); 2]);
         let place = format!("joint {name}");
         self.findings.retain(|finding| finding.place != place);
         let followers: Vec<(String, f64)> = self
@@ -155,6 +156,18 @@ impl Model {
         let position = first.position + first.rotation * pc;
         self.links[c].link =
             Link { parent: first.parent, joint: Joint::Spherical, rotation: first.rotation * rc, position };
+        // Three hinges of their own friction are no ball of one.
+        let stated = [a, b, c].iter().any(|i| self.links[*i].passive != [Passive::default(); 2]);
+        self.links[c].passive = [Passive::default(); 2];
+        if stated {
+            self.findings.push(Finding {
+                place: format!("joint {}", self.links[c].joint_name),
+                text: format!(
+                    "friction, rotors and springs that the file states of {} are left out",
+                    joints.join(", ")
+                ),
+            });
+        }
         self.remove(&[a, b]);
         Ok(())
     }
@@ -189,6 +202,7 @@ impl Model {
             (1..out.links.len()).filter(|i| out.links[*i].is_body()).find_map(|i| Some((i, pair(&out, i)?)))
         {
             out.links[i].link = link;
+            out.links[i].passive = [out.links[between].passive[0], out.links[i].passive[0]];
             out.remove(&[between]);
         }
         out

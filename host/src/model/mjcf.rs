@@ -12,16 +12,15 @@ use roxmltree::Node;
 
 use super::finding::{Finding, ModelError};
 use super::inertial::{Parameters, in_parent};
+use super::passive::Passive;
 use super::tree::{Model, ModelLink, NO_BODY, RawLink};
-use super::xml::{self, Parsed, describe, exactly, numbers, of_quaternion};
+use super::xml::{self, Language, Parsed, describe, exactly, numbers, of_quaternion};
 
 /// Name of the base where bodies hang on the world.
 pub(super) const WORLD: &str = "world";
 
-/// Attributes of joints that say nothing of links.
-const IGNORED: [&str; 4] = ["armature", "stiffness", "damping", "frictionloss"];
-/// Begins what is told of them.
-pub(super) const NOT_USED: &str = "of its attributes are not used: ";
+/// Begins what is told of attributes that are read and written, and say nothing of links.
+pub(super) const NOT_USED: &str = "the answer does not use what the file states of its ";
 
 struct Reader<'a> {
     degrees: bool,
@@ -124,6 +123,18 @@ fn raw(
     }
 }
 
+/// Returns the name of a body's joint: its own, or one made of the body's.
+pub(super) fn joint_name(joint: &Node) -> Option<String> {
+    if let Some(name) = joint.attribute("name") {
+        return Some(name.to_owned());
+    }
+    let body = joint.parent_element()?;
+    let name = body.attribute("name")?;
+    let joints: Vec<Node> = body.children().filter(|n| n.has_tag_name("joint")).collect();
+    let k = joints.iter().position(|other| other == joint)?;
+    Some(if joints.len() == 1 { format!("{name}_joint") } else { format!("{name}_joint{}", k + 1) })
+}
+
 impl<'a> Reader<'a> {
     fn find(&mut self, place: &str, text: &str) {
         self.findings.push(Finding { place: place.to_owned(), text: text.to_owned() });
@@ -219,7 +230,7 @@ impl<'a> Reader<'a> {
         let joints: Vec<Node> = node.children().filter(|n| n.has_tag_name("joint")).collect();
         let free = node.children().any(|n| n.has_tag_name("freejoint"));
         let mut links = Vec::new();
-        for (k, joint) in joints.iter().enumerate() {
+        for joint in &joints {
             let own = |attribute: &str| self.joint_word(joint, attribute, &classes);
             let triple = |attribute: &str, otherwise: Vector3<f64>| -> Result<Vector3<f64>, String> {
                 let what = format!("{attribute} of {}", describe(joint));
@@ -237,49 +248,41 @@ impl<'a> Reader<'a> {
                 "free" => Joint::Free,
                 other => return Err(format!("joint type {other:?} of {} is not known", describe(joint))),
             };
-            let joint_name = joint.attribute("name").map_or_else(
-                || if joints.len() == 1 { format!("{name}_joint") } else { format!("{name}_joint{}", k + 1) },
-                str::to_owned,
-            );
-            let is_nonzero = |text: &str| text.split_whitespace().any(|v| v.parse() != Ok(0.0));
-            let ignored: Vec<&str> =
-                IGNORED.into_iter().filter(|name| own(name).is_some_and(is_nonzero)).collect();
+            let joint_name = joint_name(joint).unwrap_or_default();
+            let (passive, unread) = self.passive(joint, &classes, &kind)?;
+            self.tell_passive(&joint_name, &passive, &unread);
+            let own = |attribute: &str| self.joint_word(joint, attribute, &classes);
             if own("ref").is_some_and(|text| text.trim().parse() != Ok(0.0)) {
                 self.findings.push(Finding {
                     place: format!("joint {joint_name}"),
                     text: "its ref is not zero, which is not followed: positions here count from the model's zero".to_owned(),
                 });
             }
-            if !ignored.is_empty() {
-                self.findings.push(Finding {
-                    place: format!("joint {joint_name}"),
-                    text: format!(
-                        "{NOT_USED}{}: rotors and friction are identified with --friction",
-                        ignored.join(", ")
-                    ),
-                });
-            }
-            links.push((joint_name, kind, anchor));
+            links.push((joint_name, kind, anchor, passive));
         }
         if free || (links.is_empty() && parent.is_none()) {
             links.push((
                 format!("{name}_joint"),
                 if free { Joint::Free } else { Joint::Fixed },
                 Vector3::zeros(),
+                Passive::default(),
             ));
         } else if links.is_empty() {
-            links.push((format!("{name}_fixed"), Joint::Fixed, Vector3::zeros()));
+            links.push((format!("{name}_fixed"), Joint::Fixed, Vector3::zeros(), Passive::default()));
         }
         let (mut at, mut before) = (parent.map(str::to_owned), place);
         let mut turned = rotation;
         let mut anchor = Vector3::zeros();
         let last = links.len() - 1;
-        for (k, (joint_name, kind, own_anchor)) in links.into_iter().enumerate() {
+        for (k, (joint_name, kind, own_anchor, passive)) in links.into_iter().enumerate() {
             let link_name = if k == last { name.to_owned() } else { format!("{name}#{}", k + 1) };
             let position = before + turned * own_anchor;
             let joint_name = if at.is_none() { "" } else { joint_name.as_str() };
             let mut link = raw(&link_name, joint_name, at.as_deref(), kind, turned, position);
             link.link.nominal = (k != last).then_some(NO_BODY);
+            if at.is_some() {
+                link.link.passive[0] = passive;
+            }
             self.raw.push(link);
             (at, before, turned, anchor) = (Some(link_name), -own_anchor, Matrix3::identity(), own_anchor);
         }
@@ -298,6 +301,68 @@ impl<'a> Reader<'a> {
             self.body(inner, Some(name), anchor, &classes)?;
         }
         Ok(())
+    }
+
+    /// Reads what a joint does by itself, and names what of that is not read.
+    fn passive(
+        &self,
+        joint: &Node,
+        classes: &[&str],
+        kind: &Joint<f64>,
+    ) -> Result<(Passive, Vec<&'static str>), String> {
+        let mut unread = Vec::new();
+        let mut first = |name: &'static str| -> Result<f64, String> {
+            let Some(text) = self.joint_word(joint, name, classes) else { return Ok(0.0) };
+            let what = format!("{name} of {}", describe(joint));
+            let values = xml::parse(text, &what)?;
+            // Further numbers of a damping or a stiffness are of higher powers.
+            if values.iter().skip(1).any(|value| *value != 0.0) {
+                unread.push(name);
+            }
+            values.first().copied().ok_or_else(|| format!("{what} is empty"))
+        };
+        let angle =
+            |v: f64| if self.degrees && matches!(kind, Joint::Revolute(_)) { v.to_radians() } else { v };
+        let passive = Passive {
+            armature: first("armature")?,
+            damping: first("damping")?,
+            friction: first("frictionloss")?,
+            stiffness: first("stiffness")?,
+            // Positions count from the model's zero, where MuJoCo's are ref.
+            spring_reference: angle(first("springref")? - first("ref")?),
+        };
+        if self.joint_word(joint, "springdamper", classes).is_some_and(|text| {
+            text.split_whitespace().all(|word| word.parse::<f64>().is_ok_and(|value| value > 0.0))
+        }) {
+            unread.push("springdamper");
+        }
+        // What hangs on nothing in between has no rotor and no spring.
+        if *kind == Joint::Free {
+            return Ok((Passive::default(), unread));
+        }
+        Ok((passive.said_in(Language::Mjcf, kind), unread))
+    }
+
+    /// Tells what is stated of a joint and not used, and what of it is not read.
+    fn tell_passive(&mut self, joint: &str, passive: &Passive, unread: &[&str]) {
+        let place = format!("joint {joint}");
+        let stated =
+            passive.named().into_iter().filter(|(name, value)| *value != 0.0 && *name != "springref");
+        let stated: Vec<&str> = stated.map(|(name, _)| name).collect();
+        if !stated.is_empty() {
+            let spring = if passive.stiffness == 0.0 { "" } else { "; there is no column for a spring" };
+            let text = format!(
+                "{NOT_USED}{}: rotors and friction are identified with --friction{spring}",
+                stated.join(", ")
+            );
+            self.find(&place, &text);
+        }
+        if !unread.is_empty() {
+            self.find(
+                &place,
+                &format!("not read of its attributes beyond the first number: {}", unread.join(", ")),
+            );
+        }
     }
 
     /// About the body's origin.

@@ -1,6 +1,6 @@
 //! Models of trees of links: where they come from, and what of them can be identified.
 //!
-//! Lives here: the model itself ([`tree`]) and its findings, readers ([`urdf`], [`mjcf`], [`sdf`], a rig file's `[[link]]`
+//! Lives here: the model itself ([`tree`], what joints do by themselves in [`passive`]) and its findings, readers ([`urdf`], [`mjcf`], [`sdf`], a rig file's `[[link]]`
 //! tables in [`rig_links`]) and the writer ([`mod@write`], [`remarks`]), what is strange in other people's files ([`check`]), the built-in people ([`human`]), changes by option ([`edit`]), what a motion leaves out ([`idle`]), the base parameters
 //! ([`base`]) the rows of a model in motion ([`rows`]) and how fast they come ([`speed`]). May not live here: the formulas of the rows, which
 //! firmware and host share (`rigident_shared::tree`), and recordings. Next: [`tree`], then [`base`].
@@ -17,6 +17,10 @@ pub mod inertial;
 pub mod mjcf;
 #[cfg(test)]
 mod mjcf_tests;
+pub mod passive;
+mod passive_edits;
+#[cfg(test)]
+mod passive_tests;
 pub mod remarks;
 pub mod rig_links;
 pub mod rows;

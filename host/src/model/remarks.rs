@@ -12,22 +12,34 @@ use super::xml::Language;
 /// `locked` are the joints, `JOINT` or `JOINT=VALUE`, that were locked in it.
 pub fn remarks(model: &Model, source: Option<&Path>, path: &Path, locked: &[String]) -> Vec<String> {
     let language = Language::of_path(path);
-    let text = source.and_then(|source| std::fs::read_to_string(source).ok());
-    if text.is_some_and(|text| Language::of_text(&text) == language) {
-        // Kept, but for inertias.
-        return Vec::new();
-    }
     let mut said = Vec::new();
     let mut say = |text: String| said.push(format!("{}: {text}", path.display()));
-    say("holds links, joints and inertias; shapes, limits and whatever else the model's file may have are left out".to_owned());
-    if !locked.is_empty() {
-        say(format!("joints that were locked are fixed in it: {}", locked.join(", ")));
-    }
     let joints = |is: &dyn Fn(&ModelLink) -> bool| -> Option<String> {
         let names: Vec<&str> =
             model.links.iter().skip(1).filter(|l| is(l)).map(|l| l.joint_name.as_str()).collect();
         (!names.is_empty()).then(|| names.join(", "))
     };
+    if let Some(language) = language {
+        let loses = |l: &ModelLink| {
+            l.passive
+                .iter()
+                .any(|p| p.said_in(language, &l.link.joint) != p.said_in(Language::Mjcf, &l.link.joint))
+        };
+        if let Some(names) = joints(&loses) {
+            say(format!(
+                "this language has no words for all rotors, springs and friction of {names}; write .xml (MJCF), which has"
+            ));
+        }
+    }
+    let text = source.and_then(|source| std::fs::read_to_string(source).ok());
+    if text.is_some_and(|text| Language::of_text(&text) == language) {
+        // The rest of it is kept.
+        return said;
+    }
+    say("holds links, joints, inertias and what its language says of friction; shapes, limits and whatever else the model's file may have are left out".to_owned());
+    if !locked.is_empty() {
+        say(format!("joints that were locked are fixed in it: {}", locked.join(", ")));
+    }
     if language == Some(Language::Urdf) {
         if let Some(names) = joints(&|l| l.link.joint == Joint::Spherical) {
             say(format!(

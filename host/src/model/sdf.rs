@@ -11,6 +11,7 @@ use roxmltree::Node;
 use super::finding::ModelError;
 use super::inertial::{Parameters, in_parent};
 use super::mjcf::WORLD;
+use super::passive::Passive;
 use super::tree::{Model, ModelLink, NO_BODY, RawLink};
 use super::xml::{self, Parsed, describe, exactly, of_quaternion, of_rpy};
 
@@ -195,6 +196,9 @@ fn read(model: &Node, what: &str) -> Result<Parsed, Problem> {
             anchors.insert(name.to_owned(), anchor);
         }
         let mut new = bare(name, joint_name, kind, place);
+        if let Some(joint) = held.get(name) {
+            new.passive = [passive(joint, "axis", &kind)?, passive(joint, "axis2", &kind)?];
+        }
         new.nominal = inertial(link)?
             .filter(|phi| *phi != NO_BODY)
             .map(|phi| in_parent(&phi, &Matrix3::identity(), &-anchor));
@@ -240,6 +244,31 @@ fn kind(joint: &Node, frames: &Frames, at: &Pose, own: &Pose) -> Result<Joint<f6
                 describe(joint)
             ));
         }
+    })
+}
+
+/// Reads what a joint does by itself about one of its axes.
+fn passive(joint: &Node, element: &str, kind: &Joint<f64>) -> Result<Passive, String> {
+    let has_axis = match kind {
+        Joint::Revolute(_) | Joint::Prismatic(_) => element == "axis",
+        Joint::Universal(..) => true,
+        _ => false,
+    };
+    let Some(node) =
+        xml::child(joint, element).filter(|_| has_axis).and_then(|axis| xml::child(&axis, "dynamics"))
+    else {
+        return Ok(Passive::default());
+    };
+    let one = |name: &str| -> Result<f64, String> {
+        let what = format!("<{name}> of {}", describe(joint));
+        text_of(&node, name).map_or(Ok(0.0), |text| Ok(exactly::<1>(xml::parse(text, &what)?, &what)?[0]))
+    };
+    Ok(Passive {
+        armature: 0.0,
+        damping: one("damping")?,
+        friction: one("friction")?,
+        stiffness: one("spring_stiffness")?,
+        spring_reference: one("spring_reference")?,
     })
 }
 

@@ -7,6 +7,7 @@ use rigident_shared::tree::{Joint, Link};
 
 use super::finding::{Finding, ModelError};
 use super::inertial::{Parameters, impossibility, in_parent};
+use super::passive::Passive;
 
 /// A joint that follows another: `q = multiplier · q_leader + offset`.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,6 +36,8 @@ pub struct ModelLink {
     pub welded: Vec<String>,
     /// The joint it follows.
     pub mimic: Option<Mimic>,
+    /// What its joint does by itself, by axis; only a universal joint has a second one.
+    pub passive: [Passive; 2],
 }
 
 /// Parameters of a link that is no body: joints meet there, and nothing else is.
@@ -49,7 +52,8 @@ impl ModelLink {
         nominal: Option<Parameters>,
     ) -> Self {
         let (name, joint_name) = (name.into(), joint_name.into());
-        Self { name, joint_name, link, nominal, welded: Vec::new(), mimic: None }
+        let passive = [Passive::default(); 2];
+        Self { name, joint_name, link, nominal, welded: Vec::new(), mimic: None, passive }
     }
 
     /// Whether there can be mass: it is more than a place where two joints of one body meet.
@@ -155,6 +159,7 @@ impl Model {
         let mut model = Self { name: name.to_owned(), links, findings };
         model.normalise_axes()?;
         model.check_mimics()?;
+        model.look_at_passive()?;
         model.look_at_inertias();
         Ok(model)
     }

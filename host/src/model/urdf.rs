@@ -11,6 +11,7 @@ use roxmltree::{Document, Node};
 
 use super::finding::{Finding, ModelError};
 use super::inertial::{Parameters, in_parent};
+use super::passive::Passive;
 use super::tree::{Mimic, Model, ModelLink, RawLink};
 use super::urdf_fault::{fault, has_macro_elements};
 use super::xml::{child, of_rpy};
@@ -151,9 +152,20 @@ fn raw_link(
         joint_name: name(joint).to_owned(),
         link: Link { parent: 0, joint: kind, rotation, position },
         mimic,
+        passive: [passive(joint, &kind), Passive::default()],
         ..base
     };
     Ok(RawLink { link, parent: Some(end(joint, "parent").to_owned()) })
+}
+
+/// Returns the friction of a joint that has any.
+fn passive(joint: &Node, kind: &Joint<f64>) -> Passive {
+    let stated = child(joint, "dynamics").filter(|_| !matches!(kind, Joint::Fixed | Joint::Free));
+    stated.map_or_else(Passive::default, |dynamics| {
+        let [damping, friction] =
+            ["damping", "friction"].map(|attribute| number(&dynamics, attribute).unwrap_or(0.0));
+        Passive { damping, friction, ..Passive::default() }
+    })
 }
 
 fn name<'a>(node: &Node<'a, '_>) -> &'a str {

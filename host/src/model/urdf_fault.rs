@@ -76,6 +76,7 @@ fn element<'a, 'i>(node: Node<'a, 'i>) -> Option<Fault<'a, 'i>> {
             return Some((node, "<mimic> has no joint".to_owned()));
         }
         "mimic" => (&[], &["multiplier", "offset"], 1),
+        "dynamics" => (&[], &["damping", "friction"], 1),
         "cylinder" | "capsule" => (&["radius", "length"], &[], 1),
         "sphere" => (&["radius"], &[], 1),
         "origin" => (&[], &["xyz", "rpy"], 3),

@@ -1,7 +1,7 @@
 //! Models with new inertias written into URDF, MJCF and SDF.
 //!
-//! A file of the same language is kept as it is but for its inertias; otherwise a new one is made of the tree: links,
-//! joints, inertias, nothing else. What was written is read again and compared before it is a file.
+//! A file of the same language is kept as it is but for its inertias, friction and rotors; otherwise a new one is made of the
+//! tree: links, joints, inertias, nothing else. What was written is read again and compared before it is a file.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -11,10 +11,11 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use rigident_shared::inertia::InertialParameters;
 use rigident_shared::spatial::Body;
 use rigident_shared::tree::Joint;
-use roxmltree::Node;
 
 use super::finding::ModelError;
 use super::inertial::{Parameters, in_parent};
+use super::passive::Passive;
+use super::passive_edits;
 use super::remarks::joint_names;
 use super::tree::{Mimic, Model};
 use super::xml::{self, Language, Parsed};
@@ -30,6 +31,19 @@ pub fn with_parameters<'a>(model: &Model, new: impl Iterator<Item = (&'a str, Pa
     for (name, parameters) in new {
         if let Some(i) = out.link(name) {
             out.links[i].nominal = Some(parameters);
+        }
+    }
+    out
+}
+
+/// Returns a model in which the joints of these names do other things by themselves: friction, rotor, spring of their (first)
+/// axis. Joints that it does not have, and fixed ones, are left out.
+#[must_use]
+pub fn with_passive<'a>(model: &Model, new: impl Iterator<Item = (&'a str, Passive)>) -> Model {
+    let mut out = model.clone();
+    for (name, passive) in new {
+        if let Some(i) = out.joint(name).filter(|i| out.links[*i].link.joint != Joint::Fixed) {
+            out.links[i].passive[0] = passive;
         }
     }
     out
@@ -71,11 +85,14 @@ pub fn parse(text: &str, what: &str) -> Result<Parsed, ModelError> {
 pub fn write(model: &Model, source: Option<&Path>, path: &Path) -> Result<(), ModelError> {
     let language = check_target(path)?;
     let text = source.and_then(|source| std::fs::read_to_string(source).ok());
-    let text = match text.filter(|text| Language::of_text(text) == Some(language)) {
+    let text = text.filter(|text| Language::of_text(text) == Some(language));
+    let kept = text.is_some();
+    let text = match text {
         Some(text) => edited(model, &text, &path.display().to_string())?,
         None => generated(model, language)?,
     };
     check(model, &text, path)?;
+    check_passive(model, &text, language, kept, path)?;
     std::fs::write(path, text).map_err(|source| ModelError::Write { path: path.to_owned(), source })
 }
 
@@ -105,27 +122,51 @@ fn check(model: &Model, text: &str, path: &Path) -> Result<(), ModelError> {
     Ok(())
 }
 
-/// The text of a file with new inertias.
+/// Reads again what is to be written of rotors, friction and springs.
+fn check_passive(
+    model: &Model,
+    text: &str,
+    language: Language,
+    kept: bool,
+    path: &Path,
+) -> Result<(), ModelError> {
+    let again = parse(text, &path.display().to_string())?.model;
+    let same = if kept {
+        passive_edits::changed(model, &again, language).is_empty()
+    } else {
+        again.passive_said_in(language) == model.passive_said_in(language)
+    };
+    if same {
+        return Ok(());
+    }
+    Err(ModelError::Structure {
+        what: path.display().to_string(),
+        problem: "rotors, friction and springs of its joints do not come out as they were written; nothing was written"
+            .to_owned(),
+    })
+}
+
+/// Returns the text of a file with new inertias, friction and rotors.
 ///
 /// # Errors
 /// [`ModelError`] if it cannot be read.
 pub fn edited(model: &Model, text: &str, what: &str) -> Result<String, ModelError> {
     let language = Language::of_text(text).unwrap_or(Language::Urdf);
-    let anchors = parse(text, what)?.anchors;
+    let own = parse(text, what)?;
     let document = xml::document(text, what)?;
     let tag = if language == Language::Mjcf { "body" } else { "link" };
-    let mut changes: Vec<(Node, &str, String)> = Vec::new();
+    let mut changes = passive_edits::edits(model, &own.model, text, &document, language);
     for node in document.descendants().filter(|n| n.has_tag_name(tag)) {
         let Some(name) = node.attribute("name") else { continue };
-        let Some(own) = model.link(name).map(|i| &model.links[i]).filter(|link| link.is_body()) else {
+        let Some(link) = model.link(name).map(|i| &model.links[i]).filter(|link| link.is_body()) else {
             continue;
         };
-        let Some(phi) = own.nominal else { continue };
-        let anchor = anchors.get(name).copied().unwrap_or_else(Vector3::zeros);
+        let Some(phi) = link.nominal else { continue };
+        let anchor = own.anchors.get(name).copied().unwrap_or_else(Vector3::zeros);
         let phi = in_parent(&phi, &Matrix3::identity(), &anchor);
-        changes.push((node, "inertial", inertial(&phi, language)));
+        changes.push(xml::replace_child(text, &node, "inertial", inertial(&phi, language)));
     }
-    Ok(xml::edit(text, &changes))
+    Ok(xml::edit(text, changes))
 }
 
 /// The `<inertial>` of parameters about the frame's origin.
@@ -206,13 +247,15 @@ fn as_urdf(model: &Model) -> String {
                      kind: &str,
                      place: &str,
                      ends: (&str, &str),
-                     axis: Option<&Vector3<f64>>| {
+                     axis: Option<&Vector3<f64>>,
+                     passive: &Passive| {
             let mut axis = axis.map_or_else(String::new, |a| format!("<axis xyz=\"{}\"/>", vector(a)));
             if let Some(Mimic { leader, multiplier, offset }) = &own.mimic {
                 let leader = escaped(leader);
                 axis +=
                     &format!("<mimic joint=\"{leader}\" multiplier=\"{multiplier}\" offset=\"{offset}\"/>");
             }
+            axis += &passive.written(Language::Urdf, &own.link.joint);
             let limit = if kind == "prismatic" {
                 "<limit lower=\"-1e9\" upper=\"1e9\" effort=\"1e9\" velocity=\"1e9\"/>"
             } else {
@@ -227,19 +270,24 @@ fn as_urdf(model: &Model) -> String {
             );
         };
         let ends = (parent.as_str(), own.name.as_str());
+        let [passive, second] = &own.passive;
         match &own.link.joint {
-            Joint::Fixed => joint(&mut out, &own.joint_name, "fixed", &place, ends, None),
-            Joint::Revolute(a) => joint(&mut out, &own.joint_name, "continuous", &place, ends, Some(a)),
-            Joint::Prismatic(a) => joint(&mut out, &own.joint_name, "prismatic", &place, ends, Some(a)),
-            Joint::Spherical => joint(&mut out, &own.joint_name, "spherical", &place, ends, None),
-            Joint::Free => joint(&mut out, &own.joint_name, "floating", &place, ends, None),
+            Joint::Fixed => joint(&mut out, &own.joint_name, "fixed", &place, ends, None, passive),
+            Joint::Revolute(a) => {
+                joint(&mut out, &own.joint_name, "continuous", &place, ends, Some(a), passive)
+            }
+            Joint::Prismatic(a) => {
+                joint(&mut out, &own.joint_name, "prismatic", &place, ends, Some(a), passive)
+            }
+            Joint::Spherical => joint(&mut out, &own.joint_name, "spherical", &place, ends, None, passive),
+            Joint::Free => joint(&mut out, &own.joint_name, "floating", &place, ends, None, passive),
             Joint::Universal(a, b) => {
                 // Two joints with a link between them that has no mass.
                 let between = format!("{}_cross", own.name);
                 link(&mut out, &between, None);
                 let first = format!("{}_first", own.joint_name);
-                joint(&mut out, &first, "continuous", &place, (parent, &between), Some(a));
-                joint(&mut out, &own.joint_name, "continuous", "", (&between, &own.name), Some(b));
+                joint(&mut out, &first, "continuous", &place, (parent, &between), Some(a), passive);
+                joint(&mut out, &own.joint_name, "continuous", "", (&between, &own.name), Some(b), second);
             }
         }
     }
@@ -282,25 +330,30 @@ fn as_mjcf(model: &Model) -> String {
         }
         for (k, turn, point) in at.into_iter().rev().filter(|_| i > 0) {
             let link = &model.links[k];
-            let mut joint = |name: &str, kind: &str, axis: Option<&Vector3<f64>>| {
+            let [passive, second] = &link.passive;
+            let mut joint = |name: &str, kind: &str, axis: Option<&Vector3<f64>>, passive: &Passive| {
+                let passive = passive.written(Language::Mjcf, &link.link.joint);
                 let axis = axis.map_or_else(String::new, |a| format!(" axis=\"{}\"", vector(&(turn * a))));
                 let pos = if point == Vector3::zeros() {
                     String::new()
                 } else {
                     format!(" pos=\"{}\"", vector(&point))
                 };
-                let _ =
-                    writeln!(out, "{pad}  <joint name=\"{}\" type=\"{kind}\"{axis}{pos}/>", escaped(name));
+                let _ = writeln!(
+                    out,
+                    "{pad}  <joint name=\"{}\" type=\"{kind}\"{axis}{pos}{passive}/>",
+                    escaped(name)
+                );
             };
             match &link.link.joint {
                 Joint::Fixed => {}
-                Joint::Revolute(a) => joint(&link.joint_name, "hinge", Some(a)),
-                Joint::Prismatic(a) => joint(&link.joint_name, "slide", Some(a)),
-                Joint::Spherical => joint(&link.joint_name, "ball", None),
-                Joint::Free => joint(&link.joint_name, "free", None),
+                Joint::Revolute(a) => joint(&link.joint_name, "hinge", Some(a), passive),
+                Joint::Prismatic(a) => joint(&link.joint_name, "slide", Some(a), passive),
+                Joint::Spherical => joint(&link.joint_name, "ball", None, passive),
+                Joint::Free => joint(&link.joint_name, "free", None, passive),
                 Joint::Universal(a, b) => {
-                    joint(&format!("{}_first", link.joint_name), "hinge", Some(a));
-                    joint(&link.joint_name, "hinge", Some(b));
+                    joint(&format!("{}_first", link.joint_name), "hinge", Some(a), passive);
+                    joint(&link.joint_name, "hinge", Some(b), second);
                 }
             }
         }
@@ -378,14 +431,17 @@ fn as_sdf(model: &Model) -> Result<String, ModelError> {
         if i == 0 {
             continue;
         }
-        let axis =
-            |element: &str, a: &Vector3<f64>| format!("<{element}><xyz>{}</xyz></{element}>", vector(a));
+        let axis = |element: &str, a: &Vector3<f64>, passive: &Passive| {
+            let passive = passive.written(Language::Sdf, &own.link.joint);
+            format!("<{element}><xyz>{}</xyz>{passive}</{element}>", vector(a))
+        };
+        let [passive, second] = &own.passive;
         let (kind, axes) = match &own.link.joint {
             Joint::Fixed => ("fixed", String::new()),
-            Joint::Revolute(a) => ("continuous", axis("axis", a)),
-            Joint::Prismatic(a) => ("prismatic", axis("axis", a)),
+            Joint::Revolute(a) => ("continuous", axis("axis", a, passive)),
+            Joint::Prismatic(a) => ("prismatic", axis("axis", a, passive)),
             Joint::Spherical => ("ball", String::new()),
-            Joint::Universal(a, b) => ("universal", axis("axis", a) + &axis("axis2", b)),
+            Joint::Universal(a, b) => ("universal", axis("axis", a, passive) + &axis("axis2", b, second)),
             Joint::Free => {
                 return Err(ModelError::Structure {
                     what: model.name.clone(),

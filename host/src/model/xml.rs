@@ -1,6 +1,7 @@
 //! What the readers of MJCF and SDF share: numbers of attributes, rotations, and where to put an element.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::Path;
 
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
@@ -107,24 +108,34 @@ pub(super) fn of_rpy([roll, pitch, yaw]: [f64; 3]) -> Matrix3<f64> {
     Rotation3::from_euler_angles(roll, pitch, yaw).into_inner()
 }
 
-/// Replaces or inserts elements: for each parent element the tag of a child and its new text.
-pub(super) fn edit(text: &str, changes: &[(Node, &str, String)]) -> String {
-    let mut edits: Vec<(std::ops::Range<usize>, String)> = changes
-        .iter()
-        .map(|(parent, tag, new)| {
-            if let Some(old) = child(parent, tag) {
-                return (old.range(), new.clone());
-            }
-            let range = parent.range();
-            let end = start_tag_end(&text[range.clone()]) + range.start;
-            if text[..end].ends_with("/>") {
-                let name = parent.tag_name().name();
-                (end - 2..end, format!(">{new}</{name}>"))
-            } else {
-                (end..end, new.clone())
-            }
-        })
-        .collect();
+/// A range of a text, and what stands there instead.
+pub(super) type Edit = (Range<usize>, String);
+
+/// Returns the edit that puts `new` in place of a parent's first child of a tag, or at the parent's beginning if it has none.
+pub(super) fn replace_child(text: &str, parent: &Node, tag: &str, new: String) -> Edit {
+    if let Some(old) = child(parent, tag) {
+        return (old.range(), new);
+    }
+    let end = start_tag_end(text, parent);
+    if text[..end].ends_with("/>") {
+        (end - 2..end, format!(">{new}</{}>", parent.tag_name().name()))
+    } else {
+        (end..end, new)
+    }
+}
+
+/// Returns the edit that gives an attribute this value.
+pub(super) fn set_attribute(text: &str, node: &Node, name: &str, value: f64) -> Edit {
+    if let Some(old) = node.attribute_node(name) {
+        return (old.range_value(), value.to_string());
+    }
+    let end = start_tag_end(text, node);
+    let at = end - if text[..end].ends_with("/>") { 2 } else { 1 };
+    (at..at, format!(" {name}=\"{value}\""))
+}
+
+/// Returns the text with all edits made; no two of them overlap.
+pub(super) fn edit(text: &str, mut edits: Vec<Edit>) -> String {
     edits.sort_by_key(|(range, _)| std::cmp::Reverse(range.start));
     let mut out = text.to_owned();
     for (range, new) in edits {
@@ -133,16 +144,17 @@ pub(super) fn edit(text: &str, changes: &[(Node, &str, String)]) -> String {
     out
 }
 
-/// Where the first tag of a text ends.
-fn start_tag_end(text: &str) -> usize {
+/// Returns where the first tag of an element ends in the text.
+fn start_tag_end(text: &str, node: &Node) -> usize {
+    let range = node.range();
     let mut quote = None;
-    for (at, c) in text.char_indices() {
+    for (at, c) in text[range.clone()].char_indices() {
         match (quote, c) {
             (None, '"' | '\'') => quote = Some(c),
             (Some(q), c) if q == c => quote = None,
-            (None, '>') => return at + 1,
+            (None, '>') => return range.start + at + 1,
             _ => {}
         }
     }
-    text.len()
+    range.end
 }

@@ -1,0 +1,119 @@
+//! What a joint does by itself: rotor inertia, friction and springs, as robot descriptions state them.
+
+use rigident_shared::tree::Joint;
+
+use super::finding::{Finding, ModelError};
+use super::tree::Model;
+use super::xml::Language;
+
+/// What one axis of a joint adds to the effort that the links need: `armature · q̈ + damping · q̇ + friction · sign q̇ +
+/// stiffness · (q − spring_reference)`. All are zero where a file says nothing.
+///
+/// A ball has one for its three freedoms. Units are those of a turning joint; a sliding one has m for rad and N for N m.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Passive {
+    /// Inertia of the rotor as the joint feels it, kg m².
+    pub armature: f64,
+    /// Viscous friction, N m s/rad.
+    pub damping: f64,
+    /// Coulomb friction, N m.
+    pub friction: f64,
+    /// Stiffness of a spring, N m/rad.
+    pub stiffness: f64,
+    /// Where that spring is slack, rad from the model's zero.
+    pub spring_reference: f64,
+}
+
+impl Passive {
+    /// Returns the numbers with the words that MJCF has for them.
+    pub(super) fn named(&self) -> [(&'static str, f64); 5] {
+        [
+            ("armature", self.armature),
+            ("damping", self.damping),
+            ("frictionloss", self.friction),
+            ("stiffness", self.stiffness),
+            ("springref", self.spring_reference),
+        ]
+    }
+
+    /// Returns what of it a language has words for at a joint; a spring without stiffness is none.
+    #[must_use]
+    pub(super) fn said_in(self, language: Language, joint: &Joint<f64>) -> Self {
+        let spring_reference = if self.stiffness == 0.0 { 0.0 } else { self.spring_reference };
+        let all = Self { spring_reference, ..self };
+        match (language, joint) {
+            (_, Joint::Fixed | Joint::Free) | (Language::Sdf, Joint::Spherical) => Self::default(),
+            // A ball's spring pulls to the model's zero.
+            (Language::Mjcf, Joint::Spherical) => Self { spring_reference: 0.0, ..all },
+            (Language::Mjcf, _) => all,
+            (Language::Sdf, _) => Self { armature: 0.0, ..all },
+            (Language::Urdf, _) => Self { damping: self.damping, friction: self.friction, ..Self::default() },
+        }
+    }
+
+    /// Returns it as attributes or an element of a joint, or of an axis in SDF; empty where nothing is to be said.
+    pub(super) fn written(self, language: Language, joint: &Joint<f64>) -> String {
+        let own = self.said_in(language, joint);
+        if own == Self::default() {
+            return String::new();
+        }
+        let Self { damping, friction, stiffness, spring_reference, .. } = own;
+        match language {
+            Language::Urdf => format!("<dynamics damping=\"{damping}\" friction=\"{friction}\"/>"),
+            Language::Mjcf => {
+                let stated = own.named().into_iter().filter(|(_, value)| *value != 0.0);
+                stated.map(|(name, value)| format!(" {name}=\"{value}\"")).collect()
+            }
+            Language::Sdf => format!(
+                "<dynamics><damping>{damping}</damping><friction>{friction}</friction><spring_reference>{spring_reference}\
+                 </spring_reference><spring_stiffness>{stiffness}</spring_stiffness></dynamics>"
+            ),
+        }
+    }
+}
+
+impl Model {
+    /// Looks at what joints do by themselves.
+    ///
+    /// # Errors
+    /// [`ModelError::Structure`] if a number is not finite.
+    pub(super) fn look_at_passive(&mut self) -> Result<(), ModelError> {
+        let mut found = Vec::new();
+        for link in &self.links {
+            for (name, value) in link.passive.iter().flat_map(Passive::named) {
+                if !value.is_finite() {
+                    return Err(ModelError::Structure {
+                        what: self.name.clone(),
+                        problem: format!(
+                            "joint {}: its {name} is {value}, which is not finite",
+                            link.joint_name
+                        ),
+                    });
+                }
+                if value < 0.0 && name != "springref" {
+                    found.push(Finding {
+                        place: format!("joint {}", link.joint_name),
+                        text: format!("its {name} is negative, {value}: the joint would drive itself"),
+                    });
+                }
+            }
+        }
+        self.findings.extend(found);
+        Ok(())
+    }
+
+    /// Returns what the joints do by themselves as far as a language says it, in the order of the numbers.
+    pub(super) fn passive_said_in(&self, language: Language) -> Vec<[f64; 5]> {
+        let own =
+            |(link, passive): (&super::ModelLink, &Passive)| passive.said_in(language, &link.link.joint);
+        let each = self.links.iter().flat_map(|link| link.passive.iter().map(move |passive| (link, passive)));
+        let said = each.map(own).filter(|passive| *passive != Passive::default());
+        let mut numbers: Vec<[f64; 5]> =
+            said.map(|passive| passive.named().map(|(_, value)| value)).collect();
+        numbers.sort_by(|a, b| {
+            let unequal = a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne());
+            unequal.unwrap_or(std::cmp::Ordering::Equal)
+        });
+        numbers
+    }
+}
