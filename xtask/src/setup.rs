@@ -9,20 +9,33 @@ use crate::process::{self, is_installed};
 use crate::toolchain::{self, Core};
 
 const CARGO_FUZZ: &str = "0.13.2";
-/// A module of Python that tests compare with, and the packages that bring it.
+/// What tests take from Python, and the packages that bring it.
 #[derive(Clone, Copy)]
 pub struct Module {
     name: &'static str,
+    /// What Python can do if it is there.
+    look: &'static str,
     packages: &'static [&'static str],
 }
 
 /// An MCAP reader that shares no code with ours, for the test that reads our recordings with it.
-pub const MCAP_READER: Module =
-    Module { name: "mcap_ros2.reader", packages: &["mcap==1.6.0", "mcap-ros2-support==0.6.0"] };
+pub const MCAP_READER: Module = Module {
+    name: "mcap_ros2.reader",
+    look: "import mcap_ros2.reader",
+    packages: &["mcap==1.6.0", "mcap-ros2-support==0.6.0"],
+};
 /// Rigid-body dynamics that share no code with ours.
-pub const PINOCCHIO: Module = Module { name: "pinocchio", packages: &["pin==4.1.0"] };
+pub const PINOCCHIO: Module =
+    Module { name: "pinocchio", look: "import pinocchio", packages: &["pin==4.1.0"] };
+/// Published robot descriptions with their meshes, 69 URDFs; it has no module.
+pub const ROBOTS: Module = Module {
+    name: "example-robot-data",
+    look: "from importlib.metadata import version; version('example-robot-data')",
+    packages: &["example-robot-data==6.0.0"],
+};
 /// The client of the hexapod's vendor.
-pub const VENDORS_CLIENT: Module = Module { name: "pipython", packages: &["pipython==2.11.0.6"] };
+pub const VENDORS_CLIENT: Module =
+    Module { name: "pipython", look: "import pipython", packages: &["pipython==2.11.0.6"] };
 
 /// Installs everything that any other verb may need.
 pub fn run(core: Option<Core>) -> Result<()> {
@@ -82,7 +95,7 @@ pub fn cargo_fuzz() -> Result<PathBuf> {
 /// Installs the modules that tests compare with into a Python of this project's own; says which cannot be had. The tests
 /// that need them are skipped then.
 fn python_modules() {
-    for module in [MCAP_READER, PINOCCHIO, VENDORS_CLIENT] {
+    for module in [MCAP_READER, PINOCCHIO, ROBOTS, VENDORS_CLIENT] {
         if has_module(module) {
             continue;
         }
@@ -108,10 +121,10 @@ pub fn python() -> PathBuf {
     places::own().join("python/bin/python")
 }
 
-/// Tells whether the project's own Python has a module.
+/// Tells whether the project's own Python has what a module brings.
 pub fn has_module(module: Module) -> bool {
     process::command(python(), places::root())
-        .args(["-c", &format!("import {}", module.name)])
+        .args(["-c", module.look])
         .output()
         .is_ok_and(|output| output.status.success())
 }

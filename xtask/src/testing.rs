@@ -30,6 +30,10 @@ const BOARD: Need = Need { word: "emulated", what: "firmware and qemu-system-arm
 const DATA: Need = Need { word: "shared_data", what: "the recordings and robots in ../shared/data" };
 const READER: Need = Need { word: "mcap_reader", what: "mcap and mcap-ros2-support in Python" };
 const PINOCCHIO: Need = Need { word: "live_pinocchio", what: "Pinocchio (the wheel pin) in Python" };
+const ROBOTS: Need = Need {
+    word: "published_robots",
+    what: "Pinocchio (the wheel pin) and robot descriptions (the wheel example-robot-data) in Python",
+};
 const CLIENT: Need = Need { word: "vendors_client", what: "pipython, the vendor's client, in Python" };
 
 /// How many tests there were.
@@ -82,6 +86,7 @@ impl Surroundings {
         look(DATA, places::root().join("../shared/data").is_dir());
         look(READER, setup::has_module(setup::MCAP_READER));
         look(PINOCCHIO, setup::has_module(setup::PINOCCHIO));
+        look(ROBOTS, [setup::PINOCCHIO, setup::ROBOTS].into_iter().all(setup::has_module));
         look(CLIENT, setup::has_module(setup::VENDORS_CLIENT));
         let python = Some(setup::python()).filter(|python| python.is_file());
         let here = Self { missing, firmware: firmware.map(Path::to_owned), python };
@@ -216,7 +221,7 @@ mod tests {
     fn ignored_tests_have_the_word_of_what_they_need_in_their_names() {
         let mut files = Vec::new();
         sources(places::root(), &mut files);
-        let words = [BOARD, DATA, READER, PINOCCHIO, CLIENT].map(|need| need.word);
+        let words = [BOARD, DATA, READER, PINOCCHIO, ROBOTS, CLIENT].map(|need| need.word);
         let mut ignored = 0;
         for file in files {
             let text = std::fs::read_to_string(&file).unwrap();

@@ -4,7 +4,7 @@
 use nalgebra::{Matrix3, Vector3};
 use rigident_shared::inertia::InertialParameters;
 use rigident_shared::spatial::Body;
-use roxmltree::{Document, Node};
+use roxmltree::Node;
 
 use super::finding::{Finding, ModelError};
 use super::human::Person;
@@ -200,7 +200,7 @@ fn extent(link: &Node) -> Option<Extent> {
 
 /// Centres of mass outside of a link's shapes, and moments that nothing inside of them has.
 fn outside(text: &str, model: &Model) -> Vec<Finding> {
-    let Ok(document) = Document::parse(text) else { return Vec::new() };
+    let Ok(document) = super::xml::parsed(text) else { return Vec::new() };
     let mut found = Vec::new();
     for link in document.root_element().children().filter(|n| n.has_tag_name("link")) {
         let name = link.attribute("name").unwrap_or_default();

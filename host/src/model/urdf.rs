@@ -7,14 +7,14 @@ use nalgebra::{Matrix3, Vector3};
 use rigident_shared::inertia::InertialParameters;
 use rigident_shared::spatial::{Body, Position};
 use rigident_shared::tree::{Joint, Link};
-use roxmltree::{Document, Node};
+use roxmltree::Node;
 
 use super::finding::{Finding, ModelError};
 use super::inertial::{Parameters, in_parent};
 use super::passive::Passive;
-use super::tree::{Mimic, Model, ModelLink, RawLink};
-use super::urdf_fault::{fault, has_macro_elements};
-use super::xml::{child, of_rpy};
+use super::tree::{Mimic, Model, ModelLink, NO_BODY, RawLink};
+use super::urdf_fault::{fault, has_macro_elements, incomplete};
+use super::xml::{self, child, of_rpy};
 
 /// Reads a file.
 ///
@@ -39,7 +39,7 @@ pub fn parse(text: &str, what: &str) -> Result<Model, ModelError> {
     if has_macro_elements(text) {
         return Err(refuse(EXPAND.to_owned()));
     }
-    let document = Document::parse(text).map_err(|error| {
+    let document = xml::parsed(text).map_err(|error| {
         let hint = if text.contains("<robot") { "" } else { "; it has no <robot> element" };
         syntax(format!("{error}{hint}"))
     })?;
@@ -54,12 +54,18 @@ pub fn parse(text: &str, what: &str) -> Result<Model, ModelError> {
     if links.is_empty() {
         return Err(refuse("there is no link in it".to_owned()));
     }
+    let is_incomplete = |link: &Node| child(link, "inertial").is_some_and(|i| incomplete(&i).is_some());
+    if text.contains("${") && links.iter().any(is_incomplete) {
+        return Err(refuse(EXPAND.to_owned()));
+    }
     let mut findings = Vec::new();
     let held = joints(&robot, &links, &mut findings).map_err(&refuse)?;
     let leaders: BTreeSet<&str> = held.values().map(|joint| name(joint)).collect();
-    let raw: Result<Vec<RawLink>, String> =
-        links.iter().map(|link| raw_link(link, held.get(name(link)), &leaders, &mut findings)).collect();
-    let mut model = Model::assemble(what, raw.map_err(&refuse)?, findings)?;
+    let mut raw = Vec::new();
+    for link in &links {
+        raw.extend(raw_links(link, held.get(name(link)), &leaders, &mut findings));
+    }
+    let mut model = Model::assemble(what, raw, findings)?;
     if !name(&robot).is_empty() {
         name(&robot).clone_into(&mut model.name);
     }
@@ -106,56 +112,91 @@ fn joints<'a, 'i>(
     Ok(held)
 }
 
-/// Reads a link and the joint that holds it, if one does.
-fn raw_link(
+/// Reads a link and the joint that holds it, if one does; before it stand the links that are no bodies, if its joint becomes
+/// several.
+fn raw_links(
     link: &Node,
     joint: Option<&Node>,
     leaders: &BTreeSet<&str>,
     findings: &mut Vec<Finding>,
-) -> Result<RawLink, String> {
+) -> Vec<RawLink> {
     let free =
         Link { parent: 0, joint: Joint::Free, rotation: Matrix3::identity(), position: Vector3::zeros() };
-    let base = ModelLink::new(name(link).to_owned(), String::new(), free, nominal(link));
-    let Some(joint) = joint else { return Ok(RawLink { link: base, parent: None }) };
+    let base = ModelLink::new(name(link).to_owned(), String::new(), free, nominal(link, findings));
+    let Some(joint) = joint else { return vec![RawLink { link: base, parent: None }] };
     let (rotation, position) = place(joint);
     let axis = child(joint, "axis").and_then(|axis| three(&axis, "xyz")).map_or(Vector3::x(), Vector3::from);
-    let kind = match joint.attribute("type") {
+    let parent = end(joint, "parent");
+    let (mut before, mut at) = (Vec::new(), Link { parent: 0, joint: Joint::Free, rotation, position });
+    let mut holder = parent.to_owned();
+    at.joint = match joint.attribute("type") {
         Some("revolute" | "continuous") => Joint::Revolute(axis),
         Some("prismatic") => Joint::Prismatic(axis),
         Some("fixed") => Joint::Fixed,
         Some("spherical") => Joint::Spherical,
         Some("planar") => {
-            return Err(format!(
-                "joint {} is planar, which is not known here; give it as two prismatic joints and a revolute one",
-                name(joint)
-            ));
+            let slides = [slide_in_plane(&axis), axis.cross(&slide_in_plane(&axis))];
+            for (k, slide) in slides.into_iter().enumerate() {
+                let [own, joint] = [name(link), name(joint)].map(|name| format!("{name}#{}", k + 1));
+                let place = Link { joint: Joint::Prismatic(slide), ..at };
+                let between = ModelLink::new(own.clone(), joint, place, Some(NO_BODY));
+                before.push(RawLink { link: between, parent: Some(std::mem::replace(&mut holder, own)) });
+                (at.rotation, at.position) = (Matrix3::identity(), Vector3::zeros());
+            }
+            findings.push(Finding {
+                place: format!("joint {}", name(joint)),
+                text: format!(
+                    "is planar: taken as two slides, {0}#1 and {0}#2, across its axis and {0}, a hinge about it",
+                    name(joint)
+                ),
+            });
+            Joint::Revolute(axis)
         }
         _ => Joint::Free,
     };
-    // What does not move follows nothing.
-    let mimic = child(joint, "mimic").filter(|_| kind != Joint::Fixed).and_then(|mimic| {
-        let leader = mimic.attribute("joint").unwrap_or_default();
-        if !leaders.contains(leader) {
-            findings.push(Finding {
-                place: format!("joint {}", name(joint)),
-                text: format!("mimics {leader}, which is not there: counted as a joint that moves by itself"),
-            });
-            return None;
-        }
-        Some(Mimic {
-            leader: leader.to_owned(),
-            multiplier: number(&mimic, "multiplier").unwrap_or(1.0),
-            offset: number(&mimic, "offset").unwrap_or(0.0),
-        })
-    });
     let link = ModelLink {
         joint_name: name(joint).to_owned(),
-        link: Link { parent: 0, joint: kind, rotation, position },
-        mimic,
-        passive: [passive(joint, &kind), Passive::default()],
+        link: at,
+        mimic: mimic(joint, &at.joint, leaders, findings),
+        passive: [passive(joint, &at.joint), Passive::default()],
         ..base
     };
-    Ok(RawLink { link, parent: Some(end(joint, "parent").to_owned()) })
+    before.push(RawLink { link, parent: Some(holder) });
+    before
+}
+
+/// Returns the first direction in which a planar joint slides: x, or y if the axis is x.
+fn slide_in_plane(axis: &Vector3<f64>) -> Vector3<f64> {
+    let [x, y] = [Vector3::x(), Vector3::y()];
+    let across = x - axis * (axis.dot(&x) / axis.norm_squared());
+    if across.norm() > 0.5 {
+        across.normalize()
+    } else {
+        (y - axis * (axis.dot(&y) / axis.norm_squared())).normalize()
+    }
+}
+
+/// Returns the joint that a joint follows. What does not move follows nothing.
+fn mimic(
+    joint: &Node,
+    kind: &Joint<f64>,
+    leaders: &BTreeSet<&str>,
+    findings: &mut Vec<Finding>,
+) -> Option<Mimic> {
+    let mimic = child(joint, "mimic").filter(|_| *kind != Joint::Fixed)?;
+    let leader = mimic.attribute("joint").unwrap_or_default();
+    if !leaders.contains(leader) {
+        findings.push(Finding {
+            place: format!("joint {}", name(joint)),
+            text: format!("mimics {leader}, which is not there: counted as a joint that moves by itself"),
+        });
+        return None;
+    }
+    Some(Mimic {
+        leader: leader.to_owned(),
+        multiplier: number(&mimic, "multiplier").unwrap_or(1.0),
+        offset: number(&mimic, "offset").unwrap_or(0.0),
+    })
 }
 
 /// Returns the friction of a joint that has any.
@@ -177,7 +218,7 @@ fn end<'a>(joint: &Node<'a, '_>, tag: &str) -> &'a str {
     child(joint, tag).and_then(|end| end.attribute("link")).unwrap_or_default()
 }
 
-/// Returns a number that [`fault`] has looked at.
+/// Returns a number, if it is one.
 fn number(node: &Node, attribute: &str) -> Option<f64> {
     node.attribute(attribute)?.trim().parse().ok()
 }
@@ -197,12 +238,21 @@ pub(super) fn place(node: &Node) -> (Matrix3<f64>, Vector3<f64>) {
 }
 
 /// Returns a link's parameters about its origin in its axes; `None` if there is no mass and no inertia.
-fn nominal(link: &Node) -> Option<Parameters> {
+fn nominal(link: &Node, findings: &mut Vec<Finding>) -> Option<Parameters> {
     let inertial = child(link, "inertial")?;
+    if let Some((line, why)) = incomplete(&inertial) {
+        let rest = if child(&inertial, "mass").and_then(|mass| number(&mass, "value")).is_some() {
+            "what is missing of its inertia counts as zero"
+        } else {
+            "counted as a link without mass"
+        };
+        let place = format!("link {}", name(link));
+        findings.push(Finding { place, text: format!("line {line}: {why}; {rest}") });
+    }
     let mass = number(&child(&inertial, "mass")?, "value")?;
-    let inertia = child(&inertial, "inertia")?;
+    let inertia = child(&inertial, "inertia");
     let [xx, xy, xz, yy, yz, zz] = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"]
-        .map(|attribute| number(&inertia, attribute).unwrap_or(0.0));
+        .map(|attribute| inertia.and_then(|inertia| number(&inertia, attribute)).unwrap_or(0.0));
     let tensor = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
     if mass == 0.0 && tensor.iter().all(|v| *v == 0.0) {
         return None;

@@ -1,8 +1,8 @@
 //! What a URDF must have before it is read, and where it has not.
 
-use roxmltree::{Document, Node};
+use roxmltree::Node;
 
-use super::xml::{child, line};
+use super::xml::{child, line, parsed};
 
 const TYPES: [&str; 7] = ["revolute", "continuous", "prismatic", "fixed", "floating", "planar", "spherical"];
 
@@ -21,7 +21,12 @@ pub(super) fn fault(robot: &Node) -> Option<String> {
             ));
         };
         let found = if tag == "joint" { joint(&owner) } else { None };
-        let found = found.or_else(|| owner.descendants().filter(Node::is_element).find_map(element));
+        let placed = |node: &Node| {
+            let above = node.parent_element().map(|above| above.tag_name().name());
+            tag == "joint" || above == Some("inertial")
+        };
+        let found =
+            found.or_else(|| owner.descendants().filter(|n| n.is_element() && placed(n)).find_map(element));
         if let Some((at, why)) = found {
             return Some(format!("line {}, {tag} {name}: {why}", line(&at)));
         }
@@ -32,8 +37,7 @@ pub(super) fn fault(robot: &Node) -> Option<String> {
 /// Whether a text that can be read as a URDF still holds elements of xacro.
 pub(super) fn has_macro_elements(text: &str) -> bool {
     let of_xacro = |n: Node| n.tag_name().namespace().is_some_and(|name| name.contains("xacro"));
-    text.contains("<xacro:")
-        && Document::parse(text).map_or(true, |document| document.descendants().any(of_xacro))
+    text.contains("<xacro:") && parsed(text).map_or(true, |document| document.descendants().any(of_xacro))
 }
 
 /// A nameless link or joint by what else is known of it.
@@ -61,31 +65,33 @@ fn joint<'a, 'i>(joint: &Node<'a, 'i>) -> Option<Fault<'a, 'i>> {
     })
 }
 
-/// Attributes of an element that must be there, and ones that may; numbers each, or three of them.
+/// Attributes of an element that are numbers each, or three of them. Shapes, materials and inertias may be as they like: of
+/// what no one reads nothing is wrong, and of an inertia the reader tells.
 fn element<'a, 'i>(node: Node<'a, 'i>) -> Option<Fault<'a, 'i>> {
-    let needs = |tag: &str| {
-        child(&node, tag).is_none().then(|| (node, format!("<{}> has no <{tag}>", node.tag_name().name())))
-    };
     let (needed, optional, count): (&[&str], &[&str], usize) = match node.tag_name().name() {
-        "inertial" => return needs("mass").or_else(|| needs("inertia")),
-        "visual" | "collision" => return needs("geometry"),
-        "mass" => (&["value"], &[], 1),
-        "inertia" => (&["ixx", "ixy", "ixz", "iyy", "iyz", "izz"], &[], 1),
-        "limit" => (&["velocity"], &["lower", "upper", "effort"], 1),
-        "mimic" if node.attribute("joint").is_none() => {
-            return Some((node, "<mimic> has no joint".to_owned()));
-        }
+        "limit" => (&[], &["lower", "upper", "effort", "velocity"], 1),
         "mimic" => (&[], &["multiplier", "offset"], 1),
         "dynamics" => (&[], &["damping", "friction"], 1),
-        "cylinder" | "capsule" => (&["radius", "length"], &[], 1),
-        "sphere" => (&["radius"], &[], 1),
         "origin" => (&[], &["xyz", "rpy"], 3),
         "axis" => (&["xyz"], &[], 3),
-        "box" => (&["size"], &[], 3),
         _ => return None,
     };
     let all = needed.iter().map(|a| (a, true)).chain(optional.iter().map(|a| (a, false)));
     all.filter_map(|(attribute, must)| numbers(&node, attribute, must, count)).next().map(|why| (node, why))
+}
+
+/// Returns the line and the reason if an `<inertial>` is not complete: then a link has the mass that is there, and zero for each
+/// number that is not.
+pub(super) fn incomplete(inertial: &Node) -> Option<(u32, String)> {
+    let found = |tag: &str, attributes: &[&str]| {
+        let Some(node) = child(inertial, tag) else {
+            return Some((*inertial, format!("<inertial> has no <{tag}>")));
+        };
+        attributes.iter().find_map(|attribute| numbers(&node, attribute, true, 1)).map(|why| (node, why))
+    };
+    let fault =
+        found("mass", &["value"]).or_else(|| found("inertia", &["ixx", "ixy", "ixz", "iyy", "iyz", "izz"]));
+    fault.map(|(node, why)| (line(&node), why))
 }
 
 fn numbers(node: &Node, attribute: &str, must: bool, count: usize) -> Option<String> {

@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
-use roxmltree::{Document, Node};
+use roxmltree::{Document, Node, ParsingOptions};
 
 use super::finding::ModelError;
 use super::tree::Model;
@@ -55,8 +55,15 @@ impl Language {
 /// # Errors
 /// [`ModelError::Syntax`].
 pub(super) fn document<'a>(text: &'a str, what: &str) -> Result<Document<'a>, ModelError> {
-    Document::parse(text)
-        .map_err(|error| ModelError::Syntax { what: what.to_owned(), reason: error.to_string() })
+    parsed(text).map_err(|error| ModelError::Syntax { what: what.to_owned(), reason: error.to_string() })
+}
+
+/// Parses a text, which may have a `<!DOCTYPE>`.
+///
+/// # Errors
+/// That of the XML.
+pub(super) fn parsed(text: &str) -> Result<Document<'_>, roxmltree::Error> {
+    Document::parse_with_options(text, ParsingOptions { allow_dtd: true, ..ParsingOptions::default() })
 }
 
 /// Numbers of an attribute.

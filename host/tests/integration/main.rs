@@ -27,6 +27,7 @@ mod pendulum;
 mod plan_motion;
 mod plan_poses;
 mod program;
+mod published_robots;
 mod rates;
 mod report;
 mod rig_errors;
