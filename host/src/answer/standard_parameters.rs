@@ -164,6 +164,7 @@ fn variables(model: &Model, first: usize) -> Result<Variables, ModelError> {
     let welded = model.welded();
     let mut maps = Vec::new();
     let mut places: Vec<(usize, nalgebra::Matrix3<f64>, nalgebra::Vector3<f64>)> = Vec::new();
+    let (possible, _) = model.possible();
     for (i, link) in model.links.iter().enumerate() {
         let own = (nalgebra::Matrix3::identity(), nalgebra::Vector3::zeros());
         let place = if i == 0 {
@@ -175,7 +176,7 @@ fn variables(model: &Model, first: usize) -> Result<Variables, ModelError> {
             (welded.link(&link.name).unwrap_or(0), own.0, own.1)
         };
         places.push(place);
-        let Some(nominal) = link.nominal.filter(|_| link.is_body()) else { continue };
+        let Some(nominal) = possible[i] else { continue };
         if let Some(why) = impossibility(&nominal) {
             return Err(refuse(format!(
                 "link {} cannot be the nominal model: {why}; mend the file (`rigident model check`)",

@@ -2,10 +2,11 @@
 
 use nalgebra::Rotation3;
 use nalgebra::Vector3;
-use rigident_shared::tree::BaseMotion;
+use rigident_shared::tree::{BaseMotion, Joint, Link};
 
 use super::*;
 use crate::fit::{FitOptions, Silent, fit};
+use crate::model::ModelLink;
 use crate::model::base::{Rows, Situation};
 use crate::model::human::Person;
 use crate::model::inertial::in_parent;
@@ -77,6 +78,50 @@ fn the_truth_as_nominal_model_is_its_own_answer() {
     let wanted = DVector::from_vec(found.model.nominal());
     assert!((all(&full) - &wanted).abs().max() < 1e-5 * wanted.abs().max());
     assert!(full.links.iter().all(|l| l.distance < 1e-4));
+}
+
+/// An antenna of zero inertia, rounded brackets and a frame of moments without mass, fixed to what moves.
+#[test]
+fn what_is_fixed_and_cannot_be_a_body_by_itself_blocks_nothing() {
+    let found = Identified::of(None);
+    let mut model = found.model.clone();
+    let moments = [[0.0; 3], [1e-4, 1e-4, 2.001e-4], [1e-3; 3]];
+    let origin = |name: &str| match name {
+        "f0" => Vector3::new(0.0, 0.01, 0.05),
+        "f1" => Vector3::new(0.02, 0.01, -0.05),
+        _ => Vector3::zeros(),
+    };
+    for (k, (mass, moments)) in [0.1, 0.2, 0.0].into_iter().zip(moments).enumerate() {
+        let [x, y, z] = moments;
+        let phi = [mass, 0.0, 0.0, 0.0, x, y, z, 0.0, 0.0, 0.0];
+        let place = Link {
+            parent: 1,
+            joint: Joint::Fixed,
+            rotation: nalgebra::Matrix3::identity(),
+            position: origin(&format!("f{k}")),
+        };
+        model.links.push(ModelLink::new(format!("f{k}"), format!("j{k}"), place, Some(phi)));
+    }
+    assert!(model.links[2..].iter().all(|link| impossibility(&link.nominal.unwrap()).is_some()));
+    let full = found.nearest(&model);
+    let names: Vec<&str> = full.links.iter().map(|link| link.name.as_str()).collect();
+    assert_eq!(names[2..], ["f0", "f1"]);
+    assert!(full.converged && full.largest_sd < 0.2, "{}", full.largest_sd);
+    assert!(full.links.iter().all(|link| impossibility(&link.parameters).is_none()));
+    // Where they hang makes no difference to what is identified: first moments of the whole are as without them.
+    let whole = |k: usize| -> f64 {
+        let own = &full.links[1..];
+        own.iter().map(|link| link.parameters[k] + link.parameters[0] * origin(&link.name)[k - 1]).sum()
+    };
+    let wanted = found.model.links[1].nominal.unwrap();
+    for k in 1..4 {
+        assert!((whole(k) - wanted[k]).abs() < 1e-3, "{k}: {} {}", whole(k), wanted[k]);
+    }
+    // Of a body that is none as a whole nothing is taken.
+    model.links[1].nominal = Some([1.0, 0.0, 0.0, 0.0, -0.1, 0.1, 0.1, 0.0, 0.0, 0.0]);
+    model.links.truncate(2);
+    let refused = nearest(&model, &BaseEstimate::of(&found.fit, &found.base), 1.0, false);
+    assert!(matches!(refused, Err(ModelError::Structure { .. })));
 }
 
 /// Stationary under changes that the data do not see: the projected gradient vanishes there, by differences.

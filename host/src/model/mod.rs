@@ -21,6 +21,7 @@ pub mod passive;
 mod passive_edits;
 #[cfg(test)]
 mod passive_tests;
+mod possible;
 pub mod remarks;
 pub mod rig_links;
 pub mod rows;

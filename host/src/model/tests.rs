@@ -137,16 +137,126 @@ axis = [0, 0, 2]
 }
 
 #[test]
-fn followers_by_numbers_that_are_none_are_refused() {
-    let body = link("a")
-        + &link("b")
-        + &link("c")
-        + &joint("ab", "a", "b", "")
-        + &joint("bc", "b", "c", "<mimic joint=\"ab\" multiplier=\"nan\"/>");
-    let said = complaint(&body);
-    assert!(said.contains("joint bc mimics ab") && said.contains("finite"), "{said}");
-    assert!(complaint(&body.replace("multiplier=\"nan\"", "offset=\"inf\"")).contains("finite"));
-    assert!(urdf(&body.replace("nan", "-2")).is_ok());
+fn followers_that_cannot_follow_move_by_themselves_with_a_word() {
+    let of = |mimic: &str| {
+        let body = link("a")
+            + &link("b")
+            + &link("c")
+            + &joint("ab", "a", "b", "<mimic joint=\"bc\"/>")
+            + &joint("bc", "b", "c", mimic);
+        let model = urdf(&body).unwrap();
+        let told: Vec<String> = model.findings.iter().map(ToString::to_string).collect();
+        (model.links.iter().filter(|l| l.mimic.is_some()).count(), told.join("; "))
+    };
+    assert_eq!(of(""), (1, String::new()));
+    for (mimic, why) in [
+        ("<mimic joint=\"zz\"/>", "joint bc: mimics zz, which is not there"),
+        ("<mimic/>", "which is not there"),
+        ("<mimic joint=\"bc\"/>", "mimics bc and itself in the end"),
+        ("<mimic joint=\"ab\"/>", "and itself in the end"),
+        (
+            "<mimic joint=\"ab\" multiplier=\"nan\"/>",
+            "mimics ab by NaN times its position and 0, and both numbers must be finite",
+        ),
+        ("<mimic joint=\"ab\" offset=\"inf\"/>", "finite"),
+    ] {
+        let (_, told) = of(mimic);
+        assert!(told.contains(why) && told.contains("moves by itself"), "{mimic}: {told}");
+    }
+    // One that leads may follow nothing, and its followers still follow it.
+    assert_eq!(of("<mimic joint=\"zz\"/>").0, 1);
+}
+
+/// Oracle: two slides and a hinge in a row, written out.
+#[test]
+fn planar_joints_are_two_slides_and_a_hinge() {
+    let place = "<origin xyz=\"0.1 0.2 0.3\" rpy=\"0.3 0.2 0.1\"/>";
+    for (axis, slides) in [("0 0 1", ["1 0 0", "0 1 0"]), ("1 0 0", ["0 1 0", "0 0 1"])] {
+        let one = joint("ab", "a", "b", &format!("{place}<axis xyz=\"{axis}\"/>"));
+        let model = urdf(&(link("a") + &link("b") + &one.replace("continuous", "planar"))).unwrap();
+        let told = &model.findings;
+        assert!(told.len() == 1 && told[0].text.contains("is planar"), "{told:?}");
+        let row = |name: &str, from: &str, to: &str, axis: &str, place: &str| {
+            joint(name, from, to, &format!("{place}<axis xyz=\"{axis}\"/>"))
+        };
+        let chain = link("a")
+            + "<link name=\"b#1\"/><link name=\"b#2\"/>"
+            + &link("b")
+            + &row("ab#1", "a", "b#1", slides[0], place).replace("continuous", "prismatic")
+            + &row("ab#2", "b#1", "b#2", slides[1], "").replace("continuous", "prismatic")
+            + &row("ab", "b#2", "b", axis, "");
+        let mut wanted = urdf(&chain).unwrap();
+        for between in &mut wanted.links[1..3] {
+            between.nominal = Some(tree::NO_BODY);
+        }
+        assert_eq!(model.links, wanted.links);
+        let again = write::generated(&model, xml::Language::Mjcf).unwrap();
+        assert_eq!(write::parse(&again, "again").unwrap().model.freedoms(), 3);
+    }
+}
+
+#[test]
+fn what_is_missing_of_an_inertia_is_told_and_the_rest_is_read() {
+    let read = |old: &str, new: &str| {
+        let text = link("a") + &link("b").replacen(old, new, 1) + &joint("ab", "a", "b", "");
+        let model = urdf(&text).unwrap();
+        let told: Vec<String> = model.findings.iter().map(ToString::to_string).collect();
+        (model.links[1].nominal, told.join("\n"))
+    };
+    let mass = "<mass value=\"1\"/>";
+    for (new, why) in [
+        ("", "link b: line 1: <inertial> has no <mass>; counted as a link without mass"),
+        ("<mass/>", "<mass> has no value; counted as"),
+        ("<mass value=\"heavy\"/>", "value of <mass> is \"heavy\" and not a number; counted as"),
+    ] {
+        let (nominal, told) = read(mass, new);
+        assert!(nominal.is_none() && told.contains(why) && told.contains("has no mass"), "{told}");
+    }
+    let (nominal, told) = read(" ixz=\"0\"", "");
+    assert_eq!(nominal, read("", "").0);
+    assert!(told.contains("<inertia> has no ixz; what is missing of its inertia counts as zero"), "{told}");
+    let (nominal, told) = read(" izz=\"1\"", "");
+    assert!(nominal.unwrap()[6] == 0.0 && told.contains("has no izz"), "{told}");
+}
+
+#[test]
+fn what_is_fixed_together_is_judged_as_one_body_and_mended() {
+    let model = |mass: f64, i: [f64; 3], kind: &str| {
+        let mass = format!("value=\"{mass}\"");
+        let moments = format!("ixx=\"{}\" iyy=\"{}\" izz=\"{}\"", i[0], i[1], i[2]);
+        let c = link("c").replace("value=\"1\"", &mass).replace("ixx=\"1\" iyy=\"1\" izz=\"1\"", &moments);
+        let bc = joint("bc", "b", "c", "").replace("continuous", kind);
+        let model = urdf(&(link("a") + &link("b") + &c + &joint("ab", "a", "b", "") + &bc)).unwrap();
+        let told: Vec<String> = model.findings.iter().map(ToString::to_string).collect();
+        (model.possible().0[2], told.join("\n"))
+    };
+    // A ball of a kilogram of water.
+    let radius = (3.0 / (4000.0 * std::f64::consts::PI)).cbrt();
+    for kind in ["fixed", "continuous"] {
+        let (point, told) = model(1.0, [0.0; 3], kind);
+        assert!(
+            told.contains("link c: no distribution of mass") && told.contains("ball of 0.124 m"),
+            "{told}"
+        );
+        let point = point.unwrap();
+        assert!((point[4] - 0.4 * radius * radius).abs() < 1e-15 && point[0] == 1.0, "{point:?}");
+        // The thickness of a plate is lost in the file's digits.
+        let (plate, told) = model(1.0, [0.01, 0.01, 0.02001], kind);
+        assert!(told.contains("plate a tenth as thick as wide"), "{told}");
+        assert_eq!(inertial::impossibility(&plate.unwrap()), None);
+        let (sound, told) = model(1.0, [1.0; 3], kind);
+        assert!(told.is_empty() && sound.is_some(), "{told}");
+        // A whole body's impossible inertia is nobody's to mend.
+        let (negative, told) = model(1.0, [-0.01, 0.01, 0.01], kind);
+        let is_mended = inertial::impossibility(&negative.unwrap()).is_none();
+        assert_eq!((is_mended, told.contains("is taken as")), (kind == "fixed", kind == "fixed"), "{told}");
+        let (ghost, told) = model(0.0, [0.01; 3], kind);
+        assert_eq!(
+            (ghost.is_none(), told.contains("left out")),
+            (kind == "fixed", kind == "fixed"),
+            "{told}"
+        );
+    }
 }
 
 #[test]
@@ -159,18 +269,9 @@ fn faults_of_a_urdf_are_told_with_line_link_and_attribute() {
     );
     assert!(urdf(&good).is_ok());
     for (old, new, line, why) in [
-        (
-            "mass value=\"1\"",
-            "mass value=\"heavy\"",
-            1,
-            "link a: value of <mass> is \"heavy\" and not a number",
-        ),
-        ("<mass value=\"1\"/>", "", 1, "link a: <inertial> has no <mass>"),
-        ("<mass value=\"1\"/>", "<mass/>", 1, "link a: <mass> has no value"),
-        (" izz=\"1\"", "", 1, "link a: <inertia> has no izz"),
         ("xyz=\"0 0 1\"", "xyz=\"0 0\"", 3, "joint ab: xyz of <origin> is \"0 0\" and not three numbers"),
         ("xyz=\"0 1 0\"", "xyz=\"0,1,0\"", 3, "joint ab: xyz of <axis> is \"0,1,0\""),
-        ("velocity=\"1\"", "lower=\"1\"", 3, "joint ab: <limit> has no velocity"),
+        ("velocity=\"1\"", "lower=\"low\"", 3, "joint ab: lower of <limit> is \"low\" and not a number"),
         ("\"continuous\"", "\"hinge\"", 3, "joint ab: its type is \"hinge\"; there are revolute"),
         ("<parent link=\"a\"/>", "", 3, "joint ab: it has no <parent"),
         ("name=\"ab\" ", "", 3, "the joint that holds link b has no name"),
@@ -180,6 +281,7 @@ fn faults_of_a_urdf_are_told_with_line_link_and_attribute() {
         assert!(said.contains(&format!("line {line}")) && said.contains(why), "{old}: {said}");
     }
     for macros in [
+        good.replacen("\"0 0 1\"", "\"0 0 ${h}\"", 1),
         good.replacen("value=\"1\"", "value=\"${m}\"", 1),
         format!("<xacro:include filename=\"x\"/>{good}"),
         format!("<xacro:include xmlns:xacro=\"http://ros.org/wiki/xacro\" filename=\"x\"/>{good}"),

@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 use rigident_shared::tree::{Joint, Link};
 
 use super::finding::{Finding, ModelError};
-use super::inertial::{Parameters, impossibility, in_parent};
+use super::inertial::{Parameters, in_parent};
 use super::passive::Passive;
 
 /// A joint that follows another: `q = multiplier · q_leader + offset`.
@@ -158,7 +158,7 @@ impl Model {
         }
         let mut model = Self { name: name.to_owned(), links, findings };
         model.normalise_axes()?;
-        model.check_mimics()?;
+        model.look_at_mimics();
         model.look_at_passive()?;
         model.look_at_inertias();
         Ok(model)
@@ -210,38 +210,43 @@ impl Model {
         Ok(())
     }
 
-    fn check_mimics(&self) -> Result<(), ModelError> {
-        for link in &self.links {
-            let Some(mimic) = &link.mimic else { continue };
-            let Some(leader) = self.joint(&mimic.leader) else {
-                return Err(self.refuse(format!(
-                    "joint {} mimics {}, which is not there",
-                    link.joint_name, mimic.leader
-                )));
+    /// Has joints that can follow no other move by themselves, with a word.
+    fn look_at_mimics(&mut self) {
+        for i in 1..self.links.len() {
+            let Some(why) = self.links[i].mimic.as_ref().and_then(|mimic| self.no_leader(i, mimic)) else {
+                continue;
             };
-            if !mimic.multiplier.is_finite() || !mimic.offset.is_finite() {
-                return Err(self.refuse(format!(
-                    "joint {} mimics {} by {} times its position and {}: both numbers must be finite",
-                    link.joint_name, mimic.leader, mimic.multiplier, mimic.offset
-                )));
-            }
-            let leads = |l: &ModelLink| l.link.joint.freedoms() == 1;
-            if !leads(link) || !leads(&self.links[leader]) {
-                return Err(self.refuse(format!(
-                    "joint {} mimics {}: both must be revolute, continuous or prismatic",
-                    link.joint_name, mimic.leader
-                )));
-            }
-            // Followers of followers end at a leader, or run in a circle.
-            let (mut at, mut steps) = (leader, 0);
-            while let Some(next) = self.links[at].mimic.as_ref().and_then(|m| self.joint(&m.leader)) {
-                (at, steps) = (next, steps + 1);
-                if steps > self.links.len() {
-                    return Err(self.refuse(format!("joint {} mimics itself in the end", link.joint_name)));
-                }
+            let text = format!("{why}: counted as a joint that moves by itself");
+            self.findings.push(Finding { place: format!("joint {}", self.links[i].joint_name), text });
+            self.links[i].mimic = None;
+        }
+    }
+
+    /// Returns why a joint cannot follow as it is said to.
+    fn no_leader(&self, follower: usize, mimic: &Mimic) -> Option<String> {
+        let name = &mimic.leader;
+        let Some(leader) = self.joint(name) else {
+            return Some(format!("mimics {name}, which is not there"));
+        };
+        if !mimic.multiplier.is_finite() || !mimic.offset.is_finite() {
+            return Some(format!(
+                "mimics {name} by {} times its position and {}, and both numbers must be finite",
+                mimic.multiplier, mimic.offset
+            ));
+        }
+        let leads = |i: usize| self.links[i].link.joint.freedoms() == 1;
+        if !leads(follower) || !leads(leader) {
+            return Some(format!("mimics {name}, and both must be revolute, continuous or prismatic"));
+        }
+        // Followers of followers end at a leader, or run in a circle.
+        let (mut at, mut steps) = (leader, 0);
+        while let Some(next) = self.links[at].mimic.as_ref().and_then(|m| self.joint(&m.leader)) {
+            (at, steps) = (next, steps + 1);
+            if steps > self.links.len() {
+                return Some(format!("mimics {name} and itself in the end"));
             }
         }
-        Ok(())
+        None
     }
 
     fn look_at_inertias(&mut self) {
@@ -257,10 +262,12 @@ impl Model {
                     .to_owned(),
             })
             .collect();
-        found.extend(self.links.iter().filter(|link| link.is_body()).filter_map(|link| {
-            let text = impossibility(link.nominal.as_ref()?)?;
-            Some(Finding { place: format!("link {}", link.name), text })
-        }));
+        let (_, impossible) = self.possible();
+        found.extend(
+            impossible
+                .into_iter()
+                .map(|(i, text)| Finding { place: format!("link {}", self.links[i].name), text }),
+        );
         self.findings.extend(found);
     }
 
