@@ -13,8 +13,8 @@ use roxmltree::Node;
 use super::finding::{Finding, ModelError};
 use super::inertial::{Parameters, in_parent};
 use super::passive::Passive;
-use super::tree::{Model, ModelLink, NO_BODY, RawLink};
-use super::xml::{self, Language, Parsed, describe, exactly, numbers, of_quaternion};
+use super::tree::{Model, ModelLink, NO_BODY, Parsed, RawLink};
+use super::xml::{self, Language, describe, exactly, numbers, of_quaternion};
 
 /// Name of the base where bodies hang on the world.
 pub(super) const WORLD: &str = "world";

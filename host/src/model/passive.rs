@@ -2,8 +2,6 @@
 
 use rigident_shared::tree::Joint;
 
-use super::finding::{Finding, ModelError};
-use super::tree::Model;
 use super::xml::Language;
 
 /// What one axis of a joint adds to the effort that the links need: `armature · q̈ + damping · q̇ + friction · sign q̇ +
@@ -69,51 +67,5 @@ impl Passive {
                  </spring_reference><spring_stiffness>{stiffness}</spring_stiffness></dynamics>"
             ),
         }
-    }
-}
-
-impl Model {
-    /// Looks at what joints do by themselves.
-    ///
-    /// # Errors
-    /// [`ModelError::Structure`] if a number is not finite.
-    pub(super) fn look_at_passive(&mut self) -> Result<(), ModelError> {
-        let mut found = Vec::new();
-        for link in &self.links {
-            for (name, value) in link.passive.iter().flat_map(Passive::named) {
-                if !value.is_finite() {
-                    return Err(ModelError::Structure {
-                        what: self.name.clone(),
-                        problem: format!(
-                            "joint {}: its {name} is {value}, which is not finite",
-                            link.joint_name
-                        ),
-                    });
-                }
-                if value < 0.0 && name != "springref" {
-                    found.push(Finding {
-                        place: format!("joint {}", link.joint_name),
-                        text: format!("its {name} is negative, {value}: the joint would drive itself"),
-                    });
-                }
-            }
-        }
-        self.findings.extend(found);
-        Ok(())
-    }
-
-    /// Returns what the joints do by themselves as far as a language says it, in the order of the numbers.
-    pub(super) fn passive_said_in(&self, language: Language) -> Vec<[f64; 5]> {
-        let own =
-            |(link, passive): (&super::ModelLink, &Passive)| passive.said_in(language, &link.link.joint);
-        let each = self.links.iter().flat_map(|link| link.passive.iter().map(move |passive| (link, passive)));
-        let said = each.map(own).filter(|passive| *passive != Passive::default());
-        let mut numbers: Vec<[f64; 5]> =
-            said.map(|passive| passive.named().map(|(_, value)| value)).collect();
-        numbers.sort_by(|a, b| {
-            let unequal = a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne());
-            unequal.unwrap_or(std::cmp::Ordering::Equal)
-        });
-        numbers
     }
 }

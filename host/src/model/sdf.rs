@@ -12,8 +12,8 @@ use super::finding::ModelError;
 use super::inertial::{Parameters, in_parent};
 use super::mjcf::WORLD;
 use super::passive::Passive;
-use super::tree::{Model, ModelLink, NO_BODY, RawLink};
-use super::xml::{self, Parsed, describe, exactly, of_quaternion, of_rpy};
+use super::tree::{Model, ModelLink, NO_BODY, Parsed, RawLink};
+use super::xml::{self, describe, exactly, of_quaternion, of_rpy};
 
 type Pose = (Matrix3<f64>, Vector3<f64>);
 

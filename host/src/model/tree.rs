@@ -73,6 +73,16 @@ pub struct Model {
     pub findings: Vec<Finding>,
 }
 
+/// A model as a file has it, and where the joint that holds a body sits in the body's own frame: a link's frame here has
+/// its origin at its joint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parsed {
+    /// The tree.
+    pub model: Model,
+    /// Joints' places in their bodies' frames, m; those at the origin are left out.
+    pub anchors: BTreeMap<String, Vector3<f64>>,
+}
+
 /// A link as a file gives it, its parent by name.
 #[derive(Clone, Debug)]
 pub struct RawLink {
@@ -207,6 +217,35 @@ impl Model {
             };
             self.links[i].link.joint = joint;
         }
+        Ok(())
+    }
+
+    /// Looks at what joints do by themselves.
+    ///
+    /// # Errors
+    /// [`ModelError::Structure`] if a number is not finite.
+    fn look_at_passive(&mut self) -> Result<(), ModelError> {
+        let mut found = Vec::new();
+        for link in &self.links {
+            for (name, value) in link.passive.iter().flat_map(Passive::named) {
+                if !value.is_finite() {
+                    return Err(ModelError::Structure {
+                        what: self.name.clone(),
+                        problem: format!(
+                            "joint {}: its {name} is {value}, which is not finite",
+                            link.joint_name
+                        ),
+                    });
+                }
+                if value < 0.0 && name != "springref" {
+                    found.push(Finding {
+                        place: format!("joint {}", link.joint_name),
+                        text: format!("its {name} is negative, {value}: the joint would drive itself"),
+                    });
+                }
+            }
+        }
+        self.findings.extend(found);
         Ok(())
     }
 

@@ -1,24 +1,12 @@
 //! What the readers of MJCF and SDF share: numbers of attributes, rotations, and where to put an element.
 
-use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
 
-use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion};
 use roxmltree::{Document, Node, ParsingOptions};
 
 use super::finding::ModelError;
-use super::tree::Model;
-
-/// A model as a file has it, and where the joint that holds a body sits in the body's own frame: a link's frame here has
-/// its origin at its joint.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Parsed {
-    /// The tree.
-    pub model: Model,
-    /// Joints' places in their bodies' frames, m; those at the origin are left out.
-    pub anchors: BTreeMap<String, Vector3<f64>>,
-}
 
 /// Languages of robot descriptions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
