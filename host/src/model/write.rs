@@ -185,8 +185,13 @@ pub fn edited(model: &Model, text: &str, what: &str) -> Result<String, ModelErro
 /// The `<inertial>` of parameters about the frame's origin.
 fn inertial(phi: &Parameters, language: Language) -> String {
     let body = InertialParameters::<Body, f64>::from_vector(*phi);
-    let [x, y, z] = if body.mass > 0.0 { body.centre_of_mass().array() } else { [0.0; 3] };
-    let i = body.inertia_com();
+    // Moments without mass are about every point.
+    let (centre, i) = if body.mass == 0.0 {
+        ([0.0; 3], body.inertia)
+    } else {
+        (body.centre_of_mass().array(), body.inertia_com())
+    };
+    let [x, y, z] = centre;
     let (m, xx, yy, zz) = (body.mass, i.m11, i.m22, i.m33);
     let (xy, xz, yz) = (i.m12, i.m13, i.m23);
     match language {

@@ -8,7 +8,8 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use rigident::model::inertial::impossibility;
-use rigident::model::{Model, urdf};
+use rigident::model::passive::Passive;
+use rigident::model::{Model, urdf, write};
 use rigident_shared::tree::Joint;
 use serde_json::Value;
 
@@ -58,6 +59,7 @@ fn compare(model: &Model, pinocchio: &Value, what: &str) {
 #[ignore = "needs Pinocchio and example-robot-data in Python"]
 fn published_robots_that_pinocchio_reads_are_read_with_the_same_inertias() {
     let all = asked(&[]);
+    let place = tempfile::tempdir().unwrap();
     let (mut read, mut odd, mut mended) = (0, 0, 0);
     for (path, said) in &all {
         let Some(said) = said else { continue };
@@ -68,6 +70,15 @@ fn published_robots_that_pinocchio_reads_are_read_with_the_same_inertias() {
         odd += usize::from(!found.is_empty());
         let is_body = |phi: &Option<_>| phi.as_ref().is_none_or(|phi| impossibility(phi).is_none());
         mended += usize::from(!found.is_empty() && possible.iter().all(is_body));
+        // With mended inertias and friction they are written as they are kept.
+        let names: Vec<&str> = model.links.iter().map(|link| link.name.as_str()).collect();
+        let new = names.iter().zip(&possible).filter_map(|(name, phi)| Some((*name, (*phi)?)));
+        let damped = model.links.iter().map(|link| {
+            (link.joint_name.as_str(), Passive { damping: 0.125, friction: 0.25, ..link.passive[0] })
+        });
+        let changed = write::with_passive(&write::with_parameters(&model, new), damped);
+        let target = place.path().join(format!("{read}.urdf"));
+        write::write(&changed, Some(Path::new(path)), &target).unwrap_or_else(|error| panic!("{error}"));
     }
     // One has a <robot> without a name and holds nothing.
     assert_eq!((all.len(), read), (69, 68));
