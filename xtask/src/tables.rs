@@ -4,6 +4,7 @@ use anyhow::Result;
 
 use crate::places;
 use crate::process;
+use crate::setup;
 
 /// Options of the program `rigident-tables`.
 #[derive(clap::Args, Clone, Default)]
@@ -17,5 +18,9 @@ pub struct Options {
 pub fn run(options: &Options) -> Result<()> {
     let mut command = process::cargo(places::root());
     command.args(["run", "--quiet", "--release", "--package", "rigident-tables", "--"]);
+    let python = setup::python();
+    if python.is_file() {
+        command.env("RIGIDENT_PYTHON", python);
+    }
     process::run(command.args(&options.arguments))
 }

@@ -1,21 +1,27 @@
 //! What is strange about the inertias of a robot description: impossible ones, and ones that are in another frame, unit
 //! or place than they should be.
 
-use nalgebra::{Matrix3, Vector3};
+mod conventions;
+pub mod shapes;
+mod sides;
+mod surface;
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use nalgebra::Matrix3;
 use rigident_shared::inertia::InertialParameters;
 use rigident_shared::spatial::Body;
-use roxmltree::Node;
 
 use super::finding::{Finding, ModelError};
 use super::human::Person;
 use super::inertial::impossibility;
-use super::symmetry;
 use super::tree::Model;
-use super::urdf::{place, three};
-use super::xml::{Language, child};
+use super::xml::Language;
+use shapes::Shape;
 
-/// Numbers that agree to this, relative, were copied or mirrored.
-const ALIKE: f64 = 1e-4;
 /// Of osmium, kg/m³: nothing is denser.
 const DENSEST: f64 = 22_590.0;
 /// Less than of anything that a link is made of, its hollows counted, kg/m³.
@@ -43,17 +49,31 @@ pub fn check(name: &str) -> Result<Checked, ModelError> {
     // What is not read says nothing against what is.
     let is_of_links = |finding: &&Finding| !finding.text.starts_with(super::mjcf::NOT_USED);
     let mut findings: Vec<Finding> = model.findings.iter().filter(is_of_links).cloned().collect();
-    findings.extend(sizes(&model));
-    findings.extend(mirrored(&model));
-    if let Some(text) = text.filter(|text| Language::of_text(text) == Some(Language::Urdf)) {
-        findings.extend(outside(&text, &model));
-    }
+    let is_urdf = |text: &String| Language::of_text(text) == Some(Language::Urdf);
+    let shapes =
+        text.filter(is_urdf).map_or_else(BTreeMap::new, |text| shapes::shapes(&text, Path::new(name)));
+    findings.extend(of_inertias(&model, &shapes));
     Ok(Checked {
         links: model.links.iter().filter(|link| link.is_body()).count(),
         mass_kg: model.links.iter().filter_map(|l| Some(l.nominal?[0])).sum(),
         name: model.name,
         findings,
     })
+}
+
+/// Returns what is strange about the inertias of a model whose links have these shapes.
+#[must_use]
+pub fn of_inertias(model: &Model, shapes: &BTreeMap<String, Shape>) -> Vec<Finding> {
+    let mut findings = sizes(model);
+    findings.extend(sides::sides(model));
+    findings.extend(outside(model, shapes));
+    for finding in conventions::conventions(model, shapes) {
+        // One cause is enough.
+        if findings.iter().all(|other| other.place != finding.place) {
+            findings.push(finding);
+        }
+    }
+    findings
 }
 
 fn body(phi: &[f64; 10]) -> InertialParameters<Body, f64> {
@@ -131,81 +151,13 @@ fn sizes(model: &Model) -> Vec<Finding> {
     found
 }
 
-/// Links of the right side that are copies of the left where they should be its image.
-fn mirrored(model: &Model) -> Vec<Finding> {
-    let Ok(pairs) = symmetry::pairs(model) else { return Vec::new() };
+/// Centres of mass outside of a link's simple shapes, and moments that nothing inside of them has.
+fn outside(model: &Model, shapes: &BTreeMap<String, Shape>) -> Vec<Finding> {
     let mut found = Vec::new();
-    for pair in pairs {
-        let (Some(left), Some(right)) = (model.links[pair.left].nominal, model.links[pair.right].nominal)
-        else {
-            continue;
-        };
-        let image = pair.map * nalgebra::SVector::<f64, 10>::from(left);
-        let scale = |k: usize| match k {
-            0 => right[0].abs(),
-            1..4 => Vector3::new(right[1], right[2], right[3]).norm(),
-            _ => right[4..].iter().map(|v| v.abs()).fold(0.0, f64::max),
-        };
-        let far = |of: &[f64]| {
-            let off = (0..10).map(|k| (of[k] - right[k]).abs() / scale(k).max(f64::MIN_POSITIVE));
-            off.fold(0.0, f64::max)
-        };
-        let names = (&model.links[pair.left].name, &model.links[pair.right].name);
-        // The same part on both sides, turned about, has the same numbers by right; and of two that stand in one place at
-        // zero, as closed fingers, the place does not say that one is the other's image.
-        if pair.turned || pair.together {
-            continue;
-        }
-        if far(&left) < ALIKE && far(image.as_slice()) > 100.0 * ALIKE {
-            found.push(Finding {
-                place: format!("link {}", names.1),
-                text: format!(
-                    "has the very numbers of {}, whose mirror image it is by its place: centre of mass and products of \
-                     inertia should have changed signs (it is off by {:.0} % of its own)",
-                    names.0,
-                    100.0 * far(image.as_slice())
-                ),
-            });
-        }
-    }
-    found
-}
-
-/// A box around a link's simple shapes in its frame.
-type Extent = (Vector3<f64>, Vector3<f64>);
-
-fn extent(link: &Node) -> Option<Extent> {
-    let mut all: Option<Extent> = None;
-    for shape in link.children().filter(|n| n.has_tag_name("collision") || n.has_tag_name("visual")) {
-        let geometry = child(&shape, "geometry")?.children().find(Node::is_element)?;
-        let number = |attribute: &str| geometry.attribute(attribute)?.trim().parse::<f64>().ok();
-        let half = match geometry.tag_name().name() {
-            "box" => Vector3::from(three(&geometry, "size")?) / 2.0,
-            "cylinder" => Vector3::new(number("radius")?, number("radius")?, number("length")? / 2.0),
-            "capsule" => {
-                let radius = number("radius")?;
-                Vector3::new(radius, radius, number("length")? / 2.0 + radius)
-            }
-            "sphere" => Vector3::repeat(number("radius")?),
-            // A mesh: its size is in another file.
-            _ => return None,
-        };
-        let (turn, centre) = place(&shape);
-        let reach = turn.abs() * half;
-        let (low, high) = (centre - reach, centre + reach);
-        all = Some(all.map_or((low, high), |(l, h)| (l.inf(&low), h.sup(&high))));
-    }
-    all
-}
-
-/// Centres of mass outside of a link's shapes, and moments that nothing inside of them has.
-fn outside(text: &str, model: &Model) -> Vec<Finding> {
-    let Ok(document) = super::xml::parsed(text) else { return Vec::new() };
-    let mut found = Vec::new();
-    for link in document.root_element().children().filter(|n| n.has_tag_name("link")) {
-        let name = link.attribute("name").unwrap_or_default();
-        let nominal = model.link(name).and_then(|i| model.links[i].nominal);
-        let (Some(phi), Some((low, high))) = (nominal, extent(&link)) else { continue };
+    for link in &model.links {
+        let simple = shapes.get(&link.name).and_then(|shape| shape.simple);
+        let (Some(phi), Some((low, high))) = (link.nominal, simple) else { continue };
+        let name = &link.name;
         if phi[0] <= 0.0 {
             continue;
         }

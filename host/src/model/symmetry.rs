@@ -20,11 +20,20 @@ pub struct Pair {
     pub together: bool,
 }
 
+/// Origins are mirror images if they miss each other by less, relative to the model's reach.
+const ROUNDING: f64 = 1e-6;
+
 /// The name of the other side, if a name has sides.
 fn other_side(name: &str) -> Option<String> {
     let words = [("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT")];
     if let Some((left, right)) = words.iter().find(|(left, _)| name.contains(left)) {
         return Some(name.replacen(left, right, 1));
+    }
+    // Of four legs.
+    for (left, right) in [("FL", "FR"), ("RL", "RR"), ("HL", "HR"), ("LF", "RF"), ("LH", "RH")] {
+        if let Some(rest) = name.strip_prefix(&format!("{left}_")) {
+            return Some(format!("{right}_{rest}"));
+        }
     }
     for (left, right) in [("l", "r"), ("L", "R")] {
         if let Some(rest) = name.strip_prefix(&format!("{left}_")) {
@@ -47,13 +56,9 @@ fn at_zero(model: &Model) -> Vec<(Matrix3<f64>, Vector3<f64>)> {
     places
 }
 
-/// Pairs of links by their names (`l_…` and `r_…`, `…_L`, `left…`), mirror images about the plane y = 0 of the base's
-/// frame at zero position.
-///
-/// # Errors
-/// [`ModelError::Option`] if there is no pair, or a pair's origins are no mirror images.
-pub fn pairs(model: &Model) -> Result<Vec<Pair>, ModelError> {
-    let refuse = |why: String| ModelError::Option(format!("--symmetric: {}: {why}", model.name));
+/// Returns the pairs of links by their names, each with how far its origins are from being mirror images about the plane y = 0
+/// of the base's frame at zero position, m, and how far all may be off by rounding.
+fn candidates(model: &Model) -> (Vec<(Pair, f64)>, f64) {
     let places = at_zero(model);
     let reach = places.iter().map(|(_, p)| p.norm()).fold(0.0, f64::max);
     let mirror = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, 1.0));
@@ -62,15 +67,6 @@ pub fn pairs(model: &Model) -> Result<Vec<Pair>, ModelError> {
         let Some(right) = other_side(&link.name).and_then(|name| model.link(&name)) else { continue };
         let ((r_left, p_left), (r_right, p_right)) = (places[left], places[right]);
         let miss = (mirror * p_left - p_right).norm();
-        if miss > 1e-6 * reach {
-            return Err(refuse(format!(
-                "links {} and {} are no mirror images about y = 0 of the base's frame at zero position: their origins miss \
-                 each other by {:.3} mm",
-                link.name,
-                model.links[right].name,
-                miss * 1e3
-            )));
-        }
         // To the base's axes, mirrored, to the image's axes.
         let none = Vector3::zeros();
         let up = map_to_parent(&r_left, &none);
@@ -78,15 +74,41 @@ pub fn pairs(model: &Model) -> Result<Vec<Pair>, ModelError> {
         let signs = [1.0, 1.0, -1.0, 1.0, 1.0, 1.0, 1.0, -1.0, 1.0, -1.0];
         let map = down * ParameterMap::from_diagonal(&nalgebra::SVector::from(signs)) * up;
         let turned = (r_left - r_right).norm() > 1e-3;
-        let together = (p_left - p_right).norm() <= 1e-6 * reach;
-        found.push(Pair { left, right, map, turned, together });
+        let together = (p_left - p_right).norm() <= ROUNDING * reach;
+        found.push((Pair { left, right, map, turned, together }, miss));
+    }
+    (found, ROUNDING * reach)
+}
+
+/// Returns those pairs of links, by their names, whose origins are mirror images; others are left out.
+pub fn images(model: &Model) -> Vec<Pair> {
+    let (found, rounding) = candidates(model);
+    found.into_iter().filter(|(_, miss)| *miss <= rounding).map(|(pair, _)| pair).collect()
+}
+
+/// Pairs of links by their names (`l_…` and `r_…`, `…_L`, `left…`, `FL_…`), mirror images about the plane y = 0 of the base's
+/// frame at zero position.
+///
+/// # Errors
+/// [`ModelError::Option`] if there is no pair, or a pair's origins are no mirror images.
+pub fn pairs(model: &Model) -> Result<Vec<Pair>, ModelError> {
+    let refuse = |why: String| ModelError::Option(format!("--symmetric: {}: {why}", model.name));
+    let (found, rounding) = candidates(model);
+    if let Some((pair, miss)) = found.iter().find(|(_, miss)| *miss > rounding) {
+        return Err(refuse(format!(
+            "links {} and {} are no mirror images about y = 0 of the base's frame at zero position: their origins miss \
+             each other by {:.3} mm",
+            model.links[pair.left].name,
+            model.links[pair.right].name,
+            miss * 1e3
+        )));
     }
     if found.is_empty() {
         return Err(refuse(
             "no two links are named for left and right (l_… and r_…, …_l and …_r, left and right)".to_owned(),
         ));
     }
-    Ok(found)
+    Ok(found.into_iter().map(|(pair, _)| pair).collect())
 }
 
 /// `φ = T ψ`, ψ without the right links of the pairs.

@@ -3,6 +3,7 @@
 //! One file per study, each a function that gives Markdown.
 
 mod errors;
+mod model_check;
 mod signal_noise;
 mod simulated;
 mod staubli;
@@ -18,6 +19,7 @@ pub const DOCUMENT: Document = Document {
         Table { name: "coloured", make: simulated::coloured_table },
         Table { name: "tree-errors-long", make: errors::table },
         Table { name: "nearest", make: simulated::nearest_table },
+        Table { name: "model-check-long", make: model_check::table },
         Table { name: "staubli", make: staubli::table },
     ],
 };
