@@ -99,8 +99,12 @@ pub fn inverse_dynamics(
         let state = states[i];
         if let Some(phi) = link.nominal.as_ref().filter(|_| link.is_body()) {
             let body = InertialParameters::<Body, f64>::from_vector(*phi);
-            let c = if body.mass > 0.0 { body.first_moment / body.mass } else { zero };
-            let tensor = body.inertia_com();
+            // Moments without mass are about every point.
+            let (c, tensor) = if body.mass > 0.0 {
+                (body.first_moment / body.mass, body.inertia_com())
+            } else {
+                (zero, body.inertia)
+            };
             let (w, dw) = (state.rate, state.change);
             let force = (state.force + dw.cross(&c) + w.cross(&w.cross(&c))) * body.mass;
             wrenches[i].0 += force;

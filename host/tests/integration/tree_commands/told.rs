@@ -204,3 +204,48 @@ fn the_example_of_two_links_is_identified() {
         rigident(place.path(), &["model", "base-params", &example("two-links.rig.toml"), "--floating"]);
     assert!(String::from_utf8_lossy(&output.stdout).contains("17 base parameters of 20"));
 }
+
+/// As the antennas, lasers and frames of published descriptions: mass without inertia, rounded moments, moments without mass.
+#[test]
+fn odd_links_on_fixed_joints_are_mended_with_a_word_and_block_nothing() {
+    let place = tempfile::tempdir().unwrap();
+    arm_recording(place.path(), 2);
+    let truth = open(place.path().join("arm.urdf").to_str().unwrap(), &Person::default()).unwrap().0;
+    let odd = |name: &str, mass: &str, [x, y, z]: [&str; 3]| {
+        let holder = &truth.links.last().unwrap().name;
+        format!(
+            "<link name=\"{name}\"><inertial><mass value=\"{mass}\"/><inertia ixx=\"{x}\" ixy=\"0\" ixz=\"0\" iyy=\"{y}\" iyz=\"0\" \
+             izz=\"{z}\"/></inertial></link><joint name=\"to_{name}\" type=\"fixed\"><parent link=\"{holder}\"/><child \
+             link=\"{name}\"/></joint>"
+        )
+    };
+    let links = odd("antenna", "0.01", ["0", "0", "0"])
+        + &odd("laser", "0.01", ["1e-6", "1e-6", "2.001e-6"])
+        + &odd("frame", "0", ["1e-6", "1e-6", "1e-6"]);
+    std::fs::write(place.path().join("odd.urdf"), ARM.replace("</robot>", &(links + "</robot>"))).unwrap();
+    for (n, file) in ["out.urdf", "out.xml"].into_iter().enumerate() {
+        let out = format!("o{n}");
+        let words =
+            ["identify", "arm.csv", "--model", "odd.urdf", "--json", "--out", &out, "--write-model", file];
+        let found = answer(&rigident(place.path(), &[&words[..], &FRICTION].concat()));
+        let said = told(&found);
+        for why in [
+            "antenna: no distribution of mass",
+            "ball of 0.027 m",
+            "plate a tenth as thick as wide",
+            "frame: it has moments of inertia and no mass; where every link has to be a body it is left out",
+        ] {
+            assert!(said.contains(why), "{why}: {said}");
+        }
+        let full = found["standard_parameters"]["links"].as_array().unwrap();
+        assert_eq!(full.len(), 6, "{full:?}");
+        let written = open(place.path().join(file).to_str().unwrap(), &Person::default()).unwrap().0;
+        let torques = |model: &Model| {
+            let base = BaseMotion::still([0.0, 0.0, -9.80665]);
+            inverse_dynamics(model, &base, &[0.5, -0.8], &[1.0, 2.0], &[-3.0, 4.0]).unwrap()[6..].to_vec()
+        };
+        for (a, b) in torques(&written).iter().zip(torques(&truth)) {
+            assert!((a - b).abs() < 0.05, "{file}: {a} {b}");
+        }
+    }
+}
