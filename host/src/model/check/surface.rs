@@ -10,6 +10,8 @@ use crate::model::xml::{child, parsed};
 
 /// Deeper nodes of a COLLADA scene are not followed: it may contain itself.
 const DEEPEST: usize = 32;
+/// More nodes, or triangles, make no surface: they may contain each other many times over.
+const MOST: [usize; 2] = [100_000, 20_000_000];
 
 type Triangle = [Point3<f64>; 3];
 
@@ -122,7 +124,7 @@ fn collada(text: &str) -> Option<Vec<Triangle>> {
     let is_y_up = asset.and_then(|a| child(&a, "up_axis")?.text()).is_some_and(|axis| axis.trim() == "Y_UP");
     let up = if is_y_up { Vector3::x() * std::f64::consts::FRAC_PI_2 } else { Vector3::zeros() };
     let whole = Rotation3::new(up).to_homogeneous() * Matrix4::new_scaling(unit);
-    let mut scene = Scene { ids: ids(&document), triangles: Vec::new() };
+    let mut scene = Scene { ids: ids(&document), triangles: Vec::new(), nodes: 0 };
     let used = child(&root, "scene").and_then(|s| child(&s, "instance_visual_scene")?.attribute("url"));
     let start = used
         .and_then(|url| scene.of(url))
@@ -138,6 +140,8 @@ fn ids<'a, 'i>(document: &'a Document<'i>) -> BTreeMap<&'a str, Node<'a, 'i>> {
 struct Scene<'a, 'i> {
     ids: BTreeMap<&'a str, Node<'a, 'i>>,
     triangles: Vec<Triangle>,
+    /// How many nodes and primitives were followed.
+    nodes: usize,
 }
 
 impl<'a, 'i> Scene<'a, 'i> {
@@ -145,9 +149,16 @@ impl<'a, 'i> Scene<'a, 'i> {
         self.ids.get(url.strip_prefix('#')?).copied()
     }
 
+    /// Counts a node; `None` when there are too many.
+    fn count(&mut self) -> Option<()> {
+        self.nodes += 1;
+        (self.nodes < MOST[0] && self.triangles.len() < MOST[1]).then_some(())
+    }
+
     /// Adds what hangs on a node.
     fn node(&mut self, node: &Node<'a, 'i>, above: &Matrix4<f64>, depth: usize) -> Option<()> {
         let here = above * transform(node)?;
+        self.count()?;
         for own in node.children().filter(Node::is_element) {
             let named = || self.of(own.attribute("url")?);
             match own.tag_name().name() {
@@ -168,6 +179,7 @@ impl<'a, 'i> Scene<'a, 'i> {
     /// Adds triangles or polygons.
     fn primitive(&mut self, primitive: &Node, here: &Matrix4<f64>) -> Option<()> {
         let kind = primitive.tag_name().name();
+        self.count()?;
         if !["triangles", "polylist", "polygons"].contains(&kind) {
             return Some(());
         }

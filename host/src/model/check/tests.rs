@@ -154,6 +154,20 @@ fn scenes_that_hold_themselves_and_indices_out_of_range_are_no_surface() {
         std::fs::write(&path, good.replace(old, new)).unwrap();
         assert_eq!(surface::read(&path, &Vector3::repeat(1.0)), None, "{old}");
     }
+    // Twenty-five nodes, each of which holds the next twice.
+    let twice = |k: usize| {
+        format!(
+            "<node id=\"n{k}\"><instance_node url=\"#n{0}\"/><instance_node url=\"#n{0}\"/></node>",
+            k + 1
+        )
+    };
+    let nodes = (0..25).map(twice).collect::<String>() + "<node id=\"n25\"/>";
+    std::fs::write(
+        &path,
+        good.replace("<visual_scene id=\"w\">", &format!("<visual_scene id=\"w\">{nodes}")),
+    )
+    .unwrap();
+    assert_eq!(surface::read(&path, &Vector3::repeat(1.0)), None);
     assert_eq!(surface::read(&place.path().join("none.stl"), &Vector3::repeat(1.0)), None);
 }
 
