@@ -14,6 +14,7 @@ pub mod human;
 mod human_segments;
 pub mod idle;
 pub mod inertial;
+mod loose_xml;
 pub mod mjcf;
 #[cfg(test)]
 mod mjcf_tests;
@@ -67,7 +68,6 @@ fn read(name: &str, person: &human::Person) -> Result<(Model, Option<String>), M
     if path.extension().is_some_and(|e| e == "toml") {
         return Ok((rig_links::read(path)?, None));
     }
-    let text =
-        std::fs::read_to_string(path).map_err(|source| ModelError::Read { path: path.to_owned(), source })?;
+    let text = urdf::text_of(path)?;
     Ok((write::parse(&text, &path.display().to_string())?.model, Some(text)))
 }

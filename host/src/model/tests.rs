@@ -378,3 +378,35 @@ fn people_have_the_lengths_of_people() {
     assert!(refused(with(&[("thigh", 0.4), ("thigh", 0.45)])).contains("more than once"));
     assert!(with(&[("thigh", 0.5), ("hand", 0.1)]).human34().is_ok());
 }
+
+/// As Pinocchio reads them; each is kept but for its inertias.
+#[test]
+fn a_urdf_that_is_no_xml_is_read_and_kept_as_it_is() {
+    let body = format!("{}{}{}", link("a"), link("b"), joint("ab", "a", "b", ""));
+    let wanted = urdf(&body).unwrap();
+    for text in [
+        format!(
+            "<robot name=\"r\"><sensor:camera x:y=\"a:b\"><sensor:at>1:2</sensor:at></sensor:camera>{body}</robot>"
+        ),
+        format!("<robot name=\"r\"><!-- ä -- <b> : -->{body}</robot>"),
+        format!("\n <?xml version=\"1.0\"?><robot name=\"r\">{body}</robot>"),
+        format!("<robot name=\"r\"><gazebo a=\"&b\">a & b &deg; &amp;</gazebo>{body}</robot>"),
+        format!("<!DOCTYPE robot><robot name=\"r\" xmlns:s=\"http://s\"><s:c/><t:c/>{body}</robot>"),
+    ] {
+        let model = urdf::parse(&text, "r.urdf").unwrap_or_else(|error| panic!("{error}: {text}"));
+        assert_eq!(model, wanted, "{text}");
+        let edited = write::edited(&model, &text, "r.urdf").unwrap();
+        assert!(edited.starts_with(&text[..text.find("<link").unwrap()]), "{edited}");
+        assert_eq!(urdf::parse(&edited, "r.urdf").unwrap().links.len(), 2);
+    }
+    for broken in
+        ["<robot", "<!--", "<robot><link name=\"a\"", "<a:", "&", "<?xml", "<![CDATA[", "< <!-- --", "<a 'b"]
+    {
+        assert!(urdf::parse(broken, "r.urdf").is_err(), "{broken}");
+    }
+    let place = tempfile::tempdir().unwrap();
+    let path = place.path().join("latin.urdf");
+    std::fs::write(&path, [&b"<robot name=\"r\"><!-- \xe4 -->"[..], body.as_bytes(), b"</robot>"].concat())
+        .unwrap();
+    assert_eq!(urdf::read(&path).unwrap().links, wanted.links);
+}

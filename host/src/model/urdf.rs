@@ -11,6 +11,7 @@ use roxmltree::Node;
 
 use super::finding::{Finding, ModelError};
 use super::inertial::{Parameters, in_parent};
+use super::loose_xml::tidied;
 use super::passive::Passive;
 use super::tree::{Mimic, Model, ModelLink, NO_BODY, RawLink};
 use super::urdf_fault::{fault, has_macro_elements, incomplete};
@@ -21,9 +22,14 @@ use super::xml::{self, child, of_rpy};
 /// # Errors
 /// [`ModelError`] that says what is wrong and where.
 pub fn read(path: &Path) -> Result<Model, ModelError> {
-    let text =
-        std::fs::read_to_string(path).map_err(|source| ModelError::Read { path: path.to_owned(), source })?;
-    parse(&text, &path.display().to_string())
+    parse(&text_of(path)?, &path.display().to_string())
+}
+
+/// Returns the text of a file; one that is not UTF-8 is taken for Latin-1.
+pub(super) fn text_of(path: &Path) -> Result<String, ModelError> {
+    let bytes = std::fs::read(path).map_err(|source| ModelError::Read { path: path.to_owned(), source })?;
+    Ok(String::from_utf8(bytes)
+        .unwrap_or_else(|other| other.into_bytes().into_iter().map(char::from).collect()))
 }
 
 /// What to do with macros.
@@ -39,7 +45,8 @@ pub fn parse(text: &str, what: &str) -> Result<Model, ModelError> {
     if has_macro_elements(text) {
         return Err(refuse(EXPAND.to_owned()));
     }
-    let document = xml::parsed(text).map_err(|error| {
+    let tidy = tidied(text);
+    let document = xml::parsed(&tidy).map_err(|error| {
         let hint = if text.contains("<robot") { "" } else { "; it has no <robot> element" };
         syntax(format!("{error}{hint}"))
     })?;

@@ -3,6 +3,7 @@
 //! A file of the same language is kept as it is but for its inertias, friction and rotors; otherwise a new one is made of the
 //! tree: links, joints, inertias, nothing else. What was written is read again and compared before it is a file.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -14,6 +15,7 @@ use rigident_shared::tree::Joint;
 
 use super::finding::ModelError;
 use super::inertial::{Parameters, in_parent};
+use super::loose_xml::tidied;
 use super::passive::Passive;
 use super::passive_edits;
 use super::remarks::joint_names;
@@ -166,7 +168,9 @@ fn check_passive(
 pub fn edited(model: &Model, text: &str, what: &str) -> Result<String, ModelError> {
     let language = Language::of_text(text).unwrap_or(Language::Urdf);
     let own = parse(text, what)?;
-    let document = xml::document(text, what)?;
+    // Elements stand in it where they do in the text.
+    let tidy = if language == Language::Urdf { tidied(text) } else { Cow::Borrowed(text) };
+    let document = xml::document(&tidy, what)?;
     let tag = if language == Language::Mjcf { "body" } else { "link" };
     let mut changes = passive_edits::edits(model, &own.model, text, &document, language);
     for node in document.descendants().filter(|n| n.has_tag_name(tag)) {

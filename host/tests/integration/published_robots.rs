@@ -135,7 +135,17 @@ fn odd_descriptions_that_a_live_pinocchio_reads_are_read() {
              link=\"a\"/><child link=\"b\"/>{joint}</joint></robot>"
         )
     };
-    for (text, said) in asked(&ODD.iter().map(text).collect::<Vec<_>>()) {
+    let loose = [
+        "<sensor:camera x:y=\"1\"/>",
+        "<!-- a -- b -->",
+        "<gazebo>a & b &deg;</gazebo>",
+        "<material><texture/></material>",
+    ];
+    let good = text(&("continuous", "", ""));
+    let loose = loose.map(|part| good.replace("<robot name=\"r\">", &format!("<robot name=\"r\">{part}")));
+    let others = [format!("\n<?xml version=\"1.0\"?>{good}"), format!("<!DOCTYPE robot>{good}")];
+    let texts: Vec<String> = ODD.iter().map(text).chain(loose).chain(others).collect();
+    for (text, said) in asked(&texts) {
         let said = said.unwrap_or_else(|| panic!("Pinocchio does not read {text}"));
         let model = urdf::parse(&text, "odd").unwrap_or_else(|error| panic!("{error}: {text}"));
         assert_eq!(model.freedoms() as u64, said["nv"].as_u64().unwrap(), "{text}");

@@ -7,6 +7,7 @@ use nalgebra::{Matrix3, Vector3};
 use roxmltree::Node;
 
 use super::surface::{self, Surface};
+use crate::model::loose_xml::tidied;
 use crate::model::urdf::{place, three};
 use crate::model::xml::{child, parsed};
 
@@ -25,7 +26,8 @@ pub struct Shape {
 /// cannot be read have none, unless what they collide with can be read.
 #[must_use]
 pub fn shapes(text: &str, path: &Path) -> BTreeMap<String, Shape> {
-    let Ok(document) = parsed(text) else { return BTreeMap::new() };
+    let tidy = tidied(text);
+    let Ok(document) = parsed(&tidy) else { return BTreeMap::new() };
     let folder = std::path::absolute(path).ok().and_then(|path| Some(path.parent()?.to_owned()));
     let mut reader = Reader { folder: folder.unwrap_or_default(), meshes: BTreeMap::new() };
     let links = document.root_element().children().filter(|n| n.has_tag_name("link"));
