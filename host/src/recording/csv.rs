@@ -14,7 +14,7 @@ enum Sink {
     /// The time.
     Time { scale: f64, times: Vec<Time> },
     /// A known quantity; the cells too where scaling loses their last digit.
-    Number { known: Known, scale: f64, values: Vec<f64>, cells: Option<Vec<String>> },
+    Number { known: Known, scale: f64, offset: f64, values: Vec<f64>, cells: Option<Vec<String>> },
     /// Anything else.
     Text(Vec<String>),
 }
@@ -233,7 +233,7 @@ impl Reader<'_> {
         let mapping = &self.rig.recording.columns;
         let mut sources = BTreeMap::new();
         for (known, source) in mapping {
-            let (name, scale) = source.parts();
+            let ((name, scale), offset) = (source.parts(), source.offset());
             if !header.iter().any(|h| h == name) {
                 let near = nearest(name, header.iter().map(String::as_str));
                 return Err(self.columns_error(format!(
@@ -242,7 +242,7 @@ impl Reader<'_> {
                     header.join(", ")
                 )));
             }
-            if let Some((other, _)) = sources.insert(name, (known.as_str(), scale)) {
+            if let Some((other, _)) = sources.insert(name, (known.as_str(), (scale, offset))) {
                 return Err(self.columns_error(format!(
                     "the rig file names column {name:?} for {other} and for {known}: it can be one of them"
                 )));
@@ -256,13 +256,13 @@ impl Reader<'_> {
             }
             let source = sources.get(name.as_str()).copied();
             let known = source.map_or_else(|| Known::parse(&name), |(known, _)| Known::parse(known));
-            let scale = source.map_or(1.0, |(_, scale)| scale);
+            let (scale, offset) = source.map_or((1.0, 0.0), |(_, unit)| unit);
             let sink = match known {
                 Some(Known::Time) if self.rig.recording.is_static => Sink::Text(Vec::new()),
                 Some(Known::Time) => Sink::Time { scale, times: Vec::new() },
                 Some(known) => {
-                    let cells = (scale != 1.0).then(Vec::new);
-                    Sink::Number { known, scale, values: Vec::new(), cells }
+                    let cells = (scale != 1.0 || offset != 0.0).then(Vec::new);
+                    Sink::Number { known, scale, offset, values: Vec::new(), cells }
                 }
                 None => {
                     if let Some(meant) = other_unit(&name) {
@@ -426,11 +426,12 @@ impl Column {
         match &mut self.sink {
             Sink::Text(cells) => cells.push(cell.to_owned()),
             Sink::Time { scale, times } => times.push(time::parse(cell, *scale).ok_or_else(|| refuse(cell))?),
-            Sink::Number { scale, values, cells, .. } => {
+            Sink::Number { scale, offset, values, cells, .. } => {
                 let value: f64 =
                     cell.parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| refuse(cell))?;
                 // Multiplying by one would change nothing but the sign of a zero.
                 let value = if *scale == 1.0 { value } else { value * *scale };
+                let value = if *offset == 0.0 { value } else { value + *offset };
                 if !value.is_finite() {
                     return Err(format!("{cell} times {scale} is not a finite number"));
                 }

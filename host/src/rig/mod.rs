@@ -71,6 +71,9 @@ pub struct RecordingTable {
     pub wrench_sign: WrenchSign,
     /// Gravity, m/s².
     pub gravity_mps2: f64,
+    /// Its direction in the axes of the base, of a base that is held still and has no IMU; of any length.
+    #[serde(skip_serializing_if = "is_down")]
+    pub gravity_direction: [f64; 3],
     /// Its standard deviation, m/s².
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gravity_std_mps2: Option<f64>,
@@ -87,12 +90,20 @@ pub struct RecordingTable {
     pub topics: BTreeMap<String, String>,
 }
 
+/// Gravity's direction in a base that stands upright.
+pub(crate) const DOWN: [f64; 3] = [0.0, 0.0, -1.0];
+
+fn is_down(direction: &[f64; 3]) -> bool {
+    *direction == DOWN
+}
+
 impl Default for RecordingTable {
     fn default() -> Self {
         Self {
             rate_hz: None,
             wrench_sign: WrenchSign::OnBody,
             gravity_mps2: 9.80665,
+            gravity_direction: DOWN,
             gravity_std_mps2: None,
             is_static: false,
             frozen_after: FROZEN_AFTER,
@@ -115,7 +126,7 @@ pub enum WrenchSign {
 
 /// Where a column's numbers are.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(untagged, expecting = "must be a column's name, or { name = \"…\", scale = … }")]
+#[serde(untagged, expecting = "must be a column's name, or { name = \"…\", scale = …, offset = … }")]
 pub enum ColumnSource {
     /// Under another name.
     Name(String),
@@ -123,14 +134,29 @@ pub enum ColumnSource {
     Scaled(ScaledColumn),
 }
 
-/// A column in another unit.
+/// A column in another unit, or counted from another zero.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ScaledColumn {
     /// Its name in the file.
     pub name: String,
     /// Multiplies its numbers to give SI.
+    #[serde(default = "unscaled")]
     pub scale: f64,
+    /// Is added after that, SI.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub offset: f64,
+    /// Other columns that are added, each with its factor to SI: of a joint whose drive turns with another's.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub plus: BTreeMap<String, f64>,
+}
+
+fn unscaled() -> f64 {
+    1.0
+}
+
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 impl ColumnSource {
@@ -140,6 +166,23 @@ impl ColumnSource {
             Self::Name(name) => (name, 1.0),
             Self::Scaled(column) => (&column.name, column.scale),
         }
+    }
+
+    /// Returns what is added after that, SI.
+    pub fn offset(&self) -> f64 {
+        match self {
+            Self::Name(_) => 0.0,
+            Self::Scaled(column) => column.offset,
+        }
+    }
+
+    /// Returns the other columns that are added, each with its factor to SI.
+    pub fn plus(&self) -> impl Iterator<Item = (&str, f64)> {
+        let columns = match self {
+            Self::Name(_) => None,
+            Self::Scaled(column) => Some(&column.plus),
+        };
+        columns.into_iter().flatten().map(|(name, factor)| (name.as_str(), *factor))
     }
 }
 

@@ -243,6 +243,11 @@ impl Check<'_> {
             if !scale.is_finite() || scale == 0.0 {
                 return Err(self.refuse(&format!("{key}.scale"), scale, "must be finite and not zero"));
             }
+            self.all(&format!("{key}.offset"), &[source.offset()], f64::is_finite, "must be finite")?;
+            if let Some((other, _)) = source.plus().next() {
+                let advice = "columns are added in [[joint]] only";
+                return Err(self.refuse(&format!("{key}.plus"), other, advice));
+            }
         }
         Ok(())
     }
@@ -270,6 +275,12 @@ impl Check<'_> {
         let recording = &self.rig.recording;
         self.positive("recording.rate_hz", recording.rate_hz.as_slice())?;
         self.positive("recording.gravity_mps2", &[recording.gravity_mps2])?;
+        let down = recording.gravity_direction;
+        let advice = "must be finite and not zero";
+        self.all("recording.gravity_direction", &down, f64::is_finite, advice)?;
+        if down == [0.0; 3] {
+            return Err(self.refuse("recording.gravity_direction", "0, 0, 0", advice));
+        }
         let std = recording.gravity_std_mps2;
         self.all("recording.gravity_std_mps2", std.as_slice(), |v| v >= 0.0, NOT_NEGATIVE)?;
         self.columns("recording.columns", &recording.columns)?;
@@ -532,6 +543,9 @@ impl Check<'_> {
                 if !scale.is_finite() || scale == 0.0 {
                     return Err(self.refuse(&key(name), scale, "its scale must be finite and not zero"));
                 }
+                let others = source.plus().map(|(_, factor)| factor).chain([source.offset()]);
+                let others: Vec<f64> = others.collect();
+                self.all(&key(name), &others, f64::is_finite, "offset and the factors of plus must be finite")?;
             }
         }
         Ok(())

@@ -43,6 +43,10 @@ pub struct Column {
     pub name: String,
     /// Factor to SI.
     pub scale: f64,
+    /// Is added after that, SI.
+    pub offset: f64,
+    /// Other columns that are added, with their factors.
+    pub plus: Vec<(String, f64)>,
     /// The rig file names it; otherwise its name is the joint's and the unit.
     pub is_named: bool,
 }
@@ -54,9 +58,13 @@ pub fn column(rig: &RigFile, name: &str, joint: &Joint<f64>, quantity: Quantity)
     Some(match table.and_then(|table| quantity.of(table)) {
         Some(source) => {
             let (name, scale) = source.parts();
-            Column { name: name.to_owned(), scale, is_named: true }
+            let plus = source.plus().map(|(name, factor)| (name.to_owned(), factor)).collect();
+            Column { name: name.to_owned(), scale, offset: source.offset(), plus, is_named: true }
         }
-        None => Column { name: format!("{name}_{unit}"), scale: 1.0, is_named: false },
+        None => {
+            let name = format!("{name}_{unit}");
+            Column { name, scale: 1.0, offset: 0.0, plus: Vec::new(), is_named: false }
+        }
     })
 }
 
@@ -65,14 +73,35 @@ pub fn column(rig: &RigFile, name: &str, joint: &Joint<f64>, quantity: Quantity)
 /// # Errors
 /// [`TreePrepareError::Cell`]: one of them is no finite number.
 pub fn numbers(recording: &Recording, column: &Column) -> Result<Option<Vec<f64>>, TreePrepareError> {
-    let Some((_, cells)) = recording.extra.iter().find(|(name, _)| *name == column.name) else {
-        return Ok(None);
-    };
+    let Some(mut sum) = scaled(recording, &column.name, column.scale)? else { return Ok(None) };
+    if column.offset != 0.0 {
+        sum.iter_mut().for_each(|v| *v += column.offset);
+    }
+    for (name, factor) in &column.plus {
+        let Some(values) = scaled(recording, name, *factor)? else {
+            return Err(TreePrepareError::Missing {
+                name: recording.file(),
+                missing: format!("column {name:?}, which the rig file adds to {:?}, is", column.name),
+                advice: "correct the name in [[joint]] plus".to_owned(),
+            });
+        };
+        sum.iter_mut().zip(values).for_each(|(to, v)| *to += v);
+    }
+    Ok(Some(sum))
+}
+
+/// Returns the numbers of one column times a factor; `None` if it is not there.
+fn scaled(
+    recording: &Recording,
+    column: &str,
+    factor: f64,
+) -> Result<Option<Vec<f64>>, TreePrepareError> {
+    let Some((_, cells)) = recording.extra.iter().find(|(name, _)| name == column) else { return Ok(None) };
     let values = cells.iter().enumerate().map(|(row, cell)| {
-        let value = cell.trim().parse::<f64>().ok().map(|v| v * column.scale).filter(|v| v.is_finite());
+        let value = cell.trim().parse::<f64>().ok().map(|v| v * factor).filter(|v| v.is_finite());
         value.ok_or_else(|| TreePrepareError::Cell {
             name: recording.file(),
-            column: column.name.clone(),
+            column: column.to_owned(),
             row: recording.place(row),
             reason: format!("{cell:?} is not a finite number: mend it, or remove the row"),
         })

@@ -10,7 +10,7 @@ mod sources;
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use super::drive::Drive;
 use super::errors::errors;
@@ -22,7 +22,7 @@ use crate::model::{Finding, Model};
 use crate::problem::ProblemOptions;
 use crate::problem::body::input_checks::Implausible;
 use crate::recording::Recording;
-use crate::rig::{OffsetTable, OffsetWord};
+use crate::rig::{DOWN, OffsetTable, OffsetWord};
 
 /// Ready to be identified.
 #[derive(Clone, Debug)]
@@ -66,7 +66,7 @@ pub fn prepare(
         let (name, error) = (recording.name.clone(), Implausible::Dead(dead));
         return Err(TreePrepareError::Implausible { name, error });
     }
-    let model = model.welded();
+    let model = upright(model.welded(), recording)?;
     let cells = recording.extra.iter().map(|(name, cells)| (name.as_str(), cells.as_slice())).collect();
     let mut work = Preparation { recording, model: &model, notes: Vec::new(), cells };
     let input = work.input(options)?;
@@ -78,6 +78,35 @@ pub fn prepare(
         idle.retain(|finding| !finding.text.starts_with("the base never turns"));
     }
     Ok(PreparedTree { input, notes: work.notes, idle })
+}
+
+/// Returns the model with its base turned such that gravity is along −z, of a base that is held still.
+fn upright(mut model: Model, recording: &Recording) -> Result<Model, TreePrepareError> {
+    let down = recording.rig.recording.gravity_direction;
+    if down == DOWN {
+        return Ok(model);
+    }
+    let has_imu = recording.imus.first().is_some_and(|imu| imu.accel.is_some() || imu.gyro.is_some());
+    let tells = [
+        (has_imu, "the base has an IMU"),
+        (recording.gravity.is_some(), "there are gravity columns"),
+        (recording.wrench.is_some(), "the base's wrench is in axes of its own"),
+    ];
+    if let Some((_, why)) = tells.iter().find(|(is_there, _)| *is_there) {
+        return Err(TreePrepareError::Fit {
+            name: recording.name.clone(),
+            model: model.name,
+            why: format!("gravity_direction of the rig file is for a base that is held still, and {why}: remove the key"),
+        });
+    }
+    let (from, to) = (Vector3::from(down), Vector3::from(DOWN));
+    let upside_down = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+    let turn = UnitQuaternion::rotation_between(&from, &to).unwrap_or(upside_down).to_rotation_matrix();
+    for link in model.links.iter_mut().skip(1).filter(|link| link.link.parent == 0) {
+        link.link.rotation = turn * link.link.rotation;
+        link.link.position = turn * link.link.position;
+    }
+    Ok(model)
 }
 
 impl<'a> Preparation<'a> {

@@ -9,7 +9,7 @@ use rigident_shared::tree::BaseMotion;
 use super::Preparation;
 use crate::problem::tree::TreePrepareError;
 use crate::problem::tree::joints::attitude;
-use crate::rig::{Calibrated, ImuTable};
+use crate::rig::{Calibrated, DOWN, ImuTable};
 
 impl<'a> Preparation<'a> {
     /// The table of the IMU on a link, by the link's number.
@@ -106,10 +106,12 @@ impl<'a> Preparation<'a> {
             }
             (None, None, Some(gravity)) => gravity.iter().map(|g| BaseMotion::still(*g)).collect(),
             (None, None, None) => {
-                let g = recording.rig.recording.gravity_mps2;
+                let (g, down) = (recording.rig.recording.gravity_mps2, recording.rig.recording.gravity_direction);
+                let along = if down == DOWN { "−z".to_owned() } else { format!("{down:?}") };
                 self.notes.push(format!(
-                    "there is no IMU on the base link: it is taken to be held still, gravity {g} m/s² along −z of its frame"
+                    "there is no IMU on the base link: it is taken to be held still, gravity {g} m/s² along {along} of its frame"
                 ));
+                // The model was turned.
                 vec![BaseMotion::still([0.0, 0.0, -g])]
             }
         };
