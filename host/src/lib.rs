@@ -13,6 +13,7 @@
 pub mod answer;
 pub mod cli;
 pub mod device;
+pub mod diagnosis;
 pub mod fit;
 pub mod model;
 #[cfg(feature = "simulator")]

@@ -1,8 +1,9 @@
 //! Checks of the recordings behind factors: what is kept with a factor, and what an answer says of it.
 
-use super::result::{Answer, Run, RunVerdict};
+use super::result::{Answer, Cause, Run, RunVerdict};
 use super::{contradictions, remarks};
 use crate::fit::{CheckedRun, Checks, Fit};
+use crate::present::text::significant;
 
 /// Returns what the checks of a recording find, for its factor to keep. `warnings` are those of its reading; `of_links`: a
 /// model of links stands behind the rows.
@@ -23,6 +24,20 @@ pub(super) fn is_contradicted(fit: &Fit) -> bool {
 }
 
 impl Answer {
+    /// Adds the fault that explains why the recording cannot be true.
+    pub fn explain(&mut self, cause: Option<Cause>) {
+        let Some(cause) = cause else { return };
+        let others: Vec<String> = cause.alternatives.iter().map(|what| format!(", or {what}")).collect();
+        let effect = if cause.confirmed {
+            "without that the recording agrees with a rigid body".to_owned()
+        } else {
+            format!("without that residuals are {} of what they are, and something is left", percent(cause.residuals_left))
+        };
+        let said = format!("most likely {}{}: {effect}; {}", cause.what, others.concat(), cause.mend);
+        self.warnings.insert(0, said);
+        self.cause = Some(cause);
+    }
+
     /// Adds the runs that only a factor is left of, with what their checks found.
     pub(super) fn add_runs(&mut self, fit: &Fit) {
         for run in &fit.runs {
@@ -45,4 +60,9 @@ impl Answer {
             self.runs.push(Run { recording: name.clone(), verdict });
         }
     }
+}
+
+/// Returns a share in per cent.
+fn percent(share: f64) -> String {
+    format!("{} %", significant(100.0 * share, 2))
 }

@@ -220,10 +220,29 @@ pub struct Answer {
     /// Information that asks for nothing.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
+    /// Why the recording cannot be true, where `status` is `implausible` and a fault was found that explains it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cause: Option<Cause>,
     /// What a user should act on before using the numbers.
     pub warnings: Vec<String>,
     /// Time that the command took, s.
     pub elapsed_s: f64,
+}
+
+/// A fault that explains why a recording cannot be true.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Cause {
+    /// The fault in words.
+    pub what: String,
+    /// What to do about it.
+    pub mend: String,
+    /// True if the recording can be true without it; else it only leaves much less unexplained.
+    pub confirmed: bool,
+    /// Residuals without it over those with it, geometric mean of the channels.
+    pub residuals_left: f64,
+    /// Other faults that explain as much.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub alternatives: Vec<String>,
 }
 
 /// A run that only a factor is left of.

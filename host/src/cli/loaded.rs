@@ -7,7 +7,9 @@ use super::options::calibration;
 use super::options::trees::{ModelChanges, TreeModel};
 use super::recorded::{is_rig_file, left_out_columns, named, stream_set};
 use super::{Failure, Stages, locked_joints};
+use crate::answer::result::Cause;
 use crate::answer::{self, Drift, Links, Source, StandardRequest, TimeBase};
+use crate::diagnosis::{self, Case};
 use crate::fit::pool::PooledFactor;
 use crate::fit::{DeviceFactor, Fit, FitOptions, RowSource, Timing};
 use crate::model::{self, Model};
@@ -40,6 +42,8 @@ pub(super) struct Loaded {
     nominal: Option<(Model, Option<PathBuf>)>,
     /// Date of the recording, RFC 3339.
     recorded: Option<String>,
+    /// The recording as it was read, for the search for a fault; `None` of several files and of what a device read.
+    case: Option<Case>,
 }
 
 /// How standard parameters of links are sought.
@@ -90,11 +94,12 @@ impl Loaded {
         let problem = Problem::from_recording(&recording, Some(&nominal), options).map_err(Failure::input)?;
         notes.extend(problem.notes.iter().cloned());
         let (rows, recorded) = (recording.rows(), recording.recorded());
-        let mut warnings = recording.warnings;
+        let mut warnings = recording.warnings.clone();
         warnings.extend(problem.rig.calibrated().map(|_| UNUSED_CALIBRATION.to_owned()));
         warnings.extend(nominal.findings.iter().map(ToString::to_string));
         let unused_rows = (rows as u64).saturating_sub(problem.source().samples() as u64);
-        Ok(Self { problem, warnings, notes, unused_rows, nominal: Some((nominal, file)), recorded })
+        let case = Some(Case { recording, model: Some(nominal.clone()), options: options.clone() });
+        Ok(Self { problem, warnings, notes, unused_rows, nominal: Some((nominal, file)), recorded, case })
     }
 
     /// Poses the problem of a tree in several files with clocks of their own.
@@ -116,7 +121,7 @@ impl Loaded {
         let mut warnings = problem.warnings.clone();
         warnings.extend(nominal.findings.iter().map(ToString::to_string));
         let nominal = Some((nominal, file));
-        Ok(Self { problem, warnings, notes, unused_rows: 0, nominal, recorded: None })
+        Ok(Self { problem, warnings, notes, unused_rows: 0, nominal, recorded: None, case: None })
     }
 
     /// Reads a recording of one body: one file, or several with clocks of their own.
@@ -130,7 +135,7 @@ impl Loaded {
             let problem = problem.map_err(Failure::input)?;
             let (mut notes, warnings) = (problem.notes.clone(), problem.warnings.clone());
             notes.extend(assumed(&problem.rig));
-            return Ok(Self { problem, warnings, notes, unused_rows: 0, nominal: None, recorded: None });
+            return Ok(Self { problem, warnings, notes, unused_rows: 0, nominal: None, recorded: None, case: None });
         }
         let mut recording = Recording::load(path, rig).map_err(Failure::input)?;
         recording.leave_out_spikes();
@@ -155,7 +160,8 @@ impl Loaded {
         warnings.extend(problem.rig.imu.first().and_then(|imu| input_checks::far_away(imu.position_m)));
         let mut notes = problem.notes.clone();
         notes.extend(assumed(&recording.rig));
-        Ok(Self { problem, warnings, notes, unused_rows: 0, nominal: None, recorded })
+        let case = Some(Case { recording, model: None, options: ProblemOptions::default() });
+        Ok(Self { problem, warnings, notes, unused_rows: 0, nominal: None, recorded, case })
     }
 
     /// Returns the source of rows.
@@ -188,6 +194,12 @@ impl Loaded {
         let progress = |stage: &str, share: f64| stages.at(stage, share);
         let found = self.problem.fit(&options, &progress).map_err(Failure::input)?;
         Ok(self.with_unused(found))
+    }
+
+    /// Returns the fault that explains why the recording cannot be true; `None` if none is found.
+    pub(super) fn diagnose(&self) -> Option<Cause> {
+        let stages = Stages::new("looking for the cause");
+        diagnosis::diagnose(self.case.as_ref()?, &|stage: &str, share: f64| stages.at(stage, share))
     }
 
     /// Counts rows that no sample was made of as rejected.
@@ -239,6 +251,7 @@ impl Loaded {
             unused_rows: 0,
             nominal: None,
             recorded: None,
+            case: None,
         }
     }
 
@@ -262,6 +275,7 @@ impl Loaded {
             unused_rows,
             nominal: Some((model.clone(), None)),
             recorded: recording.recorded(),
+            case: None,
         })
     }
 
@@ -316,21 +330,12 @@ impl Loaded {
 
     /// Returns the tree for an answer; `None` of one body.
     pub(super) fn links<'a>(&'a self, options: &StandardOptions) -> Option<Links<'a>> {
-        let Subject::Tree { source, idle } = &self.problem.subject else { return None };
-        let input = source.input();
-        Some(Links {
-            model: &input.model,
-            base: source.base(),
-            situation: input.situation,
-            drives: source.drive_motions(),
-            idle: idle.iter().map(ToString::to_string).collect(),
-            standard: self.nominal.as_ref().map(|(nominal, _)| StandardRequest {
-                nominal,
-                trust: options.trust,
-                symmetric: options.symmetric,
-                required: options.required(),
-            }),
-        })
+        self.problem.links(self.nominal.as_ref().map(|(nominal, _)| StandardRequest {
+            nominal,
+            trust: options.trust,
+            symmetric: options.symmetric,
+            required: options.required(),
+        }))
     }
 
     /// Returns the motion over time for the plots; times count from the first sample.

@@ -129,7 +129,11 @@ impl<'a> RunReport<'a> {
             drift: self.drift.take(),
             ..Context::default()
         };
-        Answer::new(fit, context).map_err(Failure::input)
+        let mut answer = Answer::new(fit, context).map_err(Failure::input)?;
+        if answer.status == Status::Implausible {
+            answer.explain(self.loaded.and_then(Loaded::diagnose));
+        }
+        Ok(answer)
     }
 
     fn write(&mut self, fit: &Fit, answer: &Answer, json: &str, folder: &Folder) -> Result<(), Failure> {

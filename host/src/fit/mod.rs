@@ -13,6 +13,7 @@ mod engine;
 mod estimate;
 #[cfg(test)]
 mod examples;
+pub mod explained;
 mod factor;
 pub mod factor_file;
 mod features;

@@ -14,6 +14,7 @@ use self::clocks::{Aligned, Pose, StreamError, StreamSet, align};
 use self::tree::drive::Term;
 use self::tree::{TreePrepareError, TreeSource, TreeSourceError};
 use crate::answer::result::TimeBase;
+use crate::answer::{Links, StandardRequest};
 use crate::fit::{DeviceFactor, Fit, FitError, FitOptions, Progress, RowSource, fit, fit_device};
 use crate::model::{Finding, Model};
 use crate::recording::Recording;
@@ -164,6 +165,20 @@ impl Problem {
             Subject::Tree { source, .. } => Some(source),
             Subject::Body { .. } => None,
         }
+    }
+
+    /// Returns the tree for an answer, with the request for its standard parameters; `None` of one body.
+    pub fn links<'a>(&'a self, standard: Option<StandardRequest<'a>>) -> Option<Links<'a>> {
+        let Subject::Tree { source, idle } = &self.subject else { return None };
+        let input = source.input();
+        Some(Links {
+            model: &input.model,
+            base: source.base(),
+            situation: input.situation,
+            drives: source.drive_motions(),
+            idle: idle.iter().map(ToString::to_string).collect(),
+            standard,
+        })
     }
 
     /// Returns how several files became one recording; `None` of a single file.

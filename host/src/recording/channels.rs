@@ -169,6 +169,14 @@ impl Recording {
         self.keep_rows(&keep);
     }
 
+    /// Returns the recording of some of its rows.
+    #[must_use]
+    pub fn section(&self, rows: std::ops::Range<usize>) -> Self {
+        let mut section = self.clone();
+        section.keep_rows(&(0..self.rows()).map(|row| rows.contains(&row)).collect::<Vec<_>>());
+        section
+    }
+
     /// Keeps the rows for which it is said so.
     fn keep_rows(&mut self, keep: &[bool]) {
         fn kept<T>(rows: &mut Vec<T>, keep: &[bool]) {

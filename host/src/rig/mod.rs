@@ -518,7 +518,7 @@ pub struct LinkTable {
 
 /// `[[joint]]`: the columns of a joint. Without it, and for keys that are left out, they are named for the joint:
 /// `NAME_rad`, `NAME_radps`, `NAME_nm`, or `NAME_m`, `NAME_mps`, `NAME_n` of one that slides.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JointTable {
     /// The joint's name in the model; in `[[link]]` tables that of its link.

@@ -1,0 +1,184 @@
+//! Why a recording cannot be true: the usual faults are undone one by one, and the one that makes it true is named.
+//!
+//! A recording that the answer refuses is changed as if it had one fault, of a unit, a sign, an axis, a swapped pair, a delay, a
+//! key of the rig file, and is fitted again. First quickly: what least squares leave of each channel
+//! ([`mod@crate::fit::explained`]), a likelihood that does not depend on units. Then the best are fitted in full, and judged as
+//! any recording is. Lives here: the list of faults ([`sensors`], [`joints`]), and the choice. May not live here: whether a
+//! recording can be true ([`crate::answer`]).
+
+pub mod joints;
+pub mod sensors;
+
+use crate::answer::result::{Cause, Status};
+use crate::answer::{Answer, Context};
+use crate::fit::explained::explained;
+use crate::fit::{FitOptions, Progress, Silent, parallel};
+use crate::model::Model;
+use crate::problem::{Problem, ProblemOptions};
+use crate::recording::Recording;
+
+/// Rows that faults are tried on at first, from the middle of the recording; at least so many seconds.
+const QUICK_ROWS: usize = 2000;
+const QUICK_S: f64 = 10.0;
+/// Seconds that the best are fitted to.
+const FULL_S: f64 = 20.0;
+/// Faults that are fitted in full.
+const FULL: usize = 6;
+/// A fault explains as much as another one if its mean logarithm of what is left differs by less than this.
+const ALIKE: f64 = 0.05;
+/// Without its fault a recording leaves at most this share of what it left before, if there is more than the fault that is left.
+const EXPLAINS: f64 = 0.7;
+/// Causes that are named beside one another.
+const NAMED: usize = 3;
+
+/// A recording as it is fitted.
+#[derive(Clone)]
+pub struct Case {
+    /// The readings with their rig file.
+    pub recording: Recording,
+    /// The tree; `None` of one body.
+    pub model: Option<Model>,
+    /// What is identified beside the links.
+    pub options: ProblemOptions,
+}
+
+/// Makes of a recording what it is without a fault; false if it cannot have that fault.
+type Undo = Box<dyn Fn(&mut Case) -> bool + Send + Sync>;
+
+/// A fault that a recording may have.
+pub struct Fault {
+    /// Faults of one kind of one sensor: only the best of them counts.
+    pub kind: String,
+    /// The fault in words.
+    pub what: String,
+    /// What to do about it.
+    pub mend: String,
+    undo: Undo,
+}
+
+impl Fault {
+    fn new(
+        kind: impl Into<String>,
+        what: impl Into<String>,
+        mend: impl Into<String>,
+        undo: impl Fn(&mut Case) -> bool + Send + Sync + 'static,
+    ) -> Self {
+        Self { kind: kind.into(), what: what.into(), mend: mend.into(), undo: Box::new(undo) }
+    }
+
+    /// Returns the case without the fault; `None` if it cannot have it.
+    pub fn undone(&self, case: &Case) -> Option<Case> {
+        let mut case = case.clone();
+        (self.undo)(&mut case).then_some(case)
+    }
+}
+
+/// Returns every fault that a recording may have, the simplest of a kind first.
+pub fn faults(case: &Case) -> Vec<Fault> {
+    let mut all = sensors::faults(case);
+    if let Some(model) = &case.model {
+        all.extend(joints::faults(case, model));
+    }
+    all
+}
+
+/// A fault that was tried.
+struct Tried<'a> {
+    fault: &'a Fault,
+    /// Mean logarithm of what is left.
+    left: f64,
+}
+
+/// Returns the fault that best explains why a recording cannot be true, and what explains it as well; `None` if none does.
+pub fn diagnose(case: &Case, progress: &dyn Progress) -> Option<Cause> {
+    let rate = case.recording.rate_hz.unwrap_or(1.0);
+    let quick = shortened(case, QUICK_ROWS.max((QUICK_S * rate) as usize));
+    let before = left(&quick)?;
+    let faults = faults(&quick);
+    let mut tried = Vec::new();
+    // In turns, so that progress is shown.
+    for (turn, chunk) in faults.chunks(CHUNK).enumerate() {
+        progress.stage("looking for the cause", (turn * CHUNK) as f64 / faults.len() as f64);
+        let found = parallel::map(parallel::threads(), chunk.len(), |k| {
+            let fault = chunk.get(k)?;
+            Some(Tried { fault, left: left(&fault.undone(&quick)?)? })
+        });
+        tried.extend(found.into_iter().flatten());
+    }
+    let mut best = best_of_each_kind(tried);
+    best.retain(|tried| tried.left < before + ALIKE);
+    let least = best.first()?.left;
+    let full = shortened(case, (FULL_S * rate) as usize);
+    let mut plausible: Vec<Tried> = Vec::new();
+    for tried in best.iter().take(FULL) {
+        progress.stage("trying the likeliest causes", 0.0);
+        let found = plausible.first().map_or(f64::INFINITY, |first| first.left);
+        if tried.left > found + ALIKE || plausible.len() >= NAMED {
+            break;
+        }
+        if tried.fault.undone(&full).as_ref().is_some_and(is_plausible) {
+            plausible.push(Tried { fault: tried.fault, left: tried.left });
+        }
+    }
+    let confirmed = !plausible.is_empty();
+    if !confirmed {
+        let enough = |tried: &Tried| tried.left < least + ALIKE && tried.left < before + EXPLAINS.ln();
+        plausible = best.into_iter().filter(enough).take(NAMED).collect();
+    }
+    let first = plausible.first()?;
+    Some(Cause {
+        what: first.fault.what.clone(),
+        mend: first.fault.mend.clone(),
+        confirmed,
+        residuals_left: (first.left - before).exp(),
+        alternatives: plausible.iter().skip(1).map(|tried| tried.fault.what.clone()).collect(),
+    })
+}
+
+/// Faults between two reports of progress.
+const CHUNK: usize = 16;
+
+/// Returns the best of each kind, what leaves least first; of those alike the first of the list.
+fn best_of_each_kind(tried: Vec<Tried<'_>>) -> Vec<Tried<'_>> {
+    let mut best: Vec<Tried> = Vec::new();
+    for tried in tried {
+        match best.iter_mut().find(|other| other.fault.kind == tried.fault.kind) {
+            Some(other) if tried.left < other.left => *other = tried,
+            Some(_) => {}
+            None => best.push(tried),
+        }
+    }
+    best.sort_by(|a, b| a.left.total_cmp(&b.left));
+    best
+}
+
+/// Returns the mean logarithm of what least squares leave; `None` if there are no rows.
+fn left(case: &Case) -> Option<f64> {
+    let problem = Problem::from_recording(&case.recording, case.model.as_ref(), &case.options).ok()?;
+    let found = explained(problem.source()).ok()?;
+    Some(found.unexplained()).filter(|left| left.is_finite())
+}
+
+/// Returns true if the recording can be true.
+fn is_plausible(case: &Case) -> bool {
+    let options = FitOptions { convergence_points: 0, ..FitOptions::default() };
+    let answer = || {
+        let problem =
+            Problem::from_recording(&case.recording, case.model.as_ref(), &case.options).ok()?;
+        let fit = problem.fit(&options, &Silent).ok()?;
+        let context = Context { links: problem.links(None), ..Context::default() };
+        Answer::new(&fit, context).ok()
+    };
+    answer().is_some_and(|answer| answer.status != Status::Implausible)
+}
+
+/// Returns the case with so many rows of the middle of its recording.
+fn shortened(case: &Case, rows: usize) -> Case {
+    let all = case.recording.rows();
+    if case.recording.is_static || all <= rows {
+        return case.clone();
+    }
+    let start = (all - rows) / 2;
+    let recording = case.recording.section(start..start + rows);
+    Case { recording, model: case.model.clone(), options: case.options.clone() }
+}
