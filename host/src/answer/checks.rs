@@ -1,7 +1,7 @@
 //! Checks of the recordings behind factors: what is kept with a factor, and what an answer says of it.
 
 use super::result::{Answer, Cause, Run, RunVerdict};
-use super::{contradictions, remarks};
+use super::{contradictions, plausibility, remarks};
 use crate::fit::{CheckedRun, Checks, Fit};
 use crate::present::text::significant;
 
@@ -10,6 +10,7 @@ use crate::present::text::significant;
 pub fn checks(fit: &Fit, warnings: &[String], of_links: bool) -> Checks {
     let mut all = Answer { warnings: warnings.to_vec(), ..Answer::default() };
     all.warnings.extend(contradictions::contradictions(fit));
+    all.warnings.extend(plausibility::of_the_fit(fit));
     all.warnings.extend(remarks::of_the_fit(fit, of_links, 0.0).1);
     all.add_lack_of_fit(fit);
     Checks { contradicted: is_contradicted(fit), warnings: all.warnings }
@@ -19,13 +20,15 @@ pub fn checks(fit: &Fit, warnings: &[String], of_links: bool) -> Checks {
 /// not that of an unchanging rigid body.
 pub(super) fn is_contradicted(fit: &Fit) -> bool {
     contradictions::is_contradicted(fit)
+        || !plausibility::of_the_fit(fit).is_empty()
         || fit.lack_of_fit.contradicts()
         || fit.runs.iter().any(CheckedRun::is_contradicted)
 }
 
 impl Answer {
-    /// Adds the fault that explains why the recording cannot be true.
-    pub fn explain(&mut self, cause: Option<Cause>) {
+    /// Adds the fault that explains why the recording cannot be true. What else was said follows from it, and is information: all
+    /// but the first `kept` warnings, those of reading the recording.
+    pub fn explain(&mut self, cause: Option<Cause>, kept: usize) {
         let Some(cause) = cause else { return };
         let others: Vec<String> = cause.alternatives.iter().map(|what| format!(", or {what}")).collect();
         let effect = if cause.confirmed {
@@ -34,6 +37,9 @@ impl Answer {
             format!("without that residuals are {} of what they are, and something is left", percent(cause.residuals_left))
         };
         let said = format!("most likely {}{}: {effect}; {}", cause.what, others.concat(), cause.mend);
+        if cause.confirmed {
+            self.notes.extend(self.warnings.drain(kept.min(self.warnings.len())..));
+        }
         self.warnings.insert(0, said);
         self.cause = Some(cause);
     }

@@ -16,6 +16,7 @@ pub(crate) mod lack_of_fit;
 pub mod nearest_body;
 mod new;
 pub mod physical_consistency;
+mod plausibility;
 mod read;
 mod remarks;
 pub mod result;

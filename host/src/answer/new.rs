@@ -7,7 +7,7 @@ use super::checks::is_contradicted;
 use super::context::{Context, Links};
 use super::derived::{self, Derived, ten};
 use super::nearest_body::{self, nearest_body};
-use super::physical_consistency::{PhysicalConsistency, of_base_parameters};
+use super::physical_consistency::{PhysicalConsistency, SURPRISING, of_base_parameters};
 use super::result::{
     Answer, BodyFrame, Channel, Consistency, Counts, ErrorsAgreement, ForgettingKind, Forgotten, KnownValue,
     ModelSummary, NearestBody, Parameter, ParameterState, PrincipalMoment, RigError, SCHEMA, SignalNoise,
@@ -16,7 +16,7 @@ use super::result::{
 use super::selection::{SelectionError, owner_name, select};
 use super::standard_parameters::{BaseEstimate, Full, nearest};
 use super::states::{is_reversed, is_whole_body, states};
-use super::{budget, contradictions, excitation_advice, remarks, rig_errors};
+use super::{budget, contradictions, excitation_advice, plausibility, remarks, rig_errors};
 use crate::fit::{Basis, ChannelFit, Fit, NuisanceFit};
 use crate::model::ModelError;
 use crate::rig::{BodyTable, TruthTable};
@@ -109,6 +109,12 @@ impl Answer {
         answer.add_body(&judged, context.body);
         answer.truth = context.truth.filter(|_| is_body).map(|truth| true_body(truth, context.body));
         let impossible = answer.add_consistency(&judged, of_base);
+        let scaled = links.filter(|_| !is_body).and_then(|links| plausibility::scaled(fit, links));
+        let inconsistent = answer.consistency.as_ref().is_some_and(|c| c.probability < SURPRISING);
+        if answer.status != Status::Failed && (reversed || inconsistent || scaled.is_some()) {
+            answer.status = Status::Implausible;
+        }
+        answer.warnings.extend(scaled);
         if of_base.is_none() && base.as_ref().is_some_and(|(_, base)| base.rank > 0) {
             answer.notes.push(
                 "physical consistency is not judged: the search for the nearest bodies did not converge"
@@ -251,6 +257,7 @@ impl Answer {
         let (mut notes, mut warnings) = remarks::of_the_fit(fit, links.is_some(), context.rate_sigma);
         self.notes.append(&mut notes);
         self.warnings.extend(contradictions::contradictions(fit));
+        self.warnings.extend(plausibility::of_the_fit(fit));
         self.warnings.append(&mut warnings);
         self.notes.extend(rig_errors::calibration(fit));
         self.notes.extend(rig_errors::defaults(fit));

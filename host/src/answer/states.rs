@@ -235,7 +235,7 @@ fn length(model: &Model, name: &str) -> f64 {
 }
 
 /// Returns the base parameters of the nominal model; `None` if a link has no nominal parameters.
-fn nominal_base(links: &Links) -> Option<Vec<f64>> {
+pub(super) fn nominal_base(links: &Links) -> Option<Vec<f64>> {
     let skip = (10 * links.model.links.len()).checked_sub(links.base.standard.len())?;
     if links.model.links.iter().skip(skip / 10).any(|l| l.nominal.is_none()) {
         return None;

@@ -113,6 +113,7 @@ impl<'a> RunReport<'a> {
 
     fn answer(&mut self, fit: &Fit) -> Result<Answer, Failure> {
         let time_base: Option<TimeBase> = self.loaded.and_then(Loaded::time_base);
+        let read = self.warnings.len();
         let context = Context {
             links: self.loaded.and_then(|loaded| loaded.links(&self.standard)),
             body: self.rig.body.as_ref(),
@@ -131,7 +132,7 @@ impl<'a> RunReport<'a> {
         };
         let mut answer = Answer::new(fit, context).map_err(Failure::input)?;
         if answer.status == Status::Implausible {
-            answer.explain(self.loaded.and_then(Loaded::diagnose));
+            answer.explain(self.loaded.and_then(Loaded::diagnose), read);
         }
         Ok(answer)
     }

@@ -464,6 +464,8 @@ impl PooledFactor {
                 sigma: channel.sigma,
                 residual_rms: 0.0,
                 measured_rms: channel.measured_rms,
+                measured_sd: 0.0,
+                noise_floor: 0.0,
                 outliers: 0,
                 rejected: 0,
                 residual_sigma: channel.sigma,

@@ -35,17 +35,22 @@ pub(super) fn rms(residuals: &[BlockResidual], channels: usize) -> Vec<f64> {
 }
 
 /// Returns the root mean square of each channel's filtered measurements.
-pub(super) fn measured_rms(blocks: &dyn RowBlocks, channels: usize, parameters: usize) -> Vec<f64> {
-    let mut sums = vec![0.0; channels];
+pub(super) fn measured_rms(blocks: &dyn RowBlocks, channels: usize, parameters: usize) -> Vec<(f64, f64)> {
+    let mut sums = vec![(0.0, 0.0); channels];
     let (mut rows, mut measured) = (vec![0.0; channels * parameters], vec![0.0; channels]);
     for block in 0..blocks.len() {
         blocks.write(block, &mut rows, &mut measured);
-        for (sum, value) in sums.iter_mut().zip(&measured) {
-            *sum += value * value;
+        for ((sum, square), value) in sums.iter_mut().zip(&measured) {
+            *sum += value;
+            *square += value * value;
         }
     }
     let n = blocks.len().max(1) as f64;
-    sums.into_iter().map(|s| (s / n).sqrt()).collect()
+    let of = |(sum, square): (f64, f64)| {
+        let (mean, square) = (sum / n, square / n);
+        (square.sqrt(), (square - mean * mean).max(0.0).sqrt())
+    };
+    sums.into_iter().map(of).collect()
 }
 
 /// Returns σ of each channel per sample: the residuals' variance over `Σh²`, for the degrees of freedom that `estimate`

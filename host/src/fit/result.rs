@@ -30,6 +30,10 @@ pub struct ChannelFit {
     pub residual_rms: f64,
     /// Root mean square of the filtered measurements.
     pub measured_rms: f64,
+    /// Standard deviation of the filtered measurements.
+    pub measured_sd: f64,
+    /// Standard deviation per unfiltered sample as differences of the readings show it; zero where they show none.
+    pub noise_floor: f64,
     /// Rows that counted less because an outlier spoilt them.
     pub outliers: u32,
     /// Samples rejected because of this channel.

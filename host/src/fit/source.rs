@@ -212,6 +212,12 @@ pub trait RowSource: Send + Sync {
         Vec::new()
     }
 
+    /// Returns the standard deviation of each channel per sample as differences of its readings show it; zero where they show none,
+    /// empty if it is not known.
+    fn channel_noise(&self) -> Vec<f64> {
+        Vec::new()
+    }
+
     /// Returns the standard deviation of the rates of turn among the signals, rad/s: information that their noise alone
     /// would bring to a moment of inertia counts for nothing.
     fn rate_sigma(&self) -> f64 {

@@ -7,6 +7,10 @@
 use super::Recording;
 use super::columns::{Group, Known};
 
+/// Endings of joints' columns: efforts,
+const EFFORTS: [&str; 2] = ["_nm", "_n"];
+/// and their motion.
+const MOTION: [&str; 4] = ["_rad", "_radps", "_m", "_mps"];
 /// Fewer rows say nothing of a channel.
 const LEAST_ROWS: usize = 50;
 /// A spike is so many times as far from the mean of its two neighbours as white noise is on average.
@@ -97,9 +101,13 @@ impl Recording {
             return Vec::new();
         }
         let mut names = Vec::new();
-        for sensor in self.sensors() {
-            let channels = || sensor.iter().flat_map(|group| self.channels(*group));
-            let dead: Vec<String> = channels().filter(Channel::is_dead).map(|channel| channel.name).collect();
+        let sensors = self.sensors().into_iter().map(|sensor| -> Vec<Channel> {
+            sensor.iter().flat_map(|group| self.channels(*group)).collect()
+        });
+        for sensor in sensors.chain([self.joint_channels(&EFFORTS)]) {
+            let channels = || sensor.iter();
+            let is_dead = |channel: &&Channel| channel.is_dead();
+            let dead: Vec<String> = channels().filter(is_dead).map(|channel| channel.name.clone()).collect();
             if dead.is_empty() {
                 continue;
             }
@@ -111,8 +119,8 @@ impl Recording {
         names
     }
 
-    /// Leaves out the rows in which an IMU's channel has a spike, and tells of them by channel. The wrench is not looked at:
-    /// rows that it has spoilt weigh less in the fit.
+    /// Leaves out the rows in which an IMU's channel, or a joint's position or rate, has a spike, and tells of them by channel.
+    /// Wrench and efforts are not looked at: rows that they have spoilt weigh less in the fit.
     pub fn leave_out_spikes(&mut self) {
         if self.is_static || self.rows() < LEAST_ROWS {
             return;
@@ -128,7 +136,8 @@ impl Recording {
         let mut out = vec![false; self.rows()];
         let mut said = Vec::new();
         let imus = self.sensors().into_iter().skip(1).flatten();
-        for channel in imus.flat_map(|group| self.channels(group)) {
+        let joints = self.joint_channels(&MOTION);
+        for channel in imus.flat_map(|group| self.channels(group)).chain(joints) {
             let rows = channel.spikes(is_even);
             let Some(first) = rows.first() else { continue };
             said.push(format!(
@@ -152,6 +161,16 @@ impl Recording {
         let there: Vec<Group> = self.groups().into_iter().map(|(group, _)| group).collect();
         let sensors = std::iter::once(vec![Group::Wrench]).chain(imus);
         sensors.map(|groups| groups.into_iter().filter(|group| there.contains(group)).collect()).collect()
+    }
+
+    /// Returns the joints' columns whose names end so, as far as they hold numbers.
+    fn joint_channels(&self, endings: &[&str]) -> Vec<Channel> {
+        let own = |name: &&(String, Vec<String>)| endings.iter().any(|ending| name.0.ends_with(ending));
+        let numbers = |(name, cells): &(String, Vec<String>)| {
+            let values = cells.iter().map(|cell| cell.trim().parse().ok()).collect::<Option<Vec<f64>>>()?;
+            Some(Channel { name: name.clone(), values })
+        };
+        self.extra.iter().filter(own).filter_map(numbers).collect()
     }
 
     /// Returns a group's channels, one after the other: of a long recording no two are copied at once.

@@ -94,11 +94,14 @@ impl Engine<'_> {
         let counts = self.blocks.counts();
         let filter = self.blocks.filter().clone();
         let channels = self.source.channels();
+        let floor = self.source.channel_noise();
         let channel_fits = channels.iter().enumerate().map(|(c, channel)| ChannelFit {
             channel: channel.clone(),
             sigma: weighing.sigma[c],
             residual_rms: conclusion.residual_rms.get(c).copied().unwrap_or(0.0),
             measured_rms: self.measured_rms.get(c).copied().unwrap_or(0.0),
+            measured_sd: self.measured_sd.get(c).copied().unwrap_or(0.0),
+            noise_floor: floor.get(c).copied().unwrap_or(0.0),
             outliers: conclusion.outliers.get(c).copied().unwrap_or(0),
             rejected: self.rejected(c),
             residual_sigma: (variance[c] * filter.noise_gain).sqrt(),

@@ -88,6 +88,7 @@ struct Engine<'a> {
     parameters: usize,
     /// Root mean square of the filtered measurements.
     measured_rms: Vec<f64>,
+    measured_sd: Vec<f64>,
     columns: Columns,
     /// Noise of the signals in the rows.
     noise: Option<RowNoise<'a>>,
@@ -160,11 +161,13 @@ impl<'a> Engine<'a> {
         let noise = RowNoise::of(source, &*blocks, !columns.is_empty())?;
         // Where rows are forgotten the nuisance parameters are not estimated, and errors may exceed the noise.
         let unweighted = options.forgetting.is_some() && !columns.is_empty();
+        let measured = measured_rms(&*blocks, channels.len(), parameters);
         Ok(Self {
             source,
             options,
             parameters,
-            measured_rms: measured_rms(&*blocks, channels.len(), parameters),
+            measured_rms: measured.iter().map(|(rms, _)| *rms).collect(),
+            measured_sd: measured.iter().map(|(_, sd)| *sd).collect(),
             columns,
             noise,
             row_noise_gain: blocks.filter().row_noise_gain(),

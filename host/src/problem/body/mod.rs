@@ -352,6 +352,10 @@ impl RowSource for BodySource {
         Some(Box::new(Self { input, ..self.without_input() }))
     }
 
+    fn channel_noise(&self) -> Vec<f64> {
+        stated_noise::channel_noise(&self.input)
+    }
+
     fn stated_noise(&self) -> Vec<StatedNoise> {
         stated_noise::stated_noise(&self.input, self.stated_noise)
     }

@@ -4,7 +4,19 @@ use rigident_shared::calibration::Reading;
 
 use super::{CHANNELS, Input};
 use crate::fit::StatedNoise;
-use crate::problem::white_noise::certain_noise;
+use crate::problem::white_noise::{certain_noise, sixth_differences};
+
+/// Returns the noise of each channel of the wrench as differences of the readings show it; none of still poses.
+pub(super) fn channel_noise(input: &Input) -> Vec<f64> {
+    if input.is_static {
+        return Vec::new();
+    }
+    let of = |c: usize| {
+        let values = input.readings.iter().map(|r| (r.time_ns, [r.wrench.array()[c]]));
+        sixth_differences(&values.collect::<Vec<_>>(), 1)
+    };
+    (0..CHANNELS.len()).map(of).collect()
+}
 
 /// Returns the noise that is stated of each sensor and channel with what differences of the readings show, if they show white noise;
 /// nothing of still poses, whose differences are no noise. `stated` is that of accelerometer and gyro.

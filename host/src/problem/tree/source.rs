@@ -15,6 +15,7 @@ use crate::fit::{
     Timing,
 };
 use crate::model::base::{BaseParameters, ROUNDED, base_parameters};
+use crate::problem::white_noise::sixth_differences;
 
 /// Rows of the wrench.
 const WRENCH: usize = 6;
@@ -289,6 +290,22 @@ impl RowSource for TreeSource {
         let frames = signals::with_noise(&self.input, samples, sigma, seed).ok()?;
         let source = Self::with_base(self.input.with_frames(frames), self.base.clone()).ok()?;
         Some(Box::new(source))
+    }
+
+    fn channel_noise(&self) -> Vec<f64> {
+        if self.input.is_static {
+            return Vec::new();
+        }
+        let of = |c: usize| {
+            let value = |frame: &Frame| {
+                let wrench = frame.wrench.iter().take(if self.input.has_wrench() { WRENCH } else { 0 });
+                let efforts = frame.efforts.iter().filter(|_| self.input.has_efforts());
+                wrench.chain(efforts).nth(c).copied().unwrap_or(0.0)
+            };
+            let values = self.input.frames.iter().map(|frame| (frame.time_ns, [value(frame)]));
+            sixth_differences(&values.collect::<Vec<_>>(), 1)
+        };
+        (0..self.channels.len()).map(of).collect()
     }
 
     fn rate_sigma(&self) -> f64 {

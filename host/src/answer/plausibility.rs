@@ -1,0 +1,108 @@
+//! Whether a recording can be true: one judgement for one body and for trees.
+//!
+//! Beside what contradicts the rig file or a rigid body ([`super::checks`]): bodies that cannot be
+//! ([`super::physical_consistency`]), friction and rotors with the wrong sign, measurements that the model does not explain and
+//! that are no noise, torques that are far from those of the nominal model in scale alone. Each is false of less than one honest
+//! recording in a thousand.
+
+use nalgebra::DVector;
+
+use super::context::Links;
+use super::states::nominal_base;
+use crate::fit::{ChannelFit, Fit, Kind, Owner};
+use crate::present::text::{significant, with_u95};
+
+/// A parameter that cannot be negative is so by this many standard deviations: by chance in one of a hundred thousand, two-sided.
+const CERTAIN_SD: f64 = 4.42;
+/// Of a channel's variation a model that holds leaves less than this beyond the noise, both as standard deviations.
+const UNEXPLAINED: f64 = 0.5;
+/// Torques this many times those of the nominal model are in another unit: no estimate of a designer's is so far off,
+const SCALE: f64 = 5.0;
+/// where they are alike but for the scale: the cosine of the angle between the two.
+const ALIKE: f64 = 0.9;
+
+/// Returns in words what of a fit cannot be true, beside what contradicts the rig file.
+pub(super) fn of_the_fit(fit: &Fit) -> Vec<String> {
+    negative(fit).into_iter().chain(unexplained(fit)).collect()
+}
+
+/// Tells of friction and rotors that would push.
+fn negative(fit: &Fit) -> Option<String> {
+    let data = fit.data_alone();
+    let cannot = |kind: Kind| matches!(kind, Kind::Viscous | Kind::Coulomb | Kind::Rotor);
+    let wrong: Vec<String> = fit
+        .parameters
+        .iter()
+        .enumerate()
+        .filter(|(_, p)| cannot(p.kind) && matches!(p.owner, Owner::Drive(_)))
+        .filter_map(|(j, p)| {
+            let sd = data.covariance(j, j)?.sqrt();
+            let value = *data.values.get(j)?;
+            (data.is_determined(j) && value < -CERTAIN_SD * sd)
+                .then(|| format!("{} {}", p.name, with_u95(value, data.u95(j), &p.unit)))
+        })
+        .collect();
+    (!wrong.is_empty()).then(|| {
+        format!(
+            "friction and rotors take energy and mass, and these would give them: {}; a sign of that joint's position, rate or \
+             effort is wrong, or friction is of another kind than its columns",
+            wrong.join(", ")
+        )
+    })
+}
+
+/// Returns the standard deviation of what the model leaves of a channel beyond its noise, as a share of what varies.
+fn share(fit: &Fit, channel: &ChannelFit) -> Option<f64> {
+    if fit.residuals.is_empty() || channel.measured_sd <= 0.0 {
+        return None;
+    }
+    let own = match (channel.noise_floor, channel.channel.sigma) {
+        (_, Some(stated)) => stated.max(channel.noise_floor),
+        (floor, None) if floor > 0.0 => floor,
+        // Still poses, of which no differences tell the noise.
+        _ if fit.filter.width_s == 0.0 => return None,
+        _ => 0.0,
+    };
+    let gain = fit.filter.noise_gain;
+    let signals = (channel.residual_sigma.powi(2) - gain * channel.sigma.powi(2)).max(0.0);
+    let beyond = channel.residual_rms.powi(2) - gain * own * own - signals;
+    Some(beyond.max(0.0).sqrt() / channel.measured_sd)
+}
+
+/// Tells of channels that the model explains little of, where that is no noise.
+fn unexplained(fit: &Fit) -> Option<String> {
+    let poor: Vec<String> = fit
+        .channels
+        .iter()
+        .filter_map(|channel| Some((channel, share(fit, channel)?)))
+        .filter(|(_, share)| *share > UNEXPLAINED)
+        .map(|(channel, share)| format!("{} {:.0} %", channel.channel.name, 100.0 * share))
+        .collect();
+    (!poor.is_empty()).then(|| {
+        format!(
+            "the model leaves more of some channels than noise and half of what they vary by (rms of what is left beyond the \
+             noise, over the standard deviation of what is measured): {}",
+            poor.join(", ")
+        )
+    })
+}
+
+/// Tells of base parameters that are those of the nominal model but for one large factor.
+pub(super) fn scaled(fit: &Fit, links: &Links) -> Option<String> {
+    let nominal = nominal_base(links)?;
+    let data = fit.data_alone();
+    let factor = fit.scaled_factor();
+    let count = nominal.len().min(fit.parameters.len());
+    let marginal = factor.leading(count);
+    let image = |values: &[f64]| marginal.r() * DVector::from_column_slice(&values[..count]);
+    let (expected, found) = (image(&nominal), image(&data.values));
+    let both = expected.dot(&found);
+    let (scale, cosine) = (both / expected.norm_squared(), both / (expected.norm() * found.norm()));
+    let far = !(1.0 / SCALE..=SCALE).contains(&scale.abs());
+    (far && cosine.abs() > ALIKE && scale.is_finite()).then(|| {
+        format!(
+            "what is measured is that of the nominal model times {}: is it in another unit, or the model's masses?",
+            significant(scale, 3)
+        )
+    })
+}
