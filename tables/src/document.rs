@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::{estimation, platform, trees};
+use crate::{estimation, faults, platform, trees};
 
 /// All documents with tables.
-pub const DOCUMENTS: [Document; 4] =
-    [estimation::DOCUMENT, estimation::CALIBRATION, platform::DOCUMENT, trees::DOCUMENT];
+pub const DOCUMENTS: [Document; 5] =
+    [estimation::DOCUMENT, estimation::CALIBRATION, faults::DOCUMENT, platform::DOCUMENT, trees::DOCUMENT];
 
 /// A document and its tables.
 pub struct Document {

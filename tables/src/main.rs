@@ -4,6 +4,7 @@
 
 mod document;
 mod estimation;
+mod faults;
 mod platform;
 mod trees;
 

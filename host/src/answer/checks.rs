@@ -32,9 +32,9 @@ impl Answer {
         let Some(cause) = cause else { return };
         let others: Vec<String> = cause.alternatives.iter().map(|what| format!(", or {what}")).collect();
         let effect = if cause.confirmed {
-            "without that the recording agrees with a rigid body".to_owned()
+            "without it the recording can be true".to_owned()
         } else {
-            format!("without that residuals are {} of what they are, and something is left", percent(cause.residuals_left))
+            format!("without it residuals are {} of what they are, and something is left", percent(cause.residuals_left))
         };
         let said = format!("most likely {}{}: {effect}; {}", cause.what, others.concat(), cause.mend);
         if cause.confirmed {

@@ -14,7 +14,7 @@ mod montecarlo;
 mod problem;
 mod reference;
 mod report;
-mod rig_errors;
+pub mod rig_errors;
 mod signal_noise;
 
 pub use problem::Normal;
