@@ -34,7 +34,10 @@ impl Answer {
         let effect = if cause.confirmed {
             "without it the recording can be true".to_owned()
         } else {
-            format!("without it residuals are {} of what they are, and something is left", percent(cause.residuals_left))
+            format!(
+                "without it residuals are {} of what they are, and something is left",
+                percent(cause.residuals_left)
+            )
         };
         let said = format!("most likely {}{}: {effect}; {}", cause.what, others.concat(), cause.mend);
         if cause.confirmed {

@@ -18,6 +18,7 @@ use super::context::Links;
 use super::result::ParameterState;
 use super::states::{BodyScale, LARGEST_SHARE, LEAST_EXCITATION, scales};
 use crate::fit::{Estimate, Fit, Kind, Owner};
+use crate::present::text::significant;
 use rigident_shared::inertia::PARAMETER_NAMES;
 
 /// Information below this share of what is needed is none: less than a third of the motion.
@@ -303,16 +304,60 @@ pub(super) fn of_links(fit: &Fit, links: Option<&Links>, states: &[ParameterStat
         };
         weak.entry(place).or_default().push(j);
     }
+    let scales = scales(fit, links);
     for (place, parameters) in weak {
-        said.push(format!(
-            "{place}: {} {} too weakly excited: the 95 % uncertainty is above {:.0} % of the link's own scale, or no more than \
-             noise of the rates explains; move it faster, or in more directions",
-            list(&parameters),
-            if parameters.len() == 1 { "is" } else { "are" },
-            100.0 * LARGEST_SHARE
-        ));
+        said.extend(weakly_excited(fit, &scales, &place, &parameters));
     }
     said.extend(link_rotations(fit, links, states));
+    said
+}
+
+/// Returns why parameters that the rows determine are not identified, each with its number, and the motion that would do for the
+/// worst of them.
+fn weakly_excited(fit: &Fit, scales: &[Option<f64>], place: &str, parameters: &[usize]) -> Vec<String> {
+    let data = fit.data_alone();
+    let (mut uncertain, mut noisy, mut said) = (Vec::new(), Vec::new(), Vec::new());
+    let mut least = (1.0, Kind::Inertia);
+    for j in parameters {
+        let parameter = &fit.parameters[*j];
+        let name = &parameter.name;
+        let scale = scales.get(*j).copied().flatten().filter(|scale| *scale > 0.0);
+        let Some(scale) = scale else {
+            said.push(format!(
+                "{place}: nothing of it is known that {name} could be compared with: move it more, or state with --known what is known"
+            ));
+            continue;
+        };
+        let relative = data.u95(*j) / scale;
+        if relative > LARGEST_SHARE {
+            uncertain.push(format!("{name} to {} %", significant(100.0 * relative, 2)));
+            let share = (LARGEST_SHARE / relative).powi(2);
+            least = if share < least.0 { (share, parameter.kind) } else { least };
+        } else {
+            noisy.push(name.clone());
+        }
+    }
+    if !uncertain.is_empty() {
+        let what = match least.1 {
+            Kind::Viscous => "the rate",
+            Kind::Coulomb | Kind::Offset => "the change of direction",
+            Kind::Mass | Kind::FirstMoment => "the tilt and the acceleration",
+            _ => "the angular acceleration",
+        };
+        said.push(format!(
+            "{place}: of its own scale are known {}, where {:.0} % would do: {} would do for the worst",
+            listed(&uncertain, "and"),
+            100.0 * LARGEST_SHARE,
+            more(least.0, what)
+        ));
+    }
+    if !noisy.is_empty() {
+        said.push(format!(
+            "{place}: what the motion tells of {} is less than {LEAST_EXCITATION} times what noise of the rates would: faster motion, or \
+             quieter gyros or encoders, would do",
+            listed(&noisy, "and")
+        ));
+    }
     said
 }
 

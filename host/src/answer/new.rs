@@ -273,7 +273,7 @@ impl Answer {
         let all = judged.states.iter().all(ParameterState::is_identified);
         self.advice = match links {
             // No motion helps.
-            _ if judged.reversed || all || fit.lack_of_fit.contradicts() => Vec::new(),
+            _ if all || self.status == Status::Implausible => Vec::new(),
             _ if judged.is_body => excitation_advice::of_body(fit),
             links => excitation_advice::of_links(fit, links, &judged.states),
         };

@@ -243,7 +243,8 @@ fn a_reversed_wrench_identifies_nothing_and_says_why() {
         reading.wrench = Wrench::from_array(reading.wrench.array().map(|v| -v));
     }
     let new = answer(&of_body(&input(reversed, false, None)), &[]);
-    assert!(new.consistency.unwrap().reversed && new.status == Status::NotIdentified);
+    assert!(new.consistency.unwrap().reversed && new.status == Status::Implausible);
+    assert!(new.parameters.iter().all(|p| p.state == ParameterState::NotIdentified));
 }
 
 /// Returns the fit of a tree with its answer.

@@ -11,13 +11,13 @@ use crate::answer::result::Cause;
 use crate::answer::{self, Drift, Links, Source, StandardRequest, TimeBase};
 use crate::diagnosis::{self, Case};
 use crate::fit::pool::PooledFactor;
-use crate::fit::{DeviceFactor, Fit, FitOptions, RowSource, Timing};
+use crate::fit::{DeviceFactor, Fit, FitError, FitOptions, RowSource, Timing};
 use crate::model::{self, Model};
 use crate::present::TimePlot;
 use crate::problem::body::BodySource;
 use crate::problem::body::{input_checks, prepare};
 use crate::problem::clocks::{StreamSet, as_stamped};
-use crate::problem::{Problem, ProblemOptions, Subject};
+use crate::problem::{Problem, ProblemError, ProblemOptions, Subject};
 use crate::recording::{Recording, extension, rig_path};
 use crate::rig::RigFile;
 
@@ -135,7 +135,15 @@ impl Loaded {
             let problem = problem.map_err(Failure::input)?;
             let (mut notes, warnings) = (problem.notes.clone(), problem.warnings.clone());
             notes.extend(assumed(&problem.rig));
-            return Ok(Self { problem, warnings, notes, unused_rows: 0, nominal: None, recorded: None, case: None });
+            return Ok(Self {
+                problem,
+                warnings,
+                notes,
+                unused_rows: 0,
+                nominal: None,
+                recorded: None,
+                case: None,
+            });
         }
         let mut recording = Recording::load(path, rig).map_err(Failure::input)?;
         recording.leave_out_spikes();
@@ -192,7 +200,15 @@ impl Loaded {
         }
         let options = FitOptions { forgetting: span, convergence_points: points };
         let progress = |stage: &str, share: f64| stages.at(stage, share);
-        let found = self.problem.fit(&options, &progress).map_err(Failure::input)?;
+        let found = self.problem.fit(&options, &progress).map_err(|error| {
+            // Readings in another unit may all be beyond a sensor's range.
+            let no_rows = matches!(error, ProblemError::Fit(FitError::NoRows { .. }));
+            let cause = if no_rows { self.diagnose() } else { None };
+            Failure::input(match cause {
+                Some(Cause { what, mend, .. }) => format!("{error}. Most likely {what}: {mend}"),
+                None => error.to_string(),
+            })
+        })?;
         Ok(self.with_unused(found))
     }
 

@@ -92,8 +92,13 @@ fn rename(case: &mut Case, joints: &[Named], order: &[usize], quantities: &[Quan
 /// Returns the faults that joints and base of a tree may have.
 pub(super) fn faults(case: &Case, model: &Model) -> Vec<Fault> {
     let welded = model.welded();
-    let joints = welded.links.iter().skip(1).map(|link| Named { name: link.joint_name.clone(), joint: link.link.joint });
-    let joints: Vec<Named> = joints.filter(|joint| joint.column(case, Quantity::Position).is_some()).collect();
+    let joints = welded
+        .links
+        .iter()
+        .skip(1)
+        .map(|link| Named { name: link.joint_name.clone(), joint: link.link.joint });
+    let joints: Vec<Named> =
+        joints.filter(|joint| joint.column(case, Quantity::Position).is_some()).collect();
     if joints.is_empty() {
         return Vec::new();
     }
@@ -111,7 +116,8 @@ pub(super) fn faults(case: &Case, model: &Model) -> Vec<Fault> {
 fn of_units(joints: &[Named], has_efforts: bool) -> Vec<Fault> {
     let degrees = std::f64::consts::PI / 180.0;
     let mut all = Vec::new();
-    let mend = "give each its scale in [[joint]] of the rig file: position = { name = \"…\", scale = 0.01745329 }";
+    let mend =
+        "give each its scale in [[joint]] of the rig file: position = { name = \"…\", scale = 0.01745329 }";
     for (what, quantities) in [
         ("positions and rates of the joints are in degrees", &MOTION[..]),
         ("positions of the joints are in degrees", &MOTION[..1]),
@@ -124,16 +130,22 @@ fn of_units(joints: &[Named], has_efforts: bool) -> Vec<Fault> {
     for (unit, factor) in UNITS.into_iter().filter(|_| has_efforts) {
         let own = joints.to_vec();
         let what = format!("the efforts are in {unit}");
-        let mend = format!("give each its scale in [[joint]] of the rig file: effort = {{ name = \"…\", scale = {factor:.6} }}");
+        let mend = format!(
+            "give each its scale in [[joint]] of the rig file: effort = {{ name = \"…\", scale = {factor:.6} }}"
+        );
         all.push(Fault::new("unit of the efforts", what, mend, move |case| {
             own.iter().fold(false, |any, joint| joint.scale(case, &[Quantity::Effort], factor) || any)
         }));
     }
     let single = joints.iter().take(MOST_JOINTS).filter(|_| has_efforts);
-    for (joint, (unit, factor)) in single.flat_map(|joint| UNITS.into_iter().take(3).map(move |unit| (joint, unit))) {
+    for (joint, (unit, factor)) in
+        single.flat_map(|joint| UNITS.into_iter().take(3).map(move |unit| (joint, unit)))
+    {
         let own = joint.clone();
         let what = format!("the effort of {} is in {unit}", joint.name);
-        let mend = format!("give its scale in [[joint]] of the rig file: effort = {{ name = \"…\", scale = {factor:.6} }}");
+        let mend = format!(
+            "give its scale in [[joint]] of the rig file: effort = {{ name = \"…\", scale = {factor:.6} }}"
+        );
         all.push(Fault::new(format!("unit of {}", joint.name), what, mend, move |case| {
             own.scale(case, &[Quantity::Effort], factor)
         }));
@@ -166,7 +178,11 @@ fn of_signs(joints: &[Named], has_efforts: bool) -> Vec<Fault> {
         for (what, quantities, needs) in [
             (format!("the effort of {name} is reversed"), &ALL[2..], true),
             (format!("position and rate of {name} are reversed"), &MOTION[..], false),
-            (format!("{name} turns the other way in the model: position, rate and effort are reversed"), &ALL[..], true),
+            (
+                format!("{name} turns the other way in the model: position, rate and effort are reversed"),
+                &ALL[..],
+                true,
+            ),
         ] {
             if needs && !has_efforts {
                 continue;
@@ -218,7 +234,11 @@ fn of_order(joints: &[Named], has_efforts: bool) -> Vec<Fault> {
         for by in [1, count - 1] {
             let order = (0..count).map(|k| (k + by) % count).collect();
             let words = format!("are those of the {} joint", if by == 1 { "previous" } else { "next" });
-            orders.push((format!("all columns of each joint {words}"), format!("the efforts of each joint {words}"), order));
+            orders.push((
+                format!("all columns of each joint {words}"),
+                format!("the efforts of each joint {words}"),
+                order,
+            ));
         }
     }
     for (joint_words, effort_words, order) in orders {
@@ -227,7 +247,9 @@ fn of_order(joints: &[Named], has_efforts: bool) -> Vec<Fault> {
                 continue;
             }
             let (own, order) = (joints.to_vec(), order.clone());
-            all.push(Fault::new("order of the joints", what, mend, move |case| rename(case, &own, &order, quantities)));
+            all.push(Fault::new("order of the joints", what, mend, move |case| {
+                rename(case, &own, &order, quantities)
+            }));
         }
     }
     all

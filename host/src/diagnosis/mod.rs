@@ -93,7 +93,8 @@ struct Tried<'a> {
 pub fn diagnose(case: &Case, progress: &dyn Progress) -> Option<Cause> {
     let rate = case.recording.rate_hz.unwrap_or(1.0);
     let quick = shortened(case, QUICK_ROWS.max((QUICK_S * rate) as usize));
-    let before = left(&quick)?;
+    // Where no row is left nothing is explained.
+    let before = left(&quick).unwrap_or(0.0);
     let faults = faults(&quick);
     let mut tried = Vec::new();
     // In turns, so that progress is shown.
@@ -163,8 +164,7 @@ fn left(case: &Case) -> Option<f64> {
 fn is_plausible(case: &Case) -> bool {
     let options = FitOptions { convergence_points: 0, ..FitOptions::default() };
     let answer = || {
-        let problem =
-            Problem::from_recording(&case.recording, case.model.as_ref(), &case.options).ok()?;
+        let problem = Problem::from_recording(&case.recording, case.model.as_ref(), &case.options).ok()?;
         let fit = problem.fit(&options, &Silent).ok()?;
         let context = Context { links: problem.links(None), ..Context::default() };
         Answer::new(&fit, context).ok()

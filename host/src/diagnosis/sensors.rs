@@ -43,7 +43,9 @@ impl Triple {
                 ("lbf in", POUND * 0.0254),
                 ("kN m", 1e3),
             ],
-            Self::Accel | Self::Gravity => &[("g", 9.80665), ("mg", 9.80665e-3), ("cm/s²", 1e-2), ("ft/s²", 0.3048)],
+            Self::Accel | Self::Gravity => {
+                &[("g", 9.80665), ("mg", 9.80665e-3), ("cm/s²", 1e-2), ("ft/s²", 0.3048)]
+            }
             Self::Gyro => &[
                 ("deg/s", std::f64::consts::PI / 180.0),
                 ("rpm", std::f64::consts::PI / 30.0),
@@ -65,7 +67,9 @@ impl Triple {
                 }
             })
         };
-        let all = |rows: Option<&mut Vec<[f64; 3]>>| rows.map(|rows| rows.iter_mut().for_each(|row| *row = change(*row)));
+        let all = |rows: Option<&mut Vec<[f64; 3]>>| {
+            rows.map(|rows| rows.iter_mut().for_each(|row| *row = change(*row)))
+        };
         let imu = recording.imus.first_mut();
         match self {
             Self::Force => half(&mut recording.wrench, 0),
@@ -247,8 +251,12 @@ fn of_mounting(case: &Case) -> Vec<Fault> {
         ("rotation_wxyz is the inverse one", [w, -x, -y, -z]),
         ("rotation_wxyz is in the order x, y, z, w", [z, w, x, y]),
     ];
-    for (what, rotation) in quaternions.into_iter().filter(|(_, q)| *q != own.rotation_wxyz && *q != own.rotation_wxyz.map(|v| -v)) {
-        let mend = "correct rotation_wxyz in [[imu]] of the rig file: w, x, y, z of the attitude of the IMU in S";
+    for (what, rotation) in quaternions
+        .into_iter()
+        .filter(|(_, q)| *q != own.rotation_wxyz && *q != own.rotation_wxyz.map(|v| -v))
+    {
+        let mend =
+            "correct rotation_wxyz in [[imu]] of the rig file: w, x, y, z of the attitude of the IMU in S";
         all.push(Fault::new("rotation_wxyz", what, mend, move |case| {
             table(&mut case.recording.rig, |imu| imu.rotation_wxyz = rotation)
         }));
@@ -259,9 +267,14 @@ fn of_mounting(case: &Case) -> Vec<Fault> {
     let levers = [("millimetres", 1e-3), ("centimetres", 1e-2), ("inches", 0.0254)];
     for (unit, factor) in levers {
         let what = format!("position_m of the IMU is in {unit}");
-        all.push(Fault::new("place of the IMU", what, "give position_m in [[imu]] of the rig file in metres", move |case| {
-            table(&mut case.recording.rig, |imu| imu.position_m = imu.position_m.map(|v| factor * v))
-        }));
+        all.push(Fault::new(
+            "place of the IMU",
+            what,
+            "give position_m in [[imu]] of the rig file in metres",
+            move |case| {
+                table(&mut case.recording.rig, |imu| imu.position_m = imu.position_m.map(|v| factor * v))
+            },
+        ));
     }
     let mend = "correct position_m in [[imu]] of the rig file: from the load cell's origin to the IMU, in the axes of S";
     all.push(Fault::new("place of the IMU", "position_m of the IMU is reversed", mend, move |case| {
@@ -276,10 +289,14 @@ fn of_delays(case: &Case, there: &[Triple]) -> Vec<Fault> {
     let groups: [(&str, bool, bool); 3] =
         [("the IMU", true, has_gyro), ("the gyro", false, has_gyro), ("the accelerometer", true, false)];
     // Without a gyro the IMU is its accelerometer.
-    for (name, accel, gyro) in groups.into_iter().filter(|(name, _, gyro)| has_gyro || (*name == "the IMU" && !gyro)) {
+    for (name, accel, gyro) in
+        groups.into_iter().filter(|(name, _, gyro)| has_gyro || (*name == "the IMU" && !gyro))
+    {
         for (rows, s) in delays(case) {
             let mend = match (accel, gyro) {
-                (true, true) => "give it as group_delay_s in [[imu]] of the rig file, or stamp readings where they are taken",
+                (true, true) => {
+                    "give it as group_delay_s in [[imu]] of the rig file, or stamp readings where they are taken"
+                }
                 _ => "stamp readings where they are taken; sensors of one IMU have one clock",
             };
             all.push(Fault::new(format!("delay of {name}"), late(name, s), mend, move |case| {

@@ -545,7 +545,12 @@ impl Check<'_> {
                 }
                 let others = source.plus().map(|(_, factor)| factor).chain([source.offset()]);
                 let others: Vec<f64> = others.collect();
-                self.all(&key(name), &others, f64::is_finite, "offset and the factors of plus must be finite")?;
+                self.all(
+                    &key(name),
+                    &others,
+                    f64::is_finite,
+                    "offset and the factors of plus must be finite",
+                )?;
             }
         }
         Ok(())

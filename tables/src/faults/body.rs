@@ -5,8 +5,8 @@ use rigident::fit::parallel;
 use rigident::problem::{Problem, ProblemOptions};
 
 use super::{Planted, Verdict, table_of, verdict};
-use crate::estimation::rig_errors::{Errors, Motion, Rig, rig_file};
 use crate::estimation::Normal;
+use crate::estimation::rig_errors::{Errors, Motion, Rig, rig_file};
 
 /// Rigs and noises of each fault.
 const SEEDS: u64 = 2;
@@ -168,13 +168,16 @@ pub fn table() -> String {
 
 /// Honest recordings by kinds.
 pub fn honest() -> Vec<(String, Vec<Verdict>)> {
-    [(true, "one body, errors of the rig as its file states"), (false, "one body, errors of the rig as its classes let expect")]
-        .into_iter()
-        .map(|(stated, name)| {
-            let all = parallel::map(parallel::threads(), HONEST as usize, |k| {
-                verdict(&mut honest_case(1000 + k as u64, stated), &truth)
-            });
-            (name.to_owned(), all)
-        })
-        .collect()
+    [
+        (true, "one body, errors of the rig as its file states"),
+        (false, "one body, errors of the rig as its classes let expect"),
+    ]
+    .into_iter()
+    .map(|(stated, name)| {
+        let all = parallel::map(parallel::threads(), HONEST as usize, |k| {
+            verdict(&mut honest_case(1000 + k as u64, stated), &truth)
+        });
+        (name.to_owned(), all)
+    })
+    .collect()
 }

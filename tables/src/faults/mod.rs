@@ -54,7 +54,10 @@ fn verdict(case: &mut Case, truth: &dyn Fn(&Problem) -> Vec<Option<f64>>) -> Ver
     };
     let fit = match problem.fit(&FitOptions { convergence_points: 0, ..FitOptions::default() }, &Silent) {
         Ok(fit) => fit,
-        Err(error) => return refused(error.to_string()),
+        Err(error) => {
+            let cause = diagnose(case, &Silent).map(|cause| cause.what);
+            return refused(cause.unwrap_or_else(|| error.to_string()));
+        }
     };
     let context = Context {
         links: problem.links(None),

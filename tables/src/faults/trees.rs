@@ -25,9 +25,14 @@ const RATE_HZ: f64 = 200.0;
 const DURATION_S: f64 = 20.0;
 /// Noise of positions, rates and efforts.
 const NOISE: [f64; 3] = [2e-5, 1e-3, 0.3];
-const JOINTS: [&str; 6] =
-    ["shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint", "wrist_2_joint", "wrist_3_joint"];
-
+const JOINTS: [&str; 6] = [
+    "shoulder_pan_joint",
+    "shoulder_lift_joint",
+    "elbow_joint",
+    "wrist_1_joint",
+    "wrist_2_joint",
+    "wrist_3_joint",
+];
 
 /// The nominal arm, every seed's own motion and friction, and what the sensors of an arm of somewhat other bodies read.
 struct Arm {
@@ -49,13 +54,21 @@ impl Arm {
             // Of one body with another density and size: it stays a body that can be.
             let (density, size) = (1.0 + 0.1 * normal.draw(), 1.0 + 0.05 * normal.draw());
             for (k, value) in inertial.iter_mut().enumerate() {
-                *value *= density * size.powi(if k == 0 { 0 } else if k < 4 { 1 } else { 2 });
+                *value *= density
+                    * size.powi(if k == 0 {
+                        0
+                    } else if k < 4 {
+                        1
+                    } else {
+                        2
+                    });
             }
         }
         let mut around = |mean: f64, spread: f64| mean + spread * normal.draw();
         let swings = (0..JOINTS.len()).map(|joint| {
             let middle = if joint == 1 { -0.8 } else { 0.0 } + around(0.0, 0.3);
-            let each = FREQUENCIES_HZ.map(|f| [0.5 / (1.0 + 3.0 * f) * around(1.0, 0.2), f, around(0.0, 3.0)]);
+            let each =
+                FREQUENCIES_HZ.map(|f| [0.5 / (1.0 + 3.0 * f) * around(1.0, 0.2), f, around(0.0, 3.0)]);
             (middle, each.to_vec())
         });
         let swings = swings.collect();
@@ -95,10 +108,12 @@ impl Arm {
             }
             recording.time_ns.push((t * 1e9).round() as u64);
         }
-        let names = ["rad", "radps", "nm"].into_iter().flat_map(|unit| JOINTS.map(|joint| format!("{joint}_{unit}")));
+        let names =
+            ["rad", "radps", "nm"].into_iter().flat_map(|unit| JOINTS.map(|joint| format!("{joint}_{unit}")));
         recording.extra = names.zip(columns).collect();
         recording.rig = RigFile::default();
-        let options = ProblemOptions { friction: vec![Term::Viscous, Term::Coulomb], ..ProblemOptions::default() };
+        let options =
+            ProblemOptions { friction: vec![Term::Viscous, Term::Coulomb], ..ProblemOptions::default() };
         Case { recording, model: Some(self.nominal.clone()), options }
     }
 
@@ -151,7 +166,8 @@ fn reorder(case: &mut Case, endings: &[&str], order: [usize; 6]) {
 }
 
 fn late(case: &mut Case, endings: &[&str], rows: usize) {
-    for (_, cells) in case.recording.extra.iter_mut().filter(|(n, _)| endings.iter().any(|e| n.ends_with(e))) {
+    for (_, cells) in case.recording.extra.iter_mut().filter(|(n, _)| endings.iter().any(|e| n.ends_with(e)))
+    {
         let was = cells.clone();
         cells.iter_mut().enumerate().for_each(|(k, to)| to.clone_from(&was[k.saturating_sub(rows)]));
     }
@@ -220,7 +236,8 @@ pub fn table() -> String {
     let all: Vec<Planted> = FAULTS.into_iter().chain(tilts).collect();
     table_of(&all, SEEDS, |fault, seed| {
         let arm = Arm::new(seed);
-        let tilt = TILTS.iter().find(|(name, ..)| *name == fault.name).map_or(0.0, |(_, _, degrees)| *degrees);
+        let tilt =
+            TILTS.iter().find(|(name, ..)| *name == fault.name).map_or(0.0, |(_, _, degrees)| *degrees);
         let mut case = arm.record(seed, tilt.to_radians());
         (fault.plant)(&mut case);
         verdict(&mut case, &|problem| arm.truth(problem))

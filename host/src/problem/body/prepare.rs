@@ -94,7 +94,9 @@ fn rests(rig: &RigFile, imu: &ImuTable, readings: &[Reading<f64>], rate_hz: Opti
     match rate_hz {
         Some(rate_hz) => {
             let noise = imu_noise::white_imu_noise(Some(imu), readings);
-            rest::of_motion(readings, &mounting, rate_hz, [noise.accel, noise.gyro], gravity)
+            let mut rows = rest::of_motion(readings, &mounting, rate_hz, [noise.accel, noise.gyro], gravity);
+            rows.extend(rest::of_turning(readings, &mounting, rate_hz, gravity));
+            rows
         }
         None => rest::of_poses(readings, &mounting, imu.accel_noise_mps2, gravity),
     }

@@ -91,11 +91,7 @@ pub fn numbers(recording: &Recording, column: &Column) -> Result<Option<Vec<f64>
 }
 
 /// Returns the numbers of one column times a factor; `None` if it is not there.
-fn scaled(
-    recording: &Recording,
-    column: &str,
-    factor: f64,
-) -> Result<Option<Vec<f64>>, TreePrepareError> {
+fn scaled(recording: &Recording, column: &str, factor: f64) -> Result<Option<Vec<f64>>, TreePrepareError> {
     let Some((_, cells)) = recording.extra.iter().find(|(name, _)| name == column) else { return Ok(None) };
     let values = cells.iter().enumerate().map(|(row, cell)| {
         let value = cell.trim().parse::<f64>().ok().map(|v| v * factor).filter(|v| v.is_finite());

@@ -96,7 +96,9 @@ fn upright(mut model: Model, recording: &Recording) -> Result<Model, TreePrepare
         return Err(TreePrepareError::Fit {
             name: recording.name.clone(),
             model: model.name,
-            why: format!("gravity_direction of the rig file is for a base that is held still, and {why}: remove the key"),
+            why: format!(
+                "gravity_direction of the rig file is for a base that is held still, and {why}: remove the key"
+            ),
         });
     }
     let (from, to) = (Vector3::from(down), Vector3::from(DOWN));

@@ -106,7 +106,8 @@ impl<'a> Preparation<'a> {
             }
             (None, None, Some(gravity)) => gravity.iter().map(|g| BaseMotion::still(*g)).collect(),
             (None, None, None) => {
-                let (g, down) = (recording.rig.recording.gravity_mps2, recording.rig.recording.gravity_direction);
+                let (g, down) =
+                    (recording.rig.recording.gravity_mps2, recording.rig.recording.gravity_direction);
                 let along = if down == DOWN { "−z".to_owned() } else { format!("{down:?}") };
                 self.notes.push(format!(
                     "there is no IMU on the base link: it is taken to be held still, gravity {g} m/s² along {along} of its frame"
