@@ -80,6 +80,8 @@ pub struct Links<'a> {
     pub drives: Vec<DriveMotion>,
     /// Why some parameters cannot be identified in this motion, as found before the fit.
     pub idle: Vec<String>,
+    /// What goes beyond the limits of the model, and whether it is so far beyond that it cannot be.
+    pub beyond: Vec<(String, bool)>,
     /// How standard parameters are sought; `None`: not at all.
     pub standard: Option<StandardRequest<'a>>,
 }

@@ -111,9 +111,14 @@ impl Answer {
         let impossible = answer.add_consistency(&judged, of_base);
         let scaled = links.filter(|_| !is_body).and_then(|links| plausibility::scaled(fit, links));
         let inconsistent = answer.consistency.as_ref().is_some_and(|c| c.probability < SURPRISING);
-        if answer.status != Status::Failed && (reversed || inconsistent || scaled.is_some()) {
+        let beyond = links.map_or(&[][..], |links| &links.beyond);
+        let impossible_motion = beyond.iter().any(|(_, impossible)| *impossible);
+        if answer.status != Status::Failed
+            && (reversed || inconsistent || impossible_motion || scaled.is_some())
+        {
             answer.status = Status::Implausible;
         }
+        answer.warnings.extend(beyond.iter().map(|(text, _)| text.clone()));
         answer.warnings.extend(scaled);
         if of_base.is_none() && base.as_ref().is_some_and(|(_, base)| base.rank > 0) {
             answer.notes.push(

@@ -259,6 +259,7 @@ fn of_tree(model: &Model, recording: &Recording) -> (Fit, Answer) {
         situation: input.situation,
         drives: tree.drive_motions(),
         idle: Vec::new(),
+        beyond: Vec::new(),
         standard: Some(StandardRequest { nominal: model, trust: 1.0, symmetric: false, required: false }),
     };
     let context =

@@ -15,6 +15,7 @@ mod human_segments;
 pub mod idle;
 pub mod inertial;
 mod loose_xml;
+pub mod limits;
 pub mod mjcf;
 #[cfg(test)]
 mod mjcf_tests;

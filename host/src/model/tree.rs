@@ -7,6 +7,7 @@ use rigident_shared::tree::{Joint, Link};
 
 use super::finding::{Finding, ModelError};
 use super::inertial::{Parameters, in_parent};
+use super::limits::Limits;
 use super::passive::Passive;
 
 /// A joint that follows another: `q = multiplier · q_leader + offset`.
@@ -38,6 +39,8 @@ pub struct ModelLink {
     pub mimic: Option<Mimic>,
     /// What its joint does by itself, by axis; only a universal joint has a second one.
     pub passive: [Passive; 2],
+    /// Limits of its joint, of one freedom.
+    pub limits: Limits,
 }
 
 /// Parameters of a link that is no body: joints meet there, and nothing else is.
@@ -52,8 +55,8 @@ impl ModelLink {
         nominal: Option<Parameters>,
     ) -> Self {
         let (name, joint_name) = (name.into(), joint_name.into());
-        let passive = [Passive::default(); 2];
-        Self { name, joint_name, link, nominal, welded: Vec::new(), mimic: None, passive }
+        let (passive, limits) = ([Passive::default(); 2], Limits::default());
+        Self { name, joint_name, link, nominal, welded: Vec::new(), mimic: None, passive, limits }
     }
 
     /// Whether there can be mass: it is more than a place where two joints of one body meet.

@@ -12,6 +12,7 @@ use roxmltree::Node;
 use super::finding::{Finding, ModelError};
 use super::inertial::{Parameters, in_parent};
 use super::loose_xml::tidied;
+use super::limits::Limits;
 use super::passive::Passive;
 use super::tree::{Mimic, Model, ModelLink, NO_BODY, RawLink};
 use super::urdf_fault::{fault, has_macro_elements, incomplete};
@@ -166,6 +167,7 @@ fn raw_links(
         link: at,
         mimic: mimic(joint, &at.joint, leaders, findings),
         passive: [passive(joint, &at.joint), Passive::default()],
+        limits: limits(joint),
         ..base
     };
     before.push(RawLink { link, parent: Some(holder) });
@@ -204,6 +206,16 @@ fn mimic(
         multiplier: number(&mimic, "multiplier").unwrap_or(1.0),
         offset: number(&mimic, "offset").unwrap_or(0.0),
     })
+}
+
+/// Returns the limits of a joint; a continuous one has none of position.
+fn limits(joint: &Node) -> Limits {
+    let Some(limit) = child(joint, "limit") else { return Limits::default() };
+    let [lower, upper, velocity, effort] =
+        ["lower", "upper", "velocity", "effort"].map(|attribute| number(&limit, attribute).unwrap_or(0.0));
+    let moves_to_limits = matches!(joint.attribute("type"), Some("revolute" | "prismatic"));
+    let (lower, upper) = if moves_to_limits { (lower, upper) } else { (0.0, 0.0) };
+    Limits::of(lower, upper, velocity, effort)
 }
 
 /// Returns the friction of a joint that has any.

@@ -12,6 +12,7 @@ use self::body::BodySource;
 use self::body::prepare::{PrepareError, prepare};
 use self::clocks::{Aligned, Pose, StreamError, StreamSet, align};
 use self::tree::drive::Term;
+use self::tree::limits::beyond;
 use self::tree::{TreePrepareError, TreeSource, TreeSourceError};
 use crate::answer::result::TimeBase;
 use crate::answer::{Links, StandardRequest};
@@ -177,6 +178,7 @@ impl Problem {
             situation: input.situation,
             drives: source.drive_motions(),
             idle: idle.iter().map(ToString::to_string).collect(),
+            beyond: beyond(input).into_iter().map(|b| (b.text, b.impossible)).collect(),
             standard,
         })
     }

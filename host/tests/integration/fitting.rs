@@ -34,6 +34,7 @@ pub fn links(tree: &TreeSource) -> Links<'_> {
         situation: input.situation,
         drives: tree.drive_motions(),
         idle: Vec::new(),
+        beyond: Vec::new(),
         standard: None,
     }
 }

@@ -212,6 +212,7 @@ pub fn table() -> String {
             situation: input.situation,
             drives: source.drive_motions(),
             idle: Vec::new(),
+            beyond: Vec::new(),
             standard: None,
         };
         let states = states(&found, Some(&links), false);

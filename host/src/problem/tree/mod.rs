@@ -14,6 +14,7 @@ mod errors;
 mod frames;
 pub mod input_checks;
 pub mod joints;
+pub mod limits;
 pub mod polynomial;
 pub mod prepare;
 pub mod rows;
