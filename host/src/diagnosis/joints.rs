@@ -102,7 +102,7 @@ pub(super) fn faults(case: &Case, model: &Model) -> Vec<Fault> {
     if joints.is_empty() {
         return Vec::new();
     }
-    let has_efforts = joints.iter().all(|joint| joint.column(case, Quantity::Effort).is_some());
+    let has_efforts = case_has(case, &joints, Quantity::Effort);
     let mut all = of_units(&joints, has_efforts);
     all.extend(of_friction(case, has_efforts));
     all.extend(of_signs(&joints, has_efforts));
@@ -133,7 +133,7 @@ fn of_units(joints: &[Named], has_efforts: bool) -> Vec<Fault> {
         let mend = format!(
             "give each its scale in [[joint]] of the rig file: effort = {{ name = \"…\", scale = {factor:.6} }}"
         );
-        all.push(Fault::new("unit of the efforts", what, mend, move |case| {
+        all.push(Fault::new(format!("efforts in {unit}"), what, mend, move |case| {
             own.iter().fold(false, |any, joint| joint.scale(case, &[Quantity::Effort], factor) || any)
         }));
     }
@@ -283,22 +283,31 @@ fn of_gravity(case: &Case) -> Vec<Fault> {
 }
 
 fn of_delays(case: &Case, joints: &[Named], has_efforts: bool) -> Vec<Fault> {
-    if !has_efforts {
-        return Vec::new();
-    }
-    let of = |(rows, s): (isize, f64)| {
-        let own = joints.to_vec();
-        let mend = "stamp readings where they are taken, or shift the columns";
-        Fault::new("delay of the efforts", late("the effort", s), mend, move |case| {
-            let columns: Vec<String> =
-                own.iter().filter_map(|joint| Some(joint.column(case, Quantity::Effort)?.name)).collect();
-            for (name, cells) in &mut case.recording.extra {
-                if columns.contains(name) {
-                    earlier(cells, rows);
+    let mut all = Vec::new();
+    for (what, quantity, needs) in [
+        ("effort", Quantity::Effort, has_efforts),
+        ("position", Quantity::Position, case_has(case, joints, Quantity::Rate)),
+        ("rate", Quantity::Rate, case_has(case, joints, Quantity::Rate)),
+    ] {
+        for (rows, s) in delays(case).into_iter().filter(|_| needs) {
+            let own = joints.to_vec();
+            let mend = "stamp readings where they are taken, or shift the columns";
+            let kind = format!("delay of the {what}");
+            all.push(Fault::new(kind, late(&format!("the {what}"), s), mend, move |case| {
+                let columns: Vec<String> =
+                    own.iter().filter_map(|joint| Some(joint.column(case, quantity)?.name)).collect();
+                for (name, cells) in &mut case.recording.extra {
+                    if columns.contains(name) {
+                        earlier(cells, rows);
+                    }
                 }
-            }
-            cut(case, rows)
-        })
-    };
-    delays(case).into_iter().map(of).collect()
+                cut(case, rows)
+            }));
+        }
+    }
+    all
+}
+
+fn case_has(case: &Case, joints: &[Named], quantity: Quantity) -> bool {
+    joints.iter().all(|joint| joint.column(case, quantity).is_some())
 }

@@ -23,7 +23,7 @@ const QUICK_S: f64 = 10.0;
 /// Seconds that the best are fitted to.
 const FULL_S: f64 = 20.0;
 /// Faults that are fitted in full.
-const FULL: usize = 6;
+const FULL: usize = 8;
 /// A fault explains as much as another one if its mean logarithm of what is left differs by less than this.
 const ALIKE: f64 = 0.05;
 /// Without its fault a recording leaves at most this share of what it left before, if there is more than the fault that is left.
@@ -108,7 +108,7 @@ pub fn diagnose(case: &Case, progress: &dyn Progress) -> Option<Cause> {
     }
     let mut best = best_of_each_kind(tried);
     best.retain(|tried| tried.left < before + ALIKE);
-    let least = best.first()?.left;
+    let least = best.iter().map(|tried| tried.left).fold(f64::INFINITY, f64::min);
     let full = shortened(case, (FULL_S * rate) as usize);
     let mut plausible: Vec<Tried> = Vec::new();
     for tried in best.iter().take(FULL) {
@@ -139,7 +139,8 @@ pub fn diagnose(case: &Case, progress: &dyn Progress) -> Option<Cause> {
 /// Faults between two reports of progress.
 const CHUNK: usize = 16;
 
-/// Returns the best of each kind, what leaves least first; of those alike the first of the list.
+/// Returns the best of each kind: those that leave as little as the one that leaves least, in the order of the list, then the
+/// others, what leaves less first.
 fn best_of_each_kind(tried: Vec<Tried<'_>>) -> Vec<Tried<'_>> {
     let mut best: Vec<Tried> = Vec::new();
     for tried in tried {
@@ -149,7 +150,8 @@ fn best_of_each_kind(tried: Vec<Tried<'_>>) -> Vec<Tried<'_>> {
             None => best.push(tried),
         }
     }
-    best.sort_by(|a, b| a.left.total_cmp(&b.left));
+    let least = best.iter().map(|tried| tried.left).fold(f64::INFINITY, f64::min);
+    best.sort_by(|a, b| a.left.max(least + ALIKE).total_cmp(&b.left.max(least + ALIKE)));
     best
 }
 

@@ -34,7 +34,7 @@ struct Channel {
 
 impl Channel {
     fn is_dead(&self) -> bool {
-        self.values.windows(2).all(|pair| matches!(pair, [a, b] if a.to_bits() == b.to_bits()))
+        self.values.windows(2).all(|pair| matches!(pair, [a, b] if a == b))
     }
 
     /// Returns true if neighbouring readings are apart as noise is, up and down in turn, and not as a smooth motion is: of the

@@ -55,6 +55,21 @@ fn late(case: &mut Case, rows: usize, accel: bool, gyro: bool) {
     of(imu.gyro.as_mut().filter(|_| gyro));
 }
 
+/// Loses 100 g that sat where the IMU is.
+fn lose(case: &mut Case) {
+    let half = case.recording.rows() / 2;
+    let imu = &case.recording.rig.imu[0];
+    let (p, [w, x, y, z]) = (nalgebra::Vector3::from(imu.position_m), imu.rotation_wxyz);
+    let turn = nalgebra::UnitQuaternion::new_normalize(nalgebra::Quaternion::new(w, x, y, z));
+    each(case, |k, (wrench, a, _)| {
+        if k > half {
+            let force = turn * nalgebra::Vector3::from(*a) * 0.1;
+            let lost = force.iter().chain(&p.cross(&force)).copied().collect::<Vec<_>>();
+            wrench.iter_mut().zip(lost).for_each(|(to, lost)| *to -= lost);
+        }
+    });
+}
+
 fn position(case: &mut Case, by: f64) {
     case.recording.rig.imu[0].position_m.iter_mut().for_each(|v| *v *= by);
 }
@@ -125,10 +140,7 @@ const FAULTS: [Planted; 62] = [
     Planted { name: "accelerometer z constant", told: "imu_az_mps2", plant: |c| each(c, |_, (_, a, _)| a[2] = 9.81) },
     Planted { name: "gyro spike of 35 rad/s", told: "imu_gx_radps", plant: |c| each(c, |k, (_, _, g)| if k == 2000 { g[0] += 35.0 }) },
     Planted { name: "accelerometer spike", told: "imu_ay_mps2", plant: |c| each(c, |k, (_, a, _)| if k == 1500 { a[1] += 300.0 }) },
-    Planted { name: "body changed at half time", told: "something changed", plant: |c| {
-        let half = c.recording.rows() / 2;
-        each(c, |k, (w, ..)| if k > half { w.iter_mut().for_each(|v| *v *= 1.05) });
-    } },
+    Planted { name: "100 g lost at half time", told: "something changed", plant: lose },
     Planted { name: "gyro quantised to 0.05 rad/s", told: "gyro", plant: |c| each(c, |_, (_, _, g)| g.iter_mut().for_each(|v| *v = (*v / 0.05).round() * 0.05)) },
     Planted { name: "accelerometer saturates at 12 m/s², not stated", told: "accelerometer", plant: |c| each(c, |_, (_, a, _)| a.iter_mut().for_each(|v| *v = v.clamp(-12.0, 12.0))) },
 ];
