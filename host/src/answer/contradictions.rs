@@ -26,7 +26,14 @@ const CAUSES: usize = 4;
 
 /// Returns true if the recording contradicts what is stated of an error, or of all together.
 pub(super) fn is_contradicted(fit: &Fit) -> bool {
-    fit.nuisances.iter().any(|k| k.pull().abs() > CONTRADICTED) || disagrees(fit)
+    fit.nuisances.iter().any(|k| k.pull().abs() > CONTRADICTED) || disagrees(fit) || is_scaled(fit)
+}
+
+/// Returns true if scales that several axes share are further off than stated, though none by itself is.
+fn is_scaled(fit: &Fit) -> bool {
+    let Some(scores) = &fit.error_scores else { return false };
+    let alike = candidates(fit).into_iter().filter(|cause| cause.alike).collect::<Vec<_>>();
+    weighed(&alike, scores, &[]).first().is_some_and(|most| most.weight() > CONTRADICTED * CONTRADICTED)
 }
 
 fn disagrees(fit: &Fit) -> bool {

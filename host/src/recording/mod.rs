@@ -10,18 +10,15 @@ pub mod csv;
 pub mod error;
 pub mod mcap;
 pub mod new_file;
+mod settle;
 pub mod time;
 
 use std::path::{Path, PathBuf};
 
 use self::columns::{Group, Known, TIME};
 pub use self::error::RecordingError;
-use crate::rig::{RigFile, WrenchSign};
+use crate::rig::RigFile;
 
-/// Times agree with a stated rate if they differ by no more than this, relative.
-const RATE_TOLERANCE: f64 = 0.01;
-/// Stamps jitter if their standard deviation is this share of a period or more.
-const LEAST_JITTER: f64 = 0.1;
 /// A step longer than so many periods is a gap.
 const GAP: f64 = 1.5;
 
@@ -216,67 +213,6 @@ impl Recording {
         Ok(recording)
     }
 
-    /// Last step of reading: the rig file is brought to the notation, times are checked against its rate.
-    pub(super) fn settle(mut self, label: &str) -> Result<Self, RecordingError> {
-        if self.rig.recording.wrench_sign == WrenchSign::OnSensor {
-            negate(self.wrench.iter_mut().flatten().flatten());
-            // Gauges stay as they are: the matrix brings the sign.
-            negate(self.rig.load_cell.calibration.iter_mut().flatten().flatten());
-            self.rig.recording.wrench_sign = WrenchSign::OnBody;
-        }
-        self.rig.recording.columns.clear();
-        self.rig.recording.topics.clear();
-        self.is_static = self.rig.recording.is_static;
-        let columns = |reason: String| RecordingError::Columns { name: label.to_owned(), reason };
-        if self.is_static {
-            self.rate_hz = None;
-            return Ok(self);
-        }
-        let (measured, stated) = (measured_rate(&self.time_ns), self.rig.recording.rate_hz);
-        // A single row measures none.
-        self.rate_hz = measured.or(stated);
-        let Some(measured) = measured else { return Ok(self) };
-        if let Some(stated) = stated
-            && (measured / stated - 1.0).abs() > RATE_TOLERANCE
-        {
-            return Err(columns(format!(
-                "the times make {measured:.6} rows per second, rate_hz says {stated}: correct rate_hz in the rig \
-                 file, or the unit of t_s (its scale in [recording] columns)"
-            )));
-        }
-        self.warn_of_gaps(1e9 / measured);
-        Ok(self)
-    }
-
-    /// Tells of stamps that jitter, and of rows that are missing. Where the rows from the first to the last are as many as
-    /// their rate lets expect, a long step is one of jitter: a short one makes up for it.
-    fn warn_of_gaps(&mut self, period_ns: f64) {
-        let steps = self.time_ns.windows(2).map(|w| (w[0], (w[1] - w[0]) as f64 / period_ns));
-        let gaps: Vec<(u64, f64)> = steps.filter(|(_, periods)| *periods > GAP).collect();
-        if let Some((at, _)) = gaps.first() {
-            let missing: f64 = gaps.iter().map(|(_, periods)| periods.round() - 1.0).sum();
-            let short =
-                self.time_ns.windows(2).filter(|w| ((w[1] - w[0]) as f64) < (2.0 - GAP) * period_ns).count();
-            let jitter_s = jitter_s(&self.time_ns, period_ns);
-            if 2 * short >= gaps.len() && jitter_s > LEAST_JITTER * period_ns * 1e-9 {
-                self.warnings.push(format!(
-                    "stamps jitter by {:.1} ms, where rows are {:.1} ms apart: {} of the steps are longer than one and a half of \
-                     that, and rows after them are taken as after a gap; stamp readings where they are taken",
-                    1e3 * jitter_s,
-                    1e-6 * period_ns,
-                    gaps.len()
-                ));
-                return;
-            }
-            self.warnings.push(format!(
-                "{} in time, the first after {} s: about {missing} {} missing",
-                if gaps.len() == 1 { "a gap".to_owned() } else { format!("{} gaps", gaps.len()) },
-                time::text(*at),
-                if missing == 1.0 { "row is" } else { "rows are" }
-            ));
-        }
-    }
-
     /// Puts a group's rows in their place.
     pub(crate) fn set_group(&mut self, group: Group, columns: &[Vec<f64>]) {
         match group {
@@ -320,12 +256,6 @@ impl Recording {
     }
 }
 
-fn negate<'a>(values: impl Iterator<Item = &'a mut f64>) {
-    for value in values {
-        *value = -*value;
-    }
-}
-
 /// Columns to rows; a column that is short or missing leaves zeros, which its reader does not let happen.
 fn rows<const K: usize>(columns: &[Vec<f64>]) -> Vec<[f64; K]> {
     let count = columns.iter().map(Vec::len).min().unwrap_or(0);
@@ -345,14 +275,6 @@ pub(crate) fn measured_rate(time_ns: &[u64]) -> Option<f64> {
     let rate = 1e9 * count / sum;
     let whole = rate.round();
     (rate.is_finite() && rate > 0.0).then_some(if (rate / whole - 1.0).abs() < 1e-6 { whole } else { rate })
-}
-
-/// Returns the standard deviation of the steps between stamps over √2, s: that of a stamp, if these are independent. Steps of
-/// several periods are left out.
-fn jitter_s(time_ns: &[u64], period_ns: f64) -> f64 {
-    let steps = time_ns.windows(2).map(|w| (w[1] - w[0]) as f64 - period_ns).filter(|d| *d < 2.0 * period_ns);
-    let (count, squares) = steps.fold((0.0, 0.0), |(n, sum), d| (n + 1.0, sum + d * d));
-    1e-9 * (squares / f64::max(count, 1.0) / 2.0).sqrt()
 }
 
 /// The ending of a path, in lower case.
@@ -399,34 +321,6 @@ mod tests {
             assert_eq!(table.values().next().and_then(toml::Value::as_str), Some(said));
         }
         assert_eq!(comment_in_words("Load cell, serial number", "").0, "load_cell_serial_number");
-    }
-
-    #[test]
-    fn stamps_that_jitter_are_told_from_rows_that_are_missing() {
-        let told = |time_ns: Vec<u64>| {
-            let mut recording = Recording { time_ns, ..Recording::default() };
-            recording.warn_of_gaps(5e6);
-            recording.warnings
-        };
-        let mut state = 3_u64;
-        let mut jitter = |ns: f64| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (ns * 2.0 * 3_f64.sqrt() * ((state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5)) as i64
-        };
-        let shaken: Vec<u64> =
-            (0..2000).map(|n| (10_000_000 + n * 5_000_000 + jitter(2e6)).unsigned_abs()).collect();
-        let mut sorted = shaken;
-        sorted.sort_unstable();
-        let said = told(sorted);
-        assert!(
-            matches!(said.as_slice(), [one] if one.starts_with("stamps jitter by 2.0 ms")
-            || one.starts_with("stamps jitter by 1.9 ms")),
-            "{said:?}"
-        );
-        let holes: Vec<u64> = (0..2000).filter(|n| n % 100 != 7).map(|n| n * 5_000_000).collect();
-        let said = told(holes);
-        assert!(matches!(said.as_slice(), [one] if one.contains("about 20 rows are missing")), "{said:?}");
-        assert!(told((0..2000).map(|n| n * 5_000_000 + (n % 2) * 100_000).collect()).is_empty());
     }
 
     #[test]

@@ -77,6 +77,12 @@ pub struct RecordingTable {
     /// Its standard deviation, m/s².
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gravity_std_mps2: Option<f64>,
+    /// Columns w, x, y, z with the attitude of S in a frame whose z is up; gravity columns follow from them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub attitude_wxyz: Option<[String; 4]>,
+    /// Rows were taken at a constant rate, and stamps that jitter are the recorder's: they are made even.
+    #[serde(skip_serializing_if = "is_false")]
+    pub even_stamps: bool,
     /// Rows are still poses without time.
     #[serde(rename = "static")]
     pub is_static: bool,
@@ -105,6 +111,8 @@ impl Default for RecordingTable {
             gravity_mps2: 9.80665,
             gravity_direction: DOWN,
             gravity_std_mps2: None,
+            attitude_wxyz: None,
+            even_stamps: false,
             is_static: false,
             frozen_after: FROZEN_AFTER,
             columns: BTreeMap::new(),
@@ -149,6 +157,10 @@ pub struct ScaledColumn {
     /// Other columns that are added, each with its factor to SI: of a joint whose drive turns with another's.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub plus: BTreeMap<String, f64>,
+}
+
+fn is_false(value: &bool) -> bool {
+    !*value
 }
 
 fn unscaled() -> f64 {

@@ -146,3 +146,44 @@ fn a_scale_that_all_axes_share_is_named_and_the_mass_is_right() {
         assert!(brought < 0.2 * 3.2 * SIGMA / 3_f64.sqrt(), "{brought}");
     }
 }
+
+/// A body that turns by up to 0.7 rad about every axis and sways by centimetres, with an accelerometer that reads `scale` times what
+/// there is.
+fn swaying(scale: f64, seconds: usize) -> Vec<Reading<f64>> {
+    let attitude = |t: f64| {
+        let angles = [0.7 * (1.3 * t).sin(), 0.6 * (2.1 * t + 1.0).sin(), 0.5 * (1.7 * t + 2.0).sin()];
+        UnitQuaternion::from_euler_angles(angles[0], angles[1], angles[2])
+    };
+    let step = 1e-4;
+    (0..seconds * RATE_HZ as usize)
+        .map(|k| {
+            let t = k as f64 / RATE_HZ;
+            let sway = Vector3::new(0.4 * (3.0 * t).sin(), 0.3 * (5.0 * t).cos(), 0.5 * (4.0 * t).sin());
+            let now = attitude(t);
+            let force = now.inverse() * (Vector3::new(0.0, 0.0, G) + sway) * scale;
+            let rate = (attitude(t - step).inverse() * attitude(t + step)).scaled_axis() / (2.0 * step);
+            Reading {
+                time_ns: (t * 1e9).round() as u64,
+                wrench: Wrench::from_array([0.0; 6]),
+                specific_force: SpecificForce::from_array(force.into()),
+                angular_rate: AngularRate::from_array(rate.into()),
+            }
+        })
+        .collect()
+}
+
+#[test]
+fn a_body_that_never_rests_and_stays_where_it_is_shows_gravity() {
+    let row = |scale, seconds| of_turning(&swaying(scale, seconds), &ImuMounting::default(), RATE_HZ, G);
+    assert!(row(1.0, 20).is_none() && row(1.02, 20).is_none());
+    for scale in [0.9, 1.1] {
+        let found = row(scale, 20).unwrap();
+        assert!((found.value - (scale - 1.0) * G).abs() < 0.15, "{}", found.value);
+        // All three scales together are the error.
+        let scales = found.terms.iter().filter(|(name, _)| name.starts_with("accelerometer_scale"));
+        let sum: f64 = scales.map(|(_, along)| along).sum();
+        assert!((sum / (scale * G) - 1.0).abs() < 0.02, "{sum}");
+    }
+    // Nothing is said of less than a stretch.
+    assert!(row(0.9, 4).is_none());
+}
