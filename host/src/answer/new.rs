@@ -261,12 +261,12 @@ impl Answer {
         }
         let (mut notes, mut warnings) = remarks::of_the_fit(fit, links.is_some(), context.rate_sigma);
         self.notes.append(&mut notes);
+        self.add_lack_of_fit(fit);
         self.warnings.extend(contradictions::contradictions(fit));
         self.warnings.extend(plausibility::of_the_fit(fit));
         self.warnings.append(&mut warnings);
         self.notes.extend(rig_errors::calibration(fit));
         self.notes.extend(rig_errors::defaults(fit));
-        self.add_lack_of_fit(fit);
         self.add_runs(fit);
         self.warnings.extend(remarks::of_known_values(fit, links, &judged.states));
         self.notes.extend(self.forgotten.iter().map(ToString::to_string));

@@ -15,7 +15,7 @@ use crate::present::text::{significant, with_u95};
 /// A parameter that cannot be negative is so by this many standard deviations: by chance in one of a hundred thousand, two-sided.
 const CERTAIN_SD: f64 = 4.42;
 /// Of a channel's variation a model that holds leaves less than this beyond the noise, both as standard deviations.
-const UNEXPLAINED: f64 = 0.5;
+const UNEXPLAINED: f64 = 0.3;
 /// Torques this many times those of the nominal model are in another unit: no estimate of a designer's is so far off,
 const SCALE: f64 = 5.0;
 /// where they are alike but for the scale: the cosine of the angle between the two.
@@ -80,8 +80,9 @@ fn unexplained(fit: &Fit) -> Option<String> {
         .collect();
     (!poor.is_empty()).then(|| {
         format!(
-            "the model leaves more of some channels than noise and half of what they vary by (rms of what is left beyond the \
+            "the model leaves more of some channels than noise and {:.0} % of what they vary by (rms of what is left beyond the \
              noise, over the standard deviation of what is measured): {}",
+            100.0 * UNEXPLAINED,
             poor.join(", ")
         )
     })

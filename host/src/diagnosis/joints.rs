@@ -103,30 +103,31 @@ pub(super) fn faults(case: &Case, model: &Model) -> Vec<Fault> {
         return Vec::new();
     }
     let has_efforts = case_has(case, &joints, Quantity::Effort);
-    let mut all = of_units(&joints, has_efforts);
+    let has_rates = case_has(case, &joints, Quantity::Rate);
+    let mut all = of_units(&joints, has_rates, has_efforts);
     all.extend(of_friction(case, has_efforts));
     all.extend(of_signs(&joints, has_efforts));
     all.extend(of_zeros(&joints));
     all.extend(of_order(&joints, has_efforts));
     all.extend(of_gravity(case));
-    all.extend(of_delays(case, &joints, has_efforts));
+    all.extend(of_delays(case, &joints, has_rates, has_efforts));
     all
 }
 
-fn of_units(joints: &[Named], has_efforts: bool) -> Vec<Fault> {
+fn of_units(joints: &[Named], has_rates: bool, has_efforts: bool) -> Vec<Fault> {
     let degrees = std::f64::consts::PI / 180.0;
     let mut all = Vec::new();
     let mend =
         "give each its scale in [[joint]] of the rig file: position = { name = \"…\", scale = 0.01745329 }";
-    for (what, quantities) in [
-        ("positions and rates of the joints are in degrees", &MOTION[..]),
-        ("positions of the joints are in degrees", &MOTION[..1]),
-    ] {
-        let own = joints.to_vec();
-        all.push(Fault::new("unit of the joints", what, mend, move |case| {
-            own.iter().fold(false, |any, joint| joint.scale(case, quantities, degrees) || any)
-        }));
-    }
+    let what = if has_rates {
+        "positions and rates of the joints are in degrees"
+    } else {
+        "positions of the joints are in degrees"
+    };
+    let own = joints.to_vec();
+    all.push(Fault::new("unit of the joints", what, mend, move |case| {
+        own.iter().fold(false, |any, joint| joint.scale(case, &MOTION, degrees) || any)
+    }));
     for (unit, factor) in UNITS.into_iter().filter(|_| has_efforts) {
         let own = joints.to_vec();
         let what = format!("the efforts are in {unit}");
@@ -188,7 +189,8 @@ fn of_signs(joints: &[Named], has_efforts: bool) -> Vec<Fault> {
                 continue;
             }
             let own = joint.clone();
-            all.push(Fault::new("signs", what, mend, move |case| own.scale(case, quantities, -1.0)));
+            // Of two joints either reversed sign explains as much: the other makes bodies of negative mass.
+            all.push(Fault::new(what.clone(), what, mend, move |case| own.scale(case, quantities, -1.0)));
         }
     }
     all
@@ -205,7 +207,7 @@ fn of_zeros(joints: &[Named]) -> Vec<Fault> {
                 "give it offset = {:.6} in [[joint]] of the rig file: position = {{ name = \"…\", offset = … }}",
                 -degrees.to_radians()
             );
-            all.push(Fault::new("zeros", what, mend, move |case| {
+            all.push(Fault::new(what.clone(), what, mend, move |case| {
                 let Some(mut column) = own.column(case, Quantity::Position) else { return false };
                 column.offset -= degrees.to_radians();
                 own.set(case, Quantity::Position, column);
@@ -282,12 +284,12 @@ fn of_gravity(case: &Case) -> Vec<Fault> {
         .collect()
 }
 
-fn of_delays(case: &Case, joints: &[Named], has_efforts: bool) -> Vec<Fault> {
+fn of_delays(case: &Case, joints: &[Named], has_rates: bool, has_efforts: bool) -> Vec<Fault> {
     let mut all = Vec::new();
     for (what, quantity, needs) in [
         ("effort", Quantity::Effort, has_efforts),
-        ("position", Quantity::Position, case_has(case, joints, Quantity::Rate)),
-        ("rate", Quantity::Rate, case_has(case, joints, Quantity::Rate)),
+        ("position", Quantity::Position, has_rates),
+        ("rate", Quantity::Rate, has_rates),
     ] {
         for (rows, s) in delays(case).into_iter().filter(|_| needs) {
             let own = joints.to_vec();

@@ -162,7 +162,7 @@ fn left(case: &Case) -> Option<f64> {
     Some(found.unexplained()).filter(|left| left.is_finite())
 }
 
-/// Returns true if the recording can be true.
+/// Returns true if the recording can be true, and tells something.
 fn is_plausible(case: &Case) -> bool {
     let options = FitOptions { convergence_points: 0, ..FitOptions::default() };
     let answer = || {
@@ -171,7 +171,7 @@ fn is_plausible(case: &Case) -> bool {
         let context = Context { links: problem.links(None), ..Context::default() };
         Answer::new(&fit, context).ok()
     };
-    answer().is_some_and(|answer| answer.status != Status::Implausible)
+    answer().is_some_and(|answer| matches!(answer.status, Status::Identified | Status::PartlyIdentified))
 }
 
 /// Returns the case with so many rows of the middle of its recording.

@@ -38,7 +38,6 @@ impl Triple {
                 ("N cm", 1e-2),
                 ("kgf m", 9.80665),
                 ("kgf cm", 9.80665e-2),
-                ("kgf mm", 9.80665e-3),
                 ("lbf ft", POUND * 0.3048),
                 ("lbf in", POUND * 0.0254),
                 ("kN m", 1e3),
@@ -142,6 +141,8 @@ fn axes_in_words(axes: Axes) -> String {
     }
 }
 
+/// A place of the IMU that somebody measured is at least this far, m.
+const LEAST_LEVER_M: f64 = 1e-3;
 /// Delays that are tried, in rows.
 const DELAYS: [usize; 16] = [1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 25, 30, 40, 50, 60];
 /// None is longer, s.
@@ -264,8 +265,9 @@ fn of_mounting(case: &Case) -> Vec<Fault> {
     if own.position_m == [0.0; 3] {
         return all;
     }
+    let size = own.position_m.iter().map(|v| v * v).sum::<f64>().sqrt();
     let levers = [("millimetres", 1e-3), ("centimetres", 1e-2), ("inches", 0.0254)];
-    for (unit, factor) in levers {
+    for (unit, factor) in levers.into_iter().filter(|(_, factor)| factor * size > LEAST_LEVER_M) {
         let what = format!("position_m of the IMU is in {unit}");
         all.push(Fault::new(
             "place of the IMU",

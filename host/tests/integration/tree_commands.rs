@@ -15,6 +15,7 @@ mod errors;
 mod gross;
 mod locked;
 mod told;
+mod untrue;
 
 /// Everything that an answer tells in words: warnings and notes.
 fn told(found: &Value) -> String {

@@ -30,7 +30,12 @@ fn one_wrong_line_in_the_rig_file_is_named_and_nothing_gets_a_number() {
     assert_eq!(sign.status.code(), Some(1), "{}", said(&sign));
     let result = json(&sign);
     assert!(result["parameters"].as_array().unwrap().iter().all(|p| p["state"] == "not_identified"));
-    assert!(result["warnings"].to_string().contains("the mass comes out negative: is wrench_sign right?"));
+    assert!(
+        result["cause"]["what"].as_str().unwrap().contains("the sign of the other body"),
+        "{}",
+        result["cause"]
+    );
+    assert!(result["notes"].to_string().contains("the mass comes out negative: is wrench_sign right?"));
     // It was turned about every axis: there is nothing to advise.
     assert!(
         result.get("advice").is_none_or(|a| a.as_array().is_some_and(Vec::is_empty)),
