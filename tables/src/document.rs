@@ -2,11 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::{estimation, faults, platform, trees};
+use crate::{estimation, platform, trees};
 
 /// All documents with tables.
-pub const DOCUMENTS: [Document; 5] =
-    [estimation::DOCUMENT, estimation::CALIBRATION, faults::DOCUMENT, platform::DOCUMENT, trees::DOCUMENT];
+pub const DOCUMENTS: [Document; 5] = [
+    estimation::DOCUMENT,
+    estimation::CALIBRATION,
+    estimation::DIAGNOSIS,
+    platform::DOCUMENT,
+    trees::DOCUMENT,
+];
 
 /// A document and its tables.
 pub struct Document {

@@ -4,7 +4,6 @@
 
 mod document;
 mod estimation;
-mod faults;
 mod platform;
 mod trees;
 

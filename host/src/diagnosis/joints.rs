@@ -74,6 +74,12 @@ impl Named {
     }
 }
 
+/// Multiplies some quantities of all joints; false if none has them.
+fn scale_all(joints: &[Named], case: &mut Case, quantities: &[Quantity], factor: f64) -> bool {
+    let changed = joints.iter().filter(|joint| joint.scale(case, quantities, factor));
+    changed.count() > 0
+}
+
 /// Gives each joint the columns of another one.
 fn rename(case: &mut Case, joints: &[Named], order: &[usize], quantities: &[Quantity]) -> bool {
     let mut changed = false;
@@ -126,7 +132,7 @@ fn of_units(joints: &[Named], has_rates: bool, has_efforts: bool) -> Vec<Fault> 
     };
     let own = joints.to_vec();
     all.push(Fault::new("unit of the joints", what, mend, move |case| {
-        own.iter().fold(false, |any, joint| joint.scale(case, &MOTION, degrees) || any)
+        scale_all(&own, case, &MOTION, degrees)
     }));
     for (unit, factor) in UNITS.into_iter().filter(|_| has_efforts) {
         let own = joints.to_vec();
@@ -135,7 +141,7 @@ fn of_units(joints: &[Named], has_rates: bool, has_efforts: bool) -> Vec<Fault> 
             "give each its scale in [[joint]] of the rig file: effort = {{ name = \"…\", scale = {factor:.6} }}"
         );
         all.push(Fault::new(format!("efforts in {unit}"), what, mend, move |case| {
-            own.iter().fold(false, |any, joint| joint.scale(case, &[Quantity::Effort], factor) || any)
+            scale_all(&own, case, &[Quantity::Effort], factor)
         }));
     }
     let single = joints.iter().take(MOST_JOINTS).filter(|_| has_efforts);
@@ -171,7 +177,7 @@ fn of_signs(joints: &[Named], has_efforts: bool) -> Vec<Fault> {
     if has_efforts {
         let own = joints.to_vec();
         all.push(Fault::new("sign of the efforts", "all efforts are reversed", mend, move |case| {
-            own.iter().fold(false, |any, joint| joint.scale(case, &[Quantity::Effort], -1.0) || any)
+            scale_all(&own, case, &[Quantity::Effort], -1.0)
         }));
     }
     for joint in joints.iter().take(MOST_JOINTS) {

@@ -14,8 +14,8 @@ pub mod human;
 mod human_segments;
 pub mod idle;
 pub mod inertial;
-mod loose_xml;
 pub mod limits;
+mod loose_xml;
 pub mod mjcf;
 #[cfg(test)]
 mod mjcf_tests;

@@ -11,8 +11,8 @@ use roxmltree::Node;
 
 use super::finding::{Finding, ModelError};
 use super::inertial::{Parameters, in_parent};
-use super::loose_xml::tidied;
 use super::limits::Limits;
+use super::loose_xml::tidied;
 use super::passive::Passive;
 use super::tree::{Mimic, Model, ModelLink, NO_BODY, RawLink};
 use super::urdf_fault::{fault, has_macro_elements, incomplete};

@@ -1,4 +1,4 @@
-//! The tables of `docs/estimation.md` and `docs/calibration.md`.
+//! The tables of `docs/estimation.md`, `docs/calibration.md` and `docs/diagnosis.md`.
 //!
 //! One file per study, each a function that gives Markdown and draws everything from fixed seeds; [`problem`] and
 //! [`mod@reference`] are what they share. The covariance forms in [`covariance_forms`] exist only to show how they fail.
@@ -8,13 +8,14 @@ mod coloured_noise;
 mod covariance_forms;
 mod estimators;
 mod f32_accuracy;
+mod faults;
 mod filter_response;
 mod honest_covariance;
 mod montecarlo;
 mod problem;
 mod reference;
 mod report;
-pub mod rig_errors;
+mod rig_errors;
 mod signal_noise;
 
 pub use problem::Normal;
@@ -46,4 +47,14 @@ pub const DOCUMENT: Document = Document {
 pub const CALIBRATION: Document = Document {
     file: "docs/calibration.md",
     tables: &[Table { name: "calibration-long", make: rig_errors::calibration_table }],
+};
+
+/// The document of recordings that cannot be true and its tables.
+pub const DIAGNOSIS: Document = Document {
+    file: "docs/diagnosis.md",
+    tables: &[
+        Table { name: "faults-body-long", make: faults::body_table },
+        Table { name: "faults-tree-long", make: faults::tree_table },
+        Table { name: "honest-long", make: faults::honest_table },
+    ],
 };

@@ -11,8 +11,8 @@ use rigident::rig::RigFile;
 use rigident::simulated::trees::truth;
 use rigident_shared::tree::BaseMotion;
 
+use super::super::problem::Normal;
 use super::{Planted, Verdict, table_of, verdict};
-use crate::estimation::Normal;
 
 /// Arms of each fault.
 const SEEDS: u64 = 1;

@@ -4,9 +4,9 @@ use rigident::diagnosis::Case;
 use rigident::fit::parallel;
 use rigident::problem::{Problem, ProblemOptions};
 
+use super::super::problem::Normal;
+use super::super::rig_errors::{Errors, Motion, Rig, rig_file};
 use super::{Planted, Verdict, table_of, verdict};
-use crate::estimation::Normal;
-use crate::estimation::rig_errors::{Errors, Motion, Rig, rig_file};
 
 /// Rigs and noises of each fault.
 const SEEDS: u64 = 2;

@@ -11,17 +11,8 @@ use rigident::diagnosis::{Case, diagnose};
 use rigident::fit::{FitOptions, Silent, parallel};
 use rigident::problem::Problem;
 
-use crate::document::{Document, Table};
-
-/// The document and its tables, in its order.
-pub const DOCUMENT: Document = Document {
-    file: "docs/diagnosis.md",
-    tables: &[
-        Table { name: "faults-body-long", make: body::table },
-        Table { name: "faults-tree-long", make: trees::table },
-        Table { name: "honest-long", make: honest },
-    ],
-};
+pub use body::table as body_table;
+pub use trees::table as tree_table;
 
 /// What the program made of a recording.
 struct Verdict {
@@ -120,7 +111,7 @@ fn table_of(faults: &[Planted], seeds: u64, run: impl Fn(&Planted, u64) -> Verdi
 }
 
 /// Returns the table of recordings without a fault.
-fn honest() -> String {
+pub fn honest_table() -> String {
     let mut text = "| recordings | number | refused or implausible |\n|---|---|---|\n".to_owned();
     let (mut all, mut wrong) = (0, 0);
     for (name, verdicts) in body::honest().into_iter().chain(trees::honest()) {
