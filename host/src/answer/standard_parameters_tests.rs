@@ -193,6 +193,7 @@ fn symmetric_people_have_two_sides_alike_and_a_model_without_masses_is_refused()
         base: BaseMotion::still([0.0, 0.0, -9.80665]),
         wrench,
         efforts: Vec::new(),
+        standing: Vec::new(),
     };
     moving
         .set(&q, &vec![0.0; freedoms], &vec![0.0; freedoms], &BaseMotion::still([0.0, 0.0, -9.80665]))

@@ -269,6 +269,7 @@ fn drive_scale(
     let effort = own.map(|c| c.measured_rms).fold(0.0, f64::max);
     match fit.parameters[j].kind {
         Kind::Coulomb | Kind::Offset => effort,
+        Kind::Load => 1.0,
         Kind::Viscous => match motion {
             Some(motion) => effort / motion.rms_rate.max(f64::MIN_POSITIVE),
             None => largest_value(fit, j),

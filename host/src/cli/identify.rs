@@ -8,7 +8,7 @@ use super::run_report::RunReport;
 use super::{Failure, Folder, Stages};
 use crate::model::{remarks, write};
 use crate::problem::ProblemOptions;
-use crate::problem::tree::drive::Term;
+use crate::problem::tree::drive::Friction;
 
 /// `rigident identify`
 pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
@@ -17,9 +17,8 @@ pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
     let calibration = arguments.calibration.calibration.as_deref();
     let known = arguments.known.parse()?;
     let standard = standard_options(arguments)?;
-    let friction = arguments.tree.friction.iter().map(|w| Term::parse(w)).collect::<Result<_, _>>();
-    let options =
-        ProblemOptions { friction: friction.map_err(Failure::input)?, drives: arguments.tree.drive.clone() };
+    let friction = Friction::parse(&arguments.tree.friction).map_err(Failure::input)?;
+    let options = ProblemOptions { friction, drives: arguments.tree.drive.clone() };
     if tree_of(path, rig, &arguments.tree.of)?.is_none() {
         refuse_without_tree(arguments)?;
     }

@@ -15,6 +15,7 @@
 use nalgebra::DMatrix;
 
 use super::outliers::Weights;
+use super::residuals::told;
 use super::{Autocorrelation, BlockResidual, Estimate, Filter, RowBlocks, Whitener, Whitening, parallel};
 
 /// A deviation this many standard deviations long is not chance: 6 channels, two tests, one false alarm in 1e4.
@@ -46,7 +47,7 @@ pub struct Coloured {
 
 /// Returns the autocovariance of one channel at a lag, pairs counted only within stretches without gaps.
 fn autocovariance(stretches: &[&[BlockResidual]], channel: usize, lag: usize) -> f64 {
-    let count = stretches.iter().map(|s| s.len()).sum::<usize>().max(1) as f64;
+    let count = stretches.iter().map(|s| told(s, channel)).sum::<usize>().max(1) as f64;
     let pairs = stretches.iter().flat_map(|s| s.iter().zip(s.iter().skip(lag)));
     pairs.map(|(a, b)| a.weighted(channel) * b.weighted(channel)).sum::<f64>() / count
 }
@@ -199,7 +200,10 @@ pub fn whitened(residuals: &[BlockResidual], whitening: &Whitening) -> Vec<Block
         let weights = Some(residual.weights.as_slice()).filter(|own| !own.is_empty());
         rows.fill(0.0);
         whitener.apply(residual.time_s, &mut rows, &mut values, weights);
-        BlockResidual { time_s: residual.time_s, values, weights: Vec::new() }
+        // Where channels are mixed every one has something of the others.
+        let told = residual.weights.iter().map(|weight| f64::from(u8::from(*weight != 0.0)));
+        let weights = if whitening.weights().is_some() { told.collect() } else { Vec::new() };
+        BlockResidual { time_s: residual.time_s, values, weights }
     };
     residuals.iter().map(of).collect()
 }

@@ -4,7 +4,7 @@
 //! `k ∗ measured = (k ∗ smoothed + k̇ ∗ differentiated) φ`. The kernel is the firmware's
 //! (`rigident_shared::conditioning`). A rejected sample or a gap in time starts the filter anew.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, HashSet, VecDeque};
 use std::ops::Range;
 
 use rigident_shared::conditioning::{Kernel, KernelError};
@@ -149,6 +149,11 @@ pub trait RowBlocks: Send + Sync {
     /// Writes a block: C × N coefficients, row by row, and C measurements, not whitened.
     fn write(&self, block: usize, rows: &mut [f64], measured: &mut [f64]);
 
+    /// Returns false if a block tells nothing of a channel: coefficients and measurement are zero, and count for nothing.
+    fn tells(&self, _block: usize, _channel: usize) -> bool {
+        true
+    }
+
     /// Writes what errors of the signals change in what `parameters` predict of a block: C rows, one column for each number
     /// of a [`super::Effect::Signal`]. Returns false if these blocks do not know.
     fn sensitivities(&self, _block: usize, _parameters: &[f64], _out: &mut [f64]) -> bool {
@@ -210,6 +215,8 @@ pub fn absorb<B: RowBlocks + ?Sized>(
 ) -> Factor {
     let channels = whitening.channels();
     let mut factor = Factor::new(parameters);
+    // Where channels are mixed every row has something of the others.
+    let mixed = whitening.weights().is_none();
     let mut whitener = Whitener::new(whitening, parameters);
     let mut rows = vec![0.0; CHUNK * channels * parameters];
     let mut values = vec![0.0; CHUNK * channels];
@@ -227,7 +234,9 @@ pub fn absorb<B: RowBlocks + ?Sized>(
         let skipped = range.start.saturating_sub(start).min(end - start) * channels;
         let count = (end - start) * channels;
         let lines = rows.chunks_exact(parameters.max(1)).zip(values.iter().copied());
-        factor.absorb(lines.take(count).skip(skipped));
+        let told = (start..end).flat_map(|block| (0..channels).map(move |c| mixed || blocks.tells(block, c)));
+        let lines = lines.zip(told).take(count).skip(skipped);
+        factor.absorb(lines.filter(|(_, told)| *told).map(|(line, _)| line));
         start = end;
     }
     factor
@@ -242,6 +251,8 @@ pub struct StoredBlocks {
     time_s: Vec<f64>,
     rows: Vec<f64>,
     measured: Vec<f64>,
+    /// Blocks and channels that tell nothing.
+    untold: HashSet<(usize, usize)>,
 }
 
 impl RowBlocks for StoredBlocks {
@@ -265,6 +276,10 @@ impl RowBlocks for StoredBlocks {
         copy(&self.rows, block, rows);
         copy(&self.measured, block, measured);
     }
+
+    fn tells(&self, block: usize, channel: usize) -> bool {
+        self.untold.is_empty() || !self.untold.contains(&(block, channel))
+    }
 }
 
 /// Copies chunk `k` of some numbers.
@@ -276,10 +291,23 @@ fn copy(all: &[f64], k: usize, to: &mut [f64]) {
 }
 
 impl StoredBlocks {
-    fn push(&mut self, time_s: f64, rows: &[f64], measured: &[f64]) {
+    /// Adds a block; one that tells of no channel is left out.
+    fn push(&mut self, time_s: f64, due: &SampleRows) {
+        let channels = due.measured.len();
+        if channels > 0 && due.untold.len() == channels && due.untold.iter().all(|untold| *untold) {
+            return;
+        }
+        let (block, from, length) =
+            (self.time_s.len(), self.rows.len(), due.smoothed.len() / channels.max(1));
         self.time_s.push(time_s);
-        self.rows.extend_from_slice(rows);
-        self.measured.extend_from_slice(measured);
+        self.rows.extend_from_slice(&due.smoothed);
+        self.measured.extend_from_slice(&due.measured);
+        let untold = due.untold.iter().enumerate().filter(|(_, untold)| **untold);
+        for (c, _) in untold {
+            self.untold.insert((block, c));
+            let own = self.rows.iter_mut().skip(from + c * length).take(length);
+            own.chain(self.measured.iter_mut().skip(block * channels + c).take(1)).for_each(|v| *v = 0.0);
+        }
     }
 }
 
@@ -300,6 +328,7 @@ pub fn condition<S: RowSource + ?Sized>(
         time_s: Vec::new(),
         rows: Vec::new(),
         measured: Vec::new(),
+        untold: HashSet::new(),
     };
     let period_ns = if taps.filter.rate_hz > 0.0 { 1e9 / taps.filter.rate_hz } else { f64::INFINITY };
     let is_static = source.timing() == Timing::Static;
@@ -323,9 +352,9 @@ pub fn condition<S: RowSource + ?Sized>(
         }
         before = Some(time_ns);
         if is_static {
-            blocks.push(0.0, &spare.smoothed, &spare.measured);
+            blocks.push(0.0, &spare);
         } else if let Some(due) = taps.push(&mut spare) {
-            blocks.push(time_ns as f64 * 1e-9, &due.smoothed, &due.measured);
+            blocks.push(time_ns as f64 * 1e-9, due);
         }
     }
     blocks.parts.push(0..blocks.time_s.len());
@@ -400,6 +429,8 @@ impl Taps {
         self.out.smoothed.resize(rows, 0.0);
         self.out.measured.clear();
         self.out.measured.resize(channels, 0.0);
+        self.out.untold.clear();
+        self.out.untold.resize(channels, false);
         for ((h, d), sample) in self.weights.iter().zip(&self.samples) {
             let parts = sample.smoothed.iter().zip(&sample.differentiated);
             for (sum, (smoothed, differentiated)) in self.out.smoothed.iter_mut().zip(parts) {
@@ -408,6 +439,7 @@ impl Taps {
             for (sum, value) in self.out.measured.iter_mut().zip(&sample.measured) {
                 *sum += h * value;
             }
+            self.out.untold.iter_mut().zip(&sample.untold).for_each(|(any, own)| *any |= own);
         }
         Some(&self.out)
     }

@@ -307,7 +307,7 @@ impl RowSource for Contracted<'_> {
         for (to, row) in rows.differentiated.iter_mut().zip(all.differentiated.chunks_exact(n)) {
             *to = dot(row, self.phi);
         }
-        rows.measured = all.measured;
+        (rows.measured, rows.untold) = (all.measured, all.untold);
         Ok(())
     }
 }
@@ -377,6 +377,16 @@ impl RowBlocks for Linearised<'_> {
         let mut own = vec![0.0; offsets.len() * signals];
         self.sensitivities.write(self.blocks, block, &self.phi, &mut own);
         self.columns.spread(rows, &self.phi, &own, legendre(self.time(block)));
+        // What drifts there is not seen.
+        for (c, row) in rows.chunks_exact_mut(self.columns.all().max(1)).enumerate() {
+            if !self.blocks.tells(block, c) {
+                row.fill(0.0);
+            }
+        }
+    }
+
+    fn tells(&self, block: usize, channel: usize) -> bool {
+        self.blocks.tells(block, channel)
     }
 
     fn features(&self) -> usize {

@@ -30,6 +30,8 @@ pub enum Kind {
     Viscous,
     /// Coulomb friction, N m or N.
     Coulomb,
+    /// Friction over the effort that the drive carries, without unit.
+    Load,
     /// Inertia of a rotor about its joint, kg m² or kg.
     Rotor,
     /// Anything else: judged against its own value's scale as its source states it.

@@ -69,6 +69,10 @@ impl RowBlocks for Multiplied<'_> {
         self.blocks.time_s(block)
     }
 
+    fn tells(&self, block: usize, channel: usize) -> bool {
+        self.blocks.tells(block, channel)
+    }
+
     fn write(&self, block: usize, rows: &mut [f64], measured: &mut [f64]) {
         self.blocks.write(block, rows, measured);
         let n = (rows.len() / self.offsets.len().max(1)).max(1);

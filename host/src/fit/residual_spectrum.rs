@@ -9,6 +9,7 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
+use super::residuals::told;
 use super::{BlockResidual, Filter, RowBlocks};
 
 /// Row blocks of a stretch at most,
@@ -47,6 +48,8 @@ fn bands_of(residuals: &[BlockResidual], filter: &Filter, window: impl Fn(usize,
     let length = stretch_length(&stretches, residuals.len());
     let parts: Vec<&[BlockResidual]> =
         stretches.iter().flat_map(|own| residuals[own.clone()].chunks_exact(length)).collect();
+    let blocks = residuals.len().max(1) as f64;
+    let shares: Vec<f64> = (0..channels).map(|c| told(residuals, c).max(1) as f64 / blocks).collect();
     let (mut white, mut rising) = (filter.white_autocovariance(), filter.derivative_autocovariance());
     if white.is_empty() {
         (white, rising) = (vec![1.0], vec![0.0]);
@@ -74,6 +77,9 @@ fn bands_of(residuals: &[BlockResidual], filter: &Filter, window: impl Fn(usize,
             let of_channel = |c: usize| part.iter().zip(sine).map(|(r, s)| s * r.weighted(c)).sum::<f64>();
             let values = DVector::from_fn(channels, |c, _| of_channel(c));
             sum.ger(1.0, &values, &values, 1.0);
+        }
+        for (i, j) in (0..channels).flat_map(|i| (0..channels).map(move |j| (i, j))) {
+            sum[(i, j)] /= (shares[i] * shares[j]).sqrt();
         }
         let count = (parts.len() * own.len()).max(1) as f64;
         let mean = |autocovariance: &[f64]| {

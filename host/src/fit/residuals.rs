@@ -17,10 +17,16 @@ pub(super) fn residuals(
         part.map(|block| {
             blocks.write(block, &mut rows, &mut measured);
             let lines = rows.chunks_exact(n.max(1)).zip(&measured);
+            let mut weights = weights.of_block(block).to_vec();
+            if (0..channels).any(|c| !blocks.tells(block, c)) {
+                weights.resize(channels, 1.0);
+                let own = weights.iter_mut().enumerate().filter(|(c, _)| !blocks.tells(block, *c));
+                own.for_each(|(_, weight)| *weight = 0.0);
+            }
             BlockResidual {
                 time_s: blocks.time_s(block),
                 values: lines.map(|(row, measured)| measured - dot(row, values)).collect(),
-                weights: weights.of_block(block).to_vec(),
+                weights,
             }
         })
         .collect::<Vec<_>>()
@@ -28,25 +34,34 @@ pub(super) fn residuals(
     parts.into_iter().flatten().collect()
 }
 
+/// Returns the number of blocks that tell of a channel.
+pub(super) fn told(residuals: &[BlockResidual], channel: usize) -> usize {
+    residuals.iter().filter(|r| r.tells(channel)).count()
+}
+
 /// Returns the root mean square of each channel's residuals, outliers weighted as they count.
 pub(super) fn rms(residuals: &[BlockResidual], channels: usize) -> Vec<f64> {
-    let n = residuals.len().max(1) as f64;
-    (0..channels).map(|c| (residuals.iter().map(|r| r.weighted(c).powi(2)).sum::<f64>() / n).sqrt()).collect()
+    let of_channel = |c: usize| {
+        let squares: f64 = residuals.iter().map(|r| r.weighted(c).powi(2)).sum();
+        (squares / told(residuals, c).max(1) as f64).sqrt()
+    };
+    (0..channels).map(of_channel).collect()
 }
 
 /// Returns the root mean square of each channel's filtered measurements.
 pub(super) fn measured_rms(blocks: &dyn RowBlocks, channels: usize, parameters: usize) -> Vec<(f64, f64)> {
-    let mut sums = vec![(0.0, 0.0); channels];
+    let mut sums = vec![(0.0, 0.0, 0_u32); channels];
     let (mut rows, mut measured) = (vec![0.0; channels * parameters], vec![0.0; channels]);
     for block in 0..blocks.len() {
         blocks.write(block, &mut rows, &mut measured);
-        for ((sum, square), value) in sums.iter_mut().zip(&measured) {
+        for (c, ((sum, square, count), value)) in sums.iter_mut().zip(&measured).enumerate() {
             *sum += value;
             *square += value * value;
+            *count += u32::from(blocks.tells(block, c));
         }
     }
-    let n = blocks.len().max(1) as f64;
-    let of = |(sum, square): (f64, f64)| {
+    let of = |(sum, square, count): (f64, f64, u32)| {
+        let n = f64::from(count.max(1));
         let (mean, square) = (sum / n, square / n);
         (square.sqrt(), (square - mean * mean).max(0.0).sqrt())
     };
@@ -65,10 +80,13 @@ pub(super) fn raw_sigma(
     let per_channel = estimate.rank() as f64 / channels.len().max(1) as f64;
     let filter = blocks.filter();
     // Filtered blocks are worth this many independent samples each.
-    let dof = (residuals.len() as f64 * filter.row_noise_gain().min(1.0) - per_channel).max(1.0);
-    let left = dof / (dof + per_channel);
-    let raw: Vec<f64> =
-        rms(residuals, channels.len()).iter().map(|r| r / (filter.noise_gain * left).sqrt()).collect();
+    let left = |c: usize| {
+        let blocks = told(residuals, c) as f64;
+        let dof = (blocks * filter.row_noise_gain().min(1.0) - per_channel).max(1.0);
+        dof / (dof + per_channel)
+    };
+    let raw = rms(residuals, channels.len()).into_iter().enumerate();
+    let raw: Vec<f64> = raw.map(|(c, r)| r / (filter.noise_gain * left(c)).sqrt()).collect();
     let largest = |unit: &str| {
         let own = raw.iter().zip(channels).filter(|(_, c)| c.unit == unit);
         own.map(|(r, _)| *r).fold(f64::MIN_POSITIVE, f64::max)

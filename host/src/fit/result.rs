@@ -60,7 +60,8 @@ pub struct BlockResidual {
     pub time_s: f64,
     /// Filtered measurement less the prediction, one a channel.
     pub values: Vec<f64>,
-    /// Weight of each row beside 1/σ: less than 1 where an outlier spoilt it; empty if all count fully.
+    /// Weight of each row beside 1/σ: less than 1 where an outlier spoilt it, zero where the block tells nothing of the channel;
+    /// empty if all count fully.
     pub weights: Vec<f64>,
 }
 
@@ -69,6 +70,11 @@ impl BlockResidual {
     pub fn weighted(&self, channel: usize) -> f64 {
         let weight = self.weights.get(channel).copied().unwrap_or(1.0);
         weight * self.values.get(channel).copied().unwrap_or(0.0)
+    }
+
+    /// Returns false if the block tells nothing of a channel.
+    pub fn tells(&self, channel: usize) -> bool {
+        self.weights.get(channel).is_none_or(|weight| *weight != 0.0)
     }
 }
 

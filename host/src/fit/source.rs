@@ -34,6 +34,8 @@ pub struct SampleRows {
     pub differentiated: Vec<f64>,
     /// Measured values, one a channel.
     pub measured: Vec<f64>,
+    /// Channels of which the sample tells nothing, one a channel: no filtered row that it is under has them.
+    pub untold: Vec<bool>,
 }
 
 impl SampleRows {
@@ -45,6 +47,8 @@ impl SampleRows {
         }
         self.measured.clear();
         self.measured.resize(channels, 0.0);
+        self.untold.clear();
+        self.untold.resize(channels, false);
     }
 }
 

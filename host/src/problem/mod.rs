@@ -11,7 +11,7 @@ mod white_noise;
 use self::body::BodySource;
 use self::body::prepare::{PrepareError, prepare};
 use self::clocks::{Aligned, Pose, StreamError, StreamSet, align};
-use self::tree::drive::Term;
+use self::tree::drive::Friction;
 use self::tree::limits::beyond;
 use self::tree::{TreePrepareError, TreeSource, TreeSourceError};
 use crate::answer::result::TimeBase;
@@ -44,8 +44,8 @@ pub enum ProblemError {
 /// What is identified beside the links of a tree.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ProblemOptions {
-    /// Friction columns of every joint.
-    pub friction: Vec<Term>,
+    /// Friction columns of the joints.
+    pub friction: Friction,
     /// Drives that turn with several joints: `NAME=J1+J2`.
     pub drives: Vec<String>,
 }

@@ -89,7 +89,7 @@ pub fn seven_axes() -> Model {
 }
 
 /// A sum of swings: value, rate, acceleration.
-fn swing(t: f64, k: usize, size: f64) -> [f64; 3] {
+pub(super) fn swing(t: f64, k: usize, size: f64) -> [f64; 3] {
     let mut sum = [0.0; 3];
     for n in 0..4 {
         let w = std::f64::consts::TAU * (0.11 + 0.23 * f64::from(n) + 0.013 * k as f64);

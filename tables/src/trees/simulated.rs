@@ -28,7 +28,7 @@ fn identified(recording: &Recording, model: &Model, options: &ProblemOptions) ->
 }
 
 fn friction() -> ProblemOptions {
-    ProblemOptions { friction: vec![Term::Viscous, Term::Coulomb, Term::Offset], drives: Vec::new() }
+    ProblemOptions { friction: vec![Term::Viscous, Term::Coulomb, Term::Offset].into(), drives: Vec::new() }
 }
 
 pub fn table() -> String {

@@ -71,7 +71,7 @@ fn part(model: &Model, q: &[Vec<f64>; 6], tau: &[Vec<f64>; 6], rows: std::ops::R
         }
     }
     let terms = vec![Term::Viscous, Term::Coulomb, Term::Offset, Term::Rotor];
-    let options = ProblemOptions { friction: terms, drives: vec!["m6=joint_5+joint_6".to_owned()] };
+    let options = ProblemOptions { friction: terms.into(), drives: vec!["m6=joint_5+joint_6".to_owned()] };
     let PreparedTree { mut input, .. } = prepare(&recording, model, &options).expect("frames");
     // A rotor on the first axis is nothing but inertia of the first link about it, and one on the second, which crosses the
     // first at a right angle, nothing but inertia of the second.
@@ -152,10 +152,8 @@ fn usual(
                 for term in &drive.terms {
                     rows[(6 * n + k, place)] = factor
                         * match term {
-                            Term::Viscous => drive.rate(&rate),
-                            Term::Coulomb => drive.rate(&rate).signum(),
-                            Term::Offset => 1.0,
                             Term::Rotor => drive.rate(&change),
+                            other => other.column(drive.rate(&rate), 0.0, drive.slides, true),
                         };
                     place += 1;
                 }

@@ -62,8 +62,9 @@ pub struct TreeOptions {
     #[command(flatten)]
     #[allow(missing_docs)]
     pub of: TreeModel,
-    /// Friction columns of every joint: any of viscous, coulomb, offset, rotor
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    /// Friction columns of every joint, or of one: any of viscous, coulomb, stribeck, load, offset, rotor, or none.
+    /// stribeck:RATE says how fast it falls (0.1 rad/s, 0.01 m/s); load is proportional to the measured effort. Repeatable
+    #[arg(long, value_name = "[JOINT=]LIST")]
     pub friction: Vec<String>,
     /// A drive that turns with several joints, with the same columns: m6=joint_5+joint_6. Repeatable
     #[arg(long, value_name = "NAME=JOINT+JOINT")]

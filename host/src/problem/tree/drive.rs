@@ -1,14 +1,28 @@
 //! What turns with the joints and rubs: friction, offsets and rotor inertia, as columns beside the links'.
+//!
+//! Where a drive stands still dry friction is anything of its size, and its rows tell nothing ([`super::standstill`]).
 
 use rigident_shared::tree::Link;
 
+/// Rate at which what Stribeck's curve adds at rest has fallen to 1/e, of something that turns, rad/s, and that slides, m/s: 10 rad/s
+/// of a motor behind a gear of 100 (A. Bittencourt, S. Gunnarsson, "Static friction in a robot joint", J. Dyn. Sys. Meas.
+/// Control 134 (5), 2012).
+const STRIBECK_RATE: (f64, f64) = (0.1, 0.01);
+
 /// A column of a drive.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Term {
     /// Proportional to the rate.
     Viscous,
     /// Of one size, against the rate.
     Coulomb,
+    /// Against the rate, and less the faster it is: `sign(v) exp(−(v/v_s)²)`, with v_s where it is said (B. Armstrong-Hélouvry,
+    /// P. Dupont, C. Canudas de Wit, Automatica 30 (7), 1994).
+    Stribeck(Option<f64>),
+    /// Against the rate, and proportional to what the drive carries: `sign(v) |τ|`, τ being the measured effort, without unit
+    /// (P. Hamon, M. Gautier, P. Garrec, "Dynamic identification of robots with a dry friction model depending on load and
+    /// velocity", IROS 2010).
+    Load,
     /// Constant: of current sensors, or friction that differs by direction.
     Offset,
     /// Proportional to the rate's derivative: a rotor behind a gear.
@@ -21,12 +35,26 @@ impl Term {
     /// # Errors
     /// The word that is none.
     pub fn parse(word: &str) -> Result<Self, String> {
-        match word.trim() {
-            "viscous" => Ok(Self::Viscous),
-            "coulomb" => Ok(Self::Coulomb),
-            "offset" => Ok(Self::Offset),
-            "rotor" => Ok(Self::Rotor),
-            other => Err(format!("--friction {other}: there are viscous, coulomb, offset and rotor")),
+        let word = word.trim();
+        match word {
+            "viscous" => return Ok(Self::Viscous),
+            "coulomb" => return Ok(Self::Coulomb),
+            "stribeck" => return Ok(Self::Stribeck(None)),
+            "load" => return Ok(Self::Load),
+            "offset" => return Ok(Self::Offset),
+            "rotor" => return Ok(Self::Rotor),
+            _ => {}
+        }
+        let Some(rate) = word.strip_prefix("stribeck:") else {
+            return Err(format!(
+                "--friction {word}: there are viscous, coulomb, stribeck, load, offset, rotor and none"
+            ));
+        };
+        match rate.trim().parse::<f64>() {
+            Ok(rate) if rate.is_finite() && rate > 0.0 => Ok(Self::Stribeck(Some(rate))),
+            _ => Err(format!(
+                "--friction {word}: stands as stribeck:RATE with a rate above zero, rad/s or m/s, for example stribeck:0.05"
+            )),
         }
     }
 
@@ -35,6 +63,8 @@ impl Term {
         match self {
             Self::Viscous => "viscous",
             Self::Coulomb => "coulomb",
+            Self::Stribeck(_) => "stribeck",
+            Self::Load => "load",
             Self::Offset => "offset",
             Self::Rotor => "rotor",
         }
@@ -45,10 +75,117 @@ impl Term {
         match (self, slides) {
             (Self::Viscous, false) => "N m s",
             (Self::Viscous, true) => "N s/m",
-            (Self::Coulomb | Self::Offset, false) => "N m",
-            (Self::Coulomb | Self::Offset, true) => "N",
+            (Self::Coulomb | Self::Stribeck(_) | Self::Offset, false) => "N m",
+            (Self::Coulomb | Self::Stribeck(_) | Self::Offset, true) => "N",
+            (Self::Load, _) => "1",
             (Self::Rotor, false) => "kg m2",
             (Self::Rotor, true) => "kg",
+        }
+    }
+
+    /// Returns true if it has the sign of the rate: where that is not known, it may be anything of its size.
+    pub fn is_dry(self) -> bool {
+        matches!(self, Self::Coulomb | Self::Stribeck(_) | Self::Load)
+    }
+
+    /// Returns its column at a rate, before the filter; `load` is the effort that the drive carries. What stands with
+    /// `smoothed` is smoothed, the rest differentiated.
+    pub fn column(self, rate: f64, load: f64, slides: bool, smoothed: bool) -> f64 {
+        // At rest it is nowhere.
+        let sign = if rate == 0.0 { 0.0 } else { rate.signum() };
+        match (self, smoothed) {
+            (Self::Viscous, true) | (Self::Rotor, false) => rate,
+            (Self::Coulomb, true) => sign,
+            (Self::Stribeck(given), true) => {
+                let usual = if slides { STRIBECK_RATE.1 } else { STRIBECK_RATE.0 };
+                sign * (-(rate / given.unwrap_or(usual)).powi(2)).exp()
+            }
+            (Self::Load, true) => sign * load.abs(),
+            (Self::Offset, true) => 1.0,
+            _ => 0.0,
+        }
+    }
+}
+
+/// The columns of drives: everywhere, and of drives by name.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Friction {
+    /// Of every drive that is not named.
+    pub everywhere: Vec<Term>,
+    /// Of drives by name, joints' own or others, instead.
+    pub by_drive: Vec<(String, Vec<Term>)>,
+}
+
+impl From<Vec<Term>> for Friction {
+    fn from(everywhere: Vec<Term>) -> Self {
+        Self { everywhere, by_drive: Vec::new() }
+    }
+}
+
+impl Friction {
+    /// From lists `viscous,coulomb` of all drives, and `NAME=viscous,coulomb` or `NAME=none` of one. Lists of the same drives
+    /// are taken together.
+    ///
+    /// # Errors
+    /// What is no such list.
+    pub fn parse<S: AsRef<str>>(lists: &[S]) -> Result<Self, String> {
+        let mut all = Self::default();
+        for list in lists.iter().map(AsRef::as_ref) {
+            let (name, words) = match list.rsplit_once('=') {
+                Some((name, words)) if !name.trim().is_empty() => (Some(name.trim()), words),
+                Some(_) => {
+                    return Err(format!(
+                        "--friction {list}: stands as JOINT=LIST, for example joint_1=viscous"
+                    ));
+                }
+                None => (None, list),
+            };
+            let terms = match words.trim() {
+                "none" => Vec::new(),
+                words => words.split(',').map(Term::parse).collect::<Result<Vec<_>, _>>()?,
+            };
+            let own = match name {
+                None => &mut all.everywhere,
+                Some(name) => {
+                    if all.by_drive.iter().all(|(own, _)| own != name) {
+                        all.by_drive.push((name.to_owned(), Vec::new()));
+                    }
+                    match all.by_drive.iter_mut().find(|(own, _)| own == name) {
+                        Some((_, own)) => own,
+                        None => continue,
+                    }
+                }
+            };
+            for term in terms {
+                if own.iter().all(|there| there.name() != term.name()) {
+                    own.push(term);
+                }
+            }
+        }
+        Ok(all)
+    }
+
+    /// Returns true if no drive has a column.
+    pub fn is_empty(&self) -> bool {
+        self.everywhere.is_empty() && self.by_drive.iter().all(|(_, terms)| terms.is_empty())
+    }
+
+    /// Returns the columns of a drive.
+    pub fn of(&self, drive: &str) -> &[Term] {
+        self.by_drive.iter().find(|(name, _)| name == drive).map_or(&self.everywhere, |(_, terms)| terms)
+    }
+
+    /// Checks that every drive that is named is one of these.
+    ///
+    /// # Errors
+    /// The name that is none.
+    pub fn check(&self, drives: &[Drive]) -> Result<(), String> {
+        let known: Vec<&str> = drives.iter().map(|drive| drive.name.as_str()).collect();
+        match self.by_drive.iter().find(|(name, _)| !known.contains(&name.as_str())) {
+            None => Ok(()),
+            Some((name, _)) => {
+                Err(format!("--friction {name}=…: there is no joint {name}; there are {}", known.join(", ")))
+            }
         }
     }
 }
@@ -69,7 +206,7 @@ pub struct Drive {
 
 impl Drive {
     /// One for every freedom of these names.
-    pub fn of_joints(names: &[String], links: &[Link<f64>], terms: &[Term]) -> Vec<Self> {
+    pub fn of_joints(names: &[String], links: &[Link<f64>], friction: &Friction) -> Vec<Self> {
         let slides = links.iter().skip(1).flat_map(|l| {
             let slide = matches!(l.joint, rigident_shared::tree::Joint::Prismatic(_));
             std::iter::repeat_n(slide, l.joint.freedoms())
@@ -81,7 +218,7 @@ impl Drive {
             .map(|(k, (name, slides))| Self {
                 name: name.clone(),
                 rates: vec![(k, 1.0)],
-                terms: terms.to_vec(),
+                terms: friction.of(name).to_vec(),
                 slides,
             })
             .collect()
@@ -91,7 +228,7 @@ impl Drive {
     ///
     /// # Errors
     /// What is no such thing, or no such joint.
-    pub fn parse(words: &str, names: &[String], terms: &[Term]) -> Result<Self, String> {
+    pub fn parse(words: &str, names: &[String], friction: &Friction) -> Result<Self, String> {
         let refuse = |why: String| format!("--drive {words}: {why}");
         let (name, sum) = words
             .split_once('=')
@@ -117,13 +254,19 @@ impl Drive {
             return Err(refuse("stands as NAME=JOINT+JOINT, for example m6=joint_5+joint_6".to_owned()));
         }
         // A constant that acts on several joints is the sum of theirs.
-        let terms = terms.iter().copied().filter(|term| rates.len() == 1 || *term != Term::Offset).collect();
+        let terms = friction.of(name.trim()).iter().copied();
+        let terms = terms.filter(|term| rates.len() == 1 || *term != Term::Offset).collect();
         Ok(Self { name: name.trim().to_owned(), rates, terms, slides: false })
     }
 
     /// Its rate.
     pub fn rate(&self, rates: &[f64]) -> f64 {
         self.rates.iter().map(|(k, factor)| factor * rates.get(*k).copied().unwrap_or(0.0)).sum()
+    }
+
+    /// Returns the effort that it carries, of those of the freedoms: that of the last that it turns with.
+    pub fn load(&self, efforts: &[f64]) -> f64 {
+        self.rates.last().and_then(|(k, _)| efforts.get(*k)).copied().unwrap_or(0.0)
     }
 }
 
@@ -134,14 +277,47 @@ mod tests {
     #[test]
     fn drives_are_sums_of_joints_by_name() {
         let names = ["j-1", "j", "joint_5", "joint_6"].map(str::to_owned);
-        let drive = Drive::parse("m6=joint_5+joint_6", &names, &[Term::Viscous, Term::Offset]).unwrap();
+        let friction = Friction::from(vec![Term::Viscous, Term::Offset]);
+        let drive = Drive::parse("m6=joint_5+joint_6", &names, &friction).unwrap();
         assert_eq!(drive.rates, [(2, 1.0), (3, 1.0)]);
         assert_eq!(drive.terms, [Term::Viscous]);
-        let drive = Drive::parse("d=j-1-j", &names, &[]).unwrap();
+        let none = Friction::default();
+        let drive = Drive::parse("d=j-1-j", &names, &none).unwrap();
         assert_eq!(drive.rates, [(0, 1.0), (1, -1.0)]);
         assert_eq!(drive.rate(&[3.0, 1.0, 0.0, 0.0]), 2.0);
-        assert!(Drive::parse("m6=joint_7", &names, &[]).unwrap_err().contains("there are j-1, j, joint_5"));
-        assert!(Drive::parse("m6", &names, &[]).unwrap_err().contains("NAME=JOINT"));
+        assert!(Drive::parse("m6=joint_7", &names, &none).unwrap_err().contains("there are j-1, j, joint_5"));
+        assert!(Drive::parse("m6", &names, &none).unwrap_err().contains("NAME=JOINT"));
         assert!(Term::parse("stiction").unwrap_err().contains("viscous, coulomb"));
+    }
+
+    #[test]
+    fn friction_is_said_for_all_and_by_joint() {
+        let friction =
+            Friction::parse(&["viscous,coulomb", "j2=none", "j3=viscous,stribeck:0.05", "j3=load"]).unwrap();
+        assert_eq!(friction.of("j1"), [Term::Viscous, Term::Coulomb]);
+        assert!(friction.of("j2").is_empty());
+        assert_eq!(friction.of("j3"), [Term::Viscous, Term::Stribeck(Some(0.05)), Term::Load]);
+        assert!(Friction::parse(&["none", "j=none"]).unwrap().is_empty());
+        for wrong in ["=viscous", "j=", "j=stribeck:0", "stribeck:-1", "stribeck:x", "j=none,viscous"] {
+            assert!(Friction::parse(&[wrong]).is_err(), "{wrong}");
+        }
+        let drive =
+            |name: &str| Drive { name: name.to_owned(), rates: Vec::new(), terms: Vec::new(), slides: false };
+        assert!(friction.check(&[drive("j1"), drive("j2"), drive("j3")]).is_ok());
+        assert!(friction.check(&[drive("j1"), drive("j2")]).unwrap_err().contains("no joint j3"));
+    }
+
+    #[test]
+    fn dry_friction_has_the_sign_of_the_rate_and_its_own_size() {
+        for sign in [1.0, -1.0] {
+            assert_eq!(Term::Coulomb.column(sign * 0.3, 5.0, false, true), sign);
+            assert_eq!(Term::Load.column(sign * 0.3, -5.0, false, true), sign * 5.0);
+            let at = |rate: f64| Term::Stribeck(Some(0.3)).column(sign * rate, 5.0, false, true);
+            assert!((at(0.3) * sign - (-1.0_f64).exp()).abs() < 1e-15);
+            assert!((at(1e-9) * sign - 1.0).abs() < 1e-9);
+        }
+        assert!(Term::Load.is_dry() && !Term::Viscous.is_dry());
+        assert_eq!(Term::Rotor.column(2.0, 0.0, false, false), 2.0);
+        assert_eq!(Term::Rotor.column(2.0, 0.0, false, true), 0.0);
     }
 }

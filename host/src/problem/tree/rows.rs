@@ -4,7 +4,6 @@ use nalgebra::{DMatrix, Matrix3, Vector3};
 use rigident_shared::inertia::PARAMETER_NAMES;
 use rigident_shared::tree::{Joint, Link, TreeError};
 
-use super::drive::Term;
 use super::{Frame, Input};
 use crate::model::base::{BaseParameters, Rows};
 use crate::model::rows::{MomentumRows, Moving};
@@ -141,20 +140,12 @@ impl RowMaker {
     }
 
     /// Adds what the drives of a freedom have in its row, smoothed or differentiated.
-    pub(super) fn add_drives(&self, freedom: usize, rates: &[f64], smoothed: bool, row: &mut [f64]) {
+    pub(super) fn add_drives(&self, freedom: usize, frame: &Frame, smoothed: bool, row: &mut [f64]) {
         for (drive, at) in &self.drives {
             let Some((_, factor)) = drive.rates.iter().find(|(k, _)| *k == freedom) else { continue };
-            let rate = drive.rate(rates);
+            let (rate, load) = (drive.rate(&frame.rates), drive.load(&frame.efforts));
             for (term, to) in drive.terms.iter().zip(row.iter_mut().skip(*at)) {
-                let value = match (term, smoothed) {
-                    (Term::Viscous, true) => rate,
-                    // At rest it is nowhere.
-                    (Term::Coulomb, true) if rate != 0.0 => rate.signum(),
-                    (Term::Offset, true) => 1.0,
-                    (Term::Rotor, false) => rate,
-                    _ => 0.0,
-                };
-                *to = factor * value;
+                *to = factor * term.column(rate, load, drive.slides, smoothed);
             }
         }
     }
@@ -188,7 +179,7 @@ impl RowMaker {
             for freedom in 0..self.moving.freedoms() {
                 let start = out.len();
                 self.select(&mut out, &|c| row(6 + freedom)[c]);
-                self.add_drives(freedom, &frame.rates, smoothed, &mut out[start..]);
+                self.add_drives(freedom, frame, smoothed, &mut out[start..]);
             }
         }
         out

@@ -66,6 +66,7 @@ impl Standard {
             let rows = moving.momentum_rows().unwrap();
             let measured = vec![swing(t, 1.0, 0.0)[0]; 13];
             momentum.push(SampleRows {
+                untold: Vec::new(),
                 smoothed: rows.smoothed,
                 differentiated: rows.differentiated,
                 measured,

@@ -139,7 +139,7 @@ impl<'a> ErrorRows<'a> {
             if input.has_efforts() {
                 for (k, smoothed) in (first..channels).flat_map(|c| [(c - first, true), (c - first, false)]) {
                     row.fill(0.0);
-                    maker.add_drives(k, &frame.rates, smoothed, &mut row);
+                    maker.add_drives(k, frame, smoothed, &mut row);
                     let drives: f64 = row.iter().zip(phi).map(|(a, b)| a * b).sum();
                     if let Some(to) = out.get_mut(first + k + if smoothed { 0 } else { channels }) {
                         *to += drives;
@@ -604,6 +604,7 @@ impl RowSource for ErrorRows<'_> {
         let refuse = Rejection::NotFinite(0);
         self.source.measure(sample, &mut rows.measured)?;
         rows.measured.fill(0.0);
+        self.source.mark_untold(sample, rows);
         let input = self.source.input();
         let frame = input.frames.get(sample).ok_or(refuse)?;
         let mut moving = self.moving.lock().unwrap_or_else(PoisonError::into_inner);

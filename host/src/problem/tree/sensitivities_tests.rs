@@ -63,6 +63,7 @@ fn frames(model: &Model, count: usize, is_floating: bool, random: &mut Random) -
             base,
             wrench: [1.0; 6],
             efforts: vec![1.0; freedoms],
+            standing: Vec::new(),
         }
     };
     (0..count).map(|k| of_frame(k, random)).collect()
@@ -277,7 +278,7 @@ fn columns_of_an_arm_are_those_of_corrected_readings() {
         input.drives = Drive::of_joints(
             &input.freedom_names(),
             &input.model.tree(),
-            &[Term::Viscous, Term::Coulomb, Term::Rotor],
+            &vec![Term::Viscous, Term::Coulomb, Term::Rotor].into(),
         );
         let zeros = (1..=7).map(SignalError::JointZero);
         input
@@ -311,7 +312,7 @@ fn what_is_predicted_is_what_the_rows_predict() {
     let model = model(&joints, &mut random);
     let frames = frames(&model, 5, true, &mut random);
     let mut input = input(model, frames, Situation { floating: true, rows: Rows::Both, mimic: false }, &[]);
-    let terms = [Term::Viscous, Term::Coulomb, Term::Rotor, Term::Offset];
+    let terms = vec![Term::Viscous, Term::Coulomb, Term::Rotor, Term::Offset].into();
     input.drives = Drive::of_joints(&input.freedom_names(), &input.model.tree(), &terms);
     input.known_offset = Some([0.0; 6]);
     input.errors = vec![SignalError::Skew];

@@ -108,6 +108,15 @@ impl TreeSource {
         Ok(())
     }
 
+    /// Marks the channels of drives with dry friction that stand still.
+    pub(super) fn mark_untold(&self, sample: usize, rows: &mut SampleRows) {
+        let first = if self.input.has_wrench() { WRENCH } else { 0 };
+        let standing = self.input.frames.get(sample).map_or(&[][..], |frame| &frame.standing);
+        for freedom in standing.iter().filter(|_| self.input.has_efforts()) {
+            rows.untold.iter_mut().skip(first + freedom).take(1).for_each(|untold| *untold = true);
+        }
+    }
+
     /// Returns the base parameters that are estimated.
     pub fn base(&self) -> &BaseParameters {
         &self.base
@@ -147,7 +156,8 @@ fn parameters(input: &Input, base: &BaseParameters) -> Vec<Parameter> {
             let (drive, term) = terms.next().unwrap_or(("", Term::Offset));
             let kind = match term {
                 Term::Viscous => Kind::Viscous,
-                Term::Coulomb => Kind::Coulomb,
+                Term::Coulomb | Term::Stribeck(_) => Kind::Coulomb,
+                Term::Load => Kind::Load,
                 Term::Offset => Kind::Offset,
                 Term::Rotor => Kind::Rotor,
             };
@@ -222,6 +232,7 @@ impl RowSource for TreeSource {
             maker.rows(frame).map_err(|_| refuse)?
         };
         (rows.smoothed, rows.differentiated) = (made.smoothed, made.differentiated);
+        self.mark_untold(sample, rows);
         self.measure(sample, &mut rows.measured)
     }
 

@@ -16,7 +16,7 @@ use super::drive::Drive;
 use super::errors::errors;
 use super::joints::{Resolved, Seen, attitude, resolve};
 use super::rows::rows_of;
-use super::{Frame, Input, TreePrepareError};
+use super::{Frame, Input, TreePrepareError, standstill};
 use crate::model::base::Situation;
 use crate::model::{Finding, Model};
 use crate::problem::ProblemOptions;
@@ -254,6 +254,7 @@ impl<'a> Preparation<'a> {
                 base: motion,
                 wrench: wrench.as_ref().map_or([0.0; 6], |w| w[row]),
                 efforts: efforts.as_ref().map_or_else(Vec::new, |e| e.iter().map(|c| c[row]).collect()),
+                standing: Vec::new(),
             });
         }
         if frames.is_empty() {
@@ -295,10 +296,11 @@ impl<'a> Preparation<'a> {
             let names = input.freedom_names();
             input.drives = Drive::of_joints(&names, &input.model.tree(), &options.friction);
             for words in &options.drives {
-                let drive =
-                    Drive::parse(words, &names, &options.friction).map_err(TreePrepareError::Unsupported)?;
-                input.drives.push(drive);
+                let drive = Drive::parse(words, &names, &options.friction);
+                input.drives.push(drive.map_err(TreePrepareError::Unsupported)?);
             }
+            options.friction.check(&input.drives).map_err(TreePrepareError::Unsupported)?;
+            self.notes.extend(standstill::mark(&mut input));
             input.drives.retain(|drive| !drive.terms.is_empty());
         }
         let table = |i: usize| number_of(i).and_then(|j| self.imu(j));

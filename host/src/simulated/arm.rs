@@ -1,0 +1,148 @@
+//! Recordings of arms as they are run: at rest, in motion, at rest again, with friction in every joint and noise on every signal.
+
+use rigident_shared::tree::BaseMotion;
+
+use super::noise::Noise;
+use super::trees::swing;
+use crate::model::Model;
+use crate::model::dynamics::inverse_dynamics;
+use crate::recording::Recording;
+use crate::rig::{RigFile, TreeClass, TreeTable};
+
+/// Time from rest to full speed, s.
+const RAMP_S: f64 = 0.5;
+/// Largest part of a swing, rad or m.
+const SIZE: f64 = 0.5;
+
+/// An experiment with an arm of revolute and prismatic joints on a base that is held still.
+#[derive(Clone, Debug)]
+pub struct ArmRun {
+    /// Samples per second.
+    pub rate_hz: f64,
+    /// Length of the motion, s.
+    pub motion_s: f64,
+    /// Rest before the motion and after it, s.
+    pub rest_s: f64,
+    /// Further rest of each joint while the others move, s; zero of joints beyond.
+    pub held_s: Vec<f64>,
+    /// Which motion; others have other phases.
+    pub motion: usize,
+    /// Positions that the motion is about, rad or m; zero of joints beyond.
+    pub home: Vec<f64>,
+    /// Viscous, Coulomb and constant friction of the first joint, SI; of each next one nine tenths.
+    pub friction: [f64; 3],
+    /// Rotor inertia of every joint, kg m² or kg.
+    pub rotor: f64,
+    /// 1 σ of positions, rad or m.
+    pub position_noise: f64,
+    /// 1 σ of rates.
+    pub rate_noise: f64,
+    /// 1 σ of efforts, N m or N, of the first joint; of each next one nine tenths.
+    pub effort_noise: f64,
+    /// Seed of the noise.
+    pub seed: u64,
+}
+
+impl Default for ArmRun {
+    fn default() -> Self {
+        Self {
+            rate_hz: 200.0,
+            motion_s: 20.0,
+            rest_s: 5.0,
+            held_s: Vec::new(),
+            motion: 0,
+            home: Vec::new(),
+            friction: [2.0, 4.0, 0.2],
+            rotor: 0.0,
+            position_noise: 0.0,
+            rate_noise: 0.0,
+            effort_noise: 0.3,
+            seed: 1,
+        }
+    }
+}
+
+impl ArmRun {
+    /// Returns how much of the motion of joint `k` there is at a time, s: itself, its rate and acceleration.
+    fn progress(&self, k: usize, t: f64) -> [f64; 3] {
+        let held_s = self.held_s.get(k).copied().unwrap_or(0.0);
+        if held_s + RAMP_S > self.motion_s {
+            return [0.0; 3];
+        }
+        let ramp = |t: f64| {
+            let s = (t / RAMP_S).clamp(0.0, 1.0);
+            let over = (t - RAMP_S).max(0.0);
+            [
+                RAMP_S * (s.powi(3) - 0.5 * s.powi(4)) + over,
+                s * s * (3.0 - 2.0 * s),
+                6.0 * s * (1.0 - s) / RAMP_S,
+            ]
+        };
+        let (from, to) = (ramp(t - self.rest_s - held_s), ramp(t - self.rest_s - self.motion_s + RAMP_S));
+        std::array::from_fn(|k| from[k] - to[k])
+    }
+
+    /// Returns the share of joint `k`.
+    fn share(k: usize) -> f64 {
+        0.9_f64.powi(i32::try_from(k).unwrap_or(i32::MAX))
+    }
+
+    /// Returns the parameters of friction of joint `k`.
+    pub fn friction_of(&self, k: usize) -> [f64; 3] {
+        self.friction.map(|value| Self::share(k) * value)
+    }
+
+    /// Returns what the arm's sensors read. At rest friction is a part of what it can be, another in every
+    /// joint and from time to time.
+    pub fn recording(&self, model: &Model) -> Recording {
+        let model = model.welded();
+        let names: Vec<&str> = model.links.iter().skip(1).map(|l| l.joint_name.as_str()).collect();
+        let mut noise = Noise(Some(self.seed.wrapping_mul(0x2545_f491_4f6c_dd1d)));
+        let base = BaseMotion::still([0.0, 0.0, -9.80665]);
+        let mut columns: Vec<[Vec<String>; 3]> = vec![Default::default(); names.len()];
+        let mut time_ns = Vec::new();
+        for row in 0..((2.0 * self.rest_s + self.motion_s) * self.rate_hz) as usize {
+            let t = row as f64 / self.rate_hz;
+            let moved = |k: usize| {
+                let [u, du, ddu] = self.progress(k, t);
+                let [value, rate, change] = swing(u, 3 * k + 1 + 31 * self.motion, SIZE);
+                let home = self.home.get(k).copied().unwrap_or(0.0);
+                [home + value, rate * du, change * du * du + rate * ddu]
+            };
+            let moves: Vec<[f64; 3]> = (0..names.len()).map(moved).collect();
+            let part = |n: usize| moves.iter().map(|m| m[n]).collect::<Vec<f64>>();
+            let truth = inverse_dynamics(&model, &base, &part(0), &part(1), &part(2)).unwrap_or_default();
+            for (k, (columns, [q, v, a])) in columns.iter_mut().zip(moves).enumerate() {
+                let [viscous, coulomb, offset] = self.friction_of(k);
+                let sign = if v == 0.0 { 0.9 * (1.0 + 2.0 * k as f64 + 0.3 * t).sin() } else { v.signum() };
+                let effort = truth.get(6 + k).copied().unwrap_or(0.0)
+                    + viscous * v
+                    + coulomb * sign
+                    + offset
+                    + self.rotor * a
+                    + noise.normal(Self::share(k) * self.effort_noise);
+                let values =
+                    [q + noise.normal(self.position_noise), v + noise.normal(self.rate_noise), effort];
+                columns.iter_mut().zip(values).for_each(|(column, value)| column.push(format!("{value:e}")));
+            }
+            time_ns.push((row as f64 * 1e9 / self.rate_hz).round() as u64);
+        }
+        let named = names.iter().zip(columns).flat_map(|(name, columns)| {
+            columns
+                .into_iter()
+                .zip(["rad", "radps", "nm"])
+                .map(move |(cells, unit)| (format!("{name}_{unit}"), cells))
+        });
+        Recording {
+            name: model.name.clone(),
+            rate_hz: Some(self.rate_hz),
+            time_ns,
+            extra: named.collect(),
+            rig: RigFile {
+                tree: TreeTable { class: Some(TreeClass::Exact), ..TreeTable::default() },
+                ..RigFile::default()
+            },
+            ..Recording::default()
+        }
+    }
+}
