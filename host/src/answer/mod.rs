@@ -2,7 +2,8 @@
 //!
 //! Lives here: the answer ([`result`]) and its making ([`Answer::new`]), states of parameters ([`states`]), what must be
 //! identified ([`selection`]), quantities derived from the ten parameters of a body ([`derived`]), physical consistency
-//! ([`physical_consistency`], [`nearest_body`]), standard parameters of links ([`standard_parameters`]), and what the motion
+//! ([`physical_consistency`], [`nearest_body`]), standard parameters of links ([`standard_parameters`]) and what drives have
+//! beside them (`standard_drives`), what an answer predicts ([`predictor`]), and what the motion
 //! lacks ([`excitation_advice`]). May not live here: raw data, files, screens. Before this: [`crate::fit`]; after it:
 //! [`crate::present`].
 
@@ -17,11 +18,13 @@ pub mod nearest_body;
 mod new;
 pub mod physical_consistency;
 mod plausibility;
+pub mod predictor;
 mod read;
 mod remarks;
 pub mod result;
 mod rig_errors;
 pub mod selection;
+mod standard_drives;
 pub mod standard_parameters;
 pub mod states;
 #[cfg(test)]

@@ -1,10 +1,10 @@
 //! From a fit and its circumstances to the answer.
 
-use rigident_shared::inertia::{InertialParameters, tensor_elements, tensor_from_elements};
+use rigident_shared::inertia::{InertialParameters, PARAMETER_NAMES, tensor_elements, tensor_from_elements};
 use rigident_shared::spatial::{Body, Position, Rotation, Sensor};
 
 use super::checks::is_contradicted;
-use super::context::{Context, Links};
+use super::context::{Context, Links, StandardRequest};
 use super::derived::{self, Derived, ten};
 use super::nearest_body::{self, nearest_body};
 use super::physical_consistency::{PhysicalConsistency, SURPRISING, of_base_parameters};
@@ -14,6 +14,7 @@ use super::result::{
     StandardLink, StandardParameters, Status, Truth,
 };
 use super::selection::{SelectionError, owner_name, select};
+use super::standard_drives::standard_drives;
 use super::standard_parameters::{BaseEstimate, Full, nearest};
 use super::states::{is_reversed, is_whole_body, states};
 use super::{budget, contradictions, excitation_advice, plausibility, remarks, rig_errors};
@@ -244,7 +245,9 @@ impl Answer {
         }
         match nearest(request.nominal, base, request.trust, request.symmetric) {
             Ok(full) => {
-                self.standard_parameters = Some(standard_parameters(&full, request.trust, request.symmetric));
+                let drives = standard_drives(judged.fit, links, &full.base, &judged.states);
+                let found = standard_parameters(&full, judged, request);
+                self.standard_parameters = Some(StandardParameters { drives, ..found });
             }
             Err(error) if request.required => return Err(error.into()),
             Err(error) => self.notes.push(format!("no full parameters: {error}")),
@@ -466,7 +469,11 @@ fn true_body(truth: &TruthTable, frame: Option<&BodyTable>) -> Truth {
     }
 }
 
-fn standard_parameters(full: &Full, trust: f64, symmetric: bool) -> StandardParameters {
+fn standard_parameters(full: &Full, judged: &Judged, request: StandardRequest) -> StandardParameters {
+    let alone = |name: String| {
+        let mut all = judged.fit.parameters.iter().enumerate();
+        all.any(|(j, p)| p.made_of == [(name.clone(), 1.0)] && judged.at(j).is_identified())
+    };
     let links = full.links.iter().map(|link| {
         let body = InertialParameters::<Body, f64>::from_vector(link.parameters);
         StandardLink {
@@ -476,15 +483,21 @@ fn standard_parameters(full: &Full, trust: f64, symmetric: bool) -> StandardPara
             inertia_com_kgm2: tensor_elements(&body.inertia_com()),
             parameters: link.parameters,
             distance_from_nominal: Some(link.distance).filter(|d| d.is_finite()),
+            identified: PARAMETER_NAMES[..10]
+                .iter()
+                .filter(|own| alone(format!("{}.{own}", link.name)))
+                .map(|own| (*own).to_owned())
+                .collect(),
         }
     });
     StandardParameters {
         note: STANDARD_NOTE.to_owned(),
-        nominal_sigma: trust,
-        symmetric_sides: symmetric,
+        nominal_sigma: request.trust,
+        symmetric_sides: request.symmetric,
         distance_sd: full.distance_sd,
         largest_parameter_sd: full.largest_sd,
         converged: full.converged,
         links: links.collect(),
+        drives: Vec::new(),
     }
 }

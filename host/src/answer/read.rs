@@ -1,9 +1,10 @@
 //! Reading answers back from `result.json`.
 
-use serde::Deserialize;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer};
 
 use super::Answer;
-use super::result::{SCHEMA, Status};
+use super::result::{Measured, Parameter, ParameterState, SCHEMA, Status};
 
 /// Why a text is no answer that this program reads.
 #[derive(Debug, thiserror::Error)]
@@ -26,6 +27,41 @@ pub enum ReadError {
 struct Named {
     #[serde(default)]
     schema: String,
+}
+
+/// A parameter as it stands in a file. Flattened fields are read by way of serde's own buffer, which has no numbers as soon as any
+/// crate of the build wants them in full length (`arbitrary_precision`).
+#[derive(Deserialize)]
+struct Written {
+    name: String,
+    #[serde(default)]
+    owner: String,
+    unit: String,
+    state: String,
+    value: Option<f64>,
+    u95: Option<f64>,
+    #[serde(default)]
+    frame: String,
+    truth: Option<f64>,
+    #[serde(default)]
+    terms: Vec<(String, f64)>,
+}
+
+impl<'de> Deserialize<'de> for Parameter {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        let Written { name, owner, unit, state, value, u95, frame, truth, terms } =
+            Written::deserialize(from)?;
+        let measured = value.zip(u95).map(|(value, u95)| Measured { value, u95 });
+        let measured =
+            || measured.ok_or_else(|| D::Error::custom(format!("{name} is {state} and has no value")));
+        let state = match state.as_str() {
+            "identified" => ParameterState::Identified(measured()?),
+            "prior_dominated" => ParameterState::PriorDominated(measured()?),
+            "not_identified" => ParameterState::NotIdentified,
+            other => return Err(D::Error::custom(format!("{name} is {other:?}, which is no state"))),
+        };
+        Ok(Self { name, owner, unit, state, frame, truth, terms })
+    }
 }
 
 impl Answer {
@@ -70,6 +106,34 @@ mod tests {
         let text = serde_json::to_string(&failed).unwrap();
         assert!(!text.contains("null"), "{text}");
         assert_eq!(Answer::read(&text).unwrap(), failed);
+    }
+
+    /// Whatever numbers look like in the file, and whatever crates of the build want of them.
+    #[test]
+    fn an_answer_with_numbers_is_read_back() {
+        let with = |state, truth| Parameter {
+            name: "m".to_owned(),
+            unit: "kg".to_owned(),
+            state,
+            truth,
+            ..Parameter::default()
+        };
+        let measured = Measured { value: 1.234_567_890_123e-7, u95: 2e-9 };
+        let answer = Answer {
+            schema: SCHEMA.to_owned(),
+            parameters: vec![
+                with(ParameterState::Identified(measured), Some(1.0)),
+                with(ParameterState::PriorDominated(measured), None),
+                Parameter {
+                    terms: vec![("a.m".to_owned(), 0.5)],
+                    ..with(ParameterState::NotIdentified, None)
+                },
+            ],
+            ..Answer::default()
+        };
+        assert_eq!(Answer::read(&serde_json::to_string(&answer).unwrap()).unwrap(), answer);
+        let bare = r#"{"name": "m", "unit": "kg", "state": "identified"}"#;
+        assert!(serde_json::from_str::<Parameter>(bare).is_err());
     }
 
     #[test]

@@ -378,7 +378,7 @@ pub struct ModelSummary {
 }
 
 /// One unknown.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Parameter {
     /// Its name, unique in the answer: `m`, `arm.MSx`, `offset_fx`.
     pub name: String,
@@ -512,6 +512,36 @@ pub struct StandardParameters {
     pub converged: bool,
     /// The links that have mass.
     pub links: Vec<StandardLink>,
+    /// What the drives of the joints have, beside these links: friction, offsets, rotors.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub drives: Vec<StandardDrive>,
+}
+
+/// A drive's parameters: identified, or those that fit best beside the standard parameters of the links.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct StandardDrive {
+    /// Its name, that of its joint.
+    pub name: String,
+    /// The joints that it turns with: `joint_5+joint_6`.
+    pub turns_with: String,
+    /// Its columns.
+    pub terms: Vec<StandardTerm>,
+}
+
+/// A parameter of a drive.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct StandardTerm {
+    /// Its word, as `--friction` takes it: `viscous`, `stribeck:0.05`.
+    pub term: String,
+    /// Its value in the SI unit of its parameter.
+    pub value: f64,
+    /// Its unit.
+    pub unit: String,
+    /// True if the data alone determine it by itself.
+    pub identified: bool,
+    /// The base parameters that it occurs together with only: their sums are identified or not, see `parameters`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub together_with: Vec<String>,
 }
 
 /// A link's standard parameters.
@@ -530,6 +560,10 @@ pub struct StandardLink {
     /// Relative distance from the nominal model's: `√(2 D)` with D the log-determinant divergence of the pseudo-inertias.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distance_from_nominal: Option<f64>,
+    /// Those of `parameters` that the data alone determine by themselves: `mcx`, `Izz`. The others are known in combinations
+    /// only, or are the nominal model's.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub identified: Vec<String>,
 }
 
 /// What is really the case.

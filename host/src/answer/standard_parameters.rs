@@ -77,7 +77,7 @@ impl<'a> BaseEstimate<'a> {
     /// Returns the base parameters of a factor whose covariance is to be multiplied by `variance_scale`.
     pub fn of_factor(factor: &Factor, base: &'a BaseParameters, variance_scale: f64, noise: Noise) -> Self {
         let count = base.parameters.len();
-        let marginal = factor.leading(count);
+        let marginal = with_rotors(factor, base).leading(count);
         let solution = marginal.solve(ROUNDING);
         let scale = 1.0 / variance_scale.sqrt();
         Self {
@@ -93,6 +93,18 @@ impl<'a> BaseEstimate<'a> {
     }
 }
 
+/// Returns a factor with the rotors that are parts of base parameters as columns of their own, after all others: the first are
+/// then those of the links alone.
+pub(super) fn with_rotors(factor: &Factor, base: &BaseParameters) -> Factor {
+    let (n, weights) = (factor.parameters(), base.rotor_map());
+    if weights.ncols() == 0 {
+        return factor.clone();
+    }
+    let mut map = DMatrix::identity(n, n + weights.ncols());
+    map.view_mut((0, n), (weights.nrows(), weights.ncols())).copy_from(&weights);
+    factor.substitute(&map)
+}
+
 /// Standard parameters of all links.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Full {
@@ -104,6 +116,8 @@ pub struct Full {
     pub largest_sd: f64,
     /// True if the steps came to an end.
     pub converged: bool,
+    /// Their base parameters, without rotors.
+    pub base: Vec<f64>,
 }
 
 /// A link's full parameters.
@@ -246,7 +260,13 @@ pub fn nearest(model: &Model, found: &BaseEstimate, trust: f64, symmetric: bool)
             distance: divergence(&parameters, &nominal).map_or(f64::INFINITY, |d| (2.0 * d).sqrt()),
         }
     });
-    Ok(Full { links: links.collect(), distance_sd: misfit.max(0.0).sqrt(), largest_sd: largest, converged })
+    Ok(Full {
+        links: links.collect(),
+        distance_sd: misfit.max(0.0).sqrt(),
+        largest_sd: largest,
+        converged,
+        base: chosen.as_slice().to_vec(),
+    })
 }
 
 /// Pairs among the links that have mass.

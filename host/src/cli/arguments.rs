@@ -11,6 +11,7 @@ pub use super::options::known_values::KnownQuantities;
 pub use super::options::stop_criterion::StopCriterion;
 pub use super::options::trees::{BenchCommand, ModelCommand, TreeModel, TreeOptions};
 pub use super::plan_arguments::{Plan, Workspace};
+pub use super::predict_arguments::{Predict, Validate};
 pub use super::programme::Programme;
 
 /// Tells the inertial parameters of a body from its wrench and motion: mass, centre of mass, inertia tensor,
@@ -40,6 +41,10 @@ pub enum Command {
     Replay(Replay),
     /// Identify the body of a recording, in batch, with the same pipeline in double precision
     Identify(Identify),
+    /// Predict wrench or efforts of a recording's motion by a result or a model
+    Predict(Predict),
+    /// Compare what results and models predict of a recording with what was measured
+    Validate(Validate),
     /// Calibrate what measures with a body of known properties
     Calibrate(Calibrate),
     /// Compare what a rig measures of a reference body with what is known of it: pass or fail

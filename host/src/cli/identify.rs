@@ -18,7 +18,8 @@ pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
     let known = arguments.known.parse()?;
     let standard = standard_options(arguments)?;
     let friction = Friction::parse(&arguments.tree.friction).map_err(Failure::input)?;
-    let options = ProblemOptions { friction, drives: arguments.tree.drive.clone() };
+    let options =
+        ProblemOptions { friction, drives: arguments.tree.drive.clone(), ..ProblemOptions::default() };
     if tree_of(path, rig, &arguments.tree.of)?.is_none() {
         refuse_without_tree(arguments)?;
     }

@@ -38,6 +38,8 @@ mod outcome;
 mod plan_arguments;
 mod plan_motion;
 mod plan_poses;
+mod predict;
+mod predict_arguments;
 mod programme;
 mod progress;
 mod recorded;
@@ -192,6 +194,8 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
         Some(Command::Run(a)) => run::run(&a),
         Some(Command::Calibrate(a)) => calibrate::run(&a),
         Some(Command::Verify(a)) => verify::run(&a),
+        Some(Command::Predict(a)) => predict::predict(&a),
+        Some(Command::Validate(a)) => predict::validate(&a),
         Some(Command::Factor(a)) => factor::make(&a),
         Some(Command::Merge(a)) => factor::merge(&a),
         Some(Command::Solve(a)) => factor::solve(&a),

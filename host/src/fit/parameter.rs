@@ -106,6 +106,10 @@ pub struct DriveMotion {
     pub channels: Vec<String>,
     /// Root mean square of its joints' summed rates, rad/s or m/s.
     pub rms_rate: f64,
+    /// The sum of joints that it turns with: `joint_5+joint_6`.
+    pub turns_with: String,
+    /// Its columns by their words, those that others have absorbed not among them: `viscous`, `stribeck:0.05`.
+    pub terms: Vec<String>,
 }
 
 /// One measured quantity, of which each sample gives a row.

@@ -4,7 +4,10 @@ use std::ops::Range;
 
 use super::outliers::Weights;
 use super::residuals::{residuals, rms};
-use super::{Filter, Fit, FitError, RowBlocks, RowSource, SampleCounts, Silent, condition};
+use super::{
+    BlockResidual, Filter, Fit, FitError, Progress, RowBlocks, RowSource, SampleCounts, Silent, Whitening,
+    condition,
+};
 
 /// What parameters leave of a recording.
 #[derive(Clone, Debug, PartialEq)]
@@ -13,6 +16,36 @@ pub struct Prediction {
     pub residual_rms: Vec<f64>,
     /// Standard deviation of the filtered measurements about their mean, one a channel, in its unit.
     pub measured_sd: Vec<f64>,
+    /// The same over time.
+    pub blocks: Vec<PredictedBlock>,
+}
+
+/// A filtered sample and what parameters predict of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PredictedBlock {
+    /// Time that the filter is about, s; zero for still poses.
+    pub time_s: f64,
+    /// Filtered measurement, one a channel; zero where the block tells nothing of it.
+    pub measured: Vec<f64>,
+    /// The prediction, likewise.
+    pub predicted: Vec<f64>,
+    /// False where the block tells nothing of a channel, as dry friction at rest is unknown; empty if it tells of all.
+    pub told: Vec<bool>,
+}
+
+/// Returns plain least squares: every row counts alike, in its channel's unit, nothing is known beforehand, nothing is taken for an error of
+/// sensors. The usual way, to compare with.
+///
+/// # Errors
+/// [`FitError::NoRows`] if nothing is left to fit.
+pub fn plain_least_squares(source: &dyn RowSource, progress: &dyn Progress) -> Result<Vec<f64>, FitError> {
+    let blocks = source.condition(progress)?;
+    if blocks.is_empty() {
+        return Err(condition::no_rows(&*blocks));
+    }
+    let whitening = Whitening::diagonal(&vec![1.0; source.channels().len()]);
+    let factor = blocks.absorb(0..blocks.len(), source.parameters().len(), &whitening, None);
+    Ok(factor.solve(source.rounding()).estimate)
 }
 
 impl Prediction {
@@ -38,9 +71,23 @@ impl Prediction {
         let offsets: Vec<Option<usize>> = channels.iter().map(|c| c.offset).collect();
         let multiplied = Multiplied { blocks: &*blocks, gain_errors, offsets };
         let left = residuals(&multiplied, channels.len(), parameters, &Weights::none(channels.len()));
+        let (mut rows, half_s) =
+            (vec![0.0; channels.len() * parameters.len()], 0.5 * blocks.filter().width_s);
+        let of_block = |(block, left): (usize, &BlockResidual)| {
+            let mut measured = vec![0.0; channels.len()];
+            blocks.write(block, &mut rows, &mut measured);
+            PredictedBlock {
+                time_s: left.time_s - half_s,
+                predicted: measured.iter().zip(&left.values).map(|(m, left)| m - left).collect(),
+                measured,
+                told: left.weights.iter().map(|weight| *weight != 0.0).collect(),
+            }
+        };
+        let all: Vec<PredictedBlock> = left.iter().enumerate().map(of_block).collect();
         Ok(Self {
             residual_rms: rms(&left, channels.len()),
-            measured_sd: measured_sd(&*blocks, channels.len(), parameters.len()),
+            measured_sd: (0..channels.len()).map(|c| measured_sd(&all, c)).collect(),
+            blocks: all,
         })
     }
 }
@@ -97,22 +144,12 @@ impl Fit {
     }
 }
 
-/// Returns the standard deviation of each channel's filtered measurements about their mean.
-fn measured_sd(blocks: &dyn RowBlocks, channels: usize, parameters: usize) -> Vec<f64> {
-    let (mut rows, mut measured) = (vec![0.0; channels * parameters], vec![0.0; channels]);
-    let n = blocks.len().max(1) as f64;
-    let mut mean = |of: &dyn Fn(usize, f64) -> f64| {
-        let mut sums = vec![0.0; channels];
-        for block in 0..blocks.len() {
-            blocks.write(block, &mut rows, &mut measured);
-            for (c, (sum, value)) in sums.iter_mut().zip(&measured).enumerate() {
-                *sum += of(c, *value);
-            }
-        }
-        sums.iter_mut().for_each(|sum| *sum /= n);
-        sums
-    };
-    let centre = mean(&|_, value| value);
-    let variance = mean(&|c, value| (value - centre.get(c).copied().unwrap_or(0.0)).powi(2));
-    variance.into_iter().map(f64::sqrt).collect()
+/// Returns the standard deviation of a channel's filtered measurements about their mean.
+fn measured_sd(blocks: &[PredictedBlock], channel: usize) -> f64 {
+    let told = blocks.iter().filter(|block| block.told.get(channel) != Some(&false));
+    let values: Vec<f64> = told.filter_map(|block| block.measured.get(channel).copied()).collect();
+    let mean =
+        |values: &mut dyn Iterator<Item = f64>, count: usize| values.sum::<f64>() / count.max(1) as f64;
+    let centre = mean(&mut values.iter().copied(), values.len());
+    mean(&mut values.iter().map(|value| (value - centre).powi(2)), values.len()).sqrt()
 }

@@ -6,7 +6,7 @@ use super::page::{
     CONVERGENCE_NOTE, END, beginning, beside_words, decisions, escape, fact, notes, number, parts, principal,
     section, symbol, table_or_nothing, tensor_rows, truth_cells, value_cells,
 };
-use super::plain::{consistency, nearest};
+use super::plain::{consistency, drive_words, nearest};
 use super::quantities::{self, Group, headline, is_body};
 use super::series::Series;
 use super::text::{
@@ -266,6 +266,21 @@ fn standard_parameters(found: &StandardParameters) -> String {
             )
         })
         .collect();
+    let drives: String = found
+        .drives
+        .iter()
+        .map(|drive| {
+            let words = escape(&drive_words(drive));
+            format!("<tr><th scope=\"row\">{}</th><td>{words}</td></tr>\n", escape(&drive.name))
+        })
+        .collect();
+    let drives = if drives.is_empty() {
+        drives
+    } else {
+        format!(
+            "<div class=\"scroll\"><table class=\"tight\"><caption>Drives beside them</caption>\n<tbody>\n{drives}</tbody></table></div>\n"
+        )
+    };
     let heads: String =
         ["mass, kg", "x, m", "y", "z", "Ixx, kg m²", "Iyy", "Izz", "Iyz", "Izx", "Ixy", "from nominal"]
             .map(|head| format!("<th class=\"right\" scope=\"col\">{head}</th>"))
@@ -273,7 +288,7 @@ fn standard_parameters(found: &StandardParameters) -> String {
     format!(
         "<h2>Standard parameters <span class=\"tag\">{NOT_IDENTIFIED}</span></h2>\n<p class=\"soft\">{}. Centre of mass in the \
          link's frame, tensor about it. Their base parameters are {:.2} standard deviations from those identified.</p>\n\
-         <div class=\"scroll\"><table class=\"tight\"><thead><tr><th></th>{heads}</tr></thead>\n<tbody>\n{rows}</tbody></table></div>\n",
+         <div class=\"scroll\"><table class=\"tight\"><thead><tr><th></th>{heads}</tr></thead>\n<tbody>\n{rows}</tbody></table></div>\n{drives}",
         escape(&found.note),
         found.distance_sd
     )

@@ -13,6 +13,7 @@ mod html;
 mod page;
 pub mod plain;
 mod plot;
+pub mod prediction;
 pub mod probability;
 mod quantities;
 mod series;

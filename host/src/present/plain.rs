@@ -3,9 +3,9 @@
 use super::data::Quantity;
 use super::quantities::{self, Group, headline};
 use super::table::{aligned, head, principal, printable, row};
-use super::text::{nearest_words, significant, time_base_words, unit_symbol};
+use super::text::{NOT_IDENTIFIED, nearest_words, significant, time_base_words, unit_symbol};
 use crate::answer::Answer;
-use crate::answer::result::{Consistency, StandardParameters, Tracking};
+use crate::answer::result::{Consistency, StandardDrive, StandardParameters, StandardTerm, Tracking};
 use crate::model::base::names::legend;
 
 /// Returns the answer as lines of text, one group after another, columns aligned, with a final newline.
@@ -91,10 +91,27 @@ fn standard_parameters(text: &mut String, found: &StandardParameters) {
             unit_symbol("kg m2")
         ));
     }
+    for drive in &found.drives {
+        text.push_str(&format!("  {:<width$}  {}\n", printable(&drive.name), drive_words(drive)));
+    }
     text.push_str(&format!(
         "  their base parameters are {:.2} standard deviations from those identified\n",
         found.distance_sd
     ));
+}
+
+/// Returns a drive's parameters in words; what is not identified by itself is said.
+pub(super) fn drive_words(drive: &StandardDrive) -> String {
+    let of = |term: &StandardTerm| {
+        let state = match (term.identified, term.together_with.is_empty()) {
+            (true, _) => String::new(),
+            (false, true) => format!(" ({NOT_IDENTIFIED})"),
+            (false, false) => format!(" (only together, {})", term.together_with.join(", ")),
+        };
+        let unit = if term.unit == "1" { String::new() } else { format!(" {}", unit_symbol(&term.unit)) };
+        format!("{} {}{unit}{state}", term.term, significant(term.value, 4))
+    };
+    drive.terms.iter().map(of).collect::<Vec<_>>().join(", ")
 }
 
 /// Returns the judgement of physical consistency in words.

@@ -48,6 +48,8 @@ pub struct ProblemOptions {
     pub friction: Friction,
     /// Drives that turn with several joints: `NAME=J1+J2`.
     pub drives: Vec<String>,
+    /// Efforts that are not recorded are zero: they are to be predicted.
+    pub without_efforts: bool,
 }
 
 /// The thing that is identified.

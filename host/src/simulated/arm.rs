@@ -146,3 +146,18 @@ impl ArmRun {
         }
     }
 }
+
+/// Returns a recording of joints' columns as CSV with times.
+pub fn csv(recording: &Recording) -> String {
+    let names: Vec<&str> = recording.extra.iter().map(|(name, _)| name.as_str()).collect();
+    let mut out = format!("t_s,{}\n", names.join(","));
+    for (row, time_ns) in recording.time_ns.iter().enumerate() {
+        out.push_str(&format!("{:.9}", *time_ns as f64 * 1e-9));
+        for (_, cells) in &recording.extra {
+            out.push(',');
+            out.push_str(cells.get(row).map_or("", String::as_str));
+        }
+        out.push('\n');
+    }
+    out
+}

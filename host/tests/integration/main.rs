@@ -26,6 +26,7 @@ mod no_simulator;
 mod pendulum;
 mod plan_motion;
 mod plan_poses;
+mod predict;
 mod program;
 mod published_robots;
 mod rates;

@@ -22,7 +22,10 @@ use rigident::simulated::trees::{
 use crate::fitting::{links, tree_states};
 
 fn friction() -> ProblemOptions {
-    ProblemOptions { friction: vec![Term::Viscous, Term::Coulomb, Term::Offset], drives: Vec::new() }
+    ProblemOptions {
+        friction: vec![Term::Viscous, Term::Coulomb, Term::Offset].into(),
+        ..ProblemOptions::default()
+    }
 }
 
 fn plain() -> ProblemOptions {

@@ -28,7 +28,10 @@ fn identified(recording: &Recording, model: &Model, options: &ProblemOptions) ->
 }
 
 fn friction() -> ProblemOptions {
-    ProblemOptions { friction: vec![Term::Viscous, Term::Coulomb, Term::Offset].into(), drives: Vec::new() }
+    ProblemOptions {
+        friction: vec![Term::Viscous, Term::Coulomb, Term::Offset].into(),
+        ..ProblemOptions::default()
+    }
 }
 
 pub fn table() -> String {

@@ -71,7 +71,11 @@ fn part(model: &Model, q: &[Vec<f64>; 6], tau: &[Vec<f64>; 6], rows: std::ops::R
         }
     }
     let terms = vec![Term::Viscous, Term::Coulomb, Term::Offset, Term::Rotor];
-    let options = ProblemOptions { friction: terms.into(), drives: vec!["m6=joint_5+joint_6".to_owned()] };
+    let options = ProblemOptions {
+        friction: terms.into(),
+        drives: vec!["m6=joint_5+joint_6".to_owned()],
+        ..ProblemOptions::default()
+    };
     let PreparedTree { mut input, .. } = prepare(&recording, model, &options).expect("frames");
     // A rotor on the first axis is nothing but inertia of the first link about it, and one on the second, which crosses the
     // first at a right angle, nothing but inertia of the second.

@@ -61,6 +61,8 @@ pub struct BaseParameter {
     pub name: String,
     /// Standard parameters (index of the column) and their constant weights. The first is the one that stands for it.
     pub terms: Vec<(usize, f64)>,
+    /// Rotors, by their parameters' names, whose inertia has the same column, with their weights.
+    pub rotors: Vec<(String, f64)>,
 }
 
 /// The answer.
@@ -82,6 +84,30 @@ impl BaseParameters {
     /// How many standard parameters there are.
     pub fn standard_count(&self) -> usize {
         self.standard.len() - self.absent
+    }
+
+    /// Names of the rotors whose inertia occurs only together with that of links.
+    pub fn rotors(&self) -> Vec<&str> {
+        let mut names: Vec<&str> = Vec::new();
+        for (name, _) in self.parameters.iter().flat_map(|parameter| &parameter.rotors) {
+            if !names.contains(&name.as_str()) {
+                names.push(name);
+            }
+        }
+        names
+    }
+
+    /// The map of these rotors: `φ_B = B φ + B_r r`.
+    pub fn rotor_map(&self) -> DMatrix<f64> {
+        let names = self.rotors();
+        let weight = |i: usize, k: usize| -> f64 {
+            let own = self.parameters.get(i).map_or(&[][..], |parameter| &parameter.rotors);
+            own.iter()
+                .filter(|(name, _)| Some(&name.as_str()) == names.get(k))
+                .map(|(_, weight)| weight)
+                .sum()
+        };
+        DMatrix::from_fn(self.parameters.len(), names.len(), weight)
     }
 
     /// The regrouping map: `φ_B = B φ`.
@@ -176,7 +202,7 @@ pub fn base_parameters(model: &Model, situation: &Situation) -> Result<BaseParam
                 .filter_map(|c| Some((c - skip, map[(row, c)])).filter(|t| t.1.abs() > noise))
                 .collect();
             terms.sort_by_key(|t| (t.0 + skip != rule.column, t.0));
-            BaseParameter { name: rule.name.clone(), terms }
+            BaseParameter { name: rule.name.clone(), terms, rotors: Vec::new() }
         })
         .collect();
     Ok(BaseParameters { standard, parameters, gap: free.gap, disagreement, absent })

@@ -70,6 +70,14 @@ impl Term {
         }
     }
 
+    /// Returns the word that it is parsed from.
+    pub fn word(self) -> String {
+        match self {
+            Self::Stribeck(Some(rate)) => format!("stribeck:{rate}"),
+            other => other.name().to_owned(),
+        }
+    }
+
     /// Unit of its parameter, for something that turns or slides.
     pub fn unit(self, slides: bool) -> &'static str {
         match (self, slides) {
@@ -257,6 +265,20 @@ impl Drive {
         let terms = friction.of(name.trim()).iter().copied();
         let terms = terms.filter(|term| rates.len() == 1 || *term != Term::Offset).collect();
         Ok(Self { name: name.trim().to_owned(), rates, terms, slides: false })
+    }
+
+    /// Returns the freedoms that it turns with, as [`Drive::parse`] takes them.
+    pub fn sum(&self, names: &[String]) -> String {
+        let mut sum = String::new();
+        for (k, factor) in &self.rates {
+            if *factor < 0.0 {
+                sum.push('-');
+            } else if !sum.is_empty() {
+                sum.push('+');
+            }
+            sum.push_str(names.get(*k).map_or("", String::as_str));
+        }
+        sum
     }
 
     /// Its rate.

@@ -9,7 +9,7 @@ use rigident_shared::tree::{Joint, TreeError};
 use super::drive::Term;
 use super::rows::{RowMaker, names_and_units};
 use super::sensitivities::ErrorRows;
-use super::{Frame, Input, TreeSourceError, signals};
+use super::{Frame, Input, TreeSourceError, rotors, signals};
 use crate::fit::{
     Channel, DriveMotion, Fingerprint, Kind, Nuisance, Owner, Parameter, RowSource, SampleRows, SignalNoise,
     Timing,
@@ -37,8 +37,9 @@ impl TreeSource {
     ///
     /// # Errors
     /// [`TreeSourceError`] if the model has no base parameters, or the frames do not fit it.
-    pub fn new(input: Input) -> Result<Self, TreeSourceError> {
-        let base = base_parameters(&input.model, &input.situation)?;
+    pub fn new(mut input: Input) -> Result<Self, TreeSourceError> {
+        let mut base = base_parameters(&input.model, &input.situation)?;
+        rotors::regroup(&mut input, &mut base).map_err(TreeSourceError::Frames)?;
         Self::with_base(input, base).map_err(TreeSourceError::Frames)
     }
 
@@ -84,6 +85,8 @@ impl TreeSource {
                     name: drive.name.clone(),
                     channels: drive.rates.iter().filter_map(|(k, _)| names.get(*k).cloned()).collect(),
                     rms_rate: (squares / frames.len().max(1) as f64).sqrt(),
+                    turns_with: drive.sum(&names),
+                    terms: drive.terms.iter().map(|term| term.word()).collect(),
                 }
             })
             .collect()
@@ -141,7 +144,8 @@ fn parameters(input: &Input, base: &BaseParameters) -> Vec<Parameter> {
                     _ => Kind::Inertia,
                 };
                 let standard = |column: usize| base.standard.get(column).cloned().unwrap_or_default();
-                let made_of = own.terms.iter().map(|(column, weight)| (standard(*column), *weight)).collect();
+                let links = own.terms.iter().map(|(column, weight)| (standard(*column), *weight));
+                let made_of = links.chain(own.rotors.iter().cloned()).collect();
                 let owner = Owner::Link(stem.clone());
                 return Parameter { frame: stem, made_of, ..Parameter::new(name, owner, kind, unit) };
             }

@@ -6,7 +6,7 @@ use crate::simulated::arm::ArmRun;
 use crate::simulated::trees::{seven_axes, truth};
 
 fn identified(recording: &Recording, lists: &[&str]) -> (Problem, Fit) {
-    let options = ProblemOptions { friction: Friction::parse(lists).unwrap(), drives: Vec::new() };
+    let options = ProblemOptions { friction: Friction::parse(lists).unwrap(), ..ProblemOptions::default() };
     let problem = Problem::from_recording(recording, Some(&seven_axes()), &options).unwrap();
     let fit = problem.fit(&FitOptions::default(), &Silent).unwrap();
     (problem, fit)

@@ -167,7 +167,10 @@ impl<'a> Preparation<'a> {
         let gyros = self.gyros(&numbering)?;
         let joints = self.joint_columns()?;
         let wrench = self.wrench()?;
-        let efforts = self.efforts(&joints)?;
+        let mut efforts = self.efforts(&joints)?;
+        if options.without_efforts && wrench.is_none() && efforts.is_none() {
+            efforts = Some(vec![vec![0.0; recording.rows()]; self.model.freedoms()]);
+        }
         let Some(rows) = rows_of(wrench.is_some(), efforts.is_some()) else {
             return Err(self.missing(
                 "the wrench fx_n … mz_nm and the joints' efforts (JOINT_nm) are both",
