@@ -2,13 +2,14 @@
 //!
 //! Lives here: the answer ([`result`]) and its making ([`Answer::new`]), states of parameters ([`states`]), what must be
 //! identified ([`selection`]), quantities derived from the ten parameters of a body ([`derived`]), physical consistency
-//! ([`physical_consistency`], [`nearest_body`]), standard parameters of links ([`standard_parameters`]) and what drives have
-//! beside them (`standard_drives`), what an answer predicts ([`predictor`]), and what the motion
+//! ([`physical_consistency`], [`nearest_body`]), standard parameters of links ([`standard_parameters`]), a value for every
+//! column (`complete`) and what these predict ([`predictor`]), and what the motion
 //! lacks ([`excitation_advice`]). May not live here: raw data, files, screens. Before this: [`crate::fit`]; after it:
 //! [`crate::present`].
 
 mod budget;
 mod checks;
+mod complete;
 mod context;
 mod contradictions;
 pub mod derived;
@@ -24,7 +25,6 @@ mod remarks;
 pub mod result;
 mod rig_errors;
 pub mod selection;
-mod standard_drives;
 pub mod standard_parameters;
 pub mod states;
 #[cfg(test)]

@@ -4,6 +4,7 @@ use rigident_shared::inertia::{InertialParameters, PARAMETER_NAMES, tensor_eleme
 use rigident_shared::spatial::{Body, Position, Rotation, Sensor};
 
 use super::checks::is_contradicted;
+use super::complete::complete;
 use super::context::{Context, Links, StandardRequest};
 use super::derived::{self, Derived, ten};
 use super::nearest_body::{self, nearest_body};
@@ -14,7 +15,6 @@ use super::result::{
     StandardLink, StandardParameters, Status, Truth,
 };
 use super::selection::{SelectionError, owner_name, select};
-use super::standard_drives::standard_drives;
 use super::standard_parameters::{BaseEstimate, Full, nearest};
 use super::states::{is_reversed, is_whole_body, states};
 use super::{budget, contradictions, excitation_advice, plausibility, remarks, rig_errors};
@@ -232,6 +232,9 @@ impl Answer {
         impossible: &Option<String>,
     ) -> Result<(), AnswerError> {
         let Some((links, base)) = base else { return Ok(()) };
+        if !judged.reversed {
+            self.complete = complete(judged.fit, links, None, &judged.states);
+        }
         let Some(request) = links.standard else { return Ok(()) };
         if judged.reversed {
             return match impossible {
@@ -245,9 +248,8 @@ impl Answer {
         }
         match nearest(request.nominal, base, request.trust, request.symmetric) {
             Ok(full) => {
-                let drives = standard_drives(judged.fit, links, &full.base, &judged.states);
-                let found = standard_parameters(&full, judged, request);
-                self.standard_parameters = Some(StandardParameters { drives, ..found });
+                self.complete = complete(judged.fit, links, Some(&full.base), &judged.states);
+                self.standard_parameters = Some(standard_parameters(&full, judged, request));
             }
             Err(error) if request.required => return Err(error.into()),
             Err(error) => self.notes.push(format!("no full parameters: {error}")),
@@ -498,6 +500,5 @@ fn standard_parameters(full: &Full, judged: &Judged, request: StandardRequest) -
         largest_parameter_sd: full.largest_sd,
         converged: full.converged,
         links: links.collect(),
-        drives: Vec::new(),
     }
 }

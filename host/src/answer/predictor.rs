@@ -1,7 +1,6 @@
 //! What an answer, or a model, says of every column of a source: values to predict with.
 //!
-//! An answer's standard parameters and drives are complete and belong together; where there are none, what is identified counts,
-//! and the rest is zero and named.
+//! An answer of a tree has a value for every column; of others what is identified counts, and the rest is zero and named.
 
 use std::collections::HashMap;
 
@@ -9,14 +8,14 @@ use rigident_shared::inertia::PARAMETER_NAMES;
 
 use super::result::Answer;
 use crate::fit::Parameter;
-use crate::model::{Model, write};
+use crate::model::Model;
 
 /// Values by name: of standard parameters of links, of drives, of one body, of offsets.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Predictor {
     values: HashMap<String, f64>,
-    /// Relative gain errors of channels by name: what is measured is so much larger.
-    gains: HashMap<String, f64>,
+    /// Errors of the sensors that it was identified with, by name.
+    errors: Vec<(String, f64)>,
 }
 
 impl Predictor {
@@ -27,25 +26,28 @@ impl Predictor {
         own
     }
 
-    /// Returns what an answer says; `model` is the one that it was identified with, as its file has it.
-    pub fn of_answer(answer: &Answer, model: Option<&Model>) -> Self {
+    /// Returns what an answer says.
+    pub fn of_answer(answer: &Answer) -> Self {
         let mut own = Self::default();
-        let standard = answer.standard_parameters.as_ref().zip(model);
-        for parameter in &answer.parameters {
-            // Base parameters follow from the standard ones.
-            if standard.is_none() || parameter.terms.is_empty() {
-                own.values.extend(parameter.state.measured().map(|m| (parameter.name.clone(), m.value)));
+        match &answer.complete {
+            Some(found) => {
+                own.values.extend(found.links.iter().map(|p| (p.name.clone(), p.value)));
+                for drive in &found.drives {
+                    let name =
+                        |term: &str| format!("{}.{}", drive.name, term.split(':').next().unwrap_or(term));
+                    own.values
+                        .extend(drive.terms.iter().filter_map(|term| Some((name(&term.term), term.value?))));
+                }
+            }
+            None => {
+                let known = answer
+                    .parameters
+                    .iter()
+                    .filter_map(|p| Some((p.name.clone(), p.state.measured()?.value)));
+                own.values.extend(known);
             }
         }
-        if let Some((found, model)) = standard {
-            let links = found.links.iter().map(|link| (link.name.as_str(), link.parameters));
-            own.add_links(&write::with_parameters(model, links));
-            for drive in &found.drives {
-                let name = |term: &str| format!("{}.{}", drive.name, term.split(':').next().unwrap_or(term));
-                own.values.extend(drive.terms.iter().map(|term| (name(&term.term), term.value)));
-            }
-        }
-        own.gains = answer.channels.iter().filter_map(|c| Some((c.name.clone(), c.gain?))).collect();
+        own.errors = answer.errors.iter().map(|error| (error.name.clone(), error.value)).collect();
         own
     }
 
@@ -76,8 +78,8 @@ impl Predictor {
         (values.collect(), without)
     }
 
-    /// Returns the relative gain error of a channel.
-    pub fn gain(&self, channel: &str) -> f64 {
-        self.gains.get(channel).copied().unwrap_or(0.0)
+    /// Returns the errors of the sensors that the answer found, by name.
+    pub fn errors(&self) -> &[(String, f64)] {
+        &self.errors
     }
 }

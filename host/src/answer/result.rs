@@ -166,6 +166,9 @@ pub struct Answer {
     /// Standard parameters of every link of a tree, completed from a nominal model.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub standard_parameters: Option<StandardParameters>,
+    /// Of a tree, a value for every column of its rows, to predict with.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub complete: Option<Complete>,
     /// The true body of `[truth]` of the rig file, never used for the answer.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub truth: Option<Truth>,
@@ -512,29 +515,53 @@ pub struct StandardParameters {
     pub converged: bool,
     /// The links that have mass.
     pub links: Vec<StandardLink>,
-    /// What the drives of the joints have, beside these links: friction, offsets, rotors.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub drives: Vec<StandardDrive>,
 }
 
-/// A drive's parameters: identified, or those that fit best beside the standard parameters of the links.
+/// A value for every column of the rows of a tree, to predict with. They belong together: what is not identified has the value that
+/// fits best beside the nominal model, or, where there is none, beside zero.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct StandardDrive {
+pub struct Complete {
+    /// What they are, in a sentence.
+    pub note: String,
+    /// Base parameters of the links and offsets, in the order of `parameters`.
+    pub links: Vec<CompleteParameter>,
+    /// What the drives of the joints have beside them: friction, offsets, rotors.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub drives: Vec<CompleteDrive>,
+}
+
+/// A parameter that may be identified or not.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct CompleteParameter {
+    /// Its name, as in `parameters`.
+    pub name: String,
+    /// Its value in the SI unit of its parameter.
+    pub value: f64,
+    /// Its unit.
+    pub unit: String,
+    /// True if the data alone determine it.
+    pub identified: bool,
+}
+
+/// A drive's parameters.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct CompleteDrive {
     /// Its name, that of its joint.
     pub name: String,
     /// The joints that it turns with: `joint_5+joint_6`.
     pub turns_with: String,
     /// Its columns.
-    pub terms: Vec<StandardTerm>,
+    pub terms: Vec<CompleteTerm>,
 }
 
 /// A parameter of a drive.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct StandardTerm {
+pub struct CompleteTerm {
     /// Its word, as `--friction` takes it: `viscous`, `stribeck:0.05`.
     pub term: String,
-    /// Its value in the SI unit of its parameter.
-    pub value: f64,
+    /// Its value in the SI unit of its parameter; absent where only a sum is known, which the links have.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub value: Option<f64>,
     /// Its unit.
     pub unit: String,
     /// True if the data alone determine it by itself.

@@ -10,7 +10,7 @@ use super::predict_arguments::{Predict, Predicting, Validate};
 use super::{ExitStatus, Failure, Folder, Stages, recorded};
 use crate::answer::Answer;
 use crate::answer::predictor::Predictor;
-use crate::answer::result::StandardDrive;
+use crate::answer::result::CompleteDrive;
 use crate::fit::{Prediction, RowSource, plain_least_squares};
 use crate::model::human::Person;
 use crate::model::{self, Model};
@@ -67,7 +67,7 @@ fn run(
     }
     for (given, name) in given.iter().zip(names(models)) {
         predictors.push(match given {
-            Given::Answer(answer) => (name, Predictor::of_answer(answer, nominal)),
+            Given::Answer(answer) => (name, Predictor::of_answer(answer)),
             Given::Model(model) => (name, Predictor::of_model(model)),
         });
     }
@@ -82,8 +82,7 @@ fn run(
                 crate::present::text::shortened(&without, 6)
             ));
         }
-        let gains: Vec<f64> = source.channels().iter().map(|c| predictor.gain(&c.name)).collect();
-        columns.push((name, Prediction::of(source, &values, &gains).map_err(Failure::input)?));
+        columns.push((name, Prediction::of(source, &values, predictor.errors()).map_err(Failure::input)?));
     }
     if let Some(train) = train {
         let train = load(&recorded::named(train.to_owned()))?;
@@ -97,10 +96,9 @@ fn run(
                 "--train has other parameters than the recording: columns are missing in one of them",
             ));
         }
-        let gains = vec![0.0; source.channels().len()];
         columns.push((
             "least squares".to_owned(),
-            Prediction::of(source, &values, &gains).map_err(Failure::input)?,
+            Prediction::of(source, &values, &[]).map_err(Failure::input)?,
         ));
     }
     drop(stages);
@@ -223,12 +221,10 @@ fn options(given: &[Given]) -> Result<ProblemOptions, Failure> {
     let mut lists = Vec::new();
     let mut drives: Vec<String> = Vec::new();
     let of = |given| match given {
-        &Given::Answer(ref answer) => {
-            answer.standard_parameters.as_ref().map_or(&[][..], |found| &found.drives)
-        }
+        &Given::Answer(ref answer) => answer.complete.as_ref().map_or(&[][..], |found| &found.drives),
         &Given::Model(_) => &[][..],
     };
-    let all: Vec<&StandardDrive> = given.iter().flat_map(of).collect();
+    let all: Vec<&CompleteDrive> = given.iter().flat_map(of).collect();
     for drive in all {
         let terms: Vec<&str> = drive.terms.iter().map(|term| term.term.as_str()).collect();
         lists.push(format!("{}={}", drive.name, terms.join(",")));

@@ -1,11 +1,10 @@
 //! Prediction of a recording by parameters that were found in another one.
 
-use std::ops::Range;
-
+use super::linearised::{Columns, Linearised};
 use super::outliers::Weights;
 use super::residuals::{residuals, rms};
 use super::{
-    BlockResidual, Filter, Fit, FitError, Progress, RowBlocks, RowSource, SampleCounts, Silent, Whitening,
+    BlockResidual, Effect, Fit, FitError, Nuisance, Progress, RowBlocks, RowSource, Silent, Whitening,
     condition,
 };
 
@@ -49,30 +48,44 @@ pub fn plain_least_squares(source: &dyn RowSource, progress: &dyn Progress) -> R
 }
 
 impl Prediction {
-    /// Predicts the samples of a source by `parameters`, in the order of its columns; `gain_errors` are relative, one a
-    /// channel. Outliers count fully.
+    /// Predicts the samples of a source by `parameters`, in the order of its columns, measured by sensors with these `errors`, by
+    /// their names; what drifts is another time's. Outliers count fully.
     ///
     /// # Errors
-    /// [`FitError::Columns`] if there are not as many numbers as the source has columns and channels,
-    /// [`FitError::NoRows`] if nothing is left to predict.
-    pub fn of(source: &dyn RowSource, parameters: &[f64], gain_errors: &[f64]) -> Result<Self, FitError> {
+    /// [`FitError::Columns`] if there are not as many parameters as the source has columns, [`FitError::NoRows`] if nothing is left to
+    /// predict.
+    pub fn of(
+        source: &dyn RowSource,
+        parameters: &[f64],
+        errors: &[(String, f64)],
+    ) -> Result<Self, FitError> {
         let channels = source.channels();
-        for (given, wanted) in
-            [(parameters.len(), source.parameters().len()), (gain_errors.len(), channels.len())]
-        {
-            if given != wanted {
-                return Err(FitError::Columns { given, wanted });
-            }
+        let (given, wanted) = (parameters.len(), source.parameters().len());
+        if given != wanted {
+            return Err(FitError::Columns { given, wanted });
         }
-        let blocks = source.condition(&Silent)?;
-        if blocks.is_empty() {
-            return Err(condition::no_rows(&*blocks));
+        let own = source.condition(&Silent)?;
+        if own.is_empty() {
+            return Err(condition::no_rows(&*own));
         }
-        let offsets: Vec<Option<usize>> = channels.iter().map(|c| c.offset).collect();
-        let multiplied = Multiplied { blocks: &*blocks, gain_errors, offsets };
-        let left = residuals(&multiplied, channels.len(), parameters, &Weights::none(channels.len()));
-        let (mut rows, half_s) =
-            (vec![0.0; channels.len() * parameters.len()], 0.5 * blocks.filter().width_s);
+        let columns = Columns::of(source);
+        let error = |(nuisance, corrected): (&Nuisance, &f64)| match nuisance.effect {
+            Effect::Drift { .. } => 0.0,
+            _ => errors.iter().find(|(name, _)| *name == nuisance.name).map_or(0.0, |e| e.1 - corrected),
+        };
+        let errors: Vec<f64> = columns.nuisances.iter().zip(&columns.corrected).map(error).collect();
+        let linearised = if errors.iter().any(|error| *error != 0.0) {
+            Some(Linearised::new(source, &*own, &columns, parameters)?)
+        } else {
+            None
+        };
+        let blocks = linearised.as_ref().map_or(&*own, |blocks| blocks as &dyn RowBlocks);
+        let values: Vec<f64> = match &linearised {
+            Some(_) => parameters.iter().chain(&errors).copied().collect(),
+            None => parameters.to_vec(),
+        };
+        let left = residuals(blocks, channels.len(), &values, &Weights::none(channels.len()));
+        let (mut rows, half_s) = (vec![0.0; channels.len() * values.len()], 0.5 * blocks.filter().width_s);
         let of_block = |(block, left): (usize, &BlockResidual)| {
             let mut measured = vec![0.0; channels.len()];
             blocks.write(block, &mut rows, &mut measured);
@@ -92,55 +105,15 @@ impl Prediction {
     }
 }
 
-/// Row blocks of channels that read too much by their gain errors, their offsets apart.
-struct Multiplied<'a> {
-    blocks: &'a dyn RowBlocks,
-    gain_errors: &'a [f64],
-    offsets: Vec<Option<usize>>,
-}
-
-impl RowBlocks for Multiplied<'_> {
-    fn filter(&self) -> &Filter {
-        self.blocks.filter()
-    }
-
-    fn counts(&self) -> &SampleCounts {
-        self.blocks.counts()
-    }
-
-    fn parts(&self) -> &[Range<usize>] {
-        self.blocks.parts()
-    }
-
-    fn time_s(&self, block: usize) -> f64 {
-        self.blocks.time_s(block)
-    }
-
-    fn tells(&self, block: usize, channel: usize) -> bool {
-        self.blocks.tells(block, channel)
-    }
-
-    fn write(&self, block: usize, rows: &mut [f64], measured: &mut [f64]) {
-        self.blocks.write(block, rows, measured);
-        let n = (rows.len() / self.offsets.len().max(1)).max(1);
-        for (row, (gain, offset)) in rows.chunks_exact_mut(n).zip(self.gain_errors.iter().zip(&self.offsets))
-        {
-            for (_, a) in row.iter_mut().enumerate().filter(|(j, _)| Some(*j) != *offset) {
-                *a *= 1.0 + gain;
-            }
-        }
-    }
-}
-
 impl Fit {
     /// Predicts another recording of the same thing, measured by the same sensors.
     ///
     /// # Errors
     /// See [`Prediction::of`].
     pub fn predict(&self, source: &dyn RowSource) -> Result<Prediction, FitError> {
-        let gain_errors: Vec<f64> =
-            (0..self.channels.len()).map(|c| self.gain(c).map_or(0.0, |gain| gain.value)).collect();
-        Prediction::of(source, &self.estimate.values, &gain_errors)
+        let errors: Vec<(String, f64)> =
+            self.nuisances.iter().map(|error| (error.nuisance.name.clone(), error.value)).collect();
+        Prediction::of(source, &self.estimate.values, &errors)
     }
 }
 

@@ -13,7 +13,7 @@ use super::text::{
     NOT_IDENTIFIED, count, duration, nearest_words, significant, time_base_words, unit_symbol,
 };
 use crate::answer::Answer;
-use crate::answer::result::{Channel, StandardParameters, Status};
+use crate::answer::result::{Channel, Complete, CompleteDrive, StandardParameters, Status};
 use crate::model::base::names::legend;
 
 /// Returns the whole report as one self-contained HTML file.
@@ -26,6 +26,7 @@ pub fn report(answer: &Answer, series: &Series) -> String {
     }
     html.push_str(&results(answer, series));
     answer.standard_parameters.iter().for_each(|found| html.push_str(&standard_parameters(found)));
+    answer.complete.iter().for_each(|found| html.push_str(&drives(found)));
     html.push_str(&super::budget::html(answer));
     html.push_str(&residual_table(&answer.channels));
     html.push_str(&plots(answer, series));
@@ -266,21 +267,6 @@ fn standard_parameters(found: &StandardParameters) -> String {
             )
         })
         .collect();
-    let drives: String = found
-        .drives
-        .iter()
-        .map(|drive| {
-            let words = escape(&drive_words(drive));
-            format!("<tr><th scope=\"row\">{}</th><td>{words}</td></tr>\n", escape(&drive.name))
-        })
-        .collect();
-    let drives = if drives.is_empty() {
-        drives
-    } else {
-        format!(
-            "<div class=\"scroll\"><table class=\"tight\"><caption>Drives beside them</caption>\n<tbody>\n{drives}</tbody></table></div>\n"
-        )
-    };
     let heads: String =
         ["mass, kg", "x, m", "y", "z", "Ixx, kg m²", "Iyy", "Izz", "Iyz", "Izx", "Ixy", "from nominal"]
             .map(|head| format!("<th class=\"right\" scope=\"col\">{head}</th>"))
@@ -288,9 +274,24 @@ fn standard_parameters(found: &StandardParameters) -> String {
     format!(
         "<h2>Standard parameters <span class=\"tag\">{NOT_IDENTIFIED}</span></h2>\n<p class=\"soft\">{}. Centre of mass in the \
          link's frame, tensor about it. Their base parameters are {:.2} standard deviations from those identified.</p>\n\
-         <div class=\"scroll\"><table class=\"tight\"><thead><tr><th></th>{heads}</tr></thead>\n<tbody>\n{rows}</tbody></table></div>\n{drives}",
+         <div class=\"scroll\"><table class=\"tight\"><thead><tr><th></th>{heads}</tr></thead>\n<tbody>\n{rows}</tbody></table></div>\n",
         escape(&found.note),
         found.distance_sd
+    )
+}
+
+fn drives(found: &Complete) -> String {
+    if found.drives.is_empty() {
+        return String::new();
+    }
+    let row = |drive: &CompleteDrive| {
+        let words = escape(&drive_words(drive));
+        format!("<tr><th scope=\"row\">{}</th><td>{words}</td></tr>\n", escape(&drive.name))
+    };
+    let rows: String = found.drives.iter().map(row).collect();
+    format!(
+        "<h2>Drives</h2>\n<p class=\"soft\">Beside these links, to predict with.</p>\n<div class=\"scroll\"><table class=\"tight\">\n\
+         <tbody>\n{rows}</tbody></table></div>\n"
     )
 }
 

@@ -5,7 +5,9 @@ use super::quantities::{self, Group, headline};
 use super::table::{aligned, head, principal, printable, row};
 use super::text::{NOT_IDENTIFIED, nearest_words, significant, time_base_words, unit_symbol};
 use crate::answer::Answer;
-use crate::answer::result::{Consistency, StandardDrive, StandardParameters, StandardTerm, Tracking};
+use crate::answer::result::{
+    Complete, CompleteDrive, CompleteTerm, Consistency, StandardParameters, Tracking,
+};
 use crate::model::base::names::legend;
 
 /// Returns the answer as lines of text, one group after another, columns aligned, with a final newline.
@@ -36,6 +38,7 @@ pub fn text(answer: &Answer) -> String {
         text.push_str(&format!("\n{legend}\n"));
     }
     answer.standard_parameters.iter().for_each(|found| standard_parameters(&mut text, found));
+    answer.complete.iter().for_each(|found| drives(&mut text, found));
     super::budget::text(&mut text, answer);
     text.push('\n');
     quality(&mut text, answer);
@@ -91,25 +94,34 @@ fn standard_parameters(text: &mut String, found: &StandardParameters) {
             unit_symbol("kg m2")
         ));
     }
-    for drive in &found.drives {
-        text.push_str(&format!("  {:<width$}  {}\n", printable(&drive.name), drive_words(drive)));
-    }
     text.push_str(&format!(
         "  their base parameters are {:.2} standard deviations from those identified\n",
         found.distance_sd
     ));
 }
 
+fn drives(text: &mut String, found: &Complete) {
+    if found.drives.is_empty() {
+        return;
+    }
+    text.push_str("\nDrives beside these links, to predict with\n");
+    let width = found.drives.iter().map(|drive| drive.name.chars().count()).max().unwrap_or(0);
+    for drive in &found.drives {
+        text.push_str(&format!("  {:<width$}  {}\n", printable(&drive.name), drive_words(drive)));
+    }
+}
+
 /// Returns a drive's parameters in words; what is not identified by itself is said.
-pub(super) fn drive_words(drive: &StandardDrive) -> String {
-    let of = |term: &StandardTerm| {
+pub(super) fn drive_words(drive: &CompleteDrive) -> String {
+    let of = |term: &CompleteTerm| {
         let state = match (term.identified, term.together_with.is_empty()) {
             (true, _) => String::new(),
             (false, true) => format!(" ({NOT_IDENTIFIED})"),
             (false, false) => format!(" (only together, {})", term.together_with.join(", ")),
         };
         let unit = if term.unit == "1" { String::new() } else { format!(" {}", unit_symbol(&term.unit)) };
-        format!("{} {}{unit}{state}", term.term, significant(term.value, 4))
+        let value = term.value.map_or_else(|| "–".to_owned(), |value| significant(value, 4) + &unit);
+        format!("{} {value}{state}", term.term)
     };
     drive.terms.iter().map(of).collect::<Vec<_>>().join(", ")
 }

@@ -233,7 +233,7 @@ pub fn table() -> String {
         // The usual way, judged on the same rows and on its own.
         let own = usual(&model, base, &input.drives, &q, &tau, ranges[from].clone());
         let plain = own.rows.clone().svd(true, true).solve(&own.measured, 1e-12).expect("a solution");
-        let on_ours = Prediction::of(&other, plain.as_slice(), &[0.0; 6]).expect("a prediction");
+        let on_ours = Prediction::of(&other, plain.as_slice(), &[]).expect("a prediction");
         let on_ours = of_prediction(&on_ours);
         let theirs = usual(&model, base, &input.drives, &q, &tau, ranges[to].clone());
         let plain_residual = &theirs.measured - &theirs.rows * &plain;
