@@ -28,7 +28,7 @@ enum Given {
 
 /// `rigident predict`
 pub(super) fn predict(arguments: &Predict) -> Result<ExitCode, Failure> {
-    run(std::slice::from_ref(&arguments.model), &arguments.recording, None, &arguments.how, false)
+    run(std::slice::from_ref(&arguments.given), &arguments.recording, None, &arguments.how, false)
 }
 
 /// `rigident validate`

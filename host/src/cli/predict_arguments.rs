@@ -16,7 +16,8 @@ use super::options::trees::TreeModel;
 )]
 pub struct Predict {
     /// result.json, or a robot description
-    pub model: PathBuf,
+    #[arg(value_name = "MODEL")]
+    pub given: PathBuf,
     /// The recording, CSV or MCAP
     pub recording: PathBuf,
     #[command(flatten)]

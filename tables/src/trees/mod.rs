@@ -4,6 +4,7 @@
 
 mod errors;
 mod model_check;
+mod predict;
 mod signal_noise;
 mod simulated;
 mod staubli;
@@ -21,5 +22,6 @@ pub const DOCUMENT: Document = Document {
         Table { name: "nearest", make: simulated::nearest_table },
         Table { name: "model-check-long", make: model_check::table },
         Table { name: "staubli", make: staubli::table },
+        Table { name: "predict", make: predict::table },
     ],
 };

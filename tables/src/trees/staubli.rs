@@ -24,7 +24,7 @@ const RATE_HZ: f64 = 5000.0;
 const CUT_HZ: f64 = 40.0;
 const EVERY: usize = 25;
 
-fn data() -> PathBuf {
+pub(super) fn data() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/robot_staubli_tx40")
 }
 
@@ -55,13 +55,20 @@ fn joints() -> ([Vec<f64>; 6], [Vec<f64>; 6]) {
     (q, tau)
 }
 
-fn model() -> Model {
+pub(super) fn model() -> Model {
     let path = data().join("tx40_mdh_modified.urdf");
     model::open(path.to_str().expect("a path"), &Person::default()).expect("the arm's file").0
 }
 
+/// Returns both halves of the recording.
+pub(super) fn halves() -> [Recording; 2] {
+    let (q, tau) = joints();
+    let half = q[0].len() / 2;
+    [recording(&q, &tau, 0..half), recording(&q, &tau, half..q[0].len())]
+}
+
 /// A part of the recording.
-fn part(model: &Model, q: &[Vec<f64>; 6], tau: &[Vec<f64>; 6], rows: std::ops::Range<usize>) -> TreeSource {
+fn recording(q: &[Vec<f64>; 6], tau: &[Vec<f64>; 6], rows: std::ops::Range<usize>) -> Recording {
     let mut recording = Recording { name: "tx40".to_owned(), rate_hz: Some(RATE_HZ), ..Recording::default() };
     recording.time_ns = rows.clone().map(|row| row as u64 * 200_000).collect();
     for (unit, values) in [("rad", q), ("nm", tau)] {
@@ -70,6 +77,12 @@ fn part(model: &Model, q: &[Vec<f64>; 6], tau: &[Vec<f64>; 6], rows: std::ops::R
             recording.extra.push((format!("joint_{}_{unit}", k + 1), cells));
         }
     }
+    recording
+}
+
+/// The rows of a part of the recording.
+fn part(model: &Model, q: &[Vec<f64>; 6], tau: &[Vec<f64>; 6], rows: std::ops::Range<usize>) -> TreeSource {
+    let recording = recording(q, tau, rows);
     let terms = vec![Term::Viscous, Term::Coulomb, Term::Offset, Term::Rotor];
     let options = ProblemOptions {
         friction: terms.into(),
