@@ -26,6 +26,16 @@ enum Given {
     Model(Box<Model>),
 }
 
+impl Given {
+    /// Returns the drives that it has parameters of.
+    fn drives(&self) -> &[CompleteDrive] {
+        match self {
+            Self::Answer(answer) => answer.complete.as_ref().map_or(&[], |found| &found.drives),
+            Self::Model(_) => &[],
+        }
+    }
+}
+
 /// `rigident predict`
 pub(super) fn predict(arguments: &Predict) -> Result<ExitCode, Failure> {
     run(std::slice::from_ref(&arguments.given), &arguments.recording, None, &arguments.how, false)
@@ -220,11 +230,7 @@ fn read(path: &Path) -> Result<Given, Failure> {
 fn options(given: &[Given]) -> Result<ProblemOptions, Failure> {
     let mut lists = Vec::new();
     let mut drives: Vec<String> = Vec::new();
-    let of = |given| match given {
-        &Given::Answer(ref answer) => answer.complete.as_ref().map_or(&[][..], |found| &found.drives),
-        &Given::Model(_) => &[][..],
-    };
-    let all: Vec<&CompleteDrive> = given.iter().flat_map(of).collect();
+    let all: Vec<&CompleteDrive> = given.iter().flat_map(Given::drives).collect();
     for drive in all {
         let terms: Vec<&str> = drive.terms.iter().map(|term| term.term.as_str()).collect();
         lists.push(format!("{}={}", drive.name, terms.join(",")));

@@ -210,6 +210,8 @@ pub struct Drive {
     pub terms: Vec<Term>,
     /// It slides.
     pub slides: bool,
+    /// It never moves: nothing tells of its dry friction.
+    pub stands: bool,
 }
 
 impl Drive {
@@ -228,6 +230,7 @@ impl Drive {
                 rates: vec![(k, 1.0)],
                 terms: friction.of(name).to_vec(),
                 slides,
+                stands: false,
             })
             .collect()
     }
@@ -264,7 +267,7 @@ impl Drive {
         // A constant that acts on several joints is the sum of theirs.
         let terms = friction.of(name.trim()).iter().copied();
         let terms = terms.filter(|term| rates.len() == 1 || *term != Term::Offset).collect();
-        Ok(Self { name: name.trim().to_owned(), rates, terms, slides: false })
+        Ok(Self { name: name.trim().to_owned(), rates, terms, slides: false, stands: false })
     }
 
     /// Returns the freedoms that it turns with, as [`Drive::parse`] takes them.
@@ -323,8 +326,13 @@ mod tests {
         for wrong in ["=viscous", "j=", "j=stribeck:0", "stribeck:-1", "stribeck:x", "j=none,viscous"] {
             assert!(Friction::parse(&[wrong]).is_err(), "{wrong}");
         }
-        let drive =
-            |name: &str| Drive { name: name.to_owned(), rates: Vec::new(), terms: Vec::new(), slides: false };
+        let drive = |name: &str| Drive {
+            name: name.to_owned(),
+            rates: Vec::new(),
+            terms: Vec::new(),
+            slides: false,
+            stands: false,
+        };
         assert!(friction.check(&[drive("j1"), drive("j2"), drive("j3")]).is_ok());
         assert!(friction.check(&[drive("j1"), drive("j2")]).unwrap_err().contains("no joint j3"));
     }

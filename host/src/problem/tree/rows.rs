@@ -145,7 +145,8 @@ impl RowMaker {
             let Some((_, factor)) = drive.rates.iter().find(|(k, _)| *k == freedom) else { continue };
             let (rate, load) = (drive.rate(&frame.rates), drive.load(&frame.efforts));
             for (term, to) in drive.terms.iter().zip(row.iter_mut().skip(*at)) {
-                *to = factor * term.column(rate, load, drive.slides, smoothed);
+                let is_known = !(drive.stands && term.is_dry());
+                *to = if is_known { factor * term.column(rate, load, drive.slides, smoothed) } else { 0.0 };
             }
         }
     }

@@ -19,8 +19,8 @@ const STILL_SHARE: f64 = 1e-3;
 /// A drive that stands for more than this share of the recording never moves.
 const ALWAYS: f64 = 0.99;
 
-/// Marks the drives with dry friction that stand still, by frames, and says which do for how long. One that never moves has no
-/// columns of it: there is nothing that its effort could be told from.
+/// Marks the drives with dry friction that stand still, by frames, and says which do for how long. One that never moves has rows and
+/// zeros in these columns: nothing tells of them.
 pub(super) fn mark(input: &mut Input) -> Vec<String> {
     if input.is_static || !input.has_efforts() {
         return Vec::new();
@@ -46,7 +46,7 @@ pub(super) fn mark(input: &mut Input) -> Vec<String> {
         }
         let count = stands.iter().filter(|stands| **stands).count();
         if count as f64 > ALWAYS * stands.len() as f64 {
-            drive.terms.retain(|term| !term.is_dry());
+            drive.stands = true;
             never.push(drive.name.clone());
             continue;
         }
@@ -71,7 +71,7 @@ pub(super) fn mark(input: &mut Input) -> Vec<String> {
     }
     if !never.is_empty() {
         notes.push(format!(
-            "never moving: {}; no dry friction is sought there, and if there is any, efforts that hold these joints are taken for \
+            "never moving: {}; nothing tells of dry friction there, and if there is any, efforts that hold these joints are taken for \
              their links' (--lock leaves them out)",
             never.join(", ")
         ));
