@@ -19,7 +19,7 @@ pub struct Predictor {
 }
 
 impl Predictor {
-    /// Returns what a model's nominal parameters say; drives without friction and rotors.
+    /// Returns what a model's nominal parameters say, with viscous and Coulomb friction and rotors of its joints.
     pub fn of_model(model: &Model) -> Self {
         let mut own = Self::default();
         own.add_links(model);
@@ -56,6 +56,11 @@ impl Predictor {
             let own = link.nominal.unwrap_or_default();
             let names = PARAMETER_NAMES[..10].iter().map(|name| format!("{}.{name}", link.name));
             self.values.extend(names.zip(own));
+            let passive = link.passive.first().copied().unwrap_or_default();
+            let joint = |word: &str| format!("{}.{word}", link.joint_name);
+            let of_joint =
+                [("viscous", passive.damping), ("coulomb", passive.friction), ("rotor", passive.armature)];
+            self.values.extend(of_joint.map(|(word, value)| (joint(word), value)));
         }
     }
 

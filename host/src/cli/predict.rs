@@ -13,7 +13,7 @@ use crate::answer::predictor::Predictor;
 use crate::answer::result::CompleteDrive;
 use crate::fit::{Prediction, RowSource, plain_least_squares};
 use crate::model::human::Person;
-use crate::model::{self, Model};
+use crate::model::{self, Model, ModelLink};
 use crate::present::prediction::{ChannelError, PredictedChannel, Predictions, page, text};
 use crate::problem::ProblemOptions;
 use crate::problem::tree::drive::Friction;
@@ -33,6 +33,22 @@ impl Given {
             Self::Answer(answer) => answer.complete.as_ref().map_or(&[], |found| &found.drives),
             Self::Model(_) => &[],
         }
+    }
+}
+
+impl Given {
+    /// Returns the columns that a description has parameters of, by joints.
+    fn joints(&self) -> Vec<(String, Vec<&'static str>)> {
+        let Self::Model(model) = self else { return Vec::new() };
+        let links = model.links.iter().skip(1).filter(|link| link.link.joint.freedoms() == 1);
+        let of = |link: &ModelLink| {
+            let passive = link.passive.first().copied().unwrap_or_default();
+            let all =
+                [("viscous", passive.damping), ("coulomb", passive.friction), ("rotor", passive.armature)];
+            let terms = all.into_iter().filter(|(_, value)| *value != 0.0).map(|(word, _)| word);
+            (link.joint_name.clone(), terms.collect::<Vec<_>>())
+        };
+        links.map(of).filter(|(_, terms)| !terms.is_empty()).collect()
     }
 }
 
@@ -238,6 +254,9 @@ fn options(given: &[Given]) -> Result<ProblemOptions, Failure> {
         if drive.turns_with != drive.name && !drives.contains(&words) {
             drives.push(words);
         }
+    }
+    for (joint, terms) in given.iter().flat_map(Given::joints) {
+        lists.push(format!("{joint}={}", terms.join(",")));
     }
     let friction = Friction::parse(&lists).map_err(Failure::input)?;
     Ok(ProblemOptions { friction, drives, ..ProblemOptions::default() })

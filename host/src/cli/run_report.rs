@@ -5,10 +5,12 @@ use super::arguments::Output;
 use super::loaded::{Loaded, StandardOptions};
 use super::outcome::say;
 use super::{ExitStatus, Failure, Folder};
+use crate::answer::result::CompleteDrive;
 use crate::answer::{Answer, Context, Drift, Source, Status, TimeBase, Tracking};
 use crate::fit::Fit;
 use crate::fit::pool::PooledFactor;
-use crate::model::write;
+use crate::model::passive::Passive;
+use crate::model::{Model, write};
 use crate::present::{self, Decided, Series, Stage, TimePlot};
 use crate::rig::RigFile;
 
@@ -173,7 +175,30 @@ impl<'a> RunReport<'a> {
             return Ok(String::new());
         };
         let links = found.links.iter().map(|link| (link.name.as_str(), link.parameters));
-        write::write(&write::with_parameters(model, links), file, path).map_err(Failure::input)?;
+        let changed = write::with_parameters(model, links);
+        let changed = write::with_passive(&changed, identified_passive(answer, model).into_iter());
+        write::write(&changed, file, path).map_err(Failure::input)?;
         Ok(format!("; the model is {}", path.display()))
     }
+}
+
+/// Returns friction and rotors of joints' own drives as an answer has them, by joint; what it has none of stays the model's.
+fn identified_passive<'a>(answer: &'a Answer, model: &Model) -> Vec<(&'a str, Passive)> {
+    let drives = answer.complete.iter().flat_map(|complete| &complete.drives);
+    let of = |drive: &'a CompleteDrive| {
+        let joint = model.joint(&drive.name).filter(|_| drive.turns_with == drive.name)?;
+        let mut passive = model.links.get(joint)?.passive.first().copied().unwrap_or_default();
+        for term in &drive.terms {
+            // What descriptions have no negative values of is left as it was.
+            let Some(value) = term.value.filter(|value| *value >= 0.0) else { continue };
+            match term.term.as_str() {
+                "viscous" => passive.damping = value,
+                "coulomb" => passive.friction = value,
+                "rotor" => passive.armature = value,
+                _ => {}
+            }
+        }
+        Some((drive.name.as_str(), passive))
+    };
+    drives.filter_map(of).collect()
 }
