@@ -135,31 +135,3 @@ fn arms_are_predicted_as_well_as_by_plain_least_squares() {
         }
     }
 }
-
-/// Plain least squares are what they are called: Pinocchio's rows with accelerations and numpy's solution leave as much.
-#[test]
-#[ignore = "needs ../shared/data and Pinocchio in Python"]
-fn plain_least_squares_leave_what_numpy_s_leave() {
-    for (file, locked) in ARMS {
-        let (found, folder) = compare(file, locked, &noisy());
-        let script =
-            Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/integration/pinocchio/least_squares.py");
-        let python = std::env::var("RIGIDENT_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-        let output = Command::new(python)
-            .current_dir(folder.path())
-            .arg(script)
-            .arg(robot(file))
-            .args([if locked.is_empty() { "-" } else { locked }, "first.csv", "second.csv"])
-            .output()
-            .unwrap();
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        let theirs: Vec<f64> = serde_json::from_slice(&output.stdout).unwrap();
-        let own = nrmse(&found, "least squares");
-        println!("{own:?}\n{theirs:?}");
-        assert_eq!(theirs.len(), own.len());
-        for (own, theirs) in own.iter().zip(&theirs) {
-            // The same window, central differences in place of its slope, other samples of the same noise at its ends.
-            assert!((own / theirs - 1.0).abs() < 0.05, "{file}: {own} {theirs}");
-        }
-    }
-}
