@@ -315,3 +315,70 @@ fn of_delays(case: &Case, there: &[Triple]) -> Vec<Fault> {
     }
     all
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::problem::ProblemOptions;
+    use crate::recording::{ImuColumns, Recording};
+
+    #[test]
+    fn axes_are_all_there_once_and_called_by_what_was_done() {
+        let all = signed_permutations();
+        assert_eq!(all.len(), 47);
+        for (k, axes) in all.iter().enumerate() {
+            assert!(!all[..k].contains(axes));
+            let turn = matrix(*axes);
+            assert!((turn * turn.transpose() - Matrix3::identity()).norm() < 1e-15);
+        }
+        let words = |axes: Axes| axes_in_words(axes);
+        assert_eq!(words([(0, -1.0), (1, -1.0), (2, -1.0)]), "is reversed");
+        assert_eq!(words([(0, 1.0), (1, -1.0), (2, 1.0)]), "has y reversed");
+        assert_eq!(words([(0, -1.0), (1, -1.0), (2, 1.0)]), "is turned by 180° about z");
+        assert_eq!(words([(1, 1.0), (0, 1.0), (2, 1.0)]), "has x and y swapped");
+        assert_eq!(words([(1, 1.0), (0, -1.0), (2, 1.0)]), "is turned by 90° about z");
+        assert!(words([(1, 1.0), (2, -1.0), (0, 1.0)]).contains("y, −z, x"));
+    }
+
+    fn case() -> Case {
+        let row = |k: u32| f64::from(k);
+        let recording = Recording {
+            time_ns: (0..100).map(|k| k * 10_000_000).collect(),
+            rate_hz: Some(100.0),
+            wrench: Some((0..100).map(|k| [row(k); 6]).collect()),
+            imus: vec![ImuColumns {
+                accel: Some((0..100).map(|k| [row(k); 3]).collect()),
+                gyro: Some((0..100).map(|k| [row(k); 3]).collect()),
+            }],
+            ..Recording::default()
+        };
+        Case { recording, model: None, options: ProblemOptions::default() }
+    }
+
+    #[test]
+    fn a_delay_moves_what_is_late_and_cuts_what_has_no_partner() {
+        for (s, first) in [(0.03, 3.0), (-0.03, 0.0)] {
+            let what = late("the gyro", s);
+            let fault = faults(&case()).into_iter().find(|fault| fault.what == what).unwrap();
+            let undone = fault.undone(&case()).unwrap().recording;
+            assert_eq!(undone.rows(), 97);
+            let (wrench, gyro) = (undone.wrench.unwrap(), undone.imus[0].gyro.clone().unwrap());
+            // Read three rows later, it stands beside what it belongs to.
+            assert!(wrench.iter().zip(&gyro).all(|(w, g)| g[0] - w[0] == 100.0 * s), "{s}");
+            assert_eq!(gyro[0][0], first);
+        }
+        assert!(delays(&case()).iter().all(|(_, s)| s.abs() <= LONGEST_S));
+    }
+
+    #[test]
+    fn units_of_a_sensor_that_is_not_there_are_no_fault() {
+        let mut without = case();
+        without.recording.imus[0].gyro = None;
+        assert!(faults(&without).iter().all(|fault| !fault.what.contains("gyro")));
+        assert!(faults(&case()).iter().any(|fault| fault.what == "the gyro is in deg/s"));
+        let mut none = case();
+        none.recording.wrench = None;
+        none.recording.imus.clear();
+        assert!(faults(&none).is_empty());
+    }
+}

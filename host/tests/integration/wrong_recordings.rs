@@ -60,6 +60,51 @@ fn one_wrong_line_in_the_rig_file_is_named_and_nothing_gets_a_number() {
     }
 }
 
+#[test]
+fn the_fault_of_a_body_s_recording_is_named_and_mended_by_what_is_advised() {
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    // Of a gyro whose range is stated most readings in degrees are beyond it, and left out.
+    let rig = recording(at).replace("range_radps", "# range_radps");
+    let text = fs::read_to_string(at.join("a.csv")).unwrap();
+    let degrees = |cell: &str| (cell.parse::<f64>().unwrap().to_degrees()).to_string();
+    let reversed = |cell: &str| (-cell.parse::<f64>().unwrap()).to_string();
+    let all = |names: [&str; 3], value: &dyn Fn(&str) -> String| {
+        names.iter().fold(text.clone(), |text, name| with_column(&text, name, |_, cell| value(cell)))
+    };
+    let gyro = ["imu_gx_radps", "imu_gy_radps", "imu_gz_radps"];
+    let swapped = text.replacen("imu_ax_mps2,imu_ay_mps2", "imu_ay_mps2,imu_ax_mps2", 1);
+    for (name, changed, cause) in [
+        ("degrees", all(gyro, &degrees), "the gyro is in deg/s"),
+        ("moments", all(["mx_nm", "my_nm", "mz_nm"], &reversed), "the moment is reversed"),
+        ("swapped", swapped, "the accelerometer has x and y swapped"),
+    ] {
+        assert_ne!(changed, text, "{name}");
+        fs::write(at.join(format!("{name}.csv")), changed).unwrap();
+        fs::write(at.join(format!("{name}.rig.toml")), &rig).unwrap();
+        let output =
+            rigident(at, &["identify", &format!("{name}.csv"), "--json", "--out", &format!("{name}.out")]);
+        let result = json(&output);
+        assert_eq!(
+            (output.status.code(), result["status"].as_str()),
+            (Some(1), Some("implausible")),
+            "{name}"
+        );
+        let told = &result["cause"];
+        assert!(
+            told["what"].as_str().unwrap().contains(cause) && told["confirmed"] == true,
+            "{name}: {told}"
+        );
+        let page = fs::read_to_string(at.join(format!("{name}.out/report.html"))).unwrap();
+        assert!(page.contains(cause) && !page.contains("class=\"badge good\""), "{name}");
+    }
+    let scale = gyro.map(|name| format!("{name} = {{ name = \"{name}\", scale = 0.017453292519943295 }}"));
+    let mended = rig.replace("[recording]", &format!("[recording]\ncolumns = {{ {} }}", scale.join(", ")));
+    fs::write(at.join("degrees.rig.toml"), mended).unwrap();
+    let output = rigident(at, &["identify", "degrees.csv", "--json", "--out", "mended"]);
+    assert_eq!(json(&output)["status"], "identified", "{}", said(&output));
+}
+
 const HEADER: &str = "t_s,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm,imu_ax_mps2,imu_ay_mps2,imu_az_mps2,imu_gx_radps,\
                       imu_gy_radps,imu_gz_radps\n";
 
