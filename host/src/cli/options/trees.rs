@@ -202,7 +202,7 @@ pub struct BenchCommand {
 /// What can be timed.
 #[derive(Subcommand, Debug, Clone)]
 pub enum BenchVerb {
-    /// Rows of trees of links, against Pinocchio's of the same models in the same run
+    /// Time rows of trees of links, and those of Pinocchio through Python
     Regressors(BenchRegressors),
 }
 
