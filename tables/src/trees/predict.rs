@@ -42,6 +42,7 @@ fn answer(case: &Case, source: &TreeSource) -> Answer {
         situation: source.input().situation,
         drives: source.drive_motions(),
         idle: Vec::new(),
+        beyond: Vec::new(),
         standard: Some(StandardRequest {
             nominal: &case.model,
             trust: 1.0,

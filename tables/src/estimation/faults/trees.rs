@@ -112,8 +112,10 @@ impl Arm {
             ["rad", "radps", "nm"].into_iter().flat_map(|unit| JOINTS.map(|joint| format!("{joint}_{unit}")));
         recording.extra = names.zip(columns).collect();
         recording.rig = RigFile::default();
-        let options =
-            ProblemOptions { friction: vec![Term::Viscous, Term::Coulomb], ..ProblemOptions::default() };
+        let options = ProblemOptions {
+            friction: vec![Term::Viscous, Term::Coulomb].into(),
+            ..ProblemOptions::default()
+        };
         Case { recording, model: Some(self.nominal.clone()), options }
     }
 
@@ -220,7 +222,7 @@ const FAULTS: [Planted; 38] = [
     Planted { name: "position of joint 4 constant", told: "wrist_1_joint_rad", plant: |c| scale(c, &["rad"], Some(3), 0.0) },
     Planted { name: "rate spike of joint 3", told: "elbow_joint_radps", plant: |c| each(c, "radps", |row, k, v| if row == 1234 && k == 2 { v + 50.0 } else { v }) },
     Planted { name: "effort spike of joint 3", told: "elbow_joint", plant: |c| each(c, "nm", |row, k, v| if row == 1234 && k == 2 { v + 2000.0 } else { v }) },
-    Planted { name: "friction left out", told: "friction of the joints is left out", plant: |c| c.options.friction.clear() },
+    Planted { name: "friction left out", told: "friction of the joints is left out", plant: |c| c.options.friction = Vec::new().into() },
 ];
 /// Tilts of the table that the arm stands on, degrees, and what must be said.
 const TILTS: [(&str, &str, f64); 4] = [
