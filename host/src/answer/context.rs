@@ -98,3 +98,10 @@ pub struct StandardRequest<'a> {
     /// True if an answer without them is an error.
     pub required: bool,
 }
+
+impl<'a> StandardRequest<'a> {
+    /// Returns the request for those nearest to a nominal model, as far as there are any.
+    pub fn of(nominal: &'a Model) -> Self {
+        Self { nominal, trust: 1.0, symmetric: false, required: false }
+    }
+}

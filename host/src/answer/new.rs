@@ -8,7 +8,7 @@ use super::complete::complete;
 use super::context::{Context, Links, StandardRequest};
 use super::derived::{self, Derived, ten};
 use super::nearest_body::{self, nearest_body};
-use super::physical_consistency::{PhysicalConsistency, SURPRISING, of_base_parameters};
+use super::physical_consistency::{PhysicalConsistency, SURPRISING, of_base_parameters, probability};
 use super::result::{
     Answer, BodyFrame, Channel, Consistency, Counts, ErrorsAgreement, ForgettingKind, Forgotten, KnownValue,
     ModelSummary, NearestBody, Parameter, ParameterState, PrincipalMoment, RigError, SCHEMA, SignalNoise,
@@ -110,6 +110,8 @@ impl Answer {
         answer.add_body(&judged, context.body);
         answer.truth = context.truth.filter(|_| is_body).map(|truth| true_body(truth, context.body));
         let impossible = answer.add_consistency(&judged, of_base);
+        answer.add_standard_parameters(&judged, &base, &impossible)?;
+        let impossible = impossible.filter(|_| !answer.has_near_bodies(base.as_ref().map(|(_, base)| base)));
         let scaled = links.filter(|_| !is_body).and_then(|links| plausibility::scaled(fit, links));
         let inconsistent = answer.consistency.as_ref().is_some_and(|c| c.probability < SURPRISING);
         let beyond = links.map_or(&[][..], |links| &links.beyond);
@@ -127,7 +129,6 @@ impl Answer {
                     .to_owned(),
             );
         }
-        answer.add_standard_parameters(&judged, &base, &impossible)?;
         answer.add_remarks(&judged, &context, impossible);
         let Context { source, time_base, error, tracking, drift, date, .. } = context;
         Ok(Self { source, time_base, error, tracking, drift, date, ..answer })
@@ -222,6 +223,25 @@ impl Answer {
             None => None,
         };
         (!is_body).then(|| nearest_body::warning(nearest.as_ref()))
+    }
+
+    /// Takes the standard parameters that were found for the nearest bodies, where the search from made-up ones did not come as near;
+    /// returns true if these are near enough.
+    fn has_near_bodies(&mut self, base: Option<&BaseEstimate>) -> bool {
+        let (Some(base), Some(found), Some(judged)) =
+            (base, &self.standard_parameters, &mut self.consistency)
+        else {
+            return false;
+        };
+        let square = found.distance_sd.powi(2);
+        let nearer = found.distance_sd < judged.distance_sd;
+        let Some(probability) = probability(square, base.rank as f64, base.noise).filter(|_| nearer) else {
+            return false;
+        };
+        (judged.distance_sd, judged.probability) = (found.distance_sd, probability);
+        let is_consistent = probability >= SURPRISING;
+        self.physically_consistent = Some(is_consistent);
+        is_consistent
     }
 
     /// Adds standard parameters of all links, where there is a nominal model, or says why there are none.

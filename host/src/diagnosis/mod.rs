@@ -10,7 +10,7 @@ pub mod joints;
 pub mod sensors;
 
 use crate::answer::result::{Cause, Status};
-use crate::answer::{Answer, Context};
+use crate::answer::{Answer, Context, StandardRequest};
 use crate::fit::explained::explained;
 use crate::fit::{FitOptions, Progress, Silent, parallel};
 use crate::model::Model;
@@ -168,7 +168,8 @@ fn is_plausible(case: &Case) -> bool {
     let answer = || {
         let problem = Problem::from_recording(&case.recording, case.model.as_ref(), &case.options).ok()?;
         let fit = problem.fit(&options, &Silent).ok()?;
-        let context = Context { links: problem.links(None), ..Context::default() };
+        let standard = case.model.as_ref().map(StandardRequest::of);
+        let context = Context { links: problem.links(standard), ..Context::default() };
         Answer::new(&fit, context).ok()
     };
     answer().is_some_and(|answer| matches!(answer.status, Status::Identified | Status::PartlyIdentified))

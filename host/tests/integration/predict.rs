@@ -135,3 +135,35 @@ fn arms_are_predicted_as_well_as_by_plain_least_squares() {
         }
     }
 }
+
+/// An arm that never rests, and noise that central differences bear.
+fn moving() -> ArmRun {
+    ArmRun { rest_s: 0.0, position_noise: 1e-5, rate_noise: 1e-4, rotor: 0.2, ..ArmRun::default() }
+}
+
+/// Plain least squares are what they are called: Pinocchio's rows with accelerations and numpy's solution leave as much.
+#[test]
+#[ignore = "needs ../shared/data and Pinocchio in Python"]
+fn plain_least_squares_of_shared_data_leave_what_live_pinocchio_s_leave() {
+    for (file, locked) in ARMS {
+        let (found, folder) = compare(file, locked, &moving());
+        let script =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/integration/pinocchio/least_squares.py");
+        let python = std::env::var("RIGIDENT_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+        let output = Command::new(python)
+            .current_dir(folder.path())
+            .arg(script)
+            .arg(robot(file))
+            .args([if locked.is_empty() { "-" } else { locked }, "first.csv", "second.csv"])
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let theirs: Vec<f64> = serde_json::from_slice(&output.stdout).unwrap();
+        let own = nrmse(&found, "least squares");
+        assert_eq!(theirs.len(), own.len());
+        for (own, theirs) in own.iter().zip(&theirs) {
+            // The same window, central differences in place of its slope.
+            assert!((own / theirs - 1.0).abs() < 0.02, "{file}: {own} {theirs}");
+        }
+    }
+}

@@ -158,7 +158,9 @@ fn predicted(source: &TreeSource, phi: &[f64]) -> Vec<f64> {
 
 /// The columns of all errors against differences of what is predicted of corrected readings.
 fn compare(input: Input, random: &mut Random) {
-    let source = TreeSource::new(input.clone()).unwrap();
+    let source = TreeSource::new(input).unwrap();
+    // Rotors that cannot be told from moments of inertia are gone.
+    let input = source.input().clone();
     let phi: Vec<f64> = source.parameters().iter().map(|_| random.next()).collect();
     let columns = source.error_columns(&phi).unwrap();
     let (channels, count) = (source.channels().len(), input.errors.len());

@@ -82,7 +82,7 @@ fn what_a_recording_is_accused_of_follows_its_factor() {
     let half = both.lines().count() / 2;
     let lines: Vec<&str> = both.lines().take(half).chain(alone.lines().skip(half)).collect();
     fs::write(at.join("lost.csv"), format!("{}\n", lines.join("\n"))).unwrap();
-    write(at, "honest", body(), 2, &noise());
+    write(at, "honest", together(&body(), &fixture()), 2, &noise());
     write(at, "bare", fixture(), 3, &noise());
     for name in ["lost", "honest", "bare"] {
         let output = rigident(at, &["factor", &format!("{name}.csv"), "-o", &format!("{name}.factor")]);

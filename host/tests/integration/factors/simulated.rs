@@ -110,7 +110,8 @@ pub fn noise() -> String {
 /// The command must succeed; its object.
 pub fn json(folder: &Path, arguments: &[&str]) -> Value {
     let output = rigident(folder, arguments);
-    assert_eq!(status(&output), 0, "{arguments:?}: {}", said(&output));
+    let answer = String::from_utf8_lossy(&output.stdout);
+    assert_eq!(status(&output), 0, "{arguments:?}: {} {answer}", said(&output));
     serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {}", said(&output)))
 }
 

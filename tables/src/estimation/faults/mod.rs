@@ -6,7 +6,7 @@
 mod body;
 mod trees;
 
-use rigident::answer::{Answer, Context, Status};
+use rigident::answer::{Answer, Context, StandardRequest, Status};
 use rigident::diagnosis::{Case, diagnose};
 use rigident::fit::{FitOptions, Silent, parallel};
 use rigident::problem::Problem;
@@ -51,7 +51,7 @@ fn verdict(case: &mut Case, truth: &dyn Fn(&Problem) -> Vec<Option<f64>>) -> Ver
         }
     };
     let context = Context {
-        links: problem.links(None),
+        links: problem.links(case.model.as_ref().map(StandardRequest::of)),
         rate_sigma: problem.source().rate_sigma(),
         warnings: case.recording.warnings.clone(),
         ..Context::default()
