@@ -99,7 +99,10 @@ fn beside(factor: &Factor, first: &[f64]) -> Option<Vec<f64>> {
     let own = r.columns(count, rest);
     let left = &z - r.columns(0, count) * DVector::from_column_slice(first);
     // Columns of unit length, each known beforehand to be no more than everything.
-    let length: Vec<f64> = own.column_iter().map(|c| c.norm().max(f64::MIN_POSITIVE)).collect();
+    let length: Vec<f64> = own.column_iter().map(|c| c.norm()).collect();
+    // What is rounding of a column is none: nothing depends on its parameter, which is left at zero.
+    let least = f64::EPSILON * length.iter().fold(f64::MIN_POSITIVE, |most, v| most.max(*v));
+    let length: Vec<f64> = length.into_iter().map(|v| if v > least { v } else { f64::INFINITY }).collect();
     let all = z.norm().max(f64::MIN_POSITIVE);
     let mut rows = DMatrix::zeros(n + rest, rest);
     for (k, length) in length.iter().enumerate() {

@@ -53,7 +53,10 @@ fn negative(fit: &Fit) -> Option<String> {
 
 /// Returns the standard deviation of what the model leaves of a channel beyond its noise, as a share of what varies.
 fn share(fit: &Fit, channel: &ChannelFit) -> Option<f64> {
-    if fit.residuals.is_empty() || channel.measured_sd <= 0.0 {
+    // Of a force or moment along one axis what the largest of the three varies by.
+    let group = fit.channels.iter().filter(|other| other.channel.group == channel.channel.group);
+    let varies = group.map(|other| other.measured_sd).fold(0.0, f64::max);
+    if fit.residuals.is_empty() || varies <= 0.0 {
         return None;
     }
     let own = match (channel.noise_floor, channel.channel.sigma) {
@@ -66,7 +69,7 @@ fn share(fit: &Fit, channel: &ChannelFit) -> Option<f64> {
     let gain = fit.filter.noise_gain;
     let signals = (channel.residual_sigma.powi(2) - gain * channel.sigma.powi(2)).max(0.0);
     let beyond = channel.residual_rms.powi(2) - gain * own * own - signals;
-    Some(beyond.max(0.0).sqrt() / channel.measured_sd)
+    Some(beyond.max(0.0).sqrt() / varies)
 }
 
 /// Tells of channels that the model explains little of, where that is no noise.
@@ -81,7 +84,7 @@ fn unexplained(fit: &Fit) -> Option<String> {
     (!poor.is_empty()).then(|| {
         format!(
             "the model leaves more of some channels than noise and {:.0} % of what they vary by (rms of what is left beyond the \
-             noise, over the standard deviation of what is measured): {}",
+             noise, over the standard deviation of what is measured, of a wrench the largest of three axes): {}",
             100.0 * UNEXPLAINED,
             poor.join(", ")
         )
