@@ -177,13 +177,16 @@ fn list<const K: usize>(
 
 /// Returns the status in words.
 pub(super) fn headline(answer: &Answer) -> String {
+    if let Some(cause) = &answer.cause {
+        return format!("Not to be used: most likely {}", cause.what);
+    }
     if !is_body(answer) {
         let identified = answer.parameters.iter().filter(|p| p.state.is_identified()).count();
         let words = match answer.status {
             Status::Identified => "Identified",
             Status::PartlyIdentified => "Partly identified",
             Status::NotIdentified => "Not identified",
-            Status::Implausible => "Not to be used, see the warnings",
+            Status::Implausible => return "Not to be used, see the warnings".to_owned(),
             Status::Failed => "Failed",
         };
         return format!("{words}: {identified} of {} parameters identified", answer.parameters.len());

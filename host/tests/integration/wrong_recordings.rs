@@ -96,7 +96,11 @@ fn the_fault_of_a_body_s_recording_is_named_and_mended_by_what_is_advised() {
             "{name}: {told}"
         );
         let page = fs::read_to_string(at.join(format!("{name}.out/report.html"))).unwrap();
-        assert!(page.contains(cause) && !page.contains("class=\"badge good\""), "{name}");
+        assert!(
+            page.contains(&format!("Not to be used: most likely {cause}"))
+                && !page.contains("class=\"badge good\""),
+            "{name}"
+        );
     }
     let scale = gyro.map(|name| format!("{name} = {{ name = \"{name}\", scale = 0.017453292519943295 }}"));
     let mended = rig.replace("[recording]", &format!("[recording]\ncolumns = {{ {} }}", scale.join(", ")));
