@@ -124,7 +124,7 @@ fn noisy() -> ArmRun {
 /// plain least squares, in every joint.
 #[test]
 #[ignore = "needs ../shared/data"]
-fn arms_are_predicted_as_well_as_by_plain_least_squares() {
+fn arms_of_shared_data_are_predicted_as_well_as_by_plain_least_squares() {
     for (file, locked) in ARMS {
         let (found, _) = compare(file, locked, &noisy());
         let (own, plain) = (nrmse(&found, "identified"), nrmse(&found, "least squares"));
