@@ -1,6 +1,6 @@
 //! What turns with the joints and rubs: friction, offsets and rotor inertia, as columns beside the links'.
 //!
-//! Where a drive stands still dry friction is anything of its size, and its rows tell nothing ([`super::standstill`]).
+//! Where a drive stands still dry friction is anything of its size, and its rows tell nothing (`standstill`).
 
 use rigident_shared::tree::Link;
 

@@ -23,7 +23,7 @@ pub struct Frame {
     pub wrench: [f64; 6],
     /// Force or torque of every freedom's drive, N or N m; empty if they are not among the rows.
     pub efforts: Vec<f64>,
-    /// Freedoms whose drives stand still, so that dry friction there is anything of its size ([`super::standstill`]).
+    /// Freedoms whose drives stand still, so that dry friction there is anything of its size (`standstill`).
     pub standing: Vec<usize>,
 }
 
