@@ -44,6 +44,20 @@ impl BodyParameters {
         }
     }
 
+    /// Returns true if some body has these parameters: all are finite, the mass is positive, and so are the second moments of
+    /// mass, `½ tr(I) 1 − I`, but for the rounding of printed figures.
+    pub fn is_possible(&self) -> bool {
+        const ROUNDED: f64 = 0.01;
+        let inertia = self.inertia_com();
+        let second = Matrix3::identity() * (0.5 * inertia.trace()) - inertia;
+        let finite = self.com_m.iter().chain(&self.inertia_com_kgm2).all(|v| v.is_finite());
+        if !(finite && self.mass_kg.is_finite() && self.mass_kg > 0.0) {
+            return false;
+        }
+        let eigen = second.symmetric_eigenvalues();
+        eigen.max() >= 0.0 && eigen.min() >= -ROUNDED * eigen.max()
+    }
+
     /// The tensor about the centre of mass as a matrix, kg m².
     pub fn inertia_com(&self) -> Matrix3<f64> {
         let [xx, yy, zz, yz, zx, xy] = self.inertia_com_kgm2;

@@ -87,6 +87,37 @@ impl Geometry {
         self.kept(trajectory, Some(load))
     }
 
+    /// Returns true if it can be shown in so many looks that every limit is kept at every instant, those of forces with what may
+    /// be carried, and that the plate turns no faster than so.
+    pub fn proves(
+        &self,
+        trajectory: &Trajectory,
+        load: Option<&Load>,
+        rate_limit_radps: f64,
+        most_looks: u32,
+    ) -> bool {
+        let load = load.filter(|_| self.limits.leg_force_n.is_some());
+        let bounds = self.bounds_with(load, rate_limit_radps);
+        let mut stack: Vec<(f64, f64)> =
+            trajectory.seams_s().windows(2).map(|pair| (pair[0], pair[1])).collect();
+        if stack.is_empty() {
+            stack.push((0.0, 0.0));
+        }
+        let mut looks = 0;
+        while let Some((from, to)) = stack.pop() {
+            let (middle, half) = (0.5 * (from + to), 0.5 * (to - from));
+            looks += 1;
+            if bounds.shown(trajectory, middle, half) {
+                continue;
+            }
+            if looks > most_looks || half <= SHORTEST_S {
+                return false;
+            }
+            stack.extend([(middle, to), (from, middle)]);
+        }
+        true
+    }
+
     fn kept(&self, trajectory: &Trajectory, load: Option<&Load>) -> Result<(), MotionError> {
         let load = load.filter(|_| self.limits.leg_force_n.is_some());
         let at = |time_s: f64| {

@@ -94,14 +94,11 @@ struct Look {
 
 /// Mass (kg), first (kg m) and second (kg m²) moment of all points' distances from the plate's origin.
 fn moments(load: &Load) -> [f64; 3] {
-    let (known, ball) = match &load.bodies {
+    let (known, set) = match &load.bodies {
         Bodies::Known(known) => (known, [0.0; 3]),
-        Bodies::Bounded { known, mass_kg, centre_m, radius_m } => {
-            let reach = Vector3::from(*centre_m).norm() + radius_m;
-            (known, [*mass_kg, mass_kg * reach, mass_kg * reach * reach])
-        }
+        Bodies::Within { known, body } => (known, body.moments()),
     };
-    known.iter().fold(ball, |[m, first, second], body| {
+    known.iter().fold(set, |[m, first, second], body| {
         let [xx, yy, zz, ..] = body.inertia_origin_kgm2();
         let square = 0.5 * (xx + yy + zz);
         // Cauchy and Schwarz.
@@ -118,6 +115,12 @@ pub(super) struct Bounds<'a> {
 }
 
 impl Bounds<'_> {
+    /// True if every limit is known to be kept in the interval of `2 half` about `time_s`, between two seams.
+    pub(super) fn shown(&self, trajectory: &Trajectory, time_s: f64, half: f64) -> bool {
+        let look = self.geometry.look(trajectory, time_s, half, self.load, self.moments);
+        look.bound.iter().zip(self.allowed).all(|(bound, allowed)| *bound <= allowed)
+    }
+
     /// The first limit that is not known to be kept in the interval of `2 half` about `time_s`, between two seams; a bound
     /// may lie above its limit by the share `touch`.
     pub(super) fn beyond(
@@ -235,7 +238,12 @@ impl Geometry {
 
     /// To ask of intervals of any length, as [`Geometry::check`] does.
     pub(super) fn bounds_of<'a>(&'a self, load: Option<&'a Load>) -> Bounds<'a> {
-        Bounds { geometry: self, load, moments: load.map(moments), allowed: self.allowed(f64::INFINITY) }
+        self.bounds_with(load, f64::INFINITY)
+    }
+
+    /// The same with a limit of the plate's angular rate.
+    pub(super) fn bounds_with<'a>(&'a self, load: Option<&'a Load>, rate_limit_radps: f64) -> Bounds<'a> {
+        Bounds { geometry: self, load, moments: load.map(moments), allowed: self.allowed(rate_limit_radps) }
     }
 
     fn allowed(&self, rate_limit_radps: f64) -> [f64; QUANTITIES] {

@@ -79,7 +79,8 @@ fn sampled(g: &Geometry, trajectory: &Trajectory, load: &Load, rate: f64) -> [f6
 #[test]
 fn bounds_hold_at_every_instant_and_are_not_far_above() {
     let g = machine();
-    let ball = Load::bounded(20.0, [0.0, 0.0, 0.15], 0.2);
+    let ball =
+        Load::new(Bodies::Within { known: Vec::new(), body: BodySet::bounded(20.0, [0.0, 0.0, 0.15], 0.2) });
     for (seed, load) in [
         (1, Load::body(BodyParameters::thesis_horizontal())),
         (2, Load::body(BodyParameters::thesis_vertical())),
@@ -121,4 +122,26 @@ fn an_overstepped_limit_is_named_with_leg_and_time() {
     assert_eq!(violation.limit, Limit::LegRate);
     assert!(violation.leg.is_some() && !guarantee.is_kept());
     assert_eq!(guarantee.tightest().unwrap().limit, Some(Limit::LegRate));
+}
+
+/// Limits a little above the bounds are shown to be kept, any a little below what was seen is not.
+#[test]
+fn what_is_proven_is_what_the_bounds_say() {
+    let mut g = machine();
+    let load =
+        Load::new(Bodies::Within { known: Vec::new(), body: BodySet::bounded(20.0, [0.0, 0.0, 0.15], 0.2) });
+    let trajectory = program(&g, 7).trajectory().unwrap();
+    let bounds = g.guarantee(&trajectory, Some(&load), 9.0);
+    let peak = |limit: Option<Limit>| *bounds.peaks.iter().find(|p| p.limit == limit).unwrap();
+    let (rate, force, turning) = (peak(Some(Limit::LegRate)), peak(Some(Limit::LegForce)), peak(None));
+    g.leg_rate_mps = 1.001 * rate.bound;
+    g.limits.leg_force_n = Some(1.001 * force.bound);
+    let proven = |g: &Geometry, turning: f64| g.proves(&trajectory, Some(&load), turning, 100_000);
+    assert!(proven(&g, 1.001 * turning.bound));
+    assert!(!proven(&g, 0.999 * turning.seen));
+    assert!(!g.proves(&trajectory, Some(&load), 1.001 * turning.bound, 3));
+    let slower = Geometry { leg_rate_mps: 0.999 * rate.seen, ..g.clone() };
+    assert!(!proven(&slower, 9.0));
+    g.limits.leg_force_n = Some(0.999 * force.seen);
+    assert!(!proven(&g, 9.0));
 }

@@ -12,6 +12,7 @@
 //! `R_AP = Rz(yaw) Ry(pitch) Rx(roll)`.
 
 mod body;
+mod body_set;
 mod check;
 mod envelope;
 mod error;
@@ -35,6 +36,7 @@ mod sphere;
 mod trajectory;
 
 pub use body::{BodyParameters, FrameMotion, STANDARD_GRAVITY_MPS2};
+pub use body_set::BodySet;
 pub use envelope::quintic_integral;
 pub use error::MotionError;
 pub use forward::ForwardError;

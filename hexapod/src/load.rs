@@ -1,8 +1,9 @@
 //! What the legs carry and the forces it takes: Newton and Euler through `H`.
 
-use nalgebra::{Matrix3, SymmetricEigen, Vector3, Vector6};
+use nalgebra::{Vector3, Vector6};
 
 use super::body::{BodyParameters, FrameMotion, STANDARD_GRAVITY_MPS2};
+use super::body_set::{BodySet, regressor};
 use super::error::MotionError;
 use super::geometry::Geometry;
 use super::kinematics::PlateState;
@@ -15,17 +16,12 @@ use super::trajectory::Trajectory;
 pub enum Bodies {
     /// Rigid bodies that are known: plate, load cell, body under test.
     Known(Vec<BodyParameters>),
-    /// Any body of at most `mass_kg` within `radius_m` of `centre_m`, beside the known ones. For planning before the
-    /// body has been identified.
-    Bounded {
+    /// One of a set of bodies beside the known ones: before the body has been identified, or as well as it is by now.
+    Within {
         /// Bodies that are known, the plate for instance.
         known: Vec<BodyParameters>,
-        /// Largest mass, kg.
-        mass_kg: f64,
-        /// Centre of the ball that holds the body, m.
-        centre_m: [f64; 3],
-        /// Radius of the ball, m.
-        radius_m: f64,
+        /// What the other may be.
+        body: BodySet,
     },
 }
 
@@ -44,11 +40,6 @@ impl Load {
         Self::new(Bodies::Known(vec![body]))
     }
 
-    /// Any body of at most `mass_kg` within `radius_m` of `centre_m` (P), under standard gravity.
-    pub fn bounded(mass_kg: f64, centre_m: [f64; 3], radius_m: f64) -> Self {
-        Self::new(Bodies::Bounded { known: Vec::new(), mass_kg, centre_m, radius_m })
-    }
-
     /// `bodies` under standard gravity.
     pub fn new(bodies: Bodies) -> Self {
         Self { bodies, gravity_mps2: [0.0, 0.0, -STANDARD_GRAVITY_MPS2] }
@@ -56,7 +47,7 @@ impl Load {
 
     fn known(&self) -> &[BodyParameters] {
         match &self.bodies {
-            Bodies::Known(known) | Bodies::Bounded { known, .. } => known,
+            Bodies::Known(known) | Bodies::Within { known, .. } => known,
         }
     }
 
@@ -79,29 +70,16 @@ impl Load {
         let Some(inverse) = legs.force_transmission().try_inverse() else { return UNBOUNDED };
         let forces: [f64; 6] = (inverse * Vector6::from(self.wrench(state))).into();
         let mut range = forces.map(|f| [f, f]);
-        let Bodies::Bounded { mass_kg, centre_m, radius_m, .. } = &self.bodies else { return range };
-        // A unit point mass at c + d on the plate (P) takes the force a + Ω(c + d), a the specific force at the plate's
-        // origin and Ω = [ω̇]× + [ω]×[ω]×, and its moment. With (u, v) a row of H⁻¹ turned into P the leg's force is
-        // q(d) = u·s + v·(c×s) + (Ωᵀ u + s×v + Ωᵀ(v×c))·d + dᵀ Ωᵀ[v]× d, s = a + Ω c; it is linear in the mass
-        // distribution, so its extremes over all bodies in the ball are mass times those of q, or zero.
-        let (w, dw) = (state.angular_rate, state.angular_acceleration);
-        let spin = dw.cross_matrix() + w.cross_matrix() * w.cross_matrix();
-        let back = state.rotation.transpose();
-        let a = back * (state.acceleration - Vector3::from(self.gravity_mps2));
-        let c = Vector3::from(*centre_m);
-        let s = a + spin * c;
+        let Bodies::Within { body, .. } = &self.bodies else { return range };
+        let (back, gravity) = (state.rotation.transpose(), Vector3::from(self.gravity_mps2));
         for (row, [low, high]) in range.iter_mut().enumerate() {
-            let entry =
-                |k: usize| Vector3::new(inverse[(row, k)], inverse[(row, k + 1)], inverse[(row, k + 2)]);
-            let (u, v) = (back * entry(0), back * entry(3));
-            let middle = u.dot(&s) + v.dot(&c.cross(&s));
-            let slope = spin.transpose() * (u + v.cross(&c)) + s.cross(&v);
-            let square: Matrix3<f64> = spin.transpose() * v.cross_matrix();
-            let eigen = SymmetricEigen::new((square + square.transpose()) * 0.5).eigenvalues;
-            let [least, greatest] = [eigen.min().min(0.0), eigen.max().max(0.0)];
-            let reach = slope.norm() * radius_m;
-            *high += mass_kg * (middle + reach + greatest * radius_m * radius_m).max(0.0);
-            *low += mass_kg * (middle - reach + least * radius_m * radius_m).min(0.0);
+            // A row of H⁻¹, turned into P, is the wrench that this leg's force is made of.
+            let entry = |k: usize| {
+                back * Vector3::new(inverse[(row, k)], inverse[(row, k + 1)], inverse[(row, k + 2)])
+            };
+            let [least, most] = body.range(&regressor(state, &gravity, &entry(0), &entry(3)));
+            *low += least;
+            *high += most;
         }
         range
     }
@@ -109,8 +87,8 @@ impl Load {
 
 impl Geometry {
     /// Least and greatest force of each leg, N, positive when a leg pushes, for the plate to follow `state` with `load`.
-    /// Equal for known bodies. For a bounded body the range holds the forces of every body that it allows, and is
-    /// somewhat wider than needed.
+    /// Equal for known bodies. For a set the range holds the forces of every body in it, and is somewhat wider
+    /// than needed.
     ///
     /// # Errors
     /// A singular pose.

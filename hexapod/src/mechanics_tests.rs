@@ -163,7 +163,8 @@ fn power_of_the_legs_is_the_rate_of_change_of_the_bodys_energy() {
 fn a_bounding_body_holds_the_forces_of_every_body_inside_it_and_one_of_them_comes_near() {
     let g = Geometry::thesis();
     let (centre, radius, mass) = (Vector3::new(0.02, -0.01, 0.2), 0.15, 20.0);
-    let load = Load::bounded(mass, centre.into(), radius);
+    let load =
+        Load::new(Bodies::Within { known: Vec::new(), body: BodySet::bounded(mass, centre.into(), radius) });
     let mut random = Uniform::new(11);
     for k in 1..10 {
         let state = swing().state(0.6 * f64::from(k));
@@ -186,10 +187,78 @@ fn a_bounding_body_holds_the_forces_of_every_body_inside_it_and_one_of_them_come
             }
         }
         for ([low, high], [least, most]) in bounds.into_iter().zip(seen) {
-            // 300 directions leave some 7° unvisited, 1 % of the reach; slope and curvature need not point alike.
-            assert!(most - least > 0.8 * (high - low), "{low}..{high} but seen {least}..{most}");
+            // 300 directions leave some 7° unvisited, 1 % of the reach; slope and curvature need not point alike, and the set
+            // also holds lighter bodies with the same spread.
+            let (bound, extreme) = (high.max(-low), most.max(-least));
+            assert!(extreme > 0.8 * bound, "{low}..{high} but seen {least}..{most}");
         }
     }
+}
+
+#[test]
+fn sets_of_bodies_move_with_their_frame_and_have_the_forces_of_their_bodies() {
+    let g = Geometry::thesis();
+    let mut random = Uniform::new(5);
+    let (offset, gravity) = (Vector3::new(0.03, -0.02, 0.11), Vector3::new(0.0, 0.0, -9.80665));
+    let rotation = *nalgebra::Rotation3::from_euler_angles(0.4, -0.7, 1.9).matrix();
+    for k in 1..10 {
+        let (state, body) = (swing().state(0.6 * f64::from(k)), body());
+        let moved = BodySet::known(&body).in_frame(&offset, &rotation);
+        for (a, b) in moved.middle.iter().zip(body.in_frame(&offset, &rotation).parameters()) {
+            assert!((a - b).abs() < 1e-12, "{moved:?}");
+        }
+        // Newton and Euler of the body itself, against the parameters' linear form.
+        let (u, v) = (random.vector(1.0), random.vector(1.0));
+        let wrench = body.wrench(&FrameMotion::of_plate(&state), &gravity);
+        let direct =
+            u.dot(&Vector3::from_row_slice(&wrench[..3])) + v.dot(&Vector3::from_row_slice(&wrench[3..]));
+        let [low, high] = BodySet::known(&body).range(&crate::body_set::regressor(&state, &gravity, &u, &v));
+        assert!(low == high && (low - direct).abs() < 1e-10 * direct.abs().max(1.0), "{low} {direct}");
+        let both = BodySet::bounded(1.2 * body.mass_kg, [0.0; 3], 0.5).and(BodySet::known(&body));
+        let a = crate::body_set::regressor(&state, &gravity, &u, &v);
+        assert_eq!(both.range(&a), BodySet::known(&body).range(&a));
+        // What a scale allows holds the body, and the forces that it takes.
+        let phi = body.parameters();
+        let radius = 0.35;
+        let set = BodySet::weighed(
+            body.mass_kg * 1.02,
+            0.05 * body.mass_kg,
+            [phi[1], phi[2], 0.0],
+            0.01,
+            [0.0, 0.0, 1.0],
+            radius,
+        );
+        assert!(set.may_hold(&body));
+        assert!(!set.may_hold(&BodyParameters { mass_kg: 1.1 * body.mass_kg, ..body }));
+        let bounds =
+            g.leg_force_ranges(&state, 0.0, &Load::new(Bodies::Within { known: Vec::new(), body: set }));
+        let forces = g.leg_force_ranges(&state, 0.0, &Load::body(body)).unwrap();
+        for ([low, high], [f, _]) in bounds.unwrap().into_iter().zip(forces) {
+            assert!((low..=high).contains(&f), "{low}..{high} {f}");
+        }
+    }
+}
+
+#[test]
+fn an_ellipsoid_of_bodies_has_the_extremes_of_its_boundary() {
+    let root: Vec<[f64; 10]> = (0..10)
+        .map(|k| {
+            std::array::from_fn(|j| if j < k { 0.0 } else { 0.01 * (1.0 + ((3 * j + 7 * k) % 5) as f64) })
+        })
+        .collect();
+    let middle = body().parameters();
+    let set = BodySet::estimated(middle, &root, 2.5);
+    let mut random = Uniform::new(3);
+    let a: [f64; 10] = std::array::from_fn(|_| random.vector(1.0).x);
+    let along: Vec<f64> = root.iter().map(|l| l.iter().zip(&a).map(|(l, a)| l * a).sum()).collect();
+    let norm = along.iter().map(|v: &f64| v * v).sum::<f64>().sqrt();
+    // The extreme lies where the shares are along the functional.
+    let extreme: f64 = (0..10)
+        .map(|j| {
+            a[j] * (middle[j] + 2.5 * root.iter().zip(&along).map(|(l, s)| l[j] * s / norm).sum::<f64>())
+        })
+        .sum();
+    assert!((set.range(&a)[1] - extreme).abs() < 1e-12);
 }
 
 #[test]

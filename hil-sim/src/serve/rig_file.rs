@@ -2,8 +2,8 @@
 
 use std::fmt::{Debug, Write as _};
 
-use crate::rig::Rig;
-use hexapod::Mounting;
+use crate::rig::{Rig, RigConfig};
+use hexapod::{BodyParameters, Mounting};
 
 /// TOML of a rig, as the host reads it: data sheets and mountings, and what is really the case as `[truth]`.
 #[must_use]
@@ -78,6 +78,9 @@ pub fn rig_file(rig: &Rig) -> String {
         }
     }
     file.key("cond_max", limits.cond_max);
+    let [mass_kg, within_m] = bound(config);
+    file.key("load_max_kg", mass_kg);
+    file.key("load_within_m", within_m);
     file.table("[platform.load_cell]");
     file.key("position_m", config.load_cell.position_m);
     file.key("rotation_wxyz", unit_quaternion(&config.load_cell));
@@ -90,6 +93,22 @@ pub fn rig_file(rig: &Rig) -> String {
         file.key("apparent_offset_n_nm", truth.apparent_offset_n_nm);
     }
     file.0
+}
+
+/// What an owner would say of the heaviest body (kg) and its size (m): half as much again as it is.
+fn bound(config: &RigConfig) -> [f64; 2] {
+    // Of a block the corner is at √3 times the radius of gyration.
+    let extent = |body: &BodyParameters| {
+        let [xx, yy, zz, ..] = body.inertia_com_kgm2;
+        let com = body.com_m.iter().map(|v| v * v).sum::<f64>().sqrt();
+        com + (1.5 * (xx + yy + zz) / body.mass_kg).sqrt()
+    };
+    let second = config.second.as_ref().map_or([0.0; 2], |link| {
+        let joint = link.joint_m.iter().map(|v| v * v).sum::<f64>().sqrt();
+        [link.body.mass_kg, joint + extent(&link.body)]
+    });
+    let [mass, within] = [config.body.mass_kg + second[0], extent(&config.body).max(second[1])];
+    [mass, within].map(|v| (150.0 * v).ceil() / 100.0)
 }
 
 fn unit_quaternion(mounting: &Mounting) -> [f64; 4] {

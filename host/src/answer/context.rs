@@ -2,7 +2,7 @@
 
 use std::time::SystemTime;
 
-use super::result::{Drift, Source, TimeBase, Tracking};
+use super::result::{Drift, ExperimentSummary, Source, TimeBase, Tracking};
 use crate::fit::DriveMotion;
 use crate::model::Model;
 use crate::model::base::{BaseParameters, Situation};
@@ -35,6 +35,8 @@ pub struct Context<'a> {
     pub rate_sigma: f64,
     /// How a platform followed.
     pub tracking: Option<Tracking>,
+    /// How an experiment that decides for itself went.
+    pub experiment: Option<ExperimentSummary>,
     /// First against last pose.
     pub drift: Option<Drift>,
     /// Date and time of the run, RFC 3339; by default now.
@@ -56,6 +58,7 @@ impl Default for Context<'_> {
             warnings: Vec::new(),
             rate_sigma: 0.0,
             tracking: None,
+            experiment: None,
             drift: None,
             date: now(),
         }

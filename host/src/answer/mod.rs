@@ -36,3 +36,4 @@ pub use contradictions::contradictions;
 pub use new::AnswerError;
 pub use read::ReadError;
 pub use result::{Answer, Drift, DriftChange, Source, Status, TimeBase, Tracking};
+pub use states::identified_of_body;

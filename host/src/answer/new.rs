@@ -130,8 +130,8 @@ impl Answer {
             );
         }
         answer.add_remarks(&judged, &context, impossible);
-        let Context { source, time_base, error, tracking, drift, date, .. } = context;
-        Ok(Self { source, time_base, error, tracking, drift, date, ..answer })
+        let Context { source, time_base, error, tracking, experiment, drift, date, .. } = context;
+        Ok(Self { source, time_base, error, tracking, experiment, drift, date, ..answer })
     }
 
     /// Adds what follows from the ten parameters of one body, as far as they are identified.

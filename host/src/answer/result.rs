@@ -202,6 +202,9 @@ pub struct Answer {
     /// How a platform followed its program, where that was measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tracking: Option<Tracking>,
+    /// How an experiment that decides for itself went.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub experiment: Option<ExperimentSummary>,
     /// The first pose repeated at the end: how much the mean wrench changed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drift: Option<Drift>,
@@ -654,6 +657,48 @@ pub struct Counts {
     pub gaps: u64,
     /// Scalar rows in the factor.
     pub rows: u64,
+}
+
+/// An experiment that decides for itself.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ExperimentSummary {
+    /// Seconds of the rig from the first reading to the last.
+    pub rig_s: f64,
+    /// What was asked for, in words.
+    pub goal: String,
+    /// True if it was reached.
+    pub reached: bool,
+    /// The worst 95 % uncertainty over what was asked for; absent while it is not known what that is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub goal_ratio: Option<f64>,
+    /// What was said last that can be reached in the time there is, over what was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub predicted_ratio: Option<f64>,
+    /// The segments, in their order.
+    pub decisions: Vec<SegmentSummary>,
+}
+
+/// A segment that was decided on.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct SegmentSummary {
+    /// Its beginning, from the first reading, s.
+    pub begun_s: f64,
+    /// Its duration, s; absent if its end was not seen.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lasted_s: Option<f64>,
+    /// Its name.
+    pub name: String,
+    /// The parameter that was furthest off before it.
+    pub furthest: String,
+    /// The worst uncertainty over what is asked for, before it; absent while it is infinite.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub before: Option<f64>,
+    /// The same as expected at its end.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub expected: Option<f64>,
+    /// The same at its end.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reached: Option<f64>,
 }
 
 /// The tracking error of a platform: measured less commanded pose.

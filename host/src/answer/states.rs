@@ -116,6 +116,21 @@ fn sphere_radius(mass: f64) -> f64 {
     (3.0 * mass / (4.0 * std::f64::consts::PI * DENSITY)).cbrt()
 }
 
+/// Returns how many of the ten parameters of one whole body are identified without a gap, by the rule of this module: the mass,
+/// the first moments, the tensor. `spurious` is the information that noise of the rates alone brings to a moment of inertia,
+/// 1/(kg m²)².
+pub fn identified_of_body(estimate: &Estimate, spurious: f64) -> usize {
+    let Some(scale) = BodyScale::of(estimate, spurious) else { return 0 };
+    let resolved = |j: &usize| estimate.is_determined(*j) && resolves_element(estimate, spurious, &scale, *j);
+    (0..10).take_while(resolved).count()
+}
+
+/// Returns true if an estimate resolves parameter `j` of one whole body.
+fn resolves_element(estimate: &Estimate, spurious: f64, scale: &BodyScale, j: usize) -> bool {
+    let informed = j < 4 || tensor_informed(estimate, spurious, j);
+    informed && estimate.u95(j) <= LARGEST_SHARE * scale.of_parameter(j)
+}
+
 /// Returns true if a tensor element has more information than the gyro's noise brings.
 fn tensor_informed(estimate: &Estimate, spurious: f64, j: usize) -> bool {
     estimate.is_determined(j) && 1.0 / estimate.covariance[(j, j)] > LEAST_EXCITATION * spurious
@@ -311,9 +326,7 @@ mod tests {
 
     fn identified(estimate: &Estimate, spurious: f64) -> Vec<bool> {
         let Some(scale) = BodyScale::of(estimate, spurious) else { return vec![false; 10] };
-        let informed = |j: usize| j < 4 || tensor_informed(estimate, spurious, j);
-        let fine = |j: usize| estimate.u95(j) <= LARGEST_SHARE * scale.of_parameter(j);
-        (0..10).map(|j| informed(j) && fine(j)).collect()
+        (0..10).map(|j| resolves_element(estimate, spurious, &scale, j)).collect()
     }
 
     #[test]

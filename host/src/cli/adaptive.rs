@@ -1,15 +1,17 @@
 //! `--adaptive`: segments decided one by one while the device estimates.
 
 use clap::Args;
-use hexapod::{Axis, Geometry, MotionProgram, Segment};
+use hexapod::{Axis, BodySet, Geometry, MotionProgram, Segment};
 use rigident_shared::wire::{EstimateReport, Settings};
 
 use super::Failure;
+use super::came::Came;
+use crate::answer::result::{ExperimentSummary, SegmentSummary};
 use crate::device::session::{Director, Proposal};
-use crate::fit::{Factor, RowSet, Solution, judge};
+use crate::fit::Factor;
 use crate::plan::adaptive::library::word;
 use crate::plan::adaptive::planner::Known;
-use crate::plan::adaptive::{Asked, Decision, Information, Next, Planner, RigModel};
+use crate::plan::adaptive::{Asked, Decision, Information, Next, Planner, RigModel, Told};
 use crate::platform::PlatformError;
 use crate::present::{Decided, Stage};
 use crate::rig::RigFile;
@@ -19,6 +21,12 @@ const TENSOR_SHARE: f64 = 0.01;
 
 /// After so long no further segment begins unless asked otherwise, s.
 const AT_MOST_S: f64 = 300.0;
+
+/// By so much what can be reached must have changed to be said again.
+const CHANGED: f64 = 0.05;
+/// An identified estimate that a scale rules out.
+const CONTRADICTED: &str = "the estimate is none of the bodies that the scale, load_max_kg and load_within_m allow: it is not used to \
+                            plan with. One of them is wrong";
 
 /// Whether somebody decides, and how far.
 #[derive(Args, Debug, Clone)]
@@ -55,7 +63,7 @@ impl Adaptive {
         Ok(())
     }
 
-    /// Who decides, if anybody is to.
+    /// Who decides, if anybody is to; `body` is what the load cell may carry, in S.
     ///
     /// # Errors
     /// What is wrong with the platform, or nothing that it could do.
@@ -64,6 +72,7 @@ impl Adaptive {
         rig: &RigFile,
         geometry: &Geometry,
         settings: &Settings,
+        body: Option<BodySet>,
     ) -> Result<Option<Directing>, Failure> {
         if !self.adaptive {
             return Ok(None);
@@ -77,6 +86,7 @@ impl Adaptive {
         let sigma = settings.load_cell.noise_n_nm.map(f64::from);
         let model = RigModel::of(rig, geometry.clone(), f64::from(settings.rate_hz), sigma)
             .map_err(Failure::input)?;
+        let model = RigModel { body, ..model };
         let planner = Planner::new(model.clone(), asked);
         if planner.choices() == 0 {
             return Err(Failure::input(
@@ -98,6 +108,11 @@ impl Adaptive {
             driven: Vec::new(),
             decisions: Vec::new(),
             warnings: Vec::new(),
+            asked,
+            reached: false,
+            last: None,
+            promised: None,
+            why: None,
         }))
     }
 }
@@ -120,6 +135,14 @@ pub(super) struct Directing {
     driven: Vec<(f64, MotionProgram)>,
     decisions: Vec<Decided>,
     warnings: Vec<String>,
+    asked: Asked,
+    reached: bool,
+    /// What the last factor said, over what is asked for, and the parameter that is furthest off.
+    last: Option<(f64, &'static str)>,
+    /// What was said that can be reached in the time there is, over what is asked for.
+    promised: Option<f64>,
+    /// Why it ended before.
+    why: Option<String>,
 }
 
 /// What an experiment that decides for itself leaves beside the answer.
@@ -130,15 +153,10 @@ pub(super) struct Concluded {
     pub(super) decisions: Vec<Decided>,
     /// What did not go as it should.
     pub(super) warnings: Vec<String>,
+    /// How far it came.
+    pub(super) came: Came,
     /// All that was commanded, rests between segments included; `None` if nothing was.
     pub(super) program: Option<MotionProgram>,
-}
-
-/// What a factor says.
-struct Told {
-    information: Information,
-    estimate: Option<Vec<f64>>,
-    variance_scale: f64,
 }
 
 impl Directing {
@@ -149,11 +167,96 @@ impl Directing {
             self.decisions.push(decided);
         }
         Concluded {
+            came: Came { summary: self.summary(), why: self.unmet() },
             program: commanded(&self.driven),
             stages: self.stages,
             decisions: self.decisions,
             warnings: self.warnings,
         }
+    }
+
+    fn summary(&self) -> ExperimentSummary {
+        let finite = |ratio: f64| ratio.is_finite().then_some(ratio);
+        let segment = |decided: &Decided| SegmentSummary {
+            begun_s: decided.begun_s,
+            lasted_s: decided.lasted_s,
+            name: decided.name.clone(),
+            furthest: decided.purpose.clone(),
+            before: finite(decided.before),
+            expected: finite(decided.expected),
+            reached: decided.got.and_then(finite),
+        };
+        ExperimentSummary {
+            rig_s: 0.0,
+            goal: self.in_words(1.0),
+            reached: self.reached,
+            goal_ratio: self.last.and_then(|(worst, _)| finite(worst)),
+            predicted_ratio: self.promised,
+            decisions: self.decisions.iter().map(segment).collect(),
+        }
+    }
+
+    /// What is to be said of a goal that was not reached.
+    fn unmet(&self) -> Option<String> {
+        if self.reached {
+            return None;
+        }
+        let why = self.why.clone().unwrap_or_else(|| "the experiment ended before".to_owned());
+        let got = match self.last {
+            Some((worst, parameter)) if worst.is_finite() => {
+                format!("{} was reached, {parameter} is furthest off", self.in_words(worst))
+            }
+            _ => "not all of the body is identified, so that it is not known what that is".to_owned(),
+        };
+        Some(format!(
+            "{} was asked for and is not reached: {got}. {}{}",
+            self.in_words(1.0),
+            why[..1].to_uppercase(),
+            &why[1..]
+        ))
+    }
+
+    /// An uncertainty over what is asked for, in words.
+    fn in_words(&self, ratio: f64) -> String {
+        match self.asked {
+            Asked::Tensor(share) => format!("{:.2} % of the largest principal moment", 100.0 * share * ratio),
+            Asked::Absolute(_) if ratio == 1.0 => "--until".to_owned(),
+            Asked::Absolute(_) => format!("{ratio:.2} times that"),
+        }
+    }
+
+    fn ends(&mut self, why: String) {
+        tell!("{why}");
+        self.why = Some(why);
+    }
+
+    fn notice(&mut self, told: &Told) {
+        let worst = told.worst(&self.asked, &self.model);
+        let goal = self.planner.goal(&told.known());
+        self.last = Some((worst, goal.furthest(&told.information)));
+    }
+
+    /// Says what can be reached where the time there is will not do, again when that has changed.
+    fn promise(&mut self, told: &Told, decision: &Decision) {
+        let left_s = self.at_most_s - self.spent_s;
+        if told.estimate.is_none() || decision.expected_s <= left_s {
+            return;
+        }
+        let known = told.known();
+        let worst = decision.worst_after(left_s, &self.planner.goal(&known), &known);
+        if self.promised.is_some_and(|said| (worst / said - 1.0).abs() < CHANGED) {
+            return;
+        }
+        self.promised = Some(worst);
+        let takes = match decision.expected_s {
+            s if s.is_finite() => format!("would take {s:.0} s more"),
+            _ => "cannot be reached".to_owned(),
+        };
+        tell!(
+            "{} {takes}; in the {left_s:.0} s there are, {} can be",
+            self.in_words(1.0),
+            self.in_words(worst)
+        );
     }
 
     fn decided(&self, decision: &Decision, expected: f64) -> Decided {
@@ -180,30 +283,14 @@ impl Directing {
         self.at_most_s
     }
 
-    fn told(&self, factor: &Factor) -> Told {
-        let Solution { determined, estimate, .. } = factor.solve(factor.rounding());
-        let fitted = determined.iter().filter(|d| **d).count();
-        let rows = RowSet {
-            rows: factor.rows(),
-            channels: 6,
-            noise_gain: self.model.noise_gain(),
-            sigma_given: true,
-        };
-        Told {
-            information: self.model.of_factor(factor),
-            estimate: (fitted == determined.len()).then_some(estimate),
-            variance_scale: judge(&[rows], factor.residual_sum_of_squares(), fitted as f64).variance_scale,
-        }
-    }
-
     /// What came of the last decision.
     fn account(&mut self, told: &Told, ended_s: Option<f64>) {
         let whole = ended_s.is_none();
         let Some(decision) = self.decision.take() else { return };
-        let known = known(told);
+        let known = told.known();
         let goal = self.planner.goal(&known);
         let expected = goal.worst(&(self.before + decision.tells()), told.variance_scale);
-        let got = goal.worst(&told.information, told.variance_scale);
+        let got = told.worst(&self.asked, &self.model);
         let short = if whole { "" } else { " of the whole segment" };
         let said = format!(
             "the worst U95 is {} of what is asked for, {} was expected{short}",
@@ -222,8 +309,8 @@ impl Directing {
 
     /// What the segment is for.
     fn judge_before(&mut self, told: &Told, decision: &Decision) {
-        let goal = self.planner.goal(&known(told));
-        let worst = goal.worst(&told.information, told.variance_scale);
+        let goal = self.planner.goal(&told.known());
+        let worst = told.worst(&self.asked, &self.model);
         let purpose = match told.estimate {
             Some(_) if worst.is_finite() => goal.furthest(&told.information),
             _ => "everything",
@@ -256,43 +343,48 @@ fn commanded(driven: &[(f64, MotionProgram)]) -> Option<MotionProgram> {
     Some(whole)
 }
 
-fn known(told: &Told) -> Known<'_> {
-    Known {
-        information: &told.information,
-        estimate: told.estimate.as_deref(),
-        variance_scale: told.variance_scale,
-    }
-}
-
 fn words(ratio: f64) -> String {
     if ratio.is_finite() { format!("{ratio:.2}") } else { "not a finite multiple".to_owned() }
 }
 
 impl Director for Directing {
     fn next(&mut self, factor: &Factor) -> Result<Option<Proposal>, String> {
-        let told = self.told(factor);
+        let told = self.model.told(factor);
         self.variance_scale = told.variance_scale;
         self.account(&told, None);
+        self.notice(&told);
         if self.spent_s >= self.at_most_s {
-            self.warnings.push(format!(
-                "what was asked for was not reached within {} s (--at-most-s)",
-                self.at_most_s
-            ));
+            self.ends(format!("the {} s of --at-most-s are over", self.at_most_s));
             return Ok(None);
         }
-        match self.planner.next(&known(&told)) {
-            Next::Reached => Ok(None),
+        let next = self.planner.next(&told.known());
+        if self.planner.contradicted() && !self.warnings.iter().any(|w| w == CONTRADICTED) {
+            tell!("  {CONTRADICTED}");
+            self.warnings.push(CONTRADICTED.to_owned());
+        }
+        match next {
+            Next::Reached => {
+                self.reached = true;
+                Ok(None)
+            }
             Next::Question(program) => Ok(Some(Proposal { program, drive: false })),
-            Next::Hopeless(parameter) => {
-                let said = format!(
-                    "{parameter} cannot become as certain as asked for by anything this platform does within its limits"
+            Next::Unsafe => {
+                self.ends(
+                    "no motion is known to keep every limit whatever of what may be on the load cell is there: say more of it \
+                     (load_max_kg, load_within_m, offset_within_n_nm)"
+                        .to_owned(),
                 );
-                tell!("{said}");
-                self.warnings.push(said);
+                Ok(None)
+            }
+            Next::Hopeless(parameter) => {
+                self.ends(format!(
+                    "{parameter} cannot become as certain as asked for by anything this platform does within its limits"
+                ));
                 Ok(None)
             }
             Next::Segment(decision) => {
                 tell!("{}: {:.1} s", decision.name, decision.program.duration_s());
+                self.promise(&told, &decision);
                 self.judge_before(&told, &decision);
                 self.before = told.information;
                 let program = decision.program.clone();
@@ -336,6 +428,7 @@ impl Director for Directing {
         let goal = self.planner.goal(&Known {
             information: &self.before,
             estimate: Some(&estimate),
+            first: None,
             variance_scale: self.variance_scale,
         });
         let k = 1.96 * self.variance_scale.sqrt();
@@ -343,12 +436,12 @@ impl Director for Directing {
     }
 
     fn is_reached(&mut self, factor: &Factor, time_s: f64) -> bool {
-        let told = self.told(factor);
+        let told = self.model.told(factor);
         self.variance_scale = told.variance_scale;
-        let known = known(&told);
-        let goal = self.planner.goal(&known);
-        let reached = told.estimate.is_some() && goal.worst(&told.information, told.variance_scale) <= 1.0;
+        let reached = told.worst(&self.asked, &self.model) <= 1.0;
         if reached {
+            self.reached = true;
+            self.notice(&told);
             self.account(&told, Some(time_s));
         }
         reached

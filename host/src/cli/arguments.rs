@@ -8,6 +8,7 @@ pub use super::factor_arguments::{MakeFactor, Merge, Solve, TareFiles};
 pub use super::options::calibration::CalibrationOption;
 pub use super::options::forgetting::Forgetting;
 pub use super::options::known_values::KnownQuantities;
+pub use super::options::load::LoadOptions;
 pub use super::options::stop_criterion::StopCriterion;
 pub use super::options::trees::{BenchCommand, ModelCommand, TreeModel, TreeOptions};
 pub use super::plan_arguments::{Plan, Workspace};
@@ -326,6 +327,9 @@ pub struct Run {
     #[command(flatten)]
     #[allow(missing_docs)]
     pub calibration: CalibrationOption,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub load: LoadOptions,
     #[command(flatten)]
     #[allow(missing_docs)]
     pub programme: Programme,

@@ -1,6 +1,7 @@
 use std::process::ExitCode;
 use std::time::Instant;
 
+use hexapod::BodySet;
 use rigident_shared::forgetting::MemoryConfig;
 use rigident_shared::wire::Source;
 use rigident_sim::rig::{Rig, RigConfig};
@@ -11,12 +12,14 @@ use super::experiment::{Experiment, Watcher, device_notes};
 use super::link::configured;
 use super::loaded::Loaded;
 use super::options::forgetting::{self, RowsOf};
+use super::options::load::LoadOptions;
 use super::outcome::provenance;
-use super::{Failure, Folder, demo_links, programme, simulated};
+use super::{Failure, Folder, demo_links, programme, simulated, zeroing};
 use crate::device::link::Client;
 use crate::device::session::{DeviceTiming, Session, settings};
 use crate::platform::{LocalPlatform, Platform as _};
 use crate::problem::body::imu_noise::imu_noise;
+use crate::rig::RigFile;
 
 /// Rate of the demonstration, 1/s.
 pub(super) const RATE_HZ: f64 = 1000.0;
@@ -66,10 +69,11 @@ fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
     forgetting::put_into(&mut settings, memory.as_ref());
     configured(&mut session, &settings)?;
     let mut platform = LocalPlatform(rig);
-    let mut directing = arguments.adaptive.directing(&file, &geometry, &settings)?;
+    let body = if arguments.adaptive.adaptive { weighed(&mut session, &mut file)? } else { None };
+    let mut directing = arguments.adaptive.directing(&file, &geometry, &settings, body)?;
     let (mut stages, mut same_pose, mut duration_s) = (Vec::new(), None, 0.0);
     if directing.is_none() {
-        let (program, _) = arguments.programme.program(&geometry, file.recording.gravity_mps2)?;
+        let program = arguments.programme.program(&geometry)?;
         (stages, same_pose) = programme::stages(&program);
         platform.load(&program).map_err(Failure::link)?;
         duration_s = program.duration_s();
@@ -87,10 +91,11 @@ fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
     }
     .map_err(Failure::link)?;
     watcher.end(&mut take);
-    let (mut decisions, mut warnings) = (Vec::new(), Vec::new());
+    let (mut decisions, mut warnings, mut came) = (Vec::new(), Vec::new(), None);
     if let Some(directing) = directing {
         let concluded = directing.concluded();
         (stages, decisions, warnings) = (concluded.stages, concluded.decisions, concluded.warnings);
+        came = Some(concluded.came);
     }
     let loaded = Loaded::of_readings("demo", &file, std::mem::take(&mut take.readings), Some(RATE_HZ), false);
     Experiment {
@@ -110,8 +115,21 @@ fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
         same_pose,
         tracking_error: None,
         decisions,
+        came,
         notes: Vec::new(),
         warnings,
     }
     .conclude(take, &folder)
+}
+
+/// How heavy and large the owner of the simulated rig says that bodies may be: the largest that fit on the thesis' plate.
+const BOUND: [f64; 2] = [40.0, 0.5];
+/// Readings that are weighed.
+const WEIGHED: usize = 500;
+
+/// Weighs the body at rest.
+fn weighed(session: &mut Session, file: &mut RigFile) -> Result<Option<BodySet>, Failure> {
+    LoadOptions { load_max_kg: Some(BOUND[0]), load_within_m: Some(BOUND[1]) }.put_into(file)?;
+    let readings = session.watch_readings(WEIGHED, &mut Watcher::new(0)).map_err(Failure::link)?;
+    zeroing::weigh(&zeroing::at_rest(&readings, file.imu.first())?, file)
 }

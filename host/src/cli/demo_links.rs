@@ -77,7 +77,7 @@ pub(super) fn two_links(arguments: &Demo) -> Result<ExitCode, Failure> {
     let (_, parameters) = device_tree(&model).map_err(Failure::input)?;
     let estimated = device_parameters(&model, &parameters, true);
     check_asked(&estimated, &known, &arguments.output)?;
-    let (program, _) = arguments.programme.program(&geometry, file.recording.gravity_mps2)?;
+    let program = arguments.programme.program(&geometry)?;
     let rig = rig.shared();
     let mut session = open(simulated::transport(arguments.mcu, &rig)?)?;
     let timing =
@@ -112,6 +112,7 @@ pub(super) fn two_links(arguments: &Demo) -> Result<ExitCode, Failure> {
         same_pose: None,
         tracking_error: None,
         decisions: Vec::new(),
+        came: None,
         notes: Vec::new(),
         warnings: Vec::new(),
     }
@@ -238,6 +239,7 @@ pub(super) fn human34(arguments: &Demo) -> Result<ExitCode, Failure> {
         same_pose: None,
         tracking_error: None,
         decisions: Vec::new(),
+        came: None,
         notes: Vec::new(),
         warnings: Vec::new(),
     }

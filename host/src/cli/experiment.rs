@@ -14,6 +14,7 @@ use rigident_shared::wire::{
 };
 
 use super::arguments::Output;
+use super::came::Came;
 use super::loaded::{Loaded, PLOT_POINTS};
 use super::options::stop_criterion::{self, StopCriterion};
 use super::run_report::RunReport;
@@ -278,6 +279,8 @@ pub(super) struct Experiment<'a> {
     pub(super) tracking_error: Option<TrackingError>,
     /// Segments that were decided on, and what came of them.
     pub(super) decisions: Vec<Decided>,
+    /// How far whoever decides came, and why not farther.
+    pub(super) came: Option<Came>,
     pub(super) notes: Vec<String>,
     pub(super) warnings: Vec<String>,
 }
@@ -358,13 +361,21 @@ impl Experiment<'_> {
         report.provenance = device_notes(self.identity).into_iter().chain(report.provenance).collect();
         (report.stages, report.decisions) = (self.stages, self.decisions);
         report.notes.extend(notes);
+        let whole = take.error_free();
+        let unmet = self.came.as_ref().is_some_and(|came| whole && !came.summary.reached);
+        if let Some(Came { mut summary, why }) = self.came {
+            summary.rig_s = seconds;
+            report.warnings.extend(why.filter(|_| unmet));
+            report.experiment = Some(summary);
+        }
         report.warnings.extend(warnings);
         report.error = take.broken;
         if let Some(tracking_error) = self.tracking_error.filter(|_| !self.output.json) {
             report.epilogue = Some(tracking_error.to_string());
         }
         let code = report.finish(&found, || Ok(Some(folder.clone())))?;
-        Ok(if take.interrupted { ExitStatus::NotIdentified.into() } else { code })
+        let unmet = unmet && code == ExitCode::SUCCESS;
+        Ok(if take.interrupted || unmet { ExitStatus::NotIdentified.into() } else { code })
     }
 }
 

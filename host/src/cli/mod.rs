@@ -11,6 +11,7 @@ mod arguments;
 mod bench;
 mod calibrate;
 mod calibration_arguments;
+mod came;
 mod confirm;
 #[cfg(feature = "simulator")]
 mod demo;

@@ -122,8 +122,8 @@ pub struct PlanMotion {
     /// Length of the whole experiment, s
     #[arg(long, default_value_t = 60.0, value_name = "S")]
     pub duration_s: f64,
-    /// The thesis' test body with plates, in either of its mountings: what the legs carry and what is predicted. Default: the
-    /// rig file's [truth], else horizontal
+    /// The thesis' test body with plates, in either of its mountings: what the legs carry and what is predicted. Default: any
+    /// body of the rig file's load_max_kg and load_within_m, else horizontal
     #[arg(long, value_enum)]
     pub body: Option<DemoBody>,
     /// The motion alone, without the static step

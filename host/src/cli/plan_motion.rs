@@ -14,6 +14,7 @@ use super::outcome::say;
 use super::plan_arguments::{MotionObjective, PlanCompare, PlanMotion};
 use super::{ExitStatus, Failure, Progress};
 use crate::device::session::INTERRUPTED;
+use crate::plan::carried::LoadBound;
 use crate::plan::equipment::Equipment;
 use crate::plan::machine;
 use crate::plan::motion::{self, MotionPlan, Objective, Task, compare, coverage};
@@ -71,10 +72,11 @@ pub(super) fn run(arguments: &PlanMotion) -> Result<ExitCode, Failure> {
     let stopped = INTERRUPTED.load(Ordering::Relaxed);
     if let Some(path) = &arguments.out {
         let title = format!("{words}, {:.0} s", plan.program.duration_s());
-        PlanFile::new(title, &task.equipment.geometry, plan.program.clone())
-            .carrying(task.equipment.carried())
-            .write(path)
-            .map_err(Failure::input)?;
+        let file = PlanFile::new(title, &task.equipment.geometry, plan.program.clone());
+        // A bound is no body.
+        let file =
+            if task.equipment.bodies.is_some() { file } else { file.carrying(task.equipment.carried()) };
+        file.write(path).map_err(Failure::input)?;
         tell!("{}", path.display());
     }
     let trajectory = plan.program.trajectory().map_err(Failure::input)?;
@@ -134,14 +136,14 @@ pub(super) fn compare(arguments: &PlanCompare) -> Result<ExitCode, Failure> {
     Ok(ended(INTERRUPTED.load(Ordering::Relaxed), "motions"))
 }
 
-/// Equipment, the rate of its readings, 1/s, and its body.
-type Planned = (Equipment, f64, Option<BodyParameters>);
+/// Equipment, the rate of its readings, 1/s, and how heavy and large a body may be.
+type Planned = (Equipment, f64, Option<LoadBound>);
 
-/// What of a rig a motion depends on; the body if the file tells of it.
+/// What of a rig a motion depends on.
 fn rig(path: Option<&Path>, stroke_m: Option<f64>) -> Result<Planned, Failure> {
     let mut equipment = Equipment::thesis_horizontal();
     let mut rate_hz = 1000.0;
-    let mut body = None;
+    let mut bound = None;
     if let Some(path) = path {
         let file = RigFile::load(path).map_err(Failure::input)?;
         let named = |e: machine::MachineError| Failure::input(format!("{}: {e}", path.display()));
@@ -160,19 +162,22 @@ fn rig(path: Option<&Path>, stroke_m: Option<f64>) -> Result<Planned, Failure> {
         equipment.noise_n_nm = file.load_cell.noise_n_nm.unwrap_or(equipment.noise_n_nm);
         equipment.wrench_range_n_nm = file.load_cell.range_n_nm.unwrap_or(equipment.wrench_range_n_nm);
         rate_hz = file.recording.rate_hz.unwrap_or(rate_hz);
-        body = machine::body(&file);
+        bound = LoadBound::of(&file);
     }
     if let Some(stroke_m) = stroke_m {
         equipment.geometry = equipment.geometry.with_stroke(stroke_m).map_err(Failure::input)?;
     }
-    Ok((equipment, rate_hz, body))
+    Ok((equipment, rate_hz, bound))
 }
 
 /// The task, and in words which body it is for.
 fn task(arguments: &PlanMotion) -> Result<(Task, String), Failure> {
-    let (equipment, rate_hz, truth) = rig(arguments.rig.as_deref(), arguments.stroke_m)?;
-    let (body, words) = match (arguments.body, truth) {
-        (None, Some(body)) => (body, "as [truth] in the rig file says"),
+    let (mut equipment, rate_hz, bound) = rig(arguments.rig.as_deref(), arguments.stroke_m)?;
+    let (body, words) = match (arguments.body, bound) {
+        (None, Some(bound)) => {
+            equipment.bodies = Some(bound.set());
+            (bound.ball(), "any of load_max_kg within load_within_m; predicted is a ball of that size")
+        }
         (Some(DemoBody::Vertical), _) => {
             (BodyParameters::thesis_vertical(), "the thesis' test body with plates, vertical")
         }

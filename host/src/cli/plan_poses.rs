@@ -11,6 +11,7 @@ use super::plan_arguments::{PlanPoses, PoseObjective};
 use super::plan_motion::ended;
 use super::{Failure, Progress};
 use crate::device::session::INTERRUPTED;
+use crate::plan::carried::{self, LoadBound};
 use crate::plan::machine;
 use crate::plan::plan_file::PlanFile;
 use crate::plan::poses::plan::{PosePlan, Task, check_n, plan};
@@ -187,7 +188,10 @@ fn rig(path: Option<&Path>) -> Result<Rig, Failure> {
     let cell_to_plate = machine::load_cell(&file).map_err(incomplete)?.1;
     Ok(Rig {
         geometry,
-        load: machine::load(&file).map_err(incomplete)?,
+        load: match LoadBound::of(&file) {
+            Some(bound) => Some(carried::load(&file, &bound.set()).map_err(incomplete)?),
+            None => None,
+        },
         noise_n_nm: file.load_cell.noise_n_nm.unwrap_or(thesis),
         plate_to_cell: cell_to_plate.transpose(),
         gravity_mps2: file.recording.gravity_mps2,

@@ -2,7 +2,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use hexapod::experiment::thesis_program;
-use hexapod::{Geometry, Load, MotionProgram, Segment};
+use hexapod::{Geometry, MotionProgram, Segment};
 
 use super::Failure;
 use super::experiment::check_duration;
@@ -21,23 +21,19 @@ pub struct Programme {
 }
 
 impl Programme {
-    /// For this machine, with what the plan says the legs carry.
+    /// For this machine.
     ///
     /// # Errors
     /// A duration that is too short or too long, or a plan that is not for this machine: bad input.
-    pub(super) fn program(
-        &self,
-        geometry: &Geometry,
-        gravity_mps2: f64,
-    ) -> Result<(MotionProgram, Option<Load>), Failure> {
+    pub(super) fn program(&self, geometry: &Geometry) -> Result<MotionProgram, Failure> {
         if let Some(path) = &self.plan {
             let plan = PlanFile::read(path, geometry).map_err(Failure::input)?;
-            tell!("plan: {}", plan.title);
-            let load = plan.load(gravity_mps2);
-            return Ok((plan.program, load));
+            let carries = plan.carries_kg().map_or_else(String::new, |kg| format!(", made for {kg:.2} kg"));
+            tell!("plan: {}{carries}", plan.title);
+            return Ok(plan.program);
         }
         check_duration(self.duration_s)?;
-        Ok((thesis_program(geometry, self.duration_s), None))
+        Ok(thesis_program(geometry, self.duration_s))
     }
 }
 

@@ -92,6 +92,7 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
         same_pose: None,
         tracking_error: None,
         decisions: Vec::new(),
+        came: None,
         notes,
         warnings,
     }

@@ -115,6 +115,7 @@ pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Res
         same_pose: None,
         tracking_error: None,
         decisions: Vec::new(),
+        came: None,
         notes,
         warnings,
     }

@@ -2,7 +2,7 @@ use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use hexapod::MotionProgram;
+use hexapod::{BodySet, MotionProgram};
 use rigident_shared::forgetting::MemoryConfig;
 use rigident_shared::wire::Source;
 
@@ -18,7 +18,7 @@ use super::options::forgetting::{self, RowsOf};
 use super::outcome::provenance;
 use super::refused::refuse_for_trees;
 use super::tracking_error::{MotionLog, TrackingError};
-use super::zeroing::{self, warm_up, zero, zero_second};
+use super::zeroing::{self, warm_up, weigh, zero, zero_second};
 use super::{Failure, Folder, programme};
 use crate::device::session::tree::device_tree;
 use crate::device::session::{
@@ -27,7 +27,8 @@ use crate::device::session::{
 use crate::fit::Parameter;
 use crate::model::Model;
 use crate::model::rig_links::from_tables;
-use crate::plan::machine;
+use crate::plan::ranges::{self, RangePeaks};
+use crate::plan::{carried, machine};
 use crate::platform::{self, Platform, PlatformError, check};
 use crate::rig::RigFile;
 
@@ -36,6 +37,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let started = Instant::now();
     let known = arguments.known.parse()?;
     let mut rig = RigFile::load(&arguments.rig).map_err(Failure::input)?;
+    arguments.load.put_into(&mut rig)?;
     let calibrated = arguments.calibration.calibration.as_deref();
     calibration::take(&mut rig, calibrated)?;
     let links = links_of(arguments, &rig)?;
@@ -58,16 +60,10 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
             arguments.platform
         )));
     }
-    // What the rig file says of the body goes before what a plan was made for.
-    let mut load = machine::load(&rig).map_err(Failure::input)?;
-    let fixed = if arguments.adaptive.adaptive {
-        None
-    } else {
-        let (program, carried) = arguments.programme.program(&geometry, rig.recording.gravity_mps2)?;
-        load = load.or(carried);
-        Some(program)
-    };
+    let fixed =
+        if arguments.adaptive.adaptive { None } else { Some(arguments.programme.program(&geometry)?) };
     arguments.adaptive.check()?;
+    zeroing::bound(&rig)?;
     let mut platform = platform::connect(&arguments.platform, &geometry).map_err(unmoved)?;
     let mut session = open(arguments.port.as_deref())?;
     let timing =
@@ -78,12 +74,18 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     arguments.stop.put_into(&mut standing, &parameters)?;
     let span = arguments.forgetting.span(&RowsOf::moving(rate_hz))?;
     configured(&mut session, &standing)?;
+    // Nothing moves on a guess of what the plate carries: it is weighed.
+    let body = weigh(&zeroing::look(&mut session, &rig)?, &rig)?;
     // Until the noise is known, to see whether anything can be done at all.
-    let directing = arguments.adaptive.directing(&rig, &geometry, &standing)?;
+    let directing = arguments.adaptive.directing(&rig, &geometry, &standing, body.clone())?;
     let everything = fixed.clone().or_else(|| directing.as_ref().map(Directing::everything));
+    let load = body.as_ref().map(|body| carried::load(&rig, body)).transpose().map_err(Failure::input)?;
     let summary =
         everything.as_ref().map(|program| check::check(program, &geometry, load.as_ref())).transpose();
     let mut summary = summary.map_err(Failure::input)?.unwrap_or_default();
+    if let Some(program) = &fixed {
+        tell!("{}", within_ranges(program, &rig, body.as_ref())?.to_string().trim_end());
+    }
     if let Some(directing) = &directing {
         summary.duration_s = directing.at_most_s();
     }
@@ -110,7 +112,14 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     forgetting::put_into(&mut settings, memory.as_ref());
     configured(&mut session, &settings)?;
 
-    let mut directing = arguments.adaptive.directing(&rig, &geometry, &settings)?;
+    // It may have been changed since: what is driven is held against what is carried now.
+    let body = weigh(&rest, &rig)?;
+    if let (Some(program), Some(body)) = (&fixed, &body) {
+        let load = carried::load(&rig, body).map_err(Failure::input)?;
+        check::check(program, &geometry, Some(&load)).map_err(Failure::input)?;
+        within_ranges(program, &rig, Some(body))?;
+    }
+    let mut directing = arguments.adaptive.directing(&rig, &geometry, &settings, body)?;
     let (mut stages, mut same_pose) = (Vec::new(), None);
     if let Some(program) = &fixed {
         (stages, same_pose) = programme::stages(program);
@@ -157,11 +166,12 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         ));
     }
     let log = watcher.motion.take();
-    let (mut decisions, mut commanded) = (Vec::new(), fixed);
+    let (mut decisions, mut commanded, mut came) = (Vec::new(), fixed, None);
     if let Some(directing) = directing {
         let concluded = directing.concluded();
         (stages, decisions, commanded) = (concluded.stages, concluded.decisions, concluded.program);
         warnings.extend(concluded.warnings);
+        came = Some(concluded.came);
     }
     let trajectory = commanded.map(|program| program.trajectory()).transpose().map_err(Failure::input)?;
     let tracking_error =
@@ -199,6 +209,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         same_pose,
         tracking_error,
         decisions,
+        came,
         notes: Vec::new(),
         warnings,
     }
@@ -222,6 +233,19 @@ fn links_of(arguments: &Run, rig: &RigFile) -> Result<Option<(Model, Vec<Paramet
     let offset = settings.load_cell.known_offset_n_nm.is_none();
     let parameters = device_parameters(&model, &parameters, offset);
     Ok(Some((model, parameters)))
+}
+
+/// Holds a program against the ranges of the sensors.
+///
+/// # Errors
+/// Bad input: a range that is not enough. Nothing was moved.
+fn within_ranges(
+    program: &MotionProgram,
+    rig: &RigFile,
+    body: Option<&BodySet>,
+) -> Result<RangePeaks, Failure> {
+    let trajectory = program.trajectory().map_err(Failure::input)?;
+    ranges::peaks(&trajectory, rig, body).map_err(|e| Failure::input(format!("{e}.\nNothing was moved.")))
 }
 
 /// Brings the plate to the first pose. The device is heard meanwhile: nobody may keep it waiting.

@@ -5,7 +5,7 @@ use super::arguments::Output;
 use super::loaded::{Loaded, StandardOptions};
 use super::outcome::say;
 use super::{ExitStatus, Failure, Folder};
-use crate::answer::result::CompleteDrive;
+use crate::answer::result::{CompleteDrive, ExperimentSummary};
 use crate::answer::{Answer, Context, Drift, Source, Status, TimeBase, Tracking};
 use crate::fit::Fit;
 use crate::fit::pool::PooledFactor;
@@ -33,6 +33,7 @@ pub(super) struct RunReport<'a> {
     pub(super) decisions: Vec<Decided>,
     pub(super) drift: Option<Drift>,
     pub(super) tracking: Option<Tracking>,
+    pub(super) experiment: Option<ExperimentSummary>,
     /// Plots of the platform's motion, after those of the recording.
     pub(super) motion: Vec<TimePlot>,
     /// Device, serial numbers, calibration dates.
@@ -74,6 +75,7 @@ impl<'a> RunReport<'a> {
             decisions: Vec::new(),
             drift: None,
             tracking: None,
+            experiment: None,
             motion: Vec::new(),
             provenance: Vec::new(),
             notes: Vec::new(),
@@ -129,6 +131,7 @@ impl<'a> RunReport<'a> {
             warnings: std::mem::take(&mut self.warnings),
             rate_sigma: self.loaded.map_or(0.0, |loaded| loaded.source().rate_sigma()),
             tracking: self.tracking.take(),
+            experiment: self.experiment.take(),
             drift: self.drift.take(),
             ..Context::default()
         };

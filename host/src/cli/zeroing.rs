@@ -3,7 +3,7 @@
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
-use hexapod::Pose;
+use hexapod::{BodySet, Pose};
 use nalgebra::Vector3;
 use rigident_shared::calibration::Reading;
 use rigident_shared::forgetting::ImuNoise;
@@ -13,6 +13,7 @@ use super::Failure;
 use super::experiment::Watcher;
 use super::link::{configured, device_settings};
 use crate::device::session::{DeviceTiming, INTERRUPTED, Session, precision, widen};
+use crate::plan::carried::{self, CarriedError, LoadBound, Weighing};
 use crate::plan::machine;
 use crate::platform::check;
 use crate::problem::body::imu_noise::{imu_noise, white_imu_noise};
@@ -41,25 +42,34 @@ pub(super) struct Rest {
     pub(super) imu_noise: ImuNoise<f64>,
     /// Noise of the IMU that rows are weighed by: as stated, else as found at rest.
     pub(super) white_imu_noise: ImuNoise<f64>,
+    /// How many readings there were.
+    readings: usize,
     /// What shows that the plate moves, if anything does.
     moving: Option<String>,
 }
 
-fn at_rest(readings: &[Reading<f64>], imu: Option<&ImuTable>) -> Option<Rest> {
+/// Returns what readings at rest say.
+///
+/// # Errors
+/// There are next to none.
+pub(super) fn at_rest(readings: &[Reading<f64>], imu: Option<&ImuTable>) -> Result<Rest, Failure> {
     let n = readings.len() as f64;
     if readings.len() < 10 {
-        return None;
+        return Err(Failure::link(
+            "the sensors send nothing: check their supply and wiring (`rigident info` shows the counters)",
+        ));
     }
     let imu_noise = imu_noise(imu, readings);
     let mean = |f: &dyn Fn(&Reading<f64>) -> f64| readings.iter().map(f).sum::<f64>() / n;
     let wrench: [f64; 6] = std::array::from_fn(|c| mean(&|r| r.wrench.array()[c]));
-    Some(Rest {
+    Ok(Rest {
         wrench,
         sigma: std::array::from_fn(|c| {
             (mean(&|r| (r.wrench.array()[c] - wrench[c]).powi(2)) * n / (n - 1.0)).sqrt()
         }),
         angular_rate: std::array::from_fn(|c| mean(&|r| r.angular_rate.array()[c])),
         specific_force: std::array::from_fn(|c| mean(&|r| r.specific_force.array()[c])),
+        readings: readings.len(),
         moving: moving(readings, &imu_noise),
         imu_noise,
         white_imu_noise: white_imu_noise(imu, readings),
@@ -105,12 +115,8 @@ pub(super) fn check_level(rest: &Rest, rig: &RigFile, home: &Pose) -> Result<(),
         return Ok(());
     };
     let (_, cell) = machine::load_cell(rig).map_err(Failure::input)?;
-    let mounting = mounting(imu);
-    let [bx, by, bz] = mounting.accel_bias.array();
-    let [[fx, fy, fz], [sx, sy, sz]] = [rest.specific_force, mounting.accel_scale];
-    let felt = SpecificForce::<Imu, f64>::new(sx * fx - bx, sy * fy - by, sz * fz - bz);
     // At rest the accelerometer feels "up".
-    let up = cell * Vector3::from((mounting.rotation * felt).array());
+    let up = cell * felt(rest, imu);
     let tilt = up.x.hypot(up.y).atan2(up.z);
     if tilt < LEVEL_RAD {
         return Ok(());
@@ -124,16 +130,66 @@ pub(super) fn check_level(rest: &Rest, rig: &RigFile, home: &Pose) -> Result<(),
     )))
 }
 
-fn look(session: &mut Session, rig: &RigFile) -> Result<Rest, Failure> {
+/// Specific force in S, m/s².
+fn felt(rest: &Rest, imu: &ImuTable) -> Vector3<f64> {
+    let mounting = mounting(imu);
+    let [bx, by, bz] = mounting.accel_bias.array();
+    let [[fx, fy, fz], [sx, sy, sz]] = [rest.specific_force, mounting.accel_scale];
+    let felt = SpecificForce::<Imu, f64>::new(sx * fx - bx, sy * fy - by, sz * fz - bz);
+    Vector3::from((mounting.rotation * felt).array())
+}
+
+/// Returns what the load cell may carry, in S, by what it reads at rest; `None` where nothing bounds it and no force has a limit.
+///
+/// # Errors
+/// Bad input: a force has a limit and nothing bounds the body, or what is read contradicts the bound. Nothing was moved.
+pub(super) fn weigh(rest: &Rest, rig: &RigFile) -> Result<Option<BodySet>, Failure> {
+    let unmoved = |e: CarriedError| Failure::input(format!("{e}.\nNothing was moved."));
+    let Some(bound) = bound(rig)? else { return Ok(None) };
+    let up = match rig.imu.first().and_then(|imu| carried::up_of(felt(rest, imu))) {
+        Some(up) => up,
+        None => carried::up_when_level(rig).map_err(Failure::input)?,
+    };
+    let weighing = Weighing { wrench: rest.wrench, sigma: rest.sigma, readings: rest.readings, up };
+    let set = weighing.set(rig, &bound).map_err(unmoved)?;
+    let mut unit = [0.0; 10];
+    unit[0] = 1.0;
+    let [least, most] = set.range(&unit);
+    tell!(
+        "the load cell carries {:.2} to {:.2} kg, within {} m of its origin",
+        least.max(0.0),
+        most,
+        bound.within_m
+    );
+    Ok(Some(set))
+}
+
+/// Returns how heavy and how large the body may be; `None` where that is not said and no force has a limit.
+///
+/// # Errors
+/// Bad input: a force has a limit.
+pub(super) fn bound(rig: &RigFile) -> Result<Option<LoadBound>, Failure> {
+    let bound = LoadBound::of(rig);
+    let leg_force_n = rig.platform.as_ref().and_then(|p| p.leg_force_n);
+    let limited = carried::limited(leg_force_n, &rig.load_cell.range_n_nm.unwrap_or([f64::INFINITY; 6]));
+    match (bound, limited) {
+        (None, Some(limited)) => {
+            Err(Failure::input(format!("{}.\nNothing was moved.", CarriedError::NoBound { limited })))
+        }
+        (bound, _) => Ok(bound),
+    }
+}
+
+/// Looks at the sensors for two seconds, absorbing nothing.
+///
+/// # Errors
+/// They send nothing, or Ctrl-C.
+pub(super) fn look(session: &mut Session, rig: &RigFile) -> Result<Rest, Failure> {
     let readings = session.watch(WINDOW_S, &mut Watcher::new(0)).map_err(Failure::link)?;
     if INTERRUPTED.load(Ordering::Relaxed) {
         return Err(Failure::interrupted("stopped before the experiment began; nothing was moved"));
     }
-    at_rest(&readings, rig.imu.first()).ok_or_else(|| {
-        Failure::link(
-            "the sensors send nothing: check their supply and wiring (`rigident info` shows the counters)",
-        )
-    })
+    at_rest(&readings, rig.imu.first())
 }
 
 /// Waits until the mean wrench changes by less than σ from one look to the next, twice in a row.
@@ -239,7 +295,7 @@ pub(super) fn zero_second(
         .collect();
     let Some(imu) = rig.imu.iter_mut().find(|imu| imu.link == 1) else { return Ok(()) };
     let rest = at_rest(&readings, Some(imu))
-        .ok_or_else(|| Failure::link("the second link's IMU sends nothing: check its supply and wiring"))?;
+        .map_err(|_| Failure::link("the second link's IMU sends nothing: check its supply and wiring"))?;
     if let Some(shown) = &rest.moving {
         return Err(Failure::link(format!(
             "the second link does not hang still: {shown}. Its gyro's zero is measured at rest, and its attitude at the start is \

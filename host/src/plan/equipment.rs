@@ -1,8 +1,8 @@
 //! The platform, the body and the sensors that a motion is planned for.
 
 use hexapod::{
-    BodyParameters, Geometry, Load, Payload, THESIS_ACCEL_RANGE_MPS2, THESIS_GYRO_RANGE_RADPS,
-    THESIS_WRENCH_NOISE_N_NM, THESIS_WRENCH_RANGE_N_NM,
+    Bodies, BodyParameters, BodySet, Geometry, Load, Payload, THESIS_ACCEL_RANGE_MPS2,
+    THESIS_GYRO_RANGE_RADPS, THESIS_WRENCH_NOISE_N_NM, THESIS_WRENCH_RANGE_N_NM,
 };
 use nalgebra::{Matrix3, Vector3};
 use rigident_shared::calibration::ImuMounting;
@@ -18,6 +18,8 @@ pub struct Equipment {
     pub geometry: Geometry,
     /// Body, mountings and gravity.
     pub payload: Payload,
+    /// What the body may be, in S, where it is not known: limits are kept for all of them.
+    pub bodies: Option<BodySet>,
     /// White noise of the load cell per reading, 1 σ, N and N m.
     pub noise_n_nm: [f64; 6],
     /// Range of the load cell, N and N m.
@@ -34,6 +36,7 @@ impl Equipment {
         Self {
             geometry: Geometry::thesis(),
             payload: Payload::thesis_horizontal(),
+            bodies: None,
             noise_n_nm: THESIS_WRENCH_NOISE_N_NM,
             wrench_range_n_nm: THESIS_WRENCH_RANGE_N_NM,
             accel_range_mps2: THESIS_ACCEL_RANGE_MPS2,
@@ -60,9 +63,21 @@ impl Equipment {
 
     /// Returns what the legs carry.
     pub fn load(&self) -> Load {
-        let mut load = Load::body(self.carried());
-        load.gravity_mps2 = [0.0, 0.0, -self.payload.gravity_mps2];
-        load
+        let cell = &self.payload.load_cell;
+        let rotation = cell.rotation().unwrap_or_else(Matrix3::identity);
+        let bodies = match &self.bodies {
+            None => Bodies::Known(vec![self.carried()]),
+            Some(set) => {
+                let body = set.in_frame(&Vector3::from(cell.position_m), &rotation);
+                Bodies::Within { known: Vec::new(), body }
+            }
+        };
+        Load { bodies, gravity_mps2: [0.0, 0.0, -self.payload.gravity_mps2] }
+    }
+
+    /// Returns what the body may be, in S.
+    pub fn may_be(&self) -> BodySet {
+        self.bodies.clone().unwrap_or_else(|| BodySet::known(&self.payload.body))
     }
 
     /// Returns where the IMU sits, as the estimator takes it.
@@ -93,6 +108,7 @@ impl From<&rigident_sim::rig::RigConfig> for Equipment {
         Self {
             geometry: config.geometry.clone(),
             payload: config.payload(),
+            bodies: None,
             noise_n_nm: sensors.load_cell.noise_n_nm,
             wrench_range_n_nm: sensors.load_cell.range_n_nm,
             accel_range_mps2: sensors.imu.accel_range_mps2,

@@ -8,7 +8,7 @@ use hexapod::{Bodies, COND_MAX, Geometry, JointCones, Limit, Limits, Load, Pose,
 use nalgebra::{Matrix3, Vector3};
 
 use super::workspace;
-use crate::rig::{PlatformTable, RigFile};
+use crate::rig::{PartTable, PlatformTable, RigFile};
 
 /// What a `[platform]` table lacks or gets wrong beyond single numbers.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -48,7 +48,10 @@ pub fn geometry(rig: &RigFile) -> Result<Geometry, MachineError> {
     let table = rig.platform.as_ref().ok_or(MachineError::NoPlatform)?;
     let geometry = unchecked(table)?;
     let level = workspace::level(&geometry).map_err(no_level_pose(table.cond_max.is_some()))?;
-    if let Some(load) = load(rig)? {
+    let parts = parts(Some(table));
+    if !parts.is_empty() {
+        let load =
+            Load { bodies: Bodies::Known(parts), gravity_mps2: [0.0, 0.0, -rig.recording.gravity_mps2] };
         geometry
             .check_pose_loaded(&level, &load)
             .map_err(|violation| no_level_pose(table.cond_max.is_some())((level, violation)))?;
@@ -66,9 +69,15 @@ pub fn geometry_or_thesis(rig: &RigFile) -> Result<Geometry, MachineError> {
 
 /// Whether the rig file says anything of joints or legs.
 pub fn is_described(rig: &RigFile) -> bool {
-    rig.platform
-        .as_ref()
-        .is_some_and(|t| *t != PlatformTable { load_cell: t.load_cell.clone(), ..PlatformTable::default() })
+    rig.platform.as_ref().is_some_and(|t| {
+        *t != PlatformTable {
+            load_cell: t.load_cell.clone(),
+            load_max_kg: t.load_max_kg,
+            load_within_m: t.load_within_m,
+            part: t.part.clone(),
+            ..PlatformTable::default()
+        }
+    })
 }
 
 /// Where the load cell is on the plate: its origin in P, m, and its axes to the plate's.
@@ -86,13 +95,15 @@ pub fn load_cell(rig: &RigFile) -> Result<(Vector3<f64>, Matrix3<f64>), MachineE
     }
 }
 
-/// The body that a rig file tells of in `[truth]`, in S.
-pub fn body(rig: &RigFile) -> Option<BodyParameters> {
-    rig.truth.as_ref().map(|truth| BodyParameters {
-        mass_kg: truth.mass_kg,
-        com_m: truth.com_m,
-        inertia_com_kgm2: truth.inertia_com_kgm2,
-    })
+/// Returns plate, load cell and adapter, in P.
+pub fn parts(platform: Option<&PlatformTable>) -> Vec<BodyParameters> {
+    let parts = platform.map_or(&[][..], |platform| &platform.part);
+    let of = |part: &PartTable| BodyParameters {
+        mass_kg: part.mass_kg,
+        com_m: part.com_m,
+        inertia_com_kgm2: part.inertia_com_kgm2,
+    };
+    parts.iter().map(of).collect()
 }
 
 /// A body of the load cell's frame in P: the cell's origin in P, m, and its axes to the plate's.
@@ -104,17 +115,6 @@ pub fn on_plate(body: &BodyParameters, at: &Vector3<f64>, rotation: &Matrix3<f64
         inertia_com_kgm2: [(0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1)].map(|at| inertia[at]),
         ..*body
     }
-}
-
-/// What the legs carry as far as the rig file knows: the body of `[truth]` on the load cell. `None` without it.
-///
-/// # Errors
-/// A rotation of the load cell that is none.
-pub fn load(rig: &RigFile) -> Result<Option<Load>, MachineError> {
-    let Some(body) = body(rig) else { return Ok(None) };
-    let (at, rotation) = load_cell(rig)?;
-    let bodies = Bodies::Known(vec![on_plate(&body, &at, &rotation)]);
-    Ok(Some(Load { bodies, gravity_mps2: [0.0, 0.0, -rig.recording.gravity_mps2] }))
 }
 
 /// Whether the limits leave a level pose.
@@ -133,7 +133,7 @@ fn no_level_pose(guard_is_given: bool) -> impl Fn((Pose, Violation)) -> MachineE
                 "; no cond_max is given and 40 is taken, which suits a machine of the size of the thesis' (plate joints 0.25 m \
                  from its middle): cond(H), in metres, grows as a machine gets smaller, give cond_max"
             }
-            Limit::LegForce => ": leg_force_n is too small for the weight of the body of [truth]",
+            Limit::LegForce => ": leg_force_n is too small for the weight of [[platform.part]]",
             _ => "",
         };
         MachineError::NoLevelPose { at: Metres(pose.position_m), violation, advice }
@@ -254,10 +254,9 @@ mod tests {
 
     #[test]
     fn a_weight_that_the_legs_cannot_carry_at_rest_is_a_contradiction() {
-        let truth =
-            "[truth]\nmass_kg = 20\ncom_m = [0, 0, 0.05]\ninertia_com_kgm2 = [0.4, 0.1, 0.4, 0, 0, 0]";
+        let part = "[[platform.part]]\nname = \"plate\"\nmass_kg = 20\ncom_m = [0, 0, 0.05]\n";
         let with =
-            |force: f64| file(&format!("leg_length_m = [0.55, 0.8548]\nleg_force_n = {force}\n{truth}"));
+            |force: f64| file(&format!("leg_length_m = [0.55, 0.8548]\nleg_force_n = {force}\n{part}"));
         let error = geometry(&with(10.0)).unwrap_err().to_string();
         // 20 kg on six legs alike: m g / (6 n_z).
         let g = Geometry::thesis();

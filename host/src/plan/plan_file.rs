@@ -2,8 +2,7 @@
 
 use std::path::Path;
 
-use hexapod::BodyParameters;
-use hexapod::{Bodies, Geometry, Load, MotionError, MotionProgram, Trajectory};
+use hexapod::{BodyParameters, Geometry, MotionError, MotionProgram, Trajectory};
 use serde::{Deserialize, Serialize};
 
 use crate::recording::error::RecordingError;
@@ -83,6 +82,15 @@ pub enum PlanFileError {
         /// In the rig, m.
         actual: [f64; 3],
     },
+    /// What it carries is no body.
+    #[error(
+        "plan {path}: carries: no body has these parameters: the mass must be positive, and about any axis the moment at most the sum \
+         of the other two"
+    )]
+    Carries {
+        /// Which.
+        path: String,
+    },
     /// The machine cannot do it.
     #[error("plan {path}: {error}")]
     Motion {
@@ -113,10 +121,9 @@ impl PlanFile {
         self
     }
 
-    /// What the legs carry, if the plan was made for that.
-    pub fn load(&self, gravity_mps2: f64) -> Option<Load> {
-        let bodies = Bodies::Known(vec![self.carries?]);
-        Some(Load { bodies, gravity_mps2: [0.0, 0.0, -gravity_mps2] })
+    /// Mass of what the plan was made to carry, kg.
+    pub fn carries_kg(&self) -> Option<f64> {
+        self.carries.map(|body| body.mass_kg)
     }
 
     /// Writes a new file.
@@ -171,6 +178,9 @@ impl PlanFile {
                     });
                 }
             }
+        }
+        if plan.carries.is_some_and(|body| !body.is_possible()) {
+            return Err(PlanFileError::Carries { path: name() });
         }
         let motion = |error| PlanFileError::Motion { path: name(), error };
         let trajectory = Trajectory::new(&plan.program).map_err(motion)?;

@@ -63,13 +63,12 @@ impl fmt::Display for Summary {
             Some((limit, Some(most))) => {
                 writeln!(
                     f,
-                    "  leg force up to {most:.1} of {limit:.1} N, for the body of the plan or of [truth]"
+                    "  leg force up to {most:.1} of {limit:.1} N, for any body that may be on the load cell"
                 )?;
             }
-            Some((limit, None)) => writeln!(
-                f,
-                "  leg force NOT checked against {limit:.1} N: no plan and no [truth] in the rig file says what the legs carry"
-            )?,
+            Some((limit, None)) => {
+                writeln!(f, "  leg force NOT checked against {limit:.1} N: nothing says what the legs carry")?
+            }
         }
         writeln!(
             f,

@@ -378,6 +378,9 @@ pub struct LoadCellTable {
     /// Range, N and N m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range_n_nm: Option<[f64; 6]>,
+    /// How far from zero the offset of a channel may be, N and N m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub offset_within_n_nm: Option<[f64; 6]>,
     /// Serial number.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub serial: Option<String>,
@@ -399,6 +402,7 @@ impl Default for LoadCellTable {
             group_delay_s: 0.0,
             bandwidth_hz: None,
             range_n_nm: None,
+            offset_within_n_nm: None,
             serial: None,
             calibrated_on: None,
         }
@@ -460,9 +464,34 @@ pub struct PlatformTable {
     /// Largest condition number of the legs' Jacobian.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cond_max: Option<f64>,
+    /// The heaviest body that is ever put on the load cell, kg.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub load_max_kg: Option<f64>,
+    /// No part of it is farther from the load cell's origin, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub load_within_m: Option<f64>,
+    /// What the legs carry and the load cell does not feel: plate, load cell, adapter.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub part: Vec<PartTable>,
     /// The load cell's frame S on the plate.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub load_cell: Option<PlaceTable>,
+}
+
+/// `[[platform.part]]`
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PartTable {
+    /// Its name.
+    #[serde(default)]
+    pub name: String,
+    /// Mass, kg.
+    pub mass_kg: f64,
+    /// Centre of mass in P, m.
+    pub com_m: [f64; 3],
+    /// About the centre of mass, axes of P, kg m².
+    #[serde(default)]
+    pub inertia_com_kgm2: [f64; 6],
 }
 
 /// A frame on the plate.

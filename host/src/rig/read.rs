@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
 
+use hexapod::BodyParameters;
 use toml::de::DeTable;
 
 use super::{Calibrated, ColumnSource, Joint, OffsetTable, RigFile};
@@ -429,8 +430,13 @@ impl Check<'_> {
                 ("base_joint_angle_rad", platform.base_joint_angle_rad),
                 ("plate_joint_angle_rad", platform.plate_joint_angle_rad),
                 ("cond_max", platform.cond_max),
+                ("load_max_kg", platform.load_max_kg),
+                ("load_within_m", platform.load_within_m),
             ] {
                 self.positive(&format!("platform.{name}"), value.as_slice())?;
+            }
+            for (n, part) in platform.part.iter().enumerate() {
+                self.body(&format!("platform.part[{n}]"), part.mass_kg, part.com_m, part.inertia_com_kgm2)?;
             }
             if let Some(place) = &platform.load_cell {
                 self.finite("platform.load_cell.position_m", &place.position_m)?;
@@ -438,9 +444,24 @@ impl Check<'_> {
             }
         }
         if let Some(truth) = &self.rig.truth {
-            self.positive("truth.mass_kg", &[truth.mass_kg])?;
-            self.finite("truth.com_m", &truth.com_m)?;
-            self.finite("truth.inertia_com_kgm2", &truth.inertia_com_kgm2)?;
+            self.body("truth", truth.mass_kg, truth.com_m, truth.inertia_com_kgm2)?;
+        }
+        Ok(())
+    }
+
+    /// A rigid body: of positive mass, and with a tensor that some body has.
+    fn body(&self, key: &str, mass_kg: f64, com_m: [f64; 3], inertia: [f64; 6]) -> Result<(), RigFileError> {
+        self.positive(&format!("{key}.mass_kg"), &[mass_kg])?;
+        self.finite(&format!("{key}.com_m"), &com_m)?;
+        self.finite(&format!("{key}.inertia_com_kgm2"), &inertia)?;
+        let body = BodyParameters { mass_kg, com_m, inertia_com_kgm2: inertia };
+        if !body.is_possible() {
+            return Err(self.refuse(
+                &format!("{key}.inertia_com_kgm2"),
+                inertia,
+                "is the tensor of no body: about any axis the moment is positive and at most the sum of the other two; the order is \
+                 Ixx, Iyy, Izz, Iyz, Izx, Ixy",
+            ));
         }
         Ok(())
     }

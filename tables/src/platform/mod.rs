@@ -3,6 +3,7 @@
 //! One file per study, each a function that gives Markdown, beside the paper's figures where it has some.
 
 mod adaptive;
+mod adaptive_corners;
 mod experiment;
 mod motions;
 mod poses_estimators;
@@ -33,5 +34,6 @@ pub const DOCUMENT: Document = Document {
         Table { name: "motions-compared", make: motions::comparison },
         Table { name: "motions-montecarlo", make: motions::montecarlo },
         Table { name: "adaptive", make: adaptive::table },
+        Table { name: "adaptive-corners-long", make: adaptive_corners::table },
     ],
 };

@@ -67,6 +67,13 @@ pub struct Take {
     pub broken: Option<String>,
 }
 
+impl Take {
+    /// Returns true if nothing broke and nobody stopped it.
+    pub fn error_free(&self) -> bool {
+        self.broken.is_none() && !self.interrupted
+    }
+}
+
 /// A reading as the device sent it, in f64 (exactly).
 pub fn widen(message: &ReadingMessage) -> Reading<f64> {
     Reading {

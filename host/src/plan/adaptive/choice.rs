@@ -10,7 +10,7 @@ use super::information::Information;
 /// Sequences continued at each length.
 const BEAM: usize = 6;
 /// A sequence that must be repeated more often leads nowhere.
-const MOST_TIMES: f64 = 1e6;
+const MOST_TIMES: f64 = 1e12;
 /// Segments in a sequence.
 const LONGEST: usize = 3;
 
@@ -30,6 +30,13 @@ pub struct Choice {
     pub sequence: Vec<usize>,
     /// Until the goal is reached, s.
     pub seconds: f64,
+}
+
+impl Choice {
+    /// One candidate, whatever it leads to.
+    pub fn alone(candidate: usize) -> Self {
+        Self { sequence: vec![candidate], seconds: f64::INFINITY }
+    }
 }
 
 /// The best sequence; `None` if none reaches the goal. `step(from, to)` is candidate `to` after candidate `from`

@@ -93,12 +93,13 @@ pub fn design(task: &Design, stop: &AtomicBool) -> Option<Segment> {
 mod tests {
     use super::*;
     use crate::plan::adaptive::Asked;
+    use crate::plan::adaptive::goal::Compact;
 
     /// By differences along a symmetric direction.
     #[test]
     fn the_derivative_of_the_worst_ratio_is_that_of_differences() {
         let body = hexapod::BodyParameters::thesis_vertical();
-        let goal = Asked::Tensor(0.01).goal(Some(&body.parameters()));
+        let goal = Asked::Tensor(0.01).goal(Some(&body.parameters()), &Compact::of(20.0));
         let worst = Worst(&goal);
         let mut seed = 3_u64;
         let mut chance = || {

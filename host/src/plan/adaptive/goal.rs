@@ -8,8 +8,10 @@ use super::information::{Information, InverseRoot, deviations};
 /// 95 % of a normal distribution, standard deviations.
 const COVERAGE: f64 = 1.96;
 
-/// Distance of the centre of mass from S that is reckoned with before anything is known of it, m.
-const AWAY_M: f64 = 0.3;
+/// Density of the most compact body of a mass, kg/m³ (steel).
+const DENSITY: f64 = 7850.0;
+/// Its centre of mass is reckoned with so many of its radii from S.
+const AWAY: f64 = 3.0;
 
 /// What is asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,6 +21,23 @@ pub enum Asked {
     /// Every element of the tensors about S and about the centre of mass at most this share of the largest principal
     /// moment about the centre of mass.
     Tensor(f64),
+}
+
+/// The most compact body of a mass: what a relative goal is of before a body is identified.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Compact {
+    /// Its moment of inertia, kg m².
+    moment_kgm2: f64,
+    /// Distance of its centre of mass from S that is reckoned with, m.
+    away_m: f64,
+}
+
+impl Compact {
+    /// Returns a ball of steel.
+    pub fn of(mass_kg: f64) -> Self {
+        let radius = (3.0 * mass_kg / (4.0 * std::f64::consts::PI * DENSITY)).cbrt();
+        Self { moment_kgm2: 0.4 * mass_kg * radius * radius, away_m: AWAY * radius }
+    }
 }
 
 /// What is asked for, in SI.
@@ -31,25 +50,41 @@ pub struct Goal {
 }
 
 impl Asked {
-    /// In SI, for the present estimate of the ten parameters. Without one a relative goal is taken of 1 kg m²: which
-    /// segment is best first does not depend on it. Mass and first moment are asked for as well then, so that they would do
-    /// for the tensor about a centre of mass 0.3 m from S.
-    pub fn goal(&self, estimate: Option<&[f64]>) -> Goal {
+    /// In SI, for the present estimate of the ten parameters. Without one a relative goal is that of the
+    /// most compact body. Mass and first moment are asked for as well then, so that they would do for the tensor about its
+    /// centre of mass.
+    pub fn goal(&self, estimate: Option<&[f64]>, compact: &Compact) -> Goal {
         match self {
             Self::Absolute(u95) => Goal { u95: *u95, about_com: None },
             Self::Tensor(share) => {
                 let principal = estimate.and_then(largest_principal);
-                let least = share * principal.unwrap_or(1.0);
+                let least = share * principal.unwrap_or(compact.moment_kgm2);
                 let mut u95 = [f64::INFINITY; 16];
                 u95[4..10].fill(least);
                 if principal.is_none() {
-                    u95[0] = least / (AWAY_M * AWAY_M);
-                    u95[1..4].fill(least / (2.0 * AWAY_M));
+                    u95[0] = least / (compact.away_m * compact.away_m);
+                    u95[1..4].fill(least / (2.0 * compact.away_m));
                 }
                 let slopes = estimate.filter(|_| principal.is_some()).and_then(about_com_slopes);
                 Goal { u95, about_com: slopes.map(|slopes| (least, slopes)) }
             }
         }
+    }
+}
+
+impl Asked {
+    /// Returns true if an uncertainty over what is asked for can be foreseen: of a relative goal the largest moment, by which it
+    /// is measured, must be known to a tenth itself.
+    pub fn is_told(&self, ratio: f64) -> bool {
+        match self {
+            Self::Absolute(_) => ratio.is_finite(),
+            Self::Tensor(share) => ratio * share <= 0.1,
+        }
+    }
+
+    /// Returns true if a body must be identified before it is known what is asked for.
+    pub fn is_relative(&self) -> bool {
+        matches!(self, Self::Tensor(_))
     }
 }
 

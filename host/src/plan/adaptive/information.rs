@@ -1,8 +1,7 @@
 //! What a motion tells of the body.
 
-use hexapod::BodyParameters;
 use hexapod::STANDARD_GRAVITY_MPS2;
-use hexapod::{Geometry, Load, MotionError, MotionProgram, Trajectory};
+use hexapod::{Bodies, BodyParameters, BodySet, Geometry, Load, MotionError, MotionProgram, Trajectory};
 use nalgebra::Vector3;
 use rigident_shared::calibration::ImuMounting;
 use rigident_shared::estimator::{Estimator, EstimatorConfig};
@@ -10,7 +9,9 @@ use rigident_shared::regressor::{block, signals};
 use rigident_shared::screening::Limits;
 use rigident_shared::spatial::{Position, Sensor};
 
+use super::goal::Compact;
 use crate::fit::{ESTIMATOR_TAPS, Factor, filter_width_s, row_every};
+use crate::plan::carried::{self, LoadBound};
 use crate::plan::machine::{self, MachineError};
 pub use crate::plan::motion::information::Information;
 use crate::plan::motion::information::{Instrument, PARAMETERS};
@@ -48,8 +49,13 @@ pub struct RigModel {
     pub felt_range_mps2: f64,
     /// Ranges of the load cell, N and N m.
     pub wrench_range_n_nm: [f64; 6],
-    /// The body as far as it is known, in S: what the legs and the load cell carry.
-    pub body: Option<BodyParameters>,
+    /// White noise of the gyro, rad/s.
+    pub gyro_noise_radps: f64,
+    /// What the legs carry and the load cell does not feel, in P.
+    pub parts: Vec<BodyParameters>,
+    /// What the load cell may carry, in S: before the body is identified what bounds and a scale leave, then the estimate with
+    /// its uncertainty; `None` if nothing bounds it.
+    pub body: Option<BodySet>,
     /// Ten parameters are estimated, not sixteen.
     pub offset_known: bool,
 }
@@ -77,7 +83,9 @@ impl RigModel {
             rate_range_radps: range.unwrap_or(f64::INFINITY),
             felt_range_mps2: imu.and_then(|imu| imu.range_mps2).unwrap_or(f64::INFINITY),
             wrench_range_n_nm: rig.load_cell.range_n_nm.unwrap_or([f64::INFINITY; 6]),
-            body: machine::body(rig),
+            gyro_noise_radps: imu.and_then(|imu| imu.gyro_noise_radps).unwrap_or(0.0),
+            parts: machine::parts(rig.platform.as_ref()),
+            body: LoadBound::of(rig).map(|bound| bound.set()),
             offset_known: !matches!(rig.load_cell.offset_n_nm, OffsetTable::Word(OffsetWord::Estimate)),
         })
     }
@@ -87,25 +95,36 @@ impl RigModel {
         (RANGE_SHARE * self.rate_range_radps).min(HIGHEST_RATE_RADPS)
     }
 
-    /// Whether the body matters to any limit.
-    pub fn limits_forces(&self) -> bool {
-        self.geometry.limits.leg_force_n.is_some() || self.wrench_range_n_nm.iter().any(|r| r.is_finite())
+    /// What has a limit that depends on the body, in words; `None` if nothing has.
+    pub fn limits_forces(&self) -> Option<&'static str> {
+        carried::limited(self.geometry.limits.leg_force_n, &self.wrench_range_n_nm)
     }
 
-    /// The largest share of what is allowed that a program may take at any instant: the machine's limits and the gyro's
-    /// range as bounds between samples, the ranges of load cell and accelerometer where they are looked at, every 10 ms.
-    /// Above one if it is not known to keep them all; infinite for a program without sense.
+    /// The largest share of what is allowed that a program takes, looked at every 10 ms, if all of it is then shown to be kept: the
+    /// machine's limits and the gyro's range at every instant, by bounds between looks. Above one if it is not; infinite for a
+    /// program without sense.
     pub fn overstepped(&self, program: &MotionProgram) -> f64 {
         const LOOK_S: f64 = 0.01;
+        /// Where bounds show nothing although the looks do, the program is made smaller by a little.
+        const NOT_SHOWN: f64 = 1.03;
+        /// A tenth of a second of work.
+        const MOST_LOOKS: u32 = 10_000;
         let Ok(trajectory) = program.trajectory() else { return f64::INFINITY };
-        let load = self.load();
-        let guarantee = self.geometry.guarantee(&trajectory, load.as_ref(), self.highest_rate_radps());
-        let bounds = guarantee.peaks.iter().map(|p| p.bound / p.allowed);
-        let instrument = self.instrument(1.0);
+        let (load, instrument) = (self.load(), self.instrument(1.0));
+        let highest = self.highest_rate_radps();
         let looks = (trajectory.duration_s() / LOOK_S).ceil() as usize;
-        let shares = (0..=looks).map(|k| instrument.load_share(&trajectory.state(k as f64 * LOOK_S)));
         // What is no number is not known to be kept.
-        bounds.chain(shares).fold(0.0, |most, v| if v.is_nan() { f64::INFINITY } else { most.max(v) })
+        let most = |most: f64, v: f64| if v.is_nan() { f64::INFINITY } else { most.max(v) };
+        let seen = (0..=looks).fold(0.0, |seen, k| {
+            let state = trajectory.state(k as f64 * LOOK_S);
+            let machine = 1.0 - self.geometry.margins(&state, load.as_ref()).tightest().relative;
+            let turning = state.angular_rate.norm() / highest;
+            [instrument.load_share(&state), machine, turning].into_iter().fold(seen, most)
+        });
+        if seen > 1.0 || self.geometry.proves(&trajectory, load.as_ref(), highest, MOST_LOOKS) {
+            return seen;
+        }
+        seen.max(1.0) * NOT_SHOWN
     }
 
     /// The load cell with its range and the accelerometer's, so many readings at each instant.
@@ -118,16 +137,21 @@ impl RigModel {
             readings,
         )
         .within(
-            self.body.map_or([0.0; 10], |body| body.parameters()),
+            self.body.clone(),
             self.wrench_range_n_nm.map(|range| SENSOR_SHARE * range),
             SENSOR_SHARE * self.felt_range_mps2,
         )
     }
 
-    /// The body in P, as far as it is known.
+    /// Returns the most compact body of the mass that the load cell carries; of 20 kg where nothing is known of it.
+    pub fn compact(&self) -> Compact {
+        Compact::of(self.body.as_ref().map_or(20.0, |body| body.middle[0].max(0.01)))
+    }
+
+    /// What the legs may carry; `None` if nothing bounds it.
     fn load(&self) -> Option<Load> {
-        self.body
-            .map(|body| Load::body(machine::on_plate(&body, &self.load_cell_m, &self.load_cell_rotation)))
+        let body = self.body.as_ref()?.in_frame(&self.load_cell_m, &self.load_cell_rotation);
+        Some(Load::new(Bodies::Within { known: self.parts.clone(), body }))
     }
 
     /// Variance of the whitened, filtered noise per row of the device's factor.
@@ -231,6 +255,12 @@ impl InverseRoot {
     /// Standard deviations: (L Lᵀ)⁻¹_jj is the squared length of column j of L⁻¹.
     pub fn deviations(&self) -> [f64; 16] {
         std::array::from_fn(|j| self.inverse.column(j).norm() * self.scale[j])
+    }
+
+    /// Half-axes of the first ten parameters' ellipsoid of one standard deviation: `Σ l lᵀ` is their covariance.
+    pub fn half_axes(&self) -> Vec<[f64; 10]> {
+        let half_axis = |k: usize| std::array::from_fn(|j| self.inverse[(k, j)] * self.scale[j]);
+        (0..16).map(half_axis).collect()
     }
 
     /// Standard deviation of a linear combination of the first ten.

@@ -1,7 +1,7 @@
 //! What to do next, decided between segments: the closed loop.
 //!
 //! Lives here: what a motion would tell ([`information`]), the segments there are to choose from ([`library`]) and those made
-//! for the purpose ([`design`]), what is asked for and how far it is ([`goal`]), the choice ([`choice`]), axes that turn out not to follow ([`axes`]), and the
+//! for the purpose ([`design`]), what a factor says ([`Told`]), what is asked for and how far it is ([`goal`]), the choice ([`choice`]), axes that turn out not to follow ([`axes`]), and the
 //! planner that keeps it all from one segment to the next ([`planner`]); the loop against a simulated rig that may not be
 //! what the planner believes (`rehearsal`, with the simulator). May not live here: driving and recording (that
 //! is [`crate::device::session`]), motions planned as a whole before anything moves.
@@ -19,9 +19,12 @@ pub mod planner;
 #[cfg(feature = "simulator")]
 pub mod rehearsal;
 
+mod told;
+
 pub use goal::{Asked, Goal};
 pub use information::{Information, RigModel};
 pub use planner::{Decision, Next, Planner};
+pub use told::Told;
 
 #[cfg(all(test, feature = "simulator"))]
 mod tests;

@@ -1,29 +1,46 @@
 //! The closed loop against a simulated rig that may not be what the planner believes: an axis that does not follow or is
 //! refused, tighter limits, other noise.
 
-use hexapod::{Limits, MotionProgram, Pose, Segment};
+use std::time::Instant;
+
+use hexapod::{BodySet, Limits, Load, MotionProgram, Pose, Segment};
 use rigident_shared::estimator::{Estimator, EstimatorConfig};
 use rigident_shared::screening;
 use rigident_sim::rig::{Readings, RigConfig, RigError};
 
 use super::goal::{Asked, largest_principal};
-use super::information::{Information, RigModel};
-use super::planner::{Known, Next, Planner};
-use crate::fit::{ESTIMATOR_TAPS, Factor, RowSet, filter_width_s, judge, row_every};
+use super::information::RigModel;
+use super::planner::{Next, Planner};
+use super::told::Told;
+use crate::fit::{ESTIMATOR_TAPS, Factor, filter_width_s, row_every};
+use crate::plan::carried::{CarriedError, LoadBound, Weighing};
+use crate::plan::equipment::Equipment;
+use crate::plan::machine;
+use crate::rig::RigFile;
 use crate::simulated::{mounting, reading};
 
 /// The factor is looked at this often, s.
 const LOOK_S: f64 = 0.25;
 /// What a motion that is made between segments takes, s: twice what was measured on two cores.
 const MAKING_S: f64 = 0.75;
+/// So long the load cell is looked at before anything moves, s.
+const WEIGHED_S: f64 = 2.0;
+/// Steps in which what was driven is held against the limits, s.
+const HELD_S: f64 = 0.005;
+/// What an owner says of the largest body.
+const BOUND: LoadBound = LoadBound { mass_kg: 40.0, within_m: 0.5 };
+/// What counts as a frozen sensor, readings.
+const FROZEN_AFTER: u16 = 50;
 
 /// A rig and what is wrong with it.
 #[derive(Clone, Debug)]
 pub struct Rehearsal {
     /// As it is.
     pub config: RigConfig,
-    /// As it is believed to be.
+    /// As it is believed to be; the body is weighed.
     pub believed: RigModel,
+    /// How heavy and large a body may be.
+    pub bound: LoadBound,
     /// Coordinates that are told to move and do not.
     pub stuck: [bool; 6],
     /// Coordinates whose motion the platform refuses.
@@ -45,6 +62,15 @@ pub struct Outcome {
     pub lost: [bool; 6],
     /// What was done: name, and worst ratio expected and got.
     pub segments: Vec<(String, f64, f64)>,
+    /// The largest share of a limit that was taken at any instant, by the body as it is: of the machine, of the load cell's
+    /// range, of the gyro's and of the accelerometer's.
+    pub taken: f64,
+    /// What was said that could be reached in the time there is, over what is asked for.
+    pub promised: Option<f64>,
+    /// Why it ended before, in words.
+    pub ended: Option<String>,
+    /// The longest that a decision took on this machine, s.
+    pub decided_s: f64,
 }
 
 /// Rows taken in so far.
@@ -63,25 +89,17 @@ impl Device {
             channel_sigma: rehearsal.believed.channel_sigma,
             known_offset: [0.0; 6],
             mounting: mounting(&rehearsal.config),
-            limits: screening::Limits::none(),
+            limits: screening::Limits {
+                frozen_after: FROZEN_AFTER,
+                ..Equipment::from(&rehearsal.config).limits()
+            },
         };
         let estimator = Estimator::new(&config).expect("a simulated rig's settings are possible");
         Self { estimator: Box::new(estimator), absorbed: 0 }
     }
 
-    fn known(&self, model: &RigModel) -> (Information, Option<[f64; 16]>, f64) {
-        let factor = self.estimator.factor();
-        let solution = factor.solve();
-        let determined = solution.determined.iter().filter(|d| **d).count();
-        let rows = RowSet {
-            rows: u64::from(factor.rows()),
-            channels: 6,
-            noise_gain: self.estimator.noise_gain(),
-            sigma_given: true,
-        };
-        let scale = judge(&[rows], factor.residual_sum_of_squares(), determined as f64).variance_scale;
-        let information = model.of_factor(&Factor::from(&factor));
-        (information, (determined == 16).then_some(solution.estimate), scale)
+    fn told(&self, model: &RigModel) -> Told {
+        model.told(&Factor::from(&self.estimator.factor()))
     }
 }
 
@@ -99,6 +117,8 @@ impl RigModel {
             felt_range_mps2: sensors.imu.accel_range_mps2,
             wrench_range_n_nm: sensors.load_cell.range_n_nm,
             body: None,
+            parts: Vec::new(),
+            gyro_noise_radps: sensors.imu.gyro_noise_radps.into_iter().fold(0.0, f64::max),
             offset_known: false,
         })
     }
@@ -108,7 +128,7 @@ impl Rehearsal {
     /// A rig that is what it is believed to be; `None` if its load cell's axes are no rotation.
     pub fn as_believed(config: RigConfig, rate_hz: f64) -> Option<Self> {
         let believed = RigModel::of_simulated(&config, rate_hz)?;
-        Some(Self { config, believed, stuck: [false; 6], refused: [false; 6] })
+        Some(Self { config, believed, bound: BOUND, stuck: [false; 6], refused: [false; 6] })
     }
 
     /// What becomes of a program: the moves that do not happen left out.
@@ -172,9 +192,8 @@ impl Rehearsal {
             device.estimator.absorb(&reading(&row));
             device.absorbed = k + 1;
             if k % every == 0 && k > every {
-                let (information, estimate, scale) = device.known(&self.believed);
-                let goal = asked.goal(estimate.as_ref().map(<[f64; 16]>::as_slice));
-                if estimate.is_some() && goal.worst(&information, scale) <= 1.0 {
+                let told = device.told(&self.believed);
+                if told.worst(asked, &self.believed) <= 1.0 {
                     return Ok(Some(k as f64 / rate_hz));
                 }
             }
@@ -189,21 +208,68 @@ impl Rehearsal {
         seconds: Option<f64>,
         segments: Vec<(String, f64, f64)>,
     ) -> Outcome {
-        let (information, estimate, scale) = device.known(&self.believed);
+        let told = device.told(&self.believed);
         let truth = self.config.body.parameters();
         let principal = largest_principal(&truth).unwrap_or(1.0);
-        let error = estimate.map_or(f64::INFINITY, |phi| {
+        let error = told.estimate.map_or(f64::INFINITY, |phi| {
             (4..10).map(|j| (phi[j] - truth[j]).abs() / principal).fold(0.0, f64::max)
         });
-        let goal = asked.goal(estimate.as_ref().map(<[f64; 16]>::as_slice));
         Outcome {
             seconds,
             spent_s: device.absorbed as f64 / self.believed.rate_hz,
-            worst: goal.worst(&information, scale),
+            worst: told.worst(asked, &self.believed),
             error,
             lost: [false; 6],
             segments,
+            taken: 0.0,
+            promised: None,
+            ended: None,
+            decided_s: 0.0,
         }
+    }
+
+    /// Weighs the body, the plate level.
+    fn weighed(&self, seed: u64) -> Result<Result<BodySet, CarriedError>, RigError> {
+        let home = self.config.geometry.home();
+        let still = MotionProgram { start: home, segments: vec![Segment::Hold { duration_s: WEIGHED_S }] };
+        let rate_hz = self.believed.rate_hz;
+        let readings = Readings::new(&self.config, &still, rate_hz)?;
+        let rows: Vec<[f64; 6]> = readings.measured(seed).map(|row| reading(&row).wrench.array()).collect();
+        let n = rows.len() as f64;
+        let mean: [f64; 6] = std::array::from_fn(|c| rows.iter().map(|w| w[c]).sum::<f64>() / n);
+        let square = |c: usize| rows.iter().map(|w| (w[c] - mean[c]).powi(2)).sum::<f64>() / (n - 1.0);
+        let up = self.believed.load_cell_rotation.tr_mul(&nalgebra::Vector3::z()).into();
+        let weighing = Weighing {
+            wrench: mean,
+            sigma: std::array::from_fn(|c| square(c).sqrt()),
+            readings: rows.len(),
+            up,
+        };
+        let mut file = RigFile::default();
+        file.load_cell.range_n_nm = Some(self.believed.wrench_range_n_nm);
+        file.recording.gravity_mps2 = self.config.gravity_mps2;
+        Ok(weighing.set(&file, &self.bound))
+    }
+
+    /// The largest share of any limit that a program takes with the body as it is.
+    fn taken(&self, program: &MotionProgram) -> f64 {
+        let (Ok(trajectory), Ok(sensors)) = (program.trajectory(), self.config.payload().sensors()) else {
+            return f64::INFINITY;
+        };
+        let cell = &self.believed;
+        let body = machine::on_plate(&self.config.body, &cell.load_cell_m, &cell.load_cell_rotation);
+        let load = Load::body(body);
+        let (ranges, imu) = (&self.config.sensors.load_cell.range_n_nm, &self.config.sensors.imu);
+        let steps = (trajectory.duration_s() / HELD_S).ceil() as usize;
+        (0..=steps).fold(0.0_f64, |most, k| {
+            let state = trajectory.state(k as f64 * HELD_S);
+            let machine = 1.0 - self.config.geometry.margins(&state, Some(&load)).tightest().relative;
+            let (felt, rate) = sensors.imu(&state);
+            let wrench = sensors.wrench(&state).into_iter().zip(ranges).map(|(w, range)| w.abs() / range);
+            let felt = felt.into_iter().map(|f| f.abs() / imu.accel_range_mps2);
+            let rate = rate.into_iter().map(|r| r.abs() / imu.gyro_range_radps);
+            wrench.chain(felt).chain(rate).fold(most.max(machine), f64::max)
+        })
     }
 
     /// A program that was made beforehand, until the goal is reached. `None` if the platform refuses it.
@@ -216,20 +282,31 @@ impl Rehearsal {
         Some(self.outcome(&device, asked, seconds, Vec::new()))
     }
 
-    /// Decided segment by segment, at most for so long.
+    /// Decided segment by segment, at most for so long: from zero, as a rig is started.
     ///
     /// # Errors
     /// The simulated rig cannot be built.
     pub fn adaptive(&self, asked: &Asked, seed: u64, longest_s: f64) -> Result<Outcome, RigError> {
-        let mut planner = Planner::new(self.believed.clone(), *asked);
         let mut device = Device::new(self);
+        let body = match self.weighed(seed)? {
+            Ok(body) => body,
+            Err(error) => {
+                let outcome = self.outcome(&device, asked, None, Vec::new());
+                return Ok(Outcome { ended: Some(error.to_string()), ..outcome });
+            }
+        };
+        let mut planner = Planner::new(RigModel { body: Some(body), ..self.believed.clone() }, *asked);
         let mut whole = MotionProgram { start: self.believed.geometry.home(), segments: Vec::new() };
-        let mut segments = Vec::new();
-        loop {
-            let (before, estimate, variance_scale) = device.known(&self.believed);
-            let estimate = estimate.as_ref().map(<[f64; 16]>::as_slice);
-            let known = Known { information: &before, estimate, variance_scale };
+        let (mut segments, mut taken, mut promised, mut decided_s) = (Vec::new(), 0.0_f64, None, 0.0_f64);
+        let (reached, ended) = loop {
+            if planner.choices() == 0 {
+                break (None, Some("no motion about home keeps the limits".to_owned()));
+            }
+            let before = device.told(&self.believed);
+            let known = before.known();
+            let began = Instant::now();
             let next = planner.next(&known);
+            decided_s = decided_s.max(began.elapsed().as_secs_f64());
             // The plate waits for what is made anew.
             let waited_s = MAKING_S * planner.motions_made() as f64;
             if waited_s > 0.0 {
@@ -241,26 +318,39 @@ impl Rehearsal {
                     planner.answered(self.takes(&program));
                     continue;
                 }
-                Next::Reached | Next::Hopeless(_) => {
-                    let outcome = self.outcome(&device, asked, None, segments);
-                    return Ok(Outcome { lost: planner.lost(), ..outcome });
+                Next::Reached => break (None, None),
+                Next::Unsafe => {
+                    let said = "no motion is known to keep the limits with what may be on the load cell";
+                    break (None, Some(said.to_owned()));
+                }
+                Next::Hopeless(parameter) => {
+                    break (None, Some(format!("{parameter} cannot become as certain")));
                 }
             };
             if !self.takes(&decision.program) {
                 planner.refused(&decision);
                 continue;
             }
+            let left_s = longest_s - whole.duration_s();
+            // As it was said last by the middle of the time.
+            if left_s > 0.5 * longest_s && known.estimate.is_some() && decision.expected_s > left_s {
+                let worst = decision.worst_after(left_s, &planner.goal(&known), &known);
+                promised = Some(worst).filter(|worst| asked.is_told(*worst));
+            }
+            taken = taken.max(self.taken(&self.as_followed(&decision.program)));
             whole.segments.extend(decision.program.segments.iter().cloned());
             let reached = self.absorb(&mut device, &whole, asked, seed)?;
-            let (after, estimate, scale) = device.known(&self.believed);
-            let goal = asked.goal(estimate.as_ref().map(<[f64; 16]>::as_slice));
-            let expected = goal.worst(&(before + decision.tells()), scale);
-            segments.push((decision.name.clone(), expected, goal.worst(&after, scale)));
+            let after = device.told(&self.believed);
+            let goal = planner.goal(&after.known());
+            let expected = goal.worst(&(before.information + decision.tells()), after.variance_scale);
+            segments.push((decision.name.clone(), expected, after.worst(asked, &self.believed)));
             if reached.is_some() || whole.duration_s() > longest_s {
-                let outcome = self.outcome(&device, asked, reached, segments);
-                return Ok(Outcome { lost: planner.lost(), ..outcome });
+                let over = || format!("not reached within {longest_s} s");
+                break (reached, reached.is_none().then(over));
             }
-            planner.carried_out(&decision, &(after - before));
-        }
+            planner.carried_out(&decision, &(after.information - before.information));
+        };
+        let outcome = self.outcome(&device, asked, reached, segments);
+        Ok(Outcome { lost: planner.lost(), taken, promised, ended, decided_s, ..outcome })
     }
 }

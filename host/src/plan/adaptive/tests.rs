@@ -1,10 +1,12 @@
+use crate::plan::carried::LoadBound;
 use hexapod::FrameMotion;
 use hexapod::experiment::thesis_program;
-use hexapod::{Axis, Load, MotionProgram, Segment, Trajectory};
+use hexapod::{Axis, BodyParameters, BodySet, Load, MotionProgram, Segment, Trajectory};
 use rigident_shared::factor::InformationFactor;
 use rigident_sim::rig::{Readings, RigConfig};
 use rigident_sim::sensors::SensorModels;
 
+use super::goal::Compact;
 use super::information::deviations;
 use super::library::{Candidate, library};
 use super::planner::Known;
@@ -86,7 +88,7 @@ fn deviations_are_those_of_the_triangular_factor_and_none_where_a_direction_is_m
 #[test]
 fn a_relative_goal_is_a_share_of_the_largest_principal_moment_about_the_centre_of_mass() {
     for config in [RigConfig::thesis_horizontal(), RigConfig::thesis_vertical()] {
-        let goal = ASKED.goal(Some(&config.body.parameters()));
+        let goal = ASKED.goal(Some(&config.body.parameters()), &Compact::of(20.0));
         // Diagonal to a few per cent, as the thesis prints them.
         let largest = config.body.inertia_com_kgm2[..3].iter().copied().fold(0.0, f64::max);
         for (j, got) in goal.u95.iter().enumerate() {
@@ -101,7 +103,8 @@ fn a_relative_goal_is_a_share_of_the_largest_principal_moment_about_the_centre_o
         assert_eq!(least, goal.u95[4]);
         let mut phi = config.body.parameters();
         (phi[1], phi[2]) = (0.7, -0.4);
-        let slopes_there = ASKED.goal(Some(&phi)).about_com.map_or(slopes, |(_, slopes)| slopes);
+        let slopes_there =
+            ASKED.goal(Some(&phi), &Compact::of(20.0)).about_com.map_or(slopes, |(_, slopes)| slopes);
         let about_com = |phi: &[f64; 10]| -> [f64; 6] {
             let c = [phi[1] / phi[0], phi[2] / phi[0], phi[3] / phi[0]];
             let [x, y, z] = c;
@@ -151,7 +154,7 @@ fn whatever_is_decided_keeps_every_limit_at_every_instant() {
     let weight = still.leg_force_n.unwrap().iter().fold(0.0_f64, |most, [_, f]| most.max(f.abs()));
     config.geometry.limits.leg_force_n = Some(1.6 * weight);
     config.sensors.load_cell.range_n_nm = [400.0, 400.0, 900.0, 40.0, 40.0, 40.0];
-    let rig = RigModel { body: Some(body), ..model(&config, RATE_HZ) };
+    let rig = RigModel { body: Some(BodySet::known(&body)), ..model(&config, RATE_HZ) };
     let mut planner = Planner::new(rig.clone(), ASKED);
     let mut information = rig.prior();
     let phi = body.parameters();
@@ -160,6 +163,7 @@ fn whatever_is_decided_keeps_every_limit_at_every_instant() {
         let known = Known {
             information: &information,
             estimate: (round > 0).then_some(&phi[..]),
+            first: None,
             variance_scale: 100.0,
         };
         let Next::Segment(decision) = planner.next(&known) else { panic!("{round}") };
@@ -238,13 +242,24 @@ fn more_noise_than_assumed_takes_longer_and_is_not_believed_away() {
 #[test]
 fn what_cannot_be_reached_is_named() {
     let config = RigConfig::thesis_horizontal();
-    let model = RigModel { body: Some(config.body), ..model(&config, RATE_HZ) };
+    let model = RigModel { body: Some(BodySet::known(&config.body)), ..model(&config, RATE_HZ) };
     // A thousand years of segments would not do.
     let mut u95 = [f64::INFINITY; 16];
     u95[5] = 1e-9;
     let mut planner = Planner::new(model.clone(), Asked::Absolute(u95));
-    let known = Known { information: &model.prior(), estimate: None, variance_scale: 1.0 };
-    assert!(matches!(planner.next(&known), Next::Hopeless("Iyy")));
+    let known = Known { information: &model.prior(), estimate: None, first: None, variance_scale: 1.0 };
+    // A look or two, and it is clear.
+    let mut looks = 0;
+    let next = loop {
+        match planner.next(&known) {
+            Next::Segment(decision) if looks < 3 => {
+                looks += 1;
+                planner.carried_out(&decision, decision.tells());
+            }
+            other => break other,
+        }
+    };
+    assert!(matches!(next, Next::Hopeless("Iyy")), "{looks} {next:?}");
 }
 
 #[test]
@@ -267,6 +282,45 @@ fn an_axis_that_stood_still_is_told_from_one_that_moved() {
             let told = model.information(&program, &lost).unwrap();
             let found = super::axes::stood_still(&model, &program, &moves, &told);
             assert_eq!(found, lost, "{}", candidate.name);
+        }
+    }
+}
+
+/// From zero, with nothing known of the body but that it is at most half as heavy again and within so many metres: no limit is
+/// exceeded by the body as it is, nothing ends without a word, and what is said to be possible comes.
+#[test]
+fn nothing_is_exceeded_whatever_the_body_the_limits_and_the_noise_are() {
+    let gyration = |mass_kg: f64| 0.1 * (mass_kg / 20.0).cbrt();
+    let corners = [
+        (0.5, [0.0, 0.0, 0.1], 1.0, 1.0),
+        (5.0, [0.18, -0.18, 0.16], 1.0, 1.0),
+        (20.0, [0.0, 0.0, 0.3], 0.3, 0.3),
+        (60.0, [0.0, 0.0, 0.1], 3.0, 3.0),
+        (120.0, [0.0, 0.0, 0.3], 1.0, 0.3),
+        (120.0, [0.18, -0.18, 0.16], 0.3, 1.0),
+    ];
+    for (mass_kg, com_m, limits, noise) in corners {
+        let mut config = RigConfig::thesis_horizontal();
+        let moment = mass_kg * gyration(mass_kg).powi(2);
+        let inertia_com_kgm2 = [moment, 0.8 * moment, 0.5 * moment, 0.0, 0.0, 0.0];
+        config.body = BodyParameters { mass_kg, com_m, inertia_com_kgm2 };
+        config.geometry.leg_rate_mps *= limits;
+        config.geometry.limits.leg_acceleration_mps2 = Some(8.0 * limits);
+        config.geometry.limits.leg_force_n = Some(600.0 * limits);
+        config.sensors.load_cell.noise_n_nm.iter_mut().for_each(|s| *s *= noise);
+        config.sensors.load_cell.range_n_nm.iter_mut().for_each(|r| *r *= limits);
+        config.sensors.imu.gyro_range_radps *= limits;
+        let away = com_m.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let bound = LoadBound { mass_kg: 1.5 * mass_kg, within_m: 1.1 * (away + 1.9 * gyration(mass_kg)) };
+        let rehearsal = Rehearsal { bound, ..as_believed(config) };
+        let done = rehearsal.adaptive(&ASKED, 1, 40.0).unwrap();
+        let which = format!("{mass_kg} kg, limits {limits}, noise {noise}: {done:?}");
+        assert!(done.taken < 1.02, "{which}");
+        assert!(done.seconds.is_some() != done.ended.is_some(), "{which}");
+        match (done.seconds, done.promised) {
+            (Some(_), _) => assert!(done.worst <= 1.0 && done.error < 0.03, "{which}"),
+            (None, Some(promised)) => assert!((done.worst / promised - 1.0).abs() < 0.2, "{which}"),
+            (None, None) => {}
         }
     }
 }

@@ -8,10 +8,14 @@
 //! its own axes, `η = E δ(roll, pitch, yaw)`:
 //! `δ(Rᵀv) = Rᵀδv + Rᵀv × η`, `δω = η' + ω × η`, `δω̇ = η'' + ω̇ × η + ω × η'`.
 
-use hexapod::{Coordinates, PlateState};
+use hexapod::{BodySet, Coordinates, PlateState};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use rigident_shared::regressor::{SIGNALS, block};
 use rigident_shared::spatial::{Position, Sensor};
+
+/// What no body may take, over what the middle of them may: what is allowed leaves room for noise and for what is not known of
+/// the body, 0.85 of a range; at worst it is 0.97.
+const AT_WORST: f64 = 1.14;
 
 /// The body's ten and six offsets.
 pub const PARAMETERS: usize = 16;
@@ -30,8 +34,8 @@ pub struct Instrument {
     lever: Position<Sensor, f64>,
     gravity_mps2: f64,
     weights: [f64; 6],
-    /// The body's ten parameters, and what the load cell and the accelerometer may see: N, N m, m/s².
-    body: [f64; 10],
+    /// What the body may be, in S, and what the load cell and the accelerometer may see: N, N m, m/s².
+    body: Option<BodySet>,
     wrench_limit: [f64; 6],
     felt_limit: f64,
     /// What one of the twelve signals makes of the regressor.
@@ -60,30 +64,44 @@ impl Instrument {
             lever,
             gravity_mps2,
             weights: noise_n_nm.map(|s| readings / (s * s)),
-            body: [0.0; 10],
+            body: None,
             wrench_limit: [f64::INFINITY; 6],
             felt_limit: f64::INFINITY,
             units,
         }
     }
 
-    /// With a body whose wrench stays within `wrench_limit`, N and N m, and specific force within `felt_limit`, m/s².
+    /// With one of a set of bodies (S), whose wrench stays within `wrench_limit`, N and N m, and specific force within `felt_limit`, m/s².
     #[must_use]
-    pub fn within(self, body: [f64; 10], wrench_limit: [f64; 6], felt_limit: f64) -> Self {
+    pub fn within(self, body: Option<BodySet>, wrench_limit: [f64; 6], felt_limit: f64) -> Self {
         Self { body, wrench_limit, felt_limit, ..self }
     }
 
-    /// Wrench of the body in S, over what is allowed, and the specific force over what is allowed: the largest of them.
+    /// Wrench in S of the middle of the bodies over what is allowed, of any of them over [`AT_WORST`] times that, and the specific
+    /// force over what is allowed: the largest of them.
     pub fn load_share(&self, state: &PlateState) -> f64 {
-        let columns = self.columns(state);
         let felt = self.felt(state).norm() / self.felt_limit;
-        (0..6).fold(felt, |most, c| {
-            let wrench: f64 = (0..10).map(|j| self.body[j] * columns[j][c]).sum();
-            most.max(wrench.abs() / self.wrench_limit[c])
+        let Some(body) = &self.body else { return felt };
+        let wrench = self.wrench_of(state, body);
+        wrench
+            .into_iter()
+            .zip(self.wrench_limit)
+            .fold(felt, |most, ([middle, at_worst], limit)| most.max(middle.max(at_worst / AT_WORST) / limit))
+    }
+
+    /// Returns the magnitude in each channel that the middle of a set of bodies (S) takes and the largest of any of them, N and
+    /// N m.
+    pub fn wrench_of(&self, state: &PlateState, body: &BodySet) -> [[f64; 2]; 6] {
+        let columns = self.columns(state);
+        std::array::from_fn(|c| {
+            let column = std::array::from_fn(|j| columns[j][c]);
+            let [low, high] = body.range(&column);
+            let middle: f64 = column.iter().zip(&body.middle).map(|(a, b)| a * b).sum();
+            [middle.abs(), high.max(-low)]
         })
     }
 
-    /// `−Σ log slack` of these limits and, in `worth`, `share` times its change; `None` outside.
+    /// `−Σ log slack` of these limits for the middle of the bodies and, in `worth`, `share` times its change; `None` outside.
     pub fn barrier(&self, state: &PlateState, share: f64, worth: &mut Variation) -> Option<f64> {
         let mut sum = 0.0;
         let mut pull = |value: f64, limit: f64| {
@@ -96,12 +114,13 @@ impl Instrument {
         };
         let columns = self.columns(state);
         let mut signals = [0.0; 12];
+        let body = self.body.as_ref().map_or([0.0; 10], |body| body.middle);
         for c in 0..6 {
             if self.wrench_limit[c].is_finite() {
-                let wrench = (0..10).map(|j| self.body[j] * columns[j][c]).sum();
+                let wrench = (0..10).map(|j| body[j] * columns[j][c]).sum();
                 let pull = pull(wrench, self.wrench_limit[c])?;
                 for (signal, unit) in signals.iter_mut().zip(&self.units) {
-                    *signal += pull * (0..10).map(|j| self.body[j] * unit[j][c]).sum::<f64>();
+                    *signal += pull * (0..10).map(|j| body[j] * unit[j][c]).sum::<f64>();
                 }
             }
         }

@@ -223,7 +223,7 @@ fn instrument(task: &Task) -> Instrument {
         task.rate_hz * step_s(task.highest_hz),
     )
     .within(
-        payload.body.parameters(),
+        Some(task.equipment.may_be()),
         wrench_range_n_nm.map(|r| SENSOR_SHARE * r),
         SENSOR_SHARE * accel_range_mps2,
     )

@@ -14,7 +14,7 @@ use crate::plan::adaptive::library::Candidate;
 const DESIGNED_WITHOUT_S: f64 = 3.0;
 /// Before the body is known its wrench cannot be foreseen: a short look, with this share of the rates, as often at most.
 const LOOK_S: f64 = 1.5;
-const LOOK_SHARE: f64 = 0.35;
+const LOOK_SHARE: f64 = 0.5;
 /// Tilts about which motions are made where an axis is lost, degrees: about a tilted axis the others make up for it.
 const TILTS_DEG: [f64; 2] = [25.0, 35.0];
 
@@ -68,7 +68,7 @@ impl Planner {
                 );
             }
         }
-        if self.looks > 0 && known.estimate.is_none() {
+        if self.looks > 0 && !self.identified {
             self.design_look(&goal, &beforehand, here);
         }
         self.find_ways();

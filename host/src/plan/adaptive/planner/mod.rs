@@ -6,18 +6,18 @@
 mod made;
 mod refusals;
 
-use hexapod::BodyParameters;
-use hexapod::{MotionProgram, Pose, Segment};
+use hexapod::{BodyParameters, BodySet, MotionProgram, Pose, Segment};
 
 use self::refusals::Question;
 use super::axes::{share, stood_still};
 use super::choice::{Choice, Step, choose};
 use super::goal::{Asked, Goal};
-use super::information::{Information, RigModel};
+use super::information::{Information, InverseRoot, RigModel};
 use super::library::{Candidate, keeps, library, way};
 
-/// What share of its size is too small to be worth a try.
+/// What share of its size is too small to be worth a try, and while nothing is known of the body.
 const SMALLEST: f64 = 0.2;
+const SMALLEST_LOOK: f64 = 0.02;
 /// By which moves become slower where they are what is refused, and how much at most.
 const SLOWER: f64 = 1.4;
 const SLOWEST: f64 = 4.0;
@@ -28,6 +28,10 @@ const DESIGNED_S: f64 = 4.0;
 const RAMP_S: f64 = 0.5;
 /// Looks at a body that is not known, at most.
 const MOST_LOOKS: u32 = 3;
+/// Limits are kept for every body within so many standard deviations of an identified estimate.
+const DEVIATIONS: f64 = 3.0;
+/// Segments and ways that are looked at for one decision, at most: it is made within seconds.
+const MOST_CHECKS: u32 = 40;
 /// Where less than this is left to do, no new motion is worth its planning, s.
 const WORTH_DESIGNING_S: f64 = 4.0;
 
@@ -43,12 +47,20 @@ pub struct Decision {
     pub program: MotionProgram,
     /// When everything asked for should be reached, s from now.
     pub expected_s: f64,
+    /// What the sequence of segments that begins with it should tell, and in how many seconds.
+    sequence: (Information, f64),
 }
 
 impl Decision {
     /// What it should tell.
     pub fn tells(&self) -> &Information {
         &self.tells
+    }
+
+    /// Returns the worst uncertainty over what is asked for that so many seconds should bring.
+    pub fn worst_after(&self, seconds: f64, goal: &Goal, known: &Known) -> f64 {
+        let (tells, lasts_s) = &self.sequence;
+        goal.worst(&(known.information + tells * (seconds / lasts_s)), known.variance_scale)
     }
 }
 
@@ -61,6 +73,8 @@ pub enum Next {
     Question(MotionProgram),
     /// Everything asked for is reached.
     Reached,
+    /// No motion is known to keep every limit whatever of what is allowed is on the load cell.
+    Unsafe,
     /// Nothing that the machine does leads there. The parameter that stays furthest off.
     Hopeless(&'static str),
 }
@@ -70,8 +84,10 @@ pub enum Next {
 pub struct Known<'a> {
     /// What the device's factor says.
     pub information: &'a Information,
-    /// The ten parameters, once they are determined.
+    /// The ten parameters, once they are identified.
     pub estimate: Option<&'a [f64]>,
+    /// Mass and first moment, once these are identified.
+    pub first: Option<[f64; 4]>,
     /// The noise's variance relative to what was assumed.
     pub variance_scale: f64,
 }
@@ -126,8 +142,16 @@ pub struct Planner {
     tightened: u32,
     /// How many more looks there may be while the body is not known.
     looks: u32,
-    /// The body is that of the rig file, not of the estimate.
-    body_given: bool,
+    /// What a scale and bounds leave.
+    weighed: Option<BodySet>,
+    /// The body is the estimate's.
+    identified: bool,
+    /// An estimate that is identified contradicts them.
+    contradicted: bool,
+    /// Motions were made smaller for want of knowledge of the body.
+    shrunk: bool,
+    /// What may still be looked at for this decision.
+    checks: u32,
     /// Motions made for what is asked for are those of the present machine, and whether with an estimate.
     designs: Option<bool>,
     /// How many have been made since the last look at it.
@@ -139,9 +163,13 @@ pub struct Planner {
 impl Planner {
     /// Looks what the machine can do. The plate is at home.
     pub fn new(rig: RigModel, asked: Asked) -> Self {
-        let rig_needs_look = rig.body.is_none() && rig.limits_forces();
+        let rig_needs_look = rig.limits_forces().is_some();
         let mut planner = Self {
-            body_given: rig.body.is_some(),
+            weighed: rig.body.clone(),
+            identified: false,
+            contradicted: false,
+            shrunk: false,
+            checks: MOST_CHECKS,
             rig,
             asked,
             entries: Vec::new(),
@@ -160,7 +188,7 @@ impl Planner {
         let home = planner.rig.geometry.home();
         planner.take_stock(home);
         let prior = planner.rig.prior();
-        planner.design(&Known { information: &prior, estimate: None, variance_scale: 1.0 }, 1.0);
+        planner.design(&Known { information: &prior, estimate: None, first: None, variance_scale: 1.0 }, 1.0);
         planner.made = 0;
         planner
     }
@@ -180,6 +208,11 @@ impl Planner {
         std::mem::take(&mut self.made)
     }
 
+    /// Returns true if an identified estimate is none of the bodies that bounds and a scale allow: it is not used.
+    pub fn contradicted(&self) -> bool {
+        self.contradicted
+    }
+
     /// All of them, one after the other.
     pub fn everything(&self) -> MotionProgram {
         let start = self.rig.geometry.home();
@@ -197,7 +230,7 @@ impl Planner {
 
     /// What is asked for, by what is known.
     pub fn goal(&self, known: &Known) -> Goal {
-        self.asked.goal(known.estimate)
+        self.asked.goal(known.estimate, &self.rig.compact())
     }
 
     fn take_stock(&mut self, at: Pose) {
@@ -257,7 +290,9 @@ impl Planner {
     /// What to do now.
     pub fn next(&mut self, known: &Known) -> Next {
         let goal = self.goal(known);
-        if goal.worst(known.information, known.variance_scale) <= 1.0 && known.estimate.is_some() {
+        self.checks = MOST_CHECKS;
+        let is_known = known.estimate.is_some() || !self.asked.is_relative();
+        if is_known && goal.worst(known.information, known.variance_scale) <= 1.0 {
             return Next::Reached;
         }
         if let Some(question) = self.question() {
@@ -278,16 +313,25 @@ impl Planner {
         }
         choice
             .and_then(|chosen| self.decide(&chosen))
-            .map_or_else(|| Next::Hopeless(self.furthest(&goal, known)), |d| Next::Segment(Box::new(d)))
+            .map_or_else(|| self.nothing(&goal, known), |decision| Next::Segment(Box::new(decision)))
+    }
+
+    /// Why nothing is left to do.
+    fn nothing(&self, goal: &Goal, known: &Known) -> Next {
+        let moves = |entry: &Entry| matches!(entry.candidate.segment, Segment::Multisine { .. });
+        if !self.identified && !self.entries.iter().any(moves) {
+            return Next::Unsafe;
+        }
+        Next::Hopeless(self.furthest(goal, known))
     }
 
     /// A careful motion while the body is not known.
     fn look(&mut self) -> Option<Decision> {
-        if self.rig.body.is_some() || self.looks == 0 {
+        if self.identified || self.looks == 0 {
             return None;
         }
         while let Some(index) = self.entries.iter().position(|entry| entry.kind == Kind::Look) {
-            let choice = Choice { sequence: vec![index], seconds: f64::INFINITY };
+            let choice = Choice::alone(index);
             if self.guarantee(&choice) {
                 return self.decide(&choice);
             }
@@ -304,7 +348,12 @@ impl Planner {
     }
 
     fn choose(&self, goal: &Goal, known: &Known) -> Option<Choice> {
+        // Where time is up, what is known to keep the limits.
+        let open = |to: usize| self.checks > 0 || self.entries.get(to).is_some_and(|e| e.guaranteed);
         let step = |from: Option<usize>, to: usize| {
+            if !open(to) {
+                return None;
+            }
             let from = from.map_or(Some(self.at), |c| self.entries.get(c).map(|e| e.place))?;
             self.step(from, to)
         };
@@ -313,9 +362,35 @@ impl Planner {
 
     /// What the legs and the load cell carry, as it becomes known.
     fn learn(&mut self, known: &Known) {
-        let Some(body) = known.estimate.filter(|_| !self.body_given).and_then(body_of) else { return };
-        self.rig.body = Some(body);
-        if self.rig.limits_forces() {
+        let Some(root) = InverseRoot::of(known.information) else { return };
+        let deviations = DEVIATIONS * known.variance_scale.sqrt();
+        let body = known.estimate.and_then(|phi| Some((*phi.first_chunk::<10>()?, body_of(phi)?)));
+        match (body, known.first, &self.weighed) {
+            (Some((phi, body)), ..) => {
+                self.contradicted = self.weighed.as_ref().is_some_and(|weighed| !weighed.may_hold(&body));
+                if self.contradicted {
+                    return;
+                }
+                let estimated = BodySet::estimated(phi, &root.half_axes(), deviations);
+                self.rig.body = Some(match &self.weighed {
+                    Some(weighed) => estimated.and(weighed.clone()),
+                    None => estimated,
+                });
+                let first = !std::mem::replace(&mut self.identified, true);
+                if first && self.shrunk {
+                    // They need not be so small any more.
+                    if let Some(at) = self.places.get(self.at).copied() {
+                        self.take_stock(at);
+                    }
+                }
+            }
+            // The tensor is any that the bound leaves.
+            (None, Some(first), Some(weighed)) if !self.identified => {
+                self.rig.body = Some(weighed.with_first_moments(first, &root.half_axes(), deviations));
+            }
+            _ => return,
+        }
+        if self.rig.limits_forces().is_some() {
             self.entries.iter_mut().for_each(|entry| entry.guaranteed = false);
             self.ways.iter_mut().flatten().flatten().for_each(|way| way.guaranteed = way.segment.is_none());
         }
@@ -325,20 +400,18 @@ impl Planner {
     /// one.
     fn guarantee(&mut self, choice: &Choice) -> bool {
         let Some(index) = choice.sequence.first().copied() else { return false };
-        let Some(entry) = self.entries.get(index) else { return false };
-        let (place, centre) = (entry.place, entry.candidate.centre);
-        if !entry.guaranteed {
-            let alone = MotionProgram { start: centre, segments: vec![entry.candidate.segment.clone()] };
-            let over = self.rig.overstepped(&alone);
-            if over > 1.0 {
-                // The bounds are a per cent above what is seen.
-                self.shrink(index, if over.is_finite() { 0.999 - (over - 1.0).min(0.2) } else { 0.8 });
-                return false;
-            }
-            if let Some(entry) = self.entries.get_mut(index) {
-                entry.guaranteed = true;
+        // What comes after it need only be as large as it is believed to be.
+        for later in choice.sequence.iter().rev() {
+            let open = self.entries.get(*later).is_some_and(|entry| !entry.guaranteed);
+            if open {
+                self.checks = self.checks.saturating_sub(1);
+                if !self.fit(*later) {
+                    return false;
+                }
             }
         }
+        let Some(entry) = self.entries.get(index) else { return false };
+        let (place, centre) = (entry.place, entry.candidate.centre);
         let Some(from) = self.places.get(self.at).copied() else { return false };
         let Some(Some(way)) = self.ways.get(self.at).and_then(|row| row.get(place)) else { return false };
         if way.guaranteed {
@@ -363,11 +436,36 @@ impl Planner {
         same
     }
 
+    /// Makes a motion as small as every limit needs at every instant, or leaves it out; true if it needed nothing.
+    fn fit(&mut self, index: usize) -> bool {
+        let mut as_it_was = true;
+        loop {
+            let Some(entry) = self.entries.get_mut(index) else { return false };
+            let (centre, segment) = (entry.candidate.centre, entry.candidate.segment.clone());
+            let over = self.rig.overstepped(&MotionProgram { start: centre, segments: vec![segment] });
+            if over <= 1.0 {
+                entry.guaranteed = true;
+                return as_it_was;
+            }
+            as_it_was = false;
+            // The bounds are a per cent above what is seen; forces grow with the square of the rates and less.
+            let by =
+                if over.is_finite() { 0.999 - (over - 1.0).min(0.2).max(1.0 - over.powf(-0.7)) } else { 0.8 };
+            let left = self.entries.len();
+            self.shrink(index, by);
+            if self.entries.len() < left {
+                return false;
+            }
+        }
+    }
+
     /// Makes a motion smaller, or leaves it out.
     fn shrink(&mut self, index: usize, by: f64) {
         let Some(entry) = self.entries.get_mut(index) else { return };
         entry.scale *= by;
-        let smaller = if entry.scale < SMALLEST { None } else { entry.candidate.smaller(by) };
+        self.shrunk |= entry.kind != Kind::Look;
+        let smallest = if self.identified { SMALLEST } else { SMALLEST_LOOK };
+        let smaller = if entry.scale < smallest { None } else { entry.candidate.smaller(by) };
         let told = smaller.and_then(|candidate| self.tells(&candidate).map(|tells| (candidate, tells)));
         match (told, self.entries.get_mut(index)) {
             (Some((candidate, tells)), Some(entry)) => {
@@ -382,7 +480,14 @@ impl Planner {
         let entry = self.entries.get(index)?;
         let way = self.ways.get(self.at)?.get(entry.place)?.as_ref()?;
         let segments = way.segment.iter().chain([&entry.candidate.segment]).cloned().collect();
+        let (mut from, mut sequence) = (self.at, (Information::zeros(), 0.0));
+        for to in &choice.sequence {
+            let Some(step) = self.step(from, *to) else { continue };
+            sequence = (sequence.0 + step.tells, sequence.1 + step.seconds);
+            from = self.entries.get(*to).map_or(from, |entry| entry.place);
+        }
         Some(Decision {
+            sequence,
             index,
             moves: entry.candidate.moves(),
             tells: way.step.tells + entry.tells * entry.worth,
