@@ -226,7 +226,7 @@ impl BodySet {
 
 /// Returns, for each of the ten parameters in P, what a wrench `(u, v)` against the motion of the plate takes of it: the
 /// force and moment about P's origin that the parameter needs, times u and v (P).
-pub(super) fn regressor(
+pub(super) fn linear_form(
     state: &PlateState,
     gravity: &Vector3<f64>,
     u: &Vector3<f64>,

@@ -3,7 +3,7 @@
 use nalgebra::{Vector3, Vector6};
 
 use super::body::{BodyParameters, FrameMotion, STANDARD_GRAVITY_MPS2};
-use super::body_set::{BodySet, regressor};
+use super::body_set::{BodySet, linear_form};
 use super::error::MotionError;
 use super::geometry::Geometry;
 use super::kinematics::PlateState;
@@ -77,7 +77,7 @@ impl Load {
             let entry = |k: usize| {
                 back * Vector3::new(inverse[(row, k)], inverse[(row, k + 1)], inverse[(row, k + 2)])
             };
-            let [least, most] = body.range(&regressor(state, &gravity, &entry(0), &entry(3)));
+            let [least, most] = body.range(&linear_form(state, &gravity, &entry(0), &entry(3)));
             *low += least;
             *high += most;
         }

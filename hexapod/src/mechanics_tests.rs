@@ -212,10 +212,11 @@ fn sets_of_bodies_move_with_their_frame_and_have_the_forces_of_their_bodies() {
         let wrench = body.wrench(&FrameMotion::of_plate(&state), &gravity);
         let direct =
             u.dot(&Vector3::from_row_slice(&wrench[..3])) + v.dot(&Vector3::from_row_slice(&wrench[3..]));
-        let [low, high] = BodySet::known(&body).range(&crate::body_set::regressor(&state, &gravity, &u, &v));
+        let [low, high] =
+            BodySet::known(&body).range(&crate::body_set::linear_form(&state, &gravity, &u, &v));
         assert!(low == high && (low - direct).abs() < 1e-10 * direct.abs().max(1.0), "{low} {direct}");
         let both = BodySet::bounded(1.2 * body.mass_kg, [0.0; 3], 0.5).and(BodySet::known(&body));
-        let a = crate::body_set::regressor(&state, &gravity, &u, &v);
+        let a = crate::body_set::linear_form(&state, &gravity, &u, &v);
         assert_eq!(both.range(&a), BodySet::known(&body).range(&a));
         // What a scale allows holds the body, and the forces that it takes.
         let phi = body.parameters();

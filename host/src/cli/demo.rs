@@ -1,9 +1,9 @@
 use std::process::ExitCode;
 use std::time::Instant;
 
-use hexapod::BodySet;
+use hexapod::{BodySet, MotionProgram, Segment};
 use rigident_shared::forgetting::MemoryConfig;
-use rigident_shared::wire::Source;
+use rigident_shared::wire::{Settings, Source};
 use rigident_sim::rig::{Rig, RigConfig};
 use rigident_sim::sensors::SensorModels;
 
@@ -49,7 +49,7 @@ fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
     }
     let geometry = config.geometry.clone();
     arguments.adaptive.check()?;
-    let rig = Rig::new(config).map_err(Failure::input)?;
+    let rig = Rig::new(config.clone()).map_err(Failure::input)?;
     let mut file = simulated::rig_file(&rig, body_name);
     if arguments.ideal {
         file.load_cell.noise_n_nm = Some(QUIET);
@@ -69,7 +69,8 @@ fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
     forgetting::put_into(&mut settings, memory.as_ref());
     configured(&mut session, &settings)?;
     let mut platform = LocalPlatform(rig);
-    let body = if arguments.adaptive.adaptive { weighed(&mut session, &mut file)? } else { None };
+    let body =
+        if arguments.adaptive.adaptive { weighed(arguments, &config, &settings, &mut file)? } else { None };
     let mut directing = arguments.adaptive.directing(&file, &geometry, &settings, body)?;
     let (mut stages, mut same_pose, mut duration_s) = (Vec::new(), None, 0.0);
     if directing.is_none() {
@@ -124,12 +125,27 @@ fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
 
 /// How heavy and large the owner of the simulated rig says that bodies may be: the largest that fit on the thesis' plate.
 const BOUND: [f64; 2] = [40.0, 0.5];
-/// Readings that are weighed.
-const WEIGHED: usize = 500;
+/// How long the body is weighed, s.
+const WEIGHED_S: f64 = 0.5;
 
-/// Weighs the body at rest.
-fn weighed(session: &mut Session, file: &mut RigFile) -> Result<Option<BodySet>, Failure> {
+/// Weighs the body at rest, in a run of its own: in lock-step time passes only while a program runs.
+fn weighed(
+    arguments: &Demo,
+    config: &RigConfig,
+    settings: &Settings,
+    file: &mut RigFile,
+) -> Result<Option<BodySet>, Failure> {
     LoadOptions { load_max_kg: Some(BOUND[0]), load_within_m: Some(BOUND[1]) }.put_into(file)?;
-    let readings = session.watch_readings(WEIGHED, &mut Watcher::new(0)).map_err(Failure::link)?;
-    zeroing::weigh(&zeroing::at_rest(&readings, file.imu.first())?, file)
+    let rig = Rig::new(config.clone()).map_err(Failure::input)?.shared();
+    let mut session = Session::open(Client::new(simulated::transport(arguments.mcu, &rig)?))
+        .map_err(|e| Failure::link(e).context("the simulated device"))?;
+    configured(&mut session, settings)?;
+    let mut platform = LocalPlatform(rig);
+    let rest = MotionProgram {
+        start: config.geometry.home(),
+        segments: vec![Segment::Hold { duration_s: WEIGHED_S }],
+    };
+    platform.load(&rest).map_err(Failure::link)?;
+    let take = session.follow(&mut platform, &mut Watcher::new(0)).map_err(Failure::link)?;
+    zeroing::weigh(&zeroing::at_rest(&take.readings, file.imu.first())?, file)
 }

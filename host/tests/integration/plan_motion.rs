@@ -51,22 +51,16 @@ fn the_object_is_that_of_the_contract_and_the_plan_is_for_this_machine_only() {
 
 /// The body of a rig file is what the legs carry: twice the mass, twice the forces and the same uncertainties.
 #[test]
-fn the_body_is_the_rig_files_and_its_name_is_said() {
+fn the_body_is_any_that_the_rig_file_allows_and_never_its_truth() {
     let folder = tempfile::tempdir().unwrap();
     let config = RigConfig::thesis_horizontal();
-    let plan = |times: f64| {
+    let plan = |name: &str, platform: &str, truth_kg: f64| {
         let (g, b) = (&config.geometry, config.body);
-        let path = folder.path().join(format!("{times}.rig.toml"));
+        let path = folder.path().join(format!("{name}.rig.toml"));
         let text = format!(
-            "[platform]\nbase_joints_m = {:?}\nplate_joints_m = {:?}\nleg_length_m = {:?}\nleg_rate_mps = {}\n\
-             [truth]\nmass_kg = {:?}\ncom_m = {:?}\ninertia_com_kgm2 = {:?}\n",
-            g.base_joints_m,
-            g.plate_joints_m,
-            g.leg_length_m,
-            g.leg_rate_mps,
-            times * b.mass_kg,
-            b.com_m,
-            b.inertia_com_kgm2.map(|i| times * i)
+            "[platform]\nbase_joints_m = {:?}\nplate_joints_m = {:?}\nleg_length_m = {:?}\nleg_rate_mps = {}\n{platform}\n\
+             [truth]\nmass_kg = {truth_kg:?}\ncom_m = {:?}\ninertia_com_kgm2 = {:?}\n",
+            g.base_joints_m, g.plate_joints_m, g.leg_length_m, g.leg_rate_mps, b.com_m, b.inertia_com_kgm2
         );
         std::fs::write(&path, text).unwrap();
         let words = ["plan", "motion", "--objective", "rpy", "--duration-s", "25", "--no-poses", "--json"];
@@ -74,12 +68,16 @@ fn the_body_is_the_rig_files_and_its_name_is_said() {
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()
     };
-    let (once, twice) = (plan(1.0), plan(2.0));
-    assert!(once["body"].to_string().contains("[truth]"), "{once}");
+    let bound = |kg: f64| format!("load_max_kg = {kg:?}\nload_within_m = 0.1");
+    let (once, twice) = (plan("once", &bound(10.0), 20.0), plan("twice", &bound(20.0), 20.0));
+    assert!(once["body"].to_string().contains("load_max_kg"), "{once}");
     let force = |plan: &serde_json::Value| plan["peaks"]["leg_force"]["seen"].as_f64().unwrap();
     assert!((force(&twice) / force(&once) - 2.0).abs() < 1e-3, "{} {}", force(&once), force(&twice));
     let u95 = |plan: &serde_json::Value| plan["predicted_u95"]["Ixx"].as_f64().unwrap();
     assert!((u95(&twice) / u95(&once) - 1.0).abs() < 1e-2);
+    let other = plan("other", &bound(10.0), 7.0);
+    assert_eq!(force(&other), force(&once), "[truth] is used for nothing");
+    assert_eq!(plan("none", "", 7.0)["predicted_u95"], plan("none", "", 20.0)["predicted_u95"]);
 }
 
 /// Ten minutes of motion would be searched for during minutes.

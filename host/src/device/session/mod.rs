@@ -251,23 +251,6 @@ impl Session {
         Ok(self.watched(seconds, observer)?.readings)
     }
 
-    /// Collects so many readings without absorbing them, the platform at rest: as many in lock-step, however long it takes.
-    ///
-    /// # Errors
-    /// The link, or a sensor fault.
-    pub fn watch_readings(
-        &mut self,
-        count: usize,
-        observer: &mut dyn Observer,
-    ) -> Result<Vec<Reading<f64>>, SessionError> {
-        let mut taking = Taking { watching: true, ..Taking::default() };
-        while taking.readings.len() < count && !INTERRUPTED.load(Ordering::Relaxed) {
-            self.listen(&mut taking, observer)?;
-        }
-        taking.readings.truncate(count);
-        Ok(taking.readings)
-    }
-
     /// Likewise, readings of two links.
     ///
     /// # Errors
