@@ -243,7 +243,11 @@ impl Directing {
             return;
         }
         let known = told.known();
-        let worst = decision.worst_after(left_s, &self.planner.goal(&known), &known);
+        let goal = self.planner.goal(&known);
+        if !self.asked.can_foresee(goal.worst(known.information, known.variance_scale)) {
+            return;
+        }
+        let worst = decision.worst_after(left_s, &goal, &known);
         if self.promised.is_some_and(|said| (worst / said - 1.0).abs() < CHANGED) {
             return;
         }

@@ -10,7 +10,7 @@ use rigident_sim::rig::RigConfig;
 
 const ASKED: Asked = Asked::Tensor(0.01);
 const RATE_HZ: f64 = 200.0;
-const SEEDS: u64 = 5;
+const SEEDS: u64 = 1;
 /// No further segment begins then, s.
 const LONGEST_S: f64 = 60.0;
 const MASSES_KG: [f64; 5] = [0.5, 5.0, 20.0, 60.0, 120.0];

@@ -73,9 +73,9 @@ impl Asked {
 }
 
 impl Asked {
-    /// Returns true if an uncertainty over what is asked for can be foreseen: of a relative goal the largest moment, by which it
-    /// is measured, must be known to a tenth itself.
-    pub fn is_told(&self, ratio: f64) -> bool {
+    /// Returns true if what can be reached can be foreseen where so much of what is asked for is known now: of a relative goal
+    /// the largest moment, by which it is measured, must be known to a tenth itself.
+    pub fn can_foresee(&self, ratio: f64) -> bool {
         match self {
             Self::Absolute(_) => ratio.is_finite(),
             Self::Tensor(share) => ratio * share <= 0.1,

@@ -1,7 +1,9 @@
 //! What a motion tells of the body.
 
-use hexapod::STANDARD_GRAVITY_MPS2;
-use hexapod::{Bodies, BodyParameters, BodySet, Geometry, Load, MotionError, MotionProgram, Trajectory};
+use hexapod::{
+    Bodies, BodyParameters, BodySet, Coordinates, Geometry, Load, MotionError, MotionProgram, PlateState,
+    Pose, STANDARD_GRAVITY_MPS2, Trajectory,
+};
 use nalgebra::Vector3;
 use rigident_shared::calibration::ImuMounting;
 use rigident_shared::estimator::{Estimator, EstimatorConfig};
@@ -113,18 +115,29 @@ impl RigModel {
         let (load, instrument) = (self.load(), self.instrument(1.0));
         let highest = self.highest_rate_radps();
         let looks = (trajectory.duration_s() / LOOK_S).ceil() as usize;
-        // What is no number is not known to be kept.
-        let most = |most: f64, v: f64| if v.is_nan() { f64::INFINITY } else { most.max(v) };
-        let seen = (0..=looks).fold(0.0, |seen, k| {
+        let seen = (0..=looks).fold(0.0, |seen: f64, k| {
             let state = trajectory.state(k as f64 * LOOK_S);
-            let machine = 1.0 - self.geometry.margins(&state, load.as_ref()).tightest().relative;
-            let turning = state.angular_rate.norm() / highest;
-            [instrument.load_share(&state), machine, turning].into_iter().fold(seen, most)
+            seen.max(self.share(&state, load.as_ref(), &instrument))
         });
         if seen > 1.0 || self.geometry.proves(&trajectory, load.as_ref(), highest, MOST_LOOKS) {
             return seen;
         }
         seen.max(1.0) * NOT_SHOWN
+    }
+
+    /// Returns the largest share of what is allowed that standing still at `pose` takes.
+    pub fn share_at_rest(&self, pose: &Pose) -> f64 {
+        let state = Coordinates { value: pose.coordinates(), ..Coordinates::default() }.plate_state();
+        self.share(&state, self.load().as_ref(), &self.instrument(1.0))
+    }
+
+    /// The largest share of what is allowed at one instant; infinite where one is no number.
+    fn share(&self, state: &PlateState, load: Option<&Load>, instrument: &Instrument) -> f64 {
+        let machine = 1.0 - self.geometry.margins(state, load).tightest().relative;
+        let turning = state.angular_rate.norm() / self.highest_rate_radps();
+        // What is no number is not known to be kept.
+        let most = |most: f64, v: f64| if v.is_nan() { f64::INFINITY } else { most.max(v) };
+        [instrument.load_share(state), machine, turning].into_iter().fold(0.0, most)
     }
 
     /// The load cell with its range and the accelerometer's, so many readings at each instant.

@@ -334,8 +334,10 @@ impl Rehearsal {
             let left_s = longest_s - whole.duration_s();
             // As it was said last by the middle of the time.
             if left_s > 0.5 * longest_s && known.estimate.is_some() && decision.expected_s > left_s {
-                let worst = decision.worst_after(left_s, &planner.goal(&known), &known);
-                promised = Some(worst).filter(|worst| asked.is_told(*worst));
+                let goal = planner.goal(&known);
+                if asked.can_foresee(goal.worst(known.information, known.variance_scale)) {
+                    promised = Some(decision.worst_after(left_s, &goal, &known));
+                }
             }
             taken = taken.max(self.taken(&self.as_followed(&decision.program)));
             whole.segments.extend(decision.program.segments.iter().cloned());

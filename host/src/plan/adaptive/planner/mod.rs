@@ -438,6 +438,13 @@ impl Planner {
 
     /// Makes a motion as small as every limit needs at every instant, or leaves it out; true if it needed nothing.
     fn fit(&mut self, index: usize) -> bool {
+        let Some(centre) = self.entries.get(index).map(|entry| entry.candidate.centre) else { return false };
+        // However small it were: nothing about this pose is.
+        if self.rig.share_at_rest(&centre) > 1.0 {
+            self.entries.retain(|entry| entry.candidate.centre != centre);
+            self.shrunk = true;
+            return false;
+        }
         let mut as_it_was = true;
         loop {
             let Some(entry) = self.entries.get_mut(index) else { return false };
