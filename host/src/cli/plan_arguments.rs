@@ -32,12 +32,22 @@ pub enum Planned {
 #[command(
     after_help = "The condition number is the 2-norm one: of the stacked [F] in the thesis' equation M = [F] r, and of the normal matrix \
                         [F]ᵀ[F], its square.\n\nExamples:\n  rigident plan poses --n 5\n  rigident plan poses --n 4 --stroke-m 0.20 \
-                        --json\n  rigident plan poses --rig bracket.rig.toml --n 6 --objective worst-uncertainty --out poses.json"
+                        --json\n  rigident plan poses --rig bracket.rig.toml --n 6 --objective worst-uncertainty --out poses.json\n  \
+                        rigident plan poses --angles \"28.9,16; -29.1,15.5; 1.7,-31.9\" --stroke-m 0.20"
 )]
 pub struct PlanPoses {
     /// Number of poses
-    #[arg(long, value_name = "K")]
-    pub n: usize,
+    #[arg(long, value_name = "K", required_unless_present = "angles")]
+    pub n: Option<usize>,
+    /// Judge these poses instead of looking for the best: roll and pitch, degrees, by semicolons
+    #[arg(
+        long,
+        value_name = "R,P;R,P;…",
+        value_parser = angles,
+        allow_hyphen_values = true,
+        conflicts_with_all = ["n", "objective", "margin"]
+    )]
+    pub angles: Option<Angles>,
     /// Rig file with a [platform]. Default: the built-in platform of the thesis
     #[arg(long, value_name = "FILE")]
     pub rig: Option<PathBuf>,
@@ -59,6 +69,19 @@ pub struct PlanPoses {
     /// Print one object on standard output, and nothing else there
     #[arg(long)]
     pub json: bool,
+}
+
+/// Rolls and pitches, degrees.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Angles(pub Vec<[f64; 2]>);
+
+fn angles(text: &str) -> Result<Angles, String> {
+    let pair = |pair: &str| {
+        let numbers: Vec<f64> = pair.split(',').filter_map(|number| number.trim().parse().ok()).collect();
+        <[f64; 2]>::try_from(numbers)
+            .map_err(|_| format!("`{}` is no roll and pitch, as in `28.5,-14.5; -29.1,15.5`", pair.trim()))
+    };
+    text.split(';').filter(|pair| !pair.trim().is_empty()).map(pair).collect::<Result<_, _>>().map(Angles)
 }
 
 /// What still poses can be best at.

@@ -14,7 +14,8 @@ use crate::device::session::INTERRUPTED;
 use crate::plan::carried::{self, LoadBound};
 use crate::plan::machine;
 use crate::plan::plan_file::PlanFile;
-use crate::plan::poses::plan::{PosePlan, Task, check_n, plan};
+use crate::plan::poses::measure::least_condition_number_in_cone;
+use crate::plan::poses::plan::{MOST_ORIENTATIONS, PlanError, PosePlan, Task, check_n, of_angles, plan};
 use crate::plan::poses::program::program;
 use crate::plan::poses::{Objective, Reach, Region};
 use crate::recording::error::RecordingError;
@@ -33,8 +34,11 @@ struct Rig {
 #[derive(Serialize)]
 struct Object<'a> {
     n: usize,
-    objective: &'a str,
+    /// Absent where the poses were given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    objective: Option<&'a str>,
     poses_deg: Vec<[f64; 2]>,
+    held: Vec<bool>,
     positions_m: Vec<[f64; 3]>,
     condition_number: f64,
     condition_number_normal: f64,
@@ -67,41 +71,64 @@ pub(super) fn run(arguments: &PlanPoses) -> Result<ExitCode, Failure> {
             Objective::WorstUncertainty { moment_sigma_nm: [mx, my, mz], plate_to_cell: rig.plate_to_cell },
         ),
     };
-    check_n(arguments.n, &objective).map_err(Failure::input)?;
+    let given = arguments.angles.as_ref().map(|angles| angles.0.as_slice());
+    let n = arguments.n.or(given.map(<[_]>::len)).unwrap_or(0);
+    check_n(n, &objective).map_err(|e| named(e, given.is_some()))?;
     check_out(arguments)?;
     let mut progress = Progress::new();
     progress.show(|| "where the platform can tilt to".to_owned());
     if rig.geometry.limits.leg_force_n.is_some() && rig.load.is_none() {
         tell!(
-            "rigident: the forces of the legs are not checked: the rig file has no [truth] that says what they carry"
+            "rigident: the forces of the legs are not checked: the rig file has no load_within_m that bounds what they carry"
         );
     }
     let reach = Reach::new(rig.geometry, arguments.stroke_m)
-        .and_then(|reach| reach.with_margin(arguments.margin))
+        .and_then(|reach| reach.with_margin(if given.is_some() { 0.0 } else { arguments.margin }))
         .and_then(|reach| reach.carrying(rig.load))
         .map_err(Failure::input)?;
     let region = Region::of_platform(&reach);
     let task = Task {
-        n: arguments.n,
+        n,
         objective,
         noise_n_nm: rig.noise_n_nm,
         plate_to_cell: rig.plate_to_cell,
         gravity_mps2: rig.gravity_mps2,
     };
-    let made = plan(&reach, &region, &task, &INTERRUPTED, |doing| progress.show(|| doing.to_owned()))
-        .map_err(Failure::input)?;
+    let (made, held) = match given {
+        Some(angles) => {
+            let angles: Vec<_> = angles.iter().map(|angles| angles.map(f64::to_radians)).collect();
+            of_angles(&reach, &angles, &task).map_err(|e| named(e, true))?
+        }
+        None => {
+            let made = plan(&reach, &region, &task, &INTERRUPTED, |doing| progress.show(|| doing.to_owned()))
+                .map_err(Failure::input)?;
+            let held = vec![true; made.poses.len()];
+            (made, held)
+        }
+    };
     progress.finish();
     let stopped = INTERRUPTED.load(Ordering::Relaxed);
+    if let Some(k) = held.iter().position(|held| !held).filter(|_| arguments.out.is_some()) {
+        return Err(Failure::input(format!(
+            "--angles: the platform cannot hold pose {}; nothing was written",
+            k + 1
+        )));
+    }
     if let Some(path) = &arguments.out {
         let program = program(&reach, &made.poses, arguments.hold_s).map_err(Failure::input)?;
-        let title = format!("{} still poses, best {name}, {:.0} s", arguments.n, program.duration_s());
+        let title = format!(
+            "{n} still poses, {}, {:.0} s",
+            if given.is_some() { "given".to_owned() } else { format!("best {name}") },
+            program.duration_s()
+        );
         PlanFile::new(title, reach.geometry(), program).write(path).map_err(Failure::input)?;
         tell!("{}", path.display());
     }
     if arguments.json {
-        say(serde_json::to_string(&object(&made, name)).map_err(Failure::input)?);
+        say(serde_json::to_string(&object(&made, given.map_or(Some(name), |_| None), held))
+            .map_err(Failure::input)?);
     } else {
-        say(table(&made, &region, &reach));
+        say(table(&made, &held, &region, &reach));
     }
     Ok(ended(stopped, "poses"))
 }
@@ -122,12 +149,24 @@ fn check_out(arguments: &PlanPoses) -> Result<(), Failure> {
     }
 }
 
-fn object<'a>(plan: &PosePlan, objective: &'a str) -> Object<'a> {
+/// What is wrong with a number of poses, by the option that says it.
+fn named(error: PlanError, given: bool) -> Failure {
+    match error {
+        PlanError::Orientations { n, fewest } if given => Failure::input(format!(
+            "--angles: {n} poses; {fewest} at least (fewer leave a part of the centre of mass open), {MOST_ORIENTATIONS} at most"
+        )),
+        PlanError::Angles(_) => Failure::input(format!("--angles: {error}")),
+        other => Failure::input(other),
+    }
+}
+
+fn object<'a>(plan: &PosePlan, objective: Option<&'a str>, held: Vec<bool>) -> Object<'a> {
     let finite = |v: f64| v.is_finite().then_some(v);
     Object {
         n: plan.poses.len(),
         objective,
         poses_deg: plan.poses_deg(),
+        held,
         positions_m: plan.poses.iter().map(|p| p.position_m).collect(),
         condition_number: plan.condition_number_normal.sqrt(),
         condition_number_normal: plan.condition_number_normal,
@@ -137,7 +176,7 @@ fn object<'a>(plan: &PosePlan, objective: &'a str) -> Object<'a> {
     }
 }
 
-fn table(plan: &PosePlan, region: &Region, reach: &Reach) -> String {
+fn table(plan: &PosePlan, held: &[bool], region: &Region, reach: &Reach) -> String {
     let (least, largest) = region.tilt_range_rad();
     let [low, high] = reach.geometry().leg_length_m;
     let mut text = format!(
@@ -147,10 +186,16 @@ fn table(plan: &PosePlan, region: &Region, reach: &Reach) -> String {
         least.to_degrees(),
         largest.to_degrees()
     );
-    for (k, (pose, [roll, pitch])) in plan.poses.iter().zip(plan.poses_deg()).enumerate() {
+    let mut steepest: f64 = 0.0;
+    for (k, ((pose, [roll, pitch]), held)) in plan.poses.iter().zip(plan.poses_deg()).zip(held).enumerate() {
         let tilt = (roll.to_radians().cos() * pitch.to_radians().cos()).acos().to_degrees();
+        steepest = steepest.max(tilt);
+        text += &format!("\n  {:>4} {roll:>8.2} {pitch:>8.2} {tilt:>8.2}", k + 1);
         let [x, y, z] = pose.position_m;
-        text += &format!("\n  {:>4} {roll:>8.2} {pitch:>8.2} {tilt:>8.2} {x:>8.4} {y:>8.4} {z:>8.4}", k + 1);
+        text += &match held {
+            true => format!(" {x:>8.4} {y:>8.4} {z:>8.4}"),
+            false => "   the platform cannot hold it".to_owned(),
+        };
     }
     text += &format!(
         "\n\nCondition number of the stacked [F] {:.3}, of the normal matrix {:.3}",
@@ -160,7 +205,12 @@ fn table(plan: &PosePlan, region: &Region, reach: &Reach) -> String {
     if plan.relative_condition_number_normal.is_finite() {
         text += &format!("; relative to the level pose {:.3}", plan.relative_condition_number_normal);
     }
-    text += &format!(". Determinant {:.4}.\n", plan.determinant);
+    let n = plan.poses.len();
+    text += &format!(
+        ". Determinant {:.4}.\n{n} poses that tilt by {steepest:.1}° at most have a normal matrix of {:.3} at least.\n",
+        plan.determinant,
+        least_condition_number_in_cone(n, steepest.to_radians())
+    );
     text += &match plan.predicted_u95 {
         Some([m, x, y, z]) => format!(
             "One reading a pose, offsets unknown, predicted U95: mass {m:.2} kg, first moment {x:.3}, {y:.3}, {z:.3} kg m."

@@ -37,6 +37,40 @@ fn the_thesis_table_9_is_reached_and_the_object_is_that_of_the_contract() {
     }
 }
 
+/// Tables 11 and 12: CNT 3.52, 2.99, 3.27, 3.25 and, relative to the level pose, CNR 13, 1.7, 1.8, 1.8; for n = 4 with the pitch
+/// of −15° that gives both.
+#[test]
+fn the_thesis_poses_have_the_condition_numbers_that_it_prints() {
+    for (angles, normal, relative, digit) in [
+        ("28.5,-14.5; -29.1,15.5", 3.52, 13.0, 0.05),
+        ("28.9,16; -29.1,15.5; 1.7,-31.9", 2.99, 1.75, 0.05),
+        ("-28.9,16; 14.1,26.5; 28.2,-15; -19.5,-24.1", 3.27, 1.8, 0.05),
+        ("-29.1,15.5; -2.7,30.9; 27.7,-16; -19,-24.4; 29.1,15.5", 3.25, 1.8, 0.05),
+    ] {
+        let judged = json(&["plan", "poses", "--angles", angles, "--json"]);
+        let got = ["condition_number_normal", "condition_number_normal_relative"]
+            .map(|key| judged[key].as_f64().unwrap());
+        assert!((got[0] - normal).abs() < 0.01 && (got[1] - relative).abs() < digit, "{angles}: {got:?}");
+        assert!(judged["held"].as_array().unwrap().iter().all(|held| held == true), "{judged}");
+        assert!(judged.get("objective").is_none());
+    }
+    let steep = json(&["plan", "poses", "--angles", "80,0;0,80", "--json"]);
+    assert_eq!(steep["held"].to_string(), "[false,false]");
+    for (words, why) in [
+        (&["--angles", "80,0;0,80", "--out", "never.json"][..], "cannot hold pose 1"),
+        (&["--angles", "1,2,3"], "no roll and pitch"),
+        (&["--angles", "1,2"], "2 at least"),
+        (&["--angles", "1,200;2,3"], "from -180 to 180"),
+        (&["--angles", "1,2;2,3", "--n", "2"], "cannot be used with"),
+    ] {
+        let output = rigident(&[&["plan", "poses"], words].concat());
+        assert_eq!(output.status.code(), Some(2), "{words:?}");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(said.contains(why), "{words:?}: {said}");
+    }
+    assert!(!std::path::Path::new("never.json").exists());
+}
+
 /// Whenever it comes, but before the program listens.
 #[cfg(unix)]
 #[test]

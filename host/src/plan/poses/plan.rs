@@ -33,6 +33,9 @@ pub enum PlanError {
         /// At least.
         fewest: usize,
     },
+    /// An angle that no plate has.
+    #[error("roll and pitch of {0:?}°: numbers from -180 to 180")]
+    Angles([f64; 2]),
     /// The platform.
     #[error(transparent)]
     Region(#[from] RegionError),
@@ -131,15 +134,47 @@ pub fn plan(
     let poses: Option<Vec<Pose>> = found.ups.iter().map(|up| held(reach, up)).collect();
     let poses = poses.ok_or_else(none)?;
     let ups: Vec<_> = poses.iter().map(|p| up_in_plate([p.rpy_rad[0], p.rpy_rad[1]])).collect();
+    Ok(PosePlan { screened_cost: found.screened, ..worth(poses, &ups, task) })
+}
+
+/// Returns what poses of these rolls and pitches, rad, are worth, and which of them the platform can hold: the others are where
+/// they would be at the height of the level pose.
+///
+/// # Errors
+/// A number of orientations that makes no sense, or an angle that is no number or beyond a half turn.
+pub fn of_angles(
+    reach: &Reach,
+    angles_rad: &[[f64; 2]],
+    task: &Task,
+) -> Result<(PosePlan, Vec<bool>), PlanError> {
+    check_n(angles_rad.len(), &task.objective)?;
+    let within = |angle: &f64| angle.abs() <= std::f64::consts::PI;
+    if let Some(angles) = angles_rad.iter().find(|angles| !angles.iter().all(within)) {
+        return Err(PlanError::Angles(angles.map(f64::to_degrees)));
+    }
+    let ups: Vec<_> = angles_rad.iter().map(|angles| up_in_plate(*angles)).collect();
+    let (poses, held) = angles_rad
+        .iter()
+        .zip(&ups)
+        .map(|([roll, pitch], up)| {
+            let held = reach.pose(up);
+            let position_m = held.unwrap_or(reach.level()).position_m;
+            (Pose { position_m, rpy_rad: [*roll, *pitch, 0.0] }, held.is_some())
+        })
+        .unzip();
+    Ok((worth(poses, &ups, task), held))
+}
+
+fn worth(poses: Vec<Pose>, ups: &[Vector3<f64>], task: &Task) -> PosePlan {
     let normal = normal_matrix(ups.iter().copied());
-    Ok(PosePlan {
+    PosePlan {
         condition_number_normal: condition_number(&normal),
-        relative_condition_number_normal: condition_number(&relative_normal_matrix(&ups, &Vector3::z())),
+        relative_condition_number_normal: condition_number(&relative_normal_matrix(ups, &Vector3::z())),
         determinant: normal.determinant(),
-        screened_cost: found.screened,
-        predicted_u95: predicted(&ups, task),
+        screened_cost: task.objective.cost(ups),
+        predicted_u95: predicted(ups, task),
         poses,
-    })
+    }
 }
 
 /// The orientation rounded to what is printed, and towards the level pose until it can be held: the border is a line
