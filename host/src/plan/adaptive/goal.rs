@@ -74,11 +74,11 @@ impl Asked {
 
 impl Asked {
     /// Returns true if what can be reached can be foreseen where so much of what is asked for is known now: of a relative goal
-    /// the largest moment, by which it is measured, must be known to a tenth itself.
+    /// the largest moment, by which it is measured, must be known itself: 10 % are then nearly three standard deviations.
     pub fn can_foresee(&self, ratio: f64) -> bool {
         match self {
             Self::Absolute(_) => ratio.is_finite(),
-            Self::Tensor(share) => ratio * share <= 0.1,
+            Self::Tensor(share) => ratio * share <= 0.07,
         }
     }
 

@@ -31,7 +31,9 @@ const MOST_LOOKS: u32 = 3;
 /// Limits are kept for every body within so many standard deviations of an identified estimate.
 const DEVIATIONS: f64 = 3.0;
 /// Segments and ways that are looked at for one decision, at most: it is made within seconds.
-const MOST_CHECKS: u32 = 40;
+const MOST_CHECKS: u32 = 60;
+/// After so many tries a motion is made smaller by twice as much, and again.
+const PATIENT_TRIES: u32 = 6;
 /// Where less than this is left to do, no new motion is worth its planning, s.
 const WORTH_DESIGNING_S: f64 = 4.0;
 
@@ -340,11 +342,15 @@ impl Planner {
     }
 
     fn guaranteed_choice(&mut self, goal: &Goal, known: &Known) -> Option<Choice> {
-        let mut choice = self.choose(goal, known)?;
-        while !self.guarantee(&choice) {
-            choice = self.choose(goal, known)?;
+        loop {
+            match self.choose(goal, known) {
+                Some(choice) if self.guarantee(&choice) => return Some(choice),
+                Some(_) => {}
+                // What has not been looked at is no reason to give up.
+                None if self.checks == 0 => self.checks = MOST_CHECKS,
+                None => return None,
+            }
         }
-        Some(choice)
     }
 
     fn choose(&self, goal: &Goal, known: &Known) -> Option<Choice> {
@@ -404,7 +410,6 @@ impl Planner {
         for later in choice.sequence.iter().rev() {
             let open = self.entries.get(*later).is_some_and(|entry| !entry.guaranteed);
             if open {
-                self.checks = self.checks.saturating_sub(1);
                 if !self.fit(*later) {
                     return false;
                 }
@@ -421,6 +426,7 @@ impl Planner {
         let mut found = None;
         let mut tried = Some(way.clone());
         while let Some(way) = tried.take() {
+            self.checks = self.checks.saturating_sub(1);
             let alone = MotionProgram { start: from, segments: way.segment.clone().into_iter().collect() };
             if self.rig.overstepped(&alone) <= 1.0 {
                 found = Some(Way { guaranteed: true, ..way });
@@ -445,25 +451,28 @@ impl Planner {
             self.shrunk = true;
             return false;
         }
-        let mut as_it_was = true;
-        loop {
+        let mut tries = 0;
+        while self.checks > 0 {
+            self.checks -= 1;
             let Some(entry) = self.entries.get_mut(index) else { return false };
-            let (centre, segment) = (entry.candidate.centre, entry.candidate.segment.clone());
+            let segment = entry.candidate.segment.clone();
             let over = self.rig.overstepped(&MotionProgram { start: centre, segments: vec![segment] });
             if over <= 1.0 {
                 entry.guaranteed = true;
-                return as_it_was;
+                return tries == 0;
             }
-            as_it_was = false;
             // The bounds are a per cent above what is seen; forces grow with the square of the rates and less.
             let by =
                 if over.is_finite() { 0.999 - (over - 1.0).min(0.2).max(1.0 - over.powf(-0.7)) } else { 0.8 };
+            tries += 1;
             let left = self.entries.len();
-            self.shrink(index, by);
+            // By more where little did not help.
+            self.shrink(index, by.powi(1 << (tries / PATIENT_TRIES).min(4)));
             if self.entries.len() < left {
-                return false;
+                break;
             }
         }
+        false
     }
 
     /// Makes a motion smaller, or leaves it out.
