@@ -11,7 +11,7 @@ pub use super::options::known_values::KnownQuantities;
 pub use super::options::load::LoadOptions;
 pub use super::options::stop_criterion::StopCriterion;
 pub use super::options::trees::{BenchCommand, ModelCommand, TreeModel, TreeOptions};
-pub use super::plan_arguments::{Plan, Workspace};
+pub use super::plan_arguments::{Plan, Statics, Workspace};
 pub use super::predict_arguments::{Predict, Validate};
 pub use super::programme::Programme;
 
@@ -42,6 +42,8 @@ pub enum Command {
     Replay(Replay),
     /// Identify the body of a recording, in batch, with the same pipeline in double precision
     Identify(Identify),
+    /// Compare estimators of the centre of mass on a recording's still poses
+    Statics(Statics),
     /// Predict wrench or efforts of a recording's motion by a result or a model
     Predict(Predict),
     /// Compare what results and models predict of a recording with what was measured

@@ -55,6 +55,7 @@ mod simulated;
 #[cfg(not(feature = "simulator"))]
 #[path = "no_simulator.rs"]
 mod simulated;
+mod statics;
 mod tracking_error;
 mod verify;
 mod workspace;
@@ -211,6 +212,7 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
             Some(Repeated::Poses(poses)) => montecarlo_poses::run(poses),
             None => montecarlo::run(&a),
         },
+        Some(Command::Statics(a)) => statics::run(&a),
         Some(Command::Workspace(a)) => workspace::run(&a),
         Some(Command::Plan(a)) => match a.what {
             Planned::Poses(a) => plan_poses::run(&a),

@@ -96,6 +96,29 @@ pub enum PoseObjective {
     WorstUncertainty,
 }
 
+/// `rigident statics`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "Beside each other: the platform thesis' estimator from measured forces, the same relative to a reference pose, and gravity \
+                        from the attitude with six offsets, which is what `rigident identify` does; then the wrench of each pose less \
+                        that of the body.\n\nExamples:\n  rigident plan poses --n 5 --out poses.json\n  rigident demo --plan poses.json \
+                        --estimate m,mc --out day1\n  rigident statics day1/demo.mcap"
+)]
+pub struct Statics {
+    /// Recording with still poses: CSV or MCAP
+    #[arg(value_name = "RECORDING")]
+    pub recording: PathBuf,
+    /// Rig file. Default: NAME.rig.toml beside the recording
+    #[arg(long, value_name = "FILE")]
+    pub rig: Option<PathBuf>,
+    /// Pose that the relative estimator takes the others from
+    #[arg(long, value_name = "K", default_value_t = 1)]
+    pub reference: usize,
+    /// Print one object on standard output, and nothing else there
+    #[arg(long)]
+    pub json: bool,
+}
+
 /// `rigident workspace`
 #[derive(Args, Debug, Clone)]
 #[command(

@@ -203,3 +203,40 @@ fn a_plan_on_disk_is_driven_by_the_demonstration_and_by_no_other_machine() {
     let both = rigident(&["demo", "--plan", &plan, "--duration-s", "30"]);
     assert_eq!(both.status.code(), Some(2));
 }
+
+/// Offsets of the simulated load cell are an error of the thesis' estimator, and of no other.
+#[cfg(feature = "simulator")]
+#[test]
+fn a_recording_s_still_poses_are_judged_by_every_estimator() {
+    let place = tempfile::tempdir().unwrap();
+    let at = |name: &str| place.path().join(name).to_str().unwrap().to_owned();
+    let (plan, out, recording) = (at("poses.json"), at("day1"), at("day1/demo.mcap"));
+    assert!(rigident(&["plan", "poses", "--n", "4", "--out", &plan]).status.success());
+    assert!(rigident(&["demo", "--plan", &plan, "--estimate", "m,mc", "--out", &out]).status.success());
+    let found = json(&["statics", &recording, "--json"]);
+    assert_eq!(found["poses"], 5, "{found}");
+    let truth = [0.0, 0.0, 0.053];
+    for (k, name) in
+        ["measured forces", "measured forces, relative", "gravity from the attitude"].iter().enumerate()
+    {
+        let estimator = &found["estimators"][k];
+        assert_eq!(estimator["name"], *name);
+        for axis in 0..3 {
+            let [value, u95] = ["com_m", "u95_m"].map(|key| estimator[key][axis].as_f64().unwrap());
+            assert!((value - truth[axis]).abs() < 2.5 * u95, "{name} {axis}: {value} ± {u95}");
+            assert!(k == 0 || u95 < 1e-3, "{name} {axis}: ± {u95}");
+        }
+    }
+    assert_eq!(found["differences_n_nm"].as_array().unwrap().len(), 5);
+    for (words, why) in
+        [(&["--reference", "6"][..], "there are 5 still poses"), (&["--reference", "0"], "counted from 1")]
+    {
+        let output = rigident(&[&["statics", &recording], words].concat());
+        assert_eq!(output.status.code(), Some(2));
+        assert!(String::from_utf8_lossy(&output.stderr).contains(why));
+    }
+    let moving = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/examples/bracket.csv");
+    let output = rigident(&["statics", moving]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("0 still poses"));
+}

@@ -109,8 +109,8 @@ impl RigModel {
         const LOOK_S: f64 = 0.01;
         /// Where bounds show nothing although the looks do, the program is made smaller by a little.
         const NOT_SHOWN: f64 = 1.03;
-        /// A twentieth of a second of work.
-        const MOST_LOOKS: u32 = 4_000;
+        /// A tenth of a second of work.
+        const MOST_LOOKS: u32 = 10_000;
         let Ok(trajectory) = program.trajectory() else { return f64::INFINITY };
         let (load, instrument) = (self.load(), self.instrument(1.0));
         let highest = self.highest_rate_radps();

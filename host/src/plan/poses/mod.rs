@@ -2,7 +2,7 @@
 //!
 //! Lives here: how good a set of orientations is ([`measure`]), where the plate can go ([`reach`], [`region`]), the search
 //! for the best set ([`search`]), its result ([`plan`]) as a motion
-//! ([`program`]), what to make of the readings ([`estimators`]) and what that is
+//! ([`program`]), what to make of the readings ([`estimators`], [`statics`]) and what that is
 //! worth (`montecarlo`, with the simulator). May not live here: driving the platform, motions. After the platform
 //! thesis (Barreto Melgarejo, 2010), sections 6.1 and 6.2.
 
@@ -15,6 +15,7 @@ pub mod program;
 pub mod reach;
 pub mod region;
 pub mod search;
+pub mod statics;
 
 pub use measure::Objective;
 pub use plan::{PlanError, PosePlan};

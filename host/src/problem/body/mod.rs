@@ -8,7 +8,7 @@ pub mod errors;
 pub mod imu_noise;
 mod input;
 pub mod input_checks;
-mod poses;
+pub mod poses;
 pub mod prepare;
 mod rest;
 pub mod sensitivities;

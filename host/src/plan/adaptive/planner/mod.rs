@@ -409,10 +409,8 @@ impl Planner {
         // What comes after it need only be as large as it is believed to be.
         for later in choice.sequence.iter().rev() {
             let open = self.entries.get(*later).is_some_and(|entry| !entry.guaranteed);
-            if open {
-                if !self.fit(*later) {
-                    return false;
-                }
+            if open && !self.fit(*later) {
+                return false;
             }
         }
         let Some(entry) = self.entries.get(index) else { return false };
