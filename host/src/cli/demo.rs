@@ -16,7 +16,7 @@ use super::options::load::LoadOptions;
 use super::outcome::provenance;
 use super::{Failure, Folder, demo_links, programme, simulated, zeroing};
 use crate::device::link::Client;
-use crate::device::session::{DeviceTiming, Session, settings};
+use crate::device::session::{DeviceTiming, LoadGuard, Session, settings};
 use crate::platform::{LocalPlatform, Platform as _};
 use crate::problem::body::imu_noise::imu_noise;
 use crate::rig::RigFile;
@@ -86,6 +86,7 @@ fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
     let expected = (duration_s * RATE_HZ) as usize;
     let mut watcher = Watcher::recording(folder.file("demo.mcap"), &file, &comments, expected)?;
     session.at_most_s = arguments.adaptive.at_most_s;
+    session.load_guard = file.load_cell.range_n_nm.map(LoadGuard::new);
     let mut take = match &mut directing {
         Some(directing) => session.follow_decided(&mut platform, directing, &mut watcher),
         None => session.follow(&mut platform, &mut watcher),

@@ -22,7 +22,7 @@ use super::zeroing::{self, warm_up, weigh, zero, zero_second};
 use super::{Failure, Folder, programme};
 use crate::device::session::tree::device_tree;
 use crate::device::session::{
-    DeviceTiming, INTERRUPTED, Session, settings, sound, state_imu_noise, two_links,
+    DeviceTiming, INTERRUPTED, LoadGuard, Session, settings, sound, state_imu_noise, two_links,
 };
 use crate::fit::Parameter;
 use crate::model::Model;
@@ -150,6 +150,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     watcher.motion = Some(MotionLog::create(folder.file("motion.csv"), &arguments.platform)?);
     tell!("the experiment takes {}{longest_s:.0} s", if directing.is_some() { "at most " } else { "" });
     session.at_most_s = arguments.adaptive.at_most_s;
+    session.load_guard = rig.load_cell.range_n_nm.map(LoadGuard::new);
     let mut take = match &mut directing {
         Some(directing) => session.follow_decided(platform.as_mut(), directing, &mut watcher),
         None => session.follow(platform.as_mut(), &mut watcher),

@@ -6,6 +6,7 @@
 mod adaptive;
 pub mod frames;
 mod inject;
+mod load_guard;
 pub mod precision;
 mod settings;
 pub mod sound;
@@ -22,6 +23,7 @@ use rigident_shared::wire::{
 };
 
 pub use adaptive::{Director, Proposal};
+pub use load_guard::LoadGuard;
 pub use settings::{DeviceTiming, SettingsError, settings, state_imu_noise};
 use take::Taking;
 pub use take::{Observer, Take, narrow, widen};
@@ -65,6 +67,22 @@ pub enum SessionError {
         /// What to do.
         advice: &'static str,
     },
+    /// The load cell would be overloaded.
+    #[error(
+        "the load cell's {channel} came to {value:.1} of {range:.1} {unit}: the motion was ended before it overloads the load cell. \
+         Take a slower or smaller motion, a lighter body, or a load cell with a larger range; load_max_kg and load_within_m of the \
+         rig file bound what is planned for"
+    )]
+    NearRange {
+        /// Of the wrench.
+        channel: &'static str,
+        /// As read, N or N m.
+        value: f64,
+        /// The same.
+        range: f64,
+        /// The unit of both.
+        unit: &'static str,
+    },
     /// The observer could not do its part, such as writing.
     #[error("{0}")]
     Observer(String),
@@ -82,6 +100,8 @@ pub struct Session {
     stops_itself: bool,
     /// [`Session::follow`] ends a program after so long, s of the device's clock.
     pub at_most_s: Option<f64>,
+    /// Ends a motion before the load cell is overloaded.
+    pub load_guard: Option<LoadGuard>,
 }
 
 impl Session {
@@ -99,6 +119,7 @@ impl Session {
             of_two_links: false,
             stops_itself: false,
             at_most_s: None,
+            load_guard: None,
         })
     }
 
@@ -384,6 +405,7 @@ impl Session {
     }
 
     fn sort(&mut self, taking: &mut Taking, observer: &mut dyn Observer) -> Result<(), SessionError> {
+        let mut near_range = Ok(());
         while let Some(message) = self.client.next_telemetry() {
             match message {
                 Telemetry::Readings { first, readings } => {
@@ -392,6 +414,7 @@ impl Session {
                     for reading in &readings {
                         observer.reading(reading).map_err(SessionError::Observer)?;
                         taking.readings.push(widen(reading));
+                        near_range = near_range.and_then(|()| self.guarded(taking, &reading.wrench));
                     }
                 }
                 Telemetry::Estimate(report) => {
@@ -419,12 +442,23 @@ impl Session {
                     for reading in readings.iter().filter(|r| taking.watching || absorbed(r)) {
                         observer.link_reading(reading).map_err(SessionError::Observer)?;
                         taking.links.push(*reading);
+                        near_range = near_range.and_then(|()| self.guarded(taking, &reading.base.wrench));
                     }
                 }
                 Telemetry::Heartbeat { .. } => {}
             }
         }
-        Ok(())
+        near_range
+    }
+
+    /// Looks at the load cell while something moves; what comes after the first alarm is the way to rest.
+    fn guarded(&mut self, taking: &Taking, wrench: &[f32; 6]) -> Result<(), SessionError> {
+        let Some(guard) = self.load_guard.as_mut().filter(|_| !taking.watching) else { return Ok(()) };
+        let looked = guard.reading(wrench);
+        if looked.is_err() {
+            self.load_guard = None;
+        }
+        looked
     }
 }
 
