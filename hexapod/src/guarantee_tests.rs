@@ -14,7 +14,7 @@ fn machine() -> Geometry {
     g
 }
 
-/// A random program of a move, a multisine and a sphere that stays well away from singular poses.
+/// A random program of a move, a multisine, a sphere and a path that stays well away from singular poses.
 fn program(g: &Geometry, seed: u64) -> MotionProgram {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut unit = move || (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
@@ -40,12 +40,19 @@ fn program(g: &Geometry, seed: u64) -> MotionProgram {
         turns: 2.0 * unit(),
         still_point_m: [0.05 * unit(), 0.0, 0.25 * unit()],
     };
+    let (mut over, mut under) = (home, home);
+    for k in 0..3 {
+        over.position_m[k] += 0.05 * (unit() - 0.5);
+        over.rpy_rad[k] += 0.3 * (unit() - 0.5);
+        under.rpy_rad[k] += 0.3 * (unit() - 0.5);
+    }
     MotionProgram {
         start: home,
         segments: vec![
             Segment::Move { to, duration_s: 1.0 },
             Segment::Multisine { duration_s: 2.5, ramp_s: 0.7, terms },
             Segment::Sphere(sphere),
+            Segment::Path { via: vec![over, home], to: under, duration_s: 1.3 },
         ],
     }
 }

@@ -27,6 +27,7 @@ mod limits;
 mod load;
 mod margins;
 mod mounting;
+mod path;
 mod payload;
 mod pose;
 mod program;

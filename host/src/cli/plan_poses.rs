@@ -2,7 +2,7 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
-use hexapod::{Geometry, Load, THESIS_WRENCH_NOISE_N_NM};
+use hexapod::{Geometry, Load, Segment, THESIS_WRENCH_NOISE_N_NM};
 use nalgebra::Matrix3;
 use serde::Serialize;
 
@@ -15,10 +15,13 @@ use crate::plan::carried::{self, LoadBound};
 use crate::plan::machine;
 use crate::plan::plan_file::PlanFile;
 use crate::plan::poses::plan::{PosePlan, Task, check_n, plan};
-use crate::plan::poses::program::program;
+use crate::plan::poses::program::{MOVE_RATE_RADPS, program};
 use crate::plan::poses::{Objective, Reach, Region};
 use crate::recording::error::RecordingError;
 use crate::rig::RigFile;
+
+/// Share of a gyro's range that moves between poses may use.
+const GYRO_SHARE: f64 = 0.9;
 
 /// What of a rig the plan depends on.
 struct Rig {
@@ -27,6 +30,8 @@ struct Rig {
     noise_n_nm: [f64; 6],
     plate_to_cell: Matrix3<f64>,
     gravity_mps2: f64,
+    /// Highest angular rate between poses, rad/s.
+    turn_radps: f64,
 }
 
 /// The object of `--json`.
@@ -93,10 +98,18 @@ pub(super) fn run(arguments: &PlanPoses) -> Result<ExitCode, Failure> {
     progress.finish();
     let stopped = INTERRUPTED.load(Ordering::Relaxed);
     if let Some(path) = &arguments.out {
-        let program = program(&reach, &made.poses, arguments.hold_s).map_err(Failure::input)?;
+        let program =
+            program(&reach, &made.poses, arguments.hold_s, rig.turn_radps).map_err(Failure::input)?;
         let title = format!("{} still poses, best {name}, {:.0} s", arguments.n, program.duration_s());
+        let rest_s: f64 = program
+            .segments
+            .iter()
+            .filter(|s| matches!(s, Segment::Hold { .. }))
+            .map(Segment::duration_s)
+            .sum();
+        let duration_s = program.duration_s();
         PlanFile::new(title, reach.geometry(), program).write(path).map_err(Failure::input)?;
-        tell!("{}", path.display());
+        tell!("{}: {duration_s:.1} s, {rest_s:.1} s of them at rest", path.display());
     }
     if arguments.json {
         say(serde_json::to_string(&object(&made, name)).map_err(Failure::input)?);
@@ -180,6 +193,7 @@ fn rig(path: Option<&Path>) -> Result<Rig, Failure> {
             noise_n_nm: thesis,
             plate_to_cell: Matrix3::identity(),
             gravity_mps2: 9.80665,
+            turn_radps: MOVE_RATE_RADPS,
         });
     };
     let file = RigFile::load(path).map_err(Failure::input)?;
@@ -195,5 +209,10 @@ fn rig(path: Option<&Path>) -> Result<Rig, Failure> {
         noise_n_nm: file.load_cell.noise_n_nm.unwrap_or(thesis),
         plate_to_cell: cell_to_plate.transpose(),
         gravity_mps2: file.recording.gravity_mps2,
+        turn_radps: file
+            .imu
+            .iter()
+            .filter_map(|imu| imu.range_radps)
+            .fold(MOVE_RATE_RADPS, |rate, range| rate.min(GYRO_SHARE * range)),
     })
 }

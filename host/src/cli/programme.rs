@@ -45,7 +45,7 @@ pub(super) fn stages(program: &MotionProgram) -> (Vec<Stage>, Option<[(f64, f64)
     for segment in &program.segments {
         let duration = segment.duration_s();
         let name = match segment {
-            Segment::Move { .. } => {
+            Segment::Move { .. } | Segment::Path { .. } => {
                 moved = true;
                 None
             }
