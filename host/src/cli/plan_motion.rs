@@ -31,6 +31,8 @@ struct Object<'a> {
     duration_s: f64,
     motion_s: [f64; 2],
     condition_number: f64,
+    /// With the offsets eliminated.
+    condition_number_eliminated: f64,
     /// Of the information on the body, offsets eliminated, SI.
     log_determinant: f64,
     /// Of the body's parameters about S's origin.
@@ -104,6 +106,7 @@ pub(super) fn ended(stopped: bool, what: &str) -> ExitCode {
 struct Compared<'a> {
     worst_inertia_u95_share: f64,
     condition_number_alone: f64,
+    condition_number_alone_eliminated: f64,
     #[serde(flatten)]
     motion: Object<'a>,
 }
@@ -122,6 +125,7 @@ pub(super) fn compare(arguments: &PlanCompare) -> Result<ExitCode, Failure> {
             .map(|row| Compared {
                 worst_inertia_u95_share: row.worst(),
                 condition_number_alone: row.condition_alone,
+                condition_number_alone_eliminated: row.condition_alone_eliminated,
                 motion: object(&row.plan, row.objective, row.body, row.coverage),
             })
             .collect();
@@ -229,6 +233,7 @@ fn object<'a>(plan: &MotionPlan, objective: &'a str, body: &'a str, coverage: [f
         duration_s: plan.program.duration_s(),
         motion_s: plan.motion_s,
         condition_number: plan.prediction.condition_number,
+        condition_number_eliminated: plan.prediction.condition_eliminated,
         log_determinant: plan.prediction.log_determinant,
         predicted_u95: PARAMETER_NAMES.iter().copied().zip(plan.prediction.parameters).collect(),
         predicted_com_u95_m: plan.prediction.com_m,
@@ -273,12 +278,13 @@ fn text(plan: &MotionPlan, words: &str, [rate, acceleration]: [f64; 2], task: &T
     let [x, y, z] = p.com_m.map(|v| 1e3 * v);
     text += &format!(
         "\n\nThe body: {body}, {:.3} kg.\nPredicted U95 at {:.0} readings/s, offsets unknown: mass {:.4} kg; centre of mass {x:.3}, {y:.3}, {z:.3} mm;\n\
-         tensor about it (Ixx, Iyy, Izz, Iyz, Izx, Ixy) {}, 1e-3 kg m².\nCondition number of the columns, scaled: {:.2}.",
+         tensor about it (Ixx, Iyy, Izz, Iyz, Izx, Ixy) {}, 1e-3 kg m².\nCondition number of the columns, scaled: {:.2}; with the offsets eliminated {:.2}.",
         task.equipment.payload.body.mass_kg,
         task.rate_hz,
         p.parameters[0],
         p.inertia_com_kgm2.map(|v| format!("{:.3}", 1e3 * v)).join(", "),
-        p.condition_number
+        p.condition_number,
+        p.condition_eliminated
     );
     if !p.determined {
         text += "\nThis motion leaves a part of the body undetermined.";
