@@ -5,12 +5,23 @@ use super::super::*;
 use super::*;
 use crate::body::BodyParameters;
 
+fn bulk() -> Bulk {
+    Bulk {
+        leg_radius_m: 0.025,
+        joint_length_m: 0.08,
+        plate_radius_m: Some(0.02),
+        base_radius_m: Some(0.02),
+        clearance_m: 0.002,
+    }
+}
+
 fn machine() -> Geometry {
     let mut g = Geometry::thesis();
     g.limits.leg_acceleration_mps2 = Some(8.0);
     g.limits.leg_force_n = Some(400.0);
     g.limits.base_joints = Some(g.cones_about_home(0.9));
     g.limits.plate_joints = Some(g.cones_about_home(1.1));
+    g.limits.bulk = Some(bulk());
     g
 }
 
@@ -77,7 +88,9 @@ fn sampled(g: &Geometry, trajectory: &Trajectory, load: &Load, rate: f64) -> [f6
             *most = values.iter().fold(*most, |m, v| m.max(v.abs()));
         }
         most[6] = most[6].max(m.condition_number);
-        most[7] = most[7].max(state.angular_rate.norm());
+        let lacking = 0.05 - (m.nearest.unwrap().distance_m - 0.002);
+        most[7] = most[7].max(lacking);
+        most[8] = most[8].max(state.angular_rate.norm());
     }
     most
 }

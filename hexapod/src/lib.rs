@@ -13,6 +13,7 @@
 
 mod body;
 mod body_set;
+mod bulk;
 mod check;
 mod envelope;
 mod error;
@@ -38,6 +39,7 @@ mod trajectory;
 
 pub use body::{BodyParameters, FrameMotion, STANDARD_GRAVITY_MPS2};
 pub use body_set::BodySet;
+pub use bulk::{Bulk, Nearest, Part};
 pub use envelope::quintic_integral;
 pub use error::MotionError;
 pub use forward::ForwardError;

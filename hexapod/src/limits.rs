@@ -5,6 +5,8 @@ use std::fmt;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+use super::bulk::{Bulk, Part};
+
 /// Guard against singular poses: highest `cond(H)`, thesis.
 pub const COND_MAX: f64 = 40.0;
 
@@ -22,6 +24,8 @@ pub struct Limits {
     pub plate_joints: Option<JointCones>,
     /// Highest `cond(H)`.
     pub cond_max: f64,
+    /// How thick legs, plate and base are; without it collisions are not looked at.
+    pub bulk: Option<Bulk>,
 }
 
 impl Default for Limits {
@@ -32,6 +36,7 @@ impl Default for Limits {
             base_joints: None,
             plate_joints: None,
             cond_max: COND_MAX,
+            bulk: None,
         }
     }
 }
@@ -73,6 +78,8 @@ pub enum Limit {
     PlateJointAngle,
     /// `cond(H)`.
     Conditioning,
+    /// Distance of legs, plate and base from each other, m.
+    Clearance,
 }
 
 /// A limit that is not kept. `Display` names the leg, what it would do and what it may.
@@ -80,8 +87,10 @@ pub enum Limit {
 pub struct Violation {
     /// Which limit.
     pub limit: Limit,
-    /// 1 to 6; absent for `cond(H)`.
+    /// 1 to 6; absent for `cond(H)` and the clearance.
     pub leg: Option<usize>,
+    /// What comes too near to what.
+    pub between: Option<[Part; 2]>,
     /// What was asked for, in the limit's unit.
     pub value: f64,
     /// From where to where it may be.
@@ -92,7 +101,7 @@ impl Violation {
     /// What can be done about it.
     pub fn advice(&self) -> &'static str {
         match self.limit {
-            Limit::LegLength | Limit::BaseJointAngle | Limit::PlateJointAngle => {
+            Limit::LegLength | Limit::BaseJointAngle | Limit::PlateJointAngle | Limit::Clearance => {
                 "use smaller tilts or translations"
             }
             Limit::LegRate | Limit::LegAcceleration => "give the motion more time",
@@ -136,6 +145,15 @@ impl fmt::Display for Violation {
                     "leg {leg} would lean {value}° at its {} joint, which allows {}°",
                     if self.limit == Limit::BaseJointAngle { "base" } else { "plate" },
                     number(max.to_degrees(), digits)
+                )
+            }
+            Limit::Clearance => {
+                let (value, digits) = apart(1e3 * value, 1e3 * min, 1);
+                let between = Part::both(self.between.unwrap_or([Part::Plate, Part::Base]));
+                write!(
+                    f,
+                    "{between} would come to {value} mm of each other, {} mm must be left",
+                    number(1e3 * min, digits)
                 )
             }
             Limit::Conditioning if value.is_infinite() => {

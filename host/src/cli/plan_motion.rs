@@ -5,13 +5,14 @@ use std::sync::atomic::Ordering;
 
 use hexapod::BodyParameters;
 use hexapod::Mounting;
-use hexapod::{Limit, Peak};
+use hexapod::{Limit, Part, Peak};
 use rigident_shared::inertia::PARAMETER_NAMES;
 use serde::Serialize;
 
 use super::arguments::DemoBody;
 use super::outcome::say;
 use super::plan_arguments::{MotionObjective, PlanCompare, PlanMotion};
+use super::programme::tell_collisions;
 use super::{ExitStatus, Failure, Progress};
 use crate::device::session::INTERRUPTED;
 use crate::plan::carried::LoadBound;
@@ -152,6 +153,7 @@ fn rig(path: Option<&Path>, stroke_m: Option<f64>) -> Result<Planned, Failure> {
         let file = RigFile::load(path).map_err(Failure::input)?;
         let named = |e: machine::MachineError| Failure::input(format!("{}: {e}", path.display()));
         equipment.geometry = machine::geometry(&file).map_err(named)?;
+        tell_collisions(&equipment.geometry);
         machine::load_cell(&file).map_err(named)?;
         let payload = &mut equipment.payload;
         if let Some(place) = file.platform.as_ref().and_then(|p| p.load_cell.as_ref()) {
@@ -220,6 +222,7 @@ fn key(peak: &Peak) -> &'static str {
         Some(Limit::BaseJointAngle) => "base_joint_angle",
         Some(Limit::PlateJointAngle) => "plate_joint_angle",
         Some(Limit::Conditioning) => "conditioning",
+        Some(Limit::Clearance) => "clearance",
         None => "angular_rate",
     }
 }
@@ -265,6 +268,7 @@ fn text(plan: &MotionPlan, words: &str, [rate, acceleration]: [f64; 2], task: &T
             "base_joint_angle" => "base joint, rad",
             "plate_joint_angle" => "plate joint, rad",
             "conditioning" => "cond(H)",
+            "clearance" => "clearance short of ⌀ leg, m",
             _ => "angular rate, rad/s",
         };
         let allowed = if peak.allowed.is_finite() {
@@ -273,6 +277,16 @@ fn text(plan: &MotionPlan, words: &str, [rate, acceleration]: [f64; 2], task: &T
             format!("{:>11} {:>8}", "–", "–")
         };
         text += &format!("\n  {name:<30} {:>10.4}  {:>10.4} {allowed}", peak.seen, peak.bound);
+    }
+    if let Some(bulk) = &task.equipment.geometry.limits.bulk
+        && let Some((peak, between)) = plan.guarantee.peaks.iter().find_map(|p| Some((p, p.between?)))
+    {
+        let distance_mm = 1e3 * (bulk.clearance_m + bulk.range_m() - peak.seen);
+        let between = Part::both(between);
+        text += &format!(
+            "\n\nNearest to each other are {between} at t = {:.2} s, {distance_mm:.1} mm.",
+            peak.time_s
+        );
     }
     let p = &plan.prediction;
     let [x, y, z] = p.com_m.map(|v| 1e3 * v);

@@ -9,6 +9,7 @@ use serde::Serialize;
 use super::outcome::say;
 use super::plan_arguments::{PlanPoses, PoseObjective};
 use super::plan_motion::ended;
+use super::programme::tell_collisions;
 use super::{Failure, Progress};
 use crate::device::session::INTERRUPTED;
 use crate::plan::carried::{self, LoadBound};
@@ -199,6 +200,7 @@ fn rig(path: Option<&Path>) -> Result<Rig, Failure> {
     let file = RigFile::load(path).map_err(Failure::input)?;
     let incomplete = |error| Failure::input(format!("{}: {error}", path.display()));
     let geometry = machine::geometry(&file).map_err(incomplete)?;
+    tell_collisions(&geometry);
     let cell_to_plate = machine::load_cell(&file).map_err(incomplete)?.1;
     Ok(Rig {
         geometry,

@@ -210,7 +210,21 @@ mod tests {
 
     #[test]
     fn five_poses_of_the_default_plan_take_half_a_minute() {
-        let reach = Reach::new(Geometry::thesis(), None).unwrap().with_margin(0.01).unwrap();
+        for thick in [false, true] {
+            takes_half_a_minute(thick);
+        }
+    }
+
+    fn takes_half_a_minute(thick: bool) {
+        let mut geometry = Geometry::thesis();
+        geometry.limits.bulk = thick.then_some(hexapod::Bulk {
+            leg_radius_m: 0.025,
+            joint_length_m: 0.08,
+            plate_radius_m: Some(0.02),
+            base_radius_m: Some(0.02),
+            clearance_m: 0.0,
+        });
+        let reach = Reach::new(geometry, None).unwrap().with_margin(0.01).unwrap();
         let region = Region::of_platform(&reach);
         let poses = plan(&reach, &region, &Task::thesis(5), &AtomicBool::new(false), |_| ()).unwrap().poses;
         let program = program(&reach, &poses, 3.0, MOVE_RATE_RADPS).unwrap();
