@@ -1,52 +1,13 @@
 //! How near legs, plate and base come to each other. Everything is made of capsules: segments with a radius.
 
 use nalgebra::Vector3;
-use serde::{Deserialize, Serialize};
 
 use super::geometry::Geometry;
 use super::legs::Legs;
+use super::limits::{Bulk, Part};
 
 /// Joints that are closer than this are one, m.
 const SAME_M: f64 = 1e-9;
-
-/// The thickness of legs, plate and base, and how far from each other they must stay. What is on the plate is not looked at.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Bulk {
-    /// Of each leg, m.
-    pub leg_radius_m: f64,
-    /// What of a leg belongs to its joint, at either end, m: it touches plate, base and its neighbour there by design.
-    pub joint_length_m: f64,
-    /// Of the bars between any two of the plate's joints, m; absent if the plate is not looked at.
-    pub plate_radius_m: Option<f64>,
-    /// Of the bars between any two of the base's joints, m; absent if the base is not looked at.
-    pub base_radius_m: Option<f64>,
-    /// Least distance of one surface from another, m.
-    pub clearance_m: f64,
-}
-
-/// What can touch something else.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
-    /// 1 to 6.
-    Leg(usize),
-    /// The plate.
-    Plate,
-    /// The base.
-    Base,
-}
-
-impl Part {
-    /// Two parts in words.
-    pub fn both(between: [Self; 2]) -> String {
-        match between {
-            [Self::Leg(a), Self::Leg(b)] => format!("legs {a} and {b}"),
-            [Self::Leg(leg), Self::Plate] => format!("leg {leg} and the plate"),
-            [Self::Leg(leg), Self::Base] => format!("leg {leg} and the base"),
-            _ => "plate and base".to_owned(),
-        }
-    }
-}
 
 /// Two parts that are nearest to each other.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,16 +30,6 @@ struct Bar {
 }
 
 impl Bulk {
-    /// A leg's diameter, m: a margin is a share of that, and what is farther apart has all of it.
-    pub fn range_m(&self) -> f64 {
-        2.0 * self.leg_radius_m
-    }
-
-    /// The same with a clearance for which only a share of the range is used.
-    pub(super) fn within(&self, share: f64) -> Self {
-        Self { clearance_m: self.clearance_m + (1.0 - share) * self.range_m(), ..self.clone() }
-    }
-
     /// Returns the two parts that are nearest to each other.
     pub(super) fn nearest(&self, geometry: &Geometry, legs: &Legs) -> Nearest {
         let base = geometry.base_joints_m.map(Vector3::from);
@@ -90,7 +41,7 @@ impl Bulk {
         };
         let mut meet = |a: &Bar, b: &Bar| {
             let radii = a.radius + b.radius;
-            if !(apart(a, b) - radii < nearest.distance_m) {
+            if apart(a, b) - radii >= nearest.distance_m {
                 return;
             }
             let [s, t] = closest(a, b);
@@ -128,7 +79,7 @@ impl Bulk {
             let (n, length) = (legs.directions[i], legs.lengths[i]);
             let joint = self.joint_length_m.min(0.5 * length);
             let (from, to) = (base[i] + joint * n, base[i] + (length - joint) * n);
-            Bar { part: Part::Leg(i + 1), radius: self.leg_radius_m, from, to }
+            Bar { part: Part::Leg(i as u8 + 1), radius: self.leg_radius_m, from, to }
         })
     }
 
@@ -137,7 +88,8 @@ impl Bulk {
     fn slope(&self, legs: &Legs, part: Part, share: f64, e: &Vector3<f64>) -> Vector3<f64> {
         match part {
             Part::Leg(leg) => {
-                let (n, length) = (&legs.directions[leg - 1], legs.lengths[leg - 1]);
+                let (n, length) =
+                    (&legs.directions[usize::from(leg) - 1], legs.lengths[usize::from(leg) - 1]);
                 let turned = (e - n * n.dot(e)) / length;
                 share * e + (1.0 - 2.0 * share) * self.joint_length_m * turned
             }

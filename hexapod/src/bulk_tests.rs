@@ -109,7 +109,7 @@ fn the_nearest_parts_are_those_of_points_on_all_of_them() {
         let mut parts: Vec<(Part, f64, Vec<Vector3<f64>>)> = (0..6)
             .map(|i| {
                 let n = (plate[i] - base[i]).normalize();
-                (Part::Leg(i + 1), 0.025, along(base[i] + 0.08 * n, plate[i] - 0.08 * n))
+                (Part::Leg(i as u8 + 1), 0.025, along(base[i] + 0.08 * n, plate[i] - 0.08 * n))
             })
             .collect();
         for (part, joints) in [(Part::Plate, plate), (Part::Base, base)] {

@@ -7,9 +7,8 @@
 
 use nalgebra::Vector3;
 
-use super::bulk::{Bulk, Part};
 use super::geometry::Geometry;
-use super::limits::{Limit, Violation};
+use super::limits::{Bulk, Limit, Part, Violation};
 use super::load::{Bodies, Load};
 use super::margins::too_near;
 use super::trajectory::Trajectory;

@@ -5,8 +5,6 @@ use std::fmt;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::bulk::{Bulk, Part};
-
 /// Guard against singular poses: highest `cond(H)`, thesis.
 pub const COND_MAX: f64 = 40.0;
 
@@ -38,6 +36,57 @@ impl Default for Limits {
             cond_max: COND_MAX,
             bulk: None,
         }
+    }
+}
+
+/// The thickness of legs, plate and base, and how far from each other they must stay. What is on the plate is not looked at.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Bulk {
+    /// Of each leg, m.
+    pub leg_radius_m: f64,
+    /// What of a leg belongs to its joint, at either end, m: it touches plate, base and its neighbour there by design.
+    pub joint_length_m: f64,
+    /// Of the bars between any two of the plate's joints, m; absent if the plate is not looked at.
+    pub plate_radius_m: Option<f64>,
+    /// Of the bars between any two of the base's joints, m; absent if the base is not looked at.
+    pub base_radius_m: Option<f64>,
+    /// Least distance of one surface from another, m.
+    pub clearance_m: f64,
+}
+
+/// What can touch something else.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// 1 to 6.
+    Leg(u8),
+    /// The plate.
+    Plate,
+    /// The base.
+    Base,
+}
+
+impl Part {
+    /// Two parts in words.
+    pub fn both(between: [Self; 2]) -> String {
+        match between {
+            [Self::Leg(a), Self::Leg(b)] => format!("legs {a} and {b}"),
+            [Self::Leg(leg), Self::Plate] => format!("leg {leg} and the plate"),
+            [Self::Leg(leg), Self::Base] => format!("leg {leg} and the base"),
+            _ => "plate and base".to_owned(),
+        }
+    }
+}
+
+impl Bulk {
+    /// A leg's diameter, m: a margin is a share of that, and what is farther apart has all of it.
+    pub fn range_m(&self) -> f64 {
+        2.0 * self.leg_radius_m
+    }
+
+    /// The same with a clearance for which only a share of the range is used.
+    pub(super) fn within(&self, share: f64) -> Self {
+        Self { clearance_m: self.clearance_m + (1.0 - share) * self.range_m(), ..self.clone() }
     }
 }
 

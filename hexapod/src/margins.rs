@@ -1,10 +1,10 @@
 //! How far a state is from what a hexapod must not do.
 
-use super::bulk::{Bulk, Nearest, Part};
+use super::bulk::Nearest;
 use super::geometry::Geometry;
 use super::kinematics::PlateState;
 use super::legs::Legs;
-use super::limits::{JointCones, Limit, Violation};
+use super::limits::{Bulk, JointCones, Limit, Part, Violation};
 use super::load::Load;
 
 /// What every limited quantity is at one state, beside its limit. Quantities without a limit are given too, with an
