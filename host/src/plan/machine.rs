@@ -47,7 +47,7 @@ pub enum MachineError {
 pub fn geometry(rig: &RigFile) -> Result<Geometry, MachineError> {
     let table = rig.platform.as_ref().ok_or(MachineError::NoPlatform)?;
     let geometry = unchecked(table)?;
-    let level = workspace::level(&geometry).map_err(no_level_pose(table.cond_max.is_some()))?;
+    let level = level(&geometry).map_err(no_level_pose(table.cond_max.is_some()))?;
     let parts = parts(Some(table));
     if !parts.is_empty() {
         let load =
@@ -122,7 +122,17 @@ pub fn on_plate(body: &BodyParameters, at: &Vector3<f64>, rotation: &Matrix3<f64
 /// # Errors
 /// What is in the way at the best of them.
 pub fn check(geometry: &Geometry) -> Result<(), MachineError> {
-    workspace::level(geometry).map(|_| ()).map_err(no_level_pose(true))
+    level(geometry).map(|_| ()).map_err(no_level_pose(true))
+}
+
+/// The level pose; where nothing but a collision bars all of them, that is what is in the way.
+fn level(geometry: &Geometry) -> Result<Pose, (Pose, Violation)> {
+    workspace::level(geometry).map_err(|best| {
+        let mut thin = geometry.clone();
+        thin.limits.bulk = None;
+        let collides = |pose: Pose| geometry.check_pose(&pose).err().map(|violation| (pose, violation));
+        workspace::level(&thin).ok().and_then(collides).unwrap_or(best)
+    })
 }
 
 /// What to do about it depends on what it is, and on whether the file gives the guard.
@@ -134,6 +144,9 @@ fn no_level_pose(guard_is_given: bool) -> impl Fn((Pose, Violation)) -> MachineE
                  from its middle): cond(H), in metres, grows as a machine gets smaller, give cond_max"
             }
             Limit::LegForce => ": leg_force_n is too small for the weight of [[platform.part]]",
+            Limit::Clearance => {
+                ": look at leg_radius_m, joint_length_m, plate_radius_m, base_radius_m, clearance_m"
+            }
             _ => "",
         };
         MachineError::NoLevelPose { at: Metres(pose.position_m), violation, advice }
