@@ -82,7 +82,7 @@ fn the_body_is_the_rig_files_and_its_name_is_said() {
     assert!((u95(&twice) / u95(&once) - 1.0).abs() < 1e-2);
 }
 
-/// Ten minutes of motion would be searched for during minutes.
+/// Ten minutes of motion are searched for during some ten seconds.
 #[cfg(unix)]
 #[test]
 fn ctrl_c_ends_a_search_soon_with_the_best_by_then() {
