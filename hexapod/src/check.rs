@@ -67,7 +67,11 @@ impl Geometry {
                 ))
             && cones(base, &limits.base_joints)
             && cones(plate, &limits.plate_joints)
-            && self.is_guarded(&legs);
+            && self.is_guarded(&legs)
+            && limits
+                .bulk
+                .as_ref()
+                .is_none_or(|bulk| bulk.nearest(self, &legs).distance_m >= bulk.clearance_m);
         if kept { Ok(()) } else { self.margins(state, load).check() }
     }
 

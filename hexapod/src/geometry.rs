@@ -77,7 +77,7 @@ impl Geometry {
     }
 
     /// The same machine with every limit brought in to a share of what it allows: of the stroke about its middle, of speeds,
-    /// accelerations, forces and angles, and of `cond(H)`.
+    /// accelerations, forces and angles, and of `cond(H)`; clearances grow.
     #[must_use]
     pub fn within(&self, share: f64) -> Self {
         let [lo, hi] = self.leg_length_m;
@@ -97,6 +97,7 @@ impl Geometry {
                 base_joints: cones(&self.limits.base_joints),
                 plate_joints: cones(&self.limits.plate_joints),
                 cond_max: self.limits.cond_max * share,
+                bulk: self.limits.bulk.as_ref().map(|bulk| bulk.within(share)),
             },
             ..self.clone()
         }

@@ -8,8 +8,9 @@
 use nalgebra::Vector3;
 
 use super::geometry::Geometry;
-use super::limits::{Limit, Violation};
+use super::limits::{Bulk, Limit, Part, Violation};
 use super::load::{Bodies, Load};
+use super::margins::too_near;
 use super::trajectory::Trajectory;
 
 /// The largest value of one limited quantity over a motion.
@@ -17,12 +18,14 @@ use super::trajectory::Trajectory;
 pub struct Peak {
     /// Which limit; `None` for the plate's angular rate, which is the gyro's concern.
     pub limit: Option<Limit>,
-    /// 1 to 6, of the largest value seen; absent for `cond(H)` and the angular rate.
+    /// 1 to 6, of the largest value seen; absent for `cond(H)`, the clearance and the angular rate.
     pub leg: Option<usize>,
+    /// Of the clearance what came nearest to what.
+    pub between: Option<[Part; 2]>,
     /// Time of the largest value seen, s.
     pub time_s: f64,
-    /// Largest value seen. Of a length its distance from the middle of the stroke, m; else a magnitude in the
-    /// [`Limit`]'s unit, rad/s of the angular rate.
+    /// Largest value seen. Of a length its distance from the middle of the stroke, m; of the clearance what the distance lacks
+    /// of a leg's diameter beyond the least, m; else a magnitude in the [`Limit`]'s unit, rad/s of the angular rate.
     pub seen: f64,
     /// What it stays below at every instant.
     pub bound: f64,
@@ -57,19 +60,20 @@ impl Guarantee {
 
     /// The first limit that is not known to be kept, with its value and time, if it is the platform's.
     pub fn violation(&self, geometry: &Geometry) -> Option<(Violation, f64)> {
-        self.peaks
-            .iter()
-            .filter(|p| p.bound > p.allowed)
-            .find_map(|p| Some((geometry.overstepped(p.limit?, p.leg, p.bound, p.allowed), p.time_s)))
+        self.peaks.iter().filter(|p| p.bound > p.allowed).find_map(|p| {
+            Some((geometry.overstepped(p.limit?, p.leg, p.between, p.bound, p.allowed), p.time_s))
+        })
     }
 }
 
 /// Quantities in the order of [`Limit`], and the angular rate.
-const QUANTITIES: usize = 8;
+const QUANTITIES: usize = 9;
 const FORCE: usize = 3;
 const BASE: usize = 4;
 const PLATE: usize = 5;
 const CONDITIONING: usize = 6;
+const CLEARANCE: usize = 7;
+const TURNING: usize = 8;
 const LIMITS: [Option<Limit>; QUANTITIES] = [
     Some(Limit::LegLength),
     Some(Limit::LegRate),
@@ -78,6 +82,7 @@ const LIMITS: [Option<Limit>; QUANTITIES] = [
     Some(Limit::BaseJointAngle),
     Some(Limit::PlateJointAngle),
     Some(Limit::Conditioning),
+    Some(Limit::Clearance),
     None,
 ];
 /// Bounds need not be nearer to the largest value seen than this share of it.
@@ -90,6 +95,7 @@ const CUTS: u32 = 16;
 struct Look {
     seen: [(f64, Option<usize>); QUANTITIES],
     bound: [f64; QUANTITIES],
+    between: Option<[Part; 2]>,
 }
 
 /// Mass (kg), first (kg m) and second (kg m²) moment of all points' distances from the plate's origin.
@@ -137,20 +143,30 @@ impl Bounds<'_> {
                 return None;
             }
             let leg = look.seen[q].1;
-            LIMITS[q].map(|limit| self.geometry.overstepped(limit, leg, value, max))
+            LIMITS[q].map(|limit| self.geometry.overstepped(limit, leg, look.between, value, max))
         })
     }
 }
 
 impl Geometry {
     /// A bound that lies above what is allowed.
-    fn overstepped(&self, limit: Limit, leg: Option<usize>, bound: f64, max: f64) -> Violation {
+    fn overstepped(
+        &self,
+        limit: Limit,
+        leg: Option<usize>,
+        between: Option<[Part; 2]>,
+        bound: f64,
+        max: f64,
+    ) -> Violation {
+        if let (Limit::Clearance, Some(bulk), Some(between)) = (limit, &self.limits.bulk, between) {
+            return too_near(bulk.clearance_m + max - bound, between, bulk.clearance_m);
+        }
         let [lo, hi] = self.leg_length_m;
         let (value, allowed) = match limit {
             Limit::LegLength => (0.5 * (lo + hi) + bound, [lo, hi]),
             _ => (bound, [-max, max]),
         };
-        Violation { limit, leg, value, allowed }
+        Violation { limit, leg, between: None, value, allowed }
     }
 }
 
@@ -172,8 +188,10 @@ impl Geometry {
             self.limits.base_joints.is_some(),
             self.limits.plate_joints.is_some(),
             true,
+            self.limits.bulk.is_some(),
             true,
         ];
+        let allowed = self.allowed(rate_limit_radps);
         let mut queue = Vec::new();
         for pair in trajectory.seams_s().windows(2) {
             let (from, length) = (pair[0], pair[1] - pair[0]);
@@ -208,7 +226,9 @@ impl Geometry {
             let best = note(&look, time_s);
             let near = (0..QUANTITIES).all(|q| {
                 let most = best[q].0;
-                !present[q] || look.bound[q] <= most * (1.0 + TOLERANCE) || most.is_infinite()
+                // Where nothing comes near anything, there is no value to be near to.
+                let slack = if q == CLEARANCE { TOLERANCE * allowed[q] } else { 0.0 };
+                !present[q] || look.bound[q] <= slack.max(most * (1.0 + TOLERANCE)) || most.is_infinite()
             });
             if near || cuts == CUTS || half == 0.0 {
                 for (sum, b) in bound.iter_mut().zip(look.bound) {
@@ -221,12 +241,17 @@ impl Geometry {
                 stack.push(((middle, 0.5 * half, cuts + 1), look));
             }
         }
-        let allowed = self.allowed(rate_limit_radps);
+        let mut between = None;
+        if present[CLEARANCE] {
+            let state = trajectory.state(seen[CLEARANCE].2);
+            between = self.nearest(&self.legs_at(&state.position, &state.rotation)).map(|n| n.between);
+        }
         let peaks = (0..QUANTITIES).filter(|q| present[*q]).map(|q| {
             let (value, leg, time_s) = seen[q];
             Peak {
                 limit: LIMITS[q],
                 leg,
+                between: between.filter(|_| q == CLEARANCE),
                 time_s,
                 seen: value,
                 bound: bound[q].max(value),
@@ -258,6 +283,7 @@ impl Geometry {
             most(limits.base_joints.as_ref().map(|c| c.half_angle_rad)),
             most(limits.plate_joints.as_ref().map(|c| c.half_angle_rad)),
             limits.cond_max,
+            limits.bulk.as_ref().map_or(f64::INFINITY, Bulk::range_m),
             rate_limit_radps,
         ]
     }
@@ -284,7 +310,11 @@ impl Geometry {
         let [lo, hi] = self.leg_length_m;
         let middle = 0.5 * (lo + hi);
         let omega = state.rotation * state.angular_rate;
-        let mut look = Look { seen: [(0.0, None); QUANTITIES], bound: [0.0; QUANTITIES] };
+        let mut look = Look {
+            seen: [(0.0, None); QUANTITIES],
+            bound: [0.0; QUANTITIES],
+            between: margins.nearest.map(|nearest| nearest.between),
+        };
         let mut put = |q: usize, leg: Option<usize>, value: f64, more: f64| {
             if value >= look.seen[q].0 {
                 look.seen[q] = (value, leg);
@@ -295,6 +325,7 @@ impl Geometry {
         };
         // ‖H'‖ by columns.
         let mut h_rate = 0.0;
+        let (mut speeds, mut least_lengths) = ([0.0; 6], [0.0; 6]);
         for i in 0..6 {
             let leg = Some(i + 1);
             let arm = legs.arms[i].norm();
@@ -303,6 +334,7 @@ impl Geometry {
             let joint_jerk = jerk + whirl * arm;
             let u = (state.velocity + omega.cross(&legs.arms[i])).norm() + joint_a * d;
             let length = (legs.lengths[i] - u * d).max(f64::MIN_POSITIVE);
+            (speeds[i], least_lengths[i]) = (u, length);
             // l'' = n·p'' + |u⊥|²/l and l''' = n·p''' + 3 u⊥·p''/l − 3 l' |u⊥|²/l², |l'| |u⊥|² ≤ 2|u|³/√27.
             let second = joint_a + u * u / length;
             let third =
@@ -327,7 +359,13 @@ impl Geometry {
         let cond = margins.condition_number;
         let worst = if floor > 0.0 { (most + h_rate * d) / floor } else { f64::INFINITY };
         put(CONDITIONING, None, cond, if cond.is_finite() { (worst - cond).max(0.0) } else { 0.0 });
-        put(7, None, omega.norm(), (state.angular_acceleration.norm() + 0.5 * turning * d) * d);
+        if let (Some(bulk), Some(nearest)) = (&self.limits.bulk, margins.nearest) {
+            // Clipped: what is far away is none of its business.
+            let lacking = bulk.range_m() - (nearest.distance_m - bulk.clearance_m);
+            let more = bulk.rate(&speeds, &least_lengths) * d;
+            put(CLEARANCE, None, lacking.max(0.0), (lacking + more).max(0.0) - lacking.max(0.0));
+        }
+        put(TURNING, None, omega.norm(), (state.angular_acceleration.norm() + 0.5 * turning * d) * d);
         if let (Some(forces), Some([m, first, second]), Some(load)) = (margins.leg_force_n, moments, load) {
             // Of points at distance r: specific force at most `felt + spin r`, its derivative at most `jerk + whirl r`.
             let felt = a + Vector3::from(load.gravity_mps2).norm();

@@ -5,16 +5,27 @@ use super::super::*;
 use super::*;
 use crate::body::BodyParameters;
 
+fn bulk() -> Bulk {
+    Bulk {
+        leg_radius_m: 0.025,
+        joint_length_m: 0.08,
+        plate_radius_m: Some(0.02),
+        base_radius_m: Some(0.02),
+        clearance_m: 0.002,
+    }
+}
+
 fn machine() -> Geometry {
     let mut g = Geometry::thesis();
     g.limits.leg_acceleration_mps2 = Some(8.0);
     g.limits.leg_force_n = Some(400.0);
     g.limits.base_joints = Some(g.cones_about_home(0.9));
     g.limits.plate_joints = Some(g.cones_about_home(1.1));
+    g.limits.bulk = Some(bulk());
     g
 }
 
-/// A random program of a move, a multisine and a sphere that stays well away from singular poses.
+/// A random program of a move, a multisine, a sphere and a path that stays well away from singular poses.
 fn program(g: &Geometry, seed: u64) -> MotionProgram {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut unit = move || (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
@@ -40,12 +51,19 @@ fn program(g: &Geometry, seed: u64) -> MotionProgram {
         turns: 2.0 * unit(),
         still_point_m: [0.05 * unit(), 0.0, 0.25 * unit()],
     };
+    let (mut over, mut under) = (home, home);
+    for k in 0..3 {
+        over.position_m[k] += 0.05 * (unit() - 0.5);
+        over.rpy_rad[k] += 0.3 * (unit() - 0.5);
+        under.rpy_rad[k] += 0.3 * (unit() - 0.5);
+    }
     MotionProgram {
         start: home,
         segments: vec![
             Segment::Move { to, duration_s: 1.0 },
             Segment::Multisine { duration_s: 2.5, ramp_s: 0.7, terms },
             Segment::Sphere(sphere),
+            Segment::Path { via: vec![over, home], to: under, duration_s: 1.3 },
         ],
     }
 }
@@ -70,7 +88,9 @@ fn sampled(g: &Geometry, trajectory: &Trajectory, load: &Load, rate: f64) -> [f6
             *most = values.iter().fold(*most, |m, v| m.max(v.abs()));
         }
         most[6] = most[6].max(m.condition_number);
-        most[7] = most[7].max(state.angular_rate.norm());
+        let lacking = 0.05 - (m.nearest.unwrap().distance_m - 0.002);
+        most[7] = most[7].max(lacking);
+        most[8] = most[8].max(state.angular_rate.norm());
     }
     most
 }

@@ -13,6 +13,7 @@
 
 mod body;
 mod body_set;
+mod bulk;
 mod check;
 mod envelope;
 mod error;
@@ -27,6 +28,7 @@ mod limits;
 mod load;
 mod margins;
 mod mounting;
+mod path;
 mod payload;
 mod pose;
 mod program;
@@ -37,6 +39,7 @@ mod trajectory;
 
 pub use body::{BodyParameters, FrameMotion, STANDARD_GRAVITY_MPS2};
 pub use body_set::BodySet;
+pub use bulk::Nearest;
 pub use envelope::quintic_integral;
 pub use error::MotionError;
 pub use forward::ForwardError;
@@ -44,7 +47,7 @@ pub use geometry::{Geometry, StrokeError};
 pub use guarantee::{Guarantee, Peak};
 pub use kinematics::{Coordinates, PlateState};
 pub use legs::Legs;
-pub use limits::{COND_MAX, JointCones, Limit, Limits, Violation};
+pub use limits::{Bulk, COND_MAX, JointCones, Limit, Limits, Part, Violation};
 pub use load::{Bodies, Load};
 pub use margins::{LimitMargins, Margin};
 pub use mounting::Mounting;

@@ -22,6 +22,8 @@ pub struct Limits {
     pub plate_joints: Option<JointCones>,
     /// Highest `cond(H)`.
     pub cond_max: f64,
+    /// How thick legs, plate and base are; without it collisions are not looked at.
+    pub bulk: Option<Bulk>,
 }
 
 impl Default for Limits {
@@ -32,7 +34,59 @@ impl Default for Limits {
             base_joints: None,
             plate_joints: None,
             cond_max: COND_MAX,
+            bulk: None,
         }
+    }
+}
+
+/// The thickness of legs, plate and base, and how far from each other they must stay. What is on the plate is not looked at.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Bulk {
+    /// Of each leg, m.
+    pub leg_radius_m: f64,
+    /// What of a leg belongs to its joint, at either end, m: it touches plate, base and its neighbour there by design.
+    pub joint_length_m: f64,
+    /// Of the bars between any two of the plate's joints, m; absent if the plate is not looked at.
+    pub plate_radius_m: Option<f64>,
+    /// Of the bars between any two of the base's joints, m; absent if the base is not looked at.
+    pub base_radius_m: Option<f64>,
+    /// Least distance of one surface from another, m.
+    pub clearance_m: f64,
+}
+
+/// What can touch something else.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// 1 to 6.
+    Leg(u8),
+    /// The plate.
+    Plate,
+    /// The base.
+    Base,
+}
+
+impl Part {
+    /// Two parts in words.
+    pub fn both(between: [Self; 2]) -> String {
+        match between {
+            [Self::Leg(a), Self::Leg(b)] => format!("legs {a} and {b}"),
+            [Self::Leg(leg), Self::Plate] => format!("leg {leg} and the plate"),
+            [Self::Leg(leg), Self::Base] => format!("leg {leg} and the base"),
+            _ => "plate and base".to_owned(),
+        }
+    }
+}
+
+impl Bulk {
+    /// A leg's diameter, m: a margin is a share of that, and what is farther apart has all of it.
+    pub fn range_m(&self) -> f64 {
+        2.0 * self.leg_radius_m
+    }
+
+    /// The same with a clearance for which only a share of the range is used.
+    pub(super) fn within(&self, share: f64) -> Self {
+        Self { clearance_m: self.clearance_m + (1.0 - share) * self.range_m(), ..self.clone() }
     }
 }
 
@@ -73,6 +127,8 @@ pub enum Limit {
     PlateJointAngle,
     /// `cond(H)`.
     Conditioning,
+    /// Distance of legs, plate and base from each other, m.
+    Clearance,
 }
 
 /// A limit that is not kept. `Display` names the leg, what it would do and what it may.
@@ -80,8 +136,10 @@ pub enum Limit {
 pub struct Violation {
     /// Which limit.
     pub limit: Limit,
-    /// 1 to 6; absent for `cond(H)`.
+    /// 1 to 6; absent for `cond(H)` and the clearance.
     pub leg: Option<usize>,
+    /// What comes too near to what.
+    pub between: Option<[Part; 2]>,
     /// What was asked for, in the limit's unit.
     pub value: f64,
     /// From where to where it may be.
@@ -92,7 +150,7 @@ impl Violation {
     /// What can be done about it.
     pub fn advice(&self) -> &'static str {
         match self.limit {
-            Limit::LegLength | Limit::BaseJointAngle | Limit::PlateJointAngle => {
+            Limit::LegLength | Limit::BaseJointAngle | Limit::PlateJointAngle | Limit::Clearance => {
                 "use smaller tilts or translations"
             }
             Limit::LegRate | Limit::LegAcceleration => "give the motion more time",
@@ -136,6 +194,15 @@ impl fmt::Display for Violation {
                     "leg {leg} would lean {value}° at its {} joint, which allows {}°",
                     if self.limit == Limit::BaseJointAngle { "base" } else { "plate" },
                     number(max.to_degrees(), digits)
+                )
+            }
+            Limit::Clearance => {
+                let (value, digits) = apart(1e3 * value, 1e3 * min, 1);
+                let between = Part::both(self.between.unwrap_or([Part::Plate, Part::Base]));
+                write!(
+                    f,
+                    "{between} would come to {value} mm of each other, {} mm must be left",
+                    number(1e3 * min, digits)
                 )
             }
             Limit::Conditioning if value.is_infinite() => {

@@ -106,6 +106,7 @@ impl Geometry {
         let violation = Violation {
             limit: Limit::Conditioning,
             leg: None,
+            between: None,
             value: legs.condition_number(),
             allowed: [1.0, self.limits.cond_max],
         };

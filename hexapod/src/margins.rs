@@ -1,9 +1,10 @@
 //! How far a state is from what a hexapod must not do.
 
+use super::bulk::Nearest;
 use super::geometry::Geometry;
 use super::kinematics::PlateState;
 use super::legs::Legs;
-use super::limits::{JointCones, Limit, Violation};
+use super::limits::{Bulk, JointCones, Limit, Part, Violation};
 use super::load::Load;
 
 /// What every limited quantity is at one state, beside its limit. Quantities without a limit are given too, with an
@@ -38,6 +39,12 @@ pub struct LimitMargins {
     pub condition_number: f64,
     /// Highest.
     pub condition_limit: f64,
+    /// What is nearest to what; absent where collisions are not looked at.
+    pub nearest: Option<Nearest>,
+    /// Least distance, m.
+    pub clearance_limit_m: f64,
+    /// What a distance may be beyond that for a margin of one, m.
+    pub clearance_range_m: f64,
 }
 
 /// One limit's distance at a state.
@@ -56,12 +63,18 @@ impl LimitMargins {
     pub fn all(&self) -> impl Iterator<Item = Margin> + '_ {
         let [lo, hi] = self.leg_length_limit_m;
         let lengths = self.leg_length_m.into_iter().enumerate().map(move |(i, l)| Margin {
-            at: Violation { limit: Limit::LegLength, leg: Some(i + 1), value: l, allowed: [lo, hi] },
+            at: Violation {
+                limit: Limit::LegLength,
+                leg: Some(i + 1),
+                between: None,
+                value: l,
+                allowed: [lo, hi],
+            },
             relative: (l - lo).min(hi - l) / (0.5 * (hi - lo)),
         });
         let within = |limit, max: f64, values: Option<[f64; 6]>| {
             values.into_iter().flatten().enumerate().map(move |(i, value)| Margin {
-                at: Violation { limit, leg: Some(i + 1), value, allowed: [-max, max] },
+                at: Violation { limit, leg: Some(i + 1), between: None, value, allowed: [-max, max] },
                 relative: if max.is_infinite() { 1.0 } else { 1.0 - value.abs() / max },
             })
         };
@@ -80,6 +93,7 @@ impl LimitMargins {
                 at: Violation {
                     limit: Limit::Conditioning,
                     leg: None,
+                    between: None,
                     value: self.condition_number,
                     allowed: [1.0, self.condition_limit],
                 },
@@ -88,6 +102,10 @@ impl LimitMargins {
                 } else {
                     1.0 - self.condition_number / self.condition_limit
                 },
+            }))
+            .chain(self.nearest.map(|nearest| Margin {
+                at: too_near(nearest.distance_m, nearest.between, self.clearance_limit_m),
+                relative: ((nearest.distance_m - self.clearance_limit_m) / self.clearance_range_m).min(1.0),
             }))
     }
 
@@ -116,7 +134,29 @@ impl LimitMargins {
     }
 }
 
+/// A distance, m, where `least` must be left.
+pub(super) fn too_near(distance_m: f64, between: [Part; 2], least: f64) -> Violation {
+    Violation {
+        limit: Limit::Clearance,
+        leg: None,
+        between: Some(between),
+        value: distance_m,
+        allowed: [least, f64::INFINITY],
+    }
+}
+
 impl Geometry {
+    /// Which of legs, plate and base are nearest to each other; `None` where their thickness is not given.
+    pub fn nearest(&self, legs: &Legs) -> Option<Nearest> {
+        self.limits.bulk.as_ref().map(|bulk| bulk.nearest(self, legs))
+    }
+
+    /// Whether a pose is limited by nothing but lengths of legs and `cond(H)`.
+    pub fn has_lengths_alone(&self) -> bool {
+        let limits = &self.limits;
+        limits.base_joints.is_none() && limits.plate_joints.is_none() && limits.bulk.is_none()
+    }
+
     /// Cones of half-angle `half_angle_rad` about the legs' directions at [`Geometry::home`], for the base joints (axes
     /// in A) or, home being level, for the plate joints (axes in P).
     pub fn cones_about_home(&self, half_angle_rad: f64) -> JointCones {
@@ -146,6 +186,9 @@ impl Geometry {
             plate_joint_limit_rad: widest(&limits.plate_joints),
             condition_number: self.guarded_condition(&legs),
             condition_limit: limits.cond_max,
+            nearest: self.nearest(&legs),
+            clearance_limit_m: limits.bulk.as_ref().map_or(0.0, |bulk| bulk.clearance_m),
+            clearance_range_m: limits.bulk.as_ref().map_or(f64::INFINITY, Bulk::range_m),
         }
     }
 

@@ -306,6 +306,13 @@ fn quick_check_and_margins_agree_on_every_limit() {
     g.limits.leg_acceleration_mps2 = Some(4.0);
     g.limits.base_joints = Some(g.cones_about_home(0.35));
     g.limits.plate_joints = Some(g.cones_about_home(0.45));
+    g.limits.bulk = Some(Bulk {
+        leg_radius_m: 0.025,
+        joint_length_m: 0.08,
+        plate_radius_m: Some(0.02),
+        base_radius_m: Some(0.02),
+        clearance_m: 0.004,
+    });
     let mut random = Uniform::new(9);
     let mut kept = 0;
     for pose in workspace(&Geometry::thesis(), &mut random, 2_000) {
@@ -374,7 +381,8 @@ fn a_load_that_is_too_heavy_names_the_leg_the_force_and_the_time() {
 #[test]
 fn a_limit_that_is_hardly_overstepped_is_told_with_as_many_digits_as_show_it() {
     use super::{Limit, Violation};
-    let said = |limit, value, allowed| Violation { limit, leg: Some(2), value, allowed }.to_string();
+    let said =
+        |limit, value, allowed| Violation { limit, leg: Some(2), between: None, value, allowed }.to_string();
     for (got, words) in [
         (
             said(Limit::LegLength, 0.549_96, [0.55, 0.8548]),

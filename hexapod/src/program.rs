@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::path::MOST_VIA;
 use super::pose::Pose;
 use super::sphere::Sphere;
 
@@ -62,6 +63,16 @@ pub enum Segment {
         /// s.
         duration_s: f64,
     },
+    /// To another pose through one to three others without a stop there: each coordinate on the polynomial through them at
+    /// equal steps of u, and u on the quintic of [`Segment::Move`].
+    Path {
+        /// On the way, in order.
+        via: Vec<Pose>,
+        /// Where to.
+        to: Pose,
+        /// s.
+        duration_s: f64,
+    },
     /// A sum of sines about the current pose, swelling and fading over `ramp_s` with the same quintic.
     Multisine {
         /// s, both ramps included.
@@ -81,6 +92,7 @@ impl Segment {
         match self {
             Self::Hold { duration_s }
             | Self::Move { duration_s, .. }
+            | Self::Path { duration_s, .. }
             | Self::Multisine { duration_s, .. }
             | Self::Sphere(Sphere { duration_s, .. }) => *duration_s,
         }
@@ -95,6 +107,15 @@ impl Segment {
             Self::Hold { .. } => Ok(()),
             Self::Move { to, .. } if to.coordinates().iter().all(|c| c.is_finite()) => Ok(()),
             Self::Move { .. } => Err("its target has a coordinate that is not a finite number"),
+            Self::Path { via, .. } if !(1..=MOST_VIA).contains(&via.len()) => {
+                Err("it must have one to three poses on its way")
+            }
+            Self::Path { via, to, .. }
+                if !via.iter().chain([to]).all(|p| p.coordinates().iter().all(|c| c.is_finite())) =>
+            {
+                Err("a pose of its path has a coordinate that is not a finite number")
+            }
+            Self::Path { .. } => Ok(()),
             Self::Multisine { ramp_s, .. } if !(*ramp_s > 0.0 && 2.0 * ramp_s <= duration) => {
                 Err("its ramp must be longer than zero and at most half of its duration")
             }
@@ -110,10 +131,18 @@ impl Segment {
         }
     }
 
+    /// Where it ends, if it ends elsewhere than where it began.
+    pub fn target(&self) -> Option<&Pose> {
+        match self {
+            Self::Move { to, .. } | Self::Path { to, .. } => Some(to),
+            Self::Hold { .. } | Self::Multisine { .. } | Self::Sphere(_) => None,
+        }
+    }
+
     /// Ramp at both ends, s.
     pub(super) fn ramp_s(&self) -> Option<f64> {
         match self {
-            Self::Hold { .. } | Self::Move { .. } => None,
+            Self::Hold { .. } | Self::Move { .. } | Self::Path { .. } => None,
             Self::Multisine { ramp_s, .. } | Self::Sphere(Sphere { ramp_s, .. }) => Some(*ramp_s),
         }
     }

@@ -3,6 +3,7 @@
 use super::envelope::{envelope, envelope_peaks, quintic};
 use super::error::MotionError;
 use super::kinematics::{Coordinates, PlateState};
+use super::path::Curve;
 use super::pose::Pose;
 use super::program::{LONGEST_S, MotionProgram, Segment};
 
@@ -12,6 +13,8 @@ struct Piece {
     begin_s: f64,
     from: [f64; 6],
     segment: Segment,
+    /// Of a path.
+    curve: Option<Curve>,
 }
 
 /// A program ready to be evaluated at any time. Before its beginning and after its end the plate stands still.
@@ -38,9 +41,13 @@ impl Trajectory {
         let mut pieces = Vec::with_capacity(program.segments.len());
         for (i, segment) in program.segments.iter().enumerate() {
             segment.check().map_err(|reason| MotionError::BadSegment { segment: i + 1, reason })?;
-            pieces.push(Piece { begin_s, from: at, segment: segment.clone() });
+            let curve = match segment {
+                Segment::Path { via, to, duration_s } => Some(Curve::new(&at, via, to, *duration_s)),
+                _ => None,
+            };
+            pieces.push(Piece { begin_s, from: at, segment: segment.clone(), curve });
             begin_s += segment.duration_s();
-            if let Segment::Move { to, .. } = segment {
+            if let Some(to) = segment.target() {
                 at = to.coordinates();
             }
         }
@@ -129,9 +136,12 @@ impl MotionProgram {
 
 impl Piece {
     fn coordinates(&self, t: f64) -> Coordinates {
+        if let Some(curve) = &self.curve {
+            return curve.coordinates(t);
+        }
         let mut c = Coordinates { value: self.from, ..Coordinates::default() };
         match &self.segment {
-            Segment::Hold { .. } => {}
+            Segment::Hold { .. } | Segment::Path { .. } => {}
             Segment::Move { to, duration_s } => {
                 let [s0, s1, s2] = quintic(t / duration_s);
                 let (d1, d2) = (s1 / duration_s, s2 / (duration_s * duration_s));
@@ -166,9 +176,9 @@ impl Piece {
 
     fn third_derivatives(&self, t: f64) -> [f64; 2] {
         let ramping = |ramp_s: f64| t < ramp_s || self.segment.duration_s() - t < ramp_s;
-        let mut peaks = [[0.0_f64; 3]; 6];
+        let mut peaks = self.curve.as_ref().map_or([[0.0_f64; 3]; 6], Curve::peaks);
         match &self.segment {
-            Segment::Hold { .. } => {}
+            Segment::Hold { .. } | Segment::Path { .. } => {}
             Segment::Move { to, duration_s } => {
                 for ((peaks, goal), from) in peaks.iter_mut().zip(to.coordinates()).zip(self.from) {
                     *peaks = envelope_peaks(*duration_s).map(|p| p * (goal - from).abs());

@@ -34,6 +34,14 @@ fn program() -> MotionProgram {
                 turns: 1.5,
                 still_point_m: [0.02, -0.03, 0.2],
             }),
+            Segment::Path {
+                via: vec![
+                    Pose { position_m: [0.05, 0.02, 0.70], rpy_rad: [0.1, 0.2, -0.1] },
+                    Pose { position_m: [-0.01, 0.03, 0.74], rpy_rad: [-0.2, 0.3, 0.1] },
+                ],
+                to: Pose { position_m: [0.02, -0.03, 0.75], rpy_rad: [-0.5, 0.1, 0.3] },
+                duration_s: 2.0,
+            },
         ],
     }
 }
@@ -53,7 +61,7 @@ fn rates_and_accelerations_are_finite_differences_of_position_and_rotation_matri
     let trajectory = program().trajectory().unwrap();
     let h = 1e-4;
     // Times inside each segment and inside each ramp, none within h of a seam (the jerk jumps there).
-    for t in [0.15, 0.5, 1.1, 1.9, 2.2, 3.1, 4.0, 5.7, 6.9, 7.8, 8.6, 9.9, 11.3, 12.7] {
+    for t in [0.15, 0.5, 1.1, 1.9, 2.2, 3.1, 4.0, 5.7, 6.9, 7.8, 8.6, 9.9, 11.3, 12.7, 13.3, 14.1, 14.8] {
         let (before, now, after) = (trajectory.state(t - h), trajectory.state(t), trajectory.state(t + h));
         check("v", t, (after.position - before.position) / (2.0 * h), now.velocity, 2e-6);
         check("a", t, (after.velocity - before.velocity) / (2.0 * h), now.acceleration, 2e-5);
@@ -118,7 +126,7 @@ fn a_sphere_leaves_its_point_where_it_is_and_returns_to_its_pose() {
 fn third_derivatives_stay_below_their_bounds() {
     let trajectory = program().trajectory().unwrap();
     let seams = trajectory.seams_s();
-    assert_eq!(seams.len(), 9);
+    assert_eq!(seams.len(), 10);
     for pair in seams.windows(2) {
         let [jerk, second] = trajectory.third_derivatives(0.5 * (pair[0] + pair[1]));
         let (mut most, mut most_turning) = (0.0_f64, 0.0_f64);
@@ -138,7 +146,9 @@ fn third_derivatives_stay_below_their_bounds() {
 
 #[test]
 fn a_multisine_returns_to_the_pose_it_began_at() {
-    let trajectory = program().trajectory().unwrap();
+    let mut p = program();
+    p.segments.truncate(3);
+    let trajectory = p.trajectory().unwrap();
     assert_eq!(trajectory.end_pose(), Pose { position_m: [0.02, -0.03, 0.75], rpy_rad: [0.5, -0.4, 0.3] });
     assert_eq!(trajectory.coordinates(99.0).rate, [0.0; 6]);
 }
@@ -147,9 +157,40 @@ fn a_multisine_returns_to_the_pose_it_began_at() {
 fn nonsense_segments_are_refused_by_number() {
     let mut p = program();
     p.segments.push(Segment::Hold { duration_s: f64::NAN });
-    assert!(matches!(p.trajectory(), Err(MotionError::BadSegment { segment: 5, .. })));
+    assert!(matches!(p.trajectory(), Err(MotionError::BadSegment { segment: 6, .. })));
     p.segments[4] = Segment::Multisine { duration_s: 1.0, ramp_s: 0.6, terms: vec![] };
     assert!(matches!(p.trajectory(), Err(MotionError::BadSegment { segment: 5, .. })));
+}
+
+#[test]
+fn a_path_begins_and_ends_at_rest_and_passes_through_its_poses() {
+    let p = program();
+    let trajectory = p.trajectory().unwrap();
+    let Segment::Path { via, to, .. } = &p.segments[4] else { panic!() };
+    // The quintic is 1/3 and 2/3 there: u (1 − u) and its mirror image.
+    let (mut low, mut high) = (0.0, 0.5);
+    for _ in 0..60 {
+        let s: f64 = 0.5 * (low + high);
+        if s.powi(3) * (10.0 + s * (6.0 * s - 15.0)) < 1.0 / 3.0 { low = s } else { high = s }
+    }
+    for (share, pose) in [(low, &via[0]), (1.0 - low, &via[1]), (1.0 - 1e-6, to)] {
+        let c = trajectory.coordinates(13.0 + 2.0 * share);
+        for (got, want) in c.value.iter().zip(pose.coordinates()) {
+            assert!((got - want).abs() < 1e-12, "{share}: {got} {want}");
+        }
+    }
+    for t in [13.0 + 1e-9, 15.0 - 1e-9] {
+        let c = trajectory.coordinates(t);
+        assert!(
+            c.rate.iter().all(|r| r.abs() < 1e-8) && c.acceleration.iter().all(|a| a.abs() < 1e-6),
+            "{c:?}"
+        );
+    }
+    // At mid-way it has not stopped.
+    assert!(trajectory.state(14.0).angular_rate.norm() > 0.3);
+    let mut none = program();
+    none.segments.push(Segment::Path { via: Vec::new(), to: *to, duration_s: 1.0 });
+    assert!(matches!(none.trajectory(), Err(MotionError::BadSegment { segment: 6, .. })));
 }
 
 #[test]

@@ -77,6 +77,20 @@ pub fn rig_file(rig: &Rig) -> String {
             file.key(&format!("{joint}_joint_axes"), cones.axes);
         }
     }
+    if let Some(bulk) = &limits.bulk {
+        let keys = [
+            ("leg_radius_m", Some(bulk.leg_radius_m)),
+            ("joint_length_m", Some(bulk.joint_length_m)),
+            ("plate_radius_m", bulk.plate_radius_m),
+            ("base_radius_m", bulk.base_radius_m),
+            ("clearance_m", Some(bulk.clearance_m).filter(|m| *m > 0.0)),
+        ];
+        for (key, value) in keys {
+            if let Some(value) = value {
+                file.key(key, value);
+            }
+        }
+    }
     file.key("cond_max", limits.cond_max);
     let [mass_kg, within_m] = bound(config);
     file.key("load_max_kg", mass_kg);

@@ -5,13 +5,14 @@ use std::sync::atomic::Ordering;
 
 use hexapod::BodyParameters;
 use hexapod::Mounting;
-use hexapod::{Limit, Peak};
+use hexapod::{Limit, Part, Peak};
 use rigident_shared::inertia::PARAMETER_NAMES;
 use serde::Serialize;
 
 use super::arguments::DemoBody;
 use super::outcome::say;
 use super::plan_arguments::{MotionObjective, PlanCompare, PlanMotion};
+use super::programme::tell_collisions;
 use super::{ExitStatus, Failure, Progress};
 use crate::device::session::INTERRUPTED;
 use crate::plan::carried::LoadBound;
@@ -31,6 +32,8 @@ struct Object<'a> {
     duration_s: f64,
     motion_s: [f64; 2],
     condition_number: f64,
+    /// With the offsets eliminated.
+    condition_number_eliminated: f64,
     /// Of the information on the body, offsets eliminated, SI.
     log_determinant: f64,
     /// Of the body's parameters about S's origin.
@@ -104,6 +107,7 @@ pub(super) fn ended(stopped: bool, what: &str) -> ExitCode {
 struct Compared<'a> {
     worst_inertia_u95_share: f64,
     condition_number_alone: f64,
+    condition_number_alone_eliminated: f64,
     #[serde(flatten)]
     motion: Object<'a>,
 }
@@ -122,6 +126,7 @@ pub(super) fn compare(arguments: &PlanCompare) -> Result<ExitCode, Failure> {
             .map(|row| Compared {
                 worst_inertia_u95_share: row.worst(),
                 condition_number_alone: row.condition_alone,
+                condition_number_alone_eliminated: row.condition_alone_eliminated,
                 motion: object(&row.plan, row.objective, row.body, row.coverage),
             })
             .collect();
@@ -148,6 +153,7 @@ fn rig(path: Option<&Path>, stroke_m: Option<f64>) -> Result<Planned, Failure> {
         let file = RigFile::load(path).map_err(Failure::input)?;
         let named = |e: machine::MachineError| Failure::input(format!("{}: {e}", path.display()));
         equipment.geometry = machine::geometry(&file).map_err(named)?;
+        tell_collisions(&equipment.geometry);
         machine::load_cell(&file).map_err(named)?;
         let payload = &mut equipment.payload;
         if let Some(place) = file.platform.as_ref().and_then(|p| p.load_cell.as_ref()) {
@@ -216,6 +222,7 @@ fn key(peak: &Peak) -> &'static str {
         Some(Limit::BaseJointAngle) => "base_joint_angle",
         Some(Limit::PlateJointAngle) => "plate_joint_angle",
         Some(Limit::Conditioning) => "conditioning",
+        Some(Limit::Clearance) => "clearance",
         None => "angular_rate",
     }
 }
@@ -229,6 +236,7 @@ fn object<'a>(plan: &MotionPlan, objective: &'a str, body: &'a str, coverage: [f
         duration_s: plan.program.duration_s(),
         motion_s: plan.motion_s,
         condition_number: plan.prediction.condition_number,
+        condition_number_eliminated: plan.prediction.condition_eliminated,
         log_determinant: plan.prediction.log_determinant,
         predicted_u95: PARAMETER_NAMES.iter().copied().zip(plan.prediction.parameters).collect(),
         predicted_com_u95_m: plan.prediction.com_m,
@@ -260,6 +268,7 @@ fn text(plan: &MotionPlan, words: &str, [rate, acceleration]: [f64; 2], task: &T
             "base_joint_angle" => "base joint, rad",
             "plate_joint_angle" => "plate joint, rad",
             "conditioning" => "cond(H)",
+            "clearance" => "clearance short of ⌀ leg, m",
             _ => "angular rate, rad/s",
         };
         let allowed = if peak.allowed.is_finite() {
@@ -269,16 +278,27 @@ fn text(plan: &MotionPlan, words: &str, [rate, acceleration]: [f64; 2], task: &T
         };
         text += &format!("\n  {name:<30} {:>10.4}  {:>10.4} {allowed}", peak.seen, peak.bound);
     }
+    if let Some(bulk) = &task.equipment.geometry.limits.bulk
+        && let Some((peak, between)) = plan.guarantee.peaks.iter().find_map(|p| Some((p, p.between?)))
+    {
+        let distance_mm = 1e3 * (bulk.clearance_m + bulk.range_m() - peak.seen);
+        let between = Part::both(between);
+        text += &format!(
+            "\n\nNearest to each other are {between} at t = {:.2} s, {distance_mm:.1} mm.",
+            peak.time_s
+        );
+    }
     let p = &plan.prediction;
     let [x, y, z] = p.com_m.map(|v| 1e3 * v);
     text += &format!(
         "\n\nThe body: {body}, {:.3} kg.\nPredicted U95 at {:.0} readings/s, offsets unknown: mass {:.4} kg; centre of mass {x:.3}, {y:.3}, {z:.3} mm;\n\
-         tensor about it (Ixx, Iyy, Izz, Iyz, Izx, Ixy) {}, 1e-3 kg m².\nCondition number of the columns, scaled: {:.2}.",
+         tensor about it (Ixx, Iyy, Izz, Iyz, Izx, Ixy) {}, 1e-3 kg m².\nCondition number of the columns, scaled: {:.2}; with the offsets eliminated {:.2}.",
         task.equipment.payload.body.mass_kg,
         task.rate_hz,
         p.parameters[0],
         p.inertia_com_kgm2.map(|v| format!("{:.3}", 1e3 * v)).join(", "),
-        p.condition_number
+        p.condition_number,
+        p.condition_eliminated
     );
     if !p.determined {
         text += "\nThis motion leaves a part of the body undetermined.";

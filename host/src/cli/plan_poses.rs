@@ -2,13 +2,14 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
-use hexapod::{Geometry, Load, THESIS_WRENCH_NOISE_N_NM};
+use hexapod::{Geometry, Load, Segment, THESIS_WRENCH_NOISE_N_NM};
 use nalgebra::Matrix3;
 use serde::Serialize;
 
 use super::outcome::say;
 use super::plan_arguments::{PlanPoses, PoseObjective};
 use super::plan_motion::ended;
+use super::programme::tell_collisions;
 use super::{Failure, Progress};
 use crate::device::session::INTERRUPTED;
 use crate::plan::carried::{self, LoadBound};
@@ -16,10 +17,13 @@ use crate::plan::machine;
 use crate::plan::plan_file::PlanFile;
 use crate::plan::poses::measure::least_condition_number_in_cone;
 use crate::plan::poses::plan::{MOST_ORIENTATIONS, PlanError, PosePlan, Task, check_n, of_angles, plan};
-use crate::plan::poses::program::program;
+use crate::plan::poses::program::{MOVE_RATE_RADPS, program};
 use crate::plan::poses::{Objective, Reach, Region};
 use crate::recording::error::RecordingError;
 use crate::rig::RigFile;
+
+/// Share of a gyro's range that moves between poses may use.
+const GYRO_SHARE: f64 = 0.9;
 
 /// What of a rig the plan depends on.
 struct Rig {
@@ -28,6 +32,8 @@ struct Rig {
     noise_n_nm: [f64; 6],
     plate_to_cell: Matrix3<f64>,
     gravity_mps2: f64,
+    /// Highest angular rate between poses, rad/s.
+    turn_radps: f64,
 }
 
 /// The object of `--json`.
@@ -115,14 +121,19 @@ pub(super) fn run(arguments: &PlanPoses) -> Result<ExitCode, Failure> {
         )));
     }
     if let Some(path) = &arguments.out {
-        let program = program(&reach, &made.poses, arguments.hold_s).map_err(Failure::input)?;
-        let title = format!(
-            "{n} still poses, {}, {:.0} s",
-            if given.is_some() { "given".to_owned() } else { format!("best {name}") },
-            program.duration_s()
-        );
+        let program =
+            program(&reach, &made.poses, arguments.hold_s, rig.turn_radps).map_err(Failure::input)?;
+        let rest_s: f64 = program
+            .segments
+            .iter()
+            .filter(|s| matches!(s, Segment::Hold { .. }))
+            .map(Segment::duration_s)
+            .sum();
+        let duration_s = program.duration_s();
+        let which = if given.is_some() { "given".to_owned() } else { format!("best {name}") };
+        let title = format!("{n} still poses, {which}, {duration_s:.0} s");
         PlanFile::new(title, reach.geometry(), program).write(path).map_err(Failure::input)?;
-        tell!("{}", path.display());
+        tell!("{}: {duration_s:.1} s, {rest_s:.1} s of them at rest", path.display());
     }
     if arguments.json {
         say(serde_json::to_string(&object(&made, given.map_or(Some(name), |_| None), held))
@@ -230,11 +241,13 @@ fn rig(path: Option<&Path>) -> Result<Rig, Failure> {
             noise_n_nm: thesis,
             plate_to_cell: Matrix3::identity(),
             gravity_mps2: 9.80665,
+            turn_radps: MOVE_RATE_RADPS,
         });
     };
     let file = RigFile::load(path).map_err(Failure::input)?;
     let incomplete = |error| Failure::input(format!("{}: {error}", path.display()));
     let geometry = machine::geometry(&file).map_err(incomplete)?;
+    tell_collisions(&geometry);
     let cell_to_plate = machine::load_cell(&file).map_err(incomplete)?.1;
     Ok(Rig {
         geometry,
@@ -245,5 +258,10 @@ fn rig(path: Option<&Path>) -> Result<Rig, Failure> {
         noise_n_nm: file.load_cell.noise_n_nm.unwrap_or(thesis),
         plate_to_cell: cell_to_plate.transpose(),
         gravity_mps2: file.recording.gravity_mps2,
+        turn_radps: file
+            .imu
+            .iter()
+            .filter_map(|imu| imu.range_radps)
+            .fold(MOVE_RATE_RADPS, |rate, range| rate.min(GYRO_SHARE * range)),
     })
 }

@@ -37,6 +37,15 @@ impl Programme {
     }
 }
 
+/// Says that nobody looks at collisions, where a rig file does not say how thick things are.
+pub(super) fn tell_collisions(geometry: &Geometry) {
+    if geometry.limits.bulk.is_none() {
+        tell!(
+            "rigident: collisions of legs, plate and base are not looked at: [platform] has no leg_radius_m that says how thick a leg is"
+        );
+    }
+}
+
 /// The parts of a program, and the spans (s) of its first and last pose after a move: the same pose twice.
 pub(super) fn stages(program: &MotionProgram) -> (Vec<Stage>, Option<[(f64, f64); 2]>) {
     let mut stages = Vec::new();
@@ -45,7 +54,7 @@ pub(super) fn stages(program: &MotionProgram) -> (Vec<Stage>, Option<[(f64, f64)
     for segment in &program.segments {
         let duration = segment.duration_s();
         let name = match segment {
-            Segment::Move { .. } => {
+            Segment::Move { .. } | Segment::Path { .. } => {
                 moved = true;
                 None
             }

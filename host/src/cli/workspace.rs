@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::outcome::say;
 use super::plan_arguments::Workspace;
+use super::programme::tell_collisions;
 use super::{Failure, Folder, Progress};
 use crate::device::session::INTERRUPTED;
 use crate::plan::machine;
@@ -98,7 +99,10 @@ fn platform(rig: Option<&Path>, stroke_m: Option<f64>) -> Result<Geometry, Failu
         None => Geometry::thesis(),
         Some(path) => {
             let file = RigFile::load(path).map_err(Failure::input)?;
-            machine::geometry(&file).map_err(|e| Failure::input(format!("{}: {e}", path.display())))?
+            let geometry =
+                machine::geometry(&file).map_err(|e| Failure::input(format!("{}: {e}", path.display())))?;
+            tell_collisions(&geometry);
+            geometry
         }
     };
     let Some(stroke) = stroke_m else { return Ok(geometry) };

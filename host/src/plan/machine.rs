@@ -4,7 +4,7 @@ use std::fmt;
 
 use hexapod::BodyParameters;
 use hexapod::Mounting;
-use hexapod::{Bodies, COND_MAX, Geometry, JointCones, Limit, Limits, Load, Pose, Violation};
+use hexapod::{Bodies, Bulk, COND_MAX, Geometry, JointCones, Limit, Limits, Load, Pose, Violation};
 use nalgebra::{Matrix3, Vector3};
 
 use super::workspace;
@@ -47,7 +47,7 @@ pub enum MachineError {
 pub fn geometry(rig: &RigFile) -> Result<Geometry, MachineError> {
     let table = rig.platform.as_ref().ok_or(MachineError::NoPlatform)?;
     let geometry = unchecked(table)?;
-    let level = workspace::level(&geometry).map_err(no_level_pose(table.cond_max.is_some()))?;
+    let level = level(&geometry).map_err(no_level_pose(table.cond_max.is_some()))?;
     let parts = parts(Some(table));
     if !parts.is_empty() {
         let load =
@@ -122,7 +122,17 @@ pub fn on_plate(body: &BodyParameters, at: &Vector3<f64>, rotation: &Matrix3<f64
 /// # Errors
 /// What is in the way at the best of them.
 pub fn check(geometry: &Geometry) -> Result<(), MachineError> {
-    workspace::level(geometry).map(|_| ()).map_err(no_level_pose(true))
+    level(geometry).map(|_| ()).map_err(no_level_pose(true))
+}
+
+/// The level pose; where nothing but a collision bars all of them, that is what is in the way.
+fn level(geometry: &Geometry) -> Result<Pose, (Pose, Violation)> {
+    workspace::level(geometry).map_err(|best| {
+        let mut thin = geometry.clone();
+        thin.limits.bulk = None;
+        let collides = |pose: Pose| geometry.check_pose(&pose).err().map(|violation| (pose, violation));
+        workspace::level(&thin).ok().and_then(collides).unwrap_or(best)
+    })
 }
 
 /// What to do about it depends on what it is, and on whether the file gives the guard.
@@ -134,6 +144,9 @@ fn no_level_pose(guard_is_given: bool) -> impl Fn((Pose, Violation)) -> MachineE
                  from its middle): cond(H), in metres, grows as a machine gets smaller, give cond_max"
             }
             Limit::LegForce => ": leg_force_n is too small for the weight of [[platform.part]]",
+            Limit::Clearance => {
+                ": look at leg_radius_m, joint_length_m, plate_radius_m, base_radius_m, clearance_m"
+            }
             _ => "",
         };
         MachineError::NoLevelPose { at: Metres(pose.position_m), violation, advice }
@@ -164,6 +177,7 @@ fn unchecked(table: &PlatformTable) -> Result<Geometry, MachineError> {
             base_joints: None,
             plate_joints: None,
             cond_max: table.cond_max.unwrap_or(COND_MAX),
+            bulk: bulk(table)?,
         },
     };
     let base = cones(&geometry, "base", table.base_joint_angle_rad, table.base_joint_axes)?;
@@ -171,6 +185,40 @@ fn unchecked(table: &PlatformTable) -> Result<Geometry, MachineError> {
     geometry.limits.base_joints = base;
     geometry.limits.plate_joints = plate;
     Ok(geometry)
+}
+
+/// How thick legs, plate and base are; `None` where nothing is said of that.
+fn bulk(table: &PlatformTable) -> Result<Option<Bulk>, MachineError> {
+    let Some(leg_radius_m) = table.leg_radius_m else {
+        let others = [
+            ("joint_length_m", table.joint_length_m),
+            ("plate_radius_m", table.plate_radius_m),
+            ("base_radius_m", table.base_radius_m),
+            ("clearance_m", table.clearance_m),
+        ];
+        return match others.into_iter().find(|(_, value)| value.is_some()) {
+            Some((name, _)) => Err(MachineError::Axes(format!(
+                "{name} is there to keep legs, plate and base apart, but leg_radius_m, how thick a leg is, is missing"
+            ))),
+            None => Ok(None),
+        };
+    };
+    let joint_length_m = table.joint_length_m.ok_or(MachineError::Missing(
+        "joint_length_m: what of a leg belongs to its joint at either end, where it touches others by design; it goes with \
+         leg_radius_m",
+    ))?;
+    if table.leg_length_m.is_some_and(|[shortest, _]| 2.0 * joint_length_m >= shortest) {
+        return Err(MachineError::Axes(format!(
+            "joint_length_m = {joint_length_m} at either end leaves nothing of the shortest leg"
+        )));
+    }
+    Ok(Some(Bulk {
+        leg_radius_m,
+        joint_length_m,
+        plate_radius_m: table.plate_radius_m,
+        base_radius_m: table.base_radius_m,
+        clearance_m: table.clearance_m.unwrap_or(0.0),
+    }))
 }
 
 /// Without axes they are the legs' directions at home.
@@ -221,11 +269,19 @@ mod tests {
             base_joints: Some(JointCones { axes: [[0.0, 0.0, 1.0]; 6], half_angle_rad: 0.9 }),
             plate_joints: Some(want.cones_about_home(0.8)),
             cond_max: 30.0,
+            bulk: Some(Bulk {
+                leg_radius_m: 0.025,
+                joint_length_m: 0.08,
+                plate_radius_m: Some(0.02),
+                base_radius_m: None,
+                clearance_m: 0.005,
+            }),
         };
         let read = file(
             "leg_length_m = [0.55, 0.8548]\nleg_rate_mps = 0.8\nleg_acceleration_mps2 = 8\nleg_force_n = 2000\n\
              base_joint_angle_rad = 0.9\nbase_joint_axes = [[0,0,1],[0,0,1],[0,0,1],[0,0,1],[0,0,1],[0,0,1]]\n\
-             plate_joint_angle_rad = 0.8\ncond_max = 30",
+             plate_joint_angle_rad = 0.8\ncond_max = 30\nleg_radius_m = 0.025\njoint_length_m = 0.08\n\
+             plate_radius_m = 0.02\nclearance_m = 0.005",
         );
         assert_eq!(geometry(&read).unwrap(), want);
         assert_eq!(geometry_or_thesis(&read).unwrap(), want);
@@ -287,6 +343,22 @@ mod tests {
         let error = geometry(&text("cond_max = 40")).unwrap_err().to_string();
         assert!(!error.contains("no cond_max is given"), "{error}");
         geometry(&text("cond_max = 100")).unwrap();
+    }
+
+    #[test]
+    fn parts_that_collide_in_every_level_pose_are_named_and_so_are_keys_without_their_fellows() {
+        let legs = "leg_length_m = [0.55, 0.8548]\n";
+        for (more, words) in [
+            ("plate_radius_m = 0.02", &["plate_radius_m", "leg_radius_m"][..]),
+            ("leg_radius_m = 0.02", &["has no joint_length_m"]),
+            ("leg_radius_m = 0.02\njoint_length_m = 0.3", &["leaves nothing"]),
+            ("leg_radius_m = 0.2\njoint_length_m = 0.08", &["contradict", "legs ", " mm of each other"]),
+        ] {
+            let error = geometry(&file(&format!("{legs}{more}"))).unwrap_err().to_string();
+            for word in words {
+                assert!(error.contains(word), "{more}\n{word}\n{error}");
+            }
+        }
     }
 
     #[test]

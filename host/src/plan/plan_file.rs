@@ -233,6 +233,19 @@ mod tests {
         let short = Geometry { leg_length_m: [0.70, 0.705], ..thesis.clone() };
         let error = complaint(&good, &short);
         assert!(matches!(error, PlanFileError::Motion { .. }), "{error}");
+        let mut thick = thesis.clone();
+        thick.limits.bulk = Some(hexapod::Bulk {
+            leg_radius_m: 0.025,
+            joint_length_m: 0.08,
+            plate_radius_m: Some(0.02),
+            base_radius_m: Some(0.02),
+            clearance_m: 0.0,
+        });
+        std::fs::write(&path, &good).unwrap();
+        PlanFile::read(&path, &thick).unwrap();
+        thick.limits.bulk.as_mut().unwrap().clearance_m = 0.05;
+        let error = complaint(&good, &thick);
+        assert!(error.to_string().contains("mm of each other, 50.0 mm must be left"), "{error}");
         for text in ["{\"schema\": \"rigident/plan/9\"}", "[]", "null", "{}", "{\"schema\": 3}"] {
             assert!(matches!(complaint(text, &thesis), PlanFileError::Schema { .. }), "{text}");
         }

@@ -461,6 +461,21 @@ pub struct PlatformTable {
     /// Axes of the plate joints in P.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plate_joint_axes: Option<[[f64; 3]; 6]>,
+    /// Radius of a leg, m: collisions are looked at.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub leg_radius_m: Option<f64>,
+    /// What of a leg belongs to its joint at either end, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub joint_length_m: Option<f64>,
+    /// Radius of the bars between any two of the plate's joints, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plate_radius_m: Option<f64>,
+    /// Radius of the bars between any two of the base's joints, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub base_radius_m: Option<f64>,
+    /// Least distance of their surfaces, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub clearance_m: Option<f64>,
     /// Largest condition number of the legs' Jacobian.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cond_max: Option<f64>,

@@ -80,7 +80,7 @@ fn the_body_is_any_that_the_rig_file_allows_and_never_its_truth() {
     assert_eq!(plan("none", "", 7.0)["predicted_u95"], plan("none", "", 20.0)["predicted_u95"]);
 }
 
-/// Ten minutes of motion would be searched for during minutes.
+/// Ten minutes of motion are searched for during some ten seconds.
 #[cfg(unix)]
 #[test]
 fn ctrl_c_ends_a_search_soon_with_the_best_by_then() {

@@ -151,6 +151,11 @@ impl Rehearsal {
             .map(|segment| match segment {
                 Segment::Hold { .. } | Segment::Sphere(_) => segment.clone(),
                 Segment::Move { to, duration_s } => Segment::Move { to: held(to), duration_s: *duration_s },
+                Segment::Path { via, to, duration_s } => Segment::Path {
+                    via: via.iter().map(held).collect(),
+                    to: held(to),
+                    duration_s: *duration_s,
+                },
                 Segment::Multisine { duration_s, ramp_s, terms } => Segment::Multisine {
                     duration_s: *duration_s,
                     ramp_s: *ramp_s,

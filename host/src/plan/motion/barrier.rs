@@ -1,7 +1,7 @@
 //! What keeps a motion inside the limits while it is planned: `−Σ log slack` over legs and instants.
 //!
-//! Lengths, rates and accelerations of the legs and the plate's angular rate have a gradient here. Joint angles, forces and
-//! `cond(H)` have not: the guarantee at the end makes the motion smaller if they ask for it.
+//! Lengths, rates and accelerations of the legs and the plate's angular rate have a gradient here. Joint angles, forces,
+//! clearances and `cond(H)` have not: the guarantee at the end makes the motion smaller if they ask for it.
 
 use hexapod::{Geometry, PlateState};
 use nalgebra::Vector3;

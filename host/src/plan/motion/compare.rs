@@ -31,6 +31,8 @@ pub struct Row {
     pub plan: MotionPlan,
     /// Condition number, columns scaled, of the same motion without the static step.
     pub condition_alone: f64,
+    /// The same with the offsets eliminated.
+    pub condition_alone_eliminated: f64,
     /// Share of directions that angular rate and acceleration visit.
     pub coverage: [f64; 2],
     /// Largest principal moment, kg m².
@@ -65,15 +67,15 @@ pub fn compare(task: &Task, stop: &AtomicBool, mut note: impl FnMut(String)) -> 
                 begin += s.duration_s();
                 keep
             });
-            let condition_alone =
-                super::predict::predict(&task.equipment, &alone, task.rate_hz)?.condition_number;
+            let of_motion = super::predict::predict(&task.equipment, &alone, task.rate_hz)?;
             let trajectory = made.program.trajectory();
             let covered = trajectory.map(|t| coverage::of_motion(&t, made.motion_s[0], made.motion_s[1]));
             rows.push(Row {
                 body,
                 objective: name,
                 plan: made,
-                condition_alone,
+                condition_alone: of_motion.condition_number,
+                condition_alone_eliminated: of_motion.condition_eliminated,
                 coverage: covered.unwrap_or_default(),
                 largest_moment_kgm2: parameters.inertia_com().symmetric_eigenvalues().max(),
             });
@@ -84,8 +86,8 @@ pub fn compare(task: &Task, stop: &AtomicBool, mut note: impl FnMut(String)) -> 
 
 /// Markdown.
 pub fn table(rows: &[Row]) -> String {
-    let mut text = "| mounting | motion | condition, motion alone | and static step | directions of ω, ω̇ | CoM, mm | Ixx | Iyy | Izz | Iyz | Izx | \
-                    Ixy, 1e-3 kg m² | worst, % of the largest moment |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|\n"
+    let mut text = "| mounting | motion | condition, motion alone | offsets eliminated | and static step | offsets eliminated | directions of ω, ω̇ | CoM, mm | Ixx | Iyy | Izz | Iyz | Izx | \
+                    Ixy, 1e-3 kg m² | worst, % of the largest moment |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n"
         .to_owned();
     for row in rows {
         let p = &row.plan.prediction;
@@ -93,11 +95,13 @@ pub fn table(rows: &[Row]) -> String {
         let com = p.com_m.map(|u| format!("{:.3}", 1e3 * u)).join(" ");
         let [w, dw] = row.coverage.map(|c| 100.0 * c);
         text += &format!(
-            "| {} | {} | {:.1} | {:.1} | {w:.0} %, {dw:.0} % | {com} | {elements} | {:.2} |\n",
+            "| {} | {} | {:.1} | {:.1} | {:.1} | {:.1} | {w:.0} %, {dw:.0} % | {com} | {elements} | {:.2} |\n",
             row.body,
             row.objective,
             row.condition_alone,
+            row.condition_alone_eliminated,
             p.condition_number,
+            p.condition_eliminated,
             100.0 * row.worst()
         );
     }

@@ -24,6 +24,18 @@ pub struct Family {
     frequencies_hz: Vec<f64>,
     /// By frequency, sine before cosine.
     waves: Vec<Wave>,
+    /// Of a part between the ramps that is driven again.
+    repeated: Option<Repeated>,
+}
+
+/// A common period of all frequencies, driven more often than it is looked at.
+#[derive(Clone, Copy, Debug)]
+struct Repeated {
+    period_s: f64,
+    again: usize,
+    /// Instants of the period that follows the first ramp.
+    from: usize,
+    to: usize,
 }
 
 impl Family {
@@ -57,6 +69,24 @@ impl Family {
             ramp_s,
             frequencies_hz: frequencies_hz.to_vec(),
             waves,
+            repeated: None,
+        }
+    }
+
+    /// The same with a common period of all frequencies driven so many times more: the states of that are those of the
+    /// period after the first ramp, which must be there.
+    #[must_use]
+    pub fn repeating(self, period_s: f64, again: usize, step_s: f64) -> Self {
+        let from = (self.ramp_s / step_s).ceil() as usize;
+        let to = from + (period_s / step_s).round() as usize;
+        Self { repeated: Some(Repeated { period_s, again, from, to }), ..self }
+    }
+
+    /// How often the motion passes through the state at the instant `k` of the grid.
+    pub fn times(&self, k: usize) -> f64 {
+        match self.repeated {
+            Some(Repeated { again, from, to, .. }) if (from..to).contains(&k) => 1.0 + again as f64,
+            _ => 1.0,
         }
     }
 
@@ -131,6 +161,7 @@ impl Family {
                 });
             }
         }
-        Segment::Multisine { duration_s: self.duration_s, ramp_s: self.ramp_s, terms }
+        let more_s = self.repeated.map_or(0.0, |r| r.again as f64 * r.period_s);
+        Segment::Multisine { duration_s: self.duration_s + more_s, ramp_s: self.ramp_s, terms }
     }
 }

@@ -147,11 +147,11 @@ impl Instrument {
         state.rotation.transpose() * (state.acceleration + Vector3::new(0.0, 0.0, self.gravity_mps2))
     }
 
-    /// Adds the readings of one instant.
-    pub fn add(&self, state: &PlateState, information: &mut Information) {
+    /// Adds the readings of one instant, passed so many times.
+    pub fn add(&self, state: &PlateState, times: f64, information: &mut Information) {
         let columns = self.columns(state);
         for c in 0..6 {
-            let w = self.weights[c];
+            let w = times * self.weights[c];
             for i in 0..10 {
                 let x = w * columns[i][c];
                 if x != 0.0 {
@@ -166,8 +166,8 @@ impl Instrument {
     }
 
     /// What a change of the coordinates at one instant is worth where a change of the information is worth `tr(Q dM)`, Q
-    /// symmetric: `M⁻¹` for `log det M`.
-    pub fn worth(&self, state: &PlateState, slope: &Information) -> Variation {
+    /// symmetric: `M⁻¹` for `log det M`; so many times.
+    pub fn worth(&self, state: &PlateState, slope: &Information, times: f64) -> Variation {
         let columns = self.columns(state);
         let mut worth = [0.0; 12];
         for c in 0..6 {
@@ -176,7 +176,7 @@ impl Instrument {
                 _ if j == 10 + c => 1.0,
                 _ => 0.0,
             });
-            let g = slope * row * (2.0 * self.weights[c]);
+            let g = slope * row * (2.0 * times * self.weights[c]);
             for (worth, unit) in worth.iter_mut().zip(&self.units) {
                 *worth += (0..10).map(|j| g[j] * unit[j][c]).sum::<f64>();
             }

@@ -115,6 +115,17 @@ pub fn frequencies_hz(highest_hz: f64) -> [f64; 6] {
     [0.17, 0.29, 0.43, 0.61, 0.79, 1.0].map(|share| share * highest_hz)
 }
 
+/// Periods of [`frequencies_hz`] in one common period.
+const PERIODS: [f64; 6] = [8.0, 14.0, 20.0, 29.0, 37.0, 47.0];
+
+/// Their common period, s, where a motion of this length is made of repetitions, and how many there are beside the part that
+/// is searched for: a long motion would tell no more by other means, and takes long to search.
+fn repetitions(highest_hz: f64, motion_s: f64, ramp_s: f64) -> Option<(f64, usize)> {
+    let period_s = PERIODS[5] / highest_hz;
+    let again = ((motion_s - 2.0 * ramp_s) / period_s - 1.0).floor();
+    (again >= 1.0).then_some((period_s, again as usize))
+}
+
 /// Plans. `note` is told what goes on; `stop` ends the search with the best so far.
 ///
 /// # Errors
@@ -236,12 +247,19 @@ pub(super) fn problem(task: &Task, frame: &Frame, ramp_s: f64) -> Problem {
     let mut beforehand = Information::zeros();
     if let Ok(still) = frame.without_motion().trajectory() {
         for k in 0..(still.duration_s() / step) as usize {
-            instrument.add(&still.state(k as f64 * step), &mut beforehand);
+            instrument.add(&still.state(k as f64 * step), 1.0, &mut beforehand);
         }
     }
-    let frequencies = frequencies_hz(task.highest_hz);
+    let family = match repetitions(task.highest_hz, frame.motion_s, ramp_s) {
+        Some((period_s, again)) => {
+            let once_s = frame.motion_s - again as f64 * period_s;
+            let frequencies = PERIODS.map(|n| n / period_s);
+            Family::new(&frame.home(), once_s, ramp_s, &frequencies, step).repeating(period_s, again, step)
+        }
+        None => Family::new(&frame.home(), frame.motion_s, ramp_s, &frequencies_hz(task.highest_hz), step),
+    };
     Problem {
-        family: Family::new(&frame.home(), frame.motion_s, ramp_s, &frequencies, step),
+        family,
         barrier: Barrier::new(&task.equipment.geometry, task.rate_radps),
         instrument,
         beforehand,

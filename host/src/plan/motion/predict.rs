@@ -20,6 +20,8 @@ pub struct Prediction {
     pub inertia_com_kgm2: [f64; 6],
     /// 2-norm condition number of the triangular factor, columns scaled to unit length, offsets included.
     pub condition_number: f64,
+    /// The same of the body's ten with the offsets eliminated: of the Schur complement, its diagonal scaled to one, the root.
+    pub condition_eliminated: f64,
     /// `ln det` of the information on the ten parameters, offsets eliminated, SI: what D-optimality makes large.
     pub log_determinant: f64,
     /// Whether every parameter of the body is determined.
@@ -93,13 +95,15 @@ pub fn predict(
     }
     let factor = Factor::from(&estimator.factor());
     let estimate = Estimate::new(&factor, factor.rounding(), 1.0, Noise::Given);
+    let alone = factor.leading(BODY);
     let sd: [f64; 10] = std::array::from_fn(|j| estimate.covariance[(j, j)].sqrt());
     Ok(Prediction {
         parameters: sd.map(|s| K95 * s),
         com_m: derived::centre_of_mass(&estimate).sd.map(|s| K95 * s),
         inertia_com_kgm2: derived::inertia_com(&estimate).sd.map(|s| K95 * s),
         condition_number: estimate.condition_number,
-        log_determinant: factor.leading(BODY).log_determinant(),
+        condition_eliminated: alone.solve(alone.rounding()).condition_number,
+        log_determinant: alone.log_determinant(),
         determined: estimate.rank() == estimate.len(),
     })
 }

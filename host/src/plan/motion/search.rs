@@ -68,13 +68,13 @@ impl<M: Merit> Problem<M> {
             let mut variation = Variation::default();
             sum += self.barrier.at(&state, weight, &mut variation)?;
             sum += self.instrument.barrier(&state, weight, &mut variation)?;
-            self.instrument.add(&state, &mut information);
+            self.instrument.add(&state, self.family.times(k), &mut information);
             walls.push((c, state, variation));
         }
         let (merit, slope) = self.merit.of(&information)?;
         let mut gradient = vec![0.0; self.family.len()];
         for (k, (c, state, wall)) in walls.iter().enumerate() {
-            let worth = self.instrument.worth(state, &slope);
+            let worth = self.instrument.worth(state, &slope, self.family.times(k));
             let total = Variation {
                 place: wall.place - worth.place,
                 velocity: wall.velocity - worth.velocity,

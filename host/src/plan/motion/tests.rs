@@ -1,5 +1,6 @@
 use std::sync::atomic::AtomicBool;
 
+use super::super::information::PARAMETERS;
 use super::*;
 
 fn task(objective: Objective) -> Task {
@@ -25,10 +26,11 @@ fn the_gradient_is_that_of_finite_differences() {
     task.equipment.geometry.leg_rate_mps = 3.0;
     task.rate_radps = 9.0;
     task.equipment.wrench_range_n_nm = [3000.0, 3000.0, 3000.0, 900.0, 900.0, 900.0];
-    let frame = Frame::bare(&task.equipment.geometry, 10.0).unwrap();
-    let problem = problem(&task, &frame, 1.0);
-    let z = some(&problem);
-    for weight in [0.0, 10.0] {
+    // The second repeats a period.
+    for (duration_s, weight) in [(10.0, 0.0), (10.0, 10.0), (64.0, 0.0)] {
+        let frame = Frame::bare(&task.equipment.geometry, duration_s).unwrap();
+        let problem = problem(&task, &frame, 1.0);
+        let z = some(&problem);
         let (_, gradient, log) = problem.cost(&z, weight).unwrap();
         assert!(log.is_finite());
         let largest = gradient.iter().fold(0.0_f64, |m, g| m.max(g.abs()));
@@ -45,6 +47,39 @@ fn the_gradient_is_that_of_finite_differences() {
     }
 }
 
+/// Every instant of the long motion, one after the other, and what the platform does then.
+#[test]
+fn a_long_motion_tells_what_its_repeated_period_says() {
+    let task = task(Objective::DOptimal);
+    let step = step_s(task.highest_hz);
+    let frame = Frame::bare(&task.equipment.geometry, 64.0).unwrap();
+    let problem = problem(&task, &frame, 1.0);
+    let z = some(&problem);
+    let period_s = PERIODS[5] / task.highest_hz;
+    let long = Family::new(&frame.home(), frame.motion_s, 1.0, &PERIODS.map(|n| n / period_s), step);
+    let motion = frame.around(problem.family.segment(&z, 1.0)).trajectory().unwrap();
+    assert!((motion.duration_s() - 64.0).abs() < 1e-9);
+    let mut all = Information::zeros();
+    for k in 0..long.instants() {
+        let coordinates = long.coordinates(&z, k);
+        let driven = motion.coordinates(frame.begin_s + k as f64 * step);
+        assert!((0..6).all(|i| (coordinates.value[i] - driven.value[i]).abs() < 1e-9), "{k}");
+        problem.instrument.add(&coordinates.plate_state(), 1.0, &mut all);
+    }
+    let mut once = Information::zeros();
+    assert!(2 * problem.family.instants() < long.instants());
+    for k in 0..problem.family.instants() {
+        let state = problem.family.coordinates(&z, k).plate_state();
+        problem.instrument.add(&state, problem.family.times(k), &mut once);
+    }
+    for i in 0..PARAMETERS {
+        for j in i..PARAMETERS {
+            let scale = (all[(i, i)] * all[(j, j)]).sqrt();
+            assert!((all[(i, j)] - once[(i, j)]).abs() < 1e-9 * scale, "{i} {j}");
+        }
+    }
+}
+
 /// Another way to the information: wrenches of unit bodies by the simulator's mechanics, every reading.
 #[cfg(feature = "simulator")]
 #[test]
@@ -56,7 +91,7 @@ fn the_information_is_the_inverse_of_the_bound() {
     let mut information = problem.beforehand;
     for k in 0..problem.family.instants() {
         let state = problem.family.coordinates(&z, k).plate_state();
-        problem.instrument.add(&state, &mut information);
+        problem.instrument.add(&state, problem.family.times(k), &mut information);
     }
     let (_, covariance) = super::super::information::log_determinant(&information).unwrap();
     let program = frame.around(problem.family.segment(&z, 1.0));

@@ -128,15 +128,17 @@ impl Reach {
 
     /// Half-way between two poses, aside to where the limits are kept, with something to spare if that can be.
     pub(super) fn between(&self, from: &Pose, to: &Pose) -> Option<Pose> {
-        let mean = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|k| 0.5 * (a[k] + b[k]));
-        let middle = Pose {
-            position_m: mean(from.position_m, to.position_m),
-            rpy_rad: mean(from.rpy_rad, to.rpy_rad),
+        let middle = mean(from, to, 0.5);
+        [0.9, 0.95, 0.98, 0.99, 1.0].into_iter().find_map(|share| self.settled(&middle, Some(share)))
+    }
+
+    /// The same orientation where a share of each limit is kept, or as far inside all of them as can be.
+    pub(super) fn settled(&self, pose: &Pose, share: Option<f64>) -> Option<Pose> {
+        let settled = match share {
+            Some(share) => workspace::settled(&self.geometry.within(share), *pose, false),
+            None => workspace::settled(&self.geometry, *pose, true),
         };
-        [0.9, 0.95, 0.98, 0.99, 1.0].into_iter().find_map(|share| {
-            let settled = workspace::settled(&self.geometry.within(share), middle, false).ok();
-            settled.filter(|pose| !self.is_too_heavy(pose))
-        })
+        settled.ok().filter(|pose| !self.is_too_heavy(pose))
     }
 
     /// A pose for the next direction on the way, as near as can be to one that is held.
@@ -146,6 +148,12 @@ impl Reach {
         let held = workspace::settled(&self.inner, turned, false).ok()?;
         (!self.is_too_heavy(&held) && self.is_free(from, &held)).then_some(held)
     }
+}
+
+/// The pose at this share of the straight line between two.
+pub(super) fn mean(from: &Pose, to: &Pose, share: f64) -> Pose {
+    let mean = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|k| (1.0 - share) * a[k] + share * b[k]);
+    Pose { position_m: mean(from.position_m, to.position_m), rpy_rad: mean(from.rpy_rad, to.rpy_rad) }
 }
 
 /// The direction at this tilt towards where `up` is.

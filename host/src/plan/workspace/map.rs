@@ -90,14 +90,13 @@ impl<'a> Searcher<'a> {
     }
 
     /// A position that keeps lengths and joint angles, if there is one; `near` is tried first. Exact for the lengths;
-    /// with limited joint angles by descent from every candidate of the exact answer.
+    /// with limited joint angles or clearances by descent from every candidate of the exact answer.
     fn reachable(&self, rotation: &Matrix3<f64>, near: Option<Vector3<f64>>) -> Option<Vector3<f64>> {
         let orientation = self.orientation(rotation, false);
         if let Some(near) = near.filter(|p| orientation.keeps(p)) {
             return Some(near);
         }
-        let limits = &self.geometry.limits;
-        let lengths_alone = limits.base_joints.is_none() && limits.plate_joints.is_none();
+        let lengths_alone = self.geometry.has_lengths_alone();
         let mut held = None;
         shells::any_extreme(&shells::centres(self.geometry, rotation), self.geometry.leg_length_m, |p| {
             let legs = self.geometry.legs_at(p, rotation);

@@ -13,8 +13,8 @@ const LONGEST_STEP_M: f64 = 0.05;
 pub struct Spot {
     /// Of the plate's origin, A, m.
     pub position: Vector3<f64>,
-    /// The largest of `|l − middle| / half the stroke`, joint angle over its limit and, with the guard, `cond(H)` over
-    /// its limit. At most one where every limit is kept.
+    /// The largest of `|l − middle| / half the stroke`, joint angle over its limit, what the clearance lacks over its range
+    /// and, with the guard, `cond(H)` over its limit. At most one where every limit is kept.
     pub worst: f64,
 }
 
@@ -25,9 +25,9 @@ impl Spot {
     }
 }
 
-/// Up to 19 measures, each at most one where its limit is kept, with gradients in the position, 1/m.
+/// Up to 20 measures, each at most one where its limit is kept, with gradients in the position, 1/m.
 struct Measures {
-    all: [(f64, Vector3<f64>); 19],
+    all: [(f64, Vector3<f64>); 20],
     count: usize,
 }
 
@@ -71,8 +71,7 @@ impl<'a> Orientation<'a> {
         let legs = self.geometry.legs_at(position, &self.rotation);
         let limits = &self.geometry.limits;
         let above = legs.directions.iter().all(|n| n.z > 0.0);
-        let cones = (limits.base_joints.is_none() && limits.plate_joints.is_none())
-            || self.measures(&legs, false).worst() <= 1.0;
+        let cones = self.geometry.has_lengths_alone() || self.measures(&legs, false).worst() <= 1.0;
         above
             && cones
             && self.side.is_none_or(|side| {
@@ -129,7 +128,7 @@ impl<'a> Orientation<'a> {
     }
 
     fn measures(&self, legs: &Legs, with_guard: bool) -> Measures {
-        let mut measures = Measures { all: [(0.0, Vector3::zeros()); 19], count: 0 };
+        let mut measures = Measures { all: [(0.0, Vector3::zeros()); 20], count: 0 };
         let [lo, hi] = self.geometry.leg_length_m;
         let (middle, half) = (0.5 * (lo + hi), 0.5 * (hi - lo));
         for (n, l) in legs.directions.iter().zip(legs.lengths) {
@@ -147,6 +146,13 @@ impl<'a> Orientation<'a> {
                 let angle = sine.atan2(u.dot(n));
                 let slope = (n * n.dot(&u) - u) / (l * sine.max(1e-9));
                 measures.push(angle / cones.half_angle_rad, slope / cones.half_angle_rad);
+            }
+        }
+        if let (Some(bulk), Some(nearest)) = (&limits.bulk, self.geometry.nearest(legs)) {
+            let lacking = 1.0 - (nearest.distance_m - bulk.clearance_m) / bulk.range_m();
+            // What is far away is none of its business.
+            if lacking > 0.0 {
+                measures.push(lacking, -nearest.slope / bulk.range_m());
             }
         }
         if with_guard {

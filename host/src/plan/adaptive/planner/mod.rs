@@ -544,6 +544,14 @@ impl Planner {
     }
 }
 
+/// Marks the coordinates in which two poses differ.
+fn mark_moved(at: &Pose, to: &Pose, moved: &mut [bool; 6]) {
+    for k in 0..3 {
+        moved[k] |= to.position_m[k] != at.position_m[k];
+        moved[k + 3] |= to.rpy_rad[k] != at.rpy_rad[k];
+    }
+}
+
 /// Coordinates that a program moves, ways included.
 fn moved(program: &MotionProgram) -> [bool; 6] {
     let mut moved = [false; 6];
@@ -551,10 +559,11 @@ fn moved(program: &MotionProgram) -> [bool; 6] {
     for segment in &program.segments {
         match segment {
             Segment::Move { to, .. } => {
-                for k in 0..3 {
-                    moved[k] |= to.position_m[k] != at.position_m[k];
-                    moved[k + 3] |= to.rpy_rad[k] != at.rpy_rad[k];
-                }
+                mark_moved(&at, to, &mut moved);
+                at = *to;
+            }
+            Segment::Path { via, to, .. } => {
+                via.iter().chain([to]).for_each(|pose| mark_moved(&at, pose, &mut moved));
                 at = *to;
             }
             Segment::Multisine { terms, .. } => {
