@@ -22,6 +22,7 @@ mod plausibility;
 pub mod predictor;
 mod read;
 mod remarks;
+pub mod repeated;
 pub mod result;
 mod rig_errors;
 pub mod selection;

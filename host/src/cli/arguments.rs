@@ -12,7 +12,7 @@ pub use super::options::load::LoadOptions;
 pub use super::options::stop_criterion::StopCriterion;
 pub use super::options::trees::{BenchCommand, ModelCommand, TreeModel, TreeOptions};
 pub use super::plan_arguments::{Plan, Statics, Workspace};
-pub use super::predict_arguments::{Predict, Validate};
+pub use super::predict_arguments::{Predict, Summary, Validate};
 pub use super::programme::Programme;
 
 /// Tells the inertial parameters of a body from its wrench and motion: mass, centre of mass, inertia tensor,
@@ -48,6 +48,8 @@ pub enum Command {
     Predict(Predict),
     /// Compare what results and models predict of a recording with what was measured
     Validate(Validate),
+    /// Sum up several runs of one body: mean, scatter, and whether the runs' uncertainties explain it
+    Summary(Summary),
     /// Calibrate what measures with a body of known properties
     Calibrate(Calibrate),
     /// Compare what a rig measures of a reference body with what is known of it: pass or fail

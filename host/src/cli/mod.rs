@@ -56,6 +56,7 @@ mod simulated;
 #[path = "no_simulator.rs"]
 mod simulated;
 mod statics;
+mod summary;
 mod tracking_error;
 mod verify;
 mod workspace;
@@ -213,6 +214,7 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
             None => montecarlo::run(&a),
         },
         Some(Command::Statics(a)) => statics::run(&a),
+        Some(Command::Summary(a)) => summary::run(&a),
         Some(Command::Workspace(a)) => workspace::run(&a),
         Some(Command::Plan(a)) => match a.what {
             Planned::Poses(a) => plan_poses::run(&a),

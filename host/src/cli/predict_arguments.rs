@@ -25,6 +25,24 @@ pub struct Predict {
     pub how: Predicting,
 }
 
+/// `rigident summary`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "Of every quantity: mean of the runs, its 95 % uncertainty by the scatter alone, the standard deviation between runs \
+                  beside the standard uncertainty that the runs state, and the probability of so much scatter if that holds. What \
+                  all runs have in common, such as an error of mounting, does not scatter. Results whose numbers are not to be used \
+                  are left out.\n\nExit status 1 if the runs scatter more than they state, or fewer than two are left.\n\nExamples:\n  \
+                  rigident summary day1 day2 day3\n  rigident summary run*/result.json --json"
+)]
+pub struct Summary {
+    /// Results of runs of one body: result.json, or folders with one
+    #[arg(required = true, num_args = 2.., value_name = "RESULT")]
+    pub results: Vec<PathBuf>,
+    /// Print one object on standard output, and nothing else there
+    #[arg(long)]
+    pub json: bool,
+}
+
 /// `rigident validate`
 #[derive(Args, Debug, Clone)]
 #[command(

@@ -453,3 +453,36 @@ fn a_stop_criterion_that_is_not_reached_is_a_warning_of_every_kind_of_body() {
     let reached = rigident(place.path(), &["replay", &bracket, "--until", "m=1", "--json"]);
     assert_eq!(warnings_of(&json(&reached), "--until"), 0);
 }
+
+/// Honest runs agree within what they state; one that is heavier is told.
+#[test]
+fn repeated_runs_are_summed_up_and_one_that_differs_is_told() {
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    for seed in ["1", "2", "3"] {
+        let output = rigident(at, &["demo", "--seed", seed, "--duration-s", "20", "--out", seed]);
+        assert!(status(&output) < 2, "{}", said(&output));
+    }
+    let output = rigident(at, &["summary", "1", "2", "3", "--json"]);
+    assert_eq!(status(&output), 0, "{}", said(&output));
+    let summary = json(&output);
+    let m = &summary["quantities"][0];
+    assert_eq!((&m["name"], &m["runs"], &m["truth"]), (&"m".into(), &3.into(), &20.0.into()));
+    let [mean, stated] = ["mean", "stated_std"].map(|key| m[key].as_f64().unwrap());
+    assert!((mean - 20.0).abs() < 4.0 * stated, "{m}");
+
+    let mut other: serde_json::Value =
+        serde_json::from_slice(&fs::read(at.join("3/result.json")).unwrap()).unwrap();
+    other["parameters"][0]["value"] = (mean + 1.0).into();
+    fs::write(at.join("heavier.json"), other.to_string()).unwrap();
+    let output = rigident(at, &["summary", "1", "2", "heavier.json", "--json"]);
+    assert_eq!((status(&output), json(&output)["surprising"].to_string()), (1, r#"["m"]"#.to_owned()));
+    other["status"] = "implausible".into();
+    fs::write(at.join("impossible.json"), other.to_string()).unwrap();
+    let output = rigident(at, &["summary", "1", "2", "impossible.json"]);
+    assert_eq!(status(&output), 0);
+    assert!(said(&output).contains("left out"), "{}", said(&output));
+    for words in [&["summary", "1"][..], &["summary", "1", "nowhere"]] {
+        assert_eq!(status(&rigident(at, words)), 2);
+    }
+}
