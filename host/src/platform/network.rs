@@ -1,5 +1,6 @@
 use std::io::{BufRead, BufReader, Write};
 use std::net::{TcpStream, ToSocketAddrs};
+use std::time::Duration;
 
 use hexapod::{MotionProgram, PROGRAM_LINE_BYTES, Pose, Trajectory};
 use serde::{Deserialize, Serialize};
@@ -11,11 +12,14 @@ use super::{Motion, MotionSample, Platform, PlatformError};
 const END_S: f64 = 1e-3;
 /// Samples are taken no more often than so, s.
 const SAMPLE_S: f64 = 0.05;
+/// On the way to the start the controller is asked so often.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
 
 /// A controller that speaks one JSON object per line over TCP: `load`, `start`, `stop`, `state`.
 pub struct NetworkPlatform {
     address: String,
     stream: BufReader<TcpStream>,
+    program: Option<MotionProgram>,
     trajectory: Option<Trajectory>,
     samples: Vec<MotionSample>,
     sampled_s: f64,
@@ -72,6 +76,7 @@ impl NetworkPlatform {
                     return Ok(Self {
                         address: address.to_owned(),
                         stream: BufReader::new(stream),
+                        program: None,
                         trajectory: None,
                         samples: Vec::new(),
                         sampled_s: f64::NEG_INFINITY,
@@ -127,7 +132,30 @@ impl Platform for NetworkPlatform {
     fn load(&mut self, program: &MotionProgram) -> Result<(), PlatformError> {
         self.loaded_s = self.ask(&Request::Load { program })?.duration_s;
         self.trajectory = Some(program.trajectory()?);
+        self.program = Some(program.clone());
         Ok(())
+    }
+
+    /// The controller puts the way to the start before a program: it is driven by itself, so that the experiment begins with the
+    /// program.
+    fn approach(&mut self, go_on: &dyn Fn() -> bool) -> Result<(), PlatformError> {
+        let (Some(program), Some(trajectory)) = (self.program.clone(), &self.trajectory) else {
+            return Ok(());
+        };
+        if self.loaded_s <= trajectory.duration_s() + END_S {
+            return Ok(());
+        }
+        self.load(&MotionProgram { start: program.start, segments: Vec::new() })?;
+        self.start()?;
+        while self.motion()? == Motion::Moving {
+            if !go_on() {
+                self.stop()?;
+                return Err(PlatformError::Interrupted);
+            }
+            std::thread::sleep(LOOK_EVERY);
+        }
+        self.samples.clear();
+        self.load(&program)
     }
 
     fn start(&mut self) -> Result<(), PlatformError> {

@@ -1,12 +1,13 @@
 //! The drivers by themselves.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use hexapod::{Axis, Geometry, MotionProgram, Segment, SineTerm};
 use rigident::platform::tracking::compare;
 use rigident::platform::{Motion, MotionSample, Platform, PlatformError, connect};
 use rigident_sim::rig::MotionState;
-use rigident_sim::serve::StreamServer;
+use rigident_sim::serve::{Controller, StreamServer};
 
 use super::{PATIENCE, Served, rms_off_path};
 
@@ -126,6 +127,32 @@ fn the_users_stop_on_the_way_to_the_start_is_heeded() {
     while platform.motion().unwrap() != Motion::Holding {
         assert!(Instant::now() < deadline);
     }
+}
+
+/// The controller puts the way to the start before a program; here it is driven by itself.
+#[test]
+fn the_way_to_the_start_is_no_part_of_the_program() {
+    let served = Served::new();
+    let controller = Controller::listen("127.0.0.1:0", Arc::clone(&served.rig)).unwrap();
+    let address = format!("tcp://{}", controller.address());
+    let program = swing(3.0);
+    let mut platform = ready(&served, &address, &program);
+    let at = served.rig.lock().unwrap().pose();
+    assert!((at.position_m[0] - program.start.position_m[0]).abs() < 1e-9, "{at:?}");
+    assert_ne!(served.rig.lock().unwrap().motion(), MotionState::Moving);
+    platform.start().unwrap();
+    let (begun, mut samples) = (Instant::now(), Vec::new());
+    watch(platform.as_mut(), &mut samples, || begun.elapsed() > PATIENCE);
+    let times: Vec<f64> = samples.iter().map(|sample| sample.time_s).collect();
+    let [first, last] = [times.first(), times.last()].map(|time| *time.unwrap());
+    assert!((0.0..1.0).contains(&first) && last <= program.duration_s() + 1e-6, "{first} {last}");
+    let tracked = compare(&program.trajectory().unwrap(), &samples).unwrap();
+    assert!(tracked.largest_m < 1e-6 && tracked.largest_rad < 1e-6, "{tracked:?}");
+
+    // Told to stop on the way.
+    let elsewhere = MotionProgram { start: Geometry::thesis().home(), segments: Vec::new() };
+    platform.load(&elsewhere).unwrap();
+    assert_eq!(platform.approach(&|| false), Err(PlatformError::Interrupted));
 }
 
 #[test]
