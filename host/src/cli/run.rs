@@ -1,5 +1,5 @@
 use std::process::ExitCode;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use hexapod::{BodySet, MotionProgram};
@@ -22,7 +22,7 @@ use super::zeroing::{self, warm_up, weigh, zero, zero_second};
 use super::{Failure, Folder, programme};
 use crate::device::session::tree::device_tree;
 use crate::device::session::{
-    DeviceTiming, INTERRUPTED, LoadGuard, Session, settings, sound, state_imu_noise, two_links,
+    DeviceTiming, INTERRUPTED, LoadGuard, Session, SessionError, settings, sound, state_imu_noise, two_links,
 };
 use crate::fit::Parameter;
 use crate::model::Model;
@@ -124,6 +124,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     }
     let mut directing = arguments.adaptive.directing(&rig, &geometry, &settings, body)?;
     let (mut stages, mut same_pose) = (Vec::new(), None);
+    session.load_guard = rig.load_cell.range_n_nm.map(LoadGuard::new);
     if let Some(program) = &fixed {
         (stages, same_pose) = programme::stages(program);
         tell!("to the first pose");
@@ -153,7 +154,6 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     watcher.motion = Some(MotionLog::create(folder.file("motion.csv"), &arguments.platform)?);
     tell!("the experiment takes {}{longest_s:.0} s", if directing.is_some() { "at most " } else { "" });
     session.at_most_s = arguments.adaptive.at_most_s;
-    session.load_guard = rig.load_cell.range_n_nm.map(LoadGuard::new);
     let mut take = match &mut directing {
         Some(directing) => session.follow_decided(platform.as_mut(), directing, &mut watcher),
         None => session.follow(platform.as_mut(), &mut watcher),
@@ -254,23 +254,34 @@ fn within_ranges(
 
 /// Brings the plate to the first pose. The device is heard meanwhile: nobody may keep it waiting.
 fn approach(platform: &mut dyn Platform, session: &mut Session) -> Result<(), Failure> {
-    std::thread::scope(|scope| {
-        let moving = scope.spawn(|| platform.approach(&|| !INTERRUPTED.load(Ordering::Relaxed)));
+    let (near, mut why) = (AtomicBool::new(false), None);
+    let go_on = || ![&INTERRUPTED, &near].iter().any(|stop| stop.load(Ordering::Relaxed));
+    let approached = std::thread::scope(|scope| {
+        let moving = scope.spawn(|| platform.approach(&go_on));
         while !moving.is_finished() {
-            // What is wrong with the device is found out by the experiment itself.
-            if session.watch(0.1, &mut Watcher::new(0)).is_err() || INTERRUPTED.load(Ordering::Relaxed) {
-                std::thread::sleep(Duration::from_millis(20));
+            match session.watch(0.1, &mut Watcher::new(0)) {
+                Ok(_) if go_on() => continue,
+                Err(error @ SessionError::NearRange { .. }) => {
+                    near.store(true, Ordering::Relaxed);
+                    why = Some(error);
+                }
+                // What else is wrong with the device is found out by the experiment itself.
+                _ => {}
             }
+            std::thread::sleep(Duration::from_millis(20));
         }
-        match moving.join() {
-            Ok(Ok(())) => Ok(()),
-            Ok(Err(PlatformError::Interrupted)) => {
-                Err(Failure::interrupted("stopped on the way to the first pose; nothing was recorded"))
-            }
-            Ok(Err(other)) => Err(Failure::link(format!("{other}\nNothing was recorded."))),
-            Err(panic) => std::panic::resume_unwind(panic),
+        moving.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    });
+    match (approached, why) {
+        (_, Some(error)) => Err(Failure::link(format!(
+            "on the way to the first pose: {error}.\nThe platform was stopped; nothing was recorded."
+        ))),
+        (Ok(()), None) => Ok(()),
+        (Err(PlatformError::Interrupted), None) => {
+            Err(Failure::interrupted("stopped on the way to the first pose; nothing was recorded"))
         }
-    })
+        (Err(other), None) => Err(Failure::link(format!("{other}\nNothing was recorded."))),
+    }
 }
 
 /// A platform that was asked for nothing yet.

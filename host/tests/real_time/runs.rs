@@ -178,6 +178,25 @@ fn ctrl_c_stops_the_platform_and_keeps_what_was_recorded() {
     assert!(result["warnings"].to_string().contains("Ctrl-C"), "{result}");
 }
 
+/// A body that is much longer than its weight tells, on a load cell for small moments.
+#[test]
+fn a_motion_is_ended_before_it_overloads_the_load_cell() {
+    let mut config = RigConfig::thesis_horizontal();
+    config.body.com_m = [0.0; 3];
+    config.body.inertia_com_kgm2 = [2.5, 2.5, 2.5, 0.0, 0.0, 0.0];
+    let range = &mut config.sensors.load_cell.range_n_nm;
+    range[3..].fill(8.0);
+    let served = Served::of(config);
+    let output = run(&served, &["--duration-s", "20", "--yes", "--json"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(3), "{}", said(&output));
+    let result: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let error = result["error"].as_str().unwrap();
+    assert!(error.contains("the load cell's M") && error.contains("of 8.0 N m"), "{error}");
+    assert!(error.contains("The platform is at rest."), "{error}");
+    assert_ne!(served.rig.lock().unwrap().motion(), MotionState::Moving);
+    assert!(served.path("out/run.mcap").metadata().unwrap().len() > 10_000);
+}
+
 /// A program that is stopped for longer than the device waits for it: the device stops absorbing, the hexapod moves on.
 #[test]
 fn a_host_that_stalls_in_mid_run_is_told_of_and_what_follows_is_taken_in() {

@@ -1,4 +1,4 @@
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use hexapod::MotionProgram;
@@ -120,8 +120,12 @@ impl Session {
         taking: &mut Taking,
         observer: &mut dyn Observer,
     ) -> Result<(), SessionError> {
-        let go_on = || !INTERRUPTED.load(Ordering::Relaxed);
-        match self.heard(taking, observer, || platform.approach(&go_on)) {
+        let approach = |astray: &AtomicBool| {
+            platform.approach(&|| ![&INTERRUPTED, astray].iter().any(|stop| stop.load(Ordering::Relaxed)))
+        };
+        match self.heard(taking, observer, approach) {
+            // The device, or the load cell, has stopped it.
+            (_, Err(error)) => Err(error),
             (Err(PlatformError::Interrupted), heard) => {
                 taking.interrupted = true;
                 heard
@@ -141,22 +145,25 @@ impl Session {
         if !self.heartbeats {
             return Ok(work());
         }
-        let (done, heard) = self.heard(taking, observer, work);
+        let (done, heard) = self.heard(taking, observer, |_| work());
         heard.map(|()| done)
     }
 
+    /// Work is told by its flag when the device is not heard any more, or what it says is a reason to end.
     fn heard<T: Send>(
         &mut self,
         taking: &mut Taking,
         observer: &mut dyn Observer,
-        work: impl FnOnce() -> T + Send,
+        work: impl FnOnce(&AtomicBool) -> T + Send,
     ) -> (T, Result<(), SessionError>) {
+        let astray = AtomicBool::new(false);
         std::thread::scope(|scope| {
-            let working = scope.spawn(work);
+            let working = scope.spawn(|| work(&astray));
             let mut heard = Ok(());
             while !working.is_finished() {
                 if heard.is_ok() {
                     heard = self.listen(taking, observer);
+                    astray.store(heard.is_err(), Ordering::Relaxed);
                 } else {
                     std::thread::sleep(Duration::from_millis(5));
                 }

@@ -228,9 +228,14 @@ impl Session {
                 self.bring_to_rest(platform, &mut taking, observer)?;
                 return Err("stopped by Ctrl-C on the way home after the experiment".to_owned());
             }
-            // The experiment is over: what the device still says, or that it is gone, no longer matters.
-            if self.listen(&mut taking, observer).is_err() {
-                std::thread::sleep(Duration::from_millis(20));
+            match self.listen(&mut taking, observer) {
+                Ok(()) => {}
+                Err(near @ SessionError::NearRange { .. }) => {
+                    self.bring_to_rest(platform, &mut taking, observer)?;
+                    return Err(format!("on the way home after the experiment: {near}"));
+                }
+                // The experiment is over: what the device still says, or that it is gone, no longer matters.
+                Err(_) => std::thread::sleep(Duration::from_millis(20)),
             }
         }
         Ok(())
@@ -414,7 +419,7 @@ impl Session {
                     for reading in &readings {
                         observer.reading(reading).map_err(SessionError::Observer)?;
                         taking.readings.push(widen(reading));
-                        near_range = near_range.and_then(|()| self.guarded(taking, &reading.wrench));
+                        near_range = near_range.and_then(|()| self.guarded(&reading.wrench));
                     }
                 }
                 Telemetry::Estimate(report) => {
@@ -442,7 +447,7 @@ impl Session {
                     for reading in readings.iter().filter(|r| taking.watching || absorbed(r)) {
                         observer.link_reading(reading).map_err(SessionError::Observer)?;
                         taking.links.push(*reading);
-                        near_range = near_range.and_then(|()| self.guarded(taking, &reading.base.wrench));
+                        near_range = near_range.and_then(|()| self.guarded(&reading.base.wrench));
                     }
                 }
                 Telemetry::Heartbeat { .. } => {}
@@ -452,8 +457,8 @@ impl Session {
     }
 
     /// Looks at the load cell while something moves; what comes after the first alarm is the way to rest.
-    fn guarded(&mut self, taking: &Taking, wrench: &[f32; 6]) -> Result<(), SessionError> {
-        let Some(guard) = self.load_guard.as_mut().filter(|_| !taking.watching) else { return Ok(()) };
+    fn guarded(&mut self, wrench: &[f32; 6]) -> Result<(), SessionError> {
+        let Some(guard) = &mut self.load_guard else { return Ok(()) };
         let looked = guard.reading(wrench);
         if looked.is_err() {
             self.load_guard = None;
