@@ -77,7 +77,7 @@ impl Instrument {
         Self { body, wrench_limit, felt_limit, ..self }
     }
 
-    /// Wrench in S of the middle of the bodies over what is allowed, of any of them over [`AT_WORST`] times that, and the specific
+    /// Wrench in S of the middle of the bodies over what is allowed, of any of them over 1.14 times that, and the specific
     /// force over what is allowed: the largest of them.
     pub fn load_share(&self, state: &PlateState) -> f64 {
         let felt = self.felt(state).norm() / self.felt_limit;
