@@ -238,13 +238,6 @@ fn noticed(take: &Take, seconds: f64) -> Vec<String> {
     if was_reached(take) {
         tell!("the uncertainties asked for were reached; {seconds:.1} s were taken in");
     }
-    if take.resumed > 0 {
-        warnings.push(format!(
-            "{} the device stopped because it did not hear this program, and was started again: the readings of that time are \
-             missing; run on a host that is less busy",
-            counted(take.resumed, "time", "times")
-        ));
-    }
     if take.cut_short {
         warnings.push("ended before the programme's end, after the time of --at-most-s".to_owned());
     }
@@ -252,6 +245,17 @@ fn noticed(take: &Take, seconds: f64) -> Vec<String> {
         warnings.push("stopped by Ctrl-C before the end".to_owned());
     }
     warnings
+}
+
+/// Returns what is to be said of a host that stood still, if it did.
+fn stalled(take: &Take) -> Option<String> {
+    (take.resumed > 0).then(|| {
+        format!(
+            "{} the device stopped because it did not hear this program, and was started again: this program stood still in the middle \
+             of the experiment, and the readings of that time are missing. Run on a host that is less busy",
+            counted(take.resumed, "time", "times")
+        )
+    })
 }
 
 /// An experiment that is over.
@@ -290,9 +294,12 @@ impl Experiment<'_> {
     ///
     /// # Errors
     /// The readings make no rows, what is known contradicts them, a file cannot be written, or the experiment broke off.
-    pub(super) fn conclude(self, take: Take, folder: &Folder) -> Result<ExitCode, Failure> {
+    pub(super) fn conclude(self, mut take: Take, folder: &Folder) -> Result<ExitCode, Failure> {
         let mut warnings = self.warnings;
         let notes = self.notes;
+        if let Some(stalled) = stalled(&take) {
+            take.broken.get_or_insert(stalled);
+        }
         let seconds = self.loaded.origin(self.mcu).duration_s.unwrap_or(0.0);
         warnings.extend(noticed(&take, seconds));
         if take.levels > 0 {

@@ -155,7 +155,13 @@ fn a_run_that_decides_for_itself_ends_when_the_tensor_is_known() {
 }
 
 #[test]
-fn ctrl_c_stops_the_platform_and_keeps_what_was_recorded() {
+fn ctrl_c_and_sigterm_stop_the_platform_and_keep_what_was_recorded() {
+    for signal in ["-INT", "-TERM"] {
+        interrupted_by(signal);
+    }
+}
+
+fn interrupted_by(signal: &str) {
     let served = Served::new();
     let mut child = run(&served, &["--duration-s", "60", "--yes"]).spawn().unwrap();
     let mut heard = BufReader::new(child.stderr.take().unwrap()).lines();
@@ -166,7 +172,7 @@ fn ctrl_c_stops_the_platform_and_keeps_what_was_recorded() {
     }
     let rest = std::thread::spawn(move || heard.map_while(Result::ok).collect::<Vec<_>>().join("\n"));
     std::thread::sleep(std::time::Duration::from_secs(8));
-    let told = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    let told = Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
     assert!(told.success());
     let status = child.wait().unwrap();
     let said = rest.join().unwrap();
@@ -224,16 +230,12 @@ fn a_host_that_stalls_in_mid_run_is_told_of_and_what_follows_is_taken_in() {
     let said = rest.join().unwrap();
     let result: serde_json::Value = serde_json::from_str(&text(&served.path("out/result.json"))).unwrap();
     let rows = result["source"]["rows"].as_u64().unwrap();
-    match status.code() {
-        // Gone on with: the rest is there, and the answer says that something is missing.
-        Some(0 | 1) => {
-            assert!(result["warnings"].to_string().contains("did not hear this program"), "{result}");
-            assert!(rows > 15_000, "{rows} rows: {said}");
-        }
-        // Where the motion was over by then.
-        Some(3) => assert!(result["status"] == "failed" && result["error"].is_string(), "{result}"),
-        other => panic!("{other:?}: {said}"),
-    }
+    assert_eq!(status.code(), Some(3), "{status}: {said}");
+    let error = result["error"].as_str().unwrap();
+    assert_eq!(result["status"], "failed", "{result}");
+    // The controller, the device, or the device that was started again: whichever noticed.
+    let named = ["was it not heard from here", "the host was too busy", "did not hear this program"];
+    assert!(named.iter().any(|words| error.contains(words)) && rows > 7_000, "{rows} rows: {error}\n{said}");
 }
 
 #[test]
