@@ -377,9 +377,6 @@ impl Experiment<'_> {
         }
         report.warnings.extend(warnings);
         report.error = take.broken;
-        if let Some(tracking_error) = self.tracking_error.filter(|_| !self.output.json) {
-            report.epilogue = Some(tracking_error.to_string());
-        }
         let code = report.finish(&found, || Ok(Some(folder.clone())))?;
         let unmet = unmet && code == ExitCode::SUCCESS;
         Ok(if take.interrupted || unmet { ExitStatus::NotIdentified.into() } else { code })

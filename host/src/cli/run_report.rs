@@ -40,8 +40,6 @@ pub(super) struct RunReport<'a> {
     pub(super) provenance: Vec<(String, String)>,
     pub(super) notes: Vec<String>,
     pub(super) warnings: Vec<String>,
-    /// Printed after the answer.
-    pub(super) epilogue: Option<String>,
     /// Why the experiment broke off, if it did.
     pub(super) error: Option<String>,
 }
@@ -80,7 +78,6 @@ impl<'a> RunReport<'a> {
             provenance: Vec::new(),
             notes: Vec::new(),
             warnings: Vec::new(),
-            epilogue: None,
             error: None,
         }
     }
@@ -105,9 +102,6 @@ impl<'a> RunReport<'a> {
             say(json.as_str());
         } else {
             say(present::plain::text(&answer).trim_end());
-        }
-        if let Some(epilogue) = &self.epilogue {
-            say(format_args!("\n{epilogue}"));
         }
         if let Some(folder) = folder {
             self.write(fit, &answer, &json, &folder)?;

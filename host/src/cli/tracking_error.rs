@@ -1,6 +1,5 @@
 //! The platform's motion: kept as it happens, compared at the end.
 
-use std::fmt;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::PathBuf;
@@ -148,18 +147,5 @@ impl TrackingError {
             });
         }
         plots
-    }
-}
-
-impl fmt::Display for TrackingError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let t = &self.tracking;
-        let mm = |v: [f64; 3]| v.map(|v| 1e3 * v);
-        let ([x, y, z], [rx, ry, rz]) = (mm(t.rms_m), mm(t.rms_rad));
-        writeln!(f, "Platform, measured less commanded, RMS of {} samples:", t.samples)?;
-        writeln!(f, "  x {x:.3}, y {y:.3}, z {z:.3} mm; about x {rx:.3}, y {ry:.3}, z {rz:.3} mrad")?;
-        let ([x, y, z], [rx, ry, rz]) = (mm(t.rms_without_delay_m), mm(t.rms_without_delay_rad));
-        writeln!(f, "  it came {:.1} ms late; without that:", 1e3 * t.delay_s)?;
-        write!(f, "  x {x:.3}, y {y:.3}, z {z:.3} mm; about x {rx:.3}, y {ry:.3}, z {rz:.3} mrad")
     }
 }
