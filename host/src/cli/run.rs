@@ -96,6 +96,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     if let Some(program) = &fixed {
         platform.load(program).map_err(unmoved)?;
     }
+    platform.found().iter().for_each(|found| tell!("{}: {found}", arguments.platform));
     confirm(&summary, &arguments.platform, arguments.yes)?;
 
     let mut warnings = Vec::new();
@@ -168,6 +169,9 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
             "the plate was left at {}; the next run over this address begins at home: bring it there first",
             check::words(&at)
         ));
+    }
+    if let Err(error) = platform.release() {
+        warnings.push(format!("the platform's controller could not be left as it was found: {error}"));
     }
     let log = watcher.motion.take();
     let (mut decisions, mut commanded, mut came) = (Vec::new(), fixed, None);

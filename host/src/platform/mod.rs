@@ -88,6 +88,17 @@ pub trait Platform: Send {
     fn go_home(&mut self) -> Result<bool, PlatformError> {
         Ok(false)
     }
+    /// What of the state in which it was found its owner should know before anything moves, a sentence each.
+    fn found(&self) -> Vec<String> {
+        Vec::new()
+    }
+    /// Leaves it in the state in which it was found, the plate at rest.
+    ///
+    /// # Errors
+    /// It does not come to rest, refuses, or does not answer.
+    fn release(&mut self) -> Result<(), PlatformError> {
+        Ok(())
+    }
     /// What was commanded and measured since the last time.
     fn samples(&mut self) -> Vec<MotionSample> {
         Vec::new()

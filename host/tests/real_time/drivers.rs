@@ -1,5 +1,7 @@
 //! The drivers by themselves.
 
+use std::io::{BufRead, BufReader, Write};
+use std::net::TcpStream;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -127,6 +129,50 @@ fn the_users_stop_on_the_way_to_the_start_is_heeded() {
     while platform.motion().unwrap() != Motion::Holding {
         assert!(Instant::now() < deadline);
     }
+}
+
+/// Lines of a controller's answer to a question, as any other client would have it.
+fn asked(served: &Served, question: &str) -> String {
+    let mut client = TcpStream::connect(served.hexapod.as_ref().unwrap().address()).unwrap();
+    client.write_all(format!("{question}\n").as_bytes()).unwrap();
+    let mut answer = String::new();
+    BufReader::new(client).read_line(&mut answer).unwrap();
+    answer.trim().to_owned()
+}
+
+const PATH: [&str; 4] = ["SPA? X 0x19001900", "SPA? X 0x19001901", "SPA? X 0x19001903", "SCT?"];
+
+#[test]
+fn a_controller_is_left_as_it_was_found_after_an_end_and_after_a_stop() {
+    let served = Served::new();
+    let before = PATH.map(|question| asked(&served, question));
+    assert!(before[0].ends_with("=0"), "{before:?}");
+    for stopped in [false, true] {
+        let mut platform = ready(&served, &served.address(), &swing(2.5));
+        assert!(platform.found().is_empty());
+        platform.start().unwrap();
+        let begun = Instant::now();
+        assert!(asked(&served, PATH[0]).ends_with("=1"), "it is a path meanwhile");
+        if stopped {
+            watch(platform.as_mut(), &mut Vec::new(), || begun.elapsed() > Duration::from_millis(1200));
+        } else {
+            watch(platform.as_mut(), &mut Vec::new(), || begun.elapsed() > PATIENCE);
+            platform.release().unwrap();
+        }
+        drop(platform);
+        assert_ne!(served.rig.lock().unwrap().motion(), MotionState::Moving);
+        assert_eq!(PATH.map(|question| asked(&served, question)), before, "stopped: {stopped}");
+        // A single move of another client is taken.
+        let moved = asked(&served, "MOV Z 0.5\nERR?");
+        assert_eq!(moved, "0", "stopped: {stopped}");
+        while served.rig.lock().unwrap().motion() == MotionState::Moving {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+    // As a program that was killed would leave it.
+    asked(&served, "SPA X 0x19001900 1\nERR?");
+    let platform = connect(&served.address(), &Geometry::thesis()).unwrap();
+    assert!(platform.found()[0].contains("0x19001900 = 1"), "{:?}", platform.found());
 }
 
 /// The controller puts the way to the start before a program; here it is driven by itself.

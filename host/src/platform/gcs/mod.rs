@@ -4,7 +4,8 @@
 //! here: when set points are due (`platform::pace`). What is known of the protocol, with its sources, stands in
 //! [`hexapod::gcs`].
 //!
-//! A program is driven as a path of consecutive `MOV`, one every `1/rate_hz`, buffered by `lead_s`. Before, every hundredth of
+//! A program is driven as a path of consecutive `MOV`, one every `1/rate_hz`, buffered by `lead_s`; what that changes is read
+//! before and brought back after. Before, every hundredth of
 //! a second of it is held against the controller's limits (`TMN?`, `TMX?`), and poses all along it against `VMO?`.
 //! The built-in description of the platform must have its home where the hexapod has its zero.
 
@@ -38,6 +39,10 @@ pub struct GcsPlatform {
     reference: Pose,
     timing: Timing,
     trajectory: Option<Trajectory>,
+    /// What sets the path's parameters to what they were before the first program, in order.
+    as_found: Vec<String>,
+    /// An earlier program has left it taking consecutive moves only.
+    left_over: bool,
     state: State,
 }
 
@@ -53,6 +58,9 @@ struct Hexapod {
     reference: Pose,
     last: String,
 }
+
+/// Whoever lets go of a moving platform waits so long for its rest, s.
+const REST_S: f64 = 3.0;
 
 /// The command that sets a parameter of the motion path.
 fn set(parameter: u32, value: impl Display) -> String {
@@ -87,10 +95,13 @@ impl GcsPlatform {
         // Errors of whoever was here before.
         line.ask("ERR?")?;
         let reference = geometry.home();
+        let left_over = parameter(&mut line, PATH_SOURCE)? == "1";
         Ok(Self {
             reference,
             timing: address.timing,
             trajectory: None,
+            as_found: Vec::new(),
+            left_over,
             state: State::Resting(Hexapod { line, reference, last: String::new() }),
         })
     }
@@ -111,7 +122,62 @@ impl GcsPlatform {
     }
 }
 
+/// Asks for a parameter of the motion path.
+fn parameter(line: &mut Line, parameter: u32) -> Result<String, PlatformError> {
+    let question = format!("SPA? X 0x{parameter:X}");
+    let answer = line.ask(&question)?;
+    match answer.trim().rsplit_once('=') {
+        Some((_, value)) => Ok(value.trim().to_owned()),
+        None => Err(line.nonsense(&question, &answer)),
+    }
+}
+
+/// Asks for what a path changes, and returns the commands that bring it back. Single moves come first: a path that was broken off
+/// is then over.
+fn as_found(line: &mut Line) -> Result<Vec<String>, PlatformError> {
+    let buffered = set(PATH_BUFFERED, parameter(line, PATH_BUFFERED)?);
+    let threshold = set(PATH_THRESHOLD, parameter(line, PATH_THRESHOLD)?);
+    let interval = line.ask("SCT?")?;
+    let Some((_, interval)) = interval.trim().rsplit_once('=') else {
+        return Err(line.nonsense("SCT?", &interval));
+    };
+    Ok(vec![set(PATH_SOURCE, 0), buffered, threshold, format!("SCT T {}", interval.trim())])
+}
+
+impl Drop for GcsPlatform {
+    fn drop(&mut self) {
+        // Whoever wants to know has called it before.
+        let _ = self.release();
+    }
+}
+
 impl Platform for GcsPlatform {
+    fn found(&self) -> Vec<String> {
+        let left = "an earlier program has left it in the mode of consecutive moves (0x19001900 = 1), in which single moves are refused: it \
+                    is left in that of single moves";
+        if self.left_over { vec![left.to_owned()] } else { Vec::new() }
+    }
+
+    fn release(&mut self) -> Result<(), PlatformError> {
+        if let State::Moving(pace) = &self.state
+            && pace.motion().is_ok_and(|motion| motion == Motion::Moving)
+        {
+            pace.stop();
+            let begun = Instant::now();
+            while pace.motion().is_ok_and(|motion| motion == Motion::Moving)
+                && begun.elapsed().as_secs_f64() < REST_S
+            {
+                std::thread::sleep(Duration::from_millis(20));
+            }
+        }
+        let commands = std::mem::take(&mut self.as_found);
+        if commands.is_empty() {
+            return Ok(());
+        }
+        let hexapod = self.resting()?;
+        commands.iter().try_for_each(|command| hexapod.line.order(command))
+    }
+
     fn load(&mut self, program: &MotionProgram) -> Result<(), PlatformError> {
         let trajectory = program.trajectory()?;
         let reference = self.reference;
@@ -180,6 +246,9 @@ impl Platform for GcsPlatform {
             return Err(PlatformError::Refused("no motion program is loaded".to_owned()));
         };
         let timing = self.timing;
+        if self.as_found.is_empty() {
+            self.as_found = as_found(&mut self.resting()?.line)?;
+        }
         let hexapod = self.resting()?;
         // The source last: it begins a path.
         let buffered = (timing.lead_s * timing.rate_hz).floor().max(2.0);
