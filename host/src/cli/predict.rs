@@ -226,12 +226,17 @@ fn csv(found: &Predictions, columns: &[(String, Prediction)]) -> String {
     out
 }
 
+/// Reads a result.json.
+pub(super) fn answer_in(path: &Path) -> Result<Answer, Failure> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|e| Failure::input(format!("{} cannot be read: {e}", path.display())))?;
+    Answer::read(&text).map_err(|e| Failure::input(format!("{}: {e}", path.display())))
+}
+
 /// Reads a model: result.json, or a robot description.
 fn read(path: &Path) -> Result<Given, Failure> {
     if path.extension().is_some_and(|extension| extension == "json") {
-        let text = std::fs::read_to_string(path)
-            .map_err(|e| Failure::input(format!("{} cannot be read: {e}", path.display())))?;
-        let answer = Answer::read(&text).map_err(|e| Failure::input(format!("{}: {e}", path.display())))?;
+        let answer = answer_in(path)?;
         return match &answer.error {
             Some(error) => Err(Failure::input(format!("{}: this run failed: {error}", path.display()))),
             None => Ok(Given::Answer(Box::new(answer))),

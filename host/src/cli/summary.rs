@@ -5,6 +5,7 @@ use serde::Serialize;
 
 use super::arguments::Summary as Arguments;
 use super::outcome::say;
+use super::predict::answer_in;
 use super::{ExitStatus, Failure};
 use crate::answer::Answer;
 use crate::answer::repeated::{Repeated, Summary, is_usable, summary};
@@ -73,9 +74,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
 /// The file, or the folder's, and what it says.
 fn read(path: &Path) -> Result<(PathBuf, Answer), Failure> {
     let file = if path.is_dir() { path.join("result.json") } else { path.to_owned() };
-    let failed = |e: &dyn std::fmt::Display| Failure::input(format!("{}: {e}", file.display()));
-    let text = std::fs::read_to_string(&file).map_err(|e| failed(&e))?;
-    let answer = Answer::read(&text).map_err(|e| failed(&e))?;
+    let answer = answer_in(&file)?;
     Ok((file, answer))
 }
 
