@@ -14,6 +14,7 @@ use super::{Failure, Progress};
 use crate::device::session::INTERRUPTED;
 use crate::plan::carried::{self, LoadBound};
 use crate::plan::machine;
+use crate::plan::motion::plan::GYRO_SHARE;
 use crate::plan::plan_file::PlanFile;
 use crate::plan::poses::measure::least_condition_number_in_cone;
 use crate::plan::poses::plan::{MOST_ORIENTATIONS, PlanError, PosePlan, Task, check_n, of_angles, plan};
@@ -21,9 +22,6 @@ use crate::plan::poses::program::{MOVE_RATE_RADPS, program};
 use crate::plan::poses::{Objective, Reach, Region};
 use crate::recording::error::RecordingError;
 use crate::rig::RigFile;
-
-/// Share of a gyro's range that moves between poses may use.
-const GYRO_SHARE: f64 = 0.9;
 
 /// What of a rig the plan depends on.
 struct Rig {
@@ -136,7 +134,7 @@ pub(super) fn run(arguments: &PlanPoses) -> Result<ExitCode, Failure> {
         tell!("{}: {duration_s:.1} s, {rest_s:.1} s of them at rest", path.display());
     }
     if arguments.json {
-        say(serde_json::to_string(&object(&made, given.map_or(Some(name), |_| None), held))
+        say(serde_json::to_string(&object(&made, given.is_none().then_some(name), held))
             .map_err(Failure::input)?);
     } else {
         say(table(&made, &held, &region, &reach));

@@ -8,6 +8,7 @@ use super::{ExitStatus, Failure};
 use crate::plan::poses::statics::{Estimated, Held, Statics, held, statics};
 use crate::problem::body::prepare::prepare;
 use crate::recording::Recording;
+use crate::rig::WRENCH_CHANNELS;
 
 /// The object of `--json`.
 #[derive(Serialize)]
@@ -99,8 +100,7 @@ fn text(found: &Statics, poses: &[Held], is_static: bool, rate_hz: f64, referenc
              and six offsets.\n";
     if let (Some([mass, u95]), Some(offset)) = (found.mass_kg, &found.offset_n_nm) {
         text += &format!("\nMass {mass:.4} ± {u95:.4} kg. Offsets");
-        for (k, (name, [value, u95])) in CHANNELS.iter().zip(offset).enumerate() {
-            let unit = if k < 3 { "N" } else { "N m" };
+        for (k, ((name, unit), [value, u95])) in WRENCH_CHANNELS.into_iter().zip(offset).enumerate() {
             text += &format!("{} {name} {value:.3} ± {u95:.3} {unit}", if k > 0 { "," } else { "" });
         }
         text += ".\n";
@@ -120,5 +120,3 @@ fn text(found: &Statics, poses: &[Held], is_static: bool, rate_hz: f64, referenc
     }
     text
 }
-
-const CHANNELS: [&str; 6] = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"];

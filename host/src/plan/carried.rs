@@ -8,7 +8,7 @@ use hexapod::{Bodies, BodyParameters, BodySet, Load};
 use nalgebra::{Matrix3, Vector3};
 
 use super::machine::{self, MachineError};
-use crate::rig::{OffsetTable, RigFile};
+use crate::rig::{OffsetTable, RigFile, WRENCH_CHANNELS};
 
 /// The offset of a channel is within this share of its range unless the rig file says otherwise: twice what data sheets of
 /// multi-axis load cells give as zero balance.
@@ -132,11 +132,9 @@ impl Weighing {
     /// # Errors
     /// It contradicts the bound, or uses up the range.
     pub fn set(&self, rig: &RigFile, bound: &LoadBound) -> Result<BodySet, CarriedError> {
-        const CHANNELS: [&str; 6] = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"];
         let range = rig.load_cell.range_n_nm.unwrap_or([f64::INFINITY; 6]);
-        for (k, channel) in CHANNELS.into_iter().enumerate() {
+        for (k, (channel, unit)) in WRENCH_CHANNELS.into_iter().enumerate() {
             if self.wrench[k].abs() > MOST_AT_REST * range[k] {
-                let unit = if k < 3 { "N" } else { "N m" };
                 return Err(CarriedError::Overloaded {
                     channel,
                     value: self.wrench[k],

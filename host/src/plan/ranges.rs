@@ -7,12 +7,11 @@ use nalgebra::Vector3;
 
 use super::machine::{self, MachineError};
 use super::motion::information::Instrument;
-use crate::rig::RigFile;
+use crate::rig::{RigFile, WRENCH_CHANNELS};
 
 /// Steps in which a motion is looked at, s, and how many they are at most.
 const LOOK_S: f64 = 0.005;
 const MOST_LOOKS: f64 = 100_000.0;
-const CHANNELS: [&str; 6] = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"];
 
 /// A program that a sensor does not follow.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -101,9 +100,9 @@ pub fn peaks(
     let (at, rotation) = machine::load_cell(rig)?;
     let range = rig.load_cell.range_n_nm.unwrap_or([f64::INFINITY; 6]);
     let instrument = Instrument::new(&at, &rotation, rig.recording.gravity_mps2, &[1.0; 6], 1.0);
-    let unit = |c: usize| if c < 3 { "N" } else { "N m" };
     let peak = |what: String, unit, range| Peak { what, unit, range, value: 0.0, time_s: 0.0, at_worst: 0.0 };
-    let cell = CHANNELS.iter().enumerate().map(|(c, name)| peak((*name).to_owned(), unit(c), range[c]));
+    let channels = WRENCH_CHANNELS.into_iter().zip(range);
+    let cell = channels.map(|((name, unit), range)| peak(name.to_owned(), unit, range));
     let mut peaks: Vec<Peak> = cell.collect();
     let imu = rig.imu.first();
     let most = |range: Option<f64>| range.unwrap_or(f64::INFINITY);

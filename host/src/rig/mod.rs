@@ -20,6 +20,10 @@ pub use calibration::{CalibrationTable, RigCalibration};
 pub use classes::{ImuClass, LoadCellClass, TreeClass};
 pub use read::RigFileError;
 
+/// The channels of a wrench and their units, for people.
+pub const WRENCH_CHANNELS: [(&str, &str); 6] =
+    [("Fx", "N"), ("Fy", "N"), ("Fz", "N"), ("Mx", "N m"), ("My", "N m"), ("Mz", "N m")];
+
 /// Equal readings in a row that make a channel frozen, unless the rig file says otherwise.
 pub const FROZEN_AFTER: u16 = 50;
 

@@ -1,13 +1,12 @@
 //! Ends a motion before the load cell is overloaded.
 
 use super::SessionError;
+use crate::rig::WRENCH_CHANNELS;
 
 /// A channel this near its range ends the motion: what is planned stays below, whatever body it is.
 const NEAR: f64 = 0.97;
 /// So many readings in a row: one that is far off is none.
 const IN_A_ROW: u32 = 3;
-const CHANNELS: [(&str, &str); 6] =
-    [("Fx", "N"), ("Fy", "N"), ("Fz", "N"), ("Mx", "N m"), ("My", "N m"), ("Mz", "N m")];
 
 /// Watches the channels of a load cell.
 #[derive(Clone, Debug)]
@@ -27,7 +26,7 @@ impl LoadGuard {
     /// # Errors
     /// The load cell is near its range.
     pub(super) fn reading(&mut self, wrench: &[f32; 6]) -> Result<(), SessionError> {
-        for (k, (channel, unit)) in CHANNELS.into_iter().enumerate() {
+        for (k, (channel, unit)) in WRENCH_CHANNELS.into_iter().enumerate() {
             let (value, range) = (f64::from(wrench[k]), self.range_n_nm[k]);
             self.in_a_row[k] = if value.abs() >= NEAR * range { self.in_a_row[k] + 1 } else { 0 };
             if self.in_a_row[k] >= IN_A_ROW {

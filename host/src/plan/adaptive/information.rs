@@ -17,13 +17,11 @@ use crate::plan::carried::{self, LoadBound};
 use crate::plan::machine::{self, MachineError};
 pub use crate::plan::motion::information::Information;
 use crate::plan::motion::information::{Instrument, PARAMETERS};
-use crate::plan::motion::plan::SENSOR_SHARE;
+use crate::plan::motion::plan::{GYRO_SHARE, SENSOR_SHARE};
 use crate::rig::{OffsetTable, OffsetWord, RigFile};
 
 /// Rows per second from which information is summed. Motions up to 2.5 Hz make rows up to 5 Hz.
 const ROWS_HZ: f64 = 50.0;
-/// Share of the gyro's range that is used.
-const RANGE_SHARE: f64 = 0.9;
 /// Highest angular rate where the gyro has no range, rad/s.
 pub const HIGHEST_RATE_RADPS: f64 = 1.2;
 /// Information on a known offset: that of a standard deviation of 1e-6 N or N m.
@@ -94,7 +92,7 @@ impl RigModel {
 
     /// How fast the plate may turn, rad/s.
     pub fn highest_rate_radps(&self) -> f64 {
-        (RANGE_SHARE * self.rate_range_radps).min(HIGHEST_RATE_RADPS)
+        (GYRO_SHARE * self.rate_range_radps).min(HIGHEST_RATE_RADPS)
     }
 
     /// What has a limit that depends on the body, in words; `None` if nothing has.

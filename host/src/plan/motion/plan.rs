@@ -104,6 +104,8 @@ pub enum PlanError {
 
 /// Share of the sensors' ranges that a motion may use.
 pub const SENSOR_SHARE: f64 = 0.85;
+/// Share of the gyro's range, in which nothing is unknown but noise.
+pub const GYRO_SHARE: f64 = 0.9;
 
 /// Grid of the search, s; a twentieth of the shortest period.
 pub fn step_s(highest_hz: f64) -> f64 {
@@ -353,7 +355,7 @@ impl Task {
     /// The default: D-optimal, 60 s, the static step first, in the default multisine's band, 0.9 of the gyro's range.
     pub fn new(equipment: Equipment) -> Self {
         Self {
-            rate_radps: 0.9 * equipment.gyro_range_radps,
+            rate_radps: GYRO_SHARE * equipment.gyro_range_radps,
             equipment,
             objective: Objective::DOptimal,
             duration_s: 60.0,

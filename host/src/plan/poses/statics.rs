@@ -140,8 +140,8 @@ pub fn statics(poses: &[Held], sigma: Option<&[f64; 6]>, reference: usize) -> Re
     let larger = |scatter: f64| if sigma.is_some() { scatter.max(1.0) } else { scatter };
     let sigma: [f64; 6] = std::array::from_fn(|k| stated[k] * larger(scatter[k / 3]));
     let factor = modelled(&readings, &sigma, None);
-    let phi = factor.well_determined(&factor.standard_deviations());
     let sd = factor.standard_deviations();
+    let phi = factor.well_determined(&sd);
     let centre = centre_of_mass(&factor);
     let covariance = phi.zip(centre).and_then(|(phi, centre)| modelled_covariance(&factor, phi[0], &centre));
     let offset = phi.map_or([0.0; 6], |[.., a, b, c, d, e, f]| [a, b, c, d, e, f]);
