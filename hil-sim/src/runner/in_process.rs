@@ -18,7 +18,7 @@ use crate::rig::SharedRig;
 /// How long an idle firmware sleeps before it looks at its sensors again.
 const NAP: Duration = Duration::from_micros(200);
 
-/// A microcontroller that is part of this process. It works while its owner reads, and only then.
+/// A microcontroller that is part of this process. It works while its owner reads, be it into an empty buffer, and only then.
 pub struct InProcess {
     instrument: Instrument<Box<Path>, BusSpi, BusSpi, BusSpi, NoWait>,
     sensors: SharedBus,
@@ -82,12 +82,12 @@ impl Mcu for InProcess {
         let deadline = Instant::now() + timeout;
         loop {
             let n = self.instrument.poll_tx(buffer);
-            if n > 0 || buffer.is_empty() {
+            if n > 0 {
                 return Ok(n);
             }
             // Nothing is waiting to be sent, so a sample's output finds room: in lock-step none is lost.
             let busy = self.step();
-            if self.instrument.tx_pending() > 0 {
+            if self.instrument.tx_pending() > 0 && !buffer.is_empty() {
                 continue;
             }
             let left = deadline.saturating_duration_since(Instant::now());

@@ -45,7 +45,8 @@ pub trait Mcu: Send {
     fn write(&mut self, bytes: &[u8]) -> io::Result<()>;
 
     /// Takes what has arrived, at most `buffer.len()` bytes, waiting up to `timeout` for the first.
-    /// 0 means that nothing came in time.
+    /// 0 means that nothing came in time. With an empty buffer the microcontroller works for `timeout`, and what it sends
+    /// waits in its queues or, if these are full, is dropped by it.
     ///
     /// # Errors
     /// `BrokenPipe` if the microcontroller is gone; the message says why. What it had sent before is given out

@@ -262,6 +262,11 @@ impl Mcu for Qemu {
     }
 
     fn read(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
+        if buffer.is_empty() {
+            // It works by itself.
+            thread::sleep(timeout);
+            return Ok(0);
+        }
         let deadline = Instant::now() + timeout;
         let mut ended = false;
         loop {

@@ -25,7 +25,8 @@ impl ByteLink for Firmware {
 const TURN: Duration = Duration::from_millis(1);
 
 /// Carries bytes between the port and the firmware until `leave` is set. What the firmware says while nobody
-/// has the port open is lost, as on any serial line; a user who does not read holds the firmware's output up.
+/// has the port open is lost, as on any serial line; a user who does not read holds the firmware's output up, and the rig
+/// keeps its time all the same.
 ///
 /// # Errors
 /// If either side is gone.
@@ -36,6 +37,8 @@ pub fn carry(port: &mut Port, firmware: &mut dyn ByteLink, leave: &AtomicBool) -
         if waiting.is_empty() {
             let n = firmware.read(&mut buffer, TURN)?;
             waiting.extend(buffer.iter().take(n));
+        } else {
+            firmware.read(&mut [], TURN)?;
         }
         if port.in_use()? {
             let taken = port.write(waiting.make_contiguous())?;

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 
 use rigident_sim::link::ByteLink;
 use rigident_sim::rig::{BusEvent, MotionState, Rig, RigConfig, SharedRig};
+use rigident_sim::runner::{InProcess, Mcu, Pacing};
 use rigident_sim::serve::{Controller, Port, carry};
 use serde_json::{Value, json};
 use serialport::TTYPort;
@@ -104,6 +105,44 @@ fn a_name_in_use_is_refused_and_a_dead_link_replaced() {
     std::os::unix::fs::symlink(folder.path().join("gone"), &name).unwrap();
     let port = Port::open(Some(&name)).unwrap();
     assert_eq!(fs::read_link(&name).unwrap(), port.terminal());
+}
+
+/// A microcontroller that never stops talking.
+struct Talker(InProcess);
+
+impl ByteLink for Talker {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<()> {
+        self.0.write(bytes)
+    }
+
+    fn read(&mut self, buffer: &mut [u8], timeout: Duration) -> std::io::Result<usize> {
+        buffer.fill(0x55);
+        if buffer.is_empty() { self.0.read(buffer, timeout) } else { Ok(buffer.len()) }
+    }
+}
+
+#[test]
+fn the_rig_keeps_its_own_time_while_nobody_reads_its_port() {
+    let folder = tempfile::tempdir().unwrap();
+    let name = folder.path().join("rig");
+    let leave = AtomicBool::new(false);
+    let mut port = Port::open(Some(&name)).unwrap();
+    let rig = Rig::new(RigConfig::thesis_horizontal()).unwrap().shared();
+    let mut talker = Talker(InProcess::new(Arc::clone(&rig), Pacing::RealTime));
+    std::thread::scope(|scope| {
+        let served = scope.spawn(|| carry(&mut port, &mut talker, &leave));
+        let at_last = LeaveAtLast(&leave);
+        let _reads_nothing = open(&name);
+        let now_ns = || rig.lock().unwrap().now_ns();
+        // Once the line is full the clock goes on.
+        let deadline = Instant::now() + PATIENCE;
+        while now_ns() < 1_000_000_000 {
+            assert!(Instant::now() < deadline, "{} ns", now_ns());
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        drop(at_last);
+        served.join().unwrap().unwrap();
+    });
 }
 
 /// Lets the rig's clock run, whatever its sensors have to say.
