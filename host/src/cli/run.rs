@@ -83,14 +83,17 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let directing = arguments.adaptive.directing(&rig, &geometry, &standing, body.clone())?;
     let everything = fixed.clone().or_else(|| directing.as_ref().map(Directing::everything));
     let load = body.as_ref().map(|body| carried::load(&rig, body)).transpose().map_err(Failure::input)?;
-    let summary =
-        everything.as_ref().map(|program| check::check(program, &geometry, load.as_ref())).transpose();
+    let way =
+        everything.as_ref().map(|program| platform.way(program)).transpose().map_err(unmoved)?.flatten();
+    let (way_s, driven) = with_way(way, everything);
+    let summary = driven.as_ref().map(|program| check::check(program, &geometry, load.as_ref())).transpose();
     let mut summary = summary.map_err(Failure::input)?.unwrap_or_default();
+    summary.way_s = way_s;
     if let Some(program) = &fixed {
         tell!("{}", within_ranges(program, &rig, body.as_ref())?.to_string().trim_end());
     }
     if let Some(directing) = &directing {
-        summary.duration_s = directing.at_most_s();
+        summary.duration_s = directing.at_most_s() + way_s;
     }
     (summary.from, summary.assumed) = (platform.expects(), !described);
     if let Some(program) = &fixed {
@@ -241,6 +244,17 @@ fn links_of(arguments: &Run, rig: &RigFile) -> Result<Option<(Model, Vec<Paramet
     let offset = settings.load_cell.known_offset_n_nm.is_none();
     let parameters = device_parameters(&model, &parameters, offset);
     Ok(Some((model, parameters)))
+}
+
+/// Puts the way to its start before a program; how long the way takes, s.
+fn with_way(way: Option<MotionProgram>, program: Option<MotionProgram>) -> (f64, Option<MotionProgram>) {
+    match (way, program) {
+        (Some(way), Some(program)) if !way.segments.is_empty() => {
+            let segments = way.segments.iter().cloned().chain(program.segments).collect();
+            (way.duration_s(), Some(MotionProgram { start: way.start, segments }))
+        }
+        (_, program) => (0.0, program),
+    }
 }
 
 /// Holds a program against the ranges of the sensors.

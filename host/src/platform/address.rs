@@ -143,7 +143,7 @@ pub fn connect(address: &str, geometry: &Geometry) -> Result<Box<dyn Platform>, 
         Box::new(StreamPlatform::new(&parsed, lines, wire, geometry.clone())) as Box<dyn Platform>
     };
     match parsed.scheme.as_str() {
-        "tcp" => Ok(Box::new(NetworkPlatform::connect(address)?)),
+        "tcp" => Ok(Box::new(NetworkPlatform::connect(address, geometry)?)),
         "gcs" if parsed.place.starts_with('/') => {
             Ok(Box::new(GcsPlatform::connect(&parsed, parsed.serial()?, geometry)?))
         }

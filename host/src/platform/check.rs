@@ -28,8 +28,14 @@ pub struct Summary {
     pub leg_rate_mps: f64,
     /// The legs' limit, m/s.
     pub leg_rate_limit_mps: f64,
-    /// The legs' limit of force, N, if there is one, and the greatest force, N, if it is known what they carry.
-    pub leg_force_n: Option<(f64, Option<f64>)>,
+    /// Greatest acceleration of a leg, m/s².
+    pub leg_acceleration_mps2: f64,
+    /// The legs' limit, m/s², if there is one.
+    pub leg_acceleration_limit_mps2: Option<f64>,
+    /// Greatest force of a leg, N, if it is known what they carry.
+    pub leg_force_n: Option<f64>,
+    /// The legs' limit, N, if there is one.
+    pub leg_force_limit_n: Option<f64>,
     /// Greatest distance from home, m.
     pub travel_m: f64,
     /// Greatest tilt against the vertical, rad.
@@ -38,13 +44,31 @@ pub struct Summary {
     pub velocity_mps: f64,
     /// Highest angular rate, rad/s.
     pub angular_rate_radps: f64,
+    /// Greatest acceleration of the plate's origin, m/s².
+    pub acceleration_mps2: f64,
+    /// Greatest angular acceleration, rad/s².
+    pub angular_acceleration_radps2: f64,
+    /// How long the way to the start takes, s; it is part of all the above.
+    pub way_s: f64,
+}
+
+/// A peak against a limit that may not be given.
+fn against(limit: Option<f64>, digits: usize, unit: &str, key: &str) -> String {
+    match limit.filter(|limit| limit.is_finite()) {
+        Some(limit) => format!("of {limit:.digits$} {unit}"),
+        None => format!("{unit}; the rig file gives no {key} to hold it against"),
+    }
 }
 
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [shortest, longest] = self.leg_length_m;
         let [least, most] = self.leg_limits_m;
-        writeln!(f, "the platform is about to move for {:.0} s:", self.duration_s)?;
+        write!(f, "the platform is about to move for {:.0} s", self.duration_s)?;
+        if self.way_s > 0.0 {
+            write!(f, ", {:.1} s of which are the way to the start", self.way_s)?;
+        }
+        writeln!(f, ":")?;
         if let Some(pose) = &self.from {
             writeln!(f, "  it begins at home: the plate must stand there now, {}", words(pose))?;
         }
@@ -52,31 +76,35 @@ impl fmt::Display for Summary {
             writeln!(f, "  the rig file has no [platform]: the limits are the built-in platform's")?;
         }
         writeln!(f, "  legs      {shortest:.4} to {longest:.4} m of {least:.4} to {most:.4} m")?;
-        write!(f, "  leg rate  up to {:.3} ", self.leg_rate_mps)?;
-        if self.leg_rate_limit_mps.is_finite() {
-            writeln!(f, "of {:.3} m/s", self.leg_rate_limit_mps)?;
-        } else {
-            writeln!(f, "m/s; the rig file gives no leg_rate_mps to hold it against")?;
-        }
-        match self.leg_force_n {
-            None => {}
-            Some((limit, Some(most))) => {
+        let rate = against(Some(self.leg_rate_limit_mps), 3, "m/s", "leg_rate_mps");
+        writeln!(f, "  leg rate  up to {:.3} {rate}", self.leg_rate_mps)?;
+        let acceleration = against(self.leg_acceleration_limit_mps2, 2, "m/s2", "leg_acceleration_mps2");
+        writeln!(f, "  leg acceleration up to {:.2} {acceleration}", self.leg_acceleration_mps2)?;
+        match (self.leg_force_n, self.leg_force_limit_n) {
+            (Some(most), limit) => {
+                let force = against(limit, 1, "N", "leg_force_n");
                 writeln!(
                     f,
-                    "  leg force up to {most:.1} of {limit:.1} N, for any body that may be on the load cell"
+                    "  leg force up to {most:.1} {force}, for any body that may be on the load cell"
                 )?;
             }
-            Some((limit, None)) => {
-                writeln!(f, "  leg force NOT checked against {limit:.1} N: nothing says what the legs carry")?
+            (None, Some(limit)) => {
+                writeln!(
+                    f,
+                    "  leg force NOT checked against {limit:.1} N: nothing says what the legs carry"
+                )?;
             }
+            (None, None) => writeln!(f, "  leg force not known: nothing says what the legs carry")?,
         }
         writeln!(
             f,
-            "  plate     up to {:.1} mm from home and {:.1} degrees of tilt, {:.3} m/s and {:.2} rad/s",
+            "  plate     up to {:.1} mm from home and {:.1} degrees of tilt, {:.3} m/s and {:.2} rad/s, {:.2} m/s2 and {:.2} rad/s2",
             1e3 * self.travel_m,
             self.tilt_rad.to_degrees(),
             self.velocity_mps,
-            self.angular_rate_radps
+            self.angular_rate_radps,
+            self.acceleration_mps2,
+            self.angular_acceleration_radps2
         )
     }
 }
@@ -106,17 +134,15 @@ pub fn check(
     let step_s = (trajectory.duration_s() / MOST_STEPS).max(STEP_S);
     let force =
         |load| geometry.peak_leg_forces(&trajectory, step_s, load).map(|f| f.into_iter().fold(0.0, f64::max));
-    let leg_force_n = match geometry.limits.leg_force_n {
-        Some(limit) => Some((limit, load.map(force).transpose()?)),
-        None => None,
-    };
     let home = geometry.home();
     let mut summary = Summary {
         duration_s: trajectory.duration_s(),
         leg_length_m: [f64::INFINITY, 0.0],
         leg_limits_m: geometry.leg_length_m,
         leg_rate_limit_mps: geometry.leg_rate_mps,
-        leg_force_n,
+        leg_acceleration_limit_mps2: geometry.limits.leg_acceleration_mps2,
+        leg_force_n: load.map(force).transpose()?,
+        leg_force_limit_n: geometry.limits.leg_force_n,
         ..Summary::default()
     };
     let length = |v: [f64; 3]| v.iter().map(|c| c * c).sum::<f64>().sqrt();
@@ -127,6 +153,11 @@ pub fn check(
             summary.leg_length_m = [summary.leg_length_m[0].min(leg), summary.leg_length_m[1].max(leg)];
         }
         let fastest = geometry.leg_rates(&state).into_iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+        let hardest = geometry.leg_accelerations(&state).into_iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+        summary.leg_acceleration_mps2 = summary.leg_acceleration_mps2.max(hardest);
+        summary.acceleration_mps2 = summary.acceleration_mps2.max(length(state.acceleration.into()));
+        summary.angular_acceleration_radps2 =
+            summary.angular_acceleration_radps2.max(length(state.angular_acceleration.into()));
         let away = std::array::from_fn(|i| pose.position_m[i] - home.position_m[i]);
         summary.leg_rate_mps = summary.leg_rate_mps.max(fastest);
         summary.travel_m = summary.travel_m.max(length(away));
@@ -153,7 +184,12 @@ mod tests {
         let said = |geometry: &Geometry, load: Option<&Load>| {
             check(&program, geometry, load).map(|s| s.to_string()).map_err(|e| e.to_string())
         };
-        assert!(!said(&geometry, Some(&load)).unwrap().contains("force"));
+        let unlimited = said(&geometry, Some(&load)).unwrap();
+        assert!(
+            unlimited.contains("leg force up to 37.6 N; the rig file gives no leg_force_n"),
+            "{unlimited}"
+        );
+        assert!(said(&geometry, None).unwrap().contains("leg force not known"));
         geometry.limits.leg_force_n = Some(60.0);
         assert!(said(&geometry, None).unwrap().contains("leg force NOT checked against 60.0 N"));
         // 20 kg on six legs alike.

@@ -16,6 +16,7 @@ mod network;
 mod pace;
 pub mod stream;
 pub mod tracking;
+mod way;
 
 pub use address::{checks_itself, connect};
 pub use error::PlatformError;
@@ -54,7 +55,15 @@ pub trait Platform: Send {
     /// # Errors
     /// Out of reach, too fast, or no answer.
     fn load(&mut self, program: &MotionProgram) -> Result<(), PlatformError>;
-    /// Makes the platform ready and brings the plate to the program's start, where the program itself does not.
+    /// Returns the way to the program's start from where the plate stands, or from where getting ready will leave it: what
+    /// [`Platform::approach`] will drive; `None` where the controller adds it to the program.
+    ///
+    /// # Errors
+    /// There is no straight way, or no answer.
+    fn way(&mut self, _program: &MotionProgram) -> Result<Option<MotionProgram>, PlatformError> {
+        Ok(None)
+    }
+    /// Makes the platform ready and brings the loaded program's plate to its start, as a motion of its own.
     /// The plate may move; it stops when `go_on` says no.
     ///
     /// # Errors

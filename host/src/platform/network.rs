@@ -1,23 +1,21 @@
 use std::io::{BufRead, BufReader, Write};
 use std::net::{TcpStream, ToSocketAddrs};
-use std::time::Duration;
 
-use hexapod::{MotionProgram, PROGRAM_LINE_BYTES, Pose, Trajectory};
+use hexapod::{Geometry, MotionProgram, PROGRAM_LINE_BYTES, Pose, Trajectory};
 use serde::{Deserialize, Serialize};
 
 use super::address::PATIENCE;
-use super::{Motion, MotionSample, Platform, PlatformError};
+use super::{Motion, MotionSample, Platform, PlatformError, way};
 
 /// A program whose clock stood still so much before its end was cut short, s.
 const END_S: f64 = 1e-3;
 /// Samples are taken no more often than so, s.
 const SAMPLE_S: f64 = 0.05;
-/// On the way to the start the controller is asked so often.
-const LOOK_EVERY: Duration = Duration::from_millis(20);
 
 /// A controller that speaks one JSON object per line over TCP: `load`, `start`, `stop`, `state`.
 pub struct NetworkPlatform {
     address: String,
+    geometry: Geometry,
     stream: BufReader<TcpStream>,
     program: Option<MotionProgram>,
     trajectory: Option<Trajectory>,
@@ -55,11 +53,11 @@ struct Answer {
 }
 
 impl NetworkPlatform {
-    /// Connects to `tcp://HOST:PORT`.
+    /// Connects to `tcp://HOST:PORT`; `geometry` bounds the way to a program's start.
     ///
     /// # Errors
     /// The address is not one, or nobody answers.
-    pub fn connect(address: &str) -> Result<Self, PlatformError> {
+    pub fn connect(address: &str, geometry: &Geometry) -> Result<Self, PlatformError> {
         let unreachable = |reason: String| PlatformError::Unreachable { address: address.to_owned(), reason };
         let host = address
             .strip_prefix("tcp://")
@@ -75,6 +73,7 @@ impl NetworkPlatform {
                         .map_err(|e| unreachable(e.to_string()))?;
                     return Ok(Self {
                         address: address.to_owned(),
+                        geometry: geometry.clone(),
                         stream: BufReader::new(stream),
                         program: None,
                         trajectory: None,
@@ -136,25 +135,16 @@ impl Platform for NetworkPlatform {
         Ok(())
     }
 
-    /// The controller puts the way to the start before a program: it is driven by itself, so that the experiment begins with the
-    /// program.
+    fn way(&mut self, program: &MotionProgram) -> Result<Option<MotionProgram>, PlatformError> {
+        let here = self.ask(&Request::State)?.pose;
+        here.map(|here| way::between(&here, &program.start, &self.geometry)).transpose()
+    }
+
     fn approach(&mut self, go_on: &dyn Fn() -> bool) -> Result<(), PlatformError> {
-        let (Some(program), Some(trajectory)) = (self.program.clone(), &self.trajectory) else {
-            return Ok(());
-        };
-        if self.loaded_s <= trajectory.duration_s() + END_S {
-            return Ok(());
+        let Some(program) = self.program.clone() else { return Ok(()) };
+        if let Some(way) = self.way(&program)? {
+            way::drive(self, &way, go_on)?;
         }
-        self.load(&MotionProgram { start: program.start, segments: Vec::new() })?;
-        self.start()?;
-        while self.motion()? == Motion::Moving {
-            if !go_on() {
-                self.stop()?;
-                return Err(PlatformError::Interrupted);
-            }
-            std::thread::sleep(LOOK_EVERY);
-        }
-        self.samples.clear();
         self.load(&program)
     }
 

@@ -8,38 +8,21 @@
 //! Time goes from the beginning of the stream in steps of `1/rate_hz`; a line is sent `lead_s` before its time, and one that would be sent
 //! after its time ends the motion. The first stream
 //! of a connection begins with the plate at home, every further one where the last one ended, its time at zero again.
-//! Each goes to its program's start and ends with the last pose repeated. At the end of an experiment one more stream leads
-//! the plate home, for the next connection. A stop, and whatever goes wrong while lines can be sent, leads the plate to
+//! Each ends with the last pose repeated. The way to a program's start is a stream of its own, and at the end of an experiment one
+//! more leads the plate home, for the next connection. A stop, and whatever goes wrong while lines can be sent, leads the plate to
 //! rest on its path within half a second after the lines sent already; there it stays. Where the plate really is, nobody
 //! says: nothing is measured.
 
 use hexapod::set_points::SetPoint;
-use hexapod::{Geometry, Limit, MotionError, MotionProgram, Pose, Segment, Trajectory};
+use hexapod::{Geometry, MotionProgram, Pose};
 
 use super::address::{Address, Wire};
 use super::pace::{Pace, Sink, Timing};
+use super::way::{self, same};
 use super::{Motion, MotionSample, Platform, PlatformError, check};
 
 /// How often nothing is looked at, 1/s: how often what is commanded is noted.
 const LOOKS_HZ: f64 = 20.0;
-
-/// Poses that are nearer than this are the same, m and rad.
-const SAME: f64 = 1e-6;
-/// The longest way to a program's start, s.
-const LONGEST_S: f64 = 120.0;
-
-fn far(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a.iter().zip(b).fold(0.0, |m: f64, (p, q)| m.max((p - q).abs()))
-}
-
-fn same(a: &Pose, b: &Pose) -> bool {
-    far(a.position_m, b.position_m).max(far(a.rpy_rad, b.rpy_rad)) < SAME
-}
-
-/// How long the way takes at most at 0.1 m/s or 0.4 rad/s.
-fn gentle_s(from: &Pose, to: &Pose) -> f64 {
-    (1.875 * (far(from.position_m, to.position_m) / 0.1).max(far(from.rpy_rad, to.rpy_rad) / 0.4)).max(0.5)
-}
 
 /// What the lines hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,11 +37,10 @@ pub(super) enum Lines {
 pub struct StreamPlatform {
     geometry: Geometry,
     timing: Timing,
-    trajectory: Option<Trajectory>,
+    program: Option<MotionProgram>,
     /// Where the lines have left the plate.
     at: Pose,
     state: State,
-    approach_s: f64,
 }
 
 enum State {
@@ -81,31 +63,8 @@ impl StreamPlatform {
             at: geometry.home(),
             geometry,
             timing: address.timing,
-            trajectory: None,
+            program: None,
             state: State::Resting(Box::new(writer)),
-            approach_s: 0.0,
-        }
-    }
-
-    /// From where the plate is to a pose: gently, and as slowly as the legs need it.
-    fn way(&self, to: &Pose) -> Result<MotionProgram, PlatformError> {
-        if same(&self.at, to) {
-            return Ok(MotionProgram { start: *to, segments: Vec::new() });
-        }
-        let mut duration_s = gentle_s(&self.at, to);
-        loop {
-            let segments = vec![Segment::Move { to: *to, duration_s }];
-            let way = MotionProgram { start: self.at, segments };
-            match check::check(&way, &self.geometry, None) {
-                Ok(_) => return Ok(way),
-                Err(PlatformError::Motion(MotionError::Limit { violation, .. }))
-                    if matches!(violation.limit, Limit::LegRate | Limit::LegAcceleration)
-                        && duration_s < LONGEST_S =>
-                {
-                    duration_s *= 2.0;
-                }
-                Err(other) => return Err(other),
-            }
         }
     }
 
@@ -130,21 +89,40 @@ impl StreamPlatform {
 impl Platform for StreamPlatform {
     fn load(&mut self, program: &MotionProgram) -> Result<(), PlatformError> {
         self.rest()?;
-        let way = self.way(&program.start)?;
-        let approach_s = way.duration_s();
-        let segments = way.segments.into_iter().chain(program.segments.iter().cloned()).collect();
-        let whole = MotionProgram { start: way.start, segments };
-        check::check(&whole, &self.geometry, None)?;
-        (self.trajectory, self.approach_s) = (Some(whole.trajectory()?), approach_s);
+        check::check(program, &self.geometry, None)?;
+        self.program = Some(program.clone());
         Ok(())
+    }
+
+    fn way(&mut self, program: &MotionProgram) -> Result<Option<MotionProgram>, PlatformError> {
+        self.rest()?;
+        way::between(&self.at, &program.start, &self.geometry).map(Some)
+    }
+
+    fn approach(&mut self, go_on: &dyn Fn() -> bool) -> Result<(), PlatformError> {
+        let Some(program) = self.program.clone() else {
+            return Err(PlatformError::Refused("no motion program is loaded".to_owned()));
+        };
+        if let Some(way) = self.way(&program)? {
+            way::drive(self, &way, go_on)?;
+        }
+        self.load(&program)
     }
 
     fn start(&mut self) -> Result<(), PlatformError> {
         self.rest()?;
-        let trajectory = self
-            .trajectory
+        let program = self
+            .program
             .take()
             .ok_or_else(|| PlatformError::Refused("no motion program is loaded".to_owned()))?;
+        if !same(&self.at, &program.start) {
+            return Err(PlatformError::Refused(format!(
+                "its plate stands at {}, and the program begins at {}",
+                check::words(&self.at),
+                check::words(&program.start)
+            )));
+        }
+        let trajectory = program.trajectory()?;
         match std::mem::replace(&mut self.state, State::Gone) {
             State::Resting(writer) => {
                 self.state = State::Moving(Pace::begin(*writer, trajectory, self.timing, LOOKS_HZ));
@@ -170,11 +148,7 @@ impl Platform for StreamPlatform {
     }
 
     fn samples(&mut self) -> Vec<MotionSample> {
-        let mut samples = if let State::Moving(pace) = &self.state { pace.samples() } else { Vec::new() };
-        for sample in &mut samples {
-            sample.time_s -= self.approach_s;
-        }
-        samples
+        if let State::Moving(pace) = &self.state { pace.samples() } else { Vec::new() }
     }
 
     fn expects(&self) -> Option<Pose> {
@@ -186,11 +160,11 @@ impl Platform for StreamPlatform {
 
     fn go_home(&mut self) -> Result<bool, PlatformError> {
         self.rest()?;
-        let home = self.geometry.home();
-        if same(&self.at, &home) {
+        let way = way::between(&self.at, &self.geometry.home(), &self.geometry)?;
+        if way.segments.is_empty() {
             return Ok(false);
         }
-        self.load(&MotionProgram { start: home, segments: Vec::new() })?;
+        self.load(&way)?;
         self.start().map(|()| true)
     }
 }

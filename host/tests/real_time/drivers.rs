@@ -140,19 +140,24 @@ fn asked(served: &Served, question: &str) -> String {
     answer.trim().to_owned()
 }
 
-const PATH: [&str; 4] = ["SPA? X 0x19001900", "SPA? X 0x19001901", "SPA? X 0x19001903", "SCT?"];
+const STATE: [&str; 6] =
+    ["SPA? X 0x19001900", "SPA? X 0x19001901", "SPA? X 0x19001903", "SCT?", "VLS?", "SVO? X"];
 
 #[test]
 fn a_controller_is_left_as_it_was_found_after_an_end_and_after_a_stop() {
     let served = Served::new();
-    let before = PATH.map(|question| asked(&served, question));
-    assert!(before[0].ends_with("=0"), "{before:?}");
+    assert_eq!(asked(&served, "VLS 37\nERR?"), "0");
+    let before = STATE.map(|question| asked(&served, question));
+    assert!(before[0].ends_with("=0") && before[4] == "37.000000", "{before:?}");
     for stopped in [false, true] {
         let mut platform = ready(&served, &served.address(), &swing(2.5));
-        assert!(platform.found().is_empty());
+        let found = platform.found().join("\n");
+        assert!(found.contains("0x19001901 0, 0x19001903 1, SCT T 10"), "{found}");
+        assert!(found.contains("single moves 37.000000 mm/s") && found.contains("ZERO"), "{found}");
+        assert!(found.contains("a reference move comes first") != stopped, "{found}");
         platform.start().unwrap();
         let begun = Instant::now();
-        assert!(asked(&served, PATH[0]).ends_with("=1"), "it is a path meanwhile");
+        assert!(asked(&served, STATE[0]).ends_with("=1"), "it is a path meanwhile");
         if stopped {
             watch(platform.as_mut(), &mut Vec::new(), || begun.elapsed() > Duration::from_millis(1200));
         } else {
@@ -161,7 +166,7 @@ fn a_controller_is_left_as_it_was_found_after_an_end_and_after_a_stop() {
         }
         drop(platform);
         assert_ne!(served.rig.lock().unwrap().motion(), MotionState::Moving);
-        assert_eq!(PATH.map(|question| asked(&served, question)), before, "stopped: {stopped}");
+        assert_eq!(STATE.map(|question| asked(&served, question)), before, "stopped: {stopped}");
         // A single move of another client is taken.
         let moved = asked(&served, "MOV Z 0.5\nERR?");
         assert_eq!(moved, "0", "stopped: {stopped}");
@@ -169,10 +174,37 @@ fn a_controller_is_left_as_it_was_found_after_an_end_and_after_a_stop() {
             std::thread::sleep(Duration::from_millis(20));
         }
     }
+    // Servos that were off are off again.
+    // The client that moved it went away, which stopped it: that error is read first.
+    asked(&served, "ERR?");
+    assert_eq!(asked(&served, "SVO X 0 Y 0 Z 0 U 0 V 0 W 0\nERR?"), "0");
+    let platform = ready(&served, &served.address(), &swing(2.5));
+    assert!(platform.found().iter().any(|found| found.contains("servos are off")));
+    assert_eq!(asked(&served, "SVO? X"), "X=1");
+    drop(platform);
+    assert_eq!(asked(&served, "SVO? X"), "X=0");
     // As a program that was killed would leave it.
     asked(&served, "SPA X 0x19001900 1\nERR?");
     let platform = connect(&served.address(), &Geometry::thesis()).unwrap();
     assert!(platform.found()[0].contains("0x19001900 = 1"), "{:?}", platform.found());
+}
+
+#[test]
+fn a_pivot_or_a_frame_of_the_controllers_own_is_refused_before_anything_moves() {
+    let served = Served::new();
+    let refused = |setting: &str| {
+        assert_eq!(asked(&served, &format!("{setting}\nERR?")), "0");
+        let Err(error) = connect(&served.address(), &Geometry::thesis()) else { panic!("{setting}") };
+        error.to_string()
+    };
+    let said = refused("SPI T 12.5");
+    assert!(said.contains("pivot point is at T = 12.5 mm") && said.contains("SPI R 0 S 0 T 0"), "{said}");
+    assert_eq!(asked(&served, "SPI T 0\nERR?"), "0");
+    let said = refused("KSD MINE Z 30\nKEN MINE");
+    assert!(said.contains("coordinate system MINE") && said.contains("KEN ZERO"), "{said}");
+    assert_eq!(asked(&served, "KEN ZERO\nERR?"), "0");
+    connect(&served.address(), &Geometry::thesis()).unwrap();
+    assert_eq!(served.rig.lock().unwrap().motion(), MotionState::Holding);
 }
 
 /// The controller puts the way to the start before a program; here it is driven by itself.

@@ -157,6 +157,7 @@ fn a_stream_that_nobody_watches_is_led_to_rest_on_its_path_and_known_to_be_at_re
     let (address, lines) = listener(usize::MAX);
     let mut platform = connect(&address, &Geometry::thesis()).unwrap();
     platform.load(&swing(30.0)).unwrap();
+    platform.approach(&|| true).unwrap();
     platform.start().unwrap();
     std::thread::sleep(Duration::from_millis(3300));
     assert!(matches!(platform.motion(), Err(PlatformError::Unwatched(_))));
@@ -175,9 +176,11 @@ fn a_stream_that_nobody_watches_is_led_to_rest_on_its_path_and_known_to_be_at_re
 
 #[test]
 fn after_a_broken_line_nobody_claims_to_know_whether_the_plate_moves() {
-    let (address, lines) = listener(40);
+    // The way to the start is some seventy lines.
+    let (address, lines) = listener(140);
     let mut platform = connect(&address, &Geometry::thesis()).unwrap();
     platform.load(&swing(30.0)).unwrap();
+    platform.approach(&|| true).unwrap();
     platform.start().unwrap();
     let deadline = Instant::now() + PATIENCE;
     let mut errors = Vec::new();
@@ -188,7 +191,7 @@ fn after_a_broken_line_nobody_claims_to_know_whether_the_plate_moves() {
     }
     assert!(errors[0].contains("was lost at the command 0."), "{errors:?}");
     assert!(errors[1].contains("does not say where the plate is"), "{errors:?}");
-    assert_eq!(lines.join().unwrap().len(), 40);
+    assert_eq!(lines.join().unwrap().len(), 140);
 }
 
 #[test]

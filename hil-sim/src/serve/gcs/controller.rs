@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use super::frames::Frames;
 use super::syntax::Said;
 use super::tables::{HELP, MOST_POINTS, PARAMETERS};
 use super::travel::limits;
@@ -35,6 +36,7 @@ pub struct Hexapod {
     referencing: bool,
     target: GcsPosition,
     velocity_mmps: f64,
+    frames: Frames,
     error: u16,
     consecutive: bool,
     buffered: bool,
@@ -59,6 +61,7 @@ impl Hexapod {
             referencing: false,
             target: GcsPosition::default(),
             velocity_mmps: 100.0,
+            frames: Frames::default(),
             error: 0,
             consecutive: false,
             buffered: false,
@@ -118,7 +121,7 @@ impl Hexapod {
     }
 
     fn position(&self, rig: &Rig) -> GcsPosition {
-        GcsPosition::of(&rig.pose(), &self.reference)
+        self.frames.position(&rig.pose(), &self.reference)
     }
 
     fn stop(&mut self, rig: &mut Rig) {
@@ -187,6 +190,13 @@ impl Hexapod {
             "ONT?" => each(words, |_| u8::from(self.on_target(rig)).to_string()),
             "VLS?" => Ok(format!("{:.6}\n", self.velocity_mmps)),
             "SCT?" => Ok(format!("T={:.6}\n", self.interval_ms)),
+            "SPI?" | "KEN?" => self.frames.asked(verb).ok_or(error::UNKNOWN_COMMAND),
+            "SPI" | "KEN" | "KSD" => {
+                self.idle(rig)?;
+                self.frames.obey(verb, words)?;
+                self.target = self.position(rig);
+                none
+            }
             "SPA?" => self.parameters(words),
             "VMO?" => {
                 let there = self.aim(words, false)?;
@@ -274,7 +284,7 @@ impl Hexapod {
 
     fn reachable(&self, rig: &Rig, to: &GcsPosition) -> Result<Pose, u16> {
         let inside = to.0.iter().zip(&self.limits).all(|(v, [lo, hi])| (lo..=hi).contains(&v));
-        let pose = to.pose(&self.reference);
+        let pose = self.frames.pose(to, &self.reference);
         let geometry = &rig.config().geometry;
         let [lo, hi] = geometry.leg_length_m;
         let reached = geometry.leg_lengths(&pose).iter().all(|l| (lo..=hi).contains(l));

@@ -10,6 +10,7 @@
 //! it had started.
 
 mod controller;
+mod frames;
 mod server;
 mod syntax;
 mod tables;

@@ -13,7 +13,7 @@ pub(super) const PARAMETERS: [(u32, &str); 4] = [
 pub(super) const MOST_POINTS: f64 = 10_000.0;
 
 /// What is answered to `HLP?`: a command a line.
-pub(super) const HELP: [(&str, &str); 34] = [
+pub(super) const HELP: [(&str, &str); 39] = [
     ("#4", "status register"),
     ("#5", "motion status"),
     ("#7", "controller ready"),
@@ -27,6 +27,9 @@ pub(super) const HELP: [(&str, &str); 34] = [
     ("HLP?", "this list"),
     ("HLT", "[{<axis>}] stop"),
     ("HPA?", "list of parameters"),
+    ("KEN", "<system> bring a coordinate system into force"),
+    ("KEN?", "coordinate systems in force"),
+    ("KSD", "<system> {<axis> <offset>} define a coordinate system"),
     ("MOV", "{<axis> <position>} go there"),
     ("MOV?", "[{<axis>}] commanded position"),
     ("MVR", "{<axis> <distance>} go so far"),
@@ -38,6 +41,8 @@ pub(super) const HELP: [(&str, &str); 34] = [
     ("SCT?", "interval of consecutive MOV"),
     ("SPA", "{<axis> <parameter> <value>} set"),
     ("SPA?", "[{<axis> <parameter>}] get"),
+    ("SPI", "{<R|S|T> <mm>} pivot point"),
+    ("SPI?", "pivot point"),
     ("STP", "stop all motion"),
     ("SVO", "{<axis> <0|1>} servo"),
     ("SVO?", "[{<axis>}] servo"),

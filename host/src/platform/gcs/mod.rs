@@ -4,25 +4,25 @@
 //! here: when set points are due (`platform::pace`). What is known of the protocol, with its sources, stands in
 //! [`hexapod::gcs`].
 //!
-//! A program is driven as a path of consecutive `MOV`, one every `1/rate_hz`, buffered by `lead_s`; what that changes is read
-//! before and brought back after. Before, every hundredth of
-//! a second of it is held against the controller's limits (`TMN?`, `TMX?`), and poses all along it against `VMO?`.
+//! A program, and the way to its start, is driven as a path of consecutive `MOV`, one every `1/rate_hz`, buffered by `lead_s`; what
+//! that changes is read before and brought back after (`Found`). Before, every hundredth of a second of it is held against the controller's limits (`TMN?`, `TMX?`), and poses all along it against `VMO?`.
 //! The built-in description of the platform must have its home where the hexapod has its zero.
 
 mod errors;
+mod found;
 mod line;
 
 pub use errors::words;
 
-use std::fmt::Display;
 use std::time::{Duration, Instant};
 
 use hexapod::gcs::{AXES, GcsPosition, IS_READY, MOVING, PATH_BUFFERED, PATH_SOURCE, PATH_THRESHOLD, READY};
-use hexapod::{Geometry, MotionProgram, Pose, Trajectory};
+use hexapod::{Geometry, MotionProgram, Pose};
 
 use super::address::{Address, Wire};
 use super::pace::{GAP_S, Pace, Sink, Timing};
-use super::{Motion, MotionSample, Platform, PlatformError};
+use super::{Motion, MotionSample, Platform, PlatformError, check, way};
+use found::{Found, set};
 use line::Line;
 
 /// Poses of a program that `VMO?` is asked about, at most.
@@ -31,18 +31,18 @@ const ASKED: usize = 200;
 const STEP_S: f64 = 0.01;
 /// The plate is looked at so many times a second.
 const LOOKS_HZ: f64 = 20.0;
-/// The longest reference move, and the longest way to a program's start, s.
+/// The longest reference move, s.
 const LONGEST_S: f64 = 120.0;
 
 /// A PI hexapod.
 pub struct GcsPlatform {
+    geometry: Geometry,
     reference: Pose,
     timing: Timing,
-    trajectory: Option<Trajectory>,
-    /// What sets the path's parameters to what they were before the first program, in order.
-    as_found: Vec<String>,
-    /// An earlier program has left it taking consecutive moves only.
-    left_over: bool,
+    program: Option<MotionProgram>,
+    found: Found,
+    /// Something of what was found has been changed.
+    changed: bool,
     state: State,
 }
 
@@ -61,11 +61,6 @@ struct Hexapod {
 
 /// Whoever lets go of a moving platform waits so long for its rest, s.
 const REST_S: f64 = 3.0;
-
-/// The command that sets a parameter of the motion path.
-fn set(parameter: u32, value: impl Display) -> String {
-    format!("SPA X 0x{parameter:X} {value}")
-}
 
 impl GcsPlatform {
     /// Says hello; nothing moves.
@@ -95,13 +90,14 @@ impl GcsPlatform {
         // Errors of whoever was here before.
         line.ask("ERR?")?;
         let reference = geometry.home();
-        let left_over = parameter(&mut line, PATH_SOURCE)? == "1";
+        let found = Found::ask(&mut line)?;
         Ok(Self {
+            geometry: geometry.clone(),
             reference,
             timing: address.timing,
-            trajectory: None,
-            as_found: Vec::new(),
-            left_over,
+            program: None,
+            found,
+            changed: false,
             state: State::Resting(Hexapod { line, reference, last: String::new() }),
         })
     }
@@ -122,28 +118,6 @@ impl GcsPlatform {
     }
 }
 
-/// Asks for a parameter of the motion path.
-fn parameter(line: &mut Line, parameter: u32) -> Result<String, PlatformError> {
-    let question = format!("SPA? X 0x{parameter:X}");
-    let answer = line.ask(&question)?;
-    match answer.trim().rsplit_once('=') {
-        Some((_, value)) => Ok(value.trim().to_owned()),
-        None => Err(line.nonsense(&question, &answer)),
-    }
-}
-
-/// Asks for what a path changes, and returns the commands that bring it back. Single moves come first: a path that was broken off
-/// is then over.
-fn as_found(line: &mut Line) -> Result<Vec<String>, PlatformError> {
-    let buffered = set(PATH_BUFFERED, parameter(line, PATH_BUFFERED)?);
-    let threshold = set(PATH_THRESHOLD, parameter(line, PATH_THRESHOLD)?);
-    let interval = line.ask("SCT?")?;
-    let Some((_, interval)) = interval.trim().rsplit_once('=') else {
-        return Err(line.nonsense("SCT?", &interval));
-    };
-    Ok(vec![set(PATH_SOURCE, 0), buffered, threshold, format!("SCT T {}", interval.trim())])
-}
-
 impl Drop for GcsPlatform {
     fn drop(&mut self) {
         // Whoever wants to know has called it before.
@@ -153,9 +127,7 @@ impl Drop for GcsPlatform {
 
 impl Platform for GcsPlatform {
     fn found(&self) -> Vec<String> {
-        let left = "an earlier program has left it in the mode of consecutive moves (0x19001900 = 1), in which single moves are refused: it \
-                    is left in that of single moves";
-        if self.left_over { vec![left.to_owned()] } else { Vec::new() }
+        self.found.words()
     }
 
     fn release(&mut self) -> Result<(), PlatformError> {
@@ -170,11 +142,13 @@ impl Platform for GcsPlatform {
                 std::thread::sleep(Duration::from_millis(20));
             }
         }
-        let commands = std::mem::take(&mut self.as_found);
-        if commands.is_empty() {
+        if !std::mem::take(&mut self.changed) {
             return Ok(());
         }
+        let commands = self.found.back();
         let hexapod = self.resting()?;
+        // What a stop has left is no refusal of what follows.
+        hexapod.line.ask("ERR?")?;
         commands.iter().try_for_each(|command| hexapod.line.order(command))
     }
 
@@ -216,15 +190,24 @@ impl Platform for GcsPlatform {
                 _ => return Err(hexapod.line.nonsense(&question, &answer)),
             }
         }
-        self.trajectory = Some(trajectory);
+        self.program = Some(program.clone());
         Ok(())
     }
 
+    fn way(&mut self, program: &MotionProgram) -> Result<Option<MotionProgram>, PlatformError> {
+        let reference = self.reference;
+        let hexapod = self.resting()?;
+        // A reference move ends at zero.
+        let referenced = !hexapod.line.six("FRF?")?.contains(&0.0);
+        let here = if referenced { GcsPosition(hexapod.line.six("POS?")?) } else { GcsPosition::default() };
+        way::between(&here.pose(&reference), &program.start, &self.geometry).map(Some)
+    }
+
     fn approach(&mut self, go_on: &dyn Fn() -> bool) -> Result<(), PlatformError> {
-        let Some(trajectory) = self.trajectory.clone() else {
+        let Some(program) = self.program.clone() else {
             return Err(PlatformError::Refused("no motion program is loaded".to_owned()));
         };
-        let reference = self.reference;
+        self.changed = true;
         let hexapod = self.resting()?;
         if hexapod.line.six("SVO?")?.contains(&0.0) {
             hexapod.line.order("SVO X 1 Y 1 Z 1 U 1 V 1 W 1")?;
@@ -235,20 +218,28 @@ impl Platform for GcsPlatform {
                 Ok(line.ask_byte(IS_READY)?.first() == Some(&READY) && !line.six("FRF?")?.contains(&0.0))
             })?;
         }
-        hexapod.line.order(&set(PATH_SOURCE, 0))?;
-        let command = GcsPosition::of(&trajectory.start_pose(), &reference).command("MOV");
-        hexapod.line.order(&command)?;
-        hexapod.wait(&command, go_on, |line| Ok(!line.six("ONT?")?.contains(&0.0)))
+        if let Some(way) = self.way(&program)? {
+            way::drive(self, &way, go_on)?;
+        }
+        self.program = Some(program);
+        Ok(())
     }
 
     fn start(&mut self) -> Result<(), PlatformError> {
-        let Some(trajectory) = self.trajectory.clone() else {
+        let Some(program) = self.program.take() else {
             return Err(PlatformError::Refused("no motion program is loaded".to_owned()));
         };
-        let timing = self.timing;
-        if self.as_found.is_empty() {
-            self.as_found = as_found(&mut self.resting()?.line)?;
+        let (trajectory, reference) = (program.trajectory()?, self.reference);
+        let here = GcsPosition(self.resting()?.line.six("POS?")?).pose(&reference);
+        if !way::near(&here, &program.start) {
+            return Err(PlatformError::Refused(format!(
+                "its plate stands at {}, and the program begins at {}",
+                check::words(&here),
+                check::words(&program.start)
+            )));
         }
+        let timing = self.timing;
+        self.changed = true;
         let hexapod = self.resting()?;
         // The source last: it begins a path.
         let buffered = (timing.lead_s * timing.rate_hz).floor().max(2.0);

@@ -1,0 +1,183 @@
+//! The state in which a controller was found, and how it is brought back.
+
+use std::fmt::Display;
+
+use hexapod::gcs::{GcsPosition, PATH_BUFFERED, PATH_SOURCE, PATH_THRESHOLD};
+
+use super::line::Line;
+use crate::platform::PlatformError;
+
+/// A pivot point nearer to zero than this is there, mm.
+const ZERO_MM: f64 = 1e-6;
+/// Coordinate systems that a controller has from its maker: the hexapod's own, and those of levelling and orientation.
+const MAKERS: [&str; 3] = ["ZERO", "HEXAPOD", "PI_"];
+
+/// What a program changes, and what a program must know of.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Found {
+    /// Where a path comes from: consecutive moves?
+    consecutive: bool,
+    /// Parameters of the path and its interval, as the commands that set them.
+    path: Vec<String>,
+    /// Velocity of single moves, mm/s, if it says.
+    velocity: Option<String>,
+    /// Whether each axis is held.
+    servo: [bool; 6],
+    /// Whether it knows where it is.
+    pub(super) referenced: bool,
+    /// Where the plate is, if it knows.
+    pub(super) position: Option<GcsPosition>,
+    /// Names of the coordinate systems in force, if it says.
+    frames: Option<String>,
+    /// Whether it says where the pivot point is.
+    pivot_known: bool,
+}
+
+/// The command that sets a parameter of the motion path.
+pub(super) fn set(parameter: u32, value: impl Display) -> String {
+    format!("SPA X 0x{parameter:X} {value}")
+}
+
+/// Asks for a parameter of the motion path.
+fn parameter(line: &mut Line, parameter: u32) -> Result<String, PlatformError> {
+    let question = format!("SPA? X 0x{parameter:X}");
+    let answer = line.ask(&question)?;
+    value(&answer).ok_or_else(|| line.nonsense(&question, &answer))
+}
+
+/// What stands behind the equals sign of the only line.
+fn value(answer: &str) -> Option<String> {
+    answer.trim().rsplit_once('=').map(|(_, value)| value.trim().to_owned())
+}
+
+impl Found {
+    /// Asks for everything; nothing is changed.
+    ///
+    /// # Errors
+    /// A pivot point or a coordinate system that the rig file's platform does not have; no answer.
+    pub(super) fn ask(line: &mut Line) -> Result<Self, PlatformError> {
+        // A question that it does not know has no answer.
+        let help = line.ask("HLP?")?;
+        let knows = |verb: &str| help.lines().any(|l| l.split_whitespace().next() == Some(verb));
+        let pivot_known = knows("SPI?");
+        if pivot_known {
+            let answer = line.ask("SPI?")?;
+            agree_on_pivot(&answer).map_err(|at| match at {
+                Some(at) => PlatformError::Refused(format!(
+                    "its pivot point is at {at} mm, and the rig file's poses are those of the plate's origin: bring it back by SPI, as \
+                     SPI R 0 S 0 T 0"
+                )),
+                None => line.nonsense("SPI?", &answer),
+            })?;
+        }
+        let frames = if knows("KEN?") { Some(frames(&line.ask("KEN?")?)?) } else { None };
+        let source = parameter(line, PATH_SOURCE)?;
+        let buffered = set(PATH_BUFFERED, parameter(line, PATH_BUFFERED)?);
+        let threshold = set(PATH_THRESHOLD, parameter(line, PATH_THRESHOLD)?);
+        let answer = line.ask("SCT?")?;
+        let interval = value(&answer).ok_or_else(|| line.nonsense("SCT?", &answer))?;
+        let velocity = if knows("VLS?") { Some(line.ask("VLS?")?.trim().to_owned()) } else { None };
+        let referenced = !line.six("FRF?")?.contains(&0.0);
+        Ok(Self {
+            consecutive: source == "1",
+            // Single moves come first: a path that was broken off is then over.
+            path: vec![set(PATH_SOURCE, 0), buffered, threshold, format!("SCT T {interval}")],
+            velocity,
+            servo: line.six("SVO?")?.map(|on| on != 0.0),
+            referenced,
+            position: if referenced { Some(GcsPosition(line.six("POS?")?)) } else { None },
+            frames,
+            pivot_known,
+        })
+    }
+
+    /// Returns the commands that bring it back, in order.
+    pub(super) fn back(&self) -> Vec<String> {
+        let mut commands = self.path.clone();
+        commands.extend(self.velocity.as_ref().map(|velocity| format!("VLS {velocity}")));
+        let off: Vec<_> = hexapod::gcs::AXES.iter().zip(self.servo).filter(|(_, on)| !on).collect();
+        if !off.is_empty() {
+            let axes = off.iter().fold("SVO".to_owned(), |line, (axis, _)| format!("{line} {axis} 0"));
+            commands.push(axes);
+        }
+        commands
+    }
+
+    /// Returns what its owner should know before anything moves, a sentence each.
+    pub(super) fn words(&self) -> Vec<String> {
+        let mut words = Vec::new();
+        if self.consecutive {
+            words.push(
+                "an earlier program has left it in the mode of consecutive moves (0x19001900 = 1), in which single moves are refused: \
+                 it is left in that of single moves"
+                    .to_owned(),
+            );
+        }
+        let velocity = self
+            .velocity
+            .as_ref()
+            .map_or(String::new(), |v| format!(", the velocity of single moves {v} mm/s"));
+        let path: Vec<&str> = self.path.iter().skip(1).map(|c| c.trim_start_matches("SPA X ")).collect();
+        words.push(format!(
+            "a path of consecutive moves is driven (0x19001900 = 1); found {}{velocity}; all of it is brought back at the end",
+            path.join(", ")
+        ));
+        if !self.servo.iter().all(|on| *on) {
+            words.push("its servos are off: they are switched on, and off again at the end".to_owned());
+        }
+        if !self.referenced {
+            words.push(
+                "it is not referenced: a reference move comes first, on a way and at a speed of its own, which nothing here checks"
+                    .to_owned(),
+            );
+        }
+        words.push(match (&self.frames, self.pivot_known) {
+            (Some(frames), true) => format!("coordinate systems {frames}, pivot point at zero: as in the rig file"),
+            _ => "it does not say which coordinate systems and which pivot point are in force: they must be its maker's".to_owned(),
+        });
+        words
+    }
+}
+
+/// Whether the pivot point is at zero; where it is, otherwise, if that is understood.
+fn agree_on_pivot(answer: &str) -> Result<(), Option<String>> {
+    let mut off = Vec::new();
+    for line in answer.lines() {
+        let (name, value) = line.trim().split_once('=').ok_or(None)?;
+        let mm: f64 = value.trim().parse().map_err(|_| None)?;
+        if !(mm.abs() <= ZERO_MM) {
+            off.push(format!("{} = {mm}", name.trim()));
+        }
+    }
+    if off.is_empty() { Ok(()) } else { Err(Some(off.join(", "))) }
+}
+
+/// The coordinate systems in force, if all are the maker's.
+fn frames(answer: &str) -> Result<String, PlatformError> {
+    let names: Vec<&str> =
+        answer.lines().filter_map(|l| l.split('=').next()).map(str::trim).filter(|n| !n.is_empty()).collect();
+    match names.iter().find(|name| !MAKERS.iter().any(|makers| name.starts_with(makers))) {
+        Some(other) => Err(PlatformError::Refused(format!(
+            "its coordinate system {other} is in force, and the rig file's poses are those of the hexapod's own: bring that back by \
+             KEN ZERO"
+        ))),
+        None if names.is_empty() => Ok("none".to_owned()),
+        None => Ok(names.join(", ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pivot_and_a_frame_of_its_own_are_named() {
+        assert_eq!(agree_on_pivot("R=0.000000\nS=-0.000000\nT=0"), Ok(()));
+        assert_eq!(agree_on_pivot("R=0\nS=0\nT=12.5"), Err(Some("T = 12.5".to_owned())));
+        assert_eq!(agree_on_pivot("R=0\nS=0\nT=NaN"), Err(Some("T = NaN".to_owned())));
+        assert_eq!(agree_on_pivot("what"), Err(None));
+        assert_eq!(frames("PI_Levelling=KLF\nZERO=KSD").unwrap(), "PI_Levelling, ZERO");
+        let said = frames("MINE=KSD").unwrap_err().to_string();
+        assert!(said.contains("MINE") && said.contains("KEN ZERO"), "{said}");
+    }
+}

@@ -1,0 +1,91 @@
+//! The way from where the plate stands to where a program begins: gently, as a program of its own, so that the experiment's time is
+//! the program's.
+
+use std::time::{Duration, Instant};
+
+use hexapod::{Geometry, Limit, MotionError, MotionProgram, Pose, Segment};
+
+use super::{Motion, Platform, PlatformError, check};
+
+/// Poses that are nearer than this are the same, m and rad: what a controller's answer leaves out is less.
+pub(super) const SAME: f64 = 1e-5;
+/// A plate that is nearer than this to where it should be stands there, m and rad.
+const NEAR: f64 = 2e-3;
+/// The longest way, s.
+const LONGEST_S: f64 = 120.0;
+/// The plate is looked at so often.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
+/// How long it may take to come to rest.
+const REST: Duration = Duration::from_secs(4);
+
+fn far(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a.iter().zip(b).fold(0.0, |m: f64, (p, q)| m.max((p - q).abs()))
+}
+
+/// Whether two poses are the same.
+pub(super) fn same(a: &Pose, b: &Pose) -> bool {
+    far(a.position_m, b.position_m).max(far(a.rpy_rad, b.rpy_rad)) < SAME
+}
+
+/// Whether a plate stands where it should, m and rad, as encoders read it.
+pub(super) fn near(a: &Pose, b: &Pose) -> bool {
+    far(a.position_m, b.position_m).max(far(a.rpy_rad, b.rpy_rad)) < NEAR
+}
+
+/// How long the way takes at least: at most 0.1 m/s or 0.4 rad/s.
+fn gentle_s(from: &Pose, to: &Pose) -> f64 {
+    (1.875 * (far(from.position_m, to.position_m) / 0.1).max(far(from.rpy_rad, to.rpy_rad) / 0.4)).max(0.5)
+}
+
+/// Returns the way between two poses, as slow as the legs need it; without segments if they are the same.
+///
+/// # Errors
+/// A straight way that the legs do not reach.
+pub(super) fn between(from: &Pose, to: &Pose, geometry: &Geometry) -> Result<MotionProgram, PlatformError> {
+    if same(from, to) {
+        return Ok(MotionProgram { start: *to, segments: Vec::new() });
+    }
+    let mut duration_s = gentle_s(from, to);
+    loop {
+        let way = MotionProgram { start: *from, segments: vec![Segment::Move { to: *to, duration_s }] };
+        match check::check(&way, geometry, None) {
+            Ok(_) => return Ok(way),
+            Err(PlatformError::Motion(MotionError::Limit { violation, .. }))
+                if matches!(violation.limit, Limit::LegRate | Limit::LegAcceleration)
+                    && duration_s < LONGEST_S =>
+            {
+                duration_s *= 2.0;
+            }
+            Err(other) => return Err(other),
+        }
+    }
+}
+
+/// Drives a way to its end; what was measured on it is of no experiment.
+///
+/// # Errors
+/// As the platform's; [`PlatformError::Interrupted`] once it has come to rest after `go_on` has said no.
+pub(super) fn drive(
+    platform: &mut dyn Platform,
+    way: &MotionProgram,
+    go_on: &dyn Fn() -> bool,
+) -> Result<(), PlatformError> {
+    if way.segments.is_empty() {
+        return Ok(());
+    }
+    platform.load(way)?;
+    platform.start()?;
+    while platform.motion()? == Motion::Moving {
+        if !go_on() {
+            platform.stop()?;
+            let told = Instant::now();
+            while platform.motion()? == Motion::Moving && told.elapsed() < REST {
+                std::thread::sleep(LOOK_EVERY);
+            }
+            return Err(PlatformError::Interrupted);
+        }
+        std::thread::sleep(LOOK_EVERY);
+    }
+    platform.samples();
+    Ok(())
+}
