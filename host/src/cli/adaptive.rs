@@ -7,7 +7,7 @@ use rigident_shared::wire::{EstimateReport, Settings};
 use super::Failure;
 use super::came::Came;
 use crate::answer::result::{ExperimentSummary, SegmentSummary};
-use crate::device::session::{Director, Proposal};
+use crate::device::session::{Axes, Director, Proposal};
 use crate::fit::Factor;
 use crate::plan::adaptive::library::word;
 use crate::plan::adaptive::planner::Known;
@@ -61,6 +61,11 @@ impl Adaptive {
             return Err(Failure::input(format!("--at-most-s {seconds}: a positive number of seconds")));
         }
         Ok(())
+    }
+
+    /// What becomes of an axis that does not follow.
+    pub(super) fn axes(&self) -> Axes {
+        if self.adaptive { Axes::LeftToPlanner } else { Axes::Each }
     }
 
     /// Who decides, if anybody is to; `body` is what the load cell may carry, in S.

@@ -14,9 +14,9 @@ use super::loaded::Loaded;
 use super::options::forgetting::{self, RowsOf};
 use super::options::load::LoadOptions;
 use super::outcome::provenance;
-use super::{Failure, Folder, demo_links, programme, simulated, zeroing};
+use super::{Failure, Folder, demo_links, guards, programme, simulated, zeroing};
 use crate::device::link::Client;
-use crate::device::session::{DeviceTiming, LoadGuard, Session, settings};
+use crate::device::session::{DeviceTiming, Session, settings};
 use crate::platform::{LocalPlatform, Platform as _};
 use crate::problem::body::imu_noise::imu_noise;
 use crate::rig::RigFile;
@@ -72,24 +72,29 @@ fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
     let body =
         if arguments.adaptive.adaptive { weighed(arguments, &config, &settings, &mut file)? } else { None };
     let mut directing = arguments.adaptive.directing(&file, &geometry, &settings, body)?;
-    let (mut stages, mut same_pose, mut duration_s) = (Vec::new(), None, 0.0);
+    let (mut stages, mut same_pose, mut fixed) = (Vec::new(), None, None);
     if directing.is_none() {
         let program = arguments.programme.program(&geometry)?;
         (stages, same_pose) = programme::stages(&program);
         platform.load(&program).map_err(Failure::link)?;
-        duration_s = program.duration_s();
+        fixed = Some(program);
     }
 
     let folder = Folder::new(arguments.output.out.as_deref(), "demo")?;
     let mut comments = device_notes(session.identity());
     comments.extend(provenance(&file));
-    let expected = (duration_s * RATE_HZ) as usize;
+    let expected = (fixed.as_ref().map_or(0.0, MotionProgram::duration_s) * RATE_HZ) as usize;
     let mut watcher = Watcher::recording(folder.file("demo.mcap"), &file, &comments, expected)?;
     session.at_most_s = arguments.adaptive.at_most_s;
-    session.load_guard = file.load_cell.range_n_nm.map(LoadGuard::new);
-    let mut take = match &mut directing {
-        Some(directing) => session.follow_decided(&mut platform, directing, &mut watcher),
-        None => session.follow(&mut platform, &mut watcher),
+    guards::watch(&mut session, &file, arguments.adaptive.axes())?;
+    if fixed.as_ref().is_some_and(|program| program.start != geometry.home()) {
+        // The rig puts a way to the start before it: its times are not the program's.
+        session.motion_guard = None;
+    }
+    let mut take = match (&mut directing, &fixed) {
+        (Some(directing), _) => session.follow_decided(&mut platform, directing, &mut watcher),
+        (None, Some(program)) => session.follow(&mut platform, program, &mut watcher),
+        (None, None) => return Err(Failure::input("there is no motion program")),
     }
     .map_err(Failure::link)?;
     watcher.end(&mut take);
@@ -147,6 +152,6 @@ fn weighed(
         segments: vec![Segment::Hold { duration_s: WEIGHED_S }],
     };
     platform.load(&rest).map_err(Failure::link)?;
-    let take = session.follow(&mut platform, &mut Watcher::new(0)).map_err(Failure::link)?;
+    let take = session.follow(&mut platform, &rest, &mut Watcher::new(0)).map_err(Failure::link)?;
     zeroing::weigh(&zeroing::at_rest(&take.readings, file.imu.first())?, file)
 }

@@ -17,11 +17,11 @@ use super::links_on_device::{check_asked, device_parameters};
 use super::loaded::Loaded;
 use super::outcome::provenance;
 use super::refused::refuse_for_trees;
-use super::{Failure, Folder, simulated};
+use super::{Failure, Folder, guards, simulated};
 use crate::device::link::Client;
 use crate::device::session::tree::{self, device_tree, tree_settings};
 use crate::device::session::two_links::{attitude_source, two_link_settings};
-use crate::device::session::{DeviceTiming, Session, frames, two_links};
+use crate::device::session::{Axes, DeviceTiming, Session, frames, two_links};
 use crate::model::human::Person;
 use crate::model::rig_links::from_tables;
 use crate::platform::{LocalPlatform, Platform as _};
@@ -93,7 +93,8 @@ pub(super) fn two_links(arguments: &Demo) -> Result<ExitCode, Failure> {
     let mut comments = device_notes(session.identity());
     comments.extend(provenance(&file));
     let mut watcher = Watcher::recording(folder.file("demo.mcap"), &file, &comments, expected)?;
-    let mut take = session.follow(&mut platform, &mut watcher).map_err(Failure::link)?;
+    guards::watch(&mut session, &file, Axes::Each)?;
+    let mut take = session.follow(&mut platform, &program, &mut watcher).map_err(Failure::link)?;
     watcher.end(&mut take);
     let read = two_links::recording("demo", &file, RATE_HZ, &take.links);
     Experiment {

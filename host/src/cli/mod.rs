@@ -23,6 +23,7 @@ mod factor;
 mod factor_arguments;
 mod failure;
 mod folder;
+mod guards;
 mod identify;
 mod link;
 mod links_on_device;

@@ -19,10 +19,10 @@ use super::outcome::provenance;
 use super::refused::refuse_for_trees;
 use super::tracking_error::{MotionLog, TrackingError};
 use super::zeroing::{self, warm_up, weigh, zero, zero_second};
-use super::{Failure, Folder, programme};
+use super::{Failure, Folder, guards, programme};
 use crate::device::session::tree::device_tree;
 use crate::device::session::{
-    DeviceTiming, INTERRUPTED, LoadGuard, Session, SessionError, settings, sound, state_imu_noise, two_links,
+    DeviceTiming, INTERRUPTED, Session, SessionError, settings, sound, state_imu_noise, two_links,
 };
 use crate::fit::Parameter;
 use crate::model::Model;
@@ -128,7 +128,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     }
     let mut directing = arguments.adaptive.directing(&rig, &geometry, &settings, body)?;
     let (mut stages, mut same_pose) = (Vec::new(), None);
-    session.load_guard = rig.load_cell.range_n_nm.map(LoadGuard::new);
+    guards::watch(&mut session, &rig, arguments.adaptive.axes())?;
     if let Some(program) = &fixed {
         (stages, same_pose) = programme::stages(program);
         tell!("to the first pose");
@@ -160,7 +160,10 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     session.at_most_s = arguments.adaptive.at_most_s;
     let mut take = match &mut directing {
         Some(directing) => session.follow_decided(platform.as_mut(), directing, &mut watcher),
-        None => session.follow(platform.as_mut(), &mut watcher),
+        None => {
+            let program = fixed.as_ref().ok_or_else(|| Failure::input("there is no motion program"))?;
+            session.follow(platform.as_mut(), program, &mut watcher)
+        }
     }
     .map_err(Failure::link)?;
     watcher.end(&mut take);

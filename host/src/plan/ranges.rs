@@ -142,8 +142,8 @@ pub fn peaks(
     }
 }
 
-/// The IMU without errors; `None` without an IMU.
-fn ideal(rig: &RigFile, at: &Vector3<f64>) -> Option<hexapod::IdealSensors> {
+/// Returns the IMU without errors, the load cell at a place in P, m; `None` without an IMU in the rig file.
+pub fn ideal(rig: &RigFile, at: &Vector3<f64>) -> Option<hexapod::IdealSensors> {
     let imu = rig.imu.first()?;
     let cell = rig.platform.as_ref().and_then(|p| p.load_cell.as_ref());
     let payload = Payload {

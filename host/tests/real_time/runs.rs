@@ -238,6 +238,30 @@ fn a_host_that_stalls_in_mid_run_is_told_of_and_what_follows_is_taken_in() {
     assert!(named.iter().any(|words| error.contains(words)) && rows > 7_000, "{rows} rows: {error}\n{said}");
 }
 
+/// A controller that takes every line and moves nothing.
+#[test]
+fn a_stream_that_nobody_follows_ends_the_run_in_words_within_half_a_second_of_motion() {
+    let served = Served::new();
+    let server = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = format!("pose+tcp://{}", server.local_addr().unwrap());
+    let swallowing = std::thread::spawn(move || {
+        let (mut stream, _) = server.accept().unwrap();
+        std::io::copy(&mut stream, &mut std::io::sink()).unwrap()
+    });
+    let output =
+        run_at(&served, &address, "out", &["--duration-s", "20", "--yes", "--json"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(3), "{}", said(&output));
+    let result: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let error = result["error"].as_str().unwrap();
+    assert!(error.contains("is told to move, and for 0.25 s after the IMU shows none of it"), "{error}");
+    // It holds for 0.3 s, and moves gently at first.
+    let moved_s =
+        error.split("t = ").nth(1).and_then(|t| t.split(' ').next()).unwrap().parse::<f64>().unwrap();
+    assert!(moved_s < 1.5, "{error}");
+    assert!(swallowing.join().unwrap() > 1000);
+    assert!(served.path("out/run.mcap").exists());
+}
+
 #[test]
 fn a_controller_lost_in_mid_run_ends_it_with_the_command_named_and_the_recording_kept() {
     let mut served = Served::new();

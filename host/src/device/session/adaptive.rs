@@ -4,7 +4,7 @@ use std::time::Duration;
 use hexapod::MotionProgram;
 use rigident_shared::wire::{Command, EstimateReport};
 
-use super::{INTERRUPTED, Observer, STOPPED, Session, SessionError, Take, Taking, tell};
+use super::{INTERRUPTED, Observer, STOPPED, Session, SessionError, Take, Taking};
 use crate::fit::Factor;
 use crate::platform::{Motion, Platform, PlatformError};
 
@@ -105,7 +105,7 @@ impl Session {
             }
             let begun_s = taking.span_s();
             director.begins(begun_s);
-            platform.start()?;
+            self.set_going(platform, &program)?;
             match self.segment(begun_s, platform, director, taking, observer)? {
                 Ended::Early => return Ok(()),
                 Ended::Whole => {}
@@ -186,7 +186,7 @@ impl Session {
         let mut judged = taking.estimates.len();
         loop {
             self.listen(taking, observer)?;
-            tell(platform, begun_s, observer)?;
+            self.tell(platform, begun_s, observer)?;
             if INTERRUPTED.load(Ordering::Relaxed) {
                 taking.interrupted = true;
                 return Ok(Ended::Early);
@@ -210,7 +210,10 @@ impl Session {
                 return Ok(Ended::Early);
             }
             if platform.motion()? == Motion::Done {
-                tell(platform, begun_s, observer)?;
+                self.tell(platform, begun_s, observer)?;
+                if let Some(guard) = &mut self.motion_guard {
+                    guard.ends();
+                }
                 return Ok(Ended::Whole);
             }
         }

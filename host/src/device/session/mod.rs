@@ -7,6 +7,7 @@ mod adaptive;
 pub mod frames;
 mod inject;
 mod load_guard;
+mod motion_guard;
 pub mod precision;
 mod settings;
 pub mod sound;
@@ -19,16 +20,20 @@ use std::time::{Duration, Instant};
 
 use rigident_shared::calibration::Reading;
 use rigident_shared::wire::{
-    Command, Identity, LinkReadingMessage, ModelSettings, Reason, Reply, Settings, StateName, Telemetry,
+    Command, Identity, LinkReadingMessage, ModelSettings, ReadingMessage, Reason, Reply, Settings, StateName,
+    Telemetry,
 };
 
 pub use adaptive::{Director, Proposal};
 pub use load_guard::LoadGuard;
+pub use motion_guard::{Axes, MotionGuard};
 pub use settings::{DeviceTiming, SettingsError, settings, state_imu_noise};
 use take::Taking;
 pub use take::{Observer, Take, narrow, widen};
 
 use crate::device::link::{Client, LinkError, TakenFactor};
+use hexapod::MotionProgram;
+
 use crate::fit::Factor;
 use crate::platform::{Motion, MotionSample, Platform, PlatformError};
 
@@ -83,6 +88,12 @@ pub enum SessionError {
         /// The unit of both.
         unit: &'static str,
     },
+    /// The plate does not do what the program says.
+    #[error(
+        "{0}: the motion was ended. Is the platform switched on and in the mode that it should be in, the rig file's [[imu]] turned as \
+         the IMU is, the body free to move?"
+    )]
+    NotFollowed(String),
     /// The observer could not do its part, such as writing.
     #[error("{0}")]
     Observer(String),
@@ -102,6 +113,10 @@ pub struct Session {
     pub at_most_s: Option<f64>,
     /// Ends a motion before the load cell is overloaded.
     pub load_guard: Option<LoadGuard>,
+    /// Ends a motion that the plate does not follow.
+    pub motion_guard: Option<MotionGuard>,
+    /// The host's time is counted from here.
+    opened: Instant,
 }
 
 impl Session {
@@ -120,6 +135,8 @@ impl Session {
             stops_itself: false,
             at_most_s: None,
             load_guard: None,
+            motion_guard: None,
+            opened: Instant::now(),
         })
     }
 
@@ -153,21 +170,22 @@ impl Session {
         Ok(())
     }
 
-    /// Starts the device and the loaded program, follows both to the end, and fetches the factor.
+    /// Starts the device and the loaded `program`, follows both to the end, and fetches the factor.
     ///
     /// # Errors
     /// What prevents a start. Anything later is told in [`Take::broken`], with what came before.
     pub fn follow(
         &mut self,
         platform: &mut dyn Platform,
+        program: &MotionProgram,
         observer: &mut dyn Observer,
     ) -> Result<Take, SessionError> {
         self.start()?;
         let mut taking = Taking::default();
-        let outcome = platform.start().map_err(SessionError::from).and_then(|()| {
+        let outcome = self.set_going(platform, program).and_then(|()| {
             loop {
                 self.listen(&mut taking, observer)?;
-                tell(platform, 0.0, observer)?;
+                self.tell(platform, 0.0, observer)?;
                 if INTERRUPTED.load(Ordering::Relaxed) {
                     taking.interrupted = true;
                     return Ok(());
@@ -175,14 +193,28 @@ impl Session {
                 self.resume(platform, &mut taking)?;
                 if self.at_most_s.is_some_and(|most_s| taking.span_s() >= most_s) {
                     (taking.ended, taking.cut_short) = (true, true);
-                    return tell(platform, 0.0, observer);
+                    return self.tell(platform, 0.0, observer);
                 }
                 if taking.held() || platform.motion()? == Motion::Done {
-                    return tell(platform, 0.0, observer);
+                    return self.tell(platform, 0.0, observer);
                 }
             }
         });
         Ok(self.finish(platform, taking, outcome, observer))
+    }
+
+    /// Starts a loaded program; from now on the plate must follow it.
+    fn set_going(
+        &mut self,
+        platform: &mut dyn Platform,
+        program: &MotionProgram,
+    ) -> Result<(), SessionError> {
+        platform.start()?;
+        let now_s = self.heartbeats.then(|| self.opened.elapsed().as_secs_f64());
+        if let Some(guard) = &mut self.motion_guard {
+            guard.begins(program, now_s).map_err(PlatformError::from)?;
+        }
+        Ok(())
     }
 
     /// The motion first, then the recording.
@@ -193,6 +225,9 @@ impl Session {
         outcome: Result<(), SessionError>,
         observer: &mut dyn Observer,
     ) -> Take {
+        if let Some(guard) = &mut self.motion_guard {
+            guard.ends();
+        }
         // Whatever went wrong, the plate must not go on.
         let at_rest = if outcome.is_err() || taking.held() || taking.interrupted || taking.ended {
             self.bring_to_rest(platform, &mut taking, observer)
@@ -410,7 +445,8 @@ impl Session {
     }
 
     fn sort(&mut self, taking: &mut Taking, observer: &mut dyn Observer) -> Result<(), SessionError> {
-        let mut near_range = Ok(());
+        let mut guarded = Ok(());
+        let arrived_s = self.opened.elapsed().as_secs_f64();
         while let Some(message) = self.client.next_telemetry() {
             match message {
                 Telemetry::Readings { first, readings } => {
@@ -419,7 +455,7 @@ impl Session {
                     for reading in &readings {
                         observer.reading(reading).map_err(SessionError::Observer)?;
                         taking.readings.push(widen(reading));
-                        near_range = near_range.and_then(|()| self.guarded(&reading.wrench));
+                        guarded = guarded.and_then(|()| self.guarded(reading, arrived_s));
                     }
                 }
                 Telemetry::Estimate(report) => {
@@ -447,32 +483,50 @@ impl Session {
                     for reading in readings.iter().filter(|r| taking.watching || absorbed(r)) {
                         observer.link_reading(reading).map_err(SessionError::Observer)?;
                         taking.links.push(*reading);
-                        near_range = near_range.and_then(|()| self.guarded(&reading.base.wrench));
+                        guarded = guarded.and_then(|()| self.guarded(&reading.base, arrived_s));
                     }
                 }
                 Telemetry::Heartbeat { .. } => {}
             }
         }
-        near_range
+        guarded
     }
 
-    /// Looks at the load cell while something moves; what comes after the first alarm is the way to rest.
-    fn guarded(&mut self, wrench: &[f32; 6]) -> Result<(), SessionError> {
-        let Some(guard) = &mut self.load_guard else { return Ok(()) };
-        let looked = guard.reading(wrench);
+    /// Looks at load cell and IMU while something moves; what comes after the first alarm is the way to rest.
+    fn guarded(&mut self, reading: &ReadingMessage, arrived_s: f64) -> Result<(), SessionError> {
+        if let Some(guard) = &mut self.load_guard {
+            let looked = guard.reading(&reading.wrench);
+            if looked.is_err() {
+                self.load_guard = None;
+            }
+            looked?;
+        }
+        let Some(guard) = &mut self.motion_guard else { return Ok(()) };
+        let time_s = reading.time_ns as f64 * 1e-9;
+        let looked = guard.reading(time_s, arrived_s, &reading.specific_force, &reading.angular_rate);
         if looked.is_err() {
-            self.load_guard = None;
+            guard.ends();
         }
         looked
     }
-}
 
-/// Hands on where the plate should be and is, for a program that began so long after the first, s.
-fn tell(platform: &mut dyn Platform, begun_s: f64, observer: &mut dyn Observer) -> Result<(), SessionError> {
-    platform.samples().into_iter().try_for_each(|sample| {
-        let sample = MotionSample { time_s: sample.time_s + begun_s, ..sample };
-        observer.motion(&sample).map_err(SessionError::Observer)
-    })
+    /// Hands on where the plate should be and is, for a program that began so long after the first, s.
+    fn tell(
+        &mut self,
+        platform: &mut dyn Platform,
+        begun_s: f64,
+        observer: &mut dyn Observer,
+    ) -> Result<(), SessionError> {
+        let mut follows = Ok(());
+        for sample in platform.samples() {
+            if let Some(guard) = &mut self.motion_guard {
+                follows = follows.and_then(|()| guard.sample(&sample));
+            }
+            let sample = MotionSample { time_s: sample.time_s + begun_s, ..sample };
+            observer.motion(&sample).map_err(SessionError::Observer)?;
+        }
+        follows
+    }
 }
 
 fn advice(reason: Reason) -> &'static str {
