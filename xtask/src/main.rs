@@ -14,6 +14,7 @@ mod goldens;
 mod picture;
 mod places;
 mod process;
+mod safety;
 mod setup;
 mod size;
 mod structure;
@@ -64,6 +65,8 @@ enum Verb {
     Picture,
     /// Compare README's support matrix with the list of tests behind its cells, or write it.
     Support(support::Options),
+    /// Have things go wrong in every phase of a run, on the simulated rig: the plate must be at rest in 0.8 s. Takes minutes.
+    Safety(safety::Options),
     /// Make the tables of docs/estimation.md, docs/platform.md and docs/trees.md anew.
     Tables(tables::Options),
 }
@@ -93,6 +96,7 @@ fn run(verb: &Verb, core: Option<Core>) -> anyhow::Result<()> {
         Verb::Structure => structure::run(),
         Verb::Picture => picture::run(),
         Verb::Support(options) => support::run(options),
+        Verb::Safety(options) => safety::run(options),
         Verb::Tables(options) => tables::run(options),
     }
 }

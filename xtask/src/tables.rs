@@ -14,6 +14,12 @@ pub struct Options {
     arguments: Vec<String>,
 }
 
+/// Makes the named tables; puts them into their documents if told to.
+pub fn make(names: &[&str], write: bool) -> Result<()> {
+    let written = write.then_some("--write");
+    run(&Options { arguments: names.iter().copied().chain(written).map(str::to_owned).collect() })
+}
+
 /// Runs the studies.
 pub fn run(options: &Options) -> Result<()> {
     let mut command = process::cargo(places::root());

@@ -3,18 +3,18 @@
 //! | line | what it does |
 //! |---|---|
 //! | `{"cmd":"load","program":…}` | takes a motion program and checks it against the legs |
-//! | `{"cmd":"start"}` | starts it |
+//! | `{"cmd":"start","quiet_s":0.25}` | starts it; without `quiet_s` it is 2 |
 //! | `{"cmd":"stop"}` | brings the plate to rest within half a second |
 //! | `{"cmd":"state"}` | nothing |
 //!
 //! Every line is answered with one: `{"ok":true,"state":"holding|moving|done","time_s":…,"duration_s":…,
-//! "pose":…}` or `{"ok":false,"error":"…"}`. A client that goes away, or says nothing for two seconds, while the plate moves by its
+//! "pose":…}` or `{"ok":false,"error":"…"}`. A client that goes away, or says nothing for `quiet_s`, while the plate moves by its
 //! command stops it.
 
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream, ToSocketAddrs};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
@@ -24,8 +24,10 @@ use hexapod::{MotionProgram, PROGRAM_LINE_BYTES, Pose};
 
 use super::listener::{LOOK_AGAIN, Listener};
 
-/// A client that moves the plate and says nothing for so long has hung.
-const QUIET: Duration = Duration::from_secs(2);
+/// A client that moves the plate and says nothing for so long has hung, s, unless it has named another time.
+const QUIET_S: f64 = 2.0;
+/// What it may name.
+const QUIETS_S: std::ops::RangeInclusive<f64> = 0.05..=60.0;
 
 /// Not one enum tagged by `cmd`: such an enum cannot hold floats once any crate of the build asks serde_json
 /// for arbitrary precision, and the log decoder does.
@@ -34,6 +36,7 @@ const QUIET: Duration = Duration::from_secs(2);
 struct Request {
     cmd: Verb,
     program: Option<MotionProgram>,
+    quiet_s: Option<f64>,
 }
 
 #[derive(Debug, PartialEq, Deserialize)]
@@ -91,12 +94,12 @@ fn attend(stream: TcpStream, rig: &SharedRig, leave: &AtomicBool) {
 fn converse(stream: TcpStream, rig: &SharedRig, leave: &AtomicBool) -> io::Result<bool> {
     stream.set_nonblocking(false)?;
     stream.set_nodelay(true)?;
-    stream.set_read_timeout(Some(LOOK_AGAIN))?;
+    stream.set_read_timeout(Some(LOOK_AGAIN / 2))?;
     let mut out = stream.try_clone()?;
     let mut input = BufReader::new(stream);
     let mut line = Vec::new();
     let mut started = false;
-    let mut heard = Instant::now();
+    let (mut heard, mut quiet_s) = (Instant::now(), QUIET_S);
     loop {
         // What a timed-out read has brought stays in `line`.
         let left = PROGRAM_LINE_BYTES.saturating_sub(line.len()) as u64;
@@ -105,7 +108,7 @@ fn converse(stream: TcpStream, rig: &SharedRig, leave: &AtomicBool) -> io::Resul
                 if leave.load(Ordering::Acquire) {
                     return Ok(started);
                 }
-                if started && heard.elapsed() > QUIET {
+                if started && heard.elapsed().as_secs_f64() > quiet_s {
                     lock(rig).stop();
                 }
                 continue;
@@ -122,6 +125,9 @@ fn converse(stream: TcpStream, rig: &SharedRig, leave: &AtomicBool) -> io::Resul
         let answer = match serde_json::from_slice::<Request>(&line) {
             Ok(request) => {
                 started |= request.cmd == Verb::Start;
+                if let Some(named_s) = request.quiet_s.filter(|s| QUIETS_S.contains(s)) {
+                    quiet_s = named_s;
+                }
                 obey(&mut lock(rig), request)
             }
             Err(e) => refused(format!("not a command: {e}")),

@@ -395,6 +395,9 @@ pub struct Montecarlo {
     /// Length of each experiment, s
     #[arg(long, default_value_t = 20.0, value_name = "S")]
     pub duration_s: f64,
+    /// Do this instead of the default experiment: a plan that `rigident plan … --out` wrote for the built-in platform
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["duration_s", "model"])]
+    pub plan: Option<PathBuf>,
     /// Rate of the readings, 1/s
     #[arg(long, default_value_t = 200.0, value_name = "HZ")]
     pub rate_hz: f64,
@@ -453,6 +456,8 @@ fn sigma(text: &str) -> Result<f64, String> {
 pub enum Repeated {
     /// Still poses only: the centre of mass by the thesis' estimators and ours, bias and precision errors apart
     Poses(MontecarloPoses),
+    /// The planned motions in both mountings: what was predicted of each against what many experiments find
+    Motions(MontecarloMotions),
 }
 
 /// What the 95 % figures of the thesis' Table 1 are taken for.
@@ -489,6 +494,30 @@ impl Arguments {
     }
 }
 
+/// `rigident montecarlo motions`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "The motions are those of `rigident plan compare`, each after its static step, with the sensors of the thesis.\n\nExamples:\n  \
+                        rigident montecarlo motions\n  rigident montecarlo motions --runs 2000 --json"
+)]
+pub struct MontecarloMotions {
+    /// Number of experiments of each motion
+    #[arg(long, default_value_t = 400, value_name = "R", value_parser = clap::value_parser!(u64).range(2..=1_000_000))]
+    pub runs: u64,
+    /// Seed of all of them; the figures follow from it on any number of cores
+    #[arg(long, default_value_t = 1, value_name = "S", value_parser = clap::value_parser!(u64).range(..=u64::from(u32::MAX)))]
+    pub seed: u64,
+    /// Length of each experiment, s
+    #[arg(long, default_value_t = 40.0, value_name = "S")]
+    pub duration_s: f64,
+    /// Rate of the readings, 1/s
+    #[arg(long, default_value_t = 200.0, value_name = "HZ")]
+    pub rate_hz: f64,
+    /// Print one object on standard output, and nothing else there
+    #[arg(long)]
+    pub json: bool,
+}
+
 /// `rigident montecarlo poses`
 #[derive(Args, Debug, Clone)]
 #[command(
@@ -516,6 +545,9 @@ pub struct MontecarloPoses {
     /// Write a normal probability plot of the thesis' estimator here, SVG; must not exist
     #[arg(long, value_name = "FILE")]
     pub plot: Option<PathBuf>,
+    /// Draw the worst axis' uncertainty over the number of poses here, SVG; must not exist
+    #[arg(long, value_name = "FILE")]
+    pub plot_over_n: Option<PathBuf>,
     /// Number of poses in the plot
     #[arg(long, default_value_t = 5, value_name = "K", requires = "plot")]
     pub plot_n: usize,

@@ -33,6 +33,8 @@ mod model;
 #[cfg(feature = "simulator")]
 mod montecarlo;
 #[cfg(feature = "simulator")]
+mod montecarlo_motions;
+#[cfg(feature = "simulator")]
 mod montecarlo_poses;
 mod motion_plots;
 mod options;
@@ -212,6 +214,7 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
         #[cfg(feature = "simulator")]
         Some(Command::Montecarlo(a)) => match &a.what {
             Some(Repeated::Poses(poses)) => montecarlo_poses::run(poses),
+            Some(Repeated::Motions(motions)) => montecarlo_motions::run(motions),
             None => montecarlo::run(&a),
         },
         Some(Command::Statics(a)) => statics::run(&a),

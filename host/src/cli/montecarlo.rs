@@ -15,6 +15,7 @@ use crate::montecarlo::{
     Campaign, CampaignError, DERIVED, Judgement, Limits95, Solver, TreeCampaign, TreeExperiment, Verdict,
     gain_error_sensors, noise_and_gain_error_sensors,
 };
+use crate::plan::plan_file::PlanFile;
 use crate::simulated::trees;
 
 /// The object of `--json`.
@@ -64,12 +65,14 @@ pub(super) fn run(arguments: &Montecarlo) -> Result<ExitCode, Failure> {
     ] {
         axes.iter_mut().zip(sigma.iter().cycle()).for_each(|(own, sigma)| *own = *sigma);
     }
+    let plan = arguments.plan.as_deref().map(|path| PlanFile::read(path, &config.geometry)).transpose();
+    let program = plan.map_err(Failure::input)?.map(|plan| plan.program);
     let solver = match arguments.mcu {
         Estimating::Host => Solver::Host,
         Estimating::Inproc => Solver::Firmware,
     };
     let campaign = Campaign {
-        program: None,
+        program,
         duration_s: arguments.duration_s,
         rate_hz: arguments.rate_hz,
         solver,

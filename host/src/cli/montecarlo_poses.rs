@@ -17,6 +17,7 @@ use crate::plan::poses::montecarlo::{
 };
 use crate::plan::poses::plan::{Task, check_n, plan};
 use crate::plan::poses::{Objective, Reach, Region};
+use crate::present::over_n;
 use crate::present::probability::{Panel, Sample, straightness, svg};
 use crate::recording::error::RecordingError;
 use crate::recording::new_file::write_new_text;
@@ -77,8 +78,10 @@ pub(super) fn run(arguments: &MontecarloPoses) -> Result<ExitCode, Failure> {
         return Err(Failure::input(format!("--plot-n {plot_n}: it must be within {from} to {to}")));
     }
     // Said now rather than after the work.
-    if let Some(path) = arguments.plot.as_ref().filter(|path| path.symlink_metadata().is_ok()) {
-        return Err(Failure::input(RecordingError::Exists(path.display().to_string())));
+    for path in [&arguments.plot, &arguments.plot_over_n].into_iter().flatten() {
+        if path.symlink_metadata().is_ok() {
+            return Err(Failure::input(RecordingError::Exists(path.display().to_string())));
+        }
     }
     let mut progress = Progress::new();
     let sets = sets(arguments, &mut progress)?;
@@ -101,6 +104,11 @@ pub(super) fn run(arguments: &MontecarloPoses) -> Result<ExitCode, Failure> {
         (Some(path), Some(ups)) => plot(arguments, path, ups)?,
         _ => Vec::new(),
     };
+    if let Some(path) = &arguments.plot_over_n {
+        let title = "Uncertainty of the centre of mass over the number of poses";
+        write_new_text(path, &over_n::svg(title, &over_n(&rows))).map_err(Failure::input)?;
+        tell!("{}", path.display());
+    }
     let reductions = reductions(&rows);
     if arguments.json {
         let experiments = rows.iter().map(cell).collect();
@@ -161,6 +169,31 @@ fn plot(arguments: &MontecarloPoses, path: &Path, ups: &[Vector3<f64>]) -> Resul
     write_new_text(path, &svg(&panels)).map_err(Failure::input)?;
     tell!("{}", path.display());
     Ok(normality)
+}
+
+/// The worst axis of every estimator over the number of poses, noise and offset together, both mountings.
+fn over_n(rows: &[Row]) -> Vec<over_n::Panel> {
+    let panel = |mounting: Mounting| {
+        let of: Vec<&Row> =
+            rows.iter().filter(|r| r.mounting == mounting && r.errors == Errors::Both).collect();
+        let curve = |(k, estimator): (usize, Estimator)| {
+            let points = |value: fn(&Spread) -> f64| {
+                let point = |row: &&Row| row.spreads[k].as_ref().map(|s| (row.n as f64, 3e3 * value(s)));
+                of.iter().filter_map(point).collect()
+            };
+            over_n::Curve {
+                name: estimator.name().replace('_', " "),
+                found: points(|s| s.sd.max()),
+                predicted: points(|s| s.predicted_sd.max()),
+            }
+        };
+        over_n::Panel {
+            title: format!("{}, worst axis, 99.7 %", mounting.name()),
+            unit: "mm".to_owned(),
+            curves: Estimator::ALL.into_iter().enumerate().map(curve).collect(),
+        }
+    };
+    Mounting::ALL.into_iter().map(panel).collect()
 }
 
 fn millimetres(v: Vector3<f64>) -> [f64; 3] {

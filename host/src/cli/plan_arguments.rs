@@ -146,6 +146,9 @@ pub struct Workspace {
     /// Print one object on standard output, and nothing else there
     #[arg(long)]
     pub json: bool,
+    /// Draw the still poses of this plan on the map, as `rigident plan poses --out` wrote it for this rig
+    #[arg(long, value_name = "FILE")]
+    pub plan: Option<PathBuf>,
     /// Folder for picture and object; must be new or empty. Default: a new folder here
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
@@ -184,6 +187,9 @@ pub struct PlanMotion {
     /// Write a plan for `rigident demo --plan` and `rigident run --plan` here, JSON; must not exist
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
+    /// Draw the directions of angular rate and acceleration on their spheres here, SVG; must not exist
+    #[arg(long, value_name = "FILE")]
+    pub plot: Option<PathBuf>,
     /// Print one object on standard output, and nothing else there
     #[arg(long)]
     pub json: bool,

@@ -20,7 +20,9 @@ use crate::plan::equipment::Equipment;
 use crate::plan::machine;
 use crate::plan::motion::{self, MotionPlan, Objective, Task, compare, coverage};
 use crate::plan::plan_file::PlanFile;
+use crate::present::directions::{self, Directions};
 use crate::recording::error::RecordingError;
+use crate::recording::new_file::write_new_text;
 use crate::rig::RigFile;
 
 /// The object of `--json`.
@@ -57,10 +59,11 @@ struct PeakObject {
 
 /// `rigident plan motion`
 pub(super) fn run(arguments: &PlanMotion) -> Result<ExitCode, Failure> {
-    if let Some(path) = &arguments.out
-        && path.symlink_metadata().is_ok()
-    {
-        return Err(Failure::input(RecordingError::Exists(path.display().to_string())));
+    // Said now rather than after the work.
+    for path in [&arguments.out, &arguments.plot].into_iter().flatten() {
+        if path.symlink_metadata().is_ok() {
+            return Err(Failure::input(RecordingError::Exists(path.display().to_string())));
+        }
     }
     let (task, body) = task(arguments)?;
     let (name, words) = match arguments.objective {
@@ -85,6 +88,18 @@ pub(super) fn run(arguments: &PlanMotion) -> Result<ExitCode, Failure> {
     let trajectory = plan.program.trajectory().map_err(Failure::input)?;
     let [from, to] = plan.motion_s;
     let covered = coverage::of_motion(&trajectory, from, to);
+    if let Some(path) = &arguments.plot {
+        let kinds = ["angular rate", "angular acceleration"].into_iter().zip(covered);
+        let spheres: Vec<Directions> = kinds
+            .zip(coverage::vectors(&trajectory, from, to))
+            .map(|((kind, share), vectors)| Directions {
+                title: format!("{kind}, axes of the plate: {:.0} % of all directions", 100.0 * share),
+                vectors: vectors.into_iter().map(Into::into).collect(),
+            })
+            .collect();
+        write_new_text(path, &directions::svg(words, &spheres)).map_err(Failure::input)?;
+        tell!("{}", path.display());
+    }
     if arguments.json {
         say(serde_json::to_string(&object(&plan, name, &body, covered)).map_err(Failure::input)?);
     } else {

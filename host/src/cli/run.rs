@@ -276,13 +276,14 @@ fn within_ranges(
 /// Brings the plate to the first pose. The device is heard meanwhile: nobody may keep it waiting.
 fn approach(platform: &mut dyn Platform, session: &mut Session) -> Result<(), Failure> {
     let (near, mut why) = (AtomicBool::new(false), None);
+    session.watches(true);
     let go_on = || ![&INTERRUPTED, &near].iter().any(|stop| stop.load(Ordering::Relaxed));
     let approached = std::thread::scope(|scope| {
         let moving = scope.spawn(|| platform.approach(&go_on));
         while !moving.is_finished() {
             match session.watch(0.1, &mut Watcher::new(0)) {
                 Ok(_) if go_on() => continue,
-                Err(error @ SessionError::NearRange { .. }) => {
+                Err(error @ (SessionError::NearRange { .. } | SessionError::Unheard(_))) => {
                     near.store(true, Ordering::Relaxed);
                     why = Some(error);
                 }
@@ -293,6 +294,7 @@ fn approach(platform: &mut dyn Platform, session: &mut Session) -> Result<(), Fa
         }
         moving.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     });
+    session.watches(false);
     match (approached, why) {
         (_, Some(error)) => Err(Failure::link(format!(
             "on the way to the first pose: {error}.\nThe platform was stopped; nothing was recorded."

@@ -1,7 +1,7 @@
 use std::path::Path;
 use std::process::ExitCode;
 
-use hexapod::Geometry;
+use hexapod::{Geometry, Segment};
 use serde::Serialize;
 
 use super::outcome::say;
@@ -10,6 +10,7 @@ use super::programme::tell_collisions;
 use super::{Failure, Folder, Progress};
 use crate::device::session::INTERRUPTED;
 use crate::plan::machine;
+use crate::plan::plan_file::PlanFile;
 use crate::plan::workspace::{Map, MapError, Reach, Span};
 use crate::present::workspace as figure;
 use crate::rig::RigFile;
@@ -43,6 +44,7 @@ pub(super) fn run(arguments: &Workspace) -> Result<ExitCode, Failure> {
     let geometry = platform(arguments.rig.as_deref(), arguments.stroke_m)?;
     let span =
         Span { most_deg: arguments.range_deg, step_deg: arguments.step_deg, yaw_deg: arguments.yaw_deg };
+    let poses = arguments.plan.as_deref().map(|path| still_poses(path, &geometry)).transpose()?;
     // One that cannot be written to is told before anything is computed.
     let asked_for = arguments.out.as_deref().map(|out| Folder::new(Some(out), "workspace")).transpose()?;
     let mut progress = Progress::new();
@@ -86,7 +88,8 @@ pub(super) fn run(arguments: &Workspace) -> Result<ExitCode, Failure> {
     }
     let folder = asked_for.map_or_else(|| Folder::new(None, "workspace"), Ok)?;
     folder.write("workspace.json", json.as_bytes())?;
-    let file = folder.write("workspace.svg", picture(&geometry, &span, &map).as_bytes())?;
+    let file = folder
+        .write("workspace.svg", picture(&geometry, &span, &map, &poses.unwrap_or_default()).as_bytes())?;
     if !arguments.json {
         say(format_args!("\nBoth maps over each other: open {} in a browser.", file.display()));
     }
@@ -152,7 +155,23 @@ fn summary(geometry: &Geometry, span: &Span, map: &Map, reach: &[Reach]) -> Stri
     text
 }
 
-fn picture(geometry: &Geometry, span: &Span, map: &Map) -> String {
+/// Roll and pitch of the poses that a plan holds, degrees, each once.
+fn still_poses(path: &Path, geometry: &Geometry) -> Result<Vec<[f64; 2]>, Failure> {
+    let plan = PlanFile::read(path, geometry).map_err(Failure::input)?;
+    let trajectory = plan.program.trajectory().map_err(Failure::input)?;
+    let (mut poses, mut begun_s) = (Vec::<[f64; 2]>::new(), 0.0);
+    for segment in &plan.program.segments {
+        let [roll, pitch, _] = trajectory.state(begun_s).pose().rpy_rad.map(f64::to_degrees);
+        let new = poses.iter().all(|[r, p]| (r - roll).abs().max((p - pitch).abs()) > 0.01);
+        if matches!(segment, Segment::Hold { .. }) && new {
+            poses.push([roll, pitch]);
+        }
+        begun_s += segment.duration_s();
+    }
+    Ok(poses)
+}
+
+fn picture(geometry: &Geometry, span: &Span, map: &Map, poses_deg: &[[f64; 2]]) -> String {
     figure::Workspace {
         title: "Where the plate can be tilted to",
         subtitle: &describe(geometry, span),
@@ -161,6 +180,7 @@ fn picture(geometry: &Geometry, span: &Span, map: &Map) -> String {
         reachable: &map.reachable,
         singularity_free: &map.singularity_free,
         cond_max: geometry.limits.cond_max,
+        poses_deg,
     }
     .svg()
 }

@@ -6,6 +6,7 @@
 
 mod banded;
 mod bound;
+pub mod motions;
 mod repeat;
 mod tree;
 mod tree_bound;

@@ -65,7 +65,7 @@ pub enum PlatformError {
     /// It stopped before the end, and not by this program's command.
     #[error(
         "the platform stopped after {at_s:.1} of {of_s:.1} s, and not by a command from here: is another program connected \
-         to it, or was it not heard from here for two seconds?"
+         to it, or was it not heard from here?"
     )]
     Cut {
         /// When, s since the start.

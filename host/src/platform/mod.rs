@@ -90,12 +90,13 @@ pub trait Platform: Send {
     fn expects(&self) -> Option<Pose> {
         None
     }
-    /// Starts the way to where the next connection expects the plate; false if it stands there, or may be anywhere.
+    /// Starts the way to where the next connection expects the plate, and returns it; `None` if it stands there, or may be
+    /// anywhere.
     ///
     /// # Errors
     /// It moves, its end is not known, or there is no way.
-    fn go_home(&mut self) -> Result<bool, PlatformError> {
-        Ok(false)
+    fn go_home(&mut self) -> Result<Option<MotionProgram>, PlatformError> {
+        Ok(None)
     }
     /// What of the state in which it was found its owner should know before anything moves, a sentence each.
     fn found(&self) -> Vec<String> {

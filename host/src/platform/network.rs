@@ -1,22 +1,34 @@
-use std::io::{BufRead, BufReader, Write};
+//! The simulated rig as served: JSON over TCP.
+
+use std::io::{BufRead, BufReader, ErrorKind, Write};
 use std::net::{TcpStream, ToSocketAddrs};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
 
 use hexapod::{Geometry, MotionProgram, PROGRAM_LINE_BYTES, Pose, Trajectory};
 use serde::{Deserialize, Serialize};
 
 use super::address::PATIENCE;
+use super::pace::UNWATCHED_S;
 use super::{Motion, MotionSample, Platform, PlatformError, way};
 
 /// A program whose clock stood still so much before its end was cut short, s.
 const END_S: f64 = 1e-3;
 /// Samples are taken no more often than so, s.
 const SAMPLE_S: f64 = 0.05;
+/// A controller that hears nothing for so long while the plate moves stops it, s.
+const QUIET_S: f64 = 0.25;
+/// It hears something so often.
+const HEARD_EVERY: Duration = Duration::from_millis(50);
 
 /// A controller that speaks one JSON object per line over TCP: `load`, `start`, `stop`, `state`.
 pub struct NetworkPlatform {
-    address: String,
     geometry: Geometry,
-    stream: BufReader<TcpStream>,
+    line: Arc<Mutex<Line>>,
+    /// While the plate moves.
+    keeper: Option<Keeper>,
     program: Option<MotionProgram>,
     trajectory: Option<Trajectory>,
     samples: Vec<MotionSample>,
@@ -25,15 +37,65 @@ pub struct NetworkPlatform {
     loaded_s: f64,
     /// Duration of the program that was started, s, until it has ended or was stopped from here.
     started_s: Option<f64>,
+}
+
+/// The line to the controller.
+struct Line {
+    address: String,
+    stream: BufReader<TcpStream>,
     /// Whether it has answered before.
     known: bool,
+    asked: Instant,
+    /// What broke it.
+    broken: Option<PlatformError>,
+}
+
+/// Lets the controller hear something while the plate moves, as long as somebody watches it: a host that has hung or was stopped
+/// says nothing, and then the controller stops the plate.
+struct Keeper {
+    leave: Arc<AtomicBool>,
+    watched: Arc<Mutex<Instant>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
+    // A thread that panicked leaves what it had put in: every change is complete.
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Keeper {
+    fn new(line: &Arc<Mutex<Line>>) -> Self {
+        let (leave, watched) = (Arc::new(AtomicBool::new(false)), Arc::new(Mutex::new(Instant::now())));
+        let (told, line, last) = (Arc::clone(&leave), Arc::clone(line), Arc::clone(&watched));
+        let thread = thread::spawn(move || {
+            while !told.load(Ordering::Acquire) && lock(&last).elapsed().as_secs_f64() < UNWATCHED_S {
+                thread::sleep(HEARD_EVERY / 2);
+                let mut line = lock(&line);
+                // What is wrong is told to whoever asks next.
+                if line.asked.elapsed() > HEARD_EVERY && line.ask(&Request::State).is_err() {
+                    return;
+                }
+            }
+        });
+        Self { leave, watched, thread: Some(thread) }
+    }
+}
+
+impl Drop for Keeper {
+    fn drop(&mut self) {
+        self.leave.store(true, Ordering::Release);
+        if let Some(thread) = self.thread.take() {
+            // A panic there has printed itself.
+            let _ = thread.join();
+        }
+    }
 }
 
 #[derive(Serialize)]
 #[serde(tag = "cmd", rename_all = "lowercase")]
 enum Request<'a> {
     Load { program: &'a MotionProgram },
-    Start,
+    Start { quiet_s: f64 },
     Stop,
     State,
 }
@@ -71,17 +133,23 @@ impl NetworkPlatform {
                         .and_then(|()| stream.set_write_timeout(Some(PATIENCE)))
                         .and_then(|()| stream.set_nodelay(true))
                         .map_err(|e| unreachable(e.to_string()))?;
-                    return Ok(Self {
+                    let line = Line {
                         address: address.to_owned(),
-                        geometry: geometry.clone(),
                         stream: BufReader::new(stream),
+                        known: false,
+                        asked: Instant::now(),
+                        broken: None,
+                    };
+                    return Ok(Self {
+                        geometry: geometry.clone(),
+                        line: Arc::new(Mutex::new(line)),
+                        keeper: None,
                         program: None,
                         trajectory: None,
                         samples: Vec::new(),
                         sampled_s: f64::NEG_INFINITY,
                         loaded_s: 0.0,
                         started_s: None,
-                        known: false,
                     });
                 }
                 Err(error) => last = error.to_string(),
@@ -91,10 +159,29 @@ impl NetworkPlatform {
     }
 
     fn ask(&mut self, request: &Request) -> Result<Answer, PlatformError> {
+        lock(&self.line).ask(request)
+    }
+}
+
+impl Line {
+    /// Says a line and takes the answer. What broke it once is told ever after.
+    fn ask(&mut self, request: &Request) -> Result<Answer, PlatformError> {
+        if let Some(broken) = &self.broken {
+            return Err(broken.clone());
+        }
+        let answered = self.exchange(request);
+        self.asked = Instant::now();
+        if let Err(error @ (PlatformError::Lost { .. } | PlatformError::Unreachable { .. })) = &answered {
+            self.broken = Some(error.clone());
+        }
+        answered
+    }
+
+    fn exchange(&mut self, request: &Request) -> Result<Answer, PlatformError> {
         let (known, address) = (self.known, self.address.clone());
         let command = match request {
             Request::Load { .. } => "load",
-            Request::Start => "start",
+            Request::Start { .. } => "start",
             Request::Stop => "stop",
             Request::State => "state",
         };
@@ -121,6 +208,9 @@ impl NetworkPlatform {
                     .map_err(|e| unreachable(format!("its answer is not understood: {e}")))?;
                 self.known = true;
                 if answer.ok { Ok(answer) } else { Err(PlatformError::Refused(answer.error)) }
+            }
+            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
+                Err(unreachable(format!("no answer within {} s", PATIENCE.as_secs())))
             }
             Err(error) => Err(unreachable(error.to_string())),
         }
@@ -150,7 +240,7 @@ impl Platform for NetworkPlatform {
 
     fn start(&mut self) -> Result<(), PlatformError> {
         self.sampled_s = f64::NEG_INFINITY;
-        let started_s = self.ask(&Request::Start)?.duration_s;
+        let started_s = self.ask(&Request::Start { quiet_s: QUIET_S })?.duration_s;
         if started_s != self.loaded_s {
             self.stop()?;
             return Err(PlatformError::Refused(
@@ -159,6 +249,7 @@ impl Platform for NetworkPlatform {
             ));
         }
         self.started_s = Some(started_s);
+        self.keeper = Some(Keeper::new(&self.line));
         Ok(())
     }
 
@@ -168,7 +259,13 @@ impl Platform for NetworkPlatform {
     }
 
     fn motion(&mut self) -> Result<Motion, PlatformError> {
+        if let Some(keeper) = &self.keeper {
+            *lock(&keeper.watched) = Instant::now();
+        }
         let answer = self.ask(&Request::State)?;
+        if answer.state != "moving" {
+            self.keeper = None;
+        }
         if let (Some(trajectory), Some(pose), "moving") =
             (&self.trajectory, answer.pose, answer.state.as_str())
             && answer.time_s >= self.sampled_s + SAMPLE_S

@@ -13,9 +13,9 @@ use hexapod::{Pose, Trajectory};
 use super::{Motion, MotionSample, PlatformError};
 
 /// Whoever watches the motion asks often; after so long without, s, the platform is stopped.
-const UNWATCHED_S: f64 = 2.0;
+pub(super) const UNWATCHED_S: f64 = 2.0;
 /// A controller without a stop of its own is led to rest on the path within, s.
-const SLOW_S: f64 = 0.5;
+const SLOW_S: f64 = 0.35;
 /// The last pose is repeated for so long, s.
 const TAIL_S: f64 = 0.2;
 /// The longest wait for rest after the last point or a stop, s.

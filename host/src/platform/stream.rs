@@ -158,14 +158,14 @@ impl Platform for StreamPlatform {
         }
     }
 
-    fn go_home(&mut self) -> Result<bool, PlatformError> {
+    fn go_home(&mut self) -> Result<Option<MotionProgram>, PlatformError> {
         self.rest()?;
         let way = way::between(&self.at, &self.geometry.home(), &self.geometry)?;
         if way.segments.is_empty() {
-            return Ok(false);
+            return Ok(None);
         }
         self.load(&way)?;
-        self.start().map(|()| true)
+        self.start().map(|()| Some(way))
     }
 }
 

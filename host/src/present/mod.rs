@@ -1,15 +1,17 @@
 //! An answer as text ([`plain`]) and as a page ([`report`]).
 //!
 //! Lives here: rounding to the uncertainty ([`text`]), the terminal's columns (`table`), the self-contained HTML page with
-//! its plots and the series that they show ([`Series`]), normal probability plots ([`probability`]), the map of a
-//! [`workspace`]. May not live here: estimation, files, the JSON object, which is the answer itself. Before this:
+//! its plots and the series that they show ([`Series`]), and figures that are files of their own: normal probability plots
+//! ([`probability`]), the map of a [`workspace`], uncertainty over the number of poses ([`over_n`]), [`directions`] on the sphere. May not live here: estimation, files, the JSON object, which is the answer itself. Before this:
 //! [`crate::answer`].
 
 mod budget;
 mod data;
+pub mod directions;
 mod envelope;
 mod figures;
 mod html;
+pub mod over_n;
 mod page;
 pub mod plain;
 mod plot;

@@ -5,7 +5,7 @@ use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::page::escape;
 use super::plot::axis::Axis;
-use super::plot::{line, open_svg, text};
+use super::plot::{line, open_alone, text};
 
 /// Height and width of a panel's frame, user units.
 const SIDE: (f64, f64) = (400.0, 360.0);
@@ -14,14 +14,9 @@ const ROOM: [f64; 4] = [68.0, 62.0, 18.0, 46.0];
 /// Probabilities at the vertical axis.
 const PROBABILITIES: [f64; 13] =
     [0.0005, 0.003, 0.01, 0.05, 0.10, 0.25, 0.50, 0.75, 0.90, 0.95, 0.99, 0.997, 0.9995];
-/// The report's colours, so that the figure stands by itself.
-const STYLE: &str = "svg{--ink:#1a1f26;--soft:#5a6572;--rule:#dfe4ea;--a:#1f5fa8;--b:#c2570c;--c:#1d7a4f;background:#fff;\
-                     font:13px system-ui,-apple-system,'Segoe UI',Roboto,'DejaVu Sans',sans-serif}\
-                     @media (prefers-color-scheme:dark){svg{--ink:#e7eaee;--soft:#9aa5b1;--rule:#2e353d;--a:#6fb0f5;--b:#f29a56;\
-                     --c:#5fcb97;background:#14171b}}\
-                     text{fill:var(--soft)}.title{fill:var(--ink);font-size:15px;font-weight:600}.end{text-anchor:end}.mid{text-anchor:middle}\
-                     .grid{stroke:var(--rule)}.axis{stroke:var(--soft)}path{fill:none;stroke-linecap:round}\
-                     .dot0,.dot1,.dot2{stroke-width:3.4}.line0,.line1,.line2{stroke-width:1;stroke-dasharray:5 4}\
+/// Style of points and straight lines.
+const STYLE: &str = "path{fill:none;stroke-linecap:round}.dot0,.dot1,.dot2{stroke-width:3.4}\
+                     .line0,.line1,.line2{stroke-width:1;stroke-dasharray:5 4}\
                      .dot0,.line0{stroke:var(--a)}.dot1,.line1{stroke:var(--b)}.dot2,.line2{stroke:var(--c)}\
                      .key0{fill:var(--a)}.key1{fill:var(--b)}.key2{fill:var(--c)}";
 
@@ -75,9 +70,8 @@ pub fn svg(panels: &[Panel]) -> String {
     let step = left + SIDE.0 + right;
     let (width, height) = (step * panels.len() as f64, top + SIDE.1 + bottom);
     let names: Vec<_> = panels.iter().map(|p| p.title.as_str()).collect();
-    let mut svg = open_svg("probability", "Normal probability plot", &names.join("; "), width, height)
-        .replacen("<svg ", "<svg xmlns=\"http://www.w3.org/2000/svg\" ", 1);
-    svg.push_str(&format!("<style>{STYLE}</style>\n"));
+    let mut svg =
+        open_alone("probability", "Normal probability plot", &names.join("; "), width, height, STYLE);
     for (k, panel) in panels.iter().enumerate() {
         svg.push_str(&format!("<g transform=\"translate({:.1} {top:.1})\">\n", left + step * k as f64));
         svg.push_str(&panel.render());

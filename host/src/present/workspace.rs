@@ -1,21 +1,16 @@
 //! The workspace over roll and pitch: where the legs can hold the plate, and on top where no singular pose is near.
 
 use super::plot::axis::Axis;
-use super::plot::{line, open_svg, text};
+use super::plot::{line, open_alone, text};
 
 /// Side of the map's frame, user units.
 const SIDE: f64 = 540.0;
 /// Room around it: left, top, right, bottom.
 const ROOM: [f64; 4] = [58.0, 100.0, 18.0, 46.0];
-/// The report's colours, so that the figure stands by itself.
-const STYLE: &str = "svg{--ink:#1a1f26;--soft:#5a6572;--rule:#dfe4ea;--a:#f3c79f;--b:#1f5fa8;background:#fff;\
-                     font:13px system-ui,-apple-system,'Segoe UI',Roboto,'DejaVu Sans',sans-serif}\
-                     @media (prefers-color-scheme:dark){svg{--ink:#e7eaee;--soft:#9aa5b1;--rule:#2e353d;--a:#7a4a1e;--b:#6fb0f5;\
-                     background:#14171b}}\
-                     text{fill:var(--soft)}.title{fill:var(--ink);font-size:16px;font-weight:600}.ink{fill:var(--ink)}\
-                     .end{text-anchor:end}.mid{text-anchor:middle}.grid{stroke:var(--rule)}.axis{stroke:var(--soft)}\
-                     .held{fill:var(--a)}.free{fill:var(--b);fill-opacity:.78}\
+/// Style of the maps.
+const STYLE: &str = ".title{font-size:16px}.held{fill:var(--sand)}.free{fill:var(--a);fill-opacity:.78}\
                      .tilt{fill:none;stroke:var(--ink);stroke-width:1.2;stroke-dasharray:2 4}\
+                     .pose{fill:var(--ink);stroke:var(--rule);stroke-width:1.5}\
                      .halo{paint-order:stroke;stroke:var(--rule);stroke-width:3px;stroke-linejoin:round;fill:var(--ink)}";
 
 /// What the figure shows. Rows are rolls, columns pitches.
@@ -35,6 +30,8 @@ pub struct Workspace<'a> {
     pub singularity_free: &'a [Vec<bool>],
     /// Highest `cond(H)`, for the key.
     pub cond_max: f64,
+    /// Still poses of a plan, roll and pitch, degrees: numbered dots.
+    pub poses_deg: &'a [[f64; 2]],
 }
 
 impl Workspace<'_> {
@@ -42,12 +39,7 @@ impl Workspace<'_> {
     pub fn svg(&self) -> String {
         let [left, top, right, bottom] = ROOM;
         let (width, height) = (left + SIDE + right, top + SIDE + bottom);
-        let mut svg = open_svg("workspace", self.title, self.subtitle, width, height).replacen(
-            "<svg ",
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" ",
-            1,
-        );
-        svg.push_str(&format!("<style>{STYLE}</style>\n"));
+        let mut svg = open_alone("workspace", self.title, self.subtitle, width, height, STYLE);
         svg.push_str(&text("title", left, 24.0, self.title));
         svg.push_str(&text("", left, 44.0, self.subtitle));
         let guard = format!("and cond(H) ≤ {}", self.cond_max);
@@ -78,6 +70,11 @@ impl Workspace<'_> {
         }
         for tilt in [30.0_f64, 60.0] {
             svg.push_str(&self.tilt_line(tilt, &x, &y));
+        }
+        for (k, [roll, pitch]) in self.poses_deg.iter().enumerate() {
+            let (x, y) = (x(*roll), y(*pitch));
+            svg.push_str(&format!("<circle class=\"pose\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"5\"/>\n"));
+            svg.push_str(&text("halo", x + 8.0, y - 6.0, &format!("{}", k + 1)));
         }
         for (x1, y1, x2, y2) in [(left, top + SIDE, left + SIDE, top + SIDE), (left, top, left, top + SIDE)] {
             svg.push_str(&line("axis", x1, y1, x2, y2));
@@ -171,9 +168,12 @@ mod tests {
             reachable: &held,
             singularity_free: &free,
             cond_max: 40.0,
+            poses_deg: &[[0.0, 10.0], [-20.0, 0.0]],
         };
         let svg = figure.svg();
         assert!(svg.contains("A &amp; B") && svg.contains("c &lt; d") && svg.contains("cond(H) ≤ 40"));
+        // In the middle of the frame's width, and of its left column.
+        assert!(svg.contains("cx=\"328.0\"") && svg.contains("cx=\"112.0\""), "{svg}");
         for (class, cells) in [("held", &held), ("free", &free)] {
             let path = svg.split(&format!("<path class=\"{class}\" d=\"")).nth(1).unwrap();
             let path = path.split('"').next().unwrap();

@@ -5,6 +5,7 @@
 mod drivers;
 mod runs;
 mod streams;
+mod vendors_client;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

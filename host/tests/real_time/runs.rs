@@ -18,7 +18,7 @@ fn run(served: &Served, more: &[&str]) -> Command {
     run_at(served, &served.address(), "out", more)
 }
 
-fn run_at(served: &Served, address: &str, out: &str, more: &[&str]) -> Command {
+pub fn run_at(served: &Served, address: &str, out: &str, more: &[&str]) -> Command {
     run_of(served, "rig.toml", address, out, more)
 }
 
@@ -37,7 +37,7 @@ fn run_of(served: &Served, rig: &str, address: &str, out: &str, more: &[&str]) -
     command
 }
 
-fn said(output: &Output) -> String {
+pub fn said(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 

@@ -13,6 +13,7 @@ mod poses_reduction;
 mod poses_search;
 mod poses_stroke;
 mod poses_table_12;
+mod safety;
 mod still_poses;
 mod workspace;
 
@@ -35,5 +36,6 @@ pub const DOCUMENT: Document = Document {
         Table { name: "motions-montecarlo", make: motions::montecarlo },
         Table { name: "adaptive", make: adaptive::table },
         Table { name: "adaptive-corners-long", make: adaptive_corners::table },
+        Table { name: "safety-long", make: safety::table },
     ],
 };

@@ -2,11 +2,10 @@
 
 use std::sync::atomic::AtomicBool;
 
-use rigident::montecarlo::Campaign;
+use rigident::montecarlo::motions;
 use rigident::plan::equipment::Equipment;
 use rigident::plan::motion::Task;
-use rigident::plan::motion::compare::{Row, bodies, compare, table};
-use rigident_sim::rig::RigConfig;
+use rigident::plan::motion::compare::{Row, compare, table};
 
 /// Of every experiment, s, and of its readings, 1/s.
 const DURATION_S: f64 = 40.0;
@@ -25,23 +24,6 @@ pub fn comparison() -> String {
 
 /// Found over predicted standard deviations of the ten parameters.
 pub fn montecarlo() -> String {
-    let mut text = "| mounting | motion | m | mcx | mcy | mcz | Ixx | Iyy | Izz | Iyz | Izx | Ixy |\n\
-                    |---|---|---|---|---|---|---|---|---|---|---|---|\n"
-        .to_owned();
-    for row in rows() {
-        let body = bodies().into_iter().find(|(_, name)| *name == row.body).expect("one of the two").0;
-        let config = RigConfig::thesis_horizontal().with_body(body);
-        let campaign = Campaign {
-            duration_s: DURATION_S,
-            rate_hz: RATE_HZ,
-            program: Some(row.plan.program.clone()),
-            ..Campaign::new(config)
-        };
-        let verdict = campaign.prepare().and_then(|p| p.run(RUNS, 1, &AtomicBool::new(false), |_| ()));
-        let verdict = verdict.expect("every run is identified");
-        let ratios = row.plan.prediction.parameters.iter().zip(&verdict.parameters);
-        let ratios: Vec<_> = ratios.map(|(u95, found)| format!("{:.2}", 1.96 * found.std / u95)).collect();
-        text += &format!("| {} | {} | {} |\n", row.body, row.objective, ratios.join(" | "));
-    }
-    text
+    let repeated = motions::motions(&rows(), RATE_HZ, [RUNS, 1], &AtomicBool::new(false), |_, _, _| ());
+    motions::table(&repeated.expect("every run is identified"))
 }

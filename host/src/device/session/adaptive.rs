@@ -211,9 +211,7 @@ impl Session {
             }
             if platform.motion()? == Motion::Done {
                 self.tell(platform, begun_s, observer)?;
-                if let Some(guard) = &mut self.motion_guard {
-                    guard.ends();
-                }
+                self.unwatched();
                 return Ok(Ended::Whole);
             }
         }

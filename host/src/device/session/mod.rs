@@ -28,7 +28,7 @@ pub use adaptive::{Director, Proposal};
 pub use load_guard::LoadGuard;
 pub use motion_guard::{Axes, MotionGuard};
 pub use settings::{DeviceTiming, SettingsError, settings, state_imu_noise};
-use take::Taking;
+use take::{Nobody, Taking};
 pub use take::{Observer, Take, narrow, widen};
 
 use crate::device::link::{Client, LinkError, TakenFactor};
@@ -44,6 +44,8 @@ pub static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 const HEARTBEAT_EVERY: Duration = Duration::from_millis(500);
 /// A device that streams nothing and answers no heartbeat for so long has hung.
 const SILENT: Duration = Duration::from_secs(4);
+/// A plate that moves is stopped when it was listened for so long and no reading came.
+const UNHEARD: Duration = Duration::from_millis(200);
 /// What the device says when every asked-for parameter has its uncertainty.
 const STOPPED: (StateName, Reason) = (StateName::Holding, Reason::StopRule);
 /// What the device says when it has not heard the host for longer than its settings allow.
@@ -94,6 +96,12 @@ pub enum SessionError {
          the IMU is, the body free to move?"
     )]
     NotFollowed(String),
+    /// Readings cease.
+    #[error(
+        "the device has sent no reading for {0} s while the plate moves, and without readings nobody sees it: the motion was ended. Check \
+         its cable and supply"
+    )]
+    Unheard(f64),
     /// The observer could not do its part, such as writing.
     #[error("{0}")]
     Observer(String),
@@ -105,6 +113,8 @@ pub struct Session {
     identity: Identity,
     last_heartbeat: Instant,
     heartbeats: bool,
+    /// What it was set to last.
+    settings: Option<Settings>,
     /// It was set to two links.
     of_two_links: bool,
     /// It was set to end a run by itself.
@@ -117,9 +127,18 @@ pub struct Session {
     pub motion_guard: Option<MotionGuard>,
     /// The host's time is counted from here.
     opened: Instant,
+    /// A program is under way.
+    moves: bool,
+    /// For so long nothing has been taken in while it was listened.
+    unheard: Duration,
 }
 
 impl Session {
+    /// Something moves from now on, or does so no more: while it does, readings must come.
+    pub fn watches(&mut self, moves: bool) {
+        (self.moves, self.unheard) = (moves, Duration::ZERO);
+    }
+
     /// Says hello.
     ///
     /// # Errors
@@ -131,12 +150,15 @@ impl Session {
             identity,
             last_heartbeat: Instant::now(),
             heartbeats: false,
+            settings: None,
             of_two_links: false,
             stops_itself: false,
             at_most_s: None,
             load_guard: None,
             motion_guard: None,
             opened: Instant::now(),
+            moves: false,
+            unheard: Duration::ZERO,
         })
     }
 
@@ -167,6 +189,7 @@ impl Session {
         self.heartbeats = settings.host_timeout_ms > 0;
         self.stops_itself = settings.stop.as_ref().is_some_and(|stop| !stop.limits.is_empty());
         self.of_two_links = matches!(settings.model, ModelSettings::TwoLinks(_));
+        self.settings = Some(settings.clone());
         Ok(())
     }
 
@@ -210,11 +233,25 @@ impl Session {
         program: &MotionProgram,
     ) -> Result<(), SessionError> {
         platform.start()?;
+        self.watch_program(program).map_err(SessionError::from)
+    }
+
+    /// From now on readings must come, and the IMU must show a program.
+    fn watch_program(&mut self, program: &MotionProgram) -> Result<(), PlatformError> {
+        self.watches(true);
         let now_s = self.heartbeats.then(|| self.opened.elapsed().as_secs_f64());
-        if let Some(guard) = &mut self.motion_guard {
-            guard.begins(program, now_s).map_err(PlatformError::from)?;
+        match &mut self.motion_guard {
+            Some(guard) => guard.begins(program, now_s).map_err(PlatformError::from),
+            None => Ok(()),
         }
-        Ok(())
+    }
+
+    /// The plate rests, or is being brought to rest.
+    fn unwatched(&mut self) {
+        self.watches(false);
+        if let Some(guard) = &mut self.motion_guard {
+            guard.ends();
+        }
     }
 
     /// The motion first, then the recording.
@@ -225,9 +262,7 @@ impl Session {
         outcome: Result<(), SessionError>,
         observer: &mut dyn Observer,
     ) -> Take {
-        if let Some(guard) = &mut self.motion_guard {
-            guard.ends();
-        }
+        self.unwatched();
         // Whatever went wrong, the plate must not go on.
         let at_rest = if outcome.is_err() || taking.held() || taking.interrupted || taking.ended {
             self.bring_to_rest(platform, &mut taking, observer)
@@ -236,7 +271,7 @@ impl Session {
         };
         let mut take = self.conclude(taking, outcome, observer);
         if at_rest.is_ok() && take.broken.is_none() && !take.interrupted {
-            take.broken = self.go_home(platform, observer).err();
+            take.broken = self.go_home(platform).err();
         }
         match (at_rest, &mut take.broken) {
             (Ok(()), Some(broken)) => broken.push_str("\nThe platform is at rest."),
@@ -252,28 +287,34 @@ impl Session {
     }
 
     /// Leaves the plate where the next connection expects it. What went wrong, otherwise.
-    fn go_home(&mut self, platform: &mut dyn Platform, observer: &mut dyn Observer) -> Result<(), String> {
-        let failed = |e: PlatformError| format!("on the way home after the experiment: {e}");
-        if !platform.go_home().map_err(failed)? {
-            return Ok(());
+    fn go_home(&mut self, platform: &mut dyn Platform) -> Result<(), String> {
+        const WHERE: &str = "on the way home after the experiment";
+        let failed = |e: PlatformError| format!("{WHERE}: {e}");
+        let Some(way) = platform.go_home().map_err(failed)? else { return Ok(()) };
+        // The way is watched as the experiment was. A device that holds says nothing: set anew it reads, and absorbs nothing.
+        if let Some(settings) = self.settings.clone() {
+            self.identity.state = StateName::Holding;
+            self.configure(&settings).map_err(|e| format!("{WHERE}: {e}"))?;
         }
-        let mut taking = Taking::default();
-        while platform.motion().map_err(failed)? == Motion::Moving {
+        self.watch_program(&way).map_err(failed)?;
+        let mut taking = Taking { watching: true, ..Taking::default() };
+        let outcome = loop {
+            match platform.motion().map_err(failed) {
+                Ok(Motion::Moving) => {}
+                ended => break ended.map(drop),
+            }
             if INTERRUPTED.load(Ordering::Relaxed) {
-                self.bring_to_rest(platform, &mut taking, observer)?;
-                return Err("stopped by Ctrl-C on the way home after the experiment".to_owned());
+                break Err(format!("stopped by Ctrl-C {WHERE}"));
             }
-            match self.listen(&mut taking, observer) {
-                Ok(()) => {}
-                Err(near @ SessionError::NearRange { .. }) => {
-                    self.bring_to_rest(platform, &mut taking, observer)?;
-                    return Err(format!("on the way home after the experiment: {near}"));
-                }
-                // The experiment is over: what the device still says, or that it is gone, no longer matters.
-                Err(_) => std::thread::sleep(Duration::from_millis(20)),
+            if let Err(seen) = self.listen(&mut taking, &mut Nobody) {
+                break Err(format!("{WHERE}: {seen}"));
             }
+        };
+        self.unwatched();
+        if outcome.is_err() {
+            self.bring_to_rest(platform, &mut taking, &mut Nobody)?;
         }
-        Ok(())
+        outcome
     }
 
     /// Stops the platform and sees it at rest, taking in what comes meanwhile. Why it could not be, otherwise.
@@ -427,8 +468,15 @@ impl Session {
     }
 
     fn listen(&mut self, taking: &mut Taking, observer: &mut dyn Observer) -> Result<(), SessionError> {
+        let (before, asked) = (taking.count(), Instant::now());
         self.client.listen(Duration::from_millis(20))?;
+        let waited = asked.elapsed();
         self.sort(taking, observer)?;
+        self.unheard = if taking.count() > before { Duration::ZERO } else { self.unheard + waited };
+        if self.moves && self.heartbeats && taking.level.is_none() && self.unheard > UNHEARD {
+            self.moves = false;
+            return Err(SessionError::Unheard(UNHEARD.as_secs_f64()));
+        }
         observer.progress(taking.count());
         if self.heartbeats && self.last_heartbeat.elapsed() > HEARTBEAT_EVERY {
             if self.last_heartbeat.elapsed() > SILENT {

@@ -38,6 +38,15 @@ pub trait Observer {
     fn progress(&mut self, _readings: usize) {}
 }
 
+/// Wants to know nothing.
+pub(super) struct Nobody;
+
+impl Observer for Nobody {
+    fn reading(&mut self, _: &ReadingMessage) -> Result<(), String> {
+        Ok(())
+    }
+}
+
 /// What an experiment brought.
 #[derive(Debug, Clone)]
 pub struct Take {

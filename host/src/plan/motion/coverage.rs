@@ -21,14 +21,16 @@ pub fn coverage(vectors: &[Vector3<f64>]) -> f64 {
     count as f64 / (BANDS * SECTORS) as f64
 }
 
-/// The coverage of angular rate and angular acceleration in the plate's axes from one time to another, s.
+/// The coverage of angular rate and angular acceleration from one time to another, s.
 pub fn of_motion(trajectory: &Trajectory, from_s: f64, to_s: f64) -> [f64; 2] {
+    vectors(trajectory, from_s, to_s).map(|vectors| coverage(&vectors))
+}
+
+/// Angular rates, rad/s, and angular accelerations, rad/s², in the plate's axes from one time to another, s, every hundredth of a second.
+pub fn vectors(trajectory: &Trajectory, from_s: f64, to_s: f64) -> [Vec<Vector3<f64>>; 2] {
     let count = ((to_s - from_s) / 0.01) as usize;
     let states: Vec<_> = (0..count).map(|k| trajectory.state(from_s + 0.01 * k as f64)).collect();
-    let of = |f: &dyn Fn(&hexapod::PlateState) -> Vector3<f64>| {
-        coverage(&states.iter().map(f).collect::<Vec<_>>())
-    };
-    [of(&|s| s.angular_rate), of(&|s| s.angular_acceleration)]
+    [states.iter().map(|s| s.angular_rate).collect(), states.iter().map(|s| s.angular_acceleration).collect()]
 }
 
 #[cfg(test)]

@@ -145,7 +145,7 @@ fn agree_on_pivot(answer: &str) -> Result<(), Option<String>> {
     for line in answer.lines() {
         let (name, value) = line.trim().split_once('=').ok_or(None)?;
         let mm: f64 = value.trim().parse().map_err(|_| None)?;
-        if !(mm.abs() <= ZERO_MM) {
+        if mm.is_nan() || mm.abs() > ZERO_MM {
             off.push(format!("{} = {mm}", name.trim()));
         }
     }

@@ -69,6 +69,24 @@ pub fn open_svg(id: &str, title: &str, description: &str, width: f64, height: f6
     )
 }
 
+/// Colours and letters of a figure that stands by itself: those of the report, light or dark as the reader's screen is.
+const ALONE: &str = "svg{--ink:#1a1f26;--soft:#5a6572;--rule:#dfe4ea;--a:#1f5fa8;--b:#c2570c;--c:#1d7a4f;--d:#8a4fa0;--sand:#f3c79f;\
+                     background:#fff;font:13px system-ui,-apple-system,'Segoe UI',Roboto,'DejaVu Sans',sans-serif}\
+                     @media (prefers-color-scheme:dark){svg{--ink:#e7eaee;--soft:#9aa5b1;--rule:#2e353d;--a:#6fb0f5;--b:#f29a56;--c:#5fcb97;\
+                     --d:#c79be0;--sand:#7a4a1e;background:#14171b}}\
+                     text{fill:var(--soft)}.title{fill:var(--ink);font-size:15px;font-weight:600}.ink{fill:var(--ink)}\
+                     .end{text-anchor:end}.mid{text-anchor:middle}.grid{stroke:var(--rule)}.axis{stroke:var(--soft)}";
+
+/// Opening tag of a figure that is a file of its own and needs no style sheet; `style` comes on top.
+pub fn open_alone(id: &str, title: &str, description: &str, width: f64, height: f64, style: &str) -> String {
+    let svg = open_svg(id, title, description, width, height).replacen(
+        "<svg ",
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" ",
+        1,
+    );
+    format!("{svg}<style>{ALONE}{style}</style>\n")
+}
+
 /// A text element; `class` names style and anchor.
 pub fn text(class: &str, x: f64, y: f64, content: &str) -> String {
     format!("<text class=\"{class}\" x=\"{x:.1}\" y=\"{y:.1}\">{}</text>\n", escape(content))

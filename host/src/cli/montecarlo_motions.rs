@@ -1,0 +1,110 @@
+use std::process::ExitCode;
+use std::sync::atomic::Ordering;
+
+use rigident_shared::inertia::{PARAMETER_NAMES, PARAMETER_UNITS};
+use serde::Serialize;
+
+use super::arguments::MontecarloMotions;
+use super::outcome::say;
+use super::{ExitStatus, Failure, Progress};
+use crate::device::session::INTERRUPTED;
+use crate::montecarlo::motions::{RepeatedMotion, motions, table};
+use crate::montecarlo::{CampaignError, Limits95};
+use crate::plan::equipment::Equipment;
+use crate::plan::motion::{Task, compare};
+
+/// The object of `--json`.
+#[derive(Serialize)]
+struct Object {
+    runs: u64,
+    motions: Vec<Motion>,
+}
+
+#[derive(Serialize)]
+struct Motion {
+    mounting: &'static str,
+    motion: &'static str,
+    parameters: Vec<Parameter>,
+}
+
+#[derive(Serialize)]
+struct Parameter {
+    name: &'static str,
+    unit: &'static str,
+    bias: f64,
+    std: f64,
+    crb_std: f64,
+    planned_std: f64,
+    coverage95: f64,
+}
+
+/// `rigident montecarlo motions`
+pub(super) fn run(arguments: &MontecarloMotions) -> Result<ExitCode, Failure> {
+    let MontecarloMotions { runs, seed, duration_s, rate_hz, json } = *arguments;
+    let task = Task { duration_s, rate_hz, ..Task::new(Equipment::thesis_horizontal()) };
+    let mut progress = Progress::new();
+    let rows =
+        compare::compare(&task, &INTERRUPTED, |text| progress.show(|| text)).map_err(Failure::input)?;
+    let repeated = motions(&rows, rate_hz, [runs, seed], &INTERRUPTED, |body, motion, done| {
+        progress.show(|| format!("{body}, {motion}: {done} of {runs} experiments"));
+    });
+    progress.finish();
+    let repeated = repeated.map_err(|error| match error {
+        CampaignError::TooFew(_) => Failure::interrupted(format!("stopped: {error}")),
+        error => Failure::input(error),
+    })?;
+    let fewest = repeated.iter().map(|motion| motion.verdict.runs).min().unwrap_or(0);
+    let limits = Limits95::of(fewest);
+    let missed: Vec<String> = repeated.iter().flat_map(|motion| missed(motion, &limits)).collect();
+    if json {
+        let object = Object { runs: fewest, motions: repeated.iter().map(in_json).collect() };
+        say(serde_json::to_string(&object).map_err(Failure::input)?);
+    } else {
+        say(format!(
+            "Found over planned standard deviations, {fewest} experiments of {duration_s} s at {rate_hz} Hz each:\n\n{}",
+            table(&repeated).trim_end()
+        ));
+        say(
+            "\nThe thesis gives such figures in its Tables 24 to 37, which are not in the printed part that is at hand: there is nothing to set \
+             beside them.",
+        );
+        match missed.as_slice() {
+            [] => say("Every parameter keeps efficiency and coverage."),
+            missed => say(format!("Out of bounds: {}.", missed.join("; "))),
+        }
+    }
+    if INTERRUPTED.load(Ordering::Relaxed) {
+        tell!("rigident: stopped after {fewest} of {runs} experiments of the last motion");
+        return Ok(ExitStatus::NotIdentified.into());
+    }
+    Ok(ExitStatus::of(missed.is_empty()).into())
+}
+
+fn missed(motion: &RepeatedMotion, limits: &Limits95) -> Vec<String> {
+    let names = PARAMETER_NAMES.iter().zip(&motion.verdict.parameters).take(10);
+    let off = names.filter(|(_, judgement)| !limits.kept_by(judgement));
+    off.map(|(name, judgement)| {
+        let coverage = 100.0 * judgement.coverage95;
+        let efficiency = judgement.efficiency();
+        format!(
+            "{}, {}: {name} efficiency {efficiency:.3}, coverage {coverage:.1} %",
+            motion.body, motion.motion
+        )
+    })
+    .collect()
+}
+
+fn in_json(motion: &RepeatedMotion) -> Motion {
+    let judged = motion.verdict.parameters.iter().zip(motion.predicted_u95);
+    let named = PARAMETER_NAMES.into_iter().zip(PARAMETER_UNITS).zip(judged);
+    let parameters = named.map(|((name, unit), (judgement, u95))| Parameter {
+        name,
+        unit,
+        bias: judgement.bias,
+        std: judgement.std,
+        crb_std: judgement.crb_std,
+        planned_std: u95 / 1.96,
+        coverage95: judgement.coverage95,
+    });
+    Motion { mounting: motion.body, motion: motion.motion, parameters: parameters.collect() }
+}
