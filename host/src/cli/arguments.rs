@@ -458,6 +458,8 @@ pub enum Repeated {
     Poses(MontecarloPoses),
     /// The planned motions in both mountings: what was predicted of each against what many experiments find
     Motions(MontecarloMotions),
+    /// The tensor in two steps, mass and centre of mass from the poses first, beside one estimate of everything
+    TwoSteps(MontecarloMotions),
 }
 
 /// What the 95 % figures of the thesis' Table 1 are taken for.
@@ -494,15 +496,15 @@ impl Arguments {
     }
 }
 
-/// `rigident montecarlo motions`
+/// `rigident montecarlo motions` and `two-steps`
 #[derive(Args, Debug, Clone)]
 #[command(
     after_help = "The motions are those of `rigident plan compare`, each after its static step, with the sensors of the thesis.\n\nExamples:\n  \
-                        rigident montecarlo motions\n  rigident montecarlo motions --runs 2000 --json"
+                        rigident montecarlo motions\n  rigident montecarlo motions --runs 2000 --json\n  rigident montecarlo two-steps"
 )]
 pub struct MontecarloMotions {
     /// Number of experiments of each motion
-    #[arg(long, default_value_t = 400, value_name = "R", value_parser = clap::value_parser!(u64).range(2..=1_000_000))]
+    #[arg(long, default_value_t = 100, value_name = "R", value_parser = clap::value_parser!(u64).range(2..=1_000_000))]
     pub runs: u64,
     /// Seed of all of them; the figures follow from it on any number of cores
     #[arg(long, default_value_t = 1, value_name = "S", value_parser = clap::value_parser!(u64).range(..=u64::from(u32::MAX)))]

@@ -215,6 +215,7 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
         Some(Command::Montecarlo(a)) => match &a.what {
             Some(Repeated::Poses(poses)) => montecarlo_poses::run(poses),
             Some(Repeated::Motions(motions)) => montecarlo_motions::run(motions),
+            Some(Repeated::TwoSteps(motions)) => montecarlo_motions::in_two_steps(motions),
             None => montecarlo::run(&a),
         },
         Some(Command::Statics(a)) => statics::run(&a),

@@ -9,6 +9,7 @@ use super::outcome::say;
 use super::{ExitStatus, Failure, Progress};
 use crate::device::session::INTERRUPTED;
 use crate::montecarlo::motions::{RepeatedMotion, motions, table};
+use crate::montecarlo::two_step::{self, Judged, two_steps};
 use crate::montecarlo::{CampaignError, Limits95};
 use crate::plan::equipment::Equipment;
 use crate::plan::motion::{Task, compare};
@@ -38,21 +39,75 @@ struct Parameter {
     coverage95: f64,
 }
 
+/// `rigident montecarlo two-steps`
+pub(super) fn in_two_steps(arguments: &MontecarloMotions) -> Result<ExitCode, Failure> {
+    let MontecarloMotions { runs, seed, duration_s, rate_hz, json } = *arguments;
+    let mut progress = Progress::new();
+    let rows = planned(arguments, &mut progress)?;
+    let all = two_steps(&rows, rate_hz, [runs, seed], &INTERRUPTED, |body, motion, done| {
+        progress.show(|| format!("{body}, {motion}: {done} of {runs} experiments"));
+    });
+    progress.finish();
+    let all = all.map_err(failure)?;
+    let fewest = all.iter().map(|row| row.runs).min().unwrap_or(0);
+    if json {
+        let motions: Vec<_> = all
+            .iter()
+            .map(|row| {
+                let judged =
+                    |j: &Judged| serde_json::json!({ "rms_kgm2": j.rms, "coverage95": j.coverage95 });
+                serde_json::json!({
+                    "mounting": row.body,
+                    "motion": row.motion,
+                    "joint": judged(&row.joint),
+                    "believed": judged(&row.believed),
+                    "carried": judged(&row.carried),
+                })
+            })
+            .collect();
+        say(serde_json::json!({ "runs": fewest, "motions": motions }));
+    } else {
+        say(format!(
+            "The tensor about S's origin, in one step and in two, {fewest} experiments of {duration_s} s at {rate_hz} Hz each:\n\n{}",
+            two_step::table(&all).trim_end()
+        ));
+    }
+    Ok(if interrupted(fewest, runs) { ExitStatus::NotIdentified.into() } else { ExitCode::SUCCESS })
+}
+
+/// The motions of `plan compare`.
+fn planned(arguments: &MontecarloMotions, progress: &mut Progress) -> Result<Vec<compare::Row>, Failure> {
+    let MontecarloMotions { duration_s, rate_hz, .. } = *arguments;
+    let task = Task { duration_s, rate_hz, ..Task::new(Equipment::thesis_horizontal()) };
+    compare::compare(&task, &INTERRUPTED, |text| progress.show(|| text)).map_err(Failure::input)
+}
+
+fn failure(error: CampaignError) -> Failure {
+    match error {
+        CampaignError::TooFew(_) => Failure::interrupted(format!("stopped: {error}")),
+        error => Failure::input(error),
+    }
+}
+
+/// Says so.
+fn interrupted(fewest: u64, runs: u64) -> bool {
+    let stopped = INTERRUPTED.load(Ordering::Relaxed);
+    if stopped {
+        tell!("rigident: stopped after {fewest} of {runs} experiments of the last motion");
+    }
+    stopped
+}
+
 /// `rigident montecarlo motions`
 pub(super) fn run(arguments: &MontecarloMotions) -> Result<ExitCode, Failure> {
     let MontecarloMotions { runs, seed, duration_s, rate_hz, json } = *arguments;
-    let task = Task { duration_s, rate_hz, ..Task::new(Equipment::thesis_horizontal()) };
     let mut progress = Progress::new();
-    let rows =
-        compare::compare(&task, &INTERRUPTED, |text| progress.show(|| text)).map_err(Failure::input)?;
+    let rows = planned(arguments, &mut progress)?;
     let repeated = motions(&rows, rate_hz, [runs, seed], &INTERRUPTED, |body, motion, done| {
         progress.show(|| format!("{body}, {motion}: {done} of {runs} experiments"));
     });
     progress.finish();
-    let repeated = repeated.map_err(|error| match error {
-        CampaignError::TooFew(_) => Failure::interrupted(format!("stopped: {error}")),
-        error => Failure::input(error),
-    })?;
+    let repeated = repeated.map_err(failure)?;
     let fewest = repeated.iter().map(|motion| motion.verdict.runs).min().unwrap_or(0);
     let limits = Limits95::of(fewest);
     let missed: Vec<String> = repeated.iter().flat_map(|motion| missed(motion, &limits)).collect();
@@ -73,8 +128,7 @@ pub(super) fn run(arguments: &MontecarloMotions) -> Result<ExitCode, Failure> {
             missed => say(format!("Out of bounds: {}.", missed.join("; "))),
         }
     }
-    if INTERRUPTED.load(Ordering::Relaxed) {
-        tell!("rigident: stopped after {fewest} of {runs} experiments of the last motion");
+    if interrupted(fewest, runs) {
         return Ok(ExitStatus::NotIdentified.into());
     }
     Ok(ExitStatus::of(missed.is_empty()).into())

@@ -11,6 +11,7 @@ mod repeat;
 mod tree;
 mod tree_bound;
 mod tree_experiment;
+pub mod two_step;
 
 use std::sync::atomic::AtomicBool;
 

@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicBool;
 
 use rigident_sim::rig::RigConfig;
 
-use super::{Campaign, CampaignError, K95, Verdict};
+use super::{Campaign, CampaignError, K95, Prepared, Verdict};
 use crate::plan::motion::compare::{Row, bodies};
 
 /// One motion of one mounting.
@@ -40,17 +40,20 @@ pub fn motions(
 ) -> Result<Vec<RepeatedMotion>, CampaignError> {
     rows.iter()
         .map(|row| {
-            let body = bodies().into_iter().find(|(_, name)| *name == row.body).map(|(body, _)| body);
-            let config = RigConfig::thesis_horizontal();
-            let config = body.map_or(config.clone(), |body| config.with_body(body));
-            let campaign =
-                Campaign { rate_hz, program: Some(row.plan.program.clone()), ..Campaign::new(config) };
-            let verdict =
-                campaign.prepare()?.run(runs, seed, stop, |done| note(row.body, row.objective, done))?;
+            let done = |done| note(row.body, row.objective, done);
+            let verdict = prepared(row, rate_hz)?.run(runs, seed, stop, done)?;
             let predicted_u95 = row.plan.prediction.parameters;
             Ok(RepeatedMotion { body: row.body, motion: row.objective, predicted_u95, verdict })
         })
         .collect()
+}
+
+/// A planned motion with the thesis' sensors, ready to be repeated.
+pub(super) fn prepared(row: &Row, rate_hz: f64) -> Result<Prepared, CampaignError> {
+    let body = bodies().into_iter().find(|(_, name)| *name == row.body).map(|(body, _)| body);
+    let config = RigConfig::thesis_horizontal();
+    let config = body.map_or(config.clone(), |body| config.with_body(body));
+    Campaign { rate_hz, program: Some(row.plan.program.clone()), ..Campaign::new(config) }.prepare()
 }
 
 /// Markdown: found over predicted standard deviations.

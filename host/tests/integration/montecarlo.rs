@@ -4,10 +4,15 @@
 use std::sync::atomic::AtomicBool;
 
 use rigident::model::Model;
+use rigident::montecarlo::motions::motions;
+use rigident::montecarlo::two_step::{Judged, two_steps};
 use rigident::montecarlo::{
     Campaign, CampaignError, Limits95, Solver, TreeCampaign, TreeExperiment, Verdict, gain_error_sensors,
     noise_and_gain_error_sensors,
 };
+use rigident::plan::equipment::Equipment;
+use rigident::plan::motion::Task;
+use rigident::plan::motion::compare::compare;
 use rigident::simulated::trees;
 use rigident_shared::inertia::PARAMETER_NAMES;
 use rigident_shared::tree::Joint;
@@ -156,4 +161,27 @@ fn joints_that_the_simulated_motion_does_not_know_are_named() {
     empty.links[1].nominal = None;
     let refused = TreeCampaign::new(&empty, experiment(10.0));
     assert!(matches!(&refused, Err(CampaignError::NoBody(name)) if name == "arm"), "{refused:?}");
+}
+
+/// A motion that tells the first moment well by itself.
+#[test]
+fn two_steps_are_worse_than_one_and_dishonest_without_the_first_ones_covariance() {
+    let stop = AtomicBool::new(false);
+    let task = Task { duration_s: 30.0, rate_hz: 100.0, ..Task::new(Equipment::thesis_horizontal()) };
+    let rows: Vec<_> = compare(&task, &stop, |_| ()).unwrap();
+    let rows: Vec<_> =
+        rows.into_iter().filter(|row| row.body == "vertical" && row.objective == "d-optimal").collect();
+    let repeated = motions(&rows, 100.0, [60, 1], &stop, |_, _, _| ()).unwrap();
+    // Of 60 runs a standard deviation is known to a tenth.
+    assert!(
+        repeated[0].ratios().iter().all(|ratio| (0.7..1.35).contains(ratio)),
+        "{:?}",
+        repeated[0].ratios()
+    );
+    let [two] = &two_steps(&rows, 100.0, [60, 1], &stop, |_, _, _| ()).unwrap()[..] else { panic!() };
+    assert!(two.worse() > 1.4, "{two:?}");
+    // 95 % of 60, the mean of six that are hardly alike.
+    let mean = |judged: &Judged| judged.coverage95.iter().sum::<f64>() / 6.0;
+    assert!(mean(&two.joint) > 0.9 && mean(&two.carried) > 0.9, "{two:?}");
+    assert!(two.believed.coverage95.iter().any(|share| *share < 0.75), "{two:?}");
 }

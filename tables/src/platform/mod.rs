@@ -34,6 +34,7 @@ pub const DOCUMENT: Document = Document {
         Table { name: "experiment", make: experiment::table },
         Table { name: "motions-compared", make: motions::comparison },
         Table { name: "motions-montecarlo", make: motions::montecarlo },
+        Table { name: "two-steps-long", make: motions::two_steps },
         Table { name: "adaptive", make: adaptive::table },
         Table { name: "adaptive-corners-long", make: adaptive_corners::table },
         Table { name: "safety-long", make: safety::table },

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::AtomicBool;
 
-use rigident::montecarlo::motions;
+use rigident::montecarlo::{motions, two_step};
 use rigident::plan::equipment::Equipment;
 use rigident::plan::motion::Task;
 use rigident::plan::motion::compare::{Row, compare, table};
@@ -11,6 +11,8 @@ use rigident::plan::motion::compare::{Row, compare, table};
 const DURATION_S: f64 = 40.0;
 const RATE_HZ: f64 = 200.0;
 const RUNS: u64 = 400;
+/// Runs in two steps take longer.
+const TWICE: u64 = 200;
 
 fn rows() -> Vec<Row> {
     let task = Task { duration_s: DURATION_S, rate_hz: RATE_HZ, ..Task::new(Equipment::thesis_horizontal()) };
@@ -26,4 +28,10 @@ pub fn comparison() -> String {
 pub fn montecarlo() -> String {
     let repeated = motions::motions(&rows(), RATE_HZ, [RUNS, 1], &AtomicBool::new(false), |_, _, _| ());
     motions::table(&repeated.expect("every run is identified"))
+}
+
+/// The tensor in one step and in two.
+pub fn two_steps() -> String {
+    let all = two_step::two_steps(&rows(), RATE_HZ, [TWICE, 1], &AtomicBool::new(false), |_, _, _| ());
+    two_step::table(&all.expect("every run is identified"))
 }
