@@ -1,0 +1,173 @@
+//! How an experiment ends: the plate at rest, what the device holds fetched, the way home.
+
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use rigident_shared::wire::{Command, Reason, Reply, StateName};
+
+use super::take::{Nobody, Taking};
+use super::{INTERRUPTED, Observer, Session, SessionError, Take, tree, two_links};
+use crate::device::link::{LinkError, TakenFactor};
+use crate::fit::Factor;
+use crate::platform::{Motion, Platform, PlatformError};
+
+/// How long a platform may take to come to rest.
+const REST: Duration = Duration::from_secs(4);
+/// How long to wait for readings that were counted but have not come.
+const STRAGGLERS: Duration = Duration::from_secs(2);
+
+impl Session {
+    /// The motion first, then the recording.
+    pub(super) fn finish(
+        &mut self,
+        platform: &mut dyn Platform,
+        mut taking: Taking,
+        outcome: Result<(), SessionError>,
+        observer: &mut dyn Observer,
+    ) -> Take {
+        self.unwatched();
+        // Whatever went wrong, the plate must not go on.
+        let at_rest = if outcome.is_err() || taking.held() || taking.interrupted || taking.ended {
+            self.bring_to_rest(platform, &mut taking, observer)
+        } else {
+            Ok(())
+        };
+        let mut take = self.conclude(taking, outcome, observer);
+        if at_rest.is_ok() && take.broken.is_none() && !take.interrupted {
+            take.broken = self.go_home(platform).err();
+        }
+        match (at_rest, &mut take.broken) {
+            (Ok(()), Some(broken)) => broken.push_str("\nThe platform is at rest."),
+            (Ok(()), None) => {}
+            (Err(unknown), broken) => {
+                let said = format!(
+                    "The platform could not be seen at rest ({unknown}): use its own emergency stop."
+                );
+                *broken = Some(broken.take().map_or(said.clone(), |b| format!("{b}\n{said}")));
+            }
+        }
+        take
+    }
+
+    /// Leaves the plate where the next connection expects it. What went wrong, otherwise.
+    fn go_home(&mut self, platform: &mut dyn Platform) -> Result<(), String> {
+        const WHERE: &str = "on the way home after the experiment";
+        let failed = |e: PlatformError| format!("{WHERE}: {e}");
+        let Some(way) = platform.go_home().map_err(failed)? else { return Ok(()) };
+        // The way is watched as the experiment was. A device that holds says nothing: set anew it reads, and absorbs nothing.
+        if let Some(settings) = self.settings.clone() {
+            self.identity.state = StateName::Holding;
+            self.configure(&settings).map_err(|e| format!("{WHERE}: {e}"))?;
+        }
+        self.watch_program(&way).map_err(failed)?;
+        let mut taking = Taking { watching: true, ..Taking::default() };
+        let outcome = loop {
+            match platform.motion().map_err(failed) {
+                Ok(Motion::Moving) => {}
+                ended => break ended.map(drop),
+            }
+            if INTERRUPTED.load(Ordering::Relaxed) {
+                break Err(format!("stopped by Ctrl-C {WHERE}"));
+            }
+            if let Err(seen) = self.listen(&mut taking, &mut Nobody) {
+                break Err(format!("{WHERE}: {seen}"));
+            }
+        };
+        self.unwatched();
+        if outcome.is_err() {
+            self.bring_to_rest(platform, &mut taking, &mut Nobody)?;
+        }
+        outcome
+    }
+
+    /// Stops the platform and sees it at rest, taking in what comes meanwhile. Why it could not be, otherwise.
+    fn bring_to_rest(
+        &mut self,
+        platform: &mut dyn Platform,
+        taking: &mut Taking,
+        observer: &mut dyn Observer,
+    ) -> Result<(), String> {
+        let told = platform.stop();
+        let deadline = Instant::now() + REST;
+        loop {
+            // In lock-step the plate moves only while the device is heard. What is broken there has been told.
+            let heard = self.listen(taking, observer);
+            match platform.motion() {
+                Ok(Motion::Holding | Motion::Done) => return told.map_err(|e| e.to_string()),
+                Ok(Motion::Moving) if Instant::now() < deadline => {}
+                Ok(Motion::Moving) => return Err(format!("it still moves after {} s", REST.as_secs())),
+                Err(error) => return Err(error.to_string()),
+            }
+            if heard.is_err() {
+                std::thread::sleep(Duration::from_millis(20));
+            }
+        }
+    }
+
+    pub(super) fn conclude(
+        &mut self,
+        mut taking: Taking,
+        outcome: Result<(), SessionError>,
+        observer: &mut dyn Observer,
+    ) -> Take {
+        let mut factor = None;
+        let outcome = match outcome {
+            Ok(()) => self.fetch(&mut taking, observer).map(|fetched| factor = Some(fetched)),
+            // The device is in reach and holds what it has taken in.
+            Err(stopped @ SessionError::Stopped { reason: Reason::HostQuiet, .. }) => {
+                factor = self.fetch(&mut taking, observer).ok();
+                Err(stopped)
+            }
+            Err(error) => Err(error),
+        };
+        // Of a level what was taken is here, whatever became of the rest.
+        let taken = taking.level.as_deref().filter(|level| level.rows() > 0);
+        let factor = factor.or_else(|| taken.map(|level| TakenFactor::exact(Factor::from(level))));
+        Take {
+            readings: taking.readings,
+            links: taking.links,
+            levels: taking.levels,
+            estimates: taking.estimates,
+            missing: taking.gaps.missing,
+            factor,
+            counters: taking.counters,
+            states: taking.states,
+            resumed: taking.resumed,
+            interrupted: taking.interrupted,
+            cut_short: taking.cut_short,
+            broken: outcome.err().map(|e| e.to_string()),
+        }
+    }
+
+    fn fetch(
+        &mut self,
+        taking: &mut Taking,
+        observer: &mut dyn Observer,
+    ) -> Result<TakenFactor, SessionError> {
+        match self.client.ask("hold", &Command::Hold) {
+            // A device in Fault still gives what it has.
+            Ok(_) | Err(LinkError::Refused { .. }) => {}
+            Err(error) => return Err(error.into()),
+        }
+        if let Reply::Counters(counters) = self.client.ask("read the counters", &Command::ReadCounters)? {
+            taking.counters = counters;
+        }
+        let deadline = Instant::now() + STRAGGLERS;
+        self.sort(taking, observer)?;
+        while taking.streamed < taking.counters.readings && Instant::now() < deadline {
+            self.listen(taking, observer)?;
+            if taking.streamed == 0 {
+                break;
+            }
+        }
+        if let Some(level) = &mut taking.level {
+            tree::take_level(&mut self.client, level)?;
+            taking.levels += 1;
+            return Ok(TakenFactor::exact(Factor::from(&**level)));
+        }
+        if self.of_two_links {
+            return Ok(two_links::factor(&mut self.client)?);
+        }
+        Ok(self.client.factor()?)
+    }
+}
