@@ -85,7 +85,13 @@ impl Recording {
         let names = self.column_names();
         // A first name that begins as a comment does is quoted, or the header would be read as one.
         let mark = names.first().and_then(|name| name.starts_with('#').then_some(b'#'));
-        let mut header = csv::WriterBuilder::new().comment(mark).from_writer(to);
+        // Quoted, too, are names with what another file has between its columns.
+        let quotes = if names.iter().any(|name| name.contains(['|', '\t', ';'])) {
+            csv::QuoteStyle::Always
+        } else {
+            csv::QuoteStyle::Necessary
+        };
+        let mut header = csv::WriterBuilder::new().comment(mark).quote_style(quotes).from_writer(to);
         header.write_record(&names).map_err(of_system)?;
         let mut writer =
             csv::Writer::from_writer(header.into_inner().map_err(csv::IntoInnerError::into_error)?);
@@ -445,12 +451,22 @@ impl Column {
     }
 }
 
-/// Returns what separates the columns: of comma, semicolon, tab and bar the one that stands most often in the header.
+/// What may separate columns; of equally many in a header the last one is taken: a comma.
+const SEPARATORS: [u8; 4] = *b"|\t;,";
+
+/// Returns what separates the columns: what stands most often in the first line that is not empty, outside of quotes.
 fn separator(body: &str) -> u8 {
-    let header = body.lines().next().unwrap_or_default();
-    let count = |separator: u8| header.bytes().filter(|b| *b == separator).count();
-    // Of equally many the last one is taken: a comma.
-    [b'|', b'\t', b';', b','].into_iter().max_by_key(|separator| count(*separator)).unwrap_or(b',')
+    let (mut counts, mut quoted) = ([0_usize; SEPARATORS.len()], false);
+    for byte in body.trim_start_matches(['\n', '\r']).bytes() {
+        match byte {
+            b'"' => quoted = !quoted,
+            b'\n' | b'\r' if !quoted => break,
+            _ if quoted => {}
+            _ => counts.iter_mut().zip(SEPARATORS).for_each(|(count, of)| *count += usize::from(of == byte)),
+        }
+    }
+    let most = SEPARATORS.into_iter().zip(counts).max_by_key(|(_, count)| *count);
+    most.map_or(b',', |(separator, _)| separator)
 }
 
 /// What the system said, as it said it: a full disk is told from other failures by its kind.

@@ -65,6 +65,19 @@ fn a_first_column_that_looks_like_a_comment_stays_a_column() {
 }
 
 #[test]
+fn a_name_full_of_other_separators_is_read_again_as_one_column() {
+    let tabs = "\t".repeat(40);
+    for (before, name) in
+        [("", format!("\"a{tabs}\"")), ("\n", format!("\"{tabs}\"")), ("", format!("\"a\n{tabs}b\""))]
+    {
+        let first = read(&text(5).replacen("t_s", &format!("{before}t_s"), 1).replacen("lamp", &name, 1), "")
+            .unwrap();
+        assert_eq!(first.extra.len(), 1);
+        assert_eq!(read(&first.to_csv(), "").unwrap(), first, "{name:?}");
+    }
+}
+
+#[test]
 fn a_mark_of_byte_order_and_other_line_ends_do_not_matter() {
     let plain = read(&text(5), "").unwrap();
     let dos = format!("\u{feff}{}", text(5).replace('\n', "\r\n"));
