@@ -67,7 +67,7 @@ impl TwoSteps {
 /// Repeats every planned motion with the thesis' sensors, `runs` times at `rate_hz`.
 ///
 /// # Errors
-/// As [`Campaign::prepare`]; an experiment that cannot be identified; fewer than two of them.
+/// As [`super::Campaign::prepare`]; an experiment that cannot be identified; fewer than two of them.
 pub fn two_steps(
     rows: &[Row],
     rate_hz: f64,
