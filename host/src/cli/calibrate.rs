@@ -6,7 +6,7 @@ use serde::Serialize;
 use super::calibration_arguments::{Calibrate, CalibrateRig, CalibrateWhat};
 use super::outcome::say;
 use super::reference_runs::{RigErrors, read};
-use super::{Failure, Stages, factor};
+use super::{Failure, Stages, calibrate_imu, factor};
 use crate::fit::{COVERAGE_95, Nuisance, RowSource};
 use crate::present::text::{significant, unit_symbol, with_u95};
 use crate::recording::new_file::write_new_text;
@@ -39,8 +39,10 @@ struct Found {
 
 /// `rigident calibrate`
 pub(super) fn run(arguments: &Calibrate) -> Result<ExitCode, Failure> {
-    let CalibrateWhat::Rig(arguments) = &arguments.what;
-    rig(arguments)
+    match &arguments.what {
+        CalibrateWhat::Rig(arguments) => rig(arguments),
+        CalibrateWhat::Imu(arguments) => calibrate_imu::run(arguments),
+    }
 }
 
 /// `rigident calibrate rig`

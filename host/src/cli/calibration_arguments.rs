@@ -4,6 +4,7 @@ use clap::{Args, Subcommand};
 
 use super::factor_arguments::TareFiles;
 use super::options::calibration::CalibrationOption;
+use super::programme::Programme;
 
 /// `rigident calibrate`
 #[derive(Args, Debug, Clone)]
@@ -18,6 +19,31 @@ pub struct Calibrate {
 pub enum CalibrateWhat {
     /// Find the errors of a rig's sensors and of their mounting from runs with a body of known properties
     Rig(CalibrateRig),
+    /// Find scales, misalignments and biases of the IMU from the motion that the platform was driven through
+    Imu(CalibrateImu),
+}
+
+/// `rigident calibrate imu`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "The platform is the measure: what it was driven through is compared with what the IMU read. Turns about all axes calibrate the \
+                  gyro, turns and tilts the accelerometer. The options of the programme are those of the run.\n\nExamples:\n  rigident run \
+                  --port /dev/ttyACM0 --rig lab.rig.toml --platform gcs://10.0.0.5:50000 --plan motion.json --out turns\n  rigident \
+                  calibrate imu turns/run.mcap --plan motion.json"
+)]
+pub struct CalibrateImu {
+    /// The recording of the run
+    #[arg(value_name = "REC")]
+    pub recording: PathBuf,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub programme: Programme,
+    /// Rig file. Default: NAME.rig.toml beside the recording
+    #[arg(long, value_name = "FILE")]
+    pub rig: Option<PathBuf>,
+    /// Print one object on standard output, and nothing else there
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Recordings of a reference body.

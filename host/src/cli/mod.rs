@@ -10,6 +10,7 @@ mod adaptive;
 mod arguments;
 mod bench;
 mod calibrate;
+mod calibrate_imu;
 mod calibration_arguments;
 mod came;
 mod confirm;

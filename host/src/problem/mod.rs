@@ -5,6 +5,7 @@
 
 pub mod body;
 pub mod clocks;
+pub mod imu;
 pub mod tree;
 mod white_noise;
 
