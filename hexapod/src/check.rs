@@ -45,6 +45,9 @@ impl Geometry {
 
     /// Quick where nothing is wrong.
     fn kept_at(&self, state: &PlateState, load: Option<&Load>) -> Result<(), Violation> {
+        if !self.has_joints() {
+            return self.margins(state, None).check();
+        }
         let load = load.filter(|_| self.limits.leg_force_n.is_some());
         let legs = self.legs_at(&state.position, &state.rotation);
         let (w, dw) = (state.rotation * state.angular_rate, state.rotation * state.angular_acceleration);

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::limits::{JointCones, Limits};
 use super::pose::Pose;
+use super::travel::Travel;
 
 /// A hexapod: leg `i` joins `base_joints_m[i]` (in A) to `plate_joints_m[i]` (in P).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -19,6 +20,9 @@ pub struct Geometry {
     /// What else the machine must not do.
     #[serde(default)]
     pub limits: Limits,
+    /// All that is known of a machine whose joints are not published; what stands above does not bind then.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub travel: Option<Travel>,
 }
 
 /// A stroke that the legs do not have.
@@ -57,7 +61,20 @@ impl Geometry {
             leg_length_m: [0.55, 0.8548],
             leg_rate_mps: 0.8,
             limits: Limits::default(),
+            travel: None,
         }
+    }
+
+    /// A machine of which nothing but its travel is known. Its joints are stand-ins that no limit depends on; its base's frame A
+    /// lies at the plate's reference pose.
+    pub fn of_travel(travel: Travel) -> Self {
+        let unlimited = Limits { cond_max: f64::INFINITY, ..Limits::default() };
+        Self { travel: Some(travel), leg_rate_mps: f64::INFINITY, limits: unlimited, ..Self::thesis() }
+    }
+
+    /// Whether anything is known of its joints and legs.
+    pub fn has_joints(&self) -> bool {
+        self.travel.is_none()
     }
 
     /// The same machine with only the middle `stroke_m` of its legs' stroke in use, as in the thesis' experiments
@@ -99,13 +116,18 @@ impl Geometry {
                 cond_max: self.limits.cond_max * share,
                 bulk: self.limits.bulk.as_ref().map(|bulk| bulk.within(share)),
             },
+            travel: self.travel.as_ref().map(|travel| travel.within(share)),
             ..self.clone()
         }
     }
 
     /// A level pose in the middle of the stroke: the plate's joints over the base's joints in the mean and, where all
-    /// legs are alike, every leg half-way out; else the root mean square of their lengths is half-way.
+    /// legs are alike, every leg half-way out; else the root mean square of their lengths is half-way. The reference pose of a
+    /// machine without joints.
     pub fn home(&self) -> Pose {
+        if !self.has_joints() {
+            return Pose::default();
+        }
         let [lo, hi] = self.leg_length_m;
         let middle = 0.5 * (lo + hi);
         let pairs = || self.base_joints_m.iter().zip(&self.plate_joints_m);

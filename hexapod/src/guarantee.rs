@@ -67,13 +67,16 @@ impl Guarantee {
 }
 
 /// Quantities in the order of [`Limit`], and the angular rate.
-const QUANTITIES: usize = 9;
+const QUANTITIES: usize = 12;
 const FORCE: usize = 3;
 const BASE: usize = 4;
 const PLATE: usize = 5;
 const CONDITIONING: usize = 6;
 const CLEARANCE: usize = 7;
-const TURNING: usize = 8;
+const TRAVEL: usize = 8;
+const PLATE_SPEED: usize = 9;
+const PLATE_RATE: usize = 10;
+const TURNING: usize = 11;
 const LIMITS: [Option<Limit>; QUANTITIES] = [
     Some(Limit::LegLength),
     Some(Limit::LegRate),
@@ -83,6 +86,9 @@ const LIMITS: [Option<Limit>; QUANTITIES] = [
     Some(Limit::PlateJointAngle),
     Some(Limit::Conditioning),
     Some(Limit::Clearance),
+    Some(Limit::Travel),
+    Some(Limit::PlateSpeed),
+    Some(Limit::PlateRate),
     None,
 ];
 /// Bounds need not be nearer to the largest value seen than this share of it.
@@ -163,6 +169,7 @@ impl Geometry {
         }
         let [lo, hi] = self.leg_length_m;
         let (value, allowed) = match limit {
+            _ if limit.is_of_travel() => (bound, [0.0, max]),
             Limit::LegLength => (0.5 * (lo + hi) + bound, [lo, hi]),
             _ => (bound, [-max, max]),
         };
@@ -180,15 +187,19 @@ impl Geometry {
         rate_limit_radps: f64,
     ) -> Guarantee {
         let moments = load.map(moments);
+        let legs = self.has_joints();
         let present = [
-            true,
-            true,
-            true,
-            load.is_some(),
-            self.limits.base_joints.is_some(),
-            self.limits.plate_joints.is_some(),
-            true,
-            self.limits.bulk.is_some(),
+            legs,
+            legs,
+            legs,
+            legs && load.is_some(),
+            legs && self.limits.base_joints.is_some(),
+            legs && self.limits.plate_joints.is_some(),
+            legs,
+            legs && self.limits.bulk.is_some(),
+            !legs,
+            !legs,
+            !legs,
             true,
         ];
         let allowed = self.allowed(rate_limit_radps);
@@ -275,6 +286,12 @@ impl Geometry {
         let [lo, hi] = self.leg_length_m;
         let limits = &self.limits;
         let most = |limit: Option<f64>| limit.unwrap_or(f64::INFINITY);
+        if let Some(travel) = &self.travel {
+            let mut allowed = [f64::INFINITY; QUANTITIES];
+            (allowed[TRAVEL], allowed[TURNING]) = (1.0, rate_limit_radps);
+            (allowed[PLATE_SPEED], allowed[PLATE_RATE]) = (most(travel.speed_mps), most(travel.rate_radps));
+            return allowed;
+        }
         [
             0.5 * (hi - lo),
             self.leg_rate_mps,
@@ -284,6 +301,9 @@ impl Geometry {
             most(limits.plate_joints.as_ref().map(|c| c.half_angle_rad)),
             limits.cond_max,
             limits.bulk.as_ref().map_or(f64::INFINITY, Bulk::range_m),
+            f64::INFINITY,
+            f64::INFINITY,
+            f64::INFINITY,
             rate_limit_radps,
         ]
     }
@@ -323,6 +343,15 @@ impl Geometry {
             let sum = if (value + more).is_nan() { f64::INFINITY } else { value + more };
             look.bound[q] = look.bound[q].max(sum);
         };
+        let faster = (state.angular_acceleration.norm() + 0.5 * turning * d) * d;
+        put(TURNING, None, omega.norm(), faster);
+        if let (Some(travel), Some(used)) = (&self.travel, margins.travel) {
+            let speed: [f64; 3] = state.velocity.map(|v| v.abs() + 0.5 * a * d).into();
+            put(TRAVEL, None, used.share, travel.most(&state, d, speed, w) - used.share);
+            put(PLATE_SPEED, None, used.speed_mps, (state.acceleration.norm() + 0.5 * jerk * d) * d);
+            put(PLATE_RATE, None, used.rate_radps, faster);
+            return look;
+        }
         // ‖H'‖ by columns.
         let mut h_rate = 0.0;
         let (mut speeds, mut least_lengths) = ([0.0; 6], [0.0; 6]);
@@ -365,7 +394,6 @@ impl Geometry {
             let more = bulk.rate(&speeds, &least_lengths) * d;
             put(CLEARANCE, None, lacking.max(0.0), (lacking + more).max(0.0) - lacking.max(0.0));
         }
-        put(TURNING, None, omega.norm(), (state.angular_acceleration.norm() + 0.5 * turning * d) * d);
         if let (Some(forces), Some([m, first, second]), Some(load)) = (margins.leg_force_n, moments, load) {
             // Of points at distance r: specific force at most `felt + spin r`, its derivative at most `jerk + whirl r`.
             let felt = a + Vector3::from(load.gravity_mps2).norm();

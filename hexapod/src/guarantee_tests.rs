@@ -68,9 +68,12 @@ fn program(g: &Geometry, seed: u64) -> MotionProgram {
     }
 }
 
+/// Quantities of a machine with legs.
+const OF_LEGS: usize = 9;
+
 /// Largest values at `rate` Hz, by [`Geometry::margins`]: in the order of the guarantee.
-fn sampled(g: &Geometry, trajectory: &Trajectory, load: &Load, rate: f64) -> [f64; QUANTITIES] {
-    let mut most = [0.0_f64; QUANTITIES];
+fn sampled(g: &Geometry, trajectory: &Trajectory, load: &Load, rate: f64) -> [f64; OF_LEGS] {
+    let mut most = [0.0_f64; OF_LEGS];
     let [lo, hi] = g.leg_length_m;
     for k in 0..=(trajectory.duration_s() * rate) as usize {
         let state = trajectory.state(k as f64 / rate);
@@ -110,7 +113,7 @@ fn bounds_hold_at_every_instant_and_are_not_far_above() {
         let trajectory = program(&g, seed).trajectory().unwrap();
         let guarantee = g.guarantee(&trajectory, Some(&load), 1.2);
         let most = sampled(&g, &trajectory, &load, 2000.0);
-        assert_eq!(guarantee.peaks.len(), QUANTITIES);
+        assert_eq!(guarantee.peaks.len(), OF_LEGS);
         for (peak, most) in guarantee.peaks.iter().zip(most) {
             assert!(peak.bound >= most && peak.seen <= peak.bound, "{seed}: {peak:?} {most}");
             assert!(peak.bound <= 1.02 * most, "{seed}: {peak:?} {most}");
@@ -164,4 +167,87 @@ fn what_is_proven_is_what_the_bounds_say() {
     assert!(!proven(&slower, 9.0));
     g.limits.leg_force_n = Some(0.999 * force.seen);
     assert!(!proven(&g, 9.0));
+}
+
+fn of_travel(together: bool) -> Geometry {
+    Geometry::of_travel(Travel {
+        shift_m: [0.1, 0.08, 0.05],
+        turn_rad: [0.5, 0.4, 0.7],
+        together,
+        speed_mps: Some(0.3),
+        rate_radps: Some(2.0),
+    })
+}
+
+#[test]
+fn shares_of_a_travel_add_up_unless_all_of_it_may_be_used_at_once() {
+    let pose = Pose { position_m: [0.05, 0.0, -0.01], rpy_rad: [-0.1, 0.2, 0.07] };
+    let [apart, together] = [false, true].map(|together| of_travel(together).travel.unwrap());
+    assert!((apart.share(&pose.coordinates()) - (0.5 + 0.2 + 0.2 + 0.5 + 0.1)).abs() < 1e-12);
+    assert!((together.share(&pose.coordinates()) - 0.5).abs() < 1e-12);
+    of_travel(true).check_pose(&pose).unwrap();
+    let error = of_travel(false).check_pose(&pose).unwrap_err();
+    assert_eq!((error.limit, error.leg), (Limit::Travel, None));
+    assert!(error.to_string().contains("150.0 % of its travel"), "{error}");
+    assert_eq!(of_travel(false).home(), Pose::default());
+    for together in [false, true] {
+        let nowhere = Pose { position_m: [f64::NAN, 0.0, 0.0], ..pose };
+        of_travel(together).check_pose(&nowhere).unwrap_err();
+    }
+}
+
+/// As with legs: looked at every 0.5 ms no bound is below, and none more than 2 % above.
+#[test]
+fn bounds_of_a_travel_hold_at_every_instant_and_are_not_far_above() {
+    for (seed, together) in [(1, false), (2, true), (3, false), (4, true)] {
+        let g = of_travel(together);
+        let trajectory = program(&g, seed).trajectory().unwrap();
+        let guarantee = g.guarantee(&trajectory, None, 1.2);
+        let limits: Vec<_> = guarantee.peaks.iter().map(|p| p.limit).collect();
+        assert_eq!(limits, [Some(Limit::Travel), Some(Limit::PlateSpeed), Some(Limit::PlateRate), None]);
+        let mut most = [0.0_f64; 4];
+        for k in 0..=(trajectory.duration_s() * 2000.0) as usize {
+            let state = trajectory.state(k as f64 / 2000.0);
+            let share = |(k, range): (usize, f64)| state.pose().coordinates()[k].abs() / range;
+            let shares = [0.1, 0.08, 0.05, 0.5, 0.4, 0.7].into_iter().enumerate().map(share);
+            let share = if together { shares.fold(0.0, f64::max) } else { shares.sum() };
+            let rate = state.angular_rate.norm();
+            for (most, value) in most.iter_mut().zip([share, state.velocity.norm(), rate, rate]) {
+                *most = most.max(value);
+            }
+        }
+        for (peak, most) in guarantee.peaks.iter().zip(most) {
+            assert!(peak.bound >= most && peak.bound <= 1.02 * most, "{seed}: {peak:?} {most}");
+        }
+    }
+}
+
+/// Each limit a little below what was seen refuses the motion by its name, and a little above its bound lets it pass.
+#[test]
+fn each_limit_of_a_travel_is_checked_at_every_instant() {
+    let g = of_travel(false);
+    let trajectory = program(&g, 2).trajectory().unwrap();
+    let peaks = g.guarantee(&trajectory, None, 9.0).peaks;
+    let scaled = |by: [f64; 3]| {
+        let mut g = g.clone();
+        let travel = g.travel.as_mut().unwrap();
+        travel.shift_m = travel.shift_m.map(|v| v * by[0]);
+        travel.turn_rad = travel.turn_rad.map(|v| v * by[0]);
+        (travel.speed_mps, travel.rate_radps) = (Some(by[1]), Some(by[2]));
+        g
+    };
+    let above = [0, 1, 2].map(|k: usize| 1.001 * peaks[k].bound);
+    assert!(
+        scaled(above).check(&trajectory).is_ok() && scaled(above).proves(&trajectory, None, 9.0, 100_000)
+    );
+    for (k, limit) in [Limit::Travel, Limit::PlateSpeed, Limit::PlateRate].into_iter().enumerate() {
+        let mut below = above;
+        below[k] = 0.999 * peaks[k].seen;
+        let g = scaled(below);
+        let error = g.check(&trajectory).unwrap_err();
+        assert!(matches!(error, MotionError::Limit { violation, .. } if violation.limit == limit), "{error}");
+        assert!(!g.proves(&trajectory, None, 9.0, 100_000));
+        let (violation, _) = g.guarantee(&trajectory, None, 9.0).violation(&g).unwrap();
+        assert_eq!(violation.limit, limit);
+    }
 }

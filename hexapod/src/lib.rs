@@ -36,6 +36,7 @@ mod rotation;
 pub mod set_points;
 mod sphere;
 mod trajectory;
+mod travel;
 
 pub use body::{BodyParameters, FrameMotion, STANDARD_GRAVITY_MPS2};
 pub use body_set::BodySet;
@@ -49,7 +50,7 @@ pub use kinematics::{Coordinates, PlateState};
 pub use legs::Legs;
 pub use limits::{Bulk, COND_MAX, JointCones, Limit, Limits, Part, Violation};
 pub use load::{Bodies, Load};
-pub use margins::{LimitMargins, Margin};
+pub use margins::{LimitMargins, Margin, TravelMargins};
 pub use mounting::Mounting;
 pub use payload::{
     BadRotation, IdealSensors, Payload, THESIS_ACCEL_RANGE_MPS2, THESIS_GYRO_RANGE_RADPS,
@@ -60,6 +61,7 @@ pub use program::{Axis, LONGEST_S, MotionProgram, PROGRAM_LINE_BYTES, Segment, S
 pub use rotation::rotation_from_rpy;
 pub use sphere::Sphere;
 pub use trajectory::Trajectory;
+pub use travel::Travel;
 
 #[cfg(test)]
 mod mechanics_tests;

@@ -129,6 +129,24 @@ pub enum Limit {
     Conditioning,
     /// Distance of legs, plate and base from each other, m.
     Clearance,
+    /// Share of what the plate can go, of a machine without joints.
+    Travel,
+    /// Speed of the plate's origin, m/s, of a machine without joints.
+    PlateSpeed,
+    /// Angular rate of the plate, rad/s, of a machine without joints.
+    PlateRate,
+}
+
+impl Limit {
+    /// Whether it is one of a plate whose joints are not published.
+    pub fn is_of_travel(self) -> bool {
+        matches!(self, Self::Travel | Self::PlateSpeed | Self::PlateRate)
+    }
+
+    /// Whether a motion keeps it if it only takes long enough.
+    pub fn is_of_speed(self) -> bool {
+        matches!(self, Self::LegRate | Self::LegAcceleration | Self::PlateSpeed | Self::PlateRate)
+    }
 }
 
 /// A limit that is not kept. `Display` names the leg, what it would do and what it may.
@@ -150,10 +168,14 @@ impl Violation {
     /// What can be done about it.
     pub fn advice(&self) -> &'static str {
         match self.limit {
-            Limit::LegLength | Limit::BaseJointAngle | Limit::PlateJointAngle | Limit::Clearance => {
-                "use smaller tilts or translations"
+            Limit::LegLength
+            | Limit::BaseJointAngle
+            | Limit::PlateJointAngle
+            | Limit::Clearance
+            | Limit::Travel => "use smaller tilts or translations",
+            Limit::LegRate | Limit::LegAcceleration | Limit::PlateSpeed | Limit::PlateRate => {
+                "give the motion more time"
             }
-            Limit::LegRate | Limit::LegAcceleration => "give the motion more time",
             Limit::LegForce => "use smaller tilts, more time where it moves, or a lighter body",
             Limit::Conditioning => "use less yaw or smaller tilts",
         }
@@ -203,6 +225,26 @@ impl fmt::Display for Violation {
                     f,
                     "{between} would come to {value} mm of each other, {} mm must be left",
                     number(1e3 * min, digits)
+                )
+            }
+            Limit::Travel => {
+                let (value, digits) = apart(100.0 * value, 100.0, 1);
+                write!(
+                    f,
+                    "the plate would use {value} % of its travel, the limit is {} %",
+                    number(100.0, digits)
+                )
+            }
+            Limit::PlateSpeed => {
+                let (value, digits) = apart(*value, *max, 3);
+                write!(f, "the plate would move at {value} m/s, its limit is {} m/s", number(*max, digits))
+            }
+            Limit::PlateRate => {
+                let (value, digits) = apart(*value, *max, 3);
+                write!(
+                    f,
+                    "the plate would turn at {value} rad/s, its limit is {} rad/s",
+                    number(*max, digits)
                 )
             }
             Limit::Conditioning if value.is_infinite() => {

@@ -6,6 +6,7 @@ use super::kinematics::PlateState;
 use super::legs::Legs;
 use super::limits::{Bulk, JointCones, Limit, Part, Violation};
 use super::load::Load;
+use super::travel::Travel;
 
 /// What every limited quantity is at one state, beside its limit. Quantities without a limit are given too, with an
 /// infinite one, so that a planner can see them; forces are there if a load was given.
@@ -45,6 +46,51 @@ pub struct LimitMargins {
     pub clearance_limit_m: f64,
     /// What a distance may be beyond that for a margin of one, m.
     pub clearance_range_m: f64,
+    /// What is used of the travel of a machine without joints; nothing of the above is of account then.
+    pub travel: Option<TravelMargins>,
+}
+
+/// What is used of a [`Travel`] at a state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TravelMargins {
+    /// Share of the travel: one is all of it.
+    pub share: f64,
+    /// Speed of the plate's origin, m/s.
+    pub speed_mps: f64,
+    /// Highest, m/s.
+    pub speed_limit_mps: f64,
+    /// Angular rate, rad/s.
+    pub rate_radps: f64,
+    /// Highest, rad/s.
+    pub rate_limit_radps: f64,
+}
+
+impl TravelMargins {
+    /// Returns each quantity's margin.
+    pub fn all(self) -> [Margin; 3] {
+        let of = |limit, value: f64, most: f64| Margin {
+            at: Violation { limit, leg: None, between: None, value, allowed: [0.0, most] },
+            relative: if most.is_infinite() { 1.0 } else { 1.0 - value / most },
+        };
+        [
+            of(Limit::Travel, self.share, 1.0),
+            of(Limit::PlateSpeed, self.speed_mps, self.speed_limit_mps),
+            of(Limit::PlateRate, self.rate_radps, self.rate_limit_radps),
+        ]
+    }
+}
+
+impl Travel {
+    /// Returns what is used of it at a state.
+    pub fn margins(&self, state: &PlateState) -> TravelMargins {
+        TravelMargins {
+            share: self.share(&state.pose().coordinates()),
+            speed_mps: state.velocity.norm(),
+            speed_limit_mps: self.speed_mps.unwrap_or(f64::INFINITY),
+            rate_radps: state.angular_rate.norm(),
+            rate_limit_radps: self.rate_radps.unwrap_or(f64::INFINITY),
+        }
+    }
 }
 
 /// One limit's distance at a state.
@@ -59,8 +105,13 @@ pub struct Margin {
 }
 
 impl LimitMargins {
-    /// Every limit's margin at every leg.
+    /// Every limit's margin at every leg, or the plate's where nothing is known of legs.
     pub fn all(&self) -> impl Iterator<Item = Margin> + '_ {
+        let of_legs = self.travel.is_none().then(|| self.of_legs());
+        of_legs.into_iter().flatten().chain(self.travel.into_iter().flat_map(TravelMargins::all))
+    }
+
+    fn of_legs(&self) -> impl Iterator<Item = Margin> + '_ {
         let [lo, hi] = self.leg_length_limit_m;
         let lengths = self.leg_length_m.into_iter().enumerate().map(move |(i, l)| Margin {
             at: Violation {
@@ -113,7 +164,9 @@ impl LimitMargins {
     pub fn tightest(&self) -> Margin {
         let order = |m: &Margin| if m.relative.is_nan() { f64::NEG_INFINITY } else { m.relative };
         let mut all = self.all();
-        let Some(mut tightest) = all.next() else { unreachable!("six lengths are always there") };
+        let Some(mut tightest) = all.next() else {
+            unreachable!("six lengths or the travel are always there")
+        };
         for margin in all {
             if order(&margin) < order(&tightest) {
                 tightest = margin;
@@ -189,6 +242,7 @@ impl Geometry {
             nearest: self.nearest(&legs),
             clearance_limit_m: limits.bulk.as_ref().map_or(0.0, |bulk| bulk.clearance_m),
             clearance_range_m: limits.bulk.as_ref().map_or(f64::INFINITY, Bulk::range_m),
+            travel: self.travel.as_ref().map(|travel| travel.margins(state)),
         }
     }
 

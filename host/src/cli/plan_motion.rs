@@ -186,6 +186,11 @@ fn rig(path: Option<&Path>, stroke_m: Option<f64>) -> Result<Planned, Failure> {
         bound = LoadBound::of(&file);
     }
     if let Some(stroke_m) = stroke_m {
+        if !equipment.geometry.has_joints() {
+            return Err(Failure::input(
+                "--stroke-m is the stroke of legs, of which the rig file says nothing",
+            ));
+        }
         equipment.geometry = equipment.geometry.with_stroke(stroke_m).map_err(Failure::input)?;
     }
     Ok((equipment, rate_hz, bound))
@@ -238,6 +243,9 @@ fn key(peak: &Peak) -> &'static str {
         Some(Limit::PlateJointAngle) => "plate_joint_angle",
         Some(Limit::Conditioning) => "conditioning",
         Some(Limit::Clearance) => "clearance",
+        Some(Limit::Travel) => "travel",
+        Some(Limit::PlateSpeed) => "plate_speed",
+        Some(Limit::PlateRate) => "plate_rate",
         None => "angular_rate",
     }
 }
@@ -283,6 +291,9 @@ fn text(plan: &MotionPlan, words: &str, [rate, acceleration]: [f64; 2], task: &T
             "base_joint_angle" => "base joint, rad",
             "plate_joint_angle" => "plate joint, rad",
             "conditioning" => "cond(H)",
+            "travel" => "share of the travel",
+            "plate_speed" => "speed of the plate, m/s",
+            "plate_rate" => "turning of the plate, rad/s",
             "clearance" => "clearance short of ⌀ leg, m",
             _ => "angular rate, rad/s",
         };

@@ -244,7 +244,7 @@ fn rig(path: Option<&Path>) -> Result<Rig, Failure> {
     };
     let file = RigFile::load(path).map_err(Failure::input)?;
     let incomplete = |error| Failure::input(format!("{}: {error}", path.display()));
-    let geometry = machine::geometry(&file).map_err(incomplete)?;
+    let geometry = machine::with_joints(&file).map_err(incomplete)?;
     tell_collisions(&geometry);
     let cell_to_plate = machine::load_cell(&file).map_err(incomplete)?.1;
     Ok(Rig {

@@ -7,6 +7,7 @@ use hexapod::{Geometry, MotionProgram, Segment};
 use super::Failure;
 use super::experiment::check_duration;
 use crate::plan::plan_file::PlanFile;
+use crate::platform::check::WITHOUT_JOINTS;
 use crate::present::Stage;
 
 /// What the platform does.
@@ -37,9 +38,11 @@ impl Programme {
     }
 }
 
-/// Says that nobody looks at collisions, where a rig file does not say how thick things are.
+/// Says that nobody looks at collisions, where a rig file does not say how thick things are; what else where it gives no joints.
 pub(super) fn tell_collisions(geometry: &Geometry) {
-    if geometry.limits.bulk.is_none() {
+    if !geometry.has_joints() {
+        tell!("rigident: {WITHOUT_JOINTS}");
+    } else if geometry.limits.bulk.is_none() {
         tell!(
             "rigident: collisions of legs, plate and base are not looked at: [platform] has no leg_radius_m that says how thick a leg is"
         );

@@ -52,13 +52,13 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let rate_hz = rig.recording.rate_hz.unwrap_or(1000.0);
     let geometry = machine::geometry_or_thesis(&rig).map_err(Failure::input)?;
     let described = machine::is_described(&rig);
-    if described {
+    if described && geometry.has_joints() {
         programme::tell_collisions(&geometry);
     }
     if !described && !platform::checks_itself(&arguments.platform) {
         return Err(Failure::input(format!(
-            "{} does not say which machine is at {}: its [platform] must give base_joints_m, plate_joints_m and leg_length_m \
-             at least, so that its limits can be checked before anything moves.\nNothing was moved.",
+            "{} does not say which machine is at {}: its [platform] must give base_joints_m, plate_joints_m and leg_length_m, \
+             or travel_m and travel_rad where joints are not published, so that its limits can be checked before anything moves.\nNothing was moved.",
             arguments.rig.display(),
             arguments.platform
         )));

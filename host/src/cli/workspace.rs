@@ -102,8 +102,8 @@ fn platform(rig: Option<&Path>, stroke_m: Option<f64>) -> Result<Geometry, Failu
         None => Geometry::thesis(),
         Some(path) => {
             let file = RigFile::load(path).map_err(Failure::input)?;
-            let geometry =
-                machine::geometry(&file).map_err(|e| Failure::input(format!("{}: {e}", path.display())))?;
+            let named = |e: machine::MachineError| Failure::input(format!("{}: {e}", path.display()));
+            let geometry = machine::with_joints(&file).map_err(named)?;
             tell_collisions(&geometry);
             geometry
         }

@@ -4,7 +4,7 @@ use std::fmt;
 
 use hexapod::BodyParameters;
 use hexapod::Mounting;
-use hexapod::{Bodies, Bulk, COND_MAX, Geometry, JointCones, Limit, Limits, Load, Pose, Violation};
+use hexapod::{Bodies, Bulk, COND_MAX, Geometry, JointCones, Limit, Limits, Load, Pose, Travel, Violation};
 use nalgebra::{Matrix3, Vector3};
 
 use super::workspace;
@@ -19,6 +19,11 @@ pub enum MachineError {
     /// A key without which nothing can be said.
     #[error("[platform] has no {0}")]
     Missing(&'static str),
+    /// What depends on joints is asked of a machine without.
+    #[error(
+        "[platform] gives no joints, and what its plate reaches at once depends on them: `plan motion` and `run` do with travel_m and travel_rad"
+    )]
+    NoJoints,
     /// Axes of joints that are not limited, or of length zero.
     #[error("[platform] {0}")]
     Axes(String),
@@ -47,6 +52,9 @@ pub enum MachineError {
 pub fn geometry(rig: &RigFile) -> Result<Geometry, MachineError> {
     let table = rig.platform.as_ref().ok_or(MachineError::NoPlatform)?;
     let geometry = unchecked(table)?;
+    if !geometry.has_joints() {
+        return Ok(geometry);
+    }
     let level = level(&geometry).map_err(no_level_pose(table.cond_max.is_some()))?;
     let parts = parts(Some(table));
     if !parts.is_empty() {
@@ -57,6 +65,14 @@ pub fn geometry(rig: &RigFile) -> Result<Geometry, MachineError> {
             .map_err(|violation| no_level_pose(table.cond_max.is_some())((level, violation)))?;
     }
     Ok(geometry)
+}
+
+/// The same of a machine whose joints are known.
+///
+/// # Errors
+/// As [`geometry`]; one without joints.
+pub fn with_joints(rig: &RigFile) -> Result<Geometry, MachineError> {
+    geometry(rig).and_then(|g| if g.has_joints() { Ok(g) } else { Err(MachineError::NoJoints) })
 }
 
 /// The same where a rig file need not name its platform: the thesis' one then.
@@ -166,6 +182,9 @@ impl fmt::Display for Metres {
 }
 
 fn unchecked(table: &PlatformTable) -> Result<Geometry, MachineError> {
+    if let Some(travel) = travel(table)? {
+        return Ok(Geometry::of_travel(travel));
+    }
     let mut geometry = Geometry {
         base_joints_m: table.base_joints_m.ok_or(MachineError::Missing("base_joints_m"))?,
         plate_joints_m: table.plate_joints_m.ok_or(MachineError::Missing("plate_joints_m"))?,
@@ -179,12 +198,58 @@ fn unchecked(table: &PlatformTable) -> Result<Geometry, MachineError> {
             cond_max: table.cond_max.unwrap_or(COND_MAX),
             bulk: bulk(table)?,
         },
+        travel: None,
     };
     let base = cones(&geometry, "base", table.base_joint_angle_rad, table.base_joint_axes)?;
     let plate = cones(&geometry, "plate", table.plate_joint_angle_rad, table.plate_joint_axes)?;
     geometry.limits.base_joints = base;
     geometry.limits.plate_joints = plate;
     Ok(geometry)
+}
+
+/// What a table says of a plate whose joints it does not give.
+fn travel(table: &PlatformTable) -> Result<Option<Travel>, MachineError> {
+    let of_plate = [
+        ("travel_m", table.travel_m.is_some()),
+        ("travel_rad", table.travel_rad.is_some()),
+        ("travel_together", table.travel_together),
+        ("plate_speed_mps", table.plate_speed_mps.is_some()),
+        ("plate_rate_radps", table.plate_rate_radps.is_some()),
+    ];
+    let of_legs = [
+        ("base_joints_m", table.base_joints_m.is_some()),
+        ("plate_joints_m", table.plate_joints_m.is_some()),
+        ("leg_length_m", table.leg_length_m.is_some()),
+        ("leg_rate_mps", table.leg_rate_mps.is_some()),
+        ("leg_acceleration_mps2", table.leg_acceleration_mps2.is_some()),
+        ("leg_force_n", table.leg_force_n.is_some()),
+        ("base_joint_angle_rad", table.base_joint_angle_rad.is_some()),
+        ("base_joint_axes", table.base_joint_axes.is_some()),
+        ("plate_joint_angle_rad", table.plate_joint_angle_rad.is_some()),
+        ("plate_joint_axes", table.plate_joint_axes.is_some()),
+        ("leg_radius_m", table.leg_radius_m.is_some()),
+        ("joint_length_m", table.joint_length_m.is_some()),
+        ("plate_radius_m", table.plate_radius_m.is_some()),
+        ("base_radius_m", table.base_radius_m.is_some()),
+        ("clearance_m", table.clearance_m.is_some()),
+        ("cond_max", table.cond_max.is_some()),
+    ];
+    let first = |keys: &[(&'static str, bool)]| keys.iter().find(|(_, given)| *given).map(|(key, _)| *key);
+    let Some(of_plate) = first(&of_plate) else { return Ok(None) };
+    if let Some(of_legs) = first(&of_legs) {
+        return Err(MachineError::Axes(format!(
+            "{of_plate} is for a machine whose joints are not published, and {of_legs} needs them: leave one of them out"
+        )));
+    }
+    let shift_m = table.travel_m.ok_or(MachineError::Missing("travel_m"))?;
+    let turn_rad = table.travel_rad.ok_or(MachineError::Missing("travel_rad"))?;
+    Ok(Some(Travel {
+        shift_m,
+        turn_rad,
+        together: table.travel_together,
+        speed_mps: table.plate_speed_mps,
+        rate_radps: table.plate_rate_radps,
+    }))
 }
 
 /// How thick legs, plate and base are; `None` where nothing is said of that.
@@ -285,6 +350,39 @@ mod tests {
         );
         assert_eq!(geometry(&read).unwrap(), want);
         assert_eq!(geometry_or_thesis(&read).unwrap(), want);
+    }
+
+    #[test]
+    fn a_table_of_travel_is_a_machine_without_joints_and_what_contradicts_it_is_named() {
+        let travel = "travel_m = [0.05, 0.05, 0.025]\ntravel_rad = [0.26, 0.26, 0.5]\n";
+        let read = |more: &str| geometry(&RigFile::parse(&format!("[platform]\n{more}")).unwrap());
+        let whole = read(&format!("{travel}plate_speed_mps = 0.05\nplate_rate_radps = 0.6")).unwrap();
+        assert!(!whole.has_joints());
+        let want = Travel {
+            shift_m: [0.05, 0.05, 0.025],
+            turn_rad: [0.26, 0.26, 0.5],
+            together: false,
+            speed_mps: Some(0.05),
+            rate_radps: Some(0.6),
+        };
+        assert_eq!(whole.travel, Some(want));
+        let rig = RigFile::parse(&format!("[platform]\n{travel}")).unwrap();
+        assert_eq!(with_joints(&rig).unwrap_err(), MachineError::NoJoints);
+        for (more, words) in [
+            (format!("{travel}leg_force_n = 200"), &["travel_m", "leg_force_n", "leave one of them out"][..]),
+            ("travel_m = [0.1, 0.1, 0.1]".to_owned(), &["has no travel_rad"]),
+            ("plate_speed_mps = 0.1".to_owned(), &["has no travel_m"]),
+        ] {
+            let error = read(&more).unwrap_err().to_string();
+            for word in words {
+                assert!(error.contains(word), "{more}\n{word}\n{error}");
+            }
+        }
+        for wrong in ["travel_m = [0.1, 0, 0.1]", "travel_rad = [0.1, 1.6, 0.1]", "plate_speed_mps = -1"] {
+            let error = RigFile::parse(&format!("[platform]\n{wrong}")).unwrap_err().to_string();
+            let key = wrong.split(' ').next().unwrap();
+            assert!(error.contains(key), "{error}");
+        }
     }
 
     #[test]

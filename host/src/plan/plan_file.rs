@@ -24,10 +24,12 @@ pub struct PlanFile {
     schema: String,
     /// What it is, for people.
     pub title: String,
-    /// Joints of the machine on its base, m.
-    base_joints_m: [[f64; 3]; 6],
-    /// Joints of the machine on its plate, m.
-    plate_joints_m: [[f64; 3]; 6],
+    /// Joints of the machine on its base, m; absent where they are not published.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    base_joints_m: Option<[[f64; 3]; 6]>,
+    /// Joints of the machine on its plate, m; absent where they are not published.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    plate_joints_m: Option<[[f64; 3]; 6]>,
     /// What the legs carry, in P, if the plan was made for that: their forces are known then.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     carries: Option<BodyParameters>,
@@ -82,6 +84,18 @@ pub enum PlanFileError {
         /// In the rig, m.
         actual: [f64; 3],
     },
+    /// A machine of another kind.
+    #[error(
+        "plan {path} is for another rig: it was made for a machine {} its joints, and the rig file describes one {} them; make it anew with \
+         `rigident plan motion --rig`",
+        if *planned { "with" } else { "without" }, if *planned { "without" } else { "with" }
+    )]
+    OtherKnowledge {
+        /// Which.
+        path: String,
+        /// The plan knows of joints.
+        planned: bool,
+    },
     /// What it carries is no body.
     #[error(
         "plan {path}: carries: no body has these parameters: the mass must be positive, and about any axis the moment at most the sum \
@@ -107,8 +121,8 @@ impl PlanFile {
         Self {
             schema: SCHEMA.to_owned(),
             title,
-            base_joints_m: geometry.base_joints_m,
-            plate_joints_m: geometry.plate_joints_m,
+            base_joints_m: geometry.has_joints().then_some(geometry.base_joints_m),
+            plate_joints_m: geometry.has_joints().then_some(geometry.plate_joints_m),
             carries: None,
             program,
         }
@@ -160,11 +174,14 @@ impl PlanFile {
             }
         }
         let plan: Self = serde_json::from_value(object).map_err(|e| unreadable(e.to_string()))?;
-        let machines = [
-            ("base", &plan.base_joints_m, &geometry.base_joints_m),
-            ("plate", &plan.plate_joints_m, &geometry.plate_joints_m),
-        ];
-        for (joint, planned, actual) in machines {
+        let joints = [plan.base_joints_m, plan.plate_joints_m];
+        if joints.iter().any(|planned| planned.is_some() != geometry.has_joints()) {
+            return Err(PlanFileError::OtherKnowledge { path: name(), planned: !geometry.has_joints() });
+        }
+        let actual = [("base", &geometry.base_joints_m), ("plate", &geometry.plate_joints_m)];
+        for (planned, (joint, actual)) in
+            joints.iter().zip(actual).filter_map(|(p, a)| Some((p.as_ref()?, a)))
+        {
             for (k, (planned, actual)) in planned.iter().zip(actual).enumerate() {
                 let apart = planned.iter().zip(actual).map(|(p, a)| (p - a).abs()).fold(0.0, f64::max);
                 if apart >= SAME_JOINT_M || apart.is_nan() {

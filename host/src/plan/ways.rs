@@ -127,6 +127,11 @@ impl Carrier<'_> {
             // Rates fall with the duration, accelerations with its square.
             let largest = |values: [f64; 6]| values.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
             let turning = state.angular_rate.norm() / pace.rate_radps;
+            if let Some(travel) = &self.geometry.travel {
+                let used = travel.margins(&state);
+                let of_speed = used.speed_mps / used.speed_limit_mps;
+                return Some(most.max(turning).max(of_speed).max(used.rate_radps / used.rate_limit_radps));
+            }
             let rates = largest(self.geometry.leg_rates(&state)) / self.geometry.leg_rate_mps;
             let pull = acceleration
                 .map_or(0.0, |limit| (largest(self.geometry.leg_accelerations(&state)) / limit).sqrt());
@@ -137,7 +142,7 @@ impl Carrier<'_> {
     /// Of a force only what the acceleration adds to the weight.
     fn time_helps(&self, to: &Pose, violation: &Violation) -> bool {
         match (violation.limit, self.load) {
-            (Limit::LegRate | Limit::LegAcceleration, _) => true,
+            (limit, _) if limit.is_of_speed() => true,
             (Limit::LegForce, Some(load)) => self.geometry.check_pose_loaded(to, load).is_ok(),
             _ => false,
         }

@@ -136,9 +136,19 @@ pub fn checks_itself(address: &str) -> bool {
 /// Connects to the platform at an address; nothing moves. `geometry` says where the plate is at home, and the legs' lengths.
 ///
 /// # Errors
-/// The address is not one, or nobody is there.
+/// The address is not one, or nobody is there; a driver that needs the joints of a machine of which they are not known.
 pub fn connect(address: &str, geometry: &Geometry) -> Result<Box<dyn Platform>, PlatformError> {
     let parsed = Address::parse(address)?;
+    if !geometry.has_joints() && (parsed.scheme == "tcp" || parsed.scheme.starts_with("legs+")) {
+        return Err(PlatformError::Address {
+            address: address.to_owned(),
+            reason: format!(
+                "{}:// depends on where the joints are, and the rig file gives travel_m in their place: gcs:// and pose+…:// count from the \
+                 reference pose",
+                parsed.scheme
+            ),
+        });
+    }
     let streamed = |lines, wire| {
         Box::new(StreamPlatform::new(&parsed, lines, wire, geometry.clone())) as Box<dyn Platform>
     };
@@ -164,6 +174,23 @@ pub fn connect(address: &str, geometry: &Geometry) -> Result<Box<dyn Platform>, 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_depends_on_joints_is_not_offered_a_machine_without() {
+        let travel = hexapod::Travel {
+            shift_m: [0.1; 3],
+            turn_rad: [0.3; 3],
+            together: false,
+            speed_mps: None,
+            rate_radps: None,
+        };
+        let geometry = Geometry::of_travel(travel);
+        for address in ["tcp://127.0.0.1:1", "legs+udp://127.0.0.1:1", "legs+tcp://127.0.0.1:1"] {
+            let error = connect(address, &geometry).err().unwrap().to_string();
+            assert!(error.contains("joints") && error.contains("reference pose"), "{error}");
+        }
+        connect("pose+udp://127.0.0.1:1", &geometry).unwrap();
+    }
 
     #[test]
     fn an_address_says_how_where_and_how_fast() {

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use hexapod::{Geometry, Load, MotionProgram, Pose};
+use hexapod::{Geometry, Load, MotionProgram, PlateState, Pose, Travel};
 
 use super::PlatformError;
 
@@ -10,6 +10,10 @@ use super::PlatformError;
 /// checked at every instant.
 const STEP_S: f64 = 0.004;
 const MOST_STEPS: f64 = 50_000.0;
+
+/// What cannot be said of a machine whose joints are not published.
+pub const WITHOUT_JOINTS: &str = "NOT checked, as the rig file gives no joints: whether the legs reach every pose inside the travel, their \
+                                  speeds, accelerations and forces, singular poses, collisions";
 
 /// How near a program comes to the limits.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -20,6 +24,8 @@ pub struct Summary {
     pub from: Option<Pose>,
     /// Nothing is said of the machine: the limits are the built-in platform's.
     pub assumed: bool,
+    /// Of a machine whose joints are not published what is used of its travel; nothing is known of legs then.
+    pub travel: Option<Used>,
     /// Shortest and longest leg on the way, m.
     pub leg_length_m: [f64; 2],
     /// The legs' limits, m.
@@ -52,6 +58,40 @@ pub struct Summary {
     pub way_s: f64,
 }
 
+/// What a program uses of a plate's travel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Used {
+    /// Largest share: one is all of it.
+    pub share: f64,
+    /// All of the travel may be used at once.
+    pub together: bool,
+    /// The limit of the plate's speed, m/s, if there is one.
+    pub speed_limit_mps: Option<f64>,
+    /// The limit of its angular rate, rad/s, if there is one.
+    pub rate_limit_radps: Option<f64>,
+}
+
+impl Used {
+    fn nothing_of(travel: &Travel) -> Self {
+        Self {
+            share: 0.0,
+            together: travel.together,
+            speed_limit_mps: travel.speed_mps,
+            rate_limit_radps: travel.rate_radps,
+        }
+    }
+
+    fn fmt(&self, summary: &Summary, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let how = if self.together { "of the axis that uses most" } else { "of all axes together" };
+        writeln!(f, "  travel    up to {:.0} % {how}", 100.0 * self.share)?;
+        let speed = against(self.speed_limit_mps, 3, "m/s", "plate_speed_mps");
+        writeln!(f, "  speed     up to {:.3} {speed}", summary.velocity_mps)?;
+        let rate = against(self.rate_limit_radps, 3, "rad/s", "plate_rate_radps");
+        writeln!(f, "  turning   up to {:.3} {rate}", summary.angular_rate_radps)?;
+        writeln!(f, "  {WITHOUT_JOINTS}")
+    }
+}
+
 /// A peak against a limit that may not be given.
 fn against(limit: Option<f64>, digits: usize, unit: &str, key: &str) -> String {
     match limit.filter(|limit| limit.is_finite()) {
@@ -75,6 +115,10 @@ impl fmt::Display for Summary {
         if self.assumed {
             writeln!(f, "  the rig file has no [platform]: the limits are the built-in platform's")?;
         }
+        if let Some(used) = &self.travel {
+            used.fmt(self, f)?;
+            return self.plate(f);
+        }
         writeln!(f, "  legs      {shortest:.4} to {longest:.4} m of {least:.4} to {most:.4} m")?;
         let rate = against(Some(self.leg_rate_limit_mps), 3, "m/s", "leg_rate_mps");
         writeln!(f, "  leg rate  up to {:.3} {rate}", self.leg_rate_mps)?;
@@ -96,6 +140,12 @@ impl fmt::Display for Summary {
             }
             (None, None) => writeln!(f, "  leg force not known: nothing says what the legs carry")?,
         }
+        self.plate(f)
+    }
+}
+
+impl Summary {
+    fn plate(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
             "  plate     up to {:.1} mm from home and {:.1} degrees of tilt, {:.3} m/s and {:.2} rad/s, {:.2} m/s2 and {:.2} rad/s2",
@@ -134,38 +184,50 @@ pub fn check(
     let step_s = (trajectory.duration_s() / MOST_STEPS).max(STEP_S);
     let force =
         |load| geometry.peak_leg_forces(&trajectory, step_s, load).map(|f| f.into_iter().fold(0.0, f64::max));
-    let home = geometry.home();
-    let mut summary = Summary {
-        duration_s: trajectory.duration_s(),
-        leg_length_m: [f64::INFINITY, 0.0],
-        leg_limits_m: geometry.leg_length_m,
-        leg_rate_limit_mps: geometry.leg_rate_mps,
-        leg_acceleration_limit_mps2: geometry.limits.leg_acceleration_mps2,
-        leg_force_n: load.map(force).transpose()?,
-        leg_force_limit_n: geometry.limits.leg_force_n,
-        ..Summary::default()
-    };
-    let length = |v: [f64; 3]| v.iter().map(|c| c * c).sum::<f64>().sqrt();
-    for k in 0..=(trajectory.duration_s() / step_s).ceil() as usize {
-        let state = trajectory.state((k as f64 * step_s).min(trajectory.duration_s()));
-        let pose = state.pose();
-        for leg in geometry.leg_lengths(&pose) {
-            summary.leg_length_m = [summary.leg_length_m[0].min(leg), summary.leg_length_m[1].max(leg)];
+    let mut summary = Summary { duration_s: trajectory.duration_s(), ..Summary::default() };
+    match &geometry.travel {
+        Some(travel) => summary.travel = Some(Used::nothing_of(travel)),
+        None => {
+            summary.leg_length_m = [f64::INFINITY, 0.0];
+            summary.leg_limits_m = geometry.leg_length_m;
+            summary.leg_rate_limit_mps = geometry.leg_rate_mps;
+            summary.leg_acceleration_limit_mps2 = geometry.limits.leg_acceleration_mps2;
+            summary.leg_force_n = load.map(force).transpose()?;
+            summary.leg_force_limit_n = geometry.limits.leg_force_n;
         }
-        let fastest = geometry.leg_rates(&state).into_iter().fold(0.0, |m: f64, v| m.max(v.abs()));
-        let hardest = geometry.leg_accelerations(&state).into_iter().fold(0.0, |m: f64, v| m.max(v.abs()));
-        summary.leg_acceleration_mps2 = summary.leg_acceleration_mps2.max(hardest);
-        summary.acceleration_mps2 = summary.acceleration_mps2.max(length(state.acceleration.into()));
-        summary.angular_acceleration_radps2 =
-            summary.angular_acceleration_radps2.max(length(state.angular_acceleration.into()));
-        let away = std::array::from_fn(|i| pose.position_m[i] - home.position_m[i]);
-        summary.leg_rate_mps = summary.leg_rate_mps.max(fastest);
-        summary.travel_m = summary.travel_m.max(length(away));
-        summary.tilt_rad = summary.tilt_rad.max(pose.rotation()[2][2].clamp(-1.0, 1.0).acos());
-        summary.velocity_mps = summary.velocity_mps.max(length(state.velocity.into()));
-        summary.angular_rate_radps = summary.angular_rate_radps.max(length(state.angular_rate.into()));
+    }
+    for k in 0..=(trajectory.duration_s() / step_s).ceil() as usize {
+        summary.take(geometry, &trajectory.state((k as f64 * step_s).min(trajectory.duration_s())));
     }
     Ok(summary)
+}
+
+impl Summary {
+    /// Counts one state.
+    fn take(&mut self, geometry: &Geometry, state: &PlateState) {
+        let length = |v: [f64; 3]| v.iter().map(|c| c * c).sum::<f64>().sqrt();
+        let largest = |values: [f64; 6]| values.into_iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+        let pose = state.pose();
+        if let (Some(used), Some(travel)) = (&mut self.travel, &geometry.travel) {
+            used.share = used.share.max(travel.margins(state).share);
+        } else {
+            for leg in geometry.leg_lengths(&pose) {
+                self.leg_length_m = [self.leg_length_m[0].min(leg), self.leg_length_m[1].max(leg)];
+            }
+            self.leg_rate_mps = self.leg_rate_mps.max(largest(geometry.leg_rates(state)));
+            self.leg_acceleration_mps2 =
+                self.leg_acceleration_mps2.max(largest(geometry.leg_accelerations(state)));
+        }
+        self.acceleration_mps2 = self.acceleration_mps2.max(length(state.acceleration.into()));
+        self.angular_acceleration_radps2 =
+            self.angular_acceleration_radps2.max(length(state.angular_acceleration.into()));
+        let home = geometry.home();
+        let away = std::array::from_fn(|i| pose.position_m[i] - home.position_m[i]);
+        self.travel_m = self.travel_m.max(length(away));
+        self.tilt_rad = self.tilt_rad.max(pose.rotation()[2][2].clamp(-1.0, 1.0).acos());
+        self.velocity_mps = self.velocity_mps.max(length(state.velocity.into()));
+        self.angular_rate_radps = self.angular_rate_radps.max(length(state.angular_rate.into()));
+    }
 }
 
 #[cfg(test)]
@@ -174,6 +236,32 @@ mod tests {
     use hexapod::Segment;
 
     use super::*;
+
+    #[test]
+    fn a_machine_without_joints_shows_its_travel_and_what_is_not_checked() {
+        let travel = Travel {
+            shift_m: [0.1; 3],
+            turn_rad: [0.5; 3],
+            together: false,
+            speed_mps: Some(0.2),
+            rate_radps: None,
+        };
+        let to = Pose { position_m: [0.05, 0.0, 0.0], rpy_rad: [0.0, 0.1, 0.0] };
+        let segments = vec![Segment::Move { to, duration_s: 2.0 }];
+        let program = MotionProgram { start: Pose::default(), segments };
+        let load = Load::body(BodyParameters::thesis_horizontal());
+        let said = check(&program, &Geometry::of_travel(travel), Some(&load)).unwrap().to_string();
+        // The quintic's highest rate is 15/8 of its mean.
+        for words in [
+            "travel    up to 70 % of all axes together",
+            "speed     up to 0.047 of 0.200 m/s",
+            "turning   up to 0.094 rad/s; the rig file gives no plate_rate_radps",
+            WITHOUT_JOINTS,
+        ] {
+            assert!(said.contains(words), "{words}\n{said}");
+        }
+        assert!(!said.contains("leg force") && !said.contains("leg rate"), "{said}");
+    }
 
     #[test]
     fn a_limit_of_force_is_checked_or_said_not_to_be() {

@@ -3,7 +3,7 @@
 
 use std::time::{Duration, Instant};
 
-use hexapod::{Geometry, Limit, MotionError, MotionProgram, Pose, Segment};
+use hexapod::{Geometry, MotionError, MotionProgram, Pose, Segment};
 
 use super::{Motion, Platform, PlatformError, check};
 
@@ -51,8 +51,7 @@ pub(super) fn between(from: &Pose, to: &Pose, geometry: &Geometry) -> Result<Mot
         match check::check(&way, geometry, None) {
             Ok(_) => return Ok(way),
             Err(PlatformError::Motion(MotionError::Limit { violation, .. }))
-                if matches!(violation.limit, Limit::LegRate | Limit::LegAcceleration)
-                    && duration_s < LONGEST_S =>
+                if violation.limit.is_of_speed() && duration_s < LONGEST_S =>
             {
                 duration_s *= 2.0;
             }

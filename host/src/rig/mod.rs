@@ -483,6 +483,21 @@ pub struct PlatformTable {
     /// Largest condition number of the legs' Jacobian.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cond_max: Option<f64>,
+    /// Of a machine whose joints are not published: how far the plate goes along x, y, z to either side of its reference pose, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub travel_m: Option<[f64; 3]>,
+    /// How far it rolls, pitches and yaws to either side, rad.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub travel_rad: Option<[f64; 3]>,
+    /// All of that can be used at once, not only with the other axes at zero.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub travel_together: bool,
+    /// Largest speed of the plate's origin, m/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plate_speed_mps: Option<f64>,
+    /// Largest angular rate of the plate, rad/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plate_rate_radps: Option<f64>,
     /// The heaviest body that is ever put on the load cell, kg.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub load_max_kg: Option<f64>,

@@ -1,6 +1,7 @@
 //! Reading and checking a rig file; every complaint names key and line.
 
 use std::collections::BTreeMap;
+use std::f64::consts::FRAC_PI_2;
 use std::ops::Range;
 use std::path::Path;
 
@@ -435,10 +436,20 @@ impl Check<'_> {
                 ("base_radius_m", platform.base_radius_m),
                 ("clearance_m", platform.clearance_m),
                 ("cond_max", platform.cond_max),
+                ("plate_speed_mps", platform.plate_speed_mps),
+                ("plate_rate_radps", platform.plate_rate_radps),
                 ("load_max_kg", platform.load_max_kg),
                 ("load_within_m", platform.load_within_m),
             ] {
                 self.positive(&format!("platform.{name}"), value.as_slice())?;
+            }
+            for (name, travel) in [("travel_m", platform.travel_m), ("travel_rad", platform.travel_rad)] {
+                self.positive(&format!("platform.{name}"), travel.as_ref().map_or(&[][..], |all| &all[..]))?;
+            }
+            if let Some(turns) = platform.travel_rad.filter(|turns| turns.iter().any(|v| *v >= FRAC_PI_2)) {
+                let advice =
+                    "is how far the plate turns to either side, in rad: each less than a right angle";
+                return Err(self.refuse("platform.travel_rad", turns, advice));
             }
             for (n, part) in platform.part.iter().enumerate() {
                 self.body(&format!("platform.part[{n}]"), part.mass_kg, part.com_m, part.inertia_com_kgm2)?;

@@ -332,3 +332,40 @@ fn a_machine_that_the_rig_file_does_not_describe_is_not_taken_for_the_built_in_o
         said(&output)
     );
 }
+
+/// The simulated controller has its legs' limits all the same: the motion inside the travel keeps them.
+#[test]
+fn a_machine_without_joints_is_driven_inside_its_travel_and_what_is_not_checked_is_said() {
+    let served = Served::new();
+    let rig = text(&served.path("rig.toml"));
+    let of_legs = ["base_joints_m", "plate_joints_m", "leg_length_m", "leg_rate_mps", "cond_max"]
+        .map(|key| format!("{key} ="));
+    let kept = rig.lines().filter(|line| !of_legs.iter().any(|key| line.starts_with(key.as_str())));
+    let lines: Vec<&str> = kept.collect();
+    let travel =
+        "[platform]\ntravel_m = [0.2, 0.2, 0.12]\ntravel_rad = [0.45, 0.45, 0.6]\nplate_speed_mps = 0.4";
+    std::fs::write(served.path("rig.toml"), lines.join("\n").replacen("[platform]", travel, 1)).unwrap();
+    let plan = Command::new(env!("CARGO_BIN_EXE_rigident"))
+        .args(["plan", "motion", "--body", "horizontal", "--duration-s", "20", "--no-poses"])
+        .args(["--rig".as_ref(), served.path("rig.toml").as_os_str()])
+        .args(["--out".as_ref(), served.path("plan.json").as_os_str()])
+        .output()
+        .unwrap();
+    assert!(plan.status.success() && said(&plan).contains("NOT checked"), "{}", said(&plan));
+    let path = served.path("plan.json");
+    let output = run(&served, &["--plan", path.to_str().unwrap(), "--yes", "--json"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    for words in ["of all axes together", "of 0.400 m/s", "singular poses, collisions"] {
+        assert!(said(&output).contains(words), "{words}\n{}", said(&output));
+    }
+    let result: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(result["status"], "identified");
+    let motion = text(&served.path("out/motion.csv"));
+    let poses: Vec<Pose> =
+        motion.lines().skip_while(|line| line.starts_with('#')).skip(1).map(measured).collect();
+    let geometry =
+        rigident::plan::machine::geometry(&rigident::rig::RigFile::load(&served.path("rig.toml")).unwrap());
+    let planned = PlanFile::read(&path, &geometry.unwrap()).unwrap().program.trajectory().unwrap();
+    let off = rms_off_path(&planned, &poses);
+    assert!(poses.len() > 300 && off < 1e-3, "{off} m off the path");
+}

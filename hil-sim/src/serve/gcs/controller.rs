@@ -12,7 +12,7 @@ use hexapod::gcs::{
     AXES, FREE_POINTS, GcsPosition, IS_READY, MOVING, PATH_BUFFERED, PATH_SOURCE, PATH_THRESHOLD, READY,
     STATUS, answer, error, read_pairs,
 };
-use hexapod::{Limit, MotionError, Pose, gcs};
+use hexapod::{MotionError, Pose, gcs};
 
 #[derive(Debug, Default)]
 enum Stream {
@@ -393,9 +393,7 @@ impl Hexapod {
 
 fn code(error: RigError) -> u16 {
     match error {
-        RigError::Motion(MotionError::Limit { violation, .. })
-            if matches!(violation.limit, Limit::LegRate | Limit::LegAcceleration) =>
-        {
+        RigError::Motion(MotionError::Limit { violation, .. }) if violation.limit.is_of_speed() => {
             error::VELOCITY
         }
         RigError::Motion(_) => error::POSITION,

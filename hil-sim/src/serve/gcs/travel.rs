@@ -50,4 +50,35 @@ mod tests {
         }
         assert!(all.iter().all(|[low, high]| *low < 0.0 && *high > 0.0));
     }
+
+    /// What is published of a machine, each axis by itself, on one whose legs are known: shares that add up to one are
+    /// reached, most of the poses that use each at will are not.
+    #[test]
+    fn poses_whose_shares_of_the_travel_add_up_to_one_are_reached_by_the_legs() {
+        let geometry = Geometry::thesis();
+        let most = limits(&geometry).map(|[low, high]| high.min(-low));
+        let home = geometry.home();
+        let [lo, hi] = geometry.leg_length_m;
+        let mut state = 88_172_645_463_325_252_u64;
+        let mut unit = || {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            (state >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        let reached = |shares: [f64; 6]| {
+            let at = GcsPosition(std::array::from_fn(|k| shares[k] * most[k]));
+            geometry.leg_lengths(&at.pose(&home)).iter().all(|l| (lo..=hi).contains(l))
+        };
+        let (mut apart, mut together) = (0, 0);
+        const DRAWN: usize = 10_000;
+        for _ in 0..DRAWN {
+            let shares: [f64; 6] = std::array::from_fn(|_| 2.0 * unit() - 1.0);
+            let sum: f64 = shares.iter().map(|v| v.abs()).sum();
+            apart += usize::from(reached(shares.map(|v| v / sum)));
+            together += usize::from(reached(shares));
+        }
+        assert_eq!(apart, DRAWN);
+        assert!(together < DRAWN / 10, "{together}");
+    }
 }

@@ -3,10 +3,13 @@
 //! Lengths, rates and accelerations of the legs and the plate's angular rate have a gradient here. Joint angles, forces,
 //! clearances and `cond(H)` have not: the guarantee at the end makes the motion smaller if they ask for it.
 
-use hexapod::{Geometry, PlateState};
+use hexapod::{Geometry, PlateState, Travel};
 use nalgebra::Vector3;
 
 use super::information::Variation;
+
+/// A share that is this small counts as such: where one changes its sign the sum of their magnitudes has no gradient.
+const LEAST_SHARE: f64 = 1e-3;
 
 /// Limits as the barrier sees them.
 #[derive(Clone, Debug)]
@@ -26,26 +29,31 @@ impl Barrier {
         geometry.leg_length_m = [middle - half, middle + half];
         geometry.leg_rate_mps *= SHARE;
         geometry.limits.leg_acceleration_mps2 = geometry.limits.leg_acceleration_mps2.map(|a| SHARE * a);
+        if let Some(travel) = &mut geometry.travel {
+            travel.shift_m = travel.shift_m.map(|v| SHARE * v);
+            travel.turn_rad = travel.turn_rad.map(|v| SHARE * v);
+            travel.speed_mps = travel.speed_mps.map(|v| SHARE * v);
+        }
+        let rate_radps =
+            geometry.travel.as_ref().and_then(|t| t.rate_radps).unwrap_or(rate_radps).min(rate_radps);
         Self { geometry, rate_radps: SHARE * rate_radps }
     }
 
     /// `−Σ log slack` at one instant and, in `worth`, `share` times its change; `None` outside.
     pub fn at(&self, state: &PlateState, share: f64, worth: &mut Variation) -> Option<f64> {
         let g = &self.geometry;
+        if let Some(travel) = &g.travel {
+            return self.of_travel(travel, state, share, worth);
+        }
         let legs = g.legs_at(&state.position, &state.rotation);
         let [lo, hi] = g.leg_length_m;
         let half = 0.5 * (hi - lo);
         let back = state.rotation.transpose();
         let mut sum = 0.0;
-        // −log(1 − (v/limit)²) and its derivative.
-        let mut within = |value: f64, limit: f64| -> Option<f64> {
-            let ratio = value / limit;
-            let slack = 1.0 - ratio * ratio;
-            if slack.is_nan() || slack <= 0.0 {
-                return None;
-            }
-            sum -= slack.ln();
-            Some(share * 2.0 * ratio / (limit * slack))
+        let mut within = |value: f64, limit: f64| {
+            let (depth, pull) = within(value, limit)?;
+            sum += depth;
+            Some(share * pull)
         };
         let (w, dw) = (state.angular_rate, state.angular_acceleration);
         let rate = w.norm();
@@ -91,4 +99,62 @@ impl Barrier {
         }
         Some(sum)
     }
+
+    /// The same of a machine without joints.
+    fn of_travel(
+        &self,
+        travel: &Travel,
+        state: &PlateState,
+        share: f64,
+        worth: &mut Variation,
+    ) -> Option<f64> {
+        let (rate, speed) = (state.angular_rate.norm(), state.velocity.norm());
+        let (mut sum, pull) = within(rate, self.rate_radps)?;
+        if rate > 1e-9 {
+            worth.angular_rate(state, &(state.angular_rate * (share * pull / rate)));
+        }
+        if let Some(limit) = travel.speed_mps {
+            let (depth, pull) = within(speed, limit)?;
+            sum += depth;
+            if speed > 1e-9 {
+                worth.velocity += state.velocity * (share * pull / speed);
+            }
+        }
+        let (at, ranges) = (state.pose().coordinates(), travel.ranges());
+        // Each axis' share, rounded at zero, and its derivative.
+        let shares: [(f64, f64); 6] = std::array::from_fn(|k| {
+            let ratio = at[k] / ranges[k];
+            let rounded = ratio.hypot(LEAST_SHARE);
+            (rounded, ratio / (rounded * ranges[k]))
+        });
+        let mut slopes = [0.0; 6];
+        if travel.together {
+            for (slope, (used, change)) in slopes.iter_mut().zip(shares) {
+                let (depth, pull) = within(used, 1.0)?;
+                sum += depth;
+                *slope = share * pull * change;
+            }
+        } else {
+            let (depth, pull) = within(shares.iter().map(|(used, _)| used).sum(), 1.0)?;
+            sum += depth;
+            slopes = shares.map(|(_, change)| share * pull * change);
+        }
+        let [x, y, z, of_roll, of_pitch, of_yaw] = slopes;
+        worth.place += Vector3::new(x, y, z);
+        // E⁻ᵀ brings what a change of the angles is worth to the rotation in P.
+        let ((sr, cr), (sp, cp)) = (state.rpy.x.sin_cos(), state.rpy.y.sin_cos());
+        let about = (of_roll * sp + of_yaw) / cp;
+        worth.turn[0] += Vector3::new(of_roll, of_pitch * cr + about * sr, about * cr - of_pitch * sr);
+        Some(sum)
+    }
+}
+
+/// `−log(1 − (v/limit)²)` and its derivative; `None` outside.
+fn within(value: f64, limit: f64) -> Option<(f64, f64)> {
+    let ratio = value / limit;
+    let slack = 1.0 - ratio * ratio;
+    if slack.is_nan() || slack <= 0.0 {
+        return None;
+    }
+    Some((-slack.ln(), 2.0 * ratio / (limit * slack)))
 }

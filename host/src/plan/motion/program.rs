@@ -12,7 +12,7 @@ pub const SHORTEST_MOTION_S: f64 = 6.0;
 /// Of the legs' speeds, accelerations and forces the static step uses this share at most.
 const SPARE: f64 = 0.985;
 /// Shares of the thesis' tilts that are tried.
-const TILTS: [f64; 8] = [1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3];
+const TILTS: [f64; 10] = [1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1];
 
 /// The experiment with a place for a motion about home.
 #[derive(Clone, Debug)]
@@ -114,6 +114,9 @@ impl Frame {
             leg_force_n: slower.limits.leg_force_n,
             ..geometry.limits.clone()
         };
+        if let (Some(slower), Some(travel)) = (&mut slower.travel, &geometry.travel) {
+            (slower.shift_m, slower.turn_rad) = (travel.shift_m, travel.turn_rad);
+        }
         let way = |from: &Pose, to: &Pose| ways::straight(&slower, Some(load), from, to, PACE);
         let mut before = vec![Segment::Hold { duration_s: 0.5 * hold_s }];
         let mut at = home;

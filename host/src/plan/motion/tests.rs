@@ -47,6 +47,66 @@ fn the_gradient_is_that_of_finite_differences() {
     }
 }
 
+/// A machine without joints: the same, in steps that are small beside where a share changes its sign.
+#[test]
+fn the_gradient_of_a_travel_is_that_of_finite_differences() {
+    for together in [false, true] {
+        let mut task = task(Objective::DOptimal);
+        task.equipment.geometry = hexapod::Geometry::of_travel(hexapod::Travel {
+            shift_m: [0.9, 0.8, 0.7],
+            turn_rad: [1.4, 1.5, 1.3],
+            together,
+            speed_mps: Some(3.0),
+            rate_radps: Some(8.0),
+        });
+        task.rate_radps = 9.0;
+        task.equipment.wrench_range_n_nm = [3000.0, 3000.0, 3000.0, 900.0, 900.0, 900.0];
+        let frame = Frame::bare(&task.equipment.geometry, 10.0).unwrap();
+        let problem = problem(&task, &frame, 1.0);
+        let z: Vec<f64> = some(&problem).iter().map(|v| 0.4 * v).collect();
+        let (_, gradient, _) = problem.cost(&z, 10.0).unwrap();
+        let largest = gradient.iter().fold(0.0_f64, |m, g| m.max(g.abs()));
+        for k in (0..z.len()).step_by(5) {
+            let at = |by: f64| {
+                let mut z = z.clone();
+                z[k] += by;
+                problem.cost(&z, 10.0).unwrap().0
+            };
+            let h = 2e-5;
+            let slope = (8.0 * (at(h) - at(-h)) - at(2.0 * h) + at(-2.0 * h)) / (12.0 * h);
+            assert!((slope - gradient[k]).abs() < 1e-5 * largest, "{together} {k}: {slope} {}", gradient[k]);
+        }
+    }
+}
+
+/// A plan for a machine without joints keeps its travel, and the looks of another program say so, too.
+#[test]
+fn a_motion_of_a_machine_without_joints_keeps_its_travel() {
+    for together in [false, true] {
+        let mut task = task(Objective::DOptimal);
+        let ranges = [0.06, 0.05, 0.04, 0.25, 0.25, 0.4];
+        let [x, y, z, roll, pitch, yaw] = ranges;
+        let (shift_m, turn_rad) = ([x, y, z], [roll, pitch, yaw]);
+        let travel =
+            hexapod::Travel { shift_m, turn_rad, together, speed_mps: Some(0.2), rate_radps: Some(0.9) };
+        task.equipment.geometry = hexapod::Geometry::of_travel(travel);
+        let plan = made(&task);
+        assert!(plan.guarantee.is_kept());
+        let trajectory = plan.program.trajectory().unwrap();
+        let mut most = [0.0_f64; 3];
+        for k in 0..=(trajectory.duration_s() * 1000.0) as usize {
+            let state = trajectory.state(k as f64 * 1e-3);
+            let pose = state.pose();
+            let shares = pose.coordinates().into_iter().zip(ranges).map(|(v, range)| v.abs() / range);
+            let share = if together { shares.fold(0.0, f64::max) } else { shares.sum() };
+            let used = [share, state.velocity.norm() / 0.2, state.angular_rate.norm() / 0.9];
+            most.iter_mut().zip(used).for_each(|(most, used)| *most = most.max(used));
+        }
+        assert!(most.iter().all(|used| *used <= 1.0), "{most:?}");
+        assert!(most.iter().any(|used| *used > 0.95), "{most:?}");
+    }
+}
+
 /// Every instant of the long motion, one after the other, and what the platform does then.
 #[test]
 fn a_long_motion_tells_what_its_repeated_period_says() {

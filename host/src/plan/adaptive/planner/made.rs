@@ -77,6 +77,10 @@ impl Planner {
     fn design_look(&mut self, goal: &Goal, beforehand: &Information, centre: Pose) {
         let mut careful = self.rig.clone();
         careful.geometry.leg_rate_mps *= LOOK_SHARE;
+        if let Some(speed_mps) = careful.geometry.travel.as_mut().and_then(|travel| travel.speed_mps.as_mut())
+        {
+            *speed_mps *= LOOK_SHARE;
+        }
         careful.rate_range_radps = LOOK_SHARE * self.rig.rate_range_radps.min(HIGHEST_RATE_RADPS);
         let task = Design {
             rig: &careful,

@@ -81,7 +81,12 @@ impl Planner {
                 self.lose(&newly);
             }
             Some(Question::Slower(motion)) => {
-                let limit = if yes { Limit::LegRate } else { Limit::LegLength };
+                let limit = match (yes, self.rig.geometry.has_joints()) {
+                    (true, true) => Limit::LegRate,
+                    (true, false) => Limit::PlateRate,
+                    (false, true) => Limit::LegLength,
+                    (false, false) => Limit::Travel,
+                };
                 self.questions.push(Question::Smaller {
                     motion,
                     limit,
@@ -119,7 +124,16 @@ impl Planner {
                 let middle = 0.5 * (low + high);
                 geometry.leg_length_m = [middle - peak.seen, middle + peak.seen];
             }
-            _ => geometry.leg_rate_mps = peak.seen,
+            _ if geometry.has_joints() => geometry.leg_rate_mps = peak.seen,
+            _ => {}
+        }
+        if let Some(travel) = &mut geometry.travel {
+            if limit == Limit::Travel {
+                travel.shift_m = travel.shift_m.map(|v| v * peak.seen);
+                travel.turn_rad = travel.turn_rad.map(|v| v * peak.seen);
+            } else {
+                travel.rate_radps = Some(peak.seen);
+            }
         }
         self.take_stock(at);
     }
