@@ -244,10 +244,11 @@ impl Directing {
     /// Says what can be reached where the time there is will not do, again when that has changed.
     fn promise(&mut self, told: &Told, decision: &Decision) {
         let left_s = self.at_most_s - self.spent_s;
-        if told.estimate.is_none() || decision.expected_s <= left_s {
+        let known = told.known();
+        let is_known = known.estimate.is_some() && self.asked.is_known(known.estimate);
+        if !is_known || decision.expected_s <= left_s {
             return;
         }
-        let known = told.known();
         let goal = self.planner.goal(&known);
         if !self.asked.can_foresee(goal.worst(known.information, known.variance_scale)) {
             return;

@@ -82,9 +82,13 @@ impl Asked {
         }
     }
 
-    /// Returns true if a body must be identified before it is known what is asked for.
-    pub fn is_relative(&self) -> bool {
-        matches!(self, Self::Tensor(_))
+    /// Returns true if it is known what is asked for: a share of a moment is not before a body is identified, nor where noise has
+    /// left its tensor without a positive moment.
+    pub fn is_known(&self, estimate: Option<&[f64]>) -> bool {
+        match self {
+            Self::Absolute(_) => true,
+            Self::Tensor(_) => estimate.and_then(largest_principal).is_some(),
+        }
     }
 }
 

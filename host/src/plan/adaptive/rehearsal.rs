@@ -338,7 +338,8 @@ impl Rehearsal {
             }
             let left_s = longest_s - whole.duration_s();
             // As it was said last while a quarter of the time was left.
-            if left_s > 0.25 * longest_s && known.estimate.is_some() && decision.expected_s > left_s {
+            let is_known = known.estimate.is_some() && asked.is_known(known.estimate);
+            if left_s > 0.25 * longest_s && is_known && decision.expected_s > left_s {
                 let goal = planner.goal(&known);
                 if asked.can_foresee(goal.worst(known.information, known.variance_scale)) {
                     promised = Some(decision.worst_after(left_s, &goal, &known));

@@ -11,6 +11,7 @@ use super::information::deviations;
 use super::library::{Candidate, library};
 use super::planner::Known;
 use super::rehearsal::{Outcome, Rehearsal};
+use super::told::Told;
 use super::{Asked, Information, Next, Planner, RigModel};
 
 const ASKED: Asked = Asked::Tensor(0.01);
@@ -323,4 +324,30 @@ fn nothing_is_exceeded_whatever_the_body_the_limits_and_the_noise_are() {
             (None, None) => {}
         }
     }
+}
+
+/// A share of a moment that noise has made negative is no measure: however small the uncertainties are, nothing is reached.
+#[test]
+fn a_tensor_without_a_positive_moment_is_not_taken_for_known() {
+    let asked = Asked::Tensor(0.01);
+    // About S, of 0.5 kg at 0.3 m: the moments about the centre of mass are differences of numbers forty times as large.
+    let body = |moment_kgm2: f64| {
+        let inertia_com_kgm2 = [moment_kgm2, moment_kgm2, moment_kgm2, 0.0, 0.0, 0.0];
+        BodyParameters { mass_kg: 0.5, com_m: [0.18, -0.18, 0.16], inertia_com_kgm2 }.parameters()
+    };
+    let config = RigConfig::thesis_horizontal();
+    let rig = RigModel { body: Some(BodySet::known(&config.body)), ..model(&config, RATE_HZ) };
+    let told = |moment_kgm2: f64| Told {
+        information: Information::identity() * 1e14,
+        estimate: Some(body(moment_kgm2)),
+        first: None,
+        variance_scale: 1.0,
+    };
+    assert!(told(4e-4).worst(&asked, &rig) < 1.0);
+    assert_eq!(told(-1e-5).worst(&asked, &rig), f64::INFINITY);
+    let mut planner = Planner::new(rig.clone(), asked);
+    assert!(matches!(planner.next(&told(4e-4).known()), Next::Reached));
+    assert!(!matches!(planner.next(&told(-1e-5).known()), Next::Reached));
+    let absolute = Asked::Absolute([1.0; 16]);
+    assert!(told(-1e-5).worst(&absolute, &rig) < 1.0);
 }

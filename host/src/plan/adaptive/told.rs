@@ -39,7 +39,7 @@ impl Told {
     /// Returns the worst uncertainty over what is asked for; at most 1 when all is reached, infinite as long as it is not known
     /// what that is.
     pub fn worst(&self, asked: &Asked, rig: &RigModel) -> f64 {
-        if asked.is_relative() && self.estimate.is_none() {
+        if !asked.is_known(self.known().estimate) {
             return f64::INFINITY;
         }
         asked.goal(self.known().estimate, &rig.compact()).worst(&self.information, self.variance_scale)

@@ -293,8 +293,7 @@ impl Planner {
     pub fn next(&mut self, known: &Known) -> Next {
         let goal = self.goal(known);
         self.checks = MOST_CHECKS;
-        let is_known = known.estimate.is_some() || !self.asked.is_relative();
-        if is_known && goal.worst(known.information, known.variance_scale) <= 1.0 {
+        if self.asked.is_known(known.estimate) && goal.worst(known.information, known.variance_scale) <= 1.0 {
             return Next::Reached;
         }
         if let Some(question) = self.question() {
