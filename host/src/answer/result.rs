@@ -674,6 +674,10 @@ pub struct ExperimentSummary {
     /// What was said last that can be reached in the time there is, over what was asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub predicted_ratio: Option<f64>,
+    /// The same as the 95 % uncertainty of the worst element of the tensors, kg m², while the moment of which a share was asked for
+    /// is not known well enough.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub predicted_moment_u95_kgm2: Option<f64>,
     /// The segments, in their order.
     pub decisions: Vec<SegmentSummary>,
 }

@@ -11,8 +11,11 @@ use crate::device::session::{Axes, Director, Proposal};
 use crate::fit::Factor;
 use crate::plan::adaptive::library::word;
 use crate::plan::adaptive::planner::Known;
-use crate::plan::adaptive::{Asked, Decision, Information, Next, Planner, RigModel, Told};
+use crate::plan::adaptive::{
+    Asked, Decision, Forecast, Foreseen, Information, Next, Planner, RigModel, Told,
+};
 use crate::platform::PlatformError;
+use crate::present::text::significant;
 use crate::present::{Decided, Stage};
 use crate::rig::RigFile;
 
@@ -22,8 +25,6 @@ const TENSOR_SHARE: f64 = 0.01;
 /// After so long no further segment begins unless asked otherwise, s.
 const AT_MOST_S: f64 = 300.0;
 
-/// By so much what can be reached must have changed to be said again.
-const CHANGED: f64 = 0.05;
 /// An identified estimate that a scale rules out.
 const CONTRADICTED: &str = "the estimate is none of the bodies that the scale, load_max_kg and load_within_m allow: it is not used to \
                             plan with. One of them is wrong";
@@ -116,7 +117,7 @@ impl Adaptive {
             asked,
             reached: false,
             last: None,
-            promised: None,
+            forecast: Forecast::default(),
             why: None,
         }))
     }
@@ -144,8 +145,8 @@ pub(super) struct Directing {
     reached: bool,
     /// What the last factor said, over what is asked for, and the parameter that is furthest off.
     last: Option<(f64, &'static str)>,
-    /// What was said that can be reached in the time there is, over what is asked for.
-    promised: Option<f64>,
+    /// What can be reached in the time there is, where that is not what is asked for.
+    forecast: Forecast,
     /// Why it ended before.
     why: Option<String>,
 }
@@ -196,7 +197,14 @@ impl Directing {
             goal: self.in_words(1.0),
             reached: self.reached,
             goal_ratio: self.last.and_then(|(worst, _)| finite(worst)),
-            predicted_ratio: self.promised,
+            predicted_ratio: match self.forecast.said() {
+                Some(Foreseen::Share(worst)) => Some(worst),
+                _ => None,
+            },
+            predicted_moment_u95_kgm2: match self.forecast.said() {
+                Some(Foreseen::Moment(u95)) => Some(u95),
+                _ => None,
+            },
             decisions: self.decisions.iter().map(segment).collect(),
         }
     }
@@ -245,28 +253,26 @@ impl Directing {
     fn promise(&mut self, told: &Told, decision: &Decision) {
         let left_s = self.at_most_s - self.spent_s;
         let known = told.known();
-        let is_known = known.estimate.is_some() && self.asked.is_known(known.estimate);
-        if !is_known || decision.expected_s <= left_s {
+        if decision.expected_s <= left_s {
             return;
         }
-        let goal = self.planner.goal(&known);
-        if !self.asked.can_foresee(goal.worst(known.information, known.variance_scale)) {
-            return;
-        }
-        let worst = decision.worst_after(left_s, &goal, &known);
-        if self.promised.is_some_and(|said| (worst / said - 1.0).abs() < CHANGED) {
-            return;
-        }
-        self.promised = Some(worst);
+        let then = decision.information_after(left_s, &known);
+        let foreseen = self.asked.foreseen(&self.planner.goal(&known), &known, &then);
+        let Some(foreseen) = foreseen.and_then(|foreseen| self.forecast.take(foreseen)) else { return };
         let takes = match decision.expected_s {
             s if s.is_finite() => format!("would take {s:.0} s more"),
             _ => "cannot be reached".to_owned(),
         };
-        tell!(
-            "{} {takes}; in the {left_s:.0} s there are, {} can be",
-            self.in_words(1.0),
-            self.in_words(worst)
-        );
+        let can_be = match foreseen {
+            Foreseen::Share(worst) => format!("{} can be", self.in_words(worst)),
+            Foreseen::Moment(u95) => {
+                format!(
+                    "every element of the tensor to ±{} kg m² can be; the largest moment is not known well yet",
+                    significant(u95, 2)
+                )
+            }
+        };
+        tell!("{} {takes}; in the {left_s:.0} s there are, {can_be}", self.in_words(1.0));
     }
 
     fn decided(&self, decision: &Decision, expected: f64) -> Decided {

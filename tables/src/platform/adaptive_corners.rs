@@ -10,7 +10,7 @@ use rigident_sim::rig::RigConfig;
 
 const ASKED: Asked = Asked::Tensor(0.01);
 const RATE_HZ: f64 = 200.0;
-const SEEDS: u64 = 1;
+const SEEDS: u64 = 5;
 /// No further segment begins then, s.
 const LONGEST_S: f64 = 60.0;
 const MASSES_KG: [f64; 5] = [0.5, 5.0, 20.0, 60.0, 120.0];
@@ -101,7 +101,11 @@ fn row(limits: f64, noise: f64, outcomes: &[&Outcome]) -> String {
     seconds.sort_by(f64::total_cmp);
     let median = seconds.get(seconds.len() / 2).map_or("–".to_owned(), |s| format!("{s:.1}"));
     let unmet: Vec<&&Outcome> = outcomes.iter().filter(|o| o.seconds.is_none()).collect();
-    let promised: Vec<f64> = unmet.iter().filter_map(|o| Some((o.worst / o.promised? - 1.0).abs())).collect();
+    let promised: Vec<f64> = unmet
+        .iter()
+        .filter(|o| o.promised.is_some())
+        .map(|o| o.off.map_or(f64::INFINITY, f64::abs))
+        .collect();
     let silent = unmet.iter().filter(|o| o.promised.is_none() && o.ended.is_none()).count();
     let largest = |of: &dyn Fn(&Outcome) -> f64| outcomes.iter().map(|o| of(o)).fold(0.0, f64::max);
     let error = outcomes.iter().filter(|o| o.seconds.is_some()).map(|o| o.error / 0.01).fold(0.0, f64::max);
@@ -130,7 +134,7 @@ fn run(corners: &[Corner]) -> Vec<(Corner, Outcome)> {
             let outcome =
                 corner.rehearsal().adaptive(&ASKED, corner.seed, LONGEST_S).expect("a rig that moves");
             eprintln!(
-                "{} kg at {:?}, limits {}, noise {}, seed {}: {:?} s of {:.1}, worst {:.3}, promised {:?}, taken {:.3}, error {:.4}, {} segments, \
+                "{} kg at {:?}, limits {}, noise {}, seed {}: {:?} s of {:.1}, worst {:.3}, promised {:?}, off {:?}, taken {:.3}, error {:.4}, {} segments, \
                  decisions up to {:.1} s{}",
                 corner.mass_kg,
                 corner.com_m,
@@ -141,6 +145,7 @@ fn run(corners: &[Corner]) -> Vec<(Corner, Outcome)> {
                 outcome.spent_s,
                 outcome.worst,
                 outcome.promised,
+                outcome.off,
                 outcome.taken,
                 outcome.error,
                 outcome.segments.len(),

@@ -14,6 +14,9 @@ const MOST_TIMES: f64 = 1e12;
 /// Segments in a sequence.
 const LONGEST: usize = 3;
 
+/// A sequence that reaches the goal in so many rounds or more is driven in turn.
+const REPEATED: f64 = 2.0;
+
 /// What a candidate costs and tells, from where it is begun.
 #[derive(Clone, Debug)]
 pub struct Step {
@@ -36,6 +39,47 @@ impl Choice {
     /// One candidate, whatever it leads to.
     pub fn alone(candidate: usize) -> Self {
         Self { sequence: vec![candidate], seconds: f64::INFINITY }
+    }
+}
+
+/// A sequence that leads to the goal only if it is repeated often is driven in turn: chosen anew after each segment, it would always
+/// begin with the same one.
+#[derive(Clone, Debug, Default)]
+pub struct Turns {
+    members: Vec<usize>,
+    driven: Vec<usize>,
+}
+
+impl Turns {
+    /// Takes note that a segment of a sequence was driven.
+    pub fn driven(&mut self, sequence: &[usize], segment: usize) {
+        let mut members = sequence.to_vec();
+        members.sort_unstable();
+        if members != self.members {
+            (self.members, self.driven) = (members, Vec::new());
+        }
+        self.driven.push(segment);
+    }
+
+    /// Returns the choice beginning with the segment whose turn it is, if its sequence takes `once_s` and is repeated; with one that
+    /// can be begun.
+    pub fn in_turn(&self, mut choice: Choice, once_s: f64, can_begin: impl Fn(usize) -> bool) -> Choice {
+        let mut members = choice.sequence.clone();
+        members.sort_unstable();
+        if choice.seconds < REPEATED * once_s || members != self.members {
+            return choice;
+        }
+        let times = |of: &[usize], segment: usize| of.iter().filter(|s| **s == segment).count() as f64;
+        // How often each was driven over how often it is in the sequence.
+        let due = |segment: usize| times(&self.driven, segment) / times(&members, segment);
+        let mut first = 0;
+        for (k, segment) in choice.sequence.iter().enumerate() {
+            if can_begin(*segment) && due(*segment) < due(choice.sequence[first]) {
+                first = k;
+            }
+        }
+        choice.sequence.rotate_left(first);
+        choice
     }
 }
 
@@ -138,4 +182,39 @@ fn times(goal: &Goal, now: &Information, tells: &Information, variance_scale: f6
         }
     }
     high
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Chosen anew after each segment, sequences that must be repeated are driven in their shares, whatever their order.
+    #[test]
+    fn a_sequence_that_is_repeated_is_driven_in_turn() {
+        let mut turns = Turns::default();
+        let (mut times, sequences) = ([0; 8], [vec![7, 7, 2], vec![7, 2, 7], vec![2, 7, 7]]);
+        for k in 0..30 {
+            let choice = Choice { sequence: sequences[k % 3].clone(), seconds: 500.0 };
+            let chosen = turns.in_turn(choice, 12.0, |_| true);
+            let first = chosen.sequence[0];
+            times[first] += 1;
+            turns.driven(&chosen.sequence, first);
+        }
+        assert_eq!((times[7], times[2]), (20, 10));
+    }
+
+    #[test]
+    fn what_leads_to_the_goal_at_once_or_cannot_begin_otherwise_stays_as_it_was_chosen() {
+        let mut turns = Turns::default();
+        turns.driven(&[4, 5], 4);
+        let choice = |seconds| Choice { sequence: vec![4, 5], seconds };
+        assert_eq!(turns.in_turn(choice(20.0), 8.0, |_| true).sequence, [5, 4]);
+        assert_eq!(turns.in_turn(choice(12.0), 8.0, |_| true).sequence, [4, 5]);
+        assert_eq!(turns.in_turn(choice(20.0), 8.0, |segment| segment == 4).sequence, [4, 5]);
+        // Another sequence begins anew.
+        assert_eq!(
+            turns.in_turn(Choice { sequence: vec![4, 6], seconds: 99.0 }, 8.0, |_| true).sequence,
+            [4, 6]
+        );
+    }
 }

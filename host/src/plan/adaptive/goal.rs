@@ -73,9 +73,9 @@ impl Asked {
 }
 
 impl Asked {
-    /// Returns true if what can be reached can be foreseen where so much of what is asked for is known now: of a relative goal
-    /// the largest moment, by which it is measured, must be known itself: 10 % are then nearly three standard deviations.
-    pub fn can_foresee(&self, ratio: f64) -> bool {
+    /// Returns true if it can be said what share of what is asked for can be reached where so much of it is known now: of a
+    /// relative goal the largest moment, by which it is measured, must be known itself: 10 % are then nearly three standard deviations.
+    pub(super) fn can_foresee(&self, ratio: f64) -> bool {
         match self {
             Self::Absolute(_) => ratio.is_finite(),
             Self::Tensor(share) => ratio * share <= 0.07,
@@ -93,6 +93,13 @@ impl Asked {
 }
 
 impl Goal {
+    /// Uncertainties of every element of the tensors about S and about the centre of mass over 1 kg m².
+    pub(super) fn of_moments(phi: &[f64]) -> Option<Self> {
+        let mut u95 = [f64::INFINITY; 16];
+        u95[4..10].fill(1.0);
+        Some(Self { u95, about_com: Some((1.0, about_com_slopes(phi)?)) })
+    }
+
     /// 95 % uncertainty over what is asked for, of each parameter; infinite where one is not determined.
     pub fn ratios(&self, information: &Information, variance_scale: f64) -> [f64; 16] {
         let k = COVERAGE * variance_scale.sqrt();

@@ -12,6 +12,7 @@
 pub mod axes;
 pub mod choice;
 pub mod design;
+mod foreseen;
 pub mod goal;
 pub mod information;
 pub mod library;
@@ -21,6 +22,7 @@ pub mod rehearsal;
 
 mod told;
 
+pub use foreseen::{Forecast, Foreseen};
 pub use goal::{Asked, Goal};
 pub use information::{Information, RigModel};
 pub use planner::{Decision, Next, Planner};

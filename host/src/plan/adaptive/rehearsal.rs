@@ -8,6 +8,7 @@ use rigident_shared::estimator::{Estimator, EstimatorConfig};
 use rigident_shared::screening;
 use rigident_sim::rig::{Readings, RigConfig, RigError};
 
+use super::foreseen::{Forecast, Foreseen};
 use super::goal::{Asked, largest_principal};
 use super::information::RigModel;
 use super::planner::{Next, Planner};
@@ -65,8 +66,10 @@ pub struct Outcome {
     /// The largest share of a limit that was taken at any instant, by the body as it is: of the machine, of the load cell's
     /// range, of the gyro's and of the accelerometer's.
     pub taken: f64,
-    /// What was said that could be reached in the time there is, over what is asked for.
-    pub promised: Option<f64>,
+    /// What was said that could be reached in the time there is.
+    pub promised: Option<Foreseen>,
+    /// What was reached, less that, as a share of it.
+    pub off: Option<f64>,
     /// Why it ended before, in words.
     pub ended: Option<String>,
     /// The longest that a decision took on this machine, s.
@@ -228,6 +231,7 @@ impl Rehearsal {
             segments,
             taken: 0.0,
             promised: None,
+            off: None,
             ended: None,
             decided_s: 0.0,
         }
@@ -302,7 +306,8 @@ impl Rehearsal {
         };
         let mut planner = Planner::new(RigModel { body: Some(body), ..self.believed.clone() }, *asked);
         let mut whole = MotionProgram { start: self.believed.geometry.home(), segments: Vec::new() };
-        let (mut segments, mut taken, mut promised, mut decided_s) = (Vec::new(), 0.0_f64, None, 0.0_f64);
+        let (mut segments, mut taken, mut decided_s) = (Vec::new(), 0.0_f64, 0.0_f64);
+        let mut forecast = Forecast::default();
         let (reached, ended) = loop {
             if planner.choices() == 0 {
                 break (None, Some("no motion about home keeps the limits".to_owned()));
@@ -338,11 +343,10 @@ impl Rehearsal {
             }
             let left_s = longest_s - whole.duration_s();
             // As it was said last while a quarter of the time was left.
-            let is_known = known.estimate.is_some() && asked.is_known(known.estimate);
-            if left_s > 0.25 * longest_s && is_known && decision.expected_s > left_s {
-                let goal = planner.goal(&known);
-                if asked.can_foresee(goal.worst(known.information, known.variance_scale)) {
-                    promised = Some(decision.worst_after(left_s, &goal, &known));
+            if left_s > 0.25 * longest_s && decision.expected_s > left_s {
+                let then = decision.information_after(left_s, &known);
+                if let Some(foreseen) = asked.foreseen(&planner.goal(&known), &known, &then) {
+                    forecast.take(foreseen);
                 }
             }
             taken = taken.max(self.taken(&self.as_followed(&decision.program)));
@@ -359,6 +363,11 @@ impl Rehearsal {
             planner.carried_out(&decision, &(after.information - before.information));
         };
         let outcome = self.outcome(&device, asked, reached, segments);
-        Ok(Outcome { lost: planner.lost(), taken, promised, ended, decided_s, ..outcome })
+        let told = device.told(&self.believed);
+        let known = told.known();
+        let promised = forecast.said();
+        let off = promised
+            .and_then(|said| Some(asked.came_of(said, &planner.goal(&known), &known)? / said.value() - 1.0));
+        Ok(Outcome { lost: planner.lost(), taken, promised, off, ended, decided_s, ..outcome })
     }
 }

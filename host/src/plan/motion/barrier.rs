@@ -50,11 +50,7 @@ impl Barrier {
         let half = 0.5 * (hi - lo);
         let back = state.rotation.transpose();
         let mut sum = 0.0;
-        let mut within = |value: f64, limit: f64| {
-            let (depth, pull) = within(value, limit)?;
-            sum += depth;
-            Some(share * pull)
-        };
+        let mut within = |value: f64, limit: f64| within(value, limit, share, &mut sum);
         let (w, dw) = (state.angular_rate, state.angular_acceleration);
         let rate = w.norm();
         let pull = within(rate, self.rate_radps)?;
@@ -109,15 +105,16 @@ impl Barrier {
         worth: &mut Variation,
     ) -> Option<f64> {
         let (rate, speed) = (state.angular_rate.norm(), state.velocity.norm());
-        let (mut sum, pull) = within(rate, self.rate_radps)?;
+        let mut sum = 0.0;
+        let mut within = |value: f64, limit: f64| within(value, limit, share, &mut sum);
+        let pull = within(rate, self.rate_radps)?;
         if rate > 1e-9 {
-            worth.angular_rate(state, &(state.angular_rate * (share * pull / rate)));
+            worth.angular_rate(state, &(state.angular_rate * (pull / rate)));
         }
         if let Some(limit) = travel.speed_mps {
-            let (depth, pull) = within(speed, limit)?;
-            sum += depth;
+            let pull = within(speed, limit)?;
             if speed > 1e-9 {
-                worth.velocity += state.velocity * (share * pull / speed);
+                worth.velocity += state.velocity * (pull / speed);
             }
         }
         let (at, ranges) = (state.pose().coordinates(), travel.ranges());
@@ -130,14 +127,11 @@ impl Barrier {
         let mut slopes = [0.0; 6];
         if travel.together {
             for (slope, (used, change)) in slopes.iter_mut().zip(shares) {
-                let (depth, pull) = within(used, 1.0)?;
-                sum += depth;
-                *slope = share * pull * change;
+                *slope = within(used, 1.0)? * change;
             }
         } else {
-            let (depth, pull) = within(shares.iter().map(|(used, _)| used).sum(), 1.0)?;
-            sum += depth;
-            slopes = shares.map(|(_, change)| share * pull * change);
+            let pull = within(shares.iter().map(|(used, _)| used).sum(), 1.0)?;
+            slopes = shares.map(|(_, change)| pull * change);
         }
         let [x, y, z, of_roll, of_pitch, of_yaw] = slopes;
         worth.place += Vector3::new(x, y, z);
@@ -149,12 +143,13 @@ impl Barrier {
     }
 }
 
-/// `−log(1 − (v/limit)²)` and its derivative; `None` outside.
-fn within(value: f64, limit: f64) -> Option<(f64, f64)> {
+/// Adds `−log(1 − (v/limit)²)`; returns `share` times its derivative, `None` outside.
+fn within(value: f64, limit: f64, share: f64, sum: &mut f64) -> Option<f64> {
     let ratio = value / limit;
     let slack = 1.0 - ratio * ratio;
     if slack.is_nan() || slack <= 0.0 {
         return None;
     }
-    Some((-slack.ln(), 2.0 * ratio / (limit * slack)))
+    *sum -= slack.ln();
+    Some(share * 2.0 * ratio / (limit * slack))
 }

@@ -10,7 +10,7 @@ use hexapod::{BodyParameters, BodySet, MotionProgram, Pose, Segment};
 
 use self::refusals::Question;
 use super::axes::{share, stood_still};
-use super::choice::{Choice, Step, choose};
+use super::choice::{Choice, Step, Turns, choose};
 use super::goal::{Asked, Goal};
 use super::information::{Information, InverseRoot, RigModel};
 use super::library::{Candidate, keeps, library, way};
@@ -51,6 +51,8 @@ pub struct Decision {
     pub expected_s: f64,
     /// What the sequence of segments that begins with it should tell, and in how many seconds.
     sequence: (Information, f64),
+    /// Its members.
+    members: Vec<usize>,
 }
 
 impl Decision {
@@ -59,10 +61,10 @@ impl Decision {
         &self.tells
     }
 
-    /// Returns the worst uncertainty over what is asked for that so many seconds should bring.
-    pub fn worst_after(&self, seconds: f64, goal: &Goal, known: &Known) -> f64 {
+    /// Returns what should be known so many seconds later.
+    pub fn information_after(&self, seconds: f64, known: &Known) -> Information {
         let (tells, lasts_s) = &self.sequence;
-        goal.worst(&(known.information + tells * (seconds / lasts_s)), known.variance_scale)
+        known.information + tells * (seconds / lasts_s)
     }
 }
 
@@ -160,6 +162,8 @@ pub struct Planner {
     made: usize,
     /// By which moves between places take longer than thought right.
     slower: f64,
+    /// The sequence that was chosen last, and what has been driven since it is that one.
+    turns: Turns,
 }
 
 impl Planner {
@@ -186,6 +190,7 @@ impl Planner {
             designs: None,
             made: 0,
             slower: 1.0,
+            turns: Turns::default(),
         };
         let home = planner.rig.geometry.home();
         planner.take_stock(home);
@@ -362,7 +367,19 @@ impl Planner {
             let from = from.map_or(Some(self.at), |c| self.entries.get(c).map(|e| e.place))?;
             self.step(from, to)
         };
-        choose(self.entries.len(), &step, goal, known.information, known.variance_scale)
+        let choice = choose(self.entries.len(), &step, goal, known.information, known.variance_scale)?;
+        let mut from = self.at;
+        let once_s: f64 = choice
+            .sequence
+            .iter()
+            .filter_map(|to| {
+                let seconds = self.step(from, *to)?.seconds;
+                from = self.entries.get(*to)?.place;
+                Some(seconds)
+            })
+            .sum();
+        let begun = |first: usize| self.step(self.at, first).is_some() && open(first);
+        Some(self.turns.in_turn(choice, once_s, begun))
     }
 
     /// What the legs and the load cell carry, as it becomes known.
@@ -501,6 +518,7 @@ impl Planner {
         }
         Some(Decision {
             sequence,
+            members: choice.sequence.clone(),
             index,
             moves: entry.candidate.moves(),
             tells: way.step.tells + entry.tells * entry.worth,
@@ -518,6 +536,7 @@ impl Planner {
 
     /// The decision was carried out to its end and told this. Coordinates that turn out not to follow.
     pub fn carried_out(&mut self, decision: &Decision, told: &Information) -> [bool; 6] {
+        self.turns.driven(&decision.members, decision.index);
         if let Some(entry) = self.entries.get(decision.index) {
             self.at = entry.place;
             if entry.kind == Kind::Look {
