@@ -10,6 +10,8 @@ use hexapod::{Coordinates, Geometry, Pose};
 
 /// Time to come to rest when nothing more is known, s.
 const BRAKE_S: f64 = 0.3;
+/// Accelerations that are braked out of smoothly, m/s² and rad/s².
+const BRAKED: [f64; 6] = [10.0, 10.0, 10.0, 30.0, 30.0, 30.0];
 /// Sensors look back by their delays, which are shorter than this, ns.
 const KEPT_NS: f64 = 2e9;
 /// Steps in which a move is checked against the legs, s.
@@ -47,7 +49,9 @@ impl Piece {
     }
 
     /// To rest: the rate falls as a cubic, so `x(T) = x + T (v/2 + a T/12)`.
-    fn brake(begin_ns: f64, from: Coordinates) -> Self {
+    fn brake(begin_ns: f64, mut from: Coordinates) -> Self {
+        // Where the points jump there is more of it: braked out smoothly it would lead far away.
+        from.acceleration.iter_mut().zip(BRAKED).for_each(|(a, most)| *a = a.clamp(-most, most));
         let value = std::array::from_fn(|i| {
             from.value[i] + BRAKE_S * (0.5 * from.rate[i] + from.acceleration[i] * BRAKE_S / 12.0)
         });

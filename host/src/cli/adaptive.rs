@@ -266,9 +266,9 @@ impl Directing {
         let can_be = match foreseen {
             Foreseen::Share(worst) => format!("{} can be", self.in_words(worst)),
             Foreseen::Moment(u95) => {
+                let u95 = significant(u95, 2);
                 format!(
-                    "every element of the tensor to ±{} kg m² can be; the largest moment is not known well yet",
-                    significant(u95, 2)
+                    "every element of the tensor can be known to ±{u95} kg m²; the largest moment is not known well yet"
                 )
             }
         };

@@ -2,7 +2,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use hexapod::experiment::thesis_program;
-use hexapod::{Geometry, MotionProgram, Segment};
+use hexapod::{BodyParameters, Geometry, MotionProgram, Segment};
 
 use super::Failure;
 use super::experiment::check_duration;
@@ -21,20 +21,37 @@ pub struct Programme {
     pub plan: Option<PathBuf>,
 }
 
+/// What is to be done.
+pub(super) struct Planned {
+    pub(super) program: MotionProgram,
+    /// What it was made to carry, in P, if it was made for one body.
+    pub(super) carries: Option<BodyParameters>,
+}
+
 impl Programme {
     /// For this machine.
     ///
     /// # Errors
     /// A duration that is too short or too long, or a plan that is not for this machine: bad input.
-    pub(super) fn program(&self, geometry: &Geometry) -> Result<MotionProgram, Failure> {
+    pub(super) fn planned(&self, geometry: &Geometry) -> Result<Planned, Failure> {
         if let Some(path) = &self.plan {
             let plan = PlanFile::read(path, geometry).map_err(Failure::input)?;
-            let carries = plan.carries_kg().map_or_else(String::new, |kg| format!(", made for {kg:.2} kg"));
-            tell!("plan: {}{carries}", plan.title);
-            return Ok(plan.program);
+            let carries = plan.carries();
+            let made_for =
+                carries.map_or_else(String::new, |body| format!(", made for {:.2} kg", body.mass_kg));
+            tell!("plan: {}{made_for}", plan.title);
+            return Ok(Planned { program: plan.program, carries });
         }
         check_duration(self.duration_s)?;
-        Ok(thesis_program(geometry, self.duration_s))
+        Ok(Planned { program: thesis_program(geometry, self.duration_s), carries: None })
+    }
+
+    /// The program alone.
+    ///
+    /// # Errors
+    /// As [`Self::planned`].
+    pub(super) fn program(&self, geometry: &Geometry) -> Result<MotionProgram, Failure> {
+        Ok(self.planned(geometry)?.program)
     }
 }
 

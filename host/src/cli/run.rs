@@ -50,7 +50,8 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     };
     check_asked(&parameters, &known, &arguments.output)?;
     let rate_hz = rig.recording.rate_hz.unwrap_or(1000.0);
-    let geometry = machine::geometry_or_thesis(&rig).map_err(Failure::input)?;
+    let geometry = machine::geometry_or_thesis(&rig)
+        .map_err(|e| Failure::input(format!("{}: {e}\nNothing was moved.", arguments.rig.display())))?;
     let described = machine::is_described(&rig);
     if described && geometry.has_joints() {
         programme::tell_collisions(&geometry);
@@ -63,8 +64,9 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
             arguments.platform
         )));
     }
-    let fixed =
-        if arguments.adaptive.adaptive { None } else { Some(arguments.programme.program(&geometry)?) };
+    let planned =
+        if arguments.adaptive.adaptive { None } else { Some(arguments.programme.planned(&geometry)?) };
+    let (fixed, carries) = planned.map_or((None, None), |planned| (Some(planned.program), planned.carries));
     arguments.adaptive.check()?;
     zeroing::bound(&rig)?;
     let mut platform = platform::connect(&arguments.platform, &geometry).map_err(unmoved)?;
@@ -79,6 +81,9 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     configured(&mut session, &standing)?;
     // Nothing moves on a guess of what the plate carries: it is weighed.
     let body = weigh(&zeroing::look(&mut session, &rig)?, &rig)?;
+    if let (Some(carries), Some(body)) = (&carries, &body) {
+        zeroing::check_carries(carries, &rig, body)?;
+    }
     // Until the noise is known, to see whether anything can be done at all.
     let directing = arguments.adaptive.directing(&rig, &geometry, &standing, body.clone())?;
     let everything = fixed.clone().or_else(|| directing.as_ref().map(Directing::everything));
@@ -87,7 +92,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         everything.as_ref().map(|program| platform.way(program)).transpose().map_err(unmoved)?.flatten();
     let (way_s, driven) = with_way(way, everything);
     let summary = driven.as_ref().map(|program| check::check(program, &geometry, load.as_ref())).transpose();
-    let mut summary = summary.map_err(Failure::input)?.unwrap_or_default();
+    let mut summary = summary.map_err(|error| beyond(error, arguments))?.unwrap_or_default();
     summary.way_s = way_s;
     if let Some(program) = &fixed {
         tell!("{}", within_ranges(program, &rig, body.as_ref())?.to_string().trim_end());
@@ -305,6 +310,17 @@ fn approach(platform: &mut dyn Platform, session: &mut Session) -> Result<(), Fa
         }
         (Err(other), None) => Err(Failure::link(format!("{other}\nNothing was recorded."))),
     }
+}
+
+/// A program that the machine cannot do; the built-in one can be replaced.
+fn beyond(error: PlatformError, arguments: &Run) -> Failure {
+    let built_in = arguments.programme.plan.is_none() && !arguments.adaptive.adaptive;
+    let advice = if built_in {
+        "\nIt is the built-in experiment: make one for this machine by `rigident plan motion --rig`, and give it by --plan."
+    } else {
+        ""
+    };
+    Failure::input(format!("{error}{advice}\nNothing was moved."))
 }
 
 /// A platform that was asked for nothing yet.

@@ -3,7 +3,7 @@
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
-use hexapod::{BodySet, Pose};
+use hexapod::{BodyParameters, BodySet, Pose};
 use nalgebra::Vector3;
 use rigident_shared::calibration::Reading;
 use rigident_shared::forgetting::ImuNoise;
@@ -162,6 +162,36 @@ pub(super) fn weigh(rest: &Rest, rig: &RigFile) -> Result<Option<BodySet>, Failu
         bound.within_m
     );
     Ok(Some(set))
+}
+
+/// Holds the body that a plan was made for, in P, against the bounds and against what the load cell carries.
+///
+/// # Errors
+/// Bad input: it contradicts the bounds. Nothing was moved.
+pub(super) fn check_carries(carries: &BodyParameters, rig: &RigFile, body: &BodySet) -> Result<(), Failure> {
+    let (at, rotation) = machine::load_cell(rig).map_err(Failure::input)?;
+    let away = (rotation.transpose() * (Vector3::from(carries.com_m) - at)).norm();
+    if let Some(bound) = bound(rig)?
+        && (carries.mass_kg > bound.mass_kg || away > bound.within_m)
+    {
+        return Err(Failure::input(format!(
+            "the plan was made for {:.2} kg with their centre of mass {away:.3} m from the load cell's origin, and the rig file allows \
+             {:.2} kg within {} m: one of them is wrong.\nNothing was moved.",
+            carries.mass_kg, bound.mass_kg, bound.within_m
+        )));
+    }
+    let mut unit = [0.0; 10];
+    unit[0] = 1.0;
+    let [least, most] = body.range(&unit);
+    if !(least..=most).contains(&carries.mass_kg) {
+        tell!(
+            "rigident: the plan was made for {:.2} kg, and the load cell carries {:.2} to {most:.2} kg: its limits are checked for these, \
+             what it predicts is not for this body",
+            carries.mass_kg,
+            least.max(0.0)
+        );
+    }
+    Ok(())
 }
 
 /// Returns how heavy and how large the body may be; `None` where that is not said and no force has a limit.
@@ -327,6 +357,20 @@ mod tests {
                 }
             })
             .collect()
+    }
+
+    #[test]
+    fn a_plan_made_for_a_body_that_the_bounds_do_not_allow_is_refused() {
+        let rig = RigFile::parse("[platform]\nload_max_kg = 30\nload_within_m = 0.4").unwrap();
+        let made_for =
+            |mass_kg: f64, com_m: [f64; 3]| BodyParameters { mass_kg, com_m, inertia_com_kgm2: [0.1; 6] };
+        let weighed = BodySet::bounded(25.0, [0.0; 3], 0.4);
+        check_carries(&made_for(20.0, [0.0, 0.0, 0.1]), &rig, &weighed).unwrap();
+        for (mass_kg, z) in [(80.0, 0.1), (20.0, 3.0)] {
+            let error = check_carries(&made_for(mass_kg, [0.0, 0.0, z]), &rig, &weighed).unwrap_err();
+            let said = format!("{error:?}");
+            assert!(said.contains("Nothing was moved") && said.contains("30.00 kg within 0.4 m"), "{said}");
+        }
     }
 
     #[test]

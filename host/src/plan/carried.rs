@@ -70,6 +70,19 @@ pub enum CarriedError {
         /// The same.
         unit: &'static str,
     },
+    /// No material is so dense.
+    #[error(
+        "the load cell carries {least:.2} kg, and load_within_m = {within} m leaves them a ball of {density:.0} kg/m³, denser than any \
+         material: no part of the body is farther from the load cell's origin than load_within_m"
+    )]
+    Denser {
+        /// kg.
+        least: f64,
+        /// m.
+        within: f64,
+        /// kg/m³.
+        density: f64,
+    },
     /// What the rig file says of the machine.
     #[error(transparent)]
     Machine(#[from] MachineError),
@@ -112,6 +125,9 @@ impl LoadBound {
         BodySet::bounded(self.mass_kg, [0.0; 3], self.within_m)
     }
 }
+
+/// Density of osmium, kg/m³.
+const DENSEST: f64 = 22_600.0;
 
 /// The load cell at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -156,6 +172,10 @@ impl Weighing {
         let (least, most) = ((mass - spread).max(0.0), (mass + spread).min(bound.mass_kg));
         if least > bound.mass_kg {
             return Err(CarriedError::Heavier { least, bound: bound.mass_kg });
+        }
+        let density = least / (4.0 / 3.0 * std::f64::consts::PI * bound.within_m.powi(3));
+        if density > DENSEST {
+            return Err(CarriedError::Denser { least, within: bound.within_m, density });
         }
         let most = most.max(least);
         let out = (across.norm() - lever_spread).max(0.0);
@@ -276,6 +296,19 @@ mod tests {
         let over = BodyParameters { mass_kg: 20.0, com_m: [0.3, 0.0, 0.0], ..body };
         let error = weighed(&over, [0.0, 0.0, 1.0], "").unwrap_err();
         assert!(matches!(error, CarriedError::Overloaded { channel: "My", .. }), "{error}");
+        // 20 kg of steel are a ball of 85 mm.
+        let steel = BodyParameters { mass_kg: 20.0, ..body };
+        let on = |within_m: f64| {
+            let g = 9.80665;
+            let rig = RigFile::parse(TEXT).unwrap();
+            let wrench = [0.0, 0.0, steel.mass_kg * g, 0.0, 0.0, 0.0];
+            let sigma = rig.load_cell.noise_n_nm.unwrap();
+            let bound = LoadBound { mass_kg: 40.0, within_m };
+            Weighing { wrench, sigma, readings: 400, up: [0.0, 0.0, 1.0] }.set(&rig, &bound)
+        };
+        assert!(on(0.085).is_ok());
+        let denser = on(0.02).unwrap_err();
+        assert!(matches!(denser, CarriedError::Denser { within: 0.02, .. }), "{denser}");
     }
 
     #[test]

@@ -241,8 +241,12 @@ fn travel(table: &PlatformTable) -> Result<Option<Travel>, MachineError> {
             "{of_plate} is for a machine whose joints are not published, and {of_legs} needs them: leave one of them out"
         )));
     }
-    let shift_m = table.travel_m.ok_or(MachineError::Missing("travel_m"))?;
-    let turn_rad = table.travel_rad.ok_or(MachineError::Missing("travel_rad"))?;
+    let shift_m = table.travel_m.ok_or(MachineError::Missing(
+        "travel_m: how far the plate goes along x, y, z to either side, m; it goes with travel_rad",
+    ))?;
+    let turn_rad = table.travel_rad.ok_or(MachineError::Missing(
+        "travel_rad: how far the plate rolls, pitches and yaws to either side, rad; it goes with travel_m",
+    ))?;
     Ok(Some(Travel {
         shift_m,
         turn_rad,

@@ -135,9 +135,9 @@ impl PlanFile {
         self
     }
 
-    /// Mass of what the plan was made to carry, kg.
-    pub fn carries_kg(&self) -> Option<f64> {
-        self.carries.map(|body| body.mass_kg)
+    /// What the plan was made to carry, in P.
+    pub fn carries(&self) -> Option<BodyParameters> {
+        self.carries
     }
 
     /// Writes a new file.

@@ -140,14 +140,11 @@ pub fn checks_itself(address: &str) -> bool {
 pub fn connect(address: &str, geometry: &Geometry) -> Result<Box<dyn Platform>, PlatformError> {
     let parsed = Address::parse(address)?;
     if !geometry.has_joints() && (parsed.scheme == "tcp" || parsed.scheme.starts_with("legs+")) {
-        return Err(PlatformError::Address {
-            address: address.to_owned(),
-            reason: format!(
-                "{}:// depends on where the joints are, and the rig file gives travel_m in their place: gcs:// and pose+…:// count from the \
-                 reference pose",
-                parsed.scheme
-            ),
-        });
+        return Err(PlatformError::Refused(format!(
+            "{}:// depends on where the joints are, and the rig file gives travel_m in their place: gcs:// and pose+…:// count from the \
+             reference pose",
+            parsed.scheme
+        )));
     }
     let streamed = |lines, wire| {
         Box::new(StreamPlatform::new(&parsed, lines, wire, geometry.clone())) as Box<dyn Platform>

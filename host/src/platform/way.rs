@@ -45,6 +45,13 @@ pub(super) fn between(from: &Pose, to: &Pose, geometry: &Geometry) -> Result<Mot
     if same(from, to) {
         return Ok(MotionProgram { start: *to, segments: Vec::new() });
     }
+    if let Err(violation) = geometry.check_pose(from) {
+        return Err(PlatformError::Refused(format!(
+            "its plate stands at {}, beyond the limits of the rig file: {violation}. Bring it home by its own program first, or mend \
+             [platform]",
+            check::words(from)
+        )));
+    }
     let mut duration_s = gentle_s(from, to);
     loop {
         let way = MotionProgram { start: *from, segments: vec![Segment::Move { to: *to, duration_s }] };

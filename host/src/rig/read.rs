@@ -461,6 +461,17 @@ impl Check<'_> {
         }
         if let Some(truth) = &self.rig.truth {
             self.body("truth", truth.mass_kg, truth.com_m, truth.inertia_com_kgm2)?;
+            let platform = self.rig.platform.as_ref();
+            let away = truth.com_m.iter().map(|v| v * v).sum::<f64>().sqrt();
+            if platform.and_then(|p| p.load_max_kg).is_some_and(|most| truth.mass_kg > most) {
+                let advice =
+                    "is more than platform.load_max_kg, the heaviest body that is ever put on the load cell";
+                return Err(self.refuse("truth.mass_kg", truth.mass_kg, advice));
+            }
+            if platform.and_then(|p| p.load_within_m).is_some_and(|most| away > most) {
+                let advice = "is farther from the load cell's origin than platform.load_within_m, which no part of the body is";
+                return Err(self.refuse("truth.com_m", truth.com_m, advice));
+            }
         }
         Ok(())
     }

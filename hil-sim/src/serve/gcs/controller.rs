@@ -22,8 +22,8 @@ enum Stream {
     Running {
         next_ns: u64,
     },
-    /// Ceased, or refused: until the source is set anew.
-    Broken,
+    /// Ceased, refused or stopped, with this error: until the source is set anew.
+    Broken(u16),
 }
 
 /// A hexapod's controller, for any number of clients.
@@ -115,7 +115,7 @@ impl Hexapod {
             (self.referencing, self.referenced) = (false, true);
         }
         if matches!(self.stream, Stream::Running { .. }) && rig.is_starved() {
-            (self.stream, self.error) = (Stream::Broken, error::UNDERRUN);
+            (self.stream, self.error) = (Stream::Broken(error::UNDERRUN), error::UNDERRUN);
             self.target = self.position(rig);
         }
     }
@@ -127,7 +127,7 @@ impl Hexapod {
     fn stop(&mut self, rig: &mut Rig) {
         rig.stop();
         (self.referencing, self.error) = (false, error::STOPPED);
-        self.stream = if self.consecutive { Stream::Broken } else { Stream::Idle };
+        self.stream = if self.consecutive { Stream::Broken(error::STOPPED) } else { Stream::Idle };
         self.target = self.position(rig);
     }
 
@@ -320,7 +320,7 @@ impl Hexapod {
         let threshold = if self.buffered { self.threshold } else { 1 };
         let mut passed = Ok(());
         match &mut self.stream {
-            Stream::Broken => return Err(error::UNDERRUN),
+            Stream::Broken(error) => return Err(*error),
             Stream::Running { next_ns } => {
                 passed = rig.pass_through(&pose, *next_ns);
                 *next_ns += interval_ns;
@@ -347,8 +347,9 @@ impl Hexapod {
         }
         passed.map_err(|e| {
             rig.stop();
-            self.stream = Stream::Broken;
-            code(e)
+            let code = code(e);
+            self.stream = Stream::Broken(code);
+            code
         })
     }
 

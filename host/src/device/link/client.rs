@@ -25,7 +25,7 @@ const FACTOR: &str = "read the factor";
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
     /// The bytes no longer flow.
-    #[error("the link to the device is gone ({0}): check cable and power; what was received is kept")]
+    #[error("the link to the device is gone ({0}): check cable and power; what was received is kept.")]
     Gone(#[from] io::Error),
     /// No answer.
     #[error(

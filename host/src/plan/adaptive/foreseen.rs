@@ -67,7 +67,7 @@ impl Asked {
         if self.is_known(known.estimate)
             && self.can_foresee(goal.worst(known.information, known.variance_scale))
         {
-            return Some(Foreseen::Share(goal.worst(then, known.variance_scale)));
+            return Some(Foreseen::Share(goal.worst(then, known.variance_scale))).filter(Foreseen::is_finite);
         }
         let moments = matches!(self, Self::Tensor(_)).then(|| Goal::of_moments(phi))??;
         Some(Foreseen::Moment(moments.worst(then, known.variance_scale))).filter(Foreseen::is_finite)

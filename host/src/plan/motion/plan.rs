@@ -87,7 +87,8 @@ pub enum PlanError {
     Rate(f64),
     /// The body's weight is too much.
     #[error(
-        "the body at rest takes {0:.0} % of the load cell's range in one of its channels: nothing is left for a motion"
+        "the body at rest takes {0:.0} % of the load cell's range in one of its channels: nothing is left for a motion: \
+         plan for a lighter or smaller one (lower load_max_kg or load_within_m, or give --body)"
     )]
     Sensors(f64),
     /// The limits leave no room about home.

@@ -109,7 +109,8 @@ impl Found {
         if self.consecutive {
             words.push(
                 "an earlier program has left it in the mode of consecutive moves (0x19001900 = 1), in which single moves are refused: \
-                 it is left in that of single moves"
+                 it is left in that of single moves. What 0x19001901, 0x19001903 and SCT were before that program is not known; \
+                 restarting the controller brings its own back"
                     .to_owned(),
             );
         }
