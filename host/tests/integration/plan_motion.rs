@@ -69,7 +69,7 @@ fn the_body_is_any_that_the_rig_file_allows_and_never_its_truth() {
         serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()
     };
     let bound = |kg: f64| format!("load_max_kg = {kg:?}\nload_within_m = 0.1");
-    let (once, twice) = (plan("once", &bound(10.0), 20.0), plan("twice", &bound(20.0), 20.0));
+    let (once, twice) = (plan("once", &bound(10.0), 5.0), plan("twice", &bound(20.0), 5.0));
     assert!(once["body"].to_string().contains("load_max_kg"), "{once}");
     let force = |plan: &serde_json::Value| plan["peaks"]["leg_force"]["seen"].as_f64().unwrap();
     assert!((force(&twice) / force(&once) - 2.0).abs() < 1e-3, "{} {}", force(&once), force(&twice));

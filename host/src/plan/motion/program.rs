@@ -12,7 +12,9 @@ pub const SHORTEST_MOTION_S: f64 = 6.0;
 /// Of the legs' speeds, accelerations and forces the static step uses this share at most.
 const SPARE: f64 = 0.985;
 /// Shares of the thesis' tilts that are tried.
-const TILTS: [f64; 10] = [1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1];
+const TILTS: [f64; 8] = [1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3];
+/// Those that are tried besides where the travel of the plate is all that is known: it may be a few degrees.
+const SMALL_TILTS: [f64; 3] = [0.2, 0.1, 0.05];
 
 /// The experiment with a place for a motion about home.
 #[derive(Clone, Debug)]
@@ -68,7 +70,8 @@ impl Frame {
     pub fn with_poses(geometry: &Geometry, load: &Load, duration_s: f64) -> Result<Self, FrameError> {
         let mut error = None;
         let mut shortest: Option<f64> = None;
-        for tilt in TILTS {
+        let small = SMALL_TILTS.into_iter().filter(|_| !geometry.has_joints());
+        for tilt in TILTS.into_iter().chain(small) {
             match Self::tilted(geometry, load, duration_s, tilt) {
                 Ok(frame) if frame.motion_s >= SHORTEST_MOTION_S => return Ok(frame),
                 Ok(frame) => {
