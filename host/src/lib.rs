@@ -1,6 +1,6 @@
 //! Library of the host command line.
 //!
-//! One way leads from a recording to an answer: [`recording`], [`rig`] and [`model`] are what comes in, [`fit`] holds the
+//! One way leads from a recording to an answer: [`recording`], [`motion_capture`], [`rig`] and [`model`] are what comes in, [`fit`] holds the
 //! information factor, [`answer`] reads it, [`present`] shows it; a [`mod@reference`] body calibrates a rig and verifies it. [`device`] has the firmware make the factor while
 //! [`platform`] moves as [`plan`] found best; `montecarlo` tests the intervals; [`cli`] joins all into commands. The
 //! pipeline of a sample is in `rigident_shared`, mechanics of the platform in `hexapod`, the simulated rig in
@@ -18,6 +18,7 @@ pub mod fit;
 pub mod model;
 #[cfg(feature = "simulator")]
 pub mod montecarlo;
+pub mod motion_capture;
 pub mod plan;
 pub mod platform;
 pub mod present;

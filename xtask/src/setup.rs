@@ -36,6 +36,8 @@ pub const ROBOTS: Module = Module {
 /// The client of the hexapod's vendor.
 pub const VENDORS_CLIENT: Module =
     Module { name: "pipython", look: "import pipython", packages: &["pipython==2.11.0.6"] };
+/// A reader of C3D files that shares no code with ours.
+pub const C3D_READER: Module = Module { name: "ezc3d", look: "import ezc3d", packages: &["ezc3d==1.7.2"] };
 
 /// Installs everything that any other verb may need.
 pub fn run(core: Option<Core>) -> Result<()> {
@@ -95,7 +97,7 @@ pub fn cargo_fuzz() -> Result<PathBuf> {
 /// Installs the modules that tests compare with into a Python of this project's own; says which cannot be had. The tests
 /// that need them are skipped then.
 fn python_modules() {
-    for module in [MCAP_READER, PINOCCHIO, ROBOTS, VENDORS_CLIENT] {
+    for module in [MCAP_READER, PINOCCHIO, ROBOTS, VENDORS_CLIENT, C3D_READER] {
         if has_module(module) {
             continue;
         }

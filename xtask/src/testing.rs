@@ -35,6 +35,7 @@ const ROBOTS: Need = Need {
     what: "Pinocchio (the wheel pin) and robot descriptions (the wheel example-robot-data) in Python",
 };
 const CLIENT: Need = Need { word: "vendors_client", what: "pipython, the vendor's client, in Python" };
+const C3D: Need = Need { word: "independent_c3d", what: "ezc3d in Python" };
 
 /// How many tests there were.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -88,6 +89,7 @@ impl Surroundings {
         look(PINOCCHIO, setup::has_module(setup::PINOCCHIO));
         look(ROBOTS, [setup::PINOCCHIO, setup::ROBOTS].into_iter().all(setup::has_module));
         look(CLIENT, setup::has_module(setup::VENDORS_CLIENT));
+        look(C3D, setup::has_module(setup::C3D_READER));
         let python = Some(setup::python()).filter(|python| python.is_file());
         let here = Self { missing, firmware: firmware.map(Path::to_owned), python };
         for Need { word, what } in &here.missing {

@@ -6,6 +6,7 @@
 mod accuracy;
 mod autocorrelation;
 mod body_rows;
+mod c3d_independent;
 mod calibration;
 mod commands;
 mod device_precision;

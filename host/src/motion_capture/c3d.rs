@@ -1,0 +1,284 @@
+//! C3D: markers, analog channels and force plates in one binary file.
+//!
+//! Of the format's description (c3d.org): a header block of 512 bytes, a parameter section of groups and parameters, then frames.
+//! Each frame has all points, then so many samples of all analog channels. Numbers are Intel's, DEC's or MIPS', integers or floating.
+
+mod bytes;
+mod error;
+mod parameters;
+mod plates;
+
+use bytes::{Bytes, Processor};
+pub use error::C3dError;
+use error::parameter;
+use parameters::{MOST, Parameters};
+pub use plates::{Plate, PlateKind};
+
+/// A block of the file, bytes.
+const BLOCK: usize = 512;
+/// The second byte of header and parameter section.
+const KEY: u8 = 0x50;
+/// A recording of markers, with analog channels and force plates.
+#[derive(Clone, Debug, PartialEq)]
+pub struct C3d {
+    /// Frames per second.
+    pub rate_hz: f64,
+    /// Number of frames.
+    pub frames: usize,
+    /// Names of the points, without a prefix that names a subject.
+    pub labels: Vec<String>,
+    /// Points of one frame after another, m; NaN where a marker was not seen.
+    pub points_m: Vec<[f32; 3]>,
+    /// Analog samples of each channel per frame.
+    pub samples_per_frame: usize,
+    /// Names of the analog channels.
+    pub channels: Vec<String>,
+    /// Samples of all channels, one instant after another, in the channels' units.
+    pub analog: Vec<f32>,
+    /// Force plates, in their order.
+    pub plates: Vec<Plate>,
+}
+
+impl C3d {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// It is no C3D file, is cut off, or contradicts itself.
+    pub fn parse(file: &[u8]) -> Result<Self, C3dError> {
+        if file.get(1) != Some(&KEY) {
+            return Err(C3dError::NotC3d);
+        }
+        let section = (usize::from(file[0]).max(1) - 1) * BLOCK;
+        let head = Bytes::slice(file, section, 4, "the parameter section")?;
+        let processor = Processor::of(head[3]).ok_or(C3dError::Processor(head[3]))?;
+        let bytes = Bytes { file, processor };
+        let parameters = Parameters::parse(bytes, section)?;
+        Layout::of(bytes, &parameters)?.read(bytes, &parameters)
+    }
+
+    /// Returns a point in a frame, m; `None` where it was not seen.
+    pub fn point(&self, frame: usize, label: usize) -> Option<[f32; 3]> {
+        let at = frame.checked_mul(self.labels.len())?.checked_add(label)?;
+        self.points_m.get(at).copied().filter(|_| label < self.labels.len()).filter(|p| p[0].is_finite())
+    }
+}
+
+/// Where the frames are and how they are written.
+struct Layout {
+    frames: usize,
+    points: usize,
+    channels: usize,
+    samples_per_frame: usize,
+    rate_hz: f64,
+    /// Absolute value: metres (or the file's unit) for an integer step; floating numbers where the file's is negative.
+    point_scale: f64,
+    floating: bool,
+    unsigned: bool,
+    begin: usize,
+}
+
+impl Layout {
+    fn of(bytes: Bytes, parameters: &Parameters) -> Result<Self, C3dError> {
+        let count = |group: &'static str, name: &'static str, header: usize| -> Result<usize, C3dError> {
+            let of_header = || bytes.u16(2 * header, "the header").map(usize::from);
+            parameters.count(group, name)?.map_or_else(of_header, Ok)
+        };
+        let points = count("POINT", "USED", 1)?;
+        let per_frame = usize::from(bytes.u16(4, "the header")?);
+        let channels = parameters.count("ANALOG", "USED")?.unwrap_or(0);
+        let rate_hz = match parameters.number("POINT", "RATE")? {
+            Some(rate) => rate,
+            None => f64::from(bytes.f32(20, "the header")?),
+        };
+        if !(rate_hz > 0.0 && rate_hz.is_finite()) {
+            return Err(parameter("POINT", "RATE", format!("{rate_hz} frames a second are no rate")));
+        }
+        let samples_per_frame = samples_per_frame(parameters, rate_hz, channels, per_frame)?;
+        let scale = match parameters.number("POINT", "SCALE")? {
+            Some(scale) => scale,
+            None => f64::from(bytes.f32(12, "the header")?),
+        };
+        if scale == 0.0 || !scale.is_finite() {
+            return Err(parameter("POINT", "SCALE", format!("{scale} is no scale")));
+        }
+        let block = count("POINT", "DATA_START", 8)?;
+        if points > MOST || channels > MOST || block == 0 {
+            return Err(parameter("POINT", "DATA_START", "counts that no file has".to_owned()));
+        }
+        Ok(Self {
+            frames: frames(bytes, parameters)?,
+            points,
+            channels,
+            samples_per_frame,
+            rate_hz,
+            point_scale: scale.abs(),
+            floating: scale < 0.0,
+            unsigned: parameters
+                .text("ANALOG", "FORMAT")
+                .is_some_and(|format| format.eq_ignore_ascii_case("UNSIGNED")),
+            begin: (block - 1) * BLOCK,
+        })
+    }
+
+    fn read(&self, bytes: Bytes, parameters: &Parameters) -> Result<C3d, C3dError> {
+        let size = if self.floating { 4 } else { 2 };
+        let frame_bytes = size * (4 * self.points + self.samples_per_frame * self.channels);
+        if frame_bytes == 0 {
+            return Err(parameter(
+                "POINT",
+                "USED",
+                "neither points nor channels are in its frames".to_owned(),
+            ));
+        }
+        let needed =
+            (self.begin as u64).saturating_add((self.frames as u64).saturating_mul(frame_bytes as u64));
+        if needed > bytes.file.len() as u64 {
+            return Err(C3dError::Truncated {
+                what: "the last frame",
+                needed,
+                bytes: bytes.file.len() as u64,
+            });
+        }
+        let to_metres = parameters.unit_m()?;
+        let analog = Scaling::of(parameters, self.channels, self.unsigned)?;
+        let mut points_m = Vec::with_capacity(self.frames * self.points);
+        let mut values = Vec::with_capacity(self.frames * self.samples_per_frame * self.channels);
+        for frame in 0..self.frames {
+            let mut at = self.begin + frame * frame_bytes;
+            for _ in 0..self.points {
+                points_m.push(self.point(bytes, at, to_metres)?);
+                at += 4 * size;
+            }
+            for sample in 0..self.samples_per_frame * self.channels {
+                let raw = self.analog(bytes, at)?;
+                values.push(analog.value(raw, sample % self.channels));
+                at += size;
+            }
+        }
+        Ok(C3d {
+            rate_hz: self.rate_hz,
+            frames: self.frames,
+            labels: labels(parameters, "POINT", self.points),
+            points_m,
+            samples_per_frame: self.samples_per_frame,
+            channels: labels(parameters, "ANALOG", self.channels),
+            analog: values,
+            plates: plates::of(parameters, self.channels)?,
+        })
+    }
+
+    /// A point; its fourth number is negative where it was not seen.
+    fn point(&self, bytes: Bytes, at: usize, to_metres: f64) -> Result<[f32; 3], C3dError> {
+        const WHAT: &str = "a frame";
+        let mut point = [f32::NAN; 3];
+        if self.floating {
+            if bytes.f32(at + 12, WHAT)? >= 0.0 {
+                for (k, value) in point.iter_mut().enumerate() {
+                    *value = (f64::from(bytes.f32(at + 4 * k, WHAT)?) * to_metres) as f32;
+                }
+            }
+        } else if bytes.i16(at + 6, WHAT)? >= 0 {
+            for (k, value) in point.iter_mut().enumerate() {
+                *value = (f64::from(bytes.i16(at + 2 * k, WHAT)?) * self.point_scale * to_metres) as f32;
+            }
+        }
+        Ok(if point.iter().all(|v| v.is_finite()) { point } else { [f32::NAN; 3] })
+    }
+
+    fn analog(&self, bytes: Bytes, at: usize) -> Result<f64, C3dError> {
+        const WHAT: &str = "a frame";
+        Ok(match (self.floating, self.unsigned) {
+            (true, _) => f64::from(bytes.f32(at, WHAT)?),
+            (false, true) => f64::from(bytes.u16(at, WHAT)?),
+            (false, false) => f64::from(bytes.i16(at, WHAT)?),
+        })
+    }
+}
+
+/// From what the converter gave to a channel's unit: `(raw − offset) · scale · general scale`.
+struct Scaling {
+    scales: Vec<f64>,
+    offsets: Vec<f64>,
+}
+
+impl Scaling {
+    fn of(parameters: &Parameters, channels: usize, unsigned: bool) -> Result<Self, C3dError> {
+        let general = parameters.number("ANALOG", "GEN_SCALE")?.unwrap_or(1.0);
+        let all = |name: &'static str, absent: f64| -> Result<Vec<f64>, C3dError> {
+            let mut values = parameters.numbers("ANALOG", name)?.unwrap_or_default();
+            if values.iter().any(|value| !value.is_finite()) {
+                return Err(parameter("ANALOG", name, "a value is no number".to_owned()));
+            }
+            values.resize(channels, absent);
+            Ok(values)
+        };
+        let scales = all("SCALE", 1.0)?.into_iter().map(|scale| scale * general).collect();
+        // An unsigned converter's zero is unsigned as well.
+        let lifted = |offset: f64| if unsigned && offset < 0.0 { offset + 65_536.0 } else { offset };
+        Ok(Self { scales, offsets: all("OFFSET", 0.0)?.into_iter().map(lifted).collect() })
+    }
+
+    fn value(&self, raw: f64, channel: usize) -> f32 {
+        ((raw - self.offsets[channel]) * self.scales[channel]) as f32
+    }
+}
+
+/// How many frames there are: the parameters know of more than the header's sixteen bits.
+fn frames(bytes: Bytes, parameters: &Parameters) -> Result<usize, C3dError> {
+    let field = |name: &'static str| -> Result<Option<i64>, C3dError> {
+        let Some(words) = parameters.numbers("TRIAL", name)? else { return Ok(None) };
+        let word = |k: usize| words.get(k).map_or(0, |word| i64::from(*word as i32 as u16));
+        Ok(Some(word(0) + 65_536 * word(1)))
+    };
+    let between = |first: i64, last: i64| usize::try_from(last - first + 1).ok().filter(|frames| *frames > 0);
+    let found = match (field("ACTUAL_START_FIELD")?, field("ACTUAL_END_FIELD")?) {
+        (Some(first), Some(last)) => between(first, last),
+        _ => match parameters.count("POINT", "FRAMES")? {
+            Some(frames) if frames < MOST => Some(frames),
+            _ => {
+                let word = |k: usize| bytes.u16(2 * k, "the header").map(i64::from);
+                between(word(3)?, word(4)?)
+            }
+        },
+    };
+    found.ok_or_else(|| parameter("POINT", "FRAMES", "there are no frames".to_owned()))
+}
+
+fn samples_per_frame(
+    parameters: &Parameters,
+    rate_hz: f64,
+    channels: usize,
+    per_frame: usize,
+) -> Result<usize, C3dError> {
+    if channels == 0 {
+        return Ok(0);
+    }
+    let ratio = match parameters.number("ANALOG", "RATE")? {
+        Some(rate) => rate / rate_hz,
+        None => per_frame as f64 / channels as f64,
+    };
+    let whole = ratio.round();
+    if (whole - ratio).abs() > 1e-3 * ratio || !(1.0..=MOST as f64).contains(&whole) {
+        let reason = format!("{ratio} samples of a channel for each frame are no whole number");
+        return Err(parameter("ANALOG", "RATE", reason));
+    }
+    Ok(whole as usize)
+}
+
+/// Names, with those of LABELS2 and on behind; a name that is missing is its number.
+fn labels(parameters: &Parameters, group: &'static str, count: usize) -> Vec<String> {
+    let mut names = parameters.texts(group, "LABELS");
+    for more in ["LABELS2", "LABELS3", "LABELS4", "LABELS5"] {
+        names.extend(parameters.texts(group, more));
+    }
+    names.truncate(count);
+    let mut names: Vec<String> =
+        names.into_iter().map(|name| name.rsplit(':').next().unwrap_or_default().trim().to_owned()).collect();
+    while names.len() < count {
+        names.push(format!("{}", names.len() + 1));
+    }
+    names
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,77 @@
+//! C3D files against `ezc3d`, which shares no code with this project. `RIGIDENT_PYTHON` names an interpreter that has it, as
+//! `cargo xtask setup` installs it.
+
+use std::path::Path;
+use std::process::Command;
+
+use rigident::motion_capture::c3d::{C3d, PlateKind};
+
+const SCRIPT: &str = "
+import sys, json, ezc3d, numpy as np
+c = ezc3d.c3d(sys.argv[1])
+points, analog, p = c['data']['points'], c['data']['analogs'][0], c['parameters']
+unseen = lambda row: [None if np.isnan(v) else float(v) for v in row]
+plates = p['FORCE_PLATFORM']
+print(json.dumps({
+    'rate': float(p['POINT']['RATE']['value'][0]),
+    'labels': p['POINT']['LABELS']['value'][:points.shape[1]],
+    'points': [unseen(row) for row in (points[:3] / 1000).transpose(2, 1, 0).reshape(-1, 3)],
+    'channels': p['ANALOG']['LABELS']['value'][:analog.shape[0]],
+    'analog': analog.T.reshape(-1).tolist(),
+    'types': plates['TYPE']['value'].tolist(),
+    'wired': plates['CHANNEL']['value'].T.tolist(),
+    'corners': (plates['CORNERS']['value'] / 1000).transpose(2, 1, 0).tolist(),
+    'origins': (plates['ORIGIN']['value'] / 1000).T.tolist(),
+}))
+";
+
+#[test]
+#[ignore = "needs ezc3d in Python and the shared recordings"]
+fn shared_data_are_read_as_an_independent_c3d_reader_reads_them() {
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
+    let python = std::env::var("RIGIDENT_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    for name in [
+        "human_btk_pig_47kg_fullbody/PiG_Calibration-FlatFoot-Full.c3d",
+        "human_btk_pig_47kg_fullbody/PiG_Motion-FlatFoot-Full.c3d",
+        "human_btk_pig_60kg_functional/FunctionalStatic.c3d",
+        "human_btk_pig_60kg_functional/FunctionalWalk.c3d",
+    ] {
+        let path = data.join(name);
+        let out = Command::new(&python).args(["-c", SCRIPT]).arg(&path).output().unwrap();
+        assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+        let theirs: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+        let ours = C3d::parse(&std::fs::read(&path).unwrap()).unwrap();
+        assert_eq!(theirs["rate"], ours.rate_hz);
+        let points = theirs["points"].as_array().unwrap();
+        assert_eq!(points.len(), ours.frames * ours.labels.len());
+        for (k, (a, b)) in points.iter().zip(&ours.points_m).enumerate() {
+            for (a, b) in a.as_array().unwrap().iter().zip(b) {
+                let near = a.as_f64().map_or(b.is_nan(), |a| (a - f64::from(*b)).abs() < 1e-6);
+                assert!(near, "{name}, point {k}: {a} {b}");
+            }
+        }
+        // Ours are without what may be a subject's name.
+        for (a, b) in theirs["labels"].as_array().unwrap().iter().zip(&ours.labels) {
+            assert!(a.as_str().unwrap().ends_with(b.as_str()), "{a} {b}");
+        }
+        assert_eq!(theirs["channels"].as_array().unwrap().len(), ours.channels.len());
+        let analog = theirs["analog"].as_array().unwrap();
+        assert_eq!(analog.len(), ours.analog.len());
+        for (k, (a, b)) in analog.iter().zip(&ours.analog).enumerate() {
+            let (a, b) = (a.as_f64().unwrap(), f64::from(*b));
+            assert!((a - b).abs() <= 1e-6 * a.abs().max(1e-3), "{name}, sample {k}: {a} {b}");
+        }
+        for (k, plate) in ours.plates.iter().enumerate() {
+            assert_eq!((&plate.kind, &theirs["types"][k]), (&PlateKind::Wrench, &serde_json::json!(2)));
+            let wired: Vec<usize> = plate.channels.iter().map(|c| c + 1).collect();
+            assert_eq!(theirs["wired"][k], serde_json::json!(wired));
+            let near = |theirs: &serde_json::Value, ours: f64| (theirs.as_f64().unwrap() - ours).abs() < 1e-6;
+            for corner in 0..4 {
+                for axis in 0..3 {
+                    assert!(near(&theirs["corners"][k][corner][axis], plate.corners_m[corner][axis]));
+                }
+            }
+            assert!((0..3).all(|axis| near(&theirs["origins"][k][axis], plate.origin_m[axis])));
+        }
+    }
+}
