@@ -162,6 +162,13 @@ impl BodySet {
         Self { and: Some(Box::new(other)), ..self }
     }
 
+    /// Returns the least and the greatest mass in the set, kg, somewhat wider than needed.
+    pub fn masses_kg(&self) -> [f64; 2] {
+        let mut mass = [0.0; 10];
+        mass[0] = 1.0;
+        self.range(&mass)
+    }
+
     /// Returns the least and the greatest `aᵀ φ` over the set, somewhat wider than needed.
     pub fn range(&self, a: &Ten) -> [f64; 2] {
         let [low, high] = self.range_alone(a);

@@ -65,14 +65,14 @@ impl Geometry {
         }
     }
 
-    /// A machine of which nothing but its travel is known. Its joints are stand-ins that no limit depends on; its base's frame A
+    /// Returns a machine of which nothing but its travel is known. Its joints are stand-ins that no limit depends on; its base's frame A
     /// lies at the plate's reference pose.
     pub fn of_travel(travel: Travel) -> Self {
         let unlimited = Limits { cond_max: f64::INFINITY, ..Limits::default() };
         Self { travel: Some(travel), leg_rate_mps: f64::INFINITY, limits: unlimited, ..Self::thesis() }
     }
 
-    /// Whether anything is known of its joints and legs.
+    /// Returns true if its joints and legs are known.
     pub fn has_joints(&self) -> bool {
         self.travel.is_none()
     }
@@ -116,7 +116,7 @@ impl Geometry {
                 cond_max: self.limits.cond_max * share,
                 bulk: self.limits.bulk.as_ref().map(|bulk| bulk.within(share)),
             },
-            travel: self.travel.as_ref().map(|travel| travel.within(share)),
+            travel: self.travel.as_ref().map(|travel| travel.reaching(share).slower(share)),
             ..self.clone()
         }
     }

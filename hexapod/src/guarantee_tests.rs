@@ -230,10 +230,8 @@ fn each_limit_of_a_travel_is_checked_at_every_instant() {
     let peaks = g.guarantee(&trajectory, None, 9.0).peaks;
     let scaled = |by: [f64; 3]| {
         let mut g = g.clone();
-        let travel = g.travel.as_mut().unwrap();
-        travel.shift_m = travel.shift_m.map(|v| v * by[0]);
-        travel.turn_rad = travel.turn_rad.map(|v| v * by[0]);
-        (travel.speed_mps, travel.rate_radps) = (Some(by[1]), Some(by[2]));
+        let reaching = g.travel.as_ref().unwrap().reaching(by[0]);
+        g.travel = Some(Travel { speed_mps: Some(by[1]), rate_radps: Some(by[2]), ..reaching });
         g
     };
     let above = [0, 1, 2].map(|k: usize| 1.001 * peaks[k].bound);

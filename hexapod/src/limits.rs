@@ -138,12 +138,12 @@ pub enum Limit {
 }
 
 impl Limit {
-    /// Whether it is one of a plate whose joints are not published.
+    /// Returns true if it is one of a plate whose joints are not published.
     pub fn is_of_travel(self) -> bool {
         matches!(self, Self::Travel | Self::PlateSpeed | Self::PlateRate)
     }
 
-    /// Whether a motion keeps it if it only takes long enough.
+    /// Returns true if a motion keeps it where it only takes long enough.
     pub fn is_of_speed(self) -> bool {
         matches!(self, Self::LegRate | Self::LegAcceleration | Self::PlateSpeed | Self::PlateRate)
     }

@@ -23,7 +23,7 @@ pub struct Travel {
 }
 
 impl Travel {
-    /// What each axis has, m and rad.
+    /// Returns what each axis has, m and rad.
     pub fn ranges(&self) -> [f64; 6] {
         let ([x, y, z], [roll, pitch, yaw]) = (self.shift_m, self.turn_rad);
         [x, y, z, roll, pitch, yaw]
@@ -37,7 +37,7 @@ impl Travel {
         if self.together { shares.fold(0.0, larger) } else { shares.sum() }
     }
 
-    /// The largest share within `half` seconds of a state; `speed` and `rate` bound the velocity of each axis of the plate's
+    /// Returns a bound of the share within `half` seconds of a state; `speed` and `rate` bound the velocity of each axis of the plate's
     /// origin, m/s, and the angular rate, rad/s, there. `|roll'|` and `|yaw'|` are at most `|ω| / cos pitch`.
     pub(super) fn most(&self, state: &PlateState, half: f64, speed: [f64; 3], rate: f64) -> f64 {
         let steepest = state.rpy.y.abs() + rate * half;
@@ -51,14 +51,23 @@ impl Travel {
         self.share(&std::array::from_fn(|k| at[k].abs() + changes[k] * half))
     }
 
-    /// The same with a share of everything.
-    pub(super) fn within(&self, share: f64) -> Self {
+    /// Returns the same with a share of how far the plate goes.
+    #[must_use]
+    pub fn reaching(&self, share: f64) -> Self {
         Self {
             shift_m: self.shift_m.map(|v| v * share),
             turn_rad: self.turn_rad.map(|v| v * share),
-            together: self.together,
+            ..self.clone()
+        }
+    }
+
+    /// Returns the same with a share of how fast it goes.
+    #[must_use]
+    pub fn slower(&self, share: f64) -> Self {
+        Self {
             speed_mps: self.speed_mps.map(|v| v * share),
             rate_radps: self.rate_radps.map(|v| v * share),
+            ..self.clone()
         }
     }
 }

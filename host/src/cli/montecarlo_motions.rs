@@ -10,7 +10,7 @@ use super::{ExitStatus, Failure, Progress};
 use crate::device::session::INTERRUPTED;
 use crate::montecarlo::motions::{RepeatedMotion, motions, table};
 use crate::montecarlo::two_step::{self, Judged, two_steps};
-use crate::montecarlo::{CampaignError, Limits95};
+use crate::montecarlo::{CampaignError, K95, Limits95};
 use crate::plan::equipment::Equipment;
 use crate::plan::motion::{Task, compare};
 
@@ -157,7 +157,7 @@ fn in_json(motion: &RepeatedMotion) -> Motion {
         bias: judgement.bias,
         std: judgement.std,
         crb_std: judgement.crb_std,
-        planned_std: u95 / 1.96,
+        planned_std: u95 / K95,
         coverage95: judgement.coverage95,
     });
     Motion { mounting: motion.body, motion: motion.motion, parameters: parameters.collect() }

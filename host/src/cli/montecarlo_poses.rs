@@ -8,6 +8,7 @@ use nalgebra::Vector3;
 use serde::Serialize;
 
 use super::arguments::MontecarloPoses;
+use super::factor::absent;
 use super::outcome::say;
 use super::{ExitStatus, Failure, Progress};
 use crate::device::session::INTERRUPTED;
@@ -19,7 +20,6 @@ use crate::plan::poses::plan::{Task, check_n, plan};
 use crate::plan::poses::{Objective, Reach, Region};
 use crate::present::over_n;
 use crate::present::probability::{Panel, Sample, straightness, svg};
-use crate::recording::error::RecordingError;
 use crate::recording::new_file::write_new_text;
 
 /// The object of `--json`.
@@ -79,9 +79,7 @@ pub(super) fn run(arguments: &MontecarloPoses) -> Result<ExitCode, Failure> {
     }
     // Said now rather than after the work.
     for path in [&arguments.plot, &arguments.plot_over_n].into_iter().flatten() {
-        if path.symlink_metadata().is_ok() {
-            return Err(Failure::input(RecordingError::Exists(path.display().to_string())));
-        }
+        absent(path)?;
     }
     let mut progress = Progress::new();
     let sets = sets(arguments, &mut progress)?;

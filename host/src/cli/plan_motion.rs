@@ -10,6 +10,7 @@ use rigident_shared::inertia::PARAMETER_NAMES;
 use serde::Serialize;
 
 use super::arguments::DemoBody;
+use super::factor::absent;
 use super::outcome::say;
 use super::plan_arguments::{MotionObjective, PlanCompare, PlanMotion};
 use super::programme::tell_collisions;
@@ -21,7 +22,6 @@ use crate::plan::machine;
 use crate::plan::motion::{self, MotionPlan, Objective, Task, compare, coverage};
 use crate::plan::plan_file::PlanFile;
 use crate::present::directions::{self, Directions};
-use crate::recording::error::RecordingError;
 use crate::recording::new_file::write_new_text;
 use crate::rig::RigFile;
 
@@ -61,9 +61,7 @@ struct PeakObject {
 pub(super) fn run(arguments: &PlanMotion) -> Result<ExitCode, Failure> {
     // Said now rather than after the work.
     for path in [&arguments.out, &arguments.plot].into_iter().flatten() {
-        if path.symlink_metadata().is_ok() {
-            return Err(Failure::input(RecordingError::Exists(path.display().to_string())));
-        }
+        absent(path)?;
     }
     let (task, body) = task(arguments)?;
     let (name, words) = match arguments.objective {

@@ -6,6 +6,7 @@ use hexapod::{Geometry, Load, Segment, THESIS_WRENCH_NOISE_N_NM};
 use nalgebra::Matrix3;
 use serde::Serialize;
 
+use super::factor::absent;
 use super::outcome::say;
 use super::plan_arguments::{PlanPoses, PoseObjective};
 use super::plan_motion::ended;
@@ -20,7 +21,6 @@ use crate::plan::poses::measure::least_condition_number_in_cone;
 use crate::plan::poses::plan::{MOST_ORIENTATIONS, PlanError, PosePlan, Task, check_n, of_angles, plan};
 use crate::plan::poses::program::{MOVE_RATE_RADPS, program};
 use crate::plan::poses::{Objective, Reach, Region};
-use crate::recording::error::RecordingError;
 use crate::rig::RigFile;
 
 /// What of a rig the plan depends on.
@@ -150,12 +150,7 @@ fn check_out(arguments: &PlanPoses) -> Result<(), Failure> {
             arguments.hold_s
         )));
     }
-    match &arguments.out {
-        Some(path) if path.symlink_metadata().is_ok() => {
-            Err(Failure::input(RecordingError::Exists(path.display().to_string())))
-        }
-        _ => Ok(()),
-    }
+    arguments.out.as_deref().map_or(Ok(()), absent)
 }
 
 /// What is wrong with a number of poses, by the option that says it.

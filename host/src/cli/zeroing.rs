@@ -152,9 +152,7 @@ pub(super) fn weigh(rest: &Rest, rig: &RigFile) -> Result<Option<BodySet>, Failu
     };
     let weighing = Weighing { wrench: rest.wrench, sigma: rest.sigma, readings: rest.readings, up };
     let set = weighing.set(rig, &bound).map_err(unmoved)?;
-    let mut unit = [0.0; 10];
-    unit[0] = 1.0;
-    let [least, most] = set.range(&unit);
+    let [least, most] = set.masses_kg();
     tell!(
         "the load cell carries {:.2} to {:.2} kg, within {} m of its origin",
         least.max(0.0),
@@ -180,9 +178,7 @@ pub(super) fn check_carries(carries: &BodyParameters, rig: &RigFile, body: &Body
             carries.mass_kg, bound.mass_kg, bound.within_m
         )));
     }
-    let mut unit = [0.0; 10];
-    unit[0] = 1.0;
-    let [least, most] = body.range(&unit);
+    let [least, most] = body.masses_kg();
     if !(least..=most).contains(&carries.mass_kg) {
         tell!(
             "rigident: the plan was made for {:.2} kg, and the load cell carries {:.2} to {most:.2} kg: its limits are checked for these, \

@@ -46,7 +46,7 @@ const FIRMWARE_FASTEST_HZ: f64 = 2500.0;
 /// Readings of one experiment: some GB with the motion's physics and a copy on every core.
 const MOST_READINGS: f64 = 1e6;
 /// 1 σ of a 95 % figure.
-const K95: f64 = 1.96;
+pub(crate) const K95: f64 = 1.96;
 
 /// Who makes the factor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -12,7 +12,7 @@ use rigident_sim::rig::ReadingRow;
 
 use super::motions::prepared;
 use super::repeat::repeat;
-use super::{CampaignError, Prepared, true_parameters};
+use super::{CampaignError, K95, Prepared, true_parameters};
 use crate::fit::{Estimate, FitError, FitOptions, Silent, fit};
 use crate::plan::motion::compare::Row;
 use crate::simulated::reading;
@@ -99,7 +99,7 @@ fn judged(all: impl Iterator<Item = Stated>) -> Judged {
         count += 1.0;
         for j in 0..TENSOR {
             squares[j] += error[j] * error[j];
-            held[j] += f64::from(u8::from(error[j].abs() <= 1.96 * sd[j]));
+            held[j] += f64::from(u8::from(error[j].abs() <= K95 * sd[j]));
         }
     }
     Judged { rms: squares.map(|s: f64| (s / count).sqrt()), coverage95: held.map(|h| h / count) }

@@ -1,7 +1,7 @@
 //! Uncertainty over the number of still poses: what was found as dots, what was predicted as lines.
 
 use super::plot::axis::Axis;
-use super::plot::{line, open_alone, text};
+use super::plot::{beside, line, text};
 
 /// Width and height of a panel's frame, user units.
 const SIDE: (f64, f64) = (400.0, 320.0);
@@ -35,18 +35,8 @@ pub struct Panel {
 
 /// Returns the panels beside each other, as an SVG that needs no style sheet.
 pub fn svg(title: &str, panels: &[Panel]) -> String {
-    let [left, top, right, bottom] = ROOM;
-    let step = left + SIDE.0 + right;
-    let (width, height) = (step * panels.len() as f64, top + SIDE.1 + bottom);
-    let names: Vec<_> = panels.iter().map(|p| p.title.as_str()).collect();
-    let mut svg = open_alone("over-n", title, &names.join("; "), width, height, STYLE);
-    for (k, panel) in panels.iter().enumerate() {
-        svg.push_str(&format!("<g transform=\"translate({:.1} {top:.1})\">\n", left + step * k as f64));
-        svg.push_str(&panel.render());
-        svg.push_str("</g>\n");
-    }
-    svg.push_str("</svg>\n");
-    svg
+    let drawn = panels.iter().map(|panel| (panel.title.clone(), panel.render()));
+    beside(["over-n", title, STYLE], (SIDE, ROOM), drawn)
 }
 
 impl Panel {

@@ -5,7 +5,7 @@ use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::page::escape;
 use super::plot::axis::Axis;
-use super::plot::{line, open_alone, text};
+use super::plot::{beside, line, text};
 
 /// Height and width of a panel's frame, user units.
 const SIDE: (f64, f64) = (400.0, 360.0);
@@ -66,19 +66,8 @@ pub fn straightness(values: &[f64]) -> Option<f64> {
 /// The panels beside each other, as an SVG that needs no style sheet. Each sample's straight line goes through its
 /// quartiles.
 pub fn svg(panels: &[Panel]) -> String {
-    let [left, top, right, bottom] = ROOM;
-    let step = left + SIDE.0 + right;
-    let (width, height) = (step * panels.len() as f64, top + SIDE.1 + bottom);
-    let names: Vec<_> = panels.iter().map(|p| p.title.as_str()).collect();
-    let mut svg =
-        open_alone("probability", "Normal probability plot", &names.join("; "), width, height, STYLE);
-    for (k, panel) in panels.iter().enumerate() {
-        svg.push_str(&format!("<g transform=\"translate({:.1} {top:.1})\">\n", left + step * k as f64));
-        svg.push_str(&panel.render());
-        svg.push_str("</g>\n");
-    }
-    svg.push_str("</svg>\n");
-    svg
+    let drawn = panels.iter().map(|panel| (panel.title.clone(), panel.render()));
+    beside(["probability", "Normal probability plot", STYLE], (SIDE, ROOM), drawn)
 }
 
 impl Panel {

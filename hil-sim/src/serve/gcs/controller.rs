@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::frames::Frames;
 use super::syntax::Said;
 use super::tables::{HELP, MOST_POINTS, PARAMETERS};
-use super::travel::limits;
+use super::travel::{is_reached, limits};
 use crate::rig::{MotionState, Rig, RigError, SharedRig};
 use crate::runner::lock;
 use hexapod::gcs::{
@@ -285,10 +285,11 @@ impl Hexapod {
     fn reachable(&self, rig: &Rig, to: &GcsPosition) -> Result<Pose, u16> {
         let inside = to.0.iter().zip(&self.limits).all(|(v, [lo, hi])| (lo..=hi).contains(&v));
         let pose = self.frames.pose(to, &self.reference);
-        let geometry = &rig.config().geometry;
-        let [lo, hi] = geometry.leg_length_m;
-        let reached = geometry.leg_lengths(&pose).iter().all(|l| (lo..=hi).contains(l));
-        if inside && reached { Ok(pose) } else { Err(error::POSITION) }
+        if inside && is_reached(&rig.config().geometry, &pose) {
+            Ok(pose)
+        } else {
+            Err(error::POSITION)
+        }
     }
 
     fn go(&mut self, rig: &mut Rig, to: GcsPosition) -> Result<(), u16> {

@@ -1,7 +1,7 @@
 //! How far the axes go.
 
-use hexapod::Geometry;
 use hexapod::gcs::GcsPosition;
+use hexapod::{Geometry, Pose};
 
 /// Travel of each axis by itself from the reference pose, lowest and highest, mm and degrees: as far as the legs reach.
 pub fn limits(geometry: &Geometry) -> [[f64; 2]; 6] {
@@ -9,8 +9,7 @@ pub fn limits(geometry: &Geometry) -> [[f64; 2]; 6] {
     let reaches = |axis: usize, value: f64| {
         let mut at = GcsPosition::default();
         at.0[axis] = value;
-        let [lo, hi] = geometry.leg_length_m;
-        geometry.leg_lengths(&at.pose(&home)).iter().all(|l| (lo..=hi).contains(l))
+        is_reached(geometry, &at.pose(&home))
     };
     std::array::from_fn(|axis| {
         let most = if axis < 3 { 1000.0 } else { 60.0 };
@@ -29,6 +28,12 @@ pub fn limits(geometry: &Geometry) -> [[f64; 2]; 6] {
             sign * inside
         })
     })
+}
+
+/// Whether every leg is as long as a pose needs it.
+pub fn is_reached(geometry: &Geometry, pose: &Pose) -> bool {
+    let [lo, hi] = geometry.leg_length_m;
+    geometry.leg_lengths(pose).iter().all(|l| (lo..=hi).contains(l))
 }
 
 #[cfg(test)]
@@ -58,7 +63,6 @@ mod tests {
         let geometry = Geometry::thesis();
         let most = limits(&geometry).map(|[low, high]| high.min(-low));
         let home = geometry.home();
-        let [lo, hi] = geometry.leg_length_m;
         let mut state = 88_172_645_463_325_252_u64;
         let mut unit = || {
             state ^= state << 13;
@@ -68,7 +72,7 @@ mod tests {
         };
         let reached = |shares: [f64; 6]| {
             let at = GcsPosition(std::array::from_fn(|k| shares[k] * most[k]));
-            geometry.leg_lengths(&at.pose(&home)).iter().all(|l| (lo..=hi).contains(l))
+            is_reached(&geometry, &at.pose(&home))
         };
         let (mut apart, mut together) = (0, 0);
         const DRAWN: usize = 10_000;

@@ -53,8 +53,7 @@ pub struct Turns {
 impl Turns {
     /// Takes note that a segment of a sequence was driven.
     pub fn driven(&mut self, sequence: &[usize], segment: usize) {
-        let mut members = sequence.to_vec();
-        members.sort_unstable();
+        let members = sorted(sequence);
         if members != self.members {
             (self.members, self.driven) = (members, Vec::new());
         }
@@ -64,8 +63,7 @@ impl Turns {
     /// Returns the choice beginning with the segment whose turn it is, if its sequence takes `once_s` and is repeated; with one that
     /// can be begun.
     pub fn in_turn(&self, mut choice: Choice, once_s: f64, can_begin: impl Fn(usize) -> bool) -> Choice {
-        let mut members = choice.sequence.clone();
-        members.sort_unstable();
+        let members = sorted(&choice.sequence);
         if choice.seconds < REPEATED * once_s || members != self.members {
             return choice;
         }
@@ -81,6 +79,13 @@ impl Turns {
         choice.sequence.rotate_left(first);
         choice
     }
+}
+
+/// The members of a sequence, whatever their order in it.
+fn sorted(sequence: &[usize]) -> Vec<usize> {
+    let mut members = sequence.to_vec();
+    members.sort_unstable();
+    members
 }
 
 /// The best sequence; `None` if none reaches the goal. `step(from, to)` is candidate `to` after candidate `from`

@@ -61,7 +61,7 @@ impl Forecast {
 }
 
 impl Asked {
-    /// Returns what the information that an experiment should end with means for what is asked for; `now` is there already.
+    /// Returns what the information that an experiment should end with, `then`, means for what is asked for.
     pub fn foreseen(&self, goal: &Goal, known: &Known, then: &Information) -> Option<Foreseen> {
         let phi = known.estimate?;
         if self.is_known(known.estimate)

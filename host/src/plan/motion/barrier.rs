@@ -29,13 +29,9 @@ impl Barrier {
         geometry.leg_length_m = [middle - half, middle + half];
         geometry.leg_rate_mps *= SHARE;
         geometry.limits.leg_acceleration_mps2 = geometry.limits.leg_acceleration_mps2.map(|a| SHARE * a);
-        if let Some(travel) = &mut geometry.travel {
-            travel.shift_m = travel.shift_m.map(|v| SHARE * v);
-            travel.turn_rad = travel.turn_rad.map(|v| SHARE * v);
-            travel.speed_mps = travel.speed_mps.map(|v| SHARE * v);
-        }
-        let rate_radps =
-            geometry.travel.as_ref().and_then(|t| t.rate_radps).unwrap_or(rate_radps).min(rate_radps);
+        let of_plate = geometry.travel.as_ref().and_then(|travel| travel.rate_radps);
+        let rate_radps = of_plate.map_or(rate_radps, |most| most.min(rate_radps));
+        geometry.travel = geometry.travel.map(|travel| travel.reaching(SHARE).slower(SHARE));
         Self { geometry, rate_radps: SHARE * rate_radps }
     }
 

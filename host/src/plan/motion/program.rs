@@ -117,9 +117,7 @@ impl Frame {
             leg_force_n: slower.limits.leg_force_n,
             ..geometry.limits.clone()
         };
-        if let (Some(slower), Some(travel)) = (&mut slower.travel, &geometry.travel) {
-            (slower.shift_m, slower.turn_rad) = (travel.shift_m, travel.turn_rad);
-        }
+        slower.travel = geometry.travel.as_ref().map(|travel| travel.slower(SPARE));
         let way = |from: &Pose, to: &Pose| ways::straight(&slower, Some(load), from, to, PACE);
         let mut before = vec![Segment::Hold { duration_s: 0.5 * hold_s }];
         let mut at = home;

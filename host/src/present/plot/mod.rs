@@ -77,6 +77,27 @@ const ALONE: &str = "svg{--ink:#1a1f26;--soft:#5a6572;--rule:#dfe4ea;--a:#1f5fa8
                      text{fill:var(--soft)}.title{fill:var(--ink);font-size:15px;font-weight:600}.ink{fill:var(--ink)}\
                      .end{text-anchor:end}.mid{text-anchor:middle}.grid{stroke:var(--rule)}.axis{stroke:var(--soft)}";
 
+/// Panels of a size, width and height, beside each other with `room` (left, top, right, bottom) around each, as a figure that is a
+/// file of its own.
+pub fn beside(
+    [id, title, style]: [&str; 3],
+    (side, room): ((f64, f64), [f64; 4]),
+    panels: impl ExactSizeIterator<Item = (String, String)>,
+) -> String {
+    let [left, top, right, bottom] = room;
+    let step = left + side.0 + right;
+    let (width, height) = (step * panels.len() as f64, top + side.1 + bottom);
+    let (names, drawn): (Vec<_>, Vec<_>) = panels.unzip();
+    let mut svg = open_alone(id, title, &names.join("; "), width, height, style);
+    for (k, panel) in drawn.iter().enumerate() {
+        svg.push_str(&format!("<g transform=\"translate({:.1} {top:.1})\">\n", left + step * k as f64));
+        svg.push_str(panel);
+        svg.push_str("</g>\n");
+    }
+    svg.push_str("</svg>\n");
+    svg
+}
+
 /// Opening tag of a figure that is a file of its own and needs no style sheet; `style` comes on top.
 pub fn open_alone(id: &str, title: &str, description: &str, width: f64, height: f64, style: &str) -> String {
     let svg = open_svg(id, title, description, width, height).replacen(

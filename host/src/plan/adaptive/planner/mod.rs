@@ -50,7 +50,7 @@ pub struct Decision {
     /// When everything asked for should be reached, s from now.
     pub expected_s: f64,
     /// What the sequence of segments that begins with it should tell, and in how many seconds.
-    sequence: (Information, f64),
+    sequence: Step,
     /// Its members.
     members: Vec<usize>,
 }
@@ -63,8 +63,7 @@ impl Decision {
 
     /// Returns what should be known so many seconds later.
     pub fn information_after(&self, seconds: f64, known: &Known) -> Information {
-        let (tells, lasts_s) = &self.sequence;
-        known.information + tells * (seconds / lasts_s)
+        known.information + self.sequence.tells * (seconds / self.sequence.seconds)
     }
 }
 
@@ -368,18 +367,20 @@ impl Planner {
             self.step(from, to)
         };
         let choice = choose(self.entries.len(), &step, goal, known.information, known.variance_scale)?;
-        let mut from = self.at;
-        let once_s: f64 = choice
-            .sequence
-            .iter()
-            .filter_map(|to| {
-                let seconds = self.step(from, *to)?.seconds;
-                from = self.entries.get(*to)?.place;
-                Some(seconds)
-            })
-            .sum();
-        let begun = |first: usize| self.step(self.at, first).is_some() && open(first);
-        Some(self.turns.in_turn(choice, once_s, begun))
+        let can_begin = |first: usize| self.step(self.at, first).is_some() && open(first);
+        let once_s = self.along(&choice.sequence).seconds;
+        Some(self.turns.in_turn(choice, once_s, can_begin))
+    }
+
+    /// All of a sequence, from where the plate is.
+    fn along(&self, sequence: &[usize]) -> Step {
+        let (mut from, mut whole) = (self.at, Step { seconds: 0.0, tells: Information::zeros() });
+        for to in sequence {
+            let Some(step) = self.step(from, *to) else { continue };
+            whole = Step { seconds: whole.seconds + step.seconds, tells: whole.tells + step.tells };
+            from = self.entries.get(*to).map_or(from, |entry| entry.place);
+        }
+        whole
     }
 
     /// What the legs and the load cell carry, as it becomes known.
@@ -510,14 +511,8 @@ impl Planner {
         let entry = self.entries.get(index)?;
         let way = self.ways.get(self.at)?.get(entry.place)?.as_ref()?;
         let segments = way.segment.iter().chain([&entry.candidate.segment]).cloned().collect();
-        let (mut from, mut sequence) = (self.at, (Information::zeros(), 0.0));
-        for to in &choice.sequence {
-            let Some(step) = self.step(from, *to) else { continue };
-            sequence = (sequence.0 + step.tells, sequence.1 + step.seconds);
-            from = self.entries.get(*to).map_or(from, |entry| entry.place);
-        }
         Some(Decision {
-            sequence,
+            sequence: self.along(&choice.sequence),
             members: choice.sequence.clone(),
             index,
             moves: entry.candidate.moves(),

@@ -1,6 +1,6 @@
 //! A platform that does not take a segment is asked what it would take, without being moved.
 
-use hexapod::{Axis, Limit, MotionProgram, Segment, SineTerm};
+use hexapod::{Axis, Limit, MotionProgram, Segment, SineTerm, Travel};
 
 use super::{DESIGNED_S, Decision, Planner, RAMP_S, SLOWER, SLOWEST, moved};
 
@@ -124,16 +124,14 @@ impl Planner {
                 let middle = 0.5 * (low + high);
                 geometry.leg_length_m = [middle - peak.seen, middle + peak.seen];
             }
-            _ if geometry.has_joints() => geometry.leg_rate_mps = peak.seen,
-            _ => {}
-        }
-        if let Some(travel) = &mut geometry.travel {
-            if limit == Limit::Travel {
-                travel.shift_m = travel.shift_m.map(|v| v * peak.seen);
-                travel.turn_rad = travel.turn_rad.map(|v| v * peak.seen);
-            } else {
-                travel.rate_radps = Some(peak.seen);
+            Limit::Travel => {
+                geometry.travel = geometry.travel.as_ref().map(|travel| travel.reaching(peak.seen));
             }
+            Limit::PlateRate => {
+                let slower = |travel: &Travel| Travel { rate_radps: Some(peak.seen), ..travel.clone() };
+                geometry.travel = geometry.travel.as_ref().map(slower);
+            }
+            _ => geometry.leg_rate_mps = peak.seen,
         }
         self.take_stock(at);
     }
