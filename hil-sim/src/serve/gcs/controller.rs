@@ -285,11 +285,7 @@ impl Hexapod {
     fn reachable(&self, rig: &Rig, to: &GcsPosition) -> Result<Pose, u16> {
         let inside = to.0.iter().zip(&self.limits).all(|(v, [lo, hi])| (lo..=hi).contains(&v));
         let pose = self.frames.pose(to, &self.reference);
-        if inside && is_reached(&rig.config().geometry, &pose) {
-            Ok(pose)
-        } else {
-            Err(error::POSITION)
-        }
+        if inside && is_reached(&rig.config().geometry, &pose) { Ok(pose) } else { Err(error::POSITION) }
     }
 
     fn go(&mut self, rig: &mut Rig, to: GcsPosition) -> Result<(), u16> {
