@@ -5,3 +5,4 @@
 //! asked for by its place in the format is read, and of a label only what follows its last colon.
 
 pub mod c3d;
+pub mod ground;

@@ -8,7 +8,7 @@ use rigident::motion_capture::c3d::{C3d, PlateKind};
 
 const SCRIPT: &str = "
 import sys, json, ezc3d, numpy as np
-c = ezc3d.c3d(sys.argv[1])
+c = ezc3d.c3d(sys.argv[1], extract_forceplat_data=True)
 points, analog, p = c['data']['points'], c['data']['analogs'][0], c['parameters']
 unseen = lambda row: [None if np.isnan(v) else float(v) for v in row]
 plates = p['FORCE_PLATFORM']
@@ -22,6 +22,8 @@ print(json.dumps({
     'wired': plates['CHANNEL']['value'].T.tolist(),
     'corners': (plates['CORNERS']['value'] / 1000).transpose(2, 1, 0).tolist(),
     'origins': (plates['ORIGIN']['value'] / 1000).T.tolist(),
+    # About the middle of the surface; a channel whose unit is said to be V is one of N and N mm in these files.
+    'wrenches': [np.vstack([q['force'], q['moment'] / 1000]).T.tolist() for q in c['data']['platform']],
 }))
 ";
 
@@ -61,6 +63,7 @@ fn shared_data_are_read_as_an_independent_c3d_reader_reads_them() {
             let (a, b) = (a.as_f64().unwrap(), f64::from(*b));
             assert!((a - b).abs() <= 1e-6 * a.abs().max(1e-3), "{name}, sample {k}: {a} {b}");
         }
+        same_wrenches(&ours, &theirs["wrenches"], name);
         for (k, plate) in ours.plates.iter().enumerate() {
             assert_eq!((&plate.kind, &theirs["types"][k]), (&PlateKind::Wrench, &serde_json::json!(2)));
             let wired: Vec<usize> = plate.channels.iter().map(|c| c + 1).collect();
@@ -72,6 +75,25 @@ fn shared_data_are_read_as_an_independent_c3d_reader_reads_them() {
                 }
             }
             assert!((0..3).all(|axis| near(&theirs["origins"][k][axis], plate.origin_m[axis])));
+        }
+    }
+}
+
+/// Compares what the plates do, moments about the middle of each surface.
+fn same_wrenches(ours: &C3d, theirs: &serde_json::Value, name: &str) {
+    let wrenches = ours.ground_wrenches();
+    assert_eq!(theirs.as_array().unwrap().len(), wrenches.len());
+    for (k, (ours, plate)) in wrenches.iter().zip(&ours.plates).enumerate() {
+        let middle: [f64; 3] =
+            std::array::from_fn(|axis| plate.corners_m.iter().map(|c| c[axis]).sum::<f64>() / 4.0);
+        assert_eq!(theirs[k].as_array().unwrap().len(), ours.wrench.len());
+        for (sample, [x, y, z, mx, my, mz]) in ours.wrench.iter().enumerate() {
+            let [a, b, c] = middle;
+            let own = [*x, *y, *z, mx - (b * z - c * y), my - (c * x - a * z), mz - (a * y - b * x)];
+            for (axis, own) in own.iter().enumerate() {
+                let their = theirs[k][sample][axis].as_f64().unwrap();
+                assert!((own - their).abs() < 1e-4, "{name}, plate {k}, {sample}, {axis}: {own} {their}");
+            }
         }
     }
 }

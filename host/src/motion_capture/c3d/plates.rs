@@ -27,6 +27,8 @@ pub struct Plate {
     pub corners_m: [[f64; 3]; 4],
     /// From its origin to the middle of its surface, or the other way round, as its type has it, in its own axes, m.
     pub origin_m: [f64; 3],
+    /// Its moments' unit over N m, and its lengths' over m.
+    pub moment_m: f64,
 }
 
 /// The plates of a recording with so many channels.
@@ -43,6 +45,7 @@ pub(super) fn of(parameters: &Parameters, channels: usize) -> Result<Vec<Plate>,
     let (kinds, wired, corners, origins, matrices) =
         (get("TYPE")?, get("CHANNEL")?, get("CORNERS")?, get("ORIGIN")?, get("CAL_MATRIX")?);
     let metre = parameters.unit_m()?;
+    let units = parameters.texts("ANALOG", "UNITS");
     let short = |name| parameter(GROUP, name, format!("it does not describe all {used} plates"));
     // Types 3 have eight channels, and all columns are as long as the longest.
     let width = wired.len().checked_div(used).unwrap_or(0);
@@ -79,6 +82,13 @@ pub(super) fn of(parameters: &Parameters, channels: usize) -> Result<Vec<Plate>,
             let its = its.ok_or_else(|| {
                 parameter(GROUP, "CHANNEL", format!("plate {} has a channel that there is not", k + 1))
             })?;
+            // Moments are in newtons times the points' unit, unless their channel says otherwise.
+            let unit = its.get(3).and_then(|channel| units.get(*channel)).map(|unit| plain(unit));
+            let moment_m = match unit.as_deref() {
+                Some("nm") if kind != PlateKind::Pressure => 1.0,
+                Some("nmm") if kind != PlateKind::Pressure => 1e-3,
+                _ => metre,
+            };
             let corner = corners.get(12 * k..12 * (k + 1)).ok_or_else(|| short("CORNERS"))?;
             let origin = origins.get(3 * k..3 * (k + 1)).ok_or_else(|| short("ORIGIN"))?;
             Ok(Plate {
@@ -86,7 +96,13 @@ pub(super) fn of(parameters: &Parameters, channels: usize) -> Result<Vec<Plate>,
                 channels: its,
                 corners_m: std::array::from_fn(|c| std::array::from_fn(|axis| metre * corner[3 * c + axis])),
                 origin_m: std::array::from_fn(|axis| metre * origin[axis]),
+                moment_m,
             })
         })
         .collect()
+}
+
+/// A unit in small letters, without blanks and dots.
+fn plain(unit: &str) -> String {
+    unit.chars().filter(char::is_ascii_alphanumeric).map(|c| c.to_ascii_lowercase()).collect()
 }
