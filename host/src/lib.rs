@@ -15,6 +15,7 @@ pub mod cli;
 pub mod device;
 pub mod diagnosis;
 pub mod fit;
+pub mod inverse_kinematics;
 pub mod model;
 #[cfg(feature = "simulator")]
 pub mod montecarlo;

@@ -1,0 +1,267 @@
+//! What is known of markers by their names: the sets of Plug-in Gait, of OpenSim's examples, and names like theirs.
+//!
+//! Places are of a standing adult 1.741 m tall, about joint centres, and scale with the stature. Those of the pelvis about the
+//! hips are M. Harrington et al., "Prediction of the hip joint centre in adults, children, and patients with cerebral palsy based on
+//! magnetic resonance imaging", Journal of Biomechanics 40 (3), 2007, for a pelvis 0.25 m wide and 0.16 m deep; the others are
+//! half breadths of joints and lengths of segments as textbooks of gait analysis have them, with the radius of a marker
+//! [assumed]. They are where a calibration begins, each with how far it may be off.
+
+use nalgebra::Vector3;
+
+use super::markers::Attached;
+use super::skeleton::Skeleton;
+use crate::model::Model;
+
+/// Stature that places are of, m.
+const STATURE_M: f64 = 1.741;
+/// How well a marker is where its link is, 1 σ, m: skin moves over bone by about so much.
+const SKIN_M: f64 = 0.006;
+/// The same on the trunk and the shoulder girdle, which are not rigid.
+const SOFT_M: f64 = 0.012;
+
+/// Where a marker is fixed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum On {
+    Pelvis,
+    Trunk,
+    Girdle,
+    Head,
+    UpperArm,
+    Forearm,
+    Wrist,
+    Hand,
+    Thigh,
+    Shank,
+    Foot,
+}
+
+/// The joint centre that a place is measured from, at zero position.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum From {
+    MidHip,
+    Neck,
+    Shoulder,
+    Elbow,
+    Wrist,
+    Hip,
+    Knee,
+    Ankle,
+}
+
+struct Landmark {
+    /// Names without side, capitals and digits only.
+    names: &'static [&'static str],
+    on: On,
+    from: From,
+    /// Forward, outward (of a marker with a side; else to the left), up, m.
+    at: [f64; 3],
+    /// 1 σ of each, m.
+    sigma: f64,
+}
+
+/// A marker that may be anywhere on its segment.
+const ANYWHERE: f64 = 0.15;
+
+const fn mark(names: &'static [&'static str], on: On, from: From, at: [f64; 3], sigma: f64) -> Landmark {
+    Landmark { names, on, from, at, sigma }
+}
+
+/// Markers with a side.
+const SIDED: &[Landmark] = &[
+    mark(&["ASI", "ASIS", "IAS"], On::Pelvis, From::MidHip, [0.048, 0.125, 0.086], 0.012),
+    mark(&["PSI", "PSIS", "IPS"], On::Pelvis, From::MidHip, [-0.108, 0.045, 0.086], 0.012),
+    mark(&["ILIACCREST", "ICR", "ILC"], On::Pelvis, From::MidHip, [0.0, 0.14, 0.15], ANYWHERE),
+    mark(&["BAK"], On::Trunk, From::Neck, [-0.1, 0.08, -0.12], ANYWHERE),
+    mark(&["CLAVICLE"], On::Trunk, From::Neck, [0.04, 0.06, -0.05], 0.04),
+    mark(
+        &["SHO", "ACROMIUM", "ACROMION", "SHOULDER", "ACR", "SAJ"],
+        On::Girdle,
+        From::Shoulder,
+        [0.0, 0.0, 0.045],
+        0.02,
+    ),
+    mark(&["FHD"], On::Head, From::Neck, [0.085, 0.07, 0.17], 0.03),
+    mark(&["BHD"], On::Head, From::Neck, [-0.085, 0.07, 0.17], 0.03),
+    mark(&["TEMPLE"], On::Head, From::Neck, [0.04, 0.075, 0.15], 0.03),
+    mark(
+        &["UPA", "BICEP", "BICEPS", "UPPERARM", "UA1", "UA2", "UA3"],
+        On::UpperArm,
+        From::Elbow,
+        [0.0, 0.05, 0.12],
+        ANYWHERE,
+    ),
+    mark(&["ELB", "ELBOW", "ELBOWLAT", "LEL"], On::UpperArm, From::Elbow, [0.0, 0.043, 0.0], 0.015),
+    mark(&["ELBOWMED", "ELBIN", "MEL"], On::UpperArm, From::Elbow, [0.0, -0.04, 0.0], 0.015),
+    mark(
+        &["FRA", "FOREARM", "FRM", "FA1", "FA2", "FA3", "FASUPERIOR"],
+        On::Forearm,
+        From::Wrist,
+        [0.0, 0.04, 0.12],
+        ANYWHERE,
+    ),
+    mark(&["WRA", "WRISTLAT", "RSP", "FARADIUS"], On::Wrist, From::Wrist, [0.033, 0.0, 0.0], 0.015),
+    mark(&["WRB", "WRISTMED", "USP", "FAULNA"], On::Wrist, From::Wrist, [-0.033, 0.0, 0.0], 0.015),
+    mark(&["WRIST"], On::Wrist, From::Wrist, [0.0, 0.025, 0.0], 0.025),
+    mark(&["FIN", "HAND", "HM2"], On::Hand, From::Wrist, [0.0, 0.02, -0.08], 0.02),
+    mark(&["TROC", "GTR", "TROCHANTER"], On::Thigh, From::Hip, [0.0, 0.08, -0.01], 0.04),
+    mark(
+        &[
+            "THI",
+            "THIGH",
+            "THIGHUPPER",
+            "THIGHFRONT",
+            "THIGHREAR",
+            "TH1",
+            "TH2",
+            "TH3",
+            "TH4",
+            "F01",
+            "F02",
+            "F03",
+            "F04",
+            "F05",
+        ],
+        On::Thigh,
+        From::Knee,
+        [0.02, 0.07, 0.2],
+        ANYWHERE,
+    ),
+    mark(&["KNE", "KNEE", "KNEELAT", "LFC", "FLE"], On::Thigh, From::Knee, [0.0, 0.056, 0.0], 0.012),
+    mark(&["KNEEMED", "KNEIN", "MKNE", "MFC", "FME"], On::Thigh, From::Knee, [0.0, -0.054, 0.0], 0.012),
+    mark(
+        &[
+            "TIB",
+            "SHANK",
+            "SHANKUPPER",
+            "SHANKFRONT",
+            "SHANKREAR",
+            "SH1",
+            "SH2",
+            "SH3",
+            "SH4",
+            "T01",
+            "T02",
+            "T03",
+            "T04",
+            "T05",
+        ],
+        On::Shank,
+        From::Ankle,
+        [0.02, 0.05, 0.2],
+        ANYWHERE,
+    ),
+    mark(&["ANK", "ANKLE", "ANKLELAT", "FAL"], On::Shank, From::Ankle, [0.0, 0.043, 0.0], 0.012),
+    mark(&["ANKLEMED", "ANKIN", "MMA", "TAM"], On::Shank, From::Ankle, [0.0, -0.04, 0.005], 0.012),
+    mark(&["HEE", "HEEL", "CAL", "FCC"], On::Foot, From::Ankle, [-0.07, 0.0, -0.035], 0.02),
+    mark(&["TOE", "MT2", "FM2"], On::Foot, From::Ankle, [0.125, 0.0, -0.04], 0.03),
+    mark(&["TOETIP", "HLX"], On::Foot, From::Ankle, [0.18, 0.0, -0.045], 0.03),
+    mark(&["MT5", "MTP5", "FM5", "TOELAT"], On::Foot, From::Ankle, [0.1, 0.045, -0.045], 0.03),
+    mark(&["MT1", "MTP1", "FM1", "TOEMED"], On::Foot, From::Ankle, [0.12, -0.04, -0.045], 0.03),
+    mark(&["MIDFOOTSUP", "MIDFOOTLAT", "MFOOT"], On::Foot, From::Ankle, [0.05, 0.02, -0.03], ANYWHERE),
+];
+
+/// Markers in the middle.
+const MIDDLE: &[Landmark] = &[
+    mark(
+        &["SACR", "VSACRAL", "SACRAL", "SACRUM", "S2"],
+        On::Pelvis,
+        From::MidHip,
+        [-0.115, 0.0, 0.08],
+        0.015,
+    ),
+    mark(&["C7", "CV7"], On::Trunk, From::Neck, [-0.06, 0.0, 0.0], 0.03),
+    mark(&["T8", "TV8"], On::Trunk, From::Neck, [-0.12, 0.0, -0.17], 0.05),
+    mark(&["T10", "TV10"], On::Trunk, From::Neck, [-0.11, 0.0, -0.24], 0.05),
+    mark(&["CLAV", "IJ", "SJN", "JUGULAR"], On::Trunk, From::Neck, [0.05, 0.0, -0.06], 0.03),
+    mark(&["STRN", "STERNUM", "SXS", "PX", "XIPHOID"], On::Trunk, From::Neck, [0.09, 0.0, -0.2], 0.05),
+    mark(&["TOPHEAD", "HEADTOP", "VERTEX"], On::Head, From::Neck, [0.0, 0.0, 0.243], 0.03),
+];
+
+/// Returns a name in capitals and digits.
+fn plain(name: &str) -> String {
+    name.chars().filter(char::is_ascii_alphanumeric).map(|c| c.to_ascii_uppercase()).collect()
+}
+
+/// Returns the landmark of a name, and its side: 1 left, −1 right, 0 in the middle.
+fn find(name: &str) -> Option<(&'static Landmark, f64)> {
+    let name = plain(name);
+    let of = |list: &'static [Landmark], core: &str| list.iter().find(|l| l.names.contains(&core));
+    if let Some(found) = of(MIDDLE, &name) {
+        return Some((found, 0.0));
+    }
+    let sides = [("LEFT", 1.0), ("RIGHT", -1.0), ("L", 1.0), ("R", -1.0)];
+    sides.iter().find_map(|(word, side)| {
+        let cores = [name.strip_prefix(word), name.strip_suffix(word)];
+        cores.into_iter().flatten().find_map(|core| Some((of(SIDED, core)?, *side)))
+    })
+}
+
+/// Returns true if a marker's name is known.
+pub fn is_known(name: &str) -> bool {
+    find(name).is_some()
+}
+
+/// Returns the name of the same marker on the other side; `None` if it has no side or is not known.
+pub fn other_side(name: &str) -> Option<(&'static str, f64)> {
+    let (found, side) = find(name)?;
+    if side == 0.0 { None } else { Some((found.names[0], side)) }
+}
+
+/// Returns what markers of known names are fixed to, of a model of a person so tall; names that are not known are left out.
+pub fn attach(model: &Model, skeleton: &Skeleton, labels: &[String], height_m: f64) -> Vec<Attached> {
+    let zero = skeleton.places(&skeleton.zero());
+    let link = |names: [&str; 2], side: f64| {
+        let side = if side > 0.0 { "l_" } else { "r_" };
+        names.iter().find_map(|name| model.link(&name.replace("S_", side)))
+    };
+    let scale = height_m / STATURE_M;
+    let attached = labels.iter().enumerate().filter_map(|(label, name)| {
+        let (found, side) = find(name)?;
+        let on = link(on_links(found.on), side)?;
+        let from = link(from_links(found.from), side)?;
+        let [x, y, z] = found.at;
+        let y = if side == 0.0 { y } else { y * side };
+        let place = zero[from].1 + Vector3::new(x, y, z) * scale;
+        Some(Attached {
+            name: name.clone(),
+            label,
+            link: on,
+            position_m: place - zero[on].1,
+            position_sigma_m: found.sigma,
+            sigma_m: if matches!(found.on, On::Trunk | On::Girdle) { SOFT_M } else { SKIN_M },
+        })
+    });
+    attached.collect()
+}
+
+/// Links of `human58` and of `human34` that a marker is fixed to.
+fn on_links(on: On) -> [&'static str; 2] {
+    match on {
+        On::Pelvis => ["pelvis"; 2],
+        On::Trunk => ["chest", "torso"],
+        On::Girdle => ["S_scapula", "torso"],
+        On::Head => ["head"; 2],
+        On::UpperArm => ["S_upper_arm"; 2],
+        On::Forearm => ["S_ulna", "S_forearm"],
+        // The elbow of `human34` has no pronation: its wrist turns with the hand.
+        On::Wrist => ["S_radius", "S_hand"],
+        On::Hand => ["S_hand"; 2],
+        On::Thigh => ["S_thigh"; 2],
+        On::Shank => ["S_shank"; 2],
+        On::Foot => ["S_foot"; 2],
+    }
+}
+
+/// Links of `human58` and of `human34` whose joint is the centre.
+fn from_links(from: From) -> [&'static str; 2] {
+    match from {
+        From::MidHip => ["pelvis"; 2],
+        From::Neck => ["cervical", "head"],
+        From::Shoulder => ["S_upper_arm"; 2],
+        From::Elbow => ["S_ulna", "S_forearm"],
+        From::Wrist => ["S_hand"; 2],
+        From::Hip => ["S_thigh"; 2],
+        From::Knee => ["S_shank"; 2],
+        From::Ankle => ["S_foot"; 2],
+    }
+}

@@ -1,0 +1,23 @@
+//! Markers that are fixed to links.
+
+use nalgebra::Vector3;
+
+/// A marker on a link.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Attached {
+    /// Its name in the recording.
+    pub name: String,
+    /// Its number in the recording.
+    pub label: usize,
+    /// The link, by its index in the model.
+    pub link: usize,
+    /// Where it is on the link, link axes, m.
+    pub position_m: Vector3<f64>,
+    /// How well that is known before any frame is seen: 1 σ, m; infinite of a marker that may be anywhere on the link.
+    pub position_sigma_m: f64,
+    /// How well the marker is where its link is, 1 σ, m: its own noise, and skin that moves over bone.
+    pub sigma_m: f64,
+}
+
+/// Markers of a frame, in the order of the attached ones; `None` where one was not seen.
+pub type Seen = Vec<Option<Vector3<f64>>>;

@@ -1,0 +1,15 @@
+//! Inverse kinematics: from markers to the coordinates of a person's joints.
+//!
+//! Lives here: a tree of links in a pose ([`skeleton`]), markers that are fixed to its links ([`markers`]) with what is known of
+//! common marker sets ([`landmarks`]), the pose of a frame ([`solve`]), joint centres and marker places from frames of one
+//! person ([`calibrate`]), and the model of that person ([`subject`]). May not live here: files, and whatever follows from the coordinates.
+
+pub mod calibrate;
+pub mod landmarks;
+pub mod markers;
+mod normal;
+pub mod skeleton;
+pub mod solve;
+pub mod subject;
+#[cfg(test)]
+mod tests;

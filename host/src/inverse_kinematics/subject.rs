@@ -1,0 +1,300 @@
+//! The model of one person, scaled to the markers.
+
+use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
+
+use super::calibrate::{Calibrated, calibrate};
+use super::landmarks::{attach, is_known};
+use super::markers::{Attached, Seen};
+use super::skeleton::{Pose, Skeleton};
+use super::solve::Solver;
+use crate::model::human::{Person, Sex};
+use crate::model::{Model, ModelError};
+
+/// A marker whose place is known better than this, m, tells of the stature.
+const ANATOMICAL_M: f64 = 0.1;
+/// Fewest such markers that a pose can be begun from.
+const FEWEST: usize = 5;
+
+/// Which model of people.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum HumanModel {
+    /// 15 links, 34 degrees of freedom.
+    #[default]
+    Human34,
+    /// 23 links, 58 degrees of freedom.
+    Human58,
+}
+
+/// What is known of a person beside markers.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Known {
+    /// Stature, m; `None`: from the markers.
+    pub height_m: Option<f64>,
+    /// Mass, kg, that the table is scaled to.
+    pub mass_kg: f64,
+    /// Whose means the table has.
+    pub sex: Sex,
+}
+
+/// The reason that there is no model of a person.
+#[derive(Debug, thiserror::Error)]
+pub enum SubjectError {
+    /// Too few markers have names that are known.
+    #[error(
+        "only {known} of {markers} markers have names that are known ({unknown} is not), and {FEWEST} must be: name in --markers \
+         which segment each is on"
+    )]
+    Markers {
+        /// Markers of known names that were seen.
+        known: usize,
+        /// All markers.
+        markers: usize,
+        /// The first that is not known.
+        unknown: String,
+    },
+    /// The search for joint centres failed.
+    #[error("joint centres cannot be found from the markers: too few were seen together")]
+    Calibration,
+    /// The table refuses these lengths.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+}
+
+/// A person's model with the markers on it.
+#[derive(Clone, Debug)]
+pub struct Subject {
+    /// The person as the table is scaled.
+    pub person: Person,
+    /// The model: joints as calibrated, bodies as the table has them.
+    pub model: Model,
+    /// The same tree for inverse kinematics.
+    pub skeleton: Skeleton,
+    /// Markers on its links.
+    pub markers: Vec<Attached>,
+    /// Root mean square of the distances of markers from their links in the frames of the calibration, m.
+    pub rms_m: f64,
+    /// Names of markers that are not used.
+    pub unknown: Vec<String>,
+}
+
+/// Returns the model of a person from frames of markers, `labels` their names; the first frames are those that the person stands
+/// upright in, as far as there are any.
+///
+/// # Errors
+/// [`SubjectError`] says what is missing.
+pub fn subject(
+    labels: &[String],
+    frames: &[Vec<Option<Vector3<f64>>>],
+    kind: HumanModel,
+    known: &Known,
+) -> Result<Subject, SubjectError> {
+    let seen_once = |label: usize| frames.iter().any(|f| f.get(label).is_some_and(Option::is_some));
+    let unknown: Vec<String> = labels.iter().filter(|l| !is_known(l)).cloned().collect();
+    let mut person = Person {
+        height_m: known.height_m.unwrap_or_else(|| Person::default().height_m),
+        mass_kg: known.mass_kg,
+        sex: known.sex,
+        lengths_m: Vec::new(),
+    };
+    let attached = |person: &Person| -> Result<(Model, Skeleton, Vec<Attached>), SubjectError> {
+        let model = model(person, kind)?;
+        let skeleton = Skeleton::new(&model).ok_or(SubjectError::Calibration)?;
+        let mut markers = attach(&model, &skeleton, labels, person.height_m);
+        markers.retain(|marker| seen_once(marker.label));
+        Ok((model, skeleton, markers))
+    };
+    let (_, skeleton, markers) = attached(&person)?;
+    let of_frame = |markers: &[Attached], frame: &[Option<Vector3<f64>>]| -> Seen {
+        markers.iter().map(|m| frame.get(m.label).copied().flatten()).collect()
+    };
+    let anatomical = markers.iter().filter(|m| m.position_sigma_m < ANATOMICAL_M).count();
+    if anatomical < FEWEST {
+        let name = unknown.first().cloned().unwrap_or_default();
+        return Err(SubjectError::Markers { known: anatomical, markers: labels.len(), unknown: name });
+    }
+    let (first, _, scale) = frames
+        .iter()
+        .find_map(|f| similarity(&skeleton, &markers, &of_frame(&markers, f)))
+        .ok_or(SubjectError::Calibration)?;
+    if known.height_m.is_none() {
+        person.height_m = (person.height_m * scale).clamp(0.5, 2.5);
+    }
+    let (_, skeleton, mut markers) = attached(&person)?;
+    let mut skeleton = skeleton;
+    pelvis(&mut skeleton, &mut markers, frames, &model(&person, kind)?);
+    let sigma = joint_sigma(&model(&person, kind)?);
+    let seen: Vec<Seen> = frames.iter().map(|f| of_frame(&markers, f)).collect();
+    let poses = follow(&skeleton, &markers, &seen, &first).ok_or(SubjectError::Calibration)?;
+    let found = calibrate(&skeleton, &markers, &sigma, &seen, &poses).ok_or(SubjectError::Calibration)?;
+    let Calibrated { skeleton, markers, rms_m, .. } = found;
+    person.lengths_m = lengths(&model(&person, kind)?, &skeleton);
+    let mut model = model(&person, kind)?;
+    for (link, found) in model.links.iter_mut().zip(skeleton.links()) {
+        link.link.position = found.position;
+    }
+    Ok(Subject { person, model, skeleton, markers, rms_m, unknown })
+}
+
+fn model(person: &Person, kind: HumanModel) -> Result<Model, ModelError> {
+    match kind {
+        HumanModel::Human34 => person.human34(),
+        HumanModel::Human58 => person.human58(),
+    }
+}
+
+/// Poses of frames that follow one another or lie apart: each is begun from the last one that was found.
+fn follow(skeleton: &Skeleton, markers: &[Attached], seen: &[Seen], first: &Pose) -> Option<Vec<Pose>> {
+    let mut solver = Solver::new(skeleton, markers);
+    let mut last = first.clone();
+    let mut poses = Vec::with_capacity(seen.len());
+    for frame in seen {
+        // The person may have turned since.
+        let fresh = similarity(skeleton, markers, frame).map(|(pose, ..)| pose);
+        let starts = [Some(last.clone()), fresh];
+        let found = starts.into_iter().flatten().filter_map(|start| solver.solve(frame, &start));
+        let squares = |d: &[Option<f64>]| d.iter().flatten().map(|v| v * v).sum::<f64>();
+        let best = found.min_by(|a, b| squares(&a.distances_m).total_cmp(&squares(&b.distances_m)))?;
+        last = best.pose.clone();
+        poses.push(best.pose);
+    }
+    Some(poses)
+}
+
+/// The pose at zero that is turned, moved and scaled onto the markers that are known best: pose, RMS (m) and scale.
+fn similarity(skeleton: &Skeleton, markers: &[Attached], seen: &Seen) -> Option<(Pose, f64, f64)> {
+    let places = skeleton.places(&skeleton.zero());
+    let pairs: Vec<(Vector3<f64>, Vector3<f64>)> = markers
+        .iter()
+        .zip(seen)
+        .filter(|(m, _)| m.position_sigma_m < ANATOMICAL_M)
+        .filter_map(|(m, seen)| Some((places[m.link].1 + places[m.link].0 * m.position_m, (*seen)?)))
+        .collect();
+    if pairs.len() < FEWEST {
+        return None;
+    }
+    let count = pairs.len() as f64;
+    let sum = pairs.iter().fold((Vector3::zeros(), Vector3::zeros()), |s, p| (s.0 + p.0, s.1 + p.1));
+    let (a0, b0) = (sum.0 / count, sum.1 / count);
+    let mut cross = Matrix3::zeros();
+    // Heights alone: arms may be spread.
+    let (mut above, mut own) = (0.0, 0.0);
+    for (a, b) in &pairs {
+        let (a, b) = (a - a0, b - b0);
+        cross += b * a.transpose();
+        above += a.z * b.z;
+        own += a.z * a.z;
+    }
+    let svd = cross.svd(true, true);
+    let (u, v) = (svd.u?, svd.v_t?);
+    let sign = if (u * v).determinant() < 0.0 { -1.0 } else { 1.0 };
+    let turn = u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v;
+    let scale = above / own.max(f64::MIN_POSITIVE);
+    if scale <= 0.0 {
+        return None;
+    }
+    let attitude = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(turn));
+    let position = b0 - turn * a0 * scale;
+    let left = pairs.iter().map(|(a, b)| (b - position - turn * a * scale).norm_squared()).sum::<f64>();
+    let pose = Pose { position_m: Point3::from(position).coords, attitude, ..skeleton.zero() };
+    Some((pose, (left / count).sqrt(), scale))
+}
+
+/// Sets hips and the pelvis' markers to the regression of Harrington et al. (2007) on the width and depth of the pelvis, where
+/// its four spines were seen.
+///
+/// From the middle of the front spines, forward, outward and up, m: `−0.24 d − 0.0099`, `0.33 w + 0.0073`, `−0.30 w − 0.0109`.
+fn pelvis(
+    skeleton: &mut Skeleton,
+    markers: &mut [Attached],
+    frames: &[Vec<Option<Vector3<f64>>>],
+    model: &Model,
+) {
+    let front = spines(markers, true);
+    let rear = spines(markers, false);
+    let ([Some(l), Some(r)], false) = (front, rear == [None, None]) else { return };
+    let sizes = frames.iter().filter_map(|frame| {
+        let of = |k: usize| frame.get(markers[k].label).copied().flatten();
+        let (l, r) = (of(l)?, of(r)?);
+        let behind: Vec<Vector3<f64>> = rear.iter().flatten().filter_map(|k| of(*k)).collect();
+        let middle = behind.iter().sum::<Vector3<f64>>() / behind.len() as f64;
+        (!behind.is_empty()).then(|| ((l - r).norm(), ((l + r) / 2.0 - middle).norm()))
+    });
+    let (mut widths, mut depths): (Vec<f64>, Vec<f64>) = sizes.unzip();
+    if widths.is_empty() {
+        return;
+    }
+    let median = |v: &mut Vec<f64>| {
+        v.sort_by(f64::total_cmp);
+        v[v.len() / 2]
+    };
+    let (width, depth) = (median(&mut widths), median(&mut depths));
+    let (forward, up) = (0.24 * depth + 0.0099, 0.30 * width + 0.0109);
+    for (k, side) in [(l, 1.0), (r, -1.0)] {
+        markers[k].position_m = Vector3::new(forward, side * width / 2.0, up);
+    }
+    for k in rear.into_iter().flatten() {
+        let side = markers[k].position_m.y;
+        markers[k].position_m = Vector3::new(forward - depth, side, up);
+    }
+    for (name, side) in [("l_thigh", 1.0), ("r_thigh", -1.0)] {
+        if let Some(link) = model.link(name) {
+            let to = Vector3::new(0.0, side * (0.33 * width + 0.0073), 0.0);
+            let by = to - skeleton.links()[link].position;
+            skeleton.shift(link, &by);
+        }
+    }
+}
+
+/// The markers on the left and right, front or rear, spines of the pelvis; one on the sacrum counts as both rear ones.
+fn spines(markers: &[Attached], front: bool) -> [Option<usize>; 2] {
+    let find = |left: bool| {
+        markers.iter().position(|m| {
+            let at = m.position_m;
+            let side = if left { at.y > 0.02 } else { at.y < -0.02 };
+            m.link == 0
+                && m.position_sigma_m < ANATOMICAL_M
+                && (at.x > 0.0) == front
+                && (side || (!front && at.y.abs() < 0.02))
+        })
+    };
+    [find(true), find(false)]
+}
+
+/// How well the table knows where the joint of each link is in its parent, 1 σ along the parent's axes, m. Along a limb its length is
+/// open; across it the axis goes through the joint by definition.
+fn joint_sigma(model: &Model) -> Vec<[f64; 3]> {
+    const ACROSS: f64 = 0.001;
+    let of = |name: &str| match name {
+        "l_thigh" | "r_thigh" => [0.01; 3],
+        "torso" | "lumbar" => [0.03, 0.005, 0.03],
+        "chest" => [0.02, 0.005, 0.03],
+        "head" | "cervical" => [0.03, 0.005, 0.05],
+        "l_upper_arm" | "r_upper_arm" => [0.03, 0.03, 0.04],
+        "l_clavicle" | "r_clavicle" | "l_scapula" | "r_scapula" => [0.005; 3],
+        "l_radius" | "r_radius" => [ACROSS; 3],
+        _ => [ACROSS, ACROSS, 0.06],
+    };
+    model.links.iter().skip(1).map(|l| of(&l.name)).collect()
+}
+
+/// The lengths of segments that joint centres tell, m.
+fn lengths(model: &Model, skeleton: &Skeleton) -> Vec<(String, f64)> {
+    let at = |name: &str| model.link(name).map(|i| skeleton.links()[i].position);
+    let both = |names: [&str; 2]| {
+        let found: Vec<f64> = names.iter().filter_map(|n| Some(at(n)?.norm())).collect();
+        (!found.is_empty()).then(|| found.iter().sum::<f64>() / found.len() as f64)
+    };
+    let apart = |names: [&str; 2]| Some((at(names[0])? - at(names[1])?).norm());
+    let mut found = vec![
+        ("thigh", both(["l_shank", "r_shank"])),
+        ("shank", both(["l_foot", "r_foot"])),
+        ("upper_arm", both(["l_forearm", "r_forearm"]).or_else(|| both(["l_ulna", "r_ulna"]))),
+        ("forearm", both(["l_hand", "r_hand"])),
+        ("hip_width", apart(["l_thigh", "r_thigh"])),
+        ("lower_trunk", at("torso").or_else(|| at("lumbar")).map(|p| p.z)),
+    ];
+    if model.link("torso").is_some() {
+        found.push(("shoulder_width", apart(["l_upper_arm", "r_upper_arm"])));
+    }
+    found.into_iter().filter_map(|(name, length)| Some((name.to_owned(), length?))).collect()
+}
