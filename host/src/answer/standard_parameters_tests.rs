@@ -10,7 +10,7 @@ use crate::model::ModelLink;
 use crate::model::base::{Rows, Situation};
 use crate::model::human::Person;
 use crate::model::inertial::in_parent;
-use crate::problem::tree::{Frame, Input, TreeSource};
+use crate::problem::tree::{BaseSensor, Frame, Input, TreeSource};
 use crate::problem::{Problem, ProblemOptions};
 use crate::simulated::trees::{two_link_recording, two_links};
 
@@ -206,7 +206,7 @@ fn symmetric_people_have_two_sides_alike_and_a_model_without_masses_is_refused()
         model: model.clone(),
         is_static: true,
         rate_hz: 1.0,
-        imu_position: [0.0; 3],
+        base: BaseSensor::Imu([0.0; 3]),
         situation: Situation { floating: true, rows: Rows::Base, mimic: false },
         channel_sigma: Some(vec![0.01; 6]),
         known_offset: Some([0.0; 6]),

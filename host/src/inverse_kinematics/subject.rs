@@ -2,6 +2,8 @@
 
 use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
 
+use rigident_shared::tree::Joint;
+
 use super::calibrate::{Calibrated, calibrate};
 use super::landmarks::{attach, is_known};
 use super::markers::{Attached, Seen};
@@ -75,6 +77,8 @@ pub struct Subject {
     pub rms_m: f64,
     /// Names of markers that are not used.
     pub unknown: Vec<String>,
+    /// The trunk's link if no marker follows it.
+    pub unseen_trunk: Option<usize>,
 }
 
 /// Returns the model of a person from frames of markers, `labels` their names; the first frames are those that the person stands
@@ -132,7 +136,29 @@ pub fn subject(
     for (link, found) in model.links.iter_mut().zip(skeleton.links()) {
         link.link.position = found.position;
     }
-    Ok(Subject { person, model, skeleton, markers, rms_m, unknown })
+    Ok(Subject { person, model, skeleton, markers, rms_m, unknown, unseen_trunk: None })
+}
+
+impl Subject {
+    /// Returns a pose near that of a frame, of the person upright; `None` if too few markers were seen.
+    pub fn first_pose(&self, seen: &Seen) -> Option<Pose> {
+        similarity(&self.skeleton, &self.markers, seen).map(|(pose, ..)| pose)
+    }
+
+    /// Returns the links from one to the base, itself first.
+    pub fn way(&self, link: usize) -> &[usize] {
+        self.skeleton.way(link)
+    }
+
+    /// Returns the subject with links fixed to their parents; `None` if the model has none of a name.
+    pub fn with_fixed(mut self, names: &[String]) -> Option<Self> {
+        for name in names {
+            let link = self.model.link(name)?;
+            self.model.links.get_mut(link)?.link.joint = Joint::Fixed;
+        }
+        self.skeleton = Skeleton::new(&self.model)?;
+        Some(self)
+    }
 }
 
 fn model(person: &Person, kind: HumanModel) -> Result<Model, ModelError> {

@@ -90,6 +90,23 @@ struct Builder {
 type Placed = (Part, f64, Vector3<f64>, Vector3<f64>);
 
 impl Person {
+    /// Returns a length, m, by its name in `lengths_m`: as it is given, else as the table has it for the stature; `None` if there is
+    /// none of that name.
+    pub fn length(&self, name: &str) -> Option<f64> {
+        let k = LENGTHS.iter().position(|n| *n == name)?;
+        let given = self.lengths_m.iter().find(|(n, _)| n == name).map(|(_, length)| *length);
+        Some(given.unwrap_or_else(|| self.usual_length(k)))
+    }
+
+    /// The table's length number `k` for the stature, m.
+    fn usual_length(&self, k: usize) -> f64 {
+        let over_stature = match PARTS.get(k) {
+            Some(part) => segment(*part, self.sex).length,
+            None => [2.0 * SHOULDER, 2.0 * HIP, ANKLE][k - PARTS.len()],
+        };
+        over_stature * self.height_m
+    }
+
     fn builder(&self) -> Result<Builder, ModelError> {
         let positive = |what: &str, v: f64| {
             if v.is_finite() && v > 0.0 {
@@ -109,13 +126,7 @@ impl Person {
         };
         let h = within("the height (--height-m)", self.height_m, "m", HEIGHTS_M)?;
         within("the mass (--mass-kg)", self.mass_kg, "kg", MASSES_KG)?;
-        let mut lengths: [f64; 13] = std::array::from_fn(|k| {
-            let over_stature = match PARTS.get(k) {
-                Some(part) => segment(*part, self.sex).length,
-                None => [2.0 * SHOULDER, 2.0 * HIP, ANKLE][k - PARTS.len()],
-            };
-            over_stature * h
-        });
+        let mut lengths: [f64; 13] = std::array::from_fn(|k| self.usual_length(k));
         for (name, value) in &self.lengths_m {
             let k = LENGTHS.iter().position(|n| n == name).ok_or_else(|| {
                 ModelError::Option(format!("there is no segment {name}; there are {}", LENGTHS.join(", ")))

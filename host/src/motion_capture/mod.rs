@@ -6,3 +6,6 @@
 
 pub mod c3d;
 pub mod ground;
+pub mod opensim;
+pub mod trial;
+pub mod zeroing;

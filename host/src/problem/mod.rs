@@ -6,6 +6,7 @@
 pub mod body;
 pub mod clocks;
 pub mod imu;
+pub mod person;
 pub mod tree;
 mod white_noise;
 

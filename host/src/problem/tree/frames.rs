@@ -13,13 +13,16 @@ use crate::model::base::{Rows, Situation};
 pub struct Frame {
     /// Its time, ns.
     pub time_ns: u64,
-    /// Coordinates of all joints, as [`crate::model::rows::Moving::set`] takes them.
+    /// Coordinates of all joints, as [`crate::model::rows::Moving::set`] takes them; of a tracked base its own come first: position
+    /// and quaternion in laboratory axes.
     pub positions: Vec<f64>,
-    /// Rates of all joints in the same order, rad/s and m/s.
+    /// Rates of all joints in the same order, rad/s and m/s; of a tracked base velocity and angular rate in its own axes.
     pub rates: Vec<f64>,
-    /// Specific force at the base's IMU and the base's rate, axes of the base; angular acceleration is not looked at.
+    /// Specific force at the base's IMU and the base's rate, axes of the base; angular acceleration is not looked at. Not used of a
+    /// tracked base.
     pub base: BaseMotion<f64>,
-    /// Wrench on the base link about its origin, N and N m; unused if it is not among the rows.
+    /// Wrench on the base link about its origin, N and N m, in the base's axes, of a tracked base in the laboratory's; unused if it
+    /// is not among the rows.
     pub wrench: [f64; 6],
     /// Force or torque of every freedom's drive, N or N m; empty if they are not among the rows.
     pub efforts: Vec<f64>,
@@ -72,6 +75,15 @@ impl NoisySignal {
     }
 }
 
+/// What tells how the base moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum BaseSensor {
+    /// An IMU at this place in the base's frame, m; or the base is held still.
+    Imu([f64; 3]),
+    /// Cameras: position and attitude in the laboratory, whose z points up, with their rates.
+    Tracked,
+}
+
 /// The frames of a recording with what is known of the tree and its sensors.
 #[derive(Clone, Debug)]
 pub struct Input {
@@ -83,8 +95,8 @@ pub struct Input {
     pub is_static: bool,
     /// Frames per second; not used for still poses.
     pub rate_hz: f64,
-    /// Where the base's IMU sits, in the base's frame, m.
-    pub imu_position: [f64; 3],
+    /// What tells how the base moves.
+    pub base: BaseSensor,
     /// The quantities that are measured, and the kind of base.
     pub situation: Situation,
     /// 1 σ per reading: wrench, then efforts, as far as they are among the rows; `None`: from the residuals.

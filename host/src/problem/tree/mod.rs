@@ -28,5 +28,5 @@ mod standstill;
 
 pub use error::{TreePrepareError, TreeSourceError};
 pub use errors::SignalError;
-pub use frames::{Frame, Input, NoisySignal, SignalKind};
+pub use frames::{BaseSensor, Frame, Input, NoisySignal, SignalKind};
 pub use source::TreeSource;

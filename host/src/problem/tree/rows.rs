@@ -1,20 +1,28 @@
 //! The rows of a frame: base parameters, offsets and drives as columns.
 
+use hexapod::STANDARD_GRAVITY_MPS2;
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use rigident_shared::inertia::PARAMETER_NAMES;
-use rigident_shared::tree::{Joint, Link, TreeError};
+use rigident_shared::tree::{BaseMotion, Joint, Link, TreeError};
 
-use super::{Frame, Input};
+use super::{BaseSensor, Frame, Input};
 use crate::model::base::{BaseParameters, Rows};
 use crate::model::rows::{MomentumRows, Moving};
+
+/// The base link among those of [`RowMaker::moving`]: the first is the root.
+pub(super) const BASE: usize = 1;
 
 /// Makes the rows of an instant, in two parts.
 ///
 /// The base's specific force is measured where its IMU sits, U. The links' momentum is taken about U therefore, U being
 /// the root of the tree and the base link fixed to it; the wrench is then brought back to the base's origin.
+///
+/// A tracked base moves freely against the laboratory, which is the root then, still and with gravity alone. Rows and wrench are in
+/// its axes, moments about the base's origin at r: from those about the laboratory's
+/// `S_M − r × S_F + ṙ × D_F` is smoothed and `D_M − r × D_F` differentiated, as `r × ∂D = ∂(r × D) − ṙ × D`.
 pub struct RowMaker {
     moving: Moving,
-    imu: Vector3<f64>,
+    base: BaseSensor,
     wrench: bool,
     efforts: bool,
     still: bool,
@@ -63,10 +71,13 @@ impl RowMaker {
     /// # Errors
     /// [`TreeError`] if the links are in no order.
     pub fn new(input: &Input, base: &BaseParameters) -> Result<Self, TreeError> {
-        let imu = Vector3::from(input.imu_position);
         let one = Matrix3::identity();
         let root = Link { parent: 0, joint: Joint::Fixed, rotation: one, position: Vector3::zeros() };
-        let mut links = vec![root, Link { position: -imu, ..root }];
+        let base_link = match input.base {
+            BaseSensor::Imu(place) => Link { position: -Vector3::from(place), ..root },
+            BaseSensor::Tracked => Link { joint: Joint::Free, ..root },
+        };
+        let mut links = vec![root, base_link];
         let own = input.model.links.iter().skip(1);
         links.extend(own.map(|l| Link { parent: l.link.parent + 1, ..l.link }));
         // Columns of the root are no link's; those of a base held still, without its wrench, are left out too.
@@ -87,7 +98,7 @@ impl RowMaker {
         }
         Ok(Self {
             moving: Moving::new(links)?,
-            imu,
+            base: input.base,
             wrench: input.has_wrench(),
             efforts: input.has_efforts(),
             still: input.is_static,
@@ -105,8 +116,13 @@ impl RowMaker {
     /// [`TreeError::Lengths`] if the frame does not fit the tree.
     pub fn rows(&mut self, frame: &Frame) -> Result<MomentumRows, TreeError> {
         let zeros = vec![0.0; self.moving.freedoms()];
-        self.moving.set(&frame.positions, &frame.rates, &zeros, &frame.base)?;
-        let parts = self.moving.momentum_rows()?;
+        let motion = match self.base {
+            BaseSensor::Imu(_) => frame.base,
+            BaseSensor::Tracked => BaseMotion::still([0.0, 0.0, -STANDARD_GRAVITY_MPS2]),
+        };
+        self.moving.set(&frame.positions, &frame.rates, &zeros, &motion)?;
+        let mut parts = self.moving.momentum_rows()?;
+        self.about_base(&mut parts);
         Ok(MomentumRows {
             smoothed: self.part(&parts.smoothed, frame, true),
             // In still poses nothing changes.
@@ -151,6 +167,29 @@ impl RowMaker {
         }
     }
 
+    /// Brings moments from the root's origin to the base's.
+    fn about_base(&self, parts: &mut MomentumRows) {
+        let stride = self.moving.columns();
+        let (arm, velocity) = match (self.base, self.moving.states().get(BASE)) {
+            // M about S = M about U + p × F, and U does not move against S.
+            (BaseSensor::Imu(place), _) => (-Vector3::from(place), Vector3::zeros()),
+            (BaseSensor::Tracked, Some(base)) => (base.position, base.velocity),
+            (BaseSensor::Tracked, None) => return,
+        };
+        let cross = |v: &Vector3<f64>, rows: &[f64], axis: usize, c: usize| {
+            let (j, k) = ((axis + 1) % 3, (axis + 2) % 3);
+            v[j] * rows[k * stride + c] - v[k] * rows[j * stride + c]
+        };
+        for axis in 0..3 {
+            for c in 0..stride {
+                let moment = (3 + axis) * stride + c;
+                parts.smoothed[moment] += cross(&velocity, &parts.differentiated, axis, c)
+                    - cross(&arm, &parts.smoothed, axis, c);
+                parts.differentiated[moment] -= cross(&arm, &parts.differentiated, axis, c);
+            }
+        }
+    }
+
     fn channels(&self) -> usize {
         (if self.wrench { 6 } else { 0 }) + (if self.efforts { self.moving.freedoms() } else { 0 })
     }
@@ -162,15 +201,7 @@ impl RowMaker {
         if self.wrench {
             for axis in 0..6 {
                 let start = out.len();
-                self.select(&mut out, &|c| {
-                    let moment = row(axis)[c];
-                    if axis < 3 {
-                        return moment;
-                    }
-                    // M about S = M about U + p × F
-                    let (j, k) = ((axis + 1) % 3, (axis + 2) % 3);
-                    moment + self.imu[j] * row(k)[c] - self.imu[k] * row(j)[c]
-                });
+                self.select(&mut out, &|c| row(axis)[c]);
                 if self.offset && smoothed {
                     out[start + self.leads.len() + axis] = 1.0;
                 }

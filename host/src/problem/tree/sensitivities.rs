@@ -15,15 +15,13 @@ use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use rigident_shared::screening::Rejection;
 use rigident_shared::tree::{Joint, LinkState, TreeError};
 
-use super::rows::RowMaker;
-use super::{Frame, Input, SignalError, SignalKind, TreeSource};
+use super::rows::{BASE, RowMaker};
+use super::{BaseSensor, Frame, Input, SignalError, SignalKind, TreeSource};
 use crate::fit::{Channel, Kind, Owner, Parameter, RowSource, SampleRows, Timing};
 use crate::model::rows::Moving;
 
 /// A step longer than so many periods is a gap.
 const GAP: f64 = 1.5;
-/// The link of [`RowMaker::moving`] that is the base's.
-const BASE: usize = 1;
 
 type Three = Vector3<f64>;
 
@@ -438,7 +436,8 @@ impl Instant<'_> {
         if !self.input.has_wrench() {
             return;
         }
-        let (place, channels) = (Vector3::from(self.input.imu_position), self.channels());
+        let BaseSensor::Imu(place) = self.input.base else { return };
+        let (place, channels) = (Vector3::from(place), self.channels());
         for ([force, moment], first) in [(smoothed, 0), (differentiated, channels)] {
             let moment = moment + place.cross(force);
             let values = force.iter().chain(moment.iter());

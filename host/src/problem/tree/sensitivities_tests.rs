@@ -75,7 +75,9 @@ fn corrected(input: &Input, error: &SignalError, x: f64) -> Input {
     let mut moving = Moving::new(input.model.tree()).unwrap();
     let mut out = input.clone();
     if let SignalError::LeverArm(axis) = error {
-        out.imu_position[*axis] += x;
+        if let BaseSensor::Imu(place) = &mut out.base {
+            place[*axis] += x;
+        }
     }
     for frame in &mut out.frames {
         let zeros = vec![0.0; frame.rates.len()];
@@ -203,7 +205,7 @@ fn input(model: Model, frames: Vec<Frame>, situation: Situation, seen: &[usize])
         frames,
         is_static: false,
         rate_hz: 100.0,
-        imu_position: if situation.floating { [0.1, -0.2, 0.05] } else { [0.0; 3] },
+        base: BaseSensor::Imu(if situation.floating { [0.1, -0.2, 0.05] } else { [0.0; 3] }),
         situation,
         channel_sigma: None,
         known_offset: None,

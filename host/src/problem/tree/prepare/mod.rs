@@ -16,7 +16,7 @@ use super::drive::Drive;
 use super::errors::errors;
 use super::joints::{Resolved, Seen, attitude, resolve};
 use super::rows::rows_of;
-use super::{Frame, Input, TreePrepareError, standstill};
+use super::{BaseSensor, Frame, Input, TreePrepareError, standstill};
 use crate::model::base::Situation;
 use crate::model::{Finding, Model};
 use crate::problem::ProblemOptions;
@@ -275,7 +275,7 @@ impl<'a> Preparation<'a> {
             frames,
             is_static: recording.is_static,
             rate_hz,
-            imu_position: self.imu(0).map_or([0.0; 3], |imu| imu.position_m),
+            base: BaseSensor::Imu(self.imu(0).map_or([0.0; 3], |imu| imu.position_m)),
             situation,
             channel_sigma: self.channel_sigma(rows, &joints),
             known_offset: match recording.rig.load_cell.offset_n_nm {

@@ -1,0 +1,10 @@
+//! Files of OpenSim's laboratories: markers (TRC), tables over time (MOT, STO), and wrenches of the ground in them.
+//!
+//! Coordinates stay in the file's axes. OpenSim's ground has x forward, y up, z to the right.
+
+pub mod error;
+pub mod ground_reaction;
+pub mod storage;
+pub mod trc;
+
+pub use error::OpenSimError;

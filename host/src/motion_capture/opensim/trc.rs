@@ -1,0 +1,128 @@
+//! TRC: markers as tab-separated text.
+//!
+//! Three lines of header, of which the second names and the third gives rates, counts and the unit; one line of marker names, one of
+//! axes; then frames: number, time, three coordinates a marker, blank where one was not seen.
+
+use super::error::{OpenSimError, at, number};
+
+/// Times may be off the rate by so much of a period: they are rounded.
+const JITTER: f64 = 0.3;
+
+/// Markers of a TRC file, in its axes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trc {
+    /// Frames per second.
+    pub rate_hz: f64,
+    /// Time of the first frame, s.
+    pub first_s: f64,
+    /// Names of the markers.
+    pub labels: Vec<String>,
+    /// Markers of one frame after another, m; NaN where one was not seen.
+    pub points_m: Vec<[f32; 3]>,
+}
+
+struct Header {
+    rate_hz: f64,
+    frames: usize,
+    markers: usize,
+    metre: f64,
+}
+
+impl Trc {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// It is no TRC file, is cut off, or contradicts itself.
+    pub fn parse(text: &str) -> Result<Self, OpenSimError> {
+        let mut lines = text.lines().enumerate().map(|(k, line)| (k + 1, line));
+        let mut next = |what: &str| {
+            lines.next().ok_or_else(|| OpenSimError::Missing(format!("the file ends before {what}")))
+        };
+        let (line, first) = next("the first line of the header")?;
+        if !first.trim_start().starts_with("PathFileType") {
+            return Err(at(line, "no TRC file: it does not begin with PathFileType"));
+        }
+        let (_, names) = next("the names of the header")?;
+        let (line, values) = next("the values of the header")?;
+        let header = Header::parse(names, values, line)?;
+        let (line, names) = next("the names of the markers")?;
+        let labels: Vec<String> = names
+            .split('\t')
+            .skip(2)
+            .map(str::trim)
+            .filter(|name| !name.is_empty())
+            .map(|name| name.rsplit(':').next().unwrap_or_default().to_owned())
+            .collect();
+        if labels.len() != header.markers {
+            return Err(at(line, format!("{} names of markers, the header says {}", labels.len(), header.markers)));
+        }
+        next("the names of the axes")?;
+        let mut trc = Self { rate_hz: header.rate_hz, first_s: 0.0, labels, points_m: Vec::new() };
+        let mut frames = 0;
+        for (line, text) in lines.filter(|(_, text)| !text.trim().is_empty()) {
+            let time = trc.frame(text, line, header.metre)?;
+            if frames == 0 {
+                trc.first_s = time;
+            }
+            let expected = trc.first_s + frames as f64 / trc.rate_hz;
+            if (time - expected).abs() * trc.rate_hz > JITTER {
+                return Err(at(
+                    line,
+                    format!("frame {} is at {time} s, and by {} frames a second at {expected:.4} s", frames + 1, trc.rate_hz),
+                ));
+            }
+            frames += 1;
+        }
+        if frames != header.frames {
+            return Err(OpenSimError::Missing(format!(
+                "{frames} frames, and the header says {}: the file is cut off, or its header is of another",
+                header.frames
+            )));
+        }
+        Ok(trc)
+    }
+
+    /// Adds the markers of a frame and returns its time, s.
+    fn frame(&mut self, text: &str, line: usize, metre: f64) -> Result<f64, OpenSimError> {
+        let mut cells = text.split('\t').skip(1);
+        let time = number(cells.next().unwrap_or_default(), line, "the time")?;
+        let mut cell = || -> Result<f32, OpenSimError> {
+            let text = cells.next().unwrap_or_default().trim();
+            if text.is_empty() { Ok(f32::NAN) } else { Ok((number(text, line, "a coordinate")? * metre) as f32) }
+        };
+        for _ in 0..self.labels.len() {
+            let point = [cell()?, cell()?, cell()?];
+            let is_seen = point.iter().all(|v| v.is_finite());
+            self.points_m.push(if is_seen { point } else { [f32::NAN; 3] });
+        }
+        if cells.any(|rest| !rest.trim().is_empty()) {
+            return Err(at(line, format!("more than three coordinates for each of {} markers", self.labels.len())));
+        }
+        Ok(time)
+    }
+}
+
+impl Header {
+    fn parse(names: &str, values: &str, line: usize) -> Result<Self, OpenSimError> {
+        let values: Vec<&str> = values.split('\t').map(str::trim).collect();
+        let get = |name: &str| {
+            let at_name = names.split('\t').position(|n| n.trim() == name);
+            at_name.and_then(|k| values.get(k).copied()).ok_or_else(|| at(line, format!("{name} is missing")))
+        };
+        let count = |name: &str| {
+            let text = get(name)?;
+            text.parse::<usize>().map_err(|_| at(line, format!("{name} is {text:?}, no count")))
+        };
+        let rate_hz = number(get("DataRate")?, line, "DataRate")?;
+        if !(rate_hz > 0.0 && rate_hz.is_finite()) {
+            return Err(at(line, format!("{rate_hz} frames a second are no rate")));
+        }
+        let metre = match get("Units")? {
+            "mm" => 1e-3,
+            "cm" => 1e-2,
+            "m" => 1.0,
+            other => return Err(at(line, format!("the unit {other:?} is none of mm, cm and m"))),
+        };
+        Ok(Self { rate_hz, frames: count("NumFrames")?, markers: count("NumMarkers")?, metre })
+    }
+}

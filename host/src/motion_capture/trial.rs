@@ -1,0 +1,263 @@
+//! A trial: markers and the ground's wrenches, in axes whose z points up.
+
+use std::path::{Path, PathBuf};
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::c3d::{C3d, C3dError};
+use super::ground::GroundWrench;
+use super::opensim::OpenSimError;
+use super::opensim::ground_reaction::ground_wrenches;
+use super::opensim::storage::Storage;
+use super::opensim::trc::Trc;
+use crate::recording::extension;
+
+/// The reason that a file is no trial.
+#[derive(Debug, thiserror::Error)]
+pub enum TrialError {
+    /// It cannot be read.
+    #[error("{path} cannot be read: {reason}")]
+    Unreadable {
+        /// The file.
+        path: String,
+        /// What the system says.
+        reason: String,
+    },
+    /// The ending is none that is known.
+    #[error("{0} is no trial by its name: it must end in .c3d or .trc")]
+    UnknownKind(String),
+    /// It is no C3D file that can be read.
+    #[error("{name}: {error}")]
+    C3d {
+        /// The file.
+        name: String,
+        /// What is wrong.
+        error: C3dError,
+    },
+    /// It is no text file of OpenSim's that can be read.
+    #[error("{name}: {error}")]
+    OpenSim {
+        /// The file.
+        name: String,
+        /// What is wrong.
+        error: OpenSimError,
+    },
+    /// What it holds cannot be.
+    #[error("{name}: {what}: {advice}")]
+    Contents {
+        /// The file.
+        name: String,
+        /// What is wrong, with its numbers.
+        what: String,
+        /// What to do.
+        advice: String,
+    },
+}
+
+/// Markers and wrenches of one recording.
+#[derive(Clone, Debug)]
+pub struct Trial {
+    /// Its name: the file's without folder and ending.
+    pub name: String,
+    /// Frames per second.
+    pub rate_hz: f64,
+    /// Time of the first frame, s.
+    pub first_s: f64,
+    /// Names of the markers.
+    pub labels: Vec<String>,
+    /// Markers of one frame after another, laboratory axes with z up, m; NaN where one was not seen.
+    pub points_m: Vec<[f32; 3]>,
+    /// Force plates, in the same axes.
+    pub ground: Vec<GroundWrench>,
+    /// What to know.
+    pub notes: Vec<String>,
+}
+
+impl Trial {
+    /// Returns the trial of a C3D file.
+    ///
+    /// # Errors
+    /// [`TrialError`] says what is wrong with it.
+    pub fn of_c3d(name: &str, bytes: &[u8]) -> Result<Self, TrialError> {
+        let c3d = C3d::parse(bytes).map_err(|error| TrialError::C3d { name: name.to_owned(), error })?;
+        let (ground, mut notes) = (c3d.ground_wrenches(), Vec::new());
+        if ground.len() < c3d.plates.len() {
+            return Err(TrialError::Contents {
+                name: name.to_owned(),
+                what: "the corners of a force plate are no rectangle".to_owned(),
+                advice: "correct FORCE_PLATFORM:CORNERS in the file".to_owned(),
+            });
+        }
+        if ground.is_empty() {
+            notes.push("no force plate is described in the file".to_owned());
+        }
+        let mut trial = Self {
+            name: name.to_owned(),
+            rate_hz: c3d.rate_hz,
+            first_s: 0.0,
+            labels: c3d.labels,
+            points_m: c3d.points_m,
+            ground,
+            notes,
+        };
+        trial.forget_zeros();
+        trial.turn_upright(Vector3::z())?;
+        Ok(trial)
+    }
+
+    /// Returns the trial of a TRC file, with the ground's wrenches of a MOT or STO file beside it.
+    ///
+    /// # Errors
+    /// [`TrialError`] says what is wrong with which.
+    pub fn of_trc(name: &str, markers: &str, ground: Option<(&str, &str)>) -> Result<Self, TrialError> {
+        let refuse = |name: &str, error: OpenSimError| TrialError::OpenSim { name: name.to_owned(), error };
+        let trc = Trc::parse(markers).map_err(|error| refuse(name, error))?;
+        let wrenches = match ground {
+            None => Vec::new(),
+            Some((name, text)) => Storage::parse(text)
+                .and_then(|table| ground_wrenches(&table))
+                .map_err(|error| refuse(name, error))?,
+        };
+        let mut trial = Self {
+            name: name.to_owned(),
+            rate_hz: trc.rate_hz,
+            first_s: trc.first_s,
+            labels: trc.labels,
+            points_m: trc.points_m,
+            ground: wrenches,
+            notes: Vec::new(),
+        };
+        trial.forget_zeros();
+        trial.turn_upright(Vector3::y())?;
+        Ok(trial)
+    }
+
+    /// Reads a trial from a C3D file, or a TRC file with the ground's wrenches of a MOT or STO file, where there is one.
+    ///
+    /// # Errors
+    /// [`TrialError`] says what is wrong with which file.
+    pub fn read(path: &Path, ground: Option<&Path>) -> Result<Self, TrialError> {
+        let unreadable = |path: &Path, error: std::io::Error| TrialError::Unreadable {
+            path: path.display().to_string(),
+            reason: error.to_string(),
+        };
+        let text = |path: &Path| std::fs::read_to_string(path).map_err(|error| unreadable(path, error));
+        let shown = path.display().to_string();
+        let mut trial = match extension(path).as_str() {
+            "c3d" => {
+                let bytes = std::fs::read(path).map_err(|error| unreadable(path, error))?;
+                Self::of_c3d(&shown, &bytes)?
+            }
+            "trc" => {
+                let beside = ground.map(Path::to_path_buf).or_else(|| beside(path));
+                let own = beside.map(|p| Ok((p.display().to_string(), text(&p)?))).transpose()?;
+                let own = own.as_ref().map(|(name, text)| (name.as_str(), text.as_str()));
+                Self::of_trc(&shown, &text(path)?, own)?
+            }
+            _ => return Err(TrialError::UnknownKind(shown)),
+        };
+        trial.name = name_of(path);
+        Ok(trial)
+    }
+
+    /// Returns the number of frames.
+    pub fn frames(&self) -> usize {
+        self.points_m.len() / self.labels.len().max(1)
+    }
+
+    /// Returns the time of a frame, s.
+    pub fn time_s(&self, frame: usize) -> f64 {
+        self.first_s + frame as f64 / self.rate_hz
+    }
+
+    /// Returns a marker in a frame, m; `None` where it was not seen.
+    pub fn point(&self, frame: usize, label: usize) -> Option<Vector3<f64>> {
+        let p = self.points_m.get(frame * self.labels.len() + label)?;
+        p[0].is_finite().then(|| Vector3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2])))
+    }
+
+    /// Counts markers that are exactly in the origin as not seen: some programs write that.
+    fn forget_zeros(&mut self) {
+        self.points_m.iter_mut().filter(|p| **p == [0.0; 3]).for_each(|p| *p = [f32::NAN; 3]);
+    }
+
+    /// Turns the laboratory such that z points up: the axis along which the ground pushes; without force plates `usual`.
+    fn turn_upright(&mut self, usual: Vector3<f64>) -> Result<(), TrialError> {
+        let push = self.mean_push();
+        let up = if push.norm() < LEAST_PUSH_N { usual } else { push.normalize() };
+        let axis = up.iamax();
+        if up[axis].abs() < 0.8 {
+            return Err(TrialError::Contents {
+                name: self.name.clone(),
+                what: format!(
+                    "the ground's mean force is ({:.0}, {:.0}, {:.0}) N, along no axis of the laboratory",
+                    push.x, push.y, push.z
+                ),
+                advice: "people push the ground downwards on average: check the plates' axes and signs"
+                    .to_owned(),
+            });
+        }
+        if up[axis] < 0.0 {
+            return Err(TrialError::Contents {
+                name: self.name.clone(),
+                what: format!(
+                    "the ground's mean force is ({:.0}, {:.0}, {:.0}) N and pulls the person down",
+                    push.x, push.y, push.z
+                ),
+                advice: "the forces have the wrong sign: export the reaction on the person".to_owned(),
+            });
+        }
+        // Cyclic turns keep what is right-handed.
+        let turn = match axis {
+            0 => Matrix3::new(0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0),
+            // x forward, y up, z right of OpenSim: x forward, y left, z up.
+            1 => Matrix3::new(1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0),
+            _ => return Ok(()),
+        };
+        self.turn(&turn);
+        Ok(())
+    }
+
+    fn turn(&mut self, by: &Matrix3<f64>) {
+        let turned = |p: [f64; 3]| -> [f64; 3] { (by * Vector3::from(p)).into() };
+        for p in &mut self.points_m {
+            *p = turned(p.map(f64::from)).map(|v| v as f32);
+        }
+        for plate in &mut self.ground {
+            if let Some(corners) = &mut plate.corners_m {
+                *corners = corners.map(turned);
+            }
+            for w in &mut plate.wrench {
+                let (f, m) = (turned([w[0], w[1], w[2]]), turned([w[3], w[4], w[5]]));
+                *w = [f[0], f[1], f[2], m[0], m[1], m[2]];
+            }
+        }
+    }
+
+    /// The mean of the sum of the plates' forces, N.
+    fn mean_push(&self) -> Vector3<f64> {
+        let means = self.ground.iter().map(|plate| {
+            let finite = plate.wrench.iter().filter(|w| w.iter().all(|v| v.is_finite()));
+            let (sum, count) = finite.fold((Vector3::zeros(), 0_usize), |(sum, count), w| {
+                (sum + Vector3::new(w[0], w[1], w[2]), count + 1)
+            });
+            sum / count.max(1) as f64
+        });
+        means.sum()
+    }
+}
+
+/// Less than this is no person's weight, N.
+const LEAST_PUSH_N: f64 = 20.0;
+
+/// Returns the file with the ground's wrenches that belongs to a TRC file by its name: `walk_grf.mot` to `walk.trc`.
+fn beside(path: &Path) -> Option<PathBuf> {
+    let stem = name_of(path);
+    let names = ["mot", "sto"].map(|ending| path.with_file_name(format!("{stem}_grf.{ending}")));
+    names.into_iter().find(|name| name.exists())
+}
+
+/// Returns the name of a file without folder and ending.
+pub fn name_of(path: &Path) -> String {
+    path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
+}

@@ -1,0 +1,51 @@
+//! Zeros of force plates, from the time that nobody stands on them.
+
+use super::ground::GroundWrench;
+
+/// A plate's load is judged over stretches of this length, s.
+const STRETCH_S: f64 = 0.05;
+/// A load whose vertical force scatters by more within a stretch is a person's, N.
+const QUIET_N: f64 = 3.0;
+/// An unloaded plate is off by at most so much, N.
+const LARGEST_OFFSET_N: f64 = 60.0;
+/// Stretches belong to the unloaded plate if their mean is so near the quietest level, N.
+const SAME_LEVEL_N: f64 = 4.0;
+/// Least time without load, s.
+const LEAST_S: f64 = 0.1;
+
+/// What a plate reads without load, N and N m about the laboratory's origin; `None` if it was always loaded.
+///
+/// The unloaded level is the one nearest zero at which the vertical force rests.
+pub fn offset(plate: &GroundWrench) -> Option<[f64; 6]> {
+    let length = ((STRETCH_S * plate.rate_hz) as usize).max(2);
+    let stretches: Vec<([f64; 6], f64)> = plate.wrench.chunks_exact(length).filter_map(level).collect();
+    let quiet = stretches.iter().filter(|(mean, sd)| *sd < QUIET_N && mean[2].abs() < LARGEST_OFFSET_N);
+    let nearest = quiet.clone().min_by(|a, b| a.0[2].abs().total_cmp(&b.0[2].abs()))?.0[2];
+    let own: Vec<&[f64; 6]> =
+        quiet.filter(|(mean, _)| (mean[2] - nearest).abs() < SAME_LEVEL_N).map(|(mean, _)| mean).collect();
+    if ((own.len() * length) as f64) < LEAST_S * plate.rate_hz {
+        return None;
+    }
+    Some(std::array::from_fn(|axis| {
+        let mut values: Vec<f64> = own.iter().map(|mean| mean[axis]).collect();
+        values.sort_by(f64::total_cmp);
+        values[values.len() / 2]
+    }))
+}
+
+/// Mean of a stretch, and how much its vertical force scatters.
+fn level(stretch: &[[f64; 6]]) -> Option<([f64; 6], f64)> {
+    let count = stretch.len() as f64;
+    let mean: [f64; 6] = std::array::from_fn(|axis| stretch.iter().map(|w| w[axis]).sum::<f64>() / count);
+    let square = stretch.iter().map(|w| (w[2] - mean[2]).powi(2)).sum::<f64>() / count;
+    (mean.iter().all(|v| v.is_finite())).then_some((mean, square.sqrt()))
+}
+
+/// Takes an offset off a plate.
+pub fn take_off(plate: &mut GroundWrench, offset: &[f64; 6]) {
+    for wrench in &mut plate.wrench {
+        for (value, offset) in wrench.iter_mut().zip(offset) {
+            *value -= offset;
+        }
+    }
+}

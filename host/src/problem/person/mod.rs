@@ -1,0 +1,21 @@
+//! A person in motion: from markers and force plates to the frames of a tree whose base is tracked.
+//!
+//! Lives here: trials of one person brought to a model of hers ([`people`]), every frame's pose and coordinates ([`coordinates`]),
+//! smoothing ([`smoothing`]), the delay between plates and cameras ([`alignment`]), and frames that the plates did not measure wholly
+//! ([`contact`]). May not live here: files, poses of single frames, and rows.
+
+pub mod alignment;
+pub mod anthropometry;
+pub mod contact;
+pub mod coordinates;
+mod cut_off;
+pub mod gaps;
+pub mod noise;
+pub mod people;
+pub mod smoothing;
+#[cfg(test)]
+mod tests;
+pub mod track;
+
+pub use people::{PeopleOptions, Person, PersonError};
+pub use track::{TrackReport, Tracked};

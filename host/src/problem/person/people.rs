@@ -1,0 +1,268 @@
+//! Trials of one person: her model, and every trial tracked with it.
+
+use hexapod::STANDARD_GRAVITY_MPS2 as GRAVITY;
+use nalgebra::Vector3;
+use rigident_shared::tree::BaseMotion;
+
+use super::alignment;
+use super::track::{TrackOptions, Tracked, TrackedFrame, track};
+use crate::inverse_kinematics::subject::{HumanModel, Known, Subject, SubjectError, subject};
+use crate::model::human::Sex;
+use crate::model::ModelError;
+use crate::model::base::{Rows, Situation};
+use crate::motion_capture::trial::Trial;
+use crate::motion_capture::zeroing;
+use crate::problem::tree::{BaseSensor, Frame, Input};
+
+/// Frames of the standing trial that joint centres are found from, …
+const STANDING: usize = 4;
+/// … and of all moving ones together.
+const MOVING: usize = 60;
+/// A link is followed if so large a share of frames has a marker on it or beyond.
+const FOLLOWED: f64 = 0.5;
+
+/// The reason that trials make no person.
+#[derive(Debug, thiserror::Error)]
+pub enum PersonError {
+    /// There is no model of the person.
+    #[error(transparent)]
+    Subject(#[from] SubjectError),
+    /// The model refuses something.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// The cut-off does not fit the rate.
+    #[error("a cut-off of {cut_off_hz} Hz cannot be at {rate_hz} frames a second: give --cut-off-hz between 1 and a quarter of the rate")]
+    CutOff {
+        /// The cut-off, Hz.
+        cut_off_hz: f64,
+        /// Frames per second.
+        rate_hz: f64,
+    },
+    /// Plates and markers are in different frames.
+    #[error(
+        "{name}: where plates are loaded no foot is near: the centre of pressure is {away_m:.2} m from the nearest sole: the corners of \
+         the plates, or the axes of their channels, are in another frame than the markers"
+    )]
+    Laboratory {
+        /// The trial.
+        name: String,
+        /// Median distance, m.
+        away_m: f64,
+    },
+    /// No frame can be used.
+    #[error("{name}: {why}")]
+    NoFrames {
+        /// The trial.
+        name: String,
+        /// Why not, and what to do.
+        why: String,
+    },
+}
+
+/// What is known of a person and asked for.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PeopleOptions {
+    /// Which model.
+    pub kind: HumanModel,
+    /// Stature, m; `None`: from the markers.
+    pub height_m: Option<f64>,
+    /// Mass that the table is scaled to, kg; `None`: from the plates.
+    pub mass_kg: Option<f64>,
+    /// Whose means the table has.
+    pub sex: Sex,
+    /// How trials are tracked.
+    pub track: TrackOptions,
+}
+
+/// A person with all her trials.
+pub struct Person {
+    /// The model, its links that no marker follows fixed to their parents.
+    pub subject: Subject,
+    /// Names of links that no marker follows.
+    pub fixed: Vec<String>,
+    /// The trials, in their order.
+    pub trials: Vec<Tracked>,
+    /// What to know.
+    pub notes: Vec<String>,
+}
+
+impl Person {
+    /// Returns a person from trials, of which `standing` is one that she stands upright in.
+    ///
+    /// # Errors
+    /// [`PersonError`] says what is wrong with which trial.
+    pub fn new(
+        trials: &mut [Trial],
+        standing: Option<&Trial>,
+        options: &PeopleOptions,
+        progress: &dyn Fn(&str, f64),
+    ) -> Result<Self, PersonError> {
+        let mut notes = zero(trials);
+        let labels = labels(trials, standing);
+        let frames = chosen_frames(&labels, trials, standing);
+        progress("joint centres", 0.0);
+        let mass_kg = options.mass_kg.or_else(|| weight(trials)).unwrap_or(70.0);
+        let known = Known { height_m: options.height_m, mass_kg, sex: options.sex };
+        let fitted = subject(&labels, &frames, options.kind, &known)?;
+        let (subject, fixed) = follow(fitted, &labels, trials)?;
+        if !fixed.is_empty() {
+            notes.push(format!("no marker follows {}: fixed to the link before", fixed.join(", ")));
+        }
+        if subject.unseen_trunk.is_some() {
+            notes.push("no marker follows the trunk: it is taken to stay upright".to_owned());
+        }
+        let mut tracked = Vec::new();
+        for (k, trial) in trials.iter().enumerate() {
+            let done = k as f64 / trials.len() as f64;
+            let step = |share: f64| progress("poses", done + share / trials.len() as f64);
+            tracked.push(track(trial, &subject, &options.track, &step)?);
+        }
+        Ok(Self { subject, fixed, trials: tracked, notes })
+    }
+
+    /// Returns the frames of a trial as those of a tree whose base is tracked.
+    pub fn input(&self, trial: usize) -> Option<Input> {
+        let tracked = self.trials.get(trial)?;
+        let frame = |own: &TrackedFrame| {
+            let [fx, fy, fz, mx, my, mz] = own.wrench;
+            let at = Vector3::from_column_slice(own.moved.positions.get(..3)?);
+            // About the base's origin.
+            let moment = Vector3::new(mx, my, mz) - at.cross(&Vector3::new(fx, fy, fz));
+            Some(Frame {
+                time_ns: own.time_ns,
+                positions: own.moved.positions.clone(),
+                rates: own.moved.rates.clone(),
+                base: BaseMotion::still([0.0, 0.0, -GRAVITY]),
+                wrench: [fx, fy, fz, moment.x, moment.y, moment.z],
+                efforts: Vec::new(),
+                standing: Vec::new(),
+            })
+        };
+        Some(Input {
+            model: self.subject.model.welded(),
+            frames: tracked.frames.iter().filter_map(frame).collect(),
+            is_static: false,
+            rate_hz: tracked.report.rate_hz,
+            base: BaseSensor::Tracked,
+            situation: Situation { floating: true, rows: Rows::Base, mimic: false },
+            channel_sigma: None,
+            known_offset: Some([0.0; 6]),
+            nuisances: Vec::new(),
+            errors: Vec::new(),
+            drives: Vec::new(),
+            signals: Vec::new(),
+            rate_sigma: 0.0,
+        })
+    }
+
+    /// Returns the table's centre of mass in a pose of a trial, m.
+    pub fn table_centre(&self, trial: usize, frame: usize) -> Option<Vector3<f64>> {
+        let pose = self.trials.get(trial)?.poses.get(frame)?.as_ref()?;
+        Some(alignment::centre_of_mass(&self.subject, &self.subject.skeleton.places(pose)))
+    }
+}
+
+/// Zeros every plate by its own time without load, else by that of the same plate in another trial.
+fn zero(trials: &mut [Trial]) -> Vec<String> {
+    let own: Vec<Vec<Option<[f64; 6]>>> =
+        trials.iter().map(|t| t.ground.iter().map(zeroing::offset).collect()).collect();
+    let mut notes = Vec::new();
+    for (k, trial) in trials.iter_mut().enumerate() {
+        for (p, plate) in trial.ground.iter_mut().enumerate() {
+            let other = own.iter().find_map(|t| t.get(p).copied().flatten());
+            match own[k][p].or(other) {
+                Some(offset) => zeroing::take_off(plate, &offset),
+                None => notes.push(format!(
+                    "{}, {}: always loaded, its zero is taken as it was recorded",
+                    trial.name, plate.name
+                )),
+            }
+        }
+    }
+    notes
+}
+
+/// The names of all markers.
+fn labels(trials: &[Trial], standing: Option<&Trial>) -> Vec<String> {
+    let mut labels: Vec<String> = Vec::new();
+    for label in standing.into_iter().chain(trials).flat_map(|t| &t.labels) {
+        if !labels.contains(label) {
+            labels.push(label.clone());
+        }
+    }
+    labels
+}
+
+/// Frames that joint centres are found from: some of the standing trial, then some of each other one.
+fn chosen_frames(
+    labels: &[String],
+    trials: &[Trial],
+    standing: Option<&Trial>,
+) -> Vec<Vec<Option<Vector3<f64>>>> {
+    let each = MOVING.div_ceil(trials.len().max(1));
+    let of = |trial: &Trial, count: usize| -> Vec<Vec<Option<Vector3<f64>>>> {
+        let own: Vec<Option<usize>> =
+            labels.iter().map(|l| trial.labels.iter().position(|k| k == l)).collect();
+        let seen = |frame: usize| -> Vec<Option<Vector3<f64>>> {
+            own.iter().map(|l| l.and_then(|l| trial.point(frame, l))).collect()
+        };
+        // Of each stretch the frame with most markers.
+        let count = count.min(trial.frames());
+        let stretch = |k: usize| k * trial.frames() / count..(k + 1) * trial.frames() / count;
+        let most = |k: usize| stretch(k).map(seen).max_by_key(|f| f.iter().flatten().count());
+        (0..count).filter_map(most).collect()
+    };
+    let mut frames = standing.map_or_else(Vec::new, |trial| of(trial, STANDING));
+    for trial in trials {
+        frames.extend(of(trial, each));
+    }
+    frames
+}
+
+/// The person's mass by the plates, kg: the largest mean of the vertical force over any second, of a trial where that is steady; a
+/// first guess for the table alone.
+fn weight(trials: &[Trial]) -> Option<f64> {
+    let best = trials.iter().filter_map(|trial| {
+        let rate = trial.ground.first()?.rate_hz;
+        let count = trial.ground.iter().map(|p| p.wrench.len()).min()?;
+        let total = |k: usize| trial.ground.iter().map(|p| p.wrench[k][2]).sum::<f64>();
+        let stretch = ((rate * 0.5) as usize).clamp(1, count.max(1));
+        let means = (0..count / stretch).map(|s| {
+            let sum: f64 = (s * stretch..(s + 1) * stretch).map(total).sum();
+            sum / stretch as f64
+        });
+        means.filter(|m| m.is_finite()).max_by(f64::total_cmp)
+    });
+    best.max_by(f64::total_cmp).map(|force| force / GRAVITY)
+}
+
+/// Fixes links that no marker follows to their parents.
+fn follow(
+    mut subject: Subject,
+    labels: &[String],
+    trials: &[Trial],
+) -> Result<(Subject, Vec<String>), PersonError> {
+    let is_seen = |name: &str| {
+        trials.iter().all(|trial| {
+            let Some(label) = trial.labels.iter().position(|l| l == name) else { return false };
+            let count = (0..trial.frames()).filter(|f| trial.point(*f, label).is_some()).count();
+            count as f64 > FOLLOWED * trial.frames() as f64
+        })
+    };
+    debug_assert!(subject.markers.iter().all(|m| labels.contains(&m.name)));
+    let mut followed = vec![false; subject.model.links.len()];
+    for marker in subject.markers.iter().filter(|m| is_seen(&m.name)) {
+        for link in subject.way(marker.link) {
+            followed[*link] = true;
+        }
+    }
+    let trunk = subject.model.link("torso").or_else(|| subject.model.link("lumbar"));
+    subject.unseen_trunk = trunk.filter(|trunk| followed.get(*trunk) == Some(&false));
+    let names = subject.model.links.iter().zip(&followed).enumerate();
+    let names = names.filter(|(i, (_, f))| !**f && Some(*i) != subject.unseen_trunk);
+    let fixed: Vec<String> = names.map(|(_, (l, _))| l.name.clone()).collect();
+    if !fixed.is_empty() {
+        subject = subject.with_fixed(&fixed).ok_or(SubjectError::Calibration)?;
+    }
+    Ok((subject, fixed))
+}
