@@ -11,6 +11,7 @@
 //! library's types, is there without both.
 
 pub mod answer;
+pub mod body_segments;
 pub mod cli;
 pub mod device;
 pub mod diagnosis;

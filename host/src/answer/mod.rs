@@ -19,6 +19,7 @@ pub mod nearest_body;
 mod new;
 pub mod physical_consistency;
 mod plausibility;
+pub mod person;
 pub mod predictor;
 mod read;
 mod remarks;

@@ -6,6 +6,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::person::PersonResult;
+
 pub use crate::fit::Measured;
 
 /// The schema's name.
@@ -117,6 +119,9 @@ pub struct Answer {
     /// The tree of links that was identified; absent for one rigid body.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model: Option<ModelSummary>,
+    /// What was found of one person, by `rigident body identify`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub person: Option<PersonResult>,
     /// How several files became one recording.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time_base: Option<TimeBase>,

@@ -76,6 +76,8 @@ pub enum Command {
     Workspace(Workspace),
     /// Plan what to do with the platform before it moves
     Plan(Plan),
+    /// Identify a person from motion capture and force plates
+    Body(super::body_arguments::Body),
     /// Look at a tree of links: robot description, rig file or person
     Model(ModelCommand),
     /// Print the JSON Schema of a file that this program reads or writes

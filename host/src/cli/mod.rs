@@ -9,6 +9,8 @@ mod tell;
 mod adaptive;
 mod arguments;
 mod bench;
+mod body;
+mod body_arguments;
 mod calibrate;
 mod calibrate_imu;
 mod calibration_arguments;
@@ -229,6 +231,7 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
         },
         Some(Command::Schema(a)) => schema(&a),
         Some(Command::Model(a)) => model::run(&a),
+        Some(Command::Body(a)) => body::run(&a),
         Some(Command::Bench(a)) => bench::run(&a),
     }
 }

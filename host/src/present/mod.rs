@@ -13,6 +13,7 @@ mod figures;
 mod html;
 pub mod over_n;
 mod page;
+pub mod person;
 pub mod plain;
 mod plot;
 pub mod prediction;

@@ -14,7 +14,7 @@ pub use self::error::KnownError;
 use self::error::plain;
 use self::rows::{absorb, two_sided};
 use self::subject::Subject;
-use super::{Estimate, Fit, Noise, Parameter, Prior, PriorStatement};
+use super::{Estimate, Fit, Gaussian, Noise, Parameter, Prior, PriorStatement};
 
 /// σ of a plane of symmetry's position where none is given, m.
 pub const SYMMETRY_SIGMA_M: f64 = 1e-3;
@@ -125,6 +125,26 @@ impl KnownValues {
         }
         Ok(all)
     }
+}
+
+/// Puts a normal distribution of parameters into the estimate of a fit, whose factor stays that of the data alone: what it says of
+/// names that the fit does not have counts for nothing.
+pub fn apply_distribution(fit: &mut Fit, known: &Gaussian) {
+    let place = |name: &str| fit.parameters.iter().position(|p| p.name == name);
+    let known = known.only(|name| place(name).is_some());
+    let at: Vec<usize> = known.names().iter().filter_map(|name| place(name)).collect();
+    let whitening = known.whitening();
+    let rows = whitening.row_iter().map(|row| {
+        let mut all = vec![0.0; fit.parameters.len()];
+        at.iter().zip(row.iter()).for_each(|(to, value)| all[*to] = *value);
+        (all, (row * known.mean())[0])
+    });
+    let rows: Vec<(Vec<f64>, f64)> = rows.collect();
+    let data = fit.data_alone().clone();
+    let mut factor = fit.scaled_factor();
+    factor.absorb(rows.iter().map(|(row, value)| (row.as_slice(), *value)));
+    fit.estimate = Estimate::new(&factor, fit.rounding, 1.0, data.noise);
+    fit.prior = Some(Prior { statements: Vec::new(), data_alone: Box::new(data) });
 }
 
 impl Stated {

@@ -7,7 +7,7 @@ use hexapod::STANDARD_GRAVITY_MPS2 as GRAVITY;
 use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::smoothing::{Smoother, smoothed_at};
-use crate::inverse_kinematics::skeleton::Place;
+use crate::inverse_kinematics::skeleton::{Place, Pose};
 use crate::inverse_kinematics::subject::Subject;
 use crate::motion_capture::ground::GroundWrench;
 use crate::motion_capture::trial::Trial;
@@ -62,6 +62,18 @@ pub fn delay(
         }
     }
     Some(Delay { delay_s, sigma_s })
+}
+
+/// The force that the table's bodies need in poses of a trial, N, smoothed twice.
+pub(super) fn needed_of(
+    subject: &Subject,
+    trial: &Trial,
+    poses: &[Option<Pose>],
+    smoother: &Smoother,
+) -> Vec<Option<Vector3<f64>>> {
+    let places: Vec<Option<Vec<Place>>> =
+        poses.iter().map(|pose| Some(subject.skeleton.places(pose.as_ref()?))).collect();
+    needed(subject, trial, &places, smoother)
 }
 
 /// The force that the table's bodies need, N, smoothed twice.

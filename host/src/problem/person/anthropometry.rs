@@ -41,21 +41,28 @@ impl Spread {
 
 /// Returns the distribution of base parameters; `None` if a segment has no nominal body.
 pub fn distribution(model: &Model, base: &BaseParameters, spread: &Spread) -> Option<Gaussian> {
-    let segments: Vec<Parameters> = model.links.iter().map(|l| l.nominal).collect::<Option<_>>()?;
     let map = base.map() * bodies(model);
-    let nominal = DVector::from_iterator(10 * segments.len(), segments.iter().flatten().copied());
+    let nominal = DVector::from_vec(model.nominal());
+    let covariance = standard(model, spread)?;
+    let names = base.parameters.iter().map(|p| p.name.clone()).collect();
+    Gaussian::new(names, &map * nominal, &map * covariance * map.transpose())
+}
+
+/// Returns the covariance of the standard parameters of all links, ten each; `None` if a segment has no nominal body.
+pub fn standard(model: &Model, spread: &Spread) -> Option<DMatrix<f64>> {
+    let segments: Vec<Parameters> = model.links.iter().map(|l| l.nominal).collect::<Option<_>>()?;
+    let nominal = DVector::from_vec(model.nominal());
     let mut covariance = DMatrix::zeros(nominal.len(), nominal.len());
     for (k, segment) in segments.iter().enumerate() {
         let root = root(segment, spread)?;
         covariance.view_mut((10 * k, 10 * k), (10, 10)).copy_from(&(&root * root.transpose()));
     }
     covariance += &nominal * nominal.transpose() * spread.whole.powi(2);
-    let names = base.parameters.iter().map(|p| p.name.clone()).collect();
-    Gaussian::new(names, &map * nominal, &map * covariance * map.transpose())
+    Some(covariance)
 }
 
-/// The bodies' parameters of those of the links, of which some are fixed to others.
-fn bodies(model: &Model) -> DMatrix<f64> {
+/// Returns the map from the links' parameters, ten each, to those of the bodies, where some links are fixed to others.
+pub fn bodies(model: &Model) -> DMatrix<f64> {
     let rows = 10 * model.welded().links.len();
     let mut map = DMatrix::zeros(rows, 10 * model.links.len());
     let mut unit = model.clone();

@@ -69,39 +69,46 @@ impl RowSums {
         Ok(sums)
     }
 
-    /// Returns 1 σ of each channel per unfiltered sample, such that rows weigh as they inform, beside what is known beforehand;
-    /// `None` if there are no rows.
-    pub fn sigma(&self, known: &Gaussian) -> Option<Vec<f64>> {
-        let prior = known.covariance().clone().cholesky()?.inverse();
-        let toward = &prior * known.mean();
-        // Begin with what the table leaves.
-        let mut variance: Vec<f64> =
-            self.channels.iter().map(|c| c.left(known.mean()) / c.rows.max(1.0)).collect();
-        for _ in 0..ROUNDS {
-            let (mut all, mut right) = (prior.clone(), toward.clone());
-            for (channel, variance) in self.channels.iter().zip(&variance) {
-                let weight = self.share / variance.max(f64::MIN_POSITIVE);
-                all += &channel.gram * weight;
-                right.axpy(weight, &channel.right, 1.0);
-            }
-            let inverse = all.cholesky()?.inverse();
-            let estimate = &inverse * right;
-            let mut moved = 0.0_f64;
-            for (channel, variance) in self.channels.iter().zip(&mut variance) {
-                let independent = self.share * channel.rows;
-                let taken = self.share / *variance * inverse.dot(&channel.gram);
-                let left = (independent - taken).max(LEAST_LEFT * independent);
-                let now = self.share * channel.left(&estimate) / left;
-                moved = moved.max((now / *variance - 1.0).abs());
-                *variance = now;
-            }
-            if moved < DONE {
-                break;
+}
+
+/// Returns 1 σ of each channel per unfiltered sample of every trial, such that rows weigh as they inform, beside what is known
+/// beforehand; all trials leave alike. `None` if there are no rows.
+pub fn sigma(trials: &[RowSums], known: &Gaussian) -> Option<Vec<Vec<f64>>> {
+    let prior = known.covariance().clone().cholesky()?.inverse();
+    let toward = &prior * known.mean();
+    let channels = trials.first()?.channels.len();
+    let of = |c: usize| trials.iter().filter_map(move |t| Some((t.channels.get(c)?, t.share)));
+    let left = |c: usize, phi: &DVector<f64>| of(c).map(|(own, share)| share * own.left(phi)).sum::<f64>();
+    let independent: Vec<f64> =
+        (0..channels).map(|c| of(c).map(|(own, share)| share * own.rows).sum()).collect();
+    // Begin with what the table leaves.
+    let mut variance: Vec<f64> = (0..channels).map(|c| left(c, known.mean()) / independent[c]).collect();
+    for _ in 0..ROUNDS {
+        let (mut all, mut right) = (prior.clone(), toward.clone());
+        for (c, variance) in variance.iter().enumerate() {
+            for (own, share) in of(c) {
+                let weight = share / variance.max(f64::MIN_POSITIVE);
+                all += &own.gram * weight;
+                right.axpy(weight, &own.right, 1.0);
             }
         }
-        let sigma: Vec<f64> = variance.iter().map(|v| (v / self.gain).sqrt()).collect();
-        sigma.iter().all(|s| s.is_finite() && *s > 0.0).then_some(sigma)
+        let inverse = all.cholesky()?.inverse();
+        let estimate = &inverse * right;
+        let mut moved = 0.0_f64;
+        for (c, variance) in variance.iter_mut().enumerate() {
+            let taken: f64 = of(c).map(|(own, share)| share / *variance * inverse.dot(&own.gram)).sum();
+            let rest = (independent[c] - taken).max(LEAST_LEFT * independent[c]);
+            let now = left(c, &estimate) / rest;
+            moved = moved.max((now / *variance - 1.0).abs());
+            *variance = now;
+        }
+        if moved < DONE {
+            break;
+        }
     }
+    let usable = variance.iter().all(|v| v.is_finite() && *v > 0.0);
+    let of_trial = |t: &RowSums| variance.iter().map(|v| (v / t.gain).sqrt()).collect();
+    usable.then(|| trials.iter().map(of_trial).collect())
 }
 
 impl Channel {

@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use rigident_shared::tree::BaseMotion;
 
 use super::alignment;
+use super::smoothing::Smoother;
 use super::track::{TrackOptions, Tracked, TrackedFrame, track};
 use crate::inverse_kinematics::subject::{HumanModel, Known, Subject, SubjectError, subject};
 use crate::model::human::Sex;
@@ -117,7 +118,21 @@ impl Person {
             let step = |share: f64| progress("poses", done + share / trials.len() as f64);
             tracked.push(track(trial, &subject, &options.track, &step)?);
         }
-        Ok(Self { subject, fixed, trials: tracked, notes })
+        let mut person = Self { subject, fixed, trials: tracked, notes };
+        if options.mass_kg.is_none()
+            && let Some(share) = share_of_needed(&person, trials)
+        {
+            person.scale_mass(share);
+        }
+        Ok(person)
+    }
+
+    /// Makes the table's bodies so many times as heavy.
+    fn scale_mass(&mut self, by: f64) {
+        self.subject.person.mass_kg *= by;
+        for link in &mut self.subject.model.links {
+            link.nominal.iter_mut().flatten().for_each(|v| *v *= by);
+        }
     }
 
     /// Returns the frames of a trial as those of a tree whose base is tracked.
@@ -217,6 +232,21 @@ fn chosen_frames(
         frames.extend(of(trial, each));
     }
     frames
+}
+
+/// How many times the force that the table's bodies need for all motions the plates measured, in the frames that are used.
+fn share_of_needed(person: &Person, trials: &[Trial]) -> Option<f64> {
+    let (mut product, mut square) = (0.0, 0.0);
+    for (tracked, trial) in person.trials.iter().zip(trials) {
+        let smoother = Smoother::new(tracked.report.cut_off_hz, trial.rate_hz)?;
+        let needed = alignment::needed_of(&person.subject, trial, &tracked.poses, &smoother);
+        for frame in &tracked.frames {
+            let Some(needed) = needed.get(frame.number).copied().flatten() else { continue };
+            product += needed.z * frame.wrench[2];
+            square += needed.z * needed.z;
+        }
+    }
+    (square > 0.0 && product > 0.0).then(|| product / square)
 }
 
 /// The person's mass by the plates, kg: the largest mean of the vertical force over any second, of a trial where that is steady; a

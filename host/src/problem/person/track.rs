@@ -75,6 +75,16 @@ pub struct Tracked {
     pub report: TrackReport,
 }
 
+impl Tracked {
+    /// Returns why a trial has too few frames, in words.
+    pub fn why_unused(&self) -> String {
+        let reasons = self.report.dropped.iter().map(|(why, count)| format!("{} ({count} frames)", why.words()));
+        let reasons: Vec<String> = reasons.collect();
+        let why = if reasons.is_empty() { "it is too short".to_owned() } else { reasons.join(", ") };
+        format!("{}: {} of {} frames can be used: {why}", self.name, self.frames.len(), self.report.frames)
+    }
+}
+
 /// How to track a trial.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TrackOptions {

@@ -1,0 +1,120 @@
+//! What was found of one person: segments beside the table, predictions of left-out motions, and what became of the frames.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::fit::Measured;
+
+/// A person.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct PersonResult {
+    /// The model: `human34` or `human58`.
+    pub model: String,
+    /// Stature that the table was scaled to, m; from the markers if it was not given.
+    pub height_m: f64,
+    /// Mass that the table was scaled to, kg; from the plates if it was not given.
+    pub table_mass_kg: f64,
+    /// The whole mass by the plates and the motion alone, kg; absent if they do not tell it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mass_kg: Option<Measured>,
+    /// The whole mass with what the table knows of the segments, kg.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mass_with_table_kg: Option<Measured>,
+    /// Standard deviations (1 σ) that the table is trusted with: of a segment's mass (relative), of its centre over its radius of
+    /// gyration, of its tensor (relative), of the whole mass (relative).
+    pub table_sigma: [f64; 4],
+    /// The segments, physically consistent and nearest to the table.
+    pub segments: Vec<SegmentResult>,
+    /// How motions that were left out are predicted by what the others say, channel by channel.
+    pub left_out: Vec<LeftOut>,
+    /// The number of motions of which one after the other was left out; 1 if there was only one, which is then predicted by itself.
+    pub motions: u64,
+    /// What became of each trial.
+    pub trials: Vec<TrialResult>,
+}
+
+/// A segment.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct SegmentResult {
+    /// The link of the model.
+    pub name: String,
+    /// Mass, kg.
+    pub mass_kg: Measured,
+    /// The table's mass, kg.
+    pub table_mass_kg: f64,
+    /// Centre of mass in the segment's axes (x forward, y left, z up when standing) from its proximal joint, m.
+    pub com_m: [Measured; 3],
+    /// The table's, m.
+    pub table_com_m: [f64; 3],
+    /// Radii of gyration about these axes through the centre of mass, m.
+    pub radii_m: [f64; 3],
+    /// The table's, m.
+    pub table_radii_m: [f64; 3],
+    /// How much of the table's variance of the mass the rows took away: 0 if they say nothing of it, 1 if they say all.
+    pub informed: f64,
+}
+
+/// How a channel of left-out motions is predicted.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct LeftOut {
+    /// Its name: `fx`, `fy`, `fz` in the laboratory's axes, `mx`, `my`, `mz` about the pelvis.
+    pub name: String,
+    /// Its unit.
+    pub unit: String,
+    /// Root mean square of what the person's own parameters leave.
+    pub rms: f64,
+    /// The same of the scaled table.
+    pub table_rms: f64,
+    /// The first over the body's weight, of moments over weight times stature, %.
+    pub percent_of_weight: f64,
+    /// Standard deviation of what was measured.
+    pub measured_sd: f64,
+    /// Mean gain in squares against the table, in its own standard deviations: below −2 worse than the table beyond chance.
+    pub gain_sd: f64,
+}
+
+/// What became of a trial.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct TrialResult {
+    /// Its name.
+    pub name: String,
+    /// Frames of the recording.
+    pub frames: u64,
+    /// Frames that rows were made of.
+    pub used: u64,
+    /// Frames per second.
+    pub rate_hz: f64,
+    /// Frames that were dropped, by the reason.
+    pub dropped: Vec<DroppedFrames>,
+    /// Places of markers that were filled in.
+    pub filled: u64,
+    /// Cut-off of the smoothing of markers and plates, Hz.
+    pub cut_off_hz: f64,
+    /// How late the plates are against the cameras, s, with its U95; absent if it was given or cannot be told.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub delay_s: Option<Measured>,
+    /// True if that was taken out.
+    pub delay_taken_out: bool,
+    /// Root mean square of the distances of markers from the model, m.
+    pub marker_rms_m: f64,
+    /// The three markers that are farthest off, with their root mean square, m.
+    pub farthest: Vec<FarMarker>,
+}
+
+/// Frames dropped for one reason.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct DroppedFrames {
+    /// The reason.
+    pub reason: String,
+    /// How many.
+    pub frames: u64,
+}
+
+/// A marker with its distance from the model.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct FarMarker {
+    /// Its name.
+    pub name: String,
+    /// Root mean square of its distance, m.
+    pub rms_m: f64,
+}

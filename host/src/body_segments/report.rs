@@ -1,0 +1,59 @@
+//! The result about a person, from a study.
+
+use super::left_out::left_out;
+use super::segments::segments;
+use super::study::{Study, StudyError};
+use crate::answer::person::{DroppedFrames, FarMarker, PersonResult, TrialResult};
+use crate::answer::standard_parameters::Full;
+use crate::fit::{COVERAGE_95, Estimate, Fit, Measured};
+use crate::problem::person::{Person, Tracked};
+
+/// Markers that are named as farthest off.
+const FARTHEST: usize = 3;
+
+/// Returns what is found of a person; `fit` is of all chosen motions with the table, `full` the segments nearest to it.
+///
+/// # Errors
+/// [`StudyError`] as the fits have it.
+pub fn person_result(study: &Study, person: &Person, fit: &Fit, full: &Full) -> Result<PersonResult, StudyError> {
+    let whole = study.table.names().first();
+    let place = whole.and_then(|name| fit.parameters.iter().position(|p| p.name == *name));
+    let mass = |estimate: &Estimate| estimate.measured(place?);
+    let spread = &study.options.spread;
+    Ok(PersonResult {
+        model: person.subject.model.name.clone(),
+        height_m: person.subject.person.height_m,
+        table_mass_kg: person.subject.person.mass_kg,
+        mass_kg: mass(fit.data_alone()),
+        mass_with_table_kg: mass(&fit.estimate),
+        table_sigma: [spread.mass, spread.centre, spread.inertia, spread.whole],
+        segments: segments(study, person, fit, full)?,
+        left_out: left_out(study, person)?,
+        motions: study.motions.len() as u64,
+        trials: person.trials.iter().map(trial).collect(),
+    })
+}
+
+fn trial(tracked: &Tracked) -> TrialResult {
+    let report = &tracked.report;
+    let mut far = report.by_marker.clone();
+    far.sort_by(|a, b| b.1.total_cmp(&a.1));
+    far.truncate(FARTHEST);
+    let dropped = report.dropped.iter().map(|(reason, count)| DroppedFrames {
+        reason: reason.words().to_owned(),
+        frames: *count as u64,
+    });
+    TrialResult {
+        name: tracked.name.clone(),
+        frames: report.frames as u64,
+        used: tracked.frames.len() as u64,
+        rate_hz: report.rate_hz,
+        dropped: dropped.collect(),
+        filled: report.filled as u64,
+        cut_off_hz: report.cut_off_hz,
+        delay_s: report.delay.map(|(d, _)| Measured { value: d.delay_s, u95: COVERAGE_95 * d.sigma_s }),
+        delay_taken_out: report.delay.is_some_and(|(_, taken)| taken),
+        marker_rms_m: report.rms_m,
+        farthest: far.into_iter().map(|(name, rms_m)| FarMarker { name, rms_m }).collect(),
+    }
+}

@@ -1,0 +1,176 @@
+//! Motions of a person, each with its rows and factor, and what they say together.
+
+use crate::answer::standard_parameters::{BaseEstimate, Full, nearest};
+use crate::fit::pool::{PoolError, PooledFactor};
+use crate::fit::prior::apply_distribution;
+use crate::fit::{Fit, FitError, FitOptions, Gaussian, Progress, RowSource, fit};
+use crate::model::ModelError;
+use crate::model::base::BaseParameters;
+use crate::problem::person::anthropometry::{Spread, distribution};
+use crate::problem::person::noise::{RowSums, sigma};
+use crate::problem::person::{Person, PersonError};
+use crate::problem::tree::{Input, TreeSource, TreeSourceError};
+
+/// Fewest frames that a motion has.
+const FEWEST_FRAMES: usize = 15;
+
+/// The reason that a person's segments are not found.
+#[derive(Debug, thiserror::Error)]
+pub enum StudyError {
+    /// The trials make no person.
+    #[error(transparent)]
+    Person(#[from] PersonError),
+    /// The frames make no rows.
+    #[error(transparent)]
+    Source(#[from] TreeSourceError),
+    /// The rows cannot be fitted.
+    #[error(transparent)]
+    Fit(#[from] FitError),
+    /// Motions do not fit together.
+    #[error(transparent)]
+    Pool(#[from] PoolError),
+    /// The table has no bodies of this model.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// No frame of any trial can be used.
+    #[error("no frame can be used: {0}")]
+    NoFrames(String),
+}
+
+/// What is asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StudyOptions {
+    /// How well the table is known of one person.
+    pub spread: Spread,
+    /// Relative standard deviation (1 σ) of the segments nearest to the table.
+    pub trust: f64,
+    /// Right segments mirror left ones.
+    pub symmetric: bool,
+    /// Parts of a single trial, each a motion.
+    pub parts: usize,
+}
+
+impl Default for StudyOptions {
+    fn default() -> Self {
+        Self { spread: Spread::default(), trust: 0.3, symmetric: false, parts: 4 }
+    }
+}
+
+/// A motion: a trial, or a part of one.
+pub struct Motion {
+    /// Its name.
+    pub name: String,
+    /// The trial, by its number.
+    pub trial: usize,
+    /// Its rows.
+    pub source: TreeSource,
+    /// Its fit.
+    pub fit: Fit,
+}
+
+/// All motions of a person.
+pub struct Study {
+    /// The motions.
+    pub motions: Vec<Motion>,
+    /// What the table says of the base parameters.
+    pub table: Gaussian,
+    /// Settings.
+    pub options: StudyOptions,
+    /// Trials without a usable frame, or too few, with the reason.
+    pub left: Vec<String>,
+}
+
+impl Study {
+    /// Returns the study of a person's trials.
+    ///
+    /// # Errors
+    /// [`StudyError`] if nothing can be used.
+    pub fn new(
+        person: &Person,
+        options: &StudyOptions,
+        fit_options: &FitOptions,
+        progress: &dyn Progress,
+    ) -> Result<Self, StudyError> {
+        let (mut inputs, mut left): (Vec<(String, usize, Input)>, Vec<String>) = (Vec::new(), Vec::new());
+        let parts = if person.trials.len() == 1 { options.parts.max(1) } else { 1 };
+        for (k, tracked) in person.trials.iter().enumerate() {
+            let Some(input) = person.input(k).filter(|input| input.frames.len() >= FEWEST_FRAMES) else {
+                left.push(tracked.why_unused());
+                continue;
+            };
+            let parts = parts.min(input.frames.len() / FEWEST_FRAMES).max(1);
+            for (part, frames) in input.frames.chunks(input.frames.len().div_ceil(parts)).enumerate() {
+                let name =
+                    if parts == 1 { tracked.name.clone() } else { format!("{}, part {}", tracked.name, part + 1) };
+                inputs.push((name, k, input.with_frames(frames.to_vec())));
+            }
+        }
+        if inputs.is_empty() {
+            return Err(StudyError::NoFrames(left.join("; ")));
+        }
+        let base = crate::model::base::base_parameters(&inputs[0].2.model, &inputs[0].2.situation)?;
+        let table = table(person, &base, &options.spread)?;
+        let mut sums = Vec::new();
+        for (_, trial, input) in &inputs {
+            let source = TreeSource::new(input.clone())?;
+            let report = &person.trials[*trial].report;
+            sums.push(RowSums::of(&source, report.rate_hz, report.cut_off_hz)?);
+        }
+        let sigmas = sigma(&sums, &table)
+            .ok_or_else(|| StudyError::NoFrames("the rows that are left are too short for their filter".to_owned()))?;
+        let mut motions = Vec::new();
+        for (k, ((name, trial, input), sigma)) in inputs.into_iter().zip(sigmas).enumerate() {
+            progress.stage("motions", k as f64 / sums.len() as f64);
+            let source = TreeSource::new(Input { channel_sigma: Some(sigma), ..input })?;
+            match fit(&source, fit_options, progress) {
+                Ok(fit) => motions.push(Motion { name, trial, source, fit }),
+                Err(error @ FitError::NoRows { .. }) => left.push(format!("{name}: {error}")),
+                Err(error) => return Err(error.into()),
+            }
+        }
+        if motions.is_empty() {
+            return Err(StudyError::NoFrames(left.join("; ")));
+        }
+        Ok(Self { motions, table, options: *options, left })
+    }
+
+    /// Returns what some motions say together, with the table in the estimate.
+    ///
+    /// # Errors
+    /// [`StudyError::Pool`] if there are none.
+    pub fn together(&self, motions: &[usize]) -> Result<Fit, StudyError> {
+        let chosen = motions.iter().filter_map(|k| self.motions.get(*k));
+        let factors = chosen.map(|m| PooledFactor::of(&m.fit, &m.name)).collect();
+        let mut fit = PooledFactor::merged(factors, false)?.fit();
+        apply_distribution(&mut fit, &self.table);
+        Ok(fit)
+    }
+
+    /// Returns the base parameters.
+    pub fn base(&self) -> &BaseParameters {
+        self.motions[0].source.base()
+    }
+
+    /// Returns the physically consistent segments nearest to the table of a person that a fit leaves.
+    ///
+    /// # Errors
+    /// [`StudyError::Model`] if the table has none.
+    pub fn segments(&self, person: &Person, fit: &Fit) -> Result<Full, StudyError> {
+        let found = BaseEstimate::of(fit, self.base()).evenly_widened(fit);
+        Ok(nearest(&person.subject.model, &found, self.options.trust, self.options.symmetric)?)
+    }
+
+    /// Returns the number of parameters.
+    pub fn parameters(&self) -> usize {
+        self.motions.first().map_or(0, |m| m.source.parameters().len())
+    }
+}
+
+fn table(person: &Person, base: &BaseParameters, spread: &Spread) -> Result<Gaussian, StudyError> {
+    distribution(&person.subject.model, base, spread).ok_or_else(|| {
+        StudyError::Model(ModelError::Structure {
+            what: person.subject.model.name.clone(),
+            problem: "a segment has no body in the table".to_owned(),
+        })
+    })
+}

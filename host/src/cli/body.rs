@@ -1,0 +1,221 @@
+//! `rigident body`: a person's segments from markers and force plates.
+
+use std::path::Path;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use super::body_arguments::{Body, BodyCommand, IdentifyBody};
+use super::outcome::say;
+use super::{ExitStatus, Failure, Folder, Stages};
+use crate::answer::standard_parameters::Full;
+use crate::answer::{Answer, Context, Links, Source, StandardRequest};
+use crate::body_segments::report::person_result;
+use crate::body_segments::{Study, StudyOptions};
+use crate::fit::pool::PooledFactor;
+use crate::fit::{Fit, FitOptions};
+use crate::model::write;
+use crate::motion_capture::trial::Trial;
+use crate::present::{self, Series};
+use crate::problem::person::track::TrackOptions;
+use crate::problem::person::{PeopleOptions, Person};
+
+/// The mass that is given and that of the plates may differ by this share.
+const LARGEST_DIFFERENCE: f64 = 0.05;
+
+/// `rigident body`
+pub(super) fn run(body: &Body) -> Result<ExitCode, Failure> {
+    match &body.command {
+        BodyCommand::Identify(arguments) => identify(arguments),
+    }
+}
+
+fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
+    let started = Instant::now();
+    check(arguments)?;
+    let stages = Stages::new("reading the trials");
+    let mut trials = trials(arguments)?;
+    let standing = arguments.standing.as_deref().map(|path| Trial::read(path, None)).transpose();
+    let standing = standing.map_err(Failure::input)?;
+    let options = PeopleOptions {
+        kind: arguments.model.into(),
+        height_m: arguments.height_m,
+        mass_kg: arguments.mass_kg,
+        sex: arguments.table.into(),
+        track: TrackOptions { cut_off_hz: arguments.cut_off_hz, delay_s: arguments.delay_s },
+    };
+    let person = Person::new(&mut trials, standing.as_ref(), &options, &|stage, share| stages.at(stage, share));
+    let person = person.map_err(Failure::input)?;
+    let study_options = StudyOptions {
+        trust: arguments.nominal_sigma,
+        symmetric: arguments.symmetric_sides,
+        parts: arguments.parts,
+        ..StudyOptions::default()
+    };
+    let progress = |stage: &str, share: f64| stages.at(stage, share);
+    let study = Study::new(&person, &study_options, &FitOptions::default(), &progress).map_err(Failure::input)?;
+    stages.at("segments", 0.0);
+    let all: Vec<usize> = (0..study.motions.len()).collect();
+    let fit = study.together(&all).map_err(Failure::input)?;
+    let full = study.segments(&person, &fit).map_err(Failure::input)?;
+    let mut answer = answer(arguments, &person, &study, &fit)?;
+    stages.at("left-out motions", 0.0);
+    answer.person = Some(person_result(&study, &person, &fit, &full).map_err(Failure::input)?);
+    contradictions(arguments, &mut answer);
+    answer.elapsed_s = started.elapsed().as_secs_f64();
+    drop(stages);
+    finish(arguments, &person, &study, (&fit, &full), &answer)
+}
+
+/// Refuses options that cannot be.
+fn check(arguments: &IdentifyBody) -> Result<(), Failure> {
+    let positive = |name: &str, value: Option<f64>| match value {
+        Some(v) if !(v.is_finite() && v > 0.0) => {
+            Err(Failure::input(format!("{name} {v}: must be finite and greater than zero")))
+        }
+        _ => Ok(()),
+    };
+    positive("--mass-kg", arguments.mass_kg)?;
+    positive("--height-m", arguments.height_m)?;
+    positive("--cut-off-hz", arguments.cut_off_hz)?;
+    positive("--nominal-sigma", Some(arguments.nominal_sigma))?;
+    if arguments.delay_s.is_some_and(|d| !d.is_finite() || d.abs() > 1.0) {
+        return Err(Failure::input("--delay-s: give seconds, at most one"));
+    }
+    if !(1..=100).contains(&arguments.parts) {
+        return Err(Failure::input(format!("--parts {}: give 1 to 100", arguments.parts)));
+    }
+    if let Some(path) = &arguments.write_model {
+        write::check_target(path).map_err(Failure::input)?;
+    }
+    arguments.output.out.as_deref().map_or(Ok(()), Folder::check)
+}
+
+/// Reads the trials, each TRC file with the ground's forces that were named for it.
+fn trials(arguments: &IdentifyBody) -> Result<Vec<Trial>, Failure> {
+    let mut ground = arguments.ground.iter();
+    let mut trials: Vec<Trial> = Vec::new();
+    for path in &arguments.trials {
+        let is_trc = crate::recording::extension(path) == "trc";
+        let own = if is_trc { ground.next() } else { None };
+        let mut trial = Trial::read(path, own.map(std::path::PathBuf::as_path)).map_err(Failure::input)?;
+        let same = trials.iter().filter(|t| t.name == trial.name || t.name.starts_with(&format!("{} (", trial.name)));
+        match same.count() {
+            0 => {}
+            n => trial.name = format!("{} ({})", trial.name, n + 1),
+        }
+        trials.push(trial);
+    }
+    if let Some(left) = ground.next() {
+        return Err(Failure::input(format!(
+            "--ground {}: there is no TRC trial for it; C3D files have their plates inside",
+            left.display()
+        )));
+    }
+    Ok(trials)
+}
+
+fn answer(arguments: &IdentifyBody, person: &Person, study: &Study, fit: &Fit) -> Result<Answer, Failure> {
+    let input = study.motions[0].source.input();
+    let links = Links {
+        model: &input.model,
+        base: study.base(),
+        situation: input.situation,
+        drives: Vec::new(),
+        idle: Vec::new(),
+        beyond: Vec::new(),
+        standard: Some(StandardRequest {
+            nominal: &person.subject.model,
+            trust: arguments.nominal_sigma,
+            symmetric: arguments.symmetric_sides,
+            required: true,
+        }),
+    };
+    let names: Vec<&str> = person.trials.iter().map(|t| t.name.as_str()).collect();
+    let mut notes = person.notes.clone();
+    notes.extend(unknown_markers(person));
+    let whole = study.table.names().first().cloned();
+    let asked = if arguments.output.estimate.is_empty() {
+        whole.into_iter().collect()
+    } else {
+        arguments.output.estimate.clone()
+    };
+    let context = Context {
+        links: Some(links),
+        asked: &asked,
+        source: Source {
+            recording: names.join(" + "),
+            rows: person.trials.iter().map(|t| t.frames.len() as u64).sum(),
+            mcu: "host".to_owned(),
+            ..Source::default()
+        },
+        notes,
+        warnings: study.left.clone(),
+        ..Context::default()
+    };
+    Answer::new(fit, context).map_err(Failure::input)
+}
+
+/// Tells of markers whose names say nothing.
+fn unknown_markers(person: &Person) -> Option<String> {
+    let unknown = &person.subject.unknown;
+    (!unknown.is_empty()).then(|| {
+        format!("markers of unknown names were not used: {}", present::text::shortened(unknown, 8))
+    })
+}
+
+/// Warns of a mass that the plates contradict.
+fn contradictions(arguments: &IdentifyBody, answer: &mut Answer) {
+    let found = answer.person.as_ref().and_then(|p| p.mass_with_table_kg);
+    if let (Some(given), Some(found)) = (arguments.mass_kg, found) {
+        let off = (given - found.value).abs();
+        if off > found.u95 && off > LARGEST_DIFFERENCE * found.value {
+            answer.warnings.push(format!(
+                "--mass-kg {given} contradicts the plates, which say {}: weigh again, or leave it out",
+                present::text::with_u95(found.value, found.u95, "kg")
+            ));
+        }
+    }
+}
+
+fn finish(
+    arguments: &IdentifyBody,
+    person: &Person,
+    study: &Study,
+    (fit, full): (&Fit, &Full),
+    answer: &Answer,
+) -> Result<ExitCode, Failure> {
+    let folder = Folder::new(arguments.output.out.as_deref(), "body")?;
+    let json = serde_json::to_string_pretty(answer)
+        .map_err(|e| Failure::input(format!("the result cannot be put into JSON: {e}")))?;
+    if arguments.output.json {
+        say(json.as_str());
+    } else {
+        say(present::person::whole_text(answer).trim_end());
+    }
+    folder.write("result.json", json.as_bytes())?;
+    let series = Series::new(fit, answer, false, 0.0);
+    let page = folder.write("report.html", present::report(answer, &series).as_bytes())?;
+    for motion in &study.motions {
+        let name = format!("{}.factor", motion.name.replace(['/', '\\', ',', ' '], "_"));
+        folder.write(&name, &PooledFactor::of(&motion.fit, &motion.name).to_bytes())?;
+    }
+    let written = arguments.write_model.as_deref().map(|path| write_model(person, full, path)).transpose()?;
+    if !arguments.output.json {
+        let model = written.map_or_else(String::new, |path| format!("; the model is {path}"));
+        say(format_args!(
+            "\nFiles in {}; open {} in a browser{model}.",
+            folder.path().display(),
+            page.display()
+        ));
+    }
+    let is_known = answer.person.as_ref().is_some_and(|p| p.mass_with_table_kg.is_some());
+    Ok(ExitStatus::of(is_known && answer.warnings.is_empty()).into())
+}
+
+/// Writes the person's model with her segments.
+fn write_model(person: &Person, full: &Full, path: &Path) -> Result<String, Failure> {
+    let found = full.links.iter().map(|link| (link.name.as_str(), link.parameters));
+    let model = write::with_parameters(&person.subject.model, found);
+    write::write(&model, None, path).map_err(Failure::input)?;
+    Ok(path.display().to_string())
+}

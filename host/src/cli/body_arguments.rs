@@ -1,0 +1,117 @@
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand, ValueEnum};
+
+use super::arguments::Output;
+use crate::inverse_kinematics::subject::HumanModel;
+use crate::model::human::Sex;
+
+/// `rigident body`
+#[derive(Args, Debug, Clone)]
+pub struct Body {
+    /// What to do
+    #[command(subcommand)]
+    pub command: BodyCommand,
+}
+
+/// What to do with recordings of a person.
+#[derive(Subcommand, Debug, Clone)]
+pub enum BodyCommand {
+    /// Identify the segments of a person from markers and force plates
+    Identify(Box<IdentifyBody>),
+}
+
+/// Which model of people.
+#[derive(ValueEnum, Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Model {
+    /// 15 links, 34 degrees of freedom
+    #[default]
+    Human34,
+    /// 23 links, 58 degrees of freedom
+    Human58,
+}
+
+impl From<Model> for HumanModel {
+    fn from(model: Model) -> Self {
+        match model {
+            Model::Human34 => Self::Human34,
+            Model::Human58 => Self::Human58,
+        }
+    }
+}
+
+/// Whose means the table has.
+#[derive(ValueEnum, Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum TableOf {
+    /// Women's
+    Female,
+    /// Men's
+    #[default]
+    Male,
+}
+
+impl From<TableOf> for Sex {
+    fn from(of: TableOf) -> Self {
+        match of {
+            TableOf::Female => Self::Female,
+            TableOf::Male => Self::Male,
+        }
+    }
+}
+
+/// `rigident body identify`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "A trial is a C3D file with force plates, or a TRC file with the ground's forces beside it: walk_grf.mot to walk.trc, \
+                  or --ground FILE. Markers are known by their names (Plug-in Gait, OpenSim's examples and the like); joint centres come \
+                  from all trials together. Frames in which a foot is off the plates are dropped, and counted.\n\nEach trial is a motion \
+                  with a factor of its own; a single one is cut into parts. Every motion is predicted by the others, beside the table of \
+                  average people scaled to the person.\n\nExit status 0 if the whole mass is identified, 1 if not, 2 if a file cannot be \
+                  used.\n\nExamples:\n  rigident body identify walk.c3d --static standing.c3d --height-m 1.68\n  rigident body identify \
+                  walk.trc --ground walk_forces.mot --static standing.trc\n  rigident body identify walk1.c3d walk2.c3d squat.c3d --static \
+                  standing.c3d --mass-kg 72.6 --write-model subject.urdf"
+)]
+pub struct IdentifyBody {
+    /// Trials: C3D, or TRC with a MOT or STO file beside it
+    #[arg(required = true, value_name = "TRIAL")]
+    pub trials: Vec<PathBuf>,
+    /// A trial in which the person stands upright
+    #[arg(long = "static", value_name = "TRIAL")]
+    pub standing: Option<PathBuf>,
+    /// Forces of the ground for each TRC trial, in their order: MOT or STO
+    #[arg(long, value_name = "FILE")]
+    pub ground: Vec<PathBuf>,
+    /// The model of the person
+    #[arg(long, value_enum, default_value_t)]
+    pub model: Model,
+    /// Mass of the person, kg, if it is known; by default from the plates
+    #[arg(long, value_name = "M")]
+    pub mass_kg: Option<f64>,
+    /// Stature of the person, m; by default from the markers
+    #[arg(long, value_name = "H")]
+    pub height_m: Option<f64>,
+    /// Whose means the table has
+    #[arg(long, value_enum, default_value_t)]
+    pub table: TableOf,
+    /// Cut-off of the smoothing of markers and plates, Hz; by default from the data
+    #[arg(long, value_name = "HZ")]
+    pub cut_off_hz: Option<f64>,
+    /// How late the plates are against the cameras, s; by default from the data
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub delay_s: Option<f64>,
+    /// Parts of a single trial
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    pub parts: usize,
+    /// Relative standard deviation that the table's segments are trusted with
+    #[arg(long, value_name = "S", default_value_t = 0.3)]
+    pub nominal_sigma: f64,
+    /// Make right segments mirror images of left ones
+    #[arg(long)]
+    pub symmetric_sides: bool,
+    /// Write the segments into a model: FILE.urdf or FILE.xml (MJCF)
+    #[arg(long, value_name = "FILE")]
+    pub write_model: Option<PathBuf>,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub output: Output,
+}

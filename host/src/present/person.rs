@@ -1,0 +1,128 @@
+//! One person's segments for a terminal.
+
+use super::table::printable;
+use super::text::{significant, with_u95};
+use crate::answer::Answer;
+use crate::answer::person::{PersonResult, TrialResult};
+use crate::fit::Measured;
+
+/// Returns an answer about a person: her tables, then warnings and notes.
+pub fn whole_text(answer: &Answer) -> String {
+    let mut out = format!("{}\n", printable(&answer.source.recording));
+    out.push_str(&answer.person.as_ref().map_or_else(String::new, text));
+    for (word, all) in [("warning", &answer.warnings), ("note", &answer.notes)] {
+        for said in all {
+            out.push_str(&format!("{word}: {}\n", printable(said)));
+        }
+    }
+    out
+}
+
+/// Returns the tables of a person.
+pub fn text(found: &PersonResult) -> String {
+    let mut out = format!(
+        "{}, {} m tall; the table scaled to {} kg\n\n",
+        found.model,
+        significant(found.height_m, 3),
+        significant(found.table_mass_kg, 4)
+    );
+    let mass = |m: Option<Measured>| m.map_or("not identified".to_owned(), |m| with_u95(m.value, m.u95, "kg"));
+    out.push_str(&format!("Whole mass            {}\n", mass(found.mass_kg)));
+    out.push_str(&format!("  with the table      {}\n\n", mass(found.mass_with_table_kg)));
+    out.push_str(&columns(&segments(found)));
+    out.push_str(
+        "\nmass and place of the centre of mass below the proximal joint (feet: before it), ± U95, the table's beside; radii of \
+         gyration; how much of the table's variance of the mass the plates took away\n\n",
+    );
+    let what = match found.motions {
+        1 => "The motion predicted by itself: there is no other".to_owned(),
+        n => format!("{n} motions, each predicted by the others"),
+    };
+    out.push_str(&format!("{what}: root mean square of what is left\n"));
+    out.push_str(&columns(&left_out(found)));
+    out.push('\n');
+    for trial in &found.trials {
+        out.push_str(&format!("{}\n", frames(trial)));
+    }
+    out
+}
+
+fn segments(found: &PersonResult) -> Vec<Vec<String>> {
+    let head = ["segment", "mass/kg", "", "table", "centre/m", "", "table", "radii/m", "table", "told"];
+    let mut rows = vec![head.map(str::to_owned).to_vec()];
+    for s in &found.segments {
+        let axis = if s.table_com_m[0].abs() > s.table_com_m[2].abs() { 0 } else { 2 };
+        let fixed = |v: f64, digits: usize| format!("{v:.digits$}");
+        let radii = |r: &[f64; 3]| r.map(|v| fixed(v, 3)).join(" ");
+        rows.push(vec![
+            printable(&s.name),
+            fixed(s.mass_kg.value, 2),
+            format!("± {}", fixed(s.mass_kg.u95, 2)),
+            fixed(s.table_mass_kg, 2),
+            fixed(s.com_m[axis].value, 3),
+            format!("± {}", fixed(s.com_m[axis].u95, 3)),
+            fixed(s.table_com_m[axis], 3),
+            radii(&s.radii_m),
+            radii(&s.table_radii_m),
+            format!("{:.0} %", 100.0 * s.informed),
+        ]);
+    }
+    rows
+}
+
+fn left_out(found: &PersonResult) -> Vec<Vec<String>> {
+    let head = ["", "own", "table", "", "% of weight", "measured, sd", "against the table"];
+    let mut rows = vec![head.map(str::to_owned).to_vec()];
+    for c in &found.left_out {
+        let against = match c.gain_sd {
+            g if g >= 2.0 => format!("better ({g:.1} sd)"),
+            g if g <= -2.0 => format!("worse ({g:.1} sd)"),
+            g => format!("no difference beyond chance ({g:.1} sd)"),
+        };
+        rows.push(vec![
+            printable(&c.name),
+            significant(c.rms, 3),
+            significant(c.table_rms, 3),
+            c.unit.clone(),
+            significant(c.percent_of_weight, 2),
+            significant(c.measured_sd, 3),
+            against,
+        ]);
+    }
+    rows
+}
+
+fn frames(trial: &TrialResult) -> String {
+    let dropped: Vec<String> = trial.dropped.iter().map(|d| format!("{} {}", d.frames, d.reason)).collect();
+    let dropped = if dropped.is_empty() { String::new() } else { format!("; dropped: {}", dropped.join(", ")) };
+    let delay = trial.delay_s.map_or_else(String::new, |d| {
+        let done = if trial.delay_taken_out { "taken out" } else { "left" };
+        format!("; plates late by {} ms, {done}", with_u95(1e3 * d.value, 1e3 * d.u95, ""))
+    });
+    let far: Vec<String> =
+        trial.farthest.iter().map(|f| format!("{} {:.0}", printable(&f.name), 1e3 * f.rms_m)).collect();
+    format!(
+        "{}: {} of {} frames used{dropped}; smoothed at {} Hz{delay}; markers {:.1} mm off the model, most {} mm; {} filled in",
+        printable(&trial.name),
+        trial.used,
+        trial.frames,
+        significant(trial.cut_off_hz, 2),
+        1e3 * trial.marker_rms_m,
+        far.join(", "),
+        trial.filled
+    )
+}
+
+/// Columns as wide as their widest cell: the first from the left, the others from the right.
+fn columns(rows: &[Vec<String>]) -> String {
+    let width = |column: usize| rows.iter().filter_map(|r| r.get(column)).map(|c| c.chars().count()).max();
+    let mut out = String::new();
+    for row in rows {
+        let cells = row.iter().enumerate().map(|(k, cell)| {
+            let room = " ".repeat(width(k).unwrap_or(0).saturating_sub(cell.chars().count()));
+            if k == 0 || k + 1 == row.len() { format!("{cell}{room}") } else { format!("{room}{cell}") }
+        });
+        out.push_str(&format!("  {}\n", cells.collect::<Vec<_>>().join("  ").trim_end()));
+    }
+    out
+}
