@@ -6,6 +6,7 @@ use super::study::{Study, StudyError};
 use crate::answer::person::LeftOut;
 use crate::fit::{Fit, Prediction};
 use crate::problem::person::Person;
+use crate::problem::person::noise::noise_gain;
 
 /// Returns the errors of motions that were left out one at a time; of a single motion those of itself.
 ///
@@ -21,9 +22,11 @@ pub fn left_out(study: &Study, person: &Person) -> Result<Vec<LeftOut>, StudyErr
         let source = &study.motions[*k].source;
         let own = Prediction::of(source, &values, &[])?;
         let table = Prediction::of(source, study.table.mean().as_slice(), &[])?;
-        let gain = source_blocks(&study.motions[*k].fit);
+        let report = &person.trials[study.motions[*k].trial].report;
+        let every = f64::from(study.motions[*k].fit.filter.every);
+        let share = every * noise_gain(report.rate_hz, report.cut_off_hz);
         for (c, sums) in sums.iter_mut().enumerate() {
-            sums.add(&own, &table, c, gain);
+            sums.add(&own, &table, c, share);
         }
     }
     let weight = person.subject.person.mass_kg * GRAVITY;
@@ -40,11 +43,6 @@ fn predictor(study: &Study, person: &Person, fit: &Fit) -> Result<Vec<f64>, Stud
     Ok(study.segments(person, fit)?.base)
 }
 
-/// Rows of a motion that are one independent value.
-fn source_blocks(fit: &Fit) -> f64 {
-    1.0 / (f64::from(fit.filter.every) * fit.filter.noise_gain).clamp(1e-3, 1.0)
-}
-
 #[derive(Clone, Default)]
 struct Sums {
     count: f64,
@@ -58,12 +56,12 @@ struct Sums {
 }
 
 impl Sums {
-    fn add(&mut self, own: &Prediction, table: &Prediction, c: usize, rows_each: f64) {
+    fn add(&mut self, own: &Prediction, table: &Prediction, c: usize, share: f64) {
         for (own, table) in own.blocks.iter().zip(&table.blocks) {
             let y = own.measured[c];
             let (a, b) = ((y - own.predicted[c]).powi(2), (y - table.predicted[c]).powi(2));
             self.count += 1.0;
-            self.independent += 1.0 / rows_each;
+            self.independent += share;
             self.own += a;
             self.table += b;
             self.gain += b - a;

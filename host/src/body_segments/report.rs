@@ -3,29 +3,38 @@
 use super::left_out::left_out;
 use super::segments::segments;
 use super::study::{Study, StudyError};
+use crate::answer::Answer;
 use crate::answer::person::{DroppedFrames, FarMarker, PersonResult, TrialResult};
+use crate::answer::result::ParameterState;
 use crate::answer::standard_parameters::Full;
-use crate::fit::{COVERAGE_95, Estimate, Fit, Measured};
+use crate::fit::{COVERAGE_95, Fit, Measured};
 use crate::problem::person::{Person, Tracked};
 
 /// Markers that are named as farthest off.
 const FARTHEST: usize = 3;
 
-/// Returns what is found of a person; `fit` is of all chosen motions with the table, `full` the segments nearest to it.
+/// Returns what is found of a person; `fit` is of all motions with the table, `full` the segments nearest to it, `answer` what the fit
+/// says.
 ///
 /// # Errors
 /// [`StudyError`] as the fits have it.
-pub fn person_result(study: &Study, person: &Person, fit: &Fit, full: &Full) -> Result<PersonResult, StudyError> {
+pub fn person_result(
+    study: &Study,
+    person: &Person,
+    fit: &Fit,
+    full: &Full,
+    answer: &Answer,
+) -> Result<PersonResult, StudyError> {
     let whole = study.table.names().first();
     let place = whole.and_then(|name| fit.parameters.iter().position(|p| p.name == *name));
-    let mass = |estimate: &Estimate| estimate.measured(place?);
+    let state = place.and_then(|place| answer.parameters.get(place)).map(|p| p.state);
     let spread = &study.options.spread;
     Ok(PersonResult {
         model: person.subject.model.name.clone(),
         height_m: person.subject.person.height_m,
         table_mass_kg: person.subject.person.mass_kg,
-        mass_kg: mass(fit.data_alone()),
-        mass_with_table_kg: mass(&fit.estimate),
+        mass_kg: state.filter(ParameterState::is_identified).and_then(|_| fit.data_alone().measured(place?)),
+        mass_with_table_kg: state.and_then(|state| state.measured()),
         table_sigma: [spread.mass, spread.centre, spread.inertia, spread.whole],
         segments: segments(study, person, fit, full)?,
         left_out: left_out(study, person)?,
@@ -39,10 +48,10 @@ fn trial(tracked: &Tracked) -> TrialResult {
     let mut far = report.by_marker.clone();
     far.sort_by(|a, b| b.1.total_cmp(&a.1));
     far.truncate(FARTHEST);
-    let dropped = report.dropped.iter().map(|(reason, count)| DroppedFrames {
-        reason: reason.words().to_owned(),
-        frames: *count as u64,
-    });
+    let dropped = report
+        .dropped
+        .iter()
+        .map(|(reason, count)| DroppedFrames { reason: reason.words().to_owned(), frames: *count as u64 });
     TrialResult {
         name: tracked.name.clone(),
         frames: report.frames as u64,

@@ -17,7 +17,12 @@ use crate::problem::person::anthropometry;
 ///
 /// # Errors
 /// [`StudyError::NoFrames`] if what is known of them is singular.
-pub fn segments(study: &Study, person: &Person, fit: &Fit, found: &Full) -> Result<Vec<SegmentResult>, StudyError> {
+pub fn segments(
+    study: &Study,
+    person: &Person,
+    fit: &Fit,
+    found: &Full,
+) -> Result<Vec<SegmentResult>, StudyError> {
     let refuse = || StudyError::NoFrames("what is known of the segments is singular".to_owned());
     let model = &person.subject.model;
     let known = anthropometry::standard(model, &study.options.spread).ok_or_else(refuse)?;
@@ -47,8 +52,7 @@ fn segment(
     let (table_centre, table_radii) = shape(table);
     // c = ms / m: δc = (δms − c δm) / m
     let of_axis = |k: usize| {
-        let (a, b, c) =
-            (covariance[(1 + k, 1 + k)], covariance[(0, 0)], covariance[(0, 1 + k)]);
+        let (a, b, c) = (covariance[(1 + k, 1 + k)], covariance[(0, 0)], covariance[(0, 1 + k)]);
         u95(a + centre[k] * centre[k] * b - 2.0 * centre[k] * c) / phi[0]
     };
     SegmentResult {

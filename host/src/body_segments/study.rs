@@ -1,5 +1,6 @@
 //! Motions of a person, each with its rows and factor, and what they say together.
 
+use crate::answer::checks;
 use crate::answer::standard_parameters::{BaseEstimate, Full, nearest};
 use crate::fit::pool::{PoolError, PooledFactor};
 use crate::fit::prior::apply_distribution;
@@ -68,6 +69,19 @@ pub struct Motion {
     pub fit: Fit,
 }
 
+impl Motion {
+    /// Returns its factor, with what its checks found.
+    pub fn factor(&self) -> PooledFactor {
+        PooledFactor::of(&self.fit, &self.name).checked(&checks(&self.fit, &[], true))
+    }
+}
+
+/// Returns a fit whose σ are what residuals have beside the table: there is no stated noise to compare them with.
+fn nothing_stated(mut fit: Fit) -> Fit {
+    fit.noise.variance_ratio = 1.0;
+    fit
+}
+
 /// All motions of a person.
 pub struct Study {
     /// The motions.
@@ -100,8 +114,11 @@ impl Study {
             };
             let parts = parts.min(input.frames.len() / FEWEST_FRAMES).max(1);
             for (part, frames) in input.frames.chunks(input.frames.len().div_ceil(parts)).enumerate() {
-                let name =
-                    if parts == 1 { tracked.name.clone() } else { format!("{}, part {}", tracked.name, part + 1) };
+                let name = if parts == 1 {
+                    tracked.name.clone()
+                } else {
+                    format!("{}, part {}", tracked.name, part + 1)
+                };
                 inputs.push((name, k, input.with_frames(frames.to_vec())));
             }
         }
@@ -116,14 +133,15 @@ impl Study {
             let report = &person.trials[*trial].report;
             sums.push(RowSums::of(&source, report.rate_hz, report.cut_off_hz)?);
         }
-        let sigmas = sigma(&sums, &table)
-            .ok_or_else(|| StudyError::NoFrames("the rows that are left are too short for their filter".to_owned()))?;
+        let sigmas = sigma(&sums, &table).ok_or_else(|| {
+            StudyError::NoFrames("the rows that are left are too short for their filter".to_owned())
+        })?;
         let mut motions = Vec::new();
         for (k, ((name, trial, input), sigma)) in inputs.into_iter().zip(sigmas).enumerate() {
             progress.stage("motions", k as f64 / sums.len() as f64);
             let source = TreeSource::new(Input { channel_sigma: Some(sigma), ..input })?;
             match fit(&source, fit_options, progress) {
-                Ok(fit) => motions.push(Motion { name, trial, source, fit }),
+                Ok(fit) => motions.push(Motion { name, trial, source, fit: nothing_stated(fit) }),
                 Err(error @ FitError::NoRows { .. }) => left.push(format!("{name}: {error}")),
                 Err(error) => return Err(error.into()),
             }
@@ -140,8 +158,8 @@ impl Study {
     /// [`StudyError::Pool`] if there are none.
     pub fn together(&self, motions: &[usize]) -> Result<Fit, StudyError> {
         let chosen = motions.iter().filter_map(|k| self.motions.get(*k));
-        let factors = chosen.map(|m| PooledFactor::of(&m.fit, &m.name)).collect();
-        let mut fit = PooledFactor::merged(factors, false)?.fit();
+        let factors = chosen.map(Motion::factor).collect();
+        let mut fit = nothing_stated(PooledFactor::merged(factors, false)?.fit());
         apply_distribution(&mut fit, &self.table);
         Ok(fit)
     }

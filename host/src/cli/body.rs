@@ -8,10 +8,9 @@ use super::body_arguments::{Body, BodyCommand, IdentifyBody};
 use super::outcome::say;
 use super::{ExitStatus, Failure, Folder, Stages};
 use crate::answer::standard_parameters::Full;
-use crate::answer::{Answer, Context, Links, Source, StandardRequest};
+use crate::answer::{Answer, Context, Links, Source, StandardRequest, Status};
 use crate::body_segments::report::person_result;
 use crate::body_segments::{Study, StudyOptions};
-use crate::fit::pool::PooledFactor;
 use crate::fit::{Fit, FitOptions};
 use crate::model::write;
 use crate::motion_capture::trial::Trial;
@@ -43,7 +42,8 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
         sex: arguments.table.into(),
         track: TrackOptions { cut_off_hz: arguments.cut_off_hz, delay_s: arguments.delay_s },
     };
-    let person = Person::new(&mut trials, standing.as_ref(), &options, &|stage, share| stages.at(stage, share));
+    let person =
+        Person::new(&mut trials, standing.as_ref(), &options, &|stage, share| stages.at(stage, share));
     let person = person.map_err(Failure::input)?;
     let study_options = StudyOptions {
         trust: arguments.nominal_sigma,
@@ -52,14 +52,15 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
         ..StudyOptions::default()
     };
     let progress = |stage: &str, share: f64| stages.at(stage, share);
-    let study = Study::new(&person, &study_options, &FitOptions::default(), &progress).map_err(Failure::input)?;
+    let study =
+        Study::new(&person, &study_options, &FitOptions::default(), &progress).map_err(Failure::input)?;
     stages.at("segments", 0.0);
     let all: Vec<usize> = (0..study.motions.len()).collect();
     let fit = study.together(&all).map_err(Failure::input)?;
     let full = study.segments(&person, &fit).map_err(Failure::input)?;
     let mut answer = answer(arguments, &person, &study, &fit)?;
     stages.at("left-out motions", 0.0);
-    answer.person = Some(person_result(&study, &person, &fit, &full).map_err(Failure::input)?);
+    answer.person = Some(person_result(&study, &person, &fit, &full, &answer).map_err(Failure::input)?);
     contradictions(arguments, &mut answer);
     answer.elapsed_s = started.elapsed().as_secs_f64();
     drop(stages);
@@ -98,7 +99,9 @@ fn trials(arguments: &IdentifyBody) -> Result<Vec<Trial>, Failure> {
         let is_trc = crate::recording::extension(path) == "trc";
         let own = if is_trc { ground.next() } else { None };
         let mut trial = Trial::read(path, own.map(std::path::PathBuf::as_path)).map_err(Failure::input)?;
-        let same = trials.iter().filter(|t| t.name == trial.name || t.name.starts_with(&format!("{} (", trial.name)));
+        let same = trials
+            .iter()
+            .filter(|t| t.name == trial.name || t.name.starts_with(&format!("{} (", trial.name)));
         match same.count() {
             0 => {}
             n => trial.name = format!("{} ({})", trial.name, n + 1),
@@ -158,9 +161,8 @@ fn answer(arguments: &IdentifyBody, person: &Person, study: &Study, fit: &Fit) -
 /// Tells of markers whose names say nothing.
 fn unknown_markers(person: &Person) -> Option<String> {
     let unknown = &person.subject.unknown;
-    (!unknown.is_empty()).then(|| {
-        format!("markers of unknown names were not used: {}", present::text::shortened(unknown, 8))
-    })
+    (!unknown.is_empty())
+        .then(|| format!("markers of unknown names were not used: {}", present::text::shortened(unknown, 8)))
 }
 
 /// Warns of a mass that the plates contradict.
@@ -197,7 +199,7 @@ fn finish(
     let page = folder.write("report.html", present::report(answer, &series).as_bytes())?;
     for motion in &study.motions {
         let name = format!("{}.factor", motion.name.replace(['/', '\\', ',', ' '], "_"));
-        folder.write(&name, &PooledFactor::of(&motion.fit, &motion.name).to_bytes())?;
+        folder.write(&name, &motion.factor().to_bytes())?;
     }
     let written = arguments.write_model.as_deref().map(|path| write_model(person, full, path)).transpose()?;
     if !arguments.output.json {
@@ -208,8 +210,7 @@ fn finish(
             page.display()
         ));
     }
-    let is_known = answer.person.as_ref().is_some_and(|p| p.mass_with_table_kg.is_some());
-    Ok(ExitStatus::of(is_known && answer.warnings.is_empty()).into())
+    Ok(ExitStatus::of(answer.status == Status::Identified).into())
 }
 
 /// Writes the person's model with her segments.

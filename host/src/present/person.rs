@@ -26,7 +26,8 @@ pub fn text(found: &PersonResult) -> String {
         significant(found.height_m, 3),
         significant(found.table_mass_kg, 4)
     );
-    let mass = |m: Option<Measured>| m.map_or("not identified".to_owned(), |m| with_u95(m.value, m.u95, "kg"));
+    let mass =
+        |m: Option<Measured>| m.map_or("not identified".to_owned(), |m| with_u95(m.value, m.u95, "kg"));
     out.push_str(&format!("Whole mass            {}\n", mass(found.mass_kg)));
     out.push_str(&format!("  with the table      {}\n\n", mass(found.mass_with_table_kg)));
     out.push_str(&columns(&segments(found)));
@@ -94,7 +95,8 @@ fn left_out(found: &PersonResult) -> Vec<Vec<String>> {
 
 fn frames(trial: &TrialResult) -> String {
     let dropped: Vec<String> = trial.dropped.iter().map(|d| format!("{} {}", d.frames, d.reason)).collect();
-    let dropped = if dropped.is_empty() { String::new() } else { format!("; dropped: {}", dropped.join(", ")) };
+    let dropped =
+        if dropped.is_empty() { String::new() } else { format!("; dropped: {}", dropped.join(", ")) };
     let delay = trial.delay_s.map_or_else(String::new, |d| {
         let done = if trial.delay_taken_out { "taken out" } else { "left" };
         format!("; plates late by {} ms, {done}", with_u95(1e3 * d.value, 1e3 * d.u95, ""))

@@ -50,7 +50,9 @@ fn of_stem(table: &Storage, stem: &str, rate_hz: f64, first_s: f64) -> Result<Gr
     let torque = stem.replacen("force", "torque", 1);
     let moment = three(["x", "y", "z"].map(|axis| format!("{torque}{axis}")))
         .or_else(|_| three(axes("m")))
-        .or_else(|_| three(["x", "y", "z"].map(|axis| format!("{}moment_{axis}", stem.trim_end_matches("force_")))));
+        .or_else(|_| {
+            three(["x", "y", "z"].map(|axis| format!("{}moment_{axis}", stem.trim_end_matches("force_"))))
+        });
     let none = vec![Vector3::zeros(); force.len()];
     let moment = moment.unwrap_or(none);
     let wrench = force.iter().zip(&point).zip(&moment).map(|((f, p), m)| {

@@ -27,9 +27,9 @@ impl Storage {
         let (mut rows, mut width, mut in_degrees, mut name) = (None, None, None, String::new());
         let mut in_words = false;
         loop {
-            let (line, text) = lines
-                .next()
-                .ok_or_else(|| OpenSimError::Missing("no line says endheader: this is no MOT or STO file".to_owned()))?;
+            let (line, text) = lines.next().ok_or_else(|| {
+                OpenSimError::Missing("no line says endheader: this is no MOT or STO file".to_owned())
+            })?;
             let text = text.trim();
             if line == 1 {
                 text.clone_into(&mut name);
@@ -39,7 +39,8 @@ impl Storage {
                 break;
             }
             let Some((key, value)) = text.split_once('=') else { continue };
-            let count = || value.trim().parse::<usize>().map_err(|_| at(line, format!("{text:?} has no count")));
+            let count =
+                || value.trim().parse::<usize>().map_err(|_| at(line, format!("{text:?} has no count")));
             match key.trim().to_ascii_lowercase().as_str() {
                 "nrows" | "datarows" => rows = Some(count()?),
                 "ncolumns" | "datacolumns" => width = Some(count()?),
@@ -48,18 +49,27 @@ impl Storage {
             }
         }
         let names = lines.by_ref().find(|(_, text)| !text.trim().is_empty());
-        let (line, names) =
-            names.ok_or_else(|| OpenSimError::Missing("the file ends before the names of its columns".to_owned()))?;
+        let (line, names) = names.ok_or_else(|| {
+            OpenSimError::Missing("the file ends before the names of its columns".to_owned())
+        })?;
         let mut columns: Vec<String> = names.split_whitespace().map(str::to_owned).collect();
         if !columns.first().is_some_and(|first| first.eq_ignore_ascii_case("time")) {
             return Err(at(line, "the first column is not time"));
         }
         if width.is_some_and(|width| width != columns.len()) {
-            return Err(at(line, format!("{} columns, and the header says {}", columns.len(), width.unwrap_or(0))));
+            return Err(at(
+                line,
+                format!("{} columns, and the header says {}", columns.len(), width.unwrap_or(0)),
+            ));
         }
         columns.remove(0);
-        let mut table =
-            Self { name, in_degrees: in_degrees.unwrap_or(in_words), columns, times_s: Vec::new(), values: Vec::new() };
+        let mut table = Self {
+            name,
+            in_degrees: in_degrees.unwrap_or(in_words),
+            columns,
+            times_s: Vec::new(),
+            values: Vec::new(),
+        };
         for (line, text) in lines.filter(|(_, text)| !text.trim().is_empty()) {
             table.row(text, line)?;
         }

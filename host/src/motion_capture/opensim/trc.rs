@@ -54,7 +54,10 @@ impl Trc {
             .map(|name| name.rsplit(':').next().unwrap_or_default().to_owned())
             .collect();
         if labels.len() != header.markers {
-            return Err(at(line, format!("{} names of markers, the header says {}", labels.len(), header.markers)));
+            return Err(at(
+                line,
+                format!("{} names of markers, the header says {}", labels.len(), header.markers),
+            ));
         }
         next("the names of the axes")?;
         let mut trc = Self { rate_hz: header.rate_hz, first_s: 0.0, labels, points_m: Vec::new() };
@@ -68,7 +71,11 @@ impl Trc {
             if (time - expected).abs() * trc.rate_hz > JITTER {
                 return Err(at(
                     line,
-                    format!("frame {} is at {time} s, and by {} frames a second at {expected:.4} s", frames + 1, trc.rate_hz),
+                    format!(
+                        "frame {} is at {time} s, and by {} frames a second at {expected:.4} s",
+                        frames + 1,
+                        trc.rate_hz
+                    ),
                 ));
             }
             frames += 1;
@@ -88,7 +95,11 @@ impl Trc {
         let time = number(cells.next().unwrap_or_default(), line, "the time")?;
         let mut cell = || -> Result<f32, OpenSimError> {
             let text = cells.next().unwrap_or_default().trim();
-            if text.is_empty() { Ok(f32::NAN) } else { Ok((number(text, line, "a coordinate")? * metre) as f32) }
+            if text.is_empty() {
+                Ok(f32::NAN)
+            } else {
+                Ok((number(text, line, "a coordinate")? * metre) as f32)
+            }
         };
         for _ in 0..self.labels.len() {
             let point = [cell()?, cell()?, cell()?];
@@ -96,7 +107,10 @@ impl Trc {
             self.points_m.push(if is_seen { point } else { [f32::NAN; 3] });
         }
         if cells.any(|rest| !rest.trim().is_empty()) {
-            return Err(at(line, format!("more than three coordinates for each of {} markers", self.labels.len())));
+            return Err(at(
+                line,
+                format!("more than three coordinates for each of {} markers", self.labels.len()),
+            ));
         }
         Ok(time)
     }
@@ -104,9 +118,10 @@ impl Trc {
 
 impl Header {
     fn parse(names: &str, values: &str, line: usize) -> Result<Self, OpenSimError> {
-        let values: Vec<&str> = values.split('\t').map(str::trim).collect();
+        // Some programs write two tabs, or blanks, between them.
+        let values: Vec<&str> = values.split_whitespace().collect();
         let get = |name: &str| {
-            let at_name = names.split('\t').position(|n| n.trim() == name);
+            let at_name = names.split_whitespace().position(|n| n == name);
             at_name.and_then(|k| values.get(k).copied()).ok_or_else(|| at(line, format!("{name} is missing")))
         };
         let count = |name: &str| {

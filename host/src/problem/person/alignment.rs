@@ -157,8 +157,13 @@ fn step(
     }
     let inverse = gram.try_inverse()?;
     let found = inverse * right;
-    let squares: f64 =
-        rows.iter().map(|(n, c, left)| { let rest: Vector3<f64> = left - n * found[0] + c * found[1]; rest.norm_squared() }).sum();
+    let squares: f64 = rows
+        .iter()
+        .map(|(n, c, left)| {
+            let rest: Vector3<f64> = left - n * found[0] + c * found[1];
+            rest.norm_squared()
+        })
+        .sum();
     // Neighbouring frames are smoothed into one another twice.
     let independent = (rows.len() as f64 / (2.0 * smoother.half() as f64).max(1.0)).max(1.0);
     let variance = squares / rows.len() as f64 * inverse[(1, 1)] * rows.len() as f64 / independent;

@@ -68,36 +68,30 @@ pub fn contact(
 ) -> Contact {
     let soles: Vec<Option<Soles>> = places.iter().map(|p| soles(subject, p.as_ref()?)).collect();
     let floor = sunken(&soles);
+    let belt = belt(&soles, rate_hz, plates, wrenches);
     let mut found = Contact { dropped: vec![None; places.len()], beside_m: Vec::new() };
     for frame in 0..places.len() {
         let Some(own) = &soles[frame] else {
             found.dropped[frame] = Some(Dropped::Markers);
             continue;
         };
-        let loads: Option<Vec<[f64; 6]>> = wrenches.iter().map(|of| of.get(frame).copied().flatten()).collect();
+        let loads: Option<Vec<[f64; 6]>> =
+            wrenches.iter().map(|of| of.get(frame).copied().flatten()).collect();
         let Some(loads) = loads else {
             found.dropped[frame] = Some(Dropped::NoForce);
             continue;
         };
         let height = own.iter().flatten().map(|p| p.z).fold(f64::INFINITY, f64::min);
         for (load, plate) in loads.iter().zip(plates).filter(|(load, _)| load[2] > LOADED_N) {
-            let level = plate.corners_m.map_or(height.min(0.0), |c| c[0][2]);
-            let pressed = pressure(load, level);
+            let pressed = pressure(load, level(plate, height));
             let away = own.iter().map(|sole| distance(sole, &pressed)).fold(f64::INFINITY, f64::min);
             found.beside_m.push(away);
             if away > BESIDE_M {
                 found.dropped[frame] = Some(Dropped::LoadElsewhere);
             }
         }
-        let before = frame.checked_sub(1).and_then(|k| soles[k].as_ref());
-        let after = soles.get(frame + 1).and_then(Option::as_ref);
-        let velocity = |foot: usize, k: usize| match (before, after) {
-            (Some(a), Some(b)) => (b[foot][k] - a[foot][k]).norm() * rate_hz / 2.0,
-            (Some(a), None) => (own[foot][k] - a[foot][k]).norm() * rate_hz,
-            (None, Some(b)) => (b[foot][k] - own[foot][k]).norm() * rate_hz,
-            (None, None) => 0.0,
-        };
-        if let Some(reason) = feet(own, &floor, &velocity, plates) {
+        let speed = |foot: usize, k: usize| (velocity(&soles, frame, foot, k) * rate_hz - belt).norm();
+        if let Some(reason) = feet(own, &floor, &speed, plates, &loads) {
             found.dropped[frame] = Some(reason);
         }
     }
@@ -105,22 +99,81 @@ pub fn contact(
     found
 }
 
-/// Whether feet that stand do so on plates whose corners are known.
+/// The height of a plate's surface; of one without corners that of the lower sole, or the laboratory's zero.
+fn level(plate: &GroundWrench, lowest: f64) -> f64 {
+    plate.corners_m.map_or(lowest.min(0.0), |corners| corners[0][2])
+}
+
+/// By how much a point of a sole moves from frame to frame, m; zero where that is not known.
+fn velocity(soles: &[Option<Soles>], frame: usize, foot: usize, k: usize) -> Vector3<f64> {
+    let at = |frame: Option<usize>| frame.and_then(|f| soles.get(f)?.as_ref()).map(|s| s[foot][k]);
+    let (before, now, after) = (at(frame.checked_sub(1)), at(Some(frame)), at(Some(frame + 1)));
+    match (before, now, after) {
+        (Some(a), _, Some(b)) => (b - a) / 2.0,
+        (Some(a), Some(b), None) | (None, Some(a), Some(b)) => b - a,
+        _ => Vector3::zeros(),
+    }
+}
+
+/// The velocity of the ground, m/s: of the soles that the ground presses on, their median. A treadmill's belt moves.
+fn belt(
+    soles: &[Option<Soles>],
+    rate_hz: f64,
+    plates: &[GroundWrench],
+    wrenches: &[Vec<Option<[f64; 6]>>],
+) -> Vector3<f64> {
+    let mut all: [Vec<f64>; 2] = [Vec::new(), Vec::new()];
+    for (frame, own) in soles.iter().enumerate() {
+        let Some(own) = own else { continue };
+        for (plate, of) in plates.iter().zip(wrenches) {
+            let Some(load) = of.get(frame).copied().flatten().filter(|load| load[2] > 4.0 * LOADED_N) else {
+                continue;
+            };
+            let height = own.iter().flatten().map(|p| p.z).fold(f64::INFINITY, f64::min);
+            let pressed = pressure(&load, level(plate, height));
+            let foot = if distance(&own[0], &pressed) < distance(&own[1], &pressed) { 0 } else { 1 };
+            let points = (0..own[foot].len())
+                .min_by(|a, b| (own[foot][*a] - pressed).norm().total_cmp(&(own[foot][*b] - pressed).norm()));
+            let moved = velocity(soles, frame, foot, points.unwrap_or(0)) * rate_hz;
+            all[0].push(moved.x);
+            all[1].push(moved.y);
+        }
+    }
+    let [x, y] = all.map(|mut values| {
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied().unwrap_or(0.0)
+    });
+    Vector3::new(x, y, 0.0)
+}
+
+/// Whether feet that stand do so on plates: on surfaces whose corners are known, else above a load.
 fn feet(
     soles: &Soles,
     floor: &[[f64; 4]; 2],
-    velocity: &dyn Fn(usize, usize) -> f64,
+    speed: &dyn Fn(usize, usize) -> f64,
     plates: &[GroundWrench],
+    loads: &[[f64; 6]],
 ) -> Option<Dropped> {
-    let corners: Vec<&[[f64; 3]; 4]> = plates.iter().filter_map(|p| p.corners_m.as_ref()).collect();
-    if corners.len() < plates.len() {
-        return None;
-    }
     for (foot, points) in soles.iter().enumerate() {
-        let standing = (0..points.len())
-            .filter(|k| points[*k].z < floor[foot][*k] + LOW_M && velocity(foot, *k) < SLOW_MPS);
-        let on: Vec<bool> = standing.map(|k| corners.iter().any(|c| is_inside(c, &points[k]))).collect();
-        if on.iter().any(|on| !on) {
+        let stands = |k: &usize| points[*k].z < floor[foot][*k] + LOW_M && speed(foot, *k) < SLOW_MPS;
+        let standing: Vec<usize> = (0..points.len()).filter(stands).collect();
+        if standing.is_empty() {
+            continue;
+        }
+        if plates.iter().any(|plate| plate.corners_m.is_none()) {
+            let carries = |(load, plate): (&[f64; 6], &GroundWrench)| {
+                let pressed = pressure(load, level(plate, points[standing[0]].z));
+                load[2] > LOADED_N && distance(points, &pressed) < BESIDE_M
+            };
+            if !loads.iter().zip(plates).any(carries) {
+                return Some(Dropped::FootOff);
+            }
+            continue;
+        }
+        let mut corners = plates.iter().filter_map(|p| p.corners_m.as_ref());
+        let on: Vec<bool> =
+            standing.iter().map(|k| corners.clone().any(|c| is_inside(c, &points[*k]))).collect();
+        if corners.next().is_none() || on.iter().any(|on| !on) {
             let some = on.iter().any(|on| *on);
             return Some(if some { Dropped::FootHalfOff } else { Dropped::FootOff });
         }

@@ -22,17 +22,15 @@ pub fn fill(track: &mut [Option<Vector3<f64>>], rate_hz: f64) -> usize {
         if length <= longest && frame >= 2 && end + 1 < track.len() {
             let around = (track[frame - 2], track[frame - 1], track[end], track[end + 1]);
             if let (Some(a), Some(b), Some(c), Some(d)) = around {
-                let steps = (length + 1) as f64;
-                // Hermite: slopes from the frames beside the gap.
-                let (from, to) = ((b - a) * steps, (d - c) * steps);
+                // Through the frames −1, 0, n and n + 1 (Lagrange).
+                let n = (length + 1) as f64;
                 for (k, place) in track[frame..end].iter_mut().enumerate() {
-                    let t = (k + 1) as f64 / steps;
-                    let (t2, t3) = (t * t, t * t * t);
+                    let t = (k + 1) as f64;
                     *place = Some(
-                        b * (2.0 * t3 - 3.0 * t2 + 1.0)
-                            + from * (t3 - 2.0 * t2 + t)
-                            + c * (3.0 * t2 - 2.0 * t3)
-                            + to * (t3 - t2),
+                        a * (-t * (t - n) * (t - n - 1.0) / ((n + 1.0) * (n + 2.0)))
+                            + b * ((t + 1.0) * (t - n) * (t - n - 1.0) / (n * (n + 1.0)))
+                            + c * ((t + 1.0) * t * (n + 1.0 - t) / (n * (n + 1.0)))
+                            + d * ((t + 1.0) * t * (t - n) / ((n + 1.0) * (n + 2.0))),
                     );
                 }
                 filled += length;
@@ -59,7 +57,7 @@ mod tests {
         track[0] = None;
         assert_eq!(fill(&mut track, 100.0), 5);
         for k in 20..25 {
-            assert!((track[k].unwrap() - at(k)).norm() < 1e-3, "{k}");
+            assert!((track[k].unwrap() - at(k)).norm() < 1e-4, "{k}");
         }
         assert!(track[50..70].iter().all(Option::is_none) && track[0].is_none());
     }

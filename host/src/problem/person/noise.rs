@@ -47,7 +47,12 @@ impl RowSums {
         let gain = noise_gain(rate_hz, cut_off_hz);
         let mut sums = Self {
             channels: (0..channels)
-                .map(|_| Channel { gram: DMatrix::zeros(n, n), right: DVector::zeros(n), square: 0.0, rows: 0.0 })
+                .map(|_| Channel {
+                    gram: DMatrix::zeros(n, n),
+                    right: DVector::zeros(n),
+                    square: 0.0,
+                    rows: 0.0,
+                })
                 .collect(),
             share: f64::from(blocks.filter().every) * gain,
             gain,
@@ -68,7 +73,6 @@ impl RowSums {
         }
         Ok(sums)
     }
-
 }
 
 /// Returns 1 σ of each channel per unfiltered sample of every trial, such that rows weigh as they inform, beside what is known
@@ -118,8 +122,8 @@ impl Channel {
     }
 }
 
-/// `Σ h²` of the smoothing and the rows' filter one after the other.
-fn noise_gain(rate_hz: f64, cut_off_hz: f64) -> f64 {
+/// Returns `Σ h²` of the smoothing and the rows' filter one after the other: of frames this share is independent.
+pub fn noise_gain(rate_hz: f64, cut_off_hz: f64) -> f64 {
     let taps = |width: f64| {
         Kernel::<f64, TAPS>::new(rate_hz, width, 1).map_or(vec![1.0], |kernel| kernel.smooth().to_vec())
     };

@@ -8,9 +8,9 @@ use super::alignment;
 use super::smoothing::Smoother;
 use super::track::{TrackOptions, Tracked, TrackedFrame, track};
 use crate::inverse_kinematics::subject::{HumanModel, Known, Subject, SubjectError, subject};
-use crate::model::human::Sex;
 use crate::model::ModelError;
 use crate::model::base::{Rows, Situation};
+use crate::model::human::Sex;
 use crate::motion_capture::trial::Trial;
 use crate::motion_capture::zeroing;
 use crate::problem::tree::{BaseSensor, Frame, Input};
@@ -32,7 +32,9 @@ pub enum PersonError {
     #[error(transparent)]
     Model(#[from] ModelError),
     /// The cut-off does not fit the rate.
-    #[error("a cut-off of {cut_off_hz} Hz cannot be at {rate_hz} frames a second: give --cut-off-hz between 1 and a quarter of the rate")]
+    #[error(
+        "a cut-off of {cut_off_hz} Hz cannot be at {rate_hz} frames a second: give --cut-off-hz between 1 and a quarter of the rate"
+    )]
     CutOff {
         /// The cut-off, Hz.
         cut_off_hz: f64,

@@ -6,7 +6,7 @@
 use rigident_shared::conditioning::Kernel;
 
 /// Cut-off times width: where `(1 − x²)⁸` lets 1/√2 of the amplitude pass.
-const CUT_OFF_TIMES_WIDTH: f64 = 1.0883;
+const CUT_OFF_TIMES_WIDTH: f64 = 1.1455;
 /// Room for the kernel.
 const TAPS: usize = 1024;
 /// Cut-offs that are compared, Hz.

@@ -7,9 +7,9 @@ use nalgebra::{UnitQuaternion, Vector3};
 use super::alignment::{self, Delay};
 use super::contact::{Contact, Dropped, contact, counts};
 use super::coordinates::{Coordinates, Moved};
+use super::cut_off::cut_off;
 use super::gaps;
 use super::people::PersonError;
-use super::cut_off::cut_off;
 use super::smoothing::{Smoother, smoothed_at};
 use crate::inverse_kinematics::markers::Seen;
 use crate::inverse_kinematics::skeleton::{Place, Pose, Turn};
@@ -78,7 +78,8 @@ pub struct Tracked {
 impl Tracked {
     /// Returns why a trial has too few frames, in words.
     pub fn why_unused(&self) -> String {
-        let reasons = self.report.dropped.iter().map(|(why, count)| format!("{} ({count} frames)", why.words()));
+        let reasons =
+            self.report.dropped.iter().map(|(why, count)| format!("{} ({count} frames)", why.words()));
         let reasons: Vec<String> = reasons.collect();
         let why = if reasons.is_empty() { "it is too short".to_owned() } else { reasons.join(", ") };
         format!("{}: {} of {} frames can be used: {why}", self.name, self.frames.len(), self.report.frames)
@@ -117,10 +118,8 @@ pub fn track(
         let used: Vec<bool> = first.dropped.iter().map(Option::is_none).collect();
         cut_off(subject, trial, &places, &used, &coordinates.series)
     });
-    let smoother = Smoother::new(cut_off_hz, trial.rate_hz).ok_or_else(|| PersonError::CutOff {
-        cut_off_hz,
-        rate_hz: trial.rate_hz,
-    })?;
+    let smoother = Smoother::new(cut_off_hz, trial.rate_hz)
+        .ok_or_else(|| PersonError::CutOff { cut_off_hz, rate_hz: trial.rate_hz })?;
     let judge = |delay_s: f64| {
         let all = wrenches(trial, cut_off_hz, delay_s);
         (contact(subject, trial.rate_hz, &places, &trial.ground, &all), all)

@@ -183,8 +183,8 @@ impl RowMaker {
         for axis in 0..3 {
             for c in 0..stride {
                 let moment = (3 + axis) * stride + c;
-                parts.smoothed[moment] += cross(&velocity, &parts.differentiated, axis, c)
-                    - cross(&arm, &parts.smoothed, axis, c);
+                parts.smoothed[moment] +=
+                    cross(&velocity, &parts.differentiated, axis, c) - cross(&arm, &parts.smoothed, axis, c);
                 parts.differentiated[moment] -= cross(&arm, &parts.differentiated, axis, c);
             }
         }
