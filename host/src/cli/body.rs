@@ -175,6 +175,7 @@ fn contradictions(arguments: &IdentifyBody, answer: &mut Answer) {
                 "--mass-kg {given} contradicts the plates, which say {}: weigh again, or leave it out",
                 present::text::with_u95(found.value, found.u95, "kg")
             ));
+            answer.status = Status::Implausible;
         }
     }
 }

@@ -8,6 +8,7 @@ pub mod calibrate;
 pub mod landmarks;
 pub mod markers;
 mod normal;
+mod sides;
 pub mod skeleton;
 pub mod solve;
 pub mod subject;

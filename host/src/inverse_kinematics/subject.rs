@@ -7,6 +7,7 @@ use rigident_shared::tree::Joint;
 use super::calibrate::{Calibrated, calibrate};
 use super::landmarks::{attach, is_known};
 use super::markers::{Attached, Seen};
+use super::sides::{exchanged, exchanged_pair, is_exchanged};
 use super::skeleton::{Pose, Skeleton};
 use super::solve::Solver;
 use crate::model::human::{Person, Sex};
@@ -16,6 +17,9 @@ use crate::model::{Model, ModelError};
 const ANATOMICAL_M: f64 = 0.1;
 /// Fewest such markers that a pose can be begun from.
 const FEWEST: usize = 5;
+
+/// Statures of people from small children on, m.
+const STATURES_M: [f64; 2] = [0.5, 2.5];
 
 /// Which model of people.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -53,6 +57,34 @@ pub enum SubjectError {
         markers: usize,
         /// The first that is not known.
         unknown: String,
+    },
+    /// Markers are in another unit, or are no person's.
+    #[error(
+        "the markers make a person {height_m:.3} m tall: is their unit right? Correct POINT:UNITS or the header's Units"
+    )]
+    Stature {
+        /// The stature, m.
+        height_m: f64,
+    },
+    /// Left and right are exchanged.
+    #[error(
+        "left and right are exchanged in the names of {what}: the person would stand {left_mm:.0} mm off the model as they are named, and          {other_mm:.0} mm the other way round; correct the names"
+    )]
+    Exchanged {
+        /// Which markers.
+        what: String,
+        /// What is left as they are named, mm.
+        left_mm: f64,
+        /// What is left the other way round, mm.
+        other_mm: f64,
+    },
+    /// A pair of markers is exchanged.
+    #[error("{left} and {right} are exchanged: each is where the other should be; correct their names")]
+    ExchangedPair {
+        /// The marker that is named left.
+        left: String,
+        /// The other one.
+        right: String,
     },
     /// The search for joint centres failed.
     #[error("joint centres cannot be found from the markers: too few were seen together")]
@@ -116,12 +148,23 @@ pub fn subject(
         let name = unknown.first().cloned().unwrap_or_default();
         return Err(SubjectError::Markers { known: anatomical, markers: labels.len(), unknown: name });
     }
-    let (first, _, scale) = frames
+    let (first, left, scale) = frames
         .iter()
         .find_map(|f| similarity(&skeleton, &markers, &of_frame(&markers, f)))
         .ok_or(SubjectError::Calibration)?;
+    let height_m = person.height_m * scale;
+    if !(STATURES_M[0]..=STATURES_M[1]).contains(&height_m) {
+        return Err(SubjectError::Stature { height_m });
+    }
+    let other = frames
+        .iter()
+        .find_map(|f| similarity(&skeleton, &markers, &exchanged(&markers, &of_frame(&markers, f))));
+    if let Some((_, other, _)) = other.filter(|(_, other, _)| is_exchanged(left / scale, other / scale)) {
+        let what = "all markers".to_owned();
+        return Err(SubjectError::Exchanged { what, left_mm: 1e3 * left, other_mm: 1e3 * other });
+    }
     if known.height_m.is_none() {
-        person.height_m = (person.height_m * scale).clamp(0.5, 2.5);
+        person.height_m = height_m;
     }
     let (_, skeleton, mut markers) = attached(&person)?;
     let mut skeleton = skeleton;
@@ -129,6 +172,9 @@ pub fn subject(
     let sigma = joint_sigma(&model(&person, kind)?);
     let seen: Vec<Seen> = frames.iter().map(|f| of_frame(&markers, f)).collect();
     let poses = follow(&skeleton, &markers, &seen, &first).ok_or(SubjectError::Calibration)?;
+    if let Some((left, right)) = exchanged_pair(&skeleton, &markers, &seen, &poses) {
+        return Err(SubjectError::ExchangedPair { left, right });
+    }
     let found = calibrate(&skeleton, &markers, &sigma, &seen, &poses).ok_or(SubjectError::Calibration)?;
     let Calibrated { skeleton, markers, rms_m, .. } = found;
     person.lengths_m = lengths(&model(&person, kind)?, &skeleton);

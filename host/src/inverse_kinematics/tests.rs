@@ -45,8 +45,8 @@ fn distance(found: &Subject, trial: &Trial, link: &str, point: &str) -> f64 {
 }
 
 #[test]
-#[ignore = "needs the shared recordings"]
-fn joint_centres_are_where_functional_motion_and_the_laboratory_have_them() {
+#[ignore = "needs ../shared/data"]
+fn joint_centres_of_shared_data_are_where_functional_motion_and_the_laboratory_have_them() {
     // Centres of the hips that functional motion gave (the laboratory's SCoRE), ankles of Plug-in Gait; and Plug-in Gait's of another
     // person. Regressions of hips are good to 10 to 20 mm.
     let cases: [(&str, [&str; 2], f64, &[(&str, &str, f64)]); 2] = [

@@ -89,7 +89,14 @@ impl Trial {
             });
         }
         if ground.is_empty() {
-            notes.push("no force plate is described in the file".to_owned());
+            let channels = c3d.channels.iter().filter(|c| c.to_ascii_uppercase().contains("FZ")).count();
+            notes.push(match channels {
+                0 => "the file has no force plates".to_owned(),
+                n => format!(
+                    "the file has {n} channels called Fz, and no description of force plates: write FORCE_PLATFORM with type, corners, \
+                     origin and channels into it"
+                ),
+            });
         }
         let mut trial = Self {
             name: name.to_owned(),
@@ -101,6 +108,7 @@ impl Trial {
             notes,
         };
         trial.forget_zeros();
+        trial.same_signs()?;
         trial.turn_upright(Vector3::z())?;
         Ok(trial)
     }
@@ -128,6 +136,7 @@ impl Trial {
             notes: Vec::new(),
         };
         trial.forget_zeros();
+        trial.same_signs()?;
         trial.turn_upright(Vector3::y())?;
         Ok(trial)
     }
@@ -179,6 +188,22 @@ impl Trial {
     /// Counts markers that are exactly in the origin as not seen: some programs write that.
     fn forget_zeros(&mut self) {
         self.points_m.iter_mut().filter(|p| **p == [0.0; 3]).for_each(|p| *p = [f32::NAN; 3]);
+    }
+
+    /// Refuses plates that push in opposite directions.
+    fn same_signs(&self) -> Result<(), TrialError> {
+        let push: Vec<Vector3<f64>> = self.ground.iter().map(loaded_push).collect();
+        let all = self.mean_push();
+        let against = push.iter().zip(&self.ground).find(|(p, _)| p.norm() > CLEAR_PUSH_N && p.dot(&all) < 0.0);
+        let Some((p, plate)) = against.filter(|_| all.norm() > LEAST_PUSH_N) else { return Ok(()) };
+        Err(TrialError::Contents {
+            name: self.name.clone(),
+            what: format!(
+                "{} pushes with ({:.0}, {:.0}, {:.0}) N against the others",
+                plate.name, p.x, p.y, p.z
+            ),
+            advice: "its forces have the wrong sign: export the reaction on the person for every plate".to_owned(),
+        })
     }
 
     /// Turns the laboratory such that z points up: the axis along which the ground pushes; without force plates `usual`.
@@ -249,6 +274,16 @@ impl Trial {
 
 /// Less than this is no person's weight, N.
 const LEAST_PUSH_N: f64 = 20.0;
+/// A plate that is stepped on is pushed by more, N.
+const CLEAR_PUSH_N: f64 = 100.0;
+
+/// The mean force of a plate while it is loaded, N; zero if it never is.
+fn loaded_push(plate: &GroundWrench) -> Vector3<f64> {
+    let force = |w: &[f64; 6]| Vector3::new(w[0], w[1], w[2]);
+    let loaded = plate.wrench.iter().map(force).filter(|f| f.norm() > CLEAR_PUSH_N && f.norm().is_finite());
+    let (sum, count) = loaded.fold((Vector3::zeros(), 0_usize), |(sum, count), f| (sum + f, count + 1));
+    sum / count.max(1) as f64
+}
 
 /// Returns the file with the ground's wrenches that belongs to a TRC file by its name: `walk_grf.mot` to `walk.trc`.
 fn beside(path: &Path) -> Option<PathBuf> {

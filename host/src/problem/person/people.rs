@@ -19,6 +19,12 @@ use crate::problem::tree::{BaseSensor, Frame, Input};
 const STANDING: usize = 4;
 /// … and of all moving ones together.
 const MOVING: usize = 60;
+/// Fewest frames that tell whether plates and cameras belong together, …
+const FEWEST_TO_COMPARE: usize = 30;
+/// … of a person who moves: standard deviations of the vertical force over the weight, …
+const MOVES: f64 = 0.03;
+/// … and the least correlation of the two.
+const LEAST_CORRELATION: f64 = 0.4;
 /// A link is followed if so large a share of frames has a marker on it or beyond.
 const FOLLOWED: f64 = 0.5;
 
@@ -51,6 +57,17 @@ pub enum PersonError {
         name: String,
         /// Median distance, m.
         away_m: f64,
+    },
+    /// Plates and cameras recorded different motions.
+    #[error(
+        "{name}: the plates do not follow the markers' motion: the vertical force that it needs and the measured one have a correlation of \
+         {correlation:.2}: are the forces of another trial, at another rate, or far out of step?"
+    )]
+    Apart {
+        /// The trial.
+        name: String,
+        /// The correlation.
+        correlation: f64,
     },
     /// No frame can be used.
     #[error("{name}: {why}")]
@@ -100,6 +117,19 @@ impl Person {
         options: &PeopleOptions,
         progress: &dyn Fn(&str, f64),
     ) -> Result<Self, PersonError> {
+        if let Some(trial) = trials.iter().find(|t| t.ground.is_empty()) {
+            let why = trial.notes.first().map_or("there are no forces of the ground", String::as_str);
+            return Err(PersonError::NoFrames {
+                name: trial.name.clone(),
+                why: format!(
+                    "{why}: the forces between person and ground are needed; for a TRC file name them with --ground FILE"
+                ),
+            });
+        }
+        if let Some(trial) = trials.iter().find(|t| t.frames() == 0) {
+            let why = "there are no frames".to_owned();
+            return Err(PersonError::NoFrames { name: trial.name.clone(), why });
+        }
         let mut notes = zero(trials);
         let labels = labels(trials, standing);
         let frames = chosen_frames(&labels, trials, standing);
@@ -121,12 +151,36 @@ impl Person {
             tracked.push(track(trial, &subject, &options.track, &step)?);
         }
         let mut person = Self { subject, fixed, trials: tracked, notes };
+        person.belong_together(trials)?;
         if options.mass_kg.is_none()
             && let Some(share) = share_of_needed(&person, trials)
         {
             person.scale_mass(share);
         }
         Ok(person)
+    }
+
+    /// Refuses plates that measured another motion than the cameras: what the table's bodies need explains little of it.
+    fn belong_together(&self, trials: &[Trial]) -> Result<(), PersonError> {
+        for (tracked, trial) in self.trials.iter().zip(trials) {
+            let pairs = vertical(self, tracked, trial);
+            let n = pairs.len() as f64;
+            if pairs.len() < FEWEST_TO_COMPARE {
+                continue;
+            }
+            let mean = |of: &dyn Fn(&(f64, f64)) -> f64| pairs.iter().map(of).sum::<f64>() / n;
+            let (needed, measured) = (mean(&|p| p.0), mean(&|p| p.1));
+            let product = mean(&|p| (p.0 - needed) * (p.1 - measured));
+            let (a, b) = (mean(&|p| (p.0 - needed).powi(2)), mean(&|p| (p.1 - measured).powi(2)));
+            // Who stands still tells nothing.
+            if b.sqrt() > MOVES * measured.abs() && a.sqrt() > MOVES * measured.abs() {
+                let correlation = product / (a * b).sqrt();
+                if correlation < LEAST_CORRELATION {
+                    return Err(PersonError::Apart { name: tracked.name.clone(), correlation });
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Makes the table's bodies so many times as heavy.
@@ -240,15 +294,20 @@ fn chosen_frames(
 fn share_of_needed(person: &Person, trials: &[Trial]) -> Option<f64> {
     let (mut product, mut square) = (0.0, 0.0);
     for (tracked, trial) in person.trials.iter().zip(trials) {
-        let smoother = Smoother::new(tracked.report.cut_off_hz, trial.rate_hz)?;
-        let needed = alignment::needed_of(&person.subject, trial, &tracked.poses, &smoother);
-        for frame in &tracked.frames {
-            let Some(needed) = needed.get(frame.number).copied().flatten() else { continue };
-            product += needed.z * frame.wrench[2];
-            square += needed.z * needed.z;
+        for (needed, measured) in vertical(person, tracked, trial) {
+            product += needed * measured;
+            square += needed * needed;
         }
     }
     (square > 0.0 && product > 0.0).then(|| product / square)
+}
+
+/// The vertical force that the table's bodies need and that was measured, N, in the frames of a trial that are used.
+fn vertical(person: &Person, tracked: &Tracked, trial: &Trial) -> Vec<(f64, f64)> {
+    let Some(smoother) = Smoother::new(tracked.report.cut_off_hz, trial.rate_hz) else { return Vec::new() };
+    let needed = alignment::needed_of(&person.subject, trial, &tracked.poses, &smoother);
+    let pair = |frame: &TrackedFrame| Some((needed.get(frame.number).copied().flatten()?.z, frame.wrench[2]));
+    tracked.frames.iter().filter_map(pair).collect()
 }
 
 /// The person's mass by the plates, kg: the largest mean of the vertical force over any second, of a trial where that is steady; a

@@ -25,8 +25,8 @@ fn used(person: &Person) -> (f64, f64) {
 }
 
 #[test]
-#[ignore = "needs the shared recordings"]
-fn only_frames_with_all_contact_on_the_plates_are_used() {
+#[ignore = "needs ../shared/data"]
+fn only_frames_of_shared_data_with_all_contact_on_the_plates_are_used() {
     // On the ground: steps on the first plate at 1.06 s, and off the last one at 2.77 s.
     let folder = "human_btk_pig_60kg_functional";
     let walk = person(
@@ -52,8 +52,8 @@ fn only_frames_with_all_contact_on_the_plates_are_used() {
 }
 
 #[test]
-#[ignore = "needs the shared recordings"]
-fn plates_in_another_frame_are_refused_in_words() {
+#[ignore = "needs ../shared/data"]
+fn plates_of_shared_data_in_another_frame_are_refused_in_words() {
     let folder = "human_btk_pig_60kg_functional";
     let mut walk = trial(folder, "FunctionalWalk.c3d", None);
     for plate in &mut walk.ground {
