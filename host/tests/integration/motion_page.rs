@@ -298,6 +298,12 @@ fn in_a_browser_motions_of_little_or_nothing_are_shown_without_an_error() {
         forces: vec![ForceArrow { at_m: vec![[0.0; 3]; 3], ..force }],
         ..unseen.clone()
     };
+    // Markers alone are looked at as a figure is.
+    let walk = figure::walk("Markers", 1.0);
+    let markers = MotionPage { points_m: vec![vec![]; 100], markers_m: walk.markers_m, ..least.clone() };
+    let mut browser = opened("markers.html", &markers);
+    browser.picture("markers", "#scene");
+    assert!(browser.pixels_of("markers", MARKER) > 30.0);
     for (name, motion) in [("least", least), ("unseen", unseen), ("huge", huge)] {
         let mut browser = opened(&format!("{name}.html"), &motion);
         for key in ["End", "Home", "t", "f", " ", " "] {

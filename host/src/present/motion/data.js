@@ -50,6 +50,8 @@ class Points {
 }
 
 const points = new Points(DATA.points), markers = new Points(DATA.markers), com = new Points(DATA.com);
+// What is looked at.
+const body = points.count ? points : markers;
 const forces = DATA.forces.map((force) => ({
   name: force.name, at: new Points(force.at), measured: new Points(force.measured), predicted: new Points(force.predicted),
 }));

@@ -19,7 +19,7 @@ const middle = [0, 1, 2].map((k) => 0.5 * (bounds.own.low[k] + bounds.own.high[k
 function person(frame) {
   const known = [];
   if (com.count) known.push(com.at(0, frame));
-  else for (let k = 0; k < points.count; k++) known.push(points.at(k, frame));
+  else for (let k = 0; k < body.count; k++) known.push(body.at(k, frame));
   const those = known.filter(isKnown);
   return those.length ? [0, 1].map((k) => those.reduce((sum, p) => sum + p[k], 0) / those.length) : middle.slice(0, 2);
 }
@@ -29,8 +29,8 @@ const reach = (() => {
   let most = 0.3;
   for (let frame = 0; frame <= LAST; frame += Math.max(1, Math.floor(LAST / 100))) {
     const [x, y] = person(frame);
-    for (let k = 0; k < points.count; k++) {
-      const p = points.at(k, frame);
+    for (let k = 0; k < body.count; k++) {
+      const p = body.at(k, frame);
       if (isKnown(p)) most = Math.max(most, Math.hypot(p[0] - x, p[1] - y));
     }
   }

@@ -28,7 +28,7 @@ const bounds = (() => {
     if (value < low[axis]) low[axis] = value;
     if (value > high[axis]) high[axis] = value;
   };
-  points.channels.forEach((values, k) => values.forEach((value) => take(value, k % 3)));
+  body.channels.forEach((values, k) => values.forEach((value) => take(value, k % 3)));
   const own = { low: [...low], high: [...high] };
   DATA.plates.flat().filter(isKnown).forEach((corner) => corner.forEach(take));
   const or = (v, other) => (Number.isFinite(v) ? v : other);
