@@ -4,17 +4,14 @@ use anyhow::{Context, Result};
 
 use crate::places;
 use crate::process;
-
-/// Browsers that take a picture of a page without a window.
-const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "chrome"];
+use crate::setup;
 
 /// Runs the demonstration and takes a picture of the upper part of its report.
 ///
 /// # Errors
 /// Fails without a browser, or if the demonstration does.
 pub fn run() -> Result<()> {
-    let browser = BROWSERS.into_iter().find(|name| process::is_installed(name));
-    let browser = browser.with_context(|| format!("one of {} must be installed", BROWSERS.join(", ")))?;
+    let browser = setup::browser().context("there is no Chromium or Chrome: cargo xtask setup")?;
     let folder = places::own().join("picture");
     if folder.exists() {
         std::fs::remove_dir_all(&folder).with_context(|| folder.display().to_string())?;

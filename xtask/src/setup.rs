@@ -39,13 +39,26 @@ pub const VENDORS_CLIENT: Module =
 /// A reader of C3D files that shares no code with ours.
 pub const C3D_READER: Module = Module { name: "ezc3d", look: "import ezc3d", packages: &["ezc3d==1.7.2"] };
 
+/// Browsers that show a page without a window, by the names of their programs; the first is Debian's.
+const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "chrome"];
+
 /// Installs everything that any other verb may need.
 pub fn run(core: Option<Core>) -> Result<()> {
     system_packages()?;
     toolchain::choose(core)?;
     cargo_fuzz()?;
     python_modules();
+    if browser().is_none()
+        && let Err(error) = apt_install(&BROWSERS[..1])
+    {
+        eprintln!("no browser to test pages in: {error:#}");
+    }
     Ok(())
+}
+
+/// Returns a browser that shows a page without a window, if one is installed.
+pub fn browser() -> Option<&'static str> {
+    BROWSERS.into_iter().find(|program| is_installed(program))
 }
 
 /// The emulator, and the C++ compiler that the fuzzer's run-time needs.

@@ -36,6 +36,7 @@ const ROBOTS: Need = Need {
 };
 const CLIENT: Need = Need { word: "vendors_client", what: "pipython, the vendor's client, in Python" };
 const C3D: Need = Need { word: "independent_c3d", what: "ezc3d in Python" };
+const BROWSER: Need = Need { word: "in_a_browser", what: "chromium: cargo xtask setup" };
 
 /// How many tests there were.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -90,6 +91,7 @@ impl Surroundings {
         look(ROBOTS, [setup::PINOCCHIO, setup::ROBOTS].into_iter().all(setup::has_module));
         look(CLIENT, setup::has_module(setup::VENDORS_CLIENT));
         look(C3D, setup::has_module(setup::C3D_READER));
+        look(BROWSER, setup::browser().is_some());
         let python = Some(setup::python()).filter(|python| python.is_file());
         let here = Self { missing, firmware: firmware.map(Path::to_owned), python };
         for Need { word, what } in &here.missing {
@@ -123,6 +125,7 @@ impl Surroundings {
         command.args(self.missing.iter().flat_map(|need| ["--skip", need.word]));
         command.envs(self.firmware.as_ref().map(|elf| ("RIGIDENT_FIRMWARE_ELF", elf)));
         command.envs(self.python.as_ref().map(|python| ("RIGIDENT_PYTHON", python)));
+        command.envs(setup::browser().map(|browser| ("RIGIDENT_BROWSER", browser)));
         let found = counted(&mut command, !filters.is_empty(), counts);
         println!("{counts} so far");
         found
@@ -223,7 +226,7 @@ mod tests {
     fn ignored_tests_have_the_word_of_what_they_need_in_their_names() {
         let mut files = Vec::new();
         sources(places::root(), &mut files);
-        let words = [BOARD, DATA, READER, PINOCCHIO, ROBOTS, CLIENT].map(|need| need.word);
+        let words = [BOARD, DATA, READER, PINOCCHIO, ROBOTS, CLIENT, C3D, BROWSER].map(|need| need.word);
         let mut ignored = 0;
         for file in files {
             let text = std::fs::read_to_string(&file).unwrap();

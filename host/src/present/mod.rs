@@ -11,6 +11,7 @@ pub mod directions;
 mod envelope;
 mod figures;
 mod html;
+pub mod motion;
 pub mod over_n;
 mod page;
 pub mod person;

@@ -3,12 +3,17 @@
 use super::data::{Decided, PrincipalAxis, Quantity};
 use super::text::{NOT_IDENTIFIED, Rounded, beside, fixed, signed, significant, unit_symbol};
 
-/// All before the page's content.
+/// All before the content of an answer's page.
 pub(super) fn beginning(title: &str) -> String {
+    beginning_with(title, "inertial parameters", "")
+}
+
+/// All before a page's content: `about` says what kind of page it is, `head` is more markup of its head.
+pub(super) fn beginning_with(title: &str, about: &str, head: &str) -> String {
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
-         <title>{} - inertial parameters</title>\n<style>\n{}</style>\n</head>\n<body>\n<main>\n",
+         <title>{} - {about}</title>\n<style>\n{}</style>\n{head}</head>\n<body>\n<main>\n",
         escape(title),
         include_str!("style.css")
     )

@@ -23,6 +23,7 @@ mod mcap_damage;
 mod mcap_independent;
 mod model_commands;
 mod montecarlo;
+mod motion_page;
 mod no_simulator;
 mod pendulum;
 mod plan_motion;
