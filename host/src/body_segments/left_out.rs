@@ -8,14 +8,23 @@ use crate::fit::{Fit, Prediction};
 use crate::problem::person::Person;
 use crate::problem::person::noise::noise_gain;
 
+/// Motions predicted.
+pub struct LeftOutMotions {
+    /// The errors of every channel.
+    pub channels: Vec<LeftOut>,
+    /// What the person's own parameters predict of each motion that they do not come from, then what the table predicts.
+    pub predictions: Vec<[Prediction; 2]>,
+}
+
 /// Returns the errors of motions that were left out one at a time; of a single motion those of itself.
 ///
 /// # Errors
 /// [`StudyError`] as the fits have it.
-pub fn left_out(study: &Study, person: &Person) -> Result<Vec<LeftOut>, StudyError> {
+pub fn left_out(study: &Study, person: &Person) -> Result<LeftOutMotions, StudyError> {
     let all: Vec<usize> = (0..study.motions.len()).collect();
     let channels = &study.motions[0].fit.channels;
     let mut sums = vec![Sums::default(); channels.len()];
+    let mut predictions = Vec::new();
     for k in &all {
         let others: Vec<usize> = all.iter().copied().filter(|o| o != k || all.len() == 1).collect();
         let values = predictor(study, person, &study.together(&others)?)?;
@@ -28,6 +37,7 @@ pub fn left_out(study: &Study, person: &Person) -> Result<Vec<LeftOut>, StudyErr
         for (c, sums) in sums.iter_mut().enumerate() {
             sums.add(&own, &table, c, share);
         }
+        predictions.push([own, table]);
     }
     let weight = person.subject.person.mass_kg * GRAVITY;
     let found = channels.iter().zip(&sums).map(|(channel, sums)| {
@@ -35,7 +45,7 @@ pub fn left_out(study: &Study, person: &Person) -> Result<Vec<LeftOut>, StudyErr
         let by = if error.unit == "N" { weight } else { weight * person.subject.person.height_m };
         LeftOut { percent_of_weight: 100.0 * error.rms / by, ..error }
     });
-    Ok(found.collect())
+    Ok(LeftOutMotions { channels: found.collect(), predictions })
 }
 
 /// The base parameters that predict: of the segments nearest to the table.

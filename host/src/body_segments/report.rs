@@ -1,10 +1,9 @@
 //! The result about a person, from a study.
 
-use super::left_out::left_out;
 use super::segments::segments;
 use super::study::{Study, StudyError};
 use crate::answer::Answer;
-use crate::answer::person::{DroppedFrames, FarMarker, PersonResult, TrialResult};
+use crate::answer::person::{DroppedFrames, FarMarker, LeftOut, PersonResult, TrialResult};
 use crate::answer::result::ParameterState;
 use crate::answer::standard_parameters::Full;
 use crate::fit::{COVERAGE_95, Fit, Measured};
@@ -14,7 +13,7 @@ use crate::problem::person::{Person, Tracked};
 const FARTHEST: usize = 3;
 
 /// Returns what is found of a person; `fit` is of all motions with the table, `full` the segments nearest to it, `answer` what the fit
-/// says.
+/// says, `left_out` how left-out motions are predicted.
 ///
 /// # Errors
 /// [`StudyError`] as the fits have it.
@@ -24,6 +23,7 @@ pub fn person_result(
     fit: &Fit,
     full: &Full,
     answer: &Answer,
+    left_out: &[LeftOut],
 ) -> Result<PersonResult, StudyError> {
     let whole = study.table.names().first();
     let place = whole.and_then(|name| fit.parameters.iter().position(|p| p.name == *name));
@@ -37,7 +37,7 @@ pub fn person_result(
         mass_with_table_kg: state.and_then(|state| state.measured()),
         table_sigma: [spread.mass, spread.centre, spread.inertia, spread.whole],
         segments: segments(study, person, fit, full)?,
-        left_out: left_out(study, person)?,
+        left_out: left_out.to_vec(),
         motions: study.motions.len() as u64,
         trials: person.trials.iter().map(trial).collect(),
     })

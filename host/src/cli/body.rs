@@ -4,11 +4,13 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
 
+use super::body_page::pages;
 use super::body_arguments::{Body, BodyCommand, IdentifyBody};
 use super::outcome::say;
 use super::{ExitStatus, Failure, Folder, Stages};
 use crate::answer::standard_parameters::Full;
 use crate::answer::{Answer, Context, Links, Source, StandardRequest, Status};
+use crate::body_segments::left_out::left_out;
 use crate::body_segments::report::person_result;
 use crate::body_segments::{Study, StudyOptions};
 use crate::fit::{Fit, FitOptions};
@@ -60,11 +62,14 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
     let full = study.segments(&person, &fit).map_err(Failure::input)?;
     let mut answer = answer(arguments, &person, &study, &fit)?;
     stages.at("left-out motions", 0.0);
-    answer.person = Some(person_result(&study, &person, &fit, &full, &answer).map_err(Failure::input)?);
+    let left_out = left_out(&study, &person).map_err(Failure::input)?;
+    let result = person_result(&study, &person, &fit, &full, &answer, &left_out.channels);
+    answer.person = Some(result.map_err(Failure::input)?);
     contradictions(arguments, &mut answer);
     answer.elapsed_s = started.elapsed().as_secs_f64();
+    let pages = pages(&person, &study, &trials, &left_out);
     drop(stages);
-    finish(arguments, &person, &study, (&fit, &full), &answer)
+    finish(arguments, &person, &study, (&fit, &full), &answer, &pages)
 }
 
 /// Refuses options that cannot be.
@@ -186,6 +191,7 @@ fn finish(
     study: &Study,
     (fit, full): (&Fit, &Full),
     answer: &Answer,
+    pages: &[(String, String)],
 ) -> Result<ExitCode, Failure> {
     let folder = Folder::new(arguments.output.out.as_deref(), "body")?;
     let json = serde_json::to_string_pretty(answer)
@@ -202,13 +208,17 @@ fn finish(
         let name = format!("{}.factor", motion.name.replace(['/', '\\', ',', ' '], "_"));
         folder.write(&name, &motion.factor().to_bytes())?;
     }
+    for (name, page) in pages {
+        folder.write(name, page.as_bytes())?;
+    }
     let written = arguments.write_model.as_deref().map(|path| write_model(person, full, path)).transpose()?;
     if !arguments.output.json {
         let model = written.map_or_else(String::new, |path| format!("; the model is {path}"));
         say(format_args!(
-            "\nFiles in {}; open {} in a browser{model}.",
+            "\nFiles in {}; open {}, and {} to see the motion{model}.",
             folder.path().display(),
-            page.display()
+            page.display(),
+            pages.first().map_or("motion.html", |(name, _)| name)
         ));
     }
     Ok(ExitStatus::of(answer.status == Status::Identified).into())

@@ -116,7 +116,7 @@ pub struct ErrorRow {
 pub struct Rms {
     /// In the unit of its row.
     pub value: f64,
-    /// In percent of body weight; of body weight times one metre for a moment.
+    /// In percent of body weight; of body weight times stature for a moment.
     pub percent: f64,
 }
 

@@ -338,7 +338,7 @@ fn errors(rows: &[ErrorRow]) -> String {
     let right = |head: &str| format!("<th class=\"right\" scope=\"col\">{head}</th>");
     format!(
         "<h2>Errors of the predictions</h2>\n<p class=\"soft\">Root mean squares, and these in percent of body weight (moments: of body \
-         weight times one metre). The smaller of each pair is bold.</p>\n<div class=\"scroll\"><table class=\"short errors\"><thead>\
+         weight times stature). The smaller of each pair is bold.</p>\n<div class=\"scroll\"><table class=\"short errors\"><thead>\
          <tr><th></th>{}{}{}{}<th scope=\"col\">unit</th></tr></thead>\n<tbody>\n{body}</tbody></table></div>\n",
         right("identified parameters"),
         right("%"),
