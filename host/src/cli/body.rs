@@ -153,6 +153,8 @@ fn answer(arguments: &IdentifyBody, person: &Person, study: &Study, fit: &Fit) -
         source: Source {
             recording: names.join(" + "),
             rows: person.trials.iter().map(|t| t.frames.len() as u64).sum(),
+            rate_hz: person.trials.first().map(|t| t.report.rate_hz),
+            duration_s: Some(person.trials.iter().map(|t| t.frames.len() as f64 / t.report.rate_hz).sum()),
             mcu: "host".to_owned(),
             ..Source::default()
         },

@@ -24,6 +24,7 @@ pub fn report(answer: &Answer, series: &Series) -> String {
     if is_body(answer) {
         html.push_str(&cards(answer));
     }
+    answer.person.iter().for_each(|found| html.push_str(&super::person::html(found)));
     html.push_str(&results(answer, series));
     answer.standard_parameters.iter().for_each(|found| html.push_str(&standard_parameters(found)));
     answer.complete.iter().for_each(|found| html.push_str(&drives(found)));
@@ -102,7 +103,8 @@ fn remarks(answer: &Answer) -> String {
         boxed("plain", "Notes", &answer.notes),
         boxed("plain", "Common time base", &base),
         boxed("plain", "Known beforehand", &known),
-        boxed("plain", "What would identify the rest", &answer.advice),
+        // Nobody moves a person's every segment to 10 % of its own: the table beside the segments says what is told.
+        if answer.person.is_some() { String::new() } else { boxed("plain", "What would identify the rest", &answer.advice) },
     ]
     .concat()
 }

@@ -1,5 +1,6 @@
 //! One person's segments for a terminal.
 
+use super::page::{escape, notes};
 use super::table::printable;
 use super::text::{significant, with_u95};
 use crate::answer::Answer;
@@ -31,14 +32,8 @@ pub fn text(found: &PersonResult) -> String {
     out.push_str(&format!("Whole mass            {}\n", mass(found.mass_kg)));
     out.push_str(&format!("  with the table      {}\n\n", mass(found.mass_with_table_kg)));
     out.push_str(&columns(&segments(found)));
-    out.push_str(
-        "\nmass and place of the centre of mass below the proximal joint (feet: before it), ± U95, the table's beside; radii of \
-         gyration; how much of the table's variance of the mass the plates took away\n\n",
-    );
-    let what = match found.motions {
-        1 => "The motion predicted by itself: there is no other".to_owned(),
-        n => format!("{n} motions, each predicted by the others"),
-    };
+    out.push_str(&format!("\n{SEGMENTS_NOTE}\n\n"));
+    let what = how_left_out(found);
     out.push_str(&format!("{what}: root mean square of what is left\n"));
     out.push_str(&columns(&left_out(found)));
     out.push('\n');
@@ -46,6 +41,53 @@ pub fn text(found: &PersonResult) -> String {
         out.push_str(&format!("{}\n", frames(trial)));
     }
     out
+}
+
+/// Returns the tables of a person for a page.
+pub(super) fn html(found: &PersonResult) -> String {
+    let mass = |m: Option<Measured>| m.map_or("not identified".to_owned(), |m| with_u95(m.value, m.u95, "kg"));
+    let trials: Vec<String> = found.trials.iter().map(frames).collect();
+    format!(
+        "<h2>Whole mass</h2>\n<p>{} by the plates and the motion alone; {} with what the table of people knows of the segments. The table is \
+         scaled to {} kg and {} m.</p>\n<h2>Segments</h2>\n<p class=\"soft\">{}</p>\n{}<h2>{}</h2>\n<p class=\"soft\">Root mean square of \
+         what is left, by the person's own parameters and by the scaled table; moments about the pelvis, in per cent of weight times \
+         stature.</p>\n{}{}",
+        escape(&mass(found.mass_kg)),
+        escape(&mass(found.mass_with_table_kg)),
+        significant(found.table_mass_kg, 4),
+        significant(found.height_m, 3),
+        SEGMENTS_NOTE,
+        table(&segments(found)),
+        escape(&how_left_out(found)),
+        table(&left_out(found)),
+        notes("Trials", &trials),
+    )
+}
+
+fn table(rows: &[Vec<String>]) -> String {
+    let line = |row: &Vec<String>, is_head: bool| -> String {
+        let cells = row.iter().enumerate().map(|(k, cell)| match (k, is_head) {
+            (0, _) => format!("<th scope=\"row\">{}</th>", escape(cell)),
+            (_, true) => format!("<th class=\"right\" scope=\"col\">{}</th>", escape(cell)),
+            _ => format!("<td class=\"right\">{}</td>", escape(cell)),
+        });
+        format!("<tr>{}</tr>\n", cells.collect::<String>())
+    };
+    let head = rows.first().map_or_else(String::new, |row| line(row, true));
+    let body: String = rows.iter().skip(1).map(|row| line(row, false)).collect();
+    format!("<div class=\"scroll\"><table class=\"tight\"><thead>{head}</thead>\n<tbody>\n{body}</tbody></table></div>\n")
+}
+
+/// What the columns of the segments are.
+const SEGMENTS_NOTE: &str = "Mass, and place of the centre of mass along the segment from its proximal joint (feet: before it), ± U95, the \
+                             table's beside; radii of gyration about the axes forward, left and up; how much of the table's variance of \
+                             the mass the plates took away.";
+
+fn how_left_out(found: &PersonResult) -> String {
+    match found.motions {
+        1 => "The motion predicted by itself: there is no other".to_owned(),
+        n => format!("{n} motions, each predicted by the others"),
+    }
 }
 
 fn segments(found: &PersonResult) -> Vec<Vec<String>> {
