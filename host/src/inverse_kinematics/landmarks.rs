@@ -184,15 +184,20 @@ fn plain(name: &str) -> String {
 
 /// Returns the landmark of a name, and its side: 1 left, −1 right, 0 in the middle.
 fn find(name: &str) -> Option<(&'static Landmark, f64)> {
+    core(name).map(|(found, side, _)| (found, side))
+}
+
+/// The same with the name without its side.
+fn core(name: &str) -> Option<(&'static Landmark, f64, String)> {
     let name = plain(name);
     let of = |list: &'static [Landmark], core: &str| list.iter().find(|l| l.names.contains(&core));
     if let Some(found) = of(MIDDLE, &name) {
-        return Some((found, 0.0));
+        return Some((found, 0.0, name));
     }
     let sides = [("LEFT", 1.0), ("RIGHT", -1.0), ("L", 1.0), ("R", -1.0)];
     sides.iter().find_map(|(word, side)| {
         let cores = [name.strip_prefix(word), name.strip_suffix(word)];
-        cores.into_iter().flatten().find_map(|core| Some((of(SIDED, core)?, *side)))
+        cores.into_iter().flatten().find_map(|core| Some((of(SIDED, core)?, *side, core.to_owned())))
     })
 }
 
@@ -201,10 +206,9 @@ pub fn is_known(name: &str) -> bool {
     find(name).is_some()
 }
 
-/// Returns the name of the same marker on the other side; `None` if it has no side or is not known.
-pub fn other_side(name: &str) -> Option<(&'static str, f64)> {
-    let (found, side) = find(name)?;
-    if side == 0.0 { None } else { Some((found.names[0], side)) }
+/// Returns a marker's name without its side, and the side: 1 left, −1 right; `None` if it has none or is not known.
+pub fn sided(name: &str) -> Option<(String, f64)> {
+    core(name).filter(|(_, side, _)| *side != 0.0).map(|(_, side, core)| (core, side))
 }
 
 /// Returns what markers of known names are fixed to, of a model of a person so tall; names that are not known are left out.

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::landmarks::other_side;
+use super::landmarks::sided;
 use super::markers::{Attached, Seen};
 use super::skeleton::{Pose, Skeleton};
 
@@ -15,17 +15,14 @@ const BETTER: f64 = 0.7;
 
 /// Returns the numbers of markers that are the same on either side, left first.
 fn pairs(markers: &[Attached]) -> Vec<(usize, usize)> {
-    let sides: Vec<Option<(&str, f64)>> = markers.iter().map(|m| other_side(&m.name)).collect();
-    let mut pairs = Vec::new();
-    for (l, left) in sides.iter().enumerate() {
-        let Some((core, side)) = left.filter(|(_, side)| *side > 0.0) else { continue };
-        // Names of one landmark may stand for several markers of a cluster: only single ones are pairs.
-        let same = |s: f64| (0..sides.len()).filter(|k| sides[*k] == Some((core, s))).collect::<Vec<_>>();
-        if let ([_], [r]) = (same(side).as_slice(), same(-side).as_slice()) {
-            pairs.push((l, *r));
-        }
-    }
-    pairs
+    let sides: Vec<Option<(String, f64)>> = markers.iter().map(|m| sided(&m.name)).collect();
+    let left = sides.iter().enumerate().filter(|(_, side)| side.as_ref().is_some_and(|(_, s)| *s > 0.0));
+    let pair = |(l, side): (usize, &Option<(String, f64)>)| {
+        let (core, _) = side.as_ref()?;
+        let is_right = |other: &Option<(String, f64)>| other.as_ref().is_some_and(|(c, s)| c == core && *s < 0.0);
+        Some((l, sides.iter().position(is_right)?))
+    };
+    left.filter_map(pair).collect()
 }
 
 /// Returns frames with left and right exchanged.
@@ -39,7 +36,7 @@ pub(super) fn exchanged(markers: &[Attached], seen: &Seen) -> Seen {
 
 /// Returns true if markers fit much better with left and right exchanged, by what a fit of either leaves, m.
 pub(super) fn is_exchanged(as_named: f64, exchanged: f64) -> bool {
-    exchanged < BETTER * as_named && as_named > WRONG_M / 2.0
+    exchanged < BETTER * as_named
 }
 
 /// Returns the pair of markers that are exchanged in poses that the others tell, if there is one.

@@ -18,6 +18,8 @@ const ANATOMICAL_M: f64 = 0.1;
 /// Fewest such markers that a pose can be begun from.
 const FEWEST: usize = 5;
 
+/// Frames that left and right are compared in.
+const COMPARED: usize = 5;
 /// Statures of people from small children on, m.
 const STATURES_M: [f64; 2] = [0.5, 2.5];
 
@@ -148,20 +150,13 @@ pub fn subject(
         let name = unknown.first().cloned().unwrap_or_default();
         return Err(SubjectError::Markers { known: anatomical, markers: labels.len(), unknown: name });
     }
-    let (first, left, scale) = frames
+    let (first, _, scale) = frames
         .iter()
         .find_map(|f| similarity(&skeleton, &markers, &of_frame(&markers, f)))
         .ok_or(SubjectError::Calibration)?;
     let height_m = person.height_m * scale;
     if !(STATURES_M[0]..=STATURES_M[1]).contains(&height_m) {
         return Err(SubjectError::Stature { height_m });
-    }
-    let other = frames
-        .iter()
-        .find_map(|f| similarity(&skeleton, &markers, &exchanged(&markers, &of_frame(&markers, f))));
-    if let Some((_, other, _)) = other.filter(|(_, other, _)| is_exchanged(left / scale, other / scale)) {
-        let what = "all markers".to_owned();
-        return Err(SubjectError::Exchanged { what, left_mm: 1e3 * left, other_mm: 1e3 * other });
     }
     if known.height_m.is_none() {
         person.height_m = height_m;
@@ -172,6 +167,16 @@ pub fn subject(
     let sigma = joint_sigma(&model(&person, kind)?);
     let seen: Vec<Seen> = frames.iter().map(|f| of_frame(&markers, f)).collect();
     let poses = follow(&skeleton, &markers, &seen, &first).ok_or(SubjectError::Calibration)?;
+    let left = Some(rms(&skeleton, &markers, &seen[..seen.len().min(COMPARED)], &first));
+    let other: Vec<Seen> = seen.iter().take(COMPARED).map(|frame| exchanged(&markers, frame)).collect();
+    let start = other.iter().find_map(|f| similarity(&skeleton, &markers, f));
+    let other = start.map(|(start, ..)| rms(&skeleton, &markers, &other, &start));
+    if let (Some(left), Some(other)) = (left, other)
+        && is_exchanged(left, other)
+    {
+        let what = "all markers".to_owned();
+        return Err(SubjectError::Exchanged { what, left_mm: 1e3 * left, other_mm: 1e3 * other });
+    }
     if let Some((left, right)) = exchanged_pair(&skeleton, &markers, &seen, &poses) {
         return Err(SubjectError::ExchangedPair { left, right });
     }
@@ -230,6 +235,21 @@ fn follow(skeleton: &Skeleton, markers: &[Attached], seen: &[Seen], first: &Pose
         poses.push(best.pose);
     }
     Some(poses)
+}
+
+/// Root mean square of the distances of markers from where the table has them, of those that are known best, m.
+fn rms(skeleton: &Skeleton, markers: &[Attached], seen: &[Seen], start: &Pose) -> f64 {
+    let (mut sum, mut count) = (0.0, 0_usize);
+    for (frame, pose) in seen.iter().zip(follow(skeleton, markers, seen, start).unwrap_or_default()) {
+        let places = skeleton.places(&pose);
+        for (marker, seen) in markers.iter().zip(frame).filter(|(m, _)| m.position_sigma_m < ANATOMICAL_M) {
+            let Some(seen) = seen else { continue };
+            let (turn, origin) = &places[marker.link];
+            sum += (origin + turn * marker.position_m - seen).norm_squared();
+            count += 1;
+        }
+    }
+    (sum / count.max(1) as f64).sqrt()
 }
 
 /// The pose at zero that is turned, moved and scaled onto the markers that are known best: pose, RMS (m) and scale.

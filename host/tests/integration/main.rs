@@ -42,3 +42,4 @@ mod trees;
 mod weakest;
 mod workspace;
 mod wrong_recordings;
+mod wrong_trials;

@@ -1,0 +1,205 @@
+//! Trials that cannot be used, or are not what they are said to be: each is refused in words that say what, where and what to do.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+fn data(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data").join(name)
+}
+
+/// The walk on a treadmill, as text: markers and forces.
+fn walk() -> (String, String) {
+    let read = |name: &str| std::fs::read_to_string(data("human_gait2354_subject01_walk").join(name)).unwrap();
+    (read("subject01_walk1.trc"), read("subject01_walk1_grf.mot"))
+}
+
+/// The walk over three plates.
+fn c3d() -> Vec<u8> {
+    std::fs::read(data("human_btk_pig_60kg_functional/FunctionalWalk.c3d")).unwrap()
+}
+
+/// Runs `body identify` in a folder; exit status and what was said on standard error or, with an answer, on output.
+fn identify(folder: &Path, line: &[&str]) -> (i32, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rigident"));
+    let output = command.current_dir(folder).args(["body", "identify"]).args(line).output().unwrap();
+    let said = [output.stderr, output.stdout].concat();
+    (output.status.code().unwrap(), String::from_utf8_lossy(&said).into_owned())
+}
+
+/// Changes the cells of the frames of a table: line by line, the first `header` lines left alone.
+fn cells(text: &str, header: usize, change: impl Fn(usize, f64) -> f64) -> String {
+    let line = |(k, line): (usize, &str)| {
+        if k < header {
+            return line.to_owned();
+        }
+        let own = line.split('\t').enumerate().map(|(c, cell)| match cell.trim().parse::<f64>() {
+            Ok(value) => change(c, value).to_string(),
+            Err(_) => cell.to_owned(),
+        });
+        own.collect::<Vec<_>>().join("\t")
+    };
+    text.lines().enumerate().map(line).collect::<Vec<_>>().join("\n")
+}
+
+/// Lines of the header of a MOT file, its names of columns among them.
+fn mot_header(text: &str) -> usize {
+    text.lines().position(|line| line.trim() == "endheader").unwrap() + 2
+}
+
+/// Renames markers, of which a TRC file has the names in its fourth line.
+fn rename(trc: &str, change: impl Fn(&str) -> String) -> String {
+    let line = |(k, line): (usize, &str)| {
+        if k == 3 { line.split('\t').map(&change).collect::<Vec<_>>().join("\t") } else { line.to_owned() }
+    };
+    trc.lines().enumerate().map(line).collect::<Vec<_>>().join("\n")
+}
+
+/// Left for right in a name.
+fn other_side(name: &str) -> String {
+    match name.split_once('.') {
+        Some(("R", rest)) => format!("L.{rest}"),
+        Some(("L", rest)) => format!("R.{rest}"),
+        _ => name.to_owned(),
+    }
+}
+
+/// Where the data of a parameter of a C3D file begin, which holds floating numbers or text.
+fn parameter(bytes: &[u8], name: &str) -> usize {
+    let at = (512..bytes.len()).find(|k| bytes[*k..].starts_with(name.as_bytes())).unwrap() + name.len();
+    // Offset to the next, type, number of dimensions, dimensions.
+    at + 4 + usize::from(bytes[at + 3])
+}
+
+/// Changes the floating numbers of a parameter.
+fn floats(bytes: &mut [u8], name: &str, count: usize, change: impl Fn(usize, f32) -> f32) {
+    let at = parameter(bytes, name);
+    for k in 0..count {
+        let own = &mut bytes[at + 4 * k..at + 4 * k + 4];
+        let value = change(k, f32::from_le_bytes([own[0], own[1], own[2], own[3]]));
+        own.copy_from_slice(&value.to_le_bytes());
+    }
+}
+
+/// Writes a treadmill walk and says what becomes of it.
+fn treadmill(trc: &str, mot: Option<&str>, more: &[&str]) -> (i32, String) {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("walk.trc"), trc).unwrap();
+    if let Some(mot) = mot {
+        std::fs::write(folder.path().join("walk_grf.mot"), mot).unwrap();
+    }
+    let standing = data("human_gait2354_subject01_walk/subject01_static.trc");
+    let mut line = vec!["walk.trc", "--out", "out"];
+    if !more.contains(&"--alone") {
+        line.extend(["--static", standing.to_str().unwrap()]);
+    }
+    line.extend(more.iter().filter(|word| **word != "--alone"));
+    identify(folder.path(), &line)
+}
+
+/// Writes a walk over plates and says what becomes of it.
+fn plates(bytes: &[u8]) -> (i32, String) {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("walk.c3d"), bytes).unwrap();
+    identify(folder.path(), &["walk.c3d", "--out", "out"])
+}
+
+#[track_caller]
+fn refused((status, said): (i32, String), code: i32, words: &[&str]) {
+    assert_eq!(status, code, "{said}");
+    for word in words {
+        assert!(said.contains(word), "{word:?} is not in: {said}");
+    }
+    assert!(!said.contains("panicked"), "{said}");
+}
+
+#[test]
+#[ignore = "needs ../shared/data"]
+fn markers_of_shared_data_that_cannot_be_are_named() {
+    let (trc, mot) = walk();
+    let mot = Some(mot.as_str());
+    // Names that nobody knows.
+    let unknown = rename(&trc, |name| if name.contains('.') { name.replace('.', "_x") } else { name.to_owned() });
+    refused(treadmill(&unknown, mot, &["--alone"]), 2, &["names that are known", "R_xASIS", "--markers"]);
+    // All sides exchanged, then a pair of them.
+    refused(treadmill(&rename(&trc, other_side), mot, &["--alone"]), 2, &["left and right are exchanged", "all markers"]);
+    let pair = rename(&trc, |name| if name.ends_with("Heel") { other_side(name) } else { name.to_owned() });
+    refused(treadmill(&pair, mot, &[]), 2, &["R.Heel", "L.Heel", "are exchanged"]);
+    // Another unit.
+    let metres = trc.replacen("\tmm\t", "\tm\t", 1);
+    refused(treadmill(&metres, mot, &["--alone"]), 2, &["m tall", "Units"]);
+    // A rate that the times contradict, and a file that is cut off.
+    let rate = trc.replacen("60.00\t60.00", "120.00\t120.00", 1);
+    refused(treadmill(&rate, mot, &[]), 2, &["by 120 frames a second"]);
+    let cut: Vec<&str> = trc.lines().take(60).collect();
+    refused(treadmill(&cut.join("\n"), mot, &[]), 2, &["cut off"]);
+    // No marker is ever seen.
+    let blind = cells(&trc, 5, |c, value| if c < 2 { value } else { f64::NAN });
+    refused(treadmill(&blind, mot, &["--alone"]), 2, &["0 of 41 markers"]);
+}
+
+#[test]
+#[ignore = "needs ../shared/data"]
+fn forces_of_shared_data_that_cannot_be_are_named() {
+    let (trc, mot) = walk();
+    let header = mot_header(&mot);
+    // Nobody measured them.
+    refused(treadmill(&trc, None, &[]), 2, &["no forces of the ground", "--ground"]);
+    // The action on the ground, of both belts and of one.
+    let force = |c: usize| (1..=3).contains(&c) || (7..=9).contains(&c);
+    let all = cells(&mot, header, |c, value| if force(c) { -value } else { value });
+    refused(treadmill(&trc, Some(&all), &[]), 2, &["wrong sign", "reaction on the person"]);
+    let one = cells(&mot, header, |c, value| if (1..=3).contains(&c) { -value } else { value });
+    refused(treadmill(&trc, Some(&one), &[]), 2, &["against the others", "wrong sign"]);
+    // A laboratory with its origin elsewhere.
+    let elsewhere = cells(&mot, header, |c, value| if c == 6 || c == 12 { value + 1.0 } else { value });
+    refused(treadmill(&trc, Some(&elsewhere), &[]), 2, &["another frame than the markers"]);
+    // Other times, another trial, fewer rows than the header says, a column that is missing.
+    let later = cells(&mot, header, |c, value| if c == 0 { value + 10.0 } else { value });
+    refused(treadmill(&trc, Some(&later), &[]), 2, &["the plates recorded nothing"]);
+    let slower = cells(&mot, header, |c, value| if c == 0 { value * 1.6 } else { value });
+    let (status, said) = treadmill(&trc, Some(&slower), &[]);
+    assert!(status == 2 && (said.contains("do not follow") || said.contains("another frame")), "{said}");
+    let cut: Vec<&str> = mot.lines().take(700).collect();
+    refused(treadmill(&trc, Some(&cut.join("\n")), &[]), 2, &["cut off"]);
+    let missing = mot.replacen("1_ground_force_px", "1_ground_force_qx", 1);
+    refused(treadmill(&trc, Some(&missing), &[]), 2, &["1_ground_force_px is missing"]);
+    // A mass that the plates contradict.
+    refused(treadmill(&trc, Some(&mot), &["--mass-kg", "90"]), 1, &["--mass-kg 90 contradicts the plates"]);
+}
+
+#[test]
+#[ignore = "needs ../shared/data"]
+fn plates_of_shared_data_that_cannot_be_are_named() {
+    let bytes = c3d();
+    refused(plates(&bytes[..bytes.len() / 2]), 2, &["cut off"]);
+    // No description, though the channels are there.
+    let mut nameless = bytes.clone();
+    let at = (512..bytes.len()).find(|k| bytes[*k..].starts_with(b"FORCE_PLATFORM")).unwrap();
+    nameless[at..at + 14].copy_from_slice(b"FORCE_PLATTERS");
+    refused(plates(&nameless), 2, &["no description of force plates", "FORCE_PLATFORM"]);
+    // Corners of another laboratory: a metre further to the left.
+    let mut moved = bytes.clone();
+    floats(&mut moved, "CORNERS", 36, |k, value| if k % 3 == 1 { value + 1500.0 } else { value });
+    refused(plates(&moved), 2, &["another frame than the markers"]);
+    // Corners that are no rectangle's.
+    let mut point = bytes.clone();
+    floats(&mut point, "CORNERS", 36, |_, _| 0.0);
+    refused(plates(&point), 2, &["corners", "rectangle"]);
+    // Millimetres that are said to be metres.
+    let mut metres = bytes;
+    let at = parameter(&metres, "UNITS");
+    metres[at..at + 2].copy_from_slice(b"m ");
+    refused(plates(&metres), 2, &["m tall"]);
+}
+
+#[test]
+fn what_is_no_trial_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("walk.csv"), "t,fx\n0,1\n").unwrap();
+    std::fs::write(folder.path().join("text.c3d"), "this is no C3D file").unwrap();
+    refused(identify(folder.path(), &["walk.csv"]), 2, &["walk.csv is no trial by its name", ".c3d or .trc"]);
+    refused(identify(folder.path(), &["text.c3d"]), 2, &["text.c3d", "C3D"]);
+    refused(identify(folder.path(), &["none.c3d"]), 2, &["none.c3d cannot be read"]);
+    refused(identify(folder.path(), &["none.c3d", "--mass-kg", "-3"]), 2, &["--mass-kg -3"]);
+    refused(identify(folder.path(), &["none.c3d", "--parts", "0"]), 2, &["--parts 0"]);
+}
