@@ -4,7 +4,7 @@ use crate::answer::checks;
 use crate::answer::standard_parameters::{BaseEstimate, Full, nearest};
 use crate::fit::pool::{PoolError, PooledFactor};
 use crate::fit::prior::apply_distribution;
-use crate::fit::{Fit, FitError, FitOptions, Gaussian, Progress, RowSource, fit};
+use crate::fit::{Checks, Fit, FitError, FitOptions, Gaussian, Progress, RowSource, fit};
 use crate::model::ModelError;
 use crate::model::base::BaseParameters;
 use crate::problem::person::anthropometry::{Spread, distribution};
@@ -70,9 +70,11 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Returns its factor, with what its checks found.
+    /// Returns its factor, with what its checks found. That residuals of people who are not rigid are as slow as their motion is
+    /// counted in the intervals, and no warning.
     pub fn factor(&self) -> PooledFactor {
-        PooledFactor::of(&self.fit, &self.name).checked(&checks(&self.fit, &[], true))
+        let found = Checks { warnings: Vec::new(), ..checks(&self.fit, &[], true) };
+        PooledFactor::of(&self.fit, &self.name).checked(&found)
     }
 }
 

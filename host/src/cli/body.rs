@@ -4,8 +4,8 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use super::body_page::pages;
 use super::body_arguments::{Body, BodyCommand, IdentifyBody};
+use super::body_page::pages;
 use super::outcome::say;
 use super::{ExitStatus, Failure, Folder, Stages};
 use crate::answer::standard_parameters::Full;
@@ -42,6 +42,7 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
         height_m: arguments.height_m,
         mass_kg: arguments.mass_kg,
         sex: arguments.table.into(),
+        symmetric: arguments.symmetric_sides,
         track: TrackOptions { cut_off_hz: arguments.cut_off_hz, delay_s: arguments.delay_s },
     };
     let person =

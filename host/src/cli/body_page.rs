@@ -51,7 +51,8 @@ fn page(
     }
     let wrench = Wrench::of(study, (k, tracked, trial), predicted);
     let markers = |frame: usize| -> Vec<[f32; 3]> {
-        let own = |name: &String| trial.labels.iter().position(|l| l == name).and_then(|l| trial.point(frame, l));
+        let own =
+            |name: &String| trial.labels.iter().position(|l| l == name).and_then(|l| trial.point(frame, l));
         subject.markers.iter().map(|m| own(&m.name).map_or(NONE, single)).collect()
     };
     MotionPage {
@@ -62,7 +63,11 @@ fn page(
         bones: figure.bones,
         markers_m: kept.iter().map(|f| markers(*f)).collect(),
         com_m: kept.iter().map(|f| person.table_centre(k, *f).map_or(NONE, single)).collect(),
-        plates_m: trial.ground.iter().filter_map(|p| Some(p.corners_m?.map(|c| c.map(|v| v as f32)))).collect(),
+        plates_m: trial
+            .ground
+            .iter()
+            .filter_map(|p| Some(p.corners_m?.map(|c| c.map(|v| v as f32))))
+            .collect(),
         forces: vec![wrench.arrow(&kept)],
         about: "the pelvis".to_owned(),
         curves: wrench.curves(&kept),
@@ -113,7 +118,8 @@ impl Figure {
         };
         for (i, link) in links.iter().enumerate().skip(1) {
             let parent = &links[link.link.parent];
-            let thick = matches!(parent.name.as_str(), "pelvis" | "torso" | "lumbar" | "chest") && side(&link.name) == Side::Middle;
+            let thick = matches!(parent.name.as_str(), "pelvis" | "torso" | "lumbar" | "chest")
+                && side(&link.name) == Side::Middle;
             figure.bones.push(Bone {
                 name: parent.name.clone(),
                 ends: [link.link.parent, i],
@@ -135,7 +141,12 @@ impl Figure {
             let at = figure.points.len();
             figure.points.extend([(i, from), (i, to)]);
             let ends = [at, at + 1];
-            figure.bones.push(Bone { name: link.name.clone(), ends, side: side(&link.name), radius_m: radius });
+            figure.bones.push(Bone {
+                name: link.name.clone(),
+                ends,
+                side: side(&link.name),
+                radius_m: radius,
+            });
         }
         figure
     }

@@ -19,7 +19,8 @@ fn pairs(markers: &[Attached]) -> Vec<(usize, usize)> {
     let left = sides.iter().enumerate().filter(|(_, side)| side.as_ref().is_some_and(|(_, s)| *s > 0.0));
     let pair = |(l, side): (usize, &Option<(String, f64)>)| {
         let (core, _) = side.as_ref()?;
-        let is_right = |other: &Option<(String, f64)>| other.as_ref().is_some_and(|(c, s)| c == core && *s < 0.0);
+        let is_right =
+            |other: &Option<(String, f64)>| other.as_ref().is_some_and(|(c, s)| c == core && *s < 0.0);
         Some((l, sides.iter().position(is_right)?))
     };
     left.filter_map(pair).collect()
@@ -61,8 +62,9 @@ pub(super) fn exchanged_pair(
             sum.2 += 2.0;
         }
     }
-    let found = pairs.iter().zip(&sums).find(|(_, (own, other, count))| {
-        *count > 0.0 && own / count > WRONG_M && *other < NEARER * own
-    });
+    let found = pairs
+        .iter()
+        .zip(&sums)
+        .find(|(_, (own, other, count))| *count > 0.0 && own / count > WRONG_M && *other < NEARER * own);
     found.map(|((l, r), _)| (markers[*l].name.clone(), markers[*r].name.clone()))
 }

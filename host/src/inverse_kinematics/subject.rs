@@ -42,6 +42,8 @@ pub struct Known {
     pub mass_kg: f64,
     /// Whose means the table has.
     pub sex: Sex,
+    /// Right joints are where left ones are, mirrored.
+    pub symmetric: bool,
 }
 
 /// The reason that there is no model of a person.
@@ -181,6 +183,7 @@ pub fn subject(
         return Err(SubjectError::ExchangedPair { left, right });
     }
     let found = calibrate(&skeleton, &markers, &sigma, &seen, &poses).ok_or(SubjectError::Calibration)?;
+    let found = if known.symmetric { mirrored(found, &model(&person, kind)?, &seen)? } else { found };
     let Calibrated { skeleton, markers, rms_m, .. } = found;
     person.lengths_m = lengths(&model(&person, kind)?, &skeleton);
     let mut model = model(&person, kind)?;
@@ -210,6 +213,23 @@ impl Subject {
         self.skeleton = Skeleton::new(&self.model)?;
         Some(self)
     }
+}
+
+/// Makes joints mirror images of one another, and finds the markers' places anew.
+fn mirrored(found: Calibrated, model: &Model, seen: &[Seen]) -> Result<Calibrated, SubjectError> {
+    const NOT_AT_ALL: f64 = 1e-6;
+    let mut skeleton = found.skeleton.clone();
+    let at = |link: usize| found.skeleton.links()[link].position;
+    for (i, link) in model.links.iter().enumerate().skip(1) {
+        let own = at(i);
+        let other = link.name.strip_prefix("l_").map(|rest| format!("r_{rest}"));
+        let other = other.or_else(|| link.name.strip_prefix("r_").map(|rest| format!("l_{rest}")));
+        let mirror = other.and_then(|name| model.link(&name)).map_or(own, &at);
+        let mean = (own + Vector3::new(mirror.x, -mirror.y, mirror.z)) / 2.0;
+        skeleton.shift(i, &(mean - own));
+    }
+    let sigma = vec![[NOT_AT_ALL; 3]; model.links.len() - 1];
+    calibrate(&skeleton, &found.markers, &sigma, seen, &found.poses).ok_or(SubjectError::Calibration)
 }
 
 fn model(person: &Person, kind: HumanModel) -> Result<Model, ModelError> {

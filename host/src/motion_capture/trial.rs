@@ -194,7 +194,8 @@ impl Trial {
     fn same_signs(&self) -> Result<(), TrialError> {
         let push: Vec<Vector3<f64>> = self.ground.iter().map(loaded_push).collect();
         let all = self.mean_push();
-        let against = push.iter().zip(&self.ground).find(|(p, _)| p.norm() > CLEAR_PUSH_N && p.dot(&all) < 0.0);
+        let against =
+            push.iter().zip(&self.ground).find(|(p, _)| p.norm() > CLEAR_PUSH_N && p.dot(&all) < 0.0);
         let Some((p, plate)) = against.filter(|_| all.norm() > LEAST_PUSH_N) else { return Ok(()) };
         Err(TrialError::Contents {
             name: self.name.clone(),
@@ -202,7 +203,8 @@ impl Trial {
                 "{} pushes with ({:.0}, {:.0}, {:.0}) N against the others",
                 plate.name, p.x, p.y, p.z
             ),
-            advice: "its forces have the wrong sign: export the reaction on the person for every plate".to_owned(),
+            advice: "its forces have the wrong sign: export the reaction on the person for every plate"
+                .to_owned(),
         })
     }
 

@@ -104,7 +104,11 @@ fn remarks(answer: &Answer) -> String {
         boxed("plain", "Common time base", &base),
         boxed("plain", "Known beforehand", &known),
         // Nobody moves a person's every segment to 10 % of its own: the table beside the segments says what is told.
-        if answer.person.is_some() { String::new() } else { boxed("plain", "What would identify the rest", &answer.advice) },
+        if answer.person.is_some() {
+            String::new()
+        } else {
+            boxed("plain", "What would identify the rest", &answer.advice)
+        },
     ]
     .concat()
 }

@@ -45,7 +45,8 @@ pub fn text(found: &PersonResult) -> String {
 
 /// Returns the tables of a person for a page.
 pub(super) fn html(found: &PersonResult) -> String {
-    let mass = |m: Option<Measured>| m.map_or("not identified".to_owned(), |m| with_u95(m.value, m.u95, "kg"));
+    let mass =
+        |m: Option<Measured>| m.map_or("not identified".to_owned(), |m| with_u95(m.value, m.u95, "kg"));
     let trials: Vec<String> = found.trials.iter().map(frames).collect();
     format!(
         "<h2>Whole mass</h2>\n<p>{} by the plates and the motion alone; {} with what the table of people knows of the segments. The table is \
@@ -75,7 +76,9 @@ fn table(rows: &[Vec<String>]) -> String {
     };
     let head = rows.first().map_or_else(String::new, |row| line(row, true));
     let body: String = rows.iter().skip(1).map(|row| line(row, false)).collect();
-    format!("<div class=\"scroll\"><table class=\"tight\"><thead>{head}</thead>\n<tbody>\n{body}</tbody></table></div>\n")
+    format!(
+        "<div class=\"scroll\"><table class=\"tight\"><thead>{head}</thead>\n<tbody>\n{body}</tbody></table></div>\n"
+    )
 }
 
 /// What the columns of the segments are.

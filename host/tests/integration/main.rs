@@ -5,6 +5,7 @@
 
 mod accuracy;
 mod autocorrelation;
+mod body_identify;
 mod body_rows;
 mod c3d_independent;
 mod calibration;

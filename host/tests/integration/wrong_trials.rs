@@ -9,7 +9,8 @@ fn data(name: &str) -> PathBuf {
 
 /// The walk on a treadmill, as text: markers and forces.
 fn walk() -> (String, String) {
-    let read = |name: &str| std::fs::read_to_string(data("human_gait2354_subject01_walk").join(name)).unwrap();
+    let read =
+        |name: &str| std::fs::read_to_string(data("human_gait2354_subject01_walk").join(name)).unwrap();
     (read("subject01_walk1.trc"), read("subject01_walk1_grf.mot"))
 }
 
@@ -118,10 +119,15 @@ fn markers_of_shared_data_that_cannot_be_are_named() {
     let (trc, mot) = walk();
     let mot = Some(mot.as_str());
     // Names that nobody knows.
-    let unknown = rename(&trc, |name| if name.contains('.') { name.replace('.', "_x") } else { name.to_owned() });
+    let unknown =
+        rename(&trc, |name| if name.contains('.') { name.replace('.', "_x") } else { name.to_owned() });
     refused(treadmill(&unknown, mot, &["--alone"]), 2, &["names that are known", "R_xASIS", "--markers"]);
     // All sides exchanged, then a pair of them.
-    refused(treadmill(&rename(&trc, other_side), mot, &["--alone"]), 2, &["left and right are exchanged", "all markers"]);
+    refused(
+        treadmill(&rename(&trc, other_side), mot, &["--alone"]),
+        2,
+        &["left and right are exchanged", "all markers"],
+    );
     let pair = rename(&trc, |name| if name.ends_with("Heel") { other_side(name) } else { name.to_owned() });
     refused(treadmill(&pair, mot, &[]), 2, &["R.Heel", "L.Heel", "are exchanged"]);
     // Another unit.

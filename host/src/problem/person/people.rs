@@ -90,6 +90,8 @@ pub struct PeopleOptions {
     pub mass_kg: Option<f64>,
     /// Whose means the table has.
     pub sex: Sex,
+    /// Right joints are where left ones are, mirrored.
+    pub symmetric: bool,
     /// How trials are tracked.
     pub track: TrackOptions,
 }
@@ -135,7 +137,8 @@ impl Person {
         let frames = chosen_frames(&labels, trials, standing);
         progress("joint centres", 0.0);
         let mass_kg = options.mass_kg.or_else(|| weight(trials)).unwrap_or(70.0);
-        let known = Known { height_m: options.height_m, mass_kg, sex: options.sex };
+        let known =
+            Known { height_m: options.height_m, mass_kg, sex: options.sex, symmetric: options.symmetric };
         let fitted = subject(&labels, &frames, options.kind, &known)?;
         let (subject, fixed) = follow(fitted, &labels, trials)?;
         if !fixed.is_empty() {
