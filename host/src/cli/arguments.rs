@@ -3,6 +3,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 
 pub use super::adaptive::Adaptive;
+pub use super::body_arguments::Body;
 pub use super::calibration_arguments::{Calibrate, Verify};
 pub use super::factor_arguments::{MakeFactor, Merge, Solve, TareFiles};
 pub use super::options::calibration::CalibrationOption;
@@ -77,7 +78,7 @@ pub enum Command {
     /// Plan what to do with the platform before it moves
     Plan(Plan),
     /// Identify a person from motion capture and force plates
-    Body(super::body_arguments::Body),
+    Body(Body),
     /// Look at a tree of links: robot description, rig file or person
     Model(ModelCommand),
     /// Print the JSON Schema of a file that this program reads or writes

@@ -14,6 +14,7 @@ use crate::body_segments::left_out::left_out;
 use crate::body_segments::report::person_result;
 use crate::body_segments::{Study, StudyOptions};
 use crate::fit::{Fit, FitOptions};
+use crate::inverse_kinematics::marker_file::MarkerFile;
 use crate::model::write;
 use crate::motion_capture::trial::Trial;
 use crate::present::{self, Series};
@@ -43,6 +44,7 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
         mass_kg: arguments.mass_kg,
         sex: arguments.table.into(),
         symmetric: arguments.symmetric_sides,
+        own_markers: own_markers(arguments)?,
         track: TrackOptions { cut_off_hz: arguments.cut_off_hz, delay_s: arguments.delay_s },
     };
     let person =
@@ -94,7 +96,15 @@ fn check(arguments: &IdentifyBody) -> Result<(), Failure> {
     if let Some(path) = &arguments.write_model {
         write::check_target(path).map_err(Failure::input)?;
     }
-    arguments.output.out.as_deref().map_or(Ok(()), Folder::check)
+    arguments.out.as_deref().map_or(Ok(()), Folder::check)
+}
+
+/// Reads the file of markers whose names say nothing.
+fn own_markers(arguments: &IdentifyBody) -> Result<MarkerFile, Failure> {
+    let Some(path) = &arguments.markers else { return Ok(MarkerFile::default()) };
+    let text = std::fs::read_to_string(path)
+        .map_err(|error| Failure::input(format!("{} cannot be read: {error}", path.display())))?;
+    MarkerFile::parse(&text).map_err(|error| Failure::input(format!("{}: {error}", path.display())))
 }
 
 /// Reads the trials, each TRC file with the ground's forces that were named for it.
@@ -143,11 +153,7 @@ fn answer(arguments: &IdentifyBody, person: &Person, study: &Study, fit: &Fit) -
     let mut notes = person.notes.clone();
     notes.extend(unknown_markers(person));
     let whole = study.table.names().first().cloned();
-    let asked = if arguments.output.estimate.is_empty() {
-        whole.into_iter().collect()
-    } else {
-        arguments.output.estimate.clone()
-    };
+    let asked: Vec<String> = whole.into_iter().collect();
     let context = Context {
         links: Some(links),
         asked: &asked,
@@ -196,10 +202,10 @@ fn finish(
     answer: &Answer,
     pages: &[(String, String)],
 ) -> Result<ExitCode, Failure> {
-    let folder = Folder::new(arguments.output.out.as_deref(), "body")?;
+    let folder = Folder::new(arguments.out.as_deref(), "body")?;
     let json = serde_json::to_string_pretty(answer)
         .map_err(|e| Failure::input(format!("the result cannot be put into JSON: {e}")))?;
-    if arguments.output.json {
+    if arguments.json {
         say(json.as_str());
     } else {
         say(present::person::whole_text(answer).trim_end());
@@ -215,7 +221,7 @@ fn finish(
         folder.write(name, page.as_bytes())?;
     }
     let written = arguments.write_model.as_deref().map(|path| write_model(person, full, path)).transpose()?;
-    if !arguments.output.json {
+    if !arguments.json {
         let model = written.map_or_else(String::new, |path| format!("; the model is {path}"));
         say(format_args!(
             "\nFiles in {}; open {}, and {} to see the motion{model}.",

@@ -2,7 +2,6 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
 
-use super::arguments::Output;
 use crate::inverse_kinematics::subject::HumanModel;
 use crate::model::human::Sex;
 
@@ -81,6 +80,9 @@ pub struct IdentifyBody {
     /// Forces of the ground for each TRC trial, in their order: MOT or STO
     #[arg(long, value_name = "FILE")]
     pub ground: Vec<PathBuf>,
+    /// Which segment markers are on whose names say nothing: a TOML file
+    #[arg(long, value_name = "FILE")]
+    pub markers: Option<PathBuf>,
     /// The model of the person
     #[arg(long, value_enum, default_value_t)]
     pub model: Model,
@@ -111,7 +113,10 @@ pub struct IdentifyBody {
     /// Write the segments into a model: FILE.urdf or FILE.xml (MJCF)
     #[arg(long, value_name = "FILE")]
     pub write_model: Option<PathBuf>,
-    #[command(flatten)]
-    #[allow(missing_docs)]
-    pub output: Output,
+    /// Print the result object on standard output, and nothing else there
+    #[arg(long)]
+    pub json: bool,
+    /// Folder for the files; must be new or empty. Default: a new folder here
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
 }

@@ -6,6 +6,7 @@
 
 pub mod calibrate;
 pub mod landmarks;
+pub mod marker_file;
 pub mod markers;
 mod normal;
 mod sides;

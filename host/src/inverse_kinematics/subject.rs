@@ -6,6 +6,7 @@ use rigident_shared::tree::Joint;
 
 use super::calibrate::{Calibrated, calibrate};
 use super::landmarks::{attach, is_known};
+use super::marker_file::MarkerFile;
 use super::markers::{Attached, Seen};
 use super::sides::{exchanged, exchanged_pair, is_exchanged};
 use super::skeleton::{Pose, Skeleton};
@@ -44,6 +45,8 @@ pub struct Known {
     pub sex: Sex,
     /// Right joints are where left ones are, mirrored.
     pub symmetric: bool,
+    /// Markers whose names say nothing, or something else.
+    pub own_markers: MarkerFile,
 }
 
 /// The reason that there is no model of a person.
@@ -90,6 +93,9 @@ pub enum SubjectError {
         /// The other one.
         right: String,
     },
+    /// A file of markers names no link of the model.
+    #[error("--markers: {0}")]
+    OwnMarkers(String),
     /// The search for joint centres failed.
     #[error("joint centres cannot be found from the markers: too few were seen together")]
     Calibration,
@@ -129,7 +135,11 @@ pub fn subject(
     known: &Known,
 ) -> Result<Subject, SubjectError> {
     let seen_once = |label: usize| frames.iter().any(|f| f.get(label).is_some_and(Option::is_some));
-    let unknown: Vec<String> = labels.iter().filter(|l| !is_known(l)).cloned().collect();
+    let unknown: Vec<String> = labels
+        .iter()
+        .filter(|l| !is_known(l) && !known.own_markers.marker.contains_key(*l))
+        .cloned()
+        .collect();
     let mut person = Person {
         height_m: known.height_m.unwrap_or_else(|| Person::default().height_m),
         mass_kg: known.mass_kg,
@@ -140,6 +150,7 @@ pub fn subject(
         let model = model(person, kind)?;
         let skeleton = Skeleton::new(&model).ok_or(SubjectError::Calibration)?;
         let mut markers = attach(&model, &skeleton, labels, person.height_m);
+        known.own_markers.apply(&mut markers, labels, &model).map_err(SubjectError::OwnMarkers)?;
         markers.retain(|marker| seen_once(marker.label));
         Ok((model, skeleton, markers))
     };

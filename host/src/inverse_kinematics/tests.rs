@@ -8,6 +8,9 @@ use super::solve::Solver;
 use super::subject::{HumanModel, Known, Subject, subject};
 use crate::motion_capture::trial::Trial;
 
+/// Links, points of the file, and how far they may be apart, m.
+type Limits = &'static [(&'static str, &'static str, f64)];
+
 type Frames = Vec<Vec<Option<Vector3<f64>>>>;
 
 fn recorded(folder: &str, file: &str) -> Trial {
@@ -49,7 +52,7 @@ fn distance(found: &Subject, trial: &Trial, link: &str, point: &str) -> f64 {
 fn joint_centres_of_shared_data_are_where_functional_motion_and_the_laboratory_have_them() {
     // Centres of the hips that functional motion gave (the laboratory's SCoRE), ankles of Plug-in Gait; and Plug-in Gait's of another
     // person. Regressions of hips are good to 10 to 20 mm.
-    let cases: [(&str, [&str; 2], f64, &[(&str, &str, f64)]); 2] = [
+    let cases: [(&str, [&str; 2], f64, Limits); 2] = [
         (
             "human_btk_pig_60kg_functional",
             ["FunctionalStatic.c3d", "FunctionalWalk.c3d"],

@@ -18,13 +18,14 @@ pub struct Storage {
 }
 
 impl Storage {
-    /// Reads a file. Without a line that says so angles are in degrees if one says that in words.
+    /// Reads a file. Without a line that says so angles are in degrees if one says that in words. The header's number of columns is
+    /// not looked at: programs leave an old one there, and the names say it.
     ///
     /// # Errors
     /// It has no header, is cut off, or contradicts itself.
     pub fn parse(text: &str) -> Result<Self, OpenSimError> {
         let mut lines = text.lines().enumerate().map(|(k, line)| (k + 1, line));
-        let (mut rows, mut width, mut in_degrees, mut name) = (None, None, None, String::new());
+        let (mut rows, mut in_degrees, mut name) = (None, None, String::new());
         let mut in_words = false;
         loop {
             let (line, text) = lines.next().ok_or_else(|| {
@@ -43,7 +44,6 @@ impl Storage {
                 || value.trim().parse::<usize>().map_err(|_| at(line, format!("{text:?} has no count")));
             match key.trim().to_ascii_lowercase().as_str() {
                 "nrows" | "datarows" => rows = Some(count()?),
-                "ncolumns" | "datacolumns" => width = Some(count()?),
                 "indegrees" => in_degrees = Some(value.trim().eq_ignore_ascii_case("yes")),
                 _ => {}
             }
@@ -55,12 +55,6 @@ impl Storage {
         let mut columns: Vec<String> = names.split_whitespace().map(str::to_owned).collect();
         if !columns.first().is_some_and(|first| first.eq_ignore_ascii_case("time")) {
             return Err(at(line, "the first column is not time"));
-        }
-        if width.is_some_and(|width| width != columns.len()) {
-            return Err(at(
-                line,
-                format!("{} columns, and the header says {}", columns.len(), width.unwrap_or(0)),
-            ));
         }
         columns.remove(0);
         let mut table = Self {

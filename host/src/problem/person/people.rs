@@ -7,6 +7,7 @@ use rigident_shared::tree::BaseMotion;
 use super::alignment;
 use super::smoothing::Smoother;
 use super::track::{TrackOptions, Tracked, TrackedFrame, track};
+use crate::inverse_kinematics::marker_file::MarkerFile;
 use crate::inverse_kinematics::subject::{HumanModel, Known, Subject, SubjectError, subject};
 use crate::model::ModelError;
 use crate::model::base::{Rows, Situation};
@@ -92,6 +93,8 @@ pub struct PeopleOptions {
     pub sex: Sex,
     /// Right joints are where left ones are, mirrored.
     pub symmetric: bool,
+    /// Markers whose names say nothing, or something else.
+    pub own_markers: MarkerFile,
     /// How trials are tracked.
     pub track: TrackOptions,
 }
@@ -137,8 +140,13 @@ impl Person {
         let frames = chosen_frames(&labels, trials, standing);
         progress("joint centres", 0.0);
         let mass_kg = options.mass_kg.or_else(|| weight(trials)).unwrap_or(70.0);
-        let known =
-            Known { height_m: options.height_m, mass_kg, sex: options.sex, symmetric: options.symmetric };
+        let known = Known {
+            height_m: options.height_m,
+            mass_kg,
+            sex: options.sex,
+            symmetric: options.symmetric,
+            own_markers: options.own_markers.clone(),
+        };
         let fitted = subject(&labels, &frames, options.kind, &known)?;
         let (subject, fixed) = follow(fitted, &labels, trials)?;
         if !fixed.is_empty() {

@@ -119,7 +119,7 @@ pub fn track(
         cut_off(subject, trial, &places, &used, &coordinates.series)
     });
     let smoother = Smoother::new(cut_off_hz, trial.rate_hz)
-        .ok_or_else(|| PersonError::CutOff { cut_off_hz, rate_hz: trial.rate_hz })?;
+        .ok_or(PersonError::CutOff { cut_off_hz, rate_hz: trial.rate_hz })?;
     let judge = |delay_s: f64| {
         let all = wrenches(trial, cut_off_hz, delay_s);
         (contact(subject, trial.rate_hz, &places, &trial.ground, &all), all)

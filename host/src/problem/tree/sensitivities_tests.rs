@@ -74,10 +74,8 @@ fn corrected(input: &Input, error: &SignalError, x: f64) -> Input {
     let unit = |axis: usize| Matrix3::<f64>::identity().column(axis).into_owned();
     let mut moving = Moving::new(input.model.tree()).unwrap();
     let mut out = input.clone();
-    if let SignalError::LeverArm(axis) = error {
-        if let BaseSensor::Imu(place) = &mut out.base {
-            place[*axis] += x;
-        }
+    if let (SignalError::LeverArm(axis), BaseSensor::Imu(place)) = (error, &mut out.base) {
+        place[*axis] += x;
     }
     for frame in &mut out.frames {
         let zeros = vec![0.0; frame.rates.len()];
