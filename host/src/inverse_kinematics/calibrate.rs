@@ -29,7 +29,7 @@ pub struct Calibrated {
     pub rms_m: f64,
 }
 
-/// Frames of one person count as no more than so many independent ones [assumed]: skin moves over bone with the pose.
+/// Frames of one person count as no more than so many independent ones (assumed): skin moves over bone with the pose.
 const INDEPENDENT: f64 = 6.0;
 
 struct Frame {

@@ -4,7 +4,7 @@
 //! hips are M. Harrington et al., "Prediction of the hip joint centre in adults, children, and patients with cerebral palsy based on
 //! magnetic resonance imaging", Journal of Biomechanics 40 (3), 2007, for a pelvis 0.25 m wide and 0.16 m deep; the others are
 //! half breadths of joints and lengths of segments as textbooks of gait analysis have them, with the radius of a marker
-//! [assumed]. They are where a calibration begins, each with how far it may be off.
+//! (assumed). They are where a calibration begins, each with how far it may be off.
 
 use nalgebra::Vector3;
 

@@ -1,7 +1,7 @@
 //! A page that plays a person's motion in three dimensions: figure, markers, centre of mass, measured and predicted forces, and
 //! the wrench over time under it.
 //!
-//! Lives here: what such a page needs to know ([`MotionPage`]), the check of it, its packing ([`series`]), its markup ([`page`])
+//! Lives here: what such a page needs to know ([`MotionPage`]), the check of it, its packing (`series`), its markup (`page`)
 //! and the player itself (`*.js`, `style.css`), which is drawn on a canvas without any library and loads nothing. May not live
 //! here: kinematics, prediction, files.
 

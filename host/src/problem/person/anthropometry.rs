@@ -25,7 +25,7 @@ pub struct Spread {
 }
 
 impl Default for Spread {
-    /// Returns sizes as regressions on scanned and dissected people leave them [assumed].
+    /// Returns sizes as regressions on scanned and dissected people leave them (assumed).
     fn default() -> Self {
         Self { mass: 0.2, centre: 0.2, inertia: 0.3, whole: 0.1 }
     }
