@@ -25,6 +25,8 @@ mod sensitivities;
 mod signals;
 mod source;
 mod standstill;
+#[cfg(all(test, feature = "simulator"))]
+mod tracked_tests;
 
 pub use error::{TreePrepareError, TreeSourceError};
 pub use errors::SignalError;

@@ -9,7 +9,7 @@ use rigident_shared::tree::{Joint, TreeError};
 use super::drive::Term;
 use super::rows::{RowMaker, names_and_units};
 use super::sensitivities::ErrorRows;
-use super::{Frame, Input, TreeSourceError, rotors, signals};
+use super::{BaseSensor, Frame, Input, TreeSourceError, rotors, signals};
 use crate::fit::{
     Channel, DriveMotion, Fingerprint, Kind, Nuisance, Owner, Parameter, RowSource, SampleRows, SignalNoise,
     Timing,
@@ -55,6 +55,11 @@ impl TreeSource {
     }
 
     pub(super) fn with_base(input: Input, base: BaseParameters) -> Result<Self, TreeError> {
+        // Neither efforts nor errors of an IMU are defined against a laboratory.
+        let has_more = input.has_efforts() || !input.errors.is_empty() || !input.signals.is_empty();
+        if input.base == BaseSensor::Tracked && has_more {
+            return Err(TreeError::Lengths);
+        }
         let mut maker = RowMaker::new(&input, &base)?;
         // All frames are made alike.
         if let Some(frame) = input.frames.first() {
@@ -251,6 +256,9 @@ impl RowSource for TreeSource {
 
     fn model_fingerprint(&self) -> u64 {
         let mut hash = Fingerprint::default();
+        if self.input.base == BaseSensor::Tracked {
+            hash.add_text("tracked");
+        }
         for link in &self.input.model.links {
             hash.add_text(&link.name);
             hash.add(link.link.parent as u64);
