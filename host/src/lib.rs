@@ -21,6 +21,7 @@ pub mod model;
 #[cfg(feature = "simulator")]
 pub mod montecarlo;
 pub mod motion_capture;
+pub mod motion_selection;
 pub mod plan;
 pub mod platform;
 pub mod present;

@@ -29,8 +29,43 @@ pub struct PersonResult {
     pub left_out: Vec<LeftOut>,
     /// The number of motions of which one after the other was left out; 1 if there was only one, which is then predicted by itself.
     pub motions: u64,
+    /// Ways to choose as many motions as were asked for, and what comes of each; absent if all were used.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub choices: Vec<ChoiceResult>,
     /// What became of each trial.
     pub trials: Vec<TrialResult>,
+}
+
+/// A choice of motions, and what comes of it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ChoiceResult {
+    /// How it was made: `D-optimal`, `E-optimal`, `published rule`, `random`; `all` are all motions.
+    pub name: String,
+    /// True of the choice that the answer rests on.
+    pub used: bool,
+    /// The motions.
+    pub motions: Vec<String>,
+    /// Parameters with a relative standard deviation below 5 %.
+    pub good: u64,
+    /// From 5 to 15 %.
+    pub fair: u64,
+    /// Above 15 %.
+    pub poor: u64,
+    /// Parameters below 0.05 kg, kg m or kg m², which are counted apart.
+    pub small: u64,
+    /// Condition number of the rows; absent if they do not determine everything.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub condition: Option<f64>,
+    /// The same with columns of unit length.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub condition_scaled: Option<f64>,
+    /// log10 of the determinant of the information; absent if the rows do not determine everything.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub log10_determinant: Option<f64>,
+    /// Root mean square of what is left of the whitened rows of motions that were not chosen, with the table known beforehand; absent if
+    /// all were.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub left_out: Option<f64>,
 }
 
 /// A segment.

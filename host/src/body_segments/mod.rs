@@ -4,6 +4,7 @@
 //! ([`left_out`]), and segments with intervals ([`segments`]). May not live here: how rows are made
 //! ([`crate::problem::person`]), and how anything is shown.
 
+pub mod choice;
 pub mod left_out;
 pub mod report;
 pub mod segments;

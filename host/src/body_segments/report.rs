@@ -39,6 +39,7 @@ pub fn person_result(
         segments: segments(study, person, fit, full)?,
         left_out: left_out.to_vec(),
         motions: study.motions.len() as u64,
+        choices: Vec::new(),
         trials: person.trials.iter().map(trial).collect(),
     })
 }

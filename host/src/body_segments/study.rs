@@ -7,6 +7,7 @@ use crate::fit::prior::apply_distribution;
 use crate::fit::{Checks, Fit, FitError, FitOptions, Gaussian, Progress, RowSource, fit};
 use crate::model::ModelError;
 use crate::model::base::BaseParameters;
+use crate::motion_selection::SelectionError;
 use crate::problem::person::anthropometry::{Spread, distribution};
 use crate::problem::person::noise::{RowSums, sigma};
 use crate::problem::person::{Person, PersonError};
@@ -30,6 +31,9 @@ pub enum StudyError {
     /// Motions do not fit together.
     #[error(transparent)]
     Pool(#[from] PoolError),
+    /// There is nothing to choose from.
+    #[error(transparent)]
+    Selection(#[from] SelectionError),
     /// The table has no bodies of this model.
     #[error(transparent)]
     Model(#[from] ModelError),

@@ -8,8 +8,10 @@ use super::body_arguments::{Body, BodyCommand, IdentifyBody};
 use super::body_page::pages;
 use super::outcome::say;
 use super::{ExitStatus, Failure, Folder, Stages};
+use crate::answer::person::PersonResult;
 use crate::answer::standard_parameters::Full;
 use crate::answer::{Answer, Context, Links, Source, StandardRequest, Status};
+use crate::body_segments::choice::choices;
 use crate::body_segments::left_out::left_out;
 use crate::body_segments::report::person_result;
 use crate::body_segments::{Study, StudyOptions};
@@ -60,14 +62,17 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
     let study =
         Study::new(&person, &study_options, &FitOptions::default(), &progress).map_err(Failure::input)?;
     stages.at("segments", 0.0);
-    let all: Vec<usize> = (0..study.motions.len()).collect();
-    let fit = study.together(&all).map_err(Failure::input)?;
+    let (chosen, choices) = match arguments.motions {
+        None => ((0..study.motions.len()).collect(), Vec::new()),
+        Some(count) => choices(&study, arguments.select.into(), count).map_err(Failure::input)?,
+    };
+    let fit = study.together(&chosen).map_err(Failure::input)?;
     let full = study.segments(&person, &fit).map_err(Failure::input)?;
     let mut answer = answer(arguments, &person, &study, &fit)?;
     stages.at("left-out motions", 0.0);
     let left_out = left_out(&study, &person).map_err(Failure::input)?;
     let result = person_result(&study, &person, &fit, &full, &answer, &left_out.channels);
-    answer.person = Some(result.map_err(Failure::input)?);
+    answer.person = Some(PersonResult { choices, ..result.map_err(Failure::input)? });
     contradictions(arguments, &mut answer);
     answer.elapsed_s = started.elapsed().as_secs_f64();
     let pages = pages(&person, &study, &trials, &left_out);
@@ -89,6 +94,9 @@ fn check(arguments: &IdentifyBody) -> Result<(), Failure> {
     positive("--nominal-sigma", Some(arguments.nominal_sigma))?;
     if arguments.delay_s.is_some_and(|d| !d.is_finite() || d.abs() > 1.0) {
         return Err(Failure::input("--delay-s: give seconds, at most one"));
+    }
+    if arguments.motions == Some(0) {
+        return Err(Failure::input("--motions 0: give a number of at least one"));
     }
     if !(1..=100).contains(&arguments.parts) {
         return Err(Failure::input(format!("--parts {}: give 1 to 100", arguments.parts)));

@@ -2,6 +2,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
 
+use crate::body_segments::choice::Way;
 use crate::inverse_kinematics::subject::HumanModel;
 use crate::model::human::Sex;
 
@@ -35,6 +36,31 @@ impl From<Model> for HumanModel {
         match model {
             Model::Human34 => Self::Human34,
             Model::Human58 => Self::Human58,
+        }
+    }
+}
+
+/// How motions are chosen.
+#[derive(ValueEnum, Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Select {
+    /// Most information, by its determinant
+    #[default]
+    DOptimal,
+    /// The best least eigenvalue of the information
+    EOptimal,
+    /// By conditions of parts of the body, near-duplicates taken away
+    Published,
+    /// By chance
+    Random,
+}
+
+impl From<Select> for Way {
+    fn from(select: Select) -> Self {
+        match select {
+            Select::DOptimal => Self::DOptimal,
+            Select::EOptimal => Self::EOptimal,
+            Select::Published => Self::Published,
+            Select::Random => Self::Random,
         }
     }
 }
@@ -104,6 +130,12 @@ pub struct IdentifyBody {
     /// Parts of a single trial
     #[arg(long, value_name = "N", default_value_t = 4)]
     pub parts: usize,
+    /// Identify from so many of the motions; by default from all
+    #[arg(long, value_name = "K")]
+    pub motions: Option<usize>,
+    /// How they are chosen
+    #[arg(long, value_enum, default_value_t, requires = "motions")]
+    pub select: Select,
     /// Relative standard deviation that the table's segments are trusted with
     #[arg(long, value_name = "S", default_value_t = 0.3)]
     pub nominal_sigma: f64,

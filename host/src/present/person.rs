@@ -36,6 +36,10 @@ pub fn text(found: &PersonResult) -> String {
     let what = how_left_out(found);
     out.push_str(&format!("{what}: root mean square of what is left\n"));
     out.push_str(&columns(&left_out(found)));
+    if !found.choices.is_empty() {
+        out.push_str(&format!("\n{CHOICES_NOTE}\n"));
+        out.push_str(&columns(&choices(found)));
+    }
     out.push('\n');
     for trial in &found.trials {
         out.push_str(&format!("{}\n", frames(trial)));
@@ -61,7 +65,15 @@ pub(super) fn html(found: &PersonResult) -> String {
         table(&segments(found)),
         escape(&how_left_out(found)),
         table(&left_out(found)),
-        notes("Trials", &trials),
+        if found.choices.is_empty() {
+            notes("Trials", &trials)
+        } else {
+            let choices = table(&choices(found));
+            format!(
+                "<h2>Choice of motions</h2>\n<p class=\"soft\">{CHOICES_NOTE}</p>\n{choices}{}",
+                notes("Trials", &trials)
+            )
+        },
     )
 }
 
@@ -133,6 +145,45 @@ fn left_out(found: &PersonResult) -> Vec<Vec<String>> {
             significant(c.percent_of_weight, 2),
             significant(c.measured_sd, 3),
             against,
+        ]);
+    }
+    rows
+}
+
+/// What the columns of the choices are.
+const CHOICES_NOTE: &str = "Ways to choose motions: parameters known to 5 %, to 15 %, worse, and small ones (1 σ, the table known beforehand); condition \
+                            number of the rows, and with columns of unit length; log10 of the determinant of the information; root mean \
+                            square of what is left of the whitened rows of the other motions.";
+
+fn choices(found: &PersonResult) -> Vec<Vec<String>> {
+    let head = [
+        "",
+        "motions",
+        "< 5 %",
+        "5-15 %",
+        "> 15 %",
+        "small",
+        "condition",
+        "scaled",
+        "log det",
+        "left out",
+        "",
+    ];
+    let mut rows = vec![head.map(str::to_owned).to_vec()];
+    let number = |v: Option<f64>| v.map_or_else(|| "-".to_owned(), |v| significant(v, 3));
+    for c in &found.choices {
+        rows.push(vec![
+            c.name.clone(),
+            c.motions.len().to_string(),
+            c.good.to_string(),
+            c.fair.to_string(),
+            c.poor.to_string(),
+            c.small.to_string(),
+            number(c.condition),
+            number(c.condition_scaled),
+            number(c.log10_determinant),
+            number(c.left_out),
+            if c.used { "used".to_owned() } else { String::new() },
         ]);
     }
     rows

@@ -169,23 +169,37 @@ impl RowMaker {
 
     /// Brings moments from the root's origin to the base's.
     fn about_base(&self, parts: &mut MomentumRows) {
-        let stride = self.moving.columns();
-        let (arm, velocity) = match (self.base, self.moving.states().get(BASE)) {
+        match (self.base, self.moving.states().get(BASE)) {
             // M about S = M about U + p × F, and U does not move against S.
-            (BaseSensor::Imu(place), _) => (-Vector3::from(place), Vector3::zeros()),
-            (BaseSensor::Tracked, Some(base)) => (base.position, base.velocity),
-            (BaseSensor::Tracked, None) => return,
-        };
-        let cross = |v: &Vector3<f64>, rows: &[f64], axis: usize, c: usize| {
-            let (j, k) = ((axis + 1) % 3, (axis + 2) % 3);
-            v[j] * rows[k * stride + c] - v[k] * rows[j * stride + c]
-        };
+            (BaseSensor::Imu(place), _) => {
+                self.add_arm(&Vector3::from(place), &mut parts.smoothed);
+                self.add_arm(&Vector3::from(place), &mut parts.differentiated);
+            }
+            (BaseSensor::Tracked, Some(base)) => {
+                let (arm, velocity) = (-base.position, base.velocity);
+                let mut turned = parts.differentiated.clone();
+                self.add_arm(&velocity, &mut turned);
+                for (to, (with, without)) in
+                    parts.smoothed.iter_mut().zip(turned.iter().zip(&parts.differentiated))
+                {
+                    *to += with - without;
+                }
+                self.add_arm(&arm, &mut parts.smoothed);
+                self.add_arm(&arm, &mut parts.differentiated);
+            }
+            (BaseSensor::Tracked, None) => {}
+        }
+    }
+
+    /// Adds the moment of the forces at an arm to the moments.
+    fn add_arm(&self, arm: &Vector3<f64>, rows: &mut [f64]) {
+        let stride = self.moving.columns();
         for axis in 0..3 {
+            let (j, k) = ((axis + 1) % 3, (axis + 2) % 3);
             for c in 0..stride {
-                let moment = (3 + axis) * stride + c;
-                parts.smoothed[moment] +=
-                    cross(&velocity, &parts.differentiated, axis, c) - cross(&arm, &parts.smoothed, axis, c);
-                parts.differentiated[moment] -= cross(&arm, &parts.differentiated, axis, c);
+                let moment = rows[(3 + axis) * stride + c];
+                rows[(3 + axis) * stride + c] =
+                    moment + arm[j] * rows[k * stride + c] - arm[k] * rows[j * stride + c];
             }
         }
     }
