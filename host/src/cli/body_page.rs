@@ -187,7 +187,7 @@ impl Wrench {
             }
             for (own, table) in own.blocks.iter().zip(&table.blocks) {
                 // The filter is about the middle of its width, which may lie between two frames.
-                let frame = ((own.time_s - trial.first_s) * trial.rate_hz + 0.25).round().max(0.0) as usize;
+                let frame = (own.time_s * trial.rate_hz + 0.25).round().max(0.0) as usize;
                 let six = |v: &[f64]| std::array::from_fn(|c| v.get(c).map_or(f32::NAN, |v| *v as f32));
                 if frame < all.measured.len() {
                     all.measured[frame] = six(&own.measured);

@@ -248,10 +248,14 @@ impl Person {
 fn zero(trials: &mut [Trial]) -> Vec<String> {
     let own: Vec<Vec<Option<[f64; 6]>>> =
         trials.iter().map(|t| t.ground.iter().map(zeroing::offset).collect()).collect();
+    let corners: Vec<Vec<Option<[[f64; 3]; 4]>>> =
+        trials.iter().map(|t| t.ground.iter().map(|plate| plate.corners_m).collect()).collect();
     let mut notes = Vec::new();
     for (k, trial) in trials.iter_mut().enumerate() {
         for (p, plate) in trial.ground.iter_mut().enumerate() {
-            let other = own.iter().find_map(|t| t.get(p).copied().flatten());
+            let is_same = |t: usize| plate.corners_m.is_some() && corners[t].get(p) == Some(&plate.corners_m);
+            let mut others = (0..own.len()).filter(|t| is_same(*t));
+            let other = others.find_map(|t| own[t].get(p).copied().flatten());
             match own[k][p].or(other) {
                 Some(offset) => zeroing::take_off(plate, &offset),
                 None => notes.push(format!(

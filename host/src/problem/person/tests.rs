@@ -17,7 +17,7 @@ fn person(trial: Trial, standing: Option<Trial>, height_m: f64) -> Person {
     Person::new(&mut [trial], standing.as_ref(), &options, &|_, _| ()).unwrap()
 }
 
-/// Times between which frames are used, s.
+/// Times between which frames are used, from the first frame on, s.
 fn used(person: &Person) -> (f64, f64) {
     let frames = &person.trials[0].frames;
     let at = |frame: Option<&track::TrackedFrame>| frame.unwrap().time_ns as f64 * 1e-9;

@@ -34,7 +34,7 @@ const UNDER_A_FOOT: f64 = 0.5;
 pub struct TrackedFrame {
     /// Its number in the trial.
     pub number: usize,
-    /// Its time, ns.
+    /// Its time from the trial's first frame on, ns.
     pub time_ns: u64,
     /// Coordinates and rates.
     pub moved: Moved,
@@ -144,7 +144,7 @@ pub fn track(
         });
         let (None, Some(wrench)) = (dropped, sum) else { continue };
         let Some(moved) = coordinates.at(&smoother, number) else { continue };
-        let time_ns = (trial.time_s(number).max(0.0) * 1e9).round() as u64;
+        let time_ns = (number as f64 / trial.rate_hz * 1e9).round() as u64;
         frames.push(TrackedFrame { number, time_ns, moved, wrench });
     }
     let (rms_m, by_marker) = distances(subject, &solved);
