@@ -3,11 +3,13 @@
 //! [`frame_path`] is the one entry; the release check looks for its symbol and walks what it can reach.
 
 use rigident_shared::estimator::frames::{
-    Frame, FrameEstimator, FrameLink, FrameRejection, FrameStop, FramesConfig, FramesError, LINKS, LinkMotion,
+    Frame, FrameEstimator, FrameLink, FrameRejection, FrameStop, FramesConfig, FramesError, LINKS,
+    LinkMotion, LinkPose, TrackedFrame,
 };
-use rigident_shared::wire::tree_frame::TreeFrame;
+use rigident_shared::wire::tree_frame;
 
 use crate::Path;
+use crate::drivers::frames::AnyFrame;
 use crate::place::{HasVariant, begin};
 
 /// The estimator, and whether it absorbs.
@@ -71,10 +73,19 @@ impl FramePath {
 // SAFETY: the name is this function's own; no other symbol of the program has it.
 #[unsafe(export_name = "rigident_frame_path")]
 #[inline(never)]
-pub fn frame_path(path: &mut FramePath, frame: &TreeFrame<'_>) -> Option<Result<(), FrameRejection>> {
+pub fn frame_path(path: &mut FramePath, frame: &AnyFrame<'_>) -> Option<Result<(), FrameRejection>> {
     if !path.absorbing {
         return None;
     }
+    let outcome = match frame {
+        AnyFrame::Imu(frame) => with_imu(path, frame),
+        AnyFrame::Tracked(frame) => tracked(path, frame),
+    };
+    path.stop_rule_met = path.estimator.look();
+    Some(outcome)
+}
+
+fn with_imu(path: &mut FramePath, frame: &tree_frame::TreeFrame<'_>) -> Result<(), FrameRejection> {
     let mut links = [LinkMotion::default(); LINKS];
     let mut count = 0;
     for (slot, [qw, qx, qy, qz, wx, wy, wz, cx, cy, cz]) in links.iter_mut().zip(frame.links()) {
@@ -83,13 +94,28 @@ pub fn frame_path(path: &mut FramePath, frame: &TreeFrame<'_>) -> Option<Result<
         count += 1;
     }
     let [fx, fy, fz, mx, my, mz, ax, ay, az, wx, wy, wz, cx, cy, cz] = frame.base;
-    let outcome = path.estimator.absorb(&Frame {
+    path.estimator.absorb(&Frame {
         wrench: [fx, fy, fz, mx, my, mz],
         specific_force: [ax, ay, az],
         rate: [wx, wy, wz],
         angular_acceleration: [cx, cy, cz],
         links: links.get(..count).unwrap_or_default(),
-    });
-    path.stop_rule_met = path.estimator.look();
-    Some(outcome)
+    })
+}
+
+fn tracked(path: &mut FramePath, frame: &tree_frame::TrackedFrame<'_>) -> Result<(), FrameRejection> {
+    let [fx, fy, fz, mx, my, mz, vx, vy, vz, base @ ..] = frame.base;
+    let mut links = [LinkPose::default(); LINKS];
+    let mut count = 0;
+    let all = core::iter::once(base).chain(frame.links());
+    for (slot, [qw, qx, qy, qz, wx, wy, wz]) in links.iter_mut().zip(all) {
+        *slot = LinkPose { attitude: [qw, qx, qy, qz], rate: [wx, wy, wz] };
+        count += 1;
+    }
+    path.estimator.absorb_tracked(&TrackedFrame {
+        number: frame.number,
+        wrench: [fx, fy, fz, mx, my, mz],
+        velocity: [vx, vy, vz],
+        links: links.get(..count).unwrap_or_default(),
+    })
 }

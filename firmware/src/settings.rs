@@ -3,7 +3,7 @@
 use heapless::Vec;
 use rigident_shared::alignment::AlignerConfig;
 use rigident_shared::calibration::{GaugeCalibration, ImuMounting};
-use rigident_shared::estimator::frames::{FrameLink, FrameStop, FramesConfig, FramesError};
+use rigident_shared::estimator::frames::{FrameFilter, FrameLink, FrameStop, FramesConfig, FramesError};
 use rigident_shared::estimator::{ConfigError, EstimatorConfig, JointAttitude, TwoLinks};
 use rigident_shared::forgetting::{ImuNoise, MemoryConfig, Span};
 use rigident_shared::screening::Limits;
@@ -89,7 +89,7 @@ fn is_possible(stop: Option<&StopRule>) -> bool {
     stop.is_none_or(|stop| stop.limits.iter().all(|limit| limit.u95.is_finite()))
 }
 
-/// A tree absorbs frames as they come: no filter, nothing forgotten, the offset known.
+/// A tree absorbs frames as they come, filtered if its base is tracked: nothing forgotten, the offset known.
 fn tree(settings: &Settings, links: &[LinkSettings]) -> Result<Configuration, SettingName> {
     let cell = &settings.load_cell;
     ensure(settings.source == Source::Sensors, SettingName::Model)?;
@@ -97,6 +97,10 @@ fn tree(settings: &Settings, links: &[LinkSettings]) -> Result<Configuration, Se
     ensure(settings.memory == MemorySettings::Forever, SettingName::Memory)?;
     let known_offset = cell.known_offset_n_nm.filter(|o| all_finite(o)).ok_or(SettingName::KnownOffset)?;
     ensure(positive(&cell.range_n_nm), SettingName::LoadCellRange)?;
+    let is_tracked = links.first().is_some_and(|base| base.joint == LinkJoint::Free);
+    if let Some(free) = links.iter().skip(1).position(|link| link.joint == LinkJoint::Free) {
+        return Err(SettingName::Link(1 + free as u8));
+    }
     let links = links
         .iter()
         .map(|link| FrameLink {
@@ -104,16 +108,23 @@ fn tree(settings: &Settings, links: &[LinkSettings]) -> Result<Configuration, Se
             joint: match link.joint {
                 LinkJoint::Fixed => TurningJoint::Fixed,
                 LinkJoint::Revolute(axis) => TurningJoint::Revolute(axis),
-                LinkJoint::Spherical => TurningJoint::Spherical,
+                // Only the first one's, which is not looked at.
+                LinkJoint::Spherical | LinkJoint::Free => TurningJoint::Spherical,
             },
             position: link.position_m,
         })
         .collect();
+    let filter = is_tracked.then_some(FrameFilter {
+        rate_hz: settings.rate_hz,
+        width_s: settings.filter_width_s,
+        row_every: settings.row_every,
+    });
     let config = FramesConfig {
         channel_sigma: cell.noise_n_nm,
         known_offset,
         range: cell.range_n_nm,
         still_after: settings.frozen_after,
+        filter,
     };
     let stop = settings
         .stop
@@ -251,5 +262,6 @@ pub(crate) fn setting_of_tree(error: FramesError) -> SettingName {
         FramesError::Links(_) | FramesError::Parameters(_) => SettingName::Links,
         FramesError::Link(link) => SettingName::Link(link as u8),
         FramesError::Sigma(channel) => SettingName::Noise(channel),
+        FramesError::Filter(_) => SettingName::Filter,
     }
 }

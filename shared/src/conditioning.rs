@@ -39,9 +39,63 @@ pub struct Kernel<T: Scalar, const TAPS: usize> {
     derivative_noise_gain: T,
 }
 
+/// Writes a kernel's weights, of one piece of code for all lengths; returns taps and noise gains.
+#[inline(never)]
+fn fill<T: Scalar>(
+    rate_hz: T,
+    width_s: T,
+    averaged: u16,
+    smooth: &mut [T],
+    derivative: &mut [T],
+) -> Result<(usize, T, T), KernelError> {
+    let averaged = T::from_u32(u32::from(averaged));
+    let sum_rate_hz = rate_hz / averaged;
+    let half = sum_rate_hz * width_s / T::from_u32(2);
+    if !half.is_finite() || half < T::ZERO || rate_hz <= T::ZERO || smooth.is_empty() {
+        return Err(KernelError::Invalid);
+    }
+    // Whole samples strictly inside the half width.
+    let mut reach = 0_u32;
+    while T::from_u32(reach + 1) < half && reach < 1_000_000 {
+        reach += 1;
+    }
+    let taps = 2 * reach + 1;
+    if taps as usize > smooth.len() || taps > u32::from(u16::MAX) {
+        return Err(KernelError::TooManyTaps(taps));
+    }
+    if reach == 0 {
+        smooth.iter_mut().take(1).for_each(|h| *h = T::ONE);
+        return Ok((1, T::ONE, T::ZERO));
+    }
+    let taps = taps as usize;
+    let (mut sum, mut slope) = (T::ZERO, T::ZERO);
+    for (i, (h, d)) in smooth.iter_mut().zip(derivative.iter_mut()).take(taps).enumerate() {
+        let offset = T::from_i32(i as i32 - reach as i32);
+        let x = offset / half;
+        let u = T::ONE - x * x;
+        let u2 = u * u;
+        let u4 = u2 * u2;
+        *h = u4 * u4;
+        // ḣ at the lag (centre − sample): −x, hence +x u⁷ up to a constant.
+        *d = x * u4 * u2 * u;
+        sum += *h;
+        slope += *d * offset;
+    }
+    // Σ h = 1 exactly, and Σ d t = 1 exactly, on averages: constants and straight lines pass without error.
+    let (sum, slope_per_second) = (sum * averaged, slope * averaged / sum_rate_hz);
+    let (mut energy, mut derivative_energy) = (T::ZERO, T::ZERO);
+    for (h, d) in smooth.iter_mut().zip(derivative).take(taps) {
+        *h /= sum;
+        *d /= slope_per_second;
+        energy += *h * *h;
+        derivative_energy += *d * *d;
+    }
+    Ok((taps, energy * averaged, derivative_energy * averaged))
+}
+
 impl<T: Scalar, const TAPS: usize> Kernel<T, TAPS> {
     /// No taps. All bits are zero.
-    const NONE: Self = Self {
+    pub(crate) const NONE: Self = Self {
         taps: 0,
         smooth: [T::ZERO; TAPS],
         derivative: [T::ZERO; TAPS],
@@ -55,52 +109,9 @@ impl<T: Scalar, const TAPS: usize> Kernel<T, TAPS> {
     /// # Errors
     /// [`KernelError`] if it cannot be, or does not fit.
     pub fn new(rate_hz: T, width_s: T, averaged: u16) -> Result<Self, KernelError> {
-        let averaged = T::from_u32(u32::from(averaged));
-        let sum_rate_hz = rate_hz / averaged;
         let mut kernel = Self::NONE;
-        let half = sum_rate_hz * width_s / T::from_u32(2);
-        if !half.is_finite() || half < T::ZERO || rate_hz <= T::ZERO || TAPS == 0 {
-            return Err(KernelError::Invalid);
-        }
-        // Whole samples strictly inside the half width.
-        let mut reach = 0_u32;
-        while T::from_u32(reach + 1) < half && reach < 1_000_000 {
-            reach += 1;
-        }
-        let taps = 2 * reach + 1;
-        if taps as usize > TAPS || taps > u32::from(u16::MAX) {
-            return Err(KernelError::TooManyTaps(taps));
-        }
-        kernel.taps = taps as usize;
-        if reach == 0 {
-            (kernel.smooth[0], kernel.noise_gain) = (T::ONE, T::ONE);
-            return Ok(kernel);
-        }
-        let (mut sum, mut slope) = (T::ZERO, T::ZERO);
-        for (i, (h, d)) in kernel.smooth.iter_mut().zip(&mut kernel.derivative).take(kernel.taps).enumerate()
-        {
-            let offset = T::from_i32(i as i32 - reach as i32);
-            let x = offset / half;
-            let u = T::ONE - x * x;
-            let u2 = u * u;
-            let u4 = u2 * u2;
-            *h = u4 * u4;
-            // ḣ at the lag (centre − sample): −x, hence +x u⁷ up to a constant.
-            *d = x * u4 * u2 * u;
-            sum += *h;
-            slope += *d * offset;
-        }
-        // Σ h = 1 exactly, and Σ d t = 1 exactly, on averages: constants and straight lines pass without error.
-        let (sum, slope_per_second) = (sum * averaged, slope * averaged / sum_rate_hz);
-        let (mut energy, mut derivative_energy) = (T::ZERO, T::ZERO);
-        for (h, d) in kernel.smooth.iter_mut().zip(&mut kernel.derivative).take(kernel.taps) {
-            *h /= sum;
-            *d /= slope_per_second;
-            energy += *h * *h;
-            derivative_energy += *d * *d;
-        }
-        kernel.noise_gain = energy * averaged;
-        kernel.derivative_noise_gain = derivative_energy * averaged;
+        let gains = fill(rate_hz, width_s, averaged, &mut kernel.smooth, &mut kernel.derivative)?;
+        (kernel.taps, kernel.noise_gain, kernel.derivative_noise_gain) = gains;
         Ok(kernel)
     }
 

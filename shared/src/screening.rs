@@ -164,25 +164,56 @@ impl<T: Scalar, const C: usize> Screen<T, C> {
     #[cold]
     #[inline(never)]
     fn judge(&mut self, values: &[T; C]) -> Result<(), Rejection> {
+        let mut history = History {
+            highest: &self.highest,
+            frozen_after: self.frozen_after,
+            last: &mut self.last,
+            seen: &mut self.seen,
+            equal: &mut self.equal,
+            moving: self.moving.get_mut(..C.div_ceil(GROUP)).unwrap_or_default(),
+        };
+        let verdict = history.judge(values, self.clean);
+        if !matches!(verdict, Err(Rejection::NotFinite(_))) {
+            self.some_equal = self.equal.iter().any(|e| *e != 0);
+            self.clean = 0;
+        }
+        verdict
+    }
+}
+
+/// What a screen of any number of channels knows: one piece of code judges them all.
+struct History<'a, T> {
+    highest: &'a [T],
+    frozen_after: u16,
+    last: &'a mut [T],
+    seen: &'a mut bool,
+    equal: &'a mut [u16],
+    moving: &'a mut [u16],
+}
+
+impl<T: Scalar> History<'_, T> {
+    #[inline(never)]
+    fn judge(&mut self, values: &[T], clean: u16) -> Result<(), Rejection> {
         let mut verdict = Ok(());
         for (channel, (value, highest)) in values.iter().zip(self.highest).enumerate() {
             if !value.is_finite() {
                 return Err(Rejection::NotFinite(channel as u8));
             }
-            if value.abs() >= highest && verdict.is_ok() {
+            if value.abs() >= *highest && verdict.is_ok() {
                 verdict = Err(Rejection::Saturated(channel as u8));
             }
         }
-        for moving in self.moving.iter_mut().take(C.div_ceil(GROUP)) {
-            *moving = moving.saturating_add(self.clean);
+        for moving in self.moving.iter_mut() {
+            *moving = moving.saturating_add(clean);
         }
-        self.clean = 0;
-        let last = core::mem::replace(&mut self.last, *values);
-        if core::mem::replace(&mut self.seen, true) {
-            for ((equal, last), value) in self.equal.iter_mut().zip(last).zip(values) {
-                *equal = if last == *value { equal.saturating_add(1) } else { 0 };
+        let seen = core::mem::replace(self.seen, true);
+        for ((equal, last), value) in self.equal.iter_mut().zip(self.last.iter_mut()).zip(values) {
+            if seen {
+                *equal = if *last == *value { equal.saturating_add(1) } else { 0 };
             }
-            self.some_equal = self.equal.iter().any(|e| *e != 0);
+            *last = *value;
+        }
+        if seen {
             for (moving, group) in self.moving.iter_mut().zip(self.equal.chunks(GROUP)) {
                 let moved = group.contains(&0);
                 *moving = if moved { moving.saturating_add(1) } else { 0 };
@@ -192,17 +223,17 @@ impl<T: Scalar, const C: usize> Screen<T, C> {
         self.frozen(values).map_or(Ok(()), |channel| Err(Rejection::Frozen(channel)))
     }
 
-    fn frozen(&self, values: &[T; C]) -> Option<u8> {
+    fn frozen(&self, values: &[T]) -> Option<u8> {
         let after = self.frozen_after;
         if after == 0 || self.equal.iter().all(|e| *e < after) {
             return None;
         }
         let others_move = self.moving.iter().any(|m| *m >= after);
         let groups = self.equal.chunks(GROUP).zip(values.chunks(GROUP));
-        for (k, ((group, values), moving)) in groups.zip(self.moving).enumerate() {
+        for (k, ((group, values), moving)) in groups.zip(self.moving.iter()).enumerate() {
             let together = others_move && group.iter().all(|e| *e >= after);
             for (offset, (equal, value)) in group.iter().zip(values).enumerate() {
-                let alone = moving >= after && *value != T::ZERO;
+                let alone = *moving >= after && *value != T::ZERO;
                 if *equal >= after && (alone || together) {
                     return Some((GROUP * k + offset) as u8);
                 }

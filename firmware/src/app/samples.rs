@@ -3,12 +3,12 @@
 use core::ops::DerefMut;
 
 use rigident_shared::estimator::Outcome;
-use rigident_shared::wire::tree_frame::TreeFrame;
 use rigident_shared::wire::{ErrorCode, Reason, Reply, SensorFault, StateName, Telemetry};
 
 use super::reports::{link_message_of, message_of};
 use super::{App, HandOver, Pulse, Sensor};
 use crate::Path;
+use crate::drivers::frames::AnyFrame;
 use crate::frame_path::frame_path;
 use crate::sample_path::{SamplePath, Words, imu_reading, sample_path};
 
@@ -39,16 +39,16 @@ impl<P: DerefMut<Target = Path>> App<P> {
         self.take(&Words::SecondImu(imu_reading(time_ns, specific_force, angular_rate)));
     }
 
-    /// Returns how many links a frame is to have; none if no frames are wanted.
-    pub fn frame_links(&self) -> Option<usize> {
-        self.path.frames().map(|path| path.estimator().links())
+    /// Returns how many links a frame is to have, and whether its base is tracked; none if no frames are wanted.
+    pub fn frame_links(&self) -> Option<(usize, bool)> {
+        self.path.frames().map(|path| (path.estimator().links(), path.estimator().is_tracked()))
     }
 
     /// Takes a frame of a tree in motion, captured at this time.
-    pub fn on_frame(&mut self, time_ns: u64, frame: &TreeFrame<'_>) {
+    pub fn on_frame(&mut self, time_ns: u64, frame: &AnyFrame<'_>) {
         self.alive(Sensor::Frames, time_ns);
-        let expected = self.errors.next_frame.replace(frame.number.wrapping_add(1));
-        let missing = expected.map_or(0, |expected| frame.number.wrapping_sub(expected));
+        let expected = self.errors.next_frame.replace(frame.number().wrapping_add(1));
+        let missing = expected.map_or(0, |expected| frame.number().wrapping_sub(expected));
         // Half the range back is a source that started again.
         if missing < u32::MAX / 2 {
             self.errors.frames_missing = self.errors.frames_missing.saturating_add(missing);

@@ -1,7 +1,7 @@
 //! A source of frames of a tree in motion: one transfer, one frame ([`rigident_shared::wire::tree_frame`]).
 
 use embedded_hal::spi::{Operation, SpiDevice};
-use rigident_shared::wire::tree_frame::{MAX_TREE_FRAME, TreeFrame, TreeFrameError, tree_frame_bytes};
+use rigident_shared::wire::tree_frame::{MAX_TREE_FRAME, TrackedFrame, TreeFrame, TreeFrameError};
 
 /// Tells why there is no frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -12,6 +12,37 @@ pub enum FrameError {
     Damaged,
     /// It is of a tree with so many links.
     Links(u8),
+}
+
+/// A frame of the one kind or the other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum AnyFrame<'a> {
+    /// The base carries an IMU.
+    Imu(TreeFrame<'a>),
+    /// Cameras track the base.
+    Tracked(TrackedFrame<'a>),
+}
+
+impl<'a> AnyFrame<'a> {
+    /// The frame of the wanted kind that `bytes` begin with.
+    ///
+    /// # Errors
+    /// See [`TreeFrame::decode`].
+    pub fn decode(bytes: &'a [u8], links: usize, tracked: bool) -> Result<Self, TreeFrameError> {
+        if tracked {
+            TrackedFrame::decode(bytes, links).map(Self::Tracked)
+        } else {
+            TreeFrame::decode(bytes, links).map(Self::Imu)
+        }
+    }
+
+    /// Its number.
+    pub fn number(&self) -> u32 {
+        match self {
+            Self::Imu(frame) => frame.number,
+            Self::Tracked(frame) => frame.number,
+        }
+    }
 }
 
 /// The source, and room for one frame.
@@ -26,15 +57,16 @@ impl<SPI: SpiDevice> FrameSource<SPI> {
         Self { spi, bytes: [0; MAX_TREE_FRAME] }
     }
 
-    /// Clocks out the frame that was signalled, of a tree of so many links.
+    /// Clocks out the frame that was signalled, of a tree of so many links whose base is tracked or not.
     ///
     /// # Errors
     /// [`FrameError`]: there is none that can be used.
-    pub fn read(&mut self, links: usize) -> Result<TreeFrame<'_>, FrameError> {
-        let bytes = self.bytes.get_mut(..tree_frame_bytes(links)).ok_or(FrameError::Bus)?;
+    pub fn read(&mut self, links: usize, tracked: bool) -> Result<AnyFrame<'_>, FrameError> {
+        let length = if tracked { TrackedFrame::bytes(links) } else { TreeFrame::bytes(links) };
+        let bytes = self.bytes.get_mut(..length).ok_or(FrameError::Bus)?;
         bytes.fill(0);
         self.spi.transaction(&mut [Operation::TransferInPlace(bytes)]).map_err(|_| FrameError::Bus)?;
-        TreeFrame::decode(bytes, links).map_err(|error| match error {
+        AnyFrame::decode(bytes, links, tracked).map_err(|error| match error {
             TreeFrameError::Damaged => FrameError::Damaged,
             TreeFrameError::Links(count) => FrameError::Links(count),
         })

@@ -3,9 +3,10 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use hexapod::FrameMotion;
 use rand_distr::{Distribution, StandardNormal};
 use rigident_shared::wire::bus::{Event, PollAnswer};
-use rigident_shared::wire::tree_frame::{LINK_NUMBERS, MAX_TREE_FRAME, TreeFrame};
+use rigident_shared::wire::tree_frame::{LINK_NUMBERS, MAX_TREE_FRAME, TrackedFrame, TreeFrame};
 
 use super::sensor_bus::SensorBus;
 use crate::links::{Tree, quaternion};
@@ -71,6 +72,48 @@ impl SensorBus for FrameBus {
             bytes.iter_mut().zip(frame).for_each(|(slot, byte)| *slot = *byte);
         }
     }
+}
+
+/// `count` frames of a tree in motion whose base cameras track, at `rate_hz`, the wrench with white noise of these σ (N, N m) in
+/// the laboratory's axes from the seed; the rest is exact but for single precision.
+///
+/// # Panics
+/// If the tree has more links than a frame can hold.
+pub fn tracked_frames_of(
+    tree: &Tree,
+    count: usize,
+    rate_hz: f64,
+    noise_n_nm: [f64; 6],
+    seed: u64,
+) -> Vec<Vec<u8>> {
+    let mut random = stream(seed, 6);
+    (0..count)
+        .map(|k| {
+            let now = tree.at(k as f64 / rate_hz);
+            let base = now.motions.first().expect("a tree has a base");
+            let [fx, fy, fz, mx, my, mz] = now.wrench;
+            let force = base.rotation * nalgebra::Vector3::new(fx, fy, fz);
+            let moment = base.rotation * nalgebra::Vector3::new(mx, my, mz);
+            let mut numbers: Vec<f64> = force.iter().chain(&moment).copied().collect();
+            for (w, sigma) in numbers.iter_mut().zip(noise_n_nm) {
+                let n: f64 = StandardNormal.sample(&mut random);
+                *w += sigma * n;
+            }
+            numbers.extend(base.velocity.iter());
+            let pose = |link: &FrameMotion| -> [f32; 7] {
+                let rate = link.rotation.transpose() * link.angular_rate;
+                let all: Vec<f64> =
+                    quaternion(&link.rotation).into_iter().chain(rate.iter().copied()).collect();
+                std::array::from_fn(|i| all[i] as f32)
+            };
+            let own = pose(base);
+            let base = std::array::from_fn(|i| if i < 9 { numbers[i] as f32 } else { own[i - 9] });
+            let links: Vec<[f32; 7]> = now.motions.iter().skip(1).map(pose).collect();
+            let mut bytes = [0; MAX_TREE_FRAME];
+            let n = TrackedFrame::encode(k as u32, &base, &links, &mut bytes).expect("at most sixteen links");
+            bytes[..n].to_vec()
+        })
+        .collect()
 }
 
 /// `count` frames of a tree in motion at `rate_hz`, the wrench with white noise of these σ (N, N m) from the seed; the

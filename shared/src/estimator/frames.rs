@@ -1,20 +1,26 @@
 //! Trees of links from streamed frames: who streams knows how every link moves, and the wrench on the base.
 //!
-//! A frame brings attitude, rate and angular acceleration of every link, so nothing is filtered here; two frames are a
-//! block of twelve rows. There is room for one level of a factor of up to 128 parameters, so it is handed to the host
+//! A frame of a base with an IMU brings attitude, rate and angular acceleration of every link, so nothing is filtered here. One of a
+//! base that cameras track brings positions and rates alone; its rows are made of momentum and filtered ([`tracked`]). Two rows of
+//! blocks are absorbed together, twelve rows. There is room for one level of a factor of up to 128 parameters, so it is handed to the host
 //! row by row ([`PackedFactor`]) and merged there; at the latest after [`LEVEL_FRAMES`] nothing more is taken in.
+
+mod link;
+mod tracked;
 
 use nalgebra::Vector3;
 
+use self::link::attitude;
+pub use self::link::{FrameLink, LINKS};
+use self::tracked::Window;
+pub use self::tracked::{FrameFilter, LinkPose, TAPS, TrackedFrame};
 use crate::Scalar;
+use crate::conditioning::KernelError;
 use crate::factor::{BLOCK_ROWS, Column, PackedFactor, packed_entries};
 use crate::screening::{Rejection, Screen};
-use crate::spatial::{Imu, Rotation};
 use crate::tree::base::{FIRST_LINK, TurningJoint, kept_columns};
 use crate::tree::{LinkState, rows};
 
-/// Links at most.
-pub const LINKS: usize = 16;
 /// Base parameters at most.
 pub const PARAMETERS: usize = 128;
 const ENTRIES: usize = packed_entries(PARAMETERS);
@@ -23,17 +29,6 @@ pub const LEVEL_FRAMES: u32 = 100_000;
 
 /// A level of the factor of a tree.
 pub type TreeFactor<T> = PackedFactor<T, PARAMETERS, ENTRIES>;
-
-/// One link of the tree. The first is the base link, of which nothing is looked at.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FrameLink<T> {
-    /// Index of the parent, smaller than the link's own.
-    pub parent: u8,
-    /// The joint above it.
-    pub joint: TurningJoint,
-    /// The joint in the parent's frame, m.
-    pub position: [T; 3],
-}
 
 /// Everything that fixes what is done with a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,6 +41,8 @@ pub struct FramesConfig<T> {
     pub range: [T; 6],
     /// So many frames in a row whose motion repeats itself to the last bit while the wrench does not have none. Zero: never.
     pub still_after: u16,
+    /// The filter of a base that is tracked; `None`: the base carries an IMU.
+    pub filter: Option<FrameFilter<T>>,
 }
 
 /// Tells when a run of frames has told enough.
@@ -68,6 +65,8 @@ pub enum FramesError {
     Parameters(usize),
     /// A σ is not positive and finite.
     Sigma(u8),
+    /// There is no such filter, or no room for it.
+    Filter(KernelError),
 }
 
 /// Holds how one link moves.
@@ -169,6 +168,8 @@ pub struct FrameEstimator<T: Scalar> {
     /// Frames in the block.
     waiting: u8,
     links: [FrameLink<T>; LINKS],
+    /// Frames under the filter, of a base that is tracked.
+    window: Window<T>,
     /// Columns that stay.
     kept: [u16; LINKS],
     count: u8,
@@ -196,6 +197,7 @@ impl<T: Scalar> FrameEstimator<T> {
         block: [Column::ZERO; PARAMETERS + 1],
         waiting: 0,
         links: [FrameLink { parent: 0, joint: TurningJoint::Fixed, position: [T::ZERO; 3] }; LINKS],
+        window: Window::UNUSED,
         kept: [0; LINKS],
         count: 0,
         weights: [T::ZERO; 6],
@@ -234,6 +236,9 @@ impl<T: Scalar> FrameEstimator<T> {
                 return Err(FramesError::Sigma(channel as u8));
             }
         }
+        if let Some(filter) = &config.filter {
+            Window::kernel(filter).map_err(FramesError::Filter)?;
+        }
         let mut parameters = FIRST_LINK.count_ones() as usize;
         for (i, link) in links.iter().enumerate().skip(1) {
             let kept = kept_columns(link.joint).ok_or(FramesError::Link(i))?;
@@ -256,7 +261,9 @@ impl<T: Scalar> FrameEstimator<T> {
             *kept = if i == 0 { FIRST_LINK } else { kept_columns(link.joint).unwrap_or(0) };
         }
         self.count = links.len() as u8;
-        self.weights = config.channel_sigma.map(|sigma| T::ONE / sigma);
+        self.window.set_up(config.filter.as_ref()).map_err(FramesError::Filter)?;
+        let every = config.filter.map_or(T::ONE, |filter| T::from_u32(u32::from(filter.row_every)).sqrt());
+        self.weights = config.channel_sigma.map(|sigma| every / sigma);
         self.known_offset = config.known_offset;
         self.screen = Screen::of_ranges(&config.range, 0);
         self.still_after = config.still_after;
@@ -294,6 +301,7 @@ impl<T: Scalar> FrameEstimator<T> {
         self.small_enough = 0;
         self.factor.clear(self.factor.parameters());
         self.waiting = 0;
+        self.window.clear();
         (self.still, self.last_motion, self.last_wrench) = (0, 0, [T::ZERO; 6]);
         self.in_level = 0;
         self.counters = FrameCounters::default();
@@ -319,7 +327,12 @@ impl<T: Scalar> FrameEstimator<T> {
         self.in_level >= LEVEL_FRAMES
     }
 
-    /// Takes in one frame.
+    /// Whether frames are those of a base that is tracked.
+    pub fn is_tracked(&self) -> bool {
+        self.window.is_used()
+    }
+
+    /// Takes in one frame of a base with an IMU.
     ///
     /// # Errors
     /// Why it was left out; nothing of it is absorbed then.
@@ -338,20 +351,33 @@ impl<T: Scalar> FrameEstimator<T> {
         }
     }
 
+    /// Takes in one frame of a base that is tracked.
+    ///
+    /// # Errors
+    /// Why it was left out; rows of frames before it and after it are made apart then.
+    pub fn absorb_tracked(&mut self, frame: &TrackedFrame<'_, T>) -> Result<(), FrameRejection> {
+        self.counters.frames = self.counters.frames.saturating_add(1);
+        if let Err(rejection) = self.judge_tracked(frame) {
+            self.window.clear();
+            self.counters.reject(rejection);
+            return Err(rejection);
+        }
+        self.counters.absorbed = self.counters.absorbed.saturating_add(1);
+        if self.window.push(frame) {
+            self.write_tracked();
+        }
+        Ok(())
+    }
+
     /// Counts a frame whose header already says that it is of another tree.
     pub fn reject_links(&mut self, links: u8) {
         self.counters.frames = self.counters.frames.saturating_add(1);
         self.counters.reject(FrameRejection::Links(links));
     }
 
+    #[inline(never)]
     fn judge(&mut self, frame: &Frame<'_, T>) -> Result<(), FrameRejection> {
-        if self.is_full() {
-            return Err(FrameRejection::Full);
-        }
-        if frame.links.len() + 1 != self.links() {
-            return Err(FrameRejection::Links((frame.links.len() + 1).min(255) as u8));
-        }
-        self.screen.check_values(frame.wrench).map_err(FrameRejection::Wrench)?;
+        self.judge_wrench(frame.links.len() + 1, frame.wrench)?;
         let own = [&frame.specific_force, &frame.rate, &frame.angular_acceleration];
         if !own.iter().all(|v| v.iter().all(|x| x.is_finite())) {
             return Err(FrameRejection::NotFinite(0));
@@ -367,9 +393,42 @@ impl<T: Scalar> FrameEstimator<T> {
             motion.add(&link.rate);
             motion.add(&link.angular_acceleration);
         }
-        let repeats = motion.0 == self.last_motion && frame.wrench != self.last_wrench;
+        self.judge_stillness(&motion, frame.wrench)
+    }
+
+    #[inline(never)]
+    fn judge_tracked(&mut self, frame: &TrackedFrame<'_, T>) -> Result<(), FrameRejection> {
+        self.judge_wrench(frame.links.len(), frame.wrench)?;
+        if !frame.velocity.iter().all(|x| x.is_finite()) {
+            return Err(FrameRejection::NotFinite(0));
+        }
+        let mut motion = Trace(0);
+        motion.add(&frame.velocity);
+        for (i, link) in frame.links.iter().enumerate() {
+            if !link.rate.iter().chain(&link.attitude).all(|x| x.is_finite()) {
+                return Err(FrameRejection::NotFinite(i as u8));
+            }
+            attitude(link.attitude).ok_or(FrameRejection::NoAttitude(i as u8))?;
+            motion.add(&link.attitude);
+            motion.add(&link.rate);
+        }
+        self.judge_stillness(&motion, frame.wrench)
+    }
+
+    fn judge_wrench(&mut self, links: usize, wrench: [T; 6]) -> Result<(), FrameRejection> {
+        if self.is_full() {
+            return Err(FrameRejection::Full);
+        }
+        if links != self.links() {
+            return Err(FrameRejection::Links(links.min(255) as u8));
+        }
+        self.screen.check_values(wrench).map_err(FrameRejection::Wrench)
+    }
+
+    fn judge_stillness(&mut self, motion: &Trace, wrench: [T; 6]) -> Result<(), FrameRejection> {
+        let repeats = motion.0 == self.last_motion && wrench != self.last_wrench;
         self.still = if repeats { self.still.saturating_add(1) } else { 0 };
-        (self.last_motion, self.last_wrench) = (motion.0, frame.wrench);
+        (self.last_motion, self.last_wrench) = (motion.0, wrench);
         if self.still_after > 0 && self.still >= self.still_after {
             return Err(FrameRejection::WithoutMotion);
         }
@@ -377,6 +436,7 @@ impl<T: Scalar> FrameEstimator<T> {
     }
 
     /// Every link's motion in the axes of S.
+    #[inline(never)]
     fn states(&self, frame: &Frame<'_, T>) -> Result<[LinkState<T>; LINKS], FrameRejection> {
         let mut states = [LinkState::zero(); LINKS];
         if let Some(base) = states.first_mut() {
@@ -386,13 +446,7 @@ impl<T: Scalar> FrameEstimator<T> {
         }
         for (i, (link, motion)) in self.links.iter().skip(1).zip(frame.links).enumerate() {
             let no_attitude = FrameRejection::NoAttitude(1 + i as u8);
-            let n2 = motion.attitude.iter().map(|v| *v * *v).sum::<T>();
-            // A hundredth off a unit quaternion is none.
-            let near = (n2 - T::ONE).abs() < T::from_f32(0.02);
-            let rotation = Rotation::<Imu, Imu, T>::from_quaternion(motion.attitude)
-                .filter(|_| near)
-                .ok_or(no_attitude)?
-                .matrix();
+            let rotation = attitude(motion.attitude).ok_or(no_attitude)?;
             let Some(parent) = states.get(usize::from(link.parent)).copied() else {
                 return Err(no_attitude);
             };
@@ -413,6 +467,7 @@ impl<T: Scalar> FrameEstimator<T> {
     }
 
     /// Writes the whitened rows of the columns that stay.
+    #[inline(never)]
     fn write(&mut self, states: &[LinkState<T>; LINKS], frame: &Frame<'_, T>) {
         let half = usize::from(self.waiting) * 6;
         let weights = self.weights;
@@ -434,9 +489,45 @@ impl<T: Scalar> FrameEstimator<T> {
         if let Some(column) = columns.next() {
             set(column, core::array::from_fn(|i| frame.wrench[i] - self.known_offset[i]));
         }
+        self.counters.absorbed = self.counters.absorbed.saturating_add(1);
+        self.written();
+    }
+
+    /// Writes the whitened rows that the filter leaves of the columns that stay.
+    #[inline(never)]
+    fn write_tracked(&mut self) {
+        let half = usize::from(self.waiting) * 6;
+        let (window, weights, block) = (&self.window, &self.weights, &mut self.block);
+        let parameters = self.factor.parameters();
+        for column in block.iter_mut().take(parameters) {
+            column.rows.iter_mut().skip(half).take(6).for_each(|v| *v = T::ZERO);
+        }
+        let links = self.links.get(..usize::from(self.count)).unwrap_or_default();
+        window.rows(links, &self.kept, |column, force, moment| {
+            let rows = block.get_mut(column).and_then(|column| column.rows.get_mut(half..));
+            let Some([fx, fy, fz, mx, my, mz, ..]) = rows else { return };
+            if let Some(force) = force {
+                (*fx, *fy, *fz) = (*fx + force.x, *fy + force.y, *fz + force.z);
+            }
+            (*mx, *my, *mz) = (*mx + moment.x, *my + moment.y, *mz + moment.z);
+        });
+        for column in block.iter_mut().take(parameters) {
+            for (row, weight) in column.rows.iter_mut().skip(half).zip(weights) {
+                *row *= *weight;
+            }
+        }
+        if let Some(column) = block.get_mut(parameters) {
+            let slots = column.rows.iter_mut().skip(half);
+            for ((slot, value), weight) in slots.zip(window.wrench(&self.known_offset)).zip(weights) {
+                *slot = value * *weight;
+            }
+        }
+        self.written();
+    }
+
+    fn written(&mut self) {
         self.waiting += 1;
         self.in_level = self.in_level.saturating_add(1);
-        self.counters.absorbed = self.counters.absorbed.saturating_add(1);
         if usize::from(self.waiting) * 6 >= BLOCK_ROWS {
             self.reduce();
         }

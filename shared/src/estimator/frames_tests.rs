@@ -36,6 +36,7 @@ fn config() -> FramesConfig<f64> {
         known_offset: [1.0, 2.0, 3.0, 0.1, 0.2, 0.3],
         range: [1e6; 6],
         still_after: 3,
+        filter: None,
     }
 }
 
@@ -240,6 +241,7 @@ fn single_precision_handed_over_row_by_row_is_a_batch_qr_of_the_same_rows() {
         known_offset: c.known_offset.map(|v| v as f32),
         range: c.range.map(|v| v as f32),
         still_after: 3,
+        filter: None,
     };
     let rounded: Vec<FrameLink<f64>> = narrow
         .iter()

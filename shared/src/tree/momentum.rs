@@ -24,8 +24,9 @@ pub struct Parts<T: Scalar> {
     pub differentiated: Block<T>,
 }
 
-/// The parts of one link.
-pub fn parts<T: Scalar>(state: &LinkState<T>, base: &BaseMotion<T>) -> Parts<T> {
+/// The momentum of one link about the base's origin, in base axes: h. Its velocity is that of [`LinkState::velocity`].
+#[inline(never)]
+pub fn momentum<T: Scalar>(state: &LinkState<T>) -> Block<T> {
     let mut momentum = zero_block();
     let (turn, arm, u, rate) = (&state.rotation, &state.position, &state.velocity, &state.rate);
     let zero = Vector3::zeros();
@@ -44,6 +45,13 @@ pub fn parts<T: Scalar>(state: &LinkState<T>, base: &BaseMotion<T>) -> Parts<T> 
             momentum[3 + axis][4 + k] = moment[axis];
         }
     }
+    momentum
+}
+
+/// The parts of one link.
+pub fn parts<T: Scalar>(state: &LinkState<T>, base: &BaseMotion<T>) -> Parts<T> {
+    let momentum = momentum(state);
+    let (turn, arm) = (&state.rotation, &state.position);
     let mut smoothed = zero_block();
     let a = &base.specific_force;
     for k in 0..10 {

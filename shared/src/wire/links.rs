@@ -27,7 +27,8 @@ pub enum ModelSettings {
     /// Two links that a spherical joint holds together: 19 parameters, or 25 with the offset.
     TwoLinks(TwoLinkSettings),
     /// A tree of links from frames that are streamed to the device: up to 128 parameters, the offset known. The first link
-    /// is the base.
+    /// is the base. If its joint is [`LinkJoint::Free`], cameras track it: its frames bring positions and rates alone, and the
+    /// rows' filter is the device's ([`super::Settings::filter_width_s`], [`super::Settings::row_every`]).
     Tree(Vec<LinkSettings, MAX_LINKS>),
 }
 
@@ -76,6 +77,8 @@ pub enum LinkJoint {
     Revolute(u8),
     /// In any way, or about two axes.
     Spherical,
+    /// Moves freely: the first link alone, of which frames tell position and rates.
+    Free,
 }
 
 /// One reading of two links on the line.

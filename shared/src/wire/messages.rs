@@ -12,7 +12,7 @@ use super::links::{
 };
 
 /// Version of framing and header; another one is refused by both sides.
-pub const PROTOCOL_VERSION: u8 = 4;
+pub const PROTOCOL_VERSION: u8 = 5;
 
 /// Hash of all message types: equal on both sides if they understand each other.
 pub const SCHEMA_HASH: u64 =

@@ -154,6 +154,14 @@ fn tree() -> Settings {
     Settings { model, ..settings() }
 }
 
+fn tracked_tree() -> Settings {
+    let mut settings = tree();
+    if let ModelSettings::Tree(links) = &mut settings.model {
+        links[0].joint = LinkJoint::Free;
+    }
+    settings
+}
+
 fn link_reading(k: u32) -> LinkReadingMessage {
     LinkReadingMessage {
         base: reading(k),
@@ -186,6 +194,7 @@ pub fn samples() -> Vec<(&'static str, Message)> {
         ("command_configure", command(Command::Configure(settings()))),
         ("command_configure_two_links", command(Command::Configure(two_links()))),
         ("command_configure_tree", command(Command::Configure(tree()))),
+        ("command_configure_tracked_tree", command(Command::Configure(tracked_tree()))),
         ("command_start", command(Command::Start)),
         ("command_hold", command(Command::Hold)),
         ("command_reset", command(Command::Reset)),

@@ -3,5 +3,6 @@
 pub mod device;
 mod emulated_board;
 mod in_process;
+mod tracked_tree;
 mod tree;
 mod two_links;

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use hexapod::BodyParameters;
 use nalgebra::{DMatrix, DVector};
 use rigident_shared::estimator::frames::{
-    Frame, FrameEstimator, FrameLink, FramesConfig, LinkMotion, TreeFactor,
+    Frame, FrameEstimator, FrameFilter, FrameLink, FramesConfig, LinkMotion, TreeFactor,
 };
 use rigident_shared::tree::base::TurningJoint;
 use rigident_shared::wire::tree_frame::TreeFrame;
@@ -19,14 +19,14 @@ use rigident_sim::runner::{FrameBus, FrameGate, InProcess, Mcu, Qemu, QemuOption
 
 use super::device::{Device, settings};
 
-const RATE_HZ: f64 = 100.0;
-const NOISE: [f64; 6] = [1.0, 1.0, 2.0, 0.2, 0.2, 0.2];
-const PARAMETERS: usize = 128;
+pub(super) const RATE_HZ: f64 = 100.0;
+pub(super) const NOISE: [f64; 6] = [1.0, 1.0, 2.0, 0.2, 0.2, 0.2];
+pub(super) const PARAMETERS: usize = 128;
 const PARENTS: [usize; 15] = [0, 0, 1, 2, 2, 4, 5, 2, 7, 8, 0, 10, 11, 0, 13];
 const HINGES: [usize; 4] = [5, 8, 11, 14];
 
 /// Of a human's size and shape, every joint in motion.
-fn human() -> Tree {
+pub(super) fn human() -> Tree {
     let links = PARENTS
         .iter()
         .enumerate()
@@ -67,7 +67,7 @@ fn human() -> Tree {
     Tree { links, sway_m: [0.1, 0.08, 0.05], sway_hz: [0.5, 0.7, 0.9], gravity_mps2: 9.80665 }
 }
 
-fn tree_settings(tree: &Tree) -> Settings {
+pub(super) fn tree_settings(tree: &Tree) -> Settings {
     let links = tree.links.iter().enumerate().map(|(i, link)| LinkSettings {
         parent: link.parent as u8,
         joint: if HINGES.contains(&i) { LinkJoint::Revolute(1) } else { LinkJoint::Spherical },
@@ -92,7 +92,11 @@ fn take_all(device: &mut Device) -> Vec<FactorRow> {
 }
 
 /// Runs all frames and hands the level over.
-fn run<'a>(mcu: &'a mut dyn Mcu, gate: &FrameGate, settings: &Settings) -> (Vec<FactorRow>, Device<'a>) {
+pub(super) fn run<'a>(
+    mcu: &'a mut dyn Mcu,
+    gate: &FrameGate,
+    settings: &Settings,
+) -> (Vec<FactorRow>, Device<'a>) {
     let mut device = Device::greet(mcu);
     assert_eq!(device.ask(&Command::Configure(settings.clone())), Ok(Reply::Done));
     assert_eq!(device.ask(&Command::Start), Ok(Reply::Done));
@@ -107,7 +111,7 @@ fn run<'a>(mcu: &'a mut dyn Mcu, gate: &FrameGate, settings: &Settings) -> (Vec<
     (rows, device)
 }
 
-fn merged(rows: &[FactorRow]) -> Box<TreeFactor<f64>> {
+pub(super) fn merged(rows: &[FactorRow]) -> Box<TreeFactor<f64>> {
     let mut factor = Box::new(TreeFactor::EMPTY);
     factor.clear(PARAMETERS);
     for row in rows {
@@ -119,7 +123,7 @@ fn merged(rows: &[FactorRow]) -> Box<TreeFactor<f64>> {
 }
 
 /// Estimate, standard deviations, condition number of the column-scaled R.
-fn solved(factor: &TreeFactor<f64>) -> (DVector<f64>, Vec<f64>, f64) {
+pub(super) fn solved(factor: &TreeFactor<f64>) -> (DVector<f64>, Vec<f64>, f64) {
     let mut r = DMatrix::zeros(PARAMETERS, PARAMETERS);
     let mut z = DVector::zeros(PARAMETERS);
     for i in 0..PARAMETERS {
@@ -134,9 +138,9 @@ fn solved(factor: &TreeFactor<f64>) -> (DVector<f64>, Vec<f64>, f64) {
     (&inverse * z, sd, singular.max() / singular.min())
 }
 
-/// The same frames in double precision.
-fn batch(frames: &[Vec<u8>], settings: &Settings) -> Box<FrameEstimator<f64>> {
-    let ModelSettings::Tree(links) = &settings.model else { panic!("a tree") };
+/// An estimator in double precision.
+pub(super) fn in_double(links: &[LinkSettings], settings: &Settings) -> Box<FrameEstimator<f64>> {
+    let is_tracked = links[0].joint == LinkJoint::Free;
     let links: Vec<FrameLink<f64>> = links
         .iter()
         .map(|l| FrameLink {
@@ -144,7 +148,7 @@ fn batch(frames: &[Vec<u8>], settings: &Settings) -> Box<FrameEstimator<f64>> {
             joint: match l.joint {
                 LinkJoint::Fixed => TurningJoint::Fixed,
                 LinkJoint::Revolute(axis) => TurningJoint::Revolute(axis),
-                LinkJoint::Spherical => TurningJoint::Spherical,
+                LinkJoint::Spherical | LinkJoint::Free => TurningJoint::Spherical,
             },
             position: l.position_m.map(f64::from),
         })
@@ -154,9 +158,21 @@ fn batch(frames: &[Vec<u8>], settings: &Settings) -> Box<FrameEstimator<f64>> {
         known_offset: [0.0; 6],
         range: [1e9; 6],
         still_after: 0,
+        filter: is_tracked.then(|| FrameFilter {
+            rate_hz: f64::from(settings.rate_hz),
+            width_s: f64::from(settings.filter_width_s),
+            row_every: settings.row_every,
+        }),
     };
     let mut estimator = Box::new(FrameEstimator::UNUSED);
     estimator.set_up(&links, &config).unwrap();
+    estimator
+}
+
+/// The same frames in double precision.
+fn batch(frames: &[Vec<u8>], settings: &Settings) -> Box<FrameEstimator<f64>> {
+    let ModelSettings::Tree(links) = &settings.model else { panic!("a tree") };
+    let mut estimator = in_double(links, settings);
     for bytes in frames {
         let frame = TreeFrame::decode(bytes, links.len()).unwrap();
         let motions: Vec<LinkMotion<f64>> = frame
@@ -185,7 +201,7 @@ fn batch(frames: &[Vec<u8>], settings: &Settings) -> Box<FrameEstimator<f64>> {
 /// Spoils a frame's numbers.
 type Change<'a> = &'a dyn Fn(&mut [f32; 15], &mut Vec<[f32; 10]>);
 
-fn bits(rows: &[FactorRow]) -> Vec<u32> {
+pub(super) fn bits(rows: &[FactorRow]) -> Vec<u32> {
     let of = |row: &FactorRow| {
         let residual = [row.residual_sum_of_squares.to_bits(), row.rows];
         row.entries.iter().map(|v| v.to_bits()).chain(residual).collect::<Vec<_>>()
@@ -391,6 +407,7 @@ fn what_a_tree_cannot_be_set_to_is_named() {
         (with(&|l| l[4].parent = 4), SettingName::Link(4)),
         (with(&|l| l[5].joint = LinkJoint::Revolute(7)), SettingName::Link(5)),
         (with(&|l| l[9].position_m[0] = f32::NAN), SettingName::Link(9)),
+        (with(&|l| l[3].joint = LinkJoint::Free), SettingName::Link(3)),
         (with(&|l| l[5].joint = LinkJoint::Spherical), SettingName::Links),
         (with(&|l| l.clear()), SettingName::Links),
         (unknown_offset, SettingName::KnownOffset),

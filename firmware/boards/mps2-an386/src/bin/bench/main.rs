@@ -70,6 +70,7 @@ fn main() -> ! {
     for n in [10, 16, 19, 25] {
         path::with_telemetry(&bench, path, n);
     }
-    path::frames(&bench, path);
+    path::frames(&bench, path, false);
+    path::frames(&bench, path, true);
     semihosting::process::exit(0)
 }

@@ -121,20 +121,24 @@ pub fn with_drivers(bench: &Bench, path: &mut Path, n: usize) {
 fn instrument(
     path: &mut Path,
 ) -> Instrument<&mut Path, sensors::Adc, sensors::Imu, sensors::Frames, sensors::NoWait> {
-    let buses = Buses {
-        load_cell: sensors::Adc::new(),
-        imus: [sensors::Imu::new(), sensors::Imu::new()],
-        frames: sensors::Frames::new(),
-    };
+    instrument_of(path, sensors::Frames::new(false))
+}
+
+fn instrument_of(
+    path: &mut Path,
+    frames: sensors::Frames,
+) -> Instrument<&mut Path, sensors::Adc, sensors::Imu, sensors::Frames, sensors::NoWait> {
+    let buses =
+        Buses { load_cell: sensors::Adc::new(), imus: [sensors::Imu::new(), sensors::Imu::new()], frames };
     Instrument::new("bench", path, buses, sensors::NoWait)
 }
 
 /// One frame of the 34-DOF human from the bytes on the bus through the driver to the factor of 128 parameters: every second
-/// frame reduces twelve rows.
+/// frame reduces twelve rows. Of a tracked base its rows are those of nine frames under the filter.
 #[inline(never)]
-pub fn frames(bench: &Bench, path: &mut Path) {
-    let mut instrument = instrument(path);
-    let commands = [Command::Configure(tree()), Command::Start];
+pub fn frames(bench: &Bench, path: &mut Path, tracked: bool) {
+    let mut instrument = instrument_of(path, sensors::Frames::new(tracked));
+    let commands = [Command::Configure(tree(tracked)), Command::Start];
     for (sequence, command) in commands.iter().enumerate() {
         let (bytes, length) = encoded(sequence, command);
         instrument.on_bytes(&bytes[..length], 0);
@@ -145,21 +149,31 @@ pub fn frames(bench: &Bench, path: &mut Path) {
         instrument.on_event(Event { sensor: Sensor::Frames, capture_time_ns: time_ns });
     };
     // Columns that meet no row cost nothing: until the factor has its full rank.
-    (0..2 * sensors::FRAMES).for_each(|_| frame());
-    bench.case("frame path", 128, 20, 20, frame);
+    (0..sensors::FRAMES / 2).for_each(|_| frame());
+    let name = if tracked { "tracked frame path" } else { "frame path" };
+    bench.case(name, 128, 20, 20, frame);
     check_running(instrument.app());
 }
 
 /// The 34-DOF human: ten spherical joints, knees and elbows about y.
-fn tree() -> Settings {
+fn tree(tracked: bool) -> Settings {
     const PARENTS: [u8; sensors::TREE_LINKS] = [0, 0, 1, 2, 2, 4, 5, 2, 7, 8, 0, 10, 11, 0, 13];
     let links = PARENTS.iter().enumerate().map(|(i, parent)| LinkSettings {
         parent: *parent,
-        joint: if [5, 8, 11, 14].contains(&i) { LinkJoint::Revolute(1) } else { LinkJoint::Spherical },
+        joint: match i {
+            0 if tracked => LinkJoint::Free,
+            5 | 8 | 11 | 14 => LinkJoint::Revolute(1),
+            _ => LinkJoint::Spherical,
+        },
         position_m: [0.02 * i as f32, 0.1, -0.3],
     });
-    let settings = settings(10, SILENT);
-    Settings { model: ModelSettings::Tree(links.collect()), stop: None, ..settings }
+    Settings {
+        model: ModelSettings::Tree(links.collect()),
+        rate_hz: 100.0,
+        row_every: 1,
+        stop: None,
+        ..settings(10, SILENT)
+    }
 }
 
 fn check_running(app: &App<&mut Path>) {

@@ -4,7 +4,9 @@ use core::convert::Infallible;
 
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
-use rigident_shared::wire::tree_frame::{LINK_NUMBERS, MAX_TREE_FRAME, TreeFrame};
+use rigident_shared::wire::tree_frame::{
+    LINK_NUMBERS, MAX_TREE_FRAME, TRACKED_LINK_NUMBERS, TrackedFrame, TreeFrame,
+};
 
 /// Different samples, gone through again and again.
 const SAMPLES: usize = 64;
@@ -166,8 +168,8 @@ impl Imu {
     }
 }
 
-/// Different frames, gone through again and again.
-pub const FRAMES: usize = 24;
+/// Different frames, gone through again and again: more than a case takes, so that their numbers follow one another.
+pub const FRAMES: usize = 96;
 /// Links of the human.
 pub const TREE_LINKS: usize = 15;
 /// RAM of the board outside of what the firmware is allowed: a real source of frames has its own.
@@ -180,7 +182,7 @@ pub struct Frames {
 }
 
 impl Frames {
-    pub fn new() -> Self {
+    pub fn new(tracked: bool) -> Self {
         let place = FRAMES_AT as *mut [[u8; MAX_TREE_FRAME]; FRAMES];
         // SAFETY: the board has RAM there, nothing is linked to it, bytes need no alignment, and no other reference into it
         // is ever made. It is written before it is referred to.
@@ -195,8 +197,8 @@ impl Frames {
             (state >> 9) as f32 / 4_194_304.0 - 1.0
         };
         for (number, frame) in frames.iter_mut().enumerate() {
-            let base = core::array::from_fn(|k| random() * if k < 6 { 100.0 } else { 4.0 });
-            let links: [[f32; LINK_NUMBERS]; TREE_LINKS - 1] = core::array::from_fn(|_| {
+            let base: [f32; 15] = core::array::from_fn(|k| random() * if k < 6 { 100.0 } else { 4.0 });
+            let links: [[f32; LINK_NUMBERS]; TREE_LINKS] = core::array::from_fn(|_| {
                 // A rotation from its half tangents.
                 let [x, y, z] = [random(), random(), random()];
                 let n2 = 1.0 + x * x + y * y + z * z;
@@ -210,7 +212,15 @@ impl Frames {
                 link[4..].fill_with(|| 3.0 * random());
                 link
             });
-            let _ = TreeFrame::encode(number as u32, &base, &links, frame);
+            let (number, [first, others @ ..]) = (number as u32, &links);
+            if tracked {
+                let poses =
+                    others.map(|link| core::array::from_fn::<_, TRACKED_LINK_NUMBERS, _>(|k| link[k]));
+                let base = core::array::from_fn(|k| if k < 9 { base[k] } else { first[k - 9] });
+                let _ = TrackedFrame::encode(number, &base, &poses, frame);
+            } else {
+                let _ = TreeFrame::encode(number, &base, others, frame);
+            }
         }
         Self { frames, next: 0 }
     }
