@@ -34,6 +34,29 @@ pub struct PersonResult {
     pub choices: Vec<ChoiceResult>,
     /// What became of each trial.
     pub trials: Vec<TrialResult>,
+    /// What a microcontroller made of the same motions by itself; absent if none was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub device: Option<DeviceResult>,
+}
+
+/// What a microcontroller made of the same motions.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct DeviceResult {
+    /// Which: `inproc` or `qemu`.
+    pub mcu: String,
+    /// Frames that were streamed to it.
+    pub frames: u64,
+    /// Rows that it absorbed.
+    pub rows: u64,
+    /// Largest difference between its parameters and those of the same rows in double precision, in standard deviations.
+    pub largest_difference_sd: f64,
+    /// The parameter of which that is.
+    pub parameter: String,
+    /// Largest difference over what is allowed: 0.05 standard deviations, or 20 ε times condition and size of the parameters where that
+    /// is more. At most 1.
+    pub share_of_allowed: f64,
+    /// Largest difference from the answer, in standard deviations: outliers have less weight in that.
+    pub from_answer_sd: f64,
 }
 
 /// A choice of motions, and what comes of it.

@@ -4,7 +4,7 @@ use crate::answer::checks;
 use crate::answer::standard_parameters::{BaseEstimate, Full, nearest};
 use crate::fit::pool::{PoolError, PooledFactor};
 use crate::fit::prior::apply_distribution;
-use crate::fit::{Checks, Fit, FitError, FitOptions, Gaussian, Progress, RowSource, fit};
+use crate::fit::{Checks, Factor, Fit, FitError, FitOptions, Gaussian, Progress, RowSource, fit};
 use crate::model::ModelError;
 use crate::model::base::BaseParameters;
 use crate::motion_selection::SelectionError;
@@ -163,8 +163,20 @@ impl Study {
     /// # Errors
     /// [`StudyError::Pool`] if there are none.
     pub fn together(&self, motions: &[usize]) -> Result<Fit, StudyError> {
-        let chosen = motions.iter().filter_map(|k| self.motions.get(*k));
-        let factors = chosen.map(Motion::factor).collect();
+        self.with_table(motions.iter().filter_map(|k| self.motions.get(*k)).map(Motion::factor).collect())
+    }
+
+    /// Returns the same of other factors of these motions: each with its motion's number.
+    ///
+    /// # Errors
+    /// [`StudyError::Pool`] if there are none.
+    pub fn together_by(&self, factors: Vec<(usize, Factor)>) -> Result<Fit, StudyError> {
+        let own =
+            |(k, factor): (usize, Factor)| Some(PooledFactor { factor, ..self.motions.get(k)?.factor() });
+        self.with_table(factors.into_iter().filter_map(own).collect())
+    }
+
+    fn with_table(&self, factors: Vec<PooledFactor>) -> Result<Fit, StudyError> {
         let mut fit = nothing_stated(PooledFactor::merged(factors, false)?.fit());
         apply_distribution(&mut fit, &self.table);
         Ok(fit)

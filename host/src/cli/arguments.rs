@@ -10,6 +10,7 @@ pub use super::options::calibration::CalibrationOption;
 pub use super::options::forgetting::Forgetting;
 pub use super::options::known_values::KnownQuantities;
 pub use super::options::load::LoadOptions;
+pub use super::options::microcontroller::Mcu;
 pub use super::options::stop_criterion::StopCriterion;
 pub use super::options::trees::{BenchCommand, ModelCommand, TreeModel, TreeOptions};
 pub use super::plan_arguments::{Plan, Statics, Workspace};
@@ -109,16 +110,6 @@ pub struct Output {
     /// names, or single parameters as arm.MSx
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub estimate: Vec<String>,
-}
-
-/// The microcontroller that runs the firmware.
-#[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Mcu {
-    /// Compiled into this program, with a virtual clock
-    #[default]
-    Inproc,
-    /// The release binary on an emulated Cortex-M4F
-    Qemu,
 }
 
 /// `rigident demo`

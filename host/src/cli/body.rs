@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use super::body_arguments::{Body, BodyCommand, IdentifyBody};
+use super::body_device::compared;
 use super::body_page::pages;
 use super::outcome::say;
 use super::{ExitStatus, Failure, Folder, Stages};
@@ -72,7 +73,10 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
     stages.at("left-out motions", 0.0);
     let left_out = left_out(&study, &person).map_err(Failure::input)?;
     let result = person_result(&study, &person, &fit, &full, &answer, &left_out.channels);
-    answer.person = Some(PersonResult { choices, ..result.map_err(Failure::input)? });
+    let device = arguments.mcu.map(|mcu| compared(mcu, &study, &chosen, &fit, &stages)).transpose()?;
+    let (device, warnings) = device.unzip();
+    answer.person = Some(PersonResult { choices, device, ..result.map_err(Failure::input)? });
+    answer.warnings.extend(warnings.into_iter().flatten());
     contradictions(arguments, &mut answer);
     answer.elapsed_s = started.elapsed().as_secs_f64();
     let pages = pages(&person, &study, &trials, &left_out);

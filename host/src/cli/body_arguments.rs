@@ -2,6 +2,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
 
+use super::options::microcontroller::Mcu;
 use crate::body_segments::choice::Way;
 use crate::inverse_kinematics::subject::HumanModel;
 use crate::model::human::Sex;
@@ -145,6 +146,9 @@ pub struct IdentifyBody {
     /// Write the segments into a model: FILE.urdf or FILE.xml (MJCF)
     #[arg(long, value_name = "FILE")]
     pub write_model: Option<PathBuf>,
+    /// Stream the motions to the firmware on this microcontroller as well, and compare what it makes of them
+    #[arg(long, value_enum, value_name = "MCU")]
+    pub mcu: Option<Mcu>,
     /// Print the result object on standard output, and nothing else there
     #[arg(long)]
     pub json: bool,

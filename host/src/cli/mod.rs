@@ -11,6 +11,7 @@ mod arguments;
 mod bench;
 mod body;
 mod body_arguments;
+mod body_device;
 mod body_page;
 mod calibrate;
 mod calibrate_imu;

@@ -4,7 +4,7 @@ use super::page::{escape, notes};
 use super::table::printable;
 use super::text::{significant, with_u95};
 use crate::answer::Answer;
-use crate::answer::person::{PersonResult, TrialResult};
+use crate::answer::person::{DeviceResult, PersonResult, TrialResult};
 use crate::fit::Measured;
 
 /// Returns an answer about a person: her tables, then warnings and notes.
@@ -44,14 +44,31 @@ pub fn text(found: &PersonResult) -> String {
     for trial in &found.trials {
         out.push_str(&format!("{}\n", frames(trial)));
     }
+    if let Some(device) = &found.device {
+        out.push_str(&format!("{}\n", on_device(device)));
+    }
     out
+}
+
+fn on_device(device: &DeviceResult) -> String {
+    format!(
+        "microcontroller ({}): {} frames, {} rows; its parameters are those of the same rows in double precision to {} standard deviations \
+         ({}), {} of what is allowed",
+        device.mcu,
+        device.frames,
+        device.rows,
+        significant(device.largest_difference_sd, 2),
+        printable(&device.parameter),
+        significant(device.share_of_allowed, 2),
+    )
 }
 
 /// Returns the tables of a person for a page.
 pub(super) fn html(found: &PersonResult) -> String {
     let mass =
         |m: Option<Measured>| m.map_or("not identified".to_owned(), |m| with_u95(m.value, m.u95, "kg"));
-    let trials: Vec<String> = found.trials.iter().map(frames).collect();
+    let trials: Vec<String> =
+        found.trials.iter().map(frames).chain(found.device.as_ref().map(on_device)).collect();
     format!(
         "<h2>Whole mass</h2>\n<p>{} by the plates and the motion alone; {} with what the table of people knows of the segments. The table is \
          scaled to {} kg and {} m.</p>\n<h2>Segments</h2>\n<p class=\"soft\">{}</p>\n{}<h2>{}</h2>\n<p class=\"soft\">Root mean square of \

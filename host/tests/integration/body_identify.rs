@@ -129,3 +129,38 @@ fn a_model_of_shared_data_s_person_is_written_and_weighs_what_she_does() {
     let page = std::fs::read_to_string(folder.path().join("out/motion.html")).unwrap();
     assert!(page.contains("subject01_walk1") && page.contains("</html>"));
 }
+
+const FULL_BODY: &[(&str, &str)] = &[
+    ("", "human_btk_pig_47kg_fullbody/PiG_Motion-FlatFoot-Full.c3d"),
+    ("", "human_btk_pig_47kg_fullbody/PiG_Calibration-FlatFoot-Full.c3d"),
+    ("--static", "human_btk_pig_47kg_fullbody/PiG_Calibration-FlatFoot-Full.c3d"),
+];
+
+/// All 128 parameters at 100 frames a second: the firmware's rows are those of the same frames in double precision.
+fn streams_to(mcu: &str) -> Value {
+    let folder = tempfile::tempdir().unwrap();
+    let result = identify(folder.path(), &["--height-m", "1.505", "--mcu", mcu], FULL_BODY);
+    assert_eq!(result["parameters"].as_array().unwrap().len(), 128);
+    assert_eq!(result["source"]["rate_hz"], 100.0);
+    let device = result["person"]["device"].clone();
+    let number = |key: &str| device[key].as_f64().unwrap();
+    assert!(number("frames") > 50.0 && number("rows") > 300.0, "{device}");
+    assert!(number("share_of_allowed") <= 1.0 && number("from_answer_sd") < 0.05, "{device}");
+    let warned =
+        result["warnings"].as_array().unwrap().iter().any(|w| w.as_str().unwrap().contains("frames "));
+    assert!(!warned, "{}", result["warnings"]);
+    device
+}
+
+#[test]
+#[ignore = "needs ../shared/data"]
+fn the_firmware_makes_the_same_of_shared_data() {
+    streams_to("inproc");
+}
+
+#[test]
+#[ignore = "needs ../shared/data and the emulated board"]
+fn the_emulated_board_makes_the_same_of_shared_data() {
+    let (there, here) = (streams_to("qemu"), streams_to("inproc"));
+    assert_eq!(there["largest_difference_sd"], here["largest_difference_sd"]);
+}

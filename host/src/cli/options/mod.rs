@@ -4,5 +4,6 @@ pub(in crate::cli) mod calibration;
 pub(in crate::cli) mod forgetting;
 pub(in crate::cli) mod known_values;
 pub(in crate::cli) mod load;
+pub(in crate::cli) mod microcontroller;
 pub(in crate::cli) mod stop_criterion;
 pub(in crate::cli) mod trees;

@@ -13,6 +13,7 @@ pub mod precision;
 mod settings;
 pub mod sound;
 mod take;
+pub mod tracked;
 pub mod tree;
 pub mod two_links;
 

@@ -3,7 +3,7 @@
 use hexapod::STANDARD_GRAVITY_MPS2;
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use rigident_shared::inertia::PARAMETER_NAMES;
-use rigident_shared::tree::{BaseMotion, Joint, Link, TreeError};
+use rigident_shared::tree::{BaseMotion, Joint, Link, LinkState, TreeError};
 
 use super::{BaseSensor, Frame, Input};
 use crate::model::base::{BaseParameters, Rows};
@@ -115,12 +115,7 @@ impl RowMaker {
     /// # Errors
     /// [`TreeError::Lengths`] if the frame does not fit the tree.
     pub fn rows(&mut self, frame: &Frame) -> Result<MomentumRows, TreeError> {
-        let zeros = vec![0.0; self.moving.freedoms()];
-        let motion = match self.base {
-            BaseSensor::Imu(_) => frame.base,
-            BaseSensor::Tracked => BaseMotion::still([0.0, 0.0, -STANDARD_GRAVITY_MPS2]),
-        };
-        self.moving.set(&frame.positions, &frame.rates, &zeros, &motion)?;
+        self.set(frame)?;
         let mut parts = self.moving.momentum_rows()?;
         self.about_base(&mut parts);
         Ok(MomentumRows {
@@ -132,6 +127,24 @@ impl RowMaker {
                 self.part(&parts.differentiated, frame, false)
             },
         })
+    }
+
+    /// Returns the motion of the base link and of every other one.
+    ///
+    /// # Errors
+    /// [`TreeError::Lengths`] if the frame does not fit the tree.
+    pub(super) fn states(&mut self, frame: &Frame) -> Result<Vec<LinkState<f64>>, TreeError> {
+        self.set(frame)?;
+        Ok(self.moving.states().iter().skip(BASE).copied().collect())
+    }
+
+    fn set(&mut self, frame: &Frame) -> Result<(), TreeError> {
+        let zeros = vec![0.0; self.moving.freedoms()];
+        let motion = match self.base {
+            BaseSensor::Imu(_) => frame.base,
+            BaseSensor::Tracked => BaseMotion::still([0.0, 0.0, -STANDARD_GRAVITY_MPS2]),
+        };
+        self.moving.set(&frame.positions, &frame.rates, &zeros, &motion)
     }
 
     /// Returns the tree about the IMU: the root there, then the base link and the others.

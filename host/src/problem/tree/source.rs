@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 use rigident_shared::screening::Rejection;
-use rigident_shared::tree::{Joint, TreeError};
+use rigident_shared::tree::{Joint, LinkState, TreeError};
 
 use super::drive::Term;
 use super::rows::{RowMaker, names_and_units};
@@ -114,6 +114,14 @@ impl TreeSource {
             *to = from;
         }
         Ok(())
+    }
+
+    /// Returns the motion of every link in a frame, in the laboratory's axes; `None` if there is no such frame, or the base is not
+    /// tracked.
+    pub fn link_states(&self, sample: usize) -> Option<Vec<LinkState<f64>>> {
+        let frame = self.input.frames.get(sample).filter(|_| self.input.base == BaseSensor::Tracked)?;
+        let mut maker = self.maker.lock().unwrap_or_else(PoisonError::into_inner);
+        maker.states(frame).ok()
     }
 
     /// Marks the channels of drives with dry friction that stand still.

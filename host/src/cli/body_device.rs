@@ -1,0 +1,110 @@
+//! A person's motions streamed to the firmware, and what it makes of them beside the host's.
+
+use super::arguments::Mcu;
+use super::link::configured;
+use super::{Failure, Stages, simulated};
+use crate::answer::person::DeviceResult;
+use crate::body_segments::{Motion, Study};
+use crate::device::link::Client;
+use crate::device::session::tree::complaints;
+use crate::device::session::{Session, Take, tracked};
+use crate::fit::{Factor, Fit, RowSource, Silent, Whitening};
+use crate::problem::tree::TreeSource;
+
+/// A device may differ by so many standard deviations, …
+const ALLOWED_SD: f64 = 0.05;
+/// … or by so many roundings, times condition and size of the parameters.
+const ALLOWED_ROUNDINGS: f64 = 20.0;
+
+/// Streams some motions to the firmware; returns what it made of them, and what to warn of.
+pub(super) fn compared(
+    mcu: Mcu,
+    study: &Study,
+    chosen: &[usize],
+    answer: &Fit,
+    stages: &Stages,
+) -> Result<(DeviceResult, Vec<String>), Failure> {
+    let mut result = DeviceResult { mcu: simulated::name(mcu).to_owned(), ..DeviceResult::default() };
+    let (mut theirs, mut ours, mut warnings) = (Vec::new(), Vec::new(), Vec::new());
+    for (done, k) in chosen.iter().enumerate() {
+        stages.at("the microcontroller", done as f64 / chosen.len() as f64);
+        let Some(motion) = study.motions.get(*k) else { continue };
+        let (factor, frames) = streamed(mcu, motion, &mut warnings)?;
+        result.frames += frames;
+        result.rows += factor.rows();
+        theirs.push((*k, factor));
+        ours.push((*k, in_double(&motion.source)?));
+    }
+    let [device, host] = [theirs, ours].map(|factors| study.together_by(factors));
+    let (device, host) = (device.map_err(Failure::input)?.estimate, host.map_err(Failure::input)?.estimate);
+    let size = host.values.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let roundings = ALLOWED_ROUNDINGS * f64::from(f32::EPSILON) * host.condition_number * size;
+    for (j, (parameter, (there, here))) in
+        answer.parameters.iter().zip(device.values.iter().zip(&host.values)).enumerate()
+    {
+        let sd = host.covariance[(j, j)].sqrt();
+        let off = (there - here).abs();
+        if off / sd >= result.largest_difference_sd {
+            (result.largest_difference_sd, result.parameter) = (off / sd, parameter.name.clone());
+        }
+        result.share_of_allowed = result.share_of_allowed.max(off / (ALLOWED_SD * sd).max(roundings));
+        let own_sd = answer.estimate.covariance[(j, j)].sqrt();
+        let from_answer = (there - answer.estimate.values[j]).abs() / own_sd;
+        result.from_answer_sd = result.from_answer_sd.max(from_answer);
+    }
+    if result.share_of_allowed.is_nan() || result.share_of_allowed > 1.0 {
+        warnings.push(format!(
+            "the microcontroller's parameters differ from those of the same rows in double precision by up to {:.2} standard deviations \
+             ({})",
+            result.largest_difference_sd, result.parameter
+        ));
+    }
+    Ok((result, warnings))
+}
+
+/// Returns what the firmware makes of a motion, over the source's parameters, and how many frames it was sent.
+fn streamed(mcu: Mcu, motion: &Motion, warnings: &mut Vec<String>) -> Result<(Factor, u64), Failure> {
+    let said = |error: &dyn std::fmt::Display| Failure::input(format!("{}: {error}", motion.name));
+    let (settings, map) = tracked::settings(&motion.source).map_err(|e| said(&e))?;
+    let frames = tracked::frames(&motion.source).map_err(|e| said(&e))?;
+    let input = motion.source.input();
+    let left_out = tracked::left_out(&frames, input.model.links.len());
+    let sent = frames.len() as u64;
+    let (transport, gate) = simulated::frames(mcu, frames, input.rate_hz)?;
+    let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
+    configured(&mut session, &settings)?;
+    let take = session.follow_frames(&gate, map.nrows(), &mut Quiet).map_err(Failure::link)?;
+    let Take { factor, broken, mut counters, interrupted, .. } = take;
+    if let Some(broken) = broken {
+        return Err(Failure::link(broken));
+    }
+    if interrupted {
+        return Err(Failure::input(format!("{}: interrupted", motion.name)));
+    }
+    // Frames that could not be used were never sent.
+    counters.frames.missing = counters.frames.missing.saturating_sub(left_out);
+    let names: Vec<String> = input.model.links.iter().map(|link| link.name.clone()).collect();
+    warnings.extend(
+        complaints(&counters.frames, &names).into_iter().map(|what| format!("{}: {what}", motion.name)),
+    );
+    let factor = factor.ok_or_else(|| said(&"the microcontroller gave no factor"))?.factor;
+    Ok((factor.substitute(&map), sent))
+}
+
+/// Returns the factor of the same rows in double precision, no row with less weight than another.
+fn in_double(source: &TreeSource) -> Result<Factor, Failure> {
+    let blocks = source.condition(&Silent).map_err(Failure::input)?;
+    let every = f64::from(blocks.filter().every).sqrt();
+    let weights: Vec<f64> = source.channels().iter().map(|c| every / c.sigma.unwrap_or(1.0)).collect();
+    let whitening = Whitening::diagonal(&weights);
+    Ok(blocks.absorb(0..blocks.len(), source.parameters().len(), &whitening, None))
+}
+
+/// Frames are few, and come at once.
+struct Quiet;
+
+impl crate::device::session::Observer for Quiet {
+    fn reading(&mut self, _: &rigident_shared::wire::ReadingMessage) -> Result<(), String> {
+        Ok(())
+    }
+}
