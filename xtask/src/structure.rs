@@ -28,7 +28,7 @@ const SIZES: [&str; 2] = ["Ten", "Sixteen"];
 /// An arrow that closes a circle and is known: crate, room that holds both ends ("" for the crate itself), from, to, reason.
 type KnownArrow = (&'static str, &'static str, &'static str, &'static str, &'static str);
 
-const KNOWN_ARROWS: [KnownArrow; 22] = [
+const KNOWN_ARROWS: [KnownArrow; 23] = [
     ("shared", "", "factor", "forgetting", "a factor in a cascade forgets by itself"),
     ("shared", "", "scalar", "factor", "a scalar brings the factor's fastest kernel for it"),
     ("shared", "factor", "cascade", "body", "the levels are factors, and the factor holds levels"),
@@ -44,6 +44,7 @@ const KNOWN_ARROWS: [KnownArrow; 22] = [
     ("host", "cli", "replay_links", "replay", "the noise and the device are those of one body's replay"),
     ("host", "fit", "pool", "factor_file", "a pooled factor reads and writes itself"),
     ("host", "fit", "source", "condition", "the default of a source's filter stands in another file"),
+    ("host", "fit", "source", "made_blocks", "the default of a source's blocks stands in another file"),
     ("host", "platform", "error", "gcs", "an error words the codes of the protocol"),
     ("host", "platform", "gcs", "address", "the line stands beside the address that opens it"),
     ("host", "platform", "network", "address", "the patience stands beside the address that opens it"),

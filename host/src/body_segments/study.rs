@@ -111,7 +111,8 @@ impl Study {
         fit_options: &FitOptions,
         progress: &dyn Progress,
     ) -> Result<Self, StudyError> {
-        let (mut inputs, mut left): (Vec<(String, usize, Input)>, Vec<String>) = (Vec::new(), Vec::new());
+        let (mut sources, mut left): (Vec<(String, usize, TreeSource)>, Vec<String>) =
+            (Vec::new(), Vec::new());
         let parts = if person.trials.len() == 1 { options.parts.max(1) } else { 1 };
         for (k, tracked) in person.trials.iter().enumerate() {
             let Some(input) = person.input(k).filter(|input| input.frames.len() >= FEWEST_FRAMES) else {
@@ -119,33 +120,31 @@ impl Study {
                 continue;
             };
             let parts = parts.min(input.frames.len() / FEWEST_FRAMES).max(1);
-            for (part, frames) in input.frames.chunks(input.frames.len().div_ceil(parts)).enumerate() {
+            for (part, input) in in_parts(input, parts).into_iter().enumerate() {
                 let name = if parts == 1 {
                     tracked.name.clone()
                 } else {
                     format!("{}, part {}", tracked.name, part + 1)
                 };
-                inputs.push((name, k, input.with_frames(frames.to_vec())));
+                sources.push((name, k, TreeSource::new(input)?));
             }
         }
-        if inputs.is_empty() {
+        let Some((_, _, first)) = sources.first() else {
             return Err(StudyError::NoFrames(left.join("; ")));
-        }
-        let base = crate::model::base::base_parameters(&inputs[0].2.model, &inputs[0].2.situation)?;
-        let table = table(person, &base, &options.spread)?;
+        };
+        let table = table(person, first.base(), &options.spread)?;
         let mut sums = Vec::new();
-        for (_, trial, input) in &inputs {
-            let source = TreeSource::new(input.clone())?;
+        for (_, trial, source) in &sources {
             let report = &person.trials[*trial].report;
-            sums.push(RowSums::of(&source, report.rate_hz, report.cut_off_hz)?);
+            sums.push(RowSums::of(source, report.rate_hz, report.cut_off_hz)?);
         }
         let sigmas = sigma(&sums, &table).ok_or_else(|| {
             StudyError::NoFrames("the rows that are left are too short for their filter".to_owned())
         })?;
         let mut motions = Vec::new();
-        for (k, ((name, trial, input), sigma)) in inputs.into_iter().zip(sigmas).enumerate() {
+        for (k, ((name, trial, source), sigma)) in sources.into_iter().zip(sigmas).enumerate() {
             progress.stage("motions", k as f64 / sums.len() as f64);
-            let source = TreeSource::new(Input { channel_sigma: Some(sigma), ..input })?;
+            let source = source.with_channel_sigma(sigma);
             match fit(&source, fit_options, progress) {
                 Ok(fit) => motions.push(Motion { name, trial, source, fit: nothing_stated(fit) }),
                 Err(error @ FitError::NoRows { .. }) => left.push(format!("{name}: {error}")),
@@ -200,6 +199,19 @@ impl Study {
     pub fn parameters(&self) -> usize {
         self.motions.first().map_or(0, |m| m.source.parameters().len())
     }
+}
+
+/// Parts of a trial, as equal as can be; its frames are moved into them.
+fn in_parts(mut whole: Input, parts: usize) -> Vec<Input> {
+    let length = whole.frames.len().div_ceil(parts);
+    let mut rest = std::mem::take(&mut whole.frames);
+    let mut all = Vec::new();
+    while !rest.is_empty() {
+        let next = rest.split_off(length.min(rest.len()));
+        all.push(whole.with_frames(rest));
+        rest = next;
+    }
+    all
 }
 
 fn table(person: &Person, base: &BaseParameters, spread: &Spread) -> Result<Gaussian, StudyError> {

@@ -93,7 +93,7 @@ fn streamed(mcu: Mcu, motion: &Motion, warnings: &mut Vec<String>) -> Result<(Fa
 
 /// Returns the factor of the same rows in double precision, no row with less weight than another.
 fn in_double(source: &TreeSource) -> Result<Factor, Failure> {
-    let blocks = source.condition(&Silent).map_err(Failure::input)?;
+    let blocks = source.blocks(&Silent).map_err(Failure::input)?;
     let every = f64::from(blocks.filter().every).sqrt();
     let weights: Vec<f64> = source.channels().iter().map(|c| every / c.sigma.unwrap_or(1.0)).collect();
     let whitening = Whitening::diagonal(&weights);

@@ -291,12 +291,30 @@ fn copy(all: &[f64], k: usize, to: &mut [f64]) {
 }
 
 impl StoredBlocks {
-    /// Adds a block; one that tells of no channel is left out.
-    fn push(&mut self, time_s: f64, due: &SampleRows) {
-        let channels = due.measured.len();
-        if channels > 0 && due.untold.len() == channels && due.untold.iter().all(|untold| *untold) {
-            return;
+    /// None yet.
+    pub(super) fn of(filter: Filter) -> Self {
+        Self {
+            filter,
+            counts: SampleCounts::default(),
+            parts: Vec::new(),
+            time_s: Vec::new(),
+            rows: Vec::new(),
+            measured: Vec::new(),
+            untold: HashSet::new(),
         }
+    }
+
+    /// Forgets all blocks, and keeps their room.
+    pub(super) fn clear(&mut self) {
+        self.time_s.clear();
+        self.rows.clear();
+        self.measured.clear();
+        self.untold.clear();
+    }
+
+    /// Adds a block.
+    pub(super) fn push(&mut self, time_s: f64, due: &SampleRows) {
+        let channels = due.measured.len();
         let (block, from, length) =
             (self.time_s.len(), self.rows.len(), due.smoothed.len() / channels.max(1));
         self.time_s.push(time_s);
@@ -319,46 +337,89 @@ pub fn condition<S: RowSource + ?Sized>(
     source: &S,
     progress: &dyn Progress,
 ) -> Result<Box<dyn RowBlocks>, FitError> {
-    let (channels, parameters) = (source.channels().len(), source.parameters().len());
-    let mut taps = Taps::new(source.timing())?;
-    let mut blocks = StoredBlocks {
-        filter: taps.filter.clone(),
-        counts: SampleCounts { samples: source.samples() as u64, ..SampleCounts::default() },
-        parts: Vec::new(),
-        time_s: Vec::new(),
-        rows: Vec::new(),
-        measured: Vec::new(),
-        untold: HashSet::new(),
-    };
-    let period_ns = if taps.filter.rate_hz > 0.0 { 1e9 / taps.filter.rate_hz } else { f64::INFINITY };
-    let is_static = source.timing() == Timing::Static;
-    let mut before: Option<u64> = None;
-    let mut spare = SampleRows::default();
-    for sample in 0..source.samples() {
-        if sample % REPORTED_SAMPLES == 0 {
-            progress.stage("rows", sample as f64 / source.samples() as f64);
-        }
-        let time_ns = if is_static { 0 } else { source.time_ns(sample) };
-        spare.clear(channels, parameters);
-        if let Err(rejection) = source.rows(sample, &mut spare) {
-            blocks.counts.reject(rejection);
-            taps.reset();
-            before = None;
-            continue;
-        }
-        if before.is_some_and(|t| time_ns.saturating_sub(t) as f64 > GAP * period_ns) {
-            blocks.counts.gaps += 1;
-            taps.reset();
-        }
-        before = Some(time_ns);
-        if is_static {
-            blocks.push(0.0, &spare);
-        } else if let Some(due) = taps.push(&mut spare) {
-            blocks.push(time_ns as f64 * 1e-9, due);
-        }
+    let mut walk = Walk::new(source)?;
+    let mut blocks = StoredBlocks::of(walk.filter().clone());
+    while let Some((time_s, due)) = walk.next(progress) {
+        blocks.push(time_s, due);
     }
+    blocks.counts = walk.counts;
     blocks.parts.push(0..blocks.time_s.len());
     Ok(Box::new(blocks))
+}
+
+/// Goes through the samples of a source, from block to block.
+pub(super) struct Walk<'a, S: ?Sized> {
+    source: &'a S,
+    taps: Taps,
+    next: usize,
+    before: Option<u64>,
+    spare: SampleRows,
+    size: (usize, usize),
+    pub(super) counts: SampleCounts,
+}
+
+impl<'a, S: RowSource + ?Sized> Walk<'a, S> {
+    /// Before the first sample.
+    pub(super) fn new(source: &'a S) -> Result<Self, FitError> {
+        Ok(Self {
+            taps: Taps::new(source.timing())?,
+            next: 0,
+            before: None,
+            spare: SampleRows::default(),
+            size: (source.channels().len(), source.parameters().len()),
+            counts: SampleCounts { samples: source.samples() as u64, ..SampleCounts::default() },
+            source,
+        })
+    }
+
+    pub(super) fn filter(&self) -> &Filter {
+        &self.taps.filter
+    }
+
+    /// Goes to a sample, with nothing under the filter.
+    pub(super) fn go_to(&mut self, sample: usize) {
+        self.taps.reset();
+        (self.next, self.before) = (sample, None);
+    }
+
+    /// The first sample under the filter of the last block.
+    pub(super) fn first(&self) -> usize {
+        self.next.saturating_sub(self.taps.weights.len())
+    }
+
+    /// The next block that tells of a channel, and the time of its last sample.
+    pub(super) fn next(&mut self, progress: &dyn Progress) -> Option<(f64, &SampleRows)> {
+        let filter = &self.taps.filter;
+        let period_ns = if filter.rate_hz > 0.0 { 1e9 / filter.rate_hz } else { f64::INFINITY };
+        let is_static = self.source.timing() == Timing::Static;
+        loop {
+            let sample = self.next;
+            if sample >= self.source.samples() {
+                return None;
+            }
+            self.next += 1;
+            if sample.is_multiple_of(REPORTED_SAMPLES) {
+                progress.stage("rows", sample as f64 / self.source.samples() as f64);
+            }
+            let time_ns = if is_static { 0 } else { self.source.time_ns(sample) };
+            self.spare.clear(self.size.0, self.size.1);
+            if let Err(rejection) = self.source.rows(sample, &mut self.spare) {
+                self.counts.reject(rejection);
+                self.taps.reset();
+                self.before = None;
+                continue;
+            }
+            if self.before.is_some_and(|t| time_ns.saturating_sub(t) as f64 > GAP * period_ns) {
+                self.counts.gaps += 1;
+                self.taps.reset();
+            }
+            self.before = Some(time_ns);
+            let time_s = if is_static { 0.0 } else { time_ns as f64 * 1e-9 };
+            if self.taps.push(&mut self.spare) && !self.taps.out.tells_nothing() {
+                return Some((time_s, &self.taps.out));
+            }
+        }
+    }
 }
 
 /// The kernel with the samples under it.
@@ -411,8 +472,13 @@ impl Taps {
         self.until = self.weights.len();
     }
 
-    /// Takes a sample, giving another one's room back, and gives what is due.
-    fn push(&mut self, sample: &mut SampleRows) -> Option<&SampleRows> {
+    /// Takes a sample, giving another one's room back; returns whether rows are due.
+    fn push(&mut self, sample: &mut SampleRows) -> bool {
+        // Without a filter every sample is a block.
+        if self.weights.len() == 1 {
+            std::mem::swap(&mut self.out, sample);
+            return true;
+        }
         let full = self.samples.len() == self.weights.len();
         let mut room =
             if full { self.samples.pop_front().unwrap_or_default() } else { SampleRows::default() };
@@ -420,10 +486,10 @@ impl Taps {
         self.samples.push_back(room);
         self.until -= 1;
         if self.until > 0 {
-            return None;
+            return false;
         }
         self.until = usize::from(self.filter.every).max(1);
-        let first = self.samples.front()?;
+        let Some(first) = self.samples.front() else { return false };
         let (rows, channels) = (first.smoothed.len(), first.measured.len());
         self.out.smoothed.clear();
         self.out.smoothed.resize(rows, 0.0);
@@ -441,6 +507,6 @@ impl Taps {
             }
             self.out.untold.iter_mut().zip(&sample.untold).for_each(|(any, own)| *any |= own);
         }
-        Some(&self.out)
+        true
     }
 }

@@ -33,7 +33,7 @@ impl Explained {
 /// # Errors
 /// [`FitError`] if there are no rows.
 pub fn explained(source: &dyn RowSource) -> Result<Explained, FitError> {
-    let blocks = source.condition(&Silent)?;
+    let blocks = source.blocks(&Silent)?;
     if blocks.is_empty() {
         return Err(no_rows(&*blocks));
     }

@@ -24,6 +24,7 @@ mod jacobi;
 pub mod lack_of_fit;
 mod larger_errors;
 mod linearised;
+mod made_blocks;
 mod noise_check;
 mod nuisance;
 mod options;

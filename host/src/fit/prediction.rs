@@ -38,7 +38,7 @@ pub struct PredictedBlock {
 /// # Errors
 /// [`FitError::NoRows`] if nothing is left to fit.
 pub fn plain_least_squares(source: &dyn RowSource, progress: &dyn Progress) -> Result<Vec<f64>, FitError> {
-    let blocks = source.condition(progress)?;
+    let blocks = source.blocks(progress)?;
     if blocks.is_empty() {
         return Err(condition::no_rows(&*blocks));
     }
@@ -64,7 +64,7 @@ impl Prediction {
         if given != wanted {
             return Err(FitError::Columns { given, wanted });
         }
-        let own = source.condition(&Silent)?;
+        let own = source.blocks(&Silent)?;
         if own.is_empty() {
             return Err(condition::no_rows(&*own));
         }

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use rigident_shared::screening::Rejection;
 
+use super::made_blocks::MadeBlocks;
 use super::{
     Channel, ErrorRow, Filter, Fingerprint, FitError, Gaussian, Nuisance, Parameter, Progress, RowBlocks,
     StatedNoise, condition,
@@ -49,6 +50,11 @@ impl SampleRows {
         self.measured.resize(channels, 0.0);
         self.untold.clear();
         self.untold.resize(channels, false);
+    }
+
+    /// Returns true if it has channels and tells of none.
+    pub(super) fn tells_nothing(&self) -> bool {
+        !self.untold.is_empty() && self.untold.iter().all(|untold| *untold)
     }
 }
 
@@ -140,13 +146,21 @@ pub trait RowSource: Send + Sync {
         self.channels().iter().map(|c| if c.unit == "N m" { 0.1 } else { 1.0 }).collect()
     }
 
-    /// Filters the samples into row blocks. The default stores the rows; a source with a more compact form of its rows
-    /// may keep that.
+    /// Filters the samples into row blocks that need the source no more. The default stores the rows; a source with a more compact
+    /// form of its rows may keep that.
     ///
     /// # Errors
     /// [`FitError`] if the filter does not fit the rate.
     fn condition(&self, progress: &dyn Progress) -> Result<Box<dyn RowBlocks>, FitError> {
         condition::condition(self, progress)
+    }
+
+    /// Returns the row blocks as they are gone through in a fit: what the rows of a long recording need is bounded.
+    ///
+    /// # Errors
+    /// [`FitError`] if the filter does not fit the rate.
+    fn blocks<'a>(&'a self, progress: &dyn Progress) -> Result<Box<dyn RowBlocks + 'a>, FitError> {
+        Ok(Box::new(MadeBlocks::new(self, progress)?))
     }
 
     /// Returns the groups of signals that the coefficients are made of and that have noise, each with its σ.

@@ -1,6 +1,6 @@
 //! The pose of a frame, from its markers.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 use super::markers::{Attached, Seen};
 use super::normal::{Normal, fill};
@@ -79,8 +79,7 @@ impl<'a> Solver<'a> {
             Some((origin + turn * marker.position_m - seen).norm())
         };
         let distances_m = self.markers.iter().zip(seen).map(distance).collect();
-        let inverse = self.normal.own.clone().cholesky()?.inverse();
-        let deviations = inverse.diagonal().iter().map(|v| v.max(0.0).sqrt()).collect();
+        let deviations = deviations(&self.normal.own.clone().cholesky()?.unpack());
         Some(Solved { pose, distances_m, deviations })
     }
 
@@ -90,5 +89,42 @@ impl<'a> Solver<'a> {
             own[(k, k)] *= 1.0 + damping;
         }
         Some(own.cholesky()?.solve(&self.normal.own_right))
+    }
+}
+
+/// Roots of the diagonal of `(L Lᵀ)⁻¹`: norms of the columns of `L⁻¹`, which is triangular.
+fn deviations(l: &DMatrix<f64>) -> Vec<f64> {
+    let n = l.nrows();
+    let mut column = vec![0.0; n];
+    (0..n)
+        .map(|j| {
+            column[j..].fill(0.0);
+            column[j] = 1.0;
+            let mut sum = 0.0;
+            for i in j..n {
+                let x = column[i] / l[(i, i)];
+                sum += x * x;
+                for (rest, own) in column[i + 1..].iter_mut().zip(&l.as_slice()[i * n + i + 1..(i + 1) * n]) {
+                    *rest -= own * x;
+                }
+            }
+            sum.sqrt()
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn deviations_are_those_of_the_inverse() {
+        let a = DMatrix::from_fn(7, 7, |i, j| ((3 * i + 5 * j) % 11) as f64 - 4.0);
+        let normal = &a * a.transpose() + DMatrix::identity(7, 7);
+        let wanted = normal.clone().try_inverse().unwrap();
+        let found = deviations(&normal.cholesky().unwrap().unpack());
+        for (k, own) in found.iter().enumerate() {
+            assert!((own / wanted[(k, k)].sqrt() - 1.0).abs() < 1e-12);
+        }
     }
 }

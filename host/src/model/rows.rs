@@ -27,7 +27,7 @@ pub struct Moving {
 /// Rows in two parts: what is smoothed, and what is differentiated, by the same filter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MomentumRows {
-    /// Six base rows, then those of the joints, `10 · links` columns each.
+    /// Six base rows, then those of the joints if they were wanted, `10 · links` columns each.
     pub smoothed: Vec<f64>,
     /// The same shape.
     pub differentiated: Vec<f64>,
@@ -149,16 +149,19 @@ impl Moving {
         Ok(&self.all_rows)
     }
 
-    /// Base and joint rows without accelerations.
+    /// Base rows, and joint rows if they are wanted, without accelerations.
     ///
     /// # Errors
     /// [`TreeError`] if the links are in no order.
-    pub fn momentum_rows(&mut self) -> Result<MomentumRows, TreeError> {
-        let length = (6 + self.screws.len()) * self.columns();
+    pub fn momentum_rows(&mut self, joints: bool) -> Result<MomentumRows, TreeError> {
+        let length = (6 + if joints { self.screws.len() } else { 0 }) * self.columns();
         let mut out = MomentumRows { smoothed: vec![0.0; length], differentiated: vec![0.0; length] };
         let (base_s, joints_s) = out.smoothed.split_at_mut(6 * self.columns());
         let (base_d, joints_d) = out.differentiated.split_at_mut(6 * self.columns());
         momentum::base_rows(&self.states, &self.base, base_s, base_d)?;
+        if !joints {
+            return Ok(out);
+        }
         let mut room = Workspace { screws: &mut self.screws, first: &mut self.first };
         momentum::joint_rows(&self.links, &self.states, &self.base, &mut room, joints_s, joints_d)?;
         Ok(out)

@@ -22,7 +22,7 @@ pub fn least_sigma(largest: f64) -> f64 {
 /// [`FitError`] if the filter does not fit the rate.
 pub fn largest_numbers(source: &dyn RowSource, progress: &dyn Progress) -> Result<Vec<f64>, FitError> {
     let (channels, parameters) = (source.channels().len(), source.parameters().len());
-    let blocks = source.condition(progress)?;
+    let blocks = source.blocks(progress)?;
     let (mut rows, mut measured) = (vec![0.0; channels * parameters], vec![0.0; channels]);
     let mut largest = vec![0.0_f64; channels];
     for block in 0..blocks.len() {

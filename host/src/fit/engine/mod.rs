@@ -83,7 +83,7 @@ pub fn device_estimate(device: &DeviceFactor, channels: usize, rounding: f64) ->
 /// A source with its row blocks.
 struct Engine<'a> {
     source: &'a dyn RowSource,
-    blocks: Box<dyn RowBlocks>,
+    blocks: Box<dyn RowBlocks + 'a>,
     options: FitOptions,
     parameters: usize,
     /// Root mean square of the filtered measurements.
@@ -152,7 +152,7 @@ impl<'a> Engine<'a> {
         options: FitOptions,
         progress: &dyn Progress,
     ) -> Result<Self, FitError> {
-        let blocks = source.condition(progress)?;
+        let blocks = source.blocks(progress)?;
         if blocks.is_empty() {
             return Err(condition::no_rows(&*blocks));
         }

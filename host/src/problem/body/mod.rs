@@ -264,6 +264,11 @@ impl RowSource for BodySource {
         hash.finish()
     }
 
+    fn blocks<'a>(&'a self, progress: &dyn Progress) -> Result<Box<dyn RowBlocks + 'a>, FitError> {
+        // Compact as they are.
+        Ok(self.condition(progress)?)
+    }
+
     fn condition(&self, progress: &dyn Progress) -> Result<Box<dyn RowBlocks>, FitError> {
         progress.stage("rows", 0.0);
         let config = self.config();

@@ -42,7 +42,7 @@ impl RowSums {
     /// # Errors
     /// [`FitError`] if its frames cannot be filtered.
     pub fn of(source: &dyn RowSource, rate_hz: f64, cut_off_hz: f64) -> Result<Self, FitError> {
-        let blocks = source.condition(&Silent)?;
+        let blocks = source.blocks(&Silent)?;
         let (n, channels) = (source.parameters().len(), source.channels().len());
         let gain = noise_gain(rate_hz, cut_off_hz);
         let mut sums = Self {

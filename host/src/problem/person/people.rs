@@ -120,7 +120,7 @@ impl Person {
         trials: &mut [Trial],
         standing: Option<&Trial>,
         options: &PeopleOptions,
-        progress: &dyn Fn(&str, f64),
+        progress: &(dyn Fn(&str, f64) + Sync),
     ) -> Result<Self, PersonError> {
         if let Some(trial) = trials.iter().find(|t| t.ground.is_empty()) {
             let why = trial.notes.first().map_or("there are no forces of the ground", String::as_str);

@@ -1,6 +1,7 @@
 //! One trial of a person: poses, coordinates and rates, and the ground's wrench, frame by frame.
 
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -11,6 +12,7 @@ use super::cut_off::cut_off;
 use super::gaps;
 use super::people::PersonError;
 use super::smoothing::{Smoother, smoothed_at};
+use crate::fit::parallel;
 use crate::inverse_kinematics::markers::Seen;
 use crate::inverse_kinematics::skeleton::{Place, Pose, Turn};
 use crate::inverse_kinematics::solve::{Solved, Solver};
@@ -24,6 +26,10 @@ const UNTOLD: f64 = 2.5;
 const LEAST_UNTOLD: f64 = 0.05;
 /// The heading of a trunk that no marker follows is that of the pelvis over so long, s.
 const HEADING_S: f64 = 1.0;
+/// Frames that are solved one after the other: stretches are solved at the same time.
+const STRETCH: usize = 1000;
+/// Their first pose is that to which every so many-th frame leads.
+const COARSE: usize = 8;
 /// The cut-off that frames are first judged with, Hz.
 const FIRST_CUT_OFF_HZ: f64 = 10.0;
 /// Of frames with a load more than this share must have it under a foot, else plates and markers are in different frames.
@@ -103,12 +109,13 @@ pub fn track(
     trial: &Trial,
     subject: &Subject,
     options: &TrackOptions,
-    progress: &dyn Fn(f64),
+    progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Tracked, PersonError> {
     let (seen, filled) = seen(trial, subject);
-    let mut solved = poses(subject, &seen, progress);
-    upright(subject, &mut solved, trial.rate_hz);
-    let poses: Vec<Option<Pose>> = solved.iter().map(|s| Some(s.as_ref()?.pose.clone())).collect();
+    let solved = poses(subject, seen, progress);
+    let (rms_m, by_marker) = distances(subject, &solved);
+    let mut poses: Vec<Option<Pose>> = solved.into_iter().map(|s| Some(s?.pose)).collect();
+    upright(subject, &mut poses, trial.rate_hz);
     let coordinates = Coordinates::new(&subject.skeleton, &poses);
     let places: Vec<Option<Vec<Place>>> =
         poses.iter().map(|pose| Some(subject.skeleton.places(pose.as_ref()?))).collect();
@@ -136,6 +143,7 @@ pub fn track(
         (judged, all) = judge(found.delay_s);
     }
     same_laboratory(trial, &judged)?;
+    drop(places);
     let mut frames = Vec::new();
     for (number, dropped) in judged.dropped.iter().enumerate() {
         let sum = all.iter().try_fold([0.0; 6], |sum, of| {
@@ -147,7 +155,6 @@ pub fn track(
         let time_ns = (number as f64 / trial.rate_hz * 1e9).round() as u64;
         frames.push(TrackedFrame { number, time_ns, moved, wrench });
     }
-    let (rms_m, by_marker) = distances(subject, &solved);
     let report = TrackReport {
         frames: trial.frames(),
         rate_hz: trial.rate_hz,
@@ -189,20 +196,47 @@ fn seen(trial: &Trial, subject: &Subject) -> (Vec<Seen>, usize) {
     (frames, filled)
 }
 
-/// The pose of every frame; none where a freedom is not told that the other frames tell.
-fn poses(subject: &Subject, seen: &[Seen], progress: &dyn Fn(f64)) -> Vec<Option<Solved>> {
+/// Where the search of every stretch begins: at what some frames before it lead to, one after the other.
+fn starts(subject: &Subject, seen: &[Seen]) -> Vec<Option<Pose>> {
     let mut solver = Solver::new(&subject.skeleton, &subject.markers);
     let mut last: Option<Pose> = None;
-    let mut solved = Vec::with_capacity(seen.len());
-    for (k, frame) in seen.iter().enumerate() {
-        if k % 100 == 0 {
-            progress(k as f64 / seen.len() as f64);
+    let mut starts = Vec::new();
+    for k in (0..seen.len()).step_by(COARSE) {
+        if k.is_multiple_of(STRETCH) {
+            starts.push(last.clone());
         }
-        let start = last.clone().or_else(|| subject.first_pose(frame));
-        let found = start.and_then(|start| solver.solve(frame, &start));
-        last = found.as_ref().map(|f| f.pose.clone());
-        solved.push(found);
+        // Beyond the last stretch's beginning nobody needs them.
+        if k + STRETCH >= seen.len() {
+            continue;
+        }
+        let start = last.take().or_else(|| subject.first_pose(&seen[k]));
+        last = start.and_then(|start| solver.solve(&seen[k], &start)).map(|found| found.pose);
     }
+    starts
+}
+
+/// The pose of every frame; none where a freedom is not told that the other frames tell.
+fn poses(subject: &Subject, seen: Vec<Seen>, progress: &(dyn Fn(f64) + Sync)) -> Vec<Option<Solved>> {
+    let starts = starts(subject, &seen);
+    let stretches = seen.chunks(STRETCH).count();
+    let done = AtomicUsize::new(0);
+    let solved = parallel::map(parallel::threads(), stretches, |stretch| {
+        let mut solver = Solver::new(&subject.skeleton, &subject.markers);
+        let mut last = starts.get(stretch).cloned().flatten();
+        let frames = seen.iter().skip(stretch * STRETCH).take(STRETCH);
+        let solved: Vec<Option<Solved>> = frames
+            .map(|frame| {
+                let start = last.clone().or_else(|| subject.first_pose(frame));
+                let found = start.and_then(|start| solver.solve(frame, &start));
+                last = found.as_ref().map(|f| f.pose.clone());
+                found
+            })
+            .collect();
+        progress((1 + done.fetch_add(1, Ordering::Relaxed)) as f64 / stretches as f64);
+        solved
+    });
+    drop(seen);
+    let solved: Vec<Option<Solved>> = solved.into_iter().flatten().collect();
     let freedoms = subject.skeleton.freedoms();
     let usual: Vec<f64> = (0..freedoms)
         .map(|k| {
@@ -219,20 +253,20 @@ fn poses(subject: &Subject, seen: &[Seen], progress: &dyn Fn(f64)) -> Vec<Option
 
 /// Keeps a trunk that no marker follows upright, its front where the pelvis' is on average: people walk so, and do not carry their
 /// trunks fixed to the pelvis.
-fn upright(subject: &Subject, solved: &mut [Option<Solved>], rate_hz: f64) {
+fn upright(subject: &Subject, poses: &mut [Option<Pose>], rate_hz: f64) {
     let Some(trunk) = subject.unseen_trunk else { return };
     let half = (HEADING_S * rate_hz / 2.0).ceil() as usize;
-    let front = |s: &Option<Solved>| s.as_ref().map(|s| s.pose.attitude * Vector3::x());
-    let fronts: Vec<Option<Vector3<f64>>> = solved.iter().map(front).collect();
+    let front = |pose: &Option<Pose>| pose.as_ref().map(|pose| pose.attitude * Vector3::x());
+    let fronts: Vec<Option<Vector3<f64>>> = poses.iter().map(front).collect();
     let heading = |frame: usize| {
         let near = &fronts[frame.saturating_sub(half)..fronts.len().min(frame + half + 1)];
         let sum: Vector3<f64> = near.iter().flatten().sum();
         UnitQuaternion::from_axis_angle(&Vector3::z_axis(), sum.y.atan2(sum.x))
     };
-    for (frame, found) in solved.iter_mut().enumerate() {
-        let Some(found) = found else { continue };
-        let turn = found.pose.attitude.inverse() * heading(frame);
-        if let Some(own) = found.pose.turns.get_mut(trunk) {
+    for (frame, pose) in poses.iter_mut().enumerate() {
+        let Some(pose) = pose else { continue };
+        let turn = pose.attitude.inverse() * heading(frame);
+        if let Some(own) = pose.turns.get_mut(trunk) {
             *own = Turn::Ball(turn);
         }
     }

@@ -116,7 +116,7 @@ impl RowMaker {
     /// [`TreeError::Lengths`] if the frame does not fit the tree.
     pub fn rows(&mut self, frame: &Frame) -> Result<MomentumRows, TreeError> {
         self.set(frame)?;
-        let mut parts = self.moving.momentum_rows()?;
+        let mut parts = self.moving.momentum_rows(self.efforts)?;
         self.about_base(&mut parts);
         Ok(MomentumRows {
             smoothed: self.part(&parts.smoothed, frame, true),

@@ -63,7 +63,7 @@ impl Standard {
             // Accelerations left out: not a number.
             let blind = BaseMotion { angular_acceleration: Vector3::repeat(f64::NAN), ..base };
             moving.set(&q, &rates(1), &[f64::NAN; 7], &blind).unwrap();
-            let rows = moving.momentum_rows().unwrap();
+            let rows = moving.momentum_rows(true).unwrap();
             let measured = vec![swing(t, 1.0, 0.0)[0]; 13];
             momentum.push(SampleRows {
                 untold: Vec::new(),

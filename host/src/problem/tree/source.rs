@@ -75,6 +75,14 @@ impl TreeSource {
         &self.input
     }
 
+    /// Returns the same source with 1 σ of every channel, per unfiltered sample.
+    #[must_use]
+    pub fn with_channel_sigma(mut self, sigma: Vec<f64>) -> Self {
+        self.input.channel_sigma = Some(sigma);
+        self.channels = channels(&self.input, &self.parameters);
+        self
+    }
+
     /// Returns the motion of the drives that have parameters.
     pub fn drive_motions(&self) -> Vec<DriveMotion> {
         let names = self.input.freedom_names();
