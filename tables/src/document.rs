@@ -2,15 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::{estimation, platform, trees};
+use crate::{estimation, people, platform, trees};
 
 /// All documents with tables.
-pub const DOCUMENTS: [Document; 5] = [
+pub const DOCUMENTS: [Document; 6] = [
     estimation::DOCUMENT,
     estimation::CALIBRATION,
     estimation::DIAGNOSIS,
     platform::DOCUMENT,
     trees::DOCUMENT,
+    people::DOCUMENT,
 ];
 
 /// A document and its tables.

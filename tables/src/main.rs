@@ -4,6 +4,7 @@
 
 mod document;
 mod estimation;
+mod people;
 mod platform;
 mod trees;
 

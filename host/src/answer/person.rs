@@ -34,9 +34,30 @@ pub struct PersonResult {
     pub choices: Vec<ChoiceResult>,
     /// What became of each trial.
     pub trials: Vec<TrialResult>,
+    /// What the person holds, from motions with it and without it; absent if nothing was named.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tool: Option<ToolResult>,
     /// What a microcontroller made of the same motions by itself; absent if none was asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub device: Option<DeviceResult>,
+}
+
+/// What a person holds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ToolResult {
+    /// Its name.
+    pub name: String,
+    /// The link that holds it: its frame is the tool's.
+    pub link: String,
+    /// Mass, kg.
+    pub mass_kg: Measured,
+    /// First moments about the link's origin, kg m.
+    pub first_moment_kgm: [Measured; 3],
+    /// Centre of mass, m; absent if the mass is not told.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub com_m: Option<[Measured; 3]>,
+    /// Ixx, Iyy, Izz, Iyz, Izx, Ixy about the link's origin, kg m².
+    pub inertia_kgm2: [Measured; 6],
 }
 
 /// What a microcontroller made of the same motions.

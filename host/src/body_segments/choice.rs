@@ -1,8 +1,7 @@
 //! The motions that a person is identified from, and what other ways of choosing as many would give.
 
-use super::study::{Study, StudyError};
+use super::study::{Study, StudyError, known};
 use crate::answer::person::ChoiceResult;
-use crate::fit::Factor;
 use crate::motion_selection::compare::compare;
 use crate::motion_selection::conditions::groups;
 use crate::motion_selection::greedy::{d_optimal, e_optimal, random};
@@ -70,7 +69,7 @@ pub fn choices(study: &Study, way: Way, count: usize) -> Result<(Vec<usize>, Vec
             Way::Random => random(&candidates, count, SEED),
         }
     };
-    let known = known(study);
+    let known = known(&study.table);
     let mut results = Vec::new();
     let mut chosen = Vec::new();
     for each in Way::ALL {
@@ -94,16 +93,6 @@ pub fn choices(study: &Study, way: Way, count: usize) -> Result<(Vec<usize>, Vec
     let all: Vec<usize> = (0..candidates.len()).collect();
     results.push(result(&compare("all", &candidates, &all, Some(&known))?, study, false));
     Ok((chosen, results))
-}
-
-/// The table as rows.
-fn known(study: &Study) -> Factor {
-    let whitening = study.table.whitening();
-    let right = &whitening * study.table.mean();
-    let rows: Vec<Vec<f64>> = whitening.row_iter().map(|row| row.iter().copied().collect()).collect();
-    let mut factor = Factor::new(study.parameters());
-    factor.absorb(rows.iter().map(Vec::as_slice).zip(right.iter().copied()));
-    factor
 }
 
 fn result(of: &crate::motion_selection::compare::Choice, study: &Study, used: bool) -> ChoiceResult {

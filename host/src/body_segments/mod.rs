@@ -4,10 +4,12 @@
 //! ([`left_out`]), and segments with intervals ([`segments`]). May not live here: how rows are made
 //! ([`crate::problem::person`]), and how anything is shown.
 
+mod calibration;
 pub mod choice;
 pub mod left_out;
 pub mod report;
 pub mod segments;
 mod study;
+pub mod tool;
 
 pub use study::{Motion, Study, StudyError, StudyOptions};

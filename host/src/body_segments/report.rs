@@ -40,6 +40,7 @@ pub fn person_result(
         left_out: left_out.to_vec(),
         motions: study.motions.len() as u64,
         choices: Vec::new(),
+        tool: None,
         device: None,
         trials: person.trials.iter().map(trial).collect(),
     })

@@ -1,7 +1,8 @@
 //! Segments with intervals, beside the table.
 //!
 //! Values are the physically consistent ones nearest to the table. How uncertain they are is what rows and table leave together:
-//! with the map B from segments to base parameters and the table's covariance Σ, `(Σ⁻¹ + BᵀRᵀR B)⁻¹`.
+//! with the map B from segments to base parameters and the table's covariance Σ, `P = (Σ⁻¹ + BᵀRᵀR B)⁻¹`, and what joint centres leave open,
+//! `G D Dᵀ Gᵀ` with `G = P BᵀRᵀR`.
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
@@ -27,10 +28,13 @@ pub fn segments(
     let model = &person.subject.model;
     let known = anthropometry::standard(model, &study.options.spread).ok_or_else(refuse)?;
     let map = study.base().map() * anthropometry::bodies(model);
-    let factor = fit.scaled_factor();
-    let rows = factor.r().columns(0, map.nrows()) * &map;
+    let r = fit.scaled_factor().r().columns(0, map.nrows()).into_owned();
+    let rows = &r * &map;
     let information = known.clone().cholesky().ok_or_else(refuse)?.inverse() + rows.transpose() * &rows;
     let covariance = information.cholesky().ok_or_else(refuse)?.inverse();
+    // What joint centres move in the rows' own estimate moves so much of the segments.
+    let moved = &covariance * rows.transpose() * &r * &study.draws;
+    let covariance = covariance + &moved * moved.transpose();
     let each = found.links.iter().filter_map(|link| {
         let at = model.links.iter().position(|l| l.name == link.name)?;
         let own = covariance.view((10 * at, 10 * at), (10, 10)).into_owned();

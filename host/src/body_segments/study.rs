@@ -1,5 +1,8 @@
 //! Motions of a person, each with its rows and factor, and what they say together.
 
+use nalgebra::DMatrix;
+
+use super::calibration::{DrawError, Looked, draws};
 use crate::answer::checks;
 use crate::answer::standard_parameters::{BaseEstimate, Full, nearest};
 use crate::fit::pool::{PoolError, PooledFactor};
@@ -7,6 +10,7 @@ use crate::fit::prior::apply_distribution;
 use crate::fit::{Checks, Factor, Fit, FitError, FitOptions, Gaussian, Progress, RowSource, fit};
 use crate::model::ModelError;
 use crate::model::base::BaseParameters;
+use crate::motion_capture::trial::Trial;
 use crate::motion_selection::SelectionError;
 use crate::problem::person::anthropometry::{Spread, distribution};
 use crate::problem::person::noise::{RowSums, sigma};
@@ -28,6 +32,9 @@ pub enum StudyError {
     /// The rows cannot be fitted.
     #[error(transparent)]
     Fit(#[from] FitError),
+    /// A person with other joints has no rows.
+    #[error(transparent)]
+    Draws(#[from] DrawError),
     /// Motions do not fit together.
     #[error(transparent)]
     Pool(#[from] PoolError),
@@ -74,6 +81,13 @@ pub struct Motion {
 }
 
 impl Motion {
+    fn looked(&self) -> Looked {
+        let sigma = self.source.channels().iter().map(|c| c.sigma.unwrap_or(1.0)).collect();
+        let frames = &self.source.input().frames;
+        let first_ns = frames.first().map_or(0, |frame| frame.time_ns);
+        Looked { trial: self.trial, first_ns, frames: frames.len(), sigma }
+    }
+
     /// Returns its factor, with what its checks found. That residuals of people who are not rigid are as slow as their motion is
     /// counted in the intervals, and no warning.
     pub fn factor(&self) -> PooledFactor {
@@ -98,23 +112,27 @@ pub struct Study {
     pub options: StudyOptions,
     /// Trials without a usable frame, or too few, with the reason.
     pub left: Vec<String>,
+    /// How joint centres and marker places move the parameters ([`super::calibration`]).
+    pub draws: DMatrix<f64>,
 }
 
 impl Study {
-    /// Returns the study of a person's trials.
+    /// Returns the study of some of a person's trials, by their numbers; `trials` are those that she was made of.
     ///
     /// # Errors
     /// [`StudyError`] if nothing can be used.
     pub fn new(
         person: &Person,
+        trials: &[Trial],
+        which: &[usize],
         options: &StudyOptions,
         fit_options: &FitOptions,
         progress: &dyn Progress,
     ) -> Result<Self, StudyError> {
         let (mut sources, mut left): (Vec<(String, usize, TreeSource)>, Vec<String>) =
             (Vec::new(), Vec::new());
-        let parts = if person.trials.len() == 1 { options.parts.max(1) } else { 1 };
-        for (k, tracked) in person.trials.iter().enumerate() {
+        let parts = if which.len() == 1 { options.parts.max(1) } else { 1 };
+        for (k, tracked) in which.iter().filter_map(|k| Some((*k, person.trials.get(*k)?))) {
             let Some(input) = person.input(k).filter(|input| input.frames.len() >= FEWEST_FRAMES) else {
                 left.push(tracked.why_unused());
                 continue;
@@ -154,7 +172,13 @@ impl Study {
         if motions.is_empty() {
             return Err(StudyError::NoFrames(left.join("; ")));
         }
-        Ok(Self { motions, table, options: *options, left })
+        progress.stage("joint centres' uncertainty", 0.0);
+        let known = known(&table);
+        let looked: Vec<Looked> = motions.iter().map(Motion::looked).collect();
+        let draws = draws(person, trials, &looked, &known, &|share| {
+            progress.stage("joint centres' uncertainty", share);
+        })?;
+        Ok(Self { motions, table, options: *options, left, draws })
     }
 
     /// Returns what some motions say together, with the table in the estimate.
@@ -181,6 +205,19 @@ impl Study {
         Ok(fit)
     }
 
+    /// Returns a fit with what joint centres and marker places leave open in its covariance. Its values are those that predict best with
+    /// the joints as they were found.
+    #[must_use]
+    pub fn with_calibration(&self, mut fit: Fit) -> Fit {
+        let square = &self.draws * self.draws.transpose();
+        fit.estimate.covariance += &square;
+        if let Some(prior) = &mut fit.prior {
+            prior.data_alone.covariance += &square;
+        }
+        fit.added.push(("joint centres".to_owned(), square));
+        fit
+    }
+
     /// Returns the base parameters.
     pub fn base(&self) -> &BaseParameters {
         self.motions[0].source.base()
@@ -199,6 +236,16 @@ impl Study {
     pub fn parameters(&self) -> usize {
         self.motions.first().map_or(0, |m| m.source.parameters().len())
     }
+}
+
+/// Returns the table as rows.
+pub fn known(table: &Gaussian) -> Factor {
+    let whitening = table.whitening();
+    let right = &whitening * table.mean();
+    let rows: Vec<Vec<f64>> = whitening.row_iter().map(|row| row.iter().copied().collect()).collect();
+    let mut factor = Factor::new(table.names().len());
+    factor.absorb(rows.iter().map(Vec::as_slice).zip(right.iter().copied()));
+    factor
 }
 
 /// Parts of a trial, as equal as can be; its frames are moved into them.

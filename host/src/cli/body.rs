@@ -15,6 +15,7 @@ use crate::answer::{Answer, Context, Links, Source, StandardRequest, Status};
 use crate::body_segments::choice::choices;
 use crate::body_segments::left_out::left_out;
 use crate::body_segments::report::person_result;
+use crate::body_segments::tool::tool;
 use crate::body_segments::{Study, StudyOptions};
 use crate::fit::{Fit, FitOptions};
 use crate::inverse_kinematics::marker_file::MarkerFile;
@@ -60,8 +61,19 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
         ..StudyOptions::default()
     };
     let progress = |stage: &str, share: f64| stages.at(stage, share);
-    let study =
-        Study::new(&person, &study_options, &FitOptions::default(), &progress).map_err(Failure::input)?;
+    let own: Vec<usize> = (0..arguments.trials.len()).collect();
+    let bare: Vec<usize> = (own.len()..trials.len()).collect();
+    let study_of = |which: &[usize]| {
+        Study::new(&person, &trials, which, &study_options, &FitOptions::default(), &progress)
+            .map_err(Failure::input)
+    };
+    let study = study_of(&own)?;
+    let tool = match &arguments.tool {
+        Some(name) => {
+            Some(tool(&study, &study_of(&bare)?, &arguments.tool_link, name).map_err(Failure::input)?)
+        }
+        None => None,
+    };
     stages.at("segments", 0.0);
     let (chosen, choices) = match arguments.motions {
         None => ((0..study.motions.len()).collect(), Vec::new()),
@@ -69,13 +81,14 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
     };
     let fit = study.together(&chosen).map_err(Failure::input)?;
     let full = study.segments(&person, &fit).map_err(Failure::input)?;
+    let fit = study.with_calibration(fit);
     let mut answer = answer(arguments, &person, &study, &fit)?;
     stages.at("left-out motions", 0.0);
     let left_out = left_out(&study, &person).map_err(Failure::input)?;
     let result = person_result(&study, &person, &fit, &full, &answer, &left_out.channels);
     let device = arguments.mcu.map(|mcu| compared(mcu, &study, &chosen, &fit, &stages)).transpose()?;
     let (device, warnings) = device.unzip();
-    answer.person = Some(PersonResult { choices, device, ..result.map_err(Failure::input)? });
+    answer.person = Some(PersonResult { choices, device, tool, ..result.map_err(Failure::input)? });
     answer.warnings.extend(warnings.into_iter().flatten());
     contradictions(arguments, &mut answer);
     answer.elapsed_s = started.elapsed().as_secs_f64();
@@ -123,7 +136,7 @@ fn own_markers(arguments: &IdentifyBody) -> Result<MarkerFile, Failure> {
 fn trials(arguments: &IdentifyBody) -> Result<Vec<Trial>, Failure> {
     let mut ground = arguments.ground.iter();
     let mut trials: Vec<Trial> = Vec::new();
-    for path in &arguments.trials {
+    for path in arguments.trials.iter().chain(&arguments.tare) {
         let is_trc = crate::recording::extension(path) == "trc";
         let own = if is_trc { ground.next() } else { None };
         let mut trial = Trial::read(path, own.map(std::path::PathBuf::as_path)).map_err(Failure::input)?;

@@ -95,7 +95,7 @@ impl From<TableOf> for Sex {
                   average people scaled to the person.\n\nExit status 0 if the whole mass is identified, 1 if not, 2 if a file cannot be \
                   used.\n\nExamples:\n  rigident body identify walk.c3d --static standing.c3d --height-m 1.68\n  rigident body identify \
                   walk.trc --ground walk_forces.mot --static standing.trc\n  rigident body identify walk1.c3d walk2.c3d squat.c3d --static \
-                  standing.c3d --mass-kg 72.6 --write-model subject.urdf"
+                  standing.c3d --mass-kg 72.6 --write-model subject.urdf\n  rigident body identify serve.c3d --tool racket --tare walk.c3d --tare squat.c3d"
 )]
 pub struct IdentifyBody {
     /// Trials: C3D, or TRC with a MOT or STO file beside it
@@ -146,6 +146,15 @@ pub struct IdentifyBody {
     /// Write the segments into a model: FILE.urdf or FILE.xml (MJCF)
     #[arg(long, value_name = "FILE")]
     pub write_model: Option<PathBuf>,
+    /// The person holds something in the trials, of this name: its own parameters come from these and the trials of --tare
+    #[arg(long, value_name = "NAME", requires = "tare")]
+    pub tool: Option<String>,
+    /// The link that holds it
+    #[arg(long, value_name = "LINK", default_value = "r_hand", requires = "tool")]
+    pub tool_link: String,
+    /// A trial without the tool; may be repeated
+    #[arg(long, value_name = "TRIAL", requires = "tool")]
+    pub tare: Vec<PathBuf>,
     /// Stream the motions to the firmware on this microcontroller as well, and compare what it makes of them
     #[arg(long, value_enum, value_name = "MCU")]
     pub mcu: Option<Mcu>,

@@ -50,8 +50,7 @@ impl<'a, S: RowSource + ?Sized> MadeBlocks<'a, S> {
             kept: Mutex::new((0, StoredBlocks::of(walk.filter().clone()))),
         };
         let (_, first) = blocks.kept.get_mut().unwrap_or_else(PoisonError::into_inner);
-        loop {
-            let Some((time_s, due)) = walk.next(progress) else { break };
+        while let Some((time_s, due)) = walk.next(progress) {
             let block = blocks.time_s.len();
             blocks.time_s.push(time_s);
             let untold = due.untold.iter().enumerate().filter(|(_, untold)| **untold);

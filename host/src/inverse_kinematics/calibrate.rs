@@ -5,7 +5,7 @@
 //! standing trial alone leaves most of the prior in place; motion moves joint centres to where segments turn about (functional
 //! calibration).
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Vector3};
 
 use super::markers::{Attached, Seen};
 use super::normal::{Normal, fill, shared_columns};
@@ -27,6 +27,9 @@ pub struct Calibrated {
     pub poses: Vec<Pose>,
     /// Root mean square of the distances of markers from their links, m.
     pub rms_m: f64,
+    /// What frames and prior say of what all frames share, inverse covariance: three numbers for every joint's place in its parent,
+    /// then three for every marker's place on its link, 1/m².
+    pub information: DMatrix<f64>,
 }
 
 /// Frames of one person count as no more than so many independent ones (assumed): skin moves over bone with the pose.
@@ -35,6 +38,12 @@ const INDEPENDENT: f64 = 6.0;
 struct Frame {
     pose: Pose,
     normal: Normal,
+}
+
+/// A frame's own equations, solved, and what its pose follows of what is shared.
+struct Back {
+    own: Cholesky<f64, Dyn>,
+    back: DMatrix<f64>,
 }
 
 struct Bundle<'a> {
@@ -99,10 +108,11 @@ pub fn calibrate(
         }
     }
     let rms_m = bundle.rms();
+    let (information, ..) = bundle.reduced(0.0)?;
     let poses = bundle.poses();
     let mut found = bundle.markers;
     found.iter_mut().for_each(|marker| marker.sigma_m /= wider);
-    Some(Calibrated { skeleton: bundle.skeleton, markers: found, poses, rms_m })
+    Some(Calibrated { skeleton: bundle.skeleton, markers: found, poses, rms_m, information })
 }
 
 impl Bundle<'_> {
@@ -131,8 +141,8 @@ impl Bundle<'_> {
         }
     }
 
-    /// One damped step of everything.
-    fn step(&mut self, damping: f64) -> Option<()> {
+    /// The equations of what is shared, poses eliminated, and how each frame's pose follows.
+    fn reduced(&self, damping: f64) -> Option<(DMatrix<f64>, DVector<f64>, Vec<Back>)> {
         let prior = self.prior();
         let n = prior.len();
         let (mut all, mut right) = (DMatrix::zeros(n, n), DVector::zeros(n));
@@ -147,14 +157,20 @@ impl Bundle<'_> {
             let back = own.solve(&frame.normal.coupling);
             all += &frame.normal.shared - frame.normal.coupling.tr_mul(&back);
             right += &frame.normal.shared_right - back.tr_mul(&frame.normal.own_right);
-            solved.push((own, back));
+            solved.push(Back { own, back });
         }
         for (k, (moved, weight)) in prior.iter().enumerate() {
             right[k] -= weight * moved;
             all[(k, k)] += weight + damping * (weight + all[(k, k)]);
         }
+        Some((all, right, solved))
+    }
+
+    /// One damped step of everything.
+    fn step(&mut self, damping: f64) -> Option<()> {
+        let (all, right, solved) = self.reduced(damping)?;
         let shared = all.cholesky()?.solve(&right);
-        for (frame, (own, back)) in self.frames.iter_mut().zip(&solved) {
+        for (frame, Back { own, back }) in self.frames.iter_mut().zip(&solved) {
             let step = own.solve(&frame.normal.own_right) - back * &shared;
             frame.pose = self.skeleton.step(&frame.pose, step.as_slice());
         }

@@ -1,6 +1,6 @@
 //! The model of one person, scaled to the markers.
 
-use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
 
 use rigident_shared::tree::Joint;
 
@@ -121,6 +121,8 @@ pub struct Subject {
     pub unknown: Vec<String>,
     /// The trunk's link if no marker follows it.
     pub unseen_trunk: Option<usize>,
+    /// What frames and prior say of the places of joints and markers ([`Calibrated::information`]), its lower triangular root.
+    root: DMatrix<f64>,
 }
 
 /// Returns the model of a person from frames of markers, `labels` their names; the first frames are those that the person stands
@@ -194,6 +196,7 @@ pub fn subject(
         return Err(SubjectError::ExchangedPair { left, right });
     }
     let found = calibrate(&skeleton, &markers, &sigma, &seen, &poses).ok_or(SubjectError::Calibration)?;
+    let root = found.information.clone().cholesky().ok_or(SubjectError::Calibration)?.unpack();
     let found = if known.symmetric { mirrored(found, &model(&person, kind)?, &seen)? } else { found };
     let Calibrated { skeleton, markers, rms_m, .. } = found;
     person.lengths_m = lengths(&model(&person, kind)?, &skeleton);
@@ -201,7 +204,7 @@ pub fn subject(
     for (link, found) in model.links.iter_mut().zip(skeleton.links()) {
         link.link.position = found.position;
     }
-    Ok(Subject { person, model, skeleton, markers, rms_m, unknown, unseen_trunk: None })
+    Ok(Subject { person, model, skeleton, markers, rms_m, unknown, unseen_trunk: None, root })
 }
 
 impl Subject {
@@ -213,6 +216,24 @@ impl Subject {
     /// Returns the links from one to the base, itself first.
     pub fn way(&self, link: usize) -> &[usize] {
         self.skeleton.way(link)
+    }
+
+    /// Returns a subject that the markers agree with as well: joints and markers moved by `L⁻ᵀ z`, with `L Lᵀ` what they say, and
+    /// independent numbers z of variance 1 from `unit`. `None` if the model has no such skeleton.
+    pub fn another(&self, mut unit: impl FnMut() -> f64) -> Option<Self> {
+        let z = DVector::from_fn(self.root.nrows(), |_, _| unit());
+        let moved = self.root.tr_solve_lower_triangular(&z)?;
+        let three = |at: usize| Vector3::from_fn(|k, _| moved.get(at + k).copied().unwrap_or(0.0));
+        let mut other = self.clone();
+        let joints = self.model.links.len() - 1;
+        for (i, link) in other.model.links.iter_mut().enumerate().skip(1) {
+            link.link.position += three(3 * (i - 1));
+        }
+        for (m, marker) in other.markers.iter_mut().enumerate() {
+            marker.position_m += three(3 * (joints + m));
+        }
+        other.skeleton = Skeleton::new(&other.model)?;
+        Some(other)
     }
 
     /// Returns the subject with links fixed to their parents; `None` if the model has none of a name.

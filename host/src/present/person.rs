@@ -4,7 +4,7 @@ use super::page::{escape, notes};
 use super::table::printable;
 use super::text::{significant, with_u95};
 use crate::answer::Answer;
-use crate::answer::person::{DeviceResult, PersonResult, TrialResult};
+use crate::answer::person::{DeviceResult, PersonResult, ToolResult, TrialResult};
 use crate::fit::Measured;
 
 /// Returns an answer about a person: her tables, then warnings and notes.
@@ -44,10 +44,26 @@ pub fn text(found: &PersonResult) -> String {
     for trial in &found.trials {
         out.push_str(&format!("{}\n", frames(trial)));
     }
+    if let Some(tool) = &found.tool {
+        out.push_str(&format!("{}\n", held(tool)));
+    }
     if let Some(device) = &found.device {
         out.push_str(&format!("{}\n", on_device(device)));
     }
     out
+}
+
+fn held(tool: &ToolResult) -> String {
+    let name = printable(&tool.name);
+    let mass = with_u95(tool.mass_kg.value, tool.mass_kg.u95, "kg");
+    let centre = tool.com_m.as_ref().map_or_else(
+        || "its centre of mass is not told".to_owned(),
+        |c| {
+            let of = |m: &Measured| with_u95(m.value, m.u95, "m");
+            format!("its centre of mass is at {}, {}, {} of it", of(&c[0]), of(&c[1]), of(&c[2]))
+        },
+    );
+    format!("{name}: {mass}, on {}; {centre}", printable(&tool.link))
 }
 
 fn on_device(device: &DeviceResult) -> String {
@@ -67,8 +83,13 @@ fn on_device(device: &DeviceResult) -> String {
 pub(super) fn html(found: &PersonResult) -> String {
     let mass =
         |m: Option<Measured>| m.map_or("not identified".to_owned(), |m| with_u95(m.value, m.u95, "kg"));
-    let trials: Vec<String> =
-        found.trials.iter().map(frames).chain(found.device.as_ref().map(on_device)).collect();
+    let trials: Vec<String> = found
+        .trials
+        .iter()
+        .map(frames)
+        .chain(found.tool.as_ref().map(held))
+        .chain(found.device.as_ref().map(on_device))
+        .collect();
     format!(
         "<h2>Whole mass</h2>\n<p>{} by the plates and the motion alone; {} with what the table of people knows of the segments. The table is \
          scaled to {} kg and {} m.</p>\n<h2>Segments</h2>\n<p class=\"soft\">{}</p>\n{}<h2>{}</h2>\n<p class=\"soft\">Root mean square of \

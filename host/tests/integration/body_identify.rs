@@ -164,3 +164,20 @@ fn the_emulated_board_makes_the_same_of_shared_data() {
     let (there, here) = (streams_to("qemu"), streams_to("inproc"));
     assert_eq!(there["largest_difference_sd"], here["largest_difference_sd"]);
 }
+
+#[test]
+#[ignore = "needs ../shared/data"]
+fn who_holds_nothing_in_shared_data_holds_nothing_within_its_interval() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = [FULL_BODY[0], ("--tare", FULL_BODY[1].1), FULL_BODY[2]];
+    let result = identify(folder.path(), &["--height-m", "1.505", "--tool", "nothing"], &files);
+    let tool = &result["person"]["tool"];
+    assert_eq!((tool["name"].as_str(), tool["link"].as_str()), (Some("nothing"), Some("r_hand")));
+    let inside = |m: &Value| m["value"].as_f64().unwrap().abs() <= m["u95"].as_f64().unwrap();
+    assert!(inside(&tool["mass_kg"]), "{tool}");
+    let all = ["first_moment_kgm", "inertia_kgm2"].map(|key| tool[key].as_array().unwrap().clone()).concat();
+    assert_eq!(all.len(), 9);
+    assert!(all.iter().filter(|m| inside(m)).count() >= 8, "{tool}");
+    // Nobody knows where nothing has its centre.
+    assert!(tool.get("com_m").is_none());
+}

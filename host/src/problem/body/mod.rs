@@ -266,7 +266,7 @@ impl RowSource for BodySource {
 
     fn blocks<'a>(&'a self, progress: &dyn Progress) -> Result<Box<dyn RowBlocks + 'a>, FitError> {
         // Compact as they are.
-        Ok(self.condition(progress)?)
+        self.condition(progress)
     }
 
     fn condition(&self, progress: &dyn Progress) -> Result<Box<dyn RowBlocks>, FitError> {

@@ -5,6 +5,7 @@
 //! ([`contact`]). May not live here: files, poses of single frames, and rows.
 
 pub mod alignment;
+pub mod another;
 pub mod anthropometry;
 pub mod contact;
 pub mod coordinates;

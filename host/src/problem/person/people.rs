@@ -205,6 +205,11 @@ impl Person {
     /// Returns the frames of a trial as those of a tree whose base is tracked.
     pub fn input(&self, trial: usize) -> Option<Input> {
         let tracked = self.trials.get(trial)?;
+        self.input_of(&self.subject, tracked, &tracked.frames)
+    }
+
+    /// Returns the same of some frames of a trial, with the joints of a subject.
+    pub fn input_of(&self, subject: &Subject, tracked: &Tracked, frames: &[TrackedFrame]) -> Option<Input> {
         let frame = |own: &TrackedFrame| {
             let [fx, fy, fz, mx, my, mz] = own.wrench;
             let at = Vector3::from_column_slice(own.moved.positions.get(..3)?);
@@ -221,8 +226,8 @@ impl Person {
             })
         };
         Some(Input {
-            model: self.subject.model.welded(),
-            frames: tracked.frames.iter().filter_map(frame).collect(),
+            model: subject.model.welded(),
+            frames: frames.iter().filter_map(frame).collect(),
             is_static: false,
             rate_hz: tracked.report.rate_hz,
             base: BaseSensor::Tracked,

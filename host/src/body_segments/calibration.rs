@@ -1,0 +1,104 @@
+//! How uncertain joint centres and marker places make the parameters.
+//!
+//! Of a person there are as many as the markers allow: joints and markers drawn from what the calibration leaves open. Each has her own
+//! poses and rows, and other parameters explain the same forces; how far these scatter is `C = D Dᵀ`, D one column a draw.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::fit::{Factor, Fingerprint, FitError, RowSource, Silent, Whitening};
+use crate::inverse_kinematics::subject::Subject;
+use crate::motion_capture::trial::Trial;
+use crate::problem::person::Person;
+use crate::problem::person::another::frames_as;
+use crate::problem::tree::{TreeSource, TreeSourceError};
+
+/// Draws: a standard deviation is known to one in √(2 · 16).
+const DRAWS: usize = 16;
+/// Frames of all motions that are looked at, at most.
+const FRAMES: usize = 1200;
+
+/// The reason that a person with other joints has no rows.
+#[derive(Debug, thiserror::Error)]
+pub enum DrawError {
+    /// The frames make no rows.
+    #[error(transparent)]
+    Source(#[from] TreeSourceError),
+    /// They cannot be filtered.
+    #[error(transparent)]
+    Fit(#[from] FitError),
+}
+
+/// A motion that is looked at.
+pub struct Looked {
+    /// Its trial.
+    pub trial: usize,
+    /// Time of its first frame, ns.
+    pub first_ns: u64,
+    /// How many frames it has.
+    pub frames: usize,
+    /// 1 σ of every channel.
+    pub sigma: Vec<f64>,
+}
+
+/// Returns D: how parameters change with joints and markers, one column a draw.
+///
+/// # Errors
+/// [`DrawError`] if a person with other joints has no rows.
+pub fn draws(
+    person: &Person,
+    trials: &[Trial],
+    motions: &[Looked],
+    known: &Factor,
+    progress: &dyn Fn(f64),
+) -> Result<DMatrix<f64>, DrawError> {
+    let each = FRAMES.div_ceil(motions.len().max(1));
+    let solved = |subject: &Subject| -> Result<DVector<f64>, DrawError> {
+        let mut all = known.clone();
+        for motion in motions {
+            let Some(factor) = factor(person, trials, motion, each, subject)? else { continue };
+            all.merge(&factor);
+        }
+        Ok(DVector::from_vec(all.solve(f64::EPSILON).estimate))
+    };
+    let about = solved(&person.subject)?;
+    let mut columns = Vec::new();
+    for draw in 0..DRAWS {
+        progress(draw as f64 / DRAWS as f64);
+        let mut number = 0;
+        // Either sign, the same for everybody.
+        let sign = || {
+            number += 1;
+            let mut hash = Fingerprint::default();
+            [draw as u64, number].into_iter().for_each(|v| hash.add(v));
+            if hash.finish() >> 63 == 0 { 1.0 } else { -1.0 }
+        };
+        let Some(other) = person.subject.another(sign) else { continue };
+        columns.push((solved(&other)? - &about) / (DRAWS as f64).sqrt());
+    }
+    Ok(DMatrix::from_columns(&columns))
+}
+
+/// The factor of some frames of a motion, as a subject has them; `None` if there are no rows.
+fn factor(
+    person: &Person,
+    trials: &[Trial],
+    motion: &Looked,
+    most: usize,
+    subject: &Subject,
+) -> Result<Option<Factor>, DrawError> {
+    let (Some(tracked), Some(trial)) = (person.trials.get(motion.trial), trials.get(motion.trial)) else {
+        return Ok(None);
+    };
+    // Its middle.
+    let used = motion.frames.min(most);
+    let first = tracked.frames.partition_point(|frame| frame.time_ns < motion.first_ns);
+    let first = first + (motion.frames - used) / 2;
+    let frames = frames_as(subject, trial, tracked, first..first + used);
+    let Some(input) = person.input_of(subject, tracked, &frames) else { return Ok(None) };
+    let source = TreeSource::new(input)?;
+    let blocks = source.blocks(&Silent)?;
+    let every = f64::from(blocks.filter().every).sqrt();
+    let weights: Vec<f64> = motion.sigma.iter().map(|sigma| every / sigma).collect();
+    let n = source.parameters().len();
+    Ok(Some(blocks.absorb(0..blocks.len(), n, &Whitening::diagonal(&weights), None)))
+}

@@ -1,0 +1,62 @@
+//! What a person holds: its own parameters from motions with it and without it.
+//!
+//! With K the weights of the ten parameters of the link that holds it in the base parameters φ, motions with the tool are rows over
+//! `φ + K τ`, those without over φ. Both factors and the table are merged, and φ is eliminated.
+
+use nalgebra::DMatrix;
+
+use super::study::{Motion, Study, StudyError, known};
+use crate::answer::person::ToolResult;
+use crate::fit::pool::PooledFactor;
+use crate::fit::{COVERAGE_95, Measured};
+
+/// Returns what a link holds in the motions of one study and not in those of another of the same person.
+///
+/// # Errors
+/// [`StudyError`] if the model has no such link, or the motions do not fit together.
+pub fn tool(with: &Study, without: &Study, link: &str, name: &str) -> Result<ToolResult, StudyError> {
+    let model = &with.motions[0].source.input().model;
+    let at = model.link(link).ok_or_else(|| {
+        let links: Vec<&str> = model.links.iter().map(|l| l.name.as_str()).collect();
+        StudyError::NoFrames(format!(
+            "--tool-link {link}: there is no such link; there are {}",
+            links.join(", ")
+        ))
+    })?;
+    let n = with.parameters();
+    let weights = with.base().map().columns(10 * at, 10).into_owned();
+    let map = DMatrix::from_fn(n, n + 10, |i, j| match j.checked_sub(n) {
+        None => f64::from(u8::from(i == j)),
+        Some(k) => weights[(i, k)],
+    });
+    let all = |study: &Study| {
+        let factors = study.motions.iter().map(Motion::factor).collect();
+        PooledFactor::merged(factors, false).map(|pooled| pooled.factor)
+    };
+    let mut joint = all(with)?.substitute(&map);
+    joint.merge(&all(without)?.append(10));
+    joint.merge(&known(&with.table).append(10));
+    let own = joint.eliminate_others(&(n..n + 10).collect::<Vec<_>>());
+    let solved = own.solve(f64::EPSILON * n as f64);
+    let value = |k: usize| Measured {
+        value: solved.estimate[k],
+        u95: COVERAGE_95 * solved.covariance[(k, k)].max(0.0).sqrt(),
+    };
+    let mass = value(0);
+    // c = ms / m: δc = (δms − c δm) / m
+    let centre = |k: usize| {
+        let c = solved.estimate[1 + k] / mass.value;
+        let (a, b, ab) =
+            (solved.covariance[(1 + k, 1 + k)], solved.covariance[(0, 0)], solved.covariance[(0, 1 + k)]);
+        let variance = (a + c * c * b - 2.0 * c * ab).max(0.0);
+        Measured { value: c, u95: COVERAGE_95 * variance.sqrt() / mass.value.abs() }
+    };
+    Ok(ToolResult {
+        name: name.to_owned(),
+        link: link.to_owned(),
+        mass_kg: mass,
+        first_moment_kgm: std::array::from_fn(|k| value(1 + k)),
+        com_m: (mass.value > mass.u95).then(|| std::array::from_fn(centre)),
+        inertia_kgm2: std::array::from_fn(|k| value(4 + k)),
+    })
+}

@@ -1,0 +1,14 @@
+//! The tables of `docs/people.md`.
+
+mod subjects;
+
+use crate::document::{Document, Table};
+
+/// The document and its tables, in its order.
+pub const DOCUMENT: Document = Document {
+    file: "docs/people.md",
+    tables: &[
+        Table { name: "people-long", make: subjects::table },
+        Table { name: "racket-long", make: subjects::racket_table },
+    ],
+};
