@@ -23,6 +23,9 @@ pub struct PersonResult {
     /// Standard deviations (1 σ) that the table is trusted with: of a segment's mass (relative), of its centre over its radius of
     /// gyration, of its tensor (relative), of the whole mass (relative).
     pub table_sigma: [f64; 4],
+    /// Centre of mass of the whole body of the person when she stands upright, x forward, y left, z up from midway between the hips, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub centre_of_mass_m: Option<[Measured; 3]>,
     /// The segments, physically consistent and nearest to the table.
     pub segments: Vec<SegmentResult>,
     /// How motions that were left out are predicted by what the others say, channel by channel.

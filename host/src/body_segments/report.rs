@@ -29,6 +29,7 @@ pub fn person_result(
     let place = whole.and_then(|name| fit.parameters.iter().position(|p| p.name == *name));
     let state = place.and_then(|place| answer.parameters.get(place)).map(|p| p.state);
     let spread = &study.options.spread;
+    let (segments, centre) = segments(study, person, fit, full)?;
     Ok(PersonResult {
         model: person.subject.model.name.clone(),
         height_m: person.subject.person.height_m,
@@ -36,7 +37,8 @@ pub fn person_result(
         mass_kg: state.filter(ParameterState::is_identified).and_then(|_| fit.data_alone().measured(place?)),
         mass_with_table_kg: state.and_then(|state| state.measured()),
         table_sigma: [spread.mass, spread.centre, spread.inertia, spread.whole],
-        segments: segments(study, person, fit, full)?,
+        segments,
+        centre_of_mass_m: Some(centre),
         left_out: left_out.to_vec(),
         motions: study.motions.len() as u64,
         choices: Vec::new(),

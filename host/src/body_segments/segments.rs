@@ -14,7 +14,7 @@ use crate::model::inertial::Parameters;
 use crate::problem::person::Person;
 use crate::problem::person::anthropometry;
 
-/// Returns the segments of a person.
+/// Returns the segments of a person, and the centre of mass of all of her when she stands upright, from midway between the hips, m.
 ///
 /// # Errors
 /// [`StudyError::NoFrames`] if what is known of them is singular.
@@ -23,7 +23,7 @@ pub fn segments(
     person: &Person,
     fit: &Fit,
     found: &Full,
-) -> Result<Vec<SegmentResult>, StudyError> {
+) -> Result<(Vec<SegmentResult>, [Measured; 3]), StudyError> {
     let refuse = || StudyError::NoFrames("what is known of the segments is singular".to_owned());
     let model = &person.subject.model;
     let known = anthropometry::standard(model, &study.options.spread).ok_or_else(refuse)?;
@@ -41,7 +41,33 @@ pub fn segments(
         let before = known[(10 * at, 10 * at)];
         Some(segment(&link.name, &link.parameters, &link.nominal, &own, before))
     });
-    Ok(each.collect())
+    Ok((each.collect(), centre(person, found, &covariance)))
+}
+
+/// The centre of mass of all links at zero position: `c = Σ (m p + ms) / Σ m`, `δc = Σ (p δm + δms − c δm) / M`.
+fn centre(person: &Person, found: &Full, covariance: &DMatrix<f64>) -> [Measured; 3] {
+    let model = &person.subject.model;
+    let places = person.subject.skeleton.places(&person.subject.skeleton.zero());
+    let mut mass = 0.0;
+    let mut first = Vector3::zeros();
+    let mut weights = DMatrix::zeros(3, covariance.nrows());
+    for (i, link) in model.links.iter().enumerate() {
+        let Some(own) = found.links.iter().find(|l| l.name == link.name) else { continue };
+        let (turn, origin) = places[i];
+        let [m, x, y, z, ..] = own.parameters;
+        mass += m;
+        first += origin * m + turn * Vector3::new(x, y, z);
+        for axis in 0..3 {
+            weights[(axis, 10 * i)] = origin[axis];
+            (0..3).for_each(|k| weights[(axis, 10 * i + 1 + k)] = turn[(axis, k)]);
+        }
+    }
+    let centre = first / mass;
+    for i in 0..model.links.len() {
+        (0..3).for_each(|axis| weights[(axis, 10 * i)] -= centre[axis]);
+    }
+    let square = &weights * covariance * weights.transpose() / (mass * mass);
+    std::array::from_fn(|k| Measured { value: centre[k], u95: COVERAGE_95 * square[(k, k)].max(0.0).sqrt() })
 }
 
 fn segment(

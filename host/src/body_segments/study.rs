@@ -7,7 +7,7 @@ use crate::answer::checks;
 use crate::answer::standard_parameters::{BaseEstimate, Full, nearest};
 use crate::fit::pool::{PoolError, PooledFactor};
 use crate::fit::prior::apply_distribution;
-use crate::fit::{Checks, Factor, Fit, FitError, FitOptions, Gaussian, Progress, RowSource, fit};
+use crate::fit::{Checks, Factor, Fit, FitError, FitOptions, Gaussian, Measured, Progress, RowSource, fit};
 use crate::model::ModelError;
 use crate::model::base::BaseParameters;
 use crate::motion_capture::trial::Trial;
@@ -60,11 +60,13 @@ pub struct StudyOptions {
     pub symmetric: bool,
     /// Parts of a single trial, each a motion.
     pub parts: usize,
+    /// The person's mass by scales, kg, with 1 σ; `None`: not known.
+    pub mass_kg: Option<[f64; 2]>,
 }
 
 impl Default for StudyOptions {
     fn default() -> Self {
-        Self { spread: Spread::default(), trust: 0.3, symmetric: false, parts: 4 }
+        Self { spread: Spread::default(), trust: 0.3, symmetric: false, parts: 4, mass_kg: None }
     }
 }
 
@@ -106,8 +108,10 @@ fn nothing_stated(mut fit: Fit) -> Fit {
 pub struct Study {
     /// The motions.
     pub motions: Vec<Motion>,
-    /// What the table says of the base parameters.
+    /// What the table says of the base parameters, and scales of the mass.
     pub table: Gaussian,
+    /// What the table alone says of them.
+    open: Gaussian,
     /// Settings.
     pub options: StudyOptions,
     /// Trials without a usable frame, or too few, with the reason.
@@ -150,13 +154,13 @@ impl Study {
         let Some((_, _, first)) = sources.first() else {
             return Err(StudyError::NoFrames(left.join("; ")));
         };
-        let table = table(person, first.base(), &options.spread)?;
+        let open = table(person, first.base(), &options.spread)?;
         let mut sums = Vec::new();
         for (_, trial, source) in &sources {
             let report = &person.trials[*trial].report;
             sums.push(RowSums::of(source, report.rate_hz, report.cut_off_hz)?);
         }
-        let sigmas = sigma(&sums, &table).ok_or_else(|| {
+        let sigmas = sigma(&sums, &open).ok_or_else(|| {
             StudyError::NoFrames("the rows that are left are too short for their filter".to_owned())
         })?;
         let mut motions = Vec::new();
@@ -173,12 +177,13 @@ impl Study {
             return Err(StudyError::NoFrames(left.join("; ")));
         }
         progress.stage("joint centres' uncertainty", 0.0);
+        let table = options.mass_kg.map_or_else(|| open.clone(), |mass| with_mass(&open, mass));
         let known = known(&table);
         let looked: Vec<Looked> = motions.iter().map(Motion::looked).collect();
         let draws = draws(person, trials, &looked, &known, &|share| {
             progress.stage("joint centres' uncertainty", share);
         })?;
-        Ok(Self { motions, table, options: *options, left, draws })
+        Ok(Self { motions, table, open, options: *options, left, draws })
     }
 
     /// Returns what some motions say together, with the table in the estimate.
@@ -200,9 +205,22 @@ impl Study {
     }
 
     fn with_table(&self, factors: Vec<PooledFactor>) -> Result<Fit, StudyError> {
+        Self::merged(factors, &self.table)
+    }
+
+    fn merged(factors: Vec<PooledFactor>, table: &Gaussian) -> Result<Fit, StudyError> {
         let mut fit = nothing_stated(PooledFactor::merged(factors, false)?.fit());
-        apply_distribution(&mut fit, &self.table);
+        apply_distribution(&mut fit, table);
         Ok(fit)
+    }
+
+    /// Returns the whole mass by plates and table, kg, whatever scales say; `None` if that is not told.
+    ///
+    /// # Errors
+    /// [`StudyError::Pool`] if there are no motions.
+    pub fn mass_by_plates(&self) -> Result<Option<Measured>, StudyError> {
+        let fit = Self::merged(self.motions.iter().map(Motion::factor).collect(), &self.open)?;
+        Ok(self.with_calibration(fit).estimate.measured(0))
     }
 
     /// Returns a fit with what joint centres and marker places leave open in its covariance. Its values are those that predict best with
@@ -259,6 +277,15 @@ fn in_parts(mut whole: Input, parts: usize) -> Vec<Input> {
         rest = next;
     }
     all
+}
+
+/// The table of a person whose mass is known, kg with 1 σ: that is its first parameter.
+fn with_mass(table: &Gaussian, [kg, sigma]: [f64; 2]) -> Gaussian {
+    let column = table.covariance().column(0).into_owned();
+    let variance = column[0] + sigma * sigma;
+    let mean = table.mean() + &column * ((kg - table.mean()[0]) / variance);
+    let covariance = table.covariance() - &column * column.transpose() / variance;
+    Gaussian::new(table.names().to_vec(), mean, covariance).unwrap_or_else(|| table.clone())
 }
 
 fn table(person: &Person, base: &BaseParameters, spread: &Spread) -> Result<Gaussian, StudyError> {

@@ -17,7 +17,7 @@ use crate::body_segments::left_out::left_out;
 use crate::body_segments::report::person_result;
 use crate::body_segments::tool::tool;
 use crate::body_segments::{Study, StudyOptions};
-use crate::fit::{Fit, FitOptions};
+use crate::fit::{Fit, FitOptions, Measured};
 use crate::inverse_kinematics::marker_file::MarkerFile;
 use crate::model::write;
 use crate::motion_capture::trial::Trial;
@@ -25,6 +25,8 @@ use crate::present::{self, Series};
 use crate::problem::person::track::TrackOptions;
 use crate::problem::person::{PeopleOptions, Person};
 
+/// How well a mass that is given is known, relative (1 σ): scales, clothes and markers.
+const SCALES: f64 = 0.005;
 /// The mass that is given and that of the plates may differ by this share.
 const LARGEST_DIFFERENCE: f64 = 0.05;
 
@@ -58,6 +60,7 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
         trust: arguments.nominal_sigma,
         symmetric: arguments.symmetric_sides,
         parts: arguments.parts,
+        mass_kg: arguments.mass_kg.map(|kg| [kg, SCALES * kg]),
         ..StudyOptions::default()
     };
     let progress = |stage: &str, share: f64| stages.at(stage, share);
@@ -90,7 +93,7 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
     let (device, warnings) = device.unzip();
     answer.person = Some(PersonResult { choices, device, tool, ..result.map_err(Failure::input)? });
     answer.warnings.extend(warnings.into_iter().flatten());
-    contradictions(arguments, &mut answer);
+    contradictions(arguments, study.mass_by_plates().map_err(Failure::input)?, &mut answer);
     answer.elapsed_s = started.elapsed().as_secs_f64();
     let pages = pages(&person, &study, &trials, &left_out);
     drop(stages);
@@ -205,8 +208,7 @@ fn unknown_markers(person: &Person) -> Option<String> {
 }
 
 /// Warns of a mass that the plates contradict.
-fn contradictions(arguments: &IdentifyBody, answer: &mut Answer) {
-    let found = answer.person.as_ref().and_then(|p| p.mass_with_table_kg);
+fn contradictions(arguments: &IdentifyBody, found: Option<Measured>, answer: &mut Answer) {
     if let (Some(given), Some(found)) = (arguments.mass_kg, found) {
         let off = (given - found.value).abs();
         if off > found.u95 && off > LARGEST_DIFFERENCE * found.value {

@@ -113,7 +113,7 @@ pub struct IdentifyBody {
     /// The model of the person
     #[arg(long, value_enum, default_value_t)]
     pub model: Model,
-    /// Mass of the person, kg, if it is known; by default from the plates
+    /// Mass of the person, kg, if it is known (to 0.5 %, 1 σ); by default from the plates
     #[arg(long, value_name = "M")]
     pub mass_kg: Option<f64>,
     /// Stature of the person, m; by default from the markers

@@ -30,7 +30,8 @@ pub fn text(found: &PersonResult) -> String {
     let mass =
         |m: Option<Measured>| m.map_or("not identified".to_owned(), |m| with_u95(m.value, m.u95, "kg"));
     out.push_str(&format!("Whole mass            {}\n", mass(found.mass_kg)));
-    out.push_str(&format!("  with the table      {}\n\n", mass(found.mass_with_table_kg)));
+    out.push_str(&format!("  with the table      {}\n", mass(found.mass_with_table_kg)));
+    out.push_str(&format!("  its centre          {}\n\n", centre(found)));
     out.push_str(&columns(&segments(found)));
     out.push_str(&format!("\n{SEGMENTS_NOTE}\n\n"));
     let what = how_left_out(found);
@@ -51,6 +52,12 @@ pub fn text(found: &PersonResult) -> String {
         out.push_str(&format!("{}\n", on_device(device)));
     }
     out
+}
+
+fn centre(found: &PersonResult) -> String {
+    let Some(centre) = &found.centre_of_mass_m else { return "not told".to_owned() };
+    let [x, y, z] = centre.each_ref().map(|m| with_u95(m.value, m.u95, "m"));
+    format!("{x} forward, {y} to the left, {z} above the hips, standing upright")
 }
 
 fn held(tool: &ToolResult) -> String {
@@ -91,12 +98,13 @@ pub(super) fn html(found: &PersonResult) -> String {
         .chain(found.device.as_ref().map(on_device))
         .collect();
     format!(
-        "<h2>Whole mass</h2>\n<p>{} by the plates and the motion alone; {} with what the table of people knows of the segments. The table is \
+        "<h2>Whole mass</h2>\n<p>{} by the plates and the motion alone; {} with what the table of people knows of the segments; its centre {}. The table is \
          scaled to {} kg and {} m.</p>\n<h2>Segments</h2>\n<p class=\"soft\">{}</p>\n{}<h2>{}</h2>\n<p class=\"soft\">Root mean square of \
          what is left, by the person's own parameters and by the scaled table; moments about the pelvis, in per cent of weight times \
          stature.</p>\n{}{}",
         escape(&mass(found.mass_kg)),
         escape(&mass(found.mass_with_table_kg)),
+        escape(&centre(found)),
         significant(found.table_mass_kg, 4),
         significant(found.height_m, 3),
         SEGMENTS_NOTE,
