@@ -88,34 +88,44 @@ impl Ord for Offer {
 pub fn d_optimal(candidates: &[Candidate], count: usize) -> Result<Vec<usize>, SelectionError> {
     let scaled = Scaled::new(candidates, count)?;
     let mut information = scaled.beginning();
+    let mut before = log_determinant(information.clone());
     let mut offers: BinaryHeap<Offer> = scaled
         .triangles
         .iter()
         .enumerate()
-        .map(|(motion, triangle)| Offer { gain: gain(&information, triangle), motion, seen: 0 })
+        .map(|(motion, triangle)| Offer { gain: gain(&information, before, triangle), motion, seen: 0 })
         .collect();
     let mut chosen = Vec::new();
     while chosen.len() < count.min(candidates.len()) {
         let Some(best) = offers.pop() else { break };
         let triangle = &scaled.triangles[best.motion];
         if best.seen == chosen.len() {
-            information += triangle.tr_mul(triangle);
+            information = added(&information, triangle);
+            before = log_determinant(information.clone());
             chosen.push(best.motion);
         } else {
-            let gain = gain(&information, triangle);
+            let gain = gain(&information, before, triangle);
             offers.push(Offer { gain, seen: chosen.len(), ..best });
         }
     }
     Ok(chosen)
 }
 
-/// `log det(M + RᵀR) − log det M`.
-fn gain(information: &DMatrix<f64>, triangle: &DMatrix<f64>) -> f64 {
-    let log_det = |m: DMatrix<f64>| {
-        m.cholesky()
-            .map_or(f64::NEG_INFINITY, |c| 2.0 * c.l_dirty().diagonal().iter().map(|v| v.ln()).sum::<f64>())
-    };
-    log_det(information + triangle.tr_mul(triangle)) - log_det(information.clone())
+/// `log det(M + RᵀR) − log det M`, the latter known.
+fn gain(information: &DMatrix<f64>, before: f64, triangle: &DMatrix<f64>) -> f64 {
+    log_determinant(added(information, triangle)) - before
+}
+
+fn log_determinant(m: DMatrix<f64>) -> f64 {
+    m.cholesky()
+        .map_or(f64::NEG_INFINITY, |c| 2.0 * c.l_dirty().diagonal().iter().map(|v| v.ln()).sum::<f64>())
+}
+
+/// `M + RᵀR`; the product of matrices is the fast one.
+fn added(information: &DMatrix<f64>, triangle: &DMatrix<f64>) -> DMatrix<f64> {
+    let mut sum = information.clone();
+    sum.gemm(1.0, &triangle.transpose(), triangle, 1.0);
+    sum
 }
 
 /// Returns the motions that raise the least eigenvalue of the information most, one after the other, in the order of their choice.
@@ -147,10 +157,10 @@ pub fn e_optimal(candidates: &[Candidate], count: usize) -> Result<Vec<usize>, S
         offers.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         let exact = offers.iter().take(EXACT).map(|(_, k)| {
             let triangle = &scaled.triangles[*k];
-            ((&information + triangle.tr_mul(triangle)).symmetric_eigenvalues().min(), *k)
+            (added(&information, triangle).symmetric_eigenvalues().min(), *k)
         });
         let Some((_, best)) = exact.max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1))) else { break };
-        information += scaled.triangles[best].tr_mul(&scaled.triangles[best]);
+        information = added(&information, &scaled.triangles[best]);
         chosen.push(best);
     }
     Ok(chosen)
