@@ -5,7 +5,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::fit::{Factor, Fingerprint, FitError, RowSource, Silent, Whitening};
+use crate::fit::{Factor, Fingerprint, FitError, Silent, plain_factor};
 use crate::inverse_kinematics::subject::Subject;
 use crate::motion_capture::trial::Trial;
 use crate::problem::person::Person;
@@ -96,9 +96,5 @@ fn factor(
     let frames = frames_as(subject, trial, tracked, first..first + used);
     let Some(input) = person.input_of(subject, tracked, &frames) else { return Ok(None) };
     let source = TreeSource::new(input)?;
-    let blocks = source.blocks(&Silent)?;
-    let every = f64::from(blocks.filter().every).sqrt();
-    let weights: Vec<f64> = motion.sigma.iter().map(|sigma| every / sigma).collect();
-    let n = source.parameters().len();
-    Ok(Some(blocks.absorb(0..blocks.len(), n, &Whitening::diagonal(&weights), None)))
+    Ok(Some(plain_factor(&source, &motion.sigma, &Silent)?))
 }

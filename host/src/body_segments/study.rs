@@ -116,7 +116,7 @@ pub struct Study {
     pub options: StudyOptions,
     /// Trials without a usable frame, or too few, with the reason.
     pub left: Vec<String>,
-    /// How joint centres and marker places move the parameters ([`super::calibration`]).
+    /// How joint centres and marker places move the parameters, one column a draw.
     pub draws: DMatrix<f64>,
 }
 

@@ -8,8 +8,7 @@ use crate::body_segments::{Motion, Study};
 use crate::device::link::Client;
 use crate::device::session::tree::complaints;
 use crate::device::session::{Session, Take, tracked};
-use crate::fit::{Factor, Fit, RowSource, Silent, Whitening};
-use crate::problem::tree::TreeSource;
+use crate::fit::{Factor, Fit, RowSource, Silent, plain_factor};
 
 /// A device may differ by so many standard deviations, …
 const ALLOWED_SD: f64 = 0.05;
@@ -33,7 +32,8 @@ pub(super) fn compared(
         result.frames += frames;
         result.rows += factor.rows();
         theirs.push((*k, factor));
-        ours.push((*k, in_double(&motion.source)?));
+        let sigma: Vec<f64> = motion.source.channels().iter().map(|c| c.sigma.unwrap_or(1.0)).collect();
+        ours.push((*k, plain_factor(&motion.source, &sigma, &Silent).map_err(Failure::input)?));
     }
     let [device, host] = [theirs, ours].map(|factors| study.together_by(factors));
     let (device, host) = (device.map_err(Failure::input)?.estimate, host.map_err(Failure::input)?.estimate);
@@ -89,15 +89,6 @@ fn streamed(mcu: Mcu, motion: &Motion, warnings: &mut Vec<String>) -> Result<(Fa
     );
     let factor = factor.ok_or_else(|| said(&"the microcontroller gave no factor"))?.factor;
     Ok((factor.substitute(&map), sent))
-}
-
-/// Returns the factor of the same rows in double precision, no row with less weight than another.
-fn in_double(source: &TreeSource) -> Result<Factor, Failure> {
-    let blocks = source.blocks(&Silent).map_err(Failure::input)?;
-    let every = f64::from(blocks.filter().every).sqrt();
-    let weights: Vec<f64> = source.channels().iter().map(|c| every / c.sigma.unwrap_or(1.0)).collect();
-    let whitening = Whitening::diagonal(&weights);
-    Ok(blocks.absorb(0..blocks.len(), source.parameters().len(), &whitening, None))
 }
 
 /// Frames are few, and come at once.

@@ -62,7 +62,7 @@ pub use noise_check::{Judgement, RowSet, StatedNoise, judge};
 pub use nuisance::{Agreement, Basis, Effect, ErrorRow, Nuisance, NuisanceFit, Scope};
 pub use options::{DeviceFactor, FitError, FitOptions};
 pub use parameter::{Channel, DriveMotion, Kind, Owner, Parameter};
-pub use prediction::{PredictedBlock, Prediction, plain_least_squares};
+pub use prediction::{PredictedBlock, Prediction, plain_factor, plain_least_squares};
 pub use progress::{Progress, Silent};
 pub use result::{
     Autocorrelation, BlockResidual, ChannelFit, Convergence, Counts, Fit, Forgotten, NoiseCheck, Prior,

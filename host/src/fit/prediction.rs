@@ -4,8 +4,8 @@ use super::linearised::{Columns, Linearised};
 use super::outliers::Weights;
 use super::residuals::{residuals, rms};
 use super::{
-    BlockResidual, Effect, Fit, FitError, Nuisance, Progress, RowBlocks, RowSource, Silent, Whitening,
-    condition,
+    BlockResidual, Effect, Factor, Fit, FitError, Nuisance, Progress, RowBlocks, RowSource, Silent,
+    Whitening, condition,
 };
 
 /// What parameters leave of a recording.
@@ -38,13 +38,28 @@ pub struct PredictedBlock {
 /// # Errors
 /// [`FitError::NoRows`] if nothing is left to fit.
 pub fn plain_least_squares(source: &dyn RowSource, progress: &dyn Progress) -> Result<Vec<f64>, FitError> {
-    let blocks = source.blocks(progress)?;
-    if blocks.is_empty() {
-        return Err(condition::no_rows(&*blocks));
+    let factor = plain_factor(source, &vec![1.0; source.channels().len()], progress)?;
+    if factor.rows() == 0 {
+        return Err(condition::no_rows(&*source.blocks(progress)?));
     }
-    let whitening = Whitening::diagonal(&vec![1.0; source.channels().len()]);
-    let factor = blocks.absorb(0..blocks.len(), source.parameters().len(), &whitening, None);
     Ok(factor.solve(source.rounding()).estimate)
+}
+
+/// Returns the factor of a source's rows, channels with so many σ per unfiltered sample: no row has less weight than another of its
+/// channel, and nothing is taken for an error of sensors. Without rows it is empty.
+///
+/// # Errors
+/// [`FitError::Filter`] if the filter does not fit the rate.
+pub fn plain_factor(
+    source: &dyn RowSource,
+    sigma: &[f64],
+    progress: &dyn Progress,
+) -> Result<Factor, FitError> {
+    let blocks = source.blocks(progress)?;
+    let every = f64::from(blocks.filter().every).sqrt();
+    let weights: Vec<f64> = sigma.iter().map(|sigma| every / sigma).collect();
+    let whitening = Whitening::diagonal(&weights);
+    Ok(blocks.absorb(0..blocks.len(), source.parameters().len(), &whitening, None))
 }
 
 impl Prediction {

@@ -1,7 +1,7 @@
 //! Trees of links from streamed frames: who streams knows how every link moves, and the wrench on the base.
 //!
 //! A frame of a base with an IMU brings attitude, rate and angular acceleration of every link, so nothing is filtered here. One of a
-//! base that cameras track brings positions and rates alone; its rows are made of momentum and filtered ([`tracked`]). Two rows of
+//! base that cameras track brings positions and rates alone; its rows are made of momentum and filtered ([`TrackedFrame`]). Two rows of
 //! blocks are absorbed together, twelve rows. There is room for one level of a factor of up to 128 parameters, so it is handed to the host
 //! row by row ([`PackedFactor`]) and merged there; at the latest after [`LEVEL_FRAMES`] nothing more is taken in.
 

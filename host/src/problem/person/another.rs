@@ -3,9 +3,8 @@
 use std::ops::Range;
 
 use super::coordinates::Coordinates;
-use super::gaps;
 use super::smoothing::Smoother;
-use super::track::{Tracked, TrackedFrame};
+use super::track::{Tracked, TrackedFrame, seen};
 use crate::inverse_kinematics::markers::Seen;
 use crate::inverse_kinematics::skeleton::Pose;
 use crate::inverse_kinematics::solve::Solver;
@@ -25,25 +24,13 @@ pub fn frames_as(
     let Some(smoother) = Smoother::new(tracked.report.cut_off_hz, trial.rate_hz) else { return Vec::new() };
     let start = first.number.saturating_sub(smoother.half());
     let end = trial.frames().min(last.number + smoother.half() + 1);
-    let poses = poses(subject, &seen(subject, trial, start..end), &tracked.poses[start..end]);
+    let poses = poses(subject, &seen(trial, subject, start..end).0, &tracked.poses[start..end]);
     let coordinates = Coordinates::new(&subject.skeleton, &poses);
     let moved = |frame: &TrackedFrame| {
         let moved = coordinates.at(&smoother, frame.number - start)?;
         Some(TrackedFrame { moved, ..frame.clone() })
     };
     own.iter().filter_map(moved).collect()
-}
-
-/// The markers of some frames, short gaps filled.
-fn seen(subject: &Subject, trial: &Trial, frames: Range<usize>) -> Vec<Seen> {
-    let mut all: Vec<Seen> = vec![Vec::with_capacity(subject.markers.len()); frames.len()];
-    for marker in &subject.markers {
-        let label = trial.labels.iter().position(|l| *l == marker.name);
-        let mut track: Vec<_> = frames.clone().map(|f| label.and_then(|l| trial.point(f, l))).collect();
-        gaps::fill(&mut track, trial.rate_hz);
-        all.iter_mut().zip(track).for_each(|(frame, place)| frame.push(place));
-    }
-    all
 }
 
 /// Poses sought from those that there are; a trunk that no marker follows stays as it is.

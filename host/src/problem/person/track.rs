@@ -1,6 +1,7 @@
 //! One trial of a person: poses, coordinates and rates, and the ground's wrench, frame by frame.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use nalgebra::{UnitQuaternion, Vector3};
@@ -111,7 +112,7 @@ pub fn track(
     options: &TrackOptions,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Tracked, PersonError> {
-    let (seen, filled) = seen(trial, subject);
+    let (seen, filled) = seen(trial, subject, 0..trial.frames());
     let solved = poses(subject, seen, progress);
     let (rms_m, by_marker) = distances(subject, &solved);
     let mut poses: Vec<Option<Pose>> = solved.into_iter().map(|s| Some(s?.pose)).collect();
@@ -180,14 +181,14 @@ fn wrenches(trial: &Trial, cut_off_hz: f64, delay_s: f64) -> Vec<Vec<Option<[f64
     trial.ground.iter().map(of).collect()
 }
 
-/// The markers of a person in every frame, short gaps filled, and how many places were.
-fn seen(trial: &Trial, subject: &Subject) -> (Vec<Seen>, usize) {
-    let mut frames: Vec<Seen> = vec![Vec::with_capacity(subject.markers.len()); trial.frames()];
+/// The markers of a person in some frames, short gaps filled, and how many places were.
+pub(super) fn seen(trial: &Trial, subject: &Subject, range: Range<usize>) -> (Vec<Seen>, usize) {
+    let mut frames: Vec<Seen> = vec![Vec::with_capacity(subject.markers.len()); range.len()];
     let mut filled = 0;
     for marker in &subject.markers {
         let label = trial.labels.iter().position(|l| *l == marker.name);
         let mut track: Vec<Option<Vector3<f64>>> =
-            (0..trial.frames()).map(|frame| label.and_then(|l| trial.point(frame, l))).collect();
+            range.clone().map(|frame| label.and_then(|l| trial.point(frame, l))).collect();
         filled += gaps::fill(&mut track, trial.rate_hz);
         for (frame, place) in frames.iter_mut().zip(track) {
             frame.push(place);
