@@ -15,7 +15,7 @@ use crate::problem::tree::{TreeSource, TreeSourceError};
 /// Draws: a standard deviation is known to one in √(2 · 16).
 const DRAWS: usize = 16;
 /// Frames of all motions that are looked at, at most.
-const FRAMES: usize = 1200;
+const FRAMES: usize = 600;
 
 /// The reason that a person with other joints has no rows.
 #[derive(Debug, thiserror::Error)]
@@ -75,7 +75,7 @@ pub fn draws(
         let Some(other) = person.subject.another(sign) else { continue };
         columns.push((solved(&other)? - &about) / (DRAWS as f64).sqrt());
     }
-    Ok(DMatrix::from_columns(&columns))
+    Ok(if columns.is_empty() { DMatrix::zeros(about.len(), 0) } else { DMatrix::from_columns(&columns) })
 }
 
 /// The factor of some frames of a motion, as a subject has them; `None` if there are no rows.
@@ -96,5 +96,8 @@ fn factor(
     let frames = frames_as(subject, trial, tracked, first..first + used);
     let Some(input) = person.input_of(subject, tracked, &frames) else { return Ok(None) };
     let source = TreeSource::new(input)?;
-    Ok(Some(plain_factor(&source, &motion.sigma, &Silent)?))
+    // As much as all of its frames weigh against the table.
+    let share = (used as f64 / motion.frames.max(1) as f64).sqrt();
+    let sigma: Vec<f64> = motion.sigma.iter().map(|sigma| sigma * share).collect();
+    Ok(Some(plain_factor(&source, &sigma, &Silent)?))
 }
