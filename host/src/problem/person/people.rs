@@ -152,6 +152,12 @@ impl Person {
         if !fixed.is_empty() {
             notes.push(format!("no marker follows {}: fixed to the link before", fixed.join(", ")));
         }
+        if standing.is_none() && options.height_m.is_none() {
+            notes.push(format!(
+                "the stature, {:.2} m, comes from a pose in motion: who is bent there is found too small; give --static or --height-m",
+                subject.person.height_m
+            ));
+        }
         if subject.unseen_trunk.is_some() {
             notes.push("no marker follows the trunk: it is taken to stay upright".to_owned());
         }

@@ -173,13 +173,14 @@ impl<T: Scalar> Window<T> {
             for (state, columns) in states(links, kept).iter().zip(columns).take(links.len()) {
                 let h = momentum(state);
                 for k in (0..10).filter(|k| columns >> k & 1 == 1) {
-                    let linear = Vector3::new(h[0][k], h[1][k], h[2][k]);
-                    let mut moment = Vector3::new(h[3][k], h[4][k], h[5][k]) * derivative;
+                    let [x, y, z, a, b, c] = h.each_ref().map(|row| row.get(k).copied().unwrap_or_default());
+                    let linear = Vector3::new(x, y, z);
+                    let mut moment = Vector3::new(a, b, c) * derivative;
                     let force = (k < 4).then(|| {
                         // What stands against gravity: m a at the link's origin, and mc.
-                        let (force, arm) = match k {
-                            0 => (upward, state.position),
-                            _ => (Vector3::zeros(), state.rotation.column(k - 1).into()),
+                        let (force, arm) = match k.checked_sub(1).and_then(|k| state.rotation.data.0.get(k)) {
+                            None => (upward, state.position),
+                            Some(axis) => (Vector3::zeros(), Vector3::from(*axis)),
                         };
                         moment += (arm.cross(&upward) + velocity.cross(&linear)) * smooth;
                         force * smooth + linear * derivative
