@@ -94,7 +94,7 @@ fn factor(
     let first = tracked.frames.partition_point(|frame| frame.time_ns < motion.first_ns);
     let first = first + (motion.frames - used) / 2;
     let frames = frames_as(subject, trial, tracked, first..first + used);
-    let Some(input) = person.input_of(subject, tracked, &frames) else { return Ok(None) };
+    let Some(input) = Person::input_of(subject, tracked, &frames) else { return Ok(None) };
     let source = TreeSource::new(input)?;
     // As much as all of its frames weigh against the table.
     let share = (used as f64 / motion.frames.max(1) as f64).sqrt();

@@ -4,7 +4,7 @@
 //! with the map B from segments to base parameters and the table's covariance Σ, `P = (Σ⁻¹ + BᵀRᵀR B)⁻¹`, and what joint centres leave open,
 //! `G D Dᵀ Gᵀ` with `G = P BᵀRᵀR`.
 
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use nalgebra::{DMatrix, Matrix3, Vector3, Vector4};
 
 use super::study::{Study, StudyError};
 use crate::answer::person::SegmentResult;
@@ -44,30 +44,27 @@ pub fn segments(
     Ok((each.collect(), centre(person, found, &covariance)))
 }
 
-/// The centre of mass of all links at zero position: `c = Σ (m p + ms) / Σ m`, `δc = Σ (p δm + δms − c δm) / M`.
+/// The centre of mass of all links at zero position: their masses are `Σ m`, their first moments `Σ (m p + ms)`.
 fn centre(person: &Person, found: &Full, covariance: &DMatrix<f64>) -> [Measured; 3] {
     let model = &person.subject.model;
     let places = person.subject.skeleton.places(&person.subject.skeleton.zero());
     let mut mass = 0.0;
     let mut first = Vector3::zeros();
-    let mut weights = DMatrix::zeros(3, covariance.nrows());
+    let mut weights = DMatrix::zeros(4, covariance.nrows());
     for (i, link) in model.links.iter().enumerate() {
         let Some(own) = found.links.iter().find(|l| l.name == link.name) else { continue };
         let (turn, origin) = places[i];
         let [m, x, y, z, ..] = own.parameters;
         mass += m;
         first += origin * m + turn * Vector3::new(x, y, z);
-        for axis in 0..3 {
-            weights[(axis, 10 * i)] = origin[axis];
-            (0..3).for_each(|k| weights[(axis, 10 * i + 1 + k)] = turn[(axis, k)]);
-        }
+        weights[(0, 10 * i)] = 1.0;
+        weights.fixed_view_mut::<3, 1>(1, 10 * i).copy_from(&origin);
+        weights.fixed_view_mut::<3, 3>(1, 10 * i + 1).copy_from(&turn);
     }
-    let centre = first / mass;
-    for i in 0..model.links.len() {
-        (0..3).for_each(|axis| weights[(axis, 10 * i)] -= centre[axis]);
-    }
-    let square = &weights * covariance * weights.transpose() / (mass * mass);
-    std::array::from_fn(|k| Measured { value: centre[k], u95: COVERAGE_95 * square[(k, k)].max(0.0).sqrt() })
+    centre_of_mass(
+        &Vector4::new(mass, first.x, first.y, first.z),
+        &(&weights * covariance * weights.transpose()),
+    )
 }
 
 fn segment(
@@ -78,23 +75,29 @@ fn segment(
     before: f64,
 ) -> SegmentResult {
     let u95 = |variance: f64| COVERAGE_95 * variance.max(0.0).sqrt();
-    let (centre, radii) = shape(phi);
+    let (_, radii) = shape(phi);
     let (table_centre, table_radii) = shape(table);
-    // c = ms / m: δc = (δms − c δm) / m
-    let of_axis = |k: usize| {
-        let (a, b, c) = (covariance[(1 + k, 1 + k)], covariance[(0, 0)], covariance[(0, 1 + k)]);
-        u95(a + centre[k] * centre[k] * b - 2.0 * centre[k] * c) / phi[0]
-    };
     SegmentResult {
         name: name.to_owned(),
         mass_kg: Measured { value: phi[0], u95: u95(covariance[(0, 0)]) },
         table_mass_kg: table[0],
-        com_m: std::array::from_fn(|k| Measured { value: centre[k], u95: of_axis(k) }),
+        com_m: centre_of_mass(&Vector4::new(phi[0], phi[1], phi[2], phi[3]), covariance),
         table_com_m: table_centre.into(),
         radii_m: radii,
         table_radii_m: table_radii,
         informed: (1.0 - covariance[(0, 0)] / before).clamp(0.0, 1.0),
     }
+}
+
+/// Returns a centre of mass, m, from mass and first moments and their covariance, which comes first in `covariance`:
+/// `c = ms / m`, `δc = (δms − c δm) / m`.
+pub(super) fn centre_of_mass(body: &Vector4<f64>, covariance: &DMatrix<f64>) -> [Measured; 3] {
+    std::array::from_fn(|k| {
+        let (mass, c) = (body[0], body[1 + k] / body[0]);
+        let (a, b, ab) = (covariance[(1 + k, 1 + k)], covariance[(0, 0)], covariance[(0, 1 + k)]);
+        let variance = (a + c * c * b - 2.0 * c * ab).max(0.0);
+        Measured { value: c, u95: COVERAGE_95 * variance.sqrt() / mass.abs() }
+    })
 }
 
 /// Centre of mass, m, and radii of gyration about the axes through it, m.

@@ -83,11 +83,15 @@ pub struct Motion {
 }
 
 impl Motion {
+    /// Returns 1 σ of every channel, per unfiltered sample.
+    pub fn sigma(&self) -> Vec<f64> {
+        self.source.channels().iter().map(|c| c.sigma.unwrap_or(1.0)).collect()
+    }
+
     fn looked(&self) -> Looked {
-        let sigma = self.source.channels().iter().map(|c| c.sigma.unwrap_or(1.0)).collect();
         let frames = &self.source.input().frames;
         let first_ns = frames.first().map_or(0, |frame| frame.time_ns);
-        Looked { trial: self.trial, first_ns, frames: frames.len(), sigma }
+        Looked { trial: self.trial, first_ns, frames: frames.len(), sigma: self.sigma() }
     }
 
     /// Returns its factor, with what its checks found. That residuals of people who are not rigid are as slow as their motion is
@@ -116,18 +120,17 @@ pub struct Study {
     pub options: StudyOptions,
     /// Trials without a usable frame, or too few, with the reason.
     pub left: Vec<String>,
-    /// How joint centres and marker places move the parameters, one column a draw.
+    /// How joint centres and marker places move the parameters, one column a draw; none before [`Study::draw`].
     pub draws: DMatrix<f64>,
 }
 
 impl Study {
-    /// Returns the study of some of a person's trials, by their numbers; `trials` are those that she was made of.
+    /// Returns the study of some of a person's trials, by their numbers, with the joint centres as they were found.
     ///
     /// # Errors
     /// [`StudyError`] if nothing can be used.
     pub fn new(
         person: &Person,
-        trials: &[Trial],
         which: &[usize],
         options: &StudyOptions,
         fit_options: &FitOptions,
@@ -176,14 +179,26 @@ impl Study {
         if motions.is_empty() {
             return Err(StudyError::NoFrames(left.join("; ")));
         }
-        progress.stage("joint centres' uncertainty", 0.0);
         let table = options.mass_kg.map_or_else(|| open.clone(), |mass| with_mass(&open, mass));
-        let known = known(&table);
-        let looked: Vec<Looked> = motions.iter().map(Motion::looked).collect();
-        let draws = draws(person, trials, &looked, &known, &|share| {
+        let draws = DMatrix::zeros(open.names().len(), 0);
+        Ok(Self { motions, table, open, options: *options, left, draws })
+    }
+
+    /// Finds how joint centres and marker places move the parameters; `trials` are those that the person was made of.
+    ///
+    /// # Errors
+    /// [`StudyError::Draws`] if a person with other joints has no rows.
+    pub fn draw(
+        &mut self,
+        person: &Person,
+        trials: &[Trial],
+        progress: &dyn Progress,
+    ) -> Result<(), StudyError> {
+        let looked: Vec<Looked> = self.motions.iter().map(Motion::looked).collect();
+        self.draws = draws(person, trials, &looked, &known(&self.table), &|share| {
             progress.stage("joint centres' uncertainty", share);
         })?;
-        Ok(Self { motions, table, open, options: *options, left, draws })
+        Ok(())
     }
 
     /// Returns what some motions say together, with the table in the estimate.
@@ -191,7 +206,8 @@ impl Study {
     /// # Errors
     /// [`StudyError::Pool`] if there are none.
     pub fn together(&self, motions: &[usize]) -> Result<Fit, StudyError> {
-        self.with_table(motions.iter().filter_map(|k| self.motions.get(*k)).map(Motion::factor).collect())
+        let chosen = motions.iter().filter_map(|k| self.motions.get(*k));
+        Self::merged(chosen.map(Motion::factor).collect(), &self.table)
     }
 
     /// Returns the same of other factors of these motions: each with its motion's number.
@@ -201,11 +217,7 @@ impl Study {
     pub fn together_by(&self, factors: Vec<(usize, Factor)>) -> Result<Fit, StudyError> {
         let own =
             |(k, factor): (usize, Factor)| Some(PooledFactor { factor, ..self.motions.get(k)?.factor() });
-        self.with_table(factors.into_iter().filter_map(own).collect())
-    }
-
-    fn with_table(&self, factors: Vec<PooledFactor>) -> Result<Fit, StudyError> {
-        Self::merged(factors, &self.table)
+        Self::merged(factors.into_iter().filter_map(own).collect(), &self.table)
     }
 
     fn merged(factors: Vec<PooledFactor>, table: &Gaussian) -> Result<Fit, StudyError> {

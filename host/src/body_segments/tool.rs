@@ -3,8 +3,9 @@
 //! With K the weights of the ten parameters of the link that holds it in the base parameters φ, motions with the tool are rows over
 //! `φ + K τ`, those without over φ. Both factors and the table are merged, and φ is eliminated.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, Vector4};
 
+use super::segments::centre_of_mass;
 use super::study::{Motion, Study, StudyError, known};
 use crate::answer::person::ToolResult;
 use crate::fit::pool::PooledFactor;
@@ -43,20 +44,13 @@ pub fn tool(with: &Study, without: &Study, link: &str, name: &str) -> Result<Too
         u95: COVERAGE_95 * solved.covariance[(k, k)].max(0.0).sqrt(),
     };
     let mass = value(0);
-    // c = ms / m: δc = (δms − c δm) / m
-    let centre = |k: usize| {
-        let c = solved.estimate[1 + k] / mass.value;
-        let (a, b, ab) =
-            (solved.covariance[(1 + k, 1 + k)], solved.covariance[(0, 0)], solved.covariance[(0, 1 + k)]);
-        let variance = (a + c * c * b - 2.0 * c * ab).max(0.0);
-        Measured { value: c, u95: COVERAGE_95 * variance.sqrt() / mass.value.abs() }
-    };
+    let body = Vector4::from_row_slice(&solved.estimate[..4]);
     Ok(ToolResult {
         name: name.to_owned(),
         link: link.to_owned(),
         mass_kg: mass,
         first_moment_kgm: std::array::from_fn(|k| value(1 + k)),
-        com_m: (mass.value > mass.u95).then(|| std::array::from_fn(centre)),
+        com_m: (mass.value > mass.u95).then(|| centre_of_mass(&body, &solved.covariance)),
         inertia_kgm2: std::array::from_fn(|k| value(4 + k)),
     })
 }

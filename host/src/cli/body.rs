@@ -17,7 +17,7 @@ use crate::body_segments::left_out::left_out;
 use crate::body_segments::report::person_result;
 use crate::body_segments::tool::tool;
 use crate::body_segments::{Study, StudyOptions};
-use crate::fit::{Fit, FitOptions, Measured};
+use crate::fit::{Fit, FitOptions};
 use crate::inverse_kinematics::marker_file::MarkerFile;
 use crate::model::write;
 use crate::motion_capture::trial::Trial;
@@ -67,10 +67,10 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
     let own: Vec<usize> = (0..arguments.trials.len()).collect();
     let bare: Vec<usize> = (own.len()..trials.len()).collect();
     let study_of = |which: &[usize]| {
-        Study::new(&person, &trials, which, &study_options, &FitOptions::default(), &progress)
-            .map_err(Failure::input)
+        Study::new(&person, which, &study_options, &FitOptions::default(), &progress).map_err(Failure::input)
     };
-    let study = study_of(&own)?;
+    let mut study = study_of(&own)?;
+    study.draw(&person, &trials, &progress).map_err(Failure::input)?;
     let tool = match &arguments.tool {
         Some(name) => {
             Some(tool(&study, &study_of(&bare)?, &arguments.tool_link, name).map_err(Failure::input)?)
@@ -93,7 +93,7 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
     let (device, warnings) = device.unzip();
     answer.person = Some(PersonResult { choices, device, tool, ..result.map_err(Failure::input)? });
     answer.warnings.extend(warnings.into_iter().flatten());
-    contradictions(arguments, study.mass_by_plates().map_err(Failure::input)?, &mut answer);
+    contradictions(arguments, &study, &mut answer)?;
     answer.elapsed_s = started.elapsed().as_secs_f64();
     let pages = pages(&person, &study, &trials, &left_out);
     drop(stages);
@@ -208,8 +208,9 @@ fn unknown_markers(person: &Person) -> Option<String> {
 }
 
 /// Warns of a mass that the plates contradict.
-fn contradictions(arguments: &IdentifyBody, found: Option<Measured>, answer: &mut Answer) {
-    if let (Some(given), Some(found)) = (arguments.mass_kg, found) {
+fn contradictions(arguments: &IdentifyBody, study: &Study, answer: &mut Answer) -> Result<(), Failure> {
+    let Some(given) = arguments.mass_kg else { return Ok(()) };
+    if let Some(found) = study.mass_by_plates().map_err(Failure::input)? {
         let off = (given - found.value).abs();
         if off > found.u95 && off > LARGEST_DIFFERENCE * found.value {
             answer.warnings.push(format!(
@@ -219,6 +220,7 @@ fn contradictions(arguments: &IdentifyBody, found: Option<Measured>, answer: &mu
             answer.status = Status::Implausible;
         }
     }
+    Ok(())
 }
 
 fn finish(

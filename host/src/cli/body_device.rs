@@ -7,8 +7,8 @@ use crate::answer::person::DeviceResult;
 use crate::body_segments::{Motion, Study};
 use crate::device::link::Client;
 use crate::device::session::tree::complaints;
-use crate::device::session::{Session, Take, tracked};
-use crate::fit::{Factor, Fit, RowSource, Silent, plain_factor};
+use crate::device::session::{Nobody, Session, Take, tracked};
+use crate::fit::{Factor, Fit, Silent, plain_factor};
 
 /// A device may differ by so many standard deviations, …
 const ALLOWED_SD: f64 = 0.05;
@@ -32,8 +32,7 @@ pub(super) fn compared(
         result.frames += frames;
         result.rows += factor.rows();
         theirs.push((*k, factor));
-        let sigma: Vec<f64> = motion.source.channels().iter().map(|c| c.sigma.unwrap_or(1.0)).collect();
-        ours.push((*k, plain_factor(&motion.source, &sigma, &Silent).map_err(Failure::input)?));
+        ours.push((*k, plain_factor(&motion.source, &motion.sigma(), &Silent).map_err(Failure::input)?));
     }
     let [device, host] = [theirs, ours].map(|factors| study.together_by(factors));
     let (device, host) = (device.map_err(Failure::input)?.estimate, host.map_err(Failure::input)?.estimate);
@@ -73,7 +72,7 @@ fn streamed(mcu: Mcu, motion: &Motion, warnings: &mut Vec<String>) -> Result<(Fa
     let (transport, gate) = simulated::frames(mcu, frames, input.rate_hz)?;
     let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
     configured(&mut session, &settings)?;
-    let take = session.follow_frames(&gate, map.nrows(), &mut Quiet).map_err(Failure::link)?;
+    let take = session.follow_frames(&gate, map.nrows(), &mut Nobody).map_err(Failure::link)?;
     let Take { factor, broken, mut counters, interrupted, .. } = take;
     if let Some(broken) = broken {
         return Err(Failure::link(broken));
@@ -89,13 +88,4 @@ fn streamed(mcu: Mcu, motion: &Motion, warnings: &mut Vec<String>) -> Result<(Fa
     );
     let factor = factor.ok_or_else(|| said(&"the microcontroller gave no factor"))?.factor;
     Ok((factor.substitute(&map), sent))
-}
-
-/// Frames are few, and come at once.
-struct Quiet;
-
-impl crate::device::session::Observer for Quiet {
-    fn reading(&mut self, _: &rigident_shared::wire::ReadingMessage) -> Result<(), String> {
-        Ok(())
-    }
 }

@@ -8,14 +8,13 @@ use std::f64::consts::TAU;
 use hexapod::STANDARD_GRAVITY_MPS2;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use rigident_shared::inertia::InertialParameters;
-use rigident_shared::spatial::{Body, Position};
+use rigident_shared::spatial::Body;
 use rigident_shared::tree::Joint;
 
 use super::noise::Noise;
 use crate::inverse_kinematics::landmarks::attach;
 use crate::inverse_kinematics::marker_file::{MarkerFile, OwnMarker};
 use crate::inverse_kinematics::skeleton::{Place, Pose, Skeleton, Turn};
-use crate::inverse_kinematics::subject::Subject;
 use crate::model::Model;
 use crate::motion_capture::ground::GroundWrench;
 use crate::motion_capture::trial::Trial;
@@ -134,40 +133,6 @@ impl Somebody {
             markers,
             clusters,
         })
-    }
-
-    /// Returns ten parameters of every link in the frames of a subject that was calibrated from the markers: where these put a segment's
-    /// joint and axes is a choice of theirs. `None` if the subject is of another model.
-    pub fn seen_as(&self, subject: &Subject) -> Option<Vec<f64>> {
-        let mut all = Vec::new();
-        for (i, phi) in self.parameters.iter().enumerate() {
-            let pairs: Vec<[Vector3<f64>; 2]> = self
-                .markers
-                .iter()
-                .filter(|(_, link, _)| *link == i)
-                .filter_map(|(name, _, at)| {
-                    let there = subject.markers.iter().find(|m| m.link == i && m.name == *name)?;
-                    Some([*at, there.position_m])
-                })
-                .collect();
-            let n = pairs.len() as f64;
-            let [from, to] = [0, 1].map(|k| pairs.iter().map(|p| p[k]).sum::<Vector3<f64>>() / n);
-            let spread: Matrix3<f64> = pairs.iter().map(|[a, b]| (b - to) * (a - from).transpose()).sum();
-            // W. Kabsch (1976).
-            let svd = spread.svd(true, true);
-            let (u, v) = (svd.u?, svd.v_t?);
-            let turn = u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * v).determinant())) * v;
-            let body = InertialParameters::<Body, f64>::from_vector(*phi);
-            let centre = turn * (Vector3::from(body.centre_of_mass().array()) - from) + to;
-            let tensor = turn * body.inertia_com() * turn.transpose();
-            let moved = InertialParameters::<Body, f64>::from_centre_of_mass(
-                body.mass,
-                Position::from_array(centre.into()),
-                tensor,
-            );
-            all.extend(moved.to_vector());
-        }
-        Some(all)
     }
 
     /// Returns which segment each marker of a cluster is on.
@@ -458,10 +423,11 @@ mod tests {
         let options = PeopleOptions { own_markers: with.clusters().clone(), ..PeopleOptions::default() };
         let standing = without.standing(&SHORT, 1);
         let person = Person::new(&mut trials, Some(&standing), &options, &|_, _| {}).unwrap();
-        let [held, empty] = [[0, 1], [2, 3]].map(|which| {
+        let [held, mut empty] = [[0, 1], [2, 3]].map(|which| {
             let options = (StudyOptions::default(), FitOptions::default());
-            Study::new(&person, &trials, &which, &options.0, &options.1, &Silent).unwrap()
+            Study::new(&person, &which, &options.0, &options.1, &Silent).unwrap()
         });
+        empty.draw(&person, &trials, &Silent).unwrap();
         let fit = empty.with_calibration(empty.together(&[0, 1]).unwrap());
         let mass = fit.data_alone().measured(0).unwrap();
         let kg = bare.chunks(10).map(|phi| phi[0]).sum::<f64>();

@@ -77,8 +77,9 @@ fn study(subject: &Subject, kind: HumanModel, seed: u64) -> Found {
     let standing = subject.somebody.standing(&laboratory, seed);
     let person = Person::new(&mut trials, Some(&standing), &options, &|_, _| {}).expect("a person");
     let all: Vec<usize> = (0..trials.len()).collect();
-    let study = Study::new(&person, &trials, &all, &StudyOptions::default(), &FitOptions::default(), &Silent)
+    let mut study = Study::new(&person, &all, &StudyOptions::default(), &FitOptions::default(), &Silent)
         .expect("motions");
+    study.draw(&person, &trials, &Silent).expect("draws");
     let fit = study.with_calibration(study.together(&all).expect("a fit"));
     let situation = study.motions[0].source.input().situation;
     let base = base_parameters(&subject.model, &situation).expect("base parameters");
@@ -187,7 +188,7 @@ pub fn racket_table() -> String {
         let person = Person::new(&mut trials, Some(&standing), &options, &|_, _| {}).expect("a person");
         let count = trials.len() / 2;
         let studies = [(0..count).collect::<Vec<_>>(), (count..trials.len()).collect()].map(|which| {
-            Study::new(&person, &trials, &which, &StudyOptions::default(), &FitOptions::default(), &Silent)
+            Study::new(&person, &which, &StudyOptions::default(), &FitOptions::default(), &Silent)
                 .expect("motions")
         });
         let found = tool(&studies[0], &studies[1], "r_hand", "racket").expect("a tool");

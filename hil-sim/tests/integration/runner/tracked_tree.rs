@@ -12,7 +12,9 @@ use rigident_sim::links::{Tree, quaternion};
 use rigident_sim::runner::{FrameBus, InProcess, Qemu, QemuOptions, tracked_frames_of};
 
 use super::device::Device;
-use super::tree::{NOISE, PARAMETERS, RATE_HZ, bits, human, in_double, merged, run, solved, tree_settings};
+use super::tree::{
+    NOISE, PARAMETERS, RATE_HZ, as_good_as, bits, human, in_double, merged, run, solved, tree_settings,
+};
 
 /// Taps of the filter of 0.1 s at 100 frames a second.
 const TAPS: u32 = 9;
@@ -103,13 +105,7 @@ fn single_precision_is_as_good_as_double_of_the_same_tracked_frames() {
     let counters = device.counters().frames;
     assert_eq!((counters.frames, counters.absorbed, counters.missing, counters.damaged), (6000, 6000, 0, 0));
     assert_eq!(rows.iter().map(|r| r.rows).sum::<u32>(), 6 * (6001 - TAPS));
-    let (found, ..) = solved(&merged(&rows));
-    let (exact, sd, condition) = solved(batch(&frames, &settings).factor());
-    let limit = 20.0 * 1.19e-7 * condition * exact.norm();
-    for j in 0..PARAMETERS {
-        let error = (found[j] - exact[j]).abs();
-        assert!(error <= limit.max(0.05 * sd[j]), "{j}: {error} sd {} limit {limit}", sd[j]);
-    }
+    as_good_as(&merged(&rows), &batch(&frames, &settings));
 }
 
 #[test]

@@ -138,6 +138,23 @@ pub(super) fn solved(factor: &TreeFactor<f64>) -> (DVector<f64>, Vec<f64>, f64) 
     (&inverse * z, sd, singular.max() / singular.min())
 }
 
+/// Holds a factor to that of double precision: parameters within max(0.05 sd, 20 ε cond ‖φ‖). Returns these parameters, the standard
+/// deviations, and the second of the limits.
+#[track_caller]
+pub(super) fn as_good_as(
+    found: &TreeFactor<f64>,
+    exact: &FrameEstimator<f64>,
+) -> (DVector<f64>, Vec<f64>, f64) {
+    let (found, ..) = solved(found);
+    let (exact, sd, condition) = solved(exact.factor());
+    let limit = 20.0 * 1.19e-7 * condition * exact.norm();
+    for j in 0..PARAMETERS {
+        let error = (found[j] - exact[j]).abs();
+        assert!(error <= limit.max(0.05 * sd[j]), "{j}: {error} sd {} limit {limit}", sd[j]);
+    }
+    (found, sd, limit)
+}
+
 /// An estimator in double precision.
 pub(super) fn in_double(links: &[LinkSettings], settings: &Settings) -> Box<FrameEstimator<f64>> {
     let is_tracked = links[0].joint == LinkJoint::Free;
@@ -243,14 +260,7 @@ fn single_precision_is_as_good_as_a_batch_of_the_same_frames_in_double() {
     let (rows, mut device) = run(&mut mcu, &gate, &settings);
     let counters = device.counters().frames;
     assert_eq!((counters.frames, counters.absorbed, counters.missing, counters.damaged), (6000, 6000, 0, 0));
-    let (found, ..) = solved(&merged(&rows));
-    let exact = batch(&frames, &settings);
-    let (exact, sd, condition) = solved(exact.factor());
-    let limit = 20.0 * 1.19e-7 * condition * exact.norm();
-    for j in 0..PARAMETERS {
-        let error = (found[j] - exact[j]).abs();
-        assert!(error <= limit.max(0.05 * sd[j]), "{j}: {error} sd {} limit {limit}", sd[j]);
-    }
+    let (found, sd, limit) = as_good_as(&merged(&rows), &batch(&frames, &settings));
     // And what is found is the human: the mass of all, whose column is the first.
     let mass: f64 = tree.links.iter().map(|l| l.body.mass_kg).sum();
     assert!((found[0] - mass).abs() < 5.0 * sd[0].max(limit), "{} {mass}", found[0]);
@@ -294,12 +304,7 @@ fn a_level_handed_over_while_running_loses_nothing() {
     let merged = merged(&rows);
     let exact = batch(&frames, &settings);
     assert_eq!(merged.rows(), 6 * 500);
-    let (found, ..) = solved(&merged);
-    let (exact, sd, condition) = solved(exact.factor());
-    let limit = 20.0 * 1.19e-7 * condition * exact.norm();
-    for j in 0..PARAMETERS {
-        assert!((found[j] - exact[j]).abs() <= limit.max(0.05 * sd[j]), "{j}");
-    }
+    as_good_as(&merged, &exact);
     // What has been taken is no longer there.
     assert!(take_all(&mut device).iter().all(|r| r.rows == 0 && r.entries.iter().all(|v| *v == 0.0)));
     assert_eq!(device.ask(&Command::TakeRow { row: 128 }), Err(ErrorCode::NoEstimate));

@@ -32,7 +32,7 @@ pub use load_guard::LoadGuard;
 pub use motion_guard::{Axes, MotionGuard};
 pub use settings::{DeviceTiming, SettingsError, settings, state_imu_noise};
 use take::Taking;
-pub use take::{Observer, Take, narrow, widen};
+pub use take::{Nobody, Observer, Take, narrow, widen};
 
 use crate::device::link::{Client, LinkError};
 use crate::platform::{Motion, MotionSample, Platform, PlatformError};

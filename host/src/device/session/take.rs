@@ -39,7 +39,7 @@ pub trait Observer {
 }
 
 /// Wants to know nothing.
-pub(super) struct Nobody;
+pub struct Nobody;
 
 impl Observer for Nobody {
     fn reading(&mut self, _: &ReadingMessage) -> Result<(), String> {

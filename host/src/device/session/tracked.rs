@@ -1,6 +1,6 @@
 //! A person's motion as frames of a base that cameras track: positions and rates alone.
 
-use nalgebra::{DMatrix, UnitQuaternion};
+use nalgebra::{DMatrix, Rotation3, UnitQuaternion};
 use rigident_shared::wire::tree_frame::{MAX_TREE_FRAME, TRACKED_LINK_NUMBERS, TrackedFrame};
 use rigident_shared::wire::{LinkJoint, ModelSettings, Settings, Source};
 
@@ -22,7 +22,8 @@ pub fn frames(source: &TreeSource) -> Result<Vec<Vec<u8>>, NoFrames> {
             let frame = &input.frames[k];
             let states = source.link_states(k).ok_or(NoFrames::Links)?;
             let pose = |state: &rigident_shared::tree::LinkState<f64>| -> [f32; TRACKED_LINK_NUMBERS] {
-                let q = UnitQuaternion::from_matrix(&state.rotation);
+                let q =
+                    UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(state.rotation));
                 let rate = state.rotation.tr_mul(&state.rate);
                 [q.w, q.i, q.j, q.k, rate.x, rate.y, rate.z].map(|v| v as f32)
             };

@@ -211,11 +211,11 @@ impl Person {
     /// Returns the frames of a trial as those of a tree whose base is tracked.
     pub fn input(&self, trial: usize) -> Option<Input> {
         let tracked = self.trials.get(trial)?;
-        self.input_of(&self.subject, tracked, &tracked.frames)
+        Self::input_of(&self.subject, tracked, &tracked.frames)
     }
 
     /// Returns the same of some frames of a trial, with the joints of a subject.
-    pub fn input_of(&self, subject: &Subject, tracked: &Tracked, frames: &[TrackedFrame]) -> Option<Input> {
+    pub fn input_of(subject: &Subject, tracked: &Tracked, frames: &[TrackedFrame]) -> Option<Input> {
         let frame = |own: &TrackedFrame| {
             let [fx, fy, fz, mx, my, mz] = own.wrench;
             let at = Vector3::from_column_slice(own.moved.positions.get(..3)?);

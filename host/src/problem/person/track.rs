@@ -201,17 +201,15 @@ pub(super) fn seen(trial: &Trial, subject: &Subject, range: Range<usize>) -> (Ve
 fn starts(subject: &Subject, seen: &[Seen]) -> Vec<Option<Pose>> {
     let mut solver = Solver::new(&subject.skeleton, &subject.markers);
     let mut last: Option<Pose> = None;
-    let mut starts = Vec::new();
-    for k in (0..seen.len()).step_by(COARSE) {
-        if k.is_multiple_of(STRETCH) {
-            starts.push(last.clone());
-        }
-        // Beyond the last stretch's beginning nobody needs them.
-        if k + STRETCH >= seen.len() {
-            continue;
-        }
+    let mut starts = vec![None];
+    // Beyond the last stretch's beginning nobody needs them.
+    let last_start = seen.len().saturating_sub(1) / STRETCH * STRETCH;
+    for k in (0..last_start).step_by(COARSE) {
         let start = last.take().or_else(|| subject.first_pose(&seen[k]));
         last = start.and_then(|start| solver.solve(&seen[k], &start)).map(|found| found.pose);
+        if (k + COARSE).is_multiple_of(STRETCH) {
+            starts.push(last.clone());
+        }
     }
     starts
 }
