@@ -110,7 +110,7 @@ fn body(node: &Node) -> Result<OsimBody, String> {
     };
     let tags: &[&str] = if together { &["inertia"] } else { &PARTS };
     let range = |tag: &&str| {
-        let text = node.children().find(|c| c.has_tag_name(**tag))?.first_child()?;
+        let text = node.children().find(|c| c.has_tag_name(*tag))?.first_child()?;
         Some(text.range())
     };
     let places = ["mass", "mass_center"].iter().chain(tags).filter_map(range).collect();
@@ -206,4 +206,28 @@ fn moved(node: &Node) -> Result<Isometry3<f64>, String> {
         }
     }
     Ok(Isometry3::from_parts(shift.into(), turn))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shared(file: &str) -> String {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data").join(file);
+        std::fs::read_to_string(path).unwrap()
+    }
+
+    #[test]
+    #[ignore = "needs ../shared/data"]
+    fn models_of_both_layouts_in_shared_data_have_the_mass_of_their_subjects() {
+        for (file, bodies, kg) in [
+            ("human_gait2354_subject01_walk/subject01.osim", 12, 72.6),
+            ("human_rajagopal2016_walk/subject_walk_scaled.osim", 22, 85.27),
+        ] {
+            let model = OsimModel::parse(&shared(file)).unwrap();
+            assert_eq!((model.bodies.len(), model.joints.len()), (bodies, bodies));
+            let mass: f64 = model.bodies.iter().map(|b| b.mass_kg).sum();
+            assert!((mass - kg).abs() < 0.1, "{mass}");
+        }
+    }
 }
