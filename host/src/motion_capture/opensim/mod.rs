@@ -3,7 +3,9 @@
 //! Coordinates stay in the file's axes. OpenSim's ground has x forward, y up, z to the right.
 
 pub mod error;
+mod functions;
 pub mod ground_reaction;
+pub mod model;
 pub mod storage;
 pub mod trc;
 
