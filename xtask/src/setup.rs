@@ -38,6 +38,8 @@ pub const VENDORS_CLIENT: Module =
     Module { name: "pipython", look: "import pipython", packages: &["pipython==2.11.0.6"] };
 /// A reader of C3D files that shares no code with ours.
 pub const C3D_READER: Module = Module { name: "ezc3d", look: "import ezc3d", packages: &["ezc3d==1.7.2"] };
+/// OpenSim itself, which reads its own files.
+pub const OPENSIM: Module = Module { name: "opensim", look: "import opensim", packages: &["opensim==4.6"] };
 
 /// Browsers that show a page without a window, by the names of their programs; the first is Debian's.
 const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "chrome"];
@@ -110,7 +112,7 @@ pub fn cargo_fuzz() -> Result<PathBuf> {
 /// Installs the modules that tests compare with into a Python of this project's own; says which cannot be had. The tests
 /// that need them are skipped then.
 fn python_modules() {
-    for module in [MCAP_READER, PINOCCHIO, ROBOTS, VENDORS_CLIENT, C3D_READER] {
+    for module in [MCAP_READER, PINOCCHIO, ROBOTS, VENDORS_CLIENT, C3D_READER, OPENSIM] {
         if has_module(module) {
             continue;
         }

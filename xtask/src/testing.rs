@@ -36,6 +36,7 @@ const ROBOTS: Need = Need {
 };
 const CLIENT: Need = Need { word: "vendors_client", what: "pipython, the vendor's client, in Python" };
 const C3D: Need = Need { word: "independent_c3d", what: "ezc3d in Python" };
+const OPENSIM: Need = Need { word: "independent_opensim", what: "opensim in Python" };
 const BROWSER: Need = Need { word: "in_a_browser", what: "chromium: cargo xtask setup" };
 
 /// How many tests there were.
@@ -91,6 +92,7 @@ impl Surroundings {
         look(ROBOTS, [setup::PINOCCHIO, setup::ROBOTS].into_iter().all(setup::has_module));
         look(CLIENT, setup::has_module(setup::VENDORS_CLIENT));
         look(C3D, setup::has_module(setup::C3D_READER));
+        look(OPENSIM, setup::has_module(setup::OPENSIM));
         look(BROWSER, setup::browser().is_some());
         let python = Some(setup::python()).filter(|python| python.is_file());
         let here = Self { missing, firmware: firmware.map(Path::to_owned), python };
@@ -226,7 +228,8 @@ mod tests {
     fn ignored_tests_have_the_word_of_what_they_need_in_their_names() {
         let mut files = Vec::new();
         sources(places::root(), &mut files);
-        let words = [BOARD, DATA, READER, PINOCCHIO, ROBOTS, CLIENT, C3D, BROWSER].map(|need| need.word);
+        let words =
+            [BOARD, DATA, READER, PINOCCHIO, ROBOTS, CLIENT, C3D, OPENSIM, BROWSER].map(|need| need.word);
         let mut ignored = 0;
         for file in files {
             let text = std::fs::read_to_string(&file).unwrap();

@@ -14,12 +14,14 @@ use crate::answer::standard_parameters::Full;
 use crate::answer::{Answer, Context, Links, Source, StandardRequest, Status};
 use crate::body_segments::choice::choices;
 use crate::body_segments::left_out::left_out;
+use crate::body_segments::opensim::in_opensim;
 use crate::body_segments::report::person_result;
 use crate::body_segments::tool::tool;
 use crate::body_segments::{Study, StudyOptions};
 use crate::fit::{Fit, FitOptions};
 use crate::inverse_kinematics::marker_file::MarkerFile;
-use crate::model::write;
+use crate::model::{ModelError, write};
+use crate::motion_capture::opensim::model::OsimModel;
 use crate::motion_capture::trial::Trial;
 use crate::present::{self, Series};
 use crate::problem::person::track::TrackOptions;
@@ -44,7 +46,9 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
     let mut trials = trials(arguments)?;
     let standing = arguments.standing.as_deref().map(|path| Trial::read(path, None)).transpose();
     let standing = standing.map_err(Failure::input)?;
+    let osim = arguments.osim.as_deref().map(Osim::read).transpose()?;
     let options = PeopleOptions {
+        lengths_m: osim.as_ref().map_or_else(Vec::new, |osim| osim.model.lengths()),
         kind: arguments.model.into(),
         height_m: arguments.height_m,
         mass_kg: arguments.mass_kg,
@@ -56,6 +60,12 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
     let person =
         Person::new(&mut trials, standing.as_ref(), &options, &|stage, share| stages.at(stage, share));
     let person = person.map_err(Failure::input)?;
+    if let Some(osim) = osim.as_ref().filter(|_| arguments.write_model.as_deref().is_some_and(is_osim)) {
+        // What cannot be written is told before anything is computed.
+        let model = &person.subject.model;
+        let table: Vec<_> = model.links.iter().filter_map(|l| Some((l.name.as_str(), l.nominal?))).collect();
+        in_opensim(&osim.model, model, &table).map_err(Failure::input)?;
+    }
     let study_options = StudyOptions {
         trust: arguments.nominal_sigma,
         symmetric: arguments.symmetric_sides,
@@ -97,7 +107,23 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
     answer.elapsed_s = started.elapsed().as_secs_f64();
     let pages = pages(&person, &study, &trials, &left_out);
     drop(stages);
-    finish(arguments, &person, &study, (&fit, &full), &answer, &pages)
+    finish((arguments, osim.as_ref()), &person, &study, (&fit, &full), &answer, &pages)
+}
+
+/// An OpenSim model, with the text it was read from.
+struct Osim {
+    text: String,
+    model: OsimModel,
+}
+
+impl Osim {
+    fn read(path: &Path) -> Result<Self, Failure> {
+        let failed = |why: String| Failure::input(format!("--osim {}: {why}", path.display()));
+        let text =
+            std::fs::read_to_string(path).map_err(|error| failed(format!("it cannot be read: {error}")))?;
+        let model = OsimModel::parse(&text).map_err(|error| failed(error.to_string()))?;
+        Ok(Self { text, model })
+    }
 }
 
 /// Refuses options that cannot be.
@@ -122,9 +148,21 @@ fn check(arguments: &IdentifyBody) -> Result<(), Failure> {
         return Err(Failure::input(format!("--parts {}: give 1 to 100", arguments.parts)));
     }
     if let Some(path) = &arguments.write_model {
-        write::check_target(path).map_err(Failure::input)?;
+        match (is_osim(path), &arguments.osim) {
+            (true, None) => {
+                let why = "an OpenSim model is written into another one: name that with --osim FILE";
+                return Err(Failure::input(format!("--write-model {}: {why}", path.display())));
+            }
+            (true, Some(_)) => write::check_new(path),
+            (false, _) => write::check_target(path).map(|_| ()),
+        }
+        .map_err(Failure::input)?;
     }
     arguments.out.as_deref().map_or(Ok(()), Folder::check)
+}
+
+fn is_osim(path: &Path) -> bool {
+    crate::recording::extension(path) == "osim"
 }
 
 /// Reads the file of markers whose names say nothing.
@@ -224,7 +262,7 @@ fn contradictions(arguments: &IdentifyBody, study: &Study, answer: &mut Answer) 
 }
 
 fn finish(
-    arguments: &IdentifyBody,
+    (arguments, osim): (&IdentifyBody, Option<&Osim>),
     person: &Person,
     study: &Study,
     (fit, full): (&Fit, &Full),
@@ -249,7 +287,8 @@ fn finish(
     for (name, page) in pages {
         folder.write(name, page.as_bytes())?;
     }
-    let written = arguments.write_model.as_deref().map(|path| write_model(person, full, path)).transpose()?;
+    let written =
+        arguments.write_model.as_deref().map(|path| write_model(person, full, osim, path)).transpose()?;
     if !arguments.json {
         let model = written.map_or_else(String::new, |path| format!("; the model is {path}"));
         say(format_args!(
@@ -262,10 +301,19 @@ fn finish(
     Ok(ExitStatus::of(answer.status == Status::Identified).into())
 }
 
-/// Writes the person's model with her segments.
-fn write_model(person: &Person, full: &Full, path: &Path) -> Result<String, Failure> {
+/// Writes the person's model with her segments, or OpenSim's.
+fn write_model(person: &Person, full: &Full, osim: Option<&Osim>, path: &Path) -> Result<String, Failure> {
     let found = full.links.iter().map(|link| (link.name.as_str(), link.parameters));
-    let model = write::with_parameters(&person.subject.model, found);
-    write::write(&model, None, path).map_err(Failure::input)?;
+    let model = &person.subject.model;
+    match osim.filter(|_| is_osim(path)) {
+        None => write::write(&write::with_parameters(model, found), None, path).map_err(Failure::input)?,
+        Some(osim) => {
+            let bodies =
+                in_opensim(&osim.model, model, &found.collect::<Vec<_>>()).map_err(Failure::input)?;
+            let text = osim.model.written(&osim.text, &bodies).map_err(Failure::input)?;
+            let failed = |source| ModelError::Write { path: path.to_owned(), source };
+            std::fs::write(path, text).map_err(failed).map_err(Failure::input)?;
+        }
+    }
     Ok(path.display().to_string())
 }

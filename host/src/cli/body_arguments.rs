@@ -95,7 +95,8 @@ impl From<TableOf> for Sex {
                   average people scaled to the person.\n\nExit status 0 if the whole mass is identified, 1 if not, 2 if a file cannot be \
                   used.\n\nExamples:\n  rigident body identify walk.c3d --static standing.c3d --height-m 1.68\n  rigident body identify \
                   walk.trc --ground walk_forces.mot --static standing.trc\n  rigident body identify walk1.c3d walk2.c3d squat.c3d --static \
-                  standing.c3d --mass-kg 72.6 --write-model subject.urdf\n  rigident body identify serve.c3d --tool racket --tare walk.c3d --tare squat.c3d"
+                  standing.c3d --mass-kg 72.6 --write-model subject.urdf\n  rigident body identify walk.trc --static standing.trc --osim scaled.osim --write-model \
+                  identified.osim\n  rigident body identify serve.c3d --tool racket --tare walk.c3d --tare squat.c3d"
 )]
 pub struct IdentifyBody {
     /// Trials: C3D, or TRC with a MOT or STO file beside it
@@ -143,7 +144,11 @@ pub struct IdentifyBody {
     /// Make right segments mirror images of left ones
     #[arg(long)]
     pub symmetric_sides: bool,
-    /// Write the segments into a model: FILE.urdf or FILE.xml (MJCF)
+    /// An OpenSim model that is scaled to the person: its lengths are known to 15 mm (1 σ), and --write-model FILE.osim writes the
+    /// segments into it
+    #[arg(long, value_name = "FILE")]
+    pub osim: Option<PathBuf>,
+    /// Write the segments into a model: FILE.urdf, FILE.xml (MJCF), or FILE.osim, which is that of --osim with other inertias
     #[arg(long, value_name = "FILE")]
     pub write_model: Option<PathBuf>,
     /// The person holds something in the trials, of this name: its own parameters come from these and the trials of --tare

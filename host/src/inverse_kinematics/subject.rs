@@ -24,6 +24,11 @@ const COMPARED: usize = 5;
 /// Statures of people from small children on, m.
 const STATURES_M: [f64; 2] = [0.5, 2.5];
 
+/// How well lengths are known that another program scaled by markers, 1 σ, m (assumed).
+pub const LENGTH_SIGMA_M: f64 = 0.015;
+/// Lengths that differ by more are of different people: by so many σ, and as a ratio to those usual for the stature.
+const OTHER_PERSON: (f64, f64) = (4.0, 1.5);
+
 /// Which model of people.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum HumanModel {
@@ -47,6 +52,15 @@ pub struct Known {
     pub symmetric: bool,
     /// Markers whose names say nothing, or something else.
     pub own_markers: MarkerFile,
+    /// Lengths from elsewhere, m, known to [`LENGTH_SIGMA_M`], by the names of [`Person::lengths_m`].
+    pub lengths_m: Vec<(String, f64)>,
+}
+
+impl Known {
+    /// Returns a length from elsewhere, m.
+    fn length(&self, name: &str) -> Option<f64> {
+        self.lengths_m.iter().find(|(own, _)| own == name).map(|(_, length)| *length)
+    }
 }
 
 /// The reason that there is no model of a person.
@@ -96,6 +110,19 @@ pub enum SubjectError {
     /// A file of markers names no link of the model.
     #[error("--markers: {0}")]
     OwnMarkers(String),
+    /// Lengths from elsewhere are another person's.
+    #[error(
+        "the {} of --osim is {given_m:.3} m, and the person's is about {found_m:.3} m: is the model scaled to this person, in metres?",
+        name.replace('_', " ")
+    )]
+    OtherPerson {
+        /// Which length.
+        name: String,
+        /// The one that was given, m.
+        given_m: f64,
+        /// What stature or markers say, m.
+        found_m: f64,
+    },
     /// The search for joint centres failed.
     #[error("joint centres cannot be found from the markers: too few were seen together")]
     Calibration,
@@ -176,10 +203,15 @@ pub fn subject(
     if known.height_m.is_none() {
         person.height_m = height_m;
     }
+    same_person(&known.lengths_m, |name, given| {
+        let usual = person.length(name)?;
+        (given.max(usual) > OTHER_PERSON.1 * given.min(usual)).then_some(usual)
+    })?;
+    person.lengths_m.clone_from(&known.lengths_m);
     let (_, skeleton, mut markers) = attached(&person)?;
     let mut skeleton = skeleton;
-    pelvis(&mut skeleton, &mut markers, frames, &model(&person, kind)?);
-    let sigma = joint_sigma(&model(&person, kind)?);
+    pelvis(&mut skeleton, &mut markers, frames, (&model(&person, kind)?, known));
+    let sigma = joint_sigma(&model(&person, kind)?, known);
     let seen: Vec<Seen> = frames.iter().map(|f| of_frame(&markers, f)).collect();
     let poses = follow(&skeleton, &markers, &seen, &first).ok_or(SubjectError::Calibration)?;
     let left = Some(rms(&skeleton, &markers, &seen[..seen.len().min(COMPARED)], &first));
@@ -200,6 +232,10 @@ pub fn subject(
     let found = if known.symmetric { mirrored(found, &model(&person, kind)?, &seen)? } else { found };
     let Calibrated { skeleton, markers, rms_m, .. } = found;
     person.lengths_m = lengths(&model(&person, kind)?, &skeleton);
+    same_person(&known.lengths_m, |name, given| {
+        let found = person.length(name)?;
+        ((given - found).abs() > OTHER_PERSON.0 * LENGTH_SIGMA_M).then_some(found)
+    })?;
     let mut model = model(&person, kind)?;
     for (link, found) in model.links.iter_mut().zip(skeleton.links()) {
         link.link.position = found.position;
@@ -245,6 +281,17 @@ impl Subject {
         self.skeleton = Skeleton::new(&self.model)?;
         Some(self)
     }
+}
+
+/// Refuses the first length from elsewhere that `other` has another one for, m.
+fn same_person(
+    lengths: &[(String, f64)],
+    other: impl Fn(&str, f64) -> Option<f64>,
+) -> Result<(), SubjectError> {
+    let found = lengths.iter().find_map(|(name, given)| Some((name, *given, other(name, *given)?)));
+    found.map_or(Ok(()), |(name, given_m, found_m)| {
+        Err(SubjectError::OtherPerson { name: name.clone(), given_m, found_m })
+    })
 }
 
 /// Makes joints mirror images of one another, and finds the markers' places anew.
@@ -351,7 +398,7 @@ fn pelvis(
     skeleton: &mut Skeleton,
     markers: &mut [Attached],
     frames: &[Vec<Option<Vector3<f64>>>],
-    model: &Model,
+    (model, known): (&Model, &Known),
 ) {
     let front = spines(markers, true);
     let rear = spines(markers, false);
@@ -382,7 +429,8 @@ fn pelvis(
     }
     for (name, side) in [("l_thigh", 1.0), ("r_thigh", -1.0)] {
         if let Some(link) = model.link(name) {
-            let to = Vector3::new(0.0, side * (0.33 * width + 0.0073), 0.0);
+            let to = side * known.length("hip_width").map_or(0.33 * width + 0.0073, |apart| apart / 2.0);
+            let to = Vector3::new(0.0, to, 0.0);
             let by = to - skeleton.links()[link].position;
             skeleton.shift(link, &by);
         }
@@ -406,9 +454,9 @@ fn spines(markers: &[Attached], front: bool) -> [Option<usize>; 2] {
 
 /// How well the table knows where the joint of each link is in its parent, 1 σ along the parent's axes, m. Along a limb its length is
 /// open; across it the axis goes through the joint by definition.
-fn joint_sigma(model: &Model) -> Vec<[f64; 3]> {
+fn joint_sigma(model: &Model, known: &Known) -> Vec<[f64; 3]> {
     const ACROSS: f64 = 0.001;
-    let of = |name: &str| match name {
+    let by_table = |name: &str| match name {
         "l_thigh" | "r_thigh" => [0.01; 3],
         "torso" | "lumbar" => [0.03, 0.005, 0.03],
         "chest" => [0.02, 0.005, 0.03],
@@ -417,6 +465,23 @@ fn joint_sigma(model: &Model) -> Vec<[f64; 3]> {
         "l_clavicle" | "r_clavicle" | "l_scapula" | "r_scapula" => [0.005; 3],
         "l_radius" | "r_radius" => [ACROSS; 3],
         _ => [ACROSS, ACROSS, 0.06],
+    };
+    let of = |name: &str| {
+        let mut sigma = by_table(name);
+        let (length, axis) = match name.split_once('_').map_or("", |(_, core)| core) {
+            "shank" => ("thigh", 2),
+            "foot" => ("shank", 2),
+            "forearm" | "ulna" => ("upper_arm", 2),
+            "hand" => ("forearm", 2),
+            "thigh" => ("hip_width", 1),
+            "upper_arm" => ("shoulder_width", 1),
+            _ => return sigma,
+        };
+        // `human58` has clavicles and scapulae on the way to the shoulder.
+        if known.length(length).is_some() && sigma[axis] > LENGTH_SIGMA_M {
+            sigma[axis] = LENGTH_SIGMA_M;
+        }
+        sigma
     };
     model.links.iter().skip(1).map(|l| of(&l.name)).collect()
 }

@@ -56,16 +56,28 @@ pub fn with_passive<'a>(model: &Model, new: impl Iterator<Item = (&'a str, Passi
 /// # Errors
 /// [`ModelError::Option`] if it exists, its folder does not, or its ending is not known.
 pub fn check_target(path: &Path) -> Result<Language, ModelError> {
-    let refuse = |why: &str| ModelError::Option(format!("--write-model {}: {why}", path.display()));
-    let language =
-        Language::of_path(path).ok_or_else(|| refuse("its name must end in .urdf, .xml, .mjcf or .sdf"))?;
+    let ending = "its name must end in .urdf, .xml, .mjcf or .sdf";
+    let language = Language::of_path(path).ok_or_else(|| refused(path, ending))?;
+    check_new(path)?;
+    Ok(language)
+}
+
+/// Whether a new file can be there.
+///
+/// # Errors
+/// [`ModelError::Option`] if it exists, or its folder does not.
+pub fn check_new(path: &Path) -> Result<(), ModelError> {
     if path.exists() {
-        return Err(refuse("the file is there already, and nothing is overwritten"));
+        return Err(refused(path, "the file is there already, and nothing is overwritten"));
     }
     if path.parent().is_some_and(|folder| !folder.as_os_str().is_empty() && !folder.is_dir()) {
-        return Err(refuse("its folder is not there: make it first"));
+        return Err(refused(path, "its folder is not there: make it first"));
     }
-    Ok(language)
+    Ok(())
+}
+
+fn refused(path: &Path, why: &str) -> ModelError {
+    ModelError::Option(format!("--write-model {}: {why}", path.display()))
 }
 
 /// Reads a text of any of the languages.

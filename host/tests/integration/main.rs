@@ -26,6 +26,7 @@ mod model_commands;
 mod montecarlo;
 mod motion_page;
 mod no_simulator;
+mod opensim_independent;
 mod pendulum;
 mod plan_motion;
 mod plan_poses;

@@ -208,4 +208,40 @@ fn what_is_no_trial_is_refused() {
     refused(identify(folder.path(), &["none.c3d"]), 2, &["none.c3d cannot be read"]);
     refused(identify(folder.path(), &["none.c3d", "--mass-kg", "-3"]), 2, &["--mass-kg -3"]);
     refused(identify(folder.path(), &["none.c3d", "--parts", "0"]), 2, &["--parts 0"]);
+    refused(
+        identify(folder.path(), &["none.c3d", "--write-model", "she.osim"]),
+        2,
+        &["she.osim", "--osim FILE"],
+    );
+}
+
+#[test]
+#[ignore = "needs ../shared/data"]
+fn opensim_models_that_are_no_persons_of_shared_data_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let gait = |file: &str| data(&format!("human_gait2354_subject01_walk/{file}")).display().to_string();
+    let with = |text: &str, more: &[&str]| {
+        std::fs::write(folder.path().join("her.osim"), text).unwrap();
+        let (trial, standing) = (gait("subject01_walk1.trc"), gait("subject01_static.trc"));
+        let line = [&[trial.as_str(), "--static", &standing, "--osim", "her.osim"], more].concat();
+        let said = identify(folder.path(), &line);
+        assert!(!folder.path().join("new.osim").exists());
+        said
+    };
+    let own = std::fs::read_to_string(data("human_gait2354_subject01_walk/subject01.osim")).unwrap();
+    let write: &[&str] = &["--write-model", "new.osim"];
+    refused(with(&own[..own.len() / 2], &[]), 2, &["her.osim", "no XML"]);
+    refused(with("<robot/>", &[]), 2, &["her.osim", "no model of OpenSim's"]);
+    refused(
+        with(&own.replacen("11.37517129", "eleven", 1), &[]),
+        2,
+        &["mass of Body pelvis", "no finite numbers"],
+    );
+    refused(with(&own.replace("femur_r", "bone_r"), write), 2, &["no body femur_r", "--osim"]);
+    // Of another person, and in millimetres: the ankles.
+    let ankle = own.lines().find(|l| l.contains("location_in_parent") && l.contains("-0.42")).unwrap().trim();
+    let lower = ankle.replace("-0.42", "-0.52");
+    refused(with(&own.replace(ankle, &lower), &[]), 2, &["shank of --osim is 0.52", "scaled to this person"]);
+    let far = ankle.replace("-0.42", "-42");
+    refused(with(&own.replace(ankle, &far), &[]), 2, &["shank of --osim is 42", "in metres"]);
 }

@@ -2,6 +2,9 @@
 
 use roxmltree::Node;
 
+/// Functions within one another, at most.
+const DEEPEST: usize = 16;
+
 /// A function of one coordinate.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Function {
@@ -21,10 +24,17 @@ impl Function {
     /// # Errors
     /// In words: what is not understood.
     pub fn of(node: &Node) -> Result<Self, String> {
+        Self::within(node, DEEPEST)
+    }
+
+    fn within(node: &Node, deepest: usize) -> Result<Self, String> {
+        let Some(deepest) = deepest.checked_sub(1) else {
+            return Err("functions within functions, too many".to_owned());
+        };
         let inner = node.children().filter(Node::is_element);
         for child in inner {
             match child.tag_name().name() {
-                "function" => return Self::of(&child),
+                "function" => return Self::within(&child, deepest),
                 "Constant" => return Ok(Self::Constant(one(&child, "value")?)),
                 "LinearFunction" | "PolynomialFunction" => {
                     return Ok(Self::Polynomial(numbers(&child, "coefficients")?));
@@ -33,15 +43,19 @@ impl Function {
                     let (x, y) = (numbers(&child, "x")?, numbers(&child, "y")?);
                     let rises = x.windows(2).all(|pair| pair[0] < pair[1]);
                     if x.len() != y.len() || x.is_empty() || !rises {
-                        return Err("a spline whose knots do not rise, or are not as many as its values".to_owned());
+                        return Err(
+                            "a spline whose knots do not rise, or are not as many as its values".to_owned()
+                        );
                     }
                     return Ok(Self::Spline(x.into_iter().zip(y).collect()));
                 }
                 "MultiplierFunction" => {
-                    return Ok(Self::Scaled(one(&child, "scale")?, Box::new(Self::of(&child)?)));
+                    return Ok(Self::Scaled(one(&child, "scale")?, Box::new(Self::within(&child, deepest)?)));
                 }
                 other if other.ends_with("Function") || other.ends_with("Spline") => {
-                    return Err(format!("a function {other}: known are constant, linear, polynomial, cubic splines and multiples"));
+                    return Err(format!(
+                        "a function {other}: known are constant, linear, polynomial, cubic splines and multiples"
+                    ));
                 }
                 _ => {}
             }
@@ -113,7 +127,9 @@ pub(super) fn one(node: &Node, tag: &str) -> Result<f64, String> {
 /// An element's tag and name.
 pub(super) fn place(node: &Node) -> String {
     let tag = node.tag_name().name();
-    node.attribute("name").filter(|n| !n.is_empty()).map_or_else(|| tag.to_owned(), |name| format!("{tag} {name}"))
+    node.attribute("name")
+        .filter(|n| !n.is_empty())
+        .map_or_else(|| tag.to_owned(), |name| format!("{tag} {name}"))
 }
 
 #[cfg(test)]

@@ -65,7 +65,8 @@ impl OsimModel {
         if !root.has_tag_name("OpenSimDocument") {
             return Err(missing("it is no model of OpenSim's: its root is no OpenSimDocument".to_owned()));
         }
-        let is_body = |node: &Node| node.has_tag_name("Body") && node.children().any(|c| c.has_tag_name("mass"));
+        let is_body =
+            |node: &Node| node.has_tag_name("Body") && node.children().any(|c| c.has_tag_name("mass"));
         let nodes: Vec<Node> = root.descendants().filter(is_body).collect();
         let named = |node: &&Node| node.attribute("name") != Some("ground");
         let nodes: Vec<Node> = nodes.iter().filter(named).copied().collect();
@@ -73,11 +74,13 @@ impl OsimModel {
         if bodies.is_empty() {
             return Err(missing("the model has no bodies".to_owned()));
         }
-        let index: BTreeMap<&str, usize> = bodies.iter().enumerate().map(|(k, b)| (b.name.as_str(), k)).collect();
+        let index: BTreeMap<&str, usize> =
+            bodies.iter().enumerate().map(|(k, b)| (b.name.as_str(), k)).collect();
         if index.len() < bodies.len() {
             return Err(missing("two bodies have the same name".to_owned()));
         }
-        let is_joint = |node: &Node| node.tag_name().name().ends_with("Joint") && node.attribute("name").is_some();
+        let is_joint =
+            |node: &Node| node.tag_name().name().ends_with("Joint") && node.attribute("name").is_some();
         let mut joints = Vec::new();
         for node in root.descendants().filter(is_joint) {
             let inside = node.ancestors().find(is_body).and_then(|b| b.attribute("name"));
@@ -87,12 +90,94 @@ impl OsimModel {
         }
         Ok(Self { bodies, joints })
     }
+
+    /// Returns the number of a body.
+    pub fn body(&self, name: &str) -> Option<usize> {
+        self.bodies.iter().position(|body| body.name == name)
+    }
+
+    /// Returns the joint that carries a body, the first if there are several.
+    pub fn carrier(&self, body: usize) -> Option<&OsimJoint> {
+        self.joints.iter().find(|joint| joint.child == body)
+    }
+
+    /// Returns where every body is at the default coordinates, ground ← body, m; `None` for one that no joints lead to.
+    pub fn places(&self) -> Vec<Option<Isometry3<f64>>> {
+        let mut places: Vec<Option<Isometry3<f64>>> = vec![None; self.bodies.len()];
+        // In the worst order each round finds one more.
+        for _ in 0..self.bodies.len() {
+            for body in 0..self.bodies.len() {
+                let Some(joint) = self.carrier(body).filter(|_| places[body].is_none()) else { continue };
+                let parent = joint.parent.map_or(Some(Isometry3::identity()), |parent| places[parent]);
+                places[body] = parent.map(|p| p * joint.in_parent * joint.moved * joint.in_child.inverse());
+            }
+        }
+        places
+    }
+
+    /// Returns where the joint that carries a body is at the default coordinates, in the ground, m.
+    pub fn joint_centre(&self, name: &str) -> Option<Vector3<f64>> {
+        let body = self.body(name)?;
+        let place = self.places().get(body).copied().flatten()?;
+        Some((place * self.carrier(body)?.in_child).translation.vector)
+    }
+
+    /// Returns the lengths between joint centres that its bodies tell, m, by the names that lengths of people have here;
+    /// of left and right the mean.
+    pub fn lengths(&self) -> Vec<(String, f64)> {
+        let apart = |a: &str, b: &str| Some((self.joint_centre(a)? - self.joint_centre(b)?).norm());
+        let along = |from: &str, to: &str| {
+            let sides = ["_r", "_l"].map(|side| apart(&format!("{from}{side}"), &format!("{to}{side}")));
+            let found: Vec<f64> = sides.into_iter().flatten().collect();
+            (!found.is_empty()).then(|| found.iter().sum::<f64>() / found.len() as f64)
+        };
+        let all = [
+            ("thigh", along("femur", "tibia")),
+            ("shank", along("tibia", "talus")),
+            ("upper_arm", along("humerus", "ulna")),
+            ("forearm", along("ulna", "hand")),
+            ("hip_width", apart("femur_r", "femur_l")),
+            ("shoulder_width", apart("humerus_r", "humerus_l")),
+        ];
+        all.into_iter().filter_map(|(name, length)| Some((name.to_owned(), length?))).collect()
+    }
+
+    /// Returns the text that the model was read from with other bodies, in the model's order; everything else stays as it is, and so
+    /// do bodies that are the same.
+    ///
+    /// # Errors
+    /// [`OpenSimError::Missing`] if the text is another one.
+    pub fn written(&self, text: &str, bodies: &[OsimBody]) -> Result<String, OpenSimError> {
+        let other = || OpenSimError::Missing("the model was changed while it was used".to_owned());
+        let mut edits: Vec<(Range<usize>, String)> = Vec::new();
+        for (old, new) in self.bodies.iter().zip(bodies).filter(|(old, new)| old != new) {
+            let row = |values: &[f64]| values.iter().map(f64::to_string).collect::<Vec<_>>().join(" ");
+            let mut texts = vec![row(&[new.mass_kg]), row(&new.com_m)];
+            match old.places.len() {
+                3 => texts.push(row(&new.inertia_com_kgm2)),
+                8 => texts.extend(new.inertia_com_kgm2.iter().map(|v| row(&[*v]))),
+                _ => return Err(other()),
+            }
+            edits.extend(old.places.iter().cloned().zip(texts));
+        }
+        edits.sort_by_key(|(at, _)| std::cmp::Reverse(at.start));
+        let mut out = text.to_owned();
+        for (at, new) in edits {
+            if text.get(at.clone()).is_none() {
+                return Err(other());
+            }
+            out.replace_range(at, &new);
+        }
+        Ok(out)
+    }
 }
 
 fn body(node: &Node) -> Result<OsimBody, String> {
     let name = node.attribute("name").unwrap_or_default().to_owned();
     let three = |tag: &str| -> Result<[f64; 3], String> {
-        numbers(node, tag)?.try_into().map_err(|_| format!("{tag} of {}: three numbers are needed", place(node)))
+        numbers(node, tag)?
+            .try_into()
+            .map_err(|_| format!("{tag} of {}: three numbers are needed", place(node)))
     };
     const PARTS: [&str; 6] =
         ["inertia_xx", "inertia_yy", "inertia_zz", "inertia_xy", "inertia_xz", "inertia_yz"];
@@ -136,7 +221,8 @@ fn joint(
     inside: Option<&str>,
     bodies: &BTreeMap<&str, usize>,
 ) -> Result<Option<OsimJoint>, String> {
-    let text = |tag: &str| node.children().find(|c| c.has_tag_name(tag)).and_then(|c| c.text()).map(str::trim);
+    let text =
+        |tag: &str| node.children().find(|c| c.has_tag_name(tag)).and_then(|c| c.text()).map(str::trim);
     let (parent, in_parent, child, in_child) = if let Some(parent) = text("parent_body") {
         let Some(child) = inside else { return Ok(None) };
         let [a, b] = [["location_in_parent", "orientation_in_parent"], ["location", "orientation"]]
@@ -193,7 +279,8 @@ fn moved(node: &Node) -> Result<Isometry3<f64>, String> {
         let value = named.and_then(|n| values.get(n.trim())).copied().unwrap_or(0.0);
         let along = Vector3::from_row_slice(&{
             let all = numbers(&axis, "axis")?;
-            <[f64; 3]>::try_from(all).map_err(|_| format!("axis of {}: three numbers are needed", place(&axis)))?
+            <[f64; 3]>::try_from(all)
+                .map_err(|_| format!("axis of {}: three numbers are needed", place(&axis)))?
         });
         let size = Function::of(&axis)?.at(value);
         if axis.attribute("name").is_some_and(|n| n.starts_with("rotation")) {

@@ -95,6 +95,8 @@ pub struct PeopleOptions {
     pub symmetric: bool,
     /// Markers whose names say nothing, or something else.
     pub own_markers: MarkerFile,
+    /// Lengths from elsewhere, m, as in [`Known::lengths_m`].
+    pub lengths_m: Vec<(String, f64)>,
     /// How trials are tracked.
     pub track: TrackOptions,
 }
@@ -146,9 +148,11 @@ impl Person {
             sex: options.sex,
             symmetric: options.symmetric,
             own_markers: options.own_markers.clone(),
+            lengths_m: options.lengths_m.clone(),
         };
         let fitted = subject(&labels, &frames, options.kind, &known)?;
         let (subject, fixed) = follow(fitted, &labels, trials)?;
+        notes.extend(compared_lengths(&options.lengths_m, &subject));
         if !fixed.is_empty() {
             notes.push(format!("no marker follows {}: fixed to the link before", fixed.join(", ")));
         }
@@ -351,6 +355,16 @@ fn weight(trials: &[Trial]) -> Option<f64> {
         means.filter(|m| m.is_finite()).max_by(f64::total_cmp)
     });
     best.max_by(f64::total_cmp).map(|force| force / GRAVITY)
+}
+
+/// Tells what lengths from elsewhere became.
+fn compared_lengths(given: &[(String, f64)], subject: &Subject) -> Option<String> {
+    let each = given.iter().filter_map(|(name, length)| {
+        let found = subject.person.length(name)?;
+        Some(format!("{} {length:.3} ({found:.3})", name.replace('_', " ")))
+    });
+    let each: Vec<String> = each.collect();
+    (!each.is_empty()).then(|| format!("lengths by --osim, and with the markers, m: {}", each.join(", ")))
 }
 
 /// Fixes links that no marker follows to their parents.
