@@ -5,6 +5,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::study::Motion;
 use crate::fit::{Factor, Fingerprint, FitError, Silent, plain_factor};
 use crate::inverse_kinematics::subject::Subject;
 use crate::motion_capture::trial::Trial;
@@ -28,18 +29,6 @@ pub enum DrawError {
     Fit(#[from] FitError),
 }
 
-/// A motion that is looked at.
-pub struct Looked {
-    /// Its trial.
-    pub trial: usize,
-    /// Time of its first frame, ns.
-    pub first_ns: u64,
-    /// How many frames it has.
-    pub frames: usize,
-    /// 1 σ of every channel.
-    pub sigma: Vec<f64>,
-}
-
 /// Returns D: how parameters change with joints and markers, one column a draw.
 ///
 /// # Errors
@@ -47,7 +36,7 @@ pub struct Looked {
 pub fn draws(
     person: &Person,
     trials: &[Trial],
-    motions: &[Looked],
+    motions: &[Motion],
     known: &Factor,
     progress: &dyn Fn(f64),
 ) -> Result<DMatrix<f64>, DrawError> {
@@ -82,7 +71,7 @@ pub fn draws(
 fn factor(
     person: &Person,
     trials: &[Trial],
-    motion: &Looked,
+    motion: &Motion,
     most: usize,
     subject: &Subject,
 ) -> Result<Option<Factor>, DrawError> {
@@ -90,14 +79,13 @@ fn factor(
         return Ok(None);
     };
     // Its middle.
-    let used = motion.frames.min(most);
-    let first = tracked.frames.partition_point(|frame| frame.time_ns < motion.first_ns);
-    let first = first + (motion.frames - used) / 2;
+    let count = motion.frames.len();
+    let used = count.min(most);
+    let first = motion.frames.start + (count - used) / 2;
     let frames = frames_as(subject, trial, tracked, first..first + used);
-    let Some(input) = Person::input_of(subject, tracked, &frames) else { return Ok(None) };
-    let source = TreeSource::new(input)?;
+    let source = TreeSource::new(Person::input_of(subject, tracked, frames))?;
     // As much as all of its frames weigh against the table.
-    let share = (used as f64 / motion.frames.max(1) as f64).sqrt();
+    let share = (used as f64 / count.max(1) as f64).sqrt();
     let sigma: Vec<f64> = motion.sigma.iter().map(|sigma| sigma * share).collect();
     Ok(Some(plain_factor(&source, &sigma, &Silent)?))
 }

@@ -58,9 +58,9 @@ pub fn choices(study: &Study, way: Way, count: usize) -> Result<(Vec<usize>, Vec
     let candidates: Vec<Candidate> = study
         .motions
         .iter()
-        .map(|m| Candidate { name: m.name.clone(), factor: m.fit.factor.clone() })
+        .map(|m| Candidate { name: m.name.clone(), factor: m.pooled.factor.clone() })
         .collect();
-    let groups = groups(&study.motions[0].fit.parameters, &LIMBS);
+    let groups = groups(&study.motions[0].pooled.parameters, &LIMBS);
     let made = |way: Way| -> Result<Vec<usize>, SelectionError> {
         match way {
             Way::DOptimal => d_optimal(&candidates, count),

@@ -4,7 +4,7 @@ use hexapod::STANDARD_GRAVITY_MPS2 as GRAVITY;
 
 use super::study::{Study, StudyError};
 use crate::answer::person::LeftOut;
-use crate::fit::{Fit, Prediction};
+use crate::fit::{Fit, PredictedBlock, Prediction, parallel};
 use crate::problem::person::Person;
 use crate::problem::person::noise::noise_gain;
 
@@ -12,36 +12,41 @@ use crate::problem::person::noise::noise_gain;
 pub struct LeftOutMotions {
     /// The errors of every channel.
     pub channels: Vec<LeftOut>,
-    /// What the person's own parameters predict of each motion that they do not come from, then what the table predicts.
-    pub predictions: Vec<[Prediction; 2]>,
+    /// What the person's own parameters predict of each motion that they do not come from, then what the table predicts; of the
+    /// beginning of each trial.
+    pub predictions: Vec<[Vec<PredictedBlock>; 2]>,
 }
 
-/// Returns the errors of motions that were left out one at a time; of a single motion those of itself.
+/// Returns the errors of motions that were left out one at a time; of a single motion those of itself. Predictions are kept of the first
+/// `keep_s` of each trial.
 ///
 /// # Errors
 /// [`StudyError`] as the fits have it.
-pub fn left_out(study: &Study, person: &Person) -> Result<LeftOutMotions, StudyError> {
-    let all: Vec<usize> = (0..study.motions.len()).collect();
-    let channels = &study.motions[0].fit.channels;
+pub fn left_out(study: &Study, person: &Person, keep_s: f64) -> Result<LeftOutMotions, StudyError> {
+    let count = study.motions.len();
+    let channels = &study.channels;
+    let predicted = parallel::map(parallel::threads(), count, |k| -> Result<_, StudyError> {
+        let others: Vec<usize> = (0..count).filter(|o| *o != k || count == 1).collect();
+        let values = predictor(study, person, &study.together(&others)?)?;
+        let motion = &study.motions[k];
+        let found = Prediction::of_each(&motion.source(person)?, [&values, study.table.mean().as_slice()])?;
+        let report = &person.trials[motion.trial].report;
+        let share = f64::from(motion.every) * noise_gain(report.rate_hz, report.cut_off_hz);
+        let sums: Vec<Sums> = (0..channels.len()).map(|c| Sums::of(&found, c, share)).collect();
+        let is_kept = |block: &PredictedBlock| block.time_s <= keep_s;
+        let kept = found.map(|own| own.blocks.into_iter().filter(is_kept).collect());
+        Ok((sums, kept))
+    });
     let mut sums = vec![Sums::default(); channels.len()];
     let mut predictions = Vec::new();
-    for k in &all {
-        let others: Vec<usize> = all.iter().copied().filter(|o| o != k || all.len() == 1).collect();
-        let values = predictor(study, person, &study.together(&others)?)?;
-        let source = &study.motions[*k].source;
-        let own = Prediction::of(source, &values, &[])?;
-        let table = Prediction::of(source, study.table.mean().as_slice(), &[])?;
-        let report = &person.trials[study.motions[*k].trial].report;
-        let every = f64::from(study.motions[*k].fit.filter.every);
-        let share = every * noise_gain(report.rate_hz, report.cut_off_hz);
-        for (c, sums) in sums.iter_mut().enumerate() {
-            sums.add(&own, &table, c, share);
-        }
-        predictions.push([own, table]);
+    for predicted in predicted {
+        let (own, kept) = predicted?;
+        sums.iter_mut().zip(&own).for_each(|(sums, own)| sums.add(own));
+        predictions.push(kept);
     }
     let weight = person.subject.person.mass_kg * GRAVITY;
     let found = channels.iter().zip(&sums).map(|(channel, sums)| {
-        let error = sums.error(&channel.channel);
+        let error = sums.error(channel);
         let by = if error.unit == "N" { weight } else { weight * person.subject.person.height_m };
         LeftOut { percent_of_weight: 100.0 * error.rms / by, ..error }
     });
@@ -66,19 +71,35 @@ struct Sums {
 }
 
 impl Sums {
-    fn add(&mut self, own: &Prediction, table: &Prediction, c: usize, share: f64) {
+    /// Sums of a channel, by the person's own parameters and by the table; blocks that count for `share` independent ones.
+    fn of([own, table]: &[Prediction; 2], c: usize, share: f64) -> Self {
+        let mut sums = Self::default();
         for (own, table) in own.blocks.iter().zip(&table.blocks) {
             let y = own.measured[c];
             let (a, b) = ((y - own.predicted[c]).powi(2), (y - table.predicted[c]).powi(2));
-            self.count += 1.0;
-            self.independent += share;
-            self.own += a;
-            self.table += b;
-            self.gain += b - a;
-            self.gain_square += (b - a).powi(2);
-            self.measured += y;
-            self.measured_square += y * y;
+            sums.add(&Self {
+                count: 1.0,
+                independent: share,
+                own: a,
+                table: b,
+                gain: b - a,
+                gain_square: (b - a).powi(2),
+                measured: y,
+                measured_square: y * y,
+            });
         }
+        sums
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.count += other.count;
+        self.independent += other.independent;
+        self.own += other.own;
+        self.table += other.table;
+        self.gain += other.gain;
+        self.gain_square += other.gain_square;
+        self.measured += other.measured;
+        self.measured_square += other.measured_square;
     }
 
     fn error(&self, channel: &crate::fit::Channel) -> LeftOut {

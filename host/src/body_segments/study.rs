@@ -1,24 +1,32 @@
 //! Motions of a person, each with its rows and factor, and what they say together.
 
+use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use nalgebra::DMatrix;
 
-use super::calibration::{DrawError, Looked, draws};
+use super::calibration::{DrawError, draws};
 use crate::answer::checks;
 use crate::answer::standard_parameters::{BaseEstimate, Full, nearest};
 use crate::fit::pool::{PoolError, PooledFactor};
 use crate::fit::prior::apply_distribution;
-use crate::fit::{Checks, Factor, Fit, FitError, FitOptions, Gaussian, Measured, Progress, RowSource, fit};
-use crate::model::ModelError;
-use crate::model::base::BaseParameters;
+use crate::fit::{
+    Channel, Checks, Factor, Fit, FitError, FitOptions, Gaussian, Measured, Progress, RowSource, Silent, fit,
+    parallel,
+};
+use crate::model::base::{BaseParameters, Situation};
+use crate::model::{Model, ModelError};
 use crate::motion_capture::trial::Trial;
 use crate::motion_selection::SelectionError;
 use crate::problem::person::anthropometry::{Spread, distribution};
 use crate::problem::person::noise::{RowSums, sigma};
 use crate::problem::person::{Person, PersonError};
-use crate::problem::tree::{Input, TreeSource, TreeSourceError};
+use crate::problem::tree::{TreeSource, TreeSourceError};
 
 /// Fewest frames that a motion has.
 const FEWEST_FRAMES: usize = 15;
+/// Most frames of a motion: longer trials are more motions.
+const MOST_FRAMES: usize = 10_000;
 
 /// The reason that a person's segments are not found.
 #[derive(Debug, thiserror::Error)]
@@ -76,30 +84,91 @@ pub struct Motion {
     pub name: String,
     /// The trial, by its number.
     pub trial: usize,
-    /// Its rows.
-    pub source: TreeSource,
-    /// Its fit.
-    pub fit: Fit,
+    /// Its frames among those of the trial that rows are made of.
+    pub frames: Range<usize>,
+    /// 1 σ of every channel, per unfiltered sample.
+    pub sigma: Vec<f64>,
+    /// Samples that a row stands for.
+    pub every: u16,
+    /// Its factor, with what its checks found. That residuals of people who are not rigid are as slow as their motion is counted in the
+    /// intervals, and no warning.
+    pub pooled: PooledFactor,
 }
 
 impl Motion {
-    /// Returns 1 σ of every channel, per unfiltered sample.
-    pub fn sigma(&self) -> Vec<f64> {
-        self.source.channels().iter().map(|c| c.sigma.unwrap_or(1.0)).collect()
+    /// Returns its rows.
+    ///
+    /// # Errors
+    /// [`StudyError::Source`] if the person has other frames.
+    pub fn source(&self, person: &Person) -> Result<TreeSource, StudyError> {
+        Ok(source(person, self.trial, &self.frames)?.with_channel_sigma(self.sigma.clone()))
     }
 
-    fn looked(&self) -> Looked {
-        let frames = &self.source.input().frames;
-        let first_ns = frames.first().map_or(0, |frame| frame.time_ns);
-        Looked { trial: self.trial, first_ns, frames: frames.len(), sigma: self.sigma() }
+    fn of(part: &Part, sigma: &[f64], fit: &Fit) -> Self {
+        let found = Checks { warnings: Vec::new(), ..checks(fit, &[], true) };
+        Self {
+            name: part.name.clone(),
+            trial: part.trial,
+            frames: part.frames.clone(),
+            sigma: sigma.to_vec(),
+            every: fit.filter.every,
+            pooled: PooledFactor::of(fit, &part.name).checked(&found),
+        }
     }
+}
 
-    /// Returns its factor, with what its checks found. That residuals of people who are not rigid are as slow as their motion is
-    /// counted in the intervals, and no warning.
-    pub fn factor(&self) -> PooledFactor {
-        let found = Checks { warnings: Vec::new(), ..checks(&self.fit, &[], true) };
-        PooledFactor::of(&self.fit, &self.name).checked(&found)
+/// Frames that become a motion.
+struct Part {
+    name: String,
+    trial: usize,
+    frames: Range<usize>,
+}
+
+/// Parts of some of a person's trials, and why trials have none; a single trial is cut into `asked` parts, a long one into more.
+fn parts(person: &Person, which: &[usize], asked: usize) -> (Vec<Part>, Vec<String>) {
+    let (mut parts, mut left) = (Vec::new(), Vec::new());
+    for (trial, tracked) in which.iter().filter_map(|k| Some((*k, person.trials.get(*k)?))) {
+        let frames = tracked.frames.len();
+        if frames < FEWEST_FRAMES {
+            left.push(tracked.why_unused());
+            continue;
+        }
+        let asked = if which.len() == 1 { asked } else { 1 };
+        let count = asked.max(frames.div_ceil(MOST_FRAMES)).min(frames / FEWEST_FRAMES).max(1);
+        let length = frames.div_ceil(count);
+        for (part, first) in (0..frames).step_by(length).enumerate() {
+            let own = if count == 1 { String::new() } else { format!(", part {}", part + 1) };
+            let name = tracked.name.clone() + &own;
+            parts.push(Part { name, trial, frames: first..frames.min(first + length) });
+        }
     }
+    (parts, left)
+}
+
+/// 1 σ of the channels of every part, by what the table and all parts leave.
+fn noise(
+    person: &Person,
+    parts: &[Part],
+    table: &Gaussian,
+    progress: &(dyn Fn() + Sync),
+) -> Result<Vec<Vec<f64>>, StudyError> {
+    let sums = parallel::map(parallel::threads(), parts.len(), |k| -> Result<RowSums, StudyError> {
+        progress();
+        let report = &person.trials[parts[k].trial].report;
+        let source = source(person, parts[k].trial, &parts[k].frames)?;
+        Ok(RowSums::of(&source, report.rate_hz, report.cut_off_hz)?)
+    });
+    let sums: Vec<RowSums> = sums.into_iter().collect::<Result<_, _>>()?;
+    sigma(&sums, table).ok_or_else(|| {
+        StudyError::NoFrames("the rows that are left are too short for their filter".to_owned())
+    })
+}
+
+/// The rows of some frames of a trial, their noise not known.
+fn source(person: &Person, trial: usize, frames: &Range<usize>) -> Result<TreeSource, StudyError> {
+    let input = person.input(trial, frames.clone());
+    let input = input.ok_or_else(|| StudyError::NoFrames(format!("trial {} is not there", trial + 1)))?;
+    Ok(TreeSource::new(input)?)
 }
 
 /// Returns a fit whose σ are what residuals have beside the table: there is no stated noise to compare them with.
@@ -122,6 +191,13 @@ pub struct Study {
     pub left: Vec<String>,
     /// How joint centres and marker places move the parameters, one column a draw; none before [`Study::draw`].
     pub draws: DMatrix<f64>,
+    base: BaseParameters,
+    /// The model that the rows are of, without fixed joints.
+    pub model: Model,
+    /// What is measured of it.
+    pub situation: Situation,
+    /// The same by channels.
+    pub channels: Vec<Channel>,
 }
 
 impl Study {
@@ -134,54 +210,51 @@ impl Study {
         which: &[usize],
         options: &StudyOptions,
         fit_options: &FitOptions,
-        progress: &dyn Progress,
+        progress: &(dyn Progress + Sync),
     ) -> Result<Self, StudyError> {
-        let (mut sources, mut left): (Vec<(String, usize, TreeSource)>, Vec<String>) =
-            (Vec::new(), Vec::new());
-        let parts = if which.len() == 1 { options.parts.max(1) } else { 1 };
-        for (k, tracked) in which.iter().filter_map(|k| Some((*k, person.trials.get(*k)?))) {
-            let Some(input) = person.input(k).filter(|input| input.frames.len() >= FEWEST_FRAMES) else {
-                left.push(tracked.why_unused());
-                continue;
-            };
-            let parts = parts.min(input.frames.len() / FEWEST_FRAMES).max(1);
-            for (part, input) in in_parts(input, parts).into_iter().enumerate() {
-                let name = if parts == 1 {
-                    tracked.name.clone()
-                } else {
-                    format!("{}, part {}", tracked.name, part + 1)
-                };
-                sources.push((name, k, TreeSource::new(input)?));
-            }
-        }
-        let Some((_, _, first)) = sources.first() else {
+        let (parts, mut left) = parts(person, which, options.parts);
+        let Some(Part { trial, frames, .. }) = parts.first() else {
             return Err(StudyError::NoFrames(left.join("; ")));
         };
+        let first = source(person, *trial, &(frames.start..frames.start + FEWEST_FRAMES))?;
         let open = table(person, first.base(), &options.spread)?;
-        let mut sums = Vec::new();
-        for (_, trial, source) in &sources {
-            let report = &person.trials[*trial].report;
-            sums.push(RowSums::of(source, report.rate_hz, report.cut_off_hz)?);
-        }
-        let sigmas = sigma(&sums, &open).ok_or_else(|| {
-            StudyError::NoFrames("the rows that are left are too short for their filter".to_owned())
-        })?;
+        let done = AtomicUsize::new(0);
+        let one = || {
+            let done = done.fetch_add(1, Ordering::Relaxed);
+            progress.stage("motions", done as f64 / (2 * parts.len()) as f64);
+        };
+        let sigma = noise(person, &parts, &open, &one)?;
+        let found = parallel::map(parallel::threads(), parts.len(), |k| -> Result<_, StudyError> {
+            one();
+            let own = source(person, parts[k].trial, &parts[k].frames)?.with_channel_sigma(sigma[k].clone());
+            match fit(&own, fit_options, &Silent) {
+                Ok(fit) => Ok(Ok(Motion::of(&parts[k], &sigma[k], &nothing_stated(fit)))),
+                Err(error @ FitError::NoRows { .. }) => Ok(Err(format!("{}: {error}", parts[k].name))),
+                Err(error) => Err(error.into()),
+            }
+        });
         let mut motions = Vec::new();
-        for (k, ((name, trial, source), sigma)) in sources.into_iter().zip(sigmas).enumerate() {
-            progress.stage("motions", k as f64 / sums.len() as f64);
-            let source = source.with_channel_sigma(sigma);
-            match fit(&source, fit_options, progress) {
-                Ok(fit) => motions.push(Motion { name, trial, source, fit: nothing_stated(fit) }),
-                Err(error @ FitError::NoRows { .. }) => left.push(format!("{name}: {error}")),
-                Err(error) => return Err(error.into()),
+        for found in found {
+            match found? {
+                Ok(motion) => motions.push(motion),
+                Err(why) => left.push(why),
             }
         }
         if motions.is_empty() {
             return Err(StudyError::NoFrames(left.join("; ")));
         }
-        let table = options.mass_kg.map_or_else(|| open.clone(), |mass| with_mass(&open, mass));
-        let draws = DMatrix::zeros(open.names().len(), 0);
-        Ok(Self { motions, table, open, options: *options, left, draws })
+        Ok(Self {
+            motions,
+            table: options.mass_kg.map_or_else(|| open.clone(), |mass| with_mass(&open, mass)),
+            draws: DMatrix::zeros(open.names().len(), 0),
+            open,
+            options: *options,
+            left,
+            base: first.base().clone(),
+            model: first.input().model.clone(),
+            situation: first.input().situation,
+            channels: first.channels().to_vec(),
+        })
     }
 
     /// Finds how joint centres and marker places move the parameters; `trials` are those that the person was made of.
@@ -192,10 +265,9 @@ impl Study {
         &mut self,
         person: &Person,
         trials: &[Trial],
-        progress: &dyn Progress,
+        progress: &(dyn Progress + Sync),
     ) -> Result<(), StudyError> {
-        let looked: Vec<Looked> = self.motions.iter().map(Motion::looked).collect();
-        self.draws = draws(person, trials, &looked, &known(&self.table), &|share| {
+        self.draws = draws(person, trials, &self.motions, &known(&self.table), &|share| {
             progress.stage("joint centres' uncertainty", share);
         })?;
         Ok(())
@@ -207,7 +279,7 @@ impl Study {
     /// [`StudyError::Pool`] if there are none.
     pub fn together(&self, motions: &[usize]) -> Result<Fit, StudyError> {
         let chosen = motions.iter().filter_map(|k| self.motions.get(*k));
-        Self::merged(chosen.map(Motion::factor).collect(), &self.table)
+        Self::merged(chosen.map(|motion| motion.pooled.clone()).collect(), &self.table)
     }
 
     /// Returns the same of other factors of these motions: each with its motion's number.
@@ -215,8 +287,9 @@ impl Study {
     /// # Errors
     /// [`StudyError::Pool`] if there are none.
     pub fn together_by(&self, factors: Vec<(usize, Factor)>) -> Result<Fit, StudyError> {
-        let own =
-            |(k, factor): (usize, Factor)| Some(PooledFactor { factor, ..self.motions.get(k)?.factor() });
+        let own = |(k, factor): (usize, Factor)| {
+            Some(PooledFactor { factor, ..self.motions.get(k)?.pooled.clone() })
+        };
         Self::merged(factors.into_iter().filter_map(own).collect(), &self.table)
     }
 
@@ -231,7 +304,8 @@ impl Study {
     /// # Errors
     /// [`StudyError::Pool`] if there are no motions.
     pub fn mass_by_plates(&self) -> Result<Option<Measured>, StudyError> {
-        let fit = Self::merged(self.motions.iter().map(Motion::factor).collect(), &self.open)?;
+        let all = self.motions.iter().map(|motion| motion.pooled.clone());
+        let fit = Self::merged(all.collect(), &self.open)?;
         Ok(self.with_calibration(fit).estimate.measured(0))
     }
 
@@ -250,7 +324,7 @@ impl Study {
 
     /// Returns the base parameters.
     pub fn base(&self) -> &BaseParameters {
-        self.motions[0].source.base()
+        &self.base
     }
 
     /// Returns the physically consistent segments nearest to the table of a person that a fit leaves.
@@ -264,7 +338,7 @@ impl Study {
 
     /// Returns the number of parameters.
     pub fn parameters(&self) -> usize {
-        self.motions.first().map_or(0, |m| m.source.parameters().len())
+        self.table.names().len()
     }
 }
 
@@ -276,19 +350,6 @@ pub fn known(table: &Gaussian) -> Factor {
     let mut factor = Factor::new(table.names().len());
     factor.absorb(rows.iter().map(Vec::as_slice).zip(right.iter().copied()));
     factor
-}
-
-/// Parts of a trial, as equal as can be; its frames are moved into them.
-fn in_parts(mut whole: Input, parts: usize) -> Vec<Input> {
-    let length = whole.frames.len().div_ceil(parts);
-    let mut rest = std::mem::take(&mut whole.frames);
-    let mut all = Vec::new();
-    while !rest.is_empty() {
-        let next = rest.split_off(length.min(rest.len()));
-        all.push(whole.with_frames(rest));
-        rest = next;
-    }
-    all
 }
 
 /// The table of a person whose mass is known, kg with 1 σ: that is its first parameter.

@@ -6,7 +6,7 @@
 use nalgebra::{DMatrix, Vector4};
 
 use super::segments::centre_of_mass;
-use super::study::{Motion, Study, StudyError, known};
+use super::study::{Study, StudyError, known};
 use crate::answer::person::ToolResult;
 use crate::fit::pool::PooledFactor;
 use crate::fit::{COVERAGE_95, Measured};
@@ -16,7 +16,7 @@ use crate::fit::{COVERAGE_95, Measured};
 /// # Errors
 /// [`StudyError`] if the model has no such link, or the motions do not fit together.
 pub fn tool(with: &Study, without: &Study, link: &str, name: &str) -> Result<ToolResult, StudyError> {
-    let model = &with.motions[0].source.input().model;
+    let model = &with.model;
     let at = model.link(link).ok_or_else(|| {
         let links: Vec<&str> = model.links.iter().map(|l| l.name.as_str()).collect();
         StudyError::NoFrames(format!(
@@ -31,7 +31,7 @@ pub fn tool(with: &Study, without: &Study, link: &str, name: &str) -> Result<Too
         Some(k) => weights[(i, k)],
     });
     let all = |study: &Study| {
-        let factors = study.motions.iter().map(Motion::factor).collect();
+        let factors = study.motions.iter().map(|motion| motion.pooled.clone()).collect();
         PooledFactor::merged(factors, false).map(|pooled| pooled.factor)
     };
     let mut joint = all(with)?.substitute(&map);

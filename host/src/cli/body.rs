@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use super::body_arguments::{Body, BodyCommand, IdentifyBody};
 use super::body_device::compared;
-use super::body_page::pages;
+use super::body_page::{SHOWN_S, pages};
 use super::outcome::say;
 use super::{ExitStatus, Failure, Folder, Stages};
 use crate::answer::person::PersonResult;
@@ -97,9 +97,10 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
     let fit = study.with_calibration(fit);
     let mut answer = answer(arguments, &person, &study, &fit)?;
     stages.at("left-out motions", 0.0);
-    let left_out = left_out(&study, &person).map_err(Failure::input)?;
+    let left_out = left_out(&study, &person, SHOWN_S).map_err(Failure::input)?;
     let result = person_result(&study, &person, &fit, &full, &answer, &left_out.channels);
-    let device = arguments.mcu.map(|mcu| compared(mcu, &study, &chosen, &fit, &stages)).transpose()?;
+    let device =
+        arguments.mcu.map(|mcu| compared(mcu, (&person, &study), &chosen, &fit, &stages)).transpose()?;
     let (device, warnings) = device.unzip();
     answer.person = Some(PersonResult { choices, device, tool, ..result.map_err(Failure::input)? });
     answer.warnings.extend(warnings.into_iter().flatten());
@@ -200,11 +201,10 @@ fn trials(arguments: &IdentifyBody) -> Result<Vec<Trial>, Failure> {
 }
 
 fn answer(arguments: &IdentifyBody, person: &Person, study: &Study, fit: &Fit) -> Result<Answer, Failure> {
-    let input = study.motions[0].source.input();
     let links = Links {
-        model: &input.model,
+        model: &study.model,
         base: study.base(),
-        situation: input.situation,
+        situation: study.situation,
         drives: Vec::new(),
         idle: Vec::new(),
         beyond: Vec::new(),
@@ -282,7 +282,7 @@ fn finish(
     let page = folder.write("report.html", present::report(answer, &series).as_bytes())?;
     for motion in &study.motions {
         let name = format!("{}.factor", motion.name.replace(['/', '\\', ',', ' '], "_"));
-        folder.write(&name, &motion.factor().to_bytes())?;
+        folder.write(&name, &motion.pooled.to_bytes())?;
     }
     for (name, page) in pages {
         folder.write(name, page.as_bytes())?;

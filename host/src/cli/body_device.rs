@@ -9,6 +9,8 @@ use crate::device::link::Client;
 use crate::device::session::tree::complaints;
 use crate::device::session::{Nobody, Session, Take, tracked};
 use crate::fit::{Factor, Fit, Silent, plain_factor};
+use crate::problem::person::Person;
+use crate::problem::tree::TreeSource;
 
 /// A device may differ by so many standard deviations, …
 const ALLOWED_SD: f64 = 0.05;
@@ -18,7 +20,7 @@ const ALLOWED_ROUNDINGS: f64 = 20.0;
 /// Streams some motions to the firmware; returns what it made of them, and what to warn of.
 pub(super) fn compared(
     mcu: Mcu,
-    study: &Study,
+    (person, study): (&Person, &Study),
     chosen: &[usize],
     answer: &Fit,
     stages: &Stages,
@@ -28,11 +30,12 @@ pub(super) fn compared(
     for (done, k) in chosen.iter().enumerate() {
         stages.at("the microcontroller", done as f64 / chosen.len() as f64);
         let Some(motion) = study.motions.get(*k) else { continue };
-        let (factor, frames) = streamed(mcu, motion, &mut warnings)?;
+        let source = motion.source(person).map_err(Failure::input)?;
+        let (factor, frames) = streamed(mcu, motion, &source, &mut warnings)?;
         result.frames += frames;
         result.rows += factor.rows();
         theirs.push((*k, factor));
-        ours.push((*k, plain_factor(&motion.source, &motion.sigma(), &Silent).map_err(Failure::input)?));
+        ours.push((*k, plain_factor(&source, &motion.sigma, &Silent).map_err(Failure::input)?));
     }
     let [device, host] = [theirs, ours].map(|factors| study.together_by(factors));
     let (device, host) = (device.map_err(Failure::input)?.estimate, host.map_err(Failure::input)?.estimate);
@@ -62,11 +65,16 @@ pub(super) fn compared(
 }
 
 /// Returns what the firmware makes of a motion, over the source's parameters, and how many frames it was sent.
-fn streamed(mcu: Mcu, motion: &Motion, warnings: &mut Vec<String>) -> Result<(Factor, u64), Failure> {
+fn streamed(
+    mcu: Mcu,
+    motion: &Motion,
+    source: &TreeSource,
+    warnings: &mut Vec<String>,
+) -> Result<(Factor, u64), Failure> {
     let said = |error: &dyn std::fmt::Display| Failure::input(format!("{}: {error}", motion.name));
-    let (settings, map) = tracked::settings(&motion.source).map_err(|e| said(&e))?;
-    let frames = tracked::frames(&motion.source).map_err(|e| said(&e))?;
-    let input = motion.source.input();
+    let (settings, map) = tracked::settings(source).map_err(|e| said(&e))?;
+    let frames = tracked::frames(source).map_err(|e| said(&e))?;
+    let input = source.input();
     let left_out = tracked::left_out(&frames, input.model.links.len());
     let sent = frames.len() as u64;
     let (transport, gate) = simulated::frames(mcu, frames, input.rate_hz)?;

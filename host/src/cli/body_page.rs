@@ -4,14 +4,16 @@ use nalgebra::Vector3;
 
 use crate::body_segments::Study;
 use crate::body_segments::left_out::LeftOutMotions;
-use crate::inverse_kinematics::skeleton::Place;
+use crate::inverse_kinematics::skeleton::{Place, Skeleton};
 use crate::inverse_kinematics::subject::Subject;
 use crate::motion_capture::trial::Trial;
 use crate::present::motion::{Bone, Curve, ErrorRow, ForceArrow, MotionPage, Rms, Side};
 use crate::problem::person::{Person, Tracked};
 
-/// Frames a second that are kept, at most.
+/// Frames a second that are kept, at most, …
 const RATE_HZ: f64 = 100.0;
+/// … and how much of a trial is shown, s.
+pub(super) const SHOWN_S: f64 = 120.0;
 /// A total force below this has no point of application worth showing, N.
 const LEAST_N: f64 = 25.0;
 const NONE: [f32; 3] = [f32::NAN; 3];
@@ -42,23 +44,28 @@ fn page(
 ) -> MotionPage {
     let subject = &person.subject;
     let step = (trial.rate_hz / RATE_HZ).ceil().max(1.0) as usize;
-    let kept: Vec<usize> = (0..trial.frames()).step_by(step).collect();
+    let shown = trial.frames().min((SHOWN_S * trial.rate_hz).ceil() as usize);
+    let kept: Vec<usize> = (0..shown).step_by(step).collect();
     let figure = Figure::of(subject);
-    let places = |frame: usize| Some(subject.skeleton.places(tracked.poses.get(frame)?.as_ref()?));
-    let mut used = vec![false; trial.frames()];
-    for frame in &tracked.frames {
+    let places = |frame: usize| tracked.places(subject, frame);
+    let mut used = vec![false; shown];
+    for frame in tracked.frames.iter().take_while(|frame| frame.number < shown) {
         used[frame.number] = true;
     }
-    let wrench = Wrench::of(study, (k, tracked, trial), predicted);
+    let wrench = Wrench::of(study, (k, tracked, shown), predicted);
     let markers = |frame: usize| -> Vec<[f32; 3]> {
         let own =
             |name: &String| trial.labels.iter().position(|l| l == name).and_then(|l| trial.point(frame, l));
         subject.markers.iter().map(|m| own(&m.name).map_or(NONE, single)).collect()
     };
     MotionPage {
-        title: tracked.name.clone(),
+        title: if shown < trial.frames() {
+            format!("{}, the first {SHOWN_S} s", tracked.name)
+        } else {
+            tracked.name.clone()
+        },
         rate_hz: trial.rate_hz / step as f64,
-        forward: forward(tracked),
+        forward: forward(&subject.skeleton, tracked, &kept),
         points_m: kept.iter().map(|f| figure.points(places(*f).as_deref())).collect(),
         bones: figure.bones,
         markers_m: kept.iter().map(|f| markers(*f)).collect(),
@@ -96,8 +103,9 @@ fn single(v: Vector3<f64>) -> [f32; 3] {
 }
 
 /// The way the person faces on average.
-fn forward(tracked: &Tracked) -> [f32; 2] {
-    let sum: Vector3<f64> = tracked.poses.iter().flatten().map(|p| p.attitude * Vector3::x()).sum();
+fn forward(skeleton: &Skeleton, tracked: &Tracked, kept: &[usize]) -> [f32; 2] {
+    let pose = |frame: usize| tracked.coordinates.pose(skeleton, frame);
+    let sum: Vector3<f64> = kept.iter().filter_map(|f| pose(*f)).map(|p| p.attitude * Vector3::x()).sum();
     let flat = sum.xy().try_normalize(1e-9).unwrap_or_default();
     [flat.x as f32, flat.y as f32]
 }
@@ -177,17 +185,16 @@ struct Wrench {
 }
 
 impl Wrench {
-    fn of(study: &Study, (k, tracked, trial): (usize, &Tracked, &Trial), predicted: &LeftOutMotions) -> Self {
-        let none = || vec![[f32::NAN; 6]; trial.frames()];
-        let mut all =
-            Self { measured: none(), own: none(), table: none(), pressed: vec![NONE; trial.frames()] };
+    fn of(study: &Study, (k, tracked, shown): (usize, &Tracked, usize), predicted: &LeftOutMotions) -> Self {
+        let none = || vec![[f32::NAN; 6]; shown];
+        let mut all = Self { measured: none(), own: none(), table: none(), pressed: vec![NONE; shown] };
         for (motion, [own, table]) in study.motions.iter().zip(&predicted.predictions) {
             if motion.trial != k {
                 continue;
             }
-            for (own, table) in own.blocks.iter().zip(&table.blocks) {
+            for (own, table) in own.iter().zip(table) {
                 // The filter is about the middle of its width, which may lie between two frames.
-                let frame = (own.time_s * trial.rate_hz + 0.25).round().max(0.0) as usize;
+                let frame = (own.time_s * tracked.report.rate_hz + 0.25).round().max(0.0) as usize;
                 let six = |v: &[f64]| std::array::from_fn(|c| v.get(c).map_or(f32::NAN, |v| *v as f32));
                 if frame < all.measured.len() {
                     all.measured[frame] = six(&own.measured);
@@ -196,7 +203,7 @@ impl Wrench {
                 }
             }
         }
-        for frame in &tracked.frames {
+        for frame in tracked.frames.iter().take_while(|frame| frame.number < shown) {
             let [_, _, fz, mx, my, _] = frame.wrench;
             if fz > LEAST_N {
                 // On the floor: M = p × F with z = 0.

@@ -8,6 +8,17 @@ pub fn threads() -> usize {
     thread::available_parallelism().map_or(1, usize::from)
 }
 
+/// Numbers that one thread does one after the other.
+const RUN: usize = 2048;
+
+/// Does job 0 … `count − 1`, each short, on all cores; results in their order.
+pub fn each<R: Send>(count: usize, job: impl Fn(usize) -> R + Sync) -> Vec<R> {
+    let run = |k: usize| (k * RUN..count.min((k + 1) * RUN)).map(&job).collect::<Vec<R>>();
+    let mut all = Vec::with_capacity(count);
+    all.extend(map(threads(), count.div_ceil(RUN), run).into_iter().flatten());
+    all
+}
+
 /// Does job 0 … `count − 1`, each on whichever thread is free; results in the order of the jobs.
 pub fn map<R: Send>(threads: usize, count: usize, job: impl Fn(usize) -> R + Sync) -> Vec<R> {
     let next = AtomicUsize::new(0);

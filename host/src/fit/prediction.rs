@@ -74,15 +74,7 @@ impl Prediction {
         parameters: &[f64],
         errors: &[(String, f64)],
     ) -> Result<Self, FitError> {
-        let channels = source.channels();
-        let (given, wanted) = (parameters.len(), source.parameters().len());
-        if given != wanted {
-            return Err(FitError::Columns { given, wanted });
-        }
-        let own = source.blocks(&Silent)?;
-        if own.is_empty() {
-            return Err(condition::no_rows(&*own));
-        }
+        let own = blocks_for(source, &[parameters])?;
         let columns = Columns::of(source);
         let error = |(nuisance, corrected): (&Nuisance, &f64)| match nuisance.effect {
             Effect::Drift { .. } => 0.0,
@@ -99,10 +91,27 @@ impl Prediction {
             Some(_) => parameters.iter().chain(&errors).copied().collect(),
             None => parameters.to_vec(),
         };
-        let left = residuals(blocks, channels.len(), &values, &Weights::none(channels.len()));
-        let (mut rows, half_s) = (vec![0.0; channels.len() * values.len()], 0.5 * blocks.filter().width_s);
+        Ok(Self::by(blocks, source.channels().len(), &values))
+    }
+
+    /// Predicts the samples of a source by several parameters, one prediction each, without errors of sensors.
+    ///
+    /// # Errors
+    /// See [`Prediction::of`].
+    pub fn of_each<const N: usize>(
+        source: &dyn RowSource,
+        parameters: [&[f64]; N],
+    ) -> Result<[Self; N], FitError> {
+        let own = blocks_for(source, &parameters)?;
+        Ok(parameters.map(|values| Self::by(&*own, source.channels().len(), values)))
+    }
+
+    /// Predicts blocks by the values of all their columns.
+    fn by(blocks: &dyn RowBlocks, channels: usize, values: &[f64]) -> Self {
+        let left = residuals(blocks, channels, values, &Weights::none(channels));
+        let (mut rows, half_s) = (vec![0.0; channels * values.len()], 0.5 * blocks.filter().width_s);
         let of_block = |(block, left): (usize, &BlockResidual)| {
-            let mut measured = vec![0.0; channels.len()];
+            let mut measured = vec![0.0; channels];
             blocks.write(block, &mut rows, &mut measured);
             PredictedBlock {
                 time_s: left.time_s - half_s,
@@ -112,12 +121,25 @@ impl Prediction {
             }
         };
         let all: Vec<PredictedBlock> = left.iter().enumerate().map(of_block).collect();
-        Ok(Self {
-            residual_rms: rms(&left, channels.len()),
-            measured_sd: (0..channels.len()).map(|c| measured_sd(&all, c)).collect(),
+        Self {
+            residual_rms: rms(&left, channels),
+            measured_sd: (0..channels).map(|c| measured_sd(&all, c)).collect(),
             blocks: all,
-        })
+        }
     }
+}
+
+/// Returns the row blocks of a source, for parameters that must fit its columns.
+fn blocks_for<'a>(
+    source: &'a dyn RowSource,
+    parameters: &[&[f64]],
+) -> Result<Box<dyn RowBlocks + 'a>, FitError> {
+    let wanted = source.parameters().len();
+    if let Some(given) = parameters.iter().map(|own| own.len()).find(|given| *given != wanted) {
+        return Err(FitError::Columns { given, wanted });
+    }
+    let blocks = source.blocks(&Silent)?;
+    if blocks.is_empty() { Err(condition::no_rows(&*blocks)) } else { Ok(blocks) }
 }
 
 impl Fit {

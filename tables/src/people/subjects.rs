@@ -65,15 +65,8 @@ fn study(subject: &Subject, kind: HumanModel, seed: u64) -> Found {
     let laboratory = Laboratory::default();
     let trial = |k: u64| subject.somebody.trial(&format!("trial {}", k + 1), &laboratory, 100 * seed + k);
     let mut trials: Vec<Trial> = (0..TRIALS).map(trial).collect();
-    let options = PeopleOptions {
-        kind,
-        own_markers: subject.somebody.clusters().clone(),
-        track: rigident::problem::person::track::TrackOptions {
-            cut_off_hz: std::env::var("CUT").ok().and_then(|c| c.parse().ok()),
-            delay_s: None,
-        },
-        ..PeopleOptions::default()
-    };
+    let options =
+        PeopleOptions { kind, own_markers: subject.somebody.clusters().clone(), ..PeopleOptions::default() };
     let standing = subject.somebody.standing(&laboratory, seed);
     let person = Person::new(&mut trials, Some(&standing), &options, &|_, _| {}).expect("a person");
     let all: Vec<usize> = (0..trials.len()).collect();
@@ -81,7 +74,7 @@ fn study(subject: &Subject, kind: HumanModel, seed: u64) -> Found {
         .expect("motions");
     study.draw(&person, &trials, &Silent).expect("draws");
     let fit = study.with_calibration(study.together(&all).expect("a fit"));
-    let situation = study.motions[0].source.input().situation;
+    let situation = study.situation;
     let base = base_parameters(&subject.model, &situation).expect("base parameters");
     let true_values = base.map() * DVector::from_column_slice(&subject.truth);
     let truth =
@@ -120,7 +113,7 @@ fn study(subject: &Subject, kind: HumanModel, seed: u64) -> Found {
             found.mass = [own.value - value, own.u95];
         }
     }
-    let channels = left_out(&study, &person).expect("predictions").channels;
+    let channels = left_out(&study, &person, 0.0).expect("predictions").channels;
     let rms = |of: &dyn Fn(usize) -> f64| ((0..3).map(|c| of(c).powi(2)).sum::<f64>()).sqrt();
     found.left_out = [rms(&|c| channels[c].rms), rms(&|c| channels[c].table_rms)];
     let frames: usize = person.trials.iter().map(|t| t.report.frames).sum();

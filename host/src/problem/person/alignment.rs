@@ -7,7 +7,8 @@ use hexapod::STANDARD_GRAVITY_MPS2 as GRAVITY;
 use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::smoothing::{Smoother, smoothed_at};
-use crate::inverse_kinematics::skeleton::{Place, Pose};
+use crate::fit::parallel;
+use crate::inverse_kinematics::skeleton::Place;
 use crate::inverse_kinematics::subject::Subject;
 use crate::motion_capture::ground::GroundWrench;
 use crate::motion_capture::trial::Trial;
@@ -43,11 +44,11 @@ pub fn centre_of_mass(subject: &Subject, places: &[Place]) -> Vector3<f64> {
 pub fn delay(
     subject: &Subject,
     trial: &Trial,
-    places: &[Option<Vec<Place>>],
+    centres: &[Vector3<f64>],
     used: &[bool],
     smoother: &Smoother,
 ) -> Option<Delay> {
-    let needed = needed(subject, trial, places, smoother);
+    let needed = needed(subject, centres, smoother);
     let mut delay_s = 0.0;
     let mut sigma_s = f64::INFINITY;
     for _ in 0..ROUNDS {
@@ -64,33 +65,16 @@ pub fn delay(
     Some(Delay { delay_s, sigma_s })
 }
 
-/// The force that the table's bodies need in poses of a trial, N, smoothed twice.
-pub(super) fn needed_of(
-    subject: &Subject,
-    trial: &Trial,
-    poses: &[Option<Pose>],
-    smoother: &Smoother,
-) -> Vec<Option<Vector3<f64>>> {
-    let places: Vec<Option<Vec<Place>>> =
-        poses.iter().map(|pose| Some(subject.skeleton.places(pose.as_ref()?))).collect();
-    needed(subject, trial, &places, smoother)
-}
-
-/// The force that the table's bodies need, N, smoothed twice.
+/// The force that the table's bodies need where their common centre of mass is there, N, smoothed twice.
 pub(super) fn needed(
     subject: &Subject,
-    trial: &Trial,
-    places: &[Option<Vec<Place>>],
+    centres: &[Vector3<f64>],
     smoother: &Smoother,
 ) -> Vec<Option<Vector3<f64>>> {
-    let none = Vector3::repeat(f64::NAN);
-    let centre: Vec<Vector3<f64>> =
-        places.iter().map(|p| p.as_ref().map_or(none, |p| centre_of_mass(subject, p))).collect();
-    let velocity = along(&centre, smoother, true);
+    let velocity = along(centres, smoother, true);
     let acceleration = along(&velocity, smoother, true);
     let mass = subject.person.mass_kg;
     let force = |a: &Vector3<f64>| a.x.is_finite().then(|| (a + Vector3::z() * GRAVITY) * mass);
-    debug_assert_eq!(places.len(), trial.frames());
     acceleration.iter().map(force).collect()
 }
 
@@ -105,7 +89,7 @@ pub(super) fn along(series: &[Vector3<f64>], smoother: &Smoother, slope: bool) -
             if slope { change } else { value }
         })
     };
-    (0..series.len()).map(at).collect()
+    parallel::each(series.len(), at)
 }
 
 /// Sum of the plates' forces at the frames, `delay_s` later, smoothed once, N.
@@ -121,7 +105,7 @@ pub(super) fn total(trial: &Trial, smoother: &Smoother, delay_s: f64) -> Vec<Vec
         });
         sum.unwrap_or_else(|| Vector3::repeat(f64::NAN))
     };
-    (0..trial.frames()).map(at).collect()
+    parallel::each(trial.frames(), at)
 }
 
 /// One step of the linearised search, and 1 σ of the delay.

@@ -2,34 +2,32 @@
 
 use std::ops::Range;
 
-use super::coordinates::Coordinates;
-use super::smoothing::Smoother;
-use super::track::{Tracked, TrackedFrame, seen};
+use super::coordinates::{Coordinates, Moved};
+use super::track::{Tracked, UsedFrame, seen};
 use crate::inverse_kinematics::markers::Seen;
 use crate::inverse_kinematics::skeleton::Pose;
 use crate::inverse_kinematics::solve::Solver;
 use crate::inverse_kinematics::subject::Subject;
 use crate::motion_capture::trial::Trial;
 
-/// Returns some of a trial's frames that rows are made of, by their place among them, with the poses of another subject; a frame that
-/// this one has no pose of is left out.
+/// Returns coordinates and rates of some of a trial's frames that rows are made of, by their place among them, with the poses of another
+/// subject, each with its frame; one that this one has no pose of is left out.
 pub fn frames_as(
     subject: &Subject,
     trial: &Trial,
     tracked: &Tracked,
     frames: Range<usize>,
-) -> Vec<TrackedFrame> {
+) -> Vec<(UsedFrame, Moved)> {
     let own = tracked.frames.get(frames).unwrap_or_default();
     let (Some(first), Some(last)) = (own.first(), own.last()) else { return Vec::new() };
-    let Some(smoother) = Smoother::new(tracked.report.cut_off_hz, trial.rate_hz) else { return Vec::new() };
+    let smoother = &tracked.smoother;
     let start = first.number.saturating_sub(smoother.half());
     let end = trial.frames().min(last.number + smoother.half() + 1);
-    let poses = poses(subject, &seen(trial, subject, start..end).0, &tracked.poses[start..end]);
-    let coordinates = Coordinates::new(&subject.skeleton, &poses);
-    let moved = |frame: &TrackedFrame| {
-        let moved = coordinates.at(&smoother, frame.number - start)?;
-        Some(TrackedFrame { moved, ..frame.clone() })
-    };
+    let near = |frame: usize| tracked.coordinates.pose(&subject.skeleton, frame);
+    let near: Vec<Option<Pose>> = (start..end).map(near).collect();
+    let poses = poses(subject, &seen(trial, subject, start..end).0, &near);
+    let coordinates = Coordinates::of(&subject.skeleton, poses.len(), poses.iter().map(Option::as_ref));
+    let moved = |frame: &UsedFrame| Some((*frame, coordinates.at(smoother, frame.number - start)?));
     own.iter().filter_map(moved).collect()
 }
 

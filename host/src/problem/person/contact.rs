@@ -48,7 +48,7 @@ impl Dropped {
 }
 
 /// Where soles are in a frame, m, laboratory axes: heel and ball, inner and outer. Toes bend, and are left out.
-type Soles = [[Vector3<f64>; 4]; 2];
+pub type Soles = [[Vector3<f64>; 4]; 2];
 
 /// What plates and feet say of every frame.
 pub struct Contact {
@@ -58,19 +58,17 @@ pub struct Contact {
     pub beside_m: Vec<f64>,
 }
 
-/// Judges every frame: `places` are those of the links, `wrenches` of every plate, `None` where they are not known.
+/// Judges every frame: `soles` are where feet are, `wrenches` of every plate, `None` where they are not known.
 pub fn contact(
-    subject: &Subject,
     rate_hz: f64,
-    places: &[Option<Vec<Place>>],
+    soles: &[Option<Soles>],
     plates: &[GroundWrench],
     wrenches: &[Vec<Option<[f64; 6]>>],
 ) -> Contact {
-    let soles: Vec<Option<Soles>> = places.iter().map(|p| soles(subject, p.as_ref()?)).collect();
-    let floor = sunken(&soles);
-    let belt = belt(&soles, rate_hz, plates, wrenches);
-    let mut found = Contact { dropped: vec![None; places.len()], beside_m: Vec::new() };
-    for frame in 0..places.len() {
+    let floor = sunken(soles);
+    let belt = belt(soles, rate_hz, plates, wrenches);
+    let mut found = Contact { dropped: vec![None; soles.len()], beside_m: Vec::new() };
+    for frame in 0..soles.len() {
         let Some(own) = &soles[frame] else {
             found.dropped[frame] = Some(Dropped::Markers);
             continue;
@@ -90,7 +88,7 @@ pub fn contact(
                 found.dropped[frame] = Some(Dropped::LoadElsewhere);
             }
         }
-        let speed = |foot: usize, k: usize| (velocity(&soles, frame, foot, k) * rate_hz - belt).norm();
+        let speed = |foot: usize, k: usize| (velocity(soles, frame, foot, k) * rate_hz - belt).norm();
         if let Some(reason) = feet(own, &floor, &speed, plates, &loads) {
             found.dropped[frame] = Some(reason);
         }
@@ -181,8 +179,8 @@ fn feet(
     None
 }
 
-/// Soles by the model: the heel a quarter of the foot behind the ankle, the ball half of it before.
-fn soles(subject: &Subject, places: &[Place]) -> Option<Soles> {
+/// Returns soles by the model: the heel a quarter of the foot behind the ankle, the ball half of it before.
+pub fn soles(subject: &Subject, places: &[Place]) -> Option<Soles> {
     let model = &subject.model;
     let length = |name: &str| subject.person.length(name);
     let (foot, height) = (length("foot")?, length("ankle_height")?);

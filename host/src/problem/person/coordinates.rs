@@ -23,16 +23,16 @@ enum Part {
     Hinge,
 }
 
-/// Coordinates of every frame; frames without a pose are NaN.
+/// Coordinates of every frame; frames without a pose are NaN. Single precision: 1e-6 m is a hundredth of what cameras tell.
 pub struct Coordinates {
     parts: Vec<Part>,
     /// One series a number, all as long.
-    pub series: Vec<Vec<f64>>,
+    pub series: Vec<Vec<f32>>,
 }
 
 impl Coordinates {
-    /// Returns the coordinates of poses that follow one another.
-    pub fn new(skeleton: &Skeleton, poses: &[Option<Pose>]) -> Self {
+    /// Returns room for frames.
+    pub fn new(skeleton: &Skeleton, frames: usize) -> Self {
         let mut parts = vec![Part::Place, Part::Ball];
         parts.extend(skeleton.zero().turns.iter().skip(1).filter_map(|turn| match turn {
             Turn::Hinge(_) => Some(Part::Hinge),
@@ -40,18 +40,78 @@ impl Coordinates {
             Turn::None => None,
         }));
         let width: usize = parts.iter().map(|p| p.numbers()).sum();
-        let mut series = vec![vec![f64::NAN; poses.len()]; width];
-        let mut last: Vec<f64> = Vec::new();
-        for (frame, pose) in poses.iter().enumerate() {
-            let Some(pose) = pose else { continue };
-            let mut now = numbers(pose);
-            one_cover(&parts, &last, &mut now);
-            for (series, value) in series.iter_mut().zip(&now) {
-                series[frame] = *value;
+        Self { parts, series: vec![vec![f32::NAN; frames]; width] }
+    }
+
+    /// Returns the coordinates of poses that follow one another.
+    pub fn of<'a>(skeleton: &Skeleton, frames: usize, poses: impl Iterator<Item = Option<&'a Pose>>) -> Self {
+        let mut all = Self::new(skeleton, frames);
+        for (frame, pose) in poses.enumerate() {
+            if let Some(pose) = pose {
+                all.set(frame, numbers(pose));
             }
-            last = now;
         }
-        Self { parts, series }
+        all.join();
+        all
+    }
+
+    /// Writes a frame's numbers ([`numbers`]).
+    pub fn set(&mut self, frame: usize, numbers: impl IntoIterator<Item = f32>) {
+        for (series, value) in self.series.iter_mut().zip(numbers) {
+            series[frame] = value;
+        }
+    }
+
+    /// Gives quaternions the sign of those before: q and −q are one attitude.
+    pub fn join(&mut self) {
+        let mut at = 0;
+        for part in &self.parts {
+            let own = at..at + part.numbers();
+            at = own.end;
+            if !matches!(part, Part::Ball) {
+                continue;
+            }
+            let mut last = [0.0_f32; 4];
+            for frame in 0..self.frames() {
+                let mut now = [0.0; 4];
+                now.iter_mut().zip(&self.series[own.clone()]).for_each(|(v, series)| *v = series[frame]);
+                if now[0].is_nan() {
+                    continue;
+                }
+                if last.iter().zip(&now).map(|(a, b)| a * b).sum::<f32>() < 0.0 {
+                    now = now.map(|v| -v);
+                    self.series[own.clone()].iter_mut().zip(now).for_each(|(series, v)| series[frame] = v);
+                }
+                last = now;
+            }
+        }
+    }
+
+    /// Returns the number of frames.
+    pub fn frames(&self) -> usize {
+        self.series.first().map_or(0, Vec::len)
+    }
+
+    /// Returns the pose of a frame.
+    pub fn pose(&self, skeleton: &Skeleton, frame: usize) -> Option<Pose> {
+        let mut numbers = self.series.iter().map(|s| s.get(frame).copied().map_or(f64::NAN, f64::from));
+        let mut next = || numbers.next().unwrap_or(f64::NAN);
+        let position_m = Vector3::from_fn(|_, _| next());
+        if position_m.x.is_nan() {
+            return None;
+        }
+        let ball = |next: &mut dyn FnMut() -> f64| {
+            UnitQuaternion::from_quaternion(Quaternion::new(next(), next(), next(), next()))
+        };
+        let mut pose = Pose { position_m, attitude: ball(&mut next), ..skeleton.zero() };
+        for turn in pose.turns.iter_mut().skip(1) {
+            match turn {
+                Turn::Hinge(angle) => *angle = next(),
+                Turn::Ball(q) => *q = ball(&mut next),
+                Turn::None => {}
+            }
+        }
+        Some(pose)
     }
 
     /// Returns coordinates and rates of a frame; `None` near either end, or where a frame under the kernel has no pose.
@@ -64,8 +124,8 @@ impl Coordinates {
             let own = series.get(from..=to)?;
             // About the middle, so that a place far from the origin costs no digits.
             let middle = series[frame];
-            let (value, slope) = smoother.at(own.iter().map(|v| v - middle));
-            values.push(value + middle);
+            let (value, slope) = smoother.at(own.iter().map(|v| f64::from(v - middle)));
+            values.push(value + f64::from(middle));
             slopes.push(slope);
         }
         if values.iter().chain(&slopes).any(|v| !v.is_finite()) {
@@ -118,32 +178,16 @@ impl Part {
     }
 }
 
-fn numbers(pose: &Pose) -> Vec<f64> {
-    let q = pose.attitude;
-    let mut all: Vec<f64> = pose.position_m.iter().copied().collect();
-    all.extend([q.w, q.i, q.j, q.k]);
-    for turn in pose.turns.iter().skip(1) {
-        match turn {
-            Turn::Hinge(angle) => all.push(*angle),
-            Turn::Ball(q) => all.extend([q.w, q.i, q.j, q.k]),
-            Turn::None => {}
-        }
-    }
-    all
-}
-
-/// Gives quaternions the sign of those before: q and −q are one attitude.
-fn one_cover(parts: &[Part], last: &[f64], now: &mut [f64]) {
-    let mut at = 0;
-    for part in parts {
-        let range = at..at + part.numbers();
-        at = range.end;
-        if !matches!(part, Part::Ball) {
-            continue;
-        }
-        let (Some(last), Some(now)) = (last.get(range.clone()), now.get_mut(range)) else { continue };
-        if last.iter().zip(now.iter()).map(|(a, b)| a * b).sum::<f64>() < 0.0 {
-            now.iter_mut().for_each(|v| *v = -*v);
-        }
-    }
+/// Returns a pose's position and attitude, then its joints' turns.
+pub fn numbers(pose: &Pose) -> impl Iterator<Item = f32> + '_ {
+    let four = |q: &UnitQuaternion<f64>| [q.w, q.i, q.j, q.k].map(|v| v as f32);
+    let turns = pose.turns.iter().skip(1).flat_map(move |turn| {
+        let (own, count) = match turn {
+            Turn::Hinge(angle) => ([*angle as f32, 0.0, 0.0, 0.0], 1),
+            Turn::Ball(q) => (four(q), 4),
+            Turn::None => ([0.0; 4], 0),
+        };
+        own.into_iter().take(count)
+    });
+    pose.position_m.iter().map(|v| *v as f32).chain(four(&pose.attitude)).chain(turns)
 }

@@ -9,7 +9,6 @@ use nalgebra::Vector3;
 
 use super::alignment::{along, needed, total};
 use super::smoothing::{CUT_OFFS_HZ, HIGHEST, Smoother, best_cut_off};
-use crate::inverse_kinematics::skeleton::Place;
 use crate::inverse_kinematics::subject::Subject;
 use crate::motion_capture::trial::Trial;
 
@@ -22,9 +21,9 @@ const FEWEST: usize = 20;
 pub(super) fn cut_off(
     subject: &Subject,
     trial: &Trial,
-    places: &[Option<Vec<Place>>],
+    centres: &[Vector3<f64>],
     used: &[bool],
-    series: &[Vec<f64>],
+    series: &[Vec<f32>],
 ) -> f64 {
     let highest = best_cut_off(series, trial.rate_hz);
     let mut below: Option<Vec<Option<[Vector3<f64>; 2]>>> = None;
@@ -32,7 +31,7 @@ pub(super) fn cut_off(
     let candidates = CUT_OFFS_HZ.iter().filter(|f| **f <= HIGHEST * trial.rate_hz && **f <= highest);
     for cut_off in candidates {
         let Some(smoother) = Smoother::new(*cut_off, trial.rate_hz) else { continue };
-        let own = forces(subject, trial, places, used, &smoother);
+        let own = forces(subject, trial, centres, used, &smoother);
         let share = below.as_ref().and_then(|below| share(below, &own));
         if share.is_some_and(|share| share > LARGEST_SHARE) {
             break;
@@ -50,11 +49,11 @@ pub(super) fn cut_off(
 fn forces(
     subject: &Subject,
     trial: &Trial,
-    places: &[Option<Vec<Place>>],
+    centres: &[Vector3<f64>],
     used: &[bool],
     smoother: &Smoother,
 ) -> Vec<Option<[Vector3<f64>; 2]>> {
-    let needed = needed(subject, trial, places, smoother);
+    let needed = needed(subject, centres, smoother);
     let measured = along(&total(trial, smoother, 0.0), smoother, false);
     let pair = |((needed, measured), used): ((Option<Vector3<f64>>, Vector3<f64>), &bool)| {
         (*used && measured.x.is_finite()).then_some([needed?, measured])

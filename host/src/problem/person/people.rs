@@ -1,12 +1,15 @@
 //! Trials of one person: her model, and every trial tracked with it.
 
+use std::ops::Range;
+
 use hexapod::STANDARD_GRAVITY_MPS2 as GRAVITY;
 use nalgebra::Vector3;
 use rigident_shared::tree::BaseMotion;
 
 use super::alignment;
-use super::smoothing::Smoother;
-use super::track::{TrackOptions, Tracked, TrackedFrame, track};
+use super::coordinates::Moved;
+use super::track::{TrackOptions, Tracked, UsedFrame, track};
+use crate::fit::parallel;
 use crate::inverse_kinematics::marker_file::MarkerFile;
 use crate::inverse_kinematics::subject::{HumanModel, Known, Subject, SubjectError, subject};
 use crate::model::ModelError;
@@ -172,9 +175,9 @@ impl Person {
             tracked.push(track(trial, &subject, &options.track, &step)?);
         }
         let mut person = Self { subject, fixed, trials: tracked, notes };
-        person.belong_together(trials)?;
+        person.belong_together()?;
         if options.mass_kg.is_none()
-            && let Some(share) = share_of_needed(&person, trials)
+            && let Some(share) = share_of_needed(&person)
         {
             person.scale_mass(share);
         }
@@ -182,9 +185,9 @@ impl Person {
     }
 
     /// Refuses plates that measured another motion than the cameras: what the table's bodies need explains little of it.
-    fn belong_together(&self, trials: &[Trial]) -> Result<(), PersonError> {
-        for (tracked, trial) in self.trials.iter().zip(trials) {
-            let pairs = vertical(self, tracked, trial);
+    fn belong_together(&self) -> Result<(), PersonError> {
+        for (k, tracked) in self.trials.iter().enumerate() {
+            let pairs = vertical(self, k);
             let n = pairs.len() as f64;
             if pairs.len() < FEWEST_TO_COMPARE {
                 continue;
@@ -212,32 +215,38 @@ impl Person {
         }
     }
 
-    /// Returns the frames of a trial as those of a tree whose base is tracked.
-    pub fn input(&self, trial: usize) -> Option<Input> {
+    /// Returns some of the frames of a trial that rows are made of, by their place among them, as those of a tree whose base is tracked.
+    pub fn input(&self, trial: usize, frames: Range<usize>) -> Option<Input> {
         let tracked = self.trials.get(trial)?;
-        Self::input_of(&self.subject, tracked, &tracked.frames)
+        let own = tracked.frames.get(frames)?.iter();
+        let moved = |f: &UsedFrame| Some((*f, tracked.coordinates.at(&tracked.smoother, f.number)?));
+        Some(Self::input_of(&self.subject, tracked, own.filter_map(moved)))
     }
 
-    /// Returns the same of some frames of a trial, with the joints of a subject.
-    pub fn input_of(subject: &Subject, tracked: &Tracked, frames: &[TrackedFrame]) -> Option<Input> {
-        let frame = |own: &TrackedFrame| {
+    /// Returns the same of frames with the joints of a subject.
+    pub fn input_of(
+        subject: &Subject,
+        tracked: &Tracked,
+        frames: impl IntoIterator<Item = (UsedFrame, Moved)>,
+    ) -> Input {
+        let frame = |(own, moved): (UsedFrame, Moved)| {
             let [fx, fy, fz, mx, my, mz] = own.wrench;
-            let at = Vector3::from_column_slice(own.moved.positions.get(..3)?);
+            let at = Vector3::from_iterator(moved.positions.iter().take(3).copied());
             // About the base's origin.
             let moment = Vector3::new(mx, my, mz) - at.cross(&Vector3::new(fx, fy, fz));
-            Some(Frame {
-                time_ns: own.time_ns,
-                positions: own.moved.positions.clone(),
-                rates: own.moved.rates.clone(),
+            Frame {
+                time_ns: tracked.time_ns(own.number),
+                positions: moved.positions,
+                rates: moved.rates,
                 base: BaseMotion::still([0.0, 0.0, -GRAVITY]),
                 wrench: [fx, fy, fz, moment.x, moment.y, moment.z],
                 efforts: Vec::new(),
                 standing: Vec::new(),
-            })
+            }
         };
-        Some(Input {
+        Input {
             model: subject.model.welded(),
-            frames: frames.iter().filter_map(frame).collect(),
+            frames: frames.into_iter().map(frame).collect(),
             is_static: false,
             rate_hz: tracked.report.rate_hz,
             base: BaseSensor::Tracked,
@@ -249,13 +258,13 @@ impl Person {
             drives: Vec::new(),
             signals: Vec::new(),
             rate_sigma: 0.0,
-        })
+        }
     }
 
-    /// Returns the table's centre of mass in a pose of a trial, m.
+    /// Returns the table's centre of mass in a frame of a trial, m.
     pub fn table_centre(&self, trial: usize, frame: usize) -> Option<Vector3<f64>> {
-        let pose = self.trials.get(trial)?.poses.get(frame)?.as_ref()?;
-        Some(alignment::centre_of_mass(&self.subject, &self.subject.skeleton.places(pose)))
+        let places = self.trials.get(trial)?.places(&self.subject, frame)?;
+        Some(alignment::centre_of_mass(&self.subject, &places))
     }
 }
 
@@ -310,8 +319,12 @@ fn chosen_frames(
         // Of each stretch the frame with most markers.
         let count = count.min(trial.frames());
         let stretch = |k: usize| k * trial.frames() / count..(k + 1) * trial.frames() / count;
-        let most = |k: usize| stretch(k).map(seen).max_by_key(|f| f.iter().flatten().count());
-        (0..count).filter_map(most).collect()
+        let markers =
+            |frame: &usize| own.iter().flatten().filter(|l| trial.point(*frame, **l).is_some()).count();
+        parallel::map(parallel::threads(), count, |k| stretch(k).max_by_key(markers).map(seen))
+            .into_iter()
+            .flatten()
+            .collect()
     };
     let mut frames = standing.map_or_else(Vec::new, |trial| of(trial, STANDING));
     for trial in trials {
@@ -321,10 +334,10 @@ fn chosen_frames(
 }
 
 /// How many times the force that the table's bodies need for all motions the plates measured, in the frames that are used.
-fn share_of_needed(person: &Person, trials: &[Trial]) -> Option<f64> {
+fn share_of_needed(person: &Person) -> Option<f64> {
     let (mut product, mut square) = (0.0, 0.0);
-    for (tracked, trial) in person.trials.iter().zip(trials) {
-        for (needed, measured) in vertical(person, tracked, trial) {
+    for trial in 0..person.trials.len() {
+        for (needed, measured) in vertical(person, trial) {
             product += needed * measured;
             square += needed * needed;
         }
@@ -333,10 +346,13 @@ fn share_of_needed(person: &Person, trials: &[Trial]) -> Option<f64> {
 }
 
 /// The vertical force that the table's bodies need and that was measured, N, in the frames of a trial that are used.
-fn vertical(person: &Person, tracked: &Tracked, trial: &Trial) -> Vec<(f64, f64)> {
-    let Some(smoother) = Smoother::new(tracked.report.cut_off_hz, trial.rate_hz) else { return Vec::new() };
-    let needed = alignment::needed_of(&person.subject, trial, &tracked.poses, &smoother);
-    let pair = |frame: &TrackedFrame| Some((needed.get(frame.number).copied().flatten()?.z, frame.wrench[2]));
+fn vertical(person: &Person, trial: usize) -> Vec<(f64, f64)> {
+    let Some(tracked) = person.trials.get(trial) else { return Vec::new() };
+    let none = Vector3::repeat(f64::NAN);
+    let centre = |frame: usize| person.table_centre(trial, frame).unwrap_or(none);
+    let centres = parallel::each(tracked.report.frames, centre);
+    let needed = alignment::needed(&person.subject, &centres, &tracked.smoother);
+    let pair = |frame: &UsedFrame| Some((needed.get(frame.number).copied().flatten()?.z, frame.wrench[2]));
     tracked.frames.iter().filter_map(pair).collect()
 }
 

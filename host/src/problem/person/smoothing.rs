@@ -5,6 +5,8 @@
 
 use rigident_shared::conditioning::Kernel;
 
+use crate::fit::parallel;
+
 /// Cut-off times width: where `(1 − x²)⁸` lets 1/√2 of the amplitude pass.
 const CUT_OFF_TIMES_WIDTH: f64 = 1.1455;
 /// Room for the kernel.
@@ -48,14 +50,14 @@ impl Smoother {
 
     /// Returns the logarithm of the generalised cross-validation of a series: `mean (x − h∗x)² / (1 − h₀)²`; `None` if it is too
     /// short.
-    fn cross_validation(&self, series: &[f64]) -> Option<f64> {
+    fn cross_validation(&self, series: &[f32]) -> Option<f64> {
         let middle = self.smooth.get(self.half()).copied()?;
         let windows = series.windows(self.smooth.len());
         let (mut sum, mut count) = (0.0, 0_usize);
         for window in windows.filter(|w| w.iter().all(|v| v.is_finite())) {
             // About the middle, so that a large constant costs no digits.
             let own = window[self.half()];
-            let left: f64 = self.smooth.iter().zip(window).map(|(w, v)| w * (v - own)).sum();
+            let left: f64 = self.smooth.iter().zip(window).map(|(w, v)| w * f64::from(v - own)).sum();
             sum += left * left;
             count += 1;
         }
@@ -71,11 +73,13 @@ pub fn width_s(cut_off_hz: f64) -> f64 {
 
 /// Returns the cut-off, Hz, that predicts left-out samples of all series best: least mean logarithm of their generalised
 /// cross-validation (P. Craven and G. Wahba 1979; for human movement H. Woltring 1986).
-pub fn best_cut_off(series: &[Vec<f64>], rate_hz: f64) -> f64 {
+pub fn best_cut_off(series: &[Vec<f32>], rate_hz: f64) -> f64 {
     let candidates = CUT_OFFS_HZ.iter().filter(|f| **f <= HIGHEST * rate_hz);
     let of = |cut_off: &f64| {
         let smoother = Smoother::new(*cut_off, rate_hz)?;
-        let each: Vec<f64> = series.iter().filter_map(|s| smoother.cross_validation(s)).collect();
+        let one = |k: usize| series.get(k).and_then(|s| smoother.cross_validation(s));
+        let each = parallel::map(parallel::threads(), series.len(), one);
+        let each: Vec<f64> = each.into_iter().flatten().collect();
         (!each.is_empty()).then(|| (each.iter().sum::<f64>() / each.len() as f64, *cut_off))
     };
     let best = candidates.filter_map(of).min_by(|a, b| a.0.total_cmp(&b.0));
@@ -141,8 +145,8 @@ mod tests {
             (state >> 33) as f64 / (1_u64 << 31) as f64 - 0.5
         };
         let clean = sine(2.0, 100.0, 1000);
-        let little: Vec<f64> = clean.iter().map(|v| v + 1e-4 * noise()).collect();
-        let much: Vec<f64> = clean.iter().map(|v| v + 0.1 * noise()).collect();
+        let little: Vec<f32> = clean.iter().map(|v| (v + 1e-4 * noise()) as f32).collect();
+        let much: Vec<f32> = clean.iter().map(|v| (v + 0.1 * noise()) as f32).collect();
         let (low, high) = (best_cut_off(&[much], 100.0), best_cut_off(&[little], 100.0));
         assert!(low < high && low >= 3.0, "{low} {high}");
     }

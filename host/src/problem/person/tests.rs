@@ -19,9 +19,9 @@ fn person(trial: Trial, standing: Option<Trial>, height_m: f64) -> Person {
 
 /// Times between which frames are used, from the first frame on, s.
 fn used(person: &Person) -> (f64, f64) {
-    let frames = &person.trials[0].frames;
-    let at = |frame: Option<&track::TrackedFrame>| frame.unwrap().time_ns as f64 * 1e-9;
-    (at(frames.first()), at(frames.last()))
+    let trial = &person.trials[0];
+    let at = |frame: Option<&track::UsedFrame>| trial.time_ns(frame.unwrap().number) as f64 * 1e-9;
+    (at(trial.frames.first()), at(trial.frames.last()))
 }
 
 #[test]

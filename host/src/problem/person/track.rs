@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::alignment::{self, Delay};
-use super::contact::{Contact, Dropped, contact, counts};
-use super::coordinates::{Coordinates, Moved};
+use super::contact::{Contact, Dropped, Soles, contact, counts, soles};
+use super::coordinates::{Coordinates, numbers};
 use super::cut_off::cut_off;
 use super::gaps;
 use super::people::PersonError;
@@ -16,20 +16,22 @@ use super::smoothing::{Smoother, smoothed_at};
 use crate::fit::parallel;
 use crate::inverse_kinematics::markers::Seen;
 use crate::inverse_kinematics::skeleton::{Place, Pose, Turn};
-use crate::inverse_kinematics::solve::{Solved, Solver};
+use crate::inverse_kinematics::solve::Solver;
 use crate::inverse_kinematics::subject::Subject;
 use crate::motion_capture::ground::GroundWrench;
 use crate::motion_capture::trial::Trial;
 
 /// A freedom is not told by a frame if its deviation is so many times the trial's median, …
-const UNTOLD: f64 = 2.5;
+const UNTOLD: f32 = 2.5;
 /// … and larger than this, rad.
-const LEAST_UNTOLD: f64 = 0.05;
+const LEAST_UNTOLD: f32 = 0.05;
 /// The heading of a trunk that no marker follows is that of the pelvis over so long, s.
 const HEADING_S: f64 = 1.0;
 /// Frames that are solved one after the other: stretches are solved at the same time.
 const STRETCH: usize = 1000;
-/// Their first pose is that to which every so many-th frame leads.
+/// Their first pose is that to which so many frames before lead, …
+const LEAD: usize = 400;
+/// … every so many-th of them.
 const COARSE: usize = 8;
 /// The cut-off that frames are first judged with, Hz.
 const FIRST_CUT_OFF_HZ: f64 = 10.0;
@@ -37,14 +39,10 @@ const FIRST_CUT_OFF_HZ: f64 = 10.0;
 const UNDER_A_FOOT: f64 = 0.5;
 
 /// A frame that rows are made of.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TrackedFrame {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UsedFrame {
     /// Its number in the trial.
     pub number: usize,
-    /// Its time from the trial's first frame on, ns.
-    pub time_ns: u64,
-    /// Coordinates and rates.
-    pub moved: Moved,
     /// The ground's wrench on the person about the laboratory's origin, laboratory axes, N and N m.
     pub wrench: [f64; 6],
 }
@@ -75,14 +73,26 @@ pub struct Tracked {
     /// The trial's name.
     pub name: String,
     /// Frames that rows are made of, in the order of time.
-    pub frames: Vec<TrackedFrame>,
-    /// The pose of every frame of the recording.
-    pub poses: Vec<Option<Pose>>,
+    pub frames: Vec<UsedFrame>,
+    /// Coordinates of every frame of the recording.
+    pub coordinates: Coordinates,
+    /// What they are smoothed by.
+    pub smoother: Smoother,
     /// What became of the frames.
     pub report: TrackReport,
 }
 
 impl Tracked {
+    /// Returns the time of a frame from the trial's first one on, ns.
+    pub fn time_ns(&self, number: usize) -> u64 {
+        (number as f64 / self.report.rate_hz * 1e9).round() as u64
+    }
+
+    /// Returns where the links are in a frame.
+    pub fn places(&self, subject: &Subject, number: usize) -> Option<Vec<Place>> {
+        Some(subject.skeleton.places(&self.coordinates.pose(&subject.skeleton, number)?))
+    }
+
     /// Returns why a trial has too few frames, in words.
     pub fn why_unused(&self) -> String {
         let reasons =
@@ -112,31 +122,37 @@ pub fn track(
     options: &TrackOptions,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Tracked, PersonError> {
-    let (seen, filled) = seen(trial, subject, 0..trial.frames());
-    let solved = poses(subject, seen, progress);
-    let (rms_m, by_marker) = distances(subject, &solved);
-    let mut poses: Vec<Option<Pose>> = solved.into_iter().map(|s| Some(s?.pose)).collect();
-    upright(subject, &mut poses, trial.rate_hz);
-    let coordinates = Coordinates::new(&subject.skeleton, &poses);
-    let places: Vec<Option<Vec<Place>>> =
-        poses.iter().map(|pose| Some(subject.skeleton.places(pose.as_ref()?))).collect();
+    let Poses { mut coordinates, filled, rms_m, by_marker } = poses(subject, trial, progress);
+    upright(subject, &mut coordinates, trial.rate_hz);
+    coordinates.join();
+    let places = |frame: usize| -> Option<Vec<Place>> {
+        Some(subject.skeleton.places(&coordinates.pose(&subject.skeleton, frame)?))
+    };
+    let none = Vector3::repeat(f64::NAN);
+    let (soles, centres): (Vec<Option<Soles>>, Vec<Vector3<f64>>) =
+        parallel::each(trial.frames(), |frame| match places(frame) {
+            Some(places) => (soles(subject, &places), alignment::centre_of_mass(subject, &places)),
+            None => (None, none),
+        })
+        .into_iter()
+        .unzip();
     let cut_off_hz = options.cut_off_hz.unwrap_or_else(|| {
         let all = wrenches(trial, FIRST_CUT_OFF_HZ, options.delay_s.unwrap_or(0.0));
-        let first = contact(subject, trial.rate_hz, &places, &trial.ground, &all);
+        let first = contact(trial.rate_hz, &soles, &trial.ground, &all);
         let used: Vec<bool> = first.dropped.iter().map(Option::is_none).collect();
-        cut_off(subject, trial, &places, &used, &coordinates.series)
+        cut_off(subject, trial, &centres, &used, &coordinates.series)
     });
     let smoother = Smoother::new(cut_off_hz, trial.rate_hz)
         .ok_or(PersonError::CutOff { cut_off_hz, rate_hz: trial.rate_hz })?;
     let judge = |delay_s: f64| {
         let all = wrenches(trial, cut_off_hz, delay_s);
-        (contact(subject, trial.rate_hz, &places, &trial.ground, &all), all)
+        (contact(trial.rate_hz, &soles, &trial.ground, &all), all)
     };
     let (mut judged, mut all) = judge(options.delay_s.unwrap_or(0.0));
     let used: Vec<bool> = judged.dropped.iter().map(Option::is_none).collect();
     let delay = match options.delay_s {
         Some(_) => None,
-        None => alignment::delay(subject, trial, &places, &used, &smoother),
+        None => alignment::delay(subject, trial, &centres, &used, &smoother),
     };
     // A delay that is no more than what the table's bodies make of it is none.
     let applied = delay.filter(|d| d.delay_s.abs() > 3.0 * d.sigma_s && d.delay_s.abs() > 1e-3);
@@ -144,18 +160,14 @@ pub fn track(
         (judged, all) = judge(found.delay_s);
     }
     same_laboratory(trial, &judged)?;
-    drop(places);
-    let mut frames = Vec::new();
-    for (number, dropped) in judged.dropped.iter().enumerate() {
+    let frames = parallel::each(trial.frames(), |number| {
         let sum = all.iter().try_fold([0.0; 6], |sum, of| {
             let own = (*of.get(number)?)?;
             Some(std::array::from_fn(|axis| sum[axis] + own[axis]))
         });
-        let (None, Some(wrench)) = (dropped, sum) else { continue };
-        let Some(moved) = coordinates.at(&smoother, number) else { continue };
-        let time_ns = (number as f64 / trial.rate_hz * 1e9).round() as u64;
-        frames.push(TrackedFrame { number, time_ns, moved, wrench });
-    }
+        let wrench = sum.filter(|_| judged.dropped.get(number).is_some_and(Option::is_none))?;
+        coordinates.at(&smoother, number).map(|_| UsedFrame { number, wrench })
+    });
     let report = TrackReport {
         frames: trial.frames(),
         rate_hz: trial.rate_hz,
@@ -166,7 +178,8 @@ pub fn track(
         rms_m,
         by_marker,
     };
-    Ok(Tracked { name: trial.name.clone(), frames, poses, report })
+    let frames = frames.into_iter().flatten().collect();
+    Ok(Tracked { name: trial.name.clone(), frames, coordinates, smoother, report })
 }
 
 /// The wrench of every plate at every frame.
@@ -176,7 +189,7 @@ fn wrenches(trial: &Trial, cut_off_hz: f64, delay_s: f64) -> Vec<Vec<Option<[f64
             let time = trial.time_s(frame) + delay_s;
             smoothed_at(&plate.wrench, plate.first_s, plate.rate_hz, cut_off_hz, time)
         };
-        (0..trial.frames()).map(at).collect()
+        parallel::each(trial.frames(), at)
     };
     trial.ground.iter().map(of).collect()
 }
@@ -185,89 +198,145 @@ fn wrenches(trial: &Trial, cut_off_hz: f64, delay_s: f64) -> Vec<Vec<Option<[f64
 pub(super) fn seen(trial: &Trial, subject: &Subject, range: Range<usize>) -> (Vec<Seen>, usize) {
     let mut frames: Vec<Seen> = vec![Vec::with_capacity(subject.markers.len()); range.len()];
     let mut filled = 0;
+    // A gap is filled by the frames on either side, which may lie outside.
+    let margin = (gaps::LONGEST_S * trial.rate_hz).round() as usize + 2;
+    let wide = range.start.saturating_sub(margin)..trial.frames().min(range.end + margin);
     for marker in &subject.markers {
         let label = trial.labels.iter().position(|l| *l == marker.name);
-        let mut track: Vec<Option<Vector3<f64>>> =
-            range.clone().map(|frame| label.and_then(|l| trial.point(frame, l))).collect();
-        filled += gaps::fill(&mut track, trial.rate_hz);
-        for (frame, place) in frames.iter_mut().zip(track) {
+        let at = |frame: usize| label.and_then(|l| trial.point(frame, l));
+        let mut track: Vec<Option<Vector3<f64>>> = wide.clone().map(at).collect();
+        gaps::fill(&mut track, trial.rate_hz);
+        let own = track.into_iter().skip(range.start - wide.start);
+        for ((frame, place), number) in frames.iter_mut().zip(own).zip(range.clone()) {
+            filled += usize::from(place.is_some() && at(number).is_none());
             frame.push(place);
         }
     }
     (frames, filled)
 }
 
-/// Where the search of every stretch begins: at what some frames before it lead to, one after the other.
-fn starts(subject: &Subject, seen: &[Seen]) -> Vec<Option<Pose>> {
+/// What markers say of all frames.
+struct Poses {
+    coordinates: Coordinates,
+    filled: usize,
+    rms_m: f64,
+    by_marker: Vec<(String, f64)>,
+}
+
+/// The same of frames that follow one another.
+struct Stretch {
+    /// A row of numbers and one of deviations for every frame; NaN without a pose.
+    numbers: Vec<f32>,
+    deviations: Vec<f32>,
+    filled: usize,
+    /// Sum of the squared distances of every marker, m², and how many there are.
+    distances: Vec<(f64, usize)>,
+}
+
+/// The pose that the search of a stretch begins at: what some frames before it lead to, one after the other.
+fn start(subject: &Subject, trial: &Trial, first: usize) -> Option<Pose> {
     let mut solver = Solver::new(&subject.skeleton, &subject.markers);
-    let mut last: Option<Pose> = None;
-    let mut starts = vec![None];
-    // Beyond the last stretch's beginning nobody needs them.
-    let last_start = seen.len().saturating_sub(1) / STRETCH * STRETCH;
-    for k in (0..last_start).step_by(COARSE) {
-        let start = last.take().or_else(|| subject.first_pose(&seen[k]));
-        last = start.and_then(|start| solver.solve(&seen[k], &start)).map(|found| found.pose);
-        if (k + COARSE).is_multiple_of(STRETCH) {
-            starts.push(last.clone());
+    let before = (first.saturating_sub(LEAD)..first).step_by(COARSE);
+    before.fold(None, |last: Option<Pose>, frame| {
+        let (seen, _) = seen(trial, subject, frame..frame + 1);
+        let start = last.or_else(|| subject.first_pose(&seen[0]))?;
+        Some(solver.solve(&seen[0], &start)?.pose)
+    })
+}
+
+fn stretch(subject: &Subject, trial: &Trial, frames: Range<usize>) -> Stretch {
+    let mut solver = Solver::new(&subject.skeleton, &subject.markers);
+    let mut last = start(subject, trial, frames.start);
+    let (seen, filled) = seen(trial, subject, frames);
+    let width = numbers(&subject.skeleton.zero()).count();
+    let freedoms = subject.skeleton.freedoms();
+    let mut all = Stretch {
+        numbers: vec![f32::NAN; seen.len() * width],
+        deviations: vec![f32::NAN; seen.len() * freedoms],
+        filled,
+        distances: vec![(0.0, 0); subject.markers.len()],
+    };
+    let rows = all.numbers.chunks_exact_mut(width).zip(all.deviations.chunks_exact_mut(freedoms));
+    for (frame, (row, deviations)) in seen.iter().zip(rows) {
+        let start = last.take().or_else(|| subject.first_pose(frame));
+        let Some(found) = start.and_then(|start| solver.solve(frame, &start)) else { continue };
+        row.iter_mut().zip(numbers(&found.pose)).for_each(|(to, v)| *to = v);
+        deviations.iter_mut().zip(&found.deviations).for_each(|(to, v)| *to = *v as f32);
+        for ((sum, count), distance) in all.distances.iter_mut().zip(&found.distances_m) {
+            let Some(distance) = distance else { continue };
+            *sum += distance * distance;
+            *count += 1;
         }
+        last = Some(found.pose);
     }
-    starts
+    all
 }
 
 /// The pose of every frame; none where a freedom is not told that the other frames tell.
-fn poses(subject: &Subject, seen: Vec<Seen>, progress: &(dyn Fn(f64) + Sync)) -> Vec<Option<Solved>> {
-    let starts = starts(subject, &seen);
-    let stretches = seen.chunks(STRETCH).count();
+fn poses(subject: &Subject, trial: &Trial, progress: &(dyn Fn(f64) + Sync)) -> Poses {
+    let count = trial.frames().div_ceil(STRETCH);
     let done = AtomicUsize::new(0);
-    let solved = parallel::map(parallel::threads(), stretches, |stretch| {
-        let mut solver = Solver::new(&subject.skeleton, &subject.markers);
-        let mut last = starts.get(stretch).cloned().flatten();
-        let frames = seen.iter().skip(stretch * STRETCH).take(STRETCH);
-        let solved: Vec<Option<Solved>> = frames
-            .map(|frame| {
-                let start = last.clone().or_else(|| subject.first_pose(frame));
-                let found = start.and_then(|start| solver.solve(frame, &start));
-                last = found.as_ref().map(|f| f.pose.clone());
-                found
-            })
-            .collect();
-        progress((1 + done.fetch_add(1, Ordering::Relaxed)) as f64 / stretches as f64);
-        solved
+    let stretches = parallel::map(parallel::threads(), count, |k| {
+        let own = stretch(subject, trial, k * STRETCH..trial.frames().min((k + 1) * STRETCH));
+        progress((1 + done.fetch_add(1, Ordering::Relaxed)) as f64 / count as f64);
+        own
     });
-    drop(seen);
-    let solved: Vec<Option<Solved>> = solved.into_iter().flatten().collect();
     let freedoms = subject.skeleton.freedoms();
-    let usual: Vec<f64> = (0..freedoms)
+    let usual: Vec<f32> = (0..freedoms)
         .map(|k| {
-            let mut all: Vec<f64> = solved.iter().flatten().map(|s| s.deviations[k]).collect();
-            all.sort_by(f64::total_cmp);
+            let all = stretches.iter().flat_map(|s| s.deviations.iter().skip(k).step_by(freedoms));
+            let mut all: Vec<f32> = all.copied().filter(|v| !v.is_nan()).collect();
+            all.sort_by(f32::total_cmp);
             all.get(all.len() / 2).copied().unwrap_or(0.0)
         })
         .collect();
-    let is_told = |s: &Solved| {
-        s.deviations.iter().zip(&usual).all(|(own, usual)| *own <= LEAST_UNTOLD.max(UNTOLD * usual))
+    let is_told = |deviations: &[f32]| {
+        deviations.iter().zip(&usual).all(|(own, usual)| *own <= LEAST_UNTOLD.max(UNTOLD * usual))
     };
-    solved.into_iter().map(|s| s.filter(&is_told)).collect()
+    let mut coordinates = Coordinates::new(&subject.skeleton, trial.frames());
+    let mut distances = vec![(0.0, 0_usize); subject.markers.len()];
+    let (mut frame, mut filled) = (0, 0);
+    for stretch in stretches {
+        filled += stretch.filled;
+        for ((sum, count), own) in distances.iter_mut().zip(&stretch.distances) {
+            *sum += own.0;
+            *count += own.1;
+        }
+        let rows = stretch.numbers.chunks_exact(coordinates.series.len().max(1));
+        for (row, deviations) in rows.zip(stretch.deviations.chunks_exact(freedoms)) {
+            if is_told(deviations) {
+                coordinates.set(frame, row.iter().copied());
+            }
+            frame += 1;
+        }
+    }
+    let rms = |(sum, count): (f64, usize)| (sum / count.max(1) as f64).sqrt();
+    let whole = distances.iter().fold((0.0, 0), |all, own| (all.0 + own.0, all.1 + own.1));
+    let by_marker =
+        subject.markers.iter().zip(distances).map(|(m, own)| (m.name.clone(), rms(own))).collect();
+    Poses { coordinates, filled, rms_m: rms(whole), by_marker }
 }
 
 /// Keeps a trunk that no marker follows upright, its front where the pelvis' is on average: people walk so, and do not carry their
 /// trunks fixed to the pelvis.
-fn upright(subject: &Subject, poses: &mut [Option<Pose>], rate_hz: f64) {
+fn upright(subject: &Subject, coordinates: &mut Coordinates, rate_hz: f64) {
     let Some(trunk) = subject.unseen_trunk else { return };
     let half = (HEADING_S * rate_hz / 2.0).ceil() as usize;
-    let front = |pose: &Option<Pose>| pose.as_ref().map(|pose| pose.attitude * Vector3::x());
-    let fronts: Vec<Option<Vector3<f64>>> = poses.iter().map(front).collect();
+    let skeleton = &subject.skeleton;
+    let pelvis = |frame: usize| Some(coordinates.pose(skeleton, frame)?.attitude);
+    let pelvis = parallel::each(coordinates.frames(), pelvis);
+    let fronts: Vec<Option<Vector3<f64>>> = pelvis.iter().map(|p| Some(p.as_ref()? * Vector3::x())).collect();
     let heading = |frame: usize| {
         let near = &fronts[frame.saturating_sub(half)..fronts.len().min(frame + half + 1)];
         let sum: Vector3<f64> = near.iter().flatten().sum();
         UnitQuaternion::from_axis_angle(&Vector3::z_axis(), sum.y.atan2(sum.x))
     };
-    for (frame, pose) in poses.iter_mut().enumerate() {
-        let Some(pose) = pose else { continue };
-        let turn = pose.attitude.inverse() * heading(frame);
+    for (frame, pelvis) in pelvis.iter().enumerate() {
+        let (Some(pelvis), Some(mut pose)) = (pelvis, coordinates.pose(skeleton, frame)) else { continue };
         if let Some(own) = pose.turns.get_mut(trunk) {
-            *own = Turn::Ball(turn);
+            *own = Turn::Ball(pelvis.inverse() * heading(frame));
         }
+        coordinates.set(frame, numbers(&pose));
     }
 }
 
@@ -283,18 +352,4 @@ fn same_laboratory(trial: &Trial, judged: &Contact) -> Result<(), PersonError> {
         return Err(PersonError::Laboratory { name: trial.name.clone(), away_m: away[away.len() / 2] });
     }
     Ok(())
-}
-
-/// Root mean square of the distances of markers from their links, of all and of each.
-fn distances(subject: &Subject, solved: &[Option<Solved>]) -> (f64, Vec<(String, f64)>) {
-    let rms = |values: &mut dyn Iterator<Item = f64>| {
-        let (sum, count) = values.fold((0.0, 0_usize), |(sum, count), d| (sum + d * d, count + 1));
-        (sum / count.max(1) as f64).sqrt()
-    };
-    let all = rms(&mut solved.iter().flatten().flat_map(|s| s.distances_m.iter().flatten().copied()));
-    let each = subject.markers.iter().enumerate().map(|(m, marker)| {
-        let mut own = solved.iter().flatten().filter_map(|s| s.distances_m.get(m).copied().flatten());
-        (marker.name.clone(), rms(&mut own))
-    });
-    (all, each.collect())
 }
