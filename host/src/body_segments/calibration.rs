@@ -5,29 +5,19 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::study::Motion;
-use crate::fit::{Factor, Fingerprint, FitError, Silent, plain_factor};
+use super::error::DrawError;
+use super::motion::Motion;
+use crate::fit::{Factor, Fingerprint, Silent, plain_factor};
 use crate::inverse_kinematics::subject::Subject;
 use crate::motion_capture::trial::Trial;
 use crate::problem::person::Person;
 use crate::problem::person::another::frames_as;
-use crate::problem::tree::{TreeSource, TreeSourceError};
+use crate::problem::tree::TreeSource;
 
 /// Draws: a standard deviation is known to one in √(2 · 16).
 const DRAWS: usize = 16;
 /// Frames of all motions that are looked at, at most.
 const FRAMES: usize = 600;
-
-/// The reason that a person with other joints has no rows.
-#[derive(Debug, thiserror::Error)]
-pub enum DrawError {
-    /// The frames make no rows.
-    #[error(transparent)]
-    Source(#[from] TreeSourceError),
-    /// They cannot be filtered.
-    #[error(transparent)]
-    Fit(#[from] FitError),
-}
 
 /// Returns D: how parameters change with joints and markers, one column a draw.
 ///

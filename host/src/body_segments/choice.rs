@@ -1,6 +1,7 @@
 //! The motions that a person is identified from, and what other ways of choosing as many would give.
 
-use super::study::{Study, StudyError, known};
+use super::error::StudyError;
+use super::study::{Study, known};
 use crate::answer::person::ChoiceResult;
 use crate::motion_selection::compare::compare;
 use crate::motion_selection::conditions::groups;

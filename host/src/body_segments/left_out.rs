@@ -2,7 +2,8 @@
 
 use hexapod::STANDARD_GRAVITY_MPS2 as GRAVITY;
 
-use super::study::{Study, StudyError};
+use super::error::StudyError;
+use super::study::Study;
 use crate::answer::person::LeftOut;
 use crate::fit::{Fit, PredictedBlock, Prediction, parallel};
 use crate::problem::person::Person;

@@ -7,11 +7,15 @@
 
 mod calibration;
 pub mod choice;
+mod error;
 pub mod left_out;
+mod motion;
 pub mod opensim;
 pub mod report;
 pub mod segments;
 mod study;
 pub mod tool;
 
-pub use study::{Motion, Study, StudyError, StudyOptions};
+pub use error::{DrawError, StudyError};
+pub use motion::Motion;
+pub use study::{Study, StudyOptions};

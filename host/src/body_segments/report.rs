@@ -1,7 +1,8 @@
 //! The result about a person, from a study.
 
+use super::error::StudyError;
 use super::segments::segments;
-use super::study::{Study, StudyError};
+use super::study::Study;
 use crate::answer::Answer;
 use crate::answer::person::{DroppedFrames, FarMarker, LeftOut, PersonResult, TrialResult};
 use crate::answer::result::ParameterState;

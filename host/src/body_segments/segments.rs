@@ -6,7 +6,8 @@
 
 use nalgebra::{DMatrix, Matrix3, Vector3, Vector4};
 
-use super::study::{Study, StudyError};
+use super::error::StudyError;
+use super::study::Study;
 use crate::answer::person::SegmentResult;
 use crate::answer::standard_parameters::Full;
 use crate::fit::{COVERAGE_95, Fit, Measured};

@@ -1,61 +1,25 @@
 //! Motions of a person, each with its rows and factor, and what they say together.
 
-use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use nalgebra::DMatrix;
 
-use super::calibration::{DrawError, draws};
-use crate::answer::checks;
+use super::calibration::draws;
+use super::error::StudyError;
+use super::motion::{FEWEST_FRAMES, Motion, Part, parts, source};
 use crate::answer::standard_parameters::{BaseEstimate, Full, nearest};
-use crate::fit::pool::{PoolError, PooledFactor};
+use crate::fit::pool::PooledFactor;
 use crate::fit::prior::apply_distribution;
 use crate::fit::{
-    Channel, Checks, Factor, Fit, FitError, FitOptions, Gaussian, Measured, Progress, RowSource, Silent, fit,
+    Channel, Factor, Fit, FitError, FitOptions, Gaussian, Measured, Progress, RowSource, Silent, fit,
     parallel,
 };
 use crate::model::base::{BaseParameters, Situation};
 use crate::model::{Model, ModelError};
 use crate::motion_capture::trial::Trial;
-use crate::motion_selection::SelectionError;
+use crate::problem::person::Person;
 use crate::problem::person::anthropometry::{Spread, distribution};
 use crate::problem::person::noise::{RowSums, sigma};
-use crate::problem::person::{Person, PersonError};
-use crate::problem::tree::{TreeSource, TreeSourceError};
-
-/// Fewest frames that a motion has.
-const FEWEST_FRAMES: usize = 15;
-/// Most frames of a motion: longer trials are more motions.
-const MOST_FRAMES: usize = 10_000;
-
-/// The reason that a person's segments are not found.
-#[derive(Debug, thiserror::Error)]
-pub enum StudyError {
-    /// The trials make no person.
-    #[error(transparent)]
-    Person(#[from] PersonError),
-    /// The frames make no rows.
-    #[error(transparent)]
-    Source(#[from] TreeSourceError),
-    /// The rows cannot be fitted.
-    #[error(transparent)]
-    Fit(#[from] FitError),
-    /// A person with other joints has no rows.
-    #[error(transparent)]
-    Draws(#[from] DrawError),
-    /// Motions do not fit together.
-    #[error(transparent)]
-    Pool(#[from] PoolError),
-    /// There is nothing to choose from.
-    #[error(transparent)]
-    Selection(#[from] SelectionError),
-    /// The table has no bodies of this model.
-    #[error(transparent)]
-    Model(#[from] ModelError),
-    /// No frame of any trial can be used.
-    #[error("no frame can be used: {0}")]
-    NoFrames(String),
-}
 
 /// What is asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,73 +42,6 @@ impl Default for StudyOptions {
     }
 }
 
-/// A motion: a trial, or a part of one.
-pub struct Motion {
-    /// Its name.
-    pub name: String,
-    /// The trial, by its number.
-    pub trial: usize,
-    /// Its frames among those of the trial that rows are made of.
-    pub frames: Range<usize>,
-    /// 1 σ of every channel, per unfiltered sample.
-    pub sigma: Vec<f64>,
-    /// Samples that a row stands for.
-    pub every: u16,
-    /// Its factor, with what its checks found. That residuals of people who are not rigid are as slow as their motion is counted in the
-    /// intervals, and no warning.
-    pub pooled: PooledFactor,
-}
-
-impl Motion {
-    /// Returns its rows.
-    ///
-    /// # Errors
-    /// [`StudyError::Source`] if the person has other frames.
-    pub fn source(&self, person: &Person) -> Result<TreeSource, StudyError> {
-        Ok(source(person, self.trial, &self.frames)?.with_channel_sigma(self.sigma.clone()))
-    }
-
-    fn of(part: &Part, sigma: &[f64], fit: &Fit) -> Self {
-        let found = Checks { warnings: Vec::new(), ..checks(fit, &[], true) };
-        Self {
-            name: part.name.clone(),
-            trial: part.trial,
-            frames: part.frames.clone(),
-            sigma: sigma.to_vec(),
-            every: fit.filter.every,
-            pooled: PooledFactor::of(fit, &part.name).checked(&found),
-        }
-    }
-}
-
-/// Frames that become a motion.
-struct Part {
-    name: String,
-    trial: usize,
-    frames: Range<usize>,
-}
-
-/// Parts of some of a person's trials, and why trials have none; a single trial is cut into `asked` parts, a long one into more.
-fn parts(person: &Person, which: &[usize], asked: usize) -> (Vec<Part>, Vec<String>) {
-    let (mut parts, mut left) = (Vec::new(), Vec::new());
-    for (trial, tracked) in which.iter().filter_map(|k| Some((*k, person.trials.get(*k)?))) {
-        let frames = tracked.frames.len();
-        if frames < FEWEST_FRAMES {
-            left.push(tracked.why_unused());
-            continue;
-        }
-        let asked = if which.len() == 1 { asked } else { 1 };
-        let count = asked.max(frames.div_ceil(MOST_FRAMES)).min(frames / FEWEST_FRAMES).max(1);
-        let length = frames.div_ceil(count);
-        for (part, first) in (0..frames).step_by(length).enumerate() {
-            let own = if count == 1 { String::new() } else { format!(", part {}", part + 1) };
-            let name = tracked.name.clone() + &own;
-            parts.push(Part { name, trial, frames: first..frames.min(first + length) });
-        }
-    }
-    (parts, left)
-}
-
 /// 1 σ of the channels of every part, by what the table and all parts leave.
 fn noise(
     person: &Person,
@@ -162,13 +59,6 @@ fn noise(
     sigma(&sums, table).ok_or_else(|| {
         StudyError::NoFrames("the rows that are left are too short for their filter".to_owned())
     })
-}
-
-/// The rows of some frames of a trial, their noise not known.
-fn source(person: &Person, trial: usize, frames: &Range<usize>) -> Result<TreeSource, StudyError> {
-    let input = person.input(trial, frames.clone());
-    let input = input.ok_or_else(|| StudyError::NoFrames(format!("trial {} is not there", trial + 1)))?;
-    Ok(TreeSource::new(input)?)
 }
 
 /// Returns a fit whose σ are what residuals have beside the table: there is no stated noise to compare them with.

@@ -5,8 +5,9 @@
 
 use nalgebra::{DMatrix, Vector4};
 
+use super::error::StudyError;
 use super::segments::centre_of_mass;
-use super::study::{Study, StudyError, known};
+use super::study::{Study, known};
 use crate::answer::person::ToolResult;
 use crate::fit::pool::PooledFactor;
 use crate::fit::{COVERAGE_95, Measured};

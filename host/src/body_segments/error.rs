@@ -1,0 +1,48 @@
+//! Why a person's segments are not found.
+
+use crate::fit::FitError;
+use crate::fit::pool::PoolError;
+use crate::model::ModelError;
+use crate::motion_selection::SelectionError;
+use crate::problem::person::PersonError;
+use crate::problem::tree::TreeSourceError;
+
+/// The reason that a person's segments are not found.
+#[derive(Debug, thiserror::Error)]
+pub enum StudyError {
+    /// The trials make no person.
+    #[error(transparent)]
+    Person(#[from] PersonError),
+    /// The frames make no rows.
+    #[error(transparent)]
+    Source(#[from] TreeSourceError),
+    /// The rows cannot be fitted.
+    #[error(transparent)]
+    Fit(#[from] FitError),
+    /// A person with other joints has no rows.
+    #[error(transparent)]
+    Draws(#[from] DrawError),
+    /// Motions do not fit together.
+    #[error(transparent)]
+    Pool(#[from] PoolError),
+    /// There is nothing to choose from.
+    #[error(transparent)]
+    Selection(#[from] SelectionError),
+    /// The table has no bodies of this model.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// No frame of any trial can be used.
+    #[error("no frame can be used: {0}")]
+    NoFrames(String),
+}
+
+/// The reason that a person with other joints has no rows.
+#[derive(Debug, thiserror::Error)]
+pub enum DrawError {
+    /// The frames make no rows.
+    #[error(transparent)]
+    Source(#[from] TreeSourceError),
+    /// They cannot be filtered.
+    #[error(transparent)]
+    Fit(#[from] FitError),
+}
