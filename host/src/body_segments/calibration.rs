@@ -3,11 +3,13 @@
 //! Of a person there are as many as the markers allow: joints and markers drawn from what the calibration leaves open. Each has her own
 //! poses and rows, and other parameters explain the same forces; how far these scatter is `C = D Dᵀ`, D one column a draw.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use nalgebra::{DMatrix, DVector};
 
 use super::error::DrawError;
 use super::motion::Motion;
-use crate::fit::{Factor, Fingerprint, Silent, plain_factor};
+use crate::fit::{Factor, Fingerprint, FitError, Silent, parallel, plain_factor};
 use crate::inverse_kinematics::subject::Subject;
 use crate::motion_capture::trial::Trial;
 use crate::problem::person::Person;
@@ -18,6 +20,8 @@ use crate::problem::tree::TreeSource;
 const DRAWS: usize = 16;
 /// Frames of all motions that are looked at, at most.
 const FRAMES: usize = 600;
+/// Motions that are looked at, at most.
+const MOTIONS: usize = 12;
 
 /// Returns D: how parameters change with joints and markers, one column a draw.
 ///
@@ -28,21 +32,25 @@ pub fn draws(
     trials: &[Trial],
     motions: &[Motion],
     known: &Factor,
-    progress: &dyn Fn(f64),
+    progress: &(dyn Fn(f64) + Sync),
 ) -> Result<DMatrix<f64>, DrawError> {
-    let each = FRAMES.div_ceil(motions.len().max(1));
+    // Each that is looked at stands for its neighbours.
+    let every = motions.len().div_ceil(MOTIONS).max(1);
+    let looked: Vec<&Motion> = motions.iter().step_by(every).collect();
+    let each = FRAMES.div_ceil(looked.len().max(1));
     let solved = |subject: &Subject| -> Result<DVector<f64>, DrawError> {
         let mut all = known.clone();
-        for motion in motions {
-            let Some(factor) = factor(person, trials, motion, each, subject)? else { continue };
+        for motion in &looked {
+            let Some(factor) = factor(person, trials, motion, (each, every), subject)? else { continue };
             all.merge(&factor);
         }
         Ok(DVector::from_vec(all.solve(f64::EPSILON).estimate))
     };
-    let about = solved(&person.subject)?;
-    let mut columns = Vec::new();
-    for draw in 0..DRAWS {
-        progress(draw as f64 / DRAWS as f64);
+    let done = AtomicUsize::new(0);
+    // The person as she was found, then the draws.
+    let found = parallel::map(parallel::threads(), 1 + DRAWS, |k| {
+        progress(done.fetch_add(1, Ordering::Relaxed) as f64 / (1 + DRAWS) as f64);
+        let Some(draw) = k.checked_sub(1) else { return solved(&person.subject).map(Some) };
         let mut number = 0;
         // Either sign, the same for everybody.
         let sign = || {
@@ -51,9 +59,14 @@ pub fn draws(
             [draw as u64, number].into_iter().for_each(|v| hash.add(v));
             if hash.finish() >> 63 == 0 { 1.0 } else { -1.0 }
         };
-        let Some(other) = person.subject.another(sign) else { continue };
-        columns.push((solved(&other)? - &about) / (DRAWS as f64).sqrt());
-    }
+        person.subject.another(sign).map(|other| solved(&other)).transpose()
+    });
+    let found: Vec<DVector<f64>> =
+        found.into_iter().filter_map(Result::transpose).collect::<Result<_, _>>()?;
+    let (about, others) =
+        found.split_first().ok_or(FitError::NoRows { samples: 0, rejected: 0, width_s: 0.0 })?;
+    let columns: Vec<DVector<f64>> =
+        others.iter().map(|other| (other - about) / (DRAWS as f64).sqrt()).collect();
     Ok(if columns.is_empty() { DMatrix::zeros(about.len(), 0) } else { DMatrix::from_columns(&columns) })
 }
 
@@ -62,7 +75,7 @@ fn factor(
     person: &Person,
     trials: &[Trial],
     motion: &Motion,
-    most: usize,
+    (most, every): (usize, usize),
     subject: &Subject,
 ) -> Result<Option<Factor>, DrawError> {
     let (Some(tracked), Some(trial)) = (person.trials.get(motion.trial), trials.get(motion.trial)) else {
@@ -74,8 +87,8 @@ fn factor(
     let first = motion.frames.start + (count - used) / 2;
     let frames = frames_as(subject, trial, tracked, first..first + used);
     let source = TreeSource::new(Person::input_of(subject, tracked, frames))?;
-    // As much as all of its frames weigh against the table.
-    let share = (used as f64 / count.max(1) as f64).sqrt();
+    // As much as all of the frames that it stands for weigh against the table.
+    let share = (used as f64 / (count * every).max(1) as f64).sqrt();
     let sigma: Vec<f64> = motion.sigma.iter().map(|sigma| sigma * share).collect();
     Ok(Some(plain_factor(&source, &sigma, &Silent)?))
 }

@@ -9,6 +9,9 @@ use crate::fit::{Fit, PredictedBlock, Prediction, parallel};
 use crate::problem::person::Person;
 use crate::problem::person::noise::noise_gain;
 
+/// Motions that are left out: one at a time, or so many groups of neighbours.
+const GROUPS: usize = 12;
+
 /// Motions predicted.
 pub struct LeftOutMotions {
     /// The errors of every channel.
@@ -18,7 +21,8 @@ pub struct LeftOutMotions {
     pub predictions: Vec<[Vec<PredictedBlock>; 2]>,
 }
 
-/// Returns the errors of motions that were left out one at a time; of a single motion those of itself. Predictions are kept of the first
+/// Returns the errors of motions that were left out one at a time, of more than twelve in as many groups; of a single motion those of
+/// itself. Predictions are kept of the first
 /// `keep_s` of each trial.
 ///
 /// # Errors
@@ -26,11 +30,17 @@ pub struct LeftOutMotions {
 pub fn left_out(study: &Study, person: &Person, keep_s: f64) -> Result<LeftOutMotions, StudyError> {
     let count = study.motions.len();
     let channels = &study.channels;
+    // Of many motions some are left out at a time.
+    let each = count.div_ceil(GROUPS).max(1);
+    let groups = parallel::map(parallel::threads(), count.div_ceil(each), |group| {
+        let others: Vec<usize> = (0..count).filter(|k| k / each != group || count <= each).collect();
+        predictor(study, person, &study.together(&others)?)
+    });
+    let groups: Vec<Vec<f64>> = groups.into_iter().collect::<Result<_, _>>()?;
     let predicted = parallel::map(parallel::threads(), count, |k| -> Result<_, StudyError> {
-        let others: Vec<usize> = (0..count).filter(|o| *o != k || count == 1).collect();
-        let values = predictor(study, person, &study.together(&others)?)?;
+        let values = &groups[k / each];
         let motion = &study.motions[k];
-        let found = Prediction::of_each(&motion.source(person)?, [&values, study.table.mean().as_slice()])?;
+        let found = Prediction::of_each(&motion.source(person)?, [values, study.table.mean().as_slice()])?;
         let report = &person.trials[motion.trial].report;
         let share = f64::from(motion.every) * noise_gain(report.rate_hz, report.cut_off_hz);
         let sums: Vec<Sums> = (0..channels.len()).map(|c| Sums::of(&found, c, share)).collect();

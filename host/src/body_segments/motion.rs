@@ -12,7 +12,7 @@ use crate::problem::tree::TreeSource;
 /// Fewest frames that a motion has.
 pub(super) const FEWEST_FRAMES: usize = 15;
 /// Most frames of a motion: longer trials are more motions.
-const MOST_FRAMES: usize = 10_000;
+const MOST_FRAMES: usize = 6000;
 
 /// A motion: a trial, or a part of one.
 pub struct Motion {

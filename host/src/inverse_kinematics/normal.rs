@@ -13,6 +13,7 @@ pub(super) const POSTURE_SIGMA: f64 = 1.0;
 
 /// Normal equations `H δ = g` of a frame's own freedoms, and what couples them with what all frames share.
 pub(super) struct Normal {
+    /// Its lower triangle.
     pub own: DMatrix<f64>,
     pub own_right: DVector<f64>,
     /// Freedoms × shared; empty if nothing is shared.
@@ -102,10 +103,11 @@ pub(super) fn fill(
         }
         let scale = weight / marker.sigma_m;
         let square = scale / marker.sigma_m;
-        for (a, column) in &own {
+        for (k, (a, column)) in own.iter().enumerate() {
             normal.own_right[*a] += scale * column.dot(&residual);
-            for (b, other) in &own {
-                normal.own[(*a, *b)] += square * column.dot(other);
+            // What a Cholesky factor reads.
+            for (b, other) in &own[..=k] {
+                normal.own[(*a.max(b), *a.min(b))] += square * column.dot(other);
             }
             for (b, other) in &shared {
                 normal.coupling[(*a, *b)] += square * column.dot(other);

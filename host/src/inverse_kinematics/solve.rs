@@ -58,7 +58,7 @@ impl<'a> Solver<'a> {
             let short = step.amax() < SHORT;
             if better {
                 // Nearly a Newton step when the cost hardly falls any more.
-                let done = self.normal.cost - self.trial.cost <= 1e-9 * self.normal.cost;
+                let done = self.normal.cost - self.trial.cost <= 1e-6 * self.normal.cost;
                 pose = next;
                 std::mem::swap(&mut self.normal, &mut self.trial);
                 damping = (damping * 0.1_f64).max(1e-9);

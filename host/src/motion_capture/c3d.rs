@@ -8,6 +8,8 @@ mod error;
 mod parameters;
 mod plates;
 
+use std::io::{BufRead, Cursor, Read, Seek, SeekFrom};
+
 use bytes::{Bytes, Processor};
 pub use error::C3dError;
 use error::parameter;
@@ -18,6 +20,8 @@ pub use plates::{Plate, PlateKind};
 const BLOCK: usize = 512;
 /// The second byte of header and parameter section.
 const KEY: u8 = 0x50;
+/// Header and parameter section end before this byte: both are counted in blocks by one byte.
+const HEAD: u64 = (2 * 256 * BLOCK) as u64;
 /// A recording of markers, with analog channels and force plates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct C3d {
@@ -40,20 +44,47 @@ pub struct C3d {
 }
 
 impl C3d {
-    /// Reads a file.
+    /// Reads all of a file.
     ///
     /// # Errors
     /// It is no C3D file, is cut off, or contradicts itself.
     pub fn parse(file: &[u8]) -> Result<Self, C3dError> {
-        if file.get(1) != Some(&KEY) {
+        let (mut c3d, mut frames) = Self::open(Cursor::new(file))?;
+        while frames.add_next(&mut c3d.points_m, &mut c3d.analog)? {}
+        Ok(c3d)
+    }
+
+    /// Reads what comes before the frames of a file, and returns it, without points and samples, with the frames.
+    ///
+    /// # Errors
+    /// See [`C3d::parse`].
+    pub fn open<R: BufRead + Seek>(mut reader: R) -> Result<(Self, Frames<R>), C3dError> {
+        let length = reader.seek(SeekFrom::End(0)).map_err(unreadable)?;
+        reader.seek(SeekFrom::Start(0)).map_err(unreadable)?;
+        let mut head = Vec::new();
+        (&mut reader).take(HEAD).read_to_end(&mut head).map_err(unreadable)?;
+        if head.get(1) != Some(&KEY) {
             return Err(C3dError::NotC3d);
         }
-        let section = (usize::from(file[0]).max(1) - 1) * BLOCK;
-        let head = Bytes::slice(file, section, 4, "the parameter section")?;
-        let processor = Processor::of(head[3]).ok_or(C3dError::Processor(head[3]))?;
-        let bytes = Bytes { file, processor };
+        let section = (usize::from(head[0]).max(1) - 1) * BLOCK;
+        let begin = Bytes::slice(&head, section, 4, "the parameter section")?;
+        let processor = Processor::of(begin[3]).ok_or(C3dError::Processor(begin[3]))?;
+        let bytes = Bytes { file: &head, processor };
         let parameters = Parameters::parse(bytes, section)?;
-        Layout::of(bytes, &parameters)?.read(bytes, &parameters)
+        let layout = Layout::of(bytes, &parameters)?;
+        let c3d = layout.empty(&parameters)?;
+        let frame_bytes = layout.frame_bytes(length)?;
+        reader.seek(SeekFrom::Start(layout.begin as u64)).map_err(unreadable)?;
+        let frames = Frames {
+            reader,
+            left: layout.frames,
+            buffer: vec![0; frame_bytes],
+            to_metres: parameters.unit_m()?,
+            analog: Scaling::of(&parameters, layout.channels, layout.unsigned)?,
+            processor,
+            layout,
+        };
+        Ok((c3d, frames))
     }
 
     /// Returns a point in a frame, m; `None` where it was not seen.
@@ -61,6 +92,50 @@ impl C3d {
         let at = frame.checked_mul(self.labels.len())?.checked_add(label)?;
         self.points_m.get(at).copied().filter(|_| label < self.labels.len()).filter(|p| p[0].is_finite())
     }
+}
+
+/// The frames of a file, one after the other.
+pub struct Frames<R> {
+    reader: R,
+    layout: Layout,
+    processor: Processor,
+    left: usize,
+    buffer: Vec<u8>,
+    to_metres: f64,
+    analog: Scaling,
+}
+
+impl<R: BufRead> Frames<R> {
+    /// Adds the points of the next frame, m, and its samples of all channels, in their units; returns false after the last one.
+    ///
+    /// # Errors
+    /// [`C3dError::Unreadable`].
+    pub fn add_next(
+        &mut self,
+        points_m: &mut Vec<[f32; 3]>,
+        samples: &mut Vec<f32>,
+    ) -> Result<bool, C3dError> {
+        if self.left == 0 {
+            return Ok(false);
+        }
+        self.left -= 1;
+        self.reader.read_exact(&mut self.buffer).map_err(unreadable)?;
+        let bytes = Bytes { file: &self.buffer, processor: self.processor };
+        let (layout, size) = (&self.layout, self.layout.number_bytes());
+        for point in 0..layout.points {
+            points_m.push(layout.point(bytes, 4 * size * point, self.to_metres)?);
+        }
+        let first = 4 * size * layout.points;
+        for sample in 0..layout.samples_per_frame * layout.channels {
+            let raw = layout.analog(bytes, first + size * sample)?;
+            samples.push(self.analog.value(raw, sample % layout.channels));
+        }
+        Ok(true)
+    }
+}
+
+fn unreadable(error: std::io::Error) -> C3dError {
+    C3dError::Unreadable(error.to_string())
 }
 
 /// Where the frames are and how they are written.
@@ -120,8 +195,9 @@ impl Layout {
         })
     }
 
-    fn read(&self, bytes: Bytes, parameters: &Parameters) -> Result<C3d, C3dError> {
-        let size = if self.floating { 4 } else { 2 };
+    /// How many bytes a frame has, of a file of this length.
+    fn frame_bytes(&self, length: u64) -> Result<usize, C3dError> {
+        let size = self.number_bytes();
         let frame_bytes = size * (4 * self.points + self.samples_per_frame * self.channels);
         if frame_bytes == 0 {
             return Err(parameter(
@@ -132,37 +208,26 @@ impl Layout {
         }
         let needed =
             (self.begin as u64).saturating_add((self.frames as u64).saturating_mul(frame_bytes as u64));
-        if needed > bytes.file.len() as u64 {
-            return Err(C3dError::Truncated {
-                what: "the last frame",
-                needed,
-                bytes: bytes.file.len() as u64,
-            });
+        if needed > length {
+            return Err(C3dError::Truncated { what: "the last frame", needed, bytes: length });
         }
-        let to_metres = parameters.unit_m()?;
-        let analog = Scaling::of(parameters, self.channels, self.unsigned)?;
-        let mut points_m = Vec::with_capacity(self.frames * self.points);
-        let mut values = Vec::with_capacity(self.frames * self.samples_per_frame * self.channels);
-        for frame in 0..self.frames {
-            let mut at = self.begin + frame * frame_bytes;
-            for _ in 0..self.points {
-                points_m.push(self.point(bytes, at, to_metres)?);
-                at += 4 * size;
-            }
-            for sample in 0..self.samples_per_frame * self.channels {
-                let raw = self.analog(bytes, at)?;
-                values.push(analog.value(raw, sample % self.channels));
-                at += size;
-            }
-        }
+        Ok(frame_bytes)
+    }
+
+    fn number_bytes(&self) -> usize {
+        if self.floating { 4 } else { 2 }
+    }
+
+    /// The recording without its points and samples.
+    fn empty(&self, parameters: &Parameters) -> Result<C3d, C3dError> {
         Ok(C3d {
             rate_hz: self.rate_hz,
             frames: self.frames,
             labels: labels(parameters, "POINT", self.points),
-            points_m,
+            points_m: Vec::new(),
             samples_per_frame: self.samples_per_frame,
             channels: labels(parameters, "ANALOG", self.channels),
-            analog: values,
+            analog: Vec::new(),
             plates: plates::of(parameters, self.channels)?,
         })
     }

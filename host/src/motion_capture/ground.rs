@@ -13,10 +13,61 @@ pub struct GroundWrench {
     pub corners_m: Option<[[f64; 3]; 4]>,
     /// Samples per second.
     pub rate_hz: f64,
-    /// Time of the first sample, s.
+    /// Time of the first sample, s: of its middle.
     pub first_s: f64,
+    /// What each sample is the mean over, s.
+    pub mean_s: f64,
     /// Force and moment on the person about the laboratory's origin, laboratory axes, N and N m.
     pub wrench: Vec<[f64; 6]>,
+}
+
+/// Neighbouring samples are taken together as long as so many a second are left, ten times the highest cut-off that is chosen, …
+const RATE_HZ: f64 = 150.0;
+/// … and so many a frame of markers: of a cut-off that is asked for that is eight times as many.
+const PER_FRAME: f64 = 2.0;
+
+/// Takes neighbouring samples together, so that a long recording is no longer than its markers.
+pub(super) struct Means {
+    together: usize,
+    sum: [f64; 6],
+    count: usize,
+    means: Vec<[f64; 6]>,
+}
+
+impl Means {
+    /// Of about so many samples a second, beside so many frames.
+    pub(super) fn new(rate_hz: f64, frames_hz: f64) -> Self {
+        let together = (rate_hz / RATE_HZ.max(PER_FRAME * frames_hz)).floor().clamp(1.0, 1000.0) as usize;
+        Self { together, sum: [0.0; 6], count: 0, means: Vec::new() }
+    }
+
+    pub(super) fn push(&mut self, wrench: [f64; 6]) {
+        self.sum.iter_mut().zip(wrench).for_each(|(sum, value)| *sum += value);
+        self.count += 1;
+        if self.count == self.together {
+            self.means.push(self.sum.map(|sum| sum / self.together as f64));
+            (self.sum, self.count) = ([0.0; 6], 0);
+        }
+    }
+
+    /// The plate whose samples they were, so many a second from an instant on; what is left of them at the end is dropped.
+    pub(super) fn plate(
+        self,
+        name: String,
+        corners_m: Option<[[f64; 3]; 4]>,
+        rate_hz: f64,
+        first_s: f64,
+    ) -> GroundWrench {
+        let together = self.together as f64;
+        GroundWrench {
+            name,
+            corners_m,
+            rate_hz: rate_hz / together,
+            first_s: first_s + 0.5 * (together - 1.0) / rate_hz,
+            mean_s: if self.together > 1 { together / rate_hz } else { 0.0 },
+            wrench: self.means,
+        }
+    }
 }
 
 impl Plate {
@@ -72,30 +123,39 @@ impl Plate {
     }
 }
 
+/// A plate with its place in the laboratory.
+pub(super) struct Placed {
+    plate: Plate,
+    axes: Matrix3<f64>,
+    middle: Vector3<f64>,
+}
+
+impl Placed {
+    /// `None` if the plate's corners are no rectangle's.
+    pub(super) fn of(plate: &Plate) -> Option<Self> {
+        let (axes, middle) = plate.place()?;
+        Some(Self { plate: plate.clone(), axes, middle })
+    }
+
+    /// The wrench by one sample of all channels.
+    pub(super) fn wrench(&self, sample: &[f32]) -> [f64; 6] {
+        let mut values = [0.0; 8];
+        for (to, channel) in values.iter_mut().zip(&self.plate.channels) {
+            *to = sample.get(*channel).copied().map_or(f64::NAN, f64::from);
+        }
+        let (force, moment, at) = self.plate.own_wrench(&values);
+        let force = self.axes * force;
+        let moment = self.axes * moment + (self.middle + self.axes * at).cross(&force);
+        [force.x, force.y, force.z, moment.x, moment.y, moment.z]
+    }
+}
+
 impl C3d {
-    /// Returns the wrenches of the plates as their channels have them, not zeroed.
-    pub fn ground_wrenches(&self) -> Vec<GroundWrench> {
-        let each = self.plates.iter().enumerate().filter_map(|(k, plate)| {
-            let (axes, middle) = plate.place()?;
-            let samples = self.analog.chunks_exact(self.channels.len().max(1));
-            let wrench = samples.map(|sample| {
-                let mut values = [0.0; 8];
-                for (to, channel) in values.iter_mut().zip(&plate.channels) {
-                    *to = sample.get(*channel).copied().map_or(f64::NAN, f64::from);
-                }
-                let (force, moment, at) = plate.own_wrench(&values);
-                let force = axes * force;
-                let moment = axes * moment + (middle + axes * at).cross(&force);
-                [force.x, force.y, force.z, moment.x, moment.y, moment.z]
-            });
-            Some(GroundWrench {
-                name: format!("plate {}", k + 1),
-                corners_m: Some(plate.corners_m),
-                rate_hz: self.rate_hz * self.samples_per_frame as f64,
-                first_s: 0.0,
-                wrench: wrench.collect(),
-            })
-        });
-        each.collect()
+    /// Returns the wrenches of the plates as their channels have them, sample by sample, not zeroed: force and moment about the
+    /// laboratory's origin, N and N m.
+    pub fn ground_wrenches(&self) -> Vec<Vec<[f64; 6]>> {
+        let placed = self.plates.iter().filter_map(Placed::of);
+        let samples = || self.analog.chunks_exact(self.channels.len().max(1));
+        placed.map(|plate| samples().map(|sample| plate.wrench(sample)).collect()).collect()
     }
 }

@@ -1,14 +1,16 @@
 //! A trial: markers and the ground's wrenches, in axes whose z points up.
 
+use std::fs::File;
+use std::io::{BufRead, BufReader, Seek};
 use std::path::{Path, PathBuf};
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::c3d::{C3d, C3dError};
-use super::ground::GroundWrench;
+use super::c3d::{C3d, C3dError, Plate};
+use super::ground::{GroundWrench, Means, Placed};
 use super::opensim::OpenSimError;
 use super::opensim::ground_reaction::ground_wrenches;
-use super::opensim::storage::Storage;
+use super::opensim::storage::Rows;
 use super::opensim::trc::Trc;
 use crate::recording::extension;
 
@@ -78,16 +80,33 @@ impl Trial {
     ///
     /// # Errors
     /// [`TrialError`] says what is wrong with it.
-    pub fn of_c3d(name: &str, bytes: &[u8]) -> Result<Self, TrialError> {
-        let c3d = C3d::parse(bytes).map_err(|error| TrialError::C3d { name: name.to_owned(), error })?;
-        let (ground, mut notes) = (c3d.ground_wrenches(), Vec::new());
-        if ground.len() < c3d.plates.len() {
+    pub fn of_c3d(name: &str, reader: impl BufRead + Seek) -> Result<Self, TrialError> {
+        let failed = |error| TrialError::C3d { name: name.to_owned(), error };
+        let (mut c3d, mut frames) = C3d::open(reader).map_err(failed)?;
+        let placed: Vec<Placed> = c3d.plates.iter().filter_map(Placed::of).collect();
+        if placed.len() < c3d.plates.len() {
             return Err(TrialError::Contents {
                 name: name.to_owned(),
                 what: "the corners of a force plate are no rectangle".to_owned(),
                 advice: "correct FORCE_PLATFORM:CORNERS in the file".to_owned(),
             });
         }
+        let (rate_hz, channels) = (c3d.rate_hz * c3d.samples_per_frame as f64, c3d.channels.len().max(1));
+        let mut means: Vec<Means> = placed.iter().map(|_| Means::new(rate_hz, c3d.rate_hz)).collect();
+        c3d.points_m.reserve_exact(c3d.frames * c3d.labels.len());
+        let mut samples = Vec::new();
+        while frames.add_next(&mut c3d.points_m, &mut samples).map_err(failed)? {
+            for sample in samples.chunks_exact(channels) {
+                means.iter_mut().zip(&placed).for_each(|(means, plate)| means.push(plate.wrench(sample)));
+            }
+            samples.clear();
+        }
+        let plates = means.into_iter().zip(&c3d.plates).enumerate();
+        let plate = |(k, (means, plate)): (usize, (Means, &Plate))| {
+            means.plate(format!("plate {}", k + 1), Some(plate.corners_m), rate_hz, 0.0)
+        };
+        let ground: Vec<GroundWrench> = plates.map(plate).collect();
+        let mut notes = Vec::new();
         if ground.is_empty() {
             let channels = c3d.channels.iter().filter(|c| c.to_ascii_uppercase().contains("FZ")).count();
             notes.push(match channels {
@@ -117,15 +136,27 @@ impl Trial {
     ///
     /// # Errors
     /// [`TrialError`] says what is wrong with which.
-    pub fn of_trc(name: &str, markers: &str, ground: Option<(&str, &str)>) -> Result<Self, TrialError> {
+    pub fn of_trc(
+        name: &str,
+        markers: impl BufRead,
+        ground: Option<(&str, impl BufRead + Send)>,
+    ) -> Result<Self, TrialError> {
         let refuse = |name: &str, error: OpenSimError| TrialError::OpenSim { name: name.to_owned(), error };
-        let trc = Trc::parse(markers).map_err(|error| refuse(name, error))?;
-        let wrenches = match ground {
-            None => Vec::new(),
-            Some((name, text)) => Storage::parse(text)
-                .and_then(|table| ground_wrenches(&table))
-                .map_err(|error| refuse(name, error))?,
+        let (trc, frames) = Trc::open(markers).map_err(|error| refuse(name, error))?;
+        let frames_hz = trc.rate_hz;
+        let forces = || match ground {
+            None => Ok(Vec::new()),
+            Some((name, reader)) => {
+                let rows = Rows::new(reader).and_then(|rows| ground_wrenches(rows, frames_hz));
+                rows.map_err(|error| refuse(name, error))
+            }
         };
+        let (trc, wrenches) = std::thread::scope(|scope| {
+            let forces = scope.spawn(forces);
+            let trc = trc.read(frames).map_err(|error| refuse(name, error));
+            (trc, forces.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+        });
+        let (trc, wrenches) = (trc?, wrenches?);
         let mut trial = Self {
             name: name.to_owned(),
             rate_hz: trc.rate_hz,
@@ -150,18 +181,16 @@ impl Trial {
             path: path.display().to_string(),
             reason: error.to_string(),
         };
-        let text = |path: &Path| std::fs::read_to_string(path).map_err(|error| unreadable(path, error));
+        let open =
+            |path: &Path| File::open(path).map(BufReader::new).map_err(|error| unreadable(path, error));
         let shown = path.display().to_string();
         let mut trial = match extension(path).as_str() {
-            "c3d" => {
-                let bytes = std::fs::read(path).map_err(|error| unreadable(path, error))?;
-                Self::of_c3d(&shown, &bytes)?
-            }
+            "c3d" => Self::of_c3d(&shown, open(path)?)?,
             "trc" => {
                 let beside = ground.map(Path::to_path_buf).or_else(|| beside(path));
-                let own = beside.map(|p| Ok((p.display().to_string(), text(&p)?))).transpose()?;
-                let own = own.as_ref().map(|(name, text)| (name.as_str(), text.as_str()));
-                Self::of_trc(&shown, &text(path)?, own)?
+                let mut own = beside.map(|p| Ok((p.display().to_string(), open(&p)?))).transpose()?;
+                let own = own.as_mut().map(|(name, reader)| (name.as_str(), reader));
+                Self::of_trc(&shown, open(path)?, own)?
             }
             _ => return Err(TrialError::UnknownKind(shown)),
         };

@@ -185,6 +185,7 @@ impl Somebody {
             corners_m: Some(corners.map(|[x, y]| [PLATE_M * x, PLATE_M * y, 0.0])),
             rate_hz,
             first_s: 0.0,
+            mean_s: 0.0,
             wrench: wrench.collect(),
         };
         Trial {

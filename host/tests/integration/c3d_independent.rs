@@ -136,8 +136,8 @@ fn same_wrenches(ours: &C3d, theirs: &serde_json::Value, name: &str) {
     for (k, (ours, plate)) in wrenches.iter().zip(&ours.plates).enumerate() {
         let middle: [f64; 3] =
             std::array::from_fn(|axis| plate.corners_m.iter().map(|c| c[axis]).sum::<f64>() / 4.0);
-        assert_eq!(theirs[k].as_array().unwrap().len(), ours.wrench.len());
-        for (sample, [x, y, z, mx, my, mz]) in ours.wrench.iter().enumerate() {
+        assert_eq!(theirs[k].as_array().unwrap().len(), ours.len());
+        for (sample, [x, y, z, mx, my, mz]) in ours.iter().enumerate() {
             let [a, b, c] = middle;
             let own = [*x, *y, *z, mx - (b * z - c * y), my - (c * x - a * z), mz - (a * y - b * x)];
             for (axis, own) in own.iter().enumerate() {

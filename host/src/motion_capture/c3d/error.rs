@@ -6,6 +6,9 @@ pub enum C3dError {
     /// Another format.
     #[error("it is no C3D file: its second byte is not 0x50")]
     NotC3d,
+    /// The system cannot read it.
+    #[error("it cannot be read: {0}")]
+    Unreadable(String),
     /// The file ends before what it promises.
     #[error(
         "it is cut off: {what} would end at byte {needed}, and the file has {bytes} bytes; copy it again from where it was recorded"

@@ -5,6 +5,7 @@
 pub mod error;
 mod functions;
 pub mod ground_reaction;
+mod lines;
 pub mod model;
 pub mod storage;
 pub mod trc;

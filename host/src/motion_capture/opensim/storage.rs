@@ -1,6 +1,9 @@
 //! MOT and STO: columns over time as text.
 
+use std::io::BufRead;
+
 use super::error::{OpenSimError, at, number};
+use super::lines::Lines;
 
 /// A table over time.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,18 +20,34 @@ pub struct Storage {
     pub values: Vec<f64>,
 }
 
-impl Storage {
-    /// Reads a file. Without a line that says so angles are in degrees if one says that in words. The header's number of columns is
+/// Goes through the rows of a file.
+pub struct Rows<R> {
+    /// Its name: the first line.
+    pub name: String,
+    /// Angles are in degrees.
+    pub in_degrees: bool,
+    /// Names of the columns after `time`, as they are in the file.
+    pub columns: Vec<String>,
+    lines: Lines<R>,
+    values: Vec<f64>,
+    last_s: Option<f64>,
+    /// Rows that were read, and as the header says it.
+    count: usize,
+    expected: Option<usize>,
+}
+
+impl<R: BufRead> Rows<R> {
+    /// Reads the header. Without a line that says so angles are in degrees if one says that in words. The header's number of columns is
     /// not looked at: programs leave an old one there, and the names say it.
     ///
     /// # Errors
-    /// It has no header, is cut off, or contradicts itself.
-    pub fn parse(text: &str) -> Result<Self, OpenSimError> {
-        let mut lines = text.lines().enumerate().map(|(k, line)| (k + 1, line));
-        let (mut rows, mut in_degrees, mut name) = (None, None, String::new());
+    /// There is none, or it is cut off.
+    pub fn new(reader: R) -> Result<Self, OpenSimError> {
+        let mut lines = Lines::new(reader);
+        let (mut expected, mut in_degrees, mut name) = (None, None, String::new());
         let mut in_words = false;
         loop {
-            let (line, text) = lines.next().ok_or_else(|| {
+            let (line, text) = lines.next()?.ok_or_else(|| {
                 OpenSimError::Missing("no line says endheader: this is no MOT or STO file".to_owned())
             })?;
             let text = text.trim();
@@ -43,13 +62,12 @@ impl Storage {
             let count =
                 || value.trim().parse::<usize>().map_err(|_| at(line, format!("{text:?} has no count")));
             match key.trim().to_ascii_lowercase().as_str() {
-                "nrows" | "datarows" => rows = Some(count()?),
+                "nrows" | "datarows" => expected = Some(count()?),
                 "indegrees" => in_degrees = Some(value.trim().eq_ignore_ascii_case("yes")),
                 _ => {}
             }
         }
-        let names = lines.by_ref().find(|(_, text)| !text.trim().is_empty());
-        let (line, names) = names.ok_or_else(|| {
+        let (line, names) = lines.next_told()?.ok_or_else(|| {
             OpenSimError::Missing("the file ends before the names of its columns".to_owned())
         })?;
         let mut columns: Vec<String> = names.split_whitespace().map(str::to_owned).collect();
@@ -57,47 +75,62 @@ impl Storage {
             return Err(at(line, "the first column is not time"));
         }
         columns.remove(0);
-        let mut table = Self {
-            name,
-            in_degrees: in_degrees.unwrap_or(in_words),
-            columns,
-            times_s: Vec::new(),
-            values: Vec::new(),
-        };
-        for (line, text) in lines.filter(|(_, text)| !text.trim().is_empty()) {
-            table.row(text, line)?;
-        }
-        if rows.is_some_and(|rows| rows != table.times_s.len()) {
-            return Err(OpenSimError::Missing(format!(
-                "{} rows, and the header says {}: the file is cut off, or its header is of another",
-                table.times_s.len(),
-                rows.unwrap_or(0)
-            )));
-        }
-        Ok(table)
+        let in_degrees = in_degrees.unwrap_or(in_words);
+        let values = Vec::with_capacity(columns.len());
+        Ok(Self { name, in_degrees, columns, lines, values, last_s: None, count: 0, expected })
     }
 
-    fn row(&mut self, text: &str, line: usize) -> Result<(), OpenSimError> {
+    /// Returns time, s, and values of the next row; `None` at the end.
+    ///
+    /// # Errors
+    /// The row is none, or there are other rows than the header says.
+    pub fn next_row(&mut self) -> Result<Option<(f64, &[f64])>, OpenSimError> {
+        let Some((line, text)) = self.lines.next_told()? else {
+            return match self.expected.filter(|expected| *expected != self.count) {
+                Some(expected) => Err(OpenSimError::Missing(format!(
+                    "{} rows, and the header says {expected}: the file is cut off, or its header is of another",
+                    self.count
+                ))),
+                None => Ok(None),
+            };
+        };
         let mut cells = text.split_whitespace();
         let time = number(cells.next().unwrap_or_default(), line, "the time")?;
-        if !time.is_finite() || self.times_s.last().is_some_and(|last| *last >= time) {
+        if !time.is_finite() || self.last_s.is_some_and(|last| last >= time) {
             return Err(at(line, format!("the time {time} s is not after the one before")));
         }
-        let before = self.values.len();
+        self.values.clear();
         for cell in cells {
             self.values.push(number(cell, line, "a value")?);
         }
-        let count = self.values.len() - before;
+        let count = self.values.len();
         if count != self.columns.len() {
             return Err(at(line, format!("{count} values for {} columns", self.columns.len())));
         }
-        self.times_s.push(time);
-        Ok(())
+        self.last_s = Some(time);
+        self.count += 1;
+        Ok(Some((time, &self.values)))
     }
+}
 
-    /// Returns the values of a column over time.
-    pub fn column(&self, name: &str) -> Option<impl Iterator<Item = f64> + '_> {
-        let k = self.columns.iter().position(|c| c == name)?;
-        Some(self.values.iter().skip(k).step_by(self.columns.len().max(1)).copied())
+impl Storage {
+    /// Reads a text: see [`Rows`].
+    ///
+    /// # Errors
+    /// It has no header, is cut off, or contradicts itself.
+    pub fn parse(text: &str) -> Result<Self, OpenSimError> {
+        let mut rows = Rows::new(text.as_bytes())?;
+        let mut table = Self {
+            name: rows.name.clone(),
+            in_degrees: rows.in_degrees,
+            columns: rows.columns.clone(),
+            times_s: Vec::new(),
+            values: Vec::new(),
+        };
+        while let Some((time, values)) = rows.next_row()? {
+            table.times_s.push(time);
+            table.values.extend_from_slice(values);
+        }
+        Ok(table)
     }
 }

@@ -3,7 +3,10 @@
 //! Three lines of header, of which the second names and the third gives rates, counts and the unit; one line of marker names, one of
 //! axes; then frames: number, time, three coordinates a marker, blank where one was not seen.
 
+use std::io::BufRead;
+
 use super::error::{OpenSimError, at, number};
+use super::lines::Lines;
 
 /// Times may be off the rate by so much of a period: they are rounded.
 const JITTER: f64 = 0.3;
@@ -21,6 +24,12 @@ pub struct Trc {
     pub points_m: Vec<[f32; 3]>,
 }
 
+/// What reads the frames of a file.
+pub struct Frames<R> {
+    lines: Lines<R>,
+    header: Header,
+}
+
 struct Header {
     rate_hz: f64,
     frames: usize,
@@ -29,40 +38,34 @@ struct Header {
 }
 
 impl Trc {
-    /// Reads a file.
+    /// Reads a text.
     ///
     /// # Errors
     /// It is no TRC file, is cut off, or contradicts itself.
     pub fn parse(text: &str) -> Result<Self, OpenSimError> {
-        let mut lines = text.lines().enumerate().map(|(k, line)| (k + 1, line));
-        let mut next = |what: &str| {
-            lines.next().ok_or_else(|| OpenSimError::Missing(format!("the file ends before {what}")))
-        };
-        let (line, first) = next("the first line of the header")?;
-        if !first.trim_start().starts_with("PathFileType") {
-            return Err(at(line, "no TRC file: it does not begin with PathFileType"));
-        }
-        let (_, names) = next("the names of the header")?;
-        let (line, values) = next("the values of the header")?;
-        let header = Header::parse(names, values, line)?;
-        let (line, names) = next("the names of the markers")?;
-        let labels: Vec<String> = names
-            .split('\t')
-            .skip(2)
-            .map(str::trim)
-            .filter(|name| !name.is_empty())
-            .map(|name| name.rsplit(':').next().unwrap_or_default().to_owned())
-            .collect();
-        if labels.len() != header.markers {
-            return Err(at(
-                line,
-                format!("{} names of markers, the header says {}", labels.len(), header.markers),
-            ));
-        }
-        next("the names of the axes")?;
-        let mut trc = Self { rate_hz: header.rate_hz, first_s: 0.0, labels, points_m: Vec::new() };
+        let (trc, frames) = Self::open(text.as_bytes())?;
+        trc.read(frames)
+    }
+
+    /// Reads the header of a file, and returns it as a recording without frames, with what reads them.
+    ///
+    /// # Errors
+    /// See [`Trc::parse`].
+    pub fn open<R: BufRead>(reader: R) -> Result<(Self, Frames<R>), OpenSimError> {
+        let mut lines = Lines::new(reader);
+        let (header, trc) = Self::head(&mut lines)?;
+        Ok((trc, Frames { lines, header }))
+    }
+
+    /// Reads the frames of a file.
+    ///
+    /// # Errors
+    /// See [`Trc::parse`].
+    pub fn read(mut self, file: Frames<impl BufRead>) -> Result<Self, OpenSimError> {
+        let Frames { mut lines, header } = file;
+        let trc = &mut self;
         let mut frames = 0;
-        for (line, text) in lines.filter(|(_, text)| !text.trim().is_empty()) {
+        while let Some((line, text)) = lines.next_told()? {
             let time = trc.frame(text, line, header.metre)?;
             if frames == 0 {
                 trc.first_s = time;
@@ -86,7 +89,40 @@ impl Trc {
                 header.frames
             )));
         }
-        Ok(trc)
+        self.points_m.shrink_to_fit();
+        Ok(self)
+    }
+
+    /// Reads what comes before the frames.
+    fn head(lines: &mut Lines<impl BufRead>) -> Result<(Header, Self), OpenSimError> {
+        let mut next = |what: &str| -> Result<(usize, String), OpenSimError> {
+            let line = lines.next()?.map(|(line, text)| (line, text.to_owned()));
+            line.ok_or_else(|| OpenSimError::Missing(format!("the file ends before {what}")))
+        };
+        let (line, first) = next("the first line of the header")?;
+        if !first.trim_start().starts_with("PathFileType") {
+            return Err(at(line, "no TRC file: it does not begin with PathFileType"));
+        }
+        let (_, names) = next("the names of the header")?;
+        let (line, values) = next("the values of the header")?;
+        let header = Header::parse(&names, &values, line)?;
+        let (line, names) = next("the names of the markers")?;
+        let labels: Vec<String> = names
+            .split('\t')
+            .skip(2)
+            .map(str::trim)
+            .filter(|name| !name.is_empty())
+            .map(|name| name.rsplit(':').next().unwrap_or_default().to_owned())
+            .collect();
+        if labels.len() != header.markers {
+            return Err(at(
+                line,
+                format!("{} names of markers, the header says {}", labels.len(), header.markers),
+            ));
+        }
+        next("the names of the axes")?;
+        let trc = Self { rate_hz: header.rate_hz, first_s: 0.0, labels, points_m: Vec::new() };
+        Ok((header, trc))
     }
 
     /// Adds the markers of a frame and returns its time, s.

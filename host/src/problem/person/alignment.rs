@@ -96,9 +96,7 @@ pub(super) fn along(series: &[Vector3<f64>], smoother: &Smoother, slope: bool) -
 pub(super) fn total(trial: &Trial, smoother: &Smoother, delay_s: f64) -> Vec<Vector3<f64>> {
     let at = |frame: usize| {
         let time = trial.time_s(frame) + delay_s;
-        let of = |plate: &GroundWrench| {
-            smoothed_at(&plate.wrench, plate.first_s, plate.rate_hz, smoother.cut_off_hz, time)
-        };
+        let of = |plate: &GroundWrench| smoothed_at(plate, smoother.cut_off_hz, time);
         let sum = trial.ground.iter().try_fold(Vector3::zeros(), |sum, plate| {
             let w = of(plate)?;
             Some(sum + Vector3::new(w[0], w[1], w[2]))

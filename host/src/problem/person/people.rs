@@ -117,7 +117,8 @@ pub struct Person {
 }
 
 impl Person {
-    /// Returns a person from trials, of which `standing` is one that she stands upright in.
+    /// Returns a person from trials, of which `standing` is one that she stands upright in. The plates' samples are taken out of the
+    /// trials.
     ///
     /// # Errors
     /// [`PersonError`] says what is wrong with which trial.
@@ -174,6 +175,8 @@ impl Person {
             let step = |share: f64| progress("poses", done + share / trials.len() as f64);
             tracked.push(track(trial, &subject, &options.track, &step)?);
         }
+        // What frames need of them is in the frames.
+        trials.iter_mut().flat_map(|trial| &mut trial.ground).for_each(|plate| plate.wrench = Vec::new());
         let mut person = Self { subject, fixed, trials: tracked, notes };
         person.belong_together()?;
         if options.mass_kg.is_none()

@@ -6,6 +6,7 @@
 use rigident_shared::conditioning::Kernel;
 
 use crate::fit::parallel;
+use crate::motion_capture::ground::GroundWrench;
 
 /// Cut-off times width: where `(1 − x²)⁸` lets 1/√2 of the amplitude pass.
 const CUT_OFF_TIMES_WIDTH: f64 = 1.1455;
@@ -86,24 +87,21 @@ pub fn best_cut_off(series: &[Vec<f32>], rate_hz: f64) -> f64 {
     best.map_or(CUT_OFFS_HZ[3], |(_, cut_off)| cut_off)
 }
 
-/// Returns six values smoothed at an instant, from samples that begin at `first_s`; `None` near either end, or where one under the
-/// kernel is not finite.
-pub fn smoothed_at(
-    samples: &[[f64; 6]],
-    first_s: f64,
-    rate_hz: f64,
-    cut_off_hz: f64,
-    time_s: f64,
-) -> Option<[f64; 6]> {
-    let half = width_s(cut_off_hz) / 2.0;
-    let place = |t: f64| (t - first_s) * rate_hz;
+/// Returns a plate's wrench smoothed at an instant; `None` near either end, or where a sample under the kernel is not finite.
+///
+/// The kernel's variance is `h²/19`, h half its width: where samples are means over T, it is narrower by their `T²/12`.
+pub fn smoothed_at(plate: &GroundWrench, cut_off_hz: f64, time_s: f64) -> Option<[f64; 6]> {
+    let wide = width_s(cut_off_hz) / 2.0;
+    let half = (wide * wide - plate.mean_s * plate.mean_s * 19.0 / 12.0).max(0.25 * wide * wide).sqrt();
+    let place = |t: f64| (t - plate.first_s) * plate.rate_hz;
     let (from, to) = (place(time_s - half).ceil(), place(time_s + half).floor());
-    if from < 0.0 || to >= samples.len() as f64 || to <= from {
+    if from < 0.0 || to >= plate.wrench.len() as f64 || to <= from {
         return None;
     }
     let (mut sum, mut weights) = ([0.0; 6], 0.0);
-    for (k, sample) in samples.iter().enumerate().take(to as usize + 1).skip(from as usize) {
-        let x = (first_s + k as f64 / rate_hz - time_s) / half;
+    let first = from as usize;
+    for (k, sample) in plate.wrench.get(first..=to as usize)?.iter().enumerate() {
+        let x = (plate.first_s + (first + k) as f64 / plate.rate_hz - time_s) / half;
         let weight = (1.0 - x * x).max(0.0).powi(8);
         weights += weight;
         sum.iter_mut().zip(sample).for_each(|(s, v)| *s += weight * v);
@@ -129,11 +127,30 @@ mod tests {
             let out: Vec<f64> = samples.windows(n).map(|w| smoother.at(w.iter().copied()).0).collect();
             let power = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>() / v.len() as f64;
             assert!((power(&out) / power(&samples) - 0.5).abs() < 0.01, "{}", power(&out));
-            let six: Vec<[f64; 6]> = samples.iter().map(|v| [*v; 6]).collect();
+            let mut plate = GroundWrench {
+                name: String::new(),
+                corners_m: None,
+                rate_hz: rate,
+                first_s: 0.0,
+                mean_s: 0.0,
+                wrench: samples.iter().map(|v| [*v; 6]).collect(),
+            };
             let middle = 2000;
+            let time_s = middle as f64 / rate;
             let own = smoother.at(samples[middle - n / 2..=middle + n / 2].iter().copied()).0;
-            let other = smoothed_at(&six, 0.0, rate, cut_off, middle as f64 / rate).unwrap()[3];
+            let other = smoothed_at(&plate, cut_off, time_s).unwrap()[3];
             assert!((own - other).abs() < 1e-9, "{own} {other}");
+            // Means of neighbours are smoothed as much.
+            plate.wrench = plate
+                .wrench
+                .chunks_exact(6)
+                .map(|six| [six.iter().map(|v| v[0]).sum::<f64>() / 6.0; 6])
+                .collect();
+            (plate.rate_hz, plate.first_s, plate.mean_s) = (rate / 6.0, 2.5 / rate, 6.0 / rate);
+            if plate.rate_hz > 10.0 * cut_off {
+                let means = smoothed_at(&plate, cut_off, time_s).unwrap()[3];
+                assert!((own - means).abs() < 2e-4, "{own} {means}");
+            }
         }
     }
 

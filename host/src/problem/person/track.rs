@@ -187,7 +187,7 @@ fn wrenches(trial: &Trial, cut_off_hz: f64, delay_s: f64) -> Vec<Vec<Option<[f64
     let of = |plate: &GroundWrench| -> Vec<Option<[f64; 6]>> {
         let at = |frame: usize| {
             let time = trial.time_s(frame) + delay_s;
-            smoothed_at(&plate.wrench, plate.first_s, plate.rate_hz, cut_off_hz, time)
+            smoothed_at(plate, cut_off_hz, time)
         };
         parallel::each(trial.frames(), at)
     };

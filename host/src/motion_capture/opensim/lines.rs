@@ -1,0 +1,40 @@
+//! Lines of a text, one at a time.
+
+use std::io::BufRead;
+
+use super::error::{OpenSimError, at};
+
+/// Goes through the lines of a text.
+pub(super) struct Lines<R> {
+    reader: R,
+    text: String,
+    line: usize,
+}
+
+impl<R: BufRead> Lines<R> {
+    pub(super) fn new(reader: R) -> Self {
+        Self { reader, text: String::new(), line: 0 }
+    }
+
+    /// Returns the next line with its number, from 1; `None` at the end.
+    pub(super) fn next(&mut self) -> Result<Option<(usize, &str)>, OpenSimError> {
+        self.text.clear();
+        self.line += 1;
+        match self.reader.read_line(&mut self.text) {
+            Ok(0) => Ok(None),
+            Ok(_) => Ok(Some((self.line, self.text.trim_end_matches(['\n', '\r'])))),
+            Err(error) => Err(at(self.line, format!("it cannot be read: {error}"))),
+        }
+    }
+
+    /// Returns the next line that is not blank.
+    pub(super) fn next_told(&mut self) -> Result<Option<(usize, &str)>, OpenSimError> {
+        while self.next()?.is_some() {
+            if !self.text.trim().is_empty() {
+                break;
+            }
+        }
+        let text = self.text.trim_end_matches(['\n', '\r']);
+        Ok((!text.trim().is_empty()).then_some((self.line, text)))
+    }
+}
