@@ -1,6 +1,7 @@
 //! Jobs shared out over the cores.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::thread;
 
 /// Returns the number of threads that run at the same time.
@@ -12,10 +13,17 @@ pub fn threads() -> usize {
 const RUN: usize = 2048;
 
 /// Does job 0 … `count − 1`, each short, on all cores; results in their order.
-pub fn each<R: Send>(count: usize, job: impl Fn(usize) -> R + Sync) -> Vec<R> {
-    let run = |k: usize| (k * RUN..count.min((k + 1) * RUN)).map(&job).collect::<Vec<R>>();
-    let mut all = Vec::with_capacity(count);
-    all.extend(map(threads(), count.div_ceil(RUN), run).into_iter().flatten());
+pub fn each<R: Send + Clone + Default>(count: usize, job: impl Fn(usize) -> R + Sync) -> Vec<R> {
+    let mut all = vec![R::default(); count];
+    let runs = Mutex::new(all.chunks_mut(RUN).enumerate());
+    map(threads(), threads(), |_| {
+        loop {
+            let next = runs.lock().unwrap_or_else(PoisonError::into_inner).next();
+            let Some((run, own)) = next else { return };
+            own.iter_mut().zip(run * RUN..).for_each(|(to, k)| *to = job(k));
+        }
+    });
+    drop(runs);
     all
 }
 

@@ -26,7 +26,7 @@ pub fn frames_as(
     let near = |frame: usize| tracked.coordinates.pose(&subject.skeleton, frame);
     let near: Vec<Option<Pose>> = (start..end).map(near).collect();
     let poses = poses(subject, &seen(trial, subject, start..end).0, &near);
-    let coordinates = Coordinates::of(&subject.skeleton, poses.len(), poses.iter().map(Option::as_ref));
+    let coordinates = Coordinates::of(&subject.skeleton, &poses);
     let moved = |frame: &UsedFrame| Some((*frame, coordinates.at(smoother, frame.number - start)?));
     own.iter().filter_map(moved).collect()
 }

@@ -23,16 +23,21 @@ enum Part {
     Hinge,
 }
 
+/// Frames whose numbers are kept together.
+pub const STRETCH: usize = 1000;
+
 /// Coordinates of every frame; frames without a pose are NaN. Single precision: 1e-6 m is a hundredth of what cameras tell.
 pub struct Coordinates {
     parts: Vec<Part>,
-    /// One series a number, all as long.
-    pub series: Vec<Vec<f32>>,
+    width: usize,
+    frames: usize,
+    /// The numbers of [`STRETCH`] frames each, one frame after another.
+    stretches: Vec<Vec<f32>>,
 }
 
 impl Coordinates {
-    /// Returns room for frames.
-    pub fn new(skeleton: &Skeleton, frames: usize) -> Self {
+    /// Returns the coordinates of the numbers of frames ([`numbers`]), those of [`STRETCH`] frames in each of `stretches`.
+    pub fn new(skeleton: &Skeleton, stretches: Vec<Vec<f32>>) -> Self {
         let mut parts = vec![Part::Place, Part::Ball];
         parts.extend(skeleton.zero().turns.iter().skip(1).filter_map(|turn| match turn {
             Turn::Hinge(_) => Some(Part::Hinge),
@@ -40,61 +45,82 @@ impl Coordinates {
             Turn::None => None,
         }));
         let width: usize = parts.iter().map(|p| p.numbers()).sum();
-        Self { parts, series: vec![vec![f32::NAN; frames]; width] }
+        let frames = stretches.iter().map(|own| own.len() / width).sum();
+        Self { parts, width, frames, stretches }
     }
 
     /// Returns the coordinates of poses that follow one another.
-    pub fn of<'a>(skeleton: &Skeleton, frames: usize, poses: impl Iterator<Item = Option<&'a Pose>>) -> Self {
-        let mut all = Self::new(skeleton, frames);
-        for (frame, pose) in poses.enumerate() {
-            if let Some(pose) = pose {
-                all.set(frame, numbers(pose));
-            }
-        }
+    pub fn of(skeleton: &Skeleton, poses: &[Option<Pose>]) -> Self {
+        let width = numbers(&skeleton.zero()).count();
+        let of_pose = |pose: &Option<Pose>| -> Vec<f32> {
+            pose.as_ref().map_or_else(|| vec![f32::NAN; width], |pose| numbers(pose).collect())
+        };
+        let stretches = poses.chunks(STRETCH).map(|own| own.iter().flat_map(of_pose).collect());
+        let mut all = Self::new(skeleton, stretches.collect());
         all.join();
         all
     }
 
-    /// Writes a frame's numbers ([`numbers`]).
+    /// Returns the number of frames.
+    pub fn frames(&self) -> usize {
+        self.frames
+    }
+
+    /// Returns how many numbers a frame has.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Returns a number over all frames.
+    pub fn series(&self, number: usize) -> Vec<f32> {
+        let own =
+            |stretch: &Vec<f32>| stretch.iter().skip(number).step_by(self.width).copied().collect::<Vec<_>>();
+        self.stretches.iter().flat_map(own).collect()
+    }
+
+    /// Writes a frame's numbers.
     pub fn set(&mut self, frame: usize, numbers: impl IntoIterator<Item = f32>) {
-        for (series, value) in self.series.iter_mut().zip(numbers) {
-            series[frame] = value;
+        if let Some(row) = self.row_mut(frame) {
+            row.iter_mut().zip(numbers).for_each(|(to, value)| *to = value);
         }
+    }
+
+    fn row(&self, frame: usize) -> Option<&[f32]> {
+        let first = frame % STRETCH * self.width;
+        self.stretches.get(frame / STRETCH)?.get(first..first + self.width)
+    }
+
+    fn row_mut(&mut self, frame: usize) -> Option<&mut [f32]> {
+        let first = frame % STRETCH * self.width;
+        self.stretches.get_mut(frame / STRETCH)?.get_mut(first..first + self.width)
     }
 
     /// Gives quaternions the sign of those before: q and −q are one attitude.
     pub fn join(&mut self) {
+        let mut balls = Vec::new();
         let mut at = 0;
         for part in &self.parts {
-            let own = at..at + part.numbers();
-            at = own.end;
-            if !matches!(part, Part::Ball) {
-                continue;
+            if matches!(part, Part::Ball) {
+                balls.push(at..at + part.numbers());
             }
-            let mut last = [0.0_f32; 4];
-            for frame in 0..self.frames() {
-                let mut now = [0.0; 4];
-                now.iter_mut().zip(&self.series[own.clone()]).for_each(|(v, series)| *v = series[frame]);
-                if now[0].is_nan() {
-                    continue;
+            at += part.numbers();
+        }
+        let mut last = vec![[0.0_f32; 4]; balls.len()];
+        for frame in 0..self.frames {
+            let Some(row) = self.row_mut(frame).filter(|row| !row[0].is_nan()) else { continue };
+            for (range, last) in balls.iter().zip(&mut last) {
+                let now = &mut row[range.clone()];
+                if last.iter().zip(now.iter()).map(|(a, b)| a * b).sum::<f32>() < 0.0 {
+                    now.iter_mut().for_each(|v| *v = -*v);
                 }
-                if last.iter().zip(&now).map(|(a, b)| a * b).sum::<f32>() < 0.0 {
-                    now = now.map(|v| -v);
-                    self.series[own.clone()].iter_mut().zip(now).for_each(|(series, v)| series[frame] = v);
-                }
-                last = now;
+                last.copy_from_slice(now);
             }
         }
     }
 
-    /// Returns the number of frames.
-    pub fn frames(&self) -> usize {
-        self.series.first().map_or(0, Vec::len)
-    }
-
     /// Returns the pose of a frame.
     pub fn pose(&self, skeleton: &Skeleton, frame: usize) -> Option<Pose> {
-        let mut numbers = self.series.iter().map(|s| s.get(frame).copied().map_or(f64::NAN, f64::from));
+        let mut numbers = self.row(frame)?.iter().copied().map(f64::from);
         let mut next = || numbers.next().unwrap_or(f64::NAN);
         let position_m = Vector3::from_fn(|_, _| next());
         if position_m.x.is_nan() {
@@ -117,17 +143,19 @@ impl Coordinates {
     /// Returns coordinates and rates of a frame; `None` near either end, or where a frame under the kernel has no pose.
     pub fn at(&self, smoother: &Smoother, frame: usize) -> Option<Moved> {
         let from = frame.checked_sub(smoother.half())?;
-        let to = frame + smoother.half();
-        let mut values = Vec::with_capacity(self.series.len());
-        let mut slopes = Vec::with_capacity(self.series.len());
-        for series in &self.series {
-            let own = series.get(from..=to)?;
-            // About the middle, so that a place far from the origin costs no digits.
-            let middle = series[frame];
-            let (value, slope) = smoother.at(own.iter().map(|v| f64::from(v - middle)));
-            values.push(value + f64::from(middle));
-            slopes.push(slope);
+        let middle = self.row(frame)?;
+        let mut values = vec![0.0; self.width];
+        let mut slopes = vec![0.0; self.width];
+        for (k, (smooth, slope)) in smoother.weights().enumerate() {
+            let row = self.row(from + k)?;
+            for (((value, change), own), middle) in values.iter_mut().zip(&mut slopes).zip(row).zip(middle) {
+                // About the middle, so that a place far from the origin costs no digits.
+                let away = f64::from(own - middle);
+                *value += smooth * away;
+                *change += slope * away;
+            }
         }
+        values.iter_mut().zip(middle).for_each(|(value, middle)| *value += f64::from(*middle));
         if values.iter().chain(&slopes).any(|v| !v.is_finite()) {
             return None;
         }

@@ -8,6 +8,7 @@
 use nalgebra::Vector3;
 
 use super::alignment::{along, needed, total};
+use super::coordinates::Coordinates;
 use super::smoothing::{CUT_OFFS_HZ, HIGHEST, Smoother, best_cut_off};
 use crate::inverse_kinematics::subject::Subject;
 use crate::motion_capture::trial::Trial;
@@ -23,9 +24,9 @@ pub(super) fn cut_off(
     trial: &Trial,
     centres: &[Vector3<f64>],
     used: &[bool],
-    series: &[Vec<f32>],
+    coordinates: &Coordinates,
 ) -> f64 {
-    let highest = best_cut_off(series, trial.rate_hz);
+    let highest = best_cut_off(coordinates.width(), |k| coordinates.series(k), trial.rate_hz);
     let mut below: Option<Vec<Option<[Vector3<f64>; 2]>>> = None;
     let mut best = None;
     let candidates = CUT_OFFS_HZ.iter().filter(|f| **f <= HIGHEST * trial.rate_hz && **f <= highest);

@@ -43,6 +43,11 @@ impl Smoother {
         self.smooth.len() / 2
     }
 
+    /// Returns the weights of value and slope (per second), sample by sample.
+    pub fn weights(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+        self.smooth.iter().copied().zip(self.slope.iter().copied())
+    }
+
     /// Returns value and slope (per second) in the middle of as many samples as there are weights.
     pub fn at(&self, samples: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
         let sum = |weights: &[f64]| weights.iter().zip(samples.clone()).map(|(w, s)| w * s).sum();
@@ -72,18 +77,21 @@ pub fn width_s(cut_off_hz: f64) -> f64 {
     CUT_OFF_TIMES_WIDTH / cut_off_hz
 }
 
-/// Returns the cut-off, Hz, that predicts left-out samples of all series best: least mean logarithm of their generalised
+/// Returns the cut-off, Hz, that predicts left-out samples of so many series best: least mean logarithm of their generalised
 /// cross-validation (P. Craven and G. Wahba 1979; for human movement H. Woltring 1986).
-pub fn best_cut_off(series: &[Vec<f32>], rate_hz: f64) -> f64 {
+pub fn best_cut_off(count: usize, series: impl Fn(usize) -> Vec<f32> + Sync, rate_hz: f64) -> f64 {
     let candidates = CUT_OFFS_HZ.iter().filter(|f| **f <= HIGHEST * rate_hz);
-    let of = |cut_off: &f64| {
-        let smoother = Smoother::new(*cut_off, rate_hz)?;
-        let one = |k: usize| series.get(k).and_then(|s| smoother.cross_validation(s));
-        let each = parallel::map(parallel::threads(), series.len(), one);
-        let each: Vec<f64> = each.into_iter().flatten().collect();
-        (!each.is_empty()).then(|| (each.iter().sum::<f64>() / each.len() as f64, *cut_off))
+    let smoothers: Vec<Smoother> = candidates.filter_map(|f| Smoother::new(*f, rate_hz)).collect();
+    let of = |k: usize| -> Vec<Option<f64>> {
+        let own = series(k);
+        smoothers.iter().map(|smoother| smoother.cross_validation(&own)).collect()
     };
-    let best = candidates.filter_map(of).min_by(|a, b| a.0.total_cmp(&b.0));
+    let all = parallel::map(parallel::threads(), count, of);
+    let mean = |(k, smoother): (usize, &Smoother)| {
+        let each: Vec<f64> = all.iter().filter_map(|own| own[k]).collect();
+        (!each.is_empty()).then(|| (each.iter().sum::<f64>() / each.len() as f64, smoother.cut_off_hz))
+    };
+    let best = smoothers.iter().enumerate().filter_map(mean).min_by(|a, b| a.0.total_cmp(&b.0));
     best.map_or(CUT_OFFS_HZ[3], |(_, cut_off)| cut_off)
 }
 
@@ -164,7 +172,8 @@ mod tests {
         let clean = sine(2.0, 100.0, 1000);
         let little: Vec<f32> = clean.iter().map(|v| (v + 1e-4 * noise()) as f32).collect();
         let much: Vec<f32> = clean.iter().map(|v| (v + 0.1 * noise()) as f32).collect();
-        let (low, high) = (best_cut_off(&[much], 100.0), best_cut_off(&[little], 100.0));
+        let (low, high) =
+            (best_cut_off(1, |_| much.clone(), 100.0), best_cut_off(1, |_| little.clone(), 100.0));
         assert!(low < high && low >= 3.0, "{low} {high}");
     }
 }

@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::alignment::{self, Delay};
-use super::contact::{Contact, Dropped, Soles, contact, counts, soles};
-use super::coordinates::{Coordinates, numbers};
+use super::contact::{Contact, Dropped, contact, counts, soles};
+use super::coordinates::{Coordinates, STRETCH, numbers};
 use super::cut_off::cut_off;
 use super::gaps;
 use super::people::PersonError;
@@ -27,8 +27,6 @@ const UNTOLD: f32 = 2.5;
 const LEAST_UNTOLD: f32 = 0.05;
 /// The heading of a trunk that no marker follows is that of the pelvis over so long, s.
 const HEADING_S: f64 = 1.0;
-/// Frames that are solved one after the other: stretches are solved at the same time.
-const STRETCH: usize = 1000;
 /// Their first pose is that to which so many frames before lead, …
 const LEAD: usize = 400;
 /// … every so many-th of them.
@@ -129,18 +127,15 @@ pub fn track(
         Some(subject.skeleton.places(&coordinates.pose(&subject.skeleton, frame)?))
     };
     let none = Vector3::repeat(f64::NAN);
-    let (soles, centres): (Vec<Option<Soles>>, Vec<Vector3<f64>>) =
-        parallel::each(trial.frames(), |frame| match places(frame) {
-            Some(places) => (soles(subject, &places), alignment::centre_of_mass(subject, &places)),
-            None => (None, none),
-        })
-        .into_iter()
-        .unzip();
+    let soles = parallel::each(trial.frames(), |frame| soles(subject, &places(frame)?));
+    let centres = parallel::each(trial.frames(), |frame| {
+        places(frame).map_or(none, |places| alignment::centre_of_mass(subject, &places))
+    });
     let cut_off_hz = options.cut_off_hz.unwrap_or_else(|| {
         let all = wrenches(trial, FIRST_CUT_OFF_HZ, options.delay_s.unwrap_or(0.0));
         let first = contact(trial.rate_hz, &soles, &trial.ground, &all);
         let used: Vec<bool> = first.dropped.iter().map(Option::is_none).collect();
-        cut_off(subject, trial, &centres, &used, &coordinates.series)
+        cut_off(subject, trial, &centres, &used, &coordinates)
     });
     let smoother = Smoother::new(cut_off_hz, trial.rate_hz)
         .ok_or(PersonError::CutOff { cut_off_hz, rate_hz: trial.rate_hz })?;
@@ -276,7 +271,8 @@ fn stretch(subject: &Subject, trial: &Trial, frames: Range<usize>) -> Stretch {
 fn poses(subject: &Subject, trial: &Trial, progress: &(dyn Fn(f64) + Sync)) -> Poses {
     let count = trial.frames().div_ceil(STRETCH);
     let done = AtomicUsize::new(0);
-    let stretches = parallel::map(parallel::threads(), count, |k| {
+    // Frames of a stretch are solved one after the other, stretches at the same time.
+    let mut stretches = parallel::map(parallel::threads(), count, |k| {
         let own = stretch(subject, trial, k * STRETCH..trial.frames().min((k + 1) * STRETCH));
         progress((1 + done.fetch_add(1, Ordering::Relaxed)) as f64 / count as f64);
         own
@@ -293,23 +289,21 @@ fn poses(subject: &Subject, trial: &Trial, progress: &(dyn Fn(f64) + Sync)) -> P
     let is_told = |deviations: &[f32]| {
         deviations.iter().zip(&usual).all(|(own, usual)| *own <= LEAST_UNTOLD.max(UNTOLD * usual))
     };
-    let mut coordinates = Coordinates::new(&subject.skeleton, trial.frames());
+    let width = numbers(&subject.skeleton.zero()).count();
     let mut distances = vec![(0.0, 0_usize); subject.markers.len()];
-    let (mut frame, mut filled) = (0, 0);
-    for stretch in stretches {
+    let mut filled = 0;
+    for stretch in &mut stretches {
         filled += stretch.filled;
         for ((sum, count), own) in distances.iter_mut().zip(&stretch.distances) {
             *sum += own.0;
             *count += own.1;
         }
-        let rows = stretch.numbers.chunks_exact(coordinates.series.len().max(1));
-        for (row, deviations) in rows.zip(stretch.deviations.chunks_exact(freedoms)) {
-            if is_told(deviations) {
-                coordinates.set(frame, row.iter().copied());
-            }
-            frame += 1;
-        }
+        let rows = stretch.numbers.chunks_exact_mut(width);
+        let untold = rows.zip(stretch.deviations.chunks_exact(freedoms)).filter(|(_, own)| !is_told(own));
+        untold.for_each(|(row, _)| row.fill(f32::NAN));
     }
+    let all = stretches.into_iter().map(|stretch| stretch.numbers).collect();
+    let coordinates = Coordinates::new(&subject.skeleton, all);
     let rms = |(sum, count): (f64, usize)| (sum / count.max(1) as f64).sqrt();
     let whole = distances.iter().fold((0.0, 0), |all, own| (all.0 + own.0, all.1 + own.1));
     let by_marker =
