@@ -31,6 +31,9 @@ pub enum StudyError {
     /// The table has no bodies of this model.
     #[error(transparent)]
     Model(#[from] ModelError),
+    /// A motion does not repeat.
+    #[error("{0}: there are no strides: its joints do not come back to themselves; give --parts N")]
+    NoStrides(String),
     /// No frame of any trial can be used.
     #[error("no frame can be used: {0}")]
     NoFrames(String),

@@ -17,5 +17,5 @@ mod study;
 pub mod tool;
 
 pub use error::{DrawError, StudyError};
-pub use motion::Motion;
+pub use motion::{Motion, Parts};
 pub use study::{Study, StudyOptions};

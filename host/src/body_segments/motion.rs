@@ -6,13 +6,16 @@ use super::error::StudyError;
 use crate::answer::checks;
 use crate::fit::pool::PooledFactor;
 use crate::fit::{Checks, Fit};
-use crate::problem::person::Person;
+use crate::problem::person::strides::period_s;
+use crate::problem::person::{Person, Tracked};
 use crate::problem::tree::TreeSource;
 
 /// Fewest frames that a motion has.
 pub(super) const FEWEST_FRAMES: usize = 15;
 /// Most frames of a motion: longer trials are more motions.
 const MOST_FRAMES: usize = 6000;
+/// A stride of which less is used counts to the one before.
+const WHOLE_STRIDE: f64 = 0.4;
 
 /// A motion: a trial, or a part of one.
 pub struct Motion {
@@ -60,8 +63,24 @@ pub(super) struct Part {
     pub frames: Range<usize>,
 }
 
-/// Parts of some of a person's trials, and why trials have none; a single trial is cut into `asked` parts, a long one into more.
-pub(super) fn parts(person: &Person, which: &[usize], asked: usize) -> (Vec<Part>, Vec<String>) {
+/// How trials become motions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Parts {
+    /// A single trial is cut into so many parts of equal length.
+    Equal(usize),
+    /// Every trial is cut into strides.
+    Strides,
+}
+
+/// Parts of some of a person's trials, and why trials have none; a long trial is cut into several in any case.
+///
+/// # Errors
+/// [`StudyError::NoStrides`] if a trial has none.
+pub(super) fn parts(
+    person: &Person,
+    which: &[usize],
+    asked: Parts,
+) -> Result<(Vec<Part>, Vec<String>), StudyError> {
     let (mut parts, mut left) = (Vec::new(), Vec::new());
     for (trial, tracked) in which.iter().filter_map(|k| Some((*k, person.trials.get(*k)?))) {
         let frames = tracked.frames.len();
@@ -69,16 +88,45 @@ pub(super) fn parts(person: &Person, which: &[usize], asked: usize) -> (Vec<Part
             left.push(tracked.why_unused());
             continue;
         }
-        let asked = if which.len() == 1 { asked } else { 1 };
-        let count = asked.max(frames.div_ceil(MOST_FRAMES)).min(frames / FEWEST_FRAMES).max(1);
-        let length = frames.div_ceil(count);
-        for (part, first) in (0..frames).step_by(length).enumerate() {
-            let own = if count == 1 { String::new() } else { format!(", part {}", part + 1) };
-            let name = tracked.name.clone() + &own;
-            parts.push(Part { name, trial, frames: first..frames.min(first + length) });
+        let cuts = match asked {
+            Parts::Strides => strides(tracked)?,
+            Parts::Equal(asked) => {
+                let asked = if which.len() == 1 { asked } else { 1 };
+                let count = asked.max(frames.div_ceil(MOST_FRAMES)).min(frames / FEWEST_FRAMES).max(1);
+                (0..frames).step_by(frames.div_ceil(count)).collect()
+            }
+        };
+        let ends = cuts.iter().skip(1).copied().chain([frames]);
+        for (part, (first, end)) in cuts.iter().zip(ends).enumerate() {
+            let own = match asked {
+                _ if cuts.len() == 1 => String::new(),
+                Parts::Equal(_) => format!(", part {}", part + 1),
+                Parts::Strides => format!(", stride {}", part + 1),
+            };
+            parts.push(Part { name: tracked.name.clone() + &own, trial, frames: *first..end });
         }
     }
-    (parts, left)
+    Ok((parts, left))
+}
+
+/// The used frames that strides begin with; one that is mostly missing belongs to the one before.
+fn strides(tracked: &Tracked) -> Result<Vec<usize>, StudyError> {
+    let period_s = period_s(tracked).ok_or_else(|| StudyError::NoStrides(tracked.name.clone()))?;
+    let period = period_s * tracked.report.rate_hz;
+    let first = tracked.frames.first().map_or(0, |frame| frame.number);
+    let stride = |number: usize| ((number - first) as f64 / period) as usize;
+    let mut cuts = vec![0];
+    for (k, frame) in tracked.frames.iter().enumerate() {
+        let last = cuts.last().copied().unwrap_or(0);
+        if stride(frame.number) != stride(tracked.frames[last].number) {
+            cuts.push(k);
+        }
+    }
+    let ends: Vec<usize> = cuts.iter().skip(1).copied().chain([tracked.frames.len()]).collect();
+    let whole = |(cut, end): &(usize, usize)| (end - cut) as f64 > WHOLE_STRIDE * period;
+    let kept: Vec<usize> = cuts.into_iter().zip(ends).filter(whole).map(|(cut, _)| cut).collect();
+    // What comes first is the first one's.
+    Ok(if kept.is_empty() { vec![0] } else { std::iter::once(0).chain(kept.into_iter().skip(1)).collect() })
 }
 
 /// The rows of some frames of a trial, their noise not known.

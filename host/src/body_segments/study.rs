@@ -6,7 +6,7 @@ use nalgebra::DMatrix;
 
 use super::calibration::draws;
 use super::error::StudyError;
-use super::motion::{FEWEST_FRAMES, Motion, Part, parts, source};
+use super::motion::{FEWEST_FRAMES, Motion, Part, Parts, parts, source};
 use crate::answer::standard_parameters::{BaseEstimate, Full, nearest};
 use crate::fit::pool::PooledFactor;
 use crate::fit::prior::apply_distribution;
@@ -30,15 +30,21 @@ pub struct StudyOptions {
     pub trust: f64,
     /// Right segments mirror left ones.
     pub symmetric: bool,
-    /// Parts of a single trial, each a motion.
-    pub parts: usize,
+    /// How trials become motions.
+    pub parts: Parts,
     /// The person's mass by scales, kg, with 1 σ; `None`: not known.
     pub mass_kg: Option<[f64; 2]>,
 }
 
 impl Default for StudyOptions {
     fn default() -> Self {
-        Self { spread: Spread::default(), trust: 0.3, symmetric: false, parts: 4, mass_kg: None }
+        Self {
+            spread: Spread::default(),
+            trust: 0.3,
+            symmetric: false,
+            parts: Parts::Equal(4),
+            mass_kg: None,
+        }
     }
 }
 
@@ -102,7 +108,7 @@ impl Study {
         fit_options: &FitOptions,
         progress: &(dyn Progress + Sync),
     ) -> Result<Self, StudyError> {
-        let (parts, mut left) = parts(person, which, options.parts);
+        let (parts, mut left) = parts(person, which, options.parts)?;
         let Some(Part { trial, frames, .. }) = parts.first() else {
             return Err(StudyError::NoFrames(left.join("; ")));
         };

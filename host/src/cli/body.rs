@@ -145,9 +145,6 @@ fn check(arguments: &IdentifyBody) -> Result<(), Failure> {
     if arguments.motions == Some(0) {
         return Err(Failure::input("--motions 0: give a number of at least one"));
     }
-    if !(1..=100).contains(&arguments.parts) {
-        return Err(Failure::input(format!("--parts {}: give 1 to 100", arguments.parts)));
-    }
     if let Some(path) = &arguments.write_model {
         match (is_osim(path), &arguments.osim) {
             (true, None) => {

@@ -3,6 +3,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand, ValueEnum};
 
 use super::options::microcontroller::Mcu;
+use crate::body_segments::Parts;
 use crate::body_segments::choice::Way;
 use crate::inverse_kinematics::subject::HumanModel;
 use crate::model::human::Sex;
@@ -129,9 +130,9 @@ pub struct IdentifyBody {
     /// How late the plates are against the cameras, s; by default from the data
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub delay_s: Option<f64>,
-    /// Parts of a single trial
-    #[arg(long, value_name = "N", default_value_t = 4)]
-    pub parts: usize,
+    /// Parts of a single trial, each a motion; or strides, of every trial
+    #[arg(long, value_name = "N|strides", default_value = "4", value_parser = parts)]
+    pub parts: Parts,
     /// Identify from so many of the motions; by default from all
     #[arg(long, value_name = "K")]
     pub motions: Option<usize>,
@@ -169,4 +170,13 @@ pub struct IdentifyBody {
     /// Folder for the files; must be new or empty. Default: a new folder here
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+}
+
+/// Reads `--parts`.
+fn parts(text: &str) -> Result<Parts, String> {
+    match text.parse() {
+        Ok(count @ 1..=100) => Ok(Parts::Equal(count)),
+        _ if text == "strides" => Ok(Parts::Strides),
+        _ => Err("give 1 to 100, or strides".to_owned()),
+    }
 }

@@ -23,7 +23,6 @@ pub fn each<R: Send + Clone + Default>(count: usize, job: impl Fn(usize) -> R + 
             own.iter_mut().zip(run * RUN..).for_each(|(to, k)| *to = job(k));
         }
     });
-    drop(runs);
     all
 }
 

@@ -142,8 +142,21 @@ impl Somebody {
 
     /// Returns a trial in a laboratory: another motion and other noise for every seed.
     pub fn trial(&self, name: &str, laboratory: &Laboratory, seed: u64) -> Trial {
+        self.trial_of(name, laboratory, seed, &|_| 1.0)
+    }
+
+    /// Returns a trial in which links swing by shares of what they do in [`Somebody::trial`]: feet are lifted by that of the foot, and the
+    /// weight goes from foot to foot by that of the pelvis.
+    pub fn trial_of(
+        &self,
+        name: &str,
+        laboratory: &Laboratory,
+        seed: u64,
+        share: &dyn Fn(&str) -> f64,
+    ) -> Trial {
         let mut noise = Noise(Some(seed.wrapping_mul(1000)));
-        let dance = Dance::new(self, &mut noise);
+        let mut dance = Dance::new(self, &mut noise);
+        dance.restrain(share);
         self.recorded(name, laboratory, &|time_s| dance.pose(time_s), &mut noise)
     }
 
@@ -258,6 +271,8 @@ struct Dance<'a> {
     waves: Vec<[Wave; 3]>,
     /// Standing height of the base, m.
     height_m: f64,
+    /// How much of all that every link does.
+    shares: Vec<f64>,
 }
 
 impl<'a> Dance<'a> {
@@ -272,7 +287,25 @@ impl<'a> Dance<'a> {
         let waves = links.iter().map(|link| amplitudes(&link.name).map(&mut wave)).collect();
         let leg = ["l_shank", "l_foot"].iter().filter_map(|name| somebody.model.link(name));
         let height_m = leg.map(|link| links[link].link.position.norm()).sum::<f64>();
-        Self { somebody, place, waves, height_m }
+        Self { somebody, place, waves, height_m, shares: vec![1.0; links.len()] }
+    }
+
+    /// Makes links swing less.
+    fn restrain(&mut self, share: &dyn Fn(&str) -> f64) {
+        let links = &self.somebody.model.links;
+        self.shares = links.iter().map(|link| share(&link.name)).collect();
+        let own = self
+            .waves
+            .iter_mut()
+            .zip(&self.shares)
+            .flat_map(|(waves, by)| waves.iter_mut().map(move |w| (w, by)));
+        own.for_each(|(wave, by)| wave.amplitude *= by);
+        let base = self.share("pelvis");
+        self.place.iter_mut().for_each(|wave| wave.amplitude *= base);
+    }
+
+    fn share(&self, link: &str) -> f64 {
+        self.somebody.model.link(link).and_then(|link| self.shares.get(link)).copied().unwrap_or(1.0)
     }
 
     /// Height of the base of a person who stands upright, m.
@@ -287,7 +320,7 @@ impl<'a> Dance<'a> {
         let sway = (TAU * time_s / STEP_S).sin();
         let [x, _, z] = self.place.map(|wave| wave.at(time_s));
         // Low enough for both feet to be reached.
-        pose.position_m = Vector3::new(x, 0.085 * sway, self.standing_m() - 0.09 + z);
+        pose.position_m = Vector3::new(x, 0.085 * sway * self.share("pelvis"), self.standing_m() - 0.09 + z);
         pose.attitude = self.turned(0, time_s);
         for (i, link) in model.links.iter().enumerate().skip(1) {
             pose.turns[i] = match link.link.joint {
@@ -307,7 +340,7 @@ impl<'a> Dance<'a> {
         }
         for (side, left) in [("l", 1.0), ("r", -1.0)] {
             // A foot leaves the ground while the other one carries.
-            let lift = ((-left * sway - 0.4) / 0.6).max(0.0).powi(4);
+            let lift = ((-left * sway - 0.4) / 0.6).max(0.0).powi(4) * self.share(&format!("{side}_foot"));
             self.leg(&mut pose, side, left, lift, time_s);
         }
         pose

@@ -47,6 +47,18 @@ const GAIT: &[(&str, &str)] = &[
 
 #[test]
 #[ignore = "needs ../shared/data"]
+fn strides_of_shared_data_are_predicted_better_than_by_the_table_on_every_axis() {
+    let folder = tempfile::tempdir().unwrap();
+    let result = identify(folder.path(), &["--height-m", "1.8", "--parts", "strides"], GAIT);
+    assert_eq!(result["person"]["motions"], 2);
+    for axis in result["person"]["left_out"].as_array().unwrap() {
+        let [own, table] = ["rms", "table_rms"].map(|field| axis[field].as_f64().unwrap());
+        assert!(own < table, "{axis}");
+    }
+}
+
+#[test]
+#[ignore = "needs ../shared/data"]
 fn walking_people_of_shared_data_weigh_what_scales_and_plates_say() {
     let folder = tempfile::tempdir().unwrap();
     let run = |name: &str, line: &[&str], files: &[(&str, &str)]| {

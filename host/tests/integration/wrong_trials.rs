@@ -207,7 +207,7 @@ fn what_is_no_trial_is_refused() {
     refused(identify(folder.path(), &["text.c3d"]), 2, &["text.c3d", "C3D"]);
     refused(identify(folder.path(), &["none.c3d"]), 2, &["none.c3d cannot be read"]);
     refused(identify(folder.path(), &["none.c3d", "--mass-kg", "-3"]), 2, &["--mass-kg -3"]);
-    refused(identify(folder.path(), &["none.c3d", "--parts", "0"]), 2, &["--parts 0"]);
+    refused(identify(folder.path(), &["none.c3d", "--parts", "0"]), 2, &["--parts", "1 to 100, or strides"]);
     refused(
         identify(folder.path(), &["none.c3d", "--write-model", "she.osim"]),
         2,

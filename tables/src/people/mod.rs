@@ -1,5 +1,6 @@
 //! The tables of `docs/people.md`.
 
+mod motions;
 mod subjects;
 
 use crate::document::{Document, Table};
@@ -8,6 +9,7 @@ use crate::document::{Document, Table};
 pub const DOCUMENT: Document = Document {
     file: "docs/people.md",
     tables: &[
+        Table { name: "motions-long", make: motions::table },
         Table { name: "people-long", make: subjects::table },
         Table { name: "racket-long", make: subjects::racket_table },
     ],

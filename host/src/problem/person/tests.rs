@@ -44,6 +44,8 @@ fn only_frames_of_shared_data_with_all_contact_on_the_plates_are_used() {
     let walk = person(trial(folder, "markers_walk.trc", Some("grf_walk.mot")), None, 1.8);
     let (from, to) = used(&walk);
     assert!(from > 0.445 - 0.02 && to < 1.981 && to - from > 1.4, "{from} {to}");
+    let stride_s = strides::period_s(&walk.trials[0]).unwrap();
+    assert!((stride_s - 1.145).abs() < 0.015, "{stride_s}");
     // A treadmill measures every frame.
     let folder = "human_gait2354_subject01_walk";
     let standing = trial(folder, "subject01_static.trc", None);
