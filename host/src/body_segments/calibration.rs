@@ -3,6 +3,7 @@
 //! Of a person there are as many as the markers allow: joints and markers drawn from what the calibration leaves open. Each has her own
 //! poses and rows, and other parameters explain the same forces; how far these scatter is `C = D Dᵀ`, D one column a draw.
 
+use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use nalgebra::{DMatrix, DVector};
@@ -18,10 +19,6 @@ use crate::problem::tree::TreeSource;
 
 /// Draws: a standard deviation is known to one in √(2 · 16).
 const DRAWS: usize = 16;
-/// Frames of all motions that are looked at, at most.
-const FRAMES: usize = 600;
-/// Motions that are looked at, at most.
-const MOTIONS: usize = 12;
 
 /// Returns D: how parameters change with joints and markers, one column a draw.
 ///
@@ -34,15 +31,14 @@ pub fn draws(
     known: &Factor,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<DMatrix<f64>, DrawError> {
-    // Each that is looked at stands for its neighbours.
-    let every = motions.len().div_ceil(MOTIONS).max(1);
-    let looked: Vec<&Motion> = motions.iter().step_by(every).collect();
-    let each = FRAMES.div_ceil(looked.len().max(1));
     let solved = |subject: &Subject| -> Result<DVector<f64>, DrawError> {
         let mut all = known.clone();
-        for motion in &looked {
-            let Some(factor) = factor(person, trials, motion, (each, every), subject)? else { continue };
-            all.merge(&factor);
+        let mut last = None;
+        // All motions of a trial have its noise.
+        for motion in motions {
+            if last.replace(motion.trial) != Some(motion.trial) {
+                windows(person, trials, motion, subject)?.iter().for_each(|factor| all.merge(factor));
+            }
         }
         Ok(DVector::from_vec(all.solve(f64::EPSILON).estimate))
     };
@@ -70,25 +66,24 @@ pub fn draws(
     Ok(if columns.is_empty() { DMatrix::zeros(about.len(), 0) } else { DMatrix::from_columns(&columns) })
 }
 
-/// The factor of some frames of a motion, as a subject has them; `None` if there are no rows.
-fn factor(
+/// The factors of the windows of a motion's trial, as a subject has them.
+fn windows(
     person: &Person,
     trials: &[Trial],
     motion: &Motion,
-    (most, every): (usize, usize),
     subject: &Subject,
-) -> Result<Option<Factor>, DrawError> {
+) -> Result<Vec<Factor>, DrawError> {
     let (Some(tracked), Some(trial)) = (person.trials.get(motion.trial), trials.get(motion.trial)) else {
-        return Ok(None);
+        return Ok(Vec::new());
     };
-    // Its middle.
-    let count = motion.frames.len();
-    let used = count.min(most);
-    let first = motion.frames.start + (count - used) / 2;
-    let frames = frames_as(subject, trial, tracked, first..first + used);
-    let source = TreeSource::new(Person::input_of(subject, tracked, frames))?;
-    // As much as all of the frames that it stands for weigh against the table.
-    let share = (used as f64 / (count * every).max(1) as f64).sqrt();
+    // As much as all of the trial's frames weigh against the table.
+    let looked: usize = tracked.windows.iter().map(Range::len).sum();
+    let share = (looked as f64 / tracked.frames.len().max(1) as f64).sqrt();
     let sigma: Vec<f64> = motion.sigma.iter().map(|sigma| sigma * share).collect();
-    Ok(Some(plain_factor(&source, &sigma, &Silent)?))
+    let factor = |window: &Range<usize>| {
+        let frames = frames_as(subject, trial, tracked, window.clone());
+        let source = TreeSource::new(Person::input_of(subject, tracked, frames))?;
+        Ok(plain_factor(&source, &sigma, &Silent)?)
+    };
+    tracked.windows.iter().map(factor).collect()
 }

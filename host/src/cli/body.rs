@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use super::body_arguments::{Body, BodyCommand, IdentifyBody};
 use super::body_device::compared;
-use super::body_page::{SHOWN_S, pages};
+use super::body_page::pages;
 use super::outcome::say;
 use super::{ExitStatus, Failure, Folder, Stages};
 use crate::answer::person::PersonResult;
@@ -24,7 +24,7 @@ use crate::model::{ModelError, write};
 use crate::motion_capture::opensim::model::OsimModel;
 use crate::motion_capture::trial::Trial;
 use crate::present::{self, Series};
-use crate::problem::person::track::TrackOptions;
+use crate::problem::person::track::{SHOWN_S, TrackOptions};
 use crate::problem::person::{PeopleOptions, Person};
 
 /// How well a mass that is given is known, relative (1 σ): scales, clothes and markers.

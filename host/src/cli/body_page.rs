@@ -8,12 +8,11 @@ use crate::inverse_kinematics::skeleton::{Place, Skeleton};
 use crate::inverse_kinematics::subject::Subject;
 use crate::motion_capture::trial::Trial;
 use crate::present::motion::{Bone, Curve, ErrorRow, ForceArrow, MotionPage, Rms, Side};
+use crate::problem::person::track::SHOWN_S;
 use crate::problem::person::{Person, Tracked};
 
-/// Frames a second that are kept, at most, …
+/// Frames a second that are kept, at most.
 const RATE_HZ: f64 = 100.0;
-/// … and how much of a trial is shown, s.
-pub(super) const SHOWN_S: f64 = 120.0;
 /// A total force below this has no point of application worth showing, N.
 const LEAST_N: f64 = 25.0;
 const NONE: [f32; 3] = [f32::NAN; 3];
@@ -204,7 +203,7 @@ impl Wrench {
             }
         }
         for frame in tracked.frames.iter().take_while(|frame| frame.number < shown) {
-            let [_, _, fz, mx, my, _] = frame.wrench;
+            let [_, _, fz, mx, my, _] = frame.wrench.map(f64::from);
             if fz > LEAST_N {
                 // On the floor: M = p × F with z = 0.
                 all.pressed[frame.number] = [(-my / fz) as f32, (mx / fz) as f32, 0.0];

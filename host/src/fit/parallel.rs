@@ -26,6 +26,19 @@ pub fn each<R: Send + Clone + Default>(count: usize, job: impl Fn(usize) -> R + 
     all
 }
 
+/// Does jobs as [`each`] does, and hands on their results in their order; few of them are kept at a time.
+pub fn in_order<R: Send + Clone + Default>(
+    count: usize,
+    job: impl Fn(usize) -> R + Sync,
+    mut take: impl FnMut(usize, R),
+) {
+    let many = RUN * 4 * threads();
+    for first in (0..count).step_by(many) {
+        let own = each(many.min(count - first), |k| job(first + k));
+        own.into_iter().enumerate().for_each(|(k, result)| take(first + k, result));
+    }
+}
+
 /// Does job 0 … `count − 1`, each on whichever thread is free; results in the order of the jobs.
 pub fn map<R: Send>(threads: usize, count: usize, job: impl Fn(usize) -> R + Sync) -> Vec<R> {
     let next = AtomicUsize::new(0);

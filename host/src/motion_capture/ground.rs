@@ -18,7 +18,7 @@ pub struct GroundWrench {
     /// What each sample is the mean over, s.
     pub mean_s: f64,
     /// Force and moment on the person about the laboratory's origin, laboratory axes, N and N m.
-    pub wrench: Vec<[f64; 6]>,
+    pub wrench: Vec<[f32; 6]>,
 }
 
 /// Neighbouring samples are taken together as long as so many a second are left, ten times the highest cut-off that is chosen, …
@@ -26,26 +26,38 @@ const RATE_HZ: f64 = 150.0;
 /// … and so many a frame of markers: of a cut-off that is asked for that is eight times as many.
 const PER_FRAME: f64 = 2.0;
 
+/// More bytes than these are not asked for before they are there: the count may be wrong.
+const MOST_ROOM: usize = 1 << 28;
+
+/// Returns an empty list with room for so many: one that grows leaves holes in memory.
+pub(super) fn with_room<T>(count: usize) -> Vec<T> {
+    let mut list = Vec::new();
+    // Without the room it grows.
+    let _ = list.try_reserve_exact(count.min(MOST_ROOM / size_of::<T>().max(1)));
+    list
+}
+
 /// Takes neighbouring samples together, so that a long recording is no longer than its markers.
 pub(super) struct Means {
     together: usize,
     sum: [f64; 6],
     count: usize,
-    means: Vec<[f64; 6]>,
+    means: Vec<[f32; 6]>,
 }
 
 impl Means {
-    /// Of about so many samples a second, beside so many frames.
-    pub(super) fn new(rate_hz: f64, frames_hz: f64) -> Self {
+    /// Of about so many samples a second, beside so many frames of so many a second.
+    pub(super) fn new(rate_hz: f64, frames: usize, frames_hz: f64) -> Self {
         let together = (rate_hz / RATE_HZ.max(PER_FRAME * frames_hz)).floor().clamp(1.0, 1000.0) as usize;
-        Self { together, sum: [0.0; 6], count: 0, means: Vec::new() }
+        let samples = frames as f64 / frames_hz * rate_hz / together as f64;
+        Self { together, sum: [0.0; 6], count: 0, means: with_room(samples as usize + 2) }
     }
 
     pub(super) fn push(&mut self, wrench: [f64; 6]) {
         self.sum.iter_mut().zip(wrench).for_each(|(sum, value)| *sum += value);
         self.count += 1;
         if self.count == self.together {
-            self.means.push(self.sum.map(|sum| sum / self.together as f64));
+            self.means.push(self.sum.map(|sum| (sum / self.together as f64) as f32));
             (self.sum, self.count) = ([0.0; 6], 0);
         }
     }

@@ -6,6 +6,7 @@
 
 pub mod c3d;
 pub mod ground;
+pub mod markers;
 pub mod opensim;
 pub mod trial;
 pub mod zeroing;

@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use nalgebra::{Matrix3, Vector3};
 
 use super::c3d::{C3d, C3dError, Plate};
-use super::ground::{GroundWrench, Means, Placed};
+use super::ground::{GroundWrench, Means, Placed, with_room};
+use super::markers::Markers;
 use super::opensim::OpenSimError;
 use super::opensim::ground_reaction::ground_wrenches;
 use super::opensim::storage::Rows;
@@ -67,8 +68,8 @@ pub struct Trial {
     pub first_s: f64,
     /// Names of the markers.
     pub labels: Vec<String>,
-    /// Markers of one frame after another, laboratory axes with z up, m; NaN where one was not seen.
-    pub points_m: Vec<[f32; 3]>,
+    /// The markers, laboratory axes with z up, m.
+    pub markers: Markers,
     /// Force plates, in the same axes.
     pub ground: Vec<GroundWrench>,
     /// What to know.
@@ -92,8 +93,9 @@ impl Trial {
             });
         }
         let (rate_hz, channels) = (c3d.rate_hz * c3d.samples_per_frame as f64, c3d.channels.len().max(1));
-        let mut means: Vec<Means> = placed.iter().map(|_| Means::new(rate_hz, c3d.rate_hz)).collect();
-        c3d.points_m.reserve_exact(c3d.frames * c3d.labels.len());
+        let mut means: Vec<Means> =
+            placed.iter().map(|_| Means::new(rate_hz, c3d.frames, c3d.rate_hz)).collect();
+        c3d.points_m = with_room(c3d.frames * c3d.labels.len());
         let mut samples = Vec::new();
         while frames.add_next(&mut c3d.points_m, &mut samples).map_err(failed)? {
             for sample in samples.chunks_exact(channels) {
@@ -121,8 +123,8 @@ impl Trial {
             name: name.to_owned(),
             rate_hz: c3d.rate_hz,
             first_s: 0.0,
+            markers: Markers::new(c3d.labels.len(), c3d.points_m),
             labels: c3d.labels,
-            points_m: c3d.points_m,
             ground,
             notes,
         };
@@ -143,11 +145,11 @@ impl Trial {
     ) -> Result<Self, TrialError> {
         let refuse = |name: &str, error: OpenSimError| TrialError::OpenSim { name: name.to_owned(), error };
         let (trc, frames) = Trc::open(markers).map_err(|error| refuse(name, error))?;
-        let frames_hz = trc.rate_hz;
+        let (count, frames_hz) = (frames.count(), trc.rate_hz);
         let forces = || match ground {
             None => Ok(Vec::new()),
             Some((name, reader)) => {
-                let rows = Rows::new(reader).and_then(|rows| ground_wrenches(rows, frames_hz));
+                let rows = Rows::new(reader).and_then(|rows| ground_wrenches(rows, count, frames_hz));
                 rows.map_err(|error| refuse(name, error))
             }
         };
@@ -161,8 +163,8 @@ impl Trial {
             name: name.to_owned(),
             rate_hz: trc.rate_hz,
             first_s: trc.first_s,
+            markers: Markers::new(trc.labels.len(), trc.points_m),
             labels: trc.labels,
-            points_m: trc.points_m,
             ground: wrenches,
             notes: Vec::new(),
         };
@@ -200,7 +202,7 @@ impl Trial {
 
     /// Returns the number of frames.
     pub fn frames(&self) -> usize {
-        self.points_m.len() / self.labels.len().max(1)
+        self.markers.frames()
     }
 
     /// Returns the time of a frame, s.
@@ -208,15 +210,14 @@ impl Trial {
         self.first_s + frame as f64 / self.rate_hz
     }
 
-    /// Returns a marker in a frame, m; `None` where it was not seen.
+    /// Returns a marker in a frame, m; `None` where it was not seen, or was dropped.
     pub fn point(&self, frame: usize, label: usize) -> Option<Vector3<f64>> {
-        let p = self.points_m.get(frame * self.labels.len() + label)?;
-        p[0].is_finite().then(|| Vector3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2])))
+        self.markers.point(frame, label)
     }
 
     /// Counts markers that are exactly in the origin as not seen: some programs write that.
     fn forget_zeros(&mut self) {
-        self.points_m.iter_mut().filter(|p| **p == [0.0; 3]).for_each(|p| *p = [f32::NAN; 3]);
+        self.markers.change(|p| if p == [0.0; 3] { [f32::NAN; 3] } else { p });
     }
 
     /// Refuses plates that push in opposite directions.
@@ -276,16 +277,15 @@ impl Trial {
 
     fn turn(&mut self, by: &Matrix3<f64>) {
         let turned = |p: [f64; 3]| -> [f64; 3] { (by * Vector3::from(p)).into() };
-        for p in &mut self.points_m {
-            *p = turned(p.map(f64::from)).map(|v| v as f32);
-        }
+        self.markers.change(|p| turned(p.map(f64::from)).map(|v| v as f32));
         for plate in &mut self.ground {
             if let Some(corners) = &mut plate.corners_m {
                 *corners = corners.map(turned);
             }
             for w in &mut plate.wrench {
-                let (f, m) = (turned([w[0], w[1], w[2]]), turned([w[3], w[4], w[5]]));
-                *w = [f[0], f[1], f[2], m[0], m[1], m[2]];
+                let [fx, fy, fz, mx, my, mz] = w.map(f64::from);
+                let (f, m) = (turned([fx, fy, fz]), turned([mx, my, mz]));
+                *w = [f[0], f[1], f[2], m[0], m[1], m[2]].map(|v| v as f32);
             }
         }
     }
@@ -294,9 +294,8 @@ impl Trial {
     fn mean_push(&self) -> Vector3<f64> {
         let means = self.ground.iter().map(|plate| {
             let finite = plate.wrench.iter().filter(|w| w.iter().all(|v| v.is_finite()));
-            let (sum, count) = finite.fold((Vector3::zeros(), 0_usize), |(sum, count), w| {
-                (sum + Vector3::new(w[0], w[1], w[2]), count + 1)
-            });
+            let (sum, count) =
+                finite.fold((Vector3::zeros(), 0_usize), |(sum, count), w| (sum + force(w), count + 1));
             sum / count.max(1) as f64
         });
         means.sum()
@@ -308,9 +307,12 @@ const LEAST_PUSH_N: f64 = 20.0;
 /// A plate that is stepped on is pushed by more, N.
 const CLEAR_PUSH_N: f64 = 100.0;
 
+fn force(wrench: &[f32; 6]) -> Vector3<f64> {
+    Vector3::new(wrench[0], wrench[1], wrench[2]).map(f64::from)
+}
+
 /// The mean force of a plate while it is loaded, N; zero if it never is.
 fn loaded_push(plate: &GroundWrench) -> Vector3<f64> {
-    let force = |w: &[f64; 6]| Vector3::new(w[0], w[1], w[2]);
     let loaded = plate.wrench.iter().map(force).filter(|f| f.norm() > CLEAR_PUSH_N && f.norm().is_finite());
     let (sum, count) = loaded.fold((Vector3::zeros(), 0_usize), |(sum, count), f| (sum + f, count + 1));
     sum / count.max(1) as f64

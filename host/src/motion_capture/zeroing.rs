@@ -34,10 +34,11 @@ pub fn offset(plate: &GroundWrench) -> Option<[f64; 6]> {
 }
 
 /// Mean of a stretch, and how much its vertical force scatters.
-fn level(stretch: &[[f64; 6]]) -> Option<([f64; 6], f64)> {
+fn level(stretch: &[[f32; 6]]) -> Option<([f64; 6], f64)> {
     let count = stretch.len() as f64;
-    let mean: [f64; 6] = std::array::from_fn(|axis| stretch.iter().map(|w| w[axis]).sum::<f64>() / count);
-    let square = stretch.iter().map(|w| (w[2] - mean[2]).powi(2)).sum::<f64>() / count;
+    let mean: [f64; 6] =
+        std::array::from_fn(|axis| stretch.iter().map(|w| f64::from(w[axis])).sum::<f64>() / count);
+    let square = stretch.iter().map(|w| (f64::from(w[2]) - mean[2]).powi(2)).sum::<f64>() / count;
     (mean.iter().all(|v| v.is_finite())).then_some((mean, square.sqrt()))
 }
 
@@ -45,7 +46,7 @@ fn level(stretch: &[[f64; 6]]) -> Option<([f64; 6], f64)> {
 pub fn take_off(plate: &mut GroundWrench, offset: &[f64; 6]) {
     for wrench in &mut plate.wrench {
         for (value, offset) in wrench.iter_mut().zip(offset) {
-            *value -= offset;
+            *value -= *offset as f32;
         }
     }
 }

@@ -17,6 +17,7 @@ use crate::inverse_kinematics::marker_file::{MarkerFile, OwnMarker};
 use crate::inverse_kinematics::skeleton::{Place, Pose, Skeleton, Turn};
 use crate::model::Model;
 use crate::motion_capture::ground::GroundWrench;
+use crate::motion_capture::markers::Markers;
 use crate::motion_capture::trial::Trial;
 
 /// Markers that laboratories place.
@@ -199,14 +200,14 @@ impl Somebody {
             rate_hz,
             first_s: 0.0,
             mean_s: 0.0,
-            wrench: wrench.collect(),
+            wrench: wrench.map(|w| w.map(|v| v as f32)).collect(),
         };
         Trial {
             name: name.to_owned(),
             rate_hz: laboratory.rate_hz,
             first_s: 0.0,
             labels: self.markers.iter().map(|(name, ..)| name.clone()).collect(),
-            points_m,
+            markers: Markers::new(self.markers.len(), points_m),
             ground: vec![ground],
             notes: Vec::new(),
         }
@@ -430,10 +431,11 @@ mod tests {
         let weight = truth.chunks(10).map(|phi| phi[0]).sum::<f64>() * STANDARD_GRAVITY_MPS2;
         let trial = person.trial("a", &Laboratory { plate: [0.0; 2], ..SHORT }, 5);
         let wrench = &trial.ground[0].wrench;
-        let mean = wrench.iter().map(|w| w[2]).sum::<f64>() / wrench.len() as f64;
+        let mean = wrench.iter().map(|w| f64::from(w[2])).sum::<f64>() / wrench.len() as f64;
         assert!((mean / weight - 1.0).abs() < 0.02, "{mean} {weight}");
         // Whoever stands still is carried by her weight alone, at her centre of mass.
-        let still = person.standing(&Laboratory { plate: [0.0; 2], ..SHORT }, 5).ground[0].wrench[100];
+        let still =
+            person.standing(&Laboratory { plate: [0.0; 2], ..SHORT }, 5).ground[0].wrench[100].map(f64::from);
         assert!(
             (still[2] / weight - 1.0).abs() < 1e-6 && still[0].abs() + still[1].abs() < 1e-4,
             "{still:?}"

@@ -245,3 +245,26 @@ fn opensim_models_that_are_no_persons_of_shared_data_are_named() {
     let far = ankle.replace("-0.42", "-42");
     refused(with(&own.replace(ankle, &far), &[]), 2, &["shank of --osim is 42", "in metres"]);
 }
+
+#[test]
+#[ignore = "needs ../shared/data"]
+fn trials_of_two_persons_of_shared_data_are_told_apart() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| data(name).display().to_string();
+    let one = file("human_btk_pig_60kg_functional/FunctionalWalk.c3d");
+    let other = file("human_btk_pig_47kg_fullbody/PiG_Motion-FlatFoot-Full.c3d");
+    let standing = file("human_btk_pig_47kg_fullbody/PiG_Calibration-FlatFoot-Full.c3d");
+    let off = &["mm off the model", "another person"];
+    refused(identify(folder.path(), &[&one, &other]), 2, off);
+    refused(identify(folder.path(), &[&one, "--static", &standing]), 2, off);
+    refused(identify(folder.path(), &[&one, &one]), 2, &["is in it twice"]);
+    // Two markers of one name, and a text that begins with a byte order mark.
+    let (trc, mot) = walk();
+    refused(
+        treadmill(&trc.replace("L.ASIS", "R.ASIS"), Some(&mot), &[]),
+        2,
+        &["two markers are called R.ASIS"],
+    );
+    let (status, said) = treadmill(&format!("\u{feff}{trc}"), Some(&mot), &[]);
+    assert!(status == 0 && said.contains("Whole mass"), "{said}");
+}

@@ -19,7 +19,7 @@ struct Columns {
     moment: Option<[usize; 3]>,
 }
 
-/// Returns the wrenches about the laboratory's origin, in the file's axes, beside so many frames of markers a second.
+/// Returns the wrenches about the laboratory's origin, in the file's axes, beside so many frames of markers, of so many a second.
 ///
 /// Columns are `…vx, …vy, …vz` (N, on the person), `…px, …py, …pz` (m) and the free moment at that point, `…torque…x` or `…mx` (N m):
 /// the names before `v` say which belong together. What is missing of the free moment is zero.
@@ -28,6 +28,7 @@ struct Columns {
 /// There are no forces, or a force has no centre of pressure.
 pub fn ground_wrenches(
     mut rows: Rows<impl BufRead>,
+    frames: usize,
     frames_hz: f64,
 ) -> Result<Vec<GroundWrench>, OpenSimError> {
     let stems: Vec<&str> = rows.columns.iter().filter_map(|c| c.strip_suffix("vx")).collect();
@@ -49,7 +50,8 @@ pub fn ground_wrenches(
         if count <= 2 {
             begin.push((time, own));
             if let [(first, _), (second, _)] = begin.as_slice() {
-                means = plates.iter().map(|_| Means::new(1.0 / (second - first), frames_hz)).collect();
+                means =
+                    plates.iter().map(|_| Means::new(1.0 / (second - first), frames, frames_hz)).collect();
                 for (_, own) in &begin {
                     means.iter_mut().zip(own).for_each(|(mean, wrench)| mean.push(*wrench));
                 }

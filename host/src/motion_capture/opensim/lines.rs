@@ -4,6 +4,9 @@ use std::io::BufRead;
 
 use super::error::{OpenSimError, at};
 
+/// What some programs begin a text with.
+const BYTE_ORDER_MARK: char = '\u{feff}';
+
 /// Goes through the lines of a text.
 pub(super) struct Lines<R> {
     reader: R,
@@ -22,8 +25,13 @@ impl<R: BufRead> Lines<R> {
         self.line += 1;
         match self.reader.read_line(&mut self.text) {
             Ok(0) => Ok(None),
-            Ok(_) => Ok(Some((self.line, self.text.trim_end_matches(['\n', '\r'])))),
-            Err(error) => Err(at(self.line, format!("it cannot be read: {error}"))),
+            Ok(_) => {
+                if self.line == 1 && self.text.starts_with(BYTE_ORDER_MARK) {
+                    self.text.remove(0);
+                }
+                Ok(Some((self.line, self.text.trim_end_matches(['\n', '\r']))))
+            }
+            Err(error) => Err(at(self.line, format!("it cannot be read: {error}: save it as UTF-8 text"))),
         }
     }
 

@@ -7,6 +7,7 @@ use std::io::BufRead;
 
 use super::error::{OpenSimError, at, number};
 use super::lines::Lines;
+use crate::motion_capture::ground::with_room;
 
 /// Times may be off the rate by so much of a period: they are rounded.
 const JITTER: f64 = 0.3;
@@ -28,6 +29,13 @@ pub struct Trc {
 pub struct Frames<R> {
     lines: Lines<R>,
     header: Header,
+}
+
+impl<R> Frames<R> {
+    /// Returns how many frames the header tells of.
+    pub fn count(&self) -> usize {
+        self.header.frames
+    }
 }
 
 struct Header {
@@ -121,7 +129,8 @@ impl Trc {
             ));
         }
         next("the names of the axes")?;
-        let trc = Self { rate_hz: header.rate_hz, first_s: 0.0, labels, points_m: Vec::new() };
+        let points_m = with_room(header.frames.saturating_mul(header.markers));
+        let trc = Self { rate_hz: header.rate_hz, first_s: 0.0, labels, points_m };
         Ok((header, trc))
     }
 

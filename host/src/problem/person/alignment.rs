@@ -3,6 +3,8 @@
 //! The force that the table's bodies need for the motion of the markers, `M (c̈ + g)`, is compared with the measured one, both
 //! smoothed alike: a delay τ of the plates leaves `−τ Ḟ`, and another mass a share of the force.
 
+use std::ops::Range;
+
 use hexapod::STANDARD_GRAVITY_MPS2 as GRAVITY;
 use nalgebra::{Matrix2, Vector2, Vector3};
 
@@ -40,19 +42,23 @@ pub fn centre_of_mass(subject: &Subject, places: &[Place]) -> Vector3<f64> {
     sum / mass.max(f64::MIN_POSITIVE)
 }
 
-/// Returns the delay of the plates; `None` if too few frames are used, or the forces hardly change.
-pub fn delay(
-    subject: &Subject,
-    trial: &Trial,
-    centres: &[Vector3<f64>],
-    used: &[bool],
-    smoother: &Smoother,
-) -> Option<Delay> {
-    let needed = needed(subject, centres, smoother);
+/// Frames that follow one another, from which cut-off and delay are found.
+pub(super) struct Looked {
+    /// Their numbers in the trial.
+    pub range: Range<usize>,
+    /// The table's centre of mass in each, m; NaN without a pose.
+    pub centres: Vec<Vector3<f64>>,
+    /// Whether the plates measured all in it.
+    pub used: Vec<bool>,
+}
+
+/// Returns the delay of the plates by some frames; `None` if too few of them are used, or the forces hardly change.
+pub(super) fn delay(subject: &Subject, trial: &Trial, frames: &Looked, smoother: &Smoother) -> Option<Delay> {
+    let needed = needed(subject, &frames.centres, smoother);
     let mut delay_s = 0.0;
     let mut sigma_s = f64::INFINITY;
     for _ in 0..ROUNDS {
-        let (step, sigma) = step(trial, &needed, used, smoother, delay_s)?;
+        let (step, sigma) = step(trial, frames, &needed, smoother, delay_s)?;
         delay_s += step;
         sigma_s = sigma;
         if delay_s.abs() > LONGEST_S {
@@ -92,8 +98,13 @@ pub(super) fn along(series: &[Vector3<f64>], smoother: &Smoother, slope: bool) -
     parallel::each(series.len(), at)
 }
 
-/// Sum of the plates' forces at the frames, `delay_s` later, smoothed once, N.
-pub(super) fn total(trial: &Trial, smoother: &Smoother, delay_s: f64) -> Vec<Vector3<f64>> {
+/// Sum of the plates' forces at some frames, `delay_s` later, smoothed once, N.
+pub(super) fn total(
+    trial: &Trial,
+    frames: &Range<usize>,
+    smoother: &Smoother,
+    delay_s: f64,
+) -> Vec<Vector3<f64>> {
     let at = |frame: usize| {
         let time = trial.time_s(frame) + delay_s;
         let of = |plate: &GroundWrench| smoothed_at(plate, smoother.cut_off_hz, time);
@@ -103,21 +114,21 @@ pub(super) fn total(trial: &Trial, smoother: &Smoother, delay_s: f64) -> Vec<Vec
         });
         sum.unwrap_or_else(|| Vector3::repeat(f64::NAN))
     };
-    parallel::each(trial.frames(), at)
+    parallel::each(frames.len(), |k| at(frames.start + k))
 }
 
 /// One step of the linearised search, and 1 σ of the delay.
 fn step(
     trial: &Trial,
+    frames: &Looked,
     needed: &[Option<Vector3<f64>>],
-    used: &[bool],
     smoother: &Smoother,
     delay_s: f64,
 ) -> Option<(f64, f64)> {
-    let once = total(trial, smoother, delay_s);
+    let once = total(trial, &frames.range, smoother, delay_s);
     let (force, change) = (along(&once, smoother, false), along(&once, smoother, true));
     let mut rows: Vec<(Vector3<f64>, Vector3<f64>, Vector3<f64>)> = Vec::new();
-    for (frame, used) in used.iter().enumerate() {
+    for (frame, used) in frames.used.iter().enumerate() {
         let (true, Some(needed)) = (*used, needed.get(frame).copied().flatten()) else { continue };
         if force[frame].x.is_finite() && change[frame].x.is_finite() {
             rows.push((needed, change[frame], force[frame] - needed));

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 
+use crate::fit::parallel;
 use crate::inverse_kinematics::skeleton::Place;
 use crate::inverse_kinematics::subject::Subject;
 use crate::motion_capture::ground::GroundWrench;
@@ -48,42 +49,48 @@ impl Dropped {
 }
 
 /// Where soles are in a frame, m, laboratory axes: heel and ball, inner and outer. Toes bend, and are left out.
-pub type Soles = [[Vector3<f64>; 4]; 2];
+type Soles = [[Vector3<f64>; 4]; 2];
+/// The same as they are kept of every frame.
+pub type KeptSoles = [[[f32; 3]; 4]; 2];
+
+fn expanded(soles: &KeptSoles) -> Soles {
+    soles.map(|sole| sole.map(|p| point(&p)))
+}
+
+fn point([x, y, z]: &[f32; 3]) -> Vector3<f64> {
+    Vector3::new(f64::from(*x), f64::from(*y), f64::from(*z))
+}
 
 /// What plates and feet say of every frame.
 pub struct Contact {
     /// Reasons why frames are not used.
     pub dropped: Vec<Option<Dropped>>,
     /// Distances of centres of pressure from the nearest sole, where a plate is loaded, m.
-    pub beside_m: Vec<f64>,
+    pub beside_m: Vec<f32>,
 }
 
-/// Judges every frame: `soles` are where feet are, `wrenches` of every plate, `None` where they are not known.
-pub fn contact(
-    rate_hz: f64,
-    soles: &[Option<Soles>],
-    plates: &[GroundWrench],
-    wrenches: &[Vec<Option<[f64; 6]>>],
-) -> Contact {
+/// The wrenches of all plates in a frame; `None` where one is not known.
+pub type Loads<'a> = &'a (dyn Fn(usize) -> Option<Vec<[f64; 6]>> + Sync);
+
+/// Judges every frame: `soles` are where feet are.
+pub fn contact(rate_hz: f64, soles: &[Option<KeptSoles>], plates: &[GroundWrench], loads: Loads) -> Contact {
     let floor = sunken(soles);
-    let belt = belt(soles, rate_hz, plates, wrenches);
+    let belt = belt(soles, rate_hz, plates, loads);
     let mut found = Contact { dropped: vec![None; soles.len()], beside_m: Vec::new() };
-    for frame in 0..soles.len() {
-        let Some(own) = &soles[frame] else {
+    parallel::in_order(soles.len(), loads, |frame, loads| {
+        let Some(own) = &soles[frame].as_ref().map(expanded) else {
             found.dropped[frame] = Some(Dropped::Markers);
-            continue;
+            return;
         };
-        let loads: Option<Vec<[f64; 6]>> =
-            wrenches.iter().map(|of| of.get(frame).copied().flatten()).collect();
         let Some(loads) = loads else {
             found.dropped[frame] = Some(Dropped::NoForce);
-            continue;
+            return;
         };
         let height = own.iter().flatten().map(|p| p.z).fold(f64::INFINITY, f64::min);
         for (load, plate) in loads.iter().zip(plates).filter(|(load, _)| load[2] > LOADED_N) {
             let pressed = pressure(load, level(plate, height));
             let away = own.iter().map(|sole| distance(sole, &pressed)).fold(f64::INFINITY, f64::min);
-            found.beside_m.push(away);
+            found.beside_m.push(away as f32);
             if away > BESIDE_M {
                 found.dropped[frame] = Some(Dropped::LoadElsewhere);
             }
@@ -92,7 +99,7 @@ pub fn contact(
         if let Some(reason) = feet(own, &floor, &speed, plates, &loads) {
             found.dropped[frame] = Some(reason);
         }
-    }
+    });
     widen(&mut found.dropped, (BESIDE_S * rate_hz).ceil() as usize);
     found
 }
@@ -103,8 +110,8 @@ fn level(plate: &GroundWrench, lowest: f64) -> f64 {
 }
 
 /// By how much a point of a sole moves from frame to frame, m; zero where that is not known.
-fn velocity(soles: &[Option<Soles>], frame: usize, foot: usize, k: usize) -> Vector3<f64> {
-    let at = |frame: Option<usize>| frame.and_then(|f| soles.get(f)?.as_ref()).map(|s| s[foot][k]);
+fn velocity(soles: &[Option<KeptSoles>], frame: usize, foot: usize, k: usize) -> Vector3<f64> {
+    let at = |frame: Option<usize>| frame.and_then(|f| soles.get(f)?.as_ref()).map(|s| point(&s[foot][k]));
     let (before, now, after) = (at(frame.checked_sub(1)), at(Some(frame)), at(Some(frame + 1)));
     match (before, now, after) {
         (Some(a), _, Some(b)) => (b - a) / 2.0,
@@ -114,32 +121,24 @@ fn velocity(soles: &[Option<Soles>], frame: usize, foot: usize, k: usize) -> Vec
 }
 
 /// The velocity of the ground, m/s: of the soles that the ground presses on, their median. A treadmill's belt moves.
-fn belt(
-    soles: &[Option<Soles>],
-    rate_hz: f64,
-    plates: &[GroundWrench],
-    wrenches: &[Vec<Option<[f64; 6]>>],
-) -> Vector3<f64> {
-    let mut all: [Vec<f64>; 2] = [Vec::new(), Vec::new()];
-    for (frame, own) in soles.iter().enumerate() {
-        let Some(own) = own else { continue };
-        for (plate, of) in plates.iter().zip(wrenches) {
-            let Some(load) = of.get(frame).copied().flatten().filter(|load| load[2] > 4.0 * LOADED_N) else {
-                continue;
-            };
+fn belt(soles: &[Option<KeptSoles>], rate_hz: f64, plates: &[GroundWrench], loads: Loads) -> Vector3<f64> {
+    let mut all: [Vec<f32>; 2] = [Vec::new(), Vec::new()];
+    parallel::in_order(soles.len(), loads, |frame, loads| {
+        let (Some(own), Some(loads)) = (&soles[frame].as_ref().map(expanded), loads) else { return };
+        for (load, plate) in loads.iter().zip(plates).filter(|(load, _)| load[2] > 4.0 * LOADED_N) {
             let height = own.iter().flatten().map(|p| p.z).fold(f64::INFINITY, f64::min);
-            let pressed = pressure(&load, level(plate, height));
+            let pressed = pressure(load, level(plate, height));
             let foot = if distance(&own[0], &pressed) < distance(&own[1], &pressed) { 0 } else { 1 };
             let points = (0..own[foot].len())
                 .min_by(|a, b| (own[foot][*a] - pressed).norm().total_cmp(&(own[foot][*b] - pressed).norm()));
             let moved = velocity(soles, frame, foot, points.unwrap_or(0)) * rate_hz;
-            all[0].push(moved.x);
-            all[1].push(moved.y);
+            all[0].push(moved.x as f32);
+            all[1].push(moved.y as f32);
         }
-    }
+    });
     let [x, y] = all.map(|mut values| {
-        values.sort_by(f64::total_cmp);
-        values.get(values.len() / 2).copied().unwrap_or(0.0)
+        values.sort_by(f32::total_cmp);
+        f64::from(values.get(values.len() / 2).copied().unwrap_or(0.0))
     });
     Vector3::new(x, y, 0.0)
 }
@@ -180,7 +179,7 @@ fn feet(
 }
 
 /// Returns soles by the model: the heel a quarter of the foot behind the ankle, the ball half of it before.
-pub fn soles(subject: &Subject, places: &[Place]) -> Option<Soles> {
+pub fn soles(subject: &Subject, places: &[Place]) -> Option<KeptSoles> {
     let model = &subject.model;
     let length = |name: &str| subject.person.length(name);
     let (foot, height) = (length("foot")?, length("ankle_height")?);
@@ -192,18 +191,18 @@ pub fn soles(subject: &Subject, places: &[Place]) -> Option<Soles> {
     ];
     let of = |name: &str| {
         let (turn, origin) = places.get(model.link(name)?)?;
-        Some(local.map(|p| origin + turn * p))
+        Some(local.map(|p| (origin + turn * p).map(|v| v as f32).into()))
     };
     Some([of("l_foot")?, of("r_foot")?])
 }
 
 /// How much the model's soles are below or above the floor where feet stand, by points: what a fifth of all frames have beneath them.
-fn sunken(soles: &[Option<Soles>]) -> [[f64; 4]; 2] {
+fn sunken(soles: &[Option<KeptSoles>]) -> [[f64; 4]; 2] {
     std::array::from_fn(|foot| {
         std::array::from_fn(|k| {
-            let mut heights: Vec<f64> = soles.iter().flatten().map(|s| s[foot][k].z).collect();
-            heights.sort_by(f64::total_cmp);
-            heights.get(heights.len() / 5).copied().unwrap_or(0.0)
+            let mut heights: Vec<f32> = soles.iter().flatten().map(|s| s[foot][k][2]).collect();
+            heights.sort_by(f32::total_cmp);
+            f64::from(heights.get(heights.len() / 5).copied().unwrap_or(0.0))
         })
     })
 }

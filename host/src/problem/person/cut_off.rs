@@ -7,7 +7,7 @@
 
 use nalgebra::Vector3;
 
-use super::alignment::{along, needed, total};
+use super::alignment::{Looked, along, needed, total};
 use super::coordinates::Coordinates;
 use super::smoothing::{CUT_OFFS_HZ, HIGHEST, Smoother, best_cut_off};
 use crate::inverse_kinematics::subject::Subject;
@@ -18,21 +18,16 @@ const LARGEST_SHARE: f64 = 0.5;
 /// Fewest frames that tell.
 const FEWEST: usize = 20;
 
-/// Returns the cut-off, Hz; `used` are frames in which the plates measured all.
-pub(super) fn cut_off(
-    subject: &Subject,
-    trial: &Trial,
-    centres: &[Vector3<f64>],
-    used: &[bool],
-    coordinates: &Coordinates,
-) -> f64 {
-    let highest = best_cut_off(coordinates.width(), |k| coordinates.series(k), trial.rate_hz);
+/// Returns the cut-off, Hz, by some frames.
+pub(super) fn cut_off(subject: &Subject, trial: &Trial, frames: &Looked, coordinates: &Coordinates) -> f64 {
+    let series = |k: usize| coordinates.series(k).get(frames.range.clone()).unwrap_or_default().to_vec();
+    let highest = best_cut_off(coordinates.width(), series, trial.rate_hz);
     let mut below: Option<Vec<Option<[Vector3<f64>; 2]>>> = None;
     let mut best = None;
     let candidates = CUT_OFFS_HZ.iter().filter(|f| **f <= HIGHEST * trial.rate_hz && **f <= highest);
     for cut_off in candidates {
         let Some(smoother) = Smoother::new(*cut_off, trial.rate_hz) else { continue };
-        let own = forces(subject, trial, centres, used, &smoother);
+        let own = forces(subject, trial, frames, &smoother);
         let share = below.as_ref().and_then(|below| share(below, &own));
         if share.is_some_and(|share| share > LARGEST_SHARE) {
             break;
@@ -50,16 +45,15 @@ pub(super) fn cut_off(
 fn forces(
     subject: &Subject,
     trial: &Trial,
-    centres: &[Vector3<f64>],
-    used: &[bool],
+    frames: &Looked,
     smoother: &Smoother,
 ) -> Vec<Option<[Vector3<f64>; 2]>> {
-    let needed = needed(subject, centres, smoother);
-    let measured = along(&total(trial, smoother, 0.0), smoother, false);
+    let needed = needed(subject, &frames.centres, smoother);
+    let measured = along(&total(trial, &frames.range, smoother, 0.0), smoother, false);
     let pair = |((needed, measured), used): ((Option<Vector3<f64>>, Vector3<f64>), &bool)| {
         (*used && measured.x.is_finite()).then_some([needed?, measured])
     };
-    needed.into_iter().zip(measured).zip(used).map(pair).collect()
+    needed.into_iter().zip(measured).zip(&frames.used).map(pair).collect()
 }
 
 /// What is left of a band over what was measured in it, by power; `None` if too few frames are in both.

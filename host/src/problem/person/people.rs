@@ -8,7 +8,7 @@ use rigident_shared::tree::BaseMotion;
 
 use super::alignment;
 use super::coordinates::Moved;
-use super::track::{TrackOptions, Tracked, UsedFrame, track};
+use super::track::{TrackOptions, Tracked, UsedFrame, distances, track};
 use crate::fit::parallel;
 use crate::inverse_kinematics::marker_file::MarkerFile;
 use crate::inverse_kinematics::subject::{HumanModel, Known, Subject, SubjectError, subject};
@@ -23,6 +23,12 @@ use crate::problem::tree::{BaseSensor, Frame, Input};
 const STANDING: usize = 4;
 /// … and of all moving ones together.
 const MOVING: usize = 60;
+/// Root mean square of the distances of markers from their links that no trial of a person has, m.
+const LARGEST_DISTANCE_M: f64 = 0.025;
+/// Windows of all trials in which markers are kept once frames are found, about, …
+const WINDOWS: usize = 12;
+/// … and frames in all of them.
+const WINDOW_FRAMES: usize = 600;
 /// Fewest frames that tell whether plates and cameras belong together, …
 const FEWEST_TO_COMPARE: usize = 30;
 /// … of a person who moves: standard deviations of the vertical force over the weight, …
@@ -73,6 +79,27 @@ pub enum PersonError {
         /// The correlation.
         correlation: f64,
     },
+    /// A marker's name stands for two.
+    #[error("{name}: two markers are called {marker}: which is which is not known; rename one of them")]
+    Twice {
+        /// The trial.
+        name: String,
+        /// The marker.
+        marker: String,
+    },
+    /// Markers are not where the model has them.
+    #[error(
+        "{name}: its markers are {off_mm:.0} mm off the model that all trials share (usual are less than 10 mm), most {marker}: is it a trial of \
+         another person, with other markers, or are some exchanged?"
+    )]
+    OffTheModel {
+        /// The trial.
+        name: String,
+        /// Root mean square of the distances, mm.
+        off_mm: f64,
+        /// The marker that is farthest off.
+        marker: String,
+    },
     /// No frame can be used.
     #[error("{name}: {why}")]
     NoFrames {
@@ -117,8 +144,8 @@ pub struct Person {
 }
 
 impl Person {
-    /// Returns a person from trials, of which `standing` is one that she stands upright in. The plates' samples are taken out of the
-    /// trials.
+    /// Returns a person from trials, of which `standing` is one that she stands upright in. Plates' samples, and
+    /// markers that are not needed any more, are taken out of the trials.
     ///
     /// # Errors
     /// [`PersonError`] says what is wrong with which trial.
@@ -155,6 +182,13 @@ impl Person {
             lengths_m: options.lengths_m.clone(),
         };
         let fitted = subject(&labels, &frames, options.kind, &known)?;
+        for trial in standing.into_iter().chain(&*trials) {
+            no_twins(trial, &fitted)?;
+        }
+        if let Some(trial) = standing {
+            let (rms_m, by_marker) = distances(&fitted, trial, STANDING);
+            on_the_model(&trial.name, rms_m, &by_marker)?;
+        }
         let (subject, fixed) = follow(fitted, &labels, trials)?;
         notes.extend(compared_lengths(&options.lengths_m, &subject));
         if !fixed.is_empty() {
@@ -170,13 +204,21 @@ impl Person {
             notes.push("no marker follows the trunk: it is taken to stay upright".to_owned());
         }
         let mut tracked = Vec::new();
-        for (k, trial) in trials.iter().enumerate() {
-            let done = k as f64 / trials.len() as f64;
-            let step = |share: f64| progress("poses", done + share / trials.len() as f64);
-            tracked.push(track(trial, &subject, &options.track, &step)?);
+        let count = trials.len();
+        for (k, trial) in trials.iter_mut().enumerate() {
+            let step = |share: f64| progress("poses", (k as f64 + share) / count as f64);
+            let mut own = track(trial, &subject, &options.track, &step)?;
+            on_the_model(&own.name, own.report.rms_m, &own.report.by_marker)?;
+            // What frames need of the plates is in the frames.
+            trial.ground.iter_mut().for_each(|plate| plate.wrench = Vec::new());
+            let windows = (WINDOWS / count).max(1);
+            own.keep_windows(trial, windows, WINDOW_FRAMES.div_ceil(count * windows));
+            if own.windows.is_empty() && !own.frames.is_empty() {
+                let why = format!("{}; cut the recording to where she is on the plates", own.why_unused());
+                return Err(PersonError::NoFrames { name: own.name, why });
+            }
+            tracked.push(own);
         }
-        // What frames need of them is in the frames.
-        trials.iter_mut().flat_map(|trial| &mut trial.ground).for_each(|plate| plate.wrench = Vec::new());
         let mut person = Self { subject, fixed, trials: tracked, notes };
         person.belong_together()?;
         if options.mass_kg.is_none()
@@ -233,7 +275,7 @@ impl Person {
         frames: impl IntoIterator<Item = (UsedFrame, Moved)>,
     ) -> Input {
         let frame = |(own, moved): (UsedFrame, Moved)| {
-            let [fx, fy, fz, mx, my, mz] = own.wrench;
+            let [fx, fy, fz, mx, my, mz] = own.wrench.map(f64::from);
             let at = Vector3::from_iterator(moved.positions.iter().take(3).copied());
             // About the base's origin.
             let moment = Vector3::new(mx, my, mz) - at.cross(&Vector3::new(fx, fy, fz));
@@ -355,7 +397,9 @@ fn vertical(person: &Person, trial: usize) -> Vec<(f64, f64)> {
     let centre = |frame: usize| person.table_centre(trial, frame).unwrap_or(none);
     let centres = parallel::each(tracked.report.frames, centre);
     let needed = alignment::needed(&person.subject, &centres, &tracked.smoother);
-    let pair = |frame: &UsedFrame| Some((needed.get(frame.number).copied().flatten()?.z, frame.wrench[2]));
+    let pair = |frame: &UsedFrame| {
+        Some((needed.get(frame.number).copied().flatten()?.z, f64::from(frame.wrench[2])))
+    };
     tracked.frames.iter().filter_map(pair).collect()
 }
 
@@ -365,7 +409,7 @@ fn weight(trials: &[Trial]) -> Option<f64> {
     let best = trials.iter().filter_map(|trial| {
         let rate = trial.ground.first()?.rate_hz;
         let count = trial.ground.iter().map(|p| p.wrench.len()).min()?;
-        let total = |k: usize| trial.ground.iter().map(|p| p.wrench[k][2]).sum::<f64>();
+        let total = |k: usize| trial.ground.iter().map(|p| f64::from(p.wrench[k][2])).sum::<f64>();
         let stretch = ((rate * 0.5) as usize).clamp(1, count.max(1));
         let means = (0..count / stretch).map(|s| {
             let sum: f64 = (s * stretch..(s + 1) * stretch).map(total).sum();
@@ -374,6 +418,28 @@ fn weight(trials: &[Trial]) -> Option<f64> {
         means.filter(|m| m.is_finite()).max_by(f64::total_cmp)
     });
     best.max_by(f64::total_cmp).map(|force| force / GRAVITY)
+}
+
+/// Refuses markers that are used and have one name.
+fn no_twins(trial: &Trial, subject: &Subject) -> Result<(), PersonError> {
+    let count = |name: &str| trial.labels.iter().filter(|label| *label == name).count();
+    match subject.markers.iter().find(|marker| count(&marker.name) > 1) {
+        Some(marker) => Err(PersonError::Twice { name: trial.name.clone(), marker: marker.name.clone() }),
+        None => Ok(()),
+    }
+}
+
+/// Refuses a trial whose markers are not where the model has them.
+fn on_the_model(name: &str, rms_m: f64, by_marker: &[(String, f64)]) -> Result<(), PersonError> {
+    let farthest = by_marker.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+    match farthest.filter(|_| rms_m > LARGEST_DISTANCE_M) {
+        Some((marker, _)) => Err(PersonError::OffTheModel {
+            name: name.to_owned(),
+            off_mm: 1e3 * rms_m,
+            marker: marker.clone(),
+        }),
+        None => Ok(()),
+    }
 }
 
 /// Tells what lengths from elsewhere became.

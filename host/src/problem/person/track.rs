@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::alignment::{self, Delay};
+use super::alignment::{self, Delay, Looked};
 use super::contact::{Contact, Dropped, contact, counts, soles};
 use super::coordinates::{Coordinates, STRETCH, numbers};
 use super::cut_off::cut_off;
@@ -18,7 +18,6 @@ use crate::inverse_kinematics::markers::Seen;
 use crate::inverse_kinematics::skeleton::{Place, Pose, Turn};
 use crate::inverse_kinematics::solve::Solver;
 use crate::inverse_kinematics::subject::Subject;
-use crate::motion_capture::ground::GroundWrench;
 use crate::motion_capture::trial::Trial;
 
 /// A freedom is not told by a frame if its deviation is so many times the trial's median, …
@@ -31,6 +30,24 @@ const HEADING_S: f64 = 1.0;
 const LEAD: usize = 400;
 /// … every so many-th of them.
 const COARSE: usize = 8;
+/// Stretches that tell how well freedoms are usually told, at most about.
+const TELLING: usize = 32;
+/// Cut-off and delay are found from so many frames at most, …
+const LOOKED: usize = 30_000;
+/// … and so many before the first that is used.
+const BEFORE: usize = 1000;
+/// Of a trial the markers of so much are kept in any case, s: pages show it.
+pub const SHOWN_S: f64 = 120.0;
+/// Of a trial with more frames than these, markers are dropped as soon as poses are found …
+const LONG: usize = 60_000;
+/// … but for blocks of so many frames each in which plates are loaded, …
+const BLOCK: usize = 200;
+/// … and so many frames in all.
+const MOST_LOADED: usize = 20_000;
+/// A plate is loaded from this force on, N.
+const LOADED_N: f32 = 25.0;
+/// A window is at most so many times as long as its frames.
+const LONGEST_WINDOW: usize = 4;
 /// The cut-off that frames are first judged with, Hz.
 const FIRST_CUT_OFF_HZ: f64 = 10.0;
 /// Of frames with a load more than this share must have it under a foot, else plates and markers are in different frames.
@@ -42,7 +59,7 @@ pub struct UsedFrame {
     /// Its number in the trial.
     pub number: usize,
     /// The ground's wrench on the person about the laboratory's origin, laboratory axes, N and N m.
-    pub wrench: [f64; 6],
+    pub wrench: [f32; 6],
 }
 
 /// What became of the frames of a trial.
@@ -76,6 +93,8 @@ pub struct Tracked {
     pub coordinates: Coordinates,
     /// What they are smoothed by.
     pub smoother: Smoother,
+    /// Frames among `frames` whose markers are kept: joint centres are drawn by them.
+    pub windows: Vec<Range<usize>>,
     /// What became of the frames.
     pub report: TrackReport,
 }
@@ -84,6 +103,39 @@ impl Tracked {
     /// Returns the time of a frame from the trial's first one on, ns.
     pub fn time_ns(&self, number: usize) -> u64 {
         (number as f64 / self.report.rate_hz * 1e9).round() as u64
+    }
+
+    /// Chooses windows, `count` at most with so many frames each, spread over all frames whose markers there are, and drops the other
+    /// markers of the trial but for its first [`SHOWN_S`].
+    pub(super) fn keep_windows(&mut self, trial: &mut Trial, count: usize, frames: usize) {
+        let margin = self.smoother.half() + (gaps::LONGEST_S * trial.rate_hz).round() as usize + 3;
+        let around =
+            |window: Range<usize>| window.start.saturating_sub(margin)..window.end.saturating_add(margin);
+        let has = |k: &usize| {
+            let number = self.frames.get(*k).map_or(0, |frame| frame.number);
+            trial.markers.has(around(number..number + 1))
+        };
+        let all: Vec<usize> = (0..self.frames.len()).filter(has).collect();
+        let chosen: Vec<&[usize]> = if all.len() <= count * frames {
+            all.chunk_by(|a, b| a + 1 == *b).collect()
+        } else {
+            let first = |k: usize| (2 * k + 1) * all.len() / (2 * count) - frames / 2;
+            (0..count).filter_map(|k| all.get(first(k)..first(k) + frames)).collect()
+        };
+        // Where there are gaps a window ends.
+        let window = |own: &[usize]| {
+            let (start, first) = own.first().map(|k| (*k, self.frames[*k].number))?;
+            let longest = LONGEST_WINDOW * own.len();
+            let near =
+                |(j, k): &(usize, &usize)| start + j == **k && self.frames[**k].number < first + longest;
+            Some(start..start + own.iter().enumerate().take_while(near).count())
+        };
+        self.windows = chosen.into_iter().filter_map(window).collect();
+        let numbers =
+            |w: &Range<usize>| around(self.frames[w.start].number..self.frames[w.end - 1].number + 1);
+        let mut kept: Vec<Range<usize>> = self.windows.iter().map(numbers).collect();
+        kept.push(0..shown(trial));
+        trial.markers.keep(kept);
     }
 
     /// Returns where the links are in a frame.
@@ -115,54 +167,61 @@ pub struct TrackOptions {
 /// # Errors
 /// [`PersonError`] if markers or plates cannot be what they are said to be.
 pub fn track(
-    trial: &Trial,
+    trial: &mut Trial,
     subject: &Subject,
     options: &TrackOptions,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Tracked, PersonError> {
     let Poses { mut coordinates, filled, rms_m, by_marker } = poses(subject, trial, progress);
+    thin(trial);
+    let trial = &*trial;
     upright(subject, &mut coordinates, trial.rate_hz);
     coordinates.join();
     let places = |frame: usize| -> Option<Vec<Place>> {
         Some(subject.skeleton.places(&coordinates.pose(&subject.skeleton, frame)?))
     };
-    let none = Vector3::repeat(f64::NAN);
     let soles = parallel::each(trial.frames(), |frame| soles(subject, &places(frame)?));
-    let centres = parallel::each(trial.frames(), |frame| {
-        places(frame).map_or(none, |places| alignment::centre_of_mass(subject, &places))
-    });
+    let judge = |cut_off_hz: f64, delay_s: f64| {
+        contact(trial.rate_hz, &soles, &trial.ground, &|frame| loads(trial, cut_off_hz, delay_s, frame))
+    };
+    let centre = |frame: usize| {
+        let centre = places(frame).map(|places| alignment::centre_of_mass(subject, &places));
+        centre.unwrap_or(Vector3::repeat(f64::NAN))
+    };
+    let look = |judged: &Contact| {
+        let range = looked(&judged.dropped);
+        let used = judged.dropped[range.clone()].iter().map(Option::is_none).collect();
+        Looked { centres: parallel::each(range.len(), |k| centre(range.start + k)), range, used }
+    };
     let cut_off_hz = options.cut_off_hz.unwrap_or_else(|| {
-        let all = wrenches(trial, FIRST_CUT_OFF_HZ, options.delay_s.unwrap_or(0.0));
-        let first = contact(trial.rate_hz, &soles, &trial.ground, &all);
-        let used: Vec<bool> = first.dropped.iter().map(Option::is_none).collect();
-        cut_off(subject, trial, &centres, &used, &coordinates)
+        let judged = judge(FIRST_CUT_OFF_HZ, options.delay_s.unwrap_or(0.0));
+        cut_off(subject, trial, &look(&judged), &coordinates)
     });
     let smoother = Smoother::new(cut_off_hz, trial.rate_hz)
         .ok_or(PersonError::CutOff { cut_off_hz, rate_hz: trial.rate_hz })?;
-    let judge = |delay_s: f64| {
-        let all = wrenches(trial, cut_off_hz, delay_s);
-        (contact(trial.rate_hz, &soles, &trial.ground, &all), all)
-    };
-    let (mut judged, mut all) = judge(options.delay_s.unwrap_or(0.0));
-    let used: Vec<bool> = judged.dropped.iter().map(Option::is_none).collect();
+    let mut delay_s = options.delay_s.unwrap_or(0.0);
+    let mut judged = judge(cut_off_hz, delay_s);
     let delay = match options.delay_s {
         Some(_) => None,
-        None => alignment::delay(subject, trial, &centres, &used, &smoother),
+        None => alignment::delay(subject, trial, &look(&judged), &smoother),
     };
     // A delay that is no more than what the table's bodies make of it is none.
     let applied = delay.filter(|d| d.delay_s.abs() > 3.0 * d.sigma_s && d.delay_s.abs() > 1e-3);
     if let Some(found) = applied {
-        (judged, all) = judge(found.delay_s);
+        delay_s = found.delay_s;
+        judged = judge(cut_off_hz, delay_s);
     }
+    drop(soles);
     same_laboratory(trial, &judged)?;
-    let frames = parallel::each(trial.frames(), |number| {
-        let sum = all.iter().try_fold([0.0; 6], |sum, of| {
-            let own = (*of.get(number)?)?;
-            Some(std::array::from_fn(|axis| sum[axis] + own[axis]))
-        });
-        let wrench = sum.filter(|_| judged.dropped.get(number).is_some_and(Option::is_none))?;
-        coordinates.at(&smoother, number).map(|_| UsedFrame { number, wrench })
-    });
+    let mut frames = Vec::new();
+    let frame = |number: usize| {
+        judged.dropped.get(number).filter(|reason| reason.is_none())?;
+        coordinates.at(&smoother, number)?;
+        let loads = loads(trial, cut_off_hz, delay_s, number)?;
+        let wrench = std::array::from_fn(|axis| loads.iter().map(|own| own[axis]).sum::<f64>() as f32);
+        Some(UsedFrame { number, wrench })
+    };
+    parallel::in_order(trial.frames(), frame, |_, own| frames.extend(own));
     let report = TrackReport {
         frames: trial.frames(),
         rate_hz: trial.rate_hz,
@@ -173,20 +232,45 @@ pub fn track(
         rms_m,
         by_marker,
     };
-    let frames = frames.into_iter().flatten().collect();
-    Ok(Tracked { name: trial.name.clone(), frames, coordinates, smoother, report })
+    Ok(Tracked { name: trial.name.clone(), frames, coordinates, smoother, windows: Vec::new(), report })
 }
 
-/// The wrench of every plate at every frame.
-fn wrenches(trial: &Trial, cut_off_hz: f64, delay_s: f64) -> Vec<Vec<Option<[f64; 6]>>> {
-    let of = |plate: &GroundWrench| -> Vec<Option<[f64; 6]>> {
-        let at = |frame: usize| {
-            let time = trial.time_s(frame) + delay_s;
-            smoothed_at(plate, cut_off_hz, time)
-        };
-        parallel::each(trial.frames(), at)
+/// The first frames of a trial, whose markers are kept in any case.
+fn shown(trial: &Trial) -> usize {
+    (SHOWN_S * trial.rate_hz).ceil() as usize
+}
+
+/// Drops markers of a long trial that no window can be chosen from: of blocks in which nobody is on a plate, or most of the others.
+fn thin(trial: &mut Trial) {
+    if trial.frames() <= LONG {
+        return;
+    }
+    let is_loaded = |block: &usize| {
+        let time_s = |k: usize| trial.time_s(block * BLOCK + k);
+        trial.ground.iter().any(|plate| {
+            let at = |time_s: f64| ((time_s - plate.first_s) * plate.rate_hz).max(0.0) as usize;
+            let own = plate.wrench.get(at(time_s(0))..plate.wrench.len().min(at(time_s(BLOCK))));
+            own.is_some_and(|own| own.iter().any(|w| w[2].abs() > LOADED_N))
+        })
     };
-    trial.ground.iter().map(of).collect()
+    let loaded: Vec<usize> = (0..trial.frames().div_ceil(BLOCK)).filter(is_loaded).collect();
+    let every = (loaded.len() * BLOCK).div_ceil(MOST_LOADED).max(1);
+    let mut kept: Vec<Range<usize>> =
+        loaded.iter().step_by(every).map(|block| block * BLOCK..(block + 1) * BLOCK).collect();
+    kept.push(0..shown(trial));
+    trial.markers.keep(kept);
+}
+
+/// Frames that cut-off and delay are found from: from the first one on that is used.
+fn looked(dropped: &[Option<Dropped>]) -> Range<usize> {
+    let first = dropped.iter().position(Option::is_none).unwrap_or(0).saturating_sub(BEFORE);
+    first..dropped.len().min(first + LOOKED)
+}
+
+/// The wrench of every plate in a frame, smoothed; `None` where one is not known.
+fn loads(trial: &Trial, cut_off_hz: f64, delay_s: f64, frame: usize) -> Option<Vec<[f64; 6]>> {
+    let time = trial.time_s(frame) + delay_s;
+    trial.ground.iter().map(|plate| smoothed_at(plate, cut_off_hz, time)).collect()
 }
 
 /// The markers of a person in some frames, short gaps filled, and how many places were.
@@ -226,6 +310,21 @@ struct Stretch {
     filled: usize,
     /// Sum of the squared distances of every marker, m², and how many there are.
     distances: Vec<(f64, usize)>,
+}
+
+impl Stretch {
+    /// Forgets frames in which a freedom is not told that is told elsewhere, and all deviations.
+    fn forget_untold(&mut self, usual: &[f32]) {
+        let is_told = |deviations: &[f32]| {
+            deviations.iter().zip(usual).all(|(own, usual)| *own <= LEAST_UNTOLD.max(UNTOLD * usual))
+        };
+        let deviations = std::mem::take(&mut self.deviations);
+        let frames = (deviations.len() / usual.len().max(1)).max(1);
+        let width = (self.numbers.len() / frames).max(1);
+        let rows = self.numbers.chunks_exact_mut(width);
+        let untold = rows.zip(deviations.chunks_exact(usual.len().max(1))).filter(|(_, own)| !is_told(own));
+        untold.for_each(|(row, _)| row.fill(f32::NAN));
+    }
 }
 
 /// The pose that the search of a stretch begins at: what some frames before it lead to, one after the other.
@@ -270,45 +369,60 @@ fn stretch(subject: &Subject, trial: &Trial, frames: Range<usize>) -> Stretch {
 /// The pose of every frame; none where a freedom is not told that the other frames tell.
 fn poses(subject: &Subject, trial: &Trial, progress: &(dyn Fn(f64) + Sync)) -> Poses {
     let count = trial.frames().div_ceil(STRETCH);
-    let done = AtomicUsize::new(0);
-    // Frames of a stretch are solved one after the other, stretches at the same time.
-    let mut stretches = parallel::map(parallel::threads(), count, |k| {
-        let own = stretch(subject, trial, k * STRETCH..trial.frames().min((k + 1) * STRETCH));
-        progress((1 + done.fetch_add(1, Ordering::Relaxed)) as f64 / count as f64);
-        own
-    });
     let freedoms = subject.skeleton.freedoms();
+    let done = AtomicUsize::new(0);
+    // Frames of a stretch are solved one after the other, stretches at the same time; some of them tell what is usual.
+    let solved = |stretches: Vec<usize>, usual: Option<&[f32]>| {
+        parallel::map(parallel::threads(), stretches.len(), |k| {
+            let first = stretches[k] * STRETCH;
+            let mut own = stretch(subject, trial, first..trial.frames().min(first + STRETCH));
+            if let Some(usual) = usual {
+                own.forget_untold(usual);
+            }
+            progress((1 + done.fetch_add(1, Ordering::Relaxed)) as f64 / count as f64);
+            own
+        })
+    };
+    let every = count.div_ceil(TELLING).max(1);
+    let telling = solved((0..count).step_by(every).collect(), None);
     let usual: Vec<f32> = (0..freedoms)
         .map(|k| {
-            let all = stretches.iter().flat_map(|s| s.deviations.iter().skip(k).step_by(freedoms));
+            let all = telling.iter().flat_map(|s| s.deviations.iter().skip(k).step_by(freedoms));
             let mut all: Vec<f32> = all.copied().filter(|v| !v.is_nan()).collect();
             all.sort_by(f32::total_cmp);
             all.get(all.len() / 2).copied().unwrap_or(0.0)
         })
         .collect();
-    let is_told = |deviations: &[f32]| {
-        deviations.iter().zip(&usual).all(|(own, usual)| *own <= LEAST_UNTOLD.max(UNTOLD * usual))
-    };
-    let width = numbers(&subject.skeleton.zero()).count();
+    let others = solved((0..count).filter(|k| k % every != 0).collect(), Some(&usual));
+    let (mut telling, mut others) = (telling.into_iter(), others.into_iter());
     let mut distances = vec![(0.0, 0_usize); subject.markers.len()];
-    let mut filled = 0;
-    for stretch in &mut stretches {
-        filled += stretch.filled;
-        for ((sum, count), own) in distances.iter_mut().zip(&stretch.distances) {
+    let (mut filled, mut all) = (0, Vec::with_capacity(count));
+    for k in 0..count {
+        let Some(mut own) = (if k % every == 0 { telling.next() } else { others.next() }) else { break };
+        own.forget_untold(&usual);
+        filled += own.filled;
+        for ((sum, count), own) in distances.iter_mut().zip(&own.distances) {
             *sum += own.0;
             *count += own.1;
         }
-        let rows = stretch.numbers.chunks_exact_mut(width);
-        let untold = rows.zip(stretch.deviations.chunks_exact(freedoms)).filter(|(_, own)| !is_told(own));
-        untold.for_each(|(row, _)| row.fill(f32::NAN));
+        all.push(own.numbers);
     }
-    let all = stretches.into_iter().map(|stretch| stretch.numbers).collect();
     let coordinates = Coordinates::new(&subject.skeleton, all);
+    let (rms_m, by_marker) = rms(subject, &distances);
+    Poses { coordinates, filled, rms_m, by_marker }
+}
+
+/// Root mean square of the distances of markers from their links, m: of all, and of each.
+fn rms(subject: &Subject, distances: &[(f64, usize)]) -> (f64, Vec<(String, f64)>) {
     let rms = |(sum, count): (f64, usize)| (sum / count.max(1) as f64).sqrt();
     let whole = distances.iter().fold((0.0, 0), |all, own| (all.0 + own.0, all.1 + own.1));
-    let by_marker =
-        subject.markers.iter().zip(distances).map(|(m, own)| (m.name.clone(), rms(own))).collect();
-    Poses { coordinates, filled, rms_m: rms(whole), by_marker }
+    let each = subject.markers.iter().zip(distances).map(|(m, own)| (m.name.clone(), rms(*own)));
+    (rms(whole), each.collect())
+}
+
+/// Returns the same of the first frames of a trial.
+pub(super) fn distances(subject: &Subject, trial: &Trial, frames: usize) -> (f64, Vec<(String, f64)>) {
+    rms(subject, &stretch(subject, trial, 0..trial.frames().min(frames)).distances)
 }
 
 /// Keeps a trunk that no marker follows upright, its front where the pelvis' is on average: people walk so, and do not carry their
@@ -342,8 +456,9 @@ fn same_laboratory(trial: &Trial, judged: &Contact) -> Result<(), PersonError> {
     }
     let under = away.iter().filter(|a| **a < 0.15).count();
     if (under as f64) < UNDER_A_FOOT * away.len() as f64 {
-        away.sort_by(f64::total_cmp);
-        return Err(PersonError::Laboratory { name: trial.name.clone(), away_m: away[away.len() / 2] });
+        away.sort_by(f32::total_cmp);
+        let away_m = f64::from(away[away.len() / 2]);
+        return Err(PersonError::Laboratory { name: trial.name.clone(), away_m });
     }
     Ok(())
 }
