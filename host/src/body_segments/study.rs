@@ -8,6 +8,7 @@ use super::calibration::draws;
 use super::error::StudyError;
 use super::motion::{FEWEST_FRAMES, Motion, Part, Parts, parts, source};
 use crate::answer::standard_parameters::{BaseEstimate, Full, nearest};
+use crate::fit::lack_of_fit::LackOfFit;
 use crate::fit::pool::PooledFactor;
 use crate::fit::prior::apply_distribution;
 use crate::fit::{
@@ -67,11 +68,18 @@ fn noise(
     })
 }
 
-/// Returns a fit whose σ are what residuals have beside the table: there is no stated noise to compare them with.
+/// Returns a fit whose σ are what residuals have beside the table: there is no stated noise to compare them with. What is left moves as
+/// segments that are not rigid do, and tells of no change by itself: see [`Study::other_masses`].
 fn nothing_stated(mut fit: Fit) -> Fit {
     fit.noise.variance_ratio = 1.0;
+    fit.lack_of_fit = LackOfFit::default();
     fit
 }
+
+/// A motion whose mass differs from that of all by more than this share, …
+const OTHER_MASS: f64 = 0.01;
+/// … and by so many times the U95 of the difference, is another body's.
+const OTHER_MASS_U95: f64 = 2.0;
 
 /// All motions of a person.
 pub struct Study {
@@ -203,6 +211,25 @@ impl Study {
         let all = self.motions.iter().map(|motion| motion.pooled.clone());
         let fit = Self::merged(all.collect(), &self.open)?;
         Ok(self.with_calibration(fit).estimate.measured(0))
+    }
+
+    /// Returns motions whose whole mass, kg, is not that of all motions, by their numbers: something was carried, put down or leaned on.
+    ///
+    /// # Errors
+    /// [`StudyError::Pool`] if there are no motions.
+    pub fn other_masses(&self) -> Result<Vec<(usize, Measured)>, StudyError> {
+        let Some(all) = self.mass_by_plates()? else { return Ok(Vec::new()) };
+        let is_other = |own: &Measured| {
+            let off = (own.value - all.value).abs();
+            off > OTHER_MASS * all.value && off > OTHER_MASS_U95 * own.u95.hypot(all.u95)
+        };
+        let of = |k: usize| -> Result<_, StudyError> {
+            let own = Self::merged(vec![self.motions[k].pooled.clone()], &self.open)?;
+            let own = self.with_calibration(own).estimate.measured(0).filter(is_other);
+            Ok(own.map(|own| (k, own)))
+        };
+        let found = parallel::map(parallel::threads(), self.motions.len(), of);
+        found.into_iter().filter_map(Result::transpose).collect()
     }
 
     /// Returns a fit with what joint centres and marker places leave open in its covariance. Its values are those that predict best with

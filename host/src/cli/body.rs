@@ -242,8 +242,16 @@ fn unknown_markers(person: &Person) -> Option<String> {
         .then(|| format!("markers of unknown names were not used: {}", present::text::shortened(unknown, 8)))
 }
 
-/// Warns of a mass that the plates contradict.
+/// Warns of a mass that the plates contradict, and of motions that differ in their mass.
 fn contradictions(arguments: &IdentifyBody, study: &Study, answer: &mut Answer) -> Result<(), Failure> {
+    for (k, own) in study.other_masses().map_err(Failure::input)? {
+        let name = study.motions.get(k).map_or("", |motion| &motion.name);
+        answer.warnings.push(format!(
+            "{name}: the whole mass is {}, other than in all motions together: something was carried, put down or leaned on; identify such              trials by themselves",
+            present::text::with_u95(own.value, own.u95, "kg")
+        ));
+        answer.status = Status::Implausible;
+    }
     let Some(given) = arguments.mass_kg else { return Ok(()) };
     if let Some(found) = study.mass_by_plates().map_err(Failure::input)? {
         let off = (given - found.value).abs();

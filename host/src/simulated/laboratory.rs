@@ -475,4 +475,25 @@ mod tests {
         let said = tool(&held, &empty, "tail", "racket").unwrap_err().to_string();
         assert!(said.contains("there is no such link") && said.contains("r_hand"), "{said}");
     }
+
+    #[test]
+    fn what_is_carried_in_one_trial_of_two_is_told() {
+        let model = Standard::default().human34().unwrap();
+        let bare = somebody(&model, 4);
+        let hand = model.link("r_hand").unwrap();
+        for carried in [0.0, 1.5] {
+            let mut with = bare.clone();
+            with[10 * hand] += carried;
+            let [with, without] = [&with, &bare].map(|all| Somebody::new(&model, all, 1.741, 9).unwrap());
+            let mut trials = vec![without.trial("without", &SHORT, 1), with.trial("with", &SHORT, 2)];
+            let options = PeopleOptions { own_markers: with.clusters().clone(), ..PeopleOptions::default() };
+            let standing = without.standing(&SHORT, 1);
+            let person = Person::new(&mut trials, Some(&standing), &options, &|_, _| {}).unwrap();
+            let options = (StudyOptions::default(), FitOptions::default());
+            let mut study = Study::new(&person, &[0, 1], &options.0, &options.1, &Silent).unwrap();
+            study.draw(&person, &trials, &Silent).unwrap();
+            let others = study.other_masses().unwrap();
+            assert_eq!(others.is_empty(), carried == 0.0, "{carried} kg: {others:?}");
+        }
+    }
 }
