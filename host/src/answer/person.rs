@@ -151,7 +151,8 @@ pub struct LeftOut {
     pub percent_of_weight: f64,
     /// Standard deviation of what was measured.
     pub measured_sd: f64,
-    /// Mean gain in squares against the table, in its own standard deviations: below −2 worse than the table beyond chance.
+    /// Mean gain in squares against the table over its own standard deviation, as the value of a normal distribution that is exceeded as
+    /// rarely: below −2 worse than the table beyond chance.
     pub gain_sd: f64,
 }
 

@@ -1,6 +1,7 @@
 //! Motions predicted by what the others say, beside the table.
 
 use hexapod::STANDARD_GRAVITY_MPS2 as GRAVITY;
+use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 
 use super::error::StudyError;
 use super::study::Study;
@@ -22,8 +23,7 @@ pub struct LeftOutMotions {
 }
 
 /// Returns the errors of motions that were left out one at a time, of more than twelve in as many groups; of a single motion those of
-/// itself. Predictions are kept of the first
-/// `keep_s` of each trial.
+/// itself. Predictions are kept of the first `keep_s` of each trial.
 ///
 /// # Errors
 /// [`StudyError`] as the fits have it.
@@ -67,6 +67,15 @@ pub fn left_out(study: &Study, person: &Person, keep_s: f64) -> Result<LeftOutMo
 /// The base parameters that predict: of the segments nearest to the table.
 fn predictor(study: &Study, person: &Person, fit: &Fit) -> Result<Vec<f64>, StudyError> {
     Ok(study.segments(person, fit)?.base)
+}
+
+/// The value of a normal distribution that is exceeded as rarely as one of Student's.
+fn normal(t: f64, freedom: f64) -> f64 {
+    let (Ok(student), Ok(normal)) = (StudentsT::new(0.0, 1.0, freedom), Normal::new(0.0, 1.0)) else {
+        return 0.0;
+    };
+    // The lower tail: the upper one is lost in 1.
+    normal.inverse_cdf(student.cdf(-t.abs()).max(f64::MIN_POSITIVE)).abs().copysign(t)
 }
 
 #[derive(Clone, Default)]
@@ -117,7 +126,9 @@ impl Sums {
         let n = self.count.max(1.0);
         let mean = self.gain / n;
         let variance = (self.gain_square / n - mean * mean).max(0.0);
-        let deviation = (variance / self.independent.max(1.0)).sqrt();
+        // About their own mean: one degree of freedom less.
+        let freedom = (self.independent - 1.0).max(1.0);
+        let deviation = (variance / freedom).sqrt();
         let average = self.measured / n;
         LeftOut {
             name: channel.name.clone(),
@@ -126,7 +137,23 @@ impl Sums {
             table_rms: (self.table / n).sqrt(),
             percent_of_weight: 0.0,
             measured_sd: (self.measured_square / n - average * average).max(0.0).sqrt(),
-            gain_sd: if deviation > 0.0 { mean / deviation } else { 0.0 },
+            gain_sd: if deviation > 0.0 { normal(mean / deviation, freedom) } else { 0.0 },
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_degrees_of_freedom_tell_less() {
+        // Of Student's table: 12.706, 2.776 and 1.984 are exceeded by 2.5 % with 1, 4 and 100 degrees of freedom, 1.960 of a normal
+        // distribution.
+        for (freedom, t) in [(1.0, 12.706), (4.0, 2.776), (100.0, 1.984)] {
+            assert!((normal(t, freedom) - 1.960).abs() < 1e-3, "{freedom}: {}", normal(t, freedom));
+            assert_eq!(normal(-t, freedom), -normal(t, freedom));
+        }
+        assert!(normal(1e9, 100.0).is_finite() && normal(0.0, 3.0).abs() < 1e-12);
     }
 }

@@ -85,9 +85,12 @@ fn walking_people_of_shared_data_weigh_what_scales_and_plates_say() {
     ];
     let walk = run("functional", &["--height-m", "1.68"], &files);
     weighs(&walk, 60.75);
-    for channel in walk["person"]["left_out"].as_array().unwrap() {
-        assert!(channel["gain_sd"].as_f64().unwrap() > -3.0, "{channel}");
-    }
+    let no_worse = |found: &Value| {
+        for channel in found["person"]["left_out"].as_array().unwrap() {
+            assert!(channel["gain_sd"].as_f64().unwrap() > -2.0, "{channel}");
+        }
+    };
+    no_worse(&walk);
     // Of the model: 85.27 kg; the balance of forces says 84.71.
     let files = [
         ("", "human_rajagopal2016_walk/markers_walk.trc"),
@@ -103,6 +106,8 @@ fn walking_people_of_shared_data_weigh_what_scales_and_plates_say() {
     let both = run("both", &["--height-m", "1.505"], &[walk, ("", standing)]);
     let (value, u95) = mass(&both, "mass_with_table_kg");
     assert!((value / 46.3 - 1.0).abs() < 0.01 && (value - 46.3).abs() < u95, "{value} ± {u95}");
+    no_worse(&short);
+    no_worse(&both);
 }
 
 #[test]
