@@ -1,6 +1,7 @@
 //! The tables of `docs/people.md`.
 
 mod motions;
+mod room;
 mod subjects;
 
 use crate::document::{Document, Table};
@@ -12,5 +13,6 @@ pub const DOCUMENT: Document = Document {
         Table { name: "motions-long", make: motions::table },
         Table { name: "people-long", make: subjects::table },
         Table { name: "racket-long", make: subjects::racket_table },
+        Table { name: "room-long", make: room::table },
     ],
 };
