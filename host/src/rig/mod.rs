@@ -8,6 +8,8 @@ pub mod classes;
 mod known_errors;
 mod read;
 pub mod spelling;
+mod suspension;
+mod suspension_check;
 #[cfg(test)]
 mod tests;
 
@@ -19,6 +21,7 @@ use serde::{Deserialize, Serialize};
 pub use calibration::{CalibrationTable, RigCalibration};
 pub use classes::{ImuClass, LoadCellClass, TreeClass};
 pub use read::RigFileError;
+pub use suspension::{Coordinate, SpringTable, SuspendedPlatformTable, SuspensionTable};
 
 /// The channels of a wrench and their units, for people.
 pub const WRENCH_CHANNELS: [(&str, &str); 6] =
@@ -62,6 +65,9 @@ pub struct RigFile {
     /// Several files, each with a clock of its own.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub stream: Vec<StreamTable>,
+    /// The springs that carry platform and body, where no load cell does.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub suspension: Option<SuspensionTable>,
 }
 
 /// `[recording]`

@@ -262,7 +262,15 @@ impl Check<'_> {
         self.links()?;
         self.tree()?;
         self.joints()?;
+        self.suspension()?;
         self.calibration()
+    }
+
+    fn suspension(&self) -> Result<(), RigFileError> {
+        let Some(table) = &self.rig.suspension else { return Ok(()) };
+        super::suspension_check::check(table).map_err(|(key, value, advice)| {
+            self.refuse(&format!("suspension.{key}"), format_args!("{value}"), advice)
+        })
     }
 
     fn calibration(&self) -> Result<(), RigFileError> {

@@ -1,0 +1,122 @@
+//! `[suspension]`: a platform that hangs or stands on springs, and moves freely on them.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// `[suspension]`: the springs under a platform that carries the body, and what the platform itself weighs.
+///
+/// P is the frame of the pose columns, fixed in the platform. Its axes at rest, z up, are those of the springs.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SuspensionTable {
+    /// Stiffness about `at_m` in axes of P at rest, six rows of six: forces (N) and moments (N m) against small displacements (m)
+    /// and turns (rad); of the springs alone, without weight. Instead of `[[suspension.spring]]`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stiffness: Option<[[f64; 6]; 6]>,
+    /// 1 σ of the elements of `stiffness`, relative to the geometric mean of the two stiffnesses on the diagonal; of each spring's
+    /// where springs are given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stiffness_std: Option<f64>,
+    /// 1 σ of each element of `stiffness`, six rows of six, in its unit: what a calibration leaves open.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stiffness_element_std: Option<[[f64; 6]; 6]>,
+    /// The point of P that `stiffness` is about, and through which the reaction of a locked coordinate goes, m.
+    pub at_m: [f64; 3],
+    /// Height above that point at which the springs carry the weight, m: it turns with the platform.
+    pub anchor_height_m: f64,
+    /// Coordinates that a guide keeps from moving: `["z"]` of a platform that slides and turns on a vertical column.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub locked: Vec<Coordinate>,
+    /// 1 σ of the damping ratio that is looked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub damping_ratio_std: Option<f64>,
+    /// Cut-off of the smoothing of poses, Hz; chosen from the data if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cut_off_hz: Option<f64>,
+    /// Origin of S, the frame of the body or of a tree's base link, in P, m.
+    pub base_position_m: [f64; 3],
+    /// P axes ← axes of S.
+    pub base_rotation_wxyz: Option<[f64; 4]>,
+    /// The springs one by one.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub spring: Vec<SpringTable>,
+    /// The bare platform, which is taken off the answer.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub platform: Option<SuspendedPlatformTable>,
+}
+
+/// A coordinate of the platform at rest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Coordinate {
+    /// Along x.
+    X,
+    /// Along y.
+    Y,
+    /// Along z.
+    Z,
+    /// About x.
+    Roll,
+    /// About y.
+    Pitch,
+    /// About z.
+    Yaw,
+}
+
+impl Coordinate {
+    /// Returns its place among x, y, z and the turns about them.
+    pub fn index(self) -> usize {
+        match self {
+            Self::X => 0,
+            Self::Y => 1,
+            Self::Z => 2,
+            Self::Roll => 3,
+            Self::Pitch => 4,
+            Self::Yaw => 5,
+        }
+    }
+}
+
+/// `[[suspension.spring]]`: a spring that acts on a point of the platform.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SpringTable {
+    /// The point that it acts on, in P, m.
+    pub at_m: [f64; 3],
+    /// Its axis in the axes of P at rest, of any length.
+    #[serde(default = "up")]
+    pub axis: [f64; 3],
+    /// Stiffness along its axis, N/m.
+    pub axial_npm: f64,
+    /// Stiffness across it, N/m.
+    #[serde(default)]
+    pub lateral_npm: f64,
+    /// 1 σ of either stiffness, relative; that of `[suspension] stiffness_std` if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub std: Option<f64>,
+}
+
+fn up() -> [f64; 3] {
+    [0.0, 0.0, 1.0]
+}
+
+/// `[suspension.platform]`: the bare platform in P, as it was weighed or designed.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SuspendedPlatformTable {
+    /// Its mass, kg.
+    pub mass_kg: f64,
+    /// Its centre of mass, m.
+    pub com_m: [f64; 3],
+    /// Tensor about the centre of mass, Ixx, Iyy, Izz, Iyz, Izx, Ixy, kg m².
+    pub inertia_com_kgm2: [f64; 6],
+    /// 1 σ of the mass, kg.
+    #[serde(default)]
+    pub mass_std_kg: f64,
+    /// 1 σ of each coordinate of the centre of mass, m.
+    #[serde(default)]
+    pub com_std_m: f64,
+    /// 1 σ of each element of the tensor, kg m².
+    #[serde(default)]
+    pub inertia_std_kgm2: f64,
+}

@@ -1,0 +1,142 @@
+//! Whether `[suspension]` can be: every complaint is the key below it, what stands there, and what should.
+
+use nalgebra::{Matrix6, SymmetricEigen};
+
+use super::{SpringTable, SuspendedPlatformTable, SuspensionTable};
+
+/// Key, value, advice.
+type Complaint = (String, String, String);
+
+/// Elements of a stiffness that differ by less, relative to the largest, are equal to the digits that people write.
+const WRITTEN: f64 = 1e-3;
+
+/// Checks a table.
+///
+/// # Errors
+/// The first [`Complaint`].
+pub(super) fn check(table: &SuspensionTable) -> Result<(), Complaint> {
+    let finite =
+        |key: &str, values: &[f64]| of(key, values, |v| v.is_finite(), "every number must be finite");
+    let sigma = |key: &str, value: Option<f64>| {
+        of(key, value.as_slice(), |v| v.is_finite() && v >= 0.0, "1 σ must be finite and not negative")
+    };
+    finite("at_m", &table.at_m)?;
+    finite("anchor_height_m", &[table.anchor_height_m])?;
+    finite("base_position_m", &table.base_position_m)?;
+    sigma("stiffness_std", table.stiffness_std)?;
+    sigma("damping_ratio_std", table.damping_ratio_std)?;
+    let positive = |v: f64| v.is_finite() && v > 0.0;
+    of("cut_off_hz", table.cut_off_hz.as_slice(), positive, "must be finite and greater than zero")?;
+    if let Some(q) = table.base_rotation_wxyz {
+        let norm = q.iter().map(|v| v * v).sum::<f64>().sqrt();
+        if norm.is_nan() || (norm - 1.0).abs() > 0.01 {
+            let advice = format!("must be a unit quaternion w, x, y, z; its norm is {norm:.4}");
+            return Err(("base_rotation_wxyz".to_owned(), format!("{q:?}"), advice));
+        }
+    }
+    match (&table.stiffness, table.spring.is_empty()) {
+        (None, true) => Err((
+            "stiffness".to_owned(),
+            "nothing".to_owned(),
+            "the springs are needed: the matrix `stiffness`, or a [[suspension.spring]] table for each"
+                .to_owned(),
+        )),
+        (Some(_), false) => Err((
+            "stiffness".to_owned(),
+            "a matrix and springs".to_owned(),
+            "give the matrix or the [[suspension.spring]] tables, not both".to_owned(),
+        )),
+        (Some(rows), true) => matrix(rows, table),
+        (None, false) => springs(table),
+    }?;
+    table.platform.as_ref().map_or(Ok(()), platform)
+}
+
+fn of(key: &str, values: &[f64], good: impl Fn(f64) -> bool, advice: &str) -> Result<(), Complaint> {
+    match values.iter().find(|v| !good(**v)) {
+        None => Ok(()),
+        Some(bad) => Err((key.to_owned(), bad.to_string(), advice.to_owned())),
+    }
+}
+
+fn matrix(rows: &[[f64; 6]; 6], table: &SuspensionTable) -> Result<(), Complaint> {
+    let refuse = |value: String, advice: String| Err(("stiffness".to_owned(), value, advice));
+    let k = Matrix6::from_fn(|i, j| rows[i][j]);
+    if let Some(bad) = k.iter().find(|v| !v.is_finite()) {
+        return refuse(bad.to_string(), "every number must be finite".to_owned());
+    }
+    let free: Vec<usize> = (0..6).filter(|i| !table.locked.iter().any(|c| c.index() == *i)).collect();
+    if let Some(i) = free.iter().find(|i| k[(**i, **i)] <= 0.0) {
+        return refuse(
+            format!("{} in row {}, column {}", k[(*i, *i)], i + 1, i + 1),
+            "a spring pushes back: the diagonal must be greater than zero; a coordinate that cannot move belongs into `locked`"
+                .to_owned(),
+        );
+    }
+    for (i, j) in (0..6).flat_map(|i| (0..i).map(move |j| (i, j))) {
+        let scale = (k[(i, i)] * k[(j, j)]).abs().sqrt();
+        if (k[(i, j)] - k[(j, i)]).abs() > WRITTEN * scale {
+            return refuse(
+                format!("{} in row {}, column {}, and {} in row {}, column {}", k[(j, i)], j + 1, i + 1, k[(i, j)], i + 1, j + 1),
+                "a stiffness is symmetric (springs store energy): are forces and moments in N and N m, displacements in m and rad, and \
+                 both about one point?"
+                    .to_owned(),
+            );
+        }
+    }
+    let scaled = nalgebra::DMatrix::from_fn(free.len(), free.len(), |a, b| {
+        let (i, j) = (free[a], free[b]);
+        0.5 * (k[(i, j)] + k[(j, i)]) / (k[(i, i)] * k[(j, j)]).sqrt()
+    });
+    let least = SymmetricEigen::new(scaled).eigenvalues.min();
+    if least <= 0.0 {
+        return refuse(
+            format!("its least eigenvalue is {least:.3e} in columns of unit stiffness"),
+            "the matrix must be positive definite: in some direction this platform would be driven away from rest".to_owned(),
+        );
+    }
+    let std = table.stiffness_element_std.map_or(Vec::new(), |rows| rows.concat());
+    of("stiffness_element_std", &std, |v| v.is_finite() && v >= 0.0, "1 σ must be finite and not negative")
+}
+
+fn springs(table: &SuspensionTable) -> Result<(), Complaint> {
+    if table.stiffness_element_std.is_some() {
+        return Err((
+            "stiffness_element_std".to_owned(),
+            "elements".to_owned(),
+            "is of the elements of `stiffness`; springs have `std`".to_owned(),
+        ));
+    }
+    for (n, SpringTable { at_m, axis, axial_npm, lateral_npm, std }) in table.spring.iter().enumerate() {
+        let key = |name: &str| format!("spring[{n}].{name}");
+        of(&key("at_m"), at_m, f64::is_finite, "every number must be finite")?;
+        of(&key("axis"), axis, f64::is_finite, "every number must be finite")?;
+        if axis.iter().all(|v| *v == 0.0) {
+            return Err((key("axis"), "0, 0, 0".to_owned(), "must have a direction".to_owned()));
+        }
+        let stiff = |v: f64| v.is_finite() && v >= 0.0;
+        of(&key("axial_npm"), &[*axial_npm], stiff, "must be finite and not negative")?;
+        of(&key("lateral_npm"), &[*lateral_npm], stiff, "must be finite and not negative")?;
+        of(&key("std"), std.as_slice(), stiff, "1 σ must be finite and not negative")?;
+    }
+    Ok(())
+}
+
+fn platform(table: &SuspendedPlatformTable) -> Result<(), Complaint> {
+    let SuspendedPlatformTable { mass_kg, com_m, inertia_com_kgm2, mass_std_kg, com_std_m, inertia_std_kgm2 } =
+        table;
+    let body =
+        hexapod::BodyParameters { mass_kg: *mass_kg, com_m: *com_m, inertia_com_kgm2: *inertia_com_kgm2 };
+    for (name, sigma) in
+        [("mass_std_kg", mass_std_kg), ("com_std_m", com_std_m), ("inertia_std_kgm2", inertia_std_kgm2)]
+    {
+        let key = format!("platform.{name}");
+        of(&key, &[*sigma], |v| v.is_finite() && v >= 0.0, "1 σ must be finite and not negative")?;
+    }
+    if body.is_possible() {
+        return Ok(());
+    }
+    let advice = "no distribution of mass has these mass and tensor: the mass and the principal moments must be greater than zero, and no \
+                  moment larger than the sum of the other two";
+    Err(("platform".to_owned(), format!("{mass_kg} kg, {inertia_com_kgm2:?} kg m²"), advice.to_owned()))
+}
