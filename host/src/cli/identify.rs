@@ -39,6 +39,9 @@ pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
     let span = arguments.forgetting.span(&RowsOf::source(loaded.source()))?;
     let mut found = loaded.fit(span, PLOT_POINTS, &stages)?;
     report.factor = Some(loaded.factor(&found));
+    if let Some(suspension) = &loaded.problem.rig.suspension {
+        super::vibration::take_platform_off(suspension, &mut found)?;
+    }
     if let Some(tare) = tare {
         tare.take_off(&mut found).map_err(Failure::input)?;
     }

@@ -309,7 +309,7 @@ impl Loaded {
 
     /// Returns the factor of a fit, named after the recording, with what the checks of that found.
     pub(super) fn factor(&self, found: &Fit) -> PooledFactor {
-        let of_links = matches!(self.problem.subject, Subject::Tree { .. });
+        let of_links = self.problem.links(None).is_some();
         let checks = answer::checks(found, &self.warnings, of_links);
         let factor = PooledFactor::of(found, &self.problem.name).checked(&checks);
         let recorded = self.recorded.as_deref().and_then(|date| humantime::parse_rfc3339(date).ok());
@@ -360,7 +360,7 @@ impl Loaded {
             Subject::Body { source, gravity_columns } => {
                 super::motion_plots::of_body(source.input(), *gravity_columns)
             }
-            Subject::Tree { .. } => Vec::new(),
+            Subject::Tree { .. } | Subject::Suspended { .. } => Vec::new(),
         }
     }
 }

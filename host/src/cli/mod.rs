@@ -67,6 +67,7 @@ mod statics;
 mod summary;
 mod tracking_error;
 mod verify;
+mod vibration;
 mod workspace;
 mod zeroing;
 

@@ -36,7 +36,9 @@ impl Read {
     pub(super) fn source(&self) -> Result<&BodySource, Failure> {
         match &self.problem.subject {
             Subject::Body { source, .. } => Ok(source),
-            Subject::Tree { .. } => Err(Failure::input(format!("{}: a reference is one body", self.name))),
+            Subject::Tree { .. } | Subject::Suspended { .. } => {
+                Err(Failure::input(format!("{}: a reference is one body on a load cell", self.name)))
+            }
         }
     }
 

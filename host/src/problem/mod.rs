@@ -1,18 +1,22 @@
 //! Sources of rows from recordings: what is identified, and from what.
 //!
 //! A [`Problem`] holds a [`RowSource`] with what is known of the thing itself: one rigid body ([`body`]) or a tree of links
-//! ([`tree`]), in motion or in still poses, from one file or from several with clocks of their own.
+//! ([`tree`]), in motion or in still poses, from one file or from several with clocks of their own; either on springs ([`suspension`]).
 
 pub mod body;
 pub mod clocks;
 pub mod imu;
+mod moved;
 pub mod person;
+pub mod smoothing;
+pub mod suspension;
 pub mod tree;
 mod white_noise;
 
 use self::body::BodySource;
 use self::body::prepare::{PrepareError, prepare};
 use self::clocks::{Aligned, Pose, StreamError, StreamSet, align};
+use self::suspension::{SuspendedSource, SuspensionError};
 use self::tree::drive::Friction;
 use self::tree::limits::beyond;
 use self::tree::{TreePrepareError, TreeSource, TreeSourceError};
@@ -35,6 +39,9 @@ pub enum ProblemError {
     /// The model has no base parameters, or the frames do not fit it.
     #[error(transparent)]
     Model(#[from] TreeSourceError),
+    /// Poses of a platform on springs make no rows.
+    #[error(transparent)]
+    Suspension(#[from] Box<SuspensionError>),
     /// Several files make no recording.
     #[error(transparent)]
     Streams(#[from] StreamError),
@@ -68,6 +75,13 @@ pub enum Subject {
         /// The source of its rows.
         source: Box<TreeSource>,
         /// Joints that never move, a base that never turns.
+        idle: Vec<Finding>,
+    },
+    /// One body, or a tree of links, on a platform that springs carry.
+    Suspended {
+        /// The source of its rows.
+        source: Box<SuspendedSource>,
+        /// Joints that never move.
         idle: Vec<Finding>,
     },
 }
@@ -105,6 +119,9 @@ impl Problem {
         model: Option<&Model>,
         options: &ProblemOptions,
     ) -> Result<Self, ProblemError> {
+        if recording.rig.suspension.is_some() {
+            return Self::on_springs(recording, model);
+        }
         let Some(model) = model else {
             let prepared = prepare(recording)?;
             let source = Box::new(BodySource::new(prepared.input, prepared.rig.imu.first()));
@@ -125,6 +142,19 @@ impl Problem {
                 source: Box::new(TreeSource::new(prepared.input)?),
                 idle: prepared.idle,
             },
+            notes: prepared.notes,
+            warnings: Vec::new(),
+            clocks: None,
+        })
+    }
+
+    /// Poses the problem of a recording on springs.
+    fn on_springs(recording: &Recording, model: Option<&Model>) -> Result<Self, ProblemError> {
+        let prepared = suspension::prepare(recording, model).map_err(Box::new)?;
+        Ok(Self {
+            name: recording.name.clone(),
+            rig: recording.rig.clone(),
+            subject: Subject::Suspended { source: Box::new(prepared.source), idle: prepared.idle },
             notes: prepared.notes,
             warnings: Vec::new(),
             clocks: None,
@@ -161,6 +191,7 @@ impl Problem {
         match &self.subject {
             Subject::Body { source, .. } => &**source,
             Subject::Tree { source, .. } => &**source,
+            Subject::Suspended { source, .. } => &**source,
         }
     }
 
@@ -168,19 +199,23 @@ impl Problem {
     pub fn tree(&self) -> Option<&TreeSource> {
         match &self.subject {
             Subject::Tree { source, .. } => Some(source),
-            Subject::Body { .. } => None,
+            Subject::Body { .. } | Subject::Suspended { .. } => None,
         }
     }
 
     /// Returns the tree for an answer, with the request for its standard parameters; `None` of one body.
     pub fn links<'a>(&'a self, standard: Option<StandardRequest<'a>>) -> Option<Links<'a>> {
-        let Subject::Tree { source, idle } = &self.subject else { return None };
-        let input = source.input();
+        let (input, base, drives, idle) = match &self.subject {
+            Subject::Body { .. } => return None,
+            Subject::Tree { source, idle } => (source.input(), source.base(), source.drive_motions(), idle),
+            Subject::Suspended { source, .. } if source.is_body() => return None,
+            Subject::Suspended { source, idle } => (source.input(), source.base(), Vec::new(), idle),
+        };
         Some(Links {
             model: &input.model,
-            base: source.base(),
+            base,
             situation: input.situation,
-            drives: source.drive_motions(),
+            drives,
             idle: idle.iter().map(ToString::to_string).collect(),
             beyond: beyond(input).into_iter().map(|b| (b.text, b.impossible)).collect(),
             standard,
@@ -223,7 +258,7 @@ impl Problem {
             Subject::Tree { source, idle } => {
                 Subject::Tree { source: Box::new(source.in_device_order()?), idle }
             }
-            body @ Subject::Body { .. } => body,
+            other @ (Subject::Body { .. } | Subject::Suspended { .. }) => other,
         };
         let problem = Self { subject, ..self };
         let found = fit_device(problem.source(), device, options, progress)?;

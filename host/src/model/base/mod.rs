@@ -110,6 +110,17 @@ impl BaseParameters {
         DMatrix::from_fn(self.parameters.len(), names.len(), weight)
     }
 
+    /// Returns the standard columns that stand for the base parameters, and what makes the base parameters' own columns of them, n × n;
+    /// `None` where these are the same.
+    pub fn columns(&self) -> (Vec<usize>, Option<DMatrix<f64>>) {
+        let leads: Vec<usize> = self.parameters.iter().filter_map(|p| Some(p.terms.first()?.0)).collect();
+        let map = self.map();
+        let square = DMatrix::from_fn(leads.len(), leads.len(), |i, j| map[(i, leads[j])]);
+        // Y = Y_B B on all columns, so Y_B = Y_leads B_leads⁻¹.
+        let is_one = square == DMatrix::identity(leads.len(), leads.len());
+        (leads, if is_one { None } else { square.try_inverse() })
+    }
+
     /// The regrouping map: `φ_B = B φ`.
     pub fn map(&self) -> DMatrix<f64> {
         let mut map = DMatrix::zeros(self.parameters.len(), self.standard.len());

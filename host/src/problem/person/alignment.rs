@@ -8,12 +8,12 @@ use std::ops::Range;
 use hexapod::STANDARD_GRAVITY_MPS2 as GRAVITY;
 use nalgebra::{Matrix2, Vector2, Vector3};
 
-use super::smoothing::{Smoother, smoothed_at};
 use crate::fit::parallel;
 use crate::inverse_kinematics::skeleton::Place;
 use crate::inverse_kinematics::subject::Subject;
 use crate::motion_capture::ground::GroundWrench;
 use crate::motion_capture::trial::Trial;
+use crate::problem::smoothing::{Smoother, smoothed_at};
 
 /// A delay is looked for up to this, s.
 pub const LONGEST_S: f64 = 0.15;

@@ -2,26 +2,9 @@
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
-use super::smoothing::Smoother;
 use crate::inverse_kinematics::skeleton::{Pose, Skeleton, Turn};
-
-/// Coordinates of a frame and their rates: first the base's position and quaternion (w, x, y, z) in laboratory axes, then the
-/// joints', as [`crate::model::rows::Moving::set`] takes them.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Moved {
-    /// Positions, m and rad, and quaternions.
-    pub positions: Vec<f64>,
-    /// Rates: the base's velocity and angular rate in its own axes, m/s and rad/s, then the joints', rad/s.
-    pub rates: Vec<f64>,
-}
-
-/// What a stretch of the coordinates is.
-#[derive(Clone, Copy, Debug)]
-enum Part {
-    Place,
-    Ball,
-    Hinge,
-}
+use crate::problem::moved::{Moved, Part, moved};
+use crate::problem::smoothing::Smoother;
 
 /// Frames whose numbers are kept together.
 pub const STRETCH: usize = 1000;
@@ -159,50 +142,7 @@ impl Coordinates {
         if values.iter().chain(&slopes).any(|v| !v.is_finite()) {
             return None;
         }
-        Some(self.moved(&values, &slopes))
-    }
-
-    fn moved(&self, values: &[f64], slopes: &[f64]) -> Moved {
-        let mut moved = Moved { positions: Vec::with_capacity(values.len()), rates: Vec::new() };
-        let mut at = 0;
-        let mut velocity = Vector3::zeros();
-        for (k, part) in self.parts.iter().enumerate() {
-            let own = (&values[at..at + part.numbers()], &slopes[at..at + part.numbers()]);
-            at += part.numbers();
-            match part {
-                Part::Place => {
-                    moved.positions.extend(own.0);
-                    velocity = Vector3::from_column_slice(own.1);
-                }
-                Part::Hinge => {
-                    moved.positions.extend(own.0);
-                    moved.rates.extend(own.1);
-                }
-                Part::Ball => {
-                    let q = Quaternion::new(own.0[0], own.0[1], own.0[2], own.0[3]);
-                    let slope = Quaternion::new(own.1[0], own.1[1], own.1[2], own.1[3]);
-                    // ω = 2 vec(q* q̇)/|q|², in the link's axes, whatever the length of q
-                    let rate = (q.conjugate() * slope).vector() * (2.0 / q.norm_squared());
-                    let unit = UnitQuaternion::from_quaternion(q);
-                    if k == 1 {
-                        moved.rates.extend(unit.inverse_transform_vector(&velocity).iter());
-                    }
-                    moved.positions.extend([unit.w, unit.i, unit.j, unit.k]);
-                    moved.rates.extend(rate.iter());
-                }
-            }
-        }
-        moved
-    }
-}
-
-impl Part {
-    fn numbers(self) -> usize {
-        match self {
-            Self::Place => 3,
-            Self::Ball => 4,
-            Self::Hinge => 1,
-        }
+        Some(moved(&self.parts, &values, &slopes))
     }
 }
 

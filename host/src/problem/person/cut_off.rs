@@ -1,7 +1,7 @@
 //! The cut-off of the smoothing: up to where markers and plates tell of one motion.
 //!
 //! Two bounds, of which the lower one is taken. What left-out frames say of the coordinates alone
-//! ([`super::smoothing::best_cut_off`]) knows nothing of skin that moves over bone, nor of a recording that was smoothed before.
+//! ([`crate::problem::smoothing::best_cut_off`]) knows nothing of skin that moves over bone, nor of a recording that was smoothed before.
 //! Therefore the forces that the table's bodies need for the motion are compared with the measured ones, band by band: a band in
 //! which they differ by more than half of what was measured adds noise, no information.
 
@@ -9,9 +9,9 @@ use nalgebra::Vector3;
 
 use super::alignment::{Looked, along, needed, total};
 use super::coordinates::Coordinates;
-use super::smoothing::{CUT_OFFS_HZ, HIGHEST, Smoother, best_cut_off};
 use crate::inverse_kinematics::subject::Subject;
 use crate::motion_capture::trial::Trial;
+use crate::problem::smoothing::{CUT_OFFS_HZ, HIGHEST, Smoother, best_cut_off};
 
 /// A band is used while what is left of it is less than this share of what was measured, by power.
 const LARGEST_SHARE: f64 = 0.5;
@@ -21,7 +21,7 @@ const FEWEST: usize = 20;
 /// Returns the cut-off, Hz, by some frames.
 pub(super) fn cut_off(subject: &Subject, trial: &Trial, frames: &Looked, coordinates: &Coordinates) -> f64 {
     let series = |k: usize| coordinates.series(k).get(frames.range.clone()).unwrap_or_default().to_vec();
-    let highest = best_cut_off(coordinates.width(), series, trial.rate_hz);
+    let highest = best_cut_off(coordinates.width(), series, trial.rate_hz, &CUT_OFFS_HZ);
     let mut below: Option<Vec<Option<[Vector3<f64>; 2]>>> = None;
     let mut best = None;
     let candidates = CUT_OFFS_HZ.iter().filter(|f| **f <= HIGHEST * trial.rate_hz && **f <= highest);

@@ -1,7 +1,7 @@
 //! A person in motion: from markers and force plates to the frames of a tree whose base is tracked.
 //!
 //! Lives here: trials of one person brought to a model of hers ([`people`]), every frame's pose and coordinates ([`coordinates`]),
-//! smoothing ([`smoothing`]), strides ([`strides`]), the delay between plates and cameras ([`alignment`]), and frames that the plates did not measure wholly
+//! strides ([`strides`]), the delay between plates and cameras ([`alignment`]), and frames that the plates did not measure wholly
 //! ([`contact`]). May not live here: files, poses of single frames, and rows.
 
 pub mod alignment;
@@ -13,7 +13,6 @@ mod cut_off;
 pub mod gaps;
 pub mod noise;
 pub mod people;
-pub mod smoothing;
 pub mod strides;
 #[cfg(test)]
 mod tests;

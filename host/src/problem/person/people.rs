@@ -7,7 +7,6 @@ use nalgebra::Vector3;
 use rigident_shared::tree::BaseMotion;
 
 use super::alignment;
-use super::coordinates::Moved;
 use super::track::{TrackOptions, Tracked, UsedFrame, distances, track};
 use crate::fit::parallel;
 use crate::inverse_kinematics::marker_file::MarkerFile;
@@ -17,6 +16,7 @@ use crate::model::base::{Rows, Situation};
 use crate::model::human::Sex;
 use crate::motion_capture::trial::Trial;
 use crate::motion_capture::zeroing;
+use crate::problem::moved::Moved;
 use crate::problem::tree::{BaseSensor, Frame, Input};
 
 /// Frames of the standing trial that joint centres are found from, …

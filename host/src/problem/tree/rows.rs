@@ -82,13 +82,8 @@ impl RowMaker {
         links.extend(own.map(|l| Link { parent: l.link.parent + 1, ..l.link }));
         // Columns of the root are no link's; those of a base held still, without its wrench, are left out too.
         let skip = 10 + 10 * input.model.links.len() - base.standard.len();
-        let leads: Vec<usize> =
-            base.parameters.iter().filter_map(|p| Some(p.terms.first()?.0 + skip)).collect();
-        let map = base.map();
-        let square = DMatrix::from_fn(leads.len(), leads.len(), |i, j| map[(i, leads[j] - skip)]);
-        // Y = Y_B B on all columns, so Y_B = Y_leads B_leads⁻¹.
-        let mix =
-            if square == DMatrix::identity(leads.len(), leads.len()) { None } else { square.try_inverse() };
+        let (mut leads, mix) = base.columns();
+        leads.iter_mut().for_each(|lead| *lead += skip);
         let (names, _) = names_and_units(input, base);
         let mut drives = Vec::new();
         let mut at = leads.len() + if estimates_offset(input) { 6 } else { 0 };

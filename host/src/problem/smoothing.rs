@@ -1,4 +1,4 @@
-//! Zero-phase smoothing of coordinates and of the ground's wrenches by one kernel, and how wide it should be.
+//! Zero-phase smoothing of tracked coordinates and of wrenches by one kernel, and how wide it should be.
 //!
 //! The kernel is the one that rows are filtered by, `(1 − x²)⁸` on its width: symmetric, so nothing is delayed. Coordinates are
 //! smoothed on their frames, wrenches on their own samples at the times of the frames: the same low-pass on both sides.
@@ -12,10 +12,10 @@ use crate::motion_capture::ground::GroundWrench;
 const CUT_OFF_TIMES_WIDTH: f64 = 1.1455;
 /// Room for the kernel.
 const TAPS: usize = 1024;
-/// Cut-offs that are compared, Hz.
-pub(super) const CUT_OFFS_HZ: [f64; 9] = [3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0, 15.0];
+/// Cut-offs that are compared of people, Hz.
+pub(crate) const CUT_OFFS_HZ: [f64; 9] = [3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0, 15.0];
 /// A cut-off above this share of the rate smooths nothing.
-pub(super) const HIGHEST: f64 = 0.25;
+pub(crate) const HIGHEST: f64 = 0.25;
 
 /// A kernel on evenly spaced samples.
 #[derive(Clone, Debug)]
@@ -73,14 +73,21 @@ impl Smoother {
 }
 
 /// Returns the width of the kernel with a cut-off, s.
-pub fn width_s(cut_off_hz: f64) -> f64 {
+pub(crate) fn width_s(cut_off_hz: f64) -> f64 {
     CUT_OFF_TIMES_WIDTH / cut_off_hz
 }
 
 /// Returns the cut-off, Hz, that predicts left-out samples of so many series best: least mean logarithm of their generalised
 /// cross-validation (P. Craven and G. Wahba 1979; for human movement H. Woltring 1986).
-pub fn best_cut_off(count: usize, series: impl Fn(usize) -> Vec<f32> + Sync, rate_hz: f64) -> f64 {
-    let candidates = CUT_OFFS_HZ.iter().filter(|f| **f <= HIGHEST * rate_hz);
+///
+/// Those above a quarter of the rate are not looked at; the fourth is the answer where no series is long enough.
+pub fn best_cut_off(
+    count: usize,
+    series: impl Fn(usize) -> Vec<f32> + Sync,
+    rate_hz: f64,
+    candidates_hz: &[f64],
+) -> f64 {
+    let candidates = candidates_hz.iter().filter(|f| **f <= HIGHEST * rate_hz);
     let smoothers: Vec<Smoother> = candidates.filter_map(|f| Smoother::new(*f, rate_hz)).collect();
     let of = |k: usize| -> Vec<Option<f64>> {
         let own = series(k);
@@ -92,7 +99,7 @@ pub fn best_cut_off(count: usize, series: impl Fn(usize) -> Vec<f32> + Sync, rat
         (!each.is_empty()).then(|| (each.iter().sum::<f64>() / each.len() as f64, smoother.cut_off_hz))
     };
     let best = smoothers.iter().enumerate().filter_map(mean).min_by(|a, b| a.0.total_cmp(&b.0));
-    best.map_or(CUT_OFFS_HZ[3], |(_, cut_off)| cut_off)
+    best.map_or(candidates_hz.get(3).copied().unwrap_or(CUT_OFFS_HZ[3]), |(_, cut_off)| cut_off)
 }
 
 /// Returns a plate's wrench smoothed at an instant; `None` near either end, or where a sample under the kernel is not finite.
@@ -173,8 +180,10 @@ mod tests {
         let clean = sine(2.0, 100.0, 1000);
         let little: Vec<f32> = clean.iter().map(|v| (v + 1e-4 * noise()) as f32).collect();
         let much: Vec<f32> = clean.iter().map(|v| (v + 0.1 * noise()) as f32).collect();
-        let (low, high) =
-            (best_cut_off(1, |_| much.clone(), 100.0), best_cut_off(1, |_| little.clone(), 100.0));
+        let (low, high) = (
+            best_cut_off(1, |_| much.clone(), 100.0, &CUT_OFFS_HZ),
+            best_cut_off(1, |_| little.clone(), 100.0, &CUT_OFFS_HZ),
+        );
         assert!(low < high && low >= 3.0, "{low} {high}");
     }
 }

@@ -1,0 +1,97 @@
+//! The bare platform as what is known of it: rows over its ten parameters, which the answer is less.
+
+use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, SVector, Vector3};
+use rigident_shared::inertia::{InertialParameters, tensor_from_elements};
+use rigident_shared::spatial::{Body, Position};
+
+use crate::fit::factor_file::FactorSource;
+use crate::fit::pool::PooledFactor;
+use crate::fit::{Checks, Factor, Fingerprint};
+use crate::model::inertial::map_to_parent;
+use crate::problem::body;
+use crate::problem::tree::joints::attitude;
+use crate::rig::{SuspendedPlatformTable, SuspensionTable};
+
+/// Parameters of a body.
+const TEN: usize = 10;
+/// What nobody knows better, relative to the quantity's scale: exact values stand as if known to it.
+const EXACT: f64 = 1e-9;
+
+/// Returns the factor of the bare platform of a rig file, in S; `None` if none is stated.
+pub fn bare_platform(table: &SuspensionTable) -> Option<PooledFactor> {
+    let platform = table.platform.as_ref()?;
+    // S axes ← P axes, and the origin of P in S.
+    let q = table.base_rotation_wxyz.unwrap_or([1.0, 0.0, 0.0, 0.0]);
+    let rotation = attitude(&q).unwrap_or_else(Matrix3::identity).transpose();
+    let map = map_to_parent(&rotation, &-(rotation * Vector3::from(table.base_position_m)));
+    let mean = map * SVector::from(parameters(platform));
+    let moves = map * changes(platform);
+    let covariance = moves * moves.transpose();
+    let whitening = covariance.cholesky()?.inverse().cholesky()?.l().transpose();
+    let right = whitening * mean;
+    let rows: Vec<(Vec<f64>, f64)> =
+        (0..TEN).map(|i| (whitening.row(i).iter().copied().collect(), right[i])).collect();
+    let mut factor = Factor::new(TEN);
+    factor.absorb(rows.iter().map(|(row, value)| (row.as_slice(), *value)));
+    let mut hash = Fingerprint::default();
+    mean.iter().for_each(|v| hash.add(v.to_bits()));
+    let name = "the bare platform".to_owned();
+    let source = FactorSource {
+        recording: name.clone(),
+        recorded_unix_s: None,
+        fingerprint: hash.finish(),
+        samples: 1,
+        rejected: 0,
+        rows: TEN as u64,
+        noise_gain: 1.0,
+        sigma_given: true,
+        spurious_information: 0.0,
+        channels: Vec::new(),
+        checks: Some(Checks::default()),
+    };
+    Some(PooledFactor {
+        name,
+        parameters: body::parameters(TEN),
+        model_fingerprint: 0,
+        rounding: f64::EPSILON * TEN as f64,
+        factor,
+        sources: vec![source],
+        eliminated: 0,
+        disagreement: 0.0,
+        comparisons: 0,
+    })
+}
+
+fn parameters(platform: &SuspendedPlatformTable) -> [f64; TEN] {
+    InertialParameters::<Body, f64>::from_centre_of_mass(
+        platform.mass_kg,
+        Position::from_array(platform.com_m),
+        tensor_from_elements(platform.inertia_com_kgm2),
+    )
+    .to_vector()
+}
+
+/// What one standard deviation of each stated number changes, a column each.
+fn changes(platform: &SuspendedPlatformTable) -> SMatrix<f64, TEN, TEN> {
+    let own = SVector::<f64, TEN>::from(parameters(platform));
+    let largest = platform.inertia_com_kgm2.iter().fold(0.0_f64, |a, v| a.max(v.abs()));
+    let length = (largest / platform.mass_kg).sqrt();
+    let column = |k: usize| {
+        let mut other = platform.clone();
+        // The parameters are at most quadratic in each number: differences either way are exact.
+        let mut shift = |by: f64| {
+            other.clone_from(platform);
+            match k {
+                0 => other.mass_kg += by * platform.mass_std_kg.max(EXACT * platform.mass_kg),
+                1..4 => other.com_m[k - 1] += by * platform.com_std_m.max(EXACT * length),
+                _ => other.inertia_com_kgm2[k - 4] += by * platform.inertia_std_kgm2.max(EXACT * largest),
+            }
+            SVector::<f64, TEN>::from(parameters(&other)) - own
+        };
+        (shift(1.0) - shift(-1.0)) * 0.5
+    };
+    let columns: Vec<DVector<f64>> =
+        (0..TEN).map(|k| DVector::from_column_slice(column(k).as_slice())).collect();
+    let all = DMatrix::from_columns(&columns);
+    SMatrix::from_fn(|i, j| all[(i, j)])
+}

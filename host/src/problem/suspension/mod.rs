@@ -1,0 +1,98 @@
+//! Bodies on a platform that springs carry: no load cell, no actuator, only the motion that springs allow.
+//!
+//! Lives here: the springs' law ([`springs`]), the bare platform ([`bare`]), locked postures ([`postures`]), poses brought to coordinates about rest (`track`), the source of rows ([`source`]), and the
+//! way to it from a recording and a rig file ([`mod@prepare`]). May not live here: the rows of a tree ([`crate::problem::tree`]).
+
+pub mod bare;
+pub mod postures;
+pub mod prepare;
+pub mod source;
+pub mod springs;
+mod track;
+
+pub use prepare::{PreparedSuspension, prepare};
+pub use source::{Instant, SuspendedSource};
+
+use crate::problem::tree::{TreePrepareError, TreeSourceError};
+
+/// The reason that a recording on springs makes no rows.
+#[derive(Debug, thiserror::Error)]
+pub enum SuspensionError {
+    /// Columns or keys are missing.
+    #[error("{name}: {missing} missing: {advice}")]
+    Missing {
+        /// The recording.
+        name: String,
+        /// What, with its verb.
+        missing: String,
+        /// What to do.
+        advice: String,
+    },
+    /// A pose is none.
+    #[error(
+        "{place}: {pose:?} is no pose x, y, z, qw, qx, qy, qz with a unit quaternion: mend it, or remove the row"
+    )]
+    Pose {
+        /// Where it stands.
+        place: String,
+        /// What stands there.
+        pose: [f64; 7],
+    },
+    /// The cut-off does not fit the rate.
+    #[error(
+        "a cut-off of {cut_off_hz} Hz cannot be at {rate_hz} poses a second: cut_off_hz of [suspension] must be below a quarter of that"
+    )]
+    CutOff {
+        /// The cut-off, Hz.
+        cut_off_hz: f64,
+        /// Poses per second.
+        rate_hz: f64,
+    },
+    /// Too little is left.
+    #[error(
+        "{name}: no pose is left: {rows} poses at {rate_hz:.0} a second, and smoothing at {cut_off_hz} Hz takes {taps} without a gap: record longer, or raise cut_off_hz of [suspension]"
+    )]
+    Short {
+        /// The recording.
+        name: String,
+        /// Its rows.
+        rows: usize,
+        /// Rows per second.
+        rate_hz: f64,
+        /// The cut-off, Hz.
+        cut_off_hz: f64,
+        /// Rows under the kernel.
+        taps: usize,
+    },
+    /// A locked coordinate moves.
+    #[error(
+        "{name}: {coordinate} is locked by [suspension], and it moves by {moves:.2e} {unit} (rms), {share:.0} % of the largest free one: \
+             take it out of `locked`, or look whether the pose columns are in other axes"
+    )]
+    NotLocked {
+        /// The recording.
+        name: String,
+        /// The coordinate.
+        coordinate: String,
+        /// Root mean square.
+        moves: f64,
+        /// Its unit.
+        unit: &'static str,
+        /// The same, relative, %.
+        share: f64,
+    },
+    /// A posture cannot be used.
+    #[error("{file}: {why}")]
+    Posture {
+        /// The file.
+        file: String,
+        /// Which, and why not.
+        why: String,
+    },
+    /// Joints or links do not fit the model.
+    #[error(transparent)]
+    Tree(#[from] TreePrepareError),
+    /// The model has no base parameters.
+    #[error(transparent)]
+    Source(#[from] TreeSourceError),
+}

@@ -1,0 +1,289 @@
+//! From a recording of poses and a rig file to rows.
+
+use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
+use rigident_shared::tree::{BaseMotion, Joint};
+
+use super::SuspensionError;
+use super::source::{Instant, SuspendedSource};
+use super::springs::{COORDINATES, Displacement, Springs, free};
+use super::track::{Pose, Track, poses, rest};
+use crate::model::base::{Rows, Situation};
+use crate::model::{Finding, Model, ModelLink};
+use crate::problem::moved::{Moved, Part};
+use crate::problem::smoothing::Smoother;
+use crate::problem::tree::columns::{Quantity, column, numbers};
+use crate::problem::tree::joints::{Resolved, Seen, attitude, resolve};
+use crate::problem::tree::{BaseSensor, Frame, Input, TreePrepareError};
+use crate::recording::Recording;
+use crate::rig::SuspensionTable;
+
+/// A locked coordinate that moves by more than this share of the largest free one of its kind is none.
+const LOCKED_MOVES: f64 = 0.05;
+
+/// Ready to be identified.
+pub struct PreparedSuspension {
+    /// The source of rows.
+    pub source: SuspendedSource,
+    /// What to know.
+    pub notes: Vec<String>,
+    /// Joints that never move.
+    pub idle: Vec<Finding>,
+}
+
+/// Brings a recording of the poses of a platform, and of the links on it, to rows; of one body without a model.
+///
+/// # Errors
+/// [`SuspensionError`] says what is missing or does not fit.
+pub fn prepare(recording: &Recording, model: Option<&Model>) -> Result<PreparedSuspension, SuspensionError> {
+    let missing = |missing: &str, advice: &str| SuspensionError::Missing {
+        name: recording.name.clone(),
+        missing: missing.to_owned(),
+        advice: advice.to_owned(),
+    };
+    let table = recording.rig.suspension.as_ref();
+    let table = table.ok_or_else(|| {
+        missing("the table [suspension] of the rig file is", "it says what the springs are")
+    })?;
+    let rows = recording.platform.as_deref().ok_or_else(|| {
+        missing(
+            "the poses of the platform (x_m, y_m, z_m, qw, qx, qy, qz) are",
+            "springs push by how the platform stands; name the columns under [recording.columns] if they are called otherwise",
+        )
+    })?;
+    let rate_hz = recording.rate_hz.ok_or_else(|| {
+        missing(
+            "a constant rate is",
+            "free vibration is a motion in time: t_s must increase by equal steps, and static be false",
+        )
+    })?;
+    let model = model.map_or_else(one_body, Model::welded);
+    let at = Vector3::from(table.at_m);
+    let poses = poses(rows, &at, |row| recording.place(row))?;
+    let rest = rest(&poses);
+    let (joints, parts) = joints(recording, &model)?;
+    let track = Track::new(&poses, &rest, (&joints, &parts), recording.time_ns.clone(), rate_hz);
+    let cut_off_hz = table.cut_off_hz.unwrap_or_else(|| track.cut_off_hz());
+    let smoother =
+        Smoother::new(cut_off_hz, rate_hz).ok_or(SuspensionError::CutOff { cut_off_hz, rate_hz })?;
+    let mount = Mount::of(table);
+    let mut frames = Vec::new();
+    let mut instants = Vec::new();
+    for row in 0..track.len() {
+        let Some(moved) = track.at(&smoother, row) else { continue };
+        let (instant, frame) = mount.frame(&moved, track.time_ns(row));
+        instants.push(instant);
+        frames.push(frame);
+    }
+    if frames.is_empty() {
+        let (name, taps) = (recording.name.clone(), 2 * smoother.half() + 1);
+        return Err(SuspensionError::Short { name, rows: track.len(), rate_hz, cut_off_hz, taps });
+    }
+    let free = free(&table.locked);
+    judge_locked(recording, &instants, &free)?;
+    let notes = vec![about(&instants, &rest, cut_off_hz, track.len())];
+    let moves: Vec<(&[f64], Vector3<f64>)> =
+        frames.iter().map(|f| (f.positions.get(7..).unwrap_or_default(), Vector3::zeros())).collect();
+    let mut idle = crate::model::idle::idle(&model, &moves, true);
+    // How far the platform turns is judged by its rows.
+    idle.retain(|finding| !finding.text.starts_with("the base never turns"));
+    let input = Input {
+        model,
+        frames,
+        is_static: false,
+        rate_hz,
+        base: BaseSensor::Tracked,
+        situation: Situation { floating: true, rows: Rows::Base, mimic: false },
+        channel_sigma: None,
+        known_offset: Some([0.0; 6]),
+        nuisances: Vec::new(),
+        errors: Vec::new(),
+        drives: Vec::new(),
+        signals: Vec::new(),
+        rate_sigma: 0.0,
+    };
+    let source = SuspendedSource::new(input, instants, Springs::new(table), table.anchor_height_m, free)?;
+    Ok(PreparedSuspension { source, notes, idle })
+}
+
+/// A model of one link.
+fn one_body() -> Model {
+    let link = rigident_shared::tree::Link {
+        parent: 0,
+        joint: Joint::Free,
+        rotation: Matrix3::identity(),
+        position: Vector3::zeros(),
+    };
+    Model {
+        name: "body".to_owned(),
+        links: vec![ModelLink::new("body", "", link, None)],
+        findings: Vec::new(),
+    }
+}
+
+/// Where S is in P.
+struct Mount {
+    /// Its origin against O, axes of P, m.
+    arm: Vector3<f64>,
+    rotation: Matrix3<f64>,
+}
+
+impl Mount {
+    fn of(table: &SuspensionTable) -> Self {
+        let q = table.base_rotation_wxyz.unwrap_or([1.0, 0.0, 0.0, 0.0]);
+        Self {
+            arm: Vector3::from(table.base_position_m) - Vector3::from(table.at_m),
+            rotation: attitude(&q).unwrap_or_else(Matrix3::identity),
+        }
+    }
+
+    /// Returns the platform, and the tree on it, at an instant.
+    fn frame(&self, moved: &Moved, time_ns: u64) -> (Instant, Frame) {
+        let (p, v) = (&moved.positions, &moved.rates);
+        let attitude = UnitQuaternion::from_quaternion(Quaternion::new(p[3], p[4], p[5], p[6]));
+        let turn: Matrix3<f64> = attitude.to_rotation_matrix().into_inner();
+        let (own_velocity, own_rate) = (Vector3::new(v[0], v[1], v[2]), Vector3::new(v[3], v[4], v[5]));
+        let at = Displacement {
+            shift: Vector3::new(p[0], p[1], p[2]),
+            velocity: turn * own_velocity,
+            rotation: turn,
+            rate: turn * own_rate,
+        };
+        let arm = turn * self.arm;
+        let base = turn * self.rotation;
+        let q = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(base));
+        let place = at.shift + arm;
+        let velocity = base.tr_mul(&(at.velocity + at.rate.cross(&arm)));
+        let rate = base.tr_mul(&at.rate);
+        let mut positions = vec![place.x, place.y, place.z, q.w, q.i, q.j, q.k];
+        positions.extend(&p[7..]);
+        let mut rates: Vec<f64> = velocity.iter().chain(rate.iter()).copied().collect();
+        rates.extend(&v[6..]);
+        let frame = Frame {
+            time_ns,
+            positions,
+            rates,
+            base: BaseMotion::still([0.0; 3]),
+            wrench: [0.0; 6],
+            efforts: Vec::new(),
+            standing: Vec::new(),
+        };
+        (Instant { at, arm }, frame)
+    }
+}
+
+/// Returns the numbers of the joints of every row, and what they are.
+fn joints(recording: &Recording, model: &Model) -> Result<(Vec<Vec<f64>>, Vec<Part>), SuspensionError> {
+    let tables = &recording.rig.link;
+    let number_of = |i: usize| match tables.is_empty() {
+        true => i,
+        false => tables.iter().position(|t| t.name == model.links[i].name).unwrap_or(i),
+    };
+    let mut seen: Vec<SeenAt> = vec![None];
+    let mut parts = Vec::new();
+    for (i, link) in model.links.iter().enumerate().skip(1) {
+        parts.push(match link.link.joint {
+            Joint::Spherical => Part::Ball,
+            Joint::Revolute(_) | Joint::Prismatic(_) => Part::Hinge,
+            _ => {
+                return Err(SuspensionError::Missing {
+                    name: recording.name.clone(),
+                    missing: format!("a way to track joint {}, which is neither spherical, revolute nor prismatic, is", link.joint_name),
+                    advice: "on springs links hang on spherical, revolute and prismatic joints; lock the joint, or split it".to_owned(),
+                });
+            }
+        });
+        let own = column(&recording.rig, &link.joint_name, &link.link.joint, Quantity::Position);
+        if let Some(values) = own.map(|own| numbers(recording, &own)).transpose()?.flatten() {
+            seen.push(Some(Box::new(move |row| Some(Seen::Coordinate(*values.get(row)?, 0.0)))));
+            continue;
+        }
+        let j = number_of(i);
+        let Some((_, rows)) = recording.attitudes.iter().find(|(own, _)| *own == j) else {
+            return Err(SuspensionError::Missing {
+                name: recording.name.clone(),
+                missing: format!("how link {} stands is", link.name),
+                advice: format!(
+                    "give its attitude against the base link, q{j}_w, q{j}_x, q{j}_y, q{j}_z, or the column of its joint; a joint that is locked by \
+                     --lock {}=VALUE",
+                    link.joint_name
+                ),
+            });
+        };
+        let rows = rows.clone();
+        seen.push(Some(Box::new(move |row| {
+            Some(Seen::Link { attitude: attitude(rows.get(row)?)?, rate: Vector3::zeros() })
+        })));
+    }
+    let mut all = Vec::with_capacity(recording.rows());
+    for row in 0..recording.rows() {
+        all.push(joints_of(row, model, &seen).ok_or_else(|| {
+            SuspensionError::from(TreePrepareError::Cell {
+                name: recording.file(),
+                column: "attitudes of links".to_owned(),
+                row: recording.place(row),
+                reason: "one is no unit quaternion w, x, y, z".to_owned(),
+            })
+        })?);
+    }
+    Ok((all, parts))
+}
+
+/// What is seen of a link in a row; of the base link nothing.
+type SeenAt = Option<Box<dyn Fn(usize) -> Option<Seen>>>;
+
+fn joints_of(row: usize, model: &Model, seen: &[SeenAt]) -> Option<Vec<f64>> {
+    let root = Resolved {
+        attitude: Matrix3::identity(),
+        rate: Vector3::zeros(),
+        positions: Vec::new(),
+        rates: Vec::new(),
+        misfit: 0.0,
+    };
+    let mut links = vec![root];
+    for (link, seen) in model.links.iter().zip(seen).skip(1) {
+        let seen = seen.as_ref()?(row)?;
+        let resolved = resolve(&link.link, links.get(link.link.parent)?, &seen)?;
+        links.push(resolved);
+    }
+    Some(links.into_iter().flat_map(|l| l.positions).collect())
+}
+
+fn rms(instants: &[Instant], coordinate: usize) -> f64 {
+    let squares: f64 = instants.iter().map(|i| i.at.coordinates()[coordinate].powi(2)).sum();
+    (squares / instants.len().max(1) as f64).sqrt()
+}
+
+/// Refuses a locked coordinate that moves.
+fn judge_locked(recording: &Recording, instants: &[Instant], free: &[usize]) -> Result<(), SuspensionError> {
+    for k in (0..6).filter(|k| !free.contains(k)) {
+        let of_kind = free.iter().filter(|other| (**other < 3) == (k < 3));
+        let largest = of_kind.map(|other| rms(instants, *other)).fold(0.0, f64::max);
+        let moves = rms(instants, k);
+        if moves > LOCKED_MOVES * largest {
+            return Err(SuspensionError::NotLocked {
+                name: recording.name.clone(),
+                coordinate: COORDINATES[k].to_owned(),
+                moves,
+                unit: if k < 3 { "m" } else { "rad" },
+                share: 100.0 * moves / largest,
+            });
+        }
+    }
+    Ok(())
+}
+
+fn about(instants: &[Instant], rest: &Pose, cut_off_hz: f64, rows: usize) -> String {
+    let mm: Vec<String> = (0..3).map(|k| format!("{:.2}", 1e3 * rms(instants, k))).collect();
+    let deg: Vec<String> = (3..6).map(|k| format!("{:.3}", rms(instants, k).to_degrees())).collect();
+    let p = rest.position;
+    format!(
+        "the platform moves by {} mm and {} degrees (rms; x, y, z) about its rest at ({:.4}, {:.4}, {:.4}) m; poses smoothed at {cut_off_hz} Hz, \
+         {} of {rows} used",
+        mm.join(", "),
+        deg.join(", "),
+        p.x,
+        p.y,
+        p.z,
+        instants.len()
+    )
+}

@@ -1,0 +1,281 @@
+//! Rows of bodies on springs: the springs' wrench is what a load cell would measure.
+//!
+//! Rows are those of a tree whose base is tracked ([`TreeSource`]): its momentum, so that no acceleration is formed. They are about the
+//! platform's point O at r_O instead of the base's origin at r: with `a = r − r_O` the moments gain `a × F`, whose differentiated part is
+//! `a × d/dt D = d/dt (a × D) − ȧ × D`.
+//!
+//! What springs carry at rest is six columns of its own, eliminated as offsets: two horizontal forces, the weight W, which acts at
+//! the height h of the anchors, its two horizontal moments, which turn with the platform as anchors do, and a moment about the vertical:
+//! ```text
+//! F = (fx, fy, W)     M = R (m_y', m_x', W h …) × ẑ     of which R x̂ × ẑ, R ŷ × ẑ and h R ẑ × ẑ are the columns
+//! ```
+//! So weight tells nothing of the mass, and no pose of empty springs has to be known; but the pendulum that a body is about the anchors
+//! stays in the rows.
+
+use nalgebra::{Vector3, Vector6};
+use rigident_shared::screening::Rejection;
+
+use super::springs::{Displacement, Springs};
+use crate::fit::{Channel, Fingerprint, Kind, Nuisance, Owner, Parameter, RowSource, SampleRows, Timing};
+use crate::model::base::BaseParameters;
+use crate::problem::body;
+use crate::problem::tree::{Input, TreeSource, TreeSourceError};
+
+/// Names and units of the six channels.
+const CHANNELS: [(&str, &str); 6] =
+    [("fx", "N"), ("fy", "N"), ("fz", "N"), ("mx", "N m"), ("my", "N m"), ("mz", "N m")];
+
+/// The platform at the time of a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Instant {
+    /// How it stands against rest.
+    pub at: Displacement,
+    /// Origin of the base link against O, axes at rest, m.
+    pub arm: Vector3<f64>,
+}
+
+/// The rows of bodies on springs.
+pub struct SuspendedSource {
+    inner: TreeSource,
+    instants: Vec<Instant>,
+    springs: Springs,
+    anchor_height_m: f64,
+    /// Coordinates that are not locked, by their numbers.
+    free: Vec<usize>,
+    parameters: Vec<Parameter>,
+    channels: Vec<Channel>,
+}
+
+impl SuspendedSource {
+    /// Returns the source of frames of a tree, or of one body where the model is one link, with the platform at the time of each.
+    ///
+    /// # Errors
+    /// [`TreeSourceError`] if the model has no base parameters, or the frames do not fit it.
+    pub fn new(
+        input: Input,
+        instants: Vec<Instant>,
+        springs: Springs,
+        anchor_height_m: f64,
+        free: Vec<usize>,
+    ) -> Result<Self, TreeSourceError> {
+        let inner = TreeSource::new(input)?;
+        let is_body = inner.input().model.links.len() == 1;
+        let own = inner.parameters().len();
+        let mut parameters: Vec<Parameter> =
+            if is_body { body::parameters(own) } else { inner.parameters().to_vec() };
+        let mut channels = Vec::new();
+        for k in &free {
+            let (name, unit) = CHANNELS[*k];
+            parameters.push(Parameter {
+                frame: "P".to_owned(),
+                ..Parameter::new(
+                    format!("offset_{name}"),
+                    Owner::Channel(name.to_owned()),
+                    Kind::Offset,
+                    unit,
+                )
+            });
+            channels.push(Channel {
+                name: name.to_owned(),
+                unit: unit.to_owned(),
+                sigma: None,
+                offset: Some(parameters.len() - 1),
+                group: u8::from(*k > 2),
+            });
+        }
+        Ok(Self { inner, instants, springs, anchor_height_m, free, parameters, channels })
+    }
+
+    /// Returns the base parameters that are estimated.
+    pub fn base(&self) -> &BaseParameters {
+        self.inner.base()
+    }
+
+    /// Returns frames and settings of the tree.
+    pub fn input(&self) -> &Input {
+        self.inner.input()
+    }
+
+    /// Returns the platform at the time of every frame.
+    pub fn instants(&self) -> &[Instant] {
+        &self.instants
+    }
+
+    /// Returns the springs.
+    pub fn springs(&self) -> &Springs {
+        &self.springs
+    }
+
+    /// Returns the coordinates that are not locked, by their numbers.
+    pub fn free(&self) -> &[usize] {
+        &self.free
+    }
+
+    /// Returns true if it is one rigid body.
+    pub fn is_body(&self) -> bool {
+        self.input().model.links.len() == 1
+    }
+
+    /// Column of what the springs carry at rest, of a coordinate.
+    fn carried(&self, at: &Displacement, coordinate: usize) -> Vector6<f64> {
+        let turned = |v: Vector3<f64>| (at.rotation * v).cross(&Vector3::z());
+        let moment = match coordinate {
+            2 => turned(Vector3::z() * self.anchor_height_m),
+            3 => turned(Vector3::y()),
+            4 => turned(-Vector3::x()),
+            5 => Vector3::z(),
+            _ => Vector3::zeros(),
+        };
+        let mut out = Vector6::new(0.0, 0.0, 0.0, moment.x, moment.y, moment.z);
+        if coordinate < 3 {
+            out[coordinate] = 1.0;
+        }
+        out
+    }
+}
+
+/// Adds `arm × force` rows to the moment rows of six rows of `n` coefficients.
+fn add_arm(arm: &Vector3<f64>, forces: &[f64], moments: &mut [f64], n: usize) {
+    for axis in 0..3 {
+        let (j, k) = ((axis + 1) % 3, (axis + 2) % 3);
+        for c in 0..n {
+            moments[(3 + axis) * n + c] += arm[j] * forces[k * n + c] - arm[k] * forces[j * n + c];
+        }
+    }
+}
+
+impl RowSource for SuspendedSource {
+    fn parameters(&self) -> &[Parameter] {
+        &self.parameters
+    }
+
+    fn channels(&self) -> &[Channel] {
+        &self.channels
+    }
+
+    fn timing(&self) -> Timing {
+        self.inner.timing()
+    }
+
+    fn samples(&self) -> usize {
+        self.instants.len()
+    }
+
+    fn time_ns(&self, sample: usize) -> u64 {
+        self.inner.time_ns(sample)
+    }
+
+    fn rows(&self, sample: usize, rows: &mut SampleRows) -> Result<(), Rejection> {
+        let Instant { at, arm } = self.instants.get(sample).ok_or(Rejection::NotFinite(0))?;
+        let n = self.inner.parameters().len();
+        let mut own = SampleRows::default();
+        own.clear(6, n);
+        self.inner.rows(sample, &mut own)?;
+        // The arm is fixed in the platform: ȧ = ω × a.
+        let turning = at.rate.cross(arm);
+        let forces = own.differentiated.clone();
+        add_arm(arm, &own.smoothed.clone(), &mut own.smoothed, n);
+        add_arm(&-turning, &forces, &mut own.smoothed, n);
+        add_arm(arm, &forces, &mut own.differentiated, n);
+        let wrench = self.springs.wrench(at);
+        let all = self.parameters.len();
+        for (row, k) in self.free.iter().enumerate() {
+            rows.smoothed[row * all..row * all + n].copy_from_slice(&own.smoothed[k * n..(k + 1) * n]);
+            rows.differentiated[row * all..row * all + n]
+                .copy_from_slice(&own.differentiated[k * n..(k + 1) * n]);
+            for (column, coordinate) in self.free.iter().enumerate() {
+                rows.smoothed[row * all + n + column] = -self.carried(at, *coordinate)[*k];
+            }
+            rows.measured[row] = wrench[*k];
+        }
+        if rows.measured.iter().any(|v| !v.is_finite()) {
+            return Err(Rejection::NotFinite(0));
+        }
+        Ok(())
+    }
+
+    fn rounding(&self) -> f64 {
+        self.inner.rounding()
+    }
+
+    fn nominal_sigma(&self) -> Vec<f64> {
+        self.channels.iter().map(|c| if c.group == 0 { 1.0 } else { 0.1 }).collect()
+    }
+
+    fn model_fingerprint(&self) -> u64 {
+        if self.is_body() {
+            return 0;
+        }
+        self.inner.model_fingerprint()
+    }
+
+    fn fingerprint(&self) -> u64 {
+        let mut hash = Fingerprint::default();
+        for (sample, instant) in self.instants.iter().enumerate() {
+            hash.add(self.time_ns(sample));
+            instant.at.coordinates().iter().for_each(|v| hash.add(v.to_bits()));
+        }
+        hash.finish()
+    }
+
+    fn nuisances(&self) -> Vec<Nuisance> {
+        self.springs.nuisances().to_vec()
+    }
+
+    fn error_columns(&self, _parameters: &[f64]) -> Option<Box<dyn RowSource + '_>> {
+        Some(Box::new(ErrorRows::new(self)))
+    }
+}
+
+/// Columns of the springs' errors: `W(K) = A φ − Σ e ∂W/∂e`, as the true wrench is `W(K) + Σ e ∂W/∂e`.
+struct ErrorRows<'a> {
+    source: &'a SuspendedSource,
+    parameters: Vec<Parameter>,
+}
+
+impl<'a> ErrorRows<'a> {
+    fn new(source: &'a SuspendedSource) -> Self {
+        let of = |nuisance: &Nuisance| {
+            Parameter::new(
+                nuisance.name.clone(),
+                Owner::Other(nuisance.group.clone()),
+                Kind::Other,
+                &nuisance.unit,
+            )
+        };
+        Self { source, parameters: source.springs.nuisances().iter().map(of).collect() }
+    }
+}
+
+impl RowSource for ErrorRows<'_> {
+    fn parameters(&self) -> &[Parameter] {
+        &self.parameters
+    }
+
+    fn channels(&self) -> &[Channel] {
+        self.source.channels()
+    }
+
+    fn timing(&self) -> Timing {
+        self.source.timing()
+    }
+
+    fn samples(&self) -> usize {
+        self.source.samples()
+    }
+
+    fn time_ns(&self, sample: usize) -> u64 {
+        self.source.time_ns(sample)
+    }
+
+    fn rows(&self, sample: usize, rows: &mut SampleRows) -> Result<(), Rejection> {
+        let instant = self.source.instants.get(sample).ok_or(Rejection::NotFinite(0))?;
+        let n = self.parameters.len();
+        for (column, wrench) in self.source.springs.error_wrenches(&instant.at).iter().enumerate() {
+            for (row, k) in self.source.free.iter().enumerate() {
+                rows.smoothed[row * n + column] = -wrench[*k];
+            }
+        }
+        Ok(())
+    }
+}
