@@ -89,8 +89,8 @@ impl Gauss {
             if !change.is_finite() {
                 return None;
             }
-            // Until rounding is all that is left.
-            if change < 1e-17 || (change < 1e-13 && change >= 0.5 * last) {
+            // Until rounding is all that is left: a round takes away nine tenths and more.
+            if change < 1e-15 || (change < 1e-13 && change >= 0.5 * last) {
                 let mut out = state.clone();
                 out.gemv(step_s, slopes, &self.outer, 1.0);
                 *slopes = &*slopes * self.onward.transpose();

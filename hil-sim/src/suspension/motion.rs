@@ -10,9 +10,9 @@ use super::{Gauss, SuspensionError};
 /// Stages of the integrator, of order twice as many.
 const STAGES: usize = 4;
 /// Longest step, s.
-const LONGEST_STEP_S: f64 = 1.0 / 240.0;
+const LONGEST_STEP_S: f64 = 1.0 / 120.0;
 /// Longest step, periods of the quickest natural vibration.
-const LONGEST_STEP_PERIODS: f64 = 0.05;
+const LONGEST_STEP_PERIODS: f64 = 0.06;
 
 /// How a motion begins.
 #[derive(Clone, Debug, PartialEq)]
