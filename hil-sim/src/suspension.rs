@@ -7,6 +7,10 @@
 //!
 //! Frames: the earth's A, z up; P, the platform's, in the reference pose at A's origin with A's axes. Springs' forces,
 //! reactions and rates are in A's axes. Link 0, the base link, is fixed in P; link k ≥ 1 has its origin in the joint to its parent.
+//!
+//! The integrator is our own, Gauss' collocation of order eight with steps of at most 1/120 s: in the paper's experiment energy
+//! drifts by less than 3e-15 of the energy exchanged per second, against 2e-14 for the best crate tried, at three times its
+//! cost, 0.14 s for ten seconds of motion. `suspension/integrate.rs` has the comparison.
 
 mod dynamics;
 mod integrate;
@@ -65,6 +69,11 @@ impl Spring {
             cubic_npm3: 0.0,
             factor: 1.0,
         }
+    }
+
+    /// The same spring with damping in proportion to its stiffness, `C = time_s K`, before its tolerance.
+    pub fn with_loss(self, time_s: f64) -> Self {
+        Self { axial_nspm: time_s * self.axial_npm, lateral_nspm: time_s * self.lateral_npm, ..self }
     }
 }
 

@@ -42,6 +42,18 @@ impl Suspended {
         out
     }
 
+    /// What the preloads add to the stiffness about the reference pose, for they keep their direction while their anchors turn:
+    /// `δM = (θ × a) × f0`, so `−Σ [f0]× [a]×` from turns to moments. Symmetric only together with the weight's part.
+    pub fn preload_stiffness(&self) -> Matrix6<f64> {
+        let mut out = Matrix6::zeros();
+        for (spring, preload) in self.made_of.springs.iter().zip(&self.preload_n) {
+            let turned = cross(&Vector3::new(0.0, 0.0, *preload)) * cross(&Vector3::from(spring.at_m));
+            let mut view = out.fixed_view_mut::<3, 3>(3, 3);
+            view -= turned;
+        }
+        out
+    }
+
     /// Natural vibrations about the rest that the platform finds with the joints held in this posture, slowest first. A
     /// support that is not quite free takes part, and is not in the shapes.
     pub fn modes(&self, joint_wxyz: &[[f64; 4]]) -> Result<Vec<Mode>, SuspensionError> {

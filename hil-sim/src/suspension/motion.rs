@@ -59,6 +59,13 @@ pub struct Run {
     pub step_s: Option<f64>,
 }
 
+impl Run {
+    /// Such a run with steps by the quickest natural vibration.
+    pub fn new(duration_s: f64, rate_hz: f64) -> Self {
+        Self { duration_s, rate_hz, step_s: None }
+    }
+}
+
 /// Energy, J; the sum of all three is constant without damping.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Energy {

@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use hexapod::{BodyParameters, Mounting, STANDARD_GRAVITY_MPS2};
 
-use super::{Joint, JointedLink, Spring, Start, Suspension};
+use super::{Joint, JointedLink, Spring, Start, Suspended, Suspension};
 use crate::links::quaternion;
 
 /// Joint of link 1 in link 0 by the paper: the base frame's origin is the joint, m.
@@ -57,7 +57,7 @@ pub fn springs() -> Vec<Spring> {
     [[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]]
         .map(|[x, y]: [f64; 2]| Spring {
             axis: [-LEAN * x, 0.0, 1.0],
-            ..Spring::upright([0.4 * x, 0.4 * y, -0.05], 8700.0, 1060.0)
+            ..Spring::upright([0.38 * x, 0.32 * y, -0.05], 8700.0, 1060.0)
         })
         .to_vec()
 }
@@ -112,4 +112,13 @@ pub fn released(tilt_rad: [f64; 3]) -> Start {
     let rest = UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z));
     let turn = UnitQuaternion::from_scaled_axis(Vector3::from(tilt_rad)) * rest;
     Start::resting(&[[turn.w, turn.i, turn.j, turn.k]])
+}
+
+/// A start of free vibration in every mode: the reference pose, joints at rest in this posture, with a blow's velocities along
+/// what is free. The platform then moves by some millimetres.
+pub fn struck(rig: &Suspended, joint_wxyz: &[[f64; 4]]) -> Start {
+    let blow = [0.02, -0.015, 0.03, 0.06, 0.05, 0.08];
+    let [x, y, z, roll, pitch, yaw] =
+        std::array::from_fn(|k| if rig.suspension().locked[k] { 0.0 } else { blow[k] });
+    Start { velocity_mps: [x, y, z], rate_radps: [roll, pitch, yaw], ..Start::resting(joint_wxyz) }
 }

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Matrix3xX, Vector3};
 
 use super::super::*;
-use super::{chain, moving, rests};
+use super::{GRAVITY, chain, moving, rests};
 
 #[test]
 fn stiffness_is_the_slope_of_the_springs_forces() {
@@ -13,8 +13,18 @@ fn stiffness_is_the_slope_of_the_springs_forces() {
     let (ours, slope) = (rig.spring_stiffness(), rig.rigid_stiffness(&state));
     assert!((&slope - ours).amax() < 1e-7 * ours.amax(), "{slope} {ours}");
     assert!((ours - ours.transpose()).amax() < 1e-12 * ours.amax());
-    let with_weight = chain().at_rest(&rests()).unwrap();
-    assert_eq!(ours, with_weight.spring_stiffness());
+    // With gravity, preloads and weights add theirs, and the whole is symmetric about a rest.
+    let heavy = chain().at_rest(&rests()).unwrap();
+    assert_eq!(ours, heavy.spring_stiffness());
+    let mut whole = ours + heavy.preload_stiffness();
+    for (body, frame) in heavy.bodies().zip(heavy.frames(&state)) {
+        let com = frame.motion.position + frame.motion.rotation * Vector3::from(body.com_m);
+        let mut turns = whole.fixed_view_mut::<3, 3>(3, 3);
+        turns -= cross(&(body.mass_kg * GRAVITY)) * cross(&com);
+    }
+    let slope = heavy.rigid_stiffness(&state);
+    assert!((&slope - whole).amax() < 1e-7 * ours.amax(), "{slope} {whole}");
+    assert!((whole - whole.transpose()).amax() < 1e-12 * ours.amax());
 }
 
 /// A platform that carries almost nothing, on springs that pass through its centre of mass.
