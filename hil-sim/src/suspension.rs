@@ -9,8 +9,8 @@
 //! reactions and rates are in A's axes. Link 0, the base link, is fixed in P; link k ≥ 1 has its origin in the joint to its parent.
 //!
 //! The integrator is our own, Gauss' collocation of order eight with steps of at most 1/120 s: in the paper's experiment energy
-//! drifts by less than 3e-15 of the energy exchanged per second, against 2e-14 for the best crate tried, at three times its
-//! cost, 0.14 s for ten seconds of motion. `suspension/integrate.rs` has the comparison.
+//! drifts by 3e-15 of the largest kinetic energy per second, against 4e-14 for the best crate tried, at two and a half times
+//! its cost, 0.15 s for ten seconds of motion. `suspension/integrate.rs` has the comparison.
 
 mod dynamics;
 mod integrate;
