@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Modules that make up the physics, with everything below them.
-const PHYSICS: [&str; 5] = ["devices", "link", "links", "rig", "sensors"];
+const PHYSICS: [&str; 6] = ["devices", "link", "links", "rig", "sensors", "suspension"];
 
 /// Lines of code (not comments) that reach into the crates the firmware is made of.
 fn offences(source: &str) -> Vec<&str> {

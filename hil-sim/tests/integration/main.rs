@@ -7,3 +7,4 @@ mod instrument;
 mod runner;
 mod serve;
 mod served_program;
+mod suspension;
