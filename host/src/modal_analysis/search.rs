@@ -1,0 +1,211 @@
+//! How many components a decay has: first those that are stable over orders, without those that noise explains as well; then, one
+//! after the other, what still stands out of the residual's spectrum, as long as the likelihood gains by it.
+
+use nalgebra::DMatrix;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use super::decay_fit::Fit;
+use super::spectrum::{Levels, Periodogram};
+use super::start::stable_poles;
+use super::triangle::{Pole, Samples, residuals};
+
+/// Chance that noise alone adds a component.
+const FALSE_ALARM: f64 = 1e-5;
+/// Independent frequencies for one level of noise.
+const BLOCK: usize = 64;
+/// Components beside the modes: disturbances, harmonics.
+const BESIDE: usize = 6;
+/// Samples for each cycle of the fastest line, in the samples that are searched.
+const SAMPLES_A_CYCLE: f64 = 12.0;
+/// The same for the first poles.
+const FIRST_SAMPLES_A_CYCLE: f64 = 5.0;
+/// Samples that are always left.
+const LEAST_SAMPLES: f64 = 160.0;
+
+/// The components found, and the samples at a lower rate that they were found in.
+pub(super) struct Searched {
+    pub(super) fit: Option<Fit>,
+    pub(super) samples: Samples,
+    /// The strongest line, Hz, and its power by that of the noise around it.
+    pub(super) strongest: (f64, f64),
+}
+
+/// A line of a spectrum, by the noise around it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Line {
+    pub(super) hz: f64,
+    /// Sum over channels of power by noise.
+    pub(super) ratio: f64,
+}
+
+/// The χ² value that noise exceeds with the probability.
+pub(super) fn quantile(freedom: f64, probability: f64) -> f64 {
+    ChiSquared::new(freedom).map_or(f64::INFINITY, |law| law.inverse_cdf(1.0 - probability.clamp(1e-13, 1.0)))
+}
+
+/// Looks for at most so many modes.
+pub(super) fn search(samples: &Samples, most: usize) -> Searched {
+    let (fastest, strongest) = fastest_line(samples);
+    let averaged = |cycle: f64| {
+        let room = samples.y.nrows() as f64 / LEAST_SAMPLES;
+        let factor = (samples.rate_hz / (cycle * fastest)).min(room).floor().max(1.0);
+        samples.averaged(factor as usize)
+    };
+    let (first, searched) = (averaged(FIRST_SAMPLES_A_CYCLE), averaged(SAMPLES_A_CYCLE));
+    let noise = noise(&first);
+    let mut candidates = stable_poles(&first, &noise);
+    candidates.truncate(most + BESIDE);
+    let fit = chosen(&searched, candidates, most + BESIDE);
+    Searched { fit, samples: searched, strongest }
+}
+
+/// Noise of the channels, as standard deviation of the samples, from the middle level of their spectra.
+fn noise(samples: &Samples) -> Vec<f64> {
+    let spectrum = Periodogram::new(&samples.y, samples.rate_hz, 1, true);
+    let levels = spectrum.levels(spectrum.rows());
+    levels.at(0.0).iter().map(|level| level.sqrt()).collect()
+}
+
+/// The frequency of the fastest line that stands out of its surroundings, and the strongest one, by their power.
+fn fastest_line(samples: &Samples) -> (f64, (f64, f64)) {
+    let spectrum = Periodogram::new(&samples.y, samples.rate_hz, 1, true);
+    let levels = spectrum.levels(BLOCK);
+    let channels = samples.y.ncols() as f64;
+    let limit = (quantile(2.0 * channels, 1e-4 / spectrum.rows() as f64) / (2.0 * channels)).max(8.0);
+    let mut fastest = 8.0 / samples.duration_s();
+    let mut strongest = (0.0, 0.0);
+    for row in 1..spectrum.rows() {
+        let ratio = spectrum.sum(row, &levels.at(spectrum.hz(row))) / channels;
+        if ratio > strongest.1 {
+            strongest = (spectrum.hz(row), ratio);
+        }
+        if ratio > limit {
+            fastest = fastest.max(spectrum.hz(row));
+        }
+    }
+    (fastest, strongest)
+}
+
+/// Spectrum and levels of a fit's residuals.
+pub(super) fn left(samples: &Samples, fit: Option<&Fit>) -> (Periodogram, Levels) {
+    let columns =
+        fit.map_or_else(|| samples.y.clone(), |fit| residuals(samples, &fit.poles, &fit.amplitudes));
+    let spectrum = Periodogram::new(&columns, samples.rate_hz, 2, false);
+    let levels = spectrum.levels(BLOCK);
+    (spectrum, levels)
+}
+
+/// The strongest line of a residual that noise does not explain, nearer than nothing to zero frequency.
+pub(super) fn strongest_line(
+    spectrum: &Periodogram,
+    levels: &Levels,
+    channels: usize,
+    avoid: &[f64],
+) -> Option<Line> {
+    let bins = 2.0 * spectrum.independent() as f64;
+    let limit = 0.5 * quantile(2.0 * channels as f64, FALSE_ALARM / bins) * 1.15;
+    let lines = (2..spectrum.rows()).map(|row| {
+        let hz = spectrum.hz(row);
+        Line { hz, ratio: spectrum.sum(row, &levels.at(hz)) }
+    });
+    let width = 2.0 * spectrum.hz(1);
+    lines
+        .filter(|line| line.ratio > limit && avoid.iter().all(|hz| (hz - line.hz).abs() > width))
+        .max_by(|a, b| a.ratio.total_cmp(&b.ratio))
+}
+
+/// The strongest line of the residual under windows `e^{−αt}` over 3/α, of which one is near the decay of what is left there.
+fn strongest_decay(samples: &Samples, fit: Option<&Fit>, channels: usize, refused: &[f64]) -> Option<Line> {
+    let columns =
+        fit.map_or_else(|| samples.y.clone(), |fit| residuals(samples, &fit.poles, &fit.amplitudes));
+    let duration = samples.duration_s();
+    let lines = [0.0, 3.0, 10.0, 30.0].into_iter().filter_map(|decays| {
+        let decay = decays / duration;
+        let rows = (columns.nrows() as f64 * 3.0 / f64::max(decays, 3.0)) as usize;
+        let size = |row: usize| (-decay * row as f64 / samples.rate_hz).exp();
+        let part = DMatrix::from_fn(rows, columns.ncols(), |row, c| columns[(row, c)] * size(row));
+        let spectrum = (rows >= 48).then(|| Periodogram::new(&part, samples.rate_hz, 2, false))?;
+        strongest_line(&spectrum, &spectrum.levels(BLOCK), channels, refused)
+    });
+    lines.max_by(|a, b| a.ratio.total_cmp(&b.ratio))
+}
+
+/// Prunes and adds until nothing changes.
+fn chosen(samples: &Samples, candidates: Vec<Pole>, most: usize) -> Option<Fit> {
+    let channels = samples.y.ncols();
+    let mut fit = begun(samples, candidates);
+    let mut refused: Vec<f64> = Vec::new();
+    for _ in 0..3 * most {
+        let poles = fit.as_ref().map_or_else(Vec::new, |fit| fit.poles.clone());
+        if poles.len() >= most || fit.as_ref().is_some_and(Fit::is_exact) {
+            break;
+        }
+        let Some(line) = strongest_decay(samples, fit.as_ref(), channels, &refused) else { break };
+        match extended(samples, fit.as_ref(), &poles, line) {
+            Some(better) => fit = pruned(samples, better),
+            None => refused.push(line.hz),
+        }
+    }
+    fit
+}
+
+/// The candidates that hold together, without those that noise explains.
+fn begun(samples: &Samples, candidates: Vec<Pole>) -> Option<Fit> {
+    let mut poles = candidates;
+    while !poles.is_empty() {
+        if let Some(fit) = Fit::at(samples, poles.clone()) {
+            let fit = pruned(samples, fit)?;
+            let fit = Fit::refined(samples, fit.poles, 25)?;
+            return pruned(samples, fit);
+        }
+        poles.pop();
+    }
+    None
+}
+
+/// Leaves out poles whose amplitudes noise explains, the weakest first.
+fn pruned(samples: &Samples, fit: Fit) -> Option<Fit> {
+    let limit = quantile(2.0 * samples.y.ncols() as f64 + 2.0, FALSE_ALARM);
+    let mut fit = fit;
+    loop {
+        let (_, levels) = left(samples, Some(&fit));
+        let strengths: Vec<f64> = fit
+            .poles
+            .iter()
+            .enumerate()
+            .map(|(r, pole)| fit.strength(r, &fit.above_rounding(&levels.at(pole.hz()))))
+            .collect();
+        let weakest = strengths.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1));
+        match weakest {
+            Some((r, strength)) if *strength < limit => {
+                let mut poles = fit.poles.clone();
+                poles.remove(r);
+                if poles.is_empty() {
+                    return None;
+                }
+                fit = Fit::refined(samples, poles, 25)?;
+            }
+            Some(_) => return Some(fit),
+            None => return None,
+        }
+    }
+}
+
+/// The fit with one more pole near a line, if the likelihood gains more than noise gives.
+fn extended(samples: &Samples, fit: Option<&Fit>, poles: &[Pole], line: Line) -> Option<Fit> {
+    let duration = samples.duration_s();
+    let angular = line.hz * std::f64::consts::TAU;
+    let tried = [0.1, 1.0, 4.0, 15.0].into_iter().filter_map(|decays| {
+        let decay = decays / duration;
+        let mut poles = poles.to_vec();
+        poles.push(Pole { decay, angular });
+        (decay < 0.5 * angular).then(|| Fit::at(samples, poles)).flatten()
+    });
+    let best = tried.min_by(|a, b| a.objective.total_cmp(&b.objective))?;
+    let refined = Fit::refined(samples, best.poles, 25)?;
+    let channels = samples.y.ncols() as f64;
+    let limit = quantile(2.0 * channels + 2.0, FALSE_ALARM);
+    let before = fit
+        .map_or_else(|| Fit::at(samples, Vec::new()).map(|none| none.objective), |fit| Some(fit.objective))?;
+    (before - refined.objective > limit).then_some(refined)
+}
