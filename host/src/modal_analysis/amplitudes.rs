@@ -6,8 +6,8 @@ use super::decay_fit::Fit;
 use super::spectrum::Periodogram;
 use super::triangle::{all, linear};
 
-/// Independent frequencies around a component that tell the noise there.
-const AROUND: usize = 32;
+/// Independent frequencies on each side of a component that tell the noise there.
+const AROUND: usize = 16;
 
 /// Frequencies, damping ratios and complex amplitudes: channel c moves by `Re Σ_r z_rc e^{(−ζω + iω√(1−ζ²)) t}`, t from the first sample.
 #[derive(Clone, Debug, PartialEq)]

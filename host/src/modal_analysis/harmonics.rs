@@ -91,7 +91,7 @@ pub(super) fn harmonics(
     let mut away: Vec<f64> = fit.poles.iter().map(|pole| pole.hz()).collect();
     away.extend(free.iter().map(|c| c.pole.hz()));
     let test = |combination: Combination| {
-        let near = spectrum.mean_near(combination.pole.hz(), 32, &away);
+        let near = spectrum.mean_near(combination.pole.hz(), 16, &away);
         let (energy, sums) = correlation(samples.rate_hz, columns, &combination.pole);
         let (mut statistic, mut size) = (0.0, 0.0);
         for c in &channels {

@@ -11,8 +11,8 @@ use super::triangle::{Pole, Samples, residuals};
 
 /// Chance that noise alone adds a component.
 const FALSE_ALARM: f64 = 1e-5;
-/// Independent frequencies for one level of noise.
-const BLOCK: usize = 64;
+/// Room for levels of noise that are themselves measured, by some tens of frequencies.
+const MARGIN: f64 = 1.4;
 /// Components beside the modes: disturbances, harmonics.
 const BESIDE: usize = 6;
 /// Samples for each cycle of the fastest line, in the samples that are searched.
@@ -59,17 +59,21 @@ pub(super) fn search(samples: &Samples, most: usize) -> Searched {
     Searched { fit, samples: searched, strongest }
 }
 
+/// What the likelihood gains by a pole that fits noise best, at any of the frequencies.
+fn chance_limit(samples: &Samples) -> f64 {
+    quantile(2.0 * samples.y.ncols() as f64 + 2.0, FALSE_ALARM / samples.y.nrows() as f64)
+}
+
 /// Noise of the channels, as standard deviation of the samples, from the middle level of their spectra.
 fn noise(samples: &Samples) -> Vec<f64> {
     let spectrum = Periodogram::new(&samples.y, samples.rate_hz, 1, true);
-    let levels = spectrum.levels(spectrum.rows());
-    levels.at(0.0).iter().map(|level| level.sqrt()).collect()
+    spectrum.level().iter().map(|level| level.sqrt()).collect()
 }
 
 /// The frequency of the fastest line that stands out of its surroundings, and the strongest one, by their power.
 fn fastest_line(samples: &Samples) -> (f64, (f64, f64)) {
     let spectrum = Periodogram::new(&samples.y, samples.rate_hz, 1, true);
-    let levels = spectrum.levels(BLOCK);
+    let levels = spectrum.levels();
     let channels = samples.y.ncols() as f64;
     let limit = (quantile(2.0 * channels, 1e-4 / spectrum.rows() as f64) / (2.0 * channels)).max(8.0);
     let mut fastest = 8.0 / samples.duration_s();
@@ -91,7 +95,7 @@ pub(super) fn left(samples: &Samples, fit: Option<&Fit>) -> (Periodogram, Levels
     let columns =
         fit.map_or_else(|| samples.y.clone(), |fit| residuals(samples, &fit.poles, &fit.amplitudes));
     let spectrum = Periodogram::new(&columns, samples.rate_hz, 2, false);
-    let levels = spectrum.levels(BLOCK);
+    let levels = spectrum.levels();
     (spectrum, levels)
 }
 
@@ -103,7 +107,7 @@ pub(super) fn strongest_line(
     avoid: &[f64],
 ) -> Option<Line> {
     let bins = 2.0 * spectrum.independent() as f64;
-    let limit = 0.5 * quantile(2.0 * channels as f64, FALSE_ALARM / bins) * 1.15;
+    let limit = 0.5 * MARGIN * quantile(2.0 * channels as f64, FALSE_ALARM / bins);
     let lines = (2..spectrum.rows()).map(|row| {
         let hz = spectrum.hz(row);
         Line { hz, ratio: spectrum.sum(row, &levels.at(hz)) }
@@ -125,7 +129,7 @@ fn strongest_decay(samples: &Samples, fit: Option<&Fit>, channels: usize, refuse
         let size = |row: usize| (-decay * row as f64 / samples.rate_hz).exp();
         let part = DMatrix::from_fn(rows, columns.ncols(), |row, c| columns[(row, c)] * size(row));
         let spectrum = (rows >= 48).then(|| Periodogram::new(&part, samples.rate_hz, 2, false))?;
-        strongest_line(&spectrum, &spectrum.levels(BLOCK), channels, refused)
+        strongest_line(&spectrum, &spectrum.levels(), channels, refused)
     });
     lines.max_by(|a, b| a.ratio.total_cmp(&b.ratio))
 }
@@ -142,7 +146,12 @@ fn chosen(samples: &Samples, candidates: Vec<Pole>, most: usize) -> Option<Fit> 
         }
         let Some(line) = strongest_decay(samples, fit.as_ref(), channels, &refused) else { break };
         match extended(samples, fit.as_ref(), &poles, line) {
-            Some(better) => fit = pruned(samples, better),
+            Some(better) => {
+                fit = pruned(samples, better);
+                if fit.as_ref().map_or(0, |fit| fit.poles.len()) <= poles.len() {
+                    refused.push(line.hz);
+                }
+            }
             None => refused.push(line.hz),
         }
     }
@@ -163,9 +172,44 @@ fn begun(samples: &Samples, candidates: Vec<Pole>) -> Option<Fit> {
     None
 }
 
+/// What the likelihood must gain by a pole where noise is stronger than its mean.
+fn gain_limit(samples: &Samples, fit: &Fit, hz: f64) -> f64 {
+    let (_, levels) = left(samples, Some(fit));
+    let levels = fit.above_rounding(&levels.at(hz));
+    let ratios = levels.iter().zip(&fit.sigma).map(|(level, sigma)| level / (sigma * sigma));
+    chance_limit(samples) * (ratios.sum::<f64>() / levels.len().max(1) as f64).max(1.0)
+}
+
+/// Leaves out one of two poles that are closer than what length and decay resolve, where the likelihood hardly loses by it: their
+/// amplitudes are large against each other, so that each for itself seems strong.
+fn parted(samples: &Samples, fit: Fit) -> Fit {
+    let mut fit = fit;
+    for _ in 0..fit.poles.len() {
+        let reach = |a: &Pole, b: &Pole| {
+            std::f64::consts::TAU / samples.duration_s() + a.decay.abs().max(b.decay.abs())
+        };
+        let close = (0..fit.poles.len()).flat_map(|i| (0..i).map(move |j| (i, j))).filter(|(i, j)| {
+            let (a, b) = (&fit.poles[*i], &fit.poles[*j]);
+            (a.angular - b.angular).abs() < 2.0 * reach(a, b)
+        });
+        let without = close.flat_map(|(i, j)| [i, j]).find_map(|r| {
+            let mut poles = fit.poles.clone();
+            let gone = poles.remove(r);
+            let fewer = Fit::refined(samples, poles, 25)?;
+            let loss = fewer.objective - fit.objective;
+            (loss < gain_limit(samples, &fit, gone.hz())).then_some(fewer)
+        });
+        match without {
+            Some(fewer) => fit = fewer,
+            None => break,
+        }
+    }
+    fit
+}
+
 /// Leaves out poles whose amplitudes noise explains, the weakest first.
 fn pruned(samples: &Samples, fit: Fit) -> Option<Fit> {
-    let limit = quantile(2.0 * samples.y.ncols() as f64 + 2.0, FALSE_ALARM);
+    let limit = MARGIN * chance_limit(samples);
     let mut fit = fit;
     loop {
         let (_, levels) = left(samples, Some(&fit));
@@ -185,7 +229,7 @@ fn pruned(samples: &Samples, fit: Fit) -> Option<Fit> {
                 }
                 fit = Fit::refined(samples, poles, 25)?;
             }
-            Some(_) => return Some(fit),
+            Some(_) => return Some(parted(samples, fit)),
             None => return None,
         }
     }
@@ -203,9 +247,7 @@ fn extended(samples: &Samples, fit: Option<&Fit>, poles: &[Pole], line: Line) ->
     });
     let best = tried.min_by(|a, b| a.objective.total_cmp(&b.objective))?;
     let refined = Fit::refined(samples, best.poles, 25)?;
-    let channels = samples.y.ncols() as f64;
-    let limit = quantile(2.0 * channels + 2.0, FALSE_ALARM);
     let before = fit
         .map_or_else(|| Fit::at(samples, Vec::new()).map(|none| none.objective), |fit| Some(fit.objective))?;
-    (before - refined.objective > limit).then_some(refined)
+    (before - refined.objective > gain_limit(samples, &refined, line.hz)).then_some(refined)
 }

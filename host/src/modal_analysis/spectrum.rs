@@ -9,6 +9,12 @@ use rustfft::num_complex::Complex;
 
 use super::input::{FreeDecay, ModalError, Options};
 
+/// Independent frequencies for one level of noise, at low frequencies and at high ones.
+const LEAST_BLOCK: usize = 20;
+const MOST_BLOCK: usize = 96;
+/// Independent frequencies on each side of one, around which noise is measured.
+const LEAST_SIDE: usize = 6;
+
 /// Amplitude spectral density of each channel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spectrum {
@@ -118,40 +124,55 @@ impl Periodogram {
         self.power.row(row).iter().copied().collect()
     }
 
-    /// The rows of independent frequencies nearest to one, apart from those closer than 1.5 of them to any of `away`, and from zero.
-    fn near(&self, hz: f64, count: usize, away: &[f64]) -> Vec<usize> {
+    /// The rows of independent frequencies nearest to one: the same number on both sides, so that a slope does not count, at most
+    /// `side` and at least [`LEAST_SIDE`] if there are so many. Not those closer than 1.5 of them to any of `away`, and not zero.
+    fn near(&self, hz: f64, side: usize, away: &[f64]) -> Vec<usize> {
         let width = self.padding as f64 * self.step_hz;
         let is_free = |row: &usize| away.iter().all(|other| (self.hz(*row) - other).abs() > 1.5 * width);
-        let mut rows: Vec<usize> =
-            (self.padding..self.rows()).step_by(self.padding).filter(is_free).collect();
-        rows.sort_by(|a, b| (self.hz(*a) - hz).abs().total_cmp(&(self.hz(*b) - hz).abs()));
-        rows.truncate(count);
-        rows
+        let free: Vec<usize> = (self.padding..self.rows()).step_by(self.padding).filter(is_free).collect();
+        let place = free.partition_point(|row| self.hz(*row) < hz);
+        let half = place.min(free.len() - place).clamp(LEAST_SIDE, side.max(LEAST_SIDE));
+        free[place.saturating_sub(half)..(place + half).min(free.len())].to_vec()
     }
 
     /// Mean power of each channel around a frequency: the variance of white noise that would do the same there.
-    pub(super) fn mean_near(&self, hz: f64, count: usize, away: &[f64]) -> Vec<f64> {
-        let rows = self.near(hz, count, away);
+    pub(super) fn mean_near(&self, hz: f64, side: usize, away: &[f64]) -> Vec<f64> {
+        let rows = self.near(hz, side, away);
         let mean = |channel: usize| {
             rows.iter().map(|row| self.power[(*row, channel)]).sum::<f64>() / rows.len().max(1) as f64
         };
         (0..self.power.ncols()).map(mean).collect()
     }
 
-    /// Levels of noise in blocks of this many independent frequencies: by the median, which lines do not move.
-    pub(super) fn levels(&self, block: usize) -> Levels {
+    /// The level of noise of each channel over all frequencies.
+    pub(super) fn level(&self) -> Vec<f64> {
+        self.middle(&(self.padding..self.rows()).step_by(self.padding).collect::<Vec<_>>())
+    }
+
+    /// Levels of noise over blocks of frequencies that grow with frequency, as the levels of most noise change by the octave.
+    pub(super) fn levels(&self) -> Levels {
         let picked: Vec<usize> = (self.padding..self.rows()).step_by(self.padding).collect();
-        let blocks = picked.chunks(block).filter(|chunk| 2 * chunk.len() >= block || picked.len() < block);
         let (mut hz, mut level) = (Vec::new(), Vec::new());
-        for chunk in blocks {
-            hz.push(chunk.iter().map(|row| self.hz(*row)).sum::<f64>() / chunk.len() as f64);
-            let of = |channel: usize| {
-                let mut powers: Vec<f64> = chunk.iter().map(|row| self.power[(*row, channel)]).collect();
-                median(&mut powers) / std::f64::consts::LN_2
-            };
-            level.push((0..self.power.ncols()).map(of).collect());
+        let mut first = 0;
+        while first < picked.len() {
+            let length = (first / 2).clamp(LEAST_BLOCK, MOST_BLOCK);
+            // What is too little for a block of its own goes to the last one.
+            let rest = picked.len() - first;
+            let block = &picked[first..first + if rest < 2 * length { rest } else { length }];
+            hz.push(block.iter().map(|row| self.hz(*row)).sum::<f64>() / block.len() as f64);
+            level.push(self.middle(block));
+            first += block.len();
         }
         Levels { hz, level }
+    }
+
+    /// The median power of each channel over rows, by that of noise of level one, `ln 2`: lines do not move it.
+    fn middle(&self, rows: &[usize]) -> Vec<f64> {
+        let of = |channel: usize| {
+            let mut powers: Vec<f64> = rows.iter().map(|row| self.power[(*row, channel)]).collect();
+            median(&mut powers) / std::f64::consts::LN_2
+        };
+        (0..self.power.ncols()).map(of).collect()
     }
 }
 

@@ -1,3 +1,4 @@
+mod bad_input;
 mod exact;
 mod statistics;
 mod support;
