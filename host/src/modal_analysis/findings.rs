@@ -196,6 +196,7 @@ impl Finding {
             Self::MissingModes { .. }
             | Self::TooClose { .. }
             | Self::LargeAmplitude { .. }
+            | Self::FrequencyShift { .. }
             | Self::FewCycles { is_refused: true, .. } => Severity::Error,
             _ => Severity::Warning,
         }

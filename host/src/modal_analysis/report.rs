@@ -16,7 +16,7 @@ use super::triangle::Samples;
 /// Cycles below which a mode is warned of.
 const FEW_CYCLES: f64 = 5.0;
 /// Power of noise around a mode, by its mean, that is said.
-const COLOURED: f64 = 2.0;
+const COLOURED: f64 = 2.5;
 /// Lines of the residual that are said at most.
 const MOST_LINES: usize = 5;
 
@@ -196,7 +196,7 @@ impl Evidence<'_> {
             harmonics(self.samples, self.fit, self.columns, self.spectrum, combinations)
         };
         lines.extend(self.fitted_harmonics(&modes));
-        let mut found = Vec::new();
+        let mut found = self.beside(|parent| shifts.iter().any(|s| s.component == parent && told(&s)));
         let mut said = vec![false; lines.len()];
         for shift in shifts.iter().filter(told) {
             let of = lines.iter().position(|line| line.combination.parent == shift.component);
@@ -213,6 +213,18 @@ impl Evidence<'_> {
             limit: line.limit,
         }));
         found
+    }
+
+    /// Weak components beside modes that no change of the mode's frequency explains.
+    fn beside(&self, explained: impl Fn(usize) -> bool) -> Vec<Finding> {
+        let of = |(r, role): (usize, &Role)| match role {
+            Role::Beside(parent) if !explained(*parent) => {
+                let (hz, ratio) = (self.fit.poles[r].hz(), self.strengths[r].sqrt());
+                Some(Finding::OtherLine { hz, ratio, channel: self.strongest_channel(r) })
+            }
+            _ => None,
+        };
+        self.roles.iter().enumerate().filter_map(of).collect()
     }
 
     fn shift_finding(&self, shift: &Shift, line: Option<&Harmonic>) -> Finding {

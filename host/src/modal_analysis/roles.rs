@@ -16,6 +16,8 @@ pub(super) const APART: f64 = 8.0;
 const UNDAMPED: f64 = 2.5e-4;
 /// Strength by that of the stronger one, below which a component may be its harmonic or stand beside it.
 const WEAK: f64 = 0.05;
+/// The same for what the change of its own frequency leaves beside a mode.
+const WEAK_BESIDE: f64 = 0.4;
 
 /// What a component is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,14 +57,12 @@ pub(super) fn roles(
         }
     }
     mark_undamped(&mut roles, amplitudes);
+    mark_beside(&mut roles, poles, amplitudes, strengths, duration_s);
     mark_harmonics(&mut roles, poles, amplitudes, strengths, duration_s);
     mark_close(&mut roles, poles, amplitudes, strengths, duration_s);
     let is_found = |role: &Role| matches!(role, Role::Mode | Role::TooClose(_) | Role::TooShort);
-    if let Some(wanted) = options.modes {
-        keep_strongest(&mut roles, strengths, wanted, is_found);
-    } else {
-        keep_strongest(&mut roles, strengths, options.most, is_found);
-    }
+    promote_beside(&mut roles, strengths, options.modes.unwrap_or(0), is_found);
+    keep_strongest(&mut roles, strengths, options.modes.unwrap_or(options.most), is_found);
     roles
 }
 
@@ -84,6 +84,38 @@ fn mark_undamped(roles: &mut [Role], amplitudes: &Amplitudes) {
     }
 }
 
+/// Weak components at the frequency of a stronger one that decay as its product with a square does. A frequency that changes with
+/// amplitudes squared, `ν + κ e^{−2βt}`, makes of `e^{iνt − αt}` to first order such a part of decay `α + 2β`; `α + 4β` and `α + 6β`
+/// are of the second and third order.
+fn mark_beside(
+    roles: &mut [Role],
+    poles: &[Pole],
+    amplitudes: &Amplitudes,
+    strengths: &[f64],
+    duration_s: f64,
+) {
+    let modes: Vec<usize> = (0..roles.len()).filter(|r| roles[*r] == Role::Mode).collect();
+    for r in &modes {
+        let (angular_sd, damping_sd) = amplitudes.deviations(*r);
+        let decay_sd = damping_sd * amplitudes.angular[*r];
+        let stronger = |other: &&usize| strengths[*r] < WEAK_BESIDE * strengths[**other];
+        let explains = |parent: &&usize| {
+            let off = (poles[**parent].angular - poles[*r].angular).abs();
+            let decays = |square: &usize| {
+                let is_strong = strengths[*r] < WEAK_BESIDE * strengths[*square];
+                let orders = [2.0, 4.0, 6.0].map(|k| poles[**parent].decay + k * poles[*square].decay);
+                let is_near =
+                    |wanted: &f64| (wanted - poles[*r].decay).abs() < 4.0 * decay_sd + 0.2 * wanted.abs();
+                is_strong && orders.iter().any(is_near)
+            };
+            off < 4.0 * angular_sd + 1.5 / duration_s + poles[*r].decay && modes.iter().any(|s| decays(s))
+        };
+        if let Some(parent) = modes.iter().filter(stronger).find(explains) {
+            roles[*r] = Role::Beside(*parent);
+        }
+    }
+}
+
 /// Weak components at a multiple or sum of stronger ones, that decay as products of them do.
 fn mark_harmonics(
     roles: &mut [Role],
@@ -101,7 +133,8 @@ fn mark_harmonics(
         let fits = combinations(poles, &stronger, strengths).iter().any(|c| {
             let off = (c.pole.angular - poles[*r].angular).abs();
             let decay_off = (c.pole.decay - poles[*r].decay).abs();
-            off < 4.0 * angular_sd + 1.5 / duration_s && decay_off < 4.0 * decay_sd + 0.3 * c.pole.decay.abs()
+            off < 4.0 * angular_sd + 1.5 / duration_s + c.pole.decay.abs()
+                && decay_off < 4.0 * decay_sd + 0.3 * c.pole.decay.abs()
         });
         if fits {
             roles[*r] = Role::Harmonic;
@@ -135,6 +168,16 @@ fn mark_close(
                 roles[weak] = Role::Beside(strong);
             }
         }
+    }
+}
+
+/// Where modes are missing, a weak one beside another is one of them: the strongest first.
+fn promote_beside(roles: &mut [Role], strengths: &[f64], wanted: usize, is_found: impl Fn(&Role) -> bool) {
+    let found = roles.iter().filter(|role| is_found(role)).count();
+    let mut beside: Vec<usize> = (0..roles.len()).filter(|r| matches!(roles[*r], Role::Beside(_))).collect();
+    beside.sort_by(|a, b| strengths[*b].total_cmp(&strengths[*a]));
+    for r in beside.into_iter().take(wanted.saturating_sub(found)) {
+        roles[r] = Role::Mode;
     }
 }
 

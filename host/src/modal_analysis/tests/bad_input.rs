@@ -112,7 +112,11 @@ fn a_recording_of_one_cycle_is_too_short_and_one_of_three_is_warned_of() {
     let y = noisy(&system, &[1e-3], 6.0, 1e-6, 3);
     let found = run(&y, None).expect("a mode");
     assert_eq!(found.shapes.modes.len(), 1);
-    assert!(matches!(found.findings.as_slice(), [Finding::FewCycles { is_refused: false, .. }]), "{:?}", found.findings);
+    assert!(
+        matches!(found.findings.as_slice(), [Finding::FewCycles { is_refused: false, .. }]),
+        "{:?}",
+        found.findings
+    );
 }
 
 #[test]
@@ -123,7 +127,8 @@ fn a_mode_that_was_not_excited_is_missing_and_its_direction_is_named() {
     let deflection = (shapes.column(0) + shapes.column(1) * 0.7 + shapes.column(3) * 0.5) * 2e-3;
     let y = noisy(&system, deflection.as_slice(), 20.0, 2e-6, 4);
     let found = run(&y, Some(4)).expect("modes");
-    let Some(Finding::MissingModes { wanted: 4, found: 3, vector, channel, .. }) = found.findings.first() else {
+    let Some(Finding::MissingModes { wanted: 4, found: 3, vector, channel, .. }) = found.findings.first()
+    else {
         panic!("{:?}", found.findings)
     };
     for k in [0, 1, 3] {
@@ -195,7 +200,6 @@ fn close_modes_are_never_wrong_with_small_deviations() {
             count += 1;
         }
     }
-    println!("{} of {count}, refused {refused}", squares / f64::from(count));
     assert!(count > 30 && refused > 5, "{count} {refused}");
     assert!(squares / f64::from(count) < 1.0 + 4.0 * (2.0 / f64::from(count)).sqrt());
 }

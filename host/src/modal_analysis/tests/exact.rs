@@ -3,7 +3,7 @@
 use nalgebra::DVector;
 
 use super::super::{FreeDecay, Options, identify};
-use super::support::{NAMES, System, unit};
+use super::support::{NAMES, Normal, System, unit};
 
 fn check(hz: &[f64], ratios: &[f64], rate_hz: f64, duration_s: f64) {
     let system = System::new(hz, ratios, 3);
@@ -39,4 +39,26 @@ fn modes_of_widely_different_damping_are_exact_without_noise() {
 #[test]
 fn modes_two_hundredths_apart_are_exact_without_noise() {
     check(&[1.0, 1.02, 1.04, 3.0, 3.06, 5.0], &[0.003, 0.004, 0.003, 0.01, 0.002, 0.001], 100.0, 60.0);
+}
+
+/// Six channels of a thousand samples a second for ten seconds, with noise of a thousandth and a hundred thousandth of the amplitude.
+#[test]
+fn a_platform_of_six_coordinates_has_its_six_modes_under_noise() {
+    let system = System::new(&[0.7, 0.9, 1.3, 2.2, 3.1, 4.0], &[0.002, 0.003, 0.01, 0.004, 0.02, 0.001], 3);
+    let deflection = DVector::from_row_slice(&[2e-3, -1e-3, 1e-3, 1e-3, 2e-3, -1e-3]);
+    let clean = system.decay(&deflection, 1000.0, 10_000);
+    let (omega, _) = system.modes();
+    for sigma in [1e-8, 1e-6] {
+        let mut y = clean.clone();
+        Normal::new(4).add(&mut y, &[sigma; 6]);
+        let decay = FreeDecay { rate_hz: 1000.0, samples: &y, names: &NAMES };
+        let began = std::time::Instant::now();
+        let found = identify(&decay, &Options { modes: Some(6), ..Options::default() }).expect("modes");
+        println!("{:?}", began.elapsed());
+        assert!(found.findings.is_empty() && found.shapes.modes.len() == 6, "{:?}", found.findings);
+        for (mode, omega) in found.shapes.modes.iter().zip(&omega) {
+            assert!((mode.angular - omega).abs() < 4.5 * mode.angular_sd);
+            assert!(mode.imaginary_share < 1e-2 && mode.collinearity > 0.999);
+        }
+    }
 }

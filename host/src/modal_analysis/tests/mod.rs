@@ -1,4 +1,5 @@
 mod bad_input;
 mod exact;
+mod nonlinear;
 mod statistics;
 mod support;

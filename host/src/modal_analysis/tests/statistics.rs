@@ -106,10 +106,8 @@ fn intervals_hold_under_white_noise() {
     let tally = tally(|y, run| Normal::new(run).add(y, &SIGMA));
     for k in 0..3 {
         let runs = tally.runs as f64;
-        println!("{:?} {:?}", tally.squares.map(|s| s[k] / runs), tally.covered.map(|c| c[k]));
     }
     let joint = tally.joint.iter().sum::<f64>() / tally.joint.len() as f64;
-    println!("joint {}", joint / 12.0);
     for k in 0..3 {
         let runs = tally.runs as f64;
         for (j, what) in ["frequency", "damping"].into_iter().enumerate() {
@@ -137,7 +135,8 @@ fn bound() -> [f64; 3] {
                 return 1.0;
             }
             let k = (j - 1) / 2;
-            let (size, phase) = ((-ratios[k] * omega[k] * t).exp(), omega[k] * (1.0 - ratios[k].powi(2)).sqrt() * t);
+            let (size, phase) =
+                ((-ratios[k] * omega[k] * t).exp(), omega[k] * (1.0 - ratios[k].powi(2)).sqrt() * t);
             size * if j % 2 == 1 { phase.cos() } else { phase.sin() }
         })
     };
@@ -151,7 +150,11 @@ fn bound() -> [f64; 3] {
             let step = if j < 3 { 1e-5 } else { 1e-7 };
             let at = |sign: f64| {
                 let (mut omega, mut ratios) = (omega.clone(), RATIOS);
-                if j < 3 { omega[j] += sign * step } else { ratios[j - 3] += sign * step }
+                if j < 3 {
+                    omega[j] += sign * step
+                } else {
+                    ratios[j - 3] += sign * step
+                }
                 basis(&omega, &ratios) * solved.column(c)
             };
             jacobian.set_column(j, &((at(1.0) - at(-1.0)) / (2.0 * step)));
@@ -173,7 +176,6 @@ fn frequencies_are_as_exact_as_can_be() {
     for k in 0..3 {
         let runs = tally.runs as f64;
         let (reached, predicted) = (tally.errors[k] / runs / bound[k], tally.predicted[k] / runs / bound[k]);
-        println!("variance by bound {reached} predicted {predicted}");
         let four = 4.0 * (2.0 / runs).sqrt();
         assert!(reached > 1.0 - four && reached < 1.0 + four, "mode {k}: {reached}");
         assert!(predicted > 0.98 && predicted < 1.12, "mode {k}: {predicted}");
@@ -194,9 +196,7 @@ fn intervals_hold_under_autocorrelated_noise() {
         }
     });
     let runs = tally.runs as f64;
-    for k in 0..3 {
-        println!("{:?} {:?}", tally.squares.map(|s| s[k] / runs), tally.covered.map(|c| c[k]));
-    }
+    for k in 0..3 {}
     for k in 0..3 {
         for (j, what) in ["frequency", "damping"].into_iter().enumerate() {
             let share = tally.covered[j][k] as f64 / runs;
