@@ -2,7 +2,7 @@
 //!
 //! Lives here: first poles that stay the same over orders ([`mod@start`]), their maximum likelihood by variable projection
 //! ([`decay_fit`]), the search for as many components as the recording tells ([`search`]), what each of them is ([`roles`]), shapes
-//! with their joint covariance ([`shape`]), and what is wrong with a recording ([`ModalError`], [`Finding`]). Numbers in, numbers out.
+//! with their joint covariance ([`shape`]), the same from an IMU's signals ([`imu`]), and what is wrong with a recording ([`ModalError`], [`Finding`]). Numbers in, numbers out.
 //! May not live here: files, bodies, springs, screens.
 
 mod amplitudes;
@@ -10,6 +10,7 @@ mod channels;
 mod decay_fit;
 mod findings;
 mod harmonics;
+mod imu;
 mod input;
 mod report;
 mod roles;
@@ -25,6 +26,7 @@ use nalgebra::DMatrix;
 
 pub use amplitudes::Amplitudes;
 pub use findings::{Finding, Severity};
+pub use imu::{Imu, platform_amplitudes};
 pub use input::{FreeDecay, ModalError, Options};
 pub use roles::Role;
 pub use shape::{Mode, Shapes, shapes};

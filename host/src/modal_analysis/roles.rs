@@ -59,9 +59,12 @@ pub(super) fn roles(
     mark_undamped(&mut roles, amplitudes);
     mark_beside(&mut roles, poles, amplitudes, strengths, duration_s);
     mark_harmonics(&mut roles, poles, amplitudes, strengths, duration_s);
-    mark_close(&mut roles, poles, amplitudes, strengths, duration_s);
     let is_found = |role: &Role| matches!(role, Role::Mode | Role::TooClose(_) | Role::TooShort);
-    promote_beside(&mut roles, strengths, options.modes.unwrap_or(0), is_found);
+    let wanted = options.modes.unwrap_or(0);
+    // Before and after pairs are looked at: those that are taken back must be apart, too.
+    promote_beside(&mut roles, strengths, wanted, is_found);
+    mark_close(&mut roles, poles, amplitudes, strengths, duration_s);
+    promote_beside(&mut roles, strengths, wanted, is_found);
     keep_strongest(&mut roles, strengths, options.modes.unwrap_or(options.most), is_found);
     roles
 }
@@ -108,7 +111,7 @@ fn mark_beside(
                     |wanted: &f64| (wanted - poles[*r].decay).abs() < 4.0 * decay_sd + 0.2 * wanted.abs();
                 is_strong && orders.iter().any(is_near)
             };
-            off < 4.0 * angular_sd + 1.5 / duration_s + poles[*r].decay && modes.iter().any(|s| decays(s))
+            off < 4.0 * angular_sd + 1.5 / duration_s + poles[*r].decay && modes.iter().any(decays)
         };
         if let Some(parent) = modes.iter().filter(stronger).find(explains) {
             roles[*r] = Role::Beside(*parent);

@@ -52,9 +52,7 @@ fn a_platform_of_six_coordinates_has_its_six_modes_under_noise() {
         let mut y = clean.clone();
         Normal::new(4).add(&mut y, &[sigma; 6]);
         let decay = FreeDecay { rate_hz: 1000.0, samples: &y, names: &NAMES };
-        let began = std::time::Instant::now();
         let found = identify(&decay, &Options { modes: Some(6), ..Options::default() }).expect("modes");
-        println!("{:?}", began.elapsed());
         assert!(found.findings.is_empty() && found.shapes.modes.len() == 6, "{:?}", found.findings);
         for (mode, omega) in found.shapes.modes.iter().zip(&omega) {
             assert!((mode.angular - omega).abs() < 4.5 * mode.angular_sd);

@@ -104,9 +104,6 @@ fn check_mean(mean: f64, freedom: f64, what: &str) {
 #[test]
 fn intervals_hold_under_white_noise() {
     let tally = tally(|y, run| Normal::new(run).add(y, &SIGMA));
-    for k in 0..3 {
-        let runs = tally.runs as f64;
-    }
     let joint = tally.joint.iter().sum::<f64>() / tally.joint.len() as f64;
     for k in 0..3 {
         let runs = tally.runs as f64;
@@ -196,7 +193,6 @@ fn intervals_hold_under_autocorrelated_noise() {
         }
     });
     let runs = tally.runs as f64;
-    for k in 0..3 {}
     for k in 0..3 {
         for (j, what) in ["frequency", "damping"].into_iter().enumerate() {
             let share = tally.covered[j][k] as f64 / runs;
