@@ -62,9 +62,9 @@ pub(super) fn roles(
     let is_found = |role: &Role| matches!(role, Role::Mode | Role::TooClose(_) | Role::TooShort);
     let wanted = options.modes.unwrap_or(0);
     // Before and after pairs are looked at: those that are taken back must be apart, too.
-    promote_beside(&mut roles, strengths, wanted, is_found);
+    take_back(&mut roles, strengths, wanted, is_found);
     mark_close(&mut roles, poles, amplitudes, strengths, duration_s);
-    promote_beside(&mut roles, strengths, wanted, is_found);
+    take_back(&mut roles, strengths, wanted, is_found);
     keep_strongest(&mut roles, strengths, options.modes.unwrap_or(options.most), is_found);
     roles
 }
@@ -174,10 +174,11 @@ fn mark_close(
     }
 }
 
-/// Where modes are missing, a weak one beside another is one of them: the strongest first.
-fn promote_beside(roles: &mut [Role], strengths: &[f64], wanted: usize, is_found: impl Fn(&Role) -> bool) {
+/// Where modes are missing, a weak one beside another or at a multiple or sum is one of them: the strongest first.
+fn take_back(roles: &mut [Role], strengths: &[f64], wanted: usize, is_found: impl Fn(&Role) -> bool) {
     let found = roles.iter().filter(|role| is_found(role)).count();
-    let mut beside: Vec<usize> = (0..roles.len()).filter(|r| matches!(roles[*r], Role::Beside(_))).collect();
+    let is_weak = |r: &usize| matches!(roles[*r], Role::Beside(_) | Role::Harmonic);
+    let mut beside: Vec<usize> = (0..roles.len()).filter(is_weak).collect();
     beside.sort_by(|a, b| strengths[*b].total_cmp(&strengths[*a]));
     for r in beside.into_iter().take(wanted.saturating_sub(found)) {
         roles[r] = Role::Mode;

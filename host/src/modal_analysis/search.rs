@@ -11,6 +11,9 @@ use super::triangle::{Pole, Samples, residuals};
 
 /// Chance that noise alone adds a component.
 const FALSE_ALARM: f64 = 1e-5;
+/// Power around a pole by the mean, in a channel, at which a second pole is tried there; over so many frequencies on each side.
+const COLOURED: f64 = 2.5;
+const NARROW: usize = 8;
 /// Room for levels of noise that are themselves measured, by some tens of frequencies.
 const MARGIN: f64 = 1.4;
 /// Components beside the modes: disturbances, harmonics.
@@ -43,20 +46,31 @@ pub(super) fn quantile(freedom: f64, probability: f64) -> f64 {
     ChiSquared::new(freedom).map_or(f64::INFINITY, |law| law.inverse_cdf(1.0 - probability.clamp(1e-13, 1.0)))
 }
 
-/// Looks for at most so many modes.
+/// Looks for at most so many modes: in samples at a lower rate, which is raised where all samples have a line beyond it that is
+/// left, as a fast mode of strong damping has no peak of its own beside slow ones.
 pub(super) fn search(samples: &Samples, most: usize) -> Searched {
-    let (fastest, strongest) = fastest_line(samples);
-    let averaged = |cycle: f64| {
-        let room = samples.y.nrows() as f64 / LEAST_SAMPLES;
-        let factor = (samples.rate_hz / (cycle * fastest)).min(room).floor().max(1.0);
-        samples.averaged(factor as usize)
-    };
-    let (first, searched) = (averaged(FIRST_SAMPLES_A_CYCLE), averaged(SAMPLES_A_CYCLE));
-    let noise = noise(&first);
-    let mut candidates = stable_poles(&first, &noise);
-    candidates.truncate(most + BESIDE);
-    let fit = chosen(&searched, candidates, most + BESIDE);
-    Searched { fit, samples: searched, strongest }
+    let (mut fastest, strongest) = fastest_line(samples);
+    loop {
+        let averaged = |cycle: f64| {
+            let room = samples.y.nrows() as f64 / LEAST_SAMPLES;
+            let factor = (samples.rate_hz / (cycle * fastest)).min(room).floor().max(1.0);
+            samples.averaged(factor as usize)
+        };
+        let (first, searched) = (averaged(FIRST_SAMPLES_A_CYCLE), averaged(SAMPLES_A_CYCLE));
+        let mut candidates = stable_poles(&first, &noise(&first), most);
+        candidates.truncate(most + BESIDE);
+        let fit = chosen(&searched, candidates, most + BESIDE);
+        let is_all = searched.y.nrows() == samples.y.nrows() || fit.as_ref().is_some_and(Fit::is_exact);
+        let whole =
+            (!is_all).then(|| fit.as_ref().and_then(|fit| Fit::at(samples, fit.poles.clone()))).flatten();
+        let beyond = whole
+            .and_then(|whole| strongest_decay(samples, Some(&whole), samples.y.ncols(), &[]))
+            .filter(|line| line.hz > fastest);
+        match beyond {
+            Some(line) => fastest = 1.3 * line.hz,
+            None => return Searched { fit, samples: searched, strongest },
+        }
+    }
 }
 
 /// What the likelihood gains by a pole that fits noise best, at any of the frequencies.
@@ -144,7 +158,18 @@ fn chosen(samples: &Samples, candidates: Vec<Pole>, most: usize) -> Option<Fit> 
         if poles.len() >= most || fit.as_ref().is_some_and(Fit::is_exact) {
             break;
         }
-        let Some(line) = strongest_decay(samples, fit.as_ref(), channels, &refused) else { break };
+        let Some(line) = strongest_decay(samples, fit.as_ref(), channels, &refused) else {
+            match fit.as_ref().and_then(|fit| split(samples, fit)) {
+                Some(better) => {
+                    fit = pruned(samples, better);
+                    if fit.as_ref().map_or(0, |fit| fit.poles.len()) > poles.len() {
+                        continue;
+                    }
+                    break;
+                }
+                None => break,
+            }
+        };
         match extended(samples, fit.as_ref(), &poles, line) {
             Some(better) => {
                 fit = pruned(samples, better);
@@ -233,6 +258,30 @@ fn pruned(samples: &Samples, fit: Fit) -> Option<Fit> {
             None => return None,
         }
     }
+}
+
+/// The fit with one more pole beside one that has more than noise around it: two broad modes over each other leave no line.
+fn split(samples: &Samples, fit: &Fit) -> Option<Fit> {
+    let (spectrum, _) = left(samples, Some(fit));
+    let away: Vec<f64> = fit.poles.iter().map(Pole::hz).collect();
+    let is_coloured = |pole: &&Pole| {
+        let near = spectrum.mean_near(pole.hz(), NARROW, &away);
+        near.iter().zip(&fit.sigma).any(|(near, sigma)| near / (sigma * sigma) > COLOURED)
+    };
+    fit.poles.iter().filter(is_coloured).find_map(|pole| {
+        let reach = pole.decay.abs() + std::f64::consts::TAU / samples.duration_s();
+        let tried = [-1.0, 1.0].into_iter().flat_map(|side| [0.5, 2.0].map(|times| (side, times)));
+        let best = tried
+            .filter_map(|(side, times)| {
+                let mut poles = fit.poles.clone();
+                poles.push(Pole { decay: times * pole.decay.abs(), angular: pole.angular + side * reach });
+                Fit::at(samples, poles)
+            })
+            .min_by(|a, b| a.objective.total_cmp(&b.objective))?;
+        let refined = Fit::refined(samples, best.poles, 40)?;
+        let gain = fit.objective - refined.objective;
+        (gain > gain_limit(samples, &refined, pole.hz())).then_some(refined)
+    })
 }
 
 /// The fit with one more pole near a line, if the likelihood gains more than noise gives.

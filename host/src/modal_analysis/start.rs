@@ -10,8 +10,9 @@ use super::triangle::{Pole, Samples};
 
 /// Largest number of rows and columns of lags.
 const MOST_LAGS: usize = 320;
-/// Orders that are tried: even ones up to this.
+/// Orders that are tried, even ones: up to four for each mode, so that noise has room, and some more; but no more than this.
 const MOST_ORDER: usize = 44;
+const BEYOND: usize = 12;
 /// Orders in which a pole must be found again.
 const STABLE: usize = 3;
 /// Largest relative change of frequency, and of damping ratio, from order to order.
@@ -31,12 +32,14 @@ struct Found {
 }
 
 /// Returns poles that stay the same over orders, those longest stable first. Channels are divided by their noise first.
-pub(super) fn stable_poles(samples: &Samples, noise: &[f64]) -> Vec<Pole> {
+pub(super) fn stable_poles(samples: &Samples, noise: &[f64], most: usize) -> Vec<Pole> {
     let mut scaled = samples.y.clone();
     for (mut column, (noise, size)) in scaled.column_iter_mut().zip(noise.iter().zip(samples.sizes())) {
         column /= noise.max(1e-9 * size).max(1e-150);
     }
-    let Some((sigma, between, observed)) = realisation(&scaled) else { return Vec::new() };
+    let Some((sigma, between, observed)) = realisation(&scaled, (4 * most + BEYOND).min(MOST_ORDER)) else {
+        return Vec::new();
+    };
     let mut orders: Vec<Vec<Found>> = Vec::new();
     // Without noise, poles are there from the rank on, and have to be found again in a few orders beyond it.
     let rank = sigma.iter().filter(|s| **s > 1e-12 * sigma[0]).count();
@@ -52,7 +55,7 @@ pub(super) fn stable_poles(samples: &Samples, noise: &[f64]) -> Vec<Pole> {
 }
 
 /// `Σ`, `Uᵀ H₁ V` and the rows of `U Σ` of the first lag, for as many dimensions as may be of use.
-fn realisation(y: &DMatrix<f64>) -> Option<(Vec<f64>, DMatrix<f64>, DMatrix<f64>)> {
+fn realisation(y: &DMatrix<f64>, most_order: usize) -> Option<(Vec<f64>, DMatrix<f64>, DMatrix<f64>)> {
     let (samples, channels) = y.shape();
     let lags = (samples - 1) / 2;
     let stride = lags.div_ceil(MOST_LAGS).max(1);
@@ -66,7 +69,7 @@ fn realisation(y: &DMatrix<f64>) -> Option<(Vec<f64>, DMatrix<f64>, DMatrix<f64>
         })
     };
     let now = hankel(0);
-    let width = MOST_ORDER.min(columns).min(rows * channels);
+    let width = most_order.min(columns).min(rows * channels);
     // Subspace iteration from columns without order; three rounds separate dimensions that differ by little.
     let mut state = 1_u64;
     let mut basis = DMatrix::from_fn(columns, width, |_, _| pseudo_random(&mut state));
