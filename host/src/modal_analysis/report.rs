@@ -1,0 +1,326 @@
+//! Findings of a fit, from what its components are and what it leaves.
+
+use nalgebra::{Complex, DMatrix};
+
+use super::amplitudes::Amplitudes;
+use super::decay_fit::Fit;
+use super::findings::Finding;
+use super::harmonics::{Harmonic, SHIFT_LIMIT, Shift, combinations, harmonics, shifts};
+use super::input::{FreeDecay, Options};
+use super::roles::{APART, LEAST_CYCLES, Role, distance, resolution_hz};
+use super::search::{quantile, strongest_line};
+use super::shape::Mode;
+use super::spectrum::{Levels, Periodogram};
+use super::triangle::Samples;
+
+/// Cycles below which a mode is warned of.
+const FEW_CYCLES: f64 = 5.0;
+/// Power of noise around a mode, by its mean, that is said.
+const COLOURED: f64 = 2.5;
+/// Lines of the residual that are said at most.
+const MOST_LINES: usize = 5;
+
+/// What findings are made from.
+pub(super) struct Evidence<'a> {
+    pub(super) decay: &'a FreeDecay<'a>,
+    pub(super) options: &'a Options,
+    /// Samples at the rate of the search, and the fit to them; the same components as the final fit.
+    pub(super) searched: (&'a Samples, &'a Fit),
+    /// All samples, and the final fit.
+    pub(super) samples: &'a Samples,
+    pub(super) fit: &'a Fit,
+    pub(super) amplitudes: &'a Amplitudes,
+    pub(super) roles: &'a [Role],
+    pub(super) strengths: &'a [f64],
+    /// What coloured noise has for each component and channel.
+    pub(super) coloured: &'a [Vec<f64>],
+    /// Residuals, their spectrum and its levels.
+    pub(super) columns: &'a DMatrix<f64>,
+    pub(super) spectrum: &'a Periodogram,
+    pub(super) levels: &'a Levels,
+}
+
+impl Evidence<'_> {
+    /// All findings, errors first.
+    pub(super) fn findings(&self, modes: &[Mode]) -> Vec<Finding> {
+        let mut found = self.of_components();
+        found.extend(self.close());
+        found.extend(self.missing());
+        found.extend(self.nonlinear());
+        if !self.fit.is_exact() {
+            found.extend(self.lines());
+            found.extend(self.noise());
+            found.extend(self.complex(modes));
+        }
+        found.sort_by_key(|finding| std::cmp::Reverse(finding.severity()));
+        found
+    }
+
+    fn with(&self, role: Role) -> Vec<usize> {
+        (0..self.roles.len()).filter(|r| self.roles[*r] == role).collect()
+    }
+
+    fn strongest_channel(&self, component: usize) -> String {
+        let size = |c: &usize| {
+            let x = self.fit.amplitudes.view((1 + 2 * component, *c), (2, 1)).norm();
+            x / self.fit.sigma[*c]
+        };
+        let channel = (0..self.fit.sigma.len()).max_by(|a, b| size(a).total_cmp(&size(b)));
+        self.decay.name(channel.unwrap_or(0))
+    }
+
+    fn of_components(&self) -> Vec<Finding> {
+        let duration = self.decay.duration_s();
+        let mut found = Vec::new();
+        for (r, role) in self.roles.iter().enumerate() {
+            let hz = self.fit.poles[r].hz();
+            let cycles = hz * duration;
+            let (damping, sd) = (self.amplitudes.damping[r], self.amplitudes.deviations(r).1);
+            match role {
+                Role::TooShort | Role::Mode if cycles < FEW_CYCLES => {
+                    let is_refused = cycles < LEAST_CYCLES;
+                    found.push(Finding::FewCycles { hz, cycles, needed_s: FEW_CYCLES / hz, is_refused });
+                }
+                Role::Mode if damping < 2.0 * sd => found.push(Finding::NoDecay { hz, damping, sd }),
+                Role::Disturbance => {
+                    let channel = self.strongest_channel(r);
+                    found.push(Finding::Disturbance { hz, damping, sd, channel });
+                }
+                Role::Other => {
+                    let ratio = self.strengths[r].sqrt();
+                    found.push(Finding::OtherLine { hz, ratio, channel: self.strongest_channel(r) });
+                }
+                _ => {}
+            }
+        }
+        found
+    }
+
+    fn scale(&self, channel: usize) -> f64 {
+        self.options.scales.get(channel).copied().unwrap_or(1.0)
+    }
+
+    /// Real and imaginary parts of components' scaled amplitudes, brought to unit length for each component.
+    fn directions(&self, components: &[usize]) -> DMatrix<f64> {
+        let channels = self.fit.sigma.len();
+        let mut all = DMatrix::zeros(channels, 2 * components.len());
+        for (k, r) in components.iter().enumerate() {
+            let z = self.amplitudes.complex.column(*r);
+            let sum: Complex<f64> = (0..channels).map(|c| (z[c] / self.scale(c)).powi(2)).sum();
+            let turn = Complex::from_polar(1.0, -0.5 * sum.arg());
+            for c in 0..channels {
+                let turned = z[c] / self.scale(c) * turn;
+                all[(c, 2 * k)] = turned.re;
+                all[(c, 2 * k + 1)] = turned.im;
+            }
+            let size = all.columns(2 * k, 2).norm().max(f64::MIN_POSITIVE);
+            all.columns_mut(2 * k, 2).unscale_mut(size);
+        }
+        all
+    }
+
+    fn close(&self) -> Vec<Finding> {
+        let mut found = Vec::new();
+        for (i, role) in self.roles.iter().enumerate() {
+            let Role::TooClose(j) = role else { continue };
+            if *j < i && self.roles[*j] == Role::TooClose(i) {
+                continue;
+            }
+            let j = *j;
+            let u = self.directions(&[i, j]).svd(true, false).u;
+            let axis = |k: usize| {
+                let take = |u: &DMatrix<f64>| u.column(k.min(u.ncols() - 1)).iter().copied().collect();
+                u.as_ref().map_or_else(Vec::new, take)
+            };
+            found.push(Finding::TooClose {
+                hz: [self.fit.poles[i].hz(), self.fit.poles[j].hz()],
+                distance: distance(self.amplitudes, i, j),
+                least: APART,
+                resolution_hz: resolution_hz(&self.fit.poles, i, j, self.decay.duration_s()),
+                plane: [axis(0), axis(1)],
+            });
+        }
+        found
+    }
+
+    /// The direction that found shapes reach least: the last left singular vector of them.
+    fn missing(&self) -> Option<Finding> {
+        let wanted = self.options.modes?;
+        let is_found = |r: &usize| matches!(self.roles[*r], Role::Mode | Role::TooClose(_) | Role::TooShort);
+        let found: Vec<usize> = (0..self.roles.len()).filter(is_found).collect();
+        if found.len() >= wanted {
+            return None;
+        }
+        let channels = self.fit.sigma.len();
+        let real = DMatrix::from_fn(channels, found.len(), |c, k| self.directions(&[found[k]])[(c, 0)]);
+        let eigen = (&real * real.transpose()).symmetric_eigen();
+        let vector: Vec<f64> = eigen.eigenvectors.column(eigen.eigenvalues.imin()).iter().copied().collect();
+        let mut order: Vec<usize> = (0..channels).collect();
+        order.sort_by(|a, b| vector[*b].abs().total_cmp(&vector[*a].abs()));
+        let sign = vector[order[0]].signum();
+        let vector: Vec<f64> = vector.iter().map(|v| v * sign).collect();
+        let is_large = |c: &&usize| vector[**c].abs() > 0.2;
+        let words: Vec<String> = order
+            .iter()
+            .filter(is_large)
+            .map(|c| format!("{:+.2} {}", vector[*c], self.decay.name(*c)))
+            .collect();
+        Some(Finding::MissingModes {
+            wanted,
+            found: found.len(),
+            direction: words.join(" "),
+            channel: self.decay.name(order[0]),
+            vector,
+        })
+    }
+
+    fn nonlinear(&self) -> Vec<Finding> {
+        let modes = self.with(Role::Mode);
+        let (samples, fit) = self.searched;
+        let mean = |r: usize| {
+            let ratios = &self.coloured[r];
+            (ratios.iter().sum::<f64>() / ratios.len().max(1) as f64).sqrt()
+        };
+        let wider: Vec<f64> = (0..self.coloured.len()).map(mean).collect();
+        let near: Vec<usize> = (0..self.roles.len())
+            .filter(|r| !matches!(self.roles[*r], Role::Beside(_) | Role::TooShort | Role::Harmonic))
+            .collect();
+        let exact = self.fit.is_exact();
+        let shifts = if exact { Vec::new() } else { shifts(samples, fit, &near, &wider) };
+        let told =
+            |s: &&Shift| modes.contains(&s.component) && s.relative.abs() > (SHIFT_LIMIT * s.sd).max(1e-9);
+        let combinations = combinations(&fit.poles, &modes, self.strengths);
+        let mut lines = if exact {
+            Vec::new()
+        } else {
+            harmonics(self.samples, self.fit, self.columns, self.spectrum, combinations)
+        };
+        lines.extend(self.fitted_harmonics(&modes));
+        let mut found = self.beside(|parent| shifts.iter().any(|s| s.component == parent && told(&s)));
+        let mut said = vec![false; lines.len()];
+        for shift in shifts.iter().filter(told) {
+            let of = lines.iter().position(|line| line.combination.parent == shift.component);
+            found.push(self.shift_finding(shift, of.map(|k| &lines[k])));
+            for (said, line) in said.iter_mut().zip(&lines) {
+                *said |= line.combination.parent == shift.component;
+            }
+        }
+        let rest = lines.into_iter().zip(said).filter(|(_, said)| !said).take(MOST_LINES);
+        found.extend(rest.map(|(line, _)| Finding::Harmonic {
+            line_hz: line.combination.pole.hz(),
+            combination: line.combination.words,
+            ratio: line.ratio,
+            limit: line.limit,
+        }));
+        found
+    }
+
+    /// Weak components beside modes that no change of the mode's frequency explains.
+    fn beside(&self, explained: impl Fn(usize) -> bool) -> Vec<Finding> {
+        let of = |(r, role): (usize, &Role)| match role {
+            Role::Beside(parent) if !explained(*parent) => {
+                let (hz, ratio) = (self.fit.poles[r].hz(), self.strengths[r].sqrt());
+                Some(Finding::OtherLine { hz, ratio, channel: self.strongest_channel(r) })
+            }
+            _ => None,
+        };
+        self.roles.iter().enumerate().filter_map(of).collect()
+    }
+
+    fn shift_finding(&self, shift: &Shift, line: Option<&Harmonic>) -> Finding {
+        let r = shift.component;
+        let hz = self.fit.poles[r].hz();
+        let own = self.amplitudes.deviations(r).0 / self.amplitudes.angular[r];
+        // The shift grows with the square of the amplitude.
+        let smaller_by = (shift.relative.abs() / own.max(1e-12)).sqrt().max(1.0);
+        let (relative, shift_sd, limit) = (shift.relative, shift.sd, SHIFT_LIMIT * shift.sd);
+        match line {
+            Some(line) => Finding::LargeAmplitude {
+                hz,
+                shift: relative,
+                shift_sd,
+                limit,
+                combination: line.combination.words.clone(),
+                line_hz: line.combination.pole.hz(),
+                ratio: line.ratio,
+                smaller_by,
+            },
+            None => Finding::FrequencyShift { hz, shift: relative, shift_sd, limit, smaller_by },
+        }
+    }
+
+    /// Combinations that were strong enough to be fitted as components.
+    fn fitted_harmonics(&self, modes: &[usize]) -> Vec<Harmonic> {
+        let limit = quantile(2.0 * self.fit.sigma.len() as f64, 1e-4);
+        let nearest = |r: usize| {
+            let off = |pole: f64| (pole - self.fit.poles[r].angular).abs();
+            combinations(&self.fit.poles, modes, self.strengths)
+                .into_iter()
+                .min_by(|a, b| off(a.pole.angular).total_cmp(&off(b.pole.angular)))
+        };
+        let to_harmonic = |r: usize| {
+            let combination = nearest(r)?;
+            let by = self.strengths[combination.parent].max(f64::MIN_POSITIVE);
+            let (ratio, limit) = ((self.strengths[r] / by).sqrt(), (limit / by).sqrt());
+            Some(Harmonic { combination, ratio, limit })
+        };
+        self.with(Role::Harmonic).into_iter().filter_map(to_harmonic).collect()
+    }
+
+    /// Lines that the final residual still has.
+    fn lines(&self) -> Vec<Finding> {
+        let channels = self.fit.sigma.len();
+        let duration = self.decay.duration_s();
+        let modes = self.with(Role::Mode);
+        let known: Vec<f64> =
+            combinations(&self.fit.poles, &modes, self.strengths).iter().map(|c| c.pole.hz()).collect();
+        let mut avoid = Vec::new();
+        let mut found = Vec::new();
+        while found.len() < MOST_LINES && avoid.len() < 40 {
+            let Some(line) = strongest_line(self.spectrum, self.levels, channels, &avoid) else { break };
+            avoid.push(line.hz);
+            let row = (line.hz / self.spectrum.hz(1)).round() as usize;
+            let levels = self.levels.at(line.hz);
+            let by_noise = |c: &usize| self.spectrum.at(row)[*c] / levels[*c].max(f64::MIN_POSITIVE);
+            let channel = (0..channels).max_by(|a, b| by_noise(a).total_cmp(&by_noise(b))).unwrap_or(0);
+            if known.iter().any(|hz| (hz - line.hz).abs() < 1.5 / duration) {
+                continue;
+            }
+            let ratio = by_noise(&channel).sqrt();
+            found.push(Finding::OtherLine { hz: line.hz, ratio, channel: self.decay.name(channel) });
+        }
+        found
+    }
+
+    fn noise(&self) -> Vec<Finding> {
+        let of = |r: usize| {
+            let ratios = &self.coloured[r];
+            let worst = (0..ratios.len()).max_by(|a, b| ratios[*a].total_cmp(&ratios[*b]))?;
+            let (hz, ratio) = (self.fit.poles[r].hz(), ratios[worst]);
+            let channel = self.decay.name(worst);
+            (ratio > COLOURED).then_some(Finding::ColouredNoise { hz, channel, ratio })
+        };
+        self.with(Role::Mode).into_iter().filter_map(of).collect()
+    }
+
+    /// Modes whose imaginary part is beyond noise and a tenth of the whole.
+    fn complex(&self, modes: &[Mode]) -> Vec<Finding> {
+        let channels = self.fit.sigma.len();
+        let stride = self.amplitudes.stride();
+        let of = |r: usize| {
+            let mode = modes.iter().find(|mode| mode.angular == self.amplitudes.angular[r])?;
+            let (mut noise, mut size) = (0.0, 0.0);
+            for c in 0..channels {
+                let k = r * stride + 2 + c;
+                let both = self.amplitudes.covariance[(k, k)]
+                    + self.amplitudes.covariance[(k + channels, k + channels)];
+                noise += 0.5 * both / self.scale(c).powi(2);
+                size += mode.amplitudes[c].norm_sqr() / self.scale(c).powi(2);
+            }
+            let (noise, share) = ((noise / size.max(f64::MIN_POSITIVE)).sqrt(), mode.imaginary_share);
+            let is_beyond = share > 0.1 && share > 4.0 * noise;
+            is_beyond.then_some(Finding::Complex { hz: self.fit.poles[r].hz(), share, noise })
+        };
+        self.with(Role::Mode).into_iter().filter_map(of).collect()
+    }
+}

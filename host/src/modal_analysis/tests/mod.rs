@@ -1,0 +1,6 @@
+mod bad_input;
+mod exact;
+mod imu;
+mod nonlinear;
+mod statistics;
+mod support;
