@@ -30,7 +30,7 @@ fn source(case: &Case, which: usize) -> TreeSource {
         Problem::from_recording(&case.recordings[which], Some(&case.model), &options).expect("frames");
     match problem.subject {
         rigident::problem::Subject::Tree { source, .. } => *source,
-        rigident::problem::Subject::Body { .. } => panic!("{} is a tree", case.name),
+        _ => panic!("{} is a tree with sensors", case.name),
     }
 }
 
