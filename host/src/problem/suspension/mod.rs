@@ -4,6 +4,9 @@
 //! way to it from a recording and a rig file ([`mod@prepare`]). May not live here: the rows of a tree ([`crate::problem::tree`]).
 
 pub mod bare;
+pub mod free_decay;
+pub mod modal;
+pub mod mount;
 pub mod postures;
 pub mod prepare;
 pub mod source;
@@ -88,6 +91,14 @@ pub enum SuspensionError {
         file: String,
         /// Which, and why not.
         why: String,
+    },
+    /// The vibration has no modes.
+    #[error("{name}: {error}")]
+    Modes {
+        /// The recording.
+        name: String,
+        /// Why.
+        error: Box<crate::modal_analysis::ModalError>,
     },
     /// Joints or links do not fit the model.
     #[error(transparent)]

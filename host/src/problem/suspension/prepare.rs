@@ -1,21 +1,21 @@
 //! From a recording of poses and a rig file to rows.
 
-use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
-use rigident_shared::tree::{BaseMotion, Joint};
+use nalgebra::{Matrix3, Vector3};
+use rigident_shared::tree::Joint;
 
 use super::SuspensionError;
+use super::mount::Mount;
 use super::source::{Instant, SuspendedSource};
-use super::springs::{COORDINATES, Displacement, Springs, free};
+use super::springs::{COORDINATES, Springs, free};
 use super::track::{Pose, Track, poses, rest};
 use crate::model::base::{Rows, Situation};
 use crate::model::{Finding, Model, ModelLink};
-use crate::problem::moved::{Moved, Part};
+use crate::problem::moved::Part;
 use crate::problem::smoothing::Smoother;
 use crate::problem::tree::columns::{Quantity, column, numbers};
 use crate::problem::tree::joints::{Resolved, Seen, attitude, resolve};
-use crate::problem::tree::{BaseSensor, Frame, Input, TreePrepareError};
+use crate::problem::tree::{BaseSensor, Input, TreePrepareError};
 use crate::recording::Recording;
-use crate::rig::SuspensionTable;
 
 /// A locked coordinate that moves by more than this share of the largest free one of its kind is none.
 const LOCKED_MOVES: f64 = 0.05;
@@ -117,57 +117,6 @@ fn one_body() -> Model {
         name: "body".to_owned(),
         links: vec![ModelLink::new("body", "", link, None)],
         findings: Vec::new(),
-    }
-}
-
-/// Where S is in P.
-struct Mount {
-    /// Its origin against O, axes of P, m.
-    arm: Vector3<f64>,
-    rotation: Matrix3<f64>,
-}
-
-impl Mount {
-    fn of(table: &SuspensionTable) -> Self {
-        let q = table.base_rotation_wxyz.unwrap_or([1.0, 0.0, 0.0, 0.0]);
-        Self {
-            arm: Vector3::from(table.base_position_m) - Vector3::from(table.at_m),
-            rotation: attitude(&q).unwrap_or_else(Matrix3::identity),
-        }
-    }
-
-    /// Returns the platform, and the tree on it, at an instant.
-    fn frame(&self, moved: &Moved, time_ns: u64) -> (Instant, Frame) {
-        let (p, v) = (&moved.positions, &moved.rates);
-        let attitude = UnitQuaternion::from_quaternion(Quaternion::new(p[3], p[4], p[5], p[6]));
-        let turn: Matrix3<f64> = attitude.to_rotation_matrix().into_inner();
-        let (own_velocity, own_rate) = (Vector3::new(v[0], v[1], v[2]), Vector3::new(v[3], v[4], v[5]));
-        let at = Displacement {
-            shift: Vector3::new(p[0], p[1], p[2]),
-            velocity: turn * own_velocity,
-            rotation: turn,
-            rate: turn * own_rate,
-        };
-        let arm = turn * self.arm;
-        let base = turn * self.rotation;
-        let q = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(base));
-        let place = at.shift + arm;
-        let velocity = base.tr_mul(&(at.velocity + at.rate.cross(&arm)));
-        let rate = base.tr_mul(&at.rate);
-        let mut positions = vec![place.x, place.y, place.z, q.w, q.i, q.j, q.k];
-        positions.extend(&p[7..]);
-        let mut rates: Vec<f64> = velocity.iter().chain(rate.iter()).copied().collect();
-        rates.extend(&v[6..]);
-        let frame = Frame {
-            time_ns,
-            positions,
-            rates,
-            base: BaseMotion::still([0.0; 3]),
-            wrench: [0.0; 6],
-            efforts: Vec::new(),
-            standing: Vec::new(),
-        };
-        (Instant { at, arm }, frame)
     }
 }
 

@@ -74,6 +74,12 @@ enum SpringError {
     Damping(usize, usize),
 }
 
+impl SpringError {
+    fn is_of_stiffness(self) -> bool {
+        !matches!(self, Self::Damping(..))
+    }
+}
+
 /// Springs, with what is not known of them.
 #[derive(Clone, Debug)]
 pub struct Springs {
@@ -171,18 +177,35 @@ impl Springs {
 
     /// Returns the stiffness about O: six forces and moments against six displacements.
     pub fn stiffness(&self) -> Matrix6<f64> {
-        let of = |spring: &Spring| {
-            let mut arms = nalgebra::Matrix3x6::zeros();
-            arms.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
-            arms.fixed_view_mut::<3, 3>(0, 3).copy_from(&-spring.arm.cross_matrix());
-            arms.transpose() * spring.matrix() * arms
-        };
-        self.matrix.unwrap_or_else(|| self.each.iter().map(of).sum())
+        self.matrix.unwrap_or_else(|| self.each.iter().map(|s| s.about_o(&s.matrix())).sum())
     }
 
     /// Returns what is not known of them.
     pub fn nuisances(&self) -> &[Nuisance] {
         &self.nuisances
+    }
+
+    /// Returns what is not known of their stiffness alone, numbered anew.
+    pub fn stiffness_nuisances(&self) -> Vec<Nuisance> {
+        let own = self.nuisances.iter().zip(&self.errors).filter(|(_, error)| error.is_of_stiffness());
+        own.enumerate().map(|(k, (n, _))| Nuisance { effect: Effect::Signal(k), ..n.clone() }).collect()
+    }
+
+    /// Returns what a unit of each of these changes in the stiffness about O.
+    pub fn error_stiffnesses(&self) -> Vec<Matrix6<f64>> {
+        let of = |error: &SpringError| match *error {
+            SpringError::Stiffness(i, j) => {
+                let mut out = Matrix6::zeros();
+                (out[(i, j)], out[(j, i)]) = (1.0, 1.0);
+                Some(out)
+            }
+            SpringError::Axial(n) => Some(self.each[n].about_o(&self.each[n].along())),
+            SpringError::Lateral(n) => {
+                Some(self.each[n].about_o(&(self.each[n].matrix() - self.each[n].along())))
+            }
+            SpringError::Damping(..) => None,
+        };
+        self.errors.iter().filter_map(of).collect()
     }
 
     /// Returns the wrench on the platform about O, N and N m.
@@ -223,6 +246,14 @@ impl Spring {
 
     fn matrix(&self) -> Matrix3<f64> {
         self.along() + (Matrix3::identity() - self.axis * self.axis.transpose()) * self.lateral
+    }
+
+    /// What a stiffness of the point gives about O.
+    fn about_o(&self, stiffness: &Matrix3<f64>) -> Matrix6<f64> {
+        let mut arms = nalgebra::Matrix3x6::zeros();
+        arms.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
+        arms.fixed_view_mut::<3, 3>(0, 3).copy_from(&-self.arm.cross_matrix());
+        arms.transpose() * stiffness * arms
     }
 
     fn wrench(&self, at: &Displacement, stiffness: &Matrix3<f64>) -> Vector6<f64> {

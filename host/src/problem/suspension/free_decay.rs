@@ -1,0 +1,206 @@
+//! From a recording of free vibration to its modes: from poses of the platform, or from an IMU on it alone.
+
+use nalgebra::{DMatrix, Matrix3, Vector3};
+
+use super::SuspensionError;
+use super::modal::Support;
+use super::mount::Mount;
+use super::springs::{COORDINATES, Springs, free};
+use super::track::{Pose, poses, rest};
+use crate::modal_analysis::{
+    self, FreeDecay, Imu, ModalError, Modes, Options, Spectrum, platform_amplitudes, shapes, spectrum,
+};
+use crate::problem::tree::joints::attitude;
+use crate::recording::Recording;
+use crate::rig::{RigFile, SuspensionTable};
+use hexapod::STANDARD_GRAVITY_MPS2;
+
+/// A wrong mode would move the answer: so many of the modes that there are may be missing.
+const MAY_MISS: usize = 1;
+/// Names of an IMU's channels.
+const IMU_CHANNELS: [&str; 6] = ["fx", "fy", "fz", "wx", "wy", "wz"];
+
+/// Samples of a free vibration.
+#[derive(Clone, Debug)]
+pub struct Samples {
+    /// Samples per second.
+    pub rate_hz: f64,
+    /// A row for each sample; shifts of O in m and turns in rad, of the free coordinates, or an IMU's specific force and rate.
+    pub values: DMatrix<f64>,
+    /// Names of the columns.
+    pub names: Vec<&'static str>,
+    /// The IMU that they are of; `None` of poses.
+    pub imu: Option<Imu>,
+    /// Rest in the frame of the recording: position of O, and attitude as a rotation matrix; `None` of an IMU.
+    pub rest: Option<(Vector3<f64>, Matrix3<f64>)>,
+}
+
+/// The modes of a recording.
+#[derive(Clone, Debug)]
+pub struct Vibration {
+    /// What they are from.
+    pub samples: Samples,
+    /// Modes over the free coordinates, and what was noticed.
+    pub modes: Modes,
+}
+
+impl Support {
+    /// Returns what a rig file says of springs and mount.
+    ///
+    /// # Errors
+    /// [`SuspensionError::Missing`] if it has no `[suspension]`.
+    pub fn of(rig: &RigFile, name: &str) -> Result<Self, SuspensionError> {
+        let table = rig.suspension.as_ref().ok_or_else(|| SuspensionError::Missing {
+            name: name.to_owned(),
+            missing: "the table [suspension] of the rig file is".to_owned(),
+            advice: "it says what the springs are".to_owned(),
+        })?;
+        Ok(Self {
+            springs: Springs::new(table),
+            mount: Mount::of(table),
+            anchor_height_m: table.anchor_height_m,
+            free: free(&table.locked),
+        })
+    }
+}
+
+/// Returns the samples of a recording: those of the poses if it has any, else of the IMU.
+///
+/// # Errors
+/// [`SuspensionError`] if it has neither, or no constant rate.
+pub fn samples(recording: &Recording, support: &Support) -> Result<Samples, SuspensionError> {
+    let missing = |missing: &str, advice: &str| SuspensionError::Missing {
+        name: recording.name.clone(),
+        missing: missing.to_owned(),
+        advice: advice.to_owned(),
+    };
+    let rate_hz = recording.rate_hz.ok_or_else(|| {
+        missing(
+            "a constant rate is",
+            "free vibration is a motion in time: t_s must increase by equal steps, and static be false",
+        )
+    })?;
+    let table = recording.rig.suspension.clone().unwrap_or_default();
+    if let Some(rows) = recording.platform.as_deref() {
+        let poses = poses(rows, &Vector3::from(table.at_m), |row| recording.place(row))?;
+        let rest = rest(&poses);
+        return Ok(Samples {
+            rate_hz,
+            values: coordinates(&poses, &rest, &support.free),
+            names: support.free.iter().map(|k| COORDINATES[*k]).collect(),
+            imu: None,
+            rest: Some((rest.position, rest.attitude.to_rotation_matrix().into_inner())),
+        });
+    }
+    let both = recording.imus.first().and_then(|imu| Some((imu.accel.as_ref()?, imu.gyro.as_ref()?)));
+    let Some((force, turn)) = both else {
+        return Err(missing(
+            "the motion of the platform is",
+            "give its poses (x_m, y_m, z_m, qw, qx, qy, qz), or accelerometer and gyro of an IMU on it",
+        ));
+    };
+    let values = DMatrix::from_fn(force.len(), 6, |i, j| if j < 3 { force[i][j] } else { turn[i][j - 3] });
+    Ok(Samples {
+        rate_hz,
+        values,
+        names: IMU_CHANNELS.to_vec(),
+        imu: Some(imu(&recording.rig, &table)),
+        rest: None,
+    })
+}
+
+/// Shift and turn of each pose against rest.
+fn coordinates(poses: &[Pose], rest: &Pose, free: &[usize]) -> DMatrix<f64> {
+    let mut all = DMatrix::zeros(poses.len(), free.len());
+    for (row, pose) in poses.iter().enumerate() {
+        let shift = rest.attitude.inverse_transform_vector(&(pose.position - rest.position));
+        let turn = (rest.attitude.inverse() * pose.attitude).scaled_axis();
+        for (column, k) in free.iter().enumerate() {
+            all[(row, column)] = if *k < 3 { shift[*k] } else { turn[*k - 3] };
+        }
+    }
+    all
+}
+
+/// The IMU of a rig file, against O in the platform's axes.
+fn imu(rig: &RigFile, table: &SuspensionTable) -> Imu {
+    let own = rig.imu.first().cloned().unwrap_or_default();
+    let mount = Mount::of(table);
+    Imu {
+        lever: mount.arm + mount.rotation * Vector3::from(own.position_m),
+        axes: mount.rotation * attitude(&own.rotation_wxyz).unwrap_or_else(Matrix3::identity),
+        gravity: Vector3::new(0.0, 0.0, -STANDARD_GRAVITY_MPS2),
+    }
+}
+
+impl Samples {
+    fn decay<'a>(&'a self, names: &'a [&'a str]) -> FreeDecay<'a> {
+        FreeDecay { rate_hz: self.rate_hz, samples: &self.values, names }
+    }
+
+    /// Returns the spectrum of the samples, resolved as well as their length allows.
+    ///
+    /// # Errors
+    /// [`ModalError`] if numbers are missing.
+    pub fn spectrum(&self) -> Result<Spectrum, ModalError> {
+        spectrum(&self.decay(&self.names), self.values.nrows() as f64 / self.rate_hz)
+    }
+}
+
+/// Identifies the modes of a recording: as many as there are free coordinates, or the number given.
+///
+/// # Errors
+/// [`SuspensionError`] if the recording has no motion, or no modes.
+pub fn vibration(
+    recording: &Recording,
+    support: &Support,
+    modes: Option<usize>,
+) -> Result<Vibration, SuspensionError> {
+    let samples = samples(recording, support)?;
+    let refuse =
+        |error: ModalError| SuspensionError::Modes { name: recording.name.clone(), error: Box::new(error) };
+    let options = Options { modes: Some(modes.unwrap_or(support.free.len())), ..Options::default() };
+    let mut modes = modal_analysis::identify(&samples.decay(&samples.names), &options).map_err(refuse)?;
+    if let Some(imu) = &samples.imu {
+        let strengths: Vec<f64> = modes.shapes.modes.iter().map(|mode| mode.signal_to_noise).collect();
+        modes.amplitudes = platform_amplitudes(imu, &modes.amplitudes).map_err(refuse)?;
+        modes.shapes = shapes(&modes.amplitudes, &[]).map_err(refuse)?;
+        modes.shapes = only(&modes.shapes, &support.free);
+        for (mode, strength) in modes.shapes.modes.iter_mut().zip(strengths) {
+            mode.signal_to_noise = strength;
+        }
+    }
+    Ok(Vibration { samples, modes })
+}
+
+/// The shapes of some channels.
+fn only(all: &modal_analysis::Shapes, free: &[usize]) -> modal_analysis::Shapes {
+    let channels = all.modes.first().map_or(0, |mode| mode.shape.len());
+    if channels == free.len() {
+        return all.clone();
+    }
+    let kept: Vec<usize> = (0..all.modes.len())
+        .flat_map(|r| {
+            [0, 1].into_iter().chain(free.iter().map(|k| 2 + k)).map(move |k| r * (2 + channels) + k)
+        })
+        .collect();
+    let mut modes = all.modes.clone();
+    for mode in &mut modes {
+        mode.shape = mode.shape.select_rows(free);
+        mode.amplitudes = mode.amplitudes.select_rows(free);
+    }
+    modal_analysis::Shapes { modes, covariance: all.covariance.select_rows(&kept).select_columns(&kept) }
+}
+
+impl Vibration {
+    /// Returns why the modes are not to be gone on with, if they are not: too many are missing, or springs are not linear.
+    pub fn unsound(&self, free: usize) -> Option<String> {
+        use modal_analysis::{Finding, Severity};
+        let enough = self.modes.shapes.modes.len() + MAY_MISS >= free;
+        let told = |finding: &&Finding| match finding {
+            Finding::LargeAmplitude { .. } | Finding::FrequencyShift { .. } => true,
+            other => other.severity() == Severity::Error && !enough,
+        };
+        self.modes.findings.iter().find(told).map(ToString::to_string)
+    }
+}

@@ -1,0 +1,419 @@
+//! Rows of the modes of free vibration: what vibrates has the mass matrix that its frequencies and shapes ask for.
+//!
+//! With the displacement φ = (x, θ) of O and the ten parameters π of all that moves, about O in the axes at rest,
+//! ```text
+//! (K + K_g(π)) φ = ω² M(π) φ      M = [m 1, −[ms]×; [ms]×, I]      K_g = g (h m − ms_z) on roll and pitch
+//! ```
+//! where the springs carry the weight at the height h. It is linear in π and homogeneous in φ, which needs no scale. Frequencies and
+//! shapes stand in the coefficients, with noise: least squares would make bodies small. So they are corrected with the parameters
+//! (Gauss–Helmert): with `f = K φ − A(ω, φ) π` and its derivative B by (ω, φ), at the corrected (ω̂, φ̂)
+//! ```text
+//! A(ω̂, φ̂) π = K φ̂ + B ((ω, φ) − (ω̂, φ̂)),   covariance B Σ Bᵀ
+//! ```
+//! until nothing changes. Rows are whitened by that covariance, of all modes together. Several postures of one tree are rows of the same
+//! base parameters and share the errors of the springs.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Matrix6, SMatrix, Vector3, Vector6};
+use rigident_shared::inertia::InertialParameters;
+use rigident_shared::screening::Rejection;
+use rigident_shared::spatial::Body;
+
+use hexapod::STANDARD_GRAVITY_MPS2;
+
+use super::mount::Mount;
+use super::springs::{COORDINATES, Springs};
+use crate::fit::{Channel, Kind, Nuisance, Owner, Parameter, RowSource, SampleRows, Timing};
+use crate::modal_analysis::Shapes;
+
+/// Parameters of all that moves in one posture.
+const TEN: usize = 10;
+/// Rounds of correction at most; each gains about two digits.
+const MOST_ROUNDS: usize = 50;
+/// Corrections have ended when parameters change by less than this share of their standard deviation, and of their size.
+const STILL: f64 = 1e-6;
+/// Standard deviation of an equation of free vibration by the size of its spring force that is taken for exact: shapes from cameras are
+/// ten thousand times worse.
+const EXACT: f64 = 1e-9;
+
+/// What swings in one posture: its modes, and its ten parameters as those that are estimated make them.
+#[derive(Clone, Debug)]
+pub struct Swing {
+    /// Its name.
+    pub name: String,
+    /// Modes over the free coordinates, in their order: m, rad.
+    pub shapes: Shapes,
+    /// The ten parameters in S, by those that are estimated: 10 × P.
+    pub map: DMatrix<f64>,
+}
+
+/// The springs that all of them swing on.
+#[derive(Clone, Debug)]
+pub struct Support {
+    /// The springs.
+    pub springs: Springs,
+    /// Where S is in P.
+    pub mount: Mount,
+    /// Height above O at which the springs carry the weight, m.
+    pub anchor_height_m: f64,
+    /// Coordinates that are not locked, by their numbers.
+    pub free: Vec<usize>,
+}
+
+/// The rows of modes, whitened.
+pub struct ModalSource {
+    parameters: Vec<Parameter>,
+    errors: Vec<Parameter>,
+    channels: Vec<Channel>,
+    nuisances: Vec<Nuisance>,
+    /// A row for each equation, coefficients of the parameters.
+    coefficients: DMatrix<f64>,
+    /// Coefficients of the springs' errors.
+    by_errors: DMatrix<f64>,
+    values: DVector<f64>,
+    fingerprint: u64,
+}
+
+impl ModalSource {
+    /// Returns the rows of swings over `parameters`; `fingerprint` is the model's.
+    ///
+    /// `None` if no mode is given, or their covariance is not one.
+    pub fn new(
+        swings: &[Swing],
+        support: &Support,
+        parameters: Vec<Parameter>,
+        fingerprint: u64,
+    ) -> Option<Self> {
+        let nuisances: Vec<Nuisance> = support.springs.stiffness_nuisances();
+        let problem = Problem::new(swings, support, parameters.len(), &nuisances);
+        let (coefficients, by_errors, values) = problem.solve()?;
+        let channels = support.free.iter().map(|k| Channel {
+            name: format!("equation of {}", COORDINATES[*k]),
+            unit: String::new(),
+            sigma: Some(1.0),
+            offset: None,
+            group: 0,
+        });
+        let errors = nuisances
+            .iter()
+            .map(|n| Parameter::new(n.name.clone(), Owner::Other(n.group.clone()), Kind::Other, &n.unit))
+            .collect();
+        Some(Self {
+            parameters,
+            errors,
+            channels: channels.collect(),
+            nuisances,
+            coefficients,
+            by_errors,
+            values,
+            fingerprint,
+        })
+    }
+
+    /// Writes the rows of a mode.
+    fn fill(&self, from: &DMatrix<f64>, mode: usize, rows: &mut SampleRows) -> Result<(), Rejection> {
+        let (c, n) = (self.channels.len(), from.ncols());
+        if (mode + 1) * c > from.nrows() {
+            return Err(Rejection::NotFinite(0));
+        }
+        for i in 0..c {
+            for j in 0..n {
+                rows.smoothed[i * n + j] = from[(mode * c + i, j)];
+            }
+            rows.measured[i] = self.values[mode * c + i];
+        }
+        Ok(())
+    }
+}
+
+/// All equations, and what is corrected with the parameters.
+struct Problem<'a> {
+    swings: &'a [Swing],
+    support: &'a Support,
+    parameters: usize,
+    nuisances: &'a [Nuisance],
+    stiffness: Matrix6<f64>,
+    by_error: Vec<Matrix6<f64>>,
+    /// Height at which the weight is carried; a guide that locks z carries it through O.
+    height_m: f64,
+    /// Measured (ω, φ) of each mode, free coordinates alone, and their covariance, swing by swing.
+    measured: DVector<f64>,
+    covariance: DMatrix<f64>,
+}
+
+impl<'a> Problem<'a> {
+    fn new(swings: &'a [Swing], support: &'a Support, parameters: usize, nuisances: &'a [Nuisance]) -> Self {
+        let c = support.free.len();
+        let all: usize = swings.iter().map(|swing| swing.shapes.modes.len()).sum();
+        let (mut measured, mut covariance) =
+            (DVector::zeros(all * (1 + c)), DMatrix::zeros(all * (1 + c), all * (1 + c)));
+        let mut from = 0;
+        for swing in swings {
+            let shapes = &swing.shapes;
+            // Damping ratios stand in no equation.
+            let kept: Vec<usize> = (0..shapes.modes.len())
+                .flat_map(|r| {
+                    let at = shapes.place(r);
+                    std::iter::once(at).chain(at + 2..at + 2 + c)
+                })
+                .collect();
+            for (r, mode) in shapes.modes.iter().enumerate() {
+                measured[from + r * (1 + c)] = mode.angular;
+                measured.rows_mut(from + r * (1 + c) + 1, c).copy_from(&mode.shape);
+            }
+            let own = shapes.covariance.select_rows(&kept).select_columns(&kept);
+            covariance.view_mut((from, from), (kept.len(), kept.len())).copy_from(&own);
+            from += kept.len();
+        }
+        Self {
+            swings,
+            support,
+            parameters,
+            nuisances,
+            stiffness: support.springs.stiffness(),
+            by_error: support.springs.error_stiffnesses(),
+            height_m: if support.free.contains(&2) { support.anchor_height_m } else { 0.0 },
+            measured,
+            covariance,
+        }
+    }
+
+    /// Whitened rows: coefficients of parameters and of errors, values.
+    fn solve(&self) -> Option<(DMatrix<f64>, DMatrix<f64>, DVector<f64>)> {
+        if self.measured.is_empty() {
+            return None;
+        }
+        let (p, e) = (self.parameters, self.nuisances.len());
+        let mut corrected = self.measured.clone();
+        let mut found = DVector::zeros(p + e);
+        let mut rounds = 0;
+        loop {
+            let (rows, values, by) = self.linearised(&corrected, &found);
+            let q = self.whitening(&rows, &by, &corrected)?;
+            let lower = q.l();
+            let white = lower.solve_lower_triangular(&rows)?;
+            let white_values = lower.solve_lower_triangular(&values)?;
+            let next = self.least_squares(&white, &white_values)?;
+            let residual = &values - &rows * &next;
+            let correction = &self.covariance * by.transpose() * q.solve(&residual);
+            corrected = &self.measured - correction;
+            let change = (&white * (&next - &found)).norm();
+            let scale = white_values.norm().max(1.0);
+            found = next;
+            rounds += 1;
+            if change < STILL.max(1e-12 * scale) || rounds == MOST_ROUNDS {
+                let (coefficients, errors) =
+                    (white.columns(0, p).into_owned(), white.columns(p, e).into_owned());
+                return Some((coefficients, errors, white_values));
+            }
+        }
+    }
+
+    /// Parameters and errors, with what is known of the latter; the smallest where several do.
+    fn least_squares(&self, white: &DMatrix<f64>, values: &DVector<f64>) -> Option<DVector<f64>> {
+        let (rows, p) = (white.nrows(), self.parameters);
+        let e = self.nuisances.len();
+        let mut all = white.clone().insert_rows(rows, e, 0.0);
+        for (k, nuisance) in self.nuisances.iter().enumerate() {
+            all[(rows + k, p + k)] = 1.0 / nuisance.sigma;
+        }
+        let norms: Vec<f64> = all.column_iter().map(|c| c.norm().max(f64::MIN_POSITIVE)).collect();
+        for (mut column, norm) in all.column_iter_mut().zip(&norms) {
+            column /= *norm;
+        }
+        let right = values.clone().insert_rows(rows, e, 0.0);
+        let mut found = all.svd(true, true).solve(&right, 1e-11).ok()?;
+        for (value, norm) in found.iter_mut().zip(&norms) {
+            *value /= *norm;
+        }
+        Some(found)
+    }
+
+    /// Rows over parameters and errors, values, and the derivative by what was measured, at corrected modes and parameters.
+    fn linearised(
+        &self,
+        corrected: &DVector<f64>,
+        found: &DVector<f64>,
+    ) -> (DMatrix<f64>, DVector<f64>, DMatrix<f64>) {
+        let c = self.support.free.len();
+        let all = corrected.len() / (1 + c);
+        let (p, e) = (self.parameters, self.nuisances.len());
+        let mut rows = DMatrix::zeros(all * c, p + e);
+        let mut values = DVector::zeros(all * c);
+        let mut by = DMatrix::zeros(all * c, corrected.len());
+        let to_o = self.support.mount.map();
+        let mut mode = 0;
+        for swing in self.swings {
+            let map = DMatrix::from_fn(TEN, TEN, |i, j| to_o[(i, j)]) * &swing.map;
+            let ten = &map * found.rows(0, p);
+            let ten: [f64; TEN] = std::array::from_fn(|k| ten[k]);
+            let (mass, carried) = (mass_matrix(&ten), self.carried(&ten));
+            let errors: Matrix6<f64> =
+                self.by_error.iter().zip(found.rows(p, e).iter()).map(|(k, value)| k * *value).sum();
+            for _ in 0..swing.shapes.modes.len() {
+                let at = mode * (1 + c);
+                let angular = corrected[at];
+                let shape = self.whole(corrected.rows(at + 1, c).as_slice());
+                let coefficients = self.coefficients(angular, &shape) * &map;
+                let force = self.stiffness * shape;
+                let slope = self.stiffness + errors + carried - mass * (angular * angular);
+                let by_angular = mass * shape * (-2.0 * angular);
+                for (i, k) in self.support.free.iter().enumerate() {
+                    let row = mode * c + i;
+                    rows.view_mut((row, 0), (1, p)).copy_from(&coefficients.row(*k));
+                    for (j, error) in self.by_error.iter().enumerate() {
+                        rows[(row, p + j)] = -(error * shape)[*k];
+                    }
+                    by[(row, at)] = by_angular[*k];
+                    for (j, l) in self.support.free.iter().enumerate() {
+                        by[(row, at + 1 + j)] = slope[(*k, *l)];
+                    }
+                    values[row] = force[*k];
+                }
+                mode += 1;
+            }
+        }
+        values += &by * (&self.measured - corrected);
+        (rows, values, by)
+    }
+
+    /// The covariance of the equations, factored.
+    fn whitening(
+        &self,
+        rows: &DMatrix<f64>,
+        by: &DMatrix<f64>,
+        corrected: &DVector<f64>,
+    ) -> Option<Cholesky<f64, nalgebra::Dyn>> {
+        let c = self.support.free.len();
+        let mut q = by * &self.covariance * by.transpose();
+        for row in 0..rows.nrows() {
+            let at = row / c * (1 + c) + 1;
+            let force = self.stiffness * self.whole(corrected.rows(at, c).as_slice());
+            let kind = if self.support.free[row % c] < 3 {
+                force.fixed_rows::<3>(0).norm()
+            } else {
+                force.fixed_rows::<3>(3).norm()
+            };
+            q[(row, row)] += (EXACT * kind.max(1e-6 * force.norm())).powi(2);
+        }
+        Cholesky::new(q)
+    }
+
+    /// All six coordinates of a displacement.
+    fn whole(&self, free: &[f64]) -> Vector6<f64> {
+        let mut all = Vector6::zeros();
+        self.support.free.iter().zip(free).for_each(|(k, value)| all[*k] = *value);
+        all
+    }
+
+    /// `ω² M(π) φ − K_g(π) φ` by the ten parameters.
+    fn coefficients(&self, angular: f64, shape: &Vector6<f64>) -> SMatrix<f64, 6, TEN> {
+        let mut all = mass_rows(shape) * (angular * angular);
+        for k in 3..5 {
+            all[(k, 0)] -= STANDARD_GRAVITY_MPS2 * self.height_m * shape[k];
+            all[(k, 3)] += STANDARD_GRAVITY_MPS2 * shape[k];
+        }
+        all
+    }
+
+    /// `K_g` of ten parameters.
+    fn carried(&self, ten: &[f64; TEN]) -> Matrix6<f64> {
+        let lever = STANDARD_GRAVITY_MPS2 * (self.height_m * ten[0] - ten[3]);
+        Matrix6::from_diagonal(&Vector6::new(0.0, 0.0, 0.0, lever, lever, 0.0))
+    }
+}
+
+/// Returns the mass matrix of ten parameters about O.
+pub(super) fn mass_matrix(ten: &[f64; TEN]) -> Matrix6<f64> {
+    let body = InertialParameters::<Body, f64>::from_vector(*ten);
+    let arm = body.first_moment.cross_matrix();
+    let mut all = Matrix6::zeros();
+    all.fixed_view_mut::<3, 3>(0, 0).fill_diagonal(body.mass);
+    all.fixed_view_mut::<3, 3>(0, 3).copy_from(&-arm);
+    all.fixed_view_mut::<3, 3>(3, 0).copy_from(&arm);
+    all.fixed_view_mut::<3, 3>(3, 3).copy_from(&body.inertia);
+    all
+}
+
+/// `M(π) φ` by the ten parameters.
+fn mass_rows(shape: &Vector6<f64>) -> SMatrix<f64, 6, TEN> {
+    let (x, turn): (Vector3<f64>, Vector3<f64>) =
+        (shape.fixed_rows::<3>(0).into_owned(), shape.fixed_rows::<3>(3).into_owned());
+    let mut all = SMatrix::<f64, 6, TEN>::zeros();
+    for k in 0..TEN {
+        let unit = std::array::from_fn(|j| f64::from(u8::from(j == k)));
+        let moved = mass_matrix(&unit) * Vector6::new(x.x, x.y, x.z, turn.x, turn.y, turn.z);
+        all.set_column(k, &moved);
+    }
+    all
+}
+
+impl RowSource for ModalSource {
+    fn parameters(&self) -> &[Parameter] {
+        &self.parameters
+    }
+
+    fn channels(&self) -> &[Channel] {
+        &self.channels
+    }
+
+    fn timing(&self) -> Timing {
+        Timing::Static
+    }
+
+    fn samples(&self) -> usize {
+        self.values.len() / self.channels.len().max(1)
+    }
+
+    fn time_ns(&self, sample: usize) -> u64 {
+        sample as u64
+    }
+
+    fn rows(&self, sample: usize, rows: &mut SampleRows) -> Result<(), Rejection> {
+        self.fill(&self.coefficients, sample, rows)
+    }
+
+    fn model_fingerprint(&self) -> u64 {
+        self.fingerprint
+    }
+
+    fn nuisances(&self) -> Vec<Nuisance> {
+        self.nuisances.clone()
+    }
+
+    fn error_columns(&self, _parameters: &[f64]) -> Option<Box<dyn RowSource + '_>> {
+        Some(Box::new(ErrorRows(self)))
+    }
+}
+
+/// The columns of the springs' errors.
+struct ErrorRows<'a>(&'a ModalSource);
+
+impl RowSource for ErrorRows<'_> {
+    fn parameters(&self) -> &[Parameter] {
+        &self.0.errors
+    }
+
+    fn channels(&self) -> &[Channel] {
+        &self.0.channels
+    }
+
+    fn timing(&self) -> Timing {
+        Timing::Static
+    }
+
+    fn samples(&self) -> usize {
+        self.0.samples()
+    }
+
+    fn time_ns(&self, sample: usize) -> u64 {
+        sample as u64
+    }
+
+    fn rows(&self, sample: usize, rows: &mut SampleRows) -> Result<(), Rejection> {
+        self.0.fill(&self.0.by_errors, sample, rows)
+    }
+}
+
+#[cfg(test)]
+#[path = "modal_tests.rs"]
+mod tests;
