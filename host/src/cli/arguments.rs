@@ -16,6 +16,7 @@ pub use super::options::trees::{BenchCommand, ModelCommand, TreeModel, TreeOptio
 pub use super::plan_arguments::{Plan, Statics, Workspace};
 pub use super::predict_arguments::{Predict, Summary, Validate};
 pub use super::programme::Programme;
+use super::vibration_arguments::Vibration;
 
 /// Tells the inertial parameters of a body from its wrench and motion: mass, centre of mass, inertia tensor,
 /// each with a 95 % uncertainty, or that the data do not identify it.
@@ -80,6 +81,8 @@ pub enum Command {
     Plan(Plan),
     /// Identify a person from motion capture and force plates
     Body(Body),
+    /// Identify what swings on a platform that springs carry
+    Vibration(Vibration),
     /// Look at a tree of links: robot description, rig file or person
     Model(ModelCommand),
     /// Print the JSON Schema of a file that this program reads or writes

@@ -68,6 +68,11 @@ mod summary;
 mod tracking_error;
 mod verify;
 mod vibration;
+mod vibration_arguments;
+#[cfg(feature = "simulator")]
+mod vibration_demo;
+mod vibration_identify;
+mod vibration_postures;
 mod workspace;
 mod zeroing;
 
@@ -235,6 +240,7 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
         Some(Command::Schema(a)) => schema(&a),
         Some(Command::Model(a)) => model::run(&a),
         Some(Command::Body(a)) => body::run(&a),
+        Some(Command::Vibration(a)) => vibration::run(&a),
         Some(Command::Bench(a)) => bench::run(&a),
     }
 }

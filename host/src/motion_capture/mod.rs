@@ -8,5 +8,6 @@ pub mod c3d;
 pub mod ground;
 pub mod markers;
 pub mod opensim;
+pub mod registration;
 pub mod trial;
 pub mod zeroing;

@@ -25,6 +25,7 @@ mod table;
 #[cfg(test)]
 mod tests;
 pub mod text;
+pub mod vibration;
 pub mod workspace;
 
 pub use data::{Along, Convergence, Decided, Drift, PrincipalAxis, Quantity, Residual, Stage, TimePlot};

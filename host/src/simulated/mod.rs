@@ -11,6 +11,8 @@ mod noise;
 pub mod person;
 #[cfg(feature = "simulator")]
 mod rig;
+#[cfg(feature = "simulator")]
+pub mod suspended;
 pub mod trees;
 
 #[cfg(feature = "simulator")]

@@ -4,9 +4,9 @@ use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, SVector, Vector3};
 use rigident_shared::inertia::{InertialParameters, tensor_from_elements};
 use rigident_shared::spatial::{Body, Position};
 
-use crate::fit::factor_file::FactorSource;
+use super::whitened::pooled;
+use crate::fit::Factor;
 use crate::fit::pool::PooledFactor;
-use crate::fit::{Checks, Factor, Fingerprint};
 use crate::model::inertial::map_to_parent;
 use crate::problem::body;
 use crate::problem::tree::joints::attitude;
@@ -33,33 +33,7 @@ pub fn bare_platform(table: &SuspensionTable) -> Option<PooledFactor> {
         (0..TEN).map(|i| (whitening.row(i).iter().copied().collect(), right[i])).collect();
     let mut factor = Factor::new(TEN);
     factor.absorb(rows.iter().map(|(row, value)| (row.as_slice(), *value)));
-    let mut hash = Fingerprint::default();
-    mean.iter().for_each(|v| hash.add(v.to_bits()));
-    let name = "the bare platform".to_owned();
-    let source = FactorSource {
-        recording: name.clone(),
-        recorded_unix_s: None,
-        fingerprint: hash.finish(),
-        samples: 1,
-        rejected: 0,
-        rows: TEN as u64,
-        noise_gain: 1.0,
-        sigma_given: true,
-        spurious_information: 0.0,
-        channels: Vec::new(),
-        checks: Some(Checks::default()),
-    };
-    Some(PooledFactor {
-        name,
-        parameters: body::parameters(TEN),
-        model_fingerprint: 0,
-        rounding: f64::EPSILON * TEN as f64,
-        factor,
-        sources: vec![source],
-        eliminated: 0,
-        disagreement: 0.0,
-        comparisons: 0,
-    })
+    Some(pooled("the bare platform", body::parameters(TEN), factor, mean.iter().copied(), true))
 }
 
 fn parameters(platform: &SuspendedPlatformTable) -> [f64; TEN] {

@@ -7,11 +7,15 @@ pub mod bare;
 pub mod free_decay;
 pub mod modal;
 pub mod mount;
+pub mod posture_file;
+pub mod posture_modes;
+pub mod posture_sets;
 pub mod postures;
 pub mod prepare;
 pub mod source;
 pub mod springs;
 mod track;
+mod whitened;
 
 pub use prepare::{PreparedSuspension, prepare};
 pub use source::{Instant, SuspendedSource};

@@ -8,95 +8,41 @@
 //! to 7 of the vibration paper in a form that holds for any tree and any place of the joints. However many postures there are, of n
 //! spherical joints one direction for each is not told: `J_0 + α 1, J_j − α 1`.
 
-use nalgebra::{DMatrix, Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
-use rigident_shared::inertia::{InertialParameters, tensor_from_elements};
-use rigident_shared::screening::Rejection;
-use rigident_shared::spatial::{Body, Position};
-use rigident_shared::tree::{BaseMotion, Joint};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
-
 use super::SuspensionError;
-use crate::fit::{Channel, Factor, Parameter, RowSource, SampleRows, Timing};
+use super::posture_file::{JointStand, PostureTable, PosturesFile};
+use super::whitened::pooled;
+use crate::fit::pool::PooledFactor;
+use crate::fit::{Factor, Parameter, RowSource as _};
 use crate::model::base::{BaseParameters, Rows, Situation};
 use crate::model::inertial::map_to_parent;
 use crate::model::rows::Moving;
 use crate::model::{Model, ModelError, rig_links};
-use crate::problem::body;
+use crate::motion_capture::registration::nearest_rotation;
 use crate::problem::tree::joints::attitude;
 use crate::problem::tree::{BaseSensor, Input, TreeSource};
-use crate::rig::LinkTable;
+use nalgebra::{DMatrix, DVector, Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
+use rigident_shared::inertia::{InertialParameters, tensor_from_elements};
+use rigident_shared::spatial::{Body, Position};
+use rigident_shared::tree::{BaseMotion, Joint};
 
 /// Parameters of the whole in one posture.
 const TEN: usize = 10;
+/// Rounds in which scatter and weights settle.
+const SCATTER_ROUNDS: usize = 8;
 /// Rotations are orthonormal to the digits that people write.
 const WRITTEN: f64 = 2e-3;
 
-/// A file of postures: the tree, and what it weighs in each.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct PosturesFile {
-    /// The tree, as in a rig file.
-    pub link: Vec<LinkTable>,
-    /// 1 σ of the mass of each posture, kg; of all three or of none: then the postures' scatter tells.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub mass_std_kg: Option<f64>,
-    /// 1 σ of each coordinate of the centre of mass, m.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub com_std_m: Option<f64>,
-    /// 1 σ of each element of the tensor, kg m².
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub inertia_std_kgm2: Option<f64>,
-    /// Masses of single links where they are known, kg: they narrow what the postures leave open.
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub link_mass_kg: BTreeMap<String, f64>,
-    /// The postures.
-    pub posture: Vec<PostureTable>,
-    /// Values to print beside those found, by the names that these have.
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub reference: BTreeMap<String, f64>,
-}
-
-/// `[[posture]]`: the whole thing with its joints locked.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct PostureTable {
-    /// Its name.
-    #[serde(default)]
-    pub name: String,
-    /// Mass of everything, kg.
-    pub mass_kg: f64,
-    /// Centre of mass in the base link's frame, m.
-    pub com_m: [f64; 3],
-    /// Tensor about the centre of mass, axes of the base link, Ixx, Iyy, Izz, Iyz, Izx, Ixy, kg m².
-    pub inertia_com_kgm2: [f64; 6],
-    /// How the joints stand, by the names of their links.
-    #[serde(default)]
-    pub joint: BTreeMap<String, JointStand>,
-}
-
-/// How a locked joint stands.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(untagged)]
-pub enum JointStand {
-    /// Angle of a revolute joint, rad, or length of a prismatic one, m.
-    Coordinate(f64),
-    /// Attitude of the link in its joint: quaternion w, x, y, z.
-    Quaternion([f64; 4]),
-    /// The same as a matrix, row by row: takes vectors in the link's axes to the parent's.
-    Matrix([[f64; 3]; 3]),
-}
-
-/// The rows of postures.
+/// Locked postures: the rows of each over the base parameters.
 pub struct PostureSource {
     /// Model, base parameters, names: a tree without frames.
     tree: TreeSource,
     names: Vec<String>,
     rows: Vec<(DMatrix<f64>, [f64; TEN])>,
-    channels: Vec<Channel>,
-    /// 1 σ of the ten values of each posture, where it is stated.
-    sigma: Option<Vec<[f64; TEN]>>,
+    /// 1 σ of the ten values of each posture.
+    sigma: Vec<[f64; TEN]>,
+    /// False if σ is from the scatter of the postures.
+    sigma_given: bool,
+    file: String,
 }
 
 impl PostureSource {
@@ -114,10 +60,13 @@ impl PostureSource {
         }
         let mut moving = Moving::new(model.tree()).map_err(|e| refuse(format!("{e:?}")))?;
         let mut rows = Vec::new();
-        let mut names = Vec::new();
+        let mut names: Vec<String> = Vec::new();
         for (n, posture) in file.posture.iter().enumerate() {
             let name =
                 if posture.name.is_empty() { format!("posture {}", n + 1) } else { posture.name.clone() };
+            if names.contains(&name) {
+                return Err(refuse(format!("{name} is in it twice: give each posture a name of its own")));
+            }
             let positions = positions(&model, posture).map_err(|why| refuse(format!("{name}: {why}")))?;
             let composite =
                 composite(&mut moving, &positions).map_err(|e| refuse(format!("{name}: {e:?}")))?;
@@ -125,16 +74,15 @@ impl PostureSource {
             rows.push((columns, whole(posture).map_err(|why| refuse(format!("{name}: {why}")))?));
             names.push(name);
         }
-        let channels = body::parameters(TEN).into_iter().map(|p| Channel {
-            name: p.name,
-            unit: p.unit,
-            sigma: None,
-            offset: None,
-            group: 0,
-        });
-        let mut source = Self { tree, names, rows, channels: channels.collect(), sigma: None };
-        source.sigma = sigma(file).map_err(refuse)?;
-        Ok(source)
+        let stated = sigma(file).map_err(refuse)?;
+        let sigma_given = stated.is_some();
+        let sigma = stated.unwrap_or_else(|| scatter(&rows));
+        Ok(Self { tree, names, rows, sigma, sigma_given, file: what.to_owned() })
+    }
+
+    /// Returns the unknowns: the base parameters of the tree.
+    pub fn parameters(&self) -> &[Parameter] {
+        self.tree.parameters()
     }
 
     /// Returns the base parameters.
@@ -162,12 +110,13 @@ impl PostureSource {
         self.rows.get(posture).map(|(rows, values)| (rows, values))
     }
 
-    /// Returns the factor of some postures, whitened by what is stated of their noise, else of unit σ.
+    /// Returns the factor of some postures, whitened.
     pub fn factor(&self, postures: impl IntoIterator<Item = usize>) -> Factor {
         let mut factor = Factor::new(self.parameters().len());
         for k in postures {
-            let Some((columns, values)) = self.of_posture(k) else { continue };
-            let sigma = self.sigma.as_ref().and_then(|all| all.get(k)).copied().unwrap_or([1.0; TEN]);
+            let (Some((columns, values)), Some(sigma)) = (self.rows.get(k), self.sigma.get(k)) else {
+                continue;
+            };
             let rows: Vec<(Vec<f64>, f64)> = (0..TEN)
                 .map(|i| (columns.row(i).iter().map(|v| v / sigma[i]).collect(), values[i] / sigma[i]))
                 .collect();
@@ -176,10 +125,67 @@ impl PostureSource {
         factor
     }
 
+    /// Returns the factor of all postures, to be merged with those of motions.
+    pub fn pooled(&self) -> PooledFactor {
+        let numbers = self.rows.iter().flat_map(|(_, values)| values.iter().copied());
+        PooledFactor {
+            model_fingerprint: self.tree.model_fingerprint(),
+            ..pooled(
+                &self.file,
+                self.parameters().to_vec(),
+                self.factor(0..self.rows.len()),
+                numbers,
+                self.sigma_given,
+            )
+        }
+    }
+
+    /// Returns 1 σ of the ten values of each posture: mass, kg; first moments, kg m; tensor about the base's origin, kg m².
+    pub fn sigma(&self) -> &[[f64; TEN]] {
+        &self.sigma
+    }
+
     /// Returns true if the noise is stated.
     pub fn sigma_given(&self) -> bool {
-        self.sigma.is_some()
+        self.sigma_given
     }
+}
+
+/// 1 σ of masses, first moments and tensors as residuals of all postures show it: the sum of squares of each kind by what of its rows
+/// is not fitted. Of a kind that scatters by nothing, a millionth of its values.
+fn scatter(rows: &[(DMatrix<f64>, [f64; TEN])]) -> Vec<[f64; TEN]> {
+    let n = rows.first().map_or(0, |(columns, _)| columns.ncols());
+    let kind = |i: usize| [0, 1, 1, 1, 2, 2, 2, 2, 2, 2][i];
+    let mut sigma = [1.0_f64; 3];
+    for _ in 0..SCATTER_ROUNDS {
+        let white = DMatrix::from_fn(rows.len() * TEN, n, |i, j| {
+            rows[i / TEN].0[(i % TEN, j)] / sigma[kind(i % TEN)]
+        });
+        let values =
+            DVector::from_fn(rows.len() * TEN, |i, _| rows[i / TEN].1[i % TEN] / sigma[kind(i % TEN)]);
+        let svd = white.svd(true, false);
+        let Some(u) = svd.u else { break };
+        let most = svd.singular_values.max();
+        let seen: Vec<usize> =
+            (0..n.min(u.ncols())).filter(|k| svd.singular_values[*k] > 1e-9 * most).collect();
+        let u = u.select_columns(&seen);
+        let left = &values - &u * u.tr_mul(&values);
+        let mut sums = [[0.0; 2]; 3];
+        for i in 0..left.len() {
+            let own = &mut sums[kind(i % TEN)];
+            own[0] += left[i] * left[i];
+            own[1] += 1.0 - u.row(i).norm_squared();
+        }
+        for (k, [squares, freedom]) in sums.into_iter().enumerate() {
+            let least = rows
+                .iter()
+                .flat_map(|(_, v)| (0..TEN).filter(|i| kind(*i) == k).map(|i| v[i].abs()))
+                .fold(0.0, f64::max);
+            let found = if freedom > 1e-6 { (squares / freedom).sqrt() * sigma[k] } else { 0.0 };
+            sigma[k] = found.max(1e-6 * least).max(f64::MIN_POSITIVE);
+        }
+    }
+    vec![std::array::from_fn(|i| sigma[kind(i)]); rows.len()]
 }
 
 /// Settings of a tree on springs without any frame.
@@ -278,7 +284,7 @@ fn positions(model: &Model, posture: &PostureTable) -> Result<Vec<f64>, String> 
                         turn.determinant()
                     ));
                 }
-                all.extend(quaternion(&nearest(&turn)));
+                all.extend(quaternion(&nearest_rotation(&turn).unwrap_or(turn)));
             }
             _ => {
                 return Err(format!(
@@ -289,15 +295,6 @@ fn positions(model: &Model, posture: &PostureTable) -> Result<Vec<f64>, String> 
         }
     }
     Ok(all)
-}
-
-/// The rotation nearest to a matrix.
-fn nearest(matrix: &Matrix3<f64>) -> Matrix3<f64> {
-    let svd = matrix.svd(true, true);
-    match (svd.u, svd.v_t) {
-        (Some(u), Some(v_t)) => u * v_t,
-        _ => *matrix,
-    }
 }
 
 fn quaternion(turn: &Matrix3<f64>) -> [f64; 4] {
@@ -342,48 +339,6 @@ fn sigma(file: &PosturesFile) -> Result<Option<Vec<[f64; TEN]>>, String> {
         all
     };
     Ok(Some(file.posture.iter().map(of).collect()))
-}
-
-impl RowSource for PostureSource {
-    fn parameters(&self) -> &[Parameter] {
-        self.tree.parameters()
-    }
-
-    fn channels(&self) -> &[Channel] {
-        &self.channels
-    }
-
-    fn timing(&self) -> Timing {
-        Timing::Static
-    }
-
-    fn samples(&self) -> usize {
-        self.rows.len()
-    }
-
-    fn time_ns(&self, sample: usize) -> u64 {
-        sample as u64
-    }
-
-    fn rows(&self, sample: usize, rows: &mut SampleRows) -> Result<(), Rejection> {
-        let (columns, values) = self.rows.get(sample).ok_or(Rejection::NotFinite(0))?;
-        let n = columns.ncols();
-        for i in 0..TEN {
-            for j in 0..n {
-                rows.smoothed[i * n + j] = columns[(i, j)];
-            }
-        }
-        rows.measured.copy_from_slice(values);
-        Ok(())
-    }
-
-    fn nominal_sigma(&self) -> Vec<f64> {
-        vec![1.0; TEN]
-    }
-
-    fn model_fingerprint(&self) -> u64 {
-        self.tree.model_fingerprint()
-    }
 }
 
 impl From<ModelError> for SuspensionError {

@@ -1,0 +1,92 @@
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+
+/// `rigident vibration`
+#[derive(Args, Debug, Clone)]
+pub struct Vibration {
+    /// What to do
+    #[command(subcommand)]
+    pub command: VibrationCommand,
+}
+
+/// What to do with a platform on springs.
+#[derive(Subcommand, Debug, Clone)]
+pub enum VibrationCommand {
+    /// Identify a body by its modes and by its motion, beside each other
+    Identify(IdentifyVibration),
+    /// Identify what locked postures tell of a tree, and propose the next
+    Postures(Postures),
+    /// Simulate the experiment of the vibration paper, and identify it
+    #[cfg(feature = "simulator")]
+    Demo(DemoVibration),
+}
+
+/// `rigident vibration identify`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "The recording has the poses of the platform (x_m, y_m, z_m, qw, qx, qy, qz), or the readings of an IMU on it, from the \
+                  release on; the rig file says what the springs are, in [suspension]. Of an IMU alone only the modes are told.\n\nExit \
+                  status 0 if the body is identified, 1 if not, 2 if a file cannot be used.\n\nExamples:\n  rigident vibration identify \
+                  swing.csv\n  rigident vibration identify swing.csv --modes 5 --out swing\n  rigident vibration identify imu.csv --rig \
+                  springs.rig.toml --json"
+)]
+pub struct IdentifyVibration {
+    /// The recording, CSV or MCAP
+    pub recording: PathBuf,
+    /// Rig file. Default: NAME.rig.toml beside the recording
+    #[arg(long, value_name = "FILE")]
+    pub rig: Option<PathBuf>,
+    /// How many modes there are. Default: one for each coordinate that is free
+    #[arg(long, value_name = "N")]
+    pub modes: Option<usize>,
+    /// Folder for result.json, factors and the spectrum; new or empty
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Print a JSON object
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `rigident vibration postures`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "The file has the links in [[link]] tables, as a rig file, and in each [[posture]] mass, centre of mass and tensor of \
+                  everything with the joints locked as [posture.joint] says. The factor merges with that of the motion of the same links on \
+                  springs (rigident merge).\n\nExamples:\n  rigident vibration postures docs/examples/two-link-postures.toml\n  rigident \
+                  vibration postures postures.toml --factor postures.factor --json"
+)]
+pub struct Postures {
+    /// The file of postures, TOML
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+    /// Write the factor of all postures
+    #[arg(long, value_name = "FILE")]
+    pub factor: Option<PathBuf>,
+    /// Print a JSON object
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `rigident vibration demo`
+#[cfg(feature = "simulator")]
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "Three locked postures are struck and vibrate freely; then link 1 is released and swings. Cameras see markers; everything \
+                  is identified from their recordings, which are written with their rig files into the folder.\n\nExamples:\n  rigident \
+                  vibration demo\n  rigident vibration demo --seed 7 --out paper --json"
+)]
+pub struct DemoVibration {
+    /// Seed of the noise
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Standard deviation of a marker's noise along each axis, mm
+    #[arg(long, value_name = "MM", default_value_t = 0.1)]
+    pub marker_noise_mm: f64,
+    /// Folder for the recordings; new or empty. Default: a new one
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Print a JSON object
+    #[arg(long)]
+    pub json: bool,
+}

@@ -1,0 +1,243 @@
+//! `rigident vibration postures`: what locked postures tell of a tree.
+
+use std::process::ExitCode;
+
+use serde::Serialize;
+
+use super::factor::absent;
+use super::outcome::say;
+use super::vibration_arguments::Postures;
+use super::{ExitStatus, Failure};
+use crate::fit::Fit;
+use crate::present::text::{Rounded, significant, unit_symbol};
+use crate::problem::suspension::posture_file::PosturesFile;
+use crate::problem::suspension::posture_sets::{NextPosture, Subset, next, sets, turn_deg};
+use crate::problem::suspension::postures::PostureSource;
+
+/// The object of `--json`.
+#[derive(Serialize)]
+struct Object {
+    schema: &'static str,
+    parameters: usize,
+    told: usize,
+    sigma_stated: bool,
+    subset: Vec<Value>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    open: Option<Bounds>,
+    sets: Vec<Set>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    next: Option<Next>,
+    warnings: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct Value {
+    name: String,
+    unit: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    value: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    u95: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reference: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct Bounds {
+    name: String,
+    least: f64,
+    most: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    most_of_leaf: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct Set {
+    postures: Vec<String>,
+    rank: usize,
+    condition: f64,
+}
+
+#[derive(Serialize)]
+struct Next {
+    joints: Vec<Stand>,
+    rank: usize,
+    condition: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    gain: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct Stand {
+    link: String,
+    stands: Vec<f64>,
+}
+
+/// `rigident vibration postures`
+pub(super) fn run(arguments: &Postures) -> Result<ExitCode, Failure> {
+    if let Some(path) = &arguments.factor {
+        absent(path)?;
+    }
+    let what = arguments.file.display().to_string();
+    let text = std::fs::read_to_string(&arguments.file)
+        .map_err(|e| Failure::input(format!("{what}: cannot be read: {e}")))?;
+    let file: PosturesFile = toml::from_str(&text).map_err(|e| Failure::input(format!("{what}: {e}")))?;
+    let source = PostureSource::new(&file, &what).map_err(Failure::input)?;
+    let pooled = source.pooled();
+    let object = object(&file, &source, &pooled.fit());
+    if let Some(path) = &arguments.factor {
+        pooled.write(path).map_err(Failure::input)?;
+    }
+    if arguments.json {
+        let json = serde_json::to_string_pretty(&object)
+            .map_err(|e| Failure::input(format!("the result cannot be put into JSON: {e}")))?;
+        say(json);
+    } else {
+        say(words(&object).trim_end());
+        object.warnings.iter().for_each(|warning| tell!("rigident: {warning}"));
+    }
+    Ok(ExitStatus::of(object.subset.iter().all(|value| value.value.is_some())).into())
+}
+
+fn object(file: &PosturesFile, source: &PostureSource, fit: &Fit) -> Object {
+    let subset = Subset::new(source.parameters(), source.model());
+    let values = subset.values(fit);
+    let leaf = source.model().links.get(1).and_then(|link| file.link_mass_kg.get(&link.name)).copied();
+    let name = |k: &usize| source.names().get(*k).cloned().unwrap_or_default();
+    let all = sets(source);
+    let mut warnings: Vec<String> = values
+        .iter()
+        .filter(|value| value.measured.is_none())
+        .map(|value| {
+            format!("{} is not told by these postures: take the next one that is proposed", value.name)
+        })
+        .collect();
+    // A posture without which the rank is the same adds none.
+    let n = source.names().len();
+    let whole = all.iter().find(|set| set.postures.len() == n).map_or(0, |set| set.rank);
+    for k in (0..n).filter(|_| n > 1) {
+        let without: Vec<usize> = (0..n).filter(|j| *j != k).collect();
+        let fuller = all.iter().find(|set| set.postures == without);
+        if whole < source.parameters().len()
+            && fuller.is_some_and(|set| set.rank == whole)
+            && !complete(&values)
+        {
+            warnings.push(format!("{} adds no rank: turn the joints elsewhere", name(&k)));
+        }
+    }
+    let of_next = |posture: NextPosture| Next {
+        joints: posture.stands.into_iter().map(|(link, stands)| Stand { link, stands }).collect(),
+        rank: posture.rank,
+        condition: posture.condition,
+        gain: posture.gain,
+    };
+    Object {
+        schema: "rigident/postures/1",
+        parameters: source.parameters().len(),
+        told: whole,
+        sigma_stated: source.sigma_given(),
+        open: subset.bounds(fit, leaf).map(|b| Bounds {
+            name: b.name,
+            least: b.least,
+            most: b.most,
+            most_of_leaf: b.most_of_leaf,
+        }),
+        subset: values
+            .into_iter()
+            .map(|v| Value {
+                reference: file.reference.get(&v.name).copied(),
+                value: v.measured.map(|m| m.value),
+                u95: v.measured.map(|m| m.u95),
+                name: v.name,
+                unit: v.unit,
+            })
+            .collect(),
+        sets: all
+            .into_iter()
+            .map(|set| Set {
+                postures: set.postures.iter().map(name).collect(),
+                rank: set.rank,
+                condition: set.condition,
+            })
+            .collect(),
+        next: next(source).map(of_next),
+        warnings,
+    }
+}
+
+fn complete(values: &[crate::problem::suspension::posture_sets::SubsetValue]) -> bool {
+    values.iter().all(|value| value.measured.is_some())
+}
+
+fn words(object: &Object) -> String {
+    let with_reference = object.subset.iter().any(|v| v.reference.is_some());
+    let mut out = format!(
+        "{} of {} base parameters' directions are told; uncertainty from {}\n\n  {:<14} {:>24} {:>8}{}\n",
+        object.told,
+        object.parameters,
+        if object.sigma_stated { "what the file states" } else { "the scatter of the postures" },
+        "",
+        "value ± U95",
+        "",
+        if with_reference { "   reference  difference" } else { "" }
+    );
+    for value in &object.subset {
+        let cell = value.value.zip(value.u95).and_then(|(v, u)| Rounded::new(v, u));
+        let cell = cell.map_or_else(
+            || "not identified".to_owned(),
+            |r| format!("{} ± {}", r.value_alone(), r.u95_alone()),
+        );
+        out.push_str(&format!("  {:<14} {cell:>24} {:<8}", value.name, unit_symbol(&value.unit)));
+        if let Some((reference, own)) = value.reference.zip(value.value) {
+            out.push_str(&format!(" {reference:>11.4} {:>11.4}", own - reference));
+        }
+        out.push('\n');
+    }
+    if let Some(open) = &object.open {
+        out.push_str(&format!(
+            "\n{} is left open: {} < {} < {:.4} kg m²",
+            open.name,
+            significant(open.least, 4),
+            open.name,
+            open.most
+        ));
+        if let Some(most) = open.most_of_leaf {
+            out.push_str(&format!("; < {most:.4} as the mass of the other link is known"));
+        }
+        out.push('\n');
+    }
+    out.push_str("\nSets of postures                                     rank   condition\n");
+    for set in &object.sets {
+        out.push_str(&format!(
+            "  {:<50} {:>4} {:>11}\n",
+            set.postures.join(", "),
+            set.rank,
+            significant(set.condition, 3)
+        ));
+    }
+    if let Some(next) = &object.next {
+        out.push_str("\nTake next: ");
+        let stands: Vec<String> = next.joints.iter().map(stand_words).collect();
+        out.push_str(&stands.join("; "));
+        out.push_str(&format!(
+            "\n  rank {}, condition {}{}\n",
+            next.rank,
+            significant(next.condition, 3),
+            next.gain.map_or_else(String::new, |gain| format!(
+                ", mean uncertainty {:.0} % of what it is",
+                100.0 * gain
+            ))
+        ));
+    }
+    out
+}
+
+fn stand_words(stand: &Stand) -> String {
+    match turn_deg(&stand.stands) {
+        Some((axis, angle)) => format!(
+            "{} turned by {angle:.0}° about ({:.2}, {:.2}, {:.2}), quaternion {:.3?}",
+            stand.link, axis.x, axis.y, axis.z, stand.stands
+        ),
+        None => format!("{} at {:.3?}", stand.link, stand.stands),
+    }
+}

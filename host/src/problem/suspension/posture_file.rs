@@ -1,0 +1,63 @@
+//! The file of locked postures.
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::rig::LinkTable;
+
+/// A file of postures: the tree, and what it weighs in each.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct PosturesFile {
+    /// The tree, as in a rig file.
+    pub link: Vec<LinkTable>,
+    /// 1 σ of the mass of each posture, kg; of all three or of none: then the postures' scatter tells.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mass_std_kg: Option<f64>,
+    /// 1 σ of each coordinate of the centre of mass, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub com_std_m: Option<f64>,
+    /// 1 σ of each element of the tensor, kg m².
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub inertia_std_kgm2: Option<f64>,
+    /// Masses of single links where they are known, kg: they narrow what the postures leave open.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub link_mass_kg: BTreeMap<String, f64>,
+    /// The postures.
+    pub posture: Vec<PostureTable>,
+    /// Values to print beside those found, by the names that these have.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub reference: BTreeMap<String, f64>,
+}
+
+/// `[[posture]]`: the whole thing with its joints locked.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PostureTable {
+    /// Its name.
+    #[serde(default)]
+    pub name: String,
+    /// Mass of everything, kg.
+    pub mass_kg: f64,
+    /// Centre of mass in the base link's frame, m.
+    pub com_m: [f64; 3],
+    /// Tensor about the centre of mass, axes of the base link, Ixx, Iyy, Izz, Iyz, Izx, Ixy, kg m².
+    pub inertia_com_kgm2: [f64; 6],
+    /// How the joints stand, by the names of their links.
+    #[serde(default)]
+    pub joint: BTreeMap<String, JointStand>,
+}
+
+/// How a locked joint stands.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum JointStand {
+    /// Angle of a revolute joint, rad, or length of a prismatic one, m.
+    Coordinate(f64),
+    /// Attitude of the link in its joint: quaternion w, x, y, z.
+    Quaternion([f64; 4]),
+    /// The same as a matrix, row by row: takes vectors in the link's axes to the parent's.
+    Matrix([[f64; 3]; 3]),
+}

@@ -1,0 +1,41 @@
+//! Factors of rows that are whitened already: nothing of them is filtered or weighed.
+
+use crate::fit::factor_file::FactorSource;
+use crate::fit::pool::PooledFactor;
+use crate::fit::{Checks, Factor, Fingerprint, Parameter};
+
+/// Returns the factor as that of a run called `name`, made of these numbers.
+pub(super) fn pooled(
+    name: &str,
+    parameters: Vec<Parameter>,
+    factor: Factor,
+    numbers: impl IntoIterator<Item = f64>,
+    sigma_given: bool,
+) -> PooledFactor {
+    let mut hash = Fingerprint::default();
+    numbers.into_iter().for_each(|v| hash.add(v.to_bits()));
+    let source = FactorSource {
+        recording: name.to_owned(),
+        recorded_unix_s: None,
+        fingerprint: hash.finish(),
+        samples: 1,
+        rejected: 0,
+        rows: factor.rows(),
+        noise_gain: 1.0,
+        sigma_given,
+        spurious_information: 0.0,
+        channels: Vec::new(),
+        checks: Some(Checks::default()),
+    };
+    PooledFactor {
+        name: name.to_owned(),
+        rounding: f64::EPSILON * parameters.len() as f64,
+        parameters,
+        model_fingerprint: 0,
+        factor,
+        sources: vec![source],
+        eliminated: 0,
+        disagreement: 0.0,
+        comparisons: 0,
+    }
+}
