@@ -18,6 +18,7 @@ use crate::body_segments::opensim::in_opensim;
 use crate::body_segments::report::person_result;
 use crate::body_segments::tool::tool;
 use crate::body_segments::{Study, StudyOptions};
+use crate::device::session::tree::{DeviceTreeError, device_tree};
 use crate::fit::{Fit, FitOptions};
 use crate::inverse_kinematics::marker_file::MarkerFile;
 use crate::model::{ModelError, write};
@@ -60,6 +61,13 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
     let person =
         Person::new(&mut trials, standing.as_ref(), &options, &|stage, share| stages.at(stage, share));
     let person = person.map_err(Failure::input)?;
+    if arguments.mcu.is_some() {
+        // What does not fit onto the device is told before anything is computed.
+        let failed = |why: DeviceTreeError| {
+            Failure::input(format!("--mcu: {why}; leave --mcu out, or take --model human34"))
+        };
+        device_tree(&person.subject.model).map_err(failed)?;
+    }
     if let Some(osim) = osim.as_ref().filter(|_| arguments.write_model.as_deref().is_some_and(is_osim)) {
         // What cannot be written is told before anything is computed.
         let model = &person.subject.model;

@@ -169,6 +169,17 @@ fn forces_of_shared_data_that_cannot_be_are_named() {
     refused(treadmill(&trc, Some(&cut.join("\n")), &[]), 2, &["cut off"]);
     let missing = mot.replacen("1_ground_force_px", "1_ground_force_qx", 1);
     refused(treadmill(&trc, Some(&missing), &[]), 2, &["1_ground_force_px is missing"]);
+    // Columns of both belts under one name.
+    let twice = mot.replace("1_ground", "ground");
+    refused(treadmill(&trc, Some(&twice), &[]), 2, &["two columns are called ground_force_vx"]);
+    // Horizontal axes flipped, and exchanged.
+    for (axis, own) in [("along x", [1, 7]), ("along y", [3, 9])] {
+        let flipped = cells(&mot, header, |c, value| if own.contains(&c) { -value } else { value });
+        refused(treadmill(&trc, Some(&flipped), &[]), 2, &[axis, "push against the motion"]);
+    }
+    // Kilograms-force.
+    let kgf = cells(&mot, header, |c, value| if force(c) || c > 12 { value / 9.80665 } else { value });
+    refused(treadmill(&trc, Some(&kgf), &["--height-m", "1.8"]), 2, &["forces in newtons"]);
     // A mass that the plates contradict.
     refused(treadmill(&trc, Some(&mot), &["--mass-kg", "90"]), 1, &["--mass-kg 90 contradicts the plates"]);
 }
@@ -191,6 +202,13 @@ fn plates_of_shared_data_that_cannot_be_are_named() {
     let mut point = bytes.clone();
     floats(&mut point, "CORNERS", 36, |_, _| 0.0);
     refused(plates(&point), 2, &["corners", "rectangle"]);
+    // More links than the firmware takes.
+    let folder = tempfile::tempdir().unwrap();
+    let files = ["PiG_Motion-FlatFoot-Full.c3d", "PiG_Calibration-FlatFoot-Full.c3d"];
+    let [walk, standing] = files.map(|f| data("human_btk_pig_47kg_fullbody").join(f).display().to_string());
+    let line = [&walk, "--static", &standing, "--model", "human58", "--mcu", "inproc", "--out", "out"];
+    refused(identify(folder.path(), &line), 2, &["--mcu", "links", "leave --mcu out"]);
+    assert!(!folder.path().join("out").exists());
     // Millimetres that are said to be metres.
     let mut metres = bytes;
     let at = parameter(&metres, "UNITS");

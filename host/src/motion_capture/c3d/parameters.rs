@@ -72,6 +72,12 @@ impl Parameters {
         }
     }
 
+    /// How many values a column of a table has: its first dimension; `None` of what is no table.
+    pub(super) fn column_length(&self, group: &str, name: &str) -> Option<usize> {
+        let dimensions = &self.get(group, name)?.dimensions;
+        dimensions.first().copied().filter(|_| dimensions.len() > 1)
+    }
+
     /// The first number.
     pub(super) fn number(&self, group: &'static str, name: &'static str) -> Result<Option<f64>, C3dError> {
         Ok(self.numbers(group, name)?.and_then(|numbers| numbers.first().copied()))

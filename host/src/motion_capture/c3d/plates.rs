@@ -48,7 +48,10 @@ pub(super) fn of(parameters: &Parameters, channels: usize) -> Result<Vec<Plate>,
     let units = parameters.texts("ANALOG", "UNITS");
     let short = |name| parameter(GROUP, name, format!("it does not describe all {used} plates"));
     // Types 3 have eight channels, and all columns are as long as the longest.
-    let width = wired.len().checked_div(used).unwrap_or(0);
+    // The arrays may describe more plates than are used.
+    let width = parameters
+        .column_length(GROUP, "CHANNEL")
+        .unwrap_or_else(|| wired.len().checked_div(used).unwrap_or(0));
     (0..used)
         .map(|k| {
             let number = kinds.get(k).copied().ok_or_else(|| short("TYPE"))?;

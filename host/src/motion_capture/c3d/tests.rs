@@ -100,7 +100,8 @@ fn file(processor: u8, floating: bool, kind: i16) -> Vec<u8> {
     w.named(-3, "FORCE_PLATFORM", |_| ());
     w.words(3, "USED", &[], &[1]);
     w.words(3, "TYPE", &[1], &[kind]);
-    w.words(3, "CHANNEL", &[6, 1], &[1, 2, 3, 4, 5, 6]);
+    // More plates are described than are used.
+    w.words(3, "CHANNEL", &[6, 2], &[1, 2, 3, 4, 5, 6, 2, 3, 4, 5, 6, 7]);
     w.numbers(
         3,
         "CORNERS",
@@ -180,7 +181,7 @@ fn what_is_wrong_with_a_file_is_named() {
     }
     let said = C3d::parse(&file(84, true, 9)).unwrap_err().to_string();
     assert!(said.contains("FORCE_PLATFORM:TYPE") && said.contains("type 9"), "{said}");
-    // Eight channels are not there.
+    // Columns of eight channels are not there.
     let said = C3d::parse(&file(84, true, 3)).unwrap_err().to_string();
     assert!(said.contains("FORCE_PLATFORM:CHANNEL"), "{said}");
 }

@@ -38,6 +38,14 @@ pub fn ground_wrenches(
                 .to_owned(),
         ));
     }
+    // Which of two columns of one name belongs to which plate is not known.
+    let twice = rows.columns.iter().enumerate().find(|(k, name)| rows.columns[..*k].contains(name));
+    if let Some((_, name)) = twice {
+        return Err(OpenSimError::Missing(format!(
+            "two columns are called {name}: which plate each belongs to is not known; give every plate names of its own, like \
+             1_ground_force_vx"
+        )));
+    }
     let plates: Vec<Columns> =
         stems.iter().map(|stem| Columns::of(&rows.columns, stem)).collect::<Result<_, _>>()?;
     // The first two rows tell how many are taken together.

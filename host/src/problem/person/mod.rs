@@ -1,8 +1,8 @@
 //! A person in motion: from markers and force plates to the frames of a tree whose base is tracked.
 //!
 //! Lives here: trials of one person brought to a model of hers ([`people`]), every frame's pose and coordinates ([`coordinates`]),
-//! strides ([`strides`]), the delay between plates and cameras ([`alignment`]), and frames that the plates did not measure wholly
-//! ([`contact`]). May not live here: files, poses of single frames, and rows.
+//! strides ([`strides`]), the delay between plates and cameras ([`alignment`]), frames that the plates did not measure wholly
+//! ([`contact`]), and whether motion and forces can be of one person. May not live here: files, poses of single frames, and rows.
 
 pub mod alignment;
 pub mod another;
@@ -13,6 +13,7 @@ mod cut_off;
 pub mod gaps;
 pub mod noise;
 pub mod people;
+mod plausible;
 pub mod strides;
 #[cfg(test)]
 mod tests;

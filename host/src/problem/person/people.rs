@@ -6,8 +6,8 @@ use hexapod::STANDARD_GRAVITY_MPS2 as GRAVITY;
 use nalgebra::Vector3;
 use rigident_shared::tree::BaseMotion;
 
-use super::alignment;
 use super::track::{TrackOptions, Tracked, UsedFrame, distances, track};
+use super::{alignment, plausible};
 use crate::fit::parallel;
 use crate::inverse_kinematics::marker_file::MarkerFile;
 use crate::inverse_kinematics::subject::{HumanModel, Known, Subject, SubjectError, subject};
@@ -29,12 +29,6 @@ const LARGEST_DISTANCE_M: f64 = 0.025;
 const WINDOWS: usize = 12;
 /// … and frames in all of them.
 const WINDOW_FRAMES: usize = 600;
-/// Fewest frames that tell whether plates and cameras belong together, …
-const FEWEST_TO_COMPARE: usize = 30;
-/// … of a person who moves: standard deviations of the vertical force over the weight, …
-const MOVES: f64 = 0.03;
-/// … and the least correlation of the two.
-const LEAST_CORRELATION: f64 = 0.4;
 /// A link is followed if so large a share of frames has a marker on it or beyond.
 const FOLLOWED: f64 = 0.5;
 
@@ -78,6 +72,46 @@ pub enum PersonError {
         name: String,
         /// The correlation.
         correlation: f64,
+    },
+    /// Forces along an axis have the wrong sign.
+    #[error(
+        "{name}: along {axis} (z up) the plates push against the motion: the horizontal force that it needs and the measured one have a \
+         correlation of {correlation:.2}: turn the sign of the plates' force along that axis"
+    )]
+    Flipped {
+        /// The trial.
+        name: String,
+        /// The axis.
+        axis: &'static str,
+        /// The correlation.
+        correlation: f64,
+    },
+    /// Forces along the horizontal axes are exchanged.
+    #[error(
+        "{name}: the plates' x follows what the motion needs along y, and their y what it needs along x (z up; correlations {:.2} and \
+         {:.2}): exchange the two columns or channels of force, or turn the plates by a quarter",
+        correlations[1], correlations[0]
+    )]
+    Exchanged {
+        /// The trial.
+        name: String,
+        /// Correlations of the needed x with the measured y, and of y with x.
+        correlations: [f64; 2],
+    },
+    /// Nobody weighs so much.
+    #[error(
+        "by the plates the person weighs {mass_kg:.1} kg at a stature of {height_m:.2} m, and living people of that stature weigh \
+         {least_kg:.0} to {most_kg:.0} kg: are the forces in newtons, and of one person?"
+    )]
+    Weight {
+        /// The mass, kg.
+        mass_kg: f64,
+        /// The stature, m.
+        height_m: f64,
+        /// The least that people weigh, kg.
+        least_kg: f64,
+        /// The most that people weigh, kg.
+        most_kg: f64,
     },
     /// A marker's name stands for two.
     #[error("{name}: two markers are called {marker}: which is which is not known; rename one of them")]
@@ -220,36 +254,14 @@ impl Person {
             tracked.push(own);
         }
         let mut person = Self { subject, fixed, trials: tracked, notes };
-        person.belong_together()?;
-        if options.mass_kg.is_none()
-            && let Some(share) = share_of_needed(&person)
-        {
-            person.scale_mass(share);
+        plausible::belong_together(&person)?;
+        if let Some(share) = plausible::share_of_needed(&person) {
+            plausible::can_weigh(&person, share)?;
+            if options.mass_kg.is_none() {
+                person.scale_mass(share);
+            }
         }
         Ok(person)
-    }
-
-    /// Refuses plates that measured another motion than the cameras: what the table's bodies need explains little of it.
-    fn belong_together(&self) -> Result<(), PersonError> {
-        for (k, tracked) in self.trials.iter().enumerate() {
-            let pairs = vertical(self, k);
-            let n = pairs.len() as f64;
-            if pairs.len() < FEWEST_TO_COMPARE {
-                continue;
-            }
-            let mean = |of: &dyn Fn(&(f64, f64)) -> f64| pairs.iter().map(of).sum::<f64>() / n;
-            let (needed, measured) = (mean(&|p| p.0), mean(&|p| p.1));
-            let product = mean(&|p| (p.0 - needed) * (p.1 - measured));
-            let (a, b) = (mean(&|p| (p.0 - needed).powi(2)), mean(&|p| (p.1 - measured).powi(2)));
-            // Who stands still tells nothing.
-            if b.sqrt() > MOVES * measured.abs() && a.sqrt() > MOVES * measured.abs() {
-                let correlation = product / (a * b).sqrt();
-                if correlation < LEAST_CORRELATION {
-                    return Err(PersonError::Apart { name: tracked.name.clone(), correlation });
-                }
-            }
-        }
-        Ok(())
     }
 
     /// Makes the table's bodies so many times as heavy.
@@ -376,31 +388,6 @@ fn chosen_frames(
         frames.extend(of(trial, each));
     }
     frames
-}
-
-/// How many times the force that the table's bodies need for all motions the plates measured, in the frames that are used.
-fn share_of_needed(person: &Person) -> Option<f64> {
-    let (mut product, mut square) = (0.0, 0.0);
-    for trial in 0..person.trials.len() {
-        for (needed, measured) in vertical(person, trial) {
-            product += needed * measured;
-            square += needed * needed;
-        }
-    }
-    (square > 0.0 && product > 0.0).then(|| product / square)
-}
-
-/// The vertical force that the table's bodies need and that was measured, N, in the frames of a trial that are used.
-fn vertical(person: &Person, trial: usize) -> Vec<(f64, f64)> {
-    let Some(tracked) = person.trials.get(trial) else { return Vec::new() };
-    let none = Vector3::repeat(f64::NAN);
-    let centre = |frame: usize| person.table_centre(trial, frame).unwrap_or(none);
-    let centres = parallel::each(tracked.report.frames, centre);
-    let needed = alignment::needed(&person.subject, &centres, &tracked.smoother);
-    let pair = |frame: &UsedFrame| {
-        Some((needed.get(frame.number).copied().flatten()?.z, f64::from(frame.wrench[2])))
-    };
-    tracked.frames.iter().filter_map(pair).collect()
 }
 
 /// The person's mass by the plates, kg: the largest mean of the vertical force over any second, of a trial where that is steady; a
