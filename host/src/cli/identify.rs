@@ -40,7 +40,7 @@ pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
     let mut found = loaded.fit(span, PLOT_POINTS, &stages)?;
     report.factor = Some(loaded.factor(&found));
     if let Some(suspension) = &loaded.problem.rig.suspension {
-        super::vibration::take_platform_off(suspension, &mut found)?;
+        super::bare_platform::take_platform_off(suspension, &mut found)?;
     }
     if let Some(tare) = tare {
         tare.take_off(&mut found).map_err(Failure::input)?;

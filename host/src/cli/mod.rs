@@ -8,6 +8,7 @@ mod tell;
 
 mod adaptive;
 mod arguments;
+mod bare_platform;
 mod bench;
 mod body;
 mod body_arguments;

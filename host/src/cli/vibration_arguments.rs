@@ -81,7 +81,7 @@ pub struct DemoVibration {
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
     /// Standard deviation of a marker's noise along each axis, mm
-    #[arg(long, value_name = "MM", default_value_t = 0.1)]
+    #[arg(long, value_name = "MM", default_value_t = 0.2)]
     pub marker_noise_mm: f64,
     /// Folder for the recordings; new or empty. Default: a new one
     #[arg(long, value_name = "DIR")]

@@ -5,8 +5,8 @@ use std::process::ExitCode;
 use nalgebra::DVector;
 use serde::Serialize;
 
+use super::bare_platform::take_platform_off;
 use super::outcome::say;
-use super::vibration::take_platform_off;
 use super::vibration_arguments::DemoVibration;
 use super::{ExitStatus, Failure, Folder, Stages};
 use crate::fit::pool::PooledFactor;
@@ -256,8 +256,8 @@ fn table_5(table_4: &[Row]) -> Vec<ErrorRow> {
 /// Jyy of the base with Φ_s as the postures have it: by a search within the bounds, and in closed form; beside the merged solve.
 fn jyy(subset: &Subset, [alone, moving]: [&Fit; 2], bounds: &OpenBounds, merged: Measured) -> Option<Jyy> {
     let (map, open) = subset.map();
-    let told = alone.factor.substitute(map).solve(1e-6);
-    let there = moving.factor.substitute(map);
+    let told = alone.scaled_factor().substitute(map).solve(1e-6);
+    let there = moving.scaled_factor().substitute(map);
     let (r, z) = (there.r(), DVector::from_column_slice(there.z()));
     let [arm] = *open else { return None };
     // The open column is Jyy of the arm: Σ Jyy less that of the base.

@@ -6,10 +6,10 @@ use std::process::ExitCode;
 use nalgebra::DMatrix;
 use serde::Serialize;
 
+use super::bare_platform::take_platform_off;
 use super::loaded::Loaded;
 use super::options::trees::TreeModel;
 use super::outcome::say;
-use super::vibration::take_platform_off;
 use super::vibration_arguments::IdentifyVibration;
 use super::{ExitStatus, Failure, Folder, Stages};
 use crate::answer::{Answer, Context, Source, Status};
@@ -20,6 +20,7 @@ use crate::problem::ProblemOptions;
 use crate::problem::body;
 use crate::problem::suspension::free_decay::{Vibration, vibration};
 use crate::problem::suspension::modal::{ModalSource, Support, Swing};
+use crate::problem::suspension::springs::COORDINATES;
 use crate::recording::Recording;
 
 /// Answers of two ways that differ by more than this many times both uncertainties contradict each other.
@@ -88,10 +89,11 @@ pub(super) fn run(arguments: &IdentifyVibration) -> Result<ExitCode, Failure> {
             "{name} by the modes and by the motion differ by {ratio:.1} times their uncertainty: are springs linear, and is nothing loose?"
         )
     }));
+    let coordinates: Vec<&'static str> = support.free.iter().map(|k| COORDINATES[*k]).collect();
     let object = Object {
         schema: "rigident/vibration/1",
         recording: recording.name.clone(),
-        modes: present::mode_rows(&vibration.modes.shapes, &support.free),
+        modes: present::mode_rows(&vibration.modes.shapes, &coordinates),
         findings: vibration.modes.findings.iter().map(ToString::to_string).collect(),
         by_modes: by_modes.as_ref().map(|(answer, _)| answer.clone()),
         by_motion: by_motion.as_ref().map(|(answer, _)| answer.clone()),

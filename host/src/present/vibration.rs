@@ -7,7 +7,6 @@ use super::plot::{beside, line, text as word};
 use super::text::{Rounded, significant};
 use crate::answer::Answer;
 use crate::modal_analysis::{Shapes, Spectrum};
-use crate::problem::suspension::springs::COORDINATES;
 
 /// Width and height of a panel's frame, user units.
 const SIDE: (f64, f64) = (520.0, 320.0);
@@ -33,14 +32,14 @@ pub struct ModeRow {
     pub shape: Vec<f64>,
 }
 
-/// Returns the rows of modes over free coordinates.
-pub fn mode_rows(shapes: &Shapes, free: &[usize]) -> Vec<ModeRow> {
+/// Returns the rows of modes over coordinates of these names.
+pub fn mode_rows(shapes: &Shapes, coordinates: &[&'static str]) -> Vec<ModeRow> {
     let of = |mode: &crate::modal_analysis::Mode| ModeRow {
         hz: mode.hz(),
         hz_u95: 1.96 * mode.angular_sd / std::f64::consts::TAU,
         damping: mode.damping,
         damping_u95: 1.96 * mode.damping_sd,
-        coordinates: free.iter().map(|k| COORDINATES[*k]).collect(),
+        coordinates: coordinates.to_vec(),
         shape: mode.shape.iter().copied().collect(),
     };
     shapes.modes.iter().map(of).collect()

@@ -41,6 +41,7 @@ mod support;
 mod tree_commands;
 mod tree_pinocchio;
 mod trees;
+mod vibration;
 mod weakest;
 mod workspace;
 mod wrong_recordings;

@@ -127,7 +127,7 @@ impl Subset {
 
     /// Returns the estimate of Φ_s, what is left open among it.
     fn estimate(&self, fit: &Fit) -> Estimate {
-        Estimate::new(&fit.factor.substitute(&self.map), RANK, fit.noise.variance_scale, fit.estimate.noise)
+        Estimate::new(&fit.scaled_factor().substitute(&self.map), RANK, 1.0, fit.estimate.noise)
     }
 
     /// Returns the map from Φ_s, with what is left open, to the base parameters, and the places of what is open.

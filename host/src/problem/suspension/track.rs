@@ -14,12 +14,12 @@ use crate::problem::smoothing::Smoother;
 const BIN_HZ: f64 = 0.25;
 /// Highest frequency that is looked at, Hz.
 const HIGHEST_HZ: f64 = 60.0;
-/// Acceleration above the cut-off is less than this share of all.
-const LEFT_OUT: f64 = 1e-4;
+/// Power of acceleration above the cut-off is less than this share of all.
+const LEFT_OUT: f64 = 1e-2;
 /// Power of less than this many times the noise's is noise.
 const ABOVE_NOISE: f64 = 20.0;
 /// The cut-off over the highest frequency that is to pass.
-const ROOM: f64 = 1.5;
+const ROOM: f64 = 1.2;
 /// A step longer than so many periods is a gap.
 const GAP: f64 = 1.5;
 
