@@ -3,7 +3,9 @@
 use heapless::Vec;
 use rigident_shared::alignment::AlignerConfig;
 use rigident_shared::calibration::{GaugeCalibration, ImuMounting};
-use rigident_shared::estimator::frames::{FrameFilter, FrameLink, FrameStop, FramesConfig, FramesError};
+use rigident_shared::estimator::frames::{
+    FrameFilter, FrameLink, FrameStop, FramesConfig, FramesError, Suspension,
+};
 use rigident_shared::estimator::{ConfigError, EstimatorConfig, JointAttitude, TwoLinks};
 use rigident_shared::forgetting::{ImuNoise, MemoryConfig, Span};
 use rigident_shared::screening::Limits;
@@ -11,7 +13,7 @@ use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce};
 use rigident_shared::tree::base::TurningJoint;
 use rigident_shared::wire::{
     AttitudeSource, ImuSettings, LinkJoint, LinkSettings, MAX_LINKS, MemorySettings, ModelSettings,
-    SettingName, Settings, Source, StopRule, TwoLinkSettings,
+    SettingName, Settings, Source, StopRule, SuspensionSettings, TwoLinkSettings,
 };
 
 use crate::sample_path::{StopLimits, second_aligner};
@@ -67,9 +69,14 @@ impl Configuration {
             ModelSettings::TwoLinks(links) if cfg!(feature = "links") => {
                 SampleConfiguration::new(settings, Some(links)).map(Self::Samples)
             }
-            ModelSettings::Tree(links) if cfg!(feature = "frames") => tree(settings, links),
+            ModelSettings::Tree(links) if cfg!(feature = "frames") => tree(settings, links, None),
+            ModelSettings::Suspended(links, springs) if cfg!(feature = "frames") => {
+                tree(settings, links, Some(springs))
+            }
             // Left out of this image.
-            ModelSettings::TwoLinks(_) | ModelSettings::Tree(_) => Err(SettingName::Model),
+            ModelSettings::TwoLinks(_) | ModelSettings::Tree(_) | ModelSettings::Suspended(..) => {
+                Err(SettingName::Model)
+            }
         }
     }
 }
@@ -90,14 +97,19 @@ fn is_possible(stop: Option<&StopRule>) -> bool {
 }
 
 /// A tree absorbs frames as they come, filtered if its base is tracked: nothing forgotten, the offset known.
-fn tree(settings: &Settings, links: &[LinkSettings]) -> Result<Configuration, SettingName> {
+fn tree(
+    settings: &Settings,
+    links: &[LinkSettings],
+    springs: Option<&SuspensionSettings>,
+) -> Result<Configuration, SettingName> {
     let cell = &settings.load_cell;
     ensure(settings.source == Source::Sensors, SettingName::Model)?;
     ensure(is_possible(settings.stop.as_ref()), SettingName::StopRule)?;
     ensure(settings.memory == MemorySettings::Forever, SettingName::Memory)?;
     let known_offset = cell.known_offset_n_nm.filter(|o| all_finite(o)).ok_or(SettingName::KnownOffset)?;
     ensure(positive(&cell.range_n_nm), SettingName::LoadCellRange)?;
-    let is_tracked = links.first().is_some_and(|base| base.joint == LinkJoint::Free);
+    let suspension = springs.map(suspension);
+    let is_tracked = suspension.is_some() || links.first().is_some_and(|base| base.joint == LinkJoint::Free);
     if let Some(free) = links.iter().skip(1).position(|link| link.joint == LinkJoint::Free) {
         return Err(SettingName::Link(1 + free as u8));
     }
@@ -125,12 +137,32 @@ fn tree(settings: &Settings, links: &[LinkSettings]) -> Result<Configuration, Se
         range: cell.range_n_nm,
         still_after: settings.frozen_after,
         filter,
+        suspension,
     };
     let stop = settings
         .stop
         .as_ref()
         .map(|stop| FrameStop { standard_deviation: deviations(stop), minimum_frames: stop.minimum_blocks });
     Ok(Configuration::Tree(links, config, stop))
+}
+
+/// Springs, whose stiffness is told in half.
+fn suspension(springs: &SuspensionSettings) -> Suspension<f32> {
+    let mut stiffness = [[0.0; 6]; 6];
+    for ((i, j), value) in SuspensionSettings::places().zip(springs.stiffness) {
+        for (i, j) in [(i, j), (j, i)] {
+            if let Some(slot) = stiffness.get_mut(i).and_then(|row: &mut [f32; 6]| row.get_mut(j)) {
+                *slot = value;
+            }
+        }
+    }
+    Suspension {
+        stiffness,
+        base_position: springs.base_position_m,
+        base_attitude: springs.base_rotation_wxyz,
+        anchor_height: springs.anchor_height_m,
+        locked: springs.locked,
+    }
 }
 
 /// The second link and its IMU.
@@ -263,5 +295,7 @@ pub(crate) fn setting_of_tree(error: FramesError) -> SettingName {
         FramesError::Link(link) => SettingName::Link(link as u8),
         FramesError::Sigma(channel) => SettingName::Noise(channel),
         FramesError::Filter(_) => SettingName::Filter,
+        FramesError::Stiffness => SettingName::Stiffness,
+        FramesError::Suspension => SettingName::Suspension,
     }
 }

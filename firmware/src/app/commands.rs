@@ -103,6 +103,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
     }
 
     /// Tells how the bring-up went that [`App::on_byte`] asked for, and answers the command.
+    #[inline(never)]
     pub fn sensors_up(&mut self, result: Result<(), BringUpError>) {
         let Some(pending) = self.pending.take() else { return };
         let answer = match result {
@@ -127,6 +128,8 @@ impl<P: DerefMut<Target = Path>> App<P> {
         check(settings)
     }
 
+    // What is made of settings is kept off the stack of everything else.
+    #[inline(never)]
     fn configure(&mut self, settings: Settings) -> Result<Reply, ErrorCode> {
         set_up(&settings, &mut self.path)?;
         self.duty = Duty::of(&settings);
@@ -145,6 +148,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
         self.errors = SensorErrors { unaligned_before, ..SensorErrors::default() };
     }
 
+    #[inline(never)]
     fn obey(&mut self, command: &Command) -> Result<Reply, ErrorCode> {
         let wrong_state = Err(ErrorCode::WrongState(self.state));
         match command {
@@ -277,7 +281,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
 
 /// Frames come by themselves: there is nothing to bring up.
 fn is_tree(settings: &Settings) -> bool {
-    matches!(settings.model, ModelSettings::Tree(_))
+    matches!(settings.model, ModelSettings::Tree(_) | ModelSettings::Suspended(..))
 }
 
 /// Returns whether a path can be made of these settings.

@@ -120,7 +120,7 @@ impl Duty {
         let sensors = match settings.model {
             ModelSettings::Body => [true, true, false, false],
             ModelSettings::TwoLinks(_) => [true, true, true, false],
-            ModelSettings::Tree(_) => [false, false, false, true],
+            ModelSettings::Tree(_) | ModelSettings::Suspended(..) => [false, false, false, true],
         };
         Self {
             from_sensors,

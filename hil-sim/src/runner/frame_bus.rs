@@ -11,6 +11,7 @@ use rigident_shared::wire::tree_frame::{LINK_NUMBERS, MAX_TREE_FRAME, TrackedFra
 use super::sensor_bus::SensorBus;
 use crate::links::{Tree, quaternion};
 use crate::sensors::stream;
+use crate::suspension::Motion;
 
 /// Frames that the board fetches one after the other, as fast as it asks, once they are let go.
 pub struct FrameBus {
@@ -100,12 +101,6 @@ pub fn tracked_frames_of(
                 *w += sigma * n;
             }
             numbers.extend(base.velocity.iter());
-            let pose = |link: &FrameMotion| -> [f32; 7] {
-                let rate = link.rotation.transpose() * link.angular_rate;
-                let all: Vec<f64> =
-                    quaternion(&link.rotation).into_iter().chain(rate.iter().copied()).collect();
-                std::array::from_fn(|i| all[i] as f32)
-            };
             let own = pose(base);
             let base = std::array::from_fn(|i| if i < 9 { numbers[i] as f32 } else { own[i - 9] });
             let links: Vec<[f32; 7]> = now.motions.iter().skip(1).map(pose).collect();
@@ -114,6 +109,41 @@ pub fn tracked_frames_of(
             bytes[..n].to_vec()
         })
         .collect()
+}
+
+/// A link's attitude and rate.
+fn pose(link: &FrameMotion) -> [f32; 7] {
+    let rate = link.rotation.transpose() * link.angular_rate;
+    let all: Vec<f64> = quaternion(&link.rotation).into_iter().chain(rate.iter().copied()).collect();
+    std::array::from_fn(|i| all[i] as f32)
+}
+
+/// The frames of a motion on springs with O in the platform's origin, the displacement with white noise of these σ (m, rad) from the
+/// seed; the rest is exact but for single precision.
+///
+/// # Panics
+/// If there are more links than a frame can hold.
+pub fn suspended_frames_of(motion: &Motion, noise: [f64; 6], seed: u64) -> Vec<Vec<u8>> {
+    let mut random = stream(seed, 7);
+    let of = |(number, now): (usize, &crate::suspension::Instant)| {
+        let platform = &now.platform;
+        let turned = nalgebra::Rotation3::from_matrix_unchecked(platform.rotation);
+        let turn = nalgebra::UnitQuaternion::from_rotation_matrix(&turned).scaled_axis();
+        let mut numbers: Vec<f64> = platform.position.iter().chain(&turn).copied().collect();
+        for (value, sigma) in numbers.iter_mut().zip(noise) {
+            let n: f64 = StandardNormal.sample(&mut random);
+            *value += sigma * n;
+        }
+        numbers.extend(platform.velocity.iter());
+        let own = pose(platform);
+        let base = std::array::from_fn(|i| if i < 9 { numbers[i] as f32 } else { own[i - 9] });
+        let links: Vec<[f32; 7]> = now.links.iter().skip(1).map(pose).collect();
+        let mut bytes = [0; MAX_TREE_FRAME];
+        let n =
+            TrackedFrame::encode(number as u32, &base, &links, &mut bytes).expect("at most sixteen links");
+        bytes[..n].to_vec()
+    };
+    motion.instants.iter().enumerate().map(of).collect()
 }
 
 /// `count` frames of a tree in motion at `rate_hz`, the wrench with white noise of these σ (N, N m) from the seed; the

@@ -27,7 +27,7 @@ mod sensor_bus;
 pub use emulator_log::LogLine;
 #[cfg(feature = "emulator")]
 pub use error::RunnerError;
-pub use frame_bus::{FrameBus, FrameGate, frames_of, tracked_frames_of};
+pub use frame_bus::{FrameBus, FrameGate, frames_of, suspended_frames_of, tracked_frames_of};
 pub use in_process::InProcess;
 #[cfg(feature = "emulator")]
 pub use qemu::{Qemu, QemuOptions, StackUse, firmware_elf};

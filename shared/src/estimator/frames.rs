@@ -6,12 +6,15 @@
 //! row by row ([`PackedFactor`]) and merged there; at the latest after [`LEVEL_FRAMES`] nothing more is taken in.
 
 mod link;
+mod suspension;
 mod tracked;
 
 use nalgebra::Vector3;
 
 use self::link::attitude;
 pub use self::link::{FrameLink, LINKS};
+use self::suspension::Sums;
+pub use self::suspension::{SUSPENDED_LINKS, Suspension};
 use self::tracked::Window;
 pub use self::tracked::{FrameFilter, LinkPose, TAPS, TrackedFrame};
 use crate::Scalar;
@@ -43,6 +46,8 @@ pub struct FramesConfig<T> {
     pub still_after: u16,
     /// The filter of a base that is tracked; `None`: the base carries an IMU.
     pub filter: Option<FrameFilter<T>>,
+    /// The springs under the base, if they are the sensor; it is tracked then.
+    pub suspension: Option<Suspension<T>>,
 }
 
 /// Tells when a run of frames has told enough.
@@ -67,6 +72,10 @@ pub enum FramesError {
     Sigma(u8),
     /// There is no such filter, or no room for it.
     Filter(KernelError),
+    /// The stiffness is not symmetric and positive.
+    Stiffness,
+    /// Where the base stands on the springs is not finite, or no rotation; or all coordinates are locked.
+    Suspension,
 }
 
 /// Holds how one link moves.
@@ -170,6 +179,8 @@ pub struct FrameEstimator<T: Scalar> {
     links: [FrameLink<T>; LINKS],
     /// Frames under the filter, of a base that is tracked.
     window: Window<T>,
+    /// Springs under the base, and where the window's room is used for what they make of frames.
+    sums: Sums<T>,
     /// Columns that stay.
     kept: [u16; LINKS],
     count: u8,
@@ -198,6 +209,7 @@ impl<T: Scalar> FrameEstimator<T> {
         waiting: 0,
         links: [FrameLink { parent: 0, joint: TurningJoint::Fixed, position: [T::ZERO; 3] }; LINKS],
         window: Window::UNUSED,
+        sums: Sums::UNUSED,
         kept: [0; LINKS],
         count: 0,
         weights: [T::ZERO; 6],
@@ -236,9 +248,6 @@ impl<T: Scalar> FrameEstimator<T> {
                 return Err(FramesError::Sigma(channel as u8));
             }
         }
-        if let Some(filter) = &config.filter {
-            Window::kernel(filter).map_err(FramesError::Filter)?;
-        }
         let mut parameters = FIRST_LINK.count_ones() as usize;
         for (i, link) in links.iter().enumerate().skip(1) {
             let kept = kept_columns(link.joint).ok_or(FramesError::Link(i))?;
@@ -247,7 +256,24 @@ impl<T: Scalar> FrameEstimator<T> {
             }
             parameters += kept.count_ones() as usize;
         }
-        if parameters > PARAMETERS { Err(FramesError::Parameters(parameters)) } else { Ok(parameters) }
+        if let Some(suspension) = &config.suspension {
+            suspension.check()?;
+            parameters += suspension.free();
+            if links.len() > SUSPENDED_LINKS {
+                return Err(FramesError::Links(links.len()));
+            }
+        }
+        if parameters > PARAMETERS {
+            return Err(FramesError::Parameters(parameters));
+        }
+        match (&config.filter, &config.suspension) {
+            (Some(filter), None) => Window::kernel(filter).map(drop).map_err(FramesError::Filter)?,
+            (filter, Some(_)) => {
+                Sums::kernel(filter.as_ref(), parameters).map(drop).map_err(FramesError::Filter)?
+            }
+            (None, None) => {}
+        }
+        Ok(parameters)
     }
 
     /// Makes it an estimator that has seen nothing, where it stands.
@@ -261,7 +287,9 @@ impl<T: Scalar> FrameEstimator<T> {
             *kept = if i == 0 { FIRST_LINK } else { kept_columns(link.joint).unwrap_or(0) };
         }
         self.count = links.len() as u8;
-        self.window.set_up(config.filter.as_ref()).map_err(FramesError::Filter)?;
+        let of_window = config.filter.filter(|_| config.suspension.is_none());
+        self.window.set_up(of_window.as_ref(), self.count).map_err(FramesError::Filter)?;
+        self.sums.set_up(config.filter.as_ref(), config.suspension.as_ref(), parameters)?;
         let every = config.filter.map_or(T::ONE, |filter| T::from_u32(u32::from(filter.row_every)).sqrt());
         self.weights = config.channel_sigma.map(|sigma| every / sigma);
         self.known_offset = config.known_offset;
@@ -302,6 +330,7 @@ impl<T: Scalar> FrameEstimator<T> {
         self.factor.clear(self.factor.parameters());
         self.waiting = 0;
         self.window.clear();
+        self.sums.clear();
         (self.still, self.last_motion, self.last_wrench) = (0, 0, [T::ZERO; 6]);
         self.in_level = 0;
         self.counters = FrameCounters::default();
@@ -329,7 +358,7 @@ impl<T: Scalar> FrameEstimator<T> {
 
     /// Whether frames are those of a base that is tracked.
     pub fn is_tracked(&self) -> bool {
-        self.window.is_used()
+        self.window.is_used() || self.sums.is_used()
     }
 
     /// Takes in one frame of a base with an IMU.
@@ -351,19 +380,30 @@ impl<T: Scalar> FrameEstimator<T> {
         }
     }
 
-    /// Takes in one frame of a base that is tracked.
+    /// Takes in one frame of a base that is tracked. On springs it brings the platform's displacement instead of a wrench, and the
+    /// platform's attitude and rate instead of the base link's.
     ///
     /// # Errors
     /// Why it was left out; rows of frames before it and after it are made apart then.
     pub fn absorb_tracked(&mut self, frame: &TrackedFrame<'_, T>) -> Result<(), FrameRejection> {
         self.counters.frames = self.counters.frames.saturating_add(1);
-        if let Err(rejection) = self.judge_tracked(frame) {
+        let wrench = self.sums.wrench(&frame.wrench);
+        let judged = match wrench {
+            Some(_) if !self.sums.is_one_turn(frame) => Err(FrameRejection::NoAttitude(0)),
+            _ => Ok(()),
+        };
+        let frame = &TrackedFrame { wrench: wrench.unwrap_or(frame.wrench), ..*frame };
+        // Numbers that are none are told from turns that do not agree.
+        if let Err(rejection) = self.judge_tracked(frame).and(judged) {
             self.window.clear();
+            self.sums.clear();
             self.counters.reject(rejection);
             return Err(rejection);
         }
         self.counters.absorbed = self.counters.absorbed.saturating_add(1);
-        if self.window.push(frame) {
+        if wrench.is_some() {
+            self.write_suspended(frame);
+        } else if self.window.push(frame) {
             self.write_tracked();
         }
         Ok(())
@@ -493,6 +533,30 @@ impl<T: Scalar> FrameEstimator<T> {
         self.written();
     }
 
+    /// Adds a frame on springs to the rows that are not complete, and writes the whitened rows of those that become so.
+    #[inline(never)]
+    fn write_suspended(&mut self, frame: &TrackedFrame<'_, T>) {
+        let links = self.links.get(..usize::from(self.count)).unwrap_or_default();
+        let Some(complete) =
+            self.sums.push(&mut self.window.store, (links, &self.kept), frame, &self.known_offset)
+        else {
+            return;
+        };
+        // Of locked coordinates there are no rows.
+        let first = usize::from(self.waiting) * self.sums.rows();
+        for (column, rows) in self.block.iter_mut().zip(complete.as_chunks::<6>().0) {
+            if first == 0 {
+                *column = Column::ZERO;
+            }
+            let free = (0..6).filter(|k| self.sums.is_free(*k));
+            for (slot, k) in column.rows.iter_mut().skip(first).zip(free) {
+                *slot = rows.get(k).copied().unwrap_or_default()
+                    * self.weights.get(k).copied().unwrap_or_default();
+            }
+        }
+        self.written();
+    }
+
     /// Writes the whitened rows that the filter leaves of the columns that stay.
     #[inline(never)]
     fn write_tracked(&mut self) {
@@ -535,7 +599,7 @@ impl<T: Scalar> FrameEstimator<T> {
 
     #[inline(never)]
     fn reduce(&mut self) {
-        let used = usize::from(self.waiting) * 6;
+        let used = usize::from(self.waiting) * self.sums.rows();
         let columns = self.factor.parameters() + 1;
         if let Some(columns) = self.block.get_mut(..columns) {
             self.factor.absorb(columns, used);
@@ -546,7 +610,7 @@ impl<T: Scalar> FrameEstimator<T> {
     /// Begins to hand the level over: what waits for a block is absorbed, and frames are counted anew.
     pub fn begin_hand_over(&mut self) {
         if self.waiting > 0 {
-            let used = usize::from(self.waiting) * 6;
+            let used = usize::from(self.waiting) * self.sums.rows();
             for column in &mut self.block {
                 for row in column.rows.iter_mut().skip(used) {
                     *row = T::ZERO;

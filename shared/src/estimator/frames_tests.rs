@@ -37,6 +37,7 @@ fn config() -> FramesConfig<f64> {
         range: [1e6; 6],
         still_after: 3,
         filter: None,
+        suspension: None,
     }
 }
 
@@ -242,6 +243,7 @@ fn single_precision_handed_over_row_by_row_is_a_batch_qr_of_the_same_rows() {
         range: c.range.map(|v| v as f32),
         still_after: 3,
         filter: None,
+        suspension: None,
     };
     let rounded: Vec<FrameLink<f64>> = narrow
         .iter()

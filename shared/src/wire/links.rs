@@ -30,6 +30,31 @@ pub enum ModelSettings {
     /// is the base. If its joint is [`LinkJoint::Free`], cameras track it: its frames bring positions and rates alone, and the
     /// rows' filter is the device's ([`super::Settings::filter_width_s`], [`super::Settings::row_every`]).
     Tree(Vec<LinkSettings, MAX_LINKS>),
+    /// A tree of at most [`crate::estimator::frames::SUSPENDED_LINKS`] links from frames, on a platform that springs carry and that
+    /// is tracked: the springs are the load cell. Parameters are the base's, then what springs carry at rest, of every free coordinate.
+    Suspended(Vec<LinkSettings, MAX_LINKS>, SuspensionSettings),
+}
+
+/// The springs under a platform, about its point O and in its axes at rest, z up.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct SuspensionSettings {
+    /// Stiffness from the first row's diagonal on, then the second's: forces (N) and moments (N m) against shifts (m) and turns (rad).
+    pub stiffness: [f32; 21],
+    /// Origin of the base link against O, axes of the platform, m.
+    pub base_position_m: [f32; 3],
+    /// Axes of the platform ← base link, Hamilton quaternion.
+    pub base_rotation_wxyz: [f32; 4],
+    /// Height of the anchors above O, m.
+    pub anchor_height_m: f32,
+    /// Bit k: coordinate k of x, y, z, roll, pitch and yaw is locked.
+    pub locked: u8,
+}
+
+impl SuspensionSettings {
+    /// Returns where the elements of the stiffness stand in a matrix.
+    pub fn places() -> impl Iterator<Item = (usize, usize)> {
+        (0..6).flat_map(|i| (i..6).map(move |j| (i, j)))
+    }
 }
 
 /// The second link.

@@ -12,7 +12,7 @@ use super::links::{
 };
 
 /// Version of framing and header; another one is refused by both sides.
-pub const PROTOCOL_VERSION: u8 = 5;
+pub const PROTOCOL_VERSION: u8 = 6;
 
 /// Hash of all message types: equal on both sides if they understand each other.
 pub const SCHEMA_HASH: u64 =
@@ -235,6 +235,10 @@ pub enum SettingName {
     Link(u8),
     /// The links of a tree, in `model`: none, too many, or too many parameters
     Links,
+    /// The stiffness of springs, in `model`: not finite, not symmetric, or not positive
+    Stiffness,
+    /// Where the base link stands on springs, in `model`, or that no coordinate is free
+    Suspension,
 }
 
 /// Tells where readings come from.

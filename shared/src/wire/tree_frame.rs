@@ -8,6 +8,7 @@
 //! | number | 4 | little-endian, one more with every frame |
 //! | base, version 1 | 60 | 15 f32 LE: wrench (6, N and N m, on the base at S), specific force (3), rate (3), its derivative (3), in S |
 //! | base, version 2 | 64 | 16 f32 LE: wrench (6, N and N m, at the base's origin), velocity of that origin (3, m/s), both in the laboratory's axes (z up); attitude (w, x, y, z), rate (3) as of a further link |
+//! | base, version 2, on springs | 64 | 16 f32 LE, axes of the platform at rest: shift of O (3, m), vector of the turn (3, rad), velocity of O (3, m/s); the platform's attitude (w, x, y, z) and rate (3) in its own axes |
 //! | each further link, version 1 | 40 | 10 f32 LE: attitude `R_SL` (w, x, y, z), rate (3), its derivative (3), in the link's axes |
 //! | each further link, version 2 | 28 | 7 f32 LE: attitude (w, x, y, z), laboratory's axes from the link's, rate (3) in the link's axes |
 //! | CRC-32 | 4 | little-endian, ISO-HDLC, over everything before it |

@@ -162,6 +162,19 @@ fn tracked_tree() -> Settings {
     settings
 }
 
+fn suspended_tree() -> Settings {
+    let settings = tree();
+    let ModelSettings::Tree(links) = &settings.model else { return settings };
+    let springs = SuspensionSettings {
+        stiffness: core::array::from_fn(|k| 100.0 * k as f32),
+        base_position_m: [0.0, 0.25, 0.5],
+        base_rotation_wxyz: [0.5, 0.5, -0.5, 0.5],
+        anchor_height_m: -0.125,
+        locked: 0b10_0100,
+    };
+    Settings { model: ModelSettings::Suspended(links.clone(), springs), ..settings }
+}
+
 fn link_reading(k: u32) -> LinkReadingMessage {
     LinkReadingMessage {
         base: reading(k),
@@ -195,6 +208,7 @@ pub fn samples() -> Vec<(&'static str, Message)> {
         ("command_configure_two_links", command(Command::Configure(two_links()))),
         ("command_configure_tree", command(Command::Configure(tree()))),
         ("command_configure_tracked_tree", command(Command::Configure(tracked_tree()))),
+        ("command_configure_suspended_tree", command(Command::Configure(suspended_tree()))),
         ("command_start", command(Command::Start)),
         ("command_hold", command(Command::Hold)),
         ("command_reset", command(Command::Reset)),

@@ -3,6 +3,7 @@
 pub mod device;
 mod emulated_board;
 mod in_process;
+mod suspended_tree;
 mod tracked_tree;
 mod tree;
 mod two_links;

@@ -27,12 +27,14 @@ fn settings_of(tree: &Tree) -> Settings {
 }
 
 fn links_of(settings: &Settings) -> &[LinkSettings] {
-    let ModelSettings::Tree(links) = &settings.model else { panic!("a tree") };
-    links
+    match &settings.model {
+        ModelSettings::Tree(links) | ModelSettings::Suspended(links, _) => links,
+        _ => panic!("a tree"),
+    }
 }
 
 /// The same frames in double precision.
-fn batch(frames: &[Vec<u8>], settings: &Settings) -> Box<FrameEstimator<f64>> {
+pub(super) fn batch(frames: &[Vec<u8>], settings: &Settings) -> Box<FrameEstimator<f64>> {
     let mut estimator = in_double(links_of(settings), settings);
     for bytes in frames {
         let frame = tree_frame::TrackedFrame::decode(bytes, links_of(settings).len()).unwrap();

@@ -5,13 +5,13 @@ use std::time::{Duration, Instant};
 use hexapod::BodyParameters;
 use nalgebra::{DMatrix, DVector};
 use rigident_shared::estimator::frames::{
-    Frame, FrameEstimator, FrameFilter, FrameLink, FramesConfig, LinkMotion, TreeFactor,
+    Frame, FrameEstimator, FrameFilter, FrameLink, FramesConfig, LinkMotion, Suspension, TreeFactor,
 };
 use rigident_shared::tree::base::TurningJoint;
 use rigident_shared::wire::tree_frame::TreeFrame;
 use rigident_shared::wire::{
     Command, ErrorCode, FactorRow, LinkJoint, LinkSettings, ModelSettings, Reason, Reply, SettingName,
-    Settings, StateName,
+    Settings, StateName, SuspensionSettings,
 };
 use rigident_sim::links::{Swing, Tree, TreeLink};
 use rigident_sim::rig::RigConfig;
@@ -83,12 +83,13 @@ pub(super) fn tree_settings(tree: &Tree) -> Settings {
 }
 
 fn take_all(device: &mut Device) -> Vec<FactorRow> {
-    (0..PARAMETERS as u8)
-        .map(|row| match device.ask(&Command::TakeRow { row }) {
-            Ok(Reply::Row(row)) => row,
-            other => panic!("{other:?}"),
-        })
-        .collect()
+    let mut take = |row| match device.ask(&Command::TakeRow { row }) {
+        Ok(Reply::Row(row)) => row,
+        other => panic!("{other:?}"),
+    };
+    let first = take(0);
+    let others = (1..first.parameters).map(take).collect::<Vec<_>>();
+    std::iter::once(first).chain(others).collect()
 }
 
 /// Runs all frames and hands the level over.
@@ -113,7 +114,7 @@ pub(super) fn run<'a>(
 
 pub(super) fn merged(rows: &[FactorRow]) -> Box<TreeFactor<f64>> {
     let mut factor = Box::new(TreeFactor::EMPTY);
-    factor.clear(PARAMETERS);
+    factor.clear(rows.len());
     for row in rows {
         let entries: Vec<f64> = row.entries.iter().map(|v| f64::from(*v)).collect();
         factor.merge_row(usize::from(row.row), &entries);
@@ -124,17 +125,18 @@ pub(super) fn merged(rows: &[FactorRow]) -> Box<TreeFactor<f64>> {
 
 /// Estimate, standard deviations, condition number of the column-scaled R.
 pub(super) fn solved(factor: &TreeFactor<f64>) -> (DVector<f64>, Vec<f64>, f64) {
-    let mut r = DMatrix::zeros(PARAMETERS, PARAMETERS);
-    let mut z = DVector::zeros(PARAMETERS);
-    for i in 0..PARAMETERS {
+    let n = factor.parameters();
+    let mut r = DMatrix::zeros(n, n);
+    let mut z = DVector::zeros(n);
+    for i in 0..n {
         let row: Vec<f64> = factor.row(i).collect();
-        (0..PARAMETERS - i).for_each(|k| r[(i, i + k)] = row[k]);
-        z[i] = row[PARAMETERS - i];
+        (0..n - i).for_each(|k| r[(i, i + k)] = row[k]);
+        z[i] = row[n - i];
     }
     let inverse = r.clone().try_inverse().expect("every parameter is excited");
     let norms: Vec<f64> = r.column_iter().map(|c| c.norm()).collect();
-    let singular = DMatrix::from_fn(PARAMETERS, PARAMETERS, |i, j| r[(i, j)] / norms[j]).singular_values();
-    let sd = (0..PARAMETERS).map(|j| inverse.row(j).norm()).collect();
+    let singular = DMatrix::from_fn(n, n, |i, j| r[(i, j)] / norms[j]).singular_values();
+    let sd = (0..n).map(|j| inverse.row(j).norm()).collect();
     (&inverse * z, sd, singular.max() / singular.min())
 }
 
@@ -148,15 +150,34 @@ pub(super) fn as_good_as(
     let (found, ..) = solved(found);
     let (exact, sd, condition) = solved(exact.factor());
     let limit = 20.0 * 1.19e-7 * condition * exact.norm();
-    for j in 0..PARAMETERS {
+    for j in 0..exact.len() {
         let error = (found[j] - exact[j]).abs();
         assert!(error <= limit.max(0.05 * sd[j]), "{j}: {error} sd {} limit {limit}", sd[j]);
     }
     (found, sd, limit)
 }
 
+/// Springs in double precision.
+fn suspension(springs: &SuspensionSettings) -> Suspension<f64> {
+    let mut stiffness = [[0.0; 6]; 6];
+    for ((i, j), value) in SuspensionSettings::places().zip(springs.stiffness) {
+        (stiffness[i][j], stiffness[j][i]) = (f64::from(value), f64::from(value));
+    }
+    Suspension {
+        stiffness,
+        base_position: springs.base_position_m.map(f64::from),
+        base_attitude: springs.base_rotation_wxyz.map(f64::from),
+        anchor_height: f64::from(springs.anchor_height_m),
+        locked: springs.locked,
+    }
+}
+
 /// An estimator in double precision.
 pub(super) fn in_double(links: &[LinkSettings], settings: &Settings) -> Box<FrameEstimator<f64>> {
+    let suspension = match &settings.model {
+        ModelSettings::Suspended(_, springs) => Some(suspension(springs)),
+        _ => None,
+    };
     let is_tracked = links[0].joint == LinkJoint::Free;
     let links: Vec<FrameLink<f64>> = links
         .iter()
@@ -170,18 +191,20 @@ pub(super) fn in_double(links: &[LinkSettings], settings: &Settings) -> Box<Fram
             position: l.position_m.map(f64::from),
         })
         .collect();
+    let mut estimator = Box::new(FrameEstimator::UNUSED);
+    let filter = FrameFilter {
+        rate_hz: f64::from(settings.rate_hz),
+        width_s: f64::from(settings.filter_width_s),
+        row_every: settings.row_every,
+    };
     let config = FramesConfig {
         channel_sigma: settings.load_cell.noise_n_nm.map(f64::from),
         known_offset: [0.0; 6],
         range: [1e9; 6],
         still_after: 0,
-        filter: is_tracked.then(|| FrameFilter {
-            rate_hz: f64::from(settings.rate_hz),
-            width_s: f64::from(settings.filter_width_s),
-            row_every: settings.row_every,
-        }),
+        filter: (is_tracked || suspension.is_some()).then_some(filter),
+        suspension,
     };
-    let mut estimator = Box::new(FrameEstimator::UNUSED);
     estimator.set_up(&links, &config).unwrap();
     estimator
 }

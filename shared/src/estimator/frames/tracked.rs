@@ -3,11 +3,13 @@
 //! All vectors are in the laboratory's axes, z up, and moments about the base's origin at r, wherever that is. With D the momentum
 //! about it and S what gravity alone needs, `[F; M] = ∂D + S + [0; ṙ × D_F]`, so with the kernel k of the filter
 //! `k ∗ [F; M] = k̇ ∗ D + k ∗ (S + [0; ṙ × D_F])`: no acceleration is ever formed, and r never enters. The frames under the kernel are
-//! kept, not their rows: of sixteen links 484 bytes a frame.
+//! kept, not their rows: of sixteen links 484 bytes a frame. On springs ([`super::Suspension`]) the same rows are about the platform's
+//! point O: the base's origin has an arm to it, and ṙ is O's velocity.
 
 use nalgebra::Vector3;
 
 use super::link::{FrameLink, LINKS, attitude};
+use super::suspension::Mount;
 use crate::Scalar;
 use crate::conditioning::{Kernel, KernelError};
 use crate::tree::LinkState;
@@ -51,12 +53,22 @@ pub struct TrackedFrame<'a, T> {
     pub links: &'a [LinkPose<T>],
 }
 
+/// Numbers that are kept of a frame but for its links: wrench and velocity.
+const OF_BASE: usize = 9;
+/// Numbers that are kept of a link.
+pub(super) const OF_LINK: usize = 7;
+/// Room for the frames of sixteen links under the longest kernel; or for rows on springs that are not complete.
+pub(super) const ROOM: usize = TAPS * (OF_BASE + OF_LINK * LINKS);
+/// Numbers of the columns of a link: what is smoothed and what is differentiated, forces and moments each.
+pub(super) type LinkColumns<T> = [[T; 12]; 10];
+/// Parameters of a link that have forces: mass and first moments.
+pub(super) const WITH_FORCES: usize = 4;
+
 /// What is kept of a frame.
-#[derive(Clone, Copy, Debug)]
-struct Kept<T> {
-    wrench: [T; 6],
-    velocity: [T; 3],
-    links: [LinkPose<T>; LINKS],
+struct Kept<'a, T> {
+    wrench: &'a [T],
+    velocity: Vector3<T>,
+    links: &'a [[T; OF_LINK]],
 }
 
 /// The frames under the kernel.
@@ -64,7 +76,10 @@ struct Kept<T> {
 pub(super) struct Window<T: Scalar> {
     kernel: Kernel<T, TAPS>,
     row_every: u16,
-    frames: [Kept<T>; TAPS],
+    /// Frames one after the other.
+    pub(super) store: [T; ROOM],
+    /// Links of a frame.
+    links: u8,
     /// Where the next frame goes.
     next: u8,
     /// Frames until rows are due.
@@ -74,16 +89,21 @@ pub(super) struct Window<T: Scalar> {
     is_empty: bool,
 }
 
+impl<T: Scalar> LinkPose<T> {
+    /// Attitude and rate.
+    pub(super) fn numbers(&self) -> [T; OF_LINK] {
+        let ([w, a, b, c], [x, y, z]) = (self.attitude, self.rate);
+        [w, a, b, c, x, y, z]
+    }
+}
+
 impl<T: Scalar> Window<T> {
     /// All bits are zero.
     pub(super) const UNUSED: Self = Self {
         kernel: Kernel::NONE,
         row_every: 0,
-        frames: [Kept {
-            wrench: [T::ZERO; 6],
-            velocity: [T::ZERO; 3],
-            links: [LinkPose { attitude: [T::ZERO; 4], rate: [T::ZERO; 3] }; LINKS],
-        }; TAPS],
+        store: [T::ZERO; ROOM],
+        links: 0,
         next: 0,
         until: 0,
         expected: 0,
@@ -104,7 +124,8 @@ impl<T: Scalar> Window<T> {
     ///
     /// # Errors
     /// See [`Self::kernel`].
-    pub(super) fn set_up(&mut self, filter: Option<&FrameFilter<T>>) -> Result<(), KernelError> {
+    pub(super) fn set_up(&mut self, filter: Option<&FrameFilter<T>>, links: u8) -> Result<(), KernelError> {
+        self.links = links;
         (self.kernel, self.row_every) = match filter {
             Some(filter) => (Self::kernel(filter)?, filter.row_every),
             None => (Kernel::NONE, 0),
@@ -131,11 +152,11 @@ impl<T: Scalar> Window<T> {
             self.clear();
         }
         (self.expected, self.is_empty) = (frame.number.wrapping_add(1), false);
-        if let Some(kept) = self.frames.get_mut(usize::from(self.next)) {
-            (kept.wrench, kept.velocity) = (frame.wrench, frame.velocity);
-            for (slot, link) in kept.links.iter_mut().zip(frame.links) {
-                *slot = *link;
-            }
+        let stride = self.stride();
+        if let Some(slots) = self.store.chunks_exact_mut(stride).nth(usize::from(self.next)) {
+            let links = frame.links.iter().flat_map(LinkPose::numbers);
+            let all = frame.wrench.into_iter().chain(frame.velocity).chain(links);
+            slots.iter_mut().zip(all).for_each(|(slot, value)| *slot = value);
         }
         let taps = self.kernel.smooth().len();
         self.next = if usize::from(self.next) + 1 >= taps { 0 } else { self.next + 1 };
@@ -147,14 +168,22 @@ impl<T: Scalar> Window<T> {
         due
     }
 
+    /// Numbers of a frame.
+    fn stride(&self) -> usize {
+        OF_BASE + OF_LINK * usize::from(self.links)
+    }
+
     /// Calls `each` with the weights of smoothed and differentiated parts and the frame, from the oldest to the newest.
-    fn each_frame(&self, mut each: impl FnMut(T, T, &Kept<T>)) {
-        let taps = self.kernel.smooth().len();
-        let (newest, oldest) = self.frames.split_at_checked(usize::from(self.next)).unwrap_or_default();
-        let used = oldest.iter().take(taps.saturating_sub(newest.len())).chain(newest);
+    fn each_frame(&self, mut each: impl FnMut(T, T, &Kept<'_, T>)) {
+        let (taps, stride) = (self.kernel.smooth().len(), self.stride());
+        let used = self.store.get(..taps * stride).unwrap_or_default();
+        let (newest, oldest) = used.split_at_checked(usize::from(self.next) * stride).unwrap_or_default();
+        let frames = oldest.chunks_exact(stride).chain(newest.chunks_exact(stride));
         let weights = self.kernel.smooth().iter().zip(self.kernel.derivative());
-        for ((smooth, derivative), kept) in weights.zip(used) {
-            each(*smooth, *derivative, kept);
+        for ((smooth, derivative), frame) in weights.zip(frames) {
+            let Some((wrench, [x, y, z, links @ ..])) = frame.split_at_checked(6) else { continue };
+            let kept = Kept { wrench, velocity: Vector3::new(*x, *y, *z), links: links.as_chunks().0 };
+            each(*smooth, *derivative, &kept);
         }
     }
 
@@ -166,24 +195,17 @@ impl<T: Scalar> Window<T> {
         columns: &[u16],
         mut add: impl FnMut(usize, Option<Vector3<T>>, Vector3<T>),
     ) {
-        let upward = Vector3::new(T::ZERO, T::ZERO, T::from_f32(GRAVITY));
         self.each_frame(|smooth, derivative, kept| {
-            let velocity = Vector3::from(kept.velocity);
             let mut next = 0;
-            for (state, columns) in states(links, kept).iter().zip(columns).take(links.len()) {
-                let h = momentum(state);
-                for k in (0..10).filter(|k| columns >> k & 1 == 1) {
-                    let [x, y, z, a, b, c] = h.each_ref().map(|row| row.get(k).copied().unwrap_or_default());
-                    let linear = Vector3::new(x, y, z);
-                    let mut moment = Vector3::new(a, b, c) * derivative;
-                    let force = (k < 4).then(|| {
-                        // What stands against gravity: m a at the link's origin, and mc.
-                        let (force, arm) = match k.checked_sub(1).and_then(|k| state.rotation.data.0.get(k)) {
-                            None => (upward, state.position),
-                            Some(axis) => (Vector3::zeros(), Vector3::from(*axis)),
-                        };
-                        moment += (arm.cross(&upward) + velocity.cross(&linear)) * smooth;
-                        force * smooth + linear * derivative
+            let states = states(links, kept.links, &kept.velocity, &Mount::NONE);
+            for (state, columns) in states.iter().zip(columns).take(links.len()) {
+                let all = link_columns(state, &kept.velocity);
+                for (k, column) in all.iter().enumerate().filter(|(k, _)| columns >> k & 1 == 1) {
+                    let [s0, s1, s2, s3, s4, s5, d0, d1, d2, d3, d4, d5] = *column;
+                    let mut moment = Vector3::new(d3, d4, d5) * derivative;
+                    let force = (k < WITH_FORCES).then(|| {
+                        moment += Vector3::new(s3, s4, s5) * smooth;
+                        Vector3::new(s0, s1, s2) * smooth + Vector3::new(d0, d1, d2) * derivative
                     });
                     add(next, force, moment);
                     next += 1;
@@ -197,28 +219,59 @@ impl<T: Scalar> Window<T> {
         let mut sum = [T::ZERO; 6];
         self.each_frame(|smooth, _, kept| {
             for ((sum, value), offset) in sum.iter_mut().zip(kept.wrench).zip(offset) {
-                *sum += smooth * (value - *offset);
+                *sum += smooth * (*value - *offset);
             }
         });
         sum
     }
 }
 
-/// Every link's motion in the laboratory's axes, about the base's origin; velocities are the laboratory's.
+/// The columns of a link: of each what is smoothed, then what is differentiated. `velocity` is that of the point that moments are about.
 #[inline(never)]
-fn states<T: Scalar>(links: &[FrameLink<T>], kept: &Kept<T>) -> [LinkState<T>; LINKS] {
+pub(super) fn link_columns<T: Scalar>(state: &LinkState<T>, velocity: &Vector3<T>) -> LinkColumns<T> {
+    let upward = Vector3::new(T::ZERO, T::ZERO, T::from_f32(GRAVITY));
+    let h = momentum(state);
+    core::array::from_fn(|k| {
+        let [x, y, z, a, b, c] = h.each_ref().map(|row| row.get(k).copied().unwrap_or_default());
+        let (mut force, mut moment) = (Vector3::zeros(), Vector3::zeros());
+        if k < WITH_FORCES {
+            // What stands against gravity: m a at the link's origin, and mc.
+            let arm = match k.checked_sub(1).and_then(|k| state.rotation.data.0.get(k)) {
+                None => {
+                    force = upward;
+                    state.position
+                }
+                Some(axis) => Vector3::from(*axis),
+            };
+            moment = arm.cross(&upward) + velocity.cross(&Vector3::new(x, y, z));
+        }
+        [force.x, force.y, force.z, moment.x, moment.y, moment.z, x, y, z, a, b, c]
+    })
+}
+
+/// Every link's motion in the laboratory's axes, about the point that the base's origin is mounted to; velocities are the laboratory's.
+#[inline(never)]
+pub(super) fn states<T: Scalar>(
+    links: &[FrameLink<T>],
+    poses: &[[T; OF_LINK]],
+    velocity: &Vector3<T>,
+    mount: &Mount<T>,
+) -> [LinkState<T>; LINKS] {
     let mut states = [LinkState::zero(); LINKS];
-    for (i, (link, pose)) in links.iter().zip(&kept.links).enumerate() {
+    for (i, (link, [qw, qx, qy, qz, rate @ ..])) in links.iter().zip(poses).enumerate() {
         // Judged when it was taken.
-        let Some(rotation) = attitude(pose.attitude) else { continue };
-        let (mut position, mut velocity) = (Vector3::zeros(), Vector3::from(kept.velocity));
-        if let Some(parent) = states.get(usize::from(link.parent)).filter(|_| i > 0) {
-            let arm = parent.rotation * Vector3::from(link.position);
-            position = parent.position + arm;
-            velocity = parent.velocity + parent.rate.cross(&arm);
+        let Some(mut rotation) = attitude([*qw, *qx, *qy, *qz]) else { continue };
+        let rate = rotation * Vector3::from(*rate);
+        let parent = states.get(usize::from(link.parent)).filter(|_| i > 0);
+        let (origin, moving, turning, arm) = match parent {
+            Some(p) => (p.position, p.velocity, p.rate, p.rotation * Vector3::from(link.position)),
+            None => (Vector3::zeros(), *velocity, rate, rotation * mount.arm),
+        };
+        if i == 0 {
+            rotation *= mount.rotation;
         }
         if let Some(state) = states.get_mut(i) {
-            let rate = rotation * Vector3::from(pose.rate);
+            let (position, velocity) = (origin + arm, moving + turning.cross(&arm));
             *state = LinkState { rotation, position, velocity, rate, ..LinkState::zero() };
         }
     }
