@@ -62,7 +62,7 @@ pub struct Support {
 /// The rows of modes, whitened.
 pub struct ModalSource {
     parameters: Vec<Parameter>,
-    errors: Vec<Parameter>,
+    of_errors: Vec<Parameter>,
     channels: Vec<Channel>,
     nuisances: Vec<Nuisance>,
     /// A row for each equation, coefficients of the parameters.
@@ -99,7 +99,7 @@ impl ModalSource {
             .collect();
         Some(Self {
             parameters,
-            errors,
+            of_errors: errors,
             channels: channels.collect(),
             nuisances,
             coefficients,
@@ -381,20 +381,23 @@ impl RowSource for ModalSource {
     }
 
     fn error_columns(&self, _parameters: &[f64]) -> Option<Box<dyn RowSource + '_>> {
-        Some(Box::new(ErrorRows(self)))
+        Some(Box::new(ErrorRows { source: self, parameters: &self.of_errors }))
     }
 }
 
 /// The columns of the springs' errors.
-struct ErrorRows<'a>(&'a ModalSource);
+struct ErrorRows<'a> {
+    source: &'a ModalSource,
+    parameters: &'a [Parameter],
+}
 
 impl RowSource for ErrorRows<'_> {
     fn parameters(&self) -> &[Parameter] {
-        &self.0.errors
+        self.parameters
     }
 
     fn channels(&self) -> &[Channel] {
-        &self.0.channels
+        &self.source.channels
     }
 
     fn timing(&self) -> Timing {
@@ -402,7 +405,7 @@ impl RowSource for ErrorRows<'_> {
     }
 
     fn samples(&self) -> usize {
-        self.0.samples()
+        self.source.samples()
     }
 
     fn time_ns(&self, sample: usize) -> u64 {
@@ -410,7 +413,7 @@ impl RowSource for ErrorRows<'_> {
     }
 
     fn rows(&self, sample: usize, rows: &mut SampleRows) -> Result<(), Rejection> {
-        self.0.fill(&self.0.by_errors, sample, rows)
+        self.source.fill(&self.source.by_errors, sample, rows)
     }
 }
 
