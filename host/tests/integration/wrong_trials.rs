@@ -169,6 +169,26 @@ fn forces_of_shared_data_that_cannot_be_are_named() {
     refused(treadmill(&trc, Some(&cut.join("\n")), &[]), 2, &["cut off"]);
     let missing = mot.replacen("1_ground_force_px", "1_ground_force_qx", 1);
     refused(treadmill(&trc, Some(&missing), &[]), 2, &["1_ground_force_px is missing"]);
+    // The belts exchanged, and only their centres of pressure.
+    let names = mot.lines().nth(header - 1).unwrap();
+    let exchanged = |which: &str| {
+        let swap = |name: &str| match name.strip_prefix("1_") {
+            Some(rest) if rest.contains(which) => rest.to_owned(),
+            None if name.contains(which) => format!("1_{name}"),
+            _ => name.to_owned(),
+        };
+        let own: Vec<String> = names.split('\t').map(|name| swap(name.trim())).collect();
+        mot.replacen(names, &own.join("\t"), 1)
+    };
+    for which in ["ground_force_p", "ground_"] {
+        let words = ["on one foot", "the foot that is in the air", "exchanged"];
+        if which == "ground_" {
+            // Both plates with all their columns are the same plates.
+            assert_eq!(treadmill(&trc, Some(&exchanged(which)), &["--height-m", "1.8"]).0, 0);
+        } else {
+            refused(treadmill(&trc, Some(&exchanged(which)), &[]), 2, &words);
+        }
+    }
     // Columns of both belts under one name.
     let twice = mot.replace("1_ground", "ground");
     refused(treadmill(&trc, Some(&twice), &[]), 2, &["two columns are called ground_force_vx"]);
@@ -180,6 +200,23 @@ fn forces_of_shared_data_that_cannot_be_are_named() {
     // Kilograms-force.
     let kgf = cells(&mot, header, |c, value| if force(c) || c > 12 { value / 9.80665 } else { value });
     refused(treadmill(&trc, Some(&kgf), &["--height-m", "1.8"]), 2, &["forces in newtons"]);
+    // Cameras that were blind for three frames: these are dropped.
+    let first = trc.lines().count() - 60;
+    let blind: Vec<String> = trc
+        .lines()
+        .enumerate()
+        .map(|(k, line)| match (first..first + 3).contains(&k) {
+            true => line
+                .split('\t')
+                .enumerate()
+                .map(|(c, v)| if c < 2 { v } else { "" })
+                .collect::<Vec<_>>()
+                .join("\t"),
+            false => line.to_owned(),
+        })
+        .collect();
+    let (status, said) = treadmill(&blind.join("\n"), Some(&mot), &["--height-m", "1.8"]);
+    assert!(status == 0 && said.contains("Whole mass"), "{said}");
     // A mass that the plates contradict.
     refused(treadmill(&trc, Some(&mot), &["--mass-kg", "90"]), 1, &["--mass-kg 90 contradicts the plates"]);
 }

@@ -67,6 +67,9 @@ pub struct Contact {
     pub dropped: Vec<Option<Dropped>>,
     /// Distances of centres of pressure from the nearest sole, where a plate is loaded, m.
     pub beside_m: Vec<f32>,
+    /// Frames in which one plate alone is loaded and one foot is clearly lower: those with the load nearer to that foot, and nearer to
+    /// the one in the air.
+    pub single: [usize; 2],
 }
 
 /// The wrenches of all plates in a frame; `None` where one is not known.
@@ -76,7 +79,7 @@ pub type Loads<'a> = &'a (dyn Fn(usize) -> Option<Vec<[f64; 6]>> + Sync);
 pub fn contact(rate_hz: f64, soles: &[Option<KeptSoles>], plates: &[GroundWrench], loads: Loads) -> Contact {
     let floor = sunken(soles);
     let belt = belt(soles, rate_hz, plates, loads);
-    let mut found = Contact { dropped: vec![None; soles.len()], beside_m: Vec::new() };
+    let mut found = Contact { dropped: vec![None; soles.len()], beside_m: Vec::new(), single: [0; 2] };
     parallel::in_order(soles.len(), loads, |frame, loads| {
         let Some(own) = &soles[frame].as_ref().map(expanded) else {
             found.dropped[frame] = Some(Dropped::Markers);
@@ -95,6 +98,9 @@ pub fn contact(rate_hz: f64, soles: &[Option<KeptSoles>], plates: &[GroundWrench
                 found.dropped[frame] = Some(Dropped::LoadElsewhere);
             }
         }
+        if let Some(nearer) = under_the_lower(own, &floor, plates, &loads) {
+            found.single[usize::from(!nearer)] += 1;
+        }
         let speed = |foot: usize, k: usize| (velocity(soles, frame, foot, k) * rate_hz - belt).norm();
         if let Some(reason) = feet(own, &floor, &speed, plates, &loads) {
             found.dropped[frame] = Some(reason);
@@ -102,6 +108,26 @@ pub fn contact(rate_hz: f64, soles: &[Option<KeptSoles>], plates: &[GroundWrench
     });
     widen(&mut found.dropped, (BESIDE_S * rate_hz).ceil() as usize);
     found
+}
+
+/// Whether the one load that there is is nearer to the lower foot; `None` unless one plate alone is loaded and one foot clearly lower.
+fn under_the_lower(
+    own: &Soles,
+    floor: &[[f64; 4]; 2],
+    plates: &[GroundWrench],
+    loads: &[[f64; 6]],
+) -> Option<bool> {
+    let mut loaded = loads.iter().zip(plates).filter(|(load, _)| load[2] > LOADED_N);
+    let (load, plate) = loaded.next().filter(|_| loaded.next().is_none())?;
+    let clear = |foot: usize| (0..4).map(|k| own[foot][k].z - floor[foot][k]).fold(f64::INFINITY, f64::min);
+    let (left, right) = (clear(0), clear(1));
+    let lower = usize::from(right < left);
+    if (left - right).abs() < LOW_M {
+        return None;
+    }
+    let height = own.iter().flatten().map(|p| p.z).fold(f64::INFINITY, f64::min);
+    let pressed = pressure(load, level(plate, height));
+    Some(distance(&own[lower], &pressed) <= distance(&own[1 - lower], &pressed))
 }
 
 /// The height of a plate's surface; of one without corners that of the lower sole, or the laboratory's zero.

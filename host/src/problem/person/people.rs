@@ -41,6 +41,19 @@ pub enum PersonError {
     /// The model refuses something.
     #[error(transparent)]
     Model(#[from] ModelError),
+    /// The load is under the foot in the air.
+    #[error(
+        "{name}: in {wrong} of {frames} frames on one foot the load is nearer to the foot that is in the air: are the plates, or their \
+         centres of pressure, exchanged, or left markers right ones?"
+    )]
+    OtherFoot {
+        /// The trial.
+        name: String,
+        /// Frames with the load under the foot in the air.
+        wrong: usize,
+        /// Frames with one foot clearly lower and one plate loaded.
+        frames: usize,
+    },
     /// The cut-off does not fit the rate.
     #[error(
         "a cut-off of {cut_off_hz} Hz cannot be at {rate_hz} frames a second: give --cut-off-hz between 1 and a quarter of the rate"
@@ -378,10 +391,14 @@ fn chosen_frames(
         let stretch = |k: usize| k * trial.frames() / count..(k + 1) * trial.frames() / count;
         let markers =
             |frame: &usize| own.iter().flatten().filter(|l| trial.point(*frame, **l).is_some()).count();
-        parallel::map(parallel::threads(), count, |k| stretch(k).max_by_key(markers).map(seen))
-            .into_iter()
-            .flatten()
-            .collect()
+        let chosen: Vec<usize> =
+            parallel::map(parallel::threads(), count, |k| stretch(k).max_by_key(markers))
+                .into_iter()
+                .flatten()
+                .collect();
+        // A stretch in which cameras were blind tells nothing of joints.
+        let most = chosen.iter().map(markers).max().unwrap_or(0);
+        chosen.into_iter().filter(|frame| 2 * markers(frame) >= most).map(seen).collect()
     };
     let mut frames = standing.map_or_else(Vec::new, |trial| of(trial, STANDING));
     for trial in trials {

@@ -53,6 +53,9 @@ const FIRST_CUT_OFF_HZ: f64 = 10.0;
 /// Of frames with a load more than this share must have it under a foot, else plates and markers are in different frames.
 const UNDER_A_FOOT: f64 = 0.5;
 
+/// Fewest frames on one foot that tell whether plates are exchanged.
+const FEWEST_SINGLE: usize = 20;
+
 /// A frame that rows are made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UsedFrame {
@@ -448,7 +451,7 @@ fn upright(subject: &Subject, coordinates: &mut Coordinates, rate_hz: f64) {
     }
 }
 
-/// Refuses plates whose load is nowhere near a foot.
+/// Refuses plates whose load is nowhere near a foot, or under the foot that is in the air.
 fn same_laboratory(trial: &Trial, judged: &Contact) -> Result<(), PersonError> {
     let mut away = judged.beside_m.clone();
     if away.is_empty() {
@@ -459,6 +462,10 @@ fn same_laboratory(trial: &Trial, judged: &Contact) -> Result<(), PersonError> {
         away.sort_by(f32::total_cmp);
         let away_m = f64::from(away[away.len() / 2]);
         return Err(PersonError::Laboratory { name: trial.name.clone(), away_m });
+    }
+    let [right, wrong] = judged.single;
+    if right + wrong >= FEWEST_SINGLE && wrong as f64 > UNDER_A_FOOT * (right + wrong) as f64 {
+        return Err(PersonError::OtherFoot { name: trial.name.clone(), wrong, frames: right + wrong });
     }
     Ok(())
 }
