@@ -246,6 +246,12 @@ impl Person {
                 "the stature, {:.2} m, comes from a pose in motion: who is bent there is found too small; give --static or --height-m",
                 subject.person.height_m
             ));
+        } else if options.height_m.is_none() {
+            notes.push(format!(
+                "the stature, {:.2} m, comes from the standing trial's markers, to some per cent; the table is scaled by it: give --height-m if it \
+                 is known",
+                subject.person.height_m
+            ));
         }
         if subject.unseen_trunk.is_some() {
             notes.push("no marker follows the trunk: it is taken to stay upright".to_owned());
