@@ -74,6 +74,7 @@ mod vibration_arguments;
 mod vibration_demo;
 mod vibration_identify;
 mod vibration_postures;
+mod vibration_stiffness;
 mod workspace;
 mod zeroing;
 

@@ -17,6 +17,8 @@ pub enum VibrationCommand {
     Identify(IdentifyVibration),
     /// Identify what locked postures tell of a tree, and propose the next
     Postures(Postures),
+    /// Find the stiffness of the springs from a body of known inertia
+    Stiffness(Stiffness),
     /// Simulate the experiment of the vibration paper, and identify it
     #[cfg(feature = "simulator")]
     Demo(DemoVibration),
@@ -43,6 +45,35 @@ pub struct IdentifyVibration {
     /// Folder for result.json, factors and the spectrum; new or empty
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+    /// Print a JSON object
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `rigident vibration stiffness`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "The recording is of the free vibration of a reference body on the platform; the rig file's [suspension] says where it is, \
+                  what the bare platform weighs, and about how stiff the springs are. What is printed goes into [suspension] in place of \
+                  that.\n\nExit status 0 if the stiffness is found, 1 if what is left contradicts it, 2 if a file cannot be \
+                  used.\n\nExamples:\n  rigident vibration stiffness steel.csv --body steel-cylinder.toml\n  rigident vibration stiffness \
+                  steel.csv --body steel-cylinder.toml --mounting lying --json"
+)]
+pub struct Stiffness {
+    /// The recording, CSV or MCAP
+    pub recording: PathBuf,
+    /// The reference body, TOML
+    #[arg(long, value_name = "FILE")]
+    pub body: PathBuf,
+    /// How it was mounted: a name from its file
+    #[arg(long, value_name = "NAME", default_value = "")]
+    pub mounting: String,
+    /// Rig file. Default: NAME.rig.toml beside the recording
+    #[arg(long, value_name = "FILE")]
+    pub rig: Option<PathBuf>,
+    /// How many modes there are. Default: one for each coordinate that is free
+    #[arg(long, value_name = "N")]
+    pub modes: Option<usize>,
     /// Print a JSON object
     #[arg(long)]
     pub json: bool,

@@ -17,16 +17,20 @@ const TEN: usize = 10;
 /// What nobody knows better, relative to the quantity's scale: exact values stand as if known to it.
 const EXACT: f64 = 1e-9;
 
-/// Returns the factor of the bare platform of a rig file, in S; `None` if none is stated.
-pub fn bare_platform(table: &SuspensionTable) -> Option<PooledFactor> {
+/// Returns the ten parameters of the bare platform of a rig file in S and their covariance; `None` if none is stated.
+pub fn bare_parameters(table: &SuspensionTable) -> Option<(SVector<f64, TEN>, SMatrix<f64, TEN, TEN>)> {
     let platform = table.platform.as_ref()?;
     // S axes ← P axes, and the origin of P in S.
     let q = table.base_rotation_wxyz.unwrap_or([1.0, 0.0, 0.0, 0.0]);
     let rotation = attitude(&q).unwrap_or_else(Matrix3::identity).transpose();
     let map = map_to_parent(&rotation, &-(rotation * Vector3::from(table.base_position_m)));
-    let mean = map * SVector::from(parameters(platform));
     let moves = map * changes(platform);
-    let covariance = moves * moves.transpose();
+    Some((map * SVector::from(parameters(platform)), moves * moves.transpose()))
+}
+
+/// Returns the factor of the bare platform of a rig file, in S; `None` if none is stated.
+pub fn bare_platform(table: &SuspensionTable) -> Option<PooledFactor> {
+    let (mean, covariance) = bare_parameters(table)?;
     let whitening = covariance.cholesky()?.inverse().cholesky()?.l().transpose();
     let right = whitening * mean;
     let rows: Vec<(Vec<f64>, f64)> =

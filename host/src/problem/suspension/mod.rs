@@ -14,6 +14,7 @@ pub mod postures;
 pub mod prepare;
 pub mod source;
 pub mod springs;
+pub mod stiffness;
 mod track;
 mod whitened;
 

@@ -84,8 +84,8 @@ impl ModalSource {
         fingerprint: u64,
     ) -> Option<Self> {
         let nuisances: Vec<Nuisance> = support.springs.stiffness_nuisances();
-        let problem = Problem::new(swings, support, parameters.len(), &nuisances);
-        let (coefficients, by_errors, values) = problem.solve()?;
+        let problem = Problem::new(swings, support, parameters.len(), &nuisances, None);
+        let White { coefficients, by_errors, values } = problem.solve()?;
         let channels = support.free.iter().map(|k| Channel {
             name: format!("equation of {}", COORDINATES[*k]),
             unit: String::new(),
@@ -125,12 +125,23 @@ impl ModalSource {
     }
 }
 
+/// Whitened rows: coefficients of parameters and of the springs' errors, and values.
+pub(super) struct White {
+    pub(super) coefficients: DMatrix<f64>,
+    pub(super) by_errors: DMatrix<f64>,
+    pub(super) values: DVector<f64>,
+}
+
+/// What is known of the parameters beforehand: their mean, and W of their covariance `(Wᵀ W)⁻¹`.
+pub(super) type Known = (DVector<f64>, DMatrix<f64>);
+
 /// All equations, and what is corrected with the parameters.
-struct Problem<'a> {
+pub(super) struct Problem<'a> {
     swings: &'a [Swing],
     support: &'a Support,
     parameters: usize,
     nuisances: &'a [Nuisance],
+    known: Option<Known>,
     stiffness: Matrix6<f64>,
     by_error: Vec<Matrix6<f64>>,
     /// Height at which the weight is carried; a guide that locks z carries it through O.
@@ -141,7 +152,13 @@ struct Problem<'a> {
 }
 
 impl<'a> Problem<'a> {
-    fn new(swings: &'a [Swing], support: &'a Support, parameters: usize, nuisances: &'a [Nuisance]) -> Self {
+    pub(super) fn new(
+        swings: &'a [Swing],
+        support: &'a Support,
+        parameters: usize,
+        nuisances: &'a [Nuisance],
+        known: Option<Known>,
+    ) -> Self {
         let c = support.free.len();
         let all: usize = swings.iter().map(|swing| swing.shapes.modes.len()).sum();
         let (mut measured, mut covariance) =
@@ -169,6 +186,7 @@ impl<'a> Problem<'a> {
             support,
             parameters,
             nuisances,
+            known,
             stiffness: support.springs.stiffness(),
             by_error: support.springs.error_stiffnesses(),
             height_m: if support.free.contains(&2) { support.anchor_height_m } else { 0.0 },
@@ -177,8 +195,8 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// Whitened rows: coefficients of parameters and of errors, values.
-    fn solve(&self) -> Option<(DMatrix<f64>, DMatrix<f64>, DVector<f64>)> {
+    /// Corrects modes, parameters and errors until they stay; returns the rows there.
+    pub(super) fn solve(&self) -> Option<White> {
         if self.measured.is_empty() {
             return None;
         }
@@ -201,26 +219,42 @@ impl<'a> Problem<'a> {
             found = next;
             rounds += 1;
             if change < STILL.max(1e-12 * scale) || rounds == MOST_ROUNDS {
-                let (coefficients, errors) =
-                    (white.columns(0, p).into_owned(), white.columns(p, e).into_owned());
-                return Some((coefficients, errors, white_values));
+                return Some(White {
+                    coefficients: white.columns(0, p).into_owned(),
+                    by_errors: white.columns(p, e).into_owned(),
+                    values: white_values,
+                });
             }
         }
     }
 
-    /// Parameters and errors, with what is known of the latter; the smallest where several do.
-    fn least_squares(&self, white: &DMatrix<f64>, values: &DVector<f64>) -> Option<DVector<f64>> {
-        let (rows, p) = (white.nrows(), self.parameters);
-        let e = self.nuisances.len();
-        let mut all = white.clone().insert_rows(rows, e, 0.0);
+    /// Rows with what is known beforehand of errors and parameters below them.
+    pub(super) fn with_known(
+        &self,
+        white: &DMatrix<f64>,
+        values: &DVector<f64>,
+    ) -> (DMatrix<f64>, DVector<f64>) {
+        let (rows, p, e) = (white.nrows(), self.parameters, self.nuisances.len());
+        let told = self.known.as_ref().map_or(0, |(mean, _)| mean.len());
+        let mut all = white.clone().insert_rows(rows, e + told, 0.0);
+        let mut right = values.clone().insert_rows(rows, e + told, 0.0);
         for (k, nuisance) in self.nuisances.iter().enumerate() {
             all[(rows + k, p + k)] = 1.0 / nuisance.sigma;
         }
+        if let Some((mean, whitening)) = &self.known {
+            all.view_mut((rows + e, 0), (told, p)).copy_from(whitening);
+            right.rows_mut(rows + e, told).copy_from(&(whitening * mean));
+        }
+        (all, right)
+    }
+
+    /// Parameters and errors, with what is known of them; the smallest where several do.
+    fn least_squares(&self, white: &DMatrix<f64>, values: &DVector<f64>) -> Option<DVector<f64>> {
+        let (mut all, right) = self.with_known(white, values);
         let norms: Vec<f64> = all.column_iter().map(|c| c.norm().max(f64::MIN_POSITIVE)).collect();
         for (mut column, norm) in all.column_iter_mut().zip(&norms) {
             column /= *norm;
         }
-        let right = values.clone().insert_rows(rows, e, 0.0);
         let mut found = all.svd(true, true).solve(&right, 1e-11).ok()?;
         for (value, norm) in found.iter_mut().zip(&norms) {
             *value /= *norm;

@@ -7,6 +7,7 @@ use super::*;
 use crate::fit::{Fit, FitOptions, Silent, fit};
 use crate::modal_analysis::Mode;
 use crate::problem::body;
+use crate::problem::suspension::stiffness::stiffness;
 use crate::rig::RigFile;
 
 const RIG: &str = "[suspension]\nanchor_height_m = -0.05\nat_m = [0.0, 0.0, 0.02]\nbase_position_m = [0.0, 0.25, 0.4]\n\
@@ -140,4 +141,41 @@ fn weight_that_is_left_out_is_told() {
     let fit = found(&wrong, shapes);
     let off = (fit.estimate.values[4] - BODY[4]) / BODY[4];
     assert!(off.abs() > 0.02 || fit.noise.variance_ratio > 100.0, "{off} {}", fit.noise.variance_ratio);
+}
+
+#[test]
+fn a_known_body_tells_the_stiffness_with_intervals_that_hold() {
+    let support = support(0.01);
+    let table = RigFile::parse(&RIG.replace("STD", "0.01")).unwrap().suspension.unwrap();
+    let known = DVector::from_column_slice(&BODY);
+    let sd = DMatrix::from_diagonal(&DVector::from_fn(TEN, |k, _| (2e-4 * BODY[k].abs().max(1.0)).powi(2)));
+    let (mut outside, mut all) = (0, 0);
+    for seed in 0..60 {
+        let mut rng = rng(1000 + seed);
+        let mut k = support.springs.stiffness();
+        for (nuisance, by) in
+            support.springs.stiffness_nuisances().iter().zip(support.springs.error_stiffnesses())
+        {
+            let drawn: f64 = StandardNormal.sample(&mut rng);
+            k += by * (nuisance.sigma * drawn);
+        }
+        let shapes = measured(&modes(&support, &k, 6), 1e-3, 1e-4, &mut rng);
+        // What is known of the body is off by its own standard deviation.
+        let off = DVector::from_fn(TEN, |j, _| {
+            let drawn: f64 = StandardNormal.sample(&mut rng);
+            sd[(j, j)].sqrt() * drawn
+        });
+        let found = stiffness(&table, &support, &shapes, (&(&known + off), &sd)).unwrap();
+        for i in 0..6 {
+            for j in i..6 {
+                all += 1;
+                outside += u32::from((found.stiffness[(i, j)] - k[(i, j)]).abs() > 1.96 * found.std[(i, j)]);
+            }
+        }
+    }
+    // 5 % of 1260, of which those of a run are not independent.
+    let share = f64::from(outside) / f64::from(all);
+    assert!((0.02..0.09).contains(&share), "{share}");
+    let two = measured(&modes(&support, &support.springs.stiffness(), 2), 1e-3, 1e-4, &mut rng(1));
+    assert!(stiffness(&table, &support, &two, (&known, &sd)).is_none());
 }

@@ -1,0 +1,99 @@
+//! The stiffness of springs from the modes of a body that is known.
+//!
+//! The equations are those of [`super::modal`], with the body known and every element of the stiffness unknown: rows of the same
+//! problem, with errors of the springs as large as the springs, and what is known of the body below them.
+
+use nalgebra::{DMatrix, DVector, Matrix6};
+
+use super::modal::{Problem, Support, Swing, White};
+use super::springs::Springs;
+use crate::fit::Nuisance;
+use crate::modal_analysis::Shapes;
+use crate::rig::SuspensionTable;
+
+/// 1 σ of an element beforehand, relative to the diagonal: nothing is known of it.
+const UNKNOWN: f64 = 1e3;
+/// What is stated as exact is known to this share.
+const EXACT: f64 = 1e-6;
+/// An element whose standard deviation is more than this share of what it was beforehand is not told.
+const TOLD: f64 = 0.01;
+
+/// A stiffness that was found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FoundStiffness {
+    /// About O, axes of P at rest: N/m, N, N m; zero where a coordinate is locked.
+    pub stiffness: Matrix6<f64>,
+    /// 1 σ of its elements.
+    pub std: Matrix6<f64>,
+    /// χ² of what is left by its degrees of freedom: more than chance gives contradicts body, springs or modes.
+    pub variance_ratio: f64,
+    /// Its degrees of freedom.
+    pub degrees_of_freedom: f64,
+}
+
+/// Returns the stiffness about O of the springs that a known body vibrated on: its ten parameters in S, the platform's among them, and
+/// their covariance. `table` is the rig file's, of whose stiffness only the size counts; 1 σ are larger where more is left than chance
+/// gives.
+///
+/// `None` if the modes do not tell every element.
+pub fn stiffness(
+    table: &SuspensionTable,
+    support: &Support,
+    shapes: &Shapes,
+    (parameters, covariance): (&DVector<f64>, &DMatrix<f64>),
+) -> Option<FoundStiffness> {
+    let start = support.springs.stiffness();
+    let rows: [[f64; 6]; 6] = std::array::from_fn(|i| std::array::from_fn(|j| start[(i, j)]));
+    let wide = SuspensionTable {
+        stiffness: Some(rows),
+        stiffness_std: Some(UNKNOWN),
+        stiffness_element_std: None,
+        spring: Vec::new(),
+        ..table.clone()
+    };
+    let own = Support { springs: Springs::new(&wide), ..support.clone() };
+    let nuisances: Vec<Nuisance> = own.springs.stiffness_nuisances();
+    let swing = Swing { name: String::new(), shapes: shapes.clone(), map: DMatrix::identity(10, 10) };
+    // What is stated as exact is known to a millionth.
+    let mut covariance = covariance.clone();
+    let largest = parameters.amax();
+    for k in 0..10 {
+        covariance[(k, k)] += (EXACT * parameters[k].abs().max(EXACT * largest)).powi(2);
+    }
+    let whitening = covariance.cholesky()?.inverse().cholesky()?.l().transpose();
+    let swings = [swing];
+    let problem = Problem::new(&swings, &own, 10, &nuisances, Some((parameters.clone(), whitening)));
+    let White { coefficients, by_errors, values } = problem.solve()?;
+    let both = DMatrix::from_fn(coefficients.nrows(), 10 + nuisances.len(), |i, j| {
+        if j < 10 { coefficients[(i, j)] } else { by_errors[(i, j - 10)] }
+    });
+    let (mut all, right) = problem.with_known(&both, &values);
+    let norms: Vec<f64> = all.column_iter().map(|c| c.norm().max(f64::MIN_POSITIVE)).collect();
+    for (mut column, norm) in all.column_iter_mut().zip(&norms) {
+        column /= *norm;
+    }
+    let inverse = all.tr_mul(&all).cholesky()?.inverse();
+    let found = &inverse * all.tr_mul(&right);
+    let left = (&right - &all * &found).norm_squared();
+    let degrees_of_freedom = values.len() as f64 - nuisances.len() as f64;
+    if degrees_of_freedom < 1.0 {
+        return None;
+    }
+    let variance_ratio = left / degrees_of_freedom;
+    let surprising = variance_ratio > 1.0 + 4.0 * (2.0 / degrees_of_freedom).sqrt();
+    let wider = if surprising { variance_ratio.sqrt() } else { 1.0 };
+    let (mut stiffness, mut std) = (Matrix6::zeros(), Matrix6::zeros());
+    for (k, (nuisance, by)) in nuisances.iter().zip(own.springs.error_stiffnesses()).enumerate() {
+        let at = 10 + k;
+        let sd = inverse[(at, at)].max(0.0).sqrt() / norms[at];
+        if sd.is_nan() || sd > TOLD * nuisance.sigma {
+            return None;
+        }
+        stiffness += by * (found[at] / norms[at]);
+        std += by * (sd * wider);
+    }
+    // What is locked has no stiffness of its own.
+    let is_free = |i: usize, j: usize| support.free.contains(&i) && support.free.contains(&j);
+    let whole = Matrix6::from_fn(|i, j| if is_free(i, j) { start[(i, j)] + stiffness[(i, j)] } else { 0.0 });
+    Some(FoundStiffness { stiffness: whole, std, variance_ratio, degrees_of_freedom })
+}
