@@ -95,6 +95,7 @@ impl Loaded {
         notes.extend(problem.notes.iter().cloned());
         let (rows, recorded) = (recording.rows(), recording.recorded());
         let mut warnings = recording.warnings.clone();
+        warnings.extend(problem.warnings.iter().cloned());
         warnings.extend(problem.rig.calibrated().map(|_| UNUSED_CALIBRATION.to_owned()));
         warnings.extend(nominal.findings.iter().map(ToString::to_string));
         let unused_rows = (rows as u64).saturating_sub(problem.source().samples() as u64);
@@ -160,6 +161,7 @@ impl Loaded {
             })
         })?;
         let mut warnings = recording.warnings.clone();
+        warnings.extend(problem.warnings.iter().cloned());
         warnings.extend(left_out_columns(&recording, &joints));
         let recorded = recording.recorded();
         warnings.extend(recording.rig.calibrated().and_then(|c| c.expired(recorded.as_deref())));
