@@ -95,8 +95,8 @@ fn a_locked_posture_is_one_body_by_its_modes_and_by_its_motion() {
     let (off, u95) = mass("by_motion");
     let warned = found["warnings"].to_string();
     assert!(
-        off.abs() < u95 || said.contains("mass by the modes and by the motion differ"),
-        "{off} {u95}: {said}"
+        off.abs() < u95 || warned.contains("mass by the modes and by the motion differ"),
+        "{off} {u95}: {warned}"
     );
     let own = found["by_motion"]["warnings"].to_string();
     assert!(own.contains("noise of the poses"), "{own}");
