@@ -105,13 +105,14 @@ fn object(file: &PosturesFile, source: &PostureSource, fit: &Fit) -> Object {
     let leaf = source.model().links.get(1).and_then(|link| file.link_mass_kg.get(&link.name)).copied();
     let name = |k: &usize| source.names().get(*k).cloned().unwrap_or_default();
     let all = sets(source);
-    let mut warnings: Vec<String> = values
-        .iter()
-        .filter(|value| value.measured.is_none())
-        .map(|value| {
-            format!("{} is not told by these postures: take the next one that is proposed", value.name)
-        })
-        .collect();
+    let open: Vec<&str> = values.iter().filter(|v| v.measured.is_none()).map(|v| v.name.as_str()).collect();
+    let mut warnings = Vec::new();
+    if !open.is_empty() {
+        warnings.push(format!(
+            "not told by these postures: {}; take the next one that is proposed",
+            open.join(", ")
+        ));
+    }
     // A posture without which the rank is the same adds none.
     let n = source.names().len();
     let whole = all.iter().find(|set| set.postures.len() == n).map_or(0, |set| set.rank);
