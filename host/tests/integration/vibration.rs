@@ -140,7 +140,7 @@ fn what_is_wrong_is_named() {
     fs::write(place.path().join("s.csv"), format!("t_s,x_m,y_m,z_m,qw,qx,qy,qz\n{rows}")).unwrap();
     for (from, to, words) in [
         ("[0,1.0,0,0,0,0]", "[0.5,1.0,0,0,0,0]", "symmetric"),
-        ("[0,0,1.0,0,0,0]", "[0,0,-1.0,0,0,0]", "positive"),
+        ("[0,0,1.0,0,0,0]", "[0,0,-1.0,0,0,0]", "greater than zero"),
     ] {
         fs::write(place.path().join("s.rig.toml"), springs.replacen(from, to, 1)).unwrap();
         refused(&["vibration", "identify", "s.csv"], words);
