@@ -100,15 +100,20 @@ pub fn tracked_frames_of(
                 let n: f64 = StandardNormal.sample(&mut random);
                 *w += sigma * n;
             }
-            numbers.extend(base.velocity.iter());
-            let own = pose(base);
-            let base = std::array::from_fn(|i| if i < 9 { numbers[i] as f32 } else { own[i - 9] });
-            let links: Vec<[f32; 7]> = now.motions.iter().skip(1).map(pose).collect();
-            let mut bytes = [0; MAX_TREE_FRAME];
-            let n = TrackedFrame::encode(k as u32, &base, &links, &mut bytes).expect("at most sixteen links");
-            bytes[..n].to_vec()
+            encoded(k, numbers, base, &now.motions)
         })
         .collect()
+}
+
+/// A frame of six numbers, what moves as its base, and the links after the first.
+fn encoded(number: usize, mut numbers: Vec<f64>, base: &FrameMotion, links: &[FrameMotion]) -> Vec<u8> {
+    numbers.extend(base.velocity.iter());
+    let own = pose(base);
+    let base = std::array::from_fn(|i| if i < 9 { numbers[i] as f32 } else { own[i - 9] });
+    let links: Vec<[f32; 7]> = links.iter().skip(1).map(pose).collect();
+    let mut bytes = [0; MAX_TREE_FRAME];
+    let n = TrackedFrame::encode(number as u32, &base, &links, &mut bytes).expect("at most sixteen links");
+    bytes[..n].to_vec()
 }
 
 /// A link's attitude and rate.
@@ -134,14 +139,7 @@ pub fn suspended_frames_of(motion: &Motion, noise: [f64; 6], seed: u64) -> Vec<V
             let n: f64 = StandardNormal.sample(&mut random);
             *value += sigma * n;
         }
-        numbers.extend(platform.velocity.iter());
-        let own = pose(platform);
-        let base = std::array::from_fn(|i| if i < 9 { numbers[i] as f32 } else { own[i - 9] });
-        let links: Vec<[f32; 7]> = now.links.iter().skip(1).map(pose).collect();
-        let mut bytes = [0; MAX_TREE_FRAME];
-        let n =
-            TrackedFrame::encode(number as u32, &base, &links, &mut bytes).expect("at most sixteen links");
-        bytes[..n].to_vec()
+        encoded(number, numbers, platform, &now.links)
     };
     motion.instants.iter().enumerate().map(of).collect()
 }

@@ -1,7 +1,5 @@
 //! Two links that swing on springs, from frames at 1 kHz over the lock-step bus: the springs are the load cell.
 
-use std::time::Duration;
-
 use hexapod::Mounting;
 use nalgebra::{Matrix6, SMatrix, Vector3};
 use rigident_shared::wire::{
@@ -9,13 +7,13 @@ use rigident_shared::wire::{
     SuspensionSettings,
 };
 use rigident_sim::rig::RigConfig;
-use rigident_sim::runner::{FrameBus, InProcess, Qemu, QemuOptions, suspended_frames_of};
+use rigident_sim::runner::{FrameBus, InProcess, suspended_frames_of};
 use rigident_sim::suspension::paper::{self, JOINT_ELSEWHERE_M};
 use rigident_sim::suspension::{Motion, Run, Suspension};
 
 use super::device::{Device, settings};
 use super::tracked_tree::batch;
-use super::tree::{as_good_as, bits, merged, run, solved};
+use super::tree::{as_good_as, bits, here_and_there, merged, run, solved};
 
 const RATE_HZ: f64 = 1000.0;
 /// Angles that the second link is released at, rad: the matrix of the springs is of first order.
@@ -146,13 +144,7 @@ fn the_emulated_processor_gives_the_same_bits_of_links_on_springs() {
     let settings = settings_of(&rig);
     let mut frames = suspended_frames_of(&motion(&rig, 1.0, 1.0), NOISE, 3);
     frames.drain(500..503);
-    let (bus, gate) = FrameBus::new(frames.clone(), RATE_HZ);
-    let here = run(&mut InProcess::on(Box::new(bus)), &gate, &settings).0;
-    let (bus, gate) = FrameBus::new(frames, RATE_HZ);
-    let mut qemu = Qemu::spawn_on(&QemuOptions::default(), Box::new(bus)).unwrap_or_else(|e| panic!("{e}"));
-    let there = run(&mut qemu, &gate, &settings).0;
-    let stack = qemu.finish(Duration::from_secs(60)).unwrap().expect("it reports its stack");
-    assert!(stack.used < stack.size, "{stack:?}");
+    let (here, there) = here_and_there(frames, RATE_HZ, &settings);
     assert!(here[0].rows > 0);
     assert_eq!(bits(&here), bits(&there));
 }

@@ -92,6 +92,22 @@ fn take_all(device: &mut Device) -> Vec<FactorRow> {
     std::iter::once(first).chain(others).collect()
 }
 
+/// Runs the same frames in this process and on the emulated processor, whose stack must hold.
+pub(super) fn here_and_there(
+    frames: Vec<Vec<u8>>,
+    rate_hz: f64,
+    settings: &Settings,
+) -> (Vec<FactorRow>, Vec<FactorRow>) {
+    let (bus, gate) = FrameBus::new(frames.clone(), rate_hz);
+    let here = run(&mut InProcess::on(Box::new(bus)), &gate, settings).0;
+    let (bus, gate) = FrameBus::new(frames, rate_hz);
+    let mut qemu = Qemu::spawn_on(&QemuOptions::default(), Box::new(bus)).unwrap_or_else(|e| panic!("{e}"));
+    let there = run(&mut qemu, &gate, settings).0;
+    let stack = qemu.finish(Duration::from_secs(60)).unwrap().expect("it reports its stack");
+    assert!(stack.used < stack.size, "{stack:?}");
+    (here, there)
+}
+
 /// Runs all frames and hands the level over.
 pub(super) fn run<'a>(
     mcu: &'a mut dyn Mcu,
@@ -255,20 +271,7 @@ fn the_emulated_processor_gives_the_same_bits_of_a_human() {
     let tree = human();
     let frames = frames_of(&tree, 301, RATE_HZ, NOISE, 1);
     let settings = tree_settings(&tree);
-    let rows_of = |emulated: bool| {
-        let (bus, gate) = FrameBus::new(frames.clone(), RATE_HZ);
-        if emulated {
-            let mut qemu =
-                Qemu::spawn_on(&QemuOptions::default(), Box::new(bus)).unwrap_or_else(|e| panic!("{e}"));
-            let rows = run(&mut qemu, &gate, &settings).0;
-            let stack = qemu.finish(Duration::from_secs(60)).unwrap().expect("it reports its stack");
-            assert!(stack.used < stack.size, "{stack:?}");
-            rows
-        } else {
-            run(&mut InProcess::on(Box::new(bus)), &gate, &settings).0
-        }
-    };
-    let (here, there) = (rows_of(false), rows_of(true));
+    let (here, there) = here_and_there(frames, RATE_HZ, &settings);
     assert_eq!(here.iter().map(|r| r.rows).sum::<u32>(), 6 * 301);
     assert_eq!(bits(&here), bits(&there));
 }
