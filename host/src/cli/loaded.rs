@@ -146,7 +146,14 @@ impl Loaded {
                 case: None,
             });
         }
-        let mut recording = Recording::load(path, rig).map_err(Failure::input)?;
+        Self::of_body(Recording::load(path, rig).map_err(Failure::input)?, file)
+    }
+
+    /// Poses the problem of a recording of one body.
+    ///
+    /// # Errors
+    /// Bad input: it is no recording of a body.
+    pub(super) fn of_body(mut recording: Recording, file: Option<&Path>) -> Result<Self, Failure> {
         recording.leave_out_spikes();
         calibration::take(&mut recording.rig, file)?;
         let joints = super::recorded::joints_of(&recording);

@@ -12,11 +12,11 @@ use super::{ExitStatus, Failure, Folder, Stages};
 use crate::fit::pool::PooledFactor;
 use crate::fit::{Fit, FitOptions, Measured, Silent, fit};
 use crate::model::{Model, rig_links};
-use crate::present::text::Rounded;
+use crate::present::text::{NOT_IDENTIFIED, with_u95};
 use crate::problem::suspension::free_decay::vibration;
-use crate::problem::suspension::modal::Support;
 use crate::problem::suspension::posture_modes::{PostureModes, posture_rows};
 use crate::problem::suspension::posture_sets::{OpenBounds, Subset};
+use crate::problem::suspension::support::Support;
 use crate::problem::{Problem, ProblemOptions};
 use crate::recording::Recording;
 use crate::rig::RigFile;
@@ -298,11 +298,8 @@ fn words(object: &Object) -> String {
             "", "truth", "ours ± U95", "error", "paper", "its error"
         ));
         for row in rows {
-            let cell = row.value.zip(row.u95).and_then(|(v, u)| Rounded::new(v, u));
-            let cell = cell.map_or_else(
-                || "not identified".to_owned(),
-                |r| format!("{} ± {}", r.value_alone(), r.u95_alone()),
-            );
+            let cell = row.value.zip(row.u95);
+            let cell = cell.map_or_else(|| NOT_IDENTIFIED.to_owned(), |(v, u)| with_u95(v, u, ""));
             let error = row.value.map_or_else(String::new, |v| format!("{:.4}", v - row.truth));
             out.push_str(&format!(
                 "  {:<14} {:>10.4} {cell:>24} {error:>10} {:>10.4} {:>10.4}\n",

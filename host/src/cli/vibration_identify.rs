@@ -1,6 +1,5 @@
 //! `rigident vibration identify`: the modes, and the body by them and by the motion.
 
-use std::path::Path;
 use std::process::ExitCode;
 
 use nalgebra::DMatrix;
@@ -8,7 +7,6 @@ use serde::Serialize;
 
 use super::bare_platform::take_platform_off;
 use super::loaded::Loaded;
-use super::options::trees::TreeModel;
 use super::outcome::say;
 use super::vibration_arguments::IdentifyVibration;
 use super::{ExitStatus, Failure, Folder, Stages};
@@ -16,11 +14,11 @@ use crate::answer::{Answer, Context, Source, Status};
 use crate::fit::pool::PooledFactor;
 use crate::fit::{Fit, FitOptions, Silent, fit};
 use crate::present::vibration as present;
-use crate::problem::ProblemOptions;
 use crate::problem::body;
 use crate::problem::suspension::free_decay::{Vibration, vibration};
-use crate::problem::suspension::modal::{ModalSource, Support, Swing};
+use crate::problem::suspension::modal::{ModalSource, Swing};
 use crate::problem::suspension::springs::COORDINATES;
+use crate::problem::suspension::support::Support;
 use crate::recording::Recording;
 
 /// Answers of two ways that differ by more than this many times both uncertainties contradict each other.
@@ -71,7 +69,7 @@ pub(super) fn run(arguments: &IdentifyVibration) -> Result<ExitCode, Failure> {
     let mut warnings = recording.warnings.clone();
     let by_modes = by_modes(&recording, &support, &vibration, &mut warnings)?;
     let by_motion = match vibration.samples.imu {
-        None => Some(by_motion(path, arguments.rig.as_deref(), &stages)?),
+        None => Some(by_motion(recording.clone(), &stages)?),
         Some(_) => None,
     };
     drop(stages);
@@ -114,11 +112,7 @@ fn by_modes(
         warnings.push(format!("no body is told by the modes: {why}"));
         return Ok(None);
     }
-    let swing = Swing {
-        name: recording.name.clone(),
-        shapes: found.modes.shapes.clone(),
-        map: DMatrix::identity(TEN, TEN),
-    };
+    let swing = Swing { shapes: found.modes.shapes.clone(), map: DMatrix::identity(TEN, TEN) };
     let Some(source) = ModalSource::new(&[swing], support, body::parameters(TEN), 0) else {
         warnings.push("no body is told by the modes: their covariance has no inverse".to_owned());
         return Ok(None);
@@ -152,9 +146,8 @@ fn answered(recording: &Recording, mut fit: Fit, rows: usize) -> Result<(Answer,
 }
 
 /// The body by its motion, as `rigident identify` has it.
-fn by_motion(path: &Path, rig: Option<&Path>, stages: &Stages) -> Result<(Answer, PooledFactor), Failure> {
-    let options = ProblemOptions::default();
-    let loaded = Loaded::read(path, rig, None, &TreeModel::default(), &options, stages)?;
+fn by_motion(recording: Recording, stages: &Stages) -> Result<(Answer, PooledFactor), Failure> {
+    let loaded = Loaded::of_body(recording, None)?;
     let mut fit = loaded.fit(None, 0, stages)?;
     let factor = loaded.factor(&fit);
     let rig = &loaded.problem.rig;

@@ -9,7 +9,7 @@ use super::outcome::say;
 use super::vibration_arguments::Postures;
 use super::{ExitStatus, Failure};
 use crate::fit::Fit;
-use crate::present::text::{Rounded, significant, unit_symbol};
+use crate::present::text::{NOT_IDENTIFIED, significant, unit_symbol, with_u95};
 use crate::problem::suspension::posture_file::PosturesFile;
 use crate::problem::suspension::posture_sets::{NextPosture, Subset, next, sets, turn_deg};
 use crate::problem::suspension::postures::PostureSource;
@@ -183,11 +183,8 @@ fn words(object: &Object) -> String {
         if with_reference { "   reference  difference" } else { "" }
     );
     for value in &object.subset {
-        let cell = value.value.zip(value.u95).and_then(|(v, u)| Rounded::new(v, u));
-        let cell = cell.map_or_else(
-            || "not identified".to_owned(),
-            |r| format!("{} ± {}", r.value_alone(), r.u95_alone()),
-        );
+        let cell = value.value.zip(value.u95);
+        let cell = cell.map_or_else(|| NOT_IDENTIFIED.to_owned(), |(v, u)| with_u95(v, u, ""));
         out.push_str(&format!("  {:<14} {cell:>24} {:<8}", value.name, unit_symbol(&value.unit)));
         if let Some((reference, own)) = value.reference.zip(value.value) {
             out.push_str(&format!(" {reference:>11.4} {:>11.4}", own - reference));

@@ -10,8 +10,8 @@ use super::vibration_arguments::Stiffness;
 use super::{ExitStatus, Failure, Stages};
 use crate::problem::suspension::bare::bare_parameters;
 use crate::problem::suspension::free_decay::vibration;
-use crate::problem::suspension::modal::Support;
 use crate::problem::suspension::stiffness::{FoundStiffness, stiffness};
+use crate::problem::suspension::support::Support;
 use crate::recording::Recording;
 use crate::reference::ReferenceBody;
 

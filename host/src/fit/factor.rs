@@ -157,6 +157,24 @@ impl Factor {
         }
     }
 
+    /// Absorbs the rows of a matrix, as many values.
+    pub fn absorb_matrix(&mut self, rows: &DMatrix<f64>, values: &[f64]) {
+        let rows: Vec<Vec<f64>> = rows.row_iter().map(|row| row.iter().copied().collect()).collect();
+        self.absorb(rows.iter().zip(values).map(|(row, value)| (row.as_slice(), *value)));
+    }
+
+    /// Returns the triangle with its columns of unit length, but for those of zeros.
+    pub(crate) fn r_of_unit_columns(&self) -> DMatrix<f64> {
+        let mut r = self.r();
+        for mut column in r.column_iter_mut() {
+            let norm = column.norm();
+            if norm > 0.0 {
+                column /= norm;
+            }
+        }
+        r
+    }
+
     /// Absorbs rows of many columns.
     fn absorb_blocked<'a>(&mut self, rows: impl IntoIterator<Item = (&'a [f64], f64)>) {
         let n = self.parameters;
@@ -177,10 +195,7 @@ impl Factor {
     /// Merges another factor of the same parameters: the result is the factor of both sets of rows.
     pub fn merge(&mut self, other: &Self) {
         let rows = self.rows;
-        let r = other.r();
-        let stacked: Vec<(Vec<f64>, f64)> =
-            r.row_iter().zip(other.z()).map(|(row, z)| (row.iter().copied().collect(), *z)).collect();
-        self.absorb(stacked.iter().map(|(row, value)| (row.as_slice(), *value)));
+        self.absorb_matrix(&other.r(), other.z());
         self.residual_sum_of_squares += other.residual_sum_of_squares;
         self.rows = rows.saturating_add(other.rows);
     }
@@ -189,9 +204,7 @@ impl Factor {
     #[must_use]
     pub fn substitute(&self, map: &DMatrix<f64>) -> Self {
         let mut out = Self::new(map.ncols());
-        let product = self.r() * map;
-        let rows: Vec<Vec<f64>> = product.row_iter().map(|row| row.iter().copied().collect()).collect();
-        out.absorb(rows.iter().zip(self.z()).map(|(row, z)| (row.as_slice(), *z)));
+        out.absorb_matrix(&(self.r() * map), self.z());
         out.residual_sum_of_squares += self.residual_sum_of_squares;
         out.rows = self.rows;
         out

@@ -10,12 +10,12 @@
 use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
-use rigident_shared::screening::Rejection;
 
 use super::{
-    Channel, Effect, Factor, Filter, FitError, Gaussian, Nuisance, RowBlocks, RowSource, SampleCounts,
+    Channel, Effect, Factor, Filter, FitError, Gaussian, Nuisance, OtherColumns, RowBlocks, RowSource,
+    SampleCounts,
 };
-use super::{SampleRows, Silent, Timing, Whitening, outliers::dot};
+use super::{SampleRows, Silent, Whitening, outliers::dot};
 use super::{condition, features};
 
 /// Features of the drift.
@@ -236,8 +236,7 @@ impl Sensitivities {
                 let mut errors = vec![0.0; signals];
                 errors[signal] = sign * nuisance.sigma;
                 let Some(moved) = source.with_errors(&errors) else { continue };
-                let moved = Contracted { source: &*moved, phi, parameter: &source.parameters()[..1] };
-                let moved = moved.condition(&Silent)?;
+                let moved = contracted(&*moved, phi).condition(&Silent)?;
                 let (mut predicted, mut measured) = (vec![0.0; channels], vec![0.0; channels]);
                 for block in 0..blocks.len().min(moved.len()) {
                     moved.write(block, &mut predicted, &mut measured);
@@ -268,48 +267,22 @@ impl Sensitivities {
 }
 
 /// A source whose rows have one coefficient: what given parameters predict.
-struct Contracted<'a> {
-    source: &'a dyn RowSource,
-    phi: &'a [f64],
-    /// Stands for the one column.
-    parameter: &'a [super::Parameter],
-}
-
-impl RowSource for Contracted<'_> {
-    fn parameters(&self) -> &[super::Parameter] {
-        self.parameter
-    }
-
-    fn channels(&self) -> &[Channel] {
-        self.source.channels()
-    }
-
-    fn timing(&self) -> Timing {
-        self.source.timing()
-    }
-
-    fn samples(&self) -> usize {
-        self.source.samples()
-    }
-
-    fn time_ns(&self, sample: usize) -> u64 {
-        self.source.time_ns(sample)
-    }
-
-    fn rows(&self, sample: usize, rows: &mut SampleRows) -> Result<(), Rejection> {
+fn contracted<'a>(source: &'a dyn RowSource, phi: &'a [f64]) -> OtherColumns<'a> {
+    let one = source.parameters()[..1].to_vec();
+    OtherColumns::new(source, one, move |sample, rows| {
         let mut all = SampleRows::default();
-        all.clear(self.channels().len(), self.phi.len());
-        self.source.rows(sample, &mut all)?;
-        let n = self.phi.len().max(1);
+        all.clear(source.channels().len(), phi.len());
+        source.rows(sample, &mut all)?;
+        let n = phi.len().max(1);
         for (to, row) in rows.smoothed.iter_mut().zip(all.smoothed.chunks_exact(n)) {
-            *to = dot(row, self.phi);
+            *to = dot(row, phi);
         }
         for (to, row) in rows.differentiated.iter_mut().zip(all.differentiated.chunks_exact(n)) {
-            *to = dot(row, self.phi);
+            *to = dot(row, phi);
         }
         (rows.measured, rows.untold) = (all.measured, all.untold);
         Ok(())
-    }
+    })
 }
 
 /// Row blocks with the columns of nuisance parameters about an estimate.

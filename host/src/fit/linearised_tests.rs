@@ -1,7 +1,9 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::*;
-use crate::fit::{Basis, Fit, FitOptions, Kind, Owner, Parameter, Scope, fit};
+use rigident_shared::screening::Rejection;
+
+use crate::fit::{Basis, Channel, Fit, FitOptions, Kind, Owner, Parameter, Scope, Timing, fit};
 
 const PHI: [f64; 3] = [20.0, 0.3, -0.2];
 const OFFSET: [f64; 2] = [3.0, -2.0];

@@ -4,6 +4,8 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
+use super::{Kind, Owner, Parameter};
+
 /// The knowledge that the standard deviation of a nuisance parameter rests on.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Basis {
@@ -69,6 +71,13 @@ pub struct Nuisance {
     pub scope: Scope,
     /// How it enters the rows.
     pub effect: Effect,
+}
+
+impl Nuisance {
+    /// Returns it as an unknown of rows.
+    pub(crate) fn parameter(&self) -> Parameter {
+        Parameter::new(self.name.clone(), Owner::Other(self.group.clone()), Kind::Other, &self.unit)
+    }
 }
 
 /// Something that tells of errors but not of the body: `Σ c_k θ_k = value ± sd`, errors that a source does not have left out.

@@ -548,13 +548,7 @@ pub(super) fn difference(first: &[Parameter], other: &[Parameter]) -> ModelDiffe
 /// Returns the rank of the triangle, columns scaled to unit length; less than `rounding` is nothing.
 fn rank(factor: &Factor, rounding: f64) -> u64 {
     let n = factor.parameters();
-    let mut r = factor.r();
-    for mut column in r.column_iter_mut() {
-        let norm = column.norm();
-        if norm > 0.0 {
-            column /= norm;
-        }
-    }
+    let r = factor.r_of_unit_columns();
     let rounding = rounding.max(n as f64 * f64::EPSILON);
     if is_well_conditioned(&r, rounding) {
         return n as u64;

@@ -13,6 +13,7 @@ use super::skeleton::{Pose, Skeleton};
 use super::solve::Solver;
 use crate::model::human::{Person, Sex};
 use crate::model::{Model, ModelError};
+use crate::motion_capture::registration::nearest_rotation;
 
 /// A marker whose place is known better than this, m, tells of the stature.
 const ANATOMICAL_M: f64 = 0.1;
@@ -375,10 +376,7 @@ fn similarity(skeleton: &Skeleton, markers: &[Attached], seen: &Seen) -> Option<
         above += a.z * b.z;
         own += a.z * a.z;
     }
-    let svd = cross.svd(true, true);
-    let (u, v) = (svd.u?, svd.v_t?);
-    let sign = if (u * v).determinant() < 0.0 { -1.0 } else { 1.0 };
-    let turn = u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v;
+    let turn = nearest_rotation(&cross)?;
     let scale = above / own.max(f64::MIN_POSITIVE);
     if scale <= 0.0 {
         return None;

@@ -4,8 +4,9 @@ use serde::Serialize;
 
 use super::plot::axis::Axis;
 use super::plot::{beside, line, text as word};
-use super::text::{Rounded, significant};
+use super::text::{NOT_IDENTIFIED, significant, with_u95};
 use crate::answer::Answer;
+use crate::fit::COVERAGE_95;
 use crate::modal_analysis::{Shapes, Spectrum};
 
 /// Width and height of a panel's frame, user units.
@@ -36,9 +37,9 @@ pub struct ModeRow {
 pub fn mode_rows(shapes: &Shapes, coordinates: &[&'static str]) -> Vec<ModeRow> {
     let of = |mode: &crate::modal_analysis::Mode| ModeRow {
         hz: mode.hz(),
-        hz_u95: 1.96 * mode.angular_sd / std::f64::consts::TAU,
+        hz_u95: COVERAGE_95 * mode.angular_sd / std::f64::consts::TAU,
         damping: mode.damping,
-        damping_u95: 1.96 * mode.damping_sd,
+        damping_u95: COVERAGE_95 * mode.damping_sd,
         coordinates: coordinates.to_vec(),
         shape: mode.shape.iter().copied().collect(),
     };
@@ -84,11 +85,8 @@ pub fn text(modes: &[ModeRow], answers: [Option<&Answer>; 2]) -> String {
     names.iter().for_each(|name| out.push_str(&format!(" {name:>7}")));
     out.push('\n');
     for mode in modes {
-        let cell = |value: f64, u95: f64| {
-            Rounded::new(value, u95)
-                .map_or_else(String::new, |r| format!("{} ± {}", r.value_alone(), r.u95_alone()))
-        };
-        let (hz, damping) = (cell(mode.hz, mode.hz_u95), cell(mode.damping, mode.damping_u95));
+        let (hz, damping) =
+            (with_u95(mode.hz, mode.hz_u95, ""), with_u95(mode.damping, mode.damping_u95, ""));
         out.push_str(&format!("  {hz:>22} {damping:>20}        "));
         mode.shape.iter().for_each(|v| out.push_str(&format!(" {v:>7.3}")));
         out.push('\n');
@@ -108,10 +106,10 @@ pub fn text(modes: &[ModeRow], answers: [Option<&Answer>; 2]) -> String {
     for (name, unit) in &names {
         out.push_str(&format!("  {:<18}", format!("{name} ({unit})")));
         for own in &all {
-            let cell = own.iter().find(|(other, ..)| other == name).and_then(|(_, _, value, u95)| {
-                Rounded::new(*value, *u95).map(|r| format!("{} ± {}", r.value_alone(), r.u95_alone()))
-            });
-            out.push_str(&format!(" {:>24}", cell.unwrap_or_else(|| "not identified".to_owned())));
+            let cell = own.iter().find(|(other, ..)| other == name);
+            let cell = cell
+                .map_or_else(|| NOT_IDENTIFIED.to_owned(), |(_, _, value, u95)| with_u95(*value, *u95, ""));
+            out.push_str(&format!(" {cell:>24}"));
         }
         if let Some((_, ratio)) = apart.iter().find(|(own, _)| own == name) {
             out.push_str(&format!(" {:>17}", significant(*ratio, 2)));

@@ -12,12 +12,11 @@ use crate::fit::parallel;
 use crate::inverse_kinematics::marker_file::MarkerFile;
 use crate::inverse_kinematics::subject::{HumanModel, Known, Subject, SubjectError, subject};
 use crate::model::ModelError;
-use crate::model::base::{Rows, Situation};
 use crate::model::human::Sex;
 use crate::motion_capture::trial::Trial;
 use crate::motion_capture::zeroing;
 use crate::problem::moved::Moved;
-use crate::problem::tree::{BaseSensor, Frame, Input};
+use crate::problem::tree::{Frame, Input};
 
 /// Frames of the standing trial that joint centres are found from, …
 const STANDING: usize = 4;
@@ -320,21 +319,11 @@ impl Person {
                 standing: Vec::new(),
             }
         };
-        Input {
-            model: subject.model.welded(),
-            frames: frames.into_iter().map(frame).collect(),
-            is_static: false,
-            rate_hz: tracked.report.rate_hz,
-            base: BaseSensor::Tracked,
-            situation: Situation { floating: true, rows: Rows::Base, mimic: false },
-            channel_sigma: None,
-            known_offset: Some([0.0; 6]),
-            nuisances: Vec::new(),
-            errors: Vec::new(),
-            drives: Vec::new(),
-            signals: Vec::new(),
-            rate_sigma: 0.0,
-        }
+        Input::tracked(
+            subject.model.welded(),
+            frames.into_iter().map(frame).collect(),
+            tracked.report.rate_hz,
+        )
     }
 
     /// Returns the table's centre of mass in a frame of a trial, m.

@@ -33,10 +33,8 @@ pub fn bare_platform(table: &SuspensionTable) -> Option<PooledFactor> {
     let (mean, covariance) = bare_parameters(table)?;
     let whitening = covariance.cholesky()?.inverse().cholesky()?.l().transpose();
     let right = whitening * mean;
-    let rows: Vec<(Vec<f64>, f64)> =
-        (0..TEN).map(|i| (whitening.row(i).iter().copied().collect(), right[i])).collect();
     let mut factor = Factor::new(TEN);
-    factor.absorb(rows.iter().map(|(row, value)| (row.as_slice(), *value)));
+    factor.absorb_matrix(&DMatrix::from_fn(TEN, TEN, |i, j| whitening[(i, j)]), right.as_slice());
     Some(pooled("the bare platform", body::parameters(TEN), factor, mean.iter().copied(), true))
 }
 

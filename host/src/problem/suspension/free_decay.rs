@@ -3,9 +3,9 @@
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 use super::SuspensionError;
-use super::modal::Support;
 use super::mount::Mount;
-use super::springs::{COORDINATES, Springs, free};
+use super::springs::COORDINATES;
+use super::support::{Support, constant_rate_hz, missing};
 use super::track::{Pose, poses, rest};
 use crate::modal_analysis::{
     self, FreeDecay, Imu, ModalError, Modes, Options, Spectrum, platform_amplitudes, shapes, spectrum,
@@ -44,42 +44,12 @@ pub struct Vibration {
     pub modes: Modes,
 }
 
-impl Support {
-    /// Returns what a rig file says of springs and mount.
-    ///
-    /// # Errors
-    /// [`SuspensionError::Missing`] if it has no `[suspension]`.
-    pub fn of(rig: &RigFile, name: &str) -> Result<Self, SuspensionError> {
-        let table = rig.suspension.as_ref().ok_or_else(|| SuspensionError::Missing {
-            name: name.to_owned(),
-            missing: "the table [suspension] of the rig file is".to_owned(),
-            advice: "it says what the springs are".to_owned(),
-        })?;
-        Ok(Self {
-            springs: Springs::new(table),
-            mount: Mount::of(table),
-            anchor_height_m: table.anchor_height_m,
-            free: free(&table.locked),
-        })
-    }
-}
-
 /// Returns the samples of a recording: those of the poses if it has any, else of the IMU.
 ///
 /// # Errors
 /// [`SuspensionError`] if it has neither, or no constant rate.
 pub fn samples(recording: &Recording, support: &Support) -> Result<Samples, SuspensionError> {
-    let missing = |missing: &str, advice: &str| SuspensionError::Missing {
-        name: recording.name.clone(),
-        missing: missing.to_owned(),
-        advice: advice.to_owned(),
-    };
-    let rate_hz = recording.rate_hz.ok_or_else(|| {
-        missing(
-            "a constant rate is",
-            "free vibration is a motion in time: t_s must increase by equal steps, and static be false",
-        )
-    })?;
+    let rate_hz = constant_rate_hz(recording)?;
     let table = recording.rig.suspension.clone().unwrap_or_default();
     if let Some(rows) = recording.platform.as_deref() {
         let poses = poses(rows, &Vector3::from(table.at_m), |row| recording.place(row))?;
@@ -95,6 +65,7 @@ pub fn samples(recording: &Recording, support: &Support) -> Result<Samples, Susp
     let both = recording.imus.first().and_then(|imu| Some((imu.accel.as_ref()?, imu.gyro.as_ref()?)));
     let Some((force, turn)) = both else {
         return Err(missing(
+            &recording.name,
             "the motion of the platform is",
             "give its poses (x_m, y_m, z_m, qw, qx, qy, qz), or accelerometer and gyro of an IMU on it",
         ));

@@ -15,6 +15,7 @@ pub mod prepare;
 pub mod source;
 pub mod springs;
 pub mod stiffness;
+pub mod support;
 mod track;
 mod whitened;
 

@@ -20,9 +20,9 @@ use rigident_shared::spatial::Body;
 
 use hexapod::STANDARD_GRAVITY_MPS2;
 
-use super::mount::Mount;
-use super::springs::{COORDINATES, Springs};
-use crate::fit::{Channel, Kind, Nuisance, Owner, Parameter, RowSource, SampleRows, Timing};
+use super::springs::COORDINATES;
+use super::support::Support;
+use crate::fit::{Channel, Factor, Nuisance, OtherColumns, Parameter, RowSource, SampleRows, Timing};
 use crate::modal_analysis::Shapes;
 
 /// Parameters of all that moves in one posture.
@@ -31,6 +31,8 @@ const TEN: usize = 10;
 const MOST_ROUNDS: usize = 50;
 /// Corrections have ended when parameters change by less than this share of their standard deviation, and of their size.
 const STILL: f64 = 1e-6;
+/// Directions of columns of unit length with less than this share are not told.
+const LOST: f64 = 1e-11;
 /// Standard deviation of an equation of free vibration by the size of its spring force that is taken for exact: shapes from cameras are
 /// ten thousand times worse.
 const EXACT: f64 = 1e-9;
@@ -38,31 +40,15 @@ const EXACT: f64 = 1e-9;
 /// What swings in one posture: its modes, and its ten parameters as those that are estimated make them.
 #[derive(Clone, Debug)]
 pub struct Swing {
-    /// Its name.
-    pub name: String,
     /// Modes over the free coordinates, in their order: m, rad.
     pub shapes: Shapes,
     /// The ten parameters in S, by those that are estimated: 10 × P.
     pub map: DMatrix<f64>,
 }
 
-/// The springs that all of them swing on.
-#[derive(Clone, Debug)]
-pub struct Support {
-    /// The springs.
-    pub springs: Springs,
-    /// Where S is in P.
-    pub mount: Mount,
-    /// Height above O at which the springs carry the weight, m.
-    pub anchor_height_m: f64,
-    /// Coordinates that are not locked, by their numbers.
-    pub free: Vec<usize>,
-}
-
 /// The rows of modes, whitened.
 pub struct ModalSource {
     parameters: Vec<Parameter>,
-    of_errors: Vec<Parameter>,
     channels: Vec<Channel>,
     nuisances: Vec<Nuisance>,
     /// A row for each equation, coefficients of the parameters.
@@ -85,7 +71,8 @@ impl ModalSource {
     ) -> Option<Self> {
         let nuisances: Vec<Nuisance> = support.springs.stiffness_nuisances();
         let problem = Problem::new(swings, support, parameters.len(), &nuisances, None);
-        let White { coefficients, by_errors, values } = problem.solve()?;
+        let (rows, values) = problem.solve()?;
+        let (p, e) = (parameters.len(), nuisances.len());
         let channels = support.free.iter().map(|k| Channel {
             name: format!("equation of {}", COORDINATES[*k]),
             unit: String::new(),
@@ -93,17 +80,12 @@ impl ModalSource {
             offset: None,
             group: 0,
         });
-        let errors = nuisances
-            .iter()
-            .map(|n| Parameter::new(n.name.clone(), Owner::Other(n.group.clone()), Kind::Other, &n.unit))
-            .collect();
         Some(Self {
             parameters,
-            of_errors: errors,
             channels: channels.collect(),
             nuisances,
-            coefficients,
-            by_errors,
+            coefficients: rows.columns(0, p).into_owned(),
+            by_errors: rows.columns(p, e).into_owned(),
             values,
             fingerprint,
         })
@@ -123,13 +105,6 @@ impl ModalSource {
         }
         Ok(())
     }
-}
-
-/// Whitened rows: coefficients of parameters and of the springs' errors, and values.
-pub(super) struct White {
-    pub(super) coefficients: DMatrix<f64>,
-    pub(super) by_errors: DMatrix<f64>,
-    pub(super) values: DVector<f64>,
 }
 
 /// What is known of the parameters beforehand: their mean, and W of their covariance `(Wᵀ W)⁻¹`.
@@ -195,8 +170,9 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// Corrects modes, parameters and errors until they stay; returns the rows there.
-    pub(super) fn solve(&self) -> Option<White> {
+    /// Corrects modes, parameters and errors until they stay; returns the whitened rows there, over parameters and errors, and their
+    /// values.
+    pub(super) fn solve(&self) -> Option<(DMatrix<f64>, DVector<f64>)> {
         if self.measured.is_empty() {
             return None;
         }
@@ -210,7 +186,8 @@ impl<'a> Problem<'a> {
             let lower = q.l();
             let white = lower.solve_lower_triangular(&rows)?;
             let white_values = lower.solve_lower_triangular(&values)?;
-            let next = self.least_squares(&white, &white_values)?;
+            // The smallest where several fit.
+            let next = DVector::from_vec(self.factor(&white, &white_values).solve(LOST).estimate);
             let residual = &values - &rows * &next;
             let correction = &self.covariance * by.transpose() * q.solve(&residual);
             corrected = &self.measured - correction;
@@ -219,47 +196,26 @@ impl<'a> Problem<'a> {
             found = next;
             rounds += 1;
             if change < STILL.max(1e-12 * scale) || rounds == MOST_ROUNDS {
-                return Some(White {
-                    coefficients: white.columns(0, p).into_owned(),
-                    by_errors: white.columns(p, e).into_owned(),
-                    values: white_values,
-                });
+                return Some((white, white_values));
             }
         }
     }
 
-    /// Rows with what is known beforehand of errors and parameters below them.
-    pub(super) fn with_known(
-        &self,
-        white: &DMatrix<f64>,
-        values: &DVector<f64>,
-    ) -> (DMatrix<f64>, DVector<f64>) {
-        let (rows, p, e) = (white.nrows(), self.parameters, self.nuisances.len());
-        let told = self.known.as_ref().map_or(0, |(mean, _)| mean.len());
-        let mut all = white.clone().insert_rows(rows, e + told, 0.0);
-        let mut right = values.clone().insert_rows(rows, e + told, 0.0);
+    /// Rows, and what is known beforehand of parameters and errors, as a factor.
+    pub(super) fn factor(&self, white: &DMatrix<f64>, values: &DVector<f64>) -> Factor {
+        let (p, e) = (self.parameters, self.nuisances.len());
+        let mut factor = Factor::new(p + e);
+        factor.absorb_matrix(white, values.as_slice());
+        let mut known = DMatrix::zeros(e, p + e);
         for (k, nuisance) in self.nuisances.iter().enumerate() {
-            all[(rows + k, p + k)] = 1.0 / nuisance.sigma;
+            known[(k, p + k)] = 1.0 / nuisance.sigma;
         }
+        factor.absorb_matrix(&known, &vec![0.0; e]);
         if let Some((mean, whitening)) = &self.known {
-            all.view_mut((rows + e, 0), (told, p)).copy_from(whitening);
-            right.rows_mut(rows + e, told).copy_from(&(whitening * mean));
+            let wide = whitening.clone().insert_columns(p, e, 0.0);
+            factor.absorb_matrix(&wide, (whitening * mean).as_slice());
         }
-        (all, right)
-    }
-
-    /// Parameters and errors, with what is known of them; the smallest where several do.
-    fn least_squares(&self, white: &DMatrix<f64>, values: &DVector<f64>) -> Option<DVector<f64>> {
-        let (mut all, right) = self.with_known(white, values);
-        let norms: Vec<f64> = all.column_iter().map(|c| c.norm().max(f64::MIN_POSITIVE)).collect();
-        for (mut column, norm) in all.column_iter_mut().zip(&norms) {
-            column /= *norm;
-        }
-        let mut found = all.svd(true, true).solve(&right, 1e-11).ok()?;
-        for (value, norm) in found.iter_mut().zip(&norms) {
-            *value /= *norm;
-        }
-        Some(found)
+        factor
     }
 
     /// Rows over parameters and errors, values, and the derivative by what was measured, at corrected modes and parameters.
@@ -415,39 +371,10 @@ impl RowSource for ModalSource {
     }
 
     fn error_columns(&self, _parameters: &[f64]) -> Option<Box<dyn RowSource + '_>> {
-        Some(Box::new(ErrorRows { source: self, parameters: &self.of_errors }))
-    }
-}
-
-/// The columns of the springs' errors.
-struct ErrorRows<'a> {
-    source: &'a ModalSource,
-    parameters: &'a [Parameter],
-}
-
-impl RowSource for ErrorRows<'_> {
-    fn parameters(&self) -> &[Parameter] {
-        self.parameters
-    }
-
-    fn channels(&self) -> &[Channel] {
-        &self.source.channels
-    }
-
-    fn timing(&self) -> Timing {
-        Timing::Static
-    }
-
-    fn samples(&self) -> usize {
-        self.source.samples()
-    }
-
-    fn time_ns(&self, sample: usize) -> u64 {
-        sample as u64
-    }
-
-    fn rows(&self, sample: usize, rows: &mut SampleRows) -> Result<(), Rejection> {
-        self.source.fill(&self.source.by_errors, sample, rows)
+        let parameters = self.nuisances.iter().map(Nuisance::parameter).collect();
+        Some(Box::new(OtherColumns::new(self, parameters, |sample, rows| {
+            self.fill(&self.by_errors, sample, rows)
+        })))
     }
 }
 

@@ -69,7 +69,7 @@ fn measured(modes: &[(f64, Vector6<f64>)], shape_sd: f64, angular_sd: f64, rng: 
 }
 
 fn found(support: &Support, shapes: Shapes) -> Fit {
-    let swing = Swing { name: "one".to_owned(), shapes, map: DMatrix::identity(TEN, TEN) };
+    let swing = Swing { shapes, map: DMatrix::identity(TEN, TEN) };
     let source = ModalSource::new(&[swing], support, body::parameters(TEN), 0).unwrap();
     fit(&source, &FitOptions::default(), &Silent).unwrap()
 }

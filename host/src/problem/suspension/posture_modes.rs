@@ -1,13 +1,14 @@
 //! Locked postures by the modes of their free vibration: rows of the base parameters of the tree.
 
 use super::SuspensionError;
-use super::modal::{ModalSource, Support, Swing};
-use super::postures::{base_columns, composite, without_frames};
+use super::modal::{ModalSource, Swing};
+use super::postures::{base_columns, composite};
+use super::support::Support;
 use crate::fit::RowSource as _;
 use crate::modal_analysis::Shapes;
 use crate::model::Model;
 use crate::model::rows::Moving;
-use crate::problem::tree::TreeSource;
+use crate::problem::tree::{Input, TreeSource};
 
 /// A posture with its modes.
 #[derive(Clone, Debug)]
@@ -29,7 +30,7 @@ pub fn posture_rows(
     support: &Support,
     postures: &[PostureModes],
 ) -> Result<ModalSource, SuspensionError> {
-    let tree = TreeSource::new(without_frames(model))?;
+    let tree = TreeSource::new(Input::tracked(model.clone(), Vec::new(), 1.0))?;
     let refuse = |file: &str, why: String| SuspensionError::Posture { file: file.to_owned(), why };
     let mut moving = Moving::new(model.tree()).map_err(|e| refuse(&model.name, format!("{e:?}")))?;
     let mut swings = Vec::new();
@@ -37,7 +38,7 @@ pub fn posture_rows(
         let whole = composite(&mut moving, &posture.positions)
             .map_err(|e| refuse(&posture.name, format!("{e:?}")))?;
         let map = base_columns(tree.base(), &whole);
-        swings.push(Swing { name: posture.name.clone(), shapes: posture.shapes.clone(), map });
+        swings.push(Swing { shapes: posture.shapes.clone(), map });
     }
     ModalSource::new(&swings, support, tree.parameters().to_vec(), tree.model_fingerprint())
         .ok_or_else(|| refuse(&model.name, "no posture has a mode, or their covariance is none".to_owned()))

@@ -202,14 +202,7 @@ pub fn sets(source: &PostureSource) -> Vec<PostureSet> {
 }
 
 fn rank_and_condition(factor: &Factor) -> (usize, f64) {
-    let mut r = factor.r();
-    for mut column in r.column_iter_mut() {
-        let norm = column.norm();
-        if norm > 0.0 {
-            column /= norm;
-        }
-    }
-    let singular = r.singular_values();
+    let singular = factor.r_of_unit_columns().singular_values();
     let most = singular.max();
     let told: Vec<f64> = singular.iter().copied().filter(|s| *s > RANK * most).collect();
     (told.len(), most / told.iter().copied().fold(most, f64::min))
@@ -239,10 +232,9 @@ pub fn next(source: &PostureSource) -> Option<NextPosture> {
         let positions: Vec<f64> = stands.iter().flat_map(|(_, numbers)| numbers.iter().copied()).collect();
         let Ok(whole) = composite(&mut moving, &positions) else { continue };
         let columns = base_columns(source.base(), &whole);
-        let rows: Vec<Vec<f64>> =
-            (0..10).map(|i| columns.row(i).iter().map(|v| v / sigma[i]).collect()).collect();
+        let white = DMatrix::from_fn(10, columns.ncols(), |i, j| columns[(i, j)] / sigma[i]);
         let mut with = before.clone();
-        with.absorb(rows.iter().map(|row| (row.as_slice(), 0.0)));
+        with.absorb_matrix(&white, &[0.0; 10]);
         let (rank, condition) = rank_and_condition(&with);
         let left = if rank > rank_before { condition } else { trace(&with) };
         let is_better = best.as_ref().is_none_or(|(r, l, _)| rank > *r || (rank == *r && left < *l));

@@ -13,13 +13,13 @@ use super::posture_file::{JointStand, PostureTable, PosturesFile};
 use super::whitened::pooled;
 use crate::fit::pool::PooledFactor;
 use crate::fit::{Factor, Parameter, RowSource as _};
-use crate::model::base::{BaseParameters, Rows, Situation};
+use crate::model::base::BaseParameters;
 use crate::model::inertial::map_to_parent;
 use crate::model::rows::Moving;
 use crate::model::{Model, ModelError, rig_links};
 use crate::motion_capture::registration::nearest_rotation;
 use crate::problem::tree::joints::attitude;
-use crate::problem::tree::{BaseSensor, Input, TreeSource};
+use crate::problem::tree::{Input, TreeSource};
 use nalgebra::{DMatrix, DVector, Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 use rigident_shared::inertia::{InertialParameters, tensor_from_elements};
 use rigident_shared::spatial::{Body, Position};
@@ -53,7 +53,7 @@ impl PostureSource {
     pub fn new(file: &PosturesFile, what: &str) -> Result<Self, SuspensionError> {
         let model =
             rig_links::from_tables(&file.link, what).map_err(|e| SuspensionError::Source(e.into()))?.welded();
-        let tree = TreeSource::new(without_frames(&model))?;
+        let tree = TreeSource::new(Input::tracked(model.clone(), Vec::new(), 1.0))?;
         let refuse = |why: String| SuspensionError::Posture { file: what.to_owned(), why };
         if file.posture.is_empty() {
             return Err(refuse("there is no [[posture]] in it".to_owned()));
@@ -95,11 +95,6 @@ impl PostureSource {
         &self.tree.input().model
     }
 
-    /// Returns what the rows are of.
-    pub fn situation(&self) -> Situation {
-        self.tree.input().situation
-    }
-
     /// Returns the names of the postures.
     pub fn names(&self) -> &[String] {
         &self.names
@@ -117,10 +112,8 @@ impl PostureSource {
             let (Some((columns, values)), Some(sigma)) = (self.rows.get(k), self.sigma.get(k)) else {
                 continue;
             };
-            let rows: Vec<(Vec<f64>, f64)> = (0..TEN)
-                .map(|i| (columns.row(i).iter().map(|v| v / sigma[i]).collect(), values[i] / sigma[i]))
-                .collect();
-            factor.absorb(rows.iter().map(|(row, value)| (row.as_slice(), *value)));
+            let white = DMatrix::from_fn(TEN, columns.ncols(), |i, j| columns[(i, j)] / sigma[i]);
+            factor.absorb_matrix(&white, &std::array::from_fn::<f64, TEN, _>(|i| values[i] / sigma[i]));
         }
         factor
     }
@@ -186,25 +179,6 @@ fn scatter(rows: &[(DMatrix<f64>, [f64; TEN])]) -> Vec<[f64; TEN]> {
         }
     }
     vec![std::array::from_fn(|i| sigma[kind(i)]); rows.len()]
-}
-
-/// Settings of a tree on springs without any frame.
-pub fn without_frames(model: &Model) -> Input {
-    Input {
-        model: model.clone(),
-        frames: Vec::new(),
-        is_static: false,
-        rate_hz: 1.0,
-        base: BaseSensor::Tracked,
-        situation: Situation { floating: true, rows: Rows::Base, mimic: false },
-        channel_sigma: None,
-        known_offset: Some([0.0; 6]),
-        nuisances: Vec::new(),
-        errors: Vec::new(),
-        drives: Vec::new(),
-        signals: Vec::new(),
-        rate_sigma: 0.0,
-    }
 }
 
 /// Returns the map of all standard parameters to the ten of the whole, 10 × 10 n, with the joints at these coordinates.

@@ -159,7 +159,7 @@ fn random_postures_have_the_rank_of_the_theory() {
         }
         let file: PosturesFile = toml::from_str(&text).unwrap();
         let model = rig_links::from_tables(&file.link, "test").unwrap();
-        let tree = TreeSource::new(without_frames(&model)).unwrap();
+        let tree = TreeSource::new(Input::tracked(model.clone(), Vec::new(), 1.0)).unwrap();
         let mut moving = Moving::new(model.tree()).unwrap();
         let mut ranks = Vec::new();
         let mut all = DMatrix::zeros(0, tree.parameters().len());

@@ -4,17 +4,16 @@ use nalgebra::{Matrix3, Vector3};
 use rigident_shared::tree::Joint;
 
 use super::SuspensionError;
-use super::mount::Mount;
 use super::source::{Instant, SuspendedSource};
-use super::springs::{COORDINATES, Springs, free};
+use super::springs::COORDINATES;
+use super::support::{Support, constant_rate_hz, missing};
 use super::track::{Pose, Track, poses, rest};
-use crate::model::base::{Rows, Situation};
 use crate::model::{Finding, Model, ModelLink};
 use crate::problem::moved::Part;
 use crate::problem::smoothing::Smoother;
 use crate::problem::tree::columns::{Quantity, column, numbers};
 use crate::problem::tree::joints::{Resolved, Seen, attitude, resolve};
-use crate::problem::tree::{BaseSensor, Input, TreePrepareError};
+use crate::problem::tree::{Input, TreePrepareError};
 use crate::recording::Recording;
 
 /// A locked coordinate that moves by more than this share of the largest free one of its kind is none.
@@ -35,27 +34,16 @@ pub struct PreparedSuspension {
 /// # Errors
 /// [`SuspensionError`] says what is missing or does not fit.
 pub fn prepare(recording: &Recording, model: Option<&Model>) -> Result<PreparedSuspension, SuspensionError> {
-    let missing = |missing: &str, advice: &str| SuspensionError::Missing {
-        name: recording.name.clone(),
-        missing: missing.to_owned(),
-        advice: advice.to_owned(),
-    };
-    let table = recording.rig.suspension.as_ref();
-    let table = table.ok_or_else(|| {
-        missing("the table [suspension] of the rig file is", "it says what the springs are")
-    })?;
+    let support = Support::of(&recording.rig, &recording.name)?;
+    let table = recording.rig.suspension.clone().unwrap_or_default();
     let rows = recording.platform.as_deref().ok_or_else(|| {
         missing(
+            &recording.name,
             "the poses of the platform (x_m, y_m, z_m, qw, qx, qy, qz) are",
             "springs push by how the platform stands; name the columns under [recording.columns] if they are called otherwise",
         )
     })?;
-    let rate_hz = recording.rate_hz.ok_or_else(|| {
-        missing(
-            "a constant rate is",
-            "free vibration is a motion in time: t_s must increase by equal steps, and static be false",
-        )
-    })?;
+    let rate_hz = constant_rate_hz(recording)?;
     let model = model.map_or_else(one_body, Model::welded);
     let at = Vector3::from(table.at_m);
     let poses = poses(rows, &at, |row| recording.place(row))?;
@@ -65,12 +53,11 @@ pub fn prepare(recording: &Recording, model: Option<&Model>) -> Result<PreparedS
     let cut_off_hz = table.cut_off_hz.unwrap_or_else(|| track.cut_off_hz());
     let smoother =
         Smoother::new(cut_off_hz, rate_hz).ok_or(SuspensionError::CutOff { cut_off_hz, rate_hz })?;
-    let mount = Mount::of(table);
     let mut frames = Vec::new();
     let mut instants = Vec::new();
     for row in 0..track.len() {
         let Some(moved) = track.at(&smoother, row) else { continue };
-        let (instant, frame) = mount.frame(&moved, track.time_ns(row));
+        let (instant, frame) = support.mount.frame(&moved, track.time_ns(row));
         instants.push(instant);
         frames.push(frame);
     }
@@ -78,30 +65,15 @@ pub fn prepare(recording: &Recording, model: Option<&Model>) -> Result<PreparedS
         let (name, taps) = (recording.name.clone(), 2 * smoother.half() + 1);
         return Err(SuspensionError::Short { name, rows: track.len(), rate_hz, cut_off_hz, taps });
     }
-    let free = free(&table.locked);
-    judge_locked(recording, &instants, &free)?;
+    judge_locked(recording, &instants, &support.free)?;
     let notes = vec![about(&instants, &rest, cut_off_hz, track.len())];
     let moves: Vec<(&[f64], Vector3<f64>)> =
         frames.iter().map(|f| (f.positions.get(7..).unwrap_or_default(), Vector3::zeros())).collect();
     let mut idle = crate::model::idle::idle(&model, &moves, true);
     // How far the platform turns is judged by its rows.
     idle.retain(|finding| !finding.text.starts_with("the base never turns"));
-    let input = Input {
-        model,
-        frames,
-        is_static: false,
-        rate_hz,
-        base: BaseSensor::Tracked,
-        situation: Situation { floating: true, rows: Rows::Base, mimic: false },
-        channel_sigma: None,
-        known_offset: Some([0.0; 6]),
-        nuisances: Vec::new(),
-        errors: Vec::new(),
-        drives: Vec::new(),
-        signals: Vec::new(),
-        rate_sigma: 0.0,
-    };
-    let source = SuspendedSource::new(input, instants, Springs::new(table), table.anchor_height_m, free)?;
+    let input = Input::tracked(model, frames, rate_hz);
+    let source = SuspendedSource::new(input, instants, support)?;
     Ok(PreparedSuspension { source, notes, idle })
 }
 

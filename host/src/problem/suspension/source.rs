@@ -16,7 +16,10 @@ use nalgebra::{Vector3, Vector6};
 use rigident_shared::screening::Rejection;
 
 use super::springs::{Displacement, Springs};
-use crate::fit::{Channel, Fingerprint, Kind, Nuisance, Owner, Parameter, RowSource, SampleRows, Timing};
+use super::support::Support;
+use crate::fit::{
+    Channel, Fingerprint, Kind, Nuisance, OtherColumns, Owner, Parameter, RowSource, SampleRows, Timing,
+};
 use crate::model::base::BaseParameters;
 use crate::problem::body;
 use crate::problem::tree::{Input, TreeSource, TreeSourceError};
@@ -38,10 +41,7 @@ pub struct Instant {
 pub struct SuspendedSource {
     inner: TreeSource,
     instants: Vec<Instant>,
-    springs: Springs,
-    anchor_height_m: f64,
-    /// Coordinates that are not locked, by their numbers.
-    free: Vec<usize>,
+    support: Support,
     parameters: Vec<Parameter>,
     channels: Vec<Channel>,
 }
@@ -51,20 +51,14 @@ impl SuspendedSource {
     ///
     /// # Errors
     /// [`TreeSourceError`] if the model has no base parameters, or the frames do not fit it.
-    pub fn new(
-        input: Input,
-        instants: Vec<Instant>,
-        springs: Springs,
-        anchor_height_m: f64,
-        free: Vec<usize>,
-    ) -> Result<Self, TreeSourceError> {
+    pub fn new(input: Input, instants: Vec<Instant>, support: Support) -> Result<Self, TreeSourceError> {
         let inner = TreeSource::new(input)?;
         let is_body = inner.input().model.links.len() == 1;
         let own = inner.parameters().len();
         let mut parameters: Vec<Parameter> =
             if is_body { body::parameters(own) } else { inner.parameters().to_vec() };
         let mut channels = Vec::new();
-        for k in &free {
+        for k in &support.free {
             let (name, unit) = CHANNELS[*k];
             parameters.push(Parameter {
                 frame: "P".to_owned(),
@@ -83,7 +77,7 @@ impl SuspendedSource {
                 group: u8::from(*k > 2),
             });
         }
-        Ok(Self { inner, instants, springs, anchor_height_m, free, parameters, channels })
+        Ok(Self { inner, instants, support, parameters, channels })
     }
 
     /// Returns the base parameters that are estimated.
@@ -103,12 +97,12 @@ impl SuspendedSource {
 
     /// Returns the springs.
     pub fn springs(&self) -> &Springs {
-        &self.springs
+        &self.support.springs
     }
 
     /// Returns the coordinates that are not locked, by their numbers.
     pub fn free(&self) -> &[usize] {
-        &self.free
+        &self.support.free
     }
 
     /// Returns true if it is one rigid body.
@@ -120,7 +114,7 @@ impl SuspendedSource {
     fn carried(&self, at: &Displacement, coordinate: usize) -> Vector6<f64> {
         let turned = |v: Vector3<f64>| (at.rotation * v).cross(&Vector3::z());
         let moment = match coordinate {
-            2 => turned(Vector3::z() * self.anchor_height_m),
+            2 => turned(Vector3::z() * self.support.anchor_height_m),
             3 => turned(Vector3::y()),
             4 => turned(-Vector3::x()),
             5 => Vector3::z(),
@@ -177,13 +171,13 @@ impl RowSource for SuspendedSource {
         add_arm(arm, &own.smoothed.clone(), &mut own.smoothed, n);
         add_arm(&-turning, &forces, &mut own.smoothed, n);
         add_arm(arm, &forces, &mut own.differentiated, n);
-        let wrench = self.springs.wrench(at);
+        let wrench = self.support.springs.wrench(at);
         let all = self.parameters.len();
-        for (row, k) in self.free.iter().enumerate() {
+        for (row, k) in self.support.free.iter().enumerate() {
             rows.smoothed[row * all..row * all + n].copy_from_slice(&own.smoothed[k * n..(k + 1) * n]);
             rows.differentiated[row * all..row * all + n]
                 .copy_from_slice(&own.differentiated[k * n..(k + 1) * n]);
-            for (column, coordinate) in self.free.iter().enumerate() {
+            for (column, coordinate) in self.support.free.iter().enumerate() {
                 rows.smoothed[row * all + n + column] = -self.carried(at, *coordinate)[*k];
             }
             rows.measured[row] = wrench[*k];
@@ -219,63 +213,22 @@ impl RowSource for SuspendedSource {
     }
 
     fn nuisances(&self) -> Vec<Nuisance> {
-        self.springs.nuisances().to_vec()
+        self.support.springs.nuisances().to_vec()
     }
 
     fn error_columns(&self, _parameters: &[f64]) -> Option<Box<dyn RowSource + '_>> {
-        Some(Box::new(ErrorRows::new(self)))
-    }
-}
-
-/// Columns of the springs' errors: `W(K) = A φ − Σ e ∂W/∂e`, as the true wrench is `W(K) + Σ e ∂W/∂e`.
-struct ErrorRows<'a> {
-    source: &'a SuspendedSource,
-    parameters: Vec<Parameter>,
-}
-
-impl<'a> ErrorRows<'a> {
-    fn new(source: &'a SuspendedSource) -> Self {
-        let of = |nuisance: &Nuisance| {
-            Parameter::new(
-                nuisance.name.clone(),
-                Owner::Other(nuisance.group.clone()),
-                Kind::Other,
-                &nuisance.unit,
-            )
-        };
-        Self { source, parameters: source.springs.nuisances().iter().map(of).collect() }
-    }
-}
-
-impl RowSource for ErrorRows<'_> {
-    fn parameters(&self) -> &[Parameter] {
-        &self.parameters
-    }
-
-    fn channels(&self) -> &[Channel] {
-        self.source.channels()
-    }
-
-    fn timing(&self) -> Timing {
-        self.source.timing()
-    }
-
-    fn samples(&self) -> usize {
-        self.source.samples()
-    }
-
-    fn time_ns(&self, sample: usize) -> u64 {
-        self.source.time_ns(sample)
-    }
-
-    fn rows(&self, sample: usize, rows: &mut SampleRows) -> Result<(), Rejection> {
-        let instant = self.source.instants.get(sample).ok_or(Rejection::NotFinite(0))?;
-        let n = self.parameters.len();
-        for (column, wrench) in self.source.springs.error_wrenches(&instant.at).iter().enumerate() {
-            for (row, k) in self.source.free.iter().enumerate() {
-                rows.smoothed[row * n + column] = -wrench[*k];
+        // W(K) = A φ − Σ e ∂W/∂e, as the true wrench is W(K) + Σ e ∂W/∂e.
+        let parameters: Vec<Parameter> =
+            self.support.springs.nuisances().iter().map(Nuisance::parameter).collect();
+        let n = parameters.len();
+        Some(Box::new(OtherColumns::new(self, parameters, move |sample, rows| {
+            let instant = self.instants.get(sample).ok_or(Rejection::NotFinite(0))?;
+            for (column, wrench) in self.support.springs.error_wrenches(&instant.at).iter().enumerate() {
+                for (row, k) in self.support.free.iter().enumerate() {
+                    rows.smoothed[row * n + column] = -wrench[*k];
+                }
             }
-        }
-        Ok(())
+            Ok(())
+        })))
     }
 }

@@ -5,8 +5,9 @@
 
 use nalgebra::{DMatrix, DVector, Matrix6};
 
-use super::modal::{Problem, Support, Swing, White};
+use super::modal::{Problem, Swing};
 use super::springs::Springs;
+use super::support::Support;
 use crate::fit::Nuisance;
 use crate::modal_analysis::Shapes;
 use crate::rig::SuspensionTable;
@@ -53,7 +54,7 @@ pub fn stiffness(
     };
     let own = Support { springs: Springs::new(&wide), ..support.clone() };
     let nuisances: Vec<Nuisance> = own.springs.stiffness_nuisances();
-    let swing = Swing { name: String::new(), shapes: shapes.clone(), map: DMatrix::identity(10, 10) };
+    let swing = Swing { shapes: shapes.clone(), map: DMatrix::identity(10, 10) };
     // What is stated as exact is known to a millionth.
     let mut covariance = covariance.clone();
     let largest = parameters.amax();
@@ -63,33 +64,24 @@ pub fn stiffness(
     let whitening = covariance.cholesky()?.inverse().cholesky()?.l().transpose();
     let swings = [swing];
     let problem = Problem::new(&swings, &own, 10, &nuisances, Some((parameters.clone(), whitening)));
-    let White { coefficients, by_errors, values } = problem.solve()?;
-    let both = DMatrix::from_fn(coefficients.nrows(), 10 + nuisances.len(), |i, j| {
-        if j < 10 { coefficients[(i, j)] } else { by_errors[(i, j - 10)] }
-    });
-    let (mut all, right) = problem.with_known(&both, &values);
-    let norms: Vec<f64> = all.column_iter().map(|c| c.norm().max(f64::MIN_POSITIVE)).collect();
-    for (mut column, norm) in all.column_iter_mut().zip(&norms) {
-        column /= *norm;
-    }
-    let inverse = all.tr_mul(&all).cholesky()?.inverse();
-    let found = &inverse * all.tr_mul(&right);
-    let left = (&right - &all * &found).norm_squared();
+    let (rows, values) = problem.solve()?;
+    let factor = problem.factor(&rows, &values);
+    let solution = factor.solve(factor.rounding());
     let degrees_of_freedom = values.len() as f64 - nuisances.len() as f64;
     if degrees_of_freedom < 1.0 {
         return None;
     }
-    let variance_ratio = left / degrees_of_freedom;
+    let variance_ratio = factor.residual_sum_of_squares() / degrees_of_freedom;
     let surprising = variance_ratio > 1.0 + 4.0 * (2.0 / degrees_of_freedom).sqrt();
     let wider = if surprising { variance_ratio.sqrt() } else { 1.0 };
     let (mut stiffness, mut std) = (Matrix6::zeros(), Matrix6::zeros());
     for (k, (nuisance, by)) in nuisances.iter().zip(own.springs.error_stiffnesses()).enumerate() {
         let at = 10 + k;
-        let sd = inverse[(at, at)].max(0.0).sqrt() / norms[at];
-        if sd.is_nan() || sd > TOLD * nuisance.sigma {
+        let sd = solution.covariance[(at, at)].max(0.0).sqrt();
+        if !solution.determined[at] || sd.is_nan() || sd > TOLD * nuisance.sigma {
             return None;
         }
-        stiffness += by * (found[at] / norms[at]);
+        stiffness += by * solution.estimate[at];
         std += by * (sd * wider);
     }
     // What is locked has no stiffness of its own.

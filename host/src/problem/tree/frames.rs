@@ -116,6 +116,25 @@ pub struct Input {
 }
 
 impl Input {
+    /// Returns the frames of a tree whose base is tracked, `rate_hz` a second: six rows each, exact signals, and no wrench offset.
+    pub fn tracked(model: Model, frames: Vec<Frame>, rate_hz: f64) -> Self {
+        Self {
+            model,
+            frames,
+            is_static: false,
+            rate_hz,
+            base: BaseSensor::Tracked,
+            situation: Situation { floating: true, rows: Rows::Base, mimic: false },
+            channel_sigma: None,
+            known_offset: Some([0.0; 6]),
+            nuisances: Vec::new(),
+            errors: Vec::new(),
+            drives: Vec::new(),
+            signals: Vec::new(),
+            rate_sigma: 0.0,
+        }
+    }
+
     /// Returns these settings with other frames.
     pub(crate) fn with_frames(&self, frames: Vec<Frame>) -> Self {
         Self {

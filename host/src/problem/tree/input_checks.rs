@@ -8,6 +8,7 @@
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
 use crate::model::idle::white_noise;
+use crate::motion_capture::registration::nearest_rotation;
 
 /// What is compared are increments over this, s: long against the noise of gyros, short against turns that do not commute.
 pub const SPAN_S: f64 = 0.1;
@@ -310,14 +311,13 @@ impl Turning<'_> {
         let of_link: Vec<Vector3<f64>> =
             increments.turned.iter().zip(&increments.carried).map(|(t, c)| t + c).collect();
         let product = of_link.iter().zip(&increments.own).map(|(a, b)| a * b.transpose());
-        let svd = product.sum::<Matrix3<f64>>().svd(true, true);
-        let (u, v) = (svd.u?, svd.v_t?);
+        let product = product.sum::<Matrix3<f64>>();
         // About a single axis nothing can be told of it.
-        if svd.singular_values[1] < 1e-3 * svd.singular_values[0] {
+        let singular = product.singular_values();
+        if singular[1] < 1e-3 * singular[0] {
             return None;
         }
-        let sign = (u.determinant() * v.determinant()).signum();
-        let x = u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v;
+        let x = nearest_rotation(&product)?;
         let own: Vec<Vector3<f64>> = increments.own.iter().map(|w| x * w).collect();
         let left = rms(&less(&of_link, &own)) / rms(&own).max(f64::MIN_POSITIVE);
         if left > EXPLAINED {

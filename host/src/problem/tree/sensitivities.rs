@@ -17,7 +17,7 @@ use rigident_shared::tree::{Joint, LinkState, TreeError};
 
 use super::rows::{BASE, RowMaker};
 use super::{BaseSensor, Frame, Input, SignalError, SignalKind, TreeSource};
-use crate::fit::{Channel, Kind, Owner, Parameter, RowSource, SampleRows, Timing};
+use crate::fit::{Kind, OtherColumns, Owner, Parameter, RowSource as _, SampleRows};
 use crate::model::rows::Moving;
 
 /// A step longer than so many periods is a gap.
@@ -64,10 +64,9 @@ struct Freedom {
     carrier: Three,
 }
 
-/// Columns of a source's errors, as a source of their own: one coefficient for each error.
+/// Columns of a source's errors.
 pub(super) struct ErrorRows<'a> {
     source: &'a TreeSource,
-    parameters: Vec<Parameter>,
     bodies: Vec<[f64; 10]>,
     /// By links of the tree: its own IMU shows its motion.
     is_seen: Vec<bool>,
@@ -107,11 +106,8 @@ impl<'a> ErrorRows<'a> {
             own.push(link.parent);
             above.push(own);
         }
-        let name = |k: usize| format!("error {k}");
-        let parameter = |k| Parameter::new(name(k), Owner::Link(String::new()), Kind::Offset, "");
         let mut rows = Self {
             source,
-            parameters: (0..input.errors.len()).map(parameter).collect(),
             bodies: maker.bodies(phi),
             is_seen,
             above,
@@ -578,25 +574,13 @@ impl Instant<'_> {
     }
 }
 
-impl RowSource for ErrorRows<'_> {
-    fn parameters(&self) -> &[Parameter] {
-        &self.parameters
-    }
-
-    fn channels(&self) -> &[Channel] {
-        self.source.channels()
-    }
-
-    fn timing(&self) -> Timing {
-        self.source.timing()
-    }
-
-    fn samples(&self) -> usize {
-        self.source.samples()
-    }
-
-    fn time_ns(&self, sample: usize) -> u64 {
-        self.source.time_ns(sample)
+impl<'a> ErrorRows<'a> {
+    /// Returns them as a source of their own: one coefficient for each error.
+    pub(super) fn into_source(self) -> OtherColumns<'a> {
+        let name = |k: usize| format!("error {k}");
+        let parameter = |k| Parameter::new(name(k), Owner::Link(String::new()), Kind::Offset, "");
+        let parameters = (0..self.source.input().errors.len()).map(parameter).collect();
+        OtherColumns::new(self.source, parameters, move |sample, rows| self.rows(sample, rows))
     }
 
     fn rows(&self, sample: usize, rows: &mut SampleRows) -> Result<(), Rejection> {
@@ -608,7 +592,7 @@ impl RowSource for ErrorRows<'_> {
         let frame = input.frames.get(sample).ok_or(refuse)?;
         let mut moving = self.moving.lock().unwrap_or_else(PoisonError::into_inner);
         let instant = self.instant(&mut moving, frame).map_err(|_| refuse)?;
-        let (channels, count) = (self.channels().len(), input.errors.len());
+        let (channels, count) = (self.source.channels().len(), input.errors.len());
         // Columns of directions, as they are asked for.
         let mut columns: Vec<Option<Vec<f64>>> = vec![None; 2 * instant.freedoms.len() + 9];
         let mut sum = vec![0.0; 2 * channels];

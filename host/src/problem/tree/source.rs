@@ -313,7 +313,7 @@ impl RowSource for TreeSource {
             let maker = self.maker.lock().unwrap_or_else(PoisonError::into_inner);
             ErrorRows::new(self, &maker, parameters).ok()?
         };
-        Some(Box::new(rows))
+        Some(Box::new(rows.into_source()))
     }
 
     fn signal_noise(&self) -> Vec<SignalNoise> {

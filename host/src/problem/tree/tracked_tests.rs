@@ -53,21 +53,7 @@ fn input(model: &Model, tree: &Tree, away: &Vector3<f64>, count: usize) -> Input
             standing: Vec::new(),
         }
     };
-    Input {
-        model: model.clone(),
-        frames: (0..count).map(frame).collect(),
-        is_static: false,
-        rate_hz: RATE_HZ,
-        base: BaseSensor::Tracked,
-        situation: Situation { floating: true, rows: Rows::Base, mimic: false },
-        channel_sigma: None,
-        known_offset: Some([0.0; 6]),
-        nuisances: Vec::new(),
-        errors: Vec::new(),
-        drives: Vec::new(),
-        signals: Vec::new(),
-        rate_sigma: 0.0,
-    }
+    Input::tracked(model.clone(), (0..count).map(frame).collect(), RATE_HZ)
 }
 
 #[test]

@@ -1,0 +1,54 @@
+//! What carries the platform, and what a recording of its swinging must have.
+
+use super::SuspensionError;
+use super::mount::Mount;
+use super::springs::{Springs, free};
+use crate::recording::Recording;
+use crate::rig::RigFile;
+
+/// Holds the springs that everything swings on.
+#[derive(Clone, Debug)]
+pub struct Support {
+    /// The springs.
+    pub springs: Springs,
+    /// Where S is in P.
+    pub mount: Mount,
+    /// Height above O at which the springs carry the weight, m.
+    pub anchor_height_m: f64,
+    /// Coordinates that are not locked, by their numbers.
+    pub free: Vec<usize>,
+}
+
+impl Support {
+    /// Returns what a rig file says of springs and mount; `name` is the recording's.
+    ///
+    /// # Errors
+    /// [`SuspensionError::Missing`] if it has no `[suspension]`.
+    pub fn of(rig: &RigFile, name: &str) -> Result<Self, SuspensionError> {
+        let table = rig.suspension.as_ref().ok_or_else(|| {
+            missing(name, "the table [suspension] of the rig file is", "it says what the springs are")
+        })?;
+        Ok(Self {
+            springs: Springs::new(table),
+            mount: Mount::of(table),
+            anchor_height_m: table.anchor_height_m,
+            free: free(&table.locked),
+        })
+    }
+}
+
+/// What is missing, with its verb, and what to do.
+pub(super) fn missing(name: &str, missing: &str, advice: &str) -> SuspensionError {
+    SuspensionError::Missing { name: name.to_owned(), missing: missing.to_owned(), advice: advice.to_owned() }
+}
+
+/// Samples per second.
+pub(super) fn constant_rate_hz(recording: &Recording) -> Result<f64, SuspensionError> {
+    recording.rate_hz.ok_or_else(|| {
+        missing(
+            &recording.name,
+            "a constant rate is",
+            "free vibration is a motion in time: t_s must increase by equal steps, and static be false",
+        )
+    })
+}
