@@ -1,8 +1,8 @@
 //! Modes of free vibration from uniform samples of a decay: natural frequencies, damping ratios and shapes without scale.
 //!
-//! Lives here: first poles that stay the same over orders ([`mod@start`]), their maximum likelihood by variable projection
-//! ([`decay_fit`]), the search for as many components as the recording tells ([`search`]), what each of them is ([`roles`]), shapes
-//! with their joint covariance ([`shape`]), the same from an IMU's signals ([`imu`]), and what is wrong with a recording ([`ModalError`], [`Finding`]). Numbers in, numbers out.
+//! Lives here: first poles that stay the same over orders (`start`), their maximum likelihood by variable projection
+//! (`decay_fit`), the search for as many components as the recording tells (`search`), what each of them is (`roles`), shapes
+//! with their joint covariance (`shape`), the same from an IMU's signals (`imu`), and what is wrong with a recording ([`ModalError`], [`Finding`]). Numbers in, numbers out.
 //! May not live here: files, bodies, springs, screens.
 
 mod amplitudes;
