@@ -15,7 +15,7 @@ use crate::model::{Model, rig_links};
 use crate::present::text::{NOT_IDENTIFIED, with_u95};
 use crate::problem::suspension::free_decay::vibration;
 use crate::problem::suspension::posture_modes::{PostureModes, posture_rows};
-use crate::problem::suspension::posture_sets::{OpenBounds, Subset};
+use crate::problem::suspension::posture_sets::{OpenBounds, RANK, Subset};
 use crate::problem::suspension::support::Support;
 use crate::problem::{Problem, ProblemOptions};
 use crate::recording::Recording;
@@ -255,11 +255,10 @@ fn table_5(table_4: &[Row]) -> Vec<ErrorRow> {
 
 /// Jyy of the base with Φ_s as the postures have it: by a search within the bounds, and in closed form; beside the merged solve.
 fn jyy(subset: &Subset, [alone, moving]: [&Fit; 2], bounds: &OpenBounds, merged: Measured) -> Option<Jyy> {
-    let (map, open) = subset.map();
-    let told = alone.scaled_factor().substitute(map).solve(1e-6);
-    let there = moving.scaled_factor().substitute(map);
+    let told = subset.factor(&alone.scaled_factor()).solve(RANK);
+    let there = subset.factor(&moving.scaled_factor());
     let (r, z) = (there.r(), DVector::from_column_slice(there.z()));
-    let [arm] = *open else { return None };
+    let [arm] = *subset.open() else { return None };
     // The open column is Jyy of the arm: Σ Jyy less that of the base.
     let sum = alone.parameters.iter().position(|p| p.name == "base.Jyy")?;
     let mut psi = DVector::from_vec(told.estimate);

@@ -210,6 +210,21 @@ impl Factor {
         out
     }
 
+    /// Returns the factor with the columns that are no longer than their `least` set to zero.
+    ///
+    /// What is left of a column that cancelled is rounding, with a direction of its own: it would look like one that depends on others.
+    #[must_use]
+    pub(crate) fn without_columns_below(mut self, least: &[f64]) -> Self {
+        let n = self.parameters;
+        for (column, least) in self.triangle.chunks_exact_mut(n.max(1)).zip(least) {
+            let norm = column.iter().map(|v| v * v).sum::<f64>().sqrt();
+            if norm <= *least {
+                column.fill(0.0);
+            }
+        }
+        self
+    }
+
     /// Returns the factor over more parameters, `count` of them after the present ones, of which the rows say nothing.
     #[must_use]
     pub fn append(&self, count: usize) -> Self {

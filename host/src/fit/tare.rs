@@ -220,17 +220,9 @@ fn subtract(total: &Factor, fixture: &Factor, map: &DMatrix<f64>) -> Factor {
     joint.merge(&fixture.substitute(&DMatrix::identity(m, m + n)));
     let body = joint.eliminate_others(&(m..m + n).collect::<Vec<_>>());
     let rounding = 4.0 * (m + n) as f64 * f64::EPSILON;
-    let (left, before) = (body.r(), total.r());
-    let lost: Vec<bool> =
-        left.column_iter().zip(before.column_iter()).map(|(l, b)| l.norm() <= rounding * b.norm()).collect();
-    if !lost.contains(&true) {
-        return body;
-    }
-    let places =
-        (0..n).flat_map(|i| i..n).map(|j| lost.get(j) == Some(&true)).chain(std::iter::repeat(false));
-    let entries: Vec<f64> =
-        body.entries().into_iter().zip(places).map(|(v, lost)| if lost { 0.0 } else { v }).collect();
-    Factor::from_entries(n, &entries, body.rows()).unwrap_or(body)
+    let before = total.r();
+    let least: Vec<f64> = before.column_iter().map(|column| rounding * column.norm()).collect();
+    body.without_columns_below(&least)
 }
 
 /// What a fixture adds to each of a run's parameters; `None` where it is not determined.

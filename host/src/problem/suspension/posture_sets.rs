@@ -22,7 +22,7 @@ const CANDIDATES: usize = 2000;
 /// Steps of bisection to a bound.
 const BISECTIONS: usize = 60;
 /// Smaller singular values of columns of unit length are none: angles are known to the digits that people write.
-const RANK: f64 = 1e-6;
+pub const RANK: f64 = 1e-6;
 
 /// A quantity of Φ_s.
 #[derive(Clone, Debug, PartialEq)]
@@ -127,12 +127,19 @@ impl Subset {
 
     /// Returns the estimate of Φ_s, what is left open among it.
     fn estimate(&self, fit: &Fit) -> Estimate {
-        Estimate::new(&fit.scaled_factor().substitute(&self.map), RANK, 1.0, fit.estimate.noise)
+        Estimate::new(&self.factor(&fit.scaled_factor()), RANK, 1.0, fit.estimate.noise)
     }
 
-    /// Returns the map from Φ_s, with what is left open, to the base parameters, and the places of what is open.
-    pub fn map(&self) -> (&DMatrix<f64>, &[usize]) {
-        (&self.map, &self.open)
+    /// Returns the factor over Φ_s and what is left open among it, of the same rows as that over the base parameters.
+    pub fn factor(&self, over_base: &Factor) -> Factor {
+        let sizes = over_base.r().abs() * self.map.abs();
+        let least: Vec<f64> = sizes.column_iter().map(|column| RANK * column.norm()).collect();
+        over_base.substitute(&self.map).without_columns_below(&least)
+    }
+
+    /// Returns the places of what is left open.
+    pub fn open(&self) -> &[usize] {
+        &self.open
     }
 
     /// Returns the values of Φ_s, those left out that are open by theory.
@@ -220,7 +227,7 @@ pub fn next(source: &PostureSource) -> Option<NextPosture> {
         source.sigma().iter().fold([0.0_f64; 10], |all, own| std::array::from_fn(|k| all[k].max(own[k])));
     let (rank_before, _) = rank_and_condition(&before);
     let trace = |factor: &Factor| {
-        let solution = factor.substitute(&subset.map).solve(RANK);
+        let solution = subset.factor(factor).solve(RANK);
         let scale =
             |k: usize| if subset.open.contains(&k) { 0.0 } else { solution.covariance[(k, k)].sqrt() };
         (0..subset.names.len()).filter(|k| solution.determined[*k]).map(scale).sum::<f64>()

@@ -1,7 +1,9 @@
 use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, Vector3};
 
 use super::*;
+use crate::fit::Factor;
 use crate::problem::suspension::posture_file::PosturesFile;
+use crate::problem::suspension::posture_sets::Subset;
 
 /// Table 1 of the vibration paper: mass, centre of mass, tensor about it (xx, yy, zz, yz, zx, xy).
 const LINK_0: (f64, [f64; 3], [f64; 6]) =
@@ -207,4 +209,24 @@ fn what_is_wrong_with_a_posture_is_named() {
     assert!(refuse(&good.replacen("mass_kg = 80.817", "mass_kg = -80.817", 1)).contains("greater than zero"));
     assert!(refuse(&good.replacen("[posture.joint]\narm", "[posture.joint]\nleg", 1)).contains("leg"));
     assert!(refuse(&format!("mass_std_kg = 0.1\n{good}")).contains("together"));
+}
+
+#[test]
+fn rounding_in_the_rows_leaves_what_postures_tell() {
+    let source = PostureSource::new(&paper(), "the paper").unwrap();
+    let mut found = source.pooled().fit();
+    let subset = Subset::new(source.parameters(), source.model());
+    let before = subset.values(&found);
+    let rows = found.scaled_factor();
+    let rounded = rows.entries().into_iter().enumerate();
+    let rounded: Vec<f64> =
+        rounded.map(|(k, entry)| entry * (1.0 + 1e-12 * (k as f64 * 0.7).sin())).collect();
+    found.solved = Factor::from_entries(rows.parameters(), &rounded, rows.rows());
+    for (a, b) in before.iter().zip(subset.values(&found)) {
+        let (a, b) = (a.measured.unwrap(), b.measured.unwrap());
+        assert!(
+            (a.value - b.value).abs() < 1e-6 * a.u95 && (a.u95 - b.u95).abs() < 1e-6 * a.u95,
+            "{a:?} {b:?}"
+        );
+    }
 }
