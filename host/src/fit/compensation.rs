@@ -5,6 +5,8 @@
 //! `ψ = S Vᵀ D φ`: nothing is squared. The rows `M ψ = Uᵀz` have unit covariance, as those of R had, so that they are the
 //! factor of the compensated estimate and of its covariance `(AᵀWA − K)⁻¹ AᵀWA (AᵀWA − K)⁻¹`.
 //!
+//! Where the measured side has noise δ of the same signals, `κ = E[ΔᵀWδ]` is taken off the right side: `ψ = Uᵀz − S⁻¹ Vᵀ D⁻¹ κ`.
+//!
 //! An eigenvalue s of M is the share of a direction's information that is no noise. The noise that was there differs from its
 //! expectation: with ε the relative standard deviation of its square, `ψ = uᵀUᵀz / s` is uncertain by `ε (1 − s)/s` of itself.
 
@@ -24,7 +26,7 @@ const LEAST_SHARE: f64 = 0.02;
 /// What noise of the signals adds to a factor.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct NoiseGram<'a> {
-    /// K.
+    /// K; of one more column κ, where the measured side has noise of the signals.
     pub(crate) expected: &'a DMatrix<f64>,
     /// K counts so many times.
     pub(crate) times: f64,
@@ -66,8 +68,10 @@ pub(super) fn possible(measured: f64, share: f64) -> f64 {
 struct Directions {
     /// `S Vᵀ D`, over what is determined.
     forth: DMatrix<f64>,
-    /// `Uᵀz`.
+    /// `Uᵀz`, less what is common.
     found: DVector<f64>,
+    /// `S⁻¹ Vᵀ D⁻¹ κ`.
+    common: DVector<f64>,
     eigen: SymmetricEigen<f64, Dyn>,
 }
 
@@ -95,11 +99,15 @@ impl Directions {
                 forth[(to, *j)] = v * scale;
             }
         }
-        let m =
-            DMatrix::identity(kept.len(), kept.len()) - back.tr_mul(&(noise.expected * &back)) * noise.times;
+        let expected = noise.expected.view((0, 0), (n, n));
+        let m = DMatrix::identity(kept.len(), kept.len()) - back.tr_mul(&(expected * &back)) * noise.times;
+        let common = match noise.expected.ncols() > n {
+            true => back.tr_mul(&noise.expected.view((0, n), (n, 1)).column(0)) * noise.times,
+            false => DVector::zeros(kept.len()),
+        };
         let z = DVector::from_column_slice(factor.z());
-        let found = DVector::from_fn(kept.len(), |k, _| u.column(kept[k]).dot(&z));
-        Some(Self { forth, found, eigen: SymmetricEigen::new(m) })
+        let found = DVector::from_fn(kept.len(), |k, _| u.column(kept[k]).dot(&z)) - &common;
+        Some(Self { forth, found, common, eigen: SymmetricEigen::new(m) })
     }
 
     /// Returns all eigenvectors.
@@ -107,7 +115,8 @@ impl Directions {
         self.eigen.eigenvalues.iter().zip(self.eigen.eigenvectors.column_iter()).map(
             move |(share, vector)| {
                 let measured = vector.dot(&self.found);
-                Direction { vector, share: *share, measured, uncertain: uncertainty(*share, spread) }
+                let common = spread * vector.dot(&self.common);
+                Direction { vector, share: *share, measured, uncertain: uncertainty(*share, spread), common }
             },
         )
     }
@@ -122,6 +131,8 @@ struct Direction<'a> {
     measured: f64,
     /// How uncertain what is found is for the noise that there was, as a share of itself.
     uncertain: f64,
+    /// How uncertain what was taken off for the noise that both sides have is.
+    common: f64,
 }
 
 impl Direction<'_> {
@@ -137,7 +148,7 @@ impl Direction<'_> {
             return (self.measured, possible(self.measured, self.share));
         }
         let found = self.measured / self.share;
-        (found, (1.0 / self.share).hypot(self.uncertain * found))
+        (found, (1.0_f64.hypot(self.common) / self.share).hypot(self.uncertain * found))
     }
 }
 

@@ -5,8 +5,11 @@
 //! `K = E[Δᵀ W Δ]` too much, which draws the estimate to zero; it is taken off (T. Söderström, Errors-in-Variables Methods
 //! in System Identification, 2018, bias-eliminating least squares). Both are found by noise of the same size and either sign
 //! that is added once more: half the difference of the two filtered recordings is Δ to third order, whatever the source.
+//!
+//! Where the measured side is made of the same signals, as the forces of springs are of poses, it has the noise δ: the residual is
+//! `w + δ − Δ φ`, and the normal equations have `Δᵀ W δ` too. So it is a last column of the noise, of the parameter −1.
 
-use std::ops::Range;
+use std::ops::{AddAssign as _, Range};
 use std::sync::{Mutex, PoisonError};
 
 use nalgebra::{DMatrix, DVector};
@@ -29,6 +32,8 @@ const MOST_PRODUCTS: usize = 100_000_000;
 /// Columns of noise are made anew where what is predicted moves by more than this: their squares have a sampling error of
 /// some per cent.
 const NEAR: f64 = 0.01;
+/// The measured side's coefficient in a residual.
+const MEASURED: f64 = -1.0;
 /// Samples by which it is seen whether noise is felt at all,
 const TRIAL: usize = 500;
 /// as it is by a column that it changes by more than this share: the square is lost in any noise of the measured side.
@@ -57,7 +62,7 @@ struct Kept {
 
 struct Group<'a> {
     noise: SignalNoise,
-    /// Parameters whose coefficients it reaches.
+    /// Columns that it reaches; the measured side comes after the parameters.
     reached: Vec<usize>,
     repetitions: Vec<Difference<'a>>,
 }
@@ -68,7 +73,7 @@ type Noisy<'a> = (Box<dyn RowSource + 'a>, Box<dyn RowBlocks>);
 /// Rows that noise of unit σ makes.
 struct Difference<'a> {
     time_s: Vec<f64>,
-    /// By blocks: C rows of the parameters reached.
+    /// By blocks: C rows of the columns reached.
     rows: Vec<f64>,
     /// Noise of either sign, where there are nuisance parameters and the blocks have no features.
     both: Option<[Noisy<'a>; 2]>,
@@ -77,15 +82,20 @@ struct Difference<'a> {
 }
 
 impl<'a> Difference<'a> {
-    /// Returns half the difference of rows with noise of either sign of the size `sigma`, as of unit noise.
-    fn of([(_, more), (_, less)]: &[Noisy<'a>; 2], length: usize, channels: usize, sigma: f64) -> Self {
+    /// Returns half the difference of rows of n parameters and the measured side, with noise of either sign of the size `sigma`, as of
+    /// unit noise.
+    fn of([(_, more), (_, less)]: &[Noisy<'a>; 2], n: usize, channels: usize, sigma: f64) -> Self {
         let count = more.len().min(less.len());
-        let mut rows = Vec::with_capacity(count * length);
-        let (mut own, mut other, mut measured) = (vec![0.0; length], vec![0.0; length], vec![0.0; channels]);
+        let mut rows = Vec::with_capacity(count * channels * (n + 1));
+        let (mut own, mut other) = (vec![0.0; channels * n], vec![0.0; channels * n]);
+        let (mut value, mut other_value) = (vec![0.0; channels], vec![0.0; channels]);
         for block in 0..count {
-            more.write(block, &mut own, &mut measured);
-            less.write(block, &mut other, &mut measured);
-            rows.extend(own.iter().zip(&other).map(|(a, b)| 0.5 * (a - b) / sigma));
+            more.write(block, &mut own, &mut value);
+            less.write(block, &mut other, &mut other_value);
+            for c in 0..channels {
+                let pairs = own[c * n..(c + 1) * n].iter().zip(&other[c * n..(c + 1) * n]);
+                rows.extend(pairs.chain([(&value[c], &other_value[c])]).map(|(a, b)| 0.5 * (a - b) / sigma));
+            }
         }
         let time_s = (0..count).map(|block| more.time_s(block)).collect();
         Self { time_s, rows, both: None, features: Vec::new() }
@@ -108,9 +118,9 @@ impl<'a> Difference<'a> {
         self
     }
 
-    /// Keeps the columns of some of `n` parameters.
-    fn keep(&mut self, columns: &[usize], n: usize) {
-        let rows = self.rows.chunks_exact(n.max(1));
+    /// Keeps some of `width` columns.
+    fn keep(&mut self, columns: &[usize], width: usize) {
+        let rows = self.rows.chunks_exact(width);
         self.rows = rows.flat_map(|row| columns.iter().map(|j| row[*j])).collect();
     }
 
@@ -118,13 +128,13 @@ impl<'a> Difference<'a> {
         self.time_s.len()
     }
 
-    /// Returns true if noise of this size changes a column of these lengths, root mean square of all rows, by more than
+    /// Returns true if noise of this size changes a parameter's column of these lengths, root mean square of all rows, by more than
     /// rounding.
     fn is_felt(&self, lengths: &[f64], size: f64) -> bool {
-        let n = lengths.len();
-        let rows = (self.rows.len() / n.max(1)).max(1) as f64;
+        let width = lengths.len() + 1;
+        let rows = (self.rows.len() / width).max(1) as f64;
         lengths.iter().enumerate().any(|(j, length)| {
-            let square: f64 = self.rows.iter().skip(j).step_by(n).map(|a| a * a).sum();
+            let square: f64 = self.rows.iter().skip(j).step_by(width).map(|a| a * a).sum();
             size * (square / rows).sqrt() > LEAST_CHANGE * length
         })
     }
@@ -156,12 +166,12 @@ fn channel_grams(blocks: &dyn RowBlocks, channels: usize, n: usize) -> Vec<DMatr
 impl<'a> Group<'a> {
     fn new(noise: SignalNoise, mut repetitions: Vec<Difference<'a>>, n: usize) -> Self {
         let is_reached = |j: &usize| {
-            let mut of_rows = repetitions.iter().flat_map(|r| r.rows.iter().skip(*j).step_by(n.max(1)));
+            let mut of_rows = repetitions.iter().flat_map(|r| r.rows.iter().skip(*j).step_by(n + 1));
             of_rows.any(|a| *a != 0.0)
         };
-        let reached: Vec<usize> = (0..n).filter(is_reached).collect();
+        let reached: Vec<usize> = (0..=n).filter(is_reached).collect();
         for repetition in &mut repetitions {
-            repetition.keep(&reached, n);
+            repetition.keep(&reached, n + 1);
         }
         Self { noise, reached, repetitions }
     }
@@ -202,7 +212,7 @@ impl<'a> RowNoise<'a> {
             };
             let (Some(more), Some(less)) = (with(1.0)?, with(-1.0)?) else { return Ok(None) };
             let both = [more, less];
-            let difference = Difference::of(&both, channels * n, channels, size);
+            let difference = Difference::of(&both, n, channels, size);
             let felt = |d: &Difference| d.len() > 0;
             let whole = |d: Difference<'a>| {
                 if with_nuisances { d.with_nuisances(both, size, blocks.features()) } else { d }
@@ -288,7 +298,8 @@ impl<'a> RowNoise<'a> {
         let (ww, wr, rr) = (sum(&white, &white), sum(&white, &rising), sum(&rising, &rising));
         let of_group = |group: &Group| {
             let mut sums = vec![DMatrix::<f64>::zeros(channels, channels); white.len()];
-            let reached: Vec<f64> = group.reached.iter().map(|j| phi[*j]).collect();
+            let reached: Vec<f64> =
+                group.reached.iter().map(|j| phi.get(*j).copied().unwrap_or(MEASURED)).collect();
             for repetition in &group.repetitions {
                 let rows = repetition.rows.chunks_exact(reached.len().max(1));
                 let all: Vec<f64> = rows.map(|row| super::outliers::dot(row, &reached)).collect();
@@ -332,8 +343,8 @@ impl<'a> RowNoise<'a> {
         (0..weighing.sigma.len()).map(of_channel).fold(0.0, f64::max)
     }
 
-    /// Returns the expectation of `Δᵀ W Δ` over the whole recording, for the parameters. Signals of which the weighing knows
-    /// no σ have their own.
+    /// Returns the expectation of `Δᵀ W Δ` over the whole recording, for the parameters and, last, the measured side. Signals of which
+    /// the weighing knows no σ have their own.
     pub(super) fn gram(&self, weighing: &Weighing) -> DMatrix<f64> {
         let reached = |g: usize| self.groups[g].reached.clone();
         self.sum(weighing, self.parameters, reached, |(g, r), block, rows| {
@@ -341,7 +352,14 @@ impl<'a> RowNoise<'a> {
         })
     }
 
-    /// Returns the same for parameters and nuisance parameters, whose columns are those of `linearised`.
+    /// Returns the expectation of `Δᵀ W (Δ φ − δ)` over the whole recording: what pulls the estimate.
+    pub(super) fn pull(&self, weighing: &Weighing, phi: &[f64]) -> DVector<f64> {
+        let n = self.parameters;
+        let all = DVector::from_iterator(n + 1, phi.iter().copied().take(n).chain([MEASURED]));
+        (self.gram(weighing) * all).rows(0, n).into_owned()
+    }
+
+    /// Returns the same with nuisance parameters after the parameters, whose columns are those of `linearised`.
     ///
     /// # Errors
     /// [`FitError`] if a source with errors cannot be filtered.
@@ -366,20 +384,27 @@ impl<'a> RowNoise<'a> {
         Ok(self.sum(
             weighing,
             all,
-            |_| (0..all).collect(),
+            |_| (0..=all).collect(),
             |place, block, rows| {
-                rows.resize(self.channels * all, 0.0);
-                self.write_joint(place, block, own, (columns, phi), rows);
+                let mut own_rows = vec![0.0; self.channels * all];
+                let mut values = vec![0.0; self.channels];
+                self.write_joint(place, block, own, (columns, phi), &mut own_rows);
+                self.write_own(place, block, &mut [], &mut values);
+                rows.extend(join(&own_rows, &values));
             },
         ))
     }
 
-    /// Writes the rows of a block of a repetition of a group for the parameters, C × n at the beginning of `rows`.
-    fn write_own(&self, (g, r): (usize, usize), block: usize, rows: &mut [f64]) {
+    /// Writes the rows of a block of a repetition of a group for the parameters, C × n at the beginning of `rows`, and what is measured.
+    fn write_own(&self, (g, r): (usize, usize), block: usize, rows: &mut [f64], values: &mut [f64]) {
         let Some(group) = self.groups.get(g) else { return };
+        let n = self.parameters;
         let lines = group.block(r, block, self.channels).chunks_exact(group.reached.len().max(1));
-        for (line, row) in lines.zip(rows.chunks_exact_mut(self.parameters.max(1))) {
-            group.reached.iter().zip(line).for_each(|(j, a)| row[*j] = *a);
+        for (c, line) in lines.enumerate() {
+            for (j, a) in group.reached.iter().zip(line) {
+                let to = if *j < n { rows.get_mut(c * n + j) } else { values.get_mut(c) };
+                to.into_iter().for_each(|to| *to = *a);
+            }
         }
     }
 
@@ -392,7 +417,7 @@ impl<'a> RowNoise<'a> {
         (columns, phi): (&Columns, &[f64]),
         rows: &mut [f64],
     ) {
-        self.write_own((g, r), block, rows);
+        self.write_own((g, r), block, rows, &mut []);
         let Some(group) = self.groups.get(g) else { return };
         let both = group.repetitions.get(r).and_then(|repetition| repetition.both.as_ref());
         let sensitivities = kept.sensitivities.get(g).and_then(|own| own.get(r)?.as_ref());
@@ -423,13 +448,15 @@ impl<'a> RowNoise<'a> {
 
     /// Returns the same by the features of noise.
     fn gram_of_features(&self, weighing: &Weighing, all: usize, linearised: &Linearised) -> DMatrix<f64> {
-        let mut sum = DMatrix::<f64>::zeros(all, all);
+        // Where there are features, what is measured is a signal of its own.
+        let mut sum = DMatrix::<f64>::zeros(all + 1, all + 1);
         for (k, group) in self.groups.iter().enumerate() {
             let parts: Vec<(&[f64], &[f64])> =
                 group.repetitions.iter().map(|r| (r.time_s.as_slice(), r.features.as_slice())).collect();
             let count: usize = group.repetitions.iter().map(Difference::len).sum();
             let weight = self.weight(weighing, k, count);
-            sum += features::gram(linearised, all, &weighing.whitening, &parts) * weight;
+            let own = features::gram(linearised, all, &weighing.whitening, &parts) * weight;
+            sum.view_mut((0, 0), (all, all)).add_assign(&own);
         }
         sum
     }
@@ -441,9 +468,8 @@ impl<'a> RowNoise<'a> {
         self.blocks * sigma * sigma / count.max(1) as f64
     }
 
-    /// Returns the sum of the squares of whitened rows of noise in the columns that each group has, as of the whole recording;
-    /// `write` appends the rows of a block of a
-    /// repetition of a group.
+    /// Returns the sum of the squares of whitened rows of noise in the columns that each group has, as of the whole recording, `all` and
+    /// the measured side; `write` appends the rows of a block of a repetition of a group.
     fn sum(
         &self,
         weighing: &Weighing,
@@ -452,7 +478,7 @@ impl<'a> RowNoise<'a> {
         write: impl Fn((usize, usize), usize, &mut Vec<f64>),
     ) -> DMatrix<f64> {
         let channels = self.channels;
-        let mut sum = DMatrix::<f64>::zeros(all, all);
+        let mut sum = DMatrix::<f64>::zeros(all + 1, all + 1);
         let (mut rows, mut values) = (Vec::new(), vec![0.0; channels]);
         for (k, group) in self.groups.iter().enumerate() {
             let columns = columns_of(k);
@@ -489,6 +515,12 @@ impl<'a> RowNoise<'a> {
     }
 }
 
+/// Rows, each with its value of the measured side behind.
+fn join<'r>(rows: &'r [f64], values: &'r [f64]) -> impl Iterator<Item = f64> + 'r {
+    let width = (rows.len() / values.len().max(1)).max(1);
+    rows.chunks_exact(width).zip(values).flat_map(|(row, value)| row.iter().chain([value]).copied())
+}
+
 /// Noise of the signals in the rows as they are weighed, with the columns of nuisance parameters if they are linearised.
 pub(super) struct WhitenedNoise<'a> {
     pub(super) noise: &'a RowNoise<'a>,
@@ -504,11 +536,20 @@ impl WhitenedNoise<'_> {
         groups.flat_map(|(g, group)| (0..group.repetitions.len()).map(move |r| (g, r))).nth(series)
     }
 
-    /// Writes the rows of a block, C × all columns.
-    fn write(&self, (g, r): (usize, usize), block: usize, kept: Option<&Kept>, rows: &mut [f64]) {
+    /// Writes the rows of a block, C × all columns, and what is measured.
+    fn write(
+        &self,
+        (g, r): (usize, usize),
+        block: usize,
+        kept: Option<&Kept>,
+        rows: &mut [f64],
+        values: &mut [f64],
+    ) {
         rows.fill(0.0);
+        values.fill(0.0);
+        self.noise.write_own((g, r), block, &mut [], values);
         match (self.linearised, kept) {
-            (None, _) => self.noise.write_own((g, r), block, rows),
+            (None, _) => self.noise.write_own((g, r), block, rows, &mut []),
             (Some(linearised), Some(kept)) => {
                 self.noise.write_joint((g, r), block, kept, (self.columns, linearised.phi()), rows);
             }
@@ -547,12 +588,14 @@ impl NoiseRows for WhitenedNoise<'_> {
         let kept = kept.as_ref().filter(|_| self.linearised.is_some_and(|l| l.features() == 0));
         let (mut rows, mut values) = (vec![0.0; self.noise.channels * all], vec![0.0; self.noise.channels]);
         let mut whitener = Whitener::new(&self.weighing.whitening, all);
+        let mut joined = Vec::new();
         let times = self.noise.groups.get(place.0).and_then(|group| group.repetitions.get(place.1));
         for (block, time_s) in times.iter().flat_map(|own| &own.time_s).enumerate() {
-            self.write(place, block, kept, &mut rows);
-            values.fill(0.0);
+            self.write(place, block, kept, &mut rows, &mut values);
             whitener.apply(*time_s, &mut rows, &mut values, None);
-            visit(*time_s, &rows);
+            joined.clear();
+            joined.extend(join(&rows, &values));
+            visit(*time_s, &joined);
         }
     }
 }

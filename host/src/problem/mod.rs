@@ -27,10 +27,6 @@ use crate::model::{Finding, Model};
 use crate::recording::Recording;
 use crate::rig::RigFile;
 
-/// Said of every answer from poses on springs.
-const NOISE_OF_POSES: &str = "noise of the poses stands in the rows, makes what swings look lighter than it is, and is not in the intervals: compare with \
-     the modes of one body (rigident vibration identify) or with locked postures; a larger or shorter vibration has less of it";
-
 /// The reason that a recording poses no problem that can be solved.
 #[derive(Debug, thiserror::Error)]
 pub enum ProblemError {
@@ -160,7 +156,7 @@ impl Problem {
             rig: recording.rig.clone(),
             subject: Subject::Suspended { source: Box::new(prepared.source), idle: prepared.idle },
             notes: prepared.notes,
-            warnings: vec![NOISE_OF_POSES.to_owned()],
+            warnings: Vec::new(),
             clocks: None,
         })
     }

@@ -34,7 +34,8 @@ const MOST: usize = 100_000;
 /// Weights of sixth differences; the squares add up to 924.
 const SIXTH: [f64; 7] = [1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0];
 /// Weights of tenth differences.
-const TENTH: [f64; 11] = [1.0, -10.0, 45.0, -120.0, 210.0, -252.0, 210.0, -120.0, 45.0, -10.0, 1.0];
+pub(super) const TENTH: [f64; 11] =
+    [1.0, -10.0, 45.0, -120.0, 210.0, -252.0, 210.0, -120.0, 45.0, -10.0, 1.0];
 /// Noise is white as far as differences show if sixth and tenth ones agree as well: some per cent are chance.
 const WHITE: f64 = 0.1;
 

@@ -50,9 +50,9 @@ fn the_paper_s_experiment_is_identified_better_than_by_the_paper() {
     for seed in ["1", "2", "3", "4"] {
         let found = object(place.path(), &["vibration", "demo", "--seed", seed, "--out", seed, "--json"]);
         for row in found["table_5"].as_array().unwrap() {
-            for quantity in ["first_moment_by_mass_m", "tensor_by_largest"] {
-                let (own, paper) = (number(&row[quantity]), number(&row[format!("paper_{quantity}")]));
-                assert!(own <= paper, "{seed}: {row}");
+            // The largest of both links in the paper's Table 5.
+            for (quantity, paper) in [("first_moment_by_mass_m", 0.7e-3), ("tensor_by_largest", 0.0037)] {
+                assert!(number(&row[quantity]) <= paper, "{seed}: {row}");
             }
         }
         for row in ["table_3", "table_4"].iter().flat_map(|t| found[*t].as_array().unwrap()) {
@@ -66,6 +66,11 @@ fn the_paper_s_experiment_is_identified_better_than_by_the_paper() {
         // One is the other, held to the bounds.
         let clamped = of("least_squares").clamp(of("least"), of("most"));
         assert!((of("bounded_search") - clamped).abs() < 1e-6, "{jyy}");
+        // What postures leave open the motion tells, to half a per cent.
+        assert!(
+            (of("merged") - of("truth")).abs() < 2.0 * of("merged_u95") && of("merged_u95") < 0.012,
+            "{jyy}"
+        );
     }
     assert!(outside * 10 <= all, "{outside} of {all}");
 }
@@ -91,15 +96,11 @@ fn a_locked_posture_is_one_body_by_its_modes_and_by_its_motion() {
     };
     let (off, u95) = mass("by_modes");
     assert!(found["by_modes"]["status"] == "identified" && off.abs() < 1.5 * u95, "{off} {u95}");
-    // Forty seconds of poses, of which noise is most in the end, make the motion's answer too light: that is said.
+    // Noise stands in the coefficients and in the springs' forces: what it adds to the normal equations, some 10 kg, is taken off.
     let (off, u95) = mass("by_motion");
-    let warned = found["warnings"].to_string();
-    assert!(
-        off.abs() < u95 || warned.contains("mass by the modes and by the motion differ"),
-        "{off} {u95}: {warned}"
-    );
-    let own = found["by_motion"]["warnings"].to_string();
-    assert!(own.contains("noise of the poses"), "{own}");
+    assert!(off.abs() < 1.5 * u95 && u95 < 8.0, "{off} {u95}");
+    let noise = &found["by_motion"]["signals"][0];
+    assert!(noise["name"] == "poses", "{noise}");
     let svg = fs::read_to_string(place.path().join("one/spectrum.svg")).unwrap();
     assert!(svg.starts_with("<svg") && svg.matches("class=\"peak\"").count() == 12, "{svg}");
     // Locked postures of a tree are no one body.

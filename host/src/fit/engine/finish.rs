@@ -1,6 +1,6 @@
 //! The result: all that makes intervals wider than white noise alone, and what was counted.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 use rigident_shared::forgetting::Span;
 
 use super::{Conclusion, Engine, Pass};
@@ -57,9 +57,9 @@ impl Engine<'_> {
             spurious_information = conclusion.share * self.spurious_information(&weighing.sigma);
             let informed = self.without_spurious(&unscaled, spurious_information);
             let known = |j: usize| if informed.is_determined(j) { informed.values[j] } else { 0.0 };
-            let informed = DVector::from_fn(self.parameters, |j, _| known(j));
-            let pull: DMatrix<f64> = noise.gram(weighing) * conclusion.share;
-            bias = (&unscaled.covariance * (pull * informed)).iter().map(|b| -b).collect();
+            let informed: Vec<f64> = (0..self.parameters).map(known).collect();
+            let pull = noise.pull(weighing, &informed) * conclusion.share;
+            bias = (&unscaled.covariance * pull).iter().map(|b| -b).collect();
         }
         let by: Vec<f64> = (0..self.parameters)
             .map(|j| {

@@ -95,7 +95,7 @@ impl Engine<'_> {
         match &self.noise {
             Some(noise) => {
                 let gram = noise.gram(weighing);
-                gram.diagonal().iter().map(|square| (square / rows).sqrt()).collect()
+                gram.diagonal().iter().take(self.parameters).map(|square| (square / rows).sqrt()).collect()
             }
             None => vec![0.0; self.parameters],
         }

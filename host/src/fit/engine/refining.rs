@@ -1,6 +1,6 @@
 //! Weights and columns that the estimate is part of, until it stays where it is.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
 use super::{Engine, Pass, Solved};
 use crate::fit::compensation::is_filled;
@@ -111,8 +111,7 @@ impl Engine<'_> {
         if noise.share(&spectra, &pass.weighing, self.blocks.filter()) > NEGLIGIBLE_SHARE {
             return false;
         }
-        let gram = noise.gram(&pass.weighing);
-        let moved = &estimate.covariance * (gram * DVector::from_column_slice(&phi));
+        let moved = &estimate.covariance * noise.pull(&pass.weighing, &phi);
         (0..estimate.len())
             .filter(|j| estimate.is_determined(*j))
             .all(|j| moved[j].abs() <= NEGLIGIBLE_SD * estimate.covariance[(j, j)].max(0.0).sqrt())

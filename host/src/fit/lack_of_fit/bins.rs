@@ -5,7 +5,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::Rows;
+use super::{MEASURED, Rows};
 use crate::fit::Whitener;
 use crate::fit::outliers::dot;
 
@@ -30,7 +30,7 @@ pub(super) struct Bins {
     pub(super) several: usize,
     /// Root mean square of the residuals over that of the measurements.
     pub(super) unexplained: f64,
-    /// The estimate, zero of columns that it does not have.
+    /// The estimate, zero of columns that it does not have; last the measured side's −1.
     pub(super) about: DVector<f64>,
     /// By channels: what noise of the signals has in a bin.
     pub(super) noise: Vec<BinNoise>,
@@ -39,7 +39,7 @@ pub(super) struct Bins {
 /// Noise Δ of the signals in the rows of a channel in one bin.
 #[derive(Clone)]
 pub(super) struct BinNoise {
-    /// `κ = E[ΔᵀΔ]`.
+    /// `κ = E[ΔᵀΔ]`, of one more column, the measured side's.
     pub(super) gram: DMatrix<f64>,
     /// Variance of a row's product with its residual beyond that of independent ones, over `κφ (κφ)ᵀ`: one of the noise that is there, the rest of the series that κ is a mean of.
     pub(super) uncertain: f64,
@@ -50,7 +50,7 @@ pub(super) struct BinNoise {
 impl BinNoise {
     /// Returns no noise in so many columns.
     fn none(columns: usize) -> Self {
-        Self { gram: DMatrix::zeros(columns, columns), uncertain: 0.0, doubt: 0.0 }
+        Self { gram: DMatrix::zeros(columns, columns + 1), uncertain: 0.0, doubt: 0.0 }
     }
 }
 
@@ -62,12 +62,13 @@ fn noise_of(rows: &Rows, wide: usize, several: usize, count: usize) -> Vec<BinNo
     let n = rows.values.len();
     let mut fewest = f64::INFINITY;
     for series in 0..noise.series() {
-        let mut grams = vec![DMatrix::<f64>::zeros(wide, wide); channels];
-        let mut sums = vec![DVector::<f64>::zeros(wide); channels];
+        let mut grams = vec![DMatrix::<f64>::zeros(wide + 1, wide + 1); channels];
+        let mut sums = vec![DVector::<f64>::zeros(wide + 1); channels];
         let (mut in_bin, mut bins) = (0, 0.0);
         noise.each(series, &mut |_, own| {
-            for (sum, row) in sums.iter_mut().zip(own.chunks_exact(n.max(1))) {
-                sum.iter_mut().zip(row).for_each(|(s, v)| *s += v);
+            for (sum, row) in sums.iter_mut().zip(own.chunks_exact(n + 1)) {
+                sum.iter_mut().zip(row).take(n).for_each(|(s, v)| *s += v);
+                sum[wide] += row[n];
             }
             in_bin += 1;
             if in_bin == several {
@@ -80,7 +81,7 @@ fn noise_of(rows: &Rows, wide: usize, several: usize, count: usize) -> Vec<BinNo
         });
         for (own, gram) in all.iter_mut().zip(&mut grams).filter(|_| bins > 0.0) {
             gram.fill_upper_triangle_with_lower_triangle();
-            own.gram += &*gram * (noise.weight(series) / bins);
+            own.gram += gram.rows(0, wide) * (noise.weight(series) / bins);
         }
         fewest = fewest.min(bins);
     }
@@ -138,7 +139,8 @@ impl Bins {
             all.take(block, &extended, &measured, is_knocked);
         }
         let own = all.finish();
-        let about = DVector::from_fn(wide, |j, _| rows.values.get(j).copied().unwrap_or(0.0));
+        let value = |j: usize| rows.values.get(j).copied().unwrap_or(0.0);
+        let about = DVector::from_fn(wide + 1, |j, _| if j < wide { value(j) } else { MEASURED });
         let noise = noise_of(rows, wide, several, own.len());
         Self { unexplained: if whole > 0.0 { (left / whole).sqrt() } else { 0.0 }, about, noise, ..own }
     }
@@ -146,12 +148,13 @@ impl Bins {
     /// Returns the same with some of the columns; the residuals stay.
     pub(super) fn only(self, columns: &[usize]) -> Self {
         let rows = self.rows.iter().map(|rows| rows.select_columns(columns)).collect();
+        let with_measured: Vec<usize> = columns.iter().copied().chain([self.columns]).collect();
         let noise = self.noise.iter().map(|noise| BinNoise {
-            gram: noise.gram.select_rows(columns).select_columns(columns),
+            gram: noise.gram.select_rows(columns).select_columns(&with_measured),
             ..*noise
         });
         let noise = noise.collect();
-        Self { columns: columns.len(), rows, about: self.about.select_rows(columns), noise, ..self }
+        Self { columns: columns.len(), rows, about: self.about.select_rows(&with_measured), noise, ..self }
     }
 
     /// Returns the number of bins.
@@ -214,7 +217,7 @@ impl Gathered {
             first: kept.iter().map(|b| self.first[*b]).collect(),
             several: self.several,
             unexplained: 0.0,
-            about: DVector::zeros(self.n),
+            about: DVector::zeros(self.n + 1),
             noise: Vec::new(),
         }
     }

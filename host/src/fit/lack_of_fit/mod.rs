@@ -59,6 +59,9 @@ impl Role {
     }
 }
 
+/// The measured side's coefficient in a residual.
+const MEASURED: f64 = -1.0;
+
 /// Noise of the signals in the rows, in series that are as likely as that which is there.
 pub trait NoiseRows {
     /// Returns the number of series.
@@ -70,7 +73,8 @@ pub trait NoiseRows {
     /// Returns by how much the squares may be wrong, as a share of themselves.
     fn doubt(&self) -> f64;
 
-    /// Calls `visit` with the time and the whitened rows of each block of a series, C rows of all columns.
+    /// Calls `visit` with the time and the whitened rows of each block of a series, C rows of all columns and, last, of the measured
+    /// side.
     fn each(&self, series: usize, visit: &mut dyn FnMut(f64, &[f64]));
 }
 

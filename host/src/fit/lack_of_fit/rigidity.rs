@@ -172,7 +172,7 @@ impl NoiseSeries {
         let Some(noise) = rows.noise else { return Vec::new() };
         let (channels, n) = (rows.whitening.channels(), rows.values.len());
         let of = |k: usize| {
-            let mut columns: Series = vec![vec![Vec::new(); n]; channels];
+            let mut columns: Series = vec![vec![Vec::new(); n + 1]; channels];
             let mut count = 0;
             noise.each(k, &mut |_, own| {
                 if count < MOST_BLOCKS {
@@ -234,7 +234,7 @@ impl<'a> Stretch<'a> {
         let first: Vec<usize> = self.bins.first.iter().map(|b| b - self.first).collect();
         let of_channel = |c: usize| {
             let columns = binned(&of(&self.columns, c), &first, several);
-            let mut expected = DMatrix::zeros(columns.ncols(), p);
+            let mut expected = DMatrix::zeros(columns.ncols(), p + 1);
             for series in &self.noise {
                 let own = binned(&of(&series.columns, c), &series.first, several);
                 let weight = series.weight / series.first.len() as f64;
@@ -279,7 +279,7 @@ impl<'a> Stretch<'a> {
             let of = |(c, own): (usize, &Further)| {
                 let mut further = Further {
                     columns: DMatrix::zeros(unit.nrows(), wide * channels),
-                    expected: DMatrix::zeros(wide * channels, self.bins.columns),
+                    expected: DMatrix::zeros(wide * channels, self.bins.columns + 1),
                 };
                 further.columns.columns_mut(c * wide, wide).copy_from(&unit);
                 further.expected.rows_mut(c * wide, wide).copy_from(&map.tr_mul(&own.expected));

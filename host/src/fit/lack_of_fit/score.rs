@@ -149,7 +149,7 @@ impl<'a> Common<'a> {
             right += own.tr_mul(residuals);
             weighted.push(own);
             let sum = (0..bins.len()).map(|b| metric.of_bin(b)).sum::<f64>();
-            less += &noise.gram * sum;
+            less += noise.gram.columns(0, p) * sum;
             right += &noise.gram * &bins.about * sum;
         }
         let uncertain = bins.noise.iter().map(|noise| noise.uncertain).fold(0.0, f64::max);
@@ -157,7 +157,7 @@ impl<'a> Common<'a> {
         let spread = (2.0 * uncertain / bins.len().max(1) as f64).sqrt().hypot(doubt);
         let (inverse, loose) = determined(&gram, &less, &right, spread);
         let fitted = &inverse * right;
-        let about = &bins.about + &fitted;
+        let about = &bins.about + fitted.push(0.0);
         let drawn: Vec<DVector<f64>> = bins.noise.iter().map(|noise| &noise.gram * &about).collect();
         for (metric, (noise, drawn)) in metrics.iter().zip(bins.noise.iter().zip(&drawn)) {
             let squares = (0..bins.len()).map(|b| metric.of_bin(b).powi(2)).sum::<f64>();
@@ -218,7 +218,7 @@ impl<'a> Common<'a> {
                 shared.ger(1.0, &d, &self.weighted[c].row(bin).transpose(), 1.0);
                 let (weight, (gram, drawn)) = (metric.of_bin(bin), &given[c]);
                 score.axpy(weight, drawn, 1.0);
-                less += gram * weight;
+                less += gram.columns(0, p) * weight;
                 let more = self.bins.noise[c].uncertain * weight * weight;
                 shared.ger(more, drawn, &self.drawn[c], 1.0);
                 own.ger(more, drawn, drawn, 1.0);
@@ -253,7 +253,7 @@ impl<'a> Common<'a> {
         let (mut score, mut information) = (DVector::zeros(k), DMatrix::zeros(k, k));
         let (mut shared, mut less) =
             (DMatrix::zeros(k, self.bins.columns), DMatrix::zeros(k, self.bins.columns));
-        let about = &self.bins.about + &self.fitted;
+        let about = &self.bins.about + self.fitted.push(0.0);
         for (c, Further { columns, expected }) in candidate.iter().enumerate() {
             score += columns.tr_mul(&self.left[c]);
             information += columns.tr_mul(&self.metrics[c].apply(columns));
@@ -262,7 +262,7 @@ impl<'a> Common<'a> {
             let (weight, squares) = weights.fold((0.0, 0.0), |(s, q), w| (s + w, q + w * w));
             let drawn = expected * &about;
             score.axpy(weight, &drawn, 1.0);
-            less += expected * weight;
+            less += expected.columns(0, self.bins.columns) * weight;
             let more = self.bins.noise[c].uncertain * squares;
             information.ger(more, &drawn, &drawn, 1.0);
             shared.ger(more, &drawn, &self.drawn[c], 1.0);

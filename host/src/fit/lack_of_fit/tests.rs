@@ -416,9 +416,9 @@ impl NoiseRows for Noise {
     fn each(&self, series: usize, visit: &mut dyn FnMut(f64, &[f64])) {
         let mut normal = Normal::new(1000 + series as u64);
         for k in 0..2000 {
-            let mut rows = [0.0; 2 * N];
+            let mut rows = [0.0; 2 * (N + 1)];
             rows[0] = NOISE[0] * normal.draw() / self.sigma[0];
-            rows[N + 1] = NOISE[1] * normal.draw() / self.sigma[1];
+            rows[N + 2] = NOISE[1] * normal.draw() / self.sigma[1];
             visit(k as f64 / RATE_HZ, &rows);
         }
     }

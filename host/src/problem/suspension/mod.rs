@@ -17,6 +17,7 @@ pub mod springs;
 pub mod stiffness;
 pub mod support;
 mod track;
+mod track_noise;
 mod whitened;
 
 pub use prepare::{PreparedSuspension, prepare};

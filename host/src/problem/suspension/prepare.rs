@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 use rigident_shared::tree::Joint;
 
 use super::SuspensionError;
-use super::source::{Instant, SuspendedSource};
+use super::source::{Instant, SuspendedSource, Tracked};
 use super::springs::COORDINATES;
 use super::support::{Support, constant_rate_hz, missing};
 use super::track::{Pose, Track, poses, rest};
@@ -53,27 +53,21 @@ pub fn prepare(recording: &Recording, model: Option<&Model>) -> Result<PreparedS
     let cut_off_hz = table.cut_off_hz.unwrap_or_else(|| track.cut_off_hz());
     let smoother =
         Smoother::new(cut_off_hz, rate_hz).ok_or(SuspensionError::CutOff { cut_off_hz, rate_hz })?;
-    let mut frames = Vec::new();
-    let mut instants = Vec::new();
-    for row in 0..track.len() {
-        let Some(moved) = track.at(&smoother, row) else { continue };
-        let (instant, frame) = support.mount.frame(&moved, track.time_ns(row));
-        instants.push(instant);
-        frames.push(frame);
-    }
+    let (rows, taps) = (track.len(), 2 * smoother.half() + 1);
+    let (tracked, instants, frames) = Tracked::new(track, smoother, &support);
     if frames.is_empty() {
-        let (name, taps) = (recording.name.clone(), 2 * smoother.half() + 1);
-        return Err(SuspensionError::Short { name, rows: track.len(), rate_hz, cut_off_hz, taps });
+        let name = recording.name.clone();
+        return Err(SuspensionError::Short { name, rows, rate_hz, cut_off_hz, taps });
     }
     judge_locked(recording, &instants, &support.free)?;
-    let notes = vec![about(&instants, &rest, cut_off_hz, track.len())];
+    let notes = vec![about(&instants, &rest, cut_off_hz, rows)];
     let moves: Vec<(&[f64], Vector3<f64>)> =
         frames.iter().map(|f| (f.positions.get(7..).unwrap_or_default(), Vector3::zeros())).collect();
     let mut idle = crate::model::idle::idle(&model, &moves, true);
     // How far the platform turns is judged by its rows.
     idle.retain(|finding| !finding.text.starts_with("the base never turns"));
     let input = Input::tracked(model, frames, rate_hz);
-    let source = SuspendedSource::new(input, instants, support)?;
+    let source = SuspendedSource::new(input, instants, support, Some(tracked.with_noise()))?;
     Ok(PreparedSuspension { source, notes, idle })
 }
 

@@ -12,17 +12,23 @@
 //! So weight tells nothing of the mass, and no pose of empty springs has to be known; but the pendulum that a body is about the anchors
 //! stays in the rows.
 
+use std::ops::Range;
+
 use nalgebra::{Vector3, Vector6};
 use rigident_shared::screening::Rejection;
 
 use super::springs::{Displacement, Springs};
 use super::support::Support;
+use super::track::Track;
+use super::track_noise::TrackNoise;
 use crate::fit::{
-    Channel, Fingerprint, Kind, Nuisance, OtherColumns, Owner, Parameter, RowSource, SampleRows, Timing,
+    Channel, Fingerprint, Kind, Nuisance, OtherColumns, Owner, Parameter, RowSource, SampleRows, SignalNoise,
+    Timing,
 };
 use crate::model::base::BaseParameters;
 use crate::problem::body;
-use crate::problem::tree::{Input, TreeSource, TreeSourceError};
+use crate::problem::smoothing::Smoother;
+use crate::problem::tree::{Frame, Input, TreeSource, TreeSourceError};
 
 /// Names and units of the six channels.
 const CHANNELS: [(&str, &str); 6] =
@@ -37,11 +43,46 @@ pub struct Instant {
     pub arm: Vector3<f64>,
 }
 
+/// Where instants and frames come from.
+pub(super) struct Tracked {
+    track: Track,
+    smoother: Smoother,
+    noise: Option<TrackNoise>,
+    /// The rows of the track that are the samples.
+    rows: Vec<usize>,
+}
+
+impl Tracked {
+    /// Returns the smoothed track of a platform, and of a tree on it, with the platform and the frame at each of its rows but those near
+    /// its ends and gaps.
+    pub(super) fn new(
+        track: Track,
+        smoother: Smoother,
+        support: &Support,
+    ) -> (Self, Vec<Instant>, Vec<Frame>) {
+        let (mut rows, mut instants, mut frames) = (Vec::new(), Vec::new(), Vec::new());
+        for row in 0..track.len() {
+            let Some(moved) = track.at(&smoother, row) else { continue };
+            let (instant, frame) = support.mount.frame(&moved, track.time_ns(row));
+            rows.push(row);
+            instants.push(instant);
+            frames.push(frame);
+        }
+        (Self { noise: None, track, smoother, rows }, instants, frames)
+    }
+
+    /// Returns the same with the noise that the track shows.
+    pub(super) fn with_noise(self) -> Self {
+        Self { noise: self.track.noise(self.smoother.cut_off_hz), ..self }
+    }
+}
+
 /// The rows of bodies on springs.
 pub struct SuspendedSource {
     inner: TreeSource,
     instants: Vec<Instant>,
     support: Support,
+    tracked: Option<Tracked>,
     parameters: Vec<Parameter>,
     channels: Vec<Channel>,
 }
@@ -51,7 +92,12 @@ impl SuspendedSource {
     ///
     /// # Errors
     /// [`TreeSourceError`] if the model has no base parameters, or the frames do not fit it.
-    pub fn new(input: Input, instants: Vec<Instant>, support: Support) -> Result<Self, TreeSourceError> {
+    pub(super) fn new(
+        input: Input,
+        instants: Vec<Instant>,
+        support: Support,
+        tracked: Option<Tracked>,
+    ) -> Result<Self, TreeSourceError> {
         let inner = TreeSource::new(input)?;
         let is_body = inner.input().model.links.len() == 1;
         let own = inner.parameters().len();
@@ -77,7 +123,7 @@ impl SuspendedSource {
                 group: u8::from(*k > 2),
             });
         }
-        Ok(Self { inner, instants, support, parameters, channels })
+        Ok(Self { inner, instants, support, tracked, parameters, channels })
     }
 
     /// Returns the base parameters that are estimated.
@@ -210,6 +256,34 @@ impl RowSource for SuspendedSource {
             instant.at.coordinates().iter().for_each(|v| hash.add(v.to_bits()));
         }
         hash.finish()
+    }
+
+    fn signal_noise(&self) -> Vec<SignalNoise> {
+        let noise = self.tracked.iter().filter_map(|tracked| tracked.noise.as_ref());
+        let of = |noise: &TrackNoise| SignalNoise {
+            name: "poses".to_owned(),
+            unit: noise.unit.to_owned(),
+            stated: None,
+            found: noise.sigma,
+        };
+        noise.map(of).collect()
+    }
+
+    fn with_signal_noise(
+        &self,
+        samples: Range<usize>,
+        sigma: &[f64],
+        seed: u64,
+    ) -> Option<Box<dyn RowSource + '_>> {
+        let Tracked { track, smoother, noise, rows } = self.tracked.as_ref()?;
+        let half = smoother.half();
+        let rows = rows.get(samples)?;
+        let around = rows.first()?.saturating_sub(half)..rows.last()? + half + 1;
+        let noisier = track.with_noise(noise.as_ref()?, *sigma.first()?, seed, around);
+        let (_, instants, frames) = Tracked::new(noisier, smoother.clone(), &self.support);
+        let input = self.input().with_frames(frames);
+        let noisy = Self::new(input, instants, self.support.clone(), None).ok()?;
+        Some(Box::new(noisy))
     }
 
     fn nuisances(&self) -> Vec<Nuisance> {

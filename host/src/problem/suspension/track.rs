@@ -3,6 +3,8 @@
 //! Rest is the mean pose: free vibration goes both ways. Coordinates are those of the point O of the platform in its own axes at
 //! rest, so that it does not matter where the cameras stand. One symmetric kernel smooths all of them, and gives their slopes.
 
+use std::ops::Range;
+
 use nalgebra::{Matrix4, Quaternion, SymmetricEigen, UnitQuaternion, Vector3, Vector4};
 
 use super::SuspensionError;
@@ -117,13 +119,40 @@ impl Track {
         self.time_ns.len()
     }
 
+    /// Returns the number of rows per second.
+    pub(super) fn rate_hz(&self) -> f64 {
+        self.rate_hz
+    }
+
+    /// Returns what the numbers of a row are.
+    pub(super) fn parts(&self) -> &[Part] {
+        &self.parts
+    }
+
+    /// Returns some of the rows.
+    pub(super) fn part(&self, rows: Range<usize>) -> Self {
+        let rows = rows.start.min(self.len())..rows.end.min(self.len());
+        Self {
+            parts: self.parts.clone(),
+            numbers: self.numbers[rows.start * self.width..rows.end * self.width].to_vec(),
+            time_ns: self.time_ns[rows].to_vec(),
+            ..*self
+        }
+    }
+
     /// Returns the time of a row, ns.
     pub(super) fn time_ns(&self, row: usize) -> u64 {
         self.time_ns.get(row).copied().unwrap_or(0)
     }
 
-    fn row(&self, row: usize) -> Option<&[f64]> {
+    /// Returns the numbers of a row.
+    pub(super) fn row(&self, row: usize) -> Option<&[f64]> {
         self.numbers.get(row * self.width..(row + 1) * self.width)
+    }
+
+    /// Returns the numbers of every row, to be changed.
+    pub(super) fn rows_mut(&mut self) -> impl Iterator<Item = &mut [f64]> {
+        self.numbers.chunks_exact_mut(self.width)
     }
 
     /// Returns the cut-off, Hz: above the highest frequency at which the coordinates accelerate visibly.
