@@ -11,6 +11,14 @@ use crate::rig::SuspensionTable;
 /// # Errors
 /// Bad input: the platform cannot be taken off.
 pub(super) fn take_platform_off(table: &SuspensionTable, found: &mut Fit) -> Result<(), Failure> {
-    let Some(platform) = bare_platform(table) else { return Ok(()) };
-    Tare::new(platform).and_then(|tare| tare.take_off(found)).map_err(Failure::input)
+    let Some(platform) = of_platform(table)? else { return Ok(()) };
+    platform.take_off(found).map_err(Failure::input)
+}
+
+/// Returns the bare platform, if the rig file states it.
+///
+/// # Errors
+/// Bad input: it is none that could be taken off.
+pub(super) fn of_platform(table: &SuspensionTable) -> Result<Option<Tare>, Failure> {
+    bare_platform(table).map(Tare::new).transpose().map_err(Failure::input)
 }

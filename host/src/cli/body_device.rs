@@ -5,17 +5,13 @@ use super::link::configured;
 use super::{Failure, Stages, simulated};
 use crate::answer::person::DeviceResult;
 use crate::body_segments::{Motion, Study};
+use crate::device::accuracy::Accuracy;
 use crate::device::link::Client;
 use crate::device::session::tree::complaints;
 use crate::device::session::{Nobody, Session, Take, tracked};
 use crate::fit::{Factor, Fit, Silent, plain_factor};
 use crate::problem::person::Person;
 use crate::problem::tree::TreeSource;
-
-/// A device may differ by so many standard deviations, …
-const ALLOWED_SD: f64 = 0.05;
-/// … or by so many roundings, times condition and size of the parameters.
-const ALLOWED_ROUNDINGS: f64 = 20.0;
 
 /// Streams some motions to the firmware; returns what it made of them, and what to warn of.
 pub(super) fn compared(
@@ -39,28 +35,16 @@ pub(super) fn compared(
     }
     let [device, host] = [theirs, ours].map(|factors| study.together_by(factors));
     let (device, host) = (device.map_err(Failure::input)?.estimate, host.map_err(Failure::input)?.estimate);
-    let size = host.values.iter().map(|v| v * v).sum::<f64>().sqrt();
-    let roundings = ALLOWED_ROUNDINGS * f64::from(f32::EPSILON) * host.condition_number * size;
-    for (j, (parameter, (there, here))) in
-        answer.parameters.iter().zip(device.values.iter().zip(&host.values)).enumerate()
-    {
-        let sd = host.covariance[(j, j)].sqrt();
-        let off = (there - here).abs();
-        if off / sd >= result.largest_difference_sd {
-            (result.largest_difference_sd, result.parameter) = (off / sd, parameter.name.clone());
-        }
-        result.share_of_allowed = result.share_of_allowed.max(off / (ALLOWED_SD * sd).max(roundings));
+    let accuracy = Accuracy::of(&device, &host);
+    result.largest_difference_sd = accuracy.largest_difference_sd;
+    result.share_of_allowed = accuracy.share_of_allowed;
+    result.parameter = answer.parameters.get(accuracy.parameter).map_or_else(String::new, |p| p.name.clone());
+    for (j, there) in device.values.iter().enumerate() {
         let own_sd = answer.estimate.covariance[(j, j)].sqrt();
         let from_answer = (there - answer.estimate.values[j]).abs() / own_sd;
         result.from_answer_sd = result.from_answer_sd.max(from_answer);
     }
-    if result.share_of_allowed.is_nan() || result.share_of_allowed > 1.0 {
-        warnings.push(format!(
-            "the microcontroller's parameters differ from those of the same rows in double precision by up to {:.2} standard deviations \
-             ({})",
-            result.largest_difference_sd, result.parameter
-        ));
-    }
+    warnings.extend(accuracy.complaint(&result.parameter));
     Ok((result, warnings))
 }
 

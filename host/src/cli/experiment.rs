@@ -57,6 +57,8 @@ pub(super) struct Watcher {
     path: PathBuf,
     latest: Option<EstimateReport>,
     expected: usize,
+    /// What else is known, in words.
+    pub(super) state: Option<String>,
     /// Where the platform's motion goes.
     pub(super) motion: Option<MotionLog>,
 }
@@ -71,6 +73,7 @@ impl Watcher {
             path: PathBuf::new(),
             latest: None,
             expected,
+            state: None,
             motion: None,
         }
     }
@@ -157,7 +160,7 @@ impl Observer for Watcher {
     }
 
     fn progress(&mut self, readings: usize) {
-        let (started, expected, latest) = (self.started, self.expected, &self.latest);
+        let (started, expected, latest, known) = (self.started, self.expected, &self.latest, &self.state);
         self.progress.show(|| {
             let rate = readings as f64 / started.elapsed().as_secs_f64();
             let share = if expected > 0 { format!(" of {expected}") } else { String::new() };
@@ -186,7 +189,8 @@ impl Observer for Watcher {
                 };
                 format!(", condition {:.1}, worst relative sd {worst:.1} %{apart}", report.condition_number)
             });
-            format!("{readings}{share} readings, {rate:.0}/s{left}{state}")
+            let known = known.as_deref().unwrap_or_default();
+            format!("{readings}{share} readings, {rate:.0}/s{left}{state}{known}")
         });
     }
 }

@@ -397,6 +397,11 @@ pub(super) fn tree_of(
     Ok(Some((model, None)))
 }
 
+/// Returns true if the rig file of a recording says that springs carry the platform.
+pub(super) fn is_on_springs(recording: &Path, rig: Option<&Path>) -> bool {
+    rig_of(recording, rig).is_some_and(|rig| rig.suspension.is_some())
+}
+
 /// Changes a tree as the options say, joints being locked where the recording has them; returns what to know of it.
 ///
 /// # Errors

@@ -57,6 +57,7 @@ mod reference_runs;
 mod refused;
 mod replay;
 mod replay_links;
+mod replay_springs;
 mod run;
 mod run_report;
 #[cfg(feature = "simulator")]

@@ -8,10 +8,10 @@ use rigident_shared::wire::Source;
 use super::arguments::Replay;
 use super::experiment::{Experiment, Watcher};
 use super::link::{NamedTransport, configured};
-use super::loaded::{Loaded, refuse_tree_options, tree_of};
+use super::loaded::{Loaded, is_on_springs, refuse_tree_options, tree_of};
 use super::options::calibration;
 use super::options::forgetting::{self, RowsOf};
-use super::{Failure, Folder, Stages, replay_links, simulated};
+use super::{Failure, Folder, Stages, replay_links, replay_springs, simulated};
 use crate::device::link::{Client, SerialTransport};
 use crate::device::session::precision::{self, largest_numbers};
 use crate::device::session::{DeviceTiming, Session, narrow, settings, state_imu_noise, widen};
@@ -26,6 +26,9 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
     super::recorded::refuse_streams(&arguments.recording, arguments.rig.as_deref(), "replay")?;
     let (path, rig) = (&arguments.recording, arguments.rig.as_deref());
     let calibrated = arguments.calibration.calibration.as_deref();
+    if is_on_springs(path, rig) {
+        return replay_springs::run(arguments, started);
+    }
     if let Some((model, _)) = tree_of(path, rig, &arguments.tree)? {
         calibration::refuse_for_trees(calibrated)?;
         return replay_links::run(arguments, model, started);

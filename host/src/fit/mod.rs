@@ -64,7 +64,7 @@ pub use nuisance::{Agreement, Basis, Effect, ErrorRow, Nuisance, NuisanceFit, Sc
 pub use options::{DeviceFactor, FitError, FitOptions};
 pub(crate) use other_columns::OtherColumns;
 pub use parameter::{Channel, DriveMotion, Kind, Owner, Parameter};
-pub use prediction::{PredictedBlock, Prediction, plain_factor, plain_least_squares};
+pub use prediction::{PredictedBlock, Prediction, plain_factor, plain_least_squares, plain_noise_gram};
 pub use progress::{Progress, Silent};
 pub use result::{
     Autocorrelation, BlockResidual, ChannelFit, Convergence, Counts, Fit, Forgotten, NoiseCheck, Prior,

@@ -1,8 +1,12 @@
 //! Prediction of a recording by parameters that were found in another one.
 
+use nalgebra::DMatrix;
+
 use super::linearised::{Columns, Linearised};
 use super::outliers::Weights;
 use super::residuals::{residuals, rms};
+use super::signal_noise::RowNoise;
+use super::weighing::Weighing;
 use super::{
     BlockResidual, Effect, Factor, Fit, FitError, Nuisance, Progress, RowBlocks, RowSource, Silent,
     Whitening, condition,
@@ -60,6 +64,22 @@ pub fn plain_factor(
     let weights: Vec<f64> = sigma.iter().map(|sigma| every / sigma).collect();
     let whitening = Whitening::diagonal(&weights);
     Ok(blocks.absorb(0..blocks.len(), source.parameters().len(), &whitening, None))
+}
+
+/// Returns what noise of the signals adds to the normal equations of such rows, N × N and, last, to their right side; `None` if there is
+/// none that is felt.
+///
+/// # Errors
+/// [`FitError`] if the filter does not fit the rate.
+pub fn plain_noise_gram(
+    source: &dyn RowSource,
+    sigma: &[f64],
+    progress: &dyn Progress,
+) -> Result<Option<DMatrix<f64>>, FitError> {
+    let blocks = source.blocks(progress)?;
+    let every = f64::from(blocks.filter().every);
+    let noise = RowNoise::of(source, &*blocks, false)?;
+    Ok(noise.map(|noise| noise.gram(&Weighing::diagonal(sigma.to_vec(), every))))
 }
 
 impl Prediction {

@@ -109,6 +109,37 @@ fn a_locked_posture_is_one_body_by_its_modes_and_by_its_motion() {
 }
 
 #[test]
+fn the_microcontroller_makes_the_same_of_a_motion() {
+    let place = tempfile::tempdir().unwrap();
+    object(place.path(), &["vibration", "demo", "--seed", "2", "--out", "demo", "--json"]);
+    let found =
+        object(place.path(), &["replay", "demo/release.csv", "--mcu", "inproc", "--json", "--out", "there"]);
+    let notes: Vec<&str> = found["notes"].as_array().unwrap().iter().filter_map(Value::as_str).collect();
+    let note = notes.iter().find(|n| n.starts_with("the microcontroller's parameters")).unwrap();
+    let words: Vec<&str> = note.split(' ').collect();
+    let at = words.iter().position(|w| *w == "to").unwrap();
+    let off: f64 = words[at + 1].parse().unwrap();
+    // Single precision, and the springs as a matrix.
+    assert!(off < 0.2, "{note}");
+    let here = object(place.path(), &["identify", "demo/release.csv", "--json", "--out", "here"]);
+    for (there, here) in
+        found["parameters"].as_array().unwrap().iter().zip(here["parameters"].as_array().unwrap())
+    {
+        assert_eq!((&there["name"], &there["state"]), (&here["name"], &here["state"]));
+    }
+    let refused = |arguments: &[&str], words: &str| {
+        let output = rigident(place.path(), arguments);
+        assert!(status(&output) == 2 && said(&output).contains(words), "{arguments:?}: {}", said(&output));
+    };
+    refused(&["replay", "demo/release.csv", "--mcu", "/dev/null"], "inproc or qemu");
+    refused(&["replay", "demo/release.csv", "--mcu", "inproc", "--forget", "2"], "--forget");
+    refused(
+        &["replay", "demo/release.csv", "--mcu", "inproc", "--tare", "demo/release.csv"],
+        "suspension.platform",
+    );
+}
+
+#[test]
 fn what_is_wrong_is_named() {
     let place = tempfile::tempdir().unwrap();
     let refused = |arguments: &[&str], words: &str| {

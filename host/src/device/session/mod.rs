@@ -12,6 +12,7 @@ mod motion_guard;
 pub mod precision;
 mod settings;
 pub mod sound;
+pub mod suspended;
 mod take;
 pub mod tracked;
 pub mod tree;

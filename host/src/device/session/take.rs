@@ -27,6 +27,8 @@ pub trait Observer {
     }
     /// A new estimate.
     fn estimate(&mut self, _report: &EstimateReport) {}
+    /// A level of a tree's factor was taken, after so many frames: all that is known until then.
+    fn level(&mut self, _factor: &TreeFactor<f64>, _frames: u32) {}
     /// Where the plate should be and is.
     ///
     /// # Errors

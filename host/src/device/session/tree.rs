@@ -5,7 +5,7 @@
 
 use std::sync::atomic::Ordering;
 
-use rigident_shared::estimator::frames::{LEVEL_FRAMES, TreeFactor};
+use rigident_shared::estimator::frames::{LEVEL_FRAMES, SUSPENDED_LINKS, TreeFactor};
 use rigident_shared::tree::Joint;
 use rigident_shared::wire::{
     Command, FactorRow, FrameReport, LinkJoint, LinkSettings, MAX_LINKS, MAX_TREE_PARAMETERS, ModelSettings,
@@ -40,6 +40,12 @@ pub enum DeviceTreeError {
         "the model has {0} links that move against each other, the device takes {MAX_LINKS}: weld some of them"
     )]
     Links(usize),
+    /// Too many links on springs.
+    #[error(
+        "the model has {0} links that move against each other, the device takes {SUSPENDED_LINKS} on springs: weld some of them, or lock \
+         their joints"
+    )]
+    OnSprings(usize),
     /// Too many parameters.
     #[error(
         "the model has {0} base parameters, the device has room for {MAX_TREE_PARAMETERS}: weld some of its links"
@@ -159,9 +165,11 @@ fn merge(factor: &mut TreeFactor<f64>, taken: &FactorRow) -> bool {
     fits
 }
 
-/// A level is taken after about so many frames: often against [`LEVEL_FRAMES`], seldom against the time that its rows need on
-/// the link.
+/// A level of as many parameters as there may be is taken after about so many frames: often against [`LEVEL_FRAMES`], seldom against
+/// the time that its rows need on the link; a smaller one more often, but no more often than
 const TAKEN_EVERY: u32 = 1500;
+/// this.
+const MOST_OFTEN: u32 = 200;
 
 /// Who streams frames to the device.
 pub trait FrameSource {
@@ -199,6 +207,8 @@ impl Session {
     ) -> Result<(), SessionError> {
         const FULL: (StateName, Reason) = (StateName::Holding, Reason::LevelFull);
         let mut taken = 0;
+        let share = taking.level.as_ref().map_or(1.0, |l| l.parameters() as f64 / MAX_TREE_PARAMETERS as f64);
+        let every = (f64::from(TAKEN_EVERY) * share * share).max(f64::from(MOST_OFTEN)) as u32;
         while !source.is_done() {
             self.listen(taking, observer)?;
             if INTERRUPTED.load(Ordering::Relaxed) {
@@ -219,10 +229,11 @@ impl Session {
                 self.stops_itself && taking.states.iter().all(|(_, reason)| *reason != Reason::StopRule);
             let full = taking.states.contains(&FULL);
             if let Some(level) = &mut taking.level
-                && (full || !judged && absorbed.saturating_sub(taken) >= TAKEN_EVERY)
+                && (full || !judged && absorbed.saturating_sub(taken) >= every)
             {
                 take_level(self.client(), level)?;
                 (taken, taking.levels) = (absorbed, taking.levels + 1);
+                observer.level(level, absorbed);
             }
             if full {
                 taking.states.retain(|state| *state != FULL);

@@ -131,6 +131,16 @@ impl SuspendedSource {
         self.inner.base()
     }
 
+    /// Returns the tree, about the base's origin.
+    pub fn tree(&self) -> &TreeSource {
+        &self.inner
+    }
+
+    /// Returns what carries the platform.
+    pub fn support(&self) -> &Support {
+        &self.support
+    }
+
     /// Returns frames and settings of the tree.
     pub fn input(&self) -> &Input {
         self.inner.input()
