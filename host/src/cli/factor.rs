@@ -200,6 +200,7 @@ fn write(
     force: bool,
     output: &Path,
 ) -> Result<ExitCode, Failure> {
+    let runs = factors.clone();
     let pooled = PooledFactor::merged(factors, shared_offset).map_err(Failure::input)?;
     if let Some(ratio) = pooled.unexplained_disagreement() {
         if ratio.sqrt() > FOREIGN && !force {
@@ -218,6 +219,9 @@ fn write(
         tell!("rigident: {warning}");
     }
     pooled.write(output).map_err(Failure::input)?;
+    if let Some(table) = present::merged::table(&runs, &pooled) {
+        say(table.trim_end());
+    }
     say(format_args!(
         "{} rows of {}, {} parameters, in {}",
         pooled.factor.rows(),

@@ -42,7 +42,7 @@ pub struct IdentifyVibration {
     /// How many modes there are. Default: one for each coordinate that is free
     #[arg(long, value_name = "N")]
     pub modes: Option<usize>,
-    /// Folder for result.json, factors and the spectrum; new or empty
+    /// Folder for result.json, factors, the spectrum and a page of the modes; new or empty
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Print a JSON object
@@ -85,7 +85,7 @@ pub struct Stiffness {
     after_help = "The file has the links in [[link]] tables, as a rig file, and in each [[posture]] mass, centre of mass and tensor of \
                   everything with the joints locked as [posture.joint] says. The factor merges with that of the motion of the same links on \
                   springs (rigident merge).\n\nExamples:\n  rigident vibration postures docs/examples/two-link-postures.toml\n  rigident \
-                  vibration postures postures.toml --factor postures.factor --json"
+                  vibration postures postures.toml --factor postures.factor --plot sets.svg --json"
 )]
 pub struct Postures {
     /// The file of postures, TOML
@@ -94,6 +94,9 @@ pub struct Postures {
     /// Write the factor of all postures
     #[arg(long, value_name = "FILE")]
     pub factor: Option<PathBuf>,
+    /// Draw rank and condition of every set of postures, SVG
+    #[arg(long, value_name = "FILE")]
+    pub plot: Option<PathBuf>,
     /// Print a JSON object
     #[arg(long)]
     pub json: bool,
@@ -105,12 +108,15 @@ pub struct Postures {
 #[command(
     after_help = "Three locked postures are struck and vibrate freely; then link 1 is released and swings. Cameras see markers; everything \
                   is identified from their recordings, which are written with their rig files into the folder.\n\nExamples:\n  rigident \
-                  vibration demo\n  rigident vibration demo --seed 7 --out paper --json"
+                  vibration demo\n  rigident vibration demo --seed 7 --out paper --json\n  rigident vibration demo --body horizontal --out springs"
 )]
 pub struct DemoVibration {
     /// Seed of the noise
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
+    /// One body on the springs instead: a test body of `rigident demo`, so that two rigs can be merged
+    #[arg(long, value_enum, value_name = "BODY")]
+    pub body: Option<super::arguments::DemoBody>,
     /// Standard deviation of a marker's noise along each axis, mm
     #[arg(long, value_name = "MM", default_value_t = 0.2)]
     pub marker_noise_mm: f64,

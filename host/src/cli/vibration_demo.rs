@@ -2,13 +2,15 @@
 
 use std::process::ExitCode;
 
+use hexapod::BodyParameters;
 use nalgebra::DVector;
 use serde::Serialize;
 
+use super::arguments::DemoBody;
 use super::bare_platform::take_platform_off;
 use super::outcome::say;
 use super::vibration_arguments::DemoVibration;
-use super::{ExitStatus, Failure, Folder, Stages};
+use super::{ExitStatus, Failure, Folder, Stages, vibration_identify};
 use crate::fit::pool::PooledFactor;
 use crate::fit::{Fit, FitOptions, Measured, Silent, fit};
 use crate::model::{Model, rig_links};
@@ -97,6 +99,9 @@ pub(super) fn run(arguments: &DemoVibration) -> Result<ExitCode, Failure> {
     if let Some(out) = &arguments.out {
         Folder::check(out)?;
     }
+    if let Some(body) = arguments.body {
+        return of_body(arguments, body);
+    }
     let experiment = Experiment::new([0.0; 3], 1e-3 * arguments.marker_noise_mm, arguments.seed);
     let rig = experiment.rig_file();
     let stages = Stages::new("simulating the postures");
@@ -134,6 +139,22 @@ pub(super) fn run(arguments: &DemoVibration) -> Result<ExitCode, Failure> {
         say(format_args!("\nFiles in {}", folder.path().display()));
     }
     Ok(ExitStatus::of(object.table_4.iter().all(|row| row.value.is_some())).into())
+}
+
+/// One body on the springs, identified as `rigident vibration identify` does.
+fn of_body(arguments: &DemoVibration, body: DemoBody) -> Result<ExitCode, Failure> {
+    let body = match body {
+        DemoBody::Horizontal => BodyParameters::thesis_horizontal(),
+        DemoBody::Vertical => BodyParameters::thesis_vertical(),
+    };
+    let experiment = Experiment::of_body(body, 1e-3 * arguments.marker_noise_mm, arguments.seed);
+    let stages = Stages::new("simulating the vibration");
+    let recording = experiment.swing().map_err(Failure::input)?;
+    drop(stages);
+    let folder = Folder::new(arguments.out.as_deref(), "vibration")?;
+    folder.write("swing.csv", recording.to_csv().as_bytes())?;
+    folder.write("swing.rig.toml", recording.rig.to_toml().as_bytes())?;
+    vibration_identify::identify(recording, None, Some(&folder), arguments.json)
 }
 
 /// All postures as rows of the base parameters, the platform among them.

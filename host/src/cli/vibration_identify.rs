@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, Vector3};
 use serde::Serialize;
 
 use super::bare_platform::take_platform_off;
@@ -13,13 +13,16 @@ use super::{ExitStatus, Failure, Folder, Stages};
 use crate::answer::{Answer, Context, Source, Status};
 use crate::fit::pool::PooledFactor;
 use crate::fit::{Fit, FitOptions, Silent, fit};
+use crate::present::modes_page::{self, Scene};
 use crate::present::vibration as present;
 use crate::problem::body;
 use crate::problem::suspension::free_decay::{Vibration, vibration};
 use crate::problem::suspension::modal::{ModalSource, Swing};
+use crate::problem::suspension::mount::Mount;
 use crate::problem::suspension::springs::COORDINATES;
 use crate::problem::suspension::support::Support;
 use crate::recording::Recording;
+use crate::rig::RigFile;
 
 /// Answers of two ways that differ by more than this many times both uncertainties contradict each other.
 const CONTRADICTORY: f64 = 1.5;
@@ -62,9 +65,21 @@ pub(super) fn run(arguments: &IdentifyVibration) -> Result<ExitCode, Failure> {
             path.display()
         )));
     }
+    drop(stages);
+    let folder = arguments.out.as_ref().map(|out| Folder::new(Some(out), "vibration")).transpose()?;
+    identify(recording, arguments.modes, folder.as_ref(), arguments.json)
+}
+
+/// Identifies one body on springs, and writes and shows what is found.
+pub(super) fn identify(
+    recording: Recording,
+    modes: Option<usize>,
+    folder: Option<&Folder>,
+    json: bool,
+) -> Result<ExitCode, Failure> {
     let support = Support::of(&recording.rig, &recording.name).map_err(Failure::input)?;
-    stages.at("modes", 0.0);
-    let vibration = vibration(&recording, &support, arguments.modes).map_err(Failure::input)?;
+    let stages = Stages::new("modes");
+    let vibration = vibration(&recording, &support, modes).map_err(Failure::input)?;
     stages.at("body", 0.7);
     let mut warnings = recording.warnings.clone();
     let by_modes = by_modes(&recording, &support, &vibration, &mut warnings)?;
@@ -80,7 +95,7 @@ pub(super) fn run(arguments: &IdentifyVibration) -> Result<ExitCode, Failure> {
                 .to_owned(),
         );
     }
-    let answers = [by_modes.as_ref().map(|(answer, _)| answer), by_motion.as_ref().map(|(answer, _)| answer)];
+    let answers = [&by_modes, &by_motion].map(|way| way.as_ref().map(|found| &found.answer));
     let differ = present::differences(answers);
     warnings.extend(differ.iter().filter(|(_, ratio)| *ratio > CONTRADICTORY).map(|(name, ratio)| {
         format!(
@@ -93,12 +108,12 @@ pub(super) fn run(arguments: &IdentifyVibration) -> Result<ExitCode, Failure> {
         recording: recording.name.clone(),
         modes: present::mode_rows(&vibration.modes.shapes, &coordinates),
         findings: vibration.modes.findings.iter().map(ToString::to_string).collect(),
-        by_modes: by_modes.as_ref().map(|(answer, _)| answer.clone()),
-        by_motion: by_motion.as_ref().map(|(answer, _)| answer.clone()),
+        by_modes: answers[0].cloned(),
+        by_motion: answers[1].cloned(),
         notes,
         warnings,
     };
-    finish(arguments, &object, &vibration, [by_modes, by_motion].map(|way| way.map(|(_, factor)| factor)))
+    finish((folder, json, &recording.rig), &object, &vibration, [("modes", by_modes), ("motion", by_motion)])
 }
 
 /// The body by its modes, with the factor of everything that moves; `None` if they are not to be gone on with.
@@ -107,7 +122,7 @@ fn by_modes(
     support: &Support,
     found: &Vibration,
     warnings: &mut Vec<String>,
-) -> Result<Option<(Answer, PooledFactor)>, Failure> {
+) -> Result<Option<Found>, Failure> {
     if let Some(why) = found.unsound(support.free.len()) {
         warnings.push(format!("no body is told by the modes: {why}"));
         return Ok(None);
@@ -121,12 +136,27 @@ fn by_modes(
     answered(recording, fit, found.samples.values.nrows()).map(Some)
 }
 
-/// The answer of a fit with the bare platform taken off, and the factor with it on.
-fn answered(recording: &Recording, mut fit: Fit, rows: usize) -> Result<(Answer, PooledFactor), Failure> {
+/// What one way finds.
+struct Found {
+    /// With the bare platform taken off.
+    answer: Answer,
+    /// With it on.
+    factor: PooledFactor,
+    /// Of the body alone, where the platform is known.
+    body: Option<PooledFactor>,
+}
+
+/// The factor of the body alone: other rigs have no such platform.
+fn of_body(fit: &Fit, name: &str) -> Option<PooledFactor> {
+    let alone = fit.solved.clone()?;
+    let with_platform = PooledFactor::of(fit, name);
+    Some(PooledFactor { factor: alone, ..with_platform }.only(|parameter| parameter.kind.is_inertial()))
+}
+
+/// The answer of a fit with the bare platform taken off.
+fn answered(recording: &Recording, mut fit: Fit, rows: usize) -> Result<Found, Failure> {
     let factor = PooledFactor::of(&fit, &recording.name);
-    if let Some(table) = &recording.rig.suspension {
-        take_platform_off(table, &mut fit)?;
-    }
+    let body = without_platform(&recording.rig, &mut fit, &recording.name)?;
     let source = Source {
         recording: recording.name.clone(),
         recorded: recording.recorded(),
@@ -142,18 +172,25 @@ fn answered(recording: &Recording, mut fit: Fit, rows: usize) -> Result<(Answer,
         ..Context::default()
     };
     let answer = Answer::new(&fit, context).map_err(Failure::input)?;
-    Ok((answer, factor))
+    Ok(Found { answer, factor, body })
+}
+
+/// Takes the platform off, and returns the factor of the body alone if there was one.
+fn without_platform(rig: &RigFile, fit: &mut Fit, name: &str) -> Result<Option<PooledFactor>, Failure> {
+    let Some(table) = rig.suspension.as_ref().filter(|table| table.platform.is_some()) else {
+        return Ok(None);
+    };
+    take_platform_off(table, fit)?;
+    Ok(of_body(fit, name))
 }
 
 /// The body by its motion, as `rigident identify` has it.
-fn by_motion(recording: Recording, stages: &Stages) -> Result<(Answer, PooledFactor), Failure> {
+fn by_motion(recording: Recording, stages: &Stages) -> Result<Found, Failure> {
     let loaded = Loaded::of_body(recording, None)?;
     let mut fit = loaded.fit(None, 0, stages)?;
     let factor = loaded.factor(&fit);
     let rig = &loaded.problem.rig;
-    if let Some(table) = &rig.suspension {
-        take_platform_off(table, &mut fit)?;
-    }
+    let body = without_platform(rig, &mut fit, &loaded.problem.name)?;
     let context = Context {
         body: rig.body.as_ref(),
         truth: rig.truth.as_ref(),
@@ -162,19 +199,32 @@ fn by_motion(recording: Recording, stages: &Stages) -> Result<(Answer, PooledFac
         warnings: loaded.warnings.clone(),
         ..Context::default()
     };
-    Ok((Answer::new(&fit, context).map_err(Failure::input)?, factor))
+    Ok(Found { answer: Answer::new(&fit, context).map_err(Failure::input)?, factor, body })
+}
+
+/// What stands on the springs, with the centre of mass of the first answer that has one.
+fn scene(rig: &RigFile, answers: [Option<&Answer>; 2]) -> Scene {
+    let table = rig.suspension.clone().unwrap_or_default();
+    let mount = Mount::of(&table);
+    let at = Vector3::from(table.at_m);
+    let com = answers.iter().flatten().find_map(|answer| answer.com_m);
+    Scene {
+        anchors_m: table.spring.iter().map(|spring| spring.at_m).collect(),
+        at_m: table.at_m,
+        com_m: com.map(|com| (at + mount.arm + mount.rotation * Vector3::from(com)).into()),
+    }
 }
 
 fn finish(
-    arguments: &IdentifyVibration,
+    (folder, json, rig): (Option<&Folder>, bool, &RigFile),
     object: &Object,
-    found: &Vibration,
-    factors: [Option<PooledFactor>; 2],
+    vibration: &Vibration,
+    ways: [(&str, Option<Found>); 2],
 ) -> Result<ExitCode, Failure> {
-    let json = serde_json::to_string_pretty(object)
+    let text = serde_json::to_string_pretty(object)
         .map_err(|e| Failure::input(format!("the result cannot be put into JSON: {e}")))?;
-    if arguments.json {
-        say(json.as_str());
+    if json {
+        say(text.as_str());
     } else {
         say(present::text(&object.modes, [object.by_modes.as_ref(), object.by_motion.as_ref()]).trim_end());
         for note in &object.notes {
@@ -184,20 +234,23 @@ fn finish(
             tell!("rigident: {warning}");
         }
     }
-    if let Some(out) = &arguments.out {
-        let folder = Folder::new(Some(out), "vibration")?;
-        folder.write("result.json", json.as_bytes())?;
-        for (name, factor) in ["modes", "motion"].iter().zip(factors) {
-            if let Some(factor) = factor {
-                folder.write(&format!("{name}.factor"), &factor.to_bytes())?;
+    if let Some(folder) = folder {
+        folder.write("result.json", text.as_bytes())?;
+        for (name, found) in ways {
+            let Some(found) = found else { continue };
+            folder.write(&format!("{name}.factor"), &found.factor.to_bytes())?;
+            if let Some(body) = found.body {
+                folder.write(&format!("{name}.body.factor"), &body.to_bytes())?;
             }
         }
-        let spectrum = found.samples.spectrum().map_err(Failure::input)?;
-        folder.write(
-            "spectrum.svg",
-            present::spectrum_svg(&spectrum, &found.samples.names, &object.modes).as_bytes(),
-        )?;
-        if !arguments.json {
+        let spectrum = vibration.samples.spectrum().map_err(Failure::input)?;
+        let spectrum = present::spectrum_svg(&spectrum, &vibration.samples.names, &object.modes);
+        folder.write("spectrum.svg", spectrum.as_bytes())?;
+        let answers = [object.by_modes.as_ref(), object.by_motion.as_ref()];
+        let text = present::text(&object.modes, answers);
+        let page = modes_page::page(&object.recording, &object.modes, &scene(rig, answers), &spectrum, &text);
+        folder.write("modes.html", page.as_bytes())?;
+        if !json {
             say(format_args!("\nFiles in {}", folder.path().display()));
         }
     }

@@ -9,9 +9,10 @@ use super::outcome::say;
 use super::vibration_arguments::Postures;
 use super::{ExitStatus, Failure};
 use crate::fit::Fit;
+use crate::present::posture_sets::figure;
 use crate::present::text::{NOT_IDENTIFIED, significant, unit_symbol, with_u95};
 use crate::problem::suspension::posture_file::PosturesFile;
-use crate::problem::suspension::posture_sets::{NextPosture, Subset, next, sets, turn_deg};
+use crate::problem::suspension::posture_sets::{NextPosture, Subset, next, sets, shares, turn_deg};
 use crate::problem::suspension::postures::PostureSource;
 
 /// The object of `--json`.
@@ -25,6 +26,8 @@ struct Object {
     #[serde(skip_serializing_if = "Option::is_none")]
     open: Option<Bounds>,
     sets: Vec<Set>,
+    /// What the errors of each posture have of the variance of what is told, on average.
+    shares: Vec<PostureShare>,
     #[serde(skip_serializing_if = "Option::is_none")]
     next: Option<Next>,
     warnings: Vec<String>,
@@ -59,6 +62,12 @@ struct Set {
 }
 
 #[derive(Serialize)]
+struct PostureShare {
+    posture: String,
+    share: f64,
+}
+
+#[derive(Serialize)]
 struct Next {
     joints: Vec<Stand>,
     rank: usize,
@@ -75,7 +84,7 @@ struct Stand {
 
 /// `rigident vibration postures`
 pub(super) fn run(arguments: &Postures) -> Result<ExitCode, Failure> {
-    if let Some(path) = &arguments.factor {
+    for path in arguments.factor.iter().chain(&arguments.plot) {
         absent(path)?;
     }
     let what = arguments.file.display().to_string();
@@ -87,6 +96,10 @@ pub(super) fn run(arguments: &Postures) -> Result<ExitCode, Failure> {
     let object = object(&file, &source, &pooled.fit());
     if let Some(path) = &arguments.factor {
         pooled.write(path).map_err(Failure::input)?;
+    }
+    if let Some(path) = &arguments.plot {
+        let figure = figure(&sets(&source), source.names());
+        std::fs::write(path, figure).map_err(|e| Failure::input(format!("{}: {e}", path.display())))?;
     }
     if arguments.json {
         let json = serde_json::to_string_pretty(&object)
@@ -161,6 +174,11 @@ fn object(file: &PosturesFile, source: &PostureSource, fit: &Fit) -> Object {
                 condition: set.condition,
             })
             .collect(),
+        shares: shares(source, &subset)
+            .into_iter()
+            .enumerate()
+            .map(|(k, share)| PostureShare { posture: name(&k), share })
+            .collect(),
         next: next(source).map(of_next),
         warnings,
     }
@@ -212,6 +230,11 @@ fn words(object: &Object) -> String {
             set.rank,
             significant(set.condition, 3)
         ));
+    }
+    let shares: Vec<String> =
+        object.shares.iter().map(|s| format!("{} {:.0} %", s.posture, 100.0 * s.share)).collect();
+    if shares.len() > 1 {
+        out.push_str(&format!("\nOf the variance, on average, come from {}\n", shares.join(", ")));
     }
     if let Some(next) = &object.next {
         out.push_str("\nTake next: ");

@@ -167,8 +167,8 @@ fn panel(
             (low, high) = (low.min(v), high.max(v));
         }
     }
-    low = low.max(high - 7.0);
-    let (along, values) = (Axis::covering(0.0, highest, 8), Axis::covering(low.floor(), high.ceil(), 7));
+    low = low.max(high - 7.0).floor();
+    let (along, values) = (Axis::covering(0.0, highest, 8), Axis::covering(low, high.ceil(), 7));
     let x = |hz: f64| w * along.share(hz);
     let y = |v: f64| h * (1.0 - values.share(v.max(low)));
     let mut svg = word("title", 0.0, -38.0, title);

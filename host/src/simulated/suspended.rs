@@ -1,12 +1,15 @@
 //! The vibration paper's experiment as a laboratory records it: markers on platform and links, poses by registration.
 
+use hexapod::{BodyParameters, Mounting};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use rigident_sim::suspension::paper::{self, POSTURES, RELEASE_RAD, posture_wxyz};
-use rigident_sim::suspension::{Carrier, Motion, MotionCapture, Run, Suspended, Suspension, SuspensionError};
+use rigident_sim::suspension::{
+    Carrier, Motion, MotionCapture, Run, Spring, Start, Suspended, Suspension, SuspensionError,
+};
 
 use crate::motion_capture::registration::register;
 use crate::recording::Recording;
-use crate::rig::{RigFile, SpringTable, SuspendedPlatformTable, SuspensionTable};
+use crate::rig::{RigFile, SpringTable, SuspendedPlatformTable, SuspensionTable, TruthTable};
 
 /// Rate of cameras and recordings, Hz.
 pub const RATE_HZ: f64 = 120.0;
@@ -16,6 +19,10 @@ const POSTURE_S: f64 = 40.0;
 const WINDOW_S: [f64; 2] = [3.0, 10.0];
 /// Loss of the springs, s: a damping ratio of 0.3 % at 1 Hz.
 const LOSS_S: f64 = 1e-3;
+/// Origin of a single body's S in the platform, m.
+const S_IN_P_M: [f64; 3] = [0.0, 0.0, 0.06];
+/// Rates that a blow gives to a single body, rad/s: it turns faster than the paper's links, and comes to rest sooner.
+const TURNED_RADPS: [f64; 3] = [0.25, 0.25, 0.1];
 /// Half the side of the markers' clusters on platform and links, m.
 const CLUSTERS_M: [f64; 3] = [0.4, 0.4, 0.3];
 
@@ -33,6 +40,32 @@ impl Experiment {
         let mut rig = paper::suspension(joint_m);
         rig.springs = rig.springs.iter().map(|spring| spring.with_loss(LOSS_S)).collect();
         Self { rig, noise_m, seed }
+    }
+
+    /// Returns one body on springs as much softer as it is lighter, its frame S above the middle of the platform.
+    pub fn of_body(body: BodyParameters, noise_m: f64, seed: u64) -> Self {
+        let own = Self::new(paper::JOINT_M, noise_m, seed);
+        let mount = Mounting { position_m: S_IN_P_M, rotation_wxyz: [1.0, 0.0, 0.0, 0.0] };
+        let carried = |body: &BodyParameters| own.rig.platform.mass_kg + body.mass_kg;
+        let links: f64 = own.rig.links.iter().map(|link| link.body.mass_kg).sum();
+        let lighter = carried(&body) / (carried(&own.rig.base) + links);
+        let softer = |s: &Spring| {
+            let (axial_npm, lateral_npm) = (lighter * s.axial_npm, lighter * s.lateral_npm);
+            Spring { axial_npm, lateral_npm, ..*s }.with_loss(LOSS_S)
+        };
+        let springs = own.rig.springs.iter().map(softer).collect();
+        Self { rig: Suspension { springs, base: body, links: Vec::new(), mount, ..own.rig }, ..own }
+    }
+
+    /// Returns the recording of the body that was struck.
+    ///
+    /// # Errors
+    /// [`SuspensionError`] if nothing swings so.
+    pub fn swing(&self) -> Result<Recording, SuspensionError> {
+        let suspended = self.rig.at_rest(&[])?;
+        let start = Start { rate_radps: TURNED_RADPS, ..paper::struck(&suspended, &[]) };
+        let motion = suspended.simulate(&start, &Run::new(POSTURE_S, RATE_HZ))?;
+        self.filmed(&motion, "swing", 0, 0.0)
     }
 
     /// Returns the rig file of its recordings: springs and platform as they are.
@@ -58,7 +91,11 @@ impl Experiment {
             }),
             ..SuspensionTable::default()
         };
-        let joint_m = self.rig.links.first().map_or([0.0; 3], |link| link.joint_m);
+        let Some(joint_m) = self.rig.links.first().map(|link| link.joint_m) else {
+            let BodyParameters { mass_kg, com_m, inertia_com_kgm2 } = self.rig.base;
+            let truth = TruthTable { mass_kg, com_m, inertia_com_kgm2, apparent_offset_n_nm: None };
+            return RigFile { suspension: Some(suspension), truth: Some(truth), ..RigFile::default() };
+        };
         let links = format!(
             "[[link]]\nname = \"base\"\n[[link]]\nname = \"arm\"\nparent = \"base\"\njoint = \"spherical\"\nposition_m = {joint_m:?}\n"
         );
@@ -103,6 +140,7 @@ impl Experiment {
         from_s: f64,
     ) -> Result<Recording, SuspensionError> {
         let carriers = [Carrier::Platform, Carrier::Link(0), Carrier::Link(1)];
+        let carriers = &carriers[..if self.rig.links.is_empty() { 1 } else { 3 }];
         let clusters: Vec<_> =
             carriers.iter().zip(CLUSTERS_M).map(|(on, half)| MotionCapture::cluster(*on, half)).collect();
         let mut capture = MotionCapture::of(clusters.concat());
@@ -126,8 +164,10 @@ impl Experiment {
             let Some(poses) = poses else { continue };
             let (p, q) = poses[0];
             platform.push([p.x, p.y, p.z, q.w, q.i, q.j, q.k]);
-            let turn: UnitQuaternion<f64> = poses[1].1.inverse() * poses[2].1;
-            attitudes.push([turn.w, turn.i, turn.j, turn.k]);
+            if let [_, base, arm] = poses.as_slice() {
+                let turn: UnitQuaternion<f64> = base.1.inverse() * arm.1;
+                attitudes.push([turn.w, turn.i, turn.j, turn.k]);
+            }
             time_ns.push(((k - first) as f64 / RATE_HZ * 1e9).round() as u64);
         }
         Ok(Recording {
@@ -136,7 +176,7 @@ impl Experiment {
             time_ns,
             rate_hz: Some(RATE_HZ),
             platform: Some(platform),
-            attitudes: vec![(1, attitudes)],
+            attitudes: if attitudes.is_empty() { Vec::new() } else { vec![(1, attitudes)] },
             ..Recording::default()
         })
     }

@@ -23,7 +23,14 @@ fn number(value: &Value) -> f64 {
 #[test]
 fn postures_of_the_paper_give_its_table_and_its_bounds() {
     let place = tempfile::tempdir().unwrap();
-    let found = object(place.path(), &["vibration", "postures", POSTURES, "--json", "--factor", "p.factor"]);
+    let found = object(
+        place.path(),
+        &["vibration", "postures", POSTURES, "--json", "--factor", "p.factor", "--plot", "p.svg"],
+    );
+    let svg = fs::read_to_string(place.path().join("p.svg")).unwrap();
+    assert!(svg.matches("<rect ").count() == 7 && svg.contains("rank 18"), "{svg}");
+    let shares: f64 = found["shares"].as_array().unwrap().iter().map(|s| number(&s["share"])).sum();
+    assert!((shares - 1.0).abs() < 1e-9, "{shares}");
     let compared: Vec<&Value> =
         found["subset"].as_array().unwrap().iter().filter(|v| v["reference"].is_f64()).collect();
     assert_eq!(compared.len(), 17);
@@ -103,6 +110,8 @@ fn a_locked_posture_is_one_body_by_its_modes_and_by_its_motion() {
     assert!(noise["name"] == "poses", "{noise}");
     let svg = fs::read_to_string(place.path().join("one/spectrum.svg")).unwrap();
     assert!(svg.starts_with("<svg") && svg.matches("class=\"peak\"").count() == 12, "{svg}");
+    let page = fs::read_to_string(place.path().join("one/modes.html")).unwrap();
+    assert!(page.matches("<figure>").count() == 6 && page.contains("<animate "), "{page}");
     // Locked postures of a tree are no one body.
     let output = rigident(place.path(), &["vibration", "identify", file]);
     assert!(status(&output) == 2 && said(&output).contains("vibration postures"), "{}", said(&output));
@@ -137,6 +146,40 @@ fn the_microcontroller_makes_the_same_of_a_motion() {
         &["replay", "demo/release.csv", "--mcu", "inproc", "--tare", "demo/release.csv"],
         "suspension.platform",
     );
+}
+
+#[test]
+fn one_body_on_two_rigs_is_known_better_than_on_either() {
+    let place = tempfile::tempdir().unwrap();
+    let run = |arguments: &[&str]| {
+        let output = rigident(place.path(), arguments);
+        assert!(status(&output) == 0, "{arguments:?}: {}", said(&output));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    run(&["demo", "--out", "driven"]);
+    run(&["vibration", "demo", "--body", "horizontal", "--out", "springs"]);
+    let table = run(&["merge", "driven/demo.factor", "springs/modes.body.factor", "--output", "both.factor"]);
+    // The springs tell the mass, the load cell the products of inertia, both the rest.
+    let line = |name: &str| {
+        let start = format!("  {name} ");
+        table.lines().find(|l| l.starts_with(&start)).unwrap_or_else(|| panic!("{table}")).to_owned()
+    };
+    assert!(line("m").contains("modes.body.factor") && line("Iyz").contains("demo.factor"), "{table}");
+    let gain = |name: &str| -> f64 { line(name).split_whitespace().next_back().unwrap().parse().unwrap() };
+    assert!(gain("Iyy") < 0.9 && gain("mcz") < 0.9 && gain("Iyz") <= 1.0, "{table}");
+    let both = object(place.path(), &["solve", "both.factor", "--rig", "springs/swing.rig.toml", "--json"]);
+    for parameter in both["parameters"].as_array().unwrap() {
+        if parameter["truth"].is_f64() {
+            let off = (number(&parameter["value"]) - number(&parameter["truth"])).abs();
+            assert!(off < 1.5 * number(&parameter["u95"]), "{parameter}");
+        }
+    }
+    // With the platform on, the springs are those of another body.
+    let output = rigident(
+        place.path(),
+        &["merge", "driven/demo.factor", "springs/modes.factor", "-o", "wrong.factor"],
+    );
+    assert!(status(&output) == 2 && said(&output).contains("not runs of one body"), "{}", said(&output));
 }
 
 #[test]

@@ -208,6 +208,23 @@ pub fn sets(source: &PostureSource) -> Vec<PostureSet> {
     all
 }
 
+/// Returns what the errors of each posture have of the variance of what all of them tell, on average: `(C I_k C)_jj / C_jj` with the
+/// information I_k of each and the covariance C of all.
+pub fn shares(source: &PostureSource, subset: &Subset) -> Vec<f64> {
+    let n = source.names().len();
+    let solution = subset.factor(&source.factor(0..n)).solve(RANK);
+    let told = |j: &usize| solution.determined[*j] && !subset.open.contains(j);
+    let told: Vec<usize> = (0..subset.names.len()).filter(told).collect();
+    let covariance = solution.covariance.select_rows(&told).select_columns(&told);
+    let share = |k: usize| {
+        let rows = subset.factor(&source.factor([k])).r().select_columns(&told);
+        let taken = rows * &covariance;
+        let each = taken.column_iter().enumerate().map(|(j, own)| own.norm_squared() / covariance[(j, j)]);
+        each.sum::<f64>() / told.len().max(1) as f64
+    };
+    (0..n).map(share).collect()
+}
+
 fn rank_and_condition(factor: &Factor) -> (usize, f64) {
     let singular = factor.r_of_unit_columns().singular_values();
     let most = singular.max();
