@@ -28,7 +28,7 @@ const SIZES: [&str; 2] = ["Ten", "Sixteen"];
 /// An arrow that closes a circle and is known: crate, room that holds both ends ("" for the crate itself), from, to, reason.
 type KnownArrow = (&'static str, &'static str, &'static str, &'static str, &'static str);
 
-const KNOWN_ARROWS: [KnownArrow; 24] = [
+const KNOWN_ARROWS: [KnownArrow; 23] = [
     ("shared", "", "factor", "forgetting", "a factor in a cascade forgets by itself"),
     ("shared", "", "scalar", "factor", "a scalar brings the factor's fastest kernel for it"),
     ("shared", "factor", "cascade", "body", "the levels are factors, and the factor holds levels"),
@@ -38,7 +38,6 @@ const KNOWN_ARROWS: [KnownArrow; 24] = [
     ("host", "", "rig", "recording", "a rig file's columns are those a recording may have"),
     ("host", "cli", "arguments", "calibration_arguments", "the arguments hand on those of each command"),
     ("host", "cli", "arguments", "factor_arguments", "the arguments hand on those of each command"),
-    ("host", "cli", "arguments", "plan_arguments", "the arguments hand on those of each command"),
     ("host", "cli", "programme", "experiment", "a duration is checked where the experiment runs"),
     ("host", "cli", "demo_links", "demo", "rate and quiet time are those of one body's demonstration"),
     ("host", "cli", "replay_links", "replay", "the noise and the device are those of one body's replay"),

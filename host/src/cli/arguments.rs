@@ -12,6 +12,7 @@ pub use super::options::known_values::KnownQuantities;
 pub use super::options::load::LoadOptions;
 pub use super::options::microcontroller::Mcu;
 pub use super::options::stop_criterion::StopCriterion;
+pub use super::options::test_body::DemoBody;
 pub use super::options::trees::{BenchCommand, ModelCommand, TreeModel, TreeOptions};
 pub use super::plan_arguments::{Plan, Statics, Workspace};
 pub use super::predict_arguments::{Predict, Summary, Validate};
@@ -169,16 +170,6 @@ pub enum Demonstrated {
     /// A person of 15 links and 34 degrees of freedom from frames, 100 a second: 128 base parameters
     #[value(name = "human34")]
     Human34,
-}
-
-/// The two mountings of the thesis' test body.
-#[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum DemoBody {
-    /// Lying: centre of mass at 53 mm
-    #[default]
-    Horizontal,
-    /// Standing: centre of mass at 247 mm
-    Vertical,
 }
 
 /// `rigident replay`

@@ -2,7 +2,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
 
-use super::arguments::DemoBody;
+use super::options::test_body::DemoBody;
 
 /// `rigident plan`
 #[derive(Args, Debug, Clone)]

@@ -2,6 +2,9 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
+#[cfg(feature = "simulator")]
+use super::options::test_body::DemoBody;
+
 /// `rigident vibration`
 #[derive(Args, Debug, Clone)]
 pub struct Vibration {
@@ -116,7 +119,7 @@ pub struct DemoVibration {
     pub seed: u64,
     /// One body on the springs instead: a test body of `rigident demo`, so that two rigs can be merged
     #[arg(long, value_enum, value_name = "BODY")]
-    pub body: Option<super::arguments::DemoBody>,
+    pub body: Option<DemoBody>,
     /// Standard deviation of a marker's noise along each axis, mm
     #[arg(long, value_name = "MM", default_value_t = 0.2)]
     pub marker_noise_mm: f64,

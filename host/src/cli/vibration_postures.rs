@@ -9,7 +9,7 @@ use super::outcome::say;
 use super::vibration_arguments::Postures;
 use super::{ExitStatus, Failure};
 use crate::fit::Fit;
-use crate::present::posture_sets::figure;
+use crate::present::posture_sets::{Bar, figure};
 use crate::present::text::{NOT_IDENTIFIED, significant, unit_symbol, with_u95};
 use crate::problem::suspension::posture_file::PosturesFile;
 use crate::problem::suspension::posture_sets::{NextPosture, Subset, next, sets, shares, turn_deg};
@@ -98,7 +98,8 @@ pub(super) fn run(arguments: &Postures) -> Result<ExitCode, Failure> {
         pooled.write(path).map_err(Failure::input)?;
     }
     if let Some(path) = &arguments.plot {
-        let figure = figure(&sets(&source), source.names());
+        let bar = |set: &Set| Bar { name: set.postures.join(", "), rank: set.rank, condition: set.condition };
+        let figure = figure(&object.sets.iter().map(bar).collect::<Vec<_>>());
         std::fs::write(path, figure).map_err(|e| Failure::input(format!("{}: {e}", path.display())))?;
     }
     if arguments.json {

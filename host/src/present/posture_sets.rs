@@ -2,7 +2,6 @@
 
 use super::plot::{line, open_alone, text as word};
 use super::text::significant;
-use crate::problem::suspension::posture_sets::PostureSet;
 
 /// Sets that are drawn; of more those that come first.
 const MOST: usize = 40;
@@ -13,9 +12,20 @@ const WIDTH: (f64, f64) = (230.0, 520.0);
 const TOP: f64 = 58.0;
 const STYLE: &str = ".full{fill:var(--a)}.less{fill:var(--sand)}";
 
-/// Returns a bar for every set of postures: its condition number on a logarithmic scale, with its rank; `names` are the postures'.
-pub fn figure(sets: &[PostureSet], names: &[String]) -> String {
-    let drawn: Vec<&PostureSet> = sets.iter().take(MOST).collect();
+/// A set of postures.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bar {
+    /// Names of its postures.
+    pub name: String,
+    /// Its rank.
+    pub rank: usize,
+    /// Its condition number.
+    pub condition: f64,
+}
+
+/// Returns a bar for every set of postures: its condition number on a logarithmic scale, with its rank.
+pub fn figure(sets: &[Bar]) -> String {
+    let drawn: Vec<&Bar> = sets.iter().take(MOST).collect();
     let full = sets.iter().map(|set| set.rank).max().unwrap_or(0);
     let decade = |condition: f64| condition.max(1.0).log10();
     let most = drawn.iter().map(|set| decade(set.condition)).fold(1.0, f64::max).ceil();
@@ -39,10 +49,9 @@ pub fn figure(sets: &[PostureSet], names: &[String]) -> String {
     }
     for (k, set) in drawn.iter().enumerate() {
         let y = TOP + BAR.1 * k as f64 + 4.0;
-        let own: Vec<&str> = set.postures.iter().filter_map(|k| names.get(*k)).map(String::as_str).collect();
         let class = if set.rank == full { "full" } else { "less" };
         let end = x(set.condition);
-        svg.push_str(&word("end", WIDTH.0 - 8.0, y + 13.0, &shortened(&own.join(", "))));
+        svg.push_str(&word("end", WIDTH.0 - 8.0, y + 13.0, &shortened(&set.name)));
         svg.push_str(&format!(
             "<rect class=\"{class}\" x=\"{:.1}\" y=\"{y:.1}\" width=\"{:.1}\" height=\"{}\"/>\n",
             WIDTH.0,
@@ -74,11 +83,10 @@ mod tests {
     #[test]
     fn every_set_has_a_bar_as_long_as_its_condition() {
         let sets = [
-            PostureSet { postures: vec![0], rank: 10, condition: 10.0 },
-            PostureSet { postures: vec![0, 1], rank: 16, condition: 100.0 },
+            Bar { name: "a".to_owned(), rank: 10, condition: 10.0 },
+            Bar { name: "a, b & c".to_owned(), rank: 16, condition: 100.0 },
         ];
-        let names = ["a".to_owned(), "b & c".to_owned()];
-        let svg = figure(&sets, &names);
+        let svg = figure(&sets);
         let document = roxmltree::Document::parse(&svg).unwrap();
         let bars: Vec<f64> = document
             .descendants()

@@ -6,4 +6,5 @@ pub(in crate::cli) mod known_values;
 pub(in crate::cli) mod load;
 pub(in crate::cli) mod microcontroller;
 pub(in crate::cli) mod stop_criterion;
+pub(in crate::cli) mod test_body;
 pub(in crate::cli) mod trees;
