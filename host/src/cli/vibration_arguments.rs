@@ -86,14 +86,18 @@ pub struct Stiffness {
 #[derive(Args, Debug, Clone)]
 #[command(
     after_help = "The file has the links in [[link]] tables, as a rig file, and in each [[posture]] mass, centre of mass and tensor of \
-                  everything with the joints locked as [posture.joint] says. The factor merges with that of the motion of the same links on \
+                  everything with the joints locked as [posture.joint] says. Recordings have the poses of the platform and the attitudes or coordinates of \
+                  the joints, as for `rigident identify`. The factor merges with that of the motion of the same links on \
                   springs (rigident merge).\n\nExamples:\n  rigident vibration postures docs/examples/two-link-postures.toml\n  rigident \
-                  vibration postures postures.toml --factor postures.factor --plot sets.svg --json"
+                  vibration postures posture1.csv posture2.csv posture3.csv --factor postures.factor\n  rigident vibration postures postures.toml --factor postures.factor --plot sets.svg --json"
 )]
 pub struct Postures {
-    /// The file of postures, TOML
-    #[arg(value_name = "FILE")]
-    pub file: PathBuf,
+    /// The file of postures, TOML; or the recordings of their free vibration, one for each posture
+    #[arg(value_name = "FILE", required = true)]
+    pub files: Vec<PathBuf>,
+    /// Rig file of all recordings. Default: that of the first, NAME.rig.toml beside it
+    #[arg(long, value_name = "FILE")]
+    pub rig: Option<PathBuf>,
     /// Write the factor of all postures
     #[arg(long, value_name = "FILE")]
     pub factor: Option<PathBuf>,

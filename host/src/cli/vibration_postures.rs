@@ -4,16 +4,24 @@ use std::process::ExitCode;
 
 use serde::Serialize;
 
+use super::bare_platform::take_platform_off;
 use super::factor::absent;
 use super::outcome::say;
+use super::recorded::is_recording;
 use super::vibration_arguments::Postures;
-use super::{ExitStatus, Failure};
+use super::{ExitStatus, Failure, Stages};
 use crate::fit::Fit;
+use crate::fit::pool::PooledFactor;
+use crate::model::rig_links;
 use crate::present::posture_sets::{Bar, figure};
 use crate::present::text::{NOT_IDENTIFIED, significant, unit_symbol, with_u95};
 use crate::problem::suspension::posture_file::PosturesFile;
 use crate::problem::suspension::posture_sets::{NextPosture, Subset, next, sets, shares, turn_deg};
 use crate::problem::suspension::postures::PostureSource;
+use crate::problem::suspension::recorded_postures::{self, RecordedPosture};
+use crate::problem::suspension::settled::settled;
+use crate::problem::suspension::support::Support;
+use crate::recording::Recording;
 
 /// The object of `--json`.
 #[derive(Serialize)]
@@ -22,6 +30,9 @@ struct Object {
     parameters: usize,
     told: usize,
     sigma_stated: bool,
+    /// What the uncertainty is from, in words.
+    #[serde(skip)]
+    from: &'static str,
     subset: Vec<Value>,
     #[serde(skip_serializing_if = "Option::is_none")]
     open: Option<Bounds>,
@@ -87,13 +98,8 @@ pub(super) fn run(arguments: &Postures) -> Result<ExitCode, Failure> {
     for path in arguments.factor.iter().chain(&arguments.plot) {
         absent(path)?;
     }
-    let what = arguments.file.display().to_string();
-    let text = std::fs::read_to_string(&arguments.file)
-        .map_err(|e| Failure::input(format!("{what}: cannot be read: {e}")))?;
-    let file: PosturesFile = toml::from_str(&text).map_err(|e| Failure::input(format!("{what}: {e}")))?;
-    let source = PostureSource::new(&file, &what).map_err(Failure::input)?;
-    let pooled = source.pooled();
-    let object = object(&file, &source, &pooled.fit());
+    let recorded = arguments.files.len() > 1 || arguments.files.iter().any(|file| is_recording(file));
+    let (object, pooled) = if recorded { recordings(arguments)? } else { of_file(arguments)? };
     if let Some(path) = &arguments.factor {
         pooled.write(path).map_err(Failure::input)?;
     }
@@ -111,6 +117,64 @@ pub(super) fn run(arguments: &Postures) -> Result<ExitCode, Failure> {
         object.warnings.iter().for_each(|warning| tell!("rigident: {warning}"));
     }
     Ok(ExitStatus::of(object.subset.iter().all(|value| value.value.is_some())).into())
+}
+
+/// What a file of postures tells, and its factor.
+fn of_file(arguments: &Postures) -> Result<(Object, PooledFactor), Failure> {
+    let Some(path) = arguments.files.first() else { return Err(Failure::input("no file is given")) };
+    if arguments.rig.is_some() {
+        return Err(Failure::input("--rig: a file of postures has the links itself"));
+    }
+    let what = path.display().to_string();
+    let text =
+        std::fs::read_to_string(path).map_err(|e| Failure::input(format!("{what}: cannot be read: {e}")))?;
+    let file: PosturesFile = toml::from_str(&text).map_err(|e| Failure::input(format!("{what}: {e}")))?;
+    let source = PostureSource::new(&file, &what).map_err(Failure::input)?;
+    let pooled = source.pooled();
+    let object = object(&file, &source, &pooled.fit());
+    let from = if source.sigma_given() { "what the file states" } else { "the scatter of the postures" };
+    Ok((Object { from, ..object }, pooled))
+}
+
+/// What recordings of locked postures tell, and their factor, the platform on it.
+fn recordings(arguments: &Postures) -> Result<(Object, PooledFactor), Failure> {
+    let stages = Stages::new("reading the recordings");
+    let Some(first) = arguments.files.first() else { return Err(Failure::input("no file is given")) };
+    let mut all = Vec::new();
+    for path in &arguments.files {
+        let rig = arguments.rig.as_deref();
+        all.push(Recording::load(path, rig).map_err(Failure::input)?);
+    }
+    let rig = all.first().map(|recording| recording.rig.clone()).unwrap_or_default();
+    if let Some(other) =
+        all.iter().find(|own| own.rig.suspension != rig.suspension || own.rig.link != rig.link)
+    {
+        return Err(Failure::input(format!(
+            "{}: its [suspension] or its [[link]] tables are not those of {}: give one rig file for all by --rig",
+            other.name,
+            first.display()
+        )));
+    }
+    let model =
+        rig_links::from_tables(&rig.link, &first.display().to_string()).map_err(Failure::input)?.welded();
+    let support = Support::of(&rig, &first.display().to_string()).map_err(Failure::input)?;
+    let table = rig.suspension.clone().unwrap_or_default();
+    let (mut postures, mut findings) = (Vec::new(), Vec::new());
+    for (k, recording) in all.iter().enumerate() {
+        stages.at(&format!("modes of {}", recording.name), k as f64 / all.len() as f64);
+        let own = RecordedPosture::of(recording, &model, &support).map_err(Failure::input)?;
+        findings.extend(own.findings.iter().map(|what| format!("{}: {what}", own.name)));
+        postures.push(own);
+    }
+    let name = postures.iter().map(|own| own.name.as_str()).collect::<Vec<_>>().join(" + ");
+    let (source, mut together) =
+        recorded_postures::source(&model, &support, &postures, &name).map_err(Failure::input)?;
+    let pooled = PooledFactor::of(&together, &name);
+    take_platform_off(&table, &mut together)?;
+    let mut object = object(&PosturesFile::default(), &source, &together);
+    object.warnings.extend(findings);
+    object.warnings.extend(settled(&table, &support, &postures));
+    Ok((Object { from: "the modes and the springs", ..object }, pooled))
 }
 
 fn object(file: &PosturesFile, source: &PostureSource, fit: &Fit) -> Object {
@@ -151,6 +215,7 @@ fn object(file: &PosturesFile, source: &PostureSource, fit: &Fit) -> Object {
         parameters: source.parameters().len(),
         told: whole,
         sigma_stated: source.sigma_given(),
+        from: "",
         open: subset.bounds(fit, leaf).map(|b| Bounds {
             name: b.name,
             least: b.least,
@@ -195,7 +260,7 @@ fn words(object: &Object) -> String {
         "{} of {} base parameters' directions are told; uncertainty from {}\n\n  {:<14} {:>24} {:>8}{}\n",
         object.told,
         object.parameters,
-        if object.sigma_stated { "what the file states" } else { "the scatter of the postures" },
+        object.from,
         "",
         "value ± U95",
         "",

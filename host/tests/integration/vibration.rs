@@ -148,6 +148,56 @@ fn the_microcontroller_makes_the_same_of_a_motion() {
     );
 }
 
+/// Moves a column of a recording by so much, or by so many times.
+fn altered(from: &Path, to: &Path, column: usize, change: impl Fn(f64) -> f64) {
+    let text = fs::read_to_string(from).unwrap();
+    let line = |(k, line): (usize, &str)| {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        if k > 0 {
+            cells[column] = format!("{:?}", change(cells[column].parse().unwrap()));
+        }
+        cells.join(",")
+    };
+    fs::write(to, text.lines().enumerate().map(line).collect::<Vec<_>>().join("\n") + "\n").unwrap();
+}
+
+#[test]
+fn recordings_of_postures_tell_what_they_are_and_whether_a_spring_changed() {
+    let place = tempfile::tempdir().unwrap();
+    object(place.path(), &["vibration", "demo", "--seed", "2", "--out", "demo", "--json"]);
+    let posture = |k: usize| format!("demo/posture{k}.csv");
+    let all = [posture(1), posture(2), posture(3)];
+    let run = |files: &[&str]| {
+        let arguments =
+            [&["vibration", "postures"], files, &["--rig", "demo/posture1.rig.toml", "--json"]].concat();
+        object(place.path(), &arguments)
+    };
+    let found = run(&[&all[0], &all[1], &all[2]]);
+    // As the demonstration has it, which knows how the joint stands; here cameras tell it.
+    let demo: Value =
+        serde_json::from_slice(&fs::read(place.path().join("demo/result.json")).unwrap()).unwrap();
+    for (own, other) in found["subset"].as_array().unwrap().iter().zip(demo["table_3"].as_array().unwrap()) {
+        assert_eq!(own["name"], other["name"]);
+        let off = (number(&own["value"]) - number(&other["value"])).abs();
+        assert!(off < 0.05 * number(&own["u95"]), "{own} {other}");
+    }
+    let ranks: Vec<u64> =
+        found["sets"].as_array().unwrap().iter().map(|s| s["rank"].as_u64().unwrap()).collect();
+    assert_eq!(ranks, [10, 10, 10, 16, 16, 16, 18]);
+    let warned = |found: &Value| found["warnings"].to_string();
+    assert!(!warned(&found).contains("settled") && !warned(&found).contains("softer"), "{}", warned(&found));
+    // A rest that is half a millimetre lower, and springs of which all frequencies are half a per cent lower.
+    altered(&place.path().join(&all[2]), &place.path().join("low.csv"), 3, |z| z - 5e-4);
+    assert!(warned(&run(&[&all[0], &all[1], "low.csv"])).contains("has settled"));
+    altered(&place.path().join(&all[2]), &place.path().join("soft.csv"), 0, |t| 1.005 * t);
+    assert!(warned(&run(&[&all[0], &all[1], "soft.csv"])).contains("a spring is softer"));
+    // A joint that is not locked, and one recording twice.
+    let output = rigident(place.path(), &["vibration", "postures", &all[0], "demo/release.csv"]);
+    assert!(status(&output) == 2 && said(&output).contains("arm is not locked"), "{}", said(&output));
+    let output = rigident(place.path(), &["vibration", "postures", &all[0], &all[0]]);
+    assert!(status(&output) == 2 && said(&output).contains("twice"), "{}", said(&output));
+}
+
 #[test]
 fn one_body_on_two_rigs_is_known_better_than_on_either() {
     let place = tempfile::tempdir().unwrap();

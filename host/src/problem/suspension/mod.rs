@@ -12,6 +12,8 @@ pub mod posture_modes;
 pub mod posture_sets;
 pub mod postures;
 pub mod prepare;
+pub mod recorded_postures;
+pub mod settled;
 pub mod source;
 pub mod springs;
 pub mod stiffness;

@@ -38,7 +38,9 @@ pub struct PostureSource {
     tree: TreeSource,
     names: Vec<String>,
     rows: Vec<(DMatrix<f64>, [f64; TEN])>,
-    /// 1 σ of the ten values of each posture.
+    /// What whitens the ten values of each posture.
+    whitening: Vec<DMatrix<f64>>,
+    /// 1 σ of these values.
     sigma: Vec<[f64; TEN]>,
     /// False if σ is from the scatter of the postures.
     sigma_given: bool,
@@ -77,7 +79,43 @@ impl PostureSource {
         let stated = sigma(file).map_err(refuse)?;
         let sigma_given = stated.is_some();
         let sigma = stated.unwrap_or_else(|| scatter(&rows));
-        Ok(Self { tree, names, rows, sigma, sigma_given, file: what.to_owned() })
+        let of = |sigma: &[f64; TEN]| DMatrix::from_diagonal(&DVector::from_fn(TEN, |k, _| 1.0 / sigma[k]));
+        let whitening = sigma.iter().map(of).collect();
+        Ok(Self { tree, names, rows, whitening, sigma, sigma_given, file: what.to_owned() })
+    }
+
+    /// Returns the rows of postures of a tree, each with its name, how its joints stand, and the factor of its ten parameters in the base
+    /// link's frame; `what` names them in complaints.
+    ///
+    /// # Errors
+    /// [`SuspensionError`] if the joints do not fit the tree, or two postures have one name.
+    pub fn of_factors(
+        model: &Model,
+        postures: Vec<(String, Vec<f64>, Factor)>,
+        what: &str,
+    ) -> Result<Self, SuspensionError> {
+        let model = model.welded();
+        let tree = TreeSource::new(Input::tracked(model.clone(), Vec::new(), 1.0))?;
+        let refuse = |why: String| SuspensionError::Posture { file: what.to_owned(), why };
+        let mut moving = Moving::new(model.tree()).map_err(|e| refuse(format!("{e:?}")))?;
+        let (mut rows, mut names, mut whitening, mut sigma) =
+            (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        for (name, positions, factor) in postures {
+            if names.contains(&name) {
+                return Err(refuse(format!("{name} is given twice: its vibration would count twice")));
+            }
+            let composite =
+                composite(&mut moving, &positions).map_err(|e| refuse(format!("{name}: {e:?}")))?;
+            let solution = factor.solve(factor.rounding());
+            rows.push((
+                base_columns(tree.base(), &composite),
+                std::array::from_fn(|k| solution.estimate.get(k).copied().unwrap_or(0.0)),
+            ));
+            sigma.push(std::array::from_fn(|k| solution.covariance[(k, k)].sqrt()));
+            whitening.push(factor.r());
+            names.push(name);
+        }
+        Ok(Self { tree, names, rows, whitening, sigma, sigma_given: true, file: what.to_owned() })
     }
 
     /// Returns the unknowns: the base parameters of the tree.
@@ -109,11 +147,11 @@ impl PostureSource {
     pub fn factor(&self, postures: impl IntoIterator<Item = usize>) -> Factor {
         let mut factor = Factor::new(self.parameters().len());
         for k in postures {
-            let (Some((columns, values)), Some(sigma)) = (self.rows.get(k), self.sigma.get(k)) else {
+            let (Some((columns, values)), Some(whitening)) = (self.rows.get(k), self.whitening.get(k)) else {
                 continue;
             };
-            let white = DMatrix::from_fn(TEN, columns.ncols(), |i, j| columns[(i, j)] / sigma[i]);
-            factor.absorb_matrix(&white, &std::array::from_fn::<f64, TEN, _>(|i| values[i] / sigma[i]));
+            let values = whitening * DVector::from_column_slice(values);
+            factor.absorb_matrix(&(whitening * columns), values.as_slice());
         }
         factor
     }

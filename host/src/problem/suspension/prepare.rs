@@ -87,7 +87,10 @@ fn one_body() -> Model {
 }
 
 /// Returns the numbers of the joints of every row, and what they are.
-fn joints(recording: &Recording, model: &Model) -> Result<(Vec<Vec<f64>>, Vec<Part>), SuspensionError> {
+pub(super) fn joints(
+    recording: &Recording,
+    model: &Model,
+) -> Result<(Vec<Vec<f64>>, Vec<Part>), SuspensionError> {
     let tables = &recording.rig.link;
     let number_of = |i: usize| match tables.is_empty() {
         true => i,
