@@ -187,6 +187,12 @@ pub trait RowSource: Send + Sync {
         true
     }
 
+    /// Returns true if the noise of the signals is white before the rows are filtered. What other noise leaves in the residuals, where it
+    /// counts, looks like a part that swings or a body that changes, and is not taken for one.
+    fn signal_noise_is_white(&self) -> bool {
+        true
+    }
+
     /// Returns the errors of sensors and mounting that do not average out, each with what is known of it beforehand. They are
     /// estimated with the parameters, and eliminated.
     fn nuisances(&self) -> Vec<Nuisance> {

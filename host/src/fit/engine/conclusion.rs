@@ -95,6 +95,9 @@ impl Engine<'_> {
 
     /// Returns what the residuals say against the model.
     pub(super) fn lack_of_fit(&self, pass: &Pass, conclusion: &Conclusion) -> LackOfFit {
+        if pass.weighing.is_compensated() && !self.source.signal_noise_is_white() {
+            return LackOfFit::default();
+        }
         let values = &conclusion.about.values;
         let mut roles: Vec<Role> = self.source.parameters().iter().map(Role::of).collect();
         if pass.linearised.is_some() {

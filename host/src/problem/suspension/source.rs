@@ -296,6 +296,11 @@ impl RowSource for SuspendedSource {
         Some(Box::new(noisy))
     }
 
+    fn signal_noise_is_white(&self) -> bool {
+        // The poses were smoothed, and springs and masses make forces of their noise that cancel at each resonance.
+        false
+    }
+
     fn nuisances(&self) -> Vec<Nuisance> {
         self.support.springs.nuisances().to_vec()
     }
