@@ -85,6 +85,18 @@ pub(super) fn solve(arguments: &Solve) -> Result<ExitCode, Failure> {
     {
         tare.take_off(&mut found).map_err(Failure::input)?;
     }
+    if arguments.without_platform {
+        let table = rig.suspension.as_ref().filter(|table| table.platform.is_some());
+        let Some(table) = table else {
+            return Err(Failure::input("--without-platform: the rig file has no [suspension.platform]"));
+        };
+        super::bare_platform::take_platform_off(table, &mut found)?;
+    } else if rig.suspension.as_ref().is_some_and(|table| table.platform.is_some()) {
+        report.notes.push(
+            "the rig file states the platform: of factors that have it on, --without-platform takes it off"
+                .to_owned(),
+        );
+    }
     known.apply(&mut found).map_err(Failure::input)?;
     let out = arguments.output.out.as_deref();
     report.finish(&found, || out.map(|out| Folder::new(Some(out), "solve")).transpose())

@@ -82,6 +82,9 @@ pub struct Solve {
     /// Rig file: its [body] and [truth]; and what recordings of a tare were taken with
     #[arg(long, value_name = "FILE")]
     pub rig: Option<PathBuf>,
+    /// Take the bare platform off, which [suspension.platform] of the rig file states: runs on springs have it on
+    #[arg(long, requires = "rig", conflicts_with = "tare")]
+    pub without_platform: bool,
     #[command(flatten)]
     #[allow(missing_docs)]
     pub tare: TareFiles,

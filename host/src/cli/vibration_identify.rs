@@ -26,6 +26,12 @@ use crate::rig::RigFile;
 
 /// Answers of two ways that differ by more than this many times both uncertainties contradict each other.
 const CONTRADICTORY: f64 = 1.5;
+/// Modes that leave so many times what is explained make a warning,
+const SUSPECT: f64 = 2.5;
+/// and no body.
+const IMPOSSIBLE: f64 = 15.0;
+/// What may be wrong then.
+const LEFT: &str = "look at the stiffness and its σ, anchor_height_m, units and frames of poses, a part that is loose, and what the springs stand on";
 /// Parameters of a body.
 const TEN: usize = 10;
 
@@ -84,12 +90,20 @@ pub(super) fn identify(
     let mut warnings = recording.warnings.clone();
     let by_modes = by_modes(&recording, &support, &vibration, &mut warnings)?;
     let by_motion = match vibration.samples.imu {
-        None => Some(by_motion(recording.clone(), &stages)?),
+        None => by_motion(recording.clone(), &stages)
+            .map_err(|why| warnings.push(format!("no body is told by the motion: {why}")))
+            .ok(),
         Some(_) => None,
     };
     drop(stages);
     let mut notes = Vec::new();
-    if by_motion.is_none() {
+    if vibration.samples.left_out > 0 {
+        notes.push(format!(
+            "{} rows before or after a gap in time are not in the modes",
+            vibration.samples.left_out
+        ));
+    }
+    if vibration.samples.imu.is_some() {
         notes.push(
             "the recording has no poses: the body is told by the modes of the IMU's readings alone"
                 .to_owned(),
@@ -133,6 +147,18 @@ fn by_modes(
         return Ok(None);
     };
     let fit = fit(&source, &FitOptions::default(), &Silent).map_err(Failure::input)?;
+    let left = fit.noise.variance_ratio.sqrt();
+    if left > IMPOSSIBLE {
+        warnings.push(format!(
+            "no body is told by the modes: they leave {left:.0} times what their noise and the springs' errors explain; {LEFT}"
+        ));
+        return Ok(None);
+    }
+    if left > SUSPECT {
+        warnings.push(format!(
+            "the modes leave {left:.1} times what their noise and the springs' errors explain, and intervals are as much wider; {LEFT}"
+        ));
+    }
     answered(recording, fit, found.samples.values.nrows()).map(Some)
 }
 
@@ -232,6 +258,11 @@ fn finish(
         }
         for warning in object.findings.iter().chain(&object.warnings) {
             tell!("rigident: {warning}");
+        }
+        for (way, answer) in [("modes", &object.by_modes), ("motion", &object.by_motion)] {
+            for warning in answer.iter().flat_map(|answer| &answer.warnings) {
+                tell!("rigident: by the {way}: {warning}");
+            }
         }
     }
     if let Some(folder) = folder {

@@ -32,6 +32,8 @@ const MOST_PRODUCTS: usize = 100_000_000;
 /// Columns of noise are made anew where what is predicted moves by more than this: their squares have a sampling error of
 /// some per cent.
 const NEAR: f64 = 0.01;
+/// Lags of the rows that coloured noise is looked at.
+const CORRELATED_LAGS: usize = 200;
 /// The measured side's coefficient in a residual.
 const MEASURED: f64 = -1.0;
 /// Samples by which it is seen whether noise is felt at all,
@@ -45,6 +47,8 @@ pub(super) struct RowNoise<'a> {
     /// Row blocks of the whole recording.
     blocks: f64,
     measured: Vec<Band>,
+    /// `2 Σ ρ²` of noise that is not white before the filter: its squares are so much less independent. Zero of white noise.
+    correlated: f64,
     /// Gram matrix of the rows.
     gram: DMatrix<f64>,
     parameters: usize,
@@ -176,6 +180,23 @@ impl<'a> Group<'a> {
         Self { noise, reached, repetitions }
     }
 
+    /// Returns `2 Σ ρ²` over the lags of the rows, of the channel's column where it is most.
+    fn correlated(&self, channels: usize) -> f64 {
+        let (width, lines) = (self.reached.len().max(1), channels.max(1) * self.reached.len().max(1));
+        let of = |place: usize| {
+            let mut sums = [0.0; CORRELATED_LAGS];
+            for repetition in &self.repetitions {
+                let own: Vec<f64> = repetition.rows.iter().skip(place).step_by(lines).copied().collect();
+                for (lag, sum) in sums.iter_mut().enumerate() {
+                    *sum += own.iter().zip(own.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>();
+                }
+            }
+            let [zero, rest @ ..] = sums;
+            if zero > 0.0 { rest.iter().map(|sum| 2.0 * (sum / zero).powi(2)).sum() } else { 0.0 }
+        };
+        (0..channels * width).map(of).fold(0.0, f64::max)
+    }
+
     /// Returns the rows of a block of a repetition.
     fn block(&self, repetition: usize, block: usize, channels: usize) -> &[f64] {
         let length = channels * self.reached.len();
@@ -259,7 +280,18 @@ impl<'a> RowNoise<'a> {
         let measured = measured(blocks, channels, n);
         let blocks = blocks.len() as f64;
         let gram = grams.iter().fold(DMatrix::zeros(n, n), |sum, gram| sum + gram);
-        Ok(Some(Self { groups, blocks, measured, gram, parameters: n, channels, kept: Mutex::new(None) }))
+        let coloured = groups.iter().filter(|_| !source.signal_noise_is_white());
+        let correlated = coloured.map(|group| group.correlated(channels)).fold(0.0, f64::max);
+        Ok(Some(Self {
+            groups,
+            blocks,
+            measured,
+            correlated,
+            gram,
+            parameters: n,
+            channels,
+            kept: Mutex::new(None),
+        }))
     }
 
     /// Returns the covariance of the noise by bands: that of residuals with what all columns of the rows took of it.
@@ -277,6 +309,11 @@ impl<'a> RowNoise<'a> {
         let repeated = |g: &Group| g.repetitions.iter().map(Difference::len).sum::<usize>() as f64;
         let repeated = self.groups.iter().map(repeated).fold(f64::INFINITY, f64::min);
         1.0 / (1.0 / self.blocks + 1.0 / repeated.max(1.0))
+    }
+
+    /// Returns `2 Σ ρ²` of noise that is not white before the filter.
+    pub(super) fn correlated(&self) -> f64 {
+        self.correlated
     }
 
     /// Returns the groups of signals.

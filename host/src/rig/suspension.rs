@@ -22,8 +22,10 @@ pub struct SuspensionTable {
     pub stiffness_element_std: Option<[[f64; 6]; 6]>,
     /// The point of P that `stiffness` is about, and through which the reaction of a locked coordinate goes, m.
     pub at_m: [f64; 3],
-    /// Height above that point at which the springs carry the weight, m: it turns with the platform.
-    pub anchor_height_m: f64,
+    /// Height above that point at which the springs carry the weight, m: it turns with the platform. That of the springs' places if
+    /// absent, zero of a matrix.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub anchor_height_m: Option<f64>,
     /// Coordinates that a guide keeps from moving: `["z"]` of a platform that slides and turns on a vertical column.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub locked: Vec<Coordinate>,

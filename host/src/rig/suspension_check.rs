@@ -7,6 +7,8 @@ use super::{SpringTable, SuspendedPlatformTable, SuspensionTable};
 /// Key, value, advice.
 type Complaint = (String, String, String);
 
+/// No platform on springs is longer, m.
+const LONGEST_M: f64 = 5.0;
 /// Elements of a stiffness that differ by less, relative to the largest, are equal to the digits that people write.
 const WRITTEN: f64 = 1e-3;
 
@@ -15,14 +17,12 @@ const WRITTEN: f64 = 1e-3;
 /// # Errors
 /// The first [`Complaint`].
 pub(super) fn check(table: &SuspensionTable) -> Result<(), Complaint> {
-    let finite =
-        |key: &str, values: &[f64]| of(key, values, |v| v.is_finite(), "every number must be finite");
     let sigma = |key: &str, value: Option<f64>| {
         of(key, value.as_slice(), |v| v.is_finite() && v >= 0.0, "1 σ must be finite and not negative")
     };
-    finite("at_m", &table.at_m)?;
-    finite("anchor_height_m", &[table.anchor_height_m])?;
-    finite("base_position_m", &table.base_position_m)?;
+    length("at_m", &table.at_m)?;
+    length("anchor_height_m", table.anchor_height_m.as_slice())?;
+    length("base_position_m", &table.base_position_m)?;
     sigma("stiffness_std", table.stiffness_std)?;
     sigma("damping_ratio_std", table.damping_ratio_std)?;
     let positive = |v: f64| v.is_finite() && v > 0.0;
@@ -50,6 +50,12 @@ pub(super) fn check(table: &SuspensionTable) -> Result<(), Complaint> {
         (None, false) => springs(table),
     }?;
     table.platform.as_ref().map_or(Ok(()), platform)
+}
+
+/// Refuses what is no length of a platform in m.
+fn length(key: &str, values: &[f64]) -> Result<(), Complaint> {
+    let advice = format!("must be finite, and no more than {LONGEST_M} m: lengths are in m");
+    of(key, values, |v| v.is_finite() && v.abs() <= LONGEST_M, &advice)
 }
 
 fn of(key: &str, values: &[f64], good: impl Fn(f64) -> bool, advice: &str) -> Result<(), Complaint> {
@@ -109,7 +115,7 @@ fn springs(table: &SuspensionTable) -> Result<(), Complaint> {
     }
     for (n, SpringTable { at_m, axis, axial_npm, lateral_npm, std }) in table.spring.iter().enumerate() {
         let key = |name: &str| format!("spring[{n}].{name}");
-        of(&key("at_m"), at_m, f64::is_finite, "every number must be finite")?;
+        length(&key("at_m"), at_m)?;
         of(&key("axis"), axis, f64::is_finite, "every number must be finite")?;
         if axis.iter().all(|v| *v == 0.0) {
             return Err((key("axis"), "0, 0, 0".to_owned(), "must have a direction".to_owned()));
@@ -133,6 +139,7 @@ fn platform(table: &SuspendedPlatformTable) -> Result<(), Complaint> {
         let key = format!("platform.{name}");
         of(&key, &[*sigma], |v| v.is_finite() && v >= 0.0, "1 σ must be finite and not negative")?;
     }
+    length("platform.com_m", com_m)?;
     if body.is_possible() {
         return Ok(());
     }

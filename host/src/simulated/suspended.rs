@@ -22,7 +22,7 @@ const LOSS_S: f64 = 1e-3;
 /// Origin of a single body's S in the platform, m.
 const S_IN_P_M: [f64; 3] = [0.0, 0.0, 0.06];
 /// Rates that a blow gives to a single body, rad/s: it turns faster than the paper's links, and comes to rest sooner.
-const TURNED_RADPS: [f64; 3] = [0.25, 0.25, 0.1];
+const TURNED_RADPS: [f64; 3] = [0.1, 0.15, 0.1];
 /// Half the side of the markers' clusters on platform and links, m.
 const CLUSTERS_M: [f64; 3] = [0.4, 0.4, 0.3];
 
@@ -80,7 +80,7 @@ impl Experiment {
         let platform = &self.rig.platform;
         let suspension = SuspensionTable {
             stiffness_std: Some(0.0),
-            anchor_height_m: self.rig.springs.first().map_or(0.0, |s| s.at_m[2]),
+            anchor_height_m: self.rig.springs.first().map(|s| s.at_m[2]),
             base_position_m: self.rig.mount.position_m,
             spring: self.rig.springs.iter().map(spring).collect(),
             platform: Some(SuspendedPlatformTable {

@@ -59,7 +59,10 @@ impl Engine<'_> {
     /// Returns what noise of the signals adds to the rows, so many times; its square may be wrong by `doubt`.
     pub(super) fn noise_gram<'g>(&self, expected: &'g DMatrix<f64>, times: f64, doubt: f64) -> NoiseGram<'g> {
         let blocks = self.noise.as_ref().map_or(0.0, RowNoise::independent_blocks);
-        NoiseGram { expected, times, spread: spread(self.blocks.filter(), blocks).hypot(doubt) }
+        let correlated = self.noise.as_ref().map_or(0.0, RowNoise::correlated);
+        let coloured = (2.0 * (1.0 + correlated) / blocks.max(1.0)).sqrt();
+        let spread = spread(self.blocks.filter(), blocks).max(coloured);
+        NoiseGram { expected, times, spread: spread.hypot(doubt) }
     }
 
     /// Solves a pass whose noise has `scale` times the variance, beside what is known beforehand.

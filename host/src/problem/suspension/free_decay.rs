@@ -1,5 +1,7 @@
 //! From a recording of free vibration to its modes: from poses of the platform, or from an IMU on it alone.
 
+use std::ops::Range;
+
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 use super::SuspensionError;
@@ -20,9 +22,16 @@ const MAY_MISS: usize = 1;
 /// Names of an IMU's channels.
 const IMU_CHANNELS: [&str; 6] = ["fx", "fy", "fz", "wx", "wy", "wz"];
 
+/// A step longer than so many periods is a gap.
+const GAP: f64 = 1.5;
+/// Least share of a recording that must be without a gap.
+const WHOLE: f64 = 0.5;
+
 /// Samples of a free vibration.
 #[derive(Clone, Debug)]
 pub struct Samples {
+    /// Rows that were left out, as they are before or after a gap in time.
+    pub left_out: usize,
     /// Samples per second.
     pub rate_hz: f64,
     /// A row for each sample; shifts of O in m and turns in rad, of the free coordinates, or an IMU's specific force and rate.
@@ -50,13 +59,17 @@ pub struct Vibration {
 /// [`SuspensionError`] if it has neither, or no constant rate.
 pub fn samples(recording: &Recording, support: &Support) -> Result<Samples, SuspensionError> {
     let rate_hz = constant_rate_hz(recording)?;
+    let stretch = longest(recording, rate_hz)?;
+    let left_out = recording.rows() - stretch.len();
     let table = recording.rig.suspension.clone().unwrap_or_default();
     if let Some(rows) = recording.platform.as_deref() {
         let poses = poses(rows, &Vector3::from(table.at_m), |row| recording.place(row))?;
-        let rest = rest(&poses);
+        let poses = poses.get(stretch).unwrap_or_default();
+        let rest = rest(poses);
         return Ok(Samples {
+            left_out,
             rate_hz,
-            values: coordinates(&poses, &rest, &support.free),
+            values: coordinates(poses, &rest, &support.free),
             names: support.free.iter().map(|k| COORDINATES[*k]).collect(),
             imu: None,
             rest: Some((rest.position, rest.attitude.to_rotation_matrix().into_inner())),
@@ -70,14 +83,39 @@ pub fn samples(recording: &Recording, support: &Support) -> Result<Samples, Susp
             "give its poses (x_m, y_m, z_m, qw, qx, qy, qz), or accelerometer and gyro of an IMU on it",
         ));
     };
-    let values = DMatrix::from_fn(force.len(), 6, |i, j| if j < 3 { force[i][j] } else { turn[i][j - 3] });
+    let from = stretch.start;
+    let at = |i: usize, j: usize| if j < 3 { force[from + i][j] } else { turn[from + i][j - 3] };
     Ok(Samples {
+        left_out,
         rate_hz,
-        values,
+        values: DMatrix::from_fn(stretch.len(), 6, at),
         names: IMU_CHANNELS.to_vec(),
         imu: Some(imu(&recording.rig, &table)),
         rest: None,
     })
+}
+
+/// The longest stretch without a gap in time: modes are those of samples at a constant rate.
+///
+/// # Errors
+/// [`SuspensionError::Gaps`] if it is too short a part.
+fn longest(recording: &Recording, rate_hz: f64) -> Result<Range<usize>, SuspensionError> {
+    let times = &recording.time_ns;
+    let is_gap = |k: &usize| times[*k].saturating_sub(times[k - 1]) as f64 * 1e-9 * rate_hz > GAP;
+    let gaps: Vec<usize> = (1..times.len()).filter(is_gap).collect();
+    let starts = std::iter::once(0).chain(gaps.iter().copied());
+    let ends = gaps.iter().copied().chain([times.len()]);
+    let longest = starts.zip(ends).map(|(a, b)| a..b).max_by_key(Range::len).unwrap_or(0..0);
+    if (longest.len() as f64) < WHOLE * times.len() as f64 {
+        let first = gaps.first().map_or_else(String::new, |k| recording.place(*k));
+        return Err(SuspensionError::Gaps {
+            name: recording.name.clone(),
+            gaps: gaps.len(),
+            first,
+            longest_s: longest.len() as f64 / rate_hz,
+        });
+    }
+    Ok(longest)
 }
 
 /// Shift and turn of each pose against rest.

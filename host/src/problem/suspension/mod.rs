@@ -76,6 +76,35 @@ pub enum SuspensionError {
         /// Rows under the kernel.
         taps: usize,
     },
+    /// Time has gaps.
+    #[error(
+        "{name}: {gaps} gaps in time, the first before {first}, leave no more than {longest_s:.1} s in a row: modes need samples at a \
+             constant rate; fill the missing rows in, or record anew"
+    )]
+    Gaps {
+        /// The recording.
+        name: String,
+        /// Their number.
+        gaps: usize,
+        /// The row after the first.
+        first: String,
+        /// The longest stretch between them, s.
+        longest_s: f64,
+    },
+    /// Springs are not known well enough for the motion.
+    #[error(
+        "{name}: the springs are known to {percent:.1} % only (1 σ), and the poses have noise: the motion then tells springs and bodies apart by that \
+             noise alone, and is not looked at. Have them calibrated (rigident vibration stiffness), state their stiffness_std of no more than \
+             {most:.0} %, or use the modes (rigident vibration identify, rigident vibration postures)"
+    )]
+    LooseSprings {
+        /// The recording.
+        name: String,
+        /// 1 σ of their stiffness, %.
+        percent: f64,
+        /// The most that it may be, %.
+        most: f64,
+    },
     /// A locked coordinate moves.
     #[error(
         "{name}: {coordinate} is locked by [suspension], and it moves by {moves:.2e} {unit} (rms), {share:.0} % of the largest free one: \

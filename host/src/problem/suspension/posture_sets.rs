@@ -222,7 +222,9 @@ pub fn shares(source: &PostureSource, subset: &Subset) -> Vec<f64> {
         let each = taken.column_iter().enumerate().map(|(j, own)| own.norm_squared() / covariance[(j, j)]);
         each.sum::<f64>() / told.len().max(1) as f64
     };
-    (0..n).map(share).collect()
+    let all: Vec<f64> = (0..n).map(share).collect();
+    let whole: f64 = all.iter().sum();
+    all.into_iter().map(|own| if whole > 0.0 { own / whole } else { 0.0 }).collect()
 }
 
 fn rank_and_condition(factor: &Factor) -> (usize, f64) {

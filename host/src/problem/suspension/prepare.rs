@@ -19,6 +19,12 @@ use crate::recording::Recording;
 /// A locked coordinate that moves by more than this share of the largest free one of its kind is none.
 const LOCKED_MOVES: f64 = 0.05;
 
+/// Springs that are known to no more than this (1 σ, relative) are not told apart from bodies by the motion: intervals were seen to hold at it,
+/// and not at three times that.
+const KNOWN: f64 = 0.01;
+/// Poses with noise of no more than this share of the motion are exact.
+const EXACT: f64 = 1e-5;
+
 /// Ready to be identified.
 pub struct PreparedSuspension {
     /// The source of rows.
@@ -60,6 +66,13 @@ pub fn prepare(recording: &Recording, model: Option<&Model>) -> Result<PreparedS
         return Err(SuspensionError::Short { name, rows, rate_hz, cut_off_hz, taps });
     }
     judge_locked(recording, &instants, &support.free)?;
+    let tracked = tracked.with_noise();
+    let moves = (0..3).map(|k| rms(&instants, k)).fold(0.0, f64::max);
+    let relative = support.springs.relative_std();
+    if tracked.noise_m() > EXACT * moves && relative > KNOWN {
+        let name = recording.name.clone();
+        return Err(SuspensionError::LooseSprings { name, percent: 100.0 * relative, most: 100.0 * KNOWN });
+    }
     let notes = vec![about(&instants, &rest, cut_off_hz, rows)];
     let moves: Vec<(&[f64], Vector3<f64>)> =
         frames.iter().map(|f| (f.positions.get(7..).unwrap_or_default(), Vector3::zeros())).collect();
@@ -67,7 +80,7 @@ pub fn prepare(recording: &Recording, model: Option<&Model>) -> Result<PreparedS
     // How far the platform turns is judged by its rows.
     idle.retain(|finding| !finding.text.starts_with("the base never turns"));
     let input = Input::tracked(model, frames, rate_hz);
-    let source = SuspendedSource::new(input, instants, support, Some(tracked.with_noise()))?;
+    let source = SuspendedSource::new(input, instants, support, Some(tracked))?;
     Ok(PreparedSuspension { source, notes, idle })
 }
 

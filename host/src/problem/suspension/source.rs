@@ -71,6 +71,11 @@ impl Tracked {
         (Self { noise: None, track, smoother, rows }, instants, frames)
     }
 
+    /// Returns 1 σ of the noise of the platform's place, m; zero if none was looked for or found.
+    pub(super) fn noise_m(&self) -> f64 {
+        self.noise.as_ref().filter(|noise| noise.unit == "m").map_or(0.0, |noise| noise.sigma)
+    }
+
     /// Returns the same with the noise that the track shows.
     pub(super) fn with_noise(self) -> Self {
         Self { noise: self.track.noise(self.smoother.cut_off_hz), ..self }
@@ -273,7 +278,8 @@ impl RowSource for SuspendedSource {
         let of = |noise: &TrackNoise| SignalNoise {
             name: "poses".to_owned(),
             unit: noise.unit.to_owned(),
-            stated: None,
+            // What differences show is the noise itself: residuals do not bound it, as springs that are not known take part of it.
+            stated: Some(noise.sigma),
             found: noise.sigma,
         };
         noise.map(of).collect()

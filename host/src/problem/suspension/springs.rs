@@ -175,6 +175,17 @@ impl Springs {
         }
     }
 
+    /// Returns the largest 1 σ of their stiffness, relative: of springs their own, of elements of a matrix by the diagonal.
+    pub fn relative_std(&self) -> f64 {
+        let k = self.stiffness();
+        let of = |(error, nuisance): (&SpringError, &Nuisance)| match *error {
+            SpringError::Stiffness(i, j) => nuisance.sigma / (k[(i, i)] * k[(j, j)]).abs().sqrt(),
+            SpringError::Damping(..) => 0.0,
+            _ => nuisance.sigma,
+        };
+        self.errors.iter().zip(&self.nuisances).map(of).fold(0.0, f64::max)
+    }
+
     /// Returns the stiffness about O: six forces and moments against six displacements.
     pub fn stiffness(&self) -> Matrix6<f64> {
         self.matrix.unwrap_or_else(|| self.each.iter().map(|s| s.about_o(&s.matrix())).sum())

@@ -4,7 +4,7 @@ use super::SuspensionError;
 use super::mount::Mount;
 use super::springs::{Springs, free};
 use crate::recording::Recording;
-use crate::rig::RigFile;
+use crate::rig::{RigFile, SuspensionTable};
 
 /// Holds the springs that everything swings on.
 #[derive(Clone, Debug)]
@@ -31,10 +31,23 @@ impl Support {
         Ok(Self {
             springs: Springs::new(table),
             mount: Mount::of(table),
-            anchor_height_m: table.anchor_height_m,
+            anchor_height_m: table.anchor_height_m.unwrap_or_else(|| anchors_height(table)),
             free: free(&table.locked),
         })
     }
+}
+
+/// Mean height of the springs' places above O, weighed by their stiffness along z as they share the weight; zero of a matrix.
+fn anchors_height(table: &SuspensionTable) -> f64 {
+    let (mut sum, mut weight) = (0.0, 0.0);
+    for spring in &table.spring {
+        let along: f64 = spring.axis.iter().map(|v| v * v).sum();
+        let share = if along > 0.0 { spring.axis[2].powi(2) / along } else { 0.0 };
+        let own = spring.axial_npm * share + spring.lateral_npm * (1.0 - share);
+        sum += own * (spring.at_m[2] - table.at_m[2]);
+        weight += own;
+    }
+    if weight > 0.0 { sum / weight } else { 0.0 }
 }
 
 /// What is missing, with its verb, and what to do.

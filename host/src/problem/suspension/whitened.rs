@@ -1,6 +1,6 @@
 //! Factors of rows that are whitened already: nothing of them is filtered or weighed.
 
-use crate::fit::factor_file::FactorSource;
+use crate::fit::factor_file::{FactorSource, SourceChannel};
 use crate::fit::pool::PooledFactor;
 use crate::fit::{Checks, Factor, Fingerprint, Parameter};
 
@@ -24,7 +24,13 @@ pub(super) fn pooled(
         noise_gain: 1.0,
         sigma_given,
         spurious_information: 0.0,
-        channels: Vec::new(),
+        channels: vec![SourceChannel {
+            name: "posture".to_owned(),
+            unit: String::new(),
+            sigma: 1.0,
+            gain_sigma: 0.0,
+            measured_rms: 0.0,
+        }],
         checks: Some(Checks::default()),
     };
     PooledFactor {
