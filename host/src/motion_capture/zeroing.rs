@@ -42,6 +42,24 @@ fn level(stretch: &[[f32; 6]]) -> Option<([f64; 6], f64)> {
     (mean.iter().all(|v| v.is_finite())).then_some((mean, square.sqrt()))
 }
 
+/// The zero of a plate that was always loaded, N: 1 σ of each force. Charge amplifiers drift by up to 0.01 N/s (data sheets of piezoelectric
+/// plates), and some minutes lie between their reset and a trial.
+pub const UNKNOWN_ZERO_N: f64 = 5.0;
+/// The same of each moment about the plate's middle, N m: its sensors stand about a quarter of a metre from there.
+pub const UNKNOWN_ZERO_NM: f64 = 0.25 * UNKNOWN_ZERO_N;
+
+/// Returns the middle of a plate's surface, or, of one without corners, the mean centre of pressure at height zero, m.
+pub fn middle(plate: &GroundWrench) -> [f64; 3] {
+    if let Some(corners) = plate.corners_m {
+        return std::array::from_fn(|axis| corners.iter().map(|corner| corner[axis]).sum::<f64>() / 4.0);
+    }
+    let finite = plate.wrench.iter().filter(|w| w.iter().all(|v| v.is_finite()));
+    let sum = finite.fold([0.0; 3], |sum: [f64; 3], w| {
+        [sum[0] + f64::from(w[2]), sum[1] + f64::from(w[3]), sum[2] + f64::from(w[4])]
+    });
+    if sum[0] > 0.0 { [-sum[2] / sum[0], sum[1] / sum[0], 0.0] } else { [0.0; 3] }
+}
+
 /// Takes an offset off a plate.
 pub fn take_off(plate: &mut GroundWrench, offset: &[f64; 6]) {
     for wrench in &mut plate.wrench {

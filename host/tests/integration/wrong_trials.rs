@@ -323,3 +323,21 @@ fn trials_of_two_persons_of_shared_data_are_told_apart() {
     let (status, said) = treadmill(&format!("\u{feff}{trc}"), Some(&mot), &[]);
     assert!(status == 0 && said.contains("Whole mass"), "{said}");
 }
+
+#[test]
+#[ignore = "needs ../shared/data"]
+fn trials_of_shared_data_with_two_masses_contradict_each_other() {
+    let (trc, mot) = walk();
+    let header = mot_header(&mot);
+    let force = |c: usize| (1..=3).contains(&c) || (7..=9).contains(&c) || c > 12;
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, mot: &str| {
+        std::fs::write(folder.path().join(format!("{name}.trc")), &trc).unwrap();
+        std::fs::write(folder.path().join(format!("{name}_grf.mot")), mot).unwrap();
+    };
+    write("one", &mot);
+    write("other", &cells(&mot, header, |c, value| if force(c) { 1.05 * value } else { value }));
+    let line = ["one.trc", "other.trc", "--height-m", "1.8", "--out", "out"];
+    let words = ["contradict each other", "one says 72.", "other says 76."];
+    refused(identify(folder.path(), &line), 1, &words);
+}

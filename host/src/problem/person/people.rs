@@ -14,9 +14,9 @@ use crate::inverse_kinematics::subject::{HumanModel, Known, Subject, SubjectErro
 use crate::model::ModelError;
 use crate::model::human::Sex;
 use crate::motion_capture::trial::Trial;
-use crate::motion_capture::zeroing;
+use crate::motion_capture::zeroing::{self, UNKNOWN_ZERO_N, UNKNOWN_ZERO_NM};
 use crate::problem::moved::Moved;
-use crate::problem::tree::{Frame, Input};
+use crate::problem::tree::{Frame, Input, UnknownZero};
 
 /// Frames of the standing trial that joint centres are found from, …
 const STANDING: usize = 4;
@@ -214,7 +214,7 @@ impl Person {
             let why = "there are no frames".to_owned();
             return Err(PersonError::NoFrames { name: trial.name.clone(), why });
         }
-        let mut notes = zero(trials);
+        let (mut notes, unzeroed) = zero(trials);
         let labels = labels(trials, standing);
         let frames = chosen_frames(&labels, trials, standing);
         progress("joint centres", 0.0);
@@ -257,9 +257,10 @@ impl Person {
         }
         let mut tracked = Vec::new();
         let count = trials.len();
-        for (k, trial) in trials.iter_mut().enumerate() {
+        for (k, (trial, unzeroed)) in trials.iter_mut().zip(unzeroed).enumerate() {
             let step = |share: f64| progress("poses", (k as f64 + share) / count as f64);
             let mut own = track(trial, &subject, &options.track, &step)?;
+            own.unzeroed = unzeroed;
             on_the_model(&own.name, own.report.rms_m, &own.report.by_marker)?;
             // What frames need of the plates is in the frames.
             trial.ground.iter_mut().for_each(|plate| plate.wrench = Vec::new());
@@ -333,13 +334,14 @@ impl Person {
     }
 }
 
-/// Zeros every plate by its own time without load, else by that of the same plate in another trial.
-fn zero(trials: &mut [Trial]) -> Vec<String> {
+/// Zeros every plate by its own time without load, else by that of the same plate in another trial. Returns what to know, and the
+/// plates of each trial whose zero is not known.
+fn zero(trials: &mut [Trial]) -> (Vec<String>, Vec<Vec<UnknownZero>>) {
     let own: Vec<Vec<Option<[f64; 6]>>> =
         trials.iter().map(|t| t.ground.iter().map(zeroing::offset).collect()).collect();
     let corners: Vec<Vec<Option<[[f64; 3]; 4]>>> =
         trials.iter().map(|t| t.ground.iter().map(|plate| plate.corners_m).collect()).collect();
-    let mut notes = Vec::new();
+    let (mut notes, mut unzeroed) = (Vec::new(), vec![Vec::new(); own.len()]);
     for (k, trial) in trials.iter_mut().enumerate() {
         for (p, plate) in trial.ground.iter_mut().enumerate() {
             let is_same = |t: usize| plate.corners_m.is_some() && corners[t].get(p) == Some(&plate.corners_m);
@@ -347,14 +349,22 @@ fn zero(trials: &mut [Trial]) -> Vec<String> {
             let other = others.find_map(|t| own[t].get(p).copied().flatten());
             match own[k][p].or(other) {
                 Some(offset) => zeroing::take_off(plate, &offset),
-                None => notes.push(format!(
-                    "{}, {}: always loaded, its zero is taken as it was recorded",
-                    trial.name, plate.name
-                )),
+                None => {
+                    notes.push(format!(
+                        "{}, {}: always loaded, its zero is taken as it was recorded, as known to {UNKNOWN_ZERO_N} N (1 σ): record some \
+                         time without load",
+                        trial.name, plate.name
+                    ));
+                    unzeroed[k].push(UnknownZero {
+                        plate: plate.name.clone(),
+                        at_m: zeroing::middle(plate),
+                        sigma: [UNKNOWN_ZERO_N, UNKNOWN_ZERO_NM],
+                    });
+                }
             }
         }
     }
-    notes
+    (notes, unzeroed)
 }
 
 /// The names of all markers.

@@ -19,6 +19,7 @@ use crate::inverse_kinematics::solve::Solver;
 use crate::inverse_kinematics::subject::Subject;
 use crate::motion_capture::trial::Trial;
 use crate::problem::smoothing::{Smoother, smoothed_at};
+use crate::problem::tree::UnknownZero;
 
 /// A freedom is not told by a frame if its deviation is so many times the trial's median, …
 const UNTOLD: f32 = 2.5;
@@ -98,6 +99,8 @@ pub struct Tracked {
     pub smoother: Smoother,
     /// Frames among `frames` whose markers are kept: joint centres are drawn by them.
     pub windows: Vec<Range<usize>>,
+    /// Plates whose zero is not known.
+    pub unzeroed: Vec<UnknownZero>,
     /// What became of the frames.
     pub report: TrackReport,
 }
@@ -235,7 +238,8 @@ pub fn track(
         rms_m,
         by_marker,
     };
-    Ok(Tracked { name: trial.name.clone(), frames, coordinates, smoother, windows: Vec::new(), report })
+    let name = trial.name.clone();
+    Ok(Tracked { name, frames, coordinates, smoother, windows: Vec::new(), unzeroed: Vec::new(), report })
 }
 
 /// The first frames of a trial, whose markers are kept in any case.
