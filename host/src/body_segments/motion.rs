@@ -13,7 +13,7 @@ use crate::problem::tree::{TreeSource, UnknownZero};
 /// Fewest frames that a motion has.
 pub(super) const FEWEST_FRAMES: usize = 15;
 /// Most frames of a motion: longer trials are more motions.
-const MOST_FRAMES: usize = 6000;
+pub(super) const MOST_FRAMES: usize = 6000;
 /// A stride of which less is used counts to the one before.
 const WHOLE_STRIDE: f64 = 0.4;
 

@@ -263,6 +263,11 @@ impl Study {
         fit
     }
 
+    /// Returns what the table says of the base parameters, whatever scales say.
+    pub(super) fn open(&self) -> &Gaussian {
+        &self.open
+    }
+
     /// Returns the base parameters.
     pub fn base(&self) -> &BaseParameters {
         &self.base

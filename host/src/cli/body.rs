@@ -7,6 +7,7 @@ use std::time::Instant;
 use super::body_arguments::{Body, BodyCommand, IdentifyBody};
 use super::body_device::compared;
 use super::body_page::pages;
+use super::body_plates::doubtful_plates;
 use super::outcome::say;
 use super::{ExitStatus, Failure, Folder, Stages};
 use crate::answer::person::PersonResult;
@@ -113,6 +114,7 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
     answer.person = Some(PersonResult { choices, device, tool, ..result.map_err(Failure::input)? });
     answer.warnings.extend(warnings.into_iter().flatten());
     contradictions(arguments, (&person, &study), &mut answer)?;
+    doubtful_plates(&person, &study, &mut answer)?;
     answer.elapsed_s = started.elapsed().as_secs_f64();
     let pages = pages(&person, &study, &trials, &left_out);
     drop(stages);
@@ -237,7 +239,7 @@ fn answer(arguments: &IdentifyBody, person: &Person, study: &Study, fit: &Fit) -
             ..Source::default()
         },
         notes,
-        warnings: study.left.clone(),
+        warnings: study.left.iter().chain(&person.warnings).cloned().collect(),
         ..Context::default()
     };
     Answer::new(fit, context).map_err(Failure::input)

@@ -7,6 +7,7 @@ use nalgebra::Vector3;
 use rigident_shared::tree::BaseMotion;
 
 use super::track::{TrackOptions, Tracked, UsedFrame, distances, track};
+use super::zeros::{drifts, zero};
 use super::{alignment, plausible};
 use crate::fit::parallel;
 use crate::inverse_kinematics::marker_file::MarkerFile;
@@ -14,9 +15,8 @@ use crate::inverse_kinematics::subject::{HumanModel, Known, Subject, SubjectErro
 use crate::model::ModelError;
 use crate::model::human::Sex;
 use crate::motion_capture::trial::Trial;
-use crate::motion_capture::zeroing::{self, UNKNOWN_ZERO_N, UNKNOWN_ZERO_NM};
 use crate::problem::moved::Moved;
-use crate::problem::tree::{Frame, Input, UnknownZero};
+use crate::problem::tree::{Frame, Input};
 
 /// Frames of the standing trial that joint centres are found from, …
 const STANDING: usize = 4;
@@ -187,6 +187,8 @@ pub struct Person {
     pub trials: Vec<Tracked>,
     /// What to know.
     pub notes: Vec<String>,
+    /// What may make the answer wrong.
+    pub warnings: Vec<String>,
 }
 
 impl Person {
@@ -214,6 +216,7 @@ impl Person {
             let why = "there are no frames".to_owned();
             return Err(PersonError::NoFrames { name: trial.name.clone(), why });
         }
+        let warnings = drifts(trials);
         let (mut notes, unzeroed) = zero(trials);
         let labels = labels(trials, standing);
         let frames = chosen_frames(&labels, trials, standing);
@@ -272,7 +275,7 @@ impl Person {
             }
             tracked.push(own);
         }
-        let mut person = Self { subject, fixed, trials: tracked, notes };
+        let mut person = Self { subject, fixed, trials: tracked, notes, warnings };
         plausible::belong_together(&person)?;
         if let Some(share) = plausible::share_of_needed(&person) {
             plausible::can_weigh(&person, share)?;
@@ -332,39 +335,6 @@ impl Person {
         let places = self.trials.get(trial)?.places(&self.subject, frame)?;
         Some(alignment::centre_of_mass(&self.subject, &places))
     }
-}
-
-/// Zeros every plate by its own time without load, else by that of the same plate in another trial. Returns what to know, and the
-/// plates of each trial whose zero is not known.
-fn zero(trials: &mut [Trial]) -> (Vec<String>, Vec<Vec<UnknownZero>>) {
-    let own: Vec<Vec<Option<[f64; 6]>>> =
-        trials.iter().map(|t| t.ground.iter().map(zeroing::offset).collect()).collect();
-    let corners: Vec<Vec<Option<[[f64; 3]; 4]>>> =
-        trials.iter().map(|t| t.ground.iter().map(|plate| plate.corners_m).collect()).collect();
-    let (mut notes, mut unzeroed) = (Vec::new(), vec![Vec::new(); own.len()]);
-    for (k, trial) in trials.iter_mut().enumerate() {
-        for (p, plate) in trial.ground.iter_mut().enumerate() {
-            let is_same = |t: usize| plate.corners_m.is_some() && corners[t].get(p) == Some(&plate.corners_m);
-            let mut others = (0..own.len()).filter(|t| is_same(*t));
-            let other = others.find_map(|t| own[t].get(p).copied().flatten());
-            match own[k][p].or(other) {
-                Some(offset) => zeroing::take_off(plate, &offset),
-                None => {
-                    notes.push(format!(
-                        "{}, {}: always loaded, its zero is taken as it was recorded, as known to {UNKNOWN_ZERO_N} N (1 σ): record some \
-                         time without load",
-                        trial.name, plate.name
-                    ));
-                    unzeroed[k].push(UnknownZero {
-                        plate: plate.name.clone(),
-                        at_m: zeroing::middle(plate),
-                        sigma: [UNKNOWN_ZERO_N, UNKNOWN_ZERO_NM],
-                    });
-                }
-            }
-        }
-    }
-    (notes, unzeroed)
 }
 
 /// The names of all markers.

@@ -45,7 +45,7 @@ impl Input {
 }
 
 /// A wrench about the laboratory's origin as one about the base's origin in a frame.
-pub(super) fn about_base(frame: &Frame, [fx, fy, fz, mx, my, mz]: [f64; 6]) -> [f64; 6] {
+pub(crate) fn about_base(frame: &Frame, [fx, fy, fz, mx, my, mz]: [f64; 6]) -> [f64; 6] {
     let at = Vector3::from_iterator(frame.positions.iter().take(3).copied());
     let moment = Vector3::new(mx, my, mz) - at.cross(&Vector3::new(fx, fy, fz));
     [fx, fy, fz, moment.x, moment.y, moment.z]

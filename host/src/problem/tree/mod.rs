@@ -33,4 +33,5 @@ pub use error::{TreePrepareError, TreeSourceError};
 pub use errors::SignalError;
 pub use frames::{BaseSensor, Frame, Input, NoisySignal, SignalKind};
 pub use ground_errors::UnknownZero;
+pub(crate) use ground_errors::about_base;
 pub use source::TreeSource;
