@@ -299,6 +299,15 @@ fn opensim_models_that_are_no_persons_of_shared_data_are_named() {
     refused(with(&own.replace(ankle, &lower), &[]), 2, &["shank of --osim is 0.52", "scaled to this person"]);
     let far = ankle.replace("-0.42", "-42");
     refused(with(&own.replace(ankle, &far), &[]), 2, &["shank of --osim is 42", "in metres"]);
+    // Of another person who is about as tall, and of a taller one.
+    let other = std::fs::read_to_string(data("human_rajagopal2016_walk/subject_walk_scaled.osim")).unwrap();
+    refused(with(&other, &["--height-m", "1.8"]), 2, &["of --osim is", "scaled to this person"]);
+    let small = data("human_btk_pig_47kg_fullbody/PiG_Motion-FlatFoot-Full.c3d").display().to_string();
+    let standing =
+        data("human_btk_pig_47kg_fullbody/PiG_Calibration-FlatFoot-Full.c3d").display().to_string();
+    let tall = gait("subject01.osim");
+    let line = [&small, "--static", &standing, "--height-m", "1.505", "--osim", &tall];
+    refused(identify(folder.path(), &line), 2, &["thigh of --osim is 0.454", "scaled to this person"]);
 }
 
 #[test]
