@@ -1,7 +1,7 @@
 //! One person's segments from trials with cameras and force plates: solved, and validated on what was left out.
 //!
 //! Lives here: one factor a motion, merged and solved beside the table of people ([`Study`]), predictions of motions that were left out
-//! ([`left_out`]), segments with intervals ([`segments`]), and
+//! ([`left_out`]), plates that contradict the motion ([`plates`]), segments with intervals ([`segments`]), and
 //! the same in bodies of OpenSim's ([`opensim`]). May not live here: how rows are made
 //! ([`crate::problem::person`]), and how anything is shown.
 
@@ -11,6 +11,7 @@ mod error;
 pub mod left_out;
 mod motion;
 pub mod opensim;
+pub mod plates;
 pub mod report;
 pub mod segments;
 mod study;

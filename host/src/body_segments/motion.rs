@@ -8,12 +8,12 @@ use crate::fit::pool::PooledFactor;
 use crate::fit::{Checks, Fit};
 use crate::problem::person::strides::period_s;
 use crate::problem::person::{Person, Tracked};
-use crate::problem::tree::TreeSource;
+use crate::problem::tree::{TreeSource, UnknownZero};
 
 /// Fewest frames that a motion has.
 pub(super) const FEWEST_FRAMES: usize = 15;
 /// Most frames of a motion: longer trials are more motions.
-const MOST_FRAMES: usize = 6000;
+pub(super) const MOST_FRAMES: usize = 6000;
 /// A stride of which less is used counts to the one before.
 const WHOLE_STRIDE: f64 = 0.4;
 
@@ -127,6 +127,24 @@ fn strides(tracked: &Tracked) -> Result<Vec<usize>, StudyError> {
     let kept: Vec<usize> = cuts.into_iter().zip(ends).filter(whole).map(|(cut, _)| cut).collect();
     // What comes first is the first one's.
     Ok(if kept.is_empty() { vec![0] } else { std::iter::once(0).chain(kept.into_iter().skip(1)).collect() })
+}
+
+/// The rows of a part, of which its trial has `count`, with the zeros of plates that are not known as errors to be eliminated.
+///
+/// A zero is the same in all parts and eliminated from each: with √count times its σ there, all parts together have it once.
+pub(super) fn source_of(
+    person: &Person,
+    part: &Part,
+    count: usize,
+    sigma: &[f64],
+) -> Result<TreeSource, StudyError> {
+    let input = person.input(part.trial, part.frames.clone());
+    let mut input = input.ok_or_else(|| StudyError::NoFrames(format!("{} is not there", part.name)))?;
+    let wider = (count as f64).sqrt();
+    for zero in person.trials.get(part.trial).into_iter().flat_map(|tracked| &tracked.unzeroed) {
+        input.add_zero(&UnknownZero { sigma: zero.sigma.map(|s| s * wider), ..zero.clone() });
+    }
+    Ok(TreeSource::new(input)?.with_channel_sigma(sigma.to_vec()))
 }
 
 /// The rows of some frames of a trial, their noise not known.

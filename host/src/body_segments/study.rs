@@ -6,7 +6,7 @@ use nalgebra::DMatrix;
 
 use super::calibration::draws;
 use super::error::StudyError;
-use super::motion::{FEWEST_FRAMES, Motion, Part, Parts, parts, source};
+use super::motion::{FEWEST_FRAMES, Motion, Part, Parts, parts, source, source_of};
 use crate::answer::standard_parameters::{BaseEstimate, Full, nearest};
 use crate::fit::lack_of_fit::LackOfFit;
 use crate::fit::pool::PooledFactor;
@@ -130,7 +130,8 @@ impl Study {
         let sigma = noise(person, &parts, &open, &one)?;
         let found = parallel::map(parallel::threads(), parts.len(), |k| -> Result<_, StudyError> {
             one();
-            let own = source(person, parts[k].trial, &parts[k].frames)?.with_channel_sigma(sigma[k].clone());
+            let count = parts.iter().filter(|part| part.trial == parts[k].trial).count();
+            let own = source_of(person, &parts[k], count, &sigma[k])?;
             match fit(&own, fit_options, &Silent) {
                 Ok(fit) => Ok(Ok(Motion::of(&parts[k], &sigma[k], &nothing_stated(fit)))),
                 Err(error @ FitError::NoRows { .. }) => Ok(Err(format!("{}: {error}", parts[k].name))),
@@ -232,6 +233,23 @@ impl Study {
         found.into_iter().filter_map(Result::transpose).collect()
     }
 
+    /// Returns pairs of trials, by their numbers, whose whole masses, kg, have intervals apart: not both can be right.
+    ///
+    /// # Errors
+    /// [`StudyError::Pool`] if there are no motions.
+    pub fn contradicting_trials(&self) -> Result<Vec<[(usize, Measured); 2]>, StudyError> {
+        let mut trials: Vec<usize> = self.motions.iter().map(|motion| motion.trial).collect();
+        trials.dedup();
+        let mut masses = Vec::new();
+        for trial in trials {
+            let own = self.motions.iter().filter(|motion| motion.trial == trial);
+            let fit = Self::merged(own.map(|motion| motion.pooled.clone()).collect(), &self.open)?;
+            masses.extend(self.with_calibration(fit).estimate.measured(0).map(|mass| (trial, mass)));
+        }
+        let pairs = masses.iter().enumerate().flat_map(|(k, a)| masses.iter().skip(k + 1).map(|b| [*a, *b]));
+        Ok(pairs.filter(|[a, b]| apart(&a.1, &b.1)).collect())
+    }
+
     /// Returns a fit with what joint centres and marker places leave open in its covariance. Its values are those that predict best with
     /// the joints as they were found.
     #[must_use]
@@ -243,6 +261,11 @@ impl Study {
         }
         fit.added.push(("joint centres".to_owned(), square));
         fit
+    }
+
+    /// Returns what the table says of the base parameters, whatever scales say.
+    pub(super) fn open(&self) -> &Gaussian {
+        &self.open
     }
 
     /// Returns the base parameters.
@@ -263,6 +286,12 @@ impl Study {
     pub fn parameters(&self) -> usize {
         self.table.names().len()
     }
+}
+
+/// Whether two masses contradict each other: their intervals do not overlap, and plates do not differ by so much.
+fn apart(a: &Measured, b: &Measured) -> bool {
+    let off = (a.value - b.value).abs();
+    off > a.u95 + b.u95 && off > OTHER_MASS * a.value.max(b.value)
 }
 
 /// Returns the table as rows.

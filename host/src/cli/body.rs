@@ -7,6 +7,7 @@ use std::time::Instant;
 use super::body_arguments::{Body, BodyCommand, IdentifyBody};
 use super::body_device::compared;
 use super::body_page::pages;
+use super::body_plates::doubtful_plates;
 use super::outcome::say;
 use super::{ExitStatus, Failure, Folder, Stages};
 use crate::answer::person::PersonResult;
@@ -19,7 +20,7 @@ use crate::body_segments::report::person_result;
 use crate::body_segments::tool::tool;
 use crate::body_segments::{Study, StudyOptions};
 use crate::device::session::tree::{DeviceTreeError, device_tree};
-use crate::fit::{Fit, FitOptions};
+use crate::fit::{Fit, FitOptions, Measured};
 use crate::inverse_kinematics::marker_file::MarkerFile;
 use crate::model::{ModelError, write};
 use crate::motion_capture::opensim::model::OsimModel;
@@ -112,7 +113,8 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
     let (device, warnings) = device.unzip();
     answer.person = Some(PersonResult { choices, device, tool, ..result.map_err(Failure::input)? });
     answer.warnings.extend(warnings.into_iter().flatten());
-    contradictions(arguments, &study, &mut answer)?;
+    contradictions(arguments, (&person, &study), &mut answer)?;
+    doubtful_plates(&person, &study, &mut answer)?;
     answer.elapsed_s = started.elapsed().as_secs_f64();
     let pages = pages(&person, &study, &trials, &left_out);
     drop(stages);
@@ -237,7 +239,7 @@ fn answer(arguments: &IdentifyBody, person: &Person, study: &Study, fit: &Fit) -
             ..Source::default()
         },
         notes,
-        warnings: study.left.clone(),
+        warnings: study.left.iter().chain(&person.warnings).cloned().collect(),
         ..Context::default()
     };
     Answer::new(fit, context).map_err(Failure::input)
@@ -251,8 +253,26 @@ fn unknown_markers(person: &Person) -> Option<String> {
 }
 
 /// Warns of a mass that the plates contradict, and of motions that differ in their mass.
-fn contradictions(arguments: &IdentifyBody, study: &Study, answer: &mut Answer) -> Result<(), Failure> {
-    for (k, own) in study.other_masses().map_err(Failure::input)? {
+fn contradictions(
+    arguments: &IdentifyBody,
+    (person, study): (&Person, &Study),
+    answer: &mut Answer,
+) -> Result<(), Failure> {
+    let others = study.other_masses().map_err(Failure::input)?;
+    for pair in study.contradicting_trials().map_err(Failure::input)? {
+        let told = |(trial, mass): &(usize, Measured)| {
+            let name = person.trials.get(*trial).map_or("", |tracked| &tracked.name);
+            format!("{name} says {}", present::text::with_u95(mass.value, mass.u95, "kg"))
+        };
+        answer.warnings.push(format!(
+            "the whole masses of two trials contradict each other: {}, {}: is a plate's zero or scale wrong in one of them, or was \
+             something carried?",
+            told(&pair[0]),
+            told(&pair[1])
+        ));
+        answer.status = Status::Implausible;
+    }
+    for (k, own) in others {
         let name = study.motions.get(k).map_or("", |motion| &motion.name);
         answer.warnings.push(format!(
             "{name}: the whole mass is {}, other than in all motions together: something was carried, put down or leaned on; identify such              trials by themselves",

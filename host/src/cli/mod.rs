@@ -14,6 +14,7 @@ mod body;
 mod body_arguments;
 mod body_device;
 mod body_page;
+mod body_plates;
 mod calibrate;
 mod calibrate_imu;
 mod calibration_arguments;

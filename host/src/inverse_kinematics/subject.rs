@@ -6,6 +6,7 @@ use rigident_shared::tree::Joint;
 
 use super::calibrate::{Calibrated, calibrate};
 use super::landmarks::{attach, is_known};
+use super::lengths::{LENGTH_SIGMA_M, Other, contradiction, lengths, unusual};
 use super::marker_file::MarkerFile;
 use super::markers::{Attached, Seen};
 use super::sides::{exchanged, exchanged_pair, is_exchanged};
@@ -24,11 +25,6 @@ const FEWEST: usize = 5;
 const COMPARED: usize = 5;
 /// Statures of people from small children on, m.
 const STATURES_M: [f64; 2] = [0.5, 2.5];
-
-/// How well lengths are known that another program scaled by markers, 1 σ, m (assumed).
-pub const LENGTH_SIGMA_M: f64 = 0.015;
-/// Lengths that differ by more are of different people: by so many σ, and as a ratio to those usual for the stature.
-const OTHER_PERSON: (f64, f64) = (4.0, 1.5);
 
 /// Which model of people.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -53,7 +49,7 @@ pub struct Known {
     pub symmetric: bool,
     /// Markers whose names say nothing, or something else.
     pub own_markers: MarkerFile,
-    /// Lengths from elsewhere, m, known to [`LENGTH_SIGMA_M`], by the names of [`Person::lengths_m`].
+    /// Lengths from elsewhere, m, known to 15 mm (1 σ), by the names of [`Person::lengths_m`].
     pub lengths_m: Vec<(String, f64)>,
 }
 
@@ -204,10 +200,14 @@ pub fn subject(
     if known.height_m.is_none() {
         person.height_m = height_m;
     }
-    same_person(&known.lengths_m, |name, given| {
-        let usual = person.length(name)?;
-        (given.max(usual) > OTHER_PERSON.1 * given.min(usual)).then_some(usual)
-    })?;
+    if !known.lengths_m.is_empty() {
+        let refuse = |Other { name, given_m, found_m }| SubjectError::OtherPerson { name, given_m, found_m };
+        unusual(&known.lengths_m, &person).map(refuse).map_or(Ok(()), Err)?;
+        // What markers alone say: beside these lengths they would agree with them.
+        let alone = subject(labels, frames, kind, &Known { lengths_m: Vec::new(), ..known.clone() })?;
+        let Subject { model, skeleton, root, .. } = &alone;
+        contradiction(&known.lengths_m, model, skeleton, root).map(refuse).map_or(Ok(()), Err)?;
+    }
     person.lengths_m.clone_from(&known.lengths_m);
     let (_, skeleton, mut markers) = attached(&person)?;
     let mut skeleton = skeleton;
@@ -233,10 +233,6 @@ pub fn subject(
     let found = if known.symmetric { mirrored(found, &model(&person, kind)?, &seen)? } else { found };
     let Calibrated { skeleton, markers, rms_m, .. } = found;
     person.lengths_m = lengths(&model(&person, kind)?, &skeleton);
-    same_person(&known.lengths_m, |name, given| {
-        let found = person.length(name)?;
-        ((given - found).abs() > OTHER_PERSON.0 * LENGTH_SIGMA_M).then_some(found)
-    })?;
     let mut model = model(&person, kind)?;
     for (link, found) in model.links.iter_mut().zip(skeleton.links()) {
         link.link.position = found.position;
@@ -282,17 +278,6 @@ impl Subject {
         self.skeleton = Skeleton::new(&self.model)?;
         Some(self)
     }
-}
-
-/// Refuses the first length from elsewhere that `other` has another one for, m.
-fn same_person(
-    lengths: &[(String, f64)],
-    other: impl Fn(&str, f64) -> Option<f64>,
-) -> Result<(), SubjectError> {
-    let found = lengths.iter().find_map(|(name, given)| Some((name, *given, other(name, *given)?)));
-    found.map_or(Ok(()), |(name, given_m, found_m)| {
-        Err(SubjectError::OtherPerson { name: name.clone(), given_m, found_m })
-    })
 }
 
 /// Makes joints mirror images of one another, and finds the markers' places anew.
@@ -482,26 +467,4 @@ fn joint_sigma(model: &Model, known: &Known) -> Vec<[f64; 3]> {
         sigma
     };
     model.links.iter().skip(1).map(|l| of(&l.name)).collect()
-}
-
-/// The lengths of segments that joint centres tell, m.
-fn lengths(model: &Model, skeleton: &Skeleton) -> Vec<(String, f64)> {
-    let at = |name: &str| model.link(name).map(|i| skeleton.links()[i].position);
-    let both = |names: [&str; 2]| {
-        let found: Vec<f64> = names.iter().filter_map(|n| Some(at(n)?.norm())).collect();
-        (!found.is_empty()).then(|| found.iter().sum::<f64>() / found.len() as f64)
-    };
-    let apart = |names: [&str; 2]| Some((at(names[0])? - at(names[1])?).norm());
-    let mut found = vec![
-        ("thigh", both(["l_shank", "r_shank"])),
-        ("shank", both(["l_foot", "r_foot"])),
-        ("upper_arm", both(["l_forearm", "r_forearm"]).or_else(|| both(["l_ulna", "r_ulna"]))),
-        ("forearm", both(["l_hand", "r_hand"])),
-        ("hip_width", apart(["l_thigh", "r_thigh"])),
-        ("lower_trunk", at("torso").or_else(|| at("lumbar")).map(|p| p.z)),
-    ];
-    if model.link("torso").is_some() {
-        found.push(("shoulder_width", apart(["l_upper_arm", "r_upper_arm"])));
-    }
-    found.into_iter().filter_map(|(name, length)| Some((name.to_owned(), length?))).collect()
 }

@@ -42,11 +42,83 @@ fn level(stretch: &[[f32; 6]]) -> Option<([f64; 6], f64)> {
     (mean.iter().all(|v| v.is_finite())).then_some((mean, square.sqrt()))
 }
 
+/// Returns by how much the vertical force of an unloaded plate is larger at the end of the recording than at its beginning, N, where that
+/// is more than one zero can be; `None` if it is not, or the plate was unloaded only once.
+pub fn drift(plate: &GroundWrench) -> Option<f64> {
+    let length = ((STRETCH_S * plate.rate_hz) as usize).max(2);
+    let stretches: Vec<Option<([f64; 6], f64)>> = plate.wrench.chunks_exact(length).map(level).collect();
+    let is_quiet = |own: &Option<([f64; 6], f64)>| {
+        own.as_ref().is_some_and(|(mean, sd)| *sd < QUIET_N && mean[2].abs() < LARGEST_OFFSET_N)
+    };
+    // A time without load is several stretches at one level.
+    let follows = |a: &Option<([f64; 6], f64)>, b: &Option<([f64; 6], f64)>| is_quiet(a) == is_quiet(b);
+    let times = stretches.chunk_by(follows).filter(|own| is_quiet(&own[0]));
+    let long = times.filter(|own| (own.len() * length) as f64 >= LEAST_S * plate.rate_hz);
+    let levels: Vec<f64> = long
+        .map(|own| {
+            let mut values: Vec<f64> = own.iter().flatten().map(|(mean, _)| mean[2]).collect();
+            values.sort_by(f64::total_cmp);
+            values[values.len() / 2]
+        })
+        .collect();
+    let drift = levels.last()? - levels.first()?;
+    (drift.abs() > SAME_LEVEL_N).then_some(drift)
+}
+
+/// The zero of a plate that was always loaded, N: 1 σ of each force. Charge amplifiers drift by up to 0.01 N/s (data sheets of piezoelectric
+/// plates), and some minutes lie between their reset and a trial.
+pub const UNKNOWN_ZERO_N: f64 = 5.0;
+/// The same of each moment about the plate's middle, N m: its sensors stand about a quarter of a metre from there.
+pub const UNKNOWN_ZERO_NM: f64 = 0.25 * UNKNOWN_ZERO_N;
+
+/// Returns the middle of a plate's surface, or, of one without corners, the mean centre of pressure at height zero, m.
+pub fn middle(plate: &GroundWrench) -> [f64; 3] {
+    if let Some(corners) = plate.corners_m {
+        return std::array::from_fn(|axis| corners.iter().map(|corner| corner[axis]).sum::<f64>() / 4.0);
+    }
+    let finite = plate.wrench.iter().filter(|w| w.iter().all(|v| v.is_finite()));
+    let sum = finite.fold([0.0; 3], |sum: [f64; 3], w| {
+        [sum[0] + f64::from(w[2]), sum[1] + f64::from(w[3]), sum[2] + f64::from(w[4])]
+    });
+    if sum[0] > 0.0 { [-sum[2] / sum[0], sum[1] / sum[0], 0.0] } else { [0.0; 3] }
+}
+
 /// Takes an offset off a plate.
 pub fn take_off(plate: &mut GroundWrench, offset: &[f64; 6]) {
     for wrench in &mut plate.wrench {
         for (value, offset) in wrench.iter_mut().zip(offset) {
             *value -= *offset as f32;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A plate that is stepped on in the middle of three seconds, with a zero that moves by so much.
+    fn plate(drift: f64) -> GroundWrench {
+        let sample = |k: usize| {
+            let load = if (100..200).contains(&k) { 700.0 + 50.0 * (0.3 * k as f64).sin() } else { 0.0 };
+            [0.0, 0.0, (load + 8.0 + drift * k as f64 / 300.0) as f32, 0.0, 0.0, 0.0]
+        };
+        GroundWrench {
+            name: "plate".to_owned(),
+            corners_m: None,
+            rate_hz: 100.0,
+            first_s: 0.0,
+            mean_s: 0.0,
+            wrench: (0..300).map(sample).collect(),
+        }
+    }
+
+    #[test]
+    fn a_zero_that_drifts_is_told() {
+        assert_eq!(drift(&plate(0.0)), None);
+        assert_eq!(drift(&plate(4.0)), None);
+        // From the middle of the first second to that of the last: two thirds.
+        let found = drift(&plate(15.0)).unwrap();
+        assert!((found - 10.0).abs() < 0.5, "{found}");
+        assert!((offset(&plate(0.0)).unwrap()[2] - 8.0).abs() < 1e-3);
     }
 }

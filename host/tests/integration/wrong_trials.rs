@@ -299,6 +299,15 @@ fn opensim_models_that_are_no_persons_of_shared_data_are_named() {
     refused(with(&own.replace(ankle, &lower), &[]), 2, &["shank of --osim is 0.52", "scaled to this person"]);
     let far = ankle.replace("-0.42", "-42");
     refused(with(&own.replace(ankle, &far), &[]), 2, &["shank of --osim is 42", "in metres"]);
+    // Of another person who is about as tall, and of a taller one.
+    let other = std::fs::read_to_string(data("human_rajagopal2016_walk/subject_walk_scaled.osim")).unwrap();
+    refused(with(&other, &["--height-m", "1.8"]), 2, &["of --osim is", "scaled to this person"]);
+    let small = data("human_btk_pig_47kg_fullbody/PiG_Motion-FlatFoot-Full.c3d").display().to_string();
+    let standing =
+        data("human_btk_pig_47kg_fullbody/PiG_Calibration-FlatFoot-Full.c3d").display().to_string();
+    let tall = gait("subject01.osim");
+    let line = [&small, "--static", &standing, "--height-m", "1.505", "--osim", &tall];
+    refused(identify(folder.path(), &line), 2, &["thigh of --osim is 0.454", "scaled to this person"]);
 }
 
 #[test]
@@ -322,4 +331,96 @@ fn trials_of_two_persons_of_shared_data_are_told_apart() {
     );
     let (status, said) = treadmill(&format!("\u{feff}{trc}"), Some(&mot), &[]);
     assert!(status == 0 && said.contains("Whole mass"), "{said}");
+}
+
+#[test]
+#[ignore = "needs ../shared/data"]
+fn trials_of_shared_data_with_two_masses_contradict_each_other() {
+    let (trc, mot) = walk();
+    let header = mot_header(&mot);
+    let force = |c: usize| (1..=3).contains(&c) || (7..=9).contains(&c) || c > 12;
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, mot: &str| {
+        std::fs::write(folder.path().join(format!("{name}.trc")), &trc).unwrap();
+        std::fs::write(folder.path().join(format!("{name}_grf.mot")), mot).unwrap();
+    };
+    write("one", &mot);
+    write("other", &cells(&mot, header, |c, value| if force(c) { 1.05 * value } else { value }));
+    let line = ["one.trc", "other.trc", "--height-m", "1.8", "--out", "out"];
+    let words = ["contradict each other", "one says 72", "other says 7"];
+    refused(identify(folder.path(), &line), 1, &words);
+}
+
+/// Runs a trial that was altered, in words that it must say, or, with none, that it must not.
+#[track_caller]
+fn said_of_plates((status, said): (i32, String), code: i32, words: &[&str]) {
+    if words.is_empty() {
+        let doubts = ["not where the file has it", "check the scales", "drifts", "contradict each other"];
+        assert!(doubts.iter().all(|word| !said.contains(word)), "{said}");
+    }
+    refused((status, said), code, words);
+}
+
+#[test]
+#[ignore = "needs ../shared/data"]
+fn plates_of_shared_data_that_are_not_where_the_file_has_them_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let standing = data("human_btk_pig_60kg_functional/FunctionalStatic.c3d").display().to_string();
+    let over_plates = |bytes: &[u8]| {
+        std::fs::write(folder.path().join("walk.c3d"), bytes).unwrap();
+        let line = ["walk.c3d", "--static", &standing, "--height-m", "1.68", "--out", "out"];
+        let said = identify(folder.path(), &line);
+        std::fs::remove_dir_all(folder.path().join("out")).unwrap();
+        said
+    };
+    said_of_plates(over_plates(&c3d()), 0, &[]);
+    // Across the way, which is x: 4 cm of all plates, and 3 cm of the first.
+    let across = |count: usize, by_mm: f32| {
+        let mut bytes = c3d();
+        floats(&mut bytes, "CORNERS", count, |k, value| if k % 3 == 1 { value + by_mm } else { value });
+        over_plates(&bytes)
+    };
+    said_of_plates(across(36, 40.0), 0, &["plate 2: by feet", "4.3 ± ", "along y", "CORNERS"]);
+    said_of_plates(across(36, -40.0), 0, &["plate 3: by feet", "-5.0 ± ", "along y"]);
+    said_of_plates(across(12, 30.0), 0, &["plate 1: by feet", "along y"]);
+    // Along the way a foot tells less.
+    let mut back = c3d();
+    floats(&mut back, "CORNERS", 36, |k, value| if k % 3 == 0 { value - 50.0 } else { value });
+    said_of_plates(over_plates(&back), 0, &["plate 1: by feet", "-6.8 ± ", "along x"]);
+    // Centres of pressure of a treadmill, 3 cm to the right.
+    let (trc, mot) = walk();
+    let right = |c: usize, value: f64| if c == 6 || c == 12 { value + 0.03 } else { value };
+    let moved = cells(&mot, mot_header(&mot), right);
+    said_of_plates(treadmill(&trc, Some(&moved), &["--height-m", "1.8"]), 0, &["1_ground_force: by feet"]);
+    said_of_plates(treadmill(&trc, Some(&mot), &["--height-m", "1.8"]), 0, &[]);
+}
+
+#[test]
+#[ignore = "needs ../shared/data"]
+fn plates_of_shared_data_with_another_scale_or_a_zero_that_drifts_are_told() {
+    let (trc, mot) = walk();
+    let header = mot_header(&mot);
+    // One belt of two.
+    let own = |c: usize| (1..=3).contains(&c) || (13..=15).contains(&c);
+    let scaled = cells(&mot, header, |c, value| if own(c) { 1.1 * value } else { value });
+    let words = ["ground_force reads 1.1", "times what 1_ground_force does", "check the scales"];
+    said_of_plates(treadmill(&trc, Some(&scaled), &["--height-m", "1.8"]), 1, &words);
+    // The first of three plates: its channels are the first six of ANALOG:SCALE.
+    let mut bytes = c3d();
+    floats(&mut bytes, "\u{5}\u{4}SCALE", 6, |_, value| 1.1 * value);
+    said_of_plates(plates(&bytes), 1, &["plate 1 reads 1.", "times what plate 2 does"]);
+    said_of_plates(plates(&c3d()), 0, &[]);
+    // A zero that moves by 20 N in two seconds.
+    let rows = mot.lines().count() - header;
+    let drifts = |(k, line): (usize, &str)| {
+        let mut own: Vec<String> = line.split('\t').map(str::to_owned).collect();
+        if k >= header {
+            let force: f64 = own[2].trim().parse().unwrap();
+            own[2] = (force + 20.0 * (k - header) as f64 / rows as f64).to_string();
+        }
+        own.join("\t")
+    };
+    let moved: Vec<String> = mot.lines().enumerate().map(drifts).collect();
+    let said = treadmill(&trc, Some(&moved.join("\n")), &["--height-m", "1.8"]);
+    said_of_plates((0, said.1), 0, &["ground_force: its zero drifts by"]);
 }

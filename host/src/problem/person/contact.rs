@@ -10,11 +10,11 @@ use crate::inverse_kinematics::subject::Subject;
 use crate::motion_capture::ground::GroundWrench;
 
 /// A point of the sole is on the floor if it is no higher above it, m, …
-const LOW_M: f64 = 0.02;
+pub(super) const LOW_M: f64 = 0.02;
 /// … and no faster, m/s.
 const SLOW_MPS: f64 = 0.5;
 /// A plate is loaded from this vertical force on, N.
-const LOADED_N: f64 = 25.0;
+pub(super) const LOADED_N: f64 = 25.0;
 /// A centre of pressure is under a foot if it is no further from its sole, m.
 const BESIDE_M: f64 = 0.12;
 /// Frames beside one that is dropped are dropped, too, s: when a foot lands is not known better.
@@ -49,11 +49,11 @@ impl Dropped {
 }
 
 /// Where soles are in a frame, m, laboratory axes: heel and ball, inner and outer. Toes bend, and are left out.
-type Soles = [[Vector3<f64>; 4]; 2];
+pub(super) type Soles = [[Vector3<f64>; 4]; 2];
 /// The same as they are kept of every frame.
 pub type KeptSoles = [[[f32; 3]; 4]; 2];
 
-fn expanded(soles: &KeptSoles) -> Soles {
+pub(super) fn expanded(soles: &KeptSoles) -> Soles {
     soles.map(|sole| sole.map(|p| point(&p)))
 }
 
@@ -223,7 +223,7 @@ pub fn soles(subject: &Subject, places: &[Place]) -> Option<KeptSoles> {
 }
 
 /// How much the model's soles are below or above the floor where feet stand, by points: what a fifth of all frames have beneath them.
-fn sunken(soles: &[Option<KeptSoles>]) -> [[f64; 4]; 2] {
+pub(super) fn sunken(soles: &[Option<KeptSoles>]) -> [[f64; 4]; 2] {
     std::array::from_fn(|foot| {
         std::array::from_fn(|k| {
             let mut heights: Vec<f32> = soles.iter().flatten().map(|s| s[foot][k][2]).collect();
@@ -234,13 +234,13 @@ fn sunken(soles: &[Option<KeptSoles>]) -> [[f64; 4]; 2] {
 }
 
 /// The centre of pressure at a height: where the horizontal moments of a wrench about the origin vanish.
-fn pressure([fx, fy, fz, mx, my, _]: &[f64; 6], z: f64) -> Vector3<f64> {
+pub(super) fn pressure([fx, fy, fz, mx, my, _]: &[f64; 6], z: f64) -> Vector3<f64> {
     // M = p × F, so m_x = y f_z − z f_y and m_y = z f_x − x f_z
     Vector3::new((z * fx - my) / fz, (mx + z * fy) / fz, z)
 }
 
 /// Horizontal distance from the line from heel to ball, m.
-fn distance(sole: &[Vector3<f64>; 4], to: &Vector3<f64>) -> f64 {
+pub(super) fn distance(sole: &[Vector3<f64>; 4], to: &Vector3<f64>) -> f64 {
     let (a, b) = ((sole[0] + sole[1]) / 2.0, (sole[2] + sole[3]) / 2.0);
     let (line, away) = ((b - a).xy(), (to - a).xy());
     let along = (away.dot(&line) / line.norm_squared().max(1e-9)).clamp(0.0, 1.0);

@@ -2,7 +2,7 @@
 //!
 //! Lives here: trials of one person brought to a model of hers ([`people`]), every frame's pose and coordinates ([`coordinates`]),
 //! strides ([`strides`]), the delay between plates and cameras ([`alignment`]), frames that the plates did not measure wholly
-//! ([`contact`]), and whether motion and forces can be of one person. May not live here: files, poses of single frames, and rows.
+//! ([`contact`]), zeros of plates (`zeros`), where feet say that plates are (`footprints`), and whether motion and forces can be of one person. May not live here: files, poses of single frames, and rows.
 
 pub mod alignment;
 pub mod another;
@@ -10,6 +10,7 @@ pub mod anthropometry;
 pub mod contact;
 pub mod coordinates;
 mod cut_off;
+mod footprints;
 pub mod gaps;
 pub mod noise;
 pub mod people;
@@ -18,6 +19,8 @@ pub mod strides;
 #[cfg(test)]
 mod tests;
 pub mod track;
+mod zeros;
 
+pub use footprints::{Footprint, footprints};
 pub use people::{PeopleOptions, Person, PersonError};
 pub use track::{TrackReport, Tracked};

@@ -7,6 +7,7 @@ use nalgebra::Vector3;
 use rigident_shared::tree::BaseMotion;
 
 use super::track::{TrackOptions, Tracked, UsedFrame, distances, track};
+use super::zeros::{drifts, zero};
 use super::{alignment, plausible};
 use crate::fit::parallel;
 use crate::inverse_kinematics::marker_file::MarkerFile;
@@ -14,7 +15,6 @@ use crate::inverse_kinematics::subject::{HumanModel, Known, Subject, SubjectErro
 use crate::model::ModelError;
 use crate::model::human::Sex;
 use crate::motion_capture::trial::Trial;
-use crate::motion_capture::zeroing;
 use crate::problem::moved::Moved;
 use crate::problem::tree::{Frame, Input};
 
@@ -187,6 +187,8 @@ pub struct Person {
     pub trials: Vec<Tracked>,
     /// What to know.
     pub notes: Vec<String>,
+    /// What may make the answer wrong.
+    pub warnings: Vec<String>,
 }
 
 impl Person {
@@ -214,7 +216,8 @@ impl Person {
             let why = "there are no frames".to_owned();
             return Err(PersonError::NoFrames { name: trial.name.clone(), why });
         }
-        let mut notes = zero(trials);
+        let warnings = drifts(trials);
+        let (mut notes, unzeroed) = zero(trials);
         let labels = labels(trials, standing);
         let frames = chosen_frames(&labels, trials, standing);
         progress("joint centres", 0.0);
@@ -257,9 +260,10 @@ impl Person {
         }
         let mut tracked = Vec::new();
         let count = trials.len();
-        for (k, trial) in trials.iter_mut().enumerate() {
+        for (k, (trial, unzeroed)) in trials.iter_mut().zip(unzeroed).enumerate() {
             let step = |share: f64| progress("poses", (k as f64 + share) / count as f64);
             let mut own = track(trial, &subject, &options.track, &step)?;
+            own.unzeroed = unzeroed;
             on_the_model(&own.name, own.report.rms_m, &own.report.by_marker)?;
             // What frames need of the plates is in the frames.
             trial.ground.iter_mut().for_each(|plate| plate.wrench = Vec::new());
@@ -271,7 +275,7 @@ impl Person {
             }
             tracked.push(own);
         }
-        let mut person = Self { subject, fixed, trials: tracked, notes };
+        let mut person = Self { subject, fixed, trials: tracked, notes, warnings };
         plausible::belong_together(&person)?;
         if let Some(share) = plausible::share_of_needed(&person) {
             plausible::can_weigh(&person, share)?;
@@ -331,30 +335,6 @@ impl Person {
         let places = self.trials.get(trial)?.places(&self.subject, frame)?;
         Some(alignment::centre_of_mass(&self.subject, &places))
     }
-}
-
-/// Zeros every plate by its own time without load, else by that of the same plate in another trial.
-fn zero(trials: &mut [Trial]) -> Vec<String> {
-    let own: Vec<Vec<Option<[f64; 6]>>> =
-        trials.iter().map(|t| t.ground.iter().map(zeroing::offset).collect()).collect();
-    let corners: Vec<Vec<Option<[[f64; 3]; 4]>>> =
-        trials.iter().map(|t| t.ground.iter().map(|plate| plate.corners_m).collect()).collect();
-    let mut notes = Vec::new();
-    for (k, trial) in trials.iter_mut().enumerate() {
-        for (p, plate) in trial.ground.iter_mut().enumerate() {
-            let is_same = |t: usize| plate.corners_m.is_some() && corners[t].get(p) == Some(&plate.corners_m);
-            let mut others = (0..own.len()).filter(|t| is_same(*t));
-            let other = others.find_map(|t| own[t].get(p).copied().flatten());
-            match own[k][p].or(other) {
-                Some(offset) => zeroing::take_off(plate, &offset),
-                None => notes.push(format!(
-                    "{}, {}: always loaded, its zero is taken as it was recorded",
-                    trial.name, plate.name
-                )),
-            }
-        }
-    }
-    notes
 }
 
 /// The names of all markers.

@@ -17,8 +17,10 @@ use crate::inverse_kinematics::markers::Seen;
 use crate::inverse_kinematics::skeleton::{Place, Pose, Turn};
 use crate::inverse_kinematics::solve::Solver;
 use crate::inverse_kinematics::subject::Subject;
+use crate::motion_capture::ground::GroundWrench;
 use crate::motion_capture::trial::Trial;
 use crate::problem::smoothing::{Smoother, smoothed_at};
+use crate::problem::tree::UnknownZero;
 
 /// A freedom is not told by a frame if its deviation is so many times the trial's median, …
 const UNTOLD: f32 = 2.5;
@@ -65,6 +67,17 @@ pub struct UsedFrame {
     pub wrench: [f32; 6],
 }
 
+/// A force plate in the frames that rows are made of.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct UsedPlate {
+    /// Its name.
+    pub name: String,
+    /// Its surface's height, m; `None` if its corners are not known.
+    pub height_m: Option<f64>,
+    /// Its wrench in each frame, as [`UsedFrame::wrench`].
+    pub wrench: Vec<[f32; 6]>,
+}
+
 /// What became of the frames of a trial.
 #[derive(Clone, Debug)]
 pub struct TrackReport {
@@ -98,6 +111,10 @@ pub struct Tracked {
     pub smoother: Smoother,
     /// Frames among `frames` whose markers are kept: joint centres are drawn by them.
     pub windows: Vec<Range<usize>>,
+    /// The plates, in their order.
+    pub plates: Vec<UsedPlate>,
+    /// Plates whose zero is not known.
+    pub unzeroed: Vec<UnknownZero>,
     /// What became of the frames.
     pub report: TrackReport,
 }
@@ -217,14 +234,23 @@ pub fn track(
     drop(soles);
     same_laboratory(trial, &judged)?;
     let mut frames = Vec::new();
+    let height_m = |plate: &GroundWrench| plate.corners_m.map(|corners| corners[0][2]);
+    let plates = trial.ground.iter();
+    let plates =
+        plates.map(|p| UsedPlate { name: p.name.clone(), height_m: height_m(p), wrench: Vec::new() });
+    let mut plates: Vec<UsedPlate> = plates.collect();
     let frame = |number: usize| {
         judged.dropped.get(number).filter(|reason| reason.is_none())?;
         coordinates.at(&smoother, number)?;
         let loads = loads(trial, cut_off_hz, delay_s, number)?;
         let wrench = std::array::from_fn(|axis| loads.iter().map(|own| own[axis]).sum::<f64>() as f32);
-        Some(UsedFrame { number, wrench })
+        Some((UsedFrame { number, wrench }, loads))
     };
-    parallel::in_order(trial.frames(), frame, |_, own| frames.extend(own));
+    parallel::in_order(trial.frames(), frame, |_, own| {
+        let Some((frame, loads)) = own else { return };
+        frames.push(frame);
+        plates.iter_mut().zip(loads).for_each(|(plate, load)| plate.wrench.push(load.map(|v| v as f32)));
+    });
     let report = TrackReport {
         frames: trial.frames(),
         rate_hz: trial.rate_hz,
@@ -235,7 +261,17 @@ pub fn track(
         rms_m,
         by_marker,
     };
-    Ok(Tracked { name: trial.name.clone(), frames, coordinates, smoother, windows: Vec::new(), report })
+    let name = trial.name.clone();
+    Ok(Tracked {
+        name,
+        frames,
+        coordinates,
+        smoother,
+        windows: Vec::new(),
+        plates,
+        unzeroed: Vec::new(),
+        report,
+    })
 }
 
 /// The first frames of a trial, whose markers are kept in any case.

@@ -2,7 +2,7 @@
 //!
 //! Lives here: a recording brought to frames of joints and base ([`prepare`]) with the columns that joints have
 //! ([`columns`]), their coordinates from attitudes and gyros ([`joints`]) or as slopes of polynomials ([`polynomial`]),
-//! checks whether columns tell of one motion ([`input_checks`]), drives with friction ([`drive`]) when they stand still (`standstill`) and which rotors are parts of base parameters (`rotors`), errors that do not average out (`errors`, `sensitivities`), the rows of a frame
+//! checks whether columns tell of one motion ([`input_checks`]), drives with friction ([`drive`]) when they stand still (`standstill`) and which rotors are parts of base parameters (`rotors`), errors that do not average out (`errors`, `sensitivities`, `ground_errors`), the rows of a frame
 //! ([`rows`]), and the source that hands them to the fit ([`TreeSource`]). May not live here: the formulas of the rows
 //! (`rigident_shared::tree`), which parameters there are ([`crate::model::base`]), and whatever is done with rows
 //! ([`crate::fit`]).
@@ -12,6 +12,7 @@ pub mod drive;
 mod error;
 mod errors;
 mod frames;
+mod ground_errors;
 pub mod input_checks;
 pub mod joints;
 pub mod limits;
@@ -31,4 +32,6 @@ mod tracked_tests;
 pub use error::{TreePrepareError, TreeSourceError};
 pub use errors::SignalError;
 pub use frames::{BaseSensor, Frame, Input, NoisySignal, SignalKind};
+pub use ground_errors::UnknownZero;
+pub(crate) use ground_errors::about_base;
 pub use source::TreeSource;
