@@ -3,7 +3,7 @@
 use super::Failure;
 use crate::fit::Fit;
 use crate::fit::tare::Tare;
-use crate::problem::suspension::bare::bare_platform;
+use crate::problem::suspension::bare::fixture;
 use crate::rig::SuspensionTable;
 
 /// Takes the bare platform off what was found on the springs, if the rig file states it.
@@ -20,5 +20,5 @@ pub(super) fn take_platform_off(table: &SuspensionTable, found: &mut Fit) -> Res
 /// # Errors
 /// Bad input: it is none that could be taken off.
 pub(super) fn of_platform(table: &SuspensionTable) -> Result<Option<Tare>, Failure> {
-    bare_platform(table).map(Tare::new).transpose().map_err(Failure::input)
+    fixture(table).map_err(Failure::input)
 }

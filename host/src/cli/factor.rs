@@ -212,7 +212,7 @@ fn write(
     force: bool,
     output: &Path,
 ) -> Result<ExitCode, Failure> {
-    let runs = factors.clone();
+    let runs = if present::merged::is_shown(factors.len()) { factors.clone() } else { Vec::new() };
     let pooled = PooledFactor::merged(factors, shared_offset).map_err(Failure::input)?;
     if let Some(ratio) = pooled.unexplained_disagreement() {
         if ratio.sqrt() > FOREIGN && !force {

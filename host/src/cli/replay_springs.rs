@@ -148,7 +148,8 @@ fn non_linear(source: &SuspendedSource, sigma: &[f64; 6]) -> Option<String> {
     let most = source.free().iter().copied().max_by(|a, b| share(a).total_cmp(&share(b)))?;
     (share(&most) > BEYOND_MATRIX_SD).then(|| {
         format!(
-            "the device has the springs as a matrix, and the platform turns so far that their wrench differs by up to {:.2} {}, {:.1} times              the noise: `rigident identify` takes the springs as they are",
+            "the device has the springs as a matrix, and the platform turns so far that their wrench differs by up to {:.2} {}, {:.1} times the \
+             noise: `rigident identify` takes the springs as they are",
             off[most],
             if most < 3 { "N" } else { "N m" },
             share(&most)

@@ -15,7 +15,7 @@ use std::sync::{Mutex, PoisonError};
 use nalgebra::{DMatrix, DVector};
 
 use super::features;
-use super::lack_of_fit::NoiseRows;
+use super::lack_of_fit::{MEASURED, NoiseRows};
 use super::linearised::{Columns, DRIFTS, Linearised, NoiseColumns, Sensitivities};
 use super::residual_spectrum::{Band, measured, restore};
 use super::weighing::{Residuals, Spectrum, Weighing};
@@ -34,8 +34,6 @@ const MOST_PRODUCTS: usize = 100_000_000;
 const NEAR: f64 = 0.01;
 /// Lags of the rows that coloured noise is looked at.
 const CORRELATED_LAGS: usize = 200;
-/// The measured side's coefficient in a residual.
-const MEASURED: f64 = -1.0;
 /// Samples by which it is seen whether noise is felt at all,
 const TRIAL: usize = 500;
 /// as it is by a column that it changes by more than this share: the square is lost in any noise of the measured side.

@@ -65,8 +65,8 @@ pub fn drift(plate: &GroundWrench) -> Option<f64> {
     (drift.abs() > SAME_LEVEL_N).then_some(drift)
 }
 
-/// The zero of a plate that was always loaded, N: 1 σ of each force. Charge amplifiers drift by up to 0.01 N/s (data sheets of piezoelectric
-/// plates), and some minutes lie between their reset and a trial.
+/// Holds 1 σ of each force's zero of a plate that was always loaded, N. It is assumed: 0.01 N/s of drift over some minutes between the
+/// amplifiers' reset and a trial.
 pub const UNKNOWN_ZERO_N: f64 = 5.0;
 /// The same of each moment about the plate's middle, N m: its sensors stand about a quarter of a metre from there.
 pub const UNKNOWN_ZERO_NM: f64 = 0.25 * UNKNOWN_ZERO_N;

@@ -26,10 +26,15 @@ impl Line {
     }
 }
 
+/// Returns true if a table is made of so many runs.
+pub fn is_shown(runs: usize) -> bool {
+    (2..=MOST_RUNS).contains(&runs)
+}
+
 /// Returns a table of the inertial parameters by the best run alone and by all, those first that gain most; `None` of one run, or of
 /// more than can be looked at.
 pub fn table(runs: &[PooledFactor], all: &PooledFactor) -> Option<String> {
-    if !(2..=MOST_RUNS).contains(&runs.len()) {
+    if !is_shown(runs.len()) {
         return None;
     }
     let merged = all.fit();

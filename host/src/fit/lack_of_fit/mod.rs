@@ -60,7 +60,7 @@ impl Role {
 }
 
 /// The measured side's coefficient in a residual.
-const MEASURED: f64 = -1.0;
+pub(super) const MEASURED: f64 = -1.0;
 
 /// Noise of the signals in the rows, in series that are as likely as that which is there.
 pub trait NoiseRows {

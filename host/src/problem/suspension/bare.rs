@@ -7,6 +7,7 @@ use rigident_shared::spatial::{Body, Position};
 use super::whitened::pooled;
 use crate::fit::Factor;
 use crate::fit::pool::PooledFactor;
+use crate::fit::tare::{Tare, TareError};
 use crate::model::inertial::map_to_parent;
 use crate::problem::body;
 use crate::problem::tree::joints::attitude;
@@ -28,8 +29,16 @@ pub fn bare_parameters(table: &SuspensionTable) -> Option<(SVector<f64, TEN>, SM
     Some((map * SVector::from(parameters(platform)), moves * moves.transpose()))
 }
 
+/// Returns the bare platform of a rig file as a fixture to be taken off; `None` if none is stated.
+///
+/// # Errors
+/// [`TareError`] if it is none that could be.
+pub fn fixture(table: &SuspensionTable) -> Result<Option<Tare>, TareError> {
+    bare_platform(table).map(Tare::new).transpose()
+}
+
 /// Returns the factor of the bare platform of a rig file, in S; `None` if none is stated.
-pub fn bare_platform(table: &SuspensionTable) -> Option<PooledFactor> {
+fn bare_platform(table: &SuspensionTable) -> Option<PooledFactor> {
     let (mean, covariance) = bare_parameters(table)?;
     let whitening = covariance.cholesky()?.inverse().cholesky()?.l().transpose();
     let right = whitening * mean;

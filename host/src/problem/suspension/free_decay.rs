@@ -8,7 +8,7 @@ use super::SuspensionError;
 use super::mount::Mount;
 use super::springs::COORDINATES;
 use super::support::{Support, constant_rate_hz, missing};
-use super::track::{Pose, poses, rest};
+use super::track::{GAP, Pose, poses, rest};
 use crate::modal_analysis::{
     self, FreeDecay, Imu, ModalError, Modes, Options, Spectrum, platform_amplitudes, shapes, spectrum,
 };
@@ -22,8 +22,6 @@ const MAY_MISS: usize = 1;
 /// Names of an IMU's channels.
 const IMU_CHANNELS: [&str; 6] = ["fx", "fy", "fz", "wx", "wy", "wz"];
 
-/// A step longer than so many periods is a gap.
-const GAP: f64 = 1.5;
 /// Least share of a recording that must be without a gap.
 const WHOLE: f64 = 0.5;
 

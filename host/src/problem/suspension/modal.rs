@@ -119,8 +119,6 @@ pub(super) struct Problem<'a> {
     known: Option<Known>,
     stiffness: Matrix6<f64>,
     by_error: Vec<Matrix6<f64>>,
-    /// Height at which the weight is carried; a guide that locks z carries it through O.
-    height_m: f64,
     /// Measured (ω, φ) of each mode, free coordinates alone, and their covariance, swing by swing.
     measured: DVector<f64>,
     covariance: DMatrix<f64>,
@@ -164,7 +162,6 @@ impl<'a> Problem<'a> {
             known,
             stiffness: support.springs.stiffness(),
             by_error: support.springs.error_stiffnesses(),
-            height_m: if support.free.contains(&2) { support.anchor_height_m } else { 0.0 },
             measured,
             covariance,
         }
@@ -236,7 +233,7 @@ impl<'a> Problem<'a> {
             let map = DMatrix::from_fn(TEN, TEN, |i, j| to_o[(i, j)]) * &swing.map;
             let ten = &map * found.rows(0, p);
             let ten: [f64; TEN] = std::array::from_fn(|k| ten[k]);
-            let (mass, carried) = (mass_matrix(&ten), self.carried(&ten));
+            let (mass, carried) = (mass_matrix(&ten), self.support.weight_stiffness(ten[0], ten[3]));
             let errors: Matrix6<f64> =
                 self.by_error.iter().zip(found.rows(p, e).iter()).map(|(k, value)| k * *value).sum();
             for _ in 0..swing.shapes.modes.len() {
@@ -299,16 +296,10 @@ impl<'a> Problem<'a> {
     fn coefficients(&self, angular: f64, shape: &Vector6<f64>) -> SMatrix<f64, 6, TEN> {
         let mut all = mass_rows(shape) * (angular * angular);
         for k in 3..5 {
-            all[(k, 0)] -= STANDARD_GRAVITY_MPS2 * self.height_m * shape[k];
+            all[(k, 0)] -= STANDARD_GRAVITY_MPS2 * self.support.weight_height_m() * shape[k];
             all[(k, 3)] += STANDARD_GRAVITY_MPS2 * shape[k];
         }
         all
-    }
-
-    /// `K_g` of ten parameters.
-    fn carried(&self, ten: &[f64; TEN]) -> Matrix6<f64> {
-        let lever = STANDARD_GRAVITY_MPS2 * (self.height_m * ten[0] - ten[3]);
-        Matrix6::from_diagonal(&Vector6::new(0.0, 0.0, 0.0, lever, lever, 0.0))
     }
 }
 

@@ -3,14 +3,13 @@
 use nalgebra::{DMatrix, Matrix3, Quaternion, Rotation3, SVector, UnitQuaternion, Vector3, Vector4};
 
 use super::SuspensionError;
-use super::bare::bare_platform;
+use super::bare::fixture;
 use super::free_decay::vibration;
 use super::modal::{ModalSource, Swing};
 use super::posture_modes::{PostureModes, posture_rows};
 use super::postures::PostureSource;
 use super::prepare::joints;
 use super::support::Support;
-use crate::fit::tare::Tare;
 use crate::fit::{Estimate, Factor, Fit, FitOptions, Silent, fit};
 use crate::modal_analysis::Shapes;
 use crate::model::Model;
@@ -104,9 +103,8 @@ impl RecordedPosture {
 }
 
 fn take_platform_off(recording: &Recording, found: &mut Fit) -> Result<(), SuspensionError> {
-    let table = recording.rig.suspension.as_ref();
-    let Some(platform) = table.and_then(bare_platform) else { return Ok(()) };
-    let taken = Tare::new(platform).and_then(|tare| tare.take_off(found));
+    let Some(table) = recording.rig.suspension.as_ref() else { return Ok(()) };
+    let taken = fixture(table).and_then(|own| own.map_or(Ok(()), |tare| tare.take_off(found)));
     taken.map_err(|e| SuspensionError::Posture { file: recording.name.clone(), why: e.to_string() })
 }
 

@@ -115,10 +115,7 @@ fn moved(
 
 /// Stiffness with what the weight adds to it; locked coordinates do not yield.
 fn with_weight(support: &Support, ten: &SVector<f64, 10>) -> Option<Matrix6<f64>> {
-    let mut stiffness = support.springs.stiffness();
-    let height = if support.free.contains(&2) { support.anchor_height_m } else { 0.0 };
-    let lever = STANDARD_GRAVITY_MPS2 * (height * ten[0] - ten[3]);
-    (stiffness[(3, 3)], stiffness[(4, 4)]) = (stiffness[(3, 3)] + lever, stiffness[(4, 4)] + lever);
+    let mut stiffness = support.springs.stiffness() + support.weight_stiffness(ten[0], ten[3]);
     let largest = stiffness.amax();
     for k in (0..6).filter(|k| !support.free.contains(k)) {
         stiffness.row_mut(k).fill(0.0);

@@ -1,5 +1,8 @@
 //! What carries the platform, and what a recording of its swinging must have.
 
+use hexapod::STANDARD_GRAVITY_MPS2;
+use nalgebra::{Matrix6, Vector6};
+
 use super::SuspensionError;
 use super::mount::Mount;
 use super::springs::{Springs, free};
@@ -34,6 +37,19 @@ impl Support {
             anchor_height_m: table.anchor_height_m.unwrap_or_else(|| anchors_height(table)),
             free: free(&table.locked),
         })
+    }
+}
+
+impl Support {
+    /// Returns the height at which the weight is carried, m; a guide that locks z carries it through O.
+    pub(super) fn weight_height_m(&self) -> f64 {
+        if self.free.contains(&2) { self.anchor_height_m } else { 0.0 }
+    }
+
+    /// Returns what the weight of ten parameters about O adds to the stiffness: `g (h m − ms_z)` on roll and pitch.
+    pub(super) fn weight_stiffness(&self, mass_kg: f64, ms_z: f64) -> Matrix6<f64> {
+        let lever = STANDARD_GRAVITY_MPS2 * (self.weight_height_m() * mass_kg - ms_z);
+        Matrix6::from_diagonal(&Vector6::new(0.0, 0.0, 0.0, lever, lever, 0.0))
     }
 }
 

@@ -23,7 +23,7 @@ const ABOVE_NOISE: f64 = 20.0;
 /// The cut-off over the highest frequency that is to pass.
 const ROOM: f64 = 1.2;
 /// A step longer than so many periods is a gap.
-const GAP: f64 = 1.5;
+pub(super) const GAP: f64 = 1.5;
 
 /// Coordinates of every row of a recording.
 pub(super) struct Track {

@@ -9,7 +9,7 @@ use std::ops::Range;
 use nalgebra::{DMatrix, DVector, Quaternion, SymmetricEigen, Vector3};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use super::track::Track;
+use super::track::{GAP, Track};
 use crate::problem::moved::Part;
 use crate::problem::white_noise::{Signs, TENTH};
 
@@ -17,8 +17,6 @@ use crate::problem::white_noise::{Signs, TENTH};
 const PER_PERIOD: f64 = 12.0;
 /// Share of the differences that counts: a marker that jumps is not noise.
 const COUNTED: f64 = 0.95;
-/// A step longer than so many periods is a gap.
-const GAP: f64 = 1.5;
 
 /// Noise of the coordinates of a track.
 #[derive(Clone, Debug, PartialEq)]
