@@ -14,6 +14,8 @@ const MEASURED: [u8; 3] = [0x1f, 0x5f, 0xa8];
 const PREDICTED: [u8; 3] = [0xc2, 0x57, 0x0c];
 const MEASURED_IN_DARK: [u8; 3] = [0x6f, 0xb0, 0xf5];
 const MARKER: [u8; 3] = [0x1d, 0x7a, 0x4f];
+/// Pixels at edges that a browser smooths otherwise when it draws the same once more; what is hidden or turned changes far more.
+const SAME: f64 = 20.0;
 const FRAME: &str = "+document.querySelector('#time').value";
 
 /// Writes a page into the folder of tests' own files, where one can look at it afterwards.
@@ -148,7 +150,7 @@ fn in_a_browser_figure_and_forces_are_seen_and_can_be_hidden() {
         assert_eq!(browser.pixels_of("less", colour), 0.0, "{toggle}");
         toggles.iter().for_each(|toggle| browser.click(toggle));
         browser.picture("again", "#scene");
-        assert_eq!(browser.difference("all", "again"), 0.0, "{toggle}");
+        assert!(browser.difference("all", "again") < SAME, "{toggle}");
     }
     seek(&mut browser, 320);
     browser.picture("later", "#scene");
@@ -185,13 +187,13 @@ fn in_a_browser_the_figure_is_turned_shifted_zoomed_and_reset() {
     }
     browser.click("#reset");
     browser.picture("reset", "#scene");
-    assert_eq!(browser.difference("start", "reset"), 0.0);
+    assert!(browser.difference("start", "reset") < SAME);
     browser.click("#follow");
     new(&mut browser, &mut seen, "whole way");
     browser.click("#follow");
     browser.key("s", 0);
     browser.picture("by key", "#scene");
-    assert_eq!(browser.difference("side", "by key"), 0.0);
+    assert!(browser.difference("side", "by key") < SAME);
 
     // Without a mouse: Tab leads to the picture first, and there the arrow keys turn it.
     browser.click("#reset");
