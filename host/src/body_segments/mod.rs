@@ -16,6 +16,7 @@ pub mod report;
 pub mod segments;
 mod study;
 pub mod tool;
+mod zeros;
 
 pub use error::{DrawError, StudyError};
 pub use motion::{Motion, Parts};

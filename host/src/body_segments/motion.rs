@@ -8,7 +8,7 @@ use crate::fit::pool::PooledFactor;
 use crate::fit::{Checks, Fit};
 use crate::problem::person::strides::period_s;
 use crate::problem::person::{Person, Tracked};
-use crate::problem::tree::{TreeSource, UnknownZero};
+use crate::problem::tree::TreeSource;
 
 /// Fewest frames that a motion has.
 pub(super) const FEWEST_FRAMES: usize = 15;
@@ -127,24 +127,6 @@ fn strides(tracked: &Tracked) -> Result<Vec<usize>, StudyError> {
     let kept: Vec<usize> = cuts.into_iter().zip(ends).filter(whole).map(|(cut, _)| cut).collect();
     // What comes first is the first one's.
     Ok(if kept.is_empty() { vec![0] } else { std::iter::once(0).chain(kept.into_iter().skip(1)).collect() })
-}
-
-/// The rows of a part, of which its trial has `count`, with the zeros of plates that are not known as errors to be eliminated.
-///
-/// A zero is the same in all parts and eliminated from each: with √count times its σ there, all parts together have it once.
-pub(super) fn source_of(
-    person: &Person,
-    part: &Part,
-    count: usize,
-    sigma: &[f64],
-) -> Result<TreeSource, StudyError> {
-    let input = person.input(part.trial, part.frames.clone());
-    let mut input = input.ok_or_else(|| StudyError::NoFrames(format!("{} is not there", part.name)))?;
-    let wider = (count as f64).sqrt();
-    for zero in person.trials.get(part.trial).into_iter().flat_map(|tracked| &tracked.unzeroed) {
-        input.add_zero(&UnknownZero { sigma: zero.sigma.map(|s| s * wider), ..zero.clone() });
-    }
-    Ok(TreeSource::new(input)?.with_channel_sigma(sigma.to_vec()))
 }
 
 /// The rows of some frames of a trial, their noise not known.

@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use nalgebra::{DMatrix, DVector, Matrix2, Vector2, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 
 use super::error::StudyError;
 use super::motion::{MOST_FRAMES, Motion};
@@ -16,7 +16,7 @@ use crate::fit::{
 };
 use crate::problem::person::noise::{RowSums, sigma};
 use crate::problem::person::{Footprint, Person, Tracked, footprints};
-use crate::problem::tree::{TreeSource, about_base};
+use crate::problem::tree::{TreeSource, UnknownZero, about_base};
 
 /// A shift of a plate beforehand, 1 σ, m: as good as nothing is known.
 const SHIFT_M: f64 = 0.3;
@@ -175,7 +175,7 @@ fn beforehand(table: &Gaussian, tracked: &Tracked) -> Option<Gaussian> {
     for (z, zero) in tracked.unzeroed.iter().enumerate() {
         for k in 0..6 {
             let at = n + EACH * plates + 6 * z + k;
-            covariance[(at, at)] = zero.sigma[usize::from(k >= 3)].powi(2);
+            covariance[(at, at)] = zero.sigmas()[k].powi(2);
         }
     }
     let more = (n..all).map(|k| format!("plate error {k}"));
@@ -202,8 +202,17 @@ fn add_footprints(all: &mut Factor, n: usize, prints: &[Footprint]) {
 
 /// The rows of some frames of a trial, from one on, with the columns of its plates behind the parameters.
 fn with_plates<'a>(source: &'a TreeSource, tracked: &'a Tracked, first: usize) -> OtherColumns<'a> {
-    let (n, channels) = (source.parameters().len(), source.channels().len());
     let more = EACH * tracked.plates.len() + 6 * tracked.unzeroed.len();
+    with_wrenches(source, more, move |sample| errors(tracked, first + sample))
+}
+
+/// Rows with `more` columns behind the parameters: wrenches about the laboratory's origin that are added to the ground's.
+pub(super) fn with_wrenches<'a>(
+    source: &'a TreeSource,
+    more: usize,
+    wrenches: impl Fn(usize) -> Vec<[f64; 6]> + Send + Sync + 'a,
+) -> OtherColumns<'a> {
+    let (n, channels) = (source.parameters().len(), source.channels().len());
     let column =
         |k: usize| Parameter::new(format!("plate error {k}"), Owner::Link(String::new()), Kind::Offset, "");
     let parameters = source.parameters().iter().cloned().chain((0..more).map(column)).collect();
@@ -220,7 +229,7 @@ fn with_plates<'a>(source: &'a TreeSource, tracked: &'a Tracked, first: usize) -
             }
         }
         if let Some(frame) = source.input().frames.get(sample) {
-            for (k, wrench) in errors(tracked, first + sample).into_iter().enumerate() {
+            for (k, wrench) in wrenches(sample).into_iter().enumerate() {
                 let column = rows.smoothed.iter_mut().skip(n + k).step_by(all);
                 column.zip(about_base(frame, wrench)).for_each(|(to, value)| *to = value);
             }
@@ -239,13 +248,6 @@ fn errors(tracked: &Tracked, frame: usize) -> Vec<[f64; 6]> {
         // s × F
         all.extend([[0.0, 0.0, 0.0, 0.0, -z, y], [0.0, 0.0, 0.0, z, 0.0, -x], own]);
     }
-    for zero in &tracked.unzeroed {
-        let at = Vector3::from(zero.at_m);
-        for k in 0..3 {
-            let (force, moment) = (Vector3::ith(k, 1.0), at.cross(&Vector3::ith(k, 1.0)));
-            all.push([force.x, force.y, force.z, moment.x, moment.y, moment.z]);
-        }
-        all.extend((3..6).map(|k| std::array::from_fn(|axis| f64::from(u8::from(axis == k)))));
-    }
+    all.extend(tracked.unzeroed.iter().flat_map(UnknownZero::wrenches));
     all
 }

@@ -21,7 +21,7 @@ const FARTHEST: usize = 3;
 pub fn person_result(
     study: &Study,
     person: &Person,
-    fit: &Fit,
+    (fit, motions): (&Fit, &[usize]),
     full: &Full,
     answer: &Answer,
     left_out: &[LeftOut],
@@ -30,7 +30,7 @@ pub fn person_result(
     let place = whole.and_then(|name| fit.parameters.iter().position(|p| p.name == *name));
     let state = place.and_then(|place| answer.parameters.get(place)).map(|p| p.state);
     let spread = &study.options.spread;
-    let (segments, centre) = segments(study, person, fit, full)?;
+    let (segments, centre) = segments(study, person, (fit, motions), full)?;
     Ok(PersonResult {
         model: person.subject.model.name.clone(),
         height_m: person.subject.person.height_m,

@@ -1,7 +1,7 @@
 //! Segments with intervals, beside the table.
 //!
 //! Values are the physically consistent ones nearest to the table. How uncertain they are is what rows and table leave together:
-//! with the map B from segments to base parameters and the table's covariance Σ, `P = (Σ⁻¹ + BᵀRᵀR B)⁻¹`, and what joint centres leave open,
+//! with the map B from segments to base parameters and the table's covariance Σ, `P = (Σ⁻¹ + BᵀRᵀR B)⁻¹`, and what joint centres and zeros leave open,
 //! `G D Dᵀ Gᵀ` with `G = P BᵀRᵀR`.
 
 use nalgebra::{DMatrix, Matrix3, Vector3, Vector4};
@@ -15,14 +15,14 @@ use crate::model::inertial::Parameters;
 use crate::problem::person::Person;
 use crate::problem::person::anthropometry;
 
-/// Returns the segments of a person, and the centre of mass of all of her when she stands upright, from midway between the hips, m.
+/// Returns the segments of a person by the fit of some motions, and the centre of mass of all of her when she stands upright, from midway between the hips, m.
 ///
 /// # Errors
 /// [`StudyError::NoFrames`] if what is known of them is singular.
 pub fn segments(
     study: &Study,
     person: &Person,
-    fit: &Fit,
+    (fit, motions): (&Fit, &[usize]),
     found: &Full,
 ) -> Result<(Vec<SegmentResult>, [Measured; 3]), StudyError> {
     let refuse = || StudyError::NoFrames("what is known of the segments is singular".to_owned());
@@ -33,9 +33,10 @@ pub fn segments(
     let rows = &r * &map;
     let information = known.clone().cholesky().ok_or_else(refuse)?.inverse() + rows.transpose() * &rows;
     let covariance = information.cholesky().ok_or_else(refuse)?.inverse();
-    // What joint centres move in the rows' own estimate moves so much of the segments.
-    let moved = &covariance * rows.transpose() * &r * &study.draws;
-    let covariance = covariance + &moved * moved.transpose();
+    // What joint centres and zeros move in the rows' own estimate moves so much of the segments.
+    let gain = &covariance * rows.transpose() * &r;
+    let moved = study.moved(motions).map(|moved| &gain * moved);
+    let covariance = moved.iter().fold(covariance, |sum, moved| sum + moved * moved.transpose());
     let each = found.links.iter().filter_map(|link| {
         let at = model.links.iter().position(|l| l.name == link.name)?;
         let own = covariance.view((10 * at, 10 * at), (10, 10)).into_owned();

@@ -6,14 +6,15 @@ use nalgebra::DMatrix;
 
 use super::calibration::draws;
 use super::error::StudyError;
-use super::motion::{FEWEST_FRAMES, Motion, Part, Parts, parts, source, source_of};
+use super::motion::{FEWEST_FRAMES, Motion, Part, Parts, parts, source};
+use super::zeros::Zeros;
 use crate::answer::standard_parameters::{BaseEstimate, Full, nearest};
 use crate::fit::lack_of_fit::LackOfFit;
 use crate::fit::pool::PooledFactor;
 use crate::fit::prior::apply_distribution;
 use crate::fit::{
-    Channel, Factor, Fit, FitError, FitOptions, Gaussian, Measured, Progress, RowSource, Silent, fit,
-    parallel,
+    COVERAGE_95, Channel, Factor, Fit, FitError, FitOptions, Gaussian, Measured, Progress, RowSource, Silent,
+    fit, parallel,
 };
 use crate::model::base::{BaseParameters, Situation};
 use crate::model::{Model, ModelError};
@@ -81,6 +82,28 @@ const OTHER_MASS: f64 = 0.01;
 /// … and by so many times the U95 of the difference, is another body's.
 const OTHER_MASS_U95: f64 = 2.0;
 
+/// A whole mass.
+struct Mass {
+    kg: f64,
+    /// Without zeros of plates, kg².
+    variance: f64,
+    /// What each zero of a plate adds to it, 1 σ, kg.
+    zeros: Vec<f64>,
+}
+
+impl Mass {
+    fn measured(&self) -> Measured {
+        let variance = self.variance + self.zeros.iter().map(|z| z * z).sum::<f64>();
+        Measured { value: self.kg, u95: COVERAGE_95 * variance.sqrt() }
+    }
+
+    /// The difference to another mass, in which the same zeros are.
+    fn less(&self, other: &Self) -> Measured {
+        let zeros = self.zeros.iter().zip(&other.zeros).map(|(a, b)| a - b).collect();
+        Self { kg: self.kg - other.kg, variance: self.variance + other.variance, zeros }.measured()
+    }
+}
+
 /// All motions of a person.
 pub struct Study {
     /// The motions.
@@ -95,6 +118,7 @@ pub struct Study {
     pub left: Vec<String>,
     /// How joint centres and marker places move the parameters, one column a draw; none before [`Study::draw`].
     pub draws: DMatrix<f64>,
+    zeros: Zeros,
     base: BaseParameters,
     /// The model that the rows are of, without fixed joints.
     pub model: Model,
@@ -130,8 +154,7 @@ impl Study {
         let sigma = noise(person, &parts, &open, &one)?;
         let found = parallel::map(parallel::threads(), parts.len(), |k| -> Result<_, StudyError> {
             one();
-            let count = parts.iter().filter(|part| part.trial == parts[k].trial).count();
-            let own = source_of(person, &parts[k], count, &sigma[k])?;
+            let own = source(person, parts[k].trial, &parts[k].frames)?.with_channel_sigma(sigma[k].clone());
             match fit(&own, fit_options, &Silent) {
                 Ok(fit) => Ok(Ok(Motion::of(&parts[k], &sigma[k], &nothing_stated(fit)))),
                 Err(error @ FitError::NoRows { .. }) => Ok(Err(format!("{}: {error}", parts[k].name))),
@@ -152,6 +175,7 @@ impl Study {
             motions,
             table: options.mass_kg.map_or_else(|| open.clone(), |mass| with_mass(&open, mass)),
             draws: DMatrix::zeros(open.names().len(), 0),
+            zeros: Zeros::default(),
             open,
             options: *options,
             left,
@@ -162,10 +186,11 @@ impl Study {
         })
     }
 
-    /// Finds how joint centres and marker places move the parameters; `trials` are those that the person was made of.
+    /// Finds how joint centres, marker places and zeros of plates that are not known move the parameters; `trials` are those that the
+    /// person was made of.
     ///
     /// # Errors
-    /// [`StudyError::Draws`] if a person with other joints has no rows.
+    /// [`StudyError`] if a person with other joints, or a motion, has no rows.
     pub fn draw(
         &mut self,
         person: &Person,
@@ -175,6 +200,7 @@ impl Study {
         self.draws = draws(person, trials, &self.motions, &known(&self.table), &|share| {
             progress.stage("joint centres' uncertainty", share);
         })?;
+        self.zeros = Zeros::of(person, &self.motions, self.parameters())?;
         Ok(())
     }
 
@@ -209,9 +235,19 @@ impl Study {
     /// # Errors
     /// [`StudyError::Pool`] if there are no motions.
     pub fn mass_by_plates(&self) -> Result<Option<Measured>, StudyError> {
-        let all = self.motions.iter().map(|motion| motion.pooled.clone());
-        let fit = Self::merged(all.collect(), &self.open)?;
-        Ok(self.with_calibration(fit).estimate.measured(0))
+        let all: Vec<usize> = (0..self.motions.len()).collect();
+        Ok(self.mass_of(&all)?.map(|mass| mass.measured()))
+    }
+
+    /// The whole mass that some motions say beside the table; `None` if that is not told.
+    fn mass_of(&self, motions: &[usize]) -> Result<Option<Mass>, StudyError> {
+        let factors = motions.iter().filter_map(|k| self.motions.get(*k)).map(|motion| motion.pooled.clone());
+        let fit = Self::merged(factors.collect(), &self.open)?;
+        let zeros = self.zeros.moved(&self.motions, motions, &known(&self.open));
+        let Some(own) = fit.estimate.measured(0) else { return Ok(None) };
+        let joints = self.draws.row(0).norm_squared();
+        let variance = (own.u95 / COVERAGE_95).powi(2) + joints;
+        Ok(Some(Mass { kg: own.value, variance, zeros: zeros.row(0).iter().copied().collect() }))
     }
 
     /// Returns motions whose whole mass, kg, is not that of all motions, by their numbers: something was carried, put down or leaned on.
@@ -219,15 +255,15 @@ impl Study {
     /// # Errors
     /// [`StudyError::Pool`] if there are no motions.
     pub fn other_masses(&self) -> Result<Vec<(usize, Measured)>, StudyError> {
-        let Some(all) = self.mass_by_plates()? else { return Ok(Vec::new()) };
-        let is_other = |own: &Measured| {
-            let off = (own.value - all.value).abs();
-            off > OTHER_MASS * all.value && off > OTHER_MASS_U95 * own.u95.hypot(all.u95)
+        let every: Vec<usize> = (0..self.motions.len()).collect();
+        let Some(all) = self.mass_of(&every)? else { return Ok(Vec::new()) };
+        let is_other = |own: &Mass| {
+            let off = (own.kg - all.kg).abs();
+            // One zero is in both.
+            off > OTHER_MASS * all.kg && off > OTHER_MASS_U95 * own.less(&all).u95
         };
         let of = |k: usize| -> Result<_, StudyError> {
-            let own = Self::merged(vec![self.motions[k].pooled.clone()], &self.open)?;
-            let own = self.with_calibration(own).estimate.measured(0).filter(is_other);
-            Ok(own.map(|own| (k, own)))
+            Ok(self.mass_of(&[k])?.filter(is_other).map(|own| (k, own.measured())))
         };
         let found = parallel::map(parallel::threads(), self.motions.len(), of);
         found.into_iter().filter_map(Result::transpose).collect()
@@ -242,24 +278,34 @@ impl Study {
         trials.dedup();
         let mut masses = Vec::new();
         for trial in trials {
-            let own = self.motions.iter().filter(|motion| motion.trial == trial);
-            let fit = Self::merged(own.map(|motion| motion.pooled.clone()).collect(), &self.open)?;
-            masses.extend(self.with_calibration(fit).estimate.measured(0).map(|mass| (trial, mass)));
+            let own = self.motions.iter().enumerate().filter(|(_, motion)| motion.trial == trial);
+            let own: Vec<usize> = own.map(|(k, _)| k).collect();
+            masses.extend(self.mass_of(&own)?.map(|mass| (trial, mass.measured())));
         }
         let pairs = masses.iter().enumerate().flat_map(|(k, a)| masses.iter().skip(k + 1).map(|b| [*a, *b]));
         Ok(pairs.filter(|[a, b]| apart(&a.1, &b.1)).collect())
     }
 
-    /// Returns a fit with what joint centres and marker places leave open in its covariance. Its values are those that predict best with
-    /// the joints as they were found.
+    /// Returns how joint centres, marker places and zeros of plates move what some motions and the table say, one column each.
+    pub fn moved(&self, motions: &[usize]) -> [DMatrix<f64>; 2] {
+        [self.draws.clone(), self.zeros.moved(&self.motions, motions, &known(&self.table))]
+    }
+
+    /// Returns the fit of some motions with what joint centres, marker places and zeros of plates leave open in its covariance. Its values
+    /// are those that predict best with joints as they were found and zeros as they were recorded.
     #[must_use]
-    pub fn with_calibration(&self, mut fit: Fit) -> Fit {
-        let square = &self.draws * self.draws.transpose();
-        fit.estimate.covariance += &square;
-        if let Some(prior) = &mut fit.prior {
-            prior.data_alone.covariance += &square;
+    pub fn with_calibration(&self, mut fit: Fit, motions: &[usize]) -> Fit {
+        for (name, moved) in ["joint centres", "zeros of plates"].into_iter().zip(self.moved(motions)) {
+            if moved.ncols() == 0 {
+                continue;
+            }
+            let square = &moved * moved.transpose();
+            fit.estimate.covariance += &square;
+            if let Some(prior) = &mut fit.prior {
+                prior.data_alone.covariance += &square;
+            }
+            fit.added.push((name.to_owned(), square));
         }
-        fit.added.push(("joint centres".to_owned(), square));
         fit
     }
 

@@ -57,6 +57,7 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
         sex: arguments.table.into(),
         symmetric: arguments.symmetric_sides,
         own_markers: own_markers(arguments)?,
+        plates_zeroed: arguments.plates_zeroed,
         track: TrackOptions { cut_off_hz: arguments.cut_off_hz, delay_s: arguments.delay_s },
     };
     let person =
@@ -103,11 +104,11 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
     };
     let fit = study.together(&chosen).map_err(Failure::input)?;
     let full = study.segments(&person, &fit).map_err(Failure::input)?;
-    let fit = study.with_calibration(fit);
+    let fit = study.with_calibration(fit, &chosen);
     let mut answer = answer(arguments, &person, &study, &fit)?;
     stages.at("left-out motions", 0.0);
     let left_out = left_out(&study, &person, SHOWN_S).map_err(Failure::input)?;
-    let result = person_result(&study, &person, &fit, &full, &answer, &left_out.channels);
+    let result = person_result(&study, &person, (&fit, &chosen), &full, &answer, &left_out.channels);
     let device =
         arguments.mcu.map(|mcu| compared(mcu, (&person, &study), &chosen, &fit, &stages)).transpose()?;
     let (device, warnings) = device.unzip();

@@ -130,6 +130,9 @@ pub struct IdentifyBody {
     /// How late the plates are against the cameras, s; by default from the data
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub delay_s: Option<f64>,
+    /// Plates that are always loaded were reset right before each trial: their zero is exact, not known to 5 N (1 σ)
+    #[arg(long)]
+    pub plates_zeroed: bool,
     /// Parts of a single trial, each a motion; or strides, of every trial
     #[arg(long, value_name = "N|strides", default_value = "4", value_parser = parts)]
     pub parts: Parts,

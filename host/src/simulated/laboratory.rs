@@ -456,7 +456,8 @@ mod tests {
         let [with, without] = [&with, &bare].map(|all| Somebody::new(&model, all, 1.741, 9).unwrap());
         let mut trials: Vec<Trial> = (0..2).map(|k| with.trial(&format!("with {k}"), &SHORT, k)).collect();
         trials.extend((0..2).map(|k| without.trial(&format!("without {k}"), &SHORT, 10 + k)));
-        let options = PeopleOptions { own_markers: with.clusters().clone(), ..PeopleOptions::default() };
+        let own_markers = with.clusters().clone();
+        let options = PeopleOptions { own_markers, plates_zeroed: true, ..PeopleOptions::default() };
         let standing = without.standing(&SHORT, 1);
         let person = Person::new(&mut trials, Some(&standing), &options, &|_, _| {}).unwrap();
         let [held, mut empty] = [[0, 1], [2, 3]].map(|which| {
@@ -464,7 +465,7 @@ mod tests {
             Study::new(&person, &which, &options.0, &options.1, &Silent).unwrap()
         });
         empty.draw(&person, &trials, &Silent).unwrap();
-        let fit = empty.with_calibration(empty.together(&[0, 1]).unwrap());
+        let fit = empty.with_calibration(empty.together(&[0, 1]).unwrap(), &[0, 1]);
         let mass = fit.data_alone().measured(0).unwrap();
         let kg = bare.chunks(10).map(|phi| phi[0]).sum::<f64>();
         assert!((mass.value - kg).abs() < mass.u95 && mass.u95 < 0.01 * kg, "{mass:?} {kg}");
@@ -486,7 +487,8 @@ mod tests {
             with[10 * hand] += carried;
             let [with, without] = [&with, &bare].map(|all| Somebody::new(&model, all, 1.741, 9).unwrap());
             let mut trials = vec![without.trial("without", &SHORT, 1), with.trial("with", &SHORT, 2)];
-            let options = PeopleOptions { own_markers: with.clusters().clone(), ..PeopleOptions::default() };
+            let own_markers = with.clusters().clone();
+            let options = PeopleOptions { own_markers, plates_zeroed: true, ..PeopleOptions::default() };
             let standing = without.standing(&SHORT, 1);
             let person = Person::new(&mut trials, Some(&standing), &options, &|_, _| {}).unwrap();
             let options = (StudyOptions::default(), FitOptions::default());
@@ -494,6 +496,34 @@ mod tests {
             study.draw(&person, &trials, &Silent).unwrap();
             let others = study.other_masses().unwrap();
             assert_eq!(others.is_empty(), carried == 0.0, "{carried} kg: {others:?}");
+        }
+    }
+
+    #[test]
+    fn a_zero_that_is_not_known_moves_the_mass_as_a_plate_that_reads_too_much_does() {
+        let model = Standard::default().human34().unwrap();
+        let body = Somebody::new(&model, &somebody(&model, 4), 1.741, 9).unwrap();
+        let found = |too_much_n: f32| {
+            let mut trials = vec![body.trial("first", &SHORT, 1), body.trial("second", &SHORT, 2)];
+            trials[1].ground[0].wrench.iter_mut().for_each(|wrench| wrench[2] += too_much_n);
+            let options = PeopleOptions { own_markers: body.clusters().clone(), ..PeopleOptions::default() };
+            let person =
+                Person::new(&mut trials, Some(&body.standing(&SHORT, 1)), &options, &|_, _| {}).unwrap();
+            let options = (StudyOptions::default(), FitOptions::default());
+            let mut study = Study::new(&person, &[0, 1], &options.0, &options.1, &Silent).unwrap();
+            study.draw(&person, &trials, &Silent).unwrap();
+            study
+        };
+        let (right, wrong) = (found(0.0), found(0.5));
+        for both in [vec![0, 1], vec![1]] {
+            let [a, b] = [&right, &wrong].map(|study| study.together(&both).unwrap());
+            let shift = 10.0 * (b.estimate.values[0] - a.estimate.values[0]);
+            // The vertical zero of the second trial's plate, 1 σ of which is 5 N; 5 N of the whole weight stand for 0.51 kg.
+            let zeros = right.moved(&both)[1].row(0).into_owned();
+            assert!((shift / zeros[8].abs() - 1.0).abs() < 0.1, "{shift} {zeros}");
+            assert_eq!(zeros[2] == 0.0, both.len() == 1, "{zeros}");
+            let fit = right.with_calibration(a, &both);
+            assert!(fit.estimate.measured(0).unwrap().u95 > 1.95 * zeros[8].abs());
         }
     }
 }

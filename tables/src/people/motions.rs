@@ -49,7 +49,11 @@ pub fn table() -> String {
             ));
         }
     }
-    let options = PeopleOptions { own_markers: own.somebody.clusters().clone(), ..PeopleOptions::default() };
+    let options = PeopleOptions {
+        own_markers: own.somebody.clusters().clone(),
+        plates_zeroed: true,
+        ..PeopleOptions::default()
+    };
     let standing = own.somebody.standing(&laboratory, seed);
     let person = Person::new(&mut trials, Some(&standing), &options, &|_, _| {}).expect("a person");
     let all: Vec<usize> = (0..trials.len()).collect();

@@ -65,15 +65,19 @@ fn study(subject: &Subject, kind: HumanModel, seed: u64) -> Found {
     let laboratory = Laboratory::default();
     let trial = |k: u64| subject.somebody.trial(&format!("trial {}", k + 1), &laboratory, 100 * seed + k);
     let mut trials: Vec<Trial> = (0..TRIALS).map(trial).collect();
-    let options =
-        PeopleOptions { kind, own_markers: subject.somebody.clusters().clone(), ..PeopleOptions::default() };
+    let options = PeopleOptions {
+        kind,
+        own_markers: subject.somebody.clusters().clone(),
+        plates_zeroed: true,
+        ..PeopleOptions::default()
+    };
     let standing = subject.somebody.standing(&laboratory, seed);
     let person = Person::new(&mut trials, Some(&standing), &options, &|_, _| {}).expect("a person");
     let all: Vec<usize> = (0..trials.len()).collect();
     let mut study = Study::new(&person, &all, &StudyOptions::default(), &FitOptions::default(), &Silent)
         .expect("motions");
     study.draw(&person, &trials, &Silent).expect("draws");
-    let fit = study.with_calibration(study.together(&all).expect("a fit"));
+    let fit = study.with_calibration(study.together(&all).expect("a fit"), &all);
     let situation = study.situation;
     let base = base_parameters(&subject.model, &situation).expect("base parameters");
     let true_values = base.map() * DVector::from_column_slice(&subject.truth);
@@ -176,8 +180,11 @@ pub fn racket_table() -> String {
         let mut trials = of(&with, 0);
         trials.extend(of(&without, TRIALS));
         let standing = without.somebody.standing(&laboratory, seed);
-        let options =
-            PeopleOptions { own_markers: without.somebody.clusters().clone(), ..PeopleOptions::default() };
+        let options = PeopleOptions {
+            own_markers: without.somebody.clusters().clone(),
+            plates_zeroed: true,
+            ..PeopleOptions::default()
+        };
         let person = Person::new(&mut trials, Some(&standing), &options, &|_, _| {}).expect("a person");
         let count = trials.len() / 2;
         let studies = [(0..count).collect::<Vec<_>>(), (count..trials.len()).collect()].map(|which| {

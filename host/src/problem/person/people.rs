@@ -173,6 +173,8 @@ pub struct PeopleOptions {
     pub own_markers: MarkerFile,
     /// Lengths from elsewhere, m, as in [`Known::lengths_m`].
     pub lengths_m: Vec<(String, f64)>,
+    /// Plates that are always loaded read zero without load: they were reset right before each trial.
+    pub plates_zeroed: bool,
     /// How trials are tracked.
     pub track: TrackOptions,
 }
@@ -217,7 +219,7 @@ impl Person {
             return Err(PersonError::NoFrames { name: trial.name.clone(), why });
         }
         let warnings = drifts(trials);
-        let (mut notes, unzeroed) = zero(trials);
+        let (mut notes, unzeroed) = zero(trials, options.plates_zeroed);
         let labels = labels(trials, standing);
         let frames = chosen_frames(&labels, trials, standing);
         progress("joint centres", 0.0);

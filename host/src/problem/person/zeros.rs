@@ -22,8 +22,8 @@ pub(super) fn drifts(trials: &[Trial]) -> Vec<String> {
 }
 
 /// Zeros every plate by its own time without load, else by that of the same plate in another trial. Returns what to know, and the
-/// plates of each trial whose zero is not known.
-pub(super) fn zero(trials: &mut [Trial]) -> (Vec<String>, Vec<Vec<UnknownZero>>) {
+/// plates of each trial whose zero is not known: none if plates `are_zeroed` before every trial.
+pub(super) fn zero(trials: &mut [Trial], are_zeroed: bool) -> (Vec<String>, Vec<Vec<UnknownZero>>) {
     let own: Vec<Vec<Option<[f64; 6]>>> =
         trials.iter().map(|t| t.ground.iter().map(zeroing::offset).collect()).collect();
     let corners: Vec<Vec<Option<[[f64; 3]; 4]>>> =
@@ -36,10 +36,11 @@ pub(super) fn zero(trials: &mut [Trial]) -> (Vec<String>, Vec<Vec<UnknownZero>>)
             let other = others.find_map(|t| own[t].get(p).copied().flatten());
             match own[k][p].or(other) {
                 Some(offset) => zeroing::take_off(plate, &offset),
+                None if are_zeroed => {}
                 None => {
                     notes.push(format!(
                         "{}, {}: always loaded, its zero is taken as it was recorded, as known to {UNKNOWN_ZERO_N} N (1 σ): record some \
-                         time without load",
+                         time without load, or say --plates-zeroed if its amplifier was reset right before each trial",
                         trial.name, plate.name
                     ));
                     unzeroed[k].push(UnknownZero {

@@ -69,8 +69,6 @@ pub enum SignalError {
     BaseTilt(usize),
     /// An effort reads too much, by the channel.
     EffortOffset(usize),
-    /// The ground's wrench about the laboratory's origin reads too much, laboratory axes; of a base that is tracked.
-    Ground([f64; 6]),
 }
 
 /// Errors with what is known of them beforehand.

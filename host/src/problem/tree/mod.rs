@@ -2,7 +2,7 @@
 //!
 //! Lives here: a recording brought to frames of joints and base ([`prepare`]) with the columns that joints have
 //! ([`columns`]), their coordinates from attitudes and gyros ([`joints`]) or as slopes of polynomials ([`polynomial`]),
-//! checks whether columns tell of one motion ([`input_checks`]), drives with friction ([`drive`]) when they stand still (`standstill`) and which rotors are parts of base parameters (`rotors`), errors that do not average out (`errors`, `sensitivities`, `ground_errors`), the rows of a frame
+//! checks whether columns tell of one motion ([`input_checks`]), drives with friction ([`drive`]) when they stand still (`standstill`) and which rotors are parts of base parameters (`rotors`), errors that do not average out (`errors`, `sensitivities`), those of the ground's wrench (`ground_errors`), the rows of a frame
 //! ([`rows`]), and the source that hands them to the fit ([`TreeSource`]). May not live here: the formulas of the rows
 //! (`rigident_shared::tree`), which parameters there are ([`crate::model::base`]), and whatever is done with rows
 //! ([`crate::fit`]).

@@ -248,7 +248,7 @@ impl<'a> ErrorRows<'a> {
                     moved[i] = Some([-axis, axis.cross(&carried)]);
                 }
             }
-            SignalError::Skew | SignalError::EffortOffset(_) | SignalError::Ground(_) => return out,
+            SignalError::Skew | SignalError::EffortOffset(_) => return out,
         }
         if moved.iter().all(Option::is_none) {
             return out;

@@ -7,10 +7,9 @@ use rigident_shared::screening::Rejection;
 use rigident_shared::tree::{Joint, LinkState, TreeError};
 
 use super::drive::Term;
-use super::ground_errors::ground_columns;
 use super::rows::{RowMaker, names_and_units};
 use super::sensitivities::ErrorRows;
-use super::{BaseSensor, Frame, Input, SignalError, TreeSourceError, rotors, signals};
+use super::{BaseSensor, Frame, Input, TreeSourceError, rotors, signals};
 use crate::fit::{
     Channel, DriveMotion, Fingerprint, Kind, Nuisance, Owner, Parameter, RowSource, SampleRows, SignalNoise,
     Timing,
@@ -57,8 +56,7 @@ impl TreeSource {
 
     pub(super) fn with_base(input: Input, base: BaseParameters) -> Result<Self, TreeError> {
         // Neither efforts nor errors of an IMU are defined against a laboratory.
-        let is_other = |error: &SignalError| !matches!(error, SignalError::Ground(_));
-        let has_more = input.has_efforts() || input.errors.iter().any(is_other) || !input.signals.is_empty();
+        let has_more = input.has_efforts() || !input.errors.is_empty() || !input.signals.is_empty();
         if input.base == BaseSensor::Tracked && has_more {
             return Err(TreeError::Lengths);
         }
@@ -311,9 +309,6 @@ impl RowSource for TreeSource {
     }
 
     fn error_columns(&self, parameters: &[f64]) -> Option<Box<dyn RowSource + '_>> {
-        if self.input.base == BaseSensor::Tracked {
-            return Some(Box::new(ground_columns(self)));
-        }
         let rows = {
             let maker = self.maker.lock().unwrap_or_else(PoisonError::into_inner);
             ErrorRows::new(self, &maker, parameters).ok()?
