@@ -11,12 +11,10 @@ use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use super::error::StudyError;
 use super::motion::{MOST_FRAMES, Motion};
 use super::study::{Study, known};
-use crate::fit::{
-    Factor, Gaussian, Kind, OtherColumns, Owner, Parameter, RowSource as _, SampleRows, Silent, plain_factor,
-};
+use crate::fit::{Factor, Gaussian, OtherColumns, Silent, plain_factor};
 use crate::problem::person::noise::{RowSums, sigma};
 use crate::problem::person::{Footprint, Person, Tracked, footprints};
-use crate::problem::tree::{TreeSource, UnknownZero, about_base};
+use crate::problem::tree::{TreeSource, UnknownZero, with_wrenches};
 
 /// A shift of a plate beforehand, 1 σ, m: as good as nothing is known.
 const SHIFT_M: f64 = 0.3;
@@ -204,39 +202,6 @@ fn add_footprints(all: &mut Factor, n: usize, prints: &[Footprint]) {
 fn with_plates<'a>(source: &'a TreeSource, tracked: &'a Tracked, first: usize) -> OtherColumns<'a> {
     let more = EACH * tracked.plates.len() + 6 * tracked.unzeroed.len();
     with_wrenches(source, more, move |sample| errors(tracked, first + sample))
-}
-
-/// Rows with `more` columns behind the parameters: wrenches about the laboratory's origin that are added to the ground's.
-pub(super) fn with_wrenches<'a>(
-    source: &'a TreeSource,
-    more: usize,
-    wrenches: impl Fn(usize) -> Vec<[f64; 6]> + Send + Sync + 'a,
-) -> OtherColumns<'a> {
-    let (n, channels) = (source.parameters().len(), source.channels().len());
-    let column =
-        |k: usize| Parameter::new(format!("plate error {k}"), Owner::Link(String::new()), Kind::Offset, "");
-    let parameters = source.parameters().iter().cloned().chain((0..more).map(column)).collect();
-    OtherColumns::new(source, parameters, move |sample, rows| {
-        let mut own = SampleRows::default();
-        own.clear(channels, n);
-        source.rows(sample, &mut own)?;
-        let all = n + more;
-        for (to, from) in
-            [(&mut rows.smoothed, &own.smoothed), (&mut rows.differentiated, &own.differentiated)]
-        {
-            for (to, from) in to.chunks_exact_mut(all).zip(from.chunks_exact(n)) {
-                to[..n].copy_from_slice(from);
-            }
-        }
-        if let Some(frame) = source.input().frames.get(sample) {
-            for (k, wrench) in wrenches(sample).into_iter().enumerate() {
-                let column = rows.smoothed.iter_mut().skip(n + k).step_by(all);
-                column.zip(about_base(frame, wrench)).for_each(|(to, value)| *to = value);
-            }
-        }
-        (rows.measured, rows.untold) = (own.measured, own.untold);
-        Ok(())
-    })
 }
 
 /// What errors of unit size add to the ground's wrench about the laboratory's origin in a frame, in the order of the columns.

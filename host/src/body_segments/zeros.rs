@@ -9,10 +9,9 @@ use nalgebra::DMatrix;
 
 use super::error::StudyError;
 use super::motion::Motion;
-use super::plates::with_wrenches;
 use crate::fit::{Factor, RowSource as _, Silent, parallel, plain_factor};
 use crate::problem::person::Person;
-use crate::problem::tree::UnknownZero;
+use crate::problem::tree::{UnknownZero, with_wrenches};
 
 /// What zeros of all trials do to estimates.
 #[derive(Default)]

@@ -2,7 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::Frame;
+use super::{Frame, TreeSource};
+use crate::fit::{Kind, OtherColumns, Owner, Parameter, RowSource as _, SampleRows};
 
 /// A force plate whose zero is not known.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,8 +33,42 @@ impl UnknownZero {
     }
 }
 
+/// Returns rows with `more` columns behind the parameters: wrenches about the laboratory's origin, N and N m, that are added to the
+/// ground's in a sample.
+pub(crate) fn with_wrenches<'a>(
+    source: &'a TreeSource,
+    more: usize,
+    wrenches: impl Fn(usize) -> Vec<[f64; 6]> + Send + Sync + 'a,
+) -> OtherColumns<'a> {
+    let (n, channels) = (source.parameters().len(), source.channels().len());
+    let column =
+        |k: usize| Parameter::new(format!("plate error {k}"), Owner::Link(String::new()), Kind::Offset, "");
+    let parameters = source.parameters().iter().cloned().chain((0..more).map(column)).collect();
+    OtherColumns::new(source, parameters, move |sample, rows| {
+        let mut own = SampleRows::default();
+        own.clear(channels, n);
+        source.rows(sample, &mut own)?;
+        let all = n + more;
+        for (to, from) in
+            [(&mut rows.smoothed, &own.smoothed), (&mut rows.differentiated, &own.differentiated)]
+        {
+            for (to, from) in to.chunks_exact_mut(all).zip(from.chunks_exact(n)) {
+                to[..n].copy_from_slice(from);
+            }
+        }
+        if let Some(frame) = source.input().frames.get(sample) {
+            for (k, wrench) in wrenches(sample).into_iter().enumerate() {
+                let column = rows.smoothed.iter_mut().skip(n + k).step_by(all);
+                column.zip(about_base(frame, wrench)).for_each(|(to, value)| *to = value);
+            }
+        }
+        (rows.measured, rows.untold) = (own.measured, own.untold);
+        Ok(())
+    })
+}
+
 /// A wrench about the laboratory's origin as one about the base's origin in a frame.
-pub(crate) fn about_base(frame: &Frame, [fx, fy, fz, mx, my, mz]: [f64; 6]) -> [f64; 6] {
+fn about_base(frame: &Frame, [fx, fy, fz, mx, my, mz]: [f64; 6]) -> [f64; 6] {
     let at = Vector3::from_iterator(frame.positions.iter().take(3).copied());
     let moment = Vector3::new(mx, my, mz) - at.cross(&Vector3::new(fx, fy, fz));
     [fx, fy, fz, moment.x, moment.y, moment.z]

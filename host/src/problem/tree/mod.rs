@@ -33,5 +33,6 @@ pub use error::{TreePrepareError, TreeSourceError};
 pub use errors::SignalError;
 pub use frames::{BaseSensor, Frame, Input, NoisySignal, SignalKind};
 pub use ground_errors::UnknownZero;
-pub(crate) use ground_errors::about_base;
+pub(crate) use ground_errors::with_wrenches;
+
 pub use source::TreeSource;
