@@ -88,13 +88,16 @@ pub(super) fn identify(
     let vibration = vibration(&recording, &support, modes).map_err(Failure::input)?;
     stages.at("body", 0.7);
     let mut warnings = recording.warnings.clone();
-    let by_modes = by_modes(&recording, &support, &vibration, &mut warnings)?;
+    let mut by_modes = by_modes(&recording, &support, &vibration, &mut warnings)?;
     let by_motion = match vibration.samples.imu {
         None => by_motion(recording.clone(), &stages)
             .map_err(|why| warnings.push(format!("no body is told by the motion: {why}")))
             .ok(),
         Some(_) => None,
     };
+    if let (Some(modes), Some(motion)) = (&mut by_modes, &by_motion) {
+        modes.of_the_readings_of(motion);
+    }
     drop(stages);
     let mut notes = Vec::new();
     if vibration.samples.left_out > 0 {
@@ -170,6 +173,16 @@ struct Found {
     factor: PooledFactor,
     /// Of the body alone, where the platform is known.
     body: Option<PooledFactor>,
+}
+
+impl Found {
+    /// Says that its factors are of the same readings as another's: merged they would count the same noise twice.
+    fn of_the_readings_of(&mut self, other: &Self) {
+        let fingerprint = other.factor.sources.first().map(|source| source.fingerprint);
+        for factor in std::iter::once(&mut self.factor).chain(&mut self.body) {
+            factor.sources.iter_mut().zip(fingerprint).for_each(|(source, own)| source.fingerprint = own);
+        }
+    }
 }
 
 /// The factor of the body alone: other rigs have no such platform.

@@ -15,6 +15,7 @@ use crate::fit::pool::PooledFactor;
 use crate::model::rig_links;
 use crate::present::posture_sets::{Bar, figure};
 use crate::present::text::{NOT_IDENTIFIED, significant, unit_symbol, with_u95};
+use crate::problem::suspension::posture_checks::contradiction;
 use crate::problem::suspension::posture_file::PosturesFile;
 use crate::problem::suspension::posture_sets::{NextPosture, Subset, next, sets, shares, turn_deg};
 use crate::problem::suspension::postures::PostureSource;
@@ -184,7 +185,7 @@ fn object(file: &PosturesFile, source: &PostureSource, fit: &Fit) -> Object {
     let name = |k: &usize| source.names().get(*k).cloned().unwrap_or_default();
     let all = sets(source);
     let open: Vec<&str> = values.iter().filter(|v| v.measured.is_none()).map(|v| v.name.as_str()).collect();
-    let mut warnings = Vec::new();
+    let mut warnings: Vec<String> = contradiction(source).into_iter().collect();
     if !open.is_empty() {
         warnings.push(format!(
             "not told by these postures: {}; take the next one that is proposed",

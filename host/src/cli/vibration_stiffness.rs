@@ -8,8 +8,10 @@ use serde::Serialize;
 use super::outcome::say;
 use super::vibration_arguments::Stiffness;
 use super::{ExitStatus, Failure, Stages};
+use crate::present::text::significant;
 use crate::problem::suspension::bare::bare_parameters;
 use crate::problem::suspension::free_decay::vibration;
+use crate::problem::suspension::springs::COORDINATES;
 use crate::problem::suspension::stiffness::{FoundStiffness, stiffness};
 use crate::problem::suspension::support::Support;
 use crate::recording::Recording;
@@ -76,6 +78,17 @@ pub(super) fn run(arguments: &Stiffness) -> Result<ExitCode, Failure> {
             springs.variance_ratio.sqrt()
         ));
     }
+    let others = springs.other_than(&support.springs);
+    if let Some((k, [stated, found, off])) = others.iter().max_by(|a, b| a.1[2].total_cmp(&b.1[2])) {
+        warnings.push(format!(
+            "[suspension] states {} along {}, this body says {}: {off:.0} times what both are uncertain; is it the body of {}, mounted so? Springs that are \
+             a guess have a stiffness_std of their own",
+            significant(*stated, 4),
+            COORDINATES[*k],
+            significant(*found, 4),
+            arguments.body.display()
+        ));
+    }
     let object = Object {
         schema: "rigident/stiffness/1",
         recording: recording.name.clone(),
@@ -95,7 +108,7 @@ pub(super) fn run(arguments: &Stiffness) -> Result<ExitCode, Failure> {
         say(words(&object, &springs).trim_end());
         object.findings.iter().chain(&object.warnings).for_each(|warning| tell!("rigident: {warning}"));
     }
-    Ok(ExitStatus::of(!contradicted).into())
+    Ok(ExitStatus::of(!contradicted && others.is_empty()).into())
 }
 
 fn rows(matrix: &Matrix6<f64>) -> [[f64; 6]; 6] {

@@ -115,6 +115,10 @@ fn a_locked_posture_is_one_body_by_its_modes_and_by_its_motion() {
     // Locked postures of a tree are no one body.
     let output = rigident(place.path(), &["vibration", "identify", file]);
     assert!(status(&output) == 2 && said(&output).contains("vibration postures"), "{}", said(&output));
+    // Both ways are of the same readings.
+    let output =
+        rigident(place.path(), &["merge", "one/modes.factor", "one/motion.factor", "-o", "both.factor"]);
+    assert!(status(&output) == 2 && said(&output).contains("is in it twice"), "{}", said(&output));
 }
 
 #[test]
@@ -251,6 +255,23 @@ fn what_is_wrong_is_named() {
     altered("b.toml", "mass_kg = 80.817", "mass_kg = nan", "greater than zero");
     altered("c.toml", "name = \"posture 2\"", "name = \"posture 1\"", "twice");
     altered("d.toml", "mass_kg = 80.817", "mas_kg = 80.817", "mas_kg");
+    altered("grams.toml", "mass_kg = 80.817", "mass_kg = 80817.0", "is it in g?");
+    altered("mm.toml", "[0.0002, -0.2562, -0.1265]", "[0.2, -256.2, -126.5]", "is it in mm?");
+    altered("heavy.toml", "{ arm = 14.896 }", "{ arm = 148.96 }", "less than all");
+    altered("nobody.toml", "{ arm = 14.896 }", "{ leg = 14.896 }", "no such [[link]]");
+    // An attitude the wrong way round contradicts the others; the paper's own do not.
+    let turned = [
+        (
+            "[[0.9999, 0.0071, 0.0099], [-0.0096, 0.9576, 0.2880], [-0.0074, -0.2881, 0.9576]]",
+            "[[0.9999, -0.0096, -0.0074], [0.0071, 0.9576, -0.2881], [0.0099, 0.2880, 0.9576]]",
+        ),
+        ("", ""),
+    ];
+    for (from, to) in turned {
+        fs::write(place.path().join("t.toml"), good.replacen(from, to, 1)).unwrap();
+        let output = rigident(place.path(), &["vibration", "postures", "t.toml"]);
+        assert_eq!(said(&output).contains("contradict one another"), !from.is_empty(), "{}", said(&output));
+    }
     // A posture taken twice adds no rank, and what it leaves is named.
     let first = good.split("[[posture]]").nth(1).unwrap().replace("posture 1", "again");
     let start = good.split("[[posture]]").take(2).collect::<Vec<_>>().join("[[posture]]");

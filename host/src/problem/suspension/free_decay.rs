@@ -15,7 +15,6 @@ use crate::modal_analysis::{
 use crate::problem::tree::joints::attitude;
 use crate::recording::Recording;
 use crate::rig::{RigFile, SuspensionTable};
-use hexapod::STANDARD_GRAVITY_MPS2;
 
 /// A wrong mode would move the answer: so many of the modes that there are may be missing.
 const MAY_MISS: usize = 1;
@@ -136,7 +135,7 @@ fn imu(rig: &RigFile, table: &SuspensionTable) -> Imu {
     Imu {
         lever: mount.arm + mount.rotation * Vector3::from(own.position_m),
         axes: mount.rotation * attitude(&own.rotation_wxyz).unwrap_or_else(Matrix3::identity),
-        gravity: Vector3::new(0.0, 0.0, -STANDARD_GRAVITY_MPS2),
+        gravity: Vector3::new(0.0, 0.0, -rig.recording.gravity_mps2),
     }
 }
 

@@ -7,6 +7,7 @@ pub mod bare;
 pub mod free_decay;
 pub mod modal;
 pub mod mount;
+pub mod posture_checks;
 pub mod posture_file;
 pub mod posture_modes;
 pub mod posture_sets;

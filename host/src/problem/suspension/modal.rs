@@ -18,8 +18,6 @@ use rigident_shared::inertia::InertialParameters;
 use rigident_shared::screening::Rejection;
 use rigident_shared::spatial::Body;
 
-use hexapod::STANDARD_GRAVITY_MPS2;
-
 use super::springs::COORDINATES;
 use super::support::Support;
 use crate::fit::{Channel, Factor, Nuisance, OtherColumns, Parameter, RowSource, SampleRows, Timing};
@@ -296,8 +294,8 @@ impl<'a> Problem<'a> {
     fn coefficients(&self, angular: f64, shape: &Vector6<f64>) -> SMatrix<f64, 6, TEN> {
         let mut all = mass_rows(shape) * (angular * angular);
         for k in 3..5 {
-            all[(k, 0)] -= STANDARD_GRAVITY_MPS2 * self.support.weight_height_m() * shape[k];
-            all[(k, 3)] += STANDARD_GRAVITY_MPS2 * shape[k];
+            all[(k, 0)] -= self.support.gravity_mps2 * self.support.weight_height_m() * shape[k];
+            all[(k, 3)] += self.support.gravity_mps2 * shape[k];
         }
         all
     }

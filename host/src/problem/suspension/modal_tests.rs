@@ -27,7 +27,7 @@ fn support(std: f64) -> Support {
 fn modes(support: &Support, stiffness: &Matrix6<f64>, kept: usize) -> Vec<(f64, Vector6<f64>)> {
     let ten = support.mount.map() * nalgebra::SVector::<f64, TEN>::from(BODY);
     let ten: [f64; TEN] = std::array::from_fn(|k| ten[k]);
-    let lever = STANDARD_GRAVITY_MPS2 * (support.anchor_height_m * ten[0] - ten[3]);
+    let lever = support.gravity_mps2 * (support.anchor_height_m * ten[0] - ten[3]);
     let k = stiffness + Matrix6::from_diagonal(&Vector6::new(0.0, 0.0, 0.0, lever, lever, 0.0));
     // M = L Lᵀ: L⁻¹ K L⁻ᵀ has the squares of the frequencies.
     let l = Cholesky::new(mass_matrix(&ten)).unwrap().l();

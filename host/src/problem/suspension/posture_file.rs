@@ -7,6 +7,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::rig::LinkTable;
 
+/// No centre of mass on a platform is farther from its origin, m.
+const FARTHEST_M: f64 = 5.0;
+/// Masses of one body in two postures differ by less than this share.
+const SAME_MASS: f64 = 0.1;
 /// A file of postures: the tree, and what it weighs in each.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -30,6 +34,42 @@ pub struct PosturesFile {
     /// Values to print beside those found, by the names that these have.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub reference: BTreeMap<String, f64>,
+}
+
+impl PosturesFile {
+    /// Refuses postures that are not in kg and m, or not of one body.
+    pub(super) fn check(&self) -> Result<(), String> {
+        let mut masses: Vec<f64> = self.posture.iter().map(|posture| posture.mass_kg).collect();
+        masses.sort_by(f64::total_cmp);
+        let median = masses.get(masses.len() / 2).copied().unwrap_or(0.0);
+        for (n, posture) in self.posture.iter().enumerate() {
+            let name =
+                if posture.name.is_empty() { format!("posture {}", n + 1) } else { posture.name.clone() };
+            if posture.com_m.iter().any(|c| c.abs() > FARTHEST_M) {
+                return Err(format!(
+                    "{name}: com_m = {:?} is metres away from the platform: is it in mm?",
+                    posture.com_m
+                ));
+            }
+            if (posture.mass_kg / median - 1.0).abs() > SAME_MASS {
+                return Err(format!(
+                    "{name}: mass_kg = {} where other postures have {median}: one body has one mass; is it in g?",
+                    posture.mass_kg
+                ));
+            }
+        }
+        for (link, mass) in &self.link_mass_kg {
+            if !self.link.iter().any(|own| own.name == *link) {
+                return Err(format!("link_mass_kg.{link}: there is no such [[link]]"));
+            }
+            if !(*mass > 0.0 && *mass < median) {
+                return Err(format!(
+                    "link_mass_kg.{link} = {mass}: a link weighs more than nothing and less than all, {median} kg"
+                ));
+            }
+        }
+        Ok(())
+    }
 }
 
 /// `[[posture]]`: the whole thing with its joints locked.

@@ -60,6 +60,7 @@ impl PostureSource {
         if file.posture.is_empty() {
             return Err(refuse("there is no [[posture]] in it".to_owned()));
         }
+        file.check().map_err(refuse)?;
         let mut moving = Moving::new(model.tree()).map_err(|e| refuse(format!("{e:?}")))?;
         let mut rows = Vec::new();
         let mut names: Vec<String> = Vec::new();

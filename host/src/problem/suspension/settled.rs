@@ -5,8 +5,6 @@
 
 use nalgebra::{DMatrix, DVector, Matrix6, SVector, Vector3, Vector6};
 
-use hexapod::STANDARD_GRAVITY_MPS2;
-
 use super::recorded_postures::{RecordedPosture, turn};
 use super::support::Support;
 use crate::fit::COVERAGE_95;
@@ -61,7 +59,7 @@ fn moved(
     let stiffness = with_weight(support, &b)?;
     // The weight's moments: −g ms_y about x, g ms_x about y.
     let mut by_moments = DMatrix::zeros(6, 10);
-    (by_moments[(3, 2)], by_moments[(4, 1)]) = (-STANDARD_GRAVITY_MPS2, STANDARD_GRAVITY_MPS2);
+    (by_moments[(3, 2)], by_moments[(4, 1)]) = (-support.gravity_mps2, support.gravity_mps2);
     let compliance = stiffness.try_inverse()?;
     let wide = DMatrix::from_fn(6, 6, |i, j| compliance[(i, j)]) * by_moments;
     let expected = &wide * DVector::from_column_slice((b - a).as_slice());

@@ -19,6 +19,9 @@ const EXACT: f64 = 1e-6;
 /// An element whose standard deviation is more than this share of what it was beforehand is not told.
 const TOLD: f64 = 0.01;
 
+/// Springs that differ by more standard deviations from what is stated are others, or the body is.
+const OTHER: f64 = 4.0;
+
 /// A stiffness that was found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FoundStiffness {
@@ -30,6 +33,24 @@ pub struct FoundStiffness {
     pub variance_ratio: f64,
     /// Its degrees of freedom.
     pub degrees_of_freedom: f64,
+}
+
+impl FoundStiffness {
+    /// Returns the diagonal elements in which springs that a rig file states are others, by their numbers: with the value stated, that found,
+    /// and by how many of their standard deviations these differ. A stiffness of one body in place of another is off by the ratio of their masses.
+    pub fn other_than(&self, springs: &Springs) -> Vec<(usize, [f64; 3])> {
+        let stated = springs.stiffness();
+        let errors = springs.error_stiffnesses();
+        let sigma: Vec<f64> = springs.stiffness_nuisances().iter().map(|own| own.sigma).collect();
+        let of = |k: usize| {
+            let variance: f64 =
+                errors.iter().zip(&sigma).map(|(own, sigma)| (own[(k, k)] * sigma).powi(2)).sum();
+            let sd = variance.sqrt().hypot(self.std[(k, k)]);
+            let off = (self.stiffness[(k, k)] - stated[(k, k)]).abs();
+            (sd > 0.0 && off > OTHER * sd).then_some((k, [stated[(k, k)], self.stiffness[(k, k)], off / sd]))
+        };
+        (0..6).filter_map(of).collect()
+    }
 }
 
 /// Returns the stiffness about O of the springs that a known body vibrated on: its ten parameters in S, the platform's among them, and

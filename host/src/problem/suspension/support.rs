@@ -1,6 +1,5 @@
 //! What carries the platform, and what a recording of its swinging must have.
 
-use hexapod::STANDARD_GRAVITY_MPS2;
 use nalgebra::{Matrix6, Vector6};
 
 use super::SuspensionError;
@@ -20,6 +19,8 @@ pub struct Support {
     pub anchor_height_m: f64,
     /// Coordinates that are not locked, by their numbers.
     pub free: Vec<usize>,
+    /// Gravity, m/s².
+    pub gravity_mps2: f64,
 }
 
 impl Support {
@@ -36,6 +37,7 @@ impl Support {
             mount: Mount::of(table),
             anchor_height_m: table.anchor_height_m.unwrap_or_else(|| anchors_height(table)),
             free: free(&table.locked),
+            gravity_mps2: rig.recording.gravity_mps2,
         })
     }
 }
@@ -48,7 +50,7 @@ impl Support {
 
     /// Returns what the weight of ten parameters about O adds to the stiffness: `g (h m − ms_z)` on roll and pitch.
     pub(super) fn weight_stiffness(&self, mass_kg: f64, ms_z: f64) -> Matrix6<f64> {
-        let lever = STANDARD_GRAVITY_MPS2 * (self.weight_height_m() * mass_kg - ms_z);
+        let lever = self.gravity_mps2 * (self.weight_height_m() * mass_kg - ms_z);
         Matrix6::from_diagonal(&Vector6::new(0.0, 0.0, 0.0, lever, lever, 0.0))
     }
 }
