@@ -33,11 +33,12 @@ pub fn draws(
 ) -> Result<DMatrix<f64>, DrawError> {
     let solved = |subject: &Subject| -> Result<DVector<f64>, DrawError> {
         let mut all = known.clone();
-        let mut last = None;
+        let (mut last, mut first) = (None, None);
         // All motions of a trial have its noise.
         for motion in motions {
             if last.replace(motion.trial) != Some(motion.trial) {
-                windows(person, trials, motion, subject)?.iter().for_each(|factor| all.merge(factor));
+                let found = windows(person, trials, motion, subject, &mut first)?;
+                found.iter().for_each(|factor| all.merge(factor));
             }
         }
         Ok(DVector::from_vec(all.solve(f64::EPSILON).estimate))
@@ -66,12 +67,13 @@ pub fn draws(
     Ok(if columns.is_empty() { DMatrix::zeros(about.len(), 0) } else { DMatrix::from_columns(&columns) })
 }
 
-/// The factors of the windows of a motion's trial, as a subject has them.
+/// The factors of the windows of a motion's trial, as a subject has them, and the `first` rows of the subject's model.
 fn windows(
     person: &Person,
     trials: &[Trial],
     motion: &Motion,
     subject: &Subject,
+    first: &mut Option<TreeSource>,
 ) -> Result<Vec<Factor>, DrawError> {
     let (Some(tracked), Some(trial)) = (person.trials.get(motion.trial), trials.get(motion.trial)) else {
         return Ok(Vec::new());
@@ -82,8 +84,14 @@ fn windows(
     let sigma: Vec<f64> = motion.sigma.iter().map(|sigma| sigma * share).collect();
     let factor = |window: &Range<usize>| {
         let frames = frames_as(subject, trial, tracked, window.clone());
-        let source = TreeSource::new(Person::input_of(subject, tracked, frames))?;
-        Ok(plain_factor(&source, &sigma, &Silent)?)
+        let input = Person::input_of(subject, tracked, frames);
+        let source = match first {
+            Some(first) => first.of_same_model(input)?,
+            None => TreeSource::new(input)?,
+        };
+        let factor = plain_factor(&source, &sigma, &Silent)?;
+        first.get_or_insert(source);
+        Ok(factor)
     };
     tracked.windows.iter().map(factor).collect()
 }

@@ -42,7 +42,15 @@ pub fn table() -> String {
         }
         let answer = folder.join(format!("answer{frames}{one}"));
         command
-            .args(["body", "identify", &format!("walk{frames}.trc"), "--static", "standing.trc", "--out"])
+            .args([
+                "body",
+                "identify",
+                &format!("walk{frames}.trc"),
+                "--plates-zeroed",
+                "--static",
+                "standing.trc",
+                "--out",
+            ])
             .arg(&answer)
             .current_dir(&folder)
             .stdout(Stdio::null())

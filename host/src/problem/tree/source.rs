@@ -54,6 +54,14 @@ impl TreeSource {
         Self::with_base(input, base).map_err(TreeSourceError::Frames)
     }
 
+    /// Returns the rows of other frames of the same model, without finding its base parameters once more.
+    ///
+    /// # Errors
+    /// [`TreeSourceError`] as [`TreeSource::new`].
+    pub fn of_same_model(&self, input: Input) -> Result<Self, TreeSourceError> {
+        Self::with_base(input, self.base.clone()).map_err(TreeSourceError::Frames)
+    }
+
     pub(super) fn with_base(input: Input, base: BaseParameters) -> Result<Self, TreeError> {
         // Neither efforts nor errors of an IMU are defined against a laboratory.
         let has_more = input.has_efforts() || !input.errors.is_empty() || !input.signals.is_empty();
