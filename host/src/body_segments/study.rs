@@ -9,6 +9,7 @@ use super::error::StudyError;
 use super::motion::{FEWEST_FRAMES, Motion, Part, Parts, parts, source};
 use super::zeros::Zeros;
 use crate::answer::standard_parameters::{BaseEstimate, Full, nearest};
+use crate::fit::lack_of_fit::LackOfFit;
 use crate::fit::pool::PooledFactor;
 use crate::fit::prior::apply_distribution;
 use crate::fit::{
@@ -72,6 +73,7 @@ fn noise(
 /// segments that are not rigid do, and tells of no change by itself: see [`Study::other_masses`].
 fn nothing_stated(mut fit: Fit) -> Fit {
     fit.noise.variance_ratio = 1.0;
+    fit.lack_of_fit = LackOfFit::default();
     fit
 }
 
@@ -135,6 +137,7 @@ impl Study {
         person: &Person,
         which: &[usize],
         options: &StudyOptions,
+        fit_options: &FitOptions,
         progress: &(dyn Progress + Sync),
     ) -> Result<Self, StudyError> {
         let (parts, mut left) = parts(person, which, options.parts)?;
@@ -149,12 +152,10 @@ impl Study {
             progress.stage("motions", done as f64 / (2 * parts.len()) as f64);
         };
         let sigma = noise(person, &parts, &open, &one)?;
-        // What residuals of people show is not told: see `nothing_stated`.
-        let fit_options = FitOptions { without_lack_of_fit: true, ..FitOptions::default() };
         let found = parallel::map(parallel::threads(), parts.len(), |k| -> Result<_, StudyError> {
             one();
             let own = source(person, parts[k].trial, &parts[k].frames)?.with_channel_sigma(sigma[k].clone());
-            match fit(&own, &fit_options, &Silent) {
+            match fit(&own, fit_options, &Silent) {
                 Ok(fit) => Ok(Ok(Motion::of(&parts[k], &sigma[k], &nothing_stated(fit)))),
                 Err(error @ FitError::NoRows { .. }) => Ok(Err(format!("{}: {error}", parts[k].name))),
                 Err(error) => Err(error.into()),

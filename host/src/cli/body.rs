@@ -20,7 +20,7 @@ use crate::body_segments::report::person_result;
 use crate::body_segments::tool::tool;
 use crate::body_segments::{Study, StudyOptions};
 use crate::device::session::tree::{DeviceTreeError, device_tree};
-use crate::fit::{Fit, Measured};
+use crate::fit::{Fit, FitOptions, Measured};
 use crate::inverse_kinematics::marker_file::MarkerFile;
 use crate::model::{ModelError, write};
 use crate::motion_capture::opensim::model::OsimModel;
@@ -86,8 +86,9 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
     let progress = |stage: &str, share: f64| stages.at(stage, share);
     let own: Vec<usize> = (0..arguments.trials.len()).collect();
     let bare: Vec<usize> = (own.len()..trials.len()).collect();
-    let study_of =
-        |which: &[usize]| Study::new(&person, which, &study_options, &progress).map_err(Failure::input);
+    let study_of = |which: &[usize]| {
+        Study::new(&person, which, &study_options, &FitOptions::default(), &progress).map_err(Failure::input)
+    };
     let mut study = study_of(&own)?;
     study.draw(&person, &trials, &progress).map_err(Failure::input)?;
     let tool = match &arguments.tool {

@@ -207,7 +207,7 @@ impl Loaded {
                  that of a whole run; give one recording",
             ));
         }
-        let options = FitOptions { forgetting: span, convergence_points: points, ..FitOptions::default() };
+        let options = FitOptions { forgetting: span, convergence_points: points };
         let progress = |stage: &str, share: f64| stages.at(stage, share);
         let found = self.problem.fit(&options, &progress).map_err(|error| {
             // Readings in another unit may all be beyond a sensor's range.
@@ -244,8 +244,7 @@ impl Loaded {
         span: Option<Span<f64>>,
         stages: &Stages,
     ) -> Result<(Self, Fit), Failure> {
-        let options =
-            FitOptions { forgetting: span, convergence_points: PLOT_POINTS, ..FitOptions::default() };
+        let options = FitOptions { forgetting: span, convergence_points: PLOT_POINTS };
         let progress = |stage: &str, share: f64| stages.at(stage, share);
         let (problem, found) =
             self.problem.fit_device(device, &options, &progress).map_err(Failure::input)?;

@@ -13,8 +13,6 @@ pub struct FitOptions {
     pub forgetting: Option<Span<f64>>,
     /// Estimates on the way to the result, about; zero: none.
     pub convergence_points: usize,
-    /// What residuals say against the model is not looked for.
-    pub without_lack_of_fit: bool,
 }
 
 /// The reason that there is no fit.

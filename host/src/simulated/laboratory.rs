@@ -416,7 +416,7 @@ mod tests {
     use super::*;
     use crate::body_segments::tool::tool;
     use crate::body_segments::{Study, StudyOptions};
-    use crate::fit::Silent;
+    use crate::fit::{FitOptions, Silent};
     use crate::model::human::Person as Standard;
     use crate::problem::person::{PeopleOptions, Person};
     use crate::simulated::person::somebody;
@@ -461,8 +461,8 @@ mod tests {
         let standing = without.standing(&SHORT, 1);
         let person = Person::new(&mut trials, Some(&standing), &options, &|_, _| {}).unwrap();
         let [held, mut empty] = [[0, 1], [2, 3]].map(|which| {
-            let options = StudyOptions::default();
-            Study::new(&person, &which, &options, &Silent).unwrap()
+            let options = (StudyOptions::default(), FitOptions::default());
+            Study::new(&person, &which, &options.0, &options.1, &Silent).unwrap()
         });
         empty.draw(&person, &trials, &Silent).unwrap();
         let fit = empty.with_calibration(empty.together(&[0, 1]).unwrap(), &[0, 1]);
@@ -491,8 +491,8 @@ mod tests {
             let options = PeopleOptions { own_markers, plates_zeroed: true, ..PeopleOptions::default() };
             let standing = without.standing(&SHORT, 1);
             let person = Person::new(&mut trials, Some(&standing), &options, &|_, _| {}).unwrap();
-            let options = StudyOptions::default();
-            let mut study = Study::new(&person, &[0, 1], &options, &Silent).unwrap();
+            let options = (StudyOptions::default(), FitOptions::default());
+            let mut study = Study::new(&person, &[0, 1], &options.0, &options.1, &Silent).unwrap();
             study.draw(&person, &trials, &Silent).unwrap();
             let others = study.other_masses().unwrap();
             assert_eq!(others.is_empty(), carried == 0.0, "{carried} kg: {others:?}");
@@ -509,8 +509,8 @@ mod tests {
             let options = PeopleOptions { own_markers: body.clusters().clone(), ..PeopleOptions::default() };
             let person =
                 Person::new(&mut trials, Some(&body.standing(&SHORT, 1)), &options, &|_, _| {}).unwrap();
-            let options = StudyOptions::default();
-            let mut study = Study::new(&person, &[0, 1], &options, &Silent).unwrap();
+            let options = (StudyOptions::default(), FitOptions::default());
+            let mut study = Study::new(&person, &[0, 1], &options.0, &options.1, &Silent).unwrap();
             study.draw(&person, &trials, &Silent).unwrap();
             study
         };

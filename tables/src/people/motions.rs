@@ -2,7 +2,7 @@
 
 use rigident::body_segments::choice::{Way, choices};
 use rigident::body_segments::{Study, StudyOptions};
-use rigident::fit::Silent;
+use rigident::fit::{FitOptions, Silent};
 use rigident::inverse_kinematics::subject::HumanModel;
 use rigident::motion_capture::trial::Trial;
 use rigident::problem::person::{PeopleOptions, Person};
@@ -57,7 +57,8 @@ pub fn table() -> String {
     let standing = own.somebody.standing(&laboratory, seed);
     let person = Person::new(&mut trials, Some(&standing), &options, &|_, _| {}).expect("a person");
     let all: Vec<usize> = (0..trials.len()).collect();
-    let study = Study::new(&person, &all, &StudyOptions::default(), &Silent).expect("motions");
+    let study = Study::new(&person, &all, &StudyOptions::default(), &FitOptions::default(), &Silent)
+        .expect("motions");
     let (_, found) = choices(&study, Way::DOptimal, CHOSEN).expect("choices");
     let mut out = String::from(
         "| motions | condition | columns of unit length | < 5 % | 5–15 % | > 15 % | small | log10 det | left-out motions, sd |\n\

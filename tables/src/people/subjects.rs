@@ -5,7 +5,7 @@ use nalgebra::DVector;
 use rigident::body_segments::left_out::left_out;
 use rigident::body_segments::tool::tool;
 use rigident::body_segments::{Study, StudyOptions};
-use rigident::fit::{Measured, Silent};
+use rigident::fit::{FitOptions, Measured, Silent};
 use rigident::inverse_kinematics::subject::HumanModel;
 use rigident::model::Model;
 use rigident::model::base::base_parameters;
@@ -74,7 +74,8 @@ fn study(subject: &Subject, kind: HumanModel, seed: u64) -> Found {
     let standing = subject.somebody.standing(&laboratory, seed);
     let person = Person::new(&mut trials, Some(&standing), &options, &|_, _| {}).expect("a person");
     let all: Vec<usize> = (0..trials.len()).collect();
-    let mut study = Study::new(&person, &all, &StudyOptions::default(), &Silent).expect("motions");
+    let mut study = Study::new(&person, &all, &StudyOptions::default(), &FitOptions::default(), &Silent)
+        .expect("motions");
     study.draw(&person, &trials, &Silent).expect("draws");
     let fit = study.with_calibration(study.together(&all).expect("a fit"), &all);
     let situation = study.situation;
@@ -186,8 +187,10 @@ pub fn racket_table() -> String {
         };
         let person = Person::new(&mut trials, Some(&standing), &options, &|_, _| {}).expect("a person");
         let count = trials.len() / 2;
-        let studies = [(0..count).collect::<Vec<_>>(), (count..trials.len()).collect()]
-            .map(|which| Study::new(&person, &which, &StudyOptions::default(), &Silent).expect("motions"));
+        let studies = [(0..count).collect::<Vec<_>>(), (count..trials.len()).collect()].map(|which| {
+            Study::new(&person, &which, &StudyOptions::default(), &FitOptions::default(), &Silent)
+                .expect("motions")
+        });
         let found = tool(&studies[0], &studies[1], "r_hand", "racket").expect("a tool");
         let all: Vec<Measured> =
             std::iter::once(found.mass_kg).chain(found.first_moment_kgm).chain(found.inertia_kgm2).collect();

@@ -95,8 +95,7 @@ impl Engine<'_> {
 
     /// Returns what the residuals say against the model.
     pub(super) fn lack_of_fit(&self, pass: &Pass, conclusion: &Conclusion) -> LackOfFit {
-        let blind = pass.weighing.is_compensated() && !self.source.signal_noise_is_white();
-        if blind || self.options.without_lack_of_fit {
+        if pass.weighing.is_compensated() && !self.source.signal_noise_is_white() {
             return LackOfFit::default();
         }
         let values = &conclusion.about.values;
