@@ -181,12 +181,21 @@ impl<'a> Common<'a> {
     fn eliminated(&self, shared: &DMatrix<f64>, true_shared: &DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
         let taken = &self.inverse * true_shared.transpose();
         let across = shared * &taken;
+        if !self.is_noisy() {
+            // G⁺ G G⁺ = G⁺
+            return (taken, -across);
+        }
         let mut sum = taken.tr_mul(&(&self.gram * &taken)) - &across - across.transpose();
         for direction in &self.loose {
             let moved = true_shared * direction;
             sum.ger(1.0, &moved, &moved, 1.0);
         }
         (taken, sum)
+    }
+
+    /// Whether noise of the signals stands in the columns.
+    fn is_noisy(&self) -> bool {
+        self.bins.noise.iter().any(|noise| noise.gram.iter().any(|v| *v != 0.0))
     }
 
     /// Returns what the common fit leaves of a channel.
@@ -208,6 +217,7 @@ impl<'a> Common<'a> {
             .zip(&self.drawn)
             .map(|(noise, drawn)| (noise.gram.select_rows(self.steps), drawn.select_rows(self.steps)))
             .collect();
+        let is_noisy = self.is_noisy();
         let mut drift = vec![DMatrix::<f64>::zeros(q, 2); self.bins.channels];
         let columns: Vec<DMatrix<f64>> =
             self.bins.rows.iter().map(|rows| rows.select_columns(self.steps)).collect();
@@ -216,12 +226,14 @@ impl<'a> Common<'a> {
                 let d = columns[c].row(bin).transpose();
                 score.axpy(self.left[c][bin], &d, 1.0);
                 shared.ger(1.0, &d, &self.weighted[c].row(bin).transpose(), 1.0);
-                let (weight, (gram, drawn)) = (metric.of_bin(bin), &given[c]);
-                score.axpy(weight, drawn, 1.0);
-                less += gram.columns(0, p) * weight;
-                let more = self.bins.noise[c].uncertain * weight * weight;
-                shared.ger(more, drawn, &self.drawn[c], 1.0);
-                own.ger(more, drawn, drawn, 1.0);
+                if is_noisy {
+                    let (weight, (gram, drawn)) = (metric.of_bin(bin), &given[c]);
+                    score.axpy(weight, drawn, 1.0);
+                    less += gram.columns(0, p) * weight;
+                    let more = self.bins.noise[c].uncertain * weight * weight;
+                    shared.ger(more, drawn, &self.drawn[c], 1.0);
+                    own.ger(more, drawn, drawn, 1.0);
+                }
                 match &metric.inverse {
                     Inverse::White(weight) => own.ger(*weight, &d, &d, 1.0),
                     Inverse::Full(inverse) => {
