@@ -357,6 +357,17 @@ impl Factor {
         self
     }
 
+    /// Returns what the rows say of the first `kept` parameters for given others, and nothing of these: the part of the triangle below is
+    /// left out.
+    #[must_use]
+    pub(crate) fn for_given_others(mut self, kept: usize) -> Self {
+        let n = self.parameters;
+        for column in self.triangle.chunks_exact_mut(n.max(1)) {
+            column.iter_mut().skip(kept).for_each(|v| *v = 0.0);
+        }
+        self
+    }
+
     /// Returns the factor with more rows in it that are not measured yet: what a plan predicts. z is that of the present
     /// estimate, so that the rows move nothing.
     #[must_use]

@@ -33,6 +33,8 @@ pub(super) struct Columns {
     signals: usize,
     /// What else is known of errors: rows of all columns with their values, of unit σ.
     observations: Vec<(Vec<f64>, f64)>,
+    /// How many of them rows tell of ([`RowSource::told_errors`]).
+    told: usize,
     /// What is known beforehand of what is left of them.
     pub(super) prior: Prior,
     /// What the signals are corrected for of each.
@@ -101,7 +103,9 @@ impl Prior {
 impl Columns {
     /// Returns the nuisance parameters that a source has, those whose σ is zero left out.
     pub(super) fn of(source: &dyn RowSource) -> Self {
-        let mut nuisances: Vec<Nuisance> = source.nuisances().into_iter().filter(|k| k.sigma > 0.0).collect();
+        let mut nuisances = source.nuisances();
+        let told = nuisances.iter().take(source.told_errors()).filter(|k| k.sigma > 0.0).count();
+        nuisances.retain(|k| k.sigma > 0.0);
         let mut prior = Prior::new(source.parameters(), &mut nuisances, source.beforehand());
         let parameters = source.parameters().len();
         let about =
@@ -129,6 +133,7 @@ impl Columns {
             observations,
             nuisances,
             parameters,
+            told,
             offsets: source.channels().iter().map(|c: &Channel| c.offset).collect(),
             prior,
             corrected,
@@ -183,6 +188,9 @@ impl Columns {
         let rows: Vec<(Vec<f64>, f64)> =
             rows.map(|row| (row.iter().copied().collect(), (row * mean)[0])).collect();
         let mut known = joint.clone();
+        if self.told < self.nuisances.len() {
+            known = known.for_given_others(self.parameters + self.told);
+        }
         known.absorb(rows.iter().map(|(row, value)| (row.as_slice(), *value)));
         known.absorb(self.observations.iter().map(|(row, value)| (row.as_slice(), *value)));
         let left = known.residual_sum_of_squares();

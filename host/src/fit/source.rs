@@ -187,6 +187,13 @@ pub trait RowSource: Send + Sync {
         true
     }
 
+    /// Returns how many of the errors, the first ones, rows tell of. Others are only counted: an estimate is that for no such error, and its
+    /// covariance has what these may move. Where noise of the signals stands in the columns of errors as in the measured side, an error
+    /// that all have in common would explain the noise.
+    fn told_errors(&self) -> usize {
+        usize::MAX
+    }
+
     /// Returns true if the noise of the signals is white before the rows are filtered. What other noise leaves in the residuals, where it
     /// counts, looks like a part that swings or a body that changes, and is not taken for one.
     fn signal_noise_is_white(&self) -> bool {

@@ -92,20 +92,6 @@ pub enum SuspensionError {
         /// The longest stretch between them, s.
         longest_s: f64,
     },
-    /// Springs are not known well enough for the motion.
-    #[error(
-        "{name}: the springs are known to {percent:.1} % only (1 σ), and the poses have noise: the motion then tells springs and bodies apart by that \
-             noise alone, and is not looked at. Have them calibrated (rigident vibration stiffness), state their stiffness_std of no more than \
-             {most:.0} %, or use the modes (rigident vibration identify, rigident vibration postures)"
-    )]
-    LooseSprings {
-        /// The recording.
-        name: String,
-        /// 1 σ of their stiffness, %.
-        percent: f64,
-        /// The most that it may be, %.
-        most: f64,
-    },
     /// A locked coordinate moves.
     #[error(
         "{name}: {coordinate} is locked by [suspension], and it moves by {moves:.2e} {unit} (rms), {share:.0} % of the largest free one: \

@@ -51,7 +51,7 @@ impl PosturesFile {
                     posture.com_m
                 ));
             }
-            if (posture.mass_kg / median - 1.0).abs() > SAME_MASS {
+            if posture.mass_kg > 0.0 && (posture.mass_kg / median - 1.0).abs() > SAME_MASS {
                 return Err(format!(
                     "{name}: mass_kg = {} where other postures have {median}: one body has one mass; is it in g?",
                     posture.mass_kg

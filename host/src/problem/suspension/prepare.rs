@@ -19,12 +19,6 @@ use crate::recording::Recording;
 /// A locked coordinate that moves by more than this share of the largest free one of its kind is none.
 const LOCKED_MOVES: f64 = 0.05;
 
-/// Springs that are known to no more than this (1 σ, relative) are not told apart from bodies by the motion: intervals were seen to hold at it,
-/// and not at three times that.
-const KNOWN: f64 = 0.01;
-/// Poses with noise of no more than this share of the motion are exact.
-const EXACT: f64 = 1e-5;
-
 /// Ready to be identified.
 pub struct PreparedSuspension {
     /// The source of rows.
@@ -67,12 +61,6 @@ pub fn prepare(recording: &Recording, model: Option<&Model>) -> Result<PreparedS
     }
     judge_locked(recording, &instants, &support.free)?;
     let tracked = tracked.with_noise();
-    let moves = (0..3).map(|k| rms(&instants, k)).fold(0.0, f64::max);
-    let relative = support.springs.relative_std();
-    if tracked.noise_m() > EXACT * moves && relative > KNOWN {
-        let name = recording.name.clone();
-        return Err(SuspensionError::LooseSprings { name, percent: 100.0 * relative, most: 100.0 * KNOWN });
-    }
     let notes = vec![about(&instants, &rest, cut_off_hz, rows)];
     let moves: Vec<(&[f64], Vector3<f64>)> =
         frames.iter().map(|f| (f.positions.get(7..).unwrap_or_default(), Vector3::zeros())).collect();

@@ -71,11 +71,6 @@ impl Tracked {
         (Self { noise: None, track, smoother, rows }, instants, frames)
     }
 
-    /// Returns 1 σ of the noise of the platform's place, m; zero if none was looked for or found.
-    pub(super) fn noise_m(&self) -> f64 {
-        self.noise.as_ref().filter(|noise| noise.unit == "m").map_or(0.0, |noise| noise.sigma)
-    }
-
     /// Returns the same with the noise that the track shows.
     pub(super) fn with_noise(self) -> Self {
         Self { noise: self.track.noise(self.smoother.cut_off_hz), ..self }
@@ -305,6 +300,11 @@ impl RowSource for SuspendedSource {
     fn signal_noise_is_white(&self) -> bool {
         // The poses were smoothed, and springs and masses make forces of their noise that cancel at each resonance.
         false
+    }
+
+    fn told_errors(&self) -> usize {
+        // Of (1 + e) K and no body noise is least at e = −1: the rows tell of the damping alone.
+        self.support.springs.dampings()
     }
 
     fn nuisances(&self) -> Vec<Nuisance> {

@@ -124,6 +124,15 @@ impl Springs {
         };
         let pairs: Vec<(usize, usize)> =
             free.iter().flat_map(|i| free.iter().filter(move |j| **j >= *i).map(move |j| (*i, *j))).collect();
+        let damping = table.damping_ratio_std.unwrap_or(DAMPING_RATIO_STD);
+        for (i, j) in pairs.iter().copied() {
+            let name = format!("damping_{}_{}", COORDINATES[i], COORDINATES[j]);
+            // c = 2 ζ k / ω
+            let sigma = 2.0 * damping * scale(i, j) / DAMPED_AT;
+            let unit = format!("{} s", unit(i, j));
+            let basis = basis(table.damping_ratio_std.is_some(), "damping_ratio_std");
+            self.add(SpringError::Damping(i, j), name, "damping", unit, sigma, basis);
+        }
         if self.matrix.is_some() {
             for (i, j) in pairs.iter().copied() {
                 let stated = table.stiffness_element_std.map(|std| 0.5 * (std[i][j] + std[j][i]));
@@ -155,15 +164,6 @@ impl Springs {
                 }
             }
         }
-        let damping = table.damping_ratio_std.unwrap_or(DAMPING_RATIO_STD);
-        for (i, j) in pairs {
-            let name = format!("damping_{}_{}", COORDINATES[i], COORDINATES[j]);
-            // c = 2 ζ k / ω
-            let sigma = 2.0 * damping * scale(i, j) / DAMPED_AT;
-            let unit = format!("{} s", unit(i, j));
-            let basis = basis(table.damping_ratio_std.is_some(), "damping_ratio_std");
-            self.add(SpringError::Damping(i, j), name, "damping", unit, sigma, basis);
-        }
     }
 
     fn add(&mut self, error: SpringError, name: String, group: &str, unit: String, sigma: f64, basis: Basis) {
@@ -175,15 +175,9 @@ impl Springs {
         }
     }
 
-    /// Returns the largest 1 σ of their stiffness, relative: of springs their own, of elements of a matrix by the diagonal.
-    pub fn relative_std(&self) -> f64 {
-        let k = self.stiffness();
-        let of = |(error, nuisance): (&SpringError, &Nuisance)| match *error {
-            SpringError::Stiffness(i, j) => nuisance.sigma / (k[(i, i)] * k[(j, j)]).abs().sqrt(),
-            SpringError::Damping(..) => 0.0,
-            _ => nuisance.sigma,
-        };
-        self.errors.iter().zip(&self.nuisances).map(of).fold(0.0, f64::max)
+    /// Returns how many of the errors are of the damping: they come first.
+    pub fn dampings(&self) -> usize {
+        self.errors.iter().filter(|error| !error.is_of_stiffness()).count()
     }
 
     /// Returns the stiffness about O: six forces and moments against six displacements.
