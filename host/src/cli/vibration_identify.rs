@@ -41,7 +41,6 @@ struct Object {
     schema: &'static str,
     recording: String,
     modes: Vec<present::ModeRow>,
-    #[serde(skip_serializing_if = "Vec::is_empty")]
     findings: Vec<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     by_modes: Option<Answer>,

@@ -30,7 +30,6 @@ struct Object {
     stiffness_element_std: [[f64; 6]; 6],
     variance_ratio: f64,
     degrees_of_freedom: f64,
-    #[serde(skip_serializing_if = "Vec::is_empty")]
     findings: Vec<String>,
     warnings: Vec<String>,
 }
