@@ -159,3 +159,31 @@ fn poses_merge_in_any_order() {
         assert!((a.measured.unwrap().value - b.measured.unwrap().value).abs() < 1e-9);
     }
 }
+
+/// A second IMU on the left shank, and poses on one leg among those on two.
+#[test]
+fn further_imus_tell_more_and_soles_may_be_off_the_floor() {
+    let truth = random_offsets(2.0_f64.to_radians(), 17);
+    let mut poses = random_poses(24, &truth, Reading::default(), 18);
+    let one = setup(Noise::default());
+    let shank = one.tree.link("left_knee_y_link").unwrap();
+    let two = Setup::new(one.tree.clone(), one.soles.clone(), vec![0, shank], &[], one.noise).unwrap();
+    let alone = answer(&one, &poses);
+    for (k, pose) in poses.iter_mut().enumerate() {
+        // Joints are in the order of the links, the first of which is the base.
+        let mut positions = vec![0.0];
+        positions.extend(pose.positions.iter().zip(&truth).map(|(measured, offset)| measured + offset));
+        let turn = two.tree.places(&positions)[shank].rotation;
+        let turn = nalgebra::Rotation3::from_matrix_unchecked(turn);
+        pose.attitudes.push(pose.attitudes[0] * nalgebra::UnitQuaternion::from_rotation_matrix(&turn));
+        pose.stands[k % 2] = k % 3 > 0;
+    }
+    let both = answer(&two, &poses);
+    let worst = errors(&both, &truth).iter().fold(0.0_f64, |most, e| most.max(e.abs()));
+    assert!(worst.to_degrees() < 1e-6 && both.bad.is_empty(), "{worst}");
+    let knee = |answer: &Answer| answer.offsets[3].measured.unwrap().u95;
+    assert!(knee(&both) < knee(&alone), "{} {}", knee(&both), knee(&alone));
+    // A pose in which nothing stands is refused by its name.
+    poses[4].stands = vec![false; 2];
+    assert!(identify(&one, &poses, Method::GaussNewton, COARSEST).unwrap_err().contains("pose 5"));
+}
