@@ -17,6 +17,7 @@ pub mod device;
 pub mod diagnosis;
 pub mod fit;
 pub mod inverse_kinematics;
+pub mod joint_offsets;
 pub mod modal_analysis;
 pub mod model;
 #[cfg(feature = "simulator")]

@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 use crate::{estimation, people, platform, trees};
 
 /// All documents with tables.
-pub const DOCUMENTS: [Document; 6] = [
+pub const DOCUMENTS: [Document; 7] = [
     estimation::DOCUMENT,
     estimation::CALIBRATION,
     estimation::DIAGNOSIS,
     platform::DOCUMENT,
     trees::DOCUMENT,
+    trees::JOINT_OFFSETS,
     people::DOCUMENT,
 ];
 

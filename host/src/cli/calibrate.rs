@@ -6,7 +6,7 @@ use serde::Serialize;
 use super::calibration_arguments::{Calibrate, CalibrateRig, CalibrateWhat};
 use super::outcome::say;
 use super::reference_runs::{RigErrors, read};
-use super::{Failure, Stages, calibrate_imu, factor};
+use super::{Failure, Stages, calibrate_imu, calibrate_joints, factor};
 use crate::fit::{COVERAGE_95, Nuisance, RowSource};
 use crate::present::text::{significant, unit_symbol, with_u95};
 use crate::recording::new_file::write_new_text;
@@ -42,6 +42,7 @@ pub(super) fn run(arguments: &Calibrate) -> Result<ExitCode, Failure> {
     match &arguments.what {
         CalibrateWhat::Rig(arguments) => rig(arguments),
         CalibrateWhat::Imu(arguments) => calibrate_imu::run(arguments),
+        CalibrateWhat::Joints(arguments) => calibrate_joints::run(arguments),
     }
 }
 

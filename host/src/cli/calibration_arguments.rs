@@ -1,10 +1,11 @@
 use std::path::PathBuf;
 
-use clap::{Args, Subcommand};
+use clap::{Args, Subcommand, ValueEnum};
 
 use super::factor_arguments::TareFiles;
 use super::options::calibration::CalibrationOption;
 use super::programme::Programme;
+use crate::joint_offsets::solve::Method;
 
 /// `rigident calibrate`
 #[derive(Args, Debug, Clone)]
@@ -21,6 +22,79 @@ pub enum CalibrateWhat {
     Rig(CalibrateRig),
     /// Find scales, misalignments and biases of the IMU from the motion that the platform was driven through
     Imu(CalibrateImu),
+    /// Find offsets of a robot's joint angles from poses with flat soles on a level floor
+    Joints(CalibrateJoints),
+}
+
+/// How `rigident calibrate joints` searches.
+#[derive(ValueEnum, Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum SearchMethod {
+    /// Steps of Gauss and Newton, the base of each pose eliminated
+    #[default]
+    GaussNewton,
+    /// Nonlinear conjugate gradient
+    ConjugateGradient,
+}
+
+impl From<SearchMethod> for Method {
+    fn from(method: SearchMethod) -> Self {
+        match method {
+            SearchMethod::GaussNewton => Self::GaussNewton,
+            SearchMethod::ConjugateGradient => Self::ConjugateGradient,
+        }
+    }
+}
+
+/// `rigident calibrate joints`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "The robot stands still with flat soles on a level floor, again and again in another pose. Each row of POSES has the joints' \
+                  positions as measured (left_knee_rad) and the attitude of at least one link by an IMU (pelvis_qw, pelvis_qx, pelvis_qy, \
+                  pelvis_qz); a column contact names the soles that stand, if not all do. True position = measured + offset.\n\nExit status 0 \
+                  if every offset asked for is identified, 1 if not, 2 if a file cannot be used.\n\nExamples:\n  rigident calibrate joints \
+                  robot.urdf poses.csv --contacts soles.toml\n  rigident calibrate joints robot.urdf poses.csv --contacts soles.toml --joints \
+                  left_knee,right_knee -o joints.rig.toml --write-model calibrated.urdf"
+)]
+pub struct CalibrateJoints {
+    /// The robot: URDF, MJCF or SDF
+    #[arg(value_name = "MODEL")]
+    pub model: String,
+    /// The poses, CSV
+    #[arg(value_name = "POSES")]
+    pub poses: PathBuf,
+    /// The soles and their corners, TOML
+    #[arg(long, value_name = "FILE")]
+    pub contacts: PathBuf,
+    /// Joints whose offsets are found. Default: all between the base and the soles
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub joints: Vec<String>,
+    /// 1 sigma of a measured attitude about any axis, degrees
+    #[arg(long, value_name = "DEG", default_value_t = 0.2)]
+    pub attitude_noise_deg: f64,
+    /// 1 sigma of a corner's height above the floor, mm
+    #[arg(long, value_name = "MM", default_value_t = 1.0)]
+    pub height_noise_mm: f64,
+    /// 1 sigma of a measured joint angle in each pose, degrees
+    #[arg(long, value_name = "DEG", default_value_t = 0.05)]
+    pub encoder_noise_deg: f64,
+    /// 1 sigma of the constant error of each IMU's mounting about any axis, degrees
+    #[arg(long, value_name = "DEG", default_value_t = 0.0)]
+    pub mounting_noise_deg: f64,
+    /// An offset with a larger U95 counts as not identified, degrees
+    #[arg(long, value_name = "DEG", default_value_t = 2.0)]
+    pub coarsest_u95_deg: f64,
+    /// How the offsets are searched for
+    #[arg(long, value_enum, value_name = "METHOD", default_value_t)]
+    pub method: SearchMethod,
+    /// Write the offsets as [[joint]] tables of a rig file; must not exist
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Write the model with the zeros of its joints corrected: .urdf, .xml (MJCF) or .sdf
+    #[arg(long, value_name = "FILE")]
+    pub write_model: Option<PathBuf>,
+    /// Print one object on standard output, and nothing else there
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// `rigident calibrate imu`

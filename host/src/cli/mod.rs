@@ -17,6 +17,7 @@ mod body_page;
 mod body_plates;
 mod calibrate;
 mod calibrate_imu;
+mod calibrate_joints;
 mod calibration_arguments;
 mod came;
 mod confirm;

@@ -53,13 +53,8 @@ impl Model {
 
     fn lock_at(&mut self, name: &str, value: f64, others: &[&str]) -> Result<(), ModelError> {
         let i = self.joint(name).ok_or_else(|| self.no_joint("--lock", name))?;
-        let link = &mut self.links[i];
-        match link.link.joint {
-            Joint::Revolute(axis) if value != 0.0 => {
-                link.link.rotation *= Rotation3::new(axis * value).into_inner();
-            }
-            Joint::Prismatic(axis) if value != 0.0 => link.link.position += link.link.rotation * axis * value,
-            Joint::Revolute(_) | Joint::Prismatic(_) => {}
+        match self.links[i].link.joint {
+            Joint::Revolute(_) | Joint::Prismatic(_) => self.move_zero(i, value),
             _ if value == 0.0 => {}
             Joint::Fixed => {
                 return Err(ModelError::Option(format!(
@@ -73,6 +68,7 @@ impl Model {
                 )));
             }
         }
+        let link = &mut self.links[i];
         (link.link.joint, link.mimic, link.passive) = (Joint::Fixed, None, [Passive::default(); 2]);
         let place = format!("joint {name}");
         self.findings.retain(|finding| finding.place != place);
@@ -89,6 +85,17 @@ impl Model {
             self.lock_at(&follower, there, others)?;
         }
         Ok(())
+    }
+
+    /// Moves the zero of the joint on which link `i` hangs to where it stood at `value`, rad or m: `q` is then what `q + value` was.
+    /// Joints of other than one freedom stay.
+    pub fn move_zero(&mut self, i: usize, value: f64) {
+        let Some(ModelLink { link, .. }) = self.links.get_mut(i).filter(|_| value != 0.0) else { return };
+        match link.joint {
+            Joint::Revolute(axis) => link.rotation *= Rotation3::new(axis * value).into_inner(),
+            Joint::Prismatic(axis) => link.position += link.rotation * axis * value,
+            _ => {}
+        }
     }
 
     fn no_joint(&self, option: &str, name: &str) -> ModelError {

@@ -14,6 +14,7 @@ pub mod human;
 mod human_segments;
 pub mod idle;
 pub mod inertial;
+mod joint_edits;
 pub mod limits;
 mod loose_xml;
 pub mod mjcf;

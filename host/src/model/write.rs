@@ -20,8 +20,8 @@ use super::passive::Passive;
 use super::passive_edits;
 use super::remarks::joint_names;
 use super::tree::{Mimic, Model, ModelLink, Parsed};
-use super::xml::{self, Language};
-use super::{mjcf, sdf, urdf};
+use super::xml::{self, Language, rpy, vector};
+use super::{joint_edits, mjcf, sdf, urdf};
 
 /// What was written differs by no more, relative, when it is read again: rounding of sums and rotations.
 const ROUNDING: f64 = 1e-12;
@@ -107,6 +107,9 @@ pub fn write(model: &Model, source: Option<&Path>, path: &Path) -> Result<(), Mo
     };
     check(model, &text, path)?;
     check_passive(model, &text, language, kept, path)?;
+    if kept && language == Language::Urdf {
+        joint_edits::check(model, &text, &path.display().to_string())?;
+    }
     std::fs::write(path, text).map_err(|source| ModelError::Write { path: path.to_owned(), source })
 }
 
@@ -185,6 +188,9 @@ pub fn edited(model: &Model, text: &str, what: &str) -> Result<String, ModelErro
     let document = xml::document(&tidy, what)?;
     let tag = if language == Language::Mjcf { "body" } else { "link" };
     let mut changes = passive_edits::edits(model, &own.model, text, &document, language);
+    if language == Language::Urdf {
+        changes.extend(joint_edits::edits(model, &own.model, text, &document));
+    }
     for node in document.descendants().filter(|n| n.has_tag_name(tag)) {
         let Some(name) = node.attribute("name") else { continue };
         let Some(link) = model.link(name).map(|i| &model.links[i]).filter(|link| link.is_body()) else {
@@ -225,23 +231,6 @@ fn inertial(phi: &Parameters, language: Language) -> String {
              <ixy>{xy}</ixy><ixz>{xz}</ixz><iyy>{yy}</iyy><iyz>{yz}</iyz><izz>{zz}</izz></inertia>\n      </inertial>"
         ),
     }
-}
-
-fn vector(v: &Vector3<f64>) -> String {
-    format!("{} {} {}", v.x, v.y, v.z)
-}
-
-/// Roll, pitch and yaw about fixed axes; by arctangents, which lose no digits near upright pitch.
-fn rpy(r: &Matrix3<f64>) -> String {
-    let level = r.m11.hypot(r.m21);
-    let pitch = (-r.m31).atan2(level);
-    // Upright, only the sum of roll and yaw matters.
-    let (roll, yaw) = if level > 4.0 * f64::EPSILON {
-        (r.m32.atan2(r.m33), r.m21.atan2(r.m11))
-    } else {
-        ((-r.m23).atan2(r.m22), 0.0)
-    };
-    format!("{roll} {pitch} {yaw}")
 }
 
 /// Text that may stand in an attribute.

@@ -407,3 +407,30 @@ fn bodies_denser_or_thinner_than_anything_are_found_and_copies_turned_about_are_
         "{massless:?}"
     );
 }
+
+/// A URDF that is kept, with a joint that turns and one that slides, its zeros moved.
+#[test]
+fn zeros_of_joints_that_were_moved_are_written_and_all_else_is_kept() {
+    let text = r#"<robot name="r"><!-- kept --><link name="a"/><link name="b"/><link name="c"/>
+  <joint name="turn" type="revolute"><origin xyz="0.1 0.2 0.3" rpy="0.3 -0.4 0.5"/><axis xyz="0 0.6 0.8"/><parent link="a"/><child link="b"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+  <joint name="slide" type="prismatic"><axis xyz="1 0 0"/><parent link="b"/><child link="c"/><limit lower="0" upper="1" effort="1" velocity="1"/></joint></robot>"#;
+    let model = write::parse(text, "r").unwrap().model;
+    let unmoved = write::edited(&model, text, "r").unwrap();
+    assert_eq!(unmoved, text);
+    let mut moved = model.clone();
+    for (joint, by) in [("turn", 0.07), ("slide", -0.02)] {
+        let i = moved.joint(joint).unwrap();
+        moved.move_zero(i, by);
+    }
+    let written = write::edited(&moved, text, "r").unwrap();
+    assert!(written.contains("<!-- kept -->") && written.contains("upper=\"1\""), "{written}");
+    let again = write::parse(&written, "r").unwrap().model;
+    super::joint_edits::check(&moved, &written, "r").unwrap();
+    assert!(super::joint_edits::check(&model, &written, "r").is_err());
+    // The turned joint stands at zero where it stood at 0.07 before.
+    let turn = nalgebra::Rotation3::new(Vector3::new(0.0, 0.6, 0.8) * 0.07).into_inner();
+    let [i, k] = ["turn", "slide"].map(|joint| model.joint(joint).unwrap());
+    let off = again.links[i].link.rotation - model.links[i].link.rotation * turn;
+    assert!(off.amax() < 1e-14, "{off}");
+    assert!((again.links[k].link.position - Vector3::new(-0.02, 0.0, 0.0)).amax() < 1e-15);
+}

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::path::Path;
 
-use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion};
+use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 use roxmltree::{Document, Node, ParsingOptions};
 
 use super::finding::ModelError;
@@ -101,6 +101,24 @@ pub(super) fn of_quaternion([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
 /// Of roll, pitch, yaw about fixed axes.
 pub(super) fn of_rpy([roll, pitch, yaw]: [f64; 3]) -> Matrix3<f64> {
     Rotation3::from_euler_angles(roll, pitch, yaw).into_inner()
+}
+
+/// Numbers of a vector as an attribute has them.
+pub(super) fn vector(v: &Vector3<f64>) -> String {
+    format!("{} {} {}", v.x, v.y, v.z)
+}
+
+/// Roll, pitch and yaw about fixed axes; by arctangents, which lose no digits near upright pitch.
+pub(super) fn rpy(r: &Matrix3<f64>) -> String {
+    let level = r.m11.hypot(r.m21);
+    let pitch = (-r.m31).atan2(level);
+    // Upright, only the sum of roll and yaw matters.
+    let (roll, yaw) = if level > 4.0 * f64::EPSILON {
+        (r.m32.atan2(r.m33), r.m21.atan2(r.m11))
+    } else {
+        ((-r.m23).atan2(r.m22), 0.0)
+    };
+    format!("{roll} {pitch} {yaw}")
 }
 
 /// A range of a text, and what stands there instead.

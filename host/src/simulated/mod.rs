@@ -1,6 +1,6 @@
 //! Simulated recordings and bodies, for demonstrations, tests and tables.
 //!
-//! Lives here: trees of known parameters and recordings of them ([`trees`]), of arms as they are run ([`arm`]), of people as a laboratory records them ([`laboratory`]), with the feature `simulator` also readings,
+//! Lives here: trees of known parameters and recordings of them ([`trees`]), of arms as they are run ([`arm`]), of humanoids that stand ([`standing`]), of people as a laboratory records them ([`laboratory`]), with the feature `simulator` also readings,
 //! mounting and limits of the simulated rig in the pipeline's types, and people in motion ([`person`]). May not live here:
 //! experiments and their judgement (`crate::montecarlo`).
 
@@ -11,6 +11,7 @@ mod noise;
 pub mod person;
 #[cfg(feature = "simulator")]
 mod rig;
+pub mod standing;
 #[cfg(feature = "simulator")]
 pub mod suspended;
 pub mod trees;

@@ -8,6 +8,7 @@ mod autocorrelation;
 mod body_identify;
 mod body_rows;
 mod c3d_independent;
+mod calibrate_joints;
 mod calibration;
 mod commands;
 mod device_precision;

@@ -1,8 +1,9 @@
-//! The tables of `docs/trees.md`.
+//! The tables of `docs/trees.md` and of `docs/joint-offsets.md`.
 //!
 //! One file per study, each a function that gives Markdown.
 
 mod errors;
+mod joint_offsets;
 mod model_check;
 mod predict;
 mod signal_noise;
@@ -24,4 +25,10 @@ pub const DOCUMENT: Document = Document {
         Table { name: "staubli", make: staubli::table },
         Table { name: "predict", make: predict::table },
     ],
+};
+
+/// The document of joint offsets.
+pub const JOINT_OFFSETS: Document = Document {
+    file: "docs/joint-offsets.md",
+    tables: &[Table { name: "joint-offsets-long", make: joint_offsets::table }],
 };

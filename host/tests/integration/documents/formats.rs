@@ -7,6 +7,7 @@ use std::process::Command;
 use rigident::cli::ExitStatus;
 use rigident::fit::factor_file::{self, FactorSource, SourceChannel};
 use rigident::fit::{Kind, Owner, Parameter};
+use rigident::joint_offsets::contacts_file::SoleTable;
 use rigident::recording::columns::{Group, Known};
 use rigident::recording::convert::convert;
 use rigident::rig::RigFile;
@@ -155,6 +156,19 @@ fn is_table(key: &str, found: &[(String, BTreeSet<String>)]) -> bool {
 }
 
 #[test]
+fn every_key_of_a_file_of_contacts_is_described() {
+    let table = SoleTable {
+        name: Some("left".to_owned()),
+        link: "foot".to_owned(),
+        corners_m: vec![[0.0; 3]],
+        corner_links: vec!["corner".to_owned()],
+    };
+    let real = serde_json::to_value(table).unwrap().as_object().unwrap().keys().cloned().collect();
+    let text = formats();
+    same("keys of a file of contacts", &first_cells(section(&text, "## File of contacts")), &real);
+}
+
+#[test]
 fn every_exit_status_is_described() {
     let text = formats();
     let rows = section(&text, "## Exit statuses")
@@ -195,9 +209,12 @@ fn every_field_of_the_other_commands_is_described() {
     )
     .unwrap();
     let (rig, urdf) = (rig.display().to_string(), urdf.display().to_string());
+    let humanoid = crate::calibrate_joints::Files::new();
+    let [model, poses, soles] = humanoid.paths();
     let text = formats();
     let table = section(&text, "## JSON of the other commands");
     for (command, arguments) in [
+        ("calibrate joints", vec!["calibrate", "joints", &model, &poses, "--contacts", &soles, "--json"]),
         ("montecarlo", vec!["montecarlo", "--runs", "2", "--duration-s", "20", "--json"]),
         ("montecarlo poses", vec!["montecarlo", "poses", "--runs", "2", "--to", "2", "--json"]),
         ("plan poses", vec!["plan", "poses", "--n", "3", "--json"]),

@@ -1,0 +1,267 @@
+//! The search for the offsets.
+//!
+//! Each pose's rows, its base eliminated, are a factor of what all poses share; factors merge, and a step of Gauss and Newton follows. Poses
+//! that are off count less (Huber), and those that chance cannot explain are left out and named.
+
+use nalgebra::DVector;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use super::gradient;
+use super::pose::{Base, Shared, Told, turn_of};
+use super::{Pose, Setup};
+use crate::fit::Factor;
+use crate::fit::parallel::{map, threads};
+
+/// Steps at most.
+const STEPS: usize = 60;
+/// The search ends with a step below this, rad or m: far below any interval.
+const ENOUGH: f64 = 1e-10;
+/// A step is halved at most so often.
+const HALVINGS: usize = 8;
+/// A step may raise the cost by this share: weights and covariances change with the offsets.
+const RISE: f64 = 1e-3;
+/// A direction of which the poses know less than this, 1 σ in rad or m, is not moved along: no joint is assembled so badly (10°).
+pub const HELD: f64 = 0.175;
+/// A pose's squares count in full up to so many standard deviations above their mean; beyond, ever less (Huber).
+const HUBER: f64 = 3.0;
+/// Probability that one of all good poses is left out.
+const CHANCE: f64 = 0.01;
+/// Rounds of leaving poses out, and of weighing before the conjugate gradient begins anew.
+pub(super) const ROUNDS: usize = 12;
+/// Poses from which on several threads share the work.
+const MANY: usize = 64;
+
+/// How the offsets are searched for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Method {
+    /// Steps of Gauss and Newton, the base of each pose eliminated.
+    #[default]
+    GaussNewton,
+    /// Nonlinear conjugate gradient, as in the paper.
+    ConjugateGradient,
+}
+
+/// Where the search is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct State {
+    /// What all poses share.
+    pub shared: Shared,
+    /// The base of each pose.
+    pub bases: Vec<Base>,
+}
+
+/// Where the search ended.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// Offsets and bases.
+    pub state: State,
+    /// What each pose says there.
+    pub told: Vec<Told>,
+    /// How much each pose counts, 0 to 1; 0 if it is left out.
+    pub weights: Vec<f64>,
+    /// Median of the poses' squares over their degrees of freedom, at least 1: by how much the stated noise is too small.
+    pub scale: f64,
+    /// Steps that were made.
+    pub steps: usize,
+    /// Whether the last step was short enough.
+    pub converged: bool,
+}
+
+/// Finds the offsets.
+///
+/// # Errors
+/// Says which pose cannot be used, or that none can.
+pub fn find(setup: &Setup, poses: &[Pose], method: Method) -> Result<Found, String> {
+    let shared = Shared::zero(setup);
+    let bases = poses.iter().map(|pose| setup.first_base(pose, &shared)).collect();
+    let mut left_out = vec![false; poses.len()];
+    let mut found = searched(setup, poses, State { shared, bases }, &left_out, method)?;
+    for _ in 0..ROUNDS {
+        let now = too_far(&found, &left_out);
+        if now == left_out {
+            break;
+        }
+        left_out = now;
+        let again = searched(setup, poses, found.state, &left_out, method)?;
+        found = Found { steps: found.steps + again.steps, ..again };
+    }
+    Ok(found)
+}
+
+/// Returns which poses are farther off than chance allows.
+fn too_far(found: &Found, before: &[bool]) -> Vec<bool> {
+    let chance = CHANCE / found.told.len().max(1) as f64;
+    let far = |told: &Told| {
+        let limit = ChiSquared::new(told.degrees_of_freedom)
+            .map_or(f64::INFINITY, |chi2| chi2.inverse_cdf(1.0 - chance));
+        told.squares > found.scale * limit
+    };
+    let now: Vec<bool> = found.told.iter().map(far).collect();
+    // What is left must be most of them, or nothing says which are the bad ones.
+    if now.iter().filter(|far| **far).count() * 2 < now.len() { now } else { before.to_vec() }
+}
+
+fn searched(
+    setup: &Setup,
+    poses: &[Pose],
+    state: State,
+    left_out: &[bool],
+    method: Method,
+) -> Result<Found, String> {
+    match method {
+        Method::GaussNewton => gauss_newton(setup, poses, state, left_out),
+        Method::ConjugateGradient => gradient::in_rounds(setup, poses, state, left_out),
+    }
+}
+
+/// Does a job for each pose, on all cores if there are many.
+pub(super) fn for_each<R: Send>(poses: &[Pose], job: impl Fn(usize, &Pose) -> R + Sync) -> Vec<R> {
+    let threads = if poses.len() < MANY { 1 } else { threads() };
+    let own: Vec<Option<R>> = map(threads, poses.len(), |k| poses.get(k).map(|pose| job(k, pose)));
+    own.into_iter().flatten().collect()
+}
+
+/// Returns what each pose says about a state.
+///
+/// # Errors
+/// Names a pose whose rows cannot be made.
+pub fn told(setup: &Setup, poses: &[Pose], state: &State) -> Result<Vec<Told>, String> {
+    let all = for_each(poses, |k, pose| {
+        let base = state.bases.get(k).copied().unwrap_or_default();
+        let rows = setup.rows(pose, &base, &state.shared);
+        setup.whitener(&rows).map(|whitener| rows.told(&whitener)).unwrap_or_default()
+    });
+    match all.iter().zip(poses).find(|(told, _)| told.factor.is_none()) {
+        Some((_, pose)) => {
+            Err(format!("{}: its rows cannot be weighed: are its numbers possible?", pose.name))
+        }
+        None => Ok(all),
+    }
+}
+
+/// Weights of poses about one state.
+pub(super) struct Weights {
+    /// 0 to 1; they multiply squares.
+    pub each: Vec<f64>,
+    /// As [`Found::scale`].
+    pub scale: f64,
+}
+
+/// Returns the square from which on a pose counts less.
+fn limit(told: &Told, scale: f64) -> f64 {
+    scale * (told.degrees_of_freedom + HUBER * (2.0 * told.degrees_of_freedom).sqrt())
+}
+
+/// Returns how much each pose counts.
+pub(super) fn weights(told: &[Told], left_out: &[bool]) -> Weights {
+    let ratio = |told: &Told| told.squares / told.degrees_of_freedom.max(1.0);
+    let mut ratios: Vec<f64> = told.iter().map(ratio).collect();
+    ratios.sort_by(f64::total_cmp);
+    let scale = ratios.get(ratios.len() / 2).copied().unwrap_or(1.0).max(1.0);
+    let weigh = |(told, left_out): (&Told, &bool)| {
+        let limit = limit(told, scale);
+        if *left_out {
+            0.0
+        } else if told.squares <= limit {
+            1.0
+        } else {
+            (limit / told.squares).sqrt()
+        }
+    };
+    Weights { each: told.iter().zip(left_out).map(weigh).collect(), scale }
+}
+
+/// Returns the sum of what the poses' squares count.
+fn cost(setup: &Setup, told: &[Told], left_out: &[bool], scale: f64, shared: &Shared) -> f64 {
+    let of = |told: &Told| {
+        let limit = limit(told, scale);
+        if told.squares <= limit { told.squares } else { 2.0 * (limit * told.squares).sqrt() - limit }
+    };
+    let poses: f64 = told.iter().zip(left_out).filter(|(_, out)| !**out).map(|(told, _)| of(told)).sum();
+    poses + mounting_rows(setup, shared).iter().map(|(_, value)| value * value).sum::<f64>()
+}
+
+/// Returns the rows of what is known beforehand of the IMUs' mountings, whitened.
+pub(super) fn mounting_rows(setup: &Setup, shared: &Shared) -> Vec<(Vec<f64>, f64)> {
+    if setup.mounting_columns() == 0 {
+        return Vec::new();
+    }
+    let sigma = setup.noise.mounting_rad;
+    let columns = setup.shared_columns();
+    let errors = shared.mountings.iter().flat_map(|own| <[f64; 3]>::from(turn_of(own)));
+    errors
+        .enumerate()
+        .map(|(k, error)| {
+            let mut row = vec![0.0; columns];
+            if let Some(to) = row.get_mut(setup.asked.len() + k) {
+                *to = 1.0 / sigma;
+            }
+            (row, -error / sigma)
+        })
+        .collect()
+}
+
+/// Returns the factor of what all poses share.
+pub fn merged(setup: &Setup, told: &[Told], weights: &[f64], shared: &Shared) -> Factor {
+    let mut all = Factor::new(setup.shared_columns());
+    let prior = mounting_rows(setup, shared);
+    all.absorb(prior.iter().map(|(row, value)| (row.as_slice(), *value)));
+    for (told, weight) in told.iter().zip(weights) {
+        let Some(own) = told.factor.as_ref().filter(|_| *weight > 0.0) else { continue };
+        if *weight < 1.0 {
+            all.merge(&own.discount(1.0 / weight));
+        } else {
+            all.merge(own);
+        }
+    }
+    all
+}
+
+/// Returns the least-squares step along the directions that are known better than [`HELD`].
+fn step(factor: &Factor) -> Vec<f64> {
+    let svd = factor.r().svd(true, true);
+    let mut step = DVector::zeros(factor.parameters());
+    let (Some(u), Some(v_t)) = (&svd.u, &svd.v_t) else { return step.as_slice().to_vec() };
+    let z = DVector::from_column_slice(factor.z());
+    for (k, s) in svd.singular_values.iter().enumerate() {
+        if *s * HELD > 1.0 {
+            step += v_t.row(k).transpose() * (u.column(k).dot(&z) / s);
+        }
+    }
+    step.as_slice().to_vec()
+}
+
+impl State {
+    /// Returns the state after a step of what is shared, the bases following.
+    fn moved(&self, told: &[Told], step: &[f64]) -> Self {
+        let bases =
+            self.bases.iter().zip(told).map(|(base, told)| base.moved(&told.base_step(step))).collect();
+        Self { shared: self.shared.moved(step), bases }
+    }
+}
+
+fn gauss_newton(setup: &Setup, poses: &[Pose], mut state: State, left_out: &[bool]) -> Result<Found, String> {
+    let mut all = told(setup, poses, &state)?;
+    let mut counts = weights(&all, left_out);
+    let (mut steps, mut converged) = (0, false);
+    while steps < STEPS && !converged {
+        let before = cost(setup, &all, left_out, counts.scale, &state.shared);
+        let full = step(&merged(setup, &all, &counts.each, &state.shared));
+        let mut share = 1.0;
+        for halving in 0..=HALVINGS {
+            let part: Vec<f64> = full.iter().map(|v| share * v).collect();
+            let next = state.moved(&all, &part);
+            let there = told(setup, poses, &next)?;
+            let after = cost(setup, &there, left_out, counts.scale, &next.shared);
+            if after <= before * (1.0 + RISE) + f64::EPSILON || halving == HALVINGS {
+                (state, all) = (next, there);
+                break;
+            }
+            share *= 0.5;
+        }
+        counts = weights(&all, left_out);
+        steps += 1;
+        converged = full.iter().all(|v| v.abs() < ENOUGH);
+    }
+    Ok(Found { state, told: all, weights: counts.each, scale: counts.scale, steps, converged })
+}

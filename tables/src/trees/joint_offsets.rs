@@ -1,0 +1,82 @@
+//! How many poses are enough for the offsets of joints: errors and intervals over the number of poses.
+//!
+//! The humanoid stands in random flat poses, or in symmetric squats; its encoders have noise of 0.05°, its IMU of 0.2° (1 σ). Corners
+//! stand on the floor exactly, and their heights are said to be known to 0.1 mm.
+
+use std::fmt::Write as _;
+
+use rigident::fit::parallel::{map, threads};
+use rigident::joint_offsets::result::{Answer, COARSEST, identify};
+use rigident::joint_offsets::solve::Method;
+use rigident::joint_offsets::{Noise, Pose};
+use rigident::simulated::standing::{Reading, random_offsets, random_poses, setup, squats};
+
+/// Sets of poses of each kind and number.
+const SETS: usize = 100;
+/// Numbers of poses.
+const POSES: [usize; 6] = [3, 6, 12, 24, 48, 96];
+/// True offsets are within ± this, rad.
+const OFFSETS_RAD: f64 = 0.035;
+
+/// Makes so many poses of a humanoid with these offsets, rad, as they are read, by a seed.
+type Poses = fn(usize, &[f64], Reading, u64) -> Vec<Pose>;
+
+/// What a set of poses gave: errors and U95 of the identified offsets, rad.
+struct Found {
+    identified: Vec<[f64; 2]>,
+    asked: usize,
+}
+
+fn found(poses: Poses, count: usize, set: usize) -> Found {
+    let seed = 1000 * count as u64 + set as u64 + 1;
+    let truth = random_offsets(OFFSETS_RAD, seed);
+    let reading = Reading { encoder_rad: 0.05_f64.to_radians(), attitude_rad: 0.2_f64.to_radians() };
+    let setup = setup(Noise { height_m: 1e-4, ..Noise::default() });
+    let all = poses(count, &truth, reading, 77 + seed);
+    let answer: Answer =
+        identify(&setup, &all, Method::GaussNewton, COARSEST).expect("poses that can be used");
+    let both = answer.offsets.iter().zip(&truth).filter_map(|(offset, truth)| {
+        let own = offset.measured?;
+        Some([own.value - truth, own.u95])
+    });
+    Found { identified: both.collect(), asked: truth.len() }
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+/// Returns the table.
+pub fn table() -> String {
+    let mut out = "| poses | number | identified of 14, mean | error of these, RMS | U95, median | largest U95 of a set, median | coverage |\n\
+                   |---|---|---|---|---|---|---|\n"
+        .to_owned();
+    let kinds: [(&str, Poses); 2] = [("random, flat soles", random_poses), ("symmetric squats", squats)];
+    for (name, poses) in kinds {
+        for count in POSES {
+            let all = map(threads(), SETS, |set| found(poses, count, set));
+            let pairs: Vec<[f64; 2]> = all.iter().flat_map(|own| own.identified.iter().copied()).collect();
+            let asked: usize = all.iter().map(|own| own.asked).sum();
+            let mean = pairs.len() as f64 / asked as f64 * 14.0;
+            if pairs.is_empty() {
+                let _ = writeln!(out, "| {name} | {count} | 0.0 | – | – | – | – |");
+                continue;
+            }
+            let rms = (pairs.iter().map(|[error, _]| error * error).sum::<f64>() / pairs.len() as f64).sqrt();
+            let u95 = median(pairs.iter().map(|[_, u95]| *u95).collect());
+            let largest = |own: &Found| own.identified.iter().map(|[_, u95]| *u95).fold(0.0, f64::max);
+            let worst = median(all.iter().filter(|own| !own.identified.is_empty()).map(largest).collect());
+            let inside = pairs.iter().filter(|[error, u95]| error.abs() <= *u95).count();
+            let _ = writeln!(
+                out,
+                "| {name} | {count} | {mean:.1} | {:.2}° | {:.2}° | {:.2}° | {:.1} % |",
+                rms.to_degrees(),
+                u95.to_degrees(),
+                worst.to_degrees(),
+                100.0 * inside as f64 / pairs.len() as f64
+            );
+        }
+    }
+    out
+}
