@@ -12,7 +12,7 @@ use super::{ExitStatus, Failure, factor};
 use crate::fit::{COVERAGE_95, Measured};
 use crate::joint_offsets::poses_file::PosesTable;
 use crate::joint_offsets::result::{Answer, Offset, identify};
-use crate::joint_offsets::solve::Method;
+use crate::joint_offsets::search::Method;
 use crate::joint_offsets::{JointTree, Noise, Setup, contacts_file};
 use crate::model::human::Person;
 use crate::model::xml::Language;

@@ -5,7 +5,7 @@ use clap::{Args, Subcommand, ValueEnum};
 use super::factor_arguments::TareFiles;
 use super::options::calibration::CalibrationOption;
 use super::programme::Programme;
-use crate::joint_offsets::solve::Method;
+use crate::joint_offsets::search::Method;
 
 /// `rigident calibrate`
 #[derive(Args, Debug, Clone)]

@@ -1,7 +1,7 @@
 //! Offsets of joint angles, from poses in which a robot stands with flat soles on a level floor.
 //!
 //! Lives here: the tree of joints that turn or slide one by one (`kinematics`), what a pose says as whitened rows ([`pose`]), the search for
-//! the offsets by two methods ([`solve`], `gradient`), what they are worth and how many poses are enough ([`result`]), and the files of poses
+//! the offsets ([`search`]) by two methods ([`solve`], `gradient`), what they are worth and how many poses are enough ([`result`]), and the files of poses
 //! and contacts ([`poses_file`], [`contacts_file`]). May not live here: options, words for people, and models beyond their joints
 //! (`crate::model`).
 //!
@@ -14,6 +14,7 @@ mod kinematics;
 pub mod pose;
 pub mod poses_file;
 pub mod result;
+pub mod search;
 pub mod solve;
 #[cfg(test)]
 mod tests;

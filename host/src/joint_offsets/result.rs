@@ -3,7 +3,8 @@
 use nalgebra::DMatrix;
 
 use super::pose::Told;
-use super::solve::{Found, Method, find, merged};
+use super::search::{Method, find};
+use super::solve::{Found, merged};
 use super::{Pose, Setup};
 use crate::fit::{Estimate, Factor, Measured, Noise};
 

@@ -1,12 +1,10 @@
-//! The search for the offsets.
+//! Steps of Gauss and Newton.
 //!
-//! Each pose's rows, its base eliminated, are a factor of what all poses share; factors merge, and a step of Gauss and Newton follows. Poses
-//! that are off count less (Huber), and those that chance cannot explain are left out and named.
+//! Each pose's rows, its base eliminated, are a factor of what all poses share; factors merge, and a step follows. Poses that are off count
+//! less (Huber).
 
 use nalgebra::DVector;
-use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use super::gradient;
 use super::pose::{Base, Shared, Told, turn_of};
 use super::{Pose, Setup};
 use crate::fit::Factor;
@@ -24,22 +22,10 @@ const RISE: f64 = 1e-3;
 pub const HELD: f64 = 0.175;
 /// A pose's squares count in full up to so many standard deviations above their mean; beyond, ever less (Huber).
 const HUBER: f64 = 3.0;
-/// Probability that one of all good poses is left out.
-const CHANCE: f64 = 0.01;
 /// Rounds of leaving poses out, and of weighing before the conjugate gradient begins anew.
 pub(super) const ROUNDS: usize = 12;
 /// Poses from which on several threads share the work.
 const MANY: usize = 64;
-
-/// How the offsets are searched for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Method {
-    /// Steps of Gauss and Newton, the base of each pose eliminated.
-    #[default]
-    GaussNewton,
-    /// Nonlinear conjugate gradient, as in the paper.
-    ConjugateGradient,
-}
 
 /// Where the search is.
 #[derive(Clone, Debug, PartialEq)]
@@ -65,53 +51,6 @@ pub struct Found {
     pub steps: usize,
     /// Whether the last step was short enough.
     pub converged: bool,
-}
-
-/// Finds the offsets.
-///
-/// # Errors
-/// Says which pose cannot be used, or that none can.
-pub fn find(setup: &Setup, poses: &[Pose], method: Method) -> Result<Found, String> {
-    let shared = Shared::zero(setup);
-    let bases = poses.iter().map(|pose| setup.first_base(pose, &shared)).collect();
-    let mut left_out = vec![false; poses.len()];
-    let mut found = searched(setup, poses, State { shared, bases }, &left_out, method)?;
-    for _ in 0..ROUNDS {
-        let now = too_far(&found, &left_out);
-        if now == left_out {
-            break;
-        }
-        left_out = now;
-        let again = searched(setup, poses, found.state, &left_out, method)?;
-        found = Found { steps: found.steps + again.steps, ..again };
-    }
-    Ok(found)
-}
-
-/// Returns which poses are farther off than chance allows.
-fn too_far(found: &Found, before: &[bool]) -> Vec<bool> {
-    let chance = CHANCE / found.told.len().max(1) as f64;
-    let far = |told: &Told| {
-        let limit = ChiSquared::new(told.degrees_of_freedom)
-            .map_or(f64::INFINITY, |chi2| chi2.inverse_cdf(1.0 - chance));
-        told.squares > found.scale * limit
-    };
-    let now: Vec<bool> = found.told.iter().map(far).collect();
-    // What is left must be most of them, or nothing says which are the bad ones.
-    if now.iter().filter(|far| **far).count() * 2 < now.len() { now } else { before.to_vec() }
-}
-
-fn searched(
-    setup: &Setup,
-    poses: &[Pose],
-    state: State,
-    left_out: &[bool],
-    method: Method,
-) -> Result<Found, String> {
-    match method {
-        Method::GaussNewton => gauss_newton(setup, poses, state, left_out),
-        Method::ConjugateGradient => gradient::in_rounds(setup, poses, state, left_out),
-    }
 }
 
 /// Does a job for each pose, on all cores if there are many.
@@ -240,7 +179,16 @@ impl State {
     }
 }
 
-fn gauss_newton(setup: &Setup, poses: &[Pose], mut state: State, left_out: &[bool]) -> Result<Found, String> {
+/// Searches by steps of Gauss and Newton.
+///
+/// # Errors
+/// As [`told`].
+pub(super) fn gauss_newton(
+    setup: &Setup,
+    poses: &[Pose],
+    mut state: State,
+    left_out: &[bool],
+) -> Result<Found, String> {
     let mut all = told(setup, poses, &state)?;
     let mut counts = weights(&all, left_out);
     let (mut steps, mut converged) = (0, false);

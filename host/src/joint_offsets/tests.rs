@@ -1,6 +1,6 @@
 use super::pose::{Base, Shared};
 use super::result::{Answer, COARSEST, identify};
-use super::solve::Method;
+use super::search::Method;
 use super::{Noise, Pose, Setup};
 use crate::simulated::standing::{Reading, random_offsets, random_poses, setup, squats};
 

@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 
 use rigident::fit::parallel::{map, threads};
 use rigident::joint_offsets::result::{Answer, COARSEST, identify};
-use rigident::joint_offsets::solve::Method;
+use rigident::joint_offsets::search::Method;
 use rigident::joint_offsets::{Noise, Pose};
 use rigident::simulated::standing::{Reading, random_offsets, random_poses, setup, squats};
 

@@ -1,0 +1,67 @@
+//! The search for the offsets, by either method: poses that chance cannot explain are left out and named.
+
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use super::pose::{Shared, Told};
+use super::solve::{Found, ROUNDS, State, gauss_newton};
+use super::{Pose, Setup, gradient};
+
+/// Probability that one of all good poses is left out.
+const CHANCE: f64 = 0.01;
+
+/// How the offsets are searched for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Method {
+    /// Steps of Gauss and Newton, the base of each pose eliminated.
+    #[default]
+    GaussNewton,
+    /// Nonlinear conjugate gradient, as in the paper.
+    ConjugateGradient,
+}
+
+/// Finds the offsets.
+///
+/// # Errors
+/// Says which pose cannot be used, or that none can.
+pub fn find(setup: &Setup, poses: &[Pose], method: Method) -> Result<Found, String> {
+    let shared = Shared::zero(setup);
+    let bases = poses.iter().map(|pose| setup.first_base(pose, &shared)).collect();
+    let mut left_out = vec![false; poses.len()];
+    let mut found = searched(setup, poses, State { shared, bases }, &left_out, method)?;
+    for _ in 0..ROUNDS {
+        let now = too_far(&found, &left_out);
+        if now == left_out {
+            break;
+        }
+        left_out = now;
+        let again = searched(setup, poses, found.state, &left_out, method)?;
+        found = Found { steps: found.steps + again.steps, ..again };
+    }
+    Ok(found)
+}
+
+/// Returns which poses are farther off than chance allows.
+fn too_far(found: &Found, before: &[bool]) -> Vec<bool> {
+    let chance = CHANCE / found.told.len().max(1) as f64;
+    let far = |told: &Told| {
+        let limit = ChiSquared::new(told.degrees_of_freedom)
+            .map_or(f64::INFINITY, |chi2| chi2.inverse_cdf(1.0 - chance));
+        told.squares > found.scale * limit
+    };
+    let now: Vec<bool> = found.told.iter().map(far).collect();
+    // What is left must be most of them, or nothing says which are the bad ones.
+    if now.iter().filter(|far| **far).count() * 2 < now.len() { now } else { before.to_vec() }
+}
+
+fn searched(
+    setup: &Setup,
+    poses: &[Pose],
+    state: State,
+    left_out: &[bool],
+    method: Method,
+) -> Result<Found, String> {
+    match method {
+        Method::GaussNewton => gauss_newton(setup, poses, state, left_out),
+        Method::ConjugateGradient => gradient::in_rounds(setup, poses, state, left_out),
+    }
+}
