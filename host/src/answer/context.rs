@@ -2,6 +2,7 @@
 
 use std::time::SystemTime;
 
+use super::payload::PayloadResult;
 use super::result::{Drift, ExperimentSummary, Source, TimeBase, Tracking};
 use crate::fit::DriveMotion;
 use crate::model::Model;
@@ -13,6 +14,8 @@ use crate::rig::{BodyTable, TruthTable};
 pub struct Context<'a> {
     /// The tree, where base parameters were estimated.
     pub links: Option<Links<'a>>,
+    /// The link that carries the one body, and the runs without it; no load yet.
+    pub payload: Option<PayloadResult>,
     /// The customer's frame, for one body.
     pub body: Option<&'a BodyTable>,
     /// The true body, stood beside the answer and never used by it.
@@ -47,6 +50,7 @@ impl Default for Context<'_> {
     fn default() -> Self {
         Self {
             links: None,
+            payload: None,
             body: None,
             truth: None,
             parameter_truth: None,

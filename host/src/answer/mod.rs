@@ -17,6 +17,7 @@ pub mod excitation_advice;
 pub(crate) mod lack_of_fit;
 pub mod nearest_body;
 mod new;
+pub mod payload;
 pub mod person;
 pub mod physical_consistency;
 mod plausibility;

@@ -17,7 +17,7 @@ use super::result::{
 use super::selection::{SelectionError, owner_name, select};
 use super::standard_parameters::{BaseEstimate, Full, nearest};
 use super::states::{is_reversed, is_whole_body, states};
-use super::{budget, contradictions, excitation_advice, plausibility, remarks, rig_errors};
+use super::{budget, contradictions, excitation_advice, payload, plausibility, remarks, rig_errors};
 use crate::fit::{Basis, ChannelFit, Fit, NuisanceFit};
 use crate::model::ModelError;
 use crate::rig::{BodyTable, TruthTable};
@@ -130,7 +130,8 @@ impl Answer {
             );
         }
         answer.add_remarks(&judged, &context, impossible);
-        let Context { source, time_base, error, tracking, experiment, drift, date, .. } = context;
+        let Context { source, time_base, error, tracking, experiment, drift, date, payload, .. } = context;
+        answer.payload = payload.map(|payload| payload.with_load(&answer));
         Ok(Self { source, time_base, error, tracking, experiment, drift, date, ..answer })
     }
 
@@ -284,7 +285,8 @@ impl Answer {
         if judged.is_body {
             self.warnings.extend(impossible.clone());
         }
-        let (mut notes, mut warnings) = remarks::of_the_fit(fit, links.is_some(), context.rate_sigma);
+        let (mut notes, mut warnings) =
+            remarks::of_the_fit(fit, links.is_some() || context.payload.is_some(), context.rate_sigma);
         self.notes.append(&mut notes);
         self.add_lack_of_fit(fit);
         self.warnings.extend(contradictions::contradictions(fit));
@@ -304,6 +306,7 @@ impl Answer {
         self.advice = match links {
             // No motion helps.
             _ if all || self.status == Status::Implausible => Vec::new(),
+            _ if context.payload.is_some() => payload::advice(self),
             _ if judged.is_body => excitation_advice::of_body(fit),
             links => excitation_advice::of_links(fit, links, &judged.states),
         };

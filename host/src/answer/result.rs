@@ -6,6 +6,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::payload::PayloadResult;
 use super::person::PersonResult;
 
 pub use crate::fit::Measured;
@@ -122,6 +123,9 @@ pub struct Answer {
     /// What was found of one person, by `rigident body identify`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub person: Option<PersonResult>,
+    /// What a link carries, by `rigident identify --payload`; the one body is then the payload.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub payload: Option<PayloadResult>,
     /// How several files became one recording.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time_base: Option<TimeBase>,

@@ -9,6 +9,7 @@ use super::error::StudyError;
 use super::segments::centre_of_mass;
 use super::study::{Study, known};
 use crate::answer::person::ToolResult;
+use crate::fit::difference::beyond;
 use crate::fit::pool::PooledFactor;
 use crate::fit::{COVERAGE_95, Measured};
 
@@ -27,18 +28,13 @@ pub fn tool(with: &Study, without: &Study, link: &str, name: &str) -> Result<Too
     })?;
     let n = with.parameters();
     let weights = with.base().map().columns(10 * at, 10).into_owned();
-    let map = DMatrix::from_fn(n, n + 10, |i, j| match j.checked_sub(n) {
-        None => f64::from(u8::from(i == j)),
-        Some(k) => weights[(i, k)],
-    });
     let all = |study: &Study| {
         let factors = study.motions.iter().map(|motion| motion.pooled.clone()).collect();
         PooledFactor::merged(factors, false).map(|pooled| pooled.factor)
     };
-    let mut joint = all(with)?.substitute(&map);
-    joint.merge(&all(without)?.append(10));
-    joint.merge(&known(&with.table).append(10));
-    let own = joint.eliminate_others(&(n..n + 10).collect::<Vec<_>>());
+    let mut others = all(without)?;
+    others.merge(&known(&with.table));
+    let own = beyond(&all(with)?, &others, &DMatrix::identity(n, n), &weights).factor;
     let solved = own.solve(f64::EPSILON * n as f64);
     let value = |k: usize| Measured {
         value: solved.estimate[k],

@@ -11,6 +11,7 @@ pub use super::options::forgetting::Forgetting;
 pub use super::options::known_values::KnownQuantities;
 pub use super::options::load::LoadOptions;
 pub use super::options::microcontroller::Mcu;
+pub use super::options::payload::PayloadOptions;
 pub use super::options::stop_criterion::StopCriterion;
 pub use super::options::test_body::DemoBody;
 pub use super::options::trees::{BenchCommand, ModelCommand, TreeModel, TreeOptions};
@@ -246,6 +247,9 @@ pub struct Identify {
     #[command(flatten)]
     #[allow(missing_docs)]
     pub tree: TreeOptions,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub payload: PayloadOptions,
 }
 
 /// `rigident ports`

@@ -33,7 +33,8 @@ pub(super) fn make(arguments: &MakeFactor) -> Result<ExitCode, Failure> {
         let rig = arguments.rig.as_deref().filter(|_| !is_rig_file(path));
         let stages = Stages::new(&format!("factor of {}", path.display()));
         let calibration = arguments.calibration.calibration.as_deref();
-        let (factor, notes) = of_recording(path, rig, calibration, &arguments.tree)?;
+        let (factor, notes, _) =
+            of_recording(path, rig, calibration, &arguments.tree, &ProblemOptions::default())?;
         drop(stages);
         let checks = factor.sources.iter().filter_map(|source| source.checks.as_ref());
         let warnings = checks.clone().flat_map(|checks| &checks.warnings);
@@ -142,12 +143,46 @@ pub(super) fn tare(
     notes: &mut Vec<String>,
     warnings: &mut Vec<String>,
 ) -> Result<Option<Tare>, Failure> {
-    let mut factors = Vec::new();
+    let Some(tare) = bare(files, rig, calibration, tree, &ProblemOptions::default(), notes)? else {
+        return Ok(None);
+    };
+    say_taken_off(&tare, notes);
+    warnings.extend(tare.warning());
+    Ok(Some(tare))
+}
+
+/// Tells that a fixture is taken off.
+pub(super) fn say_taken_off(tare: &Tare, notes: &mut Vec<String>) {
+    let mass = match tare.fit().parameters.iter().position(|p| p.kind == Kind::Mass) {
+        Some(j) => tare.fit().estimate.measured(j),
+        None => None,
+    };
+    let mass = mass.map_or("unknown mass".to_owned(), |m| present::text::with_u95(m.value, m.u95, "kg"));
+    notes.push(format!(
+        "tare: a fixture of {mass} was subtracted with its uncertainty ({})",
+        tare.recordings()
+    ));
+}
+
+/// Returns the merged runs of `--tare`, if there are any; the errors of a single recording are kept.
+///
+/// # Errors
+/// Bad input: a run that cannot be read, or runs that do not fit together.
+pub(super) fn bare(
+    files: &TareFiles,
+    rig: Option<&Path>,
+    calibration: Option<&Path>,
+    tree: &TreeModel,
+    options: &ProblemOptions,
+    notes: &mut Vec<String>,
+) -> Result<Option<Tare>, Failure> {
+    let (mut factors, mut runs) = (Vec::new(), Vec::new());
     for path in &files.tare {
         let factor = if is_recording(path) {
             // Its own rig file if it has one: the fixture's run may have been taken with another IMU.
             let own = is_rig_file(path) || rig_path(path).exists();
-            let (factor, said) = of_recording(path, rig.filter(|_| !own), calibration, tree)?;
+            let (factor, said, run) = of_recording(path, rig.filter(|_| !own), calibration, tree, options)?;
+            runs.push(run);
             notes.extend(said.into_iter().map(|said| format!("tare {}: {said}", path.display())));
             factor
         } else {
@@ -158,19 +193,12 @@ pub(super) fn tare(
     if factors.is_empty() {
         return Ok(None);
     }
-    let tare = Tare::new(PooledFactor::merged(factors, false).map_err(Failure::input)?);
-    let tare = tare.map_err(Failure::input)?;
-    let mass = match tare.fit().parameters.iter().position(|p| p.kind == Kind::Mass) {
-        Some(j) => tare.fit().estimate.measured(j),
-        None => None,
+    let pooled = PooledFactor::merged(factors, false).map_err(Failure::input)?;
+    let tare = match runs.as_slice() {
+        [run] if pooled.sources.len() == 1 => Tare::of_run(run, pooled),
+        _ => Tare::new(pooled),
     };
-    let mass = mass.map_or("unknown mass".to_owned(), |m| present::text::with_u95(m.value, m.u95, "kg"));
-    notes.push(format!(
-        "tare: a fixture of {mass} was subtracted with its uncertainty ({})",
-        tare.recordings()
-    ));
-    warnings.extend(tare.warning());
-    Ok(Some(tare))
+    tare.map(Some).map_err(Failure::input)
 }
 
 /// Reads a factor file.
@@ -184,18 +212,19 @@ fn read(path: &Path) -> Result<PooledFactor, Failure> {
     })
 }
 
-/// Returns the factor of a recording, which keeps what its checks found, and notes on the way.
+/// Returns the factor of a recording, which keeps what its checks found, notes on the way, and the fit.
 fn of_recording(
     path: &Path,
     rig: Option<&Path>,
     calibration: Option<&Path>,
     tree: &TreeModel,
-) -> Result<(PooledFactor, Vec<String>), Failure> {
+    options: &ProblemOptions,
+) -> Result<(PooledFactor, Vec<String>, Fit), Failure> {
     let stages = Stages::new(&format!("reading {}", path.display()));
-    let loaded = Loaded::read(path, rig, calibration, tree, &ProblemOptions::default(), &stages)?;
+    let loaded = Loaded::read(path, rig, calibration, tree, options, &stages)?;
     let found = loaded.fit(None, 0, &stages).map_err(|e| e.context(path.display()))?;
     let factor = loaded.factor(&found);
-    Ok((PooledFactor { name: path.display().to_string(), ..factor }, loaded.notes))
+    Ok((PooledFactor { name: path.display().to_string(), ..factor }, loaded.notes, found))
 }
 
 /// Found out now rather than after a long job.

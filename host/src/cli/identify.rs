@@ -5,7 +5,9 @@ use super::arguments::Identify;
 use super::loaded::{Loaded, PLOT_POINTS, StandardOptions, tree_of};
 use super::options::forgetting::RowsOf;
 use super::run_report::RunReport;
-use super::{Failure, Folder, Stages};
+use super::{Failure, Folder, Stages, factor, payload};
+use crate::fit::Fit;
+use crate::fit::tare::Tare;
 use crate::model::{remarks, write};
 use crate::problem::ProblemOptions;
 use crate::problem::tree::drive::Friction;
@@ -25,25 +27,29 @@ pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
     }
     let stages = Stages::new(&format!("reading {}", path.display()));
     let loaded = Loaded::read(path, rig, calibration, &arguments.tree.of, &options, &stages)?;
-    known.check(loaded.source().parameters()).map_err(Failure::input)?;
+    if let Some(words) = &arguments.payload.payload {
+        payload::carrier(&loaded, words)?;
+    } else {
+        known.check(loaded.source().parameters()).map_err(Failure::input)?;
+    }
     let mut report = RunReport::of_recording(started, &arguments.output, &loaded, "host");
     report.standard = standard;
-    let tare = super::factor::tare(
-        &arguments.tare,
-        rig,
-        calibration,
-        &arguments.tree.of,
-        &mut report.notes,
-        &mut report.warnings,
-    )?;
+    let tare =
+        factor::bare(&arguments.tare, rig, calibration, &arguments.tree.of, &options, &mut report.notes)?;
+    report.warnings.extend(tare.as_ref().and_then(Tare::warning));
     let span = arguments.forgetting.span(&RowsOf::source(loaded.source()))?;
     let mut found = loaded.fit(span, PLOT_POINTS, &stages)?;
     report.factor = Some(loaded.factor(&found));
     if let Some(suspension) = &loaded.problem.rig.suspension {
         super::bare_platform::take_platform_off(suspension, &mut found)?;
     }
-    if let Some(tare) = tare {
-        tare.take_off(&mut found).map_err(Failure::input)?;
+    match (&tare, arguments.payload.payload.as_deref()) {
+        (Some(tare), Some(words)) => carried(arguments, words, (&loaded, tare), &mut found, &mut report)?,
+        (Some(tare), None) => {
+            factor::say_taken_off(tare, &mut report.notes);
+            tare.take_off(&mut found).map_err(Failure::input)?;
+        }
+        (None, _) => {}
     }
     known.apply(&mut found).map_err(Failure::input)?;
     if let (Some(path), Some((model, file))) = (standard.write_model, loaded.nominal()) {
@@ -54,6 +60,29 @@ pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
     // What is written while the stages are shown would be mixed with them.
     drop(stages);
     report.finish(&found, || Folder::new(out, "identify").map(Some))
+}
+
+/// Puts the fit of what a link carries in the place of the arm's.
+///
+/// # Errors
+/// Bad input: runs of different trees, or rows that see nothing of the link.
+fn carried<'a>(
+    arguments: &'a Identify,
+    words: &str,
+    (loaded, tare): (&Loaded, &Tare),
+    found: &mut Fit,
+    report: &mut RunReport<'a>,
+) -> Result<(), Failure> {
+    let Some(own) = payload::fit(&arguments.payload, words, loaded, found, tare)? else {
+        report.warnings.push(payload::not_to_be_used(words));
+        arguments.payload.tell_refused("the recording with the payload cannot be true");
+        return Ok(());
+    };
+    report.notes.push(payload::note(&own.payload.result));
+    report.warnings.extend(own.warnings);
+    *found = own.fit;
+    report.payload = Some(own.payload);
+    Ok(())
 }
 
 /// Returns how standard parameters are sought.
@@ -67,6 +96,13 @@ fn standard_options(arguments: &Identify) -> Result<StandardOptions<'_>, Failure
         return Err(Failure::input(format!("--nominal-sigma {trust}: must be finite and greater than zero")));
     }
     let write_model = options.write_model.as_deref();
+    arguments.payload.check()?;
+    if arguments.payload.payload.is_some() && (write_model.is_some() || options.symmetric_sides) {
+        return Err(Failure::input(
+            "--payload: the answer is about what a link carries; --write-model and --symmetric-sides are about the links: identify \
+             these without it",
+        ));
+    }
     if let Some(path) = write_model {
         write::check_target(path).map_err(Failure::input)?;
     }
@@ -81,6 +117,7 @@ fn refuse_without_tree(arguments: &Identify) -> Result<(), Failure> {
         ("--drive", !options.drive.is_empty()),
         ("--symmetric-sides", options.symmetric_sides),
         ("--write-model", options.write_model.is_some()),
+        ("--payload", arguments.payload.payload.is_some()),
         ("--nominal-sigma", options.nominal_sigma != 1.0),
     ];
     given.extend(options.of.changed());

@@ -47,6 +47,7 @@ mod montecarlo_poses;
 mod motion_plots;
 mod options;
 mod outcome;
+mod payload;
 mod plan_arguments;
 mod plan_motion;
 mod plan_poses;

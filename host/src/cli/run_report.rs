@@ -4,6 +4,7 @@ use std::time::Instant;
 use super::arguments::Output;
 use super::loaded::{Loaded, StandardOptions};
 use super::outcome::say;
+use super::payload::Payload;
 use super::{ExitStatus, Failure, Folder};
 use crate::answer::result::{CompleteDrive, ExperimentSummary};
 use crate::answer::{Answer, Context, Drift, Source, Status, TimeBase, Tracking};
@@ -23,6 +24,8 @@ pub(super) struct RunReport<'a> {
     /// The recording with its model; `None` where only a factor is at hand.
     pub(super) loaded: Option<&'a Loaded>,
     pub(super) standard: StandardOptions<'a>,
+    /// What a link carries, where the fit is of that.
+    pub(super) payload: Option<Payload<'a>>,
     pub(super) source: Source,
     /// The parameters asked for; empty: all.
     pub(super) asked: Vec<String>,
@@ -66,6 +69,7 @@ impl<'a> RunReport<'a> {
             rig,
             loaded: None,
             standard: StandardOptions::DEFAULT,
+            payload: None,
             source,
             factor: None,
             parameter_truth: None,
@@ -103,17 +107,25 @@ impl<'a> RunReport<'a> {
         } else {
             say(present::plain::text(&answer).trim_end());
         }
+        let (loads, whole) = self
+            .payload
+            .as_ref()
+            .map_or_else(|| Ok((String::new(), true)), |payload| payload.write(&answer))?;
         if let Some(folder) = folder {
-            self.write(fit, &answer, &json, &folder)?;
+            self.write(fit, &answer, &json, &folder, &loads)?;
         }
-        Ok(ExitStatus::of(answer.status == Status::Identified).into())
+        Ok(ExitStatus::of(whole && answer.status == Status::Identified).into())
     }
 
     fn answer(&mut self, fit: &Fit) -> Result<Answer, Failure> {
         let time_base: Option<TimeBase> = self.loaded.and_then(Loaded::time_base);
         let read = self.warnings.len();
         let context = Context {
-            links: self.loaded.and_then(|loaded| loaded.links(&self.standard)),
+            links: self
+                .loaded
+                .filter(|_| self.payload.is_none())
+                .and_then(|loaded| loaded.links(&self.standard)),
+            payload: self.payload.as_ref().map(|payload| payload.result.clone()),
             body: self.rig.body.as_ref(),
             truth: self.rig.truth.as_ref(),
             parameter_truth: self.parameter_truth,
@@ -136,7 +148,14 @@ impl<'a> RunReport<'a> {
         Ok(answer)
     }
 
-    fn write(&mut self, fit: &Fit, answer: &Answer, json: &str, folder: &Folder) -> Result<(), Failure> {
+    fn write(
+        &mut self,
+        fit: &Fit,
+        answer: &Answer,
+        json: &str,
+        folder: &Folder,
+        loads: &str,
+    ) -> Result<(), Failure> {
         let is_static = answer.source.rate_hz.is_none() && self.loaded.is_some();
         let origin_s = self.loaded.map_or(0.0, |loaded| loaded.source().time_ns(0) as f64 * 1e-9);
         let mut motion = self.loaded.map_or_else(Vec::new, Loaded::motion);
@@ -159,7 +178,7 @@ impl<'a> RunReport<'a> {
             return Err(Failure::link(format!("{error}\nWhat came before is in {place}")));
         }
         if !self.output.json {
-            say(format_args!("\nFiles in {place}; open {} in a browser{model}.", page.display()));
+            say(format_args!("\nFiles in {place}; open {} in a browser{model}{loads}.", page.display()));
         }
         Ok(())
     }

@@ -9,6 +9,7 @@ mod checks;
 mod compensation;
 pub mod condition;
 mod convergence;
+pub(crate) mod difference;
 mod engine;
 mod estimate;
 #[cfg(test)]
@@ -32,6 +33,7 @@ mod other_columns;
 pub mod outliers;
 pub mod parallel;
 mod parameter;
+pub mod payload;
 pub mod pool;
 mod prediction;
 pub mod prior;

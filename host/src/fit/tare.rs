@@ -8,9 +8,11 @@
 
 use nalgebra::DMatrix;
 
+use super::difference::beyond;
+use super::payload::OwnErrors;
 use super::pool::{self, PooledFactor};
 use super::standard::{name, weights};
-use super::{Convergence, Estimate, Factor, Fit, Measured, Parameter};
+use super::{Convergence, Estimate, Fit, Measured, Parameter};
 
 /// Why a fixture is not taken off.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -81,6 +83,8 @@ pub struct Tare {
     pooled: PooledFactor,
     fit: Fit,
     link: Option<String>,
+    /// The errors of the one run that it is of, if they are known.
+    errors: Option<OwnErrors>,
 }
 
 impl Tare {
@@ -95,7 +99,21 @@ impl Tare {
             return Err(TareError::NotInertial { fixture: pooled.name });
         }
         let fit = pooled.fit();
-        Ok(Self { pooled, fit, link: None })
+        Ok(Self { pooled, fit, link: None, errors: None })
+    }
+
+    /// Returns the tare of one run, whose errors are known as well as its parameters.
+    ///
+    /// # Errors
+    /// [`TareError::NotInertial`] if it has no inertial parameters.
+    pub fn of_run(run: &Fit, pooled: PooledFactor) -> Result<Self, TareError> {
+        Ok(Self { errors: Some(OwnErrors::of(run)), ..Self::new(pooled)? })
+    }
+
+    /// Returns the rows over the inertial parameters with the errors that they share with other runs, as far as these are known.
+    pub(super) fn own_errors(&self) -> OwnErrors {
+        let unknown = || OwnErrors { factor: self.fit.scaled_factor(), errors: Vec::new() };
+        self.errors.clone().unwrap_or_else(unknown)
     }
 
     /// Returns the same fixture on a link of a tree; it is on the base link otherwise. The fixture's frame is the link's.
@@ -126,11 +144,10 @@ impl Tare {
     /// [`TareError`] if the run is one of the fixture's, or the fixture's parameters do not map into the run's; the fit is
     /// then as it was.
     pub fn take_off(&self, fit: &mut Fit) -> Result<(), TareError> {
-        if fit.fingerprints.iter().any(|own| self.fit.fingerprints.contains(own)) {
-            return Err(TareError::Repeated { fixture: self.pooled.name.clone() });
-        }
+        self.refuse_repeated(fit)?;
         let map = self.map(fit)?;
-        let body = subtract(&fit.scaled_factor(), &self.fit.scaled_factor(), &map);
+        let own = DMatrix::identity(fit.parameters.len(), fit.parameters.len());
+        let body = beyond(&fit.scaled_factor(), &self.fit.scaled_factor(), &map, &own).factor;
         let before = fit.estimate.covariance.clone();
         let noise = fit.estimate.noise.less_certain(self.fit.estimate.noise);
         fit.estimate = Estimate::new(&body, fit.rounding.max(self.fit.rounding), 1.0, noise);
@@ -146,6 +163,14 @@ impl Tare {
         Ok(())
     }
 
+    /// Refuses a run that is one of the fixture's.
+    pub(super) fn refuse_repeated(&self, fit: &Fit) -> Result<(), TareError> {
+        if fit.fingerprints.iter().any(|own| self.fit.fingerprints.contains(own)) {
+            return Err(TareError::Repeated { fixture: self.pooled.name.clone() });
+        }
+        Ok(())
+    }
+
     /// Returns the weights of the fixture's parameters (columns) in the run's (rows).
     fn map(&self, fit: &Fit) -> Result<DMatrix<f64>, TareError> {
         let fixture = &self.pooled.parameters;
@@ -153,6 +178,12 @@ impl Tare {
         if single(fixture) && !single(&fit.parameters) {
             return self.map_on_link(fit);
         }
+        self.map_by_name(fit)
+    }
+
+    /// Returns the weights of the parameters of the same model (columns) in the run's (rows).
+    pub(super) fn map_by_name(&self, fit: &Fit) -> Result<DMatrix<f64>, TareError> {
+        let fixture = &self.pooled.parameters;
         let inertial: Vec<Parameter> =
             fit.parameters.iter().filter(|p| p.kind.is_inertial()).cloned().collect();
         let difference = pool::difference(fixture, &inertial);
@@ -171,20 +202,19 @@ impl Tare {
         Ok(DMatrix::from_fn(fit.parameters.len(), fixture.len(), |j, f| f64::from(u8::from(is(j, f)))))
     }
 
+    /// Returns the error that the run's rows have no such link.
+    pub(super) fn without_link(&self, fit: &Fit, link: &str) -> TareError {
+        let links = links_of(fit).into_iter().map(str::to_owned).collect();
+        TareError::Link { fixture: self.pooled.name.clone(), link: link.to_owned(), links }
+    }
+
     /// Returns the weights of a single body's parameters, as those of a link, in the run's.
     fn map_on_link(&self, fit: &Fit) -> Result<DMatrix<f64>, TareError> {
         let fixture = || self.pooled.name.clone();
-        let mut links: Vec<&str> = Vec::new();
-        for link in fit.parameters.iter().filter(|p| p.kind.is_inertial()).filter_map(Parameter::link) {
-            if !links.contains(&link) {
-                links.push(link);
-            }
-        }
+        let links = links_of(fit);
         let Some(link) = self.link.as_deref().or(links.first().copied()).filter(|link| links.contains(link))
         else {
-            let link = self.link.clone().unwrap_or_default();
-            let links = links.into_iter().map(str::to_owned).collect();
-            return Err(TareError::Link { fixture: fixture(), link, links });
+            return Err(self.without_link(fit, self.link.as_deref().unwrap_or_default()));
         };
         let parts: Vec<[f64; 10]> = fit.parameters.iter().map(|p| weights(p, link)).collect();
         let own: Vec<[f64; 10]> = self.pooled.parameters.iter().map(|p| weights(p, "")).collect();
@@ -208,21 +238,15 @@ impl Tare {
     }
 }
 
-/// The factor of φ_body from that of `φ_body + T φ_fixture` and that of φ_fixture.
-///
-/// What neither tells of φ_body is zero in the answer, not the rounding of the elimination: rounding alone has
-/// a direction of its own, and a column of it would look like one that depends on another.
-fn subtract(total: &Factor, fixture: &Factor, map: &DMatrix<f64>) -> Factor {
-    let (n, m) = (total.parameters(), fixture.parameters());
-    let total_of =
-        DMatrix::from_fn(n, m + n, |i, j| if j < m { map[(i, j)] } else { f64::from(u8::from(j == i + m)) });
-    let mut joint = total.substitute(&total_of);
-    joint.merge(&fixture.substitute(&DMatrix::identity(m, m + n)));
-    let body = joint.eliminate_others(&(m..m + n).collect::<Vec<_>>());
-    let rounding = 4.0 * (m + n) as f64 * f64::EPSILON;
-    let before = total.r();
-    let least: Vec<f64> = before.column_iter().map(|column| rounding * column.norm()).collect();
-    body.without_columns_below(&least)
+/// Returns the links that the inertial parameters of a fit belong to.
+fn links_of(fit: &Fit) -> Vec<&str> {
+    let mut links: Vec<&str> = Vec::new();
+    for link in fit.parameters.iter().filter(|p| p.kind.is_inertial()).filter_map(Parameter::link) {
+        if !links.contains(&link) {
+            links.push(link);
+        }
+    }
+    links
 }
 
 /// What a fixture adds to each of a run's parameters; `None` where it is not determined.

@@ -10,6 +10,17 @@ use super::tree::{Model, ModelLink, NO_BODY};
 /// Axes pass through one point if they miss it by less, m: below any tolerance a joint is made to.
 const COINCIDENCE_M: f64 = 1e-6;
 
+/// A frame in a link's.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Place {
+    /// The link.
+    pub link: usize,
+    /// Axes of the frame, as columns, in the link's.
+    pub rotation: Matrix3<f64>,
+    /// Its origin in the link's frame, m.
+    pub position: Vector3<f64>,
+}
+
 impl Model {
     /// Makes joints fixed: `JOINT` at zero, `JOINT=VALUE` at an angle, rad, or a length, m. Who follows a joint that is locked is
     /// locked with it where it then stands, if it is not among them itself.
@@ -245,13 +256,13 @@ impl Model {
             .collect();
     }
 
-    /// A body held rigidly by a link: `LINK`, `LINK@x,y,z` or `LINK@x,y,z,roll,pitch,yaw` (m and degrees, of the tool's
+    /// Returns the place that an option's words say: `LINK`, `LINK@x,y,z` or `LINK@x,y,z,roll,pitch,yaw` (m and degrees, of a
     /// frame in the link's).
     ///
     /// # Errors
     /// [`ModelError::Option`] if there is no such link, or numbers that cannot be read.
-    pub fn hold_tool(&mut self, words: &str) -> Result<(), ModelError> {
-        let refuse = |why: String| ModelError::Option(format!("--tool {words}: {why}"));
+    pub fn place(&self, option: &str, words: &str) -> Result<Place, ModelError> {
+        let refuse = |why: String| ModelError::Option(format!("{option} {words}: {why}"));
         let (name, place) = words.split_once('@').unwrap_or((words, "0,0,0"));
         let holder = self.link(name).ok_or_else(|| {
             let names: Vec<&str> = self.links.iter().map(|l| l.name.as_str()).collect();
@@ -268,14 +279,47 @@ impl Model {
         let angle = |k: usize| numbers.get(k).copied().unwrap_or(0.0).to_radians();
         let rotation: Matrix3<f64> = Rotation3::from_euler_angles(angle(3), angle(4), angle(5)).into_inner();
         let position = Vector3::new(numbers[0], numbers[1], numbers[2]);
+        Ok(Place { link: holder, rotation, position })
+    }
+
+    /// Returns the link that moves and carries a place, links on fixed joints being one with what they hang on, and the place in
+    /// its frame.
+    pub fn moving_place(&self, place: &Place) -> Place {
+        let mut found = place.clone();
+        while let Some(own) = self.links.get(found.link).filter(|_| found.link > 0) {
+            if own.link.joint != Joint::Fixed {
+                break;
+            }
+            found = Place {
+                link: own.link.parent,
+                rotation: own.link.rotation * found.rotation,
+                position: own.link.position + own.link.rotation * found.position,
+            };
+        }
+        found
+    }
+
+    /// A body held rigidly by a link: `LINK`, `LINK@x,y,z` or `LINK@x,y,z,roll,pitch,yaw` (m and degrees, of the tool's
+    /// frame in the link's).
+    ///
+    /// # Errors
+    /// [`ModelError::Option`] if there is no such link, or numbers that cannot be read.
+    pub fn hold_tool(&mut self, words: &str) -> Result<(), ModelError> {
+        let place = self.place("--tool", words)?;
+        let name = &self.links[place.link].name;
         let tool = format!("{name}_tool");
         if self.link(&tool).is_some() {
-            return Err(refuse(format!("there is a link {tool} already")));
+            return Err(ModelError::Option(format!("--tool {words}: there is a link {tool} already")));
         }
         self.links.push(ModelLink::new(
             tool.clone(),
             tool,
-            Link { parent: holder, joint: Joint::Fixed, rotation, position },
+            Link {
+                parent: place.link,
+                joint: Joint::Fixed,
+                rotation: place.rotation,
+                position: place.position,
+            },
             None,
         ));
         Ok(())

@@ -1,7 +1,7 @@
 //! Models of trees of links: where they come from, and what of them can be identified.
 //!
 //! Lives here: the model itself ([`tree`], what joints do by themselves in [`passive`]) and its findings, readers ([`urdf`], [`mjcf`], [`sdf`], a rig file's `[[link]]`
-//! tables in [`rig_links`]) and the writer ([`mod@write`], [`remarks`]), what is strange in other people's files ([`check`]), the built-in people ([`human`]), changes by option ([`edit`]), what a motion leaves out ([`idle`]), the base parameters
+//! tables in [`rig_links`]) and the writer ([`mod@write`], [`remarks`]), loads for controllers ([`load`]), what is strange in other people's files ([`check`]), the built-in people ([`human`]), changes by option ([`edit`]), what a motion leaves out ([`idle`]), the base parameters
 //! ([`base`]) the rows of a model in motion ([`rows`]) and how fast they come ([`speed`]). May not live here: the formulas of the rows, which
 //! firmware and host share (`rigident_shared::tree`), and recordings. Next: [`tree`], then [`base`].
 
@@ -16,6 +16,7 @@ pub mod idle;
 pub mod inertial;
 mod joint_edits;
 pub mod limits;
+pub mod load;
 mod loose_xml;
 pub mod mjcf;
 #[cfg(test)]

@@ -49,13 +49,19 @@ fn is_offset(answer: &Answer, parameter: &Parameter) -> bool {
     parameter.name.starts_with("offset_") && answer.channels.iter().any(|c| c.name == parameter.owner)
 }
 
+/// Returns the name of one body's frame: S, or that of the link that carries it.
+fn frame(answer: &Answer) -> &str {
+    answer.payload.as_ref().map_or("S", |_| answer.parameters.first().map_or("S", |p| p.frame.as_str()))
+}
+
 /// Returns the estimated parameters, one group an owner.
 pub(super) fn by_owner(answer: &Answer) -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
+    let in_frame = format!("In {0}, about the origin of {0}", frame(answer));
     for parameter in &answer.parameters {
         let title = match parameter.owner.as_str() {
             _ if is_offset(answer, parameter) => OFFSETS,
-            "" if is_body(answer) => "In S, about the origin of S",
+            "" if is_body(answer) => &in_frame,
             "" => "Parameters",
             owner => owner,
         };
@@ -78,8 +84,11 @@ pub(super) fn of_the_body(answer: &Answer) -> (Option<Group>, Option<Group>) {
     }
     let mut quantities = centre_of_mass(answer);
     quantities.extend(inertia_com(answer));
-    let about =
-        Group { title: "About the centre of mass, axes of S".to_owned(), quantities, made_of: Vec::new() };
+    let about = Group {
+        title: format!("About the centre of mass, axes of {}", frame(answer)),
+        quantities,
+        made_of: Vec::new(),
+    };
     let there = answer.body_frame.as_ref().map(|frame| {
         let truth = answer.truth.as_ref();
         let prior = rests_on_prior(answer, "com_m");

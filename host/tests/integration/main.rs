@@ -28,6 +28,7 @@ mod montecarlo;
 mod motion_page;
 mod no_simulator;
 mod opensim_independent;
+mod payload;
 mod pendulum;
 mod plan_motion;
 mod plan_poses;

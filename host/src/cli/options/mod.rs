@@ -5,6 +5,7 @@ pub(in crate::cli) mod forgetting;
 pub(in crate::cli) mod known_values;
 pub(in crate::cli) mod load;
 pub(in crate::cli) mod microcontroller;
+pub(in crate::cli) mod payload;
 pub(in crate::cli) mod stop_criterion;
 pub(in crate::cli) mod test_body;
 pub(in crate::cli) mod trees;

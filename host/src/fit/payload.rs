@@ -1,0 +1,255 @@
+//! What a link of a tree carries: its ten parameters from a run with it and runs without it.
+//!
+//! With K the weights of the ten parameters of the link in the base parameters φ, a run with the payload is rows over
+//! `φ + K τ`, a run without it over φ. Both are merged and φ is eliminated ([`super::difference`]).
+//!
+//! Errors of the rig that are the same in all runs ([`Scope::Rig`]) do not average out but cancel: the scale of a torque multiplies
+//! what the arm weighs in both. A run's estimate is `φ̂ = φ + ε + C e`, with C what one standard deviation of each error brings
+//! ([`NuisanceFit::contributions`]) and e the same in both runs, known to be 0 ± 1. So the covariance Σ of each run is taken
+//! apart into that of ε, `Σ − C Cᵀ`, and e, which is an unknown of both.
+
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use rigident_shared::inertia::PARAMETER_NAMES;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use super::difference::beyond;
+use super::standard::weights;
+use super::tare::{Tare, TareError};
+use super::{Estimate, Factor, Fit, Kind, NuisanceFit, Owner, Parameter, Scope};
+
+/// Runs of an arm that differ by what is less likely than this differ by more than the payload.
+const SURPRISING: f64 = 1e-4;
+/// Least share of a variance that is left to noise where errors are taken apart from it.
+const LEAST_NOISE: f64 = 1e-9;
+
+/// A run of a tree that its own errors are known of.
+#[derive(Clone, Debug)]
+pub(super) struct OwnErrors {
+    /// The rows over the inertial parameters, whitened by their true σ.
+    pub factor: Factor,
+    /// The errors that all runs of the rig share, with what they bring to the inertial parameters.
+    pub errors: Vec<(String, f64, DVector<f64>)>,
+}
+
+impl OwnErrors {
+    /// Returns the inertial part of a fit of a tree.
+    pub fn of(fit: &Fit) -> Self {
+        let kept = inertial(fit);
+        let part = |found: &NuisanceFit| {
+            DVector::from_fn(kept.len(), |i, _| found.contributions.get(kept[i]).copied().unwrap_or(0.0))
+        };
+        let shared = fit.nuisances.iter().filter(|found| found.nuisance.scope == Scope::Rig);
+        Self {
+            factor: fit.scaled_factor().eliminate_others(&kept),
+            errors: shared
+                .map(|found| (found.nuisance.name.clone(), found.nuisance.sigma, part(found)))
+                .collect(),
+        }
+    }
+
+    /// Returns what the errors bring, those of `names` in their order; zero of one that the run does not have.
+    fn brought(&self, names: &[String]) -> DMatrix<f64> {
+        let n = self.factor.parameters();
+        let own = |name: &String| self.errors.iter().find(|(own, ..)| own == name);
+        let columns: Vec<DVector<f64>> =
+            names.iter().map(|name| own(name).map_or_else(|| DVector::zeros(n), |e| e.2.clone())).collect();
+        if columns.is_empty() { DMatrix::zeros(n, 0) } else { DMatrix::from_columns(&columns) }
+    }
+
+    /// Returns the rows over `[φ, e]`, what is known of e beforehand left out.
+    ///
+    /// `(Σ − C Cᵀ)⁻¹ = N + N C (1 − Cᵀ N C)⁻¹ Cᵀ N` with `N = Σ⁻¹ = RᵀR`: rows beside those of R.
+    fn with_errors(&self, names: &[String]) -> Factor {
+        let (n, count) = (self.factor.parameters(), names.len());
+        let c = self.brought(names);
+        let r = self.factor.r();
+        let rc = &r * &c;
+        let mut factor = self.factor.clone();
+        if count > 0 {
+            let eigen = SymmetricEigen::new(DMatrix::identity(count, count) - rc.tr_mul(&rc));
+            let root = eigen.eigenvalues.map(|v| 1.0 / v.max(LEAST_NOISE).sqrt());
+            let rows = DMatrix::from_diagonal(&root) * eigen.eigenvectors.transpose() * rc.tr_mul(&r);
+            // z = R φ̂ of any φ̂ that solves the rows.
+            let z = DVector::from_column_slice(self.factor.z());
+            let values = DMatrix::from_diagonal(&root) * eigen.eigenvectors.transpose() * rc.tr_mul(&z);
+            factor.absorb_matrix(&rows, values.as_slice());
+        }
+        let map = DMatrix::from_fn(n, n + count, |i, j| match j.checked_sub(n) {
+            None => f64::from(u8::from(i == j)),
+            Some(k) => c[(i, k)],
+        });
+        factor.substitute(&map)
+    }
+}
+
+/// Returns the places of the inertial parameters of a fit.
+fn inertial(fit: &Fit) -> Vec<usize> {
+    (0..fit.parameters.len())
+        .filter(|j| fit.parameters.get(*j).is_some_and(|p| p.kind.is_inertial()))
+        .collect()
+}
+
+/// The place of a payload.
+#[derive(Clone, Debug)]
+pub struct Carrier {
+    /// The link of the rows that carries it, links on fixed joints being one with what they hang on.
+    pub link: String,
+    /// The ten parameters about the payload's frame as ones about the link's: 10 × 10.
+    pub to_link: DMatrix<f64>,
+    /// Name of the payload's frame.
+    pub frame: String,
+}
+
+impl Tare {
+    /// Returns the fit of what a link carries in a run and not in the runs of this tare, which are of the same tree: one body
+    /// of ten parameters about the carrier's frame. Friction and offsets are each run's own.
+    ///
+    /// # Errors
+    /// [`TareError`]: the run is one of the tare's, is of another model, or its rows see nothing of that link.
+    pub fn payload(&self, total: &Fit, carrier: &Carrier) -> Result<Fit, TareError> {
+        self.refuse_repeated(total)?;
+        let kept = inertial(total);
+        let of_known = self.map_by_name(total)?.select_rows(&kept);
+        let own = OwnErrors::of(total);
+        let parts: Vec<[f64; 10]> =
+            kept.iter().filter_map(|j| total.parameters.get(*j)).map(|p| weights(p, &carrier.link)).collect();
+        let parts = DMatrix::from_fn(parts.len(), 10, |i, k| parts[i][k]);
+        if parts.amax() == 0.0 {
+            return Err(self.without_link(total, &carrier.link));
+        }
+        let of_sought = parts * &carrier.to_link;
+        let bare = self.own_errors();
+        // In the order of the run's parameters.
+        let bare = OwnErrors {
+            factor: bare.factor.substitute(&of_known.transpose()),
+            errors: bare.errors.iter().map(|(n, s, e)| (n.clone(), *s, &of_known * e)).collect(),
+        };
+        Ok(self.told_apart(total, &own, &bare, &of_sought, carrier))
+    }
+
+    fn told_apart(
+        &self,
+        total: &Fit,
+        own: &OwnErrors,
+        bare: &OwnErrors,
+        of_sought: &DMatrix<f64>,
+        carrier: &Carrier,
+    ) -> Fit {
+        let n = own.factor.parameters();
+        let is_shared = |(name, sigma, _): &&(String, f64, DVector<f64>)| {
+            bare.errors.iter().any(|(other, own, _)| other == name && own == sigma)
+        };
+        let shared: Vec<String> =
+            own.errors.iter().filter(is_shared).map(|(name, ..)| name.clone()).collect();
+        let count = shared.len();
+        let mut known = bare.with_errors(&shared);
+        let beforehand = DMatrix::from_fn(count, n + count, |i, j| f64::from(u8::from(j == n + i)));
+        known.absorb_matrix(&beforehand, &vec![0.0; count]);
+        let sought = of_sought.clone().insert_rows(n, count, 0.0);
+        let found =
+            beyond(&own.with_errors(&shared), &known, &DMatrix::identity(n + count, n + count), &sought);
+        let rounding = total.rounding.max(self.fit().rounding);
+        let disagreement = disagreement(&found.factor, found.chi2, own, bare, of_sought, rounding);
+        let factor = found.factor.discount(disagreement.unwrap_or(1.0));
+        let noise = total.estimate.noise.less_certain(self.fit().estimate.noise);
+        let estimate = Estimate::new(&factor, rounding, 1.0, noise);
+        let mut fit = of_body(total, factor, estimate, &carrier.frame);
+        fit.noise.disagreement = disagreement;
+        fit.rounding = rounding;
+        budget(&mut fit, own, bare, &shared, of_sought, total);
+        fit.fingerprints.extend(&self.fit().fingerprints);
+        fit.runs.extend(self.fit().runs.iter().cloned());
+        fit.spurious_information += self.fit().spurious_information;
+        fit
+    }
+}
+
+/// Returns χ² per degree of freedom of what the payload does not explain of the difference between the runs, where their noise
+/// does not either.
+fn disagreement(
+    sought: &Factor,
+    chi2: f64,
+    own: &OwnErrors,
+    bare: &OwnErrors,
+    of_sought: &DMatrix<f64>,
+    rounding: f64,
+) -> Option<f64> {
+    let rank = |factor: &Factor| factor.solve(rounding).determined.iter().filter(|d| **d).count();
+    let mut both = own.factor.clone();
+    both.merge(&bare.factor);
+    let told = rank(sought).min(of_sought.ncols());
+    let compared = (rank(&own.factor) + rank(&bare.factor)).saturating_sub(rank(&both) + told);
+    let dof = compared as f64;
+    let surprising = chi2 > dof && ChiSquared::new(dof).is_ok_and(|d| d.sf(chi2) < SURPRISING);
+    surprising.then(|| chi2 / dof)
+}
+
+/// Returns the fit of one body with the run's channels, residuals and counts.
+fn of_body(total: &Fit, factor: Factor, estimate: Estimate, frame: &str) -> Fit {
+    let mut fit = total.clone();
+    let place = |k: usize, name: &str| {
+        let (kind, unit) = match k {
+            0 => (Kind::Mass, "kg"),
+            1..4 => (Kind::FirstMoment, "kg m"),
+            _ => (Kind::Inertia, "kg m2"),
+        };
+        let parameter = Parameter::new(name, Owner::Link(String::new()), kind, unit);
+        Parameter { frame: frame.to_owned(), ..parameter }
+    };
+    fit.parameters = PARAMETER_NAMES[..10].iter().enumerate().map(|(k, name)| place(k, name)).collect();
+    fit.channels.iter_mut().for_each(|c| c.channel.offset = None);
+    // Columns of the tree.
+    fit.lack_of_fit.change.iter_mut().for_each(|change| change.steps.clear());
+    fit.factor = factor.clone().with_residual(total.factor.residual_sum_of_squares(), total.factor.rows());
+    (fit.solved, fit.estimate) = (Some(factor), estimate);
+    (fit.joint, fit.device, fit.prior) = (None, None, None);
+    (fit.inflation, fit.widened, fit.signal_bias) = (Vec::new(), Vec::new(), Vec::new());
+    (fit.convergence, fit.added) = (Vec::new(), Vec::new());
+    fit
+}
+
+/// Says what errors and the runs without the payload bring to its parameters: `τ̂ = G (φ̂ − φ̂₀)` with
+/// `G = C_τ Kᵀ S⁻¹`, S the covariance of the difference.
+fn budget(
+    fit: &mut Fit,
+    own: &OwnErrors,
+    bare: &OwnErrors,
+    shared: &[String],
+    of_sought: &DMatrix<f64>,
+    total: &Fit,
+) {
+    let kept = inertial(total);
+    let [with, without] = [own, bare].map(|side| side.factor.solve(fit.rounding));
+    let brought = [own.brought(shared), bare.brought(shared)];
+    let cross = &brought[0] * brought[1].transpose();
+    let s = &with.covariance + &without.covariance - &cross - cross.transpose();
+    let determined = with.determined.iter().chain(&without.determined).all(|d| *d);
+    let inverse = s.cholesky().filter(|_| determined).map(|s| s.inverse());
+    let gain = inverse.map(|inverse| &fit.estimate.covariance * of_sought.transpose() * inverse);
+    for found in &mut fit.nuisances {
+        let own =
+            DVector::from_fn(kept.len(), |i, _| found.contributions.get(kept[i]).copied().unwrap_or(0.0));
+        let other = shared.iter().position(|name| *name == found.nuisance.name);
+        let brought = other.map_or(own.clone(), |k| own - brought[1].column(k));
+        found.contributions =
+            gain.as_ref().map_or_else(Vec::new, |g| (g * brought).iter().copied().collect());
+    }
+    if let Some(gain) = gain {
+        let rest = without.covariance - &brought[1] * brought[1].transpose();
+        fit.added.push(("run without the payload".to_owned(), &gain * rest * gain.transpose()));
+    }
+}
+
+/// Returns the warning about runs that differ by more than what the link carries; `ratio` is χ² per degree of freedom.
+pub fn disagreement_in_words(link: &str, ratio: f64) -> String {
+    format!(
+        "with and without the payload the arm differs by {:.1} times as much as a body on {link} and noise explain, and the \
+         intervals were widened: is it another link that carries it, did it slip, were the efforts recorded in one unit and the arm \
+         equally warm?",
+        ratio.sqrt()
+    )
+}
+
+#[cfg(test)]
+#[path = "payload_tests.rs"]
+mod tests;
