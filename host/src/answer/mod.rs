@@ -15,6 +15,7 @@ mod contradictions;
 pub mod derived;
 pub mod excitation_advice;
 pub(crate) mod lack_of_fit;
+mod load;
 pub mod nearest_body;
 mod new;
 pub mod payload;

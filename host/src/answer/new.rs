@@ -17,7 +17,7 @@ use super::result::{
 use super::selection::{SelectionError, owner_name, select};
 use super::standard_parameters::{BaseEstimate, Full, nearest};
 use super::states::{is_reversed, is_whole_body, states};
-use super::{budget, contradictions, excitation_advice, payload, plausibility, remarks, rig_errors};
+use super::{budget, contradictions, excitation_advice, load, plausibility, remarks, rig_errors};
 use crate::fit::{Basis, ChannelFit, Fit, NuisanceFit};
 use crate::model::ModelError;
 use crate::rig::{BodyTable, TruthTable};
@@ -306,7 +306,7 @@ impl Answer {
         self.advice = match links {
             // No motion helps.
             _ if all || self.status == Status::Implausible => Vec::new(),
-            _ if context.payload.is_some() => payload::advice(self),
+            _ if context.payload.is_some() => load::advice(self),
             _ if judged.is_body => excitation_advice::of_body(fit),
             links => excitation_advice::of_links(fit, links, &judged.states),
         };

@@ -31,6 +31,7 @@ mod nuisance;
 mod options;
 mod other_columns;
 pub mod outliers;
+mod own_errors;
 pub mod parallel;
 mod parameter;
 pub mod payload;

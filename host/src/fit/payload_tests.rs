@@ -3,7 +3,7 @@ use nalgebra::{DMatrix, DVector};
 use super::*;
 use crate::fit::examples::{Run, body, dense, tree, truth};
 use crate::fit::pool::PooledFactor;
-use crate::fit::{Basis, Effect, Nuisance};
+use crate::fit::{Basis, Effect, Nuisance, NuisanceFit, Scope};
 
 const SEVEN: [usize; 7] = [0, 1, 2, 6, 7, 8, 9];
 

@@ -9,7 +9,7 @@
 use nalgebra::DMatrix;
 
 use super::difference::beyond;
-use super::payload::OwnErrors;
+use super::own_errors::OwnErrors;
 use super::pool::{self, PooledFactor};
 use super::standard::{name, weights};
 use super::{Convergence, Estimate, Fit, Measured, Parameter};
