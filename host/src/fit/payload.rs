@@ -1,7 +1,7 @@
 //! What a link of a tree carries: its ten parameters from a run with it and runs without it.
 //!
 //! With K the weights of the ten parameters of the link in the base parameters φ, a run with the payload is rows over
-//! `φ + K τ`, a run without it over φ. Both are merged and φ is eliminated ([`super::difference`]).
+//! `φ + K τ`, a run without it over φ. Both are merged and φ is eliminated (`difference`).
 //!
 //! Errors of the rig that are the same in all runs ([`super::Scope::Rig`]) do not average out but cancel: the scale of a torque multiplies
 //! what the arm weighs in both. A run's estimate is `φ̂ = φ + ε + C e`, with C what one standard deviation of each error brings
