@@ -15,7 +15,8 @@ use crate::model::inertial::Parameters;
 use crate::problem::person::Person;
 use crate::problem::person::anthropometry;
 
-/// Returns the segments of a person by the fit of some motions, and the centre of mass of all of her when she stands upright, from midway between the hips, m.
+/// Returns the segments of a person by the fit of some motions, and the centre of mass of all of her when she stands upright, from
+/// midway between the hips, m.
 ///
 /// # Errors
 /// [`StudyError::NoFrames`] if what is known of them is singular.

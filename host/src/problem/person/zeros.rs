@@ -44,7 +44,6 @@ pub(super) fn zero(trials: &mut [Trial], are_zeroed: bool) -> (Vec<String>, Vec<
                         trial.name, plate.name
                     ));
                     unzeroed[k].push(UnknownZero {
-                        plate: plate.name.clone(),
                         at_m: zeroing::middle(plate),
                         sigma: [UNKNOWN_ZERO_N, UNKNOWN_ZERO_NM],
                     });

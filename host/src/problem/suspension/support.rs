@@ -40,9 +40,7 @@ impl Support {
             gravity_mps2: rig.recording.gravity_mps2,
         })
     }
-}
 
-impl Support {
     /// Returns the height at which the weight is carried, m; a guide that locks z carries it through O.
     pub(super) fn weight_height_m(&self) -> f64 {
         if self.free.contains(&2) { self.anchor_height_m } else { 0.0 }

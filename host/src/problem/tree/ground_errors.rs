@@ -8,8 +8,6 @@ use crate::fit::{Kind, OtherColumns, Owner, Parameter, RowSource as _, SampleRow
 /// A force plate whose zero is not known.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UnknownZero {
-    /// The plate's name.
-    pub plate: String,
     /// The point that its moments' zero is about, laboratory axes, m.
     pub at_m: [f64; 3],
     /// 1 σ of each force's and each moment's zero, N and N m.

@@ -34,5 +34,4 @@ pub use errors::SignalError;
 pub use frames::{BaseSensor, Frame, Input, NoisySignal, SignalKind};
 pub use ground_errors::UnknownZero;
 pub(crate) use ground_errors::with_wrenches;
-
 pub use source::TreeSource;
