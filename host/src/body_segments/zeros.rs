@@ -46,6 +46,9 @@ impl Zeros {
     /// Returns `J σ` of some motions together with what is known of the parameters: one column a zero.
     pub(super) fn moved(&self, motions: &[Motion], which: &[usize], known: &Factor) -> DMatrix<f64> {
         let n = known.parameters();
+        if self.count == 0 {
+            return DMatrix::zeros(n, 0);
+        }
         let mut all = known.clone();
         let mut sum = DMatrix::zeros(n, self.count);
         for (motion, (first, columns)) in

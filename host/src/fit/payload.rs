@@ -20,6 +20,7 @@ use super::{Estimate, Factor, Fit, Kind, Owner, Parameter};
 
 /// Runs of an arm that differ by what is less likely than this differ by more than the payload.
 const SURPRISING: f64 = 1e-4;
+
 /// The place of a payload.
 #[derive(Clone, Debug)]
 pub struct Carrier {

@@ -133,6 +133,8 @@ pub(super) struct Common<'a> {
     left: Vec<DVector<f64>>,
     /// Information of each column that may step, in all bins.
     whole: Vec<f64>,
+    /// Whether noise of the signals stands in the columns.
+    is_noisy: bool,
 }
 
 impl<'a> Common<'a> {
@@ -173,7 +175,8 @@ impl<'a> Common<'a> {
             });
         let left = left.map(|m| m.column(0).into_owned()).collect();
         let whole = steps.iter().map(|j| gram[(*j, *j)]).collect();
-        Self { bins, metrics, steps, weighted, gram, inverse, loose, fitted, drawn, left, whole }
+        let is_noisy = bins.noise.iter().any(|noise| noise.gram.iter().any(|v| *v != 0.0));
+        Self { bins, metrics, steps, weighted, gram, inverse, loose, fitted, drawn, left, whole, is_noisy }
     }
 
     /// Returns what the common fit gives of further columns, and what it adds to the covariance of their score: `shared` is
@@ -181,7 +184,7 @@ impl<'a> Common<'a> {
     fn eliminated(&self, shared: &DMatrix<f64>, true_shared: &DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
         let taken = &self.inverse * true_shared.transpose();
         let across = shared * &taken;
-        if !self.is_noisy() {
+        if !self.is_noisy {
             // G⁺ G G⁺ = G⁺
             return (taken, -across);
         }
@@ -191,11 +194,6 @@ impl<'a> Common<'a> {
             sum.ger(1.0, &moved, &moved, 1.0);
         }
         (taken, sum)
-    }
-
-    /// Whether noise of the signals stands in the columns.
-    fn is_noisy(&self) -> bool {
-        self.bins.noise.iter().any(|noise| noise.gram.iter().any(|v| *v != 0.0))
     }
 
     /// Returns what the common fit leaves of a channel.
@@ -217,7 +215,6 @@ impl<'a> Common<'a> {
             .zip(&self.drawn)
             .map(|(noise, drawn)| (noise.gram.select_rows(self.steps), drawn.select_rows(self.steps)))
             .collect();
-        let is_noisy = self.is_noisy();
         let mut drift = vec![DMatrix::<f64>::zeros(q, 2); self.bins.channels];
         let columns: Vec<DMatrix<f64>> =
             self.bins.rows.iter().map(|rows| rows.select_columns(self.steps)).collect();
@@ -226,7 +223,7 @@ impl<'a> Common<'a> {
                 let d = columns[c].row(bin).transpose();
                 score.axpy(self.left[c][bin], &d, 1.0);
                 shared.ger(1.0, &d, &self.weighted[c].row(bin).transpose(), 1.0);
-                if is_noisy {
+                if self.is_noisy {
                     let (weight, (gram, drawn)) = (metric.of_bin(bin), &given[c]);
                     score.axpy(weight, drawn, 1.0);
                     less += gram.columns(0, p) * weight;
