@@ -194,6 +194,7 @@ fn symmetric_people_have_two_sides_alike_and_a_model_without_masses_is_refused()
         wrench,
         efforts: Vec::new(),
         standing: Vec::new(),
+        ground: Default::default(),
     };
     moving
         .set(&q, &vec![0.0; freedoms], &vec![0.0; freedoms], &BaseMotion::still([0.0, 0.0, -9.80665]))
@@ -215,6 +216,7 @@ fn symmetric_people_have_two_sides_alike_and_a_model_without_masses_is_refused()
         drives: Vec::new(),
         signals: Vec::new(),
         rate_sigma: 0.0,
+        contact: None,
     };
     let source = TreeSource::new(input).unwrap();
     let found = fit(&source, &FitOptions::default(), &Silent).unwrap();

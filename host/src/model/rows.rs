@@ -120,6 +120,29 @@ impl Moving {
         self.states.get(i).map(|s| (s.rotation, s.rotation.tr_mul(&s.rate)))
     }
 
+    /// Brings the joints' screws to the present motion and returns them, about the root's origin in its axes, freedom by freedom.
+    ///
+    /// # Errors
+    /// [`TreeError`] if the links are in no order.
+    pub fn screws(&mut self) -> Result<&[Screw<f64>], TreeError> {
+        Workspace { screws: &mut self.screws, first: &mut self.first }.fill(&self.links, &self.states)?;
+        Ok(&self.screws)
+    }
+
+    /// Returns the freedoms between link `i` and the root, by their numbers.
+    pub fn freedoms_above(&self, i: usize) -> Vec<usize> {
+        let mut first: Vec<usize> = vec![0, 0];
+        for link in self.links.iter().skip(1) {
+            first.push(first.last().copied().unwrap_or(0) + link.joint.freedoms());
+        }
+        let (mut above, mut at) = (Vec::new(), i);
+        while let (true, Some(link)) = (at > 0, self.links.get(at)) {
+            above.extend(first[at]..first[at + 1]);
+            at = link.parent;
+        }
+        above
+    }
+
     /// The six base rows, row by row: N, N m on the base in its axes.
     ///
     /// # Errors

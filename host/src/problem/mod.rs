@@ -143,7 +143,7 @@ impl Problem {
                 idle: prepared.idle,
             },
             notes: prepared.notes,
-            warnings: Vec::new(),
+            warnings: prepared.warnings,
             clocks: None,
         })
     }

@@ -59,6 +59,9 @@ pub struct RigFile {
     /// Joints with columns of their own, where these differ from the joints' names.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub joint: Vec<JointTable>,
+    /// Feet of a robot that stands, each with what it measures of the ground's wrench.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub foot: Vec<FootTable>,
     /// Joints and base of a tree of links.
     #[serde(skip_serializing_if = "TreeTable::is_empty")]
     pub tree: TreeTable,
@@ -628,6 +631,44 @@ pub struct JointTable {
     /// 1 σ of the effort's scale, relative; that of `[tree]` otherwise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub effort_gain_std: Option<f64>,
+}
+
+/// `[[foot]]`: a place where the ground pushes on a link, and the sensor of that wrench: columns `NAME_fx_n` … `NAME_mz_nm`, on the
+/// foot, in the sensor's axes, about its origin.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FootTable {
+    /// Its name, with which its columns begin.
+    pub name: String,
+    /// The link that it is part of.
+    pub link: String,
+    /// Origin of the sensor in the link's frame, m.
+    #[serde(default)]
+    pub position_m: [f64; 3],
+    /// Link axes ← sensor axes.
+    #[serde(default = "no_rotation")]
+    pub rotation_wxyz: [f64; 4],
+    /// Foreign names of its columns, by component: `fz = "lf_force"`.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub columns: BTreeMap<String, ColumnSource>,
+    /// Components that are recorded and not to be believed: `["fx", "fy"]`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub unavailable: Vec<String>,
+    /// The ground touches it in a point: no moments about the sensor's origin.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub point: bool,
+    /// It stands where the force measured is above this, N.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub touching_n: Option<f64>,
+    /// 1 σ of fx … mz per sample, N and N m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_n_nm: Option<[f64; 6]>,
+    /// 1 σ of the zero of each force, N, and of each moment, N m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub zero_std_n_nm: Option<[f64; 2]>,
+    /// 1 σ of the scale of each component, relative.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gain_std: Option<f64>,
 }
 
 /// `[tree]`: what is known of joints and base.

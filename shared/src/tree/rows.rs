@@ -164,8 +164,11 @@ pub struct Workspace<'a, T: Scalar> {
 }
 
 impl<T: Scalar> Workspace<'_, T> {
-    /// The screws of this instant.
-    pub(super) fn fill(&mut self, links: &[Link<T>], states: &[LinkState<T>]) -> Result<(), TreeError> {
+    /// Writes the screws of this instant.
+    ///
+    /// # Errors
+    /// [`TreeError`] if the room does not fit the tree.
+    pub fn fill(&mut self, links: &[Link<T>], states: &[LinkState<T>]) -> Result<(), TreeError> {
         let freedoms: usize = links.iter().skip(1).map(|l| l.joint.freedoms()).sum();
         if self.screws.len() != freedoms || self.first.len() != links.len() + 1 || states.len() != links.len()
         {

@@ -323,6 +323,7 @@ impl Person {
                 wrench: [fx, fy, fz, moment.x, moment.y, moment.z],
                 efforts: Vec::new(),
                 standing: Vec::new(),
+                ground: Default::default(),
             }
         };
         Input::tracked(

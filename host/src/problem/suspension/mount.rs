@@ -65,6 +65,7 @@ impl Mount {
             wrench: [0.0; 6],
             efforts: Vec::new(),
             standing: Vec::new(),
+            ground: Default::default(),
         };
         (Instant { at, arm }, frame)
     }

@@ -6,13 +6,14 @@
 use nalgebra::{Matrix3, Vector3};
 use rigident_shared::tree::Joint;
 
+use super::contact::COMPONENTS;
 use super::drive::Term;
 use super::joints::attitude;
 use super::{Input, SignalKind};
 use crate::fit::{Basis, Effect, Nuisance, Scope};
 use crate::problem::body::errors::{of_cell, of_imu};
 use crate::problem::body::sensitivities::ImuError;
-use crate::rig::classes::rectangular;
+use crate::rig::classes::{LoadCellClass, rectangular};
 use crate::rig::{ImuTable, RigFile, TreeClass};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -69,6 +70,29 @@ pub enum SignalError {
     BaseTilt(usize),
     /// An effort reads too much, by the channel.
     EffortOffset(usize),
+    /// An effort reads `1 + g` times its value, by the channel; of a robot with feet, whose rows combine channels.
+    EffortGain(usize),
+    /// An effort's offset moves by a Legendre polynomial of the time, as [`Effect::Drift`] has it; of a robot with feet.
+    EffortDrift {
+        /// The channel.
+        channel: usize,
+        /// 1: a line; 2: a curve.
+        degree: u8,
+    },
+    /// A component of a foot's wrench reads too much.
+    FootZero {
+        /// The foot.
+        foot: usize,
+        /// The component, of its sensor.
+        component: usize,
+    },
+    /// A component of a foot's wrench reads `1 + g` times its value.
+    FootGain {
+        /// The foot.
+        foot: usize,
+        /// The component, of its sensor.
+        component: usize,
+    },
 }
 
 /// Errors with what is known of them beforehand.
@@ -105,7 +129,9 @@ pub(super) fn errors<'a>(
     if input.has_efforts() {
         of_efforts(input, rig, &mut all);
     }
-    if input.has_wrench() {
+    if input.contact.is_some() {
+        of_feet(input, rig, &mut all);
+    } else if input.has_wrench() {
         all.nuisances.extend(of_cell(&rig.load_cell, input.frames.iter().map(|frame| frame.wrench)));
     }
     all
@@ -234,6 +260,55 @@ fn of_joints(input: &Input, rig: &RigFile, all: &mut Errors) {
     }
 }
 
+/// Zeros and scales of what feet measure. Of a class both are those of a load cell, relative to the largest force and moment.
+fn of_feet(input: &Input, rig: &RigFile, all: &mut Errors) {
+    let Some(contact) = &input.contact else { return };
+    let limit = rig.load_cell.class.unwrap_or(LoadCellClass::DEFAULT).limit();
+    for (i, foot) in contact.feet.iter().enumerate() {
+        let table = rig.foot.iter().find(|table| table.name == foot.name);
+        let readings = input.frames.iter().filter_map(|frame| frame.ground.wrenches.get(i));
+        let mut largest = [0.0_f64; 2];
+        for wrench in readings {
+            for (k, value) in wrench.iter().enumerate() {
+                largest[k / 3] = largest[k / 3].max(value.abs());
+            }
+        }
+        for (k, name) in COMPONENTS.into_iter().enumerate().filter(|(k, _)| foot.measured[*k]) {
+            let class = || {
+                Basis::Class(format!(
+                    "load cell {}",
+                    rig.load_cell.class.unwrap_or(LoadCellClass::DEFAULT).name()
+                ))
+            };
+            let zero = match table.and_then(|table| table.zero_std_n_nm) {
+                Some(own) => (own[k / 3], Basis::Stated("foot.zero_std_n_nm".to_owned())),
+                None => (rectangular(limit) * largest[k / 3], class()),
+            };
+            let gain = match table.and_then(|table| table.gain_std) {
+                Some(own) => (own, Basis::Stated("foot.gain_std".to_owned())),
+                None => (rectangular(limit), class()),
+            };
+            let unit = if k < 3 { "N" } else { "N m" };
+            let nuisance = |word: &str, unit: &str, (sigma, basis), scope| Nuisance {
+                name: format!("{word}_{}_{name}", foot.name),
+                group: format!("foot {word}"),
+                unit: unit.to_owned(),
+                sigma,
+                basis,
+                scope,
+                effect: Effect::Signal(0),
+            };
+            let at = (i, k);
+            let (foot, component) = at;
+            all.signal(
+                nuisance("zero", unit, zero, Scope::Recording),
+                SignalError::FootZero { foot, component },
+            );
+            all.signal(nuisance("gain", "1", gain, Scope::Rig), SignalError::FootGain { foot, component });
+        }
+    }
+}
+
 /// Scale, offset and drift of efforts.
 fn of_efforts(input: &Input, rig: &RigFile, all: &mut Errors) {
     let (source, tree) = (source(rig), &rig.tree);
@@ -246,7 +321,8 @@ fn of_efforts(input: &Input, rig: &RigFile, all: &mut Errors) {
         let own = source.rig.joint.iter().find(|table| table.name == name);
         let own = own.and_then(|table| table.effort_gain_std).map(|sigma| (sigma, "effort_gain_std"));
         let (sigma, basis) = source.of(own, tree.effort_gain_std, "effort_gain_std", limit);
-        all.nuisances.push(Nuisance {
+        let has_feet = input.contact.is_some();
+        let gain = Nuisance {
             name: format!("gain_{name}"),
             group: "effort gain".to_owned(),
             unit: "1".to_owned(),
@@ -254,7 +330,12 @@ fn of_efforts(input: &Input, rig: &RigFile, all: &mut Errors) {
             basis,
             scope: Scope::Rig,
             effect: Effect::Gain { channel },
-        });
+        };
+        if has_feet {
+            all.signal(gain, SignalError::EffortGain(channel));
+        } else {
+            all.nuisances.push(gain);
+        }
         let efforts = input.frames.iter().filter_map(|frame| frame.efforts.get(k));
         let largest = efforts.fold(0.0_f64, |most, effort| most.max(effort.abs()));
         let (share, basis) = source.of(None, tree.effort_drift_std, "effort_drift_std", limit);
@@ -278,8 +359,13 @@ fn of_efforts(input: &Input, rig: &RigFile, all: &mut Errors) {
             );
         }
         for (degree, word) in [(1, "line"), (2, "curve")] {
-            let effect = Effect::Drift { channel, degree };
-            all.nuisances.push(nuisance(format!("drift_{word}_{name}"), "effort drift", effect));
+            let drift =
+                nuisance(format!("drift_{word}_{name}"), "effort drift", Effect::Drift { channel, degree });
+            if has_feet {
+                all.signal(drift, SignalError::EffortDrift { channel, degree });
+            } else {
+                all.nuisances.push(drift);
+            }
         }
     }
     all.nuisances.retain(|k| k.sigma.is_finite() && k.sigma > 0.0);

@@ -3,6 +3,7 @@
 use rigident_shared::tree::BaseMotion;
 
 use super::SignalError;
+use super::contact::{Contact, Ground};
 use super::drive::Drive;
 use crate::fit::Nuisance;
 use crate::model::Model;
@@ -28,6 +29,8 @@ pub struct Frame {
     pub efforts: Vec<f64>,
     /// Freedoms whose drives stand still, so that dry friction there is anything of its size (`standstill`).
     pub standing: Vec<usize>,
+    /// What the feet measure; empty where there are none.
+    pub ground: Ground,
 }
 
 /// What a signal with noise is.
@@ -113,6 +116,8 @@ pub struct Input {
     pub signals: Vec<NoisySignal>,
     /// 1 σ of the rates of the links, rad/s: information that their noise alone would bring is none.
     pub rate_sigma: f64,
+    /// Feet on the ground, whose wrenches the rows of base and joints contain; `None`: `wrench` is all that acts on the base.
+    pub contact: Option<Contact>,
 }
 
 impl Input {
@@ -132,6 +137,7 @@ impl Input {
             drives: Vec::new(),
             signals: Vec::new(),
             rate_sigma: 0.0,
+            contact: None,
         }
     }
 
@@ -145,6 +151,7 @@ impl Input {
             signals: self.signals.clone(),
             nuisances: self.nuisances.clone(),
             errors: self.errors.clone(),
+            contact: self.contact.clone(),
             ..*self
         }
     }

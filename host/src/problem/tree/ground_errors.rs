@@ -89,6 +89,7 @@ mod tests {
             wrench: [0.0; 6],
             efforts: Vec::new(),
             standing: Vec::new(),
+            ground: Default::default(),
         };
         let wrench = about_base(&frame, [0.0, 0.0, 1.0, 0.0, -0.5, 0.0]);
         assert!((wrench[4] + 0.3).abs() < 1e-12 && wrench[2] == 1.0, "{wrench:?}");

@@ -1,6 +1,6 @@
 //! Trees of links: from a recording and a model to the rows of base wrench and joint torques.
 //!
-//! Lives here: a recording brought to frames of joints and base ([`prepare`]) with the columns that joints have
+//! Lives here: a recording brought to frames of joints and base ([`prepare`]), feet on the ground ([`contact`]) with the columns that joints have
 //! ([`columns`]), their coordinates from attitudes and gyros ([`joints`]) or as slopes of polynomials ([`polynomial`]),
 //! checks whether columns tell of one motion ([`input_checks`]), drives with friction ([`drive`]) when they stand still (`standstill`) and which rotors are parts of base parameters (`rotors`), errors that do not average out (`errors`, `sensitivities`), those of the ground's wrench (`ground_errors`), the rows of a frame
 //! ([`rows`]), and the source that hands them to the fit ([`TreeSource`]). May not live here: the formulas of the rows
@@ -8,6 +8,7 @@
 //! ([`crate::fit`]).
 
 pub mod columns;
+pub mod contact;
 pub mod drive;
 mod error;
 mod errors;
@@ -29,6 +30,7 @@ mod standstill;
 #[cfg(all(test, feature = "simulator"))]
 mod tracked_tests;
 
+pub use contact::{Contact, Foot, Ground};
 pub use error::{TreePrepareError, TreeSourceError};
 pub use errors::SignalError;
 pub use frames::{BaseSensor, Frame, Input, NoisySignal, SignalKind};

@@ -5,6 +5,8 @@ use nalgebra::{DMatrix, Matrix3, Vector3};
 use rigident_shared::inertia::PARAMETER_NAMES;
 use rigident_shared::tree::{BaseMotion, Joint, Link, LinkState, TreeError};
 
+use super::contact::Contact;
+use super::contact::availability::Availability;
 use super::{BaseSensor, Frame, Input};
 use crate::model::base::{BaseParameters, Rows};
 use crate::model::rows::{MomentumRows, Moving};
@@ -33,6 +35,7 @@ pub struct RowMaker {
     mix: Option<DMatrix<f64>>,
     drives: Vec<(super::drive::Drive, usize)>,
     columns: usize,
+    contact: Option<Contact>,
 }
 
 /// Returns names and units of all parameters: base parameters, offsets, drives.
@@ -71,15 +74,7 @@ impl RowMaker {
     /// # Errors
     /// [`TreeError`] if the links are in no order.
     pub fn new(input: &Input, base: &BaseParameters) -> Result<Self, TreeError> {
-        let one = Matrix3::identity();
-        let root = Link { parent: 0, joint: Joint::Fixed, rotation: one, position: Vector3::zeros() };
-        let base_link = match input.base {
-            BaseSensor::Imu(place) => Link { position: -Vector3::from(place), ..root },
-            BaseSensor::Tracked => Link { joint: Joint::Free, ..root },
-        };
-        let mut links = vec![root, base_link];
-        let own = input.model.links.iter().skip(1);
-        links.extend(own.map(|l| Link { parent: l.link.parent + 1, ..l.link }));
+        let moving = Self::about_imu(input)?;
         // Columns of the root are no link's; those of a base held still, without its wrench, are left out too.
         let skip = 10 + 10 * input.model.links.len() - base.standard.len();
         let (mut leads, mix) = base.columns();
@@ -92,7 +87,7 @@ impl RowMaker {
             at += drive.terms.len();
         }
         Ok(Self {
-            moving: Moving::new(links)?,
+            moving,
             base: input.base,
             wrench: input.has_wrench(),
             efforts: input.has_efforts(),
@@ -102,7 +97,25 @@ impl RowMaker {
             mix,
             drives,
             columns: names.len(),
+            contact: input.contact.clone(),
         })
+    }
+
+    /// Returns the tree whose root is the IMU of the base, or the laboratory: the root, the base link, the others.
+    ///
+    /// # Errors
+    /// [`TreeError`] if the links are in no order.
+    pub(super) fn about_imu(input: &Input) -> Result<Moving, TreeError> {
+        let one = Matrix3::identity();
+        let root = Link { parent: 0, joint: Joint::Fixed, rotation: one, position: Vector3::zeros() };
+        let base_link = match input.base {
+            BaseSensor::Imu(place) => Link { position: -Vector3::from(place), ..root },
+            BaseSensor::Tracked => Link { joint: Joint::Free, ..root },
+        };
+        let mut links = vec![root, base_link];
+        let own = input.model.links.iter().skip(1);
+        links.extend(own.map(|l| Link { parent: l.link.parent + 1, ..l.link }));
+        Moving::new(links)
     }
 
     /// Returns the rows of a frame, one a channel.
@@ -122,6 +135,28 @@ impl RowMaker {
                 self.part(&parts.differentiated, frame, false)
             },
         })
+    }
+
+    /// Returns rows of a frame and what is measured, free of what is not; `measured` has what is read of base and efforts.
+    ///
+    /// # Errors
+    /// [`TreeError`] if the frame does not fit the tree or the states of contact.
+    pub(super) fn available(
+        &mut self,
+        frame: &Frame,
+        measured: &mut [f64],
+    ) -> Result<MomentumRows, TreeError> {
+        let mut rows = self.rows(frame)?;
+        if let Some(available) = self.availability(frame)? {
+            available.combine(&mut rows.smoothed, &mut rows.differentiated, self.columns);
+            available.combine_measured(measured);
+        }
+        Ok(rows)
+    }
+
+    /// What is available of the rows of the frame that the tree was brought to; `None` where there are no feet.
+    fn availability(&mut self, frame: &Frame) -> Result<Option<Availability>, TreeError> {
+        self.contact.as_ref().map(|contact| contact.availability(&mut self.moving, frame)).transpose()
     }
 
     /// Returns the motion of the base link and of every other one.

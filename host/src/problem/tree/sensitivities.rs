@@ -15,6 +15,8 @@ use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use rigident_shared::screening::Rejection;
 use rigident_shared::tree::{Joint, LinkState, TreeError};
 
+use super::contact::availability::Availability;
+use super::contact::forces;
 use super::rows::{BASE, RowMaker};
 use super::{BaseSensor, Frame, Input, SignalError, SignalKind, TreeSource};
 use crate::fit::{Kind, OtherColumns, Owner, Parameter, RowSource as _, SampleRows};
@@ -85,6 +87,8 @@ struct Instant<'a> {
     composites: Vec<Composite>,
     freedoms: Vec<Freedom>,
     above: &'a [Vec<usize>],
+    /// What each freedom changes in what the feet add to the measured side; empty without feet.
+    ground: Vec<Vec<f64>>,
 }
 
 impl<'a> ErrorRows<'a> {
@@ -148,6 +152,14 @@ impl<'a> ErrorRows<'a> {
     fn instant<'f>(&'f self, moving: &'f mut Moving, frame: &'f Frame) -> Result<Instant<'f>, TreeError> {
         let zeros = vec![0.0; frame.rates.len()];
         moving.set(&frame.positions, &frame.rates, &zeros, &frame.base)?;
+        let ground = match &self.source.input().contact {
+            None => Vec::new(),
+            Some(contact) => {
+                let standing = contact.standing(frame);
+                let feet: Vec<_> = standing.into_iter().map(|(_, foot, wrench)| (foot, wrench)).collect();
+                forces::moved(moving, &feet)?
+            }
+        };
         let moving = &*moving;
         Ok(Instant {
             input: self.source.input(),
@@ -156,6 +168,7 @@ impl<'a> ErrorRows<'a> {
             composites: composites(moving, &self.bodies),
             freedoms: freedoms(moving, frame),
             above: &self.above,
+            ground,
         })
     }
 
@@ -248,7 +261,12 @@ impl<'a> ErrorRows<'a> {
                     moved[i] = Some([-axis, axis.cross(&carried)]);
                 }
             }
-            SignalError::Skew | SignalError::EffortOffset(_) => return out,
+            SignalError::Skew
+            | SignalError::EffortOffset(_)
+            | SignalError::EffortGain(_)
+            | SignalError::EffortDrift { .. }
+            | SignalError::FootZero { .. }
+            | SignalError::FootGain { .. } => return out,
         }
         if moved.iter().all(Option::is_none) {
             return out;
@@ -519,6 +537,9 @@ impl Instant<'_> {
                     Change { turn: f.axis, rate: -f.axis.cross(&f.carrier), ..Change::NONE }
                 };
                 self.change(f.link, &change, &mut out);
+                // What the feet push is moved on the other side.
+                let ground = self.ground.get(k).map_or(&[][..], Vec::as_slice);
+                out.iter_mut().zip(ground).for_each(|(to, moved)| *to -= moved);
             }
             Direction::Speed(k) => {
                 let Some(f) = self.freedoms.get(k) else { return out };
@@ -591,6 +612,7 @@ impl<'a> ErrorRows<'a> {
         let input = self.source.input();
         let frame = input.frames.get(sample).ok_or(refuse)?;
         let mut moving = self.moving.lock().unwrap_or_else(PoisonError::into_inner);
+        let available = self.available(&mut moving, frame).map_err(|_| refuse)?;
         let instant = self.instant(&mut moving, frame).map_err(|_| refuse)?;
         let (channels, count) = (self.source.channels().len(), input.errors.len());
         // Columns of directions, as they are asked for.
@@ -604,6 +626,24 @@ impl<'a> ErrorRows<'a> {
                 }
                 SignalError::EffortOffset(channel) => {
                     sum.iter_mut().skip(*channel).take(1).for_each(|v| *v = 1.0)
+                }
+                SignalError::EffortGain(channel) => {
+                    let effort = channel.checked_sub(6).and_then(|k| frame.efforts.get(k)).copied();
+                    sum.iter_mut().skip(*channel).take(1).for_each(|v| *v = effort.unwrap_or(0.0));
+                }
+                SignalError::EffortDrift { channel, degree } => {
+                    let drift = self.drift(frame, *degree);
+                    sum.iter_mut().skip(*channel).take(1).for_each(|v| *v = drift);
+                }
+                SignalError::FootZero { foot, component } | SignalError::FootGain { foot, component } => {
+                    let is_gain = matches!(error, SignalError::FootGain { .. });
+                    let value = frame.ground.wrenches.get(*foot).map_or(0.0, |w| w[*component]);
+                    let factor = if is_gain { value } else { 1.0 };
+                    let feet = available.iter().flat_map(|available| &available.feet);
+                    for (_, columns) in feet.filter(|(i, _)| i == foot) {
+                        let column = columns.values.column(*component);
+                        sum.iter_mut().zip(column.iter()).for_each(|(to, g)| *to = factor * g);
+                    }
                 }
                 _ => {
                     for (direction, weight) in self.moves(&instant, error) {
@@ -619,10 +659,30 @@ impl<'a> ErrorRows<'a> {
                 part.iter_mut().skip(k).step_by(count).zip(values).for_each(|(to, value)| *to = *value);
             }
         }
+        if let Some(available) = available {
+            available.combine(&mut rows.smoothed, &mut rows.differentiated, count);
+        }
         if input.is_static {
             rows.differentiated.fill(0.0);
         }
         Ok(())
+    }
+
+    /// Returns what is available of the rows of a frame; `None` where there are no feet.
+    fn available(&self, moving: &mut Moving, frame: &Frame) -> Result<Option<Availability>, TreeError> {
+        let Some(contact) = &self.source.input().contact else { return Ok(None) };
+        let zeros = vec![0.0; frame.rates.len()];
+        moving.set(&frame.positions, &frame.rates, &zeros, &frame.base)?;
+        contact.availability(moving, frame).map(Some)
+    }
+
+    /// Returns a Legendre polynomial at a frame, of the time that goes from −1 to 1.
+    fn drift(&self, frame: &Frame, degree: u8) -> f64 {
+        let frames = &self.source.input().frames;
+        let time = |frame: Option<&Frame>| frame.map_or(0.0, |frame| frame.time_ns as f64 * 1e-9);
+        let (first, last) = (time(frames.first()), time(frames.last()));
+        let x = (2.0 * time(Some(frame)) - first - last) / (last - first).max(f64::MIN_POSITIVE);
+        if degree == 1 { x } else { 1.5 * x * x - 0.5 }
     }
 }
 

@@ -4,6 +4,7 @@ use rigident_shared::tree::{BaseMotion, Link};
 use super::*;
 use crate::model::base::{Rows, Situation};
 use crate::model::{Model, ModelLink};
+use crate::problem::tree::contact::{Contact, ContactState, Foot};
 use crate::problem::tree::drive::{Drive, Term};
 use crate::problem::tree::joints::{Resolved, Seen, resolve};
 use crate::problem::tree::{NoisySignal, TreeSource};
@@ -64,6 +65,7 @@ fn frames(model: &Model, count: usize, is_floating: bool, random: &mut Random) -
             wrench: [1.0; 6],
             efforts: vec![1.0; freedoms],
             standing: Vec::new(),
+            ground: Default::default(),
         }
     };
     (0..count).map(|k| of_frame(k, random)).collect()
@@ -137,6 +139,12 @@ fn corrected(input: &Input, error: &SignalError, x: f64) -> Input {
         frame.positions = links.iter().flat_map(|l| l.positions.iter().copied()).collect();
         frame.rates = links.iter().flat_map(|l| l.rates.iter().copied()).collect();
         (frame.base.specific_force, frame.base.rate) = (a, w);
+        match error {
+            SignalError::EffortGain(channel) => frame.efforts[channel - 6] *= 1.0 - x,
+            SignalError::FootZero { foot, component } => frame.ground.wrenches[*foot][*component] -= x,
+            SignalError::FootGain { foot, component } => frame.ground.wrenches[*foot][*component] *= 1.0 - x,
+            _ => {}
+        }
     }
     out
 }
@@ -152,6 +160,19 @@ fn predicted(source: &TreeSource, phi: &[f64]) -> Vec<f64> {
         for part in [&rows.smoothed, &rows.differentiated] {
             all.extend(part.chunks_exact(n).map(|row| row.iter().zip(phi).map(|(a, b)| a * b).sum::<f64>()));
         }
+    }
+    all
+}
+
+/// The same less what is measured: errors of zeros of joints move what feet do there, too.
+fn left_over(source: &TreeSource, phi: &[f64]) -> Vec<f64> {
+    let (channels, mut all) = (source.channels().len(), predicted(source, phi));
+    for sample in 0..source.samples() {
+        let mut rows = SampleRows::default();
+        rows.clear(channels, phi.len());
+        source.rows(sample, &mut rows).unwrap();
+        let own = all.iter_mut().skip(2 * channels * sample);
+        own.zip(&rows.measured).for_each(|(to, measured)| *to -= measured);
     }
     all
 }
@@ -179,7 +200,7 @@ fn compare(input: Input, random: &mut Random) {
         let step = 1e-4;
         let at = |x: f64| {
             let moved = TreeSource::with_base(corrected(&input, error, x), source.base().clone()).unwrap();
-            predicted(&moved, &phi)
+            left_over(&moved, &phi)
         };
         let (more, less) = (at(step), at(-step));
         let scale = own.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
@@ -212,6 +233,7 @@ fn input(model: Model, frames: Vec<Frame>, situation: Situation, seen: &[usize])
         drives: Vec::new(),
         signals,
         rate_sigma: 0.0,
+        contact: None,
         model,
     }
 }
@@ -299,6 +321,52 @@ fn columns_of_an_arm_are_those_of_corrected_readings() {
         }
         compare(input, &mut random);
     }
+}
+
+/// Feet whose sensors have no noise: the rows are those of the channels, and what the feet push is on the measured side.
+#[test]
+fn columns_of_a_robot_on_its_feet_are_those_of_corrected_readings() {
+    let mut random = Random(4);
+    let axis = |random: &mut Random| random.three().normalize();
+    let joints = [
+        (0, Joint::Revolute(axis(&mut random))),
+        (1, Joint::Revolute(axis(&mut random))),
+        (2, Joint::Prismatic(axis(&mut random))),
+        (0, Joint::Revolute(axis(&mut random))),
+        (4, Joint::Revolute(axis(&mut random))),
+        (4, Joint::Revolute(axis(&mut random))),
+    ];
+    let model = model(&joints, &mut random);
+    let mut frames = frames(&model, 5, true, &mut random);
+    for frame in &mut frames {
+        frame.wrench = [0.0; 6];
+        frame.ground.touching = vec![true, true];
+        frame.ground.wrenches = (0..2).map(|_| std::array::from_fn(|_| 5.0 * random.next())).collect();
+    }
+    let mut input = input(model, frames, Situation { floating: true, rows: Rows::Both, mimic: false }, &[]);
+    let foot = |link: usize, random: &mut Random| Foot {
+        name: format!("foot{link}"),
+        link,
+        position: random.three(),
+        rotation: Rotation3::new(random.three()).into_inner(),
+        known: [true; 6],
+        measured: [true; 6],
+        sigma: [0.0; 6],
+    };
+    let feet = vec![foot(3, &mut random), foot(5, &mut random)];
+    let state = ContactState { touching: vec![true; 2], unknown_efforts: vec![], pivots: vec![] };
+    let contact = Contact { feet, unmeasured: vec![], sigma: vec![1.0; 12], states: vec![state] };
+    (input.contact, input.known_offset) = (Some(contact), Some([0.0; 6]));
+    input.errors.extend((1..=6).map(SignalError::JointZero));
+    input.errors.extend([6, 9].map(SignalError::EffortGain));
+    for component in 0..6 {
+        input.errors.push(SignalError::FootZero { foot: component % 2, component });
+        input.errors.push(SignalError::FootGain { foot: component % 2, component });
+    }
+    for axis in 0..3 {
+        input.errors.extend([SignalError::LeverArm(axis), SignalError::BaseRotation(axis)]);
+    }
+    compare(input, &mut random);
 }
 
 /// Skew moves by the slope of what is predicted, friction and rotors included.

@@ -140,8 +140,15 @@ impl TreeSource {
         maker.states(frame).ok()
     }
 
-    /// Marks the channels of drives with dry friction that stand still.
+    /// Marks the channels of drives with dry friction that stand still, and those by which what feet do not measure is eliminated.
     pub(super) fn mark_untold(&self, sample: usize, rows: &mut SampleRows) {
+        if let Some((contact, frame)) = self.input.contact.as_ref().zip(self.input.frames.get(sample)) {
+            let pivots = contact.states.get(frame.ground.state).map_or(&[][..], |state| &state.pivots);
+            for pivot in pivots {
+                rows.untold.iter_mut().skip(*pivot).take(1).for_each(|untold| *untold = true);
+            }
+            return;
+        }
         let first = if self.input.has_wrench() { WRENCH } else { 0 };
         let standing = self.input.frames.get(sample).map_or(&[][..], |frame| &frame.standing);
         for freedom in standing.iter().filter(|_| self.input.has_efforts()) {
@@ -260,13 +267,14 @@ impl RowSource for TreeSource {
         // Frames were checked when they were prepared.
         let refuse = Rejection::NotFinite(0);
         let frame = self.input.frames.get(sample).ok_or(refuse)?;
+        self.measure(sample, &mut rows.measured)?;
         let made = {
             let mut maker = self.maker.lock().unwrap_or_else(PoisonError::into_inner);
-            maker.rows(frame).map_err(|_| refuse)?
+            maker.available(frame, &mut rows.measured).map_err(|_| refuse)?
         };
         (rows.smoothed, rows.differentiated) = (made.smoothed, made.differentiated);
         self.mark_untold(sample, rows);
-        self.measure(sample, &mut rows.measured)
+        Ok(())
     }
 
     fn rounding(&self) -> f64 {
@@ -307,7 +315,7 @@ impl RowSource for TreeSource {
             hash.add(frame.time_ns);
             let numbers =
                 frame.positions.iter().chain(&frame.rates).chain(&frame.wrench).chain(&frame.efforts);
-            numbers.for_each(|v| hash.add(v.to_bits()));
+            numbers.chain(frame.ground.wrenches.iter().flatten()).for_each(|v| hash.add(v.to_bits()));
         }
         hash.finish()
     }
@@ -340,7 +348,8 @@ impl RowSource for TreeSource {
     }
 
     fn channel_noise(&self) -> Vec<f64> {
-        if self.input.is_static {
+        // Rows of feet are no readings.
+        if self.input.is_static || self.input.contact.is_some() {
             return Vec::new();
         }
         let of = |c: usize| {

@@ -51,6 +51,7 @@ fn input(model: &Model, tree: &Tree, away: &Vector3<f64>, count: usize) -> Input
             wrench: [f.x, f.y, f.z, m.x, m.y, m.z],
             efforts: Vec::new(),
             standing: Vec::new(),
+            ground: Default::default(),
         }
     };
     Input::tracked(model.clone(), (0..count).map(frame).collect(), RATE_HZ)

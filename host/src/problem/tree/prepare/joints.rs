@@ -98,12 +98,15 @@ impl Preparation<'_> {
     pub(super) fn efforts(
         &mut self,
         joints: &BTreeMap<usize, JointColumns>,
+        has_feet: bool,
     ) -> Result<Option<Vec<Vec<f64>>>, TreePrepareError> {
         let mut efforts = Vec::new();
         let mut without = Vec::new();
         for (i, link) in self.model.links.iter().enumerate().skip(1) {
             match joints.get(&i).and_then(|j| j.effort.clone()) {
                 Some(values) => efforts.push(values),
+                // Rows are freed of them.
+                None if has_feet => efforts.push(vec![0.0; self.recording.rows()]),
                 None => without.push(link.joint_name.as_str()),
             }
         }

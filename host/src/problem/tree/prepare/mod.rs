@@ -4,6 +4,7 @@
 //! `sources` and `agreement`.
 
 mod agreement;
+mod feet;
 mod joints;
 mod sensors;
 mod sources;
@@ -31,6 +32,8 @@ pub struct PreparedTree {
     pub input: Input,
     /// What to know.
     pub notes: Vec<String>,
+    /// What to act on.
+    pub warnings: Vec<String>,
     /// Joints that never move, a base that never turns.
     pub idle: Vec<Finding>,
 }
@@ -48,7 +51,10 @@ struct JointColumns {
 struct Preparation<'a> {
     recording: &'a Recording,
     model: &'a Model,
+    /// The model with its fixed joints.
+    original: &'a Model,
     notes: Vec<String>,
+    warnings: Vec<String>,
     cells: BTreeMap<&'a str, &'a [String]>,
 }
 
@@ -66,9 +72,11 @@ pub fn prepare(
         let (name, error) = (recording.name.clone(), Implausible::Dead(dead));
         return Err(TreePrepareError::Implausible { name, error });
     }
-    let model = upright(model.welded(), recording)?;
+    let original = model;
+    let model = upright(original.welded(), recording)?;
     let cells = recording.extra.iter().map(|(name, cells)| (name.as_str(), cells.as_slice())).collect();
-    let mut work = Preparation { recording, model: &model, notes: Vec::new(), cells };
+    let mut work =
+        Preparation { recording, model: &model, original, notes: Vec::new(), warnings: Vec::new(), cells };
     let input = work.input(options)?;
     let frames: Vec<(&[f64], Vector3<f64>)> =
         input.frames.iter().map(|f| (f.positions.as_slice(), f.base.rate)).collect();
@@ -77,7 +85,7 @@ pub fn prepare(
         // Of a base that is held still that is no news; still poses turn nothing by what they are.
         idle.retain(|finding| !finding.text.starts_with("the base never turns"));
     }
-    Ok(PreparedTree { input, notes: work.notes, idle })
+    Ok(PreparedTree { input, notes: work.notes, warnings: work.warnings, idle })
 }
 
 /// Returns the model with its base turned such that gravity is along −z, of a base that is held still.
@@ -166,8 +174,10 @@ impl<'a> Preparation<'a> {
         self.note_unused();
         let gyros = self.gyros(&numbering)?;
         let joints = self.joint_columns()?;
-        let wrench = self.wrench()?;
-        let mut efforts = self.efforts(&joints)?;
+        let feet = self.feet(&joints)?;
+        // Nothing but the ground acts on a robot on its feet.
+        let wrench = if feet.is_some() { Some(vec![[0.0; 6]; recording.rows()]) } else { self.wrench()? };
+        let mut efforts = self.efforts(&joints, feet.is_some())?;
         if options.without_efforts && wrench.is_none() && efforts.is_none() {
             efforts = Some(vec![vec![0.0; recording.rows()]; self.model.freedoms()]);
         }
@@ -258,6 +268,7 @@ impl<'a> Preparation<'a> {
                 wrench: wrench.as_ref().map_or([0.0; 6], |w| w[row]),
                 efforts: efforts.as_ref().map_or_else(Vec::new, |e| e.iter().map(|c| c[row]).collect()),
                 standing: Vec::new(),
+                ground: feet.as_ref().and_then(|feet| feet.ground.get(row)).cloned().unwrap_or_default(),
             });
         }
         if frames.is_empty() {
@@ -278,6 +289,7 @@ impl<'a> Preparation<'a> {
             base: BaseSensor::Imu(self.imu(0).map_or([0.0; 3], |imu| imu.position_m)),
             situation,
             channel_sigma: self.channel_sigma(rows, &joints),
+            contact: None,
             known_offset: match recording.rig.load_cell.offset_n_nm {
                 OffsetTable::Known(offset) => Some(offset),
                 OffsetTable::Word(OffsetWord::Zero) => Some([0.0; 6]),
@@ -305,6 +317,9 @@ impl<'a> Preparation<'a> {
             options.friction.check(&input.drives).map_err(TreePrepareError::Unsupported)?;
             self.notes.extend(standstill::mark(&mut input));
             input.drives.retain(|drive| !drive.terms.is_empty());
+        }
+        if let Some(feet) = feet {
+            self.stand(&mut input, feet)?;
         }
         let table = |i: usize| number_of(i).and_then(|j| self.imu(j));
         let errors = errors(&input, &recording.rig, &table);
