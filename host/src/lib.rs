@@ -18,6 +18,7 @@ pub mod diagnosis;
 pub mod fit;
 pub mod inverse_kinematics;
 pub mod joint_offsets;
+pub mod mass_properties;
 pub mod modal_analysis;
 pub mod model;
 #[cfg(feature = "simulator")]

@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 use crate::{estimation, people, platform, trees};
 
 /// All documents with tables.
-pub const DOCUMENTS: [Document; 7] = [
+pub const DOCUMENTS: [Document; 8] = [
     estimation::DOCUMENT,
     estimation::CALIBRATION,
     estimation::DIAGNOSIS,
     platform::DOCUMENT,
     trees::DOCUMENT,
     trees::JOINT_OFFSETS,
+    trees::MASSES,
     people::DOCUMENT,
 ];
 

@@ -57,6 +57,7 @@ fn regressors(arguments: &BenchRegressors) -> Result<ExitCode, Failure> {
                 let theirs = theirs.as_ref().and_then(|t| t.models.get(k));
                 json!({
                     "model": name, "freedoms": own.freedoms, "regressor_us": own.regressor_us,
+                    "unit_changes_us": own.unit_changes_us,
                     "pinocchio_us": theirs.map(|t| t.1),
                     "base_parameters": own.count, "base_parameters_ms": own.base_parameters_ms,
                 })
@@ -70,13 +71,18 @@ fn regressors(arguments: &BenchRegressors) -> Result<ExitCode, Failure> {
         "regressor of all rows, one core, best of many; Pinocchio {version} through Python: computeJointTorqueRegressor less the call, \
          Python's copy of the matrix with it, so that its C++ is faster than this"
     ));
-    say("model                 freedoms      here   Pinocchio   base parameters");
+    say("model                 freedoms      here   Pinocchio   unit changes         base parameters");
     for (k, ((name, _, _), own)) in models.iter().zip(&ours).enumerate() {
         let their = theirs.as_ref().and_then(|t| t.models.get(k));
         let their = their.map_or_else(|| "–".to_owned(), |(_, us)| format!("{us:6.1} µs"));
         say(format_args!(
-            "{name:20} {:9} {:6.1} µs {their:>11}   {} in {:.1} ms",
-            own.freedoms, own.regressor_us, own.count, own.base_parameters_ms
+            "{name:20} {:9} {:6.1} µs {their:>11} {:7.0} µs ({:3.0} times)   {} in {:.1} ms",
+            own.freedoms,
+            own.regressor_us,
+            own.unit_changes_us,
+            own.unit_changes_us / own.regressor_us,
+            own.count,
+            own.base_parameters_ms
         ));
     }
     Ok(ExitCode::SUCCESS)

@@ -6,7 +6,7 @@ use serde::Serialize;
 use super::calibration_arguments::{Calibrate, CalibrateRig, CalibrateWhat};
 use super::outcome::say;
 use super::reference_runs::{RigErrors, read};
-use super::{Failure, Stages, calibrate_imu, calibrate_joints, factor};
+use super::{Failure, Stages, calibrate_imu, calibrate_joints, calibrate_masses, factor};
 use crate::fit::{COVERAGE_95, Nuisance, RowSource};
 use crate::present::text::{significant, unit_symbol, with_u95};
 use crate::recording::new_file::write_new_text;
@@ -43,6 +43,7 @@ pub(super) fn run(arguments: &Calibrate) -> Result<ExitCode, Failure> {
         CalibrateWhat::Rig(arguments) => rig(arguments),
         CalibrateWhat::Imu(arguments) => calibrate_imu::run(arguments),
         CalibrateWhat::Joints(arguments) => calibrate_joints::run(arguments),
+        CalibrateWhat::Masses(arguments) => calibrate_masses::run(arguments),
     }
 }
 

@@ -4,6 +4,7 @@ use clap::{Args, Subcommand, ValueEnum};
 
 use super::factor_arguments::TareFiles;
 use super::options::calibration::CalibrationOption;
+use super::options::trees::ModelChanges;
 use super::programme::Programme;
 use crate::joint_offsets::search::Method;
 
@@ -24,6 +25,84 @@ pub enum CalibrateWhat {
     Imu(CalibrateImu),
     /// Find offsets of a robot's joint angles from poses with flat soles on a level floor
     Joints(CalibrateJoints),
+    /// Find masses and centres of mass of a robot's links, relative to its model, from motions that excite them poorly
+    Masses(CalibrateMasses),
+}
+
+/// How `rigident calibrate masses` solves.
+#[derive(ValueEnum, Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum MassMethod {
+    /// The one that predicts best what it has not seen, of those whose bodies all can be
+    #[default]
+    Best,
+    /// Singular values above a share of the largest
+    Truncated,
+    /// Conjugate gradients with masses above their bound, stopped early
+    Gradient,
+    /// Least squares with masses above their bound
+    Bounded,
+    /// Least squares beside the nominal model
+    Ridge,
+    /// Bodies that can be, nearest to the nominal model, all ten parameters free
+    Consistent,
+}
+
+/// `rigident calibrate masses`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "The robot stands, walks, falls: the rig file's [[foot]] tables say where its feet measure the ground's wrench. Joint torques and                   feet that are not measured are eliminated. Without [[foot]] tables its base is held still, or its wrench is measured.\n\nRows                   tell combinations of masses; every way takes what they leave open from the model. One recording is split in parts, of several each                   is one: the settings are those that predict best what was left out.\n\nExit status 0, 1 if no way gives bodies that can be or a                   torque contradicts the model, 2 if a file cannot be used.\n\nExamples:\n  rigident calibrate masses robot.urdf walk.csv\n  rigident \
+                  calibrate masses robot.urdf walk.csv squat.csv --symmetric-sides --write-model identified.urdf\n  rigident validate \
+                  identified.urdf other.csv --model robot.urdf"
+)]
+pub struct CalibrateMasses {
+    /// The robot with its nominal masses: URDF, MJCF or SDF
+    #[arg(value_name = "MODEL")]
+    pub model: String,
+    /// Recordings of joints, base and feet, CSV or MCAP
+    #[arg(required = true, value_name = "REC")]
+    pub recordings: Vec<PathBuf>,
+    /// Rig file of all recordings. Default: NAME.rig.toml beside each
+    #[arg(long, value_name = "FILE")]
+    pub rig: Option<PathBuf>,
+    /// Parts of a single recording, each left out once
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u8).range(1..=64))]
+    pub parts: u8,
+    /// All ten parameters of each link are unknown, instead of mass and centre of mass with the tensor about its origin as in the model
+    #[arg(long)]
+    pub all_parameters: bool,
+    /// Links of the right side change as those of the left do, mirrored about y = 0 of the base's frame
+    #[arg(long)]
+    pub symmetric_sides: bool,
+    /// No mass goes below this share of the nominal one
+    #[arg(long, value_name = "SHARE", default_value_t = 0.1)]
+    pub least_mass: f64,
+    /// How the parameters that are written are found
+    #[arg(long, value_enum, value_name = "METHOD", default_value_t)]
+    pub method: MassMethod,
+    /// Condition number of --method truncated. Default: the one that predicts best what it has not seen
+    #[arg(long, value_name = "NUMBER")]
+    pub condition: Option<f64>,
+    /// Steps of --method gradient. Default: as above
+    #[arg(long, value_name = "N")]
+    pub steps: Option<u32>,
+    /// Weight of the nominal model in --method ridge. Default: as above
+    #[arg(long, value_name = "NUMBER")]
+    pub weight: Option<f64>,
+    /// 1 σ that the nominal model is trusted with in --method consistent, relative. Default: as above
+    #[arg(long, value_name = "SHARE")]
+    pub nominal_sigma: Option<f64>,
+    /// Friction columns of every joint, or of one, as in `rigident identify`. Repeatable
+    #[arg(long, value_name = "[JOINT=]LIST")]
+    pub friction: Vec<String>,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub changes: ModelChanges,
+    /// Write the model with what was found: .urdf, .xml (MJCF) or .sdf
+    #[arg(long, value_name = "FILE")]
+    pub write_model: Option<PathBuf>,
+    /// Print one object on standard output, and nothing else there
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// How `rigident calibrate joints` searches.

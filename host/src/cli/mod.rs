@@ -18,6 +18,7 @@ mod body_plates;
 mod calibrate;
 mod calibrate_imu;
 mod calibrate_joints;
+mod calibrate_masses;
 mod calibration_arguments;
 mod came;
 mod confirm;

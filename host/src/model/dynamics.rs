@@ -6,7 +6,8 @@ use rigident_shared::inertia::InertialParameters;
 use rigident_shared::spatial::Body;
 use rigident_shared::tree::{BaseMotion, Joint};
 
-use super::tree::Model;
+use super::inertial::Parameters;
+use super::tree::{Model, NO_BODY};
 
 /// Motion of a link, its own axes.
 #[derive(Clone, Copy)]
@@ -36,6 +37,57 @@ pub fn inverse_dynamics(
     positions: &[f64],
     rates: &[f64],
     accelerations: &[f64],
+) -> Option<Vec<f64>> {
+    inverse_dynamics_with(model, base, positions, rates, accelerations, &[])
+}
+
+/// Returns the same beside wrenches that act on links from outside, each with its link, about the link's origin in its axes, N and
+/// N m: what base and joints have to add to them.
+pub fn inverse_dynamics_with(
+    model: &Model,
+    base: &BaseMotion<f64>,
+    positions: &[f64],
+    rates: &[f64],
+    accelerations: &[f64],
+    outside: &[(usize, [f64; 6])],
+) -> Option<Vec<f64>> {
+    let nominal: Vec<Parameters> = model.links.iter().map(|link| link.nominal.unwrap_or(NO_BODY)).collect();
+    inverse_dynamics_of(model, &nominal, base, (positions, rates, accelerations), outside)
+}
+
+/// Returns the rows of the parameters of all links, ten a link, column by column: what a change of one of them by one changes in
+/// [`inverse_dynamics`], tensors about the links' origins held (K. Yamane, Humanoids 2011, equations 24 to 28). For a function that
+/// knows nothing of rows; [`super::rows::Moving::all_rows`] says the same at once.
+pub fn regressor_by_unit_changes(
+    model: &Model,
+    base: &BaseMotion<f64>,
+    positions: &[f64],
+    rates: &[f64],
+    accelerations: &[f64],
+) -> Option<Vec<Vec<f64>>> {
+    let mut phi: Vec<Parameters> = model.links.iter().map(|link| link.nominal.unwrap_or(NO_BODY)).collect();
+    let motion = (positions, rates, accelerations);
+    let before = inverse_dynamics_of(model, &phi, base, motion, &[])?;
+    let mut columns = Vec::with_capacity(10 * phi.len());
+    for link in 0..phi.len() {
+        for k in 0..10 {
+            let own = phi[link][k];
+            phi[link][k] += 1.0;
+            let after = inverse_dynamics_of(model, &phi, base, motion, &[])?;
+            phi[link][k] = own;
+            columns.push(after.iter().zip(&before).map(|(after, before)| after - before).collect());
+        }
+    }
+    Some(columns)
+}
+
+/// Inverse dynamics of links with these parameters.
+fn inverse_dynamics_of(
+    model: &Model,
+    parameters: &[Parameters],
+    base: &BaseMotion<f64>,
+    (positions, rates, accelerations): (&[f64], &[f64], &[f64]),
+    outside: &[(usize, [f64; 6])],
 ) -> Option<Vec<f64>> {
     let zero = Vector3::zeros();
     let mut states = vec![State {
@@ -95,9 +147,14 @@ pub fn inverse_dynamics(
         });
     }
     let mut wrenches = vec![(zero, zero); states.len()];
+    for (i, [fx, fy, fz, mx, my, mz]) in outside {
+        let (force, moment) = wrenches.get_mut(*i)?;
+        *force -= Vector3::new(*fx, *fy, *fz);
+        *moment -= Vector3::new(*mx, *my, *mz);
+    }
     for (i, link) in model.links.iter().enumerate().rev() {
         let state = states[i];
-        if let Some(phi) = link.nominal.as_ref().filter(|_| link.is_body()) {
+        if let Some(phi) = parameters.get(i).filter(|phi| **phi != NO_BODY) {
             let body = InertialParameters::<Body, f64>::from_vector(*phi);
             // Moments without mass are about every point.
             let (c, tensor) = if body.mass > 0.0 {
@@ -156,7 +213,14 @@ mod tests {
         let phi = DVector::from_vec(model.nominal());
         let rows = nalgebra::DMatrix::from_row_slice(6 + v.len(), columns, moving.all_rows().unwrap());
         let got = DVector::from_vec(inverse_dynamics(&model, &base, &q, &v, &a).unwrap());
-        let wanted = rows * phi;
+        let wanted = &rows * phi;
         assert!((&got - &wanted).abs().max() < 1e-12 * wanted.abs().max());
+        // Column by column, whatever the others are.
+        let columns = regressor_by_unit_changes(&model, &base, &q, &v, &a).unwrap();
+        for (own, column) in rows.column_iter().zip(&columns) {
+            let off = own.iter().zip(column).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(off < 1e-10 * wanted.abs().max().max(1.0), "{off}");
+        }
+        assert_eq!(columns.len(), rows.ncols());
     }
 }

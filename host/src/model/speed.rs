@@ -13,6 +13,7 @@ use nalgebra::Vector3;
 use rigident_shared::tree::{BaseMotion, TreeError};
 
 use super::base::{Rows, Situation, base_parameters};
+use super::dynamics::regressor_by_unit_changes;
 use super::finding::ModelError;
 use super::rows::Moving;
 use super::tree::Model;
@@ -31,6 +32,8 @@ pub struct Timed {
     pub freedoms: usize,
     /// One call of motion and rows, µs.
     pub regressor_us: f64,
+    /// The same by a unit change of each parameter of inverse dynamics, µs.
+    pub unit_changes_us: f64,
     /// Base parameters from scratch, both ways, ms.
     pub base_parameters_ms: f64,
     /// How many there are.
@@ -82,6 +85,10 @@ pub fn time(model: &Model, floating: bool) -> Result<Timed, ModelError> {
     if let Some(error) = failed {
         return Err(refuse(error));
     }
+    let motion = if floating { &base } else { &still };
+    let unit_changes_s = best(5, || {
+        let _ = black_box(regressor_by_unit_changes(&welded, motion, black_box(&q), &v, &dv));
+    });
     let rows = if floating { Rows::Base } else { Rows::Joint };
     let situation = Situation { floating, rows, mimic: false };
     let count = base_parameters(model, &situation)?.parameters.len();
@@ -91,6 +98,7 @@ pub fn time(model: &Model, floating: bool) -> Result<Timed, ModelError> {
     Ok(Timed {
         freedoms: moving.freedoms() + if floating { 6 } else { 0 },
         regressor_us: seconds / CALLS as f64 * 1e6,
+        unit_changes_us: unit_changes_s * 1e6,
         base_parameters_ms: base_parameters_s * 1e3,
         count,
     })

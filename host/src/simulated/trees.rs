@@ -299,28 +299,35 @@ pub struct TreeInstant {
 impl TreeInstant {
     /// Returns the motion at a time, s: swings of every joint, and of the base if it moves.
     pub fn new(model: &Model, base_moves: bool, t: f64) -> Self {
-        let base = if base_moves {
-            let (r, rate) = attitude(t, 0, 0.3);
+        let size = |_: &str, joint: &Joint<f64>| if matches!(joint, Joint::Spherical) { 0.4 } else { 0.5 };
+        Self::of_sizes(model, if base_moves { 0.3 } else { 0.0 }, &size, t)
+    }
+
+    /// Returns the motion at a time, s, whose swings have these sizes, rad: of the base, held still if zero, and of the joint of each
+    /// link.
+    pub fn of_sizes(model: &Model, of_base: f64, size: &dyn Fn(&str, &Joint<f64>) -> f64, t: f64) -> Self {
+        let base = if of_base > 0.0 {
+            let (r, rate) = attitude(t, 0, of_base);
             let force = r.transpose() * Vector3::z() * GRAVITY;
-            BaseMotion { specific_force: force, rate, angular_acceleration: change(t, 0, 0.3) }
+            BaseMotion { specific_force: force, rate, angular_acceleration: change(t, 0, of_base) }
         } else {
             BaseMotion::still([0.0, 0.0, -GRAVITY])
         };
         let mut links = vec![(Matrix3::identity(), base.rate)];
         let (mut q, mut v, mut dv) = (Vec::new(), Vec::new(), Vec::new());
         for (i, link) in model.links.iter().enumerate().skip(1) {
-            let k = 3 * i + 1;
+            let (k, size) = (3 * i + 1, size(&link.name, &link.link.joint));
             let (own, spin) = match &link.link.joint {
                 Joint::Spherical => {
-                    let (own, spin) = attitude(t, k, 0.4);
+                    let (own, spin) = attitude(t, k, size);
                     let turn = nalgebra::UnitQuaternion::from_matrix(&own);
                     q.extend([turn.w, turn.i, turn.j, turn.k]);
                     v.extend(spin.iter());
-                    dv.extend(change(t, k, 0.4).iter());
+                    dv.extend(change(t, k, size).iter());
                     (own, spin)
                 }
                 Joint::Revolute(axis) => {
-                    let [angle, speed, acceleration] = swing(t, k, 0.5);
+                    let [angle, speed, acceleration] = swing(t, k, size);
                     q.push(angle);
                     v.push(speed);
                     dv.push(acceleration);

@@ -4,6 +4,7 @@
 
 mod errors;
 mod joint_offsets;
+mod masses;
 mod model_check;
 mod predict;
 mod signal_noise;
@@ -26,6 +27,10 @@ pub const DOCUMENT: Document = Document {
         Table { name: "predict", make: predict::table },
     ],
 };
+
+/// The document of mass properties.
+pub const MASSES: Document =
+    Document { file: "docs/masses.md", tables: &[Table { name: "masses-long", make: masses::table }] };
 
 /// The document of joint offsets.
 pub const JOINT_OFFSETS: Document = Document {

@@ -1,10 +1,12 @@
 //! Frames of a tree: what is measured at one instant, and how it is to be understood.
 
-use rigident_shared::tree::BaseMotion;
+use rigident_shared::tree::{BaseMotion, TreeError};
 
 use super::SignalError;
+use super::contact::states::assign;
 use super::contact::{Contact, Ground};
 use super::drive::Drive;
+use super::rows::RowMaker;
 use crate::fit::Nuisance;
 use crate::model::Model;
 use crate::model::base::{Rows, Situation};
@@ -154,6 +156,16 @@ impl Input {
             contact: self.contact.clone(),
             ..*self
         }
+    }
+
+    /// Chooses the rows that are free of what feet do not measure, by frames; returns how many frames were left out as the contact
+    /// changes there.
+    ///
+    /// # Errors
+    /// [`TreeError`] if frames and model do not fit.
+    pub fn choose_rows(&mut self) -> Result<usize, TreeError> {
+        let mut moving = RowMaker::about_imu(self)?;
+        assign(self, &mut moving)
     }
 
     /// Returns true if the wrench is among the rows.

@@ -145,8 +145,7 @@ fn input(model: &Model, feet: Vec<Foot>, unmeasured: Vec<usize>, frames: Vec<Fra
         contact: Some(Contact { feet, unmeasured, sigma: sigma.collect(), states: Vec::new() }),
         ..Input::tracked(model.clone(), frames, 1.0 / STEP)
     };
-    let mut moving = crate::problem::tree::rows::RowMaker::about_imu(&input).unwrap();
-    states::assign(&mut input, &mut moving).unwrap();
+    input.choose_rows().unwrap();
     input
 }
 

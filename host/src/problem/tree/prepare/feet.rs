@@ -8,13 +8,10 @@ use rigident_shared::tree::TreeError;
 use super::{JointColumns, Preparation};
 use crate::model::edit::Place;
 use crate::model::idle::white_noise;
-use crate::problem::tree::Input;
-use crate::problem::tree::TreePrepareError;
 use crate::problem::tree::columns::{Column, numbers};
-use crate::problem::tree::contact::states::assign;
 use crate::problem::tree::contact::{COMPONENTS, Contact, Foot, Ground};
 use crate::problem::tree::joints::attitude;
-use crate::problem::tree::rows::RowMaker;
+use crate::problem::tree::{Input, TreePrepareError};
 use crate::rig::FootTable;
 
 /// A foot stands where its force is above this share of the robot's weight.
@@ -109,8 +106,7 @@ impl Preparation<'_> {
         input.channel_sigma = feet.is_stated.then(|| feet.contact.sigma.clone());
         input.contact = Some(feet.contact);
         let refuse = |error: TreeError| self.misfit(format!("feet and links do not fit: {error:?}"));
-        let mut moving = RowMaker::about_imu(input).map_err(refuse)?;
-        let left_out = assign(input, &mut moving).map_err(refuse)?;
+        let left_out = input.choose_rows().map_err(refuse)?;
         let Some(contact) = &input.contact else { return Ok(()) };
         let mut times: Vec<(String, usize)> = Vec::new();
         for frame in &input.frames {
