@@ -21,6 +21,7 @@ mod fitting;
 mod forgetting;
 mod knocks;
 mod known;
+mod legged;
 mod mcap_damage;
 mod mcap_independent;
 mod model_commands;
