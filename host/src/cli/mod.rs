@@ -18,6 +18,8 @@ mod body_plates;
 mod calibrate;
 mod calibrate_imu;
 mod calibrate_joints;
+mod calibrate_joints_page;
+mod calibrate_joints_words;
 mod calibrate_masses;
 mod calibration_arguments;
 mod came;

@@ -9,6 +9,8 @@ mod body_identify;
 mod body_rows;
 mod c3d_independent;
 mod calibrate_joints;
+mod calibrate_joints_contacts;
+mod calibrate_joints_faults;
 mod calibration;
 mod commands;
 mod device_precision;

@@ -7,7 +7,7 @@ use std::process::Command;
 use rigident::cli::ExitStatus;
 use rigident::fit::factor_file::{self, FactorSource, SourceChannel};
 use rigident::fit::{Kind, Owner, Parameter};
-use rigident::joint_offsets::contacts_file::SoleTable;
+use rigident::joint_offsets::contacts_file::{ContactsFile, FixedTable, ImuTable, PlaneTable, SoleTable};
 use rigident::recording::columns::{Group, Known};
 use rigident::recording::convert::convert;
 use rigident::rig::RigFile;
@@ -157,13 +157,26 @@ fn is_table(key: &str, found: &[(String, BTreeSet<String>)]) -> bool {
 
 #[test]
 fn every_key_of_a_file_of_contacts_is_described() {
-    let table = SoleTable {
+    let sole = SoleTable {
         name: Some("left".to_owned()),
         link: "foot".to_owned(),
         corners_m: vec![[0.0; 3]],
         corner_links: vec!["corner".to_owned()],
+        corner_sites: vec!["site".to_owned()],
+        plane: Some("wall".to_owned()),
     };
-    let real = serde_json::to_value(table).unwrap().as_object().unwrap().keys().cloned().collect();
+    let file = ContactsFile {
+        sole: vec![sole],
+        plane: vec![PlaneTable { normal_noise_deg: Some(1.0), ..PlaneTable::default() }],
+        fixed: vec![FixedTable { name: Some("hand".to_owned()), ..FixedTable::default() }],
+        imu: vec![ImuTable::default()],
+    };
+    let tables = serde_json::to_value(file).unwrap();
+    let tables = tables.as_object().unwrap();
+    let keys = |table: &serde_json::Value| table[0].as_object().unwrap().keys().cloned().collect::<Vec<_>>();
+    let real = tables.values().flat_map(keys).collect();
+    let section_of = section(&formats(), "## File of contacts").to_owned();
+    assert!(tables.keys().all(|name| section_of.contains(&format!("[[{name}]]"))));
     let text = formats();
     same("keys of a file of contacts", &first_cells(section(&text, "## File of contacts")), &real);
 }
