@@ -52,6 +52,7 @@ mod options;
 mod outcome;
 mod payload;
 mod plan_arguments;
+mod plan_excitation;
 mod plan_motion;
 mod plan_poses;
 mod predict;
@@ -245,6 +246,7 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
             Planned::Poses(a) => plan_poses::run(&a),
             Planned::Motion(a) => plan_motion::run(&a),
             Planned::Compare(a) => plan_motion::compare(&a),
+            Planned::Excitation(a) => plan_excitation::run(&a),
         },
         Some(Command::Schema(a)) => schema(&a),
         Some(Command::Model(a)) => model::run(&a),

@@ -33,6 +33,7 @@ mod no_simulator;
 mod opensim_independent;
 mod payload;
 mod pendulum;
+mod plan_excitation;
 mod plan_motion;
 mod plan_poses;
 mod predict;

@@ -8,6 +8,7 @@ use rigident::cli::ExitStatus;
 use rigident::fit::factor_file::{self, FactorSource, SourceChannel};
 use rigident::fit::{Kind, Owner, Parameter};
 use rigident::joint_offsets::contacts_file::{ContactsFile, FixedTable, ImuTable, PlaneTable, SoleTable};
+use rigident::plan::excitation::boxes::{BoxFile, BoxTable};
 use rigident::recording::columns::{Group, Known};
 use rigident::recording::convert::convert;
 use rigident::rig::RigFile;
@@ -182,6 +183,22 @@ fn every_key_of_a_file_of_contacts_is_described() {
 }
 
 #[test]
+fn every_key_of_a_file_of_boxes_is_described() {
+    let table = BoxTable { link: "arm".to_owned(), size_m: [1.0; 3], ..BoxTable::default() };
+    let file = BoxFile {
+        boxes: vec![table.clone()],
+        no_box: vec!["tool".to_owned()],
+        skip_pairs: vec![["a".to_owned(), "b".to_owned()]],
+    };
+    let keys = |value: serde_json::Value| value.as_object().unwrap().keys().cloned().collect::<BTreeSet<_>>();
+    let mut real = keys(serde_json::to_value(table).unwrap());
+    real.extend(keys(serde_json::to_value(file).unwrap()));
+    real.remove("box");
+    let text = formats();
+    same("keys of a file of boxes", &first_cells(section(&text, "## File of boxes")), &real);
+}
+
+#[test]
 fn every_exit_status_is_described() {
     let text = formats();
     let rows = section(&text, "## Exit statuses")
@@ -221,6 +238,9 @@ fn every_field_of_the_other_commands_is_described() {
          <inertia ixx=\"1\" iyy=\"1\" izz=\"5\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial></link></robot>",
     )
     .unwrap();
+    let arm = folder.path().join("arm.urdf");
+    std::fs::write(&arm, crate::plan_excitation::ARM).unwrap();
+    let arm = arm.display().to_string();
     let (rig, urdf) = (rig.display().to_string(), urdf.display().to_string());
     let humanoid = crate::calibrate_joints::Files::new();
     let [model, poses, soles] = humanoid.paths();
@@ -232,6 +252,10 @@ fn every_field_of_the_other_commands_is_described() {
         ("montecarlo poses", vec!["montecarlo", "poses", "--runs", "2", "--to", "2", "--json"]),
         ("plan poses", vec!["plan", "poses", "--n", "3", "--json"]),
         ("plan motion", vec!["plan", "motion", "--objective", "rpy", "--duration-s", "20", "--json"]),
+        (
+            "plan excitation",
+            vec!["plan", "excitation", &arm, "--duration-s", "3", "--restarts", "1", "--json"],
+        ),
         ("workspace", vec!["workspace", "--step-deg", "90", "--json"]),
         ("model base-params", vec!["model", "base-params", &rig, "--floating", "--json"]),
         ("model check", vec!["model", "check", &urdf, "--json"]),

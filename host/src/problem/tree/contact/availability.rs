@@ -170,12 +170,7 @@ fn eliminate(
 
 impl Availability {
     /// Combines rows of coefficients, `columns` each: `W S − (∂W) D` is smoothed, `W D` differentiated.
-    pub(in super::super) fn combine(
-        &self,
-        smoothed: &mut Vec<f64>,
-        differentiated: &mut Vec<f64>,
-        columns: usize,
-    ) {
+    pub(in super::super) fn combine(&self, smoothed: &mut [f64], differentiated: &mut [f64], columns: usize) {
         let rows = self.weights.nrows();
         if smoothed.len() != rows * columns || differentiated.len() != rows * columns {
             return;

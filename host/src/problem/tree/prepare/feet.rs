@@ -151,7 +151,7 @@ impl Preparation<'_> {
                     .to_owned(),
             ));
         }
-        if recording.is_static || !recording.imus.first().is_some_and(|imu| imu.accel.is_some()) {
+        if recording.is_static || recording.imus.first().is_none_or(|imu| imu.accel.is_none()) {
             return Err(self.missing(
                 "the base's IMU (imu_ax_mps2 …, imu_gx_radps …) is",
                 "a robot on its feet moves, and how its base moves is not known otherwise; for a robot that is held remove the \
