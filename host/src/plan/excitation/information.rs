@@ -120,6 +120,7 @@ impl Tree {
             drives,
             signals: Vec::new(),
             rate_sigma: 0.0,
+            contact: None,
         })?;
         let mut paths: Vec<Vec<usize>> = vec![Vec::new()];
         for (i, link) in model.links.iter().enumerate().skip(1) {

@@ -64,6 +64,7 @@ pub fn predict(tree: &Tree, series: &Series, rate_hz: f64) -> Result<Prediction,
             wrench,
             efforts,
             standing: Vec::new(),
+            ground: Default::default(),
         }
     };
     let frames = (0..=readings).map(frame).collect();
