@@ -147,7 +147,8 @@ impl Study<'_> {
         fixed: &[Way],
         progress: &dyn Fn(f64),
     ) -> Result<Comparison, ModelError> {
-        let unknowns = Unknowns::of(self.model, self.set, self.symmetric, self.least)?;
+        let unknowns =
+            Unknowns::of(self.model, self.base.standard.len() / 10, self.set, self.symmetric, self.least)?;
         let all = self.merged(None);
         let rows = BaseRows::of(&all, self.base, unknowns.bodies.len());
         let sizes = rows.relative(&unknowns).rows.singular_values();
