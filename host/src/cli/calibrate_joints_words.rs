@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use super::Failure;
 use crate::fit::COVERAGE_95;
-use crate::joint_offsets::faults::{Fault, faults, too_large};
+use crate::joint_offsets::faults::{Fault, NOT_NOISE, faults, too_large};
 use crate::joint_offsets::result::{Answer, Coarsest, Offset};
 use crate::joint_offsets::{Pose, Setup};
 use crate::present::joint_offsets::with_unit;
@@ -12,9 +12,6 @@ use crate::present::text::{NOT_IDENTIFIED, counted, significant};
 
 /// What is left may be so much more than the stated noise explains before it is said, a ratio of variances.
 const NOISIER: f64 = 1.5;
-/// With more left than this, a ratio of variances, nothing is believed: noise twice what is stated.
-const NOT_NOISE: f64 = 4.0;
-
 /// Refuses poses that contradict each other, with the fault that explains them if there is one.
 ///
 /// # Errors

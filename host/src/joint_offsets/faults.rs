@@ -41,6 +41,8 @@ const CHANCE: f64 = 1e-3;
 const WIDE_RAD: f64 = 0.175;
 /// An offset above this, rad, is none (30°).
 const LARGEST_RAD: f64 = 0.52;
+/// With more left than this, a ratio of variances, nothing is believed: noise twice what is stated.
+pub const NOT_NOISE: f64 = 4.0;
 /// Directions below this share of the best known one are rounding.
 const ROUNDING: f64 = 1e-9;
 
