@@ -1,5 +1,6 @@
 //! The simulated rig from outside: `cargo test --release -p rigident-sim --test integration NAME`.
 
+mod board_timing;
 mod drivers;
 mod hexapod;
 mod independence;
