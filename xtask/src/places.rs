@@ -6,6 +6,10 @@ use std::path::{Path, PathBuf};
 pub const BOARD: &str = "mps2-an386";
 /// The board's main binary.
 pub const FIRMWARE: &str = "rigident-mps2-an386";
+/// Name of the folder of boards that one can buy.
+pub const STM32: &str = "stm32f405";
+/// Their binary.
+pub const STM32_FIRMWARE: &str = "rigident-stm32f405";
 /// The target triple of every board.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
 
@@ -16,7 +20,17 @@ pub fn root() -> &'static Path {
 
 /// The emulated board's folder, a workspace of its own.
 pub fn board() -> PathBuf {
-    root().join("firmware/boards").join(BOARD)
+    board_named(BOARD)
+}
+
+/// A board's folder by its name.
+pub fn board_named(name: &str) -> PathBuf {
+    root().join("firmware/boards").join(name)
+}
+
+/// Where tests look for the image that is flashed.
+pub fn stm32_elf() -> PathBuf {
+    board_named(STM32).join("target").join(TARGET).join("release").join(STM32_FIRMWARE)
 }
 
 /// Where the simulator looks for the firmware when it is not told.
