@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 
-use crate::places::{self, BOARD, FIRMWARE, STM32, STM32_FIRMWARE, TARGET};
+use crate::places::{
+    self, BOARD, FIRMWARE, KERNEL_BITS, PICO, PICO_FIRMWARE, PICO_TARGET, STM32, STM32_FIRMWARE, TARGET,
+};
 use crate::process;
 use crate::toolchain::{self, Core};
 
@@ -24,16 +26,19 @@ pub enum Board {
     /// BlackPill with an STM32F411.
     #[value(name = "stm32f411")]
     F411,
+    /// Raspberry Pi Pico 2: the link to the host alone.
+    #[value(name = "rp2350")]
+    Pico,
 }
 
-/// Boards that one can buy.
+/// Boards that one can buy and wire.
 pub const BOUGHT: [Board; 3] = [Board::F405, Board::F446, Board::F411];
 
 impl Board {
     /// Returns the feature of the board crate that is this chip.
     fn feature(self) -> Option<&'static str> {
         match self {
-            Self::Emulated | Self::F405 => None,
+            Self::Emulated | Self::F405 | Self::Pico => None,
             Self::F446 => Some("f446"),
             Self::F411 => Some("f411"),
         }
@@ -65,8 +70,14 @@ pub fn build_for(board: Board, core: Core, features: &[&str]) -> Result<PathBuf>
     if board == Board::Emulated {
         return build(core, features);
     }
+    if board == Board::Pico {
+        toolchain::have(core, PICO_TARGET)?;
+        let bits = build_in(core, (PICO, PICO_TARGET), KERNEL_BITS, &["an505"])?;
+        copy(&bits, &places::kernel_bits_elf())?;
+        return build_in(core, (PICO, PICO_TARGET), PICO_FIRMWARE, features);
+    }
     let features: Vec<&str> = board.feature().into_iter().chain(features.iter().copied()).collect();
-    let elf = build_in(core, STM32, STM32_FIRMWARE, &features)?;
+    let elf = build_in(core, (STM32, TARGET), STM32_FIRMWARE, &features)?;
     if features.is_empty() {
         copy(&elf, &places::stm32_elf())?;
     }
@@ -97,11 +108,11 @@ pub fn build_apart(core: Core) -> Result<PathBuf> {
 
 /// Builds one binary of the board crate with these features, or options of `cargo build`, and keeps its ELF where builds with other features do not replace it.
 pub fn build_binary(core: Core, binary: &str, features: &[&str]) -> Result<PathBuf> {
-    build_in(core, BOARD, binary, features)
+    build_in(core, (BOARD, TARGET), binary, features)
 }
 
-fn build_in(core: Core, board: &str, binary: &str, features: &[&str]) -> Result<PathBuf> {
-    let mut command = toolchain::board_cargo(core, "build", &places::board_named(board));
+fn build_in(core: Core, (board, target): (&str, &str), binary: &str, features: &[&str]) -> Result<PathBuf> {
+    let mut command = toolchain::board_cargo_for(core, "build", &places::board_named(board), target);
     command.args(["--release", "--bin", binary]);
     let (options, features): (Vec<&str>, Vec<&str>) = features.iter().partition(|f| f.starts_with("--"));
     command.args(&options);
@@ -109,7 +120,7 @@ fn build_in(core: Core, board: &str, binary: &str, features: &[&str]) -> Result<
         command.arg("--features").arg(features.join(","));
     }
     process::run(&mut command)?;
-    let built = toolchain::build_folder(core).join(TARGET).join("release").join(binary);
+    let built = toolchain::build_folder(core).join(target).join("release").join(binary);
     let mut name = format!("{binary}-{core}");
     for part in options.iter().map(|option| option.trim_start_matches('-')).chain(features) {
         name = format!("{name}-{part}");

@@ -70,6 +70,12 @@ const CHIPS: [Chip; 3] = [
 
 /// Builds the image and flashes it.
 pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
+    if options.board == Board::Pico {
+        bail!(
+            "a Pico 2 flashes itself: hold BOOTSEL while you plug it in, `cargo xtask firmware --board rp2350`, then \
+             `picotool load -t elf IMAGE`"
+        );
+    }
     let Some(chip) = CHIPS.iter().find(|chip| chip.board == options.board) else {
         bail!(
             "the emulated board cannot be flashed: `cargo xtask firmware` builds it, `rigident demo --mcu qemu` runs it"

@@ -10,7 +10,15 @@ pub const FIRMWARE: &str = "rigident-mps2-an386";
 pub const STM32: &str = "stm32f405";
 /// Their binary.
 pub const STM32_FIRMWARE: &str = "rigident-stm32f405";
-/// The target triple of every board.
+/// Name of the Pico 2's folder.
+pub const PICO: &str = "rp2350";
+/// Its binary.
+pub const PICO_FIRMWARE: &str = "rigident-rp2350";
+/// Its binary for the emulated board with the same core.
+pub const KERNEL_BITS: &str = "kernel-bits";
+/// The target triple of its core.
+pub const PICO_TARGET: &str = "thumbv8m.main-none-eabihf";
+/// The target triple of the boards with a Cortex-M4F.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
 
 /// The project's folder.
@@ -36,6 +44,11 @@ pub fn stm32_elf() -> PathBuf {
 /// Where the simulator looks for the firmware when it is not told.
 pub fn firmware_elf() -> PathBuf {
     board().join("target").join(TARGET).join("release").join(FIRMWARE)
+}
+
+/// Where tests look for the check of the kernels on the Pico's core.
+pub fn kernel_bits_elf() -> PathBuf {
+    board_named(PICO).join("target").join(PICO_TARGET).join("release").join(KERNEL_BITS)
 }
 
 /// The fuzz targets' folder, a workspace of its own.

@@ -9,10 +9,11 @@ fn root() -> PathBuf {
 }
 
 /// The workspaces.
-const MANIFESTS: [&str; 4] = [
+const MANIFESTS: [&str; 5] = [
     "Cargo.toml",
     "firmware/boards/mps2-an386/Cargo.toml",
     "firmware/boards/stm32f405/Cargo.toml",
+    "firmware/boards/rp2350/Cargo.toml",
     "fuzz/Cargo.toml",
 ];
 

@@ -5,6 +5,7 @@ mod drivers;
 mod hexapod;
 mod independence;
 mod instrument;
+mod kernel_bits;
 mod runner;
 mod serve;
 mod served_program;
