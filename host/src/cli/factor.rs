@@ -1,5 +1,5 @@
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -13,6 +13,7 @@ use super::{Failure, Folder, Stages};
 use crate::answer::Source;
 use crate::fit::pool::{PooledFactor, disagreement_in_words};
 use crate::fit::tare::Tare;
+use crate::fit::union::{Union, union_of_files};
 use crate::fit::{Fit, Kind, Parameter};
 use crate::present;
 use crate::problem::ProblemOptions;
@@ -52,8 +53,43 @@ pub(super) fn make(arguments: &MakeFactor) -> Result<ExitCode, Failure> {
 /// `rigident merge`
 pub(super) fn merge(arguments: &Merge) -> Result<ExitCode, Failure> {
     absent(&arguments.output)?;
-    let factors = arguments.factors.iter().map(|path| read(path)).collect::<Result<Vec<_>, _>>()?;
-    write(factors, arguments.shared_offset, arguments.force, &arguments.output)
+    let mut files = arguments.factors.clone();
+    if let Some(list) = &arguments.from {
+        files.extend(listed(list)?);
+    }
+    let runs = if present::merged::is_shown(files.len()) {
+        files.iter().map(|path| read(path)).collect::<Result<Vec<_>, _>>()?
+    } else {
+        Vec::new()
+    };
+    let stages = Stages::new("merging");
+    let done = |read: usize, of: usize| stages.at("reading", read as f64 / of as f64);
+    let Union { factor, repeated } =
+        union_of_files(&files, arguments.shared_offset, &done).map_err(Failure::input)?;
+    drop(stages);
+    if repeated > 0 {
+        tell!("rigident: {repeated} of {} factors are left out: their recordings are in others", files.len());
+    }
+    write_pooled(&factor, &runs, arguments.shared_offset, arguments.force, &arguments.output)
+}
+
+/// Returns the paths that stand in a list, one a line; `-` is standard input.
+fn listed(list: &Path) -> Result<Vec<PathBuf>, Failure> {
+    let refuse = |why: &dyn std::fmt::Display| {
+        Failure::input(format!("--from {}: cannot be read: {why}", list.display()))
+    };
+    let text = if list.as_os_str() == "-" {
+        std::io::read_to_string(std::io::stdin())
+    } else {
+        std::fs::read_to_string(list)
+    }
+    .map_err(|error| refuse(&error))?;
+    let files: Vec<PathBuf> =
+        text.lines().map(str::trim).filter(|line| !line.is_empty()).map(PathBuf::from).collect();
+    if files.is_empty() {
+        return Err(Failure::input(format!("--from {}: there is no path in it", list.display())));
+    }
+    Ok(files)
 }
 
 /// `rigident solve`
@@ -243,6 +279,17 @@ fn write(
 ) -> Result<ExitCode, Failure> {
     let runs = if present::merged::is_shown(factors.len()) { factors.clone() } else { Vec::new() };
     let pooled = PooledFactor::merged(factors, shared_offset).map_err(Failure::input)?;
+    write_pooled(&pooled, &runs, shared_offset, force, output)
+}
+
+/// Writes a merged factor, and shows what merging gained over its runs, if they are given.
+fn write_pooled(
+    pooled: &PooledFactor,
+    runs: &[PooledFactor],
+    shared_offset: bool,
+    force: bool,
+    output: &Path,
+) -> Result<ExitCode, Failure> {
     if let Some(ratio) = pooled.unexplained_disagreement() {
         if ratio.sqrt() > FOREIGN && !force {
             return Err(Failure::input(format!(
@@ -260,7 +307,7 @@ fn write(
         tell!("rigident: {warning}");
     }
     pooled.write(output).map_err(Failure::input)?;
-    if let Some(table) = present::merged::table(&runs, &pooled) {
+    if let Some(table) = present::merged::table(runs, pooled) {
         say(table.trim_end());
     }
     say(format_args!(

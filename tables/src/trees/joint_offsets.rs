@@ -61,7 +61,8 @@ fn refused(poses: Poses, count: usize, set: usize) -> bool {
 
 /// Returns the table of sets that are refused though nothing is wrong.
 pub fn refusals() -> String {
-    let mut out = "| poses | number | refused | chance of it, at most (95 %) |\n|---|---|---|---|\n".to_owned();
+    let mut out =
+        "| poses | number | refused | chance of it, at most (95 %) |\n|---|---|---|---|\n".to_owned();
     let kinds: [(&str, Poses, usize); 3] = [
         ("random, flat soles", random_poses, 6),
         ("random, flat soles", random_poses, 24),
