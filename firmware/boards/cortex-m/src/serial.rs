@@ -10,20 +10,20 @@ use crate::ring::Ring;
 
 /// The queues of the link to the host.
 pub struct Queues {
-    /// A full frame of the wire and some: a host that sends one command at a time never fills it.
+    /// Holds what the host has said: a full frame of the wire and some, so that one command at a time never fills it.
     pub from_host: Ring<2048>,
-    /// What the firmware has to say.
+    /// Holds what the firmware has to say.
     pub to_host: Ring<4096>,
 }
 
 impl Queues {
-    /// Both empty.
+    /// Returns both, empty.
     #[must_use]
     pub const fn new() -> Self {
         Self { from_host: Ring::new(), to_host: Ring::new() }
     }
 
-    /// Takes bytes from the host into `buffer`; how many there were.
+    /// Takes bytes from the host into `buffer` and returns how many there were.
     pub fn receive(&self, buffer: &mut [u8]) -> usize {
         let mut count = 0;
         for slot in buffer {
@@ -34,7 +34,7 @@ impl Queues {
         count
     }
 
-    /// Moves what the firmware has to say into its queue, as far as there is room; whether there was something. The port's
+    /// Moves what the firmware has to say into its queue, as far as there is room, and returns whether there was something. The port's
     /// interrupt has to be woken then.
     pub fn fill<P, A, I, F, D>(&self, instrument: &mut Instrument<P, A, I, F, D>, chunk: &mut [u8]) -> bool
     where

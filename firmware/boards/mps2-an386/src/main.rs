@@ -78,9 +78,9 @@ fn SysTick() {}
 // SAFETY: it only touches the serial port, which the main loop leaves to it.
 #[exception]
 unsafe fn DefaultHandler(line: i16) {
-    match line {
+    match line.unsigned_abs() {
         uart::RECEIVED => uart::on_received(),
         uart::SENT => uart::on_sent(),
-        unexpected => defmt::panic!("interrupt {=i16} has no handler", unexpected),
+        _ => defmt::panic!("interrupt {=i16} has no handler", line),
     }
 }

@@ -3,14 +3,13 @@
 use core::num::NonZeroU32;
 use core::ptr;
 
-use cortex_m::peripheral::NVIC;
-
+use rigident_cortex_m::interrupts::{mask, pend, unmask};
 use rigident_cortex_m::serial::Queues;
 
 /// Interrupt number of a received byte.
-pub const RECEIVED: i16 = 0;
+pub const RECEIVED: u16 = 0;
 /// Interrupt number of a sent byte.
-pub const SENT: i16 = 1;
+pub const SENT: u16 = 1;
 
 const BASE: usize = 0x4000_4000;
 const DATA: usize = BASE;
@@ -28,16 +27,6 @@ const RECEIVE_INTERRUPT: u32 = 1 << 1;
 
 /// The link to the host.
 pub static QUEUES: Queues = Queues::new();
-
-#[derive(Clone, Copy)]
-struct Line(u16);
-
-// SAFETY: a fixed number below the controller's number of lines.
-unsafe impl cortex_m::interrupt::InterruptNumber for Line {
-    fn number(self) -> u16 {
-        self.0
-    }
-}
 
 fn read(register: usize) -> u32 {
     // SAFETY: the address of a 32-bit device register of this board.
@@ -59,18 +48,13 @@ pub fn start() {
     unmask(SENT);
 }
 
-fn unmask(line: i16) {
-    // SAFETY: no critical section here relies on a masked line.
-    unsafe { NVIC::unmask(Line(line.unsigned_abs())) }
-}
-
 /// Bytes from the host into `buffer`; how many there were.
 pub fn receive(buffer: &mut [u8]) -> usize {
     let n = QUEUES.receive(buffer);
     if n > 0 {
         // The interrupt masks itself when the queue is full; with room again, let it look once more.
         unmask(RECEIVED);
-        NVIC::pend(Line(RECEIVED.unsigned_abs()));
+        pend(RECEIVED);
     }
     n
 }
@@ -78,7 +62,7 @@ pub fn receive(buffer: &mut [u8]) -> usize {
 /// Has what is queued for the host sent.
 pub fn send() {
     // The interrupt handler is the only one to take bytes out.
-    NVIC::pend(Line(SENT.unsigned_abs()));
+    pend(SENT);
 }
 
 /// Waits until everything queued has left the port.
@@ -91,7 +75,7 @@ pub fn flush() {
 /// Interrupt: takes one byte, and masks itself while there is no room for it: the sender is then held up.
 pub fn on_received() {
     if QUEUES.from_host.room() == 0 {
-        NVIC::mask(Line(RECEIVED.unsigned_abs()));
+        mask(RECEIVED);
         return;
     }
     // Cleared before the byte is read, since reading lets the next one in.

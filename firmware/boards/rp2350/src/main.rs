@@ -10,19 +10,19 @@ mod registers;
 
 use core::panic::PanicInfo;
 
-use cortex_m::interrupt::InterruptNumber;
+use cortex_m::peripheral::SCB;
 use cortex_m::peripheral::syst::SystClkSource;
-use cortex_m::peripheral::{NVIC, SCB};
 use cortex_m::singleton;
 use cortex_m_rt::{entry, exception};
 use embedded_hal::delay::DelayNs;
-use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 use registers::*;
+use rigident_cortex_m::absent::Absent;
+use rigident_cortex_m::interrupts::{pend, unmask};
 use rigident_cortex_m::serial::Queues;
 use rigident_firmware::{Buses, Instrument, Path};
 use rigident_shared::wire::{ClockSource, ResetReason};
 
-/// What the boot ROM looks for: an image for the secure Arm core (data sheet, 5.9.5).
+/// Tells the boot ROM what it looks for: an image for the secure Arm core (data sheet, 5.9.5).
 // SAFETY: the section holds nothing else, and the ROM only reads it.
 #[unsafe(link_section = ".start_block")]
 #[used]
@@ -40,28 +40,6 @@ const UART0_INTERRUPT: u16 = 33;
 
 /// The link to the host.
 static QUEUES: Queues = Queues::new();
-
-#[derive(Clone, Copy)]
-struct Line(u16);
-
-// SAFETY: a fixed number below the controller's number of lines.
-unsafe impl InterruptNumber for Line {
-    fn number(self) -> u16 {
-        self.0
-    }
-}
-
-struct Absent;
-
-impl ErrorType for Absent {
-    type Error = ErrorKind;
-}
-
-impl SpiDevice for Absent {
-    fn transaction(&mut self, _: &mut [Operation<'_, u8>]) -> Result<(), ErrorKind> {
-        Err(ErrorKind::Other)
-    }
-}
 
 struct NoWait;
 
@@ -90,7 +68,7 @@ fn main() -> ! {
         instrument.tick(now_ns());
         // Received bytes that found no room, and bytes to send, are the interrupt's.
         if QUEUES.fill(instrument, &mut chunk) || count > 0 {
-            NVIC::pend(Line(UART0_INTERRUPT));
+            pend(UART0_INTERRUPT);
         }
         if count == 0 {
             QUEUES.wait();
@@ -121,7 +99,7 @@ fn clocks() -> (u32, ClockSource) {
     } else {
         ClockSource::Slow
     };
-    RESETS_RESET.clear(USED);
+    clear(RESETS_RESET, USED);
     wait_for(RESETS_DONE, USED, USED, LOOKS);
     let mut clock_hz = if source == ClockSource::Crystal { CRYSTAL_HZ } else { RING_HZ };
     if source == ClockSource::Crystal && start_pll() {
@@ -143,19 +121,19 @@ fn start_pll() -> bool {
     PLL_CS.write(1);
     PLL_FBDIV.write(125);
     // Power, and the oscillator's.
-    PLL_PWR.clear(1 | 1 << 5);
+    clear(PLL_PWR, 1 | 1 << 5);
     let locked = wait_for(PLL_CS, 1 << 31, 1 << 31, LOOKS);
     PLL_PRIM.write(5 << 16 | 2 << 12);
-    PLL_PWR.clear(1 << 3);
+    clear(PLL_PWR, 1 << 3);
     locked
 }
 
 fn start_uart(clock_hz: u32) {
     for (function, pad) in [(GPIO0_CTRL, GPIO0_PAD), (GPIO1_CTRL, GPIO1_PAD)] {
-        pad.set(1 << 6);
+        set(pad, 1 << 6);
         function.write(2);
         // Its output is let out, its isolation taken off.
-        pad.clear(1 << 7 | 1 << 8);
+        clear(pad, 1 << 7 | 1 << 8);
     }
     // In 64ths of a baud divider, rounded.
     let divider = (4 * clock_hz + BAUD / 2) / BAUD;
@@ -165,8 +143,7 @@ fn start_uart(clock_hz: u32) {
     UART_LCR_H.write(0b11 << 5 | 1 << 4);
     UART_CR.write(1 | 1 << 8 | 1 << 9);
     UART_IMSC.write(RECEIVE);
-    // SAFETY: no critical section here relies on a masked line.
-    unsafe { NVIC::unmask(Line(UART0_INTERRUPT)) }
+    unmask(UART0_INTERRUPT);
 }
 
 /// Received, or nothing more for a while.

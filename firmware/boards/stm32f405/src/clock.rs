@@ -36,13 +36,13 @@ const SWITCHED: u32 = 0b11 << 2;
 /// Frequencies, and where they come from.
 #[derive(Clone, Copy, Debug)]
 pub struct Clocks {
-    /// Of the core, Hz.
+    /// Says how fast the core is, Hz.
     pub core_hz: u32,
-    /// Of USART2, Hz.
+    /// Says how fast the clock of USART2 is, Hz.
     pub usart_hz: u32,
-    /// Into TIM2, Hz.
+    /// Says how fast the clock of TIM2 is, Hz.
     pub timer_hz: u32,
-    /// Where they come from.
+    /// Says where they come from.
     pub source: ClockSource,
 }
 

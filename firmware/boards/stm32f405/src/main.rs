@@ -8,12 +8,13 @@ use cortex_m::singleton;
 use cortex_m_rt::{entry, exception};
 #[cfg(feature = "rtt")]
 use defmt_rtt as _;
+use rigident_cortex_m::absent::Absent;
 use rigident_firmware::capture::{Answering, Capture, Lost, Place, Ring, Samples};
 use rigident_firmware::{Buses, Event, Instrument, Path, Sensor};
 use rigident_shared::wire::StateName;
 use stm32f405::clock::{self, Clocks};
 use stm32f405::registers::interrupts;
-use stm32f405::sensors::{self, Absent, OnBus};
+use stm32f405::sensors::{self, OnBus};
 use stm32f405::time::{self, Time, Wait};
 use stm32f405::usart::QUEUES;
 use stm32f405::{CHIP, spi, start, usart, watchdog};

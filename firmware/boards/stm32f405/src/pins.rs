@@ -19,12 +19,12 @@ impl Pin {
         Self { port: 1, number }
     }
 
-    /// Its number in its port, which is that of its external interrupt, too.
+    /// Returns its number in its port, which is that of its external interrupt, too.
     pub const fn number(self) -> u8 {
         self.number
     }
 
-    /// 0 for port A, 1 for B.
+    /// Returns 0 for port A, 1 for B.
     pub const fn port(self) -> u8 {
         self.port
     }

@@ -2,9 +2,9 @@
 
 use core::cell::{Cell, RefCell};
 
-use cortex_m::interrupt::{self, InterruptNumber, Mutex};
-use cortex_m::peripheral::NVIC;
+use cortex_m::interrupt::{self, Mutex};
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
+use rigident_cortex_m::interrupts::unmask;
 use rigident_firmware::Sensor;
 use rigident_firmware::capture::{Capture, Order};
 
@@ -29,23 +29,6 @@ const LOOKS: u32 = 20_000;
 static CAPTURE: Mutex<RefCell<Option<Capture<'static>>>> = Mutex::new(RefCell::new(None));
 /// Whose sample is being read.
 static READS: Mutex<Cell<Option<Sensor>>> = Mutex::new(Cell::new(None));
-
-/// An interrupt by its number.
-#[derive(Clone, Copy)]
-pub struct Line(pub u16);
-
-// SAFETY: the numbers are fixed, and below the controller's number of lines.
-unsafe impl InterruptNumber for Line {
-    fn number(self) -> u16 {
-        self.0
-    }
-}
-
-/// Lets an interrupt in.
-pub fn unmask(number: u16) {
-    // SAFETY: no critical section here relies on a masked line.
-    unsafe { NVIC::unmask(Line(number)) }
-}
 
 /// Begins to look for edges; none is served before [`listen`].
 pub fn start(capture: Capture<'static>) {
@@ -125,18 +108,5 @@ impl SpiDevice for OnBus {
         let done = spi::transact(self.0, operations);
         serve(Capture::release);
         done.map_err(|spi::Late| ErrorKind::Other)
-    }
-}
-
-/// A sensor that this board has no way to.
-pub struct Absent;
-
-impl ErrorType for Absent {
-    type Error = ErrorKind;
-}
-
-impl SpiDevice for Absent {
-    fn transaction(&mut self, _: &mut [Operation<'_, u8>]) -> Result<(), ErrorKind> {
-        Err(ErrorKind::Other)
     }
 }

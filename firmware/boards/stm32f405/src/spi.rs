@@ -138,7 +138,7 @@ pub fn begin(order: &Order) {
         [(DMA2_FROM_SPI1, BYTES.as_ptr() as u32, FROM), (DMA2_TO_SPI1, order.request.as_ptr() as u32, TO)]
     {
         stream.count.write(count);
-        stream.peripheral.write(SPI1_DR.address());
+        stream.peripheral.write(SPI1_DR.address() as u32);
         stream.memory.write(memory);
         stream.control.write(control);
         stream.control.write(control | ENABLED);
@@ -146,7 +146,7 @@ pub fn begin(order: &Order) {
     SPI1_CR2.write(BOTH_BY_DMA);
 }
 
-/// Ends a transfer by DMA: what came, or `None` if it failed.
+/// Ends a transfer by DMA and returns what came; `None` if it failed.
 pub fn finished(sensor: Sensor) -> Option<[u8; MAX_CAPTURED]> {
     let ended = DMA2_LISR.read() & ENDED != 0;
     for stream in [DMA2_FROM_SPI1, DMA2_TO_SPI1] {

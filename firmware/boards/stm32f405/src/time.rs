@@ -26,7 +26,7 @@ pub fn start(clocks: &Clocks) {
     TIM2_CR1.write(1);
 }
 
-/// What a channel (1 to 4) has latched last, and whether it had latched another one unread before.
+/// Returns what a channel (1 to 4) has latched last, and whether it had latched another one unread before.
 pub fn latched(channel: usize) -> (u32, bool) {
     let over = 1 << (8 + channel);
     let missed = TIM2_SR.read() & over != 0;
@@ -36,24 +36,24 @@ pub fn latched(channel: usize) -> (u32, bool) {
     (TIM2_CCR.get(channel.wrapping_sub(1)).map_or(0, |register| register.read()), missed)
 }
 
-/// The count of 32 bits carried on. To be asked at least every 17 minutes.
+/// Carries the count of 32 bits on. To be asked at least every 17 minutes.
 pub struct Time {
     ticks: u64,
 }
 
 impl Time {
-    /// Begins at the present count.
+    /// Returns a time that begins at the present count.
     pub fn new() -> Self {
         Self { ticks: u64::from(TIM2_CNT.read()) }
     }
 
-    /// The time, ns.
+    /// Returns the time, ns.
     pub fn now_ns(&mut self) -> u64 {
         self.ticks += u64::from(TIM2_CNT.read().wrapping_sub(self.ticks as u32));
         self.ticks * TICK_NS
     }
 
-    /// The time of a latched count of the last 17 minutes, ns.
+    /// Returns the time of a latched count of the last 17 minutes, ns.
     pub fn of(&mut self, latched: u32) -> u64 {
         let now_ns = self.now_ns();
         now_ns.saturating_sub(u64::from((self.ticks as u32).wrapping_sub(latched)) * TICK_NS)

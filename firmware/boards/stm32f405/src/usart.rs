@@ -1,12 +1,11 @@
 //! USART2, the link to the host: 921 600 baud, 8N1, driven by interrupts on both sides.
 
-use cortex_m::peripheral::NVIC;
+use rigident_cortex_m::interrupts::{pend, unmask};
 use rigident_cortex_m::serial::Queues;
 
 use crate::clock::Clocks;
 use crate::pins::{HOST_RX, HOST_TX};
 use crate::registers::{USART2_BRR, USART2_CR1, USART2_DR, USART2_SR, interrupts};
-use crate::sensors::{Line, unmask};
 
 /// Of the link.
 pub const BAUD: u32 = 921_600;
@@ -33,12 +32,12 @@ pub fn start(clocks: &Clocks) {
     unmask(interrupts::USART2);
 }
 
-/// Bytes from the host into `buffer`; how many there were.
+/// Takes bytes from the host into `buffer` and returns how many there were.
 pub fn receive(buffer: &mut [u8]) -> usize {
     let count = QUEUES.receive(buffer);
     if count > 0 {
         // The interrupt goes silent when the queue is full; with room again, let it look once more.
-        NVIC::pend(Line(interrupts::USART2));
+        pend(interrupts::USART2);
     }
     count
 }
@@ -46,7 +45,7 @@ pub fn receive(buffer: &mut [u8]) -> usize {
 /// Has what is queued for the host sent.
 pub fn send() {
     // The interrupt handler is the only one to take bytes out.
-    NVIC::pend(Line(interrupts::USART2));
+    pend(interrupts::USART2);
 }
 
 /// Interrupt: takes what has come and sends what can be sent. A full queue leaves a byte where it is; the next one
