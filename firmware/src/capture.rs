@@ -26,8 +26,6 @@ const EDGES: usize = 3;
 const ROOM: usize = 32;
 /// Conversions that the converter may hold from before.
 const STALE_CONVERSIONS: u8 = 2;
-/// Packets that an IMU's FIFO may hold: it is read again so often at most.
-const FIFO_PACKETS: u8 = 102;
 
 /// A sample as it came over the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,13 +46,13 @@ pub type Ring = Queue<Captured, ROOM>;
 pub struct Lost([AtomicU32; EDGES]);
 
 impl Lost {
-    /// None is.
+    /// Returns the count of none.
     #[must_use]
     pub const fn new() -> Self {
         Self([const { AtomicU32::new(0) }; EDGES])
     }
 
-    /// How many there are.
+    /// Returns how many there are.
     pub fn counts(&self) -> [u32; EDGES] {
         core::array::from_fn(|k| self.0.get(k).map_or(0, |count| count.load(Ordering::Relaxed)))
     }
@@ -119,7 +117,7 @@ pub struct Capture<'a> {
 }
 
 impl<'a> Capture<'a> {
-    /// Serves no edge yet: see [`Self::listen`].
+    /// Returns a side that serves no edge yet: see [`Self::listen`].
     pub fn new(ring: Producer<'a, Captured>, lost: &'a Lost) -> Self {
         Self { ring, lost, lines: [Line::default(); EDGES], bus: Bus::Free, listening: [false; EDGES] }
     }
@@ -161,7 +159,7 @@ impl<'a> Capture<'a> {
     pub fn on_read(&mut self, bytes: &[u8]) -> Option<Order> {
         let Bus::Reads { sensor, edge, again } = self.bus else { return None };
         self.bus = Bus::Free;
-        if sensor != Sensor::LoadCell && imu::holds_more(bytes) && again < FIFO_PACKETS {
+        if sensor != Sensor::LoadCell && imu::holds_more(bytes) && again < imu::FIFO_PACKETS {
             // A later one is there, which is the one that was signalled.
             if edge.is_some() {
                 self.lost.add(sensor, 1);
@@ -236,12 +234,12 @@ pub struct Samples<'a> {
 }
 
 impl<'a> Samples<'a> {
-    /// Of this ring and this count.
+    /// Returns the other end of this ring, with this count.
     pub fn new(ring: Consumer<'a, Captured>, lost: &'a Lost) -> Self {
         Self { ring, told: lost.counts(), lost }
     }
 
-    /// The oldest sample, which is taken out. Put it where [`Answering`] finds it, then tell the application.
+    /// Takes the oldest sample out. Put it where [`Answering`] finds it, then tell the application.
     pub fn take(&mut self) -> Option<Captured> {
         self.ring.dequeue()
     }
@@ -252,7 +250,7 @@ impl<'a> Samples<'a> {
         self.told = self.lost.counts();
     }
 
-    /// Samples of each sensor lost since this was asked for the last time.
+    /// Returns how many samples of each sensor were lost since this was asked for the last time.
     pub fn newly_lost(&mut self) -> [(Sensor, u32); EDGES] {
         let counts = self.lost.counts();
         let before = core::mem::replace(&mut self.told, counts);
@@ -274,12 +272,12 @@ pub struct Answering<'a, S> {
 }
 
 impl<'a, S> Answering<'a, S> {
-    /// Over this bus, with captured samples in this place.
+    /// Returns the sensor over this bus, with captured samples in this place.
     pub const fn new(spi: S, sensor: Sensor, place: &'a Place) -> Self {
         Self { spi, sensor, place }
     }
 
-    /// The captured sample, if these operations ask for it.
+    /// Answers with the captured sample, if these operations ask for it; returns whether they did.
     fn captured(&self, operations: &mut [Operation<'_, u8>]) -> bool {
         let [Operation::TransferInPlace(bytes)] = operations else { return false };
         if *bytes != request(self.sensor) {

@@ -172,7 +172,7 @@ fn of_packets_that_wait_the_newest_counts() {
         order = capture.on_read(&[0, 0, 0x7f, 0xff, 0, 0]);
         reads += 1;
     }
-    assert_eq!(reads, 1 + usize::from(FIFO_PACKETS));
+    assert_eq!(reads, 1 + usize::from(imu::FIFO_PACKETS));
 }
 
 struct Direct(u32);

@@ -23,7 +23,7 @@ const FLUSH_FIFO: [u8; 2] = [0x4b, 1 << 1];
 /// The gyro has to be on for 45 ms before it is used or switched off again.
 const START_UP_MS: u32 = 50;
 /// Packets in a full FIFO: 2 KiB of 20 bytes.
-const FIFO_PACKETS: usize = 102;
+pub const FIFO_PACKETS: u8 = 102;
 /// Bytes of a packet.
 const PACKET: u16 = 20;
 /// What the published driver sends for a sample, and whoever reads one for it: read from INT_STATUS on, which is followed by
