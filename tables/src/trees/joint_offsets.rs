@@ -7,7 +7,7 @@
 use std::fmt::Write as _;
 
 use rigident::fit::parallel::{map, threads};
-use rigident::joint_offsets::faults::{NOT_NOISE, faults, too_large};
+use rigident::joint_offsets::faults::contradiction;
 use rigident::joint_offsets::result::{Answer, COARSEST, identify};
 use rigident::joint_offsets::search::Method;
 use rigident::joint_offsets::{Noise, Pose, Setup};
@@ -55,8 +55,7 @@ fn refused(poses: Poses, count: usize, set: usize) -> bool {
     let (_, all) = set_of(poses, count, set);
     let setup = setup(told());
     let answer = answered(&setup, &all);
-    let named = !faults(&setup, &all, &answer).expect("poses that can be used").is_empty();
-    named || too_large(&setup, &answer).is_some() || answer.variance_ratio > NOT_NOISE
+    contradiction(&setup, &all, &answer).expect("poses that can be used").is_some()
 }
 
 /// Returns the table of sets that are refused though nothing is wrong.
