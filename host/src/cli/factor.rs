@@ -13,7 +13,7 @@ use super::{Failure, Folder, Stages};
 use crate::answer::Source;
 use crate::fit::pool::{PooledFactor, disagreement_in_words};
 use crate::fit::tare::Tare;
-use crate::fit::union::{Union, union_of_files};
+use crate::fit::union::{Union, union, union_of_files};
 use crate::fit::{Fit, Kind, Parameter};
 use crate::present;
 use crate::problem::ProblemOptions;
@@ -57,20 +57,20 @@ pub(super) fn merge(arguments: &Merge) -> Result<ExitCode, Failure> {
     if let Some(list) = &arguments.from {
         files.extend(listed(list)?);
     }
-    let runs = if present::merged::is_shown(files.len()) {
-        files.iter().map(|path| read(path)).collect::<Result<Vec<_>, _>>()?
+    let shared = arguments.shared_offset;
+    let (runs, all) = if present::merged::is_shown(files.len()) {
+        let runs = files.iter().map(|path| read(path)).collect::<Result<Vec<_>, _>>()?;
+        (runs.clone(), union(runs, shared))
     } else {
-        Vec::new()
+        let stages = Stages::new("merging");
+        let done = |read: usize, of: usize| stages.at("reading", read as f64 / of as f64);
+        (Vec::new(), union_of_files(&files, shared, &done))
     };
-    let stages = Stages::new("merging");
-    let done = |read: usize, of: usize| stages.at("reading", read as f64 / of as f64);
-    let Union { factor, repeated } =
-        union_of_files(&files, arguments.shared_offset, &done).map_err(Failure::input)?;
-    drop(stages);
+    let Union { factor, repeated } = all.map_err(Failure::input)?;
     if repeated > 0 {
         tell!("rigident: {repeated} of {} factors are left out: their recordings are in others", files.len());
     }
-    write_pooled(&factor, &runs, arguments.shared_offset, arguments.force, &arguments.output)
+    write_pooled(&factor, &runs, shared, arguments.force, &arguments.output)
 }
 
 /// Returns the paths that stand in a list, one a line; `-` is standard input.
