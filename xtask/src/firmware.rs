@@ -17,7 +17,7 @@ pub enum Board {
     #[default]
     #[value(name = "mps2-an386")]
     Emulated,
-    /// Feather, Olimex or WeAct with an STM32F405.
+    /// Olimex or WeAct with an STM32F405.
     #[value(name = "stm32f405")]
     F405,
     /// Nucleo-F446RE.

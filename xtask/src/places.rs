@@ -36,19 +36,24 @@ pub fn board_named(name: &str) -> PathBuf {
     root().join("firmware/boards").join(name)
 }
 
+/// Where cargo leaves a board's binary by itself.
+fn binary(board: &str, target: &str, name: &str) -> PathBuf {
+    board_named(board).join("target").join(target).join("release").join(name)
+}
+
 /// Where tests look for the image that is flashed.
 pub fn stm32_elf() -> PathBuf {
-    board_named(STM32).join("target").join(TARGET).join("release").join(STM32_FIRMWARE)
+    binary(STM32, TARGET, STM32_FIRMWARE)
 }
 
 /// Where the simulator looks for the firmware when it is not told.
 pub fn firmware_elf() -> PathBuf {
-    board().join("target").join(TARGET).join("release").join(FIRMWARE)
+    binary(BOARD, TARGET, FIRMWARE)
 }
 
 /// Where tests look for the check of the kernels on the Pico's core.
 pub fn kernel_bits_elf() -> PathBuf {
-    board_named(PICO).join("target").join(PICO_TARGET).join("release").join(KERNEL_BITS)
+    binary(PICO, PICO_TARGET, KERNEL_BITS)
 }
 
 /// The fuzz targets' folder, a workspace of its own.
