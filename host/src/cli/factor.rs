@@ -11,7 +11,7 @@ use super::recorded::{is_recording, is_rig_file};
 use super::run_report::RunReport;
 use super::{Failure, Folder, Stages};
 use crate::answer::Source;
-use crate::fit::pool::{PooledFactor, disagreement_in_words};
+use crate::fit::pool::{PoolError, PooledFactor, disagreement_in_words};
 use crate::fit::tare::Tare;
 use crate::fit::union::{Union, union, union_of_files};
 use crate::fit::{Fit, Kind, Parameter};
@@ -66,7 +66,7 @@ pub(super) fn merge(arguments: &Merge) -> Result<ExitCode, Failure> {
         let done = |read: usize, of: usize| stages.at("reading", read as f64 / of as f64);
         (Vec::new(), union_of_files(&files, shared, &done))
     };
-    let Union { factor, repeated } = all.map_err(Failure::input)?;
+    let Union { factor, repeated } = all.map_err(refused)?;
     if repeated > 0 {
         tell!("rigident: {repeated} of {} factors are left out: their recordings are in others", files.len());
     }
@@ -239,13 +239,21 @@ pub(super) fn bare(
 
 /// Reads a factor file.
 fn read(path: &Path) -> Result<PooledFactor, Failure> {
-    PooledFactor::read(path).map_err(|error| match extension(path).as_str() {
+    PooledFactor::read(path).map_err(refused)
+}
+
+/// Says why factors are not read or merged, and what to do with a file that is a recording by its name.
+fn refused(error: PoolError) -> Failure {
+    let name = match &error {
+        PoolError::File { name, .. } | PoolError::Access { name, .. } => name.as_str(),
+        _ => "",
+    };
+    match extension(Path::new(name)).as_str() {
         "csv" | "mcap" => Failure::input(format!(
-            "{error}; it is a recording by its name: `rigident factor {} -o NEW.factor` makes one of it",
-            path.display()
+            "{error}; it is a recording by its name: `rigident factor {name} -o NEW.factor` makes one of it"
         )),
         _ => Failure::input(error),
-    })
+    }
 }
 
 /// Returns the factor of a recording, which keeps what its checks found, notes on the way, and the fit.

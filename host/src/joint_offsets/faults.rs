@@ -162,7 +162,7 @@ pub enum Contradiction {
 /// Returns why the answer of poses is not to be believed; `None` if it is.
 ///
 /// # Errors
-/// As [`faults`].
+/// As [`super::search::find`].
 pub fn contradiction(
     setup: &Setup,
     poses: &[Pose],

@@ -36,7 +36,7 @@ pub const MASSES: Document =
 pub const JOINT_OFFSETS: Document = Document {
     file: "docs/joint-offsets.md",
     tables: &[
-        Table { name: "joint-offsets-long", make: joint_offsets::table },
         Table { name: "joint-refusals-long", make: joint_offsets::refusals },
+        Table { name: "joint-offsets-long", make: joint_offsets::table },
     ],
 };
