@@ -38,6 +38,12 @@ pub const VENDORS_CLIENT: Module =
     Module { name: "pipython", look: "import pipython", packages: &["pipython==2.11.0.6"] };
 /// A reader of C3D files that shares no code with ours.
 pub const C3D_READER: Module = Module { name: "ezc3d", look: "import ezc3d", packages: &["ezc3d==1.7.2"] };
+/// ROS 2's definitions of messages, and a reader of YAML.
+pub const ROS_READER: Module = Module {
+    name: "rosbags",
+    look: "import rosbags.typesys, ruamel.yaml",
+    packages: &["rosbags==0.11.9", "ruamel.yaml==0.19.1"],
+};
 /// OpenSim itself, which reads its own files.
 pub const OPENSIM: Module = Module { name: "opensim", look: "import opensim", packages: &["opensim==4.6"] };
 
@@ -112,7 +118,7 @@ pub fn cargo_fuzz() -> Result<PathBuf> {
 /// Installs the modules that tests compare with into a Python of this project's own; says which cannot be had. The tests
 /// that need them are skipped then.
 fn python_modules() {
-    for module in [MCAP_READER, PINOCCHIO, ROBOTS, VENDORS_CLIENT, C3D_READER, OPENSIM] {
+    for module in [MCAP_READER, PINOCCHIO, ROBOTS, VENDORS_CLIENT, C3D_READER, ROS_READER, OPENSIM] {
         if has_module(module) {
             continue;
         }

@@ -45,6 +45,7 @@ mod report;
 mod rig_errors;
 mod streams;
 mod support;
+mod trajectory_independent;
 mod tree_commands;
 mod tree_pinocchio;
 mod trees;
