@@ -240,9 +240,21 @@ mod tests {
     fn ignored_tests_have_the_word_of_what_they_need_in_their_names() {
         let mut files = Vec::new();
         sources(places::root(), &mut files);
-        let words =
-            [BOARD, FLASHED, SECOND_CORE, DATA, READER, PINOCCHIO, ROBOTS, CLIENT, C3D, OPENSIM, BROWSER]
-                .map(|need| need.word);
+        let words = [
+            BOARD,
+            FLASHED,
+            SECOND_CORE,
+            DATA,
+            READER,
+            PINOCCHIO,
+            ROBOTS,
+            CLIENT,
+            C3D,
+            ROS,
+            OPENSIM,
+            BROWSER,
+        ]
+        .map(|need| need.word);
         let mut ignored = 0;
         for file in files {
             let text = std::fs::read_to_string(&file).unwrap();
