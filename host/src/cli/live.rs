@@ -227,7 +227,7 @@ fn feed(
     let now = humantime::format_rfc3339_seconds(std::time::SystemTime::now());
     comments.push(("recorded".to_owned(), now.to_string()));
     let recorded = RigFile { recording: prepared.rig.recording.clone(), ..rig.clone() };
-    let expected = arguments.at_most_s.map_or(0, |s| (s * rate_hz) as usize);
+    let expected = arguments.at_most_s.map_or(0, |s| ((LOOK_S + s) * rate_hz) as usize);
     let mut watcher = Watcher::recording(folder.file("live.mcap"), &recorded, &comments, expected)?;
     let asked = arguments.stop.asked(&arguments.output.estimate);
     watcher.next_move = Some(NextMove::new(&told, rate_hz, &asked));

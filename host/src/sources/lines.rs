@@ -208,12 +208,10 @@ impl Decoder {
                 self.layout.insert(Layout::new(header, line, &self.rig)?)
             }
             (None, None) => {
-                if line.split([',', ';', '\t', '|']).all(|cell| cell.trim().parse::<f64>().is_ok()) {
-                    return Err(
-                        "its first line has no names of columns: name them by ?columns=t_s,fx_n,…".to_owned()
-                    );
+                // Numbers before a header are of a stream that was under way.
+                if !line.split([',', ';', '\t', '|']).all(|cell| cell.trim().parse::<f64>().is_ok()) {
+                    self.header = Some(line.to_owned());
                 }
-                self.header = Some(line.to_owned());
                 return Ok(None);
             }
         };

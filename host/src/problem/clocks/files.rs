@@ -271,6 +271,8 @@ pub(super) fn on_grid(rig: &RigFile) -> RigFile {
     rig.recording = RecordingTable {
         gravity_mps2: rig.recording.gravity_mps2,
         rate_hz: rig.recording.rate_hz,
+        // What repeats itself was left out before the kernel; attitudes may rest.
+        frozen_after: 0,
         ..RecordingTable::default()
     };
     rig
