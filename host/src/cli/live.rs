@@ -55,7 +55,7 @@ pub(super) fn run(arguments: &Live) -> Result<ExitCode, Failure> {
         feed(arguments, &rig, (&prepared, rate_hz), &mut streams, &folder)
     });
     let closed = streams.close().err();
-    let listing = folder.file("live.rig.toml");
+    let listing = folder.file("streams.rig.toml");
     write_new_text(&listing, &streams.listing(&rig).to_toml()).map_err(Failure::input)?;
     let place = folder.path().display();
     let mut fed = fed.map_err(|failure| failure.after(&format!("What was recorded is in {place}.")))?;

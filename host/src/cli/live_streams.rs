@@ -24,6 +24,8 @@ const ANEW_NS: i64 = 2_000_000_000;
 const OFF: f64 = 0.01;
 /// Stamps of one clock do not differ by more than so, s.
 const APART_S: f64 = 5.0;
+/// Longer steps of a clock are none, ns.
+const JUMP_NS: i64 = 3_600_000_000_000;
 /// So many samples in a row whose times do not go on: the clock has begun anew.
 const BACKWARDS: u32 = 100;
 
@@ -202,8 +204,11 @@ impl Streams {
             }
             None => at_ns,
         };
-        if (own_ns as f64 * 1e-9 - at_ns as f64 * 1e-9).abs() > 1e9 {
-            return Err(format!("{}: its time jumps by more than 30 years", stream.asked.url));
+        if stream.last_ns.is_some_and(|last| own_ns.saturating_sub(last) > JUMP_NS) {
+            return Err(format!(
+                "{}: its time jumps on by more than an hour: was its clock set in mid-run? Run again",
+                stream.asked.url
+            ));
         }
         if stream.last_ns.is_some_and(|last| own_ns <= last) {
             stream.backwards += 1;

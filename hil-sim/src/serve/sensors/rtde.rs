@@ -109,7 +109,8 @@ fn attend(mut stream: TcpStream, played: &Played, leave: &AtomicBool) -> io::Res
                 let (rate, list) = payload.split_first_chunk::<8>().ok_or(io::ErrorKind::InvalidData)?;
                 step = (played.rate_hz / f64::from_be_bytes(*rate)).round().max(1.0) as u64;
                 let list = String::from_utf8_lossy(list);
-                names = list.split(',').map(str::to_owned).collect();
+                // Clients end the list with a comma, too.
+                names = list.split(',').filter(|name| !name.is_empty()).map(str::to_owned).collect();
                 let types: Vec<&str> = names.iter().map(|name| kind(name)).collect();
                 let recipe = u8::from(!types.contains(&"NOT_FOUND"));
                 [&[recipe], types.join(",").as_bytes()].concat()
