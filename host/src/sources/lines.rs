@@ -80,7 +80,11 @@ impl Layout {
         let groups: Vec<Group> =
             recording.groups().into_iter().map(|(group, _)| group).filter(of_one_body).collect();
         if groups.is_empty() {
-            return Err(format!("its columns {} are of no wrench, no IMU and no pose", names.join(", ")));
+            return Err(format!(
+                "its columns {} are of no wrench, no IMU and no pose: name them by ?columns=t_s,fx_n,…, or in [recording.columns] of \
+                 the rig file",
+                names.join(", ")
+            ));
         }
         let cells = groups.iter().flat_map(|group| group.names()).map(|name| source(&name).ok_or(name));
         let cells =
