@@ -156,13 +156,16 @@ fn sensors(options: &SensorsOptions) -> Result<(), Failure> {
     };
     let taken = |what: &str, e: io::Error| Failure(3, format!("no {what}: {e}"));
     if let Some(path) = &options.write_rig {
-        let text = sensors_rig_file(&moved.0, "");
+        // What these two report is what the body does to them.
+        let is_reaction = options.ati.is_some() || options.rtde.is_some();
+        let sign = if is_reaction { "\n[recording]\nwrench_sign = \"on_sensor\"\n" } else { "" };
+        let text = sensors_rig_file(&moved.0, sign);
         write_new(path, &text).map_err(|e| Failure(2, format!("{}: {e}", path.display())))?;
     }
     let mut kept: Vec<Box<dyn std::any::Any>> = Vec::new();
     if let Some(at) = &options.ati {
         let ati = AtiServer::listen(at, played(500.0, 30e-6, 0.0)?).map_err(|e| taken("ATI sensor", e))?;
-        eprintln!("--wrench  '{}'    (on_sensor: the rig file needs [recording] wrench_sign)", ati.url());
+        eprintln!("--wrench  '{}'    (on_sensor, as --write-rig writes beside --ati or --rtde)", ati.url());
         kept.push(Box::new(ati));
     }
     if let Some(at) = &options.rtde {
