@@ -204,8 +204,8 @@ impl Decoder {
         let layout = match (&self.layout, &self.header) {
             (Some(layout), _) => layout,
             (None, Some(header)) => {
-                let is_number = |cell: &str| cell.trim().parse::<f64>().is_ok();
-                if !line.split(char::from(separator(header))).all(is_number) && self.useless + 1 < USELESS {
+                let cells = |text: &str| text.split(char::from(separator(header))).count();
+                if cells(line) != cells(header) {
                     self.useless(line)?;
                     return Ok(None);
                 }

@@ -47,9 +47,12 @@ pub struct Measured {
     pub free_accel: bool,
 }
 
+/// Reads one number of its bytes.
+type Number = fn(&[u8]) -> Option<f64>;
+
 /// Reads three numbers in the format of an item's identifier.
 fn three(identifier: u16, bytes: &[u8]) -> Option<[f64; 3]> {
-    let (size, read): (usize, fn(&[u8]) -> Option<f64>) = match identifier & 3 {
+    let (size, read): (usize, Number) = match identifier & 3 {
         0 => (4, |b| Some(f64::from(f32::from_be_bytes(b.try_into().ok()?)))),
         1 => (4, |b| Some(f64::from(i32::from_be_bytes(b.try_into().ok()?)) / f64::from(1 << 20))),
         2 => (6, |b| {
