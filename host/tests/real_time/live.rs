@@ -194,17 +194,6 @@ fn lines_over_udp_identify_the_body() {
 }
 
 #[test]
-fn a_force_sensor_and_the_pose_of_what_carries_it_identify_the_body() {
-    let scene = Scene::new(15.0, "");
-    let late = Delivery { jitter_s: 0.002, ..Delivery::default() };
-    let bridge = bridge(&scene, 1.75e9, late, BOTH);
-    let at = |topic: &str| format!("ws://{}?topic={topic}", bridge.address());
-    let pose = at("/pose");
-    let result = scene.answer(&["--wrench", &at("/ft/wrench"), "--pose", &pose, "--at-most-s", "13"]);
-    check_truth(&result, 1);
-}
-
-#[test]
 fn lines_on_a_serial_port_identify_the_body() {
     let scene = Scene::new(15.0, "");
     let played = scene.played((250.0, 10e-6, 12.0), Delivery::default());
