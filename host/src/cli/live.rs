@@ -24,6 +24,7 @@ use crate::device::session::{DeviceTiming, INTERRUPTED, Session, settings, state
 use crate::problem::ProblemOptions;
 use crate::problem::body::imu_noise::white_imu_noise;
 use crate::problem::body::prepare::Prepared;
+use crate::recording::columns::Group;
 use crate::recording::new_file::write_new_text;
 use crate::rig::RigFile;
 use crate::sources::feed::Feeds;
@@ -44,6 +45,12 @@ pub(super) fn run(arguments: &Live) -> Result<ExitCode, Failure> {
     let mut opened = Vec::new();
     for one in &asked {
         opened.push(sources::open(&one.url, &one.roles, &rig).map_err(refused)?);
+    }
+    if !opened.iter().any(|source| source.groups().contains(&Group::Accel(0))) {
+        return Err(Failure::input(
+            "no accelerometer is among the sources: add --imu ADDRESS; of --pose the attitude takes the place of a gyro, and no \
+             more\nNothing was recorded.",
+        ));
     }
     let mut streams = Streams::new(asked, Feeds::new(opened), &rig);
     let folder = Folder::new(arguments.output.out.as_deref(), "live")?;

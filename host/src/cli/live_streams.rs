@@ -20,6 +20,8 @@ use crate::sources::{OwnClock, Role, Row, SourceError};
 pub(super) const SILENT_NS: i64 = 2_000_000_000;
 /// Lines of clocks are looked at anew this often, ns: in between they stay, so that no sample jumps.
 const ANEW_NS: i64 = 2_000_000_000;
+/// What has come is taken in for so long at a time, ns.
+const MOST_NS: i64 = 200_000_000;
 /// Clocks that count seconds are no further off than so, a share.
 const OFF: f64 = 0.01;
 /// Stamps of one clock do not differ by more than so, s.
@@ -150,6 +152,8 @@ impl Streams {
     pub(super) fn take(&mut self, timeout: Duration) -> Result<Came, String> {
         let mut came = Came::Samples;
         let mut next = self.feeds.next(timeout);
+        // Whoever sends faster than this takes it in keeps nobody from ending the run.
+        let until_ns = self.feeds.now_ns().saturating_add(MOST_NS);
         while let Some(arrival) = next {
             match arrival.rows {
                 Ok(rows) => {
@@ -161,7 +165,7 @@ impl Streams {
                 Err(SourceError::Ended(_)) => came = Came::End,
                 Err(error) => return Err(error.to_string()),
             }
-            next = self.feeds.next(Duration::ZERO);
+            next = if self.feeds.now_ns() < until_ns { self.feeds.next(Duration::ZERO) } else { None };
         }
         self.write_through()?;
         if came == Came::End {

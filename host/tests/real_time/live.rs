@@ -144,6 +144,22 @@ fn a_robot_alone_identifies_what_is_on_its_flange() {
     assert!(said(&refused).contains("zeroed by the controller"), "{}", said(&refused));
 }
 
+#[test]
+fn a_robot_that_stands_still_is_told_to_move_and_not_that_its_gyro_is_dead() {
+    let scene = Scene::new(1.0, "\n[recording]\nwrench_sign = \"on_sensor\"\n");
+    let robot =
+        RtdeServer::listen("127.0.0.1:0", scene.played((500.0, 0.0, 5000.0), Delivery::default())).unwrap();
+    // The motion is over after 5 s, and its poses, which have no noise, are then the same to the last digit.
+    std::thread::sleep(std::time::Duration::from_secs(6).saturating_sub(scene.begun.elapsed()));
+    let url = format!("rtde://{}", robot.address());
+    let output =
+        scene.live(&["--wrench", &url, "--imu", &url, "--at-most-s", "3", "--json"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    let result: Value = serde_json::from_slice(&output.stdout).unwrap();
+    check_truth(&result, 0);
+    assert!(said(&output).contains("next: "), "{}", said(&output));
+}
+
 /// A bridge with wrench, IMU and pose; the IMU's stamps begin at `imu_zero_s`.
 fn bridge(
     scene: &Scene,
@@ -190,6 +206,29 @@ fn lines_over_udp_identify_the_body() {
     let _lines = LinesServer::to_udp(at, Quantity::Both, played.clone()).unwrap();
     let url = format!("udp://{at}");
     let result = scene.answer(&["--wrench", &url, "--imu", &url, "--at-most-s", "13"]);
+    check_truth(&result, 4);
+}
+
+#[test]
+fn a_pose_takes_the_gyros_place_beside_an_accelerometer() {
+    let scene = Scene::new(15.0, "");
+    let bridge = bridge(&scene, 1.75e9, Delivery { jitter_s: 0.002, ..Delivery::default() }, BOTH);
+    let [wrench, pose] =
+        ["/ft/wrench", "/pose"].map(|topic| format!("ws://{}?topic={topic}", bridge.address()));
+    // Without an accelerometer it is refused before anything is recorded.
+    let refused = scene.live(&["--wrench", &wrench, "--pose", &pose]).output().unwrap();
+    failed(&scene, &refused, 2, &["no accelerometer", "--imu", "Nothing was recorded"], false);
+    let at = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let played = scene.played((200.0, 10e-6, 12.0), Delivery::default());
+    let _lines = LinesServer::start(None, Quantity::Imu, played, move |line| {
+        // Number, time and accelerometer; no gyro.
+        let cells: Vec<&str> = line.trim_end().split(',').take(5).collect();
+        let _ = sender.send_to((cells.join(",") + "\n").as_bytes(), at);
+        true
+    });
+    let imu = format!("udp://{at}");
+    let result = scene.answer(&["--wrench", &wrench, "--imu", &imu, "--pose", &pose, "--at-most-s", "13"]);
     check_truth(&result, 4);
 }
 
