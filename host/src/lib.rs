@@ -34,3 +34,4 @@ pub mod reference;
 pub mod rig;
 pub mod schema;
 pub mod simulated;
+pub mod sources;

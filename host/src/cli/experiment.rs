@@ -17,13 +17,14 @@ use rigident_shared::wire::{
 use super::arguments::Output;
 use super::came::Came;
 use super::loaded::{Loaded, PLOT_POINTS};
+use super::next_move::NextMove;
 use super::options::stop_criterion::{self, StopCriterion};
 use super::run_report::RunReport;
 use super::tracking_error::{MotionLog, TrackingError};
 use super::{ExitStatus, Failure, Folder, Progress, Stages};
 use crate::device::link::TakenFactor;
 use crate::device::session::tree::complaints;
-use crate::device::session::{Observer, Take};
+use crate::device::session::{Observer, Take, widen};
 use crate::fit::prior::KnownValues;
 use crate::fit::tare::Tare;
 use crate::fit::{Convergence, DeviceFactor, Measured};
@@ -62,6 +63,8 @@ pub(super) struct Watcher {
     pub(super) state: Option<String>,
     /// Where the platform's motion goes.
     pub(super) motion: Option<MotionLog>,
+    /// Of a body that is moved by hand.
+    pub(super) next_move: Option<NextMove>,
 }
 
 impl Watcher {
@@ -76,6 +79,7 @@ impl Watcher {
             expected,
             state: None,
             motion: None,
+            next_move: None,
         }
     }
 
@@ -139,6 +143,9 @@ fn row<'a>(reading: &ReadingMessage, imus: &'a [ImuValues], attitudes: &'a [(usi
 impl Observer for Watcher {
     fn reading(&mut self, reading: &ReadingMessage) -> Result<(), String> {
         let imu = imu_values(reading.specific_force, reading.angular_rate);
+        if let Some(next) = &mut self.next_move {
+            next.take(widen(reading));
+        }
         self.append(&row(reading, &[imu], &[]))
     }
 
@@ -161,6 +168,10 @@ impl Observer for Watcher {
     }
 
     fn progress(&mut self, readings: usize) {
+        if let Some(news) = self.next_move.as_mut().and_then(NextMove::news) {
+            self.progress.finish();
+            tell!("next: {news}");
+        }
         let (started, expected, latest, known) = (self.started, self.expected, &self.latest, &self.state);
         self.progress.show(|| {
             let rate = readings as f64 / started.elapsed().as_secs_f64();

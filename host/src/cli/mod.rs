@@ -15,6 +15,7 @@ mod body_arguments;
 mod body_device;
 mod body_page;
 mod body_plates;
+mod by_hand;
 mod calibrate;
 mod calibrate_imu;
 mod calibrate_joints;
@@ -38,6 +39,8 @@ mod guards;
 mod identify;
 mod link;
 mod links_on_device;
+mod live;
+mod live_streams;
 mod loaded;
 mod locked_joints;
 mod model;
@@ -48,6 +51,7 @@ mod montecarlo_motions;
 #[cfg(feature = "simulator")]
 mod montecarlo_poses;
 mod motion_plots;
+mod next_move;
 mod options;
 mod outcome;
 mod payload;
@@ -180,6 +184,11 @@ fn without_missing(command: clap::Command) -> clap::Command {
                 mcu.help("The port of a device; inproc and qemu need the feature `simulator`")
             })
         })
+        .mut_subcommand("live", |live| {
+            live.mut_arg("mcu", |mcu| {
+                mcu.help("The port of a device; inproc and qemu need the feature `simulator`")
+            })
+        })
 }
 
 /// What the parser says, without its hints on usage.
@@ -195,6 +204,7 @@ fn check_folder(command: Option<&Command>) -> Result<(), Failure> {
         Some(Command::Identify(a)) => &a.output,
         Some(Command::Replay(a)) => &a.output,
         Some(Command::Run(a)) => &a.output,
+        Some(Command::Live(a)) => &a.output,
         Some(Command::Solve(a)) => &a.output,
         _ => return Ok(()),
     };
@@ -219,6 +229,7 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
             replay::run(&a)
         }
         Some(Command::Run(a)) => run::run(&a),
+        Some(Command::Live(a)) => live::run(&a),
         Some(Command::Calibrate(a)) => calibrate::run(&a),
         Some(Command::Verify(a)) => verify::run(&a),
         Some(Command::Predict(a)) => predict::predict(&a),

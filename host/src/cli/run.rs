@@ -19,7 +19,7 @@ use super::outcome::provenance;
 use super::refused::refuse_for_trees;
 use super::tracking_error::{MotionLog, TrackingError};
 use super::zeroing::{self, warm_up, weigh, zero, zero_second};
-use super::{Failure, Folder, guards, programme};
+use super::{Failure, Folder, by_hand, guards, programme};
 use crate::device::session::tree::device_tree;
 use crate::device::session::{
     DeviceTiming, INTERRUPTED, Session, SessionError, settings, sound, state_imu_noise, two_links,
@@ -34,6 +34,9 @@ use crate::rig::RigFile;
 
 /// `rigident run`
 pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
+    if arguments.platform == by_hand::NONE {
+        return by_hand::run(arguments);
+    }
     let started = Instant::now();
     let known = arguments.known.parse()?;
     let mut rig = RigFile::load(&arguments.rig).map_err(Failure::input)?;

@@ -3,6 +3,7 @@
 #![cfg(feature = "emulator")]
 
 mod drivers;
+mod live;
 mod runs;
 mod streams;
 mod vendors_client;

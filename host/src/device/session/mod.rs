@@ -29,6 +29,7 @@ use rigident_shared::wire::{
 };
 
 pub use adaptive::{Director, Proposal};
+pub use inject::Feeding;
 pub use load_guard::LoadGuard;
 pub use motion_guard::{Axes, MotionGuard};
 pub use settings::{DeviceTiming, SettingsError, settings, state_imu_noise};

@@ -76,8 +76,8 @@ fn bad_input_is_named_and_nothing_is_written() {
             &["known.factor", "it lacks offset_fx"],
         ),
         (
-            &["merge", "b.factor", "noisier.factor", "-o", "x"],
-            &["b.factor", "noisier.factor", "twice", "halve"],
+            &["merge", "a.factor", "noisier.factor", "-o", "x"],
+            &["a.factor", "noisier.factor", "twice", "halve"],
         ),
         (&["merge", "--from", "none.txt", "-o", "x"], &["--from none.txt", "cannot be read"]),
         (&["merge", "--from", "blank.txt", "-o", "x"], &["blank.txt", "no path"]),
