@@ -18,7 +18,7 @@ pub mod stream;
 pub mod tracking;
 mod way;
 
-pub use address::{checks_itself, connect};
+pub use address::{checks_itself, connect, port_of};
 pub use error::PlatformError;
 #[cfg(feature = "simulator")]
 pub use local::LocalPlatform;
