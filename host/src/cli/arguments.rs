@@ -5,6 +5,7 @@ use clap::{Args, Parser, Subcommand};
 pub use super::adaptive::Adaptive;
 pub use super::body_arguments::Body;
 pub use super::calibration_arguments::{Calibrate, Verify};
+pub use super::device_arguments::{Completions, Configure, Doctor, Info, Man, Monitor, PortOption, Ports};
 pub use super::factor_arguments::{MakeFactor, Merge, Solve, TareFiles};
 pub use super::options::calibration::CalibrationOption;
 pub use super::options::forgetting::Forgetting;
@@ -65,16 +66,20 @@ pub enum Command {
     Merge(Merge),
     /// Identify the body of a factor
     Solve(Solve),
-    /// List the serial ports
+    /// List the serial ports, and which of them a device answers on
     Ports(Ports),
-    /// Tell what device and firmware are on a port
+    /// Tell what a device is, its firmware, its state and what it has counted
     Info(Info),
-    /// Send a rig's settings to the device on a port and read them back
+    /// Read a device's settings, or send those of a rig or a file, the differences shown
     Configure(Configure),
+    /// Look whether what a device needs is here: ports, permissions, emulator, firmware, clocks
+    Doctor(Doctor),
     /// Run an experiment on a rig: warm-up, zero, still poses, motion, drift check
     Run(Run),
     /// Identify a body live from sensors that are on the network or on a line, moved by hand or by anything
     Live(Live),
+    /// Watch an experiment as it runs: parameters with their intervals, the weakest direction, sensors, link
+    Monitor(Monitor),
     /// Convert a recording between CSV and MCAP without loss
     Convert(Convert),
     /// Repeat a simulated experiment with fresh noise: bias, spread and coverage, against the Cramér–Rao bound
@@ -93,6 +98,10 @@ pub enum Command {
     Schema(SchemaOf),
     /// Time what is computed, beside other libraries
     Bench(BenchCommand),
+    /// Print the completions of a shell
+    Completions(Completions),
+    /// Write the manual's pages
+    Man(Man),
 }
 
 /// `rigident schema`
@@ -254,44 +263,6 @@ pub struct Identify {
     pub payload: PayloadOptions,
 }
 
-/// `rigident ports`
-#[derive(Args, Debug, Clone)]
-#[command(after_help = "Example:\n  rigident ports --json")]
-pub struct Ports {
-    /// Print a JSON array
-    #[arg(long)]
-    pub json: bool,
-}
-
-/// `rigident info`
-#[derive(Args, Debug, Clone)]
-#[command(
-    after_help = "Examples:\n  rigident info --port /dev/ttyACM0\n  rigident info --port ./rigident-rig --json"
-)]
-pub struct Info {
-    /// The device's port; not needed where there is one USB serial port only
-    #[arg(long, value_name = "PORT")]
-    pub port: Option<String>,
-    /// Print a JSON object
-    #[arg(long)]
-    pub json: bool,
-}
-
-/// `rigident configure`
-#[derive(Args, Debug, Clone)]
-#[command(after_help = "Example:\n  rigident configure --port /dev/ttyACM0 --rig bracket.rig.toml")]
-pub struct Configure {
-    /// The device's port; not needed where there is one USB serial port only
-    #[arg(long, value_name = "PORT")]
-    pub port: Option<String>,
-    /// Rig file
-    #[arg(long, value_name = "FILE")]
-    pub rig: PathBuf,
-    /// Print the settings as a JSON object
-    #[arg(long)]
-    pub json: bool,
-}
-
 /// `rigident run`
 #[derive(Args, Debug, Clone)]
 #[command(
@@ -306,9 +277,9 @@ pub struct Configure {
                         Ctrl-C stops the platform, sees it at rest, and keeps what was recorded."
 )]
 pub struct Run {
-    /// The device's port; not needed where there is one USB serial port only
-    #[arg(long, value_name = "PORT")]
-    pub port: Option<String>,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub device: PortOption,
     /// The platform's controller
     ///
     /// tcp://HOST:PORT: as `rigident-sim serve` offers it. gcs://HOST:PORT or gcs:///dev/ttyUSB0: a PI hexapod (GCS 2.0).

@@ -44,7 +44,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let mut standing = settings(&rig, &timing, Some([1.0; 6]), None).map_err(Failure::input)?;
     arguments.stop.put_into(&mut standing, &parameters)?;
     let span = arguments.forgetting.span(&RowsOf::moving(rate_hz))?;
-    let mut session = open(arguments.port.as_deref())?;
+    let (_, mut session) = open(arguments.device.port.as_deref(), &[])?;
     configured(&mut session, &standing)?;
 
     let mut warnings = Vec::new();

@@ -118,6 +118,30 @@ impl Watcher {
     }
 }
 
+/// Returns what the device's own estimate comes to, in words.
+pub(super) fn in_words(report: &EstimateReport) -> String {
+    // Against the largest of its kind: a true zero has no relative uncertainty of its own.
+    let worst = [0..1, 1..4, 4..10]
+        .into_iter()
+        .filter_map(|kind| {
+            let values = report.estimate.get(kind.clone())?;
+            let scale = values.iter().fold(0.0_f32, |s, v| s.max(v.abs()));
+            let sds = report.standard_deviation.get(kind)?;
+            Some(100.0 * sds.iter().fold(0.0_f32, |s, v| s.max(*v)) / scale)
+        })
+        .filter(|v| v.is_finite())
+        .fold(0.0_f32, f32::max);
+    let apart = match report.consistency {
+        // Of several links it is never judged.
+        Consistency::NotDetermined if report.estimate.len() <= ONE_BODY => {
+            ", no body determined yet".to_owned()
+        }
+        _ if report.distance_sd > DOUBTFUL_SD => format!(", {:.1} sd from any body", report.distance_sd),
+        _ => String::new(),
+    };
+    format!("condition {:.1}, worst relative sd {worst:.1} %{apart}", report.condition_number)
+}
+
 /// Returns how long the rest takes at this rate, 1/s, in words; nothing where that is not known.
 fn time_left(readings: usize, expected: usize, rate: f64) -> String {
     let left_s = expected.saturating_sub(readings) as f64 / rate;
@@ -177,30 +201,7 @@ impl Observer for Watcher {
             let rate = readings as f64 / started.elapsed().as_secs_f64();
             let share = if expected > 0 { format!(" of {expected}") } else { String::new() };
             let left = time_left(readings, expected, rate);
-            let state = latest.as_ref().map_or_else(String::new, |report| {
-                // Against the largest of its kind: a true zero has no relative uncertainty of its own.
-                let worst = [0..1, 1..4, 4..10]
-                    .into_iter()
-                    .filter_map(|kind| {
-                        let values = report.estimate.get(kind.clone())?;
-                        let scale = values.iter().fold(0.0_f32, |s, v| s.max(v.abs()));
-                        let sds = report.standard_deviation.get(kind)?;
-                        Some(100.0 * sds.iter().fold(0.0_f32, |s, v| s.max(*v)) / scale)
-                    })
-                    .filter(|v| v.is_finite())
-                    .fold(0.0_f32, f32::max);
-                let apart = match report.consistency {
-                    // Of several links it is never judged.
-                    Consistency::NotDetermined if report.estimate.len() <= ONE_BODY => {
-                        ", no body determined yet".to_owned()
-                    }
-                    _ if report.distance_sd > DOUBTFUL_SD => {
-                        format!(", {:.1} sd from any body", report.distance_sd)
-                    }
-                    _ => String::new(),
-                };
-                format!(", condition {:.1}, worst relative sd {worst:.1} %{apart}", report.condition_number)
-            });
+            let state = latest.as_ref().map_or_else(String::new, |report| format!(", {}", in_words(report)));
             let known = known.as_deref().unwrap_or_default();
             format!("{readings}{share} readings, {rate:.0}/s{left}{state}{known}")
         });
@@ -224,7 +225,7 @@ pub(super) fn boot_notes(identity: &Identity) -> [(&'static str, &'static str); 
 }
 
 /// What is to be said of a device whose times are not those of a crystal.
-fn doubtful_clock(clock: ClockSource) -> Option<String> {
+pub(super) fn doubtful_clock(clock: ClockSource) -> Option<String> {
     matches!(clock, ClockSource::Internal | ClockSource::Slow)
         .then(|| format!("the device takes its time from {}", time_from(clock)))
 }

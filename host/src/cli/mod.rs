@@ -24,11 +24,16 @@ mod calibrate_joints_words;
 mod calibrate_masses;
 mod calibration_arguments;
 mod came;
+mod completions;
+mod configure;
 mod confirm;
 #[cfg(feature = "simulator")]
 mod demo;
 #[cfg(feature = "simulator")]
 mod demo_links;
+mod device_arguments;
+mod doctor;
+mod doctor_checks;
 mod drift;
 mod experiment;
 mod factor;
@@ -37,6 +42,7 @@ mod failure;
 mod folder;
 mod guards;
 mod identify;
+mod info;
 mod link;
 mod links_on_device;
 mod live;
@@ -44,6 +50,12 @@ mod live_streams;
 mod loaded;
 mod locked_joints;
 mod model;
+mod monitor;
+#[cfg(feature = "simulator")]
+mod monitor_demo;
+mod monitor_sources;
+mod monitor_terminal;
+mod monitor_watch;
 #[cfg(feature = "simulator")]
 mod montecarlo;
 #[cfg(feature = "simulator")]
@@ -59,6 +71,7 @@ mod plan_arguments;
 mod plan_excitation;
 mod plan_motion;
 mod plan_poses;
+mod ports;
 mod predict;
 mod predict_arguments;
 mod programme;
@@ -237,9 +250,13 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
         Some(Command::Factor(a)) => factor::make(&a),
         Some(Command::Merge(a)) => factor::merge(&a),
         Some(Command::Solve(a)) => factor::solve(&a),
-        Some(Command::Ports(a)) => link::ports(&a),
-        Some(Command::Info(a)) => link::info(&a),
-        Some(Command::Configure(a)) => link::configure(&a),
+        Some(Command::Ports(a)) => ports::run(&a),
+        Some(Command::Info(a)) => info::run(&a),
+        Some(Command::Configure(a)) => configure::run(&a),
+        Some(Command::Monitor(a)) => monitor::run(&a),
+        Some(Command::Doctor(a)) => doctor::run(&a),
+        Some(Command::Completions(a)) => completions::completions(&a),
+        Some(Command::Man(a)) => completions::man(&a),
         Some(Command::Convert(a)) => convert(&a),
         #[cfg(not(feature = "simulator"))]
         Some(Command::Montecarlo(_)) => Err(simulated::refused("`rigident montecarlo`")),

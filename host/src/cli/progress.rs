@@ -93,7 +93,7 @@ impl Stages {
         Self { stage, end: Some(end), thread: Some(thread) }
     }
 
-    /// Shows nothing: for work beside other work.
+    /// Shows nothing: for work beside other work, or while the terminal is another's.
     pub(super) fn silent() -> Self {
         Self { stage: Arc::default(), end: None, thread: None }
     }

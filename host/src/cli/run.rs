@@ -73,7 +73,8 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     arguments.adaptive.check()?;
     zeroing::bound(&rig)?;
     let mut platform = platform::connect(&arguments.platform, &geometry).map_err(unmoved)?;
-    let mut session = open(arguments.port.as_deref())?;
+    // A controller on a serial port is greeted by nobody but its driver.
+    let (_, mut session) = open(arguments.device.port.as_deref(), &platform::port_of(&arguments.platform))?;
     let timing =
         DeviceTiming { rate_hz, is_static: false, source: Source::Sensors, host_timeout_ms: HOST_TIMEOUT_MS };
     // Any noise does while nothing is absorbed.

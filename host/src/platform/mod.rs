@@ -19,7 +19,7 @@ pub mod stream;
 pub mod tracking;
 mod way;
 
-pub use address::{checks_itself, connect};
+pub use address::{checks_itself, connect, port_of};
 pub use by_hand::ByHand;
 pub use error::PlatformError;
 #[cfg(feature = "simulator")]

@@ -2,6 +2,7 @@
 //! other test takes the processor from the simulated clock.
 #![cfg(feature = "emulator")]
 
+mod device_commands;
 mod drivers;
 mod live;
 mod runs;
