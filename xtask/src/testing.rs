@@ -45,6 +45,7 @@ const ROBOTS: Need = Need {
 const CLIENT: Need = Need { word: "vendors_client", what: "pipython, the vendor's client, in Python" };
 const C3D: Need = Need { word: "independent_c3d", what: "ezc3d in Python" };
 const ROS: Need = Need { word: "independent_ros_reader", what: "rosbags in Python" };
+const SENSORS: Need = Need { word: "independent_sensors", what: "NetFT, ur_rtde and foxglove-sdk in Python" };
 const OPENSIM: Need = Need { word: "independent_opensim", what: "opensim in Python" };
 const BROWSER: Need = Need { word: "in_a_browser", what: "chromium: cargo xtask setup" };
 
@@ -104,6 +105,7 @@ impl Surroundings {
         look(CLIENT, setup::has_module(setup::VENDORS_CLIENT));
         look(C3D, setup::has_module(setup::C3D_READER));
         look(ROS, setup::has_module(setup::ROS_READER));
+        look(SENSORS, setup::has_module(setup::SENSORS));
         look(OPENSIM, setup::has_module(setup::OPENSIM));
         look(BROWSER, setup::browser().is_some());
         let python = Some(setup::python()).filter(|python| python.is_file());
@@ -251,6 +253,7 @@ mod tests {
             CLIENT,
             C3D,
             ROS,
+            SENSORS,
             OPENSIM,
             BROWSER,
         ]

@@ -1,14 +1,18 @@
 //! The built-in simulated rig, as a device, a platform and a rig file.
 
 use std::io;
+use std::path::PathBuf;
 use std::time::Duration;
 
+use rigident_shared::wire::Identity;
 use rigident_sim::rig::{Rig, RigConfig, SharedRig};
 use rigident_sim::runner::{FrameBus, FrameGate, InProcess, PacedRig, Pacing, SensorBus};
 
 use super::Failure;
 use super::arguments::Mcu;
-use crate::device::link::Transport;
+#[cfg(feature = "emulator")]
+use crate::device::link::Client;
+use crate::device::link::{LinkError, Transport};
 use crate::device::session::tree::FrameSource;
 use crate::rig::{
     BodyTable, Calibrated, ImuClass, ImuTable, LoadCellClass, LoadCellTable, RecordingTable, RigFile,
@@ -49,6 +53,37 @@ fn emulated(_: Box<dyn SensorBus>) -> Result<Box<dyn rigident_sim::runner::Mcu>,
     Err(Failure::input(
         "--mcu qemu: this program was built without the emulated board (feature `emulator`, Unix only); say --mcu inproc",
     ))
+}
+
+/// An image with who answers in it, and who does in this process; or why there is no answer.
+pub(super) type Image = (PathBuf, Result<[Identity; 2], LinkError>);
+
+/// Starts the image of the emulated board, and the firmware in this process; who answers.
+///
+/// # Errors
+/// Why there is no image, or no emulator to start it in.
+#[cfg(feature = "emulator")]
+pub(super) fn image() -> Result<Image, String> {
+    let path = rigident_sim::runner::firmware_elf();
+    if !path.exists() {
+        return Err(format!("no image {}", path.display()));
+    }
+    let greeted = |mcu: Mcu| -> Result<Result<Identity, LinkError>, String> {
+        let transport = idle_rig().and_then(|rig| transport(mcu, &rig)).map_err(|e| e.to_string())?;
+        Ok(Client::new(transport).hello())
+    };
+    let answers = greeted(Mcu::Qemu)?
+        .and_then(|image| Ok([image, greeted(Mcu::Inproc).map_err(|_| LinkError::Silent("hello"))??]));
+    Ok((path, answers))
+}
+
+/// Starts no image: this program was built without.
+///
+/// # Errors
+/// Always.
+#[cfg(not(feature = "emulator"))]
+pub(super) fn image() -> Result<Image, String> {
+    Err("this program was built without the emulated board (feature `emulator`, Unix only)".to_owned())
 }
 
 /// The firmware that a recording is sent to, on the microcontroller of this name; `None` if the name is not one of a

@@ -50,6 +50,12 @@ pub enum LinkError {
         /// The device's hash.
         device: u64,
     },
+    /// It answers, and not in messages that are known here.
+    #[error(
+        "the device answers `{0}` in messages that this program does not know: its firmware was built from other definitions; flash the \
+         firmware that belongs to this version of rigident"
+    )]
+    OtherMessages(&'static str),
     /// The device refused.
     #[error("the device refuses `{command}`: {} (error {})", explain(.code), .code.number())]
     Refused {
@@ -116,6 +122,10 @@ pub struct Client {
     telemetry: VecDeque<Telemetry>,
     telemetry_sequence: Option<u16>,
     heard: Instant,
+    /// How often a command is sent before it is given up.
+    attempts: u32,
+    /// Answers that came whole and make no sense.
+    unknown_answers: u32,
     /// Frames that came damaged.
     pub bad_frames: u32,
     /// Telemetry frames that never came.
@@ -132,6 +142,8 @@ impl Client {
             telemetry: VecDeque::new(),
             telemetry_sequence: None,
             heard: Instant::now(),
+            attempts: ATTEMPTS,
+            unknown_answers: 0,
             bad_frames: 0,
             lost_telemetry: 0,
         }
@@ -156,16 +168,28 @@ impl Client {
         Ok(identity)
     }
 
+    /// Likewise, giving up after `attempts` questions of 0.7 s each: there may be something else on the port.
+    ///
+    /// # Errors
+    /// No answer, or another protocol.
+    pub fn greet(&mut self, attempts: u32) -> Result<Identity, LinkError> {
+        self.attempts = attempts;
+        let answered = self.hello();
+        self.attempts = ATTEMPTS;
+        answered
+    }
+
     /// Sends a command and waits for its answer, repeating it if need be. `name` is for messages.
     ///
     /// # Errors
     /// The link, the device's refusal, or silence.
     pub fn ask(&mut self, name: &'static str, command: &Command) -> Result<Reply, LinkError> {
         self.sequence = self.sequence.wrapping_add(1);
+        let unknown = self.unknown_answers;
         let mut frame = [0; MAX_FRAME];
         let length = encode(Kind::Command, self.sequence, command, &mut frame)
             .map_err(|_| LinkError::Nonsense(name))?;
-        for _ in 0..ATTEMPTS {
+        for _ in 0..self.attempts {
             self.transport.write(frame.get(..length).unwrap_or_default())?;
             let deadline = Instant::now() + PATIENCE;
             while let Some(left) = deadline.checked_duration_since(Instant::now()) {
@@ -184,7 +208,11 @@ impl Client {
                 }
             }
         }
-        Err(LinkError::Silent(name))
+        Err(if self.unknown_answers > unknown {
+            LinkError::OtherMessages(name)
+        } else {
+            LinkError::Silent(name)
+        })
     }
 
     /// Sends a command whose answer nobody waits for.
@@ -235,7 +263,11 @@ impl Client {
                 Some(Ok(frame)) => match frame.kind {
                     Kind::Answer => match frame.message() {
                         Ok(answer) => answers.push((frame.sequence, answer)),
-                        Err(_) => self.bad_frames += 1,
+                        // Its check sum fits: it was meant so.
+                        Err(_) => {
+                            self.bad_frames += 1;
+                            self.unknown_answers += 1;
+                        }
                     },
                     Kind::Telemetry => match frame.message() {
                         Ok(message) => {
@@ -334,9 +366,9 @@ mod tests {
         }
     }
 
-    /// A frame as firmware of protocol `version` would send it.
-    fn frame_of_version(version: u8) -> Vec<u8> {
-        let raw = [version, 1, 1, 0, 0];
+    /// A frame as firmware of protocol `version` would send it, whose answer holds `payload`.
+    fn frame_of_version(version: u8, payload: u8) -> Vec<u8> {
+        let raw = [version, 1, 1, 0, payload];
         let check = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&raw);
         let body = [raw.as_slice(), &check.to_le_bytes()].concat();
         let mut line = vec![0];
@@ -351,12 +383,21 @@ mod tests {
 
     #[test]
     fn firmware_of_another_protocol_is_told_from_silence() {
-        let mut client = Client::new(Box::new(Canned(frame_of_version(PROTOCOL_VERSION + 1), false)));
+        let mut client = Client::new(Box::new(Canned(frame_of_version(PROTOCOL_VERSION + 1, 0), false)));
         let error = client.hello().unwrap_err();
         assert!(
             matches!(error, LinkError::OtherProtocol { device } if device == PROTOCOL_VERSION + 1),
             "{error}"
         );
+        assert!(error.to_string().contains("flash"));
+    }
+
+    #[test]
+    fn firmware_whose_hello_is_not_known_is_told_from_silence() {
+        // No result has so many variants.
+        let mut client = Client::new(Box::new(Canned(frame_of_version(PROTOCOL_VERSION, 0x77), false)));
+        let error = client.greet(1).unwrap_err();
+        assert!(matches!(error, LinkError::OtherMessages("hello")), "{error}");
         assert!(error.to_string().contains("flash"));
     }
 
