@@ -114,8 +114,8 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
             },
             sensor @ (Sensor::Imu | Sensor::SecondImu) => self.read_imu(sensor, event.capture_time_ns),
             Sensor::Frames => {
-                let Some((links, tracked)) = self.app.frame_links() else { return };
-                match self.frames.read(links, tracked) {
+                let Some((links, kind)) = self.app.frame_links() else { return };
+                match self.frames.read(links, kind) {
                     Ok(frame) => self.app.on_frame(event.capture_time_ns, &frame),
                     Err(FrameError::Links(links)) => {
                         self.app.on_frame_of_links(event.capture_time_ns, links);

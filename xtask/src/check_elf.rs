@@ -12,8 +12,8 @@ use crate::firmware;
 use crate::process::Steps;
 use crate::toolchain::{self, Core};
 
-/// The functions that take one sample, or one frame of a tree, from the drivers to the factor.
-pub const PATHS: [&str; 2] = ["rigident_sample_path", "rigident_frame_path"];
+/// The functions that take one sample, or one frame of a tree or of a robot that is watched, from the drivers to the factor.
+pub const PATHS: [&str; 3] = ["rigident_sample_path", "rigident_frame_path", "rigident_watch_path"];
 
 /// What to check.
 #[derive(clap::Args, Clone, Default)]

@@ -41,12 +41,12 @@ struct Sizes {
 struct Images {
     /// With everything.
     whole: Sizes,
-    /// Without the features `links` and `frames`: one body alone.
+    /// Without the features `links`, `frames` and `watch`: one body alone.
     body_only: Sizes,
 }
 
-/// Flash at most: of the whole image, and of the one for a body alone. The board has 1 MB; what is promised leaves two thirds of it.
-const MOST_FLASH_BYTES: (u64, u64) = (320_000, 238_000);
+/// Flash at most: of the whole image, and of the one for a body alone. The board has 1 MB; what is promised leaves nearly two thirds of it.
+const MOST_FLASH_BYTES: (u64, u64) = (363_000, 238_000);
 /// How far a size may be from the golden file's: a part, and bytes on top for small ones.
 const TOLERANCE: (f64, u64) = (0.05, 64);
 /// Bytes an exception saves by itself with the floating-point context, and one word to align.

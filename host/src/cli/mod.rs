@@ -80,6 +80,8 @@ mod vibration_demo;
 mod vibration_identify;
 mod vibration_postures;
 mod vibration_stiffness;
+mod watch;
+mod watch_arguments;
 mod workspace;
 mod zeroing;
 
@@ -214,6 +216,10 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
         Some(Command::Replay(mut a)) => {
             a.recording = recorded::named(a.recording);
             replay::run(&a)
+        }
+        Some(Command::Watch(mut a)) => {
+            a.recording = recorded::named(a.recording);
+            watch::run(&a)
         }
         Some(Command::Run(a)) => run::run(&a),
         Some(Command::Calibrate(a)) => calibrate::run(&a),

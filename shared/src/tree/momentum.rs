@@ -50,7 +50,13 @@ pub fn momentum<T: Scalar>(state: &LinkState<T>) -> Block<T> {
 
 /// The parts of one link.
 pub fn parts<T: Scalar>(state: &LinkState<T>, base: &BaseMotion<T>) -> Parts<T> {
-    let momentum = momentum(state);
+    let differentiated = momentum(state);
+    Parts { smoothed: smoothed(state, base, &differentiated), differentiated }
+}
+
+/// The rest of a link's base rows beside its momentum h: `ω₀ × h + [m a; mc × a]`.
+#[inline(always)]
+pub fn smoothed<T: Scalar>(state: &LinkState<T>, base: &BaseMotion<T>, momentum: &Block<T>) -> Block<T> {
     let (turn, arm) = (&state.rotation, &state.position);
     let mut smoothed = zero_block();
     let a = &base.specific_force;
@@ -70,7 +76,7 @@ pub fn parts<T: Scalar>(state: &LinkState<T>, base: &BaseMotion<T>) -> Parts<T> 
             smoothed[3 + axis][k] = moment[axis];
         }
     }
-    Parts { smoothed, differentiated: momentum }
+    smoothed
 }
 
 /// The six base rows in two parts, each row by row with `10 · links` columns.

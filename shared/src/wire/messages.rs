@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::links::{
     FactorRow, FrameReport, LINK_BATCH, LinkBatch, LinkReadingMessage, MAX_TREE_PARAMETERS, ModelSettings,
 };
+use super::watch::{ChangeReport, WatchLinkSettings, WatchReport};
 
 /// Version of framing and header; another one is refused by both sides.
 pub const PROTOCOL_VERSION: u8 = 6;
@@ -60,6 +61,13 @@ pub enum Command {
     },
     /// The host is there.
     Heartbeat,
+    /// A link of the robot that is to be watched: Configured.
+    WatchLink {
+        /// Its index.
+        link: u8,
+        /// What is known of it.
+        settings: WatchLinkSettings,
+    },
 }
 
 /// Answer to a command.
@@ -239,6 +247,8 @@ pub enum SettingName {
     Stiffness,
     /// Where the base link stands on springs, in `model`, or that no coordinate is free
     Suspension,
+    /// The watch: its sensors of forces, limit, or time constant, in `model`
+    Watch,
 }
 
 /// Tells where readings come from.
@@ -480,6 +490,8 @@ pub struct CounterReport {
     pub second_imu_errors: u32,
     /// Tells what became of frames.
     pub frames: FrameReport,
+    /// Tells what became of the watch.
+    pub watch: WatchReport,
     /// Load-cell samples without IMU neighbours.
     pub unaligned: u32,
     /// Frames from the host that were damaged.
@@ -585,4 +597,6 @@ pub enum Telemetry {
         /// The device's time, ns.
         time_ns: u64,
     },
+    /// A change of the link that is watched.
+    Change(ChangeReport),
 }
