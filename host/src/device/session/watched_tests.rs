@@ -14,7 +14,8 @@ fn watch<T: rigident_shared::Scalar>(robot: &WatchedRobot) -> Box<Watch<T>> {
         links: told.links,
         watched: told.watched,
         rate_hz: T::from_f32(robot.settings.rate_hz),
-        width_s: T::from_f32(robot.settings.filter_width_s),
+        // A tenth in single precision is more than one, and then the filter two frames longer in double.
+        width_s: T::from_f64_const(0.1),
         row_every: robot.settings.row_every,
         channel_sigma: s.map(T::from_f32),
         range: r.map(T::from_f32),
