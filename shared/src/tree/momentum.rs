@@ -67,9 +67,8 @@ pub fn smoothed<T: Scalar>(state: &LinkState<T>, base: &BaseMotion<T>, momentum:
         if k == 0 {
             force += a;
             moment += arm.cross(a);
-        } else if k < 4 {
-            let axis: Vector3<T> = turn.column(k - 1).into();
-            moment += axis.cross(a);
+        } else if let Some(axis) = turn.data.0.get(k - 1) {
+            moment += Vector3::from(*axis).cross(a);
         }
         for axis in 0..3 {
             smoothed[axis][k] = force[axis];
