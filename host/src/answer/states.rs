@@ -24,7 +24,7 @@ use super::context::Links;
 use super::derived::ten;
 use super::result::ParameterState;
 pub(crate) use crate::fit::LEAST_EXCITATION;
-use crate::fit::{Estimate, Fit, Kind, Measured, Owner};
+use crate::fit::{Estimate, Fit, Kind, Measured, Owner, Parameter};
 use crate::model::Model;
 
 /// U95 of an identified parameter is at most this share of the body's scale.
@@ -196,7 +196,7 @@ pub(super) fn scales(fit: &Fit, links: Option<&Links>) -> Vec<Option<f64>> {
     let body = is_whole_body(fit).then(|| BodyScale::of(&fit.estimate, fit.spurious_information));
     let of_links = match body {
         Some(_) => BTreeMap::new(),
-        None => link_scales(fit, links),
+        None => link_scales(&fit.parameters, &fit.estimate, links),
     };
     (0..fit.parameters.len())
         .map(|j| {
@@ -219,14 +219,18 @@ fn at_least(estimate: &Estimate, j: usize) -> f64 {
 }
 
 /// Returns the scales of links by kind.
-fn link_scales(fit: &Fit, links: Option<&Links>) -> BTreeMap<(String, Kind), f64> {
+pub(crate) fn link_scales(
+    parameters: &[Parameter],
+    estimate: &Estimate,
+    links: Option<&Links>,
+) -> BTreeMap<(String, Kind), f64> {
     let nominal = links.and_then(nominal_base);
     let mut scales: BTreeMap<(String, Kind), f64> = BTreeMap::new();
-    for (j, parameter) in fit.parameters.iter().enumerate() {
+    for (j, parameter) in parameters.iter().enumerate() {
         let Owner::Link(link) = &parameter.owner else { continue };
         let assumed = nominal.as_ref().and_then(|n| n.get(j)).map_or(0.0, |n| n.abs());
         let scale = scales.entry((link.clone(), parameter.kind)).or_insert(0.0);
-        *scale = scale.max(at_least(&fit.estimate, j)).max(assumed);
+        *scale = scale.max(at_least(estimate, j)).max(assumed);
     }
     // m ℓ where first moments vanish: I / ℓ.
     for link in links.iter().flat_map(|links| &links.model.links) {

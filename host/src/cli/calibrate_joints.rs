@@ -6,22 +6,24 @@ use std::process::ExitCode;
 
 use serde::Serialize;
 
+use super::calibrate_joints_page::html;
+use super::calibrate_joints_words::{believed, warnings, why, words};
 use super::calibration_arguments::CalibrateJoints;
 use super::outcome::say;
 use super::{ExitStatus, Failure, factor};
 use crate::fit::{COVERAGE_95, Measured};
 use crate::joint_offsets::poses_file::PosesTable;
-use crate::joint_offsets::result::{Answer, Offset, identify};
+use crate::joint_offsets::result::{Answer, Coarsest, Offset, identify};
 use crate::joint_offsets::search::Method;
 use crate::joint_offsets::{JointTree, Noise, Setup, contacts_file};
 use crate::model::human::Person;
 use crate::model::xml::Language;
-use crate::model::{self, Model, remarks, write};
-use crate::present::text::{NOT_IDENTIFIED, counted, significant, with_u95};
+use crate::model::{self, Model, remarks, sites, write};
+use crate::present::text::NOT_IDENTIFIED;
 use crate::recording::new_file::write_new_text;
 
-/// What is left may be so much more than the stated noise explains before it is said, a ratio of variances.
-const NOISIER: f64 = 1.5;
+/// The heading's largest σ, degrees.
+const LARGEST_YAW_DEG: f64 = 180.0;
 
 /// The object of `--json`.
 #[derive(Serialize)]
@@ -36,6 +38,7 @@ struct Object {
     weakest: Option<Combination>,
     over_poses: Vec<Over>,
     bad_poses: Vec<Bad>,
+    along: Vec<Along>,
     variance_ratio: f64,
     degrees_of_freedom: f64,
     attitude_rms_deg: f64,
@@ -52,6 +55,17 @@ struct Value {
     value: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     u95: Option<f64>,
+    moves_by: f64,
+    #[serde(skip_serializing_if = "String::is_empty")]
+    why_not: String,
+}
+
+#[derive(Serialize)]
+struct Along {
+    name: String,
+    unit: &'static str,
+    value: f64,
+    u95: f64,
 }
 
 #[derive(Serialize)]
@@ -67,6 +81,8 @@ struct Over {
     identified: usize,
     #[serde(skip_serializing_if = "Option::is_none")]
     worst_u95: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    worst_u95_m: Option<f64>,
 }
 
 #[derive(Serialize)]
@@ -81,26 +97,31 @@ struct Bad {
 
 /// `rigident calibrate joints`
 pub(super) fn run(arguments: &CalibrateJoints) -> Result<ExitCode, Failure> {
-    if let Some(path) = &arguments.output {
+    for path in [&arguments.output, &arguments.report].into_iter().flatten() {
         factor::absent(path)?;
     }
     if let Some(path) = &arguments.write_model {
         write::check_target(path).map_err(Failure::input)?;
     }
     let noise = noise(arguments)?;
-    let coarsest = positive("--coarsest-u95-deg", arguments.coarsest_u95_deg)?.to_radians();
+    let coarsest = Coarsest {
+        rad: positive("--coarsest-u95-deg", arguments.coarsest_u95_deg)?.to_radians(),
+        m: 1e-3 * positive("--coarsest-u95-mm", arguments.coarsest_u95_mm)?,
+    };
     let (model, _) = model::open(&arguments.model, &Person::default()).map_err(Failure::input)?;
     let tree = JointTree::new(&model);
     let contacts = text_of(&arguments.contacts)?;
-    let soles = contacts_file::parse(&contacts, &arguments.contacts.display().to_string(), &tree)
+    let site = |name: &str| sites::site(Path::new(&arguments.model), name);
+    let contacts = contacts_file::parse(&contacts, &arguments.contacts.display().to_string(), &tree, &site)
         .map_err(Failure::input)?;
-    let table = PosesTable::parse(&text_of(&arguments.poses)?, &arguments.poses.display().to_string())
-        .map_err(Failure::input)?;
+    let source = arguments.poses.display().to_string();
+    let table = PosesTable::parse(&text_of(&arguments.poses)?, &source).map_err(Failure::input)?;
     let measured = table.measured_links(&tree).map_err(Failure::input)?;
-    let setup = Setup::new(tree, soles, measured, &arguments.joints, noise).map_err(Failure::input)?;
+    let setup = Setup::new(tree, contacts, measured, &arguments.joints, noise).map_err(Failure::input)?;
     let poses = table.poses(&setup).map_err(Failure::input)?;
     let answer = identify(&setup, &poses, Method::from(arguments.method), coarsest)
-        .map_err(|why| Failure::input(format!("{}: {why}", arguments.poses.display())))?;
+        .map_err(|why| Failure::input(format!("{source}: {why}")))?;
+    believed(&setup, &poses, &answer)?;
     let mut warnings = warnings(&setup, &answer);
     if let Some(path) = &arguments.output {
         write_new_text(path, &rig_tables(&answer)).map_err(Failure::input)?;
@@ -108,12 +129,16 @@ pub(super) fn run(arguments: &CalibrateJoints) -> Result<ExitCode, Failure> {
     if let Some(path) = &arguments.write_model {
         warnings.extend(write_model(&model, Path::new(&arguments.model), &answer, path)?);
     }
-    let object = object(&model, poses.len(), &answer, warnings);
+    if let Some(path) = &arguments.report {
+        let page = html(&setup, &poses, &answer, (&model.name, &source), coarsest, &warnings);
+        write_new_text(path, &page).map_err(Failure::input)?;
+    }
     if arguments.json {
+        let object = object(&model, poses.len(), &answer, coarsest, warnings);
         say(serde_json::to_string_pretty(&object).map_err(Failure::input)?);
     } else {
-        say(words(&object, &answer).trim_end());
-        object.warnings.iter().for_each(|warning| tell!("rigident: {warning}"));
+        say(words(&answer, poses.len(), coarsest));
+        warnings.iter().for_each(|warning| tell!("rigident: {warning}"));
     }
     Ok(ExitStatus::of(answer.offsets.iter().all(|offset| offset.measured.is_some())).into())
 }
@@ -134,10 +159,20 @@ fn noise(arguments: &CalibrateJoints) -> Result<Noise, Failure> {
     let from_zero = |option: &str, value: f64| {
         if value == 0.0 { Ok(0.0) } else { positive(option, value) }
     };
+    let attitude = positive("--attitude-noise-deg", arguments.attitude_noise_deg)?;
+    let yaw = arguments.yaw_noise_deg.map_or(Ok(attitude), |yaw| positive("--yaw-noise-deg", yaw))?;
+    if yaw > LARGEST_YAW_DEG {
+        return Err(Failure::input(format!(
+            "--yaw-noise-deg {yaw}: must be at most {LARGEST_YAW_DEG}, which says that headings tell nothing"
+        )));
+    }
     Ok(Noise {
-        attitude_rad: positive("--attitude-noise-deg", arguments.attitude_noise_deg)?.to_radians(),
+        attitude_rad: attitude.to_radians(),
+        yaw_rad: yaw.to_radians(),
         height_m: 1e-3 * positive("--height-noise-mm", arguments.height_noise_mm)?,
+        floor_rad: from_zero("--floor-noise-deg", arguments.floor_noise_deg)?.to_radians(),
         encoder_rad: from_zero("--encoder-noise-deg", arguments.encoder_noise_deg)?.to_radians(),
+        slide_m: 1e-3 * from_zero("--encoder-noise-mm", arguments.encoder_noise_mm)?,
         mounting_rad: from_zero("--mounting-noise-deg", arguments.mounting_noise_deg)?.to_radians(),
     })
 }
@@ -156,48 +191,7 @@ fn write_model(model: &Model, source: &Path, answer: &Answer, path: &Path) -> Re
     Ok(remarks::remarks(&moved, source, path, &[]))
 }
 
-fn warnings(setup: &Setup, answer: &Answer) -> Vec<String> {
-    let mut warnings = Vec::new();
-    for bad in &answer.bad {
-        let (link, turn) = &bad.attitude_off;
-        let (sole, height) = &bad.height_off;
-        warnings.push(format!(
-            "{} is left out: the others contradict it ({} times what the noise explains; attitude of {link} off by {}°, a corner of \
-             sole {sole} by {} mm)",
-            bad.name,
-            significant(bad.ratio, 2),
-            significant(turn.to_degrees(), 2),
-            significant(1e3 * height, 2)
-        ));
-    }
-    let open: Vec<&str> =
-        answer.offsets.iter().filter(|o| o.measured.is_none()).map(|o| o.joint.as_str()).collect();
-    if !open.is_empty() {
-        warnings.push(format!(
-            "not told by these poses: {}; take poses with one knee bent more than the other, feet turned and apart, pelvis tilted",
-            open.join(", ")
-        ));
-    }
-    if answer.variance_ratio > NOISIER {
-        warnings.push(format!(
-            "what is left is {} times the variance that the stated noise explains; the intervals are widened by its root: is the \
-             floor level, are the corners where the file has them, is the noise as stated?",
-            significant(answer.variance_ratio, 2)
-        ));
-    }
-    if setup.noise.mounting_rad == 0.0 {
-        warnings.push(
-            "the IMU is taken as mounted exactly: an error of its roll or pitch goes into the hips; say by --mounting-noise-deg how far it may be off"
-                .to_owned(),
-        );
-    }
-    if !answer.converged {
-        warnings.push("the search did not settle: do not use these numbers".to_owned());
-    }
-    warnings
-}
-
-fn object(model: &Model, poses: usize, answer: &Answer, warnings: Vec<String>) -> Object {
+fn object(model: &Model, poses: usize, answer: &Answer, coarsest: Coarsest, warnings: Vec<String>) -> Object {
     let rows = answer.covariance.row_iter();
     Object {
         schema: "rigident/joint-offsets/1",
@@ -211,6 +205,8 @@ fn object(model: &Model, poses: usize, answer: &Answer, warnings: Vec<String>) -
                 unit: unit(offset),
                 value: offset.measured.map(|own| own.value),
                 u95: offset.measured.map(|own| own.u95),
+                moves_by: offset.moves_by,
+                why_not: why(offset, coarsest),
             })
             .collect(),
         covariance: rows.map(|row| row.iter().copied().collect()).collect(),
@@ -221,7 +217,12 @@ fn object(model: &Model, poses: usize, answer: &Answer, warnings: Vec<String>) -
         over_poses: answer
             .over_poses
             .iter()
-            .map(|own| Over { poses: own.poses, identified: own.identified, worst_u95: own.worst_u95 })
+            .map(|own| Over {
+                poses: own.poses,
+                identified: own.identified,
+                worst_u95: own.worst_u95,
+                worst_u95_m: own.worst_u95_m,
+            })
             .collect(),
         bad_poses: answer
             .bad
@@ -233,6 +234,16 @@ fn object(model: &Model, poses: usize, answer: &Answer, warnings: Vec<String>) -
                 attitude_off_deg: bad.attitude_off.1.to_degrees(),
                 sole: bad.height_off.0.clone(),
                 height_off_mm: 1e3 * bad.height_off.1,
+            })
+            .collect(),
+        along: answer
+            .along
+            .iter()
+            .map(|own| Along {
+                name: own.name.clone(),
+                unit: if own.length { "m" } else { "rad" },
+                value: own.measured.value,
+                u95: own.measured.u95,
             })
             .collect(),
         variance_ratio: answer.variance_ratio,
@@ -267,42 +278,6 @@ fn rig_tables(answer: &Answer) -> String {
             "\n[[joint]]\nname = {name}\nposition = {{ name = {column}, offset = {value:?} }}\nzero_std = {:?}",
             u95 / COVERAGE_95
         );
-    }
-    out
-}
-
-fn words(object: &Object, answer: &Answer) -> String {
-    let told = answer.offsets.iter().filter(|offset| offset.measured.is_some()).count();
-    let mut out = format!(
-        "{told} of {} from {}; attitudes are left with {}°, heights with {} mm\n\n",
-        counted(answer.offsets.len(), "offset", "offsets"),
-        counted(object.poses - object.bad_poses.len(), "pose", "poses"),
-        significant(object.attitude_rms_deg, 2),
-        significant(object.height_rms_mm, 2)
-    );
-    let width = answer.offsets.iter().map(|offset| offset.joint.chars().count()).max().unwrap_or(0);
-    for offset in &answer.offsets {
-        let cell = match offset.measured {
-            None => NOT_IDENTIFIED.to_owned(),
-            Some(own) if offset.slides => with_u95(1e3 * own.value, 1e3 * own.u95, "mm"),
-            Some(own) => format!("{}°", with_u95(own.value.to_degrees(), own.u95.to_degrees(), "")),
-        };
-        let _ = writeln!(out, "  {:<width$}  {cell:>20}", offset.joint);
-    }
-    if let Some(weakest) = &object.weakest {
-        let shares: Vec<String> =
-            weakest.shares.iter().map(|(joint, share)| format!("{share:+.2} {joint}")).collect();
-        let known = weakest.sigma.map_or_else(
-            || "not known at all".to_owned(),
-            |sigma| format!("known to ± {}° (95 %)", significant(COVERAGE_95 * sigma.to_degrees(), 2)),
-        );
-        let _ = writeln!(out, "\nKnown worst, {known}: {}", shares.join(" "));
-    }
-    out.push_str("\n  poses  identified  largest U95\n");
-    for own in &object.over_poses {
-        let worst =
-            own.worst_u95.map_or_else(|| "–".to_owned(), |u| format!("{}°", significant(u.to_degrees(), 2)));
-        let _ = writeln!(out, "  {:>5}  {:>10}  {worst:>11}", own.poses, own.identified);
     }
     out
 }

@@ -6,15 +6,16 @@ use std::process::ExitCode;
 use serde::Serialize;
 
 use super::calibration_arguments::{CalibrateMasses, MassMethod};
-use super::loaded::{Loaded, PLOT_POINTS};
+use super::loaded::Loaded;
 use super::options::trees::TreeModel;
 use super::outcome::say;
 use super::{ExitStatus, Failure, Stages};
-use crate::fit::{COVERAGE_95, Factor, plain_factor};
+use crate::fit::{Factor, plain_factor};
 use crate::mass_properties::comparison::{Comparison, Outcome, Study, Way};
 use crate::mass_properties::efforts::suspects;
 use crate::mass_properties::methods::Method;
 use crate::mass_properties::unknowns::ParameterSet;
+use crate::mass_properties::weights::channel_sigma;
 use crate::model::{Model, remarks, write};
 use crate::present::text::{counted, significant};
 use crate::problem::ProblemOptions;
@@ -38,7 +39,8 @@ struct Object {
     #[serde(skip_serializing_if = "Option::is_none")]
     chosen: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    total_mass: Option<TotalMass>,
+    whole_mass_kg: Option<f64>,
+    nominal_whole_mass_kg: f64,
     links: Vec<LinkObject>,
     notes: Vec<String>,
     warnings: Vec<String>,
@@ -57,14 +59,6 @@ struct WayObject {
     impossible_links: usize,
 }
 
-/// The whole mass, which rows tell.
-#[derive(Serialize)]
-struct TotalMass {
-    value_kg: f64,
-    u95_kg: f64,
-    nominal_kg: f64,
-}
-
 /// A link as the chosen way has it: by itself it is not identified.
 #[derive(Serialize)]
 struct LinkObject {
@@ -79,7 +73,6 @@ struct LinkObject {
 struct Read {
     loaded: Vec<Loaded>,
     factors: Vec<Factor>,
-    total_mass: Option<(f64, f64)>,
     notes: Vec<String>,
     warnings: Vec<String>,
 }
@@ -231,13 +224,7 @@ fn read(arguments: &CalibrateMasses, stages: &Stages) -> Result<Read, Failure> {
     let tree = TreeModel { model: Some(arguments.model.clone()), changes: arguments.changes.clone() };
     let friction = Friction::parse(&arguments.friction).map_err(Failure::input)?;
     let options = ProblemOptions { friction, ..ProblemOptions::default() };
-    let mut read = Read {
-        loaded: Vec::new(),
-        factors: Vec::new(),
-        total_mass: None,
-        notes: Vec::new(),
-        warnings: Vec::new(),
-    };
+    let mut read = Read { loaded: Vec::new(), factors: Vec::new(), notes: Vec::new(), warnings: Vec::new() };
     for path in &arguments.recordings {
         stages.at(&format!("reading {}", path.display()), 0.0);
         read.loaded.push(Loaded::read(path, arguments.rig.as_deref(), None, &tree, &options, stages)?);
@@ -255,9 +242,8 @@ fn read(arguments: &CalibrateMasses, stages: &Stages) -> Result<Read, Failure> {
             read.warnings.push(of(&suspect.text()));
         }
         if sigma.is_none() {
-            let found = loaded.fit(None, PLOT_POINTS, stages)?;
-            sigma = Some(found.channels.iter().map(|channel| channel.sigma).collect());
-            read.total_mass = total_mass(&found, source);
+            let progress = |stage: &str, share: f64| stages.at(stage, share);
+            sigma = Some(channel_sigma(source, &progress).map_err(Failure::input)?);
         }
         let sigma = sigma.as_deref().unwrap_or_default();
         if sigma.len() != crate::fit::RowSource::channels(source).len() {
@@ -286,17 +272,6 @@ fn parts_of(source: &TreeSource, sigma: &[f64], parts: usize) -> Result<Vec<Fact
         }
     }
     Ok(factors)
-}
-
-/// Returns the whole mass with its U95, of a tree whose base moves.
-fn total_mass(found: &crate::fit::Fit, source: &TreeSource) -> Option<(f64, f64)> {
-    let bodies = source.input().model.links.iter().filter(|link| link.is_body()).count();
-    let is_whole = |terms: &[(usize, f64)]| {
-        terms.len() == bodies && terms.iter().all(|(column, weight)| column % 10 == 0 && *weight == 1.0)
-    };
-    let at = source.base().parameters.iter().position(|own| is_whole(&own.terms))?;
-    let (value, variance) = (found.estimate.values.get(at)?, found.estimate.covariance.get((at, at))?);
-    Some((*value, COVERAGE_95 * variance.sqrt())).filter(|(value, u95)| u95.is_finite() && *u95 < value.abs())
 }
 
 fn object(
@@ -350,11 +325,8 @@ fn object(
             })
             .collect(),
         chosen: chosen.map(|outcome| outcome.way.name().to_owned()),
-        total_mass: read.total_mass.map(|(value_kg, u95_kg)| TotalMass {
-            value_kg,
-            u95_kg,
-            nominal_kg: mass(model),
-        }),
+        whole_mass_kg: chosen.map(|outcome| mass(&outcome.model)),
+        nominal_whole_mass_kg: mass(model),
         links,
         notes: read.notes.clone(),
         warnings,
@@ -404,18 +376,11 @@ fn words(object: &Object, compared: &Comparison) -> String {
         out,
         "\nCost: squares left, relative to what the nominal model leaves; left out: each part by what the others gave."
     );
-    if let Some(total) = &object.total_mass {
-        let _ = writeln!(
-            out,
-            "Whole mass {} kg (nominal {:.3} kg).",
-            crate::present::text::with_u95(total.value_kg, total.u95_kg, "").trim(),
-            total.nominal_kg
-        );
-    }
     if let Some(way) = &object.chosen {
         let _ = writeln!(
             out,
-            "\nLinks by the way {way}, together with the model; single ones are not identified and have no interval:\n"
+            "\nLinks by the way {way}, beside the model: single ones are not identified and have no interval (`rigident identify` has those of what \
+             rows tell, the whole mass among them):\n"
         );
         let width = object.links.iter().map(|link| link.link.chars().count()).max().unwrap_or(4);
         let _ = writeln!(
@@ -441,6 +406,9 @@ fn words(object: &Object, compared: &Comparison) -> String {
                 centre.join(", ")
             );
         }
+    }
+    if let Some(mass) = object.whole_mass_kg {
+        let _ = writeln!(out, "\n  All links: {mass:.3} kg, nominal {:.3} kg.", object.nominal_whole_mass_kg);
     }
     out
 }

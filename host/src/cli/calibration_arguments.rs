@@ -129,10 +129,12 @@ impl From<SearchMethod> for Method {
 #[command(
     after_help = "The robot stands still with flat soles on a level floor, again and again in another pose. Each row of POSES has the joints' \
                   positions as measured (left_knee_rad) and the attitude of at least one link by an IMU (pelvis_qw, pelvis_qx, pelvis_qy, \
-                  pelvis_qz); a column contact names the soles that stand, if not all do. True position = measured + offset.\n\nExit status 0 \
+                  pelvis_qz); a column contact names the contacts that are made, if not all are. Hands may touch walls, and links may be \
+                  held: [[plane]] and [[fixed]] in the file of contacts. True position = measured + offset.\n\nExit status 0 \
                   if every offset asked for is identified, 1 if not, 2 if a file cannot be used.\n\nExamples:\n  rigident calibrate joints \
                   robot.urdf poses.csv --contacts soles.toml\n  rigident calibrate joints robot.urdf poses.csv --contacts soles.toml --joints \
-                  left_knee,right_knee -o joints.rig.toml --write-model calibrated.urdf"
+                  left_knee,right_knee -o joints.rig.toml --write-model calibrated.urdf\n  rigident calibrate joints robot.urdf poses.csv --contacts soles.toml --yaw-noise-deg 180 \
+                  --report joints.html"
 )]
 pub struct CalibrateJoints {
     /// The robot: URDF, MJCF or SDF
@@ -141,33 +143,48 @@ pub struct CalibrateJoints {
     /// The poses, CSV
     #[arg(value_name = "POSES")]
     pub poses: PathBuf,
-    /// The soles and their corners, TOML
+    /// The soles and their corners, planes and held links, TOML
     #[arg(long, value_name = "FILE")]
     pub contacts: PathBuf,
-    /// Joints whose offsets are found. Default: all between the base and the soles
+    /// Joints whose offsets are found. Default: all between the base and the contacts
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub joints: Vec<String>,
-    /// 1 sigma of a measured attitude about any axis, degrees
+    /// 1 sigma of a measured attitude about any level axis, degrees
     #[arg(long, value_name = "DEG", default_value_t = 0.2)]
     pub attitude_noise_deg: f64,
-    /// 1 sigma of a corner's height above the floor, mm
+    /// 1 sigma of its heading, degrees; from 30 on headings tell nothing, as without a magnetometer. Default: as of the others
+    #[arg(long, value_name = "DEG")]
+    pub yaw_noise_deg: Option<f64>,
+    /// 1 sigma of a corner's distance from its plane, and of a held point's from its place, mm
     #[arg(long, value_name = "MM", default_value_t = 1.0)]
     pub height_noise_mm: f64,
+    /// 1 sigma of the floor's slope about any level axis, degrees; 0 if it is level
+    #[arg(long, value_name = "DEG", default_value_t = 0.1)]
+    pub floor_noise_deg: f64,
     /// 1 sigma of a measured joint angle in each pose, degrees
     #[arg(long, value_name = "DEG", default_value_t = 0.05)]
     pub encoder_noise_deg: f64,
+    /// 1 sigma of the measured position of a joint that slides, in each pose, mm
+    #[arg(long, value_name = "MM", default_value_t = 0.5)]
+    pub encoder_noise_mm: f64,
     /// 1 sigma of the constant error of each IMU's mounting about any axis, degrees
     #[arg(long, value_name = "DEG", default_value_t = 0.0)]
     pub mounting_noise_deg: f64,
     /// An offset with a larger U95 counts as not identified, degrees
     #[arg(long, value_name = "DEG", default_value_t = 2.0)]
     pub coarsest_u95_deg: f64,
+    /// The same of a joint that slides, mm
+    #[arg(long, value_name = "MM", default_value_t = 10.0)]
+    pub coarsest_u95_mm: f64,
     /// How the offsets are searched for
     #[arg(long, value_enum, value_name = "METHOD", default_value_t)]
     pub method: SearchMethod,
     /// Write the offsets as [[joint]] tables of a rig file; must not exist
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    /// Write a page with the offsets and with poses before and after; must not exist
+    #[arg(long, value_name = "FILE.html")]
+    pub report: Option<PathBuf>,
     /// Write the model with the zeros of its joints corrected: .urdf, .xml (MJCF) or .sdf
     #[arg(long, value_name = "FILE")]
     pub write_model: Option<PathBuf>,

@@ -99,7 +99,10 @@ impl Loaded {
         warnings.extend(problem.rig.calibrated().map(|_| UNUSED_CALIBRATION.to_owned()));
         warnings.extend(nominal.findings.iter().map(ToString::to_string));
         let unused_rows = (rows as u64).saturating_sub(problem.source().samples() as u64);
-        let case = Some(Case { recording, model: Some(nominal.clone()), options: options.clone() });
+        // What a fault does to a robot on its feet is not among those that are tried.
+        let has_feet = !problem.rig.foot.is_empty();
+        let case = Case { recording, model: Some(nominal.clone()), options: options.clone() };
+        let case = Some(case).filter(|_| !has_feet);
         Ok(Self { problem, warnings, notes, unused_rows, nominal: Some((nominal, file)), recorded, case })
     }
 

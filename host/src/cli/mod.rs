@@ -18,6 +18,8 @@ mod body_plates;
 mod calibrate;
 mod calibrate_imu;
 mod calibrate_joints;
+mod calibrate_joints_page;
+mod calibrate_joints_words;
 mod calibrate_masses;
 mod calibration_arguments;
 mod came;
@@ -50,6 +52,7 @@ mod options;
 mod outcome;
 mod payload;
 mod plan_arguments;
+mod plan_excitation;
 mod plan_motion;
 mod plan_poses;
 mod predict;
@@ -249,6 +252,7 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
             Planned::Poses(a) => plan_poses::run(&a),
             Planned::Motion(a) => plan_motion::run(&a),
             Planned::Compare(a) => plan_motion::compare(&a),
+            Planned::Excitation(a) => plan_excitation::run(&a),
         },
         Some(Command::Schema(a)) => schema(&a),
         Some(Command::Model(a)) => model::run(&a),

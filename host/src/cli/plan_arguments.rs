@@ -3,12 +3,13 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand, ValueEnum};
 
 use super::options::test_body::DemoBody;
+use super::options::trees::{ModelOptions, RowsWord};
 
 /// `rigident plan`
 #[derive(Args, Debug, Clone)]
 #[command(
     after_help = "Examples:\n  rigident plan poses --n 5 --out poses.json\n  rigident plan motion --out motion.json\n  \
-                        rigident plan compare\n  rigident demo --plan motion.json"
+                        rigident plan compare\n  rigident plan excitation robot.urdf -o trajectory.csv\n  rigident demo --plan motion.json"
 )]
 pub struct Plan {
     /// What is planned
@@ -25,6 +26,8 @@ pub enum Planned {
     Motion(PlanMotion),
     /// The motions of every objective side by side, for the thesis' test body in both mountings
     Compare(PlanCompare),
+    /// A trajectory for the joints of an arm or a humanoid that tells most of its links
+    Excitation(Box<PlanExcitation>),
 }
 
 /// `rigident plan poses`
@@ -225,6 +228,98 @@ pub struct PlanCompare {
     /// Use only so much of the legs' stroke, about its middle, m
     #[arg(long, value_name = "S")]
     pub stroke_m: Option<f64>,
+    /// Print one object on standard output, and nothing else there
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `rigident plan excitation`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "The base is held still, with gravity along -z of its frame; of a humanoid that hangs, make the link that is held the base. Limits are \
+                        those of the model; what it does not state is asked for. Ctrl-C keeps the best trajectory so far.\n\nExamples:\n  \
+                        rigident plan excitation ur5.urdf -o trajectory.csv -o trajectory.yaml\n  rigident plan excitation panda.urdf --lock \
+                        panda_finger_joint1,panda_finger_joint2 --friction viscous,coulomb --floor-m 0\n  rigident plan excitation g1.urdf \
+                        --joints left_shoulder_pitch_joint,left_elbow_joint --speed 5 --boxes boxes.toml --json\n  ros2 topic pub -1 \
+                        /arm_controller/joint_trajectory trajectory_msgs/msg/JointTrajectory \"$(cat trajectory.yaml)\"\n  rigident identify \
+                        recorded.csv --model ur5.urdf"
+)]
+pub struct PlanExcitation {
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub model: ModelOptions,
+    /// Only these joints move; the others are held at their start
+    #[arg(long, value_name = "JOINT", value_delimiter = ',')]
+    pub joints: Vec<String>,
+    /// Where a joint starts and ends, rad or m. Default: zero, or the nearest that is a fifth of its range from its ends
+    #[arg(long, value_name = "JOINT=VALUE", value_delimiter = ',')]
+    pub start: Vec<String>,
+    /// Length, s; the fundamental is one over it
+    #[arg(long, default_value_t = 10.0, value_name = "S")]
+    pub duration_s: f64,
+    /// Highest harmonic, Hz
+    #[arg(long, default_value_t = 1.0, value_name = "HZ")]
+    pub bandwidth_hz: f64,
+    /// Rate of the CSV, and of the readings that are predicted for, 1/s
+    #[arg(long, default_value_t = 200.0, value_name = "HZ")]
+    pub rate_hz: f64,
+    /// Rate of the points of a JointTrajectory, 1/s. Default: 20 in the shortest period
+    #[arg(long, value_name = "HZ")]
+    pub points_hz: Option<f64>,
+    /// Which rows will be measured. Default: joint
+    #[arg(long, value_enum)]
+    pub rows: Option<RowsWord>,
+    /// Friction columns of every joint, or of one, as `identify` has them. Repeatable
+    #[arg(long, value_name = "[JOINT=]LIST")]
+    pub friction: Vec<String>,
+    /// 1 σ of a reading of a joint's effort, N m or N. Default: a hundredth of its largest effort. Repeatable
+    #[arg(long, value_name = "[JOINT=]SIGMA")]
+    pub effort_noise: Vec<String>,
+    /// 1 σ of a reading of the base's force, N, and moment, N m
+    #[arg(long, default_value = "1,0.1", value_name = "N,NM")]
+    pub wrench_noise: String,
+    /// Positions of a joint, rad or m, instead of the model's; without JOINT= of every joint, no wider than the model's. Repeatable
+    #[arg(long, value_name = "[JOINT=]LOW,HIGH", allow_hyphen_values = true)]
+    pub range: Vec<String>,
+    /// Largest rate, rad/s or m/s, likewise. Repeatable
+    #[arg(long, value_name = "[JOINT=]MOST")]
+    pub speed: Vec<String>,
+    /// Largest effort, N m or N, likewise. Repeatable
+    #[arg(long, value_name = "[JOINT=]MOST")]
+    pub effort: Vec<String>,
+    /// Share of each range, about its middle, that is used
+    #[arg(long, default_value_t = 0.95, value_name = "SHARE")]
+    pub range_share: f64,
+    /// Share of each largest rate that is used
+    #[arg(long, default_value_t = 0.9, value_name = "SHARE")]
+    pub speed_share: f64,
+    /// Share of each largest effort that the nominal model may need; the rest is for what it does not know
+    #[arg(long, default_value_t = 0.8, value_name = "SHARE")]
+    pub effort_share: f64,
+    /// Boxes round links, TOML. Default: those of the model's shapes, else about its joints
+    #[arg(long, value_name = "FILE")]
+    pub boxes: Option<PathBuf>,
+    /// Half the thickness of boxes about joints, m. Default: a twentieth of the robot's reach
+    #[arg(long, value_name = "M")]
+    pub box_radius_m: Option<f64>,
+    /// Least distance between boxes, and from the floor, m
+    #[arg(long, default_value_t = 0.01, value_name = "M")]
+    pub clearance_m: f64,
+    /// Height of a floor along z of the base's frame, m. Default: none
+    #[arg(long, value_name = "M")]
+    pub floor_m: Option<f64>,
+    /// Do not look at collisions
+    #[arg(long, conflicts_with_all = ["boxes", "box_radius_m", "floor_m"])]
+    pub no_collisions: bool,
+    /// Seed of the random beginnings
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    pub seed: u64,
+    /// Random beginnings of the search
+    #[arg(long, default_value_t = 4, value_name = "N")]
+    pub restarts: usize,
+    /// File to write, by its ending: .csv or .yaml (trajectory_msgs/msg/JointTrajectory). Repeatable; must not exist
+    #[arg(long, short = 'o', value_name = "FILE")]
+    pub out: Vec<PathBuf>,
     /// Print one object on standard output, and nothing else there
     #[arg(long)]
     pub json: bool,

@@ -6,7 +6,7 @@
 use nalgebra::{Cholesky, DVector, Dyn};
 
 use super::pose::Told;
-use super::solve::{Found, ROUNDS, State, Weights, for_each, merged, mounting_rows, told, weights};
+use super::solve::{Found, ROUNDS, State, Weights, for_each, merged, prior_rows, told, weights};
 use super::{Pose, Setup};
 
 /// Directions of one round at most.
@@ -59,7 +59,7 @@ impl Round<'_> {
             (base, last)
         });
         let mut gradient = DVector::zeros(self.scale.len());
-        for (row, value) in mounting_rows(self.setup, &state.shared) {
+        for (row, value) in prior_rows(self.setup, &state.shared) {
             gradient -= DVector::from_vec(row) * value;
         }
         for ((_, told), weight) in own.iter().zip(&self.weights.each) {
@@ -72,7 +72,7 @@ impl Round<'_> {
 
     fn moved(&self, from: &Point, direction: &DVector<f64>, by: f64) -> Point {
         let step = self.scale.component_mul(direction) * by;
-        let shared = from.state.shared.moved(step.as_slice());
+        let shared = from.state.shared.moved(self.setup, step.as_slice());
         self.at(State { shared, bases: from.state.bases.clone() })
     }
 

@@ -14,7 +14,7 @@ pub struct JointTree {
     follows: Vec<bool>,
 }
 
-/// Tells why a joint cannot be between the base and a sole.
+/// Tells why a joint cannot be between the base and a contact.
 pub type TreeProblem = String;
 
 /// Where a link is in the base's frame.
@@ -102,6 +102,11 @@ impl JointTree {
         self.links.get(link).is_some_and(|l| matches!(l.joint, Joint::Prismatic(_)))
     }
 
+    /// Returns the link on which a link hangs.
+    pub(super) fn parent(&self, link: usize) -> usize {
+        self.links.get(link).map_or(0, |own| own.parent)
+    }
+
     /// Returns the links from the one below the base down to this one.
     pub(super) fn way(&self, link: usize) -> Vec<usize> {
         let mut way = Vec::new();
@@ -131,7 +136,7 @@ impl JointTree {
                 Joint::Revolute(_) | Joint::Prismatic(_) => {}
                 _ => {
                     return refuse(
-                        "has several freedoms; between the base and a sole or a measured link joints turn or slide about one axis each",
+                        "has several freedoms; between the base and a contact or a measured link joints turn or slide about one axis each",
                     );
                 }
             }

@@ -14,7 +14,7 @@ const LARGEST_RAD: f64 = 4.0 * std::f64::consts::PI;
 const LARGEST_M: f64 = 10.0;
 /// Name of the column that names poses.
 const POSE: &str = "pose";
-/// Name of the column that says which soles stand.
+/// Name of the column that says which contacts are made.
 const CONTACT: &str = "contact";
 
 /// The cells of a file of poses.
@@ -109,6 +109,13 @@ impl PosesTable {
                 QUATERNION.map(|ending| self.column(&format!("{stem}{ending}")).unwrap_or(usize::MAX))
             })
             .collect();
+        if let Some(imu) = setup.contacts.imus.iter().find(|imu| !setup.measured_links.contains(&imu.link)) {
+            let link = setup.tree.link_name(imu.link);
+            return Err(format!(
+                "{}: [[imu]] is of {link}, whose attitude has no columns {link}_qw …",
+                self.what
+            ));
+        }
         let (named, contact) = (self.column(POSE), self.column(CONTACT));
         let mut poses: Vec<Pose> = Vec::with_capacity(self.rows.len());
         for (n, (line, cells)) in self.rows.iter().enumerate() {
@@ -128,9 +135,11 @@ impl PosesTable {
             let mut turned = Vec::with_capacity(attitudes.len());
             for (columns, link) in attitudes.iter().zip(&setup.measured_links) {
                 let [w, x, y, z] = columns.map(number);
-                turned.push(unit([w?, x?, y?, z?]).map_err(|why| {
+                let read = unit([w?, x?, y?, z?]).map_err(|why| {
                     place(&format!("the attitude of {} {why}", setup.tree.link_name(*link)))
-                })?);
+                })?;
+                let imu = setup.contacts.imus.iter().find(|imu| imu.link == *link);
+                turned.push(imu.map_or(read, |imu| read * imu.rotation.inverse()));
             }
             let stands = stands(setup, contact.map_or("", cell)).map_err(|why| place(&why))?;
             let own = named.map_or("", cell);
@@ -150,7 +159,7 @@ impl PosesTable {
             match other.iter().find(|other| self.column(other).is_some()) {
                 Some(other) => format!("{}: column {other} has another unit; give {wanted}", self.what),
                 None => format!(
-                    "{}: column {wanted} is missing: the joint is between the base and a sole or a measured link",
+                    "{}: column {wanted} is missing: the joint is between the base and a contact or a measured link",
                     self.what
                 ),
             }
@@ -174,19 +183,19 @@ fn unit([w, x, y, z]: [f64; 4]) -> Result<UnitQuaternion<f64>, String> {
     Ok(UnitQuaternion::from_quaternion(given))
 }
 
-/// Returns which soles stand: those that a cell names with + between them, all if it is empty.
+/// Returns which contacts are made: those that a cell names with + between them, all if it is empty.
 fn stands(setup: &Setup, cell: &str) -> Result<Vec<bool>, String> {
     if cell.is_empty() {
-        return Ok(vec![true; setup.soles.len()]);
+        return Ok(vec![true; setup.contacts.count()]);
     }
-    let mut stands = vec![false; setup.soles.len()];
+    let mut stands = vec![false; setup.contacts.count()];
     for name in cell.split('+').map(str::trim) {
-        match setup.soles.iter().position(|sole| sole.name == name) {
+        match setup.contacts.names().position(|own| own == name) {
             Some(k) => stands[k] = true,
             None => {
-                let names: Vec<&str> = setup.soles.iter().map(|sole| sole.name.as_str()).collect();
+                let names: Vec<&str> = setup.contacts.names().collect();
                 return Err(format!(
-                    "contact names {name}, which is no sole; there are {}",
+                    "contact names {name}, which is no contact of the file; there are {}",
                     names.join(", ")
                 ));
             }

@@ -2,20 +2,48 @@
 
 use nalgebra::DMatrix;
 
-use super::pose::Told;
+use super::pose::{RowOf, Told};
 use super::search::{Method, find};
-use super::solve::{Found, merged};
+use super::solve::{Found, State, merged};
+use super::turns::turn_of;
 use super::{Pose, Setup};
 use crate::fit::{Estimate, Factor, Measured, Noise};
 
 /// Directions below this share of the best known one are rounding.
 const ROUNDING: f64 = 1e-9;
-/// An offset whose U95 is above this, rad (m of a joint that slides), is not identified: by eye a joint is set better (2°).
-pub const COARSEST: f64 = 0.035;
+/// An offset whose U95 is above this is not identified: by eye a joint is set better (2°, 10 mm).
+pub const COARSEST: Coarsest = Coarsest { rad: 0.035, m: 0.01 };
+/// A joint that moves by less over all poses stands still, rad (0.6°) and m.
+const STILL: Coarsest = Coarsest { rad: 0.01, m: 1e-3 };
 /// Shares of the weakest combination that are told.
 const SHARE: f64 = 0.2;
 /// Fewest poses: with one, each height is as well the base's.
 pub const FEWEST: usize = 2;
+
+/// A limit of joints that turn, and of those that slide.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Coarsest {
+    /// Of joints that turn, rad.
+    pub rad: f64,
+    /// Of joints that slide, m.
+    pub m: f64,
+}
+
+impl Coarsest {
+    /// Returns the limit of a joint.
+    pub fn of(&self, slides: bool) -> f64 {
+        if slides { self.m } else { self.rad }
+    }
+}
+
+/// Why the poses do not identify an offset.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Open {
+    /// What its U95 would be, rad or m; `None` if the poses say nothing of it.
+    pub u95: Option<f64>,
+    /// Joints whose offsets act as its own does, the most alike first.
+    pub beside: Vec<String>,
+}
 
 /// The offset of one joint: true less measured position.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,6 +54,28 @@ pub struct Offset {
     pub slides: bool,
     /// The offset with its U95, if the poses identify it.
     pub measured: Option<Measured>,
+    /// Why they do not.
+    pub open: Option<Open>,
+    /// How far the joint moves over the poses that count, rad or m.
+    pub moves_by: f64,
+}
+
+impl Offset {
+    /// Tells whether the joint stands still in all poses.
+    pub fn stands_still(&self) -> bool {
+        self.moves_by < STILL.of(self.slides)
+    }
+}
+
+/// What is estimated along with the offsets.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Along {
+    /// What it is.
+    pub name: String,
+    /// Whether it is a length, m; otherwise rad.
+    pub length: bool,
+    /// The value.
+    pub measured: Measured,
 }
 
 /// A pose that the others contradict.
@@ -37,7 +87,7 @@ pub struct BadPose {
     pub ratio: f64,
     /// The link whose measured attitude is farthest off, and by how much, rad.
     pub attitude_off: (String, f64),
-    /// The sole with the corner that is farthest off the floor, and by how much, m.
+    /// The contact that is farthest off its plane or place, and by how much, m.
     pub height_off: (String, f64),
 }
 
@@ -48,8 +98,10 @@ pub struct OverPoses {
     pub poses: usize,
     /// How many offsets they identify.
     pub identified: usize,
-    /// Largest U95 of those that all poses identify, rad or m; `None` while one of them is not determined.
+    /// Largest U95 of joints that turn, of those that all poses identify, rad; `None` while one of them is not determined or there is none.
     pub worst_u95: Option<f64>,
+    /// Likewise of joints that slide, m.
+    pub worst_u95_m: Option<f64>,
 }
 
 /// The answer.
@@ -71,64 +123,76 @@ pub struct Answer {
     pub over_poses: Vec<OverPoses>,
     /// Root mean square of the attitudes' residuals, rad.
     pub attitude_rms: f64,
-    /// Root mean square of the heights' residuals, m.
+    /// Root mean square of the contacts' residuals, m.
     pub height_rms: f64,
+    /// What was estimated along: the floor's slope, planes, held links, mountings.
+    pub along: Vec<Along>,
+    /// Where the search ended: offsets, identified or not, and the bases of all poses.
+    pub state: State,
+    /// Whether each pose was left out.
+    pub left_out: Vec<bool>,
     /// Steps of the search.
     pub steps: usize,
     /// Whether the search settled.
     pub converged: bool,
 }
 
-/// Finds the offsets of poses and what they are worth. An offset whose U95 is above `coarsest`, rad or m, is not identified.
+/// Finds the offsets of poses and what they are worth. An offset whose U95 is above `coarsest` is not identified.
 ///
 /// # Errors
 /// Says what is wrong with the poses.
-pub fn identify(setup: &Setup, poses: &[Pose], method: Method, coarsest: f64) -> Result<Answer, String> {
+pub fn identify(setup: &Setup, poses: &[Pose], method: Method, coarsest: Coarsest) -> Result<Answer, String> {
     if poses.len() < FEWEST {
         return Err(format!("there are too few poses: {} where at least {FEWEST} are needed", poses.len()));
     }
-    if let Some(few) = poses.iter().find(|pose| setup.rows_of(pose) <= super::pose::BASE_COLUMNS) {
+    if let Some(few) = poses.iter().find(|pose| setup.rows_of(pose) <= setup.base_columns()) {
         return Err(format!("{}: too few corners stand on the floor to say anything", few.name));
+    }
+    if moves(setup, poses.iter()).iter().all(|by| *by == 0.0) {
+        return Err("no joint moves: all poses are the same one".to_owned());
     }
     let found = find(setup, poses, method)?;
     Ok(answer(setup, poses, &found, coarsest))
 }
 
-fn answer(setup: &Setup, poses: &[Pose], found: &Found, coarsest: f64) -> Answer {
+/// Returns how far each joint that counts moves over poses, rad or m.
+fn moves<'a>(setup: &Setup, poses: impl Iterator<Item = &'a Pose> + Clone) -> Vec<f64> {
+    let of = |k: usize| {
+        let values = poses.clone().filter_map(|pose| pose.positions.get(k).copied());
+        let ends =
+            values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)]);
+        (ends[1] - ends[0]).max(0.0)
+    };
+    (0..setup.joints.len()).map(of).collect()
+}
+
+fn answer(setup: &Setup, poses: &[Pose], found: &Found, coarsest: Coarsest) -> Answer {
     let factor = merged(setup, &found.told, &found.weights, &found.state.shared);
     let kept = || found.told.iter().zip(&found.weights).filter(|(_, weight)| **weight > 0.0);
     let squares: f64 = kept().map(|(told, _)| told.squares).sum();
     let counted: f64 = kept().map(|(told, _)| told.degrees_of_freedom).sum();
     let estimate = Estimate::new(&factor, ROUNDING, 1.0, Noise::Given);
-    let degrees_of_freedom = (counted - estimate.rank() as f64).max(1.0);
+    // What a prior tells of a column takes nothing from the rows.
+    let of_priors = setup.priors(&found.state.shared).into_iter();
+    let by_priors = of_priors
+        .filter_map(|prior| Some(estimate.covariance(prior.column, prior.column)? / prior.sigma.powi(2)));
+    let by_rows = (estimate.rank() as f64 - by_priors.sum::<f64>()).max(0.0);
+    let degrees_of_freedom = (counted - by_rows).max(1.0);
     let variance_ratio = squares / degrees_of_freedom;
-    let estimate = Estimate::new(&factor, ROUNDING, variance_ratio.max(1.0), Noise::Given);
-    let values = &found.state.shared.offsets;
-    let offsets: Vec<Offset> = setup
-        .asked
-        .iter()
-        .zip(values)
-        .enumerate()
-        .filter_map(|(k, (place, value))| {
-            let link = *setup.joints.get(*place)?;
-            let measured = estimate.measured(k).map(|own| Measured { value: *value, ..own });
-            Some(Offset {
-                joint: setup.tree.joint_name(link).to_owned(),
-                slides: setup.tree.slides(link),
-                measured: measured.filter(|own| own.u95 <= coarsest),
-            })
-        })
-        .collect();
+    let scale = variance_ratio.max(1.0);
+    let estimate = Estimate::new(&factor, ROUNDING, scale, Noise::Given);
+    let offsets = offsets(setup, poses, found, (&factor, &estimate), coarsest);
     let known: Vec<usize> =
         (0..offsets.len()).filter(|k| offsets.get(*k).is_some_and(|o| o.measured.is_some())).collect();
     let covariance = DMatrix::from_fn(known.len(), known.len(), |i, j| {
         estimate.covariance(known[i], known[j]).unwrap_or(0.0)
     });
-    let over_poses = over_poses(setup, found, &known, variance_ratio.max(1.0), coarsest);
+    let over_poses = over_poses(setup, found, &known, scale, coarsest);
     let (attitude_rms, height_rms) = left(setup, poses, found);
     Answer {
         bad: bad(setup, poses, found),
-        weakest: weakest(setup, &factor, variance_ratio.max(1.0)),
+        weakest: weakest(setup, &factor, scale),
+        along: along(setup, found, &estimate),
         offsets,
         covariance,
         variance_ratio,
@@ -138,16 +202,96 @@ fn answer(setup: &Setup, poses: &[Pose], found: &Found, coarsest: f64) -> Answer
         height_rms,
         steps: found.steps,
         converged: found.converged,
+        state: found.state.clone(),
+        left_out: found.weights.iter().map(|weight| *weight == 0.0).collect(),
     }
+}
+
+/// Returns the offsets, with the reason where the poses do not identify one.
+fn offsets(
+    setup: &Setup,
+    poses: &[Pose],
+    found: &Found,
+    (factor, estimate): (&Factor, &Estimate),
+    coarsest: Coarsest,
+) -> Vec<Offset> {
+    let counting =
+        poses.iter().zip(&found.weights).filter(|(_, weight)| **weight > 0.0).map(|(pose, _)| pose);
+    let moves = moves(setup, counting);
+    let directions = directions(setup, factor);
+    let of = |(k, (place, value)): (usize, (&usize, &f64))| {
+        let link = *setup.joints.get(*place)?;
+        let slides = setup.tree.slides(link);
+        let measured = estimate.measured(k).map(|own| Measured { value: *value, ..own });
+        let fine = measured.filter(|own| own.u95 <= coarsest.of(slides));
+        let open = fine.is_none().then(|| {
+            let told = directions.iter().map(|(least, _)| least).fold(0.0_f64, |most, s| most.max(*s));
+            let own = |(least, parts): &(f64, Vec<f64>)| {
+                parts.get(k).map_or(0.0, |part| part / least.max(ROUNDING * told.max(1e-300))).abs()
+            };
+            let most = directions.iter().max_by(|a, b| own(a).total_cmp(&own(b)));
+            let mut beside: Vec<(f64, &str)> = most
+                .into_iter()
+                .flat_map(|(_, parts)| parts.iter().zip(setup.asked_names()).enumerate())
+                .filter(|(other, (part, _))| *other != k && part.abs() >= SHARE)
+                .map(|(_, (part, name))| (part.abs(), name))
+                .collect();
+            beside.sort_by(|a, b| b.0.total_cmp(&a.0));
+            Open {
+                u95: measured.map(|own| own.u95),
+                beside: beside.into_iter().map(|(_, name)| name.to_owned()).collect(),
+            }
+        });
+        let moves_by = moves.get(*place).copied().unwrap_or(0.0);
+        Some(Offset { joint: setup.tree.joint_name(link).to_owned(), slides, measured: fine, open, moves_by })
+    };
+    setup.asked.iter().zip(&found.state.shared.offsets).enumerate().filter_map(of).collect()
+}
+
+/// Returns the directions of the offsets with what the poses know of each, 1/σ.
+fn directions(setup: &Setup, factor: &Factor) -> Vec<(f64, Vec<f64>)> {
+    let svd = factor.leading(setup.asked.len()).r().svd(false, true);
+    let Some(v_t) = &svd.v_t else { return Vec::new() };
+    let of = |(k, s): (usize, &f64)| (*s, v_t.row(k).iter().copied().collect());
+    svd.singular_values.iter().enumerate().map(of).collect()
+}
+
+/// Returns what was estimated along.
+fn along(setup: &Setup, found: &Found, estimate: &Estimate) -> Vec<Along> {
+    let shared = &found.state.shared;
+    let mut out = Vec::new();
+    let mut add = |name: String, length: bool, column: usize, value: f64| {
+        let own = estimate.measured(column).map(|own| Measured { value, ..own });
+        out.extend(own.map(|measured| Along { name, length, measured }));
+    };
+    for (n, plane) in setup.contacts.planes.iter().enumerate() {
+        let (Some(at), columns) = (shared.planes.get(n), setup.plane_columns(n)) else { continue };
+        let axes = if n == 0 { ["x", "y"] } else { ["its first axis", "its second axis"] };
+        for k in 0..2 {
+            if let Some(tilt) = columns.tilt {
+                add(format!("slope of {} about {}", plane.name, axes[k]), false, tilt + k, at.tilt_rad[k]);
+            }
+        }
+        if let Some(column) = columns.distance {
+            add(format!("distance of {}", plane.name), true, column, at.distance_m);
+        }
+    }
+    for (n, (link, mounting)) in setup.measured_links.iter().zip(&shared.mountings).enumerate() {
+        let Some(first) = setup.mounting_column(n) else { continue };
+        let turn = turn_of(mounting);
+        for (k, axis) in ["x", "y", "z"].into_iter().enumerate() {
+            let name = format!("mounting of the IMU on {} about {axis}", setup.tree.link_name(*link));
+            add(name, false, first + k, turn[k]);
+        }
+    }
+    out
 }
 
 /// Returns the combination of offsets that is known worst.
 fn weakest(setup: &Setup, factor: &Factor, scale: f64) -> Option<(f64, Vec<(String, f64)>)> {
-    let offsets = factor.leading(setup.asked.len());
-    let svd = offsets.r().svd(false, true);
-    let (at, least) = svd.singular_values.argmin();
-    let most = svd.singular_values.max();
-    let direction = svd.v_t?.row(at).transpose();
+    let directions = directions(setup, factor);
+    let most = directions.iter().map(|(known, _)| *known).fold(0.0, f64::max);
+    let (least, direction) = directions.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
     let sigma = if least > ROUNDING * most { scale.sqrt() / least } else { f64::INFINITY };
     let named = setup.asked_names();
     let shares = named.iter().zip(direction.iter()).filter(|(_, share)| share.abs() >= SHARE);
@@ -160,7 +304,13 @@ fn weakest(setup: &Setup, factor: &Factor, scale: f64) -> Option<(f64, Vec<(Stri
 }
 
 /// Returns what more and more of the poses determine, about the offsets that all of them gave.
-fn over_poses(setup: &Setup, found: &Found, known: &[usize], scale: f64, coarsest: f64) -> Vec<OverPoses> {
+fn over_poses(
+    setup: &Setup,
+    found: &Found,
+    known: &[usize],
+    scale: f64,
+    coarsest: Coarsest,
+) -> Vec<OverPoses> {
     let kept: Vec<(&Told, f64)> =
         found.told.iter().zip(&found.weights).filter(|(_, w)| **w > 0.0).map(|(t, w)| (t, *w)).collect();
     let mut counts: Vec<usize> = (0..).map(|k| 3_usize << k).take_while(|n| *n < kept.len()).collect();
@@ -176,23 +326,38 @@ fn over_poses(setup: &Setup, found: &Found, known: &[usize], scale: f64, coarses
         taken = poses;
         let estimate = Estimate::new(&factor, ROUNDING, scale, Noise::Given);
         let u95 = |k: usize| estimate.measured(k).map(|own| own.u95);
-        let identified = (0..setup.asked.len()).filter(|k| u95(*k).is_some_and(|u| u <= coarsest)).count();
-        let worst = known.iter().map(|k| u95(*k)).collect::<Option<Vec<f64>>>();
-        let worst_u95 = worst.filter(|all| !all.is_empty()).map(|all| all.into_iter().fold(0.0, f64::max));
-        out.push(OverPoses { poses, identified, worst_u95 });
+        let slides = |k: usize| {
+            setup
+                .asked
+                .get(k)
+                .and_then(|at| setup.joints.get(*at))
+                .is_some_and(|link| setup.tree.slides(*link))
+        };
+        let fine = |k: &usize| u95(*k).is_some_and(|u| u <= coarsest.of(slides(*k)));
+        let identified = (0..setup.asked.len()).filter(fine).count();
+        let worst = |of_sliding: bool| {
+            let own = known.iter().filter(|k| slides(**k) == of_sliding).map(|k| u95(*k));
+            let all = own.collect::<Option<Vec<f64>>>().filter(|all| !all.is_empty());
+            all.map(|all| all.into_iter().fold(0.0, f64::max))
+        };
+        out.push(OverPoses { poses, identified, worst_u95: worst(false), worst_u95_m: worst(true) });
     }
     out
 }
 
 /// Returns the root mean squares of the residuals of poses that count, rad and m.
 fn left(setup: &Setup, poses: &[Pose], found: &Found) -> (f64, f64) {
-    let attitudes = 3 * setup.measured_links.len();
     let (mut squares, mut counts) = ([0.0; 2], [0_usize; 2]);
     for (k, pose) in poses.iter().enumerate().filter(|(k, _)| found.weights.get(*k).is_some_and(|w| *w > 0.0))
     {
         let base = found.state.bases.get(k).copied().unwrap_or_default();
-        for (row, value) in setup.rows(pose, &base, &found.state.shared).residual.iter().enumerate() {
-            let which = usize::from(row >= attitudes);
+        let rows = setup.rows(pose, &base, &found.state.shared);
+        for (of, value) in rows.of.iter().zip(rows.residual.iter()) {
+            let which = match of {
+                RowOf::Attitude(_) | RowOf::Turn(_) => 0,
+                RowOf::Contact(_) => 1,
+                RowOf::Kept => continue,
+            };
             squares[which] += value * value;
             counts[which] += 1;
         }
@@ -210,22 +375,23 @@ fn bad(setup: &Setup, poses: &[Pose], found: &Found) -> Vec<BadPose> {
             continue;
         }
         let base = found.state.bases.get(k).copied().unwrap_or_default();
-        let residual = setup.rows(pose, &base, &found.state.shared).residual;
-        let mut attitude_off = (String::new(), 0.0);
-        for (n, link) in setup.measured_links.iter().enumerate() {
-            let off = residual.fixed_rows::<3>(3 * n).norm();
-            if off >= attitude_off.1 {
-                attitude_off = (setup.tree.link_name(*link).to_owned(), off);
-            }
-        }
+        let rows = setup.rows(pose, &base, &found.state.shared);
+        let mut turns = vec![0.0; setup.measured_links.len()];
         let mut height_off = (String::new(), 0.0);
-        let standing = setup.soles.iter().zip(&pose.stands).filter(|(_, stands)| **stands);
-        let corners = standing.flat_map(|(sole, _)| sole.corners_m.iter().map(|_| sole.name.as_str()));
-        for (name, off) in corners.zip(residual.iter().skip(3 * setup.measured_links.len())) {
-            if off.abs() >= height_off.1 {
-                height_off = (name.to_owned(), off.abs());
+        for (of, off) in rows.of.iter().zip(rows.residual.iter()) {
+            match of {
+                RowOf::Attitude(n) => turns.iter_mut().skip(*n).take(1).for_each(|sum| *sum += off * off),
+                RowOf::Contact(n) if off.abs() >= height_off.1 => {
+                    height_off = (setup.contacts.names().nth(*n).unwrap_or("").to_owned(), off.abs());
+                }
+                _ => {}
             }
         }
+        let most = turns.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1));
+        let attitude_off = most.map_or((String::new(), 0.0), |(n, squares)| {
+            let link = setup.measured_links.get(n).map_or("", |link| setup.tree.link_name(*link));
+            (link.to_owned(), f64::sqrt(*squares))
+        });
         let ratio = told.squares / told.degrees_of_freedom.max(1.0);
         out.push(BadPose { name: pose.name.clone(), ratio, attitude_off, height_off });
     }

@@ -2,7 +2,8 @@
 
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use super::pose::{Shared, Told};
+use super::pose::Told;
+use super::shared::Shared;
 use super::solve::{Found, ROUNDS, State, gauss_newton};
 use super::{Pose, Setup, gradient};
 
@@ -24,10 +25,8 @@ pub enum Method {
 /// # Errors
 /// Says which pose cannot be used, or that none can.
 pub fn find(setup: &Setup, poses: &[Pose], method: Method) -> Result<Found, String> {
-    let shared = Shared::zero(setup);
-    let bases = poses.iter().map(|pose| setup.first_base(pose, &shared)).collect();
     let mut left_out = vec![false; poses.len()];
-    let mut found = searched(setup, poses, State { shared, bases }, &left_out, method)?;
+    let mut found = searched(setup, poses, beginning(setup, poses), &left_out, method)?;
     for _ in 0..ROUNDS {
         let now = too_far(&found, &left_out);
         if now == left_out {
@@ -38,6 +37,19 @@ pub fn find(setup: &Setup, poses: &[Pose], method: Method) -> Result<Found, Stri
         found = Found { steps: found.steps + again.steps, ..again };
     }
     Ok(found)
+}
+
+/// Returns where the search begins: no offset, and each base by its attitude and its contacts.
+pub fn beginning(setup: &Setup, poses: &[Pose]) -> State {
+    let mut shared = Shared::zero(setup);
+    let mut known = vec![false; setup.contacts.held.len()];
+    let bases = poses.iter().map(|pose| setup.first_held(pose, &mut shared, &mut known)).collect();
+    State { shared, bases }
+}
+
+/// Finds the offsets from all poses, none of which is left out.
+pub(super) fn fitted(setup: &Setup, poses: &[Pose]) -> Result<Found, String> {
+    gauss_newton(setup, poses, beginning(setup, poses), &vec![false; poses.len()])
 }
 
 /// Returns which poses are farther off than chance allows.

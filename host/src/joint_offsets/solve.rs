@@ -5,7 +5,8 @@
 
 use nalgebra::DVector;
 
-use super::pose::{Base, Shared, Told, turn_of};
+use super::pose::{Base, Told};
+use super::shared::Shared;
 use super::{Pose, Setup};
 use crate::fit::Factor;
 use crate::fit::parallel::{map, threads};
@@ -94,7 +95,8 @@ fn limit(told: &Told, scale: f64) -> f64 {
 /// Returns how much each pose counts.
 pub(super) fn weights(told: &[Told], left_out: &[bool]) -> Weights {
     let ratio = |told: &Told| told.squares / told.degrees_of_freedom.max(1.0);
-    let mut ratios: Vec<f64> = told.iter().map(ratio).collect();
+    let tells = |told: &&Told| told.degrees_of_freedom > 0.0;
+    let mut ratios: Vec<f64> = told.iter().filter(tells).map(ratio).collect();
     ratios.sort_by(f64::total_cmp);
     let scale = ratios.get(ratios.len() / 2).copied().unwrap_or(1.0).max(1.0);
     let weigh = |(told, left_out): (&Told, &bool)| {
@@ -117,33 +119,31 @@ fn cost(setup: &Setup, told: &[Told], left_out: &[bool], scale: f64, shared: &Sh
         if told.squares <= limit { told.squares } else { 2.0 * (limit * told.squares).sqrt() - limit }
     };
     let poses: f64 = told.iter().zip(left_out).filter(|(_, out)| !**out).map(|(told, _)| of(told)).sum();
-    poses + mounting_rows(setup, shared).iter().map(|(_, value)| value * value).sum::<f64>()
+    poses + setup.priors(shared).iter().map(|prior| (prior.off / prior.sigma).powi(2)).sum::<f64>()
 }
 
-/// Returns the rows of what is known beforehand of the IMUs' mountings, whitened.
-pub(super) fn mounting_rows(setup: &Setup, shared: &Shared) -> Vec<(Vec<f64>, f64)> {
-    if setup.mounting_columns() == 0 {
-        return Vec::new();
-    }
-    let sigma = setup.noise.mounting_rad;
+/// Returns the sum of what the poses' squares count, the stated noise being true; what is known beforehand counts too.
+pub(super) fn score(setup: &Setup, found: &Found) -> f64 {
+    cost(setup, &found.told, &vec![false; found.told.len()], 1.0, &found.state.shared)
+}
+
+/// Returns the rows of what is known beforehand of what is shared, whitened.
+pub(super) fn prior_rows(setup: &Setup, shared: &Shared) -> Vec<(Vec<f64>, f64)> {
     let columns = setup.shared_columns();
-    let errors = shared.mountings.iter().flat_map(|own| <[f64; 3]>::from(turn_of(own)));
-    errors
-        .enumerate()
-        .map(|(k, error)| {
-            let mut row = vec![0.0; columns];
-            if let Some(to) = row.get_mut(setup.asked.len() + k) {
-                *to = 1.0 / sigma;
-            }
-            (row, -error / sigma)
-        })
-        .collect()
+    let row = |prior: super::shared::Prior| {
+        let mut row = vec![0.0; columns];
+        if let Some(to) = row.get_mut(prior.column) {
+            *to = 1.0 / prior.sigma;
+        }
+        (row, -prior.off / prior.sigma)
+    };
+    setup.priors(shared).into_iter().map(row).collect()
 }
 
 /// Returns the factor of what all poses share.
 pub fn merged(setup: &Setup, told: &[Told], weights: &[f64], shared: &Shared) -> Factor {
     let mut all = Factor::new(setup.shared_columns());
-    let prior = mounting_rows(setup, shared);
+    let prior = prior_rows(setup, shared);
     all.absorb(prior.iter().map(|(row, value)| (row.as_slice(), *value)));
     for (told, weight) in told.iter().zip(weights) {
         let Some(own) = told.factor.as_ref().filter(|_| *weight > 0.0) else { continue };
@@ -172,10 +172,10 @@ fn step(factor: &Factor) -> Vec<f64> {
 
 impl State {
     /// Returns the state after a step of what is shared, the bases following.
-    fn moved(&self, told: &[Told], step: &[f64]) -> Self {
+    fn moved(&self, setup: &Setup, told: &[Told], step: &[f64]) -> Self {
         let bases =
             self.bases.iter().zip(told).map(|(base, told)| base.moved(&told.base_step(step))).collect();
-        Self { shared: self.shared.moved(step), bases }
+        Self { shared: self.shared.moved(setup, step), bases }
     }
 }
 
@@ -198,7 +198,7 @@ pub(super) fn gauss_newton(
         let mut share = 1.0;
         for halving in 0..=HALVINGS {
             let part: Vec<f64> = full.iter().map(|v| share * v).collect();
-            let next = state.moved(&all, &part);
+            let next = state.moved(setup, &all, &part);
             let there = told(setup, poses, &next)?;
             let after = cost(setup, &there, left_out, counts.scale, &next.shared);
             if after <= before * (1.0 + RISE) + f64::EPSILON || halving == HALVINGS {

@@ -18,7 +18,7 @@ const STEPS: [usize; 8] = [5, 10, 20, 50, 100, 200, 500, 1000];
 /// Weights of the nominal model that ridge chooses from.
 const WEIGHTS: [f64; 9] = [0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 1000.0];
 /// Relative 1 σ of the nominal model that the consistent bodies choose from.
-const TRUSTS: [f64; 5] = [0.03, 0.1, 0.3, 1.0, 3.0];
+const TRUSTS: [f64; 4] = [0.03, 0.1, 0.3, 1.0];
 
 /// A way to standard parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -147,7 +147,8 @@ impl Study<'_> {
         fixed: &[Way],
         progress: &dyn Fn(f64),
     ) -> Result<Comparison, ModelError> {
-        let unknowns = Unknowns::of(self.model, self.set, self.symmetric, self.least)?;
+        let unknowns =
+            Unknowns::of(self.model, self.base.standard.len() / 10, self.set, self.symmetric, self.least)?;
         let all = self.merged(None);
         let rows = BaseRows::of(&all, self.base, unknowns.bodies.len());
         let sizes = rows.relative(&unknowns).rows.singular_values();

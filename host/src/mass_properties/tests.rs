@@ -89,7 +89,7 @@ fn conjugate_gradients_go_down_inside_the_bounds_to_the_same_end() {
 fn a_person_of_23_links_has_92_unknowns_and_56_alike() {
     let model = Person::default().human58().unwrap();
     let count = |symmetric: bool| {
-        Unknowns::of(&model, ParameterSet::MassAndMoment, symmetric, 0.1).unwrap().names.len()
+        Unknowns::of(&model, 23, ParameterSet::MassAndMoment, symmetric, 0.1).unwrap().names.len()
     };
     assert_eq!((model.welded().links.len(), count(false), count(true)), (23, 92, 56));
 }
@@ -103,7 +103,7 @@ fn alike_means_mirrored() {
     if let Some(own) = &mut model.links[right].nominal {
         own[0] *= 0.5;
     }
-    let unknowns = Unknowns::of(&model, ParameterSet::MassAndMoment, true, 0.1).unwrap();
+    let unknowns = Unknowns::of(&model, 15, ParameterSet::MassAndMoment, true, 0.1).unwrap();
     for (k, (lower, column)) in unknowns.lower.iter().zip(unknowns.map.column_iter()).enumerate() {
         let mut psi = DVector::zeros(unknowns.names.len());
         if lower.is_finite() {

@@ -8,6 +8,7 @@ use crate::fit::{Factor, Noise};
 use crate::model::base::BaseParameters;
 use crate::model::inertial::Parameters;
 use crate::model::symmetry::{self, pairs};
+use crate::model::tree::NO_BODY;
 use crate::model::{Model, ModelError};
 
 /// Parameters of a link.
@@ -47,17 +48,24 @@ pub struct Unknowns {
 impl Unknowns {
     /// Returns the unknowns of the bodies of a model: links on fixed joints are one with what they hang on, and what is no body has none.
     ///
-    /// With `symmetric` a right link changes as the mirror image of the left one. No mass goes below `least`, a share of the
-    /// nominal one.
+    /// Rows see the last `seen` bodies: a base that is held still is not among them. With `symmetric` a right link changes as the
+    /// mirror image of the left one. No mass goes below `least`, a share of the nominal one.
     ///
     /// # Errors
     /// [`ModelError`] if a body has no nominal mass, or there are no pairs.
-    pub fn of(model: &Model, set: ParameterSet, symmetric: bool, least: f64) -> Result<Self, ModelError> {
+    pub fn of(
+        model: &Model,
+        seen: usize,
+        set: ParameterSet,
+        symmetric: bool,
+        least: f64,
+    ) -> Result<Self, ModelError> {
         let welded = model.welded();
         let refuse = |problem: String| ModelError::Structure { what: model.name.clone(), problem };
         let mut nominal = Vec::new();
-        for link in &welded.links {
-            let own = link.nominal.ok_or_else(|| {
+        let first = welded.links.len().saturating_sub(seen);
+        for (i, link) in welded.links.iter().enumerate() {
+            let own = link.nominal.or((i < first).then_some(NO_BODY)).ok_or_else(|| {
                 refuse(format!(
                     "link {} has no nominal mass: what rows leave open is taken from the model, which needs one of every link",
                     link.name
@@ -72,7 +80,9 @@ impl Unknowns {
         let each = if set == ParameterSet::All { TEN } else { FOUR };
         let (mut columns, mut names, mut scale) = (Vec::new(), Vec::new(), Vec::new());
         for (place, i) in free.iter().enumerate() {
-            let Some(link) = welded.links.get(*i).filter(|link| link.is_body()) else { continue };
+            let Some(link) = welded.links.get(*i).filter(|link| link.is_body() && *i >= first) else {
+                continue;
+            };
             let own = &nominal[TEN * i..TEN * (i + 1)];
             for (k, name) in PARAMETER_NAMES.iter().enumerate().take(each) {
                 columns.push(TEN * place + k);

@@ -12,6 +12,7 @@ use roxmltree::Node;
 
 use super::finding::{Finding, ModelError};
 use super::inertial::{Parameters, in_parent};
+use super::limits::Limits;
 use super::passive::Passive;
 use super::tree::{Model, ModelLink, NO_BODY, Parsed, RawLink};
 use super::xml::{self, Language, describe, exactly, numbers, of_quaternion};
@@ -258,7 +259,8 @@ impl<'a> Reader<'a> {
                     text: "its ref is not zero, which is not followed: positions here count from the model's zero".to_owned(),
                 });
             }
-            links.push((joint_name, kind, anchor, passive));
+            let limits = self.limits(joint, &classes, &kind);
+            links.push((joint_name, kind, anchor, passive, limits));
         }
         if free || (links.is_empty() && parent.is_none()) {
             links.push((
@@ -266,15 +268,17 @@ impl<'a> Reader<'a> {
                 if free { Joint::Free } else { Joint::Fixed },
                 Vector3::zeros(),
                 Passive::default(),
+                Limits::default(),
             ));
         } else if links.is_empty() {
-            links.push((format!("{name}_fixed"), Joint::Fixed, Vector3::zeros(), Passive::default()));
+            let (passive, limits) = (Passive::default(), Limits::default());
+            links.push((format!("{name}_fixed"), Joint::Fixed, Vector3::zeros(), passive, limits));
         }
         let (mut at, mut before) = (parent.map(str::to_owned), place);
         let mut turned = rotation;
         let mut anchor = Vector3::zeros();
         let last = links.len() - 1;
-        for (k, (joint_name, kind, own_anchor, passive)) in links.into_iter().enumerate() {
+        for (k, (joint_name, kind, own_anchor, passive, limits)) in links.into_iter().enumerate() {
             let link_name = if k == last { name.to_owned() } else { format!("{name}#{}", k + 1) };
             let position = before + turned * own_anchor;
             let joint_name = if at.is_none() { "" } else { joint_name.as_str() };
@@ -282,6 +286,7 @@ impl<'a> Reader<'a> {
             link.link.nominal = (k != last).then_some(NO_BODY);
             if at.is_some() {
                 link.link.passive[0] = passive;
+                link.link.limits = limits;
             }
             self.raw.push(link);
             (at, before, turned, anchor) = (Some(link_name), -own_anchor, Matrix3::identity(), own_anchor);
@@ -301,6 +306,24 @@ impl<'a> Reader<'a> {
             self.body(inner, Some(name), anchor, &classes)?;
         }
         Ok(())
+    }
+
+    /// Reads the limits of a joint of one freedom: its range, where it is not said to be without limit, and the force of its actuators. MJCF
+    /// states no rate.
+    fn limits(&self, joint: &Node, classes: &[&str], kind: &Joint<f64>) -> Limits {
+        if !matches!(kind, Joint::Revolute(_) | Joint::Prismatic(_)) {
+            return Limits::default();
+        }
+        let two = |name: &str, switch: &str| {
+            let is_off = self.joint_word(joint, switch, classes).is_some_and(|word| word.trim() == "false");
+            let text = self.joint_word(joint, name, classes).filter(|_| !is_off)?;
+            exactly::<2>(xml::parse(text, name).ok()?, name).ok()
+        };
+        let turns = self.degrees && matches!(kind, Joint::Revolute(_));
+        let [lower, upper] =
+            two("range", "limited").unwrap_or_default().map(|v| if turns { v.to_radians() } else { v });
+        let [least, most] = two("actuatorfrcrange", "actuatorfrclimited").unwrap_or_default();
+        Limits::of(lower, upper, 0.0, most.min(-least))
     }
 
     /// Reads what a joint does by itself, and names what of that is not read.

@@ -168,3 +168,23 @@ fn what_is_not_read_of_a_joint_is_told_and_is_no_reason_to_doubt_the_links() {
     );
     assert!(leg(&hinge("hip", "0 1 0", "0 0 0")).findings.is_empty());
 }
+
+/// Ranges are in the file's unit, a force that is not the same both ways is limited by the smaller one, and what is switched off is none.
+#[test]
+fn limits_of_joints_are_read_with_their_classes() {
+    let text = r#"<mujoco><default><joint range="-90 45"/></default><worldbody><body name="a"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+        <body name="b"><joint name="hinge" actuatorfrcrange="-20 30"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+        <body name="c"><joint name="slide" type="slide" range="-0.1 0.2"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+        <body name="d"><joint name="free" limited="false" range="x"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+        </body></body></body></body></worldbody></mujoco>"#;
+    let model = mjcf::parse(text, "x").unwrap().model;
+    let limits = |name: &str| model.links[model.joint(name).unwrap()].limits;
+    let [low, high] = limits("hinge").position.unwrap();
+    assert!(
+        (low + std::f64::consts::FRAC_PI_2).abs() < 1e-12
+            && (high - std::f64::consts::FRAC_PI_4).abs() < 1e-12
+    );
+    assert_eq!((limits("hinge").effort, limits("hinge").velocity), (Some(20.0), None));
+    assert_eq!(limits("slide").position, Some([-0.1, 0.2]));
+    assert_eq!(limits("free").position, None);
+}

@@ -30,6 +30,7 @@ pub mod remarks;
 pub mod rig_links;
 pub mod rows;
 pub mod sdf;
+pub mod sites;
 pub mod speed;
 pub mod symmetry;
 #[cfg(test)]

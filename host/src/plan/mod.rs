@@ -1,14 +1,16 @@
-//! What to do with the platform before it moves: which poses and motions tell most of the body.
+//! What to do before anything moves: which poses and motions of the platform, or of a robot's joints, tell most of the body.
 //!
 //! Lives here: the platform that a rig file describes ([`machine`]) with body and sensors ([`equipment`]), what the plate may carry before
 //! that is known ([`carried`]), what the sensors are to read ([`ranges`]), where it can be tilted to ([`workspace`]), still
-//! poses ([`poses`]), moves between them ([`ways`]), plans on disk ([`plan_file`]). May not live here: the platform's mechanics (that is
+//! poses ([`poses`]), motions ([`motion`]) and the search for them ([`descent`]), trajectories of joints ([`excitation`]), moves between them ([`ways`]), plans on disk ([`plan_file`]). May not live here: the platform's mechanics (that is
 //! `hexapod`), driving it ([`crate::platform`]), what a user types and sees ([`crate::cli`]). Next:
 //! [`crate::device::session`], which follows a plan.
 
 pub mod adaptive;
 pub mod carried;
+pub mod descent;
 pub mod equipment;
+pub mod excitation;
 pub mod machine;
 pub mod motion;
 pub mod plan_file;

@@ -11,6 +11,7 @@ pub mod directions;
 mod envelope;
 mod figures;
 mod html;
+pub mod joint_offsets;
 pub mod merged;
 pub mod modes_page;
 pub mod motion;

@@ -96,12 +96,9 @@ impl ArmRun {
     /// joint and from time to time.
     pub fn recording(&self, model: &Model) -> Recording {
         let model = model.welded();
-        let names: Vec<&str> = model.links.iter().skip(1).map(|l| l.joint_name.as_str()).collect();
-        let mut noise = Noise(Some(self.seed.wrapping_mul(0x2545_f491_4f6c_dd1d)));
-        let base = BaseMotion::still([0.0, 0.0, -9.80665]);
-        let mut columns: Vec<[Vec<String>; 3]> = vec![Default::default(); names.len()];
-        let mut time_ns = Vec::new();
-        for row in 0..((2.0 * self.rest_s + self.motion_s) * self.rate_hz) as usize {
+        let joints = model.links.len() - 1;
+        let rows = ((2.0 * self.rest_s + self.motion_s) * self.rate_hz) as usize;
+        let moves = |row: usize| {
             let t = row as f64 / self.rate_hz;
             let moved = |k: usize| {
                 let [u, du, ddu] = self.progress(k, t);
@@ -109,9 +106,51 @@ impl ArmRun {
                 let home = self.home.get(k).copied().unwrap_or(0.0);
                 [home + value, rate * du, change * du * du + rate * ddu]
             };
-            let moves: Vec<[f64; 3]> = (0..names.len()).map(moved).collect();
+            (0..joints).map(moved).collect()
+        };
+        self.read(&model, rows, &moves)
+    }
+
+    /// Returns what the arm's sensors read while it follows a trajectory, at the trajectory's rate: columns of positions and rates of all joints,
+    /// as they are in a file. Accelerations are differences of the rates, of fourth order. `None` if a column is missing.
+    pub fn following(&self, model: &Model, trajectory: &Recording) -> Option<Recording> {
+        let model = model.welded();
+        let column = |name: String| -> Option<Vec<f64>> {
+            let (_, cells) = trajectory.extra.iter().find(|(own, _)| *own == name)?;
+            cells.iter().map(|cell| cell.trim().parse().ok()).collect()
+        };
+        let names = model.links.iter().skip(1).map(|l| &l.joint_name);
+        let columns = names
+            .map(|name| Some([column(format!("{name}_rad"))?, column(format!("{name}_radps"))?]))
+            .collect::<Option<Vec<_>>>()?;
+        let rows = trajectory.time_ns.len();
+        let rate_hz = trajectory.rate_hz.unwrap_or(self.rate_hz);
+        let moves = |row: usize| {
+            let of = |[positions, rates]: &[Vec<f64>; 2]| {
+                // It rests before and after.
+                let at = |by: usize, back: usize| {
+                    (row + by).checked_sub(back).and_then(|row| rates.get(row)).copied().unwrap_or(0.0)
+                };
+                let change = (8.0 * (at(1, 0) - at(0, 1)) - at(2, 0) + at(0, 2)) / 12.0 * rate_hz;
+                [positions[row], rates[row], change]
+            };
+            columns.iter().map(of).collect()
+        };
+        Some(Self { rate_hz, ..self.clone() }.read(&model, rows, &moves))
+    }
+
+    /// Returns what the sensors read in so many rows, in each of which the joints have positions, rates and accelerations.
+    fn read(&self, model: &Model, rows: usize, moves: &dyn Fn(usize) -> Vec<[f64; 3]>) -> Recording {
+        let names: Vec<&str> = model.links.iter().skip(1).map(|l| l.joint_name.as_str()).collect();
+        let mut noise = Noise(Some(self.seed.wrapping_mul(0x2545_f491_4f6c_dd1d)));
+        let base = BaseMotion::still([0.0, 0.0, -9.80665]);
+        let mut columns: Vec<[Vec<String>; 3]> = vec![Default::default(); names.len()];
+        let mut time_ns = Vec::new();
+        for row in 0..rows {
+            let t = row as f64 / self.rate_hz;
+            let moves = moves(row);
             let part = |n: usize| moves.iter().map(|m| m[n]).collect::<Vec<f64>>();
-            let truth = inverse_dynamics(&model, &base, &part(0), &part(1), &part(2)).unwrap_or_default();
+            let truth = inverse_dynamics(model, &base, &part(0), &part(1), &part(2)).unwrap_or_default();
             for (k, (columns, [q, v, a])) in columns.iter_mut().zip(moves).enumerate() {
                 let [viscous, coulomb, offset] = self.friction_of(k);
                 let sign = if v == 0.0 { 0.9 * (1.0 + 2.0 * k as f64 + 0.3 * t).sin() } else { v.signum() };

@@ -64,7 +64,8 @@ pub fn humanoid() -> Model {
 
 /// Returns the two soles of the humanoid.
 pub fn soles() -> Vec<Sole> {
-    let sole = |name: &str, link: usize| Sole { name: name.to_owned(), link, corners_m: CORNERS.to_vec() };
+    let sole =
+        |name: &str, link: usize| Sole { name: name.to_owned(), link, corners_m: CORNERS.to_vec(), plane: 0 };
     vec![sole("left", 7), sole("right", 14)]
 }
 

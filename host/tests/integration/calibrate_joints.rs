@@ -16,9 +16,12 @@ use crate::program::{complaint, json, rigident, said, status};
 /// Files of a humanoid that stood in 40 poses, in a folder of their own.
 pub struct Files {
     folder: tempfile::TempDir,
-    setup: Setup,
-    poses: Vec<Pose>,
-    truth: Vec<f64>,
+    /// Its setup.
+    pub setup: Setup,
+    /// The poses.
+    pub poses: Vec<Pose>,
+    /// The true offsets.
+    pub truth: Vec<f64>,
 }
 
 impl Files {
@@ -29,7 +32,8 @@ impl Files {
         Self::of(random_poses(40, &truth, reading, 22), truth)
     }
 
-    fn of(poses: Vec<Pose>, truth: Vec<f64>) -> Self {
+    /// Writes files of poses.
+    pub fn of(poses: Vec<Pose>, truth: Vec<f64>) -> Self {
         let files =
             Self { folder: tempfile::tempdir().unwrap(), setup: setup(Noise::default()), poses, truth };
         files.write("robot.urdf", &generated(&humanoid(), Language::Urdf).unwrap());
@@ -43,15 +47,18 @@ impl Files {
         ["robot.urdf", "poses.csv", "soles.toml"].map(|name| self.at().join(name).display().to_string())
     }
 
-    fn at(&self) -> &Path {
+    /// Returns the folder.
+    pub fn at(&self) -> &Path {
         self.folder.path()
     }
 
-    fn write(&self, name: &str, text: &str) {
+    /// Writes a file.
+    pub fn write(&self, name: &str, text: &str) {
         fs::write(self.at().join(name), text).unwrap();
     }
 
-    fn run(&self, more: &[&str]) -> std::process::Output {
+    /// Runs the command with more options.
+    pub fn run(&self, more: &[&str]) -> std::process::Output {
         let words = ["calibrate", "joints", "robot.urdf", "poses.csv", "--contacts", "soles.toml"];
         rigident(self.at(), &[&words, more].concat())
     }
@@ -68,7 +75,8 @@ impl Files {
     }
 }
 
-fn offsets(found: &Value) -> Vec<(String, Option<[f64; 2]>)> {
+/// Returns joints with value and U95, if they are identified.
+pub fn offsets(found: &Value) -> Vec<(String, Option<[f64; 2]>)> {
     let of = |own: &Value| {
         let both = own["value"].as_f64().zip(own["u95"].as_f64()).map(|(value, u95)| [value, u95]);
         (own["joint"].as_str().unwrap().to_owned(), both)
@@ -112,6 +120,12 @@ fn methods_agree_and_a_part_of_the_joints_can_be_asked_for() {
     for ((name, a), (_, b)) in one.iter().zip(&other) {
         assert!((a.unwrap()[0] - b.unwrap()[0]).abs().to_degrees() < 1e-6, "{name}");
     }
+    // The offsets of the others are not zero: they are not to be left out.
+    assert_eq!(status(&files.run(&["--joints", "left_knee_y,right_knee_y"])), 2);
+    let mut truth = vec![0.0; 14];
+    (truth[3], truth[10]) = (0.03, -0.02);
+    let reading = Reading { encoder_rad: 0.05_f64.to_radians(), attitude_rad: 0.2_f64.to_radians() };
+    let files = Files::of(random_poses(40, &truth, reading, 25), truth);
     let part = offsets(&json(&files.run(&["--json", "--joints", "left_knee_y,right_knee_y"])));
     let names: Vec<&str> = part.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!(names, ["left_knee_y", "right_knee_y"]);
@@ -132,6 +146,93 @@ fn squats_end_with_status_one_and_without_zeros() {
         text.contains("# left_hip_z: not identified") && !text.contains("name = \"left_hip_z\""),
         "{text}"
     );
+}
+
+#[test]
+fn a_page_shows_offsets_and_poses_before_and_after() {
+    let mut files = Files::new();
+    files.poses[9].positions[3] += 0.3;
+    files.write("poses.csv", &csv(&files.setup, &files.poses));
+    let output = files.run(&["--report", "joints.html"]);
+    assert_eq!(status(&output), 0, "{}", said(&output));
+    let page = fs::read_to_string(files.at().join("joints.html")).unwrap();
+    for word in
+        ["14 of 14 offsets identified", "pose 10, left out", "left_knee_y", "heights ×", "slope of floor"]
+    {
+        assert!(page.contains(word), "{word}");
+    }
+    assert!(!page.contains("<script") && !page.contains("http"));
+    assert!(complaint(&files.run(&["--report", "joints.html"])).contains("joints.html"));
+}
+
+#[test]
+fn a_joint_that_stands_still_is_named() {
+    let files = Files::new();
+    let still = files.setup.tree.joint_name(files.setup.joints[4]).to_owned();
+    // Poses that stand with the left shank not turned.
+    let truth = files.truth.clone();
+    let files = Files::of(still_poses(&files.setup, 4, &truth), truth);
+    let output = files.run(&["--json"]);
+    let found = json(&output);
+    let own = found["offsets"].as_array().unwrap().iter().find(|own| own["joint"] == still).unwrap();
+    assert!(own["moves_by"].as_f64().unwrap() < 0.01, "{own}");
+    if own["value"].is_null() {
+        assert!(own["why_not"].as_str().unwrap().contains("stands still"), "{own}");
+    } else {
+        let warnings = found["warnings"].as_array().unwrap();
+        let names = |warning: &Value| warning.as_str().unwrap().contains(&format!("{still}: stands still"));
+        assert!(warnings.iter().any(names), "{warnings:?}");
+    }
+}
+
+/// Flat poses of the humanoid in which one joint does not move.
+fn still_poses(setup: &Setup, joint: usize, truth: &[f64]) -> Vec<Pose> {
+    crate::calibrate_joints_contacts::flat_poses(
+        setup,
+        40,
+        truth,
+        &|stance| stance.positions[joint + 1] = 0.0,
+        &[joint + 1],
+        [0.0; 2],
+    )
+}
+
+#[test]
+fn corners_may_be_sites_of_an_mjcf() {
+    let files = Files::new();
+    let text = generated(&humanoid(), Language::Mjcf).unwrap();
+    let corners = [[0.13, 0.05], [0.13, -0.05], [-0.07, 0.05], [-0.07, -0.05]];
+    let mut with_sites = text.clone();
+    for side in ["left", "right"] {
+        let body = format!("<body name=\"{side}_ankle_x_link\"");
+        let at = with_sites.find(&body).unwrap();
+        let end = at + with_sites[at..].find('>').unwrap() + 1;
+        let sites: String = corners
+            .iter()
+            .enumerate()
+            .map(|(k, [x, y])| format!("<site name=\"{side}{k}\" pos=\"{x} {y} -0.07\"/>"))
+            .collect();
+        with_sites.insert_str(end, &sites);
+    }
+    files.write("robot.xml", &with_sites);
+    let soles: String = ["left", "right"]
+        .iter()
+        .map(|side| {
+            format!(
+                "[[sole]]\nname = \"{side}\"\nlink = \"{side}_ankle_x_link\"\ncorner_sites = [\"{side}0\", \"{side}1\", \"{side}2\", \"{side}3\"]\n"
+            )
+        })
+        .collect();
+    files.write("sites.toml", &soles);
+    let words = ["calibrate", "joints", "robot.xml", "poses.csv", "--json", "--contacts"];
+    let by_sites = offsets(&json(&rigident(files.at(), &[&words[..], &["sites.toml"]].concat())));
+    let by_corners = offsets(&json(&rigident(files.at(), &[&words[..], &["soles.toml"]].concat())));
+    for ((name, a), (_, b)) in by_sites.iter().zip(&by_corners) {
+        assert!((a.unwrap()[0] - b.unwrap()[0]).abs() < 1e-12, "{name}");
+    }
+    files.write("sites.toml", &soles.replace("left3", "left9"));
+    let said = complaint(&rigident(files.at(), &[&words[..], &["sites.toml"]].concat()));
+    assert!(said.contains("no site left9") && said.contains("left3"), "{said}");
 }
 
 #[test]
@@ -189,7 +290,7 @@ fn bad_input_is_said() {
     assert!(poses(&|t| t.replace("pelvis_qz", "other")).contains("column pelvis_qz is missing"));
     assert!(poses(&|t| t.replace("pelvis_q", "imu_q")).contains("has no link imu"));
     assert!(poses(&|t| t.replace("pelvis_q", "imu_")).contains("no link's attitude is measured"));
-    assert!(poses(&|t| t.replacen("pose,", "contact,", 1)).contains("which is no sole"));
+    assert!(poses(&|t| t.replacen("pose,", "contact,", 1)).contains("which is no contact"));
     assert!(poses(&|t| t.lines().next().unwrap().to_owned()).contains("no pose in it"));
     assert!(poses(&|t| t.lines().take(2).collect::<Vec<_>>().join("\n")).contains("too few poses"));
     assert!(poses(&|t| t.replace("pelvis_qw", "left_hip_z_rad")).contains("is there twice"));

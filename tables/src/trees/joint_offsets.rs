@@ -31,7 +31,7 @@ fn found(poses: Poses, count: usize, set: usize) -> Found {
     let seed = 1000 * count as u64 + set as u64 + 1;
     let truth = random_offsets(OFFSETS_RAD, seed);
     let reading = Reading { encoder_rad: 0.05_f64.to_radians(), attitude_rad: 0.2_f64.to_radians() };
-    let setup = setup(Noise { height_m: 1e-4, ..Noise::default() });
+    let setup = setup(Noise { height_m: 1e-4, floor_rad: 0.0, ..Noise::default() });
     let all = poses(count, &truth, reading, 77 + seed);
     let answer: Answer =
         identify(&setup, &all, Method::GaussNewton, COARSEST).expect("poses that can be used");

@@ -28,10 +28,36 @@ pub struct Shape {
 pub fn shapes(text: &str, path: &Path) -> BTreeMap<String, Shape> {
     let tidy = tidied(text);
     let Ok(document) = parsed(&tidy) else { return BTreeMap::new() };
-    let folder = std::path::absolute(path).ok().and_then(|path| Some(path.parent()?.to_owned()));
-    let mut reader = Reader { folder: folder.unwrap_or_default(), meshes: BTreeMap::new() };
+    let mut reader = Reader::beside(path);
     let links = document.root_element().children().filter(|n| n.has_tag_name("link"));
     links.filter_map(|link| Some((link.attribute("name")?.to_owned(), reader.shape(&link)?))).collect()
+}
+
+/// A box round one shape of a link, in the link's frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShapeBox {
+    /// Its axes, as columns.
+    pub rotation: Matrix3<f64>,
+    /// Its centre, m.
+    pub centre: Vector3<f64>,
+    /// Half of its edges, m.
+    pub half: Vector3<f64>,
+}
+
+/// Returns the boxes round what the links of a URDF collide with, or are seen as where they collide with nothing, by their names; links without
+/// shapes are left out, and `None` is of a link with one that cannot be read.
+#[must_use]
+pub fn boxes(text: &str, path: &Path) -> BTreeMap<String, Option<Vec<ShapeBox>>> {
+    let tidy = tidied(text);
+    let Ok(document) = parsed(&tidy) else { return BTreeMap::new() };
+    let mut reader = Reader::beside(path);
+    let links = document.root_element().children().filter(|n| n.has_tag_name("link"));
+    let own = links.filter_map(|link| {
+        let has = |tag: &&str| link.children().any(|n| n.has_tag_name(*tag));
+        let tag = ["collision", "visual"].into_iter().find(has)?;
+        Some((link.attribute("name")?.to_owned(), reader.boxes(&link, tag)))
+    });
+    own.collect()
 }
 
 struct Reader {
@@ -41,6 +67,33 @@ struct Reader {
 }
 
 impl Reader {
+    /// Returns the reader of a description that stands at a path.
+    fn beside(path: &Path) -> Self {
+        let folder = std::path::absolute(path).ok().and_then(|path| Some(path.parent()?.to_owned()));
+        Self { folder: folder.unwrap_or_default(), meshes: BTreeMap::new() }
+    }
+
+    /// Returns the boxes round a link's shapes of a kind; `None` if one cannot be read.
+    fn boxes(&mut self, link: &Node, tag: &str) -> Option<Vec<ShapeBox>> {
+        let mut all = Vec::new();
+        for shape in link.children().filter(|n| n.has_tag_name(tag)) {
+            let geometry = child(&shape, "geometry")?.children().find(Node::is_element)?;
+            let (middle, half) = if geometry.tag_name().name() == "mesh" {
+                let surface = self.mesh(&geometry)?;
+                ((surface.low + surface.high) / 2.0, (surface.high - surface.low) / 2.0)
+            } else {
+                (Vector3::zeros(), sizes(&geometry)?.0)
+            };
+            let (rotation, centre) = place(&shape);
+            let numbers = centre.iter().chain(rotation.iter()).chain(half.iter());
+            if numbers.copied().any(|v| !v.is_finite()) || half.min() < 0.0 {
+                return None;
+            }
+            all.push(ShapeBox { rotation, centre: centre + rotation * middle, half });
+        }
+        Some(all)
+    }
+
     fn shape(&mut self, link: &Node) -> Option<Shape> {
         let all = ["visual", "collision"].map(|tag| self.surface(link, tag));
         let simple = simple(link);

@@ -16,7 +16,7 @@ use crate::plan::motion::barrier::Barrier;
 use crate::plan::motion::family::Family;
 use crate::plan::motion::information::log_determinant;
 use crate::plan::motion::plan::{HIGHEST_HZ, frequencies_hz, step_s};
-use crate::plan::motion::search::{Merit, Problem};
+use crate::plan::motion::search::{Descent, Merit, Problem};
 
 /// Of the norm. Twelve equal ratios count as 36 % above each in variance, 17 % in deviation, whatever the motion.
 const POWER: i32 = 8;
@@ -85,7 +85,7 @@ pub fn design(task: &Design, stop: &AtomicBool) -> Option<Segment> {
         beforehand: *task.beforehand,
         merit: Worst(task.goal),
     };
-    let found = problem.search(STARTS, stop, |_, _| ());
+    let found = problem.search(STARTS, 1, stop, |_, _| ());
     found.first().map(|best| problem.family.segment(&best.coefficients, 1.0))
 }
 

@@ -10,7 +10,7 @@ use super::family::Family;
 use super::information::{Information, Instrument};
 use super::predict::{PredictError, Prediction, predict};
 use super::program::{Frame, FrameError, stands};
-use super::search::{Problem, Volume};
+use super::search::{Descent, Problem, Volume};
 use crate::plan::equipment::Equipment;
 
 /// What a motion is made for.
@@ -214,7 +214,7 @@ fn shape(
         }
         Objective::DOptimal => {
             let problem = problem(task, frame, ramp_s);
-            let found = problem.search(task.starts, stop, |ended, best| {
+            let found = problem.search(task.starts, 1, stop, |ended, best| {
                 let best = if best.is_finite() { format!(", best log det {best:.2}") } else { String::new() };
                 note(format!("{ended} of {} searches ended{best}", task.starts));
             });

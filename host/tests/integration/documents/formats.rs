@@ -7,7 +7,8 @@ use std::process::Command;
 use rigident::cli::ExitStatus;
 use rigident::fit::factor_file::{self, FactorSource, SourceChannel};
 use rigident::fit::{Kind, Owner, Parameter};
-use rigident::joint_offsets::contacts_file::SoleTable;
+use rigident::joint_offsets::contacts_file::{ContactsFile, FixedTable, ImuTable, PlaneTable, SoleTable};
+use rigident::plan::excitation::boxes::{BoxFile, BoxTable};
 use rigident::recording::columns::{Group, Known};
 use rigident::recording::convert::convert;
 use rigident::rig::RigFile;
@@ -157,15 +158,44 @@ fn is_table(key: &str, found: &[(String, BTreeSet<String>)]) -> bool {
 
 #[test]
 fn every_key_of_a_file_of_contacts_is_described() {
-    let table = SoleTable {
+    let sole = SoleTable {
         name: Some("left".to_owned()),
         link: "foot".to_owned(),
         corners_m: vec![[0.0; 3]],
         corner_links: vec!["corner".to_owned()],
+        corner_sites: vec!["site".to_owned()],
+        plane: Some("wall".to_owned()),
     };
-    let real = serde_json::to_value(table).unwrap().as_object().unwrap().keys().cloned().collect();
+    let file = ContactsFile {
+        sole: vec![sole],
+        plane: vec![PlaneTable { normal_noise_deg: Some(1.0), ..PlaneTable::default() }],
+        fixed: vec![FixedTable { name: Some("hand".to_owned()), ..FixedTable::default() }],
+        imu: vec![ImuTable::default()],
+    };
+    let tables = serde_json::to_value(file).unwrap();
+    let tables = tables.as_object().unwrap();
+    let keys = |table: &serde_json::Value| table[0].as_object().unwrap().keys().cloned().collect::<Vec<_>>();
+    let real = tables.values().flat_map(keys).collect();
+    let section_of = section(&formats(), "## File of contacts").to_owned();
+    assert!(tables.keys().all(|name| section_of.contains(&format!("[[{name}]]"))));
     let text = formats();
     same("keys of a file of contacts", &first_cells(section(&text, "## File of contacts")), &real);
+}
+
+#[test]
+fn every_key_of_a_file_of_boxes_is_described() {
+    let table = BoxTable { link: "arm".to_owned(), size_m: [1.0; 3], ..BoxTable::default() };
+    let file = BoxFile {
+        boxes: vec![table.clone()],
+        no_box: vec!["tool".to_owned()],
+        skip_pairs: vec![["a".to_owned(), "b".to_owned()]],
+    };
+    let keys = |value: serde_json::Value| value.as_object().unwrap().keys().cloned().collect::<BTreeSet<_>>();
+    let mut real = keys(serde_json::to_value(table).unwrap());
+    real.extend(keys(serde_json::to_value(file).unwrap()));
+    real.remove("box");
+    let text = formats();
+    same("keys of a file of boxes", &first_cells(section(&text, "## File of boxes")), &real);
 }
 
 #[test]
@@ -208,6 +238,9 @@ fn every_field_of_the_other_commands_is_described() {
          <inertia ixx=\"1\" iyy=\"1\" izz=\"5\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial></link></robot>",
     )
     .unwrap();
+    let arm = folder.path().join("arm.urdf");
+    std::fs::write(&arm, crate::plan_excitation::ARM).unwrap();
+    let arm = arm.display().to_string();
     let (rig, urdf) = (rig.display().to_string(), urdf.display().to_string());
     let humanoid = crate::calibrate_joints::Files::new();
     let [model, poses, soles] = humanoid.paths();
@@ -219,6 +252,10 @@ fn every_field_of_the_other_commands_is_described() {
         ("montecarlo poses", vec!["montecarlo", "poses", "--runs", "2", "--to", "2", "--json"]),
         ("plan poses", vec!["plan", "poses", "--n", "3", "--json"]),
         ("plan motion", vec!["plan", "motion", "--objective", "rpy", "--duration-s", "20", "--json"]),
+        (
+            "plan excitation",
+            vec!["plan", "excitation", &arm, "--duration-s", "3", "--restarts", "1", "--json"],
+        ),
         ("workspace", vec!["workspace", "--step-deg", "90", "--json"]),
         ("model base-params", vec!["model", "base-params", &rig, "--floating", "--json"]),
         ("model check", vec!["model", "check", &urdf, "--json"]),

@@ -27,11 +27,13 @@ pub(in super::super) struct Availability {
 }
 
 impl Contact {
-    /// Returns the feet that stand in a frame, each with its number and wrench.
+    /// Returns the feet that count in a frame, each with its number and wrench: those that stand, and those of which all is
+    /// measured, whatever they read.
     pub(in super::super) fn standing(&self, frame: &Frame) -> Vec<(usize, &Foot, [f64; 6])> {
         let ground = &frame.ground;
         let feet = self.feet.iter().zip(&ground.wrenches).zip(&ground.touching).enumerate();
-        feet.filter(|(_, (_, touching))| **touching).map(|(i, ((foot, w), _))| (i, foot, *w)).collect()
+        let counts = feet.filter(|(_, ((foot, _), touching))| **touching || foot.is_measured());
+        counts.map(|(i, ((foot, w), _))| (i, foot, *w)).collect()
     }
 
     /// Returns the rows of a frame that are free of what is not measured; the tree has the frame's motion.
@@ -168,12 +170,7 @@ fn eliminate(
 
 impl Availability {
     /// Combines rows of coefficients, `columns` each: `W S − (∂W) D` is smoothed, `W D` differentiated.
-    pub(in super::super) fn combine(
-        &self,
-        smoothed: &mut Vec<f64>,
-        differentiated: &mut Vec<f64>,
-        columns: usize,
-    ) {
+    pub(in super::super) fn combine(&self, smoothed: &mut [f64], differentiated: &mut [f64], columns: usize) {
         let rows = self.weights.nrows();
         if smoothed.len() != rows * columns || differentiated.len() != rows * columns {
             return;

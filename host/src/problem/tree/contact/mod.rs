@@ -40,6 +40,13 @@ pub struct Foot {
     pub sigma: [f64; 6],
 }
 
+impl Foot {
+    /// Returns true if a sensor measures all of its wrench that is not zero by what the foot is.
+    pub fn is_measured(&self) -> bool {
+        self.known == [true; 6] && self.measured.contains(&true)
+    }
+}
+
 /// A way to stand: which feet touch the ground, and which rows are given for what is not measured.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ContactState {
@@ -67,7 +74,8 @@ pub struct Contact {
 /// The ground's part of an instant.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Ground {
-    /// Wrench on each foot in its sensor's axes about its origin, N and N m; zero where it does not stand or is not measured.
+    /// Wrench on each foot in its sensor's axes about its origin, N and N m; zero where it is not measured, and of a foot of which not
+    /// all is measured where it does not stand.
     pub wrenches: Vec<[f64; 6]>,
     /// Which feet stand.
     pub touching: Vec<bool>,

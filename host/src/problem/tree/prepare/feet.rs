@@ -151,7 +151,7 @@ impl Preparation<'_> {
                     .to_owned(),
             ));
         }
-        if recording.is_static || !recording.imus.first().is_some_and(|imu| imu.accel.is_some()) {
+        if recording.is_static || recording.imus.first().is_none_or(|imu| imu.accel.is_none()) {
             return Err(self.missing(
                 "the base's IMU (imu_ax_mps2 …, imu_gx_radps …) is",
                 "a robot on its feet moves, and how its base moves is not known otherwise; for a robot that is held remove the \
@@ -189,20 +189,23 @@ impl Preparation<'_> {
         for reading in (0..rows).filter(|row| !stands(row)).filter_map(|row| readings.get(row)) {
             air.iter_mut().zip(reading).for_each(|(sum, value)| *sum += value / count as f64);
         }
+        let foot = Foot {
+            name: table.name.clone(),
+            link: place.link,
+            position: place.position,
+            rotation: place.rotation,
+            known: std::array::from_fn(|k| measured[k] || (table.point && k >= 3)),
+            measured,
+            sigma,
+        };
+        let counts = |row: usize| stands(&row) || foot.is_measured();
         let wrenches = readings.iter().enumerate().map(|(row, reading)| {
-            std::array::from_fn(|k| if stands(&row) && measured[k] { reading[k] } else { 0.0 })
+            std::array::from_fn(|k| if counts(row) && measured[k] { reading[k] } else { 0.0 })
         });
+        let wrenches = wrenches.collect();
         Ok(Readings {
-            foot: Foot {
-                name: table.name.clone(),
-                link: place.link,
-                position: place.position,
-                rotation: place.rotation,
-                known: std::array::from_fn(|k| measured[k] || (table.point && k >= 3)),
-                measured,
-                sigma,
-            },
-            wrenches: wrenches.collect(),
+            foot,
+            wrenches,
             touching,
             air: (count > 0).then_some(air),
             is_stated: table.noise_n_nm.is_some(),
