@@ -153,13 +153,14 @@ impl Study<'_> {
         let rows = BaseRows::of(&all, self.base, unknowns.bodies.len());
         let sizes = rows.relative(&unknowns).rows.singular_values();
         let told: Vec<f64> = sizes.iter().copied().filter(|size| *size > ROUNDED * sizes.max()).collect();
+        let held_out = self.held_out(unknowns.bodies.len());
         let mut outcomes = Vec::new();
         let total = (ways.len() + fixed.len()).max(1) as f64;
         for (i, way) in ways.iter().enumerate() {
             progress(i as f64 / total);
             let mut best: Option<(Way, f64)> = None;
             for setting in way.settings() {
-                let Some(left) = self.left_out(&unknowns, &setting)? else { break };
+                let Some(left) = self.left_out(&unknowns, &held_out, &setting)? else { break };
                 if best.is_none_or(|(_, least)| left < least) {
                     best = Some((setting, left));
                 }
@@ -170,7 +171,7 @@ impl Study<'_> {
         }
         for (i, way) in fixed.iter().enumerate() {
             progress((ways.len() + i) as f64 / total);
-            let left = self.left_out(&unknowns, way)?;
+            let left = self.left_out(&unknowns, &held_out, way)?;
             outcomes.push(self.outcome(&unknowns, &rows, &all, *way, left, false)?);
         }
         Ok(Comparison {
@@ -219,17 +220,25 @@ impl Study<'_> {
         all
     }
 
+    /// The rows of each part with the factor of the others; none of a single part.
+    fn held_out(&self, bodies: usize) -> Vec<(BaseRows, Factor)> {
+        let parts = self.parts.iter().enumerate().filter(|_| self.parts.len() > 1);
+        parts.map(|(i, part)| (BaseRows::of(part, self.base, bodies), self.merged(Some(i)))).collect()
+    }
+
     /// What a way leaves of each part by the others, together.
-    fn left_out(&self, unknowns: &Unknowns, way: &Way) -> Result<Option<f64>, ModelError> {
-        if self.parts.len() < 2 {
-            return Ok(None);
+    fn left_out(
+        &self,
+        unknowns: &Unknowns,
+        held_out: &[(BaseRows, Factor)],
+        way: &Way,
+    ) -> Result<Option<f64>, ModelError> {
+        let mut sum = None;
+        for (rows, others) in held_out {
+            let model = self.solve(unknowns, others, *way)?;
+            *sum.get_or_insert(0.0) += rows.cost(&parameters(&model));
         }
-        let mut sum = 0.0;
-        for (i, part) in self.parts.iter().enumerate() {
-            let model = self.solve(unknowns, &self.merged(Some(i)), *way)?;
-            sum += BaseRows::of(part, self.base, unknowns.bodies.len()).cost(&parameters(&model));
-        }
-        Ok(Some(sum))
+        Ok(sum)
     }
 
     /// The model with what a way finds of the rows of a factor.

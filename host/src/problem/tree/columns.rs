@@ -51,20 +51,27 @@ pub struct Column {
     pub is_named: bool,
 }
 
+impl Column {
+    /// Returns the column under its own name, in SI.
+    pub(super) fn plain(name: String) -> Self {
+        Self { name, scale: 1.0, offset: 0.0, plus: Vec::new(), is_named: false }
+    }
+
+    /// Returns the column that a rig file names.
+    pub(super) fn named(source: &ColumnSource) -> Self {
+        let (name, scale) = source.parts();
+        let plus = source.plus().map(|(name, factor)| (name.to_owned(), factor)).collect();
+        Self { name: name.to_owned(), scale, offset: source.offset(), plus, is_named: true }
+    }
+}
+
 /// The column of a quantity of the joint `name`; `None` of joints that have not one freedom.
 pub fn column(rig: &RigFile, name: &str, joint: &Joint<f64>, quantity: Quantity) -> Option<Column> {
     let unit = units(joint)?[quantity as usize];
     let table = rig.joint.iter().find(|table| table.name == name);
     Some(match table.and_then(|table| quantity.of(table)) {
-        Some(source) => {
-            let (name, scale) = source.parts();
-            let plus = source.plus().map(|(name, factor)| (name.to_owned(), factor)).collect();
-            Column { name: name.to_owned(), scale, offset: source.offset(), plus, is_named: true }
-        }
-        None => {
-            let name = format!("{name}_{unit}");
-            Column { name, scale: 1.0, offset: 0.0, plus: Vec::new(), is_named: false }
-        }
+        Some(source) => Column::named(source),
+        None => Column::plain(format!("{name}_{unit}")),
     })
 }
 

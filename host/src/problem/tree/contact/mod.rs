@@ -1,7 +1,7 @@
 //! Feet on the ground: what a robot that stands measures of the wrenches on its feet, and the rows that are left without the rest.
 //!
-//! Lives here: the feet and the states of contact ([`states`]), the wrenches' part in the equations of motion ([`forces`]), and
-//! the combinations of rows that are free of what is not measured ([`availability`]). Next: [`forces`].
+//! Lives here: the feet and the states of contact (`states`), the wrenches' part in the equations of motion (`forces`), and
+//! the combinations of rows that are free of what is not measured (`availability`). Next: `forces`.
 //!
 //! With G the six columns that a foot's wrench w has in the equations of base and joints,
 //! ```text

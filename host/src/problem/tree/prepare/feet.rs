@@ -252,12 +252,8 @@ impl Preparation<'_> {
     ) -> Result<Option<Vec<f64>>, TreePrepareError> {
         let unit = if k < 3 { "n" } else { "nm" };
         let column = match table.columns.get(component) {
-            None => plain(format!("{}_{component}_{unit}", table.name)),
-            Some(source) => {
-                let (name, scale) = source.parts();
-                let plus = source.plus().map(|(name, factor)| (name.to_owned(), factor)).collect();
-                Column { name: name.to_owned(), scale, offset: source.offset(), plus, is_named: true }
-            }
+            None => Column::plain(format!("{}_{component}_{unit}", table.name)),
+            Some(source) => Column::named(source),
         };
         let values = numbers(self.recording, &column)?;
         if values.is_none() && column.is_named {
@@ -276,7 +272,7 @@ impl Preparation<'_> {
         has_force: bool,
         readings: &[[f64; 6]],
     ) -> Result<Vec<bool>, TreePrepareError> {
-        if let Some(flags) = numbers(self.recording, &plain(format!("{}_contact", table.name)))? {
+        if let Some(flags) = numbers(self.recording, &Column::plain(format!("{}_contact", table.name)))? {
             return Ok(flags.into_iter().map(|flag| flag > 0.5).collect());
         }
         if !has_force {
@@ -318,11 +314,6 @@ impl Preparation<'_> {
             ));
         }
     }
-}
-
-/// A column under its own name.
-fn plain(name: String) -> Column {
-    Column { name, scale: 1.0, offset: 0.0, plus: Vec::new(), is_named: false }
 }
 
 /// Returns the noise that readings show, at least that of their rounding.
