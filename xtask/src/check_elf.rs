@@ -13,7 +13,9 @@ use crate::process::Steps;
 use crate::toolchain::{self, Core};
 
 /// The functions that take one sample, or one frame of a tree or of a robot that is watched, from the drivers to the factor.
-pub const PATHS: [&str; 3] = ["rigident_sample_path", "rigident_frame_path", "rigident_watch_path"];
+pub const PATHS: [&str; 3] = ["rigident_sample_path", "rigident_frame_path", WATCH_PATH];
+/// Of the image that watches robots alone.
+const WATCH_PATH: &str = "rigident_watch_path";
 
 /// What to check.
 #[derive(clap::Args, Clone, Default)]
@@ -37,6 +39,13 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
 /// The checks as named steps.
 pub fn run_steps(steps: &mut Steps, core: Core) {
     steps.run("check-elf", || check_file(&firmware::build(core, &[])?));
+    steps.run("check-elf, with the watch", || {
+        let elf = firmware::build_watch(core)?;
+        if Program::read(&elf)?.function_of_symbol(WATCH_PATH).is_none() {
+            bail!("the image that watches robots has no {WATCH_PATH}");
+        }
+        check_file(&elf)
+    });
     steps.run("check-elf finds planted double precision", || {
         let program = Program::read(&firmware::build(core, &["plant-double"])?)?;
         expect_offender("plant-double", &double_precision(&program))
@@ -52,7 +61,8 @@ pub fn check_file(elf: &Path) -> Result<()> {
     let program = Program::read(elf)?;
     let mut offenders = double_precision(&program);
     let mut clean = Vec::new();
-    for root in PATHS {
+    let watches = program.function_of_symbol(WATCH_PATH).is_some();
+    for root in PATHS.into_iter().filter(|root| watches || *root != WATCH_PATH) {
         let (on_path, reached) = unwelcome_within_reach(&program, root)?;
         offenders.extend(on_path);
         clean.push(format!("no panic among the {reached} functions within reach of {root}"));

@@ -24,6 +24,11 @@ pub fn firmware_elf() -> PathBuf {
     board().join("target").join(TARGET).join("release").join(FIRMWARE)
 }
 
+/// Where the simulator looks for the image that watches robots: beside the other.
+pub fn watch_elf() -> PathBuf {
+    firmware_elf().with_file_name(format!("{FIRMWARE}-watch"))
+}
+
 /// The fuzz targets' folder, a workspace of its own.
 pub fn fuzz() -> PathBuf {
     root().join("fuzz")

@@ -23,7 +23,7 @@ pub struct Options {
     /// Print JSON on standard output.
     #[arg(long)]
     pub json: bool,
-    /// Print the way to the deepest stack of the whole image.
+    /// Print the way to the deepest stack of every image.
     #[arg(long)]
     pub way: bool,
 }
@@ -39,14 +39,26 @@ struct Sizes {
 /// The images that are measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Images {
-    /// With everything.
+    /// The standard one.
     whole: Sizes,
-    /// Without the features `links`, `frames` and `watch`: one body alone.
+    /// Without the features `links` and `frames`: one body alone.
     body_only: Sizes,
+    /// With the feature `watch`.
+    watch: Sizes,
 }
 
-/// Flash at most: of the whole image, and of the one for a body alone. The board has 1 MB; what is promised leaves nearly two thirds of it.
-const MOST_FLASH_BYTES: (u64, u64) = (363_000, 238_000);
+impl Images {
+    fn named(&self) -> [(&'static str, Sizes); 3] {
+        [
+            ("whole image", self.whole),
+            ("image for one body alone", self.body_only),
+            ("image with the watch", self.watch),
+        ]
+    }
+}
+
+/// Flash at most: of the whole image, of the one for a body alone, and of the one that watches robots. The board has 1 MB; what is promised leaves nearly two thirds of it.
+const MOST_FLASH_BYTES: [u64; 3] = [320_000, 238_000, 363_000];
 /// How far a size may be from the golden file's: a part, and bytes on top for small ones.
 const TOLERANCE: (f64, u64) = (0.05, 64);
 /// Bytes an exception saves by itself with the floating-point context, and one word to align.
@@ -56,14 +68,15 @@ const EXCEPTION_FRAME: u32 = 26 * 4 + 4;
 pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     let core = toolchain::choose(core)?;
     let whole = measure(&firmware::build(core, &[])?, options.way)?;
-    let body_only = measure(&firmware::build_body_only(core)?, false)?;
-    let images = Images { whole, body_only };
+    let body_only = measure(&firmware::build_body_only(core)?, options.way)?;
+    let watch = measure(&firmware::build_watch(core)?, options.way)?;
+    let images = Images { whole, body_only, watch };
     if options.json {
         println!("{}", serde_json::to_string(&images)?);
     } else {
-        println!("| bytes | whole image | one body alone |\n|---|---|---|");
+        println!("| bytes | whole image | one body alone | with the watch |\n|---|---|---|---|");
         let row = |what: &str, of: fn(&Sizes) -> u64| {
-            println!("| {what} | {} | {} |", of(&whole), of(&body_only));
+            println!("| {what} | {} | {} | {} |", of(&whole), of(&body_only), of(&watch));
         };
         row("flash", |sizes| sizes.flash_bytes);
         row("RAM, static", |sizes| sizes.ram_bytes);
@@ -93,13 +106,12 @@ fn measure(elf: &Path, way: bool) -> Result<Sizes> {
 
 /// Holds the images against what is promised.
 fn hold(images: &Images) -> Result<()> {
-    let (whole, body_only) = MOST_FLASH_BYTES;
-    let pairs =
-        [("whole image", images.whole, whole), ("image for one body alone", images.body_only, body_only)];
-    let above: Vec<String> = pairs
+    let above: Vec<String> = images
+        .named()
         .into_iter()
-        .filter(|(_, sizes, most)| sizes.flash_bytes > *most)
-        .map(|(what, sizes, most)| {
+        .zip(MOST_FLASH_BYTES)
+        .filter(|((_, sizes), most)| sizes.flash_bytes > *most)
+        .map(|((what, sizes), most)| {
             format!("the {what} takes {} bytes of flash, {most} at most", sizes.flash_bytes)
         })
         .collect();
@@ -130,11 +142,12 @@ fn compare(images: &Images, overwrite: bool) -> Result<()> {
     let text = std::fs::read_to_string(&path)
         .with_context(|| format!("no {}; make it with `cargo xtask size --overwrite`", path.display()))?;
     let before: Images = serde_json::from_str(&text)?;
-    let off: Vec<String> =
-        [("whole image", before.whole, images.whole), ("one body", before.body_only, images.body_only)]
-            .iter()
-            .flat_map(|(image, before, now)| differences(image, before, now))
-            .collect();
+    let off: Vec<String> = before
+        .named()
+        .iter()
+        .zip(images.named())
+        .flat_map(|((image, before), (_, now))| differences(image, before, &now))
+        .collect();
     if off.is_empty() {
         return Ok(());
     }

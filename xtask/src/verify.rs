@@ -51,7 +51,10 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
         steps.run("clippy, board", || {
             clippy_strictly(toolchain::board_cargo(core, "clippy", &places::board()).arg("--release"))
         });
-        steps.run("firmware", || firmware::build(core, &[]))
+        steps.run("firmware", || {
+            firmware::build_watch(core)?;
+            firmware::build(core, &[])
+        })
     });
     let here = steps.run("what tests need", || Surroundings::look(elf.as_deref())).unwrap_or_default();
     // This program was built by itself, with fewer features of what it shares with the others; it stays so.
@@ -135,6 +138,7 @@ fn other_core(steps: &mut Steps, core: Core, here: &Surroundings, counts: &mut C
     };
     let built = steps.run(&format!("firmware, core by {other}"), || {
         toolchain::choose(Some(other))?;
+        firmware::build_watch_apart(other)?;
         firmware::build_apart(other)
     });
     let Some(elf) = built else { return };

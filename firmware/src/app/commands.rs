@@ -7,7 +7,7 @@ use rigident_shared::estimator::frames::FrameEstimator;
 use rigident_shared::estimator::watch::Watch;
 use rigident_shared::wire::{
     Command, DecodeError, ErrorCode, Kind, ModelSettings, PROTOCOL_VERSION, Reason, Reply, SettingName,
-    Settings, Source, StateName,
+    Settings, Source, StateName, WatchLinkSettings,
 };
 
 use super::reports::{link_reading_of, reading_of};
@@ -150,8 +150,26 @@ impl<P: DerefMut<Target = Path>> App<P> {
         self.errors = SensorErrors { unaligned_before, ..SensorErrors::default() };
     }
 
+    // Readings go deepest: what other answers take of the stack is kept off their way.
     #[inline(never)]
     fn obey(&mut self, command: &Command) -> Result<Reply, ErrorCode> {
+        match command {
+            Command::Inject(batch) => {
+                let readings = batch
+                    .readings
+                    .iter()
+                    .map(|message| TwoLinkReading { base: reading_of(message), ..TwoLinkReading::ZERO });
+                self.inject(batch.first_index, false, readings)
+            }
+            Command::InjectLinks(batch) => {
+                self.inject(batch.first_index, true, batch.readings.iter().map(link_reading_of))
+            }
+            other => self.answer(other),
+        }
+    }
+
+    #[inline(never)]
+    fn answer(&mut self, command: &Command) -> Result<Reply, ErrorCode> {
         let wrong_state = Err(ErrorCode::WrongState(self.state));
         match command {
             Command::Hello => {
@@ -159,7 +177,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
                 Ok(Reply::Hello(self.identity()))
             }
             // Taken care of before.
-            Command::Configure(_) => wrong_state,
+            Command::Configure(_) | Command::Inject(_) | Command::InjectLinks(_) => wrong_state,
             Command::Start => self.start(),
             Command::Hold => match self.state {
                 StateName::Running => {
@@ -175,16 +193,6 @@ impl<P: DerefMut<Target = Path>> App<P> {
                 self.begin();
                 self.enter(StateName::Idle, Reason::Command);
                 Ok(Reply::Done)
-            }
-            Command::Inject(batch) => {
-                let readings = batch
-                    .readings
-                    .iter()
-                    .map(|message| TwoLinkReading { base: reading_of(message), ..TwoLinkReading::ZERO });
-                self.inject(batch.first_index, false, readings)
-            }
-            Command::InjectLinks(batch) => {
-                self.inject(batch.first_index, true, batch.readings.iter().map(link_reading_of))
             }
             Command::TakeRow { row } => {
                 if *row == 0 {
@@ -215,12 +223,19 @@ impl<P: DerefMut<Target = Path>> App<P> {
             Command::Heartbeat => Ok(Reply::Done),
             Command::WatchLink { link, settings } => {
                 let StateName::Configured = self.state else { return wrong_state };
-                let path = self.path.watch_mut().ok_or(ErrorCode::BadSetting(SettingName::Model))?;
-                let settings = watch_link(settings, *link).map_err(ErrorCode::BadSetting)?;
-                let set = path.set_link(*link, &settings);
-                set.map(|()| Reply::Done).map_err(|error| ErrorCode::BadSetting(setting_of_watch(error)))
+                self.watch_link(*link, settings)
             }
         }
+    }
+
+    // Off the stack of what samples need.
+    #[cold]
+    #[inline(never)]
+    fn watch_link(&mut self, link: u8, settings: &WatchLinkSettings) -> Result<Reply, ErrorCode> {
+        let path = self.path.watch_mut().ok_or(ErrorCode::BadSetting(SettingName::Model))?;
+        let settings = watch_link(settings, link).map_err(ErrorCode::BadSetting)?;
+        let set = path.set_link(link, &settings);
+        set.map(|()| Reply::Done).map_err(|error| ErrorCode::BadSetting(setting_of_watch(error)))
     }
 
     /// Returns whether samples of the sensors are absorbed: what takes long is then done in slices between them.

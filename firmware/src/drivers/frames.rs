@@ -47,7 +47,9 @@ impl<'a> AnyFrame<'a> {
         match kind {
             FrameKind::Imu => TreeFrame::decode(bytes, links).map(Self::Imu),
             FrameKind::Tracked => TrackedFrame::decode(bytes, links).map(Self::Tracked),
-            FrameKind::Watch => WatchFrame::decode(bytes, links).map(Self::Watch),
+            FrameKind::Watch if cfg!(feature = "watch") => WatchFrame::decode(bytes, links).map(Self::Watch),
+            // Left out of this image.
+            FrameKind::Watch => Err(TreeFrameError::Damaged),
         }
     }
 

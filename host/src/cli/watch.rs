@@ -30,6 +30,9 @@ const PARAMETERS: [(&str, &str); 10] = [
     ("Ixz", "kg m²"),
     ("Ixy", "kg m²"),
 ];
+/// An image without the feature does not know what it is told of a robot.
+const WITHOUT_WATCH: &str = "the firmware on this device was built without the watch: flash the image that has it (`cargo xtask firmware \
+                             --features watch`); the standard one leaves it out for room";
 /// Coverage factor of a 95 % uncertainty.
 const COVERAGE: f64 = 1.96;
 
@@ -65,7 +68,8 @@ pub(super) fn run(arguments: &Watch) -> Result<ExitCode, Failure> {
     stages.at("frames to the firmware", 0.0);
     let rate_hz = prepared.input.rate_hz;
     let start_s = prepared.input.frames.first().map_or(0.0, |frame| frame.time_ns as f64 * 1e-9);
-    let (transport, source) = simulated::frames(arguments.mcu, robot.frames.clone(), rate_hz)?;
+    let (transport, source) =
+        simulated::frames(arguments.mcu, simulated::Image::Watch, robot.frames.clone(), rate_hz)?;
     let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
     let mut told = |change: &ChangeReport| {
         if !arguments.json {
@@ -91,6 +95,10 @@ pub(super) fn run(arguments: &Watch) -> Result<ExitCode, Failure> {
 
 fn refused(error: SessionError) -> Failure {
     match error {
+        SessionError::Link(LinkError::Refused {
+            code: ErrorCode::UnknownCommand | ErrorCode::BadSetting(SettingName::Model),
+            ..
+        }) => Failure::link(WITHOUT_WATCH),
         SessionError::Link(LinkError::Refused { code: ErrorCode::BadSetting(name), .. }) => {
             Failure::input(match name {
                 SettingName::Link(link) => {

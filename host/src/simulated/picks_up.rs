@@ -20,7 +20,9 @@ pub struct PicksUp {
     pub seconds: f64,
     /// The hand holds it from the first time to the second, s; `None`: never.
     pub holds_s: Option<[f64; 2]>,
-    /// Its mass, kg.
+    /// The link that holds it.
+    pub link: &'static str,
+    /// Its mass, kg; below zero: the link has lost it from the first time to the second.
     pub mass_kg: f64,
     /// Links weigh up to so much more or less than known, their centres and radii of gyration are off by half of it.
     pub off: f64,
@@ -32,11 +34,19 @@ pub struct PicksUp {
 
 impl Default for PicksUp {
     fn default() -> Self {
-        Self { seconds: 40.0, holds_s: None, mass_kg: 0.5, off: 0.03, noise: [0.005, 0.05, 0.002], seed: 1 }
+        Self {
+            seconds: 40.0,
+            holds_s: None,
+            link: HAND,
+            mass_kg: 0.5,
+            off: 0.03,
+            noise: [0.005, 0.05, 0.002],
+            seed: 1,
+        }
     }
 }
 
-/// Name of the link that picks up.
+/// Name of the link that picks up where nothing else is said.
 pub const HAND: &str = "r_hand";
 /// Where it holds the thing, in its frame, m.
 pub const GRIP_M: [f64; 3] = [0.02, 0.0, -0.08];
@@ -106,7 +116,7 @@ impl PicksUp {
     pub fn input(&self) -> Option<(Model, Input, usize)> {
         let mut noise = Noise(Some(self.seed.wrapping_mul(0x9e37_79b9).wrapping_add(77)));
         let known = humanoid();
-        let hand = known.link(HAND)?;
+        let hand = known.link(self.link)?;
         let mut truth = known.clone();
         for phi in truth.links.iter_mut().filter_map(|link| link.nominal.as_mut()) {
             let mut off = |part: f64| 1.0 + part * self.off * (2.0 * noise.uniform() - 1.0);

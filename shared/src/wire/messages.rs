@@ -62,6 +62,7 @@ pub enum Command {
     /// The host is there.
     Heartbeat,
     /// A link of the robot that is to be watched: Configured.
+    #[cfg_attr(not(feature = "watch"), serde(skip_deserializing))]
     WatchLink {
         /// Its index.
         link: u8,
@@ -598,5 +599,6 @@ pub enum Telemetry {
         time_ns: u64,
     },
     /// A change of the link that is watched.
+    #[cfg_attr(not(feature = "watch"), serde(skip_serializing))]
     Change(ChangeReport),
 }

@@ -147,7 +147,7 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     if options.baseline && !can_compile_baseline() {
         setup::apt_install(&[C_COMPILER.1])?;
     }
-    let features: &[&str] = if options.baseline { &[BASELINE] } else { &[] };
+    let features: &[&str] = if options.baseline { &[firmware::WATCH, BASELINE] } else { &[firmware::WATCH] };
     let bench = firmware::build_binary(core, BENCH, features)?;
     let reported = reported(&bench)?;
     let stretches = trace::stretches(&Program::read(&bench)?)?;

@@ -253,11 +253,29 @@ mod on_the_firmware {
     #[test]
     #[ignore = "needs the emulated board"]
     fn the_emulated_board_tells_the_same_to_the_bit() {
-        use rigident_sim::runner::{Qemu, QemuOptions};
+        use rigident_sim::runner::{Qemu, QemuOptions, watch_elf};
         let robot = short();
         let here = watched(&robot, &|bus| Box::new(InProcess::on(bus)));
-        let there = watched(&robot, &|bus| Box::new(Qemu::spawn_on(&QemuOptions::default(), bus).unwrap()));
+        let image = QemuOptions { elf: watch_elf(), ..QemuOptions::default() };
+        let there = watched(&robot, &|bus| Box::new(Qemu::spawn_on(&image, bus).unwrap()));
         assert_eq!((here.changes.len(), &here.changes), (2, &there.changes));
         assert_eq!(here.counters.watch, there.counters.watch);
+    }
+
+    #[cfg(feature = "emulator")]
+    #[test]
+    #[ignore = "needs the emulated board"]
+    fn on_the_emulated_board_the_standard_image_refuses_a_robot_to_watch() {
+        use rigident_shared::wire::ErrorCode;
+        use rigident_sim::runner::{Qemu, QemuOptions};
+
+        use crate::device::link::LinkError;
+        let robot = short();
+        let (bus, _gate) = FrameBus::new(Vec::new(), RATE_HZ);
+        let board = Qemu::spawn_on(&QemuOptions::default(), Box::new(bus)).unwrap();
+        let mut session = Session::open(Client::new(Box::new(Line(Box::new(board))))).unwrap();
+        let refused = session.configure(&robot.settings).unwrap_err();
+        let LinkError::Refused { code, .. } = refused else { panic!("{refused}") };
+        assert_eq!(code, ErrorCode::UnknownCommand);
     }
 }

@@ -73,6 +73,7 @@ fn main() -> ! {
     }
     path::frames(&bench, path, false);
     path::frames(&bench, path, true);
+    #[cfg(feature = "watch")]
     path::watch(&bench, path);
     semihosting::process::exit(0)
 }

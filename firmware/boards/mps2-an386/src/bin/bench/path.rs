@@ -2,10 +2,9 @@
 
 use rigident_firmware::{App, Buses, Event, Instrument, Path, Sensor};
 use rigident_shared::wire::{
-    AttitudeSource, Command, FootSettings, ImuSettings, Kind, LinkJoint, LinkSettings, LoadCellSettings, MemorySettings,
-    ModelSettings, Settings, Source, StateName, StopLimit, StopRule, TelemetrySettings, TwoLinkSettings,
-    WatchJoint, WatchLinkSettings, WatchSettings,
-    encode, frame,
+    AttitudeSource, Command, FootSettings, ImuSettings, Kind, LinkJoint, LinkSettings, LoadCellSettings,
+    MemorySettings, ModelSettings, Settings, Source, StateName, StopLimit, StopRule, TelemetrySettings,
+    TwoLinkSettings, WatchJoint, WatchLinkSettings, WatchSettings, encode, frame,
 };
 
 use crate::kernels::CHANNEL_SIGMA;
@@ -202,7 +201,13 @@ pub fn watch(bench: &Bench, path: &mut Path) {
     };
     // Until all bins are full.
     (0..40 * sensors::FRAMES).for_each(|_| frame());
-    bench.case("watch path", sensors::WATCHED_LINKS, sensors::FRAMES as u32, 2 * sensors::FRAMES as u32, frame);
+    bench.case(
+        "watch path",
+        sensors::WATCHED_LINKS,
+        sensors::FRAMES as u32,
+        2 * sensors::FRAMES as u32,
+        frame,
+    );
     check_running(instrument.app());
 }
 

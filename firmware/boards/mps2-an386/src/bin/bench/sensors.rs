@@ -5,7 +5,8 @@ use core::convert::Infallible;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use rigident_shared::wire::tree_frame::{
-    LINK_NUMBERS, MAX_TREE_FRAME, TRACKED_LINK_NUMBERS, TrackedFrame, TreeFrame, WATCH_BASE_NUMBERS, WATCH_LINK_NUMBERS, WatchFrame,
+    LINK_NUMBERS, MAX_TREE_FRAME, TRACKED_LINK_NUMBERS, TrackedFrame, TreeFrame, WATCH_BASE_NUMBERS,
+    WATCH_LINK_NUMBERS, WatchFrame,
 };
 
 /// Different samples, gone through again and again.
