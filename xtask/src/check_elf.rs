@@ -8,14 +8,12 @@ use anyhow::{Context, Result, bail};
 
 use crate::elf::graph::{self, Graph};
 use crate::elf::program::{Function, Program};
-use crate::firmware;
+use crate::firmware::{self, Board};
 use crate::process::Steps;
 use crate::toolchain::{self, Core};
 
-/// The functions that take one sample, or one frame of a tree or of a robot that is watched, from the drivers to the factor.
-pub const PATHS: [&str; 3] = ["rigident_sample_path", "rigident_frame_path", WATCH_PATH];
-/// Of the image that watches robots alone.
-const WATCH_PATH: &str = "rigident_watch_path";
+/// The functions that take one sample, or one frame of a tree or of a robot that is watched, from the drivers to the factor. The last is in the image that watches alone.
+pub const PATHS: [&str; 3] = ["rigident_sample_path", "rigident_frame_path", "rigident_watch_path"];
 
 /// What to check.
 #[derive(clap::Args, Clone, Default)]
@@ -28,7 +26,13 @@ pub struct Options {
 /// Runs both checks on the firmware, then on the planted offenders.
 pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     if let Some(elf) = &options.elf {
-        return check_file(elf);
+        let program = Program::read(elf)?;
+        let has = |path: &&str| program.function_of_symbol(path).is_some();
+        let paths: Vec<&str> = PATHS.iter().copied().filter(has).collect();
+        if paths.is_empty() {
+            bail!("{} has none of {}: it is no firmware of this project", elf.display(), PATHS.join(", "));
+        }
+        return check_paths(elf, &paths);
     }
     let core = toolchain::choose(core)?;
     let mut steps = Steps::default();
@@ -39,12 +43,10 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
 /// The checks as named steps.
 pub fn run_steps(steps: &mut Steps, core: Core) {
     steps.run("check-elf", || check_file(&firmware::build(core, &[])?));
-    steps.run("check-elf, with the watch", || {
-        let elf = firmware::build_watch(core)?;
-        if Program::read(&elf)?.function_of_symbol(WATCH_PATH).is_none() {
-            bail!("the image that watches robots has no {WATCH_PATH}");
-        }
-        check_file(&elf)
+    steps.run("check-elf, with the watch", || check_watch_file(&firmware::build_watch(core)?));
+    steps.run("check-elf, STM32F405", || {
+        // Frames of trees have no way into it.
+        check_paths(&firmware::build_for(Board::F405, core, &[])?, &PATHS[..1])
     });
     steps.run("check-elf finds planted double precision", || {
         let program = Program::read(&firmware::build(core, &["plant-double"])?)?;
@@ -56,13 +58,21 @@ pub fn run_steps(steps: &mut Steps, core: Core) {
     });
 }
 
-/// Both checks on a firmware that is built.
+/// Both checks on the standard firmware, which does not watch.
 pub fn check_file(elf: &Path) -> Result<()> {
+    check_paths(elf, &PATHS[..2])
+}
+
+/// Both checks on the firmware that watches robots.
+pub fn check_watch_file(elf: &Path) -> Result<()> {
+    check_paths(elf, &PATHS)
+}
+
+fn check_paths(elf: &Path, paths: &[&str]) -> Result<()> {
     let program = Program::read(elf)?;
     let mut offenders = double_precision(&program);
     let mut clean = Vec::new();
-    let watches = program.function_of_symbol(WATCH_PATH).is_some();
-    for root in PATHS.into_iter().filter(|root| watches || *root != WATCH_PATH) {
+    for root in paths {
         let (on_path, reached) = unwelcome_within_reach(&program, root)?;
         offenders.extend(on_path);
         clean.push(format!("no panic among the {reached} functions within reach of {root}"));

@@ -10,7 +10,7 @@ use crate::check_elf::is_panic;
 use crate::elf::graph::Graph;
 use crate::elf::program::Program;
 use crate::elf::stack::{self, Depth};
-use crate::firmware;
+use crate::firmware::{self, Board};
 use crate::places;
 use crate::toolchain::{self, Core};
 
@@ -43,22 +43,26 @@ struct Images {
     whole: Sizes,
     /// Without the features `links` and `frames`: one body alone.
     body_only: Sizes,
-    /// With the feature `watch`.
+    /// The one that is flashed: for an STM32F405, one body and two links.
+    stm32f405: Sizes,
+    /// The emulated board's with the feature `watch`.
     watch: Sizes,
 }
 
 impl Images {
-    fn named(&self) -> [(&'static str, Sizes); 3] {
+    /// Each with its name.
+    fn named(&self) -> [(&'static str, Sizes); 4] {
         [
             ("whole image", self.whole),
             ("image for one body alone", self.body_only),
+            ("image for an STM32F405", self.stm32f405),
             ("image with the watch", self.watch),
         ]
     }
 }
 
-/// Flash at most: of the whole image, of the one for a body alone, and of the one that watches robots. The board has 1 MB; what is promised leaves nearly two thirds of it.
-const MOST_FLASH_BYTES: [u64; 3] = [320_000, 238_000, 363_000];
+/// Flash at most: of the whole image, of the one for a body alone, of the STM32F405's, and of the one that watches robots. Parts with 512 kB are to have room for it and for what is kept.
+const MOST_FLASH_BYTES: [u64; 4] = [300_000, 228_000, 300_000, 363_000];
 /// How far a size may be from the golden file's: a part, and bytes on top for small ones.
 const TOLERANCE: (f64, u64) = (0.05, 64);
 /// Bytes an exception saves by itself with the floating-point context, and one word to align.
@@ -69,14 +73,21 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     let core = toolchain::choose(core)?;
     let whole = measure(&firmware::build(core, &[])?, options.way)?;
     let body_only = measure(&firmware::build_body_only(core)?, options.way)?;
+    let stm32f405 = measure(&firmware::build_for(Board::F405, core, &[])?, options.way)?;
     let watch = measure(&firmware::build_watch(core)?, options.way)?;
-    let images = Images { whole, body_only, watch };
+    let images = Images { whole, body_only, stm32f405, watch };
     if options.json {
         println!("{}", serde_json::to_string(&images)?);
     } else {
-        println!("| bytes | whole image | one body alone | with the watch |\n|---|---|---|---|");
+        println!("| bytes | whole image | one body alone | STM32F405 | with the watch |\n|---|---|---|---|---|");
         let row = |what: &str, of: fn(&Sizes) -> u64| {
-            println!("| {what} | {} | {} | {} |", of(&whole), of(&body_only), of(&watch));
+            println!(
+                "| {what} | {} | {} | {} | {} |",
+                of(&whole),
+                of(&body_only),
+                of(&stm32f405),
+                of(&watch)
+            );
         };
         row("flash", |sizes| sizes.flash_bytes);
         row("RAM, static", |sizes| sizes.ram_bytes);
@@ -110,8 +121,9 @@ fn hold(images: &Images) -> Result<()> {
         .named()
         .into_iter()
         .zip(MOST_FLASH_BYTES)
-        .filter(|((_, sizes), most)| sizes.flash_bytes > *most)
-        .map(|((what, sizes), most)| {
+        .map(|((what, sizes), most)| (what, sizes, most))
+        .filter(|(_, sizes, most)| sizes.flash_bytes > *most)
+        .map(|(what, sizes, most)| {
             format!("the {what} takes {} bytes of flash, {most} at most", sizes.flash_bytes)
         })
         .collect();
@@ -142,12 +154,9 @@ fn compare(images: &Images, overwrite: bool) -> Result<()> {
     let text = std::fs::read_to_string(&path)
         .with_context(|| format!("no {}; make it with `cargo xtask size --overwrite`", path.display()))?;
     let before: Images = serde_json::from_str(&text)?;
-    let off: Vec<String> = before
-        .named()
-        .iter()
-        .zip(images.named())
-        .flat_map(|((image, before), (_, now))| differences(image, before, &now))
-        .collect();
+    let pairs = before.named().into_iter().zip(images.named());
+    let off: Vec<String> =
+        pairs.flat_map(|((image, before), (_, now))| differences(image, &before, &now)).collect();
     if off.is_empty() {
         return Ok(());
     }

@@ -7,7 +7,7 @@ use rigident_shared::estimator::frames::FrameEstimator;
 use rigident_shared::estimator::watch::Watch;
 use rigident_shared::wire::{
     Command, DecodeError, ErrorCode, Kind, ModelSettings, PROTOCOL_VERSION, Reason, Reply, SettingName,
-    Settings, Source, StateName, WatchLinkSettings,
+    Settings, Source, StateName, WatchLinkSettings, asks_to_watch,
 };
 
 use super::reports::{link_reading_of, reading_of};
@@ -69,6 +69,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
             }
         }
         let answer = match command {
+            Err(_) if cfg!(not(feature = "watch")) && asks_to_watch(payload) => Err(ErrorCode::NotBuiltIn),
             Err(_) => Err(ErrorCode::UnknownCommand),
             Ok(Command::Configure(settings)) => match self.may_configure(&settings) {
                 Ok(()) if settings.source == Source::Sensors && !is_tree(&settings) => {
@@ -327,7 +328,7 @@ fn check(settings: &Settings) -> Result<(), ErrorCode> {
         Configuration::Watch(config, feet) if cfg!(feature = "watch") => {
             Watch::check(&config, &feet).map_err(|error| ErrorCode::BadSetting(setting_of_watch(error)))
         }
-        Configuration::Tree(..) | Configuration::Watch(..) => Err(ErrorCode::BadSetting(SettingName::Model)),
+        Configuration::Tree(..) | Configuration::Watch(..) => Err(ErrorCode::NotBuiltIn),
     }
 }
 
@@ -349,6 +350,6 @@ fn set_up(settings: &Settings, path: &mut Path) -> Result<(), ErrorCode> {
             WatchPath::set_up(path, &config, &feet)
                 .map_err(|error| ErrorCode::BadSetting(setting_of_watch(error)))
         }
-        Configuration::Tree(..) | Configuration::Watch(..) => Err(ErrorCode::BadSetting(SettingName::Model)),
+        Configuration::Tree(..) | Configuration::Watch(..) => Err(ErrorCode::NotBuiltIn),
     }
 }

@@ -96,8 +96,7 @@ pub(super) fn run(arguments: &Watch) -> Result<ExitCode, Failure> {
 fn refused(error: SessionError) -> Failure {
     match error {
         SessionError::Link(LinkError::Refused {
-            code: ErrorCode::UnknownCommand | ErrorCode::BadSetting(SettingName::Model),
-            ..
+            code: ErrorCode::NotBuiltIn, ..
         }) => Failure::link(WITHOUT_WATCH),
         SessionError::Link(LinkError::Refused { code: ErrorCode::BadSetting(name), .. }) => {
             Failure::input(match name {

@@ -57,6 +57,13 @@ pub struct WatchLinkSettings {
     pub parameters: [f32; 10],
 }
 
+/// Returns whether the payload of a command tells of a robot to watch. Firmware without the feature `watch` does not know these commands, and
+/// asks this to say so.
+pub fn asks_to_watch(payload: &[u8]) -> bool {
+    // Configure, its rate, its source, and the model; WatchLink.
+    matches!(payload, [1, _, _, _, _, _, 4, ..] | [12, ..])
+}
+
 /// Tells how a joint of one freedom moves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum WatchJoint {

@@ -276,6 +276,6 @@ mod on_the_firmware {
         let mut session = Session::open(Client::new(Box::new(Line(Box::new(board))))).unwrap();
         let refused = session.configure(&robot.settings).unwrap_err();
         let LinkError::Refused { code, .. } = refused else { panic!("{refused}") };
-        assert_eq!(code, ErrorCode::UnknownCommand);
+        assert_eq!(code, ErrorCode::NotBuiltIn);
     }
 }
