@@ -163,7 +163,7 @@ fn watch(settings: &Settings, robot: &WatchSettings) -> Result<Configuration, Se
     ensure(settings.source == Source::Sensors && settings.stop.is_none(), SettingName::Model)?;
     ensure(positive(&[settings.rate_hz]) && settings.rate_hz <= MAX_RATE_HZ, SettingName::Rate)?;
     let mut feet = Vec::new();
-    for foot in &robot.feet {
+    for foot in robot.feet.get(..usize::from(robot.foot_count)).ok_or(SettingName::Watch)? {
         let rotation = turned(foot.rotation_wxyz).ok_or(SettingName::Watch)?;
         // There is room for as many as there can be.
         let _ = feet.push(WatchFoot { link: foot.link, rotation, position: foot.position_m.into() });

@@ -151,26 +151,8 @@ impl<P: DerefMut<Target = Path>> App<P> {
         self.errors = SensorErrors { unaligned_before, ..SensorErrors::default() };
     }
 
-    // Readings go deepest: what other answers take of the stack is kept off their way.
     #[inline(never)]
     fn obey(&mut self, command: &Command) -> Result<Reply, ErrorCode> {
-        match command {
-            Command::Inject(batch) => {
-                let readings = batch
-                    .readings
-                    .iter()
-                    .map(|message| TwoLinkReading { base: reading_of(message), ..TwoLinkReading::ZERO });
-                self.inject(batch.first_index, false, readings)
-            }
-            Command::InjectLinks(batch) => {
-                self.inject(batch.first_index, true, batch.readings.iter().map(link_reading_of))
-            }
-            other => self.answer(other),
-        }
-    }
-
-    #[inline(never)]
-    fn answer(&mut self, command: &Command) -> Result<Reply, ErrorCode> {
         let wrong_state = Err(ErrorCode::WrongState(self.state));
         match command {
             Command::Hello => {
@@ -178,7 +160,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
                 Ok(Reply::Hello(self.identity()))
             }
             // Taken care of before.
-            Command::Configure(_) | Command::Inject(_) | Command::InjectLinks(_) => wrong_state,
+            Command::Configure(_) => wrong_state,
             Command::Start => self.start(),
             Command::Hold => match self.state {
                 StateName::Running => {
@@ -194,6 +176,16 @@ impl<P: DerefMut<Target = Path>> App<P> {
                 self.begin();
                 self.enter(StateName::Idle, Reason::Command);
                 Ok(Reply::Done)
+            }
+            Command::Inject(batch) => {
+                let readings = batch
+                    .readings
+                    .iter()
+                    .map(|message| TwoLinkReading { base: reading_of(message), ..TwoLinkReading::ZERO });
+                self.inject(batch.first_index, false, readings)
+            }
+            Command::InjectLinks(batch) => {
+                self.inject(batch.first_index, true, batch.readings.iter().map(link_reading_of))
             }
             Command::TakeRow { row } => {
                 if *row == 0 {
@@ -222,6 +214,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
                 }
             }
             Command::Heartbeat => Ok(Reply::Done),
+            Command::WatchLink { .. } if cfg!(not(feature = "watch")) => Err(ErrorCode::NotBuiltIn),
             Command::WatchLink { link, settings } => {
                 let StateName::Configured = self.state else { return wrong_state };
                 self.watch_link(*link, settings)

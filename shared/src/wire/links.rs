@@ -35,7 +35,7 @@ pub enum ModelSettings {
     /// is tracked: the springs are the load cell. Parameters are the base's, then what springs carry at rest, of every free coordinate.
     Suspended(Vec<LinkSettings, MAX_LINKS>, SuspensionSettings),
     /// A robot that is watched for changes of a link, from frames.
-    #[cfg_attr(not(feature = "watch"), serde(skip_deserializing))]
+    #[cfg_attr(not(feature = "watch"), serde(skip))]
     Watch(WatchSettings),
 }
 

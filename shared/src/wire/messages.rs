@@ -11,6 +11,8 @@ use super::links::{
     FactorRow, FrameReport, LINK_BATCH, LinkBatch, LinkReadingMessage, MAX_TREE_PARAMETERS, ModelSettings,
 };
 use super::watch::{ChangeReport, WatchLinkSettings, WatchReport};
+#[cfg(not(feature = "watch"))]
+use super::watch::nothing_watched;
 
 /// Version of framing and header; another one is refused by both sides.
 pub const PROTOCOL_VERSION: u8 = 6;
@@ -62,7 +64,7 @@ pub enum Command {
     /// The host is there.
     Heartbeat,
     /// A link of the robot that is to be watched: Configured.
-    #[cfg_attr(not(feature = "watch"), serde(skip_deserializing))]
+    #[cfg_attr(not(feature = "watch"), serde(skip))]
     WatchLink {
         /// Its index.
         link: u8,
@@ -541,6 +543,7 @@ pub struct CounterReport {
     /// Tells what became of frames.
     pub frames: FrameReport,
     /// Tells what became of the watch.
+    #[cfg_attr(not(feature = "watch"), serde(serialize_with = "nothing_watched"))]
     pub watch: WatchReport,
     /// Load-cell samples without IMU neighbours.
     pub unaligned: u32,
@@ -648,6 +651,6 @@ pub enum Telemetry {
         time_ns: u64,
     },
     /// A change of the link that is watched.
-    #[cfg_attr(not(feature = "watch"), serde(skip_serializing))]
+    #[cfg_attr(not(feature = "watch"), serde(skip))]
     Change(ChangeReport),
 }

@@ -1,6 +1,5 @@
 //! The messages of a robot that is watched for changes of a link while it works.
 
-use heapless::Vec;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
@@ -13,14 +12,16 @@ pub const MAX_WATCH_FEET: usize = 4;
 /// [`super::Command::WatchLink`], before it starts. Frames bring joints, the base's IMU and the wrenches of sensors. The base link has the axes of the IMU, and its origin is the IMU's
 /// place. The other settings that count: rate, filter, rows, and the load cell's noise, which is that of the wrench on the whole robot
 /// about the IMU's place, and range, which is each sensor's.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
 pub struct WatchSettings {
     /// Links, the base included.
     pub links: u8,
     /// The link that is watched.
     pub watched: u8,
     /// Sensors of forces: under the feet, or under the base.
-    pub feet: Vec<FootSettings, MAX_WATCH_FEET>,
+    pub feet: [FootSettings; MAX_WATCH_FEET],
+    /// How many there are; what stands behind them does not count.
+    pub foot_count: u8,
     /// What a change must explain to be told: χ² of ten degrees of freedom.
     pub limit: f32,
     /// Bins of two rows before any is told.
@@ -100,6 +101,12 @@ pub struct ChangeSize {
     pub change: [f32; 10],
     /// Standard deviations; infinite: rows do not tell.
     pub standard_deviation: [f32; 10],
+}
+
+/// Writes a report of nothing: a zero for each of its four numbers, none of which takes more than a byte then.
+#[cfg(not(feature = "watch"))]
+pub(super) fn nothing_watched<S: serde::Serializer>(_: &WatchReport, serializer: S) -> Result<S::Ok, S::Error> {
+    [0_u8; 4].serialize(serializer)
 }
 
 /// What became of the watch so far.

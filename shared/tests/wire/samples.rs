@@ -185,7 +185,8 @@ fn watch() -> Settings {
     let model = ModelSettings::Watch(WatchSettings {
         links: 30,
         watched: 17,
-        feet: [foot, FootSettings { link: 12, ..foot }].into_iter().collect(),
+        feet: [foot, FootSettings { link: 12, ..foot }, FootSettings::default(), FootSettings::default()],
+        foot_count: 2,
         limit: 45.5,
         settle_bins: 100,
         forget_s: 60.0,

@@ -145,7 +145,8 @@ impl WatchedRobot {
         let robot = WatchSettings {
             links: count as u8,
             watched: watched as u8,
-            feet: feet.into_iter().collect(),
+            feet: std::array::from_fn(|k| feet.get(k).copied().unwrap_or_default()),
+            foot_count: feet.len() as u8,
             limit: options.limit(bins_per_s) as f32,
             settle_bins: (options.settle_s * bins_per_s).round().clamp(1.0, 6e4) as u16,
             forget_s: FORGET_S as f32,

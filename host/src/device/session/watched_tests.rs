@@ -23,8 +23,7 @@ fn watch<T: rigident_shared::Scalar>(robot: &WatchedRobot) -> Box<Watch<T>> {
         settle: told.settle_bins,
         forget_s: T::from_f32(told.forget_s),
     };
-    let feet: Vec<WatchFoot<T>> = told
-        .feet
+    let feet: Vec<WatchFoot<T>> = told.feet[..usize::from(told.foot_count)]
         .iter()
         .map(|f| WatchFoot {
             link: f.link,

@@ -163,7 +163,8 @@ pub fn watch(bench: &Bench, path: &mut Path) {
     let robot = WatchSettings {
         links: sensors::WATCHED_LINKS as u8,
         watched: 29,
-        feet: [foot, FootSettings { link: 12, ..foot }].into_iter().collect(),
+        feet: [foot, FootSettings { link: 12, ..foot }, FootSettings::default(), FootSettings::default()],
+        foot_count: 2,
         limit: 1e9,
         settle_bins: 2,
         forget_s: 120.0,
