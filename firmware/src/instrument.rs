@@ -82,6 +82,8 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
     }
 
     /// Takes bytes from the host. Brings the sensors up when told to, which may take some tens of milliseconds.
+    // In the frame of a board's main loop, whose room it shares: by itself it takes 8 kB of stack.
+    #[inline(always)]
     pub fn on_bytes(&mut self, bytes: &[u8], now_ns: u64) {
         for byte in bytes {
             if let Some(rates) = self.app.on_byte(*byte, now_ns) {
