@@ -56,10 +56,10 @@ pub struct Options {
     pub features: Vec<String>,
 }
 
-/// Builds and prints the path on standard output. Without features both images are built, and the standard one's path is printed.
+/// Builds and prints the path on standard output. Of the emulated board without features both images are built, and the standard one's path is printed.
 pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     let core = toolchain::choose(core)?;
-    if options.features.is_empty() {
+    if options.board == Board::Emulated && options.features.is_empty() {
         build_watch(core)?;
     }
     let features: Vec<&str> = options.features.iter().map(String::as_str).collect();

@@ -62,7 +62,7 @@ impl Images {
 }
 
 /// Flash at most: of the whole image, of the one for a body alone, of the STM32F405's, and of the one that watches robots. Parts with 512 kB are to have room for it and for what is kept.
-const MOST_FLASH_BYTES: [u64; 4] = [300_000, 228_000, 300_000, 363_000];
+const MOST_FLASH_BYTES: [u64; 4] = [300_000, 228_000, 300_000, 340_000];
 /// How far a size may be from the golden file's: a part, and bytes on top for small ones.
 const TOLERANCE: (f64, u64) = (0.05, 64);
 /// Bytes an exception saves by itself with the floating-point context, and one word to align.
@@ -79,7 +79,9 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     if options.json {
         println!("{}", serde_json::to_string(&images)?);
     } else {
-        println!("| bytes | whole image | one body alone | STM32F405 | with the watch |\n|---|---|---|---|---|");
+        println!(
+            "| bytes | whole image | one body alone | STM32F405 | with the watch |\n|---|---|---|---|---|"
+        );
         let row = |what: &str, of: fn(&Sizes) -> u64| {
             println!(
                 "| {what} | {} | {} | {} | {} |",

@@ -158,7 +158,7 @@ fn other_core(steps: &mut Steps, core: Core, here: &Surroundings, counts: &mut C
     };
     let built = steps.run(&format!("firmware, core by {other}"), || {
         toolchain::choose(Some(other))?;
-        firmware::build_watch_apart(other)?;
+        check_elf::check_watch_file(&firmware::build_watch_apart(other)?)?;
         firmware::build_apart(other)
     });
     let Some(elf) = built else { return };

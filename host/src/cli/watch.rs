@@ -30,9 +30,9 @@ const PARAMETERS: [(&str, &str); 10] = [
     ("Ixz", "kg m²"),
     ("Ixy", "kg m²"),
 ];
-/// An image without the feature does not know what it is told of a robot.
-const WITHOUT_WATCH: &str = "the firmware on this device was built without the watch: flash the image that has it (`cargo xtask firmware \
-                             --features watch`); the standard one leaves it out for room";
+/// What to do about an image without the feature.
+const WITHOUT_WATCH: &str = "this device runs an image without the feature `watch`, as the standard one is: build the other with `cargo xtask \
+                             firmware --features watch`, which prints where it lies, and start that";
 /// Coverage factor of a 95 % uncertainty.
 const COVERAGE: f64 = 1.96;
 
@@ -95,9 +95,9 @@ pub(super) fn run(arguments: &Watch) -> Result<ExitCode, Failure> {
 
 fn refused(error: SessionError) -> Failure {
     match error {
-        SessionError::Link(LinkError::Refused {
-            code: ErrorCode::NotBuiltIn, ..
-        }) => Failure::link(WITHOUT_WATCH),
+        SessionError::Link(LinkError::Refused { code: ErrorCode::NotBuiltIn, .. }) => {
+            Failure::link(WITHOUT_WATCH)
+        }
         SessionError::Link(LinkError::Refused { code: ErrorCode::BadSetting(name), .. }) => {
             Failure::input(match name {
                 SettingName::Link(link) => {

@@ -10,9 +10,9 @@ use serde::{Deserialize, Serialize};
 use super::links::{
     FactorRow, FrameReport, LINK_BATCH, LinkBatch, LinkReadingMessage, MAX_TREE_PARAMETERS, ModelSettings,
 };
-use super::watch::{ChangeReport, WatchLinkSettings, WatchReport};
 #[cfg(not(feature = "watch"))]
 use super::watch::nothing_watched;
+use super::watch::{ChangeReport, WatchLinkSettings, WatchReport};
 
 /// Version of framing and header; another one is refused by both sides.
 pub const PROTOCOL_VERSION: u8 = 6;

@@ -105,7 +105,10 @@ pub struct ChangeSize {
 
 /// Writes a report of nothing: a zero for each of its four numbers, none of which takes more than a byte then.
 #[cfg(not(feature = "watch"))]
-pub(super) fn nothing_watched<S: serde::Serializer>(_: &WatchReport, serializer: S) -> Result<S::Ok, S::Error> {
+pub(super) fn nothing_watched<S: serde::Serializer>(
+    _: &WatchReport,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
     [0_u8; 4].serialize(serializer)
 }
 

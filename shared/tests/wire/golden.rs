@@ -13,7 +13,8 @@ use postcard_schema::Schema;
 use postcard_schema::schema::DataModelType;
 use rigident_shared::wire::frame::MAX_FRAME;
 use rigident_shared::wire::{
-    Answer, Command, Decoder, ErrorCode, Kind, PROTOCOL_VERSION, Reply, SCHEMA_HASH, Telemetry, asks_to_watch, encode,
+    Answer, Command, Decoder, ErrorCode, Kind, PROTOCOL_VERSION, Reply, SCHEMA_HASH, Telemetry,
+    asks_to_watch, encode,
 };
 
 const SEQUENCE: u16 = 0x00a5;
