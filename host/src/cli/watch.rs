@@ -33,6 +33,8 @@ const PARAMETERS: [(&str, &str); 10] = [
 /// What to do about an image without the feature.
 const WITHOUT_WATCH: &str = "this device runs an image without the feature `watch`, as the standard one is: build the other with `cargo xtask \
                              firmware --features watch`, which prints where it lies, and start that";
+/// Beyond so many times the limit of noise a watch is as good as none.
+const BLIND: u32 = 10;
 /// Coverage factor of a 95 % uncertainty.
 const COVERAGE: f64 = 1.96;
 
@@ -79,7 +81,8 @@ pub(super) fn run(arguments: &Watch) -> Result<ExitCode, Failure> {
     let watched = session.watch_robot(&robot, &source, &mut told).map_err(refused)?;
     drop(stages);
     let names: Vec<String> = prepared.input.model.links.iter().map(|link| link.name.clone()).collect();
-    let complaints = complaints(&watched.counters.frames, &names);
+    let mut complaints = complaints(&watched.counters.frames, &names);
+    complaints.extend(blind(&watched));
     for complaint in &complaints {
         tell!("rigident: {complaint}");
     }
@@ -91,6 +94,17 @@ pub(super) fn run(arguments: &Watch) -> Result<ExitCode, Failure> {
     }
     let fine = report.settled && !watched.interrupted;
     Ok(ExitStatus::of(fine).into())
+}
+
+/// What to say of a limit that hardly anything exceeds.
+fn blind(watched: &Watched) -> Option<String> {
+    let times = watched.counters.watch.excess_percent / 100;
+    (times > BLIND).then(|| {
+        format!(
+            "the limit is {times} times that of noise, so hardly any change is found: the model does not fit the recording, or the link \
+             changed while the watch settled; identify the model anew, or begin where nothing changes"
+        )
+    })
 }
 
 fn refused(error: SessionError) -> Failure {
