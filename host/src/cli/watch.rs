@@ -33,7 +33,7 @@ const PARAMETERS: [(&str, &str); 10] = [
 /// What to do about an image without the feature.
 const WITHOUT_WATCH: &str = "this device runs an image without the feature `watch`, as the standard one is: build the other with `cargo xtask \
                              firmware --features watch`, which prints where it lies, and start that";
-/// Beyond so many times the limit of noise a watch is as good as none.
+/// Beyond so many times the limit of noise a change must be three times as large, which is told.
 const BLIND: u32 = 10;
 /// Coverage factor of a 95 % uncertainty.
 const COVERAGE: f64 = 1.96;
@@ -96,12 +96,12 @@ pub(super) fn run(arguments: &Watch) -> Result<ExitCode, Failure> {
     Ok(ExitStatus::of(fine).into())
 }
 
-/// What to say of a limit that hardly anything exceeds.
+/// What to say of a limit that few changes exceed.
 fn blind(watched: &Watched) -> Option<String> {
     let times = watched.counters.watch.excess_percent / 100;
     (times > BLIND).then(|| {
         format!(
-            "the limit is {times} times that of noise, so hardly any change is found: the model does not fit the recording, or the link \
+            "the limit is {times} times that of noise, so only a change that is larger by the root of it is found: the model does not fit the recording, or the link \
              changed while the watch settled; identify the model anew, or begin where nothing changes"
         )
     })
