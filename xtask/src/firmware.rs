@@ -56,9 +56,12 @@ pub struct Options {
     pub features: Vec<String>,
 }
 
-/// Builds and prints the path on standard output.
+/// Builds and prints the path on standard output. Of the emulated board without features both images are built, and the standard one's path is printed.
 pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     let core = toolchain::choose(core)?;
+    if options.board == Board::Emulated && options.features.is_empty() {
+        build_watch(core)?;
+    }
     let features: Vec<&str> = options.features.iter().map(String::as_str).collect();
     println!("{}", build_for(options.board, core, &features)?.display());
     Ok(())
@@ -99,6 +102,21 @@ const BODY_ONLY: &str = "--no-default-features";
 /// Builds the board's main binary for one body alone, and leaves the one that the simulator finds as it is.
 pub fn build_body_only(core: Core) -> Result<PathBuf> {
     build_binary(core, FIRMWARE, &[BODY_ONLY])
+}
+
+/// The feature of the image that watches robots.
+pub const WATCH: &str = "watch";
+
+/// Builds the board's image that watches robots; it also goes where the simulator looks for it.
+pub fn build_watch(core: Core) -> Result<PathBuf> {
+    let elf = build_watch_apart(core)?;
+    copy(&elf, &places::watch_elf())?;
+    Ok(elf)
+}
+
+/// Builds the same beside [`build_apart`]'s, and leaves the one that the simulator finds as it is.
+pub fn build_watch_apart(core: Core) -> Result<PathBuf> {
+    build_binary(core, FIRMWARE, &[WATCH])
 }
 
 /// Builds the board's main binary and leaves the one that the simulator finds as it is.

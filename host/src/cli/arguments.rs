@@ -20,6 +20,7 @@ pub use super::plan_arguments::{Plan, Statics, Workspace};
 pub use super::predict_arguments::{Predict, Summary, Validate};
 pub use super::programme::Programme;
 use super::vibration_arguments::Vibration;
+use super::watch_arguments::Watch;
 
 /// Tells the inertial parameters of a body from its wrench and motion: mass, centre of mass, inertia tensor,
 /// each with a 95 % uncertainty, or that the data do not identify it.
@@ -46,6 +47,8 @@ pub enum Command {
     Demo(Demo),
     /// Take a recording through the firmware: in-process, emulated, or on a board
     Replay(Replay),
+    /// Have the firmware watch a link of a robot in motion: what was picked up or lost, when, and how much
+    Watch(Watch),
     /// Identify the body of a recording, in batch, with the same pipeline in double precision
     Identify(Identify),
     /// Compare estimators of the centre of mass on a recording's still poses

@@ -100,6 +100,8 @@ mod vibration_demo;
 mod vibration_identify;
 mod vibration_postures;
 mod vibration_stiffness;
+mod watch;
+mod watch_arguments;
 mod workspace;
 mod zeroing;
 
@@ -240,6 +242,10 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
         Some(Command::Replay(mut a)) => {
             a.recording = recorded::named(a.recording);
             replay::run(&a)
+        }
+        Some(Command::Watch(mut a)) => {
+            a.recording = recorded::named(a.recording);
+            watch::run(&a)
         }
         Some(Command::Run(a)) => run::run(&a),
         Some(Command::Live(a)) => live::run(&a),

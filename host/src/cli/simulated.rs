@@ -36,20 +36,30 @@ impl Transport for Simulated {
 pub(super) fn transport(mcu: Mcu, rig: &SharedRig) -> Result<Box<dyn Transport>, Failure> {
     let mcu: Box<dyn rigident_sim::runner::Mcu> = match mcu {
         Mcu::Inproc => Box::new(InProcess::new(rig.clone(), Pacing::LockStep)),
-        Mcu::Qemu => emulated(Box::new(PacedRig::new(rig.clone(), Pacing::LockStep)))?,
+        Mcu::Qemu => emulated(Image::Standard, Box::new(PacedRig::new(rig.clone(), Pacing::LockStep)))?,
     };
     Ok(Box::new(Simulated(mcu)))
 }
 
+/// Images of the firmware for the emulated board.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Image {
+    /// Of bodies and trees.
+    Standard,
+    /// That watches robots, too.
+    Watch,
+}
+
 /// The release firmware on the emulated board with this bus behind its drivers.
 #[cfg(feature = "emulator")]
-fn emulated(bus: Box<dyn SensorBus>) -> Result<Box<dyn rigident_sim::runner::Mcu>, Failure> {
-    use rigident_sim::runner::{Qemu, QemuOptions};
-    Ok(Box::new(Qemu::spawn_on(&QemuOptions::default(), bus).map_err(Failure::link)?))
+fn emulated(image: Image, bus: Box<dyn SensorBus>) -> Result<Box<dyn rigident_sim::runner::Mcu>, Failure> {
+    use rigident_sim::runner::{Qemu, QemuOptions, firmware_elf, watch_elf};
+    let elf = if image == Image::Watch { watch_elf() } else { firmware_elf() };
+    Ok(Box::new(Qemu::spawn_on(&QemuOptions { elf, ..QemuOptions::default() }, bus).map_err(Failure::link)?))
 }
 
 #[cfg(not(feature = "emulator"))]
-fn emulated(_: Box<dyn SensorBus>) -> Result<Box<dyn rigident_sim::runner::Mcu>, Failure> {
+fn emulated(_: Image, _: Box<dyn SensorBus>) -> Result<Box<dyn rigident_sim::runner::Mcu>, Failure> {
     Err(Failure::input(
         "--mcu qemu: this program was built without the emulated board (feature `emulator`, Unix only); say --mcu inproc",
     ))
@@ -100,13 +110,14 @@ pub(super) fn named(mcu: &str) -> Result<Option<super::link::NamedTransport>, Fa
 /// The firmware on the chosen microcontroller, fed with frames over the lock-step bus, and who lets them go.
 pub(super) fn frames(
     mcu: Mcu,
+    image: Image,
     frames: Vec<Vec<u8>>,
     rate_hz: f64,
 ) -> Result<(Box<dyn Transport>, Gate), Failure> {
     let (bus, gate) = FrameBus::new(frames, rate_hz);
     let mcu: Box<dyn rigident_sim::runner::Mcu> = match mcu {
         Mcu::Inproc => Box::new(InProcess::on(Box::new(bus))),
-        Mcu::Qemu => emulated(Box::new(bus))?,
+        Mcu::Qemu => emulated(image, Box::new(bus))?,
     };
     Ok((Box::new(Simulated(mcu)), Gate(gate)))
 }

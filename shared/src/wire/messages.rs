@@ -10,6 +10,9 @@ use serde::{Deserialize, Serialize};
 use super::links::{
     FactorRow, FrameReport, LINK_BATCH, LinkBatch, LinkReadingMessage, MAX_TREE_PARAMETERS, ModelSettings,
 };
+#[cfg(not(feature = "watch"))]
+use super::watch::nothing_watched;
+use super::watch::{ChangeReport, WatchLinkSettings, WatchReport};
 
 /// Version of framing and header; another one is refused by both sides.
 pub const PROTOCOL_VERSION: u8 = 6;
@@ -60,6 +63,14 @@ pub enum Command {
     },
     /// The host is there.
     Heartbeat,
+    /// A link of the robot that is to be watched: Configured.
+    #[cfg_attr(not(feature = "watch"), serde(skip))]
+    WatchLink {
+        /// Its index.
+        link: u8,
+        /// What is known of it.
+        settings: WatchLinkSettings,
+    },
 }
 
 /// Answer to a command.
@@ -115,6 +126,8 @@ pub enum ErrorCode {
     Sensors,
     /// 9: the command is older than one that was answered: a copy that was late. It was not obeyed.
     Stale,
+    /// 10: the image leaves out what is asked for; see the features of the boards.
+    NotBuiltIn,
 }
 
 impl ErrorCode {
@@ -129,6 +142,7 @@ impl ErrorCode {
             Self::NoEstimate => 6,
             Self::Sensors => 8,
             Self::Stale => 9,
+            Self::NotBuiltIn => 10,
         }
     }
 }
@@ -239,6 +253,8 @@ pub enum SettingName {
     Stiffness,
     /// Where the base link stands on springs, in `model`, or that no coordinate is free
     Suspension,
+    /// The watch: its sensors of forces, limit, or time constant, in `model`
+    Watch,
 }
 
 /// Tells where readings come from.
@@ -526,6 +542,9 @@ pub struct CounterReport {
     pub lost: [u32; 3],
     /// Tells what became of frames.
     pub frames: FrameReport,
+    /// Tells what became of the watch.
+    #[cfg_attr(not(feature = "watch"), serde(serialize_with = "nothing_watched"))]
+    pub watch: WatchReport,
     /// Load-cell samples without IMU neighbours.
     pub unaligned: u32,
     /// Frames from the host that were damaged.
@@ -631,4 +650,7 @@ pub enum Telemetry {
         /// The device's time, ns.
         time_ns: u64,
     },
+    /// A change of the link that is watched.
+    #[cfg_attr(not(feature = "watch"), serde(skip))]
+    Change(ChangeReport),
 }

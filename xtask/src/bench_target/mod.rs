@@ -27,7 +27,8 @@ use trace::Stretch;
 /// Its part that is the baseline.
 const C_PART: &str = "C Householder";
 /// Parts that are a whole path, and how often one is gone.
-const PATHS: [(&str, f64); 3] = [("path", 1000.0), ("frame path", 100.0), ("tracked frame path", 100.0)];
+const PATHS: [(&str, f64); 4] =
+    [("path", 1000.0), ("frame path", 100.0), ("tracked frame path", 100.0), ("watch path", 500.0)];
 /// How far the two ways of counting may be apart: the emulated clock ticks once in 40 instructions, and the
 /// marks themselves cost a few.
 const AGREEMENT: f64 = 0.005;
@@ -146,7 +147,7 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     if options.baseline && !can_compile_baseline() {
         setup::apt_install(&[C_COMPILER.1])?;
     }
-    let features: &[&str] = if options.baseline { &[BASELINE] } else { &[] };
+    let features: &[&str] = if options.baseline { &[firmware::WATCH, BASELINE] } else { &[firmware::WATCH] };
     let bench = firmware::build_binary(core, BENCH, features)?;
     let reported = reported(&bench)?;
     let stretches = trace::stretches(&Program::read(&bench)?)?;

@@ -18,6 +18,7 @@ mod take;
 pub mod tracked;
 pub mod tree;
 pub mod two_links;
+pub mod watched;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -387,7 +388,8 @@ impl Session {
                         guarded = guarded.and_then(|()| self.guarded(&reading.base, arrived_s));
                     }
                 }
-                Telemetry::Heartbeat { .. } => {}
+                // Changes come of robots that are watched.
+                Telemetry::Heartbeat { .. } | Telemetry::Change(_) => {}
             }
         }
         guarded
