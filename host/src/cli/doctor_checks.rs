@@ -189,7 +189,7 @@ fn emulator() -> Check {
 fn image() -> Check {
     const WHAT: &str = "image";
     const BUILD: &str = "`cargo xtask firmware`; only `--mcu qemu` needs it";
-    match simulated::image() {
+    match simulated::greeted_image() {
         Err(why) => Check::not_here(WHAT, why, BUILD),
         Ok((path, Err(LinkError::Silent(_)))) => {
             Check::to_do(WHAT, format!("{}: it does not answer in the emulator", path.display()), BUILD)

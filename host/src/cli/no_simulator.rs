@@ -27,10 +27,10 @@ pub(super) fn named(mcu: &str) -> Result<Option<super::link::NamedTransport>, Fa
 }
 
 /// An image with who answers in it, and who does in this process; there is none.
-pub(super) type Image = (PathBuf, Result<[Identity; 2], LinkError>);
+pub(super) type Greeted = (PathBuf, Result<[Identity; 2], LinkError>);
 
 /// See the same function of the simulated rig.
-pub(super) fn image() -> Result<Image, String> {
+pub(super) fn greeted_image() -> Result<Greeted, String> {
     Err("this program was built without the simulated rig (feature `simulator`)".to_owned())
 }
 

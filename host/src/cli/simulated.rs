@@ -66,14 +66,14 @@ fn emulated(_: Image, _: Box<dyn SensorBus>) -> Result<Box<dyn rigident_sim::run
 }
 
 /// An image with who answers in it, and who does in this process; or why there is no answer.
-pub(super) type Image = (PathBuf, Result<[Identity; 2], LinkError>);
+pub(super) type Greeted = (PathBuf, Result<[Identity; 2], LinkError>);
 
 /// Starts the image of the emulated board, and the firmware in this process; who answers.
 ///
 /// # Errors
 /// Why there is no image, or no emulator to start it in.
 #[cfg(feature = "emulator")]
-pub(super) fn image() -> Result<Image, String> {
+pub(super) fn greeted_image() -> Result<Greeted, String> {
     let path = rigident_sim::runner::firmware_elf();
     if !path.exists() {
         return Err(format!("no image {}", path.display()));
@@ -92,7 +92,7 @@ pub(super) fn image() -> Result<Image, String> {
 /// # Errors
 /// Always.
 #[cfg(not(feature = "emulator"))]
-pub(super) fn image() -> Result<Image, String> {
+pub(super) fn greeted_image() -> Result<Greeted, String> {
     Err("this program was built without the emulated board (feature `emulator`, Unix only)".to_owned())
 }
 
