@@ -28,6 +28,8 @@ const EARLIEST_S: u64 = 1_735_689_600;
 const CLOCK_S: f64 = 6.0;
 /// A crystal is within 100 ppm with years and temperature; an oscillator without one is off by up to 1 %.
 const CRYSTAL_PPM: f64 = 200.0;
+/// What is known no better than so does not tell an oscillator, which is off by up to 1 %, from a crystal.
+const TELLS_PPM: f64 = 5000.0;
 
 /// How something stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -290,21 +292,28 @@ fn device_clock(port: &str, session: &mut Session) -> Check {
             }
         }
     }
-    match drift(&beats) {
-        None => Check::to_do(
+    judge_drift(port, drift(&beats))
+}
+
+fn judge_drift(port: &str, drift: Option<(f64, f64)>) -> Check {
+    const WHAT: &str = "clocks";
+    let Some((ppm, within)) = drift else {
+        return Check::to_do(
             WHAT,
             format!("{port}: too few heartbeats came"),
             "is it running, or another program on the port?",
-        ),
-        Some((ppm, within)) => {
-            let found = format!("{port}: its clock against this machine's {ppm:+.0} ± {within:.0} ppm");
-            if ppm.abs() - within > CRYSTAL_PPM {
-                let advice = "that is no crystal's: it did not start, or is not the one that the firmware was built for; rates and times are off by as much";
-                Check::to_do(WHAT, found, advice)
-            } else {
-                Check::ok(WHAT, found)
-            }
-        }
+        );
+    };
+    let found = format!("{port}: its clock against this machine's {ppm:+.0} ± {within:.0} ppm");
+    if ppm.abs() - within > CRYSTAL_PPM {
+        let advice = "that is no crystal's: it did not start, or is not the one that the firmware was built for; rates and times are off by as much";
+        Check::to_do(WHAT, found, advice)
+    } else if within > TELLS_PPM {
+        let advice =
+            "that tells nothing: its messages come too unevenly; look again when this machine has less to do";
+        Check::not_here(WHAT, found, advice)
+    } else {
+        Check::ok(WHAT, found)
     }
 }
 
@@ -346,6 +355,15 @@ mod tests {
         let (ppm, within) = drift(&beats(1.0)).unwrap();
         assert!(ppm.abs() < within, "{ppm} {within}");
         assert_eq!((drift(&beats(1.0)[..3]), drift(&[(1.0, 5.0); 5])), (None, None));
+    }
+
+    #[test]
+    fn a_clock_is_called_good_only_where_that_is_known() {
+        let standing = |drift| judge_drift("/dev/ttyACM0", drift).standing;
+        assert_eq!(standing(Some((20.0, 300.0))), Standing::Ok);
+        assert_eq!(standing(Some((9_000.0, 300.0))), Standing::ToDo);
+        assert_eq!(standing(Some((-100_000.0, 140_000.0))), Standing::NotHere);
+        assert_eq!(standing(None), Standing::ToDo);
     }
 
     #[test]

@@ -396,7 +396,7 @@ fn wrong_rate(stream: &Stream, rate: f64) -> String {
         ),
         None => format!(
             "{url}: its clock makes {seconds:.4} s of a second here, which no clock does: is its rate (?rate_hz=), or the unit of its time, \
-             another one?"
+             another one? A recorded file is for `rigident identify`"
         ),
     }
 }
