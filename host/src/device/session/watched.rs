@@ -206,7 +206,9 @@ fn moved(own: &InertialParameters<Body, f64>, by: &Vector3<f64>) -> [f64; 10] {
 /// The sensors, and 1 σ of the wrench on the whole robot about the IMU in its axes: of a frame, by sensors and by the IMU.
 fn feet(input: &Input, place: &Vector3<f64>) -> Result<(Vec<FootSettings>, [f64; 6]), WatchError> {
     let one = Matrix3::identity();
-    let sensors: Vec<(usize, Matrix3<f64>, Vector3<f64>, [f64; 6])> = if let Some(contact) = &input.contact {
+    // Link, rotation and position there, 1 σ.
+    type Sensor = (usize, Matrix3<f64>, Vector3<f64>, [f64; 6]);
+    let sensors: Vec<Sensor> = if let Some(contact) = &input.contact {
         for foot in &contact.feet {
             if let Some(k) = foot.measured.iter().position(|measured| !measured) {
                 let name = crate::problem::tree::contact::COMPONENTS[k];
