@@ -2,7 +2,7 @@
 
 use anyhow::{Result, bail};
 
-use super::Case;
+use super::{Case, WATCH_PATH};
 
 /// Part, N, instructions and estimated cycles per sample at most.
 const BUDGETS: [(&str, u32, f64, f64); 12] = [
@@ -19,7 +19,7 @@ const BUDGETS: [(&str, u32, f64, f64); 12] = [
     ("frame path", 128, f64::INFINITY, 840_000.0),
     ("tracked frame path", 128, f64::INFINITY, 840_000.0),
     // Half of 168 MHz at 500 Hz.
-    ("watch path", 30, f64::INFINITY, 168_000.0),
+    (WATCH_PATH, 30, f64::INFINITY, 168_000.0),
 ];
 
 /// Part, N, and instructions of the worst sample at most: steps of the stop check, slices of an estimate and all else that
