@@ -82,17 +82,17 @@ pub(super) fn run(arguments: &Watch) -> Result<ExitCode, Failure> {
     drop(stages);
     let names: Vec<String> = prepared.input.model.links.iter().map(|link| link.name.clone()).collect();
     let mut complaints = complaints(&watched.counters.frames, &names);
-    complaints.extend(blind(&watched));
+    let blind = blind(&watched);
+    let fine = watched.counters.watch.settled && !watched.interrupted && blind.is_none();
+    complaints.extend(blind);
     for complaint in &complaints {
         tell!("rigident: {complaint}");
     }
-    let report = watched.counters.watch;
     if arguments.json {
         say(object(&watched, &arguments.link, &complaints, start_s, rate_hz));
     } else {
         say(summary(&watched, &arguments.link, rate_hz));
     }
-    let fine = report.settled && !watched.interrupted;
     Ok(ExitStatus::of(fine).into())
 }
 

@@ -261,6 +261,8 @@ impl Xsens {
     /// The port cannot be opened, or messages lack what is needed.
     pub fn open(url: &SourceUrl) -> Result<Self, SourceError> {
         let port = serial(url, BAUD)?;
+        // What waits on the line is older than it looks: its times would not go with its arrivals. A line that cannot be emptied is read as it is.
+        let _ = port.clear(serialport::ClearBuffer::Input);
         let mut source = Self { url: url.clone(), port, decoder: Decoder::default(), first: Vec::new() };
         let begun = std::time::Instant::now();
         let mut rows = Vec::new();
