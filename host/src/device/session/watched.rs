@@ -18,7 +18,7 @@ use super::tracked::settings_of;
 use super::tree::{DeviceTreeError, FrameSource};
 use super::{INTERRUPTED, Session, SessionError};
 use crate::model::rows::Moving;
-use crate::problem::tree::{BaseSensor, Input, SignalKind};
+use crate::problem::tree::{BaseSensor, Frame, Input, SignalKind};
 use rigident_shared::estimator::watch::BINS;
 
 /// Width of the filter, s, as everywhere.
@@ -29,6 +29,9 @@ const ROWS_PER_S: f64 = 20.0;
 const FORGET_S: f64 = 120.0;
 /// A wrench in a recording has no noise less than this, N and N m.
 const LEAST_SIGMA: f64 = 1e-3;
+
+/// In the mean no robot is pushed by so many times its weight, or by so small a part of it.
+const UNLIKE: f64 = 2.5;
 
 /// Why a robot cannot be watched.
 #[derive(Debug, thiserror::Error)]
@@ -51,6 +54,12 @@ pub enum WatchError {
         "the device watches by the wrenches on the robot: its feet ([[foot]] in the rig file) or its base (fx_n … mz_nm), and there are none"
     )]
     NoWrench,
+    /// What pushes is far from the weight, N.
+    #[error(
+        "the wrenches push by {0:.0} N in the mean, and the model weighs {1:.0} N: are they in another unit (a scale in columns of the rig file), does something \
+         push or hold the robot that is not measured, or is it another model?"
+    )]
+    Weight(f64, f64),
     /// No link of that name.
     #[error("the model has no link {0}; its links are {1}")]
     NoLink(String, String),
@@ -141,6 +150,10 @@ impl WatchedRobot {
         let place = Vector3::from(place);
         let links = (0..count).map(|i| told_link(input, i, &place)).collect::<Result<Vec<_>, _>>()?;
         let (feet, sigma) = feet(input, &place)?;
+        let [pushed, weight] = weights(input);
+        if !(weight / UNLIKE..=weight * UNLIKE).contains(&pushed) {
+            return Err(WatchError::Weight(pushed, weight));
+        }
         let bins_per_s = input.rate_hz / f64::from(2 * row_every);
         let robot = WatchSettings {
             links: count as u8,
@@ -279,17 +292,28 @@ fn arms(input: &Input, place: &Vector3<f64>, sensors: &[(usize, Vector3<f64>)]) 
     (arms, mass, if mass > 0.0 { (first / mass - place).norm() } else { 0.0 })
 }
 
+/// The wrenches of a frame: of the feet, or of the base.
+fn wrenches<'a>(input: &'a Input, frame: &'a Frame) -> &'a [[f64; 6]] {
+    if input.contact.is_some() { &frame.ground.wrenches } else { std::slice::from_ref(&frame.wrench) }
+}
+
+/// What pushes the robot in the mean, by the sum of its forces' sizes, and what the model weighs by its IMU, N.
+fn weights(input: &Input) -> [f64; 2] {
+    let size = |[x, y, z, ..]: &[f64; 6]| x.hypot(*y).hypot(*z);
+    let mass: f64 = input.model.links.iter().filter_map(|link| link.nominal).map(|phi| phi[0]).sum();
+    let count = input.frames.len().max(1) as f64;
+    let all = input.frames.iter().map(|frame| {
+        [wrenches(input, frame).iter().map(size).sum::<f64>(), mass * frame.base.specific_force.norm()]
+    });
+    all.fold([0.0; 2], |sum, own| [sum[0] + own[0] / count, sum[1] + own[1] / count])
+}
+
 fn frames(input: &Input) -> Vec<Vec<u8>> {
     let mut all = Vec::new();
     for (k, frame) in input.frames.iter().enumerate() {
         let mut base = [0.0; WATCH_BASE_NUMBERS];
         let own = frame.base.specific_force.iter().chain(frame.base.rate.iter());
-        let wrenches = if input.contact.is_some() {
-            &frame.ground.wrenches[..]
-        } else {
-            std::slice::from_ref(&frame.wrench)
-        };
-        let numbers = own.chain(wrenches.as_flattened());
+        let numbers = own.chain(wrenches(input, frame).as_flattened());
         base.iter_mut().zip(numbers).for_each(|(slot, value)| *slot = *value as f32);
         let mut places = frame.positions.iter().zip(&frame.rates);
         let joints = input.model.links.iter().skip(1).map(|link| match link.link.joint.freedoms() {
