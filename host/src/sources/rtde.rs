@@ -228,7 +228,8 @@ impl Decoder {
         }
         // Times beyond a century are none.
         let time_s = time_s.filter(|t| t.abs() < 4e9)?;
-        rest.is_empty().then_some((time_s, values))
+        // A rotation vector may be finite, and so long that it turns nowhere.
+        (rest.is_empty() && values.iter().all(|v| v.is_finite())).then_some((time_s, values))
     }
 }
 
