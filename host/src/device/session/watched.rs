@@ -4,7 +4,7 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
-use rigident_shared::inertia::InertialParameters;
+use rigident_shared::inertia::{InertialParameters, tensor_elements};
 use rigident_shared::spatial::Body;
 use rigident_shared::tree::Joint;
 use rigident_shared::wire::tree_frame::{MAX_TREE_FRAME, WATCH_BASE_NUMBERS, WatchFrame};
@@ -203,17 +203,15 @@ fn told_link(input: &Input, i: usize, place: &Vector3<f64>) -> Result<WatchLinkS
     })
 }
 
-/// The parameters about another origin in the same axes: mc less m d, and the tensor by Steiner, twice.
+/// The parameters about another origin in the same axes, a body without mass included: mc less m d, and the tensor by Steiner, twice.
 fn moved(own: &InertialParameters<Body, f64>, by: &Vector3<f64>) -> [f64; 10] {
-    let [m, cx, cy, cz, xx, yy, zz, yz, xz, xy] = own.to_vector();
-    let c = Vector3::new(cx, cy, cz);
-    let tensor = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+    let (m, c, one) = (own.mass, own.first_moment, Matrix3::identity());
     // Σ m (|p − d|² 1 − (p − d)(p − d)ᵀ)
-    let one = Matrix3::identity();
     let cross = one * (2.0 * c.dot(by)) - c * by.transpose() - by * c.transpose();
-    let t = tensor - cross + (one * by.norm_squared() - by * by.transpose()) * m;
+    let tensor = own.inertia - cross + (one * by.norm_squared() - by * by.transpose()) * m;
     let c = c - by * m;
-    [m, c.x, c.y, c.z, t[(0, 0)], t[(1, 1)], t[(2, 2)], t[(1, 2)], t[(0, 2)], t[(0, 1)]]
+    let [xx, yy, zz, yz, zx, xy] = tensor_elements(&tensor);
+    [m, c.x, c.y, c.z, xx, yy, zz, yz, zx, xy]
 }
 
 /// The sensors, and 1 σ of the wrench on the whole robot about the IMU in its axes: of a frame, by sensors and by the IMU.

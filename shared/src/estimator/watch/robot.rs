@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::Scalar;
+use crate::inertia::tensor_from_elements;
 use crate::spatial::{Imu, Rotation};
 use crate::tree::momentum::{momentum, smoothed};
 use crate::tree::{BaseMotion, Joint, JointMotion, Link, LinkState};
@@ -106,7 +107,7 @@ impl<T: Scalar> Motion<T> {
             let [m, cx, cy, cz, xx, yy, zz, yz, xz, xy] = *parameters;
             let centre = state.rotation * Vector3::new(cx, cy, cz);
             let own = state.rotation.tr_mul(&state.rate);
-            let spin = state.rotation * (Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) * own);
+            let spin = state.rotation * (tensor_from_elements([xx, yy, zz, yz, xz, xy]) * own);
             let linear = state.velocity * m + state.rate.cross(&centre);
             mass += m;
             first += state.position * m + centre;
