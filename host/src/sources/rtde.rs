@@ -121,7 +121,7 @@ impl Packages {
     }
 }
 
-/// Packages of data become samples.
+/// Makes samples of packages of data.
 #[derive(Debug)]
 pub struct Decoder {
     recipe: u8,
@@ -241,7 +241,7 @@ pub fn decoder_of_everything(answer: &[u8]) -> Option<Decoder> {
     Decoder::new(answer, variables, RATE_HZ).ok()
 }
 
-/// A controller that streams.
+/// Reads a controller that streams.
 pub struct Rtde {
     url: SourceUrl,
     stream: TcpStream,

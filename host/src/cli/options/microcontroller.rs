@@ -10,7 +10,7 @@ pub enum Mcu {
     Qemu,
 }
 
-/// Images of the firmware for the emulated board.
+/// Names the images of the firmware for the emulated board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Image {
     /// Of bodies and trees.

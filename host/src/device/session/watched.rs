@@ -33,7 +33,7 @@ const LEAST_SIGMA: f64 = 1e-3;
 /// In the mean no robot is pushed by so many times its weight, or by so small a part of it.
 const UNLIKE: f64 = 2.5;
 
-/// Why a robot cannot be watched.
+/// Says why a robot cannot be watched.
 #[derive(Debug, thiserror::Error)]
 pub enum WatchError {
     /// Too many links.
@@ -84,7 +84,7 @@ pub enum WatchError {
     Settings(#[from] DeviceTreeError),
 }
 
-/// How a robot is watched.
+/// Tells how a robot is watched.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WatchOptions {
     /// False alarms per hour at most, of noise alone.
@@ -112,7 +112,7 @@ impl WatchOptions {
     }
 }
 
-/// What the device is told, and its frames.
+/// Holds what the device is told, and its frames.
 #[derive(Clone, Debug)]
 pub struct WatchedRobot {
     /// Its settings.
@@ -328,7 +328,7 @@ fn frames(input: &Input) -> Vec<Vec<u8>> {
     all
 }
 
-/// What a watch has found.
+/// Holds what a watch has found.
 #[derive(Clone, Debug, Default)]
 pub struct Watched {
     /// Changes: each when it was found, and when it was measured.

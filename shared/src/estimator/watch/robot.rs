@@ -15,7 +15,7 @@ pub const WATCH_FEET: usize = 4;
 /// Angles are to be between plus and minus so many radians.
 const LARGEST_ANGLE: f32 = 50.0;
 
-/// A link whose parameters are known. The first one is the base, in the axes of its IMU, about the IMU's place.
+/// Holds a link whose parameters are known. The first one is the base, in the axes of its IMU, about the IMU's place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WatchLink<T: Scalar> {
     /// Where it hangs. Its joint is fixed, revolute or prismatic.
@@ -24,7 +24,7 @@ pub struct WatchLink<T: Scalar> {
     pub parameters: [T; 10],
 }
 
-/// A sensor of the wrench on a link: under a foot, or where a base is held.
+/// Places a sensor of the wrench on a link: under a foot, or where a base is held.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WatchFoot<T: Scalar> {
     /// The link that it pushes.
@@ -35,7 +35,7 @@ pub struct WatchFoot<T: Scalar> {
     pub position: Vector3<T>,
 }
 
-/// The rotation matrix of a quaternion w, x, y, z that has a length of one.
+/// Returns the rotation matrix of a quaternion w, x, y, z that has a length of one.
 pub fn turned<T: Scalar>(wxyz: [T; 4]) -> Option<Matrix3<T>> {
     Rotation::<Imu, Imu, T>::from_quaternion(wxyz).map(|rotation| rotation.matrix())
 }
