@@ -16,6 +16,9 @@ use crate::present::text::{significant, with_u95};
 const CERTAIN_SD: f64 = 4.42;
 /// Of a channel's variation a model that holds leaves less than this beyond the noise, both as standard deviations.
 const UNEXPLAINED: f64 = 0.3;
+/// Where a channel varies by fewer than so many σ of its noise, noise alone may leave that much: a tenth more of it than stated
+/// leaves √0.21 σ, 23 % of two σ.
+const STILL: f64 = 2.0;
 /// Torques this many times those of the nominal model are in another unit: no estimate of a designer's is so far off,
 const SCALE: f64 = 5.0;
 /// where they are alike but for the scale: the cosine of the angle between the two.
@@ -67,6 +70,9 @@ fn share(fit: &Fit, channel: &ChannelFit) -> Option<f64> {
         _ => 0.0,
     };
     let gain = fit.filter.noise_gain;
+    if varies < STILL * gain.sqrt() * own {
+        return None;
+    }
     let signals = (channel.residual_sigma.powi(2) - gain * channel.sigma.powi(2)).max(0.0);
     let beyond = channel.residual_rms.powi(2) - gain * own * own - signals;
     Some(beyond.max(0.0).sqrt() / varies)

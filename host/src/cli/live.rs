@@ -10,6 +10,7 @@ use rigident_shared::wire::{Source, StopRule};
 use super::arguments::Live;
 use super::experiment::{Watcher, device_notes};
 use super::link::configured;
+use super::links_on_device::check_asked;
 use super::live_streams::{Asked, Came, Streams};
 use super::loaded::{Loaded, PLOT_POINTS};
 use super::next_move::NextMove;
@@ -17,6 +18,7 @@ use super::options::calibration;
 use super::options::stop_criterion::not_reached;
 use super::options::trees::TreeModel;
 use super::outcome::provenance;
+use super::recorded::STREAMS;
 use super::run_report::RunReport;
 use super::{Failure, Folder, Stages, replay};
 use crate::answer::now;
@@ -40,8 +42,11 @@ const EVERY: Duration = Duration::from_millis(50);
 /// `rigident live`
 pub(super) fn run(arguments: &Live) -> Result<ExitCode, Failure> {
     let started = Instant::now();
-    arguments.known.parse()?;
+    let known = arguments.known.parse()?;
     let rig = rig_of(arguments)?;
+    let none_yet = Loaded::of_readings("live", &rig, Vec::new(), Some(1000.0), false);
+    check_asked(none_yet.source().parameters(), &known, &arguments.output)?;
+    arguments.stop.check(none_yet.source().parameters())?;
     let asked = asked(arguments)?;
     let mut opened = Vec::new();
     for one in &asked {
@@ -53,6 +58,7 @@ pub(super) fn run(arguments: &Live) -> Result<ExitCode, Failure> {
              more\nNothing was recorded.",
         ));
     }
+    apart(&asked, &opened)?;
     let mut streams = Streams::new(asked, Feeds::new(opened), &rig);
     let folder = Folder::new(arguments.output.out.as_deref(), "live")?;
     streams.record(&folder)?;
@@ -63,7 +69,7 @@ pub(super) fn run(arguments: &Live) -> Result<ExitCode, Failure> {
         feed(arguments, &rig, (&prepared, rate_hz), &mut streams, &folder)
     });
     let closed = streams.close().err();
-    let listing = folder.file("streams.rig.toml");
+    let listing = folder.file(STREAMS);
     write_new_text(&listing, &streams.listing(&rig).to_toml()).map_err(Failure::input)?;
     let place = folder.path().display();
     let mut fed = fed.map_err(|failure| failure.after(&format!("What was recorded is in {place}.")))?;
@@ -179,6 +185,25 @@ fn asked(arguments: &Live) -> Result<Vec<Asked>, Failure> {
         }
     }
     Ok(asked)
+}
+
+/// Refuses two sources that bring the same.
+fn apart(asked: &[Asked], opened: &[Box<dyn sources::Source>]) -> Result<(), Failure> {
+    for (k, source) in opened.iter().enumerate() {
+        for (other, before) in opened.iter().enumerate().take(k) {
+            let Some(both) = source.groups().iter().find(|group| before.groups().contains(group)) else {
+                continue;
+            };
+            let place = |k: usize| asked.get(k).map(|asked| asked.url.to_string()).unwrap_or_default();
+            return Err(Failure::input(format!(
+                "{} and {} both bring {}: give the columns that are not to be used other names, by ?columns=\nNothing was recorded.",
+                place(other),
+                place(k),
+                both.names().join(", ")
+            )));
+        }
+    }
+    Ok(())
 }
 
 fn refused(error: SourceError) -> Failure {

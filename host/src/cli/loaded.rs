@@ -5,7 +5,7 @@ use rigident_shared::forgetting::Span;
 
 use super::options::calibration;
 use super::options::trees::{ModelChanges, TreeModel};
-use super::recorded::{is_rig_file, left_out_columns, named, stream_set};
+use super::recorded::{is_rig_file, left_out_columns, listed, stream_set};
 use super::{Failure, Stages, locked_joints};
 use crate::answer::result::Cause;
 use crate::answer::{self, Drift, Links, Source, StandardRequest, TimeBase};
@@ -79,7 +79,7 @@ impl Loaded {
         options: &ProblemOptions,
         stages: &Stages,
     ) -> Result<Self, Failure> {
-        let path = &named(path.to_owned());
+        let path = &listed(path.to_owned());
         let Some((mut nominal, file)) = tree_of(path, rig, tree)? else {
             return Self::body(path, rig, calibrated);
         };

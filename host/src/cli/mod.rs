@@ -236,7 +236,7 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
         #[cfg(not(feature = "simulator"))]
         None | Some(Command::Demo(_)) => Err(simulated::refused("`rigident demo`")),
         Some(Command::Identify(mut a)) => {
-            a.recording = recorded::named(a.recording);
+            a.recording = recorded::listed(a.recording);
             identify::run(&a)
         }
         Some(Command::Replay(mut a)) => {

@@ -78,9 +78,19 @@ pub(super) fn left_out_columns(recording: &Recording, joints: &[String]) -> Opti
     })
 }
 
-/// Returns the recording that a path names: of a folder that `demo` or `run` wrote the one beside their result, else the path.
+/// The rig file that lists the streams of [`super::live`].
+pub(super) const STREAMS: &str = "streams.rig.toml";
+
+/// Returns the recording that a path names where files with clocks of their own are taken: of a folder that `live` wrote its
+/// streams.
+pub(super) fn listed(path: PathBuf) -> PathBuf {
+    let streams = path.join(STREAMS);
+    if streams.is_file() { streams } else { named(path) }
+}
+
+/// Returns the one file that a path names: of a folder that `demo`, `run` or `live` wrote the one beside their result, else the path.
 pub(super) fn named(path: PathBuf) -> PathBuf {
-    let names = ["run.mcap", "demo.mcap", "demo.csv"];
+    let names = ["run.mcap", "demo.mcap", "demo.csv", "live.mcap"];
     let own = names.iter().map(|name| path.join(name)).find(|file| file.is_file());
     own.filter(|_| path.join("result.json").is_file()).unwrap_or(path)
 }

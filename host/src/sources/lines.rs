@@ -205,7 +205,11 @@ impl Decoder {
             (Some(layout), _) => layout,
             (None, Some(header)) => {
                 let cells = |text: &str| text.split(char::from(separator(header))).count();
-                if cells(line) != cells(header) {
+                // A sensor that has just come up may send no numbers yet; the next line shows what the columns are.
+                let none_yet = line
+                    .split(char::from(separator(header)))
+                    .any(|cell| cell.trim().parse::<f64>().is_ok_and(|value| !value.is_finite()));
+                if none_yet || cells(line) != cells(header) {
                     self.useless(line)?;
                     return Ok(None);
                 }
@@ -367,7 +371,11 @@ impl Source for Lines {
                 }
             },
         };
-        fed.map_err(|why| self.url.protocol(why))
+        // Columns are what was asked for; lines are what somebody sends.
+        fed.map_err(|why| match (&self.decoder.layout, self.decoder.useless < USELESS) {
+            (None, true) => self.url.wrong(why),
+            _ => self.url.protocol(why),
+        })
     }
 
     fn losses(&self) -> Losses {

@@ -31,6 +31,14 @@ fn lines_of_a_header_are_samples_and_their_losses_are_counted() {
 }
 
 #[test]
+fn a_sensor_that_begins_with_no_numbers_is_waited_for() {
+    let mut decoder = Decoder::new(Some("t_s,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm"), &RigFile::default(), false);
+    let rows = fed(&mut decoder, "0,nan,nan,NaN,0,0,0\n1,inf,0,0,0,0,0\n2,1,2,3,4,5,6\n3,nan,2,3,4,5,6\n");
+    assert_eq!(rows, [Row { time_ns: Some(2_000_000_000), values: vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0] }]);
+    assert_eq!(decoder.losses.damaged, 3);
+}
+
+#[test]
 fn names_units_and_order_come_from_the_rig_file() {
     let rig = RigFile::parse(
         "[recording.columns]\nt_s = { name = \"ms\", scale = 1e-3 }\nimu_ax_mps2 = { name = \"ax\", scale = 9.80665 }\n\

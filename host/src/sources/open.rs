@@ -48,7 +48,7 @@ pub fn open(url: &SourceUrl, roles: &[Role], rig: &RigFile) -> Result<Box<dyn So
         };
         if !brings {
             let columns: Vec<String> = groups.iter().flat_map(|group| group.names()).collect();
-            return Err(url.protocol(format!(
+            return Err(url.wrong(format!(
                 "{} is to come from here, and it brings {}",
                 match role {
                     Role::Wrench => "the wrench",

@@ -112,8 +112,8 @@ fn a_force_sensor_and_an_imu_on_clocks_of_their_own_identify_the_body_and_losses
         rates.iter().zip([-80e-6, 60e-6]).all(|(rate, off)| (rate - 1.0 - off).abs() < 1e-4),
         "{rates:?}"
     );
-    // What was recorded is whole, and says the same again.
-    for (command, file) in [("identify", "streams.rig.toml"), ("replay", "live.mcap")] {
+    // What was recorded is whole, and says the same again; its folder stands for it.
+    for (command, file) in [("identify", "streams.rig.toml"), ("identify", "."), ("replay", ".")] {
         let again = Command::new(env!("CARGO_BIN_EXE_rigident"))
             .args([command.as_ref(), scene.file(file).as_os_str(), "--json".as_ref()])
             .current_dir(scene.folder.path())
@@ -282,6 +282,27 @@ fn failed(scene: &Scene, output: &Output, status: i32, words: &[&str], kept: boo
             assert!(rows > 100, "{file}: {rows} rows");
         }
     }
+}
+
+#[test]
+fn what_could_never_be_used_is_refused_before_anything_is_recorded() {
+    let scene = Scene::new(12.0, "");
+    let ports = [0; 2].map(|_| UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap());
+    let played = || scene.played((250.0, 0.0, 12.0), Delivery::default());
+    let _lines = ports.map(|at| LinesServer::to_udp(at, Quantity::Both, played()).unwrap());
+    let [one, other] = ports.map(|at| format!("udp://{at}"));
+    let refused = |arguments: &[&str], words: &[&str]| {
+        failed(&scene, &scene.live(arguments).output().unwrap(), 2, words, false);
+        assert!(!scene.folder.path().join("out").exists());
+    };
+    refused(&["--wrench", &one, "--imu", &other], &["both bring fx_n", "?columns=", "Nothing was recorded"]);
+    refused(
+        &["--wrench", &one, "--imu", &one, "--pose", &one],
+        &["the pose is to come from here, and it brings"],
+    );
+    refused(&["--wrench", &one, "--imu", &one, "--until", "q=1"], &["--until q=1", "unknown"]);
+    let strange = format!("{one}?columns=a,b,c,d,e,f,g,h,i,j,k,l,m,n");
+    refused(&["--wrench", &strange, "--imu", &strange], &["?columns="]);
 }
 
 #[test]

@@ -35,6 +35,14 @@ impl StopCriterion {
         self.until.iter().filter_map(|word| Some(word.split_once('=')?.0.trim().to_owned())).collect()
     }
 
+    /// Refuses what a device that estimates these parameters cannot use.
+    ///
+    /// # Errors
+    /// Bad input.
+    pub(in crate::cli) fn check(&self, parameters: &[Parameter]) -> Result<(), Failure> {
+        stop_rule(&self.until, parameters).map(|_| ()).map_err(Failure::input)
+    }
+
     /// Puts it into the settings of a device that estimates these parameters, in this order.
     ///
     /// # Errors
