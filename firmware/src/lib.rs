@@ -20,6 +20,7 @@ mod place;
 mod planted;
 pub mod sample_path;
 mod settings;
+pub mod storage;
 
 pub use app::{App, BringUpError, FIRMWARE_HASH, Sensor, SensorRates};
 pub use instrument::{Buses, Event, Instrument};

@@ -40,6 +40,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
             board: self.board,
             state: self.state,
             reason: self.reason,
+            kept: self.keeping.kept(),
         }
     }
 
@@ -69,7 +70,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
             report.gaps = counters.gaps;
             report.blocks = counters.blocks;
             report.knocks = counters.knocks;
-            report.unaligned = path.unaligned().saturating_sub(self.errors.unaligned_before);
+            report.unaligned = path.unaligned().wrapping_sub(self.errors.unaligned_before);
         }
         if let Some(path) = self.path.frames() {
             let counters = path.estimator().counters();

@@ -5,6 +5,7 @@ mod hexapod;
 mod independence;
 mod instrument;
 mod runner;
+mod power_cuts;
 mod serve;
 mod served_program;
 mod suspension;

@@ -83,6 +83,7 @@ fn identity() -> Identity {
         board: *b"mps2-an386\0\0\0\0\0\0",
         state: StateName::Idle,
         reason: Reason::Boot,
+        kept: Kept::Nothing,
     }
 }
 

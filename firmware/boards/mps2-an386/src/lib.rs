@@ -7,6 +7,8 @@
 
 pub mod bus;
 pub mod exit;
+#[cfg(feature = "storage")]
+pub mod flash;
 pub mod ring;
 pub mod stack;
 pub mod uart;

@@ -118,7 +118,11 @@ impl Session {
                 factor = self.fetch(&mut taking, observer).ok();
                 Err(stopped)
             }
-            Err(error) => Err(error),
+            Err(error) => {
+                let (error, left) = self.left_of(error, &mut taking);
+                factor = left;
+                Err(error)
+            }
         };
         // Of a level what was taken is here, whatever became of the rest.
         let taken = taking.level.as_deref().filter(|level| level.rows() > 0);
@@ -133,6 +137,7 @@ impl Session {
             counters: taking.counters,
             states: taking.states,
             resumed: taking.resumed,
+            restarts: taking.restarts,
             interrupted: taking.interrupted,
             cut_short: taking.cut_short,
             broken: outcome.err().map(|e| e.to_string()),

@@ -20,12 +20,11 @@ impl Session {
         readings: &[Reading<f64>],
         observer: &mut dyn Observer,
     ) -> Result<Take, SessionError> {
-        let batches = readings.chunks(INJECT_BATCH).map(|part| {
-            |first_index| {
-                Command::Inject(InjectBatch { first_index, readings: part.iter().map(narrow).collect() })
-            }
-        });
-        let (mut taking, outcome, sent) = self.send(batches, observer)?;
+        let batch = |first_index: u32| {
+            let part = readings.get(first_index as usize..).unwrap_or_default().iter().take(INJECT_BATCH);
+            Command::Inject(InjectBatch { first_index, readings: part.map(narrow).collect() })
+        };
+        let (mut taking, outcome, sent) = self.send(readings.len(), batch, observer)?;
         taking.readings = readings.get(..sent).unwrap_or(readings).to_vec();
         Ok(self.conclude(taking, outcome, observer))
     }
@@ -39,28 +38,28 @@ impl Session {
         readings: &[LinkReadingMessage],
         observer: &mut dyn Observer,
     ) -> Result<Take, SessionError> {
-        let batches = readings.chunks(LINK_BATCH).map(|part| {
-            |first_index| {
-                Command::InjectLinks(LinkBatch { first_index, readings: part.iter().copied().collect() })
-            }
-        });
-        let (mut taking, outcome, sent) = self.send(batches, observer)?;
+        let batch = |first_index: u32| {
+            let part = readings.get(first_index as usize..).unwrap_or_default().iter().take(LINK_BATCH);
+            Command::InjectLinks(LinkBatch { first_index, readings: part.copied().collect() })
+        };
+        let (mut taking, outcome, sent) = self.send(readings.len(), batch, observer)?;
         taking.links = readings.get(..sent).unwrap_or(readings).to_vec();
         Ok(self.conclude(taking, outcome, observer))
     }
 
-    /// Starts, and sends commands that are made of the index of their first reading. What came meanwhile, how it ended, and
-    /// how many readings were taken.
-    fn send<C: FnOnce(u32) -> Command>(
+    /// Starts, and sends so many readings by commands that are made of the index of their first one. A device that restarts is sent again
+    /// what it does not hold. What came meanwhile, how it ended, and how many readings were taken.
+    fn send(
         &mut self,
-        batches: impl Iterator<Item = C>,
+        count: usize,
+        batch: impl Fn(u32) -> Command,
         observer: &mut dyn Observer,
     ) -> Result<(Taking, Result<(), SessionError>, usize), SessionError> {
         self.start()?;
         let mut taking = Taking::default();
         let mut sent = 0_u32;
         let mut outcome = Ok(());
-        for batch in batches {
+        while (sent as usize) < count {
             match self.client.ask("inject", &batch(sent)) {
                 Ok(Reply::Injected { next_index }) => sent = next_index,
                 Ok(_) => outcome = Err(LinkError::Nonsense("inject").into()),
@@ -71,6 +70,9 @@ impl Session {
             } else if taking.times_quiet() > 0 {
                 let (state, reason) = QUIET;
                 outcome = Err(SessionError::Stopped { state, reason, advice: super::advice(reason) });
+            }
+            if let Err(error) = outcome {
+                outcome = self.go_on(error, &mut taking).map(|next| sent = next);
             }
             observer.progress(sent as usize);
             taking.interrupted = INTERRUPTED.load(Ordering::Relaxed);

@@ -8,6 +8,7 @@ mod ending;
 pub mod frames;
 mod inject;
 mod load_guard;
+mod restart;
 mod motion_guard;
 pub mod precision;
 mod settings;
@@ -24,7 +25,7 @@ use std::time::{Duration, Instant};
 use hexapod::MotionProgram;
 use rigident_shared::calibration::Reading;
 use rigident_shared::wire::{
-    Command, Identity, LinkReadingMessage, ModelSettings, ReadingMessage, Reason, Reply, Settings, StateName,
+    Command, Identity, Kept, LinkReadingMessage, ModelSettings, ReadingMessage, Reason, Reply, Settings, StateName,
     Telemetry,
 };
 
@@ -71,6 +72,9 @@ pub enum SessionError {
         /// What to do.
         advice: &'static str,
     },
+    /// The device restarted, and what is left.
+    #[error("{0}")]
+    Restarted(String),
     /// The load cell would be overloaded.
     #[error(
         "the load cell's {channel} came to {value:.1} of {range:.1} {unit}: the motion was ended before it overloads the load cell. \
@@ -112,6 +116,8 @@ pub struct Session {
     heartbeats: bool,
     /// What it was set to last.
     settings: Option<Settings>,
+    /// Number under which the device keeps the run, if it keeps runs.
+    run: Option<u32>,
     /// It was set to two links.
     of_two_links: bool,
     /// It was set to end a run by itself.
@@ -148,6 +154,7 @@ impl Session {
             last_heartbeat: Instant::now(),
             heartbeats: false,
             settings: None,
+            run: None,
             of_two_links: false,
             stops_itself: false,
             at_most_s: None,
@@ -287,6 +294,10 @@ impl Session {
     }
 
     fn start(&mut self) -> Result<(), LinkError> {
+        if self.identity.kept != Kept::NoStorage {
+            let identity = self.client.hello()?;
+            self.run = if let Kept::Run(kept) = identity.kept { Some(kept.run) } else { None };
+        }
         // What was said before belongs to no run.
         while self.client.next_telemetry().is_some() {}
         self.client.ask("start", &Command::Start).map(drop)
