@@ -18,8 +18,8 @@ use crate::frame_path::FramePath;
 use crate::link::{self, Recall};
 use crate::log;
 use crate::sample_path::{SamplePath, Words};
-use crate::storage::Resumption;
 use crate::settings::{Configuration, setting_of, setting_of_tree};
+use crate::storage::Resumption;
 
 impl<P: DerefMut<Target = Path>> App<P> {
     /// Takes a byte from the host. If it completes a `Configure` for real sensors, the rates to bring them

@@ -14,9 +14,9 @@
 //! refuses to erase then, whatever the journal asks for. The interval between checkpoints doubles as room is used up, so that
 //! a run of any length has some.
 
-mod keeping;
 #[cfg(feature = "storage")]
 mod journal;
+mod keeping;
 #[cfg(feature = "storage")]
 pub mod record;
 #[cfg(feature = "storage")]

@@ -66,13 +66,7 @@ pub struct Record<'a> {
 }
 
 /// Makes a record around the first `length` bytes that stand behind the header in `bytes`. `None` if there is no room.
-pub fn seal(
-    bytes: &mut [u8],
-    kind: RecordKind,
-    writer: Writer,
-    run: u32,
-    length: usize,
-) -> Option<&[u8]> {
+pub fn seal(bytes: &mut [u8], kind: RecordKind, writer: Writer, run: u32, length: usize) -> Option<&[u8]> {
     let end = HEADER_BYTES.checked_add(length)?;
     let [m, a, g, c] = MAGIC;
     let [low, high] = u16::try_from(length).ok()?.to_le_bytes();
@@ -96,9 +90,8 @@ pub fn open(bytes: &[u8], kind: RecordKind, writer: Writer) -> Result<Record<'_>
             && length.is_some_and(|length| HEADER_BYTES + usize::from(length) == body.len())
             && CRC32.checksum(body).to_le_bytes() == **check
     });
-    let (header, payload) = whole
-        .and_then(|(body, _)| body.split_first_chunk::<HEADER_BYTES>())
-        .ok_or(RecordError::Damaged)?;
+    let (header, payload) =
+        whole.and_then(|(body, _)| body.split_first_chunk::<HEADER_BYTES>()).ok_or(RecordError::Damaged)?;
     let [_, _, _, _, of_kind, format, _, _, rest @ ..] = *header;
     let [s0, s1, s2, s3, s4, s5, s6, s7, f0, f1, f2, f3, run @ ..] = rest;
     let found = Writer {

@@ -25,7 +25,8 @@ pub struct CheckpointHead {
 }
 
 /// Hash of everything that is recorded.
-const SCHEMA: u64 = SCHEMA_HASH ^ u64::from_le_bytes(hash_ty_path::<(Settings, CheckpointHead)>("rigident/kept"));
+const SCHEMA: u64 =
+    SCHEMA_HASH ^ u64::from_le_bytes(hash_ty_path::<(Settings, CheckpointHead)>("rigident/kept"));
 
 /// Tells where in the flash what is kept: bytes from its beginning, whole sectors, two at least each.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -135,10 +136,7 @@ impl<F: NorFlash> Store<F> {
         let mut journal = Journal::new(&mut self.flash, self.layout.checkpoints.clone())?;
         journal.each(&mut self.buffer, |_, bytes| {
             if let Some((head, _)) = checkpoint(bytes, writer, run.run) {
-                *run = KeptRun {
-                    checkpoints: run.checkpoints.saturating_add(1),
-                    ..told(run, &head)
-                };
+                *run = KeptRun { checkpoints: run.checkpoints.saturating_add(1), ..told(run, &head) };
             }
         })?;
         Ok(kept)

@@ -11,11 +11,11 @@
 use std::io;
 use std::time::Duration;
 
+mod bus_flash;
 #[cfg(feature = "emulator")]
 mod emulator_log;
 #[cfg(feature = "emulator")]
 mod error;
-mod bus_flash;
 mod frame_bus;
 mod in_process;
 #[cfg(feature = "emulator")]

@@ -155,7 +155,10 @@ fn cut<const SECTOR: usize>(
     let found = held::<SECTOR>(&flash);
     let recovery = flash.lock().spent() - before;
     let (old, new) = (&states[done], &states[(done + 1).min(steps.len())]);
-    assert!(found == *old || found == *new, "cut at {fuel} of step {done}: {found:?}, not {old:?} or {new:?}");
+    assert!(
+        found == *old || found == *new,
+        "cut at {fuel} of step {done}: {found:?}, not {old:?} or {new:?}"
+    );
     // It goes on: a further run and its checkpoint are kept, its number the next.
     run_step::<SECTOR>(&flash, Step::Begin(7.0)).unwrap();
     run_step::<SECTOR>(&flash, Step::Keep(77)).unwrap();

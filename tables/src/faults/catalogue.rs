@@ -5,7 +5,7 @@ use rigident_sim::link::LinkFaults;
 use rigident_sim::rig::Rig;
 use rigident_sim::sensors::{Channel, Fault};
 
-use super::experiment::{experiment, rig};
+use super::experiment::{experiment, overloaded, restarted, rig};
 use super::mcu::Place;
 use super::replayed::{bit_rot, dead_flash, power_cuts};
 use super::{Expected, Extent, Verdict};
@@ -27,7 +27,8 @@ pub struct Case {
 }
 
 /// Does a case.
-pub type Run = std::sync::Arc<dyn Fn(Extent) -> Result<Verdict, String> + Send + Sync + std::panic::RefUnwindSafe>;
+pub type Run =
+    std::sync::Arc<dyn Fn(Extent) -> Result<Verdict, String> + Send + Sync + std::panic::RefUnwindSafe>;
 
 /// When sensor faults act: in the middle of the motion, s.
 const DURING: std::ops::Range<f64> = 8.0..10.0;
@@ -36,17 +37,14 @@ const DURING: std::ops::Range<f64> = 8.0..10.0;
 fn next_fault(before: Option<&Fault>) -> Option<Fault> {
     match before {
         None => Some(Fault::Frozen { channel: Channel::Wrench(2), during: DURING }),
-        Some(Fault::Frozen { .. }) => {
-            Some(Fault::Saturated { channel: Channel::Wrench(2), during: DURING })
-        }
+        Some(Fault::Frozen { .. }) => Some(Fault::Saturated { channel: Channel::Wrench(2), during: DURING }),
         Some(Fault::Saturated { .. }) => Some(Fault::Drift {
             rate_n_nm_per_s: [2.0, -1.0, 4.0, 0.1, 0.2, -0.1],
             during: 0.0..f64::INFINITY,
         }),
-        Some(Fault::Drift { .. }) => Some(Fault::WarmUp {
-            amplitude_n_nm: [10.0, -10.0, 30.0, 1.0, 1.0, -1.0],
-            time_constant_s: 6.0,
-        }),
+        Some(Fault::Drift { .. }) => {
+            Some(Fault::WarmUp { amplitude_n_nm: [10.0, -10.0, 30.0, 1.0, 1.0, -1.0], time_constant_s: 6.0 })
+        }
         Some(Fault::WarmUp { .. }) => {
             Some(Fault::Knock { during: 9.0..9.02, peak_n_nm: [200.0, 0.0, 300.0, 20.0, 0.0, 0.0] })
         }
@@ -75,9 +73,7 @@ fn on_channels(fault: &Fault) -> Vec<(String, Fault)> {
     match fault {
         Fault::Frozen { during, .. } => channels()
             .into_iter()
-            .map(|channel| {
-                (format!("{channel:?} frozen"), Fault::Frozen { channel, during: during.clone() })
-            })
+            .map(|channel| (format!("{channel:?} frozen"), Fault::Frozen { channel, during: during.clone() }))
             .collect(),
         Fault::Saturated { during, .. } => channels()
             .into_iter()
@@ -98,9 +94,9 @@ fn line_faults() -> Vec<(&'static str, LinkFaults)> {
         LinkFaults::one_in(50);
     let none = LinkFaults::default();
     vec![
-        ("line: bytes vanish", LinkFaults { drop_byte: 10.0 * drop_byte, ..none }),
-        ("line: bits flip", LinkFaults { flip_bit: 10.0 * flip_bit, ..none }),
-        ("line: bytes come twice", LinkFaults { duplicate_byte: 10.0 * duplicate_byte, ..none }),
+        ("line: bytes vanish", LinkFaults { drop_byte: 2.0 * drop_byte, ..none }),
+        ("line: bits flip", LinkFaults { flip_bit: 2.0 * flip_bit, ..none }),
+        ("line: bytes come twice", LinkFaults { duplicate_byte: 2.0 * duplicate_byte, ..none }),
         ("line: frames vanish", LinkFaults { drop_frame, ..none }),
         ("line: frames come twice", LinkFaults { duplicate_frame, ..none }),
         ("line: frames overtake", LinkFaults { delay_frame, ..none }),
@@ -160,34 +156,64 @@ pub fn cases() -> Vec<Case> {
             experiment(Place::Process, rig(), faults, |_| {})
         }));
     }
-    cases.push(case("clock: the IMU's samples come at another rate", Place::Board, Expected::Survived, false, |_| {
-        let config = rig().with_rates(500.0, 1000.0);
-        experiment(Place::Board, config, LinkFaults::default(), |_| {})
-    }));
+    cases.push(case(
+        "clock: the IMU's samples come at another rate",
+        Place::Board,
+        Expected::Survived,
+        false,
+        |_| {
+            let config = rig().with_rates(500.0, 1000.0);
+            experiment(Place::Board, config, LinkFaults::default(), |_| {})
+        },
+    ));
     cases.push(case("clock: the IMU lags as nobody knows", Place::Board, Expected::Detected, false, |_| {
         let mut config = rig();
         config.sensors.imu.undeclared_delay_s = 0.02;
         experiment(Place::Board, config, LinkFaults::default(), |_| {})
     }));
-    cases.push(case("clock: the load cell lags as nobody knows", Place::Board, Expected::Detected, false, |_| {
-        let mut config = rig();
-        config.sensors.load_cell.undeclared_delay_s = 0.02;
-        experiment(Place::Board, config, LinkFaults::default(), |_| {})
-    }));
+    cases.push(case(
+        "clock: the load cell lags as nobody knows",
+        Place::Board,
+        Expected::Detected,
+        false,
+        |_| {
+            let mut config = rig();
+            config.sensors.load_cell.undeclared_delay_s = 0.02;
+            experiment(Place::Board, config, LinkFaults::default(), |_| {})
+        },
+    ));
+    cases.push(case(
+        "overload: every third sample comes while the processor is busy",
+        Place::Board,
+        Expected::Detected,
+        true,
+        |_| overloaded(Place::Board),
+    ));
+    cases.push(case(
+        "power: a restart in the middle of an experiment",
+        Place::Board,
+        Expected::Detected,
+        true,
+        |_| restarted(Place::Board),
+    ));
     for fault in std::iter::successors(next_flash(None), |fault| next_flash(Some(fault))) {
         cases.push(match fault {
             FlashFault::PowerCut { .. } => Case {
                 restarts: true,
-                ..case("power: cut at random, flash included", Place::Board, Expected::Detected, true, |extent| {
-                    power_cuts(Place::Board, extent)
-                })
+                ..case(
+                    "power: cut at random, flash included",
+                    Place::Board,
+                    Expected::Detected,
+                    true,
+                    |extent| power_cuts(Place::Board, extent),
+                )
             },
             FlashFault::BitRot { .. } => {
                 case("flash: bits rot", Place::Process, Expected::Detected, true, |_| bit_rot(Place::Process))
             }
-            FlashFault::Dead => case("flash: dead", Place::Board, Expected::Detected, true, |_| {
-                dead_flash(Place::Board, 0)
-            }),
+            FlashFault::Dead => {
+                case("flash: dead", Place::Board, Expected::Detected, true, |_| dead_flash(Place::Board, 0))
+            }
         });
     }
     cases

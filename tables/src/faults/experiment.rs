@@ -1,6 +1,5 @@
 //! One experiment on the simulated rig with something wrong, judged as the program judges it.
 
-
 use hexapod::experiment::thesis_program;
 use rigident::answer::{Answer, Context, Status};
 use rigident::device::link::Client;
@@ -12,16 +11,19 @@ use rigident::problem::{Problem, Subject};
 use rigident::rig::{ImuTable, LoadCellTable, RecordingTable, RigFile};
 use rigident_shared::inertia::PARAMETER_NAMES;
 use rigident_shared::wire::{Source, StateName};
+use rigident_sim::flash::SharedFlash;
 use rigident_sim::link::LinkFaults;
-use rigident_sim::rig::{Rig, RigConfig};
-use rigident_sim::runner::{PacedRig, Pacing};
+use rigident_sim::rig::{Rig, RigConfig, SharedRig};
+use rigident_sim::runner::{PacedRig, Pacing, WithFlash};
 
 use super::Verdict;
-use super::mcu::{Line, Place, boot};
+use super::mcu::{Busy, Line, Place, boot};
 
 /// Rates of both sensors, 1/s, and how long an experiment lasts, s.
 const RATE_HZ: f64 = 500.0;
 const SECONDS: f64 = 20.0;
+/// Reads that bring something until a device restarts in the middle.
+const RESTARTS_AFTER: usize = 900;
 
 /// What a user would have written into the rig file of this rig.
 fn rig_file(config: &RigConfig) -> RigFile {
@@ -69,12 +71,52 @@ pub fn experiment(
     line: LinkFaults,
     disturb: impl FnOnce(&mut Rig),
 ) -> Result<Verdict, String> {
+    on_line(config, disturb, |rig| {
+        let mcu = boot(place, Box::new(PacedRig::new(rig.clone(), Pacing::LockStep)))?;
+        Ok(Line::new(mcu, line))
+    })
+}
+
+/// An experiment of which the device misses every third sample of the load cell.
+pub fn overloaded(place: Place) -> Result<Verdict, String> {
+    on_line(
+        rig(),
+        |_| {},
+        |rig| {
+            let bus = Busy::on(PacedRig::new(rig.clone(), Pacing::LockStep));
+            Ok(Line::new(boot(place, Box::new(bus))?, LinkFaults::default()))
+        },
+    )
+}
+
+/// An experiment in whose middle the device restarts, its flash with it.
+pub fn restarted(place: Place) -> Result<Verdict, String> {
+    on_line(
+        rig(),
+        |_| {},
+        |rig| {
+            let (rig, flash) = (rig.clone(), SharedFlash::of_board());
+            let boot_it = move || {
+                let bus = PacedRig::new(rig.clone(), Pacing::LockStep);
+                boot(place, Box::new(WithFlash::new(bus, flash.clone())))
+            };
+            let mcu = boot_it()?;
+            Ok(Line::new(mcu, LinkFaults::default()).restarting(RESTARTS_AFTER, Box::new(boot_it)))
+        },
+    )
+}
+
+/// Runs an experiment over the line that is made of the rig.
+fn on_line(
+    config: RigConfig,
+    disturb: impl FnOnce(&mut Rig),
+    line: impl FnOnce(&SharedRig) -> Result<Line, String>,
+) -> Result<Verdict, String> {
     let file = rig_file(&rig());
     let rig = Rig::new(config.clone()).map_err(|error| error.to_string())?;
     let truth = rig.truth();
     let rig = rig.shared();
-    let mcu = boot(place, Box::new(PacedRig::new(rig.clone(), Pacing::LockStep)))?;
-    let client = Client::new(Box::new(Line::new(mcu, line)));
+    let client = Client::new(Box::new(line(&rig)?));
     let mut session = match Session::open(client) {
         Ok(session) => session,
         Err(error) => return Ok(refused(error.to_string())),
@@ -114,7 +156,8 @@ pub fn experiment(
         }
     }
     if let Some(broken) = take.broken.as_deref().filter(|_| fault.is_none()) {
-        words.push(first_words(broken));
+        // What is lost stands behind the first colon.
+        words.push(broken.lines().next().unwrap_or_default().replace('|', "/"));
     }
     let input = prepare::input(&file, take.readings, false, RATE_HZ);
     let subject =
@@ -152,6 +195,7 @@ pub fn refused(words: String) -> Verdict {
 fn first_words(words: &str) -> String {
     let line = words.lines().next().unwrap_or_default();
     let short = line.split_once(": ").map_or(line, |(first, _)| first);
+    let short = short.split_once(" (").map_or(short, |(first, _)| first);
     short.replace('|', "/")
 }
 

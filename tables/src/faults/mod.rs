@@ -99,9 +99,7 @@ fn complaint(case: &Case, verdict: &Verdict) -> Option<String> {
 fn run_all(only: Option<&str>, extent: Extent) -> (String, Vec<String>) {
     let mut text = "| fault | where | expected | seen | answer |\n|---|---|---|---|---|\n".to_owned();
     let mut failed = Vec::new();
-    let wanted = |case: &Case| {
-        only.map_or(case.short || !extent.short, |name| case.name.contains(name))
-    };
+    let wanted = |case: &Case| only.map_or(case.short || !extent.short, |name| case.name.contains(name));
     for case in cases().iter().filter(|case| wanted(case)) {
         let begun = Instant::now();
         let ran = bounded(case, extent);

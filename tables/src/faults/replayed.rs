@@ -4,6 +4,8 @@
 //! readings if and only if none is lost and none is there twice, and its `RᵀR` is that of a device that was left alone.
 
 use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use rand_chacha::ChaCha8Rng;
@@ -24,6 +26,9 @@ use super::{Extent, Verdict};
 
 /// Readings in the recording.
 const READINGS: u32 = 4000;
+/// Cuts in one recording at most, and writes of the host from one to the next at most: a batch of sixteen readings is one.
+const CUTS_AT_MOST: usize = 50;
+const CUT_WITHIN: u64 = 48;
 
 fn settings() -> Settings {
     Settings {
@@ -92,9 +97,9 @@ struct Supply {
 }
 
 impl Supply {
-    /// A supply that ends so often.
-    fn failing(cuts: usize, within: u64) -> Self {
-        let mut random = ChaCha8Rng::seed_from_u64(3);
+    /// A supply that ends so often, drawn from a seed.
+    fn failing(cuts: usize, within: u64, seed: u64) -> Self {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
         let until = 1 + random.next_u64() % within;
         Self { random, cuts, within, until }
     }
@@ -106,7 +111,7 @@ struct Restarting {
     flash: SharedFlash,
     mcu: Box<dyn Mcu>,
     supply: Supply,
-    done: usize,
+    done: Arc<AtomicUsize>,
 }
 
 fn board(place: Place, flash: &SharedFlash) -> io::Result<Box<dyn Mcu>> {
@@ -119,7 +124,7 @@ impl Restarting {
     fn restart(&mut self) -> io::Result<()> {
         self.supply.cuts -= 1;
         self.supply.until = 1 + self.supply.random.next_u64() % self.supply.within;
-        self.done += 1;
+        self.done.fetch_add(1, Ordering::Relaxed);
         // The emulator is killed, whatever its processor does; the flash has what it has.
         self.mcu = Box::new(Nothing);
         self.flash.lock().power_up();
@@ -180,19 +185,19 @@ fn replay(restarting: Restarting) -> Result<(TakenFactor, u32, usize), String> {
 }
 
 /// Compares with a device that was left alone.
-fn judged(place: Place, flash: &SharedFlash, supply: Supply) -> Result<Verdict, String> {
+fn judged(place: Place, flash: &SharedFlash, supply: Supply) -> Result<(Verdict, usize), String> {
     let whole = Restarting {
         place: Place::Process,
         flash: SharedFlash::of_board(),
         mcu: board(Place::Process, &SharedFlash::of_board()).map_err(|e| e.to_string())?,
-        supply: Supply::failing(0, 1),
-        done: 0,
+        supply: Supply::failing(0, 1, 0),
+        done: Arc::default(),
     };
     let (whole, ..) = replay(whole)?;
-    let wanted = supply.cuts;
+    let (wanted, done) = (supply.cuts, Arc::new(AtomicUsize::new(0)));
     let mcu = board(place, flash).map_err(|e| e.to_string())?;
     let (factor, readings, restarts) =
-        replay(Restarting { place, flash: flash.clone(), mcu, supply, done: 0 })?;
+        replay(Restarting { place, flash: flash.clone(), mcu, supply, done: Arc::clone(&done) })?;
     if readings != READINGS || factor.factor.rows() != u64::from(6 * READINGS) {
         return Err(format!(
             "{readings} readings and {} rows of {READINGS} readings are in the factor",
@@ -219,26 +224,40 @@ fn judged(place: Place, flash: &SharedFlash, supply: Supply) -> Result<Verdict, 
     if over > 0 {
         return Err(format!("{over} bytes of flash were programmed twice"));
     }
-    Ok(Verdict {
+    let verdict = Verdict {
         detected: restarts > 0 || wanted == 0,
         worst: Some(0.0),
         words: format!(
-            "{restarts} restarts, {READINGS} of {READINGS} readings once each, factor off by {off:.0e}, {wear} erases"
+            "{restarts} restarts, {READINGS} of {READINGS} readings once each, {wear} erases of the flash"
         ),
-    })
+    };
+    Ok((verdict, done.load(Ordering::Relaxed)))
 }
 
 /// The supply ends so often in the middle of a recording.
 pub fn power_cuts(place: Place, extent: Extent) -> Result<Verdict, String> {
-    // A batch is sixteen readings: so that a recording is not over before the last cut, they come every few batches.
-    judged(place, &SharedFlash::of_board(), Supply::failing(extent.restarts, 24))
+    let (mut restarts, mut recordings, mut last) = (0, 0, None);
+    while restarts < extent.restarts {
+        let cuts = (extent.restarts - restarts).min(CUTS_AT_MOST);
+        let supply = Supply::failing(cuts, CUT_WITHIN, recordings);
+        let (verdict, done) = judged(place, &SharedFlash::of_board(), supply)?;
+        if done == 0 {
+            return Err("no cut came to pass".to_owned());
+        }
+        (restarts, recordings, last) = (restarts + done, recordings + 1, Some(verdict));
+    }
+    let verdict = last.ok_or("nothing was cut")?;
+    let words = format!(
+        "{restarts} cuts in {recordings} recordings of {READINGS} readings; in each every reading once"
+    );
+    Ok(Verdict { detected: true, words, ..verdict })
 }
 
 /// The flash does not answer: nothing is kept, and the recording goes through all the same.
 pub fn dead_flash(place: Place, cuts: usize) -> Result<Verdict, String> {
     let flash = SharedFlash::of_board();
     flash.lock().fail(FlashFault::Dead);
-    let mut verdict = judged(place, &flash, Supply::failing(cuts, 200))?;
+    let (mut verdict, _) = judged(place, &flash, Supply::failing(cuts, 200, 0))?;
     let mut session = Session::open(Client::new(Box::new(Restarting {
         place,
         flash: flash.clone(),
@@ -246,8 +265,8 @@ pub fn dead_flash(place: Place, cuts: usize) -> Result<Verdict, String> {
             flash.lock().fail(FlashFault::Dead);
             board(place, &flash).map_err(|e| e.to_string())?
         },
-        supply: Supply::failing(0, 1),
-        done: 0,
+        supply: Supply::failing(0, 1, 0),
+        done: Arc::default(),
     })))
     .map_err(|e| e.to_string())?;
     let kept = session.client().hello().map_err(|e| e.to_string())?.kept;
@@ -260,7 +279,7 @@ pub fn dead_flash(place: Place, cuts: usize) -> Result<Verdict, String> {
 pub fn bit_rot(place: Place) -> Result<Verdict, String> {
     let flash = SharedFlash::of_board();
     let mut random = ChaCha8Rng::seed_from_u64(9);
-    judged(place, &flash, Supply::failing(1, 100))?;
+    judged(place, &flash, Supply::failing(1, 100, 0))?;
     let mut told = Vec::new();
     for _ in 0..20 {
         let spoilt = SharedFlash::of_board();
@@ -271,8 +290,8 @@ pub fn bit_rot(place: Place) -> Result<Verdict, String> {
             place,
             mcu: board(place, &spoilt).map_err(|e| e.to_string())?,
             flash: spoilt,
-            supply: Supply::failing(0, 1),
-            done: 0,
+            supply: Supply::failing(0, 1, 0),
+            done: Arc::default(),
         };
         let mut session = Session::open(Client::new(Box::new(restarting))).map_err(|e| e.to_string())?;
         told.push(session.client().hello().map_err(|e| e.to_string())?.kept);

@@ -80,8 +80,7 @@ impl Pipes {
             Data::In(bytes) => bytes.len(),
         };
         let length = FLASH_HEADER_BYTES + count;
-        let header =
-            RequestHeader { operation: Operation::TransferFlash, length: length as u16 }.encode();
+        let header = RequestHeader { operation: Operation::TransferFlash, length: length as u16 }.encode();
         let Some(request) = self.frame.get_mut(..REQUEST_HEADER_BYTES + length) else { return false };
         let head = header.into_iter().chain(FlashRequest { operation, offset }.encode());
         let bytes = if let Data::Out(bytes) = &data { *bytes } else { &[] };

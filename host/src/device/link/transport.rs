@@ -171,3 +171,56 @@ fn write_all(port: &mut dyn serialport::SerialPort, bytes: &[u8]) -> io::Result<
 fn patience(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::TimedOut | io::ErrorKind::Interrupted)
 }
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::io::{Read, Write};
+    use std::os::unix::fs::symlink;
+
+    use serialport::{SerialPort, TTYPort};
+
+    use super::*;
+
+    /// Reads until something comes.
+    fn heard(transport: &mut SerialTransport) -> Vec<u8> {
+        let mut buffer = [0; 64];
+        let deadline = Instant::now() + Duration::from_secs(10);
+        while Instant::now() < deadline {
+            let n = transport.read(&mut buffer, Duration::from_millis(20)).unwrap();
+            if n > 0 {
+                return buffer[..n].to_vec();
+            }
+        }
+        Vec::new()
+    }
+
+    #[test]
+    fn a_port_that_vanishes_is_waited_for_and_used_again() {
+        let place = tempfile::tempdir().unwrap();
+        let name = place.path().join("port");
+        let appear = || {
+            let (device, port) = TTYPort::pair().unwrap();
+            symlink(port.name().unwrap(), &name).unwrap();
+            (device, port)
+        };
+        let (mut device, port) = appear();
+        let mut transport = SerialTransport::open(name.to_str().unwrap()).unwrap();
+        device.write_all(b"one").unwrap();
+        assert_eq!(heard(&mut transport), b"one");
+        drop((device, port));
+        std::fs::remove_file(&name).unwrap();
+        while !transport.is_out() {
+            transport.read(&mut [0; 8], Duration::from_millis(5)).unwrap();
+        }
+        // What is said meanwhile is lost, and nobody waits for it.
+        transport.write(b"lost").unwrap();
+        let (mut device, _port) = appear();
+        device.write_all(b"two").unwrap();
+        assert_eq!(heard(&mut transport), b"two");
+        transport.write(b"three").unwrap();
+        let mut said = [0; 5];
+        device.set_timeout(Duration::from_secs(5)).unwrap();
+        device.read_exact(&mut said).unwrap();
+        assert!(&said == b"three" && !transport.is_out());
+    }
+}

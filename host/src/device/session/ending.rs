@@ -124,6 +124,15 @@ impl Session {
                 Err(error)
             }
         };
+        Self::taken(taking, factor, outcome)
+    }
+
+    /// What an experiment brought.
+    pub(super) fn taken(
+        taking: Taking,
+        factor: Option<TakenFactor>,
+        outcome: Result<(), SessionError>,
+    ) -> Take {
         // Of a level what was taken is here, whatever became of the rest.
         let taken = taking.level.as_deref().filter(|level| level.rows() > 0);
         let factor = factor.or_else(|| taken.map(|level| TakenFactor::exact(Factor::from(level))));
@@ -144,7 +153,7 @@ impl Session {
         }
     }
 
-    fn fetch(
+    pub(super) fn fetch(
         &mut self,
         taking: &mut Taking,
         observer: &mut dyn Observer,

@@ -8,9 +8,24 @@ use rigident_shared::wire::{
 };
 
 use super::{INTERRUPTED, Observer, QUIET, Session, SessionError, Take, Taking, narrow};
-use crate::device::link::LinkError;
+use crate::device::link::{LinkError, TakenFactor};
+
+/// Tells how sending a recording ended.
+enum Ended {
+    /// All of it was taken, and this is the factor.
+    With(TakenFactor),
+    /// The device or somebody else ended it, or something broke.
+    Early(Result<(), SessionError>),
+}
 
 impl Session {
+    fn conclude_injected(&mut self, taking: Taking, ended: Ended, observer: &mut dyn Observer) -> Take {
+        match ended {
+            Ended::With(factor) => Self::taken(taking, Some(factor), Ok(())),
+            Ended::Early(outcome) => self.conclude(taking, outcome, observer),
+        }
+    }
+
     /// Sends a recording's readings to the device and fetches the factor.
     ///
     /// # Errors
@@ -24,9 +39,9 @@ impl Session {
             let part = readings.get(first_index as usize..).unwrap_or_default().iter().take(INJECT_BATCH);
             Command::Inject(InjectBatch { first_index, readings: part.map(narrow).collect() })
         };
-        let (mut taking, outcome, sent) = self.send(readings.len(), batch, observer)?;
+        let (mut taking, ended, sent) = self.send(readings.len(), batch, observer)?;
         taking.readings = readings.get(..sent).unwrap_or(readings).to_vec();
-        Ok(self.conclude(taking, outcome, observer))
+        Ok(self.conclude_injected(taking, ended, observer))
     }
 
     /// Likewise, readings of two links.
@@ -42,9 +57,9 @@ impl Session {
             let part = readings.get(first_index as usize..).unwrap_or_default().iter().take(LINK_BATCH);
             Command::InjectLinks(LinkBatch { first_index, readings: part.copied().collect() })
         };
-        let (mut taking, outcome, sent) = self.send(readings.len(), batch, observer)?;
+        let (mut taking, ended, sent) = self.send(readings.len(), batch, observer)?;
         taking.links = readings.get(..sent).unwrap_or(readings).to_vec();
-        Ok(self.conclude(taking, outcome, observer))
+        Ok(self.conclude_injected(taking, ended, observer))
     }
 
     /// Starts, and sends so many readings by commands that are made of the index of their first one. A device that restarts is sent again
@@ -54,12 +69,24 @@ impl Session {
         count: usize,
         batch: impl Fn(u32) -> Command,
         observer: &mut dyn Observer,
-    ) -> Result<(Taking, Result<(), SessionError>, usize), SessionError> {
+    ) -> Result<(Taking, Ended, usize), SessionError> {
         self.start()?;
         let mut taking = Taking::default();
         let mut sent = 0_u32;
         let mut outcome = Ok(());
-        while (sent as usize) < count {
+        let mut fetched = None;
+        loop {
+            if sent as usize >= count {
+                // A device that restarts now is sent again what its last checkpoint lacks.
+                match self.fetch(&mut taking, observer) {
+                    Ok(factor) => fetched = Some(factor),
+                    Err(error) => outcome = self.go_on(error, &mut taking).map(|next| sent = next),
+                }
+                if fetched.is_some() || outcome.is_err() {
+                    break;
+                }
+                continue;
+            }
             match self.client.ask("inject", &batch(sent)) {
                 Ok(Reply::Injected { next_index }) => sent = next_index,
                 Ok(_) => outcome = Err(LinkError::Nonsense("inject").into()),
@@ -80,6 +107,10 @@ impl Session {
                 break;
             }
         }
-        Ok((taking, outcome, sent as usize))
+        let ended = match (outcome, fetched) {
+            (Ok(()), Some(factor)) => Ended::With(factor),
+            (outcome, _) => Ended::Early(outcome),
+        };
+        Ok((taking, ended, sent as usize))
     }
 }

@@ -8,9 +8,9 @@ mod ending;
 pub mod frames;
 mod inject;
 mod load_guard;
-mod restart;
 mod motion_guard;
 pub mod precision;
+mod restart;
 mod settings;
 pub mod sound;
 pub mod suspended;
@@ -25,8 +25,8 @@ use std::time::{Duration, Instant};
 use hexapod::MotionProgram;
 use rigident_shared::calibration::Reading;
 use rigident_shared::wire::{
-    Command, Identity, Kept, LinkReadingMessage, ModelSettings, ReadingMessage, Reason, Reply, Settings, StateName,
-    Telemetry,
+    Command, Identity, Kept, LinkReadingMessage, ModelSettings, ReadingMessage, Reason, Reply, Settings,
+    StateName, Telemetry,
 };
 
 pub use adaptive::{Director, Proposal};

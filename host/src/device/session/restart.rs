@@ -9,14 +9,16 @@ use super::{Session, SessionError};
 use crate::device::link::{LinkError, TakenFactor};
 
 /// A device that restarts more often during one recording has no supply to speak of.
-const MOST_RESTARTS: usize = 1000;
+const MOST_RESTARTS: usize = 10_000;
 
 impl SessionError {
-    /// Returns whether the device has restarted.
+    /// Returns whether the device may have restarted: whether it is idle again shows with the next hello.
     fn is_restart(&self) -> bool {
         match self {
             Self::Stopped { state: StateName::Idle, reason: Reason::Boot, .. } => true,
-            Self::Link(LinkError::Refused { code: ErrorCode::WrongState(StateName::Idle), .. }) => true,
+            Self::Link(LinkError::Refused { code, .. }) => {
+                matches!(code, ErrorCode::WrongState(StateName::Idle) | ErrorCode::NoEstimate)
+            }
             _ => false,
         }
     }
@@ -54,21 +56,36 @@ impl Session {
     ///
     /// # Errors
     /// What was wrong, if it was no restart; or that there were too many.
-    pub(super) fn go_on(&mut self, error: SessionError, taking: &mut Taking) -> Result<u32, SessionError> {
-        if !error.is_restart() || taking.restarts >= MOST_RESTARTS {
-            return Err(error);
-        }
-        taking.restarts += 1;
-        let next = match self.take_up(0)? {
-            Some((_, next)) => next,
-            None => {
-                let Some(settings) = self.settings.clone() else { return Err(error) };
-                self.configure(&settings)?;
-                0
+    pub(super) fn go_on(
+        &mut self,
+        mut error: SessionError,
+        taking: &mut Taking,
+    ) -> Result<u32, SessionError> {
+        while error.is_restart() && taking.restarts < MOST_RESTARTS {
+            taking.restarts += 1;
+            match self.begin_again() {
+                Ok(Some(next)) => return Ok(next),
+                Ok(None) => break,
+                // It may restart in the middle of this, too.
+                Err(again) => error = again.into(),
             }
-        };
+        }
+        Err(error)
+    }
+
+    /// Lets a device that restarted absorb again: the index of the reading that it expects next. `None`: it has not restarted.
+    fn begin_again(&mut self) -> Result<Option<u32>, LinkError> {
+        let held = self.take_up(0)?;
+        if held.is_none() && self.identity.state != StateName::Idle {
+            return Ok(None);
+        }
+        if held.is_none()
+            && let Some(settings) = self.settings.clone()
+        {
+            self.configure(&settings)?;
+        }
         self.start()?;
-        Ok(next)
+        Ok(Some(held.map_or(0, |(_, next)| next)))
     }
 
     /// Fetches what a device that restarted in the middle of an experiment still holds, and says what is lost. The readings that came
