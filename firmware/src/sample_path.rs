@@ -6,8 +6,10 @@
 use rigident_shared::alignment::{Aligner, AlignerConfig, ImuReading};
 use rigident_shared::calibration::{GaugeCalibration, Reading};
 use rigident_shared::consistency::Search;
+#[cfg(feature = "storage")]
+use rigident_shared::estimator::BODY;
 use rigident_shared::estimator::{
-    BODY, ChannelStatistics, ConfigError, Counters, Estimator, Outcome, TwoLinkReading,
+    ChannelStatistics, ConfigError, Counters, Estimator, Outcome, TwoLinkReading,
 };
 #[cfg(feature = "links")]
 use rigident_shared::estimator::{TwoLinkEstimator, two_links::PARAMETERS};
@@ -490,18 +492,17 @@ impl SamplePath {
         any!(&self.estimator, e => write(e.folded(), e.gram(), out))
     }
 
-    /// Starts anew with a factor of so many rows that [`Self::write_factor`] has written, and what had happened until then. False
-    /// if the bytes are none of this model's.
+    /// Starts a path that is newly set up with a factor of so many rows that [`Self::write_factor`] has written, and what had happened
+    /// until then. False if the bytes are none of this model's.
     #[cfg(feature = "storage")]
     #[inline(never)]
     pub(crate) fn restore(&mut self, bytes: &[u8], rows: u32, counters: &Counters) -> bool {
-        self.restart();
         let k = self.knock_limit;
         let mut numbers = bytes.chunks_exact(4).filter_map(|b| b.try_into().ok()).map(f32::from_le_bytes);
         any!(&mut self.estimator, e => {
-            let factor = e.folded().like(numbers.by_ref(), rows);
+            let factor = e.folded().like(&mut numbers, rows);
             let mut gram = Gram::ZERO;
-            gram.fill(numbers.by_ref());
+            gram.fill(&mut numbers);
             factor.is_some_and(|factor| e.restore(&factor, &gram, counters, k))
         })
     }

@@ -120,45 +120,41 @@ impl<'f, F: NorFlash> Journal<'f, F> {
     }
 
     /// Appends a record. If the journal is full the oldest sector is erased for it, if that is `allowed`.
+    #[inline(never)]
     pub(super) fn append(&mut self, record: &[u8], allowed: bool) -> Result<(), JournalError> {
         at_once(self.queue.push(record, allowed))
     }
 
     /// Bytes for further records, sectors that would have to be erased left out.
+    #[inline(never)]
     pub(super) fn room(&mut self) -> Result<u32, JournalError> {
         at_once(self.queue.space_left())
     }
 
     /// Erases all of it.
+    #[inline(never)]
     pub(super) fn erase(&mut self) -> Result<(), JournalError> {
         at_once(self.queue.erase_all())
     }
 
-    /// Shows every record, oldest first, in `buffer`. What is longer than the buffer is no record and left out.
+    /// Shows every record, oldest first, in `buffer`, until `show` has seen enough, which says so by false. What was shown last stays in
+    /// the buffer. Inlined where it is used, which is in one place: flash is dear.
+    #[inline(always)]
     pub(super) fn each(
         &mut self,
         buffer: &mut [u8],
-        mut show: impl FnMut(usize, &[u8]),
+        mut show: impl FnMut(usize, &[u8]) -> bool,
     ) -> Result<(), JournalError> {
         at_once(async {
             let mut entries = self.queue.iter().await?;
             let mut number = 0;
             while let Some(entry) = entries.next(buffer).await? {
-                show(number, &entry);
+                if !show(number, &entry) {
+                    break;
+                }
                 number += 1;
             }
             Ok(())
-        })
-    }
-
-    /// Leaves the record with this number in `buffer`; how long it is.
-    pub(super) fn fetch(&mut self, number: usize, buffer: &mut [u8]) -> Result<usize, JournalError> {
-        at_once(async {
-            let mut entries = self.queue.iter().await?;
-            for _ in 0..number {
-                entries.next(buffer).await?;
-            }
-            Ok(entries.next(buffer).await?.map_or(0, |entry| entry.len()))
         })
     }
 }

@@ -93,7 +93,7 @@ impl Keeping {
 
     /// Returns whether a run of this number is kept, and can be gone on with.
     pub(crate) fn has(&self, run: u32) -> bool {
-        matches!(self.kept, Kept::Run(kept) if kept.run == run)
+        cfg!(feature = "storage") && matches!(self.kept, Kept::Run(kept) if kept.run == run)
     }
 
     pub(crate) fn duty(&self) -> Duty {
@@ -113,6 +113,9 @@ impl Keeping {
 
     /// A run begins whose settings are to be kept.
     pub(crate) fn configured(&mut self, rate_hz: f32) {
+        if !cfg!(feature = "storage") {
+            return;
+        }
         self.stop();
         self.settings_are_new = true;
         (self.used, self.last) = (0, 0);
@@ -150,6 +153,9 @@ impl Keeping {
 
     /// Looks whether one is due after this many readings.
     pub(crate) fn note(&mut self, readings: u32) {
+        if !cfg!(feature = "storage") {
+            return;
+        }
         let doublings = self.used.checked_div(self.room / PARTS).unwrap_or(0).min(31);
         let every = self.every.saturating_mul(1 << doublings);
         if self.phase == Phase::Rest && every > 0 && readings.wrapping_sub(self.last) >= every {
@@ -159,7 +165,15 @@ impl Keeping {
 
     /// One is due now, if there is anything new.
     pub(crate) fn hurry(&mut self, readings: u32) {
-        if self.phase == Phase::Rest && readings != self.last {
+        if !cfg!(feature = "storage") {
+            return;
+        }
+        if readings == self.last {
+            return;
+        }
+        // One on its way would lack the last readings.
+        self.again();
+        if self.phase == Phase::Rest {
             self.make();
         }
     }
@@ -173,12 +187,12 @@ impl Keeping {
 
     /// Returns whether there is something to be done between samples.
     pub(crate) fn is_under_way(&self) -> bool {
-        matches!(self.phase, Phase::Due | Phase::Folding)
+        cfg!(feature = "storage") && matches!(self.phase, Phase::Due | Phase::Folding)
     }
 
     /// Returns whether the path's snapshot is needed.
     pub(crate) fn needs_snapshot(&self) -> bool {
-        matches!(self.phase, Phase::Folding | Phase::Ready)
+        cfg!(feature = "storage") && matches!(self.phase, Phase::Folding | Phase::Ready)
     }
 
     pub(crate) fn is_folding(&self) -> bool {

@@ -16,6 +16,7 @@
 
 #[cfg(feature = "storage")]
 mod journal;
+#[cfg_attr(not(feature = "storage"), allow(dead_code, reason = "without a store nothing is kept"))]
 mod keeping;
 #[cfg(feature = "storage")]
 pub mod record;

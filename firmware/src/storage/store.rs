@@ -122,24 +122,47 @@ impl<F: NorFlash> Store<F> {
     }
 
     fn find(&mut self) -> Result<Kept, StoreError> {
-        let writer = self.writer;
-        let mut kept = Kept::Nothing;
-        let mut journal = Journal::new(&mut self.flash, self.layout.settings.clone())?;
-        journal.each(&mut self.buffer, |_, bytes| {
-            kept = match record::open(bytes, RecordKind::Settings, writer) {
-                Ok(record) => Kept::Run(KeptRun { run: record.run, ..KeptRun::default() }),
-                Err(RecordError::OtherFirmware(hash)) => Kept::OtherFirmware { hash },
-                Err(RecordError::Damaged) => Kept::Damaged,
-            };
-        })?;
-        let Kept::Run(run) = &mut kept else { return Ok(kept) };
-        let mut journal = Journal::new(&mut self.flash, self.layout.checkpoints.clone())?;
-        journal.each(&mut self.buffer, |_, bytes| {
-            if let Some((head, _)) = checkpoint(bytes, writer, run.run) {
-                *run = KeptRun { checkpoints: run.checkpoints.saturating_add(1), ..told(run, &head) };
+        let found = self.scan(Wanted::Settings)?;
+        match found.kept {
+            Kept::Run(run) => Ok(self.scan(Wanted::Checkpoints(run.run))?.kept),
+            other => Ok(other),
+        }
+    }
+
+    /// Goes through a journal.
+    #[inline(never)]
+    fn scan(&mut self, wanted: Wanted) -> Result<Scan, StoreError> {
+        let Self { flash, layout, writer, buffer } = self;
+        let writer = *writer;
+        let (range, kept) = match wanted {
+            Wanted::Settings | Wanted::SettingsAt(_) => (layout.settings.clone(), Kept::Nothing),
+            Wanted::Checkpoints(run) => {
+                (layout.checkpoints.clone(), Kept::Run(KeptRun { run, ..KeptRun::default() }))
+            }
+            Wanted::CheckpointAt(_) => (layout.checkpoints.clone(), Kept::Nothing),
+        };
+        let mut scan = Scan { kept, last: None, length: 0 };
+        Journal::new(flash, range)?.each(buffer, |number, bytes| match wanted {
+            Wanted::Settings => {
+                (scan.kept, scan.last) = (kept_settings(bytes, writer), Some(number));
+                true
+            }
+            Wanted::Checkpoints(run) => {
+                if let (Some((head, _)), Kept::Run(kept)) = (checkpoint(bytes, writer, run), &mut scan.kept) {
+                    let checkpoints = kept.checkpoints.saturating_add(1);
+                    *kept = KeptRun { checkpoints, ..told(kept, &head) };
+                    scan.last = Some(number);
+                }
+                true
+            }
+            Wanted::SettingsAt(wanted) | Wanted::CheckpointAt(wanted) => {
+                if number == wanted {
+                    scan.length = bytes.len();
+                }
+                number < wanted
             }
         })?;
-        Ok(kept)
+        Ok(scan)
     }
 
     /// Begins a run with these settings: they are kept, with the number after that of the run before, and room is prepared for
@@ -219,13 +242,11 @@ impl<F: NorFlash> Store<F> {
     /// # Errors
     /// [`StoreError::NoSuchRun`] if the last run kept is another one.
     pub fn settings(&mut self, run: u32) -> Result<Settings, StoreError> {
-        let writer = self.writer;
-        let mut last = None;
-        let mut journal = Journal::new(&mut self.flash, self.layout.settings.clone())?;
-        journal.each(&mut self.buffer, |number, _| last = Some(number))?;
-        let length = journal.fetch(last.ok_or(StoreError::NoSuchRun)?, &mut self.buffer)?;
+        let last = self.scan(Wanted::Settings)?.last.ok_or(StoreError::NoSuchRun)?;
+        let length = self.scan(Wanted::SettingsAt(last))?.length;
         let bytes = self.buffer.get(..length).unwrap_or_default();
-        let record = record::open(bytes, RecordKind::Settings, writer).map_err(|_| StoreError::Damaged)?;
+        let record =
+            record::open(bytes, RecordKind::Settings, self.writer).map_err(|_| StoreError::Damaged)?;
         if record.run != run {
             return Err(StoreError::NoSuchRun);
         }
@@ -237,17 +258,41 @@ impl<F: NorFlash> Store<F> {
     /// # Errors
     /// [`StoreError`] says why it cannot be read.
     pub fn checkpoint(&mut self, run: u32) -> Result<Option<(CheckpointHead, &[u8])>, StoreError> {
+        let Some(last) = self.scan(Wanted::Checkpoints(run))?.last else { return Ok(None) };
+        let length = self.scan(Wanted::CheckpointAt(last))?.length;
         let writer = self.writer;
-        let mut last = None;
-        let mut journal = Journal::new(&mut self.flash, self.layout.checkpoints.clone())?;
-        journal.each(&mut self.buffer, |number, bytes| {
-            if checkpoint(bytes, writer, run).is_some() {
-                last = Some(number);
-            }
-        })?;
-        let Some(last) = last else { return Ok(None) };
-        let length = journal.fetch(last, &mut self.buffer)?;
         Ok(checkpoint(self.buffer.get(..length).unwrap_or_default(), writer, run))
+    }
+}
+
+/// Tells what a journal is gone through for.
+#[derive(Clone, Copy)]
+enum Wanted {
+    /// The last settings.
+    Settings,
+    /// The last checkpoint of this run.
+    Checkpoints(u32),
+    /// The record of settings with this number, in the buffer.
+    SettingsAt(usize),
+    /// Likewise a checkpoint.
+    CheckpointAt(usize),
+}
+
+/// Holds what was found.
+struct Scan {
+    kept: Kept,
+    /// Number of the last record that was wanted.
+    last: Option<usize>,
+    /// Bytes of the one that is in the buffer.
+    length: usize,
+}
+
+/// What a record of settings says.
+fn kept_settings(bytes: &[u8], writer: Writer) -> Kept {
+    match record::open(bytes, RecordKind::Settings, writer) {
+        Ok(record) => Kept::Run(KeptRun { run: record.run, ..KeptRun::default() }),
+        Err(RecordError::OtherFirmware(hash)) => Kept::OtherFirmware { hash },
+        Err(RecordError::Damaged) => Kept::Damaged,
     }
 }
 

@@ -26,6 +26,7 @@ impl<T: Scalar, const N: usize> Gram<T, N> {
     }
 
     /// Takes the upper triangle by rows, as far as there are numbers.
+    #[inline(never)]
     pub fn fill(&mut self, entries: impl IntoIterator<Item = T>) {
         let mut entries = entries.into_iter();
         for i in 0..N {

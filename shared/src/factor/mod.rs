@@ -238,6 +238,7 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
     }
 
     /// [`Self::from_entries`] of the first [`Self::ENTRIES`] of these numbers, for whoever knows `N` by a value alone.
+    #[inline(never)]
     pub fn like(&self, entries: impl IntoIterator<Item = T>, rows: u32) -> Option<Self> {
         Self::from_entries(entries.into_iter().take(Self::ENTRIES), rows)
     }

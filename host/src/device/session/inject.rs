@@ -70,9 +70,11 @@ impl Session {
         batch: impl Fn(u32) -> Command,
         observer: &mut dyn Observer,
     ) -> Result<(Taking, Ended, usize), SessionError> {
-        self.start()?;
         let mut taking = Taking::default();
         let mut sent = 0_u32;
+        if let Err(error) = self.start() {
+            sent = self.go_on(error.into(), &mut taking)?;
+        }
         let mut outcome = Ok(());
         let mut fetched = None;
         loop {
