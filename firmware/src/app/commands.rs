@@ -288,7 +288,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
 
 /// Rates at which the sensors are to be brought up for these settings; `None`: none are.
 pub(super) fn rates(settings: &Settings) -> Option<SensorRates> {
-    (settings.source == Source::Sensors && !is_tree(settings)).then(|| SensorRates {
+    (settings.source == Source::Sensors && !is_tree(settings)).then_some(SensorRates {
         load_cell_hz: settings.rate_hz,
         imu_hz: settings.imu.rate_hz,
         second_imu_hz: match &settings.model {

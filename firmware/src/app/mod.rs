@@ -42,12 +42,6 @@ const SILENT_NS: u64 = 250_000_000;
 /// Silence, of sensors or of the host, is looked for this often, ns.
 const LOOK_EVERY_NS: u64 = 5_000_000;
 
-/// CRC-32 of the sources of `firmware` and `shared`.
-pub const FIRMWARE_HASH: u32 = match u32::from_str_radix(env!("RIGIDENT_FIRMWARE_HASH"), 16) {
-    Ok(hash) => hash,
-    Err(_) => 0,
-};
-
 /// Rates at which the sensors are to be brought up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorRates {

@@ -13,8 +13,9 @@ use rigident_shared::wire::{
     SCHEMA_HASH,
 };
 
-use super::{App, FIRMWARE_HASH, HandOver};
+use super::{App, HandOver};
 use crate::Path;
+use crate::version::FIRMWARE_HASH;
 
 /// Version of the firmware.
 const VERSION: [u8; 3] = [

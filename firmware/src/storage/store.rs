@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::journal::{Guarded, Journal, JournalError};
 use super::record::{self, HEADER_BYTES, RECORD_BYTES, RecordError, RecordKind, Writer};
+use crate::version::FIRMWARE_HASH;
 
 /// Holds what stands before the factor's numbers in a checkpoint.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
@@ -92,7 +93,7 @@ impl<F: NorFlash> Store<F> {
         if !(fits(settings) && fits(checkpoints) && apart && words) {
             return Err(LayoutError);
         }
-        let writer = Writer { schema: SCHEMA, firmware: crate::FIRMWARE_HASH };
+        let writer = Writer { schema: SCHEMA, firmware: FIRMWARE_HASH };
         let flash = Guarded { flash, may_erase: false };
         Ok(Self { flash, layout, writer, buffer: [0; RECORD_BYTES] })
     }

@@ -1,13 +1,23 @@
 //! The flash as the firmware in this process reaches it: over the bus, as an emulated board does.
 
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash, check_erase, check_write,
 };
 use rigident_firmware::storage::{Layout, Store};
 use rigident_shared::wire::bus::{FLASH_DONE, FLASH_HEADER_BYTES, FlashOperation, FlashRequest};
 
-use super::in_process::{SharedBus, lock};
+use super::sensor_bus::SensorBus;
 use crate::flash::{SECTOR_BYTES, SECTORS, WORD_BYTES};
+
+/// A bus that the drivers and the poll share.
+pub(super) type SharedBus = Arc<Mutex<Box<dyn SensorBus>>>;
+
+/// The bus, also after a panic of another of its users: its state is whole between calls.
+pub(super) fn lock(bus: &SharedBus) -> MutexGuard<'_, Box<dyn SensorBus>> {
+    bus.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// Bytes in one request.
 const CHUNK: usize = 2048;

@@ -1,7 +1,7 @@
 //! The firmware compiled into this process.
 
 use std::io;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -11,7 +11,7 @@ use rigident_firmware::storage::Store;
 use rigident_firmware::{Buses, Event, Instrument, Path, Sensor};
 use rigident_shared::wire::bus::{self, PollAnswer};
 
-use super::bus_flash::{BusFlash, store};
+use super::bus_flash::{BusFlash, SharedBus, lock, store};
 use super::sensor_bus::{PacedRig, SensorBus};
 use super::{Mcu, Pacing};
 use crate::devices::Device;
@@ -26,14 +26,6 @@ pub struct InProcess {
     sensors: SharedBus,
     store: Option<Store<BusFlash>>,
     now_ns: u64,
-}
-
-/// A bus that the drivers and the poll share.
-pub(super) type SharedBus = Arc<Mutex<Box<dyn SensorBus>>>;
-
-/// The bus, also after a panic of another of its users: its state is whole between calls.
-pub(super) fn lock(bus: &SharedBus) -> MutexGuard<'_, Box<dyn SensorBus>> {
-    bus.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl InProcess {

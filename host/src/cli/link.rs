@@ -178,7 +178,11 @@ pub(super) fn info(arguments: &Info) -> Result<ExitCode, Failure> {
             say(format_args!("{what}: {value}"));
         }
         let mut lines = Vec::new();
-        in_words(&json!({ "state": identity.state, "reason": identity.reason }), "", &mut lines);
+        in_words(
+            &json!({ "state": identity.state, "reason": identity.reason, "kept": identity.kept }),
+            "",
+            &mut lines,
+        );
         in_words(&serde_json::to_value(counters).unwrap_or_default(), "", &mut lines);
         say(lines.join("\n"));
     }

@@ -155,7 +155,7 @@ impl Transport for Restarting {
             self.supply.until -= 1;
             if self.supply.until == 0 {
                 // Half of the cuts come in the middle of whatever the flash does next, the others before what the host says is heard.
-                if self.supply.random.next_u64() % 2 == 0 {
+                if self.supply.random.next_u64().is_multiple_of(2) {
                     let after = self.supply.random.next_u64() % 1500;
                     self.flash.lock().fail(FlashFault::PowerCut { after });
                     self.supply.until = 4 + self.supply.random.next_u64() % 40;
