@@ -27,17 +27,19 @@ use super::{Extent, Verdict};
 /// Readings in the recording.
 const READINGS: u32 = 4000;
 /// Cuts in one recording at most, and writes of the host from one to the next at most: a batch of sixteen readings is one.
-const CUTS_AT_MOST: usize = 50;
-const CUT_WITHIN: u64 = 48;
+const CUTS_AT_MOST: usize = 100;
+const CUT_WITHIN: u64 = 12;
+/// Recordings at the same time.
+const AT_ONCE: usize = 3;
 
 fn settings() -> Settings {
     Settings {
-        // A checkpoint every 200 readings.
-        rate_hz: 20.0,
+        // A checkpoint every 50 readings.
+        rate_hz: 5.0,
         source: Source::Injected,
         model: ModelSettings::Body,
         imu: ImuSettings {
-            rate_hz: 20.0,
+            rate_hz: 5.0,
             rotation_wxyz: [1.0, 0.0, 0.0, 0.0],
             position_m: [0.0; 3],
             accel_scale: [1.0; 3],
@@ -76,7 +78,7 @@ fn recording() -> Vec<Reading<f64>> {
             let f = a.map(|a| 2.0 * a);
             let wrench = [f[0], f[1], f[2], -0.1 * f[1], 0.1 * f[0], 0.0];
             Reading {
-                time_ns: u64::from(n) * 50_000_000,
+                time_ns: u64::from(n) * 200_000_000,
                 wrench: Wrench::from_array(wrench),
                 specific_force: SpecificForce::from_array(a),
                 angular_rate: AngularRate::from_array([0.0; 3]),
@@ -158,7 +160,7 @@ impl Transport for Restarting {
                 if self.supply.random.next_u64().is_multiple_of(2) {
                     let after = self.supply.random.next_u64() % 1500;
                     self.flash.lock().fail(FlashFault::PowerCut { after });
-                    self.supply.until = 4 + self.supply.random.next_u64() % 40;
+                    self.supply.until = 1 + self.supply.random.next_u64() % self.supply.within;
                 } else {
                     self.restart()?;
                 }
@@ -239,13 +241,29 @@ fn judged(place: Place, flash: &SharedFlash, supply: Supply) -> Result<(Verdict,
 pub fn power_cuts(place: Place, extent: Extent) -> Result<Verdict, String> {
     let (mut restarts, mut recordings, mut last) = (0, 0, None);
     while restarts < extent.restarts {
-        let cuts = (extent.restarts - restarts).min(CUTS_AT_MOST);
-        let supply = Supply::failing(cuts, CUT_WITHIN, recordings);
-        let (verdict, done) = judged(place, &SharedFlash::of_board(), supply)?;
-        if done == 0 {
+        // Both sides mostly wait for each other: several at once.
+        let left = extent.restarts - restarts;
+        let at_once = left.div_ceil(CUTS_AT_MOST).min(AT_ONCE);
+        let ended: Vec<_> = std::thread::scope(|scope| {
+            let begun: Vec<_> = (0..at_once)
+                .map(|k| {
+                    let supply = Supply::failing(left.min(CUTS_AT_MOST), CUT_WITHIN, recordings + k as u64);
+                    scope.spawn(move || judged(place, &SharedFlash::of_board(), supply))
+                })
+                .collect();
+            begun.into_iter().map(|thread| thread.join().map_err(|_| "a panic".to_owned())).collect()
+        });
+        let before = restarts;
+        for ended in ended {
+            let (verdict, done) = ended??;
+            (restarts, recordings, last) = (restarts + done, recordings + 1, Some(verdict));
+        }
+        if restarts == before {
             return Err("no cut came to pass".to_owned());
         }
-        (restarts, recordings, last) = (restarts + done, recordings + 1, Some(verdict));
+        if !extent.short {
+            eprintln!("    {restarts} cuts in {recordings} recordings so far");
+        }
     }
     let verdict = last.ok_or("nothing was cut")?;
     let words = format!(
