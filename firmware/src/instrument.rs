@@ -4,7 +4,7 @@ use core::ops::DerefMut;
 
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::SpiDevice;
-use rigident_shared::wire::{Reason, SensorFault, SettingName};
+use rigident_shared::wire::{ClockSource, Reason, ResetReason, SensorFault, SettingName};
 
 use crate::Path;
 use crate::app::{App, BringUpError, Sensor, SensorRates};
@@ -71,6 +71,16 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
     /// The application.
     pub fn app(&self) -> &App<P> {
         &self.app
+    }
+
+    /// Notes why the board started, and what its time comes from.
+    pub fn booted(&mut self, reset: ResetReason, clock: ClockSource) {
+        self.app.booted(reset, clock);
+    }
+
+    /// Counts samples that a sensor signalled and that the board could not keep.
+    pub fn on_lost(&mut self, sensor: Sensor, count: u32) {
+        self.app.on_lost(sensor, count);
     }
 
     /// Takes bytes from the host. Brings the sensors up when told to, which may take some tens of milliseconds.

@@ -1,7 +1,7 @@
 //! The portable application of the microcontroller.
 //!
 //! Lives here: the states and commands ([`App`]), what happens to every sample ([`sample_path`]) and frame ([`frame_path`]), the
-//! device's end of the line, the sensor drivers, and the [`Instrument`] that joins them. May not live here:
+//! device's end of the line, the sensor drivers, the ring that interrupts fill ([`capture`]), and the [`Instrument`] that joins them. May not live here:
 //! pins, clocks, interrupts, anything of one board (that is `firmware/boards`), or mathematics that the host
 //! needs too (that is `rigident_shared`).
 //!
@@ -9,6 +9,7 @@
 #![no_std]
 
 mod app;
+pub mod capture;
 pub mod drivers;
 mod estimate;
 pub mod frame_path;

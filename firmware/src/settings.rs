@@ -49,10 +49,13 @@ pub(crate) struct SampleConfiguration {
     pub(crate) memory: Option<MemoryConfig<f32>>,
 }
 
+// One piece of code for all of these, which are not in a hurry.
+#[inline(never)]
 fn all_finite(values: &[f32]) -> bool {
     values.iter().all(|v| v.is_finite())
 }
 
+#[inline(never)]
 fn positive(values: &[f32]) -> bool {
     values.iter().all(|v| v.is_finite() && *v > 0.0)
 }
@@ -191,6 +194,7 @@ fn second_link(
     Ok((model, second_aligner(first, imu.group_delay_ns, period_ns)))
 }
 
+#[inline(never)]
 fn mounting(imu: &ImuSettings) -> Result<ImuMounting<f32>, SettingName> {
     let rotation = Rotation::from_quaternion(imu.rotation_wxyz).ok_or(SettingName::ImuRotation)?;
     ensure(all_finite(&imu.position_m), SettingName::ImuPosition)?;

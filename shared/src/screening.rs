@@ -143,16 +143,15 @@ impl<T: Scalar, const C: usize> Screen<T, C> {
     /// together with its whole group: an axis may well be at rest.
     #[inline]
     pub fn check_values(&mut self, values: [T; C]) -> Result<(), Rejection> {
-        // Most readings are within all ranges and repeat nothing.
+        // Most readings are within all ranges and repeat nothing. Four at a time, which the compiler writes out.
+        let (fours, rest) = values.as_chunks::<4>();
+        let (highest, rest_highest) = self.highest.as_chunks::<4>();
+        let (last, rest_last) = self.last.as_chunks::<4>();
         let mut ordinary = self.seen && !self.some_equal;
-        for ((value, highest), last) in values.iter().zip(&self.highest).zip(&self.last) {
-            // A comparison with NaN is false.
-            if value.abs() < *highest && value != last {
-                continue;
-            }
-            ordinary = false;
-            break;
+        for ((values, highest), last) in fours.iter().zip(highest).zip(last) {
+            ordinary = ordinary && are_ordinary(values, highest, last);
         }
+        ordinary = ordinary && are_ordinary(rest, rest_highest, rest_last);
         if !ordinary {
             return self.judge(&values);
         }
@@ -179,6 +178,17 @@ impl<T: Scalar, const C: usize> Screen<T, C> {
         }
         verdict
     }
+}
+
+/// Returns whether every value is within its range and differs from the last one.
+#[inline(always)]
+fn are_ordinary<T: Scalar>(values: &[T], highest: &[T], last: &[T]) -> bool {
+    // A comparison with NaN is false.
+    values
+        .iter()
+        .zip(highest)
+        .zip(last)
+        .all(|((value, highest), last)| value.abs() < *highest && value != last)
 }
 
 /// What a screen of any number of channels knows: one piece of code judges them all.

@@ -1,16 +1,56 @@
-//! The verb `firmware`: builds the board's release binary.
+//! The verb `firmware`: builds a board's release binary.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 
-use crate::places::{self, FIRMWARE, TARGET};
+use crate::places::{
+    self, BOARD, FIRMWARE, KERNEL_BITS, PICO, PICO_FIRMWARE, PICO_TARGET, STM32, STM32_FIRMWARE, TARGET,
+};
 use crate::process;
 use crate::toolchain::{self, Core};
+
+/// A board.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Board {
+    /// QEMU's, with simulated sensors.
+    #[default]
+    #[value(name = "mps2-an386")]
+    Emulated,
+    /// Olimex or WeAct with an STM32F405.
+    #[value(name = "stm32f405")]
+    F405,
+    /// Nucleo-F446RE.
+    #[value(name = "stm32f446")]
+    F446,
+    /// BlackPill with an STM32F411.
+    #[value(name = "stm32f411")]
+    F411,
+    /// Raspberry Pi Pico 2: the link to the host alone.
+    #[value(name = "rp2350")]
+    Pico,
+}
+
+/// Boards that one can buy and wire.
+pub const BOUGHT: [Board; 3] = [Board::F405, Board::F446, Board::F411];
+
+impl Board {
+    /// Returns the feature of the board crate that is this chip.
+    fn feature(self) -> Option<&'static str> {
+        match self {
+            Self::Emulated | Self::F405 | Self::Pico => None,
+            Self::F446 => Some("f446"),
+            Self::F411 => Some("f411"),
+        }
+    }
+}
 
 /// What to build.
 #[derive(clap::Args, Clone, Default)]
 pub struct Options {
+    /// For which board.
+    #[arg(long, value_enum, default_value_t)]
+    pub board: Board,
     /// Features of the board crate, separated by commas.
     #[arg(long, value_delimiter = ',')]
     pub features: Vec<String>,
@@ -20,8 +60,28 @@ pub struct Options {
 pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     let core = toolchain::choose(core)?;
     let features: Vec<&str> = options.features.iter().map(String::as_str).collect();
-    println!("{}", build(core, &features)?.display());
+    println!("{}", build_for(options.board, core, &features)?.display());
     Ok(())
+}
+
+/// Builds a board's image. Without features those of the emulated board and of the STM32F405 also go where tests look for
+/// them.
+pub fn build_for(board: Board, core: Core, features: &[&str]) -> Result<PathBuf> {
+    if board == Board::Emulated {
+        return build(core, features);
+    }
+    if board == Board::Pico {
+        toolchain::have(core, PICO_TARGET)?;
+        let bits = build_in(core, (PICO, PICO_TARGET), KERNEL_BITS, &["an505"])?;
+        copy(&bits, &places::kernel_bits_elf())?;
+        return build_in(core, (PICO, PICO_TARGET), PICO_FIRMWARE, features);
+    }
+    let features: Vec<&str> = board.feature().into_iter().chain(features.iter().copied()).collect();
+    let elf = build_in(core, (STM32, TARGET), STM32_FIRMWARE, &features)?;
+    if features.is_empty() {
+        copy(&elf, &places::stm32_elf())?;
+    }
+    Ok(elf)
 }
 
 /// Builds the board's main binary. Without features it also goes where the simulator looks for it.
@@ -48,7 +108,11 @@ pub fn build_apart(core: Core) -> Result<PathBuf> {
 
 /// Builds one binary of the board crate with these features, or options of `cargo build`, and keeps its ELF where builds with other features do not replace it.
 pub fn build_binary(core: Core, binary: &str, features: &[&str]) -> Result<PathBuf> {
-    let mut command = toolchain::board_cargo(core, "build", &places::board());
+    build_in(core, (BOARD, TARGET), binary, features)
+}
+
+fn build_in(core: Core, (board, target): (&str, &str), binary: &str, features: &[&str]) -> Result<PathBuf> {
+    let mut command = toolchain::board_cargo_for(core, "build", &places::board_named(board), target);
     command.args(["--release", "--bin", binary]);
     let (options, features): (Vec<&str>, Vec<&str>) = features.iter().partition(|f| f.starts_with("--"));
     command.args(&options);
@@ -56,7 +120,7 @@ pub fn build_binary(core: Core, binary: &str, features: &[&str]) -> Result<PathB
         command.arg("--features").arg(features.join(","));
     }
     process::run(&mut command)?;
-    let built = toolchain::build_folder(core).join(TARGET).join("release").join(binary);
+    let built = toolchain::build_folder(core).join(target).join("release").join(binary);
     let mut name = format!("{binary}-{core}");
     for part in options.iter().map(|option| option.trim_start_matches('-')).chain(features) {
         name = format!("{name}-{part}");

@@ -10,6 +10,7 @@ mod elf;
 mod emulator;
 mod faults;
 mod firmware;
+mod flash;
 mod fuzz;
 mod goldens;
 mod picture;
@@ -44,8 +45,10 @@ struct Arguments {
 enum Verb {
     /// Install what is missing: emulator, target `core`, C++ compiler, cargo-fuzz, Python readers.
     Setup,
-    /// Build the firmware for the emulated board and print where the ELF is.
+    /// Build the firmware for the emulated board, or for another one, and print where the ELF is.
     Firmware(firmware::Options),
+    /// Build the firmware for a board and put it there: by a debug probe, or with --dfu over USB.
+    Flash(flash::Options),
     /// Install, build and test everything.
     Test(verify::Options),
     /// Flash, RAM and worst stack of the firmware, against the golden file.
@@ -90,6 +93,7 @@ fn run(verb: &Verb, core: Option<Core>) -> anyhow::Result<()> {
     match verb {
         Verb::Setup => setup::run(core),
         Verb::Firmware(options) => firmware::run(options, core),
+        Verb::Flash(options) => flash::run(options, core),
         Verb::Test(options) => verify::run(options, core),
         Verb::Size(options) => size::run(options, core),
         Verb::BenchTarget(options) => bench_target::run(options, core),

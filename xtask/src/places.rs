@@ -6,7 +6,19 @@ use std::path::{Path, PathBuf};
 pub const BOARD: &str = "mps2-an386";
 /// The board's main binary.
 pub const FIRMWARE: &str = "rigident-mps2-an386";
-/// The target triple of every board.
+/// Name of the folder of boards that one can buy.
+pub const STM32: &str = "stm32f405";
+/// Their binary.
+pub const STM32_FIRMWARE: &str = "rigident-stm32f405";
+/// Name of the Pico 2's folder.
+pub const PICO: &str = "rp2350";
+/// Its binary.
+pub const PICO_FIRMWARE: &str = "rigident-rp2350";
+/// Its binary for the emulated board with the same core.
+pub const KERNEL_BITS: &str = "kernel-bits";
+/// The target triple of its core.
+pub const PICO_TARGET: &str = "thumbv8m.main-none-eabihf";
+/// The target triple of the boards with a Cortex-M4F.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
 
 /// The project's folder.
@@ -16,12 +28,32 @@ pub fn root() -> &'static Path {
 
 /// The emulated board's folder, a workspace of its own.
 pub fn board() -> PathBuf {
-    root().join("firmware/boards").join(BOARD)
+    board_named(BOARD)
+}
+
+/// A board's folder by its name.
+pub fn board_named(name: &str) -> PathBuf {
+    root().join("firmware/boards").join(name)
+}
+
+/// Where cargo leaves a board's binary by itself.
+fn binary(board: &str, target: &str, name: &str) -> PathBuf {
+    board_named(board).join("target").join(target).join("release").join(name)
+}
+
+/// Where tests look for the image that is flashed.
+pub fn stm32_elf() -> PathBuf {
+    binary(STM32, TARGET, STM32_FIRMWARE)
 }
 
 /// Where the simulator looks for the firmware when it is not told.
 pub fn firmware_elf() -> PathBuf {
-    board().join("target").join(TARGET).join("release").join(FIRMWARE)
+    binary(BOARD, TARGET, FIRMWARE)
+}
+
+/// Where tests look for the check of the kernels on the Pico's core.
+pub fn kernel_bits_elf() -> PathBuf {
+    binary(PICO, PICO_TARGET, KERNEL_BITS)
 }
 
 /// The fuzz targets' folder, a workspace of its own.

@@ -27,6 +27,14 @@ struct Need {
 }
 
 const BOARD: Need = Need { word: "emulated", what: "firmware and qemu-system-arm: cargo xtask firmware" };
+const FLASHED: Need = Need {
+    word: "flashed_image",
+    what: "the STM32F405's image and qemu-system-arm: cargo xtask firmware --board stm32f405",
+};
+const SECOND_CORE: Need = Need {
+    word: "second_core",
+    what: "the kernels for a Cortex-M33 and qemu-system-arm: cargo xtask firmware --board rp2350",
+};
 const DATA: Need = Need { word: "shared_data", what: "the recordings and robots in ../shared/data" };
 const READER: Need = Need { word: "mcap_reader", what: "mcap and mcap-ros2-support in Python" };
 const PINOCCHIO: Need = Need { word: "live_pinocchio", what: "Pinocchio (the wheel pin) in Python" };
@@ -86,6 +94,8 @@ impl Surroundings {
             }
         };
         look(BOARD, firmware.is_some() && process::is_installed("qemu-system-arm"));
+        look(FLASHED, places::stm32_elf().is_file() && process::is_installed("qemu-system-arm"));
+        look(SECOND_CORE, places::kernel_bits_elf().is_file() && process::is_installed("qemu-system-arm"));
         look(DATA, places::root().join("../shared/data").is_dir());
         look(READER, setup::has_module(setup::MCAP_READER));
         look(PINOCCHIO, setup::has_module(setup::PINOCCHIO));
@@ -229,7 +239,8 @@ mod tests {
         let mut files = Vec::new();
         sources(places::root(), &mut files);
         let words =
-            [BOARD, DATA, READER, PINOCCHIO, ROBOTS, CLIENT, C3D, OPENSIM, BROWSER].map(|need| need.word);
+            [BOARD, FLASHED, SECOND_CORE, DATA, READER, PINOCCHIO, ROBOTS, CLIENT, C3D, OPENSIM, BROWSER]
+                .map(|need| need.word);
         let mut ignored = 0;
         for file in files {
             let text = std::fs::read_to_string(&file).unwrap();

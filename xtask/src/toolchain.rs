@@ -44,7 +44,7 @@ const RUSTUP_LIMIT: Duration = Duration::from_secs(60);
 pub fn choose(asked: Option<Core>) -> Result<Core> {
     let (core, why) = match asked {
         Some(Core::Rustup) => {
-            if !rustup_core_is_installed() && !add_by_rustup()? {
+            if !rustup_core_is_installed(TARGET) && !add_by_rustup(TARGET)? {
                 bail!("`rustup target add {TARGET}` failed; try without `--core rustup`");
             }
             (Core::Rustup, "it was asked for")
@@ -53,9 +53,11 @@ pub fn choose(asked: Option<Core>) -> Result<Core> {
             install_debian()?;
             (Core::Debian, "it was asked for")
         }
-        None if rustup_core_is_installed() => (Core::Rustup, "the compiler has it already"),
+        None if rustup_core_is_installed(TARGET) => (Core::Rustup, "the compiler has it already"),
         None if debian_is_installed() => (Core::Debian, "Debian's compiler is already here"),
-        None if process::is_installed("rustup") && add_by_rustup()? => (Core::Rustup, "rustup could add it"),
+        None if process::is_installed("rustup") && add_by_rustup(TARGET)? => {
+            (Core::Rustup, "rustup could add it")
+        }
         None => {
             install_debian()?;
             (Core::Debian, "rustup could not add it within a minute")
@@ -69,6 +71,11 @@ pub fn choose(asked: Option<Core>) -> Result<Core> {
 ///
 /// Each way has its own build folder, so that switching rebuilds nothing.
 pub fn board_cargo(core: Core, verb: &str, folder: &Path) -> Command {
+    board_cargo_for(core, verb, folder, TARGET)
+}
+
+/// The same for another target than that of the first boards; see [`have`].
+pub fn board_cargo_for(core: Core, verb: &str, folder: &Path, target: &str) -> Command {
     let mut command = match core {
         Core::Rustup => process::cargo(folder),
         // Through cargo, another toolchain's clippy would be found first.
@@ -76,14 +83,14 @@ pub fn board_cargo(core: Core, verb: &str, folder: &Path) -> Command {
         Core::Debian => process::command(DEBIAN_CARGO, folder),
     };
     command.arg(verb);
-    command.args(["--target", TARGET]);
+    command.args(["--target", target]);
     if core == Core::Debian {
         command
             .args(["-Zbuild-std=core,compiler_builtins", "-Zbuild-std-features=compiler-builtins-mem"])
             .env("RUSTC_BOOTSTRAP", "1")
             .env("CARGO", DEBIAN_CARGO)
             .env("RUSTC", DEBIAN_RUSTC)
-            .env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER", "ld.lld")
+            .env(format!("CARGO_TARGET_{}_LINKER", target.to_uppercase().replace(['-', '.'], "_")), "ld.lld")
             .env_remove("RUSTUP_TOOLCHAIN")
             .env_remove("LD_LIBRARY_PATH");
     }
@@ -91,25 +98,33 @@ pub fn board_cargo(core: Core, verb: &str, folder: &Path) -> Command {
     command
 }
 
+/// Makes sure that this way can build for another target: rustup downloads its `core`, Debian's compiler builds it.
+pub fn have(core: Core, target: &str) -> Result<()> {
+    if core == Core::Debian || rustup_core_is_installed(target) || add_by_rustup(target)? {
+        return Ok(());
+    }
+    bail!("`rustup target add {target}` failed; `--core debian` builds it from sources")
+}
+
 /// Where the board's builds go.
 pub fn build_folder(core: Core) -> PathBuf {
     places::own().join(format!("board-{core}"))
 }
 
-fn rustup_core_is_installed() -> bool {
+fn rustup_core_is_installed(target: &str) -> bool {
     let sysroot = process::output(process::command("rustc", places::root()).args(["--print", "sysroot"]));
     sysroot.is_ok_and(|sysroot| {
-        let folder = Path::new(sysroot.trim()).join("lib/rustlib").join(TARGET).join("lib");
+        let folder = Path::new(sysroot.trim()).join("lib/rustlib").join(target).join("lib");
         std::fs::read_dir(folder).is_ok_and(|mut files| {
             files.any(|file| file.is_ok_and(|f| f.file_name().to_string_lossy().starts_with("libcore-")))
         })
     })
 }
 
-fn add_by_rustup() -> Result<bool> {
+fn add_by_rustup(target: &str) -> Result<bool> {
     let mut command = process::command("rustup", places::root());
-    command.args(["target", "add", TARGET]);
-    Ok(process::run_bounded(&mut command, RUSTUP_LIMIT)? && rustup_core_is_installed())
+    command.args(["target", "add", target]);
+    Ok(process::run_bounded(&mut command, RUSTUP_LIMIT)? && rustup_core_is_installed(target))
 }
 
 fn debian_is_installed() -> bool {

@@ -52,6 +52,23 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
         steps.run("clippy, board", || {
             clippy_strictly(toolchain::board_cargo(core, "clippy", &places::board()).arg("--release"))
         });
+        for features in ["", "rtt"] {
+            steps.run(&format!("clippy, STM32 {features}"), || {
+                let folder = places::board_named(places::STM32);
+                let mut command = toolchain::board_cargo(core, "clippy", &folder);
+                clippy_strictly(command.args(["--release", "--features", features]))
+            });
+        }
+        for board in firmware::BOUGHT {
+            steps.run(&format!("firmware, {board:?}"), || firmware::build_for(board, core, &[]));
+        }
+        steps.run("clippy, RP2350", || {
+            toolchain::have(core, places::PICO_TARGET)?;
+            let folder = places::board_named(places::PICO);
+            let mut command = toolchain::board_cargo_for(core, "clippy", &folder, places::PICO_TARGET);
+            clippy_strictly(command.args(["--release", "--features", "an505"]))
+        });
+        steps.run("firmware, RP2350", || firmware::build_for(firmware::Board::Pico, core, &[]));
         steps.run("firmware", || firmware::build(core, &[]))
     });
     let here = steps.run("what tests need", || Surroundings::look(elf.as_deref())).unwrap_or_default();
@@ -107,6 +124,9 @@ fn formatting(steps: &mut Steps) {
     let workspaces = [
         ("host", places::root().to_owned(), host),
         ("board", places::board(), one),
+        ("STM32", places::board_named(places::STM32), one),
+        ("RP2350", places::board_named(places::PICO), one),
+        ("boards' common part", places::board_named("cortex-m"), one),
         ("fuzz targets", places::fuzz(), one),
     ];
     for (name, folder, arguments) in workspaces {

@@ -8,8 +8,14 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().to_owned()
 }
 
-/// The three workspaces.
-const MANIFESTS: [&str; 3] = ["Cargo.toml", "firmware/boards/mps2-an386/Cargo.toml", "fuzz/Cargo.toml"];
+/// The workspaces.
+const MANIFESTS: [&str; 5] = [
+    "Cargo.toml",
+    "firmware/boards/mps2-an386/Cargo.toml",
+    "firmware/boards/stm32f405/Cargo.toml",
+    "firmware/boards/rp2350/Cargo.toml",
+    "fuzz/Cargo.toml",
+];
 
 /// The packages of a workspace, its members alone or everything it builds on.
 fn packages(manifest: &str, scope: &[&str]) -> Vec<serde_json::Value> {
@@ -85,6 +91,51 @@ fn every_package_is_under_a_licence_we_can_ship() {
             assert!(is_acceptable(licence), "{} is under {licence}", package["name"]);
         }
     }
+}
+
+/// Pins of the board crate: name, then port and number.
+fn pins_of_the_board() -> BTreeSet<(String, String)> {
+    let text = std::fs::read_to_string(root().join("firmware/boards/stm32f405/src/pins.rs")).unwrap();
+    text.lines()
+        .filter_map(|line| line.strip_prefix("pub const ")?.split_once(": Pin = Pin::"))
+        .map(|(name, pin)| {
+            let (port, number) = pin.strip_suffix(");").unwrap().split_once('(').unwrap();
+            (name.to_owned(), format!("P{}{number}", port.to_uppercase()))
+        })
+        .collect()
+}
+
+#[test]
+fn the_wiring_page_and_its_drawing_have_the_pins_of_the_board() {
+    let pins = pins_of_the_board();
+    assert_eq!(pins.len(), 11);
+    let page = std::fs::read_to_string(root().join("docs/wiring.md")).unwrap();
+    let table: BTreeSet<(String, String)> = page
+        .lines()
+        .filter_map(|line| line.strip_prefix("| P")?.split_once(" | `"))
+        .map(|(pin, rest)| (rest.split_once('`').unwrap().0.to_owned(), format!("P{pin}")))
+        .collect();
+    assert_eq!(table, pins);
+    let drawing = std::fs::read_to_string(root().join("docs/images/wiring.svg")).unwrap();
+    for (name, pin) in &pins {
+        assert!(
+            drawing.contains(&format!(">{pin}<")) || drawing.contains(&format!(">{pin} ")),
+            "{pin} {name}"
+        );
+    }
+    let different: BTreeSet<&String> = pins.iter().map(|(_, pin)| pin).collect();
+    assert_eq!(different.len(), pins.len(), "two names for one pin");
+}
+
+/// Parts add up to what the page says, and to what was promised.
+#[test]
+fn the_parts_of_the_wiring_page_cost_less_than_200() {
+    let page = std::fs::read_to_string(root().join("docs/wiring.md")).unwrap();
+    let table = page.split("| part |").nth(1).unwrap().split("\n\n").next().unwrap();
+    let price = |line: &str| line.rsplit('|').nth(1).and_then(|cell| cell.trim().parse::<u32>().ok());
+    let (all, parts): (Vec<&str>, Vec<&str>) = table.lines().partition(|line| line.contains("in all"));
+    let sum: u32 = parts.iter().filter_map(|line| price(line)).sum();
+    assert!(all[0].contains(&format!("**{sum}**")) && sum < 200, "{sum}: {}", all[0]);
 }
 
 #[test]

@@ -22,8 +22,8 @@ use core::ops::DerefMut;
 
 use heapless::Vec;
 use rigident_shared::wire::{
-    Decoder, LINK_BATCH, LinkReadingMessage, ModelSettings, ReadingMessage, Reason, STREAM_BATCH,
-    SensorFault, SettingName, Settings, Source, StateName, Telemetry,
+    ClockSource, Decoder, LINK_BATCH, LinkReadingMessage, ModelSettings, ReadingMessage, Reason, ResetReason,
+    STREAM_BATCH, SensorFault, SettingName, Settings, Source, StateName, Telemetry,
 };
 
 use crate::Path;
@@ -147,6 +147,8 @@ struct SensorErrors {
     clipped_gauges: u8,
     imu: u32,
     second_imu: u32,
+    /// Of load cell, IMU and second IMU.
+    lost: [u32; 3],
     frames_damaged: u32,
     frames_missing: u32,
     /// Number of the frame expected next.
@@ -191,6 +193,8 @@ enum HandOver {
 /// The application. `P` says where its estimator stands: a `&'static mut Path`, say, or a `Box<Path>`.
 pub struct App<P> {
     board: [u8; 16],
+    /// Why it started, and what its time comes from.
+    boot: (ResetReason, ClockSource),
     state: StateName,
     reason: Reason,
     settings: Option<Settings>,
@@ -225,6 +229,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
         }
         Self {
             board: name,
+            boot: Default::default(),
             state: StateName::Idle,
             reason: Reason::Boot,
             settings: None,
@@ -250,6 +255,11 @@ impl<P: DerefMut<Target = Path>> App<P> {
         }
     }
 
+    /// Notes why the board started, and what its time comes from, for the host to be told.
+    pub fn booted(&mut self, reset: ResetReason, clock: ClockSource) {
+        self.boot = (reset, clock);
+    }
+
     /// The state, and why it is that.
     pub fn state(&self) -> (StateName, Reason) {
         (self.state, self.reason)
@@ -260,6 +270,13 @@ impl<P: DerefMut<Target = Path>> App<P> {
     pub fn listens(&self) -> bool {
         !matches!(self.state, StateName::Idle | StateName::Fault)
             && self.settings.as_ref().is_some_and(|settings| settings.source == Source::Sensors)
+    }
+
+    /// Tells whose samples are wanted: of load cell, IMU and second IMU.
+    pub fn wanted(&self) -> [bool; 3] {
+        let [load_cell, imu, second, _] = self.duty.sensors;
+        let listens = self.listens();
+        [load_cell, imu, second].map(|used| used && listens)
     }
 
     /// Moves the clock and does what time alone asks for. Time never runs backwards.

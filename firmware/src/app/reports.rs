@@ -39,6 +39,8 @@ impl<P: DerefMut<Target = Path>> App<P> {
             firmware_version: VERSION,
             firmware_hash: FIRMWARE_HASH,
             board: self.board,
+            reset: self.boot.0,
+            clock: self.boot.1,
             state: self.state,
             reason: self.reason,
             kept: self.keeping.kept(),
@@ -53,6 +55,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
             clipped_gauges: self.errors.clipped_gauges,
             imu_errors: self.errors.imu,
             second_imu_errors: self.errors.second_imu,
+            lost: self.errors.lost,
             bad_frames: self.bad_frames,
             telemetry_dropped: self.link.telemetry_dropped(),
             ..CounterReport::default()

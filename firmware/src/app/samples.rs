@@ -97,6 +97,13 @@ impl<P: DerefMut<Target = Path>> App<P> {
         }
     }
 
+    /// Counts samples that a sensor signalled and that the board could not keep.
+    pub fn on_lost(&mut self, sensor: Sensor, count: u32) {
+        if let (true, Some(lost)) = (self.listens(), self.errors.lost.get_mut(sensor as usize)) {
+            *lost = lost.saturating_add(count);
+        }
+    }
+
     /// Notes a sample that could not be had. Ten in a row, or a fault that does not pass, end in `Fault`.
     #[cold]
     #[inline(never)]

@@ -17,7 +17,10 @@ use embedded_hal::spi::SpiDevice;
 
 const WORD: usize = 3;
 const CHANNELS: usize = 8;
-const FRAME: usize = WORD * (1 + CHANNELS + 1);
+/// Bytes of a frame.
+pub const FRAME: usize = WORD * (1 + CHANNELS + 1);
+/// The frame that reads a sample: whoever reads one for the driver sends this.
+pub const READ: [u8; FRAME] = command(NULL);
 
 const CRC16: Crc<u16> = Crc::<u16>::new(&CRC_16_IBM_3740);
 
@@ -172,7 +175,7 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
     /// A CRC that does not fit (counted), a restart of the converter, a command that it refused, the bus.
     #[inline]
     pub fn read_frame(&mut self) -> Result<AdcFrame, AdcError<SPI::Error>> {
-        let mut bytes = command(NULL);
+        let mut bytes = READ;
         self.frame(&mut bytes)?;
         let [words @ .., _] = words(&bytes);
         let [status, channels @ ..] = words;
@@ -242,11 +245,11 @@ fn oversampling_code(rate_hz: u32) -> Option<u16> {
 }
 
 /// A frame with one command word and its CRC.
-fn command(word: u16) -> [u8; FRAME] {
+const fn command(word: u16) -> [u8; FRAME] {
     let mut frame = [0; FRAME];
-    put(&mut frame, 0, word);
-    let check = CRC16.checksum(frame.first_chunk::<WORD>().unwrap_or(&[0; WORD]));
-    put(&mut frame, 1, check);
+    let [a, b] = word.to_be_bytes();
+    let [c, d] = CRC16.checksum(&[a, b, 0]).to_be_bytes();
+    [frame[0], frame[1], frame[3], frame[4]] = [a, b, c, d];
     frame
 }
 

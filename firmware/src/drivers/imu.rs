@@ -23,7 +23,26 @@ const FLUSH_FIFO: [u8; 2] = [0x4b, 1 << 1];
 /// The gyro has to be on for 45 ms before it is used or switched off again.
 const START_UP_MS: u32 = 50;
 /// Packets in a full FIFO: 2 KiB of 20 bytes.
-const FIFO_PACKETS: usize = 102;
+pub const FIFO_PACKETS: u8 = 102;
+/// Bytes of a packet.
+const PACKET: u16 = 20;
+/// What the published driver sends for a sample, and whoever reads one for it: read from INT_STATUS on, which is followed by
+/// the FIFO's count and its oldest packet.
+pub const READ: [u8; 24] = {
+    let mut request = [0; 24];
+    request[0] = 0x80 | 0x2d;
+    request
+};
+/// INT_STATUS: the FIFO was full.
+const FIFO_FULL: u8 = 1 << 1;
+
+/// Returns whether the FIFO held more than the packet that was read, by what [`READ`] brought. A full one is left to the
+/// driver, which empties it.
+pub fn holds_more(read: &[u8]) -> bool {
+    let [_, status, high, low, ..] = read else { return false };
+    let count = u16::from_be_bytes([*high, *low]);
+    status & FIFO_FULL == 0 && count > PACKET && count != u16::MAX
+}
 
 /// Tells what went wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,9 +1,11 @@
 //! The simulated rig from outside: `cargo test --release -p rigident-sim --test integration NAME`.
 
+mod board_timing;
 mod drivers;
 mod hexapod;
 mod independence;
 mod instrument;
+mod kernel_bits;
 mod power_cuts;
 mod runner;
 mod serve;

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use super::Failure;
 use crate::fit::COVERAGE_95;
-use crate::joint_offsets::faults::{Fault, faults, too_large};
+use crate::joint_offsets::faults::{Contradiction, Fault, contradiction};
 use crate::joint_offsets::result::{Answer, Coarsest, Offset};
 use crate::joint_offsets::{Pose, Setup};
 use crate::present::joint_offsets::with_unit;
@@ -12,47 +12,38 @@ use crate::present::text::{NOT_IDENTIFIED, counted, significant};
 
 /// What is left may be so much more than the stated noise explains before it is said, a ratio of variances.
 const NOISIER: f64 = 1.5;
-/// With more left than this, a ratio of variances, nothing is believed: noise twice what is stated.
-const NOT_NOISE: f64 = 4.0;
 
 /// Refuses poses that contradict each other, with the fault that explains them if there is one.
 ///
 /// # Errors
 /// Says what is wrong, and what to do.
 pub(super) fn believed(setup: &Setup, poses: &[Pose], answer: &Answer) -> Result<(), Failure> {
-    let refuse = |why: String| Err(Failure::input(why));
-    let found = faults(setup, poses, answer).map_err(Failure::input)?;
-    if let Some(likeliest) = found.first() {
-        let others: Vec<String> = found.iter().skip(1).map(|fault| format!("\n  or {fault}")).collect();
-        // A joint that counts the other way is as well one whose axis is.
-        let more = match likeliest {
-            Fault::Sign(_) => " (or turn the axis in the model)",
-            _ => "",
-        };
-        return refuse(format!(
-            "these poses contradict the model, unless {likeliest}{more}{}",
-            others.concat()
-        ));
-    }
-    if let Some((joint, offset)) = too_large(setup, answer) {
-        return refuse(format!(
+    let Some(why) = contradiction(setup, poses, answer).map_err(Failure::input)? else { return Ok(()) };
+    Err(Failure::input(match why {
+        Contradiction::Faults(found) => {
+            let words = |(k, fault): (usize, &Fault)| match (k, fault) {
+                // A joint that counts the other way is as well one whose axis is.
+                (0, Fault::Sign(_)) => format!("{fault} (or turn the axis in the model)"),
+                (0, _) => fault.to_string(),
+                _ => format!("\n  or {fault}"),
+            };
+            let all: String = found.iter().enumerate().map(words).collect();
+            format!("these poses contradict the model, unless {all}")
+        }
+        Contradiction::TooLarge(joint, offset) => format!(
             "the offset of {joint} would be {}°, and no zero is set so badly: does the joint count the other way, from another zero, or \
              is the IMU turned on its link?",
             significant(offset.to_degrees(), 2)
-        ));
-    }
-    if answer.variance_ratio > NOT_NOISE {
-        let times = answer.variance_ratio.sqrt();
-        return refuse(format!(
+        ),
+        Contradiction::NotNoise => format!(
             "what is left is {} times what the stated noise explains (attitudes {}°, contacts {} mm), and no single fault explains it: are \
              the soles flat on one plane in these poses, are their corners and the lengths of links right? If the noise is so large, \
              state it by --attitude-noise-deg and --height-noise-mm",
-            significant(times, 2),
+            significant(answer.variance_ratio.sqrt(), 2),
             significant(answer.attitude_rms.to_degrees(), 2),
             significant(1e3 * answer.height_rms, 2)
-        ));
-    }
-    Ok(())
+        ),
+    }))
 }
 
 /// Returns a limit or an uncertainty with its unit.

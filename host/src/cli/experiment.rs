@@ -10,7 +10,8 @@ use hexapod::experiment::SHORTEST_S;
 use rigident_shared::forgetting::Span;
 use rigident_shared::screening::CHANNEL_NAMES;
 use rigident_shared::wire::{
-    Consistency, EstimateReport, Identity, LinkReadingMessage, ReadingMessage, Reason, StopRule,
+    ClockSource, Consistency, EstimateReport, Identity, LinkReadingMessage, ReadingMessage, Reason,
+    ResetReason, StopRule,
 };
 
 use super::arguments::Output;
@@ -206,6 +207,43 @@ pub(super) fn device_notes(identity: &Identity) -> Vec<(String, String)> {
     ]
 }
 
+/// What the device said of its start.
+pub(super) fn boot_notes(identity: &Identity) -> [(&'static str, &'static str); 2] {
+    [("Started by", started_by(identity.reset)), ("Time from", time_from(identity.clock))]
+}
+
+/// What is to be said of a device whose times are not those of a crystal.
+fn doubtful_clock(clock: ClockSource) -> Option<String> {
+    matches!(clock, ClockSource::Internal | ClockSource::Slow)
+        .then(|| format!("the device takes its time from {}", time_from(clock)))
+}
+
+fn started_by(reset: ResetReason) -> &'static str {
+    match reset {
+        ResetReason::PowerOn => "power coming on",
+        ResetReason::BrownOut => "a supply that sagged: look at its cable and what else hangs on it",
+        ResetReason::Pin => "the reset pin",
+        ResetReason::Software => "its own program",
+        ResetReason::Watchdog => "its watchdog, because the program had stopped",
+        ResetReason::Panic => "a panic of its program",
+        ResetReason::Fault => "a fault of its processor",
+        ResetReason::ClockLost => "the loss of its crystal",
+        ResetReason::Unknown => "something that it does not tell",
+    }
+}
+
+fn time_from(clock: ClockSource) -> &'static str {
+    match clock {
+        ClockSource::Simulated => "the simulator",
+        ClockSource::Crystal => "a crystal",
+        ClockSource::Internal => {
+            "the chip's own oscillator, because the crystal does not start: off by up to 1 %"
+        }
+        ClockSource::Slow => "the chip's own oscillator, unmultiplied: the board is too slow for its sensors",
+        ClockSource::Emulated => "the emulator",
+    }
+}
+
 /// Returns true if the device said that its stop criterion is reached.
 fn was_reached(take: &Take) -> bool {
     take.states.iter().any(|(_, reason)| *reason == Reason::StopRule)
@@ -227,6 +265,12 @@ fn noticed(take: &Take, seconds: f64) -> Vec<String> {
         ),
         (counters.imu_errors, sample, samples, "of the IMU could not be read"),
         (counters.second_imu_errors, sample, samples, "of the second link's IMU could not be read"),
+        (
+            counters.lost.iter().fold(0, |sum, lost| lost.saturating_add(sum)),
+            sample,
+            samples,
+            "of the sensors came when the board had no room",
+        ),
         (counters.gaps, "gap", "gaps", "in time; the filter started anew after it"),
         (
             counters.telemetry_dropped,
@@ -306,6 +350,7 @@ impl Experiment<'_> {
         }
         let seconds = self.loaded.origin(self.mcu).duration_s.unwrap_or(0.0);
         warnings.extend(noticed(&take, seconds));
+        warnings.extend(doubtful_clock(self.identity.clock));
         if take.levels > 0 {
             let times = counted(take.levels as usize, "time", "times");
             tell!("a level of the factor was taken from the device {times} and merged here");

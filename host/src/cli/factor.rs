@@ -1,5 +1,5 @@
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -11,8 +11,9 @@ use super::recorded::{is_recording, is_rig_file};
 use super::run_report::RunReport;
 use super::{Failure, Folder, Stages};
 use crate::answer::Source;
-use crate::fit::pool::{PooledFactor, disagreement_in_words};
+use crate::fit::pool::{PoolError, PooledFactor, disagreement_in_words};
 use crate::fit::tare::Tare;
+use crate::fit::union::{Union, union, union_of_files};
 use crate::fit::{Fit, Kind, Parameter};
 use crate::present;
 use crate::problem::ProblemOptions;
@@ -52,8 +53,43 @@ pub(super) fn make(arguments: &MakeFactor) -> Result<ExitCode, Failure> {
 /// `rigident merge`
 pub(super) fn merge(arguments: &Merge) -> Result<ExitCode, Failure> {
     absent(&arguments.output)?;
-    let factors = arguments.factors.iter().map(|path| read(path)).collect::<Result<Vec<_>, _>>()?;
-    write(factors, arguments.shared_offset, arguments.force, &arguments.output)
+    let mut files = arguments.factors.clone();
+    if let Some(list) = &arguments.from {
+        files.extend(listed(list)?);
+    }
+    let shared = arguments.shared_offset;
+    let (runs, all) = if present::merged::is_shown(files.len()) {
+        let runs = files.iter().map(|path| read(path)).collect::<Result<Vec<_>, _>>()?;
+        (runs.clone(), union(runs, shared))
+    } else {
+        let stages = Stages::new("merging");
+        let done = |read: usize, of: usize| stages.at("reading", read as f64 / of as f64);
+        (Vec::new(), union_of_files(&files, shared, &done))
+    };
+    let Union { factor, repeated } = all.map_err(refused)?;
+    if repeated > 0 {
+        tell!("rigident: {repeated} of {} factors are left out: their recordings are in others", files.len());
+    }
+    write_pooled(&factor, &runs, shared, arguments.force, &arguments.output)
+}
+
+/// Returns the paths that stand in a list, one a line; `-` is standard input.
+fn listed(list: &Path) -> Result<Vec<PathBuf>, Failure> {
+    let refuse = |why: &dyn std::fmt::Display| {
+        Failure::input(format!("--from {}: cannot be read: {why}", list.display()))
+    };
+    let text = if list.as_os_str() == "-" {
+        std::io::read_to_string(std::io::stdin())
+    } else {
+        std::fs::read_to_string(list)
+    }
+    .map_err(|error| refuse(&error))?;
+    let files: Vec<PathBuf> =
+        text.lines().map(str::trim).filter(|line| !line.is_empty()).map(PathBuf::from).collect();
+    if files.is_empty() {
+        return Err(Failure::input(format!("--from {}: there is no path in it", list.display())));
+    }
+    Ok(files)
 }
 
 /// `rigident solve`
@@ -203,13 +239,21 @@ pub(super) fn bare(
 
 /// Reads a factor file.
 fn read(path: &Path) -> Result<PooledFactor, Failure> {
-    PooledFactor::read(path).map_err(|error| match extension(path).as_str() {
+    PooledFactor::read(path).map_err(refused)
+}
+
+/// Says why factors are not read or merged, and what to do with a file that is a recording by its name.
+fn refused(error: PoolError) -> Failure {
+    let name = match &error {
+        PoolError::File { name, .. } | PoolError::Access { name, .. } => name.as_str(),
+        _ => "",
+    };
+    match extension(Path::new(name)).as_str() {
         "csv" | "mcap" => Failure::input(format!(
-            "{error}; it is a recording by its name: `rigident factor {} -o NEW.factor` makes one of it",
-            path.display()
+            "{error}; it is a recording by its name: `rigident factor {name} -o NEW.factor` makes one of it"
         )),
         _ => Failure::input(error),
-    })
+    }
 }
 
 /// Returns the factor of a recording, which keeps what its checks found, notes on the way, and the fit.
@@ -243,6 +287,17 @@ fn write(
 ) -> Result<ExitCode, Failure> {
     let runs = if present::merged::is_shown(factors.len()) { factors.clone() } else { Vec::new() };
     let pooled = PooledFactor::merged(factors, shared_offset).map_err(Failure::input)?;
+    write_pooled(&pooled, &runs, shared_offset, force, output)
+}
+
+/// Writes a merged factor, and shows what merging gained over its runs, if they are given.
+fn write_pooled(
+    pooled: &PooledFactor,
+    runs: &[PooledFactor],
+    shared_offset: bool,
+    force: bool,
+    output: &Path,
+) -> Result<ExitCode, Failure> {
     if let Some(ratio) = pooled.unexplained_disagreement() {
         if ratio.sqrt() > FOREIGN && !force {
             return Err(Failure::input(format!(
@@ -260,7 +315,7 @@ fn write(
         tell!("rigident: {warning}");
     }
     pooled.write(output).map_err(Failure::input)?;
-    if let Some(table) = present::merged::table(&runs, &pooled) {
+    if let Some(table) = present::merged::table(runs, pooled) {
         say(table.trim_end());
     }
     say(format_args!(

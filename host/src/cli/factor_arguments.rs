@@ -50,14 +50,19 @@ pub struct MakeFactor {
 /// `rigident merge`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "The order does not matter. Factors of the same recording, of other models or units, and of other bodies are refused.\n\n\
+    after_help = "The order does not matter, and a factor whose recordings are all in others is left out and counted, so that a part of the work \
+                  may be done again. Factors that have some recordings in common, of other models or units, and of other bodies are \
+                  refused.\n\n\
                   Examples:\n  rigident merge monday.factor tuesday.factor -o bracket.factor\n  rigident merge a.factor b.factor \
-                  --shared-offset -o both.factor"
+                  --shared-offset -o both.factor\n  find runs -name '*.factor' | rigident merge --from - -o all.factor"
 )]
 pub struct Merge {
     /// The factors
-    #[arg(required = true, value_name = "F")]
+    #[arg(required_unless_present = "from", value_name = "F")]
     pub factors: Vec<PathBuf>,
+    /// A text with the paths of more factors, one a line, relative to the working directory; `-`: standard input
+    #[arg(long, value_name = "LIST")]
+    pub from: Option<PathBuf>,
     /// The file to write; must not exist
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,

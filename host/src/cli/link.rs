@@ -6,7 +6,7 @@ use serialport::{SerialPortInfo, SerialPortType};
 
 use super::Failure;
 use super::arguments::{Configure, Info, Ports};
-use super::experiment::device_notes;
+use super::experiment::{boot_notes, device_notes};
 use super::outcome::say;
 use crate::device::link::{Client, LinkError, SerialTransport};
 use crate::device::session::two_links::{attitude_source, two_link_settings};
@@ -175,6 +175,9 @@ pub(super) fn info(arguments: &Info) -> Result<ExitCode, Failure> {
         say(format_args!("{object}"));
     } else {
         for (what, value) in device_notes(&identity) {
+            say(format_args!("{what}: {value}"));
+        }
+        for (what, value) in boot_notes(&identity) {
             say(format_args!("{what}: {value}"));
         }
         let mut lines = Vec::new();

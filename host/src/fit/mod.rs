@@ -47,6 +47,7 @@ mod signal_noise;
 mod source;
 mod standard;
 pub mod tare;
+pub mod union;
 mod variance_components;
 mod weighing;
 mod whitening;

@@ -41,6 +41,8 @@ const CHANCE: f64 = 1e-3;
 const WIDE_RAD: f64 = 0.175;
 /// An offset above this, rad, is none (30°).
 const LARGEST_RAD: f64 = 0.52;
+/// With more left than this, a ratio of variances, nothing is believed: noise twice what is stated.
+const NOT_NOISE: f64 = 4.0;
 /// Directions below this share of the best known one are rounding.
 const ROUNDING: f64 = 1e-9;
 
@@ -146,11 +148,41 @@ impl fmt::Display for Fault {
     }
 }
 
+/// Why the answer of poses is not to be believed.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Contradiction {
+    /// They contradict the model unless there is one of these faults, the likeliest first.
+    Faults(Vec<Fault>),
+    /// The offset of a joint is too large to be one, rad.
+    TooLarge(String, f64),
+    /// What is left is not the stated noise, and no single fault explains it.
+    NotNoise,
+}
+
+/// Returns why the answer of poses is not to be believed; `None` if it is.
+///
+/// # Errors
+/// As [`super::search::find`].
+pub fn contradiction(
+    setup: &Setup,
+    poses: &[Pose],
+    answer: &Answer,
+) -> Result<Option<Contradiction>, String> {
+    let found = faults(setup, poses, answer)?;
+    Ok(if !found.is_empty() {
+        Some(Contradiction::Faults(found))
+    } else if let Some((joint, offset)) = too_large(setup, answer) {
+        Some(Contradiction::TooLarge(joint, offset))
+    } else {
+        (answer.variance_ratio > NOT_NOISE).then_some(Contradiction::NotNoise)
+    })
+}
+
 /// Returns what may be wrong with poses that were answered for: nothing, or the faults that explain them best, the likeliest first.
 ///
 /// # Errors
 /// As [`super::search::find`].
-pub fn faults(setup: &Setup, poses: &[Pose], answer: &Answer) -> Result<Vec<Fault>, String> {
+fn faults(setup: &Setup, poses: &[Pose], answer: &Answer) -> Result<Vec<Fault>, String> {
     let every = poses.len().div_ceil(POSES).max(1);
     let some: Vec<Pose> = poses.iter().step_by(every).cloned().collect();
     let plain = fitted(setup, &some)?;
@@ -183,7 +215,7 @@ pub fn faults(setup: &Setup, poses: &[Pose], answer: &Answer) -> Result<Vec<Faul
 }
 
 /// Returns the joint whose offset is too large to be one, with that, rad.
-pub fn too_large(setup: &Setup, answer: &Answer) -> Option<(String, f64)> {
+fn too_large(setup: &Setup, answer: &Answer) -> Option<(String, f64)> {
     let all = setup.asked_names().into_iter().zip(&answer.state.shared.offsets).zip(&answer.offsets);
     all.filter(|((_, offset), own)| !own.slides && offset.abs() > LARGEST_RAD)
         .max_by(|a, b| a.0.1.abs().total_cmp(&b.0.1.abs()))

@@ -20,6 +20,7 @@ mod examples;
 mod factors;
 mod failures;
 mod fitting;
+mod flashed_image;
 mod forgetting;
 mod knocks;
 mod known;

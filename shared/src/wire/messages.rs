@@ -453,6 +453,10 @@ pub struct Identity {
     pub firmware_hash: u32,
     /// The board, in ASCII, padded with zeros.
     pub board: [u8; 16],
+    /// Tells why the device started.
+    pub reset: ResetReason,
+    /// Tells what its time comes from.
+    pub clock: ClockSource,
     /// The state.
     pub state: StateName,
     /// Tells why.
@@ -499,6 +503,46 @@ pub struct KeptRun {
     pub full: bool,
 }
 
+/// Tells why a device started anew.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum ResetReason {
+    /// Power came on.
+    #[default]
+    PowerOn,
+    /// The supply sagged.
+    BrownOut,
+    /// The reset pin, a button or a debugger's.
+    Pin,
+    /// The program asked for it.
+    Software,
+    /// The program had not come round for too long.
+    Watchdog,
+    /// The program panicked.
+    Panic,
+    /// The processor met a fault.
+    Fault,
+    /// The crystal stopped.
+    ClockLost,
+    /// The chip does not tell.
+    Unknown,
+}
+
+/// Tells what a device's time comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum ClockSource {
+    /// The simulator.
+    #[default]
+    Simulated,
+    /// A crystal: to some 50 parts in a million.
+    Crystal,
+    /// The chip's own oscillator, because the crystal does not start: times are off by up to 1 %.
+    Internal,
+    /// The chip's own oscillator without the multiplier, which does not lock: too slow for sensors.
+    Slow,
+    /// The emulator's.
+    Emulated,
+}
+
 /// Holds what happened since the start of the run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct CounterReport {
@@ -530,6 +574,8 @@ pub struct CounterReport {
     pub imu_errors: u32,
     /// The same of the second link's IMU.
     pub second_imu_errors: u32,
+    /// Samples of load cell, IMU and second IMU that were signalled and that the board could not keep.
+    pub lost: [u32; 3],
     /// Tells what became of frames.
     pub frames: FrameReport,
     /// Load-cell samples without IMU neighbours.

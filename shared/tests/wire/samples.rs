@@ -81,6 +81,8 @@ fn identity() -> Identity {
         firmware_version: [0, 1, 2],
         firmware_hash: 0xdead_beef,
         board: *b"mps2-an386\0\0\0\0\0\0",
+        reset: ResetReason::Watchdog,
+        clock: ClockSource::Internal,
         state: StateName::Idle,
         reason: Reason::Boot,
         kept: Kept::Run(KeptRun {
@@ -111,6 +113,7 @@ fn counters() -> CounterReport {
         clipped_gauges: 0b10_0001,
         imu_errors: 4,
         second_imu_errors: 8,
+        lost: [9, 300, 1],
         frames: FrameReport {
             frames: 3000,
             absorbed: 2900,

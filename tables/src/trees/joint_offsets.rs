@@ -1,4 +1,5 @@
-//! How many poses are enough for the offsets of joints: errors and intervals over the number of poses.
+//! How many poses are enough for the offsets of joints: errors and intervals over the number of poses; and how often poses in which
+//! nothing is wrong are refused.
 //!
 //! The humanoid stands in random flat poses, or in symmetric squats; its encoders have noise of 0.05°, its IMU of 0.2° (1 σ). Corners
 //! stand on the floor exactly, and their heights are said to be known to 0.1 mm.
@@ -6,13 +7,17 @@
 use std::fmt::Write as _;
 
 use rigident::fit::parallel::{map, threads};
+use rigident::joint_offsets::faults::contradiction;
 use rigident::joint_offsets::result::{Answer, COARSEST, identify};
 use rigident::joint_offsets::search::Method;
-use rigident::joint_offsets::{Noise, Pose};
+use rigident::joint_offsets::{Noise, Pose, Setup};
 use rigident::simulated::standing::{Reading, random_offsets, random_poses, setup, squats};
+use statrs::distribution::{Beta, ContinuousCDF as _};
 
 /// Sets of poses of each kind and number.
 const SETS: usize = 100;
+/// Sets of poses of each kind that are looked at for faults they do not have.
+const HONEST_SETS: usize = 300;
 /// Numbers of poses.
 const POSES: [usize; 6] = [3, 6, 12, 24, 48, 96];
 /// True offsets are within ± this, rad.
@@ -27,14 +32,58 @@ struct Found {
     asked: usize,
 }
 
-fn found(poses: Poses, count: usize, set: usize) -> Found {
+/// Returns the true offsets, rad, and the poses of a set as they are read.
+fn set_of(poses: Poses, count: usize, set: usize) -> (Vec<f64>, Vec<Pose>) {
     let seed = 1000 * count as u64 + set as u64 + 1;
     let truth = random_offsets(OFFSETS_RAD, seed);
     let reading = Reading { encoder_rad: 0.05_f64.to_radians(), attitude_rad: 0.2_f64.to_radians() };
-    let setup = setup(Noise { height_m: 1e-4, floor_rad: 0.0, ..Noise::default() });
     let all = poses(count, &truth, reading, 77 + seed);
-    let answer: Answer =
-        identify(&setup, &all, Method::GaussNewton, COARSEST).expect("poses that can be used");
+    (truth, all)
+}
+
+/// Returns what is said of the noise: what it is.
+fn told() -> Noise {
+    Noise { height_m: 1e-4, floor_rad: 0.0, ..Noise::default() }
+}
+
+fn answered(setup: &Setup, poses: &[Pose]) -> Answer {
+    identify(setup, poses, Method::GaussNewton, COARSEST).expect("poses that can be used")
+}
+
+/// Returns whether the command refuses a set in which nothing is wrong.
+fn refused(poses: Poses, count: usize, set: usize) -> bool {
+    let (_, all) = set_of(poses, count, set);
+    let setup = setup(told());
+    let answer = answered(&setup, &all);
+    contradiction(&setup, &all, &answer).expect("poses that can be used").is_some()
+}
+
+/// Returns the table of sets that are refused though nothing is wrong.
+pub fn refusals() -> String {
+    let mut out =
+        "| poses | number | refused | chance of it, at most (95 %) |\n|---|---|---|---|\n".to_owned();
+    let kinds: [(&str, Poses, usize); 3] = [
+        ("random, flat soles", random_poses, 6),
+        ("random, flat soles", random_poses, 24),
+        ("symmetric squats", squats, 24),
+    ];
+    for (name, poses, count) in kinds {
+        let all = map(threads(), HONEST_SETS, |set| refused(poses, count, SETS + set));
+        let refused = all.iter().filter(|refused| **refused).count();
+        // Clopper and Pearson: the beta distribution's quantile.
+        let most = if refused == HONEST_SETS {
+            1.0
+        } else {
+            Beta::new(refused as f64 + 1.0, (HONEST_SETS - refused) as f64).expect("counts").inverse_cdf(0.95)
+        };
+        let _ = writeln!(out, "| {name} | {count} | {refused} of {HONEST_SETS} | {:.1} % |", 100.0 * most);
+    }
+    out
+}
+
+fn found(poses: Poses, count: usize, set: usize) -> Found {
+    let (truth, all) = set_of(poses, count, set);
+    let answer = answered(&setup(told()), &all);
     let both = answer.offsets.iter().zip(&truth).filter_map(|(offset, truth)| {
         let own = offset.measured?;
         Some([own.value - truth, own.u95])

@@ -35,5 +35,8 @@ pub const MASSES: Document =
 /// The document of joint offsets.
 pub const JOINT_OFFSETS: Document = Document {
     file: "docs/joint-offsets.md",
-    tables: &[Table { name: "joint-offsets-long", make: joint_offsets::table }],
+    tables: &[
+        Table { name: "joint-refusals-long", make: joint_offsets::refusals },
+        Table { name: "joint-offsets-long", make: joint_offsets::table },
+    ],
 };

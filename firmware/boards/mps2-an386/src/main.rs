@@ -3,17 +3,15 @@
 #![no_main]
 
 use core::cell::RefCell;
-use core::ops::DerefMut;
 
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m_rt::{entry, exception};
 // The global logger: frames on the emulator's standard output.
 use defmt_semihosting as _;
-use embedded_hal::delay::DelayNs;
-use embedded_hal::spi::SpiDevice;
 use mps2_an386::bus::{self, NoWait, Pipes};
 #[cfg(feature = "storage")]
 use mps2_an386::flash;
+use mps2_an386::uart::QUEUES;
 use mps2_an386::{exit, uart};
 use rigident_firmware::{Buses, Event, Instrument, Path, Sensor};
 use rigident_shared::wire::bus::{Event as BusEvent, PollAnswer};
@@ -52,11 +50,13 @@ fn main() -> ! {
         }
         let n = uart::receive(&mut chunk);
         instrument.on_bytes(chunk.get(..n).unwrap_or_default(), now_ns);
-        send(&mut instrument, &mut chunk);
+        if QUEUES.fill(&mut instrument, &mut chunk) {
+            uart::send();
+        }
         if instrument.tx_pending() > 0 {
             // A sample is asked for when its output will find room. On a board with real sensors samples do not
             // wait; here they can, and none is lost however slow the host reads.
-            wait();
+            QUEUES.wait();
             continue;
         }
         let PollAnswer { event, time_ns } = pipes.borrow_mut().poll();
@@ -69,39 +69,15 @@ fn main() -> ! {
             BusEvent::FrameReady => Sensor::Frames,
             BusEvent::Exit => exit::success(),
             BusEvent::Idle => {
-                send(&mut instrument, &mut chunk);
-                wait();
+                if QUEUES.fill(&mut instrument, &mut chunk) {
+                    uart::send();
+                }
+                QUEUES.wait();
                 continue;
             }
         };
         instrument.on_event(Event { sensor, capture_time_ns: time_ns });
     }
-}
-
-/// Moves what the firmware has to say to the serial port, as far as there is room.
-fn send<P: DerefMut<Target = Path>, S: SpiDevice, D: DelayNs>(
-    instrument: &mut Instrument<P, S, S, S, D>,
-    chunk: &mut [u8],
-) {
-    loop {
-        let room = uart::room().min(chunk.len());
-        let Some(free) = chunk.get_mut(..room) else { return };
-        let n = instrument.poll_tx(free);
-        if n == 0 {
-            return;
-        }
-        uart::send(free.get(..n).unwrap_or_default());
-    }
-}
-
-/// Sleeps until an interrupt, unless the host has sent something meanwhile.
-fn wait() {
-    // With interrupts held back an interrupt still ends the sleep: none slips in between look and sleep.
-    cortex_m::interrupt::free(|_| {
-        if !uart::has_received() {
-            cortex_m::asm::wfi();
-        }
-    });
 }
 
 #[exception]
@@ -110,9 +86,9 @@ fn SysTick() {}
 // SAFETY: it only touches the serial port, which the main loop leaves to it.
 #[exception]
 unsafe fn DefaultHandler(line: i16) {
-    match line {
+    match line.unsigned_abs() {
         uart::RECEIVED => uart::on_received(),
         uart::SENT => uart::on_sent(),
-        unexpected => defmt::panic!("interrupt {=i16} has no handler", unexpected),
+        _ => defmt::panic!("interrupt {=i16} has no handler", line),
     }
 }

@@ -3,14 +3,13 @@
 use core::num::NonZeroU32;
 use core::ptr;
 
-use cortex_m::peripheral::NVIC;
-
-use crate::ring::Ring;
+use rigident_cortex_m::interrupts::{mask, pend, unmask};
+use rigident_cortex_m::serial::Queues;
 
 /// Interrupt number of a received byte.
-pub const RECEIVED: i16 = 0;
+pub const RECEIVED: u16 = 0;
 /// Interrupt number of a sent byte.
-pub const SENT: i16 = 1;
+pub const SENT: u16 = 1;
 
 const BASE: usize = 0x4000_4000;
 const DATA: usize = BASE;
@@ -26,19 +25,8 @@ const ALL_ON: u32 = 0b1111;
 const TRANSMIT_INTERRUPT: u32 = 1;
 const RECEIVE_INTERRUPT: u32 = 1 << 1;
 
-/// A full frame of the wire and some: a host that sends one command at a time never fills it.
-static FROM_HOST: Ring<2048> = Ring::new();
-static TO_HOST: Ring<4096> = Ring::new();
-
-#[derive(Clone, Copy)]
-struct Line(u16);
-
-// SAFETY: a fixed number below the controller's number of lines.
-unsafe impl cortex_m::interrupt::InterruptNumber for Line {
-    fn number(self) -> u16 {
-        self.0
-    }
-}
+/// The link to the host.
+pub static QUEUES: Queues = Queues::new();
 
 fn read(register: usize) -> u32 {
     // SAFETY: the address of a 32-bit device register of this board.
@@ -60,64 +48,41 @@ pub fn start() {
     unmask(SENT);
 }
 
-fn unmask(line: i16) {
-    // SAFETY: no critical section here relies on a masked line.
-    unsafe { NVIC::unmask(Line(line.unsigned_abs())) }
-}
-
 /// Bytes from the host into `buffer`; how many there were.
 pub fn receive(buffer: &mut [u8]) -> usize {
-    let mut n = 0;
-    for slot in buffer {
-        let Some(byte) = FROM_HOST.pop() else { break };
-        *slot = byte;
-        n += 1;
-    }
+    let n = QUEUES.receive(buffer);
     if n > 0 {
-        // The interrupt masks itself when the ring is full; with room again, let it look once more.
+        // The interrupt masks itself when the queue is full; with room again, let it look once more.
         unmask(RECEIVED);
-        NVIC::pend(Line(RECEIVED.unsigned_abs()));
+        pend(RECEIVED);
     }
     n
 }
 
-/// Returns whether a byte from the host is waiting.
-pub fn has_received() -> bool {
-    !FROM_HOST.is_empty()
-}
-
-/// Bytes that [`send`] takes now.
-pub fn room() -> usize {
-    TO_HOST.room()
-}
-
-/// Queues bytes for the host. What does not fit is the caller's mistake, and lost: ask [`room`] first.
-pub fn send(bytes: &[u8]) {
-    for byte in bytes {
-        TO_HOST.push(*byte);
-    }
+/// Has what is queued for the host sent.
+pub fn send() {
     // The interrupt handler is the only one to take bytes out.
-    NVIC::pend(Line(SENT.unsigned_abs()));
+    pend(SENT);
 }
 
 /// Waits until everything queued has left the port.
 pub fn flush() {
-    while !TO_HOST.is_empty() || read(STATE) & TRANSMIT_FULL != 0 {
+    while !QUEUES.to_host.is_empty() || read(STATE) & TRANSMIT_FULL != 0 {
         cortex_m::asm::nop();
     }
 }
 
 /// Interrupt: takes one byte, and masks itself while there is no room for it: the sender is then held up.
 pub fn on_received() {
-    if FROM_HOST.room() == 0 {
-        NVIC::mask(Line(RECEIVED.unsigned_abs()));
+    if QUEUES.from_host.room() == 0 {
+        mask(RECEIVED);
         return;
     }
     // Cleared before the byte is read, since reading lets the next one in.
     write(INTERRUPT, RECEIVE_INTERRUPT);
     if read(STATE) & RECEIVE_FULL != 0 {
         // The register is 32 bits wide, its upper 24 read as zero.
-        FROM_HOST.push(read(DATA) as u8);
+        QUEUES.from_host.push(read(DATA) as u8);
     }
 }
 
@@ -125,7 +90,7 @@ pub fn on_received() {
 pub fn on_sent() {
     write(INTERRUPT, TRANSMIT_INTERRUPT);
     while read(STATE) & TRANSMIT_FULL == 0 {
-        let Some(byte) = TO_HOST.pop() else { break };
+        let Some(byte) = QUEUES.to_host.pop() else { break };
         write(DATA, u32::from(byte));
     }
 }

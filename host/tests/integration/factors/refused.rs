@@ -41,6 +41,7 @@ fn bad_input_is_named_and_nothing_is_written() {
     change("geometry.factor", &|f| f.model_fingerprint = 1);
     change("rows.factor", &|f| f.factor = f.factor.clone().with_residual(1.0, 0));
     change("weights.factor", &|f| f.sources[0].channels[0].sigma = 0.0);
+    change("noisier.factor", &|f| f.sources[0].channels[0].sigma *= 2.0);
     change("empty.factor", &|f| {
         f.factor = Factor::new(16);
         f.sources.clear();
@@ -55,6 +56,7 @@ fn bad_input_is_named_and_nothing_is_written() {
     fs::copy(at.join("a.rig.toml"), at.join("nan.rig.toml")).unwrap();
     fs::write(at.join("short.csv"), text.lines().take(5).collect::<Vec<_>>().join("\n")).unwrap();
     fs::copy(at.join("a.rig.toml"), at.join("short.rig.toml")).unwrap();
+    fs::write(at.join("blank.txt"), "\n \n").unwrap();
     let before = listing(at);
 
     for (arguments, words) in [
@@ -73,7 +75,12 @@ fn bad_input_is_named_and_nothing_is_written() {
             &["merge", "a.factor", "known.factor", "--shared-offset", "-o", "x"],
             &["known.factor", "it lacks offset_fx"],
         ),
-        (&["merge", "a.factor", "copy.factor", "-o", "x"], &["a.factor", "copy.factor", "twice", "halve"]),
+        (
+            &["merge", "a.factor", "noisier.factor", "-o", "x"],
+            &["a.factor", "noisier.factor", "twice", "halve"],
+        ),
+        (&["merge", "--from", "none.txt", "-o", "x"], &["--from none.txt", "cannot be read"]),
+        (&["merge", "--from", "blank.txt", "-o", "x"], &["blank.txt", "no path"]),
         (&["merge", "a.factor", "b.factor", "-o", "b.factor"], &["b.factor is there already"]),
         (&["merge", "a.factor", "b.factor", "-o", "no/x"], &["no/x"]),
         (&["merge", "-o", "x"], &["<F>"]),
@@ -103,6 +110,19 @@ fn bad_input_is_named_and_nothing_is_written() {
         assert!(output.stdout.is_empty(), "{arguments:?}");
         assert_eq!(listing(at), before, "{arguments:?}");
     }
+    // A part of the work that is done again changes nothing.
+    fs::write(at.join("list.txt"), "b.factor\ncopy.factor\n\nb.factor\n").unwrap();
+    let output = rigident(at, &["merge", "a.factor", "--from", "list.txt", "-o", "again.factor"]);
+    assert_eq!(status(&output), 0, "{}", said(&output));
+    assert!(said(&output).contains("2 of 4 factors are left out"), "{}", said(&output));
+    let output = rigident(at, &["merge", "a.factor", "b.factor", "-o", "once.factor"]);
+    assert_eq!(status(&output), 0, "{}", said(&output));
+    assert_eq!(fs::read(at.join("again.factor")).unwrap(), fs::read(at.join("once.factor")).unwrap());
+    // Of many, too, a recording is told from a factor.
+    fs::write(at.join("many.txt"), format!("{}b.csv\n", "a.factor\n".repeat(60))).unwrap();
+    let output = rigident(at, &["merge", "--from", "many.txt", "-o", "many.factor"]);
+    assert_eq!(status(&output), 2);
+    assert!(said(&output).contains("rigident factor b.csv"), "{}", said(&output));
     // Ten and sixteen merge where the offsets are eliminated.
     let output = rigident(at, &["merge", "a.factor", "known.factor", "-o", "x"]);
     assert_eq!(status(&output), 0, "{}", said(&output));

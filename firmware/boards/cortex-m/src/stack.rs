@@ -24,9 +24,3 @@ pub fn high_water_and_size() -> (usize, usize) {
     }
     (first as usize - word as usize, first as usize - lowest as usize)
 }
-
-/// Logs the depth. The runner reads this line.
-pub fn report() {
-    let (used, size) = high_water_and_size();
-    defmt::info!("stack: {=usize} of {=usize} bytes used", used, size);
-}

@@ -1,0 +1,124 @@
+//! The firmware on the board.
+#![no_std]
+#![no_main]
+
+use cortex_m::peripheral::SYST;
+use cortex_m::peripheral::syst::SystClkSource;
+use cortex_m::singleton;
+use cortex_m_rt::{entry, exception};
+#[cfg(feature = "rtt")]
+use defmt_rtt as _;
+use rigident_cortex_m::absent::Absent;
+use rigident_firmware::capture::{Answering, Capture, Lost, Place, Ring, Samples};
+use rigident_firmware::{Buses, Event, Instrument, Path, Sensor};
+use rigident_shared::wire::StateName;
+use stm32f405::clock::{self, Clocks};
+use stm32f405::registers::interrupts;
+use stm32f405::sensors::{self, OnBus};
+use stm32f405::time::{self, Time, Wait};
+use stm32f405::usart::QUEUES;
+use stm32f405::{CHIP, spi, start, usart, watchdog};
+
+/// Wake-ups of an idle machine, 1/s.
+const LOOKS_HZ: u32 = 1_000;
+
+/// A sensor as its driver sees it.
+type Device = Answering<'static, OnBus>;
+type Board = Instrument<&'static mut Path, Device, Device, Absent, Wait>;
+
+/// Samples that no room was found for.
+static LOST: Lost = Lost::new();
+
+#[entry]
+fn main() -> ! {
+    let reset = start::reason();
+    let core = cortex_m::Peripherals::take().expect("taken once");
+    let clocks = clock::start();
+    watchdog::start();
+    look_up(core.SYST, &clocks);
+    time::start(&clocks);
+    spi::start();
+    usart::start(&clocks);
+    let place = singleton!(: Place = Place::new(None)).expect("taken once");
+    let ring = singleton!(: Ring = Ring::new()).expect("taken once");
+    let (filled, taken) = ring.split();
+    sensors::start(Capture::new(filled, &LOST));
+    let mut samples = Samples::new(taken, &LOST);
+    let device = |sensor| Answering::new(OnBus(sensor), sensor, place);
+    let instrument = instrument(Buses {
+        load_cell: device(Sensor::LoadCell),
+        imus: [device(Sensor::Imu), device(Sensor::SecondImu)],
+        frames: Absent,
+    });
+    instrument.booted(reset, clocks.source);
+    let mut time = Time::new();
+    let mut listening = [false; 3];
+    let mut chunk = [0; 64];
+    loop {
+        watchdog::feed();
+        let count = usart::receive(&mut chunk);
+        if count > 0 && instrument.app().state().0 != StateName::Running {
+            // It may be told to bring the sensors up, which nobody may interrupt.
+            listening = [false; 3];
+            sensors::listen(listening);
+        }
+        instrument.on_bytes(chunk.get(..count).unwrap_or_default(), time.now_ns());
+        let wanted = instrument.app().wanted();
+        if wanted != listening {
+            samples.clear();
+            sensors::listen(wanted);
+            listening = wanted;
+        }
+        let mut idle = count == 0;
+        while let Some(sample) = samples.take() {
+            idle = false;
+            place.set(Some(sample));
+            instrument.on_event(Event { sensor: sample.sensor, capture_time_ns: time.of(sample.ticks) });
+            place.set(None);
+            send(instrument, &mut chunk);
+        }
+        for (sensor, lost) in samples.newly_lost() {
+            instrument.on_lost(sensor, lost);
+        }
+        instrument.tick(time.now_ns());
+        send(instrument, &mut chunk);
+        if idle {
+            QUEUES.wait();
+        }
+    }
+}
+
+/// The application where it stays: made on a stack of its own, which is gone afterwards.
+#[inline(never)]
+fn instrument(buses: Buses<Device, Device, Absent>) -> &'static mut Board {
+    let path = singleton!(: Path = Path::EMPTY).expect("taken once");
+    singleton!(: Board = Instrument::new(CHIP, path, buses, Wait)).expect("taken once")
+}
+
+fn look_up(mut timer: SYST, clocks: &Clocks) {
+    timer.set_clock_source(SystClkSource::Core);
+    timer.set_reload(clocks.core_hz / LOOKS_HZ - 1);
+    timer.clear_current();
+    timer.enable_counter();
+    timer.enable_interrupt();
+}
+
+fn send(instrument: &mut Board, chunk: &mut [u8]) {
+    if QUEUES.fill(instrument, chunk) {
+        usart::send();
+    }
+}
+
+#[exception]
+fn SysTick() {}
+
+// SAFETY: each handler touches what its module keeps for it.
+#[exception]
+unsafe fn DefaultHandler(line: i16) {
+    match line.unsigned_abs() {
+        interrupts::EXTI1 | interrupts::EXTI15_10 => sensors::on_edges(),
+        interrupts::DMA2_STREAM0 => sensors::on_transferred(),
+        interrupts::USART2 => usart::on_interrupt(),
+        _ => {}
+    }
+}

@@ -1,0 +1,77 @@
+//! USART2, the link to the host: 921 600 baud, 8N1, driven by interrupts on both sides.
+
+use rigident_cortex_m::interrupts::{pend, unmask};
+use rigident_cortex_m::serial::Queues;
+
+use crate::clock::Clocks;
+use crate::pins::{HOST_RX, HOST_TX};
+use crate::registers::{USART2_BRR, USART2_CR1, USART2_DR, USART2_SR, interrupts};
+
+/// Of the link.
+pub const BAUD: u32 = 921_600;
+/// The pins' function.
+const FUNCTION: u32 = 7;
+
+const OVERRUN: u32 = 1 << 3;
+const RECEIVED: u32 = 1 << 5;
+const CAN_SEND: u32 = 1 << 7;
+const ON: u32 = 1 << 13 | 1 << 3 | 1 << 2;
+const RECEIVE_INTERRUPT: u32 = 1 << 5;
+const SEND_INTERRUPT: u32 = 1 << 7;
+
+/// The link to the host.
+pub static QUEUES: Queues = Queues::new();
+
+/// Switches the port on.
+pub fn start(clocks: &Clocks) {
+    HOST_TX.peripheral(FUNCTION, 0);
+    // Pulled up: a line that is not there is silent.
+    HOST_RX.peripheral(FUNCTION, 1);
+    USART2_BRR.write((clocks.usart_hz + BAUD / 2) / BAUD);
+    USART2_CR1.write(ON | RECEIVE_INTERRUPT);
+    unmask(interrupts::USART2);
+}
+
+/// Takes bytes from the host into `buffer` and returns how many there were.
+pub fn receive(buffer: &mut [u8]) -> usize {
+    let count = QUEUES.receive(buffer);
+    if count > 0 {
+        // The interrupt goes silent when the queue is full; with room again, let it look once more.
+        pend(interrupts::USART2);
+    }
+    count
+}
+
+/// Has what is queued for the host sent.
+pub fn send() {
+    // The interrupt handler is the only one to take bytes out.
+    pend(interrupts::USART2);
+}
+
+/// Interrupt: takes what has come and sends what can be sent. A full queue leaves a byte where it is; the next one
+/// overruns it, and the host repeats a command that is not answered.
+pub fn on_interrupt() {
+    let mut listen = true;
+    loop {
+        let state = USART2_SR.read();
+        if state & (RECEIVED | OVERRUN) == 0 {
+            break;
+        }
+        if QUEUES.from_host.room() == 0 {
+            listen = false;
+            break;
+        }
+        // The data are the lower eight bits; reading them after the state clears an overrun, too.
+        let byte = USART2_DR.read() as u8;
+        if state & RECEIVED != 0 {
+            QUEUES.from_host.push(byte);
+        }
+    }
+    while USART2_SR.read() & CAN_SEND != 0 {
+        let Some(byte) = QUEUES.to_host.pop() else { break };
+        USART2_DR.write(u32::from(byte));
+    }
+    let receive = if listen { RECEIVE_INTERRUPT } else { 0 };
+    let send = if QUEUES.to_host.is_empty() { 0 } else { SEND_INTERRUPT };
+    USART2_CR1.change(RECEIVE_INTERRUPT | SEND_INTERRUPT, receive | send);
+}
