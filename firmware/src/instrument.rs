@@ -84,6 +84,8 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
     }
 
     /// Takes bytes from the host. Brings the sensors up when told to, which may take some tens of milliseconds.
+    // In the frame of a board's main loop, whose room it shares: by itself it takes 8 kB of stack.
+    #[inline(always)]
     pub fn on_bytes(&mut self, bytes: &[u8], now_ns: u64) {
         for byte in bytes {
             if let Some(rates) = self.app.on_byte(*byte, now_ns) {
@@ -126,8 +128,8 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
             },
             sensor @ (Sensor::Imu | Sensor::SecondImu) => self.read_imu(sensor, event.capture_time_ns),
             Sensor::Frames => {
-                let Some((links, tracked)) = self.app.frame_links() else { return };
-                match self.frames.read(links, tracked) {
+                let Some((links, kind)) = self.app.frame_links() else { return };
+                match self.frames.read(links, kind) {
                     Ok(frame) => self.app.on_frame(event.capture_time_ns, &frame),
                     Err(FrameError::Links(links)) => {
                         self.app.on_frame_of_links(event.capture_time_ns, links);

@@ -1,6 +1,6 @@
 //! The portable application of the microcontroller.
 //!
-//! Lives here: the states and commands ([`App`]), what happens to every sample ([`sample_path`]) and frame ([`frame_path`]), the
+//! Lives here: the states and commands ([`App`]), what happens to every sample ([`sample_path`]) and frame ([`frame_path`], [`watch_path`]), the
 //! device's end of the line, the sensor drivers, the ring that interrupts fill ([`capture`]), and the [`Instrument`] that joins them. May not live here:
 //! pins, clocks, interrupts, anything of one board (that is `firmware/boards`), or mathematics that the host
 //! needs too (that is `rigident_shared`).
@@ -23,6 +23,7 @@ pub mod sample_path;
 mod settings;
 pub mod storage;
 mod version;
+pub mod watch_path;
 
 pub use app::{App, BringUpError, Sensor, SensorRates};
 pub use instrument::{Buses, Event, Instrument};
@@ -41,6 +42,8 @@ pub enum Path {
     Samples(sample_path::SamplePath) = 1,
     /// A tree of links, from frames.
     Frames(frame_path::FramePath) = 2,
+    /// A robot that is watched, from frames.
+    Watch(watch_path::WatchPath) = 3,
 }
 
 // One level of 128 parameters, its block, and what else a tree takes.
@@ -60,6 +63,20 @@ impl Path {
     fn samples_mut(&mut self) -> Option<&mut sample_path::SamplePath> {
         match self {
             Self::Samples(path) => Some(path),
+            _ => None,
+        }
+    }
+
+    fn watch(&self) -> Option<&watch_path::WatchPath> {
+        match self {
+            Self::Watch(path) if cfg!(feature = "watch") => Some(path),
+            _ => None,
+        }
+    }
+
+    fn watch_mut(&mut self) -> Option<&mut watch_path::WatchPath> {
+        match self {
+            Self::Watch(path) if cfg!(feature = "watch") => Some(path),
             _ => None,
         }
     }

@@ -6,14 +6,17 @@ use rigident_shared::calibration::{GaugeCalibration, ImuMounting};
 use rigident_shared::estimator::frames::{
     FrameFilter, FrameLink, FrameStop, FramesConfig, FramesError, Suspension,
 };
+use rigident_shared::estimator::watch::{WatchConfig, WatchError, WatchFoot, WatchLink, turned};
 use rigident_shared::estimator::{ConfigError, EstimatorConfig, JointAttitude, TwoLinks};
 use rigident_shared::forgetting::{ImuNoise, MemoryConfig, Span};
 use rigident_shared::screening::Limits;
 use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce};
 use rigident_shared::tree::base::TurningJoint;
+use rigident_shared::tree::{Joint, Link};
 use rigident_shared::wire::{
-    AttitudeSource, ImuSettings, LinkJoint, LinkSettings, MAX_LINKS, MemorySettings, ModelSettings,
-    SettingName, Settings, Source, StopRule, SuspensionSettings, TwoLinkSettings,
+    AttitudeSource, ImuSettings, LinkJoint, LinkSettings, MAX_LINKS, MAX_WATCH_FEET, MemorySettings,
+    ModelSettings, SettingName, Settings, Source, StopRule, SuspensionSettings, TwoLinkSettings, WatchJoint,
+    WatchLinkSettings, WatchSettings,
 };
 
 use crate::sample_path::{StopLimits, second_aligner};
@@ -31,6 +34,8 @@ pub(crate) enum Configuration {
     Samples(SampleConfiguration),
     /// Of frames.
     Tree(Vec<FrameLink<f32>, MAX_LINKS>, FramesConfig<f32>, Option<FrameStop<f32>>),
+    /// Of a robot that is watched.
+    Watch(WatchConfig<f32>, Vec<WatchFoot<f32>, MAX_WATCH_FEET>),
 }
 
 /// Holds what the settings of one body or of two links amount to.
@@ -76,10 +81,12 @@ impl Configuration {
             ModelSettings::Suspended(links, springs) if cfg!(feature = "frames") => {
                 tree(settings, links, Some(springs))
             }
+            ModelSettings::Watch(robot) if cfg!(feature = "watch") => watch(settings, robot),
             // Left out of this image.
-            ModelSettings::TwoLinks(_) | ModelSettings::Tree(_) | ModelSettings::Suspended(..) => {
-                Err(SettingName::Model)
-            }
+            ModelSettings::TwoLinks(_)
+            | ModelSettings::Tree(_)
+            | ModelSettings::Suspended(..)
+            | ModelSettings::Watch(_) => Err(SettingName::Model),
         }
     }
 }
@@ -147,6 +154,62 @@ fn tree(
         .as_ref()
         .map(|stop| FrameStop { standard_deviation: deviations(stop), minimum_frames: stop.minimum_blocks });
     Ok(Configuration::Tree(links, config, stop))
+}
+
+/// A robot that is watched, without its links.
+#[cold]
+#[inline(never)]
+fn watch(settings: &Settings, robot: &WatchSettings) -> Result<Configuration, SettingName> {
+    ensure(settings.source == Source::Sensors && settings.stop.is_none(), SettingName::Model)?;
+    ensure(positive(&[settings.rate_hz]) && settings.rate_hz <= MAX_RATE_HZ, SettingName::Rate)?;
+    let mut feet = Vec::new();
+    for foot in robot.feet.get(..usize::from(robot.foot_count)).ok_or(SettingName::Watch)? {
+        let rotation = turned(foot.rotation_wxyz).ok_or(SettingName::Watch)?;
+        // There is room for as many as there can be.
+        let _ = feet.push(WatchFoot { link: foot.link, rotation, position: foot.position_m.into() });
+    }
+    let config = WatchConfig {
+        links: robot.links,
+        watched: robot.watched,
+        rate_hz: settings.rate_hz,
+        width_s: settings.filter_width_s,
+        row_every: settings.row_every,
+        channel_sigma: settings.load_cell.noise_n_nm,
+        range: settings.load_cell.range_n_nm,
+        limit: robot.limit,
+        settle: robot.settle_bins,
+        forget_s: robot.forget_s,
+    };
+    Ok(Configuration::Watch(config, feet))
+}
+
+/// A link of a robot that is watched.
+#[cold]
+#[inline(never)]
+pub(crate) fn watch_link(told: &WatchLinkSettings, i: u8) -> Result<WatchLink<f32>, SettingName> {
+    let axis = told.axis.into();
+    let joint = match told.joint {
+        WatchJoint::Fixed => Joint::Fixed,
+        WatchJoint::Revolute => Joint::Revolute(axis),
+        WatchJoint::Prismatic => Joint::Prismatic(axis),
+    };
+    let length: f32 = told.axis.iter().map(|v| v * v).sum();
+    ensure(told.joint == WatchJoint::Fixed || (length - 1.0).abs() < 1e-3, SettingName::Link(i))?;
+    let rotation = turned(told.rotation_wxyz).ok_or(SettingName::Link(i))?;
+    let link = Link { parent: usize::from(told.parent), joint, rotation, position: told.position_m.into() };
+    Ok(WatchLink { link, parameters: told.parameters })
+}
+
+/// The setting that a watch's refusal is about.
+pub(crate) fn setting_of_watch(error: WatchError) -> SettingName {
+    match error {
+        WatchError::Links => SettingName::Links,
+        WatchError::Link(link) => SettingName::Link(link),
+        WatchError::Feet | WatchError::Limit => SettingName::Watch,
+        WatchError::Sigma(channel) => SettingName::Noise(channel),
+        WatchError::Range => SettingName::LoadCellRange,
+        WatchError::Filter(_) => SettingName::Filter,
+    }
 }
 
 /// Springs, whose stiffness is told in half.

@@ -12,7 +12,13 @@ use rigident_sim::link::{ByteLink, FaultyLink};
 use rigident_sim::rig::Rig;
 use rigident_sim::runner::{InProcess, Mcu, Pacing, Qemu, QemuOptions};
 use rigident_sim::serve::gcs::GcsServer;
-use rigident_sim::serve::{Controller, Firmware, Port, ServeOptions, StreamServer, Where, carry, rig_file};
+use rigident_sim::serve::sensors::{
+    AtiServer, BridgeServer, Delivery, LinesServer, Played, Quantity, RtdeServer, Topic, TopicKind,
+    XsensServer, body_moved, sensors_rig_file,
+};
+use rigident_sim::serve::{
+    Controller, Firmware, Port, SensorsOptions, ServeOptions, StreamServer, Where, carry, rig_file,
+};
 
 /// A simulated rig: a body on a Stewart platform, sensors, and the firmware that reads them.
 #[derive(Parser)]
@@ -27,14 +33,19 @@ struct Arguments {
 enum Command {
     /// Offer the rig to other programs: firmware on a serial port, platform controller on a network port
     Serve(Box<ServeOptions>),
+    /// Offer sensors of other makes on a body that moves, for `rigident live`
+    Sensors(Box<SensorsOptions>),
 }
 
 /// What went wrong, and the exit status for it: 2 usage, 3 link or machine.
 struct Failure(u8, String);
 
 fn main() -> ExitCode {
-    let Command::Serve(options) = Arguments::parse().command;
-    match serve(&options) {
+    let done = match Arguments::parse().command {
+        Command::Serve(options) => serve(&options),
+        Command::Sensors(options) => sensors(&options),
+    };
+    match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(Failure(status, message)) => {
             eprintln!("rigident-sim: {message}");
@@ -123,6 +134,84 @@ fn serve(options: &ServeOptions) -> Result<(), Failure> {
     eprintln!("use it    rigident run --port {shown} --rig {rig} --platform tcp://{address}");
     eprintln!("Ctrl-C ends it.");
     carry(&mut port, firmware.as_mut(), &leave).map_err(|e| Failure(3, e.to_string()))
+}
+
+/// Offers sensors until Ctrl-C.
+fn sensors(options: &SensorsOptions) -> Result<(), Failure> {
+    let leave = Arc::new(AtomicBool::new(false));
+    let told = Arc::clone(&leave);
+    ctrlc::set_handler(move || told.store(true, Ordering::Release))
+        .map_err(|e| Failure(3, format!("Ctrl-C cannot be caught: {e}")))?;
+    let moved = body_moved(options.duration_s, options.seed);
+    let begun = std::time::Instant::now();
+    let delivery = Delivery {
+        lose: options.lose,
+        jitter_s: options.jitter_s,
+        stops_after_s: options.stop_after_s,
+        ..Delivery::default()
+    };
+    // Every device has a clock of its own.
+    let played = |rate_hz: f64, drift: f64, zero_s: f64| {
+        Played::new(&moved, (rate_hz, drift, zero_s), delivery, begun).map_err(|e| Failure(2, e.to_string()))
+    };
+    let taken = |what: &str, e: io::Error| Failure(3, format!("no {what}: {e}"));
+    if let Some(path) = &options.write_rig {
+        // What these two report is what the body does to them.
+        let is_reaction = options.ati.is_some() || options.rtde.is_some();
+        let sign = if is_reaction { "\n[recording]\nwrench_sign = \"on_sensor\"\n" } else { "" };
+        let text = sensors_rig_file(&moved.0, sign);
+        write_new(path, &text).map_err(|e| Failure(2, format!("{}: {e}", path.display())))?;
+    }
+    let mut kept: Vec<Box<dyn std::any::Any>> = Vec::new();
+    if let Some(at) = &options.ati {
+        let ati = AtiServer::listen(at, played(500.0, 30e-6, 0.0)?).map_err(|e| taken("ATI sensor", e))?;
+        eprintln!("--wrench  '{}'    (on_sensor, as --write-rig writes beside --ati or --rtde)", ati.url());
+        kept.push(Box::new(ati));
+    }
+    if let Some(at) = &options.rtde {
+        let rtde = RtdeServer::listen(at, played(500.0, -20e-6, 5000.0)?).map_err(|e| taken("robot", e))?;
+        eprintln!("--wrench  rtde://{0} --imu rtde://{0}    (on_sensor)", rtde.address());
+        kept.push(Box::new(rtde));
+    }
+    if let Some(at) = &options.bridge {
+        let topic = |name: &str, kind, rate_hz| {
+            Ok(Topic { name: name.to_owned(), kind, played: played(rate_hz, 0.0, 1.75e9)? })
+        };
+        let topics = vec![
+            topic("/ft/wrench", TopicKind::Wrench, 250.0)?,
+            topic("/imu/data", TopicKind::Imu, 200.0)?,
+            topic("/pose", TopicKind::Pose, 100.0)?,
+        ];
+        let bridge = BridgeServer::listen(at, topics, &["foxglove.sdk.v1", "foxglove.websocket.v1"])
+            .map_err(|e| taken("bridge", e))?;
+        let url = format!("ws://{}", bridge.address());
+        eprintln!("--wrench  '{url}?topic=/ft/wrench' --imu '{url}?topic=/imu/data'");
+        kept.push(Box::new(bridge));
+    }
+    if let Some(name) = &options.xsens_port_link {
+        let mti = XsensServer::open(Some(name), played(200.0, -40e-6, 77.0)?).map_err(|e| taken("IMU", e))?;
+        eprintln!("--imu     xsens://{}", name.display());
+        kept.push(Box::new(mti));
+    }
+    if let Some(to) = &options.lines_to {
+        let to = to.parse().map_err(|e| Failure(2, format!("--lines-to {to}: {e}")))?;
+        let lines = LinesServer::to_udp(to, Quantity::Both, played(250.0, 10e-6, 12.0)?);
+        kept.push(Box::new(lines.map_err(|e| taken("lines", e))?));
+        eprintln!("--wrench  udp://{to} --imu udp://{to}");
+    }
+    if let Some(name) = &options.lines_port_link {
+        let lines = LinesServer::on_port(Some(name), Quantity::Both, played(100.0, 10e-6, 12.0)?);
+        kept.push(Box::new(lines.map_err(|e| taken("line", e))?));
+        eprintln!("--wrench  serial:{0} --imu serial:{0}", name.display());
+    }
+    if kept.is_empty() {
+        return Err(Failure(2, "no sensor is asked for: see `rigident-sim sensors --help`".to_owned()));
+    }
+    eprintln!("Ctrl-C ends it.");
+    while !leave.load(Ordering::Acquire) {
+        std::thread::sleep(std::time::Duration::from_millis(100));
+    }
+    Ok(())
 }
 
 /// Writes a file that must not be there yet.

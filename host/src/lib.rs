@@ -1,7 +1,7 @@
 //! Library of the host command line.
 //!
 //! One way leads from a recording to an answer: [`recording`], [`motion_capture`], [`rig`] and [`model`] are what comes in, [`fit`] holds the
-//! information factor, [`answer`] reads it, [`present`] shows it; a [`mod@reference`] body calibrates a rig and verifies it. [`device`] has the firmware make the factor while
+//! information factor, [`answer`] reads it, [`present`] shows it, [`monitor`] while it grows; a [`mod@reference`] body calibrates a rig and verifies it. [`device`] has the firmware make the factor while
 //! [`platform`] moves as [`plan`] found best; `montecarlo` tests the intervals; [`cli`] joins all into commands. The
 //! pipeline of a sample is in `rigident_shared`, mechanics of the platform in `hexapod`, the simulated rig in
 //! `rigident_sim`.
@@ -21,6 +21,7 @@ pub mod joint_offsets;
 pub mod mass_properties;
 pub mod modal_analysis;
 pub mod model;
+pub mod monitor;
 #[cfg(feature = "simulator")]
 pub mod montecarlo;
 pub mod motion_capture;
@@ -34,3 +35,4 @@ pub mod reference;
 pub mod rig;
 pub mod schema;
 pub mod simulated;
+pub mod sources;

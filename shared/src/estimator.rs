@@ -12,6 +12,7 @@ mod knocks;
 mod model;
 mod noise;
 pub mod two_links;
+pub mod watch;
 
 pub use config::{ConfigError, EstimatorConfig};
 pub use counters::{ChannelStatistics, Counters};

@@ -12,8 +12,8 @@ use crate::firmware::{self, Board};
 use crate::process::Steps;
 use crate::toolchain::{self, Core};
 
-/// The functions that take one sample, or one frame of a tree, from the drivers to the factor.
-pub const PATHS: [&str; 2] = ["rigident_sample_path", "rigident_frame_path"];
+/// The functions that take one sample, or one frame of a tree or of a robot that is watched, from the drivers to the factor. The last is in the image that watches alone.
+pub const PATHS: [&str; 3] = ["rigident_sample_path", "rigident_frame_path", "rigident_watch_path"];
 
 /// What to check.
 #[derive(clap::Args, Clone, Default)]
@@ -43,6 +43,7 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
 /// The checks as named steps.
 pub fn run_steps(steps: &mut Steps, core: Core) {
     steps.run("check-elf", || check_file(&firmware::build(core, &[])?));
+    steps.run("check-elf, with the watch", || check_watch_file(&firmware::build_watch(core)?));
     steps.run("check-elf, STM32F405", || {
         // Frames of trees have no way into it.
         check_paths(&firmware::build_for(Board::F405, core, &[])?, &PATHS[..1])
@@ -57,8 +58,13 @@ pub fn run_steps(steps: &mut Steps, core: Core) {
     });
 }
 
-/// Both checks on a firmware with everything that is built.
+/// Both checks on the standard firmware, which does not watch.
 pub fn check_file(elf: &Path) -> Result<()> {
+    check_paths(elf, &PATHS[..2])
+}
+
+/// Both checks on the firmware that watches robots.
+pub fn check_watch_file(elf: &Path) -> Result<()> {
     check_paths(elf, &PATHS)
 }
 

@@ -30,7 +30,7 @@ pub fn emulator(elf: &Path, words: &[&str]) -> Command {
 
 /// A panic and a fault on the board each end the emulator with the status that says so.
 pub fn bad_ends(core: Core) -> Result<()> {
-    let elf = firmware::build_binary(core, BENCH, &[])?;
+    let elf = firmware::build_binary(core, BENCH, &[firmware::WATCH])?;
     for (word, expected) in BAD_ENDS {
         let status = process::status_bounded(&mut emulator(&elf, &[BENCH, word]), LIMIT)?;
         match status.map(|status| status.code()) {

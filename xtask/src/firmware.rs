@@ -35,12 +35,12 @@ pub enum Board {
 pub const BOUGHT: [Board; 3] = [Board::F405, Board::F446, Board::F411];
 
 impl Board {
-    /// Returns the feature of the board crate that is this chip.
-    fn feature(self) -> Option<&'static str> {
+    /// Returns what `cargo build` is told for this chip. Half a megabyte of flash has no room for what an STM32F405 keeps.
+    fn features(self) -> &'static [&'static str] {
         match self {
-            Self::Emulated | Self::F405 | Self::Pico => None,
-            Self::F446 => Some("f446"),
-            Self::F411 => Some("f411"),
+            Self::Emulated | Self::F405 | Self::Pico => &[],
+            Self::F446 => &[BODY_ONLY, "links", "f446"],
+            Self::F411 => &[BODY_ONLY, "links", "f411"],
         }
     }
 }
@@ -56,9 +56,12 @@ pub struct Options {
     pub features: Vec<String>,
 }
 
-/// Builds and prints the path on standard output.
+/// Builds and prints the path on standard output. Of the emulated board without features both images are built, and the standard one's path is printed.
 pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     let core = toolchain::choose(core)?;
+    if options.board == Board::Emulated && options.features.is_empty() {
+        build_watch(core)?;
+    }
     let features: Vec<&str> = options.features.iter().map(String::as_str).collect();
     println!("{}", build_for(options.board, core, &features)?.display());
     Ok(())
@@ -76,7 +79,7 @@ pub fn build_for(board: Board, core: Core, features: &[&str]) -> Result<PathBuf>
         copy(&bits, &places::kernel_bits_elf())?;
         return build_in(core, (PICO, PICO_TARGET), PICO_FIRMWARE, features);
     }
-    let features: Vec<&str> = board.feature().into_iter().chain(features.iter().copied()).collect();
+    let features: Vec<&str> = board.features().iter().chain(features).copied().collect();
     let elf = build_in(core, (STM32, TARGET), STM32_FIRMWARE, &features)?;
     if features.is_empty() {
         copy(&elf, &places::stm32_elf())?;
@@ -99,6 +102,21 @@ const BODY_ONLY: &str = "--no-default-features";
 /// Builds the board's main binary for one body alone, and leaves the one that the simulator finds as it is.
 pub fn build_body_only(core: Core) -> Result<PathBuf> {
     build_binary(core, FIRMWARE, &[BODY_ONLY])
+}
+
+/// The feature of the image that watches robots.
+pub const WATCH: &str = "watch";
+
+/// Builds the board's image that watches robots; it also goes where the simulator looks for it.
+pub fn build_watch(core: Core) -> Result<PathBuf> {
+    let elf = build_watch_apart(core)?;
+    copy(&elf, &places::watch_elf())?;
+    Ok(elf)
+}
+
+/// Builds the same beside [`build_apart`]'s, and leaves the one that the simulator finds as it is.
+pub fn build_watch_apart(core: Core) -> Result<PathBuf> {
+    build_binary(core, FIRMWARE, &[WATCH])
 }
 
 /// Builds the board's main binary and leaves the one that the simulator finds as it is.

@@ -65,7 +65,7 @@ enum Verb {
     Goldens(goldens::Options),
     /// Look at the sources: no circles among folders, no unguarded code for Unix alone, sizes of factors in one file.
     Structure,
-    /// Take README's picture anew, of the demonstration's report in a browser.
+    /// Take the pictures of the documents anew, of the demonstration's report in a browser and of the monitor.
     Picture,
     /// Compare README's support matrix with the list of tests behind its cells, or write it.
     Support(support::Options),

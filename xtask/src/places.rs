@@ -56,6 +56,11 @@ pub fn kernel_bits_elf() -> PathBuf {
     binary(PICO, PICO_TARGET, KERNEL_BITS)
 }
 
+/// Where the simulator looks for the image that watches robots: beside the other.
+pub fn watch_elf() -> PathBuf {
+    firmware_elf().with_file_name(format!("{FIRMWARE}-watch"))
+}
+
 /// The fuzz targets' folder, a workspace of its own.
 pub fn fuzz() -> PathBuf {
     root().join("fuzz")

@@ -44,6 +44,8 @@ const ROBOTS: Need = Need {
 };
 const CLIENT: Need = Need { word: "vendors_client", what: "pipython, the vendor's client, in Python" };
 const C3D: Need = Need { word: "independent_c3d", what: "ezc3d in Python" };
+const ROS: Need = Need { word: "independent_ros_reader", what: "rosbags in Python" };
+const SENSORS: Need = Need { word: "independent_sensors", what: "NetFT, ur_rtde and foxglove-sdk in Python" };
 const OPENSIM: Need = Need { word: "independent_opensim", what: "opensim in Python" };
 const BROWSER: Need = Need { word: "in_a_browser", what: "chromium: cargo xtask setup" };
 
@@ -102,6 +104,8 @@ impl Surroundings {
         look(ROBOTS, [setup::PINOCCHIO, setup::ROBOTS].into_iter().all(setup::has_module));
         look(CLIENT, setup::has_module(setup::VENDORS_CLIENT));
         look(C3D, setup::has_module(setup::C3D_READER));
+        look(ROS, setup::has_module(setup::ROS_READER));
+        look(SENSORS, setup::has_module(setup::SENSORS));
         look(OPENSIM, setup::has_module(setup::OPENSIM));
         look(BROWSER, setup::browser().is_some());
         let python = Some(setup::python()).filter(|python| python.is_file());
@@ -238,9 +242,22 @@ mod tests {
     fn ignored_tests_have_the_word_of_what_they_need_in_their_names() {
         let mut files = Vec::new();
         sources(places::root(), &mut files);
-        let words =
-            [BOARD, FLASHED, SECOND_CORE, DATA, READER, PINOCCHIO, ROBOTS, CLIENT, C3D, OPENSIM, BROWSER]
-                .map(|need| need.word);
+        let words = [
+            BOARD,
+            FLASHED,
+            SECOND_CORE,
+            DATA,
+            READER,
+            PINOCCHIO,
+            ROBOTS,
+            CLIENT,
+            C3D,
+            ROS,
+            SENSORS,
+            OPENSIM,
+            BROWSER,
+        ]
+        .map(|need| need.word);
         let mut ignored = 0;
         for file in files {
             let text = std::fs::read_to_string(&file).unwrap();

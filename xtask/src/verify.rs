@@ -69,7 +69,10 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
             clippy_strictly(command.args(["--release", "--features", "an505"]))
         });
         steps.run("firmware, RP2350", || firmware::build_for(firmware::Board::Pico, core, &[]));
-        steps.run("firmware", || firmware::build(core, &[]))
+        steps.run("firmware", || {
+            firmware::build_watch(core)?;
+            firmware::build(core, &[])
+        })
     });
     let here = steps.run("what tests need", || Surroundings::look(elf.as_deref())).unwrap_or_default();
     // This program was built by itself, with fewer features of what it shares with the others; it stays so.
@@ -157,6 +160,7 @@ fn other_core(steps: &mut Steps, core: Core, here: &Surroundings, counts: &mut C
     };
     let built = steps.run(&format!("firmware, core by {other}"), || {
         toolchain::choose(Some(other))?;
+        check_elf::check_watch_file(&firmware::build_watch_apart(other)?)?;
         firmware::build_apart(other)
     });
     let Some(elf) = built else { return };

@@ -4,9 +4,10 @@ use core::ops::DerefMut;
 
 use rigident_shared::estimator::TwoLinkReading;
 use rigident_shared::estimator::frames::FrameEstimator;
+use rigident_shared::estimator::watch::Watch;
 use rigident_shared::wire::{
     Command, DecodeError, ErrorCode, Kind, ModelSettings, PROTOCOL_VERSION, Reason, Reply, SettingName,
-    Settings, Source, StateName,
+    Settings, Source, StateName, WatchLinkSettings, asks_to_watch,
 };
 
 use super::reports::{link_reading_of, reading_of};
@@ -18,8 +19,9 @@ use crate::frame_path::FramePath;
 use crate::link::{self, Recall};
 use crate::log;
 use crate::sample_path::{SamplePath, Words};
-use crate::settings::{Configuration, setting_of, setting_of_tree};
+use crate::settings::{Configuration, setting_of, setting_of_tree, setting_of_watch, watch_link};
 use crate::storage::Resumption;
+use crate::watch_path::WatchPath;
 
 impl<P: DerefMut<Target = Path>> App<P> {
     /// Takes a byte from the host. If it completes a `Configure` for real sensors, the rates to bring them
@@ -68,6 +70,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
             }
         }
         let answer = match command {
+            Err(_) if cfg!(not(feature = "watch")) && asks_to_watch(payload) => Err(ErrorCode::NotBuiltIn),
             Err(_) => Err(ErrorCode::UnknownCommand),
             Ok(Command::Configure(settings)) => match self.may_configure(&settings) {
                 Ok(()) => match rates(&settings) {
@@ -217,7 +220,22 @@ impl<P: DerefMut<Target = Path>> App<P> {
                 }
             }
             Command::Heartbeat => Ok(Reply::Done),
+            Command::WatchLink { .. } if cfg!(not(feature = "watch")) => Err(ErrorCode::NotBuiltIn),
+            Command::WatchLink { link, settings } => {
+                let StateName::Configured = self.state else { return wrong_state };
+                self.watch_link(*link, settings)
+            }
         }
+    }
+
+    // Off the stack of what samples need.
+    #[cold]
+    #[inline(never)]
+    fn watch_link(&mut self, link: u8, settings: &WatchLinkSettings) -> Result<Reply, ErrorCode> {
+        let path = self.path.watch_mut().ok_or(ErrorCode::BadSetting(SettingName::Model))?;
+        let settings = watch_link(settings, link).map_err(ErrorCode::BadSetting)?;
+        let set = path.set_link(link, &settings);
+        set.map(|()| Reply::Done).map_err(|error| ErrorCode::BadSetting(setting_of_watch(error)))
     }
 
     /// Returns whether samples of the sensors are absorbed: what takes long is then done in slices between them.
@@ -239,10 +257,14 @@ impl<P: DerefMut<Target = Path>> App<P> {
     fn start(&mut self) -> Result<Reply, ErrorCode> {
         match self.state {
             StateName::Configured => {
+                if let Some(link) = self.path.watch().and_then(|path| path.watch().unknown_link()) {
+                    return Err(ErrorCode::BadSetting(SettingName::Link(link)));
+                }
                 self.flush_readings();
                 match &mut *self.path {
                     Path::Samples(path) => path.restart(),
                     Path::Frames(path) if cfg!(feature = "frames") => path.restart(),
+                    Path::Watch(path) if cfg!(feature = "watch") => path.restart(),
                     _ => {}
                 }
                 self.begin();
@@ -300,7 +322,7 @@ pub(super) fn rates(settings: &Settings) -> Option<SensorRates> {
 
 /// Frames come by themselves: there is nothing to bring up.
 fn is_tree(settings: &Settings) -> bool {
-    matches!(settings.model, ModelSettings::Tree(_) | ModelSettings::Suspended(..))
+    matches!(settings.model, ModelSettings::Tree(_) | ModelSettings::Suspended(..) | ModelSettings::Watch(_))
 }
 
 /// Returns whether a path can be made of these settings.
@@ -315,7 +337,10 @@ fn check(settings: &Settings) -> Result<(), ErrorCode> {
                 .map(drop)
                 .map_err(|error| ErrorCode::BadSetting(setting_of_tree(error)))
         }
-        Configuration::Tree(..) => Err(ErrorCode::BadSetting(SettingName::Model)),
+        Configuration::Watch(config, feet) if cfg!(feature = "watch") => {
+            Watch::check(&config, &feet).map_err(|error| ErrorCode::BadSetting(setting_of_watch(error)))
+        }
+        Configuration::Tree(..) | Configuration::Watch(..) => Err(ErrorCode::NotBuiltIn),
     }
 }
 
@@ -333,6 +358,10 @@ fn set_up(settings: &Settings, path: &mut Path) -> Result<(), ErrorCode> {
             FramePath::set_up(path, &links, &config, stop.as_ref())
                 .map_err(|error| ErrorCode::BadSetting(setting_of_tree(error)))
         }
-        Configuration::Tree(..) => Err(ErrorCode::BadSetting(SettingName::Model)),
+        Configuration::Watch(config, feet) if cfg!(feature = "watch") => {
+            WatchPath::set_up(path, &config, &feet)
+                .map_err(|error| ErrorCode::BadSetting(setting_of_watch(error)))
+        }
+        Configuration::Tree(..) | Configuration::Watch(..) => Err(ErrorCode::NotBuiltIn),
     }
 }

@@ -117,7 +117,9 @@ impl Duty {
         let sensors = match settings.model {
             ModelSettings::Body => [true, true, false, false],
             ModelSettings::TwoLinks(_) => [true, true, true, false],
-            ModelSettings::Tree(_) | ModelSettings::Suspended(..) => [false, false, false, true],
+            ModelSettings::Tree(_) | ModelSettings::Suspended(..) | ModelSettings::Watch(_) => {
+                [false, false, false, true]
+            }
         };
         Self {
             from_sensors,
@@ -359,6 +361,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
         match &mut *self.path {
             Path::Samples(path) => path.absorb_from_now_on(absorbing),
             Path::Frames(path) if cfg!(feature = "frames") => path.absorb_from_now_on(absorbing),
+            Path::Watch(path) if cfg!(feature = "watch") => path.absorb_from_now_on(absorbing),
             _ => {}
         }
     }

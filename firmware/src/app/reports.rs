@@ -10,7 +10,7 @@ use rigident_shared::screening::Rejection;
 use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
 use rigident_shared::wire::{
     CounterReport, FactorRow, FrameReport, Identity, LinkReadingMessage, PROTOCOL_VERSION, ReadingMessage,
-    SCHEMA_HASH,
+    SCHEMA_HASH, WatchReport,
 };
 
 use super::{App, HandOver};
@@ -84,6 +84,28 @@ impl<P: DerefMut<Target = Path>> App<P> {
                 ..frame_report(counters)
             };
             (report.readings, report.blocks) = (counters.frames, counters.absorbed);
+            report.rejected = counters.frames.saturating_sub(counters.absorbed);
+        }
+        if let Some(path) = self.path.watch() {
+            let watch = path.watch();
+            let counters = watch.counters();
+            report.frames = FrameReport {
+                frames: counters.frames,
+                absorbed: counters.absorbed,
+                missing: self.errors.frames_missing,
+                damaged: self.errors.frames_damaged,
+                wrong_links: counters.wrong_links,
+                not_finite: counters.not_finite,
+                saturated: counters.saturated,
+                ..FrameReport::default()
+            };
+            report.watch = WatchReport {
+                changes: watch.changes(),
+                settled: watch.is_settled(),
+                excess_percent: (100.0 * watch.excess()) as u32,
+                last_saturated: counters.last_foot,
+            };
+            (report.readings, report.blocks) = (counters.frames, counters.blocks);
             report.rejected = counters.frames.saturating_sub(counters.absorbed);
         }
         report

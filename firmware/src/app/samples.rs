@@ -3,14 +3,15 @@
 use core::ops::DerefMut;
 
 use rigident_shared::estimator::Outcome;
-use rigident_shared::wire::{ErrorCode, Reason, Reply, SensorFault, StateName, Telemetry};
+use rigident_shared::wire::{ChangeReport, ErrorCode, Reason, Reply, SensorFault, StateName, Telemetry};
 
 use super::reports::{link_message_of, message_of};
 use super::{App, HandOver, Pulse, Sensor};
 use crate::Path;
-use crate::drivers::frames::AnyFrame;
+use crate::drivers::frames::{AnyFrame, FrameKind};
 use crate::frame_path::frame_path;
 use crate::sample_path::{SamplePath, Words, imu_reading, sample_path};
+use crate::watch_path::watch_path;
 
 /// So many samples of a sensor in a row that could not be had are a fault.
 const BAD_TO_FAULT: u16 = 10;
@@ -39,9 +40,14 @@ impl<P: DerefMut<Target = Path>> App<P> {
         self.take(&Words::SecondImu(imu_reading(time_ns, specific_force, angular_rate)));
     }
 
-    /// Returns how many links a frame is to have, and whether its base is tracked; none if no frames are wanted.
-    pub fn frame_links(&self) -> Option<(usize, bool)> {
-        self.path.frames().map(|path| (path.estimator().links(), path.estimator().is_tracked()))
+    /// Returns how many links a frame is to have, and what it brings; none if no frames are wanted.
+    pub fn frame_links(&self) -> Option<(usize, FrameKind)> {
+        if let Some(path) = self.path.watch() {
+            return Some((path.watch().links(), FrameKind::Watch));
+        }
+        let estimator = self.path.frames()?.estimator();
+        let kind = if estimator.is_tracked() { FrameKind::Tracked } else { FrameKind::Imu };
+        Some((estimator.links(), kind))
     }
 
     /// Takes a frame of a tree in motion, captured at this time.
@@ -54,6 +60,14 @@ impl<P: DerefMut<Target = Path>> App<P> {
             self.errors.frames_missing = self.errors.frames_missing.saturating_add(missing);
         }
         if self.state == StateName::Fault {
+            return;
+        }
+        if let AnyFrame::Watch(frame) = frame {
+            if let Some(path) = self.path.watch_mut()
+                && let Some(change) = watch_path(path, frame)
+            {
+                self.tell_change(&change);
+            }
             return;
         }
         let Some(path) = self.path.frames_mut() else { return };
@@ -69,10 +83,17 @@ impl<P: DerefMut<Target = Path>> App<P> {
         }
     }
 
+    #[inline(never)]
+    fn tell_change(&mut self, change: &ChangeReport) {
+        self.link.telemetry(&Telemetry::Change(*change));
+    }
+
     /// Notes a frame of a tree with so many links, which is not the one configured.
     pub fn on_frame_of_links(&mut self, time_ns: u64, links: u8) {
         self.alive(Sensor::Frames, time_ns);
-        if let Some(path) = self.path.frames_mut() {
+        if let Some(path) = self.path.watch_mut() {
+            path.reject_links();
+        } else if let Some(path) = self.path.frames_mut() {
             path.estimator_mut().reject_links(links);
         }
     }

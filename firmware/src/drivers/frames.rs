@@ -1,7 +1,9 @@
 //! A source of frames of a tree in motion: one transfer, one frame ([`rigident_shared::wire::tree_frame`]).
 
 use embedded_hal::spi::{Operation, SpiDevice};
-use rigident_shared::wire::tree_frame::{MAX_TREE_FRAME, TrackedFrame, TreeFrame, TreeFrameError};
+use rigident_shared::wire::tree_frame::{
+    MAX_TREE_FRAME, TrackedFrame, TreeFrame, TreeFrameError, WatchFrame,
+};
 
 /// Tells why there is no frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,6 +16,17 @@ pub enum FrameError {
     Links(u8),
 }
 
+/// What frames bring.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FrameKind {
+    /// The motion of links; the base carries an IMU.
+    Imu,
+    /// The motion of links; cameras track the base.
+    Tracked,
+    /// What a robot's own sensors read.
+    Watch,
+}
+
 /// A frame of the one kind or the other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AnyFrame<'a> {
@@ -21,6 +34,8 @@ pub enum AnyFrame<'a> {
     Imu(TreeFrame<'a>),
     /// Cameras track the base.
     Tracked(TrackedFrame<'a>),
+    /// A robot's own sensors.
+    Watch(WatchFrame<'a>),
 }
 
 impl<'a> AnyFrame<'a> {
@@ -28,11 +43,13 @@ impl<'a> AnyFrame<'a> {
     ///
     /// # Errors
     /// See [`TreeFrame::decode`].
-    pub fn decode(bytes: &'a [u8], links: usize, tracked: bool) -> Result<Self, TreeFrameError> {
-        if tracked {
-            TrackedFrame::decode(bytes, links).map(Self::Tracked)
-        } else {
-            TreeFrame::decode(bytes, links).map(Self::Imu)
+    pub fn decode(bytes: &'a [u8], links: usize, kind: FrameKind) -> Result<Self, TreeFrameError> {
+        match kind {
+            FrameKind::Imu => TreeFrame::decode(bytes, links).map(Self::Imu),
+            FrameKind::Tracked => TrackedFrame::decode(bytes, links).map(Self::Tracked),
+            FrameKind::Watch if cfg!(feature = "watch") => WatchFrame::decode(bytes, links).map(Self::Watch),
+            // Left out of this image.
+            FrameKind::Watch => Err(TreeFrameError::Damaged),
         }
     }
 
@@ -41,6 +58,7 @@ impl<'a> AnyFrame<'a> {
         match self {
             Self::Imu(frame) => frame.number,
             Self::Tracked(frame) => frame.number,
+            Self::Watch(frame) => frame.number,
         }
     }
 }
@@ -57,16 +75,20 @@ impl<SPI: SpiDevice> FrameSource<SPI> {
         Self { spi, bytes: [0; MAX_TREE_FRAME] }
     }
 
-    /// Clocks out the frame that was signalled, of a tree of so many links whose base is tracked or not.
+    /// Clocks out the frame that was signalled, of a tree of so many links and of this kind.
     ///
     /// # Errors
     /// [`FrameError`]: there is none that can be used.
-    pub fn read(&mut self, links: usize, tracked: bool) -> Result<AnyFrame<'_>, FrameError> {
-        let length = if tracked { TrackedFrame::bytes(links) } else { TreeFrame::bytes(links) };
+    pub fn read(&mut self, links: usize, kind: FrameKind) -> Result<AnyFrame<'_>, FrameError> {
+        let length = match kind {
+            FrameKind::Imu => TreeFrame::bytes(links),
+            FrameKind::Tracked => TrackedFrame::bytes(links),
+            FrameKind::Watch => WatchFrame::bytes(links),
+        };
         let bytes = self.bytes.get_mut(..length).ok_or(FrameError::Bus)?;
         bytes.fill(0);
         self.spi.transaction(&mut [Operation::TransferInPlace(bytes)]).map_err(|_| FrameError::Bus)?;
-        AnyFrame::decode(bytes, links, tracked).map_err(|error| match error {
+        AnyFrame::decode(bytes, links, kind).map_err(|error| match error {
             TreeFrameError::Damaged => FrameError::Damaged,
             TreeFrameError::Links(count) => FrameError::Links(count),
         })

@@ -31,7 +31,7 @@ pub use error::RunnerError;
 pub use frame_bus::{FrameBus, FrameGate, frames_of, suspended_frames_of, tracked_frames_of};
 pub use in_process::InProcess;
 #[cfg(feature = "emulator")]
-pub use qemu::{Qemu, QemuOptions, StackUse, firmware_elf};
+pub use qemu::{Qemu, QemuOptions, StackUse, firmware_elf, watch_elf};
 pub(crate) use sensor_bus::lock;
 pub use sensor_bus::{PacedRig, SensorBus, WithFlash};
 

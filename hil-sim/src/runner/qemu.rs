@@ -51,6 +51,19 @@ pub fn firmware_elf() -> PathBuf {
     )
 }
 
+/// Where the image that watches robots lies: beside [`firmware_elf`], its name ends in `-watch`.
+#[must_use]
+pub fn watch_elf() -> PathBuf {
+    let standard = firmware_elf();
+    let mut name = standard.file_stem().unwrap_or_default().to_os_string();
+    name.push("-watch");
+    if let Some(extension) = standard.extension() {
+        name.push(".");
+        name.push(extension);
+    }
+    standard.with_file_name(name)
+}
+
 /// What to emulate.
 #[derive(Clone, Debug)]
 pub struct QemuOptions {

@@ -159,6 +159,51 @@ pub struct ServeOptions {
     pub saturate: Vec<SensorFault>,
 }
 
+/// `rigident-sim sensors`
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_help = "Examples:\n  \
+    rigident-sim sensors --ati 127.0.0.1:49152 --xsens-port-link ./mti --write-rig hand.rig.toml\n  \
+    rigident-sim sensors --rtde 127.0.0.1:30004 --bridge 127.0.0.1:8765 --lines-to 127.0.0.1:5005\n\n\
+    What is to be typed in another terminal is printed. Ctrl-C ends it and leaves nothing behind.")]
+pub struct SensorsOptions {
+    /// An ATI Net F/T at this address (UDP); port 0 takes a free one
+    #[arg(long, value_name = "HOST:PORT")]
+    pub ati: Option<String>,
+    /// A Universal Robots controller (RTDE) at this address
+    #[arg(long, value_name = "HOST:PORT")]
+    pub rtde: Option<String>,
+    /// A foxglove_bridge with the topics /ft/wrench, /imu/data and /pose at this address
+    #[arg(long, value_name = "HOST:PORT")]
+    pub bridge: Option<String>,
+    /// An Xsens MTi on a serial line of this name
+    #[arg(long, value_name = "PATH")]
+    pub xsens_port_link: Option<PathBuf>,
+    /// Lines of CSV, wrench and IMU, as datagrams to this address
+    #[arg(long, value_name = "HOST:PORT")]
+    pub lines_to: Option<String>,
+    /// Lines of CSV, wrench and IMU, on a serial line of this name
+    #[arg(long, value_name = "PATH")]
+    pub lines_port_link: Option<PathBuf>,
+    /// Write the rig file that describes these sensors; never over another file
+    #[arg(long, value_name = "FILE")]
+    pub write_rig: Option<PathBuf>,
+    /// How long the body moves, s; then it rests
+    #[arg(long, value_name = "S", default_value_t = 120.0)]
+    pub duration_s: f64,
+    /// Share of samples that are lost on the way
+    #[arg(long, value_name = "P", default_value = "0", value_parser = probability)]
+    pub lose: f64,
+    /// Samples come up to so much late, s
+    #[arg(long, value_name = "S", default_value_t = 0.002)]
+    pub jitter_s: f64,
+    /// Every sensor falls silent after so long, s
+    #[arg(long, value_name = "S")]
+    pub stop_after_s: Option<f64>,
+    /// Seed of noise and biases
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+}
+
 impl ServeOptions {
     /// The rig asked for.
     #[must_use]

@@ -5,6 +5,7 @@ use clap::{Args, Parser, Subcommand};
 pub use super::adaptive::Adaptive;
 pub use super::body_arguments::Body;
 pub use super::calibration_arguments::{Calibrate, Verify};
+pub use super::device_arguments::{Completions, Configure, Doctor, Info, Man, Monitor, PortOption, Ports};
 pub use super::factor_arguments::{MakeFactor, Merge, Solve, TareFiles};
 pub use super::options::calibration::CalibrationOption;
 pub use super::options::forgetting::Forgetting;
@@ -19,6 +20,7 @@ pub use super::plan_arguments::{Plan, Statics, Workspace};
 pub use super::predict_arguments::{Predict, Summary, Validate};
 pub use super::programme::Programme;
 use super::vibration_arguments::Vibration;
+use super::watch_arguments::Watch;
 
 /// Tells the inertial parameters of a body from its wrench and motion: mass, centre of mass, inertia tensor,
 /// each with a 95 % uncertainty, or that the data do not identify it.
@@ -45,6 +47,8 @@ pub enum Command {
     Demo(Demo),
     /// Take a recording through the firmware: in-process, emulated, or on a board
     Replay(Replay),
+    /// Have the firmware watch a link of a robot in motion: what was picked up or lost, when, and how much
+    Watch(Watch),
     /// Identify the body of a recording, in batch, with the same pipeline in double precision
     Identify(Identify),
     /// Compare estimators of the centre of mass on a recording's still poses
@@ -65,14 +69,20 @@ pub enum Command {
     Merge(Merge),
     /// Identify the body of a factor
     Solve(Solve),
-    /// List the serial ports
+    /// List the serial ports, and which of them a device answers on
     Ports(Ports),
-    /// Tell what device and firmware are on a port
+    /// Tell what a device is, its firmware, its state and what it has counted
     Info(Info),
-    /// Send a rig's settings to the device on a port and read them back
+    /// Read a device's settings, or send those of a rig or a file, the differences shown
     Configure(Configure),
+    /// Look whether what a device needs is here: ports, permissions, emulator, firmware, clocks
+    Doctor(Doctor),
     /// Run an experiment on a rig: warm-up, zero, still poses, motion, drift check
     Run(Run),
+    /// Identify a body live from sensors that are on the network or on a line, moved by hand or by anything
+    Live(Live),
+    /// Watch an experiment as it runs: parameters with their intervals, the weakest direction, sensors, link
+    Monitor(Monitor),
     /// Convert a recording between CSV and MCAP without loss
     Convert(Convert),
     /// Repeat a simulated experiment with fresh noise: bias, spread and coverage, against the Cramér–Rao bound
@@ -91,6 +101,10 @@ pub enum Command {
     Schema(SchemaOf),
     /// Time what is computed, beside other libraries
     Bench(BenchCommand),
+    /// Print the completions of a shell
+    Completions(Completions),
+    /// Write the manual's pages
+    Man(Man),
 }
 
 /// `rigident schema`
@@ -252,44 +266,6 @@ pub struct Identify {
     pub payload: PayloadOptions,
 }
 
-/// `rigident ports`
-#[derive(Args, Debug, Clone)]
-#[command(after_help = "Example:\n  rigident ports --json")]
-pub struct Ports {
-    /// Print a JSON array
-    #[arg(long)]
-    pub json: bool,
-}
-
-/// `rigident info`
-#[derive(Args, Debug, Clone)]
-#[command(
-    after_help = "Examples:\n  rigident info --port /dev/ttyACM0\n  rigident info --port ./rigident-rig --json"
-)]
-pub struct Info {
-    /// The device's port; not needed where there is one USB serial port only
-    #[arg(long, value_name = "PORT")]
-    pub port: Option<String>,
-    /// Print a JSON object
-    #[arg(long)]
-    pub json: bool,
-}
-
-/// `rigident configure`
-#[derive(Args, Debug, Clone)]
-#[command(after_help = "Example:\n  rigident configure --port /dev/ttyACM0 --rig bracket.rig.toml")]
-pub struct Configure {
-    /// The device's port; not needed where there is one USB serial port only
-    #[arg(long, value_name = "PORT")]
-    pub port: Option<String>,
-    /// Rig file
-    #[arg(long, value_name = "FILE")]
-    pub rig: PathBuf,
-    /// Print the settings as a JSON object
-    #[arg(long)]
-    pub json: bool,
-}
-
 /// `rigident run`
 #[derive(Args, Debug, Clone)]
 #[command(
@@ -297,20 +273,22 @@ pub struct Configure {
                         rigident run --port ./rigident-rig --rig rig.rig.toml --platform tcp://127.0.0.1:7447 --duration-s 30 --yes\n  \
                         rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform 'gcs://192.168.0.1:50000?rate_hz=100'\n  \
                         rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform tcp://192.168.1.20:7447 --adaptive\n  \
-                        rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform 'pose+udp://192.168.1.30:5000' --plan motion.json\n\n\
+                        rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform 'pose+udp://192.168.1.30:5000' --plan motion.json\n  \
+                        rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform none --until m=0.02\n\n\
                         A rig file of two [[link]] with an [[imu]] each makes it a run of two links: initial_wxyz of the second says how \
                         it hangs at the start. `rigident-sim serve --body two-links --write-rig rig.rig.toml` is such a rig.\n\n\
                         Ctrl-C stops the platform, sees it at rest, and keeps what was recorded."
 )]
 pub struct Run {
-    /// The device's port; not needed where there is one USB serial port only
-    #[arg(long, value_name = "PORT")]
-    pub port: Option<String>,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub device: PortOption,
     /// The platform's controller
     ///
     /// tcp://HOST:PORT: as `rigident-sim serve` offers it. gcs://HOST:PORT or gcs:///dev/ttyUSB0: a PI hexapod (GCS 2.0).
     /// pose+tcp://HOST:PORT, pose+udp://…, pose+serial:///dev/…, legs+…: CSV lines of poses or leg lengths; the plate must
-    /// stand at home when it begins, and is led back there after the experiment. Behind it
+    /// stand at home when it begins, and is led back there after the experiment. none: the body is moved by hand, or by anything
+    /// else; the next move is told, and Ctrl-C ends. Behind it
     /// ?rate_hz=100, &lead_s=0.2 (set points are sent so long before their time) and &baud=115200 where they apply
     #[arg(long, value_name = "ADDRESS")]
     pub platform: String,
@@ -341,6 +319,53 @@ pub struct Run {
     #[command(flatten)]
     #[allow(missing_docs)]
     pub forgetting: Forgetting,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub known: KnownQuantities,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub output: Output,
+}
+
+/// `rigident live`
+#[derive(Args, Debug, Clone)]
+#[command(after_help = "Sources:\n  \
+                  ati+udp://HOST[?cpf=…&cpt=…]   ATI Net F/T, Axia, Schunk: wrench\n  \
+                  rtde://HOST                    Universal Robots e-Series: wrench, and with it as --imu accelerometer and turns\n  \
+                  ws://HOST[:8765]?topic=/…      a ROS 2 topic by foxglove_bridge: WrenchStamped, Imu, PoseStamped\n  \
+                  xsens://DEVICE[?baud=…]        Xsens MTi: IMU\n  \
+                  serial:DEVICE, udp://HOST:PORT, -   lines of CSV with a header, or ?columns=t_s,fx_n,…\n\n\
+                  Examples:\n  \
+                  rigident live --wrench ati+udp://192.168.1.1 --imu xsens:///dev/ttyUSB0 --rig hand.rig.toml\n  \
+                  rigident live --wrench rtde://192.168.0.9 --imu rtde://192.168.0.9 --rig ur5e.rig.toml --until m=0.02\n  \
+                  rigident live --wrench 'ws://robot?topic=/ft/wrench' --imu 'ws://robot?topic=/imu/data'\n  \
+                  ./logger | rigident live --wrench - --imu -\n\n\
+                  Ctrl-C ends it and keeps everything; what each device is to be set to stands in docs/live.md.")]
+pub struct Live {
+    /// Where the wrench comes from
+    #[arg(long, value_name = "URL")]
+    pub wrench: String,
+    /// Where accelerometer and gyro come from; the same address as --wrench if they come together
+    #[arg(long, value_name = "URL")]
+    pub imu: Option<String>,
+    /// Where the pose of what carries the load cell comes from, in place of a gyro
+    #[arg(long, value_name = "URL")]
+    pub pose: Option<String>,
+    /// Rig file: places, signs, names of columns. Default: the IMU at the load cell's origin, parallel to it
+    #[arg(long, value_name = "FILE")]
+    pub rig: Option<PathBuf>,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub calibration: CalibrationOption,
+    /// Who estimates while it comes: inproc, qemu, or the port of a device
+    #[arg(long, default_value = "inproc", value_name = "inproc|qemu|PORT")]
+    pub mcu: String,
+    /// End after so long, s; without it Ctrl-C ends
+    #[arg(long, value_name = "S")]
+    pub at_most_s: Option<f64>,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub stop: StopCriterion,
     #[command(flatten)]
     #[allow(missing_docs)]
     pub known: KnownQuantities,

@@ -61,7 +61,7 @@ fn streamed(
     let input = source.input();
     let left_out = tracked::left_out(&frames, input.model.links.len());
     let sent = frames.len() as u64;
-    let (transport, gate) = simulated::frames(mcu, frames, input.rate_hz)?;
+    let (transport, gate) = simulated::frames(mcu, simulated::Image::Standard, frames, input.rate_hz)?;
     let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
     configured(&mut session, &settings)?;
     let take = session.follow_frames(&gate, map.nrows(), &mut Nobody).map_err(Failure::link)?;

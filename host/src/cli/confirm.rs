@@ -34,7 +34,7 @@ pub(super) fn confirm(summary: &Summary, address: &str, yes: bool) -> Result<(),
 }
 
 /// What `read` gives, in a thread that is left behind if nobody answers before `interrupted`: `None` then.
-fn answered(
+pub(super) fn answered(
     read: impl FnOnce() -> io::Result<String> + Send + 'static,
     interrupted: &AtomicBool,
 ) -> Result<Option<String>, Failure> {

@@ -206,7 +206,8 @@ pub(super) fn human34(arguments: &Demo) -> Result<ExitCode, Failure> {
             .collect(),
         ..RigFile::default()
     };
-    let (transport, source) = simulated::frames(arguments.mcu, sent.clone(), FRAMES_HZ)?;
+    let (transport, source) =
+        simulated::frames(arguments.mcu, simulated::Image::Standard, sent.clone(), FRAMES_HZ)?;
     let mut session = open(transport)?;
     let timing =
         DeviceTiming { rate_hz: FRAMES_HZ, is_static: false, source: Source::Sensors, host_timeout_ms: 0 };

@@ -17,13 +17,14 @@ use rigident_shared::wire::{
 use super::arguments::Output;
 use super::came::Came;
 use super::loaded::{Loaded, PLOT_POINTS};
+use super::next_move::NextMove;
 use super::options::stop_criterion::{self, StopCriterion};
 use super::run_report::RunReport;
 use super::tracking_error::{MotionLog, TrackingError};
 use super::{ExitStatus, Failure, Folder, Progress, Stages};
 use crate::device::link::TakenFactor;
 use crate::device::session::tree::complaints;
-use crate::device::session::{Observer, Take};
+use crate::device::session::{Observer, Take, widen};
 use crate::fit::prior::KnownValues;
 use crate::fit::tare::Tare;
 use crate::fit::{Convergence, DeviceFactor, Measured};
@@ -62,6 +63,8 @@ pub(super) struct Watcher {
     pub(super) state: Option<String>,
     /// Where the platform's motion goes.
     pub(super) motion: Option<MotionLog>,
+    /// Of a body that is moved by hand.
+    pub(super) next_move: Option<NextMove>,
 }
 
 impl Watcher {
@@ -76,6 +79,7 @@ impl Watcher {
             expected,
             state: None,
             motion: None,
+            next_move: None,
         }
     }
 
@@ -114,6 +118,30 @@ impl Watcher {
     }
 }
 
+/// Returns what the device's own estimate comes to, in words.
+pub(super) fn in_words(report: &EstimateReport) -> String {
+    // Against the largest of its kind: a true zero has no relative uncertainty of its own.
+    let worst = [0..1, 1..4, 4..10]
+        .into_iter()
+        .filter_map(|kind| {
+            let values = report.estimate.get(kind.clone())?;
+            let scale = values.iter().fold(0.0_f32, |s, v| s.max(v.abs()));
+            let sds = report.standard_deviation.get(kind)?;
+            Some(100.0 * sds.iter().fold(0.0_f32, |s, v| s.max(*v)) / scale)
+        })
+        .filter(|v| v.is_finite())
+        .fold(0.0_f32, f32::max);
+    let apart = match report.consistency {
+        // Of several links it is never judged.
+        Consistency::NotDetermined if report.estimate.len() <= ONE_BODY => {
+            ", no body determined yet".to_owned()
+        }
+        _ if report.distance_sd > DOUBTFUL_SD => format!(", {:.1} sd from any body", report.distance_sd),
+        _ => String::new(),
+    };
+    format!("condition {:.1}, worst relative sd {worst:.1} %{apart}", report.condition_number)
+}
+
 /// Returns how long the rest takes at this rate, 1/s, in words; nothing where that is not known.
 fn time_left(readings: usize, expected: usize, rate: f64) -> String {
     let left_s = expected.saturating_sub(readings) as f64 / rate;
@@ -139,6 +167,9 @@ fn row<'a>(reading: &ReadingMessage, imus: &'a [ImuValues], attitudes: &'a [(usi
 impl Observer for Watcher {
     fn reading(&mut self, reading: &ReadingMessage) -> Result<(), String> {
         let imu = imu_values(reading.specific_force, reading.angular_rate);
+        if let Some(next) = &mut self.next_move {
+            next.take(widen(reading));
+        }
         self.append(&row(reading, &[imu], &[]))
     }
 
@@ -161,35 +192,16 @@ impl Observer for Watcher {
     }
 
     fn progress(&mut self, readings: usize) {
+        if let Some(news) = self.next_move.as_mut().and_then(NextMove::news) {
+            self.progress.finish();
+            tell!("next: {news}");
+        }
         let (started, expected, latest, known) = (self.started, self.expected, &self.latest, &self.state);
         self.progress.show(|| {
             let rate = readings as f64 / started.elapsed().as_secs_f64();
             let share = if expected > 0 { format!(" of {expected}") } else { String::new() };
             let left = time_left(readings, expected, rate);
-            let state = latest.as_ref().map_or_else(String::new, |report| {
-                // Against the largest of its kind: a true zero has no relative uncertainty of its own.
-                let worst = [0..1, 1..4, 4..10]
-                    .into_iter()
-                    .filter_map(|kind| {
-                        let values = report.estimate.get(kind.clone())?;
-                        let scale = values.iter().fold(0.0_f32, |s, v| s.max(v.abs()));
-                        let sds = report.standard_deviation.get(kind)?;
-                        Some(100.0 * sds.iter().fold(0.0_f32, |s, v| s.max(*v)) / scale)
-                    })
-                    .filter(|v| v.is_finite())
-                    .fold(0.0_f32, f32::max);
-                let apart = match report.consistency {
-                    // Of several links it is never judged.
-                    Consistency::NotDetermined if report.estimate.len() <= ONE_BODY => {
-                        ", no body determined yet".to_owned()
-                    }
-                    _ if report.distance_sd > DOUBTFUL_SD => {
-                        format!(", {:.1} sd from any body", report.distance_sd)
-                    }
-                    _ => String::new(),
-                };
-                format!(", condition {:.1}, worst relative sd {worst:.1} %{apart}", report.condition_number)
-            });
+            let state = latest.as_ref().map_or_else(String::new, |report| format!(", {}", in_words(report)));
             let known = known.as_deref().unwrap_or_default();
             format!("{readings}{share} readings, {rate:.0}/s{left}{state}{known}")
         });
@@ -213,7 +225,7 @@ pub(super) fn boot_notes(identity: &Identity) -> [(&'static str, &'static str); 
 }
 
 /// What is to be said of a device whose times are not those of a crystal.
-fn doubtful_clock(clock: ClockSource) -> Option<String> {
+pub(super) fn doubtful_clock(clock: ClockSource) -> Option<String> {
     matches!(clock, ClockSource::Internal | ClockSource::Slow)
         .then(|| format!("the device takes its time from {}", time_from(clock)))
 }

@@ -64,6 +64,13 @@ impl Failure {
         self
     }
 
+    /// The same failure, followed by what is left.
+    #[must_use]
+    pub fn after(mut self, left: &str) -> Self {
+        self.message = format!("{}\n{left}", self.message.trim_end());
+        self
+    }
+
     /// Its exit status.
     pub fn exit_code(&self) -> ExitCode {
         self.status.into()

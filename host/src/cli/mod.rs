@@ -15,6 +15,7 @@ mod body_arguments;
 mod body_device;
 mod body_page;
 mod body_plates;
+mod by_hand;
 mod calibrate;
 mod calibrate_imu;
 mod calibrate_joints;
@@ -23,11 +24,16 @@ mod calibrate_joints_words;
 mod calibrate_masses;
 mod calibration_arguments;
 mod came;
+mod completions;
+mod configure;
 mod confirm;
 #[cfg(feature = "simulator")]
 mod demo;
 #[cfg(feature = "simulator")]
 mod demo_links;
+mod device_arguments;
+mod doctor;
+mod doctor_checks;
 mod drift;
 mod experiment;
 mod factor;
@@ -36,11 +42,20 @@ mod failure;
 mod folder;
 mod guards;
 mod identify;
+mod info;
 mod link;
 mod links_on_device;
+mod live;
+mod live_streams;
 mod loaded;
 mod locked_joints;
 mod model;
+mod monitor;
+#[cfg(feature = "simulator")]
+mod monitor_demo;
+mod monitor_sources;
+mod monitor_terminal;
+mod monitor_watch;
 #[cfg(feature = "simulator")]
 mod montecarlo;
 #[cfg(feature = "simulator")]
@@ -48,6 +63,7 @@ mod montecarlo_motions;
 #[cfg(feature = "simulator")]
 mod montecarlo_poses;
 mod motion_plots;
+mod next_move;
 mod options;
 mod outcome;
 mod payload;
@@ -55,6 +71,7 @@ mod plan_arguments;
 mod plan_excitation;
 mod plan_motion;
 mod plan_poses;
+mod ports;
 mod predict;
 mod predict_arguments;
 mod programme;
@@ -83,6 +100,8 @@ mod vibration_demo;
 mod vibration_identify;
 mod vibration_postures;
 mod vibration_stiffness;
+mod watch;
+mod watch_arguments;
 mod workspace;
 mod zeroing;
 
@@ -180,6 +199,11 @@ fn without_missing(command: clap::Command) -> clap::Command {
                 mcu.help("The port of a device; inproc and qemu need the feature `simulator`")
             })
         })
+        .mut_subcommand("live", |live| {
+            live.mut_arg("mcu", |mcu| {
+                mcu.help("The port of a device; inproc and qemu need the feature `simulator`")
+            })
+        })
 }
 
 /// What the parser says, without its hints on usage.
@@ -195,6 +219,7 @@ fn check_folder(command: Option<&Command>) -> Result<(), Failure> {
         Some(Command::Identify(a)) => &a.output,
         Some(Command::Replay(a)) => &a.output,
         Some(Command::Run(a)) => &a.output,
+        Some(Command::Live(a)) => &a.output,
         Some(Command::Solve(a)) => &a.output,
         _ => return Ok(()),
     };
@@ -218,7 +243,12 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
             a.recording = recorded::named(a.recording);
             replay::run(&a)
         }
+        Some(Command::Watch(mut a)) => {
+            a.recording = recorded::named(a.recording);
+            watch::run(&a)
+        }
         Some(Command::Run(a)) => run::run(&a),
+        Some(Command::Live(a)) => live::run(&a),
         Some(Command::Calibrate(a)) => calibrate::run(&a),
         Some(Command::Verify(a)) => verify::run(&a),
         Some(Command::Predict(a)) => predict::predict(&a),
@@ -226,9 +256,13 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
         Some(Command::Factor(a)) => factor::make(&a),
         Some(Command::Merge(a)) => factor::merge(&a),
         Some(Command::Solve(a)) => factor::solve(&a),
-        Some(Command::Ports(a)) => link::ports(&a),
-        Some(Command::Info(a)) => link::info(&a),
-        Some(Command::Configure(a)) => link::configure(&a),
+        Some(Command::Ports(a)) => ports::run(&a),
+        Some(Command::Info(a)) => info::run(&a),
+        Some(Command::Configure(a)) => configure::run(&a),
+        Some(Command::Monitor(a)) => monitor::run(&a),
+        Some(Command::Doctor(a)) => doctor::run(&a),
+        Some(Command::Completions(a)) => completions::completions(&a),
+        Some(Command::Man(a)) => completions::man(&a),
         Some(Command::Convert(a)) => convert(&a),
         #[cfg(not(feature = "simulator"))]
         Some(Command::Montecarlo(_)) => Err(simulated::refused("`rigident montecarlo`")),

@@ -1,8 +1,12 @@
 //! Stands in for the simulated rig in a build without the feature `simulator`: every use of it is refused by name.
 
+use std::path::PathBuf;
+
+use rigident_shared::wire::Identity;
+
 use super::Failure;
 use super::arguments::Mcu;
-use crate::device::link::Transport;
+use crate::device::link::{LinkError, Transport};
 use crate::device::session::tree::FrameSource;
 
 /// Why `what` cannot be done.
@@ -20,6 +24,14 @@ pub(super) fn named(mcu: &str) -> Result<Option<super::link::NamedTransport>, Fa
         }
         _ => Ok(None),
     }
+}
+
+/// An image with who answers in it, and who does in this process; there is none.
+pub(super) type Greeted = (PathBuf, Result<[Identity; 2], LinkError>);
+
+/// See the same function of the simulated rig.
+pub(super) fn greeted_image() -> Result<Greeted, String> {
+    Err("this program was built without the simulated rig (feature `simulator`)".to_owned())
 }
 
 /// See the same function of the simulated rig.

@@ -93,6 +93,11 @@ impl Stages {
         Self { stage, end: Some(end), thread: Some(thread) }
     }
 
+    /// Shows nothing: for work beside other work, or while the terminal is another's.
+    pub(super) fn silent() -> Self {
+        Self { stage: Arc::default(), end: None, thread: None }
+    }
+
     /// What is being done now, and what share of it is done; zero: that is not known.
     pub(super) fn at(&self, stage: &str, share: f64) {
         *self.stage.lock().unwrap_or_else(PoisonError::into_inner) = (stage.to_owned(), share);

@@ -87,7 +87,7 @@ pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Res
         let mut settings = tree_settings(rig, &timing(Source::Sensors), told).map_err(Failure::input)?;
         arguments.stop.put_into(&mut settings, &estimated)?;
         let count = sent.len();
-        let (transport, source) = simulated::frames(runner, sent, rate_hz)?;
+        let (transport, source) = simulated::frames(runner, simulated::Image::Standard, sent, rate_hz)?;
         let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
         configured(&mut session, &settings)?;
         folder = Folder::new(arguments.output.out.as_deref(), "replay")?;

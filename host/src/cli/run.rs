@@ -19,7 +19,7 @@ use super::outcome::provenance;
 use super::refused::refuse_for_trees;
 use super::tracking_error::{MotionLog, TrackingError};
 use super::zeroing::{self, warm_up, weigh, zero, zero_second};
-use super::{Failure, Folder, guards, programme};
+use super::{Failure, Folder, by_hand, guards, programme};
 use crate::device::session::tree::device_tree;
 use crate::device::session::{
     DeviceTiming, INTERRUPTED, Session, SessionError, settings, sound, state_imu_noise, two_links,
@@ -34,6 +34,9 @@ use crate::rig::RigFile;
 
 /// `rigident run`
 pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
+    if arguments.platform == by_hand::NONE {
+        return by_hand::run(arguments);
+    }
     let started = Instant::now();
     let known = arguments.known.parse()?;
     let mut rig = RigFile::load(&arguments.rig).map_err(Failure::input)?;
@@ -70,7 +73,8 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     arguments.adaptive.check()?;
     zeroing::bound(&rig)?;
     let mut platform = platform::connect(&arguments.platform, &geometry).map_err(unmoved)?;
-    let mut session = open(arguments.port.as_deref())?;
+    // A controller on a serial port is greeted by nobody but its driver.
+    let (_, mut session) = open(arguments.device.port.as_deref(), &platform::port_of(&arguments.platform))?;
     let timing =
         DeviceTiming { rate_hz, is_static: false, source: Source::Sensors, host_timeout_ms: HOST_TIMEOUT_MS };
     // Any noise does while nothing is absorbed.

@@ -117,7 +117,11 @@ impl<'a> RunReport<'a> {
         Ok(ExitStatus::of(whole && answer.status == Status::Identified).into())
     }
 
-    fn answer(&mut self, fit: &Fit) -> Result<Answer, Failure> {
+    /// Concludes the answer; the report's notes and warnings go into it.
+    ///
+    /// # Errors
+    /// What was asked for is no parameter.
+    pub(super) fn answer(&mut self, fit: &Fit) -> Result<Answer, Failure> {
         let time_base: Option<TimeBase> = self.loaded.and_then(Loaded::time_base);
         let read = self.warnings.len();
         let context = Context {

@@ -1,14 +1,18 @@
 //! The built-in simulated rig, as a device, a platform and a rig file.
 
 use std::io;
+use std::path::PathBuf;
 use std::time::Duration;
 
+use rigident_shared::wire::Identity;
 use rigident_sim::rig::{Rig, RigConfig, SharedRig};
 use rigident_sim::runner::{FrameBus, FrameGate, InProcess, PacedRig, Pacing, SensorBus};
 
 use super::Failure;
 use super::arguments::Mcu;
-use crate::device::link::Transport;
+#[cfg(feature = "emulator")]
+use crate::device::link::Client;
+use crate::device::link::{LinkError, Transport};
 use crate::device::session::tree::FrameSource;
 use crate::rig::{
     BodyTable, Calibrated, ImuClass, ImuTable, LoadCellClass, LoadCellTable, RecordingTable, RigFile,
@@ -32,23 +36,64 @@ impl Transport for Simulated {
 pub(super) fn transport(mcu: Mcu, rig: &SharedRig) -> Result<Box<dyn Transport>, Failure> {
     let mcu: Box<dyn rigident_sim::runner::Mcu> = match mcu {
         Mcu::Inproc => Box::new(InProcess::new(rig.clone(), Pacing::LockStep)),
-        Mcu::Qemu => emulated(Box::new(PacedRig::new(rig.clone(), Pacing::LockStep)))?,
+        Mcu::Qemu => emulated(Image::Standard, Box::new(PacedRig::new(rig.clone(), Pacing::LockStep)))?,
     };
     Ok(Box::new(Simulated(mcu)))
 }
 
+/// Images of the firmware for the emulated board.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Image {
+    /// Of bodies and trees.
+    Standard,
+    /// That watches robots, too.
+    Watch,
+}
+
 /// The release firmware on the emulated board with this bus behind its drivers.
 #[cfg(feature = "emulator")]
-fn emulated(bus: Box<dyn SensorBus>) -> Result<Box<dyn rigident_sim::runner::Mcu>, Failure> {
-    use rigident_sim::runner::{Qemu, QemuOptions};
-    Ok(Box::new(Qemu::spawn_on(&QemuOptions::default(), bus).map_err(Failure::link)?))
+fn emulated(image: Image, bus: Box<dyn SensorBus>) -> Result<Box<dyn rigident_sim::runner::Mcu>, Failure> {
+    use rigident_sim::runner::{Qemu, QemuOptions, firmware_elf, watch_elf};
+    let elf = if image == Image::Watch { watch_elf() } else { firmware_elf() };
+    Ok(Box::new(Qemu::spawn_on(&QemuOptions { elf, ..QemuOptions::default() }, bus).map_err(Failure::link)?))
 }
 
 #[cfg(not(feature = "emulator"))]
-fn emulated(_: Box<dyn SensorBus>) -> Result<Box<dyn rigident_sim::runner::Mcu>, Failure> {
+fn emulated(_: Image, _: Box<dyn SensorBus>) -> Result<Box<dyn rigident_sim::runner::Mcu>, Failure> {
     Err(Failure::input(
         "--mcu qemu: this program was built without the emulated board (feature `emulator`, Unix only); say --mcu inproc",
     ))
+}
+
+/// An image with who answers in it, and who does in this process; or why there is no answer.
+pub(super) type Greeted = (PathBuf, Result<[Identity; 2], LinkError>);
+
+/// Starts the image of the emulated board, and the firmware in this process; who answers.
+///
+/// # Errors
+/// Why there is no image, or no emulator to start it in.
+#[cfg(feature = "emulator")]
+pub(super) fn greeted_image() -> Result<Greeted, String> {
+    let path = rigident_sim::runner::firmware_elf();
+    if !path.exists() {
+        return Err(format!("no image {}", path.display()));
+    }
+    let greeted = |mcu: Mcu| -> Result<Result<Identity, LinkError>, String> {
+        let transport = idle_rig().and_then(|rig| transport(mcu, &rig)).map_err(|e| e.to_string())?;
+        Ok(Client::new(transport).hello())
+    };
+    let answers = greeted(Mcu::Qemu)?
+        .and_then(|image| Ok([image, greeted(Mcu::Inproc).map_err(|_| LinkError::Silent("hello"))??]));
+    Ok((path, answers))
+}
+
+/// Starts no image: this program was built without.
+///
+/// # Errors
+/// Always.
+#[cfg(not(feature = "emulator"))]
+pub(super) fn greeted_image() -> Result<Greeted, String> {
+    Err("this program was built without the emulated board (feature `emulator`, Unix only)".to_owned())
 }
 
 /// The firmware that a recording is sent to, on the microcontroller of this name; `None` if the name is not one of a
@@ -65,13 +110,14 @@ pub(super) fn named(mcu: &str) -> Result<Option<super::link::NamedTransport>, Fa
 /// The firmware on the chosen microcontroller, fed with frames over the lock-step bus, and who lets them go.
 pub(super) fn frames(
     mcu: Mcu,
+    image: Image,
     frames: Vec<Vec<u8>>,
     rate_hz: f64,
 ) -> Result<(Box<dyn Transport>, Gate), Failure> {
     let (bus, gate) = FrameBus::new(frames, rate_hz);
     let mcu: Box<dyn rigident_sim::runner::Mcu> = match mcu {
         Mcu::Inproc => Box::new(InProcess::on(Box::new(bus))),
-        Mcu::Qemu => emulated(Box::new(bus))?,
+        Mcu::Qemu => emulated(image, Box::new(bus))?,
     };
     Ok((Box::new(Simulated(mcu)), Gate(gate)))
 }

@@ -191,7 +191,7 @@ fn faults(setup: &Setup, poses: &[Pose], answer: &Answer) -> Result<Vec<Fault>, 
     let mut named: Vec<(f64, Fault)> = Vec::new();
     let too_large = answer.state.shared.offsets.iter().any(|offset| offset.abs() > LARGEST_RAD);
     let too_much = before > freedom + SUSPICIOUS * (2.0 * freedom).sqrt();
-    if too_large || too_much || !answer.bad.is_empty() || !answer.converged {
+    if too_large || too_much || !answer.bad.is_empty() {
         for fault in likeliest(setup, &some) {
             let (other, undone) = fault.undone(setup, &some);
             let after = score(&other, &fitted(&other, &undone)?);

@@ -136,6 +136,7 @@ pub(super) fn in_rounds(
     left_out: &[bool],
 ) -> Result<Found, String> {
     let (mut steps, mut converged) = (0, false);
+    let mut last = Vec::new();
     for _ in 0..ROUNDS {
         let all = told(setup, poses, &state)?;
         let weights = weights(&all, left_out);
@@ -153,12 +154,13 @@ pub(super) fn in_rounds(
         let before = state.shared.offsets.clone();
         let (there, used) = round.descended(state);
         (state, steps) = (there, steps + used);
-        converged = before.iter().zip(&state.shared.offsets).all(|(a, b)| (a - b).abs() < STILL);
+        last = before.iter().zip(&state.shared.offsets).map(|(a, b)| b - a).collect();
+        converged = last.iter().all(|by: &f64| by.abs() < STILL);
         if converged {
             break;
         }
     }
     let all = told(setup, poses, &state)?;
     let Weights { each, scale } = weights(&all, left_out);
-    Ok(Found { state, told: all, weights: each, scale, steps, converged })
+    Ok(Found { state, told: all, weights: each, scale, steps, converged, last })
 }

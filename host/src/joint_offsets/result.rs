@@ -15,6 +15,8 @@ const ROUNDING: f64 = 1e-9;
 pub const COARSEST: Coarsest = Coarsest { rad: 0.035, m: 0.01 };
 /// A joint that moves by less over all poses stands still, rad (0.6°) and m.
 const STILL: Coarsest = Coarsest { rad: 0.01, m: 1e-3 };
+/// The last step moves no identified offset by more than this share of its U95. Along what poses do not tell the search may go on for long.
+const SETTLED: f64 = 0.05;
 /// Shares of the weakest combination that are told.
 const SHARE: f64 = 0.2;
 /// Fewest poses: with one, each height is as well the base's.
@@ -133,7 +135,7 @@ pub struct Answer {
     pub left_out: Vec<bool>,
     /// Steps of the search.
     pub steps: usize,
-    /// Whether the search settled.
+    /// Whether the search settled: its last step moved no identified offset by more than a twentieth of its U95.
     pub converged: bool,
 }
 
@@ -182,6 +184,8 @@ fn answer(setup: &Setup, poses: &[Pose], found: &Found, coarsest: Coarsest) -> A
     let scale = variance_ratio.max(1.0);
     let estimate = Estimate::new(&factor, ROUNDING, scale, Noise::Given);
     let offsets = offsets(setup, poses, found, (&factor, &estimate), coarsest);
+    let moved = offsets.iter().zip(&found.last).filter_map(|(own, by)| Some(by.abs() / own.measured?.u95));
+    let settled = found.converged || moved.fold(0.0, f64::max) < SETTLED;
     let known: Vec<usize> =
         (0..offsets.len()).filter(|k| offsets.get(*k).is_some_and(|o| o.measured.is_some())).collect();
     let covariance = DMatrix::from_fn(known.len(), known.len(), |i, j| {
@@ -201,7 +205,7 @@ fn answer(setup: &Setup, poses: &[Pose], found: &Found, coarsest: Coarsest) -> A
         attitude_rms,
         height_rms,
         steps: found.steps,
-        converged: found.converged,
+        converged: settled,
         state: found.state.clone(),
         left_out: found.weights.iter().map(|weight| *weight == 0.0).collect(),
     }

@@ -52,6 +52,8 @@ pub struct Found {
     pub steps: usize,
     /// Whether the last step was short enough.
     pub converged: bool,
+    /// What the last step moved of what is shared, rad or m.
+    pub last: Vec<f64>,
 }
 
 /// Does a job for each pose, on all cores if there are many.
@@ -192,6 +194,7 @@ pub(super) fn gauss_newton(
     let mut all = told(setup, poses, &state)?;
     let mut counts = weights(&all, left_out);
     let (mut steps, mut converged) = (0, false);
+    let mut last = Vec::new();
     while steps < STEPS && !converged {
         let before = cost(setup, &all, left_out, counts.scale, &state.shared);
         let full = step(&merged(setup, &all, &counts.each, &state.shared));
@@ -210,6 +213,7 @@ pub(super) fn gauss_newton(
         counts = weights(&all, left_out);
         steps += 1;
         converged = full.iter().all(|v| v.abs() < ENOUGH);
+        last = full;
     }
-    Ok(Found { state, told: all, weights: counts.each, scale: counts.scale, steps, converged })
+    Ok(Found { state, told: all, weights: counts.each, scale: counts.scale, steps, converged, last })
 }

@@ -128,6 +128,15 @@ impl Address {
     }
 }
 
+/// Returns the names of the serial port that an address is of, as it is given and as the system lists it; none if it is of
+/// another kind.
+pub fn port_of(address: &str) -> Vec<String> {
+    let place = Address::parse(address).map(|address| address.place).unwrap_or_default();
+    let is_port = place.starts_with('/') || place.starts_with("COM");
+    let listed = std::fs::canonicalize(&place).ok().map(|path| path.display().to_string());
+    [Some(place), listed].into_iter().flatten().filter(|_| is_port).collect()
+}
+
 /// Whether what is at an address holds programs against its own limits, so that the host need not know them.
 pub fn checks_itself(address: &str) -> bool {
     address.starts_with("tcp://")

@@ -7,6 +7,7 @@
 //! A motion program is loaded whole and checked, approached, and started; the platform follows it in its own time.
 
 mod address;
+mod by_hand;
 pub mod check;
 mod error;
 pub mod gcs;
@@ -18,7 +19,8 @@ pub mod stream;
 pub mod tracking;
 mod way;
 
-pub use address::{checks_itself, connect};
+pub use address::{checks_itself, connect, port_of};
+pub use by_hand::ByHand;
 pub use error::PlatformError;
 #[cfg(feature = "simulator")]
 pub use local::LocalPlatform;

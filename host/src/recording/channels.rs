@@ -101,8 +101,9 @@ impl Recording {
             return Vec::new();
         }
         let mut names = Vec::new();
+        let own = |group: &&Group| !self.derived.contains(group);
         let sensors = self.sensors().into_iter().map(|sensor| -> Vec<Channel> {
-            sensor.iter().flat_map(|group| self.channels(*group)).collect()
+            sensor.iter().filter(own).flat_map(|group| self.channels(*group)).collect()
         });
         for sensor in sensors.chain([self.joint_channels(&EFFORTS)]) {
             let channels = || sensor.iter();
@@ -258,6 +259,15 @@ mod tests {
             changed.dead_channels()
         };
         assert!(dead(0.01, &|_| {}).is_empty());
+        let still: &dyn Fn(&mut Recording) =
+            &|r| r.imus[0].gyro.iter_mut().flatten().for_each(|w| *w = [0.0; 3]);
+        assert_eq!(dead(0.01, still).len(), 3);
+        // Rates that were made of attitudes may rest.
+        let of_attitude: &dyn Fn(&mut Recording) = &|r| {
+            still(r);
+            r.derived.push(Group::Gyro(0));
+        };
+        assert!(dead(0.01, of_attitude).is_empty());
         let no_moment: &dyn Fn(&mut Recording) = &|r| r.wrench.iter_mut().flatten().for_each(|w| w[5] = 0.0);
         assert_eq!(dead(0.01, no_moment), ["mz_nm"]);
         let stuck: &dyn Fn(&mut Recording) =

@@ -455,7 +455,7 @@ impl Column {
 const SEPARATORS: [u8; 4] = *b"|\t;,";
 
 /// Returns what separates the columns: what stands most often in the first line that is not empty, outside of quotes.
-fn separator(body: &str) -> u8 {
+pub fn separator(body: &str) -> u8 {
     let (mut counts, mut quoted) = ([0_usize; SEPARATORS.len()], false);
     for byte in body.trim_start_matches(['\n', '\r']).bytes() {
         match byte {

@@ -63,6 +63,8 @@ pub struct Recording {
     pub commanded: Option<Vec<[f64; 7]>>,
     /// Attitude of link j relative to S, w, x, y, z.
     pub attitudes: Vec<(usize, Vec<[f64; 4]>)>,
+    /// Groups that were made of others and are no sensor's own readings: they may rest, to the last digit.
+    pub derived: Vec<Group>,
     /// Other columns, kept as they are.
     pub extra: Vec<(String, Vec<String>)>,
     /// `key = value` of the comment lines, values as TOML writes them; a line that is no such pair has an empty

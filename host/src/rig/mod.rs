@@ -740,6 +740,16 @@ pub struct StreamTable {
     /// Attitude as a matrix, row by row.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rotation_matrix: Option<RotationMatrixTable>,
+    /// Time of the clock that the streams have in common at the zero of this stream's, s.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub clock_offset_s: f64,
+    /// Seconds of that clock for a second of this stream's.
+    #[serde(default = "unscaled", skip_serializing_if = "is_one")]
+    pub clock_rate: f64,
+}
+
+fn is_one(value: &f64) -> bool {
+    *value == 1.0
 }
 
 /// Where the elements of a rotation matrix are.

@@ -302,6 +302,20 @@ impl Check<'_> {
         }
         for (n, stream) in self.rig.stream.iter().enumerate() {
             self.columns(&format!("stream[{n}].columns"), &stream.columns)?;
+            let (offset, rate) = (stream.clock_offset_s, stream.clock_rate);
+            if !offset.is_finite() || offset.abs() > 1e10 {
+                let key = format!("stream[{n}].clock_offset_s");
+                return Err(self.refuse(&key, offset, "must be a time in s, less than three centuries"));
+            }
+            // No clock is that far off.
+            if !(0.5..=2.0).contains(&rate) {
+                let key = format!("stream[{n}].clock_rate");
+                return Err(self.refuse(
+                    &key,
+                    rate,
+                    "must be near 1; a unit of time is a scale of t_s in columns",
+                ));
+            }
             if let Some(matrix) = &stream.rotation_matrix
                 && !matches!(matrix.frame.as_str(), "S in A" | "A in S")
             {

@@ -41,9 +41,17 @@ impl OnFeet {
     /// Returns what is measured of a robot of these links and masses, as the input of its rows; `None` if the links make no tree, or a
     /// joint is free.
     pub fn input(&self, truth: &Model) -> Option<Input> {
+        let mut input = self.unchosen(truth, &|_| truth)?;
+        input.choose_rows().ok()?;
+        Some(input)
+    }
+
+    /// Returns the same of a robot whose links and masses at a time, s, are those of `at`; which rows are free of what is not measured
+    /// is left open.
+    pub fn unchosen<'a>(&self, truth: &'a Model, at: &dyn Fn(f64) -> &'a Model) -> Option<Input> {
         let mut noise = Noise(Some(self.seed));
         let count = (self.seconds * self.rate_hz) as usize;
-        let frames = (0..count).map(|row| self.frame(truth, row, &mut noise));
+        let frames = (0..count).map(|row| self.frame(at(row as f64 / self.rate_hz), row, &mut noise));
         let frames = frames.collect::<Option<Vec<Frame>>>()?;
         let freedoms = truth.freedoms();
         let [torque, force, moment] = self.noise.map(|sigma| sigma.max(1e-3));
@@ -70,15 +78,13 @@ impl OnFeet {
         let pivots = Vec::new();
         let states = vec![ContactState { touching: vec![true; 2], unknown_efforts: Vec::new(), pivots }];
         let contact = Contact { feet: feet.to_vec(), unmeasured: Vec::new(), sigma: sigma.clone(), states };
-        let mut input = Input {
+        Some(Input {
             base: BaseSensor::Imu([0.0; 3]),
             situation: Situation { floating: true, rows: Rows::Both, mimic: false },
             channel_sigma: Some(sigma),
             contact: Some(contact),
             ..Input::tracked(truth.clone(), frames, self.rate_hz)
-        };
-        input.choose_rows().ok()?;
-        Some(input)
+        })
     }
 
     fn frame(&self, truth: &Model, row: usize, noise: &mut Noise) -> Option<Frame> {

@@ -438,3 +438,41 @@ fn bad_input_of_feet_and_torques_of_shared_data_robots_is_named() {
         }
     }
 }
+
+/// The command with a robot of another program's: nothing changes and nothing is told, and what it lacks is named.
+#[test]
+fn a_robot_is_watched_from_the_command_line_and_what_it_lacks_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let robot = Robot::read("solo12");
+    let path = robot.write(folder.path(), Feet::All, Some(11));
+    let model = robot.model_file();
+    let model = model.to_str().unwrap();
+    let link = "FR_LOWER_LEG";
+    let watch = |more: &[&str]| {
+        let output = rigident(folder.path(), &[&["watch", "solo12.csv"], more].concat());
+        let words =
+            |bytes: &[u8]| String::from_utf8_lossy(bytes).split_whitespace().collect::<Vec<_>>().join(" ");
+        (output.status.code(), words(&output.stdout), words(&output.stderr))
+    };
+    let (code, said, _) = watch(&["--model", model, "--link", link, "--settle-s", "2"]);
+    assert!(code == Some(0) && said.starts_with("FR_LOWER_LEG: 0 changes"), "{code:?} {said}");
+    let (code, said, _) = watch(&["--model", model, "--link", link]);
+    assert!(code == Some(1) && said.contains("--settle-s"), "{code:?} {said}");
+    let (text, rig) = (std::fs::read_to_string(&path).unwrap(), robot.rig(Feet::All));
+    let no_imu = ["x", "y", "z"].iter().fold(text.clone(), |text, axis| {
+        text.replacen(&format!("imu_a{axis}_mps2"), &format!("old_a{axis}"), 1)
+    });
+    let cases = [
+        (&text, rig.clone(), vec!["--model", model, "--link", "tail"], "no link tail; its links are"),
+        (&text, rig.clone(), vec!["--link", link], "--model"),
+        (&no_imu, rig.clone(), vec!["--model", model, "--link", link], "imu_ax_mps2"),
+        (&text, robot.rig(Feet::WithoutHorizontal), vec!["--model", model, "--link", link], "fx of foot"),
+        (&text, rig.clone(), vec!["--model", model, "--link", link, "--settle-s", "0"], "--settle-s 0"),
+    ];
+    for (text, rig, line, word) in cases {
+        std::fs::write(&path, text).unwrap();
+        std::fs::write(folder.path().join("solo12.rig.toml"), rig).unwrap();
+        let (code, _, said) = watch(&line);
+        assert!(code == Some(2) && said.contains(word), "{word}: {code:?} {said}");
+    }
+}

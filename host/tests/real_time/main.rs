@@ -2,7 +2,9 @@
 //! other test takes the processor from the simulated clock.
 #![cfg(feature = "emulator")]
 
+mod device_commands;
 mod drivers;
+mod live;
 mod runs;
 mod streams;
 mod vendors_client;

@@ -36,6 +36,62 @@ impl<T: Scalar, const N: usize, const E: usize> PackedFactor<T, N, E> {
         (self.residual_sum_of_squares, self.rows) = (T::ZERO, 0);
     }
 
+    /// Makes it the factor of the rows of `smaller`, of so many parameters, of which the first are those of `smaller`.
+    pub fn extend<const M: usize, const F: usize>(
+        &mut self,
+        smaller: &PackedFactor<T, M, F>,
+        parameters: usize,
+    ) {
+        self.clear(parameters);
+        let (n, all) = (smaller.parameters(), self.parameters());
+        // Columns are packed one after the other, so the first ones stand where they stood.
+        let (triangle, z) = smaller.entries.split_at(smaller.entries.len().min(n * (n + 1) / 2));
+        self.entries.iter_mut().zip(triangle).for_each(|(slot, value)| *slot = *value);
+        let slots = self.entries.iter_mut().skip(all * (all + 1) / 2).take(n);
+        slots.zip(z).for_each(|(slot, value)| *slot = *value);
+        (self.residual_sum_of_squares, self.rows) = (smaller.residual_sum_of_squares, smaller.rows);
+    }
+
+    /// Multiplies all rows.
+    pub fn scale(&mut self, by: T) {
+        self.entries.iter_mut().for_each(|entry| *entry *= by);
+        self.residual_sum_of_squares *= by * by;
+    }
+
+    /// Sum of squares of the right-hand side that the parameters from `first` on explain beside those before them.
+    pub fn explained_from(&self, first: usize) -> T {
+        let n = self.parameters();
+        let z = self.entries.iter().skip(n * (n + 1) / 2).take(n);
+        z.skip(first).map(|z| *z * *z).sum()
+    }
+
+    /// The values of the last parameters, from `first` on, by back substitution; zero of one that nothing is known of.
+    pub fn last<const L: usize>(&self, first: usize) -> [T; L] {
+        let n = self.parameters();
+        let entry = |i: usize, j: usize| self.entries.get(j * (j + 1) / 2 + i).copied().unwrap_or(T::ZERO);
+        let mut x = [T::ZERO; L];
+        for k in (0..n.saturating_sub(first).min(L)).rev() {
+            let i = first + k;
+            let mut rest = entry(i, n);
+            for (j, known) in x.iter().enumerate().skip(k + 1) {
+                rest -= entry(i, first + j) * *known;
+            }
+            rest /= entry(i, i);
+            if let (Some(slot), true) = (x.get_mut(k), rest.is_finite()) {
+                *slot = rest;
+            }
+        }
+        x
+    }
+
+    /// Root of the inflation of a parameter's variance by all others: 1 where no other one looks like it. Infinite where it is not
+    /// determined.
+    pub fn inflation(&self, j: usize) -> T {
+        let first = j * (j + 1) / 2;
+        let column = self.entries.get(first..=first + j).unwrap_or_default();
+        self.standard_deviation(j) * column.iter().map(|r| *r * *r).sum::<T>().sqrt()
+    }
+
     /// Parameters.
     pub fn parameters(&self) -> usize {
         usize::from(self.parameters)

@@ -50,7 +50,13 @@ pub fn momentum<T: Scalar>(state: &LinkState<T>) -> Block<T> {
 
 /// The parts of one link.
 pub fn parts<T: Scalar>(state: &LinkState<T>, base: &BaseMotion<T>) -> Parts<T> {
-    let momentum = momentum(state);
+    let differentiated = momentum(state);
+    Parts { smoothed: smoothed(state, base, &differentiated), differentiated }
+}
+
+/// The rest of a link's base rows beside its momentum h: `ω₀ × h + [m a; mc × a]`.
+#[inline(always)]
+pub fn smoothed<T: Scalar>(state: &LinkState<T>, base: &BaseMotion<T>, momentum: &Block<T>) -> Block<T> {
     let (turn, arm) = (&state.rotation, &state.position);
     let mut smoothed = zero_block();
     let a = &base.specific_force;
@@ -61,16 +67,15 @@ pub fn parts<T: Scalar>(state: &LinkState<T>, base: &BaseMotion<T>) -> Parts<T> 
         if k == 0 {
             force += a;
             moment += arm.cross(a);
-        } else if k < 4 {
-            let axis: Vector3<T> = turn.column(k - 1).into();
-            moment += axis.cross(a);
+        } else if let Some(axis) = turn.data.0.get(k - 1) {
+            moment += Vector3::from(*axis).cross(a);
         }
         for axis in 0..3 {
             smoothed[axis][k] = force[axis];
             smoothed[3 + axis][k] = moment[axis];
         }
     }
-    Parts { smoothed, differentiated: momentum }
+    smoothed
 }
 
 /// The six base rows in two parts, each row by row with `10 · links` columns.

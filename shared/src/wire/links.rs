@@ -7,6 +7,7 @@ use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use super::messages::{ImuSettings, ReadingMessage};
+use super::watch::WatchSettings;
 
 /// Most links of a tree from frames.
 pub const MAX_LINKS: usize = 16;
@@ -33,6 +34,9 @@ pub enum ModelSettings {
     /// A tree of at most [`crate::estimator::frames::SUSPENDED_LINKS`] links from frames, on a platform that springs carry and that
     /// is tracked: the springs are the load cell. Parameters are the base's, then what springs carry at rest, of every free coordinate.
     Suspended(Vec<LinkSettings, MAX_LINKS>, SuspensionSettings),
+    /// A robot that is watched for changes of a link, from frames.
+    #[cfg_attr(not(feature = "watch"), serde(skip))]
+    Watch(WatchSettings),
 }
 
 /// The springs under a platform, about its point O and in its axes at rest, z up.

@@ -10,6 +10,9 @@ use serde::{Deserialize, Serialize};
 use super::links::{
     FactorRow, FrameReport, LINK_BATCH, LinkBatch, LinkReadingMessage, MAX_TREE_PARAMETERS, ModelSettings,
 };
+#[cfg(not(feature = "watch"))]
+use super::watch::nothing_watched;
+use super::watch::{ChangeReport, WatchLinkSettings, WatchReport};
 
 /// Version of framing and header; another one is refused by both sides.
 pub const PROTOCOL_VERSION: u8 = 7;
@@ -69,6 +72,14 @@ pub enum Command {
         /// since has numbers of its own.
         next_reading: u32,
     },
+    /// A link of the robot that is to be watched: Configured.
+    #[cfg_attr(not(feature = "watch"), serde(skip))]
+    WatchLink {
+        /// Its index.
+        link: u8,
+        /// What is known of it.
+        settings: WatchLinkSettings,
+    },
 }
 
 /// Answer to a command.
@@ -124,7 +135,9 @@ pub enum ErrorCode {
     Sensors,
     /// 9: the command is older than one that was answered: a copy that was late. It was not obeyed.
     Stale,
-    /// 10: no run of this number is kept in flash, or it can no longer be read.
+    /// 10: the image leaves out what is asked for; see the features of the boards.
+    NotBuiltIn,
+    /// 11: no run of this number is kept in flash, or it can no longer be read.
     NotKept,
 }
 
@@ -140,7 +153,8 @@ impl ErrorCode {
             Self::NoEstimate => 6,
             Self::Sensors => 8,
             Self::Stale => 9,
-            Self::NotKept => 10,
+            Self::NotBuiltIn => 10,
+            Self::NotKept => 11,
         }
     }
 }
@@ -251,6 +265,8 @@ pub enum SettingName {
     Stiffness,
     /// Where the base link stands on springs, in `model`, or that no coordinate is free
     Suspension,
+    /// The watch: its sensors of forces, limit, or time constant, in `model`
+    Watch,
 }
 
 /// Tells where readings come from.
@@ -578,6 +594,9 @@ pub struct CounterReport {
     pub lost: [u32; 3],
     /// Tells what became of frames.
     pub frames: FrameReport,
+    /// Tells what became of the watch.
+    #[cfg_attr(not(feature = "watch"), serde(serialize_with = "nothing_watched"))]
+    pub watch: WatchReport,
     /// Load-cell samples without IMU neighbours.
     pub unaligned: u32,
     /// Frames from the host that were damaged.
@@ -683,4 +702,7 @@ pub enum Telemetry {
         /// The device's time, ns.
         time_ns: u64,
     },
+    /// A change of the link that is watched.
+    #[cfg_attr(not(feature = "watch"), serde(skip))]
+    Change(ChangeReport),
 }

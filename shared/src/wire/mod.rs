@@ -23,10 +23,12 @@ pub mod frame;
 pub mod links;
 pub mod messages;
 pub mod tree_frame;
+pub mod watch;
 
 pub use frame::{DecodeError, Decoder, Frame, Kind, encode};
 pub use links::*;
 pub use messages::*;
+pub use watch::*;
 
 /// Counts what is missing from a numbered series.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

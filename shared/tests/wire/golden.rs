@@ -13,7 +13,8 @@ use postcard_schema::Schema;
 use postcard_schema::schema::DataModelType;
 use rigident_shared::wire::frame::MAX_FRAME;
 use rigident_shared::wire::{
-    Answer, Command, Decoder, ErrorCode, Kind, PROTOCOL_VERSION, Reply, SCHEMA_HASH, Telemetry, encode,
+    Answer, Command, Decoder, ErrorCode, Kind, PROTOCOL_VERSION, Reply, SCHEMA_HASH, Telemetry,
+    asks_to_watch, encode,
 };
 
 const SEQUENCE: u16 = 0x00a5;
@@ -131,6 +132,21 @@ fn error_numbers_are_the_documented_ones() {
         })
         .collect();
     assert_eq!(numbers, [1, 2, 3, 4, 5, 6, 8, 9, 10]);
+}
+
+/// The bytes of every command that tells of a robot to watch are known as such, and of no other.
+#[test]
+fn commands_of_the_watch_are_known_by_their_bytes() {
+    let mut asked = Vec::new();
+    for (name, message) in samples() {
+        let Message::Command(command) = message else { continue };
+        let bytes = frame_of(&Message::Command(command));
+        let body = cobs_undone(&bytes[..bytes.len() - 1]);
+        if asks_to_watch(&body[4..body.len() - 4]) {
+            asked.push(name);
+        }
+    }
+    assert_eq!(asked, ["command_configure_watch", "command_watch_link"]);
 }
 
 /// COBS undone as its definition says: a code byte n is n − 1 bytes and, unless n is 255, a zero.

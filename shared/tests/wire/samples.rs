@@ -127,6 +127,7 @@ fn counters() -> CounterReport {
             full: 1,
             last_link: 7,
         },
+        watch: WatchReport { changes: 2, settled: true, excess_percent: 340, last_saturated: 1 },
         unaligned: 5,
         bad_frames: 6,
         telemetry_dropped: 70_000,
@@ -187,6 +188,46 @@ fn suspended_tree() -> Settings {
     Settings { model: ModelSettings::Suspended(links.clone(), springs), ..settings }
 }
 
+fn watch() -> Settings {
+    let foot =
+        FootSettings { link: 6, rotation_wxyz: [0.5, 0.5, -0.5, 0.5], position_m: [0.125, 0.0, -0.25] };
+    let model = ModelSettings::Watch(WatchSettings {
+        links: 30,
+        watched: 17,
+        feet: [foot, FootSettings { link: 12, ..foot }, FootSettings::default(), FootSettings::default()],
+        foot_count: 2,
+        limit: 45.5,
+        settle_bins: 100,
+        forget_s: 60.0,
+    });
+    Settings { model, stop: None, memory: MemorySettings::Forever, ..settings() }
+}
+
+fn watch_link() -> WatchLinkSettings {
+    WatchLinkSettings {
+        parent: 16,
+        joint: WatchJoint::Prismatic,
+        axis: [0.0, 0.0, 1.0],
+        rotation_wxyz: [0.5, -0.5, 0.5, 0.5],
+        position_m: [0.25, 0.0, -0.5],
+        parameters: core::array::from_fn(|k| k as f32 - 2.5),
+    }
+}
+
+fn change() -> ChangeReport {
+    ChangeReport {
+        change: 2,
+        found: 15_020,
+        at: 15_000,
+        between: [14_990, 15_010],
+        ratio: 1.5,
+        size: Some(ChangeSize {
+            change: core::array::from_fn(|k| k as f32 - 2.5),
+            standard_deviation: core::array::from_fn(|k| 0.5 * k as f32),
+        }),
+    }
+}
+
 fn link_reading(k: u32) -> LinkReadingMessage {
     LinkReadingMessage {
         base: reading(k),
@@ -221,6 +262,8 @@ pub fn samples() -> Vec<(&'static str, Message)> {
         ("command_configure_tree", command(Command::Configure(tree()))),
         ("command_configure_tracked_tree", command(Command::Configure(tracked_tree()))),
         ("command_configure_suspended_tree", command(Command::Configure(suspended_tree()))),
+        ("command_configure_watch", command(Command::Configure(watch()))),
+        ("command_watch_link", command(Command::WatchLink { link: 17, settings: watch_link() })),
         ("command_start", command(Command::Start)),
         ("command_hold", command(Command::Hold)),
         ("command_reset", command(Command::Reset)),
@@ -253,6 +296,7 @@ pub fn samples() -> Vec<(&'static str, Message)> {
         ("error_no_estimate", refusal(ErrorCode::NoEstimate)),
         ("error_sensors", refusal(ErrorCode::Sensors)),
         ("error_stale", refusal(ErrorCode::Stale)),
+        ("error_not_built_in", refusal(ErrorCode::NotBuiltIn)),
         ("error_not_kept", refusal(ErrorCode::NotKept)),
         ("telemetry_announce", telemetry(Telemetry::Announce(identity()))),
         (
@@ -271,6 +315,7 @@ pub fn samples() -> Vec<(&'static str, Message)> {
             "telemetry_link_readings",
             telemetry(Telemetry::LinkReadings { first: 4096, readings: (0..2).map(link_reading).collect() }),
         ),
+        ("telemetry_change", telemetry(Telemetry::Change(change()))),
         ("telemetry_heartbeat", telemetry(Telemetry::Heartbeat { time_ns: 1_000_000_000 })),
     ]
 }

@@ -50,12 +50,12 @@ fn answered(setup: &Setup, poses: &[Pose]) -> Answer {
     identify(setup, poses, Method::GaussNewton, COARSEST).expect("poses that can be used")
 }
 
-/// Returns whether the command refuses a set in which nothing is wrong.
+/// Returns whether the command refuses a set in which nothing is wrong, or says that it did not settle.
 fn refused(poses: Poses, count: usize, set: usize) -> bool {
     let (_, all) = set_of(poses, count, set);
     let setup = setup(told());
     let answer = answered(&setup, &all);
-    contradiction(&setup, &all, &answer).expect("poses that can be used").is_some()
+    !answer.converged || contradiction(&setup, &all, &answer).expect("poses that can be used").is_some()
 }
 
 /// Returns the table of sets that are refused though nothing is wrong.

@@ -10,6 +10,7 @@ mod predict;
 mod signal_noise;
 mod simulated;
 mod staubli;
+mod watch;
 
 use crate::document::{Document, Table};
 
@@ -29,8 +30,13 @@ pub const DOCUMENT: Document = Document {
 };
 
 /// The document of mass properties.
-pub const MASSES: Document =
-    Document { file: "docs/masses.md", tables: &[Table { name: "masses-long", make: masses::table }] };
+pub const MASSES: Document = Document {
+    file: "docs/masses.md",
+    tables: &[
+        Table { name: "masses-long", make: masses::table },
+        Table { name: "watch-long", make: watch::table },
+    ],
+};
 
 /// The document of joint offsets.
 pub const JOINT_OFFSETS: Document = Document {

@@ -2,10 +2,10 @@
 
 use anyhow::{Result, bail};
 
-use super::Case;
+use super::{Case, WATCH_PATH};
 
 /// Part, N, instructions and estimated cycles per sample at most.
-const BUDGETS: [(&str, u32, f64, f64); 11] = [
+const BUDGETS: [(&str, u32, f64, f64); 12] = [
     ("kernel", 10, 1150.0, 1650.0),
     ("kernel", 16, 2700.0, 3900.0),
     ("dense", 19, 5500.0, f64::INFINITY),
@@ -18,6 +18,8 @@ const BUDGETS: [(&str, u32, f64, f64); 11] = [
     ("path with drivers", 25, f64::INFINITY, 84_000.0),
     ("frame path", 128, f64::INFINITY, 840_000.0),
     ("tracked frame path", 128, f64::INFINITY, 840_000.0),
+    // Half of 168 MHz at 500 Hz.
+    (WATCH_PATH, 30, f64::INFINITY, 168_000.0),
 ];
 
 /// Part, N, and instructions of the worst sample at most: steps of the stop check, slices of an estimate and all else that

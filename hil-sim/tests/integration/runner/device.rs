@@ -90,7 +90,7 @@ impl<'a> Device<'a> {
                     assert_eq!(first as usize, self.link_readings.len(), "a reading is missing");
                     self.link_readings.extend(readings);
                 }
-                Telemetry::Heartbeat { .. } => {}
+                Telemetry::Heartbeat { .. } | Telemetry::Change(_) => {}
             }
         }
         (answers, announced)

@@ -50,6 +50,12 @@ pub enum LinkError {
         /// The device's hash.
         device: u64,
     },
+    /// It answers, and not in messages that are known here.
+    #[error(
+        "the device answers `{0}` in messages that this program does not know: its firmware was built from other definitions; flash the \
+         firmware that belongs to this version of rigident"
+    )]
+    OtherMessages(&'static str),
     /// The device refused.
     #[error("the device refuses `{command}`: {} (error {})", explain(.code), .code.number())]
     Refused {
@@ -80,6 +86,7 @@ fn explain(code: &ErrorCode) -> String {
         ErrorCode::OutOfOrder { expected } => format!("it expects reading {expected}"),
         ErrorCode::NoEstimate => "nothing has been estimated yet".to_owned(),
         ErrorCode::Sensors => "its sensors do not come up: check their supply and wiring".to_owned(),
+        ErrorCode::NotBuiltIn => "its image was built without it: `cargo xtask firmware --features …` builds one that has it (docs/measuring.md lists them)".to_owned(),
         ErrorCode::NotKept => "it keeps no such run in its flash, or cannot read it".to_owned(),
         ErrorCode::Stale => "a late copy of an earlier command came; it was not obeyed".to_owned(),
     }
@@ -117,6 +124,10 @@ pub struct Client {
     telemetry: VecDeque<Telemetry>,
     telemetry_sequence: Option<u16>,
     heard: Instant,
+    /// How often a command is sent before it is given up.
+    attempts: u32,
+    /// Answers that came whole and make no sense.
+    unknown_answers: u32,
     /// Frames that came damaged.
     pub bad_frames: u32,
     /// Telemetry frames that never came.
@@ -133,6 +144,8 @@ impl Client {
             telemetry: VecDeque::new(),
             telemetry_sequence: None,
             heard: Instant::now(),
+            attempts: ATTEMPTS,
+            unknown_answers: 0,
             bad_frames: 0,
             lost_telemetry: 0,
         }
@@ -157,17 +170,29 @@ impl Client {
         Ok(identity)
     }
 
+    /// Likewise, giving up after `attempts` questions of 0.7 s each: there may be something else on the port.
+    ///
+    /// # Errors
+    /// No answer, or another protocol.
+    pub fn greet(&mut self, attempts: u32) -> Result<Identity, LinkError> {
+        self.attempts = attempts;
+        let answered = self.hello();
+        self.attempts = ATTEMPTS;
+        answered
+    }
+
     /// Sends a command and waits for its answer, repeating it if need be. `name` is for messages.
     ///
     /// # Errors
     /// The link, the device's refusal, or silence.
     pub fn ask(&mut self, name: &'static str, command: &Command) -> Result<Reply, LinkError> {
         self.sequence = self.sequence.wrapping_add(1);
+        let unknown = self.unknown_answers;
         let mut frame = [0; MAX_FRAME];
         let length = encode(Kind::Command, self.sequence, command, &mut frame)
             .map_err(|_| LinkError::Nonsense(name))?;
         let mut attempts = 0;
-        while attempts < ATTEMPTS {
+        while attempts < self.attempts {
             // While the line is out nobody is asked.
             attempts += u32::from(!self.transport.is_out());
             self.transport.write(frame.get(..length).unwrap_or_default())?;
@@ -188,7 +213,11 @@ impl Client {
                 }
             }
         }
-        Err(LinkError::Silent(name))
+        Err(if self.unknown_answers > unknown {
+            LinkError::OtherMessages(name)
+        } else {
+            LinkError::Silent(name)
+        })
     }
 
     /// Sends a command whose answer nobody waits for.
@@ -239,7 +268,11 @@ impl Client {
                 Some(Ok(frame)) => match frame.kind {
                     Kind::Answer => match frame.message() {
                         Ok(answer) => answers.push((frame.sequence, answer)),
-                        Err(_) => self.bad_frames += 1,
+                        // Its check sum fits: it was meant so.
+                        Err(_) => {
+                            self.bad_frames += 1;
+                            self.unknown_answers += 1;
+                        }
                     },
                     Kind::Telemetry => match frame.message() {
                         Ok(message) => {
@@ -338,9 +371,9 @@ mod tests {
         }
     }
 
-    /// A frame as firmware of protocol `version` would send it.
-    fn frame_of_version(version: u8) -> Vec<u8> {
-        let raw = [version, 1, 1, 0, 0];
+    /// A frame as firmware of protocol `version` would send it, whose answer holds `payload`.
+    fn frame_of_version(version: u8, payload: u8) -> Vec<u8> {
+        let raw = [version, 1, 1, 0, payload];
         let check = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&raw);
         let body = [raw.as_slice(), &check.to_le_bytes()].concat();
         let mut line = vec![0];
@@ -355,12 +388,21 @@ mod tests {
 
     #[test]
     fn firmware_of_another_protocol_is_told_from_silence() {
-        let mut client = Client::new(Box::new(Canned(frame_of_version(PROTOCOL_VERSION + 1), false)));
+        let mut client = Client::new(Box::new(Canned(frame_of_version(PROTOCOL_VERSION + 1, 0), false)));
         let error = client.hello().unwrap_err();
         assert!(
             matches!(error, LinkError::OtherProtocol { device } if device == PROTOCOL_VERSION + 1),
             "{error}"
         );
+        assert!(error.to_string().contains("flash"));
+    }
+
+    #[test]
+    fn firmware_whose_hello_is_not_known_is_told_from_silence() {
+        // No result has so many variants.
+        let mut client = Client::new(Box::new(Canned(frame_of_version(PROTOCOL_VERSION, 0x77), false)));
+        let error = client.greet(1).unwrap_err();
+        assert!(matches!(error, LinkError::OtherMessages("hello")), "{error}");
         assert!(error.to_string().contains("flash"));
     }
 

@@ -1,6 +1,8 @@
 use std::io;
 use std::time::{Duration, Instant};
 
+use crate::device::permission::ownership;
+
 /// A byte link to a device: a serial port, or a simulated microcontroller.
 pub trait Transport: Send {
     /// Writes all bytes.
@@ -49,10 +51,7 @@ pub enum PortError {
     #[error("no port {0}: `rigident ports` lists those there are; is the cable in, the simulator running?")]
     Missing(String),
     /// It is there but may not be opened.
-    #[error(
-        "no permission to open {0}: add yourself to the group that owns it (`ls -l {0}`, usually `sudo usermod \
-         -aG dialout $USER`, then log in again)"
-    )]
+    #[error("no permission to open {0}: {advice}, or install the udev rule (`rigident doctor --udev-rule`)", advice = may_open(.0))]
     Permission(String),
     /// Some other program has it.
     #[error("port {0} is in use by another program: close that one first")]
@@ -60,6 +59,17 @@ pub enum PortError {
     /// Anything else.
     #[error("{0} cannot be opened as a serial port: {1}; `rigident ports` lists those that are here")]
     Other(String, String),
+}
+
+/// What to type so that a port can be opened.
+fn may_open(port: &str) -> String {
+    ownership(port).map_or_else(
+        || {
+            "join the group that owns it (usually `sudo usermod -aG dialout $USER`, then log in again)"
+                .to_owned()
+        },
+        |ownership| ownership.what_to_do(),
+    )
 }
 
 impl SerialTransport {

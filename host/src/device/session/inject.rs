@@ -89,17 +89,7 @@ impl Session {
                 }
                 continue;
             }
-            match self.client.ask("inject", &batch(sent)) {
-                Ok(Reply::Injected { next_index }) => sent = next_index,
-                Ok(_) => outcome = Err(LinkError::Nonsense("inject").into()),
-                Err(error) => outcome = Err(error.into()),
-            }
-            if let Err(error) = self.sort(&mut taking, observer) {
-                outcome = Err(error);
-            } else if taking.times_quiet() > 0 {
-                let (state, reason) = QUIET;
-                outcome = Err(SessionError::Stopped { state, reason, advice: super::advice(reason) });
-            }
+            outcome = self.send_one(&batch(sent), &mut sent, &mut taking, observer);
             if let Err(error) = outcome {
                 outcome = self.go_on(error, &mut taking).map(|next| sent = next);
             }
@@ -114,5 +104,83 @@ impl Session {
             (outcome, _) => Ended::Early(outcome),
         };
         Ok((taking, ended, sent as usize))
+    }
+
+    fn send_one(
+        &mut self,
+        command: &Command,
+        sent: &mut u32,
+        taking: &mut Taking,
+        observer: &mut dyn Observer,
+    ) -> Result<(), SessionError> {
+        let answered = match self.client.ask("inject", command) {
+            Ok(Reply::Injected { next_index }) => {
+                *sent = next_index;
+                Ok(())
+            }
+            Ok(_) => Err(LinkError::Nonsense("inject").into()),
+            Err(error) => Err(error.into()),
+        };
+        self.sort(taking, observer)?;
+        if taking.times_quiet() > 0 {
+            let (state, reason) = QUIET;
+            return Err(SessionError::Stopped { state, reason, advice: super::advice(reason) });
+        }
+        answered
+    }
+
+    /// Starts a device that readings are sent to as they come.
+    ///
+    /// # Errors
+    /// What prevents a start.
+    pub fn begin_feeding(&mut self) -> Result<Feeding, SessionError> {
+        self.start()?;
+        Ok(Feeding { taking: Taking::default(), sent: 0, outcome: Ok(()) })
+    }
+
+    /// Sends readings to the device, and hands them to the observer; returns false once no more are taken.
+    pub fn feed(
+        &mut self,
+        feeding: &mut Feeding,
+        readings: &[Reading<f64>],
+        observer: &mut dyn Observer,
+    ) -> bool {
+        for part in readings.chunks(INJECT_BATCH) {
+            if !feeding.goes_on() {
+                return false;
+            }
+            let narrowed: Vec<_> = part.iter().map(narrow).collect();
+            for reading in &narrowed {
+                if let Err(why) = observer.reading(reading) {
+                    feeding.outcome = Err(SessionError::Observer(why));
+                    return false;
+                }
+            }
+            let batch = InjectBatch { first_index: feeding.sent, readings: narrowed.into_iter().collect() };
+            let Feeding { taking, sent, outcome } = feeding;
+            *outcome = self.send_one(&Command::Inject(batch), sent, taking, observer);
+            taking.readings.extend_from_slice(part);
+        }
+        observer.progress(feeding.taking.readings.len());
+        feeding.goes_on()
+    }
+
+    /// Ends it and fetches the factor.
+    pub fn end_feeding(&mut self, feeding: Feeding, observer: &mut dyn Observer) -> Take {
+        self.conclude(feeding.taking, feeding.outcome, observer)
+    }
+}
+
+/// Readings that are sent to a device as they come.
+pub struct Feeding {
+    taking: Taking,
+    sent: u32,
+    outcome: Result<(), SessionError>,
+}
+
+impl Feeding {
+    /// Returns true while the device takes readings.
+    pub fn goes_on(&self) -> bool {
+        self.outcome.is_ok() && !self.taking.held()
     }
 }

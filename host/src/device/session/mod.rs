@@ -4,6 +4,7 @@
 //! May not live here: files and printing (the callbacks of [`Observer`]), the protocol ([`crate::device::link`]).
 
 mod adaptive;
+mod attend;
 mod ending;
 pub mod frames;
 mod inject;
@@ -18,6 +19,7 @@ mod take;
 pub mod tracked;
 pub mod tree;
 pub mod two_links;
+pub mod watched;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -30,11 +32,12 @@ use rigident_shared::wire::{
 };
 
 pub use adaptive::{Director, Proposal};
+pub use inject::Feeding;
 pub use load_guard::LoadGuard;
 pub use motion_guard::{Axes, MotionGuard};
 pub use settings::{DeviceTiming, SettingsError, settings, state_imu_noise};
 use take::Taking;
-pub use take::{Nobody, Observer, Take, narrow, widen};
+pub use take::{Heard, Nobody, Observer, Take, narrow, widen};
 
 use crate::device::link::{Client, LinkError};
 use crate::platform::{Motion, MotionSample, Platform, PlatformError};
@@ -181,7 +184,8 @@ impl Session {
     /// # Errors
     /// The device refuses, or does not hold what was sent.
     pub fn configure(&mut self, settings: &Settings) -> Result<(), LinkError> {
-        if self.identity.state != StateName::Idle {
+        // Elsewhere new settings take the place of the old ones, which stay if the new ones are refused.
+        if matches!(self.identity.state, StateName::Running | StateName::Fault) {
             self.client.ask("reset", &Command::Reset)?;
         }
         self.client.ask("configure", &Command::Configure(settings.clone()))?;
@@ -332,6 +336,12 @@ impl Session {
             return Err(SessionError::Unheard(UNHEARD.as_secs_f64()));
         }
         observer.progress(taking.count());
+        observer.heard(&Heard {
+            missing: taking.gaps.missing,
+            lost_messages: self.client.lost_telemetry,
+            damaged_frames: self.client.bad_frames,
+            silent_s: self.client.silence().as_secs_f64(),
+        });
         if self.heartbeats && self.last_heartbeat.elapsed() > HEARTBEAT_EVERY {
             if self.last_heartbeat.elapsed() > SILENT {
                 self.client.listen_anew();
@@ -366,6 +376,7 @@ impl Session {
                 }
                 Telemetry::State { state, reason } => {
                     taking.states.push((state, reason));
+                    observer.state(state, reason);
                     if state == StateName::Fault {
                         return Err(SessionError::Stopped { state, reason, advice: advice(reason) });
                     }
@@ -388,7 +399,8 @@ impl Session {
                         guarded = guarded.and_then(|()| self.guarded(&reading.base, arrived_s));
                     }
                 }
-                Telemetry::Heartbeat { .. } => {}
+                // Changes come of robots that are watched.
+                Telemetry::Heartbeat { .. } | Telemetry::Change(_) => {}
             }
         }
         guarded

@@ -38,6 +38,25 @@ pub trait Observer {
     }
     /// Called often: progress may be shown.
     fn progress(&mut self, _readings: usize) {}
+    /// Likewise: what of the device's messages came.
+    fn heard(&mut self, _heard: &Heard) {}
+    /// The device has changed its state.
+    fn state(&mut self, _state: StateName, _reason: Reason) {}
+    /// What the device has counted, where it is asked meanwhile.
+    fn counters(&mut self, _counters: &CounterReport) {}
+}
+
+/// What came of the device's messages, and what did not.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Heard {
+    /// Readings that never came.
+    pub missing: u32,
+    /// Messages that never came.
+    pub lost_messages: u32,
+    /// Frames that came damaged.
+    pub damaged_frames: u32,
+    /// How long nothing has come, s.
+    pub silent_s: f64,
 }
 
 /// Wants to know nothing.

@@ -135,12 +135,7 @@ impl StreamSet {
             reference,
             warnings: Vec::new(),
         };
-        set.rig.stream.clear();
-        set.rig.recording = RecordingTable {
-            gravity_mps2: rig.recording.gravity_mps2,
-            rate_hz: rig.recording.rate_hz,
-            ..RecordingTable::default()
-        };
+        set.rig = on_grid(rig);
         for mut raw in raw {
             let delay_ns = (1e9 * raw.delay_s(rig)).round() as i128;
             raw.stream.time_ns = raw
@@ -231,10 +226,11 @@ impl Raw {
                 (group, columns)
             })
             .collect();
-        let time_ns = match &recording.exact_time_s {
+        let time_ns: Vec<i128> = match &recording.exact_time_s {
             Some(seconds) => seconds.iter().map(|s| Time::Seconds(*s).nanoseconds()).collect(),
             None => recording.time_ns.iter().map(|t| i128::from(*t)).collect(),
         };
+        let time_ns: Vec<i128> = time_ns.into_iter().map(|ns| on_common_clock(table, ns)).collect();
         let gauges = groups.iter().any(|(group, _)| *group == Group::Gauges);
         Ok(Self {
             calibration: recording.rig.load_cell.calibration.filter(|_| gauges),
@@ -245,7 +241,7 @@ impl Raw {
                 groups,
                 attitude,
                 joints: joints(&recording, rig),
-                rate_hz: measured_rate(&recording.time_ns).unwrap_or(0.0),
+                rate_hz: measured_rate(&recording.time_ns).unwrap_or(0.0) / table.clock_rate,
                 discarded: 0,
             },
             time_ns,
@@ -254,14 +250,38 @@ impl Raw {
 
     /// The group delay that the rig file states for what it carries.
     fn delay_s(&self, rig: &RigFile) -> f64 {
-        let imu = |j: usize| rig.imu_on(j).map(|imu| imu.group_delay_s);
-        let delays = self.stream.groups.iter().filter_map(|(group, _)| match group {
-            Group::Wrench | Group::Gauges => Some(rig.load_cell.group_delay_s),
-            Group::Accel(j) | Group::Gyro(j) => imu(*j),
-            _ => None,
-        });
-        delays.fold(0.0, f64::max)
+        delay_s(self.stream.groups.iter().map(|(group, _)| *group), rig)
     }
+}
+
+/// The group delay that a rig file states for what a stream carries, s.
+pub(super) fn delay_s(groups: impl Iterator<Item = Group>, rig: &RigFile) -> f64 {
+    let delays = groups.filter_map(|group| match group {
+        Group::Wrench | Group::Gauges => Some(rig.load_cell.group_delay_s),
+        Group::Accel(j) | Group::Gyro(j) => rig.imu_on(j).map(|imu| imu.group_delay_s),
+        _ => None,
+    });
+    delays.fold(0.0, f64::max)
+}
+
+/// A rig file as it fits the recording on the grid.
+pub(super) fn on_grid(rig: &RigFile) -> RigFile {
+    let mut rig = rig.clone();
+    rig.stream.clear();
+    rig.recording = RecordingTable {
+        gravity_mps2: rig.recording.gravity_mps2,
+        rate_hz: rig.recording.rate_hz,
+        // What repeats itself was left out before the kernel; attitudes may rest.
+        frozen_after: 0,
+        ..RecordingTable::default()
+    };
+    rig
+}
+
+/// Returns the time of the common clock for one of a stream's own, ns.
+fn on_common_clock(table: &StreamTable, own_ns: i128) -> i128 {
+    let moved = 1e9 * table.clock_offset_s + (table.clock_rate - 1.0) * own_ns as f64;
+    own_ns.saturating_add(moved.round() as i128)
 }
 
 /// Returns the columns that are of joints, by the rig file's `[[joint]]` tables or by their units, as far as they are numbers.
@@ -283,7 +303,7 @@ fn joints(recording: &Recording, rig: &RigFile) -> Vec<(String, Vec<f64>)> {
 }
 
 /// Turns the signs of quaternions, given by column, so that none jumps: q and −q are the same attitude.
-fn keep_signs(columns: &mut [Vec<f64>]) {
+pub(super) fn keep_signs(columns: &mut [Vec<f64>]) {
     let rows = columns.iter().map(Vec::len).min().unwrap_or(0);
     for row in 1..rows {
         let along: f64 = columns.iter().map(|c| c[row - 1] * c[row]).sum();
@@ -350,25 +370,37 @@ fn platform_attitude(
     rig: &RigFile,
     file: &str,
 ) -> Result<Option<Vec<UnitQuaternion<f64>>>, StreamError> {
-    let quaternion = |[w, x, y, z]: [f64; 4]| nalgebra::Quaternion::new(w, x, y, z);
-    let on_plate = rig.platform.as_ref().and_then(|p| p.load_cell.as_ref());
-    let on_plate = on_plate.map_or_else(UnitQuaternion::identity, |place| {
-        UnitQuaternion::from_quaternion(quaternion(place.rotation_wxyz))
-    });
     let Some(poses) = &recording.platform else { return Ok(None) };
-    poses
-        .iter()
-        .enumerate()
-        .map(|(row, [_, _, _, w, x, y, z])| {
-            let q = quaternion([*w, *x, *y, *z]);
-            if (q.norm() - 1.0).abs() > ORTHONORMAL {
-                let what = format!("the norm of its quaternion is {:.4}", q.norm());
-                return Err(StreamError::NotARotation { file: file.to_owned(), row: row + 1, what });
-            }
-            Ok(UnitQuaternion::from_quaternion(q) * on_plate)
-        })
-        .collect::<Result<Vec<_>, _>>()
-        .map(Some)
+    let on_plate = on_plate(rig);
+    let rows = poses.iter().enumerate();
+    rows.map(|(row, pose)| attitude(pose, &on_plate, file, row)).collect::<Result<Vec<_>, _>>().map(Some)
+}
+
+fn quaternion([w, x, y, z]: [f64; 4]) -> nalgebra::Quaternion<f64> {
+    nalgebra::Quaternion::new(w, x, y, z)
+}
+
+/// `R_PS` of the load cell on the plate.
+pub(super) fn on_plate(rig: &RigFile) -> UnitQuaternion<f64> {
+    let place = rig.platform.as_ref().and_then(|p| p.load_cell.as_ref());
+    place.map_or_else(UnitQuaternion::identity, |place| {
+        UnitQuaternion::from_quaternion(quaternion(place.rotation_wxyz))
+    })
+}
+
+/// `R_AS` by the pose of the plate in a row, counted from 0.
+pub(super) fn attitude(
+    [_, _, _, w, x, y, z]: &[f64; 7],
+    on_plate: &UnitQuaternion<f64>,
+    file: &str,
+    row: usize,
+) -> Result<UnitQuaternion<f64>, StreamError> {
+    let q = quaternion([*w, *x, *y, *z]);
+    if (q.norm() - 1.0).abs() > ORTHONORMAL {
+        let what = format!("the norm of its quaternion is {:.4}", q.norm());
+        return Err(StreamError::NotARotation { file: file.to_owned(), row: row + 1, what });
+    }
+    Ok(UnitQuaternion::from_quaternion(q) * on_plate)
 }
 
 /// Takes out rows beyond a sensor's range, or of a channel that repeats itself: after the kernel neither shows any more.

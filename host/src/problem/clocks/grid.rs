@@ -172,6 +172,7 @@ impl Grid {
             let rates: Vec<Vector3<f64>> = turns.iter().map(|turn| to_imu * turn.rate).collect();
             let columns: Vec<Vec<f64>> = (0..3).map(|k| rates.iter().map(|r| r[k]).collect()).collect();
             recording.set_group(Group::Gyro(0), &columns);
+            recording.derived.push(Group::Gyro(0));
         }
         self.restate_noise(set, &mut recording);
         recording

@@ -1,6 +1,6 @@
 //! Several files, each with a clock and a rate of its own, as one recording.
 //!
-//! Lives here: reading the files that a rig file lists ([`files`]), the one local polynomial that every stream goes
+//! Lives here: reading the files that a rig file lists ([`files`]), streams while they grow ([`growing`]), the one local polynomial that every stream goes
 //! through ([`kernel`]), the common time base ([`grid`]), how late the stamps of each stream are ([`skew`]), by how much
 //! that uncertainty moves the estimate ([`shifts`]) and whether attitudes and accelerometer agree on gravity. May not live
 //! here: the fit, which sees an ordinary recording.
@@ -13,6 +13,7 @@
 pub mod files;
 mod gravity;
 pub mod grid;
+pub mod growing;
 pub mod kernel;
 mod least_squares;
 pub mod shifts;
@@ -29,6 +30,7 @@ use crate::rig::RigFileError;
 
 pub use files::{Stream, StreamSet};
 pub use grid::Grid;
+pub use growing::Growing;
 
 /// Why several files are no recording.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

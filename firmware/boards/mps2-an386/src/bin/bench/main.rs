@@ -9,6 +9,7 @@
 //! - `path with estimates`, `path with all telemetry`: `path` and what the host is told, by default, four times a
 //!   second and of every reading;
 //! - `frame path`: a frame of the 34-DOF human from the bytes on the bus to the factor of 128 parameters;
+//! - `watch path`: a frame of a humanoid of 30 links that is watched, a step of its test included;
 //! - `C Householder`, with the feature `c-baseline`: given rows as in `dense`, by the textbook's algorithm in C.
 //!
 //! With the argument `traced` the search for the worst sample is left out. With `panic` or `fault` nothing is counted:
@@ -72,5 +73,7 @@ fn main() -> ! {
     }
     path::frames(&bench, path, false);
     path::frames(&bench, path, true);
+    #[cfg(feature = "watch")]
+    path::watch(&bench, path);
     semihosting::process::exit(0)
 }

@@ -2,9 +2,9 @@
 
 use rigident_firmware::{App, Buses, Event, Instrument, Path, Sensor};
 use rigident_shared::wire::{
-    AttitudeSource, Command, ImuSettings, Kind, LinkJoint, LinkSettings, LoadCellSettings, MemorySettings,
-    ModelSettings, Settings, Source, StateName, StopLimit, StopRule, TelemetrySettings, TwoLinkSettings,
-    encode, frame,
+    AttitudeSource, Command, FootSettings, ImuSettings, Kind, LinkJoint, LinkSettings, LoadCellSettings,
+    MemorySettings, ModelSettings, Settings, Source, StateName, StopLimit, StopRule, TelemetrySettings,
+    TwoLinkSettings, WatchJoint, WatchLinkSettings, WatchSettings, encode, frame,
 };
 
 use crate::kernels::CHANNEL_SIGMA;
@@ -152,6 +152,63 @@ pub fn frames(bench: &Bench, path: &mut Path, tracked: bool) {
     (0..sensors::FRAMES / 2).for_each(|_| frame());
     let name = if tracked { "tracked frame path" } else { "frame path" };
     bench.case(name, 128, 20, 20, frame);
+    check_running(instrument.app());
+}
+
+/// One frame of a humanoid of 30 links that is watched, from the bytes on the bus; twenty of fifty take a step of the test along.
+#[inline(never)]
+pub fn watch(bench: &Bench, path: &mut Path) {
+    let mut instrument = instrument_of(path, sensors::Frames::watched());
+    let foot = FootSettings { link: 6, rotation_wxyz: [1.0, 0.0, 0.0, 0.0], position_m: [0.0, 0.0, -0.05] };
+    let robot = WatchSettings {
+        links: sensors::WATCHED_LINKS as u8,
+        watched: 29,
+        feet: [foot, FootSettings { link: 12, ..foot }, FootSettings::default(), FootSettings::default()],
+        foot_count: 2,
+        limit: 1e9,
+        settle_bins: 2,
+        forget_s: 120.0,
+    };
+    let settings = Settings {
+        model: ModelSettings::Watch(robot),
+        rate_hz: 500.0,
+        // Frames are numbered anew after each round of them, and rows with it: as many bins as with 25 and no end.
+        row_every: 13,
+        stop: None,
+        ..settings(10, SILENT)
+    };
+    let mut send = |sequence: usize, command: &Command| {
+        let (bytes, length) = encoded(sequence, command);
+        instrument.on_bytes(&bytes[..length], 0);
+    };
+    send(0, &Command::Configure(settings));
+    for link in 0..sensors::WATCHED_LINKS {
+        let told = WatchLinkSettings {
+            // Four limbs of seven and a trunk.
+            parent: if link % 7 == 1 { 0 } else { link.saturating_sub(1) as u8 },
+            joint: if link == 0 { WatchJoint::Fixed } else { WatchJoint::Revolute },
+            axis: core::array::from_fn(|k| if k == link % 3 { 1.0 } else { 0.0 }),
+            rotation_wxyz: [1.0, 0.0, 0.0, 0.0],
+            position_m: [0.02, 0.03, -0.1],
+            parameters: [1.5, 0.01, 0.02, -0.1, 0.03, 0.03, 0.02, 0.001, 0.002, 0.001],
+        };
+        send(1 + link, &Command::WatchLink { link: link as u8, settings: told });
+    }
+    send(100, &Command::Start);
+    let mut time_ns = 0;
+    let mut frame = || {
+        time_ns += 2_000_000;
+        instrument.on_event(Event { sensor: Sensor::Frames, capture_time_ns: time_ns });
+    };
+    // Until all bins are full.
+    (0..40 * sensors::FRAMES).for_each(|_| frame());
+    bench.case(
+        "watch path",
+        sensors::WATCHED_LINKS,
+        sensors::FRAMES as u32,
+        2 * sensors::FRAMES as u32,
+        frame,
+    );
     check_running(instrument.app());
 }
 

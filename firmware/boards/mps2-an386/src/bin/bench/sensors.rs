@@ -5,7 +5,8 @@ use core::convert::Infallible;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use rigident_shared::wire::tree_frame::{
-    LINK_NUMBERS, MAX_TREE_FRAME, TRACKED_LINK_NUMBERS, TrackedFrame, TreeFrame,
+    LINK_NUMBERS, MAX_TREE_FRAME, TRACKED_LINK_NUMBERS, TrackedFrame, TreeFrame, WATCH_BASE_NUMBERS,
+    WATCH_LINK_NUMBERS, WatchFrame,
 };
 
 /// Different samples, gone through again and again.
@@ -172,6 +173,8 @@ impl Imu {
 pub const FRAMES: usize = 96;
 /// Links of the human.
 pub const TREE_LINKS: usize = 15;
+/// Links of the humanoid that is watched.
+pub const WATCHED_LINKS: usize = 30;
 /// RAM of the board outside of what the firmware is allowed: a real source of frames has its own.
 const FRAMES_AT: usize = 0x2180_0000;
 
@@ -182,14 +185,37 @@ pub struct Frames {
 }
 
 impl Frames {
-    pub fn new(tracked: bool) -> Self {
+    /// Room for the frames.
+    fn place() -> &'static mut [[u8; MAX_TREE_FRAME]; FRAMES] {
         let place = FRAMES_AT as *mut [[u8; MAX_TREE_FRAME]; FRAMES];
         // SAFETY: the board has RAM there, nothing is linked to it, bytes need no alignment, and no other reference into it
-        // is ever made. It is written before it is referred to.
-        let frames = unsafe {
+        // is in use. It is written before it is referred to.
+        unsafe {
             place.write_bytes(0, 1);
             &mut *place
-        };
+        }
+    }
+
+    /// Of a humanoid that is watched: each number a different triangle wave, as of a motion.
+    pub fn watched() -> Self {
+        let frames = Self::place();
+        for (number, frame) in frames.iter_mut().enumerate() {
+            let swing = |k: usize, size: f32| size * wave(number, 31 + 2 * k) as f32 / 2e5;
+            let base: [f32; WATCH_BASE_NUMBERS] = core::array::from_fn(|k| match k {
+                2 => 9.8 + swing(k, 1.0),
+                18.. => 0.0,
+                8 | 14 => 300.0 + swing(k, 100.0),
+                _ => swing(k, 3.0),
+            });
+            let joints: [[f32; WATCH_LINK_NUMBERS]; WATCHED_LINKS - 1] =
+                core::array::from_fn(|k| [swing(2 * k, 1.5), swing(2 * k + 1, 4.0)]);
+            let _ = WatchFrame::encode(number as u32, &base, &joints, frame);
+        }
+        Self { frames, next: 0 }
+    }
+
+    pub fn new(tracked: bool) -> Self {
+        let frames = Self::place();
         let mut state = 11_u32;
         // In [−1, 1).
         let mut random = move || {

@@ -1,0 +1,205 @@
+//! `rigident watch`: a recording through the firmware, which tells what changes of one link.
+
+use std::process::ExitCode;
+
+use rigident_shared::wire::{ChangeReport, ErrorCode, SettingName};
+use serde_json::{Value, json};
+
+use super::loaded::{change_as_recorded, tree_of};
+use super::outcome::say;
+use super::watch_arguments::Watch;
+use super::{ExitStatus, Failure, Stages, recorded, simulated};
+use crate::device::link::{Client, LinkError};
+use crate::device::session::tree::complaints;
+use crate::device::session::watched::{WatchOptions, Watched, WatchedRobot};
+use crate::device::session::{Session, SessionError};
+use crate::problem::ProblemOptions;
+use crate::problem::tree::prepare::prepare;
+use crate::recording::Recording;
+
+/// Names and units of a link's parameters.
+const PARAMETERS: [(&str, &str); 10] = [
+    ("mass", "kg"),
+    ("mcx", "kg m"),
+    ("mcy", "kg m"),
+    ("mcz", "kg m"),
+    ("Ixx", "kg m²"),
+    ("Iyy", "kg m²"),
+    ("Izz", "kg m²"),
+    ("Iyz", "kg m²"),
+    ("Ixz", "kg m²"),
+    ("Ixy", "kg m²"),
+];
+/// What to do about an image without the feature.
+const WITHOUT_WATCH: &str = "this device runs an image without the feature `watch`, as the standard one is: build the other with `cargo xtask \
+                             firmware --features watch`, which prints where it lies, and start that";
+/// Beyond so many times the limit of noise a change must be three times as large, which is told.
+const BLIND: u32 = 10;
+/// Coverage factor of a 95 % uncertainty.
+const COVERAGE: f64 = 1.96;
+
+/// `rigident watch`
+pub(super) fn run(arguments: &Watch) -> Result<ExitCode, Failure> {
+    let (path, rig) = (&arguments.recording, arguments.rig.as_deref());
+    let rate = arguments.false_alarms_per_hour;
+    if !rate.is_finite() || rate <= 0.0 || rate > 60.0 {
+        return Err(Failure::input(format!(
+            "--false-alarms-per-hour {rate}: give a number above 0, at most 60"
+        )));
+    }
+    if !(1.0..=3600.0).contains(&arguments.settle_s) {
+        return Err(Failure::input(format!("--settle-s {}: give 1 to 3600 s", arguments.settle_s)));
+    }
+    recorded::refuse_streams(path, rig, "watch")?;
+    let stages = Stages::new(&format!("reading {}", path.display()));
+    let Some((mut model, _)) = tree_of(path, rig, &arguments.tree)? else {
+        return Err(Failure::input(
+            "the firmware watches a robot whose description it is given: --model FILE",
+        ));
+    };
+    let mut recording = Recording::load(path, rig).map_err(Failure::input)?;
+    recording.leave_out_spikes();
+    let notes = change_as_recorded(&mut model, &arguments.tree.changes, &recording)?;
+    let prepared = prepare(&recording, &model, &ProblemOptions::default()).map_err(Failure::input)?;
+    let options =
+        WatchOptions { false_alarms_per_hour: arguments.false_alarms_per_hour, settle_s: arguments.settle_s };
+    let robot = WatchedRobot::new(&prepared.input, &arguments.link, &options).map_err(Failure::input)?;
+    for note in notes.iter().chain(&prepared.notes).chain(&prepared.warnings) {
+        tell!("rigident: {note}");
+    }
+    stages.at("frames to the firmware", 0.0);
+    let rate_hz = prepared.input.rate_hz;
+    let start_s = prepared.input.frames.first().map_or(0.0, |frame| frame.time_ns as f64 * 1e-9);
+    let (transport, source) =
+        simulated::frames(arguments.mcu, simulated::Image::Watch, robot.frames.clone(), rate_hz)?;
+    let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
+    let mut told = |change: &ChangeReport| {
+        if !arguments.json {
+            say(text(change, start_s, rate_hz));
+        }
+    };
+    let watched = session.watch_robot(&robot, &source, &mut told).map_err(refused)?;
+    drop(stages);
+    let names: Vec<String> = prepared.input.model.links.iter().map(|link| link.name.clone()).collect();
+    let mut complaints = complaints(&watched.counters.frames, &names);
+    complaints.extend(blind(&watched));
+    for complaint in &complaints {
+        tell!("rigident: {complaint}");
+    }
+    let report = watched.counters.watch;
+    if arguments.json {
+        say(object(&watched, &arguments.link, &complaints, start_s, rate_hz));
+    } else {
+        say(summary(&watched, &arguments.link, rate_hz));
+    }
+    let fine = report.settled && !watched.interrupted;
+    Ok(ExitStatus::of(fine).into())
+}
+
+/// What to say of a limit that few changes exceed.
+fn blind(watched: &Watched) -> Option<String> {
+    let times = watched.counters.watch.excess_percent / 100;
+    (times > BLIND).then(|| {
+        format!(
+            "the limit is {times} times that of noise, so only a change that is larger by the root of it is found: the model does not fit the recording, or the link \
+             changed while the watch settled; identify the model anew, or begin where nothing changes"
+        )
+    })
+}
+
+fn refused(error: SessionError) -> Failure {
+    match error {
+        SessionError::Link(LinkError::Refused { code: ErrorCode::NotBuiltIn, .. }) => {
+            Failure::link(WITHOUT_WATCH)
+        }
+        SessionError::Link(LinkError::Refused { code: ErrorCode::BadSetting(name), .. }) => {
+            Failure::input(match name {
+                SettingName::Link(link) => {
+                    format!("the firmware does not take link {link} of the model: a number is none")
+                }
+                other => format!("the firmware does not take what was told of {other:?}"),
+            })
+        }
+        other => Failure::link(other),
+    }
+}
+
+/// Of a change that was not measured to the end there is no size.
+fn text(change: &ChangeReport, start_s: f64, rate_hz: f64) -> String {
+    let at = |number: u32| start_s + f64::from(number) / rate_hz;
+    let Some(size) = &change.size else {
+        return format!(
+            "change {}: found at {:.3} s, {:.1} times the limit",
+            change.change,
+            at(change.found),
+            change.ratio
+        );
+    };
+    let [from, to] = change.between.map(at);
+    let mut said =
+        format!("change {}: at {:.3} s, between {from:.3} and {to:.3} s", change.change, at(change.at));
+    for ((name, unit), (value, sd)) in PARAMETERS.iter().zip(size.change.iter().zip(&size.standard_deviation))
+    {
+        let (value, u95) = (f64::from(*value), COVERAGE * f64::from(*sd));
+        if !u95.is_finite() {
+            said += &format!("\n  {name:5} not told by the motion");
+            continue;
+        }
+        said += &format!("\n  {name:5} {value:+.4} ± {u95:.4} {unit}");
+    }
+    said
+}
+
+fn summary(watched: &Watched, link: &str, rate_hz: f64) -> String {
+    let frames = watched.counters.frames;
+    let report = watched.counters.watch;
+    let settled = if report.settled {
+        format!(
+            "errors of the model make the limit {:.1} times as large",
+            f64::from(report.excess_percent) / 100.0
+        )
+    } else {
+        "the recording ended before the watch had settled: nothing could be told (--settle-s)".to_owned()
+    };
+    format!(
+        "{link}: {} {} in {:.1} s of {} frames; {settled}",
+        report.changes,
+        if report.changes == 1 { "change" } else { "changes" },
+        f64::from(frames.absorbed) / rate_hz,
+        frames.frames
+    )
+}
+
+fn object(watched: &Watched, link: &str, complaints: &[String], start_s: f64, rate_hz: f64) -> Value {
+    let at = |number: u32| start_s + f64::from(number) / rate_hz;
+    let report = watched.counters.watch;
+    let frames = watched.counters.frames;
+    let one = |change: &ChangeReport| {
+        let last = watched.changes.iter().rfind(|other| other.change == change.change).unwrap_or(change);
+        let size = last.size.map(|size| {
+            let all = PARAMETERS.iter().zip(size.change.iter().zip(&size.standard_deviation));
+            let told = all.filter(|(_, (_, sd))| sd.is_finite());
+            let entry = |((name, unit), (value, sd)): (&(&str, &str), (&f32, &f32))| {
+                json!({ "name": name, "unit": unit, "change": value, "u95": COVERAGE * f64::from(*sd) })
+            };
+            told.map(entry).collect::<Vec<_>>()
+        });
+        json!({
+            "change": change.change,
+            "found_s": at(change.found),
+            "at_s": at(last.at),
+            "between_s": last.between.map(at),
+            "times_the_limit": change.ratio,
+            "size": size,
+        })
+    };
+    let found = watched.changes.iter().filter(|change| change.size.is_none());
+    json!({
+        "status": if report.settled { "watched" } else { "not settled" },
+        "link": link,
+        "changes": found.map(one).collect::<Vec<_>>(),
+        "excess": f64::from(report.excess_percent) / 100.0,
+        "frames": { "given": frames.frames, "taken": frames.absorbed, "missing": frames.missing, "damaged": frames.damaged },
+        "warnings": complaints,
+    })
+}

@@ -1,0 +1,280 @@
+use rigident_shared::estimator::watch::{
+    Change, Watch, WatchConfig, WatchFoot, WatchFrame as Given, WatchLink, turned,
+};
+use rigident_shared::tree::Link;
+
+use super::*;
+use crate::simulated::picks_up::{HAND, PicksUp, RATE_HZ};
+
+/// The watch of these settings as the firmware makes it, in any precision.
+fn watch<T: rigident_shared::Scalar>(robot: &WatchedRobot) -> Box<Watch<T>> {
+    let ModelSettings::Watch(told) = &robot.settings.model else { panic!("a watch") };
+    let [s, r] = [robot.settings.load_cell.noise_n_nm, robot.settings.load_cell.range_n_nm];
+    let config = WatchConfig {
+        links: told.links,
+        watched: told.watched,
+        rate_hz: T::from_f32(robot.settings.rate_hz),
+        // A tenth in single precision is more than one, and then the filter two frames longer in double.
+        width_s: T::from_f64_const(0.1),
+        row_every: robot.settings.row_every,
+        channel_sigma: s.map(T::from_f32),
+        range: r.map(T::from_f32),
+        limit: T::from_f32(told.limit),
+        settle: told.settle_bins,
+        forget_s: T::from_f32(told.forget_s),
+    };
+    let feet: Vec<WatchFoot<T>> = told.feet[..usize::from(told.foot_count)]
+        .iter()
+        .map(|f| WatchFoot {
+            link: f.link,
+            rotation: turned(f.rotation_wxyz.map(T::from_f32)).unwrap(),
+            position: f.position_m.map(T::from_f32).into(),
+        })
+        .collect();
+    let mut watch = Box::new(Watch::UNUSED);
+    watch.set_up(&config, &feet).unwrap();
+    for (i, l) in robot.links.iter().enumerate() {
+        let axis = l.axis.map(T::from_f32).into();
+        let joint = match l.joint {
+            WatchJoint::Fixed => Joint::Fixed,
+            WatchJoint::Revolute => Joint::Revolute(axis),
+            WatchJoint::Prismatic => Joint::Prismatic(axis),
+        };
+        let link = Link {
+            parent: usize::from(l.parent),
+            joint,
+            rotation: turned(l.rotation_wxyz.map(T::from_f32)).unwrap(),
+            position: l.position_m.map(T::from_f32).into(),
+        };
+        watch.set_link(i as u8, &WatchLink { link, parameters: l.parameters.map(T::from_f32) }).unwrap();
+    }
+    watch
+}
+
+/// The changes that it tells.
+fn changes<T: rigident_shared::Scalar>(robot: &WatchedRobot) -> (Vec<Change<T>>, Box<Watch<T>>) {
+    let mut watch = watch::<T>(robot);
+    let mut all = Vec::new();
+    for bytes in &robot.frames {
+        let frame = WatchFrame::decode(bytes, robot.links.len()).unwrap();
+        let base = frame.base.map(T::from_f32);
+        let joints: Vec<[T; 2]> = frame.links().map(|joint| joint.map(T::from_f32)).collect();
+        let wrenches: Vec<[T; 6]> = base[6..].as_chunks::<6>().0[..watch.feet()].to_vec();
+        let given = Given {
+            number: frame.number,
+            specific_force: [base[0], base[1], base[2]],
+            rate: [base[3], base[4], base[5]],
+            joints: &joints,
+            wrenches: &wrenches,
+        };
+        all.extend(watch.absorb(&given).unwrap());
+    }
+    (all, watch)
+}
+
+fn robot(case: &PicksUp) -> WatchedRobot {
+    let (_, input, _) = case.input().unwrap();
+    WatchedRobot::new(&input, HAND, &WatchOptions::default()).unwrap()
+}
+
+/// Time from the change until it is found, s; whether the interval of time holds it; errors of mass and first moment in 1 σ.
+fn judged(change: (&Change<f32>, &Change<f32>), at_s: f64, wanted: &[f64; 10]) -> (f64, bool, [f64; 4]) {
+    let (found, measured) = change;
+    let (size, sd) = measured.size.unwrap();
+    let [from, to] = measured.between.map(|number| f64::from(number) / RATE_HZ);
+    let errors = std::array::from_fn(|k| (f64::from(size[k]) - wanted[k]) / f64::from(sd[k]));
+    (f64::from(found.found) / RATE_HZ - at_s, from <= at_s && at_s <= to, errors)
+}
+
+#[test]
+fn what_is_picked_up_and_dropped_is_found_with_its_size() {
+    let (mut inside, mut of, mut in_time) = (0, 0, 0);
+    for (seed, off) in (1..=4).flat_map(|seed| [(seed, 0.0), (seed, 0.03)]) {
+        let holds = [30.0, 40.0];
+        let case = PicksUp { holds_s: Some(holds), seconds: 46.0, off, seed, ..PicksUp::default() };
+        let (found, watch) = changes::<f32>(&robot(&case));
+        assert_eq!((watch.changes(), found.len()), (2, 4), "seed {seed} off {off}: {found:?}");
+        for (pair, (at_s, sign)) in found.as_chunks::<2>().0.iter().zip([(holds[0], 1.0), (holds[1], -1.0)]) {
+            let wanted = case.thing().map(|value| sign * value);
+            let (late, time_inside, errors) = judged((&pair[0], &pair[1]), at_s, &wanted);
+            assert!((0.0..0.5).contains(&late), "seed {seed} off {off}: {late} s");
+            in_time += usize::from(time_inside);
+            for error in errors {
+                // Once in 15 000 of a normal error.
+                assert!(error.abs() < 4.0, "seed {seed} off {off}: {errors:?}");
+                inside += usize::from(error.abs() < 1.96);
+                of += 1;
+            }
+        }
+    }
+    // 95 % of 64 and three binomial standard deviations; and 16 times.
+    assert!(inside >= 55 && of == 64 && in_time >= 14, "{inside} of {of}, {in_time}");
+}
+
+#[test]
+fn nothing_is_told_where_nothing_changes() {
+    for (seed, off) in (101..=104).flat_map(|seed| [(seed, 0.0), (seed, 0.03), (seed, 0.06)]) {
+        let (found, watch) =
+            changes::<f32>(&robot(&PicksUp { seconds: 60.0, off, seed, ..PicksUp::default() }));
+        assert!(watch.is_settled() && found.is_empty(), "seed {seed} off {off}: {found:?}");
+    }
+}
+
+#[test]
+fn single_precision_tells_what_double_does() {
+    let case = PicksUp { holds_s: Some([30.0, 99.0]), seconds: 34.0, ..PicksUp::default() };
+    let robot = robot(&case);
+    let (single, double) = (changes::<f32>(&robot).0, changes::<f64>(&robot).0);
+    assert_eq!((single.len(), double.len()), (2, 2));
+    assert_eq!((single[1].found, single[1].between), (double[1].found, double[1].between));
+    let ((size, sd), (exact, exact_sd)) = (single[1].size.unwrap(), double[1].size.unwrap());
+    for k in 0..10 {
+        let error = (f64::from(size[k]) - exact[k]).abs();
+        assert!(
+            error < 0.05 * exact_sd[k] && (f64::from(sd[k]) / exact_sd[k] - 1.0).abs() < 0.05,
+            "{k}: {error}"
+        );
+    }
+}
+
+#[test]
+fn a_model_that_does_not_fit_the_device_is_named() {
+    let (_, input, _) = PicksUp { seconds: 0.1, ..PicksUp::default() }.input().unwrap();
+    let said = |input: &Input, link: &str| {
+        WatchedRobot::new(input, link, &WatchOptions::default()).unwrap_err().to_string()
+    };
+    assert!(said(&input, "tail").contains("no link tail; its links are pelvis"));
+    let mut blind = input.clone();
+    blind.contact.as_mut().unwrap().feet[1].measured[4] = false;
+    assert!(said(&blind, HAND).contains("my of foot r_foot"));
+    let mut weightless = input.clone();
+    weightless.model.links[3].nominal = None;
+    assert!(said(&weightless, HAND).contains("thigh"));
+    let slow = Input { rate_hz: 50.0, ..input };
+    assert!(said(&slow, HAND).contains("50 frames"));
+}
+
+/// The base's parameters about the IMU are those of the same body: kinetic energy of any motion is the same.
+#[test]
+fn a_base_about_its_imu_is_the_same_body() {
+    let phi = [3.0, 0.3, -0.2, 0.4, 0.5, 0.6, 0.7, 0.02, -0.03, 0.04];
+    let own = InertialParameters::<Body, f64>::from_vector(phi);
+    let energy = |[m, cx, cy, cz, xx, yy, zz, yz, xz, xy]: [f64; 10], v: Vector3<f64>, w: Vector3<f64>| {
+        let tensor = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+        0.5 * m * v.norm_squared() + v.dot(&w.cross(&Vector3::new(cx, cy, cz))) + 0.5 * w.dot(&(tensor * w))
+    };
+    let by = Vector3::new(0.2, -0.1, 0.3);
+    let (v, w) = (Vector3::new(0.4, -1.2, 0.7), Vector3::new(2.0, -0.6, 1.1));
+    let (here, there) = (energy(phi, v, w), energy(moved(&own, &by), v + w.cross(&by), w));
+    assert!((here - there).abs() < 1e-12 * here, "{here} {there}");
+}
+
+#[cfg(feature = "simulator")]
+mod on_the_firmware {
+    use std::io;
+    use std::time::Duration;
+
+    use rigident_sim::runner::{FrameBus, FrameGate, InProcess, Mcu};
+
+    use super::*;
+    use crate::device::link::{Client, Transport};
+
+    struct Line(Box<dyn Mcu>);
+
+    impl Transport for Line {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+            self.0.write(bytes)
+        }
+
+        fn read(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
+            self.0.read(buffer, timeout)
+        }
+    }
+
+    struct Gate(FrameGate);
+
+    impl FrameSource for Gate {
+        fn set_open(&self, open: bool) {
+            self.0.set_open(open);
+        }
+
+        fn is_done(&self) -> bool {
+            self.0.is_done()
+        }
+    }
+
+    fn watched(robot: &WatchedRobot, on: &dyn Fn(Box<FrameBus>) -> Box<dyn Mcu>) -> Watched {
+        let (bus, gate) = FrameBus::new(robot.frames.clone(), RATE_HZ);
+        let mut session = Session::open(Client::new(Box::new(Line(on(Box::new(bus)))))).unwrap();
+        session.watch_robot(robot, &Gate(gate), &mut |_| ()).unwrap()
+    }
+
+    fn short() -> WatchedRobot {
+        let case = PicksUp { holds_s: Some([12.0, 99.0]), seconds: 15.0, ..PicksUp::default() };
+        let (_, input, _) = case.input().unwrap();
+        WatchedRobot::new(&input, HAND, &WatchOptions { settle_s: 8.0, ..WatchOptions::default() }).unwrap()
+    }
+
+    #[test]
+    fn the_firmware_tells_what_the_watch_does_and_counts_what_it_leaves_out() {
+        let robot = short();
+        let firmware = watched(&robot, &|bus| Box::new(InProcess::on(bus)));
+        let (own, _) = changes::<f32>(&robot);
+        assert_eq!((firmware.changes.len(), own.len()), (2, 2), "{:?} {own:?}", firmware.changes);
+        for (told, own) in firmware.changes.iter().zip(&own) {
+            let size = told.size.map(|size| (size.change, size.standard_deviation));
+            assert_eq!((told.found, told.at, told.between, size), (own.found, own.at, own.between, own.size));
+        }
+        // A number that is none, two frames that never come, a damaged one, one of another robot.
+        let mut spoiled = robot.clone();
+        let frame = WatchFrame::decode(&robot.frames[5500], robot.links.len()).unwrap();
+        let joints: Vec<[f32; 2]> = frame.links().collect();
+        let mut base = frame.base;
+        base[7] = f32::NAN;
+        let mut bytes = vec![0; MAX_TREE_FRAME];
+        let n = WatchFrame::encode(frame.number, &base, &joints, &mut bytes).unwrap();
+        spoiled.frames[5500] = bytes[..n].to_vec();
+        spoiled.frames[5600][20] ^= 4;
+        let n = WatchFrame::encode(5700, &frame.base, &joints[1..], &mut bytes).unwrap();
+        spoiled.frames[5700] = bytes[..n].to_vec();
+        spoiled.frames.drain(5800..5802);
+        let after = watched(&spoiled, &|bus| Box::new(InProcess::on(bus)));
+        let frames = after.counters.frames;
+        assert_eq!((frames.not_finite, frames.damaged, frames.wrong_links), (1, 1, 1));
+        // What was damaged, or of another robot, is missing in the series, too.
+        assert_eq!((frames.missing, frames.absorbed), (4, 7500 - 5));
+        assert_eq!(after.changes.len(), 2, "{:?}", after.changes);
+        let (size, sd) = after.changes[1].size.map(|s| (s.change[0], s.standard_deviation[0])).unwrap();
+        assert!((size - 0.5).abs() < 4.0 * sd, "{size} {sd}");
+    }
+
+    #[cfg(feature = "emulator")]
+    #[test]
+    #[ignore = "needs the emulated board"]
+    fn the_emulated_board_tells_the_same_to_the_bit() {
+        use rigident_sim::runner::{Qemu, QemuOptions, watch_elf};
+        let robot = short();
+        let here = watched(&robot, &|bus| Box::new(InProcess::on(bus)));
+        let image = QemuOptions { elf: watch_elf(), ..QemuOptions::default() };
+        let there = watched(&robot, &|bus| Box::new(Qemu::spawn_on(&image, bus).unwrap()));
+        assert_eq!((here.changes.len(), &here.changes), (2, &there.changes));
+        assert_eq!(here.counters.watch, there.counters.watch);
+    }
+
+    #[cfg(feature = "emulator")]
+    #[test]
+    #[ignore = "needs the emulated board"]
+    fn on_the_emulated_board_the_standard_image_refuses_a_robot_to_watch() {
+        use rigident_shared::wire::ErrorCode;
+        use rigident_sim::runner::{Qemu, QemuOptions};
+
+        use crate::device::link::LinkError;
+        let robot = short();
+        let (bus, _gate) = FrameBus::new(Vec::new(), RATE_HZ);
+        let board = Qemu::spawn_on(&QemuOptions::default(), Box::new(bus)).unwrap();
+        let mut session = Session::open(Client::new(Box::new(Line(Box::new(board))))).unwrap();
+        let refused = session.configure(&robot.settings).unwrap_err();
+        let LinkError::Refused { code, .. } = refused else { panic!("{refused}") };
+        assert_eq!(code, ErrorCode::NotBuiltIn);
+    }
+}

@@ -1,0 +1,126 @@
+//! The messages of a robot that is watched for changes of a link while it works.
+
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+/// Most links of a robot that is watched.
+pub const MAX_WATCHED_LINKS: usize = 32;
+/// Most sensors of forces of a robot that is watched.
+pub const MAX_WATCH_FEET: usize = 4;
+
+/// A robot whose inertial parameters are known but for those of one link, which may change. Its links are told one by one, with
+/// [`super::Command::WatchLink`], before it starts. Frames bring joints, the base's IMU and the wrenches of sensors. The base link has the axes of the IMU, and its origin is the IMU's
+/// place. The other settings that count: rate, filter, rows, and the load cell's noise, which is that of the wrench on the whole robot
+/// about the IMU's place, and range, which is each sensor's.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
+pub struct WatchSettings {
+    /// Links, the base included.
+    pub links: u8,
+    /// The link that is watched.
+    pub watched: u8,
+    /// Sensors of forces: under the feet, or under the base.
+    pub feet: [FootSettings; MAX_WATCH_FEET],
+    /// How many there are; what stands behind them does not count.
+    pub foot_count: u8,
+    /// What a change must explain to be told: χ² of ten degrees of freedom.
+    pub limit: f32,
+    /// Bins of two rows before any is told.
+    pub settle_bins: u16,
+    /// Rows before a change are forgotten with this time constant, s; zero: never.
+    pub forget_s: f32,
+}
+
+/// A sensor of the wrench on a link.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
+pub struct FootSettings {
+    /// The link.
+    pub link: u8,
+    /// Axes of the link ← axes of the sensor, Hamilton quaternion.
+    pub rotation_wxyz: [f32; 4],
+    /// Origin of the sensor in the link's frame, m.
+    pub position_m: [f32; 3],
+}
+
+/// A link of a robot that is watched.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
+pub struct WatchLinkSettings {
+    /// Index of its parent, smaller than its own.
+    pub parent: u8,
+    /// How its joint moves.
+    pub joint: WatchJoint,
+    /// Its axis in the link's frame, a unit vector.
+    pub axis: [f32; 3],
+    /// Axes of the parent ← axes of the link at zero, Hamilton quaternion.
+    pub rotation_wxyz: [f32; 4],
+    /// The joint in the parent's frame at zero, m.
+    pub position_m: [f32; 3],
+    /// m (kg), m c (kg m), Ixx, Iyy, Izz, Iyz, Ixz, Ixy (kg m²) about the link's origin, in its axes.
+    pub parameters: [f32; 10],
+}
+
+/// Returns whether the payload of a command tells of a robot to watch. Firmware without the feature `watch` does not know these commands, and
+/// asks this to say so.
+pub fn asks_to_watch(payload: &[u8]) -> bool {
+    // Configure, its rate, its source, and the model; WatchLink.
+    matches!(payload, [1, _, _, _, _, _, 4, ..] | [12, ..])
+}
+
+/// Tells how a joint of one freedom moves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum WatchJoint {
+    /// Not at all.
+    #[default]
+    Fixed,
+    /// It turns.
+    Revolute,
+    /// It slides.
+    Prismatic,
+}
+
+/// A change of the watched link. It is sent when it is found, and again when it has been measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
+pub struct ChangeReport {
+    /// Its number, from one.
+    pub change: u16,
+    /// Number of the frame after which it was found.
+    pub found: u32,
+    /// Number of the frame about which it happened.
+    pub at: u32,
+    /// Numbers of frames: not before the one, and not after the other.
+    pub between: [u32; 2],
+    /// What it explains against the limit.
+    pub ratio: f32,
+    /// Its size, when it has been measured.
+    pub size: Option<ChangeSize>,
+}
+
+/// The size of a change, in the order of a link's parameters.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
+pub struct ChangeSize {
+    /// What is there now and was not before.
+    pub change: [f32; 10],
+    /// Standard deviations; infinite: rows do not tell.
+    pub standard_deviation: [f32; 10],
+}
+
+/// Writes a report of nothing: a zero for each of its four numbers, none of which takes more than a byte then.
+#[cfg(not(feature = "watch"))]
+pub(super) fn nothing_watched<S: serde::Serializer>(
+    _: &WatchReport,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    [0_u8; 4].serialize(serializer)
+}
+
+/// What became of the watch so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct WatchReport {
+    /// Changes found.
+    pub changes: u16,
+    /// A change would be told: it has seen enough.
+    pub settled: bool,
+    /// What errors of the known parameters make of the limit, %: 100 where they are nothing beside noise.
+    pub excess_percent: u32,
+    /// Sensor that was last at its range.
+    pub last_saturated: u8,
+}
