@@ -5,12 +5,15 @@
 use rigident_shared::estimator::watch::{
     Change, WATCH_FEET, WATCH_LINKS, Watch, WatchConfig, WatchError, WatchFoot, WatchFrame, WatchLink,
 };
-use rigident_shared::wire::{ChangeReport, ChangeSize, tree_frame};
+use rigident_shared::wire::{ChangeReport, ChangeSize, MAX_WATCH_FEET, MAX_WATCHED_LINKS, tree_frame};
 
 use crate::Path;
 use crate::place::{HasVariant, begin};
 
-/// The watch, and whether it takes frames in.
+// What the host may tell is what there is room for.
+const _: () = assert!(WATCH_LINKS == MAX_WATCHED_LINKS && WATCH_FEET == MAX_WATCH_FEET);
+
+/// Holds the watch, and whether it takes frames in.
 #[derive(Clone)]
 pub struct WatchPath {
     watch: Watch<f32>,

@@ -5,7 +5,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use rigident_firmware::drivers::frames::AnyFrame;
+use rigident_firmware::drivers::frames::{AnyFrame, FrameKind};
 use rigident_firmware::{App, BringUpError, Path, Sensor};
 use rigident_shared::wire::{Answer, Decoder, Kind, SensorFault, SettingName, Telemetry, encode};
 use serde::ser::{Serialize, SerializeTuple, Serializer};
@@ -41,8 +41,8 @@ fuzz_target!(|bytes: &[u8]| {
                 receive(&mut app, &line[..used], now_ns, step & 64 == 0);
             }
             3 if step & 128 != 0 => {
-                let (links, tracked) = app.frame_links().unwrap_or((1, false));
-                match AnyFrame::decode(taken, links, tracked) {
+                let (links, kind) = app.frame_links().unwrap_or((1, FrameKind::Imu));
+                match AnyFrame::decode(taken, links, kind) {
                     Ok(frame) => app.on_frame(now_ns, &frame),
                     Err(_) => app.on_frame_of_links(now_ns, *low),
                 }

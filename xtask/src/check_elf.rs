@@ -63,7 +63,7 @@ pub fn check_file(elf: &Path) -> Result<()> {
     check_paths(elf, &PATHS[..2])
 }
 
-/// Both checks on the firmware that watches robots.
+/// Does both checks on the firmware that watches robots.
 pub fn check_watch_file(elf: &Path) -> Result<()> {
     check_paths(elf, &PATHS)
 }

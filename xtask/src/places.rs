@@ -56,7 +56,7 @@ pub fn kernel_bits_elf() -> PathBuf {
     binary(PICO, PICO_TARGET, KERNEL_BITS)
 }
 
-/// Where the simulator looks for the image that watches robots: beside the other.
+/// Returns where the simulator looks for the image that watches robots: beside the other.
 pub fn watch_elf() -> PathBuf {
     firmware_elf().with_file_name(format!("{FIRMWARE}-watch"))
 }

@@ -49,9 +49,12 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     });
     feature_sets(&mut steps);
     let elf = chosen.and_then(|core| {
-        steps.run("clippy, board", || {
-            clippy_strictly(toolchain::board_cargo(core, "clippy", &places::board()).arg("--release"))
-        });
+        for features in ["", firmware::WATCH] {
+            steps.run(&format!("clippy, board {features}"), || {
+                let mut command = toolchain::board_cargo(core, "clippy", &places::board());
+                clippy_strictly(command.args(["--release", "--features", features]))
+            });
+        }
         for features in ["", "rtt"] {
             steps.run(&format!("clippy, STM32 {features}"), || {
                 let folder = places::board_named(places::STM32);

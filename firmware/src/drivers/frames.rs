@@ -16,7 +16,7 @@ pub enum FrameError {
     Links(u8),
 }
 
-/// What frames bring.
+/// Tells what frames bring.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameKind {
     /// The motion of links; the base carries an IMU.

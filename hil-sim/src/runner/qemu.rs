@@ -51,7 +51,7 @@ pub fn firmware_elf() -> PathBuf {
     )
 }
 
-/// Where the image that watches robots lies: beside [`firmware_elf`], its name ends in `-watch`.
+/// Returns where the image that watches robots lies: beside [`firmware_elf`], its name ends in `-watch`.
 #[must_use]
 pub fn watch_elf() -> PathBuf {
     let standard = firmware_elf();

@@ -70,7 +70,7 @@ impl Default for Context<'_> {
 }
 
 /// Returns date and time, UTC, as RFC 3339 has it.
-pub(super) fn now() -> String {
+pub(crate) fn now() -> String {
     humantime::format_rfc3339_seconds(SystemTime::now()).to_string()
 }
 

@@ -35,6 +35,7 @@ pub mod states;
 pub(crate) mod tests;
 
 pub use checks::checks;
+pub(crate) use context::now;
 pub use context::{Context, Links, StandardRequest};
 pub use contradictions::contradictions;
 pub use new::AnswerError;

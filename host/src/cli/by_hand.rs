@@ -4,21 +4,20 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use hexapod::{Geometry, MotionProgram};
-use rigident_shared::forgetting::MemoryConfig;
-use rigident_shared::wire::Source;
 
 use super::arguments::Run;
 use super::experiment::{Experiment, Watcher, device_notes};
-use super::link::{HOST_TIMEOUT_MS, configured, device_settings, open};
+use super::link::{configured, of_sensors, open};
 use super::links_on_device::check_asked;
 use super::loaded::Loaded;
 use super::next_move::NextMove;
 use super::options::calibration;
-use super::options::forgetting::{self, RowsOf};
+use super::options::forgetting::RowsOf;
 use super::outcome::provenance;
 use super::zeroing::{warm_up, zero};
 use super::{Failure, Folder};
-use crate::device::session::{DeviceTiming, settings, sound, state_imu_noise};
+use crate::answer::now;
+use crate::device::session::{settings, sound};
 use crate::platform::ByHand;
 use crate::rig::RigFile;
 
@@ -38,8 +37,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         Loaded::of_readings("run", &rig, Vec::new(), Some(rate_hz), false).source().parameters().to_vec();
     check_asked(&parameters, &known, &arguments.output)?;
     arguments.adaptive.check()?;
-    let timing =
-        DeviceTiming { rate_hz, is_static: false, source: Source::Sensors, host_timeout_ms: HOST_TIMEOUT_MS };
+    let timing = of_sensors(rate_hz);
     // Any noise does while nothing is absorbed.
     let mut standing = settings(&rig, &timing, Some([1.0; 6]), None).map_err(Failure::input)?;
     arguments.stop.put_into(&mut standing, &parameters)?;
@@ -51,20 +49,15 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     tell!("hold the body still");
     warm_up(&mut session, &rig, arguments.warm_up_s, &mut warnings)?;
     let rest = zero(&mut session, &mut rig, &mut warnings)?;
-    let mut settings = device_settings(&rig, &timing, Some(rest.sigma))?;
-    state_imu_noise(&mut settings, &rest.white_imu_noise);
+    let mut settings = rest.settings(&rig, &timing, span)?;
     arguments.stop.put_into(&mut settings, &parameters)?;
-    let memory = span.map(|span| MemoryConfig { span, imu_noise: rest.imu_noise });
-    forgetting::put_into(&mut settings, memory.as_ref());
     configured(&mut session, &settings)?;
 
     let folder = Folder::new(arguments.output.out.as_deref(), "run")?;
     let mut comments = device_notes(session.identity());
     comments.extend(provenance(&rig));
-    let now = humantime::format_rfc3339_seconds(std::time::SystemTime::now());
-    comments.push(("recorded".to_owned(), now.to_string()));
-    comments.push(("zero, mean wrench at rest".to_owned(), format!("{:?} N, N m", rest.wrench)));
-    comments.push(("zero, mean angular rate at rest".to_owned(), format!("{:?} rad/s", rest.angular_rate)));
+    comments.push(("recorded".to_owned(), now()));
+    comments.extend(rest.comments());
     let expected = arguments.adaptive.at_most_s.map_or(0, |s| (s * rate_hz) as usize);
     let mut watcher = Watcher::recording(folder.file("run.mcap"), &rig, &comments, expected)?;
     let mut told = rig.clone();
@@ -83,14 +76,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         *broken = broken.replace("\nThe platform is at rest.", "");
     }
     let mut read = sound::recording("run", &rig, rate_hz, &take.readings);
-    let left_out = sound::leave_out_spikes(&mut read, &mut take.readings);
-    if !left_out.is_empty() {
-        warnings.extend(left_out);
-        take.factor = None;
-    }
-    if let Some(dead) = sound::dead(&read) {
-        take.broken.get_or_insert(dead);
-    }
+    warnings.extend(sound::judge(&mut read, &mut take));
     let readings = std::mem::take(&mut take.readings);
     Experiment {
         started,

@@ -1,15 +1,14 @@
 use std::path::Path;
 use std::process::ExitCode;
 
-use rigident_shared::wire::{Settings, Source, StateName};
+use rigident_shared::wire::{Settings, StateName};
 use serde_json::{Value, json};
 
 use super::Failure;
 use super::arguments::Configure;
 use super::info::of_state;
-use super::link::{HOST_TIMEOUT_MS, configured, device_settings, open};
+use super::link::{configured, device_settings, of_sensors, open};
 use super::outcome::say;
-use crate::device::session::DeviceTiming;
 use crate::device::settings_file::{self, Change};
 use crate::recording::extension;
 use crate::recording::new_file::write_new_text;
@@ -58,12 +57,7 @@ fn wanted(arguments: &Configure) -> Result<Option<Settings>, Failure> {
     }
     let Some(rig) = &arguments.rig else { return Ok(None) };
     let rig = RigFile::load(rig).map_err(Failure::input)?;
-    let timing = DeviceTiming {
-        rate_hz: rig.recording.rate_hz.unwrap_or(1000.0),
-        is_static: false,
-        source: Source::Sensors,
-        host_timeout_ms: HOST_TIMEOUT_MS,
-    };
+    let timing = of_sensors(rig.recording.rate_hz.unwrap_or(1000.0));
     device_settings(&rig, &timing, None).map(Some)
 }
 

@@ -64,7 +64,7 @@ impl Failure {
         self
     }
 
-    /// The same failure, followed by what is left.
+    /// Returns the same failure, followed by what is left.
     #[must_use]
     pub fn after(mut self, left: &str) -> Self {
         self.message = format!("{}\n{left}", self.message.trim_end());

@@ -1,6 +1,6 @@
 use std::io::{self, IsTerminal};
 
-use rigident_shared::wire::{ErrorCode, Identity, SettingName, Settings};
+use rigident_shared::wire::{ErrorCode, Identity, SettingName, Settings, Source};
 
 use super::Failure;
 use super::confirm::answered;
@@ -14,7 +14,12 @@ use crate::rig::RigFile;
 pub(super) type NamedTransport = (&'static str, Box<dyn crate::device::link::Transport>);
 
 /// The device says Holding after so long without us.
-pub(super) const HOST_TIMEOUT_MS: u32 = 2_000;
+const HOST_TIMEOUT_MS: u32 = 2_000;
+
+/// Returns the timing of a run by the device's own sensors, in motion, at this rate, 1/s.
+pub(super) fn of_sensors(rate_hz: f64) -> DeviceTiming {
+    DeviceTiming { rate_hz, is_static: false, source: Source::Sensors, host_timeout_ms: HOST_TIMEOUT_MS }
+}
 
 /// The device's settings for what a rig file describes, one body or two links, and σ where it has none.
 ///

@@ -19,6 +19,7 @@ use super::options::trees::TreeModel;
 use super::outcome::provenance;
 use super::run_report::RunReport;
 use super::{Failure, Folder, Stages, replay};
+use crate::answer::now;
 use crate::device::link::Client;
 use crate::device::session::{DeviceTiming, INTERRUPTED, Session, settings, state_imu_noise};
 use crate::problem::ProblemOptions;
@@ -231,8 +232,7 @@ fn feed(
     let mut comments = device.clone();
     comments.extend(provenance(rig));
     comments.extend(streams.provenance());
-    let now = humantime::format_rfc3339_seconds(std::time::SystemTime::now());
-    comments.push(("recorded".to_owned(), now.to_string()));
+    comments.push(("recorded".to_owned(), now()));
     let recorded = RigFile { recording: prepared.rig.recording.clone(), ..rig.clone() };
     let expected = arguments.at_most_s.map_or(0, |s| ((LOOK_S + s) * rate_hz) as usize);
     let mut watcher = Watcher::recording(folder.file("live.mcap"), &recorded, &comments, expected)?;

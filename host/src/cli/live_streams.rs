@@ -26,8 +26,8 @@ const MOST_NS: i64 = 200_000_000;
 const OFF: f64 = 0.01;
 /// Stamps of one clock do not differ by more than so, s.
 const APART_S: f64 = 5.0;
-/// Longer steps of a clock are none, ns.
-const JUMP_NS: i64 = 3_600_000_000_000;
+/// No clock goes on by so much more than this computer's between two samples, ns.
+const JUMP_NS: i64 = 5_000_000_000;
 /// So many samples in a row whose times do not go on: the clock has begun anew.
 const BACKWARDS: u32 = 100;
 
@@ -172,14 +172,26 @@ impl Streams {
             return Ok(came);
         }
         let now = self.feeds.now_ns();
-        match self.streams.iter().find(|s| now - s.heard_ns > SILENT_NS) {
+        match self.streams.iter().position(|s| now - s.heard_ns > SILENT_NS) {
             None => Ok(came),
-            Some(silent) => Err(format!(
-                "{} has sent nothing for {} s: {}",
-                silent.asked.url,
-                SILENT_NS / 1_000_000_000,
-                silent.when_silent
-            )),
+            Some(silent) => Err(self.why_silent(silent)),
+        }
+    }
+
+    /// Says why nothing new came of a source.
+    fn why_silent(&self, source: usize) -> String {
+        let (url, when_silent) = self
+            .streams
+            .get(source)
+            .map(|s| (s.asked.url.to_string(), s.when_silent.as_str()))
+            .unwrap_or_default();
+        let seconds = SILENT_NS / 1_000_000_000;
+        match self.feeds.losses(source).late {
+            0 => format!("{url} has sent nothing for {seconds} s: {when_silent}"),
+            late => format!(
+                "{url} has sent nothing new for {seconds} s, and {late} samples late or twice: does its time or its number stand still, or has it \
+                 gone back?"
+            ),
         }
     }
 
@@ -200,7 +212,7 @@ impl Streams {
     fn sample(&mut self, source: usize, at_ns: i64, row: Row) -> Result<(), String> {
         let Some(stream) = self.streams.get_mut(source) else { return Ok(()) };
         let Some(clock) = self.clocks.get_mut(stream.clock) else { return Ok(()) };
-        stream.heard_ns = at_ns;
+        let passed_ns = at_ns.saturating_sub(std::mem::replace(&mut stream.heard_ns, at_ns));
         let own_ns = match row.time_ns.filter(|_| !clock.is_arrival) {
             Some(time_ns) => {
                 let zero = *clock.zero_ns.get_or_insert(time_ns);
@@ -208,10 +220,13 @@ impl Streams {
             }
             None => at_ns,
         };
-        if stream.last_ns.is_some_and(|last| own_ns.saturating_sub(last) > JUMP_NS) {
+        let step_ns = stream.last_ns.map_or(0, |last| own_ns.saturating_sub(last));
+        if step_ns.saturating_sub(passed_ns) > JUMP_NS {
             return Err(format!(
-                "{}: its time jumps on by more than an hour: was its clock set in mid-run? Run again",
-                stream.asked.url
+                "{}: its time jumps on by {:.1} s where {:.1} s pass: was its clock set in mid-run? Run again",
+                stream.asked.url,
+                step_ns as f64 * 1e-9,
+                passed_ns as f64 * 1e-9
             ));
         }
         if stream.last_ns.is_some_and(|last| own_ns <= last) {

@@ -5,15 +5,15 @@ use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 use std::time::{Duration, Instant, SystemTime};
 
-use rigident_shared::wire::{ModelSettings, Settings, Source};
+use rigident_shared::wire::{ModelSettings, Settings};
 
 use super::arguments::{Monitor, TreeModel};
-use super::link::{HOST_TIMEOUT_MS, configured, device_settings, open};
+use super::link::{configured, device_settings, of_sensors, open};
 use super::loaded::Loaded;
 use super::monitor_watch::{Listener, NAP, Watch, answered, phase};
 use super::{Failure, Stages};
 use crate::device::ports;
-use crate::device::session::{DeviceTiming, Session};
+use crate::device::session::Session;
 use crate::problem::ProblemOptions;
 use crate::recording::extension;
 use crate::recording::mcap::container::MAGIC;
@@ -103,13 +103,7 @@ pub(super) fn attach(arguments: &Monitor) -> Result<Attached, Failure> {
     let rig = arguments.rig.as_deref().map(RigFile::load).transpose().map_err(Failure::input)?;
     let (port, mut session) = open(arguments.device.port.as_deref(), &[])?;
     if let Some(rig) = rig.as_ref().filter(|_| arguments.start) {
-        let rate_hz = rig.recording.rate_hz.unwrap_or(1000.0);
-        let timing = DeviceTiming {
-            rate_hz,
-            is_static: false,
-            source: Source::Sensors,
-            host_timeout_ms: HOST_TIMEOUT_MS,
-        };
+        let timing = of_sensors(rig.recording.rate_hz.unwrap_or(1000.0));
         configured(&mut session, &device_settings(rig, &timing, None)?)?;
         session.set_running().map_err(Failure::link)?;
     }
@@ -180,7 +174,10 @@ fn rig_of(settings: &Settings) -> RigFile {
 
 #[cfg(test)]
 mod tests {
+    use rigident_shared::wire::Source;
+
     use super::*;
+    use crate::device::session::DeviceTiming;
     use crate::device::session::settings;
 
     #[test]

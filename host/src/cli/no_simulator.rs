@@ -6,6 +6,7 @@ use rigident_shared::wire::Identity;
 
 use super::Failure;
 use super::arguments::Mcu;
+use super::options::microcontroller::Image;
 use crate::device::link::{LinkError, Transport};
 use crate::device::session::tree::FrameSource;
 
@@ -35,7 +36,12 @@ pub(super) fn greeted_image() -> Result<Greeted, String> {
 }
 
 /// See the same function of the simulated rig.
-pub(super) fn frames(mcu: Mcu, _: Vec<Vec<u8>>, _: f64) -> Result<(Box<dyn Transport>, Gate), Failure> {
+pub(super) fn frames(
+    mcu: Mcu,
+    _: Image,
+    _: Vec<Vec<u8>>,
+    _: f64,
+) -> Result<(Box<dyn Transport>, Gate), Failure> {
     Err(refused(&format!("--mcu {}", name(mcu))))
 }
 

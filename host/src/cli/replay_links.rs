@@ -10,6 +10,7 @@ use super::experiment::{Experiment, Watcher};
 use super::link::configured;
 use super::links_on_device::{check_asked, device_parameters};
 use super::loaded::{Loaded, change_as_recorded};
+use super::options::microcontroller::Image;
 use super::refused::refuse_for_trees;
 use super::replay;
 use super::{Failure, Folder, simulated};
@@ -87,7 +88,7 @@ pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Res
         let mut settings = tree_settings(rig, &timing(Source::Sensors), told).map_err(Failure::input)?;
         arguments.stop.put_into(&mut settings, &estimated)?;
         let count = sent.len();
-        let (transport, source) = simulated::frames(runner, simulated::Image::Standard, sent, rate_hz)?;
+        let (transport, source) = simulated::frames(runner, Image::Standard, sent, rate_hz)?;
         let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
         configured(&mut session, &settings)?;
         folder = Folder::new(arguments.output.out.as_deref(), "replay")?;

@@ -3,27 +3,24 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use hexapod::{BodySet, MotionProgram};
-use rigident_shared::forgetting::MemoryConfig;
-use rigident_shared::wire::Source;
 
 use super::adaptive::Directing;
 use super::arguments::Run;
 use super::confirm::confirm;
 use super::experiment::{Experiment, Watcher, device_notes};
-use super::link::{HOST_TIMEOUT_MS, configured, device_settings, open};
+use super::link::{configured, device_settings, of_sensors, open};
 use super::links_on_device::{check_asked, device_parameters};
 use super::loaded::Loaded;
 use super::options::calibration;
-use super::options::forgetting::{self, RowsOf};
+use super::options::forgetting::RowsOf;
 use super::outcome::provenance;
 use super::refused::refuse_for_trees;
 use super::tracking_error::{MotionLog, TrackingError};
 use super::zeroing::{self, warm_up, weigh, zero, zero_second};
 use super::{Failure, Folder, by_hand, guards, programme};
+use crate::answer::now;
 use crate::device::session::tree::device_tree;
-use crate::device::session::{
-    DeviceTiming, INTERRUPTED, Session, SessionError, settings, sound, state_imu_noise, two_links,
-};
+use crate::device::session::{INTERRUPTED, Session, SessionError, settings, sound, two_links};
 use crate::fit::Parameter;
 use crate::model::Model;
 use crate::model::rig_links::from_tables;
@@ -75,8 +72,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let mut platform = platform::connect(&arguments.platform, &geometry).map_err(unmoved)?;
     // A controller on a serial port is greeted by nobody but its driver.
     let (_, mut session) = open(arguments.device.port.as_deref(), &platform::port_of(&arguments.platform))?;
-    let timing =
-        DeviceTiming { rate_hz, is_static: false, source: Source::Sensors, host_timeout_ms: HOST_TIMEOUT_MS };
+    let timing = of_sensors(rate_hz);
     // Any noise does while nothing is absorbed.
     let mut standing = settings(&rig, &timing, Some([1.0; 6]), None).map_err(Failure::input)?;
     // What cannot be asked for is said before anything moves.
@@ -121,11 +117,8 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     if links.is_some() {
         zero_second(&mut session, &mut rig, &timing, &rest)?;
     }
-    let mut settings = device_settings(&rig, &timing, Some(rest.sigma))?;
-    state_imu_noise(&mut settings, &rest.white_imu_noise);
+    let mut settings = rest.settings(&rig, &timing, span)?;
     arguments.stop.put_into(&mut settings, &parameters)?;
-    let memory = span.map(|span| MemoryConfig { span, imu_noise: rest.imu_noise });
-    forgetting::put_into(&mut settings, memory.as_ref());
     configured(&mut session, &settings)?;
 
     // It may have been changed since: what is driven is held against what is carried now.
@@ -154,10 +147,8 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let mut comments = device_notes(session.identity());
     comments.extend(provenance(&rig));
     // The device's clock begins with the device: this is the only date.
-    let now = humantime::format_rfc3339_seconds(std::time::SystemTime::now());
-    comments.push(("recorded".to_owned(), now.to_string()));
-    comments.push(("zero, mean wrench at rest".to_owned(), format!("{:?} N, N m", rest.wrench)));
-    comments.push(("zero, mean angular rate at rest".to_owned(), format!("{:?} rad/s", rest.angular_rate)));
+    comments.push(("recorded".to_owned(), now()));
+    comments.extend(rest.comments());
     let mut watcher = Watcher::recording(
         folder.file("run.mcap"),
         &rig,
@@ -203,14 +194,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         Some(_) => two_links::recording("run", &rig, rate_hz, &take.links),
         None => sound::recording("run", &rig, rate_hz, &take.readings),
     };
-    let left_out = sound::leave_out_spikes(&mut read, &mut take.readings);
-    if !left_out.is_empty() {
-        warnings.extend(left_out);
-        take.factor = None;
-    }
-    if let Some(dead) = sound::dead(&read) {
-        take.broken.get_or_insert(dead);
-    }
+    warnings.extend(sound::judge(&mut read, &mut take));
     let loaded = match &links {
         Some((model, _)) => Loaded::of_links(&read, model)?,
         None => Loaded::of_readings("run", &rig, std::mem::take(&mut take.readings), Some(rate_hz), false),
@@ -248,8 +232,7 @@ fn links_of(arguments: &Run, rig: &RigFile) -> Result<Option<(Model, Vec<Paramet
     refuse_for_trees(&[&arguments.forgetting, &arguments.adaptive])?;
     let model = from_tables(&rig.link, &arguments.rig.display().to_string()).map_err(Failure::input)?;
     let rate_hz = rig.recording.rate_hz.unwrap_or(1000.0);
-    let timing =
-        DeviceTiming { rate_hz, is_static: false, source: Source::Sensors, host_timeout_ms: HOST_TIMEOUT_MS };
+    let timing = of_sensors(rate_hz);
     // Whether it fits at all, whatever the noise is.
     let settings = device_settings(rig, &timing, Some([1.0; 6]))?;
     let (_, parameters) = device_tree(&model).map_err(Failure::input)?;

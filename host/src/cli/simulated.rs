@@ -10,6 +10,7 @@ use rigident_sim::runner::{FrameBus, FrameGate, InProcess, PacedRig, Pacing, Sen
 
 use super::Failure;
 use super::arguments::Mcu;
+use super::options::microcontroller::Image;
 #[cfg(feature = "emulator")]
 use crate::device::link::Client;
 use crate::device::link::{LinkError, Transport};
@@ -39,15 +40,6 @@ pub(super) fn transport(mcu: Mcu, rig: &SharedRig) -> Result<Box<dyn Transport>,
         Mcu::Qemu => emulated(Image::Standard, Box::new(PacedRig::new(rig.clone(), Pacing::LockStep)))?,
     };
     Ok(Box::new(Simulated(mcu)))
-}
-
-/// Images of the firmware for the emulated board.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Image {
-    /// Of bodies and trees.
-    Standard,
-    /// That watches robots, too.
-    Watch,
 }
 
 /// The release firmware on the emulated board with this bus behind its drivers.

@@ -6,6 +6,7 @@ use rigident_shared::wire::{ChangeReport, ErrorCode, SettingName};
 use serde_json::{Value, json};
 
 use super::loaded::{change_as_recorded, tree_of};
+use super::options::microcontroller::Image;
 use super::outcome::say;
 use super::watch_arguments::Watch;
 use super::{ExitStatus, Failure, Stages, recorded, simulated};
@@ -70,8 +71,7 @@ pub(super) fn run(arguments: &Watch) -> Result<ExitCode, Failure> {
     stages.at("frames to the firmware", 0.0);
     let rate_hz = prepared.input.rate_hz;
     let start_s = prepared.input.frames.first().map_or(0.0, |frame| frame.time_ns as f64 * 1e-9);
-    let (transport, source) =
-        simulated::frames(arguments.mcu, simulated::Image::Watch, robot.frames.clone(), rate_hz)?;
+    let (transport, source) = simulated::frames(arguments.mcu, Image::Watch, robot.frames.clone(), rate_hz)?;
     let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
     let mut told = |change: &ChangeReport| {
         if !arguments.json {
@@ -82,17 +82,17 @@ pub(super) fn run(arguments: &Watch) -> Result<ExitCode, Failure> {
     drop(stages);
     let names: Vec<String> = prepared.input.model.links.iter().map(|link| link.name.clone()).collect();
     let mut complaints = complaints(&watched.counters.frames, &names);
-    complaints.extend(blind(&watched));
+    let blind = blind(&watched);
+    let fine = watched.counters.watch.settled && !watched.interrupted && blind.is_none();
+    complaints.extend(blind);
     for complaint in &complaints {
         tell!("rigident: {complaint}");
     }
-    let report = watched.counters.watch;
     if arguments.json {
         say(object(&watched, &arguments.link, &complaints, start_s, rate_hz));
     } else {
         say(summary(&watched, &arguments.link, rate_hz));
     }
-    let fine = report.settled && !watched.interrupted;
     Ok(ExitStatus::of(fine).into())
 }
 

@@ -13,7 +13,8 @@ use super::options::trees::TreeModel;
                   the base. Joints turn or slide about one axis each, up to 32 links. A change is told when it is found, and again \
                   when it has been measured, 1.5 s later. The model may be off by a few per cent: what that leaves is learnt while \
                   the watch settles, and makes it less sensitive. Numbers that rows do not tell are not given.\n\nExit status 0 if \
-                  the firmware has watched, whether or not something changed, 1 if it never settled, 2 bad input.\n\nExamples:\n  rigident watch walk.csv --model \
+                  the firmware has watched, whether or not something changed, 1 if it never settled or errors of the model \
+                  leave next to nothing that it could find, 2 bad input.\n\nExamples:\n  rigident watch walk.csv --model \
                   identified.urdf --link right_hand\n  rigident watch arm.csv --model arm.urdf --link tool0 --mcu qemu --json"
 )]
 pub struct Watch {

@@ -6,13 +6,15 @@ use std::time::Instant;
 use hexapod::{BodyParameters, BodySet, Pose};
 use nalgebra::Vector3;
 use rigident_shared::calibration::Reading;
-use rigident_shared::forgetting::ImuNoise;
+use rigident_shared::forgetting::{ImuNoise, MemoryConfig, Span};
 use rigident_shared::spatial::{AngularRate, Imu, SpecificForce};
+use rigident_shared::wire::Settings;
 
 use super::Failure;
 use super::experiment::Watcher;
 use super::link::{configured, device_settings};
-use crate::device::session::{DeviceTiming, INTERRUPTED, Session, precision, widen};
+use super::options::forgetting;
+use crate::device::session::{DeviceTiming, INTERRUPTED, Session, precision, state_imu_noise, widen};
 use crate::plan::carried::{self, CarriedError, LoadBound, Weighing};
 use crate::plan::machine;
 use crate::platform::check;
@@ -46,6 +48,33 @@ pub(super) struct Rest {
     readings: usize,
     /// What shows that the plate moves, if anything does.
     moving: Option<String>,
+}
+
+impl Rest {
+    /// Returns the settings of a run that begins from here: noise as it was found, and how fast the run forgets.
+    ///
+    /// # Errors
+    /// Bad input: what the rig file lacks, or more links than the device takes from sensors.
+    pub(super) fn settings(
+        &self,
+        rig: &RigFile,
+        timing: &DeviceTiming,
+        span: Option<Span<f64>>,
+    ) -> Result<Settings, Failure> {
+        let mut settings = device_settings(rig, timing, Some(self.sigma))?;
+        state_imu_noise(&mut settings, &self.white_imu_noise);
+        let memory = span.map(|span| MemoryConfig { span, imu_noise: self.imu_noise });
+        forgetting::put_into(&mut settings, memory.as_ref());
+        Ok(settings)
+    }
+
+    /// Returns what a recording says of the zero.
+    pub(super) fn comments(&self) -> [(String, String); 2] {
+        [
+            ("zero, mean wrench at rest".to_owned(), format!("{:?} N, N m", self.wrench)),
+            ("zero, mean angular rate at rest".to_owned(), format!("{:?} rad/s", self.angular_rate)),
+        ]
+    }
 }
 
 /// Returns what readings at rest say.

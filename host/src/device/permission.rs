@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-/// The group that owns a port, against the user's.
+/// Holds the group that owns a port against the user's.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Ownership {
     /// The group's name, or its number where it has none.

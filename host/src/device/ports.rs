@@ -17,7 +17,7 @@ pub const SIMULATED: &str = "rigident-rig";
 /// A port that may be another device's is asked so often.
 const ATTEMPTS: u32 = 2;
 
-/// What a USB port says of the device behind it.
+/// Holds what a USB port says of the device behind it.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Usb {
     /// Its vendor's number, four hexadecimal digits.
@@ -35,7 +35,7 @@ pub struct Usb {
     pub serial_number: Option<String>,
 }
 
-/// How a port is attached.
+/// Tells how a port is attached.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Attached {
@@ -51,7 +51,7 @@ pub enum Attached {
     Simulated,
 }
 
-/// A serial port.
+/// Describes a serial port.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Port {
     /// The name that it is opened by.
@@ -100,7 +100,7 @@ impl From<&SerialPortInfo> for Port {
     }
 }
 
-/// Why what is on a port cannot be used.
+/// Says why what is on a port cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum Unusable {
     /// The port cannot be opened.
@@ -133,7 +133,7 @@ pub fn greet_all(ports: &[Port]) -> Vec<Result<Identity, Unusable>> {
     })
 }
 
-/// Why a device is not found without the name of its port.
+/// Says why a device is not found without the name of its port.
 #[derive(Debug, thiserror::Error)]
 pub enum NotFound {
     /// The system does not list the ports.

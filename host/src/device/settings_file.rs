@@ -9,7 +9,7 @@ use std::path::Path;
 use rigident_shared::wire::Settings;
 use serde_json::Value;
 
-/// Why a text holds no settings.
+/// Says why a text holds no settings.
 #[derive(Debug, thiserror::Error)]
 pub enum SettingsFileError {
     /// Its name says neither format.
@@ -48,7 +48,7 @@ pub enum SettingsFileError {
     },
 }
 
-/// A setting that differs.
+/// Names a setting that differs.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Change {
     /// The key, with the tables that it is in: `imu.rate_hz`.

@@ -25,7 +25,7 @@ const COURSE: usize = 16;
 /// Heights of the course.
 const LEVELS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
 
-/// How a view is drawn.
+/// Tells how a view is drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Look {
     /// Colours may be used; nothing is told by colour alone.

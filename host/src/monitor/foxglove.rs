@@ -51,7 +51,7 @@ struct Topic {
 
 type Topics = BTreeMap<&'static str, Topic>;
 
-/// A server. Dropping it sends its clients away.
+/// Serves Foxglove. Dropping it sends its clients away.
 pub struct Server {
     address: SocketAddr,
     topics: Arc<Mutex<Topics>>,

@@ -5,7 +5,7 @@ use serde::Serialize;
 use crate::answer::{Answer, Status};
 use crate::fit::Fit;
 
-/// An interval at some time.
+/// Holds an interval at some time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Band {
     /// From the first reading, s.
@@ -23,7 +23,7 @@ impl Band {
     }
 }
 
-/// A parameter with its intervals.
+/// Holds a parameter with its intervals.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ParameterView {
     /// Its name: `m`, `arm.MSx`.
@@ -36,7 +36,7 @@ pub struct ParameterView {
     pub history: Vec<Band>,
 }
 
-/// An answer as a monitor shows it.
+/// Holds an answer as a monitor shows it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Answered {
     /// How much is identified.
@@ -114,7 +114,7 @@ fn left_out(fit: &Fit) -> Vec<Counted> {
     rejected.chain([gaps]).filter(|counted| counted.count > 0).collect()
 }
 
-/// Something that is counted.
+/// Counts something.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Counted {
     /// What.
@@ -123,7 +123,7 @@ pub struct Counted {
     pub count: u64,
 }
 
-/// How the sensors are.
+/// Tells how the sensors are.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct SensorHealth {
     /// Readings taken in.
@@ -134,7 +134,7 @@ pub struct SensorHealth {
     pub trouble: Vec<Counted>,
 }
 
-/// How the link to a device is.
+/// Tells how the link to a device is.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct LinkHealth {
     /// Readings that never came.
@@ -151,7 +151,7 @@ pub struct LinkHealth {
     pub silent_s: f64,
 }
 
-/// Everything that a monitor shows.
+/// Holds everything that a monitor shows.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct View {
     /// What is watched: a port with its device, a file, the demonstration.

@@ -4,7 +4,7 @@ use hexapod::MotionProgram;
 
 use super::{Motion, Platform, PlatformError};
 
-/// Whoever moves the body.
+/// Stands for whoever moves the body.
 #[derive(Debug, Default)]
 pub struct ByHand {
     stopped: bool,

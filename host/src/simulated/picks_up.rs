@@ -13,7 +13,7 @@ use crate::problem::tree::{Input, NoisySignal, SignalKind};
 /// Frames per second.
 pub const RATE_HZ: f64 = 500.0;
 
-/// What happens, and how well it is measured.
+/// Tells what happens, and how well it is measured.
 #[derive(Clone, Debug)]
 pub struct PicksUp {
     /// Length, s.
@@ -59,7 +59,7 @@ fn body(mass: f64, centre: [f64; 3], radii: [f64; 3]) -> [f64; 10] {
         .to_vector()
 }
 
-/// A pelvis, two legs of six axes, a trunk of three, a head of one, two arms of seven.
+/// Returns a pelvis, two legs of six axes, a trunk of three, a head of one, two arms of seven.
 pub fn humanoid() -> Model {
     let base =
         Link { parent: 0, joint: Joint::Free, rotation: Matrix3::identity(), position: Vector3::zeros() };

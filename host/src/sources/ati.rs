@@ -32,7 +32,7 @@ const MOST_PAGE: u64 = 1 << 20;
 /// Asked again after so long without a record: a request may be lost as any datagram.
 const ASK_AGAIN: Duration = Duration::from_millis(500);
 
-/// A record as it is sent.
+/// Holds a record as it is sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Record {
     /// Number of the record.
@@ -68,7 +68,7 @@ pub fn record(bytes: &[u8]) -> Option<Record> {
     })
 }
 
-/// What makes SI units of counts, and how many records come a second.
+/// Tells what makes SI units of counts, and how many records come a second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Calibration {
     /// N for a count of a force.
@@ -165,7 +165,7 @@ pub fn read_calibration(bytes: &[u8]) -> Result<Calibration, String> {
     })
 }
 
-/// Records become samples.
+/// Makes samples of records.
 #[derive(Debug)]
 pub struct Decoder {
     calibration: Calibration,
@@ -209,7 +209,7 @@ impl Decoder {
 /// Any rate does where none is told: the arrivals tell it.
 const NOMINAL_HZ: f64 = 1000.0;
 
-/// A sensor that streams.
+/// Reads a sensor that streams.
 pub struct Ati {
     url: SourceUrl,
     socket: UdpSocket,

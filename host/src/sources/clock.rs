@@ -9,7 +9,7 @@
 /// Points closer than this are too few for a rate, s.
 const LEAST_SPAN_S: f64 = 0.5;
 
-/// The line under the arrivals of one clock.
+/// Finds the line under the arrivals of one clock.
 #[derive(Clone, Debug, Default)]
 pub struct ArrivalLine {
     /// Lower hull, by ascending time.
@@ -18,7 +18,7 @@ pub struct ArrivalLine {
     sum_s: f64,
 }
 
-/// Time of this computer for a time of a source: `offset_s + rate · t`.
+/// Gives the time of this computer for a time of a source: `offset_s + rate · t`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClockLine {
     /// At the zero of the source's clock, s.

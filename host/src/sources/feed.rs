@@ -12,7 +12,7 @@ use crate::recording::columns::Group;
 /// How long a thread waits before it looks whether to end.
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
 
-/// What came of a source.
+/// Holds what came of a source.
 #[derive(Debug)]
 pub struct Arrival {
     /// Which, in the order in which they were given.
@@ -23,7 +23,7 @@ pub struct Arrival {
     pub rows: Result<Vec<Row>, SourceError>,
 }
 
-/// A source as it is known before its thread has it.
+/// Describes a source before its thread has it.
 #[derive(Clone, Debug)]
 pub struct Described {
     /// Its columns.
@@ -34,7 +34,7 @@ pub struct Described {
     pub when_silent: String,
 }
 
-/// Sources under way.
+/// Holds sources under way.
 pub struct Feeds {
     begun: Instant,
     arrivals: Receiver<Arrival>,

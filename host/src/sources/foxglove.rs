@@ -29,7 +29,7 @@ const MESSAGE_DATA: u8 = 1;
 /// So many messages in a row that cannot be read end the stream.
 const USELESS: u32 = 20;
 
-/// A channel that a server advertises.
+/// Describes a channel that a server advertises.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct Channel {
@@ -52,7 +52,7 @@ struct Said {
     level: u8,
 }
 
-/// What is wanted of a server.
+/// Tells what is wanted of a server.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Wanted {
     role: Role,
@@ -62,7 +62,7 @@ pub struct Wanted {
 }
 
 impl Wanted {
-    /// Of a topic, or of the only one of the role's type; times by the messages' headers, or by the bridge.
+    /// Wants a topic, or the only one of the role's type; times by the messages' headers, or by the bridge.
     pub fn new(role: Role, topic: Option<&str>, by_header: bool) -> Self {
         Self { role, topic: topic.map(str::to_owned), by_header }
     }
@@ -81,7 +81,7 @@ fn same_type(a: &str, b: &str) -> bool {
     a.replace("/msg/", "/") == b.replace("/msg/", "/")
 }
 
-/// Texts and bytes of a server become samples.
+/// Makes samples of texts and bytes of a server.
 #[derive(Debug)]
 pub struct Decoder {
     wanted: Wanted,
@@ -279,7 +279,7 @@ fn with<V>(message: Stamped<V>, values: impl FnOnce(V) -> Values) -> (Option<u64
     (message.stamp_ns, values(message.value))
 }
 
-/// A topic that streams.
+/// Reads a topic that streams.
 pub struct Bridge {
     url: SourceUrl,
     socket: WebSocket<TcpStream>,

@@ -120,7 +120,7 @@ impl Layout {
     }
 }
 
-/// Bytes become samples.
+/// Makes samples of bytes.
 #[derive(Debug)]
 pub struct Decoder {
     rig: RigFile,
@@ -256,7 +256,7 @@ enum Line {
     Input(Receiver<Vec<u8>>),
 }
 
-/// A stream of lines.
+/// Reads a stream of lines.
 pub struct Lines {
     url: SourceUrl,
     line: Line,

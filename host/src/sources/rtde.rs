@@ -121,7 +121,7 @@ impl Packages {
     }
 }
 
-/// Packages of data become samples.
+/// Makes samples of packages of data.
 #[derive(Debug)]
 pub struct Decoder {
     recipe: u8,
@@ -228,7 +228,8 @@ impl Decoder {
         }
         // Times beyond a century are none.
         let time_s = time_s.filter(|t| t.abs() < 4e9)?;
-        rest.is_empty().then_some((time_s, values))
+        // A rotation vector may be finite, and so long that it turns nowhere.
+        (rest.is_empty() && values.iter().all(|v| v.is_finite())).then_some((time_s, values))
     }
 }
 
@@ -240,7 +241,7 @@ pub fn decoder_of_everything(answer: &[u8]) -> Option<Decoder> {
     Decoder::new(answer, variables, RATE_HZ).ok()
 }
 
-/// A controller that streams.
+/// Reads a controller that streams.
 pub struct Rtde {
     url: SourceUrl,
     stream: TcpStream,

@@ -1,6 +1,6 @@
 //! Numbers of samples that run on and wrap, as their senders count them.
 
-/// What the number of a sample says.
+/// Tells what the number of a sample says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
     /// It follows the last one.

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use crate::recording::columns::Group;
 
-/// What a source is asked for.
+/// Tells what a source is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Role {
     /// The wrench.
@@ -37,7 +37,7 @@ impl fmt::Display for Role {
     }
 }
 
-/// One sample.
+/// Holds one sample.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
     /// When it was taken by the source's own clock, ns after that clock's zero; `None` if the source does not say.
@@ -46,7 +46,7 @@ pub struct Row {
     pub values: Vec<f64>,
 }
 
-/// What kind of clock the times of a source are of.
+/// Tells what kind of clock the times of a source are of.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum OwnClock {
     /// None: the time of arrival is all there is.
@@ -57,7 +57,7 @@ pub enum OwnClock {
     Counts,
 }
 
-/// What did not come, or was of no use.
+/// Counts what did not come, or was of no use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Losses {
     /// Samples that never came, by their sequence numbers.
@@ -72,7 +72,7 @@ pub struct Losses {
     pub status: Option<u32>,
 }
 
-/// The reason that a source brings nothing, in words that say what to do.
+/// Says why a source brings nothing, in words that say what to do.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SourceError {
     /// The address.
@@ -104,7 +104,7 @@ pub enum SourceError {
     Ended(String),
 }
 
-/// A stream of samples.
+/// Brings a stream of samples.
 pub trait Source: Send {
     /// Returns the groups of columns that every sample has.
     fn groups(&self) -> &[Group];

@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 use super::SourceError;
 
-/// What stands before an address.
+/// Tells what stands before an address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scheme {
     /// `ati+udp://HOST[:PORT]`
@@ -35,7 +35,7 @@ const SCHEMES: [(&str, Scheme, &[&str]); 6] = [
     ("udp://", Scheme::UdpLines, &["columns"]),
 ];
 
-/// The address of a source.
+/// Holds the address of a source.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SourceUrl {
     text: String,

@@ -32,7 +32,7 @@ const MESSAGES: u32 = 50;
 /// And after so many bytes without a message.
 const BYTES: u64 = 20_000;
 
-/// What one message says.
+/// Holds what one message says.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measured {
     /// Number of the message, 16 bits.
@@ -93,7 +93,7 @@ pub fn items(mut bytes: &[u8]) -> Option<Measured> {
     bytes.is_empty().then_some(measured)
 }
 
-/// Bytes become samples.
+/// Makes samples of bytes.
 #[derive(Debug)]
 pub struct Decoder {
     bytes: Vec<u8>,
@@ -246,7 +246,7 @@ fn message(bytes: &[u8]) -> Piece<'_> {
     }
 }
 
-/// An IMU that streams.
+/// Reads an IMU that streams.
 pub struct Xsens {
     url: SourceUrl,
     port: Box<dyn serialport::SerialPort>,
@@ -261,6 +261,8 @@ impl Xsens {
     /// The port cannot be opened, or messages lack what is needed.
     pub fn open(url: &SourceUrl) -> Result<Self, SourceError> {
         let port = serial(url, BAUD)?;
+        // What waits on the line is older than it looks: its times would not go with its arrivals. A line that cannot be emptied is read as it is.
+        let _ = port.clear(serialport::ClearBuffer::Input);
         let mut source = Self { url: url.clone(), port, decoder: Decoder::default(), first: Vec::new() };
         let begun = std::time::Instant::now();
         let mut rows = Vec::new();

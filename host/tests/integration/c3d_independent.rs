@@ -1,6 +1,7 @@
 //! C3D files against `ezc3d`, which shares no code with this project. `RIGIDENT_PYTHON` names an interpreter that has it, as
 //! `cargo xtask setup` installs it.
 
+use crate::program::python;
 use std::path::Path;
 use std::process::Command;
 
@@ -64,7 +65,7 @@ print(json.dumps([w.tolist() for w in wrenches]))
 fn plates_of_every_type_made_of_shared_data_do_what_an_independent_c3d_reader_says() {
     let source = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../../shared/data/human_btk_pig_60kg_functional/FunctionalStatic.c3d");
-    let python = std::env::var("RIGIDENT_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let python = python();
     let folder = tempfile::tempdir().unwrap();
     for kind in ["1", "3", "4"] {
         let file = folder.path().join("plates.c3d");
@@ -81,7 +82,7 @@ fn plates_of_every_type_made_of_shared_data_do_what_an_independent_c3d_reader_sa
 #[ignore = "needs ezc3d in Python and the shared recordings"]
 fn shared_data_are_read_as_an_independent_c3d_reader_reads_them() {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
-    let python = std::env::var("RIGIDENT_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let python = python();
     for name in [
         "human_btk_pig_47kg_fullbody/PiG_Calibration-FlatFoot-Full.c3d",
         "human_btk_pig_47kg_fullbody/PiG_Motion-FlatFoot-Full.c3d",

@@ -1,6 +1,7 @@
 //! Recordings against MCAP software that shares no code with this project: the `mcap` and `mcap-ros2-support`
 //! packages of Python. `RIGIDENT_PYTHON` names an interpreter that has them, as `cargo xtask setup` installs it.
 
+use crate::program::python;
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -38,8 +39,8 @@ fn topic(group: &str) -> String {
 }
 
 /// Runs the script.
-fn python(arguments: &[&str]) -> Output {
-    let interpreter = std::env::var("RIGIDENT_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+fn read_by_others(arguments: &[&str]) -> Output {
+    let interpreter = python();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/integration/independent_mcap_reader.py");
     let output = Command::new(&interpreter).arg(&script).args(arguments).output().unwrap();
     assert!(output.status.success(), "{interpreter}: {}", String::from_utf8_lossy(&output.stderr));
@@ -89,7 +90,7 @@ fn an_mcap_reader_in_python_finds_the_numbers_to_the_last_bit() {
     std::fs::write(&input, csv()).unwrap();
     std::fs::write(folder.path().join("body.rig.toml"), "[load_cell]\noffset_n_nm = \"zero\"\n").unwrap();
     convert(&input, &output, None).unwrap();
-    let found = python(&["read", output.to_str().unwrap()]);
+    let found = read_by_others(&["read", output.to_str().unwrap()]);
     let found: Value = serde_json::from_slice(&found.stdout).unwrap();
     assert_eq!(found["profile"], "ros2");
     let mut first = 0;
@@ -126,7 +127,7 @@ fn bags_of_the_mcap_reader_in_python_are_brought_onto_the_times_of_the_wrench() 
     let folder = tempfile::tempdir().unwrap();
     for packing in ["zstd", "lz4", "none"] {
         let bag = folder.path().join(format!("{packing}.mcap"));
-        python(&["write", bag.to_str().unwrap(), packing, &BAG_ROWS.to_string()]);
+        read_by_others(&["write", bag.to_str().unwrap(), packing, &BAG_ROWS.to_string()]);
         let recording = Recording::load(&bag, None).unwrap();
         // The IMU begins 1 ms after the wrench: the first row has nothing before it.
         let times = &recording.time_ns;

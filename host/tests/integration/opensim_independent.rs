@@ -1,6 +1,7 @@
 //! Files of OpenSim's against OpenSim itself (the wheel `opensim`), which shares no code with this project. `RIGIDENT_PYTHON` names an
 //! interpreter that has it, as `cargo xtask setup` installs it.
 
+use crate::program::python;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -61,7 +62,7 @@ fn data(file: &str) -> PathBuf {
 }
 
 fn opensim(script: &str, file: &Path) -> Value {
-    let python = std::env::var("RIGIDENT_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let python = python();
     let quiet = format!("import opensim; opensim.Logger.setLevelString('Off')\n{script}");
     let out = Command::new(python).args(["-c", &quiet]).arg(file).output().unwrap();
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));

@@ -1,5 +1,6 @@
 //! `rigident predict` and `rigident validate`: arms with friction, rest and encoder noise, by the commands.
 
+use crate::program::python;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -149,7 +150,7 @@ fn plain_least_squares_of_shared_data_leave_what_live_pinocchio_s_leave() {
         let (found, folder) = compare(file, locked, &moving());
         let script =
             Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/integration/pinocchio/least_squares.py");
-        let python = std::env::var("RIGIDENT_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+        let python = python();
         let output = Command::new(python)
             .current_dir(folder.path())
             .arg(script)

@@ -15,6 +15,11 @@ pub fn rigident_anywhere(arguments: &[&str]) -> Output {
     rigident(Path::new("."), arguments)
 }
 
+/// Returns the interpreter of Python with what tests compare with.
+pub fn python() -> String {
+    std::env::var("RIGIDENT_PYTHON").unwrap_or_else(|_| "python3".to_owned())
+}
+
 /// Returns its exit status.
 pub fn status(output: &Output) -> i32 {
     output.status.code().expect("not ended by a signal")

@@ -3,6 +3,7 @@
 //! The wheel `example-robot-data` has 69 URDFs; `pinocchio/robots.py` asks Pinocchio. `RIGIDENT_PYTHON` (or `python3`) must have
 //! both, which `cargo xtask setup` installs.
 
+use crate::program::python;
 use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -15,7 +16,7 @@ use serde_json::Value;
 
 /// Returns what Pinocchio says of texts, or of all published robots if there are none.
 fn asked(texts: &[String]) -> Vec<(String, Option<Value>)> {
-    let python = std::env::var("RIGIDENT_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let python = python();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/integration/pinocchio/robots.py");
     let piped = || (Stdio::piped(), Stdio::piped());
     let (stdin, stdout) = piped();

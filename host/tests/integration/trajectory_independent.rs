@@ -4,7 +4,7 @@
 use std::process::Command;
 
 use crate::plan_excitation::ARM;
-use crate::program::{rigident, said, status};
+use crate::program::{python, rigident, said, status};
 
 /// Reads the message, builds it by its definition, sends it through ROS 2's binary form, and holds it against the table.
 const SCRIPT: &str = r"
@@ -57,7 +57,7 @@ fn a_trajectory_is_ros_2_s_message_by_an_independent_ros_reader() {
     let words = ["plan", "excitation", "arm.urdf", "--duration-s", "4", "--restarts", "1"];
     let output = rigident(place.path(), &[&words[..], &["-o", "a.csv", "-o", "a.yaml"]].concat());
     assert_eq!(status(&output), 0, "{}", said(&output));
-    let python = std::env::var("RIGIDENT_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let python = python();
     let out = Command::new(&python)
         .args(["-c", SCRIPT, "a.yaml", "a.csv"])
         .current_dir(place.path())

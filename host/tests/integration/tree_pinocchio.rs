@@ -4,6 +4,7 @@
 //! asked. Counts of base parameters are checked against its regressors live in tests that are ignored unless
 //! asked for: `RIGIDENT_PYTHON` (or `python3`) must have the wheel `pin`, which `cargo xtask setup` installs.
 
+use crate::program::python;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -76,11 +77,6 @@ fn rows_of_every_kind_of_joint_are_pinocchio_s() {
         assert_eq!(base_rows, all.rows(0, 6));
         assert_eq!(joint_rows, all.rows(6, rows - 6));
     }
-}
-
-/// The interpreter that has Pinocchio.
-fn python() -> String {
-    std::env::var("RIGIDENT_PYTHON").unwrap_or_else(|_| "python3".to_owned())
 }
 
 /// Model, options, count that must come out.

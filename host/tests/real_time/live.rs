@@ -16,7 +16,7 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 use super::runs::said;
-use super::text;
+use super::{python, text};
 
 const BOTH: &[&str] = &["foxglove.sdk.v1", "foxglove.websocket.v1"];
 
@@ -385,8 +385,8 @@ fn units_that_cannot_be_are_told_and_what_came_is_kept() {
 }
 
 /// What a program of another maker says.
-fn python(arguments: &[&str]) -> Vec<Vec<f64>> {
-    let python = std::env::var("RIGIDENT_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+fn said_by_others(arguments: &[&str]) -> Vec<Vec<f64>> {
+    let python = python();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/real_time/sensors_clients.py");
     let out = Command::new(python).arg(script).args(arguments).output().unwrap();
     assert!(out.status.success(), "{}", said(&out));
@@ -401,7 +401,7 @@ fn independent_sensors_clients_of_other_makers_read_the_simulated_devices() {
     let played = scene.played((500.0, 0.0, 5000.0), Delivery::default());
     let ati = AtiServer::listen("127.0.0.1:0", played.clone()).unwrap();
     let port = ati.address().port().to_string();
-    let counts = python(&["netft", "127.0.0.1", &port]);
+    let counts = said_by_others(&["netft", "127.0.0.1", &port]);
     assert_eq!(counts.len(), 5);
     // Each is a sample that was played, in counts, as the reaction.
     let sample = |k: u64| played.sample(k);
@@ -411,7 +411,7 @@ fn independent_sensors_clients_of_other_makers_read_the_simulated_devices() {
     }
     // Its port is 30004 and no other; of this address nobody else has it.
     let robot = RtdeServer::listen("127.0.0.77:30004", played.clone()).unwrap();
-    let read = python(&["rtde", &robot.address().ip().to_string()]);
+    let read = said_by_others(&["rtde", &robot.address().ip().to_string()]);
     assert_eq!(read.len(), 5);
     for row in read {
         let sample = sample(((row[0] - 5000.0) * 500.0).round() as u64);
@@ -427,7 +427,7 @@ fn independent_sensors_clients_of_other_makers_read_the_simulated_devices() {
 fn independent_sensors_bridge_of_foxgloves_own_is_read() {
     use rigident::sources::{Role, open};
     use std::time::Duration;
-    let python = std::env::var("RIGIDENT_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let python = python();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/real_time/sensors_clients.py");
     let port = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port().to_string();
     let mut serving = Command::new(python)

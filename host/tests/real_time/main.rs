@@ -101,3 +101,8 @@ fn rms_off_path(trajectory: &Trajectory, poses: &[Pose]) -> f64 {
 fn text(path: &Path) -> String {
     std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
 }
+
+/// Returns the interpreter of Python with what tests compare with.
+fn python() -> String {
+    std::env::var("RIGIDENT_PYTHON").unwrap_or_else(|_| "python3".to_owned())
+}

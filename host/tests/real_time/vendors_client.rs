@@ -7,12 +7,12 @@ use std::process::Command;
 use hexapod::{Geometry, MotionProgram, Segment};
 use rigident::plan::plan_file::PlanFile;
 
-use super::Served;
 use super::runs::{run_at, said};
+use super::{Served, python};
 
 /// What the vendor's client finds, and whether it can move the hexapod to a height, mm.
 fn found(served: &Served, height_mm: &str) -> String {
-    let python = std::env::var("RIGIDENT_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let python = python();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/real_time/vendors_client.py");
     let address = served.hexapod.as_ref().unwrap().address().to_string();
     let out = Command::new(python).arg(script).args([&address, height_mm]).output().unwrap();

@@ -58,14 +58,14 @@ impl<T: Scalar, const N: usize, const E: usize> PackedFactor<T, N, E> {
         self.residual_sum_of_squares *= by * by;
     }
 
-    /// Sum of squares of the right-hand side that the parameters from `first` on explain beside those before them.
+    /// Returns the sum of squares of the right-hand side that the parameters from `first` on explain beside those before them.
     pub fn explained_from(&self, first: usize) -> T {
         let n = self.parameters();
         let z = self.entries.iter().skip(n * (n + 1) / 2).take(n);
         z.skip(first).map(|z| *z * *z).sum()
     }
 
-    /// The values of the last parameters, from `first` on, by back substitution; zero of one that nothing is known of.
+    /// Returns the values of the last parameters, from `first` on, by back substitution; zero of one that nothing is known of.
     pub fn last<const L: usize>(&self, first: usize) -> [T; L] {
         let n = self.parameters();
         let entry = |i: usize, j: usize| self.entries.get(j * (j + 1) / 2 + i).copied().unwrap_or(T::ZERO);

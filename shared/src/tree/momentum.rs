@@ -54,7 +54,7 @@ pub fn parts<T: Scalar>(state: &LinkState<T>, base: &BaseMotion<T>) -> Parts<T> 
     Parts { smoothed: smoothed(state, base, &differentiated), differentiated }
 }
 
-/// The rest of a link's base rows beside its momentum h: `ω₀ × h + [m a; mc × a]`.
+/// Returns the rest of a link's base rows beside its momentum h: `ω₀ × h + [m a; mc × a]`.
 #[inline(always)]
 pub fn smoothed<T: Scalar>(state: &LinkState<T>, base: &BaseMotion<T>, momentum: &Block<T>) -> Block<T> {
     let (turn, arm) = (&state.rotation, &state.position);

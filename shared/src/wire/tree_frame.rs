@@ -49,7 +49,7 @@ pub type TreeFrame<'a> = NumberedFrame<'a, 1, BASE_NUMBERS, LINK_NUMBERS>;
 /// A frame of a tree whose base cameras track: positions and rates alone.
 pub type TrackedFrame<'a> = NumberedFrame<'a, 2, TRACKED_BASE_NUMBERS, TRACKED_LINK_NUMBERS>;
 
-/// A frame of a robot that is watched: its own sensors.
+/// Holds a frame of a robot that is watched: its own sensors.
 pub type WatchFrame<'a> = NumberedFrame<'a, 3, WATCH_BASE_NUMBERS, WATCH_LINK_NUMBERS>;
 
 /// Tells why bytes are no frame.

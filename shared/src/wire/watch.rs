@@ -30,7 +30,7 @@ pub struct WatchSettings {
     pub forget_s: f32,
 }
 
-/// A sensor of the wrench on a link.
+/// Places a sensor of the wrench on a link.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
 pub struct FootSettings {
     /// The link.
@@ -41,7 +41,7 @@ pub struct FootSettings {
     pub position_m: [f32; 3],
 }
 
-/// A link of a robot that is watched.
+/// Describes a link of a robot that is watched.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
 pub struct WatchLinkSettings {
     /// Index of its parent, smaller than its own.
@@ -77,7 +77,7 @@ pub enum WatchJoint {
     Prismatic,
 }
 
-/// A change of the watched link. It is sent when it is found, and again when it has been measured.
+/// Reports a change of the watched link. It is sent when it is found, and again when it has been measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
 pub struct ChangeReport {
     /// Its number, from one.
@@ -94,7 +94,7 @@ pub struct ChangeReport {
     pub size: Option<ChangeSize>,
 }
 
-/// The size of a change, in the order of a link's parameters.
+/// Holds the size of a change, in the order of a link's parameters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
 pub struct ChangeSize {
     /// What is there now and was not before.
@@ -112,7 +112,7 @@ pub(super) fn nothing_watched<S: serde::Serializer>(
     [0_u8; 4].serialize(serializer)
 }
 
-/// What became of the watch so far.
+/// Tells what became of the watch so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct WatchReport {
     /// Changes found.

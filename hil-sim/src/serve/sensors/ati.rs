@@ -13,7 +13,7 @@ use crate::serve::listener::{LOOK_AGAIN, Listener};
 const COUNTS: [u32; 2] = [1_000_000, 1_000_000];
 const HEADER: [u8; 2] = [0x12, 0x34];
 
-/// The box at work. Dropping it switches it off.
+/// Serves as the box. Dropping it switches it off.
 pub struct AtiServer {
     udp: SocketAddr,
     page: Listener,
@@ -46,12 +46,12 @@ impl AtiServer {
         Ok(Self { udp, page, port, leave, threads: vec![thread] })
     }
 
-    /// Where records are asked for.
+    /// Returns where records are asked for.
     pub fn address(&self) -> SocketAddr {
         self.udp
     }
 
-    /// What a client is to be given: the address with the ports of page and calibration.
+    /// Returns what a client is to be given: the address with the ports of page and calibration.
     pub fn url(&self) -> String {
         let (page, port) = (self.page.address().port(), self.port.address().port());
         format!("ati+udp://{}?http_port={page}&tcp_port={port}", self.udp)

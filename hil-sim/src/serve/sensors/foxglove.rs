@@ -12,7 +12,7 @@ use tungstenite::{Message, WebSocket};
 use super::{Played, Sample};
 use crate::serve::listener::Listener;
 
-/// What a topic's messages are.
+/// Tells what a topic's messages are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TopicKind {
     /// `geometry_msgs/msg/WrenchStamped`
@@ -44,7 +44,7 @@ impl TopicKind {
     }
 }
 
-/// The bridge at work.
+/// Serves as the bridge.
 pub struct BridgeServer(Listener);
 
 impl BridgeServer {
@@ -63,7 +63,7 @@ impl BridgeServer {
         })?))
     }
 
-    /// Where it listens.
+    /// Returns where it listens.
     pub fn address(&self) -> SocketAddr {
         self.0.address()
     }

@@ -11,7 +11,7 @@ use std::thread::JoinHandle;
 use super::{Played, Sample};
 use crate::serve::port::Port;
 
-/// What is in a line.
+/// Tells what is in a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// The wrench on the body.
@@ -35,7 +35,7 @@ impl Quantity {
         header
     }
 
-    /// A line.
+    /// Returns a line.
     pub fn line(self, number: u64, own_s: f64, sample: &Sample) -> String {
         let mut line = format!("{number},{own_s:.6}");
         let mut add = |values: &[f64]| {
@@ -56,7 +56,7 @@ impl Quantity {
     }
 }
 
-/// The logger at work. Dropping it switches it off.
+/// Serves as the logger. Dropping it switches it off.
 pub struct LinesServer {
     terminal: Option<PathBuf>,
     leave: Arc<AtomicBool>,
@@ -110,7 +110,7 @@ impl LinesServer {
         Self { terminal, leave, thread: Some(thread) }
     }
 
-    /// The line's path, on a serial line.
+    /// Returns the line's path, on a serial line.
     pub fn terminal(&self) -> Option<&Path> {
         self.terminal.as_deref()
     }

@@ -9,7 +9,7 @@ use nalgebra::{Quaternion, UnitQuaternion};
 
 use crate::rig::{Readings, RigConfig, RigError};
 
-/// The rig's body and the motion that it makes: the thesis' experiment of so long, s, and home again.
+/// Returns the rig's body and the motion that it makes: the thesis' experiment of so long, s, and home again.
 pub fn body_moved(duration_s: f64, seed: u64) -> (RigConfig, MotionProgram) {
     let config = RigConfig::thesis_horizontal().with_seed(seed);
     let mut program = thesis_program(&config.geometry, duration_s);
@@ -18,7 +18,7 @@ pub fn body_moved(duration_s: f64, seed: u64) -> (RigConfig, MotionProgram) {
     (config, program)
 }
 
-/// A rig file for the devices on this rig, as their owner writes it; `more` is added to it.
+/// Returns a rig file for the devices on this rig, as their owner writes it; `more` is added to it.
 pub fn sensors_rig_file(config: &RigConfig, more: &str) -> String {
     let (cell, imu) = (&config.sensors.load_cell, &config.sensors.imu);
     let largest = |noise: [f64; 3]| noise.into_iter().fold(0.0_f64, f64::max);
@@ -39,7 +39,7 @@ pub fn sensors_rig_file(config: &RigConfig, more: &str) -> String {
     )
 }
 
-/// One sample.
+/// Holds one sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
     /// On the body, by the sensor, in S, N and N m.
@@ -52,7 +52,7 @@ pub struct Sample {
     pub pose: [f64; 7],
 }
 
-/// What goes wrong between a device and whoever listens.
+/// Tells what goes wrong between a device and whoever listens.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Delivery {
     /// Share of samples that are lost.
@@ -71,7 +71,7 @@ impl Default for Delivery {
     }
 }
 
-/// What one device samples, and when.
+/// Tells what one device samples, and when.
 #[derive(Clone, Debug)]
 pub struct Played {
     samples: Vec<Sample>,
@@ -119,12 +119,12 @@ impl Played {
         Ok(Self { samples, rate_hz, zero_s, period: Duration::from_secs_f64(1.0 / real_hz), delivery, begun })
     }
 
-    /// Reading of the own clock at a sample, s.
+    /// Returns the reading of the own clock at a sample, s.
     pub fn own_s(&self, number: u64) -> f64 {
         self.zero_s + number as f64 / self.rate_hz
     }
 
-    /// A sample; of the end its last second again and again.
+    /// Returns a sample; of the end its last second again and again.
     pub fn sample(&self, number: u64) -> Sample {
         let (count, last) = (self.samples.len() as u64, (self.rate_hz as u64).max(1));
         let k = if number < count {
@@ -135,12 +135,12 @@ impl Played {
         self.samples[k as usize]
     }
 
-    /// Number of the next sample that is still to be taken.
+    /// Returns the number of the next sample that is still to be taken.
     pub fn next(&self) -> u64 {
         (self.begun.elapsed().as_secs_f64() / self.period.as_secs_f64()).ceil() as u64
     }
 
-    /// When a sample is handed over; none if it is lost.
+    /// Returns when a sample is handed over; none if it is lost.
     pub fn due(&self, number: u64) -> Option<Instant> {
         let chance = |salt: u64| {
             // Steele's splitmix64 of the number.
@@ -156,7 +156,7 @@ impl Played {
         Some(self.begun + self.period.mul_f64(number as f64) + late)
     }
 
-    /// Whether the device has fallen silent.
+    /// Returns whether the device has fallen silent.
     pub fn is_silent(&self) -> bool {
         self.delivery.stops_after_s.is_some_and(|after_s| self.begun.elapsed().as_secs_f64() > after_s)
     }

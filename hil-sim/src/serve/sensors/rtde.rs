@@ -12,7 +12,7 @@ use crate::serve::listener::{LOOK_AGAIN, Listener};
 /// Version of the controller: major, minor, bugfix, build.
 const CONTROLLER: [u32; 4] = [5, 11, 0, 0];
 
-/// The controller at work.
+/// Serves as the controller.
 pub struct RtdeServer(Listener);
 
 impl RtdeServer {
@@ -27,7 +27,7 @@ impl RtdeServer {
         })?))
     }
 
-    /// Where it listens.
+    /// Returns where it listens.
     pub fn address(&self) -> SocketAddr {
         self.0.address()
     }

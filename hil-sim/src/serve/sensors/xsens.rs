@@ -9,7 +9,7 @@ use std::thread::JoinHandle;
 use super::{Played, Sample};
 use crate::serve::port::Port;
 
-/// The IMU at work. Dropping it pulls its plug.
+/// Serves as the IMU. Dropping it pulls its plug.
 pub struct XsensServer {
     terminal: PathBuf,
     leave: Arc<AtomicBool>,
@@ -35,7 +35,7 @@ impl XsensServer {
         Ok(Self { terminal, leave, thread: Some(thread) })
     }
 
-    /// The line's path.
+    /// Returns the line's path.
     pub fn terminal(&self) -> &Path {
         &self.terminal
     }

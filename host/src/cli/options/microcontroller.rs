@@ -1,4 +1,4 @@
-//! Which simulated microcontroller.
+//! Which simulated microcontroller, and which image it runs.
 
 /// The microcontroller that runs the firmware.
 #[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -8,4 +8,13 @@ pub enum Mcu {
     Inproc,
     /// The release binary on an emulated Cortex-M4F
     Qemu,
+}
+
+/// Names the images of the firmware for the emulated board.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Image {
+    /// Of bodies and trees.
+    Standard,
+    /// That watches robots, too.
+    Watch,
 }

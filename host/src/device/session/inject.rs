@@ -171,7 +171,7 @@ impl Session {
     }
 }
 
-/// Readings that are sent to a device as they come.
+/// Keeps account of readings that are sent to a device as they come.
 pub struct Feeding {
     taking: Taking,
     sent: u32,

@@ -4,6 +4,7 @@
 
 use rigident_shared::calibration::Reading;
 
+use super::Take;
 use crate::recording::{ImuColumns, Recording};
 use crate::rig::RigFile;
 
@@ -22,6 +23,19 @@ pub fn recording(name: &str, rig: &RigFile, rate_hz: f64, readings: &[Reading<f6
         imus: vec![imu],
         ..Recording::default()
     }
+}
+
+/// Leaves out of a take what its recording shows to be wrong: spikes of an IMU, which the device's factor holds still, so that it is
+/// dropped; a channel that is dead breaks the take. Returns what was left out, in words.
+pub fn judge(recording: &mut Recording, take: &mut Take) -> Vec<String> {
+    let left_out = leave_out_spikes(recording, &mut take.readings);
+    if !left_out.is_empty() {
+        take.factor = None;
+    }
+    if let Some(dead) = dead(recording) {
+        take.broken.get_or_insert(dead);
+    }
+    left_out
 }
 
 /// Says which channels of a run never changed; `None` if all did, or nothing shows that they should have.

@@ -46,7 +46,7 @@ pub trait Observer {
     fn counters(&mut self, _counters: &CounterReport) {}
 }
 
-/// What came of the device's messages, and what did not.
+/// Tells what came of the device's messages, and what did not.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Heard {
     /// Readings that never came.

@@ -4,7 +4,7 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
-use rigident_shared::inertia::InertialParameters;
+use rigident_shared::inertia::{InertialParameters, tensor_elements};
 use rigident_shared::spatial::Body;
 use rigident_shared::tree::Joint;
 use rigident_shared::wire::tree_frame::{MAX_TREE_FRAME, WATCH_BASE_NUMBERS, WatchFrame};
@@ -18,7 +18,7 @@ use super::tracked::settings_of;
 use super::tree::{DeviceTreeError, FrameSource};
 use super::{INTERRUPTED, Session, SessionError};
 use crate::model::rows::Moving;
-use crate::problem::tree::{BaseSensor, Input, SignalKind};
+use crate::problem::tree::{BaseSensor, Frame, Input, SignalKind};
 use rigident_shared::estimator::watch::BINS;
 
 /// Width of the filter, s, as everywhere.
@@ -30,7 +30,10 @@ const FORGET_S: f64 = 120.0;
 /// A wrench in a recording has no noise less than this, N and N m.
 const LEAST_SIGMA: f64 = 1e-3;
 
-/// Why a robot cannot be watched.
+/// In the mean no robot is pushed by so many times its weight, or by so small a part of it.
+const UNLIKE: f64 = 2.5;
+
+/// Says why a robot cannot be watched.
 #[derive(Debug, thiserror::Error)]
 pub enum WatchError {
     /// Too many links.
@@ -51,6 +54,12 @@ pub enum WatchError {
         "the device watches by the wrenches on the robot: its feet ([[foot]] in the rig file) or its base (fx_n … mz_nm), and there are none"
     )]
     NoWrench,
+    /// What pushes is far from the weight, N.
+    #[error(
+        "the wrenches push by {0:.0} N in the mean, and the model weighs {1:.0} N: are they in another unit (a scale in columns of the rig file), does something \
+         push or hold the robot that is not measured, or is it another model?"
+    )]
+    Weight(f64, f64),
     /// No link of that name.
     #[error("the model has no link {0}; its links are {1}")]
     NoLink(String, String),
@@ -75,7 +84,7 @@ pub enum WatchError {
     Settings(#[from] DeviceTreeError),
 }
 
-/// How a robot is watched.
+/// Tells how a robot is watched.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WatchOptions {
     /// False alarms per hour at most, of noise alone.
@@ -103,7 +112,7 @@ impl WatchOptions {
     }
 }
 
-/// What the device is told, and its frames.
+/// Holds what the device is told, and its frames.
 #[derive(Clone, Debug)]
 pub struct WatchedRobot {
     /// Its settings.
@@ -141,6 +150,10 @@ impl WatchedRobot {
         let place = Vector3::from(place);
         let links = (0..count).map(|i| told_link(input, i, &place)).collect::<Result<Vec<_>, _>>()?;
         let (feet, sigma) = feet(input, &place)?;
+        let [pushed, weight] = weights(input);
+        if !(weight / UNLIKE..=weight * UNLIKE).contains(&pushed) {
+            return Err(WatchError::Weight(pushed, weight));
+        }
         let bins_per_s = input.rate_hz / f64::from(2 * row_every);
         let robot = WatchSettings {
             links: count as u8,
@@ -190,17 +203,15 @@ fn told_link(input: &Input, i: usize, place: &Vector3<f64>) -> Result<WatchLinkS
     })
 }
 
-/// The parameters about another origin in the same axes: mc less m d, and the tensor by Steiner, twice.
+/// The parameters about another origin in the same axes, a body without mass included: mc less m d, and the tensor by Steiner, twice.
 fn moved(own: &InertialParameters<Body, f64>, by: &Vector3<f64>) -> [f64; 10] {
-    let [m, cx, cy, cz, xx, yy, zz, yz, xz, xy] = own.to_vector();
-    let c = Vector3::new(cx, cy, cz);
-    let tensor = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+    let (m, c, one) = (own.mass, own.first_moment, Matrix3::identity());
     // Σ m (|p − d|² 1 − (p − d)(p − d)ᵀ)
-    let one = Matrix3::identity();
     let cross = one * (2.0 * c.dot(by)) - c * by.transpose() - by * c.transpose();
-    let t = tensor - cross + (one * by.norm_squared() - by * by.transpose()) * m;
+    let tensor = own.inertia - cross + (one * by.norm_squared() - by * by.transpose()) * m;
     let c = c - by * m;
-    [m, c.x, c.y, c.z, t[(0, 0)], t[(1, 1)], t[(2, 2)], t[(1, 2)], t[(0, 2)], t[(0, 1)]]
+    let [xx, yy, zz, yz, zx, xy] = tensor_elements(&tensor);
+    [m, c.x, c.y, c.z, xx, yy, zz, yz, zx, xy]
 }
 
 /// The sensors, and 1 σ of the wrench on the whole robot about the IMU in its axes: of a frame, by sensors and by the IMU.
@@ -279,17 +290,28 @@ fn arms(input: &Input, place: &Vector3<f64>, sensors: &[(usize, Vector3<f64>)]) 
     (arms, mass, if mass > 0.0 { (first / mass - place).norm() } else { 0.0 })
 }
 
+/// The wrenches of a frame: of the feet, or of the base.
+fn wrenches<'a>(input: &'a Input, frame: &'a Frame) -> &'a [[f64; 6]] {
+    if input.contact.is_some() { &frame.ground.wrenches } else { std::slice::from_ref(&frame.wrench) }
+}
+
+/// What pushes the robot in the mean, by the sum of its forces' sizes, and what the model weighs by its IMU, N.
+fn weights(input: &Input) -> [f64; 2] {
+    let size = |[x, y, z, ..]: &[f64; 6]| x.hypot(*y).hypot(*z);
+    let mass: f64 = input.model.links.iter().filter_map(|link| link.nominal).map(|phi| phi[0]).sum();
+    let count = input.frames.len().max(1) as f64;
+    let all = input.frames.iter().map(|frame| {
+        [wrenches(input, frame).iter().map(size).sum::<f64>(), mass * frame.base.specific_force.norm()]
+    });
+    all.fold([0.0; 2], |sum, own| [sum[0] + own[0] / count, sum[1] + own[1] / count])
+}
+
 fn frames(input: &Input) -> Vec<Vec<u8>> {
     let mut all = Vec::new();
     for (k, frame) in input.frames.iter().enumerate() {
         let mut base = [0.0; WATCH_BASE_NUMBERS];
         let own = frame.base.specific_force.iter().chain(frame.base.rate.iter());
-        let wrenches = if input.contact.is_some() {
-            &frame.ground.wrenches[..]
-        } else {
-            std::slice::from_ref(&frame.wrench)
-        };
-        let numbers = own.chain(wrenches.as_flattened());
+        let numbers = own.chain(wrenches(input, frame).as_flattened());
         base.iter_mut().zip(numbers).for_each(|(slot, value)| *slot = *value as f32);
         let mut places = frame.positions.iter().zip(&frame.rates);
         let joints = input.model.links.iter().skip(1).map(|link| match link.link.joint.freedoms() {
@@ -306,7 +328,7 @@ fn frames(input: &Input) -> Vec<Vec<u8>> {
     all
 }
 
-/// What a watch has found.
+/// Holds what a watch has found.
 #[derive(Clone, Debug, Default)]
 pub struct Watched {
     /// Changes: each when it was found, and when it was measured.

@@ -278,3 +278,18 @@ mod on_the_firmware {
         assert_eq!(code, ErrorCode::NotBuiltIn);
     }
 }
+
+#[test]
+fn wrenches_that_are_not_the_weight_are_refused() {
+    let (_, mut input, _) = PicksUp::default().input().unwrap();
+    assert!(WatchedRobot::new(&input, HAND, &WatchOptions::default()).is_ok());
+    // In kgf.
+    for frame in &mut input.frames {
+        frame.ground.wrenches.iter_mut().flatten().for_each(|v| *v /= 9.806_65);
+    }
+    let refused = WatchedRobot::new(&input, HAND, &WatchOptions::default());
+    assert!(
+        matches!(refused, Err(WatchError::Weight(pushed, weight)) if (8.0..12.0).contains(&(weight / pushed))),
+        "{refused:?}"
+    );
+}

@@ -46,7 +46,7 @@ const INFLATION: f32 = 1000.0;
 type Common<T> = PackedFactor<T, COMMON, { packed_entries(COMMON) }>;
 type Joint<T> = PackedFactor<T, ALL, { packed_entries(ALL) }>;
 
-/// A change that was found.
+/// Holds a change that was found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Change<T> {
     /// Number of the frame after which it was found.

@@ -22,7 +22,7 @@ use nalgebra::{Matrix3, Vector3};
 /// Steps of a sweep over the bins and of a measurement, which are to be done before the next bin.
 const STEPS: u16 = 2 * BINS as u16 + 2;
 
-/// Everything that fixes what is done with a frame but the links.
+/// Holds everything that fixes what is done with a frame but the links.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WatchConfig<T> {
     /// Links, the base included.
@@ -66,7 +66,7 @@ pub enum WatchError {
     Limit,
 }
 
-/// A frame.
+/// Holds a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WatchFrame<'a, T> {
     /// One more with every frame; those that are missing are missing rows.
@@ -111,7 +111,7 @@ pub struct WatchCounters {
     pub blocks: u32,
 }
 
-/// The watch over a robot.
+/// Watches a robot.
 #[derive(Clone, Copy, Debug)]
 pub struct Watch<T: Scalar> {
     links: [WatchLink<T>; WATCH_LINKS],
@@ -264,12 +264,12 @@ impl<T: Scalar> Watch<T> {
         self.counters = WatchCounters::default();
     }
 
-    /// Links, the base included.
+    /// Returns the number of links, the base included.
     pub fn links(&self) -> usize {
         usize::from(self.count)
     }
 
-    /// Sensors of forces.
+    /// Returns the number of sensors of forces.
     pub fn feet(&self) -> usize {
         usize::from(self.feet_count)
     }
@@ -279,7 +279,7 @@ impl<T: Scalar> Watch<T> {
         &self.counters
     }
 
-    /// Changes found so far.
+    /// Returns the number of changes found so far.
     pub fn changes(&self) -> u16 {
         self.test.changes()
     }

@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::Scalar;
+use crate::inertia::tensor_from_elements;
 use crate::spatial::{Imu, Rotation};
 use crate::tree::momentum::{momentum, smoothed};
 use crate::tree::{BaseMotion, Joint, JointMotion, Link, LinkState};
@@ -14,7 +15,7 @@ pub const WATCH_FEET: usize = 4;
 /// Angles are to be between plus and minus so many radians.
 const LARGEST_ANGLE: f32 = 50.0;
 
-/// A link whose parameters are known. The first one is the base, in the axes of its IMU, about the IMU's place.
+/// Holds a link whose parameters are known. The first one is the base, in the axes of its IMU, about the IMU's place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WatchLink<T: Scalar> {
     /// Where it hangs. Its joint is fixed, revolute or prismatic.
@@ -23,7 +24,7 @@ pub struct WatchLink<T: Scalar> {
     pub parameters: [T; 10],
 }
 
-/// A sensor of the wrench on a link: under a foot, or where a base is held.
+/// Places a sensor of the wrench on a link: under a foot, or where a base is held.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WatchFoot<T: Scalar> {
     /// The link that it pushes.
@@ -34,7 +35,7 @@ pub struct WatchFoot<T: Scalar> {
     pub position: Vector3<T>,
 }
 
-/// The rotation matrix of a quaternion w, x, y, z that has a length of one.
+/// Returns the rotation matrix of a quaternion w, x, y, z that has a length of one.
 pub fn turned<T: Scalar>(wxyz: [T; 4]) -> Option<Matrix3<T>> {
     Rotation::<Imu, Imu, T>::from_quaternion(wxyz).map(|rotation| rotation.matrix())
 }
@@ -106,7 +107,7 @@ impl<T: Scalar> Motion<T> {
             let [m, cx, cy, cz, xx, yy, zz, yz, xz, xy] = *parameters;
             let centre = state.rotation * Vector3::new(cx, cy, cz);
             let own = state.rotation.tr_mul(&state.rate);
-            let spin = state.rotation * (Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) * own);
+            let spin = state.rotation * (tensor_from_elements([xx, yy, zz, yz, xz, xy]) * own);
             let linear = state.velocity * m + state.rate.cross(&centre);
             mass += m;
             first += state.position * m + centre;
@@ -154,13 +155,13 @@ pub(super) fn sine_cosine<T: Scalar>(angle: T) -> Option<(T, T)> {
     let (quarter, rest) =
         (T::from_f32(1.570_312_5), T::from_f64_const(core::f64::consts::FRAC_PI_2 - 1.570_312_5));
     let eighth = T::from_f32(core::f32::consts::FRAC_PI_4);
-    let (mut x, mut turns) = (angle, 0_u8);
-    while x > eighth {
-        (x, turns) = (x - quarter - rest, turns.wrapping_add(1));
+    let (mut left, mut turns) = (angle.abs(), 0_u8);
+    while left > eighth {
+        (left, turns) = (left - quarter, turns + 1);
     }
-    while x < -eighth {
-        (x, turns) = (x + quarter + rest, turns.wrapping_sub(1));
-    }
+    // Rounds once: the first product and its difference are exact.
+    let taken = T::from_u32(turns.into());
+    let x = angle.abs() - taken * quarter - taken * rest;
     let xx = x * x;
     let (mut sine, mut cosine) = (T::ONE, T::ONE);
     for n in (1..=8).rev() {
@@ -168,12 +169,13 @@ pub(super) fn sine_cosine<T: Scalar>(angle: T) -> Option<(T, T)> {
         cosine = T::ONE - xx * cosine / T::from_u32(2 * n * (2 * n - 1));
     }
     sine *= x;
-    Some(match turns % 4 {
+    let (sine, cosine) = match turns % 4 {
         0 => (sine, cosine),
         1 => (cosine, -sine),
         2 => (-sine, -cosine),
         _ => (-cosine, sine),
-    })
+    };
+    Some((if angle < T::ZERO { -sine } else { sine }, cosine))
 }
 
 #[cfg(test)]
@@ -189,8 +191,7 @@ mod tests {
             let single = angle as f32;
             let (sine, cosine) = sine_cosine(single).unwrap();
             let (s, c) = f64::from(single).sin_cos();
-            // Every quarter turn rounds once: thirty of them by at most 2e-6 at 50 rad.
-            let most = 2e-7 + 4e-8 * f64::from(single.abs());
+            let most = 2e-7;
             assert!((f64::from(sine) - s).abs() < most && (f64::from(cosine) - c).abs() < most, "{angle}");
         }
         assert_eq!(

@@ -307,7 +307,7 @@ impl Preparation<'_> {
             .collect();
         if !said.is_empty() {
             self.warnings.push(format!(
-                "the sensor of foot {} reads {} where the foot is in the air: zero it before the recording, or take it off in the                  rig file, [[foot]] columns = {{ {} = {{ name = …, offset = … }} }}",
+                "the sensor of foot {} reads {} where the foot is in the air: zero it before the recording, or take it off in the rig file, [[foot]] columns = {{ {} = {{ name = …, offset = … }} }}",
                 readings.foot.name,
                 said.join(", "),
                 said.first().and_then(|s| s.split(' ').next()).unwrap_or("fz"),

@@ -157,6 +157,7 @@ pub fn frames(bench: &Bench, path: &mut Path, tracked: bool) {
 
 /// One frame of a humanoid of 30 links that is watched, from the bytes on the bus; twenty of fifty take a step of the test along.
 #[inline(never)]
+#[cfg_attr(not(feature = "watch"), expect(dead_code, reason = "the standard image does not watch"))]
 pub fn watch(bench: &Bench, path: &mut Path) {
     let mut instrument = instrument_of(path, sensors::Frames::watched());
     let foot = FootSettings { link: 6, rotation_wxyz: [1.0, 0.0, 0.0, 0.0], position_m: [0.0, 0.0, -0.05] };
