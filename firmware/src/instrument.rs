@@ -11,6 +11,8 @@ use crate::app::{App, BringUpError, Sensor, SensorRates};
 use crate::drivers::ads131m08::{AdcConfig, AdcError, Ads131m08};
 use crate::drivers::frames::{FrameError, FrameSource};
 use crate::drivers::imu::{Imu, ImuError};
+#[cfg(feature = "storage")]
+use crate::storage::{Duty, Store};
 
 /// Gain of the converter: ±18.75 mV for bridges of a few mV/V.
 const GAIN: u8 = 64;
@@ -162,6 +164,24 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
         }
         if late > 0 {
             self.app.on_late_imu(sensor, late as u16);
+        }
+    }
+
+    /// Does what is to be done with the flash, if anything: a board that has one calls it whenever it has looked at its queues. While
+    /// samples are taken it takes as long as programming one record at most; nothing is erased then.
+    #[cfg(feature = "storage")]
+    pub fn tend<F: embedded_storage::nor_flash::NorFlash>(&mut self, store: &mut Store<F>) {
+        match self.app.duty() {
+            Duty::None => {}
+            Duty::Look => self.app.look(store),
+            Duty::Settings => self.app.keep_settings(store),
+            Duty::Checkpoint(run) => self.app.keep_checkpoint(store, run),
+            Duty::Resume(asked) => {
+                let settings = store.settings(asked.run).ok();
+                let rates = settings.as_ref().and_then(|settings| self.app.rates(settings));
+                let sensors = rates.map_or(Ok(()), |rates| self.bring_up(rates));
+                self.app.resume(store, asked, settings, sensors);
+            }
         }
     }
 

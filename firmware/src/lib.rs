@@ -21,10 +21,13 @@ mod place;
 mod planted;
 pub mod sample_path;
 mod settings;
+pub mod storage;
+mod version;
 pub mod watch_path;
 
-pub use app::{App, BringUpError, FIRMWARE_HASH, Sensor, SensorRates};
+pub use app::{App, BringUpError, Sensor, SensorRates};
 pub use instrument::{Buses, Event, Instrument};
+pub use version::FIRMWARE_HASH;
 
 /// Room for the estimator of whatever is configured. A board keeps it where it likes, away from its stack: it is by far the
 /// largest thing the application has. [`Path::EMPTY`] is all zero bits.

@@ -6,6 +6,8 @@
 use rigident_shared::alignment::{Aligner, AlignerConfig, ImuReading};
 use rigident_shared::calibration::{GaugeCalibration, Reading};
 use rigident_shared::consistency::Search;
+#[cfg(feature = "storage")]
+use rigident_shared::estimator::BODY;
 use rigident_shared::estimator::{
     ChannelStatistics, ConfigError, Counters, Estimator, Outcome, TwoLinkReading,
 };
@@ -461,6 +463,48 @@ impl SamplePath {
     /// A row of that factor. `None` if there is no such row.
     pub(crate) fn row(&self, row: u8) -> Option<FactorRow> {
         any!(&self.estimator, e => row_of(e.folded(), e.gram(), row))
+    }
+
+    /// Rows in that factor.
+    #[cfg(feature = "storage")]
+    pub(crate) fn folded_rows(&self) -> u32 {
+        any!(&self.estimator, e => e.folded().rows())
+    }
+
+    /// Writes the numbers of that factor, then what noise of the signals has added to its `RᵀR`, upper triangle by rows: f32,
+    /// little-endian. How many bytes; `None` if there is no room.
+    #[cfg(feature = "storage")]
+    pub(crate) fn write_factor(&self, out: &mut [u8]) -> Option<usize> {
+        fn write<const N: usize>(
+            factor: &InformationFactor<f32, N>,
+            gram: Option<&Gram<f32, MAX_NOISY_PARAMETERS>>,
+            out: &mut [u8],
+        ) -> Option<usize> {
+            let noisy = gram.iter().flat_map(|g| (0..BODY).flat_map(|i| g.row(i).take(BODY - i)));
+            let mut length = 0;
+            for number in factor.entries().chain(noisy) {
+                let slot = out.get_mut(length..)?.first_chunk_mut()?;
+                *slot = number.to_le_bytes();
+                length += slot.len();
+            }
+            Some(length)
+        }
+        any!(&self.estimator, e => write(e.folded(), e.gram(), out))
+    }
+
+    /// Starts a path that is newly set up with a factor of so many rows that [`Self::write_factor`] has written, and what had happened
+    /// until then. False if the bytes are none of this model's.
+    #[cfg(feature = "storage")]
+    #[inline(never)]
+    pub(crate) fn restore(&mut self, bytes: &[u8], rows: u32, counters: &Counters) -> bool {
+        let k = self.knock_limit;
+        let mut numbers = bytes.chunks_exact(4).filter_map(|b| b.try_into().ok()).map(f32::from_le_bytes);
+        any!(&mut self.estimator, e => {
+            let factor = e.folded().like(&mut numbers, rows);
+            let mut gram = Gram::ZERO;
+            gram.fill(&mut numbers);
+            factor.is_some_and(|factor| e.restore(&factor, &gram, counters, k))
+        })
     }
 
     /// Does one step towards that factor without what noise of the signals adds; true when it is there.

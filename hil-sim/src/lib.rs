@@ -13,6 +13,7 @@
 //! over a pseudo-terminal and a network (`serve`).
 
 pub mod devices;
+pub mod flash;
 pub mod link;
 pub mod links;
 pub mod rig;

@@ -524,6 +524,29 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         None
     }
 
+    /// Starts anew with a factor that was absorbed before, what noise of the signals had added to its `RᵀR`, and what had happened
+    /// until then. As after a gap, the filter is empty. False where not everything is kept: then it has only started anew.
+    #[inline(never)]
+    pub fn restore(
+        &mut self,
+        factor: &InformationFactor<T, N>,
+        gram: &Gram<T, BODY>,
+        counters: &Counters,
+        knock_limit: T,
+    ) -> bool {
+        self.reset();
+        if !self.store.restore(factor) {
+            return false;
+        }
+        self.counters = *counters;
+        self.noise.restore(gram, counters.blocks);
+        // The answer so far is the reference again, and rows are whitened by what follows from it.
+        while self.look(knock_limit).is_none() {}
+        self.noise.restored(&self.config);
+        self.statistics = ChannelStatistics::NONE;
+        true
+    }
+
     /// Returns what happened so far.
     pub fn counters(&self) -> &Counters {
         &self.counters

@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::{estimation, people, platform, trees};
+use crate::{estimation, faults, people, platform, trees};
 
 /// All documents with tables.
-pub const DOCUMENTS: [Document; 8] = [
+pub const DOCUMENTS: [Document; 9] = [
     estimation::DOCUMENT,
     estimation::CALIBRATION,
     estimation::DIAGNOSIS,
@@ -14,6 +14,7 @@ pub const DOCUMENTS: [Document; 8] = [
     trees::JOINT_OFFSETS,
     trees::MASSES,
     people::DOCUMENT,
+    faults::DOCUMENT,
 ];
 
 /// A document and its tables.

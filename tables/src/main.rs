@@ -4,6 +4,7 @@
 
 mod document;
 mod estimation;
+mod faults;
 mod people;
 mod platform;
 mod trees;
@@ -29,6 +30,12 @@ struct Arguments {
     /// what this command makes.
     #[arg(long)]
     check: bool,
+    /// Only the cases of docs/faults.md whose names hold this; prints them, and fails if one goes wrong.
+    #[arg(long)]
+    fault: Option<String>,
+    /// Only the cases of docs/faults.md that take a minute; likewise.
+    #[arg(long)]
+    short_faults: bool,
 }
 
 impl Arguments {
@@ -48,6 +55,10 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), String> {
+    if arguments.fault.is_some() || arguments.short_faults {
+        let extent = if arguments.short_faults { faults::Extent::SHORT } else { faults::Extent::LONG };
+        return faults::run(arguments.fault.as_deref(), extent);
+    }
     let known: Vec<&str> = DOCUMENTS.iter().flat_map(|d| d.tables).map(|table| table.name).collect();
     if let Some(stranger) = arguments.names.iter().find(|name| !known.contains(&name.as_str())) {
         return Err(format!("there is no table {stranger}; there are {}", known.join(", ")));

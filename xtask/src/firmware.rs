@@ -35,12 +35,12 @@ pub enum Board {
 pub const BOUGHT: [Board; 3] = [Board::F405, Board::F446, Board::F411];
 
 impl Board {
-    /// Returns the feature of the board crate that is this chip.
-    fn feature(self) -> Option<&'static str> {
+    /// Returns what `cargo build` is told for this chip. Half a megabyte of flash has no room for what an STM32F405 keeps.
+    fn features(self) -> &'static [&'static str] {
         match self {
-            Self::Emulated | Self::F405 | Self::Pico => None,
-            Self::F446 => Some("f446"),
-            Self::F411 => Some("f411"),
+            Self::Emulated | Self::F405 | Self::Pico => &[],
+            Self::F446 => &[BODY_ONLY, "links", "f446"],
+            Self::F411 => &[BODY_ONLY, "links", "f411"],
         }
     }
 }
@@ -79,7 +79,7 @@ pub fn build_for(board: Board, core: Core, features: &[&str]) -> Result<PathBuf>
         copy(&bits, &places::kernel_bits_elf())?;
         return build_in(core, (PICO, PICO_TARGET), PICO_FIRMWARE, features);
     }
-    let features: Vec<&str> = board.feature().into_iter().chain(features.iter().copied()).collect();
+    let features: Vec<&str> = board.features().iter().chain(features).copied().collect();
     let elf = build_in(core, (STM32, TARGET), STM32_FIRMWARE, &features)?;
     if features.is_empty() {
         copy(&elf, &places::stm32_elf())?;

@@ -8,6 +8,7 @@ mod bench_target;
 mod check_elf;
 mod elf;
 mod emulator;
+mod faults;
 mod firmware;
 mod flash;
 mod fuzz;
@@ -70,6 +71,9 @@ enum Verb {
     Support(support::Options),
     /// Have things go wrong in every phase of a run, on the simulated rig: the plate must be at rest in 0.8 s. Takes minutes.
     Safety(safety::Options),
+    /// Make every fault of sensors, line, clock, flash and supply that the simulator can make, and see that none leads to a wrong
+    /// number, a panic or a hang. Takes an hour; `--short` a minute or two.
+    Faults(faults::Options),
     /// Make the tables of docs/estimation.md, docs/platform.md and docs/trees.md anew.
     Tables(tables::Options),
 }
@@ -100,6 +104,7 @@ fn run(verb: &Verb, core: Option<Core>) -> anyhow::Result<()> {
         Verb::Structure => structure::run(),
         Verb::Picture => picture::run(),
         Verb::Support(options) => support::run(options),
+        Verb::Faults(options) => faults::run(options, core),
         Verb::Safety(options) => safety::run(options),
         Verb::Tables(options) => tables::run(options),
     }

@@ -61,8 +61,8 @@ impl Images {
     }
 }
 
-/// Flash at most: of the whole image, of the one for a body alone, of the STM32F405's, and of the one that watches robots. Parts with 512 kB are to have room for it and for what is kept.
-const MOST_FLASH_BYTES: [u64; 4] = [300_000, 228_000, 300_000, 340_000];
+/// Flash at most: of the whole image, of the one for a body alone, of the STM32F405's, and of the one that watches robots. Parts with 512 kB are to have room for the STM32F405's.
+const MOST_FLASH_BYTES: [u64; 4] = [334_000, 230_000, 300_000, 368_000];
 /// How far a size may be from the golden file's: a part, and bytes on top for small ones.
 const TOLERANCE: (f64, u64) = (0.05, 64);
 /// Bytes an exception saves by itself with the floating-point context, and one word to align.

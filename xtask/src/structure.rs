@@ -28,7 +28,7 @@ const SIZES: [&str; 2] = ["Ten", "Sixteen"];
 /// An arrow that closes a circle and is known: crate, room that holds both ends ("" for the crate itself), from, to, reason.
 type KnownArrow = (&'static str, &'static str, &'static str, &'static str, &'static str);
 
-const KNOWN_ARROWS: [KnownArrow; 23] = [
+const KNOWN_ARROWS: [KnownArrow; 24] = [
     ("shared", "", "factor", "forgetting", "a factor in a cascade forgets by itself"),
     ("shared", "", "scalar", "factor", "a scalar brings the factor's fastest kernel for it"),
     ("shared", "factor", "cascade", "body", "the levels are factors, and the factor holds levels"),
@@ -49,6 +49,7 @@ const KNOWN_ARROWS: [KnownArrow; 23] = [
     ("host", "platform", "network", "address", "the patience stands beside the address that opens it"),
     ("host", "platform", "stream", "address", "the line stands beside the address that opens it"),
     ("tables", "", "document", "estimation", "the list of documents stands beside their type"),
+    ("tables", "", "document", "faults", "the list of documents stands beside their type"),
     ("tables", "", "document", "people", "the list of documents stands beside their type"),
     ("tables", "", "document", "platform", "the list of documents stands beside their type"),
     ("tables", "", "document", "trees", "the list of documents stands beside their type"),

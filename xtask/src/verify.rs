@@ -7,6 +7,7 @@ use anyhow::{Context, Result, bail};
 use crate::bench_target;
 use crate::check_elf;
 use crate::emulator;
+use crate::faults;
 use crate::firmware;
 use crate::fuzz;
 use crate::goldens;
@@ -96,6 +97,7 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     });
     if let Some(core) = chosen {
         steps.run("a panic and a fault on the board end with a status", || emulator::bad_ends(core));
+        steps.run("faults, the short ones", || faults::short(core));
         check_elf::run_steps(&mut steps, core);
         steps.run("size", || size::run(&size::Options::default(), Some(core)));
         let bench =

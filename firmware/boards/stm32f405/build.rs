@@ -7,9 +7,10 @@ fn main() {
     // The F405's second 64 kB of RAM are left alone: they cannot be reached by DMA, and the emulator lacks them.
     let flash_kb = match (has("F446"), has("F411")) {
         (true, true) => panic!("one chip at a time: either f446 or f411"),
-        (false, false) => 1024,
+        // Of an F405's 1 MB the upper half is for what is kept.
         _ => 512,
     };
+    assert!(!(has("STORAGE") && (has("F446") || has("F411"))), "feature storage: an F446 or F411 has no room for it");
     let map = format!(
         "MEMORY\n{{\n  FLASH : ORIGIN = 0x08000000, LENGTH = {flash_kb}K\n  RAM : ORIGIN = 0x20000000, LENGTH = 128K\n}}\n"
     );

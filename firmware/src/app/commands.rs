@@ -20,6 +20,7 @@ use crate::link::{self, Recall};
 use crate::log;
 use crate::sample_path::{SamplePath, Words};
 use crate::settings::{Configuration, setting_of, setting_of_tree, setting_of_watch, watch_link};
+use crate::storage::Resumption;
 use crate::watch_path::WatchPath;
 
 impl<P: DerefMut<Target = Path>> App<P> {
@@ -72,19 +73,13 @@ impl<P: DerefMut<Target = Path>> App<P> {
             Err(_) if cfg!(not(feature = "watch")) && asks_to_watch(payload) => Err(ErrorCode::NotBuiltIn),
             Err(_) => Err(ErrorCode::UnknownCommand),
             Ok(Command::Configure(settings)) => match self.may_configure(&settings) {
-                Ok(()) if settings.source == Source::Sensors && !is_tree(&settings) => {
-                    let rates = SensorRates {
-                        load_cell_hz: settings.rate_hz,
-                        imu_hz: settings.imu.rate_hz,
-                        second_imu_hz: match &settings.model {
-                            ModelSettings::TwoLinks(links) => Some(links.imu.rate_hz),
-                            _ => None,
-                        },
-                    };
-                    self.pending = Some(PendingConfigure { sequence, check, settings });
-                    return Some(rates);
-                }
-                Ok(()) => self.configure(settings),
+                Ok(()) => match rates(&settings) {
+                    Some(rates) => {
+                        self.pending = Some(PendingConfigure { sequence, check, settings });
+                        return Some(rates);
+                    }
+                    None => self.configure(settings),
+                },
                 Err(error) => Err(error),
             },
             Ok(Command::TakeRow { row: 0 })
@@ -94,6 +89,12 @@ impl<P: DerefMut<Target = Path>> App<P> {
                     self.take_snapshot();
                     self.run.hand_over = HandOver::Folding(sequence, check);
                 }
+                return None;
+            }
+            Ok(Command::Resume { run, next_reading })
+                if self.state == StateName::Idle && self.keeping.has(run) =>
+            {
+                self.keeping.ask(Resumption { sequence, check, run, next_reading });
                 return None;
             }
             Ok(command) => self.obey(&command),
@@ -133,9 +134,10 @@ impl<P: DerefMut<Target = Path>> App<P> {
 
     // What is made of settings is kept off the stack of everything else.
     #[inline(never)]
-    fn configure(&mut self, settings: Settings) -> Result<Reply, ErrorCode> {
+    pub(super) fn configure(&mut self, settings: Settings) -> Result<Reply, ErrorCode> {
         set_up(&settings, &mut self.path)?;
         self.duty = Duty::of(&settings);
+        self.keeping.configured(settings.rate_hz);
         self.settings = Some(settings);
         self.begin();
         self.pulses = [Pulse::default(); SENSORS];
@@ -144,7 +146,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
     }
 
     /// Everything counted is counted from here on.
-    fn begin(&mut self) {
+    pub(super) fn begin(&mut self) {
         self.run = Run::default();
         self.estimation.stop();
         let unaligned_before = self.path.samples().map_or(0, SamplePath::unaligned);
@@ -161,6 +163,8 @@ impl<P: DerefMut<Target = Path>> App<P> {
             }
             // Taken care of before.
             Command::Configure(_) => wrong_state,
+            Command::Resume { .. } if self.state != StateName::Idle => wrong_state,
+            Command::Resume { .. } => Err(ErrorCode::NotKept),
             Command::Start => self.start(),
             Command::Hold => match self.state {
                 StateName::Running => {
@@ -172,6 +176,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
             },
             Command::Reset => {
                 *self.path = Path::Empty;
+                self.keeping.stop();
                 self.settings = None;
                 self.begin();
                 self.enter(StateName::Idle, Reason::Command);
@@ -207,6 +212,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
                     return Err(ErrorCode::NoEstimate);
                 }
                 self.estimation.begin(path, self.last_reading);
+                self.keeping.again();
                 loop {
                     if let Some(report) = self.estimation.step(path) {
                         return Ok(Reply::Estimate(report.clone()));
@@ -241,6 +247,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
     fn take_snapshot(&mut self) {
         let Some(path) = self.path.samples_mut() else { return };
         path.take_snapshot();
+        self.keeping.again();
         if self.estimation.needs_snapshot() {
             self.estimation.stop();
             self.run.estimate_due = true;
@@ -299,6 +306,18 @@ impl<P: DerefMut<Target = Path>> App<P> {
         }
         Ok(Reply::Injected { next_index: self.run.injected_next })
     }
+}
+
+/// Rates at which the sensors are to be brought up for these settings; `None`: none are.
+pub(super) fn rates(settings: &Settings) -> Option<SensorRates> {
+    (settings.source == Source::Sensors && !is_tree(settings)).then_some(SensorRates {
+        load_cell_hz: settings.rate_hz,
+        imu_hz: settings.imu.rate_hz,
+        second_imu_hz: match &settings.model {
+            ModelSettings::TwoLinks(links) => Some(links.imu.rate_hz),
+            _ => None,
+        },
+    })
 }
 
 /// Frames come by themselves: there is nothing to bring up.

@@ -13,6 +13,8 @@
 //! samples (`samples`), and what it tells of itself (`reports`).
 
 mod commands;
+#[cfg(feature = "storage")]
+mod kept;
 mod reports;
 mod samples;
 
@@ -28,6 +30,7 @@ use crate::Path;
 use crate::estimate::Estimation;
 use crate::link::Link;
 use crate::log;
+use crate::storage::Keeping;
 
 /// Announced this often until the host says hello, ns.
 const ANNOUNCE_EVERY_NS: u64 = 500_000_000;
@@ -38,12 +41,6 @@ const HEARTBEAT_EVERY_NS: u64 = 1_000_000_000;
 const SILENT_NS: u64 = 250_000_000;
 /// Silence, of sensors or of the host, is looked for this often, ns.
 const LOOK_EVERY_NS: u64 = 5_000_000;
-
-/// CRC-32 of the sources of `firmware` and `shared`.
-pub const FIRMWARE_HASH: u32 = match u32::from_str_radix(env!("RIGIDENT_FIRMWARE_HASH"), 16) {
-    Ok(hash) => hash,
-    Err(_) => 0,
-};
 
 /// Rates at which the sensors are to be brought up.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -221,6 +218,7 @@ pub struct App<P> {
     pulses: [Pulse; SENSORS],
     errors: SensorErrors,
     bad_frames: u32,
+    keeping: Keeping,
 }
 
 impl<P: DerefMut<Target = Path>> App<P> {
@@ -255,6 +253,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
             pulses: [Pulse::default(); SENSORS],
             errors: SensorErrors::default(),
             bad_frames: 0,
+            keeping: Keeping::new(),
         }
     }
 
@@ -333,14 +332,23 @@ impl<P: DerefMut<Target = Path>> App<P> {
 
     fn hold(&mut self, reason: Reason) {
         self.absorb(false);
+        self.keep_what_there_is();
         self.flush_readings();
         self.enter(StateName::Holding, reason);
     }
 
     fn fail(&mut self, reason: Reason) {
         self.absorb(false);
+        self.keep_what_there_is();
         self.flush_readings();
         self.enter(StateName::Fault, reason);
+    }
+
+    /// A run pauses or ends: nothing of it is to be lost.
+    fn keep_what_there_is(&mut self) {
+        if let Some(path) = self.path.samples() {
+            self.keeping.hurry(path.counters().readings);
+        }
     }
 
     fn enter(&mut self, state: StateName, reason: Reason) {

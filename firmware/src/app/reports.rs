@@ -13,8 +13,9 @@ use rigident_shared::wire::{
     SCHEMA_HASH, WatchReport,
 };
 
-use super::{App, FIRMWARE_HASH, HandOver};
+use super::{App, HandOver};
 use crate::Path;
+use crate::version::FIRMWARE_HASH;
 
 /// Version of the firmware.
 const VERSION: [u8; 3] = [
@@ -42,6 +43,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
             clock: self.boot.1,
             state: self.state,
             reason: self.reason,
+            kept: self.keeping.kept(),
         }
     }
 
@@ -72,7 +74,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
             report.gaps = counters.gaps;
             report.blocks = counters.blocks;
             report.knocks = counters.knocks;
-            report.unaligned = path.unaligned().saturating_sub(self.errors.unaligned_before);
+            report.unaligned = path.unaligned().wrapping_sub(self.errors.unaligned_before);
         }
         if let Some(path) = self.path.frames() {
             let counters = path.estimator().counters();

@@ -167,6 +167,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
             if outcome == Outcome::Absorbed {
                 self.last_reading = message_of(&path.reading().base);
                 self.run.blocks_since_estimate = self.run.blocks_since_estimate.saturating_add(1);
+                self.keeping.note(path.counters().readings);
                 let every = self.duty.estimate_every_blocks;
                 if every > 0 && self.run.blocks_since_estimate >= every {
                     self.run.blocks_since_estimate = 0;
@@ -210,7 +211,8 @@ impl<P: DerefMut<Target = Path>> App<P> {
     #[inline]
     pub fn work(&mut self) {
         let estimate = self.run.estimate_due || self.estimation.is_busy() || self.link.has_prepared();
-        if estimate || self.run.hand_over != HandOver::None || self.run.path_behind || self.state_unsent {
+        let wanted = estimate || self.keeping.is_under_way();
+        if wanted || self.run.hand_over != HandOver::None || self.run.path_behind || self.state_unsent {
             self.work_off();
         }
     }
@@ -276,12 +278,35 @@ impl<P: DerefMut<Target = Path>> App<P> {
             HandOver::Rows(at_ns) => self.now_ns.saturating_sub(at_ns) < HAND_OVER_NS,
             _ => false,
         };
-        let begins = self.run.estimate_due && !taken;
+        if !taken && self.keeping.is_under_way() {
+            return self.checkpoint();
+        }
+        let begins = self.run.estimate_due && !taken && !self.keeping.needs_snapshot();
         if begins {
             self.run.estimate_due = false;
             self.estimation.begin(path, self.last_reading);
         }
         begins
+    }
+
+    /// Does a slice of a checkpoint. True: there was one to do.
+    fn checkpoint(&mut self) -> bool {
+        let counters = self.counters();
+        let Some(path) = self.path.samples_mut() else { return false };
+        if self.keeping.is_folding() {
+            if path.fold() {
+                self.keeping.ready();
+            }
+            return true;
+        }
+        path.take_snapshot();
+        let streamed = self.run.batch.len() + self.run.link_batch.len();
+        let keeping = &mut self.keeping;
+        (keeping.counters, keeping.time_ns) = (counters, self.now_ns);
+        (keeping.next_index, keeping.next_reading) =
+            (self.run.injected_next, self.run.batch_first.wrapping_add(streamed as u32));
+        keeping.begin();
+        true
     }
 
     pub(super) fn flush_readings(&mut self) {

@@ -1,15 +1,17 @@
 //! The firmware compiled into this process.
 
 use std::io;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
+use rigident_firmware::storage::Store;
 use rigident_firmware::{Buses, Event, Instrument, Path, Sensor};
 use rigident_shared::wire::bus::{self, PollAnswer};
 
+use super::bus_flash::{BusFlash, SharedBus, lock, store};
 use super::sensor_bus::{PacedRig, SensorBus};
 use super::{Mcu, Pacing};
 use crate::devices::Device;
@@ -22,15 +24,8 @@ const NAP: Duration = Duration::from_micros(200);
 pub struct InProcess {
     instrument: Instrument<Box<Path>, BusSpi, BusSpi, BusSpi, NoWait>,
     sensors: SharedBus,
+    store: Option<Store<BusFlash>>,
     now_ns: u64,
-}
-
-/// A bus that the drivers and the poll share.
-type SharedBus = Arc<Mutex<Box<dyn SensorBus>>>;
-
-/// The bus, also after a panic of another of its users: its state is whole between calls.
-fn lock(bus: &SharedBus) -> MutexGuard<'_, Box<dyn SensorBus>> {
-    bus.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl InProcess {
@@ -52,7 +47,14 @@ impl InProcess {
             frames: spi(On::Frames),
         };
         let instrument = Instrument::new("in-process", Box::new(Path::EMPTY), buses, NoWait);
-        Self { instrument, sensors, now_ns: 0 }
+        let store = store(Arc::clone(&sensors));
+        Self { instrument, sensors, store, now_ns: 0 }
+    }
+
+    fn tend(&mut self) {
+        if let Some(store) = &mut self.store {
+            self.instrument.tend(store);
+        }
     }
 
     /// What a board does between two looks at its queues; whether there was an event.
@@ -68,13 +70,20 @@ impl InProcess {
             bus::Event::Idle | bus::Event::Exit => return false,
         };
         self.instrument.on_event(Event { sensor, capture_time_ns: time_ns });
+        self.tend();
         true
     }
 }
 
 impl Mcu for InProcess {
     fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.instrument.on_bytes(bytes, self.now_ns);
+        // What is kept is known before the first word.
+        self.tend();
+        // Byte by byte, as a line brings them: what one asks of the flash is done before the next.
+        for byte in bytes {
+            self.instrument.on_bytes(std::slice::from_ref(byte), self.now_ns);
+            self.tend();
+        }
         Ok(())
     }
 

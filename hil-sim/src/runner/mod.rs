@@ -11,6 +11,7 @@
 use std::io;
 use std::time::Duration;
 
+mod bus_flash;
 #[cfg(feature = "emulator")]
 mod emulator_log;
 #[cfg(feature = "emulator")]
@@ -32,7 +33,7 @@ pub use in_process::InProcess;
 #[cfg(feature = "emulator")]
 pub use qemu::{Qemu, QemuOptions, StackUse, firmware_elf, watch_elf};
 pub(crate) use sensor_bus::lock;
-pub use sensor_bus::{PacedRig, SensorBus};
+pub use sensor_bus::{PacedRig, SensorBus, WithFlash};
 
 /// A microcontroller at the other end of a serial line.
 ///

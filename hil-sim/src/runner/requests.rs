@@ -54,6 +54,10 @@ pub(super) fn answer_requests(
                 bus.transfer_second_imu(payload);
                 answers.write_all(payload)?;
             }
+            Operation::TransferFlash => {
+                bus.transfer_flash(payload);
+                answers.write_all(payload)?;
+            }
             Operation::TransferFrame => {
                 bus.transfer_frame(payload);
                 answers.write_all(payload)?;

@@ -7,6 +7,7 @@ use rigident_shared::wire::bus::{Event, PollAnswer};
 
 use super::Pacing;
 use crate::devices::Device;
+use crate::flash::SharedFlash;
 use crate::rig::{BusEvent, Rig, SharedRig};
 
 /// What answers the emulated board's bus. Every method returns at once: the machine that asks stands still.
@@ -21,9 +22,47 @@ pub trait SensorBus: Send {
     fn transfer_second_imu(&mut self, bytes: &mut [u8]) {
         bytes.fill(0);
     }
+    /// One request to the flash, in place. Where there is none the line stays low.
+    fn transfer_flash(&mut self, bytes: &mut [u8]) {
+        bytes.fill(0);
+    }
     /// One transfer with the source of frames selected, in place. Where there is none the line stays low.
     fn transfer_frame(&mut self, bytes: &mut [u8]) {
         bytes.fill(0);
+    }
+}
+
+/// A bus with a flash that outlives its microcontroller.
+pub struct WithFlash<B> {
+    bus: B,
+    flash: SharedFlash,
+}
+
+impl<B: SensorBus> WithFlash<B> {
+    /// This bus and this flash.
+    pub fn new(bus: B, flash: SharedFlash) -> Self {
+        Self { bus, flash }
+    }
+}
+
+impl<B: SensorBus> SensorBus for WithFlash<B> {
+    fn poll(&mut self) -> PollAnswer {
+        self.bus.poll()
+    }
+    fn transfer_load_cell(&mut self, bytes: &mut [u8]) {
+        self.bus.transfer_load_cell(bytes);
+    }
+    fn transfer_imu(&mut self, bytes: &mut [u8]) {
+        self.bus.transfer_imu(bytes);
+    }
+    fn transfer_second_imu(&mut self, bytes: &mut [u8]) {
+        self.bus.transfer_second_imu(bytes);
+    }
+    fn transfer_frame(&mut self, bytes: &mut [u8]) {
+        self.bus.transfer_frame(bytes);
+    }
+    fn transfer_flash(&mut self, bytes: &mut [u8]) {
+        self.flash.lock().transfer(bytes);
     }
 }
 

@@ -6,6 +6,7 @@ mod hexapod;
 mod independence;
 mod instrument;
 mod kernel_bits;
+mod power_cuts;
 mod runner;
 mod serve;
 mod served_program;

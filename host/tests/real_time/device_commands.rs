@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use rigident_shared::wire::{
-    Answer, ClockSource, Identity, Kind, PROTOCOL_VERSION, Reason, Reply, ResetReason, SCHEMA_HASH,
+    Answer, ClockSource, Identity, Kept, Kind, PROTOCOL_VERSION, Reason, Reply, ResetReason, SCHEMA_HASH,
     StateName, encode, frame::MAX_FRAME,
 };
 use rigident_sim::serve::Port;
@@ -112,6 +112,7 @@ fn other_firmware(port: &mut Port, leave: &AtomicBool) {
         reason: Reason::Boot,
         reset: ResetReason::PowerOn,
         clock: ClockSource::Crystal,
+        kept: Kept::default(),
     };
     let mut decoder = rigident_shared::wire::Decoder::new();
     let mut bytes = [0; 256];

@@ -67,6 +67,8 @@ pub trait Store<T: Scalar, const N: usize>: Copy {
     fn fold(&mut self, whole: &mut InformationFactor<T, N>, step: &mut u8) -> bool;
     /// Does one step towards it; true when `gathering` holds it.
     fn gather(&self, gathering: &mut Gathering<T, N>) -> bool;
+    /// Begins with this factor instead of nothing. False, and nothing is done, where not everything is kept.
+    fn restore(&mut self, factor: &InformationFactor<T, N>) -> bool;
     /// Keeps what this memory keeps, from now on.
     fn set_memory(&mut self, _plan: &Plan<T, N>) {}
     /// The memory, if there is one.
@@ -107,6 +109,9 @@ impl<T: Scalar, const N: usize> Store<T, N> for BodyCascade<T, N> {
     }
     fn fold(&mut self, whole: &mut InformationFactor<T, N>, step: &mut u8) -> bool {
         Self::fold(self, whole, step)
+    }
+    fn restore(&mut self, factor: &InformationFactor<T, N>) -> bool {
+        Self::restore(self, factor)
     }
     #[inline]
     fn gather(&self, gathering: &mut Gathering<T, N>) -> bool {
@@ -157,6 +162,9 @@ impl<T: Scalar, const N: usize, const UPPER: usize> Store<T, N> for Cascade<T, N
     }
     fn fold(&mut self, whole: &mut InformationFactor<T, N>, step: &mut u8) -> bool {
         Self::fold(self, whole, step)
+    }
+    fn restore(&mut self, factor: &InformationFactor<T, N>) -> bool {
+        Self::restore(self, factor)
     }
     #[inline]
     fn gather(&self, gathering: &mut Gathering<T, N>) -> bool {

@@ -30,6 +30,8 @@ const SIGNIFICANT_SD: u32 = 2;
 const NEGLIGIBLE_SHARE: f32 = 0.01;
 /// What was absorbed is scaled down if its noise is found to have so many times the variance it was whitened by.
 const TOO_LARGE: f32 = 1.1;
+/// A variance that exceeds that of any load cell's noise, N² and N² m².
+const WHATEVER_IS_FOUND: f32 = 1e12;
 /// The square of how many standard deviations of the estimate count as its uncertainty, as early ones are too small.
 const UNCERTAINTY: u32 = 9;
 
@@ -87,6 +89,10 @@ pub trait RowNoise<T: Scalar, const N: usize>: Copy {
     fn refresh(&mut self, config: &EstimatorConfig<T>, blocks: u32) -> Refreshed<T>;
     /// Factor that all rows absorbed so far are to be multiplied by, if they are; asking takes it as done.
     fn take_shrink(&mut self, blocks: u32) -> Option<T>;
+    /// Goes on from what had been added up to this row block: its rows were whitened by the noise that a look finds, and are not scaled down.
+    fn restore(&mut self, gram: &Gram<T, BODY>, blocks: u32);
+    /// Is told that the first look after that is over.
+    fn restored(&mut self, config: &EstimatorConfig<T>);
     /// Root mean square, per whitened row, of what noise brings to the coefficients of each parameter; `None` if nothing is known.
     fn per_row(&self) -> Option<[T; N]>;
 }
@@ -134,6 +140,8 @@ impl<T: Scalar, const N: usize> RowNoise<T, N> for Noiseless {
     fn take_shrink(&mut self, _: u32) -> Option<T> {
         None
     }
+    fn restore(&mut self, _: &Gram<T, BODY>, _: u32) {}
+    fn restored(&mut self, _: &EstimatorConfig<T>) {}
     fn per_row(&self) -> Option<[T; N]> {
         None
     }
@@ -600,6 +608,25 @@ impl<T: Scalar, const N: usize> RowNoise<T, N> for BodyNoise<T> {
             self.gram.scale(by * by);
         }
         by
+    }
+
+    fn restore(&mut self, gram: &Gram<T, BODY>, blocks: u32) {
+        if self.counts {
+            (self.gram, self.counted) = (*gram, blocks);
+            // No noise that is found is larger than this.
+            self.covariance = [[T::ZERO; CHANNELS]; CHANNELS];
+            for (c, row) in self.covariance.iter_mut().enumerate() {
+                if let Some(variance) = row.get_mut(c) {
+                    *variance = T::from_f32(WHATEVER_IS_FOUND);
+                }
+            }
+        }
+    }
+
+    fn restored(&mut self, config: &EstimatorConfig<T>) {
+        if self.counts && !self.together {
+            self.covariance = of_load_cell(config);
+        }
     }
 
     fn per_row(&self) -> Option<[T; N]> {

@@ -299,6 +299,18 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
         self.upper = Upper::Memory(Memory::new(plan));
     }
 
+    /// Puts a factor of everything absorbed before into the highest level of an empty cascade. False, and nothing is done, if a memory
+    /// keeps what is absorbed.
+    pub fn restore(&mut self, factor: &InformationFactor<T, N>) -> bool {
+        match &mut self.upper {
+            Upper::Levels(levels) => {
+                levels.restore(factor);
+                true
+            }
+            Upper::Memory(_) => false,
+        }
+    }
+
     /// Returns whether a memory keeps what is absorbed.
     pub(crate) fn remembers(&self) -> bool {
         matches!(self.upper, Upper::Memory(_))

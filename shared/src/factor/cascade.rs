@@ -21,6 +21,13 @@ impl<T: Scalar, const N: usize, const LEVELS: usize> Levels<T, N, LEVELS> {
         self.levels.first_mut()
     }
 
+    /// Puts a factor into the highest of these levels.
+    pub(super) fn restore(&mut self, factor: &InformationFactor<T, N>) {
+        if let Some(highest) = self.levels.last_mut() {
+            *highest = *factor;
+        }
+    }
+
     /// Counts that the absorbing level has been merged into the lowest of these.
     pub(super) fn count(&mut self) {
         if let Some(merges) = self.merges.first_mut() {
@@ -130,6 +137,12 @@ impl<T: Scalar, const N: usize, const UPPER: usize> Cascade<T, N, UPPER> {
             rows_waiting: 0,
             upper: Levels::new(),
         }
+    }
+
+    /// Puts a factor of everything absorbed before into the highest level of an empty cascade, and returns true.
+    pub fn restore(&mut self, factor: &InformationFactor<T, N>) -> bool {
+        self.upper.restore(factor);
+        true
     }
 
     /// Absorbs twelve whitened rows; see [`InformationFactor::absorb_block`].

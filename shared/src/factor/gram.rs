@@ -25,6 +25,20 @@ impl<T: Scalar, const N: usize> Gram<T, N> {
         scale(self.columns.as_flattened_mut(), by);
     }
 
+    /// Takes the upper triangle by rows, as far as there are numbers.
+    #[inline(never)]
+    pub fn fill(&mut self, entries: impl IntoIterator<Item = T>) {
+        let mut entries = entries.into_iter();
+        for i in 0..N {
+            for column in self.columns.iter_mut().skip(i) {
+                if let (Some(slot), Some(entry)) = (column.get_mut(i), entries.next()) {
+                    *slot = entry;
+                }
+            }
+        }
+        self.mirror();
+    }
+
     /// Row `i` from the diagonal on.
     pub fn row(&self, i: usize) -> impl Iterator<Item = T> + '_ {
         self.columns.iter().skip(i).filter_map(move |column| column.get(i).copied())

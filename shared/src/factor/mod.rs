@@ -237,6 +237,12 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
         entries.next().is_none().then_some(factor)
     }
 
+    /// [`Self::from_entries`] of the first [`Self::ENTRIES`] of these numbers, for whoever knows `N` by a value alone.
+    #[inline(never)]
+    pub fn like(&self, entries: impl IntoIterator<Item = T>, rows: u32) -> Option<Self> {
+        Self::from_entries(entries.into_iter().take(Self::ENTRIES), rows)
+    }
+
     /// The same rows about other parameters: `z − R φ_r`. To the last bit the same for a reference of zero, or if the
     /// numbers would not be finite.
     #[inline(never)]

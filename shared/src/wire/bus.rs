@@ -13,6 +13,7 @@
 //! | `[2][len u16 LE][len bytes]` IMU selected, `len` bytes clocked | the `len` bytes clocked back |
 //! | `[3][len u16 LE][len bytes]` second link's IMU selected, `len` bytes clocked | the `len` bytes clocked back |
 //! | `[4][len u16 LE][len bytes]` source of frames selected, `len` bytes clocked | the `len` bytes clocked back ([`super::tree_frame`]) |
+//! | `[5][len u16 LE][len bytes]` flash: a [`FlashRequest`] and its data | the `len` bytes, the first of which tells whether it was done |
 //!
 //! The simulator answers at once, always: the machine that waits for an answer stands still. With nothing to
 //! report it says [`Event::Idle`].
@@ -37,6 +38,8 @@ pub enum Operation {
     TransferSecondImu,
     /// One transfer with the source of frames selected.
     TransferFrame,
+    /// One request to the flash that outlives the board.
+    TransferFlash,
 }
 
 /// A request's first bytes.
@@ -70,6 +73,7 @@ impl RequestHeader {
             Operation::TransferImu => 2,
             Operation::TransferSecondImu => 3,
             Operation::TransferFrame => 4,
+            Operation::TransferFlash => 5,
         };
         [operation, low, high]
     }
@@ -84,6 +88,7 @@ impl RequestHeader {
             2 => Operation::TransferImu,
             3 => Operation::TransferSecondImu,
             4 => Operation::TransferFrame,
+            5 => Operation::TransferFlash,
             unknown => return Err(RequestError::UnknownOperation(unknown)),
         };
         let too_long = match operation {
@@ -91,6 +96,56 @@ impl RequestHeader {
             _ => length as usize > MAX_TRANSFER_BYTES,
         };
         if too_long { Err(RequestError::Length(length)) } else { Ok(Self { operation, length }) }
+    }
+}
+
+/// Bytes of a flash request before its data.
+pub const FLASH_HEADER_BYTES: usize = 5;
+/// The first byte of the answer to a flash request that was done.
+pub const FLASH_DONE: u8 = 0xA5;
+
+/// Tells what the board asks of the flash.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FlashOperation {
+    /// The data that follow are replaced by what is there.
+    Read,
+    /// The data that follow are programmed: bits become 0 and never 1.
+    Program,
+    /// The sector that begins there is erased: all its bits become 1.
+    Erase,
+}
+
+/// A flash request's first bytes: the operation, then where, u32 LE, bytes from the beginning of the flash.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FlashRequest {
+    /// Tells what is asked for.
+    pub operation: FlashOperation,
+    /// Tells where.
+    pub offset: u32,
+}
+
+impl FlashRequest {
+    /// As sent.
+    pub const fn encode(self) -> [u8; FLASH_HEADER_BYTES] {
+        let [a, b, c, d] = self.offset.to_le_bytes();
+        let operation = match self.operation {
+            FlashOperation::Read => 0,
+            FlashOperation::Program => 1,
+            FlashOperation::Erase => 2,
+        };
+        [operation, a, b, c, d]
+    }
+
+    /// As received. `None` if no operation has this number.
+    pub const fn decode(bytes: [u8; FLASH_HEADER_BYTES]) -> Option<Self> {
+        let [operation, a, b, c, d] = bytes;
+        let operation = match operation {
+            0 => FlashOperation::Read,
+            1 => FlashOperation::Program,
+            2 => FlashOperation::Erase,
+            _ => return None,
+        };
+        Some(Self { operation, offset: u32::from_le_bytes([a, b, c, d]) })
     }
 }
 
@@ -172,13 +227,24 @@ mod tests {
                 let bytes = [operation, low, high];
                 match RequestHeader::decode(bytes) {
                     Ok(header) => assert_eq!(header.encode(), bytes),
-                    Err(RequestError::UnknownOperation(n)) => assert!(n == operation && n > 4),
+                    Err(RequestError::UnknownOperation(n)) => assert!(n == operation && n > 5),
                     Err(RequestError::Length(n)) => {
                         assert!(n == length && (usize::from(n) > MAX_TRANSFER_BYTES || operation == 0));
                     }
                 }
             }
         }
+    }
+
+    #[test]
+    fn flash_requests_are_these_bytes() {
+        let request = FlashRequest { operation: FlashOperation::Program, offset: 0x0102_0304 };
+        assert_eq!(request.encode(), [1, 4, 3, 2, 1]);
+        for operation in [FlashOperation::Read, FlashOperation::Program, FlashOperation::Erase] {
+            let request = FlashRequest { operation, offset: u32::MAX - 7 };
+            assert_eq!(FlashRequest::decode(request.encode()), Some(request));
+        }
+        assert_eq!(FlashRequest::decode([3, 0, 0, 0, 0]), None);
     }
 
     #[test]

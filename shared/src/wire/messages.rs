@@ -15,7 +15,7 @@ use super::watch::nothing_watched;
 use super::watch::{ChangeReport, WatchLinkSettings, WatchReport};
 
 /// Version of framing and header; another one is refused by both sides.
-pub const PROTOCOL_VERSION: u8 = 6;
+pub const PROTOCOL_VERSION: u8 = 7;
 
 /// Hash of all message types: equal on both sides if they understand each other.
 pub const SCHEMA_HASH: u64 =
@@ -63,6 +63,15 @@ pub enum Command {
     },
     /// The host is there.
     Heartbeat,
+    /// Go on with the run that is kept in flash ([`Kept::Run`]): Idle → Holding, with its settings and what its last checkpoint
+    /// holds. `Start` then absorbs more.
+    Resume {
+        /// The run's number; another one is refused.
+        run: u32,
+        /// Number of the next reading that is streamed, if it is larger than that of the checkpoint: what the host has received
+        /// since has numbers of its own.
+        next_reading: u32,
+    },
     /// A link of the robot that is to be watched: Configured.
     #[cfg_attr(not(feature = "watch"), serde(skip))]
     WatchLink {
@@ -128,6 +137,8 @@ pub enum ErrorCode {
     Stale,
     /// 10: the image leaves out what is asked for; see the features of the boards.
     NotBuiltIn,
+    /// 11: no run of this number is kept in flash, or it can no longer be read.
+    NotKept,
 }
 
 impl ErrorCode {
@@ -143,6 +154,7 @@ impl ErrorCode {
             Self::Sensors => 8,
             Self::Stale => 9,
             Self::NotBuiltIn => 10,
+            Self::NotKept => 11,
         }
     }
 }
@@ -465,6 +477,46 @@ pub struct Identity {
     pub state: StateName,
     /// Tells why.
     pub reason: Reason,
+    /// Tells what is kept in flash.
+    pub kept: Kept,
+}
+
+/// Tells what is kept in the device's flash.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum Kept {
+    /// There is no flash to keep anything in, or it does not answer.
+    #[default]
+    NoStorage,
+    /// Nothing.
+    Nothing,
+    /// A run, which [`Command::Resume`] goes on with; while it is under way, what would be left of it now.
+    Run(KeptRun),
+    /// What other firmware has left, which is not read.
+    OtherFirmware {
+        /// CRC-32 of that firmware's sources.
+        hash: u32,
+    },
+    /// Something that is none of this firmware's records, or a record that is damaged. It is not read.
+    Damaged,
+}
+
+/// Holds what the last checkpoint of a run says of it; zeros if there is none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct KeptRun {
+    /// Number of the run: one more with every `Configure`.
+    pub run: u32,
+    /// Readings taken.
+    pub readings: u32,
+    /// Row blocks absorbed.
+    pub blocks: u32,
+    /// Index of the reading that `Inject` is to bring next.
+    pub next_index: u32,
+    /// Time of the checkpoint on the clock of then, ns.
+    pub time_ns: u64,
+    /// Checkpoints of this run.
+    pub checkpoints: u16,
+    /// No further checkpoint finds room until the next `Configure`.
+    pub full: bool,
 }
 
 /// Tells why a device started anew.

@@ -62,7 +62,7 @@ pub struct WatchLinkSettings {
 /// asks this to say so.
 pub fn asks_to_watch(payload: &[u8]) -> bool {
     // Configure, its rate, its source, and the model; WatchLink.
-    matches!(payload, [1, _, _, _, _, _, 4, ..] | [12, ..])
+    matches!(payload, [1, _, _, _, _, _, 4, ..] | [13, ..])
 }
 
 /// Tells how a joint of one freedom moves.

@@ -131,7 +131,7 @@ fn error_numbers_are_the_documented_ones() {
             _ => None,
         })
         .collect();
-    assert_eq!(numbers, [1, 2, 3, 4, 5, 6, 8, 9, 10]);
+    assert_eq!(numbers, [1, 2, 3, 4, 5, 6, 8, 9, 10, 11]);
 }
 
 /// The bytes of every command that tells of a robot to watch are known as such, and of no other.

@@ -85,6 +85,15 @@ fn identity() -> Identity {
         clock: ClockSource::Internal,
         state: StateName::Idle,
         reason: Reason::Boot,
+        kept: Kept::Run(KeptRun {
+            run: 7,
+            readings: 4000,
+            blocks: 399,
+            next_index: 0,
+            time_ns: 4_000_000_000,
+            checkpoints: 2,
+            full: false,
+        }),
     }
 }
 
@@ -271,6 +280,7 @@ pub fn samples() -> Vec<(&'static str, Message)> {
         ("command_read_counters", command(Command::ReadCounters)),
         ("command_read_estimate", command(Command::ReadEstimate)),
         ("command_heartbeat", command(Command::Heartbeat)),
+        ("command_resume", command(Command::Resume { run: 7, next_reading: 4096 })),
         ("reply_done", reply(Reply::Done)),
         ("reply_hello", reply(Reply::Hello(identity()))),
         ("reply_settings", reply(Reply::Settings(settings()))),
@@ -287,6 +297,7 @@ pub fn samples() -> Vec<(&'static str, Message)> {
         ("error_sensors", refusal(ErrorCode::Sensors)),
         ("error_stale", refusal(ErrorCode::Stale)),
         ("error_not_built_in", refusal(ErrorCode::NotBuiltIn)),
+        ("error_not_kept", refusal(ErrorCode::NotKept)),
         ("telemetry_announce", telemetry(Telemetry::Announce(identity()))),
         (
             "telemetry_state",

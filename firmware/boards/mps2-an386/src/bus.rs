@@ -8,6 +8,8 @@ use core::ffi::CStr;
 
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{self, ErrorKind, ErrorType, SpiDevice};
+#[cfg(feature = "storage")]
+use rigident_shared::wire::bus::{FLASH_DONE, FLASH_HEADER_BYTES, FlashOperation, FlashRequest};
 use rigident_shared::wire::bus::{
     MAX_TRANSFER_BYTES, Operation, POLL_ANSWER_BYTES, PollAnswer, REQUEST_HEADER_BYTES, RequestHeader,
 };
@@ -16,6 +18,8 @@ use semihosting::fs::File;
 use semihosting::io::{Read as _, Write as _};
 
 use crate::exit;
+#[cfg(feature = "storage")]
+use crate::flash::Data;
 
 const PATH_BYTES: usize = 256;
 const FRAME_BYTES: usize = REQUEST_HEADER_BYTES + MAX_TRANSFER_BYTES;
@@ -65,6 +69,30 @@ impl Pipes {
         write_all(&mut self.request, &RequestHeader::POLL.encode());
         read_all(&mut self.answer, &mut answer);
         PollAnswer::decode(answer).unwrap_or_else(|| exit::bus_gone())
+    }
+
+    /// One request to the flash. Whether it was done.
+    #[cfg(feature = "storage")]
+    pub fn flash(&mut self, operation: FlashOperation, offset: u32, data: Data<'_>) -> bool {
+        let count = match &data {
+            Data::None => 0,
+            Data::Out(bytes) => bytes.len(),
+            Data::In(bytes) => bytes.len(),
+        };
+        let length = FLASH_HEADER_BYTES + count;
+        let header = RequestHeader { operation: Operation::TransferFlash, length: length as u16 }.encode();
+        let Some(request) = self.frame.get_mut(..REQUEST_HEADER_BYTES + length) else { return false };
+        let head = header.into_iter().chain(FlashRequest { operation, offset }.encode());
+        let bytes = if let Data::Out(bytes) = &data { *bytes } else { &[] };
+        let all = head.chain(bytes.iter().copied().chain(core::iter::repeat(0)));
+        request.iter_mut().zip(all).for_each(|(slot, byte)| *slot = byte);
+        write_all(&mut self.request, request);
+        let Some(answer) = request.get_mut(..length) else { return false };
+        read_all(&mut self.answer, answer);
+        if let Data::In(bytes) = data {
+            bytes.iter_mut().zip(answer.iter().skip(FLASH_HEADER_BYTES)).for_each(|(slot, b)| *slot = *b);
+        }
+        answer.first() == Some(&FLASH_DONE)
     }
 
     /// One transfer under one chip select: the parts in order, zeros sent where a part only reads.

@@ -7,4 +7,6 @@
 
 pub mod bus;
 pub mod exit;
+#[cfg(feature = "storage")]
+pub mod flash;
 pub mod uart;

@@ -9,6 +9,8 @@ use cortex_m_rt::{entry, exception};
 // The global logger: frames on the emulator's standard output.
 use defmt_semihosting as _;
 use mps2_an386::bus::{self, NoWait, Pipes};
+#[cfg(feature = "storage")]
+use mps2_an386::flash;
 use mps2_an386::uart::QUEUES;
 use mps2_an386::{exit, uart};
 use rigident_firmware::{Buses, Event, Instrument, Path, Sensor};
@@ -34,12 +36,18 @@ fn main() -> ! {
         frames: bus::Sensor::frames(&pipes),
     };
     let path = cortex_m::singleton!(: Path = Path::EMPTY).expect("taken once");
+    #[cfg(feature = "storage")]
+    let mut store = flash::store(&pipes);
     let mut instrument = Instrument::new("mps2-an386", path, buses, NoWait);
     let mut now_ns = 0;
     let mut chunk = [0; 64];
     uart::start();
     defmt::info!("rigident on mps2-an386, firmware {=u32:08x}", rigident_firmware::FIRMWARE_HASH);
     loop {
+        #[cfg(feature = "storage")]
+        if let Some(store) = &mut store {
+            instrument.tend(store);
+        }
         let n = uart::receive(&mut chunk);
         instrument.on_bytes(chunk.get(..n).unwrap_or_default(), now_ns);
         if QUEUES.fill(&mut instrument, &mut chunk) {

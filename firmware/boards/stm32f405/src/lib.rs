@@ -11,6 +11,8 @@
 #![no_std]
 
 pub mod clock;
+#[cfg(feature = "storage")]
+pub mod flash;
 pub mod pins;
 pub mod registers;
 pub mod sensors;

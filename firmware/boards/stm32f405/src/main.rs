@@ -9,10 +9,14 @@ use cortex_m_rt::{entry, exception};
 #[cfg(feature = "rtt")]
 use defmt_rtt as _;
 use rigident_cortex_m::absent::Absent;
+#[cfg(feature = "storage")]
+use rigident_firmware::storage::Store;
 use rigident_firmware::capture::{Answering, Capture, Lost, Place, Ring, Samples};
 use rigident_firmware::{Buses, Event, Instrument, Path, Sensor};
 use rigident_shared::wire::StateName;
 use stm32f405::clock::{self, Clocks};
+#[cfg(feature = "storage")]
+use stm32f405::flash::{self, Flash};
 use stm32f405::registers::interrupts;
 use stm32f405::sensors::{self, OnBus};
 use stm32f405::time::{self, Time, Wait};
@@ -51,6 +55,8 @@ fn main() -> ! {
         frames: Absent,
     });
     instrument.booted(reset, clocks.source);
+    #[cfg(feature = "storage")]
+    let mut store = singleton!(: Option<Store<Flash>> = flash::store()).and_then(Option::as_mut);
     let mut time = Time::new();
     let mut listening = [false; 3];
     let mut chunk = [0; 64];
@@ -68,6 +74,10 @@ fn main() -> ! {
             samples.clear();
             sensors::listen(wanted);
             listening = wanted;
+        }
+        #[cfg(feature = "storage")]
+        if let Some(store) = &mut store {
+            instrument.tend(store);
         }
         let mut idle = count == 0;
         while let Some(sample) = samples.take() {

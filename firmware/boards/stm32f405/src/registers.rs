@@ -31,6 +31,22 @@ pub const RCC_CSR: Register = at(RCC, 0x74);
 const FLASH: usize = 0x4002_3c00;
 /// Wait states and caches.
 pub const FLASH_ACR: Register = at(FLASH, 0x00);
+/// Unlocks what erases and programs.
+pub const FLASH_KEYR: Register = at(FLASH, 0x04);
+/// Busy, and what went wrong.
+pub const FLASH_SR: Register = at(FLASH, 0x0c);
+/// What is done to the cells.
+pub const FLASH_CR: Register = at(FLASH, 0x10);
+
+/// Sectors 8 to 11 of an STM32F405: `build.rs` ends the image before them.
+const KEPT: usize = 0x0808_0000;
+/// Bytes of these.
+pub const KEPT_BYTES: usize = 512 * 1024;
+
+/// Returns a word of the flash's sectors 8 to 11; `None` beyond them.
+pub fn kept_word(number: usize) -> Option<Register> {
+    (number < KEPT_BYTES / 4).then(|| at(KEPT, 4 * number))
+}
 
 const PWR: usize = 0x4000_7000;
 /// The core's voltage.

@@ -87,6 +87,7 @@ fn explain(code: &ErrorCode) -> String {
         ErrorCode::NoEstimate => "nothing has been estimated yet".to_owned(),
         ErrorCode::Sensors => "its sensors do not come up: check their supply and wiring".to_owned(),
         ErrorCode::NotBuiltIn => "its image was built without it: `cargo xtask firmware --features …` builds one that has it (docs/measuring.md lists them)".to_owned(),
+        ErrorCode::NotKept => "it keeps no such run in its flash, or cannot read it".to_owned(),
         ErrorCode::Stale => "a late copy of an earlier command came; it was not obeyed".to_owned(),
     }
 }
@@ -190,7 +191,10 @@ impl Client {
         let mut frame = [0; MAX_FRAME];
         let length = encode(Kind::Command, self.sequence, command, &mut frame)
             .map_err(|_| LinkError::Nonsense(name))?;
-        for _ in 0..self.attempts {
+        let mut attempts = 0;
+        while attempts < self.attempts {
+            // While the line is out nobody is asked.
+            attempts += u32::from(!self.transport.is_out());
             self.transport.write(frame.get(..length).unwrap_or_default())?;
             let deadline = Instant::now() + PATIENCE;
             while let Some(left) = deadline.checked_duration_since(Instant::now()) {

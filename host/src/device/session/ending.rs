@@ -118,8 +118,21 @@ impl Session {
                 factor = self.fetch(&mut taking, observer).ok();
                 Err(stopped)
             }
-            Err(error) => Err(error),
+            Err(error) => {
+                let (error, left) = self.left_of(error, &mut taking);
+                factor = left;
+                Err(error)
+            }
         };
+        Self::taken(taking, factor, outcome)
+    }
+
+    /// What an experiment brought.
+    pub(super) fn taken(
+        taking: Taking,
+        factor: Option<TakenFactor>,
+        outcome: Result<(), SessionError>,
+    ) -> Take {
         // Of a level what was taken is here, whatever became of the rest.
         let taken = taking.level.as_deref().filter(|level| level.rows() > 0);
         let factor = factor.or_else(|| taken.map(|level| TakenFactor::exact(Factor::from(level))));
@@ -133,13 +146,14 @@ impl Session {
             counters: taking.counters,
             states: taking.states,
             resumed: taking.resumed,
+            restarts: taking.restarts,
             interrupted: taking.interrupted,
             cut_short: taking.cut_short,
             broken: outcome.err().map(|e| e.to_string()),
         }
     }
 
-    fn fetch(
+    pub(super) fn fetch(
         &mut self,
         taking: &mut Taking,
         observer: &mut dyn Observer,

@@ -8,9 +8,24 @@ use rigident_shared::wire::{
 };
 
 use super::{INTERRUPTED, Observer, QUIET, Session, SessionError, Take, Taking, narrow};
-use crate::device::link::LinkError;
+use crate::device::link::{LinkError, TakenFactor};
+
+/// Tells how sending a recording ended.
+enum Ended {
+    /// All of it was taken, and this is the factor.
+    With(TakenFactor),
+    /// The device or somebody else ended it, or something broke.
+    Early(Result<(), SessionError>),
+}
 
 impl Session {
+    fn conclude_injected(&mut self, taking: Taking, ended: Ended, observer: &mut dyn Observer) -> Take {
+        match ended {
+            Ended::With(factor) => Self::taken(taking, Some(factor), Ok(())),
+            Ended::Early(outcome) => self.conclude(taking, outcome, observer),
+        }
+    }
+
     /// Sends a recording's readings to the device and fetches the factor.
     ///
     /// # Errors
@@ -20,14 +35,13 @@ impl Session {
         readings: &[Reading<f64>],
         observer: &mut dyn Observer,
     ) -> Result<Take, SessionError> {
-        let batches = readings.chunks(INJECT_BATCH).map(|part| {
-            |first_index| {
-                Command::Inject(InjectBatch { first_index, readings: part.iter().map(narrow).collect() })
-            }
-        });
-        let (mut taking, outcome, sent) = self.send(batches, observer)?;
+        let batch = |first_index: u32| {
+            let part = readings.get(first_index as usize..).unwrap_or_default().iter().take(INJECT_BATCH);
+            Command::Inject(InjectBatch { first_index, readings: part.map(narrow).collect() })
+        };
+        let (mut taking, ended, sent) = self.send(readings.len(), batch, observer)?;
         taking.readings = readings.get(..sent).unwrap_or(readings).to_vec();
-        Ok(self.conclude(taking, outcome, observer))
+        Ok(self.conclude_injected(taking, ended, observer))
     }
 
     /// Likewise, readings of two links.
@@ -39,36 +53,57 @@ impl Session {
         readings: &[LinkReadingMessage],
         observer: &mut dyn Observer,
     ) -> Result<Take, SessionError> {
-        let batches = readings.chunks(LINK_BATCH).map(|part| {
-            |first_index| {
-                Command::InjectLinks(LinkBatch { first_index, readings: part.iter().copied().collect() })
-            }
-        });
-        let (mut taking, outcome, sent) = self.send(batches, observer)?;
+        let batch = |first_index: u32| {
+            let part = readings.get(first_index as usize..).unwrap_or_default().iter().take(LINK_BATCH);
+            Command::InjectLinks(LinkBatch { first_index, readings: part.copied().collect() })
+        };
+        let (mut taking, ended, sent) = self.send(readings.len(), batch, observer)?;
         taking.links = readings.get(..sent).unwrap_or(readings).to_vec();
-        Ok(self.conclude(taking, outcome, observer))
+        Ok(self.conclude_injected(taking, ended, observer))
     }
 
-    /// Starts, and sends commands that are made of the index of their first reading. What came meanwhile, how it ended, and
-    /// how many readings were taken.
-    fn send<C: FnOnce(u32) -> Command>(
+    /// Starts, and sends so many readings by commands that are made of the index of their first one. A device that restarts is sent again
+    /// what it does not hold. What came meanwhile, how it ended, and how many readings were taken.
+    fn send(
         &mut self,
-        batches: impl Iterator<Item = C>,
+        count: usize,
+        batch: impl Fn(u32) -> Command,
         observer: &mut dyn Observer,
-    ) -> Result<(Taking, Result<(), SessionError>, usize), SessionError> {
-        self.start()?;
+    ) -> Result<(Taking, Ended, usize), SessionError> {
         let mut taking = Taking::default();
         let mut sent = 0_u32;
+        if let Err(error) = self.start() {
+            sent = self.go_on(error.into(), &mut taking)?;
+        }
         let mut outcome = Ok(());
-        for batch in batches {
+        let mut fetched = None;
+        loop {
+            if sent as usize >= count {
+                // A device that restarts now is sent again what its last checkpoint lacks.
+                match self.fetch(&mut taking, observer) {
+                    Ok(factor) => fetched = Some(factor),
+                    Err(error) => outcome = self.go_on(error, &mut taking).map(|next| sent = next),
+                }
+                if fetched.is_some() || outcome.is_err() {
+                    break;
+                }
+                continue;
+            }
             outcome = self.send_one(&batch(sent), &mut sent, &mut taking, observer);
+            if let Err(error) = outcome {
+                outcome = self.go_on(error, &mut taking).map(|next| sent = next);
+            }
             observer.progress(sent as usize);
             taking.interrupted = INTERRUPTED.load(Ordering::Relaxed);
             if outcome.is_err() || taking.interrupted || taking.held() {
                 break;
             }
         }
-        Ok((taking, outcome, sent as usize))
+        let ended = match (outcome, fetched) {
+            (Ok(()), Some(factor)) => Ended::With(factor),
+            (outcome, _) => Ended::Early(outcome),
+        };
+        Ok((taking, ended, sent as usize))
     }
 
     fn send_one(

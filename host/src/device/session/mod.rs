@@ -11,6 +11,7 @@ mod inject;
 mod load_guard;
 mod motion_guard;
 pub mod precision;
+mod restart;
 mod settings;
 pub mod sound;
 pub mod suspended;
@@ -26,8 +27,8 @@ use std::time::{Duration, Instant};
 use hexapod::MotionProgram;
 use rigident_shared::calibration::Reading;
 use rigident_shared::wire::{
-    Command, Identity, LinkReadingMessage, ModelSettings, ReadingMessage, Reason, Reply, Settings, StateName,
-    Telemetry,
+    Command, Identity, Kept, LinkReadingMessage, ModelSettings, ReadingMessage, Reason, Reply, Settings,
+    StateName, Telemetry,
 };
 
 pub use adaptive::{Director, Proposal};
@@ -74,6 +75,9 @@ pub enum SessionError {
         /// What to do.
         advice: &'static str,
     },
+    /// The device restarted, and what is left.
+    #[error("{0}")]
+    Restarted(String),
     /// The load cell would be overloaded.
     #[error(
         "the load cell's {channel} came to {value:.1} of {range:.1} {unit}: the motion was ended before it overloads the load cell. \
@@ -115,6 +119,8 @@ pub struct Session {
     heartbeats: bool,
     /// What it was set to last.
     settings: Option<Settings>,
+    /// Number under which the device keeps the run, if it keeps runs.
+    run: Option<u32>,
     /// It was set to two links.
     of_two_links: bool,
     /// It was set to end a run by itself.
@@ -151,6 +157,7 @@ impl Session {
             last_heartbeat: Instant::now(),
             heartbeats: false,
             settings: None,
+            run: None,
             of_two_links: false,
             stops_itself: false,
             at_most_s: None,
@@ -291,6 +298,10 @@ impl Session {
     }
 
     fn start(&mut self) -> Result<(), LinkError> {
+        if self.identity.kept != Kept::NoStorage {
+            let identity = self.client.hello()?;
+            self.run = if let Kept::Run(kept) = identity.kept { Some(kept.run) } else { None };
+        }
         // What was said before belongs to no run.
         while self.client.next_telemetry().is_some() {}
         self.client.ask("start", &Command::Start).map(drop)

@@ -89,6 +89,8 @@ pub struct Take {
     pub states: Vec<(StateName, Reason)>,
     /// How often the device had stopped, not hearing the host, and was started again.
     pub resumed: usize,
+    /// How often the device had restarted, and went on from what its flash kept.
+    pub restarts: usize,
     /// Ended by Ctrl-C.
     pub interrupted: bool,
     /// Ended before the program's end, because it was to last no longer.
@@ -141,6 +143,8 @@ pub(super) struct Taking {
     pub(super) cut_short: bool,
     /// The stop rule has been overridden.
     pub(super) overridden: bool,
+    /// How often the device restarted and was gone on with.
+    pub(super) restarts: usize,
     /// How often a run was gone on with that the device had stopped because it did not hear the host.
     pub(super) resumed: usize,
     /// Nothing is absorbed meanwhile.

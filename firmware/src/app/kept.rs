@@ -1,0 +1,141 @@
+//! What the application keeps in flash, and how it goes on from that.
+
+use core::ops::DerefMut;
+
+use embedded_storage::nor_flash::NorFlash;
+use rigident_shared::estimator::Counters;
+use rigident_shared::wire::{CounterReport, ErrorCode, Reason, Reply, Settings, StateName};
+
+use super::commands::rates;
+use super::{App, BringUpError, SensorErrors, SensorRates};
+use crate::Path;
+use crate::storage::{CheckpointHead, Duty, Resumption, Store};
+
+impl<P: DerefMut<Target = Path>> App<P> {
+    /// What is to be done with the flash next. While samples are taken it is nothing that might erase.
+    pub(crate) fn duty(&self) -> Duty {
+        match self.keeping.duty() {
+            Duty::Settings | Duty::Look if self.is_busy_with_samples() => Duty::None,
+            duty => duty,
+        }
+    }
+
+    /// Sees what is kept.
+    pub(crate) fn look<F: NorFlash>(&mut self, store: &mut Store<F>) {
+        self.keeping.found(store.look());
+    }
+
+    /// Keeps the settings.
+    #[inline(never)]
+    pub(crate) fn keep_settings<F: NorFlash>(&mut self, store: &mut Store<F>) {
+        let run = self.settings.as_ref().and_then(|settings| store.begin_run(settings).ok());
+        self.keeping.begun(run, store.checkpoint_bytes() / 2);
+    }
+
+    /// Keeps a checkpoint of this run.
+    #[inline(never)]
+    pub(crate) fn keep_checkpoint<F: NorFlash>(&mut self, store: &mut Store<F>, run: u32) {
+        let (keeping, path) = (&self.keeping, &self.path);
+        let kept = path.samples().and_then(|path| {
+            let head = CheckpointHead {
+                counters: keeping.counters,
+                next_index: keeping.next_index,
+                next_reading: keeping.next_reading,
+                time_ns: keeping.time_ns,
+                rows: path.folded_rows(),
+            };
+            store.keep(run, &head, |numbers| path.write_factor(numbers)).ok()
+        });
+        self.keeping.written(kept);
+    }
+
+    /// Rates at which the sensors are to be brought up to go on with a run of these settings.
+    pub(crate) fn rates(&self, settings: &Settings) -> Option<SensorRates> {
+        rates(settings)
+    }
+
+    /// Goes on with a run, whose sensors have come up or not, and answers the host.
+    #[inline(never)]
+    pub(crate) fn resume<F: NorFlash>(
+        &mut self,
+        store: &mut Store<F>,
+        asked: Resumption,
+        settings: Option<Settings>,
+        sensors: Result<(), BringUpError>,
+    ) {
+        let answer = match (settings, sensors) {
+            (None, _) => Err(ErrorCode::NotKept),
+            (_, Err(BringUpError::Setting(name))) => Err(ErrorCode::BadSetting(name)),
+            (_, Err(BringUpError::Fault(reason))) => {
+                self.fail(reason);
+                Err(ErrorCode::Sensors)
+            }
+            (Some(settings), Ok(())) => self.take_up(store, asked, settings),
+        };
+        self.keeping.answered();
+        self.link.answer(asked.sequence, asked.check, &answer);
+    }
+
+    fn take_up<F: NorFlash>(
+        &mut self,
+        store: &mut Store<F>,
+        asked: Resumption,
+        settings: Settings,
+    ) -> Result<Reply, ErrorCode> {
+        let room = store.checkpoint_bytes() / 2;
+        let rate_hz = settings.rate_hz;
+        self.configure(settings)?;
+        let restored = match store.checkpoint(asked.run) {
+            Ok(Some((head, factor))) => self.restore(&head, factor).then_some(head.counters.readings),
+            Ok(None) => Some(0),
+            Err(_) => None,
+        };
+        let Some(readings) = restored else {
+            *self.path = Path::Empty;
+            self.settings = None;
+            self.keeping.stop();
+            self.enter(StateName::Idle, Reason::Boot);
+            return Err(ErrorCode::NotKept);
+        };
+        self.run.batch_first = self.run.batch_first.max(asked.next_reading);
+        self.keeping.resumed(rate_hz, readings, room);
+        self.enter(StateName::Holding, Reason::Command);
+        Ok(Reply::Done)
+    }
+
+    /// Takes up what a checkpoint holds. False if it is not of these settings.
+    fn restore(&mut self, head: &CheckpointHead, factor: &[u8]) -> bool {
+        let told = &head.counters;
+        let Some(path) = self.path.samples_mut() else { return false };
+        if !path.restore(factor, head.rows, &counters(told)) {
+            return false;
+        }
+        let unaligned_now = path.unaligned();
+        self.errors = SensorErrors {
+            load_cell_crc: told.load_cell_crc_errors,
+            load_cell_other: told.load_cell_errors,
+            load_cell_clipped: told.load_cell_clipped,
+            clipped_gauges: told.clipped_gauges,
+            imu: told.imu_errors,
+            second_imu: told.second_imu_errors,
+            // What is told is what the path counts from here on less this.
+            unaligned_before: unaligned_now.wrapping_sub(told.unaligned),
+            ..SensorErrors::default()
+        };
+        (self.run.injected_next, self.run.batch_first) = (head.next_index, head.next_reading);
+        true
+    }
+}
+
+/// The estimator's counters, of what was told of them.
+fn counters(told: &CounterReport) -> Counters {
+    Counters {
+        readings: told.readings,
+        rejected: told.rejected,
+        rejected_by_channel: told.rejected_by_channel,
+        gaps: told.gaps,
+        blocks: told.blocks,
+        knocks: told.knocks,
+        last_rejection: None,
+    }
+}
