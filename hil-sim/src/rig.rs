@@ -11,15 +11,18 @@ mod config;
 mod follow;
 mod motion;
 mod readings;
+mod wiring;
 
 pub use config::{RigConfig, RigError};
 pub use motion::MotionState;
 pub use readings::{ReadingRow, ReadingStream, Readings};
+pub use wiring::WiringFault;
 
 use std::sync::{Arc, Mutex};
 
 use config::Mechanics;
 use motion::Platform;
+use wiring::Wiring;
 
 use crate::devices::{Ads131m08, Device, Icm42688};
 use crate::links::JointState;
@@ -112,6 +115,7 @@ pub struct Rig {
     adc_ticker: Ticker,
     imu_ticker: Ticker,
     second_ticker: Ticker,
+    wiring: Wiring,
     now_ns: u64,
 }
 
@@ -135,6 +139,7 @@ impl Rig {
             adc: Ads131m08::new(),
             imu_device: Icm42688::new(),
             second_device: Icm42688::new(),
+            wiring: Wiring::default(),
             now_ns: 0,
             mechanics,
             experiment,
@@ -237,6 +242,11 @@ impl Rig {
         self.imu.add_fault(fault);
     }
 
+    /// Something is wired wrongly from now on.
+    pub fn wire(&mut self, fault: WiringFault) {
+        self.wiring.add(fault);
+    }
+
     /// Inverts one bit of a frame from the load cell's converter; see [`Ads131m08::flip_bit`].
     pub fn flip_load_cell_bit(&mut self, ahead: u64, bit: usize) {
         self.adc.flip_bit(ahead, bit);
@@ -285,18 +295,21 @@ impl Rig {
             if adc_first {
                 self.adc_ticker.ticks += 1;
                 self.convert(time_ns);
-                return BusEvent::LoadCellReady(time_ns);
+                if self.wiring.tells(Device::LoadCell) {
+                    return BusEvent::LoadCellReady(time_ns);
+                }
+                continue;
             }
             if second_first {
                 self.second_ticker.ticks += 1;
-                if self.sample_second_imu(time_ns) {
+                if self.sample_second_imu(time_ns) && self.wiring.tells(Device::SecondImu) {
                     return BusEvent::SecondImuReady(time_ns);
                 }
                 continue;
             }
             self.imu_ticker.ticks += 1;
             // Without an interrupt enabled the sample is in the FIFO, but nobody is told.
-            if self.sample_imu(time_ns) {
+            if self.sample_imu(time_ns) && self.wiring.tells(Device::Imu) {
                 return BusEvent::ImuReady(time_ns);
             }
         }
@@ -347,12 +360,12 @@ impl Rig {
 
     /// One SPI transaction, chip select low to high, full duplex in place.
     pub fn transfer(&mut self, device: Device, bytes: &mut [u8]) {
-        match device {
-            Device::LoadCell => self.adc.transfer(bytes),
-            Device::Imu => self.imu_device.transfer(bytes),
-            // Without a second link there is none: its line stays low.
-            Device::SecondImu if self.config.second.is_none() => bytes.fill(0),
-            Device::SecondImu => self.second_device.transfer(bytes),
+        match self.wiring.selected(device) {
+            Some(Device::LoadCell) => self.adc.transfer(bytes),
+            Some(Device::Imu) => self.imu_device.transfer(bytes),
+            Some(Device::SecondImu) if self.config.second.is_some() => self.second_device.transfer(bytes),
+            // Nobody drives the line: it stays low.
+            Some(Device::SecondImu) | None => bytes.fill(0),
         }
     }
 

@@ -1,11 +1,12 @@
 //! Every fault that the simulator can make, in matches that leave none out.
 
+use rigident_sim::devices::Device;
 use rigident_sim::flash::FlashFault;
 use rigident_sim::link::LinkFaults;
-use rigident_sim::rig::Rig;
+use rigident_sim::rig::{Rig, WiringFault};
 use rigident_sim::sensors::{Channel, Fault};
 
-use super::experiment::{experiment, overloaded, restarted, rig};
+use super::experiment::{experiment, overloaded, restarted, rig, wired};
 use super::mcu::Place;
 use super::replayed::{bit_rot, dead_flash, power_cuts};
 use super::{Expected, Extent, Verdict};
@@ -104,6 +105,43 @@ fn line_faults() -> Vec<(&'static str, LinkFaults)> {
     ]
 }
 
+/// The wiring fault after this one; the first if there is none before it.
+fn next_wiring(before: Option<WiringFault>) -> Option<WiringFault> {
+    match before {
+        None => Some(WiringFault::Exchanged),
+        Some(WiringFault::Exchanged) => Some(WiringFault::Unpowered(Device::LoadCell)),
+        Some(WiringFault::Unpowered(Device::LoadCell)) => Some(WiringFault::Unpowered(Device::Imu)),
+        Some(WiringFault::Unpowered(Device::Imu | Device::SecondImu)) => {
+            Some(WiringFault::Open(Device::LoadCell))
+        }
+        Some(WiringFault::Open(Device::LoadCell)) => Some(WiringFault::Open(Device::Imu)),
+        Some(WiringFault::Open(Device::Imu | Device::SecondImu)) => None,
+    }
+}
+
+/// Wiring faults, from the beginning and, where a plug can come off, in the middle of the motion.
+fn wiring_cases() -> Vec<Case> {
+    let faults = std::iter::successors(next_wiring(None), |fault| next_wiring(Some(*fault)));
+    let of = |fault: WiringFault| {
+        let (name, later) = match fault {
+            WiringFault::Exchanged => ("chip selects exchanged".to_owned(), false),
+            WiringFault::Unpowered(device) => (format!("{device:?} without supply"), true),
+            WiringFault::Open(device) => (format!("data-ready line of {device:?} open"), true),
+        };
+        let short = fault == WiringFault::Exchanged;
+        let first = case(format!("wiring: {name}"), Place::Board, Expected::Detected, short, move |_| {
+            wired(Place::Board, fault)
+        });
+        let middle = later.then(|| {
+            disturbed(format!("wiring: {name}, in mid-run"), Expected::Detected, false, move |rig| {
+                rig.wire(fault)
+            })
+        });
+        std::iter::once(first).chain(middle)
+    };
+    faults.flat_map(of).collect()
+}
+
 /// The flash fault after this one.
 fn next_flash(before: Option<&FlashFault>) -> Option<FlashFault> {
     match before {
@@ -150,6 +188,7 @@ pub fn cases() -> Vec<Case> {
     cases.push(disturbed("converter: bits of many frames in a row flip", Expected::Detected, false, |rig| {
         (2000..2040).for_each(|frame| rig.flip_load_cell_bit(frame, 53));
     }));
+    cases.extend(wiring_cases());
     for (name, faults) in line_faults() {
         let short = name.ends_with("all of it");
         cases.push(case(name, Place::Process, Expected::Survived, short, move |_| {

@@ -13,7 +13,7 @@ use rigident_shared::inertia::PARAMETER_NAMES;
 use rigident_shared::wire::{Source, StateName};
 use rigident_sim::flash::SharedFlash;
 use rigident_sim::link::LinkFaults;
-use rigident_sim::rig::{Rig, RigConfig, SharedRig};
+use rigident_sim::rig::{Rig, RigConfig, SharedRig, WiringFault};
 use rigident_sim::runner::{PacedRig, Pacing, WithFlash};
 
 use super::Verdict;
@@ -85,6 +85,21 @@ pub fn overloaded(place: Place) -> Result<Verdict, String> {
         |rig| {
             let bus = Busy::on(PacedRig::new(rig.clone(), Pacing::LockStep));
             Ok(Line::new(boot(place, Box::new(bus))?, LinkFaults::default()))
+        },
+    )
+}
+
+/// An experiment on a board that was wired wrongly before it was switched on.
+pub fn wired(place: Place, fault: WiringFault) -> Result<Verdict, String> {
+    on_line(
+        rig(),
+        |_| {},
+        |rig| {
+            rig.lock().map_err(|_| "the rig is broken")?.wire(fault);
+            Ok(Line::new(
+                boot(place, Box::new(PacedRig::new(rig.clone(), Pacing::LockStep)))?,
+                LinkFaults::default(),
+            ))
         },
     )
 }
