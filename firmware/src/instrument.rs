@@ -83,6 +83,11 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
         self.app.on_lost(sensor, count);
     }
 
+    /// Counts times that the board had no room for bytes from the host.
+    pub fn on_overruns(&mut self, count: u32) {
+        self.app.on_overruns(count);
+    }
+
     /// Takes bytes from the host. Brings the sensors up when told to, which may take some tens of milliseconds.
     // In the frame of a board's main loop, whose room it shares: by itself it takes 8 kB of stack.
     #[inline(always)]

@@ -17,13 +17,14 @@ mod commands;
 mod kept;
 mod reports;
 mod samples;
+mod stream;
 
 use core::ops::DerefMut;
 
 use heapless::Vec;
 use rigident_shared::wire::{
     ClockSource, Decoder, LINK_BATCH, LinkReadingMessage, ModelSettings, ReadingMessage, Reason, ResetReason,
-    STREAM_BATCH, SensorFault, SettingName, Settings, Source, StateName, Telemetry,
+    STREAM_BATCH, SensorFault, SettingName, Settings, Source, StateName, StreamReport, Telemetry,
 };
 
 use crate::Path;
@@ -155,6 +156,13 @@ struct SensorErrors {
     frames_missing: u32,
     /// Number of the frame expected next.
     next_frame: Option<u32>,
+    /// Of frames on the link: the sequence number expected next, and what became of them.
+    next_streamed: Option<u16>,
+    stream: StreamReport,
+    /// Links of the last one of another robot.
+    other_links: u8,
+    /// Times that the board had no room for bytes from the host.
+    overruns: u32,
     /// Unaligned samples before the run.
     unaligned_before: u32,
 }

@@ -1,4 +1,4 @@
-//! `rigident watch`: a recording through the firmware, which tells what changes of one link.
+//! `rigident watch`: a recording to the firmware over its link; it tells what changes of one link.
 
 use std::process::ExitCode;
 
@@ -10,9 +10,10 @@ use super::options::microcontroller::Image;
 use super::outcome::say;
 use super::watch_arguments::Watch;
 use super::{ExitStatus, Failure, Stages, recorded, simulated};
-use crate::device::link::{Client, LinkError};
+use crate::device::link::{Client, LinkError, SerialTransport, Transport};
+use crate::device::session::streamed::{Pace, Watched, line_need};
 use crate::device::session::tree::complaints;
-use crate::device::session::watched::{WatchOptions, Watched, WatchedRobot};
+use crate::device::session::watched::{WatchOptions, WatchedRobot};
 use crate::device::session::{Session, SessionError};
 use crate::problem::ProblemOptions;
 use crate::problem::tree::prepare::prepare;
@@ -36,6 +37,8 @@ const WITHOUT_WATCH: &str = "this device runs an image without the feature `watc
                              firmware --features watch`, which prints where it lies, and start that";
 /// Beyond so many times the limit of noise a change must be three times as large, which is told.
 const BLIND: u32 = 10;
+/// Of the line's rate frames may take so much.
+const LINE_SHARE: f64 = 0.95;
 /// Coverage factor of a 95 % uncertainty.
 const COVERAGE: f64 = 1.96;
 
@@ -71,17 +74,21 @@ pub(super) fn run(arguments: &Watch) -> Result<ExitCode, Failure> {
     stages.at("frames to the firmware", 0.0);
     let rate_hz = prepared.input.rate_hz;
     let start_s = prepared.input.frames.first().map_or(0.0, |frame| frame.time_ns as f64 * 1e-9);
-    let (transport, source) = simulated::frames(arguments.mcu, Image::Watch, robot.frames.clone(), rate_hz)?;
+    let (transport, pace) = device(&arguments.mcu, &robot, rate_hz)?;
     let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
     let mut told = |change: &ChangeReport| {
         if !arguments.json {
             say(text(change, start_s, rate_hz));
         }
     };
-    let watched = session.watch_robot(&robot, &source, &mut told).map_err(refused)?;
+    let watched = session.watch_robot(&robot, pace, &mut told).map_err(refused)?;
     drop(stages);
     let names: Vec<String> = prepared.input.model.links.iter().map(|link| link.name.clone()).collect();
-    let mut complaints = complaints(&watched.counters.frames, &names);
+    // What was lost on the way is missing in the series, too.
+    let mut frames = watched.counters.frames;
+    frames.missing = frames.missing.saturating_sub(watched.counters.watch.stream.lost);
+    let mut complaints = complaints(&frames, &names);
+    complaints.extend(of_the_link(&watched));
     let blind = blind(&watched);
     let fine = watched.counters.watch.settled && !watched.interrupted && blind.is_none();
     complaints.extend(blind);
@@ -90,10 +97,65 @@ pub(super) fn run(arguments: &Watch) -> Result<ExitCode, Failure> {
     }
     if arguments.json {
         say(object(&watched, &arguments.link, &complaints, start_s, rate_hz));
-    } else {
+    } else if watched.broken.is_none() {
         say(summary(&watched, &arguments.link, rate_hz));
     }
+    if let Some(broken) = &watched.broken {
+        return Err(ended(&watched, broken, robot.frames.len()));
+    }
     Ok(ExitStatus::of(fine).into())
+}
+
+/// Opens the firmware that watches: a simulated one takes frames as fast as it can, one on a port when they are due.
+///
+/// # Errors
+/// No such device, or a line that is too slow for the robot's frames.
+fn device(mcu: &str, robot: &WatchedRobot, rate_hz: f64) -> Result<(Box<dyn Transport>, Pace), Failure> {
+    if let Some((_, transport)) = simulated::named(mcu, Image::Watch)? {
+        return Ok((transport, Pace::AsTaken));
+    }
+    let port = SerialTransport::open(mcu).map_err(Failure::link)?;
+    let need = line_need(&robot.frames, rate_hz);
+    if let Some(baud) = port.baud().filter(|baud| need > LINE_SHARE * f64::from(*baud)) {
+        return Err(Failure::input(format!(
+            "{mcu}: {rate_hz:.0} frames a second of {} links and {} sensors of forces are {need:.0} baud, and the line carries {baud}, of which a twentieth is for \
+             the rest: record fewer frames a second (60 at least), or weld links that do not move in the model",
+            robot.links.len(),
+            robot.feet(),
+        )));
+    }
+    Ok((Box::new(port), Pace::RealTime(rate_hz)))
+}
+
+/// What became of frames on the way.
+fn of_the_link(watched: &Watched) -> Vec<String> {
+    let (stream, counters) = (&watched.counters.watch.stream, &watched.counters);
+    let lost = watched.lost();
+    let told = [
+        (
+            lost,
+            "were lost on the way to the device: check the cable, and that nothing else keeps this computer busy",
+        ),
+        (stream.repeated, "came twice, and were taken once"),
+        (stream.late, "came after a later one, and were left out"),
+        (stream.unasked, "came while the device did not watch"),
+    ];
+    let mut said: Vec<String> =
+        told.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} frames {what}")).collect();
+    if counters.overruns > 0 {
+        said.push(format!("{} times the device had no room for what came over its line", counters.overruns));
+    }
+    said
+}
+
+/// Says that a watch ended early, and what is left of it.
+fn ended(watched: &Watched, broken: &SessionError, frames: usize) -> Failure {
+    let found = watched.changes.iter().filter(|change| change.size.is_none()).count();
+    Failure::link(format!(
+        "the watch ended after {} of {frames} frames: {broken}\n{found} {} found until then, as told above; nothing is known of what came after",
+        watched.sent,
+        if found == 1 { "change was" } else { "changes were" },
+    ))
 }
 
 /// What to say of a limit that few changes exceed.
@@ -195,11 +257,25 @@ fn object(watched: &Watched, link: &str, complaints: &[String], start_s: f64, ra
     };
     let found = watched.changes.iter().filter(|change| change.size.is_none());
     json!({
-        "status": if report.settled { "watched" } else { "not settled" },
+        "status": match &watched.broken {
+            Some(_) => "broken",
+            None if report.settled => "watched",
+            None => "not settled",
+        },
         "link": link,
         "changes": found.map(one).collect::<Vec<_>>(),
         "excess": f64::from(report.excess_percent) / 100.0,
-        "frames": { "given": frames.frames, "taken": frames.absorbed, "missing": frames.missing, "damaged": frames.damaged },
+        "frames": {
+            "sent": watched.sent,
+            "given": frames.frames,
+            "taken": frames.absorbed,
+            "missing": frames.missing,
+            "lost": watched.lost(),
+            "repeated": report.stream.repeated,
+            "late": report.stream.late,
+            "unasked": report.stream.unasked,
+            "overruns": watched.counters.overruns,
+        },
         "warnings": complaints,
     })
 }

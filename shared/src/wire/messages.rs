@@ -601,6 +601,8 @@ pub struct CounterReport {
     pub unaligned: u32,
     /// Frames from the host that were damaged.
     pub bad_frames: u32,
+    /// Times that the board had no room for bytes from the host, since the start of the run.
+    pub overruns: u32,
     /// Telemetry frames dropped for want of room.
     pub telemetry_dropped: u32,
 }

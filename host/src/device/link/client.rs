@@ -6,7 +6,7 @@ use nalgebra::DMatrix;
 use rigident_shared::wire::frame::MAX_FRAME;
 use rigident_shared::wire::{
     Answer, Command, DecodeError, Decoder, ErrorCode, Identity, Kind, PROTOCOL_VERSION, Reply, SCHEMA_HASH,
-    Telemetry, encode,
+    Telemetry, encode, encode_payload,
 };
 
 use super::Transport;
@@ -232,6 +232,22 @@ impl Client {
         Ok(self.transport.write(frame.get(..length).unwrap_or_default())?)
     }
 
+    /// Sends a frame of a robot that is watched, which is never answered. They count by themselves.
+    ///
+    /// # Errors
+    /// The link is gone; or there is no room for the frame.
+    pub fn stream(&mut self, sequence: u16, payload: &[u8]) -> Result<(), LinkError> {
+        let mut frame = [0; MAX_FRAME];
+        let length = encode_payload(Kind::Stream, sequence, payload, &mut frame)
+            .map_err(|_| LinkError::Nonsense("stream a frame"))?;
+        Ok(self.transport.write(frame.get(..length).unwrap_or_default())?)
+    }
+
+    /// Returns whether the line is out, so that what is sent is lost.
+    pub fn is_out(&self) -> bool {
+        self.transport.is_out()
+    }
+
     /// Counts silence from now on: nobody has listened until now.
     pub fn listen_anew(&mut self) {
         self.heard = Instant::now();
@@ -284,7 +300,7 @@ impl Client {
                         }
                         Err(_) => self.bad_frames += 1,
                     },
-                    Kind::Command => {}
+                    Kind::Command | Kind::Stream => {}
                 },
                 Some(Err(DecodeError::Version(device))) => return Err(LinkError::OtherProtocol { device }),
                 Some(Err(_)) => self.bad_frames += 1,

@@ -96,6 +96,12 @@ impl SerialTransport {
         })
     }
 
+    /// Returns the rate of the line, baud; `None` of a pseudo-terminal, which has none.
+    pub fn baud(&self) -> Option<u32> {
+        let place = std::fs::canonicalize(&self.path).unwrap_or_default();
+        (!place.starts_with("/dev/pts")).then_some(BAUD)
+    }
+
     fn port(path: &str) -> serialport::Result<Box<dyn serialport::SerialPort>> {
         serialport::new(path, BAUD).timeout(Duration::from_millis(10)).open()
     }

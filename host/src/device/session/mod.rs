@@ -14,6 +14,7 @@ pub mod precision;
 mod restart;
 mod settings;
 pub mod sound;
+pub mod streamed;
 pub mod suspended;
 mod take;
 pub mod tracked;

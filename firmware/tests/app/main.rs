@@ -10,6 +10,8 @@ use rigident_shared::wire::{
     StateName, StopLimit, StopRule, Telemetry, TelemetrySettings, encode,
 };
 
+mod stream;
+
 fn settings(source: Source) -> Settings {
     Settings {
         rate_hz: 200.0,
@@ -110,7 +112,7 @@ impl Host {
                     match frame.kind {
                         Kind::Answer => answers.push((frame.sequence, frame.message().unwrap())),
                         Kind::Telemetry => self.telemetry.push(frame.message().unwrap()),
-                        Kind::Command => panic!("the device commands"),
+                        Kind::Command | Kind::Stream => panic!("the device commands"),
                     }
                 }
             }
