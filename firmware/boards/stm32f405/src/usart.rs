@@ -49,7 +49,7 @@ pub fn send() {
 }
 
 /// Interrupt: takes what has come and sends what can be sent. A full queue leaves a byte where it is; the next one
-/// overruns it, and the host repeats a command that is not answered.
+/// overruns it, which is counted, and the host repeats a command that is not answered.
 pub fn on_interrupt() {
     let mut listen = true;
     loop {
@@ -60,6 +60,9 @@ pub fn on_interrupt() {
         if QUEUES.from_host.room() == 0 {
             listen = false;
             break;
+        }
+        if state & OVERRUN != 0 {
+            QUEUES.overrun();
         }
         // The data are the lower eight bits; reading them after the state clears an overrun, too.
         let byte = USART2_DR.read() as u8;
