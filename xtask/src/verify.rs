@@ -55,7 +55,7 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
                 clippy_strictly(command.args(["--release", "--features", features]))
             });
         }
-        for features in ["", "rtt"] {
+        for features in ["", "rtt", firmware::WATCH] {
             steps.run(&format!("clippy, STM32 {features}"), || {
                 let folder = places::board_named(places::STM32);
                 let mut command = toolchain::board_cargo(core, "clippy", &folder);
