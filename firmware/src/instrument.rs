@@ -117,10 +117,10 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
         })
     }
 
-    /// Reads the sample that a sensor has signalled, and does everything that follows from it. While no samples
-    /// are wanted the sensors, which may not be set up, are left alone.
+    /// Reads the sample that a sensor has signalled, and does everything that follows from it. A sensor whose samples are not
+    /// wanted, and which may not be set up, is left alone.
     pub fn on_event(&mut self, event: Event) {
-        if !self.app.listens() {
+        if !self.app.wants(event.sensor) {
             return self.app.tick(event.capture_time_ns);
         }
         match event.sensor {

@@ -284,9 +284,12 @@ impl<P: DerefMut<Target = Path>> App<P> {
 
     /// Tells whose samples are wanted: of load cell, IMU and second IMU.
     pub fn wanted(&self) -> [bool; 3] {
-        let [load_cell, imu, second, _] = self.duty.sensors;
-        let listens = self.listens();
-        [load_cell, imu, second].map(|used| used && listens)
+        [Sensor::LoadCell, Sensor::Imu, Sensor::SecondImu].map(|sensor| self.wants(sensor))
+    }
+
+    /// Returns whether samples of this sensor are wanted. Another one may not even have been set up.
+    pub fn wants(&self, sensor: Sensor) -> bool {
+        self.listens() && self.duty.sensors.get(sensor as usize).is_some_and(|used| *used)
     }
 
     /// Moves the clock and does what time alone asks for. Time never runs backwards.
