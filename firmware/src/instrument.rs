@@ -83,6 +83,11 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
         self.app.on_lost(sensor, count);
     }
 
+    /// Notes that the board can change the rate of its line, up to this one, baud.
+    pub fn line_goes_up_to(&mut self, baud: u32) {
+        self.app.line_goes_up_to(baud);
+    }
+
     /// Counts times that the board had no room for bytes from the host.
     pub fn on_overruns(&mut self, count: u32) {
         self.app.on_overruns(count);

@@ -36,7 +36,11 @@ impl<P: DerefMut<Target = Path>> App<P> {
         }
         // The frame borrows the decoder, the application is needed to obey: take it out for the while.
         let mut decoder = core::mem::take(&mut self.decoder);
-        let rates = match decoder.push(byte) {
+        let frame = decoder.push(byte);
+        if matches!(frame, Some(Ok(_))) {
+            self.line_heard();
+        }
+        let rates = match frame {
             None => None,
             Some(Ok(frame)) if frame.kind == Kind::Command => {
                 self.on_command(frame.sequence, frame.payload, frame.message())
@@ -229,7 +233,10 @@ impl<P: DerefMut<Target = Path>> App<P> {
                 }
             }
             Command::Heartbeat => Ok(Reply::Done),
-            Command::WatchLink { .. } if cfg!(not(feature = "watch")) => Err(ErrorCode::NotBuiltIn),
+            Command::WatchLink { .. } | Command::LineRate { .. } if cfg!(not(feature = "watch")) => {
+                Err(ErrorCode::NotBuiltIn)
+            }
+            Command::LineRate { baud } => self.set_line_rate(*baud),
             Command::WatchLink { link, settings } => {
                 let StateName::Configured = self.state else { return wrong_state };
                 self.watch_link(*link, settings)

@@ -15,6 +15,7 @@
 mod commands;
 #[cfg(feature = "storage")]
 mod kept;
+mod line;
 mod reports;
 mod samples;
 mod stream;
@@ -211,6 +212,7 @@ pub struct App<P> {
     path: P,
     duty: Duty,
     link: Link,
+    line: line::Line,
     decoder: Decoder,
     pending: Option<PendingConfigure>,
     greeted: bool,
@@ -246,6 +248,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
             path,
             duty: Duty::default(),
             link: Link::new(),
+            line: line::Line::default(),
             decoder: Decoder::new(),
             pending: None,
             greeted: false,
@@ -318,6 +321,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
         self.now_ns = self.now_ns.max(now_ns);
         if self.now_ns >= self.next_look_ns {
             self.next_look_ns = self.now_ns.saturating_add(LOOK_EVERY_NS);
+            self.look_at_line();
             self.look_for_silence();
         }
     }

@@ -10,6 +10,7 @@ use rigident_shared::wire::{
     StateName, StopLimit, StopRule, Telemetry, TelemetrySettings, encode,
 };
 
+mod line;
 mod stream;
 
 fn settings(source: Source) -> Settings {

@@ -94,7 +94,7 @@ impl Host {
         host
     }
 
-    fn configured(&mut self) {
+    pub(super) fn configured(&mut self) {
         assert_eq!(self.ask(&Command::Configure(robot())), Ok(Reply::Done));
         let body = [MASS_KG, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         for (k, parameters) in [body, [0.0; 10]].into_iter().enumerate() {

@@ -10,12 +10,13 @@ use super::options::microcontroller::Image;
 use super::outcome::say;
 use super::watch_arguments::Watch;
 use super::{ExitStatus, Failure, Stages, recorded, simulated};
-use crate::device::link::{Client, LinkError, SerialTransport, Transport};
+use crate::device::link::{BAUD, Client, LinkError, SerialTransport, Transport};
 use crate::device::session::streamed::{Pace, Watched, line_need};
 use crate::device::session::tree::complaints;
 use crate::device::session::watched::{WatchOptions, WatchedRobot};
 use crate::device::session::{Session, SessionError};
 use crate::problem::ProblemOptions;
+use crate::problem::tree::Input;
 use crate::problem::tree::prepare::prepare;
 use crate::recording::Recording;
 
@@ -72,9 +73,8 @@ pub(super) fn run(arguments: &Watch) -> Result<ExitCode, Failure> {
         tell!("rigident: {note}");
     }
     stages.at("frames to the firmware", 0.0);
-    let rate_hz = prepared.input.rate_hz;
-    let start_s = prepared.input.frames.first().map_or(0.0, |frame| frame.time_ns as f64 * 1e-9);
-    let (transport, pace) = device(&arguments.mcu, &robot, rate_hz)?;
+    let (rate_hz, start_s) = (prepared.input.rate_hz, start_s(&prepared.input));
+    let (transport, pace) = device(arguments, &robot, rate_hz)?;
     let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
     let mut told = |change: &ChangeReport| {
         if !arguments.json {
@@ -83,48 +83,74 @@ pub(super) fn run(arguments: &Watch) -> Result<ExitCode, Failure> {
     };
     let watched = session.watch_robot(&robot, pace, &mut told).map_err(refused)?;
     drop(stages);
-    let names: Vec<String> = prepared.input.model.links.iter().map(|link| link.name.clone()).collect();
+    concluded(arguments, &watched, &robot, &prepared.input)
+}
+
+/// Says what is to be said at the end of a watch.
+fn concluded(
+    arguments: &Watch,
+    watched: &Watched,
+    robot: &WatchedRobot,
+    input: &Input,
+) -> Result<ExitCode, Failure> {
+    let names: Vec<String> = input.model.links.iter().map(|link| link.name.clone()).collect();
     // What was lost on the way is missing in the series, too.
     let mut frames = watched.counters.frames;
     frames.missing = frames.missing.saturating_sub(watched.counters.watch.stream.lost);
     let mut complaints = complaints(&frames, &names);
-    complaints.extend(of_the_link(&watched));
-    let blind = blind(&watched);
+    complaints.extend(of_the_link(watched));
+    let blind = blind(watched);
     let fine = watched.counters.watch.settled && !watched.interrupted && blind.is_none();
     complaints.extend(blind);
     for complaint in &complaints {
         tell!("rigident: {complaint}");
     }
     if arguments.json {
-        say(object(&watched, &arguments.link, &complaints, start_s, rate_hz));
+        say(object(watched, &arguments.link, &complaints, start_s(input), input.rate_hz));
     } else if watched.broken.is_none() {
-        say(summary(&watched, &arguments.link, rate_hz));
+        say(summary(watched, &arguments.link, input.rate_hz));
     }
-    if let Some(broken) = &watched.broken {
-        return Err(ended(&watched, broken, robot.frames.len()));
+    match &watched.broken {
+        Some(broken) => Err(ended(watched, broken, robot.frames.len())),
+        None => Ok(ExitStatus::of(fine).into()),
     }
-    Ok(ExitStatus::of(fine).into())
+}
+
+/// Time of the first frame, s.
+fn start_s(input: &Input) -> f64 {
+    input.frames.first().map_or(0.0, |frame| frame.time_ns as f64 * 1e-9)
 }
 
 /// Opens the firmware that watches: a simulated one takes frames as fast as it can, one on a port when they are due.
 ///
 /// # Errors
 /// No such device, or a line that is too slow for the robot's frames.
-fn device(mcu: &str, robot: &WatchedRobot, rate_hz: f64) -> Result<(Box<dyn Transport>, Pace), Failure> {
+fn device(
+    arguments: &Watch,
+    robot: &WatchedRobot,
+    rate_hz: f64,
+) -> Result<(Box<dyn Transport>, Pace), Failure> {
+    let (mcu, asked) = (&arguments.mcu, arguments.baud);
     if let Some((_, transport)) = simulated::named(mcu, Image::Watch)? {
+        if let Some(baud) = asked {
+            return Err(Failure::input(format!(
+                "--baud {baud}: {mcu} has no line with a rate; leave it out"
+            )));
+        }
         return Ok((transport, Pace::AsTaken));
     }
     let port = SerialTransport::open(mcu).map_err(Failure::link)?;
     let need = line_need(&robot.frames, rate_hz);
-    if let Some(baud) = port.baud().filter(|baud| need > LINE_SHARE * f64::from(*baud)) {
+    let baud = asked.unwrap_or(BAUD);
+    if port.has_rate() && need > LINE_SHARE * f64::from(baud) {
         return Err(Failure::input(format!(
             "{mcu}: {rate_hz:.0} frames a second of {} links and {} sensors of forces are {need:.0} baud, and the line carries {baud}, of which a twentieth is for \
-             the rest: record fewer frames a second (60 at least), or weld links that do not move in the model",
+             the rest: give it a higher rate (--baud, up to 3000000), record fewer frames a second (60 at least), or weld links that do not move",
             robot.links.len(),
             robot.feet(),
         )));
     }
-    Ok((Box::new(port), Pace::RealTime(rate_hz)))
+    Ok((Box::new(port), Pace::RealTime { rate_hz, baud: asked }))
 }
 
 /// What became of frames on the way.
@@ -176,6 +202,9 @@ fn refused(error: SessionError) -> Failure {
         }
         SessionError::Link(LinkError::Refused { code: ErrorCode::BadSetting(name), .. }) => {
             Failure::input(match name {
+                SettingName::LineRate => {
+                    "--baud: the device's line does not go up to that rate; take a lower one".to_owned()
+                }
                 SettingName::Link(link) => {
                     format!("the firmware does not take link {link} of the model: a number is none")
                 }

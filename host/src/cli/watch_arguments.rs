@@ -27,6 +27,9 @@ pub struct Watch {
     /// inproc, qemu, or the port of a device
     #[arg(long, default_value = "inproc", value_name = "inproc|qemu|PORT")]
     pub mcu: String,
+    /// Rate of the line to a device on a port while it watches, up to 3000000, baud. Default: 921600
+    #[arg(long, value_name = "BAUD", value_parser = clap::value_parser!(u32).range(115_200..=3_000_000))]
+    pub baud: Option<u32>,
     /// Rig file. Default: NAME.rig.toml beside the recording
     #[arg(long, value_name = "FILE")]
     pub rig: Option<PathBuf>,

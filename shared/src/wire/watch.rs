@@ -61,8 +61,8 @@ pub struct WatchLinkSettings {
 /// Returns whether the payload of a command tells of a robot to watch. Firmware without the feature `watch` does not know these commands, and
 /// asks this to say so.
 pub fn asks_to_watch(payload: &[u8]) -> bool {
-    // Configure, its rate, its source, and the model; WatchLink.
-    matches!(payload, [1, _, _, _, _, _, 4, ..] | [13, ..])
+    // Configure, its rate, its source, and the model; WatchLink; LineRate.
+    matches!(payload, [1, _, _, _, _, _, 4, ..] | [13 | 14, ..])
 }
 
 /// Tells how a joint of one freedom moves.

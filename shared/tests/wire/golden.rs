@@ -149,7 +149,7 @@ fn commands_of_the_watch_are_known_by_their_bytes() {
             asked.push(name);
         }
     }
-    assert_eq!(asked, ["command_configure_watch", "command_watch_link"]);
+    assert_eq!(asked, ["command_configure_watch", "command_watch_link", "command_line_rate"]);
 }
 
 /// COBS undone as its definition says: a code byte n is n − 1 bytes and, unless n is 255, a zero.

@@ -283,6 +283,7 @@ pub fn samples() -> Vec<(&'static str, Message)> {
         ("command_configure_suspended_tree", command(Command::Configure(suspended_tree()))),
         ("command_configure_watch", command(Command::Configure(watch()))),
         ("command_watch_link", command(Command::WatchLink { link: 17, settings: watch_link() })),
+        ("command_line_rate", command(Command::LineRate { baud: 2_000_000 })),
         ("command_start", command(Command::Start)),
         ("command_hold", command(Command::Hold)),
         ("command_reset", command(Command::Reset)),

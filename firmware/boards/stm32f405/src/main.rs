@@ -55,11 +55,13 @@ fn main() -> ! {
         frames: Absent,
     });
     instrument.booted(reset, clocks.source);
+    instrument.line_goes_up_to(usart::fastest(&clocks));
     #[cfg(feature = "storage")]
     let mut store = singleton!(: Option<Store<Flash>> = flash::store()).and_then(Option::as_mut);
     let mut time = Time::new();
     let mut listening = [false; 3];
     let mut overruns = 0;
+    let mut baud = usart::BAUD;
     let mut chunk = [0; 64];
     loop {
         watchdog::feed();
@@ -94,6 +96,10 @@ fn main() -> ! {
         instrument.on_overruns(QUEUES.newly_overrun(&mut overruns));
         instrument.tick(time.now_ns());
         send(instrument, &mut chunk);
+        let rate = instrument.app().line_rate().unwrap_or(usart::BAUD);
+        if rate != baud && instrument.tx_pending() == 0 && usart::change_rate(&clocks, rate) {
+            baud = rate;
+        }
         if idle {
             QUEUES.wait();
         }

@@ -181,6 +181,27 @@ impl Client {
         answered
     }
 
+    /// Asks whether the device is there, giving up after `attempts` questions of 0.7 s each.
+    ///
+    /// # Errors
+    /// The link, or silence.
+    pub fn is_there(&mut self, attempts: u32) -> Result<(), LinkError> {
+        self.attempts = attempts;
+        let answered = self.ask("are you there", &Command::Heartbeat);
+        self.attempts = ATTEMPTS;
+        answered.map(drop)
+    }
+
+    /// Changes the rate of this end of the line, baud.
+    ///
+    /// # Errors
+    /// The line has no rate, or not this one.
+    pub fn set_baud(&mut self, baud: u32) -> Result<(), LinkError> {
+        self.transport.set_baud(baud)?;
+        // Ends what the change looks like in the device's buffer.
+        Ok(self.transport.write(&[0])?)
+    }
+
     /// Sends a command and waits for its answer, repeating it if need be. `name` is for messages.
     ///
     /// # Errors

@@ -8,18 +8,20 @@ use std::time::{Duration, Instant};
 
 use rigident_shared::wire::frame::MAX_FRAME;
 use rigident_shared::wire::{
-    ChangeReport, Command, CounterReport, ErrorCode, Kind, Reason, Reply, SensorFault, StateName, Telemetry,
-    encode_payload,
+    ChangeReport, Command, CounterReport, ErrorCode, Kind, LINE_RATE_MS, Reason, Reply, SensorFault,
+    StateName, Telemetry, encode_payload,
 };
 
 use super::watched::{NumberedFrame, WatchedRobot};
 use super::{INTERRUPTED, Session, SessionError};
-use crate::device::link::LinkError;
+use crate::device::link::{BAUD, LinkError};
 
 /// Frames that are under way before the device is asked what it has taken.
 const WINDOW: usize = 8;
 /// A byte on the line, in bits: with start and stop.
 const BYTE_BITS: f64 = 10.0;
+/// So long after an answer the device has another rate.
+const RATE_CHANGES: Duration = Duration::from_millis(50);
 /// For messages.
 const COUNTERS: &str = "read the counters";
 
@@ -28,8 +30,13 @@ const COUNTERS: &str = "read the counters";
 pub enum Pace {
     /// As fast as they are taken.
     AsTaken,
-    /// Each at its time: so many a second.
-    RealTime(f64),
+    /// Each at its time.
+    RealTime {
+        /// Frames per second.
+        rate_hz: f64,
+        /// Rate of the line meanwhile, baud; `None`: as it is.
+        baud: Option<u32>,
+    },
 }
 
 /// Returns the bits a second that the line must carry for these frames, so many a second at most.
@@ -78,13 +85,33 @@ impl Session {
             let command = Command::WatchLink { link: i as u8, settings: *link };
             self.client().ask("tell a link", &command)?;
         }
+        let baud = if let Pace::RealTime { baud, .. } = pace { baud } else { None };
+        if let Some(baud) = baud {
+            self.quicken(baud)?;
+        }
         self.start()?;
         let mut watched = Watched::default();
         let outcome = self
             .stream(&robot.frames, pace, &mut watched, told)
-            .and_then(|()| self.conclude_watch(&mut watched, told));
+            .and_then(|()| self.conclude_watch(baud.is_some(), &mut watched, told));
         watched.broken = outcome.err();
         Ok(watched)
+    }
+
+    /// Gives both ends of the line another rate, and both the old one again where they do not understand each other.
+    fn quicken(&mut self, baud: u32) -> Result<(), SessionError> {
+        // Twice, before the device goes back by itself.
+        const ATTEMPTS: u32 = 2;
+        self.client().ask("change the rate of the line", &Command::LineRate { baud })?;
+        std::thread::sleep(RATE_CHANGES);
+        let refused = |_| SessionError::Line(baud, "this computer's port does not do that rate");
+        self.client().set_baud(baud).map_err(refused)?;
+        if self.client().is_there(ATTEMPTS).is_err() {
+            self.client().set_baud(BAUD)?;
+            std::thread::sleep(Duration::from_millis(u64::from(LINE_RATE_MS)));
+            return Err(SessionError::Line(baud, "at that rate the two ends do not understand each other"));
+        }
+        Ok(())
     }
 
     fn stream(
@@ -97,7 +124,7 @@ impl Session {
         let begun = Instant::now();
         for (k, frame) in frames.iter().enumerate() {
             match pace {
-                Pace::RealTime(rate_hz) => {
+                Pace::RealTime { rate_hz, .. } => {
                     self.wait_until(begun + Duration::from_secs_f64(f64::from(frame.number) / rate_hz))?;
                 }
                 Pace::AsTaken if k % WINDOW == 0 => self.read_counters(watched)?,
@@ -136,6 +163,7 @@ impl Session {
     /// Ends the watch before the device misses frames, and asks what became of them.
     fn conclude_watch(
         &mut self,
+        quick: bool,
         watched: &mut Watched,
         told: &mut dyn FnMut(&ChangeReport),
     ) -> Result<(), SessionError> {
@@ -143,6 +171,11 @@ impl Session {
             // It has missed them, having waited for this in vain.
             Ok(_) | Err(LinkError::Refused { code: ErrorCode::WrongState(StateName::Fault), .. }) => {}
             Err(error) => return Err(error.into()),
+        }
+        if quick {
+            // A device that holds takes its line back.
+            std::thread::sleep(RATE_CHANGES);
+            self.client().set_baud(BAUD)?;
         }
         self.read_counters(watched)?;
         self.hear(watched, told).or_else(|error| match error {

@@ -4,12 +4,13 @@ use std::io;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use rigident_shared::wire::{Decoder, Kind};
+use rigident_shared::wire::frame::MAX_FRAME;
+use rigident_shared::wire::{Answer, Command, Decoder, ErrorCode, Kind, Reply, SettingName, encode};
 use rigident_sim::rig::{Rig, RigConfig};
 use rigident_sim::runner::{InProcess, Mcu, Pacing};
 
 use super::*;
-use crate::device::link::{Client, LinkError, Transport};
+use crate::device::link::{BAUD, Client, LinkError, Transport};
 use crate::device::session::streamed::{Pace, Watched};
 use crate::device::session::watched::NumberedFrame;
 use crate::device::session::{Session, SessionError};
@@ -147,22 +148,28 @@ fn a_port_that_vanishes_ends_the_watch_and_leaves_what_was_found() {
     assert_eq!((watched.sent, watched.lost(), watched.changes.len()), (7100, 0, 2));
 }
 
-/// Frames are sent when they are due, by firmware whose clock is the wall's.
 #[test]
 fn in_real_time_frames_go_out_when_they_are_due() {
     let mut robot = short();
-    // After a second a gap of half the time after which the firmware misses them.
     robot.frames.truncate(800);
     robot.frames.drain(500..560);
-    let mut session = Session::open(Client::new(Box::new(Line::to(in_process(Pacing::RealTime))))).unwrap();
+    let mut session = Session::open(Client::new(Box::new(Line::to(in_process(Pacing::LockStep))))).unwrap();
     let begun = Instant::now();
-    let watched = session.watch_robot(&robot, Pace::RealTime(RATE_HZ), &mut |_| ()).unwrap();
+    let pace = Pace::RealTime { rate_hz: RATE_HZ, baud: None };
+    let watched = session.watch_robot(&robot, pace, &mut |_| ()).unwrap();
     let took_s = begun.elapsed().as_secs_f64();
     assert!(watched.broken.is_none() && took_s >= 799.0 / RATE_HZ, "{:?} {took_s}", watched.broken);
-    assert_eq!(
-        (watched.lost(), watched.counters.frames.absorbed, watched.counters.frames.missing),
-        (0, 740, 60)
-    );
+    let frames = watched.counters.frames;
+    assert_eq!((watched.lost(), frames.absorbed, frames.missing), (0, 740, 60));
+}
+
+/// A load cell and an IMU that signal samples all the time have not been set up for a watch, which would be faults.
+#[test]
+fn sensors_that_a_watch_does_not_need_are_left_alone() {
+    let robot = short();
+    let watched = watched(&robot, Line::to(in_process(Pacing::RealTime)));
+    assert!(watched.broken.is_none(), "{:?}", watched.broken);
+    assert_eq!((watched.lost(), watched.changes.len()), (0, 2));
 }
 
 /// Of the frames that were sent this many are in the hands of nobody at a time.
@@ -219,11 +226,77 @@ fn the_emulated_board_tells_the_same_to_the_bit() {
 #[test]
 #[ignore = "needs the emulated board"]
 fn on_the_emulated_board_the_standard_image_refuses_a_robot_to_watch() {
-    use rigident_shared::wire::ErrorCode;
     let robot = short();
     let line = Line::to(emulated(rigident_sim::runner::firmware_elf()));
     let mut session = Session::open(Client::new(Box::new(line))).unwrap();
     let refused = session.configure(&robot.settings).unwrap_err();
     let LinkError::Refused { code, .. } = refused else { panic!("{refused}") };
     assert_eq!(code, ErrorCode::NotBuiltIn);
+}
+
+/// A line whose device says that it changes its rate, and is then not understood at that one.
+struct OtherRate {
+    line: Line,
+    decoder: Decoder,
+    answer: Vec<u8>,
+    rates: Arc<Mutex<Vec<u32>>>,
+}
+
+impl Transport for OtherRate {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        for byte in bytes {
+            let Some(Ok(frame)) = self.decoder.push(*byte) else { continue };
+            if let Ok(Command::LineRate { .. }) = frame.message() {
+                let mut line = [0; MAX_FRAME];
+                let done: Answer = Ok(Reply::Done);
+                let length = encode(Kind::Answer, frame.sequence, &done, &mut line).unwrap();
+                self.answer = line[..length].to_vec();
+                return Ok(());
+            }
+        }
+        let understood = self.rates.lock().unwrap().last().is_none_or(|rate| *rate == BAUD);
+        if understood { self.line.write(bytes) } else { Ok(()) }
+    }
+
+    fn read(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
+        if self.answer.is_empty() {
+            return self.line.read(buffer, timeout);
+        }
+        let answer = std::mem::take(&mut self.answer);
+        buffer[..answer.len()].copy_from_slice(&answer);
+        Ok(answer.len())
+    }
+
+    fn set_baud(&mut self, baud: u32) -> io::Result<()> {
+        self.rates.lock().unwrap().push(baud);
+        Ok(())
+    }
+}
+
+#[test]
+fn a_rate_at_which_nothing_is_understood_is_told_and_taken_back() {
+    let mut robot = short();
+    robot.frames.truncate(10);
+    let rates = Arc::new(Mutex::new(Vec::new()));
+    let line = OtherRate {
+        line: Line::to(in_process(Pacing::LockStep)),
+        decoder: Decoder::new(),
+        answer: Vec::new(),
+        rates: Arc::clone(&rates),
+    };
+    let mut session = Session::open(Client::new(Box::new(line))).unwrap();
+    let pace = Pace::RealTime { rate_hz: RATE_HZ, baud: Some(2_000_000) };
+    let refused = session.watch_robot(&robot, pace, &mut |_| ()).unwrap_err();
+    assert!(matches!(refused, SessionError::Line(2_000_000, _)), "{refused}");
+    assert_eq!(*rates.lock().unwrap(), [2_000_000, BAUD]);
+    session.client().is_there(1).unwrap();
+}
+
+#[test]
+fn firmware_whose_line_has_one_rate_refuses_another() {
+    let mut session = Session::open(Client::new(Box::new(Line::to(in_process(Pacing::LockStep))))).unwrap();
+    let pace = Pace::RealTime { rate_hz: RATE_HZ, baud: Some(2_000_000) };
+    let refused = session.watch_robot(&short(), pace, &mut |_| ()).unwrap_err();
+    let SessionError::Link(LinkError::Refused { code, .. }) = refused else { panic!("{refused}") };
+    assert_eq!(code, ErrorCode::BadSetting(SettingName::LineRate));
 }
