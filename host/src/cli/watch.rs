@@ -34,8 +34,8 @@ const PARAMETERS: [(&str, &str); 10] = [
     ("Ixy", "kg m²"),
 ];
 /// What to do about an image without the feature.
-const WITHOUT_WATCH: &str = "this device runs an image without the feature `watch`, as the standard one is: build the other with `cargo xtask \
-                             firmware --features watch`, which prints where it lies, and start that";
+const WITHOUT_WATCH: &str = "this device runs an image without the feature `watch`, as the standard one is: `cargo xtask flash --features watch` puts the \
+                             other onto a board, and `cargo xtask firmware` builds that of the emulated board beside the standard one";
 /// Beyond so many times the limit of noise a change must be three times as large, which is told.
 const BLIND: u32 = 10;
 /// Of the line's rate frames may take so much.
