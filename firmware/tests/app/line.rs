@@ -39,8 +39,12 @@ fn the_rate_goes_back_when_the_watch_ends_however_it_does() {
     let ends: [fn(&mut Host); 4] = [
         |host| assert_eq!(host.ask(&Command::Hold), Ok(Reply::Done)),
         |host| assert_eq!(host.ask(&Command::Reset), Ok(Reply::Done)),
-        // No frames come: a fault.
-        |host| host.app.tick(300_000_000),
+        // No frames come, whatever else does: a fault.
+        |host| {
+            assert_eq!(host.ask_at(&Command::Heartbeat, LONG_NS), Ok(Reply::Done));
+            host.app.tick(LONG_NS + 10_000_000);
+            assert_eq!(host.app.state().0, StateName::Fault);
+        },
         |host| host.app.tick(LONG_NS + 10_000_000),
     ];
     for end in ends {

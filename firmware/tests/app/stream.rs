@@ -272,9 +272,9 @@ fn frames_of_another_robot_and_numbers_that_are_none_are_left_out() {
 fn frames_that_cease_are_a_fault() {
     let mut host = Host::watches();
     (0..20).for_each(|number| host.frame(number));
-    host.app.tick(at_ns(19) + 240_000_000);
+    host.app.tick(at_ns(19) + 990_000_000);
     assert_eq!(host.app.state().0, StateName::Running);
-    host.app.tick(at_ns(19) + 260_000_000);
+    host.app.tick(at_ns(19) + 1_010_000_000);
     assert_eq!(host.app.state(), (StateName::Fault, Reason::Frames(SensorFault::Silent)));
 }
 
