@@ -80,8 +80,6 @@ pub fn frame_path(path: &mut FramePath, frame: &AnyFrame<'_>) -> Option<Result<(
     let outcome = match frame {
         AnyFrame::Imu(frame) => with_imu(path, frame),
         AnyFrame::Tracked(frame) => tracked(path, frame),
-        // Of another path.
-        AnyFrame::Watch(_) => return None,
     };
     path.stop_rule_met = path.estimator.look();
     Some(outcome)

@@ -83,6 +83,16 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
         self.app.on_lost(sensor, count);
     }
 
+    /// Notes that the board can change the rate of its line, up to this one, baud.
+    pub fn line_goes_up_to(&mut self, baud: u32) {
+        self.app.line_goes_up_to(baud);
+    }
+
+    /// Counts times that the board had no room for bytes from the host.
+    pub fn on_overruns(&mut self, count: u32) {
+        self.app.on_overruns(count);
+    }
+
     /// Takes bytes from the host. Brings the sensors up when told to, which may take some tens of milliseconds.
     // In the frame of a board's main loop, whose room it shares: by itself it takes 8 kB of stack.
     #[inline(always)]
@@ -112,10 +122,10 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
         })
     }
 
-    /// Reads the sample that a sensor has signalled, and does everything that follows from it. While no samples
-    /// are wanted the sensors, which may not be set up, are left alone.
+    /// Reads the sample that a sensor has signalled, and does everything that follows from it. A sensor whose samples are not
+    /// wanted, and which may not be set up, is left alone.
     pub fn on_event(&mut self, event: Event) {
-        if !self.app.listens() {
+        if !self.app.wants(event.sensor) {
             return self.app.tick(event.capture_time_ns);
         }
         match event.sensor {

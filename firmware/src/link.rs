@@ -8,7 +8,7 @@ use rigident_shared::wire::{Answer, ErrorCode, Kind, Telemetry, encode};
 /// Room for answers: two of the longest.
 const ANSWERS: usize = 2 * MAX_FRAME;
 /// Room for telemetry.
-const TELEMETRY: usize = 8192;
+const TELEMETRY: usize = 8064;
 
 const CRC32: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 

@@ -5,7 +5,7 @@
 use rigident_shared::estimator::watch::{
     Change, WATCH_FEET, WATCH_LINKS, Watch, WatchConfig, WatchError, WatchFoot, WatchFrame, WatchLink,
 };
-use rigident_shared::wire::{ChangeReport, ChangeSize, MAX_WATCH_FEET, MAX_WATCHED_LINKS, tree_frame};
+use rigident_shared::wire::{ChangeReport, ChangeSize, MAX_WATCH_FEET, MAX_WATCHED_LINKS, watch_frame};
 
 use crate::Path;
 use crate::place::{HasVariant, begin};
@@ -66,20 +66,20 @@ impl WatchPath {
 // SAFETY: the name is this function's own; no other symbol of the program has it.
 #[unsafe(export_name = "rigident_watch_path")]
 #[inline(never)]
-pub fn watch_path(path: &mut WatchPath, frame: &tree_frame::WatchFrame<'_>) -> Option<ChangeReport> {
+pub fn watch_path(path: &mut WatchPath, frame: &watch_frame::WatchFrame<'_>) -> Option<ChangeReport> {
     if !path.absorbing {
         return None;
     }
     let mut joints = [[0.0; 2]; WATCH_LINKS];
     let mut count = 0;
-    for (slot, joint) in joints.iter_mut().zip(frame.links()) {
+    for (slot, joint) in joints.iter_mut().zip(frame.joints()) {
         *slot = joint;
         count += 1;
     }
-    let [ax, ay, az, wx, wy, wz, wrenches @ ..] = frame.base;
+    let [ax, ay, az, wx, wy, wz] = frame.imu;
     let mut feet = [[0.0; 6]; WATCH_FEET];
-    for (slot, wrench) in feet.iter_mut().zip(wrenches.as_chunks::<6>().0) {
-        *slot = *wrench;
+    for (slot, wrench) in feet.iter_mut().zip(frame.feet()) {
+        *slot = wrench;
     }
     let found = path.watch.absorb(&WatchFrame {
         number: frame.number,

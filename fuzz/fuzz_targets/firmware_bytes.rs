@@ -1,27 +1,13 @@
 //! Any host at the other end of the firmware's serial line, with any samples and any clock.
 //!
 //! The input is read as steps. Random bytes would hardly ever carry a right check, so one kind of step puts its
-//! bytes as a payload into a frame that does.
+//! bytes as a payload into a frame that does: of a command, or one of a robot that is watched.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
 use rigident_firmware::drivers::frames::{AnyFrame, FrameKind};
 use rigident_firmware::{App, BringUpError, Path, Sensor};
-use rigident_shared::wire::{Answer, Decoder, Kind, SensorFault, SettingName, Telemetry, encode};
-use serde::ser::{Serialize, SerializeTuple, Serializer};
-
-/// Bytes that postcard writes as they are.
-struct Payload<'a>(&'a [u8]);
-
-impl Serialize for Payload<'_> {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut tuple = serializer.serialize_tuple(self.0.len())?;
-        for byte in self.0 {
-            tuple.serialize_element(byte)?;
-        }
-        tuple.end()
-    }
-}
+use rigident_shared::wire::{Answer, Decoder, Kind, SensorFault, SettingName, Telemetry, encode_payload};
 
 fuzz_target!(|bytes: &[u8]| {
     let mut app = App::new("fuzz", Box::<Path>::default());
@@ -37,7 +23,8 @@ fuzz_target!(|bytes: &[u8]| {
             1 | 2 => {
                 let mut line = [0; 1100];
                 let sequence = u16::from(step / 6);
-                let used = encode(Kind::Command, sequence, &Payload(taken), &mut line).expect("it is short");
+                let kind = if step & 128 == 0 { Kind::Command } else { Kind::Stream };
+                let used = encode_payload(kind, sequence, taken, &mut line).expect("it is short");
                 receive(&mut app, &line[..used], now_ns, step & 64 == 0);
             }
             3 if step & 128 != 0 => {
@@ -64,6 +51,7 @@ fuzz_target!(|bytes: &[u8]| {
                 now_ns = now_ns.saturating_add(u64::from(length) << (step / 6));
                 if length == 0 {
                     app.on_sensor_error(Sensor::LoadCell, SensorFault::Check);
+                    app.on_overruns(u32::from(*step));
                 }
                 app.tick(now_ns);
             }
@@ -102,7 +90,7 @@ fn drain(app: &mut App<Box<Path>>, host: &mut Decoder, at_most: usize) {
             match frame.kind {
                 Kind::Answer => assert!(frame.message::<Answer>().is_ok()),
                 Kind::Telemetry => assert!(frame.message::<Telemetry>().is_ok()),
-                Kind::Command => panic!("the firmware commands the host"),
+                Kind::Command | Kind::Stream => panic!("the firmware commands the host"),
             }
         }
     }

@@ -8,7 +8,7 @@ use anyhow::{Context, Result, bail};
 
 use crate::elf::graph::{self, Graph};
 use crate::elf::program::{Function, Program};
-use crate::firmware::{self, Board};
+use crate::firmware::{self, Board, WATCH};
 use crate::process::Steps;
 use crate::toolchain::{self, Core};
 
@@ -47,6 +47,9 @@ pub fn run_steps(steps: &mut Steps, core: Core) {
     steps.run("check-elf, STM32F405", || {
         // Frames of trees have no way into it.
         check_paths(&firmware::build_for(Board::F405, core, &[])?, &PATHS[..1])
+    });
+    steps.run("check-elf, STM32F405 with the watch", || {
+        check_paths(&firmware::build_for(Board::F405, core, &[WATCH])?, &[PATHS[0], PATHS[2]])
     });
     steps.run("check-elf finds planted double precision", || {
         let program = Program::read(&firmware::build(core, &["plant-double"])?)?;

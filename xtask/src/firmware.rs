@@ -56,11 +56,14 @@ pub struct Options {
     pub features: Vec<String>,
 }
 
-/// Builds and prints the path on standard output. Of the emulated board without features both images are built, and the standard one's path is printed.
+/// Builds and prints the path on standard output. Of the emulated board and the STM32F405 without features both images are built, and the standard one's path is printed.
 pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     let core = toolchain::choose(core)?;
     if options.board == Board::Emulated && options.features.is_empty() {
         build_watch(core)?;
+    }
+    if options.board == Board::F405 && options.features.is_empty() {
+        build_for(Board::F405, core, &[WATCH])?;
     }
     let features: Vec<&str> = options.features.iter().map(String::as_str).collect();
     println!("{}", build_for(options.board, core, &features)?.display());
@@ -68,7 +71,7 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
 }
 
 /// Builds a board's image. Without features those of the emulated board and of the STM32F405 also go where tests look for
-/// them.
+/// them, and with the watch alone the latter's.
 pub fn build_for(board: Board, core: Core, features: &[&str]) -> Result<PathBuf> {
     if board == Board::Emulated {
         return build(core, features);
@@ -83,6 +86,8 @@ pub fn build_for(board: Board, core: Core, features: &[&str]) -> Result<PathBuf>
     let elf = build_in(core, (STM32, TARGET), STM32_FIRMWARE, &features)?;
     if features.is_empty() {
         copy(&elf, &places::stm32_elf())?;
+    } else if board == Board::F405 && features == [WATCH] {
+        copy(&elf, &places::stm32_watch_elf())?;
     }
     Ok(elf)
 }

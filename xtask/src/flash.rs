@@ -42,6 +42,9 @@ pub struct Options {
     /// Onto which board.
     #[arg(long, value_enum, default_value = "stm32f405")]
     board: Board,
+    /// Features of the board crate, separated by commas: `watch` for the image that watches robots.
+    #[arg(long, value_delimiter = ',')]
+    features: Vec<String>,
     /// Over USB by the chip's own loader, without a debug probe.
     #[arg(long)]
     dfu: bool,
@@ -82,7 +85,11 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
         );
     };
     if options.dry_run {
-        println!("cargo xtask firmware --board {}   # tells where IMAGE is", chip.name.to_lowercase());
+        let mut build = format!("cargo xtask firmware --board {}", chip.name.to_lowercase());
+        if !options.features.is_empty() {
+            build += &format!(" --features {}", options.features.join(","));
+        }
+        println!("{build}   # tells where IMAGE is");
         let image = Path::new("IMAGE");
         let commands =
             if options.dfu { vec![dfu(&image.with_extension("bin"))] } else { probe(chip, image).to_vec() };
@@ -95,7 +102,8 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     } else {
         probe_is_here(chip)?
     }
-    let elf = firmware::build_for(chip.board, toolchain::choose(core)?, &[])?;
+    let features: Vec<&str> = options.features.iter().map(String::as_str).collect();
+    let elf = firmware::build_for(chip.board, toolchain::choose(core)?, &features)?;
     if options.dfu {
         let image = elf.with_extension("bin");
         std::fs::write(&image, flat(&elf)?).with_context(|| format!("cannot write {}", image.display()))?;

@@ -46,6 +46,11 @@ pub fn stm32_elf() -> PathBuf {
     binary(STM32, TARGET, STM32_FIRMWARE)
 }
 
+/// Returns where tests look for the one that watches robots: beside it.
+pub fn stm32_watch_elf() -> PathBuf {
+    stm32_elf().with_file_name(format!("{STM32_FIRMWARE}-watch"))
+}
+
 /// Where the simulator looks for the firmware when it is not told.
 pub fn firmware_elf() -> PathBuf {
     binary(BOARD, TARGET, FIRMWARE)

@@ -10,7 +10,7 @@ use crate::check_elf::is_panic;
 use crate::elf::graph::Graph;
 use crate::elf::program::Program;
 use crate::elf::stack::{self, Depth};
-use crate::firmware::{self, Board};
+use crate::firmware::{self, Board, WATCH};
 use crate::places;
 use crate::toolchain::{self, Core};
 
@@ -47,22 +47,25 @@ struct Images {
     stm32f405: Sizes,
     /// The emulated board's with the feature `watch`.
     watch: Sizes,
+    /// The STM32F405's with the feature `watch`.
+    stm32f405_watch: Sizes,
 }
 
 impl Images {
     /// Each with its name.
-    fn named(&self) -> [(&'static str, Sizes); 4] {
+    fn named(&self) -> [(&'static str, Sizes); 5] {
         [
             ("whole image", self.whole),
             ("image for one body alone", self.body_only),
             ("image for an STM32F405", self.stm32f405),
             ("image with the watch", self.watch),
+            ("image with the watch for an STM32F405", self.stm32f405_watch),
         ]
     }
 }
 
-/// Flash at most: of the whole image, of the one for a body alone, of the STM32F405's, and of the one that watches robots. Parts with 512 kB are to have room for the STM32F405's.
-const MOST_FLASH_BYTES: [u64; 4] = [334_000, 230_000, 300_000, 368_000];
+/// Flash at most: of the whole image, of the one for a body alone, of the STM32F405's, and of those that watch robots. Parts with 512 kB are to have room for the STM32F405's.
+const MOST_FLASH_BYTES: [u64; 5] = [334_000, 230_000, 300_000, 368_000, 340_000];
 /// How far a size may be from the golden file's: a part, and bytes on top for small ones.
 const TOLERANCE: (f64, u64) = (0.05, 64);
 /// Bytes an exception saves by itself with the floating-point context, and one word to align.
@@ -75,20 +78,22 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     let body_only = measure(&firmware::build_body_only(core)?, options.way)?;
     let stm32f405 = measure(&firmware::build_for(Board::F405, core, &[])?, options.way)?;
     let watch = measure(&firmware::build_watch(core)?, options.way)?;
-    let images = Images { whole, body_only, stm32f405, watch };
+    let stm32f405_watch = measure(&firmware::build_for(Board::F405, core, &[WATCH])?, options.way)?;
+    let images = Images { whole, body_only, stm32f405, watch, stm32f405_watch };
     if options.json {
         println!("{}", serde_json::to_string(&images)?);
     } else {
         println!(
-            "| bytes | whole image | one body alone | STM32F405 | with the watch |\n|---|---|---|---|---|"
+            "| bytes | whole image | one body alone | STM32F405 | with the watch | STM32F405 with the watch |\n|---|---|---|---|---|---|"
         );
         let row = |what: &str, of: fn(&Sizes) -> u64| {
             println!(
-                "| {what} | {} | {} | {} | {} |",
+                "| {what} | {} | {} | {} | {} | {} |",
                 of(&whole),
                 of(&body_only),
                 of(&stm32f405),
-                of(&watch)
+                of(&watch),
+                of(&stm32f405_watch)
             );
         };
         row("flash", |sizes| sizes.flash_bytes);

@@ -29,7 +29,7 @@ struct Need {
 const BOARD: Need = Need { word: "emulated", what: "firmware and qemu-system-arm: cargo xtask firmware" };
 const FLASHED: Need = Need {
     word: "flashed_image",
-    what: "the STM32F405's image and qemu-system-arm: cargo xtask firmware --board stm32f405",
+    what: "the STM32F405's images and qemu-system-arm: cargo xtask firmware --board stm32f405",
 };
 const SECOND_CORE: Need = Need {
     word: "second_core",
@@ -96,7 +96,8 @@ impl Surroundings {
             }
         };
         look(BOARD, firmware.is_some() && process::is_installed("qemu-system-arm"));
-        look(FLASHED, places::stm32_elf().is_file() && process::is_installed("qemu-system-arm"));
+        let images = [places::stm32_elf(), places::stm32_watch_elf()];
+        look(FLASHED, images.iter().all(|elf| elf.is_file()) && process::is_installed("qemu-system-arm"));
         look(SECOND_CORE, places::kernel_bits_elf().is_file() && process::is_installed("qemu-system-arm"));
         look(DATA, places::root().join("../shared/data").is_dir());
         look(READER, setup::has_module(setup::MCAP_READER));

@@ -55,7 +55,7 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
                 clippy_strictly(command.args(["--release", "--features", features]))
             });
         }
-        for features in ["", "rtt"] {
+        for features in ["", "rtt", firmware::WATCH] {
             steps.run(&format!("clippy, STM32 {features}"), || {
                 let folder = places::board_named(places::STM32);
                 let mut command = toolchain::board_cargo(core, "clippy", &folder);
@@ -65,6 +65,9 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
         for board in firmware::BOUGHT {
             steps.run(&format!("firmware, {board:?}"), || firmware::build_for(board, core, &[]));
         }
+        steps.run("firmware, STM32F405 with the watch", || {
+            firmware::build_for(firmware::Board::F405, core, &[firmware::WATCH])
+        });
         steps.run("clippy, RP2350", || {
             toolchain::have(core, places::PICO_TARGET)?;
             let folder = places::board_named(places::PICO);

@@ -10,7 +10,10 @@ fn main() {
         // Of an F405's 1 MB the upper half is for what is kept.
         _ => 512,
     };
-    assert!(!(has("STORAGE") && (has("F446") || has("F411"))), "feature storage: an F446 or F411 has no room for it");
+    assert!(
+        !(has("STORAGE") && (has("F446") || has("F411"))),
+        "feature storage: an F446 or F411 has no room for it"
+    );
     let map = format!(
         "MEMORY\n{{\n  FLASH : ORIGIN = 0x08000000, LENGTH = {flash_kb}K\n  RAM : ORIGIN = 0x20000000, LENGTH = 128K\n}}\n"
     );

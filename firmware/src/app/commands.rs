@@ -29,12 +29,25 @@ impl<P: DerefMut<Target = Path>> App<P> {
     pub fn on_byte(&mut self, byte: u8, now_ns: u64) -> Option<SensorRates> {
         self.advance(now_ns);
         self.last_heard_ns = self.now_ns;
+        if byte != 0 {
+            // It ends no frame.
+            self.decoder.push(byte);
+            return None;
+        }
         // The frame borrows the decoder, the application is needed to obey: take it out for the while.
         let mut decoder = core::mem::take(&mut self.decoder);
-        let rates = match decoder.push(byte) {
+        let frame = decoder.push(byte);
+        if matches!(frame, Some(Ok(_))) {
+            self.line_heard();
+        }
+        let rates = match frame {
             None => None,
             Some(Ok(frame)) if frame.kind == Kind::Command => {
                 self.on_command(frame.sequence, frame.payload, frame.message())
+            }
+            Some(Ok(frame)) if cfg!(feature = "watch") && frame.kind == Kind::Stream => {
+                self.on_streamed(frame.sequence, frame.payload);
+                None
             }
             Some(Ok(_)) => None,
             Some(Err(DecodeError::Version(want))) => {
@@ -220,7 +233,10 @@ impl<P: DerefMut<Target = Path>> App<P> {
                 }
             }
             Command::Heartbeat => Ok(Reply::Done),
-            Command::WatchLink { .. } if cfg!(not(feature = "watch")) => Err(ErrorCode::NotBuiltIn),
+            Command::WatchLink { .. } | Command::LineRate { .. } if cfg!(not(feature = "watch")) => {
+                Err(ErrorCode::NotBuiltIn)
+            }
+            Command::LineRate { baud } => self.set_line_rate(*baud),
             Command::WatchLink { link, settings } => {
                 let StateName::Configured = self.state else { return wrong_state };
                 self.watch_link(*link, settings)
@@ -273,6 +289,8 @@ impl<P: DerefMut<Target = Path>> App<P> {
             StateName::Running => return Ok(Reply::Done),
             StateName::Idle | StateName::Fault => return Err(ErrorCode::WrongState(self.state)),
         }
+        // Whoever streams frames counts them anew.
+        self.errors.next_streamed = None;
         // What happened before the run is not held against the sensors.
         let pulse = Pulse { bad_in_a_row: 0, last_ns: self.now_ns };
         self.pulses = [pulse; SENSORS];

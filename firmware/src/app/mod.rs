@@ -15,15 +15,17 @@
 mod commands;
 #[cfg(feature = "storage")]
 mod kept;
+mod line;
 mod reports;
 mod samples;
+mod stream;
 
 use core::ops::DerefMut;
 
 use heapless::Vec;
 use rigident_shared::wire::{
     ClockSource, Decoder, LINK_BATCH, LinkReadingMessage, ModelSettings, ReadingMessage, Reason, ResetReason,
-    STREAM_BATCH, SensorFault, SettingName, Settings, Source, StateName, Telemetry,
+    STREAM_BATCH, SensorFault, SettingName, Settings, Source, StateName, StreamReport, Telemetry,
 };
 
 use crate::Path;
@@ -39,6 +41,8 @@ const HEARTBEAT_EVERY_NS: u64 = 1_000_000_000;
 /// A sensor that gives no sample for so long while readings are absorbed is broken, ns: six samples at the
 /// slowest rate there is.
 const SILENT_NS: u64 = 250_000_000;
+/// The same of frames of a robot that is watched, ns: the host that sends them has other things to do, too.
+const NO_FRAMES_NS: u64 = 1_000_000_000;
 /// Silence, of sensors or of the host, is looked for this often, ns.
 const LOOK_EVERY_NS: u64 = 5_000_000;
 
@@ -155,6 +159,13 @@ struct SensorErrors {
     frames_missing: u32,
     /// Number of the frame expected next.
     next_frame: Option<u32>,
+    /// Of frames on the link: the sequence number expected next, and what became of them.
+    next_streamed: Option<u16>,
+    stream: StreamReport,
+    /// Links of the last one of another robot.
+    other_links: u8,
+    /// Times that the board had no room for bytes from the host.
+    overruns: u32,
     /// Unaligned samples before the run.
     unaligned_before: u32,
 }
@@ -203,6 +214,7 @@ pub struct App<P> {
     path: P,
     duty: Duty,
     link: Link,
+    line: line::Line,
     decoder: Decoder,
     pending: Option<PendingConfigure>,
     greeted: bool,
@@ -238,6 +250,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
             path,
             duty: Duty::default(),
             link: Link::new(),
+            line: line::Line::default(),
             decoder: Decoder::new(),
             pending: None,
             greeted: false,
@@ -276,9 +289,12 @@ impl<P: DerefMut<Target = Path>> App<P> {
 
     /// Tells whose samples are wanted: of load cell, IMU and second IMU.
     pub fn wanted(&self) -> [bool; 3] {
-        let [load_cell, imu, second, _] = self.duty.sensors;
-        let listens = self.listens();
-        [load_cell, imu, second].map(|used| used && listens)
+        [Sensor::LoadCell, Sensor::Imu, Sensor::SecondImu].map(|sensor| self.wants(sensor))
+    }
+
+    /// Returns whether samples of this sensor are wanted. Another one may not even have been set up.
+    pub fn wants(&self, sensor: Sensor) -> bool {
+        self.listens() && self.duty.sensors.get(sensor as usize).is_some_and(|used| *used)
     }
 
     /// Moves the clock and does what time alone asks for. Time never runs backwards.
@@ -307,6 +323,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
         self.now_ns = self.now_ns.max(now_ns);
         if self.now_ns >= self.next_look_ns {
             self.next_look_ns = self.now_ns.saturating_add(LOOK_EVERY_NS);
+            self.look_at_line();
             self.look_for_silence();
         }
     }
@@ -317,8 +334,9 @@ impl<P: DerefMut<Target = Path>> App<P> {
             return;
         }
         if self.listens() {
+            let most_ns = if self.path.watch().is_some() { NO_FRAMES_NS } else { SILENT_NS };
             for ((sensor, pulse), used) in Sensor::ALL.iter().zip(&self.pulses).zip(&self.duty.sensors) {
-                if *used && self.now_ns.saturating_sub(pulse.last_ns) > SILENT_NS {
+                if *used && self.now_ns.saturating_sub(pulse.last_ns) > most_ns {
                     return self.fail(sensor.reason(SensorFault::Silent));
                 }
             }

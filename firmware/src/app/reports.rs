@@ -57,6 +57,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
             second_imu_errors: self.errors.second_imu,
             lost: self.errors.lost,
             bad_frames: self.bad_frames,
+            overruns: self.errors.overruns,
             telemetry_dropped: self.link.telemetry_dropped(),
             ..CounterReport::default()
         };
@@ -86,6 +87,9 @@ impl<P: DerefMut<Target = Path>> App<P> {
             (report.readings, report.blocks) = (counters.frames, counters.absorbed);
             report.rejected = counters.frames.saturating_sub(counters.absorbed);
         }
+        if cfg!(feature = "watch") {
+            report.watch.stream = self.errors.stream;
+        }
         if let Some(path) = self.path.watch() {
             let watch = path.watch();
             let counters = watch.counters();
@@ -93,10 +97,10 @@ impl<P: DerefMut<Target = Path>> App<P> {
                 frames: counters.frames,
                 absorbed: counters.absorbed,
                 missing: self.errors.frames_missing,
-                damaged: self.errors.frames_damaged,
                 wrong_links: counters.wrong_links,
                 not_finite: counters.not_finite,
                 saturated: counters.saturated,
+                last_link: self.errors.other_links,
                 ..FrameReport::default()
             };
             report.watch = WatchReport {
@@ -104,6 +108,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
                 settled: watch.is_settled(),
                 excess_percent: (100.0 * watch.excess()) as u32,
                 last_saturated: counters.last_foot,
+                ..report.watch
             };
             (report.readings, report.blocks) = (counters.frames, counters.blocks);
             report.rejected = counters.frames.saturating_sub(counters.absorbed);

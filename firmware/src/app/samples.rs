@@ -3,7 +3,7 @@
 use core::ops::DerefMut;
 
 use rigident_shared::estimator::Outcome;
-use rigident_shared::wire::{ChangeReport, ErrorCode, Reason, Reply, SensorFault, StateName, Telemetry};
+use rigident_shared::wire::{ErrorCode, Reason, Reply, SensorFault, StateName, Telemetry};
 
 use super::reports::{link_message_of, message_of};
 use super::{App, HandOver, Pulse, Sensor};
@@ -11,7 +11,6 @@ use crate::Path;
 use crate::drivers::frames::{AnyFrame, FrameKind};
 use crate::frame_path::frame_path;
 use crate::sample_path::{SamplePath, Words, imu_reading, sample_path};
-use crate::watch_path::watch_path;
 
 /// So many samples of a sensor in a row that could not be had are a fault.
 const BAD_TO_FAULT: u16 = 10;
@@ -42,9 +41,6 @@ impl<P: DerefMut<Target = Path>> App<P> {
 
     /// Returns how many links a frame is to have, and what it brings; none if no frames are wanted.
     pub fn frame_links(&self) -> Option<(usize, FrameKind)> {
-        if let Some(path) = self.path.watch() {
-            return Some((path.watch().links(), FrameKind::Watch));
-        }
         let estimator = self.path.frames()?.estimator();
         let kind = if estimator.is_tracked() { FrameKind::Tracked } else { FrameKind::Imu };
         Some((estimator.links(), kind))
@@ -53,21 +49,8 @@ impl<P: DerefMut<Target = Path>> App<P> {
     /// Takes a frame of a tree in motion, captured at this time.
     pub fn on_frame(&mut self, time_ns: u64, frame: &AnyFrame<'_>) {
         self.alive(Sensor::Frames, time_ns);
-        let expected = self.errors.next_frame.replace(frame.number().wrapping_add(1));
-        let missing = expected.map_or(0, |expected| frame.number().wrapping_sub(expected));
-        // Half the range back is a source that started again.
-        if missing < u32::MAX / 2 {
-            self.errors.frames_missing = self.errors.frames_missing.saturating_add(missing);
-        }
+        self.note_number(frame.number());
         if self.state == StateName::Fault {
-            return;
-        }
-        if let AnyFrame::Watch(frame) = frame {
-            if let Some(path) = self.path.watch_mut()
-                && let Some(change) = watch_path(path, frame)
-            {
-                self.tell_change(&change);
-            }
             return;
         }
         let Some(path) = self.path.frames_mut() else { return };
@@ -83,17 +66,20 @@ impl<P: DerefMut<Target = Path>> App<P> {
         }
     }
 
-    #[inline(never)]
-    fn tell_change(&mut self, change: &ChangeReport) {
-        self.link.telemetry(&Telemetry::Change(*change));
+    /// Counts numbers of the series that no frame has.
+    pub(super) fn note_number(&mut self, number: u32) {
+        let expected = self.errors.next_frame.replace(number.wrapping_add(1));
+        let missing = expected.map_or(0, |expected| number.wrapping_sub(expected));
+        // Half the range back is a source that started again.
+        if missing < u32::MAX / 2 {
+            self.errors.frames_missing = self.errors.frames_missing.saturating_add(missing);
+        }
     }
 
     /// Notes a frame of a tree with so many links, which is not the one configured.
     pub fn on_frame_of_links(&mut self, time_ns: u64, links: u8) {
         self.alive(Sensor::Frames, time_ns);
-        if let Some(path) = self.path.watch_mut() {
-            path.reject_links();
-        } else if let Some(path) = self.path.frames_mut() {
+        if let Some(path) = self.path.frames_mut() {
             path.estimator_mut().reject_links(links);
         }
     }
@@ -147,7 +133,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
         }
     }
 
-    fn alive(&mut self, sensor: Sensor, time_ns: u64) {
+    pub(super) fn alive(&mut self, sensor: Sensor, time_ns: u64) {
         self.advance(time_ns);
         let pulse = Pulse { bad_in_a_row: 0, last_ns: self.now_ns };
         if let Some(slot) = self.pulses.get_mut(sensor as usize) {

@@ -1,9 +1,7 @@
 //! A source of frames of a tree in motion: one transfer, one frame ([`rigident_shared::wire::tree_frame`]).
 
 use embedded_hal::spi::{Operation, SpiDevice};
-use rigident_shared::wire::tree_frame::{
-    MAX_TREE_FRAME, TrackedFrame, TreeFrame, TreeFrameError, WatchFrame,
-};
+use rigident_shared::wire::tree_frame::{MAX_TREE_FRAME, TrackedFrame, TreeFrame, TreeFrameError};
 
 /// Tells why there is no frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,8 +21,6 @@ pub enum FrameKind {
     Imu,
     /// The motion of links; cameras track the base.
     Tracked,
-    /// What a robot's own sensors read.
-    Watch,
 }
 
 /// A frame of the one kind or the other.
@@ -34,8 +30,6 @@ pub enum AnyFrame<'a> {
     Imu(TreeFrame<'a>),
     /// Cameras track the base.
     Tracked(TrackedFrame<'a>),
-    /// A robot's own sensors.
-    Watch(WatchFrame<'a>),
 }
 
 impl<'a> AnyFrame<'a> {
@@ -47,9 +41,6 @@ impl<'a> AnyFrame<'a> {
         match kind {
             FrameKind::Imu => TreeFrame::decode(bytes, links).map(Self::Imu),
             FrameKind::Tracked => TrackedFrame::decode(bytes, links).map(Self::Tracked),
-            FrameKind::Watch if cfg!(feature = "watch") => WatchFrame::decode(bytes, links).map(Self::Watch),
-            // Left out of this image.
-            FrameKind::Watch => Err(TreeFrameError::Damaged),
         }
     }
 
@@ -58,7 +49,6 @@ impl<'a> AnyFrame<'a> {
         match self {
             Self::Imu(frame) => frame.number,
             Self::Tracked(frame) => frame.number,
-            Self::Watch(frame) => frame.number,
         }
     }
 }
@@ -83,7 +73,6 @@ impl<SPI: SpiDevice> FrameSource<SPI> {
         let length = match kind {
             FrameKind::Imu => TreeFrame::bytes(links),
             FrameKind::Tracked => TrackedFrame::bytes(links),
-            FrameKind::Watch => WatchFrame::bytes(links),
         };
         let bytes = self.bytes.get_mut(..length).ok_or(FrameError::Bus)?;
         bytes.fill(0);

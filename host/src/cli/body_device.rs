@@ -2,7 +2,6 @@
 
 use super::arguments::Mcu;
 use super::link::configured;
-use super::options::microcontroller::Image;
 use super::{Failure, Stages, simulated};
 use crate::answer::person::DeviceResult;
 use crate::body_segments::{Motion, Study};
@@ -62,7 +61,7 @@ fn streamed(
     let input = source.input();
     let left_out = tracked::left_out(&frames, input.model.links.len());
     let sent = frames.len() as u64;
-    let (transport, gate) = simulated::frames(mcu, Image::Standard, frames, input.rate_hz)?;
+    let (transport, gate) = simulated::frames(mcu, frames, input.rate_hz)?;
     let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
     configured(&mut session, &settings)?;
     let take = session.follow_frames(&gate, map.nrows(), &mut Nobody).map_err(Failure::link)?;

@@ -15,7 +15,6 @@ use super::experiment::{Experiment, Watcher, device_notes};
 use super::link::configured;
 use super::links_on_device::{check_asked, device_parameters};
 use super::loaded::Loaded;
-use super::options::microcontroller::Image;
 use super::outcome::provenance;
 use super::refused::refuse_for_trees;
 use super::{Failure, Folder, guards, simulated};
@@ -207,7 +206,7 @@ pub(super) fn human34(arguments: &Demo) -> Result<ExitCode, Failure> {
             .collect(),
         ..RigFile::default()
     };
-    let (transport, source) = simulated::frames(arguments.mcu, Image::Standard, sent.clone(), FRAMES_HZ)?;
+    let (transport, source) = simulated::frames(arguments.mcu, sent.clone(), FRAMES_HZ)?;
     let mut session = open(transport)?;
     let timing =
         DeviceTiming { rate_hz: FRAMES_HZ, is_static: false, source: Source::Sensors, host_timeout_ms: 0 };

@@ -15,6 +15,7 @@ use super::live_streams::{Asked, Came, Streams};
 use super::loaded::{Loaded, PLOT_POINTS};
 use super::next_move::NextMove;
 use super::options::calibration;
+use super::options::microcontroller::Image;
 use super::options::stop_criterion::not_reached;
 use super::options::trees::TreeModel;
 use super::outcome::provenance;
@@ -249,7 +250,7 @@ fn feed(
     arguments.stop.put_into(&mut settings, first.source().parameters())?;
     state_imu_noise(&mut settings, &white_imu_noise(prepared.rig.imu.first(), &prepared.input.readings));
     drop(first);
-    let (_, transport) = replay::device(&arguments.mcu)?;
+    let (_, transport) = replay::device(&arguments.mcu, Image::Standard)?;
     let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
     configured(&mut session, &settings)?;
     let device = device_notes(session.identity());

@@ -199,6 +199,11 @@ fn without_missing(command: clap::Command) -> clap::Command {
                 mcu.help("The port of a device; inproc and qemu need the feature `simulator`")
             })
         })
+        .mut_subcommand("watch", |watch| {
+            watch.mut_arg("mcu", |mcu| {
+                mcu.help("The port of a device; inproc and qemu need the feature `simulator`")
+            })
+        })
         .mut_subcommand("live", |live| {
             live.mut_arg("mcu", |mcu| {
                 mcu.help("The port of a device; inproc and qemu need the feature `simulator`")

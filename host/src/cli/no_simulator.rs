@@ -18,7 +18,7 @@ pub(super) fn refused(what: &str) -> Failure {
 }
 
 /// See the same function of the simulated rig.
-pub(super) fn named(mcu: &str) -> Result<Option<super::link::NamedTransport>, Failure> {
+pub(super) fn named(mcu: &str, _: Image) -> Result<Option<super::link::NamedTransport>, Failure> {
     match mcu {
         "inproc" | "qemu" => {
             Err(refused(&format!("--mcu {mcu}")).context("give the port of a device instead, as --mcu PORT"))
@@ -36,12 +36,7 @@ pub(super) fn greeted_image() -> Result<Greeted, String> {
 }
 
 /// See the same function of the simulated rig.
-pub(super) fn frames(
-    mcu: Mcu,
-    _: Image,
-    _: Vec<Vec<u8>>,
-    _: f64,
-) -> Result<(Box<dyn Transport>, Gate), Failure> {
+pub(super) fn frames(mcu: Mcu, _: Vec<Vec<u8>>, _: f64) -> Result<(Box<dyn Transport>, Gate), Failure> {
     Err(refused(&format!("--mcu {}", name(mcu))))
 }
 

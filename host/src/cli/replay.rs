@@ -11,6 +11,7 @@ use super::link::{NamedTransport, configured};
 use super::loaded::{Loaded, is_on_springs, refuse_tree_options, tree_of};
 use super::options::calibration;
 use super::options::forgetting::{self, RowsOf};
+use super::options::microcontroller::Image;
 use super::{Failure, Folder, Stages, replay_links, replay_springs, simulated};
 use crate::device::link::{Client, SerialTransport};
 use crate::device::session::precision::{self, largest_numbers};
@@ -56,7 +57,7 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
     let all = of_readings(&rig, prepared.input.readings.clone());
     let sigma = device_sigma(&all, span, &mut notes)?;
     rig.load_cell.noise_n_nm = Some(sigma);
-    let (mcu, transport) = device(&arguments.mcu)?;
+    let (mcu, transport) = device(&arguments.mcu, Image::Standard)?;
     let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
     let timing = DeviceTiming {
         rate_hz: prepared.input.rate_hz,
@@ -134,12 +135,12 @@ pub(super) fn device_sigma(
     Ok(sigma)
 }
 
-/// Opens a device that readings are sent to.
+/// Opens a device that readings are sent to; a simulated one runs this image.
 ///
 /// # Errors
 /// The port cannot be opened, or the simulated device cannot be made.
-pub(super) fn device(mcu: &str) -> Result<NamedTransport, Failure> {
-    if let Some(simulated) = simulated::named(mcu)? {
+pub(super) fn device(mcu: &str, image: Image) -> Result<NamedTransport, Failure> {
+    if let Some(simulated) = simulated::named(mcu, image)? {
         return Ok(simulated);
     }
     Ok(("port", Box::new(SerialTransport::open(mcu).map_err(Failure::link)?)))

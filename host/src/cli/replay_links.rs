@@ -60,7 +60,7 @@ pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Res
         let mut settings = two_link_settings(rig, &timing(Source::Injected), None, attitude_source(rig))
             .map_err(Failure::input)?;
         arguments.stop.put_into(&mut settings, &estimated)?;
-        let (name, transport) = replay::device(&arguments.mcu)?;
+        let (name, transport) = replay::device(&arguments.mcu, Image::Standard)?;
         let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
         configured(&mut session, &settings)?;
         folder = Folder::new(arguments.output.out.as_deref(), "replay")?;
@@ -88,7 +88,7 @@ pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Res
         let mut settings = tree_settings(rig, &timing(Source::Sensors), told).map_err(Failure::input)?;
         arguments.stop.put_into(&mut settings, &estimated)?;
         let count = sent.len();
-        let (transport, source) = simulated::frames(runner, Image::Standard, sent, rate_hz)?;
+        let (transport, source) = simulated::frames(runner, sent, rate_hz)?;
         let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
         configured(&mut session, &settings)?;
         folder = Folder::new(arguments.output.out.as_deref(), "replay")?;

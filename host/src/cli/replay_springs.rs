@@ -14,7 +14,6 @@ use super::link::configured;
 use super::links_on_device::check_asked;
 use super::loaded::Loaded;
 use super::options::calibration;
-use super::options::microcontroller::Image;
 use super::refused::refuse_for_trees;
 use super::{Failure, Folder, Stages, simulated};
 use crate::device::accuracy::Accuracy;
@@ -78,7 +77,7 @@ pub(super) fn run(arguments: &Replay, started: Instant) -> Result<ExitCode, Fail
     let count = sent.len();
     let rate_hz = source.input().rate_hz;
     drop(stages);
-    let (transport, gate) = simulated::frames(runner, Image::Standard, sent, rate_hz)?;
+    let (transport, gate) = simulated::frames(runner, sent, rate_hz)?;
     let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
     configured(&mut session, &told)?;
     let folder = Folder::new(arguments.output.out.as_deref(), "replay")?;

@@ -35,9 +35,13 @@ impl Transport for Simulated {
 
 /// The firmware on the chosen microcontroller, in lock-step with the rig.
 pub(super) fn transport(mcu: Mcu, rig: &SharedRig) -> Result<Box<dyn Transport>, Failure> {
+    on_rig(mcu, Image::Standard, rig)
+}
+
+fn on_rig(mcu: Mcu, image: Image, rig: &SharedRig) -> Result<Box<dyn Transport>, Failure> {
     let mcu: Box<dyn rigident_sim::runner::Mcu> = match mcu {
         Mcu::Inproc => Box::new(InProcess::new(rig.clone(), Pacing::LockStep)),
-        Mcu::Qemu => emulated(Image::Standard, Box::new(PacedRig::new(rig.clone(), Pacing::LockStep)))?,
+        Mcu::Qemu => emulated(image, Box::new(PacedRig::new(rig.clone(), Pacing::LockStep)))?,
     };
     Ok(Box::new(Simulated(mcu)))
 }
@@ -90,26 +94,25 @@ pub(super) fn greeted_image() -> Result<Greeted, String> {
 
 /// The firmware that a recording is sent to, on the microcontroller of this name; `None` if the name is not one of a
 /// simulated one.
-pub(super) fn named(mcu: &str) -> Result<Option<super::link::NamedTransport>, Failure> {
+pub(super) fn named(mcu: &str, image: Image) -> Result<Option<super::link::NamedTransport>, Failure> {
     let mcu = match mcu {
         "inproc" => Mcu::Inproc,
         "qemu" => Mcu::Qemu,
         _ => return Ok(None),
     };
-    Ok(Some((name(mcu), transport(mcu, &idle_rig()?)?)))
+    Ok(Some((name(mcu), on_rig(mcu, image, &idle_rig()?)?)))
 }
 
 /// The firmware on the chosen microcontroller, fed with frames over the lock-step bus, and who lets them go.
 pub(super) fn frames(
     mcu: Mcu,
-    image: Image,
     frames: Vec<Vec<u8>>,
     rate_hz: f64,
 ) -> Result<(Box<dyn Transport>, Gate), Failure> {
     let (bus, gate) = FrameBus::new(frames, rate_hz);
     let mcu: Box<dyn rigident_sim::runner::Mcu> = match mcu {
         Mcu::Inproc => Box::new(InProcess::on(Box::new(bus))),
-        Mcu::Qemu => emulated(image, Box::new(bus))?,
+        Mcu::Qemu => emulated(Image::Standard, Box::new(bus))?,
     };
     Ok((Box::new(Simulated(mcu)), Gate(gate)))
 }

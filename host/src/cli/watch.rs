@@ -1,4 +1,4 @@
-//! `rigident watch`: a recording through the firmware, which tells what changes of one link.
+//! `rigident watch`: a recording to the firmware over its link; it tells what changes of one link.
 
 use std::process::ExitCode;
 
@@ -10,11 +10,13 @@ use super::options::microcontroller::Image;
 use super::outcome::say;
 use super::watch_arguments::Watch;
 use super::{ExitStatus, Failure, Stages, recorded, simulated};
-use crate::device::link::{Client, LinkError};
+use crate::device::link::{BAUD, Client, LinkError, SerialTransport, Transport};
+use crate::device::session::streamed::{Pace, Watched, line_need};
 use crate::device::session::tree::complaints;
-use crate::device::session::watched::{WatchOptions, Watched, WatchedRobot};
+use crate::device::session::watched::{WatchOptions, WatchedRobot};
 use crate::device::session::{Session, SessionError};
 use crate::problem::ProblemOptions;
+use crate::problem::tree::Input;
 use crate::problem::tree::prepare::prepare;
 use crate::recording::Recording;
 
@@ -32,10 +34,12 @@ const PARAMETERS: [(&str, &str); 10] = [
     ("Ixy", "kg m²"),
 ];
 /// What to do about an image without the feature.
-const WITHOUT_WATCH: &str = "this device runs an image without the feature `watch`, as the standard one is: build the other with `cargo xtask \
-                             firmware --features watch`, which prints where it lies, and start that";
+const WITHOUT_WATCH: &str = "this device runs an image without the feature `watch`, as the standard one is: `cargo xtask flash --features watch` puts the \
+                             other onto a board, and `cargo xtask firmware` builds that of the emulated board beside the standard one";
 /// Beyond so many times the limit of noise a change must be three times as large, which is told.
 const BLIND: u32 = 10;
+/// Of the line's rate frames may take so much.
+const LINE_SHARE: f64 = 0.95;
 /// Coverage factor of a 95 % uncertainty.
 const COVERAGE: f64 = 1.96;
 
@@ -69,31 +73,115 @@ pub(super) fn run(arguments: &Watch) -> Result<ExitCode, Failure> {
         tell!("rigident: {note}");
     }
     stages.at("frames to the firmware", 0.0);
-    let rate_hz = prepared.input.rate_hz;
-    let start_s = prepared.input.frames.first().map_or(0.0, |frame| frame.time_ns as f64 * 1e-9);
-    let (transport, source) = simulated::frames(arguments.mcu, Image::Watch, robot.frames.clone(), rate_hz)?;
+    let (rate_hz, start_s) = (prepared.input.rate_hz, start_s(&prepared.input));
+    let (transport, pace) = device(arguments, &robot, rate_hz)?;
     let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
     let mut told = |change: &ChangeReport| {
         if !arguments.json {
             say(text(change, start_s, rate_hz));
         }
     };
-    let watched = session.watch_robot(&robot, &source, &mut told).map_err(refused)?;
+    let watched = session.watch_robot(&robot, pace, &mut told).map_err(refused)?;
     drop(stages);
-    let names: Vec<String> = prepared.input.model.links.iter().map(|link| link.name.clone()).collect();
-    let mut complaints = complaints(&watched.counters.frames, &names);
-    let blind = blind(&watched);
+    concluded(arguments, &watched, &robot, &prepared.input)
+}
+
+/// Says what is to be said at the end of a watch.
+fn concluded(
+    arguments: &Watch,
+    watched: &Watched,
+    robot: &WatchedRobot,
+    input: &Input,
+) -> Result<ExitCode, Failure> {
+    let names: Vec<String> = input.model.links.iter().map(|link| link.name.clone()).collect();
+    // What was lost on the way is missing in the series, too.
+    let mut frames = watched.counters.frames;
+    frames.missing = frames.missing.saturating_sub(watched.counters.watch.stream.lost);
+    let mut complaints = complaints(&frames, &names);
+    complaints.extend(of_the_link(watched));
+    let blind = blind(watched);
     let fine = watched.counters.watch.settled && !watched.interrupted && blind.is_none();
     complaints.extend(blind);
     for complaint in &complaints {
         tell!("rigident: {complaint}");
     }
     if arguments.json {
-        say(object(&watched, &arguments.link, &complaints, start_s, rate_hz));
-    } else {
-        say(summary(&watched, &arguments.link, rate_hz));
+        say(object(watched, &arguments.link, &complaints, start_s(input), input.rate_hz));
+    } else if watched.broken.is_none() {
+        say(summary(watched, &arguments.link, input.rate_hz));
     }
-    Ok(ExitStatus::of(fine).into())
+    match &watched.broken {
+        Some(broken) => Err(ended(watched, broken, robot.frames.len())),
+        None => Ok(ExitStatus::of(fine).into()),
+    }
+}
+
+/// Time of the first frame, s.
+fn start_s(input: &Input) -> f64 {
+    input.frames.first().map_or(0.0, |frame| frame.time_ns as f64 * 1e-9)
+}
+
+/// Opens the firmware that watches: a simulated one takes frames as fast as it can, one on a port when they are due.
+///
+/// # Errors
+/// No such device, or a line that is too slow for the robot's frames.
+fn device(
+    arguments: &Watch,
+    robot: &WatchedRobot,
+    rate_hz: f64,
+) -> Result<(Box<dyn Transport>, Pace), Failure> {
+    let (mcu, asked) = (&arguments.mcu, arguments.baud);
+    if let Some((_, transport)) = simulated::named(mcu, Image::Watch)? {
+        if let Some(baud) = asked {
+            return Err(Failure::input(format!(
+                "--baud {baud}: {mcu} has no line with a rate; leave it out"
+            )));
+        }
+        return Ok((transport, Pace::AsTaken));
+    }
+    let port = SerialTransport::open(mcu).map_err(Failure::link)?;
+    let need = line_need(&robot.frames, rate_hz);
+    let baud = asked.unwrap_or(BAUD);
+    if port.has_rate() && need > LINE_SHARE * f64::from(baud) {
+        return Err(Failure::input(format!(
+            "{mcu}: {rate_hz:.0} frames a second of {} links and {} sensors of forces are {need:.0} baud, and the line carries {baud}, of which a twentieth is for \
+             the rest: give it a higher rate (--baud, up to 3000000), record fewer frames a second (60 at least), or weld links that do not move",
+            robot.links.len(),
+            robot.feet(),
+        )));
+    }
+    Ok((Box::new(port), Pace::RealTime { rate_hz, baud: asked }))
+}
+
+/// What became of frames on the way.
+fn of_the_link(watched: &Watched) -> Vec<String> {
+    let (stream, counters) = (&watched.counters.watch.stream, &watched.counters);
+    let lost = watched.lost();
+    let told = [
+        (
+            lost,
+            "were lost on the way to the device: check the cable, and that nothing else keeps this computer busy",
+        ),
+        (stream.repeated, "came twice, and were taken once"),
+        (stream.late, "came after a later one, and were left out"),
+        (stream.unasked, "came while the device did not watch"),
+    ];
+    let mut said: Vec<String> =
+        told.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} frames {what}")).collect();
+    if counters.overruns > 0 {
+        said.push(format!("{} times the device had no room for what came over its line", counters.overruns));
+    }
+    said
+}
+
+/// Says that a watch ended early, and what is left of it.
+fn ended(watched: &Watched, broken: &SessionError, frames: usize) -> Failure {
+    let found = watched.changes.iter().filter(|change| change.size.is_none()).count();
+    Failure::link(format!(
+        "the watch ended after {} of {frames} frames: {broken}\n{found} {} found until then, as told above; nothing is known of what came after",
+        watched.sent,
+        if found == 1 { "change was" } else { "changes were" },
+    ))
 }
 
 /// What to say of a limit that few changes exceed.
@@ -114,6 +202,9 @@ fn refused(error: SessionError) -> Failure {
         }
         SessionError::Link(LinkError::Refused { code: ErrorCode::BadSetting(name), .. }) => {
             Failure::input(match name {
+                SettingName::LineRate => {
+                    "--baud: the device's line does not go up to that rate; take a lower one".to_owned()
+                }
                 SettingName::Link(link) => {
                     format!("the firmware does not take link {link} of the model: a number is none")
                 }
@@ -195,11 +286,25 @@ fn object(watched: &Watched, link: &str, complaints: &[String], start_s: f64, ra
     };
     let found = watched.changes.iter().filter(|change| change.size.is_none());
     json!({
-        "status": if report.settled { "watched" } else { "not settled" },
+        "status": match &watched.broken {
+            Some(_) => "broken",
+            None if report.settled => "watched",
+            None => "not settled",
+        },
         "link": link,
         "changes": found.map(one).collect::<Vec<_>>(),
         "excess": f64::from(report.excess_percent) / 100.0,
-        "frames": { "given": frames.frames, "taken": frames.absorbed, "missing": frames.missing, "damaged": frames.damaged },
+        "frames": {
+            "sent": watched.sent,
+            "given": frames.frames,
+            "taken": frames.absorbed,
+            "missing": frames.missing,
+            "lost": watched.lost(),
+            "repeated": report.stream.repeated,
+            "late": report.stream.late,
+            "unasked": report.stream.unasked,
+            "overruns": watched.counters.overruns,
+        },
         "warnings": complaints,
     })
 }

@@ -18,6 +18,11 @@ const IMAGE: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
     "/../firmware/boards/stm32f405/target/thumbv7em-none-eabihf/release/rigident-stm32f405"
 );
+/// The same with the feature `watch`.
+const WATCH_IMAGE: &str = concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/../firmware/boards/stm32f405/target/thumbv7em-none-eabihf/release/rigident-stm32f405-watch"
+);
 /// What the emulator says of its second serial port, before the port's name.
 const REDIRECTED: &str = "char device redirected to ";
 
@@ -46,12 +51,16 @@ struct Board {
 
 impl Board {
     fn boot(folder: &Path) -> Self {
-        assert!(Path::new(IMAGE).is_file(), "no image: cargo xtask firmware --board stm32f405");
+        Self::boot_image(folder, IMAGE)
+    }
+
+    fn boot_image(folder: &Path, image: &str) -> Self {
+        assert!(Path::new(image).is_file(), "no image: cargo xtask firmware --board stm32f405");
         let words = folder.join("emulator");
         let output = File::create(&words).unwrap();
         let emulator = Command::new("qemu-system-arm")
             .args(["-M", "netduinoplus2", "-display", "none", "-monitor", "none"])
-            .args(["-serial", "null", "-serial", "pty", "-kernel", IMAGE])
+            .args(["-serial", "null", "-serial", "pty", "-kernel", image])
             .stdin(Stdio::null())
             .stdout(output.try_clone().unwrap())
             .stderr(output)
@@ -126,6 +135,40 @@ fn it_replays_a_recording_with_the_bits_of_the_firmware_in_this_process() {
     let counters = board.info(at)["counters"].clone();
     assert!(counters["readings"] == 1_001, "{counters}");
     assert_eq!(counters["bad_frames"], 0);
+}
+
+/// Frames over the board's own port, each when it is due, at its usual rate and at a faster one, which the emulator has not but both ends
+/// change to and back.
+#[test]
+#[ignore = "needs the STM32F405's image"]
+fn it_watches_a_recording_with_the_bits_of_the_firmware_in_this_process() {
+    const EXAMPLES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/examples/");
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    let files = ["picks-up.csv", "picks-up.urdf"].map(|name| format!("{EXAMPLES}{name}"));
+    let watch = |mcu: &str, more: &[&str]| {
+        let line =
+            ["watch", &files[0], "--model", &files[1], "--link", "hand", "--settle-s", "6", "--mcu", mcu];
+        rigident(at, &[&line[..], more].concat())
+    };
+    let here = json(&watch("inproc", &["--json"]));
+    assert_eq!(here["changes"].as_array().map(Vec::len), Some(2), "{here}");
+    let board = Board::boot_image(at, WATCH_IMAGE);
+    for rate in [&["--json"][..], &["--json", "--baud", "2000000"]] {
+        let output = watch(&board.port, rate);
+        assert_eq!(status(&output), 0, "{}", said(&output));
+        let there = json(&output);
+        for field in ["changes", "frames", "excess"] {
+            assert_eq!(here[field], there[field], "{rate:?}");
+        }
+    }
+    assert_eq!(board.info(at)["state"], "holding");
+    let standard = Board::boot(at);
+    let output = watch(&standard.port, &[]);
+    assert!(status(&output) == 3 && said(&output).contains("feature `watch`"), "{}", said(&output));
+    drop(standard);
+    let output = watch("inproc", &["--baud", "2000000"]);
+    assert!(status(&output) == 2 && said(&output).contains("no line with a rate"), "{}", said(&output));
 }
 
 /// Where no converter answers, the words say which sensor and what was found; nothing hangs.

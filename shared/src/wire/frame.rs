@@ -27,6 +27,8 @@ pub enum Kind {
     Answer = 1,
     /// Device to host, unasked.
     Telemetry = 2,
+    /// Host to device: a frame of a robot that is watched ([`super::watch_frame`]). Never answered.
+    Stream = 3,
 }
 
 /// Tells why bytes between two zeros are not a frame.
@@ -57,7 +59,7 @@ pub struct Frame<'a> {
     pub kind: Kind,
     /// Its number.
     pub sequence: u16,
-    /// Its payload, in postcard.
+    /// Its payload: a message in postcard, or a frame of a robot that is watched.
     pub payload: &'a [u8],
 }
 
@@ -85,11 +87,35 @@ pub fn encode<M: Serialize>(
     out: &mut [u8],
 ) -> Result<usize, TooLarge> {
     let mut raw = [0_u8; MAX_RAW];
-    let (header, rest) = raw.split_at_mut(HEADER);
+    let payload = raw.get_mut(HEADER..HEADER + MAX_PAYLOAD).ok_or(TooLarge)?;
+    let length = postcard::to_slice(message, payload).map_err(|_| TooLarge)?.len();
+    finish(kind, sequence, &mut raw, length, out)
+}
+
+/// Writes a frame with this payload into `out` and returns how many bytes of it are used.
+///
+/// # Errors
+/// [`TooLarge`] if the payload or the frame does not fit.
+pub fn encode_payload(kind: Kind, sequence: u16, payload: &[u8], out: &mut [u8]) -> Result<usize, TooLarge> {
+    let mut raw = [0_u8; MAX_RAW];
+    let place = raw.get_mut(HEADER..HEADER + MAX_PAYLOAD).and_then(|all| all.get_mut(..payload.len()));
+    place.ok_or(TooLarge)?.copy_from_slice(payload);
+    finish(kind, sequence, &mut raw, payload.len(), out)
+}
+
+/// Puts header and check around a payload of this length, and writes the frame into `out`.
+fn finish(
+    kind: Kind,
+    sequence: u16,
+    raw: &mut [u8; MAX_RAW],
+    payload: usize,
+    out: &mut [u8],
+) -> Result<usize, TooLarge> {
     let [low, high] = sequence.to_le_bytes();
-    header.copy_from_slice(&[PROTOCOL_VERSION, kind as u8, low, high]);
-    let payload = rest.get_mut(..MAX_PAYLOAD).ok_or(TooLarge)?;
-    let used = HEADER + postcard::to_slice(message, payload).map_err(|_| TooLarge)?.len();
+    if let Some(header) = raw.first_chunk_mut::<HEADER>() {
+        *header = [PROTOCOL_VERSION, kind as u8, low, high];
+    }
+    let used = HEADER + payload;
     let check = CRC32.checksum(raw.get(..used).ok_or(TooLarge)?);
     raw.get_mut(used..used + CHECK).ok_or(TooLarge)?.copy_from_slice(&check.to_le_bytes());
     let raw = raw.get(..used + CHECK).ok_or(TooLarge)?;
@@ -153,6 +179,7 @@ fn decode(encoded: &mut [u8]) -> Result<Frame<'_>, DecodeError> {
         0 => Kind::Command,
         1 => Kind::Answer,
         2 => Kind::Telemetry,
+        3 => Kind::Stream,
         other => return Err(DecodeError::UnknownKind(*other)),
     };
     Ok(Frame { kind, sequence: u16::from_le_bytes([*low, *high]), payload })

@@ -80,7 +80,17 @@ pub enum Command {
         /// What is known of it.
         settings: WatchLinkSettings,
     },
+    /// The line has another rate from now on; the answer is the last thing at the old one: Configured, of a robot that is watched. The
+    /// device goes back by itself when it holds, fails, is reset, or has heard nothing whole for [`LINE_RATE_MS`].
+    #[cfg_attr(not(feature = "watch"), serde(skip))]
+    LineRate {
+        /// The rate, baud.
+        baud: u32,
+    },
 }
+
+/// A device that has heard nothing whole for so long takes its line back to the rate that it started with, ms.
+pub const LINE_RATE_MS: u32 = 1_000;
 
 /// Answer to a command.
 pub type Answer = Result<Reply, ErrorCode>;
@@ -267,6 +277,8 @@ pub enum SettingName {
     Suspension,
     /// The watch: its sensors of forces, limit, or time constant, in `model`
     Watch,
+    /// The rate of the line
+    LineRate,
 }
 
 /// Tells where readings come from.
@@ -601,6 +613,8 @@ pub struct CounterReport {
     pub unaligned: u32,
     /// Frames from the host that were damaged.
     pub bad_frames: u32,
+    /// Times that the board had no room for bytes from the host, since the start of the run.
+    pub overruns: u32,
     /// Telemetry frames dropped for want of room.
     pub telemetry_dropped: u32,
 }

@@ -1,7 +1,7 @@
 //! The messages between host and device, and how they travel.
 //!
 //! Lives here: framing and checks ([`frame`]), the messages ([`messages`]), the sensor bus of emulated boards
-//! ([`bus`]), frames of a tree in motion ([`tree_frame`]). May not live here: mathematics, I/O, a clock. Next: the firmware's `link` and the host's.
+//! ([`bus`]), frames of a tree in motion ([`tree_frame`]) and of a robot that is watched ([`watch_frame`]). May not live here: mathematics, I/O, a clock. Next: the firmware's `link` and the host's.
 //!
 //! One frame on the line:
 //!
@@ -9,14 +9,14 @@
 //! |---|---|---|
 //! | COBS of: | | no zero inside, so a zero ends the frame and any loss is over with the next zero |
 //! | · protocol version | 1 | outside postcard: it can be read whatever the schema |
-//! | · kind | 1 | 0 command, 1 answer, 2 telemetry |
-//! | · sequence number | 2 | little-endian; an answer repeats its command's, telemetry counts by itself |
-//! | · payload | 0–1024 | postcard |
+//! | · kind | 1 | 0 command, 1 answer, 2 telemetry, 3 frame of a robot that is watched |
+//! | · sequence number | 2 | little-endian; an answer repeats its command's, telemetry and frames count by themselves |
+//! | · payload | 0–1024 | postcard; of a frame [`watch_frame`] |
 //! | · CRC-32 | 4 | little-endian, ISO-HDLC, over everything before it |
 //! | zero | 1 | |
 //!
 //! A command that is not answered is sent again with the same number; the device answers a repeat from memory
-//! and does not act twice.
+//! and does not act twice. A frame is not answered: the device counts what became of it ([`StreamReport`]).
 
 pub mod bus;
 pub mod frame;
@@ -24,11 +24,13 @@ pub mod links;
 pub mod messages;
 pub mod tree_frame;
 pub mod watch;
+pub mod watch_frame;
 
-pub use frame::{DecodeError, Decoder, Frame, Kind, encode};
+pub use frame::{DecodeError, Decoder, Frame, Kind, encode, encode_payload};
 pub use links::*;
 pub use messages::*;
 pub use watch::*;
+pub use watch_frame::WatchFrame;
 
 /// Counts what is missing from a numbered series.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

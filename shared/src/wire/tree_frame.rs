@@ -3,7 +3,7 @@
 //! | part | bytes | |
 //! |---|---|---|
 //! | mark | 2 | `F7 3E` |
-//! | version | 1 | 1: the base carries an IMU ([`TreeFrame`]); 2: cameras track the base ([`TrackedFrame`]); 3: a robot's own sensors ([`WatchFrame`]) |
+//! | version | 1 | 1: the base carries an IMU ([`TreeFrame`]); 2: cameras track the base ([`TrackedFrame`]) |
 //! | links | 1 | n, the base included |
 //! | number | 4 | little-endian, one more with every frame |
 //! | base, version 1 | 60 | 15 f32 LE: wrench (6, N and N m, on the base at S), specific force (3), rate (3), its derivative (3), in S |
@@ -11,8 +11,6 @@
 //! | base, version 2, on springs | 64 | 16 f32 LE, axes of the platform at rest: shift of O (3, m), vector of the turn (3, rad), velocity of O (3, m/s); the platform's attitude (w, x, y, z) and rate (3) in its own axes |
 //! | each further link, version 1 | 40 | 10 f32 LE: attitude `R_SL` (w, x, y, z), rate (3), its derivative (3), in the link's axes |
 //! | each further link, version 2 | 28 | 7 f32 LE: attitude (w, x, y, z), laboratory's axes from the link's, rate (3) in the link's axes |
-//! | base, version 3 | 120 | 30 f32 LE: the IMU's specific force (3, m/s²) and rate (3, rad/s), its axes; wrenches of four sensors (6 each, N and N m), their axes; zero of sensors that are not there |
-//! | each further link, version 3 | 8 | 2 f32 LE: place and rate of its joint: rad and rad/s, m and m/s |
 //! | CRC-32 | 4 | little-endian, ISO-HDLC, over everything before it |
 //!
 //! At 15 links and 100 frames a second 63 kB/s, tracked 47 kB/s: a serial line of 1 Mbit/s holds it, 115200 do not.
@@ -20,7 +18,6 @@
 use crc::{CRC_32_ISO_HDLC, Crc};
 
 use super::links::MAX_LINKS;
-use super::watch::{MAX_WATCH_FEET, MAX_WATCHED_LINKS};
 
 const MARK: [u8; 2] = [0xF7, 0x3E];
 /// Bytes before the numbers.
@@ -34,13 +31,8 @@ pub const LINK_NUMBERS: usize = 10;
 pub const TRACKED_BASE_NUMBERS: usize = 16;
 /// Numbers of every further link of a tree whose base is tracked.
 pub const TRACKED_LINK_NUMBERS: usize = 7;
-/// Numbers of the base of a robot that is watched.
-pub const WATCH_BASE_NUMBERS: usize = 6 + 6 * MAX_WATCH_FEET;
-/// Numbers of each of its further links.
-pub const WATCH_LINK_NUMBERS: usize = 2;
 /// Bytes of the longest frame.
 pub const MAX_TREE_FRAME: usize = TreeFrame::bytes(MAX_LINKS);
-const _: () = assert!(WatchFrame::bytes(MAX_WATCHED_LINKS) <= MAX_TREE_FRAME);
 
 const CRC32: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
@@ -48,9 +40,6 @@ const CRC32: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 pub type TreeFrame<'a> = NumberedFrame<'a, 1, BASE_NUMBERS, LINK_NUMBERS>;
 /// A frame of a tree whose base cameras track: positions and rates alone.
 pub type TrackedFrame<'a> = NumberedFrame<'a, 2, TRACKED_BASE_NUMBERS, TRACKED_LINK_NUMBERS>;
-
-/// Holds a frame of a robot that is watched: its own sensors.
-pub type WatchFrame<'a> = NumberedFrame<'a, 3, WATCH_BASE_NUMBERS, WATCH_LINK_NUMBERS>;
 
 /// Tells why bytes are no frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,9 +61,6 @@ pub struct NumberedFrame<'a, const VERSION: u8, const BASE: usize, const LINK: u
 }
 
 impl<'a, const VERSION: u8, const BASE: usize, const LINK: usize> NumberedFrame<'a, VERSION, BASE, LINK> {
-    /// Links at most.
-    const MOST: usize = if VERSION == 3 { MAX_WATCHED_LINKS } else { MAX_LINKS };
-
     /// Bytes of a frame of so many links.
     pub const fn bytes(links: usize) -> usize {
         HEADER + 4 * (BASE + LINK * links.saturating_sub(1)) + CHECK
@@ -110,7 +96,7 @@ impl<'a, const VERSION: u8, const BASE: usize, const LINK: usize> NumberedFrame<
 
     /// Writes a frame into `out`; how many bytes of it are used. `None` if it does not fit or there are too many links.
     pub fn encode(number: u32, base: &[f32; BASE], links: &[[f32; LINK]], out: &mut [u8]) -> Option<usize> {
-        let count = u8::try_from(links.len() + 1).ok().filter(|n| usize::from(*n) <= Self::MOST)?;
+        let count = u8::try_from(links.len() + 1).ok().filter(|n| usize::from(*n) <= MAX_LINKS)?;
         let length = Self::bytes(usize::from(count));
         let (body, check) = out.get_mut(..length)?.split_last_chunk_mut::<CHECK>()?;
         let (header, rest) = body.split_first_chunk_mut::<HEADER>()?;

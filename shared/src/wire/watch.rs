@@ -61,8 +61,8 @@ pub struct WatchLinkSettings {
 /// Returns whether the payload of a command tells of a robot to watch. Firmware without the feature `watch` does not know these commands, and
 /// asks this to say so.
 pub fn asks_to_watch(payload: &[u8]) -> bool {
-    // Configure, its rate, its source, and the model; WatchLink.
-    matches!(payload, [1, _, _, _, _, _, 4, ..] | [13, ..])
+    // Configure, its rate, its source, and the model; WatchLink; LineRate.
+    matches!(payload, [1, _, _, _, _, _, 4, ..] | [13 | 14, ..])
 }
 
 /// Tells how a joint of one freedom moves.
@@ -103,13 +103,13 @@ pub struct ChangeSize {
     pub standard_deviation: [f32; 10],
 }
 
-/// Writes a report of nothing: a zero for each of its four numbers, none of which takes more than a byte then.
+/// Writes a report of nothing: a zero for each of its eight numbers, none of which takes more than a byte then.
 #[cfg(not(feature = "watch"))]
 pub(super) fn nothing_watched<S: serde::Serializer>(
     _: &WatchReport,
     serializer: S,
 ) -> Result<S::Ok, S::Error> {
-    [0_u8; 4].serialize(serializer)
+    [0_u8; 8].serialize(serializer)
 }
 
 /// Tells what became of the watch so far.
@@ -123,4 +123,19 @@ pub struct WatchReport {
     pub excess_percent: u32,
     /// Sensor that was last at its range.
     pub last_saturated: u8,
+    /// Tells what became of frames on the link.
+    pub stream: StreamReport,
+}
+
+/// Counts frames on the link by their sequence numbers, since the start of the run. One that is damaged is lost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct StreamReport {
+    /// That had not come when a later one did.
+    pub lost: u32,
+    /// That came once more; the copy was left out.
+    pub repeated: u32,
+    /// That came after a later one, and were left out; each has been counted as lost, too.
+    pub late: u32,
+    /// That came while no robot was watched.
+    pub unasked: u32,
 }

@@ -14,7 +14,7 @@ use postcard_schema::schema::DataModelType;
 use rigident_shared::wire::frame::MAX_FRAME;
 use rigident_shared::wire::{
     Answer, Command, Decoder, ErrorCode, Kind, PROTOCOL_VERSION, Reply, SCHEMA_HASH, Telemetry,
-    asks_to_watch, encode,
+    asks_to_watch, encode, encode_payload,
 };
 
 const SEQUENCE: u16 = 0x00a5;
@@ -33,6 +33,7 @@ fn frame_of(message: &Message) -> Vec<u8> {
         Message::Command(m) => encode(Kind::Command, SEQUENCE, m, &mut bytes),
         Message::Answer(m) => encode(Kind::Answer, SEQUENCE, m, &mut bytes),
         Message::Telemetry(m) => encode(Kind::Telemetry, SEQUENCE, m, &mut bytes),
+        Message::Stream(m) => encode_payload(Kind::Stream, SEQUENCE, m, &mut bytes),
     };
     bytes[..length.unwrap()].to_vec()
 }
@@ -79,6 +80,7 @@ fn understood(bytes: &[u8]) -> Message {
                 Kind::Command => Message::Command(frame.message().unwrap()),
                 Kind::Answer => Message::Answer(frame.message().unwrap()),
                 Kind::Telemetry => Message::Telemetry(frame.message().unwrap()),
+                Kind::Stream => Message::Stream(frame.payload.to_vec()),
             };
         }
     }
@@ -113,6 +115,7 @@ fn no_message_is_without_a_golden() {
             Message::Answer(Ok(m)) => replies.insert(name(format!("{m:?}"))),
             Message::Answer(Err(m)) => errors.insert(name(format!("{m:?}"))),
             Message::Telemetry(m) => telemetry.insert(name(format!("{m:?}"))),
+            Message::Stream(_) => true,
         };
     }
     let owned = |names: BTreeSet<&str>| names.into_iter().map(str::to_owned).collect::<BTreeSet<_>>();
@@ -146,7 +149,7 @@ fn commands_of_the_watch_are_known_by_their_bytes() {
             asked.push(name);
         }
     }
-    assert_eq!(asked, ["command_configure_watch", "command_watch_link"]);
+    assert_eq!(asked, ["command_configure_watch", "command_watch_link", "command_line_rate"]);
 }
 
 /// COBS undone as its definition says: a code byte n is n − 1 bytes and, unless n is 255, a zero.
@@ -183,6 +186,7 @@ fn the_frame_is_what_the_module_page_says() {
             Message::Command(_) => 0,
             Message::Answer(_) => 1,
             Message::Telemetry(_) => 2,
+            Message::Stream(_) => 3,
         };
         assert_eq!(body[..4], [PROTOCOL_VERSION, kind, 0xa5, 0x00], "{name}");
     }

@@ -2,7 +2,7 @@
 
 use crate::samples::{self, Message};
 use rigident_shared::wire::frame::{MAX_FRAME, MAX_PAYLOAD};
-use rigident_shared::wire::{Command, Decoder, InjectBatch, Kind, encode};
+use rigident_shared::wire::{Command, Decoder, InjectBatch, Kind, WatchFrame, encode};
 
 /// Marsaglia's xorshift, so that every run is the same.
 struct Noise(u64);
@@ -74,6 +74,7 @@ fn every_message_cut_short_or_changed_is_refused_or_read_never_a_panic() {
             Message::Command(m) => postcard(m),
             Message::Answer(m) => postcard(m),
             Message::Telemetry(m) => postcard(m),
+            Message::Stream(m) => m.clone(),
         };
         let read = |payload: &[u8]| {
             let frame = rigident_shared::wire::Frame { kind: Kind::Command, sequence: 0, payload };
@@ -81,6 +82,7 @@ fn every_message_cut_short_or_changed_is_refused_or_read_never_a_panic() {
                 Message::Command(_) => frame.message::<Command>().is_ok(),
                 Message::Answer(_) => frame.message::<rigident_shared::wire::Answer>().is_ok(),
                 Message::Telemetry(_) => frame.message::<rigident_shared::wire::Telemetry>().is_ok(),
+                Message::Stream(_) => WatchFrame::decode(payload, 3, 1).is_ok(),
             }
         };
         assert!(read(&payload), "{name}");

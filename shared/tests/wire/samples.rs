@@ -9,6 +9,8 @@ pub enum Message {
     Command(Command),
     Answer(Answer),
     Telemetry(Telemetry),
+    /// A frame of a robot that is watched.
+    Stream(Vec<u8>),
 }
 
 pub fn settings() -> Settings {
@@ -127,9 +129,16 @@ fn counters() -> CounterReport {
             full: 1,
             last_link: 7,
         },
-        watch: WatchReport { changes: 2, settled: true, excess_percent: 340, last_saturated: 1 },
+        watch: WatchReport {
+            changes: 2,
+            settled: true,
+            excess_percent: 340,
+            last_saturated: 1,
+            stream: StreamReport { lost: 300, repeated: 2, late: 1, unasked: 40 },
+        },
         unaligned: 5,
         bad_frames: 6,
+        overruns: 17,
         telemetry_dropped: 70_000,
     }
 }
@@ -214,6 +223,16 @@ fn watch_link() -> WatchLinkSettings {
     }
 }
 
+/// Of three links and a foot.
+fn stream() -> Message {
+    let mut bytes = [0; watch_frame::MAX_WATCH_FRAME];
+    let imu = [0.5, -0.25, 9.75, 0.125, -1.0, 2.0];
+    let foot = [1.0, -2.0, 300.0, 4.0, 5.0, -6.0];
+    let joints = [[0.5, -1.5], [-0.75, 3.0]];
+    let length = WatchFrame::encode(70_000, &imu, &[foot], &joints, &mut bytes).unwrap();
+    Message::Stream(bytes[..length].to_vec())
+}
+
 fn change() -> ChangeReport {
     ChangeReport {
         change: 2,
@@ -264,6 +283,7 @@ pub fn samples() -> Vec<(&'static str, Message)> {
         ("command_configure_suspended_tree", command(Command::Configure(suspended_tree()))),
         ("command_configure_watch", command(Command::Configure(watch()))),
         ("command_watch_link", command(Command::WatchLink { link: 17, settings: watch_link() })),
+        ("command_line_rate", command(Command::LineRate { baud: 2_000_000 })),
         ("command_start", command(Command::Start)),
         ("command_hold", command(Command::Hold)),
         ("command_reset", command(Command::Reset)),
@@ -317,6 +337,7 @@ pub fn samples() -> Vec<(&'static str, Message)> {
         ),
         ("telemetry_change", telemetry(Telemetry::Change(change()))),
         ("telemetry_heartbeat", telemetry(Telemetry::Heartbeat { time_ns: 1_000_000_000 })),
+        ("stream_frame", stream()),
     ]
 }
 

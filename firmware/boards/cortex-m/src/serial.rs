@@ -1,6 +1,7 @@
 //! A serial port's two queues, between its interrupts and the main loop.
 
 use core::ops::DerefMut;
+use core::sync::atomic::{AtomicU32, Ordering};
 
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::SpiDevice;
@@ -14,13 +15,26 @@ pub struct Queues {
     pub from_host: Ring<2048>,
     /// Holds what the firmware has to say.
     pub to_host: Ring<4096>,
+    /// Counts times that bytes from the host found no room; it wraps.
+    overruns: AtomicU32,
 }
 
 impl Queues {
     /// Returns both, empty.
     #[must_use]
     pub const fn new() -> Self {
-        Self { from_host: Ring::new(), to_host: Ring::new() }
+        Self { from_host: Ring::new(), to_host: Ring::new(), overruns: AtomicU32::new(0) }
+    }
+
+    /// Notes that bytes from the host found no room. Called from the port's interrupt only.
+    pub fn overrun(&self) {
+        self.overruns.store(self.overruns.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
+    }
+
+    /// Returns how often that has happened since it was `before`, which becomes what it is now.
+    pub fn newly_overrun(&self, before: &mut u32) -> u32 {
+        let now = self.overruns.load(Ordering::Relaxed);
+        now.wrapping_sub(core::mem::replace(before, now))
     }
 
     /// Takes bytes from the host into `buffer` and returns how many there were.

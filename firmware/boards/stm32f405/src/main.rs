@@ -9,9 +9,9 @@ use cortex_m_rt::{entry, exception};
 #[cfg(feature = "rtt")]
 use defmt_rtt as _;
 use rigident_cortex_m::absent::Absent;
+use rigident_firmware::capture::{Answering, Capture, Lost, Place, Ring, Samples};
 #[cfg(feature = "storage")]
 use rigident_firmware::storage::Store;
-use rigident_firmware::capture::{Answering, Capture, Lost, Place, Ring, Samples};
 use rigident_firmware::{Buses, Event, Instrument, Path, Sensor};
 use rigident_shared::wire::StateName;
 use stm32f405::clock::{self, Clocks};
@@ -55,10 +55,13 @@ fn main() -> ! {
         frames: Absent,
     });
     instrument.booted(reset, clocks.source);
+    instrument.line_goes_up_to(usart::fastest(&clocks));
     #[cfg(feature = "storage")]
     let mut store = singleton!(: Option<Store<Flash>> = flash::store()).and_then(Option::as_mut);
     let mut time = Time::new();
     let mut listening = [false; 3];
+    let mut overruns = 0;
+    let mut baud = usart::BAUD;
     let mut chunk = [0; 64];
     loop {
         watchdog::feed();
@@ -90,8 +93,13 @@ fn main() -> ! {
         for (sensor, lost) in samples.newly_lost() {
             instrument.on_lost(sensor, lost);
         }
+        instrument.on_overruns(QUEUES.newly_overrun(&mut overruns));
         instrument.tick(time.now_ns());
         send(instrument, &mut chunk);
+        let rate = instrument.app().line_rate().unwrap_or(usart::BAUD);
+        if rate != baud && instrument.tx_pending() == 0 && usart::change_rate(&clocks, rate) {
+            baud = rate;
+        }
         if idle {
             QUEUES.wait();
         }

@@ -1,4 +1,4 @@
-//! USART2, the link to the host: 921 600 baud, 8N1, driven by interrupts on both sides.
+//! USART2, the link to the host: 921 600 baud unless the host asks for more, 8N1, driven by interrupts on both sides.
 
 use rigident_cortex_m::interrupts::{pend, unmask};
 use rigident_cortex_m::serial::Queues;
@@ -7,14 +7,19 @@ use crate::clock::Clocks;
 use crate::pins::{HOST_RX, HOST_TX};
 use crate::registers::{USART2_BRR, USART2_CR1, USART2_DR, USART2_SR, interrupts};
 
-/// Of the link.
+/// Rate of the link.
 pub const BAUD: u32 = 921_600;
+/// The fastest that serial adapters commonly do.
+const MOST_BAUD: u32 = 3_000_000;
 /// The pins' function.
 const FUNCTION: u32 = 7;
 
 const OVERRUN: u32 = 1 << 3;
 const RECEIVED: u32 = 1 << 5;
 const CAN_SEND: u32 = 1 << 7;
+const SENT: u32 = 1 << 6;
+/// A bit is eight samples long instead of sixteen: for rates above a sixteenth of the clock.
+const EIGHT: u32 = 1 << 15;
 const ON: u32 = 1 << 13 | 1 << 3 | 1 << 2;
 const RECEIVE_INTERRUPT: u32 = 1 << 5;
 const SEND_INTERRUPT: u32 = 1 << 7;
@@ -27,9 +32,34 @@ pub fn start(clocks: &Clocks) {
     HOST_TX.peripheral(FUNCTION, 0);
     // Pulled up: a line that is not there is silent.
     HOST_RX.peripheral(FUNCTION, 1);
-    USART2_BRR.write((clocks.usart_hz + BAUD / 2) / BAUD);
-    USART2_CR1.write(ON | RECEIVE_INTERRUPT);
+    run_at(clocks, BAUD);
     unmask(interrupts::USART2);
+}
+
+/// Returns the fastest rate by these clocks, baud.
+pub fn fastest(clocks: &Clocks) -> u32 {
+    MOST_BAUD.min(clocks.usart_hz / 8)
+}
+
+/// Changes the rate as soon as all that was to be sent has left the port, and returns whether it has.
+pub fn change_rate(clocks: &Clocks, baud: u32) -> bool {
+    // With interrupts held back the handler does not send meanwhile.
+    cortex_m::interrupt::free(|_| {
+        let done = QUEUES.to_host.is_empty() && USART2_SR.read() & SENT != 0;
+        if done {
+            USART2_CR1.write(0);
+            run_at(clocks, baud);
+        }
+        done
+    })
+}
+
+fn run_at(clocks: &Clocks, baud: u32) {
+    let divider = (clocks.usart_hz + baud / 2) / baud.max(1);
+    let eight = divider < 16;
+    // In sixteenths; in eighths the last place of the fraction is left out.
+    USART2_BRR.write(if eight { (divider & !7) << 1 | divider & 7 } else { divider });
+    USART2_CR1.write(ON | RECEIVE_INTERRUPT | if eight { EIGHT } else { 0 });
 }
 
 /// Takes bytes from the host into `buffer` and returns how many there were.
@@ -49,7 +79,7 @@ pub fn send() {
 }
 
 /// Interrupt: takes what has come and sends what can be sent. A full queue leaves a byte where it is; the next one
-/// overruns it, and the host repeats a command that is not answered.
+/// overruns it, which is counted, and the host repeats a command that is not answered.
 pub fn on_interrupt() {
     let mut listen = true;
     loop {
@@ -60,6 +90,9 @@ pub fn on_interrupt() {
         if QUEUES.from_host.room() == 0 {
             listen = false;
             break;
+        }
+        if state & OVERRUN != 0 {
+            QUEUES.overrun();
         }
         // The data are the lower eight bits; reading them after the state clears an overrun, too.
         let byte = USART2_DR.read() as u8;

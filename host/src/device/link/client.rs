@@ -6,7 +6,7 @@ use nalgebra::DMatrix;
 use rigident_shared::wire::frame::MAX_FRAME;
 use rigident_shared::wire::{
     Answer, Command, DecodeError, Decoder, ErrorCode, Identity, Kind, PROTOCOL_VERSION, Reply, SCHEMA_HASH,
-    Telemetry, encode,
+    Telemetry, encode, encode_payload,
 };
 
 use super::Transport;
@@ -181,6 +181,27 @@ impl Client {
         answered
     }
 
+    /// Asks whether the device is there, giving up after `attempts` questions of 0.7 s each.
+    ///
+    /// # Errors
+    /// The link, or silence.
+    pub fn is_there(&mut self, attempts: u32) -> Result<(), LinkError> {
+        self.attempts = attempts;
+        let answered = self.ask("are you there", &Command::Heartbeat);
+        self.attempts = ATTEMPTS;
+        answered.map(drop)
+    }
+
+    /// Changes the rate of this end of the line, baud.
+    ///
+    /// # Errors
+    /// The line has no rate, or not this one.
+    pub fn set_baud(&mut self, baud: u32) -> Result<(), LinkError> {
+        self.transport.set_baud(baud)?;
+        // Ends what the change looks like in the device's buffer.
+        Ok(self.transport.write(&[0])?)
+    }
+
     /// Sends a command and waits for its answer, repeating it if need be. `name` is for messages.
     ///
     /// # Errors
@@ -230,6 +251,22 @@ impl Client {
         let length = encode(Kind::Command, self.sequence, command, &mut frame)
             .map_err(|_| LinkError::Nonsense(name))?;
         Ok(self.transport.write(frame.get(..length).unwrap_or_default())?)
+    }
+
+    /// Sends a frame of a robot that is watched, which is never answered. They count by themselves.
+    ///
+    /// # Errors
+    /// The link is gone; or there is no room for the frame.
+    pub fn stream(&mut self, sequence: u16, payload: &[u8]) -> Result<(), LinkError> {
+        let mut frame = [0; MAX_FRAME];
+        let length = encode_payload(Kind::Stream, sequence, payload, &mut frame)
+            .map_err(|_| LinkError::Nonsense("stream a frame"))?;
+        Ok(self.transport.write(frame.get(..length).unwrap_or_default())?)
+    }
+
+    /// Returns whether the line is out, so that what is sent is lost.
+    pub fn is_out(&self) -> bool {
+        self.transport.is_out()
     }
 
     /// Counts silence from now on: nobody has listened until now.
@@ -284,7 +321,7 @@ impl Client {
                         }
                         Err(_) => self.bad_frames += 1,
                     },
-                    Kind::Command => {}
+                    Kind::Command | Kind::Stream => {}
                 },
                 Some(Err(DecodeError::Version(device))) => return Err(LinkError::OtherProtocol { device }),
                 Some(Err(_)) => self.bad_frames += 1,

@@ -17,6 +17,14 @@ pub trait Transport: Send {
     /// The link is gone. A wait without bytes is not an error.
     fn read(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize>;
 
+    /// Changes the rate of the line, baud.
+    ///
+    /// # Errors
+    /// It has none, or not this one.
+    fn set_baud(&mut self, _baud: u32) -> io::Result<()> {
+        Err(io::ErrorKind::Unsupported.into())
+    }
+
     /// Returns whether the line is out and is expected back: what is written meanwhile is lost, and nothing comes.
     fn is_out(&self) -> bool {
         false
@@ -96,6 +104,12 @@ impl SerialTransport {
         })
     }
 
+    /// Returns whether the line has a rate: a pseudo-terminal has none.
+    pub fn has_rate(&self) -> bool {
+        let place = std::fs::canonicalize(&self.path).unwrap_or_default();
+        !place.starts_with("/dev/pts")
+    }
+
     fn port(path: &str) -> serialport::Result<Box<dyn serialport::SerialPort>> {
         serialport::new(path, BAUD).timeout(Duration::from_millis(10)).open()
     }
@@ -156,6 +170,14 @@ impl Transport for SerialTransport {
                 self.goes_out(&error);
                 Ok(0)
             }
+        }
+    }
+
+    fn set_baud(&mut self, baud: u32) -> io::Result<()> {
+        match &mut self.line {
+            Line::Open(port) => Ok(port.set_baud_rate(baud)?),
+            // It comes back with the rate that it starts with.
+            Line::Out(..) => Ok(()),
         }
     }
 

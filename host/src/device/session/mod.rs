@@ -14,6 +14,7 @@ pub mod precision;
 mod restart;
 mod settings;
 pub mod sound;
+pub mod streamed;
 pub mod suspended;
 mod take;
 pub mod tracked;
@@ -78,6 +79,11 @@ pub enum SessionError {
     /// The device restarted, and what is left.
     #[error("{0}")]
     Restarted(String),
+    /// The line does not take another rate, baud.
+    #[error(
+        "--baud {0}: {1}; take a slower rate or another serial adapter, and keep its wires short. The line has its usual rate again"
+    )]
+    Line(u32, &'static str),
     /// The load cell would be overloaded.
     #[error(
         "the load cell's {channel} came to {value:.1} of {range:.1} {unit}: the motion was ended before it overloads the load cell. \

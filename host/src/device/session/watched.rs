@@ -1,22 +1,18 @@
-//! A robot that the device watches while it works: what the device is told of it, its frames, and the changes that it finds.
-
-use std::sync::atomic::Ordering;
-use std::time::Duration;
+//! A robot that the device watches while it works: what the device is told of it, and its frames.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use rigident_shared::inertia::{InertialParameters, tensor_elements};
 use rigident_shared::spatial::Body;
 use rigident_shared::tree::Joint;
-use rigident_shared::wire::tree_frame::{MAX_TREE_FRAME, WATCH_BASE_NUMBERS, WatchFrame};
+use rigident_shared::wire::watch_frame::{MAX_WATCH_FRAME, WatchFrame};
 use rigident_shared::wire::{
-    ChangeReport, Command, CounterReport, FootSettings, MAX_WATCH_FEET, MAX_WATCHED_LINKS, ModelSettings,
-    Reply, Settings, Source, StateName, Telemetry, WatchJoint, WatchLinkSettings, WatchSettings,
+    FootSettings, MAX_WATCH_FEET, MAX_WATCHED_LINKS, ModelSettings, Settings, Source, WatchJoint,
+    WatchLinkSettings, WatchSettings,
 };
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
 use super::tracked::settings_of;
-use super::tree::{DeviceTreeError, FrameSource};
-use super::{INTERRUPTED, Session, SessionError};
+use super::tree::DeviceTreeError;
 use crate::model::rows::Moving;
 use crate::problem::tree::{BaseSensor, Frame, Input, SignalKind};
 use rigident_shared::estimator::watch::BINS;
@@ -120,10 +116,27 @@ pub struct WatchedRobot {
     /// Its links, one by one.
     pub links: Vec<WatchLinkSettings>,
     /// Its frames, of one time base: their numbers tell gaps.
-    pub frames: Vec<Vec<u8>>,
+    pub frames: Vec<NumberedFrame>,
+}
+
+/// Holds a frame as it is sent to the device.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NumberedFrame {
+    /// Its number: periods since the first one.
+    pub number: u32,
+    /// Its bytes ([`WatchFrame`]).
+    pub payload: Vec<u8>,
 }
 
 impl WatchedRobot {
+    /// Returns the number of its sensors of forces.
+    pub fn feet(&self) -> usize {
+        match &self.settings.model {
+            ModelSettings::Watch(robot) => usize::from(robot.foot_count),
+            _ => 0,
+        }
+    }
+
     /// Returns what the device is to be told so that it watches this link of a recording's model.
     ///
     /// # Errors
@@ -306,95 +319,27 @@ fn weights(input: &Input) -> [f64; 2] {
     all.fold([0.0; 2], |sum, own| [sum[0] + own[0] / count, sum[1] + own[1] / count])
 }
 
-fn frames(input: &Input) -> Vec<Vec<u8>> {
+fn frames(input: &Input) -> Vec<NumberedFrame> {
     let mut all = Vec::new();
     for (k, frame) in input.frames.iter().enumerate() {
-        let mut base = [0.0; WATCH_BASE_NUMBERS];
-        let own = frame.base.specific_force.iter().chain(frame.base.rate.iter());
-        let numbers = own.chain(wrenches(input, frame).as_flattened());
-        base.iter_mut().zip(numbers).for_each(|(slot, value)| *slot = *value as f32);
+        let own: Vec<f32> =
+            frame.base.specific_force.iter().chain(&frame.base.rate).map(|v| *v as f32).collect();
+        let imu = std::array::from_fn(|i| own[i]);
+        let feet: Vec<[f32; 6]> = wrenches(input, frame).iter().map(|w| w.map(|v| v as f32)).collect();
         let mut places = frame.positions.iter().zip(&frame.rates);
         let joints = input.model.links.iter().skip(1).map(|link| match link.link.joint.freedoms() {
             0 => [0.0; 2],
             _ => places.next().map_or([f32::NAN; 2], |(place, rate)| [*place as f32, *rate as f32]),
         });
         let joints: Vec<[f32; 2]> = joints.collect();
-        let mut bytes = vec![0; MAX_TREE_FRAME];
         let number = super::tracked::number(input, k);
-        let length = WatchFrame::encode(number, &base, &joints, &mut bytes).unwrap_or(0);
-        bytes.truncate(length);
-        all.push(bytes);
+        let mut payload = vec![0; MAX_WATCH_FRAME];
+        // No more links and sensors than there may be: it has been looked at.
+        let length = WatchFrame::encode(number, &imu, &feet, &joints, &mut payload).unwrap_or(0);
+        payload.truncate(length);
+        all.push(NumberedFrame { number, payload });
     }
     all
-}
-
-/// Holds what a watch has found.
-#[derive(Clone, Debug, Default)]
-pub struct Watched {
-    /// Changes: each when it was found, and when it was measured.
-    pub changes: Vec<ChangeReport>,
-    /// The device's counters at the end.
-    pub counters: CounterReport,
-    /// It was ended by Ctrl-C.
-    pub interrupted: bool,
-}
-
-impl Session {
-    /// Tells the device a robot, lets its frames go and takes the changes until they end.
-    ///
-    /// # Errors
-    /// The link, or a device that refuses or stops.
-    pub fn watch_robot(
-        &mut self,
-        robot: &WatchedRobot,
-        source: &dyn FrameSource,
-        told: &mut dyn FnMut(&ChangeReport),
-    ) -> Result<Watched, SessionError> {
-        self.configure(&robot.settings)?;
-        for (i, link) in robot.links.iter().enumerate() {
-            let command = Command::WatchLink { link: i as u8, settings: *link };
-            self.client().ask("tell a link", &command)?;
-        }
-        self.start()?;
-        source.set_open(true);
-        let mut watched = Watched::default();
-        let outcome = self.changes(source, &mut watched, told);
-        source.set_open(false);
-        outcome.map(|()| watched)
-    }
-
-    fn changes(
-        &mut self,
-        source: &dyn FrameSource,
-        watched: &mut Watched,
-        told: &mut dyn FnMut(&ChangeReport),
-    ) -> Result<(), SessionError> {
-        loop {
-            let done = source.is_done();
-            self.client().listen(Duration::from_millis(20))?;
-            if let Reply::Counters(counters) =
-                self.client().ask("read the counters", &Command::ReadCounters)?
-            {
-                watched.counters = counters;
-            }
-            while let Some(message) = self.client().next_telemetry() {
-                match message {
-                    Telemetry::Change(change) => {
-                        told(&change);
-                        watched.changes.push(change);
-                    }
-                    Telemetry::State { state: state @ StateName::Fault, reason } => {
-                        return Err(SessionError::Stopped { state, reason, advice: super::advice(reason) });
-                    }
-                    _ => {}
-                }
-            }
-            watched.interrupted = INTERRUPTED.load(Ordering::Relaxed);
-            if done || watched.interrupted {
-                return Ok(());
-            }
-        }
-    }
 }
 
 #[cfg(test)]

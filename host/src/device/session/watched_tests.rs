@@ -55,15 +55,15 @@ fn watch<T: rigident_shared::Scalar>(robot: &WatchedRobot) -> Box<Watch<T>> {
 fn changes<T: rigident_shared::Scalar>(robot: &WatchedRobot) -> (Vec<Change<T>>, Box<Watch<T>>) {
     let mut watch = watch::<T>(robot);
     let mut all = Vec::new();
-    for bytes in &robot.frames {
-        let frame = WatchFrame::decode(bytes, robot.links.len()).unwrap();
-        let base = frame.base.map(T::from_f32);
-        let joints: Vec<[T; 2]> = frame.links().map(|joint| joint.map(T::from_f32)).collect();
-        let wrenches: Vec<[T; 6]> = base[6..].as_chunks::<6>().0[..watch.feet()].to_vec();
+    for frame in &robot.frames {
+        let frame = WatchFrame::decode(&frame.payload, robot.links.len(), robot.feet()).unwrap();
+        let imu = frame.imu.map(T::from_f32);
+        let joints: Vec<[T; 2]> = frame.joints().map(|joint| joint.map(T::from_f32)).collect();
+        let wrenches: Vec<[T; 6]> = frame.feet().map(|wrench| wrench.map(T::from_f32)).collect();
         let given = Given {
             number: frame.number,
-            specific_force: [base[0], base[1], base[2]],
-            rate: [base[3], base[4], base[5]],
+            specific_force: [imu[0], imu[1], imu[2]],
+            rate: [imu[3], imu[4], imu[5]],
             joints: &joints,
             wrenches: &wrenches,
         };
@@ -169,114 +169,13 @@ fn a_base_about_its_imu_is_the_same_body() {
     assert!((here - there).abs() < 1e-12 * here, "{here} {there}");
 }
 
-#[cfg(feature = "simulator")]
-mod on_the_firmware {
-    use std::io;
-    use std::time::Duration;
-
-    use rigident_sim::runner::{FrameBus, FrameGate, InProcess, Mcu};
-
-    use super::*;
-    use crate::device::link::{Client, Transport};
-
-    struct Line(Box<dyn Mcu>);
-
-    impl Transport for Line {
-        fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
-            self.0.write(bytes)
-        }
-
-        fn read(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
-            self.0.read(buffer, timeout)
-        }
-    }
-
-    struct Gate(FrameGate);
-
-    impl FrameSource for Gate {
-        fn set_open(&self, open: bool) {
-            self.0.set_open(open);
-        }
-
-        fn is_done(&self) -> bool {
-            self.0.is_done()
-        }
-    }
-
-    fn watched(robot: &WatchedRobot, on: &dyn Fn(Box<FrameBus>) -> Box<dyn Mcu>) -> Watched {
-        let (bus, gate) = FrameBus::new(robot.frames.clone(), RATE_HZ);
-        let mut session = Session::open(Client::new(Box::new(Line(on(Box::new(bus)))))).unwrap();
-        session.watch_robot(robot, &Gate(gate), &mut |_| ()).unwrap()
-    }
-
-    fn short() -> WatchedRobot {
-        let case = PicksUp { holds_s: Some([12.0, 99.0]), seconds: 15.0, ..PicksUp::default() };
-        let (_, input, _) = case.input().unwrap();
-        WatchedRobot::new(&input, HAND, &WatchOptions { settle_s: 8.0, ..WatchOptions::default() }).unwrap()
-    }
-
-    #[test]
-    fn the_firmware_tells_what_the_watch_does_and_counts_what_it_leaves_out() {
-        let robot = short();
-        let firmware = watched(&robot, &|bus| Box::new(InProcess::on(bus)));
-        let (own, _) = changes::<f32>(&robot);
-        assert_eq!((firmware.changes.len(), own.len()), (2, 2), "{:?} {own:?}", firmware.changes);
-        for (told, own) in firmware.changes.iter().zip(&own) {
-            let size = told.size.map(|size| (size.change, size.standard_deviation));
-            assert_eq!((told.found, told.at, told.between, size), (own.found, own.at, own.between, own.size));
-        }
-        // A number that is none, two frames that never come, a damaged one, one of another robot.
-        let mut spoiled = robot.clone();
-        let frame = WatchFrame::decode(&robot.frames[5500], robot.links.len()).unwrap();
-        let joints: Vec<[f32; 2]> = frame.links().collect();
-        let mut base = frame.base;
-        base[7] = f32::NAN;
-        let mut bytes = vec![0; MAX_TREE_FRAME];
-        let n = WatchFrame::encode(frame.number, &base, &joints, &mut bytes).unwrap();
-        spoiled.frames[5500] = bytes[..n].to_vec();
-        spoiled.frames[5600][20] ^= 4;
-        let n = WatchFrame::encode(5700, &frame.base, &joints[1..], &mut bytes).unwrap();
-        spoiled.frames[5700] = bytes[..n].to_vec();
-        spoiled.frames.drain(5800..5802);
-        let after = watched(&spoiled, &|bus| Box::new(InProcess::on(bus)));
-        let frames = after.counters.frames;
-        assert_eq!((frames.not_finite, frames.damaged, frames.wrong_links), (1, 1, 1));
-        // What was damaged, or of another robot, is missing in the series, too.
-        assert_eq!((frames.missing, frames.absorbed), (4, 7500 - 5));
-        assert_eq!(after.changes.len(), 2, "{:?}", after.changes);
-        let (size, sd) = after.changes[1].size.map(|s| (s.change[0], s.standard_deviation[0])).unwrap();
-        assert!((size - 0.5).abs() < 4.0 * sd, "{size} {sd}");
-    }
-
-    #[cfg(feature = "emulator")]
-    #[test]
-    #[ignore = "needs the emulated board"]
-    fn the_emulated_board_tells_the_same_to_the_bit() {
-        use rigident_sim::runner::{Qemu, QemuOptions, watch_elf};
-        let robot = short();
-        let here = watched(&robot, &|bus| Box::new(InProcess::on(bus)));
-        let image = QemuOptions { elf: watch_elf(), ..QemuOptions::default() };
-        let there = watched(&robot, &|bus| Box::new(Qemu::spawn_on(&image, bus).unwrap()));
-        assert_eq!((here.changes.len(), &here.changes), (2, &there.changes));
-        assert_eq!(here.counters.watch, there.counters.watch);
-    }
-
-    #[cfg(feature = "emulator")]
-    #[test]
-    #[ignore = "needs the emulated board"]
-    fn on_the_emulated_board_the_standard_image_refuses_a_robot_to_watch() {
-        use rigident_shared::wire::ErrorCode;
-        use rigident_sim::runner::{Qemu, QemuOptions};
-
-        use crate::device::link::LinkError;
-        let robot = short();
-        let (bus, _gate) = FrameBus::new(Vec::new(), RATE_HZ);
-        let board = Qemu::spawn_on(&QemuOptions::default(), Box::new(bus)).unwrap();
-        let mut session = Session::open(Client::new(Box::new(Line(Box::new(board))))).unwrap();
-        let refused = session.configure(&robot.settings).unwrap_err();
-        let LinkError::Refused { code, .. } = refused else { panic!("{refused}") };
-        assert_eq!(code, ErrorCode::NotBuiltIn);
-    }
+#[test]
+fn the_line_must_carry_what_frames_need() {
+    let (_, input, _) = PicksUp { seconds: 0.1, ..PicksUp::default() }.input().unwrap();
+    let robot = WatchedRobot::new(&input, HAND, &WatchOptions::default()).unwrap();
+    // 31 links, two feet: 6 + 6·4 + 2·24 + 30·8 bytes, header and check of 8, COBS of 2, a zero; 10 bits each.
+    let need = crate::device::session::streamed::line_need(&robot.frames, RATE_HZ);
+    assert!((need - 10.0 * 329.0 * RATE_HZ).abs() < 10.0 * RATE_HZ + 1.0, "{need}");
 }
 
 #[test]
@@ -293,3 +192,7 @@ fn wrenches_that_are_not_the_weight_are_refused() {
         "{refused:?}"
     );
 }
+
+#[cfg(feature = "simulator")]
+#[path = "watched_firmware_tests.rs"]
+mod on_the_firmware;

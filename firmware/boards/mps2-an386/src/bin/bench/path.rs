@@ -2,10 +2,12 @@
 
 use rigident_firmware::{App, Buses, Event, Instrument, Path, Sensor};
 use rigident_shared::wire::{
-    AttitudeSource, Command, FootSettings, ImuSettings, Kind, LinkJoint, LinkSettings, LoadCellSettings,
-    MemorySettings, ModelSettings, Settings, Source, StateName, StopLimit, StopRule, TelemetrySettings,
-    TwoLinkSettings, WatchJoint, WatchLinkSettings, WatchSettings, encode, frame,
+    AttitudeSource, Command, ImuSettings, Kind, LinkJoint, LinkSettings, LoadCellSettings, MemorySettings,
+    ModelSettings, Settings, Source, StateName, StopLimit, StopRule, TelemetrySettings, TwoLinkSettings,
+    encode, frame,
 };
+#[cfg(feature = "watch")]
+use rigident_shared::wire::{FootSettings, WatchJoint, WatchLinkSettings, WatchSettings};
 
 use crate::kernels::CHANNEL_SIGMA;
 use crate::measure::{Bench, give_up};
@@ -155,11 +157,13 @@ pub fn frames(bench: &Bench, path: &mut Path, tracked: bool) {
     check_running(instrument.app());
 }
 
-/// One frame of a humanoid of 30 links that is watched, from the bytes on the bus; twenty of fifty take a step of the test along.
+/// One frame of a humanoid of 30 links that is watched, from the bytes on the link; twenty of fifty take a step of the test along.
 #[inline(never)]
-#[cfg_attr(not(feature = "watch"), expect(dead_code, reason = "the standard image does not watch"))]
+#[cfg(feature = "watch")]
 pub fn watch(bench: &Bench, path: &mut Path) {
-    let mut instrument = instrument_of(path, sensors::Frames::watched());
+    let mut instrument = instrument(path);
+    // In the place of the frames on the bus, of which none is read.
+    let mut streamed = sensors::Streamed::new();
     let foot = FootSettings { link: 6, rotation_wxyz: [1.0, 0.0, 0.0, 0.0], position_m: [0.0, 0.0, -0.05] };
     let robot = WatchSettings {
         links: sensors::WATCHED_LINKS as u8,
@@ -199,7 +203,10 @@ pub fn watch(bench: &Bench, path: &mut Path) {
     let mut time_ns = 0;
     let mut frame = || {
         time_ns += 2_000_000;
-        instrument.on_event(Event { sensor: Sensor::Frames, capture_time_ns: time_ns });
+        instrument.on_bytes(streamed.next(), time_ns);
+        instrument.tick(time_ns);
+        // What it says, a heartbeat a second, is taken away.
+        instrument.poll_tx(&mut [0; LINE_BYTES]);
     };
     // Until all bins are full.
     (0..40 * sensors::FRAMES).for_each(|_| frame());

@@ -5,9 +5,10 @@ use core::convert::Infallible;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use rigident_shared::wire::tree_frame::{
-    LINK_NUMBERS, MAX_TREE_FRAME, TRACKED_LINK_NUMBERS, TrackedFrame, TreeFrame, WATCH_BASE_NUMBERS,
-    WATCH_LINK_NUMBERS, WatchFrame,
+    LINK_NUMBERS, MAX_TREE_FRAME, TRACKED_LINK_NUMBERS, TrackedFrame, TreeFrame,
 };
+#[cfg(feature = "watch")]
+use rigident_shared::wire::{Kind, WatchFrame, encode_payload, watch_frame::MAX_WATCH_FRAME};
 
 /// Different samples, gone through again and again.
 const SAMPLES: usize = 64;
@@ -174,6 +175,7 @@ pub const FRAMES: usize = 96;
 /// Links of the human.
 pub const TREE_LINKS: usize = 15;
 /// Links of the humanoid that is watched.
+#[cfg(feature = "watch")]
 pub const WATCHED_LINKS: usize = 30;
 /// RAM of the board outside of what the firmware is allowed: a real source of frames has its own.
 const FRAMES_AT: usize = 0x2180_0000;
@@ -194,24 +196,6 @@ impl Frames {
             place.write_bytes(0, 1);
             &mut *place
         }
-    }
-
-    /// Of a humanoid that is watched: each number a different triangle wave, as of a motion.
-    pub fn watched() -> Self {
-        let frames = Self::place();
-        for (number, frame) in frames.iter_mut().enumerate() {
-            let swing = |k: usize, size: f32| size * wave(number, 31 + 2 * k) as f32 / 2e5;
-            let base: [f32; WATCH_BASE_NUMBERS] = core::array::from_fn(|k| match k {
-                2 => 9.8 + swing(k, 1.0),
-                18.. => 0.0,
-                8 | 14 => 300.0 + swing(k, 100.0),
-                _ => swing(k, 3.0),
-            });
-            let joints: [[f32; WATCH_LINK_NUMBERS]; WATCHED_LINKS - 1] =
-                core::array::from_fn(|k| [swing(2 * k, 1.5), swing(2 * k + 1, 4.0)]);
-            let _ = WatchFrame::encode(number as u32, &base, &joints, frame);
-        }
-        Self { frames, next: 0 }
     }
 
     pub fn new(tracked: bool) -> Self {
@@ -249,6 +233,46 @@ impl Frames {
             }
         }
         Self { frames, next: 0 }
+    }
+}
+
+/// Frames of a humanoid that is watched, as they stand on the line, gone through again and again.
+#[cfg(feature = "watch")]
+pub struct Streamed {
+    lines: &'static [[u8; MAX_TREE_FRAME]; FRAMES],
+    next: usize,
+}
+
+#[cfg(feature = "watch")]
+impl Streamed {
+    /// Each number a different triangle wave, as of a motion. Sequence numbers go round with the frames: each is newer than the last.
+    pub fn new() -> Self {
+        const STEP: usize = (1 << 16) / FRAMES;
+        let lines = Frames::place();
+        for (number, line) in lines.iter_mut().enumerate() {
+            let swing = |k: usize, size: f32| size * wave(number, 31 + 2 * k) as f32 / 2e5;
+            let imu = core::array::from_fn(|k| swing(k, 3.0) + if k == 2 { 9.8 } else { 0.0 });
+            let feet: [[f32; 6]; 2] = core::array::from_fn(|foot| {
+                core::array::from_fn(|k| match k {
+                    2 => 300.0 + swing(6 * foot + 8, 100.0),
+                    _ => swing(6 * foot + 6 + k, 3.0),
+                })
+            });
+            let joints: [[f32; 2]; WATCHED_LINKS - 1] =
+                core::array::from_fn(|k| [swing(2 * k, 1.5), swing(2 * k + 1, 4.0)]);
+            let mut payload = [0; MAX_WATCH_FRAME];
+            let length = WatchFrame::encode(number as u32, &imu, &feet, &joints, &mut payload).unwrap_or(0);
+            let _ = encode_payload(Kind::Stream, (STEP * number) as u16, &payload[..length], line);
+        }
+        Self { lines, next: 0 }
+    }
+
+    /// The next one, up to its zero.
+    pub fn next(&mut self) -> &'static [u8] {
+        let line = &self.lines[self.next];
+        self.next = (self.next + 1) % FRAMES;
+        let end = line.iter().position(|byte| *byte == 0).unwrap_or(0);
+        &line[..=end]
     }
 }
 

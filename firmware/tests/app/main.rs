@@ -10,6 +10,9 @@ use rigident_shared::wire::{
     StateName, StopLimit, StopRule, Telemetry, TelemetrySettings, encode,
 };
 
+mod line;
+mod stream;
+
 fn settings(source: Source) -> Settings {
     Settings {
         rate_hz: 200.0,
@@ -110,7 +113,7 @@ impl Host {
                     match frame.kind {
                         Kind::Answer => answers.push((frame.sequence, frame.message().unwrap())),
                         Kind::Telemetry => self.telemetry.push(frame.message().unwrap()),
-                        Kind::Command => panic!("the device commands"),
+                        Kind::Command | Kind::Stream => panic!("the device commands"),
                     }
                 }
             }
