@@ -40,15 +40,7 @@ pub fn test(counts: &mut Counts) -> Result<()> {
     }
     install()?;
     let mut command = python();
-    command.args([
-        "-m",
-        "pytest",
-        "-q",
-        "--doctest-modules",
-        "--import-mode=importlib",
-        "-p",
-        "no:cacheprovider",
-    ]);
+    command.args(["-m", "pytest", "-q", "--doctest-modules", "-p", "no:cacheprovider"]);
     // The package by its name is the installed one, not its sources.
     command.args(["-c", "python/pyproject.toml", "--rootdir", ".", "--pyargs", "rigident", "python/tests"]);
     let shown = process::shown(&command);
