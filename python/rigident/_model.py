@@ -15,9 +15,6 @@ from rigident import _rigident
 from rigident._call import PathLike, command, option, repeated
 from rigident._errors import RigidentError
 
-Rows = Literal["base", "joint", "both"]
-"""What is measured: the wrench on the base link, the joints' efforts, or both."""
-
 
 @dataclass(frozen=True)
 class BaseParameters:
@@ -142,12 +139,19 @@ class Model:
         """What is strange in the file."""
         return tuple(self._tree.findings)
 
-    def base_parameters(self, *, floating: bool = False, rows: Rows | None = None, mimic: bool = False) -> BaseParameters:
+    def base_parameters(
+        self,
+        *,
+        floating: bool = False,
+        rows: Literal["base", "joint", "both"] | None = None,
+        mimic: bool = False,
+    ) -> BaseParameters:
         """Returns the base parameters, as ``rigident model base-params`` does.
 
         Args:
             floating: The base moves; a person's always does.
-            rows: What is measured. Default: ``base`` if the base moves, else ``joint``.
+            rows: What is measured: the wrench on the base link, the joints' efforts, or both. Default: ``base`` if the base
+                moves, else ``joint``.
             mimic: Mimic joints follow their leaders.
 
         Raises:
@@ -181,7 +185,7 @@ class Model:
         accelerations: ArrayLike,
         *,
         base: BaseMotion | None = None,
-        rows: Rows | None = None,
+        rows: Literal["base", "joint", "both"] | None = None,
         in_base_parameters: bool = False,
     ) -> NDArray[np.float64]:
         """Returns the rows of a motion: efforts are ``regressor @ parameters``, N m or N, sample by sample.
@@ -192,7 +196,8 @@ class Model:
             rates: The same of rates, rad/s or m/s.
             accelerations: The same of accelerations, rad/s² or m/s².
             base: The base's motion; ``None`` holds it still, gravity of 9.80665 m/s² along −z of its frame.
-            rows: What is measured. Default: ``base`` if the base moves, else ``joint``.
+            rows: What is measured: the wrench on the base link, the joints' efforts, or both. Default: ``base`` if the base
+                moves, else ``joint``.
             in_base_parameters: Columns are those of :meth:`base_parameters`, instead of the standard ones.
 
         Returns:
@@ -211,7 +216,7 @@ class Model:
         >>> rows.shape, round(float(rows[0, 2] @ person.nominal / 9.80665), 3)
         ((1, 6, 150), 73.0)
         """
-        which: Rows = rows or ("joint" if base is None else "base")
+        which = rows or ("joint" if base is None else "base")
         moved = None
         if base is not None:
             parts = (base.specific_force_mps2, base.rate_radps, base.angular_acceleration_radps2)

@@ -6,6 +6,8 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+__all__ = ["Recording", "Tree", "call", "contents", "main", "toml_of"]
+
 _Matrix = NDArray[np.float64]
 
 def main(words: Sequence[str]) -> int: ...

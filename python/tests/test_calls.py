@@ -32,6 +32,14 @@ def test_the_command_ends_with_its_status() -> None:
     assert module.stdout == version.stdout
 
 
+def test_the_command_starts_without_numpy() -> None:
+    said = "import sys, rigident._command_line; print('numpy' in sys.modules)"
+    ended = subprocess.run([sys.executable, "-c", said], capture_output=True, text=True, timeout=60, check=True)
+    assert ended.stdout.strip() == "False"
+    assert set(rigident.__all__) == set(dir(rigident))
+    assert all(getattr(rigident, name) is not None for name in rigident.__all__)
+
+
 def test_any_command_can_be_called() -> None:
     assert rigident.command("--version").output.startswith("rigident ")
     checked = rigident.command("model", "check", EXAMPLES / "two-links.rig.toml", "--json")
