@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
 
 USE = """
 import numpy as np
@@ -26,26 +29,34 @@ count: int = rigident.identify("a.csv").status
 """
 
 
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder apart from the sources, so that what is installed is checked; numpy's types are read once."""
+    return tmp_path_factory.mktemp("types")
+
+
 def mypy(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "MYPY_CACHE_DIR": str(folder / "cache")}
+    words = (sys.executable, "-m", *words)
     return subprocess.run(
-        [sys.executable, "-m", *words], capture_output=True, text=True, timeout=600, check=False, cwd=folder
+        words, capture_output=True, text=True, timeout=600, check=False, cwd=folder, env=environment
     )
 
 
-def test_the_package_is_well_typed(tmp_path: Path) -> None:
-    ended = mypy("mypy", "--strict", "-p", "rigident", folder=tmp_path)
+def test_the_package_is_well_typed(folder: Path) -> None:
+    ended = mypy("mypy", "--strict", "-p", "rigident", folder=folder)
     assert ended.returncode == 0, ended.stdout
 
 
-def test_the_stubs_are_those_of_what_is_compiled(tmp_path: Path) -> None:
-    ended = mypy("mypy.stubtest", "rigident", "--ignore-disjoint-bases", folder=tmp_path)
+def test_the_stubs_are_those_of_what_is_compiled(folder: Path) -> None:
+    ended = mypy("mypy.stubtest", "rigident", "--ignore-disjoint-bases", folder=folder)
     assert ended.returncode == 0, ended.stdout + ended.stderr
 
 
-def test_what_a_user_writes_is_checked(tmp_path: Path) -> None:
-    (tmp_path / "use.py").write_text(USE, encoding="utf-8")
-    ended = mypy("mypy", "--strict", "use.py", folder=tmp_path)
+def test_what_a_user_writes_is_checked(folder: Path) -> None:
+    (folder / "use.py").write_text(USE, encoding="utf-8")
+    ended = mypy("mypy", "--strict", "use.py", folder=folder)
     assert ended.returncode == 0, ended.stdout
-    (tmp_path / "wrong.py").write_text(WRONG, encoding="utf-8")
-    ended = mypy("mypy", "--strict", "wrong.py", folder=tmp_path)
+    (folder / "wrong.py").write_text(WRONG, encoding="utf-8")
+    ended = mypy("mypy", "--strict", "wrong.py", folder=folder)
     assert "Found 2 errors" in ended.stdout, ended.stdout
