@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ def is_arrays(recording: object) -> bool:
     return isinstance(recording, (Mapping, np.ndarray)) or hasattr(recording, "columns")
 
 
-def recording_of(arrays: Any, name: str, rig: str | None) -> _rigident.Recording:
+def recording_of(arrays: Any, name: str, rig: Path | None) -> _rigident.Recording:
     """Makes a recording of columns.
 
     Raises:

@@ -49,20 +49,6 @@ def command(*words: PathLike, recording: _rigident.Recording | None = None) -> C
     return Called(status, output, tuple(told))
 
 
-def is_rig_object(rig: Rig | None) -> bool:
-    """Tells whether a rig is given as nested mappings."""
-    return isinstance(rig, Mapping)
-
-
-def rig_text(rig: Rig | None) -> str | None:
-    """Returns the text of a rig file; ``None`` if there is none."""
-    if rig is None:
-        return None
-    if isinstance(rig, Mapping):
-        return _rigident.toml_of(json.dumps(rig))
-    return Path(rig).read_text(encoding="utf-8")
-
-
 def rig_path(rig: Rig | None, folder: Path) -> Path | None:
     """Returns the path of a rig file; one of nested mappings is written into the folder."""
     if rig is None or not isinstance(rig, Mapping):

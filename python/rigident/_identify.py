@@ -8,7 +8,6 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rigident import _rigident
 from rigident._arrays import Arrays, is_arrays, recording_of
 from rigident._call import (
     Called,
@@ -16,12 +15,10 @@ from rigident._call import (
     PathLike,
     Rig,
     command,
-    is_rig_object,
     known_words,
     option,
     repeated,
     rig_path,
-    rig_text,
 )
 from rigident._results import Result, result_of
 
@@ -150,8 +147,7 @@ def reduced(
     words = [*words, *option("--rig", path)]
     if not is_arrays(recording):
         return command(verb, *words, "--", _path(recording))
-    memory: _rigident.Recording = recording_of(recording, name, rig_text(path if is_rig_object(rig) else rig))
-    return command(verb, *words, "--", name, recording=memory)
+    return command(verb, *words, "--", name, recording=recording_of(recording, name, path))
 
 
 def tree_words(

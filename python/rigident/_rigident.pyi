@@ -1,6 +1,7 @@
 """The compiled part of the package."""
 
 from collections.abc import Sequence
+from os import PathLike
 from typing import Any, final
 
 import numpy as np
@@ -22,7 +23,7 @@ class Recording:
         cls,
         name: str,
         columns: Sequence[tuple[str, NDArray[np.float64] | NDArray[np.int64]]],
-        rig: str | None = None,
+        rig: PathLike[str] | None = None,
     ) -> Recording: ...
     def __len__(self) -> int: ...
 

@@ -188,20 +188,7 @@ impl Tree {
             let at = |numbers| of(numbers).ok_or_else(uneven);
             let base = match base {
                 None => BaseMotion::still([0.0, 0.0, -STANDARD_GRAVITY_MPS2]),
-                Some(motion) => {
-                    let [force, rate, change] = motion.map(at);
-                    let three = |numbers: PyResult<Vec<f64>>| -> PyResult<Vector3<f64>> {
-                        let numbers = numbers?;
-                        <[f64; 3]>::try_from(numbers)
-                            .map(Vector3::from)
-                            .map_err(|_| PyValueError::new_err("the base's motion: three columns each"))
-                    };
-                    BaseMotion {
-                        specific_force: three(force)?,
-                        rate: three(rate)?,
-                        angular_acceleration: three(change)?,
-                    }
-                }
+                Some(motion) => base_motion(motion.map(at))?,
             };
             let (q, v, dv) = (at(positions)?, at(rates)?, at(accelerations)?);
             moving.set(&q, &v, &dv, &base).map_err(|error| match error {
@@ -234,6 +221,16 @@ impl Tree {
         }
         Ok((flat, columns))
     }
+}
+
+/// A base's motion from its specific force, rate and angular acceleration.
+fn base_motion([force, rate, change]: [PyResult<Vec<f64>>; 3]) -> PyResult<BaseMotion<f64>> {
+    let three = |numbers: PyResult<Vec<f64>>| {
+        let refuse = |_| PyValueError::new_err("the base's motion: three columns each");
+        <[f64; 3]>::try_from(numbers?).map(Vector3::from).map_err(refuse)
+    };
+    let (specific_force, rate, angular_acceleration) = (three(force)?, three(rate)?, three(change)?);
+    Ok(BaseMotion { specific_force, rate, angular_acceleration })
 }
 
 /// Standard gravity along −z of a base that is held still.

@@ -1,5 +1,7 @@
 //! Recordings from arrays.
 
+use std::path::PathBuf;
+
 use numpy::PyReadonlyArray1;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -27,7 +29,7 @@ pub enum Column<'py> {
 
 #[pymethods]
 impl Recording {
-    /// Makes a recording of columns, one-dimensional and contiguous; `rig` is the text of a rig file.
+    /// Makes a recording of columns, one-dimensional and contiguous; `rig` is the path of a rig file.
     ///
     /// # Errors
     /// Raises `RigidentError` with column and index if the columns are not those of a recording.
@@ -37,10 +39,12 @@ impl Recording {
         py: Python<'_>,
         name: &str,
         columns: Vec<(String, Column<'_>)>,
-        rig: Option<&str>,
+        rig: Option<PathBuf>,
     ) -> PyResult<Self> {
-        let file = rig.map_or_else(|| Ok(RigFile::default()), RigFile::parse);
-        let file = file.map_err(|error| raised(py, &Failure::from(error), &[]))?;
+        let read = rig.as_deref().map(RigFile::load_with_text).transpose();
+        let read = read.map_err(|error| raised(py, &Failure::from(error), &[]))?;
+        let (file, text) = read.unzip();
+        let file = file.unwrap_or_default();
         let mut arrays = Vec::with_capacity(columns.len());
         for (name, column) in &columns {
             let numbers = match column {
@@ -49,7 +53,8 @@ impl Recording {
             };
             arrays.push((name.clone(), numbers));
         }
-        let made = py.detach(|| rigident::recording::Recording::from_arrays(name, &arrays, &file, rig));
+        let made =
+            py.detach(|| rigident::recording::Recording::from_arrays(name, &arrays, &file, text.as_deref()));
         made.map(|inner| Self { inner }).map_err(|error| raised(py, &Failure::from(error), &[]))
     }
 

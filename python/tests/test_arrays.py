@@ -89,7 +89,9 @@ def test_a_rig_as_mappings(bracket: Columns) -> None:
     rig = {"recording": {"rate_hz": 100.0}, "imu": [{"position_m": [0.05, -0.02, 0.03]}]}
     assert rigident.identify(bracket, rig=rig).status == "identified"
     error = refused(bracket, {"recording": {"rate": 100.0}})
-    assert "rate" in str(error)
+    assert "rate" in str(error) and error.place is not None and error.place.line == 2
+    error = refused(bracket, "nowhere.rig.toml")
+    assert error.place == rigident.Place(file="nowhere.rig.toml")
 
 
 def test_whole_numbers_and_singles(bracket: Columns, tmp_path: Path) -> None:
