@@ -16,6 +16,7 @@ mod goldens;
 mod picture;
 mod places;
 mod process;
+mod python;
 mod safety;
 mod setup;
 mod size;
@@ -74,6 +75,8 @@ enum Verb {
     /// Make every fault of sensors, line, clock, flash and supply that the simulator can make, and see that none leads to a wrong
     /// number, a panic or a hang. Takes an hour; `--short` a minute or two.
     Faults(faults::Options),
+    /// Build the Python wheel, install it, and test functions, examples, types and notebooks.
+    Python,
     /// Make the tables of docs/estimation.md, docs/platform.md and docs/trees.md anew.
     Tables(tables::Options),
 }
@@ -106,6 +109,7 @@ fn run(verb: &Verb, core: Option<Core>) -> anyhow::Result<()> {
         Verb::Support(options) => support::run(options),
         Verb::Faults(options) => faults::run(options, core),
         Verb::Safety(options) => safety::run(options),
+        Verb::Python => python::run(),
         Verb::Tables(options) => tables::run(options),
     }
 }

@@ -50,6 +50,19 @@ pub const SENSORS: Module = Module {
     look: "import NetFT, rtde_receive, foxglove",
     packages: &["NetFT==2.0.1", "ur_rtde==1.6.5", "foxglove-sdk==0.30.3"],
 };
+/// What builds the wheel and tests it.
+pub const WHEEL: Module = Module {
+    name: "maturin, numpy, pytest, mypy, nbclient, ipykernel",
+    look: "import maturin, numpy, pytest, mypy, nbclient, ipykernel",
+    packages: &[
+        "maturin==1.16.0",
+        "numpy>=1.23",
+        "pytest==9.2.0",
+        "mypy==2.4.1",
+        "nbclient==0.11.0",
+        "ipykernel==7.4.0",
+    ],
+};
 /// OpenSim itself, which reads its own files.
 pub const OPENSIM: Module = Module { name: "opensim", look: "import opensim", packages: &["opensim==4.6"] };
 
@@ -124,24 +137,31 @@ pub fn cargo_fuzz() -> Result<PathBuf> {
 /// Installs the modules that tests compare with into a Python of this project's own; says which cannot be had. The tests
 /// that need them are skipped then.
 fn python_modules() {
-    for module in [MCAP_READER, PINOCCHIO, ROBOTS, VENDORS_CLIENT, C3D_READER, ROS_READER, SENSORS, OPENSIM] {
-        if has_module(module) {
-            continue;
+    for module in
+        [MCAP_READER, PINOCCHIO, ROBOTS, VENDORS_CLIENT, C3D_READER, ROS_READER, SENSORS, OPENSIM, WHEEL]
+    {
+        python_module(module);
+    }
+}
+
+/// Installs one of them if it is not here, or says why it cannot be had.
+pub fn python_module(module: Module) {
+    if has_module(module) {
+        return;
+    }
+    let install = || -> Result<()> {
+        let folder = places::own().join("python");
+        if !python().is_file() {
+            process::run(process::command("python3", places::root()).args(["-m", "venv"]).arg(&folder))?;
         }
-        let install = || -> Result<()> {
-            let folder = places::own().join("python");
-            if !python().is_file() {
-                process::run(process::command("python3", places::root()).args(["-m", "venv"]).arg(&folder))?;
-            }
-            process::run(
-                process::command(python(), places::root())
-                    .args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check"])
-                    .args(module.packages),
-            )
-        };
-        if let Err(error) = install() {
-            eprintln!("no {} to compare with: {error:#}", module.name);
-        }
+        process::run(
+            process::command(python(), places::root())
+                .args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check"])
+                .args(module.packages),
+        )
+    };
+    if let Err(error) = install() {
+        eprintln!("no {} in Python: {error:#}", module.name);
     }
 }
 

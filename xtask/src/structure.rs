@@ -17,7 +17,7 @@ use circles::{Arrows, circles, levels};
 use modules::Crate;
 
 /// Crates of the host's workspace, by folder; xtask itself is a tool of this repository.
-const CRATES: [&str; 6] = ["shared", "firmware", "hexapod", "hil-sim", "host", "tables"];
+const CRATES: [&str; 7] = ["shared", "firmware", "hexapod", "hil-sim", "host", "python", "tables"];
 
 /// Packages that only Unix has, or that only the emulator needs: optional wherever they are used.
 const OPTIONAL: [&str; 4] = ["defmt-decoder", "inotify", "libc", "nix"];

@@ -150,7 +150,7 @@ impl Surroundings {
 }
 
 /// Tells whether this runs in continuous integration.
-fn is_ci() -> bool {
+pub fn is_ci() -> bool {
     std::env::var("CI").is_ok_and(|value| !matches!(value.as_str(), "" | "0" | "false"))
 }
 

@@ -13,6 +13,7 @@ use crate::fuzz;
 use crate::goldens;
 use crate::places;
 use crate::process::{self, Steps};
+use crate::python;
 use crate::setup;
 use crate::size;
 use crate::structure;
@@ -95,6 +96,7 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     steps.run("tests of the developer jobs", || {
         here.test(&["--package", "xtask"], &[], &mut counts).map(drop)
     });
+    steps.run("Python wheel", || python::test(&mut counts));
     steps.run("goldens, the quick ones", || {
         goldens::run(&goldens::Options { quick: true, ..Default::default() })
     });

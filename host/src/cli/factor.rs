@@ -18,7 +18,7 @@ use crate::fit::{Fit, Kind, Parameter};
 use crate::present;
 use crate::problem::ProblemOptions;
 use crate::recording::error::RecordingError;
-use crate::recording::{extension, rig_path};
+use crate::recording::{Recording, extension, rig_path};
 use crate::rig::RigFile;
 
 /// Runs that disagree by more than this many times their noise are of different bodies or rigs. What drifts from run to run
@@ -37,17 +37,36 @@ pub(super) fn make(arguments: &MakeFactor) -> Result<ExitCode, Failure> {
         let (factor, notes, _) =
             of_recording(path, rig, calibration, &arguments.tree, &ProblemOptions::default())?;
         drop(stages);
-        let checks = factor.sources.iter().filter_map(|source| source.checks.as_ref());
-        let warnings = checks.clone().flat_map(|checks| &checks.warnings);
-        for said in warnings.chain(&notes) {
-            tell!("rigident: {}: {said}", path.display());
-        }
-        if checks.clone().any(|checks| checks.contradicted) {
-            tell!("rigident: {}: not to be used; the factor says so to whoever solves it", path.display());
-        }
+        tell_of(path, &factor, &notes);
         factors.push(factor);
     }
     write(factors, arguments.shared_offset, arguments.force, &arguments.output)
+}
+
+/// The same of a recording in memory.
+pub(super) fn make_of(arguments: &MakeFactor, recording: Recording) -> Result<ExitCode, Failure> {
+    absent(&arguments.output)?;
+    let name = recording.name.clone();
+    let stages = Stages::new(&format!("factor of {name}"));
+    let calibration = arguments.calibration.calibration.as_deref();
+    let options = ProblemOptions::default();
+    let loaded = Loaded::of_recording(recording, calibration, &arguments.tree, &options, &stages)?;
+    let (factor, notes, _) = fitted(loaded, Path::new(&name), &stages)?;
+    drop(stages);
+    tell_of(Path::new(&name), &factor, &notes);
+    write(vec![factor], arguments.shared_offset, arguments.force, &arguments.output)
+}
+
+/// Tells what the checks of a recording found, and notes on the way.
+fn tell_of(path: &Path, factor: &PooledFactor, notes: &[String]) {
+    let checks = factor.sources.iter().filter_map(|source| source.checks.as_ref());
+    let warnings = checks.clone().flat_map(|checks| &checks.warnings);
+    for said in warnings.chain(notes) {
+        tell!("rigident: {}: {said}", path.display());
+    }
+    if checks.clone().any(|checks| checks.contradicted) {
+        tell!("rigident: {}: not to be used; the factor says so to whoever solves it", path.display());
+    }
 }
 
 /// `rigident merge`
@@ -266,7 +285,12 @@ fn of_recording(
 ) -> Result<(PooledFactor, Vec<String>, Fit), Failure> {
     let stages = Stages::new(&format!("reading {}", path.display()));
     let loaded = Loaded::read(path, rig, calibration, tree, options, &stages)?;
-    let found = loaded.fit(None, 0, &stages).map_err(|e| e.context(path.display()))?;
+    fitted(loaded, path, &stages)
+}
+
+/// Returns the same of what has been read.
+fn fitted(loaded: Loaded, path: &Path, stages: &Stages) -> Result<(PooledFactor, Vec<String>, Fit), Failure> {
+    let found = loaded.fit(None, 0, stages).map_err(|e| e.context(path.display()))?;
     let factor = loaded.factor(&found);
     Ok((PooledFactor { name: path.display().to_string(), ..factor }, loaded.notes, found))
 }

@@ -1,8 +1,9 @@
+use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
 
 use super::arguments::Identify;
-use super::loaded::{Loaded, PLOT_POINTS, StandardOptions, tree_of};
+use super::loaded::{Loaded, PLOT_POINTS, StandardOptions, tree_in, tree_of};
 use super::options::forgetting::RowsOf;
 use super::run_report::RunReport;
 use super::{Failure, Folder, Stages, factor, payload};
@@ -11,9 +12,19 @@ use crate::fit::tare::Tare;
 use crate::model::{remarks, write};
 use crate::problem::ProblemOptions;
 use crate::problem::tree::drive::Friction;
+use crate::recording::Recording;
 
 /// `rigident identify`
 pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
+    identify(arguments, None)
+}
+
+/// The same of a recording in memory; `--rig` is then of a fixture's recordings alone.
+pub(super) fn of_recording(arguments: &Identify, recording: Recording) -> Result<ExitCode, Failure> {
+    identify(arguments, Some(recording))
+}
+
+fn identify(arguments: &Identify, memory: Option<Recording>) -> Result<ExitCode, Failure> {
     let started = Instant::now();
     let (path, rig) = (&arguments.recording, arguments.rig.as_deref());
     let calibration = arguments.calibration.calibration.as_deref();
@@ -22,11 +33,19 @@ pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
     let friction = Friction::parse(&arguments.tree.friction).map_err(Failure::input)?;
     let options =
         ProblemOptions { friction, drives: arguments.tree.drive.clone(), ..ProblemOptions::default() };
-    if tree_of(path, rig, &arguments.tree.of)?.is_none() {
+    let tree = &arguments.tree.of;
+    let nominal = match &memory {
+        Some(recording) => tree_in(Path::new(&recording.name), Some(recording.rig.clone()), tree)?,
+        None => tree_of(path, rig, tree)?,
+    };
+    if nominal.is_none() {
         refuse_without_tree(arguments)?;
     }
     let stages = Stages::new(&format!("reading {}", path.display()));
-    let loaded = Loaded::read(path, rig, calibration, &arguments.tree.of, &options, &stages)?;
+    let loaded = match memory {
+        Some(recording) => Loaded::of_recording(recording, calibration, tree, &options, &stages)?,
+        None => Loaded::read(path, rig, calibration, tree, &options, &stages)?,
+    };
     if let Some(words) = &arguments.payload.payload {
         payload::carrier(&loaded, words)?;
     } else {

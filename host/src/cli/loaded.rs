@@ -80,16 +80,48 @@ impl Loaded {
         stages: &Stages,
     ) -> Result<Self, Failure> {
         let path = &listed(path.to_owned());
-        let Some((mut nominal, file)) = tree_of(path, rig, tree)? else {
+        let Some((nominal, file)) = tree_of(path, rig, tree)? else {
             return Self::body(path, rig, calibrated);
         };
         calibration::refuse_for_trees(calibrated)?;
         if let Some(set) = stream_set(path, rig)? {
             return Self::tree_in_streams(set, (nominal, file), &tree.changes, options, stages);
         }
-        let mut recording = Recording::load(path, rig).map_err(Failure::input)?;
+        let recording = Recording::load(path, rig)?;
+        Self::tree(recording, (nominal, file), &tree.changes, options, stages)
+    }
+
+    /// Takes a recording that is in memory, of one body or of a tree, as [`Loaded::read`] does one of a file.
+    ///
+    /// # Errors
+    /// Bad input: the recording does not fit the model.
+    pub(super) fn of_recording(
+        recording: Recording,
+        calibrated: Option<&Path>,
+        tree: &TreeModel,
+        options: &ProblemOptions,
+        stages: &Stages,
+    ) -> Result<Self, Failure> {
+        let Some(nominal) = tree_in(Path::new(&recording.name), Some(recording.rig.clone()), tree)? else {
+            return Self::of_body(recording, calibrated);
+        };
+        calibration::refuse_for_trees(calibrated)?;
+        Self::tree(recording, nominal, &tree.changes, options, stages)
+    }
+
+    /// Poses the problem of a recording of a tree.
+    ///
+    /// # Errors
+    /// Bad input: the recording does not fit the model.
+    fn tree(
+        mut recording: Recording,
+        (mut nominal, file): (Model, Option<PathBuf>),
+        changes: &ModelChanges,
+        options: &ProblemOptions,
+        stages: &Stages,
+    ) -> Result<Self, Failure> {
         recording.leave_out_spikes();
-        let mut notes = change_as_recorded(&mut nominal, &tree.changes, &recording)?;
+        let mut notes = change_as_recorded(&mut nominal, changes, &recording)?;
         stages.at("frames of the recording", 0.0);
         let problem = Problem::from_recording(&recording, Some(&nominal), options).map_err(Failure::input)?;
         notes.extend(problem.notes.iter().cloned());
@@ -149,7 +181,7 @@ impl Loaded {
                 case: None,
             });
         }
-        Self::of_body(Recording::load(path, rig).map_err(Failure::input)?, file)
+        Self::of_body(Recording::load(path, rig)?, file)
     }
 
     /// Poses the problem of a recording of one body.
@@ -387,11 +419,24 @@ pub(super) fn tree_of(
     rig: Option<&Path>,
     options: &TreeModel,
 ) -> Result<Option<(Model, Option<PathBuf>)>, Failure> {
+    let of_file = if options.model.is_some() { None } else { rig_of(recording, rig) };
+    tree_in(recording, of_file, options)
+}
+
+/// Returns the same where the rig file has been read.
+///
+/// # Errors
+/// Bad input: the tree is none.
+pub(super) fn tree_in(
+    recording: &Path,
+    rig: Option<RigFile>,
+    options: &TreeModel,
+) -> Result<Option<(Model, Option<PathBuf>)>, Failure> {
     if let Some(name) = &options.model {
         let (model, is_person) = super::model::read(name, &options.changes)?;
         return Ok(Some((model, (!is_person).then(|| Path::new(name).to_owned()))));
     }
-    let Some(rig) = rig_of(recording, rig).filter(|rig| rig.link.len() > 1) else { return Ok(None) };
+    let Some(rig) = rig.filter(|rig| rig.link.len() > 1) else { return Ok(None) };
     super::model::refuse_a_person(&options.changes)?;
     let name = recording.display().to_string();
     let mut model = model::rig_links::from_tables(&rig.link, &name).map_err(Failure::input)?;

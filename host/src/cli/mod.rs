@@ -42,7 +42,9 @@ mod failure;
 mod folder;
 mod guards;
 mod identify;
+mod in_process;
 mod info;
+mod kept;
 mod link;
 mod links_on_device;
 mod live;
@@ -105,14 +107,16 @@ mod watch_arguments;
 mod workspace;
 mod zeroing;
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
-use clap::{CommandFactory, FromArgMatches};
+use clap::CommandFactory;
 
 pub use arguments::Arguments;
-pub use failure::{ExitStatus, Failure};
+pub use failure::{ExitStatus, Failure, Place};
 pub use folder::Folder;
+pub use in_process::{Called, call};
 pub use progress::Progress;
 use progress::Stages;
 
@@ -123,10 +127,14 @@ use plan_arguments::Planned;
 
 /// Runs the command line of this process.
 pub fn main() -> ExitCode {
-    let json = std::env::args_os().skip(1).take_while(|a| a != "--").any(|a| a == "--json");
-    let parsed =
-        command().try_get_matches().and_then(|mut matches| Arguments::from_arg_matches_mut(&mut matches));
-    let arguments = match parsed {
+    main_of(std::env::args_os().collect()).into()
+}
+
+/// Runs a command line whose first word is the program's name, as the whole of this process: it prints, takes over Ctrl-C, and
+/// where the words are none of ours it ends the process. A program that goes on afterwards wants [`call`].
+pub fn main_of(words: Vec<OsString>) -> ExitStatus {
+    let json = words.iter().skip(1).take_while(|a| *a != "--").any(|a| a == "--json");
+    let arguments = match in_process::parse(words) {
         Ok(arguments) => arguments,
         Err(error) => {
             // Help and the version are no failures.
@@ -156,14 +164,14 @@ pub fn main() -> ExitCode {
         None => Ok(code),
     });
     match outcome {
-        Ok(code) => code,
+        Ok(code) => in_process::status_of(code),
         Err(failure) => {
             tell!("rigident: {failure}");
             if json {
                 outcome::say_failed(&failure.to_string());
             }
             folder::note_failure(&outcome::failed(&failure.to_string()));
-            failure.exit_code()
+            failure.status()
         }
     }
 }

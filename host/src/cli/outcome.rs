@@ -4,6 +4,7 @@ use std::io::{self, Write};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use super::kept;
 use crate::rig::RigFile;
 
 /// Whether anything has been printed on standard output.
@@ -24,8 +25,12 @@ pub(super) fn failed(error: &str) -> serde_json::Value {
     serde_json::json!({ "status": "failed", "error": error.trim_end() })
 }
 
-/// Prints a line on standard output. What it does not take is in [`unwritten`].
+/// Prints a line on standard output, or keeps it for the program that called the command. What standard output does not take
+/// is in [`unwritten`].
 pub(super) fn say(text: impl std::fmt::Display) {
+    if kept::keep(&text) {
+        return;
+    }
     SAID.store(true, Ordering::Relaxed);
     if let Err(error) = print(&mut io::stdout().lock(), &text) {
         let _ = UNWRITTEN.set(error.to_string());

@@ -6,12 +6,12 @@ use std::sync::atomic::Ordering;
 use serde::Serialize;
 
 use super::factor::absent;
+use super::kept::Stop;
 use super::options::trees::RowsWord;
 use super::outcome::say;
 use super::plan_arguments::PlanExcitation;
 use super::plan_motion::ended;
 use super::{Failure, Progress, model};
-use crate::device::session::INTERRUPTED;
 use crate::model::Model;
 use crate::model::base::Rows;
 use crate::model::check::shapes;
@@ -112,8 +112,9 @@ pub(super) fn run(arguments: &PlanExcitation) -> Result<ExitCode, Failure> {
         )));
     }
     let prepared = prepare(arguments)?;
+    let stop = Stop::of_this_command();
     let mut progress = Progress::new();
-    let planned = plan(&prepared.task, &INTERRUPTED, |stage| progress.show(|| words(stage)));
+    let planned = plan(&prepared.task, &stop, |stage| progress.show(|| words(stage)));
     progress.finish();
     let planned = planned.map_err(Failure::input)?;
     for path in &arguments.out {
@@ -129,7 +130,7 @@ pub(super) fn run(arguments: &PlanExcitation) -> Result<ExitCode, Failure> {
     } else {
         say(text(&prepared, &planned));
     }
-    Ok(ended(INTERRUPTED.load(Ordering::Relaxed), "trajectory"))
+    Ok(ended(stop.load(Ordering::Relaxed), "trajectory"))
 }
 
 fn words(stage: Stage) -> String {

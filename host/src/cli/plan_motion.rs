@@ -11,11 +11,11 @@ use serde::Serialize;
 
 use super::arguments::DemoBody;
 use super::factor::absent;
+use super::kept::Stop;
 use super::outcome::say;
 use super::plan_arguments::{MotionObjective, PlanCompare, PlanMotion};
 use super::programme::tell_collisions;
 use super::{ExitStatus, Failure, Progress};
-use crate::device::session::INTERRUPTED;
 use crate::plan::carried::LoadBound;
 use crate::plan::equipment::Equipment;
 use crate::plan::machine;
@@ -70,10 +70,11 @@ pub(super) fn run(arguments: &PlanMotion) -> Result<ExitCode, Failure> {
         MotionObjective::Rpy => ("rpy", "roll, pitch and yaw"),
         MotionObjective::Multisine => ("multisine", "the default multisine"),
     };
+    let stop = Stop::of_this_command();
     let mut progress = Progress::new();
-    let plan = motion::plan(&task, &INTERRUPTED, |text| progress.show(|| text)).map_err(Failure::input)?;
+    let plan = motion::plan(&task, &stop, |text| progress.show(|| text)).map_err(Failure::input)?;
     progress.finish();
-    let stopped = INTERRUPTED.load(Ordering::Relaxed);
+    let stopped = stop.load(Ordering::Relaxed);
     if let Some(path) = &arguments.out {
         let title = format!("{words}, {:.0} s", plan.program.duration_s());
         let file = PlanFile::new(title, &task.equipment.geometry, plan.program.clone());
@@ -129,9 +130,9 @@ struct Compared<'a> {
 pub(super) fn compare(arguments: &PlanCompare) -> Result<ExitCode, Failure> {
     let (equipment, rate_hz, _) = rig(arguments.rig.as_deref(), arguments.stroke_m)?;
     let task = Task { duration_s: arguments.duration_s, rate_hz, ..Task::new(equipment) };
+    let stop = Stop::of_this_command();
     let mut progress = Progress::new();
-    let rows =
-        compare::compare(&task, &INTERRUPTED, |text| progress.show(|| text)).map_err(Failure::input)?;
+    let rows = compare::compare(&task, &stop, |text| progress.show(|| text)).map_err(Failure::input)?;
     progress.finish();
     if arguments.json {
         let all: Vec<_> = rows
@@ -151,7 +152,7 @@ pub(super) fn compare(arguments: &PlanCompare) -> Result<ExitCode, Failure> {
             compare::table(&rows).trim_end()
         ));
     }
-    Ok(ended(INTERRUPTED.load(Ordering::Relaxed), "motions"))
+    Ok(ended(stop.load(Ordering::Relaxed), "motions"))
 }
 
 /// Equipment, the rate of its readings, 1/s, and how heavy and large a body may be.

@@ -7,12 +7,12 @@ use nalgebra::Matrix3;
 use serde::Serialize;
 
 use super::factor::absent;
+use super::kept::Stop;
 use super::outcome::say;
 use super::plan_arguments::{PlanPoses, PoseObjective};
 use super::plan_motion::ended;
 use super::programme::tell_collisions;
 use super::{Failure, Progress};
-use crate::device::session::INTERRUPTED;
 use crate::plan::carried::{self, LoadBound};
 use crate::plan::machine;
 use crate::plan::motion::plan::GYRO_SHARE;
@@ -98,20 +98,21 @@ pub(super) fn run(arguments: &PlanPoses) -> Result<ExitCode, Failure> {
         plate_to_cell: rig.plate_to_cell,
         gravity_mps2: rig.gravity_mps2,
     };
+    let stop = Stop::of_this_command();
     let (made, held) = match given {
         Some(angles) => {
             let angles: Vec<_> = angles.iter().map(|angles| angles.map(f64::to_radians)).collect();
             of_angles(&reach, &angles, &task).map_err(|e| named(e, true))?
         }
         None => {
-            let made = plan(&reach, &region, &task, &INTERRUPTED, |doing| progress.show(|| doing.to_owned()))
+            let made = plan(&reach, &region, &task, &stop, |doing| progress.show(|| doing.to_owned()))
                 .map_err(Failure::input)?;
             let held = vec![true; made.poses.len()];
             (made, held)
         }
     };
     progress.finish();
-    let stopped = INTERRUPTED.load(Ordering::Relaxed);
+    let stopped = stop.load(Ordering::Relaxed);
     if let Some(k) = held.iter().position(|held| !held).filter(|_| arguments.out.is_some()) {
         return Err(Failure::input(format!(
             "--angles: the platform cannot hold pose {}; nothing was written",

@@ -4,12 +4,15 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use super::kept;
+
 /// One line on standard error that is written over on a terminal, and now and then elsewhere.
 ///
-/// Nothing is shown for work that ends within a second.
+/// Nothing is shown for work that ends within a second, and of a command that a program called.
 pub struct Progress {
     started: Instant,
     last: Option<Instant>,
+    called: bool,
     terminal: bool,
     width: usize,
 }
@@ -23,7 +26,13 @@ impl Default for Progress {
 impl Progress {
     /// Starts the clock.
     pub fn new() -> Self {
-        Self { started: Instant::now(), last: None, terminal: stderr().is_terminal(), width: 0 }
+        Self {
+            started: Instant::now(),
+            last: None,
+            called: kept::is_called(),
+            terminal: stderr().is_terminal(),
+            width: 0,
+        }
     }
 
     /// Shows a line if it is time for one; `line` is only called then.
@@ -33,7 +42,7 @@ impl Progress {
             None => self.started.elapsed() >= Duration::from_secs(1),
             Some(last) => last.elapsed() >= every,
         };
-        if !due {
+        if self.called || !due {
             return;
         }
         self.last = Some(Instant::now());
@@ -78,6 +87,9 @@ pub(super) struct Stages {
 impl Stages {
     /// Starts the clock.
     pub(super) fn new(stage: &str) -> Self {
+        if kept::is_called() {
+            return Self::silent();
+        }
         let stage = Arc::new(Mutex::new((stage.to_owned(), 0.0)));
         let (end, ended) = channel();
         let seen = Arc::clone(&stage);
@@ -98,8 +110,9 @@ impl Stages {
         Self { stage: Arc::default(), end: None, thread: None }
     }
 
-    /// What is being done now, and what share of it is done; zero: that is not known.
+    /// What is being done now, and what share of it is done; zero: that is not known. A called command ends here if it is to.
     pub(super) fn at(&self, stage: &str, share: f64) {
+        kept::stop_if_asked();
         *self.stage.lock().unwrap_or_else(PoisonError::into_inner) = (stage.to_owned(), share);
     }
 }

@@ -25,12 +25,13 @@ struct Column {
     sink: Sink,
 }
 
-/// The parts of a file before its rows.
-struct Reader<'a> {
+/// The parts of a file before its rows, and the columns that these fill.
+pub(super) struct Reader<'a> {
     label: &'a str,
     rig: RigFile,
     comments: Vec<(String, String)>,
     columns: Vec<Column>,
+    /// Lines of the rows; none of arrays.
     lines: Vec<u64>,
 }
 
@@ -64,7 +65,7 @@ impl Recording {
             comments.push((key.trim().to_owned(), value.trim().to_owned()));
             (body, skipped) = (after, skipped + 1);
         }
-        let mut reader = Reader { label, rig: rig.clone(), comments, columns: Vec::new(), lines: Vec::new() };
+        let mut reader = Reader::new(label, rig.clone(), comments);
         reader.apply_comments()?;
         reader.read(body, skipped)?;
         reader.into_recording()
@@ -127,7 +128,29 @@ impl Recording {
     }
 }
 
-impl Reader<'_> {
+impl<'a> Reader<'a> {
+    /// Returns one that has no columns yet.
+    pub(super) fn new(label: &'a str, rig: RigFile, comments: Vec<(String, String)>) -> Self {
+        Self { label, rig, comments, columns: Vec::new(), lines: Vec::new() }
+    }
+
+    /// Finds out what each column is.
+    ///
+    /// # Errors
+    /// The columns are not those of a recording.
+    pub(super) fn name_columns(&mut self, header: Vec<String>) -> Result<(), RecordingError> {
+        self.columns = self.assign(header)?;
+        Ok(())
+    }
+
+    /// Takes the next cell of a column.
+    ///
+    /// # Errors
+    /// Why the cell is no use.
+    pub(super) fn take(&mut self, column: usize, cell: &str) -> Result<(), String> {
+        self.columns.get_mut(column).map_or(Ok(()), |column| column.push(cell))
+    }
+
     fn columns_error(&self, reason: String) -> RecordingError {
         RecordingError::Columns { name: self.label.to_owned(), reason }
     }
@@ -192,7 +215,7 @@ impl Reader<'_> {
             .iter()
             .map(str::to_owned)
             .collect();
-        self.columns = self.assign(header)?;
+        self.name_columns(header)?;
         let mut record = csv::StringRecord::new();
         loop {
             let at = |line: u64, column: Option<String>, reason: String| RecordingError::At {
@@ -304,7 +327,11 @@ impl Reader<'_> {
         Ok(columns)
     }
 
-    fn into_recording(mut self) -> Result<Recording, RecordingError> {
+    /// Puts the columns together.
+    ///
+    /// # Errors
+    /// A column is missing, times do not increase, or the rig file contradicts them.
+    pub(super) fn into_recording(mut self) -> Result<Recording, RecordingError> {
         let headers: Vec<String> = self.columns.iter().map(|c| c.header.clone()).collect();
         let mut recording = Recording { name: stem(self.label), ..Recording::default() };
         let mut groups: BTreeMap<Group, BTreeMap<usize, Vec<f64>>> = BTreeMap::new();
@@ -366,6 +393,10 @@ impl Reader<'_> {
             self.comments.retain(|(key, _)| key != "wrench_sign");
         }
         recording.comments = self.comments;
+        if self.lines.is_empty() {
+            // There is no file whose lines could be named.
+            recording.order.clear();
+        }
         recording.rig = self.rig;
         recording.settle(self.label)
     }
@@ -386,13 +417,19 @@ impl Reader<'_> {
 
     /// Checks that times increase and brings them to nanoseconds.
     fn set_times(&self, recording: &mut Recording, times: &[Time]) -> Result<(), RecordingError> {
-        let line = |row: usize| self.lines.get(row).copied().unwrap_or(0);
-        let at = |row: usize, reason: String| RecordingError::At {
-            name: self.label.to_owned(),
-            line: line(row),
-            column: Some(TIME.to_owned()),
-            reason,
+        let name = self.label.to_owned();
+        let at = |row: usize, reason: String| match self.lines.get(row).copied() {
+            Some(line) => {
+                RecordingError::At { name: name.clone(), line, column: Some(TIME.to_owned()), reason }
+            }
+            None => RecordingError::Cell {
+                name: name.clone(),
+                index: row as u64,
+                column: TIME.to_owned(),
+                reason,
+            },
         };
+        let line = |row: usize| self.lines.get(row).map_or_else(String::new, |line| format!(", line {line}"));
         for (row, pair) in times.windows(2).enumerate() {
             let (before, after) = (pair[0].seconds(), pair[1].seconds());
             let increases = pair[1].nanoseconds() > pair[0].nanoseconds();
@@ -400,7 +437,7 @@ impl Reader<'_> {
                 return Err(at(
                     row + 1,
                     format!(
-                        "time {} from {before:?} s (row {}, line {}) to {after:?} s (row {}): t_s must increase; sort \
+                        "time {} from {before:?} s (row {}{}) to {after:?} s (row {}): t_s must increase; sort \
                          the rows, or split the file where the clock starts anew",
                         if after < before { "runs backwards" } else { "stands still" },
                         row + 1,

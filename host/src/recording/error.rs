@@ -47,6 +47,18 @@ pub enum RecordingError {
         /// What is wrong, and what to do.
         reason: String,
     },
+    /// Something is wrong with a number of an array.
+    #[error("{name}: {column}[{index}]: {reason}")]
+    Cell {
+        /// The recording.
+        name: String,
+        /// Index in the array, from 0.
+        index: u64,
+        /// Name of the column.
+        column: String,
+        /// What is wrong, and what to do.
+        reason: String,
+    },
     /// The columns are not those of a recording.
     #[error("{name}: {reason}")]
     Columns {

@@ -1,8 +1,9 @@
 //! A recording in memory: columns by group, in the notation's units and signs.
 //!
-//! This room reads and writes recordings, in text ([`csv`], with [`columns`] and [`time`]) or messages ([`mcap`]);
+//! This room reads and writes recordings, in text ([`csv`], with [`columns`] and [`time`]), memory ([`arrays`]) or messages ([`mcap`]);
 //! [`convert`] goes between them. Each complaint names file, line and column. What the numbers mean for a body is decided elsewhere.
 
+pub mod arrays;
 pub mod channels;
 pub mod columns;
 pub mod convert;

@@ -1,0 +1,67 @@
+"""Mass, centre of mass and inertia tensor of bodies, robots and people, each with a 95 % uncertainty.
+
+The functions call the commands of the command line ``rigident`` in this process: their numbers are its numbers. What a
+column, a field or an option means stands in docs/formats.md and docs/commands.md.
+
+>>> import rigident
+>>> result = rigident.identify("docs/examples/bracket.csv")
+>>> result.status
+'identified'
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rigident import plan
+    from rigident._arrays import Arrays
+    from rigident._call import Called, Known, Rig, command
+    from rigident._errors import Place, RigidentError
+    from rigident._factor import Factor
+    from rigident._identify import identify
+    from rigident._model import BaseMotion, BaseParameters, Model
+    from rigident._results import Parameter, Result
+
+__all__ = [
+    "Arrays",
+    "BaseMotion",
+    "BaseParameters",
+    "Called",
+    "Factor",
+    "Known",
+    "Model",
+    "Parameter",
+    "Place",
+    "Result",
+    "Rig",
+    "RigidentError",
+    "command",
+    "identify",
+    "plan",
+]
+
+# Loaded when they are asked for: the command starts in half the time without numpy.
+_MODULES = {
+    "_arrays": ("Arrays",),
+    "_call": ("Called", "Known", "Rig", "command"),
+    "_errors": ("Place", "RigidentError"),
+    "_factor": ("Factor",),
+    "_identify": ("identify",),
+    "_model": ("BaseMotion", "BaseParameters", "Model"),
+    "_results": ("Parameter", "Result"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name == "plan":
+        return importlib.import_module("rigident.plan")
+    for module, names in _MODULES.items():
+        if name in names:
+            return getattr(importlib.import_module(f"rigident.{module}"), name)
+    raise AttributeError(f"module 'rigident' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

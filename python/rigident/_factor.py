@@ -1,0 +1,204 @@
+"""Factors: all that recordings say of a body, in a few hundred numbers."""
+
+from __future__ import annotations
+
+import functools
+import tempfile
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigident import _rigident
+from rigident._arrays import Arrays
+from rigident._call import Known, PathLike, Rig, command, known_words, option, repeated, rig_path
+from rigident._identify import answered, reduced, tare_words, tree_words
+
+if TYPE_CHECKING:
+    from rigident._results import Result
+
+
+@dataclass(frozen=True)
+class Factor:
+    """The information factor of one or of many recordings: it has a fixed size, and factors merge in any order.
+
+    >>> import rigident
+    >>> factor = rigident.Factor.of("docs/examples/bracket.csv")
+    >>> factor.rows, factor.parameters[0], factor.recordings
+    (5958, 'm', ('bracket',))
+    >>> again = rigident.Factor.from_bytes(factor.to_bytes())
+    >>> again == factor
+    True
+    >>> f"{factor.solve().mass_kg:.3f}"
+    '3.201'
+    """
+
+    data: bytes = field(repr=False)
+    """The bytes of the factor file."""
+    name: str = field(default="factor", compare=False)
+    """A name for messages."""
+    told: tuple[str, ...] = field(default=(), repr=False, compare=False)
+    """Warnings and notes of the checks when it was made."""
+
+    @classmethod
+    def of(
+        cls,
+        recording: PathLike | Arrays,
+        *,
+        rig: Rig | None = None,
+        name: str = "arrays",
+        calibration: PathLike | None = None,
+        model: PathLike | None = None,
+        lock: Iterable[str] | str = (),
+        spherical: Iterable[str] | str = (),
+        tool: Iterable[str] | str = (),
+        height_m: float | None = None,
+        mass_kg: float | None = None,
+        sex: str | None = None,
+    ) -> Factor:
+        """Reduces a recording, a file's or one in memory, to its factor; arguments as of :func:`rigident.identify`.
+
+        Raises:
+            RigidentError: The recording cannot be used.
+        """
+        with tempfile.TemporaryDirectory(prefix="rigident-") as temporary:
+            folder = Path(temporary)
+            path = folder / "new.factor"
+            words = [
+                *option("--calibration", calibration),
+                *tree_words(model, lock, spherical, tool, height_m, mass_kg, sex),
+                f"--output={path}",
+            ]
+            called = reduced("factor", recording, rig, name, words, folder)
+            factor = cls.from_bytes(path.read_bytes(), name)
+            return cls(factor.data, factor.recordings[0], called.told)
+
+    @classmethod
+    def from_bytes(cls, data: bytes, name: str = "factor") -> Factor:
+        """Takes the bytes of a factor file.
+
+        Raises:
+            RigidentError: They are no factor: of a worker's half-written file it says what is missing.
+        """
+        _rigident.contents(bytes(data), name)
+        return cls(bytes(data), name)
+
+    @classmethod
+    def read(cls, path: PathLike) -> Factor:
+        """Reads a factor file.
+
+        Raises:
+            OSError: It cannot be read.
+            RigidentError: It is no factor.
+        """
+        return cls.from_bytes(Path(path).read_bytes(), str(path))
+
+    @classmethod
+    def merge(cls, *factors: Factor, shared_offset: bool = False, force: bool = False) -> Factor:
+        """Merges factors of one body, as ``rigident merge`` does: in any order, and one whose recordings are all in others
+        counts once.
+
+        Raises:
+            RigidentError: They are of other models or bodies, or have only some recordings in common.
+
+        >>> import rigident
+        >>> factor = rigident.Factor.of("docs/examples/bracket.csv")
+        >>> rigident.Factor.merge(factor, factor).rows == factor.rows
+        True
+        """
+        with tempfile.TemporaryDirectory(prefix="rigident-") as temporary:
+            folder = Path(temporary)
+            paths = [folder / f"{number}.factor" for number in range(len(factors))]
+            for factor, path in zip(factors, paths, strict=True):
+                factor.write(path)
+            out = folder / "merged"
+            words = [*option("--shared-offset", shared_offset), *option("--force", force), f"--output={out}"]
+            called = command("merge", *words, "--", *paths)
+            return cls(out.read_bytes(), "merged", called.told)
+
+    def solve(
+        self,
+        *,
+        rig: Rig | None = None,
+        estimate: Iterable[str] | str = (),
+        known: Known | None = None,
+        symmetry: Mapping[str, float] | Iterable[str] | str = (),
+        tare: PathLike | Factor | Iterable[PathLike | Factor] = (),
+        without_platform: bool = False,
+    ) -> Result:
+        """Identifies the body of the factor, as ``rigident solve`` does; arguments as of :func:`rigident.identify`.
+
+        Raises:
+            RigidentError: There is no answer.
+        """
+        with tempfile.TemporaryDirectory(prefix="rigident-") as temporary:
+            folder = Path(temporary)
+            path = folder / "own.factor"
+            self.write(path)
+            words = [
+                *repeated("--estimate", estimate),
+                *known_words(known or {}, symmetry),
+                *tare_words(tare, folder),
+                *option("--without-platform", without_platform),
+            ]
+            return answered("solve", path, rig_path(rig, folder), self.name, words, folder)
+
+    def to_bytes(self) -> bytes:
+        """Returns the bytes of the factor file."""
+        return self.data
+
+    def write(self, path: PathLike) -> None:
+        """Writes the factor file, which must not exist.
+
+        Raises:
+            FileExistsError: It is there already.
+        """
+        with open(path, "xb") as file:
+            file.write(self.data)
+
+    @functools.cached_property
+    def _contents(self) -> dict[str, Any]:
+        return _rigident.contents(self.data, self.name)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # What was read of the bytes is not sent to other processes.
+        return {"data": self.data, "name": self.name, "told": self.told}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+
+    @property
+    def rows(self) -> int:
+        """Rows that it was made of."""
+        rows: int = self._contents["rows"]
+        return rows
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the unknowns, in the order of the columns."""
+        return tuple(self._contents["parameters"])
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Their SI units."""
+        return tuple(self._contents["units"])
+
+    @property
+    def recordings(self) -> tuple[str, ...]:
+        """Names of the recordings in it."""
+        return tuple(self._contents["recordings"])
+
+    @property
+    def r(self) -> NDArray[np.float64]:
+        """The triangle R of the whitened rows, n × n: their information is ``R.T @ R``."""
+        r: NDArray[np.float64] = self._contents["r"]
+        return r.copy()
+
+    @property
+    def z(self) -> NDArray[np.float64]:
+        """The right-hand side beside it, n: the estimate solves ``R @ x = z``."""
+        z: NDArray[np.float64] = self._contents["z"]
+        return z.copy()

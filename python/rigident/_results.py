@@ -1,0 +1,177 @@
+"""Answers: what a command prints with ``--json``, as dataclasses with numpy arrays."""
+
+from __future__ import annotations
+
+import html
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from rigident._factor import Factor
+
+PAGE_HEIGHT_PX = 900
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """An unknown with its state."""
+
+    name: str
+    """Its name: ``m``, ``mcx``, ``Ixx``, or ``forearm.MSx`` of a link."""
+    unit: str
+    """Its SI unit."""
+    state: str
+    """``identified``, ``prior_dominated`` (only together with what was known before) or ``not_identified``."""
+    value: float | None
+    """Its value in that unit; ``None`` if it is not identified."""
+    u95: float | None
+    """Its 95 % expanded uncertainty in that unit; ``None`` if it is not identified."""
+    frame: str | None
+    """The frame that it is expressed in: ``S``, or a link's; ``None`` where there is none."""
+    truth: float | None
+    """Its true value where it is known; never used for the answer."""
+    object: Mapping[str, Any] = field(repr=False, compare=False)
+    """All that the command says of it."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """An answer, with the numbers of the command line to the last bit.
+
+    What is not identified has no number: such a field is ``None``, never zero.
+    """
+
+    status: str
+    """``identified``, ``partly_identified``, ``not_identified``, or ``implausible`` if the recording cannot be true."""
+    exit_status: int
+    """What the command line would end with: 0 if all that was asked for is identified, else 1."""
+    parameters: tuple[Parameter, ...]
+    """Every unknown, in the order of the factor's columns."""
+    mass_kg: float | None
+    """Mass of the one body, kg."""
+    com_m: NDArray[np.float64] | None
+    """Its centre of mass in S, 3 numbers, m."""
+    com_u95_m: NDArray[np.float64] | None
+    """95 % expanded uncertainty of ``com_m``, m."""
+    inertia_com_kgm2: NDArray[np.float64] | None
+    """Its tensor about the centre of mass, 3 × 3, axes of S, kg m²."""
+    inertia_com_u95_kgm2: NDArray[np.float64] | None
+    """95 % expanded uncertainty of ``inertia_com_kgm2``, 3 × 3, kg m²."""
+    condition_number: float | None
+    """Condition number of the rows over what they determine."""
+    advice: tuple[str, ...]
+    """What would identify the rest, or why it cannot be."""
+    warnings: tuple[str, ...]
+    """What to act on before using the numbers."""
+    notes: tuple[str, ...]
+    """Information that asks for nothing."""
+    told: tuple[str, ...] = field(repr=False)
+    """What the command said beside its answer."""
+    json: str = field(repr=False)
+    """The object as the command prints it with ``--json``."""
+    page: str = field(repr=False)
+    """The report as the command writes it, an HTML page."""
+    factor: Factor | None = field(repr=False)
+    """All that the recording says of the body, to merge and to solve again; ``None`` of a factor's own answer."""
+
+    @property
+    def object(self) -> dict[str, Any]:
+        """The whole object of ``--json``; docs/formats.md names its fields."""
+        whole: dict[str, Any] = json.loads(self.json)
+        return whole
+
+    def __getitem__(self, name: str) -> Parameter:
+        """Returns the parameter of a name.
+
+        Raises:
+            KeyError: There is none; it names those that there are.
+        """
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter
+        raise KeyError(f"{name}: the parameters are {', '.join(p.name for p in self.parameters)}")
+
+    def values(self, names: Iterable[str] | None = None) -> NDArray[np.float64]:
+        """Returns the values of these parameters in their units, or of all.
+
+        Raises:
+            ValueError: One of them is not identified and has no number.
+        """
+        return self._numbers("value", names)
+
+    def u95(self, names: Iterable[str] | None = None) -> NDArray[np.float64]:
+        """Returns the 95 % expanded uncertainties of these parameters in their units, or of all.
+
+        Raises:
+            ValueError: One of them is not identified and has no number.
+        """
+        return self._numbers("u95", names)
+
+    def _numbers(self, which: str, names: Iterable[str] | None) -> NDArray[np.float64]:
+        chosen = self.parameters if names is None else tuple(self[name] for name in names)
+        missing = [p.name for p in chosen if getattr(p, which) is None]
+        if missing:
+            raise ValueError(f"not identified, so without a number: {', '.join(missing)}")
+        return np.array([getattr(p, which) for p in chosen], dtype=np.float64)
+
+    def _repr_html_(self) -> str:
+        """Shows the report in Jupyter."""
+        return framed(self.page)
+
+
+def framed(page: str) -> str:
+    """Puts a whole page into a frame of another one."""
+    return (
+        f'<iframe srcdoc="{html.escape(page)}" sandbox="allow-scripts" '
+        f'style="width:100%;height:{PAGE_HEIGHT_PX}px;border:0"></iframe>'
+    )
+
+
+def result_of(text: str, exit_status: int, told: tuple[str, ...], page: str, factor: Factor | None) -> Result:
+    """Reads the object of ``--json``."""
+    whole = json.loads(text)
+
+    def vector(key: str) -> NDArray[np.float64] | None:
+        return np.array(whole[key], dtype=np.float64) if key in whole else None
+
+    def tensor(key: str) -> NDArray[np.float64] | None:
+        if key not in whole:
+            return None
+        xx, yy, zz, yz, zx, xy = whole[key]
+        return np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]], dtype=np.float64)
+
+    return Result(
+        status=whole["status"],
+        exit_status=exit_status,
+        parameters=tuple(
+            Parameter(
+                name=p["name"],
+                unit=p["unit"],
+                state=p["state"],
+                value=p.get("value"),
+                u95=p.get("u95"),
+                frame=p.get("frame"),
+                truth=p.get("truth"),
+                object=p,
+            )
+            for p in whole.get("parameters", [])
+        ),
+        mass_kg=whole.get("mass_kg"),
+        com_m=vector("com_m"),
+        com_u95_m=vector("com_u95_m"),
+        inertia_com_kgm2=tensor("inertia_com_kgm2"),
+        inertia_com_u95_kgm2=tensor("inertia_com_u95_kgm2"),
+        condition_number=whole.get("condition_number"),
+        advice=tuple(whole.get("advice", [])),
+        warnings=tuple(whole.get("warnings", [])),
+        notes=tuple(whole.get("notes", [])),
+        told=told,
+        json=text,
+        page=page,
+        factor=factor,
+    )

@@ -1,0 +1,33 @@
+//! What a factor file holds.
+
+use numpy::{PyArray1, PyArray2};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyDictMethods};
+use rigident::cli::Failure;
+use rigident::fit::pool::PooledFactor;
+
+use crate::errors::raised;
+
+/// Returns the contents of a factor file's bytes: `parameters` and `units`, `recordings`, `rows`, and the triangle `r`, `z` of
+/// the whitened rows.
+///
+/// # Errors
+/// Raises `RigidentError` if the bytes are no factor.
+#[pyfunction]
+pub fn contents<'py>(py: Python<'py>, bytes: &[u8], name: &str) -> PyResult<Bound<'py, PyDict>> {
+    let pooled =
+        PooledFactor::from_bytes(bytes, name).map_err(|error| raised(py, &Failure::input(error), &[]))?;
+    let (names, units): (Vec<&str>, Vec<&str>) =
+        pooled.parameters.iter().map(|p| (p.name.as_str(), p.unit.as_str())).unzip();
+    let recordings: Vec<&str> = pooled.sources.iter().map(|source| source.recording.as_str()).collect();
+    let r = pooled.factor.r();
+    let rows: Vec<Vec<f64>> = r.row_iter().map(|row| row.iter().copied().collect()).collect();
+    let dict = PyDict::new(py);
+    dict.set_item("parameters", names)?;
+    dict.set_item("units", units)?;
+    dict.set_item("recordings", recordings)?;
+    dict.set_item("rows", pooled.factor.rows())?;
+    dict.set_item("r", PyArray2::from_vec2(py, &rows)?)?;
+    dict.set_item("z", PyArray1::from_slice(py, pooled.factor.z()))?;
+    Ok(dict)
+}

@@ -1,0 +1,25 @@
+//! Rigident in Python: what the package `rigident` calls.
+//!
+//! Lives here: commands called in this process without Python's lock, recordings from arrays, factors' contents, rows of models. May
+//! not live here: how a result looks in Python, which is the package's; and what a command does, which is the host's.
+
+mod calls;
+mod errors;
+mod factors;
+mod models;
+mod recordings;
+
+use pyo3::pymodule;
+
+/// The compiled part of the package `rigident`.
+#[pymodule]
+mod _rigident {
+    #[pymodule_export]
+    use crate::calls::{call, main};
+    #[pymodule_export]
+    use crate::factors::contents;
+    #[pymodule_export]
+    use crate::models::Tree;
+    #[pymodule_export]
+    use crate::recordings::{Recording, toml_of};
+}
