@@ -76,6 +76,10 @@ pub(super) fn explain(samples: &[Sample], start: &[f64], free: &[bool]) -> Optio
     }
     let scale = information.diagonal().map(|d| if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 });
     let scaled = DMatrix::from_fn(count, count, |i, j| information[(i, j)] * scale[i] * scale[j]);
+    // The decomposition of what is no number does not end.
+    if scaled.iter().any(|v| !v.is_finite()) {
+        return None;
+    }
     let covariance = scaled.pseudo_inverse(1e-12).ok()?;
     let deviation = (0..count).map(|i| covariance[(i, i)].max(0.0).sqrt() * scale[i]).collect();
     Some(Components { variance, deviation })

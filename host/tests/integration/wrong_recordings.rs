@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::Path;
 
-use crate::program::{json, rigident, said};
+use crate::program::{json, rigident, said, status};
 
 /// The demonstration's recording as CSV, and the text of its rig file.
 fn recording(at: &Path) -> String {
@@ -200,6 +200,25 @@ fn a_dead_channel_of_any_sensor_is_named_and_a_spike_of_the_imu_moves_nothing() 
             // A tenth of a second in twenty is lost.
             let moved = (now["value"].as_f64().unwrap() - before["value"].as_f64().unwrap()).abs();
             assert!(moved < 0.2 * before["u95"].as_f64().unwrap(), "{name}: {now} {before}");
+        }
+    }
+}
+
+/// A recording that was cut off after its first rows is answered, or refused, and in either case at once.
+#[test]
+fn recordings_of_a_few_rows_end() {
+    let place = tempfile::tempdir().unwrap();
+    let examples = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/examples");
+    let text = std::fs::read_to_string(examples.join("bracket.csv")).unwrap();
+    std::fs::copy(examples.join("bracket.rig.toml"), place.path().join("cut.rig.toml")).unwrap();
+    for lines in [2, 3, 6, 8, 10, 11, 12, 13, 14, 20, 30] {
+        let cut: Vec<&str> = text.lines().take(lines).collect();
+        for rig in [true, false] {
+            let name = if rig { "cut.csv" } else { "bare.csv" };
+            std::fs::write(place.path().join(name), cut.join("\n")).unwrap();
+            let out = format!("{lines}-{rig}");
+            let output = rigident(place.path(), &["identify", name, "--json", "--out", &out]);
+            assert!(matches!(status(&output), 0..=2), "{lines} lines: {}", said(&output));
         }
     }
 }
