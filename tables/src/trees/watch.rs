@@ -8,11 +8,13 @@ use std::time::Duration;
 
 use rigident::device::link::{Client, Transport};
 use rigident::device::session::Session;
-use rigident::device::session::tree::FrameSource;
-use rigident::device::session::watched::{WatchOptions, Watched, WatchedRobot};
+use rigident::device::session::streamed::{Pace, Watched};
+use rigident::device::session::watched::{WatchOptions, WatchedRobot};
 use rigident::fit::parallel::{map, threads};
 use rigident::simulated::picks_up::{HAND, PicksUp, RATE_HZ};
-use rigident_sim::runner::{FrameBus, FrameGate, InProcess, Mcu};
+
+use rigident_sim::rig::{Rig, RigConfig};
+use rigident_sim::runner::{InProcess, Mcu, Pacing};
 
 /// First seed: tests have those below 1000.
 const FIRST: u64 = 310_000;
@@ -54,18 +56,6 @@ impl Transport for Line {
 
     fn read(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
         self.0.read(buffer, timeout)
-    }
-}
-
-struct Gate(FrameGate);
-
-impl FrameSource for Gate {
-    fn set_open(&self, open: bool) {
-        self.0.set_open(open);
-    }
-
-    fn is_done(&self) -> bool {
-        self.0.is_done()
     }
 }
 
@@ -125,10 +115,11 @@ fn watched(scene: &PicksUp) -> Watched {
     let (_, input, _) = scene.input().expect("a hand");
     let robot = WatchedRobot::new(&input, scene.link, &WatchOptions::default()).expect("a robot that fits");
     drop(input);
-    let (bus, gate) = FrameBus::new(robot.frames.clone(), RATE_HZ);
-    let line = Line(InProcess::on(Box::new(bus)));
+    // Its own sensors are asked nothing.
+    let idle = Rig::new(RigConfig::thesis_horizontal()).expect("a rig").shared();
+    let line = Line(InProcess::new(idle, Pacing::LockStep));
     let mut session = Session::open(Client::new(Box::new(line))).expect("the firmware");
-    session.watch_robot(&robot, &Gate(gate), &mut |_| ()).expect("a watch")
+    session.watch_robot(&robot, Pace::AsTaken, &mut |_| ()).expect("a watch")
 }
 
 fn judged(scene: &PicksUp) -> Tally {
