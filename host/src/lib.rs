@@ -26,6 +26,7 @@ pub mod monitor;
 pub mod montecarlo;
 pub mod motion_capture;
 pub mod motion_selection;
+mod parquet_file;
 pub mod plan;
 pub mod platform;
 pub mod present;

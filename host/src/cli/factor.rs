@@ -1,9 +1,9 @@
-use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use super::arguments::{MakeFactor, Merge, Solve, TareFiles};
+use super::arguments::{MakeFactor, Solve, TareFiles};
 use super::loaded::Loaded;
 use super::options::trees::TreeModel;
 use super::outcome::say;
@@ -11,13 +11,14 @@ use super::recorded::{is_recording, is_rig_file};
 use super::run_report::RunReport;
 use super::{Failure, Folder, Stages};
 use crate::answer::Source;
+use crate::fit::factor_table::{is_table, to_bytes};
 use crate::fit::pool::{PoolError, PooledFactor, disagreement_in_words};
 use crate::fit::tare::Tare;
-use crate::fit::union::{Union, union, union_of_files};
 use crate::fit::{Fit, Kind, Parameter};
 use crate::present;
 use crate::problem::ProblemOptions;
 use crate::recording::error::RecordingError;
+use crate::recording::new_file::write_new_bytes;
 use crate::recording::{Recording, extension, rig_path};
 use crate::rig::RigFile;
 
@@ -28,6 +29,7 @@ const FOREIGN: f64 = 10.0;
 /// `rigident factor`
 pub(super) fn make(arguments: &MakeFactor) -> Result<ExitCode, Failure> {
     absent(&arguments.output)?;
+    let labels: BTreeMap<String, String> = arguments.label.iter().cloned().collect();
     let mut factors = Vec::new();
     for path in &arguments.recordings {
         // A rig file that lists a recording's files needs no other.
@@ -38,7 +40,10 @@ pub(super) fn make(arguments: &MakeFactor) -> Result<ExitCode, Failure> {
             of_recording(path, rig, calibration, &arguments.tree, &ProblemOptions::default())?;
         drop(stages);
         tell_of(path, &factor, &notes);
-        factors.push(factor);
+        factors.push(factor.labelled(&labels));
+    }
+    if is_table(&arguments.output) {
+        return write_table(&factors, &arguments.output);
     }
     write(factors, arguments.shared_offset, arguments.force, &arguments.output)
 }
@@ -54,6 +59,7 @@ pub(super) fn make_of(arguments: &MakeFactor, recording: Recording) -> Result<Ex
     let (factor, notes, _) = fitted(loaded, Path::new(&name), &stages)?;
     drop(stages);
     tell_of(Path::new(&name), &factor, &notes);
+    let factor = factor.labelled(&arguments.label.iter().cloned().collect());
     write(vec![factor], arguments.shared_offset, arguments.force, &arguments.output)
 }
 
@@ -67,48 +73,6 @@ fn tell_of(path: &Path, factor: &PooledFactor, notes: &[String]) {
     if checks.clone().any(|checks| checks.contradicted) {
         tell!("rigident: {}: not to be used; the factor says so to whoever solves it", path.display());
     }
-}
-
-/// `rigident merge`
-pub(super) fn merge(arguments: &Merge) -> Result<ExitCode, Failure> {
-    absent(&arguments.output)?;
-    let mut files = arguments.factors.clone();
-    if let Some(list) = &arguments.from {
-        files.extend(listed(list)?);
-    }
-    let shared = arguments.shared_offset;
-    let (runs, all) = if present::merged::is_shown(files.len()) {
-        let runs = files.iter().map(|path| read(path)).collect::<Result<Vec<_>, _>>()?;
-        (runs.clone(), union(runs, shared))
-    } else {
-        let stages = Stages::new("merging");
-        let done = |read: usize, of: usize| stages.at("reading", read as f64 / of as f64);
-        (Vec::new(), union_of_files(&files, shared, &done))
-    };
-    let Union { factor, repeated } = all.map_err(refused)?;
-    if repeated > 0 {
-        tell!("rigident: {repeated} of {} factors are left out: their recordings are in others", files.len());
-    }
-    write_pooled(&factor, &runs, shared, arguments.force, &arguments.output)
-}
-
-/// Returns the paths that stand in a list, one a line; `-` is standard input.
-fn listed(list: &Path) -> Result<Vec<PathBuf>, Failure> {
-    let refuse = |why: &dyn std::fmt::Display| {
-        Failure::input(format!("--from {}: cannot be read: {why}", list.display()))
-    };
-    let text = if list.as_os_str() == "-" {
-        std::io::read_to_string(std::io::stdin())
-    } else {
-        std::fs::read_to_string(list)
-    }
-    .map_err(|error| refuse(&error))?;
-    let files: Vec<PathBuf> =
-        text.lines().map(str::trim).filter(|line| !line.is_empty()).map(PathBuf::from).collect();
-    if files.is_empty() {
-        return Err(Failure::input(format!("--from {}: there is no path in it", list.display())));
-    }
-    Ok(files)
 }
 
 /// `rigident solve`
@@ -257,22 +221,31 @@ pub(super) fn bare(
 }
 
 /// Reads a factor file.
-fn read(path: &Path) -> Result<PooledFactor, Failure> {
+pub(super) fn read(path: &Path) -> Result<PooledFactor, Failure> {
     PooledFactor::read(path).map_err(refused)
 }
 
 /// Says why factors are not read or merged, and what to do with a file that is a recording by its name.
-fn refused(error: PoolError) -> Failure {
+pub(super) fn refused(error: PoolError) -> Failure {
     let name = match &error {
         PoolError::File { name, .. } | PoolError::Access { name, .. } => name.as_str(),
         _ => "",
     };
     match extension(Path::new(name)).as_str() {
-        "csv" | "mcap" => Failure::input(format!(
+        "csv" | "mcap" | "db3" | "mat" => Failure::input(format!(
             "{error}; it is a recording by its name: `rigident factor {name} -o NEW.factor` makes one of it"
         )),
+        "parquet" => Failure::input(format!("{error}; of a table of factors `rigident merge` makes one")),
         _ => Failure::input(error),
     }
+}
+
+/// Writes factors as a table, a row each.
+pub(super) fn write_table(factors: &[PooledFactor], output: &Path) -> Result<ExitCode, Failure> {
+    let bytes = to_bytes(factors, &output.display().to_string()).map_err(Failure::input)?;
+    write_new_bytes(output, &bytes).map_err(Failure::input)?;
+    say(format_args!("{} factors in {}", factors.len(), output.display()));
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Returns the factor of a recording, which keeps what its checks found, notes on the way, and the fit.
@@ -315,13 +288,40 @@ fn write(
 }
 
 /// Writes a merged factor, and shows what merging gained over its runs, if they are given.
-fn write_pooled(
+pub(super) fn write_pooled(
     pooled: &PooledFactor,
     runs: &[PooledFactor],
     shared_offset: bool,
     force: bool,
     output: &Path,
 ) -> Result<ExitCode, Failure> {
+    check_agreement(pooled, shared_offset, force)?;
+    if is_table(output) {
+        return write_table(std::slice::from_ref(pooled), output);
+    }
+    pooled.write(output).map_err(Failure::input)?;
+    if let Some(table) = present::merged::table(runs, pooled) {
+        say(table.trim_end());
+    }
+    say(format_args!(
+        "{} rows of {}, {} parameters, in {}",
+        pooled.factor.rows(),
+        pooled.recordings(),
+        pooled.factor.parameters(),
+        output.display()
+    ));
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Tells what merged runs say of each other.
+///
+/// # Errors
+/// Bad input: they disagree too much to be of one body, and are not to be merged all the same.
+pub(super) fn check_agreement(
+    pooled: &PooledFactor,
+    shared_offset: bool,
+    force: bool,
+) -> Result<(), Failure> {
     if let Some(ratio) = pooled.unexplained_disagreement() {
         if ratio.sqrt() > FOREIGN && !force {
             return Err(Failure::input(format!(
@@ -338,16 +338,5 @@ fn write_pooled(
     if let Some(warning) = pooled.gain_warning() {
         tell!("rigident: {warning}");
     }
-    pooled.write(output).map_err(Failure::input)?;
-    if let Some(table) = present::merged::table(runs, pooled) {
-        say(table.trim_end());
-    }
-    say(format_args!(
-        "{} rows of {}, {} parameters, in {}",
-        pooled.factor.rows(),
-        pooled.recordings(),
-        pooled.factor.parameters(),
-        output.display()
-    ));
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }

@@ -5,6 +5,7 @@ use clap::Args;
 use super::arguments::{KnownQuantities, Output};
 use super::options::calibration::CalibrationOption;
 use super::options::trees::TreeModel;
+use crate::rig::labels;
 
 /// The option `--tare`.
 #[derive(Args, Debug, Clone, Default)]
@@ -36,6 +37,9 @@ pub struct MakeFactor {
     #[command(flatten)]
     #[allow(missing_docs)]
     pub calibration: CalibrationOption,
+    /// A label of the recordings, KEY=VALUE, beside those of their rig files: `rigident merge --by` goes by them
+    #[arg(long, value_name = "LABEL", value_parser = labels::parse)]
+    pub label: Vec<(String, String)>,
     /// All recordings have one wrench offset between them
     #[arg(long)]
     pub shared_offset: bool,
@@ -54,7 +58,7 @@ pub struct MakeFactor {
                   may be done again. Factors that have some recordings in common, of other models or units, and of other bodies are \
                   refused.\n\n\
                   Examples:\n  rigident merge monday.factor tuesday.factor -o bracket.factor\n  rigident merge a.factor b.factor \
-                  --shared-offset -o both.factor\n  find runs -name '*.factor' | rigident merge --from - -o all.factor"
+                  --shared-offset -o both.factor\n  find runs -name '*.factor' | rigident merge --from - -o all.factor\n  rigident merge --from list.txt --by body,rig -o bodies"
 )]
 pub struct Merge {
     /// The factors
@@ -63,7 +67,10 @@ pub struct Merge {
     /// A text with the paths of more factors, one a line, relative to the working directory; `-`: standard input
     #[arg(long, value_name = "LIST")]
     pub from: Option<PathBuf>,
-    /// The file to write; must not exist
+    /// One factor for each combination of the values of these labels, comma separated
+    #[arg(long, value_name = "KEY", value_delimiter = ',')]
+    pub by: Vec<String>,
+    /// The file to write; must not exist. With --by a folder, new or empty
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
     /// All of them have one wrench offset between them

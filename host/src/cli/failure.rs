@@ -146,7 +146,10 @@ fn place_of(error: &RecordingError) -> Option<Place> {
         | RecordingError::Message { name: file, .. } => {
             Place { file: Some(file.clone()), ..Place::default() }
         }
-        RecordingError::UnknownKind(_) | RecordingError::Exists(_) | RecordingError::Unwritable { .. } => {
+        RecordingError::UnknownKind(_)
+        | RecordingError::NotWritten(_)
+        | RecordingError::Exists(_)
+        | RecordingError::Unwritable { .. } => {
             return None;
         }
     };

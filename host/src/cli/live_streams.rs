@@ -328,6 +328,7 @@ impl Streams {
             let line = line.unwrap_or(ClockLine { offset_s: 0.0, rate: 1.0 });
             StreamTable {
                 file: stream.file.clone(),
+                topic: None,
                 columns: BTreeMap::new(),
                 rotation_matrix: None,
                 clock_offset_s: line.offset_s,

@@ -355,7 +355,8 @@ impl Loaded {
     pub(super) fn factor(&self, found: &Fit) -> PooledFactor {
         let of_links = self.problem.links(None).is_some();
         let checks = answer::checks(found, &self.warnings, of_links);
-        let factor = PooledFactor::of(found, &self.problem.name).checked(&checks);
+        let labels = &self.problem.rig.recording.labels;
+        let factor = PooledFactor::of(found, &self.problem.name).checked(&checks).labelled(labels);
         let recorded = self.recorded.as_deref().and_then(|date| humantime::parse_rfc3339(date).ok());
         let unix = recorded.and_then(|at| at.duration_since(std::time::UNIX_EPOCH).ok());
         match unix.and_then(|unix| i64::try_from(unix.as_secs()).ok()) {

@@ -51,6 +51,7 @@ mod live;
 mod live_streams;
 mod loaded;
 mod locked_joints;
+mod merge;
 mod model;
 mod monitor;
 #[cfg(feature = "simulator")]
@@ -267,7 +268,7 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
         Some(Command::Predict(a)) => predict::predict(&a),
         Some(Command::Validate(a)) => predict::validate(&a),
         Some(Command::Factor(a)) => factor::make(&a),
-        Some(Command::Merge(a)) => factor::merge(&a),
+        Some(Command::Merge(a)) => merge::merge(&a),
         Some(Command::Solve(a)) => factor::solve(&a),
         Some(Command::Ports(a)) => ports::run(&a),
         Some(Command::Info(a)) => info::run(&a),

@@ -97,7 +97,9 @@ pub(super) fn named(path: PathBuf) -> PathBuf {
 
 /// Whether a file holds a recording, or lists the files of one; by its name.
 pub(super) fn is_recording(path: &Path) -> bool {
-    is_rig_file(path) || path.is_dir() || matches!(extension(path).as_str(), "csv" | "mcap")
+    is_rig_file(path)
+        || path.is_dir()
+        || matches!(extension(path).as_str(), "csv" | "mcap" | "db3" | "parquet" | "mat")
 }
 
 /// Whether a path is a rig file's, by its name.

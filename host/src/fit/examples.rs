@@ -115,6 +115,7 @@ impl Run {
             spurious_information: 0.0,
             channels: channels.to_vec(),
             checks: None,
+            labels: std::collections::BTreeMap::new(),
         };
         let pooled = PooledFactor {
             name,

@@ -4,6 +4,8 @@
 //! CRC-32 of all after the magic, little-endian. The parameters with names, units, kinds, owners and what they are made of
 //! are part of it, so a factor of another model is told apart.
 
+use std::collections::BTreeMap;
+
 use serde::de::{SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -11,9 +13,11 @@ use super::pool::PooledFactor;
 use super::{Checks, Factor, Parameter};
 
 const MAGIC: &[u8; 8] = b"RIGIDFAC";
-/// Version 4 holds the checks of each run after what version 3 holds: any parameters and channels. 1 and 2 held one body's ten or
-/// sixteen parameters.
-pub const VERSION: u16 = 4;
+/// Version 5 holds the labels of each run after what version 4 holds, and that its checks after what version 3 holds: any
+/// parameters and channels. 1 and 2 held one body's ten or sixteen parameters.
+pub const VERSION: u16 = 5;
+/// Has checks, and no labels.
+const WITHOUT_LABELS: u16 = 4;
 /// The oldest version that is read: without checks.
 const WITHOUT_CHECKS: u16 = 3;
 const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
@@ -51,13 +55,13 @@ pub enum FactorFileError {
     Damaged,
     /// The file is of an older program.
     #[error(
-        "the factor file has version {0}, this program reads versions {WITHOUT_CHECKS} and {VERSION}: write it anew from the \
+        "the factor file has version {0}, this program reads versions {WITHOUT_CHECKS} to {VERSION}: write it anew from the \
          recording with `rigident factor`"
     )]
     Old(u16),
     /// The file is of a newer program.
     #[error(
-        "the factor file has version {0}, this program reads versions {WITHOUT_CHECKS} and {VERSION}: use the program that wrote \
+        "the factor file has version {0}, this program reads versions {WITHOUT_CHECKS} to {VERSION}: use the program that wrote \
          it, or write it anew from the recording with `rigident factor`"
     )]
     New(u16),
@@ -134,6 +138,9 @@ pub struct FactorSource {
     /// What the checks of the recording found; `None`: it was not checked, or by an older program.
     #[serde(skip)]
     pub checks: Option<Checks>,
+    /// What tells it from other runs of a collection: `body`, `rig` and others, each with its value.
+    #[serde(skip)]
+    pub labels: BTreeMap<String, String>,
 }
 
 /// A parameter as it stands in a file: the terms are bounded.
@@ -166,6 +173,12 @@ struct Header {
 /// The checks of the runs, in their order.
 #[derive(Deserialize)]
 struct StoredChecks(#[serde(deserialize_with = "at_most::<_, _, MOST_SOURCES>")] Vec<Option<Checks>>);
+
+/// The labels of the runs, in their order.
+#[derive(Deserialize)]
+struct StoredLabels(
+    #[serde(deserialize_with = "at_most::<_, _, MOST_SOURCES>")] Vec<BTreeMap<String, String>>,
+);
 
 impl From<&Parameter> for StoredParameter {
     fn from(parameter: &Parameter) -> Self {
@@ -220,7 +233,8 @@ pub(super) fn to_bytes(pooled: &PooledFactor) -> Vec<u8> {
     let counts = (VERSION, header.parameters.len() as u64, header.sources.len() as u64);
     // Serialising plain vectors and numbers into a growing buffer has no way to fail.
     let checks: Vec<Option<&Checks>> = pooled.sources.iter().map(|source| source.checks.as_ref()).collect();
-    let mut body = postcard::to_allocvec(&(counts, header, checks)).unwrap_or_default();
+    let labels: Vec<&BTreeMap<String, String>> = pooled.sources.iter().map(|source| &source.labels).collect();
+    let mut body = postcard::to_allocvec(&(counts, header, checks, labels)).unwrap_or_default();
     body.extend(pooled.factor.entries().iter().flat_map(|entry| entry.to_le_bytes()));
     [MAGIC.as_slice(), &body, &CRC.checksum(&body).to_le_bytes()].concat()
 }
@@ -253,6 +267,14 @@ pub(super) fn from_bytes(bytes: &[u8], name: &str) -> Result<PooledFactor, Facto
             return Err(FactorFileError::Damaged);
         }
         header.sources.iter_mut().zip(checks.0).for_each(|(source, checks)| source.checks = checks);
+        numbers = rest;
+    }
+    if version > WITHOUT_LABELS {
+        let (labels, rest) = postcard::take_from_bytes::<StoredLabels>(numbers).map_err(damaged)?;
+        if labels.0.len() != header.sources.len() {
+            return Err(FactorFileError::Damaged);
+        }
+        header.sources.iter_mut().zip(labels.0).for_each(|(source, labels)| source.labels = labels);
         numbers = rest;
     }
     let Header {

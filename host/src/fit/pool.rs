@@ -1,6 +1,6 @@
 //! Factors of several runs as one, and what their residuals say of it.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::io::Write as _;
 use std::path::Path;
 
@@ -67,6 +67,18 @@ pub enum PoolError {
     Overflow {
         /// The factor.
         name: String,
+    },
+    /// Its runs have no value, or several, of a label that factors are told apart by.
+    #[error(
+        "{name} cannot be sorted by the label {key}: {reason}; `rigident factor --label {key}=…` gives runs one"
+    )]
+    Label {
+        /// The factor.
+        name: String,
+        /// The key of the label.
+        key: String,
+        /// What its runs have.
+        reason: String,
     },
     /// Nothing was given.
     #[error("there is nothing to merge: give at least one factor")]
@@ -175,6 +187,7 @@ impl PooledFactor {
                 })
                 .collect(),
             checks: None,
+            labels: BTreeMap::new(),
         };
         Self {
             name: recording.to_owned(),
@@ -200,6 +213,15 @@ impl PooledFactor {
     #[must_use]
     pub fn checked(mut self, checks: &Checks) -> Self {
         self.sources.iter_mut().for_each(|source| source.checks = Some(checks.clone()));
+        self
+    }
+
+    /// Returns the same with labels of its runs beside those that they have; a label that is given anew takes the place of the old one.
+    #[must_use]
+    pub fn labelled(mut self, labels: &BTreeMap<String, String>) -> Self {
+        for source in &mut self.sources {
+            source.labels.extend(labels.iter().map(|(key, value)| (key.clone(), value.clone())));
+        }
         self
     }
 

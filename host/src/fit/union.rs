@@ -4,14 +4,16 @@
 
 use std::cmp::Reverse;
 use std::collections::HashMap;
+use std::ops::Range;
 use std::path::Path;
 
 use super::Fingerprint;
 use super::factor_file::FactorSource;
+use super::factor_table::{Part, parts};
 use super::parallel::{map, threads};
 use super::pool::{PoolError, PooledFactor};
 
-/// Files that one thread merges before it takes others.
+/// Factors that one thread merges before it takes others.
 const CHUNK: usize = 64;
 
 /// Factors as one.
@@ -21,6 +23,8 @@ pub struct Union {
     pub factor: PooledFactor,
     /// Factors that were left out, because all their runs are in others.
     pub repeated: usize,
+    /// Factors in all, with those.
+    pub given: usize,
 }
 
 /// The runs of a factor, without its numbers.
@@ -106,47 +110,88 @@ pub fn counted_once(all: &[Runs]) -> Result<Vec<bool>, PoolError> {
 /// As [`counted_once`] and [`PooledFactor::merged`].
 pub fn union(factors: Vec<PooledFactor>, shared_offsets: bool) -> Result<Union, PoolError> {
     let counts = counted_once(&factors.iter().map(Runs::of).collect::<Vec<_>>())?;
-    let repeated = counts.iter().filter(|counts| !**counts).count();
+    let (given, repeated) = (counts.len(), counts.iter().filter(|counts| !**counts).count());
     let once = factors.into_iter().zip(counts).filter_map(|(factor, counts)| counts.then_some(factor));
-    Ok(Union { factor: PooledFactor::merged(once.collect(), shared_offsets)?, repeated })
+    Ok(Union { factor: PooledFactor::merged(once.collect(), shared_offsets)?, repeated, given })
 }
 
-/// Returns the factors of files as one, on all cores; few are in memory at a time. `done` is told how many files are read, of how many.
+/// Returns the factors of files as one, on all cores; few are in memory at a time. `done` is told how much is read, of how much.
 ///
 /// # Errors
-/// As [`union`] and [`PooledFactor::read`]; a file that changes meanwhile is named.
+/// As [`union`] and [`Part::read`]; a file that changes meanwhile is named.
 pub fn union_of_files<P: AsRef<Path> + Sync>(
     files: &[P],
     shared_offsets: bool,
     done: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Union, PoolError> {
+    let parts: Vec<Vec<Part>> = files.iter().map(|file| parts(file.as_ref())).collect::<Result<_, _>>()?;
+    union_of_parts(&parts.concat(), shared_offsets, done)
+}
+
+/// Returns the factors of parts of files as one, as [`union_of_files`] does.
+///
+/// # Errors
+/// As [`union_of_files`].
+pub fn union_of_parts(
+    parts: &[Part],
+    shared_offsets: bool,
+    done: &(dyn Fn(usize, usize) + Sync),
+) -> Result<Union, PoolError> {
     // Each is read twice: for its runs, and for its numbers.
     let read = std::sync::atomic::AtomicUsize::new(0);
-    let open = |file: &P| {
-        let factor = PooledFactor::read(file.as_ref());
-        done(1 + read.fetch_add(1, std::sync::atomic::Ordering::Relaxed), 2 * files.len());
-        factor
+    let open = |part: &Part| {
+        let factors = part.read();
+        done(1 + read.fetch_add(1, std::sync::atomic::Ordering::Relaxed), 2 * parts.len());
+        factors
     };
-    let runs = map(threads(), files.len(), |k| files.get(k).map(|file| Ok(Runs::of(&open(file)?))));
-    let runs: Vec<Runs> = runs.into_iter().flatten().collect::<Result<_, _>>()?;
-    let counts = counted_once(&runs)?;
-    let once: Vec<(&P, &Runs)> =
-        files.iter().zip(&runs).zip(&counts).filter(|(_, counts)| **counts).map(|(both, _)| both).collect();
-    let chunks: Vec<_> = once.chunks(CHUNK).collect();
-    let merged = map(threads(), chunks.len(), |k| {
-        let chunk = chunks.get(k).copied().unwrap_or_default();
-        let factors = chunk.iter().map(|(file, before)| {
-            let factor = open(file)?;
-            if Runs::of(&factor) == **before {
-                return Ok(factor);
+    let runs = map(threads(), parts.len(), |k| {
+        parts.get(k).map(|part| Ok(open(part)?.iter().map(Runs::of).collect()))
+    });
+    let runs: Vec<Vec<Runs>> = runs.into_iter().flatten().collect::<Result<_, _>>()?;
+    let counts = counted_once(&runs.concat())?;
+    let (given, repeated) = (counts.len(), counts.iter().filter(|counts| !**counts).count());
+    let mut counts = counts.into_iter();
+    let counts: Vec<Vec<bool>> =
+        runs.iter().map(|of_part| counts.by_ref().take(of_part.len()).collect()).collect();
+    let jobs = jobs(&counts);
+    let merged = map(threads(), jobs.len(), |k| {
+        let job = jobs.get(k).cloned().unwrap_or_default();
+        let mut factors = Vec::new();
+        for ((part, before), counts) in
+            job.filter_map(|n| Some(((parts.get(n)?, runs.get(n)?), counts.get(n)?)))
+        {
+            if !counts.contains(&true) {
+                continue;
             }
-            let reason = "changed while it was read; once nobody writes it, merge again".to_owned();
-            Err(PoolError::Access { name: factor.name, reason })
-        });
-        PooledFactor::merged(factors.collect::<Result<_, _>>()?, shared_offsets)
+            let own = open(part)?;
+            if !own.iter().map(Runs::of).eq(before.iter().cloned()) {
+                let reason = "changed while it was read; once nobody writes it, merge again".to_owned();
+                let name = before.first().map_or_else(String::new, |runs| runs.name.clone());
+                return Err(PoolError::Access { name, reason });
+            }
+            factors
+                .extend(own.into_iter().zip(counts).filter_map(|(factor, counts)| counts.then_some(factor)));
+        }
+        PooledFactor::merged(factors, shared_offsets)
     });
     let factor = PooledFactor::merged(merged.into_iter().collect::<Result<_, _>>()?, shared_offsets)?;
-    Ok(Union { factor, repeated: files.len() - once.len() })
+    Ok(Union { factor, repeated, given })
+}
+
+/// Returns runs of parts that one thread merges before it takes others, each with some factors that count.
+fn jobs(counts: &[Vec<bool>]) -> Vec<Range<usize>> {
+    let (mut jobs, mut first, mut factors) = (Vec::new(), 0, 0);
+    for (n, of_part) in counts.iter().enumerate() {
+        factors += of_part.iter().filter(|counts| **counts).count();
+        if factors >= CHUNK {
+            jobs.push(first..n + 1);
+            (first, factors) = (n + 1, 0);
+        }
+    }
+    if factors > 0 {
+        jobs.push(first..counts.len());
+    }
+    jobs
 }
 
 #[cfg(test)]

@@ -93,3 +93,22 @@ fn files_are_merged_as_factors_are() {
     let error = union_of_files(&files, false, &|_, _| ()).unwrap_err().to_string();
     assert!(error.contains("7.factor") && error.contains("damaged or cut off"), "{error}");
 }
+
+#[test]
+fn tables_are_merged_as_files_are() {
+    let place = tempfile::tempdir().unwrap();
+    let runs = factors(150);
+    let table = place.path().join("all.parquet");
+    std::fs::write(&table, crate::fit::factor_table::to_bytes(&runs, "all").unwrap()).unwrap();
+    let single = place.path().join("7.factor");
+    runs[7].write(&single).unwrap();
+    let all = union_of_files(&[table.clone(), single], false, &|_, _| ()).unwrap();
+    let serial = PooledFactor::merged(runs.clone(), false).unwrap();
+    assert_eq!((all.repeated, all.factor.sources.len()), (1, 150));
+    assert!(apart(&all.factor, &serial) < 1e-13);
+    // Some rows of a part.
+    let part = parts(&table).unwrap().remove(1).only(vec![0, 3]);
+    let two = union_of_parts(&[part], false, &|_, _| ()).unwrap().factor;
+    let serial = PooledFactor::merged(vec![runs[64].clone(), runs[67].clone()], false).unwrap();
+    assert_eq!(two.factor, serial.factor);
+}

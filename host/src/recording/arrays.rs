@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use super::columns::Cells;
 use super::csv::Reader;
 use super::{Recording, RecordingError};
 use crate::rig::RigFile;
@@ -13,6 +14,8 @@ pub enum Numbers<'a> {
     Floats(&'a [f64]),
     /// Whole numbers, as stamps in nanoseconds are.
     Integers(&'a [i64]),
+    /// Cells as text, empty where there is no value.
+    Cells(&'a [String]),
 }
 
 impl Numbers<'_> {
@@ -21,6 +24,7 @@ impl Numbers<'_> {
         match self {
             Self::Floats(numbers) => numbers.len(),
             Self::Integers(numbers) => numbers.len(),
+            Self::Cells(cells) => cells.len(),
         }
     }
 
@@ -36,6 +40,7 @@ impl Numbers<'_> {
         let _ = match self {
             Self::Floats(numbers) => numbers.get(row).map(|number| write!(cell, "{number:?}")),
             Self::Integers(numbers) => numbers.get(row).map(|number| write!(cell, "{number}")),
+            Self::Cells(cells) => cells.get(row).map(|text| cell.write_str(text)),
         };
     }
 }
@@ -52,6 +57,26 @@ impl Recording {
         arrays: &[(String, Numbers<'_>)],
         rig: &RigFile,
         text: Option<&str>,
+    ) -> Result<Self, RecordingError> {
+        let mut recording = Self::of_columns(name, arrays, rig)?;
+        recording.rig_text = text.map(str::to_owned);
+        if text.is_none() && !recording.imus.is_empty() {
+            recording.warnings.push(
+                "no rig is given: the IMU is taken to sit in the origin of S with its axes, the wrench to be that on the body"
+                    .to_owned(),
+            );
+        }
+        Ok(recording)
+    }
+
+    /// Makes a recording of columns, as [`Recording::from_arrays`] does; nothing is said of a rig file.
+    ///
+    /// # Errors
+    /// As [`Recording::from_arrays`].
+    pub(crate) fn of_columns(
+        name: &str,
+        arrays: &[(String, Numbers<'_>)],
+        rig: &RigFile,
     ) -> Result<Self, RecordingError> {
         let rows = arrays.first().map_or(0, |(_, numbers)| numbers.len());
         if let (Some((first, _)), Some((other, numbers))) =
@@ -83,15 +108,17 @@ impl Recording {
                 })?;
             }
         }
-        let mut recording = reader.into_recording()?;
-        recording.rig_text = text.map(str::to_owned);
-        if text.is_none() && !recording.imus.is_empty() {
-            recording.warnings.push(
-                "no rig is given: the IMU is taken to sit in the origin of S with its axes, the wrench to be that on the body"
-                    .to_owned(),
-            );
-        }
-        Ok(recording)
+        reader.into_recording()
+    }
+
+    /// Makes a recording of columns of cells.
+    ///
+    /// # Errors
+    /// As [`Recording::from_arrays`].
+    pub(crate) fn of_cells(name: &str, columns: &[Cells], rig: &RigFile) -> Result<Self, RecordingError> {
+        let columns: Vec<_> =
+            columns.iter().map(|(name, cells)| (name.clone(), Numbers::Cells(cells))).collect();
+        Self::of_columns(name, &columns, rig)
     }
 }
 

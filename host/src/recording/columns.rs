@@ -5,6 +5,9 @@ use crate::rig::spelling::nearest;
 /// More IMUs or attitudes than this are a slip of the pen.
 pub const MOST_LINKS: usize = 64;
 
+/// A column: its name and its cells as text, empty where there is no value.
+pub type Cells = (String, Vec<String>);
+
 const WRENCH: [&str; 6] = ["fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm"];
 const ACCEL: [&str; 3] = ["ax_mps2", "ay_mps2", "az_mps2"];
 const GYRO: [&str; 3] = ["gx_radps", "gy_radps", "gz_radps"];

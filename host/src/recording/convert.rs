@@ -56,7 +56,7 @@ pub fn convert(from: &Path, to: &Path, rig: Option<&Path>) -> Result<Converted, 
                 files.push(beside);
             }
         }
-        _ => return Err(RecordingError::UnknownKind(to.display().to_string())),
+        _ => return Err(RecordingError::NotWritten(to.display().to_string())),
     }
     Ok(Converted { files, rows: recording.rows(), warnings: recording.warnings })
 }

@@ -24,9 +24,12 @@ pub enum RecordingError {
     /// A file of that name is there.
     #[error("{0} is there already, and nothing is overwritten: give another name, or move it away")]
     Exists(String),
-    /// The ending says neither CSV nor MCAP.
-    #[error("{0} is no recording by its name: it must end in .csv or .mcap")]
+    /// The ending says none of the kinds that are read.
+    #[error("{0} is no recording by its name: it must end in .csv, .mcap, .db3, .parquet or .mat")]
     UnknownKind(String),
+    /// The ending says none of the kinds that are written.
+    #[error("{0} cannot be written: a recording is written as .csv or .mcap")]
+    NotWritten(String),
     /// Not a recording.
     #[error("{name} is not a recording: {reason}")]
     NotARecording {

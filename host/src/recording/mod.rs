@@ -5,6 +5,7 @@
 
 pub mod arrays;
 pub mod channels;
+mod columnar;
 pub mod columns;
 pub mod convert;
 pub mod csv;
@@ -176,7 +177,7 @@ impl Recording {
         (self.rig.clone(), text)
     }
 
-    /// Reads a CSV or MCAP file. The rig file is the one given, the one beside it (`NAME.rig.toml`), the one
+    /// Reads a CSV, Parquet, MAT or MCAP file. The rig file is the one given, the one beside it (`NAME.rig.toml`), the one
     /// inside it, or none.
     ///
     /// # Errors
@@ -184,7 +185,8 @@ impl Recording {
     pub fn load(path: &Path, rig: Option<&Path>) -> Result<Self, RecordingError> {
         let name = path.file_name().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
         let kind = extension(path);
-        if kind != "csv" && kind != "mcap" {
+        let is_text = kind == "csv" || columnar::is_columnar(&kind);
+        if !is_text && !matches!(kind.as_str(), "mcap" | "db3") {
             return Err(RecordingError::UnknownKind(path.display().to_string()));
         }
         let bytes = std::fs::read(path).map_err(|e| RecordingError::Unreadable {
@@ -198,8 +200,8 @@ impl Recording {
             None => None,
         };
         let (rig, text) = rig.unzip();
-        let mut recording = if kind == "csv" {
-            let mut recording = Self::from_csv_bytes(&name, &bytes, &rig.clone().unwrap_or_default())?;
+        let mut recording = if is_text {
+            let mut recording = Self::from_columns(&name, bytes, &rig.clone().unwrap_or_default())?;
             recording.rig_text.clone_from(&text);
             recording
         } else {
@@ -214,6 +216,18 @@ impl Recording {
         }
         recording.warn_of_date();
         Ok(recording)
+    }
+
+    /// Reads the bytes of a file of columns: CSV, or by the ending of its name Parquet or MAT.
+    ///
+    /// # Errors
+    /// As [`Recording::from_csv_bytes`] and [`Recording::from_arrays`].
+    pub fn from_columns(file: &str, bytes: Vec<u8>, rig: &RigFile) -> Result<Self, RecordingError> {
+        let ending = extension(Path::new(file));
+        if !columnar::is_columnar(&ending) {
+            return Self::from_csv_bytes(file, &bytes, rig);
+        }
+        Self::of_cells(file, &columnar::columns(file, &ending, bytes)?, rig)
     }
 
     /// Puts a group's rows in their place.

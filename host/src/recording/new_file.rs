@@ -46,8 +46,16 @@ pub fn write_new<E: Into<RefusedWrite>>(
 /// # Errors
 /// As [`write_new`].
 pub fn write_new_text(path: &Path, text: &str) -> Result<(), RecordingError> {
+    write_new_bytes(path, text.as_bytes())
+}
+
+/// Writes a new file from bytes that are in memory.
+///
+/// # Errors
+/// As [`write_new`].
+pub fn write_new_bytes(path: &Path, bytes: &[u8]) -> Result<(), RecordingError> {
     write_new(path, |mut file| {
-        file.write_all(text.as_bytes())?;
+        file.write_all(bytes)?;
         Ok::<_, Error>(file)
     })
 }

@@ -6,6 +6,7 @@
 pub mod calibration;
 pub mod classes;
 mod known_errors;
+pub mod labels;
 mod read;
 pub mod spelling;
 mod suspension;
@@ -107,6 +108,9 @@ pub struct RecordingTable {
     /// Topics of a bag recorded elsewhere that holds several of a kind: `wrench`, `imu`.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub topics: BTreeMap<String, String>,
+    /// What tells recordings of a collection apart: `body`, `rig`, a date; factors keep them, and `rigident merge --by` goes by them.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub labels: BTreeMap<String, String>,
 }
 
 /// Gravity's direction in a base that stands upright.
@@ -130,6 +134,7 @@ impl Default for RecordingTable {
             frozen_after: FROZEN_AFTER,
             columns: BTreeMap::new(),
             topics: BTreeMap::new(),
+            labels: BTreeMap::new(),
         }
     }
 }
@@ -734,6 +739,9 @@ pub enum Joint {
 pub struct StreamTable {
     /// The file, beside the rig file.
     pub file: String,
+    /// The topic of a bag (MCAP or .db3) whose messages are the rows; of transforms with the frame, `/tf#tool0`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub topic: Option<String>,
     /// Foreign names of its columns.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub columns: BTreeMap<String, ColumnSource>,

@@ -8,7 +8,7 @@ use std::path::Path;
 use hexapod::BodyParameters;
 use toml::de::DeTable;
 
-use super::{Calibrated, ColumnSource, Joint, OffsetTable, RigFile};
+use super::{Calibrated, ColumnSource, Joint, OffsetTable, RigFile, labels};
 use crate::recording::columns::{Known, MOST_LINKS, nearest_known};
 use crate::rig::spelling::nearest;
 
@@ -299,6 +299,10 @@ impl Check<'_> {
                 let key = format!("recording.topics.{name}");
                 return Err(self.refuse(&key, topic, "topics are named for wrench and imu"));
             }
+        }
+        for (key, value) in &recording.labels {
+            labels::check(key, value)
+                .map_err(|advice| self.refuse(&format!("recording.labels.{key}"), value, advice))?;
         }
         for (n, stream) in self.rig.stream.iter().enumerate() {
             self.columns(&format!("stream[{n}].columns"), &stream.columns)?;

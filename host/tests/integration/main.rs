@@ -5,6 +5,7 @@
 
 mod accuracy;
 mod autocorrelation;
+mod bags_independent;
 mod body_identify;
 mod body_rows;
 mod c3d_independent;

@@ -7,6 +7,7 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 use super::StreamError;
 use super::kernel::LEAST_SAMPLES;
 use crate::recording::columns::{Group, Known};
+use crate::recording::mcap::read::topic_columns;
 use crate::recording::time::Time;
 use crate::recording::{Recording, measured_rate};
 use crate::rig::{LoadCellTable, RecordingTable, RigFile, RotationMatrixTable, StreamTable};
@@ -204,7 +205,13 @@ impl Raw {
             load_cell: LoadCellTable { calibration: rig.load_cell.calibration, ..LoadCellTable::default() },
             ..RigFile::default()
         };
-        let recording = Recording::from_csv_bytes(&table.file, bytes, &own)?;
+        let recording = match &table.topic {
+            Some(topic) => {
+                let columns = topic_columns(&table.file, bytes, topic)?;
+                Recording::of_cells(&format!("{} {topic}", table.file), &columns, &own)?
+            }
+            None => Recording::from_columns(&table.file, bytes.to_vec(), &own)?,
+        };
         let attitude = match &table.rotation_matrix {
             Some(matrix) => Some(matrices(&recording, matrix, &table.file)?),
             None => platform_attitude(&recording, rig, &table.file)?,

@@ -32,6 +32,7 @@ pub(super) fn pooled(
             measured_rms: 0.0,
         }],
         checks: Some(Checks::default()),
+        labels: std::collections::BTreeMap::new(),
     };
     PooledFactor {
         name: name.to_owned(),

@@ -82,8 +82,8 @@ fn nothing_is_overwritten_and_names_are_checked() {
     for (from, to, words) in [
         ("a.csv", "b.mcap", "b.mcap is there already"),
         ("a.csv", "c.csv", "c.rig.toml is there already"),
-        ("a.csv", "b.bag", "must end in .csv or .mcap"),
-        ("a.txt", "d.mcap", "must end in .csv or .mcap"),
+        ("a.csv", "b.parquet", "is written as .csv or .mcap"),
+        ("a.txt", "d.mcap", "must end in .csv, .mcap, .db3, .parquet or .mat"),
         ("none.csv", "d.mcap", "cannot be read"),
         ("b.mcap", "d.csv", "is not a recording"),
         ("a.csv", "nowhere/d.mcap", "cannot be written"),

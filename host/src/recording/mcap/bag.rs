@@ -94,6 +94,20 @@ fn same_type(found: &str, wanted: &str) -> bool {
 }
 
 fn no_wrench(label: &str, contents: &Contents<'_>) -> RecordingError {
+    let ros1 = contents.channels.values().any(|c| c.encoding == "ros1");
+    RecordingError::Columns {
+        name: label.to_owned(),
+        reason: format!(
+            "no topic holds {} messages of ROS 2{}; {}",
+            schemas::WRENCH_STAMPED.name,
+            if ros1 { " (this is a bag of ROS 1: convert it to ROS 2)" } else { "" },
+            topics_of(contents)
+        ),
+    }
+}
+
+/// Tells which topics there are, each with its type and encoding.
+pub(super) fn topics_of(contents: &Contents<'_>) -> String {
     let mut there: Vec<String> = contents
         .channels
         .values()
@@ -102,20 +116,16 @@ fn no_wrench(label: &str, contents: &Contents<'_>) -> RecordingError {
         })
         .collect();
     there.sort();
-    let ros1 = contents.channels.values().any(|c| c.encoding == "ros1");
-    RecordingError::Columns {
-        name: label.to_owned(),
-        reason: format!(
-            "no topic holds {} messages of ROS 2{}; {}",
-            schemas::WRENCH_STAMPED.name,
-            if ros1 { " (this is a bag of ROS 1: convert it to ROS 2)" } else { "" },
-            if there.is_empty() {
-                "there are no topics at all".to_owned()
-            } else {
-                format!("there are {}", there.join(", "))
-            }
-        ),
+    if there.is_empty() {
+        "there are no topics at all".to_owned()
+    } else {
+        format!("there are {}", there.join(", "))
     }
+}
+
+/// Returns true if there is a topic of wrenches.
+pub(super) fn has_wrench(contents: &Contents<'_>) -> bool {
+    contents.channels.values().any(|c| same_type(&c.schema, schemas::WRENCH_STAMPED.name))
 }
 
 /// Decodes a topic; times are the headers' stamps, or log times where a stamp is not set. Sorted by time.
@@ -128,12 +138,18 @@ fn stamped<'c, V: Copy>(
 ) -> Result<Vec<(u64, V)>, RecordingError> {
     let messages = topics.get(topic).map(Vec::as_slice).unwrap_or_default();
     let found = series(label, topic, messages, decode, |s| numbers(&s.value))?;
-    let mut values: Vec<(usize, u64, V)> = found
-        .into_iter()
-        .enumerate()
-        .map(|(n, (log_time, s))| (n, s.stamp_ns.unwrap_or(log_time), s.value))
-        .collect();
-    // Messages may have been stored in another order than they were measured.
+    let values = found.into_iter().map(|(log_time, s)| (s.stamp_ns.unwrap_or(log_time), s.value)).collect();
+    sorted_by_time(label, topic, values)
+}
+
+/// Returns values by time: messages may have been stored in another order than they were measured.
+pub(super) fn sorted_by_time<V>(
+    label: &str,
+    topic: &str,
+    values: Vec<(u64, V)>,
+) -> Result<Vec<(u64, V)>, RecordingError> {
+    let mut values: Vec<(usize, u64, V)> =
+        values.into_iter().enumerate().map(|(n, (time, value))| (n, time, value)).collect();
     values.sort_by_key(|(_, time, _)| *time);
     if let Some(pair) = values.windows(2).find(|pair| pair[0].1 == pair[1].1) {
         return Err(refuse(

@@ -9,6 +9,14 @@ pub enum CdrError {
     /// Bytes are missing.
     #[error("the message is cut off after {0} bytes")]
     CutOff(usize),
+    /// A list is not as long as that of the names.
+    #[error("it names {names} joints and has {values} values of one kind")]
+    Count {
+        /// Names.
+        names: usize,
+        /// Values.
+        values: usize,
+    },
     /// A text is not UTF-8.
     #[error("a text in the message is not UTF-8")]
     Text,

@@ -42,7 +42,8 @@ pub struct Channel {
     pub schema: String,
     /// Encoding of the messages, `cdr` for ROS 2.
     pub encoding: String,
-    schema_id: u16,
+    /// The number of its type in a file that numbers types.
+    pub(super) schema_id: u16,
 }
 
 /// A message.

@@ -132,6 +132,76 @@ pub fn read_quaternion(bytes: &[u8]) -> Result<Stamped<[f64; 4]>, CdrError> {
     Ok(Stamped { stamp_ns, value: [w, x, y, z] })
 }
 
+/// What joints measured, in one order; a list that is not measured is empty.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct JointState {
+    /// Names of the joints.
+    pub names: Vec<String>,
+    /// Angles or ways.
+    pub position: Vec<f64>,
+    /// Their rates.
+    pub velocity: Vec<f64>,
+    /// Torques or forces.
+    pub effort: Vec<f64>,
+}
+
+/// Reads `sensor_msgs/msg/JointState`.
+///
+/// # Errors
+/// Not that message, or a list that has neither as many numbers as there are names, nor none.
+pub fn read_joint_state(bytes: &[u8]) -> Result<Stamped<JointState>, CdrError> {
+    let mut reader = CdrReader::new(bytes)?;
+    let stamp_ns = stamp(&mut reader)?;
+    let mut names = Vec::new();
+    for _ in 0..reader.u32()? {
+        names.push(reader.string()?.to_owned());
+    }
+    let mut list = || {
+        let count = reader.u32()? as usize;
+        if count != 0 && count != names.len() {
+            return Err(CdrError::Count { names: names.len(), values: count });
+        }
+        (0..count).map(|_| reader.f64()).collect::<Result<Vec<f64>, _>>()
+    };
+    let (position, velocity, effort) = (list()?, list()?, list()?);
+    Ok(Stamped { stamp_ns, value: JointState { names, position, velocity, effort } })
+}
+
+/// Reads `geometry_msgs/msg/AccelStamped`: linear and angular acceleration.
+///
+/// # Errors
+/// Not that message.
+pub fn read_accel(bytes: &[u8]) -> Result<Stamped<[f64; 6]>, CdrError> {
+    read_numbers(bytes)
+}
+
+/// A transform of `tf2_msgs/msg/TFMessage`: the pose of the child frame in its parent.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Transform<'a> {
+    /// The header's stamp, ns, if it is set.
+    pub stamp_ns: Option<u64>,
+    /// The child frame.
+    pub child: &'a str,
+    /// `x, y, z, qw, qx, qy, qz`.
+    pub pose: [f64; 7],
+}
+
+/// Reads `tf2_msgs/msg/TFMessage`.
+///
+/// # Errors
+/// Not that message.
+pub fn read_transforms(bytes: &[u8]) -> Result<Vec<Transform<'_>>, CdrError> {
+    let mut reader = CdrReader::new(bytes)?;
+    let mut transforms = Vec::new();
+    for _ in 0..reader.u32()? {
+        let stamp_ns = stamp(&mut reader)?;
+        let child = reader.string()?;
+        let [x, y, z, qx, qy, qz, qw] = reader.f64s()?;
+        transforms.push(Transform { stamp_ns, child, pose: [x, y, z, qw, qx, qy, qz] });
+    }
+    Ok(transforms)
+}
+
 /// `Float64MultiArray` of one dimension.
 pub fn write_array(label: &str, values: &[f64; 6]) -> Vec<u8> {
     let mut writer = CdrWriter::default();

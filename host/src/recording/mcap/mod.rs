@@ -23,6 +23,8 @@ pub mod container;
 pub mod messages;
 pub mod read;
 pub mod schemas;
+mod sqlite;
+mod topic;
 pub mod write;
 
 /// Name of the metadata records that mark a recording of our own.

@@ -2,15 +2,16 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use super::bag;
 use super::cdr::CdrError;
 use super::container::{Contents, Message, Unpacked};
 use super::messages::{ImuValues, read_array, read_imu, read_numbers, read_pose, read_quaternion, read_text};
+use super::sqlite::{self, Stored};
 use super::{
     COMMANDED_TOPIC, GAUGES_TOPIC, GRAVITY_TOPIC, METADATA, PLATFORM_TOPIC, RIG_ATTACHMENT, ROW_TOPIC,
     WRENCH_TOPIC, topic_number,
 };
-use crate::recording::columns::MOST_LINKS;
+use super::{bag, topic};
+use crate::recording::columns::{Cells, MOST_LINKS};
 use crate::recording::time;
 use crate::recording::{Recording, RecordingError, stem};
 use crate::rig::RigFile;
@@ -29,8 +30,8 @@ impl Recording {
         rig: Option<(&RigFile, &str)>,
     ) -> Result<Self, RecordingError> {
         let not = |reason: String| RecordingError::NotARecording { name: label.to_owned(), reason };
-        let unpacked = Unpacked::new(bytes).map_err(|e| not(e.to_string()))?;
-        let contents = unpacked.contents();
+        let bag = Bag::open(label, bytes)?;
+        let contents = bag.contents();
         let mut recording = Self { name: stem(label), ..Self::default() };
         let attached = contents
             .attachments
@@ -66,6 +67,12 @@ impl Recording {
                         .to_owned(),
                 );
             }
+        } else if let Some(topic) = topic::joint_states(&contents).filter(|_| !bag::has_wrench(&contents)) {
+            let columns = topic::columns(label, &contents, topic)?;
+            let read = Self::of_cells(label, &columns, &recording.rig)?;
+            recording.warnings.extend(read.warnings);
+            let (rig_text, warnings) = (recording.rig_text, recording.warnings);
+            return Ok(Self { rig_text, warnings, ..read });
         } else {
             bag::read(label, &contents, &mut recording)?;
         }
@@ -73,6 +80,38 @@ impl Recording {
             return Err(not("it holds no readings".to_owned()));
         }
         recording.settle(label)
+    }
+}
+
+/// Returns the columns of one topic of a bag, MCAP or `.db3`, a row a message.
+///
+/// # Errors
+/// [`RecordingError`]: it is no bag, or the topic is not there or none that is read.
+pub fn topic_columns(label: &str, bytes: &[u8], topic: &str) -> Result<Vec<Cells>, RecordingError> {
+    topic::columns(label, &Bag::open(label, bytes)?.contents(), topic)
+}
+
+/// A bag of either kind.
+enum Bag<'a> {
+    Mcap(Unpacked<'a>),
+    Sqlite(Stored),
+}
+
+impl<'a> Bag<'a> {
+    /// Opens the bytes of a bag, by how they begin.
+    fn open(label: &str, bytes: &'a [u8]) -> Result<Self, RecordingError> {
+        let not = |reason: String| RecordingError::NotARecording { name: label.to_owned(), reason };
+        if sqlite::is_database(bytes) {
+            return sqlite::Stored::new(bytes).map(Self::Sqlite).map_err(not);
+        }
+        Unpacked::new(bytes).map(Self::Mcap).map_err(|e| not(e.to_string()))
+    }
+
+    fn contents(&self) -> Contents<'_> {
+        match self {
+            Self::Mcap(unpacked) => unpacked.contents(),
+            Self::Sqlite(stored) => stored.contents(),
+        }
     }
 }
 

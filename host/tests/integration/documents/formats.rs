@@ -315,6 +315,7 @@ fn every_part_of_a_factor_file_is_described() {
         spurious_information: 0.0,
         channels: vec![channel],
         checks: None,
+        labels: std::collections::BTreeMap::new(),
     };
     let parameter = Parameter::new("m", Owner::Link(String::new()), Kind::Mass, "kg");
     let mut real = BTreeSet::new();

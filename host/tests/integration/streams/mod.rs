@@ -5,4 +5,4 @@ mod commands;
 mod gravity;
 mod real;
 mod refused;
-mod simulated;
+pub mod simulated;

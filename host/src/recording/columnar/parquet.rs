@@ -1,0 +1,91 @@
+//! Columns of a Parquet file, flat ones.
+
+use ::parquet::basic::{ConvertedType, LogicalType};
+use ::parquet::column::reader::{ColumnReader, ColumnReaderImpl};
+use ::parquet::data_type::{ByteArray, DataType};
+use ::parquet::errors::ParquetError;
+use ::parquet::file::reader::{FileReader, RowGroupReader, SerializedFileReader};
+use ::parquet::schema::types::ColumnDescriptor;
+
+use super::{MOST_CELLS, number};
+use crate::parquet_file::{guarded, open_bytes};
+use crate::recording::columns::Cells;
+
+/// Rows that are read at once.
+const AT_ONCE: usize = 4096;
+
+/// Returns the columns of a file.
+pub(super) fn columns(bytes: Vec<u8>) -> Result<Vec<Cells>, String> {
+    let reader = open_bytes(bytes)?;
+    guarded(|| of_reader(&reader))
+}
+
+fn of_reader(reader: &SerializedFileReader<bytes::Bytes>) -> Result<Vec<Cells>, String> {
+    let damaged = |e: ParquetError| format!("as a Parquet file it is damaged or cut off: {e}");
+    let schema = reader.metadata().file_metadata().schema_descr_ptr();
+    let mut columns: Vec<Cells> = Vec::new();
+    for column in schema.columns() {
+        let name = column.path().string();
+        if column.max_rep_level() > 0 || column.max_def_level() > 1 {
+            return Err(format!("its column {name} is nested: write a column for each number"));
+        }
+        columns.push((name, Vec::new()));
+    }
+    let mut room = MOST_CELLS;
+    for k in 0..reader.num_row_groups() {
+        let group = reader.get_row_group(k).map_err(damaged)?;
+        for (n, (name, cells)) in columns.iter_mut().enumerate() {
+            let column = schema.column(n);
+            let found = read(&*group, n, &column, &mut room).map_err(|e| format!("column {name}: {e}"))?;
+            cells.extend(found);
+        }
+    }
+    Ok(columns)
+}
+
+fn read(
+    group: &dyn RowGroupReader,
+    n: usize,
+    column: &ColumnDescriptor,
+    room: &mut usize,
+) -> Result<Vec<String>, String> {
+    let is_text = column.logical_type_ref() == Some(&LogicalType::String)
+        || column.converted_type() == ConvertedType::UTF8;
+    let text = |bytes: &ByteArray| {
+        bytes.as_utf8().map(str::to_owned).map_err(|_| "it holds text that is not UTF-8".to_owned())
+    };
+    match group.get_column_reader(n).map_err(|e| e.to_string())? {
+        ColumnReader::BoolColumnReader(reader) => cells(reader, room, |v| Ok(u8::from(*v).to_string())),
+        ColumnReader::Int32ColumnReader(reader) => cells(reader, room, |v| Ok(v.to_string())),
+        ColumnReader::Int64ColumnReader(reader) => cells(reader, room, |v| Ok(v.to_string())),
+        ColumnReader::FloatColumnReader(reader) => cells(reader, room, |v| Ok(number(f64::from(*v)))),
+        ColumnReader::DoubleColumnReader(reader) => cells(reader, room, |v| Ok(number(*v))),
+        ColumnReader::ByteArrayColumnReader(reader) if is_text => cells(reader, room, text),
+        _ => Err("it holds neither numbers nor text: store it as float64".to_owned()),
+    }
+}
+
+fn cells<T: DataType>(
+    mut reader: ColumnReaderImpl<T>,
+    room: &mut usize,
+    text: impl Fn(&T::T) -> Result<String, String>,
+) -> Result<Vec<String>, String> {
+    let mut cells = Vec::new();
+    loop {
+        let (mut values, mut levels) = (Vec::new(), Vec::new());
+        let (records, ..) = reader
+            .read_records(AT_ONCE, Some(&mut levels), None, &mut values)
+            .map_err(|e| format!("damaged: {e}"))?;
+        if records == 0 {
+            return Ok(cells);
+        }
+        *room = room.checked_sub(records).ok_or("there are more numbers in the file than can be taken in")?;
+        // A column that may not be null has no levels.
+        levels.resize(records, 1);
+        let mut values = values.iter();
+        for level in levels {
+            let value = if level > 0 { values.next() } else { None };
+            cells.push(value.map_or_else(|| Ok(String::new()), &text)?);
+        }
+    }
+}

@@ -1,0 +1,157 @@
+use std::io::Write as _;
+use std::sync::Arc;
+
+use ::parquet::basic::{Compression, Repetition, Type as Physical};
+use ::parquet::data_type::{DoubleType, FloatType, Int64Type};
+use ::parquet::file::properties::WriterProperties;
+use ::parquet::file::writer::SerializedFileWriter;
+use ::parquet::schema::types::Type;
+
+use super::*;
+use crate::recording::Recording;
+use crate::rig::RigFile;
+
+/// A Parquet file with a time in ns, a force with gaps, and a rate in single precision.
+fn parquet_file(compression: Compression) -> Vec<u8> {
+    let column = |name: &str, kind, repetition| {
+        Arc::new(Type::primitive_type_builder(name, kind).with_repetition(repetition).build().unwrap())
+    };
+    let schema = Type::group_type_builder("schema")
+        .with_fields(vec![
+            column("time_ns", Physical::INT64, Repetition::REQUIRED),
+            column("fx_n", Physical::DOUBLE, Repetition::OPTIONAL),
+            column("rate", Physical::FLOAT, Repetition::REQUIRED),
+        ])
+        .build()
+        .unwrap();
+    let properties = Arc::new(WriterProperties::builder().set_compression(compression).build());
+    let mut writer = SerializedFileWriter::new(Vec::new(), Arc::new(schema), properties).unwrap();
+    for first in [0, 3] {
+        let mut group = writer.next_row_group().unwrap();
+        let times: Vec<i64> = (first..first + 3).map(|k| 1_700_000_000_000_000_001 + k).collect();
+        let mut column = group.next_column().unwrap().unwrap();
+        column.typed::<Int64Type>().write_batch(&times, None, None).unwrap();
+        column.close().unwrap();
+        let mut column = group.next_column().unwrap().unwrap();
+        column.typed::<DoubleType>().write_batch(&[0.1, -2.5e-7], Some(&[1, 0, 1]), None).unwrap();
+        column.close().unwrap();
+        let mut column = group.next_column().unwrap().unwrap();
+        column.typed::<FloatType>().write_batch(&[0.1, 1.0, 2.0], None, None).unwrap();
+        column.close().unwrap();
+        group.close().unwrap();
+    }
+    writer.into_inner().unwrap()
+}
+
+const AS_CSV: &str = "time_ns,fx_n,rate\n\
+                      1700000000000000001,0.1,0.10000000149011612\n1700000000000000002,,1.0\n1700000000000000003,-2.5e-7,2.0\n\
+                      1700000000000000004,0.1,0.10000000149011612\n1700000000000000005,,1.0\n1700000000000000006,-2.5e-7,2.0\n";
+
+fn csv(ending: &str, bytes: Vec<u8>) -> Result<String, String> {
+    let columns = columns("run", ending, bytes).map_err(|error| error.to_string())?;
+    let rows = columns.iter().map(|(_, cells)| cells.len()).max().unwrap_or(0);
+    let names: Vec<&str> = columns.iter().map(|(name, _)| name.as_str()).collect();
+    let mut text = names.join(",") + "\n";
+    for row in 0..rows {
+        let cells: Vec<&str> = columns.iter().map(|(_, cells)| cells[row].as_str()).collect();
+        text += &(cells.join(",") + "\n");
+    }
+    Ok(text)
+}
+
+#[test]
+fn parquet_columns_keep_every_digit() {
+    for compression in [Compression::UNCOMPRESSED, Compression::SNAPPY] {
+        assert_eq!(csv("parquet", parquet_file(compression)).as_deref(), Ok(AS_CSV));
+    }
+}
+
+#[test]
+fn damaged_parquet_is_refused_without_a_panic() {
+    let bytes = parquet_file(Compression::SNAPPY);
+    for position in 0..bytes.len() {
+        let mut damaged = bytes.clone();
+        damaged[position] ^= 0x41;
+        // There is no check sum in it: what can be read may be wrong, as of a CSV.
+        let _ = csv("parquet", damaged);
+        assert!(csv("parquet", bytes[..position].to_vec()).is_err(), "cut at {position}");
+    }
+}
+
+fn element(kind: u32, data: &[u8]) -> Vec<u8> {
+    let mut bytes = [kind.to_le_bytes(), (data.len() as u32).to_le_bytes()].concat();
+    bytes.extend(data);
+    bytes.resize(bytes.len().next_multiple_of(8), 0);
+    bytes
+}
+
+/// A matrix of f64, by columns, stored as `kind`.
+fn matrix(name: &str, rows: u32, columns: u32, numbers: Vec<u8>) -> Vec<u8> {
+    let flags = element(6, &[6, 0, 0, 0, 0, 0, 0, 0]);
+    let dimensions = element(5, &[rows.to_le_bytes(), columns.to_le_bytes()].concat());
+    let name = if name.len() <= 4 {
+        let mut small = ((name.len() as u32) << 16 | 1).to_le_bytes().to_vec();
+        small.extend(name.as_bytes());
+        small.resize(8, 0);
+        small
+    } else {
+        element(1, name.as_bytes())
+    };
+    element(14, &[flags, dimensions, name, numbers].concat())
+}
+
+fn doubles(values: &[f64]) -> Vec<u8> {
+    element(9, &values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>())
+}
+
+fn mat_file(elements: &[Vec<u8>]) -> Vec<u8> {
+    let mut bytes = b"MATLAB 5.0 MAT-file".to_vec();
+    bytes.resize(124, b' ');
+    bytes.extend([0x00, 0x01]);
+    bytes.extend(b"IM");
+    bytes.extend(elements.concat());
+    bytes
+}
+
+#[test]
+fn variables_of_mat_files_become_columns() {
+    let time = matrix("t_s", 3, 1, doubles(&[0.0, 0.001, 0.1 + 0.2]));
+    // MATLAB stores whole numbers in the smallest type.
+    let force = matrix("fx_n_raw", 1, 3, element(2, &[1, 2, 250]));
+    let both = matrix("acc", 3, 2, doubles(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]));
+    let scalar = matrix("rate", 1, 1, doubles(&[1000.0]));
+    let expected =
+        "t_s,fx_n_raw,acc_1,acc_2\n0.0,1.0,1.0,4.0\n0.001,2.0,2.0,5.0\n0.30000000000000004,250.0,3.0,6.0\n";
+    let plain = mat_file(&[time.clone(), force.clone(), both.clone(), scalar.clone()]);
+    assert_eq!(csv("mat", plain.clone()).as_deref(), Ok(expected));
+    let packed: Vec<Vec<u8>> = [time, force, both, scalar]
+        .iter()
+        .map(|plain| {
+            let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::fast());
+            encoder.write_all(plain).unwrap();
+            let data = encoder.finish().unwrap();
+            // What is packed is not padded.
+            [15_u32.to_le_bytes().to_vec(), (data.len() as u32).to_le_bytes().to_vec(), data].concat()
+        })
+        .collect();
+    assert_eq!(csv("mat", mat_file(&packed)).as_deref(), Ok(expected));
+    for position in 0..plain.len() {
+        let mut damaged = plain.clone();
+        damaged[position] ^= 0x41;
+        let _ = csv("mat", damaged);
+        let _ = csv("mat", plain[..position].to_vec());
+    }
+}
+
+#[test]
+fn what_is_no_table_of_one_length_is_told() {
+    let two = [matrix("t_s", 3, 1, doubles(&[0.0, 1.0, 2.0])), matrix("fx_n", 2, 1, doubles(&[0.0, 1.0]))];
+    let said =
+        Recording::from_columns("run.mat", mat_file(&two), &RigFile::default()).unwrap_err().to_string();
+    assert!(said.contains("column fx_n has 2 rows and column t_s has 3"), "{said}");
+    let mut newer = b"MATLAB 7.3 MAT-file".to_vec();
+    newer.resize(600, 0);
+    assert!(csv("mat", newer).unwrap_err().contains("'-v7'"));
+    assert!(csv("mat", b"t_s,fx_n\n".to_vec()).is_err());
+    assert!(csv("parquet", b"t_s,fx_n\n".to_vec()).is_err());
+}
