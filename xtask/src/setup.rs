@@ -52,8 +52,8 @@ pub const SENSORS: Module = Module {
 };
 /// What builds the wheel and tests it.
 pub const WHEEL: Module = Module {
-    name: "maturin, numpy, pytest, mypy, nbclient, ipykernel",
-    look: "import maturin, numpy, pytest, mypy, nbclient, ipykernel",
+    name: "maturin, numpy, pytest, mypy, nbclient, ipykernel, dask, pyarrow, scipy",
+    look: "import maturin, numpy, pytest, mypy, nbclient, ipykernel, distributed, pyarrow, scipy",
     packages: &[
         "maturin==1.16.0",
         "numpy>=1.23",
@@ -61,6 +61,10 @@ pub const WHEEL: Module = Module {
         "mypy==2.4.1",
         "nbclient==0.11.0",
         "ipykernel==7.4.0",
+        "dask==2026.8.0",
+        "distributed==2026.8.0",
+        "pyarrow==26.0.1",
+        "scipy==1.17.1",
     ],
 };
 /// OpenSim itself, which reads its own files.

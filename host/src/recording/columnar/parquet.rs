@@ -54,7 +54,7 @@ fn read(
     let text = |bytes: &ByteArray| {
         bytes.as_utf8().map(str::to_owned).map_err(|_| "it holds text that is not UTF-8".to_owned())
     };
-    match group.get_column_reader(n).map_err(|e| e.to_string())? {
+    match group.get_column_reader(n).map_err(told)? {
         ColumnReader::BoolColumnReader(reader) => cells(reader, room, |v| Ok(u8::from(*v).to_string())),
         ColumnReader::Int32ColumnReader(reader) => cells(reader, room, |v| Ok(v.to_string())),
         ColumnReader::Int64ColumnReader(reader) => cells(reader, room, |v| Ok(v.to_string())),
@@ -62,6 +62,16 @@ fn read(
         ColumnReader::DoubleColumnReader(reader) => cells(reader, room, |v| Ok(number(*v))),
         ColumnReader::ByteArrayColumnReader(reader) if is_text => cells(reader, room, text),
         _ => Err("it holds neither numbers nor text: store it as float64".to_owned()),
+    }
+}
+
+/// Says why a column cannot be read.
+fn told(error: ParquetError) -> String {
+    let said = error.to_string();
+    // What it was packed by is the last word.
+    match said.rsplit_once("Disabled feature at compile time: ") {
+        Some((_, packing)) => format!("packed by {packing}, which is not read: write the file with snappy"),
+        None => format!("damaged: {said}"),
     }
 }
 
@@ -73,9 +83,8 @@ fn cells<T: DataType>(
     let mut cells = Vec::new();
     loop {
         let (mut values, mut levels) = (Vec::new(), Vec::new());
-        let (records, ..) = reader
-            .read_records(AT_ONCE, Some(&mut levels), None, &mut values)
-            .map_err(|e| format!("damaged: {e}"))?;
+        let (records, ..) =
+            reader.read_records(AT_ONCE, Some(&mut levels), None, &mut values).map_err(told)?;
         if records == 0 {
             return Ok(cells);
         }
