@@ -98,7 +98,9 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     });
     steps.run("Python wheel", || python::test(&mut counts));
     steps.run("goldens, the quick ones", || {
-        goldens::run(&goldens::Options { quick: true, ..Default::default() })
+        // The program that the tests have just built: by itself it would have other features, and be compiled again.
+        let binary = Some(places::target().join("release/rigident"));
+        goldens::run(&goldens::Options { quick: true, binary, ..Default::default() })
     });
     if let Some(core) = chosen {
         steps.run("a panic and a fault on the board end with a status", || emulator::bad_ends(core));
