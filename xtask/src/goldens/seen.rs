@@ -171,7 +171,7 @@ pub fn numbers_of(line: &str) -> Option<String> {
     (!numbers.is_empty()).then(|| format!("{first} {}", numbers.join(" ")))
 }
 
-/// The numbers of a triangle, its right-hand side and residual sum at the end of a factor file of version 3 or 4, before its
+/// The numbers of a triangle, its right-hand side and residual sum at the end of a factor file of version 3 to 5, before its
 /// check sum. The version and the number of parameters follow the magic, in bytes of seven bits.
 fn entries(bytes: &[u8]) -> Option<Vec<f64>> {
     let body = bytes.get(8..bytes.len().checked_sub(4)?)?;
@@ -191,7 +191,7 @@ fn entries(bytes: &[u8]) -> Option<Vec<f64>> {
     let (version, n) = (varint()?, varint()?);
     let begin = body.len().checked_sub(8 * (n * (n + 3) / 2 + 1))?;
     let numbers = body.get(begin..)?.chunks_exact(8);
-    (3..=4)
+    (3..=5)
         .contains(&version)
         .then(|| numbers.map(|c| f64::from_le_bytes(c.try_into().unwrap_or_default())).collect())
 }
