@@ -1,7 +1,7 @@
 //! Frames of a robot that is watched, streamed to the device over its link, and the changes that it tells meanwhile.
 //!
 //! No frame is answered: the device counts what became of them. Firmware in this process or in the emulator takes them as fast as it can,
-//! [`WINDOW`] under way at most; a device that one can buy takes them when they are due, so that its line must be fast enough ([`line_need`]).
+//! `WINDOW` under way at most; a device that one can buy takes them when they are due, so that its line must be fast enough ([`line_need`]).
 
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
