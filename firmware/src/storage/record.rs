@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | magic | 4 | `RGST` |
 //! | kind | 1 | 1 settings, 2 checkpoint |
-//! | format | 1 | [`FORMAT`] |
+//! | format | 1 | `FORMAT` |
 //! | length | 2 | of the payload |
 //! | schema | 8 | of the messages and of what is recorded |
 //! | firmware | 4 | CRC-32 of the firmware's sources |
