@@ -100,7 +100,7 @@ fn merge_by(arguments: &Merge, files: &[PathBuf]) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Returns the factors of each combination of the values of some labels, and their number.
+/// Returns the factors of each combination of the values of some labels.
 fn sorted(files: &[PathBuf], keys: &[String]) -> Result<BTreeMap<Values, Vec<Part>>, Failure> {
     let stages = Stages::new("sorting");
     let parts: Vec<Vec<Part>> =
