@@ -3,8 +3,8 @@
 use anyhow::Result;
 
 use crate::firmware;
-use crate::places;
 use crate::process;
+use crate::tables;
 use crate::toolchain::{self, Core};
 
 /// Which faults, and what becomes of the table.
@@ -25,8 +25,7 @@ pub struct Options {
 /// told.
 pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     let elf = firmware::build(toolchain::choose(core)?, &[])?;
-    let mut command = process::cargo(places::root());
-    command.args(["run", "--quiet", "--release", "--package", "rigident-tables", "--"]);
+    let mut command = tables::program()?;
     command.env("RIGIDENT_FIRMWARE_ELF", elf);
     if options.write {
         command.args(["device-faults-long", "--write"]);

@@ -148,9 +148,18 @@ fn build_in(core: Core, (board, target): (&str, &str), binary: &str, features: &
     for part in options.iter().map(|option| option.trim_start_matches('-')).chain(features) {
         name = format!("{name}-{part}");
     }
-    let kept = places::own().join("elf").join(name).with_extension("elf");
+    let kept = kept(&name);
     copy(&built, &kept)?;
     Ok(kept)
+}
+
+/// Returns where [`build_apart`] leaves the emulated board's firmware.
+pub fn apart(core: Core) -> PathBuf {
+    kept(&format!("{FIRMWARE}-{core}"))
+}
+
+fn kept(name: &str) -> PathBuf {
+    places::own().join("elf").join(name).with_extension("elf")
 }
 
 fn copy(from: &Path, to: &Path) -> Result<()> {

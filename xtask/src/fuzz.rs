@@ -14,7 +14,7 @@ use crate::setup;
 /// What to fuzz and for how long.
 #[derive(clap::Args, Clone)]
 pub struct Options {
-    /// Seconds for each target.
+    /// Seconds for each target; 0 builds them only.
     #[arg(long, default_value_t = 60)]
     pub seconds: u32,
     /// Targets; all when none is named.
@@ -27,6 +27,9 @@ pub fn run(options: &Options) -> Result<()> {
     let cargo_fuzz = setup::cargo_fuzz()?;
     let mut waiting = if options.targets.is_empty() { all_targets()? } else { options.targets.clone() };
     process::run(&mut fuzz_command(&cargo_fuzz, "build"))?;
+    if options.seconds == 0 {
+        return Ok(());
+    }
     waiting.reverse();
     let workers = std::thread::available_parallelism().map_or(1, usize::from).min(waiting.len());
     let waiting = Mutex::new(waiting);

@@ -5,6 +5,7 @@
 //! `verify` (the verb `test`), which calls nearly all the others.
 
 mod bench_target;
+mod boards;
 mod check_elf;
 mod elf;
 mod emulator;
@@ -52,6 +53,8 @@ enum Verb {
     Flash(flash::Options),
     /// Install, build and test everything.
     Test(verify::Options),
+    /// Lint, build and check the firmware of every board, without the host.
+    Boards(boards::Options),
     /// Flash, RAM and worst stack of the firmware, against the golden file.
     Size(size::Options),
     /// Instructions and estimated Cortex-M4 cycles for each sample, in the emulator.
@@ -98,6 +101,7 @@ fn run(verb: &Verb, core: Option<Core>) -> anyhow::Result<()> {
         Verb::Firmware(options) => firmware::run(options, core),
         Verb::Flash(options) => flash::run(options, core),
         Verb::Test(options) => verify::run(options, core),
+        Verb::Boards(options) => boards::run(options, core),
         Verb::Size(options) => size::run(options, core),
         Verb::BenchTarget(options) => bench_target::run(options, core),
         Verb::CheckElf(options) => check_elf::run(options, core),

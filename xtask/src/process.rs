@@ -1,11 +1,14 @@
 //! Running other programs: clean environment, time limits, named and timed steps.
 
 use std::ffi::OsStr;
-use std::path::Path;
-use std::process::{Command, ExitStatus, Stdio};
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
+
+use crate::places;
 
 /// A command without what cargo set for this program alone, and without standard input.
 ///
@@ -46,6 +49,11 @@ pub fn run(command: &mut Command) -> Result<()> {
         bail!("`{}` ended with {status}", shown(command));
     }
     Ok(())
+}
+
+/// Runs clippy, for which a warning is an error.
+pub fn clippy_strictly(command: &mut Command) -> Result<()> {
+    run(command.args(["--quiet", "--", "-D", "warnings"]))
 }
 
 /// Runs to the end and gives its standard output.
@@ -99,6 +107,39 @@ fn processor_time() -> Option<Duration> {
     let fields: Vec<&str> = rest.split_whitespace().collect();
     let ticks = fields.get(13)?.parse::<u64>().ok()? + fields.get(14)?.parse::<u64>().ok()?;
     Some(Duration::from_secs_f64(ticks as f64 / TICKS))
+}
+
+/// A verb of this program that runs beside other steps; what it prints goes to a file.
+pub struct Beside {
+    child: Child,
+    shown: String,
+    report: PathBuf,
+}
+
+impl Beside {
+    /// Starts a verb.
+    pub fn start(words: &[&str]) -> Result<Self> {
+        let folder = places::own().join("beside");
+        std::fs::create_dir_all(&folder)?;
+        let report = folder.join(words.join(" ")).with_extension("txt");
+        let file = File::create(&report).with_context(|| format!("cannot write {}", report.display()))?;
+        let mut command = command(std::env::current_exe()?, places::root());
+        command.args(words).stdout(Stdio::from(file.try_clone()?)).stderr(Stdio::from(file));
+        let shown = format!("cargo xtask {}", words.join(" "));
+        eprintln!("$ {shown} > {} &", report.display());
+        let child = command.spawn().with_context(|| format!("cannot start `{shown}`"))?;
+        Ok(Self { child, shown, report })
+    }
+
+    /// Waits for its end and prints what it printed.
+    pub fn wait(mut self) -> Result<()> {
+        let status = self.child.wait()?;
+        std::io::copy(&mut File::open(&self.report)?, &mut std::io::stdout())?;
+        if !status.success() {
+            bail!("`{}` ended with {status}", self.shown);
+        }
+        Ok(())
+    }
 }
 
 struct Done {

@@ -52,8 +52,8 @@ pub const SENSORS: Module = Module {
 };
 /// What builds the wheel and tests it.
 pub const WHEEL: Module = Module {
-    name: "maturin, numpy, pytest, mypy, nbclient, ipykernel, dask, pyarrow, scipy",
-    look: "import maturin, numpy, pytest, mypy, nbclient, ipykernel, distributed, pyarrow, scipy",
+    name: "maturin, numpy, pytest, mypy, nbclient, ipykernel, dask, pyspark, pyarrow, scipy",
+    look: "import maturin, numpy, pytest, mypy, nbclient, ipykernel, distributed, pyspark, pyarrow, scipy",
     packages: &[
         "maturin==1.16.0",
         "numpy>=1.23",
@@ -63,6 +63,7 @@ pub const WHEEL: Module = Module {
         "ipykernel==7.4.0",
         "dask==2026.8.0",
         "distributed==2026.8.0",
+        "pyspark==4.3.0",
         "pyarrow==26.0.1",
         "scipy==1.17.1",
     ],
@@ -79,6 +80,12 @@ pub fn run(core: Option<Core>) -> Result<()> {
     toolchain::choose(core)?;
     cargo_fuzz()?;
     python_modules();
+    // Spark's workers are Java's.
+    if !is_installed("java")
+        && let Err(error) = apt_install(&["default-jre-headless"])
+    {
+        eprintln!("no Java for Spark: {error:#}");
+    }
     if browser().is_none()
         && let Err(error) = apt_install(&BROWSERS[..1])
     {

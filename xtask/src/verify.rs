@@ -1,21 +1,16 @@
 //! The verb `test`: installs, builds and tests everything; all failures are told at the end.
 
-use std::process::Command;
-
 use anyhow::{Context, Result, bail};
 
-use crate::bench_target;
-use crate::check_elf;
-use crate::emulator;
+use crate::boards;
 use crate::faults;
 use crate::firmware;
 use crate::fuzz;
 use crate::goldens;
 use crate::places;
-use crate::process::{self, Steps};
+use crate::process::{self, Beside, Steps};
 use crate::python;
 use crate::setup;
-use crate::size;
 use crate::structure;
 use crate::support;
 use crate::testing::{Counts, Surroundings};
@@ -39,9 +34,15 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     steps.run("set-up", || setup::run(core));
     let chosen = steps.run("choice of core", || toolchain::choose(core));
     formatting(&mut steps);
+    // Neither the boards' images nor the fuzz targets share a build folder with the host, and much of either is compiled by one
+    // processor alone.
+    let boards = steps.run("start of boards, beside", || start_boards(core, options));
+    let fuzz_build = (options.fuzz_seconds > 0)
+        .then(|| steps.run("start of compiling fuzz, beside", || Beside::start(&["fuzz", "--seconds", "0"])))
+        .flatten();
     steps.run("structure", structure::run);
     steps.run("clippy, host", || {
-        clippy_strictly(process::cargo(places::root()).args([
+        process::clippy_strictly(process::cargo(places::root()).args([
             "clippy",
             "--release",
             "--workspace",
@@ -49,44 +50,15 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
         ]))
     });
     feature_sets(&mut steps);
-    let elf = chosen.and_then(|core| {
-        for features in ["", firmware::WATCH] {
-            steps.run(&format!("clippy, board {features}"), || {
-                let mut command = toolchain::board_cargo(core, "clippy", &places::board());
-                clippy_strictly(command.args(["--release", "--features", features]))
-            });
-        }
-        for features in ["", "rtt", firmware::WATCH] {
-            steps.run(&format!("clippy, STM32 {features}"), || {
-                let folder = places::board_named(places::STM32);
-                let mut command = toolchain::board_cargo(core, "clippy", &folder);
-                clippy_strictly(command.args(["--release", "--features", features]))
-            });
-        }
-        for board in firmware::BOUGHT {
-            steps.run(&format!("firmware, {board:?}"), || firmware::build_for(board, core, &[]));
-        }
-        steps.run("firmware, STM32F405 with the watch", || {
-            firmware::build_for(firmware::Board::F405, core, &[firmware::WATCH])
-        });
-        steps.run("clippy, RP2350", || {
-            toolchain::have(core, places::PICO_TARGET)?;
-            let folder = places::board_named(places::PICO);
-            let mut command = toolchain::board_cargo_for(core, "clippy", &folder, places::PICO_TARGET);
-            clippy_strictly(command.args(["--release", "--features", "an505"]))
-        });
-        steps.run("firmware, RP2350", || firmware::build_for(firmware::Board::Pico, core, &[]));
-        steps.run("firmware", || {
-            firmware::build_watch(core)?;
-            firmware::build(core, &[])
-        })
-    });
-    let here = steps.run("what tests need", || Surroundings::look(elf.as_deref())).unwrap_or_default();
     // This program was built by itself, with fewer features of what it shares with the others; it stays so.
     let others = ["--workspace", "--exclude", "xtask"];
     steps.run("compiling tests", || {
         process::run(process::cargo(places::root()).args(["test", "--release", "--no-run"]).args(others))
     });
+    let elf =
+        boards.and_then(|boards| steps.run("boards", || boards.wait())).map(|()| places::firmware_elf());
+    let is_fuzz_built = fuzz_build.and_then(|build| steps.run("fuzz, compiling", || build.wait())).is_some();
+    let here = steps.run("what tests need", || Surroundings::look(elf.as_deref())).unwrap_or_default();
     let passed = steps.run("tests, on the host and in the emulator", || {
         here.test(&[&others[..], &["--no-fail-fast"]].concat(), &[], &mut counts)
     });
@@ -103,13 +75,7 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
         goldens::run(&goldens::Options { quick: true, binary, ..Default::default() })
     });
     if let Some(core) = chosen {
-        steps.run("a panic and a fault on the board end with a status", || emulator::bad_ends(core));
         steps.run("faults, the short ones", || faults::short(core));
-        check_elf::run_steps(&mut steps, core);
-        steps.run("size", || size::run(&size::Options::default(), Some(core)));
-        let bench =
-            bench_target::Options { baseline: bench_target::can_compile_baseline(), ..Default::default() };
-        steps.run("bench-target", || bench_target::run(&bench, Some(core)));
     }
     steps.run("documentation", || {
         let mut command = process::cargo(places::root());
@@ -118,10 +84,10 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
         process::run(command.env("RUSTDOCFLAGS", "-D warnings"))
     });
     if let (Some(core), true) = (chosen, options.both_cores) {
-        other_core(&mut steps, core, &here, &mut counts);
+        other_core(&mut steps, boards::other(core), &here, &mut counts);
     }
     steps.run("oldest compiler", oldest_compiler);
-    if options.fuzz_seconds > 0 {
+    if is_fuzz_built {
         steps
             .run("fuzz", || fuzz::run(&fuzz::Options { seconds: options.fuzz_seconds, targets: Vec::new() }));
     }
@@ -158,27 +124,21 @@ fn feature_sets(steps: &mut Steps) {
     }
 }
 
-fn clippy_strictly(command: &mut Command) -> Result<()> {
-    process::run(command.args(["--quiet", "--", "-D", "warnings"]))
+/// Starts the verb `boards` beside the host's steps.
+fn start_boards(core: Option<Core>, options: &Options) -> Result<Beside> {
+    let name = core.map(|core| core.to_string());
+    let mut words = vec!["boards"];
+    words.extend(name.iter().flat_map(|name| ["--core", name]));
+    words.extend(options.both_cores.then_some("--both-cores"));
+    Beside::start(&words)
 }
 
-/// Runs the same checks and the same emulated tests on what the other way to `core` builds.
+/// Runs the same emulated tests on what the other way to `core` built.
 fn other_core(steps: &mut Steps, core: Core, here: &Surroundings, counts: &mut Counts) {
-    let other = match core {
-        Core::Rustup => Core::Debian,
-        Core::Debian => Core::Rustup,
-    };
-    let built = steps.run(&format!("firmware, core by {other}"), || {
-        toolchain::choose(Some(other))?;
-        check_elf::check_watch_file(&firmware::build_watch_apart(other)?)?;
-        firmware::build_apart(other)
-    });
-    let Some(elf) = built else { return };
-    steps.run(&format!("check-elf, core by {other}"), || check_elf::check_file(&elf));
-    steps.run(&format!("emulated tests, core by {other}"), || {
+    steps.run(&format!("emulated tests, core by {core}"), || {
         // Of the whole workspace, so that features are those of the first time and nothing is compiled again.
         let arguments = ["--workspace", "--exclude", "xtask", "--test", "integration", "--no-fail-fast"];
-        here.with_firmware(elf).test(&arguments, &["emulated"], counts).map(drop)
+        here.with_firmware(firmware::apart(core)).test(&arguments, &["emulated"], counts).map(drop)
     });
 }
 
