@@ -66,7 +66,7 @@ fn chunks_are_packed() {
     let summary = mcap::Summary::read(&whole()).unwrap().unwrap();
     assert!(!summary.chunk_indexes.is_empty());
     for chunk in &summary.chunk_indexes {
-        assert_eq!(chunk.compression, "lz4");
+        assert_eq!(chunk.compression, "zstd");
         assert!(chunk.compressed_size < chunk.uncompressed_size / 2, "{chunk:?}");
     }
 }

@@ -70,7 +70,9 @@ fn told(error: ParquetError) -> String {
     let said = error.to_string();
     // What it was packed by is the last word.
     match said.rsplit_once("Disabled feature at compile time: ") {
-        Some((_, packing)) => format!("packed by {packing}, which is not read: write the file with snappy"),
+        Some((_, packing)) => {
+            format!("packed by {packing}, which is not read: write the file with zstd or snappy")
+        }
         None => format!("damaged: {said}"),
     }
 }

@@ -159,7 +159,7 @@ impl<W: Write + Seek> McapWriter<W> {
         let inner = mcap::WriteOptions::new()
             .profile("ros2")
             .library(concat!("rigident ", env!("CARGO_PKG_VERSION")))
-            .compression(Some(mcap::Compression::Lz4))
+            .compression(Some(mcap::Compression::Zstd))
             .chunk_size(None)
             .disable_seeking(true)
             .create(to)?;
