@@ -170,15 +170,21 @@ struct Header {
     comparisons: u64,
 }
 
-/// The checks of the runs, in their order.
+/// What each run has, in their order.
 #[derive(Deserialize)]
-struct StoredChecks(#[serde(deserialize_with = "at_most::<_, _, MOST_SOURCES>")] Vec<Option<Checks>>);
+#[serde(bound(deserialize = "T: Deserialize<'de>"))]
+struct OfRuns<T>(#[serde(deserialize_with = "at_most::<_, _, MOST_SOURCES>")] Vec<T>);
 
-/// The labels of the runs, in their order.
-#[derive(Deserialize)]
-struct StoredLabels(
-    #[serde(deserialize_with = "at_most::<_, _, MOST_SOURCES>")] Vec<BTreeMap<String, String>>,
-);
+/// Takes what each of so many runs has off the bytes.
+fn of_runs<'a, T: Deserialize<'a>>(
+    bytes: &'a [u8],
+    runs: usize,
+) -> Result<(Vec<T>, &'a [u8]), FactorFileError> {
+    match postcard::take_from_bytes::<OfRuns<T>>(bytes) {
+        Ok((OfRuns(list), rest)) if list.len() == runs => Ok((list, rest)),
+        _ => Err(FactorFileError::Damaged),
+    }
+}
 
 impl From<&Parameter> for StoredParameter {
     fn from(parameter: &Parameter) -> Self {
@@ -261,20 +267,15 @@ pub(super) fn from_bytes(bytes: &[u8], name: &str) -> Result<PooledFactor, Facto
     too_large("runs", sources, MOST_SOURCES as u64)?;
     let (mut header, mut numbers) = postcard::take_from_bytes::<Header>(rest).map_err(damaged)?;
     check(&header)?;
+    let runs = header.sources.len();
     if version > WITHOUT_CHECKS {
-        let (checks, rest) = postcard::take_from_bytes::<StoredChecks>(numbers).map_err(damaged)?;
-        if checks.0.len() != header.sources.len() {
-            return Err(FactorFileError::Damaged);
-        }
-        header.sources.iter_mut().zip(checks.0).for_each(|(source, checks)| source.checks = checks);
+        let (checks, rest) = of_runs(numbers, runs)?;
+        header.sources.iter_mut().zip(checks).for_each(|(source, checks)| source.checks = checks);
         numbers = rest;
     }
     if version > WITHOUT_LABELS {
-        let (labels, rest) = postcard::take_from_bytes::<StoredLabels>(numbers).map_err(damaged)?;
-        if labels.0.len() != header.sources.len() {
-            return Err(FactorFileError::Damaged);
-        }
-        header.sources.iter_mut().zip(labels.0).for_each(|(source, labels)| source.labels = labels);
+        let (labels, rest) = of_runs(numbers, runs)?;
+        header.sources.iter_mut().zip(labels).for_each(|(source, labels)| source.labels = labels);
         numbers = rest;
     }
     let Header {
