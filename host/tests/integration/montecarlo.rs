@@ -22,20 +22,20 @@ fn run(campaign: Campaign, runs: u64, seed: u64) -> Verdict {
     campaign.prepare().unwrap().run(runs, seed, &AtomicBool::new(false), |_| ()).unwrap()
 }
 
-/// Efficiency of 0.9 and more, coverage of 93 to 97 %: at 2 000 runs a calibrated interval misses that band with a
-/// probability of 4e-5 per parameter, and the standard error of an efficiency is 1.6 %. The mean error of an unbiased
-/// estimator exceeds 5 standard errors once in 2e6; a tenth of the spread is allowed for what is linearised.
-fn promises(campaign: Campaign, seed: u64) {
-    const RUNS: u64 = 2_000;
-    let verdict = run(campaign, RUNS, seed);
+/// Efficiency of 0.9 and more, coverage of 95 % to 4.1 standard errors, at 2 000 runs 93 to 97 %: a calibrated interval misses
+/// that band with a probability of 4e-5 per parameter, and the standard error of an efficiency is 1.6 % then. The mean error of
+/// an unbiased estimator exceeds 5 standard errors once in 2e6; a tenth of the spread is allowed for what is linearised.
+fn promises(campaign: Campaign, runs: u64, seed: u64) {
+    let verdict = run(campaign, runs, seed);
+    let of_chance = 4.1 * (0.95_f64 * 0.05 / runs as f64).sqrt();
     for (name, p) in PARAMETER_NAMES.iter().zip(verdict.parameters) {
         let efficiency = p.efficiency();
         // No unbiased estimator beats the bound; five standard errors of chance.
-        let lucky = 1.0 + 5.0 / (2.0 * RUNS as f64).sqrt();
+        let lucky = 1.0 + 5.0 / (2.0 * runs as f64).sqrt();
         assert!((0.9..=lucky).contains(&efficiency), "{name}: efficiency {efficiency}");
-        assert!((0.93..=0.97).contains(&p.coverage95), "{name}: coverage {}", p.coverage95);
+        assert!((p.coverage95 - 0.95).abs() <= of_chance, "{name}: coverage {}", p.coverage95);
         let errors = p.bias.abs() / p.std;
-        assert!(errors < 0.1 + 5.0 / (RUNS as f64).sqrt(), "{name}: bias of {errors} standard deviations");
+        assert!(errors < 0.1 + 5.0 / (runs as f64).sqrt(), "{name}: bias of {errors} standard deviations");
     }
 }
 
@@ -49,18 +49,18 @@ fn gain_errors() -> Campaign {
 
 #[test]
 fn white_noise_is_averaged_as_far_as_possible_and_the_intervals_say_how_far() {
-    promises(thesis(), 1);
+    promises(thesis(), 2_000, 1);
 }
 
 /// The factor in single precision by the firmware's estimator, and other seeds.
 #[test]
 fn the_firmware_keeps_the_same_promises_with_another_seed() {
-    promises(Campaign { solver: Solver::Firmware, ..thesis() }, 2);
+    promises(Campaign { solver: Solver::Firmware, ..thesis() }, 2_000, 2);
 }
 
 #[test]
 fn gain_errors_are_contained_in_intervals_and_bound() {
-    promises(gain_errors(), 1);
+    promises(gain_errors(), 1_000, 1);
 }
 
 #[test]
@@ -77,7 +77,7 @@ fn noise_and_gain_errors_together_are_contained_with_a_real_imu() {
 /// and widens them as colour, is little.
 #[test]
 fn intervals_collapse_when_gain_errors_are_kept_from_the_estimator() {
-    let verdict = run(Campaign { tell_gain_errors: false, ..gain_errors() }, 200, 1);
+    let verdict = run(Campaign { tell_gain_errors: false, ..gain_errors() }, 100, 1);
     for j in [0, 3, 4, 5, 6] {
         let p = &verdict.parameters[j];
         assert!(p.coverage95 < 0.4, "{}: coverage {}", PARAMETER_NAMES[j], p.coverage95);

@@ -14,7 +14,7 @@ fn tare_of(fixture: &Fit) -> Tare {
 /// said, and 1.96/√2 standard deviations hold 83.4 %.
 #[test]
 fn the_uncertainty_of_the_fixture_is_in_that_of_the_body() {
-    const RUNS: u64 = 300;
+    const RUNS: u64 = 150;
     let (config, total) = experiment(together(&body(), &fixture()), 12.0);
     let (_, bare) = experiment(fixture(), 12.0);
     let truth = body().parameters();
