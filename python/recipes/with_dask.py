@@ -6,8 +6,7 @@ is associative, a factor has a fixed size, and a recording counts once, however 
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Callable, Hashable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable
 from typing import Any
 
 import dask.bag
@@ -19,15 +18,11 @@ def bodies(
 ) -> dask.bag.Bag:
     """Returns pairs of a key and the factor of all recordings that have it; `factor` reduces one of them."""
 
-    def reduced(part: Iterable[Any]) -> Iterator[tuple[Hashable, rigident.Factor]]:
-        groups: dict[Hashable, list[rigident.Factor]] = defaultdict(list)
-        for recording in part:
-            groups[key(recording)].append(factor(recording))
-        for body, factors in groups.items():
-            yield body, rigident.Factor.merge(*factors)
+    def reduced(part: Iterable[Any]) -> Iterable[tuple[Hashable, rigident.Factor]]:
+        return rigident.Factor.merge_by_key((key(one), factor(one)) for one in part).items()
 
     def added(total: rigident.Factor | None, pair: tuple[Hashable, rigident.Factor]) -> rigident.Factor:
-        return pair[1] if total is None else rigident.Factor.merge(total, pair[1])
+        return combined(total, pair[1])
 
     def combined(total: rigident.Factor | None, other: rigident.Factor) -> rigident.Factor:
         return other if total is None else rigident.Factor.merge(total, other)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import functools
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,8 @@ from rigident._identify import answered, reduced, tare_words, tree_words
 
 if TYPE_CHECKING:
     from rigident._results import Result
+
+Key = TypeVar("Key", bound=Hashable)
 
 
 @dataclass(frozen=True)
@@ -118,6 +120,23 @@ class Factor:
             words = [*option("--shared-offset", shared_offset), *option("--force", force), f"--output={out}"]
             called = command("merge", *words, "--", *paths)
             return cls(out.read_bytes(), "merged", called.told)
+
+    @classmethod
+    def merge_by_key(cls, pairs: Iterable[tuple[Key, Factor]]) -> dict[Key, Factor]:
+        """Merges the factors that have the same key, whatever a key is: what a worker does with its share of a collection.
+
+        Raises:
+            RigidentError: As of :meth:`merge`.
+
+        >>> import rigident
+        >>> factor = rigident.Factor.of("docs/examples/bracket.csv")
+        >>> list(rigident.Factor.merge_by_key([("bracket", factor), ("bracket", factor)]))
+        ['bracket']
+        """
+        groups: dict[Key, list[Factor]] = {}
+        for key, factor in pairs:
+            groups.setdefault(key, []).append(factor)
+        return {key: cls.merge(*factors) for key, factors in groups.items()}
 
     def solve(
         self,

@@ -1,4 +1,4 @@
-"""Recipes for collections: ten thousand recordings, two workers, one of which is killed."""
+"""Recipes for collections: ten thousand recordings, two workers, one of which is killed; trees and people."""
 
 from __future__ import annotations
 
@@ -6,18 +6,25 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import cloudpickle
 import dask.bag
 import numpy as np
+import psutil
+import pyspark
 import pytest
 from distributed import Client, LocalCluster
 
 import rigident
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "recipes"))
-from with_dask import bodies  # noqa: E402
+import with_dask  # noqa: E402
+import with_spark  # noqa: E402
+
 
 COUNT = 10_000
 PARTS = 100
@@ -71,26 +78,85 @@ def information(factor: rigident.Factor) -> np.ndarray[Any, np.dtype[np.float64]
     return factor.r.T @ factor.r
 
 
-def test_ten_thousand_recordings_by_two_workers_one_of_which_is_killed(tmp_path: Path) -> None:
+class Dask:
+    """Two workers of Dask."""
+
+    def __init__(self) -> None:
+        self.cluster = LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None)
+        self.client = Client(self.cluster)
+        # What stands in a file of tests is sent by its content.
+        for module in (sys.modules[__name__], with_dask):
+            cloudpickle.register_pickle_by_value(module)
+
+    def reduce(
+        self, items: Sequence[Any], key: Callable[[Any], Hashable], factor: Callable[[Any], rigident.Factor], parts: int
+    ) -> dict[Any, rigident.Factor]:
+        """The factor of each key."""
+        bag = dask.bag.from_sequence(items, npartitions=parts)
+        return dict(self.client.compute(with_dask.bodies(bag, key, factor)).result())
+
+    def kill_one(self) -> None:
+        """Kills a worker."""
+        os.kill(next(iter(self.client.run(os.getpid).values())), signal.SIGKILL)
+
+    def close(self) -> None:
+        """Ends them."""
+        self.client.close()
+        self.cluster.close()
+
+
+class Spark:
+    """Two executors of Spark, each a process of its own."""
+
+    def __init__(self) -> None:
+        settings = {
+            "spark.master": "local-cluster[2,1,1024]",
+            "spark.app.name": "recipes",
+            "spark.executor.memory": "512m",
+            "spark.driver.host": "127.0.0.1",
+            "spark.driver.bindAddress": "127.0.0.1",
+            "spark.ui.enabled": "false",
+        }
+        os.environ.update({"PYSPARK_PYTHON": sys.executable, "SPARK_LOCAL_IP": "127.0.0.1"})
+        self.context = pyspark.SparkContext(conf=pyspark.SparkConf().setAll(list(settings.items())))
+        self.context.setLogLevel("ERROR")
+        for module in (sys.modules[__name__], with_spark):
+            pyspark.cloudpickle.register_pickle_by_value(module)
+
+    def reduce(
+        self, items: Sequence[Any], key: Callable[[Any], Hashable], factor: Callable[[Any], rigident.Factor], parts: int
+    ) -> dict[Any, rigident.Factor]:
+        """The factor of each key."""
+        return dict(with_spark.bodies(self.context.parallelize(items, parts), key, factor).collect())
+
+    def kill_one(self) -> None:
+        """Kills an executor."""
+        running = psutil.Process().children(recursive=True)
+        next(one for one in running if any("CoarseGrainedExecutorBackend" in word for word in one.cmdline())).kill()
+
+    def close(self) -> None:
+        """Ends them."""
+        self.context.stop()
+
+
+@pytest.fixture(scope="module", params=[Dask, Spark])
+def workers(request: pytest.FixtureRequest) -> Iterator[Dask | Spark]:
+    """Two workers of an engine."""
+    engine = request.param()
+    yield engine
+    engine.close()
+
+
+def test_ten_thousand_recordings_by_two_workers_one_of_which_is_killed(workers: Dask | Spark, tmp_path: Path) -> None:
     factors, started = tmp_path / "factors", time.monotonic()
     factors.mkdir()
-    numbers = dask.bag.from_sequence(range(COUNT), npartitions=PARTS)
-    with (
-        LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster,
-        Client(cluster) as client,
-    ):
-        # What stands in a file of tests is sent by its content.
-        import cloudpickle
-
-        cloudpickle.register_pickle_by_value(sys.modules[__name__])
-        cloudpickle.register_pickle_by_value(sys.modules["with_dask"])
-        workers = client.run(os.getpid)
-        pairs = client.compute(bodies(numbers, body, lambda number: reduced(number, factors)))
+    with ThreadPoolExecutor(1) as thread:
+        pending = thread.submit(workers.reduce, range(COUNT), body, lambda number: reduced(number, factors), PARTS)
         while done(factors) < COUNT // 2:
-            assert pairs.status != "error", pairs.exception()
+            assert not pending.done(), pending.exception()
             time.sleep(0.1)
-        os.kill(next(iter(workers.values())), signal.SIGKILL)
-        merged = dict(pairs.result())
+        workers.kill_one()
+        merged = pending.result()
     elapsed = time.monotonic() - started
     again = done(factors) - COUNT
     assert again > 0, "the killed worker had done something"
@@ -117,6 +183,48 @@ def test_ten_thousand_recordings_by_two_workers_one_of_which_is_killed(tmp_path:
         reduced(number, alone)
     one_s = (time.monotonic() - started) / FEW
     print(
-        f"{COUNT} recordings, {again} of them twice: {elapsed:.1f} s by two workers, "
+        f"{type(workers).__name__}: {COUNT} recordings, {again} of them twice: {elapsed:.1f} s by two workers, "
         f"{1e3 * elapsed / COUNT:.1f} ms a recording, {1e3 * one_s:.1f} ms of one core alone; merging alone, by one process: {serial_s:.1f} s"
     )
+
+
+@pytest.fixture(scope="module")
+def tree_runs(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[str, str, dict[str, Any]]]:
+    """Runs of two links, and pieces of the motion of two people; each with its key and what `Factor.of` takes."""
+    runs, folder = [], tmp_path_factory.mktemp("trees")
+    for seed in range(1, 4):
+        out = folder / f"links {seed}"
+        rigident.command("demo", "--body", "two-links", "--duration-s", "20", "--seed", str(seed), "--out", out)
+        runs.append(("two links", str(out), {}))
+    for seed in range(1, 3):
+        # The seed draws the person, too.
+        out = folder / f"person {seed}"
+        rigident.command("demo", "--body", "human34", "--duration-s", "10", "--seed", str(seed), "--out", out)
+        lines = (out / "demo.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+        first = next(k for k, line in enumerate(lines) if line.startswith("t_s"))
+        for piece in range(3):
+            rows = lines[first + 1 + 330 * piece :][:330]
+            path = folder / f"person {seed} {piece}.csv"
+            path.write_text("".join([lines[first], *rows]), encoding="utf-8")
+            rig = str(out / "demo.rig.toml")
+            runs.append((f"person {seed}", str(path), {"rig": rig, "model": "human34"}))
+    return runs
+
+
+def test_trees_and_people_are_reduced_as_bodies_are(
+    workers: Dask | Spark, tree_runs: list[tuple[str, str, dict[str, Any]]]
+) -> None:
+    def reduced_tree(run: tuple[str, str, dict[str, Any]]) -> rigident.Factor:
+        return rigident.Factor.of(run[1], **run[2])
+
+    merged = workers.reduce(tree_runs, lambda run: run[0], reduced_tree, 5)
+    assert {key: len(factor.parameters) for key, factor in merged.items()} == {
+        "two links": 19,
+        "person 1": 128,
+        "person 2": 128,
+    }
+    for key, factor in merged.items():
+        serial = rigident.Factor.merge(*[reduced_tree(run) for run in tree_runs if run[0] == key])
+        assert sorted(factor.recordings) == sorted(serial.recordings) and factor.rows == serial.rows
+        a, b = information(serial), information(factor)
+        assert np.max(np.abs(a - b)) < 1e-12 * np.max(np.abs(a))
