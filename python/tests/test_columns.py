@@ -43,9 +43,17 @@ def test_a_table_is_the_recording_of_its_csv(name: str, bracket: dict[str, Any],
 
 def test_what_is_packed_otherwise_is_told(bracket: dict[str, Any], tmp_path: Path) -> None:
     path = tmp_path / "a.parquet"
-    pq.write_table(pa.table(bracket), path, compression="zstd")
-    with pytest.raises(rigident.RigidentError, match="snappy"):
+    pq.write_table(pa.table(bracket), path, compression="brotli")
+    with pytest.raises(rigident.RigidentError, match="packed by brotli.*zstd, gzip, lz4 or snappy"):
         rigident.identify(path)
+
+
+@pytest.mark.parametrize("packing", ["zstd", "gzip", "lz4", "snappy", "none"])
+def test_what_is_packed_by_common_means_is_read(packing: str, bracket: dict[str, Any], tmp_path: Path) -> None:
+    expected = rigident.identify(EXAMPLES / "bracket.csv").object["parameters"]
+    path = tmp_path / "a.parquet"
+    pq.write_table(pa.table(bracket), path, compression=packing)
+    assert rigident.identify(path, rig=EXAMPLES / "bracket.rig.toml").object["parameters"] == expected
 
 
 def test_a_cell_without_a_number_is_told_with_its_place(bracket: dict[str, Any], tmp_path: Path) -> None:

@@ -71,7 +71,7 @@ fn told(error: ParquetError) -> String {
     // What it was packed by is the last word.
     match said.rsplit_once("Disabled feature at compile time: ") {
         Some((_, packing)) => {
-            format!("packed by {packing}, which is not read: write the file with zstd or snappy")
+            format!("packed by {packing}, which is not read: write the file with zstd, gzip, lz4 or snappy")
         }
         None => format!("damaged: {said}"),
     }
