@@ -36,7 +36,12 @@ def recording_of(arrays: Any, name: str, rig: Path | None) -> _rigident.Recordin
             )
         names = list(arrays.dtype.names)
     else:
-        names = [str(column) for column in (arrays.keys() if isinstance(arrays, Mapping) else arrays.columns)]
+        names = list(arrays.keys() if isinstance(arrays, Mapping) else arrays.columns)
+    stranger = next((column for column in names if not isinstance(column, str)), None)
+    if stranger is not None:
+        raise RigidentError(
+            f"{name}: {stranger!r} is no name of a column: names are texts, such as fx_n", place=Place(file=name)
+        )
     columns = [(column, _column(arrays[column], column, name)) for column in names]
     return _rigident.Recording(name, columns, rig)
 
@@ -51,6 +56,12 @@ def _column(given: ArrayLike, column: str, name: str) -> NDArray[Any]:
         array = np.asarray(given)
     except ValueError as error:
         raise refuse(f"is no array of numbers: {error}") from error
+    if isinstance(given, np.ma.MaskedArray) and np.ma.is_masked(given):
+        index = int(np.flatnonzero(np.ma.getmaskarray(given))[0])
+        raise RigidentError(
+            f"{name}: {column}[{index}]: is masked, so there is no number: remove the row",
+            place=Place(file=name, column=column, index=index),
+        )
     if array.ndim != 1:
         raise refuse(
             f"has the shape {array.shape}: one dimension is wanted, a number for each sample; give each axis as a "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from rigident import _rigident
+from rigident._errors import RigidentError
 
 PathLike = str | os.PathLike[str]
 """A path of a file."""
@@ -54,8 +56,31 @@ def rig_path(rig: Rig | None, folder: Path) -> Path | None:
     if rig is None or not isinstance(rig, Mapping):
         return None if rig is None else Path(rig)
     path = folder / "given.rig.toml"
-    path.write_text(_rigident.toml_of(json.dumps(rig)), encoding="utf-8")
+    path.write_text(_rigident.toml_of(json.dumps(_plain(rig, ""))), encoding="utf-8")
     return path
+
+
+def _plain(value: Any, key: str) -> Any:
+    """Returns what the rig says at a key as JSON has it; arrays of numpy become lists.
+
+    Raises:
+        RigidentError: It is nothing that a rig file can hold.
+    """
+    if isinstance(value, Mapping):
+        return {str(name): _plain(one, f"{key}.{name}".removeprefix(".")) for name, one in value.items()}
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [_plain(one, f"{key}[{k}]") for k, one in enumerate(value)]
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if isinstance(value, float) and not math.isfinite(value):
+        raise RigidentError(f"the rig: {key}: {value} is not a finite number")
+    if not isinstance(value, (bool, int, float, str)):
+        raise RigidentError(
+            f"the rig: {key}: {type(value).__name__} is nothing that a rig file holds: numbers, text, lists and mappings are"
+        )
+    return value
 
 
 def option(name: str, value: object) -> list[str]:

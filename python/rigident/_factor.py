@@ -15,12 +15,23 @@ from numpy.typing import NDArray
 from rigident import _rigident
 from rigident._arrays import Arrays
 from rigident._call import Known, PathLike, Rig, command, known_words, option, repeated, rig_path
+from rigident._errors import RigidentError
 from rigident._identify import answered, reduced, tare_words, tree_words
 
 if TYPE_CHECKING:
     from rigident._results import Result
 
 Key = TypeVar("Key", bound=Hashable)
+
+
+def _named(text: str, paths: list[Path], factors: tuple[Factor, ...]) -> str:
+    """Returns the text with each factor's number and recording instead of the path at which it was for a moment."""
+    for number, (path, factor) in enumerate(zip(paths, factors, strict=True), start=1):
+        if str(path) in text:
+            first, *more = factor.recordings
+            others = f" and {len(more)} more" if more else ""
+            text = text.replace(str(path), f"factor {number} ({first}{others})")
+    return text
 
 
 @dataclass(frozen=True)
@@ -85,6 +96,8 @@ class Factor:
         Raises:
             RigidentError: They are no factor: of a worker's half-written file it says what is missing.
         """
+        if not isinstance(data, (bytes, bytearray, memoryview)):
+            raise TypeError(f"{type(data).__name__} is no factor: give the bytes of a factor file")
         _rigident.contents(bytes(data), name)
         return cls(bytes(data), name)
 
@@ -111,6 +124,11 @@ class Factor:
         >>> rigident.Factor.merge(factor, factor).rows == factor.rows
         True
         """
+        if not factors:
+            raise RigidentError("there is no factor to merge: give one at least")
+        for one in factors:
+            if not isinstance(one, Factor):
+                raise TypeError(f"{type(one).__name__} is no factor: Factor.from_bytes and Factor.read make one")
         with tempfile.TemporaryDirectory(prefix="rigident-") as temporary:
             folder = Path(temporary)
             paths = [folder / f"{number}.factor" for number in range(len(factors))]
@@ -118,8 +136,13 @@ class Factor:
                 factor.write(path)
             out = folder / "merged"
             words = [*option("--shared-offset", shared_offset), *option("--force", force), f"--output={out}"]
-            called = command("merge", *words, "--", *paths)
-            return cls(out.read_bytes(), "merged", called.told)
+            try:
+                called = command("merge", *words, "--", *paths)
+            except RigidentError as error:
+                raise RigidentError(
+                    _named(str(error), paths, factors), error.status, told=error.told
+                ) from None
+            return cls(out.read_bytes(), "merged", tuple(_named(line, paths, factors) for line in called.told))
 
     @classmethod
     def merge_by_key(cls, pairs: Iterable[tuple[Key, Factor]]) -> dict[Key, Factor]:

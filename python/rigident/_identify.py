@@ -20,6 +20,7 @@ from rigident._call import (
     repeated,
     rig_path,
 )
+from rigident._errors import RigidentError
 from rigident._results import Result, result_of
 
 if TYPE_CHECKING:
@@ -147,6 +148,8 @@ def reduced(
     words = [*words, *option("--rig", path)]
     if not is_arrays(recording):
         return command(verb, *words, "--", _path(recording))
+    if not name:
+        raise RigidentError("the recording needs a name: name=…")
     return command(verb, *words, "--", name, recording=recording_of(recording, name, path))
 
 

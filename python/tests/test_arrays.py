@@ -60,6 +60,20 @@ def test_dtypes(bracket: Columns, column: Any, word: str) -> None:
     assert word in str(error)
 
 
+def test_what_is_masked_is_no_number(bracket: Columns) -> None:
+    mask = np.arange(1001) == 17
+    error = refused({**bracket, "fz_n": np.ma.masked_array(bracket["fz_n"], mask)})
+    assert error.place == rigident.Place(file="run", column="fz_n", index=17) and "masked" in str(error)
+    whole = np.ma.masked_array(bracket["fz_n"], np.zeros(1001, dtype=bool))
+    assert rigident.identify({**bracket, "fz_n": whole}, rig=RIG).mass_kg is not None
+
+
+def test_names_are_texts(bracket: Columns) -> None:
+    assert "3 is no name of a column" in str(refused({**bracket, 3: bracket["fx_n"]}))
+    with pytest.raises(rigident.RigidentError, match="needs a name"):
+        rigident.identify(bracket, rig=RIG, name="")
+
+
 def test_lists_that_are_no_numbers(bracket: Columns) -> None:
     error = refused({**bracket, "fy_n": [[1.0], [1.0, 2.0]]})
     assert error.place is not None and error.place.column == "fy_n"
@@ -121,3 +135,13 @@ def test_an_exception_goes_from_a_worker_to_its_owner(bracket: Columns) -> None:
 def test_what_is_no_recording_at_all() -> None:
     with pytest.raises(TypeError, match="int is no recording"):
         rigident.identify(7)  # type: ignore[arg-type]
+
+
+def test_what_a_rig_cannot_hold_is_told_with_its_key(bracket: Columns) -> None:
+    for value, word in [(np.nan, "nan is not a finite number"), (None, "NoneType"), (1j, "complex")]:
+        error = refused(bracket, rig={"load_cell": {"noise_n_nm": [0.1, value, 0.1, 0.1, 0.1, 0.1]}})
+        assert "load_cell.noise_n_nm[1]" in str(error) and word in str(error)
+    rig = {"recording": {"rate_hz": np.float64(100.0)}, "load_cell": {"noise_n_nm": np.full(6, 0.1)}}
+    lists = {"recording": {"rate_hz": 100.0}, "load_cell": {"noise_n_nm": [0.1] * 6}}
+    found = [rigident.identify(bracket, rig=one).object["parameters"] for one in (rig, lists)]
+    assert found[0] == found[1]

@@ -76,8 +76,22 @@ def test_factors_of_other_models_are_refused(bracket: dict[str, Any]) -> None:
     with pytest.raises(rigident.RigidentError) as caught:
         rigident.Factor.merge(rigident.Factor.of(bracket, rig=RIG), links)
     assert caught.value.status == 2
-    with pytest.raises(rigident.RigidentError):
+
+
+def test_what_is_merged_is_named_by_its_recordings(bracket: dict[str, Any]) -> None:
+    one = rigident.Factor.of(bracket, rig=RIG, name="monday")
+    other = rigident.Factor.of(EXAMPLES / "two-links.csv")
+    with pytest.raises(rigident.RigidentError) as caught:
+        rigident.Factor.merge(one, other)
+    said = str(caught.value)
+    assert "factor 2 (two-links) is of another model than factor 1 (monday)" in said and ".factor" not in said
+    with pytest.raises(rigident.RigidentError, match="no factor to merge"):
         rigident.Factor.merge()
+    for wrong in (b"RIGIDFAC", None):
+        with pytest.raises(TypeError, match="is no factor"):
+            rigident.Factor.merge(one, wrong)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="str is no factor"):
+        rigident.Factor.from_bytes("RIGIDFAC")  # type: ignore[arg-type]
 
 
 def test_workers_send_factors(bracket: dict[str, Any]) -> None:
