@@ -17,7 +17,7 @@ use crate::errors::raised;
 /// Standard parameters of a link in rows.
 const PER_LINK: usize = 10;
 
-/// A tree of links, fixed joints welded.
+/// Holds a tree of links, fixed joints welded.
 #[pyclass(frozen, module = "rigident._rigident")]
 pub struct Tree {
     model: Model,
@@ -74,25 +74,25 @@ impl Tree {
         opened().map_err(|error| raised(py, &Failure::input(error), &[]))
     }
 
-    /// Its name.
+    /// Returns its name.
     #[getter]
     pub fn name(&self) -> &str {
         &self.model.name
     }
 
-    /// True of human34 and human58, which have no fixed base.
+    /// Returns true for human34 and human58, which have no fixed base.
     #[getter]
     pub fn is_person(&self) -> bool {
         self.is_person
     }
 
-    /// Names of the links, the base first, links on fixed joints welded to what they hang on.
+    /// Returns the names of the links, the base first, links on fixed joints welded to what they hang on.
     #[getter]
     pub fn links(&self) -> Vec<&str> {
         self.welded.links.iter().map(|link| link.name.as_str()).collect()
     }
 
-    /// Joints in the order of their numbers: name, kind, positions, rates.
+    /// Returns the joints in the order of their numbers: name, kind, positions, rates.
     #[getter]
     pub fn joints(&self) -> Vec<(&str, usize, usize)> {
         let moving = self.welded.links.iter().skip(1);
@@ -101,19 +101,19 @@ impl Tree {
             .collect()
     }
 
-    /// Nominal standard parameters, ten a link.
+    /// Returns the nominal standard parameters, ten a link.
     #[getter]
     pub fn nominal(&self) -> Vec<f64> {
         self.welded.nominal()
     }
 
-    /// What is strange in the file.
+    /// Returns what is strange in the file.
     #[getter]
     pub fn findings(&self) -> Vec<String> {
         self.model.findings.iter().map(ToString::to_string).collect()
     }
 
-    /// Names of the standard parameters, the columns of the rows.
+    /// Returns the names of the standard parameters, the columns of the rows.
     #[getter]
     pub fn columns(&self) -> Vec<String> {
         let of =
@@ -121,7 +121,7 @@ impl Tree {
         self.welded.links.iter().flat_map(|link| -> Vec<String> { of(&link.name) }).collect()
     }
 
-    /// Rows of a motion in the standard parameters, samples × rows × ten a link, or in the base parameters of a situation.
+    /// Returns the rows of a motion in the standard parameters, samples × rows × ten a link, or in the base parameters of a situation.
     ///
     /// # Errors
     /// Raises `ValueError` if numbers are too few or too many, and `RigidentError` if there are no such rows.

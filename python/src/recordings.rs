@@ -11,14 +11,14 @@ use rigident::rig::RigFile;
 
 use crate::errors::raised;
 
-/// A recording in memory.
+/// Holds a recording in memory.
 #[pyclass(frozen, module = "rigident._rigident")]
 pub struct Recording {
     /// What the host makes of the arrays.
     pub inner: rigident::recording::Recording,
 }
 
-/// The numbers of a column as Python has them.
+/// Holds the numbers of a column as Python has them.
 #[derive(FromPyObject)]
 pub enum Column<'py> {
     /// Of dtype float64.

@@ -17,7 +17,7 @@ use super::kept::{self, Stopped};
 use super::{ExitStatus, Failure, command, dispatch, factor, identify, in_one_line};
 use crate::recording::Recording;
 
-/// What a command did that was called in this process.
+/// Holds what a command did that was called in this process.
 #[derive(Debug)]
 pub struct Called {
     /// The exit status that the command line would have ended with.

@@ -37,7 +37,7 @@ const MOST_OF_GROUP: u64 = 1 << 30;
 const FACTOR: &str = "factor";
 const NAME: &str = "name";
 
-/// Some factors that are read together: of a factor file its one, of a table those of a group of rows.
+/// Names some factors that are read together: of a factor file its one, of a table those of a group of rows.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Part {
     path: PathBuf,

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::pool::{PoolError, PooledFactor};
 
-/// The values of some labels, in the order of their keys.
+/// Holds the values of some labels, in the order of their keys.
 pub type Values = Vec<String>;
 
 /// Returns the values that all runs of a factor have under the keys.

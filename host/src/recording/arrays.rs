@@ -7,7 +7,7 @@ use super::csv::Reader;
 use super::{Recording, RecordingError};
 use crate::rig::RigFile;
 
-/// The numbers of a column.
+/// Holds the numbers of a column.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Numbers<'a> {
     /// Floating-point numbers.

@@ -34,7 +34,7 @@ pub enum WatchFrameError {
     },
 }
 
-/// A frame of a robot that is watched.
+/// Holds a frame of a robot that is watched.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WatchFrame<'a> {
     /// Its number.
