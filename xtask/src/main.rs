@@ -46,7 +46,7 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Verb {
     /// Install what is missing: emulator, target `core`, C++ compiler, cargo-fuzz, Python readers.
-    Setup,
+    Setup(setup::Options),
     /// Build the firmware for the emulated board, or for another one, and print where the ELF is.
     Firmware(firmware::Options),
     /// Build the firmware for a board and put it there: by a debug probe, or with --dfu over USB.
@@ -97,7 +97,7 @@ fn main() -> ExitCode {
 
 fn run(verb: &Verb, core: Option<Core>) -> anyhow::Result<()> {
     match verb {
-        Verb::Setup => setup::run(core),
+        Verb::Setup(options) => setup::run(options, core),
         Verb::Firmware(options) => firmware::run(options, core),
         Verb::Flash(options) => flash::run(options, core),
         Verb::Test(options) => verify::run(options, core),

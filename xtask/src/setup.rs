@@ -74,12 +74,28 @@ pub const OPENSIM: Module = Module { name: "opensim", look: "import opensim", pa
 /// Browsers that show a page without a window, by the names of their programs; the first is Debian's.
 const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "chrome"];
 
+/// What to install.
+#[derive(clap::Args, Clone, Default)]
+pub struct Options {
+    /// Only what tests take from Python.
+    #[arg(long)]
+    pub python: bool,
+}
+
 /// Installs everything that any other verb may need.
-pub fn run(core: Option<Core>) -> Result<()> {
+pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
+    if !options.python {
+        programs(core)?;
+        cargo_fuzz()?;
+    }
+    python_modules();
+    Ok(())
+}
+
+/// Installs the system's packages and what the boards are compiled with.
+pub fn programs(core: Option<Core>) -> Result<()> {
     system_packages()?;
     toolchain::choose(core)?;
-    cargo_fuzz()?;
-    python_modules();
     // Spark's workers are Java's.
     if !is_installed("java")
         && let Err(error) = apt_install(&["default-jre-headless"])

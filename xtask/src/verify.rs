@@ -31,15 +31,15 @@ pub struct Options {
 pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     let mut steps = Steps::default();
     let mut counts = Counts::default();
-    steps.run("set-up", || setup::run(core));
+    steps.run("set-up", || setup::programs(core));
     let chosen = steps.run("choice of core", || toolchain::choose(core));
     formatting(&mut steps);
-    // Neither the boards' images nor the fuzz targets share a build folder with the host, and much of either is compiled by one
-    // processor alone.
-    let boards = steps.run("start of boards, beside", || start_boards(core, options));
-    let fuzz_build = (options.fuzz_seconds > 0)
-        .then(|| steps.run("start of compiling fuzz, beside", || Beside::start(&["fuzz", "--seconds", "0"])))
-        .flatten();
+    // None of these shares a build folder with the host, and much of what they compile keeps one processor busy.
+    let mut start =
+        |words: &[&str]| steps.run(&format!("start of {}, beside", words.join(" ")), || Beside::start(words));
+    let python = start(&["setup", "--python"]);
+    let boards = start(&boards_words(core, options));
+    let fuzz_build = (options.fuzz_seconds > 0).then(|| start(&["fuzz", "--seconds", "0"])).flatten();
     steps.run("structure", structure::run);
     steps.run("clippy, host", || {
         process::clippy_strictly(process::cargo(places::root()).args([
@@ -55,6 +55,9 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     steps.run("compiling tests", || {
         process::run(process::cargo(places::root()).args(["test", "--release", "--no-run"]).args(others))
     });
+    if let Some(python) = python {
+        steps.run("set-up of Python", || python.wait());
+    }
     let elf =
         boards.and_then(|boards| steps.run("boards", || boards.wait())).map(|()| places::firmware_elf());
     let is_fuzz_built = fuzz_build.and_then(|build| steps.run("fuzz, compiling", || build.wait())).is_some();
@@ -124,13 +127,13 @@ fn feature_sets(steps: &mut Steps) {
     }
 }
 
-/// Starts the verb `boards` beside the host's steps.
-fn start_boards(core: Option<Core>, options: &Options) -> Result<Beside> {
-    let name = core.map(|core| core.to_string());
-    let mut words = vec!["boards"];
-    words.extend(name.iter().flat_map(|name| ["--core", name]));
-    words.extend(options.both_cores.then_some("--both-cores"));
-    Beside::start(&words)
+fn boards_words(core: Option<Core>, options: &Options) -> Vec<&'static str> {
+    let core = core.map_or(&[][..], |core| match core {
+        Core::Rustup => &["--core", "rustup"],
+        Core::Debian => &["--core", "debian"],
+    });
+    let both = options.both_cores.then_some("--both-cores");
+    ["boards"].into_iter().chain(core.iter().copied()).chain(both).collect()
 }
 
 /// Runs the same emulated tests on what the other way to `core` built.
