@@ -11,7 +11,7 @@ use crate::process::{self, Steps};
 use crate::size;
 use crate::toolchain::{self, Core};
 
-/// How far.
+/// Says how far the checks go.
 #[derive(clap::Args, Clone, Default)]
 pub struct Options {
     /// Build the emulated board's firmware by the other way to `core` too.
@@ -32,18 +32,10 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
             bench_target::Options { baseline: bench_target::can_compile_baseline(), ..Default::default() };
         steps.run("bench-target", || bench_target::run(&bench, Some(core)));
         if options.both_cores {
-            other_core(&mut steps, other(core));
+            other_core(&mut steps, core.other());
         }
     }
     steps.finish()
-}
-
-/// Returns the other way to `core`.
-pub fn other(core: Core) -> Core {
-    match core {
-        Core::Rustup => Core::Debian,
-        Core::Debian => Core::Rustup,
-    }
 }
 
 fn lints(steps: &mut Steps, core: Core) {

@@ -74,7 +74,7 @@ pub const OPENSIM: Module = Module { name: "opensim", look: "import opensim", pa
 /// Browsers that show a page without a window, by the names of their programs; the first is Debian's.
 const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "chrome"];
 
-/// What to install.
+/// Says what to install.
 #[derive(clap::Args, Clone, Default)]
 pub struct Options {
     /// Only what tests take from Python.

@@ -22,12 +22,27 @@ pub enum Core {
     Debian,
 }
 
-impl fmt::Display for Core {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(match self {
+impl Core {
+    /// Returns its name, as `--core` takes it.
+    pub fn name(self) -> &'static str {
+        match self {
             Core::Rustup => "rustup",
             Core::Debian => "debian",
-        })
+        }
+    }
+
+    /// Returns the other way.
+    pub fn other(self) -> Self {
+        match self {
+            Core::Rustup => Core::Debian,
+            Core::Debian => Core::Rustup,
+        }
+    }
+}
+
+impl fmt::Display for Core {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(self.name())
     }
 }
 

@@ -2,7 +2,6 @@
 
 use anyhow::{Context, Result, bail};
 
-use crate::boards;
 use crate::faults;
 use crate::firmware;
 use crate::fuzz;
@@ -87,7 +86,7 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
         process::run(command.env("RUSTDOCFLAGS", "-D warnings"))
     });
     if let (Some(core), true) = (chosen, options.both_cores) {
-        other_core(&mut steps, boards::other(core), &here, &mut counts);
+        other_core(&mut steps, core.other(), &here, &mut counts);
     }
     steps.run("oldest compiler", oldest_compiler);
     if is_fuzz_built {
@@ -127,13 +126,12 @@ fn feature_sets(steps: &mut Steps) {
     }
 }
 
+/// Returns the words of the verb `boards` that does the boards' part of these options.
 fn boards_words(core: Option<Core>, options: &Options) -> Vec<&'static str> {
-    let core = core.map_or(&[][..], |core| match core {
-        Core::Rustup => &["--core", "rustup"],
-        Core::Debian => &["--core", "debian"],
-    });
-    let both = options.both_cores.then_some("--both-cores");
-    ["boards"].into_iter().chain(core.iter().copied()).chain(both).collect()
+    let mut words = vec!["boards"];
+    words.extend(core.iter().flat_map(|core| ["--core", core.name()]));
+    words.extend(options.both_cores.then_some("--both-cores"));
+    words
 }
 
 /// Runs the same emulated tests on what the other way to `core` built.

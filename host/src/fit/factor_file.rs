@@ -170,7 +170,7 @@ struct Header {
     comparisons: u64,
 }
 
-/// What each run has, in their order.
+/// Holds what each run has, in their order.
 #[derive(Deserialize)]
 #[serde(bound(deserialize = "T: Deserialize<'de>"))]
 struct OfRuns<T>(#[serde(deserialize_with = "at_most::<_, _, MOST_SOURCES>")] Vec<T>);
